@@ -1,0 +1,25 @@
+"""Angles live in (-pi, pi] and are never averaged or subtracted raw."""
+
+import numpy as np
+
+from cooploc.estimators.interface import Array
+
+
+def wrap(angle: Array) -> Array:
+    """The same angle in (-pi, pi] [rad], any shape; nan stays nan."""
+    return np.pi - np.mod(np.pi - angle, 2 * np.pi)
+
+
+def wrap_heading(x: Array) -> Array:
+    """States (..., d) with the heading, where there is one (d = 3), wrapped."""
+    if x.shape[-1] < 3:
+        return x
+    x = x.copy()
+    x[..., 2] = wrap(x[..., 2])
+    return x
+
+
+def circular_mean(angle: Array, weight: Array) -> Array:
+    """Weighted mean direction over the last axis [rad]: the angle of the sum of unit vectors."""
+    mean: Array = np.arctan2((weight * np.sin(angle)).sum(-1), (weight * np.cos(angle)).sum(-1))
+    return mean

@@ -1,0 +1,58 @@
+"""An extended Kalman filter on a robot's own readings, without teammates.
+
+Source: S. Thrun, W. Burgard, D. Fox, "Probabilistic Robotics", 2005, table 7.2.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from cooploc.estimators.angles import wrap_heading
+from cooploc.estimators.dead_reckoning import State
+from cooploc.estimators.doa import fixed, gradient_doa
+from cooploc.estimators.gaussian import ENGINES, GATE, EngineName
+from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
+
+
+@dataclass(frozen=True)
+class EkfLocal:
+    """EKF on odometry and anchors or landmarks; sends nothing."""
+
+    api: ClassVar[int] = 1
+    uses: tuple[str, ...] = ("odometry", "anchor_rssi|landmark")
+    own: Literal["doa", "rssi"] = "doa"  # the DOA made of the four anchor readings, or the raw readings
+    gate: float = GATE  # squared Mahalanobis distance beyond which a reading is refused
+    engine: EngineName = "batched"
+
+    def init(self, prior: Belief, world: World, rows: Rows) -> State:
+        if self.own == "doa" and "anchor_rssi" in world.sensors:
+            gradient_doa(world)  # refuses a world without four corners before anything runs
+        return State(prior.x, prior.P, world)
+
+    def predict(self, s: State, z: Senses) -> State:
+        """x' = f(x, u),  P' = F P F' + Q."""
+        x, P = ENGINES[self.engine].predict(*_moved(s, z))
+        return s._replace(x=x, P=P)
+
+    def correct(self, s: State, z: Senses) -> State:
+        """x' = x + K y,  P' = (I - K H) P (I - K H)' + K R K', one reading after the other."""
+        x, P = s.x, s.P
+        for sensor, place, reading in fixed(s.world, z, self.own):
+            y, H, _ = sensor.innovation(x, place, reading)
+            x, P = ENGINES[self.engine].update(x, P, y, H, sensor.R, self.gate)
+        return s._replace(x=x, P=P)
+
+    def send(self, s: State, z: Senses) -> Array:
+        return np.empty((len(s.x), 0))
+
+    def fuse(self, s: State, z: Senses, mail: Mail) -> State:
+        return s
+
+    def estimate(self, s: State) -> Belief:
+        return Belief(wrap_heading(s.x), s.P)
+
+
+def _moved(s: State, z: Senses) -> tuple[Array, Array, Array, Array]:
+    x, F, Q = s.world.motion.move(s.x, z.odometry, z.dt)
+    return x, s.P, F, Q

@@ -1,0 +1,208 @@
+"""A robot's tick: what an estimator is told, what it may sense, what reaches it over the air.
+
+One leading axis `r` holds (trial, robot) rows, trial-major, so an estimator is written once for one robot and runs for
+all of them. Robots meet only through mail, which the runner carries. An estimator is a frozen dataclass of parameters
+with pure methods; its state is a NamedTuple of arrays, plus `world` and scalars that all rows share.
+
+The order of a tick is predict, correct, send, carry, fuse, estimate. Odometry of tick k covers (k-1, k], readings are
+taken at k, and the estimate after `fuse` is compared with the truth at k; the prior is the belief before tick 0.
+
+nan means absent (not sensed, not heard), width 0 means that the channel does not exist. SI units; x points east,
+y north, headings are counter-clockwise from x in (-pi, pi].
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import ClassVar, NamedTuple, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Indices = NDArray[np.int64]
+Keys = NDArray[np.uint32]
+
+
+class Belief(NamedTuple):
+    """A Gaussian per row: what an estimator is given before tick 0, and what it returns after every tick."""
+
+    x: Array  # (r, d)     x [m], y [m], and heading [rad] where d = 3
+    P: Array  # (r, d, d)  its covariance
+
+
+class Rows(NamedTuple):
+    """Who each row is. Identity and randomness come from here, never from a row's position."""
+
+    trial: Indices  # (r,)
+    robot: Indices  # (r,)  0 .. n-1
+    key: Keys  # (r, 2)  seeds a counter-based generator; the same for every estimator
+
+
+class Senses(NamedTuple):
+    """What the robots sensed in one tick."""
+
+    odometry: Array  # (r, k)     Displacement: dx, dy [m]; Unicycle: v [m/s], omega [rad/s]
+    dt: Array  # (r,)       what the odometry covers [s]
+    anchor_rssi: Array  # (r, a)     [dBm]
+    landmark: Array  # (r, l, 2)  range [m], bearing [rad]
+    sighting: Array  # (r, n, 2)  of teammates: range [m], bearing [rad]
+    extra: Mapping[str, Array]  # channels of plug-in scenarios, (r, ...)
+
+
+class Mail(NamedTuple):
+    """What reached each row in one tick. Axis 1 is the sender; radio readings exist only where something was heard."""
+
+    heard: Mask  # (r, n)
+    packets: Array  # (r, n, m)  nan where nothing was heard
+    rssi: Array  # (r, n)     of the packet's own signal [dBm]
+    range: Array  # (r, n)     from the same exchange [m]
+
+
+class Traffic(NamedTuple):
+    """What each robot put on the air in one tick."""
+
+    messages: Array  # (trial, n)
+    bytes: Array  # (trial, n)
+
+
+class Motion(Protocol):
+    """How odometry moves a state. Shapes broadcast: x (..., d), u (..., k), dt (...)."""
+
+    def move(self, x: Array, u: Array, dt: Array) -> tuple[Array, Array, Array]:
+        """x', F = dx'/dx (..., d, d), Q (..., d, d)."""
+        ...
+
+    def sample(self, x: Array, u: Array, dt: Array, noise: Array) -> Array:
+        """x' with the odometry's error drawn: `noise` (..., 2) is standard normal."""
+        ...
+
+    def retrace(self, trail: Array, u: Array, dt: Array) -> Array:
+        """`trail` (..., M, 2): where past positions lie as seen from the robot's pose, after one more move."""
+        ...
+
+    def place(self, x: Array, trail: Array) -> Array:
+        """The positions (..., 2) in the world of a trail point (..., 2) seen from poses x (..., d)."""
+        ...
+
+
+class Sensor(Protocol):
+    """What a reading says about a state. x (..., d), a place q (..., 2), a reading z (..., k)."""
+
+    @property
+    def R(self) -> Array:
+        """The reading's noise covariance (k, k)."""
+        ...
+
+    def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
+        """y = z - h(x, q) (..., k) with angles wrapped, H = dh/dx (..., k, d), Hq = dh/dq (..., k, 2)."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """What the whole team is told, the same for every estimator. The models are *assumed* ones; the truth is elsewhere."""
+
+    robots: int
+    tick: float  # [s]
+    arena: Array  # (2, 2)  lower left and upper right corner [m]
+    motion: Motion
+    sensors: Mapping[str, Sensor]  # by channel
+    anchors: Array = field(default_factory=lambda: np.zeros((0, 2)))  # (a, 2) [m]
+    landmarks: Array = field(default_factory=lambda: np.zeros((0, 2)))  # (l, 2) [m]
+    t0: float = 0.0  # time of the prior [s]
+
+    def fixed(self, z: Senses) -> Iterator[tuple[Sensor, Array, Array]]:
+        """Readings of fixed things as (sensor, place (2,), reading (r, k)), anchors first; wholly absent ones are left out."""
+        rssi, sighted = self.sensors.get("anchor_rssi"), self.sensors.get("landmark")
+        if rssi is not None:
+            yield from _present((rssi, q, z.anchor_rssi[..., i, None]) for i, q in enumerate(self.anchors))
+        if sighted is not None:
+            yield from _present((sighted, q, z.landmark[..., i, :]) for i, q in enumerate(self.landmarks))
+
+    def relative(self, z: Senses, mail: Mail) -> Iterator[tuple[Sensor, int, Array]]:
+        """Readings of teammates as (sensor, sender, reading (r, k)): sightings, then radio RSSI, then radio range."""
+        team = range(self.robots)
+        for channel, readings in (
+            ("sighting", z.sighting),
+            ("radio_rssi", mail.rssi[..., None]),
+            ("radio_range", mail.range[..., None]),
+        ):
+            sensor = self.sensors.get(channel)
+            if sensor is not None:
+                yield from _present((sensor, j, readings[..., j, :]) for j in team)
+
+
+Place = TypeVar("Place", Array, int)
+
+
+def _present(readings: Iterator[tuple[Sensor, Place, Array]]) -> Iterator[tuple[Sensor, Place, Array]]:
+    return (item for item in readings if not np.isnan(item[2]).all())
+
+
+S = TypeVar("S")
+
+
+class Estimator(Protocol[S]):
+    """What one robot runs.
+
+    `uses` names the channels in order: Senses fields, `radio_rssi`, `radio_range`, or keys of `extra`. "a|b" takes the
+    first that the stream has, "a?" is optional. Everything else is hidden by the runner, so the declaration is enforced.
+    """
+
+    api: ClassVar[int]
+
+    @property
+    def uses(self) -> tuple[str, ...]: ...
+
+    def init(self, prior: Belief, world: World, rows: Rows) -> S:
+        """The state before tick 0."""
+        ...
+
+    def predict(self, s: S, z: Senses) -> S:
+        """Move by odometry."""
+        ...
+
+    def correct(self, s: S, z: Senses) -> S:
+        """Use readings of fixed things: anchors, landmarks."""
+        ...
+
+    def send(self, s: S, z: Senses) -> Array:
+        """What to transmit: (r, m) for everyone, or (r, n, m) with axis 1 the addressee. All-nan is silence."""
+        ...
+
+    def fuse(self, s: S, z: Senses, mail: Mail) -> S:
+        """Use what was heard. Called every tick, heard or not."""
+        ...
+
+    def estimate(self, s: S) -> Belief:
+        """The belief to be judged: x (r, d), P (r, d, d), position first."""
+        ...
+
+
+class TeamEstimator(Protocol[S]):
+    """An estimator that holds the whole team: every array is (trial, n, ...). No send and no fuse.
+
+    `bound` marks one that knows more than any robot could, and is shown as such everywhere.
+    """
+
+    api: ClassVar[int]
+    bound: ClassVar[bool]
+
+    @property
+    def uses(self) -> tuple[str, ...]: ...
+
+    def init(self, prior: Belief, world: World, rows: Rows) -> S: ...
+
+    def predict(self, s: S, z: Senses) -> S: ...
+
+    def correct(self, s: S, z: Senses) -> S: ...
+
+    def exchange(self, s: S, z: Senses, air: Mail) -> tuple[S, Traffic]:
+        """Use readings between robots, (trial, n, n) with axis 1 the receiver, and say what was sent.
+
+        `air` has no packets. A bound returns zero Traffic: the runner counts what its robots must upload.
+        """
+        ...
+
+    def estimate(self, s: S) -> Belief: ...

@@ -1,0 +1,65 @@
+"""Multi-robot synergistic localization (MRSL): each robot weighs its particles by its teammates' broadcast beliefs.
+
+A robot sends the mean and covariance of its belief as it stood before this tick's fusion, so nothing depends on the
+order of arrival. Whoever hears it multiplies in the likelihood of the radio reading of that packet, with the sender's
+position integrated out. The product treats beliefs as independent, which they are not once robots have heard each other.
+
+Source: E. Latif, R. Parasuraman, "Multi-Robot Synergistic Localization in Dynamic Environments", eqs. (6)-(9).
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from cooploc.estimators import own
+from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
+from cooploc.estimators.particles import moments, weights
+
+
+@dataclass(frozen=True)
+class Mrsl(own.Settings):
+    """Particle filter on own readings, Bayes product with received beliefs."""
+
+    api: ClassVar[int] = 1
+    reading: Literal["rssi", "range"] = "rssi"  # what is measured of a packet
+    # "exact" is the paper's literal form: the sender is taken to be where it says.
+    neighbours: Literal["integrate", "exact"] = "integrate"
+
+    @property
+    def uses(self) -> tuple[str, ...]:
+        return ("odometry", "anchor_rssi", f"radio_{self.reading}")
+
+    def init(self, prior: Belief, world: World, rows: Rows) -> own.Own:
+        return own.init(self, prior, world, rows)
+
+    def predict(self, s: own.Own, z: Senses) -> own.Own:
+        return own.predict(self, s, z)
+
+    def correct(self, s: own.Own, z: Senses) -> own.Own:
+        return own.correct(self, s, z)
+
+    def send(self, s: own.Own, z: Senses) -> Array:
+        """x, y, and the position covariance's P_xx, P_xy, P_yy: five numbers."""
+        x, P = moments(s.x, weights(s.logw))
+        return np.stack([x[:, 0], x[:, 1], P[:, 0, 0], P[:, 0, 1], P[:, 1, 1]], -1)
+
+    def fuse(self, s: own.Own, z: Senses, mail: Mail) -> own.Own:
+        """w_i = P_l(q_i) prod_j integral P(r_j | x_i, x_j) N(x_j; received) dx_j  (8), variance sigma^2 + J P_j J'."""
+        total = s.logw
+        for sensor, sender, reading in s.world.relative(z, mail):
+            x_j, P_j = unpack(mail.packets[:, sender])
+            y, _, J = sensor.innovation(s.x, x_j[:, None, :], reading[:, None, :])
+            v = sensor.R[0, 0] + np.zeros_like(y[..., 0])
+            if self.neighbours == "integrate":
+                v = v + np.einsum("rna,rab,rnb->rn", J[..., 0, :], P_j, J[..., 0, :])
+            total = total + own.log_likelihood(y[..., 0], v)
+        return own.finish(s._replace(logw=total))
+
+    def estimate(self, s: own.Own) -> Belief:
+        return own.estimate(self, s)
+
+
+def unpack(packet: Array) -> tuple[Array, Array]:
+    """The position (r, 2) and covariance (r, 2, 2) of a packet (r, 5)."""
+    return packet[:, :2], np.stack([packet[:, 2:4], packet[:, 3:5]], -2)

@@ -1,0 +1,137 @@
+"""A robot's own particle filter on odometry and anchor RSSI: what ARL is, and what MRSL and CTRN build on.
+
+Source: Latif & Parasuraman, "Individual localization", eqs. (1)-(5); P. Parashar et al., "Particle filter based
+localization of access points using direction of arrival on mobile robots", 2020.
+"""
+
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from cooploc.estimators import kernels
+from cooploc.estimators.angles import circular_mean
+from cooploc.estimators.doa import GradientDoa, gradient_doa
+from cooploc.estimators.interface import Array, Belief, Keys, Rows, Senses, World
+from cooploc.estimators.particles import mean, moments, renew, spread, weights
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Parameters of a robot's own particle filter. The defaults are the readings of the `paper` preset."""
+
+    particles: int = 200
+    own: Literal["doa", "rssi"] = "doa"  # the DOA made of the four anchor readings, or their raw likelihoods
+    density: Literal["constant", "exact"] = "constant"  # Gaussian angle error, or the exact projected normal
+    M: int = 5  # path samples in the product of eq. (5)
+    K: int = 5  # DOAs in the moving average
+    decay: float = 0.99  # weight of a DOA per tick of age
+    temper: bool = True  # exponent 1/M: a recursive filter would otherwise count every DOA M times
+    point: Literal["mean", "max"] = "mean"  # "max" is the paper's: the particle of largest weight
+    proposal: Literal["walk", "box"] = "walk"  # "box" is the paper's: uniform around the present estimate, every tick
+    box: float = 0.5  # [m] half-width of that box
+
+    def __post_init__(self) -> None:
+        for name, value, least in (("particles", self.particles, 2), ("M", self.M, 1), ("K", self.K, 1)):
+            if value < least:
+                raise ValueError(f"{name} is {value}; it must be at least {least}")
+        if not (0 < self.decay <= 1 and self.box > 0):
+            raise ValueError(f"decay is {self.decay} and box is {self.box}; they must lie in (0, 1] and above 0")
+
+
+class Own(NamedTuple):
+    """What a robot remembers. The newest entry of each memory comes first."""
+
+    x: Array  # (r, N, d)  particles
+    logw: Array  # (r, N)     log-weights, unnormalised
+    key: Keys  # (r, 2)
+    tick: int
+    doa: Array  # (r, K)     raw angles [rad]
+    smooth: Array  # (r, M)     averaged angles [rad]
+    trail: Array  # (r, M, 2)  where the robot was then, seen from where it is now [m]
+    world: World
+
+
+def init(p: Settings, prior: Belief, world: World, rows: Rows) -> Own:
+    if p.own == "doa":
+        gradient_doa(world)  # refuses a world without four corners before anything runs
+    r = len(prior.x)
+    x = spread(prior, rows.key, p.particles)
+    empty = np.full((r, p.K), np.nan), np.full((r, p.M), np.nan), np.zeros((r, p.M, 2))
+    return Own(x, np.zeros(x.shape[:2]), rows.key, 0, *empty, world)
+
+
+def predict(p: Settings, s: Own, z: Senses) -> Own:
+    """Draw from P(x_t+1 | x_t); "box": uniformly around the moved estimate, forgetting the weights."""
+    motion, tick = s.world.motion, s.tick + 1
+    u, dt = z.odometry[:, None, :], z.dt[:, None]
+    trail = motion.retrace(s.trail, z.odometry, z.dt)
+    if p.proposal == "box":
+        middle, _, _ = motion.move(mean(s.x, weights(s.logw)), z.odometry, z.dt)
+        x = np.repeat(middle[:, None, :], p.particles, 1)
+        x[..., :2] += p.box * (2 * kernels.uniforms(s.key, tick, kernels.BOX, p.particles) - 1)
+        return s._replace(x=x, logw=np.zeros_like(s.logw), tick=tick, trail=trail)
+    x = motion.sample(s.x, u, dt, kernels.normals(s.key, tick, kernels.MOVE, p.particles))
+    return s._replace(x=x, tick=tick, trail=trail)
+
+
+def correct(p: Settings, s: Own, z: Senses) -> Own:
+    """Weigh the particles by the anchors' readings."""
+    if p.own == "rssi":
+        return s._replace(logw=s.logw + _anchor_likelihood(s, z))
+    doa = gradient_doa(s.world)
+    s = _remember(p, s, doa.measure(z.anchor_rssi))
+    return s._replace(logw=s.logw + _window_likelihood(p, s, doa))
+
+
+def finish(s: Own) -> Own:
+    """Resample where it is due, after everything heard was used."""
+    x, logw = renew(s.x, s.logw, s.key, s.tick)
+    return s._replace(x=x, logw=logw)
+
+
+def estimate(p: Settings, s: Own) -> Belief:
+    """The weighted mean and covariance; with point="max" the particle of largest weight instead of the mean."""
+    belief = moments(s.x, weights(s.logw))
+    if p.point == "mean":
+        return belief
+    best = np.take_along_axis(s.x, s.logw.argmax(-1)[:, None, None], 1)[:, 0]
+    return Belief(best, belief.P)
+
+
+def log_likelihood(y: Array, v: Array) -> Array:
+    """log N(y; 0, v) without its constant; 0 where the reading is absent."""
+    return np.where(np.isnan(y), 0.0, -0.5 * y**2 / v - 0.5 * np.log(v))
+
+
+def _anchor_likelihood(s: Own, z: Senses) -> Array:
+    """Sum over the anchors of log N(RSSI; model at the particle, sigma^2)."""
+    total = np.zeros_like(s.logw)
+    for sensor, place, reading in s.world.fixed(z):
+        y, _, _ = sensor.innovation(s.x, place, reading[:, None, :])
+        total = total + log_likelihood(y[..., 0], sensor.R[0, 0])
+    return total
+
+
+def _remember(p: Settings, s: Own, angle: Array) -> Own:
+    """The DOA smoothed by a circular moving average over the last K, weights decay^age (the paper's EWMA)."""
+    doa = np.concatenate([angle[:, None], s.doa[:, :-1]], 1)
+    weight = np.where(np.isnan(doa), 0.0, p.decay ** np.arange(p.K))
+    smooth = np.where(np.isnan(angle), np.nan, circular_mean(np.where(np.isnan(doa), 0.0, doa), weight))
+    return s._replace(
+        doa=doa,
+        smooth=np.concatenate([smooth[:, None], s.smooth[:, :-1]], 1),
+        trail=np.concatenate([np.zeros_like(s.trail[:, :1]), s.trail[:, :-1]], 1),
+    )
+
+
+def _window_likelihood(p: Settings, s: Own, doa: GradientDoa) -> Array:
+    """log of prod_k N(err_{t-k}; 0, sigma^2)  (eq. 5), each past sample at the particle shifted back along the path."""
+    density = doa.log_exact if p.density == "exact" else doa.log_constant
+    total = np.zeros_like(s.logw)
+    for k in range(p.M):
+        angle = s.smooth[:, k, None]
+        if not np.isnan(angle).all():
+            there = s.world.motion.place(s.x, s.trail[:, None, k])
+            total = total + np.where(np.isnan(angle), 0.0, density(there, angle))
+    return total / p.M if p.temper else total

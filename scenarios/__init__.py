@@ -1,0 +1,197 @@
+"""Worlds, the streams they give, and the runner that feeds them to estimators.
+
+A scenario is one world with a fixed team. Its label carries what is swept, `packet-drop/drop=0.7`, and any other
+parameter in brackets, `trajectory[ticks=50]`. A scenario's class is a pydantic model of parameters with two methods,
+`world()` and `simulate(label, trials, seed, world)`. To add one: write a file like `paper.py` and give it a line in
+`BUILTIN`. From outside, register a `Family` under the entry-point group `cooploc.scenarios`.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib import import_module
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Any, Protocol
+
+from pydantic import ValidationError
+
+from cooploc.estimators import nearest, parse
+from cooploc.estimators.interface import World
+from cooploc.scenarios.stream import Stream, Truth
+
+GROUP = "cooploc.scenarios"
+
+
+class Scenario(Protocol):
+    """A world with its parameters."""
+
+    def world(self) -> World: ...
+
+    def simulate(self, label: str, trials: Sequence[int], seed: int, world: World) -> tuple[Truth, Stream]: ...
+
+    def model_dump(self) -> dict[str, Any]: ...
+
+
+@dataclass(frozen=True)
+class Family:
+    """Scenarios that differ in one thing."""
+
+    about: str
+    model: str  # "module:Class"
+    base: Mapping[str, Any] = field(default_factory=dict)  # parameters that differ from the class's defaults
+    sweep: Mapping[str, str] = field(default_factory=dict)  # the label's short name -> parameter
+    variants: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # the label's word -> parameters
+    recorded: bool = False  # needs a directory of recordings, and has one trial
+
+
+PAPER = "cooploc.scenarios.paper:Paper"
+
+BUILTIN: dict[str, Family] = {
+    "robots-1-3": Family("one to three robots in the 6 m arena", PAPER, sweep={"n": "robots"}),
+    "trajectory": Family("three robots in the 6 m arena", PAPER),
+    "scalability": Family("one to a hundred robots in the 6 m arena", PAPER, sweep={"n": "robots"}),
+    "packet-drop": Family("five robots that lose packets", PAPER, {"robots": 5, "drop": 0.7}, {"drop": "drop"}),
+    "arena-60m": Family(
+        "three robots in a 60 m arena, by the spread of the prior",
+        PAPER,
+        {"side": 60.0, "step": 1.0, "odometry_sigma": 0.2},
+        {"sd": "prior_sigma"},
+    ),
+    "camera": Family(
+        "simulated wheeled robots that see landmarks and each other",
+        "cooploc.scenarios.camera:Camera",
+        sweep={"n": "robots"},
+    ),
+    "mrclam": Family(
+        "UTIAS MRCLAM: five real robots; all, one or none of them use landmarks",
+        "cooploc.scenarios.mrclam:Mrclam",
+        variants={word: {"sees": word} for word in ("all", "one", "none")},
+        recorded=True,
+    ),
+}
+
+
+def names() -> list[str]:
+    """Every family of scenarios."""
+    return [*BUILTIN, *(name for name in sorted(_plugins()) if name not in BUILTIN)]
+
+
+def family(label: str) -> Family:
+    """The family that a label belongs to.
+
+    Raises:
+        ValueError: there is none, or its plug-in cannot be imported.
+
+    """
+    name = parse(label)[0].partition("/")[0]
+    if name in BUILTIN:
+        return BUILTIN[name]
+    plugins = _plugins()
+    if name not in plugins:
+        raise ValueError(f"there is no scenario {name!r}; {nearest(name, names())}")
+    try:
+        found = plugins[name].load()
+    except Exception as e:
+        raise ValueError(f"the plug-in scenario {name!r} ({plugins[name].value}) cannot be imported: {e}") from e
+    if not isinstance(found, Family):
+        raise ValueError(f"the plug-in scenario {name!r} ({plugins[name].value}) is no cooploc Family")
+    return found
+
+
+def scenario(label: str, **overrides: Any) -> Scenario:
+    """The world of a label, with parameters overridden.
+
+    Raises:
+        ValueError: an unknown scenario, variant or parameter, or a value that does not fit.
+
+    """
+    found = family(label)
+    path, written = parse(label)
+    name, _, which = path.partition("/")
+    module, _, attribute = found.model.partition(":")
+    cls = getattr(import_module(module), attribute)
+    given: dict[str, Any] = {**found.base, **_chosen(found, name, which), **written, **overrides}
+    for key in given:
+        if key not in cls.model_fields:
+            raise ValueError(f"scenario {name!r} has no parameter {key!r}; {nearest(key, list(cls.model_fields))}")
+    try:
+        made: Scenario = cls(**given)
+    except ValidationError as e:
+        first = e.errors()[0]
+        raise ValueError(f"scenario {label!r}, {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
+    return made
+
+
+def simulate(
+    label: str,
+    *,
+    trials: int | Sequence[int] = 1,
+    seed: int = 0,
+    assumed: Mapping[str, Any] | None = None,
+    data: str | Path | None = None,
+    **overrides: Any,
+) -> tuple[Truth, Stream]:
+    """The truth and the stream of a scenario.
+
+    Args:
+        label: a scenario, such as "packet-drop/drop=0.7".
+        trials: how many, or which; a recording has one.
+        seed: of everything random.
+        assumed: parameters that the team is told wrongly; the readings stay bit-identical.
+        data: the directory of a recording.
+        overrides: parameters of the scenario; they become part of its label.
+
+    Raises:
+        ValueError: anything unknown, out of bounds, or missing; one line that says what to do.
+
+    """
+    count = range(trials) if isinstance(trials, int) else trials
+    if len(count) == 0 or min(count) < 0:
+        raise ValueError(f"trials is {trials!r}; it must be at least 1")
+    if seed < 0:
+        raise ValueError(f"seed is {seed}; it must not be negative")
+    if family(label).recorded:
+        if data is None:
+            raise ValueError(f"scenario {label!r} is a recording; say where it lies with data= (or --data DIR)")
+        overrides = {**overrides, "data": data}
+    made = scenario(label, **overrides)
+    told = scenario(label, **overrides, **(assumed or {})).world() if assumed else made.world()
+    return made.simulate(labelled(label, overrides), list(count), seed, told)
+
+
+def labelled(label: str, overrides: Mapping[str, Any]) -> str:
+    """The label with its overrides in brackets."""
+    path, written = parse(label)
+    shown = {**written, **{k: v for k, v in overrides.items() if k != "data"}}
+    return path + (f"[{','.join(f'{k}={v}' for k, v in sorted(shown.items()))}]" if shown else "")
+
+
+def plugin_errors() -> dict[str, str]:
+    """Installed plug-ins that cannot be used, by name, with the reason."""
+    errors = {}
+    for name, point in _plugins().items():
+        if name in BUILTIN:
+            errors[name] = f"the name belongs to a built-in scenario, so {point.value} is ignored"
+        else:
+            try:
+                family(name)
+            except ValueError as e:
+                errors[name] = str(e)
+    return errors
+
+
+def _plugins() -> Mapping[str, Any]:
+    return {point.name: point for point in entry_points(group=GROUP)}
+
+
+def _chosen(found: Family, name: str, which: str) -> Mapping[str, Any]:
+    """What stands behind the slash of a label, as parameters."""
+    if not which:
+        return {}
+    if which in found.variants:
+        return found.variants[which]
+    key, equals, value = which.partition("=")
+    if equals and key in found.sweep:
+        return {found.sweep[key]: value}
+    known = [*found.variants, *(f"{key}=..." for key in found.sweep)]
+    raise ValueError(f"scenario {name!r} has no {which!r}; known are {', '.join(known) or 'none'}")

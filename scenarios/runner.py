@@ -1,0 +1,292 @@
+"""The runner: feeds one stream to any number of estimators, carries their mail, and hides what they did not declare.
+
+Every estimator gets the same arrays, read-only, and loses the same packets. The truth is not here at all.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from time import perf_counter
+from typing import Any, Protocol
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, Traffic
+from cooploc.scenarios import seeds
+from cooploc.scenarios.stream import Stream
+
+API = 1
+HEADER = 8  # bytes a packet costs beside its payload
+SENSED = ("odometry", "anchor_rssi", "landmark", "sighting")
+
+
+class Misfit(ValueError):
+    """An estimator that cannot run on a stream, with the reason."""
+
+
+class EstimatorError(RuntimeError):
+    """An estimator that broke its contract while it ran."""
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """What one estimator believed at every tick, and what it cost."""
+
+    x: Array  # (t, T, n, d)
+    P: Array  # (t, T, n, d, d)
+    messages: Array  # (t, n) sent
+    bytes: Array  # (t, n) sent
+    seconds: float  # for all trials, robots and ticks
+    bound: bool = False  # knows more than any robot could
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """The traces of several estimators on one stream."""
+
+    scenario: str
+    seed: int
+    trial: Array  # (t,)
+    hashes: tuple[str, ...]  # of the stream's trials
+    traces: Mapping[str, Trace] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        return f"Run({self.scenario!r}, {len(self.trial)} trials, {', '.join(self.traces)})"
+
+
+class Watcher(Protocol):
+    """Sees every call of an estimator's method: its state before, its other arguments, and what it returned."""
+
+    def __call__(self, method: str, tick: int, arguments: tuple[Any, ...], call: Any) -> Any: ...
+
+
+def run(estimators: Mapping[str, Any] | Any, stream: Stream, jobs: int = 1) -> Run:
+    """Run estimators on a stream.
+
+    Args:
+        estimators: instances by name, or one instance.
+        stream: what they get.
+        jobs: processes to spread the trials over; the result is bit-identical for any number.
+
+    Raises:
+        Misfit: an estimator needs a channel that the stream lacks.
+        EstimatorError: an estimator returned something of the wrong shape, or not finite.
+
+    """
+    named = estimators if isinstance(estimators, Mapping) else {type(estimators).__name__: estimators}
+    for name, estimator in named.items():
+        visible(name, estimator, stream)
+    parts = np.array_split(np.arange(len(stream.trial)), min(jobs, len(stream.trial)))
+    if len(parts) == 1:
+        traces = [_traces(named, stream)]
+    else:
+        from loky import get_reusable_executor
+
+        slices = [slice(int(part[0]), int(part[-1]) + 1) for part in parts]
+        pool = get_reusable_executor(max_workers=jobs)
+        traces = [f.result() for f in [pool.submit(_traces, named, stream.select(s)) for s in slices]]
+    joined = {name: _joined([part[name] for part in traces]) for name in named}
+    return Run(stream.scenario, stream.seed, stream.trial, stream.hashes, joined)
+
+
+def _traces(named: Mapping[str, Any], stream: Stream) -> dict[str, Trace]:
+    return {name: trace(name, estimator, stream) for name, estimator in named.items()}
+
+
+def _joined(traces: list[Trace]) -> Trace:
+    parts = {f: np.concatenate([getattr(t, f) for t in traces]) for f in ("x", "P", "messages", "bytes")}
+    return Trace(**parts, seconds=sum(t.seconds for t in traces), bound=traces[0].bound)
+
+
+def trace(name: str, estimator: Any, stream: Stream, watch: Watcher | None = None) -> Trace:
+    """Run one estimator on every trial of a stream, in this process."""
+    seen = visible(name, estimator, stream)
+    team = hasattr(estimator, "exchange")
+    drive = _Team(name, estimator, seen, watch) if team else _Robots(name, estimator, seen, watch)
+    t, T, n = stream.senses.dt.shape
+    d = stream.prior.x.shape[-1]
+    x, P = np.empty((t, T, n, d)), np.empty((t, T, n, d, d))
+    messages, sent = np.zeros((t, n)), np.zeros((t, n))
+    with threadpool_limits(1):
+        began = perf_counter()
+        drive.start()
+        for k in range(T):
+            belief, traffic = drive.tick(k)
+            x[:, k], P[:, k] = belief.x.reshape(x[:, k].shape), belief.P.reshape(P[:, k].shape)
+            messages += traffic.messages
+            sent += traffic.bytes
+        seconds = perf_counter() - began
+    _demand_finite(name, stream, x, P)
+    return Trace(x, P, messages, sent, seconds, getattr(estimator, "bound", False))
+
+
+def visible(name: str, estimator: Any, stream: Stream) -> Stream:
+    """The stream with everything hidden that the estimator does not declare.
+
+    Raises:
+        Misfit: it declares something that the stream does not have, or another version of the interface.
+
+    """
+    if getattr(estimator, "api", None) != API:
+        raise Misfit(
+            f"{name} is written for interface {getattr(estimator, 'api', None)!r}; this runner speaks {API}: set api = {API}"
+        )
+    used = resolve(name, tuple(estimator.uses), stream)
+    senses = stream.senses
+    shown = senses._replace(
+        **{c: getattr(senses, c) if c in used else getattr(senses, c)[:, :, :, :0] for c in SENSED},
+        extra={c: a for c, a in senses.extra.items() if c in used},
+    )
+    air = stream.air
+    air = air._replace(
+        **{c: getattr(air, c) if f"radio_{c}" in used else getattr(air, c)[..., :0] for c in ("rssi", "range")}
+    )
+    sensors = {c: s for c, s in stream.world.sensors.items() if c in used}
+    return replace(stream, senses=shown, air=air, world=replace(stream.world, sensors=sensors))
+
+
+def resolve(name: str, uses: tuple[str, ...], stream: Stream) -> set[str]:
+    """The channels that a declaration selects: "a|b" the first that exists, "a?" if it exists."""
+    has, used = stream.channels(), set()
+    for wish in uses:
+        options = wish.rstrip("?").split("|")
+        found = next((channel for channel in options if channel in has), None)
+        if found is not None:
+            used.add(found)
+        elif not wish.endswith("?"):
+            needed = " or ".join(repr(channel) for channel in options)
+            raise Misfit(f"{name} needs channel {needed}; scenario {stream.scenario!r} has {', '.join(sorted(has))}")
+    return used
+
+
+class _Drive:
+    """What both kinds of estimators need of a tick."""
+
+    def __init__(self, name: str, estimator: Any, stream: Stream, watch: Watcher | None) -> None:
+        self.name, self.estimator, self.stream = name, estimator, stream
+        self.watch: Watcher = watch or (lambda method, tick, arguments, call: call(*arguments))
+        self.shape = stream.senses.dt.shape[0], stream.robots
+        self.rows = seeds.rows(stream.seed, stream.trial, stream.robots)
+        self.state: Any = None
+
+    def call(self, method: str, tick: int, *arguments: Any) -> Any:
+        return self.watch(method, tick, arguments, getattr(self.estimator, method))
+
+    def senses(self, k: int, flat: bool) -> Senses:
+        z = self.stream.senses
+        arrays = {c: self._at(getattr(z, c), k, flat) for c in (*SENSED, "dt")}
+        return Senses(**arrays, extra={c: self._at(a, k, flat) for c, a in z.extra.items()})
+
+    def air(self, k: int) -> tuple[Any, Array, Array]:
+        air = self.stream.air
+        rssi, distance = (self._pairs(a[:, k]) for a in (air.rssi, air.range))
+        return air.link[:, k], rssi, distance
+
+    def _at(self, a: Array, k: int, flat: bool) -> Array:
+        tick = a[:, k]
+        return _frozen(tick.reshape(len(tick) * self.stream.robots, *tick.shape[2:]) if flat else tick)
+
+    def _pairs(self, a: Array) -> Array:
+        """A hidden radio channel reads nan everywhere."""
+        t, n = self.shape
+        return a if a.shape[-1] else np.full((t, n, n), np.nan)
+
+    def belief(self, k: int) -> Belief:
+        belief = self.call("estimate", k, self.state)
+        d = self.stream.prior.x.shape[-1]
+        lead = self.shape if hasattr(self.estimator, "exchange") else (self.shape[0] * self.shape[1],)
+        for what, array, shape in (("x", belief.x, (*lead, d)), ("P", belief.P, (*lead, d, d))):
+            if np.shape(array) != shape:
+                raise EstimatorError(
+                    f"{self.name}: estimate() returned {what} of shape {np.shape(array)} at tick {k}; it must be {shape}"
+                )
+        return Belief(*belief)
+
+
+class _Robots(_Drive):
+    """One row per (trial, robot); mail is carried between the rows of a trial."""
+
+    def start(self) -> None:
+        prior = Belief(*(_frozen(a.reshape(len(self.rows.key), *a.shape[2:])) for a in self.stream.prior))
+        rows = Rows(*(_frozen(a) for a in self.rows))
+        self.state = self.call("init", -1, prior, self.stream.world, rows)
+
+    def tick(self, k: int) -> tuple[Belief, Traffic]:
+        z = self.senses(k, flat=True)
+        self.state = self.call("predict", k, self.state, z)
+        self.state = self.call("correct", k, self.state, z)
+        sent = self.call("send", k, self.state, z)
+        mail, traffic = self.carry(k, sent)
+        self.state = self.call("fuse", k, self.state, z, mail)
+        return self.belief(k), traffic
+
+    def carry(self, k: int, sent: Array) -> tuple[Mail, Traffic]:
+        """Deliver packets over the links that hold; what was sent counts whether it arrives or not."""
+        t, n = self.shape
+        link, rssi, distance = self.air(k)
+        if not (sent.ndim in (2, 3) and len(sent) == t * n and (sent.ndim == 2 or sent.shape[1] == n)):
+            raise EstimatorError(
+                f"{self.name}: send() returned shape {sent.shape} at tick {k}; it must be ({t * n}, m) or ({t * n}, {n}, m)"
+            )
+        m = sent.shape[-1]
+        if sent.ndim == 2:
+            wire = sent.reshape(t, 1, n, m)  # axis 2 is the sender
+            said = np.isfinite(sent).reshape(t, n, m)
+        else:
+            wire = sent.reshape(t, n, n, m).swapaxes(1, 2)  # (trial, addressee, sender, m)
+            said = np.isfinite(sent).reshape(t, n, n, m) & ~np.eye(n, dtype=bool)[..., None]
+        spoke = said.any(-1)
+        words = said.sum(-1) * sent.itemsize + HEADER * spoke
+        traffic = Traffic(spoke.reshape(t, n, -1).sum(-1).astype(float), words.reshape(t, n, -1).sum(-1).astype(float))
+        heard = link & ~np.isnan(wire).all(-1) if m else np.zeros((t, n, n), bool)
+        packets = np.where(heard[..., None], wire, np.nan)
+        parts = heard, packets, np.where(heard, rssi, np.nan), np.where(heard, distance, np.nan)
+        return Mail(*(_frozen(a.reshape(t * n, *a.shape[2:])) for a in parts)), traffic
+
+
+class _Team(_Drive):
+    """One state for the whole team; arrays are (trial, n, ...)."""
+
+    def start(self) -> None:
+        t, n = self.shape
+        rows = Rows(*(_frozen(a.reshape(t, n, *a.shape[1:])) for a in self.rows))
+        self.state = self.call("init", -1, Belief(*(_frozen(a) for a in self.stream.prior)), self.stream.world, rows)
+
+    def tick(self, k: int) -> tuple[Belief, Traffic]:
+        z = self.senses(k, flat=False)
+        link, rssi, distance = self.air(k)
+        t, n = self.shape
+        packets = np.empty((t, n, n, 0))
+        air = Mail(
+            *(_frozen(a) for a in (link, packets, np.where(link, rssi, np.nan), np.where(link, distance, np.nan)))
+        )
+        self.state = self.call("predict", k, self.state, z)
+        self.state = self.call("correct", k, self.state, z)
+        self.state, traffic = self.call("exchange", k, self.state, z, air)
+        if self.estimator.bound:
+            traffic = self._uplink(z, air)
+        return self.belief(k), traffic
+
+    def _uplink(self, z: Senses, air: Mail) -> Traffic:
+        """What a bound's robots must send to the computer that knows everything: the finite readings it uses."""
+        t, n = self.shape
+        readings = (*(getattr(z, c) for c in SENSED), air.rssi, air.range, *z.extra.values())
+        finite = sum(np.isfinite(a).reshape(t, n, -1).sum(-1) for a in readings)
+        return Traffic((finite > 0).astype(float), np.where(finite > 0, finite * 8.0 + HEADER, 0.0))
+
+
+def _demand_finite(name: str, stream: Stream, x: Array, P: Array) -> None:
+    bad = ~(np.isfinite(x).all(-1) & np.isfinite(P).all((-2, -1)))
+    if bad.any():
+        i, k, robot = np.argwhere(bad)[0]
+        raise EstimatorError(
+            f"{name}: estimate is not finite in {stream.scenario!r}, trial {stream.trial[i]}, tick {k}, robot {robot}"
+        )
+
+
+def _frozen(a: Any) -> Any:
+    """The array, not writeable."""
+    if a.flags.writeable:
+        a = a.view()
+        a.flags.writeable = False
+    return a

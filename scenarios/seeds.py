@@ -1,0 +1,33 @@
+"""Where every random number starts: SeedSequence(seed, spawn_key=(trial, purpose, ...)), so streams never overlap."""
+
+from enum import IntEnum
+
+import numpy as np
+
+from cooploc.estimators.interface import Indices, Rows
+
+
+class Purpose(IntEnum):
+    """What a trial's random numbers are for."""
+
+    TRUTH = 0
+    SENSORS = 1
+    NETWORK = 2
+    ESTIMATOR = 3
+
+
+def generator(seed: int, trial: int, purpose: Purpose) -> np.random.Generator:
+    """The generator of one trial and purpose."""
+    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=(trial, int(purpose)))))
+
+
+def rows(seed: int, trial: Indices, robots: int) -> Rows:
+    """Identity and key of each (trial, robot) row, trial-major; the same for every estimator."""
+    key = [
+        np.random.SeedSequence(seed, spawn_key=(int(k), int(Purpose.ESTIMATOR), i)).generate_state(2)
+        for k in trial
+        for i in range(robots)
+    ]
+    return Rows(
+        np.repeat(trial, robots), np.tile(np.arange(robots), len(trial)), np.array(key, np.uint32).reshape(-1, 2)
+    )

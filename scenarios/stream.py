@@ -1,0 +1,256 @@
+"""What was true, and what was sensed: two objects, so that an estimator can be given one without the other.
+
+A stream is immutable. Each trial has a hash over its readings, links and prior (canonical little-endian values, names
+and shapes), so that anyone can tell whether two results are paired. Both are kept in one self-describing file: a zip of
+plain arrays (numpy's npz, no pickle) whose member `header` is JSON.
+"""
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cooploc.estimators import doa, models
+from cooploc.estimators.interface import Array, Belief, Indices, Mask, Senses, World
+
+FORMAT = 1
+MODELS = {
+    cls.__name__: cls
+    for cls in (
+        models.Displacement,
+        models.Unicycle,
+        models.LogDistance,
+        models.Range,
+        models.Bearing,
+        models.Sighting,
+        doa.GradientDoa,
+    )
+}
+
+
+class Air(NamedTuple):
+    """What the radio did in every tick, (trial, tick, receiver, sender)."""
+
+    link: Mask  # True where a packet would arrive
+    rssi: Array  # [dBm]
+    range: Array  # [m]
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """Where the robots really were. No estimator ever sees it."""
+
+    scenario: str
+    trial: Indices  # (t,)
+    x: Array  # (t, T, n, 2 or 3)  x [m], y [m], and heading [rad] where it is known
+    valid: Mask  # (t, T, n)  False where the truth itself was not recorded
+    arena: Array  # (2, 2) [m]
+    origin: tuple[str, ...]  # hash per trial of the stream that belongs to it
+
+    def select(self, trials: slice) -> "Truth":
+        """Some of the trials."""
+        return replace(
+            self, trial=self.trial[trials], x=self.x[trials], valid=self.valid[trials], origin=self.origin[trials]
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Stream:
+    """Everything the robots of one scenario sensed, heard and were told, in every trial."""
+
+    scenario: str
+    seed: int
+    trial: Indices  # (t,)
+    time: Array  # (T,)  end of each tick [s]
+    world: World
+    prior: Belief  # x (t, n, d), P (t, n, d, d)
+    senses: Senses  # (t, T, n, ...)
+    air: Air
+    notes: Mapping[str, Any] = field(default_factory=dict)  # where it comes from, what was dropped
+
+    def __post_init__(self) -> None:
+        for array in self.arrays().values():
+            array.flags.writeable = False
+
+    @property
+    def robots(self) -> int:
+        return self.world.robots
+
+    def arrays(self) -> dict[str, Array]:
+        """Every array with a trial axis, by name, in a fixed order."""
+        named: dict[str, Any] = {"prior.x": self.prior.x, "prior.P": self.prior.P}
+        named |= {f"senses.{name}": getattr(self.senses, name) for name in Senses._fields[:-1]}
+        named |= {f"extra.{name}": self.senses.extra[name] for name in sorted(self.senses.extra)}
+        named |= {f"air.{name}": getattr(self.air, name) for name in Air._fields}
+        return named
+
+    @cached_property
+    def hashes(self) -> tuple[str, ...]:
+        """One SHA-256 per trial over readings, links and prior; what the team is told does not enter."""
+        return tuple(self._hash(i) for i in range(len(self.trial)))
+
+    @cached_property
+    def hash(self) -> str:
+        """The hash of the trials' hashes."""
+        return hashlib.sha256("".join(self.hashes).encode()).hexdigest()
+
+    def _hash(self, i: int) -> str:
+        digest = hashlib.sha256()
+        for name, array in self.arrays().items():
+            one = np.ascontiguousarray(array[i])
+            one = one.astype(one.dtype.newbyteorder("<"))
+            one = np.where(np.isnan(one), np.nan, one) if one.dtype.kind == "f" else one  # one nan, whatever its bits
+            digest.update(f"{name} {one.dtype.str} {one.shape};".encode())
+            digest.update(one.tobytes())
+        return digest.hexdigest()
+
+    def channels(self) -> set[str]:
+        """The channels that this stream has."""
+        has = {
+            name
+            for name in ("odometry", "anchor_rssi", "landmark", "sighting")
+            if getattr(self.senses, name).shape[3] > 0
+        }
+        has |= {f"radio_{name}" for name in ("rssi", "range") if getattr(self.air, name).shape[3] > 0}
+        return has | set(self.senses.extra)
+
+    def select(self, trials: slice) -> "Stream":
+        """Some of the trials, bit-identical."""
+        chosen = self.map(lambda array: array[trials])
+        return replace(chosen, trial=self.trial[trials])
+
+    def map(self, change: Any) -> "Stream":
+        """A stream whose every array with a trial axis went through `change`."""
+        arrays = {name: change(array) for name, array in self.arrays().items()}
+        return self.with_arrays(arrays)
+
+    def with_arrays(self, arrays: Mapping[str, Any]) -> "Stream":
+        """A stream with some of `arrays()` replaced."""
+        arrays = {**self.arrays(), **arrays}
+        senses = Senses(
+            **{name: arrays[f"senses.{name}"] for name in Senses._fields[:-1]},
+            extra={name: arrays[f"extra.{name}"] for name in self.senses.extra},
+        )
+        air = Air(*(arrays[f"air.{name}"] for name in Air._fields))
+        return replace(self, prior=Belief(arrays["prior.x"], arrays["prior.P"]), senses=senses, air=air)
+
+    def save(self, path: str | Path) -> None:
+        """Write everything into one file."""
+        world = self.world
+        header = {
+            "format": FORMAT,
+            "what": "cooploc stream: arrays are (trial, tick, robot, ...), SI units, nan is absent; see cooploc.scenarios.stream",
+            "scenario": self.scenario,
+            "seed": self.seed,
+            "robots": world.robots,
+            "tick": world.tick,
+            "t0": world.t0,
+            "motion": _described(world.motion),
+            "sensors": {channel: _described(sensor) for channel, sensor in world.sensors.items()},
+            "notes": dict(self.notes),
+            "hashes": self.hashes,
+        }
+        told = {
+            "trial": self.trial,
+            "time": self.time,
+            "arena": world.arena,
+            "anchors": world.anchors,
+            "landmarks": world.landmarks,
+        }
+        _write(Path(path), header, told | self.arrays())
+
+    @classmethod
+    def load(cls, path: str | Path) -> "Stream":
+        """Read a file that `save` wrote.
+
+        Raises:
+            ValueError: it is no stream, of a newer format, or its content does not have the hashes it states.
+
+        """
+        header, arrays = _read(Path(path), "stream")
+        extra = {name.removeprefix("extra."): a for name, a in arrays.items() if name.startswith("extra.")}
+        world = World(
+            robots=header["robots"],
+            tick=header["tick"],
+            t0=header["t0"],
+            arena=arrays["arena"],
+            motion=_revived(header["motion"]),
+            sensors={channel: _revived(d) for channel, d in header["sensors"].items()},
+            anchors=arrays["anchors"],
+            landmarks=arrays["landmarks"],
+        )
+        stream = cls(
+            scenario=header["scenario"],
+            seed=header["seed"],
+            trial=arrays["trial"],
+            time=arrays["time"],
+            world=world,
+            prior=Belief(arrays["prior.x"], arrays["prior.P"]),
+            senses=Senses(**{name: arrays[f"senses.{name}"] for name in Senses._fields[:-1]}, extra=extra),
+            air=Air(*(arrays[f"air.{name}"] for name in Air._fields)),
+            notes=header["notes"],
+        )
+        for i, (stated, found) in enumerate(zip(header["hashes"], stream.hashes, strict=True)):
+            if stated != found:
+                raise ValueError(
+                    f"{path}: trial {stream.trial[i]} is not what was written (its hash differs); get the file again"
+                )
+        return stream
+
+
+def concatenate(streams: list[Stream]) -> Stream:
+    """One stream of the trials of several that describe the same scenario."""
+    parts = [s.arrays() for s in streams]
+    joined = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    return replace(streams[0].with_arrays(joined), trial=np.concatenate([s.trial for s in streams]))
+
+
+def chunks(count: int, size: int) -> Iterator[slice]:
+    """Slices of at most `size` that cover `count`."""
+    return (slice(start, min(start + size, count)) for start in range(0, count, size))
+
+
+def _described(model: Any) -> dict[str, Any]:
+    name = type(model).__name__
+    if MODELS.get(name) is not type(model):
+        raise ValueError(
+            f"a stream with the model {name} cannot be written: only {', '.join(MODELS)} have a description"
+        )
+    return {"model": name, **asdict(model)}
+
+
+def _revived(description: dict[str, Any]) -> Any:
+    parameters = {k: tuple(v) if isinstance(v, list) else v for k, v in description.items() if k != "model"}
+    if description["model"] not in MODELS:
+        raise ValueError(
+            f"the stream names a model {description['model']!r} that this version does not know: update cooploc"
+        )
+    if isinstance(parameters.get("rssi"), dict):
+        parameters["rssi"] = models.LogDistance(**parameters["rssi"])
+    return MODELS[description["model"]](**parameters)
+
+
+def _write(path: Path, header: dict[str, Any], arrays: Mapping[str, Any]) -> None:
+    encoded = np.frombuffer(json.dumps(header, indent=1).encode(), np.uint8)
+    with path.open("wb") as file:
+        np.savez_compressed(file, allow_pickle=False, header=encoded, **dict(arrays))
+
+
+def _read(path: Path, kind: str) -> tuple[dict[str, Any], dict[str, Any]]:
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+        header = json.loads(arrays.pop("header").tobytes())
+        newer = header["format"] > FORMAT
+    except FileNotFoundError:
+        raise ValueError(f"there is no file {path}; name a {kind} that cooploc wrote") from None
+    except Exception as e:
+        raise ValueError(f"{path} is no {kind} file ({type(e).__name__}: {e}); name one that cooploc wrote") from None
+    if newer:
+        raise ValueError(f"{path} has format {header['format']}, this version reads up to {FORMAT}: update cooploc")
+    return header, arrays
