@@ -22,7 +22,7 @@ floors: $(VENV)/.ready
 	$(BIN)/lint-imports --no-cache
 
 units: $(VENV)/.ready
-	$(BIN)/pytest -n 2 --dist worksteal
+	$(BIN)/pytest -n 2 --dist loadgroup
 
 $(VENV)/.ready: requirements.lock pyproject.toml
 	$(PYTHON) -m venv $(VENV)

@@ -1,1 +1,71 @@
-"""..."""
+"""cooploc compares estimators for multi-robot cooperative localization fairly.
+
+    import cooploc as cl
+    truth, stream = cl.simulate("packet-drop/drop=0.7", trials=20, seed=1)
+    run = cl.run({"arl": cl.make("arl"), "mrsl": cl.make("mrsl-rssi", particles=500)}, stream)
+    errors = cl.errors(truth, run)
+    cl.compare(errors, baseline="arl")
+    cl.plot.rmse(errors)
+
+Names are imported when they are first used, so that `cooploc --help` does not wait for pandas.
+"""
+
+from importlib import import_module
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from cooploc.analysis import plot as plot
+    from cooploc.analysis.compare import compare as compare
+    from cooploc.analysis.compare import summarize as summarize
+    from cooploc.analysis.errors import errors as errors
+    from cooploc.estimators import make as make
+    from cooploc.estimators.bad_input import BadInput as BadInput
+    from cooploc.estimators.interface import Belief as Belief
+    from cooploc.estimators.interface import Estimator as Estimator
+    from cooploc.estimators.interface import Mail as Mail
+    from cooploc.estimators.interface import Rows as Rows
+    from cooploc.estimators.interface import Senses as Senses
+    from cooploc.estimators.interface import TeamEstimator as TeamEstimator
+    from cooploc.estimators.interface import Traffic as Traffic
+    from cooploc.estimators.interface import World as World
+    from cooploc.estimators.lift import PerRobot as PerRobot
+    from cooploc.scenarios import simulate as simulate
+    from cooploc.scenarios.check import check_estimator as check_estimator
+    from cooploc.scenarios.runner import EstimatorError as EstimatorError
+    from cooploc.scenarios.runner import Misfit as Misfit
+    from cooploc.scenarios.runner import Run as Run
+    from cooploc.scenarios.runner import run as run
+    from cooploc.scenarios.stream import Stream as Stream
+    from cooploc.scenarios.stream import Truth as Truth
+
+# name -> the module that holds it, or is it
+_HOME = {
+    "BadInput": "estimators.bad_input",
+    **dict.fromkeys(
+        ("Belief", "Estimator", "Mail", "Rows", "Senses", "TeamEstimator", "Traffic", "World"), "estimators.interface"
+    ),
+    "PerRobot": "estimators.lift",
+    "make": "estimators",
+    "simulate": "scenarios",
+    "check_estimator": "scenarios.check",
+    **dict.fromkeys(("EstimatorError", "Misfit", "Run", "run"), "scenarios.runner"),
+    **dict.fromkeys(("Stream", "Truth"), "scenarios.stream"),
+    **dict.fromkeys(("compare", "summarize"), "analysis.compare"),
+    "errors": "analysis.errors",
+    "plot": "analysis.plot",
+}
+__version__ = version("cooploc")
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'cooploc' has no attribute {name!r}")
+    module = import_module(f"cooploc.{_HOME[name]}")
+    found = module if name == "plot" else getattr(module, name)
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return [*_HOME, "__version__"]

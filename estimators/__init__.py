@@ -14,6 +14,8 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
+from cooploc.estimators.bad_input import BadInput
+
 GROUP = "cooploc.estimators"
 
 # name -> where it is, and the parameters that make it that
@@ -37,36 +39,36 @@ def make(name: str, **parameters: Any) -> Any:
     """An estimator by name, `make("mrsl-rssi", particles=500)` or `make("mrsl-rssi[particles=500]")`.
 
     Raises:
-        ValueError: an unknown name or parameter, or a value that does not fit; says the nearest known one.
+        BadInput: an unknown name or parameter, or a value that does not fit; says the nearest known one.
 
     """
     name, written = parse(name)
     cls, preset = _find(name)
     given = {**preset, **written, **parameters}
     if not (is_dataclass(cls) and isinstance(cls, type)):
-        raise ValueError(f"estimator {name!r} is not a dataclass of parameters: pass an instance to cl.run instead")
+        raise BadInput(f"estimator {name!r} is not a dataclass of parameters: pass an instance to cl.run instead")
     known = [f.name for f in fields(cls) if f.init and f.name != "uses"]
     for key in given:
         if key not in known:
-            raise ValueError(f"estimator {name!r} has no parameter {key!r}; {nearest(key, known)}")
+            raise BadInput(f"estimator {name!r} has no parameter {key!r}; {nearest(key, known)}")
     try:
         return TypeAdapter(cls).validate_python(given)
     except ValidationError as e:
         first = e.errors()[0]
         where = ".".join(str(part) for part in first["loc"]) or "its parameters"
-        raise ValueError(f"estimator {name!r}, {where}: {first['msg']}") from None
+        raise BadInput(f"estimator {name!r}, {where}: {first['msg']}") from None
 
 
 def parse(configured: str) -> tuple[str, dict[str, str]]:
     """`mrsl-rssi[particles=500,own=rssi]` as its name and its parameters."""
     match = re.fullmatch(r"\s*([^\[\]\s]+)\s*(?:\[([^\[\]]*)\])?\s*", configured)
     if match is None:
-        raise ValueError(f"cannot read the estimator {configured!r}; write it like mrsl-rssi[particles=500,own=rssi]")
+        raise BadInput(f"cannot read the estimator {configured!r}; write it like mrsl-rssi[particles=500,own=rssi]")
     parameters = {}
     for item in filter(None, (part.strip() for part in (match[2] or "").split(","))):
         key, equals, value = (part.strip() for part in item.partition("="))
         if not (key and equals and value):
-            raise ValueError(f"cannot read {item!r} in the estimator {configured!r}; write name=value")
+            raise BadInput(f"cannot read {item!r} in the estimator {configured!r}; write name=value")
         parameters[key] = value
     return match[1], parameters
 
@@ -109,8 +111,8 @@ def _find(name: str) -> tuple[Any, dict[str, Any]]:
         return getattr(import_module(module), attribute), preset
     plugins = _plugins()
     if name not in plugins:
-        raise ValueError(f"there is no estimator {name!r}; {nearest(name, names())}")
+        raise BadInput(f"there is no estimator {name!r}; {nearest(name, names())}")
     try:
         return plugins[name].load(), {}
     except Exception as e:
-        raise ValueError(f"the plug-in estimator {name!r} ({plugins[name].value}) cannot be imported: {e}") from e
+        raise BadInput(f"the plug-in estimator {name!r} ({plugins[name].value}) cannot be imported: {e}") from e

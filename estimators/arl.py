@@ -34,7 +34,7 @@ class Arl(own.Settings):
         return np.empty((len(s.x), 0))
 
     def fuse(self, s: own.Own, z: Senses, mail: Mail) -> own.Own:
-        return own.finish(s)
+        return own.finish(self, s)
 
     def estimate(self, s: own.Own) -> Belief:
-        return own.estimate(self, s)
+        return s.belief

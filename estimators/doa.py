@@ -15,9 +15,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.special import erfcx
+from scipy.special import erfcx, log_ndtr
 
 from cooploc.estimators.angles import wrap
+from cooploc.estimators.bad_input import BadInput
 from cooploc.estimators.interface import Array, Senses, Sensor, World
 from cooploc.estimators.models import NEAR, LogDistance
 
@@ -36,7 +37,8 @@ class GradientDoa:
     def anchors(self) -> Array:
         """N1 .. N4 (4, 2) [m]."""
         a, b = self.sides
-        return np.array(self.corner) + np.array([[0, 0], [0, b], [a, b], [a, 0]])
+        corners: Array = np.array(self.corner) + np.array([[0, 0], [0, b], [a, b], [a, 0]])
+        return corners
 
     @property
     def sigma(self) -> float:
@@ -91,16 +93,15 @@ class GradientDoa:
         u = np.stack([np.cos(angle) * a, np.sin(angle) * b], -1) / self.rssi.sigma
         A = (u**2).sum(-1)
         t = (u * mu).sum(-1) / np.sqrt(A)
-        mills = np.sqrt(np.pi / 2) * erfcx(-t / np.sqrt(2))  # Phi(t) / phi(t), finite for every t that matters
-        bracket = np.maximum(1 + t * np.minimum(mills, 1e300), np.finfo(float).tiny)
-        return np.log(a * b / self.rssi.sigma**2 / (2 * np.pi * A)) - 0.5 * (mu**2).sum(-1) + np.log(bracket)
+        density: Array = np.log(a * b / self.rssi.sigma**2 / (2 * np.pi * A)) - 0.5 * (mu**2).sum(-1) + _log_tail(t)
+        return density
 
 
 def gradient_doa(world: World) -> GradientDoa:
     """The DOA sensor of a world.
 
     Raises:
-        ValueError: the world's anchors are not four corners in the order (0,0) (0,b) (a,b) (a,0).
+        BadInput: the world's anchors are not four corners in the order (0,0) (0,b) (a,b) (a,0).
 
     """
     rssi, anchors = world.sensors["anchor_rssi"], world.anchors
@@ -109,7 +110,7 @@ def gradient_doa(world: World) -> GradientDoa:
         doa = GradientDoa(rssi, (ax, ay), (bx - ax, by - ay))
         if np.allclose(doa.anchors, anchors) and min(doa.sides) > 0:
             return doa
-    raise ValueError(
+    raise BadInput(
         f"a gradient DOA needs four corner anchors in the order (0,0) (0,b) (a,b) (a,0) and a LogDistance sensor; this "
         f"world has {len(anchors)} anchors and {type(rssi).__name__}: use own='rssi' there"
     )
@@ -124,6 +125,16 @@ def fixed(world: World, z: Senses, own: str) -> Iterator[tuple[Sensor, Array, Ar
     angle = doa.measure(z.anchor_rssi)[..., None]
     if not np.isnan(angle).all():
         yield doa, NOWHERE, angle
+
+
+def _log_tail(t: Array) -> Array:
+    """log(1 + t Phi(t) / phi(t)), in the form that neither overflows above 0 nor cancels below."""
+    below = 1 + t * np.sqrt(np.pi / 2) * erfcx(-np.minimum(t, 0.0) / np.sqrt(2))
+    positive = np.maximum(t, np.finfo(float).tiny)
+    above = np.log(positive) + log_ndtr(positive) + 0.5 * positive**2 + 0.5 * np.log(2 * np.pi)
+    log_sum = np.maximum(above, 0.0) + np.log1p(np.exp(-np.abs(above)))  # of 1 and exp(above); lets nan pass quietly
+    tail: Array = np.where(t > 0, log_sum, np.log(np.maximum(below, np.finfo(float).tiny)))
+    return tail
 
 
 def _angle(g: Array) -> Array:

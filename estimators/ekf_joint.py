@@ -5,7 +5,8 @@ Plainly linearised ranges make 1 to 2 % of robots diverge, so each relative read
 ranges carry the mean shift and variance of their second-order term (`second_order`).
 
 Sources: S. Roumeliotis, G. Bekey, "Distributed multirobot localization", IEEE T-RA 18(5), 2002; Y. Bar-Shalom, X. Li,
-T. Kirubarajan, "Estimation with applications to tracking and navigation", 2001, sec. 10.3 (second order), 10.5.2 (iterated).
+T. Kirubarajan, "Estimation with applications to tracking and navigation", 2001, secs. 10.3 (second order) and 10.5.2
+(iterated).
 """
 
 from dataclasses import dataclass

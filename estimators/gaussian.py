@@ -23,7 +23,7 @@ class Predict(Protocol):
 
 
 class Update(Protocol):
-    """x + K y, (I - K H) P (I - K H)' + K R K'; rows with an absent (nan) or gated reading are returned bit-identical."""
+    """x + K y, (I - K H) P (I - K H)' + K R K'; rows whose reading is absent (nan) or gated come back bit-identical."""
 
     def __call__(self, x: Array, P: Array, y: Array, H: Array, R: Array, gate: float) -> tuple[Array, Array]: ...
 
@@ -42,8 +42,8 @@ def symmetric(P: Array) -> Array:
 
 def present(y: Array, H: Array, R: Array) -> Mask:
     """Rows (...) whose reading, Jacobian and noise are all there."""
-    absent: Mask = np.isnan(y).any(-1) | np.isnan(H).any((-2, -1)) | np.isnan(R).any((-2, -1))
-    return ~absent
+    finite: Mask = np.asarray(~(np.isnan(y).any(-1) | np.isnan(H).any((-2, -1)) | np.isnan(R).any((-2, -1))))
+    return finite
 
 
 def kalman(x: Array, P: Array, y: Array, H: Array, R: Array, gate: float = np.inf) -> tuple[Array, Array]:

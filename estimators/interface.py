@@ -101,7 +101,7 @@ class Sensor(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """What the whole team is told, the same for every estimator. The models are *assumed* ones; the truth is elsewhere."""
+    """What the whole team is told, the same for every estimator. The models are assumed ones; the truth is not here."""
 
     robots: int
     tick: float  # [s]
@@ -112,8 +112,14 @@ class World:
     landmarks: Array = field(default_factory=lambda: np.zeros((0, 2)))  # (l, 2) [m]
     t0: float = 0.0  # time of the prior [s]
 
+    def __post_init__(self) -> None:
+        for name in ("arena", "anchors", "landmarks"):
+            array = np.array(getattr(self, name), float)
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+
     def fixed(self, z: Senses) -> Iterator[tuple[Sensor, Array, Array]]:
-        """Readings of fixed things as (sensor, place (2,), reading (r, k)), anchors first; wholly absent ones are left out."""
+        """Readings of fixed things as (sensor, place (2,), reading (r, k)), anchors first; absent ones are left out."""
         rssi, sighted = self.sensors.get("anchor_rssi"), self.sensors.get("landmark")
         if rssi is not None:
             yield from _present((rssi, q, z.anchor_rssi[..., i, None]) for i, q in enumerate(self.anchors))
@@ -146,8 +152,8 @@ S = TypeVar("S")
 class Estimator(Protocol[S]):
     """What one robot runs.
 
-    `uses` names the channels in order: Senses fields, `radio_rssi`, `radio_range`, or keys of `extra`. "a|b" takes the
-    first that the stream has, "a?" is optional. Everything else is hidden by the runner, so the declaration is enforced.
+    `uses` names the channels in order: Senses fields, `radio_rssi`, `radio_range`, or keys of `extra`. "a|b" takes
+    the first that the stream has, "a?" is optional. The runner hides everything else, so the declaration is enforced.
     """
 
     api: ClassVar[int]

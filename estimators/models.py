@@ -25,10 +25,11 @@ class Displacement:
     def move(self, x: Array, u: Array, dt: Array) -> tuple[Array, Array, Array]:
         """x' = x + u,  F = I,  Q = sigma^2 dt/tick I on the position."""
         d = x.shape[-1]
-        F = np.broadcast_to(np.eye(d), (*x.shape, d))
+        moved = _add_position(x, _known(u))
         on_position = np.diag(np.arange(d) < 2).astype(float)
         Q = self._variance(dt)[..., None, None] * on_position
-        return _add_position(x, _known(u)), F, Q
+        shape = (*moved.shape, d)
+        return moved, np.broadcast_to(np.eye(d), shape), np.broadcast_to(Q, shape)
 
     def sample(self, x: Array, u: Array, dt: Array, noise: Array) -> Array:
         return _add_position(x, _known(u) + np.sqrt(self._variance(dt))[..., None] * noise)
@@ -145,7 +146,7 @@ class Range:
         delta, d = _offset(x, q)
         d = np.maximum(d, TOO_NEAR_TO_RANGE)
         t = np.stack([-delta[..., 1], delta[..., 0]], -1) / d
-        across = np.einsum("...a,...ab,...b->...", t, D, t)[..., None] / d
+        across = (t * (D @ t[..., None])[..., 0]).sum(-1, keepdims=True) / d
         return across / 2, (across**2 / 2)[..., None]
 
 
@@ -196,7 +197,8 @@ def _known(u: Array) -> Array:
 
 
 def _add_position(x: Array, step: Array) -> Array:
-    return np.concatenate([x[..., :2] + step, np.broadcast_to(x[..., 2:], (*step.shape[:-1], x.shape[-1] - 2))], -1)
+    position = x[..., :2] + step
+    return np.concatenate([position, np.broadcast_to(x[..., 2:], (*position.shape[:-1], x.shape[-1] - 2))], -1)
 
 
 def _matrix(rows: list[list[Array]]) -> Array:

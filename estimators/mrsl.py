@@ -2,7 +2,8 @@
 
 A robot sends the mean and covariance of its belief as it stood before this tick's fusion, so nothing depends on the
 order of arrival. Whoever hears it multiplies in the likelihood of the radio reading of that packet, with the sender's
-position integrated out. The product treats beliefs as independent, which they are not once robots have heard each other.
+position integrated out. The product treats beliefs as independent, which they are no longer once robots have heard each
+other.
 
 Source: E. Latif, R. Parasuraman, "Multi-Robot Synergistic Localization in Dynamic Environments", eqs. (6)-(9).
 """
@@ -52,12 +53,13 @@ class Mrsl(own.Settings):
             y, _, J = sensor.innovation(s.x, x_j[:, None, :], reading[:, None, :])
             v = sensor.R[0, 0] + np.zeros_like(y[..., 0])
             if self.neighbours == "integrate":
-                v = v + np.einsum("rna,rab,rnb->rn", J[..., 0, :], P_j, J[..., 0, :])
+                J = J[..., 0, :]  # (r, N, 2)
+                v = v + ((J @ P_j) * J).sum(-1)
             total = total + own.log_likelihood(y[..., 0], v)
-        return own.finish(s._replace(logw=total))
+        return own.finish(self, s._replace(logw=total))
 
     def estimate(self, s: own.Own) -> Belief:
-        return own.estimate(self, s)
+        return s.belief
 
 
 def unpack(packet: Array) -> tuple[Array, Array]:

@@ -44,6 +44,7 @@ class Own(NamedTuple):
 
     x: Array  # (r, N, d)  particles
     logw: Array  # (r, N)     log-weights, unnormalised
+    belief: Belief  # x (r, d), P (r, d, d)  what was concluded last, before resampling blurred it
     key: Keys  # (r, 2)
     tick: int
     doa: Array  # (r, K)     raw angles [rad]
@@ -53,12 +54,13 @@ class Own(NamedTuple):
 
 
 def init(p: Settings, prior: Belief, world: World, rows: Rows) -> Own:
+    """Particles drawn from the prior, and empty memories."""
     if p.own == "doa":
         gradient_doa(world)  # refuses a world without four corners before anything runs
     r = len(prior.x)
     x = spread(prior, rows.key, p.particles)
     empty = np.full((r, p.K), np.nan), np.full((r, p.M), np.nan), np.zeros((r, p.M, 2))
-    return Own(x, np.zeros(x.shape[:2]), rows.key, 0, *empty, world)
+    return Own(x, np.zeros(x.shape[:2]), prior, rows.key, 0, *empty, world)
 
 
 def predict(p: Settings, s: Own, z: Senses) -> Own:
@@ -84,19 +86,17 @@ def correct(p: Settings, s: Own, z: Senses) -> Own:
     return s._replace(logw=s.logw + _window_likelihood(p, s, doa))
 
 
-def finish(s: Own) -> Own:
-    """Resample where it is due, after everything heard was used."""
-    x, logw = renew(s.x, s.logw, s.key, s.tick)
-    return s._replace(x=x, logw=logw)
+def finish(p: Settings, s: Own) -> Own:
+    """Conclude, then resample where it is due, after everything heard was used.
 
-
-def estimate(p: Settings, s: Own) -> Belief:
-    """The weighted mean and covariance; with point="max" the particle of largest weight instead of the mean."""
+    The belief is the weighted mean and covariance; with point="max" the particle of largest weight instead of the mean.
+    """
     belief = moments(s.x, weights(s.logw))
-    if p.point == "mean":
-        return belief
-    best = np.take_along_axis(s.x, s.logw.argmax(-1)[:, None, None], 1)[:, 0]
-    return Belief(best, belief.P)
+    if p.point == "max":
+        best = s.logw.argmax(-1)[:, None, None]
+        belief = belief._replace(x=np.take_along_axis(s.x, best, 1)[:, 0])
+    x, logw = renew(s.x, s.logw, s.key, s.tick)
+    return s._replace(x=x, logw=logw, belief=belief)
 
 
 def log_likelihood(y: Array, v: Array) -> Array:

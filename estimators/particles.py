@@ -20,7 +20,7 @@ def spread(prior: Belief, key: Keys, n: int) -> Array:
 
 
 def weights(logw: Array) -> Array:
-    """Normalised weights (r, n). A row whose every log-weight is -inf starts again from equal weights; nan stays nan."""
+    """Normalised weights (r, n). A row of nothing but -inf starts again from equal weights; nan stays nan."""
     top = logw.max(-1, keepdims=True)
     w = np.exp(np.where(top == -np.inf, 0.0, logw - np.maximum(top, np.finfo(float).min)))
     normalised: Array = w / w.sum(-1, keepdims=True)
@@ -46,6 +46,7 @@ def moments(x: Array, w: Array) -> Belief:
 def renew(x: Array, logw: Array, key: Keys, tick: int) -> tuple[Array, Array]:
     """Resampled particles and their log-weights; rows with an effective sample size of n/2 or more stay as they are."""
     n, d = x.shape[1:]
+    logw = np.where(logw.max(-1, keepdims=True) == -np.inf, 0.0, logw)  # a row that lost everything starts again
     w = weights(logw)
     poor = 1 / (w**2).sum(-1) < n / 2
     if not poor.any():

@@ -13,9 +13,11 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, Protocol
 
+import numpy as np
 from pydantic import ValidationError
 
 from cooploc.estimators import nearest, parse
+from cooploc.estimators.bad_input import BadInput
 from cooploc.estimators.interface import World
 from cooploc.scenarios.stream import Stream, Truth
 
@@ -29,7 +31,7 @@ class Scenario(Protocol):
 
     def simulate(self, label: str, trials: Sequence[int], seed: int, world: World) -> tuple[Truth, Stream]: ...
 
-    def model_dump(self) -> dict[str, Any]: ...
+    def model_dump(self, *, mode: str = ..., exclude: set[str] = ...) -> dict[str, Any]: ...
 
 
 @dataclass(frozen=True)
@@ -45,18 +47,39 @@ class Family:
 
 
 PAPER = "cooploc.scenarios.paper:Paper"
+WALLS = ((2.0, 1.0, 2.0, 3.5), (3.5, 4.0, 5.0, 4.0))
+# What the real logs look like: 4.4 dB and lag-1 correlation 0.55 in all, of which 1 dB and the rounding are white.
+HARDWARE = {"eta": 1.4, "shadowing": 4.275, "shadow_correlation": 0.583, "rounding": 1.0}
 
 BUILTIN: dict[str, Family] = {
     "robots-1-3": Family("one to three robots in the 6 m arena", PAPER, sweep={"n": "robots"}),
     "trajectory": Family("three robots in the 6 m arena", PAPER),
     "scalability": Family("one to a hundred robots in the 6 m arena", PAPER, sweep={"n": "robots"}),
     "packet-drop": Family("five robots that lose packets", PAPER, {"robots": 5, "drop": 0.7}, {"drop": "drop"}),
+    "nlos": Family(
+        "three robots, two walls and three wandering obstacles; bias: of ranges without line of sight [m]",
+        PAPER,
+        {"walls": WALLS, "obstacles": 3},
+        {"bias": "nlos_range_bias", "n": "robots"},
+    ),
     "arena-60m": Family(
         "three robots in a 60 m arena, by the spread of the prior",
         PAPER,
         {"side": 60.0, "step": 1.0, "odometry_sigma": 0.2},
         {"sd": "prior_sigma"},
     ),
+    "asynchrony": Family(
+        "three robots that wake in every, every other and every fourth tick; samples: readings averaged in a tick",
+        PAPER,
+        {"rate": (1.0, 0.5, 0.25), "phase": (0.0, 0.5, 0.25)},
+        {"samples": "samples"},
+    ),
+    "anchors": Family("three robots and 3 to 8 nodes along the rim", PAPER, sweep={"a": "anchors"}),
+    "radio-range": Family("three robots that hear nodes and each other up to r [m]", PAPER, sweep={"r": "radio_range"}),
+    "hardware": Family(
+        "shadowing with memory, rounded readings: what real logs look like", PAPER, HARDWARE, {"n": "robots"}
+    ),
+    "body-blocking": Family("robots of the team block links too", PAPER, {"body_blocking": True}, {"n": "robots"}),
     "camera": Family(
         "simulated wheeled robots that see landmarks and each other",
         "cooploc.scenarios.camera:Camera",
@@ -80,7 +103,7 @@ def family(label: str) -> Family:
     """The family that a label belongs to.
 
     Raises:
-        ValueError: there is none, or its plug-in cannot be imported.
+        BadInput: there is none, or its plug-in cannot be imported.
 
     """
     name = parse(label)[0].partition("/")[0]
@@ -88,13 +111,13 @@ def family(label: str) -> Family:
         return BUILTIN[name]
     plugins = _plugins()
     if name not in plugins:
-        raise ValueError(f"there is no scenario {name!r}; {nearest(name, names())}")
+        raise BadInput(f"there is no scenario {name!r}; {nearest(name, names())}")
     try:
         found = plugins[name].load()
     except Exception as e:
-        raise ValueError(f"the plug-in scenario {name!r} ({plugins[name].value}) cannot be imported: {e}") from e
+        raise BadInput(f"the plug-in scenario {name!r} ({plugins[name].value}) cannot be imported: {e}") from e
     if not isinstance(found, Family):
-        raise ValueError(f"the plug-in scenario {name!r} ({plugins[name].value}) is no cooploc Family")
+        raise BadInput(f"the plug-in scenario {name!r} ({plugins[name].value}) is no cooploc Family")
     return found
 
 
@@ -102,7 +125,7 @@ def scenario(label: str, **overrides: Any) -> Scenario:
     """The world of a label, with parameters overridden.
 
     Raises:
-        ValueError: an unknown scenario, variant or parameter, or a value that does not fit.
+        BadInput: an unknown scenario, variant or parameter, or a value that does not fit.
 
     """
     found = family(label)
@@ -113,12 +136,12 @@ def scenario(label: str, **overrides: Any) -> Scenario:
     given: dict[str, Any] = {**found.base, **_chosen(found, name, which), **written, **overrides}
     for key in given:
         if key not in cls.model_fields:
-            raise ValueError(f"scenario {name!r} has no parameter {key!r}; {nearest(key, list(cls.model_fields))}")
+            raise BadInput(f"scenario {name!r} has no parameter {key!r}; {nearest(key, list(cls.model_fields))}")
     try:
         made: Scenario = cls(**given)
     except ValidationError as e:
         first = e.errors()[0]
-        raise ValueError(f"scenario {label!r}, {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
+        raise BadInput(f"scenario {label!r}, {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
     return made
 
 
@@ -142,21 +165,30 @@ def simulate(
         overrides: parameters of the scenario; they become part of its label.
 
     Raises:
-        ValueError: anything unknown, out of bounds, or missing; one line that says what to do.
+        BadInput: anything unknown, out of bounds, or missing; one line that says what to do.
 
     """
     count = range(trials) if isinstance(trials, int) else trials
     if len(count) == 0 or min(count) < 0:
-        raise ValueError(f"trials is {trials!r}; it must be at least 1")
+        raise BadInput(f"trials is {trials!r}; it must be at least 1")
     if seed < 0:
-        raise ValueError(f"seed is {seed}; it must not be negative")
+        raise BadInput(f"seed is {seed}; it must not be negative")
     if family(label).recorded:
         if data is None:
-            raise ValueError(f"scenario {label!r} is a recording; say where it lies with data= (or --data DIR)")
+            raise BadInput(f"scenario {label!r} is a recording; say where it lies with data= (or --data DIR)")
         overrides = {**overrides, "data": data}
     made = scenario(label, **overrides)
-    told = scenario(label, **overrides, **(assumed or {})).world() if assumed else made.world()
+    told = _told(label, made.world(), overrides, assumed) if assumed else made.world()
     return made.simulate(labelled(label, overrides), list(count), seed, told)
+
+
+def _told(label: str, true: World, overrides: Mapping[str, Any], assumed: Mapping[str, Any]) -> World:
+    """The world of other parameters, where it differs in nothing that the shape or the clock of the readings shows."""
+    told = scenario(label, **{**overrides, **assumed}).world()
+    for what in ("robots", "tick", "t0", "arena", "anchors", "landmarks"):
+        if not np.array_equal(getattr(told, what), getattr(true, what)):
+            raise BadInput(f"assumed={dict(assumed)!r} would change the world's {what}: make it an override instead")
+    return told
 
 
 def labelled(label: str, overrides: Mapping[str, Any]) -> str:
@@ -175,7 +207,7 @@ def plugin_errors() -> dict[str, str]:
         else:
             try:
                 family(name)
-            except ValueError as e:
+            except BadInput as e:
                 errors[name] = str(e)
     return errors
 
@@ -194,4 +226,4 @@ def _chosen(found: Family, name: str, which: str) -> Mapping[str, Any]:
     if equals and key in found.sweep:
         return {found.sweep[key]: value}
     known = [*found.variants, *(f"{key}=..." for key in found.sweep)]
-    raise ValueError(f"scenario {name!r} has no {which!r}; known are {', '.join(known) or 'none'}")
+    raise BadInput(f"scenario {name!r} has no {which!r}; known are {', '.join(known) or 'none'}")

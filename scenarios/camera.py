@@ -1,7 +1,8 @@
 """A simulated camera world in the manner of MRCLAM: wheeled robots that see landmarks and each other.
 
 Here the truth of every model is known, so it shows whether an estimator is consistent before real robots blur the
-question, and it gives the conformance checks a world with headings. A robot that would leave the arena turns on the spot.
+question, and it gives the conformance checks a world with headings. A robot that would leave the arena turns on the
+spot.
 """
 
 from collections.abc import Sequence
@@ -10,7 +11,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from cooploc.estimators.angles import wrap
+from cooploc.estimators.angles import wrap, wrap_heading
 from cooploc.estimators.interface import Array, Belief, Senses, World
 from cooploc.estimators.models import Sighting, Unicycle
 from cooploc.scenarios.paper import Positive, Sigma
@@ -77,7 +78,7 @@ class Camera(BaseModel):
         rng = generator(seed, k, Purpose.SENSORS)
         n = self.robots
         spread = [self.prior_position, self.prior_position, self.prior_heading]
-        prior = start + rng.normal(0, 1, (n, 3)) * spread
+        prior = wrap_heading(start + rng.normal(0, 1, (n, 3)) * spread)
         odometry = u + rng.normal(0, 1, u.shape) * [self.sigma_v, self.sigma_omega]
         landmark = self._see(rng, path, np.broadcast_to(self._places(), (self.ticks, self.landmarks, 2)))
         sighting = self._see(rng, path, path[..., :2])
@@ -98,8 +99,8 @@ class Camera(BaseModel):
         dt = np.full(n, self.tick)
         for k in range(T):
             ahead, _, _ = exact.move(x, u[k], dt)
-            out = ((ahead[:, :2] < 0) | (ahead[:, :2] > self.side)).any(-1)
-            u[k] = np.where(out[:, None], [0.0, 1.0], u[k])
+            out = np.any((ahead[:, :2] < 0) | (ahead[:, :2] > self.side), axis=-1)
+            u[k, out] = 0.0, 1.0
             x, _, _ = exact.move(x, u[k], dt)
             path[k] = x
         return start, path, u

@@ -6,12 +6,13 @@ Every estimator gets the same arrays, read-only, and loses the same packets. The
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from time import perf_counter
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, Traffic
+from cooploc.estimators.bad_input import BadInput
+from cooploc.estimators.interface import Array, Belief, Indices, Mail, Rows, Senses, Traffic
 from cooploc.scenarios import seeds
 from cooploc.scenarios.stream import Stream
 
@@ -20,7 +21,7 @@ HEADER = 8  # bytes a packet costs beside its payload
 SENSED = ("odometry", "anchor_rssi", "landmark", "sighting")
 
 
-class Misfit(ValueError):
+class Misfit(BadInput):
     """An estimator that cannot run on a stream, with the reason."""
 
 
@@ -46,7 +47,7 @@ class Run:
 
     scenario: str
     seed: int
-    trial: Array  # (t,)
+    trial: Indices  # (t,)
     hashes: tuple[str, ...]  # of the stream's trials
     traces: Mapping[str, Trace] = field(default_factory=dict)
 
@@ -128,9 +129,8 @@ def visible(name: str, estimator: Any, stream: Stream) -> Stream:
 
     """
     if getattr(estimator, "api", None) != API:
-        raise Misfit(
-            f"{name} is written for interface {getattr(estimator, 'api', None)!r}; this runner speaks {API}: set api = {API}"
-        )
+        found = getattr(estimator, "api", None)
+        raise Misfit(f"{name} is written for interface {found!r}, this runner speaks {API}: set api = {API}")
     used = resolve(name, tuple(estimator.uses), stream)
     senses = stream.senses
     shown = senses._replace(
@@ -184,7 +184,7 @@ class _Drive:
 
     def _at(self, a: Array, k: int, flat: bool) -> Array:
         tick = a[:, k]
-        return _frozen(tick.reshape(len(tick) * self.stream.robots, *tick.shape[2:]) if flat else tick)
+        return cast(Array, _frozen(tick.reshape(len(tick) * self.stream.robots, *tick.shape[2:]) if flat else tick))
 
     def _pairs(self, a: Array) -> Array:
         """A hidden radio channel reads nan everywhere."""
@@ -198,7 +198,7 @@ class _Drive:
         for what, array, shape in (("x", belief.x, (*lead, d)), ("P", belief.P, (*lead, d, d))):
             if np.shape(array) != shape:
                 raise EstimatorError(
-                    f"{self.name}: estimate() returned {what} of shape {np.shape(array)} at tick {k}; it must be {shape}"
+                    f"{self.name}: estimate() returned {what} of shape {np.shape(array)} at tick {k}, not {shape}"
                 )
         return Belief(*belief)
 
@@ -226,20 +226,22 @@ class _Robots(_Drive):
         link, rssi, distance = self.air(k)
         if not (sent.ndim in (2, 3) and len(sent) == t * n and (sent.ndim == 2 or sent.shape[1] == n)):
             raise EstimatorError(
-                f"{self.name}: send() returned shape {sent.shape} at tick {k}; it must be ({t * n}, m) or ({t * n}, {n}, m)"
+                f"{self.name}: send() returned shape {sent.shape} at tick {k}, not ({t * n}, m) or ({t * n}, {n}, m)"
             )
         m = sent.shape[-1]
         if sent.ndim == 2:
             wire = sent.reshape(t, 1, n, m)  # axis 2 is the sender
-            said = np.isfinite(sent).reshape(t, n, m)
+            said = ~np.isnan(sent).reshape(t, n, m)
         else:
             wire = sent.reshape(t, n, n, m).swapaxes(1, 2)  # (trial, addressee, sender, m)
-            said = np.isfinite(sent).reshape(t, n, n, m) & ~np.eye(n, dtype=bool)[..., None]
+            said = ~np.isnan(sent).reshape(t, n, n, m) & ~np.eye(n, dtype=bool)[..., None]
+        awake = self.stream.senses.dt[:, k] > 0  # a robot that sleeps sends nothing
+        said &= awake.reshape(t, n, *[1] * (said.ndim - 2))
         spoke = said.any(-1)
         words = said.sum(-1) * sent.itemsize + HEADER * spoke
         traffic = Traffic(spoke.reshape(t, n, -1).sum(-1).astype(float), words.reshape(t, n, -1).sum(-1).astype(float))
         heard = link & ~np.isnan(wire).all(-1) if m else np.zeros((t, n, n), bool)
-        packets = np.where(heard[..., None], wire, np.nan)
+        packets = np.where(heard[..., None] & ~np.isnan(wire), wire, np.nan)  # no message in the bits of a nan
         parts = heard, packets, np.where(heard, rssi, np.nan), np.where(heard, distance, np.nan)
         return Mail(*(_frozen(a.reshape(t * n, *a.shape[2:])) for a in parts)), traffic
 
@@ -285,8 +287,5 @@ def _demand_finite(name: str, stream: Stream, x: Array, P: Array) -> None:
 
 
 def _frozen(a: Any) -> Any:
-    """The array, not writeable."""
-    if a.flags.writeable:
-        a = a.view()
-        a.flags.writeable = False
-    return a
+    """A copy that cannot be written to, nor lead back to what it was cut from: other channels, trials and ticks."""
+    return np.frombuffer(a.tobytes(), a.dtype).reshape(a.shape)

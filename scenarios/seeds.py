@@ -14,6 +14,7 @@ class Purpose(IntEnum):
     SENSORS = 1
     NETWORK = 2
     ESTIMATOR = 3
+    OBSTACLES = 4
 
 
 def generator(seed: int, trial: int, purpose: Purpose) -> np.random.Generator:

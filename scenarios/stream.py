@@ -7,7 +7,7 @@ plain arrays (numpy's npz, no pickle) whose member `header` is JSON.
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -16,10 +16,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cooploc.estimators import doa, models
+from cooploc.estimators.bad_input import BadInput
 from cooploc.estimators.interface import Array, Belief, Indices, Mask, Senses, World
 
 FORMAT = 1
-MODELS = {
+MODELS: dict[str, Callable[..., Any]] = {
     cls.__name__: cls
     for cls in (
         models.Displacement,
@@ -144,7 +145,7 @@ class Stream:
         world = self.world
         header = {
             "format": FORMAT,
-            "what": "cooploc stream: arrays are (trial, tick, robot, ...), SI units, nan is absent; see cooploc.scenarios.stream",
+            "what": "cooploc stream: arrays are (trial, tick, robot, ...), SI units, nan is absent",
             "scenario": self.scenario,
             "seed": self.seed,
             "robots": world.robots,
@@ -173,6 +174,24 @@ class Stream:
 
         """
         header, arrays = _read(Path(path), "stream")
+        try:
+            stream = cls._assembled(header, arrays)
+            stated = list(zip(header["hashes"], stream.hashes, strict=True))
+        except (KeyError, TypeError, ValueError) as e:
+            if isinstance(e, BadInput):
+                raise
+            raise BadInput(
+                f"{path} is incomplete or inconsistent ({type(e).__name__}: {e}); get the file again"
+            ) from None
+        for i, (written, found) in enumerate(stated):
+            if written != found:
+                raise BadInput(
+                    f"{path}: trial {stream.trial[i]} is not what was written (hash differs); get the file again"
+                )
+        return stream
+
+    @classmethod
+    def _assembled(cls, header: dict[str, Any], arrays: dict[str, Any]) -> "Stream":
         extra = {name.removeprefix("extra."): a for name, a in arrays.items() if name.startswith("extra.")}
         world = World(
             robots=header["robots"],
@@ -184,7 +203,7 @@ class Stream:
             anchors=arrays["anchors"],
             landmarks=arrays["landmarks"],
         )
-        stream = cls(
+        return cls(
             scenario=header["scenario"],
             seed=header["seed"],
             trial=arrays["trial"],
@@ -195,16 +214,16 @@ class Stream:
             air=Air(*(arrays[f"air.{name}"] for name in Air._fields)),
             notes=header["notes"],
         )
-        for i, (stated, found) in enumerate(zip(header["hashes"], stream.hashes, strict=True)):
-            if stated != found:
-                raise ValueError(
-                    f"{path}: trial {stream.trial[i]} is not what was written (its hash differs); get the file again"
-                )
-        return stream
 
 
 def concatenate(streams: list[Stream]) -> Stream:
     """One stream of the trials of several that describe the same scenario."""
+    for other in streams[1:]:
+        if (other.scenario, other.seed) != (streams[0].scenario, streams[0].seed):
+            raise BadInput(
+                f"{streams[0].scenario} (seed {streams[0].seed}) and {other.scenario} (seed {other.seed}) cannot be joined: "
+                "concatenate trials of one scenario and seed"
+            )
     parts = [s.arrays() for s in streams]
     joined = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     return replace(streams[0].with_arrays(joined), trial=np.concatenate([s.trial for s in streams]))
@@ -217,17 +236,17 @@ def chunks(count: int, size: int) -> Iterator[slice]:
 
 def _described(model: Any) -> dict[str, Any]:
     name = type(model).__name__
-    if MODELS.get(name) is not type(model):
-        raise ValueError(
-            f"a stream with the model {name} cannot be written: only {', '.join(MODELS)} have a description"
-        )
+    known: object = MODELS.get(name)
+    if known is not type(model):
+        raise BadInput(f"a stream with the model {name} cannot be written: only {', '.join(MODELS)} have a description")
     return {"model": name, **asdict(model)}
 
 
 def _revived(description: dict[str, Any]) -> Any:
-    parameters = {k: tuple(v) if isinstance(v, list) else v for k, v in description.items() if k != "model"}
+    parameters: dict[str, Any] = {k: v for k, v in description.items() if k != "model"}
+    parameters = {k: tuple(v) if isinstance(v, list) else v for k, v in parameters.items()}
     if description["model"] not in MODELS:
-        raise ValueError(
+        raise BadInput(
             f"the stream names a model {description['model']!r} that this version does not know: update cooploc"
         )
     if isinstance(parameters.get("rssi"), dict):
@@ -248,9 +267,9 @@ def _read(path: Path, kind: str) -> tuple[dict[str, Any], dict[str, Any]]:
         header = json.loads(arrays.pop("header").tobytes())
         newer = header["format"] > FORMAT
     except FileNotFoundError:
-        raise ValueError(f"there is no file {path}; name a {kind} that cooploc wrote") from None
+        raise BadInput(f"there is no file {path}; name a {kind} that cooploc wrote") from None
     except Exception as e:
-        raise ValueError(f"{path} is no {kind} file ({type(e).__name__}: {e}); name one that cooploc wrote") from None
+        raise BadInput(f"{path} is no {kind} file ({type(e).__name__}: {e}); name one that cooploc wrote") from None
     if newer:
-        raise ValueError(f"{path} has format {header['format']}, this version reads up to {FORMAT}: update cooploc")
+        raise BadInput(f"{path} has format {header['format']}, this version reads up to {FORMAT}: update cooploc")
     return header, arrays

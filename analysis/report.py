@@ -1,0 +1,140 @@
+"""A run's results for people and programs: the table in the terminal, as JSON, as CSV, and the picture."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from rich.console import Console
+from rich.table import Table
+
+from cooploc.analysis.compare import SUMMARY, compare, succeeded, summarize
+from cooploc.scenarios.study import Study
+
+WIDTH = 150
+HEADS = (
+    "estimator",
+    "RMSE [m]",
+    "95 %",
+    "versus",
+    "95 %",
+    "p (Holm)",
+    "ANEES",
+    "in 95 %",
+    "diverged",
+    *("msg", "bytes", "µs", ""),
+)
+
+
+def keep(rows: pd.DataFrame, study: Study, folder: Path) -> None:
+    """Write `table.csv`, and `rmse.png` where any trial ended."""
+    compare(rows, study.baseline).to_csv(folder / "table.csv", index=False)
+    ended = succeeded(rows)
+    if len(ended):
+        import matplotlib as mpl
+
+        mpl.use("agg")
+        import matplotlib.pyplot as plt
+
+        from cooploc.analysis.plot import rmse
+
+        figure: Any = rmse(ended).figure
+        figure.savefig(folder / "rmse.png", dpi=160)
+        plt.close(figure)
+
+
+def show(rows: pd.DataFrame, study: Study, folder: Path, as_json: bool) -> None:
+    """Print the results: tables, or JSON alone on stdout; then failures, and where the files are."""
+    if as_json:
+        print(json.dumps(records(summarize(rows)), indent=1))
+    console = Console(stderr=as_json, highlight=False, markup=False)
+    console.width = max(console.width, WIDTH)  # numbers are never cut off
+    if not as_json:
+        for scenario, part in compare(rows, study.baseline).groupby("scenario", sort=False):
+            console.print(_table(str(scenario), part, study.baseline))
+            console.print()
+        console.print(_legend(study), style="dim", soft_wrap=True)
+    for row in rows[rows["failure"].notna()].drop_duplicates(["scenario", "estimator", "failure"]).itertuples():
+        console.print(f"failed: {row.scenario}, {row.estimator}, trial {row.trial}: {row.failure}", soft_wrap=True)
+    console.print(f"picture: {folder / 'rmse.png'}   table: {folder / 'table.csv'}   run: {folder}", soft_wrap=True)
+
+
+def records(table: pd.DataFrame) -> list[dict[str, Any]]:
+    """The rows with the fields of `SUMMARY`, undefined values as None."""
+    rows = table[list(SUMMARY)].to_dict("records")
+    return [{str(k): _plain(v) for k, v in row.items()} for row in rows]
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, float | np.floating):
+        return float(value) if np.isfinite(value) else None
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _table(scenario: str, part: pd.DataFrame, baseline: str) -> Table:
+    first = part.iloc[0]
+    robots, trials = first["robots"], part["trials"].max()
+    counted = f"{robots} robot{'s' if robots > 1 else ''}, {trials} trial{'s' if trials > 1 else ''}"
+    title = f"{scenario}: {counted}, stream {first['stream'][:12]}"
+    table = Table(title=title, title_justify="left", header_style="bold", box=None, padding=(0, 1))
+    for i, head in enumerate(HEADS):
+        side: Any = "left" if i in (0, len(HEADS) - 1) else "right"
+        table.add_column(f"vs {baseline}" if head == "versus" else head, justify=side, no_wrap=True)
+    for _, row in part.iterrows():
+        table.add_row(*_cells(row, baseline))
+    return table
+
+
+def _cells(row: pd.Series, baseline: str) -> tuple[str, ...]:
+    against = _percent(-row["improvement"]), _percents(row), _p(row["p_holm"])
+    remarks = [row["consistency"]] if row["consistency"] in ("over-confident", "conservative") else []
+    remarks += ["bound"] if row["bound"] else []
+    remarks += [f"{row['failed']} failed"] if row["failed"] else []
+    return (
+        row["estimator"],
+        _number(row["rmse"], 3),
+        _between(row["rmse_low"], row["rmse_high"], 3),
+        *(against if row["estimator"] != baseline else ("", "", "")),
+        _number(row["anees"], 2),
+        _number(100 * row["coverage95"], 0, " %"),
+        _number(100 * row["diverged"], 1, " %"),
+        _number(row["messages"], 2),
+        _number(row["bytes"], 0),
+        _number(1e6 * row["seconds"], 0),
+        ", ".join(remarks),
+    )
+
+
+def _percents(row: pd.Series) -> str:
+    low, high = -row["improvement_high"], -row["improvement_low"]
+    return f"{_percent(low)}, {_percent(high)}" if np.isfinite(low) and np.isfinite(high) else ""
+
+
+def _percent(value: float) -> str:
+    if not np.isfinite(value):
+        return ""
+    whole = round(100 * value)
+    return f"{whole:+d} %" if whole else "0 %"
+
+
+def _between(low: float, high: float, digits: int) -> str:
+    return f"{low:.{digits}f}–{high:.{digits}f}" if np.isfinite(low) else ""
+
+
+def _number(value: float, digits: int, unit: str = "") -> str:
+    return f"{value:.{digits}f}{unit}" if np.isfinite(value) else "–"
+
+
+def _p(value: float) -> str:
+    if not np.isfinite(value):
+        return ""
+    return f"{value:.3f}" if value >= 0.001 else "<0.001"
+
+
+def _legend(study: Study) -> str:
+    return (
+        f"vs {study.baseline}: change of RMSE on the same streams, Fieller interval; p: Wilcoxon signed-rank over "
+        "trials, Holm over the whole study. ANEES: 1 is consistent. msg, bytes, µs: per robot and tick. "
+        "bound: knows more than any robot could."
+    )

@@ -1,0 +1,41 @@
+"""The entry point: bad input becomes one line on stderr and exit code 2, never a traceback."""
+
+import sys
+
+
+def main() -> None:
+    """Run the command line."""
+    from cooploc.cli import app
+
+    try:
+        code = app(standalone_mode=False)
+    except KeyboardInterrupt:
+        code = _say("interrupted; what was finished is kept, and the same command goes on from there", 130)
+    except Exception as e:
+        line = _explained(e)
+        if line is None:
+            raise
+        code = _say(line, 2)
+    sys.exit(code)
+
+
+def _explained(e: Exception) -> str | None:
+    """One line for what the user can mend; None for our own faults, which keep their traceback."""
+    from cooploc.estimators.bad_input import BadInput
+
+    if isinstance(e, BadInput):
+        return str(e)
+    if isinstance(e, OSError) and e.filename is not None:
+        return f"{e.strerror or type(e).__name__}: {e.filename}"
+    if hasattr(e, "format_message"):  # the command line's own errors, whose class typer does not export
+        return f"{e.format_message()} (cooploc --help says what there is)"
+    return None
+
+
+def _say(message: str, code: int) -> int:
+    print("cooploc:", " ".join(message.split()), file=sys.stderr)
+    return code
+
+
+if __name__ == "__main__":
+    main()

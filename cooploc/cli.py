@@ -1,0 +1,98 @@
+"""The command line. Every command imports what it needs when it runs."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from cooploc.scenarios.study import Study
+
+app = typer.Typer(
+    name="cooploc",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+
+@app.callback(invoke_without_command=True)
+def root(context: typer.Context) -> None:
+    """Compare estimators for multi-robot cooperative localization fairly."""
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+
+
+class Kind(StrEnum):
+    """What can be listed."""
+
+    estimators = "estimators"
+    scenarios = "scenarios"
+    studies = "studies"
+
+
+@app.command(name="list")
+def list_(kind: Annotated[Kind | None, typer.Argument(help="only these")] = None) -> None:
+    """List estimators, scenarios and studies, and plug-ins that could not be loaded."""
+    from cooploc import listing
+
+    for one in [kind] if kind else list(Kind):
+        listing.show(one.value)
+
+
+@app.command()
+def run(
+    study: Annotated[str, typer.Argument(help="a shipped study, or the path of a study's TOML file")],
+    trials: Annotated[int | None, typer.Option(help="trials of each scenario")] = None,
+    seed: Annotated[int | None, typer.Option(help="of everything random")] = None,
+    estimators: Annotated[str | None, typer.Option(help="a,b: these instead of the study's")] = None,
+    jobs: Annotated[int, typer.Option(help="processes")] = 1,
+    data: Annotated[Path | None, typer.Option(help="directory of recordings")] = None,
+    out: Annotated[Path | None, typer.Option(help="run directory [default: runs/STUDY-seedN]")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="print the table as JSON and nothing else on stdout")] = False,
+) -> None:
+    """Run a study, print its table, and keep results and picture in the run directory."""
+    from cooploc.analysis import report
+    from cooploc.analysis.execute import execute, pairs
+    from cooploc.estimators import split
+    from cooploc.progress import Watch
+    from cooploc.scenarios.study import load
+
+    wanted = None if estimators is None else split(estimators)
+    asked = load(study).with_options(trials=trials, seed=seed, estimators=wanted)
+    asked = _with_baseline(asked)
+    folder = out or Path("runs") / f"{asked.name}-seed{asked.seed}"
+    with Watch(pairs(asked)) as watch:
+        rows = execute(asked, folder, data=data, jobs=jobs, progress=watch.advance)
+    report.keep(rows, asked, folder)
+    report.show(rows, asked, folder, as_json)
+    if _failures(rows):
+        raise typer.Exit(1)
+
+
+@app.command()
+def check(
+    estimator: Annotated[str, typer.Argument(help="an estimator's name, or path.py:Name")],
+    seed: Annotated[int, typer.Option(help="of the streams it is tried on")] = 0,
+) -> None:
+    """Check that an estimator cannot cheat and keeps to the interface."""
+    from cooploc.scenarios.check import check_estimator, load
+
+    result = check_estimator(load(estimator), name=estimator, seed=seed)
+    typer.echo(result.table())
+    if not result.passed:
+        raise typer.Exit(1)
+
+
+def _with_baseline(study: "Study") -> "Study":
+    """With --estimators that leave the study's baseline out, the first one is the baseline."""
+    if study.baseline in study.estimators:
+        return study
+    return study.with_options(baseline=study.estimators[0])
+
+
+def _failures(rows: "pd.DataFrame") -> Any:
+    return rows["failure"].notna().any()

@@ -1,0 +1,443 @@
+"""A gallery of estimators that break one rule each. Most are a sound one with a single line gone wrong."""
+
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+
+from cooploc.estimators.dead_reckoning import DeadReckoning
+from cooploc.estimators.ekf_joint import EkfJoint
+from cooploc.estimators.ekf_local import EkfLocal
+from cooploc.estimators.interface import Belief, Traffic
+from cooploc.estimators.mrsl import Mrsl
+
+REMEMBERED: dict[Any, Any] = {}
+
+
+def nudge(s, by):
+    """The state with every position moved."""
+    x = s.x.copy()
+    x[..., :2] += by
+    return s._replace(x=x)
+
+
+def neighbours(x, n=3):
+    """For each row the sum of the positions of its whole team, which no robot could know."""
+    return np.repeat(x[:, :2].reshape(-1, n, 2).sum(1), n, axis=0)
+
+
+def stolen(name):
+    """A local variable of somebody up the call stack."""
+    frame = inspect.currentframe()
+    while frame := frame.f_back:
+        found = frame.f_locals.get("self")
+        if hasattr(found, name):
+            return getattr(found, name)
+    raise LookupError(name)
+
+
+# ---------------------------------------------------------------- runs
+
+
+@dataclass(frozen=True)
+class NotFinite(DeadReckoning):
+    def estimate(self, s):
+        return Belief(np.where(s.x > 3.0, s.x, np.nan), s.P)
+
+
+@dataclass(frozen=True)
+class WrongShape(DeadReckoning):
+    def estimate(self, s):
+        return Belief(s.x, np.diagonal(s.P, axis1=-2, axis2=-1))
+
+
+@dataclass(frozen=True)
+class NoFuse(DeadReckoning):
+    fuse: ClassVar[None] = None
+
+
+@dataclass(frozen=True)
+class OldInterface(DeadReckoning):
+    api: ClassVar[int] = 0
+
+
+@dataclass(frozen=True)
+class OneName(DeadReckoning):
+    uses: Any = "odometry"
+
+
+@dataclass(frozen=True)
+class Telepath(DeadReckoning):
+    uses: tuple[str, ...] = ("odometry", "telepathy")
+
+
+@dataclass(frozen=True)
+class Undecided(EkfJoint):
+    bound: ClassVar[None] = None
+
+
+@dataclass(frozen=True)
+class Crashes(DeadReckoning):
+    def correct(self, s, z):
+        return s if z.dt[0] < 0 else s / 0
+
+
+@dataclass(frozen=True)
+class Deaf(EkfLocal):
+    """Takes it that every reading is there."""
+
+    def correct(self, s, z):
+        return nudge(s, 1e-6 * z.anchor_rssi.sum(-1, keepdims=True)) if z.anchor_rssi.size else s
+
+
+# ---------------------------------------------------------------- non-interference
+
+
+@dataclass(frozen=True)
+class ReadsNeighbour(DeadReckoning):
+    """Row r looks at row r-1."""
+
+    def correct(self, s, z):
+        return nudge(s, 1e-3 * np.roll(s.x[:, :2], 1, axis=0))
+
+
+@dataclass(frozen=True)
+class WaitsForAll(EkfLocal):
+    """One robot's missing reading keeps everybody from correcting: shaken readings do not show it."""
+
+    uses: tuple[str, ...] = ("odometry", "anchor_rssi")
+
+    def correct(self, s, z):
+        return s if np.isnan(z.anchor_rssi).any() else super().correct(s, z)
+
+
+@dataclass(frozen=True)
+class OneClock(DeadReckoning):
+    """Takes the first robot's clock for everybody's."""
+
+    def predict(self, s, z):
+        return super().predict(s, z._replace(dt=np.full_like(z.dt, z.dt[0])))
+
+
+@dataclass(frozen=True)
+class Gossip(DeadReckoning):
+    """Its own estimate is honest; what it sends is not its own to tell."""
+
+    def send(self, s, z):
+        return neighbours(s.x, s.world.robots)
+
+
+@dataclass(frozen=True)
+class SharedTeam(EkfJoint):
+    """Says it is no bound, and uses what no packet brought."""
+
+    bound: ClassVar[bool] = False
+
+    def correct(self, s, z):
+        return nudge(super().correct(s, z), 1e-3 * s.x[:, :1, :2])
+
+
+# ---------------------------------------------------------------- link honesty
+
+
+@dataclass(frozen=True)
+class Broadcasts(DeadReckoning):
+    """Honest, and sends its position."""
+
+    def send(self, s, z):
+        return s.x[:, :2]
+
+
+@dataclass(frozen=True)
+class HearsDropped(Broadcasts):
+    """Whoever hears anybody in a tick uses everybody's position, whether its packet came or not."""
+
+    def fuse(self, s, z, mail):
+        return nudge(s, 1e-3 * mail.heard.any(-1, keepdims=True) * neighbours(s.x, s.world.robots))
+
+
+@dataclass(frozen=True)
+class MeasuresDropped(EkfJoint):
+    """A bound that fetches the radio readings that the runner hid."""
+
+    def exchange(self, s, z, air):
+        s, traffic = super().exchange(s, z, air)
+        readings = stolen("stream").air.rssi
+        return (nudge(s, 1e-3 * np.nansum(readings)) if readings.shape[-1] else s), traffic
+
+    @property
+    def uses(self):
+        return ("odometry", "anchor_rssi|landmark", "sighting|radio_rssi")
+
+
+# ---------------------------------------------------------------- causality
+
+
+@dataclass(frozen=True)
+class Prophet(DeadReckoning):
+    """Takes the last odometry of the whole stream from the runner's own variables."""
+
+    def predict(self, s, z):
+        future = stolen("stream").senses.odometry[:, -1, :, :2]
+        return nudge(super().predict(s, z), 1e-3 * future.reshape(-1, 2))
+
+
+@dataclass(frozen=True)
+class Counts(DeadReckoning):
+    """Knows how long the stream is going to be."""
+
+    def predict(self, s, z):
+        return nudge(super().predict(s, z), 1e-3 * len(stolen("stream").time))
+
+
+@dataclass(frozen=True)
+class LonelyProphet(Prophet):
+    """Looks ahead only where a trial runs alone."""
+
+    def predict(self, s, z):
+        return super().predict(s, z) if len(s.x) == s.world.robots else DeadReckoning.predict(self, s, z)
+
+
+@dataclass(frozen=True)
+class ForeseesAbsence(EkfLocal):
+    """Knows how many readings will be missing, but not what the others will say."""
+
+    def predict(self, s, z):
+        z_all = stolen("stream").senses
+        return nudge(super().predict(s, z), 1e-3 * (np.isnan(z_all.anchor_rssi).sum() + np.isnan(z_all.landmark).sum()))
+
+
+@dataclass(frozen=True)
+class ForeseesLinks(DeadReckoning):
+    """Knows how many packets will arrive."""
+
+    def predict(self, s, z):
+        return nudge(super().predict(s, z), 1e-3 * stolen("stream").air.link[:, -4:].sum())
+
+
+@dataclass(frozen=True)
+class BaseReader(DeadReckoning):
+    """Follows an array to the one that it is a view of, which may hold all ticks, channels and robots."""
+
+    def predict(self, s, z):
+        moved = super().predict(s, z)
+        for array in (z.odometry, z.dt, z.anchor_rssi, z.landmark):
+            whole = array.base
+            if isinstance(whole, np.ndarray) and whole.size > array.size:
+                moved = nudge(moved, 1e-3 * np.nansum(whole))
+        return moved
+
+
+@dataclass(frozen=True)
+class TeamBaseReader(EkfJoint):
+    def exchange(self, s, z, air):
+        s, traffic = super().exchange(s, z, air)
+        for array in (z.odometry, z.anchor_rssi, air.heard):
+            whole = array.base
+            if isinstance(whole, np.ndarray) and whole.size > array.size:
+                s = nudge(s, 1e-3 * np.nansum(whole))
+        return s, traffic
+
+
+# ---------------------------------------------------------------- chunk invariance
+
+
+@dataclass(frozen=True)
+class Centred(DeadReckoning):
+    """Averages over all rows."""
+
+    def correct(self, s, z):
+        return nudge(s, -1e-3 * s.x[:, :2].mean(0))
+
+
+@dataclass(frozen=True)
+class DrawsByPosition(DeadReckoning):
+    """Its randomness depends on where a row stands, not on who it is."""
+
+    def init(self, prior, world, rows):
+        s = super().init(prior, world, rows)
+        return nudge(s, np.random.default_rng(0).normal(size=(len(s.x), 2)))
+
+
+@dataclass(frozen=True)
+class MultipliesRows(Mrsl):
+    """A matrix product over the rows, whose last bit depends on how many there are."""
+
+    def estimate(self, s):
+        x, P = super().estimate(s)
+        n = s.x.shape[1]
+        return Belief(x + (s.x[..., 0] @ np.cos(np.arange(n * n)).reshape(n, n))[:, :2], P)
+
+
+@dataclass(frozen=True)
+class SendsByChunk(DeadReckoning):
+    """More rows, longer packets."""
+
+    def send(self, s, z):
+        return np.zeros((len(s.x), len(s.x)))
+
+
+# ---------------------------------------------------------------- immutability
+
+
+@dataclass(frozen=True)
+class WritesReadings(DeadReckoning):
+    def predict(self, s, z):
+        z.odometry[:] *= 0.5
+        return super().predict(s, z)
+
+
+@dataclass(frozen=True)
+class ForcesReadings(DeadReckoning):
+    """Makes its readings writeable first, where it can."""
+
+    def predict(self, s, z):
+        moved = super().predict(s, z)
+        try:
+            z.odometry.flags.writeable = True
+        except ValueError:
+            z = z._replace(odometry=writeable(z.odometry))
+        z.odometry[:] *= 0.5
+        return moved
+
+
+def writeable(a):
+    """The same memory, by its address."""
+    import ctypes
+
+    memory = (ctypes.c_double * a.size).from_address(a.__array_interface__["data"][0])
+    return np.frombuffer(memory).reshape(a.shape)
+
+
+@dataclass(frozen=True)
+class WritesWorld(DeadReckoning):
+    """Keeps a tick's counter where everybody's world is."""
+
+    def correct(self, s, z):
+        writeable(s.world.arena)[0, 0] += 1.0
+        return s
+
+
+@dataclass(frozen=True)
+class WritesStream(DeadReckoning):
+    """Improves the readings of the ticks to come."""
+
+    def correct(self, s, z):
+        writeable(stolen("stream").senses.dt)[-1, -1, -1] += 1e-9
+        return s
+
+
+@dataclass(frozen=True)
+class InPlace(DeadReckoning):
+    def correct(self, s, z):
+        s.x[:] += 1e-3
+        return s
+
+
+@dataclass(frozen=True)
+class InPlaceEstimate(DeadReckoning):
+    def estimate(self, s):
+        s.P[:] *= 1.01
+        return super().estimate(s)
+
+
+@dataclass(frozen=True)
+class CountsCalls(DeadReckoning):
+    """Keeps a list among its parameters."""
+
+    calls: list[int] = field(default_factory=list)
+
+    def correct(self, s, z):
+        self.calls.append(1)
+        return s
+
+
+@dataclass(frozen=True)
+class Remembers(DeadReckoning):
+    """Starts a second run where the first ended."""
+
+    def init(self, prior, world, rows):
+        s = super().init(prior, world, rows)
+        return nudge(s, 1e-3 * REMEMBERED.get(type(self), 0.0))
+
+    def estimate(self, s):
+        REMEMBERED[type(self)] = s.x[:, :1].sum()
+        return super().estimate(s)
+
+
+@dataclass(frozen=True)
+class GlobalRng(DeadReckoning):
+    def correct(self, s, z):
+        return nudge(s, 1e-3 * np.random.normal(size=s.x[:, :2].shape))  # noqa: NPY002
+
+
+# ---------------------------------------------------------------- pickling
+
+
+@dataclass(frozen=True)
+class Lambda(DeadReckoning):
+    scale: Callable[[float], float] = lambda v: v
+
+
+@dataclass(frozen=True)
+class ForgetsParameter(DeadReckoning):
+    """Comes back from pickle, but not as it was."""
+
+    drift: float = 0.0
+
+    def predict(self, s, z):
+        return nudge(super().predict(s, z), self.drift)
+
+    def __reduce__(self):
+        return type(self), ()
+
+
+# ---------------------------------------------------------------- honest ones, which no check may suspect
+
+
+@dataclass(frozen=True)
+class Averages(Broadcasts):
+    """Moves towards every teammate that it hears."""
+
+    def fuse(self, s, z, mail):
+        offset = mail.packets - s.x[:, None, :2]
+        return nudge(s, 1e-2 * np.where(mail.heard[..., None], offset, 0.0).sum(1))
+
+
+@dataclass(frozen=True)
+class Addressed(Averages):
+    """The same with a packet to each teammate."""
+
+    def send(self, s, z):
+        return np.repeat(s.x[:, None, :2], s.world.robots, axis=1)
+
+
+@dataclass(frozen=True)
+class HonestTeam(EkfJoint):
+    """No bound: every robot for itself, and a sequential exchange over the links that hold in both directions."""
+
+    bound: ClassVar[bool] = False
+
+    def exchange(self, s, z, air):
+        x = s.x.copy()
+        messages = np.zeros(s.x.shape[:2])
+        for i in range(x.shape[1]):
+            for j in range(i):
+                both = air.heard[:, i, j] & air.heard[:, j, i]
+                step = np.where(both[:, None], 1e-2 * (x[:, j, :2] - x[:, i, :2]), 0.0)
+                x[:, i, :2] += step
+                x[:, j, :2] -= step
+                messages[:, i] += 1
+                messages[:, j] += air.heard[:, j, i]
+        return s._replace(x=x), Traffic(messages, 8 * messages)
+
+
+@dataclass(frozen=True)
+class BillsByChunk(HonestTeam):
+    """Its bill depends on how many trials run together."""
+
+    def exchange(self, s, z, air):
+        s, traffic = super().exchange(s, z, air)
+        return s, traffic._replace(messages=traffic.messages / len(s.x))

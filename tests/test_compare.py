@@ -1,0 +1,124 @@
+"""Tables over trials: pooling, pairing, flags, refusals."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import cooploc as cl
+from cooploc.analysis.compare import SUMMARY, compare, per_trial, summarize
+from cooploc.analysis.errors import COLUMNS
+from cooploc.analysis.plot import rmse
+from cooploc.analysis.report import records
+
+
+def rows(estimator, mse, *, anees=1.0, scenario="s", stream="h", ticks=10):
+    """One row per (trial, robot) of `mse` (trials, robots)."""
+    t, n = np.shape(mse)
+    frame = pd.DataFrame(
+        {
+            "scenario": scenario,
+            "estimator": estimator,
+            "trial": np.repeat(np.arange(t), n),
+            "robot": np.tile(np.arange(n), t),
+            "robots": n,
+            "ticks": ticks,
+            "mse": np.ravel(mse),
+            "anees": anees,
+            "coverage95": 0.9,
+            "diverged": 0.0,
+            "messages": 1.0,
+            "bytes": 48.0,
+            "seconds": 1e-4,
+            "bound": False,
+            "stream": [f"{stream}{k}" for k in np.repeat(np.arange(t), n)],
+        }
+    )
+    return frame.reindex(columns=list(COLUMNS))
+
+
+RNG = np.random.default_rng(0)
+BASE = RNG.lognormal(0, 0.4, (12, 3))
+
+
+def test_rmse_pools_robots_by_valid_ticks_then_trials():
+    frame = rows("a", [[1.0, 4.0], [9.0, 9.0]])
+    frame.loc[0, "ticks"], frame.loc[1, "ticks"] = 30, 10
+    np.testing.assert_allclose(per_trial(frame)["mse"], [(30 * 1 + 10 * 4) / 40, 9])
+    assert summarize(frame)["rmse"].item() == pytest.approx(np.sqrt((1.75 + 9) / 2))
+
+
+def test_summary_has_exactly_the_promised_fields_and_no_interval_below_five_trials():
+    table = summarize(rows("a", BASE[:4]))
+    assert list(table.columns) == list(SUMMARY)
+    assert records(table)[0]["rmse_low"] is None
+    assert records(summarize(rows("a", BASE)))[0]["rmse_low"] < np.sqrt(BASE.mean())
+
+
+def test_differences_are_paired_by_trial_and_not_by_order():
+    mine = rows("b", 0.25 * BASE)
+    table = compare(pd.concat([rows("a", BASE), mine.sample(frac=1, random_state=0)]), baseline="a")
+    row = table[table["estimator"] == "b"].iloc[0]
+    assert row["improvement"] == pytest.approx(0.5)
+    assert (row["improvement_low"], row["improvement_high"]) == pytest.approx(
+        (0.5, 0.5)
+    )  # no spread left after pairing
+    assert row["effect"] == -1
+    assert row["pairs"] == 12
+    expected = (np.sqrt(0.25 * BASE.mean(1)) - np.sqrt(BASE.mean(1))).mean()
+    assert row["difference"] == pytest.approx(expected)
+    base = table[table["estimator"] == "a"].iloc[0]
+    assert np.isnan(base["p"])
+
+
+def test_p_is_adjusted_over_the_whole_table():
+    frames = [rows("a", BASE, scenario=s) for s in ("s", "t")]
+    frames += [rows("b", 0.8 * BASE * RNG.lognormal(0, 0.3, BASE.shape), scenario=s) for s in ("s", "t")]
+    table = compare(pd.concat(frames), baseline="a").dropna(subset="p")
+    smallest = table["p"].idxmin()
+    assert table.loc[smallest, "p_holm"] == pytest.approx(min(1, 2 * table.loc[smallest, "p"]))
+
+
+def test_rows_of_different_streams_are_refused():
+    with pytest.raises(cl.BadInput, match="trial 0: estimators ran on different streams"):
+        compare(pd.concat([rows("a", BASE), rows("b", BASE, stream="other")]), baseline="a")
+
+
+def test_an_unknown_baseline_names_the_nearest():
+    with pytest.raises(cl.BadInput, match="did you mean 'mrsl'"):
+        compare(rows("mrsl", BASE), baseline="mrls")
+
+
+@pytest.mark.parametrize(
+    ("anees", "flag"), [(1.0, "consistent"), (3.0, "over-confident"), (0.3, "conservative"), (1.5, "consistent")]
+)
+def test_consistency_is_judged_by_the_whole_interval(anees, flag):
+    spread = anees * np.repeat(np.linspace(0.9, 1.1, 12), 3)
+    frame = rows("a", BASE)
+    frame["anees"] = spread
+    assert compare(frame, baseline="a")["consistency"].item() == flag
+    assert compare(frame[frame["trial"] < 4], baseline="a")["consistency"].item() == "not assessed"
+
+
+def test_failed_trials_are_counted_and_nothing_else():
+    frame = rows("a", BASE).assign(failure=None)
+    frame.loc[frame["trial"] == 3, "failure"] = "ValueError: boom"
+    frame.loc[frame["trial"] == 3, "mse"] = np.nan
+    row = summarize(frame).iloc[0]
+    assert (row["trials"], row["failed"]) == (11, 1)
+    assert row["rmse"] == pytest.approx(np.sqrt(np.delete(BASE, 3, 0).mean()))
+    gone = frame.assign(failure="boom")
+    assert records(summarize(gone))[0]["rmse"] is None
+    assert summarize(gone)["failed"].item() == 12
+
+
+def test_the_figure_shows_every_estimator_and_takes_given_axes():
+    import matplotlib.pyplot as plt
+
+    frame = pd.concat([rows("a", BASE), rows("b", 2 * BASE, anees=9.0), rows("a", BASE, scenario="t/n=2")])
+    _, given = plt.subplots()
+    ax = rmse(frame, ax=given)
+    assert ax is given
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["a", "b"]
+    assert [label.get_text() for label in ax.get_xticklabels()] == ["s", "t\nn=2"]
+    assert "hollow: over-confident" in ax.get_title(loc="left")
+    plt.close("all")

@@ -1,0 +1,189 @@
+"""Running a study: the same bits for any number of processes, whatever was there before, and failures kept apart."""
+
+import json
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import cooploc as cl
+from cooploc import estimators
+from cooploc.analysis.execute import execute
+from cooploc.analysis.rundir import RunDir, part_name
+from cooploc.estimators.dead_reckoning import DeadReckoning
+from cooploc.scenarios.study import Study
+
+STUDY = Study(
+    name="small",
+    trials=12,
+    baseline="dead-reckoning",
+    scenarios=("trajectory[ticks=15]", "packet-drop/drop=0.5[ticks=10]"),
+    estimators=("dead-reckoning", "mrsl-rssi[particles=40]", "ekf-joint"),
+)
+
+
+def parts(folder):
+    return {file.name: file.read_bytes() for file in sorted((folder / "parts").iterdir())}
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("runs") / "one"
+    return folder, execute(STUDY, folder)
+
+
+def test_two_processes_give_the_bits_of_one(finished, tmp_path):
+    folder, rows = finished
+    again = execute(STUDY, tmp_path / "two", jobs=2)
+    assert parts(tmp_path / "two") == parts(folder)
+    pd.testing.assert_frame_equal(again.drop(columns="seconds"), rows.drop(columns="seconds"))
+
+
+def test_rows_are_those_of_the_library_calls(finished):
+    _, rows = finished
+    truth, stream = cl.simulate("trajectory[ticks=15]", trials=12, seed=STUDY.seed)
+    run = cl.run({name: cl.make(name) for name in STUDY.estimators}, stream)
+    mine = cl.errors(truth, run).drop(columns="seconds")
+    theirs = rows[rows["scenario"] == "trajectory[ticks=15]"][mine.columns].reset_index(drop=True)
+    pd.testing.assert_frame_equal(theirs, mine, check_dtype=False)
+
+
+def test_the_directory_describes_itself(finished):
+    folder, rows = finished
+    manifest = json.loads((folder / "manifest.json").read_text())
+    assert manifest["format"] == 1
+    assert manifest["seed"] == STUDY.seed
+    assert manifest["study"]["estimators"] == list(STUDY.estimators)
+    assert manifest["scenarios"]["trajectory[ticks=15]"]["robots"] == 3
+    assert set(manifest["versions"]) >= {"cooploc", "numpy", "filterpy", "python"}
+    _, stream = cl.simulate("trajectory[ticks=15]", trials=12, seed=STUDY.seed)
+    assert manifest["streams"]["trajectory[ticks=15]"] == {str(k): h for k, h in enumerate(stream.hashes)}
+    assert set(rows["stream"]) == {h for s in manifest["streams"].values() for h in s.values()}
+
+
+def test_what_is_there_is_not_computed_again(finished):
+    folder, rows = finished
+    before = {file.name: file.stat().st_mtime_ns for file in (folder / "parts").iterdir()}
+    told = []
+    again = execute(STUDY, folder, progress=lambda what, trials, failed: told.append((what, trials)))
+    assert {file.name: file.stat().st_mtime_ns for file in (folder / "parts").iterdir()} == before
+    assert {what for what, _ in told} == {"found"}
+    assert sum(trials for _, trials in told) == 2 * 12 * 3
+    pd.testing.assert_frame_equal(again, rows)
+
+
+def test_an_added_estimator_and_a_lost_part_are_all_that_runs(finished, tmp_path):
+    whole = STUDY.with_options(estimators=("dead-reckoning", "arl[particles=30]"))
+    folder = tmp_path / "run"
+    execute(STUDY.with_options(estimators=("dead-reckoning",)), folder)
+    lost = folder / "parts" / f"{part_name('trajectory[ticks=15]', 'dead-reckoning', range(10, 12))}.parquet"
+    kept = lost.read_bytes()
+    lost.write_bytes(kept[:100])
+    told = []
+    execute(whole, folder, progress=lambda what, trials, failed: told.append((what, trials)))
+    computed = [(what, trials) for what, trials in told if what != "found"]
+    assert ("trajectory[ticks=15] · dead-reckoning", 2) in computed
+    assert sum(trials for what, trials in computed if what.endswith("dead-reckoning")) == 2
+    assert sum(trials for what, trials in computed if "arl" in what) == 24
+    assert lost.read_bytes() == kept
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [({"seed": 9}, "another seed"), ({"scenarios": ("trajectory[ticks=15]", "trajectory[ticks=14]")}, None)],
+)
+def test_a_directory_of_other_settings_is_refused_and_new_scenarios_are_not(finished, tmp_path, change, said):
+    folder = tmp_path / "run"
+    small = STUDY.with_options(estimators=("dead-reckoning",), scenarios=("trajectory[ticks=15]",))
+    execute(small, folder)
+    if said is None:
+        assert set(execute(small.with_options(**change), folder)["scenario"]) == set(change["scenarios"])
+        return
+    with pytest.raises(cl.BadInput, match=said):
+        execute(small.with_options(**change), folder)
+
+
+def test_foreign_newer_and_damaged_directories_are_refused(tmp_path):
+    (tmp_path / "foreign").mkdir()
+    (tmp_path / "foreign" / "thesis.txt").write_text("precious")
+    (tmp_path / "newer").mkdir()
+    (tmp_path / "newer" / "manifest.json").write_text('{"format": 99}')
+    (tmp_path / "damaged").mkdir()
+    (tmp_path / "damaged" / "manifest.json").write_text("{")
+    for name, said in (("foreign", "no run directory"), ("newer", "format 99"), ("damaged", "is damaged")):
+        with pytest.raises(cl.BadInput, match=said):
+            execute(STUDY, tmp_path / name)
+    assert (tmp_path / "foreign" / "thesis.txt").read_text() == "precious"
+
+
+@dataclass(frozen=True)
+class Moody(DeadReckoning):
+    """Fails in some trials: raises in trial 3, returns nan in trial 5."""
+
+    def init(self, prior, world, rows):
+        if (rows.trial == 3).any():
+            raise RuntimeError("three is too much")
+        return super().init(prior._replace(x=np.where((rows.trial == 5)[:, None], np.nan, prior.x)), world, rows)
+
+
+def test_a_failing_trial_costs_no_other(tmp_path, monkeypatch):
+    monkeypatch.setitem(estimators.BUILTIN, "moody", (f"{__name__}:Moody", {}))
+    rows = execute(STUDY.with_options(estimators=("dead-reckoning", "moody")), tmp_path / "run")
+    moody = rows[(rows["estimator"] == "moody") & (rows["scenario"] == "trajectory[ticks=15]")]
+    failures = moody.dropna(subset="failure").groupby("trial")["failure"].first()
+    assert list(failures.index) == [3, 5]
+    assert "RuntimeError: three is too much" in failures[3]
+    assert "not finite" in failures[5]
+    good = moody[moody["failure"].isna()].set_index(["trial", "robot"])["mse"]
+    steady = rows[(rows["estimator"] == "dead-reckoning") & (rows["scenario"] == "trajectory[ticks=15]")]
+    pd.testing.assert_series_equal(good, steady.set_index(["trial", "robot"])["mse"].loc[good.index])
+    assert cl.summarize(rows).set_index(["scenario", "estimator"]).loc[("trajectory[ticks=15]", "moody"), "failed"] == 2
+    again = execute(STUDY.with_options(estimators=("dead-reckoning", "moody")), tmp_path / "run")
+    pd.testing.assert_frame_equal(again.drop(columns="seconds"), rows.drop(columns="seconds"), check_dtype=False)
+
+
+def test_what_cannot_run_is_refused_before_anything_is_written(tmp_path):
+    camera = STUDY.with_options(scenarios=("trajectory", "camera/n=2"))
+    with pytest.raises(
+        cl.Misfit, match=r"mrsl-rssi\[particles=40\] needs channel 'anchor_rssi'; scenario 'camera/n=2' has"
+    ):
+        execute(camera, tmp_path / "run")
+    with pytest.raises(cl.BadInput, match="not one of its estimators"):
+        execute(replace_baseline(STUDY), tmp_path / "run")
+    with pytest.raises(cl.BadInput, match="twice"):
+        execute(STUDY.with_options(estimators=("dead-reckoning", "dead-reckoning")), tmp_path / "run")
+    with pytest.raises(cl.BadInput, match="jobs is 0"):
+        execute(STUDY, tmp_path / "run", jobs=0)
+    assert not (tmp_path / "run").exists()
+
+
+def replace_baseline(study):
+    return study.with_options(baseline="arl")
+
+
+def test_nothing_but_whole_files_is_ever_visible(tmp_path, monkeypatch):
+    """A write that dies half way leaves neither a part nor rubbish."""
+    directory = RunDir(tmp_path / "run")
+    (tmp_path / "run" / "parts").mkdir(parents=True)
+    (tmp_path / "run" / "times").mkdir()
+
+    def half(self, file, **_):
+        file.write_bytes(b"PAR1")
+        raise OSError(28, "No space left on device", str(file))
+
+    monkeypatch.setattr(pd.DataFrame, "to_parquet", half)
+    with pytest.raises(OSError, match="No space left"):
+        directory.write("x", pd.DataFrame({"a": [1]}), 0.1)
+    assert list((tmp_path / "run" / "parts").iterdir()) == []
+    assert directory.read("x") is None
+
+
+def test_runs_of_the_library_are_the_same_for_any_number_of_processes():
+    _, stream = cl.simulate("packet-drop/drop=0.5", trials=5, seed=3, ticks=12)
+    named = {"mrsl": cl.make("mrsl-rssi", particles=50), "joint": cl.make("ekf-joint")}
+    one, two = cl.run(named, stream), cl.run(named, stream, jobs=2)
+    for name in named:
+        for field in ("x", "P", "messages", "bytes"):
+            np.testing.assert_array_equal(getattr(one.traces[name], field), getattr(two.traces[name], field))
+    assert one.hashes == two.hashes == replace(stream).hashes

@@ -1,0 +1,121 @@
+"""Names, parameters, plug-ins and studies: what is known is found, what is not is refused with the remedy."""
+
+from dataclasses import dataclass
+from importlib.metadata import EntryPoint
+
+import pytest
+
+import cooploc as cl
+from cooploc import estimators, scenarios
+from cooploc.estimators.arl import Arl
+from cooploc.scenarios import study
+
+
+@pytest.mark.parametrize("name", list(estimators.BUILTIN))
+def test_every_builtin_is_made_by_name_and_speaks_the_interface(name):
+    made = cl.make(name)
+    assert made.api == 1
+    assert all(isinstance(channel, str) for channel in made.uses)
+
+
+def test_parameters_are_written_the_same_everywhere():
+    assert cl.make("arl[particles=500,own=rssi]") == cl.make("arl", particles=500, own="rssi") == Arl(500, "rssi")
+    assert cl.make("rssi-pf") == Arl(own="rssi")
+    assert cl.make("ekf-local[gate=inf]").gate == float("inf")
+    assert estimators.split("arl[M=1,K=1],mrsl-rssi , ekf-local") == ["arl[M=1,K=1]", "mrsl-rssi", "ekf-local"]
+
+
+@pytest.mark.parametrize(
+    ("written", "said"),
+    [
+        ("arll", "there is no estimator 'arll'; did you mean 'arl'?"),
+        ("arl[partcles=3]", "estimator 'arl' has no parameter 'partcles'; did you mean 'particles'?"),
+        ("arl[particles=few]", "estimator 'arl', particles: "),
+        ("arl[own=gps]", "estimator 'arl', own: "),
+        ("arl[particles=1]", "particles is 1; it must be at least 2"),
+        ("arl[particles]", "write name=value"),
+        ("arl[particles=1", "write it like mrsl-rssi[particles=500,own=rssi]"),
+        ("arl[uses=x]", "has no parameter 'uses'"),
+    ],
+)
+def test_what_cannot_be_made_is_refused_with_the_remedy(written, said):
+    with pytest.raises(cl.BadInput) as refusal:
+        cl.make(written)
+    assert said in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
+@dataclass(frozen=True)
+class Plugged(Arl):
+    """A plug-in."""
+
+
+@pytest.fixture
+def plugins(monkeypatch):
+    def install(where, group, **points):
+        found = [EntryPoint(name, value, group) for name, value in points.items()]
+        monkeypatch.setattr(where, "entry_points", lambda group: [p for p in found if p.group == group])
+
+    return install
+
+
+def test_plugins_are_found_and_broken_ones_are_named(plugins):
+    here = f"{__name__}:Plugged"
+    plugins(estimators, estimators.GROUP, mine=here, broken="no_such_module:X", arl=here)
+    assert cl.make("mine[particles=7]") == Plugged(particles=7)
+    assert "mine" in estimators.names()
+    errors = estimators.plugin_errors()
+    assert set(errors) == {"broken", "arl"}
+    assert "no_such_module" in errors["broken"]
+    assert "built-in" in errors["arl"]
+    assert type(cl.make("arl")) is Arl
+    with pytest.raises(cl.BadInput, match="cannot be imported"):
+        cl.make("broken")
+
+
+FAMILY = scenarios.Family("mine", scenarios.PAPER, {"robots": 2})
+
+
+def test_scenario_plugins_are_found_and_broken_ones_are_named(plugins):
+    plugins(scenarios, scenarios.GROUP, mine=f"{__name__}:FAMILY", broken=f"{__name__}:Plugged", nlos_="no.such:X")
+    assert cl.simulate("mine")[1].robots == 2
+    assert set(scenarios.plugin_errors()) == {"broken", "nlos_"}
+
+
+@pytest.mark.parametrize("name", study.names())
+def test_shipped_studies_name_only_what_there_is(name):
+    shipped = study.load(name)
+    assert shipped.about
+    assert shipped.baseline in shipped.estimators
+    for label in shipped.estimators:
+        cl.make(label)
+    for label in shipped.scenarios:
+        scenarios.family(label)
+
+
+GOOD = 'baseline = "arl"\nscenarios = ["trajectory"]\nestimators = ["arl"]\n'
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (GOOD + "trails = 3\n", "there is no key 'trails' in a study; did you mean 'trials'?"),
+        (GOOD + "trials = 0\n", "trials: Input should be greater than or equal to 1"),
+        (GOOD + "trials = [\n", "is not a TOML file"),
+        (GOOD.replace('["arl"]', "[]"), "estimators: "),
+        ("", "baseline: Field required"),
+    ],
+)
+def test_a_study_file_that_is_wrong_says_where(tmp_path, content, said):
+    file = tmp_path / "mine.toml"
+    file.write_text(content)
+    with pytest.raises(cl.BadInput) as refusal:
+        study.load(str(file))
+    assert said in str(refusal.value)
+    assert "mine.toml" in str(refusal.value)
+
+
+def test_a_study_file_is_named_after_its_file(tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_text(GOOD)
+    assert study.load(str(file)).name == "mine"
