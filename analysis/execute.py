@@ -8,6 +8,7 @@ import hashlib
 import traceback
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, as_completed
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,7 +20,7 @@ from cooploc.analysis.rundir import FORMAT, RunDir, part_name, provenance
 from cooploc.estimators import make
 from cooploc.estimators.bad_input import BadInput
 from cooploc.scenarios import family, scenario, simulate
-from cooploc.scenarios.runner import run, visible
+from cooploc.scenarios.runner import demand_fit, run
 from cooploc.scenarios.stream import Stream, Truth
 from cooploc.scenarios.study import Study
 
@@ -113,7 +114,7 @@ def _demand_fit(study: Study, data: str | None) -> None:
         short: dict[str, Any] = {"ticks": 1} if not family(label).recorded and hasattr(scenario(label), "ticks") else {}
         _, stream = simulate(label, trials=1, seed=study.seed, data=data, **short)
         for name, estimator in made.items():
-            visible(name, estimator, replace(stream, scenario=label))
+            demand_fit(name, estimator, replace(stream, scenario=label))
 
 
 def _manifest(study: Study, data: str | None) -> dict[str, Any]:
@@ -181,9 +182,16 @@ def measure(task: Task) -> Iterator[Part]:
     """Simulate a task's trials once and run its estimators on them."""
     truth, stream = simulate(task.scenario, trials=task.trials, seed=task.seed, data=task.data)
     for label in task.estimators:
+        _warm(label, stream)
         frame = _frame(label, truth, stream)
         seconds = float(frame["seconds"].mean())
         yield Part(task.scenario, label, task.trials, frame.drop(columns="seconds"), seconds)
+
+
+def _warm(label: str, stream: Stream) -> None:
+    """Import and compile before the clock runs; whatever goes wrong will do so again, and be recorded then."""
+    with suppress(Exception):
+        run({label: make(label)}, stream.select(slice(0, 1)).truncated(2))
 
 
 def _frame(label: str, truth: Truth, stream: Stream) -> pd.DataFrame:

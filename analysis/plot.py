@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from cooploc.analysis.compare import consistency, summarize
+from cooploc.analysis.world import world as world
 
 MARKERS = "osD^vP*Xph<>"
 

@@ -7,7 +7,8 @@ from cooploc.estimators.interface import Array
 
 def wrap(angle: Array) -> Array:
     """The same angle in (-pi, pi] [rad], any shape; nan stays nan."""
-    return np.pi - np.mod(np.pi - angle, 2 * np.pi)
+    wrapped = np.pi - np.mod(np.pi - angle, 2 * np.pi)
+    return np.where(wrapped <= -np.pi, np.pi, wrapped)  # rounding may land on the open end
 
 
 def wrap_heading(x: Array) -> Array:

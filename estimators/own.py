@@ -82,8 +82,9 @@ def correct(p: Settings, s: Own, z: Senses) -> Own:
     if p.own == "rssi":
         return s._replace(logw=s.logw + _anchor_likelihood(s, z))
     doa = gradient_doa(s.world)
-    s = _remember(p, s, doa.measure(z.anchor_rssi))
-    return s._replace(logw=s.logw + _window_likelihood(p, s, doa))
+    angle = doa.measure(z.anchor_rssi)
+    s = _remember(p, s, angle)
+    return s._replace(logw=s.logw + np.where(np.isnan(angle)[:, None], 0.0, _window_likelihood(p, s, doa)))
 
 
 def finish(p: Settings, s: Own) -> Own:
@@ -114,15 +115,24 @@ def _anchor_likelihood(s: Own, z: Senses) -> Array:
 
 
 def _remember(p: Settings, s: Own, angle: Array) -> Own:
-    """The DOA smoothed by a circular moving average over the last K, weights decay^age (the paper's EWMA)."""
-    doa = np.concatenate([angle[:, None], s.doa[:, :-1]], 1)
+    """The DOA smoothed by a circular moving average over the last K, weights decay^age (the paper's EWMA).
+
+    Memories are of samples, not of ticks: where there is no DOA they stay.
+    """
+    doa = _pushed(s.doa, angle)
     weight = np.where(np.isnan(doa), 0.0, p.decay ** np.arange(p.K))
-    smooth = np.where(np.isnan(angle), np.nan, circular_mean(np.where(np.isnan(doa), 0.0, doa), weight))
+    smooth = _pushed(s.smooth, circular_mean(np.where(np.isnan(doa), 0.0, doa), weight))
+    new, trail = ~np.isnan(angle)[:, None], _pushed(s.trail, np.zeros_like(s.trail[:, 0]))
     return s._replace(
-        doa=doa,
-        smooth=np.concatenate([smooth[:, None], s.smooth[:, :-1]], 1),
-        trail=np.concatenate([np.zeros_like(s.trail[:, :1]), s.trail[:, :-1]], 1),
+        doa=np.where(new, doa, s.doa),
+        smooth=np.where(new, smooth, s.smooth),
+        trail=np.where(new[..., None], trail, s.trail),
     )
+
+
+def _pushed(memory: Array, newest: Array) -> Array:
+    """A memory (r, k, ...) with one more entry in front and the last one forgotten."""
+    return np.concatenate([newest[:, None], memory[:, :-1]], 1)
 
 
 def _window_likelihood(p: Settings, s: Own, doa: GradientDoa) -> Array:

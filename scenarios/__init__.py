@@ -6,10 +6,11 @@ parameter in brackets, `trajectory[ticks=50]`. A scenario's class is a pydantic 
 `BUILTIN`. From outside, register a `Family` under the entry-point group `cooploc.scenarios`.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
 from importlib.metadata import entry_points
+from operator import index
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -168,18 +169,37 @@ def simulate(
         BadInput: anything unknown, out of bounds, or missing; one line that says what to do.
 
     """
-    count = range(trials) if isinstance(trials, int) else trials
-    if len(count) == 0 or min(count) < 0:
-        raise BadInput(f"trials is {trials!r}; it must be at least 1")
-    if seed < 0:
-        raise BadInput(f"seed is {seed}; it must not be negative")
+    count, seed = _numbers(trials), _whole(seed, "seed")
     if family(label).recorded:
         if data is None:
             raise BadInput(f"scenario {label!r} is a recording; say where it lies with data= (or --data DIR)")
         overrides = {**overrides, "data": data}
     made = scenario(label, **overrides)
     told = _told(label, made.world(), overrides, assumed) if assumed else made.world()
-    return made.simulate(labelled(label, overrides), list(count), seed, told)
+    return made.simulate(labelled(label, overrides), count, seed, told)
+
+
+def _numbers(trials: Any) -> list[int]:
+    """The trials' numbers, each once."""
+    if isinstance(trials, Iterable):
+        numbers = [_whole(k, "a trial's number") for k in trials]
+    else:
+        numbers = list(range(_whole(trials, "trials")))
+    if not numbers:
+        raise BadInput(f"trials is {trials!r}; it must be at least 1")
+    if len(set(numbers)) < len(numbers):
+        raise BadInput(f"trials is {trials!r}; name each trial once, or copies would count as independent")
+    return numbers
+
+
+def _whole(value: Any, what: str) -> int:
+    try:
+        number = index(value)
+    except TypeError:
+        raise BadInput(f"{what} is {value!r}; it must be a whole number") from None
+    if number < 0:
+        raise BadInput(f"{what} is {number}; it must not be negative")
+    return number
 
 
 def _told(label: str, true: World, overrides: Mapping[str, Any], assumed: Mapping[str, Any]) -> World:

@@ -1,8 +1,8 @@
 """A simulated camera world in the manner of MRCLAM: wheeled robots that see landmarks and each other.
 
 Here the truth of every model is known, so it shows whether an estimator is consistent before real robots blur the
-question, and it gives the conformance checks a world with headings. A robot that would leave the arena turns on the
-spot.
+question, and it gives the conformance checks a world with headings. A robot that faces the
+rim turns on the spot.
 """
 
 from collections.abc import Sequence
@@ -98,8 +98,8 @@ class Camera(BaseModel):
         u[..., 1] = rng.normal(0, self.turn, (T, n))
         dt = np.full(n, self.tick)
         for k in range(T):
-            ahead, _, _ = exact.move(x, u[k], dt)
-            out = np.any((ahead[:, :2] < 0) | (ahead[:, :2] > self.side), axis=-1)
+            ahead = x[:, :2] + 0.1 * self.side * np.stack([np.cos(x[:, 2]), np.sin(x[:, 2])], -1)
+            out = np.any((ahead < 0) | (ahead > self.side), axis=-1)
             u[k, out] = 0.0, 1.0
             x, _, _ = exact.move(x, u[k], dt)
             path[k] = x

@@ -82,7 +82,7 @@ def causality(bench: Bench) -> str:
         for k in (last // 4, 2 * last // 3):
             _future_changes_nothing(bench, stream, base, k)
         # A single trial may be handed out as a view of the whole stream.
-        one = disturb.reordered(stream, [0])
+        one = stream.select([0])
         _future_changes_nothing(bench, one, bench.run(one, "one trial"), last // 2)
     return f"readings and links of the future were {', '.join(HOW)} and cut off, and changed nothing before them"
 
@@ -94,7 +94,7 @@ def chunk_invariance(bench: Bench) -> str:
         parts = [[i] for i in everyone] + [everyone[::-1], everyone[1:]]
         for order in parts:
             when = f"trials {stream.trial[order].tolist()} ran instead of all {len(everyone)} in order"
-            part = disturb.reordered(stream, order)
+            part = stream.select(order)
             got = bench.run(part, when)
             demand_same(_chosen(base, order), got, part, when)
             for what in ("messages", "bytes"):
@@ -155,13 +155,13 @@ def _future_changes_nothing(bench: Bench, stream: Stream, base: Recording, k: in
         other = disturb.disturbed(stream, how, bench.rng, since=k + 1)
         demand_same(base, bench.run(disturb.relinked(other, how, bench.rng, k + 1), when), stream, when, ticks=k + 1)
     when = f"the stream ended after tick {k}"
-    demand_same(base, bench.run(disturb.truncated(stream, k + 1), when), stream, when)
+    demand_same(base, bench.run(stream.truncated(k + 1), when), stream, when)
 
 
 def _chosen(recording: Recording, order: list[int]) -> Recording:
     t = recording.trace
     trace = replace(t, x=t.x[order], P=t.P[order], messages=t.messages[order], bytes=t.bytes[order])
-    return Recording(trace, tuple(said[order] for said in recording.said), disturb.reordered(recording.given, order))
+    return Recording(trace, tuple(said[order] for said in recording.said), recording.given.select(order))
 
 
 def _exempt(bench: Bench) -> bool:

@@ -83,18 +83,6 @@ def deaf_radio(stream: Stream, how: How, rng: np.random.Generator) -> Stream:
     return _with_air(stream, stream.air._replace(**air))
 
 
-def truncated(stream: Stream, ticks: int) -> Stream:
-    """The first ticks of a stream."""
-    arrays = stream.arrays()
-    cut = {name: array if name.startswith("prior.") else array[:, :ticks] for name, array in arrays.items()}
-    return replace(stream.with_arrays(cut), time=stream.time[:ticks])
-
-
-def reordered(stream: Stream, order: list[int]) -> Stream:
-    """The stream's trials, or some of them, in this order."""
-    return replace(stream.map(lambda array: array[order]), trial=stream.trial[order])
-
-
 def _is_reading(name: str) -> bool:
     return not name.startswith("prior.") and name != "air.link"
 

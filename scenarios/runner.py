@@ -76,7 +76,7 @@ def run(estimators: Mapping[str, Any] | Any, stream: Stream, jobs: int = 1) -> R
     """
     named = estimators if isinstance(estimators, Mapping) else {type(estimators).__name__: estimators}
     for name, estimator in named.items():
-        visible(name, estimator, stream)
+        demand_fit(name, estimator, stream.select(slice(0, 1)).truncated(1))
     parts = np.array_split(np.arange(len(stream.trial)), min(jobs, len(stream.trial)))
     if len(parts) == 1:
         traces = [_traces(named, stream)]
@@ -119,6 +119,22 @@ def trace(name: str, estimator: Any, stream: Stream, watch: Watcher | None = Non
         seconds = perf_counter() - began
     _demand_finite(name, stream, x, P)
     return Trace(x, P, messages, sent, seconds, getattr(estimator, "bound", False))
+
+
+def demand_fit(name: str, estimator: Any, stream: Stream) -> None:
+    """Refuse an estimator that cannot run on such a stream at all.
+
+    Raises:
+        BadInput: it lacks a channel (Misfit), or its `init` refuses the world.
+
+    """
+    seen = visible(name, estimator, stream)
+    try:
+        (_Team if hasattr(estimator, "exchange") else _Robots)(name, estimator, seen, None).start()
+    except BadInput as e:
+        raise Misfit(f"{name} on scenario {stream.scenario!r}: {e}") from None
+    except Exception:
+        return
 
 
 def visible(name: str, estimator: Any, stream: Stream) -> Stream:

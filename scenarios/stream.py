@@ -53,10 +53,14 @@ class Truth:
     arena: Array  # (2, 2) [m]
     origin: tuple[str, ...]  # hash per trial of the stream that belongs to it
 
-    def select(self, trials: slice) -> "Truth":
+    def select(self, trials: slice | list[int]) -> "Truth":
         """Some of the trials."""
         return replace(
-            self, trial=self.trial[trials], x=self.x[trials], valid=self.valid[trials], origin=self.origin[trials]
+            self,
+            trial=self.trial[trials],
+            x=self.x[trials],
+            valid=self.valid[trials],
+            origin=tuple(np.array(self.origin)[trials].tolist()),
         )
 
 
@@ -120,10 +124,15 @@ class Stream:
         has |= {f"radio_{name}" for name in ("rssi", "range") if getattr(self.air, name).shape[3] > 0}
         return has | set(self.senses.extra)
 
-    def select(self, trials: slice) -> "Stream":
-        """Some of the trials, bit-identical."""
+    def select(self, trials: slice | list[int]) -> "Stream":
+        """Some of the trials, bit-identical, in any order."""
         chosen = self.map(lambda array: array[trials])
         return replace(chosen, trial=self.trial[trials])
+
+    def truncated(self, ticks: int) -> "Stream":
+        """The first ticks alone."""
+        arrays = {name: a if name.startswith("prior") else a[:, :ticks] for name, a in self.arrays().items()}
+        return replace(self.with_arrays(arrays), time=self.time[:ticks])
 
     def map(self, change: Any) -> "Stream":
         """A stream whose every array with a trial axis went through `change`."""
@@ -221,7 +230,7 @@ def concatenate(streams: list[Stream]) -> Stream:
     for other in streams[1:]:
         if (other.scenario, other.seed) != (streams[0].scenario, streams[0].seed):
             raise BadInput(
-                f"{streams[0].scenario} (seed {streams[0].seed}) and {other.scenario} (seed {other.seed}) cannot be joined: "
+                f"{streams[0].scenario} (seed {streams[0].seed}) and {other.scenario} (seed {other.seed}) do not join: "
                 "concatenate trials of one scenario and seed"
             )
     parts = [s.arrays() for s in streams]

@@ -36,26 +36,28 @@ def doa_sigma():
 
 
 class Window:
-    """The last M directions of arrival: a function of the present position, past samples shifted back by odometry."""
+    """The last M directions of arrival: a function of the present position, past samples shifted back by odometry.
+
+    It is of samples, not of ticks: a tick without a direction adds nothing and forgets nothing.
+    """
 
     def __init__(self, M, K, density="constant", temper=True, decay=0.99):
         self.M, self.K, self.density, self.decay = M, K, density, decay
         self.power = 1 / M if temper else 1.0
-        self.raw, self.smooth, self.moved = [], [], []
+        self.raw, self.smooth, self.since = [], [], []  # newest first
 
     def __call__(self, grid, reading, odometry):
+        self.since = [moved + odometry for moved in self.since]
+        total = np.zeros_like(grid.x)
+        if np.isnan(reading).any():
+            return total
         gx, gy = gradient(*reading, SIDE, SIDE)
-        self.moved.append(odometry)
-        self.raw.append(np.arctan2(gy, gx))
-        recent = [(age, a) for age, a in enumerate(self.raw[::-1][: self.K]) if np.isfinite(a)]
-        absent = np.isnan(self.raw[-1])
-        self.smooth.append(np.nan if absent else np.angle(sum(self.decay**age * np.exp(1j * a) for age, a in recent)))
-        total, back = np.zeros_like(grid.x), np.zeros(2)
-        for age, angle in enumerate(self.smooth[::-1][: self.M]):
-            if age > 0:
-                back = back + self.moved[-age]
-            if np.isfinite(angle):
-                total = total + self._log(grid.x - back[0], grid.y - back[1], angle)
+        self.raw = [np.arctan2(gy, gx), *self.raw][: self.K]
+        average = np.angle(sum(self.decay**age * np.exp(1j * a) for age, a in enumerate(self.raw)))
+        self.smooth = [average, *self.smooth][: self.M]
+        self.since = [np.zeros(2), *self.since][: self.M]
+        for angle, (dx, dy) in zip(self.smooth, self.since, strict=True):
+            total = total + self._log(grid.x - dx, grid.y - dy, angle)
         return total * self.power
 
     def _log(self, x, y, angle):

@@ -215,6 +215,14 @@ def test_large_arena_is_the_stated_preset():
     assert truth.x.max() > 50
 
 
+def test_sleepers_odometry_noise_grows_with_the_time_it_covers():
+    truth, stream = simulate("asynchrony", trials=300, ticks=40, prior_sigma=0.0)
+    for robot, every in ((0, 1), (1, 2), (2, 4)):
+        at = np.flatnonzero(truth.valid[0, :, robot])
+        error = stream.senses.odometry[:, at[1:], robot] - np.diff(truth.x[:, at, robot], axis=1)
+        about(error, 0, 0.02 * np.sqrt(every))
+
+
 # ---------------------------------------------------------------- bits
 
 
@@ -460,3 +468,24 @@ def test_a_camera_world_may_have_no_landmarks():
     _, stream = simulate("camera", ticks=5, landmarks=0)
     assert "landmark" not in stream.channels()
     assert stream.world.landmarks.shape == (0, 2)
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({"trials": [3, 3]}, "name each trial once"),
+        ({"trials": -1}, "trials is -1"),
+        ({"trials": []}, "at least 1"),
+        ({"trials": 2.5}, "whole number"),
+        ({"seed": 1.5}, "seed is 1.5; it must be a whole number"),
+    ],
+)
+def test_trials_and_seeds_are_whole_numbers_each_once(given, says):
+    with pytest.raises(ValueError, match=says):
+        simulate("trajectory", ticks=1, **given)
+
+
+def test_numpy_integers_are_integers():
+    assert simulate("trajectory", ticks=1, trials=np.int64(2), seed=np.int32(3))[1].hashes == (
+        simulate("trajectory", ticks=1, trials=2, seed=3)[1].hashes
+    )

@@ -1,0 +1,111 @@
+"""One trial of a scenario as a picture: arena, anchors, landmarks, walls, obstacles, trajectories and links."""
+
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+import seaborn as sns
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.patches import Circle, Rectangle
+
+from cooploc.estimators.interface import Array
+from cooploc.scenarios import family, scenario, simulate
+from cooploc.scenarios.stream import Stream
+
+DARK, GREY, BLOCKED = "0.2", "0.65", "#d55e00"
+
+
+def world(
+    label: str,
+    trial: int = 0,
+    seed: int = 1,
+    tick: int = -1,
+    data: str | Path | None = None,
+    ax: Axes | None = None,
+    **overrides: Any,
+) -> Axes:
+    """Draw one trial; links and obstacles as they stand in one tick.
+
+    A solid line between robots is a packet that gets through, a dotted one is lost; vermilion has something in the way.
+    """
+    truth, stream = simulate(label, trials=[trial], seed=seed, data=data, **overrides)
+    if ax is None:
+        _, ax = plt.subplots(figsize=(5.2, 5.2), layout="constrained")
+    path = truth.x[0, :, :, :2]
+    tick = int(np.arange(len(path))[tick])
+    _arena(ax, stream)
+    _surroundings(ax, label, overrides, seed, trial, path, tick, stream)
+    _trajectories(ax, path, tick)
+    for name, colour, style in (("lost", GREY, (0, (1, 2))), ("something in the way", BLOCKED, "solid")):
+        ax.plot([], [], color=colour, linestyle=style, label=name)
+    ax.set_title(
+        f"{stream.scenario}, trial {trial}, seed {seed}, tick {tick}", loc="left", fontsize="small", color="0.35"
+    )
+    ax.legend(frameon=False, fontsize="x-small", loc="upper left", bbox_to_anchor=(0.0, -0.09), ncols=4)
+    return ax
+
+
+def _arena(ax: Axes, stream: Stream) -> None:
+    told = stream.world
+    low, high = told.arena
+    ax.add_patch(Rectangle((low[0], low[1]), *(high - low), fill=False, ec=DARK, lw=1.2))
+    if len(told.anchors):
+        ax.plot(*told.anchors.T, "^", color=DARK, ms=9, label="anchors", clip_on=False, zorder=5)
+    for i, (x, y) in enumerate(told.anchors):
+        ax.annotate(f"N{i + 1}", (x, y), xytext=(7, 6), textcoords="offset points", fontsize="x-small")
+    if len(told.landmarks):
+        ax.plot(*told.landmarks.T, "s", color=DARK, ms=5, mfc="white", label="landmarks", zorder=4)
+    ax.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
+    margin = 0.05 * float(np.max(high - low))
+    ax.set_xlim(low[0] - margin, high[0] + margin)
+    ax.set_ylim(low[1] - margin, high[1] + margin)
+    sns.despine(ax=ax)
+
+
+def _surroundings(
+    ax: Axes, label: str, overrides: dict[str, Any], seed: int, trial: int, path: Array, tick: int, stream: Stream
+) -> None:
+    """Walls, obstacles and links; a recording has only links."""
+    n = path.shape[1]
+    made: Any = None if family(label).recorded else scenario(label, **overrides)
+    scene = made.scene(seed, trial, path) if hasattr(made, "scene") else None
+    in_the_way = scene.robot_blockers[tick] > 0 if scene else np.zeros((n, n), bool)
+    heard = stream.air.link[0, tick]
+    pairs = [(i, j) for i in range(n) for j in range(i)]
+    _lines(ax, [(path[tick, i], path[tick, j], heard[i, j] or heard[j, i], in_the_way[i, j]) for i, j in pairs])
+    if scene is None:
+        return
+    anchors = [
+        (path[tick, i], q, True, scene.anchor_blockers[tick, i, k] > 0)
+        for i in range(n)
+        for k, q in enumerate(stream.world.anchors)
+        if np.isfinite(stream.senses.anchor_rssi[0, tick, i, k])
+    ]
+    _lines(ax, anchors, width=0.5)
+    for k, wall in enumerate(scene.walls):
+        ax.plot(*wall.T, color=DARK, lw=4, solid_capstyle="butt", label="walls" if k == 0 else None, zorder=3)
+    for k in range(scene.obstacles.shape[1]):
+        ax.plot(*scene.obstacles[: tick + 1, k].T, color=GREY, lw=0.6)
+        name = "obstacles" if k == 0 else None
+        ax.add_patch(Circle(tuple(scene.obstacles[tick, k]), scene.radius, fc=GREY, ec=DARK, label=name, zorder=3))
+
+
+def _lines(ax: Axes, links: list[tuple[Array, Array, bool, bool]], width: float = 1.0) -> None:
+    """Links (from, to, gets through, has something in the way)."""
+    ends = [(a, b) for a, b, _, _ in links]
+    styles: Any = ["solid" if through else (0, (1, 2)) for _, _, through, _ in links]
+    colours = [BLOCKED if blocked else GREY for _, _, _, blocked in links]
+    ax.add_collection(LineCollection(ends, colors=colours, linestyles=styles, linewidths=width, zorder=1))
+
+
+def _trajectories(ax: Axes, path: Array, tick: int) -> None:
+    colours = sns.color_palette("colorblind", path.shape[1])
+    for i, colour in enumerate(colours):
+        ax.plot(*path[: tick + 1, i].T, color=colour, lw=1.2, zorder=2)
+        known = np.flatnonzero(np.isfinite(path[:, i, 0]))
+        if len(known):
+            ax.plot(*path[known[0], i], "o", color=colour, mfc="white", ms=5, zorder=6)
+        name = f"robot {i}" if len(colours) <= 8 else None
+        ax.plot(*path[tick, i], "o", color=colour, ms=7, label=name, zorder=6)
