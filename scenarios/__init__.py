@@ -182,7 +182,7 @@ def simulate(
 def _numbers(trials: Any) -> list[int]:
     """The trials' numbers, each once."""
     if isinstance(trials, Iterable):
-        numbers = [_whole(k, "a trial's number") for k in trials]
+        numbers = [_whole(k, "one of the trials") for k in trials]
     else:
         numbers = list(range(_whole(trials, "trials")))
     if not numbers:
