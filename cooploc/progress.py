@@ -37,6 +37,11 @@ class Watch:
             self._bar.update(self._task, completed=self.done, description=what + trouble)
         elif time.monotonic() - self._said > LINE_EVERY:
             self._said = time.monotonic()
-            left = (self._said - self._began) / self.done * (self.total - self.done)
-            line = f"{self.done} of {self.total} trials, about {left:.0f} s left{trouble} ({what})"
-            print(line, file=sys.stderr, flush=True)
+            print(f"{self.done} of {self.total} trials{self._left()}{trouble} ({what})", file=sys.stderr, flush=True)
+
+    def _left(self) -> str:
+        """An estimate of the time left, once enough is done that start-up no longer decides it."""
+        if self.done < 0.1 * self.total:
+            return ""
+        left = (self._said - self._began) / self.done * (self.total - self.done)
+        return f", about {left:.0f} s left"
