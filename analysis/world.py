@@ -8,6 +8,7 @@ import numpy as np
 import seaborn as sns
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
+from matplotlib.colors import to_hex
 from matplotlib.patches import Circle, Rectangle
 
 from cooploc.estimators.interface import Array
@@ -101,7 +102,8 @@ def _lines(ax: Axes, links: list[tuple[Array, Array, bool, bool]], width: float 
 
 
 def _trajectories(ax: Axes, path: Array, tick: int) -> None:
-    colours = sns.color_palette("colorblind", path.shape[1])
+    palette = [colour for colour in sns.color_palette("colorblind") if to_hex(colour) != BLOCKED]
+    colours = [palette[i % len(palette)] for i in range(path.shape[1])]
     for i, colour in enumerate(colours):
         ax.plot(*path[: tick + 1, i].T, color=colour, lw=1.2, zorder=2)
         known = np.flatnonzero(np.isfinite(path[:, i, 0]))

@@ -16,7 +16,8 @@ class Watch:
         self.total, self.done, self.failed = total, 0, 0
         self._began = self._said = time.monotonic()
         console = Console(stderr=True)
-        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+        what = TextColumn("{task.description:.40}")
+        columns = (BarColumn(bar_width=16), MofNCompleteColumn(), TimeRemainingColumn(), what)
         self._bar = Progress(*columns, console=console, transient=True) if console.is_terminal else None
 
     def __enter__(self) -> "Watch":

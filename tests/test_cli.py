@@ -130,3 +130,15 @@ def test_help_is_quick_because_it_imports_nothing_heavy():
     program = f"import sys, cooploc.cli; print([m for m in {heavy} if m in sys.modules])"
     told = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert told.stdout.strip() == "[]", told.stderr
+
+
+def test_a_malformed_recording_exits_2_and_names_file_and_line(place):
+    data = place / "recording"
+    data.mkdir()
+    (data / "Barcodes.dat").write_text("# Subject #    Barcode #\n  1 \t 5 \n  2 \t fourteen \n")
+    (data / "Landmark_Groundtruth.dat").write_text("# Subject #    x [m]    y [m]\n  6 \t 0.5 \t 0.5 \t 0.0 \t 0.0\n")
+    for name in ("Robot1_Groundtruth", "Robot1_Odometry", "Robot1_Measurement"):
+        (data / f"{name}.dat").write_text("# Time [s] ...\n1.0 \t 0.0 \t 0.0 \t 0.0\n")
+    told = cooploc("run", "mrclam", "--data", "recording", cwd=place)
+    assert (told.returncode, told.stdout, told.stderr.count("\n")) == (2, "", 1)
+    assert "Barcodes.dat, line 3" in told.stderr
