@@ -89,14 +89,17 @@ def execute(
     return rows
 
 
-def trials_of(study: Study, label: str) -> int:
-    """How many trials a scenario of the study has: a recording has one."""
-    return 1 if family(label).recorded else study.trials
+def trials_of(study: Study, label: str, data: Path | str | None) -> int:
+    """How many trials a scenario of the study has: a recording has one, unless it counts its runs."""
+    if not family(label).recorded:
+        return study.trials
+    made: Any = scenario(label, data=data) if data is not None else None
+    return made.count() if hasattr(made, "count") else 1
 
 
-def pairs(study: Study) -> int:
+def pairs(study: Study, data: Path | str | None = None) -> int:
     """How many (estimator, trial) pairs the study has."""
-    return sum(trials_of(study, label) for label in study.scenarios) * len(study.estimators)
+    return sum(trials_of(study, label, data) for label in study.scenarios) * len(study.estimators)
 
 
 def _demand_fit(study: Study, data: str | None) -> None:
@@ -137,7 +140,7 @@ def _plan(study: Study, data: str | None, directory: RunDir) -> tuple[list[pd.Da
     kept, tasks = [], []
     for label in study.scenarios:
         size = _chunk_size(label)
-        count = trials_of(study, label)
+        count = trials_of(study, label, data)
         for start in range(0, count, size):
             trials = range(start, min(start + size, count))
             found = {name: directory.read(part_name(label, name, trials)) for name in study.estimators}

@@ -65,7 +65,7 @@ def run(
     asked = load(study).with_options(trials=trials, seed=seed, estimators=wanted)
     asked = _with_baseline(asked)
     folder = out or Path("runs") / f"{asked.name}-seed{asked.seed}"
-    with Watch(pairs(asked)) as watch:
+    with Watch(pairs(asked, data)) as watch:
         rows = execute(asked, folder, data=data, jobs=jobs, progress=watch.advance)
     report.keep(rows, asked, folder)
     report.show(rows, asked, folder, as_json)

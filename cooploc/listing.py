@@ -46,6 +46,7 @@ def _scenarios() -> Listed:
 
 def _labels(name: str, found: scenarios.Family) -> list[str]:
     short = [f"{name}/{key}=…" for key in found.sweep] + [f"{name}/{word}" for word in found.variants]
+    short += [f"{name}/{found.word.upper()}"] if found.word else []
     return short or [name]
 
 

@@ -44,7 +44,8 @@ class Family:
     base: Mapping[str, Any] = field(default_factory=dict)  # parameters that differ from the class's defaults
     sweep: Mapping[str, str] = field(default_factory=dict)  # the label's short name -> parameter
     variants: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # the label's word -> parameters
-    recorded: bool = False  # needs a directory of recordings, and has one trial
+    recorded: bool = False  # needs a directory of recordings, and has one trial unless it counts them
+    word: str = ""  # the parameter that any other word of the label is, such as a run's name
 
 
 PAPER = "cooploc.scenarios.paper:Paper"
@@ -91,6 +92,19 @@ BUILTIN: dict[str, Family] = {
         "cooploc.scenarios.mrclam:Mrclam",
         variants={word: {"sees": word} for word in ("all", "one", "none")},
         recorded=True,
+    ),
+    "log": Family(
+        "a user's own recordings of one robot: a run by name, or all; --data DIR holds CSV files and log.toml",
+        "cooploc.scenarios.log:Log",
+        recorded=True,
+        word="run",
+    ),
+    "wifi": Family(
+        "a real robot among four WiFi nodes (Latif & Parasuraman): a run by name, or all",
+        "cooploc.scenarios.log:Log",
+        {"described": "wifi"},
+        recorded=True,
+        word="run",
     ),
 }
 
@@ -174,8 +188,8 @@ def simulate(
         if data is None:
             raise BadInput(f"scenario {label!r} is a recording; say where it lies with data= (or --data DIR)")
         overrides = {**overrides, "data": data}
-    made = scenario(label, **overrides)
-    told = _told(label, made.world(), overrides, assumed) if assumed else made.world()
+    made = _of(scenario(label, **overrides), count)
+    told = _told(label, made.world(), overrides, assumed, count) if assumed else made.world()
     return made.simulate(labelled(label, overrides), count, seed, told)
 
 
@@ -202,9 +216,17 @@ def _whole(value: Any, what: str) -> int:
     return number
 
 
-def _told(label: str, true: World, overrides: Mapping[str, Any], assumed: Mapping[str, Any]) -> World:
+def _of(made: Scenario, trials: Sequence[int]) -> Scenario:
+    """The scenario of these trials, where trials differ in what is told: recordings of several runs."""
+    chosen: Scenario = made.at(trials) if hasattr(made, "at") else made
+    return chosen
+
+
+def _told(
+    label: str, true: World, overrides: Mapping[str, Any], assumed: Mapping[str, Any], trials: Sequence[int]
+) -> World:
     """The world of other parameters, where it differs in nothing that the shape or the clock of the readings shows."""
-    told = scenario(label, **{**overrides, **assumed}).world()
+    told = _of(scenario(label, **{**overrides, **assumed}), trials).world()
     for what in ("robots", "tick", "t0", "arena", "anchors", "landmarks"):
         if not np.array_equal(getattr(told, what), getattr(true, what)):
             raise BadInput(f"assumed={dict(assumed)!r} would change the world's {what}: make it an override instead")
@@ -245,5 +267,7 @@ def _chosen(found: Family, name: str, which: str) -> Mapping[str, Any]:
     key, equals, value = which.partition("=")
     if equals and key in found.sweep:
         return {found.sweep[key]: value}
+    if found.word:
+        return {found.word: which}
     known = [*found.variants, *(f"{key}=..." for key in found.sweep)]
     raise BadInput(f"scenario {name!r} has no {which!r}; known are {', '.join(known) or 'none'}")

@@ -38,7 +38,9 @@ class Study(BaseModel):
 def names() -> list[str]:
     """The studies that are shipped."""
     return sorted(
-        path.name.removesuffix(".toml") for path in files(__package__).iterdir() if path.name.endswith(".toml")
+        path.name.removesuffix(".toml")
+        for path in files(__package__).iterdir()
+        if path.name.endswith(".toml") and not path.name.endswith(".log.toml")  # those describe recordings
     )
 
 
