@@ -79,6 +79,12 @@ def _decades(axis: Any, subs: tuple[int, ...]) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
+def _broken(label: str) -> str:
+    """A scenario's label over several lines."""
+    path, bracket, options = label.partition("[")
+    return path.replace("/", "\n", 1) + (bracket and "\n[" + options.replace(",", ",\n"))
+
+
 def _axes(scenarios: list[str], estimators: list[str]) -> Axes:
     width = max(6.5, 2.5 + 0.2 * len(scenarios) * (len(estimators) + 2))
     _, ax = plt.subplots(figsize=(min(width, 14), 4), layout="constrained")
@@ -87,7 +93,7 @@ def _axes(scenarios: list[str], estimators: list[str]) -> Axes:
 
 def _dress(ax: Axes, scenarios: list[str], trials: int, hollow: bool) -> None:
     ax.set_yscale("log")
-    ax.set_xticks(range(len(scenarios)), [label.replace("/", "\n", 1) for label in scenarios])
+    ax.set_xticks(range(len(scenarios)), [_broken(label) for label in scenarios])
     ax.set_xlim(-0.5, len(scenarios) - 0.5)
     for edge in range(1, len(scenarios)):
         ax.axvline(edge - 0.5, color="0.9", lw=1, zorder=0)

@@ -114,11 +114,11 @@ def test_failed_trials_are_counted_and_nothing_else():
 def test_the_figure_shows_every_estimator_and_takes_given_axes():
     import matplotlib.pyplot as plt
 
-    frame = pd.concat([rows("a", BASE), rows("b", 2 * BASE, anees=9.0), rows("a", BASE, scenario="t/n=2")])
+    frame = pd.concat([rows("a", BASE), rows("b", 2 * BASE, anees=9.0), rows("a", BASE, scenario="t/n=2[M=1,K=2]")])
     _, given = plt.subplots()
     ax = rmse(frame, ax=given)
     assert ax is given
     assert [text.get_text() for text in ax.get_legend().get_texts()] == ["a", "b"]
-    assert [label.get_text() for label in ax.get_xticklabels()] == ["s", "t\nn=2"]
+    assert [label.get_text() for label in ax.get_xticklabels()] == ["s", "t\nn=2\n[M=1,\nK=2]"]
     assert "hollow: over-confident" in ax.get_title(loc="left")
     plt.close("all")
