@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 
 from cooploc.analysis import statistics
+from cooploc.analysis.errors import NOTE
 from cooploc.estimators import nearest
 from cooploc.estimators.bad_input import BadInput
 
@@ -100,6 +101,17 @@ def consistency(table: pd.DataFrame) -> pd.Series:
 def succeeded(errors: pd.DataFrame) -> pd.DataFrame:
     """The rows of trials that did not fail."""
     return errors[errors["failure"].isna()] if "failure" in errors else errors
+
+
+def notes(errors: pd.DataFrame) -> list[str]:
+    """What estimators counted, one line each: sums over trials and robots, and maxima of what is called largest."""
+    columns = [name for name in errors if str(name).startswith(NOTE)]
+    lines = []
+    for (scenario, estimator), group in errors.groupby(["scenario", "estimator"], sort=False):
+        counted = {str(c).removeprefix(NOTE): group[c] for c in columns if group[c].notna().any()}
+        told = [f"{name} {v.max() if name.startswith('largest') else v.sum():.3g}" for name, v in counted.items()]
+        lines += [f"{scenario}, {estimator}: {', '.join(told)}"] if told else []
+    return lines
 
 
 def per_trial(group: pd.DataFrame) -> pd.DataFrame:

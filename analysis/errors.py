@@ -38,6 +38,7 @@ COLUMNS = {
     "bound": "True where the estimator knows more than any robot could",
     "stream": "hash of the trial's stream: equal hashes are paired",
 }
+NOTE = "note: "  # columns after those: what an estimator counted; a name that begins with "largest" is a maximum
 
 
 def errors(truth: Truth, run: Run, burn_in: int = 0) -> pd.DataFrame:
@@ -95,7 +96,9 @@ def _frame(truth: Truth, run: Run, name: str, trace: Trace, valid: Mask) -> pd.D
         "robots": n,
     }
     rest = {"seconds": trace.seconds / (t * T * n), "bound": trace.bound, "stream": np.repeat(run.hashes, n)}
-    return pd.DataFrame({**who, **{k: np.asarray(v).ravel() for k, v in per.items()}, **rest})[list(COLUMNS)]
+    columns = {**who, **{k: np.asarray(v).ravel() for k, v in per.items()}, **rest}
+    notes = {NOTE + name: values.ravel() for name, values in trace.notes.items()}
+    return pd.DataFrame({**{name: columns[name] for name in COLUMNS}, **notes})
 
 
 def _over_ticks(reduce: Any, values: Array) -> Array:

@@ -9,7 +9,7 @@ import pandas as pd
 from rich.console import Console
 from rich.table import Table
 
-from cooploc.analysis.compare import SUMMARY, compare, succeeded, summarize
+from cooploc.analysis.compare import SUMMARY, compare, notes, succeeded, summarize
 from cooploc.scenarios.study import Study
 
 WIDTH = 150
@@ -55,6 +55,8 @@ def show(rows: pd.DataFrame, study: Study, folder: Path, as_json: bool) -> None:
             console.print(_table(str(scenario), part, study.baseline))
             console.print()
         console.print(_legend(study), style="dim", soft_wrap=True)
+        for line in notes(rows):
+            console.print(line, soft_wrap=True)
     for row in rows[rows["failure"].notna()].drop_duplicates(["scenario", "estimator", "failure"]).itertuples():
         console.print(f"failed: {row.scenario}, {row.estimator}, trial {row.trial}: {row.failure}", soft_wrap=True)
     console.print(f"picture: {folder / 'rmse.png'}   table: {folder / 'table.csv'}   run: {folder}", soft_wrap=True)

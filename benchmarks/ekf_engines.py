@@ -10,10 +10,11 @@ import numpy as np
 
 import cooploc as cl
 
+PLAIN = {"iterations": 1, "second_order": False, "update": "sequential"}
 CASES = (
     ("ekf-local", {}, "trajectory[ticks=50]", 20),
-    ("ekf-joint", {"iterations": 1, "second_order": False}, "trajectory[ticks=20]", 10),
-    ("ekf-joint", {"iterations": 1, "second_order": False}, "scalability/n=10[ticks=5]", 5),
+    ("ekf-joint", PLAIN, "trajectory[ticks=20]", 10),
+    ("ekf-joint", PLAIN, "scalability/n=10[ticks=5]", 5),
 )
 
 

@@ -25,8 +25,15 @@ BUILTIN: dict[str, tuple[str, dict[str, Any]]] = {
     "rssi-pf": ("cooploc.estimators.arl:Arl", {"own": "rssi"}),
     "mrsl-rssi": ("cooploc.estimators.mrsl:Mrsl", {"reading": "rssi"}),
     "mrsl-distance": ("cooploc.estimators.mrsl:Mrsl", {"reading": "range"}),
+    "ctrn": ("cooploc.estimators.ctrn:Ctrn", {}),
     "ekf-local": ("cooploc.estimators.ekf_local:EkfLocal", {}),
     "ekf-joint": ("cooploc.estimators.ekf_joint:EkfJoint", {}),
+    "ekf-naive": ("cooploc.estimators.ekf_naive:EkfNaive", {}),
+    "ekf-ci": ("cooploc.estimators.ekf_ci:EkfCi", {}),
+    "ekf-split-ci": ("cooploc.estimators.ekf_split_ci:EkfSplitCi", {}),
+    "ekf-luft": ("cooploc.estimators.ekf_luft:EkfLuft", {}),
+    "ekf-interim": ("cooploc.estimators.ekf_interim:EkfInterim", {}),
+    "ukf-joint": ("cooploc.estimators.ukf_joint:UkfJoint", {}),
 }
 
 

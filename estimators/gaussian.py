@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 
-from cooploc.estimators.interface import Array, Mask
+from cooploc.estimators.interface import Array, Belief, Mask
 
 EngineName = Literal["batched", "filterpy"]
 
@@ -60,6 +60,16 @@ def kalman(x: Array, P: Array, y: Array, H: Array, R: Array, gate: float = np.in
     x1 = x + (K @ y[..., None])[..., 0]
     P1 = symmetric(I_KH @ P @ I_KH.mT + K @ R @ K.mT)
     return np.where(use[..., None], x1, x), np.where(use[..., None, None], P1, P)
+
+
+def inflated_update(belief: Belief, y: Array, H: Array, H_j: Array, P_j: Array, R: Array, w: Array) -> Belief:
+    """Kalman update by a reading of a sender, with P/w and P_j/(1-w); rows with w = 1 come back bit-identical."""
+    use = w < 1
+    v = np.where(use, w, 0.5)[:, None, None]
+    N = H_j @ P_j @ H_j.mT / (1 - v) + R
+    y = np.where(use[:, None], y, np.nan)
+    x, P = kalman(belief.x, belief.P / v, y, H, N)
+    return Belief(x, np.where(use[:, None, None], P, belief.P))
 
 
 def distance(y: Array, S: Array) -> Array:

@@ -154,6 +154,9 @@ class Estimator(Protocol[S]):
 
     `uses` names the channels in order: Senses fields, `radio_rssi`, `radio_range`, or keys of `extra`. "a|b" takes
     the first that the stream has, "a?" is optional. The runner hides everything else, so the declaration is enforced.
+
+    A method `notes(s) -> {name: (r,)}` may be there too: what the estimator counted, shown under the table; sums, or
+    maxima where the name begins with "largest".
     """
 
     api: ClassVar[int]

@@ -16,7 +16,7 @@ ROTATIONS = (13, 15, 26, 6, 17, 29, 16, 24)
 PARITY = 0x1BD11BDA
 PURPOSES = 8  # counters a tick may use
 
-INIT, INIT_HEADING, MOVE, RESAMPLE, JITTER, JITTER_HEADING, BOX = range(7)
+INIT, INIT_HEADING, MOVE, RESAMPLE, JITTER, JITTER_HEADING, BOX, AUDIT = range(8)
 
 # Not the full fastmath: it deletes tests for nan.
 kernel = numba.njit(cache=True, error_model="numpy", fastmath={"reassoc", "nsz", "arcp", "contract", "afn"})

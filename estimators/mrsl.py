@@ -42,8 +42,7 @@ class Mrsl(own.Settings):
 
     def send(self, s: own.Own, z: Senses) -> Array:
         """x, y, and the position covariance's P_xx, P_xy, P_yy: five numbers."""
-        x, P = moments(s.x, weights(s.logw))
-        return np.stack([x[:, 0], x[:, 1], P[:, 0, 0], P[:, 0, 1], P[:, 1, 1]], -1)
+        return pack(moments(s.x, weights(s.logw)))
 
     def fuse(self, s: own.Own, z: Senses, mail: Mail) -> own.Own:
         """w_i = P_l(q_i) prod_j integral P(r_j | x_i, x_j) N(x_j; received) dx_j  (8), variance sigma^2 + J P_j J'."""
@@ -60,6 +59,12 @@ class Mrsl(own.Settings):
 
     def estimate(self, s: own.Own) -> Belief:
         return s.belief
+
+
+def pack(belief: Belief) -> Array:
+    """A packet (r, 5) of a belief's position."""
+    x, P = belief
+    return np.stack([x[:, 0], x[:, 1], P[:, 0, 0], P[:, 0, 1], P[:, 1, 1]], -1)
 
 
 def unpack(packet: Array) -> tuple[Array, Array]:

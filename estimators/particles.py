@@ -38,7 +38,7 @@ def mean(x: Array, w: Array) -> Array:
 def moments(x: Array, w: Array) -> Belief:
     """Weighted mean and covariance of particles x (r, n, d), w (r, n)."""
     m = mean(x, w)
-    e = _offset(x, m)
+    e = offset(x, m)
     P = np.stack([(w[..., None] * e[..., :, i, None] * e).sum(-2) for i in range(x.shape[-1])], -2)
     return Belief(m, P)
 
@@ -57,14 +57,15 @@ def renew(x: Array, logw: Array, key: Keys, tick: int) -> tuple[Array, Array]:
     chosen = np.take_along_axis(old, kernels.systematic(w, u)[..., None], 1)
     belief = moments(old, w)
     noise = _noise(key, tick, kernels.JITTER, n, d)
-    kernel = np.sqrt(1 - h**2) * _offset(chosen, belief.x) + h * _scatter(belief.P, noise)
+    kernel = np.sqrt(1 - h**2) * offset(chosen, belief.x) + h * _scatter(belief.P, noise)
     x, logw = x.copy(), logw.copy()
     x[poor] = wrap_heading(belief.x[:, None, :] + kernel)
     logw[poor] = 0.0
     return x, logw
 
 
-def _offset(x: Array, m: Array) -> Array:
+def offset(x: Array, m: Array) -> Array:
+    """Particles (r, n, d) less their mean (r, d), headings wrapped."""
     e = x - m[:, None, :]
     if x.shape[-1] > 2:
         e[..., 2] = wrap(e[..., 2])

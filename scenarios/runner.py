@@ -39,6 +39,7 @@ class Trace:
     bytes: Array  # (t, n) sent
     seconds: float  # for all trials, robots and ticks
     bound: bool = False  # knows more than any robot could
+    notes: Mapping[str, Array] = field(default_factory=dict)  # (t, n) what the estimator counted, by name
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +97,8 @@ def _traces(named: Mapping[str, Any], stream: Stream) -> dict[str, Trace]:
 
 def _joined(traces: list[Trace]) -> Trace:
     parts = {f: np.concatenate([getattr(t, f) for t in traces]) for f in ("x", "P", "messages", "bytes")}
-    return Trace(**parts, seconds=sum(t.seconds for t in traces), bound=traces[0].bound)
+    notes = {name: np.concatenate([t.notes[name] for t in traces]) for name in traces[0].notes}
+    return Trace(**parts, seconds=sum(t.seconds for t in traces), bound=traces[0].bound, notes=notes)
 
 
 def trace(name: str, estimator: Any, stream: Stream, watch: Watcher | None = None) -> Trace:
@@ -118,7 +120,9 @@ def trace(name: str, estimator: Any, stream: Stream, watch: Watcher | None = Non
             sent += traffic.bytes
         seconds = perf_counter() - began
     _demand_finite(name, stream, x, P)
-    return Trace(x, P, messages, sent, seconds, getattr(estimator, "bound", False))
+    noted = estimator.notes(drive.state) if hasattr(estimator, "notes") else {}
+    notes = {what: np.asarray(values, float).reshape(t, n) for what, values in noted.items()}
+    return Trace(x, P, messages, sent, seconds, getattr(estimator, "bound", False), notes)
 
 
 def demand_fit(name: str, estimator: Any, stream: Stream) -> None:

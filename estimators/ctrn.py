@@ -1,0 +1,224 @@
+"""Collaborative terrain-relative navigation (CTRN): particle filters whose beliefs meet by covariance intersection.
+
+Each robot runs its own particle filter and broadcasts mean and covariance. Whoever hears a packet has a reading of the
+sender (range or RSSI), and does not know how far the sender's belief depends on its own: covariance intersection finds
+the weight w that is safe whatever the correlation. The original is known to us by its abstract; these are our readings:
+
+- `fusion="moments"`: the particles' Gaussian and the sender's are inflated to P_i/w and P_j/(1-w), the reading updates
+  the joint, and the particles follow by the affine map that gives them the new mean and covariance.
+- `fusion="message"`: the particles' density is flattened to the power w, then weighed by the reading with P_j/(1-w).
+- `fusion="received"`: what each sender's packets say is kept in a Gaussian of its own, where covariance intersection
+  guards against packets that repeat each other; their sum with the robot's own belief is the estimate, never fed back
+  and never sent on.
+
+Sources: B. Wiktor, S. Rock, "Collaborative terrain relative navigation", ICRA 2020; for the relative form of covariance
+intersection, L. C. Carrillo-Arce et al., "Decentralized multi-robot cooperative localization using covariance
+intersection", IROS 2013.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar, Literal, NamedTuple
+
+import numpy as np
+
+from cooploc.estimators import kernels, own
+from cooploc.estimators.angles import wrap_heading
+from cooploc.estimators.gaussian import inflated_update, symmetric
+from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, Sensor, World
+from cooploc.estimators.intersection import solve_relative
+from cooploc.estimators.mrsl import pack, unpack
+from cooploc.estimators.particles import moments, offset, weights
+
+VAGUE = 10.0  # sides of the arena: the spread of a belief that knows nothing yet
+
+
+class Counts(NamedTuple):
+    """What the fusions of each robot came to (r,)."""
+
+    fusions: Array
+    fallbacks: Array  # cvxpy failed, the exact method stood in
+    audited: Array  # solved exactly and by cvxpy
+    largest: Array  # difference of their weights
+
+
+class State(NamedTuple):
+    """What one robot remembers."""
+
+    own: own.Own
+    who: Indices  # (r,)  one number per robot and trial: nobody shares a program, whose last bits would tell of others
+    received: Belief  # x (r, n, 2), P (r, n, 2, 2)  its own position as each sender alone tells it, nan before it did
+    belief: Belief
+    counts: Counts
+
+
+@dataclass(frozen=True)
+class Ctrn(own.Settings):
+    """Particle filter on own readings, covariance intersection with received beliefs."""
+
+    api: ClassVar[int] = 1
+    reading: Literal["rssi", "range"] = "range"  # what is measured of a packet
+    fusion: Literal["moments", "message", "received"] = "moments"
+    weights: Literal["cvxpy", "exact"] = "cvxpy"
+    criterion: Literal["trace", "det"] = "trace"
+    audit: float = 1e-3  # with weights="exact": share of fusions that cvxpy solves again
+
+    @property
+    def uses(self) -> tuple[str, ...]:
+        return ("odometry", "anchor_rssi", f"radio_{self.reading}")
+
+    def init(self, prior: Belief, world: World, rows: Rows) -> State:
+        r, n = len(prior.x), world.robots
+        received = Belief(np.full((r, n, 2), np.nan), np.full((r, n, 2, 2), np.nan))
+        counts = Counts(*np.zeros((4, r)))
+        return State(own.init(self, prior, world, rows), rows.trial * n + rows.robot, received, prior, counts)
+
+    def predict(self, s: State, z: Senses) -> State:
+        before = s.own.belief.x
+        after, _, Q = s.own.world.motion.move(before, z.odometry, z.dt)
+        step = (after - before)[:, None, :2]
+        received = Belief(s.received.x + step, s.received.P + Q[:, None, :2, :2])
+        return s._replace(own=own.predict(self, s.own, z), received=received)
+
+    def correct(self, s: State, z: Senses) -> State:
+        return s._replace(own=own.correct(self, s.own, z))
+
+    def send(self, s: State, z: Senses) -> Array:
+        """x, y, and the position covariance's P_xx, P_xy, P_yy: five numbers. Nothing received is sent on."""
+        return pack(moments(s.own.x, weights(s.own.logw)))
+
+    def fuse(self, s: State, z: Senses, mail: Mail) -> State:
+        s = {"moments": self._moments, "message": self._message, "received": self._received}[self.fusion](s, z, mail)
+        mine = own.finish(self, s.own)
+        belief = _sum(mine.belief, s.received) if self.fusion == "received" else mine.belief
+        return s._replace(own=mine, belief=belief)
+
+    def estimate(self, s: State) -> Belief:
+        return s.belief
+
+    def notes(self, s: State) -> dict[str, Array]:
+        """How many fusions there were, and how far the exact weights lie from cvxpy's where both were asked."""
+        told = {"fusions": s.counts.fusions, "fallbacks": s.counts.fallbacks}
+        if self.weights == "exact":
+            told |= {"solved again by cvxpy": s.counts.audited, "largest difference of a weight": s.counts.largest}
+        return told
+
+    def _moments(self, s: State, z: Senses, mail: Mail) -> State:
+        """Fuse with one sender after the other, then move the particles to the mean and covariance that result."""
+        before = moments(s.own.x, weights(s.own.logw))
+        after = before
+        for sensor, sender, reading in s.own.world.relative(z, mail):
+            after, _, s = self._intersect(s, after, sensor, reading, mail, sender, after.x)
+        return s._replace(own=s.own._replace(x=follow(s.own.x, before, after)))
+
+    def _message(self, s: State, z: Senses, mail: Mail) -> State:
+        """log p^w for the particles' own Gaussian p, plus the log-likelihood of the reading with P_j/(1-w)."""
+        x, logw = s.own.x, s.own.logw
+        for sensor, sender, reading in s.own.world.relative(z, mail):
+            belief = moments(x, weights(logw))
+            _, w, s = self._intersect(s, belief, sensor, reading, mail, sender, belief.x)
+            x_j, P_j = unpack(mail.packets[:, sender])
+            y, _, J = sensor.innovation(x, x_j[:, None], reading[:, None])
+            J, rest = J[..., 0, :], np.where(w < 1, 1 - w, np.nan)[:, None]
+            v = sensor.R[0, 0] + ((J @ P_j) * J).sum(-1) / rest
+            flat = (w - 1)[:, None] * log_density(x, belief)
+            logw = np.where(w[:, None] < 1, logw + flat + own.log_likelihood(y[..., 0], v), logw)
+        return s._replace(own=s.own._replace(logw=logw))
+
+    def _received(self, s: State, z: Senses, mail: Mail) -> State:
+        """Intersect what a sender's packets said before with what this one says, linearised at the own belief."""
+        at = moments(s.own.x, weights(s.own.logw)).x[:, :2]
+        x, P = s.received.x.copy(), s.received.P.copy()
+        world = s.own.world
+        nothing = (VAGUE * np.max(world.arena[1] - world.arena[0])) ** 2 * np.eye(2)
+        for sensor, sender, reading in world.relative(z, mail):
+            new = np.isnan(x[:, sender])
+            said = Belief(np.where(new, at, x[:, sender]), np.where(new[..., None], nothing, P[:, sender]))
+            fused, w, s = self._intersect(s, said, sensor, reading, mail, sender, at)
+            still = new & (w == 1)[:, None]  # nothing
+            x[:, sender] = np.where(still, np.nan, fused.x)
+            P[:, sender] = np.where(still[..., None], np.nan, fused.P)
+        return s._replace(received=Belief(x, P))
+
+    def _intersect(
+        self, s: State, belief: Belief, sensor: Sensor, reading: Array, mail: Mail, sender: int, at: Array
+    ) -> tuple[Belief, Array, State]:
+        """The belief after one reading of one sender, linearised at `at`, the weight w (r,), and the counts kept.
+
+        x' = x + K y,  P' = (I - K H) P/w  with  K = P/w H' (H P/w H' + H_j P_j/(1-w) H_j' + R)^-1;  w = 1: it stays.
+        """
+        x_j, P_j = unpack(mail.packets[:, sender])
+        y, H, H_j = sensor.innovation(at, x_j, reading)
+        y = y + (H @ (at - belief.x)[..., None])[..., 0]
+        use = np.flatnonzero(~np.isnan(y).any(-1) & ~np.isnan(P_j).any((-2, -1)) & sound(belief.P))
+        w = np.ones(len(y))
+        if use.size:
+            parts = belief.P[use], P_j[use], H[use], H_j[use], sensor.R
+            found = solve_relative(*parts, self.criterion, self.weights, groups=s.who[use])
+            w[use] = found.w
+            s = self._counted(s, use, found.fallback)
+            if self.weights == "exact":
+                s = self._audited(s, sender, use, found.w, parts)
+        return inflated_update(belief, y, H, H_j, P_j, sensor.R, w), w, s
+
+    def _counted(self, s: State, use: Indices, fallback: Mask) -> State:
+        fusions, fallbacks = s.counts.fusions.copy(), s.counts.fallbacks.copy()
+        fusions[use] += 1
+        fallbacks[use] += fallback
+        return s._replace(counts=s.counts._replace(fusions=fusions, fallbacks=fallbacks))
+
+    def _audited(self, s: State, sender: int, use: Indices, w: Array, parts: tuple[Array, ...]) -> State:
+        """Solve a random sample of the fusions by cvxpy too, each by itself."""
+        draw = kernels.uniforms(s.own.key[use], s.own.tick, kernels.AUDIT, sender + 1)[:, sender, 0]
+        chosen = np.flatnonzero(draw < self.audit)
+        if chosen.size == 0:
+            return s
+        P, P_j, H, H_j, R = parts
+        some = P[chosen], P_j[chosen], H[chosen], H_j[chosen], R
+        again = solve_relative(*some, self.criterion, "cvxpy", groups=np.arange(chosen.size)).w
+        audited, largest = s.counts.audited.copy(), s.counts.largest.copy()
+        audited[use[chosen]] += 1
+        largest[use[chosen]] = np.maximum(largest[use[chosen]], np.abs(again - w[chosen]))
+        return s._replace(counts=s.counts._replace(audited=audited, largest=largest))
+
+
+def sound(P: Array) -> Mask:
+    """Rows whose covariance can be inverted (r,): particles may have collapsed into one point."""
+    largest = np.trace(P, axis1=-2, axis2=-1)
+    ok: Mask = np.linalg.eigvalsh(P)[:, 0] > 1e-12 * np.maximum(largest, np.finfo(float).tiny)
+    return ok
+
+
+def follow(x: Array, before: Belief, after: Belief) -> Array:
+    """Particles x (r, N, d) under the affine map that takes the moments `before` to `after`; unmoved where equal."""
+    moved = (before.x != after.x).any(-1) | (before.P != after.P).any((-2, -1))
+    if not moved.any():
+        return x
+    L0, L1 = np.linalg.cholesky(before.P[moved]), np.linalg.cholesky(after.P[moved])
+    A = np.linalg.solve(L0.mT, L1.mT)  # row vectors: e' = e A
+    out = x.copy()
+    out[moved] = wrap_heading(after.x[moved, None] + offset(x[moved], before.x[moved]) @ A)
+    return out
+
+
+def log_density(x: Array, belief: Belief) -> Array:
+    """log N(x; belief) of particles (r, N, d) up to a constant."""
+    e = offset(x, belief.x)
+    d2: Array = (e * np.linalg.solve(belief.P[:, None], e[..., None])[..., 0]).sum(-1)
+    return -0.5 * d2
+
+
+def _sum(mine: Belief, received: Belief) -> Belief:
+    """The product of independent Gaussians: the own belief and what each sender's packets say of the position."""
+    told = ~np.isnan(received.x[..., 0])
+    use = told.any(-1) & sound(mine.P)
+    if not use.any():
+        return mine
+    x, P = mine.x.copy(), mine.P.copy()
+    lift = np.eye(x.shape[-1])[:, :2]
+    told, at, spread = (a[use] for a in (told, *received))
+    said = np.where(told[..., None, None], np.linalg.inv(np.where(told[..., None, None], spread, np.eye(2))), 0.0)
+    gap = np.where(told[..., None], at - x[use, None, :2], 0.0)
+    P[use] = symmetric(np.linalg.inv(np.linalg.inv(P[use]) + lift @ said.sum(1) @ lift.T))
+    pull = lift @ (said @ gap[..., None]).sum(1)
+    x[use] = x[use] + (P[use] @ pull)[..., 0]
+    return Belief(x, P)

@@ -1,0 +1,121 @@
+"""Recursive decentralised localization: cross-covariances kept as factors, communication only when two robots meet.
+
+P_ij = sigma_ij sigma_ji', and robot i holds sigma_ij. A robot's own readings move only its own factors. When robot i
+measures robot j, the two put their joint Gaussian together and update it exactly; each then carries its cross terms
+with everybody else along approximately, as if its new belief came from a reading of its own.
+
+Sent, in numbers of 8 bytes and with a header of 8: request 0; reply x_j, P_j, sigma_ji, d + d(d+1)/2 + d^2; result
+x_j', P_j', d + d(d+1)/2. Where either way between the two fails, the reading is lost. Ours: a gate; and the implied
+joint of two robots, which the approximation can make indefinite, has its correlation cut to `LIMIT`.
+
+Source: L. Luft, T. Schubert, S. Roumeliotis, W. Burgard, "Recursive decentralized localization for multi-robot systems
+with asynchronous pairwise communication", IJRR 37(10), 2018.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar, Literal, NamedTuple
+
+import numpy as np
+
+from cooploc.estimators.angles import wrap_heading
+from cooploc.estimators.doa import fixed, gradient_doa
+from cooploc.estimators.gaussian import ENGINES, GATE, EngineName
+from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, Sensor, Traffic, World
+from cooploc.estimators.relative import HEADER, linearise, pairs
+
+LIMIT = 1 - 1e-9  # largest correlation of any two combinations of two robots' states
+
+
+class State(NamedTuple):
+    """What the robots remember; axis 1 is whose memory it is."""
+
+    x: Array  # (t, n, d)
+    P: Array  # (t, n, d, d)
+    sigma: Array  # (t, n, n, d, d)  sigma_ij; the diagonal is not used
+    world: World
+
+
+@dataclass(frozen=True)
+class EkfLuft:
+    """Decentralised EKF with pairwise communication and factored cross terms."""
+
+    api: ClassVar[int] = 1
+    bound: ClassVar[bool] = False
+    own: Literal["doa", "rssi"] = "doa"
+    reading: Literal["rssi", "range"] = "range"  # radio reading used where no camera sees teammates
+    gate: float = GATE
+    engine: EngineName = "batched"
+
+    @property
+    def uses(self) -> tuple[str, ...]:
+        return ("odometry", "anchor_rssi|landmark", f"sighting|radio_{self.reading}")
+
+    def init(self, prior: Belief, world: World, rows: Rows) -> State:
+        if self.own == "doa" and "anchor_rssi" in world.sensors:
+            gradient_doa(world)
+        t, n, d = prior.x.shape
+        return State(prior.x, prior.P, np.zeros((t, n, n, d, d)), world)
+
+    def predict(self, s: State, z: Senses) -> State:
+        """P_i' = F_i P_i F_i' + Q_i,  sigma_ij' = F_i sigma_ij."""
+        x, F, Q = s.world.motion.move(s.x, z.odometry, z.dt)
+        x, P = ENGINES[self.engine].predict(x, s.P, F, Q)
+        return s._replace(x=x, P=P, sigma=F[:, :, None] @ s.sigma)
+
+    def correct(self, s: State, z: Senses) -> State:
+        """Private update: the EKF's, then sigma_ij' = (I - K H) sigma_ij = P_i' P_i^-1 sigma_ij."""
+        x, P = s.x, s.P
+        for sensor, place, reading in fixed(s.world, z, self.own):
+            y, H, _ = sensor.innovation(x, place, reading)
+            x, P = ENGINES[self.engine].update(x, P, y, H, sensor.R, self.gate)
+        return s._replace(x=x, P=P, sigma=_carried(s.P, P)[:, :, None] @ s.sigma)
+
+    def exchange(self, s: State, z: Senses, air: Mail) -> tuple[State, Traffic]:
+        d = s.x.shape[-1]
+        messages, sent = np.zeros(s.x.shape[:2]), np.zeros(s.x.shape[:2])
+        belief = d + d * (d + 1) // 2
+        for sensor, i, j, reading in pairs(s.world, z, air):
+            asked = ~np.isnan(reading).any(-1)
+            answered = asked & air.heard[:, j, i]
+            before = s
+            s = self._meet(s, sensor, i, j, np.where((answered & air.heard[:, i, j])[:, None], reading, np.nan))
+            told = (s.P[:, i] != before.P[:, i]).any((1, 2))
+            for robot, when, numbers in ((i, asked, 0), (j, answered, belief + d * d), (i, told, belief)):
+                messages[:, robot] += when
+                sent[:, robot] += when * (8.0 * numbers + HEADER)
+        return s, Traffic(messages, sent)
+
+    def estimate(self, s: State) -> Belief:
+        return Belief(wrap_heading(s.x), s.P)
+
+    def _meet(self, s: State, sensor: Sensor, i: int, j: int, reading: Array) -> State:
+        """Joint update of (x_i, x_j); sigma_ij' = P_ij', sigma_ji' = I; else sigma_ik' = P_i' P_i^-1 sigma_ik."""
+        d = s.x.shape[-1]
+        y, H_i, H_j = linearise(sensor, s.x[:, i], s.x[:, j], reading)
+        P_ij = _possible(s.P[:, i], s.P[:, j], s.sigma[:, i, j] @ s.sigma[:, j, i].mT)
+        P = np.block([[s.P[:, i], P_ij], [P_ij.mT, s.P[:, j]]])
+        pair, H = np.concatenate([s.x[:, i], s.x[:, j]], -1), np.concatenate([H_i, H_j], -1)
+        pair1, P1 = ENGINES[self.engine].update(pair, P, y, H, sensor.R, self.gate)
+        used = np.asarray((P1 != P).any((1, 2)))[:, None, None]
+        x1, marginals, sigma = s.x.copy(), s.P.copy(), s.sigma.copy()
+        for robot, at in ((i, slice(0, d)), (j, slice(d, None))):
+            x1[:, robot], marginals[:, robot] = pair1[:, at], P1[:, at, at]
+            sigma[:, robot] = _carried(s.P[:, robot], marginals[:, robot])[:, None] @ sigma[:, robot]
+        sigma[:, i, j] = np.where(used, P1[:, :d, d:], s.sigma[:, i, j])
+        sigma[:, j, i] = np.where(used, np.eye(d), s.sigma[:, j, i])
+        return s._replace(x=x1, P=marginals, sigma=sigma)
+
+
+def _carried(P: Array, P1: Array) -> Array:
+    """P' P^-1, the identity where nothing changed."""
+    same = np.asarray((P == P1).all((-2, -1)))
+    return np.where(same[..., None, None], np.eye(P.shape[-1]), np.linalg.solve(P, P1).mT)
+
+
+def _possible(A: Array, B: Array, C: Array) -> Array:
+    """The cross term C (t, d, d) of covariances A and B, its canonical correlations cut to `LIMIT`."""
+    a, b = np.linalg.cholesky(A), np.linalg.cholesky(B)
+    u, correlation, v = np.linalg.svd(np.linalg.solve(a, np.linalg.solve(b, C.mT).mT))
+    cut = a @ (u * np.minimum(correlation, LIMIT)[..., None, :]) @ v @ b.mT
+    beyond = np.asarray((correlation > LIMIT).any(-1))
+    return np.where(beyond[..., None, None], cut, C)

@@ -1,0 +1,159 @@
+"""Split covariance intersection: what may be correlated is inflated, what is known to be independent is not.
+
+A covariance is P = Pd + Pi. Own odometry and own readings feed Pi; covariance intersection with the weight w acts on Pd
+alone, so that no unknown correlation between the dependent parts can make the result over-confident. The weight is the
+one of least position trace. Ours: a reading is left alone where that trace would not fall, or where det P would rise;
+otherwise a reading that says nothing of the heading inflates it without bound.
+
+Sent, in one broadcast a tick: x and the triangles of Pd and Pi (8 numbers, with a heading 15) and, with a camera, range
+and bearing of every teammate in sight; 8 bytes each. A robot that was sighted uses the reading too (`both`).
+
+What of a received estimate is independent (`form`): "literal", its independent part, as the equations have it; but its
+sender keeps that part as independent, too, and with independent priors nothing ever becomes dependent: the filter *is*
+ekf-naive. "received", nothing of it; still somewhat over-confident, for the sender goes on holding what it sent for
+independent. "conservative", what its sender has never sent before, and a robot holds what it sent for dependent.
+
+Source: H. Li, F. Nashashibi, "Cooperative multi-vehicle localization using split covariance intersection filter", IEEE
+Intelligent Transportation Systems Magazine 5(2), 2013. Pd is updated in Joseph's form, for Pd = P - Pi loses
+definiteness.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar, Literal, NamedTuple
+
+import numpy as np
+
+from cooploc.estimators.angles import wrap_heading
+from cooploc.estimators.doa import fixed, gradient_doa
+from cooploc.estimators.gaussian import ENGINES, GATE, EngineName, symmetric
+from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, World
+from cooploc.estimators.relative import Heard, packed, received, sightings, unpacked
+
+REACH = 8.0  # largest |logit w| that is tried
+ROUNDS, POINTS = 4, 11  # of the search for w, each round ten times finer
+
+
+class State(NamedTuple):
+    """What one robot remembers."""
+
+    x: Array  # (r, d)
+    Pd: Array  # (r, d, d)  the part of P that may be correlated with teammates
+    Pi: Array  # (r, d, d)  the part that is not
+    robot: Indices  # (r,)
+    world: World
+
+
+@dataclass(frozen=True)
+class EkfSplitCi:
+    """EKF on own readings, split covariance intersection with received beliefs."""
+
+    api: ClassVar[int] = 1
+    own: Literal["doa", "rssi"] = "doa"
+    reading: Literal["rssi", "range"] = "range"  # radio reading used where no camera sees teammates
+    form: Literal["literal", "received", "conservative"] = "received"
+    both: bool = True  # a sighting corrects the robot that was seen, too
+    gate: float = GATE
+    engine: EngineName = "batched"
+
+    @property
+    def uses(self) -> tuple[str, ...]:
+        return ("odometry", "anchor_rssi|landmark", f"sighting|radio_{self.reading}")
+
+    def init(self, prior: Belief, world: World, rows: Rows) -> State:
+        if self.own == "doa" and "anchor_rssi" in world.sensors:
+            gradient_doa(world)
+        return State(prior.x, np.zeros_like(prior.P), prior.P, rows.robot, world)
+
+    def predict(self, s: State, z: Senses) -> State:
+        """Pd' = F Pd F',  Pi' = F Pi F' + Q."""
+        x, F, Q = s.world.motion.move(s.x, z.odometry, z.dt)
+        x, Pi = ENGINES[self.engine].predict(x, s.Pi, F, Q)
+        return s._replace(x=x, Pd=symmetric(F @ s.Pd @ F.mT), Pi=Pi)
+
+    def correct(self, s: State, z: Senses) -> State:
+        """Kalman update by an independent reading: Pd' = (I - K H) Pd (I - K H)', the rest of P' is Pi'."""
+        for sensor, place, reading in fixed(s.world, z, self.own):
+            y, H, _ = sensor.innovation(s.x, place, reading)
+            nothing = np.zeros((*y.shape, y.shape[-1]))
+            s, _ = self._update(s, y, H, nothing, sensor.R + nothing, np.ones(len(s.x)))
+        return s
+
+    def send(self, s: State, z: Senses) -> Array:
+        """The belief before this tick's fusion, and what was sighted."""
+        return np.concatenate([packed(s.x, s.Pd, s.Pi), sightings(s.world, z) if self.both else s.x[:, :0]], -1)
+
+    def fuse(self, s: State, z: Senses, mail: Mail) -> State:
+        known = np.zeros(mail.heard.shape, bool)  # senders whose independent part is in ours by now
+        for heard in received(s.world, z, mail, s.robot, packed(s.x, s.Pd, s.Pi).shape[-1]):
+            s, used = self._cooperate(s, heard, mail.packets[:, heard.sender], known[:, heard.sender])
+            known[:, heard.sender] |= used
+        if self.form == "conservative" and s.world.robots > 1:  # the broadcast took the independent part along
+            s = s._replace(Pd=s.Pd + s.Pi, Pi=np.zeros_like(s.Pi))
+        return s
+
+    def estimate(self, s: State) -> Belief:
+        return Belief(wrap_heading(s.x), s.Pd + s.Pi)
+
+    def _cooperate(self, s: State, heard: Heard, message: Array, known: Mask) -> tuple[State, Mask]:
+        """Update by a reading between us and a sender, whose own split covariance is that of the reading's place."""
+        x_j, Pd_j, Pi_j = unpacked(message, s.x.shape[-1], 2)
+        if self.form == "conservative":
+            again = known[:, None, None]
+            Pd_j, Pi_j = np.where(again, Pd_j + Pi_j, Pd_j), np.where(again, 0.0, Pi_j)
+        y, H, H_j = heard.linearise(s.x, x_j)
+        Rd, Ri = H_j @ Pd_j @ H_j.mT, H_j @ Pi_j @ H_j.mT + heard.sensor.R
+        there = np.asarray(~(np.isnan(y).any(-1) | np.isnan(Rd).any((1, 2))))
+        y, H, Rd = (np.where(there.reshape(-1, *[1] * (a.ndim - 1)), a, 0.0) for a in (y, H, Rd))
+        Ri = np.where(there[:, None, None], Ri, np.eye(y.shape[-1]))
+        w, gains = _least_trace(s.Pd, s.Pi, H, Rd, Ri)
+        return self._update(s, np.where((there & gains)[:, None], y, np.nan), H, Rd, Ri, w, received=True)
+
+    def _update(
+        self, s: State, y: Array, H: Array, Rd: Array, Ri: Array, w: Array, received: bool = False
+    ) -> tuple[State, Mask]:
+        """P1 = Pd / w + Pi,  R = Rd / (1 - w) + Ri,  K = P1 H' (H P1 H' + R)^-1,  x' = x + K y.
+
+        Pd' = (I - K H) Pd / w (I - K H)' + K Rd / (1 - w) K',  Pi' = (I - K H) Pi (I - K H)' + K Ri K'. In all
+        forms but the literal, K Ri K' of what was received goes to Pd'. Also says who used it.
+        """
+        w = w[:, None, None]
+        Pd, Rd = s.Pd / w, np.divide(Rd, 1 - w, out=np.zeros_like(Rd), where=w < 1)
+        R = Rd + Ri
+        x, P = ENGINES[self.engine].update(s.x, Pd + s.Pi, y, H, R, self.gate)
+        used = (Pd + s.Pi != P).any((1, 2))
+        K = np.linalg.solve(R, H @ P).mT
+        I_KH = np.eye(x.shape[-1]) - K @ H
+        from_reading, dependent = symmetric(K @ Ri @ K.mT), I_KH @ Pd @ I_KH.mT + K @ Rd @ K.mT
+        if received and self.form != "literal":
+            dependent, from_reading = dependent + from_reading, np.zeros_like(P)
+        Pi = symmetric(I_KH @ s.Pi @ I_KH.mT) + from_reading
+        take = used[:, None, None]
+        return s._replace(x=x, Pd=np.where(take, symmetric(dependent), s.Pd), Pi=np.where(take, Pi, s.Pi)), used
+
+
+def _least_trace(Pd: Array, Pi: Array, H: Array, Rd: Array, Ri: Array) -> tuple[Array, Mask]:
+    """The weight w (r,) of least tr P'_xy, searched on a grid of logit w, and whether it is a gain.
+
+    tr P' = tr P1 - tr(M S^-1 M') with P1 = Pd / w + Pi, M = (P1 H')_xy and S = H P1 H' + Rd / (1 - w) + Ri.
+    """
+    Ud, Ui = (Pd @ H.mT)[:, :2], (Pi @ H.mT)[:, :2]
+    Sd, Si = H @ Pd @ H.mT, H @ Pi @ H.mT + Ri
+    td, ti = Pd[:, 0, 0] + Pd[:, 1, 1], Pi[:, 0, 0] + Pi[:, 1, 1]
+    middle, reach, rows = np.zeros(len(Pd)), REACH, np.arange(len(Pd))
+    for _ in range(ROUNDS):
+        v = middle + np.linspace(-reach, reach, POINTS)[:, None]
+        w = (1 / (1 + np.exp(-v)))[..., None, None]  # (points, r, 1, 1)
+        M, S = Ud / w + Ui, Sd / w + Si + Rd / (1 - w)
+        inverse = 1 / S if S.shape[-1] == 1 else np.linalg.inv(S)
+        trace = td / w[..., 0, 0] + ti - ((M @ inverse) * M).sum((-2, -1))
+        best = trace.argmin(0)
+        middle, reach = v[best, rows], reach / ((POINTS - 1) / 2)
+    least, w = trace[best, rows], w[best, rows]
+    R, S = Rd / (1 - w) + Ri, Sd / w + Si + Rd / (1 - w)
+    shrinks = _log_det(Pd / w + Pi) + _log_det(R) - _log_det(S) < _log_det(Pd + Pi)  # det P' = det P1 det R / det S
+    return w[:, 0, 0], (least < td + ti) & shrinks
+
+
+def _log_det(P: Array) -> Array:
+    value: Array = np.linalg.slogdet(P)[1]
+    return value

@@ -1,0 +1,273 @@
+"""What the Kalman filters of a team share: readings between robots, and updates of a joint Gaussian by a few blocks.
+
+A team's mean is x (t, n, d), its covariance P (t, n d, n d). A reading of robot j by robot i has a Jacobian at these
+two only, so that P H' needs two block columns and not the whole matrix.
+
+Sources: S. Roumeliotis, G. Bekey, "Distributed multirobot localization", IEEE T-RA 18(5), 2002 (the sparse update);
+S. Thrun et al., "Simultaneous localization and mapping with sparse extended information filters", IJRR 23, 2004, sec. 2
+(readings add in information form).
+"""
+
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+import numba
+import numpy as np
+
+from cooploc.estimators.gaussian import distance, present, symmetric
+from cooploc.estimators.interface import Array, Indices, Mail, Mask, Senses, Sensor, World
+from cooploc.estimators.models import Range
+
+HEADER = 8  # bytes a message costs beside its numbers, as the runner counts
+
+
+class Heard(NamedTuple):
+    """A reading between a robot and one whose packet it heard."""
+
+    sensor: Sensor
+    sender: int
+    reading: Array  # (r, k)
+    theirs: bool  # made by the sender, of the robot itself
+
+    def linearise(self, x: Array, x_j: Array) -> tuple[Array, Array, Array]:
+        """y (r, k), H (r, k, d) of the robot itself, H_j (r, k, d) of the sender."""
+        if self.theirs:
+            y, H_j, H = linearise(self.sensor, x_j, x, self.reading)
+            return y, H, H_j
+        return linearise(self.sensor, x, x_j, self.reading)
+
+
+def pairs(world: World, z: Senses, air: Mail) -> Iterator[tuple[Sensor, int, int, Array]]:
+    """Readings (t, k) of a team as (sensor, receiver, sender, reading), sender by sender; absent ones are left out."""
+    for sensor, j, reading in world.relative(z, air):
+        for i in range(world.robots):
+            if i != j and not np.isnan(reading[:, i]).all():
+                yield sensor, i, j, reading[:, i]
+
+
+def table(world: World, z: Senses, air: Mail) -> Iterator[tuple[Sensor, Array]]:
+    """The same readings at once, (t, receiver, sender, k) by sensor, nobody's reading of himself among them."""
+    for channel, readings in (
+        ("sighting", z.sighting),
+        ("radio_rssi", air.rssi[..., None]),
+        ("radio_range", air.range[..., None]),
+    ):
+        sensor = world.sensors.get(channel)
+        if sensor is not None and not np.isnan(readings).all():
+            yield sensor, np.where(np.eye(world.robots, dtype=bool)[..., None], np.nan, readings)
+
+
+def linearise(sensor: Sensor, x_i: Array, x_j: Array, reading: Array) -> tuple[Array, Array, Array]:
+    """y (..., k), H_i (..., k, d), H_j (..., k, d) of a reading of j by i."""
+    y, H, Hq = sensor.innovation(x_i, x_j[..., :2], reading)
+    H_j = np.zeros_like(H)
+    H_j[..., :2] = Hq
+    return y, H, H_j
+
+
+def curvature(sensor: Sensor, x_i: Array, x_j: Array, D: Array) -> tuple[Array, Array]:
+    """Mean shift (..., k), extra variance (..., k, k) of a range by its second order; x_i - x_j has D (..., 2, 2)."""
+    if isinstance(sensor, Range):
+        return sensor.curvature(x_i, x_j[..., :2], D)
+    return np.zeros(1), np.zeros((1, 1))
+
+
+def packed(x: Array, *Ps: Array) -> Array:
+    """A message (r, m): x (r, d) and the upper triangle of each covariance (r, d, d)."""
+    i, j = np.triu_indices(x.shape[-1])
+    return np.concatenate([x, *(P[:, i, j] for P in Ps)], -1)
+
+
+def unpacked(message: Array, d: int, count: int = 1) -> tuple[Array, ...]:
+    """x (..., d) and `count` covariances (..., d, d) from the front of a message."""
+    i, j = np.triu_indices(d)
+    parts = [message[..., :d]]
+    for k in range(count):
+        P = np.empty((*message.shape[:-1], d, d))
+        P[..., i, j] = P[..., j, i] = message[..., d + k * len(i) : d + (k + 1) * len(i)]
+        parts.append(P)
+    return tuple(parts)
+
+
+def sightings(world: World, z: Senses) -> Array:
+    """Range and bearing of each teammate (r, 2 n), to be told; width 0 without a camera."""
+    return z.sighting.reshape(len(z.sighting), -1) if "sighting" in world.sensors else z.sighting[:, :0, 0]
+
+
+def received(world: World, z: Senses, mail: Mail, robot: Indices, begin: int) -> Iterator[Heard]:
+    """A robot's readings of those it heard, then the sightings of it that they sent from column `begin` on."""
+    for sensor, j, reading in world.relative(z, mail):
+        yield Heard(sensor, j, reading, False)
+    seen, rows = world.sensors.get("sighting"), np.arange(len(robot))
+    if seen is not None and mail.packets.shape[-1] > begin:
+        told = mail.packets[..., begin:].reshape(len(robot), world.robots, world.robots, 2)[rows, :, robot]
+        for j in range(world.robots):
+            if not np.isnan(told[:, j]).all():
+                yield Heard(seen, j, told[:, j], True)
+
+
+def flat(x: Array) -> Array:
+    """(t, n, d) as (t, n d)."""
+    return x.reshape(len(x), -1)
+
+
+def square(P: Array) -> Array:
+    """(t, n, d, n, d) as (t, n d, n d)."""
+    t, n, d = P.shape[:3]
+    return P.reshape(t, n * d, n * d)
+
+
+def block_diagonal(blocks: Array) -> Array:
+    """(t, n, d, d) on the diagonal of (t, n, d, n, d)."""
+    t, n, d, _ = blocks.shape
+    P = np.zeros((t, n, d, n, d))
+    for i in range(n):
+        P[:, i, :, i] = blocks[:, i]
+    return P
+
+
+def spread(P: Array, d: int) -> Array:
+    """Covariance (t, n, n, 2, 2) of every difference of two positions, from P (t, n d, n d)."""
+    blocks = P.reshape(len(P), P.shape[1] // d, d, -1, d)[:, :, :2, :, :2].swapaxes(2, 3)  # (t, n, n, 2, 2)
+    own = np.einsum("tiiab->tiab", blocks)
+    D: Array = own[:, :, None] + own[:, None] - blocks - blocks.swapaxes(1, 2)
+    return D
+
+
+def sparse_update(
+    x: Array, P: Array, y: Array, at: Mapping[int, Array], R: Array, gate: float
+) -> tuple[Array, Array, Mask]:
+    """K = P H' S^-1,  x' = x + K y,  P' = P - K S K' by a Jacobian that is `at` those robots and 0 elsewhere.
+
+    With S = C C' and L = P H' C'^-1, K S K' = L L', symmetric to the last bit. Also says which trials used it (t,).
+    """
+    t, n, d = x.shape
+    R = np.broadcast_to(R, (*y.shape, y.shape[-1]))
+    use = np.asarray(np.stack([present(y, H, R) for H in at.values()]).all(0))
+    y, R = np.where(use[:, None], y, 0.0), np.where(use[:, None, None], R, np.eye(y.shape[-1]))
+    at = {i: np.where(use[:, None, None], H, 0.0) for i, H in at.items()}
+    PH = np.zeros((t, n * d, y.shape[-1]))
+    for i, H in at.items():
+        PH = PH + P[:, :, i * d : i * d + d] @ H.mT
+    S = symmetric(R + np.asarray(sum(H @ PH[:, i * d : i * d + d] for i, H in at.items())))
+    use &= distance(y, S) <= gate
+    half: Array = np.linalg.inv(np.linalg.cholesky(S))
+    L = np.where(use[:, None, None], PH @ half.mT, 0.0)
+    x = x + (L @ (half @ y[..., None])).reshape(t, n, d)
+    for column in range(y.shape[-1]):
+        P = P - L[:, :, None, column] * L[:, None, :, column]
+    return x, P, use
+
+
+def dense(at: Mapping[int, Array], robots: int) -> Array:
+    """The Jacobian (t, k, n d) that is `at` those robots and 0 elsewhere."""
+    first = next(iter(at.values()))
+    H = np.zeros((*first.shape[:2], robots, first.shape[2]))
+    for i, block in at.items():
+        H[:, :, i] = block
+    return H.reshape(*first.shape[:2], -1)
+
+
+def stacked(use: Mask, y: Array, H_i: Array, H_j: Array, R: Array) -> tuple[Array, Array, Array]:
+    """All readings as one vector: y (t, m), H (t, m, n d), R (t, m, m); what `use` forbids says nothing."""
+    t, n, others, k, d = H_i.shape
+    H, noise = np.zeros((t, n, others, k, n, d)), np.zeros((t, n * others, k, n * others, k))
+    for i in range(n):
+        H[:, i, :, :, i] += H_i[:, i]
+    for j in range(others):
+        H[:, :, j, :, j] += H_j[:, :, j]
+    H = np.where(use[..., None, None, None], H, 0.0)
+    R = np.where(use[..., None, None], R, np.eye(k)).reshape(t, -1, k, k)
+    for m in range(n * others):
+        noise[:, m, :, m] = R[:, m]
+    size = n * others * k
+    y = np.where(use[..., None], y, 0.0).reshape(t, size)
+    return y, H.reshape(t, size, n * d), noise.reshape(t, size, size)
+
+
+def distances(P: Array, y: Array, H_i: Array, H_j: Array, R: Array) -> Array:
+    """Squared Mahalanobis distance (t, n, m) of the readings y (t, n, m, k) under P (t, n d, n d); nan where absent.
+
+    m is n for readings of teammates; for readings of fixed things it is 1, and H_j is 0.
+    """
+    d2 = np.full(y.shape[:-1], np.nan)
+    _fill_distances(P, y, H_i, H_j, np.ascontiguousarray(np.broadcast_to(R, (*y.shape, y.shape[-1]))), d2)
+    return d2
+
+
+def information(use: Mask, y: Array, H_i: Array, H_j: Array, R: Array) -> tuple[Array, Array]:
+    """H'R^-1 y (t, n d) and H'R^-1 H (t, n d, n d) summed over the readings that `use` (t, n, m) allows."""
+    t, n, _, _, d = H_i.shape
+    eta, Lambda = np.zeros((t, n * d)), np.zeros((t, n * d, n * d))
+    R = np.ascontiguousarray(np.broadcast_to(R, (*y.shape, y.shape[-1])))
+    _add_information(use, y, H_i, H_j, R, eta, Lambda)
+    return eta, Lambda
+
+
+def information_update(P: Array, Lambda: Array) -> Array:
+    """(P^-1 + Lambda)^-1 as (I + P Lambda)^-1 P, which needs no inverse of P; where Lambda is 0 it is P."""
+    return symmetric(np.asarray(np.linalg.solve(np.eye(P.shape[-1]) + P @ Lambda, P), float))
+
+
+def _whitened(C: Array, B: Array) -> None:
+    """Turn S (k, k) into its Cholesky factor C, and B (k, m) into C^-1 B, in place."""
+    for c in range(len(C)):
+        for b in range(c + 1):
+            for a in range(b):
+                C[c, b] -= C[c, a] * C[b, a]
+            if b < c:
+                C[c, b] /= C[b, b]
+        C[c, c] = np.sqrt(C[c, c])
+        for m in range(B.shape[1]):
+            for a in range(c):
+                B[c, m] -= C[c, a] * B[a, m]
+            B[c, m] /= C[c, c]
+
+
+def _distances(P: Array, y: Array, H_i: Array, H_j: Array, R: Array, out: Array) -> None:
+    """S = H_i P_ii H_i' + H_i P_ij H_j' + H_j P_ji H_i' + H_j P_jj H_j' + R, then y' S^-1 y."""
+    t, n, others, k, d = H_i.shape
+    H, PH, S, e = np.empty((k, 2 * d)), np.empty((2 * d, k)), np.empty((k, k)), np.empty((k, 1))
+    for s in range(t):
+        for i in range(n):
+            for j in range(others):
+                H[:, :d], H[:, d:] = H_i[s, i, j], H_j[s, i, j]
+                S[:], e[:, 0] = R[s, i, j], y[s, i, j]
+                for a in range(2 * d):
+                    row = i * d + a if a < d else (j - 1) * d + a
+                    for c in range(k):
+                        PH[a, c] = 0.0
+                        for m in range(d):
+                            PH[a, c] += P[s, row, i * d + m] * H[c, m] + P[s, row, j * d + m] * H[c, d + m]
+                for c in range(k):
+                    for b in range(k):
+                        for a in range(2 * d):
+                            S[c, b] += H[c, a] * PH[a, b]
+                _whiten(S, e)
+                out[s, i, j] = (e**2).sum()
+
+
+def _information(use: Mask, y: Array, H_i: Array, H_j: Array, R: Array, eta: Array, Lambda: Array) -> None:
+    """With R = C C', add the outer products of C^-1 (H_i, H_j, y) to the blocks of i and j."""
+    t, n, others, k, d = H_i.shape
+    B, C, at = np.empty((k, 2 * d + 1)), np.empty((k, k)), np.empty(2 * d, np.int64)
+    for s in range(t):
+        for i in range(n):
+            for j in range(others):
+                if use[s, i, j]:
+                    B[:, :d], B[:, d : 2 * d], B[:, 2 * d] = H_i[s, i, j], H_j[s, i, j], y[s, i, j]
+                    C[:] = R[s, i, j]
+                    _whiten(C, B)
+                    for a in range(d):
+                        at[a], at[d + a] = i * d + a, j * d + a
+                    for c in range(k):
+                        for a in range(2 * d):
+                            eta[s, at[a]] += B[c, a] * B[c, 2 * d]
+                            for m in range(2 * d):
+                                Lambda[s, at[a], at[m]] += B[c, a] * B[c, m]
+
+
+_compiled = numba.njit(cache=True, error_model="numpy")
+_whiten = _compiled(_whitened)
+_fill_distances = _compiled(_distances)
+_add_information = _compiled(_information)

@@ -1,0 +1,214 @@
+"""One unscented Kalman filter over the whole team: sigma points in place of Jacobians.
+
+Like ekf-joint a bound, not a protocol: every reading reaches one computer at once. 2 n d + 1 points go through every
+motion and every reading, one reading after the other, so it is meant for small teams. Odometry noise is additive, as
+the motion model states it at the mean. Weights below 0 can make P' indefinite where a reading is far from linear, as a
+range between robots that touch is: such a reading is refused.
+
+Sources: S. Julier, J. Uhlmann, "Unscented filtering and nonlinear estimation", Proc. IEEE 92(3), 2004; R. van der
+Merwe, "Sigma-point Kalman filters for probabilistic inference in dynamic state-space models", PhD thesis, OGI, 2004
+(the scaled points). engine="filterpy" is filterpy's UnscentedKalmanFilter, one trial at a time.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal, NamedTuple
+
+import numpy as np
+
+from cooploc.estimators.angles import wrap, wrap_heading
+from cooploc.estimators.doa import GradientDoa, fixed, gradient_doa
+from cooploc.estimators.gaussian import GATE, EngineName, distance, symmetric
+from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Sensor, Traffic, World
+from cooploc.estimators.models import Bearing, Sighting
+from cooploc.estimators.relative import block_diagonal, pairs, square
+
+Points = Callable[[Array, slice], Array]  # of sigma points (t, s, n, d) of these trials: moved, or as they are read
+
+
+class State(NamedTuple):
+    """The team's joint Gaussian."""
+
+    x: Array  # (t, n, d)
+    P: Array  # (t, n d, n d)
+    world: World
+
+
+@dataclass(frozen=True)
+class UkfJoint:
+    """Centralised UKF over all robots."""
+
+    api: ClassVar[int] = 1
+    bound: ClassVar[bool] = True
+    own: Literal["doa", "rssi"] = "doa"
+    reading: Literal["rssi", "range"] = "range"  # radio reading used where no camera sees teammates
+    alpha: float = 0.1  # spread of the points, alpha sqrt(3) standard deviations
+    beta: float = 2.0  # 2 suits a Gaussian
+    gate: float = GATE
+    engine: EngineName = "batched"
+
+    @property
+    def uses(self) -> tuple[str, ...]:
+        return ("odometry", "anchor_rssi|landmark", f"sighting|radio_{self.reading}")
+
+    def init(self, prior: Belief, world: World, rows: Rows) -> State:
+        if self.own == "doa" and "anchor_rssi" in world.sensors:
+            gradient_doa(world)
+        return State(prior.x, square(block_diagonal(prior.P)), world)
+
+    def predict(self, s: State, z: Senses) -> State:
+        """x' = sum Wm f(chi),  P' = sum Wc (f(chi) - x') (f(chi) - x')' + Q."""
+        motion = s.world.motion
+        noise = square(block_diagonal(motion.move(s.x, z.odometry, z.dt)[2]))
+
+        def f(points: Array, trials: slice) -> Array:
+            return motion.move(points, z.odometry[trials, None], z.dt[trials, None])[0]
+
+        x, P = (_predict if self.engine == "batched" else _filterpy_predict)(self, s, f, noise)
+        return s._replace(x=wrap_heading(x), P=P)
+
+    def correct(self, s: State, z: Senses) -> State:
+        for sensor, place, reading in fixed(s.world, z, self.own):
+            for i in range(s.world.robots):
+                s = self._update(s, sensor, i, place, reading[:, i])
+        return s
+
+    def exchange(self, s: State, z: Senses, air: Mail) -> tuple[State, Traffic]:
+        for sensor, i, j, reading in pairs(s.world, z, air):
+            s = self._update(s, sensor, i, j, reading)
+        nothing = np.zeros(s.x.shape[:2])
+        return s, Traffic(nothing, nothing)
+
+    def estimate(self, s: State) -> Belief:
+        t, n, d = s.x.shape
+        return Belief(s.x, np.einsum("tiaib->tiab", s.P.reshape(t, n, d, n, d)))
+
+    def _update(self, s: State, sensor: Sensor, i: int, place: Array | int, reading: Array) -> State:
+        """K = P_xz S^-1,  x' = x + K y,  P' = P - K S K', by robot i's reading of a place or of a teammate.
+
+        A point reads -y(chi), relative to the reading itself, so that the reading is 0.
+        """
+        absent = np.asarray(np.isnan(sensor.innovation(s.x[:, i], np.ones(2), reading)[0]).any(-1))
+        known = np.where(absent[:, None], 1.0, reading)
+
+        def h(points: Array, trials: slice) -> Array:
+            q = points[..., place, :2] if isinstance(place, int) else place
+            return -sensor.innovation(points[..., i, :], q, known[trials, None])[0]
+
+        update = _update if self.engine == "batched" else _filterpy_update
+        x, P, d2, sound = update(self, s, h, _turns(sensor), sensor.R)
+        use = (~absent & sound & (d2 <= self.gate))[:, None, None]
+        return s._replace(x=np.where(use, wrap_heading(x), s.x), P=np.where(use, P, s.P))
+
+
+def _weights(p: UkfJoint, m: int) -> tuple[float, Array, Array]:
+    """m + lambda = 3 alpha^2 (kappa = 3 - m);  Wm_0 = lambda / (m + lambda),  Wc_0 = Wm_0 + 1 - alpha^2 + beta."""
+    scale = 3 * p.alpha**2
+    Wm = np.full(2 * m + 1, 0.5 / scale)
+    Wm[0] = (scale - m) / scale
+    Wc = Wm.copy()
+    Wc[0] += 1 - p.alpha**2 + p.beta
+    return scale, Wm, Wc
+
+
+def _points(x: Array, P: Array, scale: float) -> Array:
+    """chi_0 = x,  chi_k = x +- column k of the Cholesky factor of scale P;  (t, 2 m + 1, n, d)."""
+    t, n, d = x.shape
+    columns = np.linalg.cholesky(scale * P).mT
+    spread = np.concatenate([np.zeros((t, 1, n * d)), columns, -columns], 1)
+    points: Array = x[:, None] + spread.reshape(t, -1, n, d)
+    return points
+
+
+def _moments(points: Array, Wm: Array, turns: Mask) -> tuple[Array, Array]:
+    """Weighted mean (t, m), taken about the first point, and deviations from it (t, s, m); angles where it `turns`."""
+    mean = points[:, 0] + (Wm[:, None] * _minus(points, points[:, :1], turns)).sum(1)
+    return mean, _minus(points, mean[:, None], turns)
+
+
+def _minus(a: Array, b: Array, turns: Mask) -> Array:
+    return np.where(turns, wrap(a - b), a - b)
+
+
+def _sound(off: Array, S: Array, R: Array, scale: float) -> Mask:
+    """P - K S K' is definite where S exceeds C C', the part that the state explains: C = P_xz' P^-1/2' (t, k, m)."""
+    plus, minus = np.split(off[:, 1:], 2, 1)
+    C = (plus - minus).mT / (2 * np.sqrt(scale))
+    return np.asarray(np.linalg.eigvalsh(S - C @ C.mT - R / 10)[..., 0] > 0)
+
+
+def _predict(p: UkfJoint, s: State, f: Points, noise: Array) -> tuple[Array, Array]:
+    t, n, d = s.x.shape
+    scale, Wm, Wc = _weights(p, n * d)
+    moved = f(_points(s.x, s.P, scale), slice(None)).reshape(t, -1, n * d)
+    mean, off = _moments(moved, Wm, _headings(n, d))
+    return mean.reshape(t, n, d), symmetric((Wc[:, None] * off).mT @ off + noise)
+
+
+def _update(p: UkfJoint, s: State, h: Points, turns: Mask, R: Array) -> tuple[Array, Array, Array, Mask]:
+    t, n, d = s.x.shape
+    scale, Wm, Wc = _weights(p, n * d)
+    points = _points(s.x, s.P, scale)
+    mean, off = _moments(h(points, slice(None)), Wm, turns)
+    weighted, y = (Wc[:, None] * off).mT, _minus(np.zeros_like(mean), mean, turns)
+    S, away = symmetric(weighted @ off + R), (points - s.x[:, None]).reshape(t, -1, n * d)
+    K = np.linalg.solve(S, weighted @ away).mT
+    x, P = s.x + (K @ y[..., None]).reshape(t, n, d), symmetric(s.P - K @ S @ K.mT)
+    return x, P, distance(y, S), _sound(off, S, R, scale)
+
+
+def _filterpy(p: UkfJoint, s: State, i: int, turns: Mask) -> Any:
+    """filterpy's filter of trial i, with angles as above."""
+    from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
+
+    n, d = s.x.shape[1:]
+    m, headings = n * d, _headings(n, d)
+    ukf = UnscentedKalmanFilter(
+        m,
+        len(turns),
+        1.0,
+        hx=None,
+        fx=None,
+        points=MerweScaledSigmaPoints(m, p.alpha, p.beta, 3 - m),
+        x_mean_fn=lambda points, Wm: _moments(points[None], Wm, headings)[0][0],
+        z_mean_fn=lambda points, Wm: _moments(points[None], Wm, turns)[0][0],
+        residual_x=lambda a, b: _minus(a, b, headings),
+        residual_z=lambda a, b: _minus(a, b, turns),
+    )
+    ukf.x, ukf.P = s.x[i].ravel(), s.P[i].copy()
+    return ukf
+
+
+def _filterpy_predict(p: UkfJoint, s: State, f: Points, noise: Array) -> tuple[Array, Array]:
+    x, P = s.x.copy(), s.P.copy()
+    for i in range(len(x)):
+        ukf = _filterpy(p, s, i, np.zeros(1, bool))
+        ukf.Q = noise[i]
+        ukf.predict(fx=lambda point, _, i=i: f(point.reshape(1, 1, *x.shape[1:]), slice(i, i + 1)).ravel())
+        x[i], P[i] = ukf.x.reshape(x.shape[1:]), ukf.P
+    return x, P
+
+
+def _filterpy_update(p: UkfJoint, s: State, h: Points, turns: Mask, R: Array) -> tuple[Array, Array, Array, Mask]:
+    x, P, d2, sound = s.x.copy(), s.P.copy(), np.zeros(len(s.x)), np.zeros(len(s.x), bool)
+    scale, Wm, _ = _weights(p, s.P.shape[-1])
+    for i in range(len(x)):
+        ukf = _filterpy(p, s, i, turns)
+        ukf.sigmas_f = ukf.points_fn.sigma_points(ukf.x, ukf.P)
+        read = lambda point, i=i: h(point.reshape(1, 1, *x.shape[1:]), slice(i, i + 1)).ravel()  # noqa: E731
+        ukf.update(np.zeros(len(turns)), R=R, hx=read)
+        x[i], P[i], d2[i] = ukf.x.reshape(x.shape[1:]), ukf.P, ukf.y @ ukf.SI @ ukf.y
+        sound[i] = _sound(_moments(ukf.sigmas_h[None], Wm, turns)[1], ukf.S[None], R, scale)[0]
+    return x, P, d2, sound
+
+
+def _turns(sensor: Sensor) -> Mask:
+    """Which numbers (k,) of a reading are angles."""
+    if isinstance(sensor, Sighting):
+        return np.array([False, True])
+    return np.full(len(sensor.R), isinstance(sensor, (Bearing, GradientDoa)))
+
+
+def _headings(n: int, d: int) -> Mask:
+    """Which numbers (n d,) of the state are angles."""
+    return np.asarray(np.arange(n * d) % d == 2)
