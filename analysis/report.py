@@ -12,7 +12,6 @@ from rich.table import Table
 from cooploc.analysis.compare import SUMMARY, compare, notes, succeeded, summarize
 from cooploc.scenarios.study import Study
 
-WIDTH = 150
 HEADS = (
     "estimator",
     "RMSE [m]",
@@ -48,8 +47,8 @@ def show(rows: pd.DataFrame, study: Study, folder: Path, as_json: bool) -> None:
     """Print the results: tables, or JSON alone on stdout; then failures, and where the files are."""
     if as_json:
         print(json.dumps(records(summarize(rows)), indent=1))
-    console = Console(stderr=as_json, highlight=False, markup=False)
-    console.width = max(console.width, WIDTH)  # numbers are never cut off
+    # Wide: a terminal may wrap a row, but numbers are never cut off.
+    console = Console(stderr=as_json, highlight=False, markup=False, width=400)
     if not as_json:
         for scenario, part in compare(rows, study.baseline).groupby("scenario", sort=False):
             console.print(_table(str(scenario), part, study.baseline))
@@ -80,11 +79,13 @@ def _table(scenario: str, part: pd.DataFrame, baseline: str) -> Table:
     counted = f"{robots} robot{'s' if robots > 1 else ''}, {trials} trial{'s' if trials > 1 else ''}"
     title = f"{scenario}: {counted}, stream {first['stream'][:12]}"
     table = Table(title=title, title_justify="left", header_style="bold", box=None, padding=(0, 1))
-    for i, head in enumerate(HEADS):
+    rows = [_cells(row, baseline) for _, row in part.iterrows()]
+    said = [i for i in range(len(HEADS)) if any(cells[i] for cells in rows)]  # without columns that say nothing
+    for i in said:
         side: Any = "left" if i in (0, len(HEADS) - 1) else "right"
-        table.add_column(f"vs {baseline}" if head == "versus" else head, justify=side, no_wrap=True)
-    for _, row in part.iterrows():
-        table.add_row(*_cells(row, baseline))
+        table.add_column(f"vs {baseline}" if HEADS[i] == "versus" else HEADS[i], justify=side, no_wrap=True)
+    for cells in rows:
+        table.add_row(*(cells[i] for i in said))
     return table
 
 

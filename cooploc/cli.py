@@ -35,9 +35,18 @@ class Kind(StrEnum):
 
 
 @app.command(name="list")
-def list_(kind: Annotated[Kind | None, typer.Argument(help="only these")] = None) -> None:
+def list_(
+    kind: Annotated[Kind | None, typer.Argument(help="only these")] = None,
+    markdown: Annotated[bool, typer.Option("--markdown", help="the README's table of estimators")] = False,
+) -> None:
     """List estimators, scenarios and studies, and plug-ins that could not be loaded."""
     from cooploc import listing
+
+    if markdown:
+        from cooploc.catalogue import markdown as table
+
+        typer.echo(table())
+        return
 
     for one in [kind] if kind else list(Kind):
         listing.show(one.value)

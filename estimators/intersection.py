@@ -49,7 +49,7 @@ FAULTS = {
     exact.INFINITE: "has some infinite entries; give a large finite variance, or only infinite ones for no knowledge",
     exact.ASYMMETRIC: "is not symmetric; pass (P + P') / 2",
     exact.INDEFINITE: "is not positive definite; its eigenvalues must be above zero by more than rounding",
-    exact.SINGULAR: "and the others are too close to singular together; rescale the state, or add to the variances",
+    exact.SINGULAR: "are too close to singular, or too different, to compute with; limit the ratio of the variances",
 }
 
 log = logging.getLogger("cooploc")
@@ -87,8 +87,9 @@ def solve(P: Array, criterion: Criterion = "det", solver: Solver = "cvxpy", grou
         raise BadInput(f"P has the shape {P.shape}; covariance intersection takes (fusions, sources, d, d)")
     V, there = _roots(P, "source {k} of fusion {f}")
     mix = there / np.maximum(there.sum(1, keepdims=True), 1)
-    z = _prepare(V, mix, there, np.empty((len(P), 0)), P.shape[-1], criterion, "the covariances of fusion {f}")
-    found = _solve(z, solver, groups, np.arange(len(P)))
+    rows = np.arange(len(P))
+    z = _prepare(V, mix, there, np.empty((len(P), 0)), P.shape[-1], criterion, rows)
+    found = _solve(z, solver, groups, rows)
     exact.share(z.B, found.w, _axes(z))
     return found
 
@@ -142,18 +143,19 @@ def solve_relative(
     """
     P_i, P_j = np.ascontiguousarray(P_i, float), np.ascontiguousarray(P_j, float)
     R = np.broadcast_to(R, (len(P_i), H_i.shape[1], H_i.shape[1]))
-    d = P_i.shape[-1]
-    if not 1 <= block <= d:
-        raise BadInput(f"the criterion is about the first {block} states; there are {d}")
+    if not 1 <= block <= P_i.shape[-1]:
+        raise BadInput(f"the criterion is about the first {block} states; there are {P_i.shape[-1]}")
     if np.isinf(P_i).any():
         raise BadInput("one's own covariance has infinite entries; give a large finite variance")
-    heard = _roots(P_j[:, None], "P_j of fusion {f}")[1][:, 0] & (H_i.shape[1] > 0)
-    rows = np.flatnonzero(heard & ~np.logical_or.reduce([np.isnan(a).any((1, 2)) for a in (P_i, H_i, H_j, R)]))
-    V, sigma = _terms(P_i, H_i, _inflation(P_j, H_j), R, rows)
-    mix = np.concatenate([np.full((len(rows), 1), 0.5), 1 / (1 + sigma)], 1)
-    z = _prepare(V, mix, np.ones(mix.shape, bool), sigma, block, criterion, "fusion {f}", rows)
-    part = _solve(z, solver, None if groups is None else np.asarray(groups)[rows], rows)
     found = Solution(np.ones(len(P_i)), np.zeros(len(P_i)), np.zeros(len(P_i), bool))
+    there = _roots(P_j[:, None], "P_j of fusion {f}")[1][:, 0]
+    rows = np.flatnonzero(there & ~np.logical_or.reduce([np.isnan(a).any((1, 2)) for a in (P_i, H_i, H_j, R)]))
+    if rows.size == 0 or R.shape[-1] == 0:
+        return found
+    V, sigma = _terms(P_i[rows], H_i[rows], _inflation(P_j, H_j)[rows], R[rows], rows)
+    mix = np.concatenate([np.full((len(rows), 1), 0.5), 1 / (1 + sigma)], 1)  # Y at w = 1/2
+    z = _prepare(V, mix, np.ones(mix.shape, bool), sigma, block, criterion, rows)
+    part = _solve(z, solver, None if groups is None else np.asarray(groups)[rows], rows)
     found.w[rows], found.gap[rows], found.fallback[rows] = part.w[:, 0], part.gap, part.fallback
     return found
 
@@ -181,14 +183,14 @@ def _raise(fault: Indices, name: str, rows: Indices | None) -> None:
 
 
 def _prepare(
-    V: Array, mix: Array, there: Mask, sigma: Array, block: int, criterion: str, name: str, rows: Indices | None = None
+    V: Array, mix: Array, there: Mask, sigma: Array, block: int, criterion: str, rows: Indices
 ) -> exact.Prepared:
     if criterion not in get_args(Criterion):
         raise BadInput(f"there is no criterion {criterion!r} of covariance intersection; known are det, trace")
     K, d = len(V), V.shape[-1]
     B, C, fault = np.empty_like(V), np.empty((K, d, d)), np.zeros((K, 2), np.int64)
-    exact.whiten(V, mix, np.diag((np.arange(d) < block).astype(float)), B, C, fault, (0,) * d)
-    _raise(fault, name, rows)
+    exact.whiten(V, mix, block, B, C, fault, (0,) * d)
+    _raise(fault, "the covariances of fusion {f}", rows)
     return exact.Prepared(B, C, there, sigma, block, criterion == "trace")
 
 
@@ -198,7 +200,6 @@ def _terms(P_i: Array, H_i: Array, U: Array, R: Array, rows: Indices) -> tuple[A
     U = H_j P_j H_j' and R are diagonal in common coordinates, sigma and 1 - sigma, in which U / v + R is inverted entry
     by entry: n = v / (sigma + (1 - sigma) v).
     """
-    P_i, H_i, U, R = P_i[rows], H_i[rows], U[rows], R[rows]
     least = np.linalg.eigvalsh(R)
     wrong = np.flatnonzero(least[:, 0] < -1e-12 * np.abs(least[:, -1]))
     if wrong.size:

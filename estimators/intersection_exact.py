@@ -213,53 +213,78 @@ def roots(P, V, present, fault, axes):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _mean(M, V, mix, axes):  # type: ignore[no-untyped-def]
-    """S = sum mix_k V_k' V_k, its upper half."""
-    for i in range(len(axes)):
-        for j in range(i, len(axes)):
-            v = 0.0
-            for k in range(len(mix)):
-                for r in range(len(axes)):
-                    v += mix[k] * V[k, r, i] * V[k, r, j]
-            M[S, i, j] = v
+def _orthogonalise(A, M, axes):  # type: ignore[no-untyped-def]
+    """A = Q U' for the rows (n, d) of A, which becomes Q; False where its columns are dependent.
+
+    Gram and Schmidt from the last column to the first, each twice. A'A = U U' is never formed, so that its condition
+    number may be the square of what fits into double precision.
+    """
+    for j in range(len(axes) - 1, -1, -1):
+        before = 0.0
+        for r in range(len(A)):
+            before += A[r, j] * A[r, j]
+        for i in range(j, len(axes)):
+            M[U, j, i] = 0.0
+        for _ in range(2):
+            for i in range(len(axes) - 1, j, -1):
+                v = 0.0
+                for r in range(len(A)):
+                    v += A[r, i] * A[r, j]
+                for r in range(len(A)):
+                    A[r, j] -= v * A[r, i]
+                M[U, j, i] += v
+        v = 0.0
+        for r in range(len(A)):
+            v += A[r, j] * A[r, j]
+        if not np.sqrt(v) > PIVOT * np.sqrt(before):
+            return False
+        M[U, j, j] = np.sqrt(v)
+        for r in range(len(A)):
+            A[r, j] /= M[U, j, j]
+    return True
 
 
 @inlined
-def _square(M, V, B, axes):  # type: ignore[no-untyped-def]
-    """B = (T V')(T V')'."""
+def _weigh(M, C_, block, axes):  # type: ignore[no-untyped-def]
+    """C = T E (T E)' / tr, with E the first columns of the identity."""
+    total = 0.0
     for i in range(len(axes)):
-        for j in range(i, len(axes)):
-            v = 0.0
-            for r in range(len(axes)):
-                a, b = 0.0, 0.0
-                for k in range(len(axes)):
-                    a += M[T, i, k] * V[r, k]
-                    b += M[T, j, k] * V[r, k]
-                v += a * b
-            B[i, j] = B[j, i] = v
+        for j in range(len(axes)):
+            C_[i, j] = 0.0
+            for k in range(block):
+                C_[i, j] += M[T, i, k] * M[T, j, k]
+        total += C_[i, i]
+    for i in range(len(axes)):
+        for j in range(len(axes)):
+            C_[i, j] /= total
 
 
 @compiled
-def whiten(V, mix, E, B, C, fault, axes):  # type: ignore[no-untyped-def]
-    """T = U^-1 with U U' = sum mix_k A_k, A_k = V_k' V_k; B_k = (T V_k')(T V_k')', C = T E (T E)' / tr.
-
-    E (d, d) is the identity, or its part that the criterion is about.
-    """
-    M = np.empty((3, len(axes), len(axes)))
+def whiten(V, mix, block, B, C_, fault, axes):  # type: ignore[no-untyped-def]
+    """B_k = T A_k T' and C (of the leading block), where T = U^-1, U U' = sum mix_k A_k and A_k = V_k' V_k."""
+    m, d = V.shape[1], len(axes)
+    M, A = np.empty((3, d, d)), np.empty((m * d, d))
     for f in range(len(V)):
-        _mean(M, V[f], mix[f], axes)
-        sound = _factor(M, S, axes)
-        if sound:
-            _invert_factor(M, axes)
-        else:
-            M[T] = 0.0
-            if M[S, 0, 0] > 0.0 and fault[f, 0] == FINE:
+        some = False
+        for k in range(m):
+            some = some or mix[f, k] > 0.0
+            for i in range(d):
+                for j in range(d):
+                    A[k * d + i, j] = np.sqrt(mix[f, k]) * V[f, k, i, j]
+                    B[f, k, i, j] = 0.0
+        if not some or not _orthogonalise(A, M, axes):
+            C_[f] = 0.0
+            if some and fault[f, 0] == FINE:
                 fault[f, 0] = SINGULAR
-        for k in range(V.shape[1]):
-            _square(M, V[f, k], B[f, k], axes)
-        _square(M, E, C[f], axes)
-        if sound:
-            C[f] /= np.trace(C[f])
+            continue
+        _invert_factor(M, axes)
+        _weigh(M, C_[f], block, axes)
+        for k in range(m):
+            if mix[f, k] > 0.0:
+                for i in range(d):
+                    for j in range(d):
+                        for r in range(k * d, k * d + d):
+                            B[f, k, i, j] += A[r, i] * A[r, j] / mix[f, k]
 
 
 # ---------------------------------------------------------------- the search
@@ -305,7 +330,7 @@ def _value(M, y, trace, block, axes):  # type: ignore[no-untyped-def]
 @inlined
 def _best_source(M, R, present, trace, axes):  # type: ignore[no-untyped-def]
     """The source that would do best alone."""
-    best, least = 0, np.inf
+    best, least = -1, np.inf
     for k in range(R.shape[1]):
         if present[k]:
             value = _value(M, FIRST + k, trace, len(axes), axes)
@@ -475,13 +500,20 @@ def _descend(M, R, H, chosen, trace, axes):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _pair_of(present):  # type: ignore[no-untyped-def]
-    """The first and the last present source, and how many there are."""
-    first, last, count = 0, 0, 0
-    for k in range(len(present)):
-        if present[k]:
-            first, last, count = (k if count == 0 else first), k, count + 1
-    return first, last, count
+def _start(M, R, present, trace, axes):  # type: ignore[no-untyped-def]
+    """The best source alone; with d = 2 beside the one that it misses most, which is the answer where two are present.
+
+    Returns the index of the best source, -1 where none is present.
+    """
+    best = _best_source(M, R, present, trace, axes)
+    if best >= 0:
+        R[WEIGHT, best] = 1.0
+    if best >= 0 and len(axes) == 2:
+        other, gap = _gradient(M, R, trace, axes)
+        if gap > GAP:
+            R[WEIGHT, best] = _pair(M, FIRST + best, FIRST + other, trace)
+            R[WEIGHT, other] = 1.0 - R[WEIGHT, best]
+    return best
 
 
 @inlined
@@ -501,17 +533,9 @@ def best(B, C_, present, trace, weights, gap, axes):  # type: ignore[no-untyped-
     for f in range(len(B)):
         weights[f] = 0.0
         gap[f] = 0.0
-        i, j, count = _pair_of(present[f])
-        if count == 0:
-            continue
         _load(M, R, B[f], C_[f], weights[f], axes)
-        if count == 2 and d == 2:
-            R[WEIGHT, i] = _pair(M, FIRST + i, FIRST + j, trace)
-            R[WEIGHT, j] = 1.0 - R[WEIGHT, i]
-        else:
-            R[WEIGHT, _best_source(M, R, present[f], trace, axes)] = 1.0
-        if count > 1:
-            gap[f] = _descend(M, R, H, chosen, trace, axes)
+        if _start(M, R, present[f], trace, axes) >= 0:
+            gap[f] = max(_descend(M, R, H, chosen, trace, axes), 0.0)
         for k in range(m):
             weights[f, k] = R[WEIGHT, k]
 

@@ -5,7 +5,8 @@ order of arrival. Whoever hears it multiplies in the likelihood of the radio rea
 position integrated out. The product treats beliefs as independent, which they are no longer once robots have heard each
 other.
 
-Source: E. Latif, R. Parasuraman, "Multi-Robot Synergistic Localization in Dynamic Environments", eqs. (6)-(9).
+Source: E. Latif, R. Parasuraman, "Multi-Robot Synergistic Localization in Dynamic Environments", 2022, eqs.
+(6)-(9).
 """
 
 from dataclasses import dataclass

@@ -43,10 +43,11 @@ def test_every_world_simulates_runs_and_draws(label):
     truth, stream = cl.simulate(label, trials=2, seed=1, ticks=12)
     assert ((truth.x[..., :2] >= truth.arena[0]) & (truth.x[..., :2] <= truth.arena[1])).all()
     own = {} if len(stream.world.anchors) in (0, 4) else {"own": "rssi"}
-    names = (
-        ["ekf-local", "ekf-joint"] if label.startswith("camera") else ["arl", "mrsl-rssi", "mrsl-distance", "ekf-joint"]
-    )
-    run = cl.run({name: cl.make(name, **own) for name in names}, stream)
+    team = {name: cl.make(name, **own) for name in ("ekf-joint", "ekf-ci")}
+    if not label.startswith("camera"):
+        team |= {name: cl.make(name, **own) for name in ("arl", "mrsl-rssi", "mrsl-distance")}
+        team |= {fusion: cl.make("ctrn", fusion=fusion, weights="exact", **own) for fusion in ("moments", "received")}
+    run = cl.run(team, stream)
     assert np.isfinite(cl.errors(truth, run)["rmse"]).all()
     ax = cl.plot.world(label, ticks=12)
     assert label.partition("/")[0] in ax.get_title(loc="left")
