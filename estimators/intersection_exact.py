@@ -578,22 +578,38 @@ def _relative_slope(M, R, sigma, w, trace, block, axes):  # type: ignore[no-unty
     return slope
 
 
+@inlined
+def _search(M, R, sigma, trace, block, axes):  # type: ignore[no-untyped-def]
+    """One's own weight in [LEAST, 1] where the slope is zero, and the gap: |slope| times the width of a bracket.
+
+    The bracket is halved, and cut where the line between its slopes is zero, in turn.
+    """
+    low, high, w, left, right = LEAST, 1.0, 1.0, np.nan, np.nan
+    slope = _relative_slope(M, R, sigma, w, trace, block, axes)
+    if slope <= 0.0:
+        return 1.0, 0.0
+    cut = False
+    while high - low > WIDTH and not abs(slope) * (high - low) <= GAP:
+        w = (low + high) / 2
+        if cut and left < 0.0 and right > 0.0:
+            w = low + (high - low) * left / (left - right)
+        cut = not cut
+        slope = _relative_slope(M, R, sigma, w, trace, block, axes)
+        if slope > 0.0:
+            high, right = w, slope
+        else:
+            low, left = w, slope
+    return w, abs(slope) * (high - low)
+
+
 @compiled
 def best_relative(B, C_, sigma, trace, block, weights, gap, axes):  # type: ignore[no-untyped-def]
-    """One's own weight (K,) in [LEAST, 1], by halving a bracket; the gap is |slope| times its width."""
+    """One's own weights (K,) and their gaps (K,)."""
     m, d = B.shape[1], len(axes)
     M, R = np.empty((FIRST + m, d, d)), np.zeros((5, m))
     for f in range(len(B)):
         _load(M, R, B[f], C_[f], R[WEIGHT], axes)
-        low, high, w = LEAST, 1.0, 1.0
-        slope = _relative_slope(M, R, sigma[f], w, trace, block, axes)
-        if slope <= 0.0:
-            low = high
-        while high - low > WIDTH and not abs(slope) * (high - low) <= GAP:
-            w = (low + high) / 2
-            slope = _relative_slope(M, R, sigma[f], w, trace, block, axes)
-            low, high = (low, w) if slope > 0.0 else (w, high)
-        weights[f], gap[f] = w, abs(slope) * (high - low)
+        weights[f], gap[f] = _search(M, R, sigma[f], trace, block, axes)
 
 
 @compiled

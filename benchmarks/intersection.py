@@ -1,0 +1,148 @@
+"""How much faster covariance-intersection weights are stacked, or exact, than by a fresh cvxpy problem per fusion.
+
+Run: python benchmarks/intersection.py [rounds]. All contenders solve the same 100 fusions in one process, turn by turn;
+medians over the rounds are printed, ratios with their spread, and how far the answers differ. `fresh` is what one
+writes first: log_det or tr_inv, and inv_pos for a relative measurement. `cone` is the second-order cone program of one
+fusion, the fastest that a fresh problem can be. `stacked` and `exact` are `weights(..., solver=...)`.
+"""
+
+import sys
+from collections.abc import Callable
+from time import perf_counter
+from typing import Any
+
+import cvxpy as cp
+import numpy as np
+
+from cooploc.estimators.intersection import intersect, relative_weights, weights
+
+FUSIONS = 100
+FRESH = 10  # of them are solved by the slow contenders in a round
+REPEAT = 20  # times the fast one solves them
+CASES = [(m, 2, criterion) for m in (2, 5, 10) for criterion in ("det", "trace")] + [(2, 3, "trace"), (5, 3, "det")]
+
+
+def fresh(P: Any, criterion: str) -> Any:
+    A = np.linalg.inv(P)
+    w = cp.Variable(len(P), nonneg=True)
+    X = sum(w[k] * A[k] for k in range(len(P)))
+    aim = cp.Maximize(cp.log_det(X)) if criterion == "det" else cp.Minimize(cp.tr_inv(X))
+    cp.Problem(aim, [cp.sum(w) == 1]).solve(solver="CLARABEL")
+    return w.value
+
+
+def cone(P: Any, criterion: str) -> Any:
+    A = np.linalg.inv(P)
+    A /= np.trace(A.mean(0))
+    w, t = cp.Variable(len(P), nonneg=True), cp.Variable()
+    a, b, c = A[:, 0, 0] @ w, A[:, 0, 1] @ w, A[:, 1, 1] @ w
+    if criterion == "det":
+        aim, inside = t, cp.SOC(a + c, cp.hstack([2 * b, 2 * t, a - c]))
+    else:
+        u, v = (a + c) / 2, (a - c) / 2
+        aim, inside = u - t, cp.SOC(u + t, cp.hstack([2 * v, 2 * b, u - t]))
+    cp.Problem(cp.Maximize(aim), [inside, cp.sum(w) == 1]).solve(solver="CLARABEL")
+    return w.value
+
+
+def fresh_relative(P_i: Any, P_j: Any, H_i: Any, H_j: Any, R: Any, criterion: str) -> Any:
+    """science.md: (1-w) / (q + R (1-w)) = 1/R - (q/R) inv_pos(q + R (1-w))."""
+    q, r, A = (H_j @ P_j @ H_j.T).item(), R.item(), np.linalg.inv(P_i)
+    w, n = cp.Variable(nonneg=True), cp.Variable()
+    X = w * A + n * (H_i.T @ H_i)
+    aim = cp.Maximize(cp.log_det(X)) if criterion == "det" else cp.Minimize(cp.tr_inv(X))
+    cp.Problem(aim, [w <= 1, n <= 1 / r - q / r * cp.inv_pos(q + r * (1 - w))]).solve(solver="CLARABEL")
+    return w.value
+
+
+def seconds(function: Callable[[], object], fusions: int, repeat: int = 1) -> float:
+    """Per fusion."""
+    start = perf_counter()
+    for _ in range(repeat):
+        function()
+    return (perf_counter() - start) / repeat / fusions
+
+
+def race(contenders: dict[str, tuple[Callable[[], object], int, int]], rounds: int) -> dict[str, Any]:
+    """Seconds per fusion (rounds,) of each contender (function, fusions, repeat), after one round to compile."""
+    for function, _, _ in contenders.values():
+        function()
+    times: dict[str, list[float]] = {name: [] for name in contenders}
+    for _ in range(rounds):
+        for name, (function, fusions, repeat) in contenders.items():
+            times[name].append(seconds(function, fusions, repeat))
+    return {name: np.array(t) for name, t in times.items()}
+
+
+def show(case: str, times: dict[str, Any], differences: tuple[float, ...]) -> None:
+    def us(name: str) -> str:
+        return f"{1e6 * np.median(times[name]):>8.4g}" if name in times else f"{'':>8}"
+
+    columns = [f"{case:<21}", us("fresh"), us("cone")]
+    for name in ("stacked", "exact"):
+        ratio = times["fresh"] / times[name]
+        spread = f"{np.median(ratio):.0f} ({ratio.min():.0f}-{ratio.max():.0f})"
+        over_cone = f"{np.median(times['cone'] / times[name]):.0f}" if "cone" in times else ""
+        columns += [us(name), f"{spread:>21}", f"{over_cone:>7}"]
+    print("".join(columns), *(f"{x:>7.0e}" for x in differences), flush=True)
+
+
+def absolute(m: int, d: int, criterion: Any, rounds: int) -> None:
+    a = np.random.default_rng(1).normal(size=(FUSIONS, m, d, d))
+    P = a @ a.mT + 0.1 * np.eye(d)
+    contenders: dict[str, Any] = {
+        "fresh": (lambda: [fresh(p, criterion) for p in P[:FRESH]], FRESH, 1),
+        "cone": (lambda: [cone(p, criterion) for p in P[:FRESH]], FRESH, 1),
+        "stacked": (lambda: weights(P, criterion, "cvxpy"), FUSIONS, 3),
+        "exact": (lambda: weights(P, criterion, "exact"), FUSIONS, REPEAT),
+    }
+    if d != 2:
+        del contenders["cone"]
+    times = race(contenders, rounds)
+    w = {solver: weights(P, criterion, solver) for solver in ("cvxpy", "exact")}
+    Q = {solver: intersect(np.zeros(P.shape[:3]), P, w[solver])[1] for solver in w}
+    size = {solver: np.linalg.det(Q[solver]) if criterion == "det" else np.trace(Q[solver], 0, 1, 2) for solver in w}
+    away = np.abs(w["exact"][:FRESH] - [fresh(p, criterion) for p in P[:FRESH]]).max()
+    worse = np.abs(size["cvxpy"] / size["exact"] - 1).max()
+    show(f"{m} sources, d={d}, {criterion}", times, (worse, np.abs(w["cvxpy"] - w["exact"]).max(), away))
+
+
+def relative(criterion: Any, rounds: int) -> None:
+    rng = np.random.default_rng(2)
+    a = rng.normal(size=(2, FUSIONS, 2, 2))
+    P_i, P_j = a @ a.mT + 0.1 * np.eye(2)
+    P_j, R = 0.05 * P_j, np.full((1, 1), 0.01)
+    H = rng.normal(size=(FUSIONS, 1, 2))
+    H /= np.linalg.norm(H, axis=-1, keepdims=True)
+
+    def slow() -> list[Any]:
+        return [fresh_relative(P_i[f], P_j[f], H[f], -H[f], R, criterion) for f in range(FRESH)]
+
+    def fast(solver: Any) -> Any:
+        return relative_weights(P_i, P_j, H, -H, R, criterion, solver)
+
+    times = race(
+        {
+            "fresh": (slow, FRESH, 1),
+            "stacked": (lambda: fast("cvxpy"), FUSIONS, 3),
+            "exact": (lambda: fast("exact"), FUSIONS, REPEAT),
+        },
+        rounds,
+    )
+    away = np.abs(fast("exact")[:FRESH] - slow()).max()
+    show(f"range, d=2, {criterion}", times, (np.nan, np.abs(fast("cvxpy") - fast("exact")).max(), away))
+
+
+def main(rounds: int = 7) -> None:
+    print(f"microseconds per fusion of {FUSIONS}; ratios: median of {rounds} rounds (least-most); differences of the")
+    print("criterion and of weights between stacked and exact, and of weights between fresh and exact")
+    head = f"{'stacked':>8}{'x fresh':>21}{'x cone':>7}{'exact':>8}{'x fresh':>21}{'x cone':>7}"
+    print(f"{'':<21}{'fresh':>8}{'cone':>8}{head}  crit     dw      dw(fresh)")
+    for m, d, criterion in CASES:
+        absolute(m, d, criterion, rounds)
+    for criterion in ("trace", "det"):
+        relative(criterion, rounds)
+
+
+if __name__ == "__main__":
+    main(*map(int, sys.argv[1:]))
