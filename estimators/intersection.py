@@ -43,7 +43,7 @@ from cooploc.estimators.interface import Array, Indices, Mask
 Criterion = Literal["det", "trace"]
 Solver = Literal["cvxpy", "exact"]
 
-TRUSTED = 1e-6  # the gap up to which cvxpy's weights are taken
+TRUSTED = 3e-7  # the gap up to which cvxpy's weights are taken: a determinant is then within 1e-6 up to d = 3
 
 FAULTS = {
     exact.INFINITE: "has some infinite entries; give a large finite variance, or only infinite ones for no knowledge",
@@ -59,7 +59,7 @@ class Solution(NamedTuple):
     """Weights, and what is known about how good they are."""
 
     w: Array  # (K, m), or (K,) of one's own belief in the relative form
-    gap: Array  # (K,)  the criterion is at most this much above its minimum, relatively
+    gap: Array  # (K,)  the trace, or the d-th root of the determinant, is at most this much above its least, relatively
     fallback: Mask  # (K,)  cvxpy failed here and the exact method stood in
 
 
@@ -82,7 +82,7 @@ def solve(P: Array, criterion: Criterion = "det", solver: Solver = "cvxpy", grou
         BadInput: a covariance is not symmetric and positive definite, or only in part infinite; says which.
 
     """
-    P = np.ascontiguousarray(P, float)
+    P = np.array(P, float, order="C")
     if P.ndim != 4 or P.shape[-1] != P.shape[-2] or P.shape[-1] == 0:
         raise BadInput(f"P has the shape {P.shape}; covariance intersection takes (fusions, sources, d, d)")
     V, there = _roots(P, "source {k} of fusion {f}")
@@ -141,7 +141,7 @@ def solve_relative(
     w is in [LEAST, 1]. It is 1, leave your belief alone, where anything is nan, where the sender knows nothing (every
     variance infinite), and where the reading cannot help. `groups` and errors are as in `solve`.
     """
-    P_i, P_j = np.ascontiguousarray(P_i, float), np.ascontiguousarray(P_j, float)
+    P_i, P_j = np.array(P_i, float, order="C"), np.array(P_j, float, order="C")
     R = np.broadcast_to(R, (len(P_i), H_i.shape[1], H_i.shape[1]))
     if not 1 <= block <= P_i.shape[-1]:
         raise BadInput(f"the criterion is about the first {block} states; there are {P_i.shape[-1]}")
