@@ -3,7 +3,7 @@ PYTHON ?= python3.11
 VENV ?= .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test lint types floors units lock clean
+.PHONY: demo test lint types floors units bench lock clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.ready  ## run the quick study, print its table, write its picture
@@ -23,6 +23,10 @@ floors: $(VENV)/.ready
 
 units: $(VENV)/.ready
 	$(BIN)/pytest -n 2 --dist loadgroup
+
+bench: $(VENV)/.ready  ## speed, as ratios to a reference in the same run
+	$(BIN)/python benchmarks/ekf_engines.py
+	$(BIN)/python benchmarks/intersection.py
 
 $(VENV)/.ready: requirements.lock pyproject.toml
 	$(PYTHON) -m venv $(VENV)
