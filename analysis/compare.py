@@ -1,5 +1,7 @@
 """Tables over trials: what each estimator achieves, and how it differs from a baseline on the same streams."""
 
+from collections.abc import Mapping
+
 import numpy as np
 import pandas as pd
 
@@ -59,8 +61,8 @@ def summarize(errors: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=list(SUMMARY))
 
 
-def compare(errors: pd.DataFrame, baseline: str) -> pd.DataFrame:
-    """Every estimator against a baseline, trial by trial on the same streams.
+def compare(errors: pd.DataFrame, baseline: str | Mapping[str, str]) -> pd.DataFrame:
+    """Every estimator against a baseline, or that of its scenario, trial by trial on the same streams.
 
     Adds to the columns of `SUMMARY`: `difference` [m] (mean over trials of RMSE minus the baseline's) with its t
     interval, `improvement` (1 - RMSE / the baseline's RMSE) with Fieller's interval, `p` of the signed-rank test and
@@ -72,15 +74,21 @@ def compare(errors: pd.DataFrame, baseline: str) -> pd.DataFrame:
 
     """
     known = list(dict.fromkeys(errors["estimator"]))
-    if baseline not in known:
-        raise BadInput(f"there is no estimator {baseline!r} to compare with; {nearest(baseline, known)}")
+    scenarios = dict.fromkeys(errors["scenario"])
+    against = baseline if isinstance(baseline, Mapping) else dict.fromkeys(scenarios, baseline)
+    for name in (against[scenario] for scenario in scenarios):
+        if name not in known:
+            raise BadInput(f"there is no estimator {name!r} to compare with; {nearest(name, known)}")
     demand_same_streams(errors)
     table = summarize(errors)
     table["consistency"] = consistency(table)
     bounds = errors.groupby(["scenario", "estimator"], sort=False)["bound"].any()
     table["bound"] = bounds.to_numpy()
     pairs = pd.DataFrame(
-        [_pair(errors, *labels, baseline) for labels in zip(table["scenario"], table["estimator"], strict=True)]
+        [
+            _pair(errors, *labels, against[labels[0]])
+            for labels in zip(table["scenario"], table["estimator"], strict=True)
+        ]
     )
     pairs["p_holm"] = statistics.holm(pairs["p"].to_numpy())
     return pd.concat([table.drop(columns="stream"), pairs, table["stream"]], axis=1)

@@ -25,10 +25,15 @@ HEADS = (
     *("msg", "bytes", "µs", ""),
 )
 
+LEGEND = (
+    "vs: change of RMSE on the same streams, Fieller interval; p: Wilcoxon signed-rank over trials, Holm over the "
+    "whole study. ANEES: 1 is consistent. msg, bytes, µs: per robot and tick. bound: knows more than any robot could."
+)
+
 
 def keep(rows: pd.DataFrame, study: Study, folder: Path) -> None:
     """Write `table.csv`, and `rmse.png` where any trial ended."""
-    compare(rows, study.baseline).to_csv(folder / "table.csv", index=False)
+    compare(rows, study.baselines()).to_csv(folder / "table.csv", index=False)
     ended = succeeded(rows)
     if len(ended):
         import matplotlib as mpl
@@ -50,10 +55,11 @@ def show(rows: pd.DataFrame, study: Study, folder: Path, as_json: bool) -> None:
     # Wide: a terminal may wrap a row, but numbers are never cut off.
     console = Console(stderr=as_json, highlight=False, markup=False, width=400)
     if not as_json:
-        for scenario, part in compare(rows, study.baseline).groupby("scenario", sort=False):
-            console.print(_table(str(scenario), part, study.baseline))
+        baselines = study.baselines()
+        for scenario, part in compare(rows, baselines).groupby("scenario", sort=False):
+            console.print(_table(str(scenario), part, baselines[str(scenario)]))
             console.print()
-        console.print(_legend(study), style="dim", soft_wrap=True)
+        console.print(LEGEND, style="dim", soft_wrap=True)
         for line in notes(rows):
             console.print(line, soft_wrap=True)
     for row in rows[rows["failure"].notna()].drop_duplicates(["scenario", "estimator", "failure"]).itertuples():
@@ -133,11 +139,3 @@ def _p(value: float) -> str:
     if not np.isfinite(value):
         return ""
     return f"{value:.3f}" if value >= 0.001 else "<0.001"
-
-
-def _legend(study: Study) -> str:
-    return (
-        f"vs {study.baseline}: change of RMSE on the same streams, Fieller interval; p: Wilcoxon signed-rank over "
-        "trials, Holm over the whole study. ANEES: 1 is consistent. msg, bytes, µs: per robot and tick. "
-        "bound: knows more than any robot could."
-    )

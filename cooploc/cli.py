@@ -2,14 +2,9 @@
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from cooploc.scenarios.study import Study
 
 app = typer.Typer(
     name="cooploc",
@@ -59,27 +54,35 @@ def run(
     seed: Annotated[int | None, typer.Option(help="of everything random")] = None,
     estimators: Annotated[str | None, typer.Option(help="a,b: these instead of the study's")] = None,
     jobs: Annotated[int, typer.Option(help="processes")] = 1,
+    scheduler: Annotated[str | None, typer.Option(help="of a Dask cluster, tcp://HOST:PORT")] = None,
     data: Annotated[Path | None, typer.Option(help="directory of recordings")] = None,
     out: Annotated[Path | None, typer.Option(help="run directory [default: runs/STUDY-seedN]")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="print the table as JSON and nothing else on stdout")] = False,
 ) -> None:
     """Run a study, print its table, and keep results and picture in the run directory."""
     from cooploc.analysis import report
-    from cooploc.analysis.execute import execute, pairs
+    from cooploc.analysis.execute import execute
     from cooploc.estimators import split
     from cooploc.progress import Watch
     from cooploc.scenarios.study import load
 
     wanted = None if estimators is None else split(estimators)
-    asked = load(study).with_options(trials=trials, seed=seed, estimators=wanted)
-    asked = _with_baseline(asked)
+    asked = load(study).with_options(trials=trials, seed=seed, only=wanted)
     folder = out or Path("runs") / f"{asked.name}-seed{asked.seed}"
-    with Watch(pairs(asked, data)) as watch:
-        rows = execute(asked, folder, data=data, jobs=jobs, progress=watch.advance)
+    with Watch() as watch:
+        rows = execute(asked, folder, data=data, jobs=jobs, scheduler=scheduler, progress=watch)
     report.keep(rows, asked, folder)
     report.show(rows, asked, folder, as_json)
-    if _failures(rows):
+    if rows["failure"].notna().any():
         raise typer.Exit(1)
+
+
+@app.command()
+def show(folder: Annotated[Path, typer.Argument(help="a run directory")]) -> None:
+    """Say what a run holds, what is missing, and what failed and why."""
+    from cooploc import showing
+
+    showing.show(folder)
 
 
 @app.command()
@@ -94,14 +97,3 @@ def check(
     typer.echo(result.table())
     if not result.passed:
         raise typer.Exit(1)
-
-
-def _with_baseline(study: "Study") -> "Study":
-    """With --estimators that leave the study's baseline out, the first one is the baseline."""
-    if study.baseline in study.estimators:
-        return study
-    return study.with_options(baseline=study.estimators[0])
-
-
-def _failures(rows: "pd.DataFrame") -> Any:
-    return rows["failure"].notna().any()

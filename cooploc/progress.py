@@ -4,45 +4,66 @@ import sys
 import time
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 LINE_EVERY = 5.0  # [s]
+ENOUGH = 0.02  # of the work, before which the time that is left is anybody's guess
 
 
 class Watch:
     """Counts (estimator, trial) pairs; a context manager around the run."""
 
-    def __init__(self, total: int) -> None:
-        self.total, self.done, self.failed = total, 0, 0
+    def __init__(self) -> None:
+        self.total, self.done, self.failed = 0, 0, 0
+        self._todo, self._spent = 0.0, 0.0
         self._began = self._said = time.monotonic()
-        console = Console(stderr=True)
-        what = TextColumn("{task.description:.40}")
-        columns = (BarColumn(bar_width=16), MofNCompleteColumn(), TimeRemainingColumn(), what)
-        self._bar = Progress(*columns, console=console, transient=True) if console.is_terminal else None
+        self._console = Console(stderr=True, highlight=False, markup=False)
+        columns = (BarColumn(bar_width=16), MofNCompleteColumn(), TextColumn("trials{task.description}"))
+        self._bar = Progress(*columns, console=self._console, transient=True) if self._console.is_terminal else None
 
     def __enter__(self) -> "Watch":
         if self._bar:
             self._bar.start()
-            self._task = self._bar.add_task("starting", total=self.total)
+            self._task = self._bar.add_task(", starting", total=None)
         return self
 
     def __exit__(self, *_: object) -> None:
         if self._bar:
             self._bar.stop()
 
-    def advance(self, what: str, trials: int, failed: int) -> None:
-        """Take note of a finished part."""
-        self.done, self.failed = self.done + trials, self.failed + failed
-        trouble = f", {self.failed} failed" if self.failed else ""
+    def begin(self, trials: int, found: int, work: float) -> None:
+        """So many (estimator, trial) pairs in all and there already, and so much work to do."""
+        self.total, self.done, self._todo = trials, found, work
+        self._began = self._said = time.monotonic()
         if self._bar:
-            self._bar.update(self._task, completed=self.done, description=what + trouble)
+            self._bar.update(self._task, total=trials, completed=found)
+        if found:
+            self.say(f"{found} of {trials} trials are there already")
+
+    def advance(self, what: str, trials: int, failed: int, work: float) -> None:
+        """Take note of a finished part."""
+        self.done, self.failed, self._spent = self.done + trials, self.failed + failed, self._spent + work
+        trouble = f", {self.failed} failed" if self.failed else ""
+        told = f"{self._left()}{trouble} ({what})"
+        if self._bar:
+            self._bar.update(self._task, completed=self.done, description=told)
         elif time.monotonic() - self._said > LINE_EVERY:
             self._said = time.monotonic()
-            print(f"{self.done} of {self.total} trials{self._left()}{trouble} ({what})", file=sys.stderr, flush=True)
+            print(f"{self.done} of {self.total} trials{told}", file=sys.stderr, flush=True)
+
+    def say(self, line: str) -> None:
+        """Something that the user should know, above the bar."""
+        self._console.print(line, soft_wrap=True)
 
     def _left(self) -> str:
-        """An estimate of the time left, once enough is done that start-up no longer decides it."""
-        if self.done < 0.1 * self.total:
+        """An estimate of the time left, by the work that is done and to do."""
+        share = self._spent / self._todo if self._todo else 1.0
+        if share < ENOUGH:
             return ""
-        left = (self._said - self._began) / self.done * (self.total - self.done)
-        return f", about {left:.0f} s left"
+        return f", about {_duration((time.monotonic() - self._began) * (1 - share) / share)} left"
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"

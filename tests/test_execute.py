@@ -9,8 +9,8 @@ import pytest
 
 import cooploc as cl
 from cooploc import estimators
-from cooploc.analysis.execute import execute
-from cooploc.analysis.rundir import RunDir, part_name
+from cooploc.analysis.execute import Quiet, execute
+from cooploc.analysis.rundir import Piece, RunDir
 from cooploc.estimators.dead_reckoning import DeadReckoning
 from cooploc.scenarios.study import Study
 
@@ -21,6 +21,22 @@ STUDY = Study(
     scenarios=("trajectory[ticks=15]", "packet-drop/drop=0.5[ticks=10]"),
     estimators=("dead-reckoning", "mrsl-rssi[particles=40]", "ekf-joint"),
 )
+
+
+class Told(Quiet):
+    """Remembers what a run said."""
+
+    def __init__(self):
+        self.computed, self.said, self.began = [], [], None
+
+    def begin(self, trials, found, work):
+        self.began = trials, found
+
+    def advance(self, what, trials, failed, work):
+        self.computed.append((what, trials))
+
+    def say(self, line):
+        self.said.append(line)
 
 
 def parts(folder):
@@ -65,37 +81,70 @@ def test_the_directory_describes_itself(finished):
 def test_what_is_there_is_not_computed_again(finished):
     folder, rows = finished
     before = {file.name: file.stat().st_mtime_ns for file in (folder / "parts").iterdir()}
-    told = []
-    again = execute(STUDY, folder, progress=lambda what, trials, failed: told.append((what, trials)))
+    told = Told()
+    again = execute(STUDY, folder, progress=told)
     assert {file.name: file.stat().st_mtime_ns for file in (folder / "parts").iterdir()} == before
-    assert {what for what, _ in told} == {"found"}
-    assert sum(trials for _, trials in told) == 2 * 12 * 3
+    assert told.computed == []
+    assert told.began == (2 * 12 * 3, 2 * 12 * 3)
     pd.testing.assert_frame_equal(again, rows)
 
 
 def test_an_added_estimator_and_a_lost_part_are_all_that_runs(finished, tmp_path):
-    whole = STUDY.with_options(estimators=("dead-reckoning", "arl[particles=30]"))
+    whole = STUDY.with_options(only=("dead-reckoning", "arl[particles=30]"))
     folder = tmp_path / "run"
-    execute(STUDY.with_options(estimators=("dead-reckoning",)), folder)
-    lost = folder / "parts" / f"{part_name('trajectory[ticks=15]', 'dead-reckoning', range(10, 12))}.parquet"
+    execute(STUDY.with_options(only=("dead-reckoning",)), folder)
+    piece = Piece("trajectory[ticks=15]", "dead-reckoning", range(10, 12))
+    lost = folder / "parts" / f"{piece.name}.parquet"
     kept = lost.read_bytes()
     lost.write_bytes(kept[:100])
-    told = []
-    execute(whole, folder, progress=lambda what, trials, failed: told.append((what, trials)))
-    computed = [(what, trials) for what, trials in told if what != "found"]
-    assert ("trajectory[ticks=15] · dead-reckoning", 2) in computed
-    assert sum(trials for what, trials in computed if what.endswith("dead-reckoning")) == 2
-    assert sum(trials for what, trials in computed if "arl" in what) == 24
+    told = Told()
+    execute(whole, folder, progress=told)
+    assert [line for line in told.said if piece.name in line]
+    assert ("small · trajectory[ticks=15] · dead-reckoning", 2) in told.computed
+    assert sum(trials for what, trials in told.computed if what.endswith("dead-reckoning")) == 2
+    assert sum(trials for what, trials in told.computed if "arl" in what) == 24
     assert lost.read_bytes() == kept
+
+
+def test_a_tampered_part_is_found_even_where_it_can_be_read(tmp_path):
+    folder = tmp_path / "run"
+    rows = execute(STUDY.with_options(only=("dead-reckoning",)), folder)
+    file = sorted((folder / "parts").iterdir())[0]
+    honest = file.read_bytes()
+    pd.read_parquet(file).assign(mse=0.0).to_parquet(file, index=False)
+    told = Told()
+    again = execute(STUDY.with_options(only=("dead-reckoning",)), folder, progress=told)
+    assert [line for line in told.said if file.stem in line and "checksum" in line]
+    assert file.read_bytes() == honest
+    pd.testing.assert_frame_equal(again.drop(columns="seconds"), rows.drop(columns="seconds"))
+
+
+def test_more_trials_compute_only_what_is_new_and_fewer_nothing(tmp_path, finished):
+    folder = tmp_path / "run"
+    small = STUDY.with_options(only=("dead-reckoning",), trials=7)
+    execute(small, folder)
+    told = Told()
+    rows = execute(small.with_options(trials=12), folder, progress=told)
+    assert sum(trials for _, trials in told.computed) == 2 * 5
+    whole = finished[1][finished[1]["estimator"] == "dead-reckoning"].reset_index(drop=True)
+    pd.testing.assert_frame_equal(rows.drop(columns="seconds"), whole.drop(columns="seconds"))
+    told = Told()
+    fewer = execute(small.with_options(trials=3), folder, progress=told)
+    assert told.computed == []
+    assert told.began == (6, 6)
+    assert sorted(set(fewer["trial"])) == [0, 1, 2]
 
 
 @pytest.mark.parametrize(
     ("change", "said"),
-    [({"seed": 9}, "another seed"), ({"scenarios": ("trajectory[ticks=15]", "trajectory[ticks=14]")}, None)],
+    [
+        ({"seed": 9}, "another seed"),
+        ({"scenarios": ("trajectory[ticks=15]", "trajectory[ticks=14]")}, None),
+    ],
 )
 def test_a_directory_of_other_settings_is_refused_and_new_scenarios_are_not(finished, tmp_path, change, said):
     folder = tmp_path / "run"
-    small = STUDY.with_options(estimators=("dead-reckoning",), scenarios=("trajectory[ticks=15]",))
+    small = STUDY.with_options(only=("dead-reckoning",), scenarios=("trajectory[ticks=15]",))
     execute(small, folder)
     if said is None:
         assert set(execute(small.with_options(**change), folder)["scenario"]) == set(change["scenarios"])
@@ -129,7 +178,7 @@ class Moody(DeadReckoning):
 
 def test_a_failing_trial_costs_no_other(tmp_path, monkeypatch):
     monkeypatch.setitem(estimators.BUILTIN, "moody", (f"{__name__}:Moody", {}))
-    rows = execute(STUDY.with_options(estimators=("dead-reckoning", "moody")), tmp_path / "run")
+    rows = execute(STUDY.with_options(only=("dead-reckoning", "moody")), tmp_path / "run")
     moody = rows[(rows["estimator"] == "moody") & (rows["scenario"] == "trajectory[ticks=15]")]
     failures = moody.dropna(subset="failure").groupby("trial")["failure"].first()
     assert list(failures.index) == [3, 5]
@@ -139,7 +188,7 @@ def test_a_failing_trial_costs_no_other(tmp_path, monkeypatch):
     steady = rows[(rows["estimator"] == "dead-reckoning") & (rows["scenario"] == "trajectory[ticks=15]")]
     pd.testing.assert_series_equal(good, steady.set_index(["trial", "robot"])["mse"].loc[good.index])
     assert cl.summarize(rows).set_index(["scenario", "estimator"]).loc[("trajectory[ticks=15]", "moody"), "failed"] == 2
-    again = execute(STUDY.with_options(estimators=("dead-reckoning", "moody")), tmp_path / "run")
+    again = execute(STUDY.with_options(only=("dead-reckoning", "moody")), tmp_path / "run")
     pd.testing.assert_frame_equal(again.drop(columns="seconds"), rows.drop(columns="seconds"), check_dtype=False)
 
 
@@ -150,33 +199,28 @@ def test_what_cannot_run_is_refused_before_anything_is_written(tmp_path):
     ):
         execute(camera, tmp_path / "run")
     with pytest.raises(cl.BadInput, match="not one of its estimators"):
-        execute(replace_baseline(STUDY), tmp_path / "run")
-    with pytest.raises(cl.BadInput, match="twice"):
-        execute(STUDY.with_options(estimators=("dead-reckoning", "dead-reckoning")), tmp_path / "run")
+        execute(STUDY.with_options(baseline="arl"), tmp_path / "run")
     with pytest.raises(cl.BadInput, match="jobs is 0"):
         execute(STUDY, tmp_path / "run", jobs=0)
     assert not (tmp_path / "run").exists()
 
 
-def replace_baseline(study):
-    return study.with_options(baseline="arl")
-
-
 def test_nothing_but_whole_files_is_ever_visible(tmp_path, monkeypatch):
-    """A write that dies half way leaves neither a part nor rubbish."""
+    """A write that dies half way leaves neither a part nor rubbish, and its error names the file."""
     directory = RunDir(tmp_path / "run")
-    (tmp_path / "run" / "parts").mkdir(parents=True)
-    (tmp_path / "run" / "times").mkdir()
+    for name in ("parts", "receipts"):
+        (tmp_path / "run" / name).mkdir(parents=True)
 
     def half(self, file, **_):
         file.write_bytes(b"PAR1")
-        raise OSError(28, "No space left on device", str(file))
+        raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(pd.DataFrame, "to_parquet", half)
-    with pytest.raises(OSError, match="No space left"):
-        directory.write("x", pd.DataFrame({"a": [1]}), 0.1)
+    piece = Piece("x", "y", range(1))
+    with pytest.raises(OSError, match=f"No space left on device: .*{piece.name}"):
+        directory.write(piece, pd.DataFrame({"a": [1]}), 0.1)
     assert list((tmp_path / "run" / "parts").iterdir()) == []
-    assert directory.read("x") is None
+    assert not directory.intact(piece)
 
 
 def test_runs_of_the_library_are_the_same_for_any_number_of_processes():

@@ -8,7 +8,6 @@ import pytest
 import cooploc as cl
 from cooploc import estimators, scenarios
 from cooploc.estimators.arl import Arl
-from cooploc.scenarios import study
 
 
 @pytest.mark.parametrize("name", list(estimators.BUILTIN))
@@ -80,42 +79,3 @@ def test_scenario_plugins_are_found_and_broken_ones_are_named(plugins):
     plugins(scenarios, scenarios.GROUP, mine=f"{__name__}:FAMILY", broken=f"{__name__}:Plugged", nlos_="no.such:X")
     assert cl.simulate("mine")[1].robots == 2
     assert set(scenarios.plugin_errors()) == {"broken", "nlos_"}
-
-
-@pytest.mark.parametrize("name", study.names())
-def test_shipped_studies_name_only_what_there_is(name):
-    shipped = study.load(name)
-    assert shipped.about
-    assert shipped.baseline in shipped.estimators
-    for label in shipped.estimators:
-        cl.make(label)
-    for label in shipped.scenarios:
-        scenarios.family(label)
-
-
-GOOD = 'baseline = "arl"\nscenarios = ["trajectory"]\nestimators = ["arl"]\n'
-
-
-@pytest.mark.parametrize(
-    ("content", "said"),
-    [
-        (GOOD + "trails = 3\n", "there is no key 'trails' in a study; did you mean 'trials'?"),
-        (GOOD + "trials = 0\n", "trials: Input should be greater than or equal to 1"),
-        (GOOD + "trials = [\n", "is not a TOML file"),
-        (GOOD.replace('["arl"]', "[]"), "estimators: "),
-        ("", "baseline: Field required"),
-    ],
-)
-def test_a_study_file_that_is_wrong_says_where(tmp_path, content, said):
-    file = tmp_path / "mine.toml"
-    file.write_text(content)
-    with pytest.raises(cl.BadInput) as refusal:
-        study.load(str(file))
-    assert said in str(refusal.value)
-    assert "mine.toml" in str(refusal.value)
-
-
-def test_a_study_file_is_named_after_its_file(tmp_path):
-    file = tmp_path / "mine.toml"
-    file.write_text(GOOD)
-    assert study.load(str(file)).name == "mine"
