@@ -1,5 +1,6 @@
 """A running Dask cluster as workers: the same tasks, through the same interface."""
 
+import re
 import threading
 from collections.abc import Iterator
 from concurrent.futures import Executor
@@ -12,7 +13,7 @@ from cooploc.analysis.provenance import provenance
 from cooploc.analysis.workers import Pool
 from cooploc.estimators.bad_input import BadInput
 
-PATIENCE = 10  # [s] for the scheduler to answer
+PATIENCE = 5  # [s] for the scheduler to answer
 _one_at_a_time = threading.Lock()
 
 
@@ -62,6 +63,8 @@ def _client(address: str) -> Any:
         distributed: Any = import_module("distributed")
     except ImportError:
         raise BadInput("--scheduler needs Dask, which is not installed: pip install 'cooploc[cluster]'") from None
+    if not re.fullmatch(r"\w+://.+:\d+", address):
+        raise BadInput(f"cannot read the scheduler's address {address!r}; write it like tcp://10.0.0.1:8786")
     try:
         return distributed.Client(address, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError, TypeError) as e:

@@ -2,6 +2,8 @@
 
 import sys
 
+INTERRUPTED = 130
+
 
 def main() -> None:
     """Run the command line."""
@@ -9,8 +11,8 @@ def main() -> None:
 
     try:
         code = app(standalone_mode=False)
-    except KeyboardInterrupt:
-        code = _say("interrupted; what was finished is kept, and the same command goes on from there", 130)
+        if code == INTERRUPTED:  # typer has caught Ctrl-C
+            _say("interrupted; what was finished is kept, and the same command goes on from there", code)
     except Exception as e:
         line = _explained(e)
         if line is None:
@@ -26,7 +28,7 @@ def _explained(e: Exception) -> str | None:
     if isinstance(e, BadInput):
         return str(e)
     if isinstance(e, OSError) and e.filename is not None:
-        return f"{e.strerror or type(e).__name__}: {e.filename}"
+        return f"{e.strerror or type(e).__name__}: {e.filename}; what was finished is kept"
     if hasattr(e, "format_message"):  # the command line's own errors, whose class typer does not export
         return f"{e.format_message()} (cooploc --help says what there is)"
     return None

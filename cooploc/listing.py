@@ -51,4 +51,12 @@ def _labels(name: str, found: scenarios.Family) -> list[str]:
 
 
 def _studies() -> Listed:
-    return [(name, study.load(name).about) for name in study.names()], {}
+    shipped = [study.load(name) for name in study.names()]
+    return [(one.name, _takes(one.minutes), one.about) for one in shipped], {}
+
+
+def _takes(minutes: float | None) -> str:
+    """How long a study takes on two cores."""
+    if minutes is None:
+        return ""
+    return f"{60 * minutes:.0f} s" if minutes < 1.5 else f"{minutes:.0f} min"

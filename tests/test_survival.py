@@ -1,0 +1,209 @@
+"""Runs that are killed, interrupted, starved of disk, or hold estimators that hang or crash."""
+
+import os
+import random
+import re
+import resource
+import signal
+import time
+
+import pandas as pd
+import psutil
+import pytest
+from processes import finish, install, marks, parts, start, table, until
+
+SMALL = """
+trials = 20
+time_limit = 1.0
+baseline = "dead-reckoning"
+scenarios = ["robots-1-3/n={1,2}[ticks=12]"]
+estimators = ["dead-reckoning", "ekf-local", "arl[particles=50]"]
+"""
+
+
+@pytest.fixture(scope="module")
+def plugins(tmp_path_factory):
+    return install(tmp_path_factory.mktemp("plugins"))
+
+
+@pytest.fixture
+def place(tmp_path):
+    (tmp_path / "small.toml").write_text(SMALL)
+    return tmp_path
+
+
+def test_a_run_that_is_killed_again_and_again_ends_bit_identical(place, plugins):
+    whole = finish("run", "small.toml", "--out", "whole", "--json", plugins=plugins, cwd=place)
+    assert whole.returncode == 0, whole.stderr
+    wanted, seen = parts(place / "whole"), {}
+    moment = random.Random(5)
+    for attempt in range(60):
+        jobs = 1 + attempt % 2
+        run = start("run", "small.toml", "--out", "run", "--jobs", jobs, plugins=plugins, cwd=place)
+        fresh = len(seen)
+        until(lambda r=run, n=fresh: r.poll() is not None or len(marks(place / "run")) > n)
+        time.sleep(moment.uniform(0, 0.1))
+        over = run.poll() is not None
+        (os.killpg if attempt % 3 else os.kill)(run.pid, signal.SIGKILL) if not over else None
+        run.communicate()
+        now = marks(place / "run")
+        assert {name: now[name] for name in seen} == seen
+        seen = now
+        if over or len(now) == len(wanted):
+            break
+    assert attempt >= 3
+    again = finish("run", "small.toml", "--out", "run", "--json", plugins=plugins, cwd=place)
+    assert again.returncode == 0, again.stderr
+    assert parts(place / "run") == wanted
+    assert {name: marks(place / "run")[name] for name in seen} == seen
+    drop = {"seconds"}
+    assert [{k: v for k, v in row.items() if k not in drop} for row in table(again).values()] == [
+        {k: v for k, v in row.items() if k not in drop} for row in table(whole).values()
+    ]
+    assert not list((place / "run").rglob("*.tmp"))
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_ctrl_c_ends_within_two_seconds_and_says_how_to_go_on(place, plugins, jobs):
+    arguments = ("run", "small.toml", "--out", "run", "--estimators", "dead-reckoning,slow[seconds=0.2]")
+    run = start(*arguments, "--jobs", jobs, plugins=plugins, cwd=place)
+    until(lambda: marks(place / "run"))
+    began = time.monotonic()
+    os.killpg(run.pid, signal.SIGINT)
+    _, told = run.communicate(timeout=30)
+    took = time.monotonic() - began
+    assert run.returncode == 130
+    assert "the same command goes on from there" in told
+    assert "Traceback" not in told
+    assert took < 2
+    until(lambda: not [p for p in psutil.process_iter() if ran_by(p, run.pid)])
+
+
+def ran_by(process, group):
+    try:
+        return os.getpgid(process.pid) == group
+    except ProcessLookupError:
+        return False
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+@pytest.mark.parametrize(
+    ("does", "said"),
+    [
+        ("raise", "RuntimeError: sensor on fire (trouble.py:"),
+        ("nan", "estimate is not finite"),
+        ("sleep", "TimeLimit: longer than the time limit of 1 s a trial"),
+        ("spin", "TimeLimit: longer than the time limit of 1 s a trial"),
+    ],
+)
+def test_a_trial_that_fails_is_recorded_and_costs_no_other(place, plugins, jobs, does, said):
+    arguments = ("--estimators", f"dead-reckoning,trouble[does={does}]", "--trials", 6, "--jobs", jobs, "--json")
+    (place / "small.toml").write_text(SMALL.replace("{1,2}", "1"))
+    told = finish("run", "small.toml", "--out", "run", *arguments, plugins=plugins, cwd=place)
+    assert told.returncode == 1, told.stderr
+    rows = table(told)
+    assert rows["dead-reckoning"]["failed"] == 0
+    assert rows[f"trouble[does={does}]"]["failed"] == 2
+    assert rows[f"trouble[does={does}]"]["trials"] == 4
+    assert said in told.stderr
+    shown = finish("show", "run", plugins=plugins, cwd=place)
+    assert said in shown.stdout
+    assert "trial 3" in shown.stdout
+    assert "Traceback (most recent call last)" in shown.stdout
+
+
+def test_a_trial_that_kills_its_process_is_found_and_the_rest_goes_on(place, plugins):
+    arguments = ("--estimators", "dead-reckoning,trouble[does=die]", "--jobs", 2, "--json")
+    (place / "small.toml").write_text(SMALL.replace("{1,2}", "1"))
+    told = finish("run", "small.toml", "--out", "run", "--trials", 8, *arguments, plugins=plugins, cwd=place)
+    assert told.returncode == 1, told.stderr
+    rows = table(told)
+    assert rows["dead-reckoning"]["failed"] == 0
+    assert rows["trouble[does=die]"]["failed"] == 2
+    assert rows["trouble[does=die]"]["trials"] == 6
+    assert "the process that ran it died" in told.stderr
+
+
+def test_a_worker_that_is_killed_from_outside_is_replaced(place, plugins):
+    arguments = ("--estimators", "dead-reckoning,slow[seconds=0.01]", "--json")
+    whole = finish("run", "small.toml", "--out", "whole", *arguments, plugins=plugins, cwd=place)
+    run = start("run", "small.toml", "--out", "run", "--jobs", 2, *arguments, plugins=plugins, cwd=place)
+    until(lambda: marks(place / "run"))
+    workers = [p for p in psutil.Process(run.pid).children() if "loky" in " ".join(p.cmdline())]
+    victim = next(p for p in workers if "tracker" not in " ".join(p.cmdline()))
+    victim.kill()
+    _, told = run.communicate(timeout=120)
+    assert run.returncode == 0, told
+    assert parts(place / "run") == parts(place / "whole")
+    assert whole.returncode == 0
+
+
+def test_two_runs_into_one_directory_are_refused_until_the_first_is_gone(place, plugins):
+    arguments = ("run", "small.toml", "--out", "run", "--estimators", "dead-reckoning,slow[seconds=0.1]")
+    first = start(*arguments, plugins=plugins, cwd=place)
+    until(lambda: marks(place / "run"))
+    second = finish("run", "small.toml", "--out", "run", plugins=plugins, cwd=place)
+    assert second.returncode == 2
+    assert "another run is writing to run: wait for it, or name another with --out" in second.stderr
+    assert second.stderr.count("\n") == 1
+    first.kill()
+    first.communicate()
+    third = finish("run", "small.toml", "--out", "run", plugins=plugins, cwd=place)
+    assert third.returncode == 0, third.stderr
+
+
+def test_a_full_disk_stops_the_run_and_keeps_what_was_finished(place, plugins):
+    """A file may not grow beyond a limit: small parts can be written, that of many robots cannot."""
+    (place / "small.toml").write_text(
+        SMALL.replace("{1,2}[ticks=12]", "1[ticks=12]").replace('ticks=12]"', 'ticks=12]", "scalability/n=60[ticks=3]"')
+    )
+    arguments = ("run", "small.toml", "--out", "run", "--estimators", "dead-reckoning")
+    limited = finish(*arguments, plugins=plugins, cwd=place, preexec_fn=lambda: limit_file_size(40_000))
+    assert limited.returncode == 2, limited.stderr
+    assert re.search(r"File too large: run/parts/scalability.*what was finished is kept", limited.stderr)
+    assert "Traceback" not in limited.stderr
+    kept = marks(place / "run")
+    assert kept
+    assert not any("scalability" in name for name in kept)
+    after = finish(*arguments, plugins=plugins, cwd=place)
+    assert after.returncode == 0, after.stderr
+    assert {name: marks(place / "run")[name] for name in kept} == kept
+    assert any("scalability" in name for name in marks(place / "run"))
+
+
+def limit_file_size(limit):
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+
+
+def test_a_place_where_nothing_can_be_written_is_one_line(place, plugins):
+    told = finish("run", "small.toml", "--out", "/proc/run", plugins=plugins, cwd=place)
+    assert told.returncode == 2
+    assert "/proc/run" in told.stderr
+    assert told.stderr.count("\n") == 1
+
+
+def test_show_says_what_is_missing_and_spoilt(place, plugins):
+    finish("run", "small.toml", "--out", "run", "--trials", 12, plugins=plugins, cwd=place)
+    spoilt = sorted((place / "run" / "parts").iterdir())[0]
+    spoilt.write_bytes(spoilt.read_bytes()[:-7])
+    shown = finish("show", "run", plugins=plugins, cwd=place)
+    assert shown.returncode == 0, shown.stderr
+    assert "12 of 12" in shown.stdout
+    assert "1 spoilt part, to be computed again, not finished" in shown.stdout
+    assert "nothing failed" in shown.stdout
+    nothing = finish("show", place / "small.toml", plugins=plugins, cwd=place)
+    assert nothing.returncode == 2
+    assert nothing.stderr.count("\n") == 1
+    again = finish("run", "small.toml", "--out", "run", "--trials", 12, plugins=plugins, cwd=place)
+    assert spoilt.stem in again.stderr
+    assert pd.read_parquet(spoilt)["trial"].nunique()
+
+
+def test_progress_elsewhere_than_on_a_terminal_is_plain_lines(place, plugins):
+    arguments = ("--trials", 10, "--estimators", "trouble,slow[seconds=0.3]")
+    told = finish("run", "small.toml", "--out", "run", *arguments, plugins=plugins, cwd=place)
+    assert told.returncode == 1
+    lines = [line for line in told.stderr.splitlines() if " of 40 trials" in line]
+    what = r"\d+ of 40 trials, about .+ left, [24] failed \(small · robots-1-3/n=\d\[ticks=12\] · "
+    assert re.match(what, lines[-1])
+    assert "\x1b" not in told.stderr
