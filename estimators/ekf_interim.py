@@ -16,16 +16,16 @@ based on Kalman-filter decoupling", IEEE Control Systems Magazine 36(2), 2016, t
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import permutations
 from typing import ClassVar, Literal, NamedTuple
 
-import numba
 import numpy as np
 
 from cooploc.estimators.angles import wrap_heading
 from cooploc.estimators.doa import fixed, gradient_doa
-from cooploc.estimators.gaussian import GATE, distance, present, symmetric
+from cooploc.estimators.gaussian import ENGINES, GATE, EngineName, distance, present, symmetric
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Traffic, World
-from cooploc.estimators.relative import HEADER, linearise, pairs
+from cooploc.estimators.relative import HEADER, block_diagonal, dense, linearise, pairs, square
 
 At = Mapping[int, Array]  # a Jacobian (t, k, d) by robot
 RUNAWAY = 1e6  # a factor Gamma beyond this is no covariance of anything in metres; keeps stale copies finite
@@ -37,7 +37,7 @@ class State(NamedTuple):
     x: Array  # (t, n, d)
     P: Array  # (t, n, d, d)
     Phi: Array  # (t, n, d, d)
-    Pi: Array  # (t, n, n, n, d, d)  each robot's copy of every Pi_jl; the diagonal is not used
+    Pi: Array  # (t, n, n, d, n, d)  each robot's copy of every Pi_jl; the diagonal is not used
     world: World
 
 
@@ -50,6 +50,7 @@ class EkfInterim:
     own: Literal["doa", "rssi"] = "doa"
     reading: Literal["rssi", "range"] = "range"  # radio reading used where no camera sees teammates
     gate: float = GATE
+    engine: EngineName = "batched"
 
     @property
     def uses(self) -> tuple[str, ...]:
@@ -59,12 +60,13 @@ class EkfInterim:
         if self.own == "doa" and "anchor_rssi" in world.sensors:
             gradient_doa(world)
         t, n, d = prior.x.shape
-        return State(prior.x, prior.P, np.zeros_like(prior.P) + np.eye(d), np.zeros((t, n, n, n, d, d)), world)
+        return State(prior.x, prior.P, np.zeros_like(prior.P) + np.eye(d), np.zeros((t, n, n, d, n, d)), world)
 
     def predict(self, s: State, z: Senses) -> State:
         """P_i' = F_i P_i F_i' + Q_i,  Phi_i' = F_i Phi_i,  Pi' = Pi."""
         x, F, Q = s.world.motion.move(s.x, z.odometry, z.dt)
-        return s._replace(x=x, P=symmetric(F @ s.P @ F.mT + Q), Phi=F @ s.Phi)
+        x, P = ENGINES[self.engine].predict(x, s.P, F, Q)
+        return s._replace(x=x, P=P, Phi=F @ s.Phi)
 
     def correct(self, s: State, z: Senses) -> State:
         """Nothing yet: readings of fixed things move the whole team, so they need the air, too."""
@@ -72,7 +74,7 @@ class EkfInterim:
 
     def exchange(self, s: State, z: Senses, air: Mail) -> tuple[State, Traffic]:
         """Readings of fixed things, then of teammates, one after the other, each with its own messages."""
-        d, s = s.x.shape[-1], s._replace(Pi=s.Pi.copy())
+        d = s.x.shape[-1]
         messages, sent = np.zeros(s.x.shape[:2]), np.zeros(s.x.shape[:2])
 
         def say(robot: int, when: Mask, numbers: int) -> None:
@@ -97,53 +99,57 @@ class EkfInterim:
     def estimate(self, s: State) -> Belief:
         return Belief(wrap_heading(s.x), s.P)
 
-    def _master(self, s: State, a: int, y: Array, at: Mapping[int, Array], R: Array, heard: Mask) -> tuple[State, Mask]:
+    def _master(self, s: State, a: int, y: Array, at: At, R: Array, heard: Mask) -> tuple[State, Mask]:
         """Master a's update, in its memory and in that of those who `heard` it (t, n); which trials used it (t,).
 
-        S = R + H P H' over the robots that it is `at`,  r = S^-1/2 y,  Gamma_m = (Phi_m^-1 P_m H_m' + ..) S^-1/2, then
-        x_i' = x_i + Phi_i Gamma_i r,  P_i' = P_i - Phi_i Gamma_i Gamma_i' Phi_i',  Pi_jl' = Pi_jl - Gamma_j Gamma_l'.
+        S = R + H P H' over the robots that it is `at`; then x_i' = x_i + dx_i,  P_i' = P_i - dP_i,  Pi' = Pi - dPi.
         """
-        PH = {m: self._cross(s, a, m, at) for m in at}
-        S = symmetric(np.asarray(R + sum(H @ PH[m] for m, H in at.items())))
+        S = symmetric(np.asarray(R + sum(H @ _cross(s, a, m, at) for m, H in at.items())))
         use = np.asarray(np.stack([present(y, H, S) for H in at.values()]).all(0))
         use &= np.linalg.eigvalsh(np.where(use[:, None, None], S, np.eye(y.shape[-1])))[:, 0] > 0
         S, y = np.where(use[:, None, None], S, np.eye(y.shape[-1])), np.where(use[:, None], y, 0.0)
         use &= distance(y, S) <= self.gate
-        half = np.linalg.inv(np.linalg.cholesky(S)).mT
-        V = {m: np.where(use[:, None, None], s.Phi[:, m].mT @ H.mT @ half, 0.0) for m, H in at.items()}
-        Gamma = np.asarray(sum(s.Pi[:, :, :, m] @ v[:, None, None] for m, v in V.items()))  # (t, n, n, d, k)
-        for m, ph in PH.items():
-            Gamma[:, :, m] = np.linalg.solve(s.Phi[:, m], np.where(use[:, None, None], ph @ half, 0.0))[:, None]
-        mine = s.Phi @ np.einsum("tiiak->tiak", Gamma)  # (t, n, d, k)
-        sound = np.linalg.eigvalsh(symmetric(mine.mT @ np.linalg.solve(s.P, mine)))[..., -1] < 1
-        sound &= (np.abs(Gamma) < RUNAWAY).all((2, 3, 4))
+        at = {m: np.where(use[:, None, None], H, 0.0) for m, H in at.items()}
+        dx, dP, dPi = (_by_factors if self.engine == "batched" else _by_filterpy)(s, a, y, at, S, R)
+        sound = np.linalg.eigvalsh(s.P - dP)[..., 0] > 0
+        sound &= (np.einsum("tijaja->tija", dPi) < RUNAWAY**2).all((2, 3))
         use &= np.stack([sound[:, m] for m in at]).all(0)
         takes = use[:, None] & sound & (heard | (np.arange(s.world.robots) == a))
-        r = half.mT @ y[..., None]
-        mine = np.where(takes[..., None, None], mine, 0.0)
-        _downdate(s.Pi, Gamma, takes)
-        return s._replace(x=s.x + (mine @ r[:, None])[..., 0], P=symmetric(s.P - mine @ mine.mT)), use
-
-    @staticmethod
-    def _cross(s: State, a: int, m: int, at: At) -> Array:
-        """Cov(x_m, reading) = sum_j P_mj H_j' (t, d, k), by master a's copy of Pi."""
-        blocks = {j: s.P[:, m] if j == m else s.Phi[:, m] @ s.Pi[:, a, m, j] @ s.Phi[:, j].mT for j in at}
-        return np.asarray(sum(block @ at[j].mT for j, block in blocks.items()))
+        x = s.x + np.where(takes[..., None], dx, 0.0)
+        P = s.P - np.where(takes[..., None, None], dP, 0.0)
+        Pi = np.subtract(s.Pi, dPi, out=s.Pi.copy(), where=takes[(..., *[None] * 4)])
+        return s._replace(x=x, P=P, Pi=Pi), use
 
 
-def _downdated(Pi: Array, Gamma: Array, takes: Mask) -> None:
-    """Pi_jl -= Gamma_j Gamma_l' in the memory of whoever takes the update."""
-    t, n, _, d, k = Gamma.shape
-    for s in range(t):
-        for i in range(n):
-            if takes[s, i]:
-                for j in range(n):
-                    for m in range(n):
-                        if j != m:
-                            for a in range(d):
-                                for b in range(d):
-                                    for c in range(k):
-                                        Pi[s, i, j, m, a, b] -= Gamma[s, i, j, a, c] * Gamma[s, i, m, b, c]
+def _cross(s: State, a: int, m: int, at: At) -> Array:
+    """Cov(x_m, reading) = sum_j P_mj H_j' (t, d, k), by master a's copy of Pi."""
+    blocks = {j: s.P[:, m] if j == m else s.Phi[:, m] @ s.Pi[:, a, m, :, j] @ s.Phi[:, j].mT for j in at}
+    return np.asarray(sum(block @ at[j].mT for j, block in blocks.items()))
 
 
-_downdate = numba.njit(cache=True, error_model="numpy")(_downdated)
+def _by_factors(s: State, a: int, y: Array, at: At, S: Array, R: Array) -> tuple[Array, Array, Array]:
+    """r = S^-1/2 y,  Gamma_m = (Phi_m^-1 P_m H_m' + ..) S^-1/2:  dx_i = Phi_i Gamma_i r,  dPi_jl = Gamma_j Gamma_l'."""
+    t, n, d = s.x.shape
+    half = np.linalg.inv(np.linalg.cholesky(S)).mT
+    Gamma = np.asarray(sum(s.Pi[..., m, :] @ (s.Phi[:, m].mT @ H.mT @ half)[:, None, None] for m, H in at.items()))
+    for m in at:  # as the master broadcast them
+        Gamma[:, :, m] = np.linalg.solve(s.Phi[:, m], _cross(s, a, m, at) @ half)[:, None]
+    mine = s.Phi @ np.einsum("tiiak->tiak", Gamma)
+    Gamma = Gamma.reshape(t, n, n * d, -1)
+    return (mine @ (half.mT @ y[..., None])[:, None])[..., 0], mine @ mine.mT, (Gamma @ Gamma.mT).reshape(s.Pi.shape)
+
+
+def _by_filterpy(s: State, a: int, y: Array, at: At, S: Array, R: Array) -> tuple[Array, Array, Array]:
+    """The same by filterpy's filter over the team as each robot remembers it, P_jl = Phi_j Pi_jl Phi_l'."""
+    t, n, d = s.x.shape
+    Pi, Phi = s.Pi.copy(), square(block_diagonal(s.Phi))[:, None]
+    for m, j in permutations(at, 2):  # as the master broadcast them
+        Pi[:, :, m, :, j] = s.Pi[:, None, a, m, :, j]
+    P = Phi @ Pi.reshape(t, n, n * d, n * d) @ Phi.mT
+    for j in range(n):
+        P[:, :, j * d : j * d + d, j * d : j * d + d] = s.P[:, None, j]
+    y, H = (np.repeat(part[:, None], n, 1) for part in (y, dense(at, n)))
+    dx, P1 = ENGINES["filterpy"].update(np.zeros((t, n, n * d)), P, y, H, R, np.inf)
+    inverse, dP = np.linalg.inv(Phi), P - P1
+    dPi = (inverse @ dP @ inverse.mT).reshape(s.Pi.shape)
+    return np.einsum("tiia->tia", dx.reshape(t, n, n, d)), np.einsum("tiiaib->tiab", dP.reshape(s.Pi.shape)), dPi

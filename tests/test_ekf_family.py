@@ -181,9 +181,10 @@ def test_literal_split_ci_of_independent_priors_is_the_naive_filter():
         (EkfNaive, {}),
         (EkfSplitCi, {}),
         (EkfLuft, {}),
+        (EkfInterim, {}),
         (UkfJoint, {}),
     ],
-    ids=["joint-plain", "joint-batch", "naive", "split-ci", "luft", "ukf"],
+    ids=["joint-plain", "joint-batch", "naive", "split-ci", "luft", "interim", "ukf"],
 )
 def test_batched_is_filterpy(cls, parameters, robots):
     ticks = 4 if robots == 10 else 20
@@ -193,6 +194,13 @@ def test_batched_is_filterpy(cls, parameters, robots):
         traces = run({"batched": batched, "filterpy": loop}, stream).traces
         np.testing.assert_allclose(traces["batched"].x, traces["filterpy"].x, atol=1e-9)
         np.testing.assert_allclose(traces["batched"].P, traces["filterpy"].P, atol=1e-9)
+
+
+def test_interim_master_is_filterpys_under_losses_too():
+    _, stream = simulate("packet-drop/drop=0.7", trials=3, seed=26, ticks=60)
+    batched, loop = (trace(engine, EkfInterim(engine=engine), stream) for engine in ("batched", "filterpy"))
+    np.testing.assert_allclose(batched.x, loop.x, atol=1e-9)
+    np.testing.assert_allclose(batched.P, loop.P, atol=1e-9)
 
 
 def test_information_form_is_the_dense_form_at_fifty_robots():
