@@ -179,7 +179,7 @@ def test_second_order_range_update_is_the_best_linear_one(correlated):
     empty, pairs = np.empty((1, 2, 0)), np.empty((1, 2, 0, 2))
     senses = Senses(np.zeros((1, 2, 2)), np.ones((1, 2)), empty, pairs, pairs, {})
     air = Mail(np.isfinite(reading), np.empty((1, 2, 2, 0)), absent, reading)
-    before = State(mean.reshape(1, 2, 2), P.reshape(1, 2, 2, 2, 2), world)
+    before = State(mean.reshape(1, 2, 2), P.reshape(1, 2, 2, 2, 2), world, np.zeros((1, 2)))
     after, traffic = EkfJoint(iterations=1, gate=np.inf).exchange(before, senses, air)
     scale = np.abs(want_x - mean).max()
     np.testing.assert_allclose(after.x.ravel(), want_x, atol=0.1 * scale)
@@ -206,6 +206,49 @@ def test_plain_mode_in_both_engines_is_the_same_filter():
     b = trace("b", EkfJoint(**plain, engine="filterpy"), stream)
     np.testing.assert_allclose(a.x, b.x, atol=1e-9)
     np.testing.assert_allclose(a.P, b.P, atol=1e-9)
+
+
+def misled(seed=13):
+    """Three robots, the first of which is sure of a place on the other side of the arena."""
+    truth, stream = simulate("robots-1-3/n=3", trials=5, seed=seed, ticks=120)
+    x, P = stream.prior.x.copy(), stream.prior.P.copy()
+    x[:, 0], P[:, 0] = 6 - truth.x[:, 0, 0], 0.1**2 * np.eye(2)
+    return truth, stream.with_arrays({"prior.x": x, "prior.P": P})
+
+
+@pytest.mark.parametrize("engine", ["batched", "filterpy"])
+def test_a_robot_in_the_wrong_place_is_found_again_unless_told_never(engine):
+    truth, stream = misled()
+    found, never = (EkfJoint(lost=lost, engine=engine) for lost in (0.5, 1.0))
+    error = [
+        np.sqrt(((trace("joint", e, stream).x - truth.x) ** 2).sum(-1)[:, -30:].mean((1, 2))) for e in (found, never)
+    ]
+    assert error[0].max() < 0.5
+    assert error[1].max() > 1
+
+
+def test_who_starts_anew_is_anywhere_in_the_arena_and_correlated_with_nobody():
+    _, stream = misled()
+    before = None
+    for s in states_after_exchange(EkfJoint(), stream):
+        if before is not None and (anew := (s.refused == 0) & (before > 0.4)).any():
+            trial, robot = np.argwhere(anew)[0]
+            np.testing.assert_allclose(s.x[trial, robot], [3, 3])
+            np.testing.assert_allclose(s.P[trial, robot, :, robot], 3 * np.eye(2))
+            others = [i for i in range(3) if i != robot]
+            assert not s.P[trial, robot][:, others].any()
+            assert not s.P[trial, others][..., robot, :].any()
+            assert np.abs(s.P[trial, others[0], :, others[1]]).max() > 0
+            return
+        before = s.refused
+    raise AssertionError("nobody was lost")
+
+
+def test_nobody_is_lost_where_the_models_are_true():
+    _, stream = linear_team(seed=14, trials=50, robots=3, ticks=40, share=1.0)
+    shares = np.array([s.refused for s in states_after_exchange(EkfJoint(gate=4.0), stream)])
+    assert 0.02 < shares[-1].mean() < 0.25  # of a chi-square with two degrees of freedom 0.135 lies beyond 4
+    assert shares.max() < 0.5
 
 
 def test_iterations_below_one_are_refused():
