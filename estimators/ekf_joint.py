@@ -17,6 +17,7 @@ S. Lenser, M. Veloso, "Sensor resetting localization for poorly modelled mobile 
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import permutations
 from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -25,6 +26,7 @@ from cooploc.estimators.angles import wrap_heading
 from cooploc.estimators.doa import fixed, gradient_doa
 from cooploc.estimators.gaussian import ENGINES, GATE, EngineName
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Sensor, Traffic, World
+from cooploc.estimators.models import Range
 from cooploc.estimators.relative import (
     block_diagonal,
     curvature,
@@ -34,7 +36,7 @@ from cooploc.estimators.relative import (
     information,
     information_update,
     linearise,
-    pairs,
+    range_by_range,
     sparse_update,
     spread,
     square,
@@ -109,8 +111,7 @@ class EkfJoint:
                 s = self._together(s, sensor, readings)
             s = self._found(s)
         else:
-            for sensor, i, j, reading in pairs(s.world, z, air):
-                s = self._relate(s, sensor, i, j, reading)
+            s = self._one_by_one(s, z, air)
         nothing = np.zeros(s.x.shape[:2])
         return s, Traffic(nothing, nothing)
 
@@ -148,6 +149,18 @@ class EkfJoint:
         P = np.where(lost[:, :, None, None, None] | lost[:, None, None, :, None], 0.0, s.P)
         P += block_diagonal(np.where(lost[..., None, None], anywhere, 0.0))
         return s._replace(x=x, P=P, refused=np.where(lost, 0.0, s.refused))
+
+    def _one_by_one(self, s: State, z: Senses, air: Mail) -> State:
+        plain = self.iterations == 1 and not self.second_order and self.engine == "batched"
+        for sensor, readings in table(s.world, z, air):
+            if plain and isinstance(sensor, Range):
+                x, P = range_by_range(s.x, square(s.P), readings[..., 0], sensor.R, self.gate)
+                s = s._replace(x=x, P=P.reshape(s.P.shape))
+                continue
+            for j, i in permutations(range(s.world.robots), 2):
+                if not np.isnan(readings[:, i, j]).all():
+                    s = self._relate(s, sensor, i, j, readings[:, i, j])
+        return s
 
     def _relate(self, s: State, sensor: Sensor, i: int, j: int, reading: Array) -> State:
         """Update by robot i's reading of robot j: y + H (x^ - x), re-linearised at the last iterate x^."""

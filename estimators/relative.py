@@ -16,7 +16,7 @@ import numpy as np
 
 from cooploc.estimators.gaussian import distance, present, symmetric
 from cooploc.estimators.interface import Array, Indices, Mail, Mask, Senses, Sensor, World
-from cooploc.estimators.models import Range
+from cooploc.estimators.models import NEAR, TOO_NEAR_TO_RANGE, Range
 
 HEADER = 8  # bytes a message costs beside its numbers, as the runner counts
 
@@ -159,6 +159,13 @@ def sparse_update(
     return x, P, use
 
 
+def range_by_range(x: Array, P: Array, z: Array, R: Array, gate: float) -> tuple[Array, Array]:
+    """Plain Kalman updates of x (t, n, d), P (t, n d, n d) by ranges z (t, n, n), in the order of `pairs`."""
+    x, P = x.copy(), P.copy()
+    _add_ranges(x, P, z, R.item(), gate)
+    return x, P
+
+
 def dense(at: Mapping[int, Array], robots: int) -> Array:
     """The Jacobian (t, k, n d) that is `at` those robots and 0 elsewhere."""
     first = next(iter(at.values()))
@@ -267,7 +274,34 @@ def _information(use: Mask, y: Array, H_i: Array, H_j: Array, R: Array, eta: Arr
                                 Lambda[s, at[a], at[m]] += B[c, a] * B[c, m]
 
 
+def _ranges(x: Array, P: Array, z: Array, variance: float, gate: float) -> None:
+    """With u = (x_i - x_j) / d and L = P H' S^-1/2 of each range in turn: x += L S^-1/2 (z - d),  P -= L L'."""
+    t, n, d = x.shape
+    L = np.empty(n * d)
+    for s in range(t):
+        at, C = x[s].reshape(-1), P[s]
+        for j in range(0, n * d, d):
+            for i in range(0, n * d, d):
+                reading = z[s, i // d, j // d]
+                if i == j or not reading >= TOO_NEAR_TO_RANGE:
+                    continue
+                away = np.sqrt((at[i] - at[j]) ** 2 + (at[i + 1] - at[j + 1]) ** 2)
+                u, v = (at[i] - at[j]) / max(away, NEAR), (at[i + 1] - at[j + 1]) / max(away, NEAR)
+                for a in range(n * d):
+                    L[a] = u * (C[i, a] - C[j, a]) + v * (C[i + 1, a] - C[j + 1, a])
+                S = variance + u * (L[i] - L[j]) + v * (L[i + 1] - L[j + 1])
+                y = reading - away
+                if y * y <= gate * S:
+                    half = 1 / np.sqrt(S)
+                    L *= half
+                    for a in range(n * d):
+                        at[a] += L[a] * (half * y)
+                        for b in range(n * d):
+                            C[a, b] -= L[a] * L[b]
+
+
 _compiled = numba.njit(cache=True, error_model="numpy")
 _whiten = _compiled(_whitened)
 _fill_distances = _compiled(_distances)
 _add_information = _compiled(_information)
+_add_ranges = _compiled(_ranges)
