@@ -23,7 +23,7 @@ from typing import ClassVar, Literal, NamedTuple
 import numpy as np
 
 from cooploc.estimators.angles import wrap_heading
-from cooploc.estimators.doa import fixed, gradient_doa
+from cooploc.estimators.doa import GradientDoa, fixed, gradient_doa
 from cooploc.estimators.gaussian import ENGINES, GATE, EngineName
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Sensor, Traffic, World
 from cooploc.estimators.models import Range
@@ -31,6 +31,7 @@ from cooploc.estimators.relative import (
     block_diagonal,
     curvature,
     dense,
+    direction_by_direction,
     distances,
     flat,
     information,
@@ -100,6 +101,9 @@ class EkfJoint:
                 d2 = distances(square(s.P), *parts)
                 s = _tallied(self._add(s, d2 <= self.gate, *parts), ~np.isnan(d2), d2 > self.gate)
                 continue
+            if self.engine == "batched" and isinstance(sensor, GradientDoa):
+                s = _with(s, *direction_by_direction(s.x, square(s.P), reading[..., 0], sensor, self.gate))
+                continue
             for i in range(s.world.robots):
                 y, H, _ = sensor.innovation(s.x[:, i], place, reading[:, i])
                 s = self._update(s, y, {i: H}, sensor.R)
@@ -154,8 +158,7 @@ class EkfJoint:
         plain = self.iterations == 1 and not self.second_order and self.engine == "batched"
         for sensor, readings in table(s.world, z, air):
             if plain and isinstance(sensor, Range):
-                x, P = range_by_range(s.x, square(s.P), readings[..., 0], sensor.R, self.gate)
-                s = s._replace(x=x, P=P.reshape(s.P.shape))
+                s = _with(s, *range_by_range(s.x, square(s.P), readings[..., 0], sensor.R, self.gate))
                 continue
             for j, i in permutations(range(s.world.robots), 2):
                 if not np.isnan(readings[:, i, j]).all():
@@ -186,7 +189,7 @@ class EkfJoint:
             x = flat(s.x) + (P @ eta[..., None])[..., 0]
         else:
             x, P = ENGINES[self.engine].update(flat(s.x), P, *stacked(use, *parts), np.inf)
-        return s._replace(x=x.reshape(s.x.shape), P=P.reshape(s.P.shape))
+        return _with(s, x, P)
 
     def _update(self, s: State, y: Array, at: Mapping[int, Array], R: Array) -> State:
         """Kalman update of the joint state by a reading whose Jacobian is `at` those robots, 0 elsewhere."""
@@ -195,7 +198,11 @@ class EkfJoint:
             x, P, _ = sparse_update(s.x, P, y, at, R, self.gate)
         else:
             x, P = ENGINES[self.engine].update(flat(s.x), P, y, dense(at, s.world.robots), R, self.gate)
-        return s._replace(x=x.reshape(s.x.shape), P=P.reshape(s.P.shape))
+        return _with(s, x, P)
+
+
+def _with(s: State, x: Array, P: Array) -> State:
+    return s._replace(x=x.reshape(s.x.shape), P=P.reshape(s.P.shape))
 
 
 def _tallied(s: State, made: Mask, refused: Mask) -> State:

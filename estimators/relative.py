@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
+from cooploc.estimators.doa import GradientDoa
 from cooploc.estimators.gaussian import distance, present, symmetric
 from cooploc.estimators.interface import Array, Indices, Mail, Mask, Senses, Sensor, World
 from cooploc.estimators.models import NEAR, TOO_NEAR_TO_RANGE, Range
@@ -166,6 +167,14 @@ def range_by_range(x: Array, P: Array, z: Array, R: Array, gate: float) -> tuple
     return x, P
 
 
+def direction_by_direction(x: Array, P: Array, z: Array, doa: GradientDoa, gate: float) -> tuple[Array, Array]:
+    """The same by directions of arrival z (t, n), robot by robot."""
+    x, P = x.copy(), P.copy()
+    W, c = doa.gradient(np.eye(4)), 5 * doa.rssi.eta / np.log(10)
+    _add_directions(x, P, z, doa.anchors, W, c, doa.R.item(), gate)
+    return x, P
+
+
 def dense(at: Mapping[int, Array], robots: int) -> Array:
     """The Jacobian (t, k, n d) that is `at` those robots and 0 elsewhere."""
     first = next(iter(at.values()))
@@ -274,34 +283,65 @@ def _information(use: Mask, y: Array, H_i: Array, H_j: Array, R: Array, eta: Arr
                                 Lambda[s, at[a], at[m]] += B[c, a] * B[c, m]
 
 
+def _absorbed(x: Array, P: Array, PH: Array, y: float, S: float, gate: float) -> None:
+    """x += P H' S^-1 y,  P -= P H' S^-1 H P  for a scalar reading, where the gate lets it in; P stays symmetric."""
+    if y * y <= gate * S:
+        PH /= np.sqrt(S)
+        step = y / np.sqrt(S)
+        for a in range(len(x)):
+            x[a] += PH[a] * step
+            for b in range(len(x)):
+                P[a, b] -= PH[a] * PH[b]
+
+
 def _ranges(x: Array, P: Array, z: Array, variance: float, gate: float) -> None:
-    """With u = (x_i - x_j) / d and L = P H' S^-1/2 of each range in turn: x += L S^-1/2 (z - d),  P -= L L'."""
+    """Of each range in turn y = z - |x_i - x_j|,  H_i = (x_i - x_j)' / |x_i - x_j| = -H_j."""
     t, n, d = x.shape
-    L = np.empty(n * d)
+    PH = np.empty(n * d)
     for s in range(t):
         at, C = x[s].reshape(-1), P[s]
         for j in range(0, n * d, d):
             for i in range(0, n * d, d):
                 reading = z[s, i // d, j // d]
-                if i == j or not reading >= TOO_NEAR_TO_RANGE:
-                    continue
-                away = np.sqrt((at[i] - at[j]) ** 2 + (at[i + 1] - at[j + 1]) ** 2)
-                u, v = (at[i] - at[j]) / max(away, NEAR), (at[i + 1] - at[j + 1]) / max(away, NEAR)
-                for a in range(n * d):
-                    L[a] = u * (C[i, a] - C[j, a]) + v * (C[i + 1, a] - C[j + 1, a])
-                S = variance + u * (L[i] - L[j]) + v * (L[i + 1] - L[j + 1])
-                y = reading - away
-                if y * y <= gate * S:
-                    half = 1 / np.sqrt(S)
-                    L *= half
+                if i != j and reading >= TOO_NEAR_TO_RANGE:
+                    away = np.sqrt((at[i] - at[j]) ** 2 + (at[i + 1] - at[j + 1]) ** 2)
+                    u, v = (at[i] - at[j]) / max(away, NEAR), (at[i + 1] - at[j + 1]) / max(away, NEAR)
                     for a in range(n * d):
-                        at[a] += L[a] * (half * y)
-                        for b in range(n * d):
-                            C[a, b] -= L[a] * L[b]
+                        PH[a] = u * (C[i, a] - C[j, a]) + v * (C[i + 1, a] - C[j + 1, a])
+                    S = variance + u * (PH[i] - PH[j]) + v * (PH[i + 1] - PH[j + 1])
+                    _absorb(at, C, PH, reading - away, S, gate)
+
+
+def _directions(x: Array, P: Array, z: Array, nodes: Array, W: Array, c: float, variance: float, gate: float) -> None:
+    """Of each direction in turn y = z - angle of g,  H = (g_x dg_y - g_y dg_x) / |g|^2,  g = W' (-c ln |x_i - q|^2)."""
+    t, n, d = x.shape
+    PH, g, dg = np.empty(n * d), np.empty(2), np.empty((2, 2))  # dg: axis 1 is the position
+    for s in range(t):
+        at, C = x[s].reshape(-1), P[s]
+        for i in range(0, n * d, d):
+            if np.isnan(z[s, i // d]):
+                continue
+            g[:], dg[:] = 0.0, 0.0
+            for q in range(len(nodes)):
+                d2 = (at[i] - nodes[q, 0]) ** 2 + (at[i + 1] - nodes[q, 1]) ** 2
+                for k in range(2):
+                    g[k] -= W[q, k] * c * np.log(max(d2, NEAR**2))
+                    for m in range(2):
+                        if d2 > NEAR**2:
+                            dg[k, m] -= W[q, k] * 2 * c * (at[i + m] - nodes[q, m]) / d2
+            strength = max(g[0] ** 2 + g[1] ** 2, NEAR**2)
+            u = (g[0] * dg[1, 0] - g[1] * dg[0, 0]) / strength
+            v = (g[0] * dg[1, 1] - g[1] * dg[0, 1]) / strength
+            for a in range(n * d):
+                PH[a] = u * C[i, a] + v * C[i + 1, a]
+            y = np.pi - (np.pi - (z[s, i // d] - np.arctan2(g[1], g[0]))) % (2 * np.pi)
+            _absorb(at, C, PH, y, variance + u * PH[i] + v * PH[i + 1], gate)
 
 
 _compiled = numba.njit(cache=True, error_model="numpy")
 _whiten = _compiled(_whitened)
 _fill_distances = _compiled(_distances)
 _add_information = _compiled(_information)
+_absorb = _compiled(_absorbed)
 _add_ranges = _compiled(_ranges)
+_add_directions = _compiled(_directions)
