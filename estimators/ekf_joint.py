@@ -35,6 +35,7 @@ from cooploc.estimators.relative import (
     distances,
     flat,
     information,
+    information_mean,
     information_update,
     linearise,
     range_by_range,
@@ -138,7 +139,8 @@ class EkfJoint:
             y = y - shift + (H_i @ back[:, :, None] + H_j @ back[:, None])[..., 0]
             if k == 0:
                 d2 = distances(square(s.P), y, H_i, H_j, R)
-            at = self._add(s, d2 <= self.gate, y, H_i, H_j, R)
+            last = k == self.iterations - 1
+            at = self._add(s, d2 <= self.gate, y, H_i, H_j, R, last=last)
         both = np.stack([~np.isnan(d2), d2 > self.gate])
         return _tallied(at, *np.concatenate([both, both.swapaxes(2, 3)], -1))
 
@@ -180,11 +182,16 @@ class EkfJoint:
             at = self._update(s, y, {i: H_i, j: H_j}, sensor.R + extra)
         return at
 
-    def _add(self, s: State, use: Mask, *parts: Array) -> State:
-        """P' = (P^-1 + H'R^-1 H)^-1,  x' = x + P' H'R^-1 y, over the readings y, H_i, H_j, R that `use` allows."""
+    def _add(self, s: State, use: Mask, *parts: Array, last: bool = True) -> State:
+        """P' = (P^-1 + H'R^-1 H)^-1,  x' = x + P' H'R^-1 y, over the readings y, H_i, H_j, R that `use` allows.
+
+        Before the `last` iteration nobody asks for P'.
+        """
         P = square(s.P)
         if self.engine == "batched":
             eta, Lambda = information(use, *parts)
+            if not last:
+                return _with(s, information_mean(flat(s.x), P, eta, Lambda), P)
             P = information_update(P, Lambda)
             x = flat(s.x) + (P @ eta[..., None])[..., 0]
         else:

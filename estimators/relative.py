@@ -220,6 +220,12 @@ def information(use: Mask, y: Array, H_i: Array, H_j: Array, R: Array) -> tuple[
     return eta, Lambda
 
 
+def information_mean(x: Array, P: Array, eta: Array, Lambda: Array) -> Array:
+    """x + (P^-1 + Lambda)^-1 eta (t, n d): the mean alone, by one right-hand side."""
+    step = np.asarray(np.linalg.solve(np.eye(P.shape[-1]) + P @ Lambda, P @ eta[..., None]), float)
+    return np.asarray(x + step[..., 0])
+
+
 def information_update(P: Array, Lambda: Array) -> Array:
     """(P^-1 + Lambda)^-1 as (I + P Lambda)^-1 P, which needs no inverse of P; where Lambda is 0 it is P."""
     return symmetric(np.asarray(np.linalg.solve(np.eye(P.shape[-1]) + P @ Lambda, P), float))
@@ -240,6 +246,14 @@ def _whitened(C: Array, B: Array) -> None:
             B[c, m] /= C[c, c]
 
 
+def _both(H_i: Array, H_j: Array, s: int, i: int, j: int, out: Array) -> None:
+    """(H_i, H_j) of one reading, element by element: in compiled code a slice costs more than the numbers in it."""
+    d = H_i.shape[4]
+    for c in range(H_i.shape[3]):
+        for a in range(d):
+            out[c, a], out[c, d + a] = H_i[s, i, j, c, a], H_j[s, i, j, c, a]
+
+
 def _distances(P: Array, y: Array, H_i: Array, H_j: Array, R: Array, out: Array) -> None:
     """S = H_i P_ii H_i' + H_i P_ij H_j' + H_j P_ji H_i' + H_j P_jj H_j' + R, then y' S^-1 y."""
     t, n, others, k, d = H_i.shape
@@ -247,8 +261,9 @@ def _distances(P: Array, y: Array, H_i: Array, H_j: Array, R: Array, out: Array)
     for s in range(t):
         for i in range(n):
             for j in range(others):
-                H[:, :d], H[:, d:] = H_i[s, i, j], H_j[s, i, j]
-                S[:], e[:, 0] = R[s, i, j], y[s, i, j]
+                if np.isnan(y[s, i, j, 0]):
+                    continue
+                _beside(H_i, H_j, s, i, j, H)
                 for a in range(2 * d):
                     row = i * d + a if a < d else (j - 1) * d + a
                     for c in range(k):
@@ -256,11 +271,15 @@ def _distances(P: Array, y: Array, H_i: Array, H_j: Array, R: Array, out: Array)
                         for m in range(d):
                             PH[a, c] += P[s, row, i * d + m] * H[c, m] + P[s, row, j * d + m] * H[c, d + m]
                 for c in range(k):
+                    e[c, 0] = y[s, i, j, c]
                     for b in range(k):
+                        S[c, b] = R[s, i, j, c, b]
                         for a in range(2 * d):
                             S[c, b] += H[c, a] * PH[a, b]
                 _whiten(S, e)
-                out[s, i, j] = (e**2).sum()
+                out[s, i, j] = 0.0
+                for c in range(k):
+                    out[s, i, j] += e[c, 0] ** 2
 
 
 def _information(use: Mask, y: Array, H_i: Array, H_j: Array, R: Array, eta: Array, Lambda: Array) -> None:
@@ -271,8 +290,11 @@ def _information(use: Mask, y: Array, H_i: Array, H_j: Array, R: Array, eta: Arr
         for i in range(n):
             for j in range(others):
                 if use[s, i, j]:
-                    B[:, :d], B[:, d : 2 * d], B[:, 2 * d] = H_i[s, i, j], H_j[s, i, j], y[s, i, j]
-                    C[:] = R[s, i, j]
+                    _beside(H_i, H_j, s, i, j, B)
+                    for c in range(k):
+                        B[c, 2 * d] = y[s, i, j, c]
+                        for b in range(k):
+                            C[c, b] = R[s, i, j, c, b]
                     _whiten(C, B)
                     for a in range(d):
                         at[a], at[d + a] = i * d + a, j * d + a
@@ -289,9 +311,10 @@ def _absorbed(x: Array, P: Array, PH: Array, y: float, S: float, gate: float) ->
         PH /= np.sqrt(S)
         step = y / np.sqrt(S)
         for a in range(len(x)):
-            x[a] += PH[a] * step
+            gain = PH[a]
+            x[a] += gain * step
             for b in range(len(x)):
-                P[a, b] -= PH[a] * PH[b]
+                P[a, b] -= gain * PH[b]
 
 
 def _ranges(x: Array, P: Array, z: Array, variance: float, gate: float) -> None:
@@ -324,11 +347,11 @@ def _directions(x: Array, P: Array, z: Array, nodes: Array, W: Array, c: float, 
             g[:], dg[:] = 0.0, 0.0
             for q in range(len(nodes)):
                 d2 = (at[i] - nodes[q, 0]) ** 2 + (at[i + 1] - nodes[q, 1]) ** 2
+                level, fall = c * np.log(max(d2, NEAR**2)), 2 * c / d2 if d2 > NEAR**2 else 0.0
                 for k in range(2):
-                    g[k] -= W[q, k] * c * np.log(max(d2, NEAR**2))
+                    g[k] -= W[q, k] * level
                     for m in range(2):
-                        if d2 > NEAR**2:
-                            dg[k, m] -= W[q, k] * 2 * c * (at[i + m] - nodes[q, m]) / d2
+                        dg[k, m] -= W[q, k] * fall * (at[i + m] - nodes[q, m])
             strength = max(g[0] ** 2 + g[1] ** 2, NEAR**2)
             u = (g[0] * dg[1, 0] - g[1] * dg[0, 0]) / strength
             v = (g[0] * dg[1, 1] - g[1] * dg[0, 1]) / strength
@@ -340,6 +363,7 @@ def _directions(x: Array, P: Array, z: Array, nodes: Array, W: Array, c: float, 
 
 _compiled = numba.njit(cache=True, error_model="numpy")
 _whiten = _compiled(_whitened)
+_beside = _compiled(_both)
 _fill_distances = _compiled(_distances)
 _add_information = _compiled(_information)
 _absorb = _compiled(_absorbed)

@@ -7,6 +7,7 @@ import pytest
 from oracles import PLACES, Offset, covariances, dense_posterior, is_covariance, linear_team
 
 from cooploc.estimators.dead_reckoning import DeadReckoning
+from cooploc.estimators.doa import GradientDoa
 from cooploc.estimators.ekf_interim import EkfInterim
 from cooploc.estimators.ekf_joint import EkfJoint
 from cooploc.estimators.ekf_local import EkfLocal
@@ -14,6 +15,14 @@ from cooploc.estimators.ekf_luft import LIMIT, EkfLuft, _possible
 from cooploc.estimators.ekf_naive import EkfNaive
 from cooploc.estimators.ekf_split_ci import EkfSplitCi
 from cooploc.estimators.models import LogDistance, Range
+from cooploc.estimators.relative import (
+    direction_by_direction,
+    information_mean,
+    information_update,
+    linearise,
+    range_by_range,
+    sparse_update,
+)
 from cooploc.estimators.ukf_joint import UkfJoint
 from cooploc.scenarios import simulate
 from cooploc.scenarios.runner import run, trace
@@ -201,6 +210,59 @@ def test_interim_master_is_filterpys_under_losses_too():
     batched, loop = (trace(engine, EkfInterim(engine=engine), stream) for engine in ("batched", "filterpy"))
     np.testing.assert_allclose(batched.x, loop.x, atol=1e-9)
     np.testing.assert_allclose(batched.P, loop.P, atol=1e-9)
+
+
+def team(seed, d, robots=4, trials=5):
+    """Means and a joint covariance with every cross term, robots near enough for some readings to be gated."""
+    rng = np.random.default_rng(seed)
+    return rng, rng.uniform(0, 6, (trials, robots, d)), 0.3 * covariances(rng, trials, d=robots * d)
+
+
+@pytest.mark.parametrize("gate", [np.inf, 1.0])
+@pytest.mark.parametrize("d", [2, 3])
+def test_compiled_ranges_are_sparse_updates_one_by_one(d, gate):
+    rng, x, P = team(37, d)
+    z = np.where(rng.uniform(size=(5, 4, 4)) < 0.7, rng.uniform(0, 6, (5, 4, 4)), np.nan)
+    z[0] = np.nan
+    want_x, want_P, used = x, P, 0
+    for j in range(4):
+        for i in set(range(4)) - {j}:
+            y, H_i, H_j = linearise(Range(), want_x[:, i], want_x[:, j], z[:, i, j, None])
+            want_x, want_P, use = sparse_update(want_x, want_P, y, {i: H_i, j: H_j}, Range().R, gate)
+            used += use.sum()
+    got_x, got_P = range_by_range(x, P, z, Range().R, gate)
+    assert 5 < used < 48
+    np.testing.assert_allclose(got_x, want_x, atol=1e-12)
+    np.testing.assert_allclose(got_P, want_P, atol=1e-12)
+    np.testing.assert_array_equal(got_P[0], P[0])
+
+
+@pytest.mark.parametrize("gate", [np.inf, 1.0])
+@pytest.mark.parametrize("d", [2, 3])
+def test_compiled_directions_are_sparse_updates_one_by_one(d, gate):
+    rng, x, P = team(38, d)
+    doa = GradientDoa(LogDistance(), (0.0, 0.0), (6.0, 5.0))
+    x[1, 0, :2] = 0.02, 0.05  # inside the clamp
+    z = np.where(rng.uniform(size=(5, 4)) < 0.8, rng.uniform(-np.pi, np.pi, (5, 4)), np.nan)
+    z[0], z[1, 0] = np.nan, 3.0
+    want_x, want_P, used = x, P, 0
+    for i in range(4):
+        y, H, _ = doa.innovation(want_x[:, i], np.zeros(2), z[:, i, None])
+        want_x, want_P, use = sparse_update(want_x, want_P, y, {i: H}, doa.R, gate)
+        used += use.sum()
+    got_x, got_P = direction_by_direction(x, P, z, doa, gate)
+    assert 2 < used < 20
+    np.testing.assert_allclose(got_x, want_x, atol=1e-12)
+    np.testing.assert_allclose(got_P, want_P, atol=1e-12)
+    np.testing.assert_array_equal(got_P[0], P[0])
+
+
+def test_the_mean_in_information_form_is_that_of_the_whole_update():
+    rng, x, P = team(39, 2)
+    H = rng.normal(size=(5, 6, 8))
+    eta, Lambda = rng.normal(size=(5, 8)), H.mT @ H
+    want = x.reshape(5, 8) + (information_update(P, Lambda) @ eta[..., None])[..., 0]
+    np.testing.assert_allclose(information_mean(x.reshape(5, 8), P, eta, Lambda), want, atol=1e-12)
 
 
 def test_information_form_is_the_dense_form_at_fifty_robots():
