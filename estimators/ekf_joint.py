@@ -39,6 +39,8 @@ from cooploc.estimators.relative import (
     information_update,
     linearise,
     range_by_range,
+    ranges_together,
+    scalars_of_own,
     sparse_update,
     spread,
     square,
@@ -100,7 +102,13 @@ class EkfJoint:
                 y, H, _ = sensor.innovation(s.x, place, reading)
                 parts = y[:, :, None], H[:, :, None], np.zeros_like(H)[:, :, None], sensor.R
                 d2 = distances(square(s.P), *parts)
-                s = _tallied(self._add(s, d2 <= self.gate, *parts), ~np.isnan(d2), d2 > self.gate)
+                use = d2 <= self.gate
+                if self.engine == "batched" and y.shape[-1] == 1:
+                    own = use[:, :, 0], y[..., 0], H[:, :, 0], sensor.R
+                    after = _with(s, *scalars_of_own(s.x, square(s.P), *own))
+                else:
+                    after = self._add(s, use, *parts)
+                s = _tallied(after, ~np.isnan(d2), d2 > self.gate)
                 continue
             if self.engine == "batched" and isinstance(sensor, GradientDoa):
                 s = _with(s, *direction_by_direction(s.x, square(s.P), reading[..., 0], sensor, self.gate))
@@ -128,6 +136,10 @@ class EkfJoint:
 
         Each reading is gated alone, against the belief before all of them.
         """
+        if self.engine == "batched" and isinstance(sensor, Range):
+            how = self.gate, self.second_order, self.iterations
+            x, P, d2 = ranges_together(s.x, square(s.P), readings[..., 0], sensor.R, *how)
+            return self._counted(_with(s, x, P), d2)
         shift, extra = np.zeros(1), np.zeros((1, 1))
         if self.second_order:
             D = spread(square(s.P), s.x.shape[-1])
@@ -141,8 +153,12 @@ class EkfJoint:
                 d2 = distances(square(s.P), y, H_i, H_j, R)
             last = k == self.iterations - 1
             at = self._add(s, d2 <= self.gate, y, H_i, H_j, R, last=last)
+        return self._counted(at, d2)
+
+    def _counted(self, s: State, d2: Array) -> State:
+        """A reading of j by i (t, n, n) speaks of both."""
         both = np.stack([~np.isnan(d2), d2 > self.gate])
-        return _tallied(at, *np.concatenate([both, both.swapaxes(2, 3)], -1))
+        return _tallied(s, *np.concatenate([both, both.swapaxes(2, 3)], -1))
 
     def _found(self, s: State) -> State:
         """A trial's most refused robot, where it is lost: x = the arena's middle, P_ii = a uniform's, P_ij = 0."""

@@ -175,6 +175,22 @@ def direction_by_direction(x: Array, P: Array, z: Array, doa: GradientDoa, gate:
     return x, P
 
 
+def ranges_together(
+    x: Array, P: Array, z: Array, R: Array, gate: float, second_order: bool, iterations: int
+) -> tuple[Array, Array, Array]:
+    """Gauss-Newton on all ranges z (t, n, n) at once; also their squared Mahalanobis distances (t, n, n)."""
+    x, P, d2 = x.copy(), P.copy(), np.full(z.shape, np.nan)
+    _join_ranges(x, P, z, R.item(), gate, second_order, iterations, d2)
+    return x, P, d2
+
+
+def scalars_of_own(x: Array, P: Array, use: Mask, y: Array, H: Array, R: Array) -> tuple[Array, Array]:
+    """Kalman updates by one scalar per robot y (t, n), H (t, n, d), linearised together, where `use` (t, n) allows."""
+    x, P = x.copy(), P.copy()
+    _add_scalars(x, P, use, y, H, R.item())
+    return x, P
+
+
 def dense(at: Mapping[int, Array], robots: int) -> Array:
     """The Jacobian (t, k, n d) that is `at` those robots and 0 elsewhere."""
     first = next(iter(at.values()))
@@ -361,11 +377,99 @@ def _directions(x: Array, P: Array, z: Array, nodes: Array, W: Array, c: float, 
             _absorb(at, C, PH, y, variance + u * PH[i] + v * PH[i + 1], gate)
 
 
+def _scalars(x: Array, P: Array, use: Mask, y: Array, H: Array, variance: float) -> None:
+    """y - H (x^ - x) where x^ has moved by the readings before; nothing else tells them from readings at once."""
+    t, n, d = x.shape
+    PH, before = np.empty(n * d), np.empty((n, d))
+    for s in range(t):
+        before[:] = x[s]
+        for i in range(n):
+            if use[s, i]:
+                PH[:], S, e = 0.0, variance, y[s, i]
+                for m in range(d):
+                    e -= H[s, i, m] * (x[s, i, m] - before[i, m])
+                    for a in range(n * d):
+                        PH[a] += H[s, i, m] * P[s, i * d + m, a]
+                for m in range(d):
+                    S += H[s, i, m] * PH[i * d + m]
+                _absorb(x[s].reshape(-1), P[s], PH, e, S, np.inf)
+
+
+def _range_terms(at: Array, i: int, j: int) -> tuple[float, float, float]:
+    """|x_i - x_j| and its derivative by x_i."""
+    away = np.sqrt((at[i] - at[j]) ** 2 + (at[i + 1] - at[j + 1]) ** 2)
+    return away, (at[i] - at[j]) / max(away, NEAR), (at[i + 1] - at[j + 1]) / max(away, NEAR)
+
+
+def _gated(
+    x: Array, C: Array, z: Array, variance: float, second_order: bool, d2: Array, shift: Array, noise: Array
+) -> None:
+    """d2 of every range, and what the second order adds to its mean (shift) and to its variance (noise)."""
+    n = len(z)
+    d = len(x) // n
+    for p in range(n):
+        for q in range(n):
+            if p != q and z[p, q] >= TOO_NEAR_TO_RANGE:
+                i, j = p * d, q * d
+                away, u, v = _range_of(x, i, j)
+                xx = C[i, i] + C[j, j] - 2 * C[i, j]
+                xy = C[i, i + 1] + C[j, j + 1] - C[i, j + 1] - C[j, i + 1]
+                yy = C[i + 1, i + 1] + C[j + 1, j + 1] - 2 * C[i + 1, j + 1]
+                shift[p, q], noise[p, q] = 0.0, variance
+                if second_order:
+                    far = max(away, TOO_NEAR_TO_RANGE)
+                    a, b = (x[j + 1] - x[i + 1]) / far, (x[i] - x[j]) / far
+                    across = (a * a * xx + 2 * a * b * xy + b * b * yy) / far
+                    shift[p, q], noise[p, q] = across / 2, variance + across**2 / 2
+                y = z[p, q] - away - shift[p, q]
+                d2[p, q] = y * y / (noise[p, q] + u * u * xx + 2 * u * v * xy + v * v * yy)
+
+
+def _joined_ranges(
+    x: Array, P: Array, z: Array, variance: float, gate: float, second_order: bool, iterations: int, d2: Array
+) -> None:
+    """x' = x + (P^-1 + H'R^-1 H)^-1 H'R^-1 (y + H (x^ - x)),  P' = (P^-1 + H'R^-1 H)^-1."""
+    t, n, d = x.shape
+    shift, noise, one = np.empty((n, n)), np.empty((n, n)), np.eye(n * d)
+    for s in range(t):
+        before, at = x[s].copy().reshape(-1), x[s].copy().reshape(-1)
+        _gate_ranges(before, P[s], z[s], variance, second_order, d2[s], shift, noise)
+        for k in range(iterations):
+            eta, Lambda = np.zeros(n * d), np.zeros((n * d, n * d))
+            for p in range(n):
+                for q in range(n):
+                    if d2[s, p, q] <= gate:
+                        i, j = p * d, q * d
+                        away, u, v = _range_of(at, i, j)
+                        y = z[s, p, q] - away - shift[p, q] + u * (at[i] - before[i] - at[j] + before[j])
+                        y += v * (at[i + 1] - before[i + 1] - at[j + 1] + before[j + 1])
+                        for c, h in ((0, u), (1, v)):
+                            g = h / noise[p, q]
+                            eta[i + c] += g * y
+                            eta[j + c] -= g * y
+                            for b, f in ((0, u), (1, v)):
+                                Lambda[i + c, i + b] += g * f
+                                Lambda[j + c, j + b] += g * f
+                                Lambda[i + c, j + b] -= g * f
+                                Lambda[j + c, i + b] -= g * f
+            A = one + P[s] @ Lambda
+            if k + 1 < iterations:
+                at = before + np.linalg.solve(A, P[s] @ eta)
+            else:
+                C = np.linalg.solve(A, P[s])
+                P[s] = (C + C.T) / 2
+                x[s] = (before + P[s] @ eta).reshape(n, d)
+
+
 _compiled = numba.njit(cache=True, error_model="numpy")
 _whiten = _compiled(_whitened)
 _beside = _compiled(_both)
 _fill_distances = _compiled(_distances)
 _add_information = _compiled(_information)
 _absorb = _compiled(_absorbed)
+_add_scalars = _compiled(_scalars)
+_range_of = _compiled(_range_terms)
+_gate_ranges = _compiled(_gated)
+_join_ranges = _compiled(_joined_ranges)
 _add_ranges = _compiled(_ranges)
 _add_directions = _compiled(_directions)
