@@ -9,6 +9,7 @@ S. Thrun et al., "Simultaneous localization and mapping with sparse extended inf
 """
 
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 from typing import NamedTuple
 
 import numba
@@ -170,9 +171,14 @@ def range_by_range(x: Array, P: Array, z: Array, R: Array, gate: float) -> tuple
 def direction_by_direction(x: Array, P: Array, z: Array, doa: GradientDoa, gate: float) -> tuple[Array, Array]:
     """The same by directions of arrival z (t, n), robot by robot."""
     x, P = x.copy(), P.copy()
-    W, c = doa.gradient(np.eye(4)), 5 * doa.rssi.eta / np.log(10)
-    _add_directions(x, P, z, doa.anchors, W, c, doa.R.item(), gate)
+    _add_directions(x, P, z, *_of_nodes(doa), gate)
     return x, P
+
+
+@lru_cache(maxsize=64)
+def _of_nodes(doa: GradientDoa) -> tuple[Array, Array, float, float]:
+    """Where the nodes are (4, 2), their readings' weights in the gradient (4, 2), dB per ln d^2, the variance."""
+    return doa.anchors, doa.gradient(np.eye(4)), 5 * doa.rssi.eta / np.log(10), doa.R.item()
 
 
 def ranges_together(

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from oracles import PLACES, Offset, covariances, dense_posterior, is_covariance, linear_team
 
+from cooploc.estimators import ekf_joint
 from cooploc.estimators.dead_reckoning import DeadReckoning
 from cooploc.estimators.doa import GradientDoa
 from cooploc.estimators.ekf_interim import EkfInterim
@@ -17,10 +18,12 @@ from cooploc.estimators.ekf_split_ci import EkfSplitCi
 from cooploc.estimators.models import LogDistance, Range
 from cooploc.estimators.relative import (
     direction_by_direction,
+    information,
     information_mean,
     information_update,
     linearise,
     range_by_range,
+    scalars_of_own,
     sparse_update,
 )
 from cooploc.estimators.ukf_joint import UkfJoint
@@ -253,6 +256,37 @@ def test_compiled_directions_are_sparse_updates_one_by_one(d, gate):
     got_x, got_P = direction_by_direction(x, P, z, doa, gate)
     assert 2 < used < 20
     np.testing.assert_allclose(got_x, want_x, atol=1e-12)
+    np.testing.assert_allclose(got_P, want_P, atol=1e-12)
+    np.testing.assert_array_equal(got_P[0], P[0])
+
+
+@pytest.mark.parametrize("gate", [np.inf, 1.0])
+@pytest.mark.parametrize("second_order", [False, True])
+@pytest.mark.parametrize("iterations", [1, 3])
+def test_compiled_ranges_together_are_the_numpy_ones(iterations, second_order, gate, monkeypatch):
+    _, stream = simulate("scalability/n=4", trials=5, seed=40, ticks=1, drop=0.3, prior_sigma=1.0)
+    joint = EkfJoint(iterations=iterations, second_order=second_order, gate=gate)
+    before, senses, air = states(joint, stream, after=False)[0]
+    compiled, _ = joint.exchange(before, senses, air)
+    monkeypatch.setattr(ekf_joint, "Range", ())  # what no sensor is an instance of
+    plain, _ = joint.exchange(before, senses, air)
+    assert np.abs(plain.x - before.x).max() > 0.1
+    np.testing.assert_allclose(compiled.x, plain.x, atol=1e-12)
+    np.testing.assert_allclose(compiled.P, plain.P, atol=1e-12)
+    np.testing.assert_allclose(compiled.refused, plain.refused, atol=1e-15)
+    assert (plain.refused > 0).any() == (gate == 1.0)
+
+
+def test_own_scalars_one_by_one_are_the_information_form():
+    rng, x, P = team(41, 3)
+    y, H, use = rng.normal(size=(5, 4)), rng.normal(size=(5, 4, 3)), rng.uniform(size=(5, 4)) < 0.7
+    use[0] = False
+    one = use[..., None], y[..., None, None], H[:, :, None, None], np.zeros((5, 4, 1, 1, 3)), np.array([[0.3]])
+    eta, Lambda = information(*one)
+    want_P = information_update(P, Lambda)
+    want = x.reshape(5, 12) + (want_P @ eta[..., None])[..., 0]
+    got_x, got_P = scalars_of_own(x, P, use, y, H, np.array([[0.3]]))
+    np.testing.assert_allclose(got_x.reshape(5, 12), want, atol=1e-12)
     np.testing.assert_allclose(got_P, want_P, atol=1e-12)
     np.testing.assert_array_equal(got_P[0], P[0])
 
