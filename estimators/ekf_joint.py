@@ -99,23 +99,13 @@ class EkfJoint:
     def correct(self, s: State, z: Senses) -> State:
         for sensor, place, reading in fixed(s.world, z, self.own):
             if self.update == "batch":
-                y, H, _ = sensor.innovation(s.x, place, reading)
-                parts = y[:, :, None], H[:, :, None], np.zeros_like(H)[:, :, None], sensor.R
-                d2 = distances(square(s.P), *parts)
-                use = d2 <= self.gate
-                if self.engine == "batched" and y.shape[-1] == 1:
-                    own = use[:, :, 0], y[..., 0], H[:, :, 0], sensor.R
-                    after = _with(s, *scalars_of_own(s.x, square(s.P), *own))
-                else:
-                    after = self._add(s, use, *parts)
-                s = _tallied(after, ~np.isnan(d2), d2 > self.gate)
-                continue
-            if self.engine == "batched" and isinstance(sensor, GradientDoa):
+                s = self._own_together(s, sensor, place, reading)
+            elif self.engine == "batched" and isinstance(sensor, GradientDoa):
                 s = _with(s, *direction_by_direction(s.x, square(s.P), reading[..., 0], sensor, self.gate))
-                continue
-            for i in range(s.world.robots):
-                y, H, _ = sensor.innovation(s.x[:, i], place, reading[:, i])
-                s = self._update(s, y, {i: H}, sensor.R)
+            else:
+                for i in range(s.world.robots):
+                    y, H, _ = sensor.innovation(s.x[:, i], place, reading[:, i])
+                    s = self._update(s, y, {i: H}, sensor.R)
         return s
 
     def exchange(self, s: State, z: Senses, air: Mail) -> tuple[State, Traffic]:
@@ -130,6 +120,18 @@ class EkfJoint:
 
     def estimate(self, s: State) -> Belief:
         return Belief(wrap_heading(s.x), np.stack([s.P[:, i, :, i] for i in range(s.x.shape[1])], 1))
+
+    def _own_together(self, s: State, sensor: Sensor, place: Array, reading: Array) -> State:
+        """Every robot's reading (t, n, k) of one fixed thing, linearised and gated before any of them is used."""
+        y, H, _ = sensor.innovation(s.x, place, reading)
+        parts = y[:, :, None], H[:, :, None], np.zeros_like(H)[:, :, None], sensor.R
+        d2 = distances(square(s.P), *parts)
+        use = d2 <= self.gate
+        if self.engine == "batched" and y.shape[-1] == 1:
+            after = _with(s, *scalars_of_own(s.x, square(s.P), use[:, :, 0], y[..., 0], H[:, :, 0], sensor.R))
+        else:
+            after = self._add(s, use, *parts)
+        return _tallied(after, ~np.isnan(d2), d2 > self.gate)
 
     def _together(self, s: State, sensor: Sensor, readings: Array) -> State:
         """Gauss-Newton on all readings (t, n, n, k): P' = (P^-1 + H'R^-1 H)^-1,  x' = x + P' H'R^-1 (y + H (x^ - x)).
@@ -173,6 +175,7 @@ class EkfJoint:
         return s._replace(x=x, P=P, refused=np.where(lost, 0.0, s.refused))
 
     def _one_by_one(self, s: State, z: Senses, air: Mail) -> State:
+        """Readings of teammates sender by sender, each linearised at what the last one left."""
         plain = self.iterations == 1 and not self.second_order and self.engine == "batched"
         for sensor, readings in table(s.world, z, air):
             if plain and isinstance(sensor, Range):
