@@ -108,7 +108,7 @@ def gradient_doa(world: World) -> GradientDoa:
     if isinstance(rssi, LogDistance) and anchors.shape == (4, 2):
         (ax, ay), (bx, by) = anchors[0].tolist(), anchors[2].tolist()
         doa = GradientDoa(rssi, (ax, ay), (bx - ax, by - ay))
-        if np.allclose(doa.anchors, anchors) and min(doa.sides) > 0:
+        if min(doa.sides) > 0 and np.abs(doa.anchors - anchors).max() < 1e-6 * min(doa.sides):
             return doa
     raise BadInput(
         f"a gradient DOA needs four corner anchors in the order (0,0) (0,b) (a,b) (a,0) and a LogDistance sensor; this "

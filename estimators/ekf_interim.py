@@ -22,10 +22,11 @@ from typing import ClassVar, Literal, NamedTuple
 import numpy as np
 
 from cooploc.estimators.angles import wrap_heading
+from cooploc.estimators.blocks import block_diagonal, dense, square
 from cooploc.estimators.doa import fixed, gradient_doa
 from cooploc.estimators.gaussian import ENGINES, GATE, EngineName, distance, present, symmetric
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Traffic, World
-from cooploc.estimators.relative import HEADER, block_diagonal, dense, linearise, pairs, square
+from cooploc.estimators.relative import HEADER, linearise, pairs
 
 At = Mapping[int, Array]  # a Jacobian (t, k, d) by robot
 RUNAWAY = 1e6  # a factor Gamma beyond this is no covariance of anything in metres; keeps stale copies finite

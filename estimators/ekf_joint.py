@@ -23,13 +23,8 @@ from typing import ClassVar, Literal, NamedTuple
 import numpy as np
 
 from cooploc.estimators.angles import wrap_heading
-from cooploc.estimators.doa import GradientDoa, fixed, gradient_doa
-from cooploc.estimators.gaussian import ENGINES, GATE, EngineName
-from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Sensor, Traffic, World
-from cooploc.estimators.models import Range
-from cooploc.estimators.relative import (
+from cooploc.estimators.blocks import (
     block_diagonal,
-    curvature,
     dense,
     direction_by_direction,
     distances,
@@ -37,7 +32,6 @@ from cooploc.estimators.relative import (
     information,
     information_mean,
     information_update,
-    linearise,
     range_by_range,
     ranges_together,
     scalars_of_own,
@@ -45,8 +39,12 @@ from cooploc.estimators.relative import (
     spread,
     square,
     stacked,
-    table,
 )
+from cooploc.estimators.doa import GradientDoa, fixed, gradient_doa
+from cooploc.estimators.gaussian import ENGINES, GATE, EngineName
+from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Sensor, Traffic, World
+from cooploc.estimators.models import Range
+from cooploc.estimators.relative import curvature, linearise, table
 
 # Weight of the latest readings in the average share of refused ones: 23 refused in a row make a robot lost. On MRCLAM,
 # where a camera may take one landmark for another for a second, the average rises to 0.37; with 0.1 it would to 0.72.

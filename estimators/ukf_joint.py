@@ -17,11 +17,12 @@ from typing import Any, ClassVar, Literal, NamedTuple
 import numpy as np
 
 from cooploc.estimators.angles import wrap, wrap_heading
+from cooploc.estimators.blocks import block_diagonal, square
 from cooploc.estimators.doa import GradientDoa, fixed, gradient_doa
 from cooploc.estimators.gaussian import GATE, EngineName, distance, symmetric
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Sensor, Traffic, World
 from cooploc.estimators.models import Bearing, Sighting
-from cooploc.estimators.relative import block_diagonal, pairs, square
+from cooploc.estimators.relative import pairs
 
 Points = Callable[[Array, slice], Array]  # of sigma points (t, s, n, d) of these trials: moved, or as they are read
 

@@ -7,6 +7,15 @@ import pytest
 from oracles import PLACES, Offset, covariances, dense_posterior, is_covariance, linear_team
 
 from cooploc.estimators import ekf_joint
+from cooploc.estimators.blocks import (
+    direction_by_direction,
+    information,
+    information_mean,
+    information_update,
+    range_by_range,
+    scalars_of_own,
+    sparse_update,
+)
 from cooploc.estimators.dead_reckoning import DeadReckoning
 from cooploc.estimators.doa import GradientDoa
 from cooploc.estimators.ekf_interim import EkfInterim
@@ -16,16 +25,7 @@ from cooploc.estimators.ekf_luft import LIMIT, EkfLuft, _possible
 from cooploc.estimators.ekf_naive import EkfNaive
 from cooploc.estimators.ekf_split_ci import EkfSplitCi
 from cooploc.estimators.models import LogDistance, Range
-from cooploc.estimators.relative import (
-    direction_by_direction,
-    information,
-    information_mean,
-    information_update,
-    linearise,
-    range_by_range,
-    scalars_of_own,
-    sparse_update,
-)
+from cooploc.estimators.relative import linearise
 from cooploc.estimators.ukf_joint import UkfJoint
 from cooploc.scenarios import simulate
 from cooploc.scenarios.runner import run, trace
