@@ -13,7 +13,8 @@ from cooploc.scenarios import family, scenario
 from cooploc.scenarios.study import Cell, Study
 
 CHUNK_BYTES = 64e6  # of readings between robots, the largest arrays of a stream
-CHUNK_TRIALS = 10
+CHUNK_ROWS = 200  # (trial, robot): enough that numpy's cost per call no longer counts, few enough to lose in a crash
+CHUNK_TRIALS = 10, 50  # at least, unless the bytes forbid it, and at most
 
 
 class Plan(NamedTuple):
@@ -93,5 +94,7 @@ def _chunk_size(label: str) -> int:
     if family(label).recorded:
         return 1
     world: Any = scenario(label)
-    per_trial = 17 * getattr(world, "ticks", 1) * getattr(world, "robots", 1) ** 2
-    return max(1, min(CHUNK_TRIALS, int(CHUNK_BYTES // per_trial)))
+    robots = getattr(world, "robots", 1)
+    least, most = CHUNK_TRIALS
+    fits = int(CHUNK_BYTES // (17 * getattr(world, "ticks", 1) * robots**2))
+    return max(1, min(fits, most, max(least, CHUNK_ROWS // robots)))

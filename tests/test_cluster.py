@@ -13,9 +13,9 @@ from processes import environment, finish, install, marks, parts, start, until
 pytest.importorskip("distributed", reason="needs Dask: pip install 'cooploc[cluster]'")
 
 SMALL = """
-trials = 30
+trials = 6
 baseline = "dead-reckoning"
-scenarios = ["robots-1-3/n={2,3}[ticks=12]"]
+scenarios = ["robots-1-3/n={1..6}[ticks=12]"]
 estimators = ["dead-reckoning", "arl[particles=50]", "slow[seconds=0.05]"]
 """
 QUIET = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}

@@ -9,6 +9,7 @@ import pytest
 
 import cooploc as cl
 from cooploc import estimators
+from cooploc.analysis import plan
 from cooploc.analysis.execute import Quiet, execute
 from cooploc.analysis.rundir import Piece, RunDir
 from cooploc.estimators.dead_reckoning import DeadReckoning
@@ -21,6 +22,13 @@ STUDY = Study(
     scenarios=("trajectory[ticks=15]", "packet-drop/drop=0.5[ticks=10]"),
     estimators=("dead-reckoning", "mrsl-rssi[particles=40]", "ekf-joint"),
 )
+
+
+@pytest.fixture(autouse=True, scope="module")
+def small_chunks():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(plan, "CHUNK_TRIALS", (10, 10))
+        yield
 
 
 class Told(Quiet):
@@ -44,7 +52,7 @@ def parts(folder):
 
 
 @pytest.fixture(scope="module")
-def finished(tmp_path_factory):
+def finished(tmp_path_factory, small_chunks):
     folder = tmp_path_factory.mktemp("runs") / "one"
     return folder, execute(STUDY, folder)
 

@@ -13,10 +13,10 @@ import pytest
 from processes import finish, install, marks, parts, start, table, until
 
 SMALL = """
-trials = 20
+trials = 6
 time_limit = 1.0
 baseline = "dead-reckoning"
-scenarios = ["robots-1-3/n={1,2}[ticks=12]"]
+scenarios = ["robots-1-3/n={1..6}[ticks=12]"]
 estimators = ["dead-reckoning", "ekf-local", "arl[particles=50]"]
 """
 
@@ -98,7 +98,7 @@ def ran_by(process, group):
 )
 def test_a_trial_that_fails_is_recorded_and_costs_no_other(place, plugins, jobs, does, said):
     arguments = ("--estimators", f"dead-reckoning,trouble[does={does}]", "--trials", 6, "--jobs", jobs, "--json")
-    (place / "small.toml").write_text(SMALL.replace("{1,2}", "1"))
+    (place / "small.toml").write_text(SMALL.replace("{1..6}", "1"))
     told = finish("run", "small.toml", "--out", "run", *arguments, plugins=plugins, cwd=place)
     assert told.returncode == 1, told.stderr
     rows = table(told)
@@ -114,7 +114,7 @@ def test_a_trial_that_fails_is_recorded_and_costs_no_other(place, plugins, jobs,
 
 def test_a_trial_that_kills_its_process_is_found_and_the_rest_goes_on(place, plugins):
     arguments = ("--estimators", "dead-reckoning,trouble[does=die]", "--jobs", 2, "--json")
-    (place / "small.toml").write_text(SMALL.replace("{1,2}", "1"))
+    (place / "small.toml").write_text(SMALL.replace("{1..6}", "1"))
     told = finish("run", "small.toml", "--out", "run", "--trials", 8, *arguments, plugins=plugins, cwd=place)
     assert told.returncode == 1, told.stderr
     rows = table(told)
@@ -155,7 +155,7 @@ def test_two_runs_into_one_directory_are_refused_until_the_first_is_gone(place, 
 def test_a_full_disk_stops_the_run_and_keeps_what_was_finished(place, plugins):
     """A file may not grow beyond a limit: small parts can be written, that of many robots cannot."""
     (place / "small.toml").write_text(
-        SMALL.replace("{1,2}[ticks=12]", "1[ticks=12]").replace('ticks=12]"', 'ticks=12]", "scalability/n=60[ticks=3]"')
+        SMALL.replace("{1..6}", "1").replace('ticks=12]"', 'ticks=12]", "scalability/n=60[ticks=3]"')
     )
     arguments = ("run", "small.toml", "--out", "run", "--estimators", "dead-reckoning")
     limited = finish(*arguments, plugins=plugins, cwd=place, preexec_fn=lambda: limit_file_size(40_000))
@@ -183,27 +183,27 @@ def test_a_place_where_nothing_can_be_written_is_one_line(place, plugins):
 
 
 def test_show_says_what_is_missing_and_spoilt(place, plugins):
-    finish("run", "small.toml", "--out", "run", "--trials", 12, plugins=plugins, cwd=place)
+    finish("run", "small.toml", "--out", "run", plugins=plugins, cwd=place)
     spoilt = sorted((place / "run" / "parts").iterdir())[0]
     spoilt.write_bytes(spoilt.read_bytes()[:-7])
     shown = finish("show", "run", plugins=plugins, cwd=place)
     assert shown.returncode == 0, shown.stderr
-    assert "12 of 12" in shown.stdout
+    assert "6 of 6" in shown.stdout
     assert "1 spoilt part, to be computed again, not finished" in shown.stdout
     assert "nothing failed" in shown.stdout
     nothing = finish("show", place / "small.toml", plugins=plugins, cwd=place)
     assert nothing.returncode == 2
     assert nothing.stderr.count("\n") == 1
-    again = finish("run", "small.toml", "--out", "run", "--trials", 12, plugins=plugins, cwd=place)
+    again = finish("run", "small.toml", "--out", "run", plugins=plugins, cwd=place)
     assert spoilt.stem in again.stderr
     assert pd.read_parquet(spoilt)["trial"].nunique()
 
 
 def test_progress_elsewhere_than_on_a_terminal_is_plain_lines(place, plugins):
-    arguments = ("--trials", 10, "--estimators", "trouble,slow[seconds=0.3]")
+    arguments = ("--trials", 10, "--estimators", "trouble,slow[seconds=0.1]")
     told = finish("run", "small.toml", "--out", "run", *arguments, plugins=plugins, cwd=place)
     assert told.returncode == 1
-    lines = [line for line in told.stderr.splitlines() if " of 40 trials" in line]
-    what = r"\d+ of 40 trials, about .+ left, [24] failed \(small · robots-1-3/n=\d\[ticks=12\] · "
+    lines = [line for line in told.stderr.splitlines() if " of 120 trials" in line]
+    what = r"\d+ of 120 trials, about .+ left, \d+ failed \(small · robots-1-3/n=\d\[ticks=12\] · "
     assert re.match(what, lines[-1])
     assert "\x1b" not in told.stderr
