@@ -26,8 +26,9 @@ from cooploc.estimators.angles import wrap_heading
 from cooploc.estimators.gaussian import inflated_update, symmetric
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, Sensor, World
 from cooploc.estimators.intersection import solve_relative
-from cooploc.estimators.mrsl import pack, unpack
-from cooploc.estimators.particles import moments, offset, weights
+from cooploc.estimators.likelihood import log_normal, unpack
+from cooploc.estimators.mrsl import pack
+from cooploc.estimators.particles import offset, summary
 
 VAGUE = 10.0  # sides of the arena: the spread of a belief that knows nothing yet
 
@@ -84,7 +85,7 @@ class Ctrn(own.Settings):
 
     def send(self, s: State, z: Senses) -> Array:
         """x, y, and the position covariance's P_xx, P_xy, P_yy: five numbers. Nothing received is sent on."""
-        return pack(moments(s.own.x, weights(s.own.logw)))
+        return pack(summary(s.own.x, s.own.logw))
 
     def fuse(self, s: State, z: Senses, mail: Mail) -> State:
         s = {"moments": self._moments, "message": self._message, "received": self._received}[self.fusion](s, z, mail)
@@ -104,7 +105,7 @@ class Ctrn(own.Settings):
 
     def _moments(self, s: State, z: Senses, mail: Mail) -> State:
         """Fuse with one sender after the other, then move the particles to the mean and covariance that result."""
-        before = moments(s.own.x, weights(s.own.logw))
+        before = summary(s.own.x, s.own.logw)
         after = before
         for sensor, sender, reading in s.own.world.relative(z, mail):
             after, _, s = self._intersect(s, after, sensor, reading, mail, sender, after.x)
@@ -114,19 +115,19 @@ class Ctrn(own.Settings):
         """log p^w for the particles' own Gaussian p, plus the log-likelihood of the reading with P_j/(1-w)."""
         x, logw = s.own.x, s.own.logw
         for sensor, sender, reading in s.own.world.relative(z, mail):
-            belief = moments(x, weights(logw))
+            belief = summary(x, logw)
             _, w, s = self._intersect(s, belief, sensor, reading, mail, sender, belief.x)
             x_j, P_j = unpack(mail.packets[:, sender])
             y, _, J = sensor.innovation(x, x_j[:, None], reading[:, None])
             J, rest = J[..., 0, :], np.where(w < 1, 1 - w, np.nan)[:, None]
             v = sensor.R[0, 0] + ((J @ P_j) * J).sum(-1) / rest
             flat = (w - 1)[:, None] * log_density(x, belief)
-            logw = np.where(w[:, None] < 1, logw + flat + own.log_likelihood(y[..., 0], v), logw)
+            logw = np.where(w[:, None] < 1, logw + flat + log_normal(y[..., 0], v), logw)
         return s._replace(own=s.own._replace(logw=logw))
 
     def _received(self, s: State, z: Senses, mail: Mail) -> State:
         """Intersect what a sender's packets said before with what this one says, linearised at the own belief."""
-        at = moments(s.own.x, weights(s.own.logw)).x[:, :2]
+        at = summary(s.own.x, s.own.logw).x[:, :2]
         x, P = s.received.x.copy(), s.received.P.copy()
         world = s.own.world
         nothing = (VAGUE * np.max(world.arena[1] - world.arena[0])) ** 2 * np.eye(2)

@@ -6,86 +6,131 @@ chunked, ordered or spread over processes. `*_reference` are the same functions 
 Source of the generator: J. K. Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", SC 2011 (Threefry-2x32-20).
 """
 
-import numba
+from typing import Any
+
 import numpy as np
+from numba import types
 from numpy.typing import NDArray
 
+from cooploc.estimators.elementary import inlined, intrinsic, kernel, log, quarter, readable, turned, wide
 from cooploc.estimators.interface import Array, Indices, Keys
 
 ROTATIONS = (13, 15, 26, 6, 17, 29, 16, 24)
 PARITY = 0x1BD11BDA
 PURPOSES = 8  # counters a tick may use
+FRACTION = 40  # bits behind the point of an expected count
+
+WORDS: Any = types.Tuple((types.uint32, types.uint32))  # type: ignore[no-untyped-call]
 
 INIT, INIT_HEADING, MOVE, RESAMPLE, JITTER, JITTER_HEADING, BOX, AUDIT = range(8)
 
-# Not the full fastmath: it deletes tests for nan.
-kernel = numba.njit(cache=True, error_model="numpy", fastmath={"reassoc", "nsz", "arcp", "contract", "afn"})
+
+@intrinsic
+def threefry(context: Any, k0: Any, k1: Any, c0: Any, c1: Any) -> Any:
+    """Two uint32 words for the counter (c0, c1) under the key (k0, k1), in the 32-bit integers that numba widens."""
+
+    def generate(target: Any, builder: Any, signature: Any, a: Any) -> Any:
+        word = target.get_value_type(types.uint32)
+        k0, k1, x0, x1 = (builder.trunc(v, word) for v in a)
+        ks = (k0, k1, builder.xor(builder.xor(k0, k1), word(PARITY)))
+        x0, x1 = builder.add(x0, k0), builder.add(x1, k1)
+        for i in range(20):
+            turn = ROTATIONS[i % 8]
+            x0 = builder.add(x0, x1)
+            x1 = builder.or_(builder.shl(x1, word(turn)), builder.lshr(x1, word(32 - turn)))
+            x1 = builder.xor(x1, x0)
+            if i % 4 == 3:
+                block = i // 4 + 1
+                x0 = builder.add(x0, ks[block % 3])
+                x1 = builder.add(builder.add(x1, ks[(block + 1) % 3]), word(block))
+        return target.make_tuple(builder, signature.return_type, (x0, x1))
+
+    return WORDS(*[types.int64] * 4), generate
 
 
-@kernel
-def _threefry(k0, k1, c0, c1):  # type: ignore[no-untyped-def]
-    """Two uint32 words for the counter (c0, c1) under the key (k0, k1), held in uint64 and masked."""
-    mask = np.uint64(0xFFFFFFFF)
-    keys = (np.uint64(k0), np.uint64(k1), np.uint64(k0) ^ np.uint64(k1) ^ np.uint64(PARITY))
-    a = (np.uint64(c0) + keys[0]) & mask
-    b = (np.uint64(c1) + keys[1]) & mask
-    for block in range(5):
-        for i in range(4):
-            turn = np.uint64(ROTATIONS[(block % 2) * 4 + i])
-            a = (a + b) & mask
-            b = ((b << turn) | (b >> (np.uint64(32) - turn))) & mask
-            b ^= a
-        a = (a + keys[(block + 1) % 3]) & mask
-        b = (b + keys[(block + 2) % 3] + np.uint64(block + 1)) & mask
-    return a, b
+@inlined
+def normal_pair(k0, k1, counter, i):  # type: ignore[no-untyped-def]
+    """Two standard normals by Box-Muller, errors below 1e-12."""
+    a, b = threefry(k0, k1, counter, i)
+    radius = np.sqrt(-2.0 * log((a + 0.5) * 2.0**-32))
+    right_angles = (np.int64(b) + 2**29) >> 30
+    c, s = quarter((np.int64(b) - (right_angles << 30) + 0.5) * (2 * np.pi * 2.0**-32))
+    c, s = turned(right_angles, c, s)
+    return radius * c, radius * s
+
+
+@inlined
+def uniform_pair(k0, k1, counter, i):  # type: ignore[no-untyped-def]
+    """Two uniforms in (0, 1)."""
+    a, b = threefry(k0, k1, counter, i)
+    return (a + 0.5) * 2.0**-32, (b + 0.5) * 2.0**-32
 
 
 @kernel
 def _fill_normals(key, counter, out):  # type: ignore[no-untyped-def]
+    wide()
     for r in range(out.shape[0]):
-        for i in range(out.shape[1]):
-            a, b = _threefry(key[r, 0], key[r, 1], counter, i)
-            radius = np.sqrt(-2.0 * np.log((a + 0.5) * 2.0**-32))
-            angle = 2.0 * np.pi * (b + 0.5) * 2.0**-32
-            out[r, i, 0] = radius * np.cos(angle)
-            out[r, i, 1] = radius * np.sin(angle)
+        k0, k1 = np.int64(key[r, 0]), np.int64(key[r, 1])
+        row = out[r]
+        for i in range(out.shape[1] // 2):
+            row[2 * i], row[2 * i + 1] = normal_pair(k0, k1, counter, i)
 
 
 @kernel
 def _fill_uniforms(key, counter, out):  # type: ignore[no-untyped-def]
+    wide()
     for r in range(out.shape[0]):
-        for i in range(out.shape[1]):
-            a, b = _threefry(key[r, 0], key[r, 1], counter, i)
-            out[r, i, 0] = (a + 0.5) * 2.0**-32
-            out[r, i, 1] = (b + 0.5) * 2.0**-32
+        k0, k1 = np.int64(key[r, 0]), np.int64(key[r, 1])
+        row = out[r]
+        for i in range(out.shape[1] // 2):
+            row[2 * i], row[2 * i + 1] = uniform_pair(k0, k1, counter, i)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@inlined
+def draw_ancestors(w, total, u, count, out):  # type: ignore[no-untyped-def]
+    """Systematic resampling of one row without branches, for weights w (n,) that sum to `total`.
+
+    Particle j is chosen from place ceil(n C_j-1 - u) on, C the cumulative weights in fixed point: each writes its
+    number at its first place, later ones over earlier ones never chosen, and a running maximum fills the rest.
+    `count` (n,) is scratch, `out` (n + 1,) holds the ancestors and one place for those that are never chosen.
+    """
+    n = len(w)
+    scale = n / total * 2.0**FRACTION
+    for j in range(n):
+        count[j] = np.int64(w[j] * scale + 0.5)
+        out[j] = 0
+    start = (1 << FRACTION) - 1 - np.int64(u * 2.0**FRACTION)
+    cumulated = start
+    for j in range(n):
+        place = cumulated >> FRACTION
+        out[np.uint64(place if place < n else n)] = j
+        cumulated += count[j]
+    latest = 0
+    for i in range(n):
+        latest = max(latest, out[i])
+        out[i] = latest
+
+
+@kernel
 def _fill_ancestors(w, u, out):  # type: ignore[no-untyped-def]
-    rows, n = w.shape
-    for r in range(rows):
-        total = w[r, 0]
-        j = 0
-        for i in range(n):
-            position = (i + u[r]) / n
-            while total <= position and j < n - 1:
-                j += 1
-                total += w[r, j]
-            out[r, i] = j
+    count, row = np.empty(w.shape[1], np.int64), np.empty(w.shape[1] + 1, np.int64)
+    for r in range(w.shape[0]):
+        draw_ancestors(w[r], 1.0, u[r], count, row)
+        out[r] = row[:-1]
 
 
 def normals(key: Keys, tick: int, purpose: int, n: int) -> Array:
     """Standard normal pairs (r, n, 2) by Box-Muller, for particles 0 .. n-1."""
-    out = np.empty((len(key), n, 2))
-    _fill_normals(key, tick * PURPOSES + purpose, out)
-    return out
+    out = np.empty((len(key), 2 * n))
+    _fill_normals(readable(key), tick * PURPOSES + purpose, out)
+    return out.reshape(-1, n, 2)
 
 
 def uniforms(key: Keys, tick: int, purpose: int, n: int) -> Array:
     """Uniform pairs (r, n, 2) in (0, 1)."""
-    out = np.empty((len(key), n, 2))
-    _fill_uniforms(key, tick * PURPOSES + purpose, out)
-    return out
+    out = np.empty((len(key), 2 * n))
+    _fill_uniforms(readable(key), tick * PURPOSES + purpose, out)
+    return out.reshape(-1, n, 2)
 
 
 def systematic(w: Array, u: Array) -> Indices:
@@ -94,7 +139,7 @@ def systematic(w: Array, u: Array) -> Indices:
     filterpy's `systematic_resample`, but with the uniform given and without its global generator.
     """
     out = np.empty(w.shape, np.int64)
-    _fill_ancestors(np.ascontiguousarray(w), u, out)
+    _fill_ancestors(readable(w), readable(u), out)
     return out
 
 

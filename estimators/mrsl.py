@@ -14,9 +14,9 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from cooploc.estimators import own
+from cooploc.estimators import likelihood, own
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
-from cooploc.estimators.particles import moments, weights
+from cooploc.estimators.particles import summary
 
 
 @dataclass(frozen=True)
@@ -43,20 +43,14 @@ class Mrsl(own.Settings):
 
     def send(self, s: own.Own, z: Senses) -> Array:
         """x, y, and the position covariance's P_xx, P_xy, P_yy: five numbers."""
-        return pack(moments(s.x, weights(s.logw)))
+        return pack(summary(s.x, s.logw))
 
     def fuse(self, s: own.Own, z: Senses, mail: Mail) -> own.Own:
         """w_i = P_l(q_i) prod_j integral P(r_j | x_i, x_j) N(x_j; received) dx_j  (8), variance sigma^2 + J P_j J'."""
-        total = s.logw
-        for sensor, sender, reading in s.world.relative(z, mail):
-            x_j, P_j = unpack(mail.packets[:, sender])
-            y, _, J = sensor.innovation(s.x, x_j[:, None, :], reading[:, None, :])
-            v = sensor.R[0, 0] + np.zeros_like(y[..., 0])
-            if self.neighbours == "integrate":
-                J = J[..., 0, :]  # (r, N, 2)
-                v = v + ((J @ P_j) * J).sum(-1)
-            total = total + own.log_likelihood(y[..., 0], v)
-        return own.finish(self, s._replace(logw=total))
+        sensor, readings = s.world.sensors[f"radio_{self.reading}"], getattr(mail, self.reading)
+        integrate = self.neighbours == "integrate"
+        logw = likelihood.teammates(sensor, s.x, s.logw, mail.packets, readings, integrate)
+        return own.finish(self, s._replace(logw=logw))
 
     def estimate(self, s: own.Own) -> Belief:
         return s.belief
@@ -66,8 +60,3 @@ def pack(belief: Belief) -> Array:
     """A packet (r, 5) of a belief's position."""
     x, P = belief
     return np.stack([x[:, 0], x[:, 1], P[:, 0, 0], P[:, 0, 1], P[:, 1, 1]], -1)
-
-
-def unpack(packet: Array) -> tuple[Array, Array]:
-    """The position (r, 2) and covariance (r, 2, 2) of a packet (r, 5)."""
-    return packet[:, :2], np.stack([packet[:, 2:4], packet[:, 3:5]], -2)

@@ -9,11 +9,11 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from cooploc.estimators import kernels
+from cooploc.estimators import kernels, likelihood
 from cooploc.estimators.angles import circular_mean
-from cooploc.estimators.doa import GradientDoa, gradient_doa
+from cooploc.estimators.doa import gradient_doa
 from cooploc.estimators.interface import Array, Belief, Keys, Rows, Senses, World
-from cooploc.estimators.particles import mean, moments, renew, spread, weights
+from cooploc.estimators.particles import conclude, mean, spread, walk, weights
 
 
 @dataclass(frozen=True)
@@ -66,25 +66,26 @@ def init(p: Settings, prior: Belief, world: World, rows: Rows) -> Own:
 def predict(p: Settings, s: Own, z: Senses) -> Own:
     """Draw from P(x_t+1 | x_t); "box": uniformly around the moved estimate, forgetting the weights."""
     motion, tick = s.world.motion, s.tick + 1
-    u, dt = z.odometry[:, None, :], z.dt[:, None]
     trail = motion.retrace(s.trail, z.odometry, z.dt)
     if p.proposal == "box":
         middle, _, _ = motion.move(mean(s.x, weights(s.logw)), z.odometry, z.dt)
         x = np.repeat(middle[:, None, :], p.particles, 1)
         x[..., :2] += p.box * (2 * kernels.uniforms(s.key, tick, kernels.BOX, p.particles) - 1)
         return s._replace(x=x, logw=np.zeros_like(s.logw), tick=tick, trail=trail)
-    x = motion.sample(s.x, u, dt, kernels.normals(s.key, tick, kernels.MOVE, p.particles))
+    x = walk(motion, s.x, z.odometry, z.dt, s.key, tick)
     return s._replace(x=x, tick=tick, trail=trail)
 
 
 def correct(p: Settings, s: Own, z: Senses) -> Own:
     """Weigh the particles by the anchors' readings."""
     if p.own == "rssi":
-        return s._replace(logw=s.logw + _anchor_likelihood(s, z))
+        return s._replace(logw=likelihood.anchors(list(s.world.fixed(z)), s.x, s.logw))
     doa = gradient_doa(s.world)
     angle = doa.measure(z.anchor_rssi)
     s = _remember(p, s, angle)
-    return s._replace(logw=s.logw + np.where(np.isnan(angle)[:, None], 0.0, _window_likelihood(p, s, doa)))
+    heard = np.where(np.isnan(angle)[:, None], np.nan, s.smooth)
+    power = 1 / p.M if p.temper else 1.0
+    return s._replace(logw=likelihood.window(doa, s.world.motion, s.x, s.logw, heard, s.trail, p.density, power))
 
 
 def finish(p: Settings, s: Own) -> Own:
@@ -92,26 +93,11 @@ def finish(p: Settings, s: Own) -> Own:
 
     The belief is the weighted mean and covariance; with point="max" the particle of largest weight instead of the mean.
     """
-    belief = moments(s.x, weights(s.logw))
+    belief, x, logw = conclude(s.x, s.logw, s.key, s.tick)
     if p.point == "max":
         best = s.logw.argmax(-1)[:, None, None]
         belief = belief._replace(x=np.take_along_axis(s.x, best, 1)[:, 0])
-    x, logw = renew(s.x, s.logw, s.key, s.tick)
     return s._replace(x=x, logw=logw, belief=belief)
-
-
-def log_likelihood(y: Array, v: Array) -> Array:
-    """log N(y; 0, v) without its constant; 0 where the reading is absent."""
-    return np.where(np.isnan(y), 0.0, -0.5 * y**2 / v - 0.5 * np.log(v))
-
-
-def _anchor_likelihood(s: Own, z: Senses) -> Array:
-    """Sum over the anchors of log N(RSSI; model at the particle, sigma^2)."""
-    total = np.zeros_like(s.logw)
-    for sensor, place, reading in s.world.fixed(z):
-        y, _, _ = sensor.innovation(s.x, place, reading[:, None, :])
-        total = total + log_likelihood(y[..., 0], sensor.R[0, 0])
-    return total
 
 
 def _remember(p: Settings, s: Own, angle: Array) -> Own:
@@ -133,15 +119,3 @@ def _remember(p: Settings, s: Own, angle: Array) -> Own:
 def _pushed(memory: Array, newest: Array) -> Array:
     """A memory (r, k, ...) with one more entry in front and the last one forgotten."""
     return np.concatenate([newest[:, None], memory[:, :-1]], 1)
-
-
-def _window_likelihood(p: Settings, s: Own, doa: GradientDoa) -> Array:
-    """log of prod_k N(err_{t-k}; 0, sigma^2)  (eq. 5), each past sample at the particle shifted back along the path."""
-    density = doa.log_exact if p.density == "exact" else doa.log_constant
-    total = np.zeros_like(s.logw)
-    for k in range(p.M):
-        angle = s.smooth[:, k, None]
-        if not np.isnan(angle).all():
-            there = s.world.motion.place(s.x, s.trail[:, None, k])
-            total = total + np.where(np.isnan(angle), 0.0, density(there, angle))
-    return total / p.M if p.temper else total

@@ -1,22 +1,63 @@
-"""What every particle filter here shares: spreading a prior, weighting, moments, and renewal.
+"""What every particle filter here shares: spreading a prior, moving, weighting, moments, and renewal.
 
 Renewal is systematic resampling where the effective sample size falls below half, followed by Liu & West's kernel:
 particles shrink towards the mean by a = sqrt(1 - h^2) and are spread by h times the covariance, so that mean and
 covariance stay what they were.
 
 Source: J. Liu, M. West, "Combined parameter and state estimation in simulation-based filtering", 2001.
+
+Where positions are all of a state (d = 2), `walk`, `summary` and `conclude` are compiled loops over rows, each row by
+itself; with a heading, and for other motions, they are the numpy functions that tests hold the loops to.
 """
 
 import numpy as np
 
 from cooploc.estimators import kernels
 from cooploc.estimators.angles import circular_mean, wrap, wrap_heading
-from cooploc.estimators.interface import Array, Belief, Keys
+from cooploc.estimators.elementary import exp, inlined, kernel, readable, wide
+from cooploc.estimators.interface import Array, Belief, Keys, Motion
+from cooploc.estimators.models import Displacement
+
+BANDWIDTH = 0.3  # h of the kernel, times n^(-1/6)
 
 
 def spread(prior: Belief, key: Keys, n: int) -> Array:
     """Particles (r, n, d) drawn from the prior."""
     return wrap_heading(prior.x[:, None, :] + _scatter(prior.P, _noise(key, 0, kernels.INIT, n, prior.x.shape[-1])))
+
+
+def walk(motion: Motion, x: Array, u: Array, dt: Array, key: Keys, tick: int) -> Array:
+    """Particles (r, n, d) drawn from P(x' | x, u) for odometry u (r, k) over dt (r,)."""
+    n = x.shape[1]
+    if type(motion) is not Displacement or x.shape[-1] != 2:
+        return motion.sample(x, u[:, None, :], dt[:, None], kernels.normals(key, tick, kernels.MOVE, n))
+    out = np.empty_like(x, order="C")
+    sd = np.sqrt(motion.sigma**2 / motion.tick * dt)
+    _walk(
+        readable(_flat(x)), readable(u), readable(sd), readable(key), tick * kernels.PURPOSES + kernels.MOVE, _flat(out)
+    )
+    return out
+
+
+def summary(x: Array, logw: Array) -> Belief:
+    """Weighted mean and covariance of particles x (r, n, d) with log-weights (r, n)."""
+    if x.shape[-1] != 2:
+        return moments(x, weights(logw))
+    belief = Belief(np.empty((len(x), 2)), np.empty((len(x), 2, 2)))
+    _summary(readable(_flat(x)), readable(logw), *belief)
+    return belief
+
+
+def conclude(x: Array, logw: Array, key: Keys, tick: int) -> tuple[Belief, Array, Array]:
+    """The moments of particles, and what `renew` makes of them."""
+    if x.shape[-1] != 2:
+        return moments(x, weights(logw)), *renew(x, logw, key, tick)
+    belief = Belief(np.empty((len(x), 2)), np.empty((len(x), 2, 2)))
+    new, logw_new = np.empty_like(x, order="C"), np.empty_like(logw, order="C")
+    counter = tick * kernels.PURPOSES
+    told = readable(_flat(x)), readable(logw), readable(key), counter + kernels.RESAMPLE, counter + kernels.JITTER
+    _conclude(*told, *belief, _flat(new), logw_new)
+    return belief, new, logw_new
 
 
 def weights(logw: Array) -> Array:
@@ -51,7 +92,7 @@ def renew(x: Array, logw: Array, key: Keys, tick: int) -> tuple[Array, Array]:
     poor = 1 / (w**2).sum(-1) < n / 2
     if not poor.any():
         return x, logw
-    h = 0.3 * n ** (-1 / 6)
+    h = BANDWIDTH * n ** (-1 / 6)
     old, w, key = x[poor], w[poor], key[poor]
     u = kernels.uniforms(key, tick, kernels.RESAMPLE, 1)[:, 0, 0]
     chosen = np.take_along_axis(old, kernels.systematic(w, u)[..., None], 1)
@@ -88,3 +129,113 @@ def _scatter(P: Array, noise: Array) -> Array:
             rest = P[:, i, j] - (L[:, i, :j] * L[:, j, :j]).sum(-1)
             L[:, i, j] = np.divide(rest, L[:, j, j], out=np.zeros_like(rest), where=L[:, j, j] > 0)
     return np.stack([sum(L[:, i, j, None] * noise[..., j] for j in range(i + 1)) for i in range(d)], -1)
+
+
+def _flat(x: Array) -> Array:
+    """Particles (r, n, d) as (r, n d)."""
+    return x.reshape(len(x), -1)
+
+
+@kernel
+def _walk(x, u, sd, key, counter, out):  # type: ignore[no-untyped-def]
+    wide()
+    for r in range(x.shape[0]):
+        k0, k1 = np.int64(key[r, 0]), np.int64(key[r, 1])
+        east = 0.0 if np.isnan(u[r, 0]) else u[r, 0]
+        north = 0.0 if np.isnan(u[r, 1]) else u[r, 1]
+        was, becomes, s = x[r], out[r], sd[r]
+        for i in range(x.shape[1] // 2):
+            a, b = kernels.normal_pair(k0, k1, counter, i)
+            becomes[2 * i] = was[2 * i] + east + s * a
+            becomes[2 * i + 1] = was[2 * i + 1] + north + s * b
+
+
+@inlined
+def _largest(logw):  # type: ignore[no-untyped-def]
+    """The largest of a row without nan. Four at a time hide the latency of a comparison."""
+    a, b, c, d = -np.inf, -np.inf, -np.inf, -np.inf
+    n = len(logw)
+    for i in range(0, n - 3, 4):
+        a, b = max(a, logw[i]), max(b, logw[i + 1])
+        c, d = max(c, logw[i + 2]), max(d, logw[i + 3])
+    for i in range(n - n % 4, n):
+        a = max(a, logw[i])
+    return max(max(a, b), max(c, d))
+
+
+@inlined
+def _weighed(x, logw, w, mean, P):  # type: ignore[no-untyped-def]
+    """Unnormalised weights of one row, its mean and covariance; the sum of the weights and of their squares."""
+    n = len(logw)
+    top = _largest(logw)
+    total, squares, mx, my = 0.0, 0.0, 0.0, 0.0
+    if top == -np.inf:
+        w[:] = 1.0
+    else:
+        for i in range(n):
+            w[i] = exp(logw[i] - top)
+    for i in range(n):
+        total += w[i]
+        squares += w[i] * w[i]
+        mx += w[i] * x[2 * i]
+        my += w[i] * x[2 * i + 1]
+    mx, my = mx / total, my / total
+    xx, xy, yy = 0.0, 0.0, 0.0
+    for i in range(n):
+        ex, ey = x[2 * i] - mx, x[2 * i + 1] - my
+        xx += w[i] * (ex * ex)
+        xy += w[i] * (ex * ey)
+        yy += w[i] * (ey * ey)
+    mean[0], mean[1] = mx, my
+    P[0, 0], P[0, 1], P[1, 0], P[1, 1] = xx / total, xy / total, xy / total, yy / total
+    return top, total, squares
+
+
+@kernel
+def _summary(x, logw, mean, P):  # type: ignore[no-untyped-def]
+    wide()
+    w = np.empty(logw.shape[1])
+    for r in range(logw.shape[0]):
+        _weighed(x[r], logw[r], w, mean[r], P[r])
+
+
+@kernel
+def _conclude(x, logw, key, resample, jitter, mean, P, out, logw_out):  # type: ignore[no-untyped-def]
+    wide()
+    n = logw.shape[1]
+    w, count, ancestors = np.empty(n), np.empty(n, np.int64), np.empty(n + 1, np.int64)
+    h = BANDWIDTH * n ** (-1 / 6)
+    shrink = np.sqrt(1 - h * h)
+    for r in range(logw.shape[0]):
+        top, total, squares = _weighed(x[r], logw[r], w, mean[r], P[r])
+        if total * total < n / 2 * squares:
+            u, _ = kernels.uniform_pair(np.int64(key[r, 0]), np.int64(key[r, 1]), resample, 0)
+            kernels.draw_ancestors(w, total, u, count, ancestors)
+            _jitter(x[r], ancestors, mean[r], P[r], shrink, h, key[r], jitter, out[r])
+            logw_out[r] = 0.0
+        else:
+            out[r] = x[r]
+            if top == -np.inf:
+                logw_out[r] = 0.0
+            else:
+                logw_out[r] = logw[r]
+
+
+@inlined
+def _jitter(x, ancestors, mean, P, shrink, h, key, counter, out):  # type: ignore[no-untyped-def]
+    """m + shrink (x_a - m) + h L noise, L the Cholesky factor of P, which may be singular."""
+    k0, k1 = np.int64(key[0]), np.int64(key[1])
+    mx, my = mean[0], mean[1]
+    a = np.sqrt(max(P[0, 0], 0.0))
+    b = P[1, 0] / a if a > 0 else 0.0
+    c = h * np.sqrt(max(P[1, 1] - b * b, 0.0))
+    a, b = h * a, h * b
+    mx, my = (1 - shrink) * mx, (1 - shrink) * my
+    for i in range(len(ancestors) - 1):
+        g0, g1 = kernels.normal_pair(k0, k1, counter, i)
+        out[2 * i] = mx + a * g0
+        out[2 * i + 1] = my + (b * g0 + c * g1)
+    for i in range(len(ancestors) - 1):
+        j = np.uint64(2 * ancestors[i])
+        out[2 * i] += shrink * x[j]
+        out[2 * i + 1] += shrink * x[j + np.uint64(1)]

@@ -1,6 +1,7 @@
 """The counter-based generator against its published vectors, and systematic resampling against filterpy's."""
 
 import filterpy.monte_carlo.resampling as filterpy_resampling
+import numba
 import numpy as np
 import pytest
 from filterpy.monte_carlo import systematic_resample
@@ -15,10 +16,14 @@ KEY = np.array([[0x13198A2E, 0x03707344]], np.uint32)
 WORD = 2.0**-32
 
 
+@numba.njit
+def threefry(k0, k1, c0, c1):
+    return kernels.threefry(k0, k1, c0, c1)
+
+
 def words(key, counter, particle):
     """The generator's two words, one pair at a time."""
-    a, b = kernels._threefry(*(np.uint64(v) for v in (*key, counter, particle)))
-    return int(a), int(b)
+    return tuple(int(word) for word in threefry(*key, counter, particle))
 
 
 def threefry_by_hand(key, counter):
