@@ -94,6 +94,7 @@ def draw_ancestors(w, total, u, count, out):  # type: ignore[no-untyped-def]
     number at its first place, later ones over earlier ones never chosen, and a running maximum fills the rest.
     `count` (n,) is scratch, `out` (n + 1,) holds the ancestors and one place for those that are never chosen.
     """
+    wide()
     n = len(w)
     scale = n / total * 2.0**FRACTION
     for j in range(n):

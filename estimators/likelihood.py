@@ -157,12 +157,14 @@ def _slope(sensor: LogDistance) -> float:
 @inlined
 def split_axes(row, d, first, X, Y):  # type: ignore[no-untyped-def]
     """Positions of the particles from `first` on, each axis by itself."""
+    wide()
+    part = row[d * first :]
     if d == 2:
         for i in range(len(X)):
-            X[i], Y[i] = row[2 * (first + i)], row[2 * (first + i) + 1]
+            X[i], Y[i] = part[2 * i], part[2 * i + 1]
     else:
         for i in range(len(X)):
-            X[i], Y[i] = row[d * (first + i)], row[d * (first + i) + 1]
+            X[i], Y[i] = part[d * i], part[d * i + 1]
 
 
 @kernel
@@ -231,6 +233,7 @@ def _add(kind, X, Y, links, slope, variance, total):  # type: ignore[no-untyped-
 @inlined
 def _add_group(kind, size, X, Y, a, b, c, d, slope, variance, total):  # type: ignore[no-untyped-def]
     """Add `size` links. Compiled apart for each `kind` and `size`, which are constants where this is inlined."""
+    wide()
     a0, a1, a2, a3, a4, a5 = a[0], a[1], a[2], a[3], a[4], a[5]
     b0, b1, b2, b3, b4, b5 = b[0], b[1], b[2], b[3], b[4], b[5]
     c0, c1, c2, c3, c4, c5 = c[0], c[1], c[2], c[3], c[4], c[5]
@@ -300,6 +303,7 @@ def _window(x, d, logw, angles, trail, corner, sides, gain, out):  # type: ignor
 
 @inlined
 def _add_direction(X, Y, angle, east, north, a, b, gain, total):  # type: ignore[no-untyped-def]
+    wide()
     cx, cy = np.cos(angle) / a, np.sin(angle) / b
     sx, sy = np.sin(angle) / a, np.cos(angle) / b
     for i in range(len(total)):

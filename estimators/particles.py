@@ -166,6 +166,7 @@ def _largest(logw):  # type: ignore[no-untyped-def]
 @inlined
 def _weighed(x, logw, w, mean, P):  # type: ignore[no-untyped-def]
     """Unnormalised weights of one row, its mean and covariance; the sum of the weights and of their squares."""
+    wide()
     n = len(logw)
     top = _largest(logw)
     total, squares, mx, my = 0.0, 0.0, 0.0, 0.0
@@ -224,6 +225,7 @@ def _conclude(x, logw, key, resample, jitter, mean, P, out, logw_out):  # type: 
 @inlined
 def _jitter(x, ancestors, mean, P, shrink, h, key, counter, out):  # type: ignore[no-untyped-def]
     """m + shrink (x_a - m) + h L noise, L the Cholesky factor of P, which may be singular."""
+    wide()
     k0, k1 = np.int64(key[0]), np.int64(key[1])
     mx, my = mean[0], mean[1]
     a = np.sqrt(max(P[0, 0], 0.0))
