@@ -9,6 +9,7 @@ sum y^2/v + ln v = over/under + ln under - 2 sum ln D, with under = prod m and o
 """
 
 from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -52,35 +53,49 @@ def anchors_reference(fixed: Sequence[tuple[Sensor, Array, Array]], x: Array, lo
     return logw
 
 
-def teammates(sensor: Sensor, x: Array, logw: Array, packets: Array, readings: Array, integrate: bool) -> Array:
-    """`logw` (r, N) and the log-likelihoods of the radio readings of what was heard.
+class Heard(NamedTuple):
+    """What reached each robot: packets, and the radio's reading of each."""
+
+    sensor: Sensor  # of the readings
+    packets: Array  # (r, n, 5)  x, y, P_xx, P_xy, P_yy of each sender
+    readings: Array  # (r, n)     nan where nothing was heard
+    integrate: bool  # senders out, or else take them to be where they say, P_j = 0
+
+    @property
+    def compiled(self) -> bool:
+        """Whether there is a loop for this sensor."""
+        return type(self.sensor) in (LogDistance, Range)
+
+    def told(self) -> tuple[Any, ...]:
+        """What that loop is told."""
+        packets, readings = readable(self.packets), readable(self.readings)
+        if isinstance(self.sensor, LogDistance):
+            slope = _slope(self.sensor)
+            gain = 4 * slope**2 if self.integrate else 0.0
+            return packets, readings, False, self.sensor.A, slope, self.sensor.sigma**2, gain
+        return packets, readings, True, 0.0, 0.0, float(self.sensor.R[0, 0]), 1.0 if self.integrate else 0.0
+
+
+def nothing_heard(rows: int) -> Heard:
+    """No packets in any of these rows."""
+    return Heard(Range(), np.empty((rows, 0, 5)), np.empty((rows, 0)), False)
+
+
+def teammates(heard: Heard, x: Array, logw: Array) -> Array:
+    """`logw` (r, N) and the log-likelihoods of the readings heard, at particles x (r, N, d).
 
     The sender is integrated out of each: variance sigma^2 + J P_j J', with J the slope at the particle.
-
-    Args:
-        sensor: of the readings.
-        x: particles (r, N, d).
-        logw: log-weights so far.
-        packets: x, y, P_xx, P_xy, P_yy of each sender (r, n, 5).
-        readings: (r, n), nan where nothing was heard.
-        integrate: or else take the senders to be where they say, P_j = 0.
-
     """
-    if type(sensor) not in (LogDistance, Range):
-        return teammates_reference(sensor, x, logw, packets, readings, integrate)
+    if not heard.compiled:
+        return teammates_reference(heard, x, logw)
     out = np.empty_like(logw, order="C")
-    told = *_cloud(x), readable(logw), readable(packets), readable(readings)
-    if isinstance(sensor, LogDistance):
-        _teammates(*told, False, sensor.A, _slope(sensor), sensor.sigma**2, integrate, out)
-    elif isinstance(sensor, Range):
-        _teammates(*told, True, 0.0, 0.0, sensor.sigma**2, integrate, out)
+    _teammates(*_cloud(x), readable(logw), *heard.told(), out)
     return out
 
 
-def teammates_reference(
-    sensor: Sensor, x: Array, logw: Array, packets: Array, readings: Array, integrate: bool
-) -> Array:
+def teammates_reference(heard: Heard, x: Array, logw: Array) -> Array:
     """`teammates` in numpy, for any scalar sensor."""
+    sensor, packets, readings, integrate = heard
     for j in np.flatnonzero(~np.isnan(readings).all(0)):
         x_j, P_j = unpack(packets[:, j])
         y, _, J = sensor.innovation(x, x_j[:, None, :], readings[:, j, None, None])
@@ -155,16 +170,18 @@ def _slope(sensor: LogDistance) -> float:
 
 
 @inlined
-def split_axes(row, d, first, X, Y):  # type: ignore[no-untyped-def]
-    """Positions of the particles from `first` on, each axis by itself."""
+def _start(x, d, logw, first, last, X, Y, out):  # type: ignore[no-untyped-def]
+    """A block's positions, each axis by itself, and its log-weights so far."""
     wide()
-    part = row[d * first :]
+    x = x[d * first :]
+    for i in range(last - first):
+        out[first + i] = logw[first + i]
     if d == 2:
-        for i in range(len(X)):
-            X[i], Y[i] = part[2 * i], part[2 * i + 1]
+        for i in range(last - first):
+            X[i], Y[i] = x[2 * i], x[2 * i + 1]
     else:
-        for i in range(len(X)):
-            X[i], Y[i] = part[d * i], part[d * i + 1]
+        for i in range(last - first):
+            X[i], Y[i] = x[d * i], x[d * i + 1]
 
 
 @kernel
@@ -180,34 +197,37 @@ def _anchors(x, d, logw, places, readings, A, slope, variance, out):  # type: ig
                 heard += 1
         for first in range(0, n, BLOCK):
             last = min(first + BLOCK, n)
-            split_axes(x[r], d, first, X[: last - first], Y)
-            out[r, first:last] = logw[r, first:last]
+            _start(x[r], d, logw[r], first, last, X, Y, out[r])
             _add(FIXED, X, Y, links[:heard], slope, variance, out[r, first:last])
 
 
 @kernel
-def _teammates(x, d, logw, packets, readings, ranged, A, slope, variance, integrate, out):  # type: ignore[no-untyped-def]
+def _teammates(x, d, logw, packets, readings, ranged, A, slope, variance, gain, out):  # type: ignore[no-untyped-def]
     wide()
-    n, links = logw.shape[1], np.empty((readings.shape[1], 6))
-    X, Y = np.empty(BLOCK), np.empty(BLOCK)
-    gain = (1.0 if ranged else 4 * slope * slope) if integrate else 0.0
+    X, Y, links = np.empty(BLOCK), np.empty(BLOCK), np.empty((readings.shape[1], 6))
     for r in range(logw.shape[0]):
-        heard = 0
-        for j in range(readings.shape[1]):
-            z, qx, qy = readings[r, j], packets[r, j, 0], packets[r, j, 1]
-            if np.isnan(z) or np.isnan(qx) or np.isnan(qy) or (ranged and z < TOO_NEAR_TO_RANGE):
-                continue
-            xx, xy, yy = packets[r, j, 2], packets[r, j, 3], packets[r, j, 4]
-            _note(links[heard], qx, qy, z - A, gain * xx, 2 * gain * xy, gain * yy)
-            heard += 1
-        for first in range(0, n, BLOCK):
-            last = min(first + BLOCK, n)
-            split_axes(x[r], d, first, X[: last - first], Y)
-            out[r, first:last] = logw[r, first:last]
-            if ranged:
-                _add(RANGE, X, Y, links[:heard], slope, variance, out[r, first:last])
-            else:
-                _add(RSSI, X, Y, links[:heard], slope, variance, out[r, first:last])
+        told = packets[r], readings[r], ranged, A, slope, variance, gain
+        add_teammates(x[r], d, logw[r], told, X, Y, links, out[r])
+
+
+@inlined
+def add_teammates(x, d, logw, told, X, Y, links, out):  # type: ignore[no-untyped-def]
+    """One row of `teammates`, with scratch for a block's positions and the links that were heard."""
+    packets, readings, ranged, A, slope, variance, gain = told
+    heard = 0
+    for j in range(len(readings)):
+        z, qx, qy = readings[j], packets[j, 0], packets[j, 1]
+        if np.isnan(z) or np.isnan(qx) or np.isnan(qy) or (ranged and z < TOO_NEAR_TO_RANGE):
+            continue
+        _note(links[heard], qx, qy, z - A, gain * packets[j, 2], 2 * gain * packets[j, 3], gain * packets[j, 4])
+        heard += 1
+    for first in range(0, len(logw), BLOCK):
+        last = min(first + BLOCK, len(logw))
+        _start(x, d, logw, first, last, X, Y, out)
+        if ranged:
+            _add(RANGE, X, Y, links[:heard], slope, variance, out[first:last])
+        else:
+            _add(RSSI, X, Y, links[:heard], slope, variance, out[first:last])
 
 
 @inlined
@@ -293,8 +313,7 @@ def _window(x, d, logw, angles, trail, corner, sides, gain, out):  # type: ignor
     for r in range(logw.shape[0]):
         for first in range(0, n, BLOCK):
             last = min(first + BLOCK, n)
-            split_axes(x[r], d, first, X[: last - first], Y)
-            out[r, first:last] = logw[r, first:last]
+            _start(x[r], d, logw[r], first, last, X, Y, out[r])
             for k in range(angles.shape[1]):
                 if not np.isnan(angles[r, k]):
                     east, north = trail[r, k, 0] - corner[0], trail[r, k, 1] - corner[1]

@@ -14,8 +14,9 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from cooploc.estimators import likelihood, own
+from cooploc.estimators import own
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
+from cooploc.estimators.likelihood import Heard
 from cooploc.estimators.particles import summary
 
 
@@ -48,9 +49,7 @@ class Mrsl(own.Settings):
     def fuse(self, s: own.Own, z: Senses, mail: Mail) -> own.Own:
         """w_i = P_l(q_i) prod_j integral P(r_j | x_i, x_j) N(x_j; received) dx_j  (8), variance sigma^2 + J P_j J'."""
         sensor, readings = s.world.sensors[f"radio_{self.reading}"], getattr(mail, self.reading)
-        integrate = self.neighbours == "integrate"
-        logw = likelihood.teammates(sensor, s.x, s.logw, mail.packets, readings, integrate)
-        return own.finish(self, s._replace(logw=logw))
+        return own.finish(self, s, Heard(sensor, mail.packets, readings, self.neighbours == "integrate"))
 
     def estimate(self, s: own.Own) -> Belief:
         return s.belief

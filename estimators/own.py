@@ -88,14 +88,15 @@ def correct(p: Settings, s: Own, z: Senses) -> Own:
     return s._replace(logw=likelihood.window(doa, s.world.motion, s.x, s.logw, heard, s.trail, p.density, power))
 
 
-def finish(p: Settings, s: Own) -> Own:
-    """Conclude, then resample where it is due, after everything heard was used.
+def finish(p: Settings, s: Own, heard: likelihood.Heard | None = None) -> Own:
+    """Weigh by what was heard, conclude, then resample where it is due.
 
     The belief is the weighted mean and covariance; with point="max" the particle of largest weight instead of the mean.
     """
-    belief, x, logw = conclude(s.x, s.logw, s.key, s.tick)
+    belief, x, logw = conclude(s.x, s.logw, s.key, s.tick, heard)
     if p.point == "max":
-        best = s.logw.argmax(-1)[:, None, None]
+        weighed = likelihood.teammates(heard, s.x, s.logw) if heard else s.logw
+        best = weighed.argmax(-1)[:, None, None]
         belief = belief._replace(x=np.take_along_axis(s.x, best, 1)[:, 0])
     return s._replace(x=x, logw=logw, belief=belief)
 

@@ -12,7 +12,7 @@ itself; with a heading, and for other motions, they are the numpy functions that
 
 import numpy as np
 
-from cooploc.estimators import kernels
+from cooploc.estimators import kernels, likelihood
 from cooploc.estimators.angles import circular_mean, wrap, wrap_heading
 from cooploc.estimators.elementary import exp, inlined, kernel, readable, wide
 from cooploc.estimators.interface import Array, Belief, Keys, Motion
@@ -48,15 +48,19 @@ def summary(x: Array, logw: Array) -> Belief:
     return belief
 
 
-def conclude(x: Array, logw: Array, key: Keys, tick: int) -> tuple[Belief, Array, Array]:
-    """The moments of particles, and what `renew` makes of them."""
-    if x.shape[-1] != 2:
+def conclude(
+    x: Array, logw: Array, key: Keys, tick: int, heard: likelihood.Heard | None = None
+) -> tuple[Belief, Array, Array]:
+    """Weigh particles by what was `heard`: their moments, and what `renew` makes of them."""
+    if x.shape[-1] != 2 or (heard and not heard.compiled):
+        logw = likelihood.teammates(heard, x, logw) if heard else logw
         return moments(x, weights(logw)), *renew(x, logw, key, tick)
     belief = Belief(np.empty((len(x), 2)), np.empty((len(x), 2, 2)))
     new, logw_new = np.empty_like(x, order="C"), np.empty_like(logw, order="C")
     counter = tick * kernels.PURPOSES
-    told = readable(_flat(x)), readable(logw), readable(key), counter + kernels.RESAMPLE, counter + kernels.JITTER
-    _conclude(*told, *belief, _flat(new), logw_new)
+    told = (heard or likelihood.nothing_heard(len(x))).told()
+    counters = counter + kernels.RESAMPLE, counter + kernels.JITTER
+    _conclude(readable(_flat(x)), readable(logw), *told, readable(key), *counters, *belief, _flat(new), logw_new)
     return belief, new, logw_new
 
 
@@ -170,11 +174,8 @@ def _weighed(x, logw, w, mean, P):  # type: ignore[no-untyped-def]
     n = len(logw)
     top = _largest(logw)
     total, squares, mx, my = 0.0, 0.0, 0.0, 0.0
-    if top == -np.inf:
-        w[:] = 1.0
-    else:
-        for i in range(n):
-            w[i] = exp(logw[i] - top)
+    for i in range(n):
+        w[i] = 1.0 if top == -np.inf else exp(logw[i] - top)
     for i in range(n):
         total += w[i]
         squares += w[i] * w[i]
@@ -201,25 +202,42 @@ def _summary(x, logw, mean, P):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _conclude(x, logw, key, resample, jitter, mean, P, out, logw_out):  # type: ignore[no-untyped-def]
+def _conclude(  # type: ignore[no-untyped-def]
+    x, logw, packets, readings, ranged, A, slope, variance, gain, key, resample, jitter, mean, P, out, logw_out
+):
     wide()
     n = logw.shape[1]
+    X, Y, links = np.empty(likelihood.BLOCK), np.empty(likelihood.BLOCK), np.empty((readings.shape[1], 6))
     w, count, ancestors = np.empty(n), np.empty(n, np.int64), np.empty(n + 1, np.int64)
     h = BANDWIDTH * n ** (-1 / 6)
     shrink = np.sqrt(1 - h * h)
     for r in range(logw.shape[0]):
-        top, total, squares = _weighed(x[r], logw[r], w, mean[r], P[r])
+        told = packets[r], readings[r], ranged, A, slope, variance, gain
+        likelihood.add_teammates(x[r], 2, logw[r], told, X, Y, links, logw_out[r])
+        top, total, squares = _weighed(x[r], logw_out[r], w, mean[r], P[r])
         if total * total < n / 2 * squares:
             u, _ = kernels.uniform_pair(np.int64(key[r, 0]), np.int64(key[r, 1]), resample, 0)
             kernels.draw_ancestors(w, total, u, count, ancestors)
             _jitter(x[r], ancestors, mean[r], P[r], shrink, h, key[r], jitter, out[r])
-            logw_out[r] = 0.0
+            _fill(logw_out[r], 0.0)
         else:
-            out[r] = x[r]
+            _copy(x[r], out[r])
             if top == -np.inf:
-                logw_out[r] = 0.0
-            else:
-                logw_out[r] = logw[r]
+                _fill(logw_out[r], 0.0)
+
+
+@inlined
+def _copy(a, out):  # type: ignore[no-untyped-def]
+    wide()
+    for i in range(len(a)):
+        out[i] = a[i]
+
+
+@inlined
+def _fill(out, value):  # type: ignore[no-untyped-def]
+    wide()
+    for i in range(len(out)):
+        out[i] = value
 
 
 @inlined

@@ -248,20 +248,23 @@ class _Robots(_Drive):
             raise EstimatorError(
                 f"{self.name}: send() returned shape {sent.shape} at tick {k}, not ({t * n}, m) or ({t * n}, {n}, m)"
             )
-        m = sent.shape[-1]
+        m, absent = sent.shape[-1], np.isnan(sent)
+        sent = np.where(absent, np.nan, sent)  # no message in the bits of a nan
         if sent.ndim == 2:
             wire = sent.reshape(t, 1, n, m)  # axis 2 is the sender
-            said = ~np.isnan(sent).reshape(t, n, m)
+            full = ~absent.all(-1).reshape(t, 1, n)
+            said = ~absent.reshape(t, n, m)
         else:
             wire = sent.reshape(t, n, n, m).swapaxes(1, 2)  # (trial, addressee, sender, m)
-            said = ~np.isnan(sent).reshape(t, n, n, m) & ~np.eye(n, dtype=bool)[..., None]
+            full = ~absent.all(-1).reshape(t, n, n).swapaxes(1, 2)
+            said = ~absent.reshape(t, n, n, m) & ~np.eye(n, dtype=bool)[..., None]
         awake = self.stream.senses.dt[:, k] > 0  # a robot that sleeps sends nothing
         said &= awake.reshape(t, n, *[1] * (said.ndim - 2))
         spoke = said.any(-1)
         words = said.sum(-1) * sent.itemsize + HEADER * spoke
         traffic = Traffic(spoke.reshape(t, n, -1).sum(-1).astype(float), words.reshape(t, n, -1).sum(-1).astype(float))
-        heard = link & ~np.isnan(wire).all(-1) if m else np.zeros((t, n, n), bool)
-        packets = np.where(heard[..., None] & ~np.isnan(wire), wire, np.nan)  # no message in the bits of a nan
+        heard = link & full if m else np.zeros((t, n, n), bool)
+        packets = np.where(heard[..., None], wire, np.nan)
         parts = heard, packets, np.where(heard, rssi, np.nan), np.where(heard, distance, np.nan)
         return Mail(*(_frozen(a.reshape(t * n, *a.shape[2:])) for a in parts)), traffic
 
