@@ -37,7 +37,7 @@ def anchors(fixed: Sequence[tuple[Sensor, Array, Array]], x: Array, logw: Array)
 
     """
     sensor = fixed[0][0] if fixed else None
-    if not (isinstance(sensor, LogDistance) and all(other is sensor for other, _, _ in fixed)):
+    if type(sensor) is not LogDistance or not all(other is sensor for other, _, _ in fixed):
         return anchors_reference(fixed, x, logw)
     places, readings = np.array([q for _, q, _ in fixed]), np.concatenate([z for _, _, z in fixed], -1)
     out = np.empty_like(logw, order="C")
