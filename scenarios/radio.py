@@ -22,9 +22,10 @@ def scene(path: Array, anchors: Array, walls: Array, obstacles: Array, radius: f
     """Count what stands between robots (T, n, 2), anchors (a, 2) and each other."""
     here, teammate = path[:, :, None], path[:, None]
     to_anchors, to_robots = walls_between(here, anchors, walls), walls_between(here, teammate, walls)
-    bodies = obstacles[:, None, None]
-    to_anchors = to_anchors + bodies_between(here, anchors, bodies, radius).sum(-1)
-    to_robots = to_robots + bodies_between(here, teammate, bodies, radius).sum(-1)
+    if obstacles.shape[1]:
+        bodies = obstacles[:, None, None]
+        to_anchors = to_anchors + bodies_between(here, anchors, bodies, radius).sum(-1)
+        to_robots = to_robots + bodies_between(here, teammate, bodies, radius).sum(-1)
     if robots_block:
         n = path.shape[1]
         own = np.eye(n, dtype=bool)
