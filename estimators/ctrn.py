@@ -21,12 +21,15 @@ from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 
-from cooploc.estimators import kernels, own
+from cooploc.estimators import intersection_scalar, kernels, own
 from cooploc.estimators.angles import wrap_heading
+from cooploc.estimators.elementary import kernel, readable, wide
 from cooploc.estimators.gaussian import inflated_update, symmetric
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, Sensor, World
 from cooploc.estimators.intersection import solve_relative
+from cooploc.estimators.intersection_scalar import Lot, Sample
 from cooploc.estimators.likelihood import log_normal, unpack
+from cooploc.estimators.models import LogDistance, Range
 from cooploc.estimators.mrsl import pack
 from cooploc.estimators.particles import offset, summary
 
@@ -38,8 +41,6 @@ class Counts(NamedTuple):
 
     fusions: Array
     fallbacks: Array  # cvxpy failed, the exact method stood in
-    audited: Array  # solved exactly and by cvxpy
-    largest: Array  # difference of their weights
 
 
 class State(NamedTuple):
@@ -50,6 +51,7 @@ class State(NamedTuple):
     received: Belief  # x (r, n, 2), P (r, n, 2, 2)  its own position as each sender alone tells it, nan before it did
     belief: Belief
     counts: Counts
+    sample: Sample  # exact fusions that cvxpy is to solve again when notes are taken
 
 
 @dataclass(frozen=True)
@@ -68,10 +70,12 @@ class Ctrn(own.Settings):
         return ("odometry", "anchor_rssi", f"radio_{self.reading}")
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        r, n = len(prior.x), world.robots
-        received = Belief(np.full((r, n, 2), np.nan), np.full((r, n, 2, 2), np.nan))
-        counts = Counts(*np.zeros((4, r)))
-        return State(own.init(self, prior, world, rows), rows.trial * n + rows.robot, received, prior, counts)
+        r, n, d = len(prior.x), world.robots, prior.x.shape[-1]
+        kept, d = (n, 2) if self.fusion == "received" else (0, d)
+        received = Belief(np.full((r, kept, 2), np.nan), np.full((r, kept, 2, 2), np.nan))
+        who, counts = rows.trial * n + rows.robot, Counts(*np.zeros((2, r)))
+        mine = own.init(self, prior, world, rows)
+        return State(mine, who, received, prior, counts, intersection_scalar.blank(0, d))
 
     def predict(self, s: State, z: Senses) -> State:
         before = s.own.belief.x
@@ -100,16 +104,41 @@ class Ctrn(own.Settings):
         """How many fusions there were, and how far the exact weights lie from cvxpy's where both were asked."""
         told = {"fusions": s.counts.fusions, "fallbacks": s.counts.fallbacks}
         if self.weights == "exact":
-            told |= {"solved again by cvxpy": s.counts.audited, "largest difference of a weight": s.counts.largest}
+            audited, largest = self._audit(s)
+            told |= {"solved again by cvxpy": audited, "largest difference of a weight": largest}
         return told
+
+    def _audit(self, s: State) -> tuple[Array, Array]:
+        """How many fusions of each row cvxpy solves again, those of a trial together, and the largest difference."""
+        row, w, P, P_j, H, H_j, R = s.sample
+        trial = s.who[row] // s.own.world.robots
+        again = solve_relative(P, P_j, H, H_j, R, self.criterion, "cvxpy", groups=trial).w
+        largest = np.zeros(len(s.who))
+        np.maximum.at(largest, row, np.abs(again - w))
+        return np.bincount(row, minlength=len(s.who)).astype(float), largest
 
     def _moments(self, s: State, z: Senses, mail: Mail) -> State:
         """Fuse with one sender after the other, then move the particles to the mean and covariance that result."""
         before = summary(s.own.x, s.own.logw)
+        after, s = self._chain(s, before, z, mail)
+        return s._replace(own=s.own._replace(x=follow(s.own.x, before, after)))
+
+    def _chain(self, s: State, before: Belief, z: Senses, mail: Mail) -> tuple[Belief, State]:
+        """The belief after all senders: in one compiled loop where there is one, else step by step."""
+        sensor = s.own.world.sensors[f"radio_{self.reading}"]
+        if self.weights == "exact" and type(sensor) in (LogDistance, Range):
+            readings = getattr(mail, self.reading)
+            done = intersection_scalar.chain(before, sensor, mail.packets, readings, self.criterion, self._lot(s))
+            if done is not None:
+                after, fusions, sample = done
+                return after, _noted(_counted(s, fusions, np.zeros_like(fusions)), sample)
+        return self._step_by_step(s, before, z, mail)
+
+    def _step_by_step(self, s: State, before: Belief, z: Senses, mail: Mail) -> tuple[Belief, State]:
         after = before
         for sensor, sender, reading in s.own.world.relative(z, mail):
             after, _, s = self._intersect(s, after, sensor, reading, mail, sender, after.x)
-        return s._replace(own=s.own._replace(x=follow(s.own.x, before, after)))
+        return after, s
 
     def _message(self, s: State, z: Senses, mail: Mail) -> State:
         """log p^w for the particles' own Gaussian p, plus the log-likelihood of the reading with P_j/(1-w)."""
@@ -153,33 +182,36 @@ class Ctrn(own.Settings):
         use = np.flatnonzero(~np.isnan(y).any(-1) & ~np.isnan(P_j).any((-2, -1)) & sound(belief.P))
         w = np.ones(len(y))
         if use.size:
-            parts = belief.P[use], P_j[use], H[use], H_j[use], sensor.R
+            R = np.broadcast_to(sensor.R, (use.size, *sensor.R.shape))
+            parts = belief.P[use], P_j[use], H[use], H_j[use], R
             found = solve_relative(*parts, self.criterion, self.weights, groups=s.who[use])
             w[use] = found.w
-            s = self._counted(s, use, found.fallback)
+            taken, failed = np.zeros((2, len(w)))
+            taken[use], failed[use] = 1.0, found.fallback
+            s = _counted(s, taken, failed)
             if self.weights == "exact":
-                s = self._audited(s, sender, use, found.w, parts)
+                s = self._sampled(s, sender, Sample(use, found.w, *parts))
         return inflated_update(belief, y, H, H_j, P_j, sensor.R, w), w, s
 
-    def _counted(self, s: State, use: Indices, fallback: Mask) -> State:
-        fusions, fallbacks = s.counts.fusions.copy(), s.counts.fallbacks.copy()
-        fusions[use] += 1
-        fallbacks[use] += fallback
-        return s._replace(counts=s.counts._replace(fusions=fusions, fallbacks=fallbacks))
+    def _sampled(self, s: State, sender: int, fusions: Sample) -> State:
+        """Write down a random part of the fusions with one sender."""
+        chosen = intersection_scalar.sampled(self._lot(s), sender + 1)[fusions.row, sender]
+        return _noted(s, fusions.take(chosen))
 
-    def _audited(self, s: State, sender: int, use: Indices, w: Array, parts: tuple[Array, ...]) -> State:
-        """Solve a random sample of the fusions by cvxpy too, each by itself."""
-        draw = kernels.uniforms(s.own.key[use], s.own.tick, kernels.AUDIT, sender + 1)[:, sender, 0]
-        chosen = np.flatnonzero(draw < self.audit)
-        if chosen.size == 0:
-            return s
-        P, P_j, H, H_j, R = parts
-        some = P[chosen], P_j[chosen], H[chosen], H_j[chosen], R
-        again = solve_relative(*some, self.criterion, "cvxpy", groups=np.arange(chosen.size)).w
-        audited, largest = s.counts.audited.copy(), s.counts.largest.copy()
-        audited[use[chosen]] += 1
-        largest[use[chosen]] = np.maximum(largest[use[chosen]], np.abs(again - w[chosen]))
-        return s._replace(counts=s.counts._replace(audited=audited, largest=largest))
+    def _lot(self, s: State) -> Lot:
+        return Lot(s.own.key, s.own.tick * kernels.PURPOSES + kernels.AUDIT, self.audit)
+
+
+def _counted(s: State, fusions: Array, fallbacks: Array) -> State:
+    return s._replace(counts=Counts(s.counts.fusions + fusions, s.counts.fallbacks + fallbacks))
+
+
+def _noted(s: State, sample: Sample) -> State:
+    if len(sample.row) == 0:
+        return s
+    row = np.concatenate([s.sample.row, sample.row])
+    rest = (np.concatenate(both) for both in zip(s.sample[1:], sample[1:], strict=True))
+    return s._replace(sample=Sample(row, *rest))
 
 
 def sound(P: Array) -> Mask:
@@ -194,11 +226,35 @@ def follow(x: Array, before: Belief, after: Belief) -> Array:
     moved = (before.x != after.x).any(-1) | (before.P != after.P).any((-2, -1))
     if not moved.any():
         return x
+    if x.shape[-1] == 2:
+        out = np.empty_like(x, order="C")
+        _follow(readable(x.reshape(len(x), -1)), moved, *before, *after, out.reshape(len(x), -1))
+        return out
     L0, L1 = np.linalg.cholesky(before.P[moved]), np.linalg.cholesky(after.P[moved])
     A = np.linalg.solve(L0.mT, L1.mT)  # row vectors: e' = e A
     out = x.copy()
     out[moved] = wrap_heading(after.x[moved, None] + offset(x[moved], before.x[moved]) @ A)
     return out
+
+
+@kernel
+def _follow(x, moved, m0, P0, m1, P1, out):  # type: ignore[no-untyped-def]
+    """m1 + L1 L0^-1 (x - m0), the L lower triangular roots of the P."""
+    wide()
+    for r in range(len(x)):
+        if not moved[r]:
+            out[r] = x[r]
+            continue
+        a0, a1 = np.sqrt(P0[r, 0, 0]), np.sqrt(P1[r, 0, 0])
+        b0, b1 = P0[r, 1, 0] / a0, P1[r, 1, 0] / a1
+        c0, c1 = np.sqrt(P0[r, 1, 1] - b0 * b0), np.sqrt(P1[r, 1, 1] - b1 * b1)
+        a, c = a1 / a0, c1 / c0
+        b = (b1 - c * b0) / a0
+        east, north = m1[r, 0] - a * m0[r, 0], m1[r, 1] - b * m0[r, 0] - c * m0[r, 1]
+        for i in range(x.shape[1] // 2):
+            dx, dy = x[r, 2 * i], x[r, 2 * i + 1]
+            out[r, 2 * i] = east + a * dx
+            out[r, 2 * i + 1] = north + (b * dx + c * dy)
 
 
 def log_density(x: Array, belief: Belief) -> Array:

@@ -36,6 +36,7 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 
 from cooploc.estimators import intersection_exact as exact
+from cooploc.estimators import intersection_scalar
 from cooploc.estimators.bad_input import BadInput
 from cooploc.estimators.gaussian import symmetric
 from cooploc.estimators.interface import Array, Indices, Mask
@@ -89,7 +90,7 @@ def solve(P: Array, criterion: Criterion = "det", solver: Solver = "cvxpy", grou
     mix = there / np.maximum(there.sum(1, keepdims=True), 1)
     rows = np.arange(len(P))
     z = _prepare(V, mix, there, np.empty((len(P), 0)), P.shape[-1], criterion, rows)
-    found = _solve(z, solver, groups, rows)
+    found = _solve(z, _exact(z), solver, groups, rows)
     exact.share(z.B, found.w, _axes(z))
     return found
 
@@ -152,10 +153,14 @@ def solve_relative(
     rows = np.flatnonzero(there & ~np.logical_or.reduce([np.isnan(a).any((1, 2)) for a in (P_i, H_i, H_j, R)]))
     if rows.size == 0 or R.shape[-1] == 0:
         return found
-    V, sigma = _terms(P_i[rows], H_i[rows], _inflation(P_j, H_j)[rows], R[rows], rows)
+    U = _inflation(P_j, H_j)[rows]
+    V, sigma = _terms(P_i[rows], H_i[rows], U, R[rows], rows)
     mix = np.concatenate([np.full((len(rows), 1), 0.5), 1 / (1 + sigma)], 1)  # Y at w = 1/2
     z = _prepare(V, mix, np.ones(mix.shape, bool), sigma, block, criterion, rows)
-    part = _solve(z, solver, None if groups is None else np.asarray(groups)[rows], rows)
+    best, easy = _exact(z), intersection_scalar.scalar(H_i[rows], block)
+    P, H, q, r = (a[easy] for a in (P_i[rows], H_i[rows], U, R[rows]))
+    best.w[easy, 0], best.gap[easy] = intersection_scalar.weights(P, H, q, r, criterion)
+    part = _solve(z, best, solver, None if groups is None else np.asarray(groups)[rows], rows)
     found.w[rows], found.gap[rows], found.fallback[rows] = part.w[:, 0], part.gap, part.fallback
     return found
 
@@ -219,10 +224,10 @@ def _axes(z: exact.Prepared) -> tuple[int, ...]:
     return (0,) * d
 
 
-def _solve(z: exact.Prepared, solver: str, groups: Indices | None, rows: Indices) -> Solution:
+def _solve(z: exact.Prepared, best: Solution, solver: str, groups: Indices | None, rows: Indices) -> Solution:
     if solver not in get_args(Solver):
         raise BadInput(f"there is no solver {solver!r} of covariance intersection; known are cvxpy, exact")
-    return _exact(z) if solver == "exact" else _cvxpy(z, groups, rows)
+    return best if solver == "exact" else _cvxpy(z, best, groups, rows)
 
 
 def _exact(z: exact.Prepared) -> Solution:
@@ -244,12 +249,11 @@ def _value(z: exact.Prepared, w: Array) -> Array:
     return value
 
 
-def _cvxpy(z: exact.Prepared, groups: Indices | None, rows: Indices) -> Solution:
-    """cvxpy's weights where there is a choice, held to the bound that the exact method's certify.
+def _cvxpy(z: exact.Prepared, found: Solution, groups: Indices | None, rows: Indices) -> Solution:
+    """cvxpy's weights where there is a choice, held to the bound that the exact method's, `found`, certify.
 
     What fails that in a stack is tried again alone; where this fails too the exact method stands in.
     """
-    found = _exact(z)
     groups = np.zeros(len(z.B), np.int64) if groups is None else np.asarray(groups)
     failed = z.present.sum(1) > 1
     for stacks in (groups, np.arange(len(groups))):
