@@ -78,11 +78,13 @@ class Ctrn(own.Settings):
         return State(mine, who, received, prior, counts, intersection_scalar.blank(0, d))
 
     def predict(self, s: State, z: Senses) -> State:
-        before = s.own.belief.x
+        s, before = s._replace(own=own.predict(self, s.own, z)), s.own.belief.x
+        if self.fusion != "received":
+            return s
         after, _, Q = s.own.world.motion.move(before, z.odometry, z.dt)
         step = (after - before)[:, None, :2]
         received = Belief(s.received.x + step, s.received.P + Q[:, None, :2, :2])
-        return s._replace(own=own.predict(self, s.own, z), received=received)
+        return s._replace(received=received)
 
     def correct(self, s: State, z: Senses) -> State:
         return s._replace(own=own.correct(self, s.own, z))

@@ -2,10 +2,13 @@
 
 import numpy as np
 import pytest
+from oracles import covariances
 
 import cooploc as cl
-from cooploc.estimators.ctrn import follow, log_density
-from cooploc.estimators.interface import Belief
+from cooploc.estimators.bad_input import BadInput
+from cooploc.estimators.ctrn import Ctrn, follow, log_density
+from cooploc.estimators.interface import Belief, Mail, Rows, Senses, World
+from cooploc.estimators.models import Displacement, LogDistance, Range
 from cooploc.estimators.particles import moments, weights
 from cooploc.scenarios.runner import trace
 
@@ -90,6 +93,100 @@ def test_particles_follow_to_exactly_the_new_moments():
         np.testing.assert_allclose(got.P, after.P, atol=1e-12)
         np.testing.assert_allclose(got.x[:, :2], after.x[:, :2], atol=1e-12)
         np.testing.assert_array_equal(moved[2], x[2])
+
+
+def test_particles_follow_by_the_triangular_map():
+    rng = np.random.default_rng(3)
+    x, w = rng.normal(size=(4, 50, 2)), np.full((4, 50), 0.02)
+    before, after = moments(x, w), Belief(rng.normal(size=(4, 2)), covariances(rng, 4, d=2))
+    A = np.linalg.cholesky(after.P) @ np.linalg.inv(np.linalg.cholesky(before.P))
+    expected = after.x[:, None] + (x - before.x[:, None]) @ A.mT
+    np.testing.assert_allclose(follow(x, before, after), expected, atol=1e-12)
+
+
+# ------------------------------------------------------------------ the compiled chain
+
+SENSORS = {"range": Range(), "rssi": LogDistance()}
+
+
+def meeting(rng, reading, d, r=400, n=7):
+    """Robots that hear each other, some of them badly: a state, its mail, and moments to start from."""
+    world = World(n, 1.0, np.array([[0, 0], [20, 20]]), Displacement(), {f"radio_{reading}": SENSORS[reading]})
+    P = covariances(rng, r, d=d) * 10 ** rng.uniform(-3, 0, (r, 1, 1))
+    P[:20] *= 10 ** rng.uniform(-9, 0, (20, 1, d)) * np.ones((d, 1))  # in different units, and no covariances yet
+    P = (P + P.mT) / 2
+    P[:20] = np.eye(d) * P[:20].diagonal(axis1=1, axis2=2)[:, None, :]
+    P[20], P[21], P[22] = 0.0, np.ones((d, d)), np.diag([1.0, 1e-13, 1.0][:d])  # collapsed
+    before = Belief(rng.uniform(0, 20, (r, d)), P)
+    x_j, P_j = rng.uniform(0, 20, (r, n, 2)), covariances(rng, r, n, d=2) * 10 ** rng.uniform(-6, 1, (r, n, 1, 1))
+    P[60:80], x_j[60:80] = (
+        np.diag([1e4, 1e-6, 1.0][:d]),
+        before.x[60:80, None, :2] + [5.0, 0.0],
+    )  # along the thin belief
+    P_j[60:80] = 1e-3 * np.eye(2)
+    x_j[30] = before.x[30, :2]  # at the same place
+    packets = np.concatenate([x_j, P_j[..., 0, :], P_j[..., 1, 1:]], -1)
+    packets[40, :, 2:] = np.inf, 0.0, np.inf  # knows nothing
+    distance = np.linalg.norm(before.x[:, None, :2] - x_j, axis=-1)
+    z = distance + 0.3 * rng.normal(size=(r, n)) if reading == "range" else -40 - 30 * np.log10(distance + 0.1)
+    heard = rng.uniform(size=(r, n)) < 0.8
+    packets[~heard], z = np.nan, np.where(heard, z, np.nan)
+    packets[50, :, 3], packets[51, :, 0] = np.nan, np.nan  # a part is enough
+    rows = Rows(np.arange(r) // n, np.arange(r) % n, rng.integers(0, 2**32, (r, 2), dtype=np.uint32))
+    return (
+        world,
+        rows,
+        before,
+        Mail(heard, packets, *(z if reading == kind else z * np.nan for kind in ("rssi", "range"))),
+    )
+
+
+@pytest.mark.parametrize("reading", SENSORS)
+@pytest.mark.parametrize("criterion", ["trace", "det"])
+@pytest.mark.parametrize("d", [2, 3])
+def test_the_compiled_chain_is_the_steps_one_by_one(reading, criterion, d):
+    world, rows, before, mail = meeting(np.random.default_rng(4), reading, d)
+    ctrn = cl.make("ctrn", reading=reading, criterion=criterion, own="rssi", audit=0.3, **SMALL)
+    s, z = ctrn.init(before, world, rows), Senses(*np.empty((6, 0)))
+    chained, with_chain = ctrn._chain(s, before, z, mail)
+    stepped, with_steps = ctrn._step_by_step(s, before, z, mail)
+    size = np.abs(before.P).max((1, 2)) + 1e-300
+    np.testing.assert_allclose(chained.P / size[:, None, None], stepped.P / size[:, None, None], atol=1e-12)
+    np.testing.assert_allclose(chained.x, stepped.x, rtol=1e-12, atol=1e-12)
+    np.testing.assert_array_equal(with_chain.counts, with_steps.counts)
+    order = np.lexsort((with_steps.sample.w, with_steps.sample.row))
+    again = np.lexsort((with_chain.sample.w, with_chain.sample.row))
+    for one, other in zip(with_chain.sample.take(again), with_steps.sample.take(order), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12)
+    w = with_chain.sample.w
+    assert len(w) > 300
+    assert 0.1 < (w == 1).mean() < 0.9
+    assert w.min() < (0.1 if criterion == "trace" else 0.8)  # det: never below 1/2
+    for row in (20, 21, 22, 40, 50, 51):
+        np.testing.assert_array_equal(chained.P[row], before.P[row])
+
+
+@pytest.mark.parametrize("reading", SENSORS)
+def test_whole_runs_are_the_same_with_and_without_the_chain(reading, monkeypatch):
+    _, stream = cl.simulate("packet-drop/drop=0.3", trials=3, seed=11, ticks=30)
+    ctrn = cl.make("ctrn", reading=reading, audit=0.05, **SMALL)
+    chained = cl.run({"c": ctrn}, stream).traces["c"]
+    monkeypatch.setattr(Ctrn, "_chain", Ctrn._step_by_step)
+    stepped = cl.run({"c": ctrn}, stream).traces["c"]
+    np.testing.assert_allclose(chained.x, stepped.x, atol=1e-9)
+    np.testing.assert_allclose(chained.P, stepped.P, atol=1e-9)
+    for what in ("fusions", "fallbacks", "solved again by cvxpy"):
+        np.testing.assert_array_equal(chained.notes[what], stepped.notes[what])
+    assert chained.notes["solved again by cvxpy"].sum() > 0
+
+
+@pytest.mark.parametrize("wrong", [(1.0, 2.0, 1.0), (1.0, 0.0, 0.0), (np.inf, 0.0, 1.0), (0.0, 0.0, 0.0)])
+def test_a_packet_that_is_no_covariance_is_named(wrong):
+    world, rows, before, mail = meeting(np.random.default_rng(5), "range", 2)
+    mail.packets[100, 3], mail.range[100, 3] = (*before.x[100] + 1, *wrong), 1.5
+    ctrn = cl.make("ctrn", own="rssi", **SMALL)
+    with pytest.raises(BadInput, match="P_j of fusion"):
+        ctrn._chain(ctrn.init(before, world, rows), before, Senses(*np.empty((6, 0))), mail)
 
 
 def test_log_density_is_scipys():

@@ -6,6 +6,7 @@ The oracles work on the covariances as they come, in 80-bit floats: no whitening
 import logging
 import subprocess
 import sys
+from fractions import Fraction
 from itertools import combinations
 
 import numpy as np
@@ -512,6 +513,51 @@ def test_relative_weights_against_a_scan(d, k, e, block, family, criterion):
         np.testing.assert_allclose(found.w[unique], w[unique].astype(float), atol=1e-3)
         assert ((found.w > 0) & (found.w <= 1)).all()
     assert unique.mean() > 0.5
+
+
+def shortfall(f, w):
+    """How far the convex f is above its least at w, relatively, by its slopes there: f'^2 / (2 f'' f), in fractions."""
+    w, h = Fraction(w), Fraction(1, 10**40)
+    below, here, above = f(w - h), f(w), f(w + h)
+    return float((above - below) ** 2 / (8 * here * (above + below - 2 * here)))
+
+
+def updated(P, u, q, R, criterion):
+    """w -> the criterion of P / w after a reading of variance q / (1 - w) + R, in fractions."""
+    (a, b), (_, c) = [[Fraction(v) for v in row] for row in P]
+    (u, v), q, R = (Fraction(float(each)) for each in u), Fraction(q), Fraction(R)
+    g = a * u + b * v, b * u + c * v
+
+    def f(w):
+        S = w * (g[0] * u + g[1] * v) + w * w * (q / (1 - w) + R)
+        xx, xy, yy = a / w - g[0] * g[0] / S, b / w - g[0] * g[1] / S, c / w - g[1] * g[1] / S
+        return xx + yy if criterion == "trace" else xx * yy - xy * xy
+
+    return f
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from([2, 3]), st.sampled_from(FAMILIES), st.sampled_from(["trace", "det"]))
+@repeatable
+def test_the_weight_of_one_number_has_no_shortfall(seed, d, family, criterion):
+    """In exact arithmetic, and against the search that serves every other reading, told a second one that is empty."""
+    rng = np.random.default_rng(seed)
+    P, P_j, H, H_j, R = relation(rng, 8, 1, d, 2, family)
+    P_j, R = P_j * 10 ** rng.uniform(-4, 1, (8, 1, 1)), R * 10 ** rng.uniform(-6, 3, (8, 1, 1))
+    H[..., 2:] = 0.0
+    found = solve_relative(P, P_j, H, H_j, R, criterion, "exact")
+    empty = [np.concatenate([a, 0 * a], 1) for a in (H, H_j)]
+    general = relative_weights(P, P_j, *empty, R * np.eye(2), criterion, "exact")
+    assert found.gap.max() <= 1e-9
+    tolerance = 1e-8 if family in (near_singular, of_any_size) else 1e-10  # rounding moves variances ten decades apart
+    for i, w in enumerate(found.w):
+        q = (H_j[i] @ P_j[i] @ H_j[i].T).item()
+        f = updated(P[i, :2, :2], H[i, 0, :2], q, R[i, 0, 0], criterion)
+        inside = Fraction(min(w, 1 - 1e-13))
+        assert f(inside) <= f(Fraction(min(general[i], 1 - 1e-13))) * Fraction(1 + tolerance)
+        if 1e-6 < w < 1:
+            assert shortfall(f, w) <= tolerance
+        if w == 1.0:
+            assert f(1 - Fraction(1, 10**6)) >= f(1 - Fraction(1, 10**13)) * Fraction(1 - tolerance)
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(0, 10), st.sampled_from(["trace", "det"]), st.booleans())
