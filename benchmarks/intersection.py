@@ -14,7 +14,10 @@ from typing import Any
 import cvxpy as cp
 import numpy as np
 
+from cooploc.estimators.interface import Belief
 from cooploc.estimators.intersection import intersect, relative_weights, weights
+from cooploc.estimators.intersection_scalar import Lot, chain
+from cooploc.estimators.models import Range
 
 FUSIONS = 100
 FRESH = 10  # of them are solved by the slow contenders in a round
@@ -133,6 +136,22 @@ def relative(criterion: Any, rounds: int) -> None:
     show(f"range, d=2, {criterion}", times, (np.nan, np.abs(fast("cvxpy") - fast("exact")).max(), away))
 
 
+def chained(senders: int, rounds: int) -> None:
+    """Whole fusions by range, update and sampling included, of rows that hear so many senders."""
+    rng = np.random.default_rng(3)
+    a = rng.normal(size=(FUSIONS, 1 + senders, 2, 2))
+    P, x = 0.1 * (a @ a.mT + 0.1 * np.eye(2)), rng.uniform(0, 20, (FUSIONS, 1 + senders, 2))
+    packets = np.concatenate([x, P[..., 0, :], P[..., 1, 1:]], -1)[:, 1:]
+    z = np.linalg.norm(x[:, 1:] - x[:, :1], axis=-1) + 0.1 * rng.normal(size=(FUSIONS, senders))
+    lot = Lot(np.zeros((FUSIONS, 2), np.uint32), 0, 1e-3)
+
+    def whole() -> object:
+        return chain(Belief(x[:, 0], P[:, 0]), Range(), packets, z, "trace", lot)
+
+    seconds_each = race({"chain": (whole, FUSIONS * senders, REPEAT)}, rounds)["chain"]
+    print(f"{'chain of ' + str(senders):<21}{1e6 * np.median(seconds_each):>8.4g} us a fusion, all of it", flush=True)
+
+
 def main(rounds: int = 7) -> None:
     print(f"microseconds per fusion of {FUSIONS}; ratios: median of {rounds} rounds (least-most); differences of the")
     print("criterion and of weights between stacked and exact, and of weights between fresh and exact")
@@ -142,6 +161,8 @@ def main(rounds: int = 7) -> None:
         absolute(m, d, criterion, rounds)
     for criterion in ("trace", "det"):
         relative(criterion, rounds)
+    for senders in (2, 20, 98):
+        chained(senders, rounds)
 
 
 if __name__ == "__main__":
