@@ -69,10 +69,11 @@ def _friedman(rows: pd.DataFrame) -> tuple[dict[str, float], dict[str, str]]:
     mean = {str(name): float(r) for name, r in ranks.mean().items()}
     if len(blocks) < statistics.LEAST_TRIALS or len(trials) < 2:
         return mean, {}
-    return mean, _letters(blocks)
+    return mean, letters(blocks)
 
 
-def _letters(blocks: pd.DataFrame) -> dict[str, str]:
+def letters(blocks: pd.DataFrame) -> dict[str, str]:
+    """The groups of `ranking`, from squared errors with a row per trial and a column per estimator."""
     names = [str(name) for name in blocks.columns]
     if len(names) == 2:  # Friedman's test wants three; Wilcoxon's is that of two
         p, _ = statistics.signed_rank(*np.sqrt(blocks.to_numpy()).T)

@@ -3,6 +3,7 @@
 Below five trials nothing is claimed: every interval is nan.
 """
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -200,5 +201,6 @@ def _gains(a: Array, b: Array, axis: int = -1) -> Array:
     return gains
 
 
+@cache
 def _quantile(n: int) -> float:
     return float(stats.t.ppf((1 + LEVEL) / 2, n - 1))
