@@ -19,7 +19,8 @@ is the first of the list whose zone holds the whole interval, so each is wrong i
 - `same`: from the first scenario to every later one the RMSE changes by less than a factor 1 + margin -> all intervals
   lie within; one of them lies outside after Holm. Each is compared with the first and not with the one before, for
   small steps may add up. The number is the largest change.
-- `growth`: slope of log RMSE over the swept value, jackknife -> above 0; below 0.
+- `growth`: by how much the RMSE grows per unit of what is swept, from the slope of its logarithm, jackknife -> above 0;
+  below 0.
 - `interaction`: the error of `of` grows by a larger factor than that of `than`, from the first scenario to each later
   one; jackknife on the ratio of ratios -> above 1; below 1.
 - `level`: RMSE [m] -> at most size; above.
@@ -126,16 +127,18 @@ def _found(case: Case, claim: Claim, results: Results) -> dict[str, object]:
         "trials": found.trials,
         "verdict": found.verdict,
         "needed": found.needed,
-        "remark": "; ".join(_remarks(case, found, results)),
+        "remark": "; ".join(_remarks(claim, case, found, results)),
     }
 
 
-def _remarks(case: Case, found: Finding, results: Results) -> list[str]:
+def _remarks(claim: Claim, case: Case, found: Finding, results: Results) -> list[str]:
     """What a reader of the verdict must know: why there is no interval, and of its estimators what bars them."""
     out = []
     if np.isnan(found.interval.low):
         few = found.trials < statistics.LEAST_TRIALS
         out += [f"fewer than {statistics.LEAST_TRIALS} trials" if few else "the interval is unbounded"]
+    if found.verdict == "undecided" and claim.kind in ("improvement", "trend", "cost") and found.interval.low > 0:
+        out += ["better, but by how much is undecided"]
     for name in dict.fromkeys((case.of, *case.than)):
         cells = [(scenario, name) for scenario in case.scenarios]
         anees = [statistics.mean_of_positive(results.anees(cell)) for cell in cells]

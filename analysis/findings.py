@@ -131,7 +131,7 @@ def _growth(case: Case, claim: Claim, results: Results) -> Finding:
     values = results.mse(*((scenario, case.of) for scenario in case.scenarios))
     away = x - x.mean()
     slope = statistics.log_contrast(values, away / (away**2).sum() / 2)
-    return _decide(slope, len(values), BETTER)
+    return _decide(slope, len(values), BETTER)._replace(interval=_shares(slope))
 
 
 def _interaction(case: Case, claim: Claim, results: Results) -> Finding:
@@ -139,8 +139,7 @@ def _interaction(case: Case, claim: Claim, results: Results) -> Finding:
     cells = ((later, case.of), (first, case.of), (later, than), (first, than))
     values = results.mse(*cells)
     more = statistics.log_contrast(values, np.array([1, -1, -1, 1]) / 2)
-    found = _decide(more, len(values), BETTER)
-    return found._replace(interval=Interval(*(float(np.expm1(end)) for end in more)))
+    return _decide(more, len(values), BETTER)._replace(interval=_shares(more))
 
 
 def _level(case: Case, claim: Claim, results: Results) -> Finding:
@@ -181,6 +180,11 @@ FINDERS: dict[str, Callable[[Case, Claim, Results], Finding]] = {
     "slope": _slope,
     "cost": _cost,
 }
+
+
+def _shares(logs: Interval) -> Interval:
+    """From a difference of logarithms to the share by which one is larger."""
+    return Interval(*(float(np.expm1(end)) for end in logs))
 
 
 def _sized(claim: Claim, ratio: bool) -> Zones:

@@ -3,6 +3,7 @@
 import re
 from collections import Counter
 from collections.abc import Mapping
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -112,6 +113,7 @@ def collect(rows: pd.DataFrame) -> Results:
     )
 
 
+@cache
 def canonical(label: str) -> str:
     """The label with its numbers in their shortest form and its options in alphabetical order."""
     path, written = parse(label)

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from rich.console import Console
 from rich.table import Table
@@ -27,8 +28,8 @@ WORDS = {
     ),
     "same": ("the largest change: the RMSE of {of} falls by {}", "the largest change: the RMSE of {of} grows by {}"),
     "growth": (
-        "the RMSE of {of} grows by {} with every step of 1 of what is swept",
-        "the RMSE of {of} falls by {} with every step of 1 of what is swept",
+        "the RMSE of {of} grows by {} for each further unit of what is swept",
+        "the RMSE of {of} falls by {} for each further unit of what is swept",
     ),
     "interaction": (
         "the RMSE of {of} grows by a factor {} larger than that of {than}",
@@ -47,7 +48,11 @@ def sentence(row: "pd.Series[Any]") -> str:
         return f"Not testable: {row['remark']}."
     if row["verdict"] == "not run":
         return f"Not run: {row['remark']}."
+    where, n = row["scenario"], f"{row['trials']:.0f}"
     kind, value, low, high = str(row["kind"]), float(row["value"]), float(row["low"]), float(row["high"])
+    if value == low == high == 0:
+        same = f"equals that of {row['than']}" if row["than"] else "stays the same"
+        return f"{where}: the RMSE of {row['of']} {same} in each of {n} trials. {_verdict(row)}."
     words = WORDS[kind + (", ratio" if row["definition"] == "ratio" else "")]
     turned = value < 0 and bool(words[1])
     if turned:
@@ -57,50 +62,69 @@ def sentence(row: "pd.Series[Any]") -> str:
     size = float(row["size"])
     claimed = f" Claimed: {_number(size, kind)}." if size == size else ""
     counted = "sizes" if kind == "slope" else "parts of the run" if kind == "cost" else "trials"
-    return f"{row['scenario']}: {said} ({within}{row['trials']:.0f} {counted}).{claimed} {_verdict(row)}."
+    return f"{where}: {said} ({within}{n} {counted}).{claimed} {_verdict(row)}."
 
 
-def table(verdicts: pd.DataFrame, ledger: Ledger) -> Table:
-    """Every case that was run, under its claim; variants that were not run are left out."""
-    out = Table(title=ledger.paper, title_justify="left", box=None, padding=(0, 1), header_style="bold")
-    for head, side in zip(HEADS, SIDES, strict=True):
-        out.add_column(head, justify="right" if side == "r" else "left", overflow="fold")
-    for (claim, says), part in verdicts.groupby(["claim", "says"], sort=False):
-        out.add_row(str(claim), f"[bold]{says}[/bold]", end_section=False)
-        shown = part[(part["verdict"] != "not run") | (part["variant"] == part["variant"].iloc[0])]
-        for _, row in shown.iterrows():
-            out.add_row(*_cells(row), style=STYLES.get(str(row["verdict"]), "dim"))
+def table(verdicts: pd.DataFrame) -> Table:
+    """The cases of one claim; variants that were not run are left out."""
+    first = verdicts.iloc[0]
+    where = f" ({first['where']})" if first["where"] else ""
+    out = Table(
+        title=f"{first['claim']}. {first['says']}{where}",
+        title_justify="left",
+        header_style="bold",
+        box=None,
+        padding=(0, 1),
+    )
+    shown = verdicts[(verdicts["verdict"] != "not run") | (verdicts["variant"] == first["variant"])]
+    rows = [(_cells(row), STYLES.get(str(row["verdict"]), "dim")) for _, row in shown.iterrows()]
+    said = [i for i in range(len(HEADS)) if any(cells[i] for cells, _ in rows)]  # without columns that say nothing
+    for i in said:
+        out.add_column(HEADS[i], justify="right" if SIDES[i] == "r" else "left", no_wrap=True)
+    for cells, style in rows:
+        out.add_row(*(cells[i] for i in said), style=style)
     return out
 
 
-HEADS = ("", "", "of", "than", "claimed", "found", "95 %", "trials", "verdict", "")
+HEADS = ("reading", "scenario", "of", "than", "claimed", "found", "95 %", "trials", "verdict", "")
 SIDES = "llllrrrrll"
 
 
 def show(verdicts: pd.DataFrame, ledger: Ledger, console: Console | None = None) -> None:
-    """Print the table, the variants, and what the words mean."""
-    console = console or Console(highlight=False, width=220)
-    console.print(table(verdicts, ledger))
+    """Print a table for every claim, then the variants and what the words mean."""
+    # Wide: a terminal may wrap a row, but numbers are never cut off.
+    console = console or Console(highlight=False, markup=False, width=400)
+    console.print(ledger.paper)
+    for _, part in verdicts.groupby("claim", sort=False):
+        console.print()
+        console.print(table(part))
+        if part["open"].iloc[0]:
+            console.print(f" open: {part['open'].iloc[0]}", style="dim", soft_wrap=True)
+    console.print()
     for name, variant in ledger.variants.items():
-        console.print(f"{name}: {variant.about}", soft_wrap=True, markup=False)
-    cases = int(verdicts["verdict"].isin(("supported", "direction only", "contradicted")).sum())
-    console.print(
-        "Each verdict is wrong in at most 1 of 20 repetitions, so of these "
-        f"{cases} decided ones up to {cases / 20:.0f} may be. (r): ratio a/b - 1, else reduction 1 - b/a.",
-        soft_wrap=True,
+        console.print(f"{name}: {variant.about}", style="dim", soft_wrap=True)
+    console.print(_legend(verdicts), style="dim", soft_wrap=True)
+
+
+def _legend(verdicts: pd.DataFrame) -> str:
+    decided = int(verdicts["verdict"].isin(("supported", "direction only", "contradicted")).sum())
+    return (
+        "(r): ratio a/b - 1, else reduction 1 - b/a. A verdict is wrong in at most one of twenty repetitions: of these "
+        f"{decided}, {decided / 20:.0f} may be."
     )
 
 
 def _cells(row: "pd.Series[Any]") -> tuple[str, ...]:
-    where = f"{row['variant']}: {row['scenario']}" if isinstance(row["scenario"], str) else str(row["variant"])
     kind, mark = str(row["kind"]), " (r)" if row["definition"] == "ratio" else ""
-    numbers = {name: float(row[name]) for name in ("size", "value", "low", "high", "trials")}
-    told = {name: "" if v != v else _number(v, kind) for name, v in numbers.items()}
-    between = f"{told['low']} – {told['high']}" if told["low"] else ""
-    trials = f"{numbers['trials']:.0f}" if told["trials"] else ""
-    names = ("" if not isinstance(row[key], str) else str(row[key]) for key in ("of", "than"))
-    found = told["value"] and told["value"] + mark
-    return ("", where, *names, told["size"], found, between, trials, _verdict(row), str(row["remark"] or ""))
+    size, value, low, high = (_number(float(row[name]), kind) for name in ("size", "value", "low", "high"))
+    scenario, of, than, remark = (_text(row[name]) for name in ("scenario", "of", "than", "remark"))
+    trials = "" if pd.isna(row["trials"]) else f"{row['trials']:.0f}"
+    between = f"{low} to {high}" if low else ""
+    return (row["variant"], scenario, of, than, size, value and value + mark, between, trials, _verdict(row), remark)
+
+
+def _text(value: Any) -> str:
+    return value if isinstance(value, str) else ""
 
 
 def _verdict(row: "pd.Series[Any]") -> str:
@@ -111,6 +135,8 @@ def _verdict(row: "pd.Series[Any]") -> str:
 
 
 def _number(value: float, kind: str) -> str:
+    if np.isnan(value):
+        return ""
     if kind in UNITS:
         return f"{value:.2f}{UNITS[kind]}"
     share = 100 * value

@@ -163,7 +163,7 @@ def test_what_is_the_same_is_shown_by_equivalence(a, expected):
 def test_growth_is_the_slope_of_the_logarithm(a, expected):
     found = verdict(errors(sweep(a)), kind="growth", of="a", scenarios="s/n={1..9}")
     assert found["verdict"] == expected
-    assert found["value"] == pytest.approx(np.polyfit([1, 2, 5, 9], np.log(a), 1)[0], abs=0.03)
+    assert found["value"] == pytest.approx(np.expm1(np.polyfit([1, 2, 5, 9], np.log(a), 1)[0]), abs=0.03)
 
 
 @pytest.mark.parametrize(("b", "expected"), [(1.1, "supported"), (4.0, "contradicted"), (2.0, "undecided")])
@@ -385,6 +385,8 @@ def test_a_sentence_says_what_the_numbers_say():
         f"s: the RMSE of a is {-100 * found['value']:.0f} % higher than that of b (95 % interval {low} to {high}, "
         "40 trials). Claimed: 40 %. Contradicted."
     )
+    equal = judge(ledger(**BETTER), pd.concat([table[table["estimator"] == "b"].assign(estimator=e) for e in "ab"]))
+    assert sentence(equal.iloc[0]) == "s: the RMSE of a equals that of b in each of 40 trials. Contradicted."
     missing = judge(ledger(**{**BETTER, "than": "zz"}), table).iloc[0]
     assert sentence(missing).startswith("Not run: no rows of zz in s")
 
