@@ -143,7 +143,7 @@ def _remarks(claim: Claim, case: Case, found: Finding, results: Results) -> list
         cells = [(scenario, name) for scenario in case.scenarios]
         anees = [statistics.mean_of_positive(results.anees(cell)) for cell in cells]
         flags = {
-            "over-confident": sum(a.low > OVER_CONFIDENT for a in anees),
+            "over-confident": sum(a.low > OVER_CONFIDENT or a.value == np.inf for a in anees),
             "conservative": sum(a.high < CONSERVATIVE for a in anees),
         }
         many = len(cells) > 1

@@ -4,14 +4,21 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
+from cooploc.analysis.statistics import LEAST_TRIALS
+
 OVER_CONFIDENT, CONSERVATIVE = 1.5, 0.67  # ANEES limits: the whole interval must lie beyond
 
 
 def consistency(table: pd.DataFrame) -> pd.Series:
-    """over-confident, conservative, or consistent, by the 95 % interval of ANEES; "not assessed" below five trials."""
+    """over-confident, conservative, or consistent, by the 95 % interval of ANEES; "not assessed" below five trials.
+
+    An infinite ANEES, of a covariance that vanished, has no interval and is over-confident.
+    """
+    enough = (table["trials"] >= LEAST_TRIALS).to_numpy()
+    infinite = np.isinf(table["anees"].to_numpy(float))
     words = [
-        table["anees_low"].isna().to_numpy(),
-        (table["anees_low"] > OVER_CONFIDENT).to_numpy(),
+        ~enough | (table["anees_low"].isna().to_numpy() & ~infinite),
+        (table["anees_low"] > OVER_CONFIDENT).to_numpy() | infinite,
         (table["anees_high"] < CONSERVATIVE).to_numpy(),
     ]
     return pd.Series(

@@ -67,17 +67,9 @@ def sentence(row: "pd.Series[Any]") -> str:
 
 def table(verdicts: pd.DataFrame) -> Table:
     """The cases of one claim; variants that were not run are left out."""
-    first = verdicts.iloc[0]
-    where = f" ({first['where']})" if first["where"] else ""
-    out = Table(
-        title=f"{first['claim']}. {first['says']}{where}",
-        title_justify="left",
-        header_style="bold",
-        box=None,
-        padding=(0, 1),
-    )
-    shown = verdicts[(verdicts["verdict"] != "not run") | (verdicts["variant"] == first["variant"])]
-    rows = [(_cells(row), STYLES.get(str(row["verdict"]), "dim")) for _, row in shown.iterrows()]
+    shown = verdicts[(verdicts["verdict"] != "not run") | (verdicts["variant"] == verdicts["variant"].iloc[0])]
+    rows = dict.fromkeys((_cells(row), STYLES.get(str(row["verdict"]), "dim")) for _, row in shown.iterrows())
+    out = Table(header_style="bold", box=None, padding=(0, 1))
     said = [i for i in range(len(HEADS)) if any(cells[i] for cells, _ in rows)]  # without columns that say nothing
     for i in said:
         out.add_column(HEADS[i], justify="right" if SIDES[i] == "r" else "left", no_wrap=True)
@@ -96,7 +88,9 @@ def show(verdicts: pd.DataFrame, ledger: Ledger, console: Console | None = None)
     console = console or Console(highlight=False, markup=False, width=400)
     console.print(ledger.paper)
     for _, part in verdicts.groupby("claim", sort=False):
-        console.print()
+        first = part.iloc[0]
+        where = f" ({first['where']})" if first["where"] else ""
+        console.print(f"\n{first['claim']}. {first['says']}{where}", style="bold", soft_wrap=True)
         console.print(table(part))
         if part["open"].iloc[0]:
             console.print(f" open: {part['open'].iloc[0]}", style="dim", soft_wrap=True)
@@ -137,6 +131,8 @@ def _verdict(row: "pd.Series[Any]") -> str:
 def _number(value: float, kind: str) -> str:
     if np.isnan(value):
         return ""
+    if np.isinf(value):
+        return "∞"
     if kind in UNITS:
         return f"{value:.2f}{UNITS[kind]}"
     share = 100 * value

@@ -138,6 +138,13 @@ def test_consistency_is_judged_by_the_whole_interval(anees, flag):
     assert compare(frame[frame["trial"] < 4], baseline="a")["consistency"].item() == "not assessed"
 
 
+def test_a_covariance_that_vanished_is_over_confident():
+    frame = rows("a", BASE)
+    frame.loc[5, "anees"] = np.inf
+    assert compare(frame, baseline="a")["consistency"].item() == "over-confident"
+    assert compare(frame[frame["trial"] < 4], baseline="a")["consistency"].item() == "not assessed"
+
+
 def test_failed_trials_are_counted_and_nothing_else():
     frame = rows("a", BASE).assign(failure=None)
     frame.loc[frame["trial"] == 3, "failure"] = "ValueError: boom"
