@@ -105,9 +105,10 @@ def compare(errors: pd.DataFrame, baseline: str, margin: float = MARGIN) -> pd.D
     table["consistency"] = consistency(table)
     bounds = errors.groupby(["scenario", "estimator"], sort=False)["bound"].any()
     table["bound"] = bounds.to_numpy()
-    pairs = pd.DataFrame(
-        [_pair(errors, *labels, baseline, margin) for labels in zip(table["scenario"], table["estimator"], strict=True)]
-    )
+    ended = succeeded(errors).groupby(["scenario", "estimator"], sort=False)
+    trials = {(str(s), str(e)): per_trial(group)["mse"] for (s, e), group in ended}
+    labels = zip(table["scenario"], table["estimator"], strict=True)
+    pairs = pd.DataFrame([_pair(trials, scenario, estimator, baseline, margin) for scenario, estimator in labels])
     for test in ("p", "p_equal"):
         pairs[f"{test}_holm"] = statistics.holm(pairs[test].to_numpy())
     return pd.concat([table.drop(columns="stream"), pairs, table["stream"]], axis=1)
@@ -173,9 +174,11 @@ def _ends(shares: pd.Series) -> list[tuple[str, float]]:
     return [("low", interval.low), ("high", interval.high)]
 
 
-def _pair(errors: pd.DataFrame, scenario: str, estimator: str, baseline: str, margin: float) -> dict[str, float | str]:
-    here = succeeded(errors[errors["scenario"] == scenario])
-    mine, base = (per_trial(here[here["estimator"] == name])["mse"] for name in (estimator, baseline))
+def _pair(
+    trials: dict[tuple[str, str], "pd.Series[float]"], scenario: str, estimator: str, baseline: str, margin: float
+) -> dict[str, float | str]:
+    none = pd.Series(dtype=float)
+    mine, base = (trials.get((scenario, name), none) for name in (estimator, baseline))
     both = pd.concat([base, mine], axis=1, join="inner", keys=["base", "mine"]).dropna()
     a, b = both["base"].to_numpy(), both["mine"].to_numpy()
     gain, n = statistics.improvement(a, b), len(both)
