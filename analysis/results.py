@@ -30,14 +30,14 @@ class Results(NamedTuple):
 
     def mse(self, *cells: Cell) -> Array:
         """Mean squared errors (trial, cell) of the trials that ended in all cells."""
-        return self._joined("mse", cells).to_numpy(float)
+        return self._joined("mse", cells)
 
     def parts(self, *cells: Cell) -> Array:
         """Seconds per robot and tick (part, cell): trials whose time was taken together share one value."""
-        seconds = self._joined("seconds", cells).drop_duplicates()
-        if seconds.empty:
+        seconds = self._joined("seconds", cells)
+        if not len(seconds):
             raise Missing(f"no times of {', '.join(name for _, name in cells)} in {cells[0][0]}")
-        return seconds.to_numpy(float)
+        return np.unique(seconds, axis=0)
 
     def anees(self, cell: Cell) -> Array:
         return self._frame(cell)["anees"].dropna().to_numpy(float)
@@ -86,9 +86,15 @@ class Results(NamedTuple):
             raise Missing(f"no rows of {cell[1]} in {cell[0]}" + (f"; {nearest(cell[1], here)}" if here else ""))
         return frame
 
-    def _joined(self, column: str, cells: tuple[Cell, ...]) -> pd.DataFrame:
+    def _joined(self, column: str, cells: tuple[Cell, ...]) -> Array:
+        """(trial, cell) of the trials that have the column in all cells."""
         columns = [self._frame(cell)[column] for cell in cells]
-        return pd.concat(columns, axis=1, join="inner", keys=range(len(cells))).dropna()
+        first = columns[0].index
+        if not all(c.index.equals(first) for c in columns):  # joining takes most of the time, and is seldom needed
+            columns = [c for _, c in pd.concat(columns, axis=1, join="inner", keys=range(len(cells))).items()]
+        values: Array = np.stack([c.to_numpy(float) for c in columns], 1)
+        complete: Array = values[np.isfinite(values).all(1)]
+        return complete
 
 
 def collect(rows: pd.DataFrame) -> Results:
