@@ -1,7 +1,8 @@
 """Verdicts on a ledger's claims, computed from the rows of a run and never written by hand.
 
 A claim comes down to one number with its 95 % interval over trials, and each verdict to a zone of numbers. The verdict
-is the first of the list whose zone holds the whole interval, so each is wrong in at most one of twenty repetitions:
+is the first of the list whose zone holds the whole interval, so that it is wrong in one of twenty repetitions where the
+truth is at the zone's edge, and more seldom elsewhere (measured in `reports/statistics.md`):
 
 - *supported*: the claim's direction, and its size up to its margin;
 - *direction only*: the direction, but less than the size;

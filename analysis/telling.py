@@ -103,8 +103,8 @@ def show(verdicts: pd.DataFrame, ledger: Ledger, console: Console | None = None)
 def _legend(verdicts: pd.DataFrame) -> str:
     decided = int(verdicts["verdict"].isin(("supported", "direction only", "contradicted")).sum())
     return (
-        "(r): ratio a/b - 1, else reduction 1 - b/a. A verdict is wrong in at most one of twenty repetitions: of these "
-        f"{decided}, {decided / 20:.0f} may be."
+        "(r): ratio a/b - 1, else reduction 1 - b/a. At worst a verdict is wrong in one of twenty repetitions: of "
+        f"these {decided}, some {decided / 20:.0f}."
     )
 
 
