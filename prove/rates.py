@@ -278,8 +278,8 @@ def main() -> int:
     report.lines += HEADER.strip().splitlines()
     report.table(
         "Coverage of 95 % intervals",
-        "Share of repetitions whose interval holds the truth; where there is none, it does not. Promised: 0.92 to 0.98. "
-        "Rows in brackets are for comparison, and not promised.",
+        "Share of repetitions whose interval holds the truth; where there is none, it does not. "
+        "Promised: 0.92 to 0.98. Rows in brackets are for comparison, and not promised.",
         {
             "improvement, Fieller": rates("fieller", of_improvement(statistics.improvement)),
             "(there is none: Fieller's set is unbounded)": rates("unbounded", of_nothing),
