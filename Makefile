@@ -3,7 +3,7 @@ PYTHON ?= python3.11
 VENV ?= .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test lint types floors units bench lock clean
+.PHONY: demo test lint types floors units bench prove lock clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.ready  ## run the quick study, print its table, write its picture
@@ -27,6 +27,9 @@ units: $(VENV)/.ready
 bench: $(VENV)/.ready  ## speed, as ratios to a reference in the same run
 	$(BIN)/python benchmarks/ekf_engines.py
 	$(BIN)/python benchmarks/intersection.py
+
+prove: $(VENV)/.ready  ## how often intervals and verdicts are right, by simulation; keeps its report
+	$(BIN)/python prove/rates.py reports/statistics.md
 
 $(VENV)/.ready: requirements.lock pyproject.toml
 	$(PYTHON) -m venv $(VENV)

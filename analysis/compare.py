@@ -6,11 +6,12 @@ import numpy as np
 import pandas as pd
 
 from cooploc.analysis import statistics
+from cooploc.analysis.consistency import CONSERVATIVE as CONSERVATIVE
+from cooploc.analysis.consistency import OVER_CONFIDENT as OVER_CONFIDENT
+from cooploc.analysis.consistency import consistency as consistency
 from cooploc.analysis.errors import NOTE
 from cooploc.estimators import nearest
 from cooploc.estimators.bad_input import BadInput
-
-OVER_CONFIDENT, CONSERVATIVE = 1.5, 0.67  # ANEES limits: the whole interval must lie beyond
 
 SUMMARY = {
     "scenario": "the scenario's label",
@@ -31,10 +32,21 @@ SUMMARY = {
     "seconds": "seconds per robot and tick",
     "stream": "hash of the stream",
 }
+DETAIL = {
+    "coverage95_low": "95 % interval of coverage95, over trials",
+    "coverage95_high": "",
+    "diverged_low": "95 % interval of diverged, over trials",
+    "diverged_high": "",
+    "mean_error": "mean Euclidean position error [m]",
+    "median_error": "median position error of a robot in a trial, its mean [m]",
+    "final_error": "position error at the last tick, its mean [m]",
+    "max_error": "largest position error of a robot in a trial, its mean [m]",
+}
+MARGIN = 0.05  # two estimators whose RMSE differ by less than this share tie
 
 
 def summarize(errors: pd.DataFrame) -> pd.DataFrame:
-    """One row per (scenario, estimator) with the columns of `SUMMARY`, in order of appearance.
+    """One row per (scenario, estimator) with the columns of `SUMMARY` and `DETAIL`, in order of appearance.
 
     Rows with a `failure` (see `cooploc.analysis.execute`) count as failed trials and as nothing else.
     """
@@ -56,18 +68,32 @@ def summarize(errors: pd.DataFrame) -> pd.DataFrame:
             "failed": group["trial"].nunique() - len(trials),
             **{cost: ended[cost].mean() for cost in ("messages", "bytes", "seconds")},
             "stream": stream_hash(group),
+            **{f"coverage95_{end}": v for end, v in _ends(trials["coverage95"])},
+            **{f"diverged_{end}": v for end, v in _ends(trials["diverged"])},
+            **{f"{kind}_error": trials[f"{kind}_error"].mean() for kind in ("mean", "median", "final", "max")},
         }
         rows.append(row)
-    return pd.DataFrame(rows, columns=list(SUMMARY))
+    return pd.DataFrame(rows, columns=[*SUMMARY, *DETAIL])
 
 
-def compare(errors: pd.DataFrame, baseline: str | Mapping[str, str]) -> pd.DataFrame:
+def compare(errors: pd.DataFrame, baseline: str | Mapping[str, str], margin: float = MARGIN) -> pd.DataFrame:
     """Every estimator against a baseline, or that of its scenario, trial by trial on the same streams.
 
-    Adds to the columns of `SUMMARY`: `difference` [m] (mean over trials of RMSE minus the baseline's) with its t
-    interval, `improvement` (1 - RMSE / the baseline's RMSE) with Fieller's interval, `p` of the signed-rank test and
-    `p_holm`, adjusted over all rows of the table, the matched-pairs rank-biserial `effect` (negative: smaller errors
-    than the baseline), `bound`, and the `consistency` flag.
+    Adds to the columns of `SUMMARY` and `DETAIL`:
+
+    - `difference` [m] (mean over trials of RMSE minus the baseline's) with its t interval;
+    - `improvement` (1 - RMSE / the baseline's RMSE) with Fieller's interval, `bca_low` and `bca_high` beside it, and
+      the other definition of "better by", `ratio` (the baseline's RMSE / RMSE - 1), with the same interval transformed;
+    - `p` of the signed-rank test, `p_equal` of the equivalence test (small: the two tie within `margin`), and both
+      adjusted by Holm over all rows of the table, `p_holm` and `p_equal_holm`;
+    - `effect`, the matched-pairs rank-biserial one (negative: smaller errors than the baseline);
+    - `trials_for_margin`: trials at which `improvement` would be known to plus or minus `margin`;
+    - `bound`, and the `consistency` flag.
+
+    Args:
+        errors: from `errors` or a run directory.
+        baseline: an estimator's label, or one for each scenario.
+        margin: the share of RMSE by which two estimators may differ and still tie.
 
     Raises:
         BadInput: the baseline is not there, or rows to be paired are of different streams.
@@ -84,26 +110,13 @@ def compare(errors: pd.DataFrame, baseline: str | Mapping[str, str]) -> pd.DataF
     table["consistency"] = consistency(table)
     bounds = errors.groupby(["scenario", "estimator"], sort=False)["bound"].any()
     table["bound"] = bounds.to_numpy()
-    pairs = pd.DataFrame(
-        [
-            _pair(errors, *labels, against[labels[0]])
-            for labels in zip(table["scenario"], table["estimator"], strict=True)
-        ]
-    )
-    pairs["p_holm"] = statistics.holm(pairs["p"].to_numpy())
+    ended = succeeded(errors).groupby(["scenario", "estimator"], sort=False)
+    trials = {(str(s), str(e)): per_trial(group)["mse"] for (s, e), group in ended}
+    labels = zip(table["scenario"], table["estimator"], strict=True)
+    pairs = pd.DataFrame([_pair(trials, scenario, name, against[scenario], margin) for scenario, name in labels])
+    for test in ("p", "p_equal"):
+        pairs[f"{test}_holm"] = statistics.holm(pairs[test].to_numpy())
     return pd.concat([table.drop(columns="stream"), pairs, table["stream"]], axis=1)
-
-
-def consistency(table: pd.DataFrame) -> pd.Series:
-    """over-confident, conservative, or consistent, by the 95 % interval of ANEES; "not assessed" below five trials."""
-    words = [
-        table["anees_low"].isna().to_numpy(),
-        (table["anees_low"] > OVER_CONFIDENT).to_numpy(),
-        (table["anees_high"] < CONSERVATIVE).to_numpy(),
-    ]
-    return pd.Series(
-        np.select(words, ["not assessed", "over-confident", "conservative"], "consistent"), index=table.index
-    )
 
 
 def succeeded(errors: pd.DataFrame) -> pd.DataFrame:
@@ -123,20 +136,34 @@ def notes(errors: pd.DataFrame) -> list[str]:
 
 
 def per_trial(group: pd.DataFrame) -> pd.DataFrame:
-    """One row per trial of one (scenario, estimator): means over its robots, weighted by the ticks that count."""
+    """One row per trial of one (scenario, estimator): means over its robots, weighted by the ticks that count.
+
+    Medians, final and largest errors, and what diverged, are of a robot: there every robot counts the same.
+    """
     weight = group["ticks"] / group.groupby("trial")["ticks"].transform("sum")
-    weighted = group[["mse", "anees", "coverage95"]].mul(weight, axis=0)
+    weighted = group[["mse", "anees", "coverage95", "mean_error"]].mul(weight, axis=0)
     out = weighted.groupby(group["trial"]).sum(min_count=1)
+    of_robots = ["diverged", "median_error", "final_error", "max_error"]
+    out[of_robots] = group[["trial", *of_robots]].groupby("trial").mean()
     out["stream"] = group.groupby("trial")["stream"].first()
     return out
 
 
 def demand_same_streams(errors: pd.DataFrame) -> None:
-    """Refuse rows that look paired and are not."""
+    """Refuse rows that look paired and are not.
+
+    Raises:
+        BadInput: estimators ran on different streams, or were judged on different ticks of one.
+
+    """
     different = errors.groupby(["scenario", "trial"])["stream"].nunique()
     if (different > 1).any():
         scenario, trial = different[different > 1].index[0]
         raise BadInput(f"{scenario}, trial {trial}: estimators ran on different streams; run them again on one stream")
+    different = succeeded(errors).groupby(["scenario", "trial", "robot"])["ticks"].nunique()
+    if (different > 1).any():
+        scenario, trial, _ = different[different > 1].index[0]
+        raise BadInput(f"{scenario}, trial {trial}: estimators were judged on different ticks; use one burn_in for all")
 
 
 def stream_hash(group: pd.DataFrame) -> str:
@@ -147,20 +174,36 @@ def stream_hash(group: pd.DataFrame) -> str:
     return hashlib.sha256("".join(trials).encode()).hexdigest()
 
 
-def _pair(errors: pd.DataFrame, scenario: str, estimator: str, baseline: str) -> dict[str, float | str]:
-    here = succeeded(errors[errors["scenario"] == scenario])
-    mine, base = (per_trial(here[here["estimator"] == name])["mse"] for name in (estimator, baseline))
+def _ends(shares: pd.Series) -> list[tuple[str, float]]:
+    interval = statistics.share(shares.dropna().to_numpy(float))
+    return [("low", interval.low), ("high", interval.high)]
+
+
+def _pair(
+    trials: dict[tuple[str, str], "pd.Series[float]"], scenario: str, estimator: str, baseline: str, margin: float
+) -> dict[str, float | str]:
+    none = pd.Series(dtype=float)
+    mine, base = (trials.get((scenario, name), none) for name in (estimator, baseline))
     both = pd.concat([base, mine], axis=1, join="inner", keys=["base", "mine"]).dropna()
     a, b = both["base"].to_numpy(), both["mine"].to_numpy()
-    difference = statistics.mean_difference(np.sqrt(a), np.sqrt(b))
-    gain = statistics.improvement(a, b)
-    tested = estimator != baseline and len(both) >= statistics.LEAST_TRIALS
+    gain, n = statistics.improvement(a, b), len(both)
+    other = estimator != baseline
+    tested = other and n >= statistics.LEAST_TRIALS
     p, effect = statistics.signed_rank(np.sqrt(a), np.sqrt(b)) if tested else (np.nan, np.nan)
     return {
         "baseline": baseline,
-        "pairs": len(both),
-        **dict(zip(("difference", "difference_low", "difference_high"), difference, strict=True)),
-        **dict(zip(("improvement", "improvement_low", "improvement_high"), gain, strict=True)),
+        "pairs": n,
+        **_named("difference", statistics.mean_difference(np.sqrt(a), np.sqrt(b))),
+        **_named("improvement", gain),
+        "bca_low": (bca := statistics.improvement_bca(a, b)).low,
+        "bca_high": bca.high,
+        **_named("ratio", statistics.as_ratio(gain)),
         "p": p,
         "effect": effect,
+        "p_equal": statistics.equivalence(np.sqrt(a), np.sqrt(b), margin) if tested else np.nan,
+        "trials_for_margin": statistics.trials_for_width(gain, n, margin) if other else np.nan,
     }
+
+
+def _named(name: str, interval: statistics.Interval) -> dict[str, float]:
+    return {name: interval.value, f"{name}_low": interval.low, f"{name}_high": interval.high}

@@ -53,10 +53,7 @@ def errors(truth: Truth, run: Run, burn_in: int = 0) -> pd.DataFrame:
         BadInput: truth and run are of different streams, or nothing is left to count.
 
     """
-    if truth.origin != run.hashes:
-        raise BadInput(
-            f"this truth ({truth.scenario}) and run ({run.scenario}) are of different streams: simulate anew"
-        )
+    _demand_same(truth, run)
     if not 0 <= burn_in < truth.x.shape[1]:
         raise BadInput(f"burn_in is {burn_in}; it must lie between 0 and {truth.x.shape[1] - 1}")
     valid = truth.valid.copy()
@@ -65,12 +62,33 @@ def errors(truth: Truth, run: Run, burn_in: int = 0) -> pd.DataFrame:
     return pd.concat(frames, ignore_index=True)
 
 
+def position_errors(truth: Truth, run: Run, trace: Trace) -> tuple[Array, Array]:
+    """Squared position error [m^2] and position NEES (t, T, n) of one trace of a run; nan where the truth is unknown.
+
+    Raises:
+        BadInput: truth and run are of different streams.
+
+    """
+    _demand_same(truth, run)
+    return _squared(truth, trace, truth.valid)
+
+
+def _demand_same(truth: Truth, run: Run) -> None:
+    if truth.origin != run.hashes:
+        raise BadInput(
+            f"this truth ({truth.scenario}) and run ({run.scenario}) are of different streams: simulate anew"
+        )
+
+
+def _squared(truth: Truth, trace: Trace, valid: Mask) -> tuple[Array, Array]:
+    e = np.where(valid[..., None], trace.x[..., :2] - truth.x[..., :2], np.nan)
+    return (e**2).sum(-1), _quadratic(e, trace.P[..., :2, :2])
+
+
 def _frame(truth: Truth, run: Run, name: str, trace: Trace, valid: Mask) -> pd.DataFrame:
     t, T, n = valid.shape
-    e = np.where(valid[..., None], trace.x[..., :2] - truth.x[..., :2], np.nan)
-    d2 = (e**2).sum(-1)
+    d2, nees = _squared(truth, trace, valid)
     d = np.sqrt(d2)
-    nees = _quadratic(e, trace.P[..., :2, :2])
     side = float(np.max(truth.arena[1] - truth.arena[0]))
     tail = _over_ticks(np.nanmean, np.where(_last_quarter(valid), d2, np.nan))
     per = {

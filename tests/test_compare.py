@@ -3,9 +3,10 @@
 import numpy as np
 import pandas as pd
 import pytest
+from statsmodels.stats.proportion import proportion_confint
 
 import cooploc as cl
-from cooploc.analysis.compare import SUMMARY, compare, per_trial, summarize
+from cooploc.analysis.compare import DETAIL, SUMMARY, compare, per_trial, summarize
 from cooploc.analysis.errors import COLUMNS
 from cooploc.analysis.plot import rmse
 from cooploc.analysis.report import records
@@ -24,6 +25,10 @@ def rows(estimator, mse, *, anees=1.0, scenario="s", stream="h", ticks=10):
             "ticks": ticks,
             "mse": np.ravel(mse),
             "anees": anees,
+            "mean_error": 1.0,
+            "median_error": 0.9,
+            "max_error": 3.0,
+            "final_error": 1.1,
             "coverage95": 0.9,
             "diverged": 0.0,
             "messages": 1.0,
@@ -49,7 +54,8 @@ def test_rmse_pools_robots_by_valid_ticks_then_trials():
 
 def test_summary_has_exactly_the_promised_fields_and_no_interval_below_five_trials():
     table = summarize(rows("a", BASE[:4]))
-    assert list(table.columns) == list(SUMMARY)
+    assert list(table.columns) == [*SUMMARY, *DETAIL]
+    assert list(records(table)[0]) == list(SUMMARY)
     assert records(table)[0]["rmse_low"] is None
     assert records(summarize(rows("a", BASE)))[0]["rmse_low"] < np.sqrt(BASE.mean())
 
@@ -68,6 +74,39 @@ def test_differences_are_paired_by_trial_and_not_by_order():
     assert row["difference"] == pytest.approx(expected)
     base = table[table["estimator"] == "a"].iloc[0]
     assert np.isnan(base["p"])
+
+
+def test_both_definitions_and_the_bootstrap_stand_beside_each_other():
+    mine = rows("b", 0.25 * BASE * RNG.lognormal(0, 0.2, BASE.shape))
+    row = compare(pd.concat([rows("a", BASE), mine]), baseline="a").iloc[1]
+    for end in ("", "_low", "_high"):  # 50 % less error is 100 % better by the other definition
+        assert row[f"ratio{end}"] == pytest.approx(1 / (1 - row[f"improvement{end}"]) - 1)
+    assert row["bca_low"] < row["improvement"] < row["bca_high"]
+    width = row["improvement_high"] - row["improvement_low"]
+    assert 0.4 < (row["bca_high"] - row["bca_low"]) / width < 1.2
+
+
+def test_a_tie_is_shown_by_equivalence_and_not_by_a_large_p():
+    near, far = (rows("b", BASE * RNG.lognormal(0, s, BASE.shape)) for s in (0.01, 1.0))
+    for other, tie in ((near, True), (far, False)):
+        row = compare(pd.concat([rows("a", BASE), other]), baseline="a", margin=0.05).iloc[1]
+        assert row["p"] > 0.05
+        assert (row["p_equal_holm"] < 0.05) == tie
+        assert (row["trials_for_margin"] <= row["pairs"]) == tie
+
+
+def test_rows_judged_on_different_ticks_are_refused():
+    with pytest.raises(cl.BadInput, match="trial 0: estimators were judged on different ticks; use one burn_in"):
+        compare(pd.concat([rows("a", BASE), rows("b", BASE, ticks=8)]), baseline="a")
+
+
+def test_divergence_counts_trials_and_not_robots():
+    frame = rows("a", BASE)
+    frame["diverged"] = (frame["trial"] < 3).astype(float)  # whole teams are lost together
+    row = summarize(frame).iloc[0]
+    low, high = proportion_confint(3, 12, method="wilson")
+    assert row["diverged"] == 0.25
+    assert (row["diverged_low"], row["diverged_high"]) == pytest.approx((low, high))
 
 
 def test_p_is_adjusted_over_the_whole_table():
@@ -96,6 +135,13 @@ def test_consistency_is_judged_by_the_whole_interval(anees, flag):
     frame = rows("a", BASE)
     frame["anees"] = spread
     assert compare(frame, baseline="a")["consistency"].item() == flag
+    assert compare(frame[frame["trial"] < 4], baseline="a")["consistency"].item() == "not assessed"
+
+
+def test_a_covariance_that_vanished_is_over_confident():
+    frame = rows("a", BASE)
+    frame.loc[5, "anees"] = np.inf
+    assert compare(frame, baseline="a")["consistency"].item() == "over-confident"
     assert compare(frame[frame["trial"] < 4], baseline="a")["consistency"].item() == "not assessed"
 
 
