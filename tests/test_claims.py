@@ -400,5 +400,5 @@ def test_the_table_shows_every_case_and_leaves_out_variants_that_were_not_run(ca
     show(found, made)
     told = capsys.readouterr().out
     assert "Direction only" in told
-    assert "no rows of ctrn in robots-1-3/n=3" in told
+    assert "no rows of ctrn[weights=exact] in robots-1-3/n=3" in told
     assert "hardware: robots" not in told
