@@ -25,6 +25,7 @@ units: $(VENV)/.ready
 	$(BIN)/pytest -n 2 --dist loadgroup
 
 bench: $(VENV)/.ready  ## speed, as ratios to a reference in the same run
+	$(BIN)/python benchmarks/table.py
 	$(BIN)/python benchmarks/ekf_engines.py
 	$(BIN)/python benchmarks/intersection.py
 

@@ -52,6 +52,7 @@ def rounded(reading: Array, unit: float) -> Array:
 
 
 def distance(a: Array, b: Array) -> Array:
-    """Euclidean distance over the last axis."""
-    d: Array = np.sqrt(((a - b) ** 2).sum(-1))
+    """Euclidean distance of places (..., 2): by components, for a sum over two is numpy's slowest."""
+    dx, dy = a[..., 0] - b[..., 0], a[..., 1] - b[..., 1]
+    d: Array = np.sqrt(dx**2 + dy**2)
     return d

@@ -109,9 +109,10 @@ class Stream:
         for name, array in self.arrays().items():
             one = np.ascontiguousarray(array[i])
             one = one.astype(one.dtype.newbyteorder("<"))
-            one = np.where(np.isnan(one), np.nan, one) if one.dtype.kind == "f" else one  # one nan, whatever its bits
+            if one.dtype.kind == "f":
+                one[np.isnan(one)] = np.nan  # one nan, whatever its bits
             digest.update(f"{name} {one.dtype.str} {one.shape};".encode())
-            digest.update(one.tobytes())
+            digest.update(one.data)
         return digest.hexdigest()
 
     def channels(self) -> set[str]:
