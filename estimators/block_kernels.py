@@ -1,4 +1,4 @@
-"""Compiled loops of `blocks.py`: readings absorbed one by one, and sums over pairs, each trial by itself."""
+"""Compiled loops of `blocks.py`: readings absorbed one by one, sums over pairs, outer products, trial by trial."""
 
 import numba
 import numpy as np
@@ -221,6 +221,43 @@ def _joined_ranges(
                 x[s] = (before + P[s] @ eta).reshape(n, d)
 
 
+def _definite(P: Array, out: Mask) -> None:
+    """The last pivot of a Cholesky factor is above 0 if all are, and nan if one before it was not."""
+    d = P.shape[1]
+    C, nothing = np.empty((d, d)), np.empty((d, 0))
+    for s in range(len(P)):
+        C[:] = P[s]
+        whiten(C, nothing)
+        out[s] = C[d - 1, d - 1] > 0
+
+
+def _rows_gathered(Gamma: Array, Pi: Array, first: int, W: Array) -> None:
+    """Gamma (t, o, k, m) += W (t, k, d) times the d rows of Pi (t, o, m, m) from the first on."""
+    t, o, k, m = Gamma.shape
+    for s in range(t):
+        for i in range(o):
+            for q in range(k):
+                total = Gamma[s, i, q]
+                for a in range(W.shape[2]):
+                    row, w = Pi[s, i, first + a], W[s, q, a]
+                    for b in range(m):
+                        total[b] += w * row[b]
+
+
+def _outer_subtracted(Pi: Array, Gamma: Array, takes: Mask) -> None:
+    """Pi (t, o, m, m) -= Gamma' Gamma, where `takes` (t, o), row by row: the copy of a large team fills a cache."""
+    t, o, k, m = Gamma.shape
+    for s in range(t):
+        for i in range(o):
+            if takes[s, i]:
+                for a in range(m):
+                    row = Pi[s, i, a]
+                    for q in range(k):
+                        other, g = Gamma[s, i, q], Gamma[s, i, q, a]
+                        for b in range(m):
+                            row[b] -= g * other[b]
+
+
 _compiled = numba.njit(cache=True, error_model="numpy")
 whiten = _compiled(_whitened)
 beside = _compiled(_both)
@@ -233,3 +270,6 @@ gate_ranges = _compiled(_gated)
 join_ranges = _compiled(_joined_ranges)
 add_ranges = _compiled(_ranges)
 add_directions = _compiled(_directions)
+fill_definite = _compiled(_definite)
+gather_rows = _compiled(_rows_gathered)
+subtract_outer = _compiled(_outer_subtracted)

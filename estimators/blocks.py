@@ -18,8 +18,11 @@ from cooploc.estimators.block_kernels import (
     add_information,
     add_ranges,
     add_scalars,
+    fill_definite,
     fill_distances,
+    gather_rows,
     join_ranges,
+    subtract_outer,
 )
 from cooploc.estimators.doa import GradientDoa
 from cooploc.estimators.gaussian import distance, present, symmetric
@@ -113,6 +116,25 @@ def scalars_of_own(x: Array, P: Array, use: Mask, y: Array, H: Array, R: Array) 
     x, P = x.copy(), P.copy()
     add_scalars(x, P, use, y, H, R.item())
     return x, P
+
+
+def definite(P: Array) -> Mask:
+    """Which of the symmetric matrices P (..., d, d) are positive definite."""
+    out = np.zeros(P.shape[:-2], bool)
+    fill_definite(np.ascontiguousarray(P).reshape(-1, *P.shape[-2:]), out.reshape(-1))
+    return out
+
+
+def add_rows(Gamma: Array, Pi: Array, m: int, W: Array) -> None:
+    """Gamma += W Pi_m. in place: Gamma (t, o, k, n, d), symmetric Pi (t, o, n, d, n, d) by its rows m, W (t, k, d)."""
+    t, o, n, d = Pi.shape[:4]
+    gather_rows(Gamma.reshape(t, o, -1, n * d), Pi.reshape(t, o, n * d, -1), m * d, np.ascontiguousarray(W))
+
+
+def subtract_products(Pi: Array, Gamma: Array, takes: Mask) -> None:
+    """Pi -= Gamma' Gamma in place where `takes` (t, o): Pi (t, o, n, d, n, d), Gamma (t, o, k, n, d)."""
+    t, o, n, d = Pi.shape[:4]
+    subtract_outer(Pi.reshape(t, o, n * d, -1), Gamma.reshape(t, o, -1, n * d), np.ascontiguousarray(takes))
 
 
 def dense(at: Mapping[int, Array], robots: int) -> Array:

@@ -14,15 +14,16 @@ Source: S. Kia, S. Rounds, S. Martinez, "Cooperative localization for mobile age
 based on Kalman-filter decoupling", IEEE Control Systems Magazine 36(2), 2016, the interim-master algorithm.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from itertools import permutations
 from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 
 from cooploc.estimators.angles import wrap_heading
-from cooploc.estimators.blocks import block_diagonal, dense, square
+from cooploc.estimators.blocks import add_rows, block_diagonal, definite, dense, square, subtract_products
 from cooploc.estimators.doa import fixed, gradient_doa
 from cooploc.estimators.gaussian import ENGINES, GATE, EngineName, distance, present, symmetric
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Traffic, World
@@ -38,8 +39,17 @@ class State(NamedTuple):
     x: Array  # (t, n, d)
     P: Array  # (t, n, d, d)
     Phi: Array  # (t, n, d, d)
-    Pi: Array  # (t, n, n, d, n, d)  each robot's copy of every Pi_jl; the diagonal is not used
+    Pi: Array  # (t, n, n, d, n, d)  each robot's copy of every Pi_jl = Pi_lj'; the diagonal is not used
     world: World
+
+
+class Change(NamedTuple):
+    """What a reading does to everybody's memory."""
+
+    dx: Array  # (t, n, d)
+    dP: Array  # (t, n, d, d)
+    runaway: Mask  # (t, n)
+    subtract: Callable[[Mask], None]  # dPi from the Pi of those robots (t, n)
 
 
 @dataclass(frozen=True)
@@ -77,6 +87,7 @@ class EkfInterim:
         """Readings of fixed things, then of teammates, one after the other, each with its own messages."""
         d = s.x.shape[-1]
         messages, sent = np.zeros(s.x.shape[:2]), np.zeros(s.x.shape[:2])
+        s = s._replace(Pi=s.Pi.copy())  # the largest part by far: copied once, then every reading writes into it
 
         def say(robot: int, when: Mask, numbers: int) -> None:
             messages[:, robot] += when
@@ -103,23 +114,23 @@ class EkfInterim:
     def _master(self, s: State, a: int, y: Array, at: At, R: Array, heard: Mask) -> tuple[State, Mask]:
         """Master a's update, in its memory and in that of those who `heard` it (t, n); which trials used it (t,).
 
-        S = R + H P H' over the robots that it is `at`; then x_i' = x_i + dx_i,  P_i' = P_i - dP_i,  Pi' = Pi - dPi.
+        S = R + H P H' over the robots that it is `at`; then x_i' = x_i + dx_i,  P_i' = P_i - dP_i,  Pi' = Pi - dPi,
+        the last one in place.
         """
-        S = symmetric(np.asarray(R + sum(H @ _cross(s, a, m, at) for m, H in at.items())))
+        cross = {m: _cross(s, a, m, at) for m in at}
+        S = symmetric(np.asarray(R + sum(H @ cross[m] for m, H in at.items())))
         use = np.asarray(np.stack([present(y, H, S) for H in at.values()]).all(0))
-        use &= np.linalg.eigvalsh(np.where(use[:, None, None], S, np.eye(y.shape[-1])))[:, 0] > 0
+        use &= definite(np.where(use[:, None, None], S, np.eye(y.shape[-1])))
         S, y = np.where(use[:, None, None], S, np.eye(y.shape[-1])), np.where(use[:, None], y, 0.0)
         use &= distance(y, S) <= self.gate
-        at = {m: np.where(use[:, None, None], H, 0.0) for m, H in at.items()}
-        dx, dP, dPi = (_by_factors if self.engine == "batched" else _by_filterpy)(s, a, y, at, S, R)
-        sound = np.linalg.eigvalsh(s.P - dP)[..., 0] > 0
-        sound &= (np.einsum("tijaja->tija", dPi) < RUNAWAY**2).all((2, 3))
+        at, cross = ({m: np.where(use[:, None, None], part, 0.0) for m, part in parts.items()} for parts in (at, cross))
+        change = _by_factors(s, y, at, cross, S) if self.engine == "batched" else _by_filterpy(s, a, y, at, R)
+        sound = definite(s.P - change.dP) & ~change.runaway
         use &= np.stack([sound[:, m] for m in at]).all(0)
         takes = use[:, None] & sound & (heard | (np.arange(s.world.robots) == a))
-        x = s.x + np.where(takes[..., None], dx, 0.0)
-        P = s.P - np.where(takes[..., None, None], dP, 0.0)
-        Pi = np.subtract(s.Pi, dPi, out=s.Pi.copy(), where=takes[(..., *[None] * 4)])
-        return s._replace(x=x, P=P, Pi=Pi), use
+        change.subtract(takes)
+        x = s.x + np.where(takes[..., None], change.dx, 0.0)
+        return s._replace(x=x, P=s.P - np.where(takes[..., None, None], change.dP, 0.0)), use
 
 
 def _cross(s: State, a: int, m: int, at: At) -> Array:
@@ -128,19 +139,22 @@ def _cross(s: State, a: int, m: int, at: At) -> Array:
     return np.asarray(sum(block @ at[j].mT for j, block in blocks.items()))
 
 
-def _by_factors(s: State, a: int, y: Array, at: At, S: Array, R: Array) -> tuple[Array, Array, Array]:
+def _by_factors(s: State, y: Array, at: At, cross: At, S: Array) -> Change:
     """r = S^-1/2 y,  Gamma_m = (Phi_m^-1 P_m H_m' + ..) S^-1/2:  dx_i = Phi_i Gamma_i r,  dPi_jl = Gamma_j Gamma_l'."""
     t, n, d = s.x.shape
     half = np.linalg.inv(np.linalg.cholesky(S)).mT
-    Gamma = np.asarray(sum(s.Pi[..., m, :] @ (s.Phi[:, m].mT @ H.mT @ half)[:, None, None] for m, H in at.items()))
+    Gamma = np.zeros((t, n, y.shape[-1], n, d))  # (t, whose memory, k, m, d), transposed
+    for m, H in at.items():
+        add_rows(Gamma, s.Pi, m, (s.Phi[:, m].mT @ H.mT @ half).mT)
     for m in at:  # as the master broadcast them
-        Gamma[:, :, m] = np.linalg.solve(s.Phi[:, m], _cross(s, a, m, at) @ half)[:, None]
-    mine = s.Phi @ np.einsum("tiiak->tiak", Gamma)
-    Gamma = Gamma.reshape(t, n, n * d, -1)
-    return (mine @ (half.mT @ y[..., None])[:, None])[..., 0], mine @ mine.mT, (Gamma @ Gamma.mT).reshape(s.Pi.shape)
+        Gamma[:, :, :, m] = np.linalg.solve(s.Phi[:, m], cross[m] @ half).mT[:, None]
+    mine = s.Phi @ np.einsum("tikia->tiak", Gamma)
+    runaway = ~((Gamma**2).sum(2) < RUNAWAY**2).all((2, 3))
+    dx = (mine @ (half.mT @ y[..., None])[:, None])[..., 0]
+    return Change(dx, mine @ mine.mT, runaway, partial(subtract_products, s.Pi, Gamma))
 
 
-def _by_filterpy(s: State, a: int, y: Array, at: At, S: Array, R: Array) -> tuple[Array, Array, Array]:
+def _by_filterpy(s: State, a: int, y: Array, at: At, R: Array) -> Change:
     """The same by filterpy's filter over the team as each robot remembers it, P_jl = Phi_j Pi_jl Phi_l'."""
     t, n, d = s.x.shape
     Pi, Phi = s.Pi.copy(), square(block_diagonal(s.Phi))[:, None]
@@ -153,4 +167,10 @@ def _by_filterpy(s: State, a: int, y: Array, at: At, S: Array, R: Array) -> tupl
     dx, P1 = ENGINES["filterpy"].update(np.zeros((t, n, n * d)), P, y, H, R, np.inf)
     inverse, dP = np.linalg.inv(Phi), P - P1
     dPi = (inverse @ dP @ inverse.mT).reshape(s.Pi.shape)
-    return np.einsum("tiia->tia", dx.reshape(t, n, n, d)), np.einsum("tiiaib->tiab", dP.reshape(s.Pi.shape)), dPi
+    dx, dP = np.einsum("tiia->tia", dx.reshape(t, n, n, d)), np.einsum("tiiaib->tiab", dP.reshape(s.Pi.shape))
+    runaway = ~(np.einsum("tijaja->tija", dPi) < RUNAWAY**2).all((2, 3))
+
+    def subtract(takes: Mask) -> None:
+        np.subtract(s.Pi, dPi, out=s.Pi, where=takes[(..., *[None] * 4)])
+
+    return Change(dx, dP, runaway, subtract)

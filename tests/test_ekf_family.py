@@ -8,6 +8,8 @@ from oracles import PLACES, Offset, covariances, dense_posterior, is_covariance,
 
 from cooploc.estimators import ekf_joint
 from cooploc.estimators.blocks import (
+    add_rows,
+    definite,
     direction_by_direction,
     information,
     information_mean,
@@ -15,6 +17,7 @@ from cooploc.estimators.blocks import (
     range_by_range,
     scalars_of_own,
     sparse_update,
+    subtract_products,
 )
 from cooploc.estimators.dead_reckoning import DeadReckoning
 from cooploc.estimators.doa import GradientDoa
@@ -289,6 +292,39 @@ def test_own_scalars_one_by_one_are_the_information_form():
     np.testing.assert_allclose(got_x.reshape(5, 12), want, atol=1e-12)
     np.testing.assert_allclose(got_P, want_P, atol=1e-12)
     np.testing.assert_array_equal(got_P[0], P[0])
+
+
+@pytest.mark.parametrize("k", [1, 2])
+@pytest.mark.parametrize("d", [2, 3])
+def test_compiled_factors_are_the_numpy_ones(d, k):
+    """And those of one trial do not depend on how many there are."""
+    rng = np.random.default_rng(42)
+    Pi = covariances(rng, 5 * 4, d=4 * d).reshape(5, 4, 4, d, 4, d)
+    W, takes = rng.normal(size=(5, k, d)), rng.uniform(size=(5, 4)) < 0.5
+    Gamma, left = np.ones((5, 4, k, 4, d)), Pi.copy()
+    add_rows(Gamma, Pi, 2, W)
+    np.testing.assert_allclose(Gamma, 1 + np.einsum("tojac,tkc->tokja", Pi[..., 2, :], W), atol=1e-12)
+    subtract_products(left, Gamma, takes)
+    products = np.einsum("tokja,toklb->tojalb", Gamma, Gamma)
+    np.testing.assert_allclose(left, Pi - takes[..., None, None, None, None] * products, atol=1e-12)
+    np.testing.assert_array_equal(left[~takes], Pi[~takes])
+    np.testing.assert_array_equal(left, left.transpose(0, 1, 4, 5, 2, 3))  # rows stand for columns to the last bit
+    alone, one = np.ones((1, 4, k, 4, d)), Pi[3:4].copy()
+    add_rows(alone, one, 2, W[3:4])
+    subtract_products(one, alone, takes[3:4])
+    np.testing.assert_array_equal(alone[0], Gamma[3])
+    np.testing.assert_array_equal(one[0], left[3])
+
+
+@pytest.mark.parametrize("d", [1, 2, 3])
+def test_definite_is_a_smallest_eigenvalue_above_zero(d):
+    P = np.random.default_rng(43).normal(size=(40, 5, d, d)) + np.eye(d)
+    P = P + P.mT
+    want = np.linalg.eigvalsh(P)[..., 0] > 0
+    assert 20 < want.sum() < 180
+    np.testing.assert_array_equal(definite(P), want)
+    assert not definite(np.zeros((d, d)))
+    assert not definite(np.full((d, d), np.nan))
 
 
 def test_the_mean_in_information_form_is_that_of_the_whole_update():
