@@ -19,8 +19,9 @@ import numpy as np
 
 from cooploc.estimators.angles import wrap_heading
 from cooploc.estimators.doa import fixed, gradient_doa
-from cooploc.estimators.gaussian import ENGINES, GATE, EngineName
-from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, Sensor, Traffic, World
+from cooploc.estimators.gaussian import ENGINES, GATE, EngineName, Update
+from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Traffic, World
+from cooploc.estimators.luft_kernels import meet
 from cooploc.estimators.relative import HEADER, linearise, pairs
 
 LIMIT = 1 - 1e-9  # largest correlation of any two combinations of two robots' states
@@ -74,12 +75,12 @@ class EkfLuft:
         d = s.x.shape[-1]
         messages, sent = np.zeros(s.x.shape[:2]), np.zeros(s.x.shape[:2])
         belief = d + d * (d + 1) // 2
+        s = s._replace(x=s.x.copy(), P=s.P.copy(), sigma=s.sigma.copy())  # every meeting writes into these
         for sensor, i, j, reading in pairs(s.world, z, air):
             asked = ~np.isnan(reading).any(-1)
             answered = asked & air.heard[:, j, i]
-            before = s
-            s = self._meet(s, sensor, i, j, np.where((answered & air.heard[:, i, j])[:, None], reading, np.nan))
-            told = (s.P[:, i] != before.P[:, i]).any((1, 2))
+            heard = np.where((answered & air.heard[:, i, j])[:, None], reading, np.nan)
+            told = self._meet(s, i, j, *linearise(sensor, s.x[:, i], s.x[:, j], heard), sensor.R)
             for robot, when, numbers in ((i, asked, 0), (j, answered, belief + d * d), (i, told, belief)):
                 messages[:, robot] += when
                 sent[:, robot] += when * (8.0 * numbers + HEADER)
@@ -88,22 +89,29 @@ class EkfLuft:
     def estimate(self, s: State) -> Belief:
         return Belief(wrap_heading(s.x), s.P)
 
-    def _meet(self, s: State, sensor: Sensor, i: int, j: int, reading: Array) -> State:
-        """Joint update of (x_i, x_j); sigma_ij' = P_ij', sigma_ji' = I; else sigma_ik' = P_i' P_i^-1 sigma_ik."""
-        d = s.x.shape[-1]
-        y, H_i, H_j = linearise(sensor, s.x[:, i], s.x[:, j], reading)
-        P_ij = _possible(s.P[:, i], s.P[:, j], s.sigma[:, i, j] @ s.sigma[:, j, i].mT)
-        P = np.block([[s.P[:, i], P_ij], [P_ij.mT, s.P[:, j]]])
-        pair, H = np.concatenate([s.x[:, i], s.x[:, j]], -1), np.concatenate([H_i, H_j], -1)
-        pair1, P1 = ENGINES[self.engine].update(pair, P, y, H, sensor.R, self.gate)
-        used = np.asarray((P1 != P).any((1, 2)))[:, None, None]
-        x1, marginals, sigma = s.x.copy(), s.P.copy(), s.sigma.copy()
-        for robot, at in ((i, slice(0, d)), (j, slice(d, None))):
-            x1[:, robot], marginals[:, robot] = pair1[:, at], P1[:, at, at]
-            sigma[:, robot] = _carried(s.P[:, robot], marginals[:, robot])[:, None] @ sigma[:, robot]
-        sigma[:, i, j] = np.where(used, P1[:, :d, d:], s.sigma[:, i, j])
-        sigma[:, j, i] = np.where(used, np.eye(d), s.sigma[:, j, i])
-        return s._replace(x=x1, P=marginals, sigma=sigma)
+    def _meet(self, s: State, i: int, j: int, y: Array, H_i: Array, H_j: Array, R: Array) -> Mask:
+        """A meeting in place, and which trials used it (t,)."""
+        if self.engine == "filterpy":
+            return met(s, i, j, y, H_i, H_j, R, self.gate, ENGINES["filterpy"].update)
+        y, H, R = (np.ascontiguousarray(part) for part in (y, np.concatenate([H_i, H_j], -1), R))
+        return np.asarray(meet(s.x, s.P, s.sigma, (i, j), y, H, R, self.gate, LIMIT))
+
+
+def met(s: State, i: int, j: int, y: Array, H_i: Array, H_j: Array, R: Array, gate: float, update: Update) -> Mask:
+    """Joint update of (x_i, x_j); sigma_ij' = P_ij', sigma_ji' = I; else sigma_ik' = P_i' P_i^-1 sigma_ik.
+
+    In place; `meet` is the same in a compiled loop. Says which trials used it (t,).
+    """
+    d = s.x.shape[-1]
+    P_ij = _possible(s.P[:, i], s.P[:, j], s.sigma[:, i, j] @ s.sigma[:, j, i].mT)
+    P = np.block([[s.P[:, i], P_ij], [P_ij.mT, s.P[:, j]]])
+    pair, P1 = update(np.concatenate([s.x[:, i], s.x[:, j]], -1), P, y, np.concatenate([H_i, H_j], -1), R, gate)
+    used = np.asarray((P1 != P).any((1, 2)))
+    for robot, at in ((i, slice(0, d)), (j, slice(d, None))):
+        s.sigma[:, robot] = _carried(s.P[:, robot], P1[:, at, at])[:, None] @ s.sigma[:, robot]
+        s.x[:, robot], s.P[:, robot] = pair[:, at], P1[:, at, at]
+    s.sigma[used, i, j], s.sigma[used, j, i] = P1[used, :d, d:], np.eye(d)
+    return used
 
 
 def _carried(P: Array, P1: Array) -> Array:

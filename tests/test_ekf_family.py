@@ -24,9 +24,12 @@ from cooploc.estimators.doa import GradientDoa
 from cooploc.estimators.ekf_interim import EkfInterim
 from cooploc.estimators.ekf_joint import EkfJoint
 from cooploc.estimators.ekf_local import EkfLocal
-from cooploc.estimators.ekf_luft import LIMIT, EkfLuft, _possible
+from cooploc.estimators.ekf_luft import LIMIT, EkfLuft, _possible, met
+from cooploc.estimators.ekf_luft import State as LuftState
 from cooploc.estimators.ekf_naive import EkfNaive
 from cooploc.estimators.ekf_split_ci import EkfSplitCi
+from cooploc.estimators.gaussian import kalman
+from cooploc.estimators.luft_kernels import meet
 from cooploc.estimators.models import LogDistance, Range
 from cooploc.estimators.relative import linearise
 from cooploc.estimators.ukf_joint import UkfJoint
@@ -314,6 +317,29 @@ def test_compiled_factors_are_the_numpy_ones(d, k):
     subtract_products(one, alone, takes[3:4])
     np.testing.assert_array_equal(alone[0], Gamma[3])
     np.testing.assert_array_equal(one[0], left[3])
+
+
+@pytest.mark.parametrize("gate", [np.inf, 1.0])
+@pytest.mark.parametrize("d", [2, 3])
+def test_compiled_meetings_are_the_numpy_ones(d, gate):
+    """Some of them with an impossible cross term, and those of one trial whatever the others are."""
+    rng, trials = np.random.default_rng(44), 30
+    sigma = rng.normal(size=(trials, 4, 4, d, d)) * rng.choice([0.3, 3.0], (trials, 1, 1, 1, 1))
+    P = covariances(rng, trials * 4, d=d).reshape(trials, 4, d, d)
+    plain = LuftState(rng.normal(size=(trials, 4, d)), P, sigma, None)
+    compiled, alone = (LuftState(*(part[rows].copy() for part in plain[:3]), None) for rows in (slice(None), [7]))
+    y, H_1, H_3, R = rng.normal(size=(trials, 2)), *rng.normal(size=(2, trials, 2, d)), np.diag([0.3, 0.2])
+    y[0], H = np.nan, np.concatenate([H_1, H_3], -1)
+    cut = (_possible(P[:, 1], P[:, 3], sigma[:, 1, 3] @ sigma[:, 3, 1].mT) != sigma[:, 1, 3] @ sigma[:, 3, 1].mT).any()
+    assert cut
+    want = met(plain, 1, 3, y, H_1, H_3, R, gate, kalman)
+    used = meet(*compiled[:3], (1, 3), y, H, R, gate, LIMIT)
+    meet(*alone[:3], (1, 3), y[[7]], H[[7]], R, gate, LIMIT)
+    np.testing.assert_array_equal(used, want)
+    assert 0 < used.sum() < trials
+    for got, expected, single in zip(compiled[:3], plain[:3], alone[:3], strict=True):
+        np.testing.assert_allclose(got, expected, rtol=1e-12, atol=1e-12)
+        np.testing.assert_array_equal(got[7], single[0])
 
 
 @pytest.mark.parametrize("d", [1, 2, 3])
