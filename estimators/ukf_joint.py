@@ -17,14 +17,14 @@ from typing import Any, ClassVar, Literal, NamedTuple
 import numpy as np
 
 from cooploc.estimators.angles import wrap, wrap_heading
-from cooploc.estimators.blocks import block_diagonal, square
+from cooploc.estimators.blocks import block_diagonal, definite, square
 from cooploc.estimators.doa import GradientDoa, fixed, gradient_doa
 from cooploc.estimators.gaussian import GATE, EngineName, distance, symmetric
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Sensor, Traffic, World
 from cooploc.estimators.models import Bearing, Sighting
 from cooploc.estimators.relative import pairs
 
-Points = Callable[[Array, slice], Array]  # of sigma points (t, s, n, d) of these trials: moved, or as they are read
+Points = Callable[[Array, slice], Array]  # of sigma points (t, s, .., d) of these trials: moved, or as they are read
 
 
 class State(NamedTuple):
@@ -92,12 +92,15 @@ class UkfJoint:
         absent = np.asarray(np.isnan(sensor.innovation(s.x[:, i], np.ones(2), reading)[0]).any(-1))
         known = np.where(absent[:, None], 1.0, reading)
 
+        who = [i, place] if isinstance(place, int) else [i]
+
         def h(points: Array, trials: slice) -> Array:
-            q = points[..., place, :2] if isinstance(place, int) else place
-            return -sensor.innovation(points[..., i, :], q, known[trials, None])[0]
+            """Of the points (t, s, who, d) of those whom the reading is about."""
+            q = points[..., 1, :2] if isinstance(place, int) else place
+            return -sensor.innovation(points[..., 0, :], q, known[trials, None])[0]
 
         update = _update if self.engine == "batched" else _filterpy_update
-        x, P, d2, sound = update(self, s, h, _turns(sensor), sensor.R)
+        x, P, d2, sound = update(self, s, h, who, _turns(sensor), sensor.R)
         use = (~absent & sound & (d2 <= self.gate))[:, None, None]
         return s._replace(x=np.where(use, wrap_heading(x), s.x), P=np.where(use, P, s.P))
 
@@ -112,13 +115,16 @@ def _weights(p: UkfJoint, m: int) -> tuple[float, Array, Array]:
     return scale, Wm, Wc
 
 
-def _points(x: Array, P: Array, scale: float) -> Array:
-    """chi_0 = x,  chi_k = x +- column k of the Cholesky factor of scale P;  (t, 2 m + 1, n, d)."""
-    t, n, d = x.shape
-    columns = np.linalg.cholesky(scale * P).mT
-    spread = np.concatenate([np.zeros((t, 1, n * d)), columns, -columns], 1)
-    points: Array = x[:, None] + spread.reshape(t, -1, n, d)
+def _points(x: Array, columns: Array) -> Array:
+    """chi_0 = x (t, .., d),  chi_k = x +- column k (t, m, .., d) of the Cholesky factor;  (t, 2 m + 1, .., d)."""
+    x = x[:, None]
+    points: Array = np.concatenate([x, x + columns, x - columns], 1)
     return points
+
+
+def _columns(P: Array, scale: float) -> Array:
+    """The columns of the Cholesky factor of scale P, as rows (t, m, m)."""
+    return np.asarray(np.linalg.cholesky(scale * P).mT, float)
 
 
 def _moments(points: Array, Wm: Array, turns: Mask) -> tuple[Array, Array]:
@@ -128,34 +134,43 @@ def _moments(points: Array, Wm: Array, turns: Mask) -> tuple[Array, Array]:
 
 
 def _minus(a: Array, b: Array, turns: Mask) -> Array:
-    return np.where(turns, wrap(a - b), a - b)
+    return np.where(turns, wrap(a - b), a - b) if turns.any() else a - b
 
 
-def _sound(off: Array, S: Array, R: Array, scale: float) -> Mask:
-    """P - K S K' is definite where S exceeds C C', the part that the state explains: C = P_xz' P^-1/2' (t, k, m)."""
+def _explained(off: Array, scale: float) -> Array:
+    """C = P_xz' P^-1/2' (t, k, m), what each column of P^1/2 adds to the reading."""
     plus, minus = np.split(off[:, 1:], 2, 1)
-    C = (plus - minus).mT / (2 * np.sqrt(scale))
-    return np.asarray(np.linalg.eigvalsh(S - C @ C.mT - R / 10)[..., 0] > 0)
+    return np.asarray((plus - minus).mT / (2 * np.sqrt(scale)))
+
+
+def _sound(C: Array, S: Array, R: Array) -> Mask:
+    """P - K S K' is definite where S exceeds C C', the part that the state explains."""
+    return definite(S - C @ C.mT - R / 10)
 
 
 def _predict(p: UkfJoint, s: State, f: Points, noise: Array) -> tuple[Array, Array]:
     t, n, d = s.x.shape
     scale, Wm, Wc = _weights(p, n * d)
-    moved = f(_points(s.x, s.P, scale), slice(None)).reshape(t, -1, n * d)
+    points = _points(s.x, _columns(s.P, scale).reshape(t, -1, n, d))
+    moved = f(points, slice(None)).reshape(t, -1, n * d)
     mean, off = _moments(moved, Wm, _headings(n, d))
     return mean.reshape(t, n, d), symmetric((Wc[:, None] * off).mT @ off + noise)
 
 
-def _update(p: UkfJoint, s: State, h: Points, turns: Mask, R: Array) -> tuple[Array, Array, Array, Mask]:
+def _update(
+    p: UkfJoint, s: State, h: Points, who: list[int], turns: Mask, R: Array
+) -> tuple[Array, Array, Array, Mask]:
+    """P_xz' = C P^1/2', which needs of the points only those robots that are read."""
     t, n, d = s.x.shape
     scale, Wm, Wc = _weights(p, n * d)
-    points = _points(s.x, s.P, scale)
+    columns = _columns(s.P, scale)
+    points = _points(s.x[:, who], columns.reshape(t, -1, n, d)[:, :, who])
     mean, off = _moments(h(points, slice(None)), Wm, turns)
-    weighted, y = (Wc[:, None] * off).mT, _minus(np.zeros_like(mean), mean, turns)
-    S, away = symmetric(weighted @ off + R), (points - s.x[:, None]).reshape(t, -1, n * d)
-    K = np.linalg.solve(S, weighted @ away).mT
+    y, C = _minus(np.zeros_like(mean), mean, turns), _explained(off, scale)
+    S = symmetric((Wc[:, None] * off).mT @ off + R)
+    K = np.linalg.solve(S, C @ columns / np.sqrt(scale)).mT
     x, P = s.x + (K @ y[..., None]).reshape(t, n, d), symmetric(s.P - K @ S @ K.mT)
-    return x, P, distance(y, S), _sound(off, S, R, scale)
+    return x, P, distance(y, S), _sound(C, S, R)
 
 
 def _filterpy(p: UkfJoint, s: State, i: int, turns: Mask) -> Any:
@@ -190,16 +205,18 @@ def _filterpy_predict(p: UkfJoint, s: State, f: Points, noise: Array) -> tuple[A
     return x, P
 
 
-def _filterpy_update(p: UkfJoint, s: State, h: Points, turns: Mask, R: Array) -> tuple[Array, Array, Array, Mask]:
+def _filterpy_update(
+    p: UkfJoint, s: State, h: Points, who: list[int], turns: Mask, R: Array
+) -> tuple[Array, Array, Array, Mask]:
     x, P, d2, sound = s.x.copy(), s.P.copy(), np.zeros(len(s.x)), np.zeros(len(s.x), bool)
     scale, Wm, _ = _weights(p, s.P.shape[-1])
     for i in range(len(x)):
         ukf = _filterpy(p, s, i, turns)
         ukf.sigmas_f = ukf.points_fn.sigma_points(ukf.x, ukf.P)
-        read = lambda point, i=i: h(point.reshape(1, 1, *x.shape[1:]), slice(i, i + 1)).ravel()  # noqa: E731
+        read = lambda point, i=i: h(point.reshape(1, 1, *x.shape[1:])[:, :, who], slice(i, i + 1)).ravel()  # noqa: E731
         ukf.update(np.zeros(len(turns)), R=R, hx=read)
         x[i], P[i], d2[i] = ukf.x.reshape(x.shape[1:]), ukf.P, ukf.y @ ukf.SI @ ukf.y
-        sound[i] = _sound(_moments(ukf.sigmas_h[None], Wm, turns)[1], ukf.S[None], R, scale)[0]
+        sound[i] = _sound(_explained(_moments(ukf.sigmas_h[None], Wm, turns)[1], scale), ukf.S[None], R)[0]
     return x, P, d2, sound
 
 
