@@ -97,3 +97,50 @@ def check(
     typer.echo(result.table())
     if not result.passed:
         raise typer.Exit(1)
+
+
+@app.command()
+def report(
+    folder: Annotated[Path, typer.Argument(help="a run directory")],
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="directory [default: RUN/report]")] = None,
+    ledger: Annotated[Path | None, typer.Option(help="a ledger's TOML file [default: that of the paper]")] = None,
+) -> None:
+    """Write a run's report: an HTML page that needs no network, and its tables as LaTeX, Markdown and CSV."""
+    from cooploc import reporting
+
+    reporting.report(folder, out or folder / "report", ledger)
+
+
+@app.command()
+def verdicts(
+    folder: Annotated[Path, typer.Argument(help="a run directory")],
+    ledger: Annotated[Path | None, typer.Option(help="a ledger's TOML file [default: that of the paper]")] = None,
+) -> None:
+    """Print which claims of a ledger a run supports, contradicts or leaves open."""
+    from cooploc import reporting
+
+    reporting.verdicts(folder, ledger)
+
+
+@app.command()
+def compare(
+    before: Annotated[Path, typer.Argument(help="a run directory")],
+    after: Annotated[Path, typer.Argument(help="another run directory")],
+) -> None:
+    """Say what changed from one run to another, trial by trial where their streams are the same."""
+    from cooploc import reporting
+
+    reporting.compare(before, after)
+
+
+@app.command()
+def reproduce(
+    page: Annotated[Path, typer.Argument(help="a report's directory or its page")],
+    trials: Annotated[int, typer.Option(min=1, help="that are run again, of those the report embeds")] = 6,
+    data: Annotated[Path | None, typer.Option(help="directory of recordings")] = None,
+) -> None:
+    """Run some of a report's trials again: exit code 0 where all are bit-equal, 1 where any differs."""
+    from cooploc import reporting
+
+    if not reporting.reproduce(page, trials, data):
+        raise typer.Exit(1)

@@ -24,7 +24,7 @@ SHIPPED = {
     f"{home}/{file.name}"
     for folder, home in FOLDERS.items()
     for file in (ROOT / folder).iterdir()
-    if file.suffix in {".py", ".toml"} or file.name == "py.typed"
+    if file.suffix in {".py", ".toml", ".j2"} or file.name == "py.typed"
 }
 
 

@@ -1,0 +1,184 @@
+"""Who is best where and who is over-confident, in sentences made of the numbers that say no more than they do.
+
+Best is the smallest RMSE of those that may be called best (`cooploc.analysis.ranking`). Another one is told apart from
+it where the 95 % interval of the paired difference excludes 0 and Nemenyi's test, which allows for all pairs, tells
+the two apart; every other one ties.
+"""
+
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from cooploc.analysis import statistics
+from cooploc.analysis.compare import MARGIN
+from cooploc.analysis.curves import sweep
+from cooploc.analysis.results import Missing, Results
+from cooploc.analysis.tables import rounded
+
+
+class Standing(NamedTuple):
+    """What can be said of one scenario."""
+
+    scenario: str
+    best: str  # the smallest RMSE of those that may be called best; empty where there is none
+    rmse: statistics.Interval  # [m] of it
+    anees: statistics.Interval  # of it
+    equal: tuple[str, ...]  # RMSE within `MARGIN` of it, by the equivalence test
+    tied: tuple[str, ...]  # others that are not told apart from it
+    barred: tuple[str, ...]  # as accurate or more, and why none of these is called best
+    able: int  # how many may be called best
+    trials: int
+
+    @property
+    def alone(self) -> bool:
+        """Whether nobody ties with the best."""
+        return bool(self.best) and not self.equal and not self.tied
+
+
+class Change(NamedTuple):
+    """How the RMSE of an estimator changes from the first to the last scenario of a sweep, as a share."""
+
+    estimator: str
+    first: float  # RMSE [m]
+    last: float
+    share: statistics.Interval
+    trials: int
+
+
+def standings(ranked: pd.DataFrame, results: Results) -> list[Standing]:
+    """One per scenario, from `ranking` and `collect`."""
+    return [_standing(str(scenario), part, results) for scenario, part in ranked.groupby("scenario", sort=False)]
+
+
+def _standing(scenario: str, part: pd.DataFrame, results: Results) -> Standing:
+    chosen, trials = part[part["best"]], int(part["trials"].max())
+    reasons = pd.Series([why(row) for row in part.to_dict("records")], index=part.index, dtype=object)
+    ended = part["rmse"].notna()
+    may = part[ended & (part["group"] != "") & (reasons == "")]
+    if chosen.empty:
+        nothing = statistics.Interval(np.nan, np.nan, np.nan)
+        return Standing(scenario, "", nothing, nothing, (), (), _named(part[ended & (reasons != "")]), len(may), trials)
+    best = chosen.iloc[0]
+    equal, tied = [], []
+    for row in may[may["estimator"] != best["estimator"]].to_dict("records"):
+        pairs = results.mse((scenario, best["estimator"]), (scenario, row["estimator"]))
+        first, other = np.sqrt(pairs).T
+        if statistics.equivalence(first, other, MARGIN) < 0.05:
+            equal.append(row["estimator"])
+        elif row["near_best"] or not statistics.improvement(*pairs.T).high < 0:
+            tied.append(row["estimator"])
+    lost = part[(part["rmse"] <= best["rmse"]) & ~part["estimator"].isin(may["estimator"])]
+    rmse = statistics.Interval(best["rmse"], best["rmse_low"], best["rmse_high"])
+    anees = statistics.mean_of_positive(results.anees((scenario, best["estimator"])))
+    return Standing(scenario, best["estimator"], rmse, anees, tuple(equal), tuple(tied), _named(lost), len(may), trials)
+
+
+def why(row: dict[Any, Any]) -> str:
+    """Why an estimator may not be called best; empty where it may."""
+    reasons = ["a bound"] if row["bound"] else []
+    if row["consistency"] == "over-confident":
+        reasons.append(f"over-confident, ANEES {rounded(row['anees'], 2)}")
+    if row["consistency"] == "not assessed":
+        reasons.append("consistency not assessed")
+    return ", ".join([*reasons, *([f"{row['failed']} trials failed"] if row["failed"] else [])])
+
+
+def _named(lost: pd.DataFrame) -> tuple[str, ...]:
+    return tuple(f"{row['estimator']} ({why(row)})" for row in lost.to_dict("records"))
+
+
+def sentence(one: Standing) -> str:
+    """A standing in words."""
+    barred = f" As accurate or more, and not called best: {_and(one.barred)}." if one.barred else ""
+    if one.trials < statistics.LEAST_TRIALS:
+        return f"Not assessed: {_count(one.trials, 'trial')}, and nothing is claimed below {statistics.LEAST_TRIALS}."
+    if not one.best:
+        return f"Nobody may be called best: {_and(one.barred) if one.barred else 'there is nothing to compare'}."
+    rmse = f"{one.rmse.value:.3f} m ({one.rmse.low:.3f} to {one.rmse.high:.3f})"
+    rmse += f", ANEES {rounded(one.anees.value, 2)} ({rounded(one.anees.low, 2)} to {rounded(one.anees.high, 2)})"
+    if one.able == 1:
+        return f"{one.best} is the only one that may be called best: RMSE {rmse}.{barred}"
+    if one.alone:
+        others = "the other one" if one.able == 2 else f"each of the {one.able - 1} others"
+        return f"{one.best} is best: RMSE {rmse}, told apart from {others} that may be called best.{barred}"
+    ties = [f"not told apart from it: {_and(one.tied)}"] if one.tied else []
+    ties += [f"equal to it within {100 * MARGIN:.0f} %: {_and(one.equal)}"] if one.equal else []
+    return f"A tie: {one.best} has the lowest RMSE of those that may be called best, {rmse}; {'; '.join(ties)}.{barred}"
+
+
+def overall(found: list[Standing]) -> str:
+    """All scenarios in one sentence or two."""
+    decided = [one.best for one in found if one.alone and one.able > 1]
+    ties = sum(bool(one.best) and not one.alone for one in found)
+    single = sum(one.alone and one.able == 1 for one in found)
+    nobody = sum(not one.best for one in found)
+    said = [f"{name} in {decided.count(name)}" for name in dict.fromkeys(decided)]
+    parts = [f"one estimator is best: {_and(said)}"] if decided else ["no estimator is told apart as best in any"]
+    parts += [f"the best tie with others in {ties}"] if ties else []
+    parts += [f"only one may be called best in {single}"] if single else []
+    parts += [f"nobody may be called best in {nobody}"] if nobody else []
+    return f"Of {_count(len(found), 'scenario')}: {'; '.join(parts)}."
+
+
+def confidence(table: pd.DataFrame) -> str:
+    """Who is over-confident where, in a sentence or two; from `compare`."""
+    assessed = table[table["consistency"] != "not assessed"]
+    if assessed.empty:
+        return f"Consistency is not assessed: that takes {statistics.LEAST_TRIALS} trials."
+    flags = assessed.assign(over=assessed["consistency"] == "over-confident").groupby("estimator", sort=False)["over"]
+    count, of = flags.sum(), flags.count()
+    everywhere = [f"{name}" for name in count.index if count[name] == of[name]]
+    some = [f"{name} ({count[name]} of {of[name]})" for name in count.index if 0 < count[name] < of[name]]
+    never = [str(name) for name in count.index if not count[name]]
+    parts = [f"Over-confident in every scenario: {_and(everywhere)}."] if everywhere else []
+    parts += [f"Over-confident in some: {_and(some)}."] if some else []
+    parts += [f"Never found over-confident: {_and(never)}."] if never else []
+    return " ".join(parts)
+
+
+def changes(scenarios: list[str], estimators: Iterable[str], results: Results) -> list[Change]:
+    """How every estimator's RMSE changes over a sweep, paired by trial; of those that ran at both ends."""
+    ordered = sorted(scenarios, key=lambda label: sweep(label)[2])
+    out = []
+    for name in estimators:
+        try:
+            values = results.mse((ordered[0], name), (ordered[-1], name))
+        except Missing:
+            continue
+        logs = statistics.log_contrast(values, np.array([-0.5, 0.5]))
+        first, last = (float(v) for v in np.sqrt(values.mean(0))) if len(values) else (np.nan, np.nan)
+        share = statistics.Interval(*(float(np.expm1(end)) for end in logs))
+        out.append(Change(name, first, last, share, len(values)))
+    return out
+
+
+def swept(scenarios: list[str], found: list[Change]) -> str:
+    """The changes over a sweep in words; those whose interval holds 0 are said to show none."""
+    ordered = sorted(scenarios, key=lambda label: sweep(label)[2])
+    _, parameter, low = sweep(ordered[0])
+    high = sweep(ordered[-1])[2]
+    known = [one for one in found if one.share.low == one.share.low]
+    if not known:
+        return ""
+    grows = [f"{one.estimator} ({_share(one.share)})" for one in known if one.share.low > 0]
+    falls = [f"{one.estimator} ({_share(one.share)})" for one in known if one.share.high < 0]
+    same = [one.estimator for one in known if one.share.low <= 0 <= one.share.high]
+    parts = [f"it grows for {_and(grows)}"] if grows else []
+    parts += [f"it falls for {_and(falls)}"] if falls else []
+    parts += [f"no change can be told for {_and(same)}"] if same else []
+    return f"RMSE from {parameter} = {low:g} to {high:g} (95 % intervals, unadjusted): {'; '.join(parts)}."
+
+
+def _share(share: statistics.Interval) -> str:
+    return f"{100 * share.value:+.0f} %, {100 * share.low:+.0f} to {100 * share.high:+.0f} %"
+
+
+def _and(names: Iterable[str]) -> str:
+    *most, last = list(names)
+    return f"{', '.join(most)} and {last}" if most else last
+
+
+def _count(n: int, what: str) -> str:
+    return f"{n} {what}{'' if n == 1 else 's'}"

@@ -1,0 +1,70 @@
+"""Everything that a run directory holds, whatever studies and options it was asked with."""
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pandas as pd
+
+from cooploc.analysis.rundir import Piece, RunDir
+from cooploc.estimators.bad_input import BadInput
+
+
+class Kept(NamedTuple):
+    """A run as it lies on the disk."""
+
+    folder: Path
+    manifest: dict[str, Any]
+    rows: pd.DataFrame  # as `errors`, with `failure` and `traceback`; in the manifest's order
+    gaps: dict[tuple[str, str], int]  # (scenario, estimator) -> trials that were asked for and are not there
+
+    @property
+    def baselines(self) -> dict[str, str]:
+        """What each scenario's estimators are compared with."""
+        return {scenario: cell["baseline"] for scenario, cell in self.manifest["cells"].items()}
+
+    @property
+    def experiments(self) -> dict[str, list[str]]:
+        """The scenarios of each experiment that have rows, in the manifest's order."""
+        there = set(self.rows["scenario"])
+        found: dict[str, list[str]] = {}
+        for scenario, cell in self.manifest["cells"].items():
+            if scenario in there:
+                found.setdefault(cell["experiment"], []).append(scenario)
+        return found
+
+
+def read(folder: Path) -> Kept:
+    """The rows of a run directory; parts that do not match their checksum count as not there.
+
+    Raises:
+        BadInput: the directory is none of a run, or holds no rows.
+
+    """
+    directory = RunDir(folder)
+    manifest = directory.manifest
+    if not manifest:
+        raise BadInput(f"{folder} holds no run: name the directory that cooploc run wrote")
+    frames: list[pd.DataFrame] = []
+    gaps: dict[tuple[str, str], int] = {}
+    for scenario, cell in manifest["cells"].items():
+        for estimator, asked in cell["estimators"].items():
+            parts = _parts(directory, scenario, estimator, asked)
+            missing = asked - sum(part["trial"].nunique() for part in parts)
+            gaps |= {(scenario, estimator): missing} if missing else {}
+            frames += parts
+    if not frames:
+        raise BadInput(f"{folder} holds no results yet: continue it with cooploc run --out {folder}")
+    return Kept(folder, manifest, pd.concat(frames, ignore_index=True), gaps)
+
+
+def _parts(directory: RunDir, scenario: str, estimator: str, asked: int) -> list[pd.DataFrame]:
+    """Frames that together hold each trial below `asked` at most once, by trial."""
+    found: list[pd.DataFrame] = []
+    reached = 0
+    for trials in directory.held(scenario, estimator):
+        piece = Piece(scenario, estimator, trials)
+        if reached <= trials.start < asked and directory.intact(piece):
+            frame = directory.read(piece)
+            found.append(frame[frame["trial"] < asked].sort_values(["trial", "robot"], kind="stable"))
+            reached = trials.stop
+    return found

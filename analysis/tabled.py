@@ -1,0 +1,219 @@
+"""A run's numbers as `Table`s: who is best, who is over-confident, every experiment, the claims."""
+
+from typing import Any
+
+import pandas as pd
+
+from cooploc.analysis import telling
+from cooploc.analysis.answers import Change, Standing, sentence
+from cooploc.analysis.tables import Cell, Column, Table, interval, number, text
+
+RESULTS = (
+    Column("scenario", ("scenario",), False),
+    Column("estimator", ("estimator",), False),
+    Column("RMSE [m]", ("rmse",)),
+    Column("95 %", ("rmse_low", "rmse_high")),
+    Column("versus", ("baseline",), False),
+    Column("change", ("improvement",)),
+    Column("95 %", ("improvement_low", "improvement_high")),
+    Column("p (Holm)", ("p_holm",)),
+    Column("ANEES", ("anees",)),
+    Column("95 %", ("anees_low", "anees_high")),
+    Column("in 95 %", ("coverage95",)),
+    Column("diverged", ("diverged",)),
+    Column("messages", ("messages",)),
+    Column("bytes", ("bytes",)),
+    Column("µs", ("seconds",)),
+    Column("trials", ("trials",)),
+    Column("remark", ("consistency", "bound", "failed", "stream"), False),
+)
+
+
+def results(name: str, part: pd.DataFrame, about: str) -> Table:
+    """One row per (scenario, estimator) of `compare`."""
+    rows = tuple(_result(row) for row in part.to_dict("records"))
+    marks = tuple(
+        {"data-scenario": row["scenario"], "data-estimator": row["estimator"], "data-consistency": row["consistency"]}
+        for row in part.to_dict("records")
+    )
+    return Table(name, about, RESULTS, rows, marks)
+
+
+def _result(row: dict[Any, Any]) -> tuple[Cell, ...]:
+    v = {key: float(value) for key, value in row.items() if isinstance(value, int | float)}
+    other = row["estimator"] != row["baseline"]
+    flag = str(row["consistency"])
+    remark = [flag] if flag in ("over-confident", "conservative") else []
+    remark += ["bound"] if row["bound"] else []
+    remark += [f"{row['failed']} failed"] if row["failed"] else []
+    gain = number(v["improvement"], 0, " %", -100)
+    between = interval(v["improvement_low"], v["improvement_high"], 0, " %", -100)
+    return (
+        text(row["scenario"]),
+        text(row["estimator"]),
+        number(v["rmse"], 3),
+        interval(v["rmse_low"], v["rmse_high"], 3),
+        text(row["baseline"]),
+        gain if other else gain._replace(text=""),
+        between if other else between._replace(text=""),
+        Cell(_p(v["p_holm"]), (v["p_holm"],)),
+        number(v["anees"]),
+        interval(v["anees_low"], v["anees_high"]),
+        number(v["coverage95"], 0, " %", 100),
+        number(v["diverged"], 1, " %", 100),
+        number(v["messages"]),
+        number(v["bytes"], 0),
+        number(v["seconds"], 0, "", 1e6),
+        text(row["trials"]),
+        Cell(", ".join(remark), (flag, row["bound"], row["failed"], row["stream"])),
+    )
+
+
+def best(found: list[Standing]) -> Table:
+    """Who is best where."""
+    columns = (
+        Column("scenario", ("scenario",), False),
+        Column("best", ("best",), False),
+        Column("RMSE [m]", ("rmse",)),
+        Column("95 %", ("rmse_low", "rmse_high")),
+        Column("ANEES", ("anees",)),
+        Column("95 %", ("anees_low", "anees_high")),
+        Column("ties with", ("ties",), False),
+        Column("as accurate or more, not called best", ("barred",), False),
+    )
+    rows = tuple(
+        (
+            text(one.scenario),
+            text(one.best) if one.best else Cell("nobody", ("",)),
+            number(one.rmse.value, 3),
+            interval(one.rmse.low, one.rmse.high, 3),
+            number(one.anees.value),
+            interval(one.anees.low, one.anees.high),
+            text(", ".join((*(f"{name} (equal)" for name in one.equal), *one.tied))),
+            text(", ".join(one.barred)),
+        )
+        for one in found
+    )
+    marks = tuple(
+        {"data-scenario": one.scenario, "data-best": one.best if one.alone else "", "title": sentence(one)}
+        for one in found
+    )
+    about = (
+        "Smallest RMSE of those that may be called best; who ties is not told apart from it by the 95 % interval of "
+        "the paired difference or by Nemenyi's test; equal: within 5 %, by two one-sided t tests."
+    )
+    return Table("best", about, columns, rows, marks)
+
+
+def confidence(table: pd.DataFrame) -> Table:
+    """Who is over-confident, over all scenarios."""
+    columns = (
+        Column("estimator", ("estimator",), False),
+        Column("scenarios", ("scenarios",)),
+        Column("over-confident", ("over_confident",)),
+        Column("consistent", ("consistent",)),
+        Column("conservative", ("conservative",)),
+        Column("not assessed", ("not_assessed",)),
+        Column("largest ANEES", ("anees",)),
+        Column("in", ("scenario",), False),
+    )
+    rows = []
+    for name, part in table.groupby("estimator", sort=False):
+        counts = part["consistency"].value_counts()
+        flags = [text(int(counts.get(flag, 0))) for flag in ("over-confident", "consistent", "conservative")]
+        largest = (
+            None if part["anees"].isna().all() else part.sort_values("anees").iloc[len(part.dropna(subset="anees")) - 1]
+        )
+        worst = (
+            (number(float("nan")), text(""))
+            if largest is None
+            else (number(largest["anees"]), text(largest["scenario"]))
+        )
+        rows.append((text(name), text(len(part)), *flags, text(int(counts.get("not assessed", 0))), *worst))
+    about = "Scenarios by the 95 % interval of ANEES: over-confident all above 1.5, conservative all below 0.67."
+    return Table("consistency", about, columns, tuple(rows))
+
+
+def sweep(name: str, found: list[Change], parameter: str) -> Table:
+    """How RMSE changes over a sweep."""
+    columns = (
+        Column("estimator", ("estimator",), False),
+        Column("RMSE [m], first", ("first",)),
+        Column("last", ("last",)),
+        Column("change", ("change",)),
+        Column("95 %", ("change_low", "change_high")),
+        Column("trials", ("trials",)),
+    )
+    rows = tuple(
+        (
+            text(one.estimator),
+            number(one.first, 3),
+            number(one.last, 3),
+            number(one.share.value, 0, " %", 100),
+            interval(one.share.low, one.share.high, 0, " %", 100),
+            text(one.trials),
+        )
+        for one in found
+    )
+    about = f"From the first to the last value of {parameter}; jackknife intervals over trials, not adjusted."
+    return Table(name, about, columns, rows)
+
+
+def claims(verdicts: pd.DataFrame, paper: str) -> Table:
+    """The ledger: one row per claim, reading and case."""
+    columns = (
+        Column("claim", ("claim",), False),
+        Column("says", ("says", "where"), False),
+        Column("reading", ("variant", "kind", "definition"), False),
+        Column("found", ("scenario", "of", "than", "value", "low", "high", "trials"), False),
+        Column("verdict", ("verdict", "needed"), False),
+        Column("remark", ("remark", "open"), False),
+    )
+    rows, marks = [], []
+    for _, row in _shown(verdicts).iterrows():
+        where = f"{row['says']} ({row['where']})" if row["where"] else row["says"]
+        found = tuple(row[key] for key in columns[3].keys)
+        said = row["verdict"] in ("not run", "not testable")  # the sentence gives the reason
+        told = "" if said else "; ".join(part for part in (_text(row["remark"]), _open(row)) if part)
+        rows.append(
+            (
+                text(row["claim"]),
+                Cell(where, (row["says"], row["where"])),
+                Cell(str(row["variant"]), (row["variant"], row["kind"], row["definition"])),
+                Cell(telling.sentence(row), found),
+                Cell(str(row["verdict"]), (row["verdict"], row["needed"])),
+                Cell(told, (_text(row["remark"]), row["open"])),
+            )
+        )
+        marks.append({"data-claim": str(row["claim"]), "data-verdict": str(row["verdict"])})
+    return Table("claims", f"Verdicts on the claims of {paper}", columns, tuple(rows), tuple(marks))
+
+
+def overview(found: pd.DataFrame) -> Table:
+    """Claims by readings."""
+    columns = (Column("claim", ("claim",), False), *(Column(str(name), (str(name),), False) for name in found))
+    rows = tuple(
+        (text(claim), *(text(told) for told in row)) for claim, row in zip(found.index, found.to_numpy(), strict=True)
+    )
+    return Table("verdicts", "Verdicts by claim and reading; counts where cases differ.", columns, rows)
+
+
+def _shown(verdicts: pd.DataFrame) -> pd.DataFrame:
+    """Without variants that were not run, and what was not run once for each reason."""
+    first = verdicts.groupby("claim", sort=False)["variant"].transform("first")
+    run = verdicts["verdict"] != "not run"
+    return verdicts[run | ((verdicts["variant"] == first) & ~verdicts.duplicated(["claim", "verdict", "remark"]))]
+
+
+def _open(row: "pd.Series[Any]") -> str:
+    return f"open: {row['open']}" if row["open"] else ""
+
+
+def _text(value: object) -> str:
+    return value if isinstance(value, str) else ""
+
+
+def _p(value: float) -> str:
+    if value != value:
+        return ""
+    return f"{value:.3f}" if value >= 0.001 else "<0.001"
