@@ -1,8 +1,8 @@
 """Who is best where and who is over-confident, in sentences made of the numbers that say no more than they do.
 
-Best is the smallest RMSE of those that may be called best (`cooploc.analysis.ranking`). Another one is told apart from
-it where the 95 % interval of the paired difference excludes 0 and Nemenyi's test, which allows for all pairs, tells
-the two apart; every other one ties.
+Best is the smallest RMSE of those that may be called best (`cooploc.analysis.ranking`). Another one ties with it where
+the equivalence test says so, or where the 95 % interval of the paired change holds 0. That one is best alone takes
+intervals that exclude 0 against every other one, an intersection-union test that needs no adjustment (Berger 1982).
 """
 
 from collections.abc import Iterable
@@ -30,6 +30,13 @@ class Standing(NamedTuple):
     barred: tuple[str, ...]  # as accurate or more, and why none of these is called best
     able: int  # how many may be called best
     trials: int
+
+    @property
+    def word(self) -> str:
+        """What the one with the smallest RMSE is."""
+        if not self.best:
+            return "nobody"
+        return "tie" if not self.alone else "best" if self.able > 1 else "the only one"
 
     @property
     def alone(self) -> bool:
@@ -67,7 +74,7 @@ def _standing(scenario: str, part: pd.DataFrame, results: Results) -> Standing:
         first, other = np.sqrt(pairs).T
         if statistics.equivalence(first, other, MARGIN) < 0.05:
             equal.append(row["estimator"])
-        elif row["near_best"] or not statistics.improvement(*pairs.T).high < 0:
+        elif not statistics.improvement(*pairs.T).high < 0:
             tied.append(row["estimator"])
     lost = part[(part["rmse"] <= best["rmse"]) & ~part["estimator"].isin(may["estimator"])]
     rmse = statistics.Interval(best["rmse"], best["rmse_low"], best["rmse_high"])
@@ -164,10 +171,12 @@ def swept(scenarios: list[str], found: list[Change]) -> str:
         return ""
     grows = [f"{one.estimator} ({_share(one.share)})" for one in known if one.share.low > 0]
     falls = [f"{one.estimator} ({_share(one.share)})" for one in known if one.share.high < 0]
-    same = [one.estimator for one in known if one.share.low <= 0 <= one.share.high]
+    equal = [one.estimator for one in known if one.share.low == one.share.high == 0]
+    same = [one.estimator for one in known if one.share.low <= 0 <= one.share.high and one.estimator not in equal]
     parts = [f"it grows for {_and(grows)}"] if grows else []
     parts += [f"it falls for {_and(falls)}"] if falls else []
     parts += [f"no change can be told for {_and(same)}"] if same else []
+    parts += [f"it stays the same for {_and(equal)}"] if equal else []
     return f"RMSE from {parameter} = {low:g} to {high:g} (95 % intervals, unadjusted): {'; '.join(parts)}."
 
 

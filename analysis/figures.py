@@ -49,7 +49,7 @@ class Style(NamedTuple):
 
 def styles(estimators: list[str]) -> dict[str, Style]:
     """One look for each."""
-    colours = [c for i, c in enumerate(sns.color_palette("colorblind", 10)) if i not in (7, 8)]  # grey, and too pale
+    colours = [c for i, c in enumerate(sns.color_palette("colorblind", 10)) if i not in (6, 7, 8)]  # grey, or too pale
     return {
         name: Style(colours[i % len(colours)], MARKERS[i % len(MARKERS)], DASHES[i // 3 % len(DASHES)])
         for i, name in enumerate(estimators)

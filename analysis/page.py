@@ -29,8 +29,8 @@ METHODS = (
     ("RMSE", "Root of the mean over trials of the mean squared position error [m]; jackknife interval on its log."),
     ("Change", "RMSE relative to the baseline's on the same streams, paired by trial; Fieller's 95 % interval."),
     ("p (Holm)", "Wilcoxon's signed-rank test over trials, adjusted by Holm over all rows of all experiments."),
-    ("Ties", "By the 95 % interval of the paired change (not adjusted), by Nemenyi's test after Friedman's at 5 % over "
-     "all pairs of a scenario, or by two one-sided t tests on the logarithms within 5 %. Ties are not told apart."),
+    ("Ties", "The 95 % interval of the paired change holds 0, or two one-sided t tests on the logarithms say that both "
+     "are equal within 5 %. One is best alone only where it is told apart from every other that may be called best."),
     ("ANEES", "Position NEES / 2, per trial first; 1 is consistent. Over-confident: its 95 % interval lies above 1.5; "
      "conservative: below 0.67. An over-confident estimator is never called best."),
     ("in 95 %", "Share of the true positions that lie inside the 95 % ellipse."),
@@ -52,7 +52,7 @@ class Shown(NamedTuple):
 
     panels: list[Markup]
     caption: str
-    wide: bool = False
+    width: str = ""  # of a panel: "", "middle" or "wide"
 
 
 class Numbers(NamedTuple):
@@ -165,7 +165,7 @@ def _experiment(name: str, labels: list[str], numbers: Numbers, counter: Any) ->
     changed: list[Table] = []
     for (_, parameter), group in _groups(labels).items():
         rows = part[part["scenario"].isin(group)]
-        if parameter and len(group) >= SWEEP:
+        if parameter:
             changes = answers.changes(group, dict.fromkeys(rows["estimator"]), numbers.results)
             sweeps.append(answers.swept(group, changes))
             changed.append(tabled.sweep(f"{anchor}-sweep{len(changed) + 1}", changes, parameter))
@@ -185,11 +185,14 @@ def _experiment(name: str, labels: list[str], numbers: Numbers, counter: Any) ->
 
 
 def _groups(labels: list[str]) -> dict[tuple[str, str], list[str]]:
-    """The scenarios by family and what they sweep."""
+    """The scenarios by family and what they sweep; those of short sweeps together with those that sweep nothing."""
+    found: dict[tuple[str, str], list[str]] = {}
+    for label in labels:
+        found.setdefault(sweep(label)[:2], []).append(label)
     out: dict[tuple[str, str], list[str]] = {}
     for label in labels:
-        family, parameter, _ = sweep(label)
-        out.setdefault((family if parameter else "", parameter), []).append(label)
+        which = sweep(label)[:2]
+        out.setdefault(which if which[1] and len(found[which]) >= SWEEP else ("", ""), []).append(label)
     return out
 
 
@@ -201,7 +204,7 @@ def _lines(rows: pd.DataFrame, numbers: Numbers, counter: Any) -> Shown:
         _panels(svgs, f"position RMSE over {parameter}", counter),
         f"Position RMSE over {parameter}, {one}; bands are 95 % intervals over trials. Hollow markers: over-confident; "
         f"a broken line: over-confident at most of the values; grey and dotted: a bound. {_about(rows, numbers)}",
-        wide=len(svgs) == 1,
+        width="wide" if len(svgs) == 1 else "",
     )
 
 
@@ -212,9 +215,7 @@ def _dots(rows: pd.DataFrame, numbers: Numbers, counter: Any) -> Shown:
         if part["rmse"].notna().any()
     ]
     about = "Position RMSE, smallest on top, with 95 % intervals over trials. Hollow: over-confident; grey: a bound."
-    return Shown(
-        _panels(svgs, "position RMSE of every estimator", counter), f"{about} {_about(rows, numbers)}", wide=True
-    )
+    return Shown(_panels(svgs, "position RMSE of every estimator", counter), f"{about} {_about(rows, numbers)}", "wide")
 
 
 def _scatter(rows: pd.DataFrame, numbers: Numbers, counter: Any) -> Shown:
@@ -236,6 +237,7 @@ def _scatter(rows: pd.DataFrame, numbers: Numbers, counter: Any) -> Shown:
         "Accuracy against consistency (grey band: neither over-confident nor conservative), bytes and time, with 95 % "
         "intervals over trials. Broken line: the Pareto front, for which nothing else is no worse in both; bounds are "
         f"not on it, over-confident estimators (hollow) may be.{some} {_about(shown, numbers)}",
+        width="middle",
     )
 
 

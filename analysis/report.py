@@ -9,8 +9,7 @@ import pandas as pd
 from rich.console import Console
 from rich.table import Table
 
-from cooploc.analysis.compare import SUMMARY, compare, notes, succeeded, summarize
-from cooploc.scenarios.study import Study
+from cooploc.analysis.compare import SUMMARY, notes, succeeded
 
 HEADS = (
     "estimator",
@@ -31,9 +30,9 @@ LEGEND = (
 )
 
 
-def keep(rows: pd.DataFrame, study: Study, folder: Path) -> None:
-    """Write `table.csv`, and `rmse.png` where any trial ended."""
-    compare(rows, study.baselines()).to_csv(folder / "table.csv", index=False)
+def keep(table: pd.DataFrame, rows: pd.DataFrame, folder: Path) -> None:
+    """Write the table of `compare` as `table.csv`, and `rmse.png` where any trial ended."""
+    table.to_csv(folder / "table.csv", index=False)
     ended = succeeded(rows)
     if len(ended):
         import matplotlib as mpl
@@ -48,16 +47,15 @@ def keep(rows: pd.DataFrame, study: Study, folder: Path) -> None:
         plt.close(figure)
 
 
-def show(rows: pd.DataFrame, study: Study, folder: Path, as_json: bool) -> None:
-    """Print the results: tables, or JSON alone on stdout; then failures, and where the files are."""
+def show(table: pd.DataFrame, rows: pd.DataFrame, folder: Path, as_json: bool) -> None:
+    """Print the results: the table of `compare`, or JSON alone on stdout; then failures, and where the files are."""
     if as_json:
-        print(json.dumps(records(summarize(rows)), indent=1))
+        print(json.dumps(records(table), indent=1))
     # Wide: a terminal may wrap a row, but numbers are never cut off.
     console = Console(stderr=as_json, highlight=False, markup=False, width=400)
     if not as_json:
-        baselines = study.baselines()
-        for scenario, part in compare(rows, baselines).groupby("scenario", sort=False):
-            console.print(_table(str(scenario), part, baselines[str(scenario)]))
+        for scenario, part in table.groupby("scenario", sort=False):
+            console.print(_table(str(scenario), part))
             console.print()
         console.print(LEGEND, style="dim", soft_wrap=True)
         for line in notes(rows):
@@ -79,8 +77,9 @@ def _plain(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic) else value
 
 
-def _table(scenario: str, part: pd.DataFrame, baseline: str) -> Table:
+def _table(scenario: str, part: pd.DataFrame) -> Table:
     first = part.iloc[0]
+    baseline = str(first["baseline"])
     robots, trials = first["robots"], part["trials"].max()
     counted = f"{robots} robot{'s' if robots > 1 else ''}, {trials} trial{'s' if trials > 1 else ''}"
     title = f"{scenario}: {counted}, stream {first['stream'][:12]}"

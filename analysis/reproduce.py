@@ -14,6 +14,7 @@ from cooploc.analysis.measure import Task, measure
 from cooploc.analysis.provenance import provenance
 from cooploc.analysis.rundir import FORMAT
 from cooploc.analysis.tables import Cell, Column, Table, text
+from cooploc.estimators import make
 from cooploc.estimators.bad_input import BadInput
 from cooploc.scenarios import family
 
@@ -86,8 +87,11 @@ def rerun(embedded: dict[str, Any], trials: int, data: Path | None = None) -> li
         BadInput: none can be run: scenarios or estimators are not known here, or recordings are missing.
 
     """
+    drawn = _drawn(embedded["sample"], trials)
+    for label in {one["estimator"] for wanted in drawn.values() for one in wanted}:
+        make(label)  # a name that is not known here is no failure of a trial
     out = []
-    for (scenario, trial), wanted in _drawn(embedded["sample"], trials).items():
+    for (scenario, trial), wanted in drawn.items():
         where = str(data) if data is not None and family(scenario).recorded else None
         limit = float(embedded["manifest"]["study"].get("time_limit", 600.0))
         names = tuple(one["estimator"] for one in wanted)

@@ -94,7 +94,8 @@ def sentences(found: pd.DataFrame) -> list[str]:
         )
     flags = both[both["consistency_a"] != both["consistency_b"]]
     lines += [
-        f"{row['scenario']}, {row['estimator']}: {row['consistency_a']} before, {row['consistency_b']} after, over all trials of each."
+        f"{row['scenario']}, {row['estimator']}: {row['consistency_a']} over all trials before, {row['consistency_b']} "
+        "after."
         for row in flags.to_dict("records")
     ]
     alone = found[found["trials"].isna()]
@@ -162,7 +163,7 @@ def _summary(kept: Kept) -> dict[Any, dict[str, Any]]:
 
 def _change(a: pd.DataFrame, b: pd.DataFrame) -> dict[str, Any]:
     before, after = (per_trial(succeeded(part)) for part in (a, b))
-    both = before.join(after, how="inner", lsuffix="_a", rsuffix="_b")
+    both = before.add_suffix("_a").join(after.add_suffix("_b"), how="inner")
     pairs = both[both["stream_a"] == both["stream_b"]]
     streams = [set(part["stream"]) for part in (a, b)]
     if streams[0] & streams[1]:

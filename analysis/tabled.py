@@ -1,5 +1,6 @@
 """A run's numbers as `Table`s: who is best, who is over-confident, every experiment, the claims."""
 
+from dataclasses import replace
 from typing import Any
 
 import pandas as pd
@@ -13,7 +14,6 @@ RESULTS = (
     Column("estimator", ("estimator",), False),
     Column("RMSE [m]", ("rmse",)),
     Column("95 %", ("rmse_low", "rmse_high")),
-    Column("versus", ("baseline",), False),
     Column("change", ("improvement",)),
     Column("95 %", ("improvement_low", "improvement_high")),
     Column("p (Holm)", ("p_holm",)),
@@ -25,18 +25,21 @@ RESULTS = (
     Column("bytes", ("bytes",)),
     Column("µs", ("seconds",)),
     Column("trials", ("trials",)),
-    Column("remark", ("consistency", "bound", "failed", "stream"), False),
+    Column("remark", ("consistency", "bound", "failed", "baseline", "stream"), False),
 )
 
 
 def results(name: str, part: pd.DataFrame, about: str) -> Table:
     """One row per (scenario, estimator) of `compare`."""
+    baselines = set(part["baseline"])
+    against = f"vs {baselines.pop()}" if len(baselines) == 1 else "vs baseline"
+    columns = tuple(replace(c, head=against) if c.head == "change" else c for c in RESULTS)
     rows = tuple(_result(row) for row in part.to_dict("records"))
     marks = tuple(
         {"data-scenario": row["scenario"], "data-estimator": row["estimator"], "data-consistency": row["consistency"]}
         for row in part.to_dict("records")
     )
-    return Table(name, about, RESULTS, rows, marks)
+    return Table(name, about, columns, rows, marks)
 
 
 def _result(row: dict[Any, Any]) -> tuple[Cell, ...]:
@@ -53,7 +56,6 @@ def _result(row: dict[Any, Any]) -> tuple[Cell, ...]:
         text(row["estimator"]),
         number(v["rmse"], 3),
         interval(v["rmse_low"], v["rmse_high"], 3),
-        text(row["baseline"]),
         gain if other else gain._replace(text=""),
         between if other else between._replace(text=""),
         Cell(_p(v["p_holm"]), (v["p_holm"],)),
@@ -65,7 +67,7 @@ def _result(row: dict[Any, Any]) -> tuple[Cell, ...]:
         number(v["bytes"], 0),
         number(v["seconds"], 0, "", 1e6),
         text(row["trials"]),
-        Cell(", ".join(remark), (flag, row["bound"], row["failed"], row["stream"])),
+        Cell(", ".join(remark), (flag, row["bound"], row["failed"], row["baseline"], row["stream"])),
     )
 
 
@@ -73,7 +75,8 @@ def best(found: list[Standing]) -> Table:
     """Who is best where."""
     columns = (
         Column("scenario", ("scenario",), False),
-        Column("best", ("best",), False),
+        Column("", ("standing",), False),
+        Column("of those that may be called best", ("estimator",), False),
         Column("RMSE [m]", ("rmse",)),
         Column("95 %", ("rmse_low", "rmse_high")),
         Column("ANEES", ("anees",)),
@@ -84,7 +87,8 @@ def best(found: list[Standing]) -> Table:
     rows = tuple(
         (
             text(one.scenario),
-            text(one.best) if one.best else Cell("nobody", ("",)),
+            text(one.word),
+            text(one.best),
             number(one.rmse.value, 3),
             interval(one.rmse.low, one.rmse.high, 3),
             number(one.anees.value),
@@ -100,7 +104,7 @@ def best(found: list[Standing]) -> Table:
     )
     about = (
         "Smallest RMSE of those that may be called best; who ties is not told apart from it by the 95 % interval of "
-        "the paired difference or by Nemenyi's test; equal: within 5 %, by two one-sided t tests."
+        "the paired change; equal: within 5 %, by two one-sided t tests."
     )
     return Table("best", about, columns, rows, marks)
 

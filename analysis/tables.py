@@ -98,7 +98,7 @@ class Table:
 
     def markdown(self) -> str:
         """A pipe table, with its caption below."""
-        lines = [[c.head for c in self.columns], ["---:" if c.right else "---" for c in self.columns]]
+        lines = [[_markdown(c.head) for c in self.columns], ["---:" if c.right else "---" for c in self.columns]]
         lines += [[_markdown(cell.text) for cell in cells] for cells in self.rows]
         rows = "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
         return f"{rows}\n\n{_markdown(self.caption)}\n"

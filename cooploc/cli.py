@@ -61,6 +61,7 @@ def run(
 ) -> None:
     """Run a study, print its table, and keep results and picture in the run directory."""
     from cooploc.analysis import report
+    from cooploc.analysis.compare import compare
     from cooploc.analysis.execute import execute
     from cooploc.estimators import split
     from cooploc.progress import Watch
@@ -71,8 +72,9 @@ def run(
     folder = out or Path("runs") / f"{asked.name}-seed{asked.seed}"
     with Watch() as watch:
         rows = execute(asked, folder, data=data, jobs=jobs, scheduler=scheduler, progress=watch)
-    report.keep(rows, asked, folder)
-    report.show(rows, asked, folder, as_json)
+    table = compare(rows, asked.baselines())
+    report.keep(table, rows, folder)
+    report.show(table, rows, folder, as_json)
     if rows["failure"].notna().any():
         raise typer.Exit(1)
 
