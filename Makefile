@@ -3,7 +3,7 @@ PYTHON ?= python3.11
 VENV ?= .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test lint types floors units bench prove lock clean
+.PHONY: demo test lint types floors units looks bench prove lock clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.ready  ## run the quick study, print its table, write its picture
@@ -23,6 +23,10 @@ floors: $(VENV)/.ready
 
 units: $(VENV)/.ready
 	$(BIN)/pytest -n 2 --dist loadgroup
+
+looks: $(VENV)/.ready  ## a report in a real browser, at 400 and 1400 pixels and on paper; pictures in build/looks
+	command -v chromium >/dev/null || { apt-get update -qq && apt-get install -y -qq chromium; }
+	LOOKS=build/looks $(BIN)/pytest tests/test_looks.py
 
 bench: $(VENV)/.ready  ## speed, as ratios to a reference in the same run
 	$(BIN)/python benchmarks/table.py

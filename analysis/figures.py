@@ -199,9 +199,12 @@ def _cost(ax: Axes, part: pd.DataFrame, other: str) -> None:
     if other == "seconds":
         _logarithmic(ax.xaxis, factor * part[other].min(), factor * part[other].max())
     else:
+        high = 1.6 * max(10.0, float(part[other].max()))
         ax.set_xscale("symlog", linthresh=10)
+        subs = (1, 2, 5) if high < 1000 else (1,)
+        ax.set_xticks([0, *(v for k in range(1, 9) for sub in subs if (v := sub * 10**k) < high)])
         ax.xaxis.set_major_formatter(FuncFormatter(_plain))
-        ax.set_xlim(-2, 1.6 * max(10.0, float(part[other].max())))
+        ax.set_xlim(-2, high)
 
 
 def _span(part: pd.DataFrame, of: str) -> tuple[float, float]:
@@ -214,7 +217,8 @@ def _logarithmic(axis: Any, low: float, high: float) -> None:
     if not (np.isfinite([low, high]).all() and low > 0):
         return
     axis.axes.set_xscale("log") if axis.axis_name == "x" else axis.axes.set_yscale("log")
-    few = (1.0, 2.0, 5.0) if high < 30 * low else (1.0, 3.0) if high < 300 * low else (1.0,)
+    few: tuple[float, ...] = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0) if high < 5 * low else (1.0, 2.0, 5.0)
+    few = few if high < 30 * low else (1.0, 3.0) if high < 300 * low else (1.0,)
     axis.set_major_locator(LogLocator(subs=few))
     axis.set_major_formatter(FuncFormatter(_plain))
     axis.set_minor_formatter(NullFormatter())
