@@ -1,0 +1,85 @@
+"""The commands that are about finished runs, as a user calls them."""
+
+import subprocess
+import sys
+
+import pytest
+
+SMALL = 'trials = 6\nbaseline = "arl"\nscenarios = ["trajectory[ticks=6]"]\nestimators = ["arl", "ekf-local"]\n'
+LEDGER = """
+paper = "A. Author, 2022"
+[[claims]]
+id = "1"
+says = "alone is better"
+kind = "improvement"
+of = "ekf-local"
+than = "arl"
+scenarios = "trajectory[ticks=6]"
+[[claims]]
+id = "2"
+says = "<b>it flies</b>"
+kind = "untestable"
+why = "nothing here flies"
+"""
+
+
+def cooploc(*arguments, cwd):
+    command = [sys.executable, "-m", "cooploc", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=300)
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("reporting")
+    (folder / "small.toml").write_text(SMALL)
+    (folder / "ledger.toml").write_text(LEDGER)
+    assert cooploc("run", "small.toml", "--out", "one", cwd=folder).returncode == 0
+    assert cooploc("run", "small.toml", "--out", "two", "--seed", "2", cwd=folder).returncode == 0
+    return folder
+
+
+def test_report_writes_a_page_and_its_tables_and_says_where(place):
+    done = cooploc("report", "one", "-o", "out", "--ledger", "ledger.toml", cwd=place)
+    assert done.returncode == 0, done.stderr
+    assert "out/index.html" in done.stdout
+    page = (place / "out" / "index.html").read_text()
+    assert 'data-claim="1"' in page
+    assert 'data-claim="2" data-verdict="not testable"' in page
+    assert "&lt;b&gt;it flies&lt;/b&gt;" in page
+    assert {f.suffix for f in (place / "out" / "tables").iterdir()} == {".tex", ".md", ".csv"}
+
+
+def test_verdicts_prints_the_verdicts_that_the_report_has(place):
+    done = cooploc("verdicts", "one", "--ledger", "ledger.toml", cwd=place)
+    assert done.returncode == 0, done.stderr
+    assert "1. alone is better" in done.stdout
+    assert "nothing here flies" in done.stdout
+    assert cooploc("verdicts", "one", cwd=place).returncode == 0
+
+
+def test_compare_says_what_changed_and_whether_it_is_paired(place):
+    same = cooploc("compare", "one", "one", cwd=place)
+    assert same.returncode == 0, same.stderr
+    assert "2 of 2 (scenario, estimator) are bit-equal" in same.stdout
+    other = cooploc("compare", "one", "two", cwd=place)
+    assert other.returncode == 0, other.stderr
+    assert "seed: 1 before, 2 after" in other.stdout
+    assert "Not paired, for the hashes of their streams differ: 2" in other.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["report", "nowhere"], "nowhere holds no run"),
+        (["report", "small.toml"], "small.toml exists and is no run directory"),
+        (["report", "one", "--ledger", "small.toml"], "there is no key 'trials' in a ledger"),
+        (["verdicts", "nowhere"], "nowhere holds no run"),
+        (["compare", "one", "nowhere"], "nowhere holds no run"),
+        (["reproduce", "one"], "cannot be read"),
+        (["reproduce", "one", "--trials", "0"], "--trials"),
+    ],
+)
+def test_what_is_not_usable_exits_2_with_one_line(place, arguments, said):
+    done = cooploc(*arguments, cwd=place)
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1), done.stderr
+    assert said in done.stderr
