@@ -1,8 +1,9 @@
 """Who is best where and who is over-confident, in sentences made of the numbers that say no more than they do.
 
-Best is the smallest RMSE of those that may be called best (`cooploc.analysis.ranking`). Another one ties with it where
-the equivalence test says so, or where the 95 % interval of the paired change holds 0. That one is best alone takes
-intervals that exclude 0 against every other one, an intersection-union test that needs no adjustment (Berger 1982).
+Best is the smallest RMSE of those that may be called best: no bound, not over-confident, no trial failed. Another one
+ties with it where the equivalence test says so, or where the 95 % interval of the paired change holds 0. That one is
+best alone takes intervals that exclude 0 against every other one, an intersection-union test that needs no adjustment
+(Berger 1982).
 """
 
 from collections.abc import Iterable
@@ -54,20 +55,20 @@ class Change(NamedTuple):
     trials: int
 
 
-def standings(ranked: pd.DataFrame, results: Results) -> list[Standing]:
-    """One per scenario, from `ranking` and `collect`."""
-    return [_standing(str(scenario), part, results) for scenario, part in ranked.groupby("scenario", sort=False)]
+def standings(table: pd.DataFrame, results: Results) -> list[Standing]:
+    """One per scenario, from `compare` and `collect`."""
+    return [_standing(str(scenario), part, results) for scenario, part in table.groupby("scenario", sort=False)]
 
 
 def _standing(scenario: str, part: pd.DataFrame, results: Results) -> Standing:
-    chosen, trials = part[part["best"]], int(part["trials"].max())
-    reasons = pd.Series([why(row) for row in part.to_dict("records")], index=part.index, dtype=object)
-    ended = part["rmse"].notna()
-    may = part[ended & (part["group"] != "") & (reasons == "")]
-    if chosen.empty:
+    trials = int(part["trials"].max())
+    part = part[part["rmse"].notna()].sort_values("rmse", kind="stable")
+    barred = np.array([bool(why(row)) for row in part.to_dict("records")], bool)
+    may = part[~barred]
+    if may.empty or len(part) < 2:
         nothing = statistics.Interval(np.nan, np.nan, np.nan)
-        return Standing(scenario, "", nothing, nothing, (), (), _named(part[ended & (reasons != "")]), len(may), trials)
-    best = chosen.iloc[0]
+        return Standing(scenario, "", nothing, nothing, (), (), _named(part[barred]), len(may), trials)
+    best = may.iloc[0]
     equal, tied = [], []
     for row in may[may["estimator"] != best["estimator"]].to_dict("records"):
         pairs = results.mse((scenario, best["estimator"]), (scenario, row["estimator"]))
@@ -76,7 +77,7 @@ def _standing(scenario: str, part: pd.DataFrame, results: Results) -> Standing:
             equal.append(row["estimator"])
         elif not statistics.improvement(*pairs.T).high < 0:
             tied.append(row["estimator"])
-    lost = part[(part["rmse"] <= best["rmse"]) & ~part["estimator"].isin(may["estimator"])]
+    lost = part[(part["rmse"] <= best["rmse"]) & barred]
     rmse = statistics.Interval(best["rmse"], best["rmse_low"], best["rmse_high"])
     anees = statistics.mean_of_positive(results.anees((scenario, best["estimator"])))
     return Standing(scenario, best["estimator"], rmse, anees, tuple(equal), tuple(tied), _named(lost), len(may), trials)
@@ -89,7 +90,7 @@ def why(row: dict[Any, Any]) -> str:
         reasons.append(f"over-confident, ANEES {rounded(row['anees'], 2)}")
     if row["consistency"] == "not assessed":
         reasons.append("consistency not assessed")
-    return ", ".join([*reasons, *([f"{row['failed']} trials failed"] if row["failed"] else [])])
+    return ", ".join([*reasons, *([f"{_count(row['failed'], 'trial')} failed"] if row["failed"] else [])])
 
 
 def _named(lost: pd.DataFrame) -> tuple[str, ...]:

@@ -16,7 +16,6 @@ from cooploc.analysis.compare import compare, notes
 from cooploc.analysis.curves import sweep
 from cooploc.analysis.kept import Kept
 from cooploc.analysis.ledger import BASE, Ledger
-from cooploc.analysis.ranking import ranking
 from cooploc.analysis.reproduce import PAGE, sample
 from cooploc.analysis.results import Results, collect
 from cooploc.analysis.statistics import LEAST_TRIALS
@@ -99,9 +98,9 @@ def render(context: dict[str, Any]) -> str:
 def content(kept: Kept, ledger: Ledger) -> dict[str, Any]:
     """Everything that the page shows, and `tables`, all of its tables."""
     results = collect(kept.rows)
-    found = answers.standings(ranking(kept.rows), results)
-    looks = figures.styles(list(dict.fromkeys(kept.rows["estimator"])))
     table = compare(kept.rows, kept.baselines)
+    found = answers.standings(table, results)
+    looks = figures.styles(list(dict.fromkeys(kept.rows["estimator"])))
     numbers = Numbers(kept, table, {one.scenario: one for one in found}, results, looks)
     answer = _answer(numbers, claims.judge(ledger, kept.rows), ledger)
     counter = iter(range(1_000_000))
