@@ -144,7 +144,10 @@ def _panel(ax: Axes, part: pd.DataFrame, names: list[str], looks: dict[str, Styl
             ax.plot(rows["value"], rows["rmse"], color="0.88", lw=1, zorder=1)
     for name in names:
         _curve(ax, part[part["estimator"] == name], looks[name], 0.22 if len(names) == 1 else 0.1)
-    _logarithmic(ax.yaxis, *_span(part, "rmse"))
+    low, high = _span(part, "rmse")
+    _logarithmic(ax.yaxis, low, high)
+    if len(names) == 1 and 0 < low <= high < np.inf:  # the same for every panel, though a band may reach beyond
+        ax.set_ylim(0.8 * low, 1.25 * high)
     ax.set_xlabel(parameter)
     ax.set_ylabel("position RMSE [m]")
     values = sorted(set(part["value"]))
@@ -235,7 +238,7 @@ def _drawn(draw: Callable[[Axes], None], size: tuple[float, float]) -> str:
         warnings.filterwarnings("ignore", "Glyph .* missing")  # the reader's fonts draw the text
         panel = size == PANEL  # whose labels are known to have room; to measure them takes twice as long as to draw
         figure = Figure(figsize=size, layout=None if panel else "constrained")
-        ax = figure.add_axes((0.17, 0.18, 0.8, 0.72)) if panel else figure.add_subplot()
+        ax = figure.add_axes((0.17, 0.18, 0.77, 0.72)) if panel else figure.add_subplot()
         draw(ax)
         sns.despine(ax=ax)
         ax.set_axisbelow(True)
