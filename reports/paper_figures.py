@@ -62,8 +62,8 @@ def main(run: str, out: str = "reports/paper") -> None:
 
 
 CAPTION = (
-    "Whiskers and bands are 95 % intervals over trials (jackknife on the logarithm); no test is drawn in a figure: paired "
-    "tests with Holm's correction are in the tables. Hollow markers and hatching with a white ground: over-confident "
+    "Whiskers and bands are 95 % intervals over trials (jackknife on the logarithm); no test is drawn in a figure: "
+    "paired tests with Holm's correction are in the tables. Hollow markers and hatching with a white ground: over-confident "
     "(the whole interval of ANEES above 1.5). Grey: a bound, which knows more than any robot could."
 )
 
@@ -186,7 +186,7 @@ def trajectories() -> tuple[str, str, Axes]:
     axes[0, 0].legend(frameon=False, fontsize=8)
     axes[1, 0].set_xlabel("x [m]")
     axes[1, 0].set_ylabel("y [m]")
-    title = f"Robot 0 in trial 0 of `trajectory`, seed {SEED}, stream {stream.hashes[0][:8]}: 95 % ellipses, every tenth tick."
+    title = f"Robot 0 in trial 0 of `trajectory`, seed {SEED}, stream {stream.hashes[0][:8]}; 95 % ellipses at times."
     return "trajectories", title, axes[0, 0]
 
 
