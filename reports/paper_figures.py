@@ -63,8 +63,8 @@ def main(run: str, out: str = "reports/paper") -> None:
 
 CAPTION = (
     "Whiskers and bands are 95 % intervals over trials (jackknife on the logarithm); no test is drawn in a figure: "
-    "paired tests with Holm's correction are in the tables. Hollow markers and hatching with a white ground: over-confident "
-    "(the whole interval of ANEES above 1.5). Grey: a bound, which knows more than any robot could."
+    "paired tests with Holm's correction are in the tables. Hollow markers, and hatching on white: over-confident (the "
+    "whole interval of ANEES above 1.5). Grey: a bound, which knows more than any robot could."
 )
 
 
