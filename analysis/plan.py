@@ -57,9 +57,12 @@ def trials_of(study: Study, label: str, data: Path | str | None) -> int:
 
 
 def work(cell: Cell) -> float:
-    """About how long a trial of a scenario takes, relative to others: robots x (what is fixed + neighbours)."""
+    """About how long a trial of a scenario takes, relative to others: robots x (what is fixed + neighbours).
+
+    A robot alone costs as much as hearing some forty neighbours (reports/speed.md).
+    """
     robots = 1 if family(cell.scenario).recorded else getattr(scenario(cell.scenario), "robots", 1)
-    return float(robots * (10 + robots))
+    return float(robots * (40 + robots))
 
 
 def _found(directory: RunDir, scenario: str, estimator: str, count: int) -> tuple[list[Piece], list[Piece]]:
