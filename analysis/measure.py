@@ -21,6 +21,7 @@ from cooploc.scenarios.runner import Run, run, trace
 from cooploc.scenarios.stream import Stream, Truth
 
 FAILURE = ("failure", "traceback")  # why a trial has no result, in a line and in full; missing where it has one
+WARM_UP = 600.0  # [s] for imports and compilation, which no limit may interrupt half way: nothing works afterwards
 GRACE = 30.0  # [s] beyond twice the limit, after which a worker that cannot even be interrupted is given up
 
 
@@ -83,7 +84,7 @@ class _Limit(NamedTuple):
 
 def _warm(label: str, stream: Stream, limit: _Limit) -> None:
     """Import and compile before the clock runs; whatever goes wrong will do so again, and be recorded then."""
-    with suppress(Exception), _within(limit, 1):
+    with suppress(Exception), _within(limit._replace(seconds=WARM_UP + limit.seconds), 1):
         run({label: make(label)}, stream.select(slice(0, 1)).truncated(2))
 
 

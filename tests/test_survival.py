@@ -155,7 +155,7 @@ def test_two_runs_into_one_directory_are_refused_until_the_first_is_gone(place, 
 def test_a_full_disk_stops_the_run_and_keeps_what_was_finished(place, plugins):
     """A file may not grow beyond a limit: small parts can be written, that of many robots cannot."""
     (place / "small.toml").write_text(
-        SMALL.replace("{1..6}", "1").replace('ticks=12]"', 'ticks=12]", "scalability/n=60[ticks=3]"')
+        SMALL.replace("{1..6}", "1").replace('ticks=12]"', 'ticks=12]", "scalability/n=99[ticks=2]"')
     )
     arguments = ("run", "small.toml", "--out", "run", "--estimators", "dead-reckoning")
     limited = finish(*arguments, plugins=plugins, cwd=place, preexec_fn=lambda: limit_file_size(40_000))
