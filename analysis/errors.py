@@ -53,7 +53,7 @@ def errors(truth: Truth, run: Run, burn_in: int = 0) -> pd.DataFrame:
         BadInput: truth and run are of different streams, or nothing is left to count.
 
     """
-    _demand_same(truth, run)
+    demand_same(truth, run)
     if not 0 <= burn_in < truth.x.shape[1]:
         raise BadInput(f"burn_in is {burn_in}; it must lie between 0 and {truth.x.shape[1] - 1}")
     valid = truth.valid.copy()
@@ -69,11 +69,12 @@ def position_errors(truth: Truth, run: Run, trace: Trace) -> tuple[Array, Array]
         BadInput: truth and run are of different streams.
 
     """
-    _demand_same(truth, run)
+    demand_same(truth, run)
     return _squared(truth, trace, truth.valid)
 
 
-def _demand_same(truth: Truth, run: Run) -> None:
+def demand_same(truth: Truth, run: Run) -> None:
+    """Refuse a truth and a run of different streams."""
     if truth.origin != run.hashes:
         raise BadInput(
             f"this truth ({truth.scenario}) and run ({run.scenario}) are of different streams: simulate anew"

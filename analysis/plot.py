@@ -9,6 +9,9 @@ import seaborn as sns
 from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+from cooploc.analysis.animate import animate as animate
+from cooploc.analysis.beliefs import anees as anees
+from cooploc.analysis.beliefs import ellipses as ellipses
 from cooploc.analysis.compare import CONSERVATIVE, OVER_CONFIDENT, consistency, summarize
 from cooploc.analysis.world import world as world
 from cooploc.estimators.bad_input import BadInput

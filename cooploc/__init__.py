@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from cooploc.analysis.compare import compare as compare
     from cooploc.analysis.compare import summarize as summarize
     from cooploc.analysis.errors import errors as errors
+    from cooploc.analysis.trajectories import to_tum as to_tum
     from cooploc.estimators import make as make
     from cooploc.estimators.bad_input import BadInput as BadInput
     from cooploc.estimators.interface import Belief as Belief
@@ -53,6 +54,7 @@ _HOME = {
     **dict.fromkeys(("Stream", "Truth"), "scenarios.stream"),
     **dict.fromkeys(("compare", "summarize"), "analysis.compare"),
     "errors": "analysis.errors",
+    "to_tum": "analysis.trajectories",
     "plot": "analysis.plot",
 }
 __version__ = version("cooploc")

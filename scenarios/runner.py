@@ -6,7 +6,7 @@ Every estimator gets the same arrays, read-only, and loses the same packets. The
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from time import perf_counter
-from typing import Any, Protocol, cast
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -15,6 +15,9 @@ from cooploc.estimators.bad_input import BadInput
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Rows, Senses, Traffic
 from cooploc.scenarios import seeds
 from cooploc.scenarios.stream import Stream
+
+if TYPE_CHECKING:
+    from xarray import Dataset
 
 API = 1
 HEADER = 8  # bytes a packet costs beside its payload
@@ -54,6 +57,12 @@ class Run:
 
     def __repr__(self) -> str:
         return f"Run({self.scenario!r}, {len(self.trial)} trials, {', '.join(self.traces)})"
+
+    def to_xarray(self) -> "Dataset":
+        """Every trace in one xarray.Dataset; `cooploc.scenarios.dataset` says what it holds."""
+        from cooploc.scenarios.dataset import dataset
+
+        return dataset(self)
 
 
 class Watcher(Protocol):

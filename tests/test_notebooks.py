@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -20,11 +21,41 @@ def test_a_notebook_runs_beside_folders_named_like_ours(notebook, tmp_path):
     for folder in ("analysis", "estimators", "scenarios"):
         (tmp_path / folder).mkdir()
         (tmp_path / folder / "__init__.py").write_text("raise ImportError('the wrong folder')")
-    cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
-    code = [cell for cell in cells if cell["cell_type"] == "code"]
-    assert all(cell["outputs"] for cell in code[1:]), "a cell was kept without its output"
-    script = tmp_path / "notebook.py"
-    script.write_text("\n".join("".join(cell["source"]) for cell in code), encoding="utf-8")
-    environment = {**os.environ, "MPLBACKEND": "agg"}
-    done = subprocess.run([sys.executable, str(script)], cwd=tmp_path, env=environment, capture_output=True, text=True)
+    done = run(notebook, tmp_path, {})
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
+def test_a_notebook_keeps_its_outputs_and_nothing_of_the_machine_that_made_them(notebook):
+    code = cells(notebook)
+    assert all(cell["outputs"] for cell in code[1:]), "a cell was kept without its output"
+    outputs = [output for cell in code for output in cell["outputs"]]
+    assert {output["output_type"] for output in outputs} <= {"stream", "display_data", "execute_result"}
+    assert not [output for output in outputs if output.get("name") == "stderr"]
+    told = [output.get("text", output.get("data", {}).get("text/plain", "")) for output in outputs]
+    assert not [
+        text for text in map("".join, told) if "skipped" in text or re.search(r"(^|[\s'\"])(/|[A-Z]:\\)\w", text)
+    ]
+
+
+def test_what_needs_recordings_is_skipped_with_a_reason_where_there_are_none(tmp_path):
+    (notebook,) = (path for path in NOTEBOOKS if path.stem == "04_real_robots")
+    done = run(notebook, tmp_path, {"COOPLOC_DATA": str(tmp_path / "nowhere")})
+    assert done.returncode == 0, done.stderr
+    said = done.stdout.splitlines()
+    assert len(said) == len(cells(notebook)) - 1
+    assert all(line.startswith("skipped: ") for line in said)
+
+
+def cells(notebook):
+    """The cells of code."""
+    found = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
+    return [cell for cell in found if cell["cell_type"] == "code"]
+
+
+def run(notebook, folder, environment):
+    """The notebook's code as a script, in a working directory of its own."""
+    script = folder / "notebook.py"
+    script.write_text("\n".join("".join(cell["source"]) for cell in cells(notebook)), encoding="utf-8")
+    environment = {**os.environ, "MPLBACKEND": "agg", **environment}
+    return subprocess.run([sys.executable, str(script)], cwd=folder, env=environment, capture_output=True, text=True)
