@@ -25,6 +25,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 
 from cooploc.estimators import nearest
 from cooploc.estimators.bad_input import BadInput
+from cooploc.scenarios.looks import listed
 
 BASE = "paper"  # the variant without substitutions
 # kind -> the keys that it needs, those it may have, and the least number of scenarios
@@ -84,6 +85,12 @@ class Ledger(BaseModel):
     paper: str
     claims: Annotated[tuple[Claim, ...], Field(min_length=1)]
     variants: dict[str, Variant] = {}
+
+    def __repr__(self) -> str:
+        return f"Ledger({self.paper!r}, {len(self.claims)} claims, {len(self.variants)} variants)"
+
+    def _repr_html_(self) -> str:
+        return listed(("claim", "says", "where"), self.paper, [(c.id, c.says, c.where) for c in self.claims])
 
 
 def load(path: str | Path | None = None) -> Ledger:

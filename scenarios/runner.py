@@ -14,6 +14,7 @@ from threadpoolctl import threadpool_limits
 from cooploc.estimators.bad_input import BadInput
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Rows, Senses, Traffic
 from cooploc.scenarios import seeds
+from cooploc.scenarios.looks import listed
 from cooploc.scenarios.stream import Stream
 
 if TYPE_CHECKING:
@@ -58,11 +59,23 @@ class Run:
     def __repr__(self) -> str:
         return f"Run({self.scenario!r}, {len(self.trial)} trials, {', '.join(self.traces)})"
 
+    def _repr_html_(self) -> str:
+        header = ("estimator", "messages per robot and tick", "bytes", "µs", "bound")
+        title = f"run of {self.scenario}, seed {self.seed}, {len(self.trial)} trials"
+        return listed(header, title, [(name, *_cost(trace)) for name, trace in self.traces.items()])
+
     def to_xarray(self) -> "Dataset":
         """Every trace in one xarray.Dataset; `cooploc.scenarios.dataset` says what it holds."""
         from cooploc.scenarios.dataset import dataset
 
         return dataset(self)
+
+
+def _cost(trace: Trace) -> tuple[str, ...]:
+    """Messages, bytes and microseconds per robot and tick, and whether it is a bound."""
+    t, T, n, _ = trace.x.shape
+    sent, size = trace.messages.sum() / (t * T * n), trace.bytes.sum() / (t * T * n)
+    return f"{sent:.2g}", f"{size:.3g}", f"{1e6 * trace.seconds / (t * T * n):.3g}", "yes" if trace.bound else ""
 
 
 class Watcher(Protocol):

@@ -18,6 +18,7 @@ import numpy as np
 from cooploc.estimators import doa, models
 from cooploc.estimators.bad_input import BadInput
 from cooploc.estimators.interface import Array, Belief, Indices, Mask, Senses, World
+from cooploc.scenarios.looks import facts
 
 FORMAT = 1
 MODELS: dict[str, Callable[..., Any]] = {
@@ -53,6 +54,10 @@ class Truth:
     arena: Array  # (2, 2) [m]
     origin: tuple[str, ...]  # hash per trial of the stream that belongs to it
 
+    def __repr__(self) -> str:
+        t, ticks, n, _ = self.x.shape
+        return f"Truth({self.scenario!r}, {t} trials of {ticks} ticks, {n} robots)"
+
     def select(self, trials: slice | list[int]) -> "Truth":
         """Some of the trials."""
         return replace(
@@ -81,6 +86,24 @@ class Stream:
     def __post_init__(self) -> None:
         for array in self.arrays().values():
             array.flags.writeable = False
+
+    def __repr__(self) -> str:
+        told = f"{len(self.trial)} trials of {len(self.time)} ticks, {self.robots} robots"
+        return f"Stream({self.scenario!r}, seed {self.seed}, {told}, {', '.join(sorted(self.channels()))})"
+
+    def _repr_html_(self) -> str:
+        links = self.air.link.sum() / max(1, self.air.link[..., 0].size * (self.robots - 1))
+        return facts(
+            f"stream of {self.scenario}, seed {self.seed}",
+            (
+                ("trials", len(self.trial)),
+                ("ticks", f"{len(self.time)} of {self.world.tick:g} s"),
+                ("robots", self.robots),
+                ("channels", ", ".join(sorted(self.channels()))),
+                ("links that hold", f"{links:.0%}" if self.robots > 1 else "none, there is one robot"),
+                ("hash", self.hash[:16]),
+            ),
+        )
 
     @property
     def robots(self) -> int:
