@@ -56,7 +56,7 @@ class Study(BaseModel):
 
     name: str
     about: str = ""
-    minutes: Annotated[float, Field(gt=0)] | None = None  # that it takes as shipped, measured on two cores
+    minutes: Annotated[float, Field(gt=0)] | None = None  # that it takes about as shipped, on two cores
     trials: Annotated[int, Field(ge=1)] = 100
     seed: Annotated[int, Field(ge=0)] = 1
     time_limit: Annotated[float, Field(gt=0)] = 600.0  # [s] for one estimator on one trial
