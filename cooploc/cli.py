@@ -93,9 +93,10 @@ def check(
     seed: Annotated[int, typer.Option(help="of the streams it is tried on")] = 0,
 ) -> None:
     """Check that an estimator cannot cheat and keeps to the interface."""
-    from cooploc.scenarios.check import check_estimator, load
+    from cooploc.estimators import make
+    from cooploc.scenarios.check import check_estimator
 
-    result = check_estimator(load(estimator), name=estimator, seed=seed)
+    result = check_estimator(make(estimator), name=estimator, seed=seed)
     typer.echo(result.table())
     if not result.passed:
         raise typer.Exit(1)

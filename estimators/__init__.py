@@ -1,20 +1,23 @@
 """What a robot runs. An estimator imports nothing of the world it is judged in.
 
-To add one: write a file like `ekf_local.py`, and give it a line in `BUILTIN`. From outside, register a class under the
-entry-point group `cooploc.estimators`, or pass an instance to `cl.run`.
+To add one: write a file like `ekf_local.py`, and give it a line in `BUILTIN`. From outside, name it `path.py:Name`,
+register a class under the entry-point group `cooploc.estimators`, or pass an instance to `cl.run`.
 """
 
 import re
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
-from difflib import get_close_matches
 from importlib import import_module
 from importlib.metadata import entry_points
 from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
+from pydantic.errors import PydanticUserError
 
 from cooploc.estimators.bad_input import BadInput
+from cooploc.estimators.bad_input import nearest as nearest
+from cooploc.estimators.files import found_in_file, is_file
+from cooploc.estimators.interface import API
 
 GROUP = "cooploc.estimators"
 
@@ -45,30 +48,62 @@ def names() -> list[str]:
 def make(name: str, **parameters: Any) -> Any:
     """An estimator by name, `make("mrsl-rssi", particles=500)` or `make("mrsl-rssi[particles=500]")`.
 
+    Args:
+        name: of a built-in or a plug-in, or `path.py:Name`, where Name is a class or an instance.
+        parameters: those that differ from the defaults.
+
     Raises:
         BadInput: an unknown name or parameter, or a value that does not fit; says the nearest known one.
 
     """
     name, written = parse(name)
-    cls, preset = _find(name)
+    found, preset = (found_in_file(name), {}) if is_file(name) else _find(name)
     given = {**preset, **written, **parameters}
-    if not (is_dataclass(cls) and isinstance(cls, type)):
-        raise BadInput(f"estimator {name!r} is not a dataclass of parameters: pass an instance to cl.run instead")
-    known = [f.name for f in fields(cls) if f.init and f.name != "uses"]
+    if not isinstance(found, type):
+        if given:
+            raise BadInput(f"{name} is an instance and takes no parameters: name its class instead")
+        return found
+    if not is_dataclass(found):
+        if given:
+            raise BadInput(f"estimator {name!r} is not a dataclass, so it has no parameters: decorate its class")
+        return _called(name, found, {})
+    known = [f.name for f in fields(found) if f.init and f.name != "uses"]
     for key in given:
         if key not in known:
             raise BadInput(f"estimator {name!r} has no parameter {key!r}; {nearest(key, known)}")
+    return _validated(name, found, given)
+
+
+def _validated(name: str, cls: type, given: dict[str, Any]) -> Any:
+    """A dataclass of parameters, each made what its annotation says."""
     try:
         return TypeAdapter(cls).validate_python(given)
     except ValidationError as e:
         first = e.errors()[0]
+        if first["type"] == "missing":
+            raise BadInput(
+                f"{name} cannot be made without arguments (it needs {first['loc'][0]}); give its parameters defaults, "
+                f"or name an instance"
+            ) from None
         where = ".".join(str(part) for part in first["loc"]) or "its parameters"
         raise BadInput(f"estimator {name!r}, {where}: {first['msg']}") from None
+    except PydanticUserError:  # an annotation that only its author understands
+        return _called(name, cls, given)
+
+
+def _called(name: str, cls: type, given: dict[str, Any]) -> Any:
+    try:
+        return cls(**given)
+    except Exception as e:  # a constructor may fail in any way
+        raise BadInput(
+            f"{name} cannot be made without arguments ({type(e).__name__}: {e}); give its parameters defaults, or name "
+            f"an instance"
+        ) from e
 
 
 def parse(configured: str) -> tuple[str, dict[str, str]]:
     """`mrsl-rssi[particles=500,own=rssi]` as its name and its parameters."""
-    match = re.fullmatch(r"\s*([^\[\]\s]+)\s*(?:\[([^\[\]]*)\])?\s*", configured)
+    match = re.fullmatch(r"\s*([^\[\]]*[^\[\]\s])\s*(?:\[([^\[\]]*)\])?\s*", configured)
     if match is None:
         raise BadInput(f"cannot read the estimator {configured!r}; write it like mrsl-rssi[particles=500,own=rssi]")
     parameters = {}
@@ -85,12 +120,6 @@ def split(listed: str) -> list[str]:
     return [part.strip() for part in re.split(r",(?![^\[]*\])", listed) if part.strip()]
 
 
-def nearest(name: str, known: list[str]) -> str:
-    """The end of an error message: the nearest known name, or all of them."""
-    close = get_close_matches(name, known, n=1, cutoff=0.5)
-    return f"did you mean {close[0]!r}?" if close else f"known are {', '.join(known)}"
-
-
 def plugin_errors() -> dict[str, str]:
     """Installed plug-ins that cannot be used, by name, with the reason."""
     errors = {
@@ -98,13 +127,26 @@ def plugin_errors() -> dict[str, str]:
         for name, p in _plugins().items()
         if name in BUILTIN
     }
-    for name, point in _plugins().items():
-        if name not in errors:
-            try:
-                point.load()
-            except Exception as e:  # a plug-in may fail in any way
-                errors[name] = f"{point.value} cannot be imported: {type(e).__name__}: {e}"
+    for name in _plugins():
+        if name not in errors and (reason := _unusable(name)):
+            errors[name] = reason
     return errors
+
+
+def _unusable(name: str) -> str:
+    """Why a plug-in cannot be used, in a line; empty where it can."""
+    try:
+        made = make(name)
+        api, uses = getattr(made, "api", None), getattr(made, "uses", None)
+    except BadInput as e:
+        return str(e)
+    except Exception as e:  # a plug-in may fail in any way
+        return f"{type(e).__name__}: {e}"
+    if api != API:
+        return f"it is written for interface {api!r}, this is version {API}: set api = {API}"
+    if not (isinstance(uses, tuple) and all(isinstance(channel, str) for channel in uses)):
+        return f"uses is {uses!r}; it must be a tuple of channel names"
+    return ""
 
 
 def _plugins() -> Mapping[str, Any]:
@@ -121,5 +163,7 @@ def _find(name: str) -> tuple[Any, dict[str, Any]]:
         raise BadInput(f"there is no estimator {name!r}; {nearest(name, names())}")
     try:
         return plugins[name].load(), {}
-    except Exception as e:
-        raise BadInput(f"the plug-in estimator {name!r} ({plugins[name].value}) cannot be imported: {e}") from e
+    except (Exception, SystemExit) as e:
+        raise BadInput(
+            f"the plug-in estimator {name!r} ({plugins[name].value}) cannot be imported: {type(e).__name__}: {e}"
+        ) from e

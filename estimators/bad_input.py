@@ -3,6 +3,14 @@
 Its message is one line that states the fact, the place and the remedy; the command line prints it and exits with 2.
 """
 
+from difflib import get_close_matches
+
 
 class BadInput(ValueError):
     """Something that was asked for or given cannot be; says what, where, and what to do."""
+
+
+def nearest(name: str, known: list[str]) -> str:
+    """The end of an error message: the nearest known name, or all of them."""
+    close = get_close_matches(name, known, n=1, cutoff=0.5)
+    return f"did you mean {close[0]!r}?" if close else f"known are {', '.join(known)}"

@@ -5,22 +5,15 @@
 The models are scikit-learn's check_estimator and PettingZoo's api tests. What is checked stands in `conformance.py`.
 """
 
-import importlib.util
-import sys
 from dataclasses import dataclass
 from html import escape
-from itertools import count
-from pathlib import Path
 from typing import Any, Literal
 
-from cooploc.estimators import make, nearest
 from cooploc.estimators.bad_input import BadInput
 from cooploc.scenarios.bench import Bench, Failed, Skipped, explained
 from cooploc.scenarios.conformance import CHECKS, Check
 
 Status = Literal["passed", "failed", "skipped"]
-
-_NUMBER = count()
 
 
 @dataclass(frozen=True)
@@ -101,21 +94,6 @@ def check_estimator(estimator: Any, name: str | None = None, seed: int = 0) -> R
     return Report(bench.name, (first, *others))
 
 
-def load(spec: str) -> Any:
-    """The estimator that `mrsl-rssi[particles=500]` or `path.py:Name` names; Name is an instance or a class.
-
-    Raises:
-        BadInput: it is not there or cannot be made; one line that says why.
-
-    """
-    file, _, attribute = spec.rpartition(":")
-    if file.endswith(".py"):
-        return _from_file(Path(file), attribute)
-    if spec.endswith(".py"):
-        raise BadInput(f"{spec} is a file: say which estimator in it, {spec}:Name")
-    return make(spec)
-
-
 def _result(check: Check, bench: Bench) -> Result:
     before = bench.runs
     status: Status = "failed"
@@ -135,38 +113,3 @@ def _result(check: Check, bench: Bench) -> Result:
 
 def _called(check: Check) -> str:
     return check.__name__.replace("_", "-")
-
-
-def _from_file(path: Path, attribute: str) -> Any:
-    module = _imported(path)
-    public = [name for name in vars(module) if not name.startswith("_")]
-    if not hasattr(module, attribute):
-        raise BadInput(f"{path} has no {attribute!r}; {nearest(attribute, public)}")
-    found = getattr(module, attribute)
-    if not isinstance(found, type):
-        return found
-    try:
-        return found()
-    except Exception as e:
-        raise BadInput(
-            f"{path}:{attribute} cannot be made without arguments ({explained(e)}); give its parameters defaults, or "
-            f"name an instance"
-        ) from e
-
-
-def _imported(path: Path) -> Any:
-    if not path.is_file():
-        raise BadInput(f"there is no file {path}; write path.py:Name")
-    # A name of its own: the file can be loaded again, and hides no module. Pickle finds its classes by this name.
-    name = f"_cooploc_{path.stem}_{next(_NUMBER)}"
-    spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None or spec.loader is None:
-        raise BadInput(f"{path} cannot be imported: it is no Python file")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    try:
-        spec.loader.exec_module(module)
-    except (Exception, SystemExit) as e:
-        del sys.modules[name]
-        raise BadInput(f"{path} cannot be imported: {explained(e)}") from e
-    return module

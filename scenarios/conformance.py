@@ -10,11 +10,12 @@ from typing import Any
 
 import numpy as np
 
+from cooploc.estimators.interface import API
 from cooploc.scenarios import disturb
 from cooploc.scenarios.bench import Bench, Failed, Recording, Skipped, demand_same, pickled
 from cooploc.scenarios.contents import contents
 from cooploc.scenarios.disturb import HOW
-from cooploc.scenarios.runner import API, Watcher
+from cooploc.scenarios.runner import Watcher
 from cooploc.scenarios.stream import Stream
 
 Check = Callable[[Bench], str]

@@ -12,7 +12,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from cooploc.estimators.bad_input import BadInput
-from cooploc.estimators.interface import Array, Belief, Indices, Mail, Rows, Senses, Traffic
+from cooploc.estimators.interface import API, Array, Belief, Indices, Mail, Rows, Senses, Traffic
 from cooploc.scenarios import seeds
 from cooploc.scenarios.looks import listed
 from cooploc.scenarios.stream import Stream
@@ -20,7 +20,6 @@ from cooploc.scenarios.stream import Stream
 if TYPE_CHECKING:
     from xarray import Dataset
 
-API = 1
 HEADER = 8  # bytes a packet costs beside its payload
 SENSED = ("odometry", "anchor_rssi", "landmark", "sighting")
 

@@ -13,7 +13,7 @@ from cooploc.estimators import BUILTIN, make
 from cooploc.estimators.bad_input import BadInput
 from cooploc.scenarios import disturb, simulate
 from cooploc.scenarios.bench import Bench, Failed, demand_same
-from cooploc.scenarios.check import CHECKS, Report, Result, check_estimator, load
+from cooploc.scenarios.check import CHECKS, Report, Result, check_estimator
 from cooploc.scenarios.contents import contents
 from cooploc.scenarios.runner import trace
 
@@ -365,11 +365,11 @@ def plugin(tmp_path):
 
 
 def test_a_configured_name_is_loaded():
-    assert load("mrsl-rssi[particles=50]") == make("mrsl-rssi", particles=50)
+    assert make("mrsl-rssi[particles=50]") == make("mrsl-rssi", particles=50)
 
 
 def test_a_file_gives_a_class_or_an_instance_and_both_can_be_checked(plugin):
-    made, instance = load(f"{plugin}:Mine"), load(f"{plugin}:mine")
+    made, instance = make(f"{plugin}:Mine"), make(f"{plugin}:mine")
     assert (made.scale, instance.gate) == (1.0, 5.0)
     assert pickle.loads(pickle.dumps(made)) == made
     report = check_estimator(made)
@@ -387,7 +387,7 @@ def test_a_file_gives_a_class_or_an_instance_and_both_can_be_checked(plugin):
 )
 def test_what_a_file_lacks_is_named(plugin, name, words):
     with pytest.raises(BadInput, match=words) as caught:
-        load(f"{plugin}:{name}")
+        make(f"{plugin}:{name}")
     assert "\n" not in str(caught.value)
 
 
@@ -406,7 +406,7 @@ def test_a_file_that_cannot_be_imported_says_why(tmp_path, source, words):
     path = tmp_path / "bad.py"
     path.write_text(source)
     with pytest.raises(BadInput, match=words):
-        load(f"{path}:Mine")
+        make(f"{path}:Mine")
 
 
 @pytest.mark.parametrize(
@@ -420,4 +420,4 @@ def test_a_file_that_cannot_be_imported_says_why(tmp_path, source, words):
 )
 def test_what_cannot_be_loaded_is_bad_input(spec, words):
     with pytest.raises(BadInput, match=words):
-        load(spec)
+        make(spec)
