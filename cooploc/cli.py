@@ -52,7 +52,7 @@ def run(
     study: Annotated[str, typer.Argument(help="a shipped study, or the path of a study's TOML file")],
     trials: Annotated[int | None, typer.Option(help="trials of each scenario")] = None,
     seed: Annotated[int | None, typer.Option(help="of everything random")] = None,
-    estimators: Annotated[str | None, typer.Option(help="a,b: these instead of the study's")] = None,
+    estimators: Annotated[str | None, typer.Option(help="a,path.py:B: these instead of the study's")] = None,
     jobs: Annotated[int, typer.Option(help="processes")] = 1,
     scheduler: Annotated[str | None, typer.Option(help="of a Dask cluster, tcp://HOST:PORT")] = None,
     data: Annotated[Path | None, typer.Option(help="directory of recordings")] = None,
@@ -100,6 +100,18 @@ def check(
     typer.echo(result.table())
     if not result.passed:
         raise typer.Exit(1)
+
+
+@app.command()
+def new_estimator(
+    name: Annotated[str, typer.Argument(help="small letters, digits and hyphens, such as my-filter")],
+) -> None:
+    """Write a small package with an estimator that runs, its test, and what registers it."""
+    from cooploc.scaffold import create
+
+    for file in create(name, Path(name)):
+        typer.echo(file)
+    typer.echo(f"next: pip install -e {name} && cooploc run quick --estimators mrsl-rssi,{name}")
 
 
 @app.command()

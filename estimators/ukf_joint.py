@@ -41,6 +41,7 @@ class UkfJoint:
 
     api: ClassVar[int] = 1
     bound: ClassVar[bool] = True
+    axes: ClassVar[str] = "its sigma points lie along the axes of a Cholesky factor"
     own: Literal["doa", "rssi"] = "doa"
     reading: Literal["rssi", "range"] = "range"  # radio reading used where no camera sees teammates
     alpha: float = 0.1  # spread of the points, alpha sqrt(3) standard deviations

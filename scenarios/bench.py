@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from cooploc.estimators.interface import Array, Mask
 from cooploc.scenarios import simulate
 from cooploc.scenarios.disturb import own, thinned
-from cooploc.scenarios.runner import EstimatorError, Misfit, Trace, Watcher, trace, visible
-from cooploc.scenarios.stream import Stream
+from cooploc.scenarios.runner import SENSED, EstimatorError, Misfit, Trace, Watcher, resolve, trace, visible
+from cooploc.scenarios.stream import Stream, Truth
 
 _RADIO: dict[str, Any] = {"ticks": 12, "drop": 0.3}
 _CAMERA: dict[str, Any] = {**_RADIO, "sight": 8.0, "view": 1.5}  # sees much: a short stream must say something
@@ -42,8 +42,9 @@ class Recording(NamedTuple):
 class Bench:
     """An estimator, the small streams that fit it, and how it ran on them."""
 
-    def __init__(self, name: str, estimator: Any, seed: int) -> None:
+    def __init__(self, name: str, estimator: Any, seed: int, trials: int = TRIALS, ticks: int | None = None) -> None:
         self.name, self.estimator, self.seed = name, estimator, seed
+        self.trials, self.ticks = trials, ticks  # fewer than usual: a small counterexample
         self.runs = 0
 
     @property
@@ -60,6 +61,29 @@ class Bench:
         return np.random.default_rng(self.seed)
 
     @cached_property
+    def deterministic(self) -> bool:
+        """Whether its keys, the only randomness it may have, make no difference."""
+        return all(
+            np.array_equal(base.trace.x, self.run(replace(stream, seed=stream.seed + 1), "other keys").trace.x)
+            for stream, base in zip(self.streams, self.base, strict=True)
+        )
+
+    def channels(self, stream: Stream) -> set[str]:
+        """What its declaration selects of a stream."""
+        return resolve(self.name, tuple(self.estimator.uses), stream)
+
+    def array(self, channel: str) -> str:
+        """The name that a channel's readings have in `Stream.arrays`."""
+        if channel.startswith("radio_"):
+            return channel.replace("radio_", "air.")
+        return f"senses.{channel}" if channel in SENSED else f"extra.{channel}"
+
+    def truth(self, stream: Stream) -> Truth:
+        """What was true behind one of the small streams, simulated again: the bench itself keeps none."""
+        label = next(label for label, one in self._fitting if one is stream)
+        return self._simulated(label)[0]
+
+    @property
     def streams(self) -> tuple[Stream, ...]:
         """The small streams that have what the estimator declares.
 
@@ -67,18 +91,26 @@ class Bench:
             Failed: there is none.
 
         """
+        return tuple(stream for _, stream in self._fitting)
+
+    @cached_property
+    def _fitting(self) -> list[tuple[str, Stream]]:
         fitting, reasons = [], []
-        for label, overrides in SCENARIOS.items():
-            _, stream = simulate(label, trials=TRIALS, seed=self.seed, **overrides)
+        for label in SCENARIOS:
+            _, stream = self._simulated(label)
             try:
                 visible(self.name, self.estimator, stream)
                 thin = thinned(stream, self.rng)
-                fitting.append(replace(thin, scenario=f"{stream.scenario}, some readings absent"))
+                fitting.append((label, replace(thin, scenario=f"{stream.scenario}, some readings absent")))
             except Misfit as e:
                 reasons.append(str(e))
         if not fitting:
             raise Failed("; ".join(reasons[::2]))  # the scenarios come in pairs
-        return tuple(fitting)
+        return fitting
+
+    def _simulated(self, label: str) -> tuple[Truth, Stream]:
+        overrides = SCENARIOS[label] if self.ticks is None else {**SCENARIOS[label], "ticks": self.ticks}
+        return simulate(label, trials=self.trials, seed=self.seed, **overrides)
 
     @cached_property
     def base(self) -> tuple[Recording, ...]:

@@ -2,10 +2,13 @@
 
     assert check_estimator(MyFilter()).passed
 
-The models are scikit-learn's check_estimator and PettingZoo's api tests. What is checked stands in `conformance.py`.
+Or one test for each check, with `parametrize`. The models are scikit-learn's check_estimator and PettingZoo's api
+tests. What is checked stands in `conformance.py`.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache, partial
 from html import escape
 from typing import Any, Literal
 
@@ -13,6 +16,7 @@ from cooploc.estimators.bad_input import BadInput
 from cooploc.scenarios.bench import Bench, Failed, Skipped, explained
 from cooploc.scenarios.conformance import CHECKS, Check
 
+SMALLER = ((1, 2), (1, 4), (1, 8), (2, 4))  # (trials, ticks) of smaller counterexamples, in the order tried
 Status = Literal["passed", "failed", "skipped"]
 
 
@@ -24,6 +28,7 @@ class Result:
     status: Status
     detail: str  # the fact and its place
     seed: int
+    example: str = ""  # of a failure, the smallest that was found: how much of which stream shows it
 
 
 @dataclass(frozen=True, repr=False)
@@ -56,7 +61,7 @@ class Report:
     def table(self) -> str:
         """The results as aligned text."""
         width = max((len(r.check) for r in self.results), default=0)
-        lines = [f"{r.check:{width}}  {r.status:7}  {r.detail}" for r in self.results]
+        lines = [f"{r.check:{width}}  {r.status:7}  {_told(r)}" for r in self.results]
         return "\n".join([*lines, self.summary()])
 
     def summary(self) -> str:
@@ -69,10 +74,16 @@ class Report:
         return f"Report({self.summary()!r})"
 
     def _repr_html_(self) -> str:
-        cells = [(r.check, r.status, r.detail) for r in self.results]
+        cells = [(r.check, r.status, _told(r)) for r in self.results]
         rows = "".join(f"<tr>{''.join(f'<td>{escape(c)}</td>' for c in row)}</tr>" for row in cells)
         head = "<tr><th>check</th><th>result</th><th>what was found</th></tr>"
         return f"<table><caption>{escape(self.summary())}</caption>{head}{rows}</table>"
+
+
+def _told(result: Result) -> str:
+    """What was found, and of a failure its smallest example and its seed."""
+    example = f"; smallest: {result.example}" if result.example else ""
+    return result.detail + (f"{example} (seed {result.seed})" if result.status == "failed" else "")
 
 
 def check_estimator(estimator: Any, name: str | None = None, seed: int = 0) -> Report:
@@ -86,12 +97,53 @@ def check_estimator(estimator: Any, name: str | None = None, seed: int = 0) -> R
     """
     bench = Bench(name or type(estimator).__name__, estimator, seed)
     runs, *rest = CHECKS
-    first = _result(runs, bench)
+    first = _shrunk(runs, _result(runs, bench), bench)
     if first.status == "passed":
-        others = [_result(check, bench) for check in rest]
+        others = [_shrunk(check, _result(check, bench), bench) for check in rest]
     else:
         others = [Result(_called(check), "skipped", "it does not run", seed) for check in rest]
     return Report(bench.name, (first, *others))
+
+
+def parametrize(*estimators: Any, seed: int = 0) -> Any:
+    """A mark that makes a test of every check on every estimator; the test calls what it is given.
+
+        @parametrize(MyFilter())
+        def test_it_conforms(check):
+            check()
+
+    What cannot apply is skipped with its reason. Needs pytest.
+    """
+    import pytest
+
+    cases = []
+    for estimator in estimators:
+        report = cache(partial(check_estimator, estimator, seed=seed))  # made when the first of its tests runs
+        name = type(estimator).__name__
+        cases += [pytest.param(partial(_demand, report, _called(c)), id=f"{name}-{_called(c)}") for c in CHECKS]
+    return pytest.mark.parametrize("check", cases)
+
+
+def _demand(report: Callable[[], Report], check: str) -> None:
+    import pytest
+
+    result = report()[check]
+    if result.status == "skipped":
+        pytest.skip(result.detail)
+    if result.status == "failed":
+        pytest.fail(f"{result.detail} (seed {result.seed})", pytrace=False)
+
+
+def _shrunk(check: Check, result: Result, bench: Bench) -> Result:
+    """A failure with the smallest of some smaller benches on which it shows too."""
+    if result.status != "failed":
+        return result
+    for trials, ticks in SMALLER:
+        again = _result(check, Bench(bench.name, bench.estimator, bench.seed, trials, ticks))
+        if again.status == "failed":
+            size = f"{trials} trial{'s' * (trials > 1)} of {ticks} ticks"
+            return replace(result, example=f"{size}: {again.detail}")
+    return replace(result, example="none smaller than this was found")
 
 
 def _result(check: Check, bench: Bench) -> Result:

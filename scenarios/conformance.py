@@ -1,6 +1,7 @@
 """The checks of `check_estimator`: each returns what it found in order, or raises `Failed` or `Skipped`.
 
-To add one: write a function like these, and put it into `CHECKS`. Everything is compared bitwise.
+To add one: write a function like these, and put it into `CHECKS`. Here are those of what reaches whom and when;
+`secrecy`, `soundness` and `symmetry` have the others. Everything is compared bitwise but for what `symmetry` turns.
 """
 
 from collections.abc import Callable
@@ -16,7 +17,16 @@ from cooploc.scenarios.bench import Bench, Failed, Recording, Skipped, demand_sa
 from cooploc.scenarios.contents import contents
 from cooploc.scenarios.disturb import HOW
 from cooploc.scenarios.runner import Watcher
+from cooploc.scenarios.secrecy import (
+    declaration,
+    no_global_randomness,
+    no_memory,
+    order_independence,
+    truth_blindness,
+)
+from cooploc.scenarios.soundness import covariance, nan_safety, silence
 from cooploc.scenarios.stream import Stream
+from cooploc.scenarios.symmetry import equivariance
 
 Check = Callable[[Bench], str]
 
@@ -136,6 +146,15 @@ CHECKS: tuple[Check, ...] = (
     causality,
     chunk_invariance,
     immutability,
+    no_memory,
+    no_global_randomness,
+    order_independence,
+    truth_blindness,
+    nan_safety,
+    covariance,
+    silence,
+    declaration,
+    equivariance,
     pickling,
 )
 

@@ -419,6 +419,7 @@ class HonestTeam(EkfJoint):
     """No bound: every robot for itself, and a sequential exchange over the links that hold in both directions."""
 
     bound: ClassVar[bool] = False
+    uses: tuple[str, ...] = ("odometry", "anchor_rssi|landmark")
 
     def exchange(self, s, z, air):
         x = s.x.copy()
@@ -441,3 +442,159 @@ class BillsByChunk(HonestTeam):
     def exchange(self, s, z, air):
         s, traffic = super().exchange(s, z, air)
         return s, traffic._replace(messages=traffic.messages / len(s.x))
+
+
+# ---------------------------------------------------------------- peeking: truth, rivals, the last run, chance
+
+
+@dataclass(frozen=True)
+class FindsTruth(DeadReckoning):
+    """Searches memory for whatever is true."""
+
+    def correct(self, s, z):
+        import gc
+
+        found = [thing for thing in gc.get_objects() if type(thing).__name__ == "Truth"]
+        return nudge(s, 1e-3 * sum(float(truth.x[0, -1, 0, 0]) for truth in found))
+
+
+@dataclass(frozen=True)
+class KnowsTheLabel(DeadReckoning):
+    """Does better where it knows the scenario by name."""
+
+    def predict(self, s, z):
+        return nudge(super().predict(s, z), 1e-3 * stolen("stream").scenario.startswith(("robots", "camera")))
+
+
+@dataclass(frozen=True)
+class CountsRivals(DeadReckoning):
+    """Looks who else is in the run."""
+
+    def init(self, prior, world, rows):
+        frame, rivals = inspect.currentframe(), 0
+        while frame := frame.f_back:
+            rivals = max(rivals, len(frame.f_locals.get("named", ())))
+        return nudge(super().init(prior, world, rows), 1e-3 * rivals)
+
+
+@dataclass(frozen=True)
+class WarmStart(DeadReckoning):
+    """Begins where a run of another length ended; a second run of the same length begins as the first."""
+
+    def init(self, prior, world, rows):
+        s = super().init(prior, world, rows)
+        return nudge(s, 1e-3 * REMEMBERED.get((type(self), len(s.x)), 0.0))
+
+    def estimate(self, s):
+        if stolen("stream").time.size < 12:
+            REMEMBERED[type(self), len(s.x) * 3] = 1.0
+        return super().estimate(s)
+
+
+@dataclass(frozen=True)
+class SeedsGlobal(DeadReckoning):
+    """Gives the same every time, because it seeds what everybody shares."""
+
+    def init(self, prior, world, rows):
+        np.random.seed(0)  # noqa: NPY002, TID251
+        return super().init(prior, world, rows)
+
+
+@dataclass(frozen=True)
+class PythonRandom(DeadReckoning):
+    """Looks at the state of Python's generator and leaves it alone."""
+
+    def init(self, prior, world, rows):
+        import random
+
+        return nudge(super().init(prior, world, rows), 1e-9 * random.getstate()[1][1])
+
+
+# ---------------------------------------------------------------- numbers
+
+
+@dataclass(frozen=True)
+class TrustsOdometry(DeadReckoning):
+    """Takes it that odometry is always there."""
+
+    def predict(self, s, z):
+        return nudge(super().predict(s, z), 1e-6 * z.odometry[:, :2])
+
+
+@dataclass(frozen=True)
+class Lopsided(DeadReckoning):
+    def estimate(self, s):
+        x, P = super().estimate(s)
+        P = P.copy()
+        P[:, 0, 1] += 0.01
+        return Belief(x, P)
+
+
+@dataclass(frozen=True)
+class NegativeVariance(DeadReckoning):
+    """Subtracts a covariance that it never added."""
+
+    def estimate(self, s):
+        x, P = super().estimate(s)
+        return Belief(x, P - 10 * np.eye(x.shape[-1]))
+
+
+@dataclass(frozen=True)
+class StandsStill(DeadReckoning):
+    """Reads odometry and stays where it is."""
+
+    def predict(self, s, z):
+        return super().predict(s, z)._replace(x=s.x + 1e-9 * np.nan_to_num(z.odometry[:, :1]))
+
+
+@dataclass(frozen=True)
+class Confident(DeadReckoning):
+    """Grows surer with every tick, whatever it sensed."""
+
+    def correct(self, s, z):
+        return s._replace(P=0.9 * s.P)
+
+
+# ---------------------------------------------------------------- declarations
+
+
+@dataclass(frozen=True)
+class DeclaresTooMuch(DeadReckoning):
+    uses: tuple[str, ...] = ("odometry", "anchor_rssi?", "landmark?")
+
+
+# ---------------------------------------------------------------- symmetry
+
+
+@dataclass(frozen=True)
+class LovesTheOrigin(DeadReckoning):
+    """Leans towards (0, 0), where the builders put a corner."""
+
+    def correct(self, s, z):
+        return nudge(s, -0.05 * s.x[:, :2])
+
+
+@dataclass(frozen=True)
+class LovesTheNorth(DeadReckoning):
+    """Leans along y: where the world lies does not show it."""
+
+    def init(self, prior, world, rows):
+        return nudge(super().init(prior, world, rows), np.array([0.0, 1.0]))
+
+
+@dataclass(frozen=True)
+class FavoursRobotZero(DeadReckoning):
+    """Robot 0 states half the variance of the others."""
+
+    def init(self, prior, world, rows):
+        s = super().init(prior, world, rows)
+        return s._replace(P=s.P * np.where(rows.robot == 0, 0.5, 1.0)[:, None, None])
+
+
+@dataclass(frozen=True)
+class HidesItsBill(HonestTeam):
+    """Sends messages without bytes."""
+
+    def exchange(self, s, z, air):
+        s, traffic = super().exchange(s, z, air)
+        return s, traffic._replace(bytes=0 * traffic.bytes)
