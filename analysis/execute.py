@@ -9,7 +9,7 @@ import pandas as pd
 
 from cooploc.analysis.measure import Part
 from cooploc.analysis.plan import Plan, make_plan, trials_of, work
-from cooploc.analysis.provenance import fingerprint, provenance
+from cooploc.analysis.provenance import files, fingerprint, provenance
 from cooploc.analysis.rundir import FORMAT, Piece, RunDir
 from cooploc.analysis.workers import hired
 from cooploc.estimators import make
@@ -139,6 +139,7 @@ def _manifest(study: Study, data: str | None) -> dict[str, Any]:
         "seed": study.seed,
         "data": None if data is None else fingerprint(Path(data)),
         "scenarios": {label: world.model_dump(mode="json", exclude={"data"}) for label, world in worlds.items()},
+        "files": files(name for cell in cells for name in cell.estimators),
         "streams": {},
         **provenance(),
     }

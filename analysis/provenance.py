@@ -4,9 +4,13 @@ import hashlib
 import platform
 import re
 import subprocess
+from collections.abc import Iterable
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
+
+from cooploc.estimators import parse
+from cooploc.estimators.files import is_file
 
 PACKAGES = ("cooploc", "filterpy", "numpy", "scipy", "numba", "pandas", "pyarrow")
 HERE = Path(__file__).resolve().parent
@@ -26,6 +30,12 @@ def provenance() -> dict[str, Any]:
 def fingerprint(folder: Path) -> str:
     """One hash over the names and contents of a directory's files."""
     return _hash(file for file in sorted(folder.iterdir()) if file.is_file())
+
+
+def files(estimators: Iterable[str]) -> dict[str, str]:
+    """A hash of every file that an estimator `path.py:Name` comes from."""
+    paths = {parse(label)[0].rpartition(":")[0] for label in estimators if is_file(parse(label)[0])}
+    return {path: hashlib.sha256(Path(path).read_bytes()).hexdigest() for path in sorted(paths)}
 
 
 def _source() -> str:

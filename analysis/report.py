@@ -29,12 +29,14 @@ LEGEND = (
     "whole study. ANEES: 1 is consistent. msg, bytes, µs: per robot and tick. bound: knows more than any robot could."
 )
 
+IN_ONE_PICTURE = 12  # scenarios; `cooploc report` draws one of each experiment
+
 
 def keep(table: pd.DataFrame, rows: pd.DataFrame, folder: Path) -> None:
-    """Write the table of `compare` as `table.csv`, and `rmse.png` where any trial ended."""
+    """Write the table of `compare` as `table.csv`, and `rmse.png` where any trial ended and it can be read."""
     table.to_csv(folder / "table.csv", index=False)
     ended = succeeded(rows)
-    if len(ended):
+    if len(ended) and table["scenario"].nunique() <= IN_ONE_PICTURE:
         import matplotlib as mpl
 
         mpl.use("agg")
@@ -62,7 +64,8 @@ def show(table: pd.DataFrame, rows: pd.DataFrame, folder: Path, as_json: bool) -
             console.print(line, soft_wrap=True)
     for row in rows[rows["failure"].notna()].drop_duplicates(["scenario", "estimator", "failure"]).itertuples():
         console.print(f"failed: {row.scenario}, {row.estimator}, trial {row.trial}: {row.failure}", soft_wrap=True)
-    console.print(f"picture: {folder / 'rmse.png'}   table: {folder / 'table.csv'}   run: {folder}", soft_wrap=True)
+    picture = f"{folder / 'rmse.png'}" if (folder / "rmse.png").exists() else f"cooploc report {folder}"
+    console.print(f"picture: {picture}   table: {folder / 'table.csv'}   run: {folder}", soft_wrap=True)
 
 
 def records(table: pd.DataFrame) -> list[dict[str, Any]]:

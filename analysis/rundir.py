@@ -105,12 +105,16 @@ class RunDir:
         for key in MUST_MATCH:
             if found.get(key) != asked[key]:
                 raise BadInput(f"{self.path} holds a run with another {key}; name another directory with --out")
+        for path, digest in asked["files"].items():
+            if found["files"].get(path, digest) != digest:
+                raise BadInput(f"{self.path} holds results of another version of {path}; name another with --out")
         for label, parameters in asked["scenarios"].items():
             if found["scenarios"].get(label, parameters) != parameters:
                 raise BadInput(f"{self.path} holds another scenario {label!r}; name another directory with --out")
         return {
             **asked,
             "scenarios": {**found["scenarios"], **asked["scenarios"]},
+            "files": {**found["files"], **asked["files"]},
             "cells": _both(found["cells"], asked["cells"]),
             "streams": found["streams"],
         }

@@ -73,6 +73,17 @@ def test_a_file_runs_in_a_study_and_in_its_workers(place, tmp_path_factory, jobs
     assert "mine.py:Mine[scale=2]" in told.stdout
 
 
+def test_an_edited_file_is_not_mixed_into_a_run(place, tmp_path_factory):
+    arguments = ("run", "small.toml", "--out", "run", "--estimators", "dead-reckoning,mine.py:Mine")
+    options = {"plugins": tmp_path_factory.mktemp("none"), "cwd": place}
+    assert finish(*arguments, **options).returncode == 0
+    assert finish(*arguments, **options).returncode == 0
+    (place / "mine.py").write_text(FILE + "\n")
+    told = finish(*arguments, **options)
+    assert told.returncode == 2
+    assert "run holds results of another version of mine.py; name another with --out" in told.stderr
+
+
 def test_a_written_package_has_what_it_needs_and_passes_its_own_tests(tmp_path):
     folder = tmp_path / "my-filter"
     files = {path.name for path in scaffold.create("my-filter", folder)}
