@@ -2,9 +2,11 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
+from functools import partial
 
 PLUGIN = '''
 import os, signal, time
@@ -70,7 +72,7 @@ def finish(*arguments, plugins, **options):
 
 
 def start(*arguments, plugins, **options):
-    """Begin, in a process group of its own, as a shell would."""
+    """Begin, in a process group of its own, as a shell would; Ctrl-C counts even where this process ignores it."""
     return subprocess.Popen(
         command(*arguments),
         env=environment(plugins),
@@ -78,6 +80,7 @@ def start(*arguments, plugins, **options):
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
+        preexec_fn=partial(signal.signal, signal.SIGINT, signal.default_int_handler),
         **options,
     )
 

@@ -26,7 +26,7 @@ class RadioLoop:
 
     def predict(self, z):
         self.ekf.Q = np.eye(2) * self.motion.sigma**2 * z.dt / self.motion.tick
-        self.ekf.predict(u=z.odometry)
+        self.ekf.predict(u=np.nan_to_num(z.odometry))  # absent: it is taken to stand still
 
     def correct(self, z):
         for anchor, rssi in zip(self.anchors, z.anchor_rssi, strict=True):
@@ -53,7 +53,7 @@ class CameraLoop:
         self.landmarks, self.camera, self.motion = world.landmarks, world.sensors["landmark"], world.motion
 
     def predict(self, z):
-        (v, omega), (x, y, a), dt = z.odometry, self.ekf.x, z.dt
+        (v, omega), (x, y, a), dt = np.nan_to_num(z.odometry), self.ekf.x, z.dt
         c, s = np.cos(a + omega * dt / 2), np.sin(a + omega * dt / 2)
         self.ekf.F = np.array([[1, 0, -v * dt * s], [0, 1, v * dt * c], [0, 0, 1]])
         G = np.array([[c, -v * dt * s / 2], [s, v * dt * c / 2], [0, 1]])
