@@ -21,6 +21,7 @@ from cooploc.analysis.compare import stream_hash, summarize
 from cooploc.analysis.consistency import consistency
 from cooploc.analysis.curves import over_time, swept
 from cooploc.analysis.figures import GREY, styles
+from cooploc.analysis.floor import floors
 from cooploc.analysis.kept import read
 
 mpl.use("agg")
@@ -39,6 +40,10 @@ def main(run: str, out: str = "reports/paper") -> None:
     rows = kept.rows[kept.rows["estimator"].isin(MAIN)]
     table = summarize(rows)
     table["consistency"] = consistency(table)
+    drawn = [
+        label for label in dict.fromkeys(table["scenario"]) if any(fits(label, wanted) for _, _, wanted, _ in FIGURES)
+    ]
+    table["floor"] = table["scenario"].map(floors(drawn, kept.manifest["seed"]))
     hashes = {scenario: stream_hash(part) for scenario, part in rows.groupby("scenario", sort=False)}
     folder = Path(out)
     folder.mkdir(parents=True, exist_ok=True)
@@ -64,7 +69,8 @@ def main(run: str, out: str = "reports/paper") -> None:
 CAPTION = (
     "Whiskers and bands are 95 % intervals over trials (jackknife on the logarithm); no test is drawn in a figure: "
     "paired tests with Holm's correction are in the tables. Hollow markers, and hatching on white: over-confident (the "
-    "whole interval of ANEES above 1.5). Grey: a bound, which knows more than any robot could."
+    "whole interval of ANEES above 1.5). Grey: a bound, which knows more than any robot could. Dotted: the posterior "
+    "Cramer-Rao floor of whoever hears and uses everything, where it holds."
 )
 
 
@@ -100,6 +106,8 @@ def bars(part: pd.DataFrame) -> Axes:
             box.set(facecolor=colour if solid else "white", hatch=HATCHES[i], linewidth=1)
             box.set_edgecolor("0.25" if solid else colour)
         ax.bar(0, 0, facecolor=colour, hatch=HATCHES[i], edgecolor="0.25", label=name)
+    least = part.groupby("scenario")["floor"].first().reindex(scenarios)
+    ax.hlines(least, np.arange(len(scenarios)) - 0.45, np.arange(len(scenarios)) + 0.45, color="black", ls=":", lw=1.2)
     ax.set_xticks(range(len(scenarios)), scenarios)
     ax.set_ylabel("position RMSE [m]")
     ax.legend(frameon=False, fontsize=8, bbox_to_anchor=(1.0, 1.0), loc="upper left")
@@ -123,6 +131,8 @@ def sweep(xlabel: str, log: bool = False) -> Callable[[pd.DataFrame], Axes]:
                 which = mine[(mine["consistency"] == "over-confident") == hollow]
                 face = "white" if hollow else colour
                 ax.plot(which["value"], which["rmse"], LOOKS[name].marker, mfc=face, mec=colour, ms=4.5)
+        least = part.groupby("value")["floor"].first()
+        ax.plot(least.index, least, color="black", ls=":", lw=1.2, label="floor")
         ax.set_yscale("log")
         ax.yaxis.set_major_formatter(mpl.ticker.FuncFormatter(lambda v, _: f"{v:g}"))
         ax.yaxis.set_major_locator(mpl.ticker.LogLocator(subs=(1, 2, 5)))
