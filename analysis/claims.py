@@ -41,11 +41,12 @@ import pandas as pd
 
 from cooploc.analysis import statistics
 from cooploc.analysis.compare import demand_same_streams
-from cooploc.analysis.consistency import CONSERVATIVE, OVER_CONFIDENT
+from cooploc.analysis.consistency import flag
 from cooploc.analysis.findings import FINDERS, Case, Finding, cases
 from cooploc.analysis.ledger import Claim, Ledger, variants
 from cooploc.analysis.ledger import load as load
 from cooploc.analysis.results import Missing, Results, collect
+from cooploc.estimators.interface import Array
 
 VERDICTS = ("supported", "direction only", "contradicted", "undecided", "not testable", "not run")
 COLUMNS = {
@@ -132,6 +133,10 @@ def _found(case: Case, claim: Claim, results: Results) -> dict[str, object]:
     }
 
 
+def _flag(anees: Array, coverage: Array) -> str:
+    return flag(len(anees), statistics.mean_of_positive(anees), statistics.mean(coverage))
+
+
 def _remarks(claim: Claim, case: Case, found: Finding, results: Results) -> list[str]:
     """What a reader of the verdict must know: why there is no interval, and of its estimators what bars them."""
     out = []
@@ -142,13 +147,9 @@ def _remarks(claim: Claim, case: Case, found: Finding, results: Results) -> list
         out += ["better, but by how much is undecided"]
     for name in dict.fromkeys((case.of, *case.than)):
         cells = [(scenario, name) for scenario in case.scenarios]
-        anees = [statistics.mean_of_positive(results.anees(cell)) for cell in cells]
-        flags = {
-            "over-confident": sum(a.low > OVER_CONFIDENT or a.value == np.inf for a in anees),
-            "conservative": sum(a.high < CONSERVATIVE for a in anees),
-        }
-        many = len(cells) > 1
-        out += [f"{name} {flag}" + many * f" in {k} of {len(cells)}" for flag, k in flags.items() if k]
+        flags = [_flag(results.anees(cell), results.coverage(cell)) for cell in cells]
+        counts = {word: flags.count(word) for word in ("over-confident", "conservative")}
+        out += [f"{name} {word}" + (len(cells) > 1) * f" in {k} of {len(cells)}" for word, k in counts.items() if k]
         failed = sum(results.failed(cell) for cell in cells)
         out += [f"{failed} trials of {name} failed"] if failed else []
         out += [f"{name} is a bound"] if results.bound(name) else []

@@ -1,29 +1,38 @@
-"""When is a covariance honest: flags by the interval of ANEES, and the band of a truly consistent filter."""
+"""When is a covariance honest: flags by the intervals of ANEES and coverage; the band of a truly consistent filter."""
 
 import numpy as np
 import pandas as pd
 from scipy import stats
 
-from cooploc.analysis.statistics import LEAST_TRIALS
+from cooploc.analysis.statistics import LEAST_TRIALS, Interval
 
 OVER_CONFIDENT, CONSERVATIVE = 1.5, 0.67  # ANEES limits: the whole interval must lie beyond
+# How many truths lie in the 95 % ellipses of Gaussian errors whose ANEES is OVER_CONFIDENT.
+LEAST_COVERAGE = float(stats.chi2.cdf(stats.chi2.ppf(0.95, 2) / OVER_CONFIDENT, 2))
+
+
+def flag(trials: float, anees: Interval, coverage: Interval) -> str:
+    """over-confident, conservative or consistent, by 95 % intervals over trials; else "not assessed".
+
+    Over-confident: ANEES above 1.5, or coverage of the 95 % ellipse below the 0.86 that goes with it. A few trials in
+    which the covariance all but vanished make the interval of ANEES as wide as can be, and its coverage still tells.
+    Not assessed: below five trials, or an interval of ANEES from conservative to over-confident.
+    """
+    if trials < LEAST_TRIALS:
+        return "not assessed"
+    if anees.low > OVER_CONFIDENT or anees.value == np.inf or coverage.high < LEAST_COVERAGE:
+        return "over-confident"
+    if anees.high < CONSERVATIVE:
+        return "conservative"
+    told = anees.low > CONSERVATIVE or anees.high < OVER_CONFIDENT
+    return "consistent" if told else "not assessed"
 
 
 def consistency(table: pd.DataFrame) -> pd.Series:
-    """over-confident, conservative, or consistent, by the 95 % interval of ANEES; "not assessed" below five trials.
-
-    An infinite ANEES, of a covariance that vanished, has no interval and is over-confident.
-    """
-    enough = (table["trials"] >= LEAST_TRIALS).to_numpy()
-    infinite = np.isinf(table["anees"].to_numpy(float))
-    words = [
-        ~enough | (table["anees_low"].isna().to_numpy() & ~infinite),
-        (table["anees_low"] > OVER_CONFIDENT).to_numpy() | infinite,
-        (table["anees_high"] < CONSERVATIVE).to_numpy(),
-    ]
-    return pd.Series(
-        np.select(words, ["not assessed", "over-confident", "conservative"], "consistent"), index=table.index
-    )
+    """The flag of every row of `summarize`."""
+    ends = [table[[name, f"{name}_low", f"{name}_high"]].to_numpy(float) for name in ("anees", "coverage95")]
+    flags = [flag(t, Interval(*a), Interval(*c)) for t, a, c in zip(table["trials"], *ends, strict=True)]
+    return pd.Series(flags, index=table.index, dtype=object)
 
 
 def band(count: int, d: int) -> tuple[float, float]:

@@ -30,8 +30,9 @@ METHODS = (
     ("p (Holm)", "Wilcoxon's signed-rank test over trials, adjusted by Holm over all rows of all experiments."),
     ("Ties", "The 95 % interval of the paired change holds 0, or two one-sided t tests on the logarithms say that both "
      "are equal within 5 %. One is best alone only where it is told apart from every other that may be called best."),
-    ("ANEES", "Position NEES / 2, per trial first; 1 is consistent. Over-confident: its 95 % interval lies above 1.5; "
-     "conservative: below 0.67. An over-confident estimator is never called best."),
+    ("ANEES", "Position NEES / 2, per trial first; 1 is consistent. Over-confident: its 95 % interval lies above 1.5, "
+     "or that of the share in 95 % ellipses below 0.86; conservative: below 0.67. Not assessed: too wide to tell. "
+     "An over-confident estimator is never called best."),
     ("in 95 %", "Share of the true positions that lie inside the 95 % ellipse."),
     ("diverged", "Share of (trial, robot) whose last-quarter RMSE exceeds a quarter of the arena's side."),
     ("messages, bytes, µs", "Per robot and tick, as sent; µs as a clock measured them, on the processor named below."),

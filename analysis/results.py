@@ -24,7 +24,7 @@ class Missing(Exception):
 class Results(NamedTuple):
     """Per (scenario, estimator), by canonical labels: a frame with one line per trial that ended."""
 
-    frames: dict[Cell, pd.DataFrame]  # index: trial; columns: mse, anees, seconds, robots
+    frames: dict[Cell, pd.DataFrame]  # index: trial; columns: mse, anees, coverage95, seconds, robots
     failures: Mapping[Cell, int]  # trials that failed
     bounds: set[str]
 
@@ -41,6 +41,9 @@ class Results(NamedTuple):
 
     def anees(self, cell: Cell) -> Array:
         return self._frame(cell)["anees"].dropna().to_numpy(float)
+
+    def coverage(self, cell: Cell) -> Array:
+        return self._frame(cell)["coverage95"].dropna().to_numpy(float)
 
     def failed(self, cell: Cell) -> int:
         return self.failures.get(_canonical(cell), 0)
@@ -102,7 +105,7 @@ def collect(rows: pd.DataFrame) -> Results:
     keys = ["scenario", "estimator", "trial"]
     ended = succeeded(rows)
     weight = ended["ticks"] / ended.groupby(keys)["ticks"].transform("sum")
-    weighted = ended[["mse", "anees"]].mul(weight, axis=0).assign(**{k: ended[k] for k in keys})
+    weighted = ended[["mse", "anees", "coverage95"]].mul(weight, axis=0).assign(**{k: ended[k] for k in keys})
     trials = weighted.groupby(keys, sort=False).sum(min_count=1)
     trials[["seconds", "robots"]] = ended.groupby(keys, sort=False)[["seconds", "robots"]].first()
     frames = {

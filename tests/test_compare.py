@@ -138,6 +138,14 @@ def test_consistency_is_judged_by_the_whole_interval(anees, flag):
     assert compare(frame[frame["trial"] < 4], baseline="a")["consistency"].item() == "not assessed"
 
 
+def test_where_anees_tells_nothing_coverage_does():
+    frame = rows("a", BASE)
+    frame["anees"] = np.where(frame["trial"] == 3, 1e12, 0.9)  # its interval reaches from 0 to beyond all bounds
+    for coverage, flag in ((0.27, "over-confident"), (0.95, "not assessed")):
+        frame["coverage95"] = coverage + 0.001 * frame["trial"]
+        assert compare(frame, baseline="a")["consistency"].item() == flag
+
+
 def test_a_covariance_that_vanished_is_over_confident():
     frame = rows("a", BASE)
     frame.loc[5, "anees"] = np.inf
