@@ -9,6 +9,7 @@ import os
 import signal
 import threading
 import time
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
@@ -37,15 +38,15 @@ class Here:
             yield from measure(task)
 
 
-class Pool:
+class Pool(ABC):
     """An executor that can be had again after a worker's death broke it."""
 
     window: int  # tasks that may be under way
     deaths: tuple[type[BaseException], ...] = (BrokenExecutor,)
 
+    @abstractmethod
     def executor(self) -> Executor:
         """A working executor."""
-        raise NotImplementedError
 
     def function(self) -> Any:
         """What runs a task over there."""

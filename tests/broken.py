@@ -451,11 +451,11 @@ class BillsByChunk(HonestTeam):
 class FindsTruth(DeadReckoning):
     """Searches memory for whatever is true."""
 
-    def correct(self, s, z):
+    def init(self, prior, world, rows):
         import gc
 
         found = [thing for thing in gc.get_objects() if type(thing).__name__ == "Truth"]
-        return nudge(s, 1e-3 * sum(float(truth.x[0, -1, 0, 0]) for truth in found))
+        return nudge(super().init(prior, world, rows), 1e-3 * sum(float(truth.x[0, -1, 0, 0]) for truth in found))
 
 
 @dataclass(frozen=True)
