@@ -13,6 +13,7 @@ from cooploc.analysis.animate import animate as animate
 from cooploc.analysis.beliefs import anees as anees
 from cooploc.analysis.beliefs import ellipses as ellipses
 from cooploc.analysis.compare import CONSERVATIVE, OVER_CONFIDENT, consistency, summarize
+from cooploc.analysis.forest import claims as claims
 from cooploc.analysis.world import world as world
 from cooploc.estimators.bad_input import BadInput
 

@@ -17,12 +17,14 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Ellipse
 
 import cooploc as cl
+from cooploc.analysis import claims
 from cooploc.analysis.compare import stream_hash, summarize
 from cooploc.analysis.consistency import consistency
 from cooploc.analysis.curves import over_time, swept
 from cooploc.analysis.figures import GREY, styles
 from cooploc.analysis.floor import floors
 from cooploc.analysis.kept import read
+from cooploc.analysis.ledger import BASE, load
 
 mpl.use("agg")
 MAIN = (
@@ -59,7 +61,7 @@ def main(run: str, out: str = "reports/paper") -> None:
         streams = ", ".join(f"{label} {hashes[label][:8]}" for label in dict.fromkeys(part["scenario"]))
         captions.append(f"**{name}** {title} n = {counted} trials, seed {kept.manifest['seed']}. Streams: {streams}.")
         keep(axes, folder / name)
-    for name, title, axes in (trajectories(), time_course()):
+    for name, title, axes in (trajectories(), time_course(), ledger(kept.rows)):
         captions.append(f"**{name}** {title}")
         keep(axes, folder / name)
     text = "\n\n".join([CAPTION, *captions])
@@ -227,6 +229,14 @@ def time_course() -> tuple[str, str, Axes]:
     sns.despine(ax=ax)
     title = f"`trajectory` over time, n = {TRIALS_OVER_TIME} trials, seed {SEED}, stream {stream.hash[:8]}."
     return "over-time", title, ax
+
+
+def ledger(rows: pd.DataFrame) -> tuple[str, str, Axes]:
+    """What was found beside what was claimed."""
+    judged = claims.judge(load(), rows)
+    trials = int(judged.loc[judged["variant"] == BASE, "trials"].max())
+    title = f"Claims that name a share, in the `paper` reading; 95 % intervals over n = {trials} paired trials."
+    return "claims", title, cl.plot.claims(judged)
 
 
 FIGURES: tuple[tuple[str, str, str, Callable[[pd.DataFrame], Axes]], ...] = (
