@@ -39,6 +39,7 @@ WORDS = {
     "slope": ("the seconds of {of} per robot and tick grow with the number of robots to the power {}", ""),
     "cost": ("{of} takes {} less time than {than}", "{of} takes {} more time than {than}"),
 }
+MANY = 100_000  # trials; a plan for more of them is none
 UNITS = {"level": " m", "slope": ""}  # all others are shares
 
 
@@ -53,16 +54,30 @@ def sentence(row: "pd.Series[Any]") -> str:
     if value == low == high == 0:
         same = f"equals that of {row['than']}" if row["than"] else "stays the same"
         return f"{where}: the RMSE of {row['of']} {same} in each of {n} trials. {_verdict(row)}."
+    if not np.isfinite(value):
+        return f"{where}: an RMSE that is 0 or not finite leaves no number to give ({n} trials). {_verdict(row)}."
     words = WORDS[kind + (", ratio" if row["definition"] == "ratio" else "")]
     turned = value < 0 and bool(words[1])
     if turned:
         value, low, high = -value, -high, -low
     said = words[turned].format(_number(value, kind), of=row["of"], than=row["than"])
-    within = f"95 % interval {_number(low, kind)} to {_number(high, kind)}, " if low == low else ""
     size = float(row["size"])
     claimed = f" Claimed: {_number(size, kind)}." if size == size else ""
     counted = "sizes" if kind == "slope" else "parts of the run" if kind == "cost" else "trials"
-    return f"{where}: {said} ({within}{n} {counted}).{claimed} {_verdict(row)}."
+    return f"{where}: {said} ({_within(low, high, kind)}, {n} {counted}).{claimed} {_verdict(row)}."
+
+
+def _within(low: float, high: float, kind: str) -> str:
+    """The 95 % interval in words; an end that lies at infinity is no end."""
+    if np.isnan(low):
+        return "no 95 % interval"
+    if np.isinf(low) and np.isinf(high):
+        return "95 % interval without ends"
+    if np.isinf(high):
+        return f"95 % interval {_number(low, kind)} or more, without an upper end"
+    if np.isinf(low):
+        return f"95 % interval {_number(high, kind)} or less, without a lower end"
+    return f"95 % interval {_number(low, kind)} to {_number(high, kind)}"
 
 
 def table(verdicts: pd.DataFrame) -> Table:
@@ -125,16 +140,23 @@ def _verdict(row: "pd.Series[Any]") -> str:
     needed = float(row["needed"])
     if row["verdict"] != "undecided":
         return str(row["verdict"]).capitalize()
-    return f"Undecided; about {needed:.0f} trials would decide" if needed == needed else "Undecided"
+    if not needed < MANY:
+        return "Undecided" if needed != needed else f"Undecided; more than {MANY} trials would decide"
+    return f"Undecided; about {needed:.0f} trials would decide"
 
 
 def _number(value: float, kind: str) -> str:
     if np.isnan(value):
         return ""
     if np.isinf(value):
-        return "∞"
+        return "∞" if value > 0 else "-∞"
     if kind in UNITS:
         return f"{value:.2f}{UNITS[kind]}"
-    share = 100 * value
-    digits = 0 if abs(share) >= 10 else 1 if abs(share) >= 1 or share == 0 else 2
-    return f"{share + 0.0:.{digits}f} %"
+    return f"{100 * value + 0.0:.{_digits(value)}f} %"
+
+
+def _digits(share: float) -> int:
+    """Decimals of a percentage: two digits that say something, of what is nearly all as well as of what is little."""
+    if 0.99 <= share < 1:
+        return min(4, 1 - int(np.floor(np.log10(100 * (1 - share)))))
+    return 0 if abs(share) >= 0.1 else 1 if abs(share) >= 0.01 or share == 0 else 2

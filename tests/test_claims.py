@@ -391,6 +391,44 @@ def test_a_sentence_says_what_the_numbers_say():
     assert sentence(missing).startswith("Not run: no rows of zz in s")
 
 
+def said(value, low, high, definition="ratio", **more):
+    row = {"scenario": "s", "of": "a", "than": "b", "kind": "improvement", "definition": definition, "size": np.nan}
+    row |= {"value": value, "low": low, "high": high, "trials": 9, "needed": np.nan, "verdict": "undecided"}
+    return sentence(pd.Series(row | more))
+
+
+@pytest.mark.parametrize(
+    ("value", "low", "high", "within"),
+    [
+        (0.5, 0.2, np.inf, "50 % higher than that of a (95 % interval 20 % or more, without an upper end, 9 trials)"),
+        (-0.5, -0.6, np.inf, "50 % lower than that of a (95 % interval 60 % or less, without a lower end, 9 trials)"),
+        (0.5, -np.inf, np.inf, "50 % higher than that of a (95 % interval without ends, 9 trials)"),
+        (0.5, np.nan, np.nan, "50 % higher than that of a (no 95 % interval, 9 trials)"),
+        (-0.5, -0.6, 0.1, "50 % lower than that of a (95 % interval -10 % to 60 %, 9 trials)"),
+    ],
+)
+def test_an_end_at_infinity_is_said_to_be_no_end(value, low, high, within):
+    told = said(value, low, high)
+    assert within in told
+    assert "∞" not in told
+    assert "nan" not in told
+
+
+def test_a_ratio_to_an_error_of_zero_is_not_put_into_numbers():
+    for value in (np.inf, -np.inf, np.nan):
+        assert "leaves no number to give (9 trials)" in said(value, np.nan, np.nan)
+    zero = errors({"s": {"a": 1e-9, "b": 1.0}}).assign(mse=lambda t: t["mse"].where(t["estimator"] == "b", 0.0))
+    (found,) = judge(ledger(**{**BETTER, "definitions": ["ratio"]}), zero).to_dict("records")
+    assert np.isinf(found["value"])
+    assert "an RMSE that is 0 or not finite" in sentence(pd.Series(found))
+
+
+def test_nearly_all_is_not_rounded_to_all():
+    told = said(0.99926, 0.9989, 0.99948, "reduction")
+    assert "99.926 % lower than that of b (95 % interval 99.89 % to 99.948 %" in told
+    assert "more than 100000 trials would decide" in said(0.001, -0.1, 0.1, needed=3.3e6)
+
+
 def test_the_table_shows_every_case_and_leaves_out_variants_that_were_not_run(capsys):
     made = load()
     found = judge(made, errors({"robots-1-3/n=3": {"mrsl-rssi": 0.5, "arl": 1.0}}))
