@@ -1,11 +1,12 @@
 """Who is best where and who is over-confident, in sentences made of the numbers that say no more than they do.
 
-Best is the smallest RMSE of those that may be called best: no bound, not over-confident, no trial failed. Another one
-ties with it where the equivalence test says so, or where the 95 % interval of the paired change holds 0. That one is
-best alone takes intervals that exclude 0 against every other one, an intersection-union test that needs no adjustment
-(Berger 1982).
+Best is the smallest RMSE of those that may be called best: no bound, not over-confident nor perhaps so (ANEES beyond
+the limit by an interval that is not), no trial failed. Another one ties with it where the equivalence test says so, or
+where the 95 % interval of the paired change holds 0. That one is best alone takes intervals that exclude 0 against
+every other one, an intersection-union test that needs no adjustment (Berger 1982).
 """
 
+from collections import Counter
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
@@ -14,9 +15,12 @@ import pandas as pd
 
 from cooploc.analysis import statistics
 from cooploc.analysis.compare import MARGIN
+from cooploc.analysis.consistency import OVER_CONFIDENT
 from cooploc.analysis.curves import sweep
 from cooploc.analysis.results import Missing, Results
 from cooploc.analysis.tables import rounded
+
+FEW = 6  # estimators of which a sentence gives every number; of more it gives the range, and a table has them
 
 
 class Standing(NamedTuple):
@@ -88,6 +92,8 @@ def why(row: dict[Any, Any]) -> str:
     reasons = ["a bound"] if row["bound"] else []
     if row["consistency"] == "over-confident":
         reasons.append(f"over-confident, ANEES {rounded(row['anees'], 2)}")
+    if row["consistency"] == "undecided" and row["anees"] > OVER_CONFIDENT:
+        reasons.append(f"perhaps over-confident, ANEES {rounded(row['anees'], 2)}")
     if row["consistency"] == "not assessed":
         reasons.append("consistency not assessed")
     return ", ".join([*reasons, *([f"{_count(row['failed'], 'trial')} failed"] if row["failed"] else [])])
@@ -122,7 +128,7 @@ def overall(found: list[Standing]) -> str:
     ties = sum(bool(one.best) and not one.alone for one in found)
     single = sum(one.alone and one.able == 1 for one in found)
     nobody = sum(not one.best for one in found)
-    said = [f"{name} in {decided.count(name)}" for name in dict.fromkeys(decided)]
+    said = [f"{name} in {count}" for name, count in Counter(decided).most_common()]
     parts = [f"one estimator is best: {_and(said)}"] if decided else ["no estimator is told apart as best in any"]
     parts += [f"the best tie with others in {ties}"] if ties else []
     parts += [f"only one may be called best in {single}"] if single else []
@@ -138,10 +144,16 @@ def confidence(table: pd.DataFrame) -> str:
     flags = assessed.assign(over=assessed["consistency"] == "over-confident").groupby("estimator", sort=False)["over"]
     count, of = flags.sum(), flags.count()
     everywhere = [f"{name}" for name in count.index if count[name] == of[name]]
-    some = [f"{name} ({count[name]} of {of[name]})" for name in count.index if 0 < count[name] < of[name]]
+    some = [str(name) for name in count.index if 0 < count[name] < of[name]]
     never = [str(name) for name in count.index if not count[name]]
     parts = [f"Over-confident in every scenario: {_and(everywhere)}."] if everywhere else []
-    parts += [f"Over-confident in some: {_and(some)}."] if some else []
+    if len(some) <= FEW:
+        parts += [f"Over-confident in some: {_and(f'{e} ({count[e]} of {of[e]})' for e in some)}."] if some else []
+    else:
+        most = [name for name in some if count[name] > of[name] / 2]
+        parts += [f"Over-confident in more than half of their scenarios: {_and(most)}."] if most else []
+        rest = [name for name in some if name not in most]
+        parts += [f"In some, half of them or fewer: {_and(rest)}."] if rest else []
     parts += [f"Never found over-confident: {_and(never)}."] if never else []
     return " ".join(parts)
 
@@ -170,19 +182,33 @@ def swept(scenarios: list[str], found: list[Change]) -> str:
     known = [one for one in found if one.share.low == one.share.low]
     if not known:
         return ""
-    grows = [f"{one.estimator} ({_share(one.share)})" for one in known if one.share.low > 0]
-    falls = [f"{one.estimator} ({_share(one.share)})" for one in known if one.share.high < 0]
+    grows = [one for one in known if one.share.low > 0]
+    falls = [one for one in known if one.share.high < 0]
     equal = [one.estimator for one in known if one.share.low == one.share.high == 0]
     same = [one.estimator for one in known if one.share.low <= 0 <= one.share.high and one.estimator not in equal]
-    parts = [f"it grows for {_and(grows)}"] if grows else []
-    parts += [f"it falls for {_and(falls)}"] if falls else []
+    parts = [f"it grows for {_moved(grows)}"] if grows else []
+    parts += [f"it falls for {_moved(falls)}"] if falls else []
     parts += [f"no change can be told for {_and(same)}"] if same else []
     parts += [f"it stays the same for {_and(equal)}"] if equal else []
     return f"RMSE from {parameter} = {low:g} to {high:g} (95 % intervals, unadjusted): {'; '.join(parts)}."
 
 
+def _moved(found: list[Change]) -> str:
+    """Who changed, each with its interval; of many, their names and the range of the changes."""
+    if len(found) <= FEW:
+        return _and(f"{one.estimator} ({_share(one.share)})" for one in found)
+    shares = sorted((one.share.value for one in found), key=abs)
+    return f"{_and(one.estimator for one in found)} (by {_percent(shares[0])} to {_percent(shares[-1])})"
+
+
 def _share(share: statistics.Interval) -> str:
-    return f"{100 * share.value:+.0f} %, {100 * share.low:+.0f} to {100 * share.high:+.0f} %"
+    return f"{_percent(share.value)}, {_percent(share.low)} to {_percent(share.high)}"
+
+
+def _percent(share: float) -> str:
+    """With a sign, and with as many digits as keep it from being nothing."""
+    digits = next((k for k in range(3) if abs(100 * share) >= 0.5 * 10.0**-k), 3)
+    return f"{100 * share:+.{digits}f} %"
 
 
 def _and(names: Iterable[str]) -> str:

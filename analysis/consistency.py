@@ -12,11 +12,12 @@ LEAST_COVERAGE = float(stats.chi2.cdf(stats.chi2.ppf(0.95, 2) / OVER_CONFIDENT, 
 
 
 def flag(trials: float, anees: Interval, coverage: Interval) -> str:
-    """over-confident, conservative or consistent, by 95 % intervals over trials; else "not assessed".
+    """over-confident, conservative, consistent or undecided, by 95 % intervals over trials.
 
-    Over-confident: ANEES above 1.5, or coverage of the 95 % ellipse below the 0.86 that goes with it. A few trials in
-    which the covariance all but vanished make the interval of ANEES as wide as can be, and its coverage still tells.
-    Not assessed: below five trials, or an interval of ANEES from conservative to over-confident.
+    Over-confident: ANEES wholly above 1.5, or coverage of the 95 % ellipse wholly below the 0.86 that goes with it: a
+    few trials in which the covariance all but vanished make the interval of ANEES as wide as can be, and its coverage
+    still tells. Conservative: ANEES wholly below 0.67. Consistent: an ANEES between the two. What lies beyond a limit by an
+    interval that does not, or has an interval beyond both, is undecided. Below five trials: "not assessed".
     """
     if trials < LEAST_TRIALS:
         return "not assessed"
@@ -24,8 +25,8 @@ def flag(trials: float, anees: Interval, coverage: Interval) -> str:
         return "over-confident"
     if anees.high < CONSERVATIVE:
         return "conservative"
-    told = anees.low > CONSERVATIVE or anees.high < OVER_CONFIDENT
-    return "consistent" if told else "not assessed"
+    between = CONSERVATIVE <= anees.value <= OVER_CONFIDENT
+    return "consistent" if between and (anees.low > CONSERVATIVE or anees.high < OVER_CONFIDENT) else "undecided"
 
 
 def consistency(table: pd.DataFrame) -> pd.Series:

@@ -38,6 +38,8 @@ LOOK: Any = {
     "axes.titlelocation": "left",
 }
 PANEL, WIDE = (3.5, 2.7), (7.4, 3.5)  # [in]
+KEY = 0.16  # [in] of a line of a panel's key
+TITLE = 44  # characters that a panel is wide
 
 
 class Style(NamedTuple):
@@ -58,14 +60,23 @@ def styles(estimators: list[str]) -> dict[str, Style]:
 
 
 def lines(part: pd.DataFrame, looks: dict[str, Style]) -> list[str]:
-    """RMSE over what the scenarios sweep: one panel, or with many estimators one for each among all others in grey."""
+    """RMSE over what the scenarios sweep: one panel, or with many estimators one for each, among all others in grey.
+
+    The variants of an estimator, "arl" and "arl[K=1]", share a panel.
+    """
     part = part.assign(value=[sweep(label)[2] for label in part["scenario"]]).sort_values("value", kind="stable")
     parameter = sweep(part["scenario"].iloc[0])[1]
     names = list(dict.fromkeys(part["estimator"]))
     names = sorted(names, key=list(looks).index)
     if len(names) <= TOGETHER:
         return [_drawn(partial(_panel, part=part, names=names, looks=looks, parameter=parameter), WIDE)]
-    return [_drawn(partial(_panel, part=part, names=[name], looks=looks, parameter=parameter), PANEL) for name in names]
+    shared: dict[str, list[str]] = {}
+    for name in names:
+        shared.setdefault(name.partition("[")[0], []).append(name)
+    panels = [mine[i : i + TOGETHER] for mine in shared.values() for i in range(0, len(mine), TOGETHER)]
+    most = max(map(len, panels))
+    size = (PANEL[0], PANEL[1] + KEY * most * (most > 1))  # all alike
+    return [_drawn(partial(_panel, part=part, names=mine, looks=looks, parameter=parameter), size) for mine in panels]
 
 
 def dots(part: pd.DataFrame, looks: dict[str, Style]) -> str:
@@ -92,11 +103,14 @@ def against(part: pd.DataFrame, other: str, looks: dict[str, Style]) -> str:
     def draw(ax: Axes) -> None:
         if other == "anees":
             ax.axvspan(CONSERVATIVE, OVER_CONFIDENT, color="0.93", zorder=0)
-            _logarithmic(ax.xaxis, *_span(part, other))
+            low, high = _span(part, other)
+            _logarithmic(ax.xaxis, low, high)
         else:
             _cost(ax, part, other)
         for row in part.to_dict("records"):
             _point(ax, row, other, looks[row["estimator"]])
+        if other == "anees" and 0 < low <= high < np.inf:  # intervals of heavy tails span many powers of ten
+            ax.set_xlim(min(low / 1.4, 0.5), max(1.4 * high, 2.0))
         _logarithmic(ax.yaxis, *_span(part, "rmse"))
         ax.set_ylabel("position RMSE [m]")
         names = {
@@ -131,10 +145,20 @@ def inline(svg: str, number: int, label: str) -> str:
     from markupsafe import escape
 
     body = svg[svg.index("<svg") :]
-    body = re.sub(r"<metadata>.*?</metadata>", "", body, flags=re.DOTALL)
+    body = re.sub(r"<(metadata|style).*?</\1>", "", body, flags=re.DOTALL)  # the page has the style
     body = re.sub(r' xmlns(:\w+)?="[^"]*"', "", body).replace("xlink:href=", "href=")
+    body = _smaller(body)
     body = re.sub(r'(\bid="|url\(#|href="#)', rf"\g<1>f{number}-", body)
     return re.sub(r"^<svg", f'<svg role="img" aria-label="{escape(label)}"', body)
+
+
+def _smaller(svg: str) -> str:
+    """Without ids that nothing uses, and with coordinates to a hundredth of a point: half as long."""
+    used = set(re.findall(r'(?:url\(#|href="#)([^)"]+)', svg))
+    svg = re.sub(r' id="([^"]*)"', lambda found: found[0] if found[1] in used else "", svg)
+    svg = re.sub(r"\d+\.\d{3,}", lambda found: f"{float(found[0]):.2f}".rstrip("0").rstrip("."), svg)
+    svg = svg.replace("font-family: 'DejaVu Sans', sans-serif; ", "")
+    return re.sub(r">\s+<", "><", re.sub(r"\s*\n\s*", " ", svg))
 
 
 def _panel(ax: Axes, part: pd.DataFrame, names: list[str], looks: dict[str, Style], parameter: str) -> None:
@@ -146,7 +170,9 @@ def _panel(ax: Axes, part: pd.DataFrame, names: list[str], looks: dict[str, Styl
         _curve(ax, part[part["estimator"] == name], looks[name], 0.22 if len(names) == 1 else 0.1)
     low, high = _span(part, "rmse")
     _logarithmic(ax.yaxis, low, high)
-    if len(names) == 1 and 0 < low <= high < np.inf:  # the same for every panel, though a band may reach beyond
+    every = list(dict.fromkeys(part["estimator"]))
+    alone = len(names) < len(every) or len(every) == 1
+    if alone and 0 < low <= high < np.inf:  # the same for every panel, though a band may reach beyond
         ax.set_ylim(0.8 * low, 1.25 * high)
     ax.set_xlabel(parameter)
     ax.set_ylabel("position RMSE [m]")
@@ -154,10 +180,20 @@ def _panel(ax: Axes, part: pd.DataFrame, names: list[str], looks: dict[str, Styl
     if len(values) <= 8:
         ax.set_xticks(values, [f"{value:g}" for value in values])
     ax.grid(color="0.93", lw=0.8)
-    if len(names) == 1:
-        ax.set_title(names[0] + " (bound)" * bool(part.loc[part["estimator"] == names[0], "bound"].any()))
+    if alone:
+        title = names[0] if len(names) == 1 else names[0].partition("[")[0]
+        ax.set_title(_broken(title + " (bound)" * bool(part.loc[part["estimator"] == names[0], "bound"].any())))
+        if len(names) > 1:
+            where: Any = {"loc": "lower left", "bbox_to_anchor": (0.02, 0.0), "bbox_transform": ax.figure.transFigure}
+            ax.legend(frameon=False, fontsize=6.5, borderpad=0, labelspacing=0.3, **where)
     else:
         ax.legend(frameon=False, bbox_to_anchor=(1.0, 1.0), loc="upper left", fontsize=8)
+
+
+def _broken(title: str) -> str:
+    """A title over two lines where one would be cut off."""
+    cut = title.rfind(",", 0, TITLE) + 1
+    return title if len(title) <= TITLE or not cut else f"{title[:cut]}\n{title[cut:]}"
 
 
 def _curve(ax: Axes, rows: pd.DataFrame, look: Style, alpha: float) -> None:
@@ -236,9 +272,10 @@ def _drawn(draw: Callable[[Axes], None], size: tuple[float, float]) -> str:
     """One axes, as the text of an SVG file that is the same for the same numbers."""
     with mpl.rc_context(LOOK), warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph .* missing")  # the reader's fonts draw the text
-        panel = size == PANEL  # whose labels are known to have room; to measure them takes twice as long as to draw
+        panel = size[0] == PANEL[0]  # its labels are known to have room; to measure them takes twice as long as to draw
         figure = Figure(figsize=size, layout=None if panel else "constrained")
-        ax = figure.add_axes((0.17, 0.18, 0.77, 0.72)) if panel else figure.add_subplot()
+        share = PANEL[1] / size[1]  # a key is below
+        ax = figure.add_axes((0.17, 1 - 0.82 * share, 0.77, 0.7 * share)) if panel else figure.add_subplot()
         draw(ax)
         sns.despine(ax=ax)
         ax.set_axisbelow(True)

@@ -7,6 +7,8 @@ import pandas as pd
 
 from cooploc.analysis.rundir import Piece, RunDir
 from cooploc.estimators.bad_input import BadInput
+from cooploc.scenarios.study import Study
+from cooploc.scenarios.sweep import expand
 
 
 class Kept(NamedTuple):
@@ -23,14 +25,34 @@ class Kept(NamedTuple):
         return {scenario: cell["baseline"] for scenario, cell in self.manifest["cells"].items()}
 
     @property
-    def experiments(self) -> dict[str, list[str]]:
-        """The scenarios of each experiment that have rows, in the manifest's order."""
-        there = set(self.rows["scenario"])
-        found: dict[str, list[str]] = {}
-        for scenario, cell in self.manifest["cells"].items():
-            if scenario in there:
-                found.setdefault(cell["experiment"], []).append(scenario)
-        return found
+    def experiments(self) -> dict[str, dict[str, list[str]]]:
+        """Of each experiment its scenarios, and of each of them the estimators that have rows, in the study's order.
+
+        A scenario that several experiments share is in each of them, with the estimators that it has there.
+        """
+        pairs = self.rows.drop_duplicates(["scenario", "estimator"])
+        there = {str(s): list(part["estimator"]) for s, part in pairs.groupby("scenario", sort=False)}
+        planned = _planned(Study(**self.manifest["study"]))
+        for scenario, cell in self.manifest["cells"].items():  # what was run for another study, or with --estimators
+            known = {name for plan in planned.values() for name in plan.get(scenario, ())}
+            more = [name for name in there.get(scenario, ()) if name not in known]
+            planned.setdefault(cell["experiment"], {}).setdefault(scenario, []).extend(more)
+        some = {
+            name: {s: [e for e in there.get(s, ()) if e in mine] for s, mine in plan.items()}
+            for name, plan in planned.items()
+        }
+        found = {name: {s: mine for s, mine in plan.items() if mine} for name, plan in some.items()}
+        return {name: plan for name, plan in found.items() if plan}
+
+
+def _planned(study: Study) -> dict[str, dict[str, list[str]]]:
+    """The estimators of each scenario of each experiment."""
+    found: dict[str, dict[str, list[str]]] = {}
+    for block in study.blocks():
+        estimators = [name for label in block.estimators for name in expand(label, block.variants)]
+        for scenario in (name for label in block.scenarios for name in expand(label, block.variants)):
+            found.setdefault(block.experiment, {}).setdefault(scenario, []).extend(estimators)
+    return found
 
 
 def read(folder: Path) -> Kept:

@@ -2,10 +2,10 @@
 
 import base64
 import hashlib
-import re
+import itertools
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import pandas as pd
 from jinja2 import Environment, FunctionLoader, StrictUndefined
@@ -13,16 +13,13 @@ from markupsafe import Markup
 
 from cooploc.analysis import answers, claims, figures, tabled, tables
 from cooploc.analysis.compare import compare, notes
-from cooploc.analysis.curves import sweep
+from cooploc.analysis.experiments import Experiment, Numbers, experiment
 from cooploc.analysis.kept import Kept
 from cooploc.analysis.ledger import BASE, Ledger
 from cooploc.analysis.reproduce import PAGE, sample
-from cooploc.analysis.results import Results, collect
-from cooploc.analysis.statistics import LEAST_TRIALS
+from cooploc.analysis.results import collect
 from cooploc.analysis.tables import Column, Table, text
 
-SWEEP = 3  # values from which a sweep becomes a line
-SCATTERED = 3  # scenarios of an experiment whose accuracy is drawn against consistency and cost
 METHODS = (
     ("Trial", "The unit of every interval and test; its robots and ticks are not independent, and pooled first."),
     ("RMSE", "Root of the mean over trials of the mean squared position error [m]; jackknife interval on its log."),
@@ -30,9 +27,14 @@ METHODS = (
     ("p (Holm)", "Wilcoxon's signed-rank test over trials, adjusted by Holm over all rows of all experiments."),
     ("Ties", "The 95 % interval of the paired change holds 0, or two one-sided t tests on the logarithms say that both "
      "are equal within 5 %. One is best alone only where it is told apart from every other that may be called best."),
+    ("Rank, group", "Mean over trials of the rank by RMSE, bounds and over-confident estimators too. Estimators that "
+     "share a letter are not told apart at 5 %: Friedman's test over trials, then Nemenyi's of all pairs (of two "
+     "estimators, Wilcoxon's). It goes by ranks and answers for all pairs at once, so it separates fewer than the ties "
+     "above, which go by the size of errors. No letters: fewer than two estimators, or fewer than five trials that "
+     "ended for all of them."),
     ("ANEES", "Position NEES / 2, per trial first; 1 is consistent. Over-confident: its 95 % interval lies above 1.5, "
-     "or that of the share in 95 % ellipses below 0.86; conservative: below 0.67. Not assessed: too wide to tell. "
-     "An over-confident estimator is never called best."),
+     "or that of the share in 95 % ellipses below 0.86; conservative: ANEES below 0.67; undecided: beyond one of them "
+     "by an interval that is not. What is over-confident, or undecided above 1.5, is never called best."),
     ("in 95 %", "Share of the true positions that lie inside the 95 % ellipse."),
     ("diverged", "Share of (trial, robot) whose last-quarter RMSE exceeds a quarter of the arena's side."),
     ("messages, bytes, µs", "Per robot and tick, as sent; µs as a clock measured them, on the processor named below."),
@@ -45,24 +47,6 @@ LEGEND = (
     "Reduction is 1 - b/a, ratio a/b - 1. A verdict is wrong in at most one of twenty repetitions of the run; over all "
     "rows some are to be expected. Readings: paper, as it stands; others as the ledger describes them."
 )
-
-
-class Shown(NamedTuple):
-    """A figure: panels, and what they show."""
-
-    panels: list[Markup]
-    caption: str
-    width: str = ""  # of a panel: "", "middle" or "wide"
-
-
-class Numbers(NamedTuple):
-    """What everything is made of."""
-
-    kept: Kept
-    table: pd.DataFrame  # of `compare`
-    standings: dict[str, answers.Standing]  # by scenario
-    results: Results
-    looks: dict[str, figures.Style]
 
 
 def write(kept: Kept, ledger: Ledger, out: Path) -> Path:
@@ -98,16 +82,14 @@ def render(context: dict[str, Any]) -> str:
 
 def content(kept: Kept, ledger: Ledger) -> dict[str, Any]:
     """Everything that the page shows, and `tables`, all of its tables."""
-    results = collect(kept.rows)
     table = compare(kept.rows, kept.baselines)
-    found = answers.standings(table, results)
     looks = figures.styles(list(dict.fromkeys(kept.rows["estimator"])))
-    numbers = Numbers(kept, table, {one.scenario: one for one in found}, results, looks)
-    answer = _answer(numbers, claims.judge(ledger, kept.rows), ledger)
-    counter = iter(range(1_000_000))
-    experiments = [_experiment(name, labels, numbers, counter) for name, labels in kept.experiments.items()]
+    numbers = Numbers(kept, table, collect(kept.rows), looks)
+    counter = itertools.count()
+    experiments = [experiment(name, plan, numbers, counter) for name, plan in kept.experiments.items()]
+    answer = _answer(numbers, experiments, claims.judge(ledger, kept.rows), ledger)
     versions, streams = _versions(kept), _streams(table)
-    first = [answer[name] for name in ("best_table", "confidence_table", "overview", "claims_table")]
+    first = [answer[name] for name in ("where_table", "best_table", "confidence_table", "overview", "claims_table")]
     return {
         "title": f"cooploc: {kept.manifest['study']['name']}",
         "manifest": kept.manifest,
@@ -120,21 +102,23 @@ def content(kept: Kept, ledger: Ledger) -> dict[str, Any]:
         "versions": versions,
         "streams": streams,
         "embedded": {"manifest": kept.manifest, "sample": sample(kept)},
-        "tables": [*first, *(one for each in experiments for one in each["tables"]), versions, streams],
+        "tables": [*first, *(one for each in experiments for one in each.tables), versions, streams],
     }
 
 
-def _answer(numbers: Numbers, verdicts: pd.DataFrame, ledger: Ledger) -> dict[str, Any]:
-    found = list(numbers.standings.values())
+def _answer(numbers: Numbers, experiments: list[Experiment], verdicts: pd.DataFrame, ledger: Ledger) -> dict[str, Any]:
+    found = answers.standings(numbers.table, numbers.results)
+    ledgered = tabled.claims(verdicts, ledger.paper)
     return {
         "best": answers.overall(found),
+        "where_table": tabled.where({one.name: one.found for one in experiments}),
         "best_table": tabled.best(found),
         "confidence": answers.confidence(numbers.table),
         "confidence_table": tabled.confidence(numbers.table),
         "claims": _standing_claims(verdicts),
-        "claims_open": bool((verdicts["verdict"] != "not run").mean() > 0.5),
-        "claims_table": tabled.claims(verdicts, ledger.paper),
-        "overview": tabled.overview(claims.overview(verdicts)),
+        "claims_table": ledgered,
+        "claims_parts": tabled.by_claim(ledgered, verdicts),
+        "overview": tabled.overview(claims.overview(verdicts), ledger),
         "legend": LEGEND,
     }
 
@@ -154,111 +138,6 @@ def _standing_claims(verdicts: pd.DataFrame) -> str:
     parts += [f"differs by case: {', '.join(mixed)}"] if mixed else []
     count = base["claim"].nunique()
     return f"Of {count} claim{'' if count == 1 else 's'}, as the paper states them, {'; '.join(parts)}."
-
-
-def _experiment(name: str, labels: list[str], numbers: Numbers, counter: Any) -> dict[str, Any]:
-    part = numbers.table[numbers.table["scenario"].isin(labels)]
-    found = [numbers.standings[label] for label in labels]
-    anchor = f"experiment-{_anchor(name)}"
-    sweeps: list[str] = []
-    shown: list[Shown] = []
-    changed: list[Table] = []
-    for (_, parameter), group in _groups(labels).items():
-        rows = part[part["scenario"].isin(group)]
-        if parameter:
-            changes = answers.changes(group, dict.fromkeys(rows["estimator"]), numbers.results)
-            sweeps.append(answers.swept(group, changes))
-            changed.append(tabled.sweep(f"{anchor}-sweep{len(changed) + 1}", changes, parameter))
-            shown.append(_lines(rows, numbers, counter))
-        else:
-            shown.append(_dots(rows, numbers, counter))
-    shown.append(_scatter(part, numbers, counter))
-    return {
-        "name": name,
-        "anchor": anchor,
-        "sentence": answers.overall(found) + " " + answers.confidence(part),
-        "sweeps": [line for line in sweeps if line],
-        "standings": [(one.scenario, answers.sentence(one)) for one in found],
-        "figures": shown,
-        "tables": [tabled.results(anchor, part, f"{name}: {_about(part, numbers)}"), *changed],
-    }
-
-
-def _groups(labels: list[str]) -> dict[tuple[str, str], list[str]]:
-    """The scenarios by family and what they sweep; those of short sweeps together with those that sweep nothing."""
-    found: dict[tuple[str, str], list[str]] = {}
-    for label in labels:
-        found.setdefault(sweep(label)[:2], []).append(label)
-    out: dict[tuple[str, str], list[str]] = {}
-    for label in labels:
-        which = sweep(label)[:2]
-        out.setdefault(which if which[1] and len(found[which]) >= SWEEP else ("", ""), []).append(label)
-    return out
-
-
-def _lines(rows: pd.DataFrame, numbers: Numbers, counter: Any) -> Shown:
-    svgs = figures.lines(rows, numbers.looks)
-    parameter = sweep(rows["scenario"].iloc[0])[1]
-    one = "each panel one estimator, all others in grey" if len(svgs) > 1 else "with intervals"
-    return Shown(
-        _panels(svgs, f"position RMSE over {parameter}", counter),
-        f"Position RMSE over {parameter}, {one}; bands are 95 % intervals over trials. Hollow markers: over-confident; "
-        f"a broken line: over-confident at most of the values; grey and dotted: a bound. {_about(rows, numbers)}",
-        width="wide" if len(svgs) == 1 else "",
-    )
-
-
-def _dots(rows: pd.DataFrame, numbers: Numbers, counter: Any) -> Shown:
-    svgs = [
-        figures.dots(part, numbers.looks)
-        for _, part in rows.groupby("scenario", sort=False)
-        if part["rmse"].notna().any()
-    ]
-    about = "Position RMSE, smallest on top, with 95 % intervals over trials. Hollow: over-confident; grey: a bound."
-    return Shown(_panels(svgs, "position RMSE of every estimator", counter), f"{about} {_about(rows, numbers)}", "wide")
-
-
-def _scatter(rows: pd.DataFrame, numbers: Numbers, counter: Any) -> Shown:
-    """Accuracy against consistency and cost, in the first, the middle and the last scenario."""
-    ended = rows[rows["rmse"].notna()]
-    labels = list(dict.fromkeys(ended["scenario"]))
-    chosen = labels if len(labels) <= SCATTERED else [labels[0], labels[len(labels) // 2], labels[-1]]
-    svgs = []
-    for label in chosen:
-        part = ended[ended["scenario"] == label]
-        svgs += [figures.against(part, other, numbers.looks) for other in ("anees", "bytes", "seconds")]
-    some = f" Shown are {len(chosen)} of {len(labels)} scenarios, the first, the middle and the last." * (
-        len(chosen) < len(labels)
-    )
-    svgs += [figures.key(ended[ended["scenario"].isin(chosen)], numbers.looks)] if chosen else []
-    shown = numbers.table[numbers.table["scenario"].isin(chosen)]
-    return Shown(
-        _panels(svgs, "position RMSE against ANEES, bytes and seconds", counter),
-        "Accuracy against consistency (grey band: neither over-confident nor conservative), bytes and time, with 95 % "
-        "intervals over trials. Broken line: the Pareto front, for which nothing else is no worse in both; bounds are "
-        f"not on it, over-confident estimators (hollow) may be.{some} {_about(shown, numbers)}",
-        width="middle",
-    )
-
-
-def _panels(svgs: list[str], label: str, counter: Any) -> list[Markup]:
-    return [Markup(figures.inline(svg, next(counter), label)) for svg in svgs]  # matplotlib has escaped every text
-
-
-def _about(part: pd.DataFrame, numbers: Numbers) -> str:
-    """Trials, seed, test, correction and streams, for a caption."""
-    counts = sorted(set(part["trials"]))
-    trials = f"{counts[0]}" if len(counts) == 1 else f"{counts[0]} to {counts[-1]}" if counts else "0"
-    hashes = list(dict.fromkeys(part["stream"]))
-    streams = ", ".join(one[:12] for one in hashes[:4]) + (
-        f" and {len(hashes) - 4} more, listed below" if len(hashes) > 4 else ""
-    )
-    few = f" Below {LEAST_TRIALS} trials there are no intervals." if counts and counts[0] < LEAST_TRIALS else ""
-    tested = int(numbers.table["p"].notna().sum())
-    return (
-        f"n = {trials} trials a scenario, seed {numbers.kept.manifest['seed']}; Wilcoxon's signed-rank test against "
-        f"the baseline, Holm over the {tested} comparisons of this report; streams {streams}.{few}"
-    )
 
 
 def _failures(rows: pd.DataFrame) -> list[tuple[str, str]]:
@@ -292,12 +171,6 @@ def _streams(table: pd.DataFrame) -> Table:
     once = table.sort_values("trials", ascending=False, kind="stable").drop_duplicates("scenario").sort_index()
     rows = tuple((text(row["scenario"]), text(row["trials"]), text(row["stream"])) for row in once.to_dict("records"))
     return Table("streams", "Hashes of the streams: equal ones can be paired", columns, rows)
-
-
-def _anchor(name: str) -> str:
-    """A name for links and files."""
-    plain = re.sub(r"[^A-Za-z0-9]+", "-", name).strip("-")[:60]
-    return plain if plain == name else f"{plain}-{hashlib.sha256(name.encode()).hexdigest()[:6]}"
 
 
 def _template(name: str) -> str:

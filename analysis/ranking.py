@@ -1,6 +1,7 @@
 """Who is best, and at what cost: ranks over trials, groups that cannot be told apart, fronts of accuracy and cost.
 
-An over-confident estimator is never called best, nor is a bound, nor one that failed in any trial.
+An over-confident estimator is never called best, nor is one of which that is undecided (its ANEES is too large, by an
+interval that does not exclude the limit), nor is a bound, nor one that failed in any trial.
 """
 
 import numpy as np
@@ -9,6 +10,7 @@ from scipy import stats
 
 from cooploc.analysis import statistics
 from cooploc.analysis.compare import consistency, demand_same_streams, per_trial, succeeded, summarize
+from cooploc.analysis.consistency import OVER_CONFIDENT
 from cooploc.estimators.interface import Array, Mask
 
 COSTS = ("seconds", "bytes", "messages")
@@ -53,7 +55,9 @@ def _ranked(part: pd.DataFrame, errors: pd.DataFrame) -> pd.DataFrame:
     fronts = {cost: front(had, part[cost].to_numpy(float)) for cost in COSTS}
     part["front"] = [", ".join(cost for cost in COSTS if fronts[cost][i]) for i in range(len(part))]
     part = part.sort_values("rmse", kind="stable")
-    barred = part["bound"] | (part["failed"] > 0) | part["consistency"].isin(("over-confident", "not assessed"))
+    suspect = part["consistency"].isin(("over-confident", "not assessed"))
+    suspect |= (part["consistency"] == "undecided") & (part["anees"] > OVER_CONFIDENT)
+    barred = part["bound"] | (part["failed"] > 0) | suspect
     able = part[~barred & (part["group"] != "")]
     part["best"] = part.index.isin(able.index[:1])
     letters = set(able["group"].iloc[0]) if len(able) else set()
@@ -64,10 +68,13 @@ def _ranked(part: pd.DataFrame, errors: pd.DataFrame) -> pd.DataFrame:
 def _friedman(rows: pd.DataFrame) -> tuple[dict[str, float], dict[str, str]]:
     """Mean ranks, and letters, over the trials in which nobody failed; no letters where there is nothing to test."""
     trials = {str(name): per_trial(group)["mse"] for name, group in rows.groupby("estimator", sort=False)}
-    blocks = pd.DataFrame(trials).dropna()
-    ranks = blocks.rank(axis=1)
-    mean = {str(name): float(r) for name, r in ranks.mean().items()}
-    if len(blocks) < statistics.LEAST_TRIALS or len(trials) < 2:
+    return groups(pd.DataFrame(trials).dropna())
+
+
+def groups(blocks: pd.DataFrame) -> tuple[dict[str, float], dict[str, str]]:
+    """Mean ranks and letters, as of `ranking`, from squared errors with a row per trial and a column per estimator."""
+    mean = {str(name): float(r) for name, r in blocks.rank(axis=1).mean().items()}
+    if len(blocks) < statistics.LEAST_TRIALS or blocks.shape[1] < 2:
         return mean, {}
     return mean, letters(blocks)
 

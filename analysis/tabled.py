@@ -1,12 +1,15 @@
 """A run's numbers as `Table`s: who is best, who is over-confident, every experiment, the claims."""
 
+from collections import Counter
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
+import numpy as np
 import pandas as pd
 
 from cooploc.analysis import telling
 from cooploc.analysis.answers import Change, Standing, sentence
+from cooploc.analysis.ledger import BASE, Ledger
 from cooploc.analysis.tables import Cell, Column, Table, interval, number, text
 
 RESULTS = (
@@ -14,6 +17,8 @@ RESULTS = (
     Column("estimator", ("estimator",), False),
     Column("RMSE [m]", ("rmse",)),
     Column("95 %", ("rmse_low", "rmse_high")),
+    Column("rank", ("rank",)),
+    Column("group", ("group",), False),
     Column("change", ("improvement",)),
     Column("95 %", ("improvement_low", "improvement_high")),
     Column("p (Holm)", ("p_holm",)),
@@ -29,12 +34,16 @@ RESULTS = (
 )
 
 
-def results(name: str, part: pd.DataFrame, about: str) -> Table:
+FLAGS = ("over-confident", "consistent", "conservative", "undecided", "not assessed")
+Ranks = dict[str, tuple[dict[str, float], dict[str, str]]]  # scenario -> mean ranks, and letters, by estimator
+
+
+def results(name: str, part: pd.DataFrame, ranks: Ranks, about: str) -> Table:
     """One row per (scenario, estimator) of `compare`."""
     baselines = set(part["baseline"])
     against = f"vs {baselines.pop()}" if len(baselines) == 1 else "vs baseline"
     columns = tuple(replace(c, head=against) if c.head == "change" else c for c in RESULTS)
-    rows = tuple(_result(row) for row in part.to_dict("records"))
+    rows = tuple(_result(row, ranks) for row in part.to_dict("records"))
     marks = tuple(
         {"data-scenario": row["scenario"], "data-estimator": row["estimator"], "data-consistency": row["consistency"]}
         for row in part.to_dict("records")
@@ -42,11 +51,12 @@ def results(name: str, part: pd.DataFrame, about: str) -> Table:
     return Table(name, about, columns, rows, marks)
 
 
-def _result(row: dict[Any, Any]) -> tuple[Cell, ...]:
+def _result(row: dict[Any, Any], ranks: Ranks) -> tuple[Cell, ...]:
+    mean, letters = ranks[row["scenario"]]
     v = {key: float(value) for key, value in row.items() if isinstance(value, int | float)}
     other = row["estimator"] != row["baseline"]
     flag = str(row["consistency"])
-    remark = [flag] if flag in ("over-confident", "conservative") else []
+    remark = [flag] if flag in ("over-confident", "conservative", "undecided") else []
     remark += ["bound"] if row["bound"] else []
     remark += [f"{row['failed']} failed"] if row["failed"] else []
     gain = number(v["improvement"], 0, " %", -100)
@@ -56,6 +66,8 @@ def _result(row: dict[Any, Any]) -> tuple[Cell, ...]:
         text(row["estimator"]),
         number(v["rmse"], 3),
         interval(v["rmse_low"], v["rmse_high"], 3),
+        number(mean.get(row["estimator"], np.nan), 1),
+        text(letters.get(row["estimator"], "")),
         gain if other else gain._replace(text=""),
         between if other else between._replace(text=""),
         Cell(_p(v["p_holm"]), (v["p_holm"],)),
@@ -69,6 +81,32 @@ def _result(row: dict[Any, Any]) -> tuple[Cell, ...]:
         text(row["trials"]),
         Cell(", ".join(remark), (flag, row["bound"], row["failed"], row["baseline"], row["stream"])),
     )
+
+
+def where(found: dict[str, list[Standing]]) -> Table:
+    """Who is best in how many scenarios of each experiment, among its estimators."""
+    columns = (
+        Column("experiment", ("experiment",), False),
+        Column("scenarios", ("scenarios",)),
+        Column("best alone", ("best",), False),
+        Column("lowest RMSE, tied with others", ("tied",), False),
+        Column("the only one that may be called best", ("only",), False),
+        Column("nobody", ("nobody",)),
+    )
+    rows = []
+    for name, ones in found.items():
+        told = [_counted([one.best for one in ones if one.word == word]) for word in ("best", "tie", "the only one")]
+        nobody = sum(one.word == "nobody" for one in ones)
+        rows.append((text(name), text(len(ones)), *map(text, told), text(nobody)))
+    about = (
+        "Estimators and in how many scenarios of the experiment; among the estimators that the experiment has there, "
+        "those that may be called best: no bounds, not over-confident nor perhaps so, no trial failed."
+    )
+    return Table("where", about, columns, tuple(rows))
+
+
+def _counted(names: list[str]) -> str:
+    return ", ".join(f"{name} ({count})" for name, count in Counter(names).most_common())
 
 
 def best(found: list[Standing]) -> Table:
@@ -94,7 +132,7 @@ def best(found: list[Standing]) -> Table:
             number(one.anees.value),
             interval(one.anees.low, one.anees.high),
             text(", ".join((*(f"{name} (equal)" for name in one.equal), *one.tied))),
-            text(", ".join(one.barred)),
+            Cell(_some(one.barred), (", ".join(one.barred),)),
         )
         for one in found
     )
@@ -109,6 +147,11 @@ def best(found: list[Standing]) -> Table:
     return Table("best", about, columns, rows, marks)
 
 
+def _some(names: tuple[str, ...]) -> str:
+    """The first two; a list that is longer than a line is for programs."""
+    return ", ".join(names[:2]) + (f" and {len(names) - 2} more" if len(names) > 2 else "")
+
+
 def confidence(table: pd.DataFrame) -> Table:
     """Who is over-confident, over all scenarios."""
     columns = (
@@ -117,6 +160,7 @@ def confidence(table: pd.DataFrame) -> Table:
         Column("over-confident", ("over_confident",)),
         Column("consistent", ("consistent",)),
         Column("conservative", ("conservative",)),
+        Column("undecided", ("undecided",)),
         Column("not assessed", ("not_assessed",)),
         Column("largest ANEES", ("anees",)),
         Column("in", ("scenario",), False),
@@ -124,7 +168,7 @@ def confidence(table: pd.DataFrame) -> Table:
     rows = []
     for name, part in table.groupby("estimator", sort=False):
         counts = part["consistency"].value_counts()
-        flags = [text(int(counts.get(flag, 0))) for flag in ("over-confident", "consistent", "conservative")]
+        flags = [text(int(counts.get(flag, 0))) for flag in FLAGS]
         largest = (
             None if part["anees"].isna().all() else part.sort_values("anees").iloc[len(part.dropna(subset="anees")) - 1]
         )
@@ -133,8 +177,11 @@ def confidence(table: pd.DataFrame) -> Table:
             if largest is None
             else (number(largest["anees"]), text(largest["scenario"]))
         )
-        rows.append((text(name), text(len(part)), *flags, text(int(counts.get("not assessed", 0))), *worst))
-    about = "Scenarios by the 95 % interval of ANEES: over-confident all above 1.5, conservative all below 0.67."
+        rows.append((text(name), text(len(part)), *flags, *worst))
+    about = (
+        "Scenarios by ANEES: over-confident where its 95 % interval lies all above 1.5, conservative all below 0.67, "
+        "consistent where ANEES lies between, undecided where it does not and the interval does not tell."
+    )
     return Table("consistency", about, columns, tuple(rows))
 
 
@@ -171,14 +218,14 @@ def claims(verdicts: pd.DataFrame, paper: str) -> Table:
         Column("reading", ("variant", "kind", "definition"), False),
         Column("found", ("scenario", "of", "than", "value", "low", "high", "trials"), False),
         Column("verdict", ("verdict", "needed"), False),
-        Column("remark", ("remark", "open"), False),
+        Column("remark", ("remark",), False),
+        Column("left open by the paper", ("open",), False),
     )
     rows, marks = [], []
     for _, row in _shown(verdicts).iterrows():
         where = f"{row['says']} ({row['where']})" if row["where"] else row["says"]
         found = tuple(row[key] for key in columns[3].keys)
         said = row["verdict"] in ("not run", "not testable")  # the sentence gives the reason
-        told = "" if said else "; ".join(part for part in (_text(row["remark"]), _open(row)) if part)
         rows.append(
             (
                 text(row["claim"]),
@@ -186,20 +233,56 @@ def claims(verdicts: pd.DataFrame, paper: str) -> Table:
                 Cell(str(row["variant"]), (row["variant"], row["kind"], row["definition"])),
                 Cell(telling.sentence(row), found),
                 Cell(str(row["verdict"]), (row["verdict"], row["needed"])),
-                Cell(told, (_text(row["remark"]), row["open"])),
+                Cell("" if said else _text(row["remark"]), (_text(row["remark"]),)),
+                text(row["open"]),
             )
         )
         marks.append({"data-claim": str(row["claim"]), "data-verdict": str(row["verdict"])})
     return Table("claims", f"Verdicts on the claims of {paper}", columns, tuple(rows), tuple(marks))
 
 
-def overview(found: pd.DataFrame) -> Table:
+class Part(NamedTuple):
+    """A claim of the ledger."""
+
+    head: str
+    open: str  # what the paper leaves open
+    table: Table  # its rows of the ledger
+
+
+def by_claim(ledger: Table, verdicts: pd.DataFrame) -> list[Part]:
+    """The ledger's table claim by claim, without the columns that say the same in every row."""
+    out: list[Part] = []
+    for claim, part in verdicts.groupby("claim", sort=False):
+        rows = [i for i, marks in enumerate(ledger.marks) if marks["data-claim"] == str(claim)]
+        first = part.iloc[0]
+        told = part.loc[part["variant"] == first["variant"], "verdict"].value_counts()
+        verdict = ", ".join(f"{count} {name}" if len(told) > 1 else str(name) for name, count in told.items())
+        where = f" ({first['where']})" if first["where"] else ""
+        table = Table(
+            f"claims-{len(out) + 1}",
+            f"Claim {claim}: every reading and case that was run.",
+            ledger.columns[2:-1],
+            tuple(ledger.rows[i][2:-1] for i in rows),
+            tuple(ledger.marks[i] for i in rows),
+        )
+        out.append(Part(f"{claim}. {first['says']}{where}: {verdict}", str(first["open"]), table))
+    return out
+
+
+def overview(found: pd.DataFrame, ledger: Ledger) -> Table:
     """Claims by readings."""
-    columns = (Column("claim", ("claim",), False), *(Column(str(name), (str(name),), False) for name in found))
-    rows = tuple(
-        (text(claim), *(text(told) for told in row)) for claim, row in zip(found.index, found.to_numpy(), strict=True)
+    columns = (
+        Column("claim", ("claim",), False),
+        Column("says", ("says",), False),
+        *(Column("as stated" if name == BASE else str(name), (str(name),), False) for name in found),
     )
-    return Table("verdicts", "Verdicts by claim and reading; counts where cases differ.", columns, rows)
+    says = {claim.id: claim.says for claim in ledger.claims}
+    rows = tuple(
+        (text(claim), text(says[claim]), *(text(told) for told in row))
+        for claim, row in zip(found.index, found.to_numpy(), strict=True)
+    )
+    about = "Verdicts by claim and reading (as the paper states it, then its variants); counts where cases differ."
+    return Table("verdicts", about, columns, rows)
 
 
 def _shown(verdicts: pd.DataFrame) -> pd.DataFrame:
@@ -207,10 +290,6 @@ def _shown(verdicts: pd.DataFrame) -> pd.DataFrame:
     first = verdicts.groupby("claim", sort=False)["variant"].transform("first")
     run = verdicts["verdict"] != "not run"
     return verdicts[run | ((verdicts["variant"] == first) & ~verdicts.duplicated(["claim", "verdict", "remark"]))]
-
-
-def _open(row: "pd.Series[Any]") -> str:
-    return f"open: {row['open']}" if row["open"] else ""
 
 
 def _text(value: object) -> str:

@@ -141,7 +141,7 @@ def test_consistency_is_judged_by_the_whole_interval(anees, flag):
 def test_where_anees_tells_nothing_coverage_does():
     frame = rows("a", BASE)
     frame["anees"] = np.where(frame["trial"] == 3, 1e12, 0.9)  # its interval reaches from 0 to beyond all bounds
-    for coverage, flag in ((0.27, "over-confident"), (0.95, "not assessed")):
+    for coverage, flag in ((0.27, "over-confident"), (0.95, "undecided")):
         frame["coverage95"] = coverage + 0.001 * frame["trial"]
         assert compare(frame, baseline="a")["consistency"].item() == flag
 
