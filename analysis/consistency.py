@@ -16,8 +16,8 @@ def flag(trials: float, anees: Interval, coverage: Interval) -> str:
 
     Over-confident: ANEES wholly above 1.5, or coverage of the 95 % ellipse wholly below the 0.86 that goes with it: a
     few trials in which the covariance all but vanished make the interval of ANEES as wide as can be, and its coverage
-    still tells. Conservative: ANEES wholly below 0.67. Consistent: an ANEES between the two. What lies beyond a limit by an
-    interval that does not, or has an interval beyond both, is undecided. Below five trials: "not assessed".
+    still tells. Conservative: ANEES wholly below 0.67. Consistent: an ANEES between the two. What lies beyond a limit
+    by an interval that does not, or has an interval beyond both, is undecided. Below five trials: "not assessed".
     """
     if trials < LEAST_TRIALS:
         return "not assessed"

@@ -118,7 +118,7 @@ def _answer(numbers: Numbers, experiments: list[Experiment], verdicts: pd.DataFr
         "claims": _standing_claims(verdicts),
         "claims_table": ledgered,
         "claims_parts": tabled.by_claim(ledgered, verdicts),
-        "overview": tabled.overview(claims.overview(verdicts), ledger),
+        "overview": tabled.overview(claims.overview(verdicts), verdicts, ledger),
         "legend": LEGEND,
     }
 

@@ -269,19 +269,25 @@ def by_claim(ledger: Table, verdicts: pd.DataFrame) -> list[Part]:
     return out
 
 
-def overview(found: pd.DataFrame, ledger: Ledger) -> Table:
-    """Claims by readings."""
+def overview(found: pd.DataFrame, verdicts: pd.DataFrame, ledger: Ledger) -> Table:
+    """Claims by readings, with the numbers of the first."""
     columns = (
-        Column("claim", ("claim",), False),
-        Column("says", ("says",), False),
-        *(Column("as stated" if name == BASE else str(name), (str(name),), False) for name in found),
+        Column("", ("claim",), False),
+        Column("the paper says", ("says",), False),
+        Column("claimed", ("claimed",)),
+        Column("found", ("found",)),
+        *(Column("verdict" if name == BASE else str(name), (str(name),), False) for name in found),
     )
     says = {claim.id: claim.says for claim in ledger.claims}
+    numbers = {c: telling.span(part) for c, part in verdicts[verdicts["variant"] == BASE].groupby("claim", sort=False)}
     rows = tuple(
-        (text(claim), text(says[claim]), *(text(told) for told in row))
+        tuple(text(told) for told in (claim, says[claim], *numbers.get(claim, ("", "")), *row))
         for claim, row in zip(found.index, found.to_numpy(), strict=True)
     )
-    about = "Verdicts by claim and reading (as the paper states it, then its variants); counts where cases differ."
+    about = (
+        "Verdicts by claim: as the paper states it, then in other readings; counts where cases differ. Found: from the "
+        "least to the largest of the cases, as the paper states it; of one case, with its 95 % interval."
+    )
     return Table("verdicts", about, columns, rows)
 
 

@@ -80,6 +80,23 @@ def _within(low: float, high: float, kind: str) -> str:
     return f"95 % interval {_number(low, kind)} to {_number(high, kind)}"
 
 
+def span(part: pd.DataFrame) -> tuple[str, str]:
+    """What is claimed, and the numbers found in the cases of one claim and reading: from the least to the largest.
+
+    One case is told with its interval. Of the two definitions of an improvement, the reduction.
+    """
+    part = part[part["value"].notna()]
+    part = part[part["definition"] != "ratio"] if (part["definition"] != "ratio").any() else part
+    if part.empty:
+        return "", ""
+    kind, claimed = str(part["kind"].iloc[0]), _number(float(part["size"].iloc[0]), str(part["kind"].iloc[0]))
+    values = [_number(float(value), kind) for value in (part["value"].min(), part["value"].max())]
+    if len(part) == 1 and part["low"].notna().all():
+        low, high = (_number(float(part[end].iloc[0]), kind) for end in ("low", "high"))
+        return claimed, f"{values[0]} ({low} to {high})"
+    return claimed, " to ".join(dict.fromkeys(values))
+
+
 def table(verdicts: pd.DataFrame) -> Table:
     """The cases of one claim; variants that were not run are left out."""
     shown = verdicts[(verdicts["verdict"] != "not run") | (verdicts["variant"] == verdicts["variant"].iloc[0])]
