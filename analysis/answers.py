@@ -20,7 +20,7 @@ from cooploc.analysis.curves import sweep
 from cooploc.analysis.results import Missing, Results
 from cooploc.analysis.tables import rounded
 
-FEW = 6  # estimators of which a sentence gives every number; of more it gives the range, and a table has them
+FEW = 6  # estimators of which a sentence gives every number; of more it gives the range, of twice as many no names
 
 
 class Standing(NamedTuple):
@@ -177,7 +177,7 @@ def changes(scenarios: list[str], estimators: Iterable[str], results: Results) -
 def swept(scenarios: list[str], found: list[Change]) -> str:
     """The changes over a sweep in words; those whose interval holds 0 are said to show none."""
     ordered = sorted(scenarios, key=lambda label: sweep(label)[2])
-    _, parameter, low = sweep(ordered[0])
+    where, parameter, low = sweep(ordered[0])
     high = sweep(ordered[-1])[2]
     known = [one for one in found if one.share.low == one.share.low]
     if not known:
@@ -188,17 +188,21 @@ def swept(scenarios: list[str], found: list[Change]) -> str:
     same = [one.estimator for one in known if one.share.low <= 0 <= one.share.high and one.estimator not in equal]
     parts = [f"it grows for {_moved(grows)}"] if grows else []
     parts += [f"it falls for {_moved(falls)}"] if falls else []
-    parts += [f"no change can be told for {_and(same)}"] if same else []
-    parts += [f"it stays the same for {_and(equal)}"] if equal else []
-    return f"RMSE from {parameter} = {low:g} to {high:g} (95 % intervals, unadjusted): {'; '.join(parts)}."
+    parts += [f"no change can be told for {_names(same)}"] if same else []
+    parts += [f"it stays the same for {_names(equal)}"] if equal else []
+    return f"{where}: RMSE from {parameter} = {low:g} to {high:g} (95 % intervals, unadjusted): {'; '.join(parts)}."
 
 
 def _moved(found: list[Change]) -> str:
     """Who changed, each with its interval; of many, their names and the range of the changes."""
     if len(found) <= FEW:
         return _and(f"{one.estimator} ({_share(one.share)})" for one in found)
-    shares = sorted((one.share.value for one in found), key=abs)
-    return f"{_and(one.estimator for one in found)} (by {_percent(shares[0])} to {_percent(shares[-1])})"
+    least, *_, most = sorted(abs(one.share.value) for one in found)
+    return f"{_names([one.estimator for one in found])} (by {_percent(least)[1:]} to {_percent(most)[1:]})"
+
+
+def _names(names: list[str]) -> str:
+    return _and(names) if len(names) <= 2 * FEW else f"{len(names)} estimators"
 
 
 def _share(share: statistics.Interval) -> str:

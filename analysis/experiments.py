@@ -26,6 +26,7 @@ class Shown(NamedTuple):
     panels: list[Markup]
     caption: str
     width: str = ""  # of a panel: "", "middle" or "wide"
+    head: str = ""  # of what may be folded away
 
 
 class Numbers(NamedTuple):
@@ -102,12 +103,12 @@ def _groups(labels: list[str]) -> dict[tuple[str, str], list[str]]:
 
 def _lines(rows: pd.DataFrame, numbers: Numbers, counter: Iterator[int]) -> Shown:
     svgs = figures.lines(rows, numbers.looks)
-    parameter = sweep(rows["scenario"].iloc[0])[1]
+    family, parameter, _ = sweep(rows["scenario"].iloc[0])
     one = "each panel one estimator and its variants, all others in grey" if len(svgs) > 1 else "with intervals"
     return Shown(
         _panels(svgs, f"position RMSE over {parameter}", counter),
-        f"Position RMSE over {parameter}, {one}; bands are 95 % intervals over trials. Hollow markers: over-confident; "
-        f"a broken line: over-confident at most of the values; grey and dotted: a bound. {_about(rows, numbers)}",
+        f"Position RMSE over {parameter} in {family}, {one}; bands are 95 % intervals over trials. Hollow markers: "
+        f"over-confident; a broken line: so at most of the values; grey and dotted: a bound. {_about(rows, numbers)}",
         width="wide" if len(svgs) == 1 else "",
     )
 
@@ -143,6 +144,7 @@ def _scatter(rows: pd.DataFrame, numbers: Numbers, counter: Iterator[int]) -> Sh
         "nothing else is no worse in both; bounds are not on it, over-confident estimators (hollow) may "
         f"be.{some} {_about(drawn, numbers)}",
         width="middle",
+        head="Accuracy against consistency, bytes and time",
     )
 
 

@@ -93,7 +93,8 @@ def dots(part: pd.DataFrame, looks: dict[str, Style]) -> str:
         ax.set_title(part["scenario"].iloc[0])
         ax.grid(color="0.9", lw=0.8)
 
-    return _drawn(draw, (1.5 * PANEL[0], 0.9 + 0.2 * len(part)))
+    longest = max(map(len, part["estimator"]), default=0)
+    return _drawn(draw, (1.2 * PANEL[0] + 0.065 * longest, 0.9 + 0.2 * len(part)))
 
 
 def against(part: pd.DataFrame, other: str, looks: dict[str, Style]) -> str:

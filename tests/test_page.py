@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cooploc.analysis import answers, page, statistics
+from cooploc.analysis import answers, figures, page, statistics
 from cooploc.analysis.compare import compare
 from cooploc.analysis.kept import Kept
 from cooploc.analysis.kept import read as kept_of
@@ -192,6 +192,72 @@ def test_what_is_told_apart_has_an_interval_that_excludes_zero(swept):
     gain = statistics.improvement(*results.mse((found.scenario, found.best), (found.scenario, "base")).T)
     assert gain.high < 0
     assert "base" not in (*found.tied, *found.equal)
+
+
+def test_who_may_be_over_confident_is_not_called_best():
+    rows = rows_of("nlos", {"a": (1.0, 1.0), "wild": (0.1, 1.0)})
+    rows.loc[(rows["estimator"] == "wild") & (rows["trial"] == 0), "anees"] = 1e9  # a heavy tail: an interval from ~0
+    found = standing(rows)
+    assert found.best == "a"
+    assert found.barred[0].startswith("wild (perhaps over-confident, ANEES 1")
+    flags = compare(rows, "a").set_index("estimator")["consistency"]
+    assert flags.to_dict() == {"a": "consistent", "wild": "undecided"}
+
+
+def test_a_scenario_of_two_experiments_is_in_both_with_the_estimators_that_it_has_there(tmp_path):
+    labels = [f"packet-drop/drop={d}" for d in ("0", "0.5", "0.9")]
+    rows = pd.concat([rows_of(label, {"a": (1.0, 1.0), "b": (0.5, 1.0), "c": (2.0, 1.0)}) for label in labels])
+    blocks = [
+        {"scenarios": labels[1:2], "estimators": ["a", "c"], "experiment": "first"},
+        {"scenarios": ["packet-drop/drop={0,0.5,0.9}"], "estimators": ["a", "b"], "experiment": "second"},
+    ]
+    kept = kept_from(rows[(rows["estimator"] != "c") | (rows["scenario"] == labels[1])], tmp_path, "first", also=blocks)
+    assert kept.experiments == {
+        "first": {labels[1]: ["a", "c"]},
+        "second": {label: ["a", "b"] for label in labels},
+    }
+    source = page.write(kept, load(), tmp_path).read_text()
+    assert "packet-drop: RMSE from drop = 0 to 0.9" in source
+    table = pd.read_csv(tmp_path / "tables" / "where.csv").set_index("experiment")
+    assert table["scenarios"].to_dict() == {"first": 1, "second": 3}
+    assert table["best"].to_dict() == {"first": "a (1)", "second": "b (3)"}
+    more = kept._replace(rows=pd.concat([kept.rows, rows_of(labels[0], {"d": (1.0, 1.0)})]))
+    assert more.experiments["first"][labels[0]] == ["d"]  # run with --estimators, of no block
+
+
+def test_groups_are_shown_where_estimators_are_ranked_and_left_out_where_there_is_nothing_to_test(tmp_path):
+    rng = np.random.default_rng(4)
+    rows = rows_of("nlos", {"a": (1.0, 1.0), "b": (1.0, 1.0), "c": (9.0, 1.0)}, trials=20)
+    rows["mse"] *= rng.lognormal(0, 0.5, len(rows))
+    page.write(kept_from(rows, tmp_path), load(), tmp_path)
+    table = pd.read_csv(tmp_path / "tables" / "experiment-one.csv").set_index("estimator")
+    assert set(table.loc["a", "group"]) & set(table.loc["b", "group"])
+    assert not set(table.loc["a", "group"]) & set(table.loc["c", "group"])
+    assert table.loc["c", "rank"] == 3
+    assert "share a letter are not told apart" in (tmp_path / "index.html").read_text()
+    for few in (rows[rows["trial"] < 4], rows[rows["estimator"] == "a"]):
+        page.write(kept_from(few, tmp_path), load(), tmp_path)
+        assert pd.read_csv(tmp_path / "tables" / "experiment-one.csv")["group"].isna().all()
+
+
+def test_of_many_estimators_a_sweep_gives_the_range_and_its_table_all_numbers(tmp_path):
+    names = {f"e{i}": (1.0 + i, 1.0) for i in range(14)}
+    rows = pd.concat([rows_of(f"packet-drop/drop={d}", names) for d in (0, 1, 2)], ignore_index=True)
+    rows["mse"] *= np.where(rows["scenario"].str.endswith("2"), 4.0, 1.0)
+    source = page.write(kept_from(rows, tmp_path), load(), tmp_path).read_text()
+    assert "it grows for 14 estimators (by 100 % to 100 %)." in source
+    assert len(pd.read_csv(tmp_path / "tables" / "experiment-one-sweep1.csv")) == 14
+
+
+def test_variants_share_a_panel_and_every_estimator_has_one(swept):
+    table = compare(swept, "base")
+    names = ["arl", "arl[K=1]", "arl[M=1]", "b", "c", "d[x=1]", "e"]
+    table = pd.concat([table[table["estimator"] == "base"].assign(estimator=name) for name in names])
+    svgs = figures.lines(table, figures.styles(names))
+    assert len(svgs) == 5
+    assert all(name in svgs[0] for name in names[:3])
+    for name, svg in zip(names[3:], svgs[1:], strict=True):
+        assert f">{name}<" in svg
 
 
 def test_below_five_trials_nothing_is_claimed():
