@@ -13,8 +13,9 @@ from threadpoolctl import threadpool_limits
 
 from cooploc.estimators.bad_input import BadInput
 from cooploc.estimators.interface import API, Array, Belief, Indices, Mail, Rows, Senses, Traffic
-from cooploc.scenarios import seeds
+from cooploc.scenarios import notebook, seeds
 from cooploc.scenarios.looks import listed
+from cooploc.scenarios.notebook import Advance
 from cooploc.scenarios.stream import Stream
 
 if TYPE_CHECKING:
@@ -100,20 +101,33 @@ def run(estimators: Mapping[str, Any] | Any, stream: Stream, jobs: int = 1) -> R
     for name, estimator in named.items():
         demand_fit(name, estimator, stream.select(slice(0, 1)).truncated(1))
     parts = np.array_split(np.arange(len(stream.trial)), min(jobs, len(stream.trial)))
-    if len(parts) == 1:
-        traces = [_traces(named, stream)]
-    else:
-        from loky import get_reusable_executor
-
-        slices = [slice(int(part[0]), int(part[-1]) + 1) for part in parts]
-        pool = get_reusable_executor(max_workers=jobs)
-        traces = [f.result() for f in [pool.submit(_traces, named, stream.select(s)) for s in slices]]
-    joined = {name: _joined([part[name] for part in traces]) for name in named}
-    return Run(stream.scenario, stream.seed, stream.trial, stream.hashes, joined)
+    chunks = [stream.select(slice(int(part[0]), int(part[-1]) + 1)) for part in parts] if len(parts) > 1 else [stream]
+    ticks = stream.senses.dt.shape[1]
+    with notebook.bar(ticks * len(chunks) * len(named)) as advance:
+        compute = _spread if len(chunks) > 1 else _here
+        traces = compute(named, chunks, advance)
+    return Run(stream.scenario, stream.seed, stream.trial, stream.hashes, traces)
 
 
-def _traces(named: Mapping[str, Any], stream: Stream) -> dict[str, Trace]:
-    return {name: trace(name, estimator, stream) for name, estimator in named.items()}
+def _here(named: Mapping[str, Any], chunks: list[Stream], advance: Advance | None) -> dict[str, Trace]:
+    return {name: trace(name, estimator, chunks[0], advance=advance) for name, estimator in named.items()}
+
+
+def _spread(named: Mapping[str, Any], chunks: list[Stream], advance: Advance | None) -> dict[str, Trace]:
+    """In processes, one for each chunk of the trials."""
+    from concurrent.futures import Future, as_completed
+
+    from loky import get_reusable_executor
+
+    pool = get_reusable_executor(max_workers=len(chunks))
+    futures: dict[Future[Trace], str] = {
+        pool.submit(trace, name, estimator, chunk): name for name, estimator in named.items() for chunk in chunks
+    }
+    for future in as_completed(futures):
+        future.result()  # the first failure ends the run
+        if advance:
+            advance(futures[future], chunks[0].senses.dt.shape[1])
+    return {name: _joined([f.result() for f, of in futures.items() if of == name]) for name in named}
 
 
 def _joined(traces: list[Trace]) -> Trace:
@@ -122,8 +136,10 @@ def _joined(traces: list[Trace]) -> Trace:
     return Trace(**parts, seconds=sum(t.seconds for t in traces), bound=traces[0].bound, notes=notes)
 
 
-def trace(name: str, estimator: Any, stream: Stream, watch: Watcher | None = None) -> Trace:
-    """Run one estimator on every trial of a stream, in this process."""
+def trace(
+    name: str, estimator: Any, stream: Stream, watch: Watcher | None = None, advance: Advance | None = None
+) -> Trace:
+    """Run one estimator on every trial of a stream, in this process; `advance` is told of every tick, off the clock."""
     seen = visible(name, estimator, stream)
     team = hasattr(estimator, "exchange")
     drive = _Team(name, estimator, seen, watch) if team else _Robots(name, estimator, seen, watch)
@@ -139,6 +155,10 @@ def trace(name: str, estimator: Any, stream: Stream, watch: Watcher | None = Non
             x[:, k], P[:, k] = belief.x.reshape(x[:, k].shape), belief.P.reshape(P[:, k].shape)
             messages += traffic.messages
             sent += traffic.bytes
+            if advance:
+                paused = perf_counter()
+                advance(name, 1)
+                began += perf_counter() - paused
         seconds = perf_counter() - began
     _demand_finite(name, stream, x, P)
     noted = estimator.notes(drive.state) if hasattr(estimator, "notes") else {}

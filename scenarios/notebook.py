@@ -1,0 +1,74 @@
+"""The progress of a run in a notebook: a bar, what is at work, and about how long the rest takes.
+
+It needs nothing but the IPython that every notebook has. Elsewhere, and in the first second, nothing is shown.
+"""
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from html import escape
+from time import monotonic
+from typing import Any
+
+PATIENCE = 1.0  # [s] before anything is shown
+EVERY = 0.2  # [s] between two pictures of the bar
+
+Advance = Callable[[str, int], None]  # what is at work, and how many steps of it are done
+
+
+@contextmanager
+def bar(total: int) -> Iterator[Advance | None]:
+    """Yields what is to be called as steps are done, of `total`; None outside notebooks."""
+    display = _display()
+    if display is None:
+        yield None
+        return
+    shown = _Bar(total, display)
+    try:
+        yield shown.advance
+    finally:
+        shown.close()
+
+
+class _Bar:
+    def __init__(self, total: int, display: Any) -> None:
+        self._total, self._done, self._display = total, 0, display
+        self._began = monotonic()
+        self._next = self._began + PATIENCE
+        self._handle: Any = None
+
+    def advance(self, what: str, steps: int) -> None:
+        self._done += steps
+        now = monotonic()
+        if now >= self._next:
+            self._next = now + EVERY
+            self._show(_drawn(what, self._done, self._total, now - self._began))
+
+    def close(self) -> None:
+        """Leave nothing behind."""
+        if self._handle is not None:
+            self._show("")
+
+    def _show(self, html: str) -> None:
+        data = {"text/html": html, "text/plain": ""}
+        if self._handle is None:
+            self._handle = self._display(data, raw=True, display_id=True)
+        else:
+            self._handle.update(data, raw=True)
+
+
+def _drawn(what: str, done: int, total: int, seconds: float) -> str:
+    left = seconds * (total - done) / done
+    told = f"{left:.0f} s" if left < 90 else f"{left / 60:.0f} min"
+    return f'<progress value="{done}" max="{total}"></progress> {escape(what)}, about {told} left'
+
+
+def _display() -> Any:
+    """IPython's `display`, in a notebook; else None."""
+    ipython = sys.modules.get("IPython")
+    shell = ipython.get_ipython() if ipython is not None else None
+    if shell is None or not hasattr(shell, "kernel"):
+        return None
+    from importlib import import_module
+
+    return import_module("IPython.display").display
