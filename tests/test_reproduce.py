@@ -1,10 +1,12 @@
 """What a report embeds suffices to run its trials again, and to tell whether they came out the same."""
 
 import json
+import shutil
 import subprocess
 import sys
 
 import pytest
+from test_log import change, describe, lines, write
 
 import cooploc as cl
 from cooploc.analysis import page, reproduce
@@ -104,3 +106,46 @@ def test_an_estimator_that_is_not_there_exits_2(report, tmp_path):
     done = told(other, "--trials", "1")
     assert done.returncode == 2, done.stdout + done.stderr
     assert "ekf-nonsense" in done.stderr
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """A directory of recordings, and the report of a study of them."""
+    folder = tmp_path_factory.mktemp("recorded")
+    data = folder / "lab"
+    data.mkdir()
+    describe(data)
+    for i, name in enumerate(("a", "b", "c")):
+        write(data, name, lines(i))
+    study = Study(
+        name="lab",
+        trials=3,
+        baseline="dead-reckoning",
+        scenarios=("log/all",),
+        estimators=("dead-reckoning", "rssi-pf"),
+    )
+    execute(study, folder / "run", data=data)
+    page.write(read(folder / "run"), load(), folder / "report")
+    return data, folder / "report"
+
+
+def test_a_report_of_recordings_is_run_again_with_their_directory(recorded):
+    data, report = recorded
+    done = told(report, "--data", data)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "6 of 6 results are bit-equal" in done.stdout
+
+
+def test_without_their_directory_recordings_exit_2_and_say_so(recorded):
+    done = told(recorded[1])
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1), done.stderr
+    assert "--data" in done.stderr
+
+
+def test_other_recordings_are_told_from_those_of_the_report(recorded, tmp_path):
+    shutil.copytree(recorded[0], tmp_path / "lab")
+    cells = {(4, "r1"): "-77"}
+    change(tmp_path / "lab", "b", cells)
+    done = told(recorded[1], "--data", tmp_path / "lab")
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert "another stream" in done.stdout
