@@ -1,9 +1,9 @@
 """Who is best where and who is over-confident, in sentences made of the numbers that say no more than they do.
 
 Best is the smallest RMSE of those that may be called best: no bound, not over-confident nor perhaps so (ANEES beyond
-the limit by an interval that is not), no trial failed. Another one ties with it where the equivalence test says so, or
-where the 95 % interval of the paired change holds 0. That one is best alone takes intervals that exclude 0 against
-every other one, an intersection-union test that needs no adjustment (Berger 1982).
+the limit by an interval that is not), no trial and no check failed. Another one ties with it where the equivalence test
+says so, or where the 95 % interval of the paired change holds 0. That one is best alone takes intervals that exclude 0
+against every other one, an intersection-union test that needs no adjustment (Berger 1982).
 """
 
 from collections import Counter
@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 
 from cooploc.analysis import statistics
+from cooploc.analysis.certificates import mark, refused
 from cooploc.analysis.compare import MARGIN
 from cooploc.analysis.consistency import OVER_CONFIDENT
 from cooploc.analysis.curves import sweep
@@ -35,6 +36,7 @@ class Standing(NamedTuple):
     barred: tuple[str, ...]  # as accurate or more, and why none of these is called best
     able: int  # how many may be called best
     trials: int
+    unchecked: bool = False  # whether the best one lacks a certificate
 
     @property
     def word(self) -> str:
@@ -82,14 +84,18 @@ def _standing(scenario: str, part: pd.DataFrame, results: Results) -> Standing:
         elif not statistics.improvement(*pairs.T).high < 0:
             tied.append(row["estimator"])
     lost = part[(part["rmse"] <= best["rmse"]) & barred]
+    bare = best["certificate"].startswith("unchecked")
     rmse = statistics.Interval(best["rmse"], best["rmse_low"], best["rmse_high"])
     anees = statistics.mean_of_positive(results.anees((scenario, best["estimator"])))
-    return Standing(scenario, best["estimator"], rmse, anees, tuple(equal), tuple(tied), _named(lost), len(may), trials)
+    return Standing(
+        scenario, best["estimator"], rmse, anees, tuple(equal), tuple(tied), _named(lost), len(may), trials, bare
+    )
 
 
 def why(row: dict[Any, Any]) -> str:
     """Why an estimator may not be called best; empty where it may."""
-    reasons = ["a bound"] if row["bound"] else []
+    reasons = [f"failed the check {mark(row['certificate'])[2:]}"] if refused(row["certificate"]) else []
+    reasons += ["a bound"] if row["bound"] else []
     if row["consistency"] == "over-confident":
         reasons.append(f"over-confident, ANEES {rounded(row['anees'], 2)}")
     if row["consistency"] == "undecided" and row["anees"] > OVER_CONFIDENT:
@@ -106,6 +112,7 @@ def _named(lost: pd.DataFrame) -> tuple[str, ...]:
 def sentence(one: Standing) -> str:
     """A standing in words."""
     barred = f" As accurate or more, and not called best: {_and(one.barred)}." if one.barred else ""
+    barred += f" Nobody has checked {one.best}." * one.unchecked
     if one.trials < statistics.LEAST_TRIALS:
         return f"Not assessed: {_count(one.trials, 'trial')}, and nothing is claimed below {statistics.LEAST_TRIALS}."
     if not one.best:

@@ -31,6 +31,7 @@ SUMMARY = {
     "bytes": "bytes per robot and tick",
     "seconds": "seconds per robot and tick",
     "stream": "hash of the stream",
+    "certificate": "what its checks found, in a line; empty of a built-in estimator, and where nobody asked",
 }
 DETAIL = {
     "coverage95_low": "95 % interval of coverage95, over trials",
@@ -68,6 +69,7 @@ def summarize(errors: pd.DataFrame) -> pd.DataFrame:
             "failed": group["trial"].nunique() - len(trials),
             **{cost: ended[cost].mean() for cost in ("messages", "bytes", "seconds")},
             "stream": stream_hash(group),
+            "certificate": str(group["certificate"].iloc[0]) if "certificate" in group else "",
             **{f"coverage95_{end}": v for end, v in _ends(trials["coverage95"])},
             **{f"diverged_{end}": v for end, v in _ends(trials["diverged"])},
             **{f"{kind}_error": trials[f"{kind}_error"].mean() for kind in ("mean", "median", "final", "max")},
@@ -116,7 +118,8 @@ def compare(errors: pd.DataFrame, baseline: str | Mapping[str, str], margin: flo
     pairs = pd.DataFrame([_pair(trials, scenario, name, against[scenario], margin) for scenario, name in labels])
     for test in ("p", "p_equal"):
         pairs[f"{test}_holm"] = statistics.holm(pairs[test].to_numpy())
-    return pd.concat([table.drop(columns="stream"), pairs, table["stream"]], axis=1)
+    last = ["stream", "certificate"]
+    return pd.concat([table.drop(columns=last), pairs, table[last]], axis=1)
 
 
 def succeeded(errors: pd.DataFrame) -> pd.DataFrame:

@@ -57,7 +57,7 @@ def swept(table: pd.DataFrame) -> pd.DataFrame:
 def sweep(label: str) -> tuple[str, str, float]:
     """Family, swept parameter and value of a scenario's label; an empty parameter and nan where nothing is swept."""
     path, written = parse(label)
-    found = re.fullmatch(r"([^/]+)/([^/=]+)=([-+.0-9einf]+)", path)
+    found = re.fullmatch(r"(.+)/([^/=]+)=([-+.0-9einf]+)", path)
     options = f"[{','.join(f'{k}={v}' for k, v in written.items())}]" if written else ""
     if found is None:
         return path + options, "", np.nan

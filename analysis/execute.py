@@ -7,6 +7,7 @@ from typing import Any, Protocol
 
 import pandas as pd
 
+from cooploc.analysis.certificates import renewed, with_lines
 from cooploc.analysis.measure import Part
 from cooploc.analysis.plan import Plan, make_plan, trials_of, work
 from cooploc.analysis.provenance import files, fingerprint, provenance
@@ -52,6 +53,7 @@ def execute(
     data: Path | None = None,
     jobs: int = 1,
     scheduler: str | None = None,
+    check: bool = True,
     progress: Progress | None = None,
 ) -> pd.DataFrame:
     """Run what of a study is not there yet; returns the rows of everything the study asks for.
@@ -62,6 +64,7 @@ def execute(
         data: the directory of recordings, for scenarios that need it.
         jobs: processes.
         scheduler: the address of a Dask scheduler, whose workers are used instead.
+        check: whether estimators that are not built in are checked first, once per version of their source.
         progress: told of every part.
 
     Raises:
@@ -76,6 +79,7 @@ def execute(
     directory = RunDir(out)
     with hired(jobs, scheduler) as workers, directory.locked():
         directory.open(_manifest(study, told))
+        _certify(directory, cells.values(), check, watcher)
         plan = make_plan(study, told, directory)
         _announce(plan, cells, watcher)
         for part in workers.compute(plan.tasks):
@@ -87,7 +91,7 @@ def execute(
 
 
 def rows_of(study: Study, out: Path, data: Path | None = None) -> pd.DataFrame:
-    """The rows that a run directory holds of a study: those of `errors`, and `failure` and `traceback`.
+    """The rows that a run directory holds of a study: those of `errors`, `failure`, `traceback` and `certificate`.
 
     Raises:
         BadInput: it holds none.
@@ -101,7 +105,17 @@ def rows_of(study: Study, out: Path, data: Path | None = None) -> pd.DataFrame:
         frames.append(frame[frame["trial"] < trials_of(study, piece.scenario, told)])
     if not frames:
         raise BadInput(f"{out} holds nothing of study {study.name!r}: run it first")
-    return _ordered(pd.concat(frames, ignore_index=True), study)
+    rows = _ordered(pd.concat(frames, ignore_index=True), study)
+    return with_lines(rows, directory.manifest.get("certificates", {}))
+
+
+def _certify(directory: RunDir, cells: Iterable[Cell], check: bool, watcher: Progress) -> None:
+    """Each certificate is kept at once; one that fails stops nothing."""
+    manifest = directory.manifest
+    asked = [name for cell in cells for name in cell.estimators]
+    for label, found in renewed(asked, manifest["certificates"], check, watcher.say):
+        manifest["certificates"][label] = found
+        directory.write_manifest(manifest)
 
 
 def _announce(plan: Plan, cells: dict[str, Cell], watcher: Progress) -> None:
@@ -139,7 +153,8 @@ def _manifest(study: Study, data: str | None) -> dict[str, Any]:
         "seed": study.seed,
         "data": None if data is None else fingerprint(Path(data)),
         "scenarios": {label: world.model_dump(mode="json", exclude={"data"}) for label, world in worlds.items()},
-        "files": files(name for cell in cells for name in cell.estimators),
+        "files": files((name for cell in cells for name in cell.estimators), (cell.scenario for cell in cells)),
+        "certificates": {},
         "streams": {},
         **provenance(),
     }

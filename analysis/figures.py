@@ -19,6 +19,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+from cooploc.analysis.certificates import refused
 from cooploc.analysis.consistency import CONSERVATIVE, OVER_CONFIDENT
 from cooploc.analysis.curves import sweep
 from cooploc.analysis.ranking import front
@@ -28,6 +29,7 @@ DASHES: tuple[Any, ...] = ("-", (0, (6, 1.5)), (0, (3, 1, 1, 1)), (0, (8, 1, 1, 
 BROKEN, DOTTED = (0, (2, 2)), (0, (1, 1.5))
 TOGETHER = 6  # estimators that are still told apart in one panel
 GREY = "0.55"
+UNRANKED = " (failed a check)"
 LOOK: Any = {
     "svg.fonttype": "none",
     "svg.hashsalt": "cooploc",
@@ -82,11 +84,13 @@ def lines(part: pd.DataFrame, looks: dict[str, Style]) -> list[str]:
 def dots(part: pd.DataFrame, looks: dict[str, Style]) -> str:
     """RMSE of every estimator in one scenario with its interval, smallest on top."""
     part = part[part["rmse"].notna()].sort_values("rmse", ascending=False, kind="stable")
+    refuse = part["certificate"].map(refused)
+    names = part["estimator"] + np.where(refuse, UNRANKED, "")
 
     def draw(ax: Axes) -> None:
         for y, row in enumerate(part.to_dict("records")):
             _whiskers(ax, row, "rmse", y, looks[row["estimator"]])
-        ax.set_yticks(range(len(part)), part["estimator"])
+        ax.set_yticks(range(len(part)), names)
         ax.set_ylim(-0.6, len(part) - 0.4)
         _logarithmic(ax.xaxis, *_span(part, "rmse"))
         ax.set_xlabel("position RMSE [m]")
@@ -130,10 +134,12 @@ def key(part: pd.DataFrame, looks: dict[str, Style]) -> str:
     """The legend of the figures that name no estimators."""
     names = sorted(dict.fromkeys(part["estimator"]), key=list(looks).index)
     bounds = set(part.loc[part["bound"].astype(bool), "estimator"])
+    refuse = set(part.loc[part["certificate"].map(refused).astype(bool), "estimator"])
 
     def draw(ax: Axes) -> None:
         for name in names:
             colour, label = (GREY, f"{name} (bound)") if name in bounds else (looks[name].colour, name)
+            label += UNRANKED * (name in refuse)
             ax.plot([], [], marker=looks[name].marker, color=colour, ls="none", ms=6, label=label)
         ax.axis("off")
         ax.legend(frameon=False, loc="center left", fontsize=8, title="estimators (hollow: over-confident)")
@@ -182,8 +188,8 @@ def _panel(ax: Axes, part: pd.DataFrame, names: list[str], looks: dict[str, Styl
         ax.set_xticks(values, [f"{value:g}" for value in values])
     ax.grid(color="0.93", lw=0.8)
     if alone:
-        title = names[0] if len(names) == 1 else names[0].partition("[")[0]
-        ax.set_title(_broken(title + " (bound)" * bool(part.loc[part["estimator"] == names[0], "bound"].any())))
+        mine = part[part["estimator"] == names[0]]
+        ax.set_title(_broken(_called(mine, names[0] if len(names) == 1 else names[0].partition("[")[0])))
         if len(names) > 1:
             where: Any = {"loc": "lower left", "bbox_to_anchor": (0.02, 0.0), "bbox_transform": ax.figure.transFigure}
             ax.legend(frameon=False, fontsize=6.5, borderpad=0, labelspacing=0.3, **where)
@@ -205,12 +211,19 @@ def _curve(ax: Axes, rows: pd.DataFrame, look: Style, alpha: float) -> None:
     x, y = rows["value"].to_numpy(), rows["rmse"].to_numpy()
     ax.plot(x, y, color=colour, ls=line, lw=1.6, zorder=3)
     ax.fill_between(x, rows["rmse_low"], rows["rmse_high"], color=colour, alpha=alpha, lw=0, zorder=2)
-    name = rows["estimator"].iloc[0] + " (bound)" * bound
     every = max(1, len(x) // 25)
     for i in range(0, len(x), every):
         fill = "white" if over[i] else colour
         ax.plot(x[i], y[i], look.marker, mfc=fill, mec=colour, ms=5, mew=1.2, zorder=4)
-    ax.plot([], [], marker=look.marker, color=colour, ls=line, label=name, mfc="white" if over.all() else colour)
+    ax.plot(
+        [], [], marker=look.marker, color=colour, ls=line, label=_called(rows), mfc="white" if over.all() else colour
+    )
+
+
+def _called(rows: pd.DataFrame, name: str = "") -> str:
+    """An estimator's name, or another one, and what keeps it from being ranked."""
+    name = (name or str(rows["estimator"].iloc[0])) + " (bound)" * bool(rows["bound"].any())
+    return name + UNRANKED * refused(rows["certificate"].iloc[0])
 
 
 def _whiskers(ax: Axes, row: dict[Any, Any], of: str, y: float, look: Style) -> None:
@@ -232,7 +245,8 @@ def _point(ax: Axes, row: dict[Any, Any], other: str, look: Style) -> None:
 
 def _cost(ax: Axes, part: pd.DataFrame, other: str) -> None:
     """The axis of a cost, and the front of those that can be had."""
-    had = part["rmse"].where(~part["bound"].astype(bool)).to_numpy(float)
+    refuse = part["certificate"].map(refused).astype(bool)
+    had = part["rmse"].where(~part["bound"].astype(bool) & ~refuse).to_numpy(float)
     best = part[front(had, part[other].to_numpy(float))].sort_values(other)
     factor = 1e6 if other == "seconds" else 1.0
     if len(best):

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
+from cooploc.analysis.certificates import with_lines
 from cooploc.analysis.rundir import Piece, RunDir
 from cooploc.estimators.bad_input import BadInput
 from cooploc.scenarios.study import Study
@@ -16,7 +17,7 @@ class Kept(NamedTuple):
 
     folder: Path
     manifest: dict[str, Any]
-    rows: pd.DataFrame  # as `errors`, with `failure` and `traceback`; in the manifest's order
+    rows: pd.DataFrame  # as `errors`, with `failure`, `traceback` and `certificate`; in the manifest's order
     gaps: dict[tuple[str, str], int]  # (scenario, estimator) -> trials that were asked for and are not there
 
     @property
@@ -76,7 +77,8 @@ def read(folder: Path) -> Kept:
             frames += parts
     if not frames:
         raise BadInput(f"{folder} holds no results yet: continue it with cooploc run --out {folder}")
-    return Kept(folder, manifest, pd.concat(frames, ignore_index=True), gaps)
+    rows = with_lines(pd.concat(frames, ignore_index=True), manifest.get("certificates", {}))
+    return Kept(folder, manifest, rows, gaps)
 
 
 def _parts(directory: RunDir, scenario: str, estimator: str, asked: int) -> list[pd.DataFrame]:

@@ -84,7 +84,7 @@ class _Limit(NamedTuple):
 
 def _warm(label: str, stream: Stream, limit: _Limit) -> None:
     """Import and compile before the clock runs; whatever goes wrong will do so again, and be recorded then."""
-    with suppress(Exception), _within(limit._replace(seconds=WARM_UP + limit.seconds), 1):
+    with suppress(Exception, SystemExit), _within(limit._replace(seconds=WARM_UP + limit.seconds), 1):
         run({label: make(label)}, stream.select(slice(0, 1)).truncated(2))
 
 
@@ -93,7 +93,7 @@ def _frame(label: str, truth: Truth, stream: Stream, limit: _Limit) -> pd.DataFr
     try:
         frame = errors(truth, _limited_run(label, stream, limit))
         return frame.assign(**{column: pd.Series([None] * len(frame), dtype="str") for column in FAILURE})
-    except Exception as e:
+    except (Exception, SystemExit) as e:
         if len(stream.trial) == 1:
             return _failed(label, stream, _line(e), "".join(traceback.format_exception(e)))
         single = (slice(i, i + 1) for i in range(len(stream.trial)))
@@ -140,7 +140,7 @@ def _within(limit: _Limit, trials: int) -> Iterator[Callable[..., Any]]:
             signal.signal(signal.SIGALRM, before)
 
 
-def _line(e: Exception) -> str:
+def _line(e: BaseException) -> str:
     place = traceback.extract_tb(e.__traceback__)[-1]
     return f"{type(e).__name__}: {e} ({Path(place.filename).name}:{place.lineno})"
 

@@ -11,7 +11,7 @@ import pandas as pd
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
-from cooploc.analysis import answers, claims, figures, tabled, tables
+from cooploc.analysis import answers, certificates, claims, figures, tabled, tables
 from cooploc.analysis.compare import compare, notes
 from cooploc.analysis.experiments import Experiment, Numbers, experiment
 from cooploc.analysis.kept import Kept
@@ -38,6 +38,8 @@ METHODS = (
     ("in 95 %", "Share of the true positions that lie inside the 95 % ellipse."),
     ("diverged", "Share of (trial, robot) whose last-quarter RMSE exceeds a quarter of the arena's side."),
     ("messages, bytes, µs", "Per robot and tick, as sent; µs as a clock measured them, on the processor named below."),
+    ("Checks", "One that is not built in is checked before it runs: it must be blind to truth, future, lost packets, "
+     "and give the same bits however it is run. One that fails a check is shown, and not ranked."),
     ("Bound", "It knows more than any robot could; it is shown, and not ranked."),
     ("Below five trials", "Nothing is claimed: there is no interval, no test and no verdict."),
     ("Claims", "Each comes down to one number with its 95 % interval, and a verdict holds only where the whole "
@@ -96,6 +98,7 @@ def content(kept: Kept, ledger: Ledger) -> dict[str, Any]:
         "answer": answer,
         "experiments": experiments,
         "gaps": [f"{s}, {e}: {n} of the trials that were asked for are not there" for (s, e), n in kept.gaps.items()],
+        "unproven": certificates.remarks(table),
         "failures": _failures(kept.rows),
         "notes": notes(kept.rows),
         "methods": METHODS,

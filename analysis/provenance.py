@@ -6,11 +6,13 @@ import re
 import subprocess
 from collections.abc import Iterable
 from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from cooploc.estimators import parse
+from cooploc.estimators import module_of, parse
 from cooploc.estimators.files import is_file
+from cooploc.scenarios import source_of
 
 PACKAGES = ("cooploc", "filterpy", "numpy", "scipy", "numba", "pandas", "pyarrow")
 HERE = Path(__file__).resolve().parent
@@ -32,10 +34,32 @@ def fingerprint(folder: Path) -> str:
     return _hash(file for file in sorted(folder.iterdir()) if file.is_file())
 
 
-def files(estimators: Iterable[str]) -> dict[str, str]:
-    """A hash of every file that an estimator `path.py:Name` comes from."""
-    paths = {parse(label)[0].rpartition(":")[0] for label in estimators if is_file(parse(label)[0])}
-    return {path: hashlib.sha256(Path(path).read_bytes()).hexdigest() for path in sorted(paths)}
+def files(estimators: Iterable[str], scenarios: Iterable[str] = ()) -> dict[str, str]:
+    """A hash of the source of all that is not built in: its file, or the Python files of its package.
+
+    What these import from elsewhere is not seen.
+    """
+    homes = {parse(label)[0]: module_of(parse(label)[0]) for label in estimators}
+    homes |= dict(map(source_of, scenarios))
+    found = {}
+    for name, module in sorted(homes.items()):
+        if is_file(name):
+            path = name.rpartition(":")[0]
+            found[path] = hashlib.sha256(Path(path).read_bytes()).hexdigest()
+        elif module:
+            found[name] = _hash(_modules(module))
+    return found
+
+
+def _modules(module: str) -> list[Path]:
+    """The files of the package that a module is in, or its own."""
+    spec = find_spec(module.partition(".")[0])
+    if spec is None or (spec.origin is None and "." in module):  # a namespace, which many share
+        spec = find_spec(module)
+    folders = spec.submodule_search_locations if spec else None
+    if folders:
+        return sorted(f for folder in folders for f in Path(folder).rglob("*") if f.suffix in (".py", ".so", ".pyd"))
+    return [Path(spec.origin)] if spec and spec.origin else []
 
 
 def _source() -> str:

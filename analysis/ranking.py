@@ -1,7 +1,8 @@
 """Who is best, and at what cost: ranks over trials, groups that cannot be told apart, fronts of accuracy and cost.
 
 An over-confident estimator is never called best, nor is one of which that is undecided (its ANEES is too large, by an
-interval that does not exclude the limit), nor is a bound, nor one that failed in any trial.
+interval that does not exclude the limit), nor is a bound, nor one that failed in any trial. One whose certificate
+failed is not ranked at all.
 """
 
 import numpy as np
@@ -9,6 +10,7 @@ import pandas as pd
 from scipy import stats
 
 from cooploc.analysis import statistics
+from cooploc.analysis.certificates import refused
 from cooploc.analysis.compare import consistency, demand_same_streams, per_trial, succeeded, summarize
 from cooploc.analysis.consistency import OVER_CONFIDENT
 from cooploc.estimators.interface import Array, Mask
@@ -35,7 +37,7 @@ def ranking(errors: pd.DataFrame) -> pd.DataFrame:
     table["bound"] = errors.groupby(["scenario", "estimator"], sort=False)["bound"].any().to_numpy()
     parts = [_ranked(part, errors) for _, part in table.groupby("scenario", sort=False)]
     wanted = ["scenario", "estimator", "trials", "rank", "group", "best", "near_best", "rmse", "rmse_low", "rmse_high"]
-    wanted += ["anees", "consistency", "bound", "failed", *COSTS, "front"]
+    wanted += ["anees", "consistency", "bound", "failed", *COSTS, "front", "certificate"]
     return pd.concat(parts, ignore_index=True)[wanted]
 
 
@@ -49,15 +51,17 @@ def front(rmse: Array, cost: Array) -> Mask:
 
 
 def _ranked(part: pd.DataFrame, errors: pd.DataFrame) -> pd.DataFrame:
-    rank, group = _friedman(succeeded(errors[errors["scenario"] == part["scenario"].iloc[0]]))
+    mine = succeeded(errors[errors["scenario"] == part["scenario"].iloc[0]])
+    rank, group = _friedman(mine[~mine["certificate"].map(refused)] if "certificate" in mine else mine)
     part = part.assign(rank=part["estimator"].map(rank), group=[group.get(name, "") for name in part["estimator"]])
-    had = part["rmse"].where(~part["bound"]).to_numpy(float)
+    part["refused"] = part["certificate"].map(refused).astype(bool)
+    had = part["rmse"].where(~part["bound"] & ~part["refused"]).to_numpy(float)
     fronts = {cost: front(had, part[cost].to_numpy(float)) for cost in COSTS}
     part["front"] = [", ".join(cost for cost in COSTS if fronts[cost][i]) for i in range(len(part))]
     part = part.sort_values("rmse", kind="stable")
     suspect = part["consistency"].isin(("over-confident", "not assessed"))
     suspect |= (part["consistency"] == "undecided") & (part["anees"] > OVER_CONFIDENT)
-    barred = part["bound"] | (part["failed"] > 0) | suspect
+    barred = part["refused"] | part["bound"] | (part["failed"] > 0) | suspect
     able = part[~barred & (part["group"] != "")]
     part["best"] = part.index.isin(able.index[:1])
     letters = set(able["group"].iloc[0]) if len(able) else set()

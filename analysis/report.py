@@ -9,10 +9,13 @@ import pandas as pd
 from rich.console import Console
 from rich.table import Table
 
+from cooploc.analysis import certificates
+from cooploc.analysis.certificates import mark, refused
 from cooploc.analysis.compare import SUMMARY, notes, succeeded
 
 HEADS = (
     "estimator",
+    "checks",
     "RMSE [m]",
     "95 %",
     "versus",
@@ -62,6 +65,8 @@ def show(table: pd.DataFrame, rows: pd.DataFrame, folder: Path, as_json: bool) -
         console.print(LEGEND, style="dim", soft_wrap=True)
         for line in notes(rows):
             console.print(line, soft_wrap=True)
+    for line in certificates.remarks(table):
+        console.print(line, soft_wrap=True)
     for row in rows[rows["failure"].notna()].drop_duplicates(["scenario", "estimator", "failure"]).itertuples():
         console.print(f"failed: {row.scenario}, {row.estimator}, trial {row.trial}: {row.failure}", soft_wrap=True)
     picture = f"{folder / 'rmse.png'}" if (folder / "rmse.png").exists() else f"cooploc report {folder}"
@@ -90,7 +95,7 @@ def _table(scenario: str, part: pd.DataFrame) -> Table:
     rows = [_cells(row, baseline) for _, row in part.iterrows()]
     said = [i for i in range(len(HEADS)) if any(cells[i] for cells in rows)]  # without columns that say nothing
     for i in said:
-        side: Any = "left" if i in (0, len(HEADS) - 1) else "right"
+        side: Any = "left" if i in (0, 1, len(HEADS) - 1) else "right"
         table.add_column(f"vs {baseline}" if HEADS[i] == "versus" else HEADS[i], justify=side, no_wrap=True)
     for cells in rows:
         table.add_row(*(cells[i] for i in said))
@@ -99,11 +104,13 @@ def _table(scenario: str, part: pd.DataFrame) -> Table:
 
 def _cells(row: pd.Series, baseline: str) -> tuple[str, ...]:
     against = _percent(-row["improvement"]), _percents(row), _p(row["p_holm"])
-    remarks = [row["consistency"]] if row["consistency"] in ("over-confident", "conservative") else []
+    remarks = ["not ranked"] if refused(row["certificate"]) else []
+    remarks += [row["consistency"]] if row["consistency"] in ("over-confident", "conservative") else []
     remarks += ["bound"] if row["bound"] else []
     remarks += [f"{row['failed']} failed"] if row["failed"] else []
     return (
         row["estimator"],
+        mark(row["certificate"]),
         _number(row["rmse"], 3),
         _between(row["rmse_low"], row["rmse_high"], 3),
         *(against if row["estimator"] != baseline else ("", "", "")),

@@ -116,6 +116,7 @@ class RunDir:
             "scenarios": {**found["scenarios"], **asked["scenarios"]},
             "files": {**found["files"], **asked["files"]},
             "cells": _both(found["cells"], asked["cells"]),
+            "certificates": found.get("certificates", {}),
             "streams": found["streams"],
         }
 

@@ -9,12 +9,14 @@ import pandas as pd
 
 from cooploc.analysis import telling
 from cooploc.analysis.answers import Change, Standing, sentence
+from cooploc.analysis.certificates import mark, refused
 from cooploc.analysis.ledger import BASE, Ledger
 from cooploc.analysis.tables import Cell, Column, Table, interval, number, text
 
 RESULTS = (
     Column("scenario", ("scenario",), False),
     Column("estimator", ("estimator",), False),
+    Column("checks", ("certificate",), False),
     Column("RMSE [m]", ("rmse",)),
     Column("95 %", ("rmse_low", "rmse_high")),
     Column("rank", ("rank",)),
@@ -44,11 +46,16 @@ def results(name: str, part: pd.DataFrame, ranks: Ranks, about: str) -> Table:
     against = f"vs {baselines.pop()}" if len(baselines) == 1 else "vs baseline"
     columns = tuple(replace(c, head=against) if c.head == "change" else c for c in RESULTS)
     rows = tuple(_result(row, ranks) for row in part.to_dict("records"))
-    marks = tuple(
-        {"data-scenario": row["scenario"], "data-estimator": row["estimator"], "data-consistency": row["consistency"]}
-        for row in part.to_dict("records")
-    )
+    marks = tuple(_marks(row) for row in part.to_dict("records"))
+    if not part["certificate"].any():  # all are built in
+        columns, rows = columns[:2] + columns[3:], tuple(cells[:2] + cells[3:] for cells in rows)
     return Table(name, about, columns, rows, marks)
+
+
+def _marks(row: dict[Any, Any]) -> dict[str, str]:
+    named = {"data-scenario": row["scenario"], "data-estimator": row["estimator"]}
+    certificate = {"data-certificate": row["certificate"].partition(":")[0]} if row["certificate"] else {}
+    return {**named, "data-consistency": row["consistency"], **certificate}
 
 
 def _result(row: dict[Any, Any], ranks: Ranks) -> tuple[Cell, ...]:
@@ -56,7 +63,8 @@ def _result(row: dict[Any, Any], ranks: Ranks) -> tuple[Cell, ...]:
     v = {key: float(value) for key, value in row.items() if isinstance(value, int | float)}
     other = row["estimator"] != row["baseline"]
     flag = str(row["consistency"])
-    remark = [flag] if flag in ("over-confident", "conservative", "undecided") else []
+    remark = ["not ranked"] if refused(row["certificate"]) else []
+    remark += [flag] if flag in ("over-confident", "conservative", "undecided") else []
     remark += ["bound"] if row["bound"] else []
     remark += [f"{row['failed']} failed"] if row["failed"] else []
     gain = number(v["improvement"], 0, " %", -100)
@@ -64,6 +72,7 @@ def _result(row: dict[Any, Any], ranks: Ranks) -> tuple[Cell, ...]:
     return (
         text(row["scenario"]),
         text(row["estimator"]),
+        Cell(mark(row["certificate"]), (row["certificate"],)),
         number(v["rmse"], 3),
         interval(v["rmse_low"], v["rmse_high"], 3),
         number(mean.get(row["estimator"], np.nan), 1),

@@ -29,6 +29,8 @@ _LATEX = {
     "±": r"\textpm{}",
     "·": r"\textperiodcentered{}",
     "²": r"\texttwosuperior{}",
+    "✓": r"\ensuremath{\surd}",
+    "✗": r"\ensuremath{\times}",
     "∞": r"\ensuremath{\infty}",
     "\n": " ",
 }

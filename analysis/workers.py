@@ -90,7 +90,7 @@ class Local(Pool):
         """The pool, made anew where a worker died."""
         from loky import get_reusable_executor
 
-        begin = {"initializer": _begin_worker, "initargs": (os.getpid(),)}
+        begin = {"initializer": begin_worker, "initargs": (os.getpid(),)}
         self._pool = get_reusable_executor(max_workers=self.jobs, env=ONE_THREAD, **begin)
         pool: Executor = self._pool
         return pool
@@ -141,7 +141,7 @@ def _split(task: Task) -> list[Task]:
     return [replace(task, trials=trials) for trials in (task.trials[:half], task.trials[half:])]
 
 
-def _begin_worker(parent: int) -> None:
+def begin_worker(parent: int) -> None:
     """Leave Ctrl-C to the parent, and end with it, however it ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 

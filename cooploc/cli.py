@@ -57,6 +57,7 @@ def run(
     scheduler: Annotated[str | None, typer.Option(help="of a Dask cluster, tcp://HOST:PORT")] = None,
     data: Annotated[Path | None, typer.Option(help="directory of recordings")] = None,
     out: Annotated[Path | None, typer.Option(help="run directory [default: runs/STUDY-seedN]")] = None,
+    check: Annotated[bool, typer.Option(help="check estimators that are not built in before they run")] = True,
     as_json: Annotated[bool, typer.Option("--json", help="print the table as JSON and nothing else on stdout")] = False,
 ) -> None:
     """Run a study, print its table, and keep results and picture in the run directory."""
@@ -71,7 +72,7 @@ def run(
     asked = load(study).with_options(trials=trials, seed=seed, only=wanted)
     folder = out or Path("runs") / f"{asked.name}-seed{asked.seed}"
     with Watch() as watch:
-        rows = execute(asked, folder, data=data, jobs=jobs, scheduler=scheduler, progress=watch)
+        rows = execute(asked, folder, data=data, jobs=jobs, scheduler=scheduler, check=check, progress=watch)
     table = compare(rows, asked.baselines())
     report.keep(table, rows, folder)
     report.show(table, rows, folder, as_json)

@@ -7,6 +7,7 @@ import pandas as pd
 from rich.console import Console
 from rich.table import Table
 
+from cooploc.analysis.certificates import line, mark
 from cooploc.analysis.rundir import Piece, RunDir
 from cooploc.estimators.bad_input import BadInput
 
@@ -25,17 +26,19 @@ def show(folder: Path) -> None:
     console = Console(highlight=False, markup=False, width=400)
     _head(console, folder, manifest)
     failures: list[pd.DataFrame] = []
+    certificates = manifest.get("certificates", {})
     table = Table(box=None, padding=(0, 1), header_style="bold")
-    for heading in ("experiment", "scenario", "estimator", "trials", "failed", ""):
+    for heading in ("experiment", "scenario", "estimator", "checks", "trials", "failed", ""):
         table.add_column(heading, no_wrap=True, justify="right" if heading in ("trials", "failed") else "left")
     for scenario, cell in manifest["cells"].items():
         for estimator, asked in cell["estimators"].items():
             counted, remark, failed = _holding(directory, scenario, estimator, asked)
-            names = cell["experiment"], scenario, estimator
+            names = cell["experiment"], scenario, estimator, mark(line(estimator, certificates))
             lost = failed["trial"].nunique() if len(failed) else 0
             table.add_row(*names, f"{counted} of {asked}", str(lost or ""), remark)
             failures += [failed] if len(failed) else []
     console.print(table)
+    _tell_certificates(console, certificates)
     _tell_failures(console, failures)
 
 
@@ -64,6 +67,19 @@ def _holding(directory: RunDir, scenario: str, estimator: str, asked: int) -> tu
     remarks += ["not finished"] if len(trials) < asked else []
     failed = pd.concat(frames) if frames else pd.DataFrame()
     return len(trials), ", ".join(remarks), failed
+
+
+def _tell_certificates(console: Console, certificates: dict[str, Any]) -> None:
+    """What was found of every estimator that is not built in, and every check that it failed."""
+    for label, certificate in certificates.items():
+        console.print(f"\n{label}, {certificate['status']}: {certificate['found']}", soft_wrap=True)
+        alike: dict[str, list[str]] = {}
+        for check in certificate["checks"]:
+            if check["status"] != "passed":
+                smallest = f"; smallest: {check['example']}" if check["example"] else ""
+                alike.setdefault(f"{check['status']}: {check['detail']}{smallest}", []).append(check["check"])
+        for found, checks in alike.items():
+            console.print(f"  {', '.join(checks)} {found}", style="dim", soft_wrap=True)
 
 
 def _tell_failures(console: Console, failures: list[pd.DataFrame]) -> None:

@@ -18,6 +18,7 @@ from cooploc.estimators.bad_input import BadInput
 from cooploc.estimators.bad_input import nearest as nearest
 from cooploc.estimators.files import found_in_file, is_file
 from cooploc.estimators.interface import API
+from cooploc.estimators.points import listed_points, only_one
 
 GROUP = "cooploc.estimators"
 
@@ -120,11 +121,24 @@ def split(listed: str) -> list[str]:
     return [part.strip() for part in re.split(r",(?![^\[]*\])", listed) if part.strip()]
 
 
+def module_of(name: str) -> str:
+    """The module that an installed plug-in's estimator is in; empty for a built-in one, and for one in a file.
+
+    Raises:
+        BadInput: there is no such plug-in, or there are two.
+
+    """
+    if name in BUILTIN or is_file(name):
+        return ""
+    module: str = _plugin(name).module
+    return module
+
+
 def plugin_errors() -> dict[str, str]:
     """Installed plug-ins that cannot be used, by name, with the reason."""
     errors = {
-        name: f"the name belongs to a built-in estimator, so {p.value} is ignored"
-        for name, p in _plugins().items()
+        name: f"the name belongs to a built-in estimator, so {points[0].value} is ignored"
+        for name, points in _plugins().items()
         if name in BUILTIN
     }
     for name in _plugins():
@@ -149,8 +163,16 @@ def _unusable(name: str) -> str:
     return ""
 
 
-def _plugins() -> Mapping[str, Any]:
-    return {point.name: point for point in entry_points(group=GROUP)}
+def _plugins() -> Mapping[str, list[Any]]:
+    return listed_points(entry_points(group=GROUP))
+
+
+def _plugin(name: str) -> Any:
+    """The entry point of a plug-in."""
+    plugins = _plugins()
+    if name not in plugins:
+        raise BadInput(f"there is no estimator {name!r}; {nearest(name, names())}")
+    return only_one("estimator", name, plugins[name])
 
 
 def _find(name: str) -> tuple[Any, dict[str, Any]]:
@@ -158,12 +180,10 @@ def _find(name: str) -> tuple[Any, dict[str, Any]]:
         path, preset = BUILTIN[name]
         module, _, attribute = path.partition(":")
         return getattr(import_module(module), attribute), preset
-    plugins = _plugins()
-    if name not in plugins:
-        raise BadInput(f"there is no estimator {name!r}; {nearest(name, names())}")
+    point = _plugin(name)
     try:
-        return plugins[name].load(), {}
+        return point.load(), {}
     except (Exception, SystemExit) as e:
         raise BadInput(
-            f"the plug-in estimator {name!r} ({plugins[name].value}) cannot be imported: {type(e).__name__}: {e}"
+            f"the plug-in estimator {name!r} ({point.value}) cannot be imported: {type(e).__name__}: {e}"
         ) from e

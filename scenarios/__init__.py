@@ -3,9 +3,11 @@
 A scenario is one world with a fixed team. Its label carries what is swept, `packet-drop/drop=0.7`, and any other
 parameter in brackets, `trajectory[ticks=50]`. A scenario's class is a pydantic model of parameters with two methods,
 `world()` and `simulate(label, trials, seed, world)`. To add one: write a file like `paper.py` and give it a line in
-`BUILTIN`. From outside, register a `Family` under the entry-point group `cooploc.scenarios`.
+`BUILTIN`. From outside, register a `Family` under the entry-point group `cooploc.scenarios`, or name one in a file,
+`path.py:NAME`, where a label begins with a name.
 """
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -19,7 +21,9 @@ from pydantic import ValidationError
 
 from cooploc.estimators import nearest, parse
 from cooploc.estimators.bad_input import BadInput
+from cooploc.estimators.files import found_in_file, is_file
 from cooploc.estimators.interface import World
+from cooploc.estimators.points import listed_points, only_one
 from cooploc.scenarios.stream import Stream, Truth
 
 GROUP = "cooploc.scenarios"
@@ -40,7 +44,7 @@ class Family:
     """Scenarios that differ in one thing."""
 
     about: str
-    model: str  # "module:Class"
+    model: str | type  # "module:Class", or the class
     base: Mapping[str, Any] = field(default_factory=dict)  # parameters that differ from the class's defaults
     sweep: Mapping[str, str] = field(default_factory=dict)  # the label's short name -> parameter
     variants: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # the label's word -> parameters
@@ -121,19 +125,50 @@ def family(label: str) -> Family:
         BadInput: there is none, or its plug-in cannot be imported.
 
     """
-    name = parse(label)[0].partition("/")[0]
+    name, _ = _parts(label)
     if name in BUILTIN:
         return BUILTIN[name]
+    if is_file(name):
+        found, where = found_in_file(name), f"the scenario {name}"
+    else:
+        point = _plugin(name)
+        where = f"the plug-in scenario {name!r} ({point.value})"
+        try:
+            found = point.load()
+        except (Exception, SystemExit) as e:
+            raise BadInput(f"{where} cannot be imported: {type(e).__name__}: {e}") from e
+    if not isinstance(found, Family):
+        raise BadInput(f"{where} is no cooploc Family")
+    return found
+
+
+def source_of(label: str) -> tuple[str, str]:
+    """A label's name, and the module that a plug-in of that name is in; empty for a built-in one and one in a file.
+
+    Raises:
+        BadInput: there is no such plug-in, or there are two.
+
+    """
+    name, _ = _parts(label)
+    return name, "" if name in BUILTIN or is_file(name) else _plugin(name).module
+
+
+def _parts(label: str) -> tuple[str, str]:
+    """The name of a label and what stands behind its slash; a file's path may hold slashes of its own."""
+    path = parse(label)[0]
+    in_file = re.fullmatch(r"(.+\.py:[^/]*)/?(.*)", path)
+    if in_file:
+        return in_file[1], in_file[2]
+    name, _, which = path.partition("/")
+    return name, which
+
+
+def _plugin(name: str) -> Any:
+    """The entry point of a plug-in."""
     plugins = _plugins()
     if name not in plugins:
         raise BadInput(f"there is no scenario {name!r}; {nearest(name, names())}")
-    try:
-        found = plugins[name].load()
-    except Exception as e:
-        raise BadInput(f"the plug-in scenario {name!r} ({plugins[name].value}) cannot be imported: {e}") from e
-    if not isinstance(found, Family):
-        raise BadInput(f"the plug-in scenario {name!r} ({plugins[name].value}) is no cooploc Family")
-    return found
+    return only_one("scenario", name, plugins[name])
 
 
 def scenario(label: str, **overrides: Any) -> Scenario:
@@ -144,10 +179,9 @@ def scenario(label: str, **overrides: Any) -> Scenario:
 
     """
     found = family(label)
-    path, written = parse(label)
-    name, _, which = path.partition("/")
-    module, _, attribute = found.model.partition(":")
-    cls = getattr(import_module(module), attribute)
+    _, written = parse(label)
+    name, which = _parts(label)
+    cls = _class(name, found)
     given: dict[str, Any] = {**found.base, **_chosen(found, name, which), **written, **overrides}
     for key in given:
         if key not in cls.model_fields:
@@ -158,6 +192,27 @@ def scenario(label: str, **overrides: Any) -> Scenario:
         first = e.errors()[0]
         raise BadInput(f"scenario {label!r}, {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
     return made
+
+
+def _class(name: str, found: Family) -> Any:
+    """The class of a family's parameters.
+
+    Raises:
+        BadInput: it cannot be imported, or is no pydantic model.
+
+    """
+    cls: Any = found.model
+    if isinstance(cls, str):
+        module, _, attribute = cls.partition(":")
+        try:
+            cls = getattr(import_module(module), attribute)
+        except (Exception, SystemExit) as e:
+            raise BadInput(
+                f"the model {found.model} of scenario {name!r} cannot be imported: {type(e).__name__}: {e}"
+            ) from e
+    if not hasattr(cls, "model_fields"):
+        raise BadInput(f"the model of scenario {name!r} is {cls!r}; it must be a pydantic model")
+    return cls
 
 
 def simulate(
@@ -243,19 +298,19 @@ def labelled(label: str, overrides: Mapping[str, Any]) -> str:
 def plugin_errors() -> dict[str, str]:
     """Installed plug-ins that cannot be used, by name, with the reason."""
     errors = {}
-    for name, point in _plugins().items():
+    for name, points in _plugins().items():
         if name in BUILTIN:
-            errors[name] = f"the name belongs to a built-in scenario, so {point.value} is ignored"
+            errors[name] = f"the name belongs to a built-in scenario, so {points[0].value} is ignored"
         else:
             try:
-                family(name)
+                _class(name, family(name))
             except BadInput as e:
                 errors[name] = str(e)
     return errors
 
 
-def _plugins() -> Mapping[str, Any]:
-    return {point.name: point for point in entry_points(group=GROUP)}
+def _plugins() -> Mapping[str, list[Any]]:
+    return listed_points(entry_points(group=GROUP))
 
 
 def _chosen(found: Family, name: str, which: str) -> Mapping[str, Any]:

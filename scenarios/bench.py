@@ -140,7 +140,7 @@ class Bench:
             raise
         except (EstimatorError, Misfit) as e:
             raise Failed(f"{e} ({what})") from e
-        except Exception as e:
+        except (Exception, SystemExit) as e:
             where = f"{recorder.method}() raised at tick {recorder.tick} of {stream.scenario!r} ({what})"
             raise Failed(f"{where}: {explained(e)}") from e
         t, _, n = stream.senses.dt.shape

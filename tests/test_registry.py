@@ -73,9 +73,31 @@ def test_plugins_are_found_and_broken_ones_are_named(plugins):
 
 
 FAMILY = scenarios.Family("mine", scenarios.PAPER, {"robots": 2})
+LOST, ODD = scenarios.Family("lost", "no.such:Model"), scenarios.Family("odd", Plugged)
 
 
 def test_scenario_plugins_are_found_and_broken_ones_are_named(plugins):
     plugins(scenarios, scenarios.GROUP, mine=f"{__name__}:FAMILY", broken=f"{__name__}:Plugged", nlos_="no.such:X")
     assert cl.simulate("mine")[1].robots == 2
     assert set(scenarios.plugin_errors()) == {"broken", "nlos_"}
+
+
+def test_two_plugins_of_one_name_are_both_named(monkeypatch):
+    for where, what, value in ((estimators, "estimator", "Plugged"), (scenarios, "scenario", "FAMILY")):
+        here = EntryPoint("mine", f"{__name__}:{value}", where.GROUP)
+        other = EntryPoint("mine", "elsewhere:Other", where.GROUP)
+        monkeypatch.setattr(where, "entry_points", lambda group, found=(here, other, here): found)
+        said = f"2 plug-ins are called {what} 'mine': {__name__}:{value} of an unknown package and elsewhere:Other of"
+        assert where.plugin_errors()["mine"].startswith(said)
+        assert where.names().count("mine") == 1
+        with pytest.raises(cl.BadInput, match="uninstall all but one"):
+            cl.make("mine") if where is estimators else cl.simulate("mine")
+
+
+def test_a_scenario_whose_model_cannot_be_had_is_named(plugins):
+    plugins(scenarios, scenarios.GROUP, lost=f"{__name__}:LOST", odd=f"{__name__}:ODD")
+    errors = scenarios.plugin_errors()
+    assert errors["lost"].startswith(
+        "the model no.such:Model of scenario 'lost' cannot be imported: ModuleNotFoundError"
+    )
+    assert "it must be a pydantic model" in errors["odd"]
