@@ -3,7 +3,7 @@ PYTHON ?= python3.11
 VENV ?= .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test lint types floors units looks bench prove lock clean
+.PHONY: demo test lint types floors units looks bench prove accuse lock clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.ready  ## run the quick study, print its table, write its picture
@@ -35,6 +35,9 @@ bench: $(VENV)/.ready  ## speed, as ratios to a reference in the same run
 
 prove: $(VENV)/.ready  ## how often intervals and verdicts are right, by simulation; keeps its report
 	$(BIN)/python prove/rates.py reports/statistics.md
+
+accuse: $(VENV)/.ready  ## is an honest estimator ever accused? an hour; keeps its report after every seed
+	$(BIN)/python prove/accusations.py reports/accusations.md 50
 
 $(VENV)/.ready: requirements.lock pyproject.toml
 	$(PYTHON) -m venv $(VENV)
