@@ -49,9 +49,17 @@ def threefry(context: Any, k0: Any, k1: Any, c0: Any, c1: Any) -> Any:
 
 
 @inlined
-def normal_pair(k0, k1, counter, i):  # type: ignore[no-untyped-def]
-    """Two standard normals by Box-Muller, errors below 1e-12."""
-    a, b = threefry(k0, k1, counter, i)
+def draw_words(k0, k1, counter, words):  # type: ignore[no-untyped-def]
+    """Threefry's two words (2, n) for particles 0 .. n-1. In a loop without floats, vectors hold twice as many of them."""
+    wide()
+    first, second = words[0], words[1]
+    for i in range(words.shape[1]):
+        first[i], second[i] = threefry(k0, k1, counter, i)
+
+
+@inlined
+def normal_pair(a, b):  # type: ignore[no-untyped-def]
+    """Two standard normals from two words by Box-Muller, errors below 1e-12."""
     radius = np.sqrt(-2.0 * log((a + 0.5) * 2.0**-32))
     right_angles = (np.int64(b) + 2**29) >> 30
     c, s = quarter((np.int64(b) - (right_angles << 30) + 0.5) * (2 * np.pi * 2.0**-32))
@@ -69,11 +77,12 @@ def uniform_pair(k0, k1, counter, i):  # type: ignore[no-untyped-def]
 @kernel
 def _fill_normals(key, counter, out):  # type: ignore[no-untyped-def]
     wide()
+    words = np.empty((2, out.shape[1] // 2), np.uint32)
     for r in range(out.shape[0]):
-        k0, k1 = np.int64(key[r, 0]), np.int64(key[r, 1])
-        row = out[r]
-        for i in range(out.shape[1] // 2):
-            row[2 * i], row[2 * i + 1] = normal_pair(k0, k1, counter, i)
+        draw_words(np.int64(key[r, 0]), np.int64(key[r, 1]), counter, words)
+        row, first, second = out[r], words[0], words[1]
+        for i in range(len(first)):
+            row[2 * i], row[2 * i + 1] = normal_pair(first[i], second[i])
 
 
 @kernel
@@ -87,12 +96,12 @@ def _fill_uniforms(key, counter, out):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def draw_ancestors(w, total, u, count, out):  # type: ignore[no-untyped-def]
+def mark_ancestors(w, total, u, count, out):  # type: ignore[no-untyped-def]
     """Systematic resampling of one row without branches, for weights w (n,) that sum to `total`.
 
     Particle j is chosen from place ceil(n C_j-1 - u) on, C the cumulative weights in fixed point: each writes its
-    number at its first place, later ones over earlier ones never chosen, and a running maximum fills the rest.
-    `count` (n,) is scratch, `out` (n + 1,) holds the ancestors and one place for those that are never chosen.
+    number at its first place, later ones over earlier ones never chosen. A running maximum of `out` (n + 1,) then is
+    the ancestor of every place; its last entry is for those that are never chosen. `count` (n,) is scratch.
     """
     wide()
     n = len(w)
@@ -106,18 +115,18 @@ def draw_ancestors(w, total, u, count, out):  # type: ignore[no-untyped-def]
         place = cumulated >> FRACTION
         out[np.uint64(place if place < n else n)] = j
         cumulated += count[j]
-    latest = 0
-    for i in range(n):
-        latest = max(latest, out[i])
-        out[i] = latest
 
 
 @kernel
 def _fill_ancestors(w, u, out):  # type: ignore[no-untyped-def]
-    count, row = np.empty(w.shape[1], np.int64), np.empty(w.shape[1] + 1, np.int64)
+    n = w.shape[1]
+    count, marks = np.empty(n, np.int64), np.empty(n + 1, np.int64)
     for r in range(w.shape[0]):
-        draw_ancestors(w[r], 1.0, u[r], count, row)
-        out[r] = row[:-1]
+        mark_ancestors(w[r], 1.0, u[r], count, marks)
+        latest = 0
+        for i in range(n):
+            latest = max(latest, marks[i])
+            out[r, i] = latest
 
 
 def normals(key: Keys, tick: int, purpose: int, n: int) -> Array:

@@ -143,13 +143,14 @@ def _flat(x: Array) -> Array:
 @kernel
 def _walk(x, u, sd, key, counter, out):  # type: ignore[no-untyped-def]
     wide()
+    words = np.empty((2, x.shape[1] // 2), np.uint32)
     for r in range(x.shape[0]):
-        k0, k1 = np.int64(key[r, 0]), np.int64(key[r, 1])
+        kernels.draw_words(np.int64(key[r, 0]), np.int64(key[r, 1]), counter, words)
         east = 0.0 if np.isnan(u[r, 0]) else u[r, 0]
         north = 0.0 if np.isnan(u[r, 1]) else u[r, 1]
-        was, becomes, s = x[r], out[r], sd[r]
-        for i in range(x.shape[1] // 2):
-            a, b = kernels.normal_pair(k0, k1, counter, i)
+        was, becomes, s, first, second = x[r], out[r], sd[r], words[0], words[1]
+        for i in range(len(first)):
+            a, b = kernels.normal_pair(first[i], second[i])
             becomes[2 * i] = was[2 * i] + east + s * a
             becomes[2 * i + 1] = was[2 * i + 1] + north + s * b
 
@@ -208,7 +209,7 @@ def _conclude(  # type: ignore[no-untyped-def]
     wide()
     n = logw.shape[1]
     X, Y, links = np.empty(likelihood.BLOCK), np.empty(likelihood.BLOCK), np.empty((readings.shape[1], 6))
-    w, count, ancestors = np.empty(n), np.empty(n, np.int64), np.empty(n + 1, np.int64)
+    w, count, marks, words = np.empty(n), np.empty(n, np.int64), np.empty(n + 1, np.int64), np.empty((2, n), np.uint32)
     h = BANDWIDTH * n ** (-1 / 6)
     shrink = np.sqrt(1 - h * h)
     for r in range(logw.shape[0]):
@@ -217,8 +218,9 @@ def _conclude(  # type: ignore[no-untyped-def]
         top, total, squares = _weighed(x[r], logw_out[r], w, mean[r], P[r])
         if total * total < n / 2 * squares:
             u, _ = kernels.uniform_pair(np.int64(key[r, 0]), np.int64(key[r, 1]), resample, 0)
-            kernels.draw_ancestors(w, total, u, count, ancestors)
-            _jitter(x[r], ancestors, mean[r], P[r], shrink, h, key[r], jitter, out[r])
+            kernels.mark_ancestors(w, total, u, count, marks)
+            kernels.draw_words(np.int64(key[r, 0]), np.int64(key[r, 1]), jitter, words)
+            _jitter(x[r], marks, mean[r], P[r], shrink, h, words, out[r])
             _fill(logw_out[r], 0.0)
         else:
             _copy(x[r], out[r])
@@ -241,21 +243,23 @@ def _fill(out, value):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _jitter(x, ancestors, mean, P, shrink, h, key, counter, out):  # type: ignore[no-untyped-def]
+def _jitter(x, marks, mean, P, shrink, h, words, out):  # type: ignore[no-untyped-def]
     """m + shrink (x_a - m) + h L noise, L the Cholesky factor of P, which may be singular."""
     wide()
-    k0, k1 = np.int64(key[0]), np.int64(key[1])
+    first, second = words[0], words[1]
     mx, my = mean[0], mean[1]
     a = np.sqrt(max(P[0, 0], 0.0))
     b = P[1, 0] / a if a > 0 else 0.0
     c = h * np.sqrt(max(P[1, 1] - b * b, 0.0))
     a, b = h * a, h * b
     mx, my = (1 - shrink) * mx, (1 - shrink) * my
-    for i in range(len(ancestors) - 1):
-        g0, g1 = kernels.normal_pair(k0, k1, counter, i)
+    for i in range(len(first)):
+        g0, g1 = kernels.normal_pair(first[i], second[i])
         out[2 * i] = mx + a * g0
         out[2 * i + 1] = my + (b * g0 + c * g1)
-    for i in range(len(ancestors) - 1):
-        j = np.uint64(2 * ancestors[i])
+    ancestor = 0
+    for i in range(len(first)):
+        ancestor = max(ancestor, marks[i])
+        j = np.uint64(2 * ancestor)
         out[2 * i] += shrink * x[j]
         out[2 * i + 1] += shrink * x[j + np.uint64(1)]
