@@ -30,6 +30,20 @@ def _both(H_i: Array, H_j: Array, s: int, i: int, j: int, out: Array) -> None:
             out[c, a], out[c, d + a] = H_i[s, i, j, c, a], H_j[s, i, j, c, a]
 
 
+def _widened(P: Array, Q: Array, out: Array) -> None:
+    """(P + P')/2 with Q_i added to P_ii."""
+    t, n, d, _ = Q.shape
+    for s in range(t):
+        out[s] = P[s] + 0.0
+        for i in range(n):
+            for a in range(d):
+                for b in range(d):
+                    out[s, i * d + a, i * d + b] += Q[s, i, a, b]
+        for a in range(n * d):
+            for b in range(a):
+                out[s, a, b] = out[s, b, a] = (out[s, a, b] + out[s, b, a]) / 2
+
+
 def _distances(P: Array, y: Array, H_i: Array, H_j: Array, R: Array, out: Array) -> None:
     """S = H_i P_ii H_i' + H_i P_ij H_j' + H_j P_ji H_i' + H_j P_jj H_j' + R, then y' S^-1 y."""
     t, n, others, k, d = H_i.shape
@@ -82,15 +96,27 @@ def _information(use: Mask, y: Array, H_i: Array, H_j: Array, R: Array, eta: Arr
 
 
 def _absorbed(x: Array, P: Array, PH: Array, y: float, S: float, gate: float) -> None:
-    """x += P H' S^-1 y,  P -= P H' S^-1 H P  for a scalar reading, where the gate lets it in; P stays symmetric."""
+    """x += P H' S^-1 y,  P -= P H' S^-1 H P  for a scalar reading, where the gate lets it in; P's lower triangle."""
     if y * y <= gate * S:
         PH /= np.sqrt(S)
         step = y / np.sqrt(S)
         for a in range(len(x)):
             gain = PH[a]
             x[a] += gain * step
-            for b in range(len(x)):
+            for b in range(a + 1):
                 P[a, b] -= gain * PH[b]
+
+
+def _entry(P: Array, a: int, b: int) -> float:
+    """Of a symmetric matrix given by its lower triangle, which is half as much to write as the whole."""
+    return float(P[a, b] if b <= a else P[b, a])
+
+
+def _mirrored(P: Array) -> None:
+    """Copy the lower triangle to the upper one."""
+    for a in range(len(P)):
+        for b in range(a):
+            P[b, a] = P[a, b]
 
 
 def _ranges(x: Array, P: Array, z: Array, variance: float, gate: float) -> None:
@@ -106,9 +132,10 @@ def _ranges(x: Array, P: Array, z: Array, variance: float, gate: float) -> None:
                     away = np.sqrt((at[i] - at[j]) ** 2 + (at[i + 1] - at[j + 1]) ** 2)
                     u, v = (at[i] - at[j]) / max(away, NEAR), (at[i + 1] - at[j + 1]) / max(away, NEAR)
                     for a in range(n * d):
-                        PH[a] = u * (C[i, a] - C[j, a]) + v * (C[i + 1, a] - C[j + 1, a])
+                        PH[a] = u * (entry(C, i, a) - entry(C, j, a)) + v * (entry(C, i + 1, a) - entry(C, j + 1, a))
                     S = variance + u * (PH[i] - PH[j]) + v * (PH[i + 1] - PH[j + 1])
                     absorb(at, C, PH, reading - away, S, gate)
+        mirror(C)
 
 
 def _directions(x: Array, P: Array, z: Array, nodes: Array, W: Array, c: float, variance: float, gate: float) -> None:
@@ -132,9 +159,10 @@ def _directions(x: Array, P: Array, z: Array, nodes: Array, W: Array, c: float, 
             u = (g[0] * dg[1, 0] - g[1] * dg[0, 0]) / strength
             v = (g[0] * dg[1, 1] - g[1] * dg[0, 1]) / strength
             for a in range(n * d):
-                PH[a] = u * C[i, a] + v * C[i + 1, a]
+                PH[a] = u * entry(C, i, a) + v * entry(C, i + 1, a)
             y = np.pi - (np.pi - (z[s, i // d] - np.arctan2(g[1], g[0]))) % (2 * np.pi)
             absorb(at, C, PH, y, variance + u * PH[i] + v * PH[i + 1], gate)
+        mirror(C)
 
 
 def _scalars(x: Array, P: Array, use: Mask, y: Array, H: Array, variance: float) -> None:
@@ -149,10 +177,11 @@ def _scalars(x: Array, P: Array, use: Mask, y: Array, H: Array, variance: float)
                 for m in range(d):
                     e -= H[s, i, m] * (x[s, i, m] - before[i, m])
                     for a in range(n * d):
-                        PH[a] += H[s, i, m] * P[s, i * d + m, a]
+                        PH[a] += H[s, i, m] * entry(P[s], i * d + m, a)
                 for m in range(d):
                     S += H[s, i, m] * PH[i * d + m]
                 absorb(x[s].reshape(-1), P[s], PH, e, S, np.inf)
+        mirror(P[s])
 
 
 def _range_terms(at: Array, i: int, j: int) -> tuple[float, float, float]:
@@ -261,9 +290,12 @@ def _outer_subtracted(Pi: Array, Gamma: Array, takes: Mask) -> None:
 _compiled = numba.njit(cache=True, error_model="numpy")
 whiten = _compiled(_whitened)
 beside = _compiled(_both)
+fill_widened = _compiled(_widened)
 fill_distances = _compiled(_distances)
 add_information = _compiled(_information)
 absorb = _compiled(_absorbed)
+entry = _compiled(_entry)
+mirror = _compiled(_mirrored)
 add_scalars = _compiled(_scalars)
 range_of = _compiled(_range_terms)
 gate_ranges = _compiled(_gated)

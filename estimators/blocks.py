@@ -20,6 +20,7 @@ from cooploc.estimators.block_kernels import (
     add_scalars,
     fill_definite,
     fill_distances,
+    fill_widened,
     gather_rows,
     join_ranges,
     subtract_outer,
@@ -47,6 +48,13 @@ def block_diagonal(blocks: Array) -> Array:
     for i in range(n):
         P[:, i, :, i] = blocks[:, i]
     return P
+
+
+def widened(P: Array, Q: Array) -> Array:
+    """P (t, n d, n d) after a move with F = I: Q (t, n, d, d) on its diagonal blocks, and symmetric."""
+    out = np.empty(P.shape)
+    fill_widened(P, np.ascontiguousarray(Q), out)
+    return out
 
 
 def spread(P: Array, d: int) -> Array:

@@ -65,7 +65,11 @@ class GradientDoa:
 
     def expect(self, x: Array) -> Array:
         """The gradient (..., 2) that the path-loss model gives at x (..., d): removes the gradient's own bias."""
-        return self.gradient(np.stack([self.rssi.expect(x, q) for q in self.anchors], -1))
+        return self.gradient(np.moveaxis(self.rssi.expect(x, self._beside(x)), 0, -1))
+
+    def _beside(self, x: Array) -> Array:
+        """The nodes (4, 1 .., 2) on an axis before those of x: numpy's inner loops stay long."""
+        return self.anchors.reshape(4, *[1] * (x.ndim - 1), 2)
 
     def bearing(self, x: Array) -> Array:
         """ADOA (...) [rad]: the direction of the expected gradient."""
@@ -74,7 +78,7 @@ class GradientDoa:
     def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
         """The constant-sigma form; `q` is not used. d angle = (g_x dg_y - g_y dg_x) / |g|^2."""
         g = self.expect(x)
-        slopes = np.stack([self.rssi.slope(x, q) for q in self.anchors], -1)  # (..., 2, 4)
+        slopes = np.moveaxis(self.rssi.slope(x, self._beside(x)), 0, -1)  # (..., 2, 4)
         dg = self.gradient(slopes)  # (..., 2 of position, 2 of gradient)
         strength = np.maximum((g**2).sum(-1), NEAR**2)[..., None]
         slope = (g[..., :1] * dg[..., 1] - g[..., 1:] * dg[..., 0]) / strength

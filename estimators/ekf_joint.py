@@ -39,11 +39,12 @@ from cooploc.estimators.blocks import (
     spread,
     square,
     stacked,
+    widened,
 )
 from cooploc.estimators.doa import GradientDoa, fixed, gradient_doa
 from cooploc.estimators.gaussian import ENGINES, GATE, EngineName
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Sensor, Traffic, World
-from cooploc.estimators.models import Range
+from cooploc.estimators.models import Displacement, Range
 from cooploc.estimators.relative import curvature, linearise, table
 
 # Weight of the latest readings in the average share of refused ones: 23 refused in a row make a robot lost. On MRCLAM,
@@ -91,6 +92,8 @@ class EkfJoint:
     def predict(self, s: State, z: Senses) -> State:
         """P_ij' = F_i P_ij F_j',  P_ii' = F_i P_ii F_i' + Q_i."""
         x, F, Q = s.world.motion.move(s.x, z.odometry, z.dt)
+        if self.engine == "batched" and isinstance(s.world.motion, Displacement):
+            return _with(s, x, widened(square(s.P), Q))
         joint = ENGINES[self.engine].predict(flat(x), square(s.P), square(block_diagonal(F)), square(block_diagonal(Q)))
         return s._replace(x=x, P=joint[1].reshape(s.P.shape))
 

@@ -50,7 +50,7 @@ def threefry(context: Any, k0: Any, k1: Any, c0: Any, c1: Any) -> Any:
 
 @inlined
 def draw_words(k0, k1, counter, words):  # type: ignore[no-untyped-def]
-    """Threefry's two words (2, n) for particles 0 .. n-1. In a loop without floats, vectors hold twice as many of them."""
+    """Threefry's words (2, n) of particles 0 .. n-1, apart from any floats: a vector then holds twice as many."""
     wide()
     first, second = words[0], words[1]
     for i in range(words.shape[1]):

@@ -112,9 +112,10 @@ class LogDistance:
 
     def slope(self, x: Array, q: Array) -> Array:
         """d expect / d position (..., 2) [dB/m]; zero inside the clamp."""
-        delta = x[..., :2] - q
-        d2 = (delta**2).sum(-1, keepdims=True)
-        return np.where(d2 > NEAR**2, -10 * self.eta / np.log(10) * delta / np.maximum(d2, NEAR**2), 0.0)
+        east, north = x[..., 0] - q[..., 0], x[..., 1] - q[..., 1]
+        d2 = east**2 + north**2
+        far, clamped, fall = d2 > NEAR**2, np.maximum(d2, NEAR**2), -10 * self.eta / np.log(10)
+        return np.stack([np.where(far, fall * away / clamped, 0.0) for away in (east, north)], -1)
 
     def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
         g = self.slope(x, q)

@@ -16,12 +16,12 @@ from cooploc.estimators.interface import API, Array, Belief, Indices, Mail, Rows
 from cooploc.scenarios import notebook, seeds
 from cooploc.scenarios.looks import listed
 from cooploc.scenarios.notebook import Advance
+from cooploc.scenarios.post import HEADER, count, deliver
 from cooploc.scenarios.stream import Stream
 
 if TYPE_CHECKING:
     from xarray import Dataset
 
-HEADER = 8  # bytes a packet costs beside its payload
 SENSED = ("odometry", "anchor_rssi", "landmark", "sighting")
 
 
@@ -229,6 +229,7 @@ class _Drive:
         self.shape = stream.senses.dt.shape[0], stream.robots
         self.rows = seeds.rows(stream.seed, stream.trial, stream.robots)
         self.state: Any = None
+        self.hidden = np.full((len(stream.trial), stream.robots, stream.robots), np.nan)
 
     def call(self, method: str, tick: int, *arguments: Any) -> Any:
         return self.watch(method, tick, arguments, getattr(self.estimator, method))
@@ -249,8 +250,7 @@ class _Drive:
 
     def _pairs(self, a: Array) -> Array:
         """A hidden radio channel reads nan everywhere."""
-        t, n = self.shape
-        return a if a.shape[-1] else np.full((t, n, n), np.nan)
+        return a if a.shape[-1] else self.hidden
 
     def belief(self, k: int) -> Belief:
         belief = self.call("estimate", k, self.state)
@@ -289,25 +289,10 @@ class _Robots(_Drive):
             raise EstimatorError(
                 f"{self.name}: send() returned shape {sent.shape} at tick {k}, not ({t * n}, m) or ({t * n}, {n}, m)"
             )
-        m, absent = sent.shape[-1], np.isnan(sent)
-        sent = np.where(absent, np.nan, sent)  # no message in the bits of a nan
-        if sent.ndim == 2:
-            wire = sent.reshape(t, 1, n, m)  # axis 2 is the sender
-            full = ~absent.all(-1).reshape(t, 1, n)
-            said = ~absent.reshape(t, n, m)
-        else:
-            wire = sent.reshape(t, n, n, m).swapaxes(1, 2)  # (trial, addressee, sender, m)
-            full = ~absent.all(-1).reshape(t, n, n).swapaxes(1, 2)
-            said = ~absent.reshape(t, n, n, m) & ~np.eye(n, dtype=bool)[..., None]
+        sent = sent if np.issubdtype(sent.dtype, np.floating) else sent.astype(float)
         awake = self.stream.senses.dt[:, k] > 0  # a robot that sleeps sends nothing
-        said &= awake.reshape(t, n, *[1] * (said.ndim - 2))
-        spoke = said.any(-1)
-        words = said.sum(-1) * sent.itemsize + HEADER * spoke
-        traffic = Traffic(spoke.reshape(t, n, -1).sum(-1).astype(float), words.reshape(t, n, -1).sum(-1).astype(float))
-        heard = link & full if m else np.zeros((t, n, n), bool)
-        packets = np.where(heard[..., None], wire, np.nan)
-        parts = heard, packets, np.where(heard, rssi, np.nan), np.where(heard, distance, np.nan)
-        return Mail(*(_frozen(a.reshape(t * n, *a.shape[2:])) for a in parts)), traffic
+        mail = deliver(sent, n, link, rssi, distance)
+        return Mail(*(_frozen(a) for a in mail)), count(sent, awake.reshape(t, n))
 
 
 class _Team(_Drive):
@@ -316,28 +301,29 @@ class _Team(_Drive):
     def start(self) -> None:
         t, n = self.shape
         rows = Rows(*(_frozen(a.reshape(t, n, *a.shape[1:])) for a in self.rows))
+        if self.estimator.bound:
+            self.uplink = self._uplink()
         self.state = self.call("init", -1, Belief(*(_frozen(a) for a in self.stream.prior)), self.stream.world, rows)
 
     def tick(self, k: int) -> tuple[Belief, Traffic]:
         z = self.senses(k, flat=False)
         link, rssi, distance = self.air(k)
         t, n = self.shape
-        packets = np.empty((t, n, n, 0))
-        air = Mail(
-            *(_frozen(a) for a in (link, packets, np.where(link, rssi, np.nan), np.where(link, distance, np.nan)))
-        )
+        heard = (a if a is self.hidden else np.where(link, a, np.nan) for a in (rssi, distance))
+        air = Mail(*(_frozen(a) for a in (link, np.empty((t, n, n, 0)), *heard)))
         self.state = self.call("predict", k, self.state, z)
         self.state = self.call("correct", k, self.state, z)
         self.state, traffic = self.call("exchange", k, self.state, z, air)
         if self.estimator.bound:
-            traffic = self._uplink(z, air)
+            traffic = Traffic(self.uplink.messages[:, k], self.uplink.bytes[:, k])
         return self.belief(k), traffic
 
-    def _uplink(self, z: Senses, air: Mail) -> Traffic:
+    def _uplink(self) -> Traffic:
         """What a bound's robots must send to the computer that knows everything: the finite readings it uses."""
-        t, n = self.shape
-        readings = (*(getattr(z, c) for c in SENSED), air.rssi, air.range, *z.extra.values())
-        finite = sum(np.isfinite(a).reshape(t, n, -1).sum(-1) for a in readings)
+        senses, air = self.stream.senses, self.stream.air
+        heard = (np.isfinite(a) & air.link for a in (air.rssi, air.range) if a.shape[-1])
+        sensed = (np.isfinite(a) for a in (*(getattr(senses, c) for c in SENSED), *senses.extra.values()))
+        finite = sum(a.reshape(*senses.dt.shape, -1).sum(-1) for a in (*sensed, *heard))
         return Traffic((finite > 0).astype(float), np.where(finite > 0, finite * 8.0 + HEADER, 0.0))
 
 
@@ -352,4 +338,4 @@ def _demand_finite(name: str, stream: Stream, x: Array, P: Array) -> None:
 
 def _frozen(a: Any) -> Any:
     """A copy that cannot be written to, nor lead back to what it was cut from: other channels, trials and ticks."""
-    return np.frombuffer(a.tobytes(), a.dtype).reshape(a.shape)
+    return np.frombuffer(np.ascontiguousarray(a).tobytes(), a.dtype).reshape(a.shape)
