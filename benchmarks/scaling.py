@@ -43,17 +43,25 @@ def rows(rounds: int = 3) -> list[dict[str, Any]]:
     found = []
     for name in ESTIMATORS:
         table = [measure(name, k, rounds) for k in NEIGHBOURS]
-        fit = linregress(np.log(NEIGHBOURS[-LARGE:]), np.log([each["seconds"] for each in table[-LARGE:]]))
-        half = t.ppf(0.975, LARGE - 2) * fit.stderr
-        what = f"slope of {name}, {NEIGHBOURS[-LARGE]} to {NEIGHBOURS[-1]} neighbours (at most)"
-        low, high = fit.slope - half, fit.slope + half
-        found.append({"what": what, "ratio": fit.slope, "low": low, "high": high, "target": 1.0, "table": table})
+        found.append(slope(name, "seconds", table) | {"table": table})
+        if table[-1]["links"]:
+            found.append(slope(name, "links", table))
     return found
+
+
+def slope(name: str, counted: str, table: list[dict[str, Any]]) -> dict[str, Any]:
+    """The row of what was `counted`, fitted to the larger teams."""
+    fit = linregress(np.log(NEIGHBOURS[-LARGE:]), np.log([each[counted] for each in table[-LARGE:]]))
+    half = t.ppf(0.975, LARGE - 2) * fit.stderr
+    what = f"slope of {counted}, {name}, {NEIGHBOURS[-LARGE]} to {NEIGHBOURS[-1]} neighbours (at most)"
+    return {"what": what, "ratio": fit.slope, "low": fit.slope - half, "high": fit.slope + half, "target": 1.0}
 
 
 def main(rounds: int = 3) -> None:
     for found in rows(rounds):
         print(f"{found['what']}: {found['ratio']:.2f} ({found['low']:.2f} to {found['high']:.2f})")
+        if "table" not in found:
+            continue
         print(f"{'neighbours':>12}{'microseconds':>14}{'links':>8}{'messages':>10}")
         for k, each in zip(NEIGHBOURS, found["table"], strict=True):
             print(f"{k:>12}{1e6 * each['seconds']:>14.1f}{each['links']:>8.1f}{each['messages']:>10.1f}", flush=True)
