@@ -18,6 +18,7 @@ from cooploc.estimators.blocks import (
     scalars_of_own,
     sparse_update,
     subtract_products,
+    widened,
 )
 from cooploc.estimators.dead_reckoning import DeadReckoning
 from cooploc.estimators.doa import GradientDoa
@@ -281,6 +282,16 @@ def test_compiled_ranges_together_are_the_numpy_ones(iterations, second_order, g
     np.testing.assert_allclose(compiled.P, plain.P, atol=1e-12)
     np.testing.assert_allclose(compiled.refused, plain.refused, atol=1e-15)
     assert (plain.refused > 0).any() == (gate == 1.0)
+
+
+def test_a_move_without_rotation_widens_as_the_matrix_product_does():
+    rng, _, P = team(40, 2)
+    Q = 0.1 * covariances(rng, 20, d=2).reshape(5, 4, 2, 2)
+    noise = np.zeros_like(P)
+    for i in range(4):
+        noise[:, 2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = Q[:, i]
+    P[1, 0, 7] += 0.3  # what is not symmetric becomes so
+    np.testing.assert_array_equal(widened(P, Q), ((P + noise) + (P + noise).mT) / 2)
 
 
 def test_own_scalars_one_by_one_are_the_information_form():
