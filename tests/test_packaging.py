@@ -67,7 +67,9 @@ def test_the_sdist_holds_every_module(built):
         for name in SHIPPED
         if str(Path(name).parent) == home
     }
-    assert names >= wanted | {"pyproject.toml", "LICENSE", "README.md"}
+    examples = {f"examples/{file.name}" for file in (ROOT / "examples").iterdir() if file.is_file()}
+    assert len(examples) > 3
+    assert names >= wanted | examples | {"pyproject.toml", "LICENSE", "README.md"}
 
 
 def test_the_wheel_runs_in_an_empty_environment(built, tmp_path):
