@@ -156,6 +156,8 @@ def source_of(label: str) -> tuple[str, str]:
 def _parts(label: str) -> tuple[str, str]:
     """The name of a label and what stands behind its slash; a file's path may hold slashes of its own."""
     path = parse(label)[0]
+    if path.endswith(".py"):
+        return path, ""  # refused by is_file, with the remedy
     in_file = re.fullmatch(r"(.+\.py:[^/]*)/?(.*)", path)
     if in_file:
         return in_file[1], in_file[2]
