@@ -1,9 +1,9 @@
 """Who is best where and who is over-confident, in sentences made of the numbers that say no more than they do.
 
-Best is the smallest RMSE of those that may be called best: no bound, not over-confident nor perhaps so (ANEES beyond
-the limit by an interval that is not), no trial and no check failed. Another one ties with it where the equivalence test
-says so, or where the 95 % interval of the paired change holds 0. That one is best alone takes intervals that exclude 0
-against every other one, an intersection-union test that needs no adjustment (Berger 1982).
+Best is the smallest RMSE of those that may be called best: no bound, not over-confident nor probably so (ANEES above
+twice the limit by an interval that is not), no trial and no check failed. Another one ties with it where the
+equivalence test says so, or where the 95 % interval of the paired change holds 0. That one is best alone takes
+intervals that exclude 0 against every other one, an intersection-union test that needs no adjustment (Berger 1982).
 """
 
 from collections import Counter
@@ -16,7 +16,7 @@ import pandas as pd
 from cooploc.analysis import statistics
 from cooploc.analysis.certificates import mark, refused
 from cooploc.analysis.compare import MARGIN
-from cooploc.analysis.consistency import OVER_CONFIDENT
+from cooploc.analysis.consistency import DOUBTFUL, OVER_CONFIDENT
 from cooploc.analysis.curves import sweep
 from cooploc.analysis.results import Missing, Results
 from cooploc.analysis.tables import rounded
@@ -98,8 +98,8 @@ def why(row: dict[Any, Any]) -> str:
     reasons += ["a bound"] if row["bound"] else []
     if row["consistency"] == "over-confident":
         reasons.append(f"over-confident, ANEES {rounded(row['anees'], 2)}")
-    if row["consistency"] == "undecided" and row["anees"] > OVER_CONFIDENT:
-        reasons.append(f"perhaps over-confident, ANEES {rounded(row['anees'], 2)}")
+    if row["consistency"] == "undecided" and row["anees"] > DOUBTFUL:
+        reasons.append(f"probably over-confident, ANEES {rounded(row['anees'], 2)}")
     if row["consistency"] == "not assessed":
         reasons.append("consistency not assessed")
     return ", ".join([*reasons, *([f"{_count(row['failed'], 'trial')} failed"] if row["failed"] else [])])
@@ -119,6 +119,7 @@ def sentence(one: Standing) -> str:
         return f"Nobody may be called best: {_and(one.barred) if one.barred else 'there is nothing to compare'}."
     rmse = f"{one.rmse.value:.3f} m ({one.rmse.low:.3f} to {one.rmse.high:.3f})"
     rmse += f", ANEES {rounded(one.anees.value, 2)} ({rounded(one.anees.low, 2)} to {rounded(one.anees.high, 2)})"
+    rmse += ", which leaves open whether it is over-confident" if one.anees.value > OVER_CONFIDENT else ""
     if one.able == 1:
         return f"{one.best} is the only one that may be called best: RMSE {rmse}.{barred}"
     if one.alone:
@@ -152,7 +153,9 @@ def confidence(table: pd.DataFrame) -> str:
     count, of = flags.sum(), flags.count()
     everywhere = [f"{name}" for name in count.index if count[name] == of[name]]
     some = [str(name) for name in count.index if 0 < count[name] < of[name]]
-    never = [str(name) for name in count.index if not count[name]]
+    open_ = set(table.loc[(table["consistency"] == "undecided") & (table["anees"] > OVER_CONFIDENT), "estimator"])
+    never = [str(name) for name in count.index if not count[name] and name not in open_]
+    doubt = [str(name) for name in count.index if not count[name] and name in open_]
     parts = [f"Over-confident in every scenario: {_and(everywhere)}."] if everywhere else []
     if len(some) <= FEW:
         parts += [f"Over-confident in some: {_and(f'{e} ({count[e]} of {of[e]})' for e in some)}."] if some else []
@@ -161,6 +164,7 @@ def confidence(table: pd.DataFrame) -> str:
         parts += [f"Over-confident in more than half of their scenarios: {_and(most)}."] if most else []
         rest = [name for name in some if name not in most]
         parts += [f"In some, half of them or fewer: {_and(rest)}."] if rest else []
+    parts += [f"Undecided in some, over-confident in none: {_and(doubt)}."] if doubt else []
     parts += [f"Never found over-confident: {_and(never)}."] if never else []
     return " ".join(parts)
 

@@ -7,6 +7,7 @@ from scipy import stats
 from cooploc.analysis.statistics import LEAST_TRIALS, Interval
 
 OVER_CONFIDENT, CONSERVATIVE = 1.5, 0.67  # ANEES limits: the whole interval must lie beyond
+DOUBTFUL = 2 * OVER_CONFIDENT  # ANEES above which nobody is called best, however wide its interval
 # How many truths lie in the 95 % ellipses of Gaussian errors whose ANEES is OVER_CONFIDENT.
 LEAST_COVERAGE = float(stats.chi2.cdf(stats.chi2.ppf(0.95, 2) / OVER_CONFIDENT, 2))
 

@@ -34,7 +34,7 @@ METHODS = (
      "ended for all of them."),
     ("ANEES", "Position NEES / 2, per trial first; 1 is consistent. Over-confident: its 95 % interval lies above 1.5, "
      "or that of the share in 95 % ellipses below 0.86; conservative: ANEES below 0.67; undecided: beyond one of them "
-     "by an interval that is not. What is over-confident, or undecided above 1.5, is never called best."),
+     "by an interval that is not. What is over-confident, or undecided above 3, is never called best."),
     ("in 95 %", "Share of the true positions that lie inside the 95 % ellipse."),
     ("diverged", "Share of (trial, robot) whose last-quarter RMSE exceeds a quarter of the arena's side."),
     ("messages, bytes, µs", "Per robot and tick, as sent; µs as a clock measured them, on the processor named below."),

@@ -1,8 +1,7 @@
 """Who is best, and at what cost: ranks over trials, groups that cannot be told apart, fronts of accuracy and cost.
 
-An over-confident estimator is never called best, nor is one of which that is undecided (its ANEES is too large, by an
-interval that does not exclude the limit), nor is a bound, nor one that failed in any trial. One whose certificate
-failed is not ranked at all.
+An over-confident estimator is never called best, nor is one whose ANEES is far too large by an interval that does not
+exclude the limit, nor is a bound, nor one that failed in any trial. One whose certificate failed is not ranked at all.
 """
 
 import numpy as np
@@ -12,7 +11,7 @@ from scipy import stats
 from cooploc.analysis import statistics
 from cooploc.analysis.certificates import refused
 from cooploc.analysis.compare import consistency, demand_same_streams, per_trial, succeeded, summarize
-from cooploc.analysis.consistency import OVER_CONFIDENT
+from cooploc.analysis.consistency import DOUBTFUL
 from cooploc.estimators.interface import Array, Mask
 
 COSTS = ("seconds", "bytes", "messages")
@@ -60,7 +59,7 @@ def _ranked(part: pd.DataFrame, errors: pd.DataFrame) -> pd.DataFrame:
     part["front"] = [", ".join(cost for cost in COSTS if fronts[cost][i]) for i in range(len(part))]
     part = part.sort_values("rmse", kind="stable")
     suspect = part["consistency"].isin(("over-confident", "not assessed"))
-    suspect |= (part["consistency"] == "undecided") & (part["anees"] > OVER_CONFIDENT)
+    suspect |= (part["consistency"] == "undecided") & (part["anees"] > DOUBTFUL)
     barred = part["refused"] | part["bound"] | (part["failed"] > 0) | suspect
     able = part[~barred & (part["group"] != "")]
     part["best"] = part.index.isin(able.index[:1])

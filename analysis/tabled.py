@@ -109,7 +109,7 @@ def where(found: dict[str, list[Standing]]) -> Table:
         rows.append((text(name), text(len(ones)), *map(text, told), text(nobody)))
     about = (
         "Estimators and in how many scenarios of the experiment; among the estimators that the experiment has there, "
-        "those that may be called best: no bounds, not over-confident nor perhaps so, no trial failed."
+        "those that may be called best: no bounds, not over-confident nor probably so, no trial failed."
     )
     return Table("where", about, columns, tuple(rows))
 
@@ -256,6 +256,7 @@ class Part(NamedTuple):
     head: str
     open: str  # what the paper leaves open
     table: Table  # its rows of the ledger
+    run: bool  # whether any case of it was
 
 
 def by_claim(ledger: Table, verdicts: pd.DataFrame) -> list[Part]:
@@ -274,7 +275,14 @@ def by_claim(ledger: Table, verdicts: pd.DataFrame) -> list[Part]:
             tuple(ledger.rows[i][2:-1] for i in rows),
             tuple(ledger.marks[i] for i in rows),
         )
-        out.append(Part(f"{claim}. {first['says']}{where}: {verdict}", str(first["open"]), table))
+        out.append(
+            Part(
+                f"{claim}. {first['says']}{where}: {verdict}",
+                str(first["open"]),
+                table,
+                bool((part["verdict"] != "not run").any()),
+            )
+        )
     return out
 
 
@@ -292,10 +300,12 @@ def overview(found: pd.DataFrame, verdicts: pd.DataFrame, ledger: Ledger) -> Tab
     rows = tuple(
         tuple(text(told) for told in (claim, says[claim], *numbers.get(claim, ("", "")), *row))
         for claim, row in zip(found.index, found.to_numpy(), strict=True)
+        if any(row)
     )
     about = (
-        "Verdicts by claim: as the paper states it, then in other readings; counts where cases differ. Found: from the "
-        "least to the largest of the cases, as the paper states it; of one case, with its 95 % interval."
+        "Verdicts by claim: as the paper states it, then in other readings; counts where cases differ; without claims "
+        "of which nothing was run. Found: from the least to the largest of the cases, as the paper states it; of one "
+        "case, with its 95 % interval."
     )
     return Table("verdicts", about, columns, rows)
 
