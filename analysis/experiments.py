@@ -108,7 +108,8 @@ def _lines(rows: pd.DataFrame, numbers: Numbers, counter: Iterator[int]) -> Show
     return Shown(
         _panels(svgs, f"position RMSE over {parameter}", counter),
         f"Position RMSE over {parameter} in {family}, {one}; bands are 95 % intervals over trials. Hollow markers: "
-        f"over-confident; a broken line: so at most of the values; grey and dotted: a bound. {_about(rows, numbers)}",
+        f"over-confident; a broken line: so at most of the values; grey and dotted: a bound; black and dotted: the "
+        f"floor. {_about(rows, numbers)}",
         width="wide" if len(svgs) == 1 else "",
     )
 
@@ -119,7 +120,8 @@ def _dots(rows: pd.DataFrame, numbers: Numbers, counter: Iterator[int]) -> Shown
         for _, part in rows.groupby("scenario", sort=False)
         if part["rmse"].notna().any()
     ]
-    about = "Position RMSE, smallest on top, with 95 % intervals over trials. Hollow: over-confident; grey: a bound."
+    about = "Position RMSE, smallest on top, with 95 % intervals over trials. Hollow: over-confident; grey: a bound; "
+    about += "dotted: the floor."
     return Shown(_panels(svgs, "position RMSE of every estimator", counter), f"{about} {_about(rows, numbers)}", "wide")
 
 

@@ -90,6 +90,7 @@ def dots(part: pd.DataFrame, looks: dict[str, Style]) -> str:
     def draw(ax: Axes) -> None:
         for y, row in enumerate(part.to_dict("records")):
             _whiskers(ax, row, "rmse", y, looks[row["estimator"]])
+        ax.axvline(part["floor"].iloc[0], color="black", lw=1.1, ls=DOTTED)
         ax.set_yticks(range(len(part)), names)
         ax.set_ylim(-0.6, len(part) - 0.4)
         _logarithmic(ax.xaxis, *_span(part, "rmse"))
@@ -175,6 +176,8 @@ def _panel(ax: Axes, part: pd.DataFrame, names: list[str], looks: dict[str, Styl
             ax.plot(rows["value"], rows["rmse"], color="0.88", lw=1, zorder=1)
     for name in names:
         _curve(ax, part[part["estimator"] == name], looks[name], 0.22 if len(names) == 1 else 0.1)
+    least = part.groupby("value")["floor"].first()
+    ax.plot(least.index, least, color="black", lw=1.1, ls=DOTTED, label="floor" if least.notna().any() else None)
     low, high = _span(part, "rmse")
     _logarithmic(ax.yaxis, low, high)
     every = list(dict.fromkeys(part["estimator"]))
@@ -263,8 +266,11 @@ def _cost(ax: Axes, part: pd.DataFrame, other: str) -> None:
 
 
 def _span(part: pd.DataFrame, of: str) -> tuple[float, float]:
-    values = part[of].replace([np.inf, -np.inf], np.nan)
-    return float(values.min()), float(values.max())
+    """From the least to the largest; of errors, the floor too."""
+    values = part[[of, "floor"] if of == "rmse" else [of]].replace([np.inf, -np.inf], np.nan).to_numpy(float)
+    if np.isnan(values).all():
+        return np.nan, np.nan
+    return float(np.nanmin(values)), float(np.nanmax(values))
 
 
 def _logarithmic(axis: Any, low: float, high: float) -> None:

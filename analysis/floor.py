@@ -15,6 +15,7 @@ floor of `radio_rssi` lower than it need be, and no less true.
 
 from collections.abc import Collection, Iterable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -30,20 +31,25 @@ CHANNELS = ("anchor_rssi", "radio_rssi", "radio_range")
 PAIRS = 20_000  # of robots, at whose places the expectation is taken: it hardly differs from trial to trial
 
 
-def floors(scenarios: Iterable[str], seed: int) -> dict[str, float]:
-    """The floor [m] of each of these scenarios that has one, for whoever uses all readings, pooled over ticks.
+def floors(scenarios: Iterable[str], seed: int, most: int = 100) -> dict[str, float]:
+    """The floor [m] of each of these scenarios, for whoever uses all readings, pooled over ticks; nan where none holds.
 
-    The expectation is taken over the first of the trials with this seed, at most twenty.
+    The expectation is taken over the first of the trials with this seed, at most twenty. Teams of more than `most`
+    robots are left out: a hundred take some ten seconds.
     """
-    found = {}
-    for label in scenarios:
-        try:
-            robots = simulate(label, trials=1, seed=seed)[1].robots
-            truth, stream = simulate(label, trials=int(np.clip(PAIRS / robots**2, 2, 20)), seed=seed)
-            found[label] = float(np.sqrt((floor(truth, stream, CHANNELS) ** 2).mean()))
-        except BadInput:  # no floor, or no recording at hand
-            continue
-    return found
+    return {label: _pooled(label, seed, most) for label in dict.fromkeys(scenarios)}
+
+
+@cache
+def _pooled(label: str, seed: int, most: int) -> float:
+    try:
+        robots = simulate(label, trials=1, seed=seed)[1].robots
+        if robots > most:
+            return np.nan
+        truth, stream = simulate(label, trials=int(np.clip(PAIRS / robots**2, 2, 20)), seed=seed)
+        return float(np.sqrt((floor(truth, stream, CHANNELS) ** 2).mean()))
+    except BadInput:  # no floor, or no recording at hand
+        return np.nan
 
 
 def floor(truth: Truth, stream: Stream, channels: Collection[str]) -> Array:

@@ -14,12 +14,14 @@ from markupsafe import Markup
 from cooploc.analysis import answers, certificates, claims, figures, tabled, tables
 from cooploc.analysis.compare import compare, notes
 from cooploc.analysis.experiments import Experiment, Numbers, experiment
+from cooploc.analysis.floor import floors
 from cooploc.analysis.kept import Kept
 from cooploc.analysis.ledger import BASE, Ledger
 from cooploc.analysis.reproduce import PAGE, sample
 from cooploc.analysis.results import collect
 from cooploc.analysis.tables import Column, Table, text
 
+FLOORED = 20  # robots: the floor of larger teams takes seconds for each scenario
 METHODS = (
     ("Trial", "The unit of every interval and test; its robots and ticks are not independent, and pooled first."),
     ("RMSE", "Root of the mean over trials of the mean squared position error [m]; jackknife interval on its log."),
@@ -35,6 +37,8 @@ METHODS = (
     ("ANEES", "Position NEES / 2, per trial first; 1 is consistent. Over-confident: its 95 % interval lies above 1.5, "
      "or that of the share in 95 % ellipses below 0.86; conservative: ANEES below 0.67; undecided: beyond one of them "
      "by an interval that is not. What is over-confident, or undecided above 3, is never called best."),
+    ("Floor", "The posterior Cramer-Rao bound on the RMSE of whoever hears and uses every reading (Tichavsky 1998), "
+     f"where robots are told the truth about their world; for up to {FLOORED} robots."),
     ("in 95 %", "Share of the true positions that lie inside the 95 % ellipse."),
     ("diverged", "Share of (trial, robot) whose last-quarter RMSE exceeds a quarter of the arena's side."),
     ("messages, bytes, µs", "Per robot and tick, as sent; µs as a clock measured them, on the processor named below."),
@@ -85,6 +89,7 @@ def render(context: dict[str, Any]) -> str:
 def content(kept: Kept, ledger: Ledger) -> dict[str, Any]:
     """Everything that the page shows, and `tables`, all of its tables."""
     table = compare(kept.rows, kept.baselines)
+    table["floor"] = table["scenario"].map(floors(table["scenario"], kept.manifest["seed"], FLOORED))
     looks = figures.styles(list(dict.fromkeys(kept.rows["estimator"])))
     numbers = Numbers(kept, table, collect(kept.rows), looks)
     counter = itertools.count()

@@ -9,12 +9,21 @@ from cooploc.catalogue import KNOWN, markdown
 README = Path(__file__).resolve().parent.parent / "README.md"
 
 
-def test_the_readmes_table_is_made_from_the_code():
-    told = re.search(
-        r"<!-- estimators: .*? -->\n(.*?)\n<!-- end of estimators -->", README.read_text("utf-8"), re.DOTALL
-    )
+def block(name):
+    """What the README holds between two comments."""
+    told = re.search(rf"<!-- {name}: .*? -->\n(.*?)\n<!-- end of {name} -->", README.read_text("utf-8"), re.DOTALL)
     assert told is not None
-    assert told[1] == markdown(), "put the output of `cooploc list estimators --markdown` there"
+    return told[1]
+
+
+def test_the_readmes_table_is_made_from_the_code():
+    assert block("estimators") == markdown(), "put the output of `cooploc list estimators --markdown` there"
+
+
+def test_the_readmes_ledger_is_the_reports():
+    """The first five columns of the table of verdicts."""
+    kept = (README.parent / "reports/paper/tables/verdicts.md").read_text("utf-8").split("\n\n")[0]
+    assert block("ledger") == "\n".join("|".join(row.split("|")[:6]) + "|" for row in kept.splitlines())
 
 
 def test_every_builtin_estimator_is_in_it_with_its_source():

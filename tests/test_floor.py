@@ -5,7 +5,7 @@ import pytest
 from oracles import dense_posterior, linear_team
 
 import cooploc as cl
-from cooploc.analysis.floor import covariances, floor, why_not
+from cooploc.analysis.floor import covariances, floor, floors, why_not
 
 CHANNELS = ("anchor_rssi", "radio_range")
 
@@ -87,3 +87,10 @@ def test_truth_of_another_stream_is_refused():
     truth, _ = cl.simulate("trajectory", trials=1, seed=2, ticks=3)
     with pytest.raises(cl.BadInput, match="different trials"):
         floor(truth, cl.simulate("trajectory", trials=1, seed=1, ticks=3)[1], CHANNELS)
+
+
+def test_floors_by_name_are_pooled_over_ticks_and_nan_where_none_holds():
+    found = floors(["robots-1-3/n=2[ticks=30]", "nlos", "wifi/all", "scalability/n=5"], seed=1, most=3)
+    truth, stream = cl.simulate("robots-1-3/n=2[ticks=30]", trials=20, seed=1)
+    pooled = np.sqrt((floor(truth, stream, (*CHANNELS, "radio_rssi")) ** 2).mean())
+    np.testing.assert_allclose(list(found.values()), [pooled, np.nan, np.nan, np.nan])
