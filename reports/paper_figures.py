@@ -70,8 +70,8 @@ def main(run: str, out: str = "reports/paper") -> None:
 
 CAPTION = (
     "Whiskers and bands are 95 % intervals over trials (jackknife on the logarithm); no test is drawn in a figure: "
-    "paired tests with Holm's correction are in the tables. Hollow markers, and hatching on white: over-confident (the "
-    "whole interval of ANEES above 1.5). Grey: a bound, which knows more than any robot could. Dotted: the posterior "
+    "paired tests with Holm's correction are in the tables. Hollow markers, and hatching on white: over-confident, "
+    "as the README defines it. Grey: a bound, which knows more than any robot could. Dotted: the posterior "
     "Cramer-Rao floor of whoever hears and uses everything, where it holds."
 )
 
@@ -87,7 +87,6 @@ def keep(ax: Axes, path: Path) -> None:
     with mpl.rc_context({"svg.hashsalt": "cooploc", "pdf.fonttype": 42}):
         figure.savefig(path.with_suffix(".svg"), metadata={"Date": None})
         figure.savefig(path.with_suffix(".pdf"), metadata={"CreationDate": None})
-        figure.savefig(path.with_suffix(".png"), dpi=110)
     plt.close(figure)
 
 
