@@ -11,6 +11,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import cloudpickle
+
 from cooploc.estimators.bad_input import BadInput, nearest
 
 
@@ -18,11 +20,11 @@ def is_file(name: str) -> bool:
     """Whether a name is `path.py:Name`, or a file with the name forgotten.
 
     Raises:
-        BadInput: it is a file, and does not say which estimator in it.
+        BadInput: it is a file, and does not say which of its names.
 
     """
     if name.endswith(".py"):
-        raise BadInput(f"{name} is a file: say which estimator in it, {name}:Name")
+        raise BadInput(f"{name} is a file: say which of its names, {name}:Name")
     return name.rpartition(":")[0].endswith(".py")
 
 
@@ -61,4 +63,5 @@ def _imported(path: Path) -> ModuleType:
     except (Exception, SystemExit) as e:
         del sys.modules[name]
         raise BadInput(f"{path} cannot be imported: {' '.join(f'{type(e).__name__}: {e}'.split())}") from e
+    cloudpickle.register_pickle_by_value(module)  # a worker could not import it by name
     return module
