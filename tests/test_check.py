@@ -450,7 +450,7 @@ def test_a_file_that_cannot_be_imported_says_why(tmp_path, source, words):
     ("spec", "words"),
     [
         ("nowhere.py:Mine", "no file nowhere.py; write path.py:Name"),
-        ("nowhere.py", "nowhere.py is a file: say which estimator in it, nowhere.py:Name"),
+        ("nowhere.py", "nowhere.py is a file: say which of its names, nowhere.py:Name"),
         ("mrsl-rsi", "no estimator 'mrsl-rsi'; did you mean 'mrsl-rssi'"),
         ("mrsl-rssi[particle=5]", "no parameter 'particle'; did you mean 'particles'"),
     ],
