@@ -19,7 +19,7 @@ from cooploc.estimators.doa import gradient_doa
 from cooploc.estimators.interface import Belief, Traffic
 
 PLAIN = {"iterations": 1, "second_order": False, "update": "sequential"}
-CASES = ((10, 20, 20, 2, 60), (50, 3, 10, 1, 200))  # robots, ticks, trials as in a study's chunk, the loop's, aim
+CASES = ((10, 100, 100, 2, 60), (50, 10, 10, 1, 200))  # robots, ticks, trials, the loop's, aim
 EQUAL = 1e-7  # [m] within which the plain mode and the loop must agree
 
 
