@@ -116,6 +116,16 @@ def bars(part: pd.DataFrame) -> Axes:
     return ax
 
 
+def dressed(ax: Axes, xlabel: str) -> Axes:
+    """Labels, a grid, and the legend beside it."""
+    ax.set_xlabel(xlabel)
+    ax.set_ylabel("position RMSE [m]")
+    ax.grid(color="0.9", lw=0.8)
+    ax.legend(frameon=False, fontsize=8, bbox_to_anchor=(1.0, 1.0), loc="upper left")
+    sns.despine(ax=ax)
+    return ax
+
+
 def sweep(xlabel: str, log: bool = False) -> Callable[[pd.DataFrame], Axes]:
     """RMSE over what the scenarios sweep, a line for each estimator."""
 
@@ -142,12 +152,7 @@ def sweep(xlabel: str, log: bool = False) -> Callable[[pd.DataFrame], Axes]:
             ax.set_xscale("log")
             ax.set_xticks([1, 2, 5, 10, 20, 50, 100], ["1", "2", "5", "10", "20", "50", "100"])
             ax.xaxis.set_minor_formatter(mpl.ticker.NullFormatter())
-        ax.set_xlabel(xlabel)
-        ax.set_ylabel("position RMSE [m]")
-        ax.grid(color="0.9", lw=0.8)
-        ax.legend(frameon=False, fontsize=8, bbox_to_anchor=(1.0, 1.0), loc="upper left")
-        sns.despine(ax=ax)
-        return ax
+        return dressed(ax, xlabel)
 
     return draw
 
@@ -170,12 +175,7 @@ def scatter(other: str, xlabel: str) -> Callable[[pd.DataFrame], Axes]:
         if other == "anees":
             ax.set_xscale("log")
             ax.xaxis.set_major_formatter(mpl.ticker.FuncFormatter(lambda v, _: f"{v:g}"))
-        ax.set_xlabel(xlabel)
-        ax.set_ylabel("position RMSE [m]")
-        ax.grid(color="0.9", lw=0.8)
-        ax.legend(frameon=False, fontsize=8, bbox_to_anchor=(1.0, 1.0), loc="upper left")
-        sns.despine(ax=ax)
-        return ax
+        return dressed(ax, xlabel)
 
     return draw
 
@@ -220,12 +220,8 @@ def time_course() -> tuple[str, str, Axes]:
         colour = GREY if name == "ekf-joint" else LOOKS[name].colour
         ax.fill_between(mine["tick"], mine["rmse_low"], mine["rmse_high"], color=colour, alpha=0.15, lw=0)
         ax.plot(mine["tick"], mine["rmse"], color=colour, ls=LOOKS[name].line, lw=1.3, label=name)
-    ax.set_xlabel("tick")
-    ax.set_ylabel("position RMSE [m]")
     ax.set_ylim(0)
-    ax.grid(color="0.9", lw=0.8)
-    ax.legend(frameon=False, fontsize=8, bbox_to_anchor=(1.0, 1.0), loc="upper left")
-    sns.despine(ax=ax)
+    dressed(ax, "tick")
     title = f"`trajectory` over time, n = {TRIALS_OVER_TIME} trials, seed {SEED}, stream {stream.hash[:8]}."
     return "over-time", title, ax
 
