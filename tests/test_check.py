@@ -458,3 +458,8 @@ def test_a_file_that_cannot_be_imported_says_why(tmp_path, source, words):
 def test_what_cannot_be_loaded_is_bad_input(spec, words):
     with pytest.raises(BadInput, match=words):
         make(spec)
+
+
+def test_what_is_seldom_used_is_not_called_unused():
+    found = check_estimator(make("ekf-ci"), "ekf-ci", seed=10)  # in whose small streams no fusion by range pays
+    assert found.passed, found
