@@ -1,7 +1,8 @@
 """The filter of `filterpy_loop.py` with its two loops, over anchors and over teammates, compiled by numba.
 
 A kernel is written for one row; `guvectorize` runs it for all of them, whatever their layout, without ever mixing two.
-Leave `fastmath` off: it deletes the tests for nan. `cache=True` compiles once, not at every start.
+Leave `fastmath` off: it deletes the tests for nan. Without `cache=True` it is compiled at every start, in seconds:
+numba's cache of guvectorized functions does not stand two processes that compile at the same time.
 
     cooploc check examples/numba_kernel.py:Compiled
 """
@@ -16,10 +17,10 @@ from cooploc import Belief
 from cooploc.estimators.models import NEAR, TOO_NEAR_TO_RANGE
 
 WEIGHTS = np.array([0.5, 0.75, 0.9])
-FAST = {"nopython": True, "cache": True}
+FAST = {"nopython": True}
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(error_model="numpy")
 def update(x, P, y, h, R):
     """Kalman update of one row, in place, by a scalar reading."""
     g0, g1 = P[0, 0] * h[0] + P[0, 1] * h[1], P[1, 0] * h[0] + P[1, 1] * h[1]
