@@ -92,7 +92,7 @@ def _used(bench: Bench, channels: set[str]) -> set[str]:
     """Those of these channels that make a difference on some stream."""
     found: set[str] = set()
     for stream, base in zip(bench.streams, bench.base, strict=True):
-        for channel in sorted(bench.channels(stream) & channels - found):
+        for channel in sorted(bench.channels(stream) & channels):
             found |= {channel} if _matters(bench, stream, base, channel) else set()
     return found
 
