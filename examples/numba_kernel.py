@@ -1,8 +1,8 @@
 """The filter of `filterpy_loop.py` with its two loops, over anchors and over teammates, compiled by numba.
 
 A kernel is written for one row; `guvectorize` runs it for all of them, whatever their layout, without ever mixing two.
-Leave `fastmath` off: it deletes the tests for nan. Without `cache=True` it is compiled at every start, in seconds:
-numba's cache of guvectorized functions does not stand two processes that compile at the same time.
+Leave `fastmath` off: it deletes the tests for nan. It is compiled at every start, in seconds: with `cache=True` we saw
+it crash where two processes had filled numba's cache at the same time.
 
     cooploc check examples/numba_kernel.py:Compiled
 """
