@@ -91,7 +91,7 @@ class Ctrn(own.Settings):
 
     def send(self, s: State, z: Senses) -> Array:
         """x, y, and the position covariance's P_xx, P_xy, P_yy: five numbers. Nothing received is sent on."""
-        return pack(summary(s.own.x, s.own.logw))
+        return pack(own.tell(s.own))
 
     def fuse(self, s: State, z: Senses, mail: Mail) -> State:
         s = {"moments": self._moments, "message": self._message, "received": self._received}[self.fusion](s, z, mail)
@@ -121,7 +121,7 @@ class Ctrn(own.Settings):
 
     def _moments(self, s: State, z: Senses, mail: Mail) -> State:
         """Fuse with one sender after the other, then move the particles to the mean and covariance that result."""
-        before = summary(s.own.x, s.own.logw)
+        before = own.tell(s.own)
         after, s = self._chain(s, before, z, mail)
         return s._replace(own=s.own._replace(x=follow(s.own.x, before, after)))
 

@@ -8,6 +8,7 @@ tests/test_elementary.py holds every function to its stated error.
 
 import hashlib
 from collections.abc import Callable
+from functools import reduce
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -24,13 +25,17 @@ Scalar = TypeVar("Scalar", bound=np.generic)
 
 # Not the full fastmath: it deletes tests for nan.
 FAST: dict[str, Any] = {"error_model": "numpy", "fastmath": {"reassoc", "nsz", "arcp", "contract", "afn"}}
+FUSED = ("contract",)
 inlined: Any = numba.njit(forceinline=True, **FAST)  # for what stands in a loop, which a call would keep from vectors
 
 LN2 = float(np.log(2.0))
 SQRT_HALF = 0x3FE6A09E667F3BCD  # bits of sqrt(1/2)
 MANTISSA = 52  # bits
+FRACTION = (1 << MANTISSA) - 1
+ONE = 1023 << MANTISSA  # bits of 1.0
 ROUND = 1.5 * 2.0**52  # a number this large has no fraction: adding it rounds
 LOWEST = -708.0  # exp of less is 0 here
+COMPACT = 1 / 4
 EIGHTH = float(np.tan(np.pi / 8))
 
 
@@ -47,23 +52,6 @@ def kernel(function: Callable[..., Any]) -> Any:
     own = Path(function.__code__.co_filename).read_bytes()
     compiled._cache._cache_file._source_stamp = hashlib.sha256(b"".join([*SOURCES, own])).hexdigest()
     return compiled
-
-
-def _fit(function: Callable[[Array], Array], degree: int, low: float, high: float) -> tuple[float, ...]:
-    """Coefficients of a polynomial close to `function` on [low, high], lowest power first."""
-    return tuple(Chebyshev.interpolate(function, degree, [low, high]).convert(kind=Polynomial).coef.tolist())
-
-
-def _odd(function: Callable[[Array], Array]) -> Callable[[Array], Array]:
-    """f(x) / x as a function of x^2."""
-    return lambda square: function(np.sqrt(square)) / np.sqrt(square)
-
-
-LOG = _fit(lambda t: np.log1p(t) / t, 14, 0.5**0.5 - 1, 2**0.5 - 1)
-EXP = _fit(np.exp, 10, -LN2 / 2, LN2 / 2)
-SIN = _fit(_odd(np.sin), 5, 0.0, (np.pi / 4) ** 2)
-COS = _fit(lambda square: np.cos(np.sqrt(square)), 6, 0.0, (np.pi / 4) ** 2)
-ATAN = _fit(_odd(np.arctan), 9, 0.0, EIGHTH**2)
 
 
 def readable(array: NDArray[Scalar]) -> NDArray[Scalar]:
@@ -93,6 +81,19 @@ def from_bits(context: Any, x: Any) -> Any:
 
 
 @intrinsic
+def ordered(context: Any, x: Any) -> Any:
+    """The bits of a float64 as an int64 that is ordered as the floats are, which LLVM can sort in vectors; or back."""
+
+    def generate(target: Any, builder: Any, signature: Any, a: Any) -> Any:
+        word = target.get_value_type(types.int64)
+        b = builder.bitcast(a[0], word)
+        turned = builder.xor(b, builder.lshr(builder.ashr(b, word(63)), word(1)))
+        return builder.bitcast(turned, target.get_value_type(signature.return_type))
+
+    return (types.int64(types.float64) if x == types.float64 else types.float64(types.int64)), generate
+
+
+@intrinsic
 def wide(context: Any) -> Any:
     """Ask LLVM for 512-bit vectors in the calling kernel, where the processor has them: it prefers 256 of itself."""
 
@@ -103,40 +104,67 @@ def wide(context: Any) -> Any:
     return types.none(), generate
 
 
+def _odd(function: Callable[[Array], Array]) -> Callable[[Array], Array]:
+    """f(x) / x as a function of x^2."""
+    return lambda square: function(np.sqrt(square)) / np.sqrt(square)
+
+
+def _polynomial(function: Callable[[Array], Array], degree: int, low: float, high: float, shift: float = 0.0) -> Any:
+    """A polynomial close to `function` on [low, high], plus `shift`: pairs of terms, by Horner's rule in x^2."""
+    fitted = Chebyshev.interpolate(function, degree, [low, high]).convert(kind=Polynomial).coef
+    coefficients = [float(fitted[0] + shift), *fitted[1:].tolist()]
+
+    def generate(target: Any, builder: Any, signature: Any, a: Any) -> Any:
+        def fused(a: Any, b: Any, c: Any) -> Any:
+            return builder.fadd(builder.fmul(a, b, flags=FUSED), c, flags=FUSED)
+
+        x, (*terms,) = a[0], map(target.get_value_type(types.float64), coefficients)
+        square = builder.fmul(x, x)
+        pairs = [fused(terms[i + 1], x, terms[i]) if i + 1 < len(terms) else terms[i] for i in range(0, len(terms), 2)]
+        return reduce(lambda total, pair: fused(total, square, pair), reversed(pairs))
+
+    return intrinsic(lambda context, x: (types.float64(types.float64), generate))
+
+
+_log1p_over_t = _polynomial(lambda t: np.log1p(t) / t, 14, 0.5**0.5 - 1, 2**0.5 - 1)
+_log_above = _polynomial(lambda t: np.log(1.5 + t), 15, -0.5, 0.5, -1023 * LN2)
+log1p_compact = _polynomial(np.log1p, 12, -COMPACT, COMPACT)  # ln (1 + t) for |t| <= COMPACT, error below 5e-13
+_exp = _polynomial(np.exp, 10, -LN2 / 2, LN2 / 2)
+_sin_over_r = _polynomial(_odd(np.sin), 5, 0.0, (np.pi / 4) ** 2)
+_cos = _polynomial(lambda square: np.cos(np.sqrt(square)), 6, 0.0, (np.pi / 4) ** 2)
+_arctan_over_t = _polynomial(_odd(np.arctan), 9, 0.0, EIGHTH**2)
+
+
 @inlined
 def log(x):  # type: ignore[no-untyped-def]
     """ln x for normal x > 0, error below 3e-13: x = 2^e (1 + t) with 1 + t in [sqrt(1/2), sqrt(2))."""
     b = bits(x)
     e = (b - SQRT_HALF) >> MANTISSA
     t = from_bits(b - (e << MANTISSA)) - 1.0
-    t2 = t * t
-    t4 = t2 * t2
-    low = (LOG[0] + LOG[1] * t) + (LOG[2] + LOG[3] * t) * t2 + ((LOG[4] + LOG[5] * t) + (LOG[6] + LOG[7] * t) * t2) * t4
-    high = (LOG[8] + LOG[9] * t) + (LOG[10] + LOG[11] * t) * t2 + ((LOG[12] + LOG[13] * t) + LOG[14] * t2) * t4
-    return e * LN2 + t * (low + high * (t4 * t4))
+    return e * LN2 + t * _log1p_over_t(t)
+
+
+@inlined
+def ln(x):  # type: ignore[no-untyped-def]
+    """ln x for normal x > 0, error below 5e-13 wherever x is: fewer steps than `log`, whose error vanishes at 1."""
+    b = bits(x)
+    t = from_bits((b & FRACTION) | ONE) - 1.5
+    return (b >> MANTISSA) * LN2 + _log_above(t)
 
 
 @inlined
 def exp(x):  # type: ignore[no-untyped-def]
     """e^x for x <= 700, relative error below 1e-12 (of 1 + |x|/100); 0 below -708."""
-    shifted = max(x, LOWEST) * (1 / LN2) + ROUND
+    shifted = x * (1 / LN2) + ROUND
     k = bits(shifted) - bits(ROUND)
-    r = x - k * LN2
-    r2 = r * r
-    r4 = r2 * r2
-    low = (EXP[0] + EXP[1] * r) + (EXP[2] + EXP[3] * r) * r2
-    high = (EXP[4] + EXP[5] * r) + (EXP[6] + EXP[7] * r) * r2 + ((EXP[8] + EXP[9] * r) + EXP[10] * r2) * r4
-    return 0.0 if x < LOWEST else (low + high * r4) * from_bits((k + 1023) << MANTISSA)
+    return 0.0 if x < LOWEST else _exp(x - k * LN2) * from_bits((k + 1023) << MANTISSA)
 
 
 @inlined
 def quarter(r):  # type: ignore[no-untyped-def]
     """cos r and sin r for |r| <= pi/4, errors below 1e-13."""
     s = r * r
-    s2 = s * s
-    c = (COS[0] + COS[1] * s) + (COS[2] + COS[3] * s) * s2 + ((COS[4] + COS[5] * s) + COS[6] * s2) * (s2 * s2)
-    odd = (SIN[0] + SIN[1] * s) + (SIN[2] + SIN[3] * s) * s2 + (SIN[4] + SIN[5] * s) * (s2 * s2)
-    return c, r * odd
+    return _cos(s), r * _sin_over_r(s)
 
 
 @inlined
@@ -162,10 +190,6 @@ def arc(y, x):  # type: ignore[no-untyped-def]
     small, large = min(y, a), max(y, a)
     beyond = small > EIGHTH * large  # then arctan(t) = pi/4 + arctan((t - 1) / (t + 1))
     t = (small - large if beyond else small) / max(small + large if beyond else large, 1e-300)
-    s = t * t
-    s2 = s * s
-    low = (ATAN[0] + ATAN[1] * s) + (ATAN[2] + ATAN[3] * s) * s2
-    high = (ATAN[4] + ATAN[5] * s) + (ATAN[6] + ATAN[7] * s) * s2 + (ATAN[8] + ATAN[9] * s) * (s2 * s2)
-    angle = (np.pi / 4 if beyond else 0.0) + t * (low + high * (s2 * s2))
+    angle = (np.pi / 4 if beyond else 0.0) + t * _arctan_over_t(t * t)
     angle = np.pi / 2 - angle if y > a else angle
     return np.pi - angle if x < 0 else angle

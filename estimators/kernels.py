@@ -60,11 +60,20 @@ def draw_words(k0, k1, counter, words):  # type: ignore[no-untyped-def]
 @inlined
 def normal_pair(a, b):  # type: ignore[no-untyped-def]
     """Two standard normals from two words by Box-Muller, errors below 1e-12."""
-    radius = np.sqrt(-2.0 * log((a + 0.5) * 2.0**-32))
-    right_angles = (np.int64(b) + 2**29) >> 30
-    c, s = quarter((np.int64(b) - (right_angles << 30) + 0.5) * (2 * np.pi * 2.0**-32))
+    radius = np.sqrt(-2.0 * log(a * 2.0**-32 + 2.0**-33))
+    right_angles, rest = (np.int64(b) + 2**29) >> 30, (np.int64(b) << 34) >> 34  # the lower 30 bits, with a sign
+    c, s = quarter(rest * (2 * np.pi * 2.0**-32) + np.pi * 2.0**-32)
     c, s = turned(right_angles, c, s)
     return radius * c, radius * s
+
+
+@inlined
+def normal_pairs(words, X, Y):  # type: ignore[no-untyped-def]
+    """The standard normals of `words` (2, n)."""
+    wide()
+    first, second = words[0], words[1]
+    for i in range(len(X)):
+        X[i], Y[i] = normal_pair(first[i], second[i])
 
 
 @inlined
@@ -104,7 +113,7 @@ def mark_ancestors(w, total, u, count, out):  # type: ignore[no-untyped-def]
     the ancestor of every place; its last entry is for those that are never chosen. `count` (n,) is scratch.
     """
     wide()
-    n = len(w)
+    n = len(count)
     scale = n / total * 2.0**FRACTION
     for j in range(n):
         count[j] = np.int64(w[j] * scale + 0.5)

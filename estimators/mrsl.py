@@ -17,7 +17,6 @@ import numpy as np
 from cooploc.estimators import own
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
 from cooploc.estimators.likelihood import Heard
-from cooploc.estimators.particles import summary
 
 
 @dataclass(frozen=True)
@@ -44,7 +43,7 @@ class Mrsl(own.Settings):
 
     def send(self, s: own.Own, z: Senses) -> Array:
         """x, y, and the position covariance's P_xx, P_xy, P_yy: five numbers."""
-        return pack(summary(s.x, s.logw))
+        return pack(own.tell(s))
 
     def fuse(self, s: own.Own, z: Senses, mail: Mail) -> own.Own:
         """w_i = P_l(q_i) prod_j integral P(r_j | x_i, x_j) N(x_j; received) dx_j  (8), variance sigma^2 + J P_j J'."""

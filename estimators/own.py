@@ -12,8 +12,8 @@ import numpy as np
 from cooploc.estimators import kernels, likelihood
 from cooploc.estimators.angles import circular_mean
 from cooploc.estimators.doa import gradient_doa
-from cooploc.estimators.interface import Array, Belief, Keys, Rows, Senses, World
-from cooploc.estimators.particles import conclude, mean, spread, walk, weights
+from cooploc.estimators.interface import Array, Belief, Keys, Mask, Rows, Senses, World
+from cooploc.estimators.particles import advance, conclude, mean, renew, spread, summary, weights
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,9 @@ class Own(NamedTuple):
 
     x: Array  # (r, N, d)  particles
     logw: Array  # (r, N)     log-weights, unnormalised
-    belief: Belief  # x (r, d), P (r, d, d)  what was concluded last, before resampling blurred it
+    due: Mask  # (r,)       rows to be renewed when the next tick begins
+    told: Belief | None  # what others are told where it is known already
+    belief: Belief  # x (r, d), P (r, d, d)  what was concluded last
     key: Keys  # (r, 2)
     tick: int
     doa: Array  # (r, K)     raw angles [rad]
@@ -60,26 +62,36 @@ def init(p: Settings, prior: Belief, world: World, rows: Rows) -> Own:
     r = len(prior.x)
     x = spread(prior, rows.key, p.particles)
     empty = np.full((r, p.K), np.nan), np.full((r, p.M), np.nan), np.zeros((r, p.M, 2))
-    return Own(x, np.zeros(x.shape[:2]), prior, rows.key, 0, *empty, world)
+    return Own(x, np.zeros(x.shape[:2]), np.zeros(r, bool), None, prior, rows.key, 0, *empty, world)
 
 
 def predict(p: Settings, s: Own, z: Senses) -> Own:
-    """Draw from P(x_t+1 | x_t); "box": uniformly around the moved estimate, forgetting the weights."""
+    """Draw from P(x_t+1 | x_t); "box": uniformly around the moved estimate, forgetting the weights.
+
+    Where raw readings weigh the particles, `correct` draws them too, in one pass.
+    """
     motion, tick = s.world.motion, s.tick + 1
+    if p.own == "rssi" and p.proposal == "walk":
+        return s._replace(tick=tick)
     trail = motion.retrace(s.trail, z.odometry, z.dt)
     if p.proposal == "box":
-        middle, _, _ = motion.move(mean(s.x, weights(s.logw)), z.odometry, z.dt)
+        x, logw = renew(s.x, s.logw, s.key, s.tick)
+        middle, _, _ = motion.move(mean(x, weights(logw)), z.odometry, z.dt)
         x = np.repeat(middle[:, None, :], p.particles, 1)
         x[..., :2] += p.box * (2 * kernels.uniforms(s.key, tick, kernels.BOX, p.particles) - 1)
         return s._replace(x=x, logw=np.zeros_like(s.logw), tick=tick, trail=trail)
-    x = walk(motion, s.x, z.odometry, z.dt, s.key, tick)
-    return s._replace(x=x, tick=tick, trail=trail)
+    x, logw, _ = advance(motion, s.x, s.logw, s.due, z, s.key, tick)
+    return s._replace(x=x, logw=logw, tick=tick, trail=trail)
 
 
 def correct(p: Settings, s: Own, z: Senses) -> Own:
     """Weigh the particles by the anchors' readings."""
+    fixed = list(s.world.fixed(z))
+    if p.own == "rssi" and p.proposal == "box":
+        return s._replace(logw=likelihood.anchors(fixed, s.x, s.logw))
     if p.own == "rssi":
-        return s._replace(logw=likelihood.anchors(list(s.world.fixed(z)), s.x, s.logw))
+        x, logw, told = advance(s.world.motion, s.x, s.logw, s.due, z, s.key, s.tick, fixed)
+        return s._replace(x=x, logw=logw, told=told)
     doa = gradient_doa(s.world)
     angle = doa.measure(z.anchor_rssi)
     s = _remember(p, s, angle)
@@ -88,17 +100,20 @@ def correct(p: Settings, s: Own, z: Senses) -> Own:
     return s._replace(logw=likelihood.window(doa, s.world.motion, s.x, s.logw, heard, s.trail, p.density, power))
 
 
+def tell(s: Own) -> Belief:
+    """What others are told: the belief before anything is heard."""
+    return s.told or summary(s.x, s.logw)
+
+
 def finish(p: Settings, s: Own, heard: likelihood.Heard | None = None) -> Own:
-    """Weigh by what was heard, conclude, then resample where it is due.
+    """Weigh by what was heard, and conclude.
 
     The belief is the weighted mean and covariance; with point="max" the particle of largest weight instead of the mean.
     """
-    belief, x, logw = conclude(s.x, s.logw, s.key, s.tick, heard)
+    belief, logw, due = conclude(s.x, s.logw, heard)
     if p.point == "max":
-        weighed = likelihood.teammates(heard, s.x, s.logw) if heard else s.logw
-        best = weighed.argmax(-1)[:, None, None]
-        belief = belief._replace(x=np.take_along_axis(s.x, best, 1)[:, 0])
-    return s._replace(x=x, logw=logw, belief=belief)
+        belief = belief._replace(x=np.take_along_axis(s.x, logw.argmax(-1)[:, None, None], 1)[:, 0])
+    return s._replace(logw=logw, due=due, belief=belief)
 
 
 def _remember(p: Settings, s: Own, angle: Array) -> Own:

@@ -33,6 +33,28 @@ def log(x, _):
 
 
 @numba.njit(**FAST)
+def ln(x, _):
+    return elementary.ln(x)
+
+
+@numba.njit(**FAST)
+def log1p(x, _):
+    return elementary.log1p_compact(x)
+
+
+@numba.njit(**FAST)
+def order(a, b):
+    """-1, 0 or 1, by the integers that stand for two floats."""
+    a, b = elementary.ordered(a), elementary.ordered(b)
+    return 1.0 * (a > b) - 1.0 * (a < b)
+
+
+@numba.njit(**FAST)
+def back(x, _):
+    return elementary.ordered(elementary.ordered(x))
+
+
+@numba.njit(**FAST)
 def exp(x, _):
     return elementary.exp(x)
 
@@ -52,7 +74,7 @@ def arc(y, x):
     return elementary.arc(y, x)
 
 
-LOOPS = {f.__name__: over(f, None) for f in (log, exp, cosine, sine, arc)}
+LOOPS = {f.__name__: over(f, None) for f in (log, ln, log1p, order, back, exp, cosine, sine, arc)}
 positive = st.floats(1e-300, 1e300)
 finite = st.floats(-1e150, 1e150).filter(lambda v: v == 0 or abs(v) > 1e-150)
 
@@ -69,6 +91,26 @@ def at(name, a, b=0.0):
 @repeatable
 def test_logarithm(x):
     assert at("log", x) == pytest.approx(np.log(x), rel=3e-13, abs=3e-13)
+
+
+@given(positive)
+@repeatable
+def test_logarithm_in_fewer_steps(x):
+    assert at("ln", x) == pytest.approx(np.log(x), rel=5e-13, abs=5e-13)
+
+
+@given(st.floats(-elementary.COMPACT, elementary.COMPACT))
+@repeatable
+def test_logarithm_near_the_middle_of_a_compact_cloud(t):
+    assert at("log1p", t) == pytest.approx(np.log1p(t), abs=5e-13)
+
+
+@given(st.floats(allow_nan=False), st.floats(allow_nan=False))
+@repeatable
+def test_integers_are_ordered_as_their_floats(a, b):
+    if not a == b == 0:  # -0 comes before 0
+        assert at("order", a, b) == float(a > b) - float(a < b)
+    assert at("back", a) == a
 
 
 @given(st.floats(-0.29, 0.41))

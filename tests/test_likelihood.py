@@ -7,19 +7,22 @@ import pytest
 
 from cooploc.estimators import kernels, likelihood, particles
 from cooploc.estimators.doa import GradientDoa
-from cooploc.estimators.interface import Belief
+from cooploc.estimators.interface import Belief, Senses
 from cooploc.estimators.likelihood import Heard
 from cooploc.estimators.models import Displacement, LogDistance, Range, Unicycle
 
 ROWS, SIDE = 5, 6.0
-sizes = pytest.mark.parametrize("n", [2, 500, 1100])  # within a block, a common number, three blocks
-links = pytest.mark.parametrize("team", [0, 1, 2, 3, 4, 7, 11])  # every way to part them in fours, twos and ones
+sizes = pytest.mark.parametrize("n", [2, 500, 1100])  # fewer than a vector, a common number, more
+links = pytest.mark.parametrize(
+    "team", [0, 1, 2, 3, 7, 11, 29]
+)  # every way to part them in eights, fours, twos and ones
+clouds = pytest.mark.parametrize("side", [6.0, 0.4])  # all links are near; most are far
 wide = pytest.mark.parametrize("d", [2, 3])
 
 
-def cloud(n, d=2, seed=0):
+def cloud(n, d=2, seed=0, side=SIDE):
     rng = np.random.default_rng(seed)
-    return rng.uniform(0, SIDE, (ROWS, n, d)), rng.normal(size=(ROWS, n))
+    return (SIDE - side) / 3 + rng.uniform(0, side, (ROWS, n, d)), rng.normal(size=(ROWS, n))
 
 
 def heard(sensor, team, integrate=True, absent=0.3):
@@ -41,12 +44,13 @@ def assert_close(a, b):
 @sizes
 @links
 @wide
+@clouds
 @pytest.mark.parametrize("integrate", [True, False])
 @pytest.mark.parametrize("sensor", [LogDistance(), LogDistance(-30.0, 1.7, 0.4), Range(), Range(0.5)], ids=str)
-def test_teammates_are_the_sensors_own_numpy(sensor, integrate, d, team, n):
-    x, logw = cloud(n, d)
+def test_teammates_are_the_sensors_own_numpy(sensor, integrate, side, d, team, n):
+    x, logw = cloud(n, d, side=side)
     told = heard(sensor, team, integrate)
-    if team:
+    if team and side == SIDE:
         x[:, 0, :2] = np.nan_to_num(told.packets[:, 0, :2], nan=1.0) + np.array([0.03, 0.02])
     assert_close(likelihood.teammates(told, x, logw), likelihood.teammates_reference(told, x, logw))
 
@@ -54,12 +58,14 @@ def test_teammates_are_the_sensors_own_numpy(sensor, integrate, d, team, n):
 @sizes
 @links
 @wide
-def test_anchors_are_the_sensors_own_numpy(d, team, n):
-    x, logw = cloud(n, d)
+@clouds
+def test_anchors_are_the_sensors_own_numpy(side, d, team, n):
+    x, logw = cloud(n, d, side=side)
     sensor, rng = LogDistance(-35.0, 2.5, 3.0), np.random.default_rng(1)
     z = np.where(rng.uniform(size=(ROWS, team)) < 0.3, np.nan, rng.normal(-50, 5, (ROWS, team)))
     fixed = [(sensor, rng.uniform(0, SIDE, 2), z[:, a, None]) for a in range(team)]
-    x[0, 0, :2] = fixed[0][1] + 0.02 if fixed else 0
+    if fixed and side == SIDE:
+        x[0, 0, :2] = fixed[0][1] + 0.02
     assert_close(likelihood.anchors(fixed, x, logw), likelihood.anchors_reference(fixed, x, logw))
 
 
@@ -111,64 +117,105 @@ def test_ranges_too_short_are_refused():
     np.testing.assert_array_equal(likelihood.teammates(told, x, logw), logw)
 
 
+def test_a_cloud_with_nan_is_weighed_where_it_is_not():
+    """Its box is nowhere, so that no link is far."""
+    x, logw = cloud(300, side=0.4)
+    told = heard(LogDistance(), 11)
+    x[1, 7] = np.nan
+    got, want = likelihood.teammates(told, x, logw), likelihood.teammates_reference(told, x, logw)
+    assert_close(np.delete(got[1], 7), np.delete(want[1], 7))
+    assert np.isnan(got[1, 7])
+
+
+# ---------------------------------------------------------------- a tick in two passes
+
+
+def senses(u, dt):
+    nothing = np.empty((len(dt), 0))
+    return Senses(u, dt, nothing, nothing, nothing, {})
+
+
 @links
 def test_bits_do_not_depend_on_the_rows_beside(team):
     x, logw = cloud(1100)
     told, key = heard(LogDistance(), team), np.arange(2 * ROWS, dtype=np.uint32).reshape(-1, 2)
-    together = particles.conclude(x, logw, key, 3, told)
+    z, due = senses(np.ones((ROWS, 2)), np.ones(ROWS)), np.array([True, False, True, True, False])
+    fixed = [(LogDistance(), np.zeros(2), np.full((ROWS, 1), -50.0))]
+    concluded, advanced = particles.conclude(x, logw, told), advance(x, logw, due, z, key, fixed)
     for r in range(ROWS):
         row = slice(r, r + 1)
         mine = told._replace(packets=told.packets[row], readings=told.readings[row])
-        alone = particles.conclude(x[row], logw[row], key[row], 3, mine)
-        for a, b in zip((*alone[0], *alone[1:]), (*together[0], *together[1:]), strict=True):
-            np.testing.assert_array_equal(a[0], b[r])
+        here = [(LogDistance(), np.zeros(2), np.full((1, 1), -50.0))]
+        again = advance(x[row], logw[row], due[row], senses(z.odometry[row], z.dt[row]), key[row], here)
+        for alone, together in ((particles.conclude(x[row], logw[row], mine), concluded), (again, advanced)):
+            for a, b in zip(flat(alone), flat(together), strict=True):
+                np.testing.assert_array_equal(a[0], b[r])
 
 
-# ---------------------------------------------------------------- particles' own loops
+def flat(found):
+    return [a for one in found for a in (one if isinstance(one, Belief) else (one,))]
 
 
-@sizes
-def test_walk_is_the_motion_with_the_generators_noise(n):
-    x, _ = cloud(n)
-    rng = np.random.default_rng(3)
-    u, dt = rng.normal(size=(ROWS, 2)), rng.uniform(0, 2, ROWS)
-    u[1], u[2, 0] = np.nan, np.nan
-    key, motion = rng.integers(0, 2**32, (ROWS, 2), np.uint32), Displacement(0.3, 0.5)
-    noise = kernels.normals_reference(key, 9, kernels.MOVE, n)
-    assert_close(particles.walk(motion, x, u, dt, key, 9), motion.sample(x, u[:, None], dt[:, None], noise))
+def advance(x, logw, due, z, key, fixed=(), motion=None):
+    return particles.advance(motion or Displacement(0.3, 0.5), x, logw, due, z, key, 9, fixed)
 
 
 @sizes
 @pytest.mark.parametrize("team", [0, 3])
-def test_conclusion_is_moments_and_renewal_in_numpy(n, team):
+def test_conclusion_is_moments_in_numpy_and_says_which_rows_are_poor(n, team):
     x, logw = cloud(n)
-    logw[0] *= 9  # renewed
-    logw[1] *= 1e-3  # kept
+    logw[0] *= 9
+    logw[1] *= 1e-3
     logw[2] = -np.inf  # starts again
-    key, told = np.random.default_rng(4).integers(0, 2**32, (ROWS, 2), np.uint32), heard(LogDistance(sigma=30.0), team)
+    told = heard(LogDistance(sigma=30.0), team)
     weighed = likelihood.teammates_reference(told, x, logw)
-    belief, new, logw_new = particles.conclude(x, logw, key, 5, told)
-    want = particles.moments(x, particles.weights(weighed))
-    for a, b in zip((*belief, new), (*want, particles.renew(x, weighed, key, 5)[0]), strict=True):
+    belief, logw_new, due = particles.conclude(x, logw, told)
+    w = particles.weights(weighed)
+    for a, b in zip((*belief, *particles.summary(x, weighed)), (*particles.moments(x, w),) * 2, strict=True):
         assert_close(a, b)
-    np.testing.assert_allclose(logw_new, particles.renew(x, weighed, key, 5)[1], atol=1e-11)
-    assert_close(
-        np.concatenate([a.ravel() for a in particles.summary(x, weighed)]), np.concatenate([a.ravel() for a in want])
-    )
+    assert_close(logw_new, particles.restarted(weighed))
+    np.testing.assert_array_equal(due, particles.poor(w))
     if n > 2:
-        assert (new[0] != x[0]).any()
-        np.testing.assert_array_equal(new[1], x[1])
+        assert due[0]
+        assert not due[1:3].any()
 
 
-def test_conclusion_of_rows_with_nan_is_nan_there_alone():
+@sizes
+@links
+@clouds
+def test_advance_is_renewal_motion_and_anchors_in_numpy(side, team, n):
+    x, logw = cloud(n, side=side)
+    logw *= np.array([9.0, 0.1, 9.0, 0.0, 9.0])[:, None]
+    rng = np.random.default_rng(3)
+    u, dt = rng.normal(size=(ROWS, 2)), rng.uniform(0, 2, ROWS)
+    u[1], u[2, 0] = np.nan, np.nan
+    key, motion = rng.integers(0, 2**32, (ROWS, 2), np.uint32), Displacement(0.3, 0.5)
+    z = np.where(rng.uniform(size=(ROWS, team)) < 0.3, np.nan, rng.normal(-50, 5, (ROWS, team)))
+    sensor = LogDistance(-35.0, 2.5, 30.0)
+    fixed = [(sensor, rng.uniform(0, SIDE, 2), z[:, a, None]) for a in range(team)]
+    due = particles.poor(particles.weights(logw))
+    new, weighed, told = advance(x, logw, due, senses(u, dt), key, fixed, motion)
+    there, flat = particles.renew(x, logw, key, 8)
+    noise = kernels.normals_reference(key, 9, kernels.MOVE, n)
+    there = motion.sample(there, u[:, None], dt[:, None], noise)
+    assert_close(new, there)
+    np.testing.assert_allclose(weighed, likelihood.anchors_reference(fixed, there, flat), rtol=1e-11, atol=1e-10)
+    if not fixed:
+        assert told is None
+        return
+    for a, b in zip(told, particles.moments(new, particles.weights(weighed)), strict=True):
+        assert_close(a, b)
+
+
+def test_a_pass_over_rows_with_nan_is_nan_there_alone():
     x, logw = cloud(300)
-    key = np.zeros((ROWS, 2), np.uint32)
-    clean = particles.conclude(x, logw, key, 5)
+    key, z, due = np.zeros((ROWS, 2), np.uint32), senses(np.zeros((ROWS, 2)), np.ones(ROWS)), np.ones(ROWS, bool)
+    clean = particles.conclude(x, logw), advance(x, logw, due, z, key)[:2]
     x[1, 4], logw[2, 7] = np.nan, np.nan
-    dirty = particles.conclude(x, logw, key, 5)
-    assert isinstance(dirty[0], Belief)
+    dirty = particles.conclude(x, logw), advance(x, logw, due, z, key)[:2]
     for r in (1, 2):
-        assert np.isnan(dirty[0].x[r]).any()
+        assert np.isnan(dirty[0][0].x[r]).any()
+        assert np.isnan(dirty[1][0][r]).any()
     for r in (0, 3, 4):
-        np.testing.assert_array_equal(dirty[0].P[r], clean[0].P[r])
-        np.testing.assert_array_equal(dirty[1][r], clean[1][r])
+        for a, b in zip(flat([*dirty[0], *dirty[1]]), flat([*clean[0], *clean[1]]), strict=True):
+            np.testing.assert_array_equal(a[r], b[r])
