@@ -1,10 +1,11 @@
 """Where every random number starts: SeedSequence(seed, spawn_key=(trial, purpose, ...)), so streams never overlap."""
 
 from enum import IntEnum
+from functools import lru_cache
 
 import numpy as np
 
-from cooploc.estimators.interface import Indices, Rows
+from cooploc.estimators.interface import Indices, Keys, Rows
 
 
 class Purpose(IntEnum):
@@ -24,11 +25,18 @@ def generator(seed: int, trial: int, purpose: Purpose) -> np.random.Generator:
 
 def rows(seed: int, trial: Indices, robots: int) -> Rows:
     """Identity and key of each (trial, robot) row, trial-major; the same for every estimator."""
+    return Rows(
+        np.repeat(trial, robots), np.tile(np.arange(robots), len(trial)), _keys(seed, tuple(trial.tolist()), robots)
+    )
+
+
+@lru_cache(maxsize=16)
+def _keys(seed: int, trials: tuple[int, ...], robots: int) -> Keys:
     key = [
-        np.random.SeedSequence(seed, spawn_key=(int(k), int(Purpose.ESTIMATOR), i)).generate_state(2)
-        for k in trial
+        np.random.SeedSequence(seed, spawn_key=(k, int(Purpose.ESTIMATOR), i)).generate_state(2)
+        for k in trials
         for i in range(robots)
     ]
-    return Rows(
-        np.repeat(trial, robots), np.tile(np.arange(robots), len(trial)), np.array(key, np.uint32).reshape(-1, 2)
-    )
+    keys = np.array(key, np.uint32).reshape(-1, 2)
+    keys.flags.writeable = False
+    return keys
