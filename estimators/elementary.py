@@ -41,9 +41,8 @@ EIGHTH = float(np.tan(np.pi / 8))
 
 # Whatever kernels are made of. numba by itself compiles again when a kernel's own file has changed, not when a file has
 # from which it takes functions.
-SOURCES = [
-    Path(__file__).with_name(f"{name}.py").read_bytes() for name in ("elementary", "kernels", "likelihood", "models")
-]
+SHARED = "elementary", "kernels", "link_kernels", "models", "scratch"
+SOURCES = [Path(__file__).with_name(f"{name}.py").read_bytes() for name in SHARED]
 
 
 def kernel(function: Callable[..., Any]) -> Any:
