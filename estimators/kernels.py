@@ -118,11 +118,11 @@ def mark_ancestors(w, total, u, count, out):  # type: ignore[no-untyped-def]
     for j in range(n):
         count[j] = np.int64(w[j] * scale + 0.5)
         out[j] = 0
-    start = (1 << FRACTION) - 1 - np.int64(u * 2.0**FRACTION)
-    cumulated = start
+    last = np.uint64(n)
+    cumulated = (1 << FRACTION) - 1 - np.int64(u * 2.0**FRACTION)
     for j in range(n):
-        place = cumulated >> FRACTION
-        out[np.uint64(place if place < n else n)] = j
+        place = np.uint64(cumulated >> FRACTION)  # a negative one, of weights that are nan, is large then
+        out[place if place < last else last] = j
         cumulated += count[j]
 
 

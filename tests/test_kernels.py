@@ -219,3 +219,13 @@ def test_weights_that_are_a_view_are_read_in_order():
     w = np.random.default_rng(2).dirichlet(np.full(30, 0.2), 8)
     u = np.full(8, 0.4)
     np.testing.assert_array_equal(kernels.systematic(w.T.copy().T, u), kernels.systematic(w, u))
+
+
+@pytest.mark.parametrize("bad", [np.nan, -1.0, np.inf, -np.inf, 1e300])
+def test_bad_weights_choose_particles_that_exist(bad):
+    """Whatever they choose: nothing is written or read beside the row."""
+    w = np.full((3, 40), 1 / 40)
+    w[1, ::7] = bad
+    chosen = kernels.systematic(w, np.full(3, 0.5))
+    assert ((chosen >= 0) & (chosen < 40)).all()
+    np.testing.assert_array_equal(chosen[[0, 2]], np.tile(np.arange(40), (2, 1)))

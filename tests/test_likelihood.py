@@ -117,6 +117,17 @@ def test_ranges_too_short_are_refused():
     np.testing.assert_array_equal(likelihood.teammates(told, x, logw), logw)
 
 
+@pytest.mark.parametrize("away", [0.0, 2e4, 5e6])
+def test_products_over_many_links_neither_overflow_nor_vanish(away):
+    """As between robots that a prior put at the origin and others in coordinates of a planet."""
+    x, logw = cloud(50, side=0.4)
+    told = heard(LogDistance(sigma=1e-3), 29, absent=0.0)
+    told.packets[..., :2] = x[:, :1] + away + 1e-3
+    got = likelihood.teammates(told, x, logw)
+    assert np.isfinite(got).all()
+    np.testing.assert_allclose(got, likelihood.teammates_reference(told, x, logw), rtol=1e-11)
+
+
 def test_a_cloud_with_nan_is_weighed_where_it_is_not():
     """Its box is nowhere, so that no link is far."""
     x, logw = cloud(300, side=0.4)
