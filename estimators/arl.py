@@ -28,7 +28,7 @@ class Arl(own.Settings):
         return own.predict(self, s, z)
 
     def correct(self, s: own.Own, z: Senses) -> own.Own:
-        return own.correct(self, s, z)
+        return own.correct(self, s, z, tell=False)
 
     def send(self, s: own.Own, z: Senses) -> Array:
         return np.empty((len(s.x), 0))

@@ -84,13 +84,13 @@ def predict(p: Settings, s: Own, z: Senses) -> Own:
     return s._replace(x=x, logw=logw, tick=tick, trail=trail)
 
 
-def correct(p: Settings, s: Own, z: Senses) -> Own:
-    """Weigh the particles by the anchors' readings."""
+def correct(p: Settings, s: Own, z: Senses, tell: bool = True) -> Own:
+    """Weigh the particles by the anchors' readings; `tell` unless nothing is told to others."""
     fixed = list(s.world.fixed(z))
     if p.own == "rssi" and p.proposal == "box":
         return s._replace(logw=likelihood.anchors(fixed, s.x, s.logw))
     if p.own == "rssi":
-        x, logw, told = advance(s.world.motion, s.x, s.logw, s.due, z, s.key, s.tick, fixed)
+        x, logw, told = advance(s.world.motion, s.x, s.logw, s.due, z, s.key, s.tick, fixed, tell)
         return s._replace(x=x, logw=logw, told=told)
     doa = gradient_doa(s.world)
     angle = doa.measure(z.anchor_rssi)

@@ -11,7 +11,7 @@ BANDWIDTH = 0.3  # h of Liu and West's kernel, times n^(-1/6)
 
 @kernel
 def advance_rows(  # type: ignore[no-untyped-def]
-    x, logw, due, places, readings, A, slope, unit, u, sd, key, counter, out, logw_out, mean, P
+    x, logw, due, places, readings, A, slope, unit, u, sd, key, counter, tell, out, logw_out, mean, P
 ):
     """`particles.advance` for particles x (2 r, n) into `out` (2 r, n), and what follows it."""
     wide()
@@ -41,7 +41,7 @@ def advance_rows(  # type: ignore[no-untyped-def]
             box = west, east, south, north
             link_kernels.add_anchors(X, Y, box, r, places, readings, A, slope, unit, ln_unit, links, total)
         give(total, logw_out, r)
-        if len(places) > 0:
+        if tell:
             _weigh(X, Y, total, n, w, mean, P, r)
 
 

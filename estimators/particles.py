@@ -30,7 +30,15 @@ def spread(prior: Belief, key: Keys, n: int) -> Array:
 
 
 def advance(
-    motion: Motion, x: Array, logw: Array, due: Mask, z: Senses, key: Keys, tick: int, fixed: Sequence[Fixed] = ()
+    motion: Motion,
+    x: Array,
+    logw: Array,
+    due: Mask,
+    z: Senses,
+    key: Keys,
+    tick: int,
+    fixed: Sequence[Fixed] = (),
+    tell: bool = False,
 ) -> tuple[Array, Array, Belief | None]:
     """Begin a tick: renew, move, and weigh by the readings of fixed places.
 
@@ -43,9 +51,10 @@ def advance(
         key: of the random numbers (r, 2).
         tick: that begins.
         fixed: readings that weigh the particles where they are then.
+        tell: whether their moments are asked for.
 
     Returns:
-        particles drawn from P(x' | x, u), their log-weights, and their moments if there are any such readings.
+        particles drawn from P(x' | x, u), their log-weights, and their moments.
 
     """
     n = x.shape[1]
@@ -54,14 +63,14 @@ def advance(
         noise = kernels.normals(key, tick, kernels.MOVE, n)
         x = motion.sample(x, z.odometry[:, None, :], z.dt[:, None], noise)
         logw = likelihood.anchors(fixed, x, logw)
-        return x, logw, summary(x, logw) if fixed else None
+        return x, logw, summary(x, logw) if tell else None
     new, logw_new = np.empty((2 * len(x), n)), np.empty_like(logw, order="C")
     sd = np.sqrt(motion.sigma**2 / motion.tick * z.dt)
-    belief, told = room(len(x)), (readable(z.odometry), readable(sd), readable(key), tick * kernels.PURPOSES)
+    belief, told = room(len(x)), (readable(z.odometry), readable(sd), readable(key), tick * kernels.PURPOSES, tell)
     advance_rows(
         planes(x), readable(logw), readable(due), *likelihood.told(fixed, len(x)), *told, new, logw_new, *belief
     )
-    return new.reshape(-1, 2, n).transpose(0, 2, 1), logw_new, belief if fixed else None
+    return new.reshape(-1, 2, n).transpose(0, 2, 1), logw_new, belief if tell else None
 
 
 def summary(x: Array, logw: Array) -> Belief:
