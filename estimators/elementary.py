@@ -35,7 +35,7 @@ FRACTION = (1 << MANTISSA) - 1
 ONE = 1023 << MANTISSA  # bits of 1.0
 ROUND = 1.5 * 2.0**52  # a number this large has no fraction: adding it rounds
 LOWEST = -708.0  # exp of less is 0 here
-COMPACT = 1 / 4
+COMPACT = 1 / 4  # how far a compact cloud reaches from the middle of its squared distances, as a share of that
 EIGHTH = float(np.tan(np.pi / 8))
 
 
