@@ -34,10 +34,10 @@ bench: $(VENV)/.ready  ## speed, as ratios to a reference in the same run
 	$(BIN)/python benchmarks/intersection.py
 
 prove: $(VENV)/.ready  ## how often intervals and verdicts are right, by simulation; keeps its report
-	$(BIN)/python prove/rates.py reports/statistics.md
+	$(BIN)/python benchmarks/statistics/rates.py reports/statistics.md
 
 accuse: $(VENV)/.ready  ## is an honest estimator ever accused? an hour; keeps its report after every seed
-	$(BIN)/python prove/accusations.py reports/accusations.md 50
+	$(BIN)/python benchmarks/statistics/accusations.py reports/accusations.md 50
 
 $(VENV)/.ready: requirements.lock pyproject.toml
 	$(PYTHON) -m venv $(VENV)

@@ -11,7 +11,7 @@ from time import process_time
 from typing import Any
 
 import cooploc as cl
-from cooploc.analysis.provenance import provenance
+from cooploc.analysis.execution.provenance import provenance
 
 FOLDER = Path(__file__).resolve().parent.parent / "examples"
 NAMES = ("filterpy_loop.py:loop", "batched_numpy.py:Batched", "numba_kernel.py:Compiled")

@@ -14,10 +14,10 @@ from typing import Any
 import cvxpy as cp
 import numpy as np
 
+from cooploc.estimators.covariance_intersection.scalar_readings import Lot, chain
+from cooploc.estimators.covariance_intersection.weights import intersect, relative_weights, weights
 from cooploc.estimators.interface import Belief
-from cooploc.estimators.intersection import intersect, relative_weights, weights
-from cooploc.estimators.intersection_scalar import Lot, chain
-from cooploc.estimators.models import Range
+from cooploc.estimators.models.sensors import Range
 
 FUSIONS = 100
 FRESH = 10  # of them are solved by the slow contenders in a round

@@ -15,8 +15,8 @@ import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
 
 import cooploc as cl
-from cooploc.estimators.doa import gradient_doa
 from cooploc.estimators.interface import Belief, Traffic
+from cooploc.estimators.models.gradient_doa import gradient_doa
 
 PLAIN = {"iterations": 1, "second_order": False, "update": "sequential"}
 CASES = ((10, 100, 100, 2, 60), (50, 10, 10, 1, 200))  # robots, ticks, trials, the loop's, aim

@@ -10,7 +10,7 @@ import joint_ekf
 import particle_filter
 import scaling
 
-from cooploc.analysis.provenance import provenance
+from cooploc.analysis.execution.provenance import provenance
 
 
 def main(rounds: int = 5) -> None:

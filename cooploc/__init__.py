@@ -16,12 +16,11 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from cooploc.analysis import plot as plot
-    from cooploc.analysis.compare import compare as compare
-    from cooploc.analysis.compare import summarize as summarize
-    from cooploc.analysis.errors import errors as errors
-    from cooploc.analysis.trajectories import to_tum as to_tum
+    from cooploc.analysis.metrics.compare import compare as compare
+    from cooploc.analysis.metrics.compare import summarize as summarize
+    from cooploc.analysis.metrics.errors import errors as errors
+    from cooploc.analysis.metrics.tum import to_tum as to_tum
     from cooploc.estimators import make as make
-    from cooploc.estimators.bad_input import BadInput as BadInput
     from cooploc.estimators.interface import Belief as Belief
     from cooploc.estimators.interface import Estimator as Estimator
     from cooploc.estimators.interface import Mail as Mail
@@ -30,31 +29,32 @@ if TYPE_CHECKING:
     from cooploc.estimators.interface import TeamEstimator as TeamEstimator
     from cooploc.estimators.interface import Traffic as Traffic
     from cooploc.estimators.interface import World as World
-    from cooploc.estimators.lift import PerRobot as PerRobot
+    from cooploc.estimators.per_robot import PerRobot as PerRobot
+    from cooploc.estimators.plugins.errors import BadInput as BadInput
     from cooploc.scenarios import simulate as simulate
-    from cooploc.scenarios.check import check_estimator as check_estimator
-    from cooploc.scenarios.runner import EstimatorError as EstimatorError
-    from cooploc.scenarios.runner import Misfit as Misfit
-    from cooploc.scenarios.runner import Run as Run
-    from cooploc.scenarios.runner import run as run
+    from cooploc.scenarios.conformance.check import check_estimator as check_estimator
+    from cooploc.scenarios.runner.run import EstimatorError as EstimatorError
+    from cooploc.scenarios.runner.run import Misfit as Misfit
+    from cooploc.scenarios.runner.run import Run as Run
+    from cooploc.scenarios.runner.run import run as run
     from cooploc.scenarios.stream import Stream as Stream
     from cooploc.scenarios.stream import Truth as Truth
 
 # name -> the module that holds it, or is it
 _HOME = {
-    "BadInput": "estimators.bad_input",
+    "BadInput": "estimators.plugins.errors",
     **dict.fromkeys(
         ("Belief", "Estimator", "Mail", "Rows", "Senses", "TeamEstimator", "Traffic", "World"), "estimators.interface"
     ),
-    "PerRobot": "estimators.lift",
+    "PerRobot": "estimators.per_robot",
     "make": "estimators",
     "simulate": "scenarios",
-    "check_estimator": "scenarios.check",
-    **dict.fromkeys(("EstimatorError", "Misfit", "Run", "run"), "scenarios.runner"),
+    "check_estimator": "scenarios.conformance.check",
+    **dict.fromkeys(("EstimatorError", "Misfit", "Run", "run"), "scenarios.runner.run"),
     **dict.fromkeys(("Stream", "Truth"), "scenarios.stream"),
-    **dict.fromkeys(("compare", "summarize"), "analysis.compare"),
-    "errors": "analysis.errors",
-    "to_tum": "analysis.trajectories",
+    **dict.fromkeys(("compare", "summarize"), "analysis.metrics.compare"),
+    "errors": "analysis.metrics.errors",
+    "to_tum": "analysis.metrics.tum",
     "plot": "analysis.plot",
 }
 __version__ = version("cooploc")

@@ -23,7 +23,7 @@ def main() -> None:
 
 def _explained(e: Exception) -> str | None:
     """One line for what the user can mend; None for our own faults, which keep their traceback."""
-    from cooploc.estimators.bad_input import BadInput
+    from cooploc.estimators.plugins.errors import BadInput
 
     if isinstance(e, BadInput):
         return str(e)

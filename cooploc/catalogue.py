@@ -6,7 +6,7 @@ from typing import Any
 
 from cooploc import estimators
 from cooploc.scenarios import simulate
-from cooploc.scenarios.runner import Misfit, trace
+from cooploc.scenarios.runner.run import Misfit, trace
 
 # What each sends, and what theory says of its covariance; what runs say of it stands in every table of results.
 KNOWN = {

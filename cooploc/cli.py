@@ -61,12 +61,12 @@ def run(
     as_json: Annotated[bool, typer.Option("--json", help="print the table as JSON and nothing else on stdout")] = False,
 ) -> None:
     """Run a study, print its table, and keep results and picture in the run directory."""
-    from cooploc.analysis import report
-    from cooploc.analysis.compare import compare
-    from cooploc.analysis.execute import execute
+    from cooploc.analysis.execution.execute import execute
+    from cooploc.analysis.metrics.compare import compare
+    from cooploc.analysis.report import terminal
     from cooploc.estimators import split
     from cooploc.progress import Watch
-    from cooploc.scenarios.study import load
+    from cooploc.scenarios.studies.study import load
 
     wanted = None if estimators is None else split(estimators)
     asked = load(study).with_options(trials=trials, seed=seed, only=wanted)
@@ -74,8 +74,8 @@ def run(
     with Watch() as watch:
         rows = execute(asked, folder, data=data, jobs=jobs, scheduler=scheduler, check=check, progress=watch)
     table = compare(rows, asked.baselines())
-    report.keep(table, rows, folder)
-    report.show(table, rows, folder, as_json)
+    terminal.keep(table, rows, folder)
+    terminal.show(table, rows, folder, as_json)
     if rows["failure"].notna().any():
         raise typer.Exit(1)
 
@@ -95,7 +95,7 @@ def check(
 ) -> None:
     """Check that an estimator cannot cheat and keeps to the interface."""
     from cooploc.estimators import make
-    from cooploc.scenarios.check import check_estimator
+    from cooploc.scenarios.conformance.check import check_estimator
 
     result = check_estimator(make(estimator), name=estimator, seed=seed)
     typer.echo(result.table())

@@ -4,7 +4,7 @@ from rich.console import Console
 from rich.table import Table
 
 from cooploc import estimators, scenarios
-from cooploc.scenarios import study
+from cooploc.scenarios.studies import study
 
 
 def show(kind: str) -> None:

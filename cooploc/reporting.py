@@ -4,46 +4,46 @@ from pathlib import Path
 
 from rich.console import Console
 
-from cooploc.analysis import ledger as ledgers
-from cooploc.analysis.kept import read
+from cooploc.analysis.claims import ledger as ledgers
+from cooploc.analysis.execution.stored_run import read
 
 
 def report(folder: Path, out: Path, ledger: Path | None) -> None:
     """Write a run's report, and say where it is."""
-    from cooploc.analysis import page
+    from cooploc.analysis.report import html_page
 
-    written = page.write(read(folder), ledgers.load(ledger), out)
+    written = html_page.write(read(folder), ledgers.load(ledger), out)
     _console().print(f"report: {written}   tables: {out / 'tables'}", soft_wrap=True)
 
 
 def verdicts(folder: Path, ledger: Path | None) -> None:
     """Print the verdicts of a ledger on a run."""
-    from cooploc.analysis import claims, telling
+    from cooploc.analysis.claims import verdicts, wording
 
     asked = ledgers.load(ledger)
-    telling.show(claims.judge(asked, read(folder).rows), asked)
+    wording.show(verdicts.judge(asked, read(folder).rows), asked)
 
 
 def compare(before: Path, after: Path) -> None:
     """Print what changed between two runs."""
-    from cooploc.analysis import runs
+    from cooploc.analysis.report import run_diff
 
     a, b = read(before), read(after)
     console = _console()
-    found = runs.changes(a, b)
+    found = run_diff.changes(a, b)
     console.print(f"from {before} to {after}", soft_wrap=True)
-    for line in runs.settings(a, b):
+    for line in run_diff.settings(a, b):
         console.print(line, soft_wrap=True)
     console.print()
     if len(found):
-        console.print(runs.table(found).terminal())
-    for line in runs.sentences(found):
+        console.print(run_diff.table(found).terminal())
+    for line in run_diff.sentences(found):
         console.print(line, soft_wrap=True)
 
 
 def reproduce(page: Path, trials: int, data: Path | None) -> bool:
     """Run some of a report's trials again; whether all came out bit-equal."""
-    from cooploc.analysis import reproduce as again
+    from cooploc.analysis.report import reproduce as again
 
     embedded = again.load(page)
     console = _console()

@@ -5,7 +5,7 @@ from pathlib import Path
 from string import Template
 
 from cooploc.estimators import BUILTIN
-from cooploc.estimators.bad_input import BadInput
+from cooploc.estimators.plugins.errors import BadInput
 
 PYPROJECT = Template("""\
 [build-system]
@@ -34,7 +34,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from cooploc import Belief, Mail, Rows, World
-from cooploc.estimators.gaussian import kalman
+from cooploc.estimators.kalman.update import kalman
 from cooploc.estimators.interface import Senses
 
 
@@ -83,7 +83,7 @@ TEST = Template('''\
 
 from $module import $cls
 
-from cooploc.scenarios.check import parametrize
+from cooploc.scenarios.conformance.check import parametrize
 
 
 @parametrize($cls())

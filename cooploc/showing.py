@@ -7,9 +7,9 @@ import pandas as pd
 from rich.console import Console
 from rich.table import Table
 
-from cooploc.analysis.certificates import line, mark
-from cooploc.analysis.rundir import Piece, RunDir
-from cooploc.estimators.bad_input import BadInput
+from cooploc.analysis.execution.certificates import line, mark
+from cooploc.analysis.execution.run_directory import Piece, RunDir
+from cooploc.estimators.plugins.errors import BadInput
 
 
 def show(folder: Path) -> None:

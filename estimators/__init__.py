@@ -14,11 +14,11 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 from pydantic.errors import PydanticUserError
 
-from cooploc.estimators.bad_input import BadInput
-from cooploc.estimators.bad_input import nearest as nearest
-from cooploc.estimators.files import found_in_file, is_file
 from cooploc.estimators.interface import API
-from cooploc.estimators.points import listed_points, only_one
+from cooploc.estimators.plugins.entry_points import listed_points, only_one
+from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.plugins.errors import nearest as nearest
+from cooploc.estimators.plugins.python_file import found_in_file, is_file
 
 GROUP = "cooploc.estimators"
 

@@ -10,31 +10,31 @@ from typing import ClassVar
 
 import numpy as np
 
-from cooploc.estimators import own
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
+from cooploc.estimators.particle import own_filter
 
 
 @dataclass(frozen=True)
-class Arl(own.Settings):
+class Arl(own_filter.Settings):
     """Particle filter on own readings; sends nothing."""
 
     api: ClassVar[int] = 1
     uses: tuple[str, ...] = ("odometry", "anchor_rssi")
 
-    def init(self, prior: Belief, world: World, rows: Rows) -> own.Own:
-        return own.init(self, prior, world, rows)
+    def init(self, prior: Belief, world: World, rows: Rows) -> own_filter.Own:
+        return own_filter.init(self, prior, world, rows)
 
-    def predict(self, s: own.Own, z: Senses) -> own.Own:
-        return own.predict(self, s, z)
+    def predict(self, s: own_filter.Own, z: Senses) -> own_filter.Own:
+        return own_filter.predict(self, s, z)
 
-    def correct(self, s: own.Own, z: Senses) -> own.Own:
-        return own.correct(self, s, z, tell=False)
+    def correct(self, s: own_filter.Own, z: Senses) -> own_filter.Own:
+        return own_filter.correct(self, s, z, tell=False)
 
-    def send(self, s: own.Own, z: Senses) -> Array:
+    def send(self, s: own_filter.Own, z: Senses) -> Array:
         return np.empty((len(s.x), 0))
 
-    def fuse(self, s: own.Own, z: Senses, mail: Mail) -> own.Own:
-        return own.finish(self, s)
+    def fuse(self, s: own_filter.Own, z: Senses, mail: Mail) -> own_filter.Own:
+        return own_filter.finish(self, s)
 
-    def estimate(self, s: own.Own) -> Belief:
+    def estimate(self, s: own_filter.Own) -> Belief:
         return s.belief

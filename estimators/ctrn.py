@@ -21,17 +21,19 @@ from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 
-from cooploc.estimators import intersection_scalar, kernels, own
-from cooploc.estimators.angles import wrap_heading
-from cooploc.estimators.elementary import kernel, readable, wide
-from cooploc.estimators.gaussian import inflated_update, symmetric
+from cooploc.estimators.compiled import random_numbers
+from cooploc.estimators.compiled.elementary_functions import kernel, readable, wide
+from cooploc.estimators.covariance_intersection import scalar_readings
+from cooploc.estimators.covariance_intersection.scalar_readings import Lot, Sample
+from cooploc.estimators.covariance_intersection.weights import solve_relative
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, Sensor, World
-from cooploc.estimators.intersection import solve_relative
-from cooploc.estimators.intersection_scalar import Lot, Sample
-from cooploc.estimators.likelihood import log_normal, unpack
-from cooploc.estimators.models import LogDistance, Range
+from cooploc.estimators.kalman.update import inflated_update, symmetric
+from cooploc.estimators.models.angles import wrap_heading
+from cooploc.estimators.models.sensors import LogDistance, Range
 from cooploc.estimators.mrsl import pack
-from cooploc.estimators.particles import offset, summary
+from cooploc.estimators.particle import own_filter
+from cooploc.estimators.particle.likelihood import log_normal, unpack
+from cooploc.estimators.particle.steps import offset, summary
 
 VAGUE = 10.0  # sides of the arena: the spread of a belief that knows nothing yet
 
@@ -46,7 +48,7 @@ class Counts(NamedTuple):
 class State(NamedTuple):
     """What one robot remembers."""
 
-    own: own.Own
+    own: own_filter.Own
     who: Indices  # (r,)  one number per robot and trial: nobody shares a program, whose last bits would tell of others
     received: Belief  # x (r, n, 2), P (r, n, 2, 2)  its own position as each sender alone tells it, nan before it did
     belief: Belief
@@ -55,7 +57,7 @@ class State(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Ctrn(own.Settings):
+class Ctrn(own_filter.Settings):
     """Particle filter on own readings, covariance intersection with received beliefs."""
 
     api: ClassVar[int] = 1
@@ -74,11 +76,11 @@ class Ctrn(own.Settings):
         kept, d = (n, 2) if self.fusion == "received" else (0, d)
         received = Belief(np.full((r, kept, 2), np.nan), np.full((r, kept, 2, 2), np.nan))
         who, counts = rows.trial * n + rows.robot, Counts(*np.zeros((2, r)))
-        mine = own.init(self, prior, world, rows)
-        return State(mine, who, received, prior, counts, intersection_scalar.blank(0, d))
+        mine = own_filter.init(self, prior, world, rows)
+        return State(mine, who, received, prior, counts, scalar_readings.blank(0, d))
 
     def predict(self, s: State, z: Senses) -> State:
-        s, before = s._replace(own=own.predict(self, s.own, z)), s.own.belief.x
+        s, before = s._replace(own=own_filter.predict(self, s.own, z)), s.own.belief.x
         if self.fusion != "received":
             return s
         after, _, Q = s.own.world.motion.move(before, z.odometry, z.dt)
@@ -87,15 +89,15 @@ class Ctrn(own.Settings):
         return s._replace(received=received)
 
     def correct(self, s: State, z: Senses) -> State:
-        return s._replace(own=own.correct(self, s.own, z))
+        return s._replace(own=own_filter.correct(self, s.own, z))
 
     def send(self, s: State, z: Senses) -> Array:
         """x, y, and the position covariance's P_xx, P_xy, P_yy: five numbers. Nothing received is sent on."""
-        return pack(own.tell(s.own))
+        return pack(own_filter.tell(s.own))
 
     def fuse(self, s: State, z: Senses, mail: Mail) -> State:
         s = {"moments": self._moments, "message": self._message, "received": self._received}[self.fusion](s, z, mail)
-        mine = own.finish(self, s.own)
+        mine = own_filter.finish(self, s.own)
         belief = _sum(mine.belief, s.received) if self.fusion == "received" else mine.belief
         return s._replace(own=mine, belief=belief)
 
@@ -121,7 +123,7 @@ class Ctrn(own.Settings):
 
     def _moments(self, s: State, z: Senses, mail: Mail) -> State:
         """Fuse with one sender after the other, then move the particles to the mean and covariance that result."""
-        before = own.tell(s.own)
+        before = own_filter.tell(s.own)
         after, s = self._chain(s, before, z, mail)
         return s._replace(own=s.own._replace(x=follow(s.own.x, before, after)))
 
@@ -130,7 +132,7 @@ class Ctrn(own.Settings):
         sensor = s.own.world.sensors[f"radio_{self.reading}"]
         if self.weights == "exact" and type(sensor) in (LogDistance, Range):
             readings = getattr(mail, self.reading)
-            done = intersection_scalar.chain(before, sensor, mail.packets, readings, self.criterion, self._lot(s))
+            done = scalar_readings.chain(before, sensor, mail.packets, readings, self.criterion, self._lot(s))
             if done is not None:
                 after, fusions, sample = done
                 return after, _noted(_counted(s, fusions, np.zeros_like(fusions)), sample)
@@ -197,11 +199,11 @@ class Ctrn(own.Settings):
 
     def _sampled(self, s: State, sender: int, fusions: Sample) -> State:
         """Write down a random part of the fusions with one sender."""
-        chosen = intersection_scalar.sampled(self._lot(s), sender + 1)[fusions.row, sender]
+        chosen = scalar_readings.sampled(self._lot(s), sender + 1)[fusions.row, sender]
         return _noted(s, fusions.take(chosen))
 
     def _lot(self, s: State) -> Lot:
-        return Lot(s.own.key, s.own.tick * kernels.PURPOSES + kernels.AUDIT, self.audit)
+        return Lot(s.own.key, s.own.tick * random_numbers.PURPOSES + random_numbers.AUDIT, self.audit)
 
 
 def _counted(s: State, fusions: Array, fallbacks: Array) -> State:

@@ -18,11 +18,11 @@ from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 
-from cooploc.estimators.angles import wrap_heading
-from cooploc.estimators.doa import fixed, gradient_doa
-from cooploc.estimators.gaussian import GATE, distance, inflated_update, kalman, symmetric
+from cooploc.estimators.covariance_intersection.weights import relative_weights
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, Sensor, World
-from cooploc.estimators.intersection import relative_weights
+from cooploc.estimators.kalman.update import GATE, distance, inflated_update, kalman, symmetric
+from cooploc.estimators.models.angles import wrap_heading
+from cooploc.estimators.models.gradient_doa import fixed, gradient_doa
 
 EXACT = 1e-9 * np.eye(2)  # [m^2] a position that is all belief and no reading
 

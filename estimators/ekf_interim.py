@@ -22,12 +22,12 @@ from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 
-from cooploc.estimators.angles import wrap_heading
-from cooploc.estimators.blocks import add_rows, block_diagonal, definite, dense, square, subtract_products
-from cooploc.estimators.doa import fixed, gradient_doa
-from cooploc.estimators.gaussian import ENGINES, GATE, EngineName, distance, present, symmetric
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Traffic, World
-from cooploc.estimators.relative import HEADER, linearise, pairs
+from cooploc.estimators.kalman.joint_update import add_rows, block_diagonal, definite, dense, square, subtract_products
+from cooploc.estimators.kalman.team_readings import HEADER, linearise, pairs
+from cooploc.estimators.kalman.update import ENGINES, GATE, EngineName, distance, present, symmetric
+from cooploc.estimators.models.angles import wrap_heading
+from cooploc.estimators.models.gradient_doa import fixed, gradient_doa
 
 At = Mapping[int, Array]  # a Jacobian (t, k, d) by robot
 RUNAWAY = 1e6  # a factor Gamma beyond this is no covariance of anything in metres; keeps stale copies finite

@@ -22,8 +22,8 @@ from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 
-from cooploc.estimators.angles import wrap_heading
-from cooploc.estimators.blocks import (
+from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Sensor, Traffic, World
+from cooploc.estimators.kalman.joint_update import (
     block_diagonal,
     dense,
     direction_by_direction,
@@ -41,11 +41,12 @@ from cooploc.estimators.blocks import (
     stacked,
     widened,
 )
-from cooploc.estimators.doa import GradientDoa, fixed, gradient_doa
-from cooploc.estimators.gaussian import ENGINES, GATE, EngineName
-from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Sensor, Traffic, World
-from cooploc.estimators.models import Displacement, Range
-from cooploc.estimators.relative import curvature, linearise, table
+from cooploc.estimators.kalman.team_readings import curvature, linearise, table
+from cooploc.estimators.kalman.update import ENGINES, GATE, EngineName
+from cooploc.estimators.models.angles import wrap_heading
+from cooploc.estimators.models.gradient_doa import GradientDoa, fixed, gradient_doa
+from cooploc.estimators.models.motion import Displacement
+from cooploc.estimators.models.sensors import Range
 
 # Weight of the latest readings in the average share of refused ones: 23 refused in a row make a robot lost. On MRCLAM,
 # where a camera may take one landmark for another for a second, the average rises to 0.37; with 0.1 it would to 0.72.

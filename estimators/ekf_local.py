@@ -8,11 +8,11 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from cooploc.estimators.angles import wrap_heading
 from cooploc.estimators.dead_reckoning import State
-from cooploc.estimators.doa import fixed, gradient_doa
-from cooploc.estimators.gaussian import ENGINES, GATE, EngineName
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
+from cooploc.estimators.kalman.update import ENGINES, GATE, EngineName
+from cooploc.estimators.models.angles import wrap_heading
+from cooploc.estimators.models.gradient_doa import fixed, gradient_doa
 
 
 @dataclass(frozen=True)

@@ -17,12 +17,12 @@ from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 
-from cooploc.estimators.angles import wrap_heading
-from cooploc.estimators.doa import fixed, gradient_doa
-from cooploc.estimators.gaussian import ENGINES, GATE, EngineName, Update
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Traffic, World
-from cooploc.estimators.luft_kernels import meet
-from cooploc.estimators.relative import HEADER, linearise, pairs
+from cooploc.estimators.kalman.luft_kernels import meet
+from cooploc.estimators.kalman.team_readings import HEADER, linearise, pairs
+from cooploc.estimators.kalman.update import ENGINES, GATE, EngineName, Update
+from cooploc.estimators.models.angles import wrap_heading
+from cooploc.estimators.models.gradient_doa import fixed, gradient_doa
 
 LIMIT = 1 - 1e-9  # largest correlation of any two combinations of two robots' states
 

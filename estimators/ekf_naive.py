@@ -15,11 +15,11 @@ from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 
-from cooploc.estimators.angles import wrap_heading
-from cooploc.estimators.doa import fixed, gradient_doa
-from cooploc.estimators.gaussian import ENGINES, GATE, EngineName
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Rows, Senses, World
-from cooploc.estimators.relative import packed, received, sightings, unpacked
+from cooploc.estimators.kalman.team_readings import packed, received, sightings, unpacked
+from cooploc.estimators.kalman.update import ENGINES, GATE, EngineName
+from cooploc.estimators.models.angles import wrap_heading
+from cooploc.estimators.models.gradient_doa import fixed, gradient_doa
 
 
 class State(NamedTuple):

@@ -23,11 +23,11 @@ from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 
-from cooploc.estimators.angles import wrap_heading
-from cooploc.estimators.doa import fixed, gradient_doa
-from cooploc.estimators.gaussian import ENGINES, GATE, EngineName, symmetric
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, World
-from cooploc.estimators.relative import Heard, packed, received, sightings, unpacked
+from cooploc.estimators.kalman.team_readings import Heard, packed, received, sightings, unpacked
+from cooploc.estimators.kalman.update import ENGINES, GATE, EngineName, symmetric
+from cooploc.estimators.models.angles import wrap_heading
+from cooploc.estimators.models.gradient_doa import fixed, gradient_doa
 
 REACH = 8.0  # largest |logit w| that is tried
 ROUNDS, POINTS = 4, 11  # of the search for w, each round ten times finer

@@ -14,13 +14,13 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from cooploc.estimators import own
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
-from cooploc.estimators.likelihood import Heard
+from cooploc.estimators.particle import own_filter
+from cooploc.estimators.particle.likelihood import Heard
 
 
 @dataclass(frozen=True)
-class Mrsl(own.Settings):
+class Mrsl(own_filter.Settings):
     """Particle filter on own readings, Bayes product with received beliefs."""
 
     api: ClassVar[int] = 1
@@ -32,25 +32,25 @@ class Mrsl(own.Settings):
     def uses(self) -> tuple[str, ...]:
         return ("odometry", "anchor_rssi", f"radio_{self.reading}")
 
-    def init(self, prior: Belief, world: World, rows: Rows) -> own.Own:
-        return own.init(self, prior, world, rows)
+    def init(self, prior: Belief, world: World, rows: Rows) -> own_filter.Own:
+        return own_filter.init(self, prior, world, rows)
 
-    def predict(self, s: own.Own, z: Senses) -> own.Own:
-        return own.predict(self, s, z)
+    def predict(self, s: own_filter.Own, z: Senses) -> own_filter.Own:
+        return own_filter.predict(self, s, z)
 
-    def correct(self, s: own.Own, z: Senses) -> own.Own:
-        return own.correct(self, s, z)
+    def correct(self, s: own_filter.Own, z: Senses) -> own_filter.Own:
+        return own_filter.correct(self, s, z)
 
-    def send(self, s: own.Own, z: Senses) -> Array:
+    def send(self, s: own_filter.Own, z: Senses) -> Array:
         """x, y, and the position covariance's P_xx, P_xy, P_yy: five numbers."""
-        return pack(own.tell(s))
+        return pack(own_filter.tell(s))
 
-    def fuse(self, s: own.Own, z: Senses, mail: Mail) -> own.Own:
+    def fuse(self, s: own_filter.Own, z: Senses, mail: Mail) -> own_filter.Own:
         """w_i = P_l(q_i) prod_j integral P(r_j | x_i, x_j) N(x_j; received) dx_j  (8), variance sigma^2 + J P_j J'."""
         sensor, readings = s.world.sensors[f"radio_{self.reading}"], getattr(mail, self.reading)
-        return own.finish(self, s, Heard(sensor, mail.packets, readings, self.neighbours == "integrate"))
+        return own_filter.finish(self, s, Heard(sensor, mail.packets, readings, self.neighbours == "integrate"))
 
-    def estimate(self, s: own.Own) -> Belief:
+    def estimate(self, s: own_filter.Own) -> Belief:
         return s.belief
 
 

@@ -16,13 +16,13 @@ from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
-from cooploc.estimators.angles import wrap, wrap_heading
-from cooploc.estimators.blocks import block_diagonal, definite, square
-from cooploc.estimators.doa import GradientDoa, fixed, gradient_doa
-from cooploc.estimators.gaussian import GATE, EngineName, distance, symmetric
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Sensor, Traffic, World
-from cooploc.estimators.models import Bearing, Sighting
-from cooploc.estimators.relative import pairs
+from cooploc.estimators.kalman.joint_update import block_diagonal, definite, square
+from cooploc.estimators.kalman.team_readings import pairs
+from cooploc.estimators.kalman.update import GATE, EngineName, distance, symmetric
+from cooploc.estimators.models.angles import wrap, wrap_heading
+from cooploc.estimators.models.gradient_doa import GradientDoa, fixed, gradient_doa
+from cooploc.estimators.models.sensors import Bearing, Sighting
 
 Points = Callable[[Array, slice], Array]  # of sigma points (t, s, .., d) of these trials: moved, or as they are read
 

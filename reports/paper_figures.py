@@ -17,14 +17,14 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Ellipse
 
 import cooploc as cl
-from cooploc.analysis import claims
-from cooploc.analysis.compare import stream_hash, summarize
-from cooploc.analysis.consistency import consistency
-from cooploc.analysis.curves import over_time, swept
-from cooploc.analysis.figures import GREY, styles
-from cooploc.analysis.floor import floors
-from cooploc.analysis.kept import read
-from cooploc.analysis.ledger import BASE, load
+from cooploc.analysis.claims import verdicts
+from cooploc.analysis.claims.ledger import BASE, load
+from cooploc.analysis.execution.stored_run import read
+from cooploc.analysis.metrics.compare import stream_hash, summarize
+from cooploc.analysis.metrics.consistency import consistency
+from cooploc.analysis.metrics.crlb import floors
+from cooploc.analysis.metrics.over_time import over_time, swept
+from cooploc.analysis.report.svg_figures import GREY, styles
 
 mpl.use("agg")
 MAIN = (
@@ -228,7 +228,7 @@ def time_course() -> tuple[str, str, Axes]:
 
 def ledger(rows: pd.DataFrame) -> tuple[str, str, Axes]:
     """What was found beside what was claimed."""
-    judged = claims.judge(load(), rows)
+    judged = verdicts.judge(load(), rows)
     trials = int(judged.loc[judged["variant"] == BASE, "trials"].max())
     title = f"Claims that name a share, in the `paper` reading; 95 % intervals over n = {trials} paired trials."
     return "claims", title, cl.plot.claims(judged)

@@ -20,10 +20,10 @@ import numpy as np
 from pydantic import ValidationError
 
 from cooploc.estimators import nearest, parse
-from cooploc.estimators.bad_input import BadInput
-from cooploc.estimators.files import found_in_file, is_file
 from cooploc.estimators.interface import World
-from cooploc.estimators.points import listed_points, only_one
+from cooploc.estimators.plugins.entry_points import listed_points, only_one
+from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.plugins.python_file import found_in_file, is_file
 from cooploc.scenarios.stream import Stream, Truth
 
 GROUP = "cooploc.scenarios"
@@ -52,7 +52,7 @@ class Family:
     word: str = ""  # the parameter that any other word of the label is, such as a run's name
 
 
-PAPER = "cooploc.scenarios.paper:Paper"
+PAPER = "cooploc.scenarios.worlds.radio_arena:Paper"
 WALLS = ((2.0, 1.0, 2.0, 3.5), (3.5, 4.0, 5.0, 4.0))
 # What the real logs look like: 4.4 dB and lag-1 correlation 0.55 in all, of which 1 dB and the rounding are white.
 HARDWARE = {"eta": 1.4, "shadowing": 4.275, "shadow_correlation": 0.583, "rounding": 1.0}
@@ -88,24 +88,24 @@ BUILTIN: dict[str, Family] = {
     "body-blocking": Family("robots of the team block links too", PAPER, {"body_blocking": True}, {"n": "robots"}),
     "camera": Family(
         "simulated wheeled robots that see landmarks and each other",
-        "cooploc.scenarios.camera:Camera",
+        "cooploc.scenarios.worlds.camera_arena:Camera",
         sweep={"n": "robots"},
     ),
     "mrclam": Family(
         "UTIAS MRCLAM: five real robots; all, one or none of them use landmarks",
-        "cooploc.scenarios.mrclam:Mrclam",
+        "cooploc.scenarios.recordings.mrclam:Mrclam",
         variants={word: {"sees": word} for word in ("all", "one", "none")},
         recorded=True,
     ),
     "log": Family(
         "a user's own recordings of one robot: a run by name, or all; --data DIR holds CSV files and log.toml",
-        "cooploc.scenarios.log:Log",
+        "cooploc.scenarios.recordings.logs.scenario:Log",
         recorded=True,
         word="run",
     ),
     "wifi": Family(
         "a real robot among four WiFi nodes (Latif & Parasuraman): a run by name, or all",
-        "cooploc.scenarios.log:Log",
+        "cooploc.scenarios.recordings.logs.scenario:Log",
         {"described": "wifi"},
         recorded=True,
         word="run",

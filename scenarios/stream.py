@@ -15,22 +15,22 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cooploc.estimators import doa, models
-from cooploc.estimators.bad_input import BadInput
 from cooploc.estimators.interface import Array, Belief, Indices, Mask, Senses, World
-from cooploc.scenarios.looks import facts
+from cooploc.estimators.models import gradient_doa, motion, sensors
+from cooploc.estimators.plugins.errors import BadInput
+from cooploc.scenarios.display.html import facts
 
 FORMAT = 1
 MODELS: dict[str, Callable[..., Any]] = {
     cls.__name__: cls
     for cls in (
-        models.Displacement,
-        models.Unicycle,
-        models.LogDistance,
-        models.Range,
-        models.Bearing,
-        models.Sighting,
-        doa.GradientDoa,
+        motion.Displacement,
+        motion.Unicycle,
+        sensors.LogDistance,
+        sensors.Range,
+        sensors.Bearing,
+        sensors.Sighting,
+        gradient_doa.GradientDoa,
     )
 }
 
@@ -283,7 +283,7 @@ def _revived(description: dict[str, Any]) -> Any:
             f"the stream names a model {description['model']!r} that this version does not know: update cooploc"
         )
     if isinstance(parameters.get("rssi"), dict):
-        parameters["rssi"] = models.LogDistance(**parameters["rssi"])
+        parameters["rssi"] = sensors.LogDistance(**parameters["rssi"])
     return MODELS[description["model"]](**parameters)
 
 

@@ -1,0 +1,94 @@
+"""Everything that a run directory holds, whatever studies and options it was asked with."""
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pandas as pd
+
+from cooploc.analysis.execution.certificates import with_lines
+from cooploc.analysis.execution.run_directory import Piece, RunDir
+from cooploc.estimators.plugins.errors import BadInput
+from cooploc.scenarios.studies.study import Study
+from cooploc.scenarios.studies.sweep import expand
+
+
+class Kept(NamedTuple):
+    """A run as it lies on the disk."""
+
+    folder: Path
+    manifest: dict[str, Any]
+    rows: pd.DataFrame  # as `errors`, with `failure`, `traceback` and `certificate`; in the manifest's order
+    gaps: dict[tuple[str, str], int]  # (scenario, estimator) -> trials that were asked for and are not there
+
+    @property
+    def baselines(self) -> dict[str, str]:
+        """What each scenario's estimators are compared with."""
+        return {scenario: cell["baseline"] for scenario, cell in self.manifest["cells"].items()}
+
+    @property
+    def experiments(self) -> dict[str, dict[str, list[str]]]:
+        """Of each experiment its scenarios, and of each of them the estimators that have rows, in the study's order.
+
+        A scenario that several experiments share is in each of them, with the estimators that it has there.
+        """
+        pairs = self.rows.drop_duplicates(["scenario", "estimator"])
+        there = {str(s): list(part["estimator"]) for s, part in pairs.groupby("scenario", sort=False)}
+        planned = _planned(Study(**self.manifest["study"]))
+        for scenario, cell in self.manifest["cells"].items():  # what was run for another study, or with --estimators
+            known = {name for plan in planned.values() for name in plan.get(scenario, ())}
+            more = [name for name in there.get(scenario, ()) if name not in known]
+            planned.setdefault(cell["experiment"], {}).setdefault(scenario, []).extend(more)
+        some = {
+            name: {s: [e for e in there.get(s, ()) if e in mine] for s, mine in plan.items()}
+            for name, plan in planned.items()
+        }
+        found = {name: {s: mine for s, mine in plan.items() if mine} for name, plan in some.items()}
+        return {name: plan for name, plan in found.items() if plan}
+
+
+def _planned(study: Study) -> dict[str, dict[str, list[str]]]:
+    """The estimators of each scenario of each experiment."""
+    found: dict[str, dict[str, list[str]]] = {}
+    for block in study.blocks():
+        estimators = [name for label in block.estimators for name in expand(label, block.variants)]
+        for scenario in (name for label in block.scenarios for name in expand(label, block.variants)):
+            found.setdefault(block.experiment, {}).setdefault(scenario, []).extend(estimators)
+    return found
+
+
+def read(folder: Path) -> Kept:
+    """The rows of a run directory; parts that do not match their checksum count as not there.
+
+    Raises:
+        BadInput: the directory is none of a run, or holds no rows.
+
+    """
+    directory = RunDir(folder)
+    manifest = directory.manifest
+    if not manifest:
+        raise BadInput(f"{folder} holds no run: name the directory that cooploc run wrote")
+    frames: list[pd.DataFrame] = []
+    gaps: dict[tuple[str, str], int] = {}
+    for scenario, cell in manifest["cells"].items():
+        for estimator, asked in cell["estimators"].items():
+            parts = _parts(directory, scenario, estimator, asked)
+            missing = asked - sum(part["trial"].nunique() for part in parts)
+            gaps |= {(scenario, estimator): missing} if missing else {}
+            frames += parts
+    if not frames:
+        raise BadInput(f"{folder} holds no results yet: continue it with cooploc run --out {folder}")
+    rows = with_lines(pd.concat(frames, ignore_index=True), manifest.get("certificates", {}))
+    return Kept(folder, manifest, rows, gaps)
+
+
+def _parts(directory: RunDir, scenario: str, estimator: str, asked: int) -> list[pd.DataFrame]:
+    """Frames that together hold each trial below `asked` at most once, by trial."""
+    found: list[pd.DataFrame] = []
+    reached = 0
+    for trials in directory.held(scenario, estimator):
+        piece = Piece(scenario, estimator, trials)
+        if reached <= trials.start < asked and directory.intact(piece):
+            frame = directory.read(piece)
+            found.append(frame[frame["trial"] < asked].sort_values(["trial", "robot"], kind="stable"))
+            reached = trials.stop
+    return found

@@ -1,0 +1,1 @@
+"""Errors, consistency, intervals, comparisons. Add a statistic here."""

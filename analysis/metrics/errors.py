@@ -1,0 +1,162 @@
+"""From traces and truth to one tidy row per (scenario, estimator, trial, robot).
+
+The definitions are those of the README's glossary; ticks without truth, and a declared burn-in, do not count.
+"""
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from cooploc.estimators.interface import Array, Mask
+from cooploc.estimators.plugins.errors import BadInput
+from cooploc.scenarios.runner.run import Run, Trace
+from cooploc.scenarios.stream import Truth
+
+INSIDE_95 = -2 * np.log(0.05)  # chi-square quantile, two degrees of freedom
+COLUMNS = {
+    "scenario": "the scenario's label",
+    "estimator": "the estimator's label",
+    "trial": "number of the trial",
+    "robot": "number of the robot, from 0",
+    "robots": "robots in the team",
+    "ticks": "ticks that count",
+    "mse": "mean squared position error [m^2]",
+    "rmse": "its root [m]",
+    "mean_error": "mean Euclidean position error [m]",
+    "median_error": "median Euclidean position error [m]",
+    "max_error": "largest position error [m]",
+    "final_error": "position error at the last tick that counts [m]",
+    "anees": "mean position NEES / 2; 1 is consistent",
+    "coverage95": "share of truths inside the 95 % ellipse",
+    "diverged": "1 where the last quarter's RMSE exceeds a quarter of the arena's side, else 0",
+    "pose_nees": "mean NEES of position and heading / 3, where the truth has a heading",
+    "messages": "messages per tick, as sent",
+    "bytes": "bytes per tick, as sent",
+    "seconds": "seconds per tick",
+    "bound": "True where the estimator knows more than any robot could",
+    "stream": "hash of the trial's stream: equal hashes are paired",
+}
+NOTE = "note: "  # columns after those: what an estimator counted; a name that begins with "largest" is a maximum
+
+
+def errors(truth: Truth, run: Run, burn_in: int = 0) -> pd.DataFrame:
+    """Errors, consistency and cost of every estimator of a run; `COLUMNS` says what each column means.
+
+    Args:
+        truth: of the same stream as the run.
+        run: from `run`.
+        burn_in: first ticks that do not count.
+
+    Raises:
+        BadInput: truth and run are of different streams, or nothing is left to count.
+
+    """
+    demand_same(truth, run)
+    if not 0 <= burn_in < truth.x.shape[1]:
+        raise BadInput(f"burn_in is {burn_in}; it must lie between 0 and {truth.x.shape[1] - 1}")
+    valid = truth.valid.copy()
+    valid[:, :burn_in] = False
+    frames = [_frame(truth, run, name, trace, valid) for name, trace in run.traces.items()]
+    return pd.concat(frames, ignore_index=True)
+
+
+def position_errors(truth: Truth, run: Run, trace: Trace) -> tuple[Array, Array]:
+    """Squared position error [m^2] and position NEES (t, T, n) of one trace of a run; nan where the truth is unknown.
+
+    Raises:
+        BadInput: truth and run are of different streams.
+
+    """
+    demand_same(truth, run)
+    return _squared(truth, trace, truth.valid)
+
+
+def demand_same(truth: Truth, run: Run) -> None:
+    """Refuse a truth and a run of different streams."""
+    if truth.origin != run.hashes:
+        raise BadInput(
+            f"this truth ({truth.scenario}) and run ({run.scenario}) are of different streams: simulate anew"
+        )
+
+
+def _squared(truth: Truth, trace: Trace, valid: Mask) -> tuple[Array, Array]:
+    e = np.where(valid[..., None], trace.x[..., :2] - truth.x[..., :2], np.nan)
+    return (e**2).sum(-1), _quadratic(e, trace.P[..., :2, :2])
+
+
+def _frame(truth: Truth, run: Run, name: str, trace: Trace, valid: Mask) -> pd.DataFrame:
+    t, T, n = valid.shape
+    d2, nees = _squared(truth, trace, valid)
+    d = np.sqrt(d2)
+    side = float(np.max(truth.arena[1] - truth.arena[0]))
+    tail = _over_ticks(np.nanmean, np.where(_last_quarter(valid), d2, np.nan))
+    per = {
+        "ticks": valid.sum(1),
+        "mse": _over_ticks(np.nanmean, d2),
+        "mean_error": _over_ticks(np.nanmean, d),
+        "median_error": _over_ticks(np.nanmedian, d),
+        "max_error": _over_ticks(np.nanmax, d),
+        "final_error": _final(d),
+        "anees": _over_ticks(np.nanmean, nees) / 2,
+        "coverage95": _over_ticks(np.nanmean, np.where(np.isnan(nees), np.nan, nees <= INSIDE_95)),
+        "diverged": np.where(np.isnan(tail), np.nan, np.sqrt(tail) > side / 4),
+        "pose_nees": _over_ticks(np.nanmean, _pose_nees(truth, trace, valid)) / 3,
+        "messages": trace.messages / T,
+        "bytes": trace.bytes / T,
+    }
+    per["rmse"] = np.sqrt(per["mse"])
+    who: dict[str, Any] = {
+        "scenario": run.scenario,
+        "estimator": name,
+        "trial": np.repeat(run.trial, n),
+        "robot": np.tile(np.arange(n), t),
+        "robots": n,
+    }
+    rest = {"seconds": trace.seconds / (t * T * n), "bound": trace.bound, "stream": np.repeat(run.hashes, n)}
+    columns = {**who, **{k: np.asarray(v).ravel() for k, v in per.items()}, **rest}
+    notes = {NOTE + name: values.ravel() for name, values in trace.notes.items()}
+    return pd.DataFrame({**{name: columns[name] for name in COLUMNS}, **notes})
+
+
+def _over_ticks(reduce: Any, values: Array) -> Array:
+    """Reduce (t, T, n) over the ticks that count; nan where none does."""
+    t, _, n = values.shape
+    out = np.full((t, n), np.nan)
+    some = ~np.isnan(values).all(1)
+    if some.any():
+        out[some] = reduce(values.swapaxes(1, 2)[some], axis=-1)
+    return out
+
+
+def _quadratic(e: Array, P: Array) -> Array:
+    """e' P^-1 e; infinite where P is singular and e is not zero."""
+    d = e.shape[-1]
+    sound = np.linalg.det(P) > 0
+    safe = np.where(sound[..., None, None], P, np.eye(d))
+    q: Array = np.einsum("...i,...i->...", e, np.linalg.solve(safe, e[..., None])[..., 0])
+    return np.where(sound | np.isnan(q), q, np.where((e == 0).all(-1), 0.0, np.inf))
+
+
+def _pose_nees(truth: Truth, trace: Trace, valid: Mask) -> Array:
+    """e' P^-1 e of position and heading (t, T, n), nan where there is no heading."""
+    if truth.x.shape[-1] < 3 or trace.x.shape[-1] < 3:
+        return np.full(valid.shape, np.nan)
+    e = np.where(valid[..., None], trace.x - truth.x, np.nan)
+    e[..., 2] = np.pi - np.mod(np.pi - e[..., 2], 2 * np.pi)
+    return _quadratic(e, trace.P)
+
+
+def _last_quarter(valid: Mask) -> Mask:
+    """The last quarter of the ticks that count, per (trial, robot)."""
+    count = valid.cumsum(1)
+    late: NDArray[np.bool_] = valid & (count > 0.75 * count[:, -1:])
+    return late
+
+
+def _final(d: Array) -> Array:
+    """The last value that is there (t, n)."""
+    there = ~np.isnan(d)
+    last = d.shape[1] - 1 - there[:, ::-1].argmax(1)
+    return np.take_along_axis(d, last[:, None], 1)[:, 0]

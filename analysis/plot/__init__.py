@@ -1,0 +1,9 @@
+"""The figures of `cl.plot`. Each takes and returns matplotlib Axes."""
+
+from cooploc.analysis.plot.animation import animate
+from cooploc.analysis.plot.claims_forest import claims
+from cooploc.analysis.plot.ellipses import anees, ellipses
+from cooploc.analysis.plot.summary import rmse, tradeoff
+from cooploc.analysis.plot.world import world
+
+__all__ = ["anees", "animate", "claims", "ellipses", "rmse", "tradeoff", "world"]

@@ -1,0 +1,87 @@
+"""A ledger as one picture: what was found beside what was claimed."""
+
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+import seaborn as sns
+from matplotlib.axes import Axes
+
+from cooploc.analysis.claims.ledger import BASE
+from cooploc.estimators.plugins.errors import BadInput
+
+SHARES = ("improvement", "trend", "cost")  # kinds of claims whose size is a share
+COLOURS = sns.color_palette("colorblind", 10)
+# verdict -> colour, marker and filling, apart in grey print too
+LOOKS = {
+    "supported": (COLOURS[2], "o", COLOURS[2]),
+    "direction only": (COLOURS[1], "D", "white"),
+    "contradicted": (COLOURS[3], "X", COLOURS[3]),
+    "undecided": (COLOURS[0], "s", "white"),
+}
+CLAIMED = "0.2"
+
+
+def claims(verdicts: pd.DataFrame, variant: str = BASE, ax: Axes | None = None) -> Axes:
+    """The claims that name a share: the number found in every case with its 95 % interval, and the one claimed.
+
+    Args:
+        verdicts: from `cooploc.analysis.claims.verdicts.judge`.
+        variant: the reading of the paper; "paper" is the ledger's own.
+        ax: where to draw.
+
+    Raises:
+        BadInput: no claim of this variant names a share, or none was run.
+
+    """
+    drawn = verdicts[(verdicts["variant"] == variant) & verdicts["kind"].isin(SHARES) & verdicts["value"].notna()]
+    drawn = drawn[drawn["size"].notna() & ~_said_twice(drawn)]
+    if drawn.empty:
+        raise BadInput(f"no claim of the reading {variant!r} that names a share was run: see the column `verdict`")
+    blocks = list(drawn.groupby(["claim", "says"], sort=False))
+    if ax is None:
+        _, ax = plt.subplots(figsize=(7.4, 0.6 + 0.42 * len(blocks) + 0.21 * len(drawn)), layout="constrained")
+    y, ticks = 0.0, {}
+    for (claim, says), block in blocks:
+        head = {"xycoords": ("figure fraction", "data"), "annotation_clip": False, "in_layout": False}
+        ax.annotate(f"{claim}. {says}", (0.01, y), fontsize=8, weight="bold", va="center", **head)  # type: ignore[arg-type]
+        first = y + 0.6
+        for row in block.to_dict("records"):
+            y += 1
+            _row(ax, row, y)
+            ticks[y] = row["of"] + (f" vs {row['than']}" if row["than"] else "") + f", {row['scenario']}"
+        ax.plot([100 * block["size"].iloc[0]] * 2, [first, y + 0.4], color=CLAIMED, lw=2, solid_capstyle="butt")
+        y += 1.4
+    ax.set_yticks(list(ticks), list(ticks.values()), fontsize=7)
+    ax.set_ylim(y - 0.6, -0.8)
+    _dress(ax, set(drawn["verdict"]))
+    return ax
+
+
+def _said_twice(drawn: pd.DataFrame) -> pd.Series:
+    """Ratios of which the reduction is there too."""
+    keys = ["claim", "scenario", "of", "than"]
+    return drawn.duplicated(keys, keep=False) & (drawn["definition"] == "ratio")
+
+
+def _row(ax: Axes, row: dict[Any, Any], y: float) -> None:
+    colour, marker, face = LOOKS[row["verdict"]]
+    low, value, high = (100 * row[name] for name in ("low", "value", "high"))
+    if np.isfinite([low, high]).all():
+        ax.plot([low, high], [y, y], color=colour, lw=1.5)
+    ax.plot(value, y, marker, mec=colour, mfc=face, ms=6)
+
+
+def _dress(ax: Axes, found: set[str]) -> None:
+    for verdict, (colour, marker, face) in LOOKS.items():
+        if verdict in found:
+            ax.plot([], [], marker, mec=colour, mfc=face, ms=6, label=verdict)
+    ax.plot([], [], color=CLAIMED, lw=2, label="claimed")
+    ax.axvline(0, color="0.7", lw=0.8, zorder=0)
+    ax.set_xlabel("found, with its 95 % interval [%]")
+    ax.grid(axis="x", color="0.92", lw=0.8)
+    ax.set_axisbelow(True)
+    ax.tick_params(axis="y", length=0)
+    ax.legend(frameon=False, fontsize=8, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=5)
+    sns.despine(ax=ax, left=True)

@@ -1,0 +1,191 @@
+"""A report holds what it takes to check it: a sample of its trials, bit by bit, and how to run them again."""
+
+import hashlib
+import json
+import re
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from cooploc.analysis.execution.provenance import provenance
+from cooploc.analysis.execution.run_directory import FORMAT
+from cooploc.analysis.execution.stored_run import Kept
+from cooploc.analysis.execution.task import Task, measure
+from cooploc.analysis.report.tables import Cell, Column, Table, text
+from cooploc.estimators import make
+from cooploc.estimators.plugins.errors import BadInput
+from cooploc.scenarios import family
+
+PAGE = "index.html"
+EACH = 3  # trials that a report embeds of every scenario
+VALUES: tuple[str, ...] = ("ticks", "mse", "mean_error", "median_error", "max_error", "final_error")
+VALUES += ("anees", "coverage95", "diverged", "pose_nees", "messages", "bytes")
+
+
+class Again(NamedTuple):
+    """One trial of one estimator, run again."""
+
+    scenario: str
+    estimator: str
+    trial: int
+    equal: bool
+    before: float  # RMSE [m]
+    after: float
+    remark: str
+
+
+def sample(kept: Kept) -> list[dict[str, Any]]:
+    """Of every scenario a few trials, drawn by its name: digests of what every estimator did there, and its RMSE."""
+    out = []
+    for scenario, part in kept.rows.groupby("scenario", sort=False):
+        trials = np.unique(part["trial"])
+        drawn = np.random.default_rng(list(hashlib.sha256(str(scenario).encode()).digest())).permutation(trials)[:EACH]
+        for (estimator, _), rows in part[part["trial"].isin(drawn)].groupby(["estimator", "trial"], sort=False):
+            out.append(
+                {
+                    "scenario": scenario,
+                    "estimator": estimator,
+                    "trial": int(rows["trial"].iloc[0]),
+                    **_fingerprint(rows),
+                }
+            )
+    return out
+
+
+def load(path: Path) -> dict[str, Any]:
+    """What a report embeds: `manifest` and `sample`.
+
+    Raises:
+        BadInput: it is no report of ours, or was made by a newer version.
+
+    """
+    file = path / PAGE if path.is_dir() else path
+    try:
+        page = file.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        raise BadInput(f"{file} cannot be read: name a report's directory or its page") from None
+    found = re.search(r'<script type="application/json" id="manifest">(.*?)</script>', page, re.DOTALL)
+    try:
+        embedded: dict[str, Any] = json.loads(found[1]) if found else {}
+        newer = embedded["manifest"]["format"] > FORMAT
+        _ = embedded["sample"], embedded["manifest"]["seed"], embedded["manifest"]["versions"]
+    except (ValueError, KeyError, TypeError):
+        raise BadInput(f"{file} embeds no manifest: make the report again with cooploc report") from None
+    if newer:
+        raise BadInput(f"{file} was made by a newer version: update cooploc")
+    if not embedded["sample"]:
+        raise BadInput(f"{file} embeds no trials: make the report again with cooploc report")
+    return embedded
+
+
+def rerun(embedded: dict[str, Any], trials: int, data: Path | None = None) -> list[Again]:
+    """Run `trials` of the embedded trials again, spread over the scenarios, each with all of its estimators.
+
+    Raises:
+        BadInput: none can be run: scenarios or estimators are not known here, or recordings are missing.
+
+    """
+    drawn = _drawn(embedded["sample"], trials)
+    for label in {one["estimator"] for wanted in drawn.values() for one in wanted}:
+        make(label)  # a name that is not known here is no failure of a trial
+    out = []
+    for (scenario, trial), wanted in drawn.items():
+        where = str(data) if data is not None and family(scenario).recorded else None
+        limit = float(embedded["manifest"]["study"].get("time_limit", 600.0))
+        names = tuple(one["estimator"] for one in wanted)
+        task = Task(scenario, range(trial, trial + 1), int(embedded["manifest"]["seed"]), where, names, limit)
+        parts = {part.estimator: part.frame for part in measure(task)}
+        out += [_compared(one, parts[one["estimator"]]) for one in wanted]
+    return out
+
+
+def differences(embedded: dict[str, Any]) -> list[str]:
+    """What of this place is not as it was where the report was made."""
+    then, here = embedded["manifest"], provenance()
+    names = sorted({*then["versions"], *here["versions"]})
+    lines = [f"{name} {then['versions'].get(name)} there, {here['versions'].get(name)} here" for name in names]
+    unlike = [
+        line
+        for name, line in zip(names, lines, strict=True)
+        if then["versions"].get(name) != here["versions"].get(name)
+    ]
+    unlike += [f"{what} differs" for what in ("source", "cpu") if then.get(what) != here[what]]
+    return unlike
+
+
+def table(found: list[Again]) -> Table:
+    """One row per trial and estimator."""
+    columns = (
+        Column("scenario", ("scenario",), False),
+        Column("trial", ("trial",)),
+        Column("estimator", ("estimator",), False),
+        Column("RMSE then [m]", ("before",)),
+        Column("now [m]", ("after",)),
+        Column("", ("equal", "remark"), False),
+    )
+    rows = tuple(
+        (
+            text(one.scenario),
+            text(one.trial),
+            text(one.estimator),
+            Cell(_shown(one.before), (one.before,)),
+            Cell(_shown(one.after), (one.after,)),
+            Cell(one.remark, (one.equal, one.remark)),
+        )
+        for one in found
+    )
+    return Table("reproduced", "Trials that were run again", columns, rows)
+
+
+def _drawn(embedded: list[dict[str, Any]], trials: int) -> dict[tuple[str, int], list[dict[str, Any]]]:
+    """So many (scenario, trial), from every scenario one before a second from any."""
+    groups: dict[tuple[str, int], list[dict[str, Any]]] = {}
+    for one in embedded:
+        groups.setdefault((one["scenario"], one["trial"]), []).append(one)
+    turn: dict[str, int] = {}
+    ordered = []
+    for key in groups:
+        turn[key[0]] = turn.get(key[0], 0) + 1
+        ordered.append((turn[key[0]], hashlib.sha256(repr(key).encode()).digest(), key))
+    return {key: groups[key] for _, _, key in sorted(ordered)[:trials]}
+
+
+def _compared(one: dict[str, Any], frame: pd.DataFrame) -> Again:
+    now = _fingerprint(frame)
+    before, after = (float("nan") if it["rmse"] is None else float(it["rmse"]) for it in (one, now))
+    equal = one["digest"] == now["digest"] and one["stream"] == now["stream"] and one["failure"] == now["failure"]
+    if equal:
+        remark = "bit-equal" if not one["failure"] else "failed in the same way"
+    elif one["failure"] != now["failure"]:
+        remark = f"failure then: {one['failure'] or 'none'}; now: {now['failure'] or 'none'}"
+    elif one["stream"] != now["stream"]:
+        remark = f"another stream; RMSE differs by {after - before:+.3g} m"
+    else:
+        remark = (
+            f"same stream; RMSE differs by {after - before:+.3g} m" if after != before else "differs, RMSE does not"
+        )
+    return Again(one["scenario"], one["estimator"], one["trial"], equal, before, after, remark)
+
+
+def _fingerprint(rows: pd.DataFrame) -> dict[str, Any]:
+    """Of one trial of one estimator: a digest of every number that a clock did not measure, and the RMSE."""
+    rows = rows.sort_values("robot", kind="stable")
+    bits = hashlib.sha256()
+    for column in VALUES:
+        bits.update(rows[column].to_numpy(float).astype("<f8").tobytes())
+    failure = rows["failure"].iloc[0] if "failure" in rows else None
+    mse = rows["mse"].to_numpy(float)
+    weight = rows["ticks"].to_numpy(float)
+    rmse = float(np.sqrt((mse * weight).sum() / weight.sum())) if weight.sum() > 0 else None
+    return {
+        "stream": str(rows["stream"].iloc[0]),
+        "digest": bits.hexdigest(),
+        "rmse": rmse if rmse is not None and np.isfinite(rmse) else None,
+        "failure": None if failure is None or failure != failure else str(failure),
+    }
+
+
+def _shown(value: float) -> str:
+    return "" if value != value else f"{value:.9g}"

@@ -1,0 +1,235 @@
+"""Who is best where and who is over-confident, in sentences made of the numbers that say no more than they do.
+
+Best is the smallest RMSE of those that may be called best: no bound, not over-confident nor probably so (ANEES above
+twice the limit by an interval that is not), no trial and no check failed. Another one ties with it where the
+equivalence test says so, or where the 95 % interval of the paired change holds 0. That one is best alone takes
+intervals that exclude 0 against every other one, an intersection-union test that needs no adjustment (Berger 1982).
+"""
+
+from collections import Counter
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from cooploc.analysis.claims.trial_table import Missing, Results
+from cooploc.analysis.execution.certificates import mark, refused
+from cooploc.analysis.metrics import statistics
+from cooploc.analysis.metrics.compare import MARGIN
+from cooploc.analysis.metrics.consistency import DOUBTFUL, OVER_CONFIDENT
+from cooploc.analysis.metrics.over_time import sweep
+from cooploc.analysis.report.tables import rounded
+
+FEW = 6  # estimators of which a sentence gives every number; of more it gives the range, of twice as many no names
+
+
+class Standing(NamedTuple):
+    """What can be said of one scenario."""
+
+    scenario: str
+    best: str  # the smallest RMSE of those that may be called best; empty where there is none
+    rmse: statistics.Interval  # [m] of it
+    anees: statistics.Interval  # of it
+    equal: tuple[str, ...]  # RMSE within `MARGIN` of it, by the equivalence test
+    tied: tuple[str, ...]  # others that are not told apart from it
+    barred: tuple[str, ...]  # as accurate or more, and why none of these is called best
+    able: int  # how many may be called best
+    trials: int
+    unchecked: bool = False  # whether the best one lacks a certificate
+
+    @property
+    def word(self) -> str:
+        """What the one with the smallest RMSE is."""
+        if not self.best:
+            return "nobody"
+        return "tie" if not self.alone else "best" if self.able > 1 else "the only one"
+
+    @property
+    def alone(self) -> bool:
+        """Whether nobody ties with the best."""
+        return bool(self.best) and not self.equal and not self.tied
+
+
+class Change(NamedTuple):
+    """How the RMSE of an estimator changes from the first to the last scenario of a sweep, as a share."""
+
+    estimator: str
+    first: float  # RMSE [m]
+    last: float
+    share: statistics.Interval
+    trials: int
+
+
+def standings(table: pd.DataFrame, results: Results) -> list[Standing]:
+    """One per scenario, from `compare` and `collect`."""
+    return [_standing(str(scenario), part, results) for scenario, part in table.groupby("scenario", sort=False)]
+
+
+def _standing(scenario: str, part: pd.DataFrame, results: Results) -> Standing:
+    trials = int(part["trials"].max())
+    part = part[part["rmse"].notna()].sort_values("rmse", kind="stable")
+    barred = np.array([bool(why(row)) for row in part.to_dict("records")], bool)
+    may = part[~barred]
+    if may.empty or len(part) < 2:
+        nothing = statistics.Interval(np.nan, np.nan, np.nan)
+        return Standing(scenario, "", nothing, nothing, (), (), _named(part[barred]), len(may), trials)
+    best = may.iloc[0]
+    equal, tied = [], []
+    for row in may[may["estimator"] != best["estimator"]].to_dict("records"):
+        pairs = results.mse((scenario, best["estimator"]), (scenario, row["estimator"]))
+        first, other = np.sqrt(pairs).T
+        if statistics.equivalence(first, other, MARGIN) < 0.05:
+            equal.append(row["estimator"])
+        elif not statistics.improvement(*pairs.T).high < 0:
+            tied.append(row["estimator"])
+    lost = part[(part["rmse"] <= best["rmse"]) & barred]
+    bare = best["certificate"].startswith("unchecked")
+    rmse = statistics.Interval(best["rmse"], best["rmse_low"], best["rmse_high"])
+    anees = statistics.mean_of_positive(results.anees((scenario, best["estimator"])))
+    return Standing(
+        scenario, best["estimator"], rmse, anees, tuple(equal), tuple(tied), _named(lost), len(may), trials, bare
+    )
+
+
+def why(row: dict[Any, Any]) -> str:
+    """Why an estimator may not be called best; empty where it may."""
+    reasons = [f"failed the check {mark(row['certificate'])[2:]}"] if refused(row["certificate"]) else []
+    reasons += ["a bound"] if row["bound"] else []
+    if row["consistency"] == "over-confident":
+        reasons.append(f"over-confident, ANEES {rounded(row['anees'], 2)}")
+    if row["consistency"] == "undecided" and row["anees"] > DOUBTFUL:
+        reasons.append(f"probably over-confident, ANEES {rounded(row['anees'], 2)}")
+    if row["consistency"] == "not assessed":
+        reasons.append("consistency not assessed")
+    return ", ".join([*reasons, *([f"{_count(row['failed'], 'trial')} failed"] if row["failed"] else [])])
+
+
+def _named(lost: pd.DataFrame) -> tuple[str, ...]:
+    return tuple(f"{row['estimator']} ({why(row)})" for row in lost.to_dict("records"))
+
+
+def sentence(one: Standing) -> str:
+    """A standing in words."""
+    barred = f" As accurate or more, and not called best: {_and(one.barred)}." if one.barred else ""
+    barred += f" Nobody has checked {one.best}." * one.unchecked
+    if one.trials < statistics.LEAST_TRIALS:
+        return f"Not assessed: {_count(one.trials, 'trial')}, and nothing is claimed below {statistics.LEAST_TRIALS}."
+    if not one.best:
+        return f"Nobody may be called best: {_and(one.barred) if one.barred else 'there is nothing to compare'}."
+    rmse = f"{one.rmse.value:.3f} m ({one.rmse.low:.3f} to {one.rmse.high:.3f})"
+    rmse += f", ANEES {rounded(one.anees.value, 2)} ({rounded(one.anees.low, 2)} to {rounded(one.anees.high, 2)})"
+    rmse += ", which leaves open whether it is over-confident" if one.anees.value > OVER_CONFIDENT else ""
+    if one.able == 1:
+        return f"{one.best} is the only one that may be called best: RMSE {rmse}.{barred}"
+    if one.alone:
+        others = "the other one" if one.able == 2 else f"each of the {one.able - 1} others"
+        return f"{one.best} is best: RMSE {rmse}, told apart from {others} that may be called best.{barred}"
+    ties = [f"not told apart from it: {_and(one.tied)}"] if one.tied else []
+    ties += [f"equal to it within {100 * MARGIN:.0f} %: {_and(one.equal)}"] if one.equal else []
+    return f"A tie: {one.best} has the lowest RMSE of those that may be called best, {rmse}; {'; '.join(ties)}.{barred}"
+
+
+def overall(found: list[Standing]) -> str:
+    """All scenarios in one sentence or two."""
+    decided = [one.best for one in found if one.alone and one.able > 1]
+    ties = sum(bool(one.best) and not one.alone for one in found)
+    single = sum(one.alone and one.able == 1 for one in found)
+    nobody = sum(not one.best for one in found)
+    said = [f"{name} in {count}" for name, count in Counter(decided).most_common()]
+    parts = [f"one estimator is best: {_and(said)}"] if decided else ["no estimator is told apart as best in any"]
+    parts += [f"the best tie with others in {ties}"] if ties else []
+    parts += [f"only one may be called best in {single}"] if single else []
+    parts += [f"nobody may be called best in {nobody}"] if nobody else []
+    return f"Of {_count(len(found), 'scenario')}: {'; '.join(parts)}."
+
+
+def confidence(table: pd.DataFrame) -> str:
+    """Who is over-confident where, in a sentence or two; from `compare`."""
+    assessed = table[table["consistency"] != "not assessed"]
+    if assessed.empty:
+        return f"Consistency is not assessed: that takes {statistics.LEAST_TRIALS} trials."
+    flags = assessed.assign(over=assessed["consistency"] == "over-confident").groupby("estimator", sort=False)["over"]
+    count, of = flags.sum(), flags.count()
+    everywhere = [f"{name}" for name in count.index if count[name] == of[name]]
+    some = [str(name) for name in count.index if 0 < count[name] < of[name]]
+    open_ = set(table.loc[(table["consistency"] == "undecided") & (table["anees"] > OVER_CONFIDENT), "estimator"])
+    never = [str(name) for name in count.index if not count[name] and name not in open_]
+    doubt = [str(name) for name in count.index if not count[name] and name in open_]
+    parts = [f"Over-confident in every scenario: {_and(everywhere)}."] if everywhere else []
+    if len(some) <= FEW:
+        parts += [f"Over-confident in some: {_and(f'{e} ({count[e]} of {of[e]})' for e in some)}."] if some else []
+    else:
+        most = [name for name in some if count[name] > of[name] / 2]
+        parts += [f"Over-confident in more than half of their scenarios: {_and(most)}."] if most else []
+        rest = [name for name in some if name not in most]
+        parts += [f"In some, half of them or fewer: {_and(rest)}."] if rest else []
+    parts += [f"Undecided in some, over-confident in none: {_and(doubt)}."] if doubt else []
+    parts += [f"Never found over-confident: {_and(never)}."] if never else []
+    return " ".join(parts)
+
+
+def changes(scenarios: list[str], estimators: Iterable[str], results: Results) -> list[Change]:
+    """How every estimator's RMSE changes over a sweep, paired by trial; of those that ran at both ends."""
+    ordered = sorted(scenarios, key=lambda label: sweep(label)[2])
+    out = []
+    for name in estimators:
+        try:
+            values = results.mse((ordered[0], name), (ordered[-1], name))
+        except Missing:
+            continue
+        logs = statistics.log_contrast(values, np.array([-0.5, 0.5]))
+        first, last = (float(v) for v in np.sqrt(values.mean(0))) if len(values) else (np.nan, np.nan)
+        share = statistics.Interval(*(float(np.expm1(end)) for end in logs))
+        out.append(Change(name, first, last, share, len(values)))
+    return out
+
+
+def swept(scenarios: list[str], found: list[Change]) -> str:
+    """The changes over a sweep in words; those whose interval holds 0 are said to show none."""
+    ordered = sorted(scenarios, key=lambda label: sweep(label)[2])
+    where, parameter, low = sweep(ordered[0])
+    high = sweep(ordered[-1])[2]
+    known = [one for one in found if one.share.low == one.share.low]
+    if not known:
+        return ""
+    grows = [one for one in known if one.share.low > 0]
+    falls = [one for one in known if one.share.high < 0]
+    equal = [one.estimator for one in known if one.share.low == one.share.high == 0]
+    same = [one.estimator for one in known if one.share.low <= 0 <= one.share.high and one.estimator not in equal]
+    parts = [f"it grows for {_moved(grows)}"] if grows else []
+    parts += [f"it falls for {_moved(falls)}"] if falls else []
+    parts += [f"no change can be told for {_names(same)}"] if same else []
+    parts += [f"it stays the same for {_names(equal)}"] if equal else []
+    return f"{where}: RMSE from {parameter} = {low:g} to {high:g} (95 % intervals, unadjusted): {'; '.join(parts)}."
+
+
+def _moved(found: list[Change]) -> str:
+    """Who changed, each with its interval; of many, their names and the range of the changes."""
+    if len(found) <= FEW:
+        return _and(f"{one.estimator} ({_share(one.share)})" for one in found)
+    least, *_, most = sorted(abs(one.share.value) for one in found)
+    return f"{_names([one.estimator for one in found])} (by {_percent(least)[1:]} to {_percent(most)[1:]})"
+
+
+def _names(names: list[str]) -> str:
+    return _and(names) if len(names) <= 2 * FEW else f"{len(names)} estimators"
+
+
+def _share(share: statistics.Interval) -> str:
+    return f"{_percent(share.value)}, {_percent(share.low)} to {_percent(share.high)}"
+
+
+def _percent(share: float) -> str:
+    """With a sign, and with as many digits as keep it from being nothing."""
+    digits = next((k for k in range(3) if abs(100 * share) >= 0.5 * 10.0**-k), 3)
+    return f"{100 * share:+.{digits}f} %"
+
+
+def _and(names: Iterable[str]) -> str:
+    *most, last = list(names)
+    return f"{', '.join(most)} and {last}" if most else last
+
+
+def _count(n: int, what: str) -> str:
+    return f"{n} {what}{'' if n == 1 else 's'}"

@@ -1,0 +1,389 @@
+"""Proves the statistics by simulation: worlds whose truth is known, and how often intervals and verdicts are right.
+
+    python benchmarks/statistics/rates.py reports/statistics.md
+
+Ends with 1 where a rate misses what the documentation promises. Every cell draws from its own seed, so the report is
+the same whenever it is made.
+"""
+
+import gc
+import sys
+import time
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from joblib import Parallel, delayed
+from scipy import stats
+
+from cooploc.analysis.claims.kinds import FINDERS, cases
+from cooploc.analysis.claims.ledger import Claim
+from cooploc.analysis.claims.trial_table import Results
+from cooploc.analysis.metrics import statistics
+from cooploc.analysis.metrics.consistency import flag
+from cooploc.analysis.metrics.ranking import letters
+
+TRIALS = (10, 30, 100)
+REPEATS = 2000
+TICKS, MEMORY = 50, 0.9
+FAMILY = 20  # comparisons in one table
+HEAVY_MEAN = 2 * np.sqrt(3) / np.pi  # of |t| with three degrees of freedom
+
+Rows = dict[str, list[float]]
+Draw = Callable[[np.random.Generator, tuple[int, ...]], np.ndarray]
+
+
+def normal(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
+    """Mean squared errors (..., trial, column) of mean 1 that are normal; hard trials are hard for all columns."""
+    shared = rng.normal(size=(*shape[:-1], 1))
+    return 1 + 0.1 * shared + 0.1 * rng.normal(size=shape)
+
+
+def lognormal(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
+    """The same, skewed: the logarithm has standard deviation 0.5."""
+    shared = rng.normal(0, 0.4, (*shape[:-1], 1))
+    return np.exp(shared + rng.normal(0, 0.3, shape) - 0.125)
+
+
+def heavy(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
+    """The same with heavy tails: |t| of three degrees of freedom, whose third moment does not exist."""
+    shared = rng.normal(0, 0.4, (*shape[:-1], 1))
+    return np.exp(shared - 0.08) * np.abs(rng.standard_t(3, shape)) / HEAVY_MEAN
+
+
+WORLDS: dict[str, Draw] = {"normal": normal, "lognormal": lognormal, "heavy": heavy}
+
+
+class Report:
+    """Collects tables and broken promises."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+        self.broken: list[str] = []
+
+    def table(
+        self, title: str, about: str, rows: Rows, promise: tuple[float, float], repeats: int, heads: list[str]
+    ) -> None:
+        """Rows of rates, a column per (world, trials); one that misses its promise is in bold.
+
+        `repeats` are those of the slowest row. Rows in brackets and heavy tails are not promised.
+        """
+        self.lines += ["", f"## {title}", "", about, ""]
+        self.lines += ["| | " + " | ".join(heads) + " |", "|---" * (len(heads) + 1) + "|"]
+        low, high = promise
+        for name, rates in rows.items():
+            cells = []
+            for head, rate in zip(heads, rates, strict=True):
+                slack = 3 * np.sqrt(0.05 * 0.95 / repeats)
+                missed = not low - slack <= rate <= high + slack
+                promised = not head.startswith("heavy") and not name.startswith("(")
+                if missed and promised:
+                    self.broken.append(f"{title}: {name}, {head}: {rate:.3f}, promised {low} to {high}")
+                cells.append(f"**{rate:.3f}**" if missed else f"{rate:.3f}")
+            self.lines.append(f"| {name} | " + " | ".join(cells) + " |")
+
+
+def rates(name: str, measure: Callable[[np.random.Generator, Draw, int], float]) -> list[float]:
+    """One rate per world and number of trials, over two processes."""
+    cells = [(world, n) for world in WORLDS for n in TRIALS]
+    return Parallel(n_jobs=2)(delayed(_rate)(name, measure, world, n) for world, n in cells)
+
+
+def _rate(name: str, measure: Callable[[np.random.Generator, Draw, int], float], world: str, n: int) -> float:
+    statistics.holm(np.ones(2))  # imports statsmodels, which
+    gc.freeze()  # collects all garbage whenever it adjusts a family
+    return measure(np.random.default_rng(zlib.crc32(f"{name} {world} {n}".encode())), WORLDS[world], n)
+
+
+HEADS = [f"{world} {n}" for world in WORLDS for n in TRIALS]
+
+
+def covered(intervals: list[statistics.Interval], truth: float) -> float:
+    """The share of intervals that hold the truth; one that does not exist holds nothing."""
+    return float(np.mean([low <= truth <= high for _, low, high in intervals]))
+
+
+# ------------------------------------------------------------------------------------------------ coverage
+
+
+def of_improvement(interval: Callable[..., statistics.Interval], repeats: int = REPEATS):
+    """Coverage of a true improvement of 1 - sqrt(0.5)."""
+
+    def measure(rng: np.random.Generator, draw: Draw, n: int) -> float:
+        pairs = draw(rng, (repeats, n, 2)) * [1.0, 0.5]
+        return covered([interval(a, b) for a, b in pairs.swapaxes(1, 2)], 1 - np.sqrt(0.5))
+
+    return measure
+
+
+def of_nothing(rng: np.random.Generator, draw: Draw, n: int) -> float:
+    """How often Fieller's set is unbounded, so that no interval is given."""
+    pairs = draw(rng, (REPEATS, n, 2)) * [1.0, 0.5]
+    return float(np.mean([np.isnan(statistics.improvement(a, b).low) for a, b in pairs.swapaxes(1, 2)]))
+
+
+def of_positive_mean(rng: np.random.Generator, draw: Draw, n: int) -> float:
+    """RMSE and ANEES: jackknife on the logarithm of the mean."""
+    return covered([statistics.mean_of_positive(v[:, 0]) for v in draw(rng, (REPEATS, n, 1))], 1.0)
+
+
+def of_plain_mean(rng: np.random.Generator, draw: Draw, n: int) -> float:
+    """The t interval, which RMSE does not use."""
+    return covered([statistics.mean(v[:, 0]) for v in draw(rng, (REPEATS, n, 1))], 1.0)
+
+
+def of_difference(rng: np.random.Generator, draw: Draw, n: int) -> float:
+    """The mean difference of RMSE; its truth is that of a million draws."""
+    truth = np.sqrt(draw(rng, (1_000_000, 1))).mean() * (np.sqrt(0.5) - 1)
+    pairs = np.sqrt(draw(rng, (REPEATS, n, 2)) * [1.0, 0.5])
+    return covered([statistics.mean_difference(a, b) for a, b in pairs.swapaxes(1, 2)], truth)
+
+
+def of_interaction(rng: np.random.Generator, draw: Draw, n: int) -> float:
+    """A ratio of ratios."""
+    values = draw(rng, (REPEATS, n, 4)) * [1.5, 1.0, 1.0, 1.0]
+    weights = np.array([1, -1, -1, 1]) / 2
+    return covered([statistics.log_contrast(v, weights) for v in values], np.log(1.5) / 2)
+
+
+def of_share(p: float, together: float) -> list[float]:
+    """Wilson's interval of the share p of five robots that diverge, all of a trial at once with this probability."""
+    out = []
+    for n in TRIALS:
+        rng = np.random.default_rng([n, int(100 * p), int(10 * together)])
+        team = (rng.uniform(size=(REPEATS, n, 1)) < p).repeat(5, -1)
+        at_once = rng.uniform(size=(REPEATS, n, 1)) < together
+        robots = np.where(at_once, team, rng.uniform(size=(REPEATS, n, 5)) < p)
+        out.append(covered([statistics.share(r) for r in robots.mean(-1)], p))
+    return out
+
+
+# ------------------------------------------------------------------------------------------------ A/A and ties
+
+
+def one_test(rng: np.random.Generator, draw: Draw, n: int) -> float:
+    """Wilcoxon's signed-rank test of two equals."""
+    pairs = np.sqrt(draw(rng, (REPEATS, n, 2)))
+    return float(np.mean([statistics.signed_rank(a, b)[0] < 0.05 for a, b in pairs.swapaxes(1, 2)]))
+
+
+def families(adjust: Callable[[np.ndarray], np.ndarray]):
+    """Share of tables of equals in which anything is called different."""
+
+    def measure(rng: np.random.Generator, draw: Draw, n: int) -> float:
+        wrong = []
+        for _ in range(REPEATS // 4):
+            values = draw(rng, (n, FAMILY + 1))
+            p = stats.wilcoxon(values[:, 1:] - values[:, :1], axis=0).pvalue
+            wrong.append((adjust(p) < 0.05).any())
+        return float(np.mean(wrong))
+
+    return measure
+
+
+def ranks(rng: np.random.Generator, draw: Draw, n: int) -> float:
+    """Friedman and Nemenyi: share of scenarios with six equals that get more than one letter."""
+    many = REPEATS // 4
+    found = [letters(pd.DataFrame(draw(rng, (n, 6)), columns=list("abcdef"))) for _ in range(many)]
+    return float(np.mean([len(set(marks.values())) > 1 for marks in found]))
+
+
+def ties(rng: np.random.Generator, draw: Draw, n: int) -> float:
+    """Equivalence within 10 % of two whose errors differ by exactly 10 %."""
+    pairs = np.sqrt(draw(rng, (REPEATS, n, 2))) * [1.0, 1.1]
+    return float(np.mean([statistics.equivalence(a, b, 0.1) < 0.05 for a, b in pairs.swapaxes(1, 2)]))
+
+
+# ------------------------------------------------------------------------------------------------ verdicts
+
+LABELS = [f"s/n={k}" for k in range(1, 7)]
+# what is claimed -> the claim, the factors of the true mean squared errors (scenario, estimator), the false verdicts
+LIES: dict[str, tuple[dict[str, object], np.ndarray, tuple[str, ...]]] = {
+    "better; they are equal": (
+        {"kind": "improvement", "than": ("b",), "scenarios": LABELS[:1]},
+        np.ones((1, 2)),
+        ("supported", "contradicted"),
+    ),
+    "30 % better (less 5); it is 25 %": (
+        {"kind": "improvement", "than": ("b",), "scenarios": LABELS[:1], "size": 0.3},
+        np.array([[0.75**2, 1.0]]),
+        ("supported", "contradicted"),
+    ),
+    "30 % better; it is 30 %": (
+        {"kind": "improvement", "than": ("b",), "scenarios": LABELS[:1], "size": 0.3},
+        np.array([[0.7**2, 1.0]]),
+        ("direction only", "contradicted"),
+    ),
+    "better everywhere; once they are equal": (
+        {"kind": "all", "than": ("b",), "scenarios": LABELS},
+        np.stack([np.array([1.0] + [0.25] * 5), np.ones(6)], 1),
+        ("supported", "contradicted"),
+    ),
+    "better everywhere; they are equal": (
+        {"kind": "all", "than": ("b",), "scenarios": LABELS},
+        np.ones((6, 2)),
+        ("supported", "contradicted"),
+    ),
+    "same within 10 %; once it is 10 % more": (
+        {"kind": "same", "scenarios": LABELS, "margin": 0.1},
+        np.stack([np.array([1.0] * 5 + [1.21]), np.ones(6)], 1),
+        ("supported", "contradicted"),
+    ),
+    "same within 10 %; all are 10 % more than the first": (
+        {"kind": "same", "scenarios": LABELS, "margin": 0.1},
+        np.stack([np.array([1.0] + [1.21] * 5), np.ones(6)], 1),
+        ("supported", "contradicted"),
+    ),
+    "grows; it does not": (
+        {"kind": "growth", "scenarios": LABELS},
+        np.ones((6, 2)),
+        ("supported", "contradicted"),
+    ),
+    "loses more; it loses as much": (
+        {"kind": "interaction", "than": ("b",), "scenarios": LABELS[:2]},
+        np.array([[1.0, 1.0], [2.0, 2.0]]),
+        ("supported", "contradicted"),
+    ),
+    "at most 1 m; it is 1 m": (
+        {"kind": "level", "scenarios": LABELS[:1], "size": 1.0},
+        np.ones((1, 2)),
+        ("supported", "contradicted"),
+    ),
+}
+
+
+def lie(told: dict[str, object], factors: np.ndarray, false: tuple[str, ...]):
+    """How often a claim gets a verdict that is not true."""
+    claim = Claim(id="x", says="", of="a", **told)  # type: ignore[arg-type]
+    (case,) = [c for c in cases(claim) if c.definition != "ratio"]
+
+    def measure(rng: np.random.Generator, draw: Draw, n: int) -> float:
+        wrong = 0
+        for _ in range(REPEATS // 4):
+            values = draw(rng, (n, factors.size)).reshape(n, *factors.shape) * factors
+            frames = {
+                (label, name): pd.DataFrame({"mse": values[:, i, j]})
+                for i, label in enumerate(case.scenarios)
+                for j, name in enumerate("ab")
+            }
+            wrong += FINDERS[claim.kind](case, claim, Results(frames, {}, set())).verdict in false
+        return wrong / (REPEATS // 4)
+
+    return measure
+
+
+# ------------------------------------------------------------------------------------------------ flags
+
+
+def flagged(too_small: float, words: tuple[str, ...]) -> list[float]:
+    """How often Gaussian errors with memory, whose covariance is told too small by a factor, get one of the words."""
+    out = []
+    for n in TRIALS:
+        rng = np.random.default_rng(zlib.crc32(f"flagged {too_small} {n}".encode()))
+        x, nees, inside = rng.normal(size=(REPEATS, n, 2)), np.zeros((REPEATS, n)), np.zeros((REPEATS, n))
+        for _ in range(TICKS):
+            d2 = too_small * (x**2).sum(-1)
+            nees += d2 / 2 / TICKS
+            inside += (d2 <= stats.chi2.ppf(0.95, 2)) / TICKS
+            x = MEMORY * x + np.sqrt(1 - MEMORY**2) * rng.normal(size=x.shape)
+        found = [flag(n, statistics.mean_of_positive(a), statistics.mean(c)) for a, c in zip(nees, inside, strict=True)]
+        out.append(float(np.mean([word in words for word in found])))
+    return out
+
+
+def main() -> int:
+    """Measure everything, write the report, say what was promised and missed."""
+    began, report = time.perf_counter(), Report()
+    report.lines += HEADER.strip().splitlines()
+    report.table(
+        "Coverage of 95 % intervals",
+        "Share of repetitions whose interval holds the truth; where there is none, it does not. "
+        "Promised: 0.92 to 0.98. Rows in brackets are for comparison, and not promised.",
+        {
+            "improvement, Fieller": rates("fieller", of_improvement(statistics.improvement)),
+            "(there is none: Fieller's set is unbounded)": rates("unbounded", of_nothing),
+            "(improvement, BCa)": rates("bca", of_improvement(statistics.improvement_bca, REPEATS // 4)),
+            "RMSE, ANEES: jackknife on log mean": rates("positive", of_positive_mean),
+            "(the t interval in its place)": rates("plain", of_plain_mean),
+            "difference of RMSE, t": rates("difference", of_difference),
+            "ratio of ratios, jackknife": rates("interaction", of_interaction),
+        },
+        (0.92, 0.98),
+        REPEATS,
+        HEADS,
+    )
+    report.table(
+        "Coverage of shares",
+        "Wilson's interval over effective trials, for a share of robots that diverge: five robots, each on its own or "
+        "all of a trial at once. Promised: at least 0.90.",
+        {
+            f"{100 * p:.0f} %, {'all at once' if together else 'each on its own'}": of_share(p, together)
+            for p in (0.05, 0.3)
+            for together in (0.0, 1.0)
+        },
+        (0.90, 1.0),
+        REPEATS,
+        [f"{n}" for n in TRIALS],
+    )
+    report.table(
+        "False differences and false ties",
+        "Two equals, and families of equals. Promised: at most 0.05.",
+        {
+            "signed-rank test": rates("wilcoxon", one_test),
+            f"a family of {FAMILY} against one baseline, Holm": rates("holm", families(statistics.holm)),
+            "(the same family, unadjusted)": rates("bare", families(lambda p: p)),
+            "six estimators ranked, Friedman and Nemenyi": rates("ranks", ranks),
+            "a tie within 10 % where the truth is 10 %": rates("ties", ties),
+        },
+        (0.0, 0.05),
+        REPEATS // 4,
+        HEADS,
+    )
+    report.table(
+        "False verdicts",
+        "What is claimed and what is true, at the edge where it is hardest; the rate of verdicts that are false. "
+        "Promised: at most 0.05.",
+        {name: rates(name, lie(*case)) for name, case in LIES.items()},
+        (0.0, 0.05),
+        REPEATS // 4,
+        HEADS,
+    )
+    report.table(
+        "Flags of consistency",
+        f"Trials of {TICKS} ticks, whose errors remember {MEMORY:g} of the last one. On a limit itself neither side is "
+        "false; just within it, the flag would be. Promised: at most 0.05.",
+        {
+            "consistent (ANEES 1), flagged": flagged(1.0, ("over-confident", "conservative")),
+            "ANEES 1.5, called over-confident": flagged(1.5, ("over-confident",)),
+            "ANEES 0.67, called conservative": flagged(0.67, ("conservative",)),
+        },
+        (0.0, 0.05),
+        REPEATS,
+        [f"{n}" for n in TRIALS],
+    )
+    report.lines += ["", "## Promises", ""]
+    report.lines += [f"- missed: {line}" for line in report.broken] or ["All are kept."]
+    text = "\n".join(report.lines) + "\n"
+    Path(sys.argv[1]).write_text(text, encoding="utf-8")
+    print(text)
+    print(f"{time.perf_counter() - began:.0f} s")
+    return 1 if report.broken else 0
+
+
+HEADER = f"""
+# How often the statistics are right
+
+    make prove
+
+Worlds whose truth is known, {REPEATS} repetitions a rate (a quarter of them for BCa, families, ranks and
+verdicts), at {", ".join(map(str, TRIALS))} trials. Mean squared errors of a trial are normal (standard deviation a
+seventh of the mean), lognormal (skewed: 0.5 in the logarithm) or heavy-tailed (|t| of three degrees of freedom, without
+a third moment); what is hard for one estimator in a trial is hard for all. A rate in **bold** misses the promise by
+more than three standard errors. The promises are made for normal and lognormal errors; heavy tails show what
+happens beyond them.
+"""
+
+if __name__ == "__main__":
+    sys.exit(main())

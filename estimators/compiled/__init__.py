@@ -1,0 +1,1 @@
+"""What numba compiles: vectorisable elementary functions, random numbers, row buffers."""

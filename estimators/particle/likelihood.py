@@ -1,0 +1,181 @@
+"""What readings say of every particle: the sums over anchors, teammates and past directions that the filters add up.
+
+`anchors`, `teammates` and `window` take a compiled loop for the sensors of models.py and numpy for any other. The numpy
+forms, `*_reference`, state the same densities by the sensor's own `innovation`; tests hold both equal.
+The loops are those of link_kernels.py.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+
+from cooploc.estimators.compiled.elementary_functions import readable
+from cooploc.estimators.interface import Array, Motion, Sensor
+from cooploc.estimators.models.gradient_doa import GradientDoa
+from cooploc.estimators.models.motion import Displacement
+from cooploc.estimators.models.sensors import LogDistance, Range
+from cooploc.estimators.particle.link_kernels import add_anchor_rows, add_teammate_rows, add_window_rows
+
+Fixed = tuple[Sensor, Array, Array]  # of a place: sensor, place (2,), readings (r, 1), as `World.fixed` yields them
+
+
+def log_normal(y: Array, v: Array) -> Array:
+    """log N(y; 0, v) without its constant; 0 where the reading is absent."""
+    return np.where(np.isnan(y), 0.0, -0.5 * y**2 / v - 0.5 * np.log(v))
+
+
+def anchors(fixed: Sequence[Fixed], x: Array, logw: Array) -> Array:
+    """`logw` (r, N) and the log-likelihoods of scalar readings of fixed places, at particles x (r, N, d).
+
+    Args:
+        fixed: scalar readings of fixed places.
+        x: particles.
+        logw: log-weights so far.
+
+    """
+    if not alike(fixed):
+        return anchors_reference(fixed, x, logw)
+    out = np.empty_like(logw, order="C")
+    add_anchor_rows(planes(x), x.shape[-1], readable(logw), *told(fixed, len(x)), out)
+    return out
+
+
+def alike(fixed: Sequence[Fixed]) -> bool:
+    """Whether there is a loop for these readings: RSSI by one sensor, or none."""
+    return not fixed or (type(fixed[0][0]) is LogDistance and all(sensor is fixed[0][0] for sensor, _, _ in fixed))
+
+
+def told(fixed: Sequence[Fixed], rows: int) -> tuple[Any, ...]:
+    """What that loop is told: places (a, 2), readings (rows, a), and of the sensor A, the slope, 1/sigma."""
+    if not fixed:
+        return np.empty((0, 2)), np.empty((rows, 0)), 0.0, 0.0, 1.0
+    sensor = cast(LogDistance, fixed[0][0])
+    readings = np.concatenate([z for _, _, z in fixed], -1)
+    return np.array([q for _, q, _ in fixed]), readings, sensor.A, _slope(sensor), 1 / sensor.sigma
+
+
+def anchors_reference(fixed: Sequence[Fixed], x: Array, logw: Array) -> Array:
+    """`anchors` in numpy, for any scalar sensor."""
+    for sensor, place, reading in fixed:
+        y, _, _ = sensor.innovation(x, place, reading[:, None, :])
+        logw = logw + log_normal(y[..., 0], sensor.R[0, 0])
+    return logw
+
+
+class Heard(NamedTuple):
+    """What reached each robot: packets, and the radio's reading of each."""
+
+    sensor: Sensor  # of the readings
+    packets: Array  # (r, n, 5)  x, y, P_xx, P_xy, P_yy of each sender
+    readings: Array  # (r, n)     nan where nothing was heard
+    integrate: bool  # senders out, or else take them to be where they say, P_j = 0
+
+    @property
+    def compiled(self) -> bool:
+        """Whether there is a loop for this sensor."""
+        return type(self.sensor) in (LogDistance, Range)
+
+    def told(self) -> tuple[Any, ...]:
+        """What that loop is told."""
+        packets, readings = readable(self.packets), readable(self.readings)
+        if isinstance(self.sensor, LogDistance):
+            slope = _slope(self.sensor)
+            gain = (2 * slope / self.sensor.sigma) ** 2 if self.integrate else 0.0
+            return packets, readings, False, self.sensor.A, slope, 1 / self.sensor.sigma, gain
+        precision = 1 / float(self.sensor.R[0, 0])
+        return packets, readings, True, 0.0, 0.0, precision**0.5, precision if self.integrate else 0.0
+
+
+def nothing_heard(rows: int) -> Heard:
+    """No packets in any of these rows."""
+    return Heard(Range(), np.empty((rows, 0, 5)), np.empty((rows, 0)), False)
+
+
+def teammates(heard: Heard, x: Array, logw: Array) -> Array:
+    """`logw` (r, N) and the log-likelihoods of the readings heard, at particles x (r, N, d).
+
+    The sender is integrated out of each: variance sigma^2 + J P_j J', with J the slope at the particle.
+    """
+    if not heard.compiled:
+        return teammates_reference(heard, x, logw)
+    out = np.empty_like(logw, order="C")
+    add_teammate_rows(planes(x), x.shape[-1], readable(logw), *heard.told(), out)
+    return out
+
+
+def teammates_reference(heard: Heard, x: Array, logw: Array) -> Array:
+    """`teammates` in numpy, for any scalar sensor."""
+    sensor, packets, readings, integrate = heard
+    for j in np.flatnonzero(~np.isnan(readings).all(0)):
+        x_j, P_j = unpack(packets[:, j])
+        y, _, J = sensor.innovation(x, x_j[:, None, :], readings[:, j, None, None])
+        v = sensor.R[0, 0] + np.zeros_like(y[..., 0])
+        if integrate:
+            J = J[..., 0, :]  # (r, N, 2)
+            v = v + ((J @ P_j) * J).sum(-1)
+        logw = logw + log_normal(y[..., 0], v)
+    return logw
+
+
+def unpack(packet: Array) -> tuple[Array, Array]:
+    """The position (r, 2) and covariance (r, 2, 2) of a packet (r, 5)."""
+    return packet[:, :2], np.stack([packet[:, 2:4], packet[:, 3:5]], -2)
+
+
+def window(
+    doa: GradientDoa, motion: Motion, x: Array, logw: Array, angles: Array, trail: Array, density: str, power: float
+) -> Array:
+    """`logw` (r, N) and `power` times the log-density of past directions, each at the particle shifted back.
+
+    Args:
+        doa: the sensor.
+        motion: shifts a particle back along the path.
+        x: particles (r, N, d).
+        logw: log-weights so far.
+        angles: directions (r, M) [rad], nan where absent.
+        trail: where the robot was then, seen from where it is now (r, M, 2).
+        density: "constant" or "exact".
+        power: exponent of every density.
+
+    """
+    if density != "constant":
+        return window_reference(doa, motion, x, logw, angles, trail, density, power)
+    if type(motion) is Displacement:
+        return _window_at(doa, x, logw, angles, trail, power)
+    for k in range(angles.shape[1]):
+        there = motion.place(x, trail[:, None, k])
+        logw = _window_at(doa, there, logw, angles[:, k : k + 1], np.zeros((len(x), 1, 2)), power)
+    return logw
+
+
+def window_reference(
+    doa: GradientDoa, motion: Motion, x: Array, logw: Array, angles: Array, trail: Array, density: str, power: float
+) -> Array:
+    """`window` in numpy."""
+    log_density = doa.log_exact if density == "exact" else doa.log_constant
+    for k in range(angles.shape[1]):
+        angle = angles[:, k, None]
+        if not np.isnan(angle).all():
+            there = motion.place(x, trail[:, None, k])
+            logw = logw + power * np.where(np.isnan(angle), 0.0, log_density(there, angle))
+    return logw
+
+
+def _window_at(doa: GradientDoa, x: Array, logw: Array, angles: Array, trail: Array, power: float) -> Array:
+    out = np.empty_like(logw, order="C")
+    corner, sides = np.array(doa.corner), np.array(doa.sides)
+    gain = -0.5 * power / doa.sigma**2
+    add_window_rows(planes(x), x.shape[-1], readable(logw), readable(angles), readable(trail), corner, sides, gain, out)
+    return out
+
+
+def planes(x: Array) -> Array:
+    """Particles (r, N, d) as kernels take them, each axis of a row by itself: (r d, N)."""
+    r, n, d = x.shape
+    return readable(x.transpose(0, 2, 1)).reshape(r * d, n)
+
+
+def _slope(sensor: LogDistance) -> float:
+    """RSSI lost per unit of ln D, D the squared distance [dB]."""
+    return float(5 * sensor.eta / np.log(10))

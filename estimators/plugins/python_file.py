@@ -1,0 +1,67 @@
+"""Estimators in a single Python file, named `path.py:Name`, so that nothing has to be installed.
+
+A file is imported under a name made of its content: loading it again gives the same classes, and an edited file gives
+its own ones. Paths stay as they are written, relative to where the run began, which its workers share.
+"""
+
+import hashlib
+import sys
+from importlib.util import module_from_spec, spec_from_loader
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import cloudpickle
+
+from cooploc.estimators.plugins.errors import BadInput, nearest
+
+
+def is_file(name: str) -> bool:
+    """Whether a name is `path.py:Name`, or a file with the name forgotten.
+
+    Raises:
+        BadInput: it is a file, and does not say which of its names.
+
+    """
+    if name.endswith(".py"):
+        raise BadInput(f"{name} is a file: say which of its names, {name}:Name")
+    return name.rpartition(":")[0].endswith(".py")
+
+
+def found_in_file(name: str) -> Any:
+    """The class or instance that `path.py:Name` names.
+
+    Raises:
+        BadInput: there is none, or the file cannot be imported; one line that says why.
+
+    """
+    file, _, attribute = name.rpartition(":")
+    module = _imported(Path(file))
+    public = [known for known in vars(module) if not known.startswith("_")]
+    if not hasattr(module, attribute):
+        raise BadInput(f"{file} has no {attribute!r}; {nearest(attribute, public)}")
+    return getattr(module, attribute)
+
+
+def _imported(path: Path) -> ModuleType:
+    try:
+        source = path.read_bytes()
+    except OSError:
+        raise BadInput(f"there is no file {path}; write path.py:Name") from None
+    digest = hashlib.sha256(str(path.resolve()).encode() + b"\0" + source).hexdigest()
+    name = f"_cooploc_{path.stem}_{digest[:12]}"  # hides no module, and pickle finds its classes by it
+    if name in sys.modules:
+        return sys.modules[name]
+    spec = spec_from_loader(name, loader=None, origin=str(path))
+    if spec is None:
+        raise BadInput(f"{path} cannot be imported: it is no Python file")
+    module = module_from_spec(spec)
+    module.__file__ = str(path.resolve())  # numba and tracebacks look there
+    sys.modules[name] = module
+    try:
+        exec(compile(source, module.__file__, "exec"), vars(module))
+    except (Exception, SystemExit) as e:
+        del sys.modules[name]
+        raise BadInput(f"{path} cannot be imported: {' '.join(f'{type(e).__name__}: {e}'.split())}") from e
+    cloudpickle.register_pickle_by_value(module)  # a worker could not import it by name
+    return module

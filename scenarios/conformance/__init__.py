@@ -1,0 +1,1 @@
+"""The checks that show what an estimator must not do."""

@@ -1,0 +1,1 @@
+"""How streams and runs look in a notebook."""

@@ -1,0 +1,1 @@
+"""Recordings of real robots. Add a format here."""

@@ -1,0 +1,1 @@
+"""A robot's recording as CSV files, described by a `log.toml`."""

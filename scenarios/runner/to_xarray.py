@@ -1,0 +1,63 @@
+"""A run as an xarray.Dataset with labelled axes: `x` (estimator, trial, tick, robot, axis) and whatever else was kept.
+
+    data = run.to_xarray()
+    data["x"].sel(estimator="arl", robot=0, axis="x").mean("trial").plot()
+
+`P` has `axis` for its rows and `other_axis` for its columns. An estimator's notes are "note: NAME", nan where it has
+none of that name.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from cooploc.estimators.plugins.errors import BadInput
+from cooploc.scenarios.runner.run import Run
+
+AXES = ("x", "y", "heading")
+BELIEF = ("estimator", "trial", "tick", "robot", "axis")
+COUNT = ("estimator", "trial", "robot")
+
+
+def dataset(run: Run) -> xr.Dataset:
+    """Every trace of a run; its scenario, seed and the hashes of its stream's trials are attributes.
+
+    Raises:
+        BadInput: the run has no estimators.
+
+    """
+    traces = list(run.traces.values())
+    if not traces:
+        raise BadInput("this run has no estimators, so there is nothing to put into a dataset: run some")
+    _, ticks, robots, d = traces[0].x.shape
+    variables = {
+        "x": (BELIEF, np.stack([t.x for t in traces]), {"long_name": "estimate", "units": "m, m, rad"}),
+        "P": ((*BELIEF, "other_axis"), np.stack([t.P for t in traces]), {"long_name": "its covariance"}),
+        "messages": (COUNT, np.stack([t.messages for t in traces]), {"long_name": "messages sent"}),
+        "bytes": (COUNT, np.stack([t.bytes for t in traces]), {"long_name": "bytes sent", "units": "B"}),
+        "seconds": ("estimator", [t.seconds for t in traces], {"long_name": "time taken", "units": "s"}),
+        "bound": ("estimator", [t.bound for t in traces], {"long_name": "knows more than any robot could"}),
+        **_notes(run),
+    }
+    coordinates = {
+        "estimator": list(run.traces),
+        "trial": run.trial,
+        "tick": np.arange(ticks),
+        "robot": np.arange(robots),
+        "axis": list(AXES[:d]),
+        "other_axis": list(AXES[:d]),
+    }
+    attributes = {"scenario": run.scenario, "seed": run.seed, "hashes": list(run.hashes)}
+    return xr.Dataset(variables, coordinates, attributes)
+
+
+def _notes(run: Run) -> Mapping[str, Any]:
+    """What estimators counted."""
+    names = dict.fromkeys(name for trace in run.traces.values() for name in trace.notes)
+    absent = np.full_like(next(iter(run.traces.values())).messages, np.nan)
+    return {
+        f"note: {name}": (COUNT, np.stack([trace.notes.get(name, absent) for trace in run.traces.values()]))
+        for name in names
+    }

@@ -1,0 +1,201 @@
+"""A study: scenarios x configured estimators x trials, written as a TOML file.
+
+    about = "what it asks"
+    trials = 100
+    baseline = "arl"                                   # what every estimator is compared with
+    scenarios = ["packet-drop/drop={0,0.5,0.9}"]       # `sweep.py` says what braces and variants are
+    estimators = ["arl", "mrsl-rssi[particles={50,200}]", "mrsl-rssi[consistent]"]
+    variants = { consistent = "density=exact,M=1,K=1" }
+
+    [[also]]                                           # more scenarios with estimators of their own
+    scenarios = ["scalability/n=50"]
+    estimators = ["arl"]
+
+A study that includes others by name runs everything that they have.
+"""
+
+import tomllib
+from importlib.resources import files
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from cooploc.estimators import nearest
+from cooploc.estimators.plugins.errors import BadInput
+from cooploc.scenarios.studies.sweep import expand, named
+
+Labels = tuple[str, ...]
+
+
+class Block(BaseModel):
+    """Scenarios, and the estimators that run on each of them."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    scenarios: Annotated[Labels, Field(min_length=1)]
+    estimators: Annotated[Labels, Field(min_length=1)]
+    baseline: str = ""  # as the study's
+    experiment: str = ""  # the study's name
+    variants: dict[str, str] = {}
+
+
+class Cell(NamedTuple):
+    """What a study does with one scenario."""
+
+    experiment: str
+    scenario: str
+    estimators: Labels
+    baseline: str
+
+
+class Study(BaseModel):
+    """What a study file says."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    name: str
+    about: str = ""
+    minutes: Annotated[float, Field(gt=0)] | None = None  # that it takes about as shipped, on two cores
+    trials: Annotated[int, Field(ge=1)] = 100
+    seed: Annotated[int, Field(ge=0)] = 1
+    time_limit: Annotated[float, Field(gt=0)] = 600.0  # [s] for one estimator on one trial
+    baseline: str = ""  # the estimator that every other one is compared with, by name or configured
+    variants: dict[str, str] = {}  # named overrides of scenarios or estimators
+    scenarios: Labels = ()
+    estimators: Labels = ()
+    also: tuple[Block, ...] = ()
+    include: tuple[str, ...] = ()  # other studies, by name or path
+    only: Labels = ()  # run of the study's estimators just these; one that it lacks runs on every scenario
+
+    def with_options(self, **options: Any) -> "Study":
+        """The study with what the command line says instead; None leaves it as it is.
+
+        Raises:
+            BadInput: a value out of bounds.
+
+        """
+        given = {key: value for key, value in options.items() if value is not None}
+        return _validated({**self.model_dump(), **given}, f"study {self.name!r}")
+
+    def blocks(self) -> list[Block]:
+        """Its own scenarios with their estimators, then the others."""
+        own = [Block(scenarios=self.scenarios, estimators=self.estimators)] if self.scenarios else []
+        return [self._filled(block) for block in (*own, *self.also)]
+
+    def cells(self) -> list[Cell]:
+        """Everything that is to run, by scenario, each scenario and each estimator once.
+
+        Raises:
+            BadInput: a label that cannot be read, or a scenario whose baseline is not among its estimators.
+
+        """
+        found: dict[str, Cell] = {}
+        for block in self.blocks():
+            estimators = [name for label in block.estimators for name in expand(label, block.variants)]
+            for scenario in (name for label in block.scenarios for name in expand(label, block.variants)):
+                cell = found.get(scenario, Cell(block.experiment, scenario, (), block.baseline))
+                found[scenario] = cell._replace(estimators=tuple(dict.fromkeys((*cell.estimators, *estimators))))
+        for cell in found.values():
+            if cell.baseline not in cell.estimators:
+                raise BadInput(
+                    f"study {self.name!r} compares with {cell.baseline!r}, which is not one of its estimators on "
+                    f"{cell.scenario!r}: add it there"
+                )
+        return self._chosen(list(found.values()))
+
+    def baselines(self) -> dict[str, str]:
+        """What each scenario's estimators are compared with."""
+        return {cell.scenario: cell.baseline for cell in self.cells()}
+
+    def _filled(self, block: Block) -> Block:
+        variants = {**self.variants, **block.variants}
+        return Block(
+            scenarios=block.scenarios,
+            estimators=block.estimators,
+            baseline=named(block.baseline or self.baseline, variants) or expand(block.estimators[0], variants)[0],
+            experiment=block.experiment or self.name,
+            variants=variants,
+        )
+
+    def _chosen(self, cells: list[Cell]) -> list[Cell]:
+        """The cells with the estimators of `only`."""
+        if not self.only:
+            return cells
+        known = {name for cell in cells for name in cell.estimators}
+        wanted = [name for label in self.only for name in expand(label, self.variants)]
+        chosen = []
+        for cell in cells:
+            mine = tuple(name for name in dict.fromkeys(wanted) if name in cell.estimators or name not in known)
+            if mine:
+                baseline = cell.baseline if cell.baseline in mine else mine[0]
+                chosen.append(cell._replace(estimators=mine, baseline=baseline))
+        return chosen
+
+
+def names() -> list[str]:
+    """The studies that are shipped."""
+    return sorted(
+        path.name.removesuffix(".toml")
+        for path in files(__package__).iterdir()
+        if path.name.endswith(".toml") and not path.name.endswith(".log.toml")  # those describe recordings
+    )
+
+
+def load(which: str) -> Study:
+    """A shipped study by name, or any study by the path of its TOML file; what it includes is written out.
+
+    Raises:
+        BadInput: there is none, or the file is not a study; says the line or the key.
+
+    """
+    return _load(which, ())
+
+
+def _load(which: str, including: tuple[str, ...]) -> Study:
+    if which in including:
+        raise BadInput(f"study {which!r} includes itself, by way of {' and '.join(including)}: leave one out")
+    path = _path(which)
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as e:
+        raise BadInput(f"{which} is not a TOML file: {e}") from None
+    study = _validated({"name": path.name.removesuffix(".toml"), **content}, which)
+    included = [block for other in study.include for block in _load(other, (*including, which)).blocks()]
+    study = study.model_copy(update={"also": (*study.also, *included), "include": ()})
+    if not study.blocks():
+        raise BadInput(f"{which} has no scenarios: give scenarios and estimators, or include other studies")
+    try:
+        study.cells()
+    except BadInput as e:
+        raise BadInput(f"{which}: {e}") from None
+    return study
+
+
+def _path(which: str) -> Any:
+    if which.endswith(".toml"):
+        if not Path(which).is_file():
+            raise BadInput(f"there is no study file {which}; name a TOML file or one of {', '.join(names())}")
+        return Path(which)
+    if which not in names():
+        raise BadInput(f"there is no study {which!r}; {nearest(which, names())}")
+    return files(__package__) / f"{which}.toml"
+
+
+def _validated(content: dict[str, Any], where: str) -> Study:
+    _demand_known(content, Study, "a study", where)
+    for block in content.get("also", ()):
+        _demand_known(block, Block, "a block of [[also]]", where)
+    if content.get("scenarios") and not content.get("estimators"):
+        raise BadInput(f"{where}: it has scenarios and no estimators: name some")
+    try:
+        return Study(**content)
+    except ValidationError as e:
+        first = e.errors()[0]
+        raise BadInput(f"{where}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
+
+
+def _demand_known(content: Any, model: type[BaseModel], what: str, where: str) -> None:
+    for key in content if isinstance(content, dict) else ():
+        if key not in model.model_fields:
+            raise BadInput(f"{where}: there is no key {key!r} in {what}; {nearest(key, list(model.model_fields))}")

@@ -1,0 +1,1 @@
+"""Simulated worlds. Add one here."""

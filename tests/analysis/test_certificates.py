@@ -1,0 +1,236 @@
+"""Who is not built in is checked before it runs: a certificate stands beside the name, and a cheat wins nothing."""
+
+import csv
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from processes import finish, install
+from test_page import Outline, kept_from, rows_of
+
+from cooploc.analysis.claims.ledger import load
+from cooploc.analysis.claims.trial_table import collect
+from cooploc.analysis.execution import certificates
+from cooploc.analysis.execution.certificates import certify, line, mark, outside, with_lines
+from cooploc.analysis.execution.execute import Quiet, execute
+from cooploc.analysis.execution.stored_run import read
+from cooploc.analysis.metrics.compare import compare
+from cooploc.analysis.metrics.ranking import ranking
+from cooploc.analysis.report import html_page, summaries
+from cooploc.scenarios.conformance.check import CHECKS
+from cooploc.scenarios.studies.study import Study
+
+FILE = """
+from dataclasses import dataclass
+from broken import Prophet
+from cooploc.estimators.ekf_local import EkfLocal
+
+@dataclass(frozen=True)
+class Honest(EkfLocal):
+    scale: float = 1.0
+"""
+STUDY = Study(
+    name="small",
+    trials=6,
+    baseline="ekf-local",
+    scenarios=("robots-1-3/n=2[ticks=5]",),
+    estimators=("ekf-local", "outside.py:Honest", "outside.py:Prophet"),
+)
+EVIL = "<script>alert(1)</script>"
+
+
+class Told(Quiet):
+    """Remembers what a run said."""
+
+    def __init__(self):
+        self.said = []
+
+    def say(self, line):
+        self.said.append(line)
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    """Where outside.py is, and the gallery of broken estimators that it takes one from; workers find them there."""
+    (tmp_path / "outside.py").write_text(FILE)
+    shutil.copy(Path(__file__).parents[1] / "broken.py", tmp_path)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.syspath_prepend(tmp_path)
+    return tmp_path
+
+
+def test_a_sound_and_a_cheating_estimator_from_table_to_page(place):
+    told = Told()
+    rows = execute(STUDY, place / "run", progress=told)
+    assert [s for s in told.said if s.startswith("checking ")] == [
+        f"checking {name}, as it is not built in: seconds to minutes (--no-check leaves it out)"
+        for name in STUDY.estimators[1:]
+    ]
+    assert f"outside.py:Honest: ✓ {len(CHECKS)} checks" in told.said
+    assert "outside.py:Prophet: ✗ causality" in told.said
+    assert not rows["failure"].notna().any()  # it runs like any other
+    table = compare(rows, "ekf-local").set_index("estimator")["certificate"]
+    assert table["ekf-local"] == ""
+    assert table["outside.py:Honest"] == f"passed: {len(CHECKS)} checks"
+    assert table["outside.py:Prophet"].startswith(
+        "failed: causality: robot 0's estimate changed when readings and links"
+    )
+
+    ranked = ranking(rows).set_index("estimator")
+    assert not ranked.loc["outside.py:Prophet", ["best", "near_best"]].any()
+    assert np.isnan(ranked.loc["outside.py:Prophet", "rank"])
+    assert ranked.loc["outside.py:Prophet", ["group", "front"]].tolist() == ["", ""]
+    assert sorted(ranked["rank"].dropna()) == [1.5, 1.5]
+
+    source = html_page.write(read(place / "run"), load(), place / "out").read_text()
+    marks = {row["data-estimator"]: row.get("data-certificate") for row in Outline(source).rows("data-consistency")}
+    assert marks == {"ekf-local": None, "outside.py:Honest": "passed", "outside.py:Prophet": "failed"}
+    assert "outside.py:Prophet failed a check and is not ranked: causality: robot 0&#39;s estimate" in source
+    for ending in ("md", "tex", "csv"):
+        written = (place / "out" / "tables" / f"experiment-small.{ending}").read_text()
+        assert {"md": "✗ causality", "tex": r"\ensuremath{\times} causality", "csv": "failed: causality"}[
+            ending
+        ] in written
+
+
+def test_the_same_version_is_checked_once_and_another_is_refused(place):
+    study = STUDY.with_options(only=("ekf-local", "outside.py:Honest"))
+    execute(study, place / "run")
+    found = json.loads((place / "run" / "manifest.json").read_text())["certificates"]["outside.py:Honest"]
+    assert [check["check"] for check in found["checks"]] == [c.__name__.replace("_", "-") for c in CHECKS]
+    told = Told()
+    more = study.with_options(trials=8, only=("ekf-local", "outside.py:Honest", "outside.py:Honest[scale=2]"))
+    execute(more, place / "run", progress=told)
+    assert [s.split(",")[0] for s in told.said if s.startswith("checking")] == ["checking outside.py:Honest[scale=2]"]
+    (place / "outside.py").write_text(FILE + "\n# edited\n")
+    told = Told()
+    execute(study, place / "other", progress=told)
+    assert [s.split(",")[0] for s in told.said if s.startswith("checking")] == ["checking outside.py:Honest"]
+
+
+def test_who_is_not_checked_is_said_to_be_unchecked_until_somebody_does(place):
+    study = STUDY.with_options(only=("ekf-local", "outside.py:Honest"))
+    told = Told()
+    rows = execute(study, place / "run", check=False, progress=told)
+    assert told.said == []
+    lines = dict(zip(rows["estimator"], rows["certificate"], strict=True))
+    assert lines == {"ekf-local": "", "outside.py:Honest": "unchecked: by request (--no-check)"}
+    rows = execute(study, place / "run")
+    assert set(rows["certificate"]) == {"", f"passed: {len(CHECKS)} checks"}
+    assert set(execute(study, place / "run", check=False)["certificate"]) == set(rows["certificate"])
+
+
+TROUBLE = """
+import os, time
+from cooploc.estimators.dead_reckoning import DeadReckoning
+
+class Dies(DeadReckoning):
+    def predict(self, s, z):
+        os._exit(3)
+
+class Hangs(DeadReckoning):
+    def predict(self, s, z):
+        time.sleep(3600)
+
+class Leaves(DeadReckoning):
+    def predict(self, s, z):
+        raise SystemExit("enough")
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("Dies", "failed: runs: the process that checked it died (killed, crashed, or out of memory)"),
+        ("Hangs", "unchecked: its checks took longer than 5 s"),
+        ("Leaves", "failed: runs: predict() raised at tick 0 of 'robots-1-3/n=3[drop=0.3,ticks=12], some readings "
+                   "absent' (as it is): SystemExit: enough (seed 0)"),
+        ("Nobody", "failed: runs: BadInput: trouble.py has no 'Nobody'"),
+    ],
+)  # fmt: skip
+def test_what_crashes_hangs_or_leaves_costs_nothing_but_its_certificate(tmp_path, monkeypatch, name, said):
+    (tmp_path / "trouble.py").write_text(TROUBLE)
+    monkeypatch.chdir(tmp_path)
+    label = f"trouble.py:{name}"
+    limit = 5 if name == "Hangs" else 300  # [s] one that ends is waited for, however slow the machine
+    assert line(label, {label: certify(label, limit)}).startswith(said)
+
+
+def test_the_command_says_it_in_its_table_its_json_and_show(place):
+    (place / "small.toml").write_text(
+        'trials = 6\nbaseline = "ekf-local"\nscenarios = ["robots-1-3/n=2[ticks=5]"]\n'
+        'estimators = ["ekf-local", "outside.py:Prophet", "slow[seconds=0]"]\n'
+    )
+    (place / "plugins").mkdir()
+    plugins = install(place / "plugins")
+    shutil.copy(place / "broken.py", plugins)
+    arguments = ("run", "small.toml", "--out", "run", "--check")
+    told = finish(*arguments, plugins=plugins, cwd=place)
+    assert told.returncode == 0, told.stderr
+    (cheat,) = (row for row in told.stdout.splitlines() if row.startswith(" outside.py:Prophet"))
+    assert "✗ causality" in cheat
+    assert cheat.rstrip().endswith("not ranked")
+    assert "outside.py:Prophet failed a check and is not ranked: causality: robot 0's estimate changed" in told.stdout
+    rows = {
+        row["estimator"]: row for row in json.loads(finish(*arguments, "--json", plugins=plugins, cwd=place).stdout)
+    }
+    assert rows["ekf-local"]["certificate"] == ""
+    assert rows["outside.py:Prophet"]["certificate"].startswith("failed: causality: ")
+    assert rows["slow[seconds=0]"]["certificate"] == f"passed: {len(CHECKS)} checks"
+    with (place / "run" / "table.csv").open() as file:
+        assert {row["certificate"].partition(":")[0] for row in csv.DictReader(file)} == {"", "failed", "passed"}
+    shown = finish("show", "run", plugins=plugins, cwd=place).stdout
+    assert "outside.py:Prophet, failed: causality: robot 0's" in shown
+
+
+def certified(rows, **told):
+    found = {name: dict(zip(("status", "found"), line.split(": ", 1), strict=True)) for name, line in told.items()}
+    return with_lines(rows, found)
+
+
+SMALLER = {"ekf-local": (1.0, 1.0), "a": (0.5, 1.0), "b": (0.4, 1.0)}
+
+
+def test_nobody_is_called_best_who_failed_a_check_and_who_is_unchecked_is_said_to_be():
+    rows = certified(rows_of("nlos", SMALLER), a="unchecked: by request", b="failed: causality: it peeks")
+    table = compare(rows, "ekf-local")
+    (found,) = summaries.standings(table, collect(rows))
+    assert (found.best, found.barred) == ("a", ("b (failed the check causality)",))
+    assert summaries.sentence(found).endswith("not called best: b (failed the check causality). Nobody has checked a.")
+    assert certificates.remarks(table) == [
+        "a is unchecked: by request",
+        "b failed a check and is not ranked: causality: it peeks",
+    ]
+    ranked = ranking(rows).set_index("estimator")
+    assert ranked.index[ranked["best"]].tolist() == ["a"]
+    honest = rows.assign(certificate="")
+    assert ranking(honest).set_index("estimator")["best"].idxmax() == "b"
+
+
+def test_what_a_check_found_is_escaped_in_the_page(tmp_path):
+    label = f"x.py:{EVIL}"
+    rows = certified(rows_of("nlos", {"ekf-local": (1.0, 1.0), label: (0.5, 1.0)}), **{label: f"failed: runs: {EVIL}"})
+    source = html_page.write(kept_from(rows, tmp_path), load(), tmp_path).read_text()
+    assert EVIL not in source
+    assert "&lt;script&gt;alert(1)&lt;/script&gt; failed a check" in source
+    assert Outline(source).open == []
+
+
+def test_a_certificate_is_a_line_and_a_mark():
+    assert outside(["arl", "arl[particles=5]", "x.py:Y", "mine[a=1]", "x.py:Y"]) == ["x.py:Y", "mine[a=1]"]
+    assert [mark(t) for t in ("", "passed: 16 checks", "failed: causality: far: too", "unchecked: why")] == [
+        "",
+        "✓ 16 checks",
+        "✗ causality",
+        "unchecked",
+    ]
+    assert line("arl", {}) == ""
+    assert line("mine", {}) == "unchecked: the run has no certificate of it"
+    assert list(with_lines(pd.DataFrame({"estimator": ["arl", "mine"]}), {})["certificate"]) == [
+        "",
+        "unchecked: the run has no certificate of it",
+    ]

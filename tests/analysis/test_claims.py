@@ -1,0 +1,442 @@
+"""Verdicts on rows whose truth is known: every one is reached, and false ones are rare."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from test_compare import rows
+
+import cooploc as cl
+from cooploc.analysis.claims.ledger import KINDS, load, read, variants
+from cooploc.analysis.claims.trial_table import canonical
+from cooploc.analysis.claims.verdicts import COLUMNS, VERDICTS, judge, overview
+from cooploc.analysis.claims.wording import WORDS, sentence, show
+from cooploc.estimators import make
+from cooploc.scenarios import scenario
+
+RNG = np.random.default_rng(0)
+TRIALS, ROBOTS = 40, 2
+
+
+def errors(rmse, trials=TRIALS, spread=0.1, rng=RNG, **more):
+    """Rows of {scenario: {estimator: RMSE}}; what is hard in a trial is hard for all estimators."""
+    frames = []
+    for name, estimators in rmse.items():
+        hard = rng.lognormal(0, 0.3, (trials, 1))
+        for estimator, level in estimators.items():
+            mse = level**2 * hard * rng.lognormal(0, spread, (trials, ROBOTS))
+            frames.append(rows(estimator, mse, scenario=name, stream=name, **more))
+    return pd.concat(frames, ignore_index=True)
+
+
+REPEATED = [f"s/n={k}" for k in range(200)]  # as many repetitions of one case
+
+
+def repeated(mine, **more):
+    return errors({label: {"a": mine, "b": 1.0} for label in REPEATED}, **more)
+
+
+def ledger(**claim):
+    return read({"paper": "p", "claims": [{"id": "1", "says": "it is so", **claim}]}, "l.toml")
+
+
+def verdict(table, **claim):
+    return judge(ledger(**claim), table).iloc[0]
+
+
+BETTER = {"kind": "improvement", "of": "a", "than": "b", "scenarios": "s", "definitions": ["reduction"]}
+
+
+@pytest.mark.parametrize(
+    ("mine", "size", "expected"),
+    [
+        (0.5, 0.4, "supported"),  # by 50 %
+        (0.5, None, "supported"),
+        (0.8, 0.4, "direction only"),
+        (1.3, 0.4, "contradicted"),
+        (1.3, None, "contradicted"),
+        (1.0, 0.4, "undecided"),
+    ],
+)
+def test_an_improvement_reaches_every_verdict(mine, size, expected):
+    table = errors({"s": {"a": mine, "b": 1.0}}, spread=0.3)
+    found = verdict(table, **BETTER, **({} if size is None else {"size": size}))
+    assert found["verdict"] == expected
+    assert found["value"] == pytest.approx(1 - mine, abs=0.1)
+    assert found["low"] < found["value"] < found["high"]
+    assert np.isfinite(found["needed"]) == (expected == "undecided")
+
+
+def test_the_two_definitions_may_disagree():
+    """40 % less error is 66 % better by the ratio, and only that."""
+    claim = {**BETTER, "definitions": ["reduction", "ratio"], "size": 0.66}
+    table = judge(ledger(**claim), errors({"s": {"a": 1 / 1.66, "b": 1.0}}, trials=100))
+    assert table["verdict"].tolist() == ["direction only", "supported"]
+    assert table["value"].to_numpy() == pytest.approx([0.4, 0.66], abs=0.05)
+
+
+def test_no_difference_whatsoever_contradicts_better():
+    table = errors({"s": {"b": 1.0}})
+    equal = pd.concat([table, table.assign(estimator="a")])
+    assert verdict(equal, **BETTER)["verdict"] == "contradicted"
+    alike = verdict(equal, kind="all", of="a", than="b", scenarios="s")
+    assert (alike["verdict"], alike["value"]) == ("contradicted", 0)
+
+
+def test_trials_needed_do_decide_and_a_quarter_of_them_do_not():
+    rng = np.random.default_rng(5)
+    claim = {**BETTER, "scenarios": REPEATED[:60]}
+    asked = judge(ledger(**claim), repeated(0.85, trials=20, spread=0.8, rng=rng))
+    undecided = asked[asked["verdict"] == "undecided"]
+    assert len(undecided) > 20
+    needed = int(undecided["needed"].median())
+    decided = [
+        (judge(ledger(**claim), repeated(0.85, trials=n, spread=0.8, rng=rng))["verdict"] == "supported").mean()
+        for n in (needed, needed // 4)
+    ]
+    assert decided[0] > 0.75
+    assert decided[1] < 0.75
+
+
+SWEEP = {"kind": "all", "of": "a", "than": ["b", "c"], "scenarios": "s/n={2..9}"}
+
+
+def sweep(a, b=1.0, c=1.2):
+    return {f"s/n={k}": {"a": level, "b": b, "c": c} for k, level in zip((1, 2, 5, 9), a, strict=True)}
+
+
+@pytest.mark.parametrize(
+    ("a", "expected", "where"),
+    [
+        ((2.0, 0.5, 0.7, 0.9), "supported", "s/n=9"),  # n = 1 is outside the range
+        ((0.5, 0.5, 1.2, 0.7), "contradicted", "s/n=5"),
+        ((0.5, 0.5, 1.0, 0.7), "undecided", "s/n=5"),
+    ],
+)
+def test_all_is_decided_by_its_worst_case(a, expected, where):
+    found = verdict(errors(sweep(a), rng=np.random.default_rng(1)), **SWEEP)
+    assert (found["verdict"], found["scenario"], found["than"]) == (expected, where, "b")
+
+
+@pytest.mark.parametrize(
+    ("a", "expected"),
+    [
+        ((1.0, 0.5, 0.5, 0.5), "supported"),
+        ((1.0, 0.9, 0.9, 0.9), "direction only"),
+        ((1.0, 1.4, 1.4, 1.4), "contradicted"),
+    ],
+)
+def test_a_trend_compares_the_first_scenario_with_each_later_one(a, expected):
+    claim = {
+        "kind": "trend",
+        "of": "a",
+        "size": 0.35,
+        "definitions": ["reduction"],
+        "scenarios": ["s/n=1", "s/n=5", "s/n=9"],
+    }
+    table = judge(ledger(**claim), errors(sweep(a), trials=200))
+    assert table["verdict"].tolist() == [expected] * 2
+    assert table["scenario"].tolist() == ["s/n=1 to s/n=5", "s/n=1 to s/n=9"]
+
+
+@pytest.mark.parametrize(
+    ("a", "expected"),
+    [
+        ((1.0, 1.0, 1.0, 1.0), "supported"),
+        ((1.0, 1.04, 1.08, 1.3), "contradicted"),  # small steps add up
+        ((1.0, 1.0, 1.0, 1.1), "undecided"),
+    ],
+)
+def test_what_is_the_same_is_shown_by_equivalence(a, expected):
+    rng = np.random.default_rng(3)
+    common = rng.lognormal(0, 0.3, (60, 1))  # the scenarios of one seed
+    frames = [
+        rows("a", v**2 * common * rng.lognormal(0, 0.1, (60, ROBOTS)), scenario=f"s/n={k}", stream=f"{k}")
+        for k, v in enumerate(a)
+    ]
+    found = verdict(pd.concat(frames), kind="same", of="a", scenarios="s/n={0..9}", margin=0.1)
+    assert found["verdict"] == expected
+
+
+@pytest.mark.parametrize(
+    ("a", "expected"), [((1.0, 1.2, 2.0, 5.0), "supported"), ((5.0, 4.0, 2.0, 1.0), "contradicted")]
+)
+def test_growth_is_the_slope_of_the_logarithm(a, expected):
+    found = verdict(errors(sweep(a)), kind="growth", of="a", scenarios="s/n={1..9}")
+    assert found["verdict"] == expected
+    assert found["value"] == pytest.approx(np.expm1(np.polyfit([1, 2, 5, 9], np.log(a), 1)[0]), abs=0.03)
+
+
+@pytest.mark.parametrize(("b", "expected"), [(1.1, "supported"), (4.0, "contradicted"), (2.0, "undecided")])
+def test_an_interaction_compares_losses(b, expected):
+    table = errors({"s/d=0": {"a": 0.5, "b": 1.0}, "s/d=1": {"a": 1.0, "b": b}})
+    found = verdict(table, kind="interaction", of="a", than="b", scenarios=["s/d=0", "s/d=1"])
+    assert found["verdict"] == expected
+    assert found["value"] == pytest.approx(2 / b - 1, abs=0.15)
+
+
+@pytest.mark.parametrize(("a", "expected"), [(0.5, "supported"), (2.0, "contradicted"), (1.0, "undecided")])
+def test_a_level_is_absolute(a, expected):
+    size = np.exp(0.025)  # the root of the mean of what `errors` draws around 1
+    assert verdict(errors({"s": {"a": a}}), kind="level", of="a", scenarios="s", size=size)["verdict"] == expected
+
+
+def timed(powers, rng, sizes=(1, 3, 10, 30, 100)):
+    """Rows whose seconds grow with a power of the team's size; each trial is a part of the run."""
+    frames = []
+    for n in sizes:
+        table = errors({f"s/n={n}": dict.fromkeys(powers, 1.0)}, trials=8).assign(robots=n)
+        for name, (level, power) in powers.items():
+            mine = table["estimator"] == name
+            noise = np.repeat(rng.lognormal(0, 0.02, 8), ROBOTS)
+            table.loc[mine, "seconds"] = level * n**power * noise
+        frames.append(table)
+    return pd.concat(frames, ignore_index=True)
+
+
+@pytest.mark.parametrize(("power", "expected"), [(0.9, "supported"), (2.0, "contradicted")])
+def test_a_slope_is_the_exponent_of_the_cost(power, expected):
+    table = timed({"a": (1e-4, power)}, np.random.default_rng(0))
+    found = verdict(table, kind="slope", of="a", scenarios="s/n={1..100}", size=1.0, margin=0.1)
+    assert found["verdict"] == expected
+    assert found["value"] == pytest.approx(power, abs=0.02)
+    assert found["trials"] == 5
+
+
+@pytest.mark.parametrize(("level", "expected"), [(5e-5, "supported"), (2e-4, "contradicted")])
+def test_a_cost_is_compared_by_parts_of_the_run(level, expected):
+    table = timed({"a": (level, 1), "b": (1e-4, 1)}, np.random.default_rng(1), sizes=(3,))
+    found = verdict(table, kind="cost", of="a", than="b", scenarios="s/n=3")
+    assert (found["verdict"], found["trials"]) == (expected, 8)
+    one_part = verdict(table.assign(seconds=1e-4), kind="cost", of="a", than="b", scenarios="s/n=3")
+    assert (one_part["verdict"], one_part["trials"]) == ("undecided", 1)
+    assert "fewer than 5" in one_part["remark"]
+
+
+def test_what_cannot_be_tested_says_why():
+    found = verdict(errors({"s": {"a": 1.0}}), kind="untestable", why="it is geometry")
+    assert (found["verdict"], found["remark"]) == ("not testable", "it is geometry")
+
+
+@pytest.mark.parametrize(
+    ("claim", "missing"),
+    [
+        ({**BETTER, "than": "bb"}, "no rows of bb in s; did you mean 'b'?"),
+        ({**BETTER, "scenarios": "t"}, "no rows of scenario t"),
+        ({**SWEEP, "scenarios": "s/k={2..9}"}, r"no rows of any scenario s/k={2..9}"),
+        ({"kind": "growth", "of": "a", "scenarios": "s"}, "growth needs three scenarios, the run has s"),
+        ({"kind": "slope", "of": "a", "scenarios": "s", "size": 1}, "five sizes, the run has 1"),
+        ({"kind": "same", "of": "a", "scenarios": "s", "margin": 0.1}, "only s was run"),
+    ],
+)
+def test_what_was_not_run_says_what_is_missing(claim, missing):
+    found = verdict(errors({"s": {"a": 1.0, "b": 1.0}}), **claim)
+    assert found["verdict"] == "not run"
+    assert missing in found["remark"]
+
+
+def test_below_five_trials_nothing_is_decided():
+    found = verdict(errors({"s": {"a": 0.1, "b": 1.0}}, trials=4), **BETTER)
+    assert (found["verdict"], found["remark"]) == ("undecided", "fewer than 5 trials")
+
+
+def test_over_confidence_failures_and_bounds_are_told():
+    table = errors({"s": {"a": 0.5, "b": 1.0}})
+    table.loc[table["estimator"] == "a", "anees"] = 4.0
+    table["failure"] = None
+    table.loc[(table["estimator"] == "b") & (table["trial"] == 3), "failure"] = "boom"
+    table.loc[table["estimator"] == "b", "bound"] = True
+    found = verdict(table, **BETTER)
+    assert found["remark"] == "a over-confident; 1 trials of b failed; b is a bound"
+    assert found["trials"] == TRIALS - 1
+
+
+def test_trials_pair_by_number_and_not_by_order():
+    table = errors({"s": {"b": 1.0}})
+    half = table.assign(estimator="a", mse=table["mse"] / 4).sample(frac=1, random_state=0)
+    found = verdict(pd.concat([table, half]), **BETTER)
+    assert (found["value"], found["low"], found["high"]) == pytest.approx((0.5, 0.5, 0.5), abs=1e-6)
+
+
+def test_rows_of_different_streams_are_refused():
+    table = errors({"s": {"a": 1.0, "b": 1.0}})
+    table.loc[table["estimator"] == "a", "stream"] += "x"
+    with pytest.raises(cl.BadInput, match="different streams"):
+        judge(ledger(**BETTER), table)
+
+
+@pytest.mark.parametrize(
+    ("claim", "level", "false"),
+    [
+        (BETTER, 1.0, ("supported", "contradicted")),
+        ({**BETTER, "size": 0.3}, 0.75, ("supported", "contradicted")),  # the edge of 0.3 less its margin
+        ({**BETTER, "size": 0.3}, 0.7, ("direction only", "contradicted")),
+        ({"kind": "level", "of": "a", "scenarios": "s", "size": np.exp(0.09 / 4)}, 1.0, ("supported", "contradicted")),
+    ],
+)
+def test_a_false_verdict_comes_at_most_once_in_twenty(claim, level, false):
+    """Here at the edges, where it is hardest; make prove has all kinds, more trials and other distributions."""
+    claim = {**claim, "scenarios": REPEATED}
+    found = judge(ledger(**claim), repeated(level, trials=20, spread=0.01, rng=np.random.default_rng(6)))
+    wrong = found["verdict"].isin(false).mean()
+    assert wrong < 0.05 + 3 * np.sqrt(0.05 * 0.95 / len(REPEATED))
+
+
+# ---------------------------------------------------------------- the ledger
+
+
+def test_a_variant_replaces_all_scenarios_of_a_claim_or_none():
+    content = {
+        "paper": "p",
+        "claims": [
+            {"id": "1", "says": "x", **BETTER},
+            {"id": "2", "says": "y", "kind": "trend", "of": "a", "scenarios": ["s", "t"]},
+        ],
+        "variants": {"other": {"estimators": {"b": "b[k=1]"}}, "world": {"scenarios": {"s": "s2"}}},
+    }
+    made = read(content, "l.toml")
+    assert [name for name, _ in variants(made.claims[0], made)] == ["paper", "other", "world"]
+    assert [name for name, _ in variants(made.claims[1], made)] == ["paper"]
+    table = errors({"s": {"a": 0.5, "b": 1.0, "b[k=1.0]": 0.2}})
+    found = judge(made, table)
+    assert found["verdict"].tolist() == ["supported", "contradicted", "not run", *["not run"] * 2]
+    assert overview(found).loc["1"].tolist() == ["supported", "contradicted"]
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ({"paper": "p", "clams": []}, "there is no key 'clams' in a ledger; did you mean 'claims'?"),
+        ({"paper": "p", "claims": [{"id": "7", "sais": "x"}]}, "claim '7': there is no key 'sais' in a claim; did you"),
+        ({"paper": "p", "claims": [{"id": "7", "kind": "levle"}]}, "no kind 'levle'; did you mean 'level'?"),
+        ({"paper": "p", "claims": [{"id": "7"}]}, "has no kind"),
+        ({"paper": "p", "claims": {}}, "write [[claims]]"),
+        ({"paper": "p", "claims": []}, "claims"),
+        ({"paper": "p", "claims": [{"id": "7", "says": "x", "kind": "level", "of": "a", "scenarios": "s"}]}, "'size'"),
+        ({"paper": "p", "claims": [{"id": "7", "says": "x", **BETTER, "why": "x"}]}, "does not use 'why'"),
+        ({"paper": "p", "claims": [{"id": "7", "says": "x", **BETTER, "size": 0.03}]}, "size 0.03 is not above margin"),
+        ({"paper": "p", "claims": [{"id": "7", "says": "x", **BETTER, "size": "big"}]}, "size"),
+        ({"paper": "p", "claims": [{"id": "7", "says": "x", **BETTER}] * 2}, "two claims of that id"),
+        ({"paper": "p", "claims": [{"id": "7", "says": "x", **BETTER, "scenarios": "s/n={1..3}"}]}, "takes no range"),
+        (
+            {"paper": "p", "claims": [{"id": "7", "says": "x", "kind": "trend", "of": "a", "scenarios": "s"}]},
+            "at least 2 scenarios",
+        ),
+        (
+            {"paper": "p", "claims": [{"id": "7", "says": "x", **BETTER}], "variants": {"paper": {}}},
+            "cannot be called 'paper'",
+        ),
+        (
+            {"paper": "p", "claims": [{"id": "7", "says": "x", **BETTER}], "variants": {"v": {"estimator": {}}}},
+            "did you mean 'estimators'?",
+        ),
+    ],
+)
+def test_a_bad_ledger_is_refused_in_one_line(content, said):
+    with pytest.raises(cl.BadInput) as caught:
+        read(content, "l.toml")
+    assert said in str(caught.value)
+    assert str(caught.value).startswith("l.toml")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_ledger_that_is_not_there_or_not_toml_is_refused(tmp_path):
+    with pytest.raises(cl.BadInput, match="cannot be read"):
+        load(tmp_path / "none.toml")
+    (tmp_path / "bad.toml").write_text("paper = ")
+    with pytest.raises(cl.BadInput, match="not a TOML file"):
+        load(tmp_path / "bad.toml")
+
+
+def test_a_ledger_for_another_paper_is_ten_lines(tmp_path):
+    lines = 'paper = "other"\n[[claims]]\nid = "1"\nsays = "x"\nkind = "level"\nof = "a"\nscenarios = "s"\nsize = 2.0\n'
+    (tmp_path / "other.toml").write_text(lines)
+    assert judge(load(tmp_path / "other.toml"), errors({"s": {"a": 1.0}}))["verdict"].item() == "supported"
+
+
+def test_the_papers_ledger_names_what_exists():
+    made = load()
+    assert {claim.id.rstrip("bc") for claim in made.claims} == {str(k) for k in range(1, 20)}
+    for claim in made.claims:
+        for _, read_ in variants(claim, made):
+            for name in (*read_.of, *read_.than):
+                make(name)
+            for label in read_.scenarios:
+                scenario(
+                    label.replace("{1..", "").replace("{2..", "").replace("{4..", "").replace("{11..", "").strip("}")
+                )
+
+
+def test_every_kind_is_used_and_can_be_told():
+    assert {claim.kind for claim in load().claims} == set(KINDS)
+    assert {kind.partition(",")[0] for kind in WORDS} == set(KINDS) - {"untestable"}
+
+
+def test_labels_are_compared_by_what_they_mean():
+    assert canonical("packet-drop/drop=0.70") == canonical("packet-drop/drop=.7")
+    assert canonical("m[K=1,own=rssi]") == canonical("m[own=rssi,K=1.0]")
+    assert canonical("m[temper=False]") == canonical("m[temper=false]") != canonical("m")
+
+
+def test_a_sentence_says_what_the_numbers_say():
+    table = errors({"s": {"a": 1.5, "b": 1.0}}, rng=np.random.default_rng(2))
+    found = judge(ledger(**{**BETTER, "size": 0.4}), table).iloc[0]
+    low, high = (f"{-100 * found[end]:.0f} %" for end in ("high", "low"))
+    assert sentence(found) == (
+        f"s: the RMSE of a is {-100 * found['value']:.0f} % higher than that of b (95 % interval {low} to {high}, "
+        "40 trials). Claimed: 40 %. Contradicted."
+    )
+    equal = judge(ledger(**BETTER), pd.concat([table[table["estimator"] == "b"].assign(estimator=e) for e in "ab"]))
+    assert sentence(equal.iloc[0]) == "s: the RMSE of a equals that of b in each of 40 trials. Contradicted."
+    missing = judge(ledger(**{**BETTER, "than": "zz"}), table).iloc[0]
+    assert sentence(missing).startswith("Not run: no rows of zz in s")
+
+
+def said(value, low, high, definition="ratio", **more):
+    row = {"scenario": "s", "of": "a", "than": "b", "kind": "improvement", "definition": definition, "size": np.nan}
+    row |= {"value": value, "low": low, "high": high, "trials": 9, "needed": np.nan, "verdict": "undecided"}
+    return sentence(pd.Series(row | more))
+
+
+@pytest.mark.parametrize(
+    ("value", "low", "high", "within"),
+    [
+        (0.5, 0.2, np.inf, "50 % higher than that of a (95 % interval 20 % or more, without an upper end, 9 trials)"),
+        (-0.5, -0.6, np.inf, "50 % lower than that of a (95 % interval 60 % or less, without a lower end, 9 trials)"),
+        (0.5, -np.inf, np.inf, "50 % higher than that of a (95 % interval without ends, 9 trials)"),
+        (0.5, np.nan, np.nan, "50 % higher than that of a (no 95 % interval, 9 trials)"),
+        (-0.5, -0.6, 0.1, "50 % lower than that of a (95 % interval -10 % to 60 %, 9 trials)"),
+    ],
+)
+def test_an_end_at_infinity_is_said_to_be_no_end(value, low, high, within):
+    told = said(value, low, high)
+    assert within in told
+    assert "∞" not in told
+    assert "nan" not in told
+
+
+def test_a_ratio_to_an_error_of_zero_is_not_put_into_numbers():
+    for value in (np.inf, -np.inf, np.nan):
+        assert "leaves no number to give (9 trials)" in said(value, np.nan, np.nan)
+    zero = errors({"s": {"a": 1e-9, "b": 1.0}}).assign(mse=lambda t: t["mse"].where(t["estimator"] == "b", 0.0))
+    (found,) = judge(ledger(**{**BETTER, "definitions": ["ratio"]}), zero).to_dict("records")
+    assert np.isinf(found["value"])
+    assert "an RMSE that is 0 or not finite" in sentence(pd.Series(found))
+
+
+def test_nearly_all_is_not_rounded_to_all():
+    told = said(0.99926, 0.9989, 0.99948, "reduction")
+    assert "99.926 % lower than that of b (95 % interval 99.89 % to 99.948 %" in told
+    assert "more than 100000 trials would decide" in said(0.001, -0.1, 0.1, needed=3.3e6)
+
+
+def test_the_table_shows_every_case_and_leaves_out_variants_that_were_not_run(capsys):
+    made = load()
+    found = judge(made, errors({"robots-1-3/n=3": {"mrsl-rssi": 0.5, "arl": 1.0}}))
+    assert list(found.columns) == list(COLUMNS)
+    assert set(found["verdict"]) <= set(VERDICTS)
+    assert [sentence(row) for _, row in found.iterrows()]
+    show(found, made)
+    told = capsys.readouterr().out
+    assert "Direction only" in told
+    assert "no rows of ctrn[weights=exact] in robots-1-3/n=3" in told
+    assert "hardware: robots" not in told

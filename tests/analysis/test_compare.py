@@ -1,0 +1,178 @@
+"""Tables over trials: pooling, pairing, flags, refusals."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from statsmodels.stats.proportion import proportion_confint
+
+import cooploc as cl
+from cooploc.analysis.metrics.compare import DETAIL, SUMMARY, compare, per_trial, summarize
+from cooploc.analysis.metrics.errors import COLUMNS
+from cooploc.analysis.plot.summary import rmse
+from cooploc.analysis.report.terminal import records
+
+
+def rows(estimator, mse, *, anees=1.0, scenario="s", stream="h", ticks=10):
+    """One row per (trial, robot) of `mse` (trials, robots)."""
+    t, n = np.shape(mse)
+    frame = pd.DataFrame(
+        {
+            "scenario": scenario,
+            "estimator": estimator,
+            "trial": np.repeat(np.arange(t), n),
+            "robot": np.tile(np.arange(n), t),
+            "robots": n,
+            "ticks": ticks,
+            "mse": np.ravel(mse),
+            "anees": anees,
+            "mean_error": 1.0,
+            "median_error": 0.9,
+            "max_error": 3.0,
+            "final_error": 1.1,
+            "coverage95": 0.9,
+            "diverged": 0.0,
+            "messages": 1.0,
+            "bytes": 48.0,
+            "seconds": 1e-4,
+            "bound": False,
+            "stream": [f"{stream}{k}" for k in np.repeat(np.arange(t), n)],
+        }
+    )
+    return frame.reindex(columns=list(COLUMNS))
+
+
+RNG = np.random.default_rng(0)
+BASE = RNG.lognormal(0, 0.4, (12, 3))
+
+
+def test_rmse_pools_robots_by_valid_ticks_then_trials():
+    frame = rows("a", [[1.0, 4.0], [9.0, 9.0]])
+    frame.loc[0, "ticks"], frame.loc[1, "ticks"] = 30, 10
+    np.testing.assert_allclose(per_trial(frame)["mse"], [(30 * 1 + 10 * 4) / 40, 9])
+    assert summarize(frame)["rmse"].item() == pytest.approx(np.sqrt((1.75 + 9) / 2))
+
+
+def test_summary_has_exactly_the_promised_fields_and_no_interval_below_five_trials():
+    table = summarize(rows("a", BASE[:4]))
+    assert list(table.columns) == [*SUMMARY, *DETAIL]
+    assert list(records(table)[0]) == list(SUMMARY)
+    assert records(table)[0]["rmse_low"] is None
+    assert records(summarize(rows("a", BASE)))[0]["rmse_low"] < np.sqrt(BASE.mean())
+
+
+def test_differences_are_paired_by_trial_and_not_by_order():
+    mine = rows("b", 0.25 * BASE)
+    table = compare(pd.concat([rows("a", BASE), mine.sample(frac=1, random_state=0)]), baseline="a")
+    row = table[table["estimator"] == "b"].iloc[0]
+    assert row["improvement"] == pytest.approx(0.5)
+    assert (row["improvement_low"], row["improvement_high"]) == pytest.approx(
+        (0.5, 0.5)
+    )  # no spread left after pairing
+    assert row["effect"] == -1
+    assert row["pairs"] == 12
+    expected = (np.sqrt(0.25 * BASE.mean(1)) - np.sqrt(BASE.mean(1))).mean()
+    assert row["difference"] == pytest.approx(expected)
+    base = table[table["estimator"] == "a"].iloc[0]
+    assert np.isnan(base["p"])
+
+
+def test_both_definitions_and_the_bootstrap_stand_beside_each_other():
+    mine = rows("b", 0.25 * BASE * RNG.lognormal(0, 0.2, BASE.shape))
+    row = compare(pd.concat([rows("a", BASE), mine]), baseline="a").iloc[1]
+    for end in ("", "_low", "_high"):  # 50 % less error is 100 % better by the other definition
+        assert row[f"ratio{end}"] == pytest.approx(1 / (1 - row[f"improvement{end}"]) - 1)
+    assert row["bca_low"] < row["improvement"] < row["bca_high"]
+    width = row["improvement_high"] - row["improvement_low"]
+    assert 0.4 < (row["bca_high"] - row["bca_low"]) / width < 1.2
+
+
+def test_a_tie_is_shown_by_equivalence_and_not_by_a_large_p():
+    near, far = (rows("b", BASE * RNG.lognormal(0, s, BASE.shape)) for s in (0.01, 1.0))
+    for other, tie in ((near, True), (far, False)):
+        row = compare(pd.concat([rows("a", BASE), other]), baseline="a", margin=0.05).iloc[1]
+        assert row["p"] > 0.05
+        assert (row["p_equal_holm"] < 0.05) == tie
+        assert (row["trials_for_margin"] <= row["pairs"]) == tie
+
+
+def test_rows_judged_on_different_ticks_are_refused():
+    with pytest.raises(cl.BadInput, match="trial 0: estimators were judged on different ticks; use one burn_in"):
+        compare(pd.concat([rows("a", BASE), rows("b", BASE, ticks=8)]), baseline="a")
+
+
+def test_divergence_counts_trials_and_not_robots():
+    frame = rows("a", BASE)
+    frame["diverged"] = (frame["trial"] < 3).astype(float)  # whole teams are lost together
+    row = summarize(frame).iloc[0]
+    low, high = proportion_confint(3, 12, method="wilson")
+    assert row["diverged"] == 0.25
+    assert (row["diverged_low"], row["diverged_high"]) == pytest.approx((low, high))
+
+
+def test_p_is_adjusted_over_the_whole_table():
+    frames = [rows("a", BASE, scenario=s) for s in ("s", "t")]
+    frames += [rows("b", 0.8 * BASE * RNG.lognormal(0, 0.3, BASE.shape), scenario=s) for s in ("s", "t")]
+    table = compare(pd.concat(frames), baseline="a").dropna(subset="p")
+    smallest = table["p"].idxmin()
+    assert table.loc[smallest, "p_holm"] == pytest.approx(min(1, 2 * table.loc[smallest, "p"]))
+
+
+def test_rows_of_different_streams_are_refused():
+    with pytest.raises(cl.BadInput, match="trial 0: estimators ran on different streams"):
+        compare(pd.concat([rows("a", BASE), rows("b", BASE, stream="other")]), baseline="a")
+
+
+def test_an_unknown_baseline_names_the_nearest():
+    with pytest.raises(cl.BadInput, match="did you mean 'mrsl'"):
+        compare(rows("mrsl", BASE), baseline="mrls")
+
+
+@pytest.mark.parametrize(
+    ("anees", "flag"), [(1.0, "consistent"), (3.0, "over-confident"), (0.3, "conservative"), (1.5, "consistent")]
+)
+def test_consistency_is_judged_by_the_whole_interval(anees, flag):
+    spread = anees * np.repeat(np.linspace(0.9, 1.1, 12), 3)
+    frame = rows("a", BASE)
+    frame["anees"] = spread
+    assert compare(frame, baseline="a")["consistency"].item() == flag
+    assert compare(frame[frame["trial"] < 4], baseline="a")["consistency"].item() == "not assessed"
+
+
+def test_where_anees_tells_nothing_coverage_does():
+    frame = rows("a", BASE)
+    frame["anees"] = np.where(frame["trial"] == 3, 1e12, 0.9)  # its interval reaches from 0 to beyond all bounds
+    for coverage, flag in ((0.27, "over-confident"), (0.95, "undecided")):
+        frame["coverage95"] = coverage + 0.001 * frame["trial"]
+        assert compare(frame, baseline="a")["consistency"].item() == flag
+
+
+def test_a_covariance_that_vanished_is_over_confident():
+    frame = rows("a", BASE)
+    frame.loc[5, "anees"] = np.inf
+    assert compare(frame, baseline="a")["consistency"].item() == "over-confident"
+    assert compare(frame[frame["trial"] < 4], baseline="a")["consistency"].item() == "not assessed"
+
+
+def test_failed_trials_are_counted_and_nothing_else():
+    frame = rows("a", BASE).assign(failure=None)
+    frame.loc[frame["trial"] == 3, "failure"] = "ValueError: boom"
+    frame.loc[frame["trial"] == 3, "mse"] = np.nan
+    row = summarize(frame).iloc[0]
+    assert (row["trials"], row["failed"]) == (11, 1)
+    assert row["rmse"] == pytest.approx(np.sqrt(np.delete(BASE, 3, 0).mean()))
+    gone = frame.assign(failure="boom")
+    assert records(summarize(gone))[0]["rmse"] is None
+    assert summarize(gone)["failed"].item() == 12
+
+
+def test_the_figure_shows_every_estimator_and_takes_given_axes():
+    import matplotlib.pyplot as plt
+
+    frame = pd.concat([rows("a", BASE), rows("b", 2 * BASE, anees=9.0), rows("a", BASE, scenario="t/n=2[M=1,K=2]")])
+    _, given = plt.subplots()
+    ax = rmse(frame, ax=given)
+    assert ax is given
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["a", "b"]
+    assert [label.get_text() for label in ax.get_xticklabels()] == ["s", "t\nn=2\n[M=1,\nK=2]"]
+    assert "hollow: over-confident" in ax.get_title(loc="left")
+    plt.close("all")

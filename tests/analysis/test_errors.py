@@ -1,0 +1,118 @@
+"""Errors and consistency of a run, on traces made by hand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import cooploc as cl
+from cooploc.analysis.metrics.errors import COLUMNS, errors
+from cooploc.scenarios.runner.run import Run, Trace
+from cooploc.scenarios.stream import Truth
+
+ARENA = np.array([[0.0, 0.0], [8.0, 8.0]])
+
+
+def made(x, P, true, valid=None, trial=(0,)):
+    """Truth and a run of one estimator with belief (x, P) over `true` (t, T, n, d)."""
+    t, T, n, _ = true.shape
+    hashes = tuple(f"hash{k}" for k in trial)
+    truth = Truth("by-hand", np.array(trial), true, np.ones((t, T, n), bool) if valid is None else valid, ARENA, hashes)
+    trace = Trace(x, P, np.full((t, n), 2.0 * T), np.full((t, n), 96.0 * T), seconds=0.6)
+    return truth, Run("by-hand", 0, np.array(trial), hashes, {"mine": trace})
+
+
+def constant_error(offset, T=8, P=None):
+    true = np.zeros((1, T, 1, 2))
+    return made(true + np.array(offset), np.broadcast_to(np.eye(2) if P is None else P, (1, T, 1, 2, 2)), true)
+
+
+def test_a_constant_error_by_hand():
+    rows = errors(*constant_error([3.0, 4.0], P=np.diag([9.0, 16.0])))
+    row = rows.iloc[0]
+    assert list(rows.columns) == list(COLUMNS)
+    assert row[["mse", "rmse", "mean_error", "median_error", "max_error", "final_error"]].tolist() == [
+        25,
+        5,
+        5,
+        5,
+        5,
+        5,
+    ]
+    assert row["anees"] == pytest.approx(1.0)  # (9/9 + 16/16) / 2
+    assert row["coverage95"] == 1.0
+    assert row["diverged"] == 1.0  # 5 m > 8 m / 4
+    assert row["messages"] == 2.0
+    assert row["bytes"] == 96.0
+    assert row["seconds"] == pytest.approx(0.6 / 8)
+    assert np.isnan(row["pose_nees"])
+
+
+def test_coverage_is_the_95_percent_ellipse():
+    inside, outside = np.sqrt(5.99), np.sqrt(6.0)
+    assert errors(*constant_error([inside, 0]))["coverage95"].item() == 1.0
+    assert errors(*constant_error([outside, 0]))["coverage95"].item() == 0.0
+
+
+def test_anees_of_a_consistent_estimator_is_one_and_covers_95_percent():
+    rng = np.random.default_rng(0)
+    true = rng.normal(size=(1, 20000, 1, 2))
+    P = np.array([[0.5, 0.2], [0.2, 0.3]])
+    x = true + rng.multivariate_normal([0, 0], P, true.shape[:3])
+    row = errors(*made(x, np.broadcast_to(P, (*true.shape, 2)), true)).iloc[0]
+    assert row["anees"] == pytest.approx(1, abs=0.03)
+    assert row["coverage95"] == pytest.approx(0.95, abs=0.006)
+
+
+def test_ticks_without_truth_and_the_burn_in_do_not_count():
+    true = np.zeros((1, 4, 1, 2))
+    x = true.copy()
+    x[0, :, 0, 0] = [100, 1, 50, 3]
+    valid = np.array([True, True, False, True]).reshape(1, 4, 1)
+    truth, run = made(x, np.broadcast_to(np.eye(2), (1, 4, 1, 2, 2)), true, valid)
+    row = errors(truth, run, burn_in=1).iloc[0]
+    assert row["ticks"] == 2
+    assert row["mse"] == pytest.approx((1 + 9) / 2)
+    assert row["final_error"] == 3
+
+
+def test_a_robot_without_any_truth_has_undefined_errors():
+    true = np.zeros((1, 4, 2, 2))
+    valid = np.ones((1, 4, 2), bool)
+    valid[:, :, 1] = False
+    rows = errors(
+        *made(true + 1.0, np.broadcast_to(np.eye(2), (1, 4, 2, 2, 2)), np.where(valid[..., None], true, np.nan), valid)
+    )
+    assert rows["rmse"].isna().tolist() == [False, True]
+    assert rows["final_error"].isna().tolist() == [False, True]
+
+
+def test_divergence_looks_at_the_last_quarter_only():
+    true = np.zeros((2, 8, 1, 2))
+    x = true.copy()
+    x[0, :6, 0, 0] = 7.0  # lost early, found late
+    x[1, 6:, 0, 0] = 2.1  # above 8 m / 4 at the end
+    rows = errors(*made(x, np.broadcast_to(np.eye(2), (2, 8, 1, 2, 2)), true, trial=(0, 1)))
+    assert rows["diverged"].tolist() == [0.0, 1.0]
+
+
+def test_pose_nees_wraps_the_heading():
+    true = np.zeros((1, 1, 1, 3))
+    true[..., 2] = np.pi - 0.05
+    x = true.copy()
+    x[..., 2] = -np.pi + 0.05
+    row = errors(*made(x, np.broadcast_to(np.diag([1, 1, 0.01]), (1, 1, 1, 3, 3)), true)).iloc[0]
+    assert row["pose_nees"] == pytest.approx(0.1**2 / 0.01 / 3)
+
+
+def test_a_singular_covariance_is_infinitely_confident():
+    assert errors(*constant_error([1.0, 0], P=np.zeros((2, 2))))["anees"].item() == np.inf
+    assert errors(*constant_error([0.0, 0], P=np.zeros((2, 2))))["anees"].item() == 0
+
+
+def test_truth_and_run_of_different_streams_are_refused():
+    truth, run = constant_error([1.0, 0])
+    with pytest.raises(cl.BadInput, match="different streams"):
+        errors(replace(truth, origin=("other",)), run)
+    with pytest.raises(cl.BadInput, match="burn_in is 8"):
+        errors(truth, run, burn_in=8)

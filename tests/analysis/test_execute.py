@@ -1,0 +1,241 @@
+"""Running a study: the same bits for any number of processes, whatever was there before, and failures kept apart."""
+
+import json
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import cooploc as cl
+from cooploc import estimators
+from cooploc.analysis.execution import plan
+from cooploc.analysis.execution.execute import Quiet, execute
+from cooploc.analysis.execution.run_directory import Piece, RunDir
+from cooploc.estimators.dead_reckoning import DeadReckoning
+from cooploc.scenarios.studies.study import Study
+
+STUDY = Study(
+    name="small",
+    trials=12,
+    baseline="dead-reckoning",
+    scenarios=("trajectory[ticks=15]", "packet-drop/drop=0.5[ticks=10]"),
+    estimators=("dead-reckoning", "mrsl-rssi[particles=40]", "ekf-joint"),
+)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def small_chunks():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(plan, "CHUNK_TRIALS", (10, 10))
+        yield
+
+
+class Told(Quiet):
+    """Remembers what a run said."""
+
+    def __init__(self):
+        self.computed, self.said, self.began = [], [], None
+
+    def begin(self, trials, found, work):
+        self.began = trials, found
+
+    def advance(self, what, trials, failed, work):
+        self.computed.append((what, trials))
+
+    def say(self, line):
+        self.said.append(line)
+
+
+def parts(folder):
+    return {file.name: file.read_bytes() for file in sorted((folder / "parts").iterdir())}
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory, small_chunks):
+    folder = tmp_path_factory.mktemp("runs") / "one"
+    return folder, execute(STUDY, folder)
+
+
+def test_two_processes_give_the_bits_of_one(finished, tmp_path):
+    folder, rows = finished
+    again = execute(STUDY, tmp_path / "two", jobs=2)
+    assert parts(tmp_path / "two") == parts(folder)
+    pd.testing.assert_frame_equal(again.drop(columns="seconds"), rows.drop(columns="seconds"))
+
+
+def test_rows_are_those_of_the_library_calls(finished):
+    _, rows = finished
+    truth, stream = cl.simulate("trajectory[ticks=15]", trials=12, seed=STUDY.seed)
+    run = cl.run({name: cl.make(name) for name in STUDY.estimators}, stream)
+    mine = cl.errors(truth, run).drop(columns="seconds")
+    theirs = rows[rows["scenario"] == "trajectory[ticks=15]"][mine.columns].reset_index(drop=True)
+    pd.testing.assert_frame_equal(theirs, mine, check_dtype=False)
+
+
+def test_the_directory_describes_itself(finished):
+    folder, rows = finished
+    manifest = json.loads((folder / "manifest.json").read_text())
+    assert manifest["format"] == 1
+    assert manifest["seed"] == STUDY.seed
+    assert manifest["study"]["estimators"] == list(STUDY.estimators)
+    assert manifest["scenarios"]["trajectory[ticks=15]"]["robots"] == 3
+    assert set(manifest["versions"]) >= {"cooploc", "numpy", "filterpy", "python"}
+    _, stream = cl.simulate("trajectory[ticks=15]", trials=12, seed=STUDY.seed)
+    assert manifest["streams"]["trajectory[ticks=15]"] == {str(k): h for k, h in enumerate(stream.hashes)}
+    assert set(rows["stream"]) == {h for s in manifest["streams"].values() for h in s.values()}
+
+
+def test_what_is_there_is_not_computed_again(finished):
+    folder, rows = finished
+    before = {file.name: file.stat().st_mtime_ns for file in (folder / "parts").iterdir()}
+    told = Told()
+    again = execute(STUDY, folder, progress=told)
+    assert {file.name: file.stat().st_mtime_ns for file in (folder / "parts").iterdir()} == before
+    assert told.computed == []
+    assert told.began == (2 * 12 * 3, 2 * 12 * 3)
+    pd.testing.assert_frame_equal(again, rows)
+
+
+def test_an_added_estimator_and_a_lost_part_are_all_that_runs(finished, tmp_path):
+    whole = STUDY.with_options(only=("dead-reckoning", "arl[particles=30]"))
+    folder = tmp_path / "run"
+    execute(STUDY.with_options(only=("dead-reckoning",)), folder)
+    piece = Piece("trajectory[ticks=15]", "dead-reckoning", range(10, 12))
+    lost = folder / "parts" / f"{piece.name}.parquet"
+    kept = lost.read_bytes()
+    lost.write_bytes(kept[:100])
+    told = Told()
+    execute(whole, folder, progress=told)
+    assert [line for line in told.said if piece.name in line]
+    assert ("small · trajectory[ticks=15] · dead-reckoning", 2) in told.computed
+    assert sum(trials for what, trials in told.computed if what.endswith("dead-reckoning")) == 2
+    assert sum(trials for what, trials in told.computed if "arl" in what) == 24
+    assert lost.read_bytes() == kept
+
+
+def test_a_tampered_part_is_found_even_where_it_can_be_read(tmp_path):
+    folder = tmp_path / "run"
+    rows = execute(STUDY.with_options(only=("dead-reckoning",)), folder)
+    file = sorted((folder / "parts").iterdir())[0]
+    honest = file.read_bytes()
+    pd.read_parquet(file).assign(mse=0.0).to_parquet(file, index=False)
+    told = Told()
+    again = execute(STUDY.with_options(only=("dead-reckoning",)), folder, progress=told)
+    assert [line for line in told.said if file.stem in line and "checksum" in line]
+    assert file.read_bytes() == honest
+    pd.testing.assert_frame_equal(again.drop(columns="seconds"), rows.drop(columns="seconds"))
+
+
+def test_more_trials_compute_only_what_is_new_and_fewer_nothing(tmp_path, finished):
+    folder = tmp_path / "run"
+    small = STUDY.with_options(only=("dead-reckoning",), trials=7)
+    execute(small, folder)
+    told = Told()
+    rows = execute(small.with_options(trials=12), folder, progress=told)
+    assert sum(trials for _, trials in told.computed) == 2 * 5
+    whole = finished[1][finished[1]["estimator"] == "dead-reckoning"].reset_index(drop=True)
+    pd.testing.assert_frame_equal(rows.drop(columns="seconds"), whole.drop(columns="seconds"))
+    told = Told()
+    fewer = execute(small.with_options(trials=3), folder, progress=told)
+    assert told.computed == []
+    assert told.began == (6, 6)
+    assert sorted(set(fewer["trial"])) == [0, 1, 2]
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"seed": 9}, "another seed"),
+        ({"scenarios": ("trajectory[ticks=15]", "trajectory[ticks=14]")}, None),
+    ],
+)
+def test_a_directory_of_other_settings_is_refused_and_new_scenarios_are_not(finished, tmp_path, change, said):
+    folder = tmp_path / "run"
+    small = STUDY.with_options(only=("dead-reckoning",), scenarios=("trajectory[ticks=15]",))
+    execute(small, folder)
+    if said is None:
+        assert set(execute(small.with_options(**change), folder)["scenario"]) == set(change["scenarios"])
+        return
+    with pytest.raises(cl.BadInput, match=said):
+        execute(small.with_options(**change), folder)
+
+
+def test_foreign_newer_and_damaged_directories_are_refused(tmp_path):
+    (tmp_path / "foreign").mkdir()
+    (tmp_path / "foreign" / "thesis.txt").write_text("precious")
+    (tmp_path / "newer").mkdir()
+    (tmp_path / "newer" / "manifest.json").write_text('{"format": 99}')
+    (tmp_path / "damaged").mkdir()
+    (tmp_path / "damaged" / "manifest.json").write_text("{")
+    for name, said in (("foreign", "no run directory"), ("newer", "format 99"), ("damaged", "is damaged")):
+        with pytest.raises(cl.BadInput, match=said):
+            execute(STUDY, tmp_path / name)
+    assert (tmp_path / "foreign" / "thesis.txt").read_text() == "precious"
+
+
+@dataclass(frozen=True)
+class Moody(DeadReckoning):
+    """Fails in some trials: raises in trial 3, returns nan in trial 5."""
+
+    def init(self, prior, world, rows):
+        if (rows.trial == 3).any():
+            raise RuntimeError("three is too much")
+        return super().init(prior._replace(x=np.where((rows.trial == 5)[:, None], np.nan, prior.x)), world, rows)
+
+
+def test_a_failing_trial_costs_no_other(tmp_path, monkeypatch):
+    monkeypatch.setitem(estimators.BUILTIN, "moody", (f"{__name__}:Moody", {}))
+    rows = execute(STUDY.with_options(only=("dead-reckoning", "moody")), tmp_path / "run")
+    moody = rows[(rows["estimator"] == "moody") & (rows["scenario"] == "trajectory[ticks=15]")]
+    failures = moody.dropna(subset="failure").groupby("trial")["failure"].first()
+    assert list(failures.index) == [3, 5]
+    assert "RuntimeError: three is too much" in failures[3]
+    assert "not finite" in failures[5]
+    good = moody[moody["failure"].isna()].set_index(["trial", "robot"])["mse"]
+    steady = rows[(rows["estimator"] == "dead-reckoning") & (rows["scenario"] == "trajectory[ticks=15]")]
+    pd.testing.assert_series_equal(good, steady.set_index(["trial", "robot"])["mse"].loc[good.index])
+    assert cl.summarize(rows).set_index(["scenario", "estimator"]).loc[("trajectory[ticks=15]", "moody"), "failed"] == 2
+    again = execute(STUDY.with_options(only=("dead-reckoning", "moody")), tmp_path / "run")
+    pd.testing.assert_frame_equal(again.drop(columns="seconds"), rows.drop(columns="seconds"), check_dtype=False)
+
+
+def test_what_cannot_run_is_refused_before_anything_is_written(tmp_path):
+    camera = STUDY.with_options(scenarios=("trajectory", "camera/n=2"))
+    with pytest.raises(
+        cl.Misfit, match=r"mrsl-rssi\[particles=40\] needs channel 'anchor_rssi'; scenario 'camera/n=2' has"
+    ):
+        execute(camera, tmp_path / "run")
+    with pytest.raises(cl.BadInput, match="not one of its estimators"):
+        execute(STUDY.with_options(baseline="arl"), tmp_path / "run")
+    with pytest.raises(cl.BadInput, match="jobs is 0"):
+        execute(STUDY, tmp_path / "run", jobs=0)
+    assert not (tmp_path / "run").exists()
+
+
+def test_nothing_but_whole_files_is_ever_visible(tmp_path, monkeypatch):
+    """A write that dies half way leaves neither a part nor rubbish, and its error names the file."""
+    directory = RunDir(tmp_path / "run")
+    for name in ("parts", "receipts"):
+        (tmp_path / "run" / name).mkdir(parents=True)
+
+    def half(self, file, **_):
+        file.write_bytes(b"PAR1")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(pd.DataFrame, "to_parquet", half)
+    piece = Piece("x", "y", range(1))
+    with pytest.raises(OSError, match=f"No space left on device: .*{piece.name}"):
+        directory.write(piece, pd.DataFrame({"a": [1]}), 0.1)
+    assert list((tmp_path / "run" / "parts").iterdir()) == []
+    assert not directory.intact(piece)
+
+
+def test_runs_of_the_library_are_the_same_for_any_number_of_processes():
+    _, stream = cl.simulate("packet-drop/drop=0.5", trials=5, seed=3, ticks=12)
+    named = {"mrsl": cl.make("mrsl-rssi", particles=50), "joint": cl.make("ekf-joint")}
+    one, two = cl.run(named, stream), cl.run(named, stream, jobs=2)
+    for name in named:
+        for field in ("x", "P", "messages", "bytes"):
+            np.testing.assert_array_equal(getattr(one.traces[name], field), getattr(two.traces[name], field))
+    assert one.hashes == two.hashes == replace(stream).hashes

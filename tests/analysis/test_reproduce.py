@@ -1,0 +1,151 @@
+"""What a report embeds suffices to run its trials again, and to tell whether they came out the same."""
+
+import json
+import shutil
+import subprocess
+import sys
+
+import pytest
+from test_log import change, describe, lines, write
+
+import cooploc as cl
+from cooploc.analysis.claims.ledger import load
+from cooploc.analysis.execution.execute import execute
+from cooploc.analysis.execution.stored_run import read
+from cooploc.analysis.report import html_page, reproduce
+from cooploc.scenarios.studies.study import Study
+
+STUDY = Study(
+    name="small",
+    trials=5,
+    seed=4,
+    baseline="arl[particles=50]",
+    scenarios=("trajectory[ticks=6]", "nlos/n=2[ticks=6]"),
+    estimators=("arl[particles=50]", "ekf-naive"),
+)
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("reproduced")
+    execute(STUDY, folder / "run")
+    html_page.write(read(folder / "run"), load(), folder / "report")
+    return folder / "report"
+
+
+def told(*arguments):
+    command = [sys.executable, "-m", "cooploc", "reproduce", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=300)
+
+
+def altered(report, folder, old, new):
+    source = (report / "index.html").read_text()
+    assert old in source
+    folder.mkdir(exist_ok=True)
+    (folder / "index.html").write_text(source.replace(old, new))
+    return folder
+
+
+def test_the_trials_of_a_report_come_out_bit_equal(report):
+    embedded = reproduce.load(report)
+    assert len(embedded["sample"]) == 2 * 2 * reproduce.EACH
+    found = reproduce.rerun(embedded, trials=4)
+    assert [one.remark for one in found] == ["bit-equal"] * 8
+    assert {one.scenario for one in reproduce.rerun(embedded, trials=2)} == set(STUDY.scenarios)
+    assert reproduce.differences(embedded) == []
+
+
+def test_a_page_or_its_directory_is_accepted_and_equal_exits_0(report):
+    assert reproduce.load(report) == reproduce.load(report / "index.html")
+    done = told(report, "--trials", "2")
+    assert done.returncode == 0, done.stderr
+    assert "4 of 4 results are bit-equal" in done.stdout
+
+
+def test_another_result_exits_1_and_says_by_how_much(report, tmp_path):
+    one = reproduce.load(report)["sample"][0]
+    other = altered(report, tmp_path / "other", json.dumps(one["digest"]), json.dumps("0" * 64))
+    embedded = reproduce.load(other)
+    bad = [again for again in reproduce.rerun(embedded, trials=99) if not again.equal]
+    assert [(again.scenario, again.estimator, again.trial) for again in bad] == [
+        (one["scenario"], one["estimator"], one["trial"])
+    ]
+    shifted = altered(report, tmp_path / "shifted", '"seed": 4, "source"', '"seed": 5, "source"')
+    done = told(shifted, "--trials", "1")
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert "another stream; RMSE differs by" in done.stdout
+    assert "0 of 2 results are bit-equal" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("<html></html>", "embeds no manifest"),
+        ('<script type="application/json" id="manifest">{broken</script>', "embeds no manifest"),
+        (
+            '<script type="application/json" id="manifest">'
+            '{"manifest": {"format": 99, "seed": 1, "versions": {}}, "sample": []}</script>',
+            "newer version",
+        ),
+    ],
+)
+def test_what_is_no_report_is_refused(tmp_path, content, said):
+    (tmp_path / "index.html").write_text(content)
+    with pytest.raises(cl.BadInput, match=said):
+        reproduce.load(tmp_path)
+
+
+def test_what_cannot_be_read_exits_2_with_one_line(tmp_path):
+    done = told(tmp_path / "nothing.html")
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
+    assert "nothing.html cannot be read" in done.stderr
+
+
+def test_an_estimator_that_is_not_there_exits_2(report, tmp_path):
+    other = altered(report, tmp_path, '"ekf-naive"', '"ekf-nonsense"')
+    done = told(other, "--trials", "1")
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert "ekf-nonsense" in done.stderr
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """A directory of recordings, and the report of a study of them."""
+    folder = tmp_path_factory.mktemp("recorded")
+    data = folder / "lab"
+    data.mkdir()
+    describe(data)
+    for i, name in enumerate(("a", "b", "c")):
+        write(data, name, lines(i))
+    study = Study(
+        name="lab",
+        trials=3,
+        baseline="dead-reckoning",
+        scenarios=("log/all",),
+        estimators=("dead-reckoning", "rssi-pf"),
+    )
+    execute(study, folder / "run", data=data)
+    html_page.write(read(folder / "run"), load(), folder / "report")
+    return data, folder / "report"
+
+
+def test_a_report_of_recordings_is_run_again_with_their_directory(recorded):
+    data, report = recorded
+    done = told(report, "--data", data)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "6 of 6 results are bit-equal" in done.stdout
+
+
+def test_without_their_directory_recordings_exit_2_and_say_so(recorded):
+    done = told(recorded[1])
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1), done.stderr
+    assert "--data" in done.stderr
+
+
+def test_other_recordings_are_told_from_those_of_the_report(recorded, tmp_path):
+    shutil.copytree(recorded[0], tmp_path / "lab")
+    cells = {(4, "r1"): "-77"}
+    change(tmp_path / "lab", "b", cells)
+    done = told(recorded[1], "--data", tmp_path / "lab")
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert "another stream" in done.stdout

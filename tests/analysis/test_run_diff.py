@@ -1,0 +1,100 @@
+"""What changed between two runs: paired where the streams are the same, and said where they are not."""
+
+import numpy as np
+import pytest
+from test_page import kept_from, rows_of
+
+from cooploc.analysis.metrics import statistics
+from cooploc.analysis.report import run_diff
+from cooploc.analysis.report.run_diff import changes, sentences, settings, table
+
+TWO = {"a": (1.0, 1.0), "b": (0.5, 1.0)}
+
+
+def pair(tmp_path, alter=lambda rows: rows):
+    before = rows_of("nlos", TWO, trials=12)
+    return kept_from(before, tmp_path), kept_from(alter(before.copy()), tmp_path)
+
+
+def test_the_same_run_is_bit_equal(tmp_path):
+    found = changes(*pair(tmp_path))
+    assert list(found["equal"]) == list(found["trials"]) == [12, 12]
+    assert (found["change"] == 0).all()
+    assert sentences(found) == ["2 of 2 (scenario, estimator) are bit-equal in every trial that was compared."]
+    assert "bit-equal" in table(found).markdown()
+
+
+def test_a_change_is_paired_by_trial(tmp_path):
+    rng = np.random.default_rng(2)
+
+    def worse(rows):
+        mine = rows["estimator"] == "b"
+        rows.loc[mine, "mse"] *= 1.44 * rng.uniform(0.98, 1.02, mine.sum())
+        return rows
+
+    a, b = pair(tmp_path, worse)
+    row = changes(a, b).set_index("estimator").loc["b"]
+    assert row["pairing"] == "paired"
+    x, y = (k.rows[k.rows["estimator"] == "b"]["mse"].to_numpy() for k in (a, b))
+    gain = statistics.improvement(x, y)
+    assert (row["change"], row["change_low"], row["change_high"]) == (-gain.value, -gain.high, -gain.low)
+    assert 0.18 < row["change_low"] < 0.2 < row["change_high"] < 0.22
+    assert "grew in 1, fell in 0" in sentences(changes(a, b))[1]
+
+
+def test_other_streams_are_not_paired_and_it_is_said(tmp_path):
+    def elsewhere(rows):
+        return rows.assign(stream="x" + rows["stream"])
+
+    found = changes(*pair(tmp_path, elsewhere))
+    assert set(found["pairing"]) == {"unpaired"}
+    assert not found["equal"].any()
+    assert (found["change_low"] < 0).all()
+    assert (found["change_high"] > 0).all()
+    assert any("Not paired, for the hashes of their streams differ: 2" in line for line in sentences(found))
+
+
+def test_only_trials_of_the_same_stream_are_paired(tmp_path):
+    def some(rows):
+        rows.loc[rows["trial"] < 4, "stream"] += "x"
+        return rows
+
+    found = changes(*pair(tmp_path, some))
+    assert set(found["pairing"]) == {"paired"}
+    assert list(found["trials"]) == [8, 8]
+
+
+def test_the_unpaired_interval_covers_the_ratio_as_often_as_it_says():
+    rng = np.random.default_rng(3)
+    hits = 0
+    for _ in range(400):
+        x, y = rng.lognormal(0, 0.5, 30), 1.21 * rng.lognormal(0, 0.5, 30)
+        found = run_diff._unpaired(x, y)
+        hits += found.low < 0.1 < found.high
+    assert 0.92 < hits / 400 < 0.98
+
+
+def test_what_only_one_of_them_has_is_said(tmp_path):
+    a, b = pair(tmp_path)
+    b = b._replace(rows=b.rows[b.rows["estimator"] == "a"])
+    found = changes(a, b).set_index("estimator")
+    assert found.loc["b", "pairing"] == "only in the first run"
+    assert np.isnan(found.loc["b", "change"])
+    assert changes(b, a).set_index("estimator").loc["b", "pairing"] == "only in the second run"
+    assert "only in the first run: 1 (scenario, estimator)." in sentences(changes(a, b))
+
+
+@pytest.mark.parametrize(("trials", "known"), [(4, False), (5, True)])
+def test_below_five_trials_there_is_no_interval(tmp_path, trials, known):
+    rows = rows_of("nlos", TWO, trials=trials)
+    a, b = kept_from(rows, tmp_path), kept_from(rows.assign(mse=1.1 * rows["mse"]), tmp_path)
+    assert changes(a, b)["change_low"].notna().all() == known
+
+
+def test_settings_that_differ_are_named(tmp_path):
+    a, b = pair(tmp_path)
+    b = b._replace(manifest={**b.manifest, "seed": 9, "versions": {"cooploc": "1", "python": "3"}})
+    assert settings(a, a) == []
+    assert settings(a, b) == ["seed: 3 before, 9 after", "cooploc: 0 before, 1 after"]
+    c = b._replace(manifest={**a.manifest, "scenarios": {"nlos": {"ticks": 11}}})
+    assert settings(a, c) == ["nlos: its parameters differ"]

@@ -1,0 +1,187 @@
+"""Intervals and tests: closed forms, and coverage and false-positive rates by simulation."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from cooploc.analysis.metrics.statistics import (
+    Interval,
+    as_ratio,
+    equivalence,
+    holm,
+    improvement,
+    improvement_bca,
+    log_contrast,
+    mean_difference,
+    mean_of_positive,
+    share,
+    signed_rank,
+    trials_for_width,
+    trials_to_exclude,
+)
+
+REPEATS = 1500
+# Binomial standard error of a coverage near 0.95 over REPEATS: 0.0056.
+
+
+def covered(intervals, truth):
+    return np.mean([low <= truth <= high for _, low, high in intervals])
+
+
+@pytest.mark.parametrize("trials", [10, 30])
+@pytest.mark.parametrize("spread", [0.3, 0.8])
+def test_interval_of_a_positive_mean_covers(trials, spread):
+    rng = np.random.default_rng(1)
+    intervals = [mean_of_positive(rng.lognormal(0, spread, trials)) for _ in range(REPEATS)]
+    coverage = covered(intervals, np.exp(spread**2 / 2))
+    assert 0.89 < coverage < 0.97
+
+
+def test_interval_of_a_positive_mean_beats_the_t_interval_on_skewed_values():
+    rng = np.random.default_rng(2)
+    values = rng.lognormal(0, 1.0, (REPEATS, 10))
+    half = stats.t.ppf(0.975, 9) * values.std(1, ddof=1) / np.sqrt(10)
+    plain = np.mean(np.abs(values.mean(1) - np.exp(0.5)) <= half)
+    assert covered([mean_of_positive(v) for v in values], np.exp(0.5)) > plain + 0.03
+
+
+@pytest.mark.parametrize("trials", [10, 30, 100])
+def test_fieller_covers_the_true_improvement(trials):
+    rng = np.random.default_rng(3)
+    intervals = []
+    for _ in range(REPEATS):
+        shared = rng.lognormal(0, 0.4, trials)  # hard trials are hard for both
+        a, b = shared * rng.lognormal(0, 0.3, trials), 0.5 * shared * rng.lognormal(0, 0.3, trials)
+        intervals.append(improvement(a, b))
+    assert 0.92 < covered(intervals, 1 - np.sqrt(0.5)) < 0.985
+
+
+def test_fieller_equals_the_t_test_at_its_ends():
+    """At either end of the interval, the mean of b - r a is just significantly different from 0."""
+    rng = np.random.default_rng(4)
+    a, b = rng.lognormal(0, 0.3, 25), rng.lognormal(-0.5, 0.3, 25)
+    _, low, high = improvement(a, b)
+    for end in (low, high):
+        assert stats.ttest_1samp(b - (1 - end) ** 2 * a, 0).pvalue == pytest.approx(0.05, abs=1e-9)
+
+
+def test_fieller_says_nothing_where_the_baseline_may_be_zero():
+    rng = np.random.default_rng(5)
+    a = np.array([1e-6, 1e-6, 1e-6, 1e-6, 1e3])
+    assert np.isnan(improvement(a, rng.lognormal(0, 1, 5)).low)
+
+
+def test_mean_difference_is_scipys_paired_t_interval():
+    rng = np.random.default_rng(6)
+    a, b = rng.normal(1, 1, 12), rng.normal(1.5, 1, 12)
+    interval = stats.ttest_rel(b, a).confidence_interval(0.95)
+    assert mean_difference(a, b)[1:] == pytest.approx((interval.low, interval.high))
+
+
+@pytest.mark.parametrize("trials", [10, 30])
+def test_signed_rank_rejects_five_percent_of_equal_pairs(trials):
+    rng = np.random.default_rng(7)
+    rejected = []
+    for _ in range(REPEATS):
+        shared = rng.lognormal(0, 0.5, trials)
+        p, _ = signed_rank(shared * rng.lognormal(0, 0.3, trials), shared * rng.lognormal(0, 0.3, trials))
+        rejected.append(p < 0.05)
+    assert 0.03 < np.mean(rejected) < 0.07
+
+
+def test_signed_rank_effect_runs_from_minus_one_to_one():
+    a = np.arange(1.0, 9.0)
+    assert signed_rank(a, a / 2)[1] == -1
+    assert signed_rank(a, a * 2)[1] == 1
+    assert signed_rank(a, a) == (1.0, 0.0)
+
+
+def test_holm_is_the_textbook_example_and_leaves_untested_rows_out():
+    p = np.array([0.01, np.nan, 0.04, 0.03, 0.005])
+    np.testing.assert_allclose(holm(p), [0.03, np.nan, 0.06, 0.06, 0.02])
+    assert np.isnan(holm(np.full(2, np.nan))).all()
+
+
+def test_nothing_is_claimed_below_five_trials():
+    few = np.array([1.0, 2.0, 1.5, 1.2])
+    assert np.isnan([mean_of_positive(few).low, mean_difference(few, few * 2).low, improvement(few, few * 2).low]).all()
+    assert np.isnan([improvement_bca(few, few * 2).low, share(few / 2).low, equivalence(few, few, 0.05)]).all()
+    assert np.isnan(log_contrast(np.stack([few, few], 1), np.array([1.0, -1.0])).low)
+
+
+def test_a_constant_ratio_has_an_interval_of_no_width():
+    a = np.random.default_rng(8).lognormal(0, 0.5, 20)
+    for interval in (improvement(a, 0.49 * a), improvement_bca(a, 0.49 * a)):
+        assert tuple(interval) == pytest.approx((0.3, 0.3, 0.3), abs=1e-6)
+
+
+def test_the_two_definitions_of_better_by_are_one_number():
+    assert as_ratio(Interval(0.5, 0.2, 1.0)) == pytest.approx((1.0, 0.25, np.inf))
+    assert as_ratio(Interval(1 - 1 / 1.66, -1.0, 0.0)) == pytest.approx((0.66, -0.5, 0.0))
+
+
+def test_bca_is_scipys_on_the_same_resamples():
+    rng = np.random.default_rng(9)
+    a, b = rng.lognormal(0, 0.3, 25), rng.lognormal(-0.5, 0.3, 25)
+
+    def gain(a, b):
+        return 1 - np.sqrt(b.mean() / a.mean())
+
+    kept = {"paired": True, "vectorized": False, "n_resamples": 1999, "rng": np.random.default_rng(0)}
+    plain = stats.bootstrap((a, b), gain, **kept).confidence_interval
+    assert improvement_bca(a, b)[1:] == pytest.approx((plain.low, plain.high))
+
+
+def test_a_contrast_of_logs_covers_a_ratio_of_ratios():
+    rng, intervals = np.random.default_rng(10), []
+    truth, weights = np.log(1.5), np.array([1.0, -1.0, -1.0, 1.0])
+    for _ in range(REPEATS):
+        values = rng.lognormal(0, 0.5, (30, 1)) * rng.lognormal(0, 0.3, (30, 4)) * [1.5, 1, 1, 1]
+        intervals.append(log_contrast(values, weights))
+    assert 0.92 < covered(intervals, truth) < 0.98
+
+
+@pytest.mark.parametrize("p", [0.05, 0.3])
+@pytest.mark.parametrize("together", [0.0, 1.0])
+def test_wilsons_interval_covers_whether_robots_of_a_trial_fail_together_or_not(p, together):
+    rng, intervals = np.random.default_rng(11), []
+    for _ in range(REPEATS):
+        team = (rng.uniform(size=(30, 1)) < p).repeat(5, 1)
+        robots = np.where(rng.uniform(size=(30, 1)) < together, team, rng.uniform(size=(30, 5)) < p)
+        intervals.append(share(robots.mean(1)))
+    assert covered(intervals, p) > 0.92
+
+
+def test_wilson_of_whole_trials_is_the_textbook_formula():
+    low, high = share(np.repeat([0.0, 1.0], [17, 3]))[1:]
+    p, n, z = 0.15, 20, stats.norm.ppf(0.975)
+    centre, half = p + z**2 / (2 * n), z * np.sqrt(p * (1 - p) / n + z**2 / (4 * n**2))
+    assert (low, high) == pytest.approx(((centre - half) / (1 + z**2 / n), (centre + half) / (1 + z**2 / n)))
+
+
+def test_equivalence_errs_in_five_percent_at_the_edge_of_the_margin():
+    rng, tied = np.random.default_rng(12), []
+    for _ in range(REPEATS):
+        a = rng.lognormal(0, 0.5, 20)
+        tied.append(equivalence(a, a * 1.1 * rng.lognormal(0, 0.05, 20), 0.1) < 0.05)
+    assert 0.03 < np.mean(tied) < 0.07
+    assert equivalence(a, a * rng.lognormal(0, 0.01, 20), 0.1) < 1e-6
+    assert (equivalence(a, a, 0.1), equivalence(a, 2 * a, 0.1)) == (0.0, 1.0)
+
+
+def test_trials_needed_for_a_width_are_the_fewest_that_reach_it():
+    rng = np.random.default_rng(13)
+    d = rng.normal(0.3, 1.0, 40)
+    needed = trials_for_width(mean_difference(np.zeros(40), d), 40, half=0.2)
+    reached = [stats.t.ppf(0.975, n - 1) * d.std(ddof=1) / np.sqrt(n) <= 0.2 for n in (needed - 2, needed + 1)]
+    assert reached == [False, True]
+    assert np.isnan(trials_for_width(Interval(0.3, np.nan, np.nan), 40, half=0.2))
+
+
+def test_trials_to_exclude_are_those_of_the_power_of_the_t_test():
+    from statsmodels.stats.power import TTestPower
+
+    d = np.random.default_rng(14).normal(0.3, 1.0, 40)
+    asked = TTestPower().solve_power(effect_size=0.25 / d.std(ddof=1), alpha=0.05, power=0.8)
+    assert trials_to_exclude(mean_difference(np.zeros(40), d), 40, 0.25) == pytest.approx(asked, abs=1.5)
+    assert np.isnan(trials_to_exclude(mean_difference(np.zeros(40), d), 40, 0.0))

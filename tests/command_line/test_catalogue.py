@@ -1,0 +1,32 @@
+"""The README's table of estimators is what the code says."""
+
+import re
+from pathlib import Path
+
+from cooploc import estimators
+from cooploc.catalogue import KNOWN, markdown
+
+README = Path(__file__).resolve().parents[2] / "README.md"
+
+
+def block(name):
+    """What the README holds between two comments."""
+    told = re.search(rf"<!-- {name}: .*? -->\n(.*?)\n<!-- end of {name} -->", README.read_text("utf-8"), re.DOTALL)
+    assert told is not None
+    return told[1]
+
+
+def test_the_readmes_table_is_made_from_the_code():
+    assert block("estimators") == markdown(), "put the output of `cooploc list estimators --markdown` there"
+
+
+def test_the_readmes_ledger_is_the_reports():
+    """The first five columns of the table of verdicts."""
+    kept = (README.parent / "reports/paper/tables/verdicts.md").read_text("utf-8").split("\n\n")[0]
+    assert block("ledger") == "\n".join("|".join(row.split("|")[:6]) + "|" for row in kept.splitlines())
+
+
+def test_every_builtin_estimator_is_in_it_with_its_source():
+    rows = markdown().splitlines()[2:]
+    assert [row.split("`")[1] for row in rows] == list(estimators.BUILTIN) == list(KNOWN)
+    assert all(re.search(r"(19|20)\d\d \|$", row) for row in rows if "dead-reckoning" not in row)

@@ -1,0 +1,144 @@
+"""The command line, as a user calls it: exit codes, one clear line, JSON that is JSON."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from cooploc.analysis.metrics.compare import SUMMARY
+
+SMALL = 'trials = 6\nbaseline = "arl"\nscenarios = ["trajectory[ticks=10]"]\nestimators = ["arl", "ekf-joint"]\n'
+
+
+def cooploc(*arguments, cwd=None):
+    return subprocess.run(
+        [sys.executable, "-m", "cooploc", *arguments], capture_output=True, text=True, cwd=cwd, timeout=300
+    )
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("cli")
+    (folder / "small.toml").write_text(SMALL)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def ran(place):
+    return cooploc("run", "small.toml", "--out", "run", cwd=place)
+
+
+def test_run_prints_a_table_and_writes_a_picture_and_says_where(ran, place):
+    assert ran.returncode == 0, ran.stderr
+    for word in ("trajectory[ticks=10]", "arl", "ekf-joint", "RMSE", "ANEES", "bound", "run/rmse.png"):
+        assert word in ran.stdout
+    assert (place / "run" / "rmse.png").read_bytes().startswith(b"\x89PNG")
+    assert (place / "run" / "table.csv").read_text().startswith("scenario,estimator")
+    assert (place / "run" / "manifest.json").exists()
+
+
+def test_json_is_the_only_thing_on_stdout_and_has_the_promised_fields(ran, place):
+    told = cooploc("run", "small.toml", "--out", "run", "--json", cwd=place)
+    rows = json.loads(told.stdout)
+    assert [list(row) for row in rows] == [list(SUMMARY)] * 2
+    assert rows[0]["trials"] == 6
+    assert rows[0]["rmse_low"] < rows[0]["rmse"] < rows[0]["rmse_high"]
+    few = json.loads(cooploc("run", "small.toml", "--trials", "2", "--json", cwd=place).stdout)
+    assert few[0]["rmse_low"] is None
+
+
+def test_the_default_directory_is_continued(place):
+    first = cooploc("run", "small.toml", "--trials", "1", "--seed", "7", cwd=place)
+    assert first.returncode == 0, first.stderr
+    assert (place / "runs" / "small-seed7" / "manifest.json").exists()
+    assert cooploc("run", "small.toml", "--trials", "1", "--seed", "7", cwd=place).returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["run", "quik"], "there is no study 'quik'; did you mean 'quick'?"),
+        (["run", "nothing.toml"], "there is no study file nothing.toml"),
+        (["run", "quick", "--estimators", "arll"], "there is no estimator 'arll'; did you mean 'arl'?"),
+        (["run", "quick", "--estimators", "arl[x=1]"], "has no parameter 'x'"),
+        (["run", "quick", "--trials", "0"], "trials: Input should be greater than or equal to 1"),
+        (["run", "quick", "--trials", "many"], "--trials"),
+        (["run", "quick", "--seed", "-1"], "seed: Input should be greater than or equal to 0"),
+        (["run", "quick", "--jobs", "0"], "jobs is 0"),
+        (["run", "quick", "--nonsense"], "No such option: --nonsense"),
+        (["run", "mrclam"], "is a recording; say where it lies"),
+        (["run", "mrclam", "--data", "no-such-directory"], "no-such-directory"),
+        (["run", "small.toml", "--out", "small.toml"], "small.toml exists and is no run directory"),
+        (["check", "arll"], "did you mean 'arl'?"),
+        (["check", "mine.py:Mine"], "mine.py"),
+        (["list", "things"], "things"),
+        (["fly"], "No such command 'fly'"),
+    ],
+)
+def test_bad_input_exits_2_with_one_line(place, arguments, said):
+    told = cooploc(*arguments, cwd=place)
+    assert told.returncode == 2
+    assert told.stdout == ""
+    assert said in told.stderr
+    assert told.stderr.count("\n") == 1
+    assert "Traceback" not in told.stderr
+
+
+def test_a_failing_estimator_exits_1_and_the_rest_is_kept(place):
+    (place / "fails.toml").write_text(SMALL.replace('"ekf-joint"', '"ekf-local[own=rssi]", "arl[density=exact]"'))
+    program = (
+        "import cooploc.estimators.ekf_local as m\n"
+        "def boom(self, s, z): raise RuntimeError('sensor on fire')\n"
+        "m.EkfLocal.correct = boom\n"
+        "from cooploc.__main__ import main\n"
+        "main()\n"
+    )
+    command = [sys.executable, "-c", program, "run", "fails.toml", "--json"]
+    told = subprocess.run(command, capture_output=True, text=True, cwd=place, timeout=300)
+    assert told.returncode == 1, told.stderr
+    rows = {row["estimator"]: row for row in json.loads(told.stdout)}
+    assert rows["ekf-local[own=rssi]"]["failed"] == 6
+    assert rows["ekf-local[own=rssi]"]["rmse"] is None
+    assert rows["arl"]["failed"] == 0
+    assert "RuntimeError: sensor on fire" in told.stderr
+
+
+def test_list_names_everything():
+    told = cooploc("list")
+    assert told.returncode == 0
+    for word in ("mrsl-rssi", "ekf-joint", "packet-drop", "mrclam", "quick"):
+        assert word in told.stdout
+
+
+def test_check_passes_a_builtin_and_fails_a_broken_file(place):
+    assert cooploc("check", "dead-reckoning").returncode == 0
+    (place / "broken.py").write_text(
+        "import numpy as np\n"
+        "from cooploc.estimators.dead_reckoning import DeadReckoning\n"
+        "class Broken(DeadReckoning):\n"
+        "    def estimate(self, s):\n"
+        "        return super().estimate(s)._replace(x=s.x + np.random.normal(size=s.x.shape))\n"
+    )
+    told = cooploc("check", "broken.py:Broken", cwd=place)
+    assert told.returncode == 1, told.stderr
+    assert "failed" in told.stdout
+
+
+def test_help_is_quick_because_it_imports_nothing_heavy():
+    heavy = ("numpy", "pandas", "numba", "cvxpy", "scipy", "seaborn")
+    program = f"import sys, cooploc.cli; print([m for m in {heavy} if m in sys.modules])"
+    told = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert told.stdout.strip() == "[]", told.stderr
+
+
+def test_a_malformed_recording_exits_2_and_names_file_and_line(place):
+    data = place / "recording"
+    data.mkdir()
+    (data / "Barcodes.dat").write_text("# Subject #    Barcode #\n  1 \t 5 \n  2 \t fourteen \n")
+    (data / "Landmark_Groundtruth.dat").write_text("# Subject #    x [m]    y [m]\n  6 \t 0.5 \t 0.5 \t 0.0 \t 0.0\n")
+    for name in ("Robot1_Groundtruth", "Robot1_Odometry", "Robot1_Measurement"):
+        (data / f"{name}.dat").write_text("# Time [s] ...\n1.0 \t 0.0 \t 0.0 \t 0.0\n")
+    told = cooploc("run", "mrclam", "--data", "recording", cwd=place)
+    assert (told.returncode, told.stdout, told.stderr.count("\n")) == (2, "", 1)
+    assert "Barcodes.dat, line 3" in told.stderr

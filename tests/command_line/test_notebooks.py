@@ -1,0 +1,74 @@
+"""Every notebook runs from top to bottom, from any working directory, and keeps its outputs."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+# What is kept in the notebooks comes from their own settings; here they run on fewer trials and shorter recordings.
+SMALL = {
+    "02_the_paper": [("trials=10", "trials=3")],
+    "04_real_robots": [
+        ("duration=60.0", "duration=10.0"),
+        ('"mrclam/all", data=DATA / "mrclam6"', '"mrclam/all", data=DATA / "mrclam6", duration=60.0'),
+        ("range(11)", "range(2)"),
+    ],
+}
+NOTEBOOKS = sorted((Path(__file__).resolve().parents[2] / "notebooks").glob("*.ipynb"))
+
+
+def test_there_are_notebooks():
+    assert NOTEBOOKS
+
+
+@pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
+def test_a_notebook_runs_beside_folders_named_like_ours(notebook, tmp_path):
+    for folder in ("analysis", "estimators", "scenarios"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "__init__.py").write_text("raise ImportError('the wrong folder')")
+    done = run(notebook, tmp_path, {})
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
+def test_a_notebook_keeps_its_outputs_and_nothing_of_the_machine_that_made_them(notebook):
+    code = cells(notebook)
+    assert all(cell["outputs"] for cell in code[1:]), "a cell was kept without its output"
+    outputs = [output for cell in code for output in cell["outputs"]]
+    assert {output["output_type"] for output in outputs} <= {"stream", "display_data", "execute_result"}
+    assert not [output for output in outputs if output.get("name") == "stderr"]
+    told = [output.get("text", output.get("data", {}).get("text/plain", "")) for output in outputs]
+    assert not [
+        text for text in map("".join, told) if "skipped" in text or re.search(r"(^|[\s'\"])(/|[A-Z]:\\)\w", text)
+    ]
+
+
+def test_what_needs_recordings_is_skipped_with_a_reason_where_there_are_none(tmp_path):
+    (notebook,) = (path for path in NOTEBOOKS if path.stem == "04_real_robots")
+    done = run(notebook, tmp_path, {"COOPLOC_DATA": str(tmp_path / "nowhere")})
+    assert done.returncode == 0, done.stderr
+    said = done.stdout.splitlines()
+    assert len(said) == len(cells(notebook)) - 1
+    assert all(line.startswith("skipped: ") for line in said)
+
+
+def cells(notebook):
+    """The cells of code."""
+    found = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
+    return [cell for cell in found if cell["cell_type"] == "code"]
+
+
+def run(notebook, folder, environment):
+    """The notebook's code as a script, in a working directory of its own."""
+    source = "\n".join("".join(cell["source"]) for cell in cells(notebook))
+    for kept, small in SMALL.get(notebook.stem, ()):
+        assert source.count(kept) == 1, f"{kept} is not a setting of {notebook.stem}: change SMALL with the notebook"
+        source = source.replace(kept, small)
+    script = folder / "notebook.py"
+    script.write_text(source, encoding="utf-8")
+    environment = {**os.environ, "MPLBACKEND": "agg", **environment}
+    return subprocess.run([sys.executable, str(script)], cwd=folder, env=environment, capture_output=True, text=True)

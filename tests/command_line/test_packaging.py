@@ -1,0 +1,104 @@
+"""What is shipped: every module in wheel and sdist, a wheel that works in an empty environment, an honest lock."""
+
+import re
+import shutil
+import subprocess
+import sys
+import tarfile
+import tomllib
+import venv
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+LOCK = (ROOT / "requirements.lock").read_text()
+FOLDERS = {
+    "cooploc": "cooploc",
+    "estimators": "cooploc/estimators",
+    "scenarios": "cooploc/scenarios",
+    "analysis": "cooploc/analysis",
+}
+SOURCES = {
+    f"{folder}/{file.relative_to(ROOT / folder).as_posix()}": f"{home}/{file.relative_to(ROOT / folder).as_posix()}"
+    for folder, home in FOLDERS.items()
+    for file in (ROOT / folder).rglob("*")  # does not follow the links inside cooploc/
+    if file.suffix in {".py", ".toml", ".j2"} or file.name == "py.typed"
+}
+SHIPPED = set(SOURCES.values())
+
+
+pytestmark = pytest.mark.xdist_group("packaging")  # one build for all of them
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    """The sdist, and the wheel built from it, of a copy of the tree."""
+    tree = tmp_path_factory.mktemp("tree") / "cooploc"
+    shutil.copytree(
+        ROOT, tree, symlinks=True, ignore=shutil.ignore_patterns(".*", "build", "dist", "runs", "*.egg-info")
+    )
+    out = tmp_path_factory.mktemp("dist")
+    command = [sys.executable, "-m", "build", "--no-isolation", "--outdir", str(out), str(tree)]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return next(out.glob("*.tar.gz")), next(out.glob("*.whl"))
+
+
+def test_every_folder_with_code_is_a_package():
+    """A folder without `__init__.py` would drop out of the wheel and of import-linter's sight."""
+    folders = {(ROOT / name).parent for name in SOURCES if name.endswith(".py")}
+    assert [folder for folder in sorted(folders) if not (folder / "__init__.py").exists()] == []
+
+
+def test_the_wheel_holds_every_module(built):
+    names = set(zipfile.ZipFile(built[1]).namelist())
+    assert names >= SHIPPED
+    assert {name for name in names if name.endswith(".py")} == {name for name in SHIPPED if name.endswith(".py")}
+
+
+def test_the_sdist_holds_every_module(built):
+    with tarfile.open(built[0]) as sdist:
+        names = {name.partition("/")[2] for name in sdist.getnames()}
+    examples = {f"examples/{file.name}" for file in (ROOT / "examples").iterdir() if file.is_file()}
+    assert len(examples) > 3
+    assert names >= SOURCES.keys() | examples | {"pyproject.toml", "LICENSE", "README.md"}
+
+
+def test_the_wheel_runs_in_an_empty_environment(built, tmp_path):
+    """Its declared dependencies suffice: a new environment gets the wheel and what it asks for, and nothing else."""
+    home = tmp_path / "empty"
+    venv.create(home, with_pip=True)
+    pins = tmp_path / "pins.txt"
+    pins.write_text("\n".join(re.findall(r"^[A-Za-z0-9._-]+==[^\\\n]+", LOCK, re.MULTILINE)))  # markers and all
+    install = [
+        str(home / "bin" / "python"),
+        "-m",
+        "pip",
+        "install",
+        "--quiet",
+        "--constraint",
+        str(pins),
+        str(built[1]),
+    ]
+    done = subprocess.run(install, capture_output=True, text=True)
+    if any(sign in done.stderr for sign in ("NewConnectionError", "NameResolutionError", "ConnectTimeoutError")):
+        pytest.skip("no package index can be reached")
+    assert done.returncode == 0, done.stderr
+    told = subprocess.run([str(home / "bin" / "cooploc"), "list"], capture_output=True, text=True, cwd=tmp_path)
+    assert told.returncode == 0, told.stderr
+    for word in ("mrsl-rssi", "packet-drop", "quick"):
+        assert word in told.stdout
+
+
+def test_the_lock_pins_every_dependency_with_hashes_and_names_no_index():
+    assert not re.search(r"https?://|--index-url|--find-links|file:", LOCK)
+    pinned = re.findall(r"^([A-Za-z0-9._-]+)==[^\s;]+", LOCK, re.MULTILINE)
+    entries = re.split(r"^(?=[A-Za-z0-9])", LOCK, flags=re.MULTILINE)[1:]
+    assert len(entries) == len(pinned)
+    assert all("--hash=sha256:" in entry for entry in entries)
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    wanted = [*project["dependencies"], *(d for extra in project["optional-dependencies"].values() for d in extra)]
+    names = {re.split(r"[><=\[ ;]", requirement)[0].lower().replace("_", "-") for requirement in wanted}
+    assert names <= {name.lower() for name in pinned}

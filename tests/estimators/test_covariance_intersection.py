@@ -1,0 +1,704 @@
+"""Covariance intersection against brute force in extended precision, and against what the theory promises.
+
+The oracles work on the covariances as they come, in 80-bit floats: no whitening, no closed form, no gradient.
+"""
+
+import logging
+import subprocess
+import sys
+from fractions import Fraction
+from itertools import combinations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from oracles import repeatable
+
+from cooploc.estimators.covariance_intersection import cone_program
+from cooploc.estimators.covariance_intersection.weights import (
+    intersect,
+    relative_weights,
+    solve,
+    solve_relative,
+    weights,
+)
+from cooploc.estimators.interface import Belief
+from cooploc.estimators.kalman.update import inflated_update
+from cooploc.estimators.plugins.errors import BadInput
+
+CRITERIA = pytest.mark.parametrize("criterion", ["det", "trace"])
+SOLVERS = pytest.mark.parametrize("solver", ["exact", "cvxpy"])
+Long = np.longdouble
+
+# ---------------------------------------------------------------- oracles
+
+
+def inverse(A):
+    """Gauss and Jordan, without pivoting: A (..., d, d) is positive definite."""
+    d = A.shape[-1]
+    A = np.concatenate([A.astype(Long), np.broadcast_to(np.eye(d, dtype=Long), A.shape)], -1)
+    for i in range(d):
+        A[..., i, :] /= A[..., i, i, None].copy()
+        for j in range(d):
+            if j != i:
+                A[..., j, :] -= A[..., j, i, None].copy() * A[..., i, :]
+    return A[..., d:]
+
+
+def size(P, criterion):
+    """The trace of P (..., d, d), or the determinant by elimination."""
+    if criterion == "trace":
+        return np.trace(P, axis1=-2, axis2=-1)
+    P, det = P.copy(), Long(1)
+    for i in range(P.shape[-1]):
+        det = det * P[..., i, i]
+        for j in range(i + 1, P.shape[-1]):
+            P[..., j, :] -= (P[..., j, i] / P[..., i, i])[..., None] * P[..., i, :]
+    return det
+
+
+def product(A, *others):
+    for B in others:
+        A = np.einsum("...ij,...jk->...ik", A, B)
+    return A
+
+
+def fused(A, w, criterion):
+    """The criterion (K, n) of weights w (K, n, m) for information matrices A (K, m, d, d)."""
+    return size(inverse(np.einsum("knm,kmij->knij", w.astype(Long), A)), criterion)
+
+
+def related(problem, w, criterion, block):
+    """The criterion (K, n) after the EKF update of a belief inflated by 1/w (K, n), by a sender inflated by 1/(1-w)."""
+    P_i, P_j, H_i, H_j, R = (a.astype(Long)[:, None] for a in problem)
+    w = w.astype(Long)[..., None, None]
+    N = inverse(product(H_j, P_j, H_j.mT) + (1 - w) * R)
+    P = inverse(w * inverse(P_i) + (1 - w) * product(H_i.mT, N, H_i))
+    return size(P[..., :block, :block], criterion)
+
+
+def scan(f, count, low=0.0, high=1.0):
+    """Where on [low, high] the convex f (K, n) -> (K, n) is least, and how much that is: grids within grids."""
+    a, b, row = np.full(count, Long(low)), np.full(count, Long(high)), np.arange(count)
+    for _ in range(14):
+        grid = a[:, None] + (b - a)[:, None] * np.linspace(0, 1, 41, dtype=Long)
+        value = f(grid)
+        i = value.argmin(1)
+        a, b = grid[row, np.maximum(i - 1, 0)], grid[row, np.minimum(i + 1, 40)]
+    return grid[row, i], value[row, i]
+
+
+def exchanged(A, w, criterion, sweeps):
+    """Weights (K, m) improved by the best exchange between every two sources, over and over, and the criterion (K,)."""
+    row = np.arange(len(w))
+    for _ in range(sweeps):
+        for i, j in combinations(range(w.shape[1]), 2):
+
+            def along(u, i=i, j=j, w=w):
+                moved = np.repeat(w[:, None], u.shape[1], 1)
+                moved[..., i], moved[..., j] = u * (w[:, i] + w[:, j])[:, None], (1 - u) * (w[:, i] + w[:, j])[:, None]
+                return moved
+
+            u, least = scan(lambda u, along=along: fused(A, along(u), criterion), len(w))
+            w = along(u[:, None])[row, 0]
+    return w, least
+
+
+def settled(f, w, step=1e-3, cost=1e-7):
+    """Rows whose minimiser w (K,) is unique: a step to either side, where there is room, costs something."""
+    least = f(w[:, None])[:, 0]
+    sides = [(w + s, f(np.clip(w + s, 1e-6, 1)[:, None])[:, 0]) for s in (-step, step)]
+    return np.logical_and.reduce([(to < 0) | (to > 1) | (value > least * (1 + cost)) for to, value in sides])
+
+
+# ---------------------------------------------------------------- inputs
+
+
+def turned(rng, values):
+    """Covariances with these eigenvalues (..., d)."""
+    q, _ = np.linalg.qr(rng.normal(size=(*values.shape, values.shape[-1])))
+    P = (q * values[..., None, :]) @ q.mT
+    return (P + P.mT) / 2
+
+
+def ordinary(rng, K, m, d):
+    return turned(rng, rng.uniform(0.05, 1.0, (K, m, d)))
+
+
+def near_singular(rng, K, m, d):
+    return turned(rng, 10 ** -rng.uniform(0, 10, (K, m, d)))
+
+
+def nested(rng, K, m, d):
+    """Each source knows less than the one before, by any little."""
+    more = turned(rng, rng.uniform(0, 1, (K, m, d)) * 10 ** -rng.uniform(0, 6, (K, m, 1)))
+    return ordinary(rng, K, 1, d) + np.cumsum(more, 1)
+
+
+def equal(rng, K, m, d):
+    return np.repeat(ordinary(rng, K, 1, d), m, 1)
+
+
+def nearly_equal(rng, K, m, d):
+    return equal(rng, K, m, d) + 10 ** -rng.uniform(3, 12, (K, 1, 1, 1)) * ordinary(rng, K, m, d)
+
+
+def of_any_size(rng, K, m, d):
+    return near_singular(rng, K, m, d) * 10 ** rng.uniform(-8, 8, (K, 1, 1, 1))
+
+
+def of_different_sizes(rng, K, m, d):
+    return ordinary(rng, K, m, d) * 10 ** rng.uniform(-8, 8, (K, m, 1, 1))
+
+
+def of_some_size(rng, K, m, d):
+    """As far apart as three covariances may be for 80-bit floats to tell."""
+    return turned(rng, 10 ** -rng.uniform(0, 4, (K, m, d))) * 10 ** rng.uniform(-4, 4, (K, m, 1, 1))
+
+
+FAMILIES = [ordinary, near_singular, nested, equal, nearly_equal, of_any_size, of_different_sizes]
+INPUTS = pytest.mark.parametrize("family", FAMILIES, ids=lambda f: f.__name__)
+
+
+def relation(rng, K, k=1, d=2, e=2, family=ordinary):
+    """P_i, P_j, H_i, H_j, R of K relative measurements."""
+    P_i, P_j, R = (family(rng, K, 1, n)[:, 0] for n in (d, e, k))
+    return P_i, P_j, rng.normal(size=(K, k, d)), rng.normal(size=(K, k, e)), R
+
+
+# ---------------------------------------------------------------- the weights
+
+
+@SOLVERS
+@CRITERIA
+def test_the_classic_pair(solver, criterion):
+    """science.md: diag(1, 4) with diag(4, 1) gives w = 1/2, P = 1.6 I."""
+    P = np.array([[np.diag([1.0, 4.0]), np.diag([4.0, 1.0])]])
+    w = weights(P, criterion, solver)
+    np.testing.assert_allclose(w, 0.5, atol=1e-7)
+    x, Q = intersect(np.array([[[1.0, 0.0], [0.0, 1.0]]]), P, w)
+    np.testing.assert_allclose(Q[0], 1.6 * np.eye(2), atol=1e-12)
+    np.testing.assert_allclose(x[0], [0.8, 0.8], atol=1e-6)
+
+
+@INPUTS
+@CRITERIA
+def test_pairs_against_a_scan(family, criterion):
+    rng = np.random.default_rng(1)
+    P = family(rng, 1000, 2, 2)
+    A = inverse(P)
+
+    def f(u):
+        return fused(A, np.stack([u, 1 - u], -1), criterion)
+
+    u, least = scan(f, len(P))
+    unique = settled(f, u)
+    for solver in ("exact", "cvxpy"):
+        found = solve(P, criterion, solver)
+        assert not found.fallback.any()
+        value = f(found.w[:, :1])[:, 0]
+        np.testing.assert_allclose((value / least).astype(float), 1, rtol=1e-6 if solver == "cvxpy" else 1e-9)
+        np.testing.assert_allclose(found.w[unique, 0], u[unique].astype(float), atol=1e-3)
+    assert unique.mean() > {equal: -1, nearly_equal: 0.03}.get(family, 0.5)
+
+
+@pytest.mark.parametrize(("m", "d"), [(2, 3), (3, 2), (5, 2), (10, 2), (4, 3), (3, 1)])
+@pytest.mark.parametrize("family", [ordinary, nested, nearly_equal, of_different_sizes], ids=lambda f: f.__name__)
+@CRITERIA
+def test_no_way_to_any_source_leads_down(family, m, d, criterion):
+    """Convexity: the criterion is within 1e-6 of its least if no slope towards a source is below that."""
+    rng = np.random.default_rng(2)
+    P = family(rng, 100, m, d)
+    A, t = inverse(P), 1e-9
+    w = weights(P, criterion, "exact")[:, None].astype(Long)
+    here = fused(A, w, criterion)
+    there = fused(A, w + t * (np.eye(m, dtype=Long) - w), criterion)
+    assert ((there - here) / here / t).min() >= -1e-6
+
+
+@pytest.mark.parametrize(("m", "d"), [(3, 2), (4, 2), (2, 3), (3, 3)])
+@INPUTS
+@CRITERIA
+def test_no_exchange_of_weight_between_two_sources_gains(family, m, d, criterion):
+    """Line by line, by scans, from the weights that were found and from equal ones."""
+    rng = np.random.default_rng(3)
+    P = family(rng, 20, m, d)
+    A = inverse(P)
+    found = weights(P, criterion, "exact").astype(Long)
+    value = fused(A, found[:, None], criterion)[:, 0]
+    for start, sweeps in ((found, 1), (np.full_like(found, 1 / Long(m)), 4)):
+        _, least = exchanged(A, start, criterion, sweeps)
+        assert (value <= least * (1 + 1e-8)).all()
+
+
+@pytest.mark.parametrize(("m", "d", "K"), [(3, 2, 500), (5, 2, 500), (10, 2, 300), (2, 3, 20), (4, 3, 20), (3, 1, 20)])
+@INPUTS
+@CRITERIA
+def test_cvxpy_and_exact_agree(family, m, d, K, criterion):
+    rng = np.random.default_rng(4)
+    P = family(rng, K, m, d)
+    A = inverse(P)
+    cvxpy, exact = (solve(P, criterion, solver) for solver in ("cvxpy", "exact"))
+    assert not cvxpy.fallback.any()
+    assert cvxpy.gap.max() <= 1e-6
+    ratio = fused(A, cvxpy.w[:, None], criterion) / fused(A, exact.w[:, None], criterion)
+    np.testing.assert_allclose(ratio.astype(float), 1, rtol=1e-6)
+    if family is ordinary:  # a fusion of many may have several best weights, but not by chance
+        np.testing.assert_allclose(cvxpy.w, exact.w, atol=1e-3)
+
+
+@pytest.mark.parametrize("m", [2, 3, 7])
+@SOLVERS
+@CRITERIA
+def test_equal_sources_share_equally(m, solver, criterion):
+    rng = np.random.default_rng(4)
+    P = equal(rng, 20, m, 2)
+    np.testing.assert_allclose(weights(P, criterion, solver), 1 / m, rtol=1e-12)
+    _, Q = intersect(rng.normal(size=(20, m, 2)), P, np.full((20, m), 1 / m))
+    np.testing.assert_allclose(Q, P[:, 0], rtol=1e-12)
+    two = np.concatenate([ordinary(rng, 20, 2, 2), np.zeros((20, m, 2, 2))], 1)
+    two[:, 2:] = two[:, :1]  # the first source m + 1 times
+    w = weights(two, criterion, solver)
+    np.testing.assert_array_equal(w[:, 2:], np.repeat(w[:, :1], m, 1))
+
+
+@SOLVERS
+@CRITERIA
+def test_of_nested_covariances_the_least_is_best(solver, criterion):
+    P = np.array([[np.eye(2), 4 * np.eye(2)], [np.diag([5.0, 3.0]), np.diag([5.0, 2.0])]])
+    np.testing.assert_allclose(weights(P, criterion, solver), [[1, 0], [0, 1]], atol=1e-6)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 6), st.integers(1, 3), st.sampled_from(FAMILIES), st.booleans())
+@repeatable
+def test_weights_are_shares_certified_and_follow_their_sources(seed, m, d, family, trace):
+    rng = np.random.default_rng(seed)
+    P = family(rng, 3, m, d)
+    P[rng.uniform(size=(3, m)) < 0.2] = np.nan
+    there = ~np.isnan(P).any((2, 3))
+    criterion = "trace" if trace else "det"
+    found = solve(P, criterion, "exact")
+    assert (found.w >= 0).all()
+    assert (found.w[~there] == 0).all()
+    np.testing.assert_allclose(found.w.sum(1), there.any(1), atol=1e-12)
+    assert found.gap.max() <= 1e-9
+    order = rng.permutation(m)
+    if family is ordinary and d > 1:
+        np.testing.assert_allclose(weights(P[:, order], criterion, "exact"), found.w[:, order], atol=1e-4)
+    power = 2.0 ** rng.integers(-20, 20)
+    np.testing.assert_array_equal(weights(power * P, criterion, "exact"), found.w)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(2, 4))
+@repeatable
+def test_cvxpys_weights_follow_their_sources(seed, m):
+    rng = np.random.default_rng(seed)
+    P, order = ordinary(rng, 4, m, 2), rng.permutation(m)
+    np.testing.assert_allclose(weights(P[:, order]), weights(P)[:, order], atol=1e-3)
+    rows = rng.permutation(4)
+    np.testing.assert_array_equal(weights(P[rows]), weights(P)[rows])
+
+
+# ---------------------------------------------------------------- what may be missing or wrong
+
+
+@SOLVERS
+def test_absent_sources_weigh_nothing(solver):
+    rng = np.random.default_rng(5)
+    P = ordinary(rng, 6, 3, 2)
+    P[0, 1] = np.nan
+    P[1, 1, 0, 0] = np.nan  # a part is enough
+    P[2, 1] = np.diag([np.inf, np.inf])  # knows nothing
+    P[3, :2] = np.nan
+    P[4] = np.nan
+    with np.errstate(invalid="ignore"):
+        P[5, 1] = np.inf * np.eye(2)  # inf * 0 is nan
+    found = solve(P, solver=solver)
+    w = found.w
+    assert w[[0, 1, 2, 5], 1].tolist() == [0, 0, 0, 0]
+    assert w[3].tolist() == [0, 0, 1]
+    assert w[4].tolist() == [0, 0, 0]
+    assert found.gap[[3, 4]].tolist() == [0, 0]
+    np.testing.assert_allclose(w[:3][:, [0, 2]], weights(P[:3][:, [0, 2]], solver=solver), atol=1e-5)
+    x, Q = intersect(rng.normal(size=(6, 3, 2)), P, w)
+    assert np.isnan(x[4]).all()
+    assert np.isnan(Q[4]).all()
+    assert np.isfinite(Q[[0, 1, 2, 3, 5]]).all()
+
+
+WRONG = {
+    "positive definite": [np.diag([1.0, -1.0]), np.ones((2, 2)), np.zeros((2, 2)), np.array([[1.0, 2.0], [2.0, 1.0]])],
+    "infinite": [np.diag([1.0, np.inf]), np.array([[1.0, np.inf], [np.inf, 1.0]]), np.diag([-np.inf, 1.0])],
+    "symmetric": [np.array([[2.0, 1.0], [0.0, 2.0]])],
+}
+
+
+@SOLVERS
+@pytest.mark.parametrize(("what", "bad"), [(what, bad) for what, all_of in WRONG.items() for bad in all_of])
+def test_what_is_no_covariance_is_named(solver, what, bad):
+    P = ordinary(np.random.default_rng(6), 9, 4, 2)
+    P[7, 2] = bad
+    with pytest.raises(BadInput, match=f"source 2 of fusion 7.*{what}"):
+        weights(P, solver=solver)
+
+
+@SOLVERS
+@pytest.mark.parametrize("exponent", [-300, -150, -20, 20, 150, 300])
+def test_enormous_and_tiny_covariances_are_solved_or_refused(solver, exponent):
+    P = ordinary(np.random.default_rng(7), 5, 3, 2)
+    want = weights(P, solver="exact")
+    np.testing.assert_allclose(weights(P * 10.0**exponent, solver=solver), want, atol=1e-4)
+    P[:, 0] *= 10.0**exponent
+    w = weights(P, solver=solver)
+    np.testing.assert_allclose(w[:, 0], exponent < 0, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"P": np.eye(2)}, "shape"),
+        ({"P": np.zeros((2, 2, 2, 3))}, "shape"),
+        ({"criterion": "area"}, "criterion 'area'"),
+        ({"solver": "guess"}, "solver 'guess'"),
+    ],
+)
+def test_wrong_arguments_are_named(arguments, message):
+    with pytest.raises(BadInput, match=message):
+        weights(**{"P": ordinary(np.random.default_rng(8), 2, 2, 2), **arguments})
+
+
+@SOLVERS
+def test_nothing_to_fuse(solver):
+    assert weights(np.empty((0, 3, 2, 2)), solver=solver).shape == (0, 3)
+    assert weights(np.empty((4, 0, 2, 2)), solver=solver).shape == (4, 0)
+    np.testing.assert_array_equal(weights(ordinary(np.random.default_rng(9), 5, 1, 2), solver=solver), np.ones((5, 1)))
+
+
+def test_inputs_are_never_written_to():
+    rng = np.random.default_rng(10)
+    P, problem = ordinary(rng, 5, 3, 2), relation(rng, 5)
+    for a in (P, *problem):
+        a.flags.writeable = False
+    for solver in ("exact", "cvxpy"):
+        weights(P, solver=solver)
+        relative_weights(*problem, solver=solver)
+
+
+# ---------------------------------------------------------------- stacks and fallbacks
+
+
+@CRITERIA
+@pytest.mark.parametrize("relative", [False, True])
+def test_exact_bits_do_not_depend_on_what_else_is_solved(criterion, relative):
+    rng = np.random.default_rng(11)
+    if relative:
+        problem = relation(rng, 60, k=2)
+        everything = solve_relative(*problem, criterion, "exact")
+        parts = [solve_relative(*(a[i : i + 1] for a in problem), criterion, "exact") for i in range(60)]
+    else:
+        P = np.concatenate([family(rng, 10, 4, 2) for family in FAMILIES])
+        everything = solve(P, criterion, "exact")
+        parts = [solve(P[i : i + 1], criterion, "exact") for i in range(len(P))]
+    for whole, part in zip(everything, zip(*parts, strict=True), strict=True):
+        np.testing.assert_array_equal(whole, np.concatenate(part))
+
+
+@pytest.mark.parametrize("relative", [False, True])
+def test_cvxpys_bits_depend_on_the_group_alone(relative):
+    """Whatever else is in the call, whatever was solved before, in whatever order the fusions come."""
+    rng = np.random.default_rng(12)
+    group = rng.integers(0, 5, 150)
+    problem = relation(rng, 150) if relative else (ordinary(rng, 150, 3, 2),)
+    function = relative_weights if relative else weights
+    everything = function(*problem, groups=group)
+    for g in range(5):
+        rows = rng.permutation(np.flatnonzero(group == g))
+        np.testing.assert_array_equal(function(*(a[rows] for a in problem)), everything[rows])
+
+
+def test_a_stack_is_never_longer_than_what_is_compiled(monkeypatch):
+    sizes = []
+    solve_one = cone_program._solve
+    monkeypatch.setattr(cone_program, "_solve", lambda z: sizes.append(len(z.B)) or solve_one(z))
+    rng = np.random.default_rng(13)
+    P = ordinary(rng, 300, 2, 2)
+    P[:20, 0] = np.nan  # nothing to choose: not in any program
+    weights(P, groups=np.arange(300) // 290)
+    assert sorted(sizes) == [10, 14, 128, 128]
+    sizes.clear()
+    weights(ordinary(rng, 3, 2, 3))
+    assert sizes == [1, 1, 1]
+
+
+def test_programs_are_reused_and_few():
+    cache = cone_program._cone_program
+    P = ordinary(np.random.default_rng(14), 200, 4, 2)
+    weights(P[:100])
+    before = cache.cache_info()
+    weights(P[100:])
+    weights(P[:99])  # the same size, rounded up
+    after = cache.cache_info()
+    assert (after.misses, after.hits) == (before.misses, before.hits + 2)
+    assert len({cone_program._size(K) for K in range(1, cone_program.STACK + 1)}) <= 24
+    assert after.maxsize == cone_program.COMPILED
+
+
+def test_a_fusion_that_cvxpy_fails_on_is_named_and_counted(monkeypatch, caplog):
+    P = ordinary(np.random.default_rng(15), 30, 3, 2)
+    P[3, :2] = np.nan
+    P[17] = [np.eye(2), np.diag([1.0, 7.0]), np.diag([7.0, 1.0])]  # the only one without correlations
+    solve_one = cone_program._solve
+
+    def fails(z):
+        w = solve_one(z)
+        w[(z.B[:, :, 0, 1] == 0).all(1)] = np.nan
+        return w
+
+    monkeypatch.setattr(cone_program, "_solve", fails)
+    with caplog.at_level(logging.WARNING, "cooploc"):
+        found = solve(P)
+    exact = weights(P, solver="exact")
+    assert np.flatnonzero(found.fallback).tolist() == [17]
+    assert "fusions [17]" in caplog.text
+    np.testing.assert_array_equal(found.w[17], exact[17])
+    np.testing.assert_allclose(found.w, exact, atol=1e-4)
+
+
+@pytest.mark.parametrize("relative", [False, True])
+def test_a_solver_that_raises_is_no_crash(monkeypatch, relative, caplog):
+    import cvxpy
+
+    def fails(*_, **__):
+        raise cvxpy.error.SolverError("no")
+
+    monkeypatch.setattr(cvxpy.Problem, "solve", fails)
+    rng = np.random.default_rng(16)
+    problem, function = (relation(rng, 5), solve_relative) if relative else ((ordinary(rng, 5, 3, 2),), solve)
+    found = function(*problem)
+    assert found.fallback.all()
+    np.testing.assert_array_equal(found.w, function(*problem, solver="exact").w)
+
+
+def test_a_wrong_answer_of_the_solver_is_found_out(monkeypatch, caplog):
+    monkeypatch.setattr(cone_program, "_solve", lambda z: np.full(z.B.shape[:2], 1 / 3))
+    found = solve(ordinary(np.random.default_rng(17), 50, 3, 2))
+    assert found.fallback.mean() > 0.9
+    assert found.gap.max() <= 1e-6
+
+
+def test_cvxpy_is_imported_late():
+    code = "import sys, cooploc.estimators.covariance_intersection.weights; print('cvxpy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "False\n"
+
+
+# ---------------------------------------------------------------- relative measurements
+
+SHAPES = pytest.mark.parametrize(
+    ("d", "k", "e", "block"), [(2, 1, 2, 2), (2, 2, 2, 2), (3, 1, 2, 2), (3, 2, 3, 2), (3, 2, 2, 3)]
+)
+
+
+@SHAPES
+@pytest.mark.parametrize("family", [ordinary, near_singular, of_some_size], ids=lambda f: f.__name__)
+@CRITERIA
+def test_relative_weights_against_a_scan(d, k, e, block, family, criterion):
+    K = 300 if d == 2 else 25
+    rng = np.random.default_rng(18)
+    problem = relation(rng, K, k, d, e, family)
+
+    def f(w):
+        return related(problem, w, criterion, block)
+
+    w, least = scan(f, K, low=1e-6)
+    unique = settled(f, w)
+    for solver in ("exact", "cvxpy"):
+        found = solve_relative(*problem, criterion, solver, block)
+        assert found.fallback.mean() <= 0.01
+        np.testing.assert_allclose((f(found.w[:, None])[:, 0] / least).astype(float), 1, rtol=1e-6)
+        np.testing.assert_allclose(found.w[unique], w[unique].astype(float), atol=1e-3)
+        assert ((found.w > 0) & (found.w <= 1)).all()
+    assert unique.mean() > 0.5
+
+
+def shortfall(f, w):
+    """How far the convex f is above its least at w, relatively, by its slopes there: f'^2 / (2 f'' f), in fractions."""
+    w, h = Fraction(w), Fraction(1, 10**40)
+    below, here, above = f(w - h), f(w), f(w + h)
+    return float((above - below) ** 2 / (8 * here * (above + below - 2 * here)))
+
+
+def updated(P, u, q, R, criterion):
+    """w -> the criterion of P / w after a reading of variance q / (1 - w) + R, in fractions."""
+    (a, b), (_, c) = [[Fraction(v) for v in row] for row in P]
+    (u, v), q, R = (Fraction(float(each)) for each in u), Fraction(q), Fraction(R)
+    g = a * u + b * v, b * u + c * v
+
+    def f(w):
+        S = w * (g[0] * u + g[1] * v) + w * w * (q / (1 - w) + R)
+        xx, xy, yy = a / w - g[0] * g[0] / S, b / w - g[0] * g[1] / S, c / w - g[1] * g[1] / S
+        return xx + yy if criterion == "trace" else xx * yy - xy * xy
+
+    return f
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from([2, 3]), st.sampled_from(FAMILIES), st.sampled_from(["trace", "det"]))
+@repeatable
+def test_the_weight_of_one_number_has_no_shortfall(seed, d, family, criterion):
+    """In exact arithmetic, and against the search that serves every other reading, told a second one that is empty."""
+    rng = np.random.default_rng(seed)
+    P, P_j, H, H_j, R = relation(rng, 8, 1, d, 2, family)
+    P_j, R = P_j * 10 ** rng.uniform(-4, 1, (8, 1, 1)), R * 10 ** rng.uniform(-6, 3, (8, 1, 1))
+    H[..., 2:] = 0.0
+    found = solve_relative(P, P_j, H, H_j, R, criterion, "exact")
+    empty = [np.concatenate([a, 0 * a], 1) for a in (H, H_j)]
+    general = relative_weights(P, P_j, *empty, R * np.eye(2), criterion, "exact")
+    assert found.gap.max() <= 1e-9
+    tolerance = 1e-8 if family in (near_singular, of_any_size) else 1e-10  # rounding moves variances ten decades apart
+    for i, w in enumerate(found.w):
+        q = (H_j[i] @ P_j[i] @ H_j[i].T).item()
+        f = updated(P[i, :2, :2], H[i, 0, :2], q, R[i, 0, 0], criterion)
+        inside = Fraction(min(w, 1 - 1e-13))
+        assert f(inside) <= f(Fraction(min(general[i], 1 - 1e-13))) * Fraction(1 + tolerance)
+        if 1e-6 < w < 1:
+            assert shortfall(f, w) <= tolerance
+        if w == 1.0:
+            assert f(1 - Fraction(1, 10**6)) >= f(1 - Fraction(1, 10**13)) * Fraction(1 - tolerance)
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(0, 10), st.sampled_from(["trace", "det"]), st.booleans())
+@repeatable
+def test_a_range_between_equally_good_robots_gains_nothing(seed, R, criterion, pose):
+    """With P_i = P_j = P: h'P^2h / h'Ph is at most the trace of P, so no w < 1 has a smaller one."""
+    rng = np.random.default_rng(seed)
+    P = ordinary(rng, 4, 1, 2)[:, 0]
+    P_i = np.zeros((4, 3, 3)) + np.diag([0, 0, 0.3]) if pose else P
+    P_i[:, :2, :2] = P
+    h = rng.normal(size=(4, 1, 2))
+    H_i = np.concatenate([h, np.zeros((4, 1, 1))], 2) if pose else h
+    for solver in ("exact", "cvxpy"):
+        w = relative_weights(P_i, P, H_i, -h, np.full((1, 1), R), criterion, solver)
+        np.testing.assert_array_equal(w, 1.0)
+
+
+@SOLVERS
+def test_a_sighting_of_a_robot_that_knows_better_helps(solver):
+    one = np.eye(2)[None]
+    w = relative_weights(one, 0.01 * one, one, -one, 0.0001 * np.eye(2), solver=solver)
+    assert w[0] == pytest.approx(1e-6, abs=1e-5)
+    assert relative_weights(0.01 * one, one, one, -one, 0.0001 * np.eye(2), solver=solver)[0] == 1.0
+
+
+@SOLVERS
+def test_rows_without_a_usable_reading_keep_their_belief(solver):
+    rng = np.random.default_rng(19)
+    P_i, P_j, H_i, H_j, _ = relation(rng, 8, 2)
+    P_j *= 1e-3
+    R = np.broadcast_to(np.eye(2) * 1e-3, (8, 2, 2)).copy()
+    assert (relative_weights(P_i, P_j, H_i, H_j, R, solver=solver) < 1).all()
+    P_j[0], H_i[1, 0, 0], H_j[2, 1, 1], R[3, 0, 0], P_i[4, 0, 1] = [np.nan] * 5
+    P_j[5] = np.diag([np.inf, np.inf])
+    H_i[6] = 0.0
+    found = solve_relative(P_i, P_j, H_i, H_j, R, solver=solver)
+    assert found.w[:7].tolist() == [1.0] * 7
+    assert found.gap[:6].tolist() == [0.0] * 6
+    assert found.w[7] < 1
+    assert relative_weights(P_i, P_j, H_i[:, :0], H_j[:, :0], np.empty((0, 0)), solver=solver).tolist() == [1.0] * 8
+
+
+@pytest.mark.parametrize(
+    ("which", "value", "message"),
+    [
+        (0, np.diag([1.0, -1.0]), "P_i of fusion 3.*positive definite"),
+        (0, np.diag([1.0, np.inf]), "own covariance"),
+        (1, np.diag([1.0, -1.0]), "P_j of fusion 3.*positive definite"),
+        (1, np.diag([1.0, np.inf]), "P_j of fusion 3.*infinite"),
+        (4, np.diag([1.0, -1e-3]), "noise R of fusion 3"),
+    ],
+)
+def test_wrong_relative_inputs_are_named(which, value, message):
+    problem = [a.copy() for a in relation(np.random.default_rng(20), 5, 2)]
+    problem[which][3] = value
+    problem[1][1] = np.nan  # rows are named as they came
+    with pytest.raises(BadInput, match=message):
+        relative_weights(*problem)
+
+
+def test_what_double_precision_cannot_compare_is_refused():
+    problem = relation(np.random.default_rng(25), 5, 1)
+    problem[0][3] *= 1e40
+    with pytest.raises(BadInput, match="fusion 3 are too close to singular, or too different"):
+        relative_weights(*problem)
+
+
+def test_the_block_has_to_exist():
+    with pytest.raises(BadInput, match="first 3 states"):
+        relative_weights(*relation(np.random.default_rng(21), 2), block=3)
+
+
+# ---------------------------------------------------------------- consistency
+
+
+def contraction(rng, count, rows, columns):
+    """Matrices with singular values up to 1, half of them exactly 1: the extreme correlations."""
+    u, _, v = np.linalg.svd(rng.normal(size=(count, rows, columns)), full_matrices=False)
+    s = np.where(rng.uniform(size=(count, 1)) < 0.5, 1.0, rng.uniform(0, 1, (count, u.shape[-1])))
+    return (u * s[:, None]) @ v
+
+
+def assert_not_optimistic(P, mse):
+    assert np.linalg.eigvalsh(P - mse).min() >= -1e-9 * np.abs(P).max()
+
+
+@CRITERIA
+@SOLVERS
+@pytest.mark.parametrize("m", [2, 4])
+def test_no_correlation_makes_the_fused_covariance_optimistic(m, solver, criterion):
+    """Linear and Gaussian, 3 000 admissible correlations of the sources: errors e_k = L_k V_k' z, V_k orthonormal."""
+    rng = np.random.default_rng(22)
+    P = ordinary(rng, 3, m, 2)
+    w = weights(P, criterion, solver)
+    _, Q = intersect(np.zeros((3, m, 2)), P, w)
+    for n in range(3):
+        K = Q[n] @ (w[n, :, None, None] * np.linalg.inv(P[n]))
+        for size in (2, 3, 2 * m):
+            V = np.linalg.qr(rng.normal(size=(334, m, size, 2)))[0]
+            error = (K @ np.linalg.cholesky(P[n]) @ V.mT).sum(1)  # of the fused estimate, as a function of z ~ N(0, I)
+            assert_not_optimistic(Q[n], error @ error.mT)
+
+
+@CRITERIA
+@SOLVERS
+@pytest.mark.parametrize("k", [1, 2])
+def test_no_correlation_makes_a_relative_update_optimistic(k, solver, criterion):
+    """x_i' = x_i + K (y - H_i x_i - H_j x_j): 3 000 admissible cross-covariances of the two robots."""
+    rng = np.random.default_rng(23)
+    P_i, P_j, H_i, H_j, R = relation(rng, 3, k)
+    P_j *= 0.1
+    w = relative_weights(P_i, P_j, H_i, H_j, R, criterion, solver)
+    assert (w < 1).any()
+    for n in range(3):
+        rows = slice(n, n + 1)
+        y, belief = np.zeros((1, k)), Belief(np.zeros((1, 2)), P_i[rows])
+        P = inflated_update(belief, y, H_i[rows], H_j[rows], P_j[rows], R[n], w[rows]).P[0]
+        columns = [
+            inflated_update(belief, e[None], H_i[rows], H_j[rows], P_j[rows], R[n], w[rows]).x[0] for e in np.eye(k)
+        ]
+        K = np.stack(columns, 1)
+        L_i, L_j = np.linalg.cholesky(P_i[n]), np.linalg.cholesky(P_j[n])
+        cross = L_i @ contraction(rng, 1000, 2, 2) @ L_j.T
+        A, B = np.eye(2) - K @ H_i[n], -K @ H_j[n]
+        both = A @ cross @ B.T
+        assert_not_optimistic(P, A @ P_i[n] @ A.T + B @ P_j[n] @ B.T + both + both.mT + K @ R[n] @ K.T)
+
+
+def test_kalmans_fusion_would_be_optimistic():
+    """The test above can fail: without inflation some correlation breaks the promise."""
+    rng = np.random.default_rng(24)
+    P = ordinary(rng, 1, 2, 2)[0]
+    Q = np.linalg.inv(np.linalg.inv(P).sum(0))
+    K = Q @ np.linalg.inv(P)
+    L = np.linalg.cholesky(P)
+    both = K[0] @ (L[0] @ contraction(rng, 1000, 2, 2) @ L[1].T) @ K[1].T
+    with pytest.raises(AssertionError):
+        assert_not_optimistic(Q, K[0] @ P[0] @ K[0].T + K[1] @ P[1] @ K[1].T + both + both.mT)

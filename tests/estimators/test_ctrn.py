@@ -1,0 +1,284 @@
+"""CTRN and EKF-CI: without teammates equal to what they build on, with them to covariance intersection by hand."""
+
+import numpy as np
+import pytest
+from oracles import covariances
+
+import cooploc as cl
+from cooploc.estimators.ctrn import Ctrn, follow, log_density
+from cooploc.estimators.interface import Belief, Mail, Rows, Senses, World
+from cooploc.estimators.models.motion import Displacement
+from cooploc.estimators.models.sensors import LogDistance, Range
+from cooploc.estimators.particle.steps import moments, weights
+from cooploc.estimators.plugins.errors import BadInput
+from cooploc.scenarios.runner.run import trace
+
+FUSIONS = ["moments", "message", "received"]
+SMALL = {"particles": 60, "weights": "exact"}
+
+
+def by_hand(x, P, x_j, P_j, z, sigma, grid=500):
+    """Least position trace over a fine grid of w: the joint of two inflated positions, updated by a range, in full."""
+    best = np.trace(P), x, P
+    d = np.linalg.norm(x - x_j)
+    u = (x - x_j) / d
+    H = np.concatenate([u, -u])[None]
+    for w in np.linspace(0.001, 0.999, grid):
+        joint = np.zeros((4, 4))
+        joint[:2, :2], joint[2:, 2:] = P / w, P_j / (1 - w)
+        K = joint @ H.T / (H @ joint @ H.T + sigma**2)
+        after = joint - K @ H @ joint
+        if np.trace(after[:2, :2]) < best[0]:
+            best = np.trace(after[:2, :2]), x + K[:2, 0] * (z - d), after[:2, :2]
+    return best[1:]
+
+
+@pytest.mark.parametrize("fusion", FUSIONS)
+@pytest.mark.parametrize(("label", "drop"), [("robots-1-3/n=1", 0.0), ("trajectory", 1.0)])
+def test_without_teammates_it_is_arl_bit_for_bit(fusion, label, drop):
+    _, stream = cl.simulate(label, trials=3, seed=2, ticks=25, drop=drop)
+    run = cl.run({"arl": cl.make("arl", particles=60), "ctrn": cl.make("ctrn", fusion=fusion, **SMALL)}, stream)
+    for what in ("x", "P"):
+        np.testing.assert_array_equal(getattr(run.traces["ctrn"], what), getattr(run.traces["arl"], what))
+
+
+@pytest.mark.parametrize("fusion", FUSIONS)
+@pytest.mark.parametrize("reading", ["range", "rssi"])
+def test_with_teammates_it_is_not_and_stays_finite_at_heavy_drops(fusion, reading):
+    truth, stream = cl.simulate("packet-drop/drop=0.7", trials=2, seed=3, ticks=40)
+    named = {"arl": cl.make("arl", particles=60), "ctrn": cl.make("ctrn", fusion=fusion, reading=reading, **SMALL)}
+    run = cl.run(named, stream)
+    assert (run.traces["ctrn"].x != run.traces["arl"].x).any()
+    assert np.isfinite(cl.errors(truth, run)["anees"]).all()
+    assert np.linalg.eigvalsh(run.traces["ctrn"].P).min() > 0
+
+
+def test_moments_are_covariance_intersection_by_hand():
+    """Two robots: every fused mean and covariance against a scan that shares no code with them."""
+    _, stream = cl.simulate("robots-1-3/n=2", trials=6, seed=4, ticks=8)
+    fused = []
+
+    def watch(method, tick, arguments, call):
+        result = call(*arguments)
+        if method == "fuse" and tick in (2, 4, 7):
+            fused.append((arguments[0].own, arguments[2], result.own.belief))
+        return result
+
+    trace("ctrn", cl.make("ctrn", weights="exact", particles=2000), stream, watch)
+    gained = 0
+    for mine, mail, got in fused:
+        x, P = moments(mine.x, weights(mine.logw))
+        for row in range(len(x)):
+            sender = 1 - row % 2
+            packet, z = mail.packets[row, sender], mail.range[row, sender]
+            P_j = np.array([[packet[2], packet[3]], [packet[3], packet[4]]])
+            expected_x, expected_P = by_hand(x[row], P[row], packet[:2], P_j, z, 0.1)
+            assert np.trace(got.P[row]) == pytest.approx(np.trace(expected_P), rel=1e-5)
+            np.testing.assert_allclose(got.P[row], expected_P, rtol=0.02, atol=1e-3)
+            np.testing.assert_allclose(got.x[row], expected_x, atol=5e-3)
+            gained += np.trace(expected_P) < 0.995 * np.trace(P[row])
+    assert gained >= 3
+
+
+def test_particles_follow_to_exactly_the_new_moments():
+    rng = np.random.default_rng(0)
+    for d in (2, 3):
+        x, w = 0.1 * rng.normal(size=(5, 200, d)), rng.dirichlet(np.ones(200), 5)
+        before = moments(x, w)
+        root = rng.normal(size=(5, d, d))
+        after = Belief(before.x + 0.1 * rng.normal(size=(5, d)), 0.001 * root @ root.mT + 0.005 * np.eye(d))
+        after = Belief(np.where(np.arange(5)[:, None] == 2, before.x, after.x), after.P)
+        after.P[2] = before.P[2]
+        moved = follow(x, before, after)
+        got = moments(moved, w)
+        np.testing.assert_allclose(got.P, after.P, atol=1e-12)
+        np.testing.assert_allclose(got.x[:, :2], after.x[:, :2], atol=1e-12)
+        np.testing.assert_array_equal(moved[2], x[2])
+
+
+def test_particles_follow_by_the_triangular_map():
+    rng = np.random.default_rng(3)
+    x, w = rng.normal(size=(4, 50, 2)), np.full((4, 50), 0.02)
+    before, after = moments(x, w), Belief(rng.normal(size=(4, 2)), covariances(rng, 4, d=2))
+    A = np.linalg.cholesky(after.P) @ np.linalg.inv(np.linalg.cholesky(before.P))
+    expected = after.x[:, None] + (x - before.x[:, None]) @ A.mT
+    np.testing.assert_allclose(follow(x, before, after), expected, atol=1e-12)
+
+
+# ------------------------------------------------------------------ the compiled chain
+
+SENSORS = {"range": Range(), "rssi": LogDistance()}
+
+
+def meeting(rng, reading, d, r=400, n=7):
+    """Robots that hear each other, some of them badly: a state, its mail, and moments to start from."""
+    world = World(n, 1.0, np.array([[0, 0], [20, 20]]), Displacement(), {f"radio_{reading}": SENSORS[reading]})
+    P = covariances(rng, r, d=d) * 10 ** rng.uniform(-3, 0, (r, 1, 1))
+    P[:20] *= 10 ** rng.uniform(-9, 0, (20, 1, d)) * np.ones((d, 1))  # in different units, and no covariances yet
+    P = (P + P.mT) / 2
+    P[:20] = np.eye(d) * P[:20].diagonal(axis1=1, axis2=2)[:, None, :]
+    P[20], P[21], P[22] = 0.0, np.ones((d, d)), np.diag([1.0, 1e-13, 1.0][:d])  # collapsed
+    before = Belief(rng.uniform(0, 20, (r, d)), P)
+    x_j, P_j = rng.uniform(0, 20, (r, n, 2)), covariances(rng, r, n, d=2) * 10 ** rng.uniform(-6, 1, (r, n, 1, 1))
+    P[60:80], x_j[60:80] = (
+        np.diag([1e4, 1e-6, 1.0][:d]),
+        before.x[60:80, None, :2] + [5.0, 0.0],
+    )  # along the thin belief
+    P_j[60:80] = 1e-3 * np.eye(2)
+    x_j[30] = before.x[30, :2]  # at the same place
+    packets = np.concatenate([x_j, P_j[..., 0, :], P_j[..., 1, 1:]], -1)
+    packets[40, :, 2:] = np.inf, 0.0, np.inf  # knows nothing
+    distance = np.linalg.norm(before.x[:, None, :2] - x_j, axis=-1)
+    z = distance + 0.3 * rng.normal(size=(r, n)) if reading == "range" else -40 - 30 * np.log10(distance + 0.1)
+    heard = rng.uniform(size=(r, n)) < 0.8
+    packets[~heard], z = np.nan, np.where(heard, z, np.nan)
+    packets[50, :, 3], packets[51, :, 0] = np.nan, np.nan  # a part is enough
+    rows = Rows(np.arange(r) // n, np.arange(r) % n, rng.integers(0, 2**32, (r, 2), dtype=np.uint32))
+    return (
+        world,
+        rows,
+        before,
+        Mail(heard, packets, *(z if reading == kind else z * np.nan for kind in ("rssi", "range"))),
+    )
+
+
+@pytest.mark.parametrize("reading", SENSORS)
+@pytest.mark.parametrize("criterion", ["trace", "det"])
+@pytest.mark.parametrize("d", [2, 3])
+def test_the_compiled_chain_is_the_steps_one_by_one(reading, criterion, d):
+    world, rows, before, mail = meeting(np.random.default_rng(4), reading, d)
+    ctrn = cl.make("ctrn", reading=reading, criterion=criterion, own="rssi", audit=0.3, **SMALL)
+    s, z = ctrn.init(before, world, rows), Senses(*np.empty((6, 0)))
+    chained, with_chain = ctrn._chain(s, before, z, mail)
+    stepped, with_steps = ctrn._step_by_step(s, before, z, mail)
+    size = np.abs(before.P).max((1, 2)) + 1e-300
+    np.testing.assert_allclose(chained.P / size[:, None, None], stepped.P / size[:, None, None], atol=1e-12)
+    np.testing.assert_allclose(chained.x, stepped.x, rtol=1e-12, atol=1e-12)
+    np.testing.assert_array_equal(with_chain.counts, with_steps.counts)
+    order = np.lexsort((with_steps.sample.w, with_steps.sample.row))
+    again = np.lexsort((with_chain.sample.w, with_chain.sample.row))
+    for one, other in zip(with_chain.sample.take(again), with_steps.sample.take(order), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12)
+    w = with_chain.sample.w
+    assert len(w) > 300
+    assert 0.1 < (w == 1).mean() < 0.9
+    assert w.min() < (0.1 if criterion == "trace" else 0.8)  # det: never below 1/2
+    for row in (20, 21, 22, 40, 50, 51):
+        np.testing.assert_array_equal(chained.P[row], before.P[row])
+
+
+@pytest.mark.parametrize("reading", SENSORS)
+def test_whole_runs_are_the_same_with_and_without_the_chain(reading, monkeypatch):
+    _, stream = cl.simulate("packet-drop/drop=0.3", trials=3, seed=11, ticks=30)
+    ctrn = cl.make("ctrn", reading=reading, audit=0.05, **SMALL)
+    chained = cl.run({"c": ctrn}, stream).traces["c"]
+    monkeypatch.setattr(Ctrn, "_chain", Ctrn._step_by_step)
+    stepped = cl.run({"c": ctrn}, stream).traces["c"]
+    np.testing.assert_allclose(chained.x, stepped.x, atol=1e-9)
+    np.testing.assert_allclose(chained.P, stepped.P, atol=1e-9)
+    for what in ("fusions", "fallbacks", "solved again by cvxpy"):
+        np.testing.assert_array_equal(chained.notes[what], stepped.notes[what])
+    assert chained.notes["solved again by cvxpy"].sum() > 0
+
+
+@pytest.mark.parametrize("wrong", [(1.0, 2.0, 1.0), (1.0, 0.0, 0.0), (np.inf, 0.0, 1.0), (0.0, 0.0, 0.0)])
+def test_a_packet_that_is_no_covariance_is_named(wrong):
+    world, rows, before, mail = meeting(np.random.default_rng(5), "range", 2)
+    mail.packets[100, 3], mail.range[100, 3] = (*before.x[100] + 1, *wrong), 1.5
+    ctrn = cl.make("ctrn", own="rssi", **SMALL)
+    with pytest.raises(BadInput, match="P_j of fusion"):
+        ctrn._chain(ctrn.init(before, world, rows), before, Senses(*np.empty((6, 0))), mail)
+
+
+def test_log_density_is_scipys():
+    from scipy.stats import multivariate_normal
+
+    rng = np.random.default_rng(1)
+    x, mean, root = rng.normal(size=(1, 50, 2)), rng.normal(size=(1, 2)), rng.normal(size=(2, 2))
+    P = root @ root.T + np.eye(2)
+    got = log_density(x, Belief(mean, P[None]))[0]
+    expected = multivariate_normal(mean[0], P).logpdf(x[0])
+    np.testing.assert_allclose(got - got[0], expected - expected[0], atol=1e-12)
+
+
+def test_what_is_received_is_never_fed_back_nor_sent_on():
+    """Particles and packets are those of a robot that hears nobody."""
+    _, stream = cl.simulate("trajectory", trials=2, seed=5, ticks=20)
+    _, silent = cl.simulate("trajectory", trials=2, seed=5, ticks=20, drop=1.0)
+    said = {"heard": [], "alone": []}
+    for name, given in (("heard", stream), ("alone", silent)):
+
+        def watch(method, tick, arguments, call, name=name):
+            result = call(*arguments)
+            if method == "send":
+                said[name].append(result)
+            return result
+
+        trace("ctrn", cl.make("ctrn", fusion="received", **SMALL), given, watch)
+    np.testing.assert_array_equal(said["heard"], said["alone"])
+
+
+def test_cvxpy_and_exact_weights_agree_and_the_run_says_how_far():
+    _, stream = cl.simulate("trajectory", trials=2, seed=6, ticks=15)
+    exact = cl.run({"c": cl.make("ctrn", audit=0.5, **SMALL)}, stream).traces["c"]
+    assert exact.notes["fusions"].sum() == 2 * 3 * 2 * 15
+    assert 0.3 < exact.notes["solved again by cvxpy"].sum() / exact.notes["fusions"].sum() < 0.7
+    assert exact.notes["largest difference of a weight"].max() < 1e-3
+    cvxpy = cl.run({"c": cl.make("ctrn", particles=60)}, stream).traces["c"]
+    assert cvxpy.notes["fallbacks"].sum() == 0
+    np.testing.assert_allclose(cvxpy.x[:, 0], exact.x[:, 0], atol=1e-3)
+
+
+def test_cvxpys_results_do_not_depend_on_which_trials_run_together():
+    _, stream = cl.simulate("trajectory", trials=3, seed=7, ticks=6)
+    ctrn = cl.make("ctrn", particles=40)
+    together = cl.run({"c": ctrn}, stream).traces["c"]
+    for k in range(3):
+        alone = cl.run({"c": ctrn}, stream.select([k])).traces["c"]
+        np.testing.assert_array_equal(alone.x[0], together.x[k])
+        np.testing.assert_array_equal(alone.P[0], together.P[k])
+
+
+# ------------------------------------------------------------------ EKF-CI
+
+
+@pytest.mark.parametrize(
+    "label", ["trajectory[drop=1.0,ticks=20]", "robots-1-3/n=1[ticks=20]", "camera/n=2[drop=1.0,ticks=20]"]
+)
+def test_ekf_ci_without_teammates_is_the_local_ekf(label):
+    _, stream = cl.simulate(label, trials=2, seed=8)
+    run = cl.run({"local": cl.make("ekf-local"), "ci": cl.make("ekf-ci")}, stream)
+    np.testing.assert_allclose(run.traces["ci"].x, run.traces["local"].x, atol=1e-12)
+    np.testing.assert_allclose(run.traces["ci"].P, run.traces["local"].P, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "options", [{}, {"form": "ls"}, {"criterion": "det"}, {"over": "position"}, {"weights": "cvxpy"}]
+)
+def test_ekf_ci_gains_from_cameras_without_growing_over_confident(options):
+    """The covariance may be wide; it must not be smaller than the error, whatever the robots told each other before."""
+    truth, stream = cl.simulate("camera/n=3", trials=6, seed=9, ticks=60)
+    named = {"local": cl.make("ekf-local"), "ci": cl.make("ekf-ci", **options)}
+    table = cl.summarize(cl.errors(truth, cl.run(named, stream))).set_index("estimator")
+    assert table.loc["ci", "anees"] < 1.1 * table.loc["local", "anees"]
+    trace_of = {
+        name: np.trace(t.P[..., :2, :2], axis1=-2, axis2=-1).mean() for name, t in cl.run(named, stream).traces.items()
+    }
+    assert trace_of["ci"] < trace_of["local"]
+
+
+def test_ekf_ci_is_conservative_where_everybody_repeats_the_same():
+    """Robots that only hear each other gain nothing by gossip: CI does not shrink what no new reading supports."""
+    _, seeing = cl.simulate("camera/n=3", trials=2, seed=10, ticks=80)
+    stream = seeing.with_arrays({"senses.landmark": np.full_like(seeing.senses.landmark, np.nan)})
+    run = cl.run({"alone": cl.make("dead-reckoning"), "ci": cl.make("ekf-ci")}, stream).traces
+    size = {name: np.linalg.det(run[name].P[:, -1, :, :2, :2]) ** 0.5 for name in run}
+    prior = 0.1**2
+    assert (size["ci"] > prior / 3).all()  # three priors of independent robots are all there is to know
+    assert (size["ci"] <= size["alone"] * 1.5).all()
+
+
+def test_ls_needs_sightings():
+    _, stream = cl.simulate("trajectory", ticks=2)
+    with pytest.raises(cl.Misfit, match="needs channel 'sighting'"):
+        cl.run({"ci": cl.make("ekf-ci", form="ls")}, stream)

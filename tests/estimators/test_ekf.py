@@ -1,0 +1,256 @@
+"""The Kalman filters against the dense Gaussian of the whole team's whole trajectory, and their consistency."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from oracles import dense_posterior, is_covariance, linear_team
+from scipy.stats import chi2
+
+from cooploc.estimators import make
+from cooploc.estimators.ekf_joint import EkfJoint, State
+from cooploc.estimators.ekf_local import EkfLocal
+from cooploc.estimators.interface import Mail, Senses
+from cooploc.estimators.models.sensors import Range
+from cooploc.scenarios import simulate
+from cooploc.scenarios.runner.run import run, trace
+
+
+def states_after_exchange(estimator, stream):
+    """The joint state after every tick."""
+    seen = []
+
+    def watch(method, tick, arguments, call):
+        result = call(*arguments)
+        if method == "exchange":
+            seen.append(result[0])
+        return result
+
+    trace("watched", estimator, stream, watch)
+    return seen
+
+
+@pytest.mark.parametrize("engine", ["batched", "filterpy"])
+@pytest.mark.parametrize("share", [0.0, 0.6, 1.0])
+def test_local_filter_is_the_dense_posterior_of_its_own_readings(share, engine):
+    _, stream = linear_team(seed=1, trials=2, robots=3, ticks=5, share=share)
+    got = trace("ekf-local", EkfLocal(gate=np.inf, engine=engine), stream)
+    for trial in range(2):
+        for k in range(5):
+            x, P = dense_posterior(stream, trial, k, relative=False)
+            np.testing.assert_allclose(got.x[trial, k], x, atol=1e-8)
+            np.testing.assert_allclose(got.P[trial, k], np.einsum("iaib->iab", P), atol=1e-8)
+
+
+@pytest.mark.parametrize("engine", ["batched", "filterpy"])
+@pytest.mark.parametrize("iterations", [1, 3])
+@pytest.mark.parametrize("share", [0.3, 1.0])
+def test_joint_filter_is_the_dense_posterior_of_everything(share, iterations, engine):
+    _, stream = linear_team(seed=2, trials=2, robots=3, ticks=5, share=share)
+    states = states_after_exchange(EkfJoint(gate=np.inf, iterations=iterations, engine=engine), stream)
+    for trial in range(2):
+        for k, s in enumerate(states):
+            x, P = dense_posterior(stream, trial, k, relative=True)
+            np.testing.assert_allclose(s.x[trial], x, atol=1e-8)
+            np.testing.assert_allclose(s.P[trial], P, atol=1e-8)
+
+
+def test_sightings_matter_to_the_joint_filter_only():
+    _, stream = linear_team(seed=3, trials=1, robots=3, ticks=6)
+    _, blind = linear_team(seed=3, trials=1, robots=3, ticks=6, relative=False)
+    local, joint = EkfLocal(gate=np.inf), EkfJoint(gate=np.inf)
+    np.testing.assert_array_equal(trace("l", local, stream).x, trace("l", local, blind).x)
+    assert np.abs(trace("j", joint, stream).x - trace("j", joint, blind).x).max() > 0.01
+
+
+@pytest.mark.parametrize(("robots", "relative"), [(1, True), (4, False)])
+def test_joint_filter_without_relative_readings_is_the_local_filter(robots, relative):
+    _, stream = linear_team(seed=4, trials=3, robots=robots, ticks=20, relative=relative)
+    traces = run({"local": EkfLocal(), "joint": EkfJoint()}, stream).traces
+    np.testing.assert_allclose(traces["joint"].x, traces["local"].x, atol=1e-12)
+    np.testing.assert_allclose(traces["joint"].P, traces["local"].P, atol=1e-12)
+
+
+@pytest.mark.parametrize("own", ["doa", "rssi"])
+def test_joint_filter_of_one_robot_is_the_local_filter_in_the_papers_world(own):
+    _, stream = simulate("robots-1-3/n=1", trials=5, ticks=50)
+    traces = run({"local": EkfLocal(own=own), "joint": EkfJoint(own=own)}, stream).traces
+    np.testing.assert_allclose(traces["joint"].x, traces["local"].x, atol=1e-12)
+    np.testing.assert_allclose(traces["joint"].P, traces["local"].P, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("label", "parameters"),
+    [("camera", {}), ("trajectory", {}), ("trajectory", {"own": "rssi", "reading": "rssi"})],
+)
+def test_joint_covariance_is_symmetric_and_definite_at_every_tick(label, parameters):
+    _, stream = simulate(label, trials=3, seed=5, ticks=60)
+    for s in states_after_exchange(make("ekf-joint", **parameters), stream):
+        assert is_covariance(s.P.reshape(3, 3 * s.x.shape[-1], -1))
+
+
+def test_relative_readings_correlate_robots_and_odometry_keeps_the_correlation():
+    _, stream = linear_team(seed=6, trials=1, robots=2, ticks=3, share=1.0)
+    sighting = stream.senses.sighting.copy()
+    sighting[:, 1:] = np.nan
+    landmark = np.full_like(stream.senses.landmark, np.nan)
+    stream = stream.with_arrays({"senses.sighting": sighting, "senses.landmark": landmark})
+    first, *_, last = states_after_exchange(EkfJoint(gate=np.inf), stream)
+    assert np.abs(first.P[0, 0, :, 1]).max() > 0.1
+    np.testing.assert_allclose(last.P[0, 0, :, 1], first.P[0, 0, :, 1], atol=1e-12)
+
+
+@pytest.mark.parametrize(("name", "relative"), [("ekf-local", False), ("ekf-joint", True)])
+def test_nees_lies_in_the_chi_square_band_when_every_model_is_true_and_linear(name, relative):
+    trials, ticks, d = 400, 20, 2
+    x, stream = linear_team(seed=7, trials=trials, robots=3, ticks=ticks, relative=relative)
+    got = trace(name, make(name, gate=np.inf), stream)
+    e = got.x - x
+    nees = np.einsum("tkna,tkna->tkn", e, np.linalg.solve(got.P, e[..., None])[..., 0])
+    nees = nees[:, :, 0]  # one robot a trial: these are independent
+    low, high = chi2.ppf([0.005, 0.995], trials * d) / (trials * d)
+    anees = nees.mean(0) / d
+    assert ((low < anees) & (anees < high)).mean() >= 0.9
+    assert abs(anees.mean() - 1) < 0.1
+
+
+def test_nees_of_the_whole_team_lies_in_the_chi_square_band():
+    trials, ticks = 200, 12
+    x, stream = linear_team(seed=8, trials=trials, robots=3, ticks=ticks)
+    low, high = chi2.ppf([0.005, 0.995], trials * 6) / (trials * 6)
+    inside = []
+    for k, s in enumerate(states_after_exchange(EkfJoint(gate=np.inf), stream)):
+        e = (s.x - x[:, k]).reshape(trials, 6)
+        nees = (e * np.linalg.solve(s.P.reshape(trials, 6, 6), e[..., None])[..., 0]).sum(-1)
+        inside.append(low < nees.mean() / 6 < high)
+    assert np.mean(inside) >= 0.9
+
+
+def test_local_filter_is_roughly_consistent_in_the_camera_world():
+    truth, stream = simulate("camera", trials=40, seed=9)
+    got = trace("ekf-local", make("ekf-local"), stream)
+    e = (got.x - truth.x)[..., :2]
+    nees = np.einsum("tkna,tkna->tkn", e, np.linalg.solve(got.P[..., :2, :2], e[..., None])[..., 0])
+    assert 0.7 < nees.mean() / 2 < 1.6
+
+
+def test_a_wrong_noise_shows_in_the_nees():
+    x, stream = linear_team(seed=7, trials=100, robots=2, ticks=10)
+    told = replace(stream.world.motion, sigma=0.05)
+    stream = replace(stream, world=replace(stream.world, motion=told))
+    got = trace("ekf-joint", EkfJoint(gate=np.inf), stream)
+    e = got.x - x
+    assert np.einsum("tkna,tkna->", e, np.linalg.solve(got.P, e[..., None])[..., 0]) / e[..., 0].size / 2 > 1.5
+
+
+@pytest.mark.parametrize("distance", [0.5, 2.0, 5.0])
+def test_second_order_range_matches_the_distance_of_a_gaussian(distance):
+    """Wide across the line of sight and narrow along it, so that the second order is most of the variance."""
+    u = np.array([0.6, -0.8])
+    across, along = np.array([0.8, 0.6]), u
+    D = (0.04 * np.outer(across, across) + 0.0001 * np.outer(along, along)) * distance**2
+    offset = distance * u + np.random.default_rng(10).multivariate_normal([0, 0], D, 1_000_000)
+    d = np.sqrt((offset**2).sum(-1))
+    shift, extra = Range().curvature(distance * u, np.zeros(2), D)
+    assert extra.item() > 5 * (u @ D @ u)
+    assert d.mean() - distance == pytest.approx(shift.item(), rel=0.05)
+    assert d.var() == pytest.approx(u @ D @ u + extra.item(), rel=0.12)
+
+
+@pytest.mark.parametrize("correlated", [0.0, 0.4, -0.7])
+def test_second_order_range_update_is_the_best_linear_one(correlated):
+    """Two robots, correlated through their history, and one range: against the moments of samples."""
+    across, along = np.array([0.8, 0.6]), np.array([0.6, -0.8])
+    one = 0.1 * np.outer(across, across) + 0.005 * np.outer(along, along)
+    P = np.block([[one, correlated * one], [correlated * one, one]])
+    mean, z, noise = np.array([1.2, -1.6, 0.0, 0.0]), 2.4, 0.05
+    rng = np.random.default_rng(20)
+    x = rng.multivariate_normal(mean, P, 1_000_000)
+    d = np.hypot(*(x[:, :2] - x[:, 2:]).T)
+    shared = ((x - mean) * (d - d.mean())[:, None]).mean(0)
+    gain = shared / (d.var() + noise**2)
+    want_x, want_P = mean + gain * (z - d.mean()), P - np.outer(gain, shared)
+
+    _, stream = simulate("robots-1-3/n=2", ticks=1)
+    world = replace(stream.world, sensors={"radio_range": Range(noise)})
+    absent = np.full((1, 2, 2), np.nan)
+    reading = absent.copy()
+    reading[0, 0, 1] = z
+    empty, pairs = np.empty((1, 2, 0)), np.empty((1, 2, 0, 2))
+    senses = Senses(np.zeros((1, 2, 2)), np.ones((1, 2)), empty, pairs, pairs, {})
+    air = Mail(np.isfinite(reading), np.empty((1, 2, 2, 0)), absent, reading)
+    before = State(mean.reshape(1, 2, 2), P.reshape(1, 2, 2, 2, 2), world, np.zeros((1, 2)))
+    after, traffic = EkfJoint(iterations=1, gate=np.inf).exchange(before, senses, air)
+    scale = np.abs(want_x - mean).max()
+    np.testing.assert_allclose(after.x.ravel(), want_x, atol=0.1 * scale)
+    np.testing.assert_allclose(after.P.reshape(4, 4), want_P, atol=0.05 * P.max())
+    assert not traffic.messages.any()
+    plain, _ = EkfJoint(iterations=1, gate=np.inf, second_order=False).exchange(before, senses, air)
+    assert np.abs(plain.x.ravel() - want_x).max() > 0.2 * scale
+
+
+def test_gate_refuses_an_outlier_and_keeps_the_belief():
+    _, stream = linear_team(seed=11, trials=1, robots=2, ticks=1, share=1.0, relative=False)
+    landmark = stream.senses.landmark + 100.0
+    stream = stream.with_arrays({"senses.landmark": landmark})
+    traces = run({"dead": make("dead-reckoning"), "local": EkfLocal(), "joint": EkfJoint()}, stream).traces
+    for name in ("local", "joint"):
+        np.testing.assert_array_equal(traces[name].x, traces["dead"].x)
+        np.testing.assert_array_equal(traces[name].P, traces["dead"].P)
+
+
+def test_plain_mode_in_both_engines_is_the_same_filter():
+    _, stream = simulate("camera", trials=2, seed=12, ticks=40)
+    plain = {"iterations": 1, "second_order": False}
+    a = trace("a", EkfJoint(**plain), stream)
+    b = trace("b", EkfJoint(**plain, engine="filterpy"), stream)
+    np.testing.assert_allclose(a.x, b.x, atol=1e-9)
+    np.testing.assert_allclose(a.P, b.P, atol=1e-9)
+
+
+def misled(seed=13):
+    """Three robots, the first of which is sure of a place on the other side of the arena."""
+    truth, stream = simulate("robots-1-3/n=3", trials=5, seed=seed, ticks=120)
+    x, P = stream.prior.x.copy(), stream.prior.P.copy()
+    x[:, 0], P[:, 0] = 6 - truth.x[:, 0, 0], 0.1**2 * np.eye(2)
+    return truth, stream.with_arrays({"prior.x": x, "prior.P": P})
+
+
+@pytest.mark.parametrize("engine", ["batched", "filterpy"])
+def test_a_robot_in_the_wrong_place_is_found_again_unless_told_never(engine):
+    truth, stream = misled()
+    found, never = (EkfJoint(lost=lost, engine=engine) for lost in (0.5, 1.0))
+    error = [
+        np.sqrt(((trace("joint", e, stream).x - truth.x) ** 2).sum(-1)[:, -30:].mean((1, 2))) for e in (found, never)
+    ]
+    assert error[0].max() < 0.5
+    assert error[1].max() > 1
+
+
+def test_who_starts_anew_is_anywhere_in_the_arena_and_correlated_with_nobody():
+    _, stream = misled()
+    before = None
+    for s in states_after_exchange(EkfJoint(), stream):
+        if before is not None and (anew := (s.refused == 0) & (before > 0.4)).any():
+            trial, robot = np.argwhere(anew)[0]
+            np.testing.assert_allclose(s.x[trial, robot], [3, 3])
+            np.testing.assert_allclose(s.P[trial, robot, :, robot], 3 * np.eye(2))
+            others = [i for i in range(3) if i != robot]
+            assert not s.P[trial, robot][:, others].any()
+            assert not s.P[trial, others][..., robot, :].any()
+            assert np.abs(s.P[trial, others[0], :, others[1]]).max() > 0
+            return
+        before = s.refused
+    raise AssertionError("nobody was lost")
+
+
+def test_nobody_is_lost_where_the_models_are_true():
+    _, stream = linear_team(seed=14, trials=50, robots=3, ticks=40, share=1.0)
+    shares = np.array([s.refused for s in states_after_exchange(EkfJoint(gate=4.0), stream)])
+    assert 0.02 < shares[-1].mean() < 0.25  # of a chi-square with two degrees of freedom 0.135 lies beyond 4
+    assert shares.max() < 0.5
+
+
+def test_iterations_below_one_are_refused():
+    with pytest.raises(ValueError, match="at least 1"):
+        make("ekf-joint", iterations=0)

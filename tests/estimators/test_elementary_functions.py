@@ -1,0 +1,164 @@
+"""Polynomials against numpy at the errors they state, inside loops that LLVM vectorises and outside."""
+
+import os
+import subprocess
+import sys
+
+import numba
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from oracles import repeatable
+
+from cooploc.estimators.compiled import elementary_functions
+from cooploc.estimators.compiled.elementary_functions import FAST
+
+
+def over(function, arguments):
+    """A loop of `function` over the rows of `arguments` (n, k), compiled the way kernels are."""
+
+    @numba.njit(**FAST)
+    def loop(a, b, out):
+        elementary_functions.wide()
+        for i in range(len(a)):
+            out[i] = function(a[i], b[i])
+
+    return lambda a, b: (out := np.empty_like(a), loop(a, b, out))[0]
+
+
+@numba.njit(**FAST)
+def log(x, _):
+    return elementary_functions.log(x)
+
+
+@numba.njit(**FAST)
+def ln(x, _):
+    return elementary_functions.ln(x)
+
+
+@numba.njit(**FAST)
+def log1p(x, _):
+    return elementary_functions.log1p_compact(x)
+
+
+@numba.njit(**FAST)
+def order(a, b):
+    """-1, 0 or 1, by the integers that stand for two floats."""
+    a, b = elementary_functions.ordered(a), elementary_functions.ordered(b)
+    return 1.0 * (a > b) - 1.0 * (a < b)
+
+
+@numba.njit(**FAST)
+def back(x, _):
+    return elementary_functions.ordered(elementary_functions.ordered(x))
+
+
+@numba.njit(**FAST)
+def exp(x, _):
+    return elementary_functions.exp(x)
+
+
+@numba.njit(**FAST)
+def cosine(x, _):
+    return elementary_functions.cosine_sine(x)[0]
+
+
+@numba.njit(**FAST)
+def sine(x, _):
+    return elementary_functions.cosine_sine(x)[1]
+
+
+@numba.njit(**FAST)
+def arc(y, x):
+    return elementary_functions.arc(y, x)
+
+
+LOOPS = {f.__name__: over(f, None) for f in (log, ln, log1p, order, back, exp, cosine, sine, arc)}
+positive = st.floats(1e-300, 1e300)
+finite = st.floats(-1e150, 1e150).filter(lambda v: v == 0 or abs(v) > 1e-150)
+
+
+def at(name, a, b=0.0):
+    """Alone, and among others in a vector."""
+    alone = LOOPS[name](np.array([a]), np.array([b]))[0]
+    among = LOOPS[name](np.full(37, a), np.full(37, b))
+    np.testing.assert_allclose(among, alone, rtol=1e-15, atol=1e-300)
+    return alone
+
+
+@given(positive)
+@repeatable
+def test_logarithm(x):
+    assert at("log", x) == pytest.approx(np.log(x), rel=3e-13, abs=3e-13)
+
+
+@given(positive)
+@repeatable
+def test_logarithm_in_fewer_steps(x):
+    assert at("ln", x) == pytest.approx(np.log(x), rel=5e-13, abs=5e-13)
+
+
+@given(st.floats(-elementary_functions.COMPACT, elementary_functions.COMPACT))
+@repeatable
+def test_logarithm_near_the_middle_of_a_compact_cloud(t):
+    assert at("log1p", t) == pytest.approx(np.log1p(t), abs=5e-13)
+
+
+@given(st.floats(allow_nan=False), st.floats(allow_nan=False))
+@repeatable
+def test_integers_are_ordered_as_their_floats(a, b):
+    if not a == b == 0:  # -0 comes before 0
+        assert at("order", a, b) == float(a > b) - float(a < b)
+    assert at("back", a) == a
+
+
+@given(st.floats(-0.29, 0.41))
+@repeatable
+def test_logarithm_near_one_keeps_its_relative_error(t):
+    assert at("log", 1 + t) == pytest.approx(np.log(1 + t), rel=1e-12, abs=1e-300)
+
+
+@given(st.floats(-708, 700))
+@repeatable
+def test_exponential(x):
+    assert at("exp", x) == pytest.approx(np.exp(x), rel=1e-12 * (1 + abs(x) / 100))
+
+
+@pytest.mark.parametrize("x", [-709.0, -1e6, -np.inf])
+def test_exponential_of_less_is_nothing(x):
+    assert at("exp", x) == 0
+
+
+def test_exponential_of_nan_is_nan():
+    assert np.isnan(LOOPS["exp"](np.full(20, np.nan), np.zeros(20))).all()
+
+
+@given(st.floats(-20, 20))
+@repeatable
+def test_cosine_and_sine(angle):
+    assert at("cosine", angle) == pytest.approx(np.cos(angle), abs=1e-12)
+    assert at("sine", angle) == pytest.approx(np.sin(angle), abs=1e-12)
+
+
+@given(finite, finite)
+@repeatable
+def test_arc_is_the_size_of_arctan2(y, x):
+    assert at("arc", y, x) == pytest.approx(abs(np.arctan2(y, x)), abs=1e-12)
+
+
+def test_second_process_takes_kernels_from_the_disk(tmp_path):
+    """And one whose shared source has changed compiles them again."""
+    use = """
+k.systematic(np.full((1, 4), 0.25), np.array([0.5]))
+print(sum(k._fill_ancestors.stats.cache_hits.values()))
+"""
+    imported = "from cooploc.estimators.compiled import random_numbers as k; import numpy as np"
+    changed = "from cooploc.estimators.compiled import elementary_functions as e; e.SOURCES.append(b'changed')"
+
+    def hits(*lines):
+        told = [sys.executable, "-c", "\n".join([*lines, imported, use])]
+        env = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+        return int(subprocess.run(told, env=env, check=True, capture_output=True, text=True).stdout)
+
+    assert [hits(), hits(), hits(changed)] == [0, 1, 0]

@@ -1,0 +1,154 @@
+"""The batched Kalman filter against the textbook, filterpy, and the promise about absent rows."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from oracles import covariances, is_covariance, repeatable
+
+from cooploc.estimators.kalman.update import ENGINES, distance, kalman, present, symmetric
+
+SIZES = pytest.mark.parametrize(("d", "k"), [(2, 1), (2, 2), (3, 1), (3, 2), (6, 2)])
+
+
+def problem(seed, lead, d, k):
+    rng = np.random.default_rng(seed)
+    x, y, H = rng.normal(size=(*lead, d)), rng.normal(size=(*lead, k)), rng.normal(size=(*lead, k, d))
+    return x, covariances(rng, *lead, d=d), y, H, covariances(rng, *lead, d=k)
+
+
+def information_form(x, P, y, H, R):
+    """P'^-1 = P^-1 + H' R^-1 H: another formula than the gain's."""
+    P1 = np.linalg.inv(np.linalg.inv(P) + H.T @ np.linalg.inv(R) @ H)
+    return x + P1 @ H.T @ np.linalg.inv(R) @ y, P1
+
+
+@SIZES
+def test_update_is_the_textbooks(d, k):
+    x, P, y, H, R = problem(1, (50,), d, k)
+    x1, P1 = kalman(x, P, y, H, R)
+    for i in range(50):
+        want = information_form(x[i], P[i], y[i], H[i], R[i])
+        np.testing.assert_allclose(x1[i], want[0], atol=1e-9)
+        np.testing.assert_allclose(P1[i], want[1], atol=1e-9)
+
+
+@SIZES
+def test_update_equals_filterpys(d, k):
+    arguments = problem(2, (20,), d, k)
+    for gate in (np.inf, 2.0):
+        ours, theirs = (ENGINES[name].update(*arguments, gate) for name in ("batched", "filterpy"))
+        np.testing.assert_allclose(ours[0], theirs[0], atol=1e-9)
+        np.testing.assert_allclose(ours[1], theirs[1], atol=1e-9)
+
+
+@pytest.mark.parametrize("d", [2, 3, 6])
+def test_prediction_equals_filterpys_and_the_textbooks(d):
+    rng = np.random.default_rng(3)
+    x, F = rng.normal(size=(20, d)), rng.normal(size=(20, d, d))
+    P, Q = covariances(rng, 20, d=d), covariances(rng, 20, d=d)
+    for name in ENGINES:
+        x1, P1 = ENGINES[name].predict(x, P, F, Q)
+        np.testing.assert_array_equal(x1, x)  # already moved by its caller
+        np.testing.assert_allclose(P1, [f @ p @ f.T + q for f, p, q in zip(F, P, Q, strict=True)], atol=1e-9)
+        assert is_covariance(P1)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("absent", ["y", "H", "R", "a part of y", "a part of H"])
+def test_rows_with_anything_absent_come_back_bit_identical(absent, engine):
+    x, P, y, H, R = problem(4, (6,), 3, 2)
+    P = P + np.triu(np.full((3, 3), 1e-3), 1)  # not symmetric: even that must come back
+    {"y": y, "H": H, "R": R, "a part of y": y[..., :1], "a part of H": H[..., 1:, 2:]}[absent][[1, 4]] = np.nan
+    x1, P1 = ENGINES[engine].update(x, P, y, H, R, np.inf)
+    for i in (1, 4):
+        np.testing.assert_array_equal(x1[i], x[i])
+        np.testing.assert_array_equal(P1[i], P[i])
+    for i in (0, 2, 3, 5):
+        assert (x1[i] != x[i]).any()
+        assert np.isfinite(P1[i]).all()
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_rows_all_absent_need_no_finite_noise(engine):
+    x, P, y, H, R = problem(5, (3,), 2, 2)
+    x1, P1 = ENGINES[engine].update(x, P, np.full_like(y, np.nan), np.full_like(H, np.nan), R, 1.0)
+    np.testing.assert_array_equal(x1, x)
+    np.testing.assert_array_equal(P1, P)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_gate_is_a_squared_mahalanobis_distance(engine):
+    x, P, y, H, R = problem(6, (200,), 3, 2)
+    y = 4 * y
+    d2 = np.array([b @ np.linalg.inv(h @ p @ h.T + r) @ b for p, b, h, r in zip(P, y, H, R, strict=True)])
+    gate = np.median(d2)
+    x1, P1 = ENGINES[engine].update(x, P, y, H, R, gate)
+    used = (x1 != x).any(-1)
+    np.testing.assert_array_equal(used, d2 <= gate)
+    np.testing.assert_array_equal(P1[~used], P[~used])
+    np.testing.assert_allclose(distance(y, H @ P @ H.mT + R), d2, rtol=1e-9)
+
+
+def test_one_noise_serves_all_rows():
+    x, P, y, H, R = problem(7, (5,), 3, 2)
+    one = kalman(x, P, y, H, R[0])
+    each = kalman(x, P, y, H, np.broadcast_to(R[0], R.shape))
+    for a, b in zip(one, each, strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_any_leading_axes_and_none():
+    x, P, y, H, R = problem(8, (4, 5), 3, 2)
+    x1, P1 = kalman(x, P, y, H, R, 3.0)
+    for i in range(4):
+        rows = kalman(x[i], P[i], y[i], H[i], R[i], 3.0)
+        np.testing.assert_array_equal(x1[i], rows[0])
+        np.testing.assert_array_equal(P1[i], rows[1])
+        alone = kalman(x[i, 0], P[i, 0], y[i, 0], H[i, 0], R[i, 0], 3.0)
+        np.testing.assert_array_equal(x1[i, 0], alone[0])
+        np.testing.assert_array_equal(P1[i, 0], alone[1])
+
+
+def test_a_sharp_reading_of_a_vague_prior_leaves_the_readings_variance():
+    """(I - K H) P alone would round to zero here: hence (I - K H) P (I - K H)' + K R K'."""
+    x, P = np.zeros(2), np.diag([1e8, 1.0])
+    _, P = kalman(x, P, np.array([3.0]), np.array([[1.0, 0.0]]), np.array([[1e-10]]))
+    np.testing.assert_allclose(P, np.diag([1e-10, 1.0]), rtol=1e-6)
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(-8, 2))
+@repeatable
+def test_covariance_stays_symmetric_and_definite_over_many_updates(seed, exponent):
+    """From a vague prior, by readings up to a hundred million times as sharp: where P - K S K' would go negative."""
+    rng = np.random.default_rng(seed)
+    x, P = np.zeros((3, 3)), 1e4 * covariances(rng, 3, d=3)
+    for _ in range(60):
+        H, y = rng.normal(size=(3, 1, 3)), rng.normal(size=(3, 1))
+        x, P = kalman(x, P, y, H, np.array([[10.0**exponent]]))
+        np.testing.assert_array_equal(P, P.mT)
+    assert np.linalg.eigvalsh(P).min() > 0
+    assert np.isfinite(x).all()
+
+
+def test_inputs_are_never_written_to():
+    arguments = problem(9, (6,), 3, 2)
+    arguments[2][1] = np.nan
+    copies = [a.copy() for a in arguments]
+    for a in arguments:
+        a.flags.writeable = False
+    for engine in ENGINES.values():
+        engine.update(*arguments, 1.0)
+        engine.predict(arguments[0], arguments[1], arguments[1], arguments[1])
+    for a, copy in zip(arguments, copies, strict=True):
+        np.testing.assert_array_equal(a, copy)
+
+
+def test_present_wants_everything():
+    y, H, R = np.zeros((4, 2)), np.zeros((4, 2, 3)), np.zeros((4, 2, 2))
+    y[1, 0], H[2, 1, 2], R[3, 0, 1] = np.nan, np.nan, np.nan
+    assert present(y, H, R).tolist() == [True, False, False, False]
+
+
+def test_symmetric_is_the_mean_with_the_transpose():
+    np.testing.assert_array_equal(symmetric(np.array([[1.0, 2.0], [4.0, 3.0]])), [[1, 3], [3, 3]])

@@ -1,0 +1,231 @@
+"""The compiled sums over links against the sensors' own numpy, and what absence means to them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from cooploc.estimators.compiled import random_numbers
+from cooploc.estimators.interface import Belief, Senses
+from cooploc.estimators.models.gradient_doa import GradientDoa
+from cooploc.estimators.models.motion import Displacement, Unicycle
+from cooploc.estimators.models.sensors import LogDistance, Range
+from cooploc.estimators.particle import likelihood, steps
+from cooploc.estimators.particle.likelihood import Heard
+
+ROWS, SIDE = 5, 6.0
+sizes = pytest.mark.parametrize("n", [2, 500, 1100])  # fewer than a vector, a common number, more
+links = pytest.mark.parametrize(
+    "team", [0, 1, 2, 3, 7, 11, 29]
+)  # every way to part them in eights, fours, twos and ones
+clouds = pytest.mark.parametrize("side", [6.0, 0.4])  # all links are near; most are far
+wide = pytest.mark.parametrize("d", [2, 3])
+
+
+def cloud(n, d=2, seed=0, side=SIDE):
+    rng = np.random.default_rng(seed)
+    return (SIDE - side) / 3 + rng.uniform(0, side, (ROWS, n, d)), rng.normal(size=(ROWS, n))
+
+
+def heard(sensor, team, integrate=True, absent=0.3):
+    """Packets and readings, some missing; the first sender stands where particles are within the clamp."""
+    rng = np.random.default_rng(team)
+    L = rng.normal(0, 0.4, (ROWS, team, 2, 2))
+    P = L @ L.mT
+    x = rng.uniform(0, SIDE, (ROWS, team, 2))
+    packets = np.concatenate([x, P[..., :1, 0], P[..., :1, 1], P[..., 1:, 1]], -1)
+    mean = rng.uniform(0.1, 4, (ROWS, team)) if isinstance(sensor, Range) else rng.normal(-50, 8, (ROWS, team))
+    gone = rng.uniform(size=(ROWS, team)) < absent
+    return Heard(sensor, np.where(gone[..., None], np.nan, packets), np.where(gone, np.nan, mean), integrate)
+
+
+def assert_close(a, b):
+    np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-11)
+
+
+@sizes
+@links
+@wide
+@clouds
+@pytest.mark.parametrize("integrate", [True, False])
+@pytest.mark.parametrize("sensor", [LogDistance(), LogDistance(-30.0, 1.7, 0.4), Range(), Range(0.5)], ids=str)
+def test_teammates_are_the_sensors_own_numpy(sensor, integrate, side, d, team, n):
+    x, logw = cloud(n, d, side=side)
+    told = heard(sensor, team, integrate)
+    if team and side == SIDE:
+        x[:, 0, :2] = np.nan_to_num(told.packets[:, 0, :2], nan=1.0) + np.array([0.03, 0.02])
+    assert_close(likelihood.teammates(told, x, logw), likelihood.teammates_reference(told, x, logw))
+
+
+@sizes
+@links
+@wide
+@clouds
+def test_anchors_are_the_sensors_own_numpy(side, d, team, n):
+    x, logw = cloud(n, d, side=side)
+    sensor, rng = LogDistance(-35.0, 2.5, 3.0), np.random.default_rng(1)
+    z = np.where(rng.uniform(size=(ROWS, team)) < 0.3, np.nan, rng.normal(-50, 5, (ROWS, team)))
+    fixed = [(sensor, rng.uniform(0, SIDE, 2), z[:, a, None]) for a in range(team)]
+    if fixed and side == SIDE:
+        x[0, 0, :2] = fixed[0][1] + 0.02
+    assert_close(likelihood.anchors(fixed, x, logw), likelihood.anchors_reference(fixed, x, logw))
+
+
+@sizes
+@pytest.mark.parametrize("motion", [Displacement(), Unicycle()], ids=["compass", "heading"])
+@pytest.mark.parametrize("density", ["constant", "exact"])
+def test_window_is_the_density_in_numpy(density, motion, n):
+    d = 2 if isinstance(motion, Displacement) else 3
+    x, logw = cloud(n, d)
+    rng = np.random.default_rng(2)
+    doa = GradientDoa(LogDistance(), (1.0, -2.0), (6.0, 4.0))
+    angles = np.where(rng.uniform(size=(ROWS, 4)) < 0.3, np.nan, rng.uniform(-np.pi, np.pi, (ROWS, 4)))
+    told = doa, motion, x, logw, angles, rng.normal(0, 0.3, (ROWS, 4, 2)), density, 0.2
+    assert_close(likelihood.window(*told), likelihood.window_reference(*told))
+
+
+@dataclass(frozen=True)
+class Plugin(LogDistance):
+    """A plug-in sensor that differs from the one it is made of."""
+
+    def expect(self, x, q):
+        return super().expect(x, q) + 7.0
+
+
+def test_plugin_sensors_are_asked_themselves():
+    x, logw = cloud(50)
+    told = heard(Plugin(), 3, absent=0.0)
+    raised = told._replace(sensor=LogDistance(), readings=told.readings - 7.0)
+    assert_close(likelihood.teammates(told, x, logw), likelihood.teammates(raised, x, logw))
+    z = np.full((ROWS, 1), -50.0)
+    one, other = ([(s, np.ones(2), reading)] for s, reading in ((Plugin(), z), (LogDistance(), z - 7.0)))
+    assert_close(likelihood.anchors(one, x, logw), likelihood.anchors(other, x, logw))
+
+
+@pytest.mark.parametrize("sensor", [LogDistance(), Range()], ids=str)
+def test_what_was_not_heard_leaves_every_bit(sensor):
+    x, logw = cloud(700)
+    told = heard(sensor, 3, absent=0.0)
+    told.readings[1:3] = np.nan
+    got = likelihood.teammates(told, x, logw)
+    np.testing.assert_array_equal(got[1:3], logw[1:3])
+    assert (got[[0, 3, 4]] != logw[[0, 3, 4]]).all()
+
+
+def test_ranges_too_short_are_refused():
+    x, logw = cloud(50)
+    told = heard(Range(), 1, absent=0.0)
+    told.readings[:] = 0.19
+    np.testing.assert_array_equal(likelihood.teammates(told, x, logw), logw)
+
+
+@pytest.mark.parametrize("away", [0.0, 2e4, 5e6])
+def test_products_over_many_links_neither_overflow_nor_vanish(away):
+    """As between robots that a prior put at the origin and others in coordinates of a planet."""
+    x, logw = cloud(50, side=0.4)
+    told = heard(LogDistance(sigma=1e-3), 29, absent=0.0)
+    told.packets[..., :2] = x[:, :1] + away + 1e-3
+    got = likelihood.teammates(told, x, logw)
+    assert np.isfinite(got).all()
+    np.testing.assert_allclose(got, likelihood.teammates_reference(told, x, logw), rtol=1e-11)
+
+
+def test_a_cloud_with_nan_is_weighed_where_it_is_not():
+    """Its box is nowhere, so that no link is far."""
+    x, logw = cloud(300, side=0.4)
+    told = heard(LogDistance(), 11)
+    x[1, 7] = np.nan
+    got, want = likelihood.teammates(told, x, logw), likelihood.teammates_reference(told, x, logw)
+    assert_close(np.delete(got[1], 7), np.delete(want[1], 7))
+    assert np.isnan(got[1, 7])
+
+
+# ---------------------------------------------------------------- a tick in two passes
+
+
+def senses(u, dt):
+    nothing = np.empty((len(dt), 0))
+    return Senses(u, dt, nothing, nothing, nothing, {})
+
+
+@links
+def test_bits_do_not_depend_on_the_rows_beside(team):
+    x, logw = cloud(1100)
+    told, key = heard(LogDistance(), team), np.arange(2 * ROWS, dtype=np.uint32).reshape(-1, 2)
+    z, due = senses(np.ones((ROWS, 2)), np.ones(ROWS)), np.array([True, False, True, True, False])
+    fixed = [(LogDistance(), np.zeros(2), np.full((ROWS, 1), -50.0))]
+    concluded, advanced = steps.conclude(x, logw, told), advance(x, logw, due, z, key, fixed)
+    for r in range(ROWS):
+        row = slice(r, r + 1)
+        mine = told._replace(packets=told.packets[row], readings=told.readings[row])
+        here = [(LogDistance(), np.zeros(2), np.full((1, 1), -50.0))]
+        again = advance(x[row], logw[row], due[row], senses(z.odometry[row], z.dt[row]), key[row], here)
+        for alone, together in ((steps.conclude(x[row], logw[row], mine), concluded), (again, advanced)):
+            for a, b in zip(flat(alone), flat(together), strict=True):
+                np.testing.assert_array_equal(a[0], b[r])
+
+
+def flat(found):
+    return [a for one in found for a in (one if isinstance(one, Belief) else (one,))]
+
+
+def advance(x, logw, due, z, key, fixed=(), motion=None):
+    return steps.advance(motion or Displacement(0.3, 0.5), x, logw, due, z, key, 9, fixed, tell=True)
+
+
+@sizes
+@pytest.mark.parametrize("team", [0, 3])
+def test_conclusion_is_moments_in_numpy_and_says_which_rows_are_poor(n, team):
+    x, logw = cloud(n)
+    logw[0] *= 9
+    logw[1] *= 1e-3
+    logw[2] = -np.inf  # starts again
+    told = heard(LogDistance(sigma=30.0), team)
+    weighed = likelihood.teammates_reference(told, x, logw)
+    belief, logw_new, due = steps.conclude(x, logw, told)
+    w = steps.weights(weighed)
+    for a, b in zip((*belief, *steps.summary(x, weighed)), (*steps.moments(x, w),) * 2, strict=True):
+        assert_close(a, b)
+    assert_close(logw_new, steps.restarted(weighed))
+    np.testing.assert_array_equal(due, steps.poor(w))
+    if n > 2:
+        assert due[0]
+        assert not due[1:3].any()
+
+
+@sizes
+@links
+@clouds
+def test_advance_is_renewal_motion_and_anchors_in_numpy(side, team, n):
+    x, logw = cloud(n, side=side)
+    logw *= np.array([9.0, 0.1, 9.0, 0.0, 9.0])[:, None]
+    rng = np.random.default_rng(3)
+    u, dt = rng.normal(size=(ROWS, 2)), rng.uniform(0, 2, ROWS)
+    u[1], u[2, 0] = np.nan, np.nan
+    key, motion = rng.integers(0, 2**32, (ROWS, 2), np.uint32), Displacement(0.3, 0.5)
+    z = np.where(rng.uniform(size=(ROWS, team)) < 0.3, np.nan, rng.normal(-50, 5, (ROWS, team)))
+    sensor = LogDistance(-35.0, 2.5, 30.0)
+    fixed = [(sensor, rng.uniform(0, SIDE, 2), z[:, a, None]) for a in range(team)]
+    due = steps.poor(steps.weights(logw))
+    new, weighed, told = advance(x, logw, due, senses(u, dt), key, fixed, motion)
+    there, flat = steps.renew(x, logw, key, 8)
+    noise = random_numbers.normals_reference(key, 9, random_numbers.MOVE, n)
+    there = motion.sample(there, u[:, None], dt[:, None], noise)
+    assert_close(new, there)
+    np.testing.assert_allclose(weighed, likelihood.anchors_reference(fixed, there, flat), rtol=1e-11, atol=1e-10)
+    for a, b in zip(told, steps.moments(new, steps.weights(weighed)), strict=True):
+        assert_close(a, b)
+
+
+def test_a_pass_over_rows_with_nan_is_nan_there_alone():
+    x, logw = cloud(300)
+    key, z, due = np.zeros((ROWS, 2), np.uint32), senses(np.zeros((ROWS, 2)), np.ones(ROWS)), np.ones(ROWS, bool)
+    clean = steps.conclude(x, logw), advance(x, logw, due, z, key)[:2]
+    x[1, 4], logw[2, 7] = np.nan, np.nan
+    dirty = steps.conclude(x, logw), advance(x, logw, due, z, key)[:2]
+    for r in (1, 2):
+        assert np.isnan(dirty[0][0].x[r]).any()
+        assert np.isnan(dirty[1][0][r]).any()
+    for r in (0, 3, 4):
+        for a, b in zip(flat([*dirty[0], *dirty[1]]), flat([*clean[0], *clean[1]]), strict=True):
+            np.testing.assert_array_equal(a[r], b[r])

@@ -1,0 +1,329 @@
+"""Motion and sensor models against finite differences and against sampling."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from oracles import is_covariance, repeatable, slope
+
+from cooploc.estimators.models.angles import wrap
+from cooploc.estimators.models.gradient_doa import GradientDoa
+from cooploc.estimators.models.motion import Displacement, Unicycle
+from cooploc.estimators.models.sensors import Bearing, LogDistance, Range, Sighting
+
+DOA = GradientDoa(LogDistance(), (1.0, -2.0), (6.0, 4.0))
+SENSORS = [LogDistance(-35.0, 2.2, 1.5), Range(0.2), Bearing(0.1), Sighting(0.3, 0.05), DOA]
+COMPASS, WHEELS = Displacement(0.1, 0.5), Unicycle(0.2, 0.3, 0.1)
+MOTIONS = [(COMPASS, 2), (COMPASS, 3), (WHEELS, 3)]
+SHAPES = {
+    "unbatched": ((), ()),
+    "rows": ((5,), (5,)),
+    "rows, one place": ((5,), ()),
+    "particles": ((5, 7), (5, 1)),
+    "one robot's particles": ((7,), (1,)),
+}
+named = pytest.mark.parametrize("sensor", SENSORS, ids=lambda s: type(s).__name__)
+shaped = pytest.mark.parametrize(("lead", "of_place"), SHAPES.values(), ids=SHAPES)
+wide = pytest.mark.parametrize("d", [2, 3])
+moving = pytest.mark.parametrize(
+    ("motion", "d"), MOTIONS, ids=lambda p: type(p).__name__ if not isinstance(p, int) else f"d={p}"
+)
+
+
+def states(rng, lead, d):
+    """Positions inside the DOA's arena and well away from its centre's singularity, headings anywhere."""
+    x = np.concatenate([rng.uniform(1.3, 3.4, (*lead, 1)), rng.uniform(-1.8, -0.3, (*lead, 1))], -1)
+    return np.concatenate([x, rng.uniform(-np.pi, np.pi, (*lead, d - 2))], -1)
+
+
+def width(sensor):
+    return len(sensor.R)
+
+
+# ---------------------------------------------------------------- sensors
+
+
+@named
+@shaped
+@wide
+def test_jacobians_are_those_of_the_innovation(sensor, lead, of_place, d):
+    rng = np.random.default_rng(1)
+    x, q = states(rng, lead, d), rng.uniform([4, 1], [6, 2], (*of_place, 2))
+    z = rng.uniform(1, 2, (*of_place, width(sensor)))
+    y, H, Hq = sensor.innovation(x, q, z)
+    k = width(sensor)
+    assert y.shape == (*lead, k)
+    assert H.shape == (*lead, k, d)
+    assert Hq.shape == (*lead, k, 2)
+    # y = z - h, so its slope is -H
+    np.testing.assert_allclose(H, slope(lambda at: -sensor.innovation(at, q, z)[0], x), atol=1e-5)
+    q = np.broadcast_to(q, (*lead, 2))
+    np.testing.assert_allclose(Hq, slope(lambda at: -sensor.innovation(x, at, z)[0], q), atol=1e-5)
+
+
+@named
+@wide
+def test_innovation_of_the_expected_reading_is_zero(sensor, d):
+    rng = np.random.default_rng(2)
+    x, q = states(rng, (20,), d), rng.uniform([4, 1], [6, 2], (20, 2))
+    away = q - x[:, :2]
+    distance = np.hypot(*away.T)
+    heading = x[:, 2] if d == 3 else 0.0
+    bearing = np.arctan2(away[:, 1], away[:, 0]) - heading
+    corner = np.array([1.0, -2.0]) + np.array([[0, 0], [0, 4], [6, 4], [6, 0]])
+    S = [-30 * np.log10(np.hypot(*(x[:, :2] - c).T)) for c in corner]
+    toward = np.arctan2((S[1] + S[2] - S[0] - S[3]) / 8, (S[2] + S[3] - S[0] - S[1]) / 12)
+    reading = {
+        LogDistance: (-35 - 22 * np.log10(distance))[:, None],
+        Range: distance[:, None],
+        Bearing: bearing[:, None],
+        Sighting: np.stack([distance, bearing], -1),
+        GradientDoa: toward[:, None],
+    }[type(sensor)]
+    y, _, _ = sensor.innovation(x, q, reading)
+    np.testing.assert_allclose(y, 0, atol=1e-12)
+
+
+@named
+def test_particles_get_the_bits_that_a_row_of_their_own_would(sensor):
+    rng = np.random.default_rng(3)
+    x, q, z = states(rng, (4, 6), 3), rng.uniform(4, 6, (4, 1, 2)), rng.uniform(1, 2, (4, 1, width(sensor)))
+    together = sensor.innovation(x, q, z)
+    for r in range(4):
+        for i in range(6):
+            alone = sensor.innovation(x[r, i], q[r, 0], z[r, 0])
+            for a, b in zip(together, alone, strict=True):
+                np.testing.assert_allclose(a[r, i], b, rtol=1e-13, atol=1e-13)
+
+
+@named
+def test_noise_is_a_constant_covariance(sensor):
+    assert sensor.R.shape == (width(sensor), width(sensor))
+    assert is_covariance(sensor.R)
+
+
+@named
+@pytest.mark.parametrize("d", [2, 3])
+def test_standing_exactly_on_the_place_is_finite(sensor, d):
+    on = np.array([1.0, -2.0, 0.3])[:d]
+    y, H, Hq = sensor.innovation(on, on[:2], np.full(width(sensor), 1.0))
+    for a in (y, H, Hq):
+        assert np.isfinite(a).all()
+
+
+@named
+def test_absent_reading_stays_absent_and_keeps_the_jacobian(sensor):
+    x, q = np.array([2.0, -1.0, 0.3]), np.array([4.0, 1.0])
+    y, H, Hq = sensor.innovation(x, q, np.full(width(sensor), np.nan))
+    assert np.isnan(y).all()
+    assert np.isfinite(H).all()
+    assert np.isfinite(Hq).all()
+
+
+@given(
+    st.floats(-np.pi, np.pi),
+    st.floats(-np.pi, np.pi),
+    st.sampled_from([-4 * np.pi, -2 * np.pi, 0.0, 2 * np.pi, 6 * np.pi]),
+)
+@repeatable
+def test_bearing_innovation_is_wrapped(heading, reading, turns):
+    x, q = np.array([0.0, 0.0, heading]), np.array([-3.0, 0.0])  # straight behind: bearings jump at pi
+    for sensor, z in ((Bearing(), np.array([reading])), (Sighting(), np.array([3.0, reading]))):
+        y = sensor.innovation(x, q, z)[0][-1]
+        z[-1] += turns
+        again = sensor.innovation(x, q, z)[0][-1]
+        assert -np.pi <= y <= np.pi
+        assert abs(np.exp(1j * y) - np.exp(1j * (reading - np.pi + heading))) < 1e-9
+        assert abs(np.exp(1j * y) - np.exp(1j * again)) < 1e-9
+
+
+def test_bearing_just_across_pi_is_a_small_innovation():
+    y, _, _ = Bearing().innovation(np.zeros(3), np.array([-1.0, 1e-3]), np.array([-np.pi + 1e-3]))
+    assert y[0] == pytest.approx(2e-3, rel=1e-3)
+
+
+def test_direction_of_arrival_just_across_pi_is_a_small_innovation():
+    x = np.array([1.5, 0.05])  # due west of the centre of the arena
+    ahead = DOA.bearing(x)
+    assert abs(ahead) > 3
+    y, _, _ = DOA.innovation(x, np.zeros(2), np.array([-ahead]))
+    assert abs(y[0]) < 0.3
+
+
+def test_rssi_is_clamped_below_ten_centimetres():
+    sensor, q = LogDistance(-40.0, 3.0), np.zeros(2)
+    near = np.array([[0.1, 0.0], [0.06, 0.0], [0.0, -0.01], [0.0, 0.0]])
+    np.testing.assert_allclose(sensor.expect(near, q), -10.0)
+    np.testing.assert_array_equal(sensor.slope(near[1:], q), 0)
+    assert sensor.expect(np.array([1.0, 0.0]), q) == pytest.approx(-40)
+    assert sensor.expect(np.array([0.0, 10.0]), q) == pytest.approx(-70)
+
+
+@pytest.mark.parametrize(("reading", "refused"), [(0.19, True), (-0.4, True), (0.0, True), (0.2, False), (3.0, False)])
+def test_range_readings_below_twenty_centimetres_are_absent(reading, refused):
+    x, q = np.array([1.0, 0.0]), np.zeros(2)
+    assert np.isnan(Range().innovation(x, q, np.array([reading]))[0]).all() == refused
+    assert np.isnan(Sighting().innovation(x, q, np.array([reading, 0.1]))[0]).any() == refused
+
+
+def test_curvature_is_half_the_trace_of_the_hessian_and_never_negative():
+    rng = np.random.default_rng(5)
+    x, q, a = rng.normal(size=(9, 2)) * 4, rng.normal(size=(9, 2)), rng.normal(size=(9, 2, 2))
+    D = a @ a.mT
+    shift, extra = Range().curvature(x, q, D)
+    for i in range(9):
+        d = np.hypot(*(x[i] - q[i]))
+        u = (x[i] - q[i]) / max(d, 0.2)
+        M = (np.eye(2) - np.outer(u, u)) / max(d, 0.2)
+        assert shift[i, 0] == pytest.approx(np.trace(M @ D[i]) / 2)
+        assert extra[i, 0, 0] == pytest.approx(np.trace(M @ D[i] @ M @ D[i]) / 2)
+    assert (shift >= 0).all()
+    assert np.isfinite(Range().curvature(q, q, D)[0]).all()
+
+
+# ---------------------------------------------------------------- motion
+
+
+def drive(rng, lead, of_u, d):
+    """States, odometry and times."""
+    return states(rng, lead, d), rng.normal(0, 2, (*of_u, 2)), rng.uniform(0.1, 0.5, of_u)
+
+
+@moving
+@shaped
+def test_moving_has_the_jacobian_it_says(motion, lead, of_place, d):
+    rng = np.random.default_rng(6)
+    x, u, dt = drive(rng, lead, of_place, d)
+    moved, F, Q = motion.move(x, u, dt)
+    assert moved.shape == (*lead, d)
+    assert np.broadcast_shapes(F.shape, (*lead, d, d)) == (*lead, d, d)
+    assert np.broadcast_shapes(Q.shape, (*lead, d, d)) == (*lead, d, d)
+    x[..., 2:] /= 10  # away from where the heading wraps
+    _, F, _ = motion.move(x, u / 10, dt)
+    by_difference = slope(lambda at: motion.move(at, u / 10, dt)[0], x)
+    np.testing.assert_allclose(np.broadcast_to(F, by_difference.shape), by_difference, atol=1e-6)
+
+
+@moving
+def test_many_particles_move_as_each_alone(motion, d):
+    rng = np.random.default_rng(7)
+    x, u, dt = drive(rng, (4, 6), (4, 1), d)
+    noise = rng.normal(size=(4, 6, 2))
+    sampled = motion.sample(x, u, dt, noise)
+    moved, _, _ = motion.move(x, u, dt)
+    for r in range(4):
+        for i in range(6):
+            alone = motion.sample(x[r, i], u[r, 0], dt[r, 0], noise[r, i])
+            np.testing.assert_allclose(sampled[r, i], alone, rtol=1e-12, atol=1e-13)
+            np.testing.assert_allclose(moved[r, i], motion.move(x[r, i], u[r, 0], dt[r, 0])[0], atol=1e-13)
+
+
+@moving
+def test_sampling_without_noise_is_moving(motion, d):
+    x, u, dt = drive(np.random.default_rng(8), (50,), (50,), d)
+    np.testing.assert_allclose(motion.sample(x, u, dt, np.zeros((50, 2))), motion.move(x, u, dt)[0], atol=1e-15)
+
+
+@moving
+def test_process_noise_is_the_covariance_of_the_samples(motion, d):
+    rng = np.random.default_rng(9)
+    x, u, _ = drive(rng, (), (), d)
+    x[2:] = 0.4
+    n = 200_000
+    sampled = motion.sample(np.broadcast_to(x, (n, d)), u / 4, np.full(n, 0.1), rng.normal(size=(n, 2)))
+    moved, _, Q = motion.move(x, u / 4, np.array(0.1))
+    np.testing.assert_allclose(sampled.mean(0), moved, atol=0.002)
+    np.testing.assert_allclose(np.cov(sampled.T), Q, atol=0.015 * Q.max())
+    assert is_covariance(Q)
+
+
+@pytest.mark.parametrize("tick", [0.1, 1.0])
+def test_sigma_is_that_of_one_stated_tick(tick):
+    x, u = np.zeros(3), np.zeros(2)
+    _, _, Q = Displacement(0.3, tick).move(x, u, np.array(tick))
+    np.testing.assert_allclose(np.diag(Q), [0.09, 0.09, 0])
+    _, _, Q = Unicycle(0.3, 0.2, tick).move(x, u, np.array(tick))
+    np.testing.assert_allclose(np.diag(Q), [(0.3 * tick) ** 2, 0, (0.2 * tick) ** 2])
+
+
+@moving
+def test_many_short_moves_spread_like_one_long_one(motion, d):
+    """Straight ahead, a second in a hundred moves or in one: the noise along the path and of the heading adds up."""
+    u = np.array([0.5, 0.0])
+
+    def spread(parts):
+        x, P = np.zeros(d), np.zeros((d, d))
+        for _ in range(parts):
+            x, F, Q = motion.move(x, u / parts if isinstance(motion, Displacement) else u, np.array(1.0 / parts))
+            P = F @ P @ F.mT + Q
+        return x, P
+
+    (far, P), (near, once) = spread(100), spread(1)
+    np.testing.assert_allclose(far, near, atol=1e-12)
+    assert P[0, 0] == pytest.approx(once[0, 0])
+    if d == 3:
+        assert P[2, 2] == pytest.approx(once[2, 2])
+
+
+@pytest.mark.parametrize("motion", [COMPASS, WHEELS], ids=["compass", "wheels"])
+@given(speed=st.floats(-2, 2), turn=st.floats(-3, 3), heading=st.floats(-np.pi, np.pi))
+@repeatable
+def test_headings_stay_in_their_interval_and_angles_continue(motion, speed, turn, heading):
+    x = np.array([1.0, 2.0, heading])
+    moved, _, _ = motion.move(x, np.array([speed, turn]), np.array(1.0))
+    turned = turn if isinstance(motion, Unicycle) else 0.0
+    assert -np.pi <= moved[2] <= np.pi
+    assert abs(np.exp(1j * moved[2]) - np.exp(1j * (heading + turned))) < 1e-9
+
+
+@moving
+def test_absent_odometry_says_did_not_move(motion, d):
+    rng = np.random.default_rng(11)
+    x, u, dt = drive(rng, (6,), (6,), d)
+    u[2] = np.nan
+    still, noise, trail = np.zeros_like(u), rng.normal(size=(6, 2)), rng.normal(size=(6, 4, 2))
+    moved, zero = motion.move(x, u, dt), motion.move(x, still, dt)
+    for a, b in zip(moved, zero, strict=True):
+        assert np.isfinite(a).all()
+        np.testing.assert_array_equal(a[2], b[2])
+    np.testing.assert_array_equal(moved[0][2, :2], x[2, :2])
+    np.testing.assert_array_equal(motion.sample(x, u, dt, noise)[2], motion.sample(x, still, dt, noise)[2])
+    np.testing.assert_array_equal(motion.retrace(trail, u, dt)[2], trail[2])
+
+
+@moving
+def test_retraced_places_are_where_the_robot_was(motion, d):
+    """A noise-free drive of 200 steps: the past, seen from the present pose, comes back."""
+    rng = np.random.default_rng(12)
+    x, _, _ = drive(rng, (3,), (3,), d)
+    path, trail = [x[:, :2]], np.zeros((3, 1, 2))
+    for _ in range(200):
+        u, dt = rng.normal(0, 1, (3, 2)), rng.uniform(0.1, 0.5, 3)
+        x, _, _ = motion.move(x, u, dt)
+        trail = np.concatenate([motion.retrace(trail, u, dt), np.zeros((3, 1, 2))], 1)
+        path.append(x[:, :2])
+    back = np.stack([motion.place(x, trail[:, k]) for k in range(201)])
+    np.testing.assert_allclose(back, np.stack(path), atol=1e-11)
+    particles = np.repeat(x[:, None], 5, 1)
+    many = motion.place(particles, trail[:, None, 7])
+    np.testing.assert_allclose(many, np.repeat(path[7][:, None], 5, 1), atol=1e-11)
+
+
+# ---------------------------------------------------------------- angles
+
+
+@given(st.floats(-1e3, 1e3))
+@repeatable
+def test_wrapping_keeps_the_direction(angle):
+    w = wrap(np.array(angle))
+    assert -np.pi <= w <= np.pi
+    assert abs(np.exp(1j * w) - np.exp(1j * angle)) < 1e-9
+
+
+@pytest.mark.parametrize(("angle", "wrapped"), [(np.pi, np.pi), (-np.pi, np.pi), (3 * np.pi, np.pi), (0.0, 0.0)])
+def test_half_a_turn_is_written_as_plus_pi(angle, wrapped):
+    assert wrap(np.array(angle)) == pytest.approx(wrapped)
+
+
+def test_wrapping_keeps_what_is_absent():
+    assert np.isnan(wrap(np.array([np.nan, 1.0]))).tolist() == [True, False]

@@ -1,0 +1,382 @@
+"""ARL and MRSL against the same recursion on a grid, and against each other where they must agree to the bit."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from oracles import Grid, arrival, arrival_error, corners, gradient, log_distance
+
+from cooploc.estimators import make
+from cooploc.estimators.interface import Belief, Mail, Rows, Senses, World
+from cooploc.estimators.models.motion import Displacement, Unicycle
+from cooploc.estimators.models.sensors import LogDistance
+from cooploc.scenarios import simulate
+from cooploc.scenarios.runner.run import run, trace
+from cooploc.scenarios.stream import Air, Stream
+
+SIDE, PRIOR, ODOMETRY, RANGE, TICKS = 6.0, 1.0, 0.06, 0.1, 12
+NOISE = 5**0.5  # [dB] shadowing and fast noise together
+PARTICLES, TIMES = 20_000, 4
+
+# ---------------------------------------------------------------- the oracle
+
+
+def anchor_log_likelihood(grid, reading):
+    """The four anchors' raw readings, as far as they are there."""
+    return sum(
+        -((z - log_distance(np.hypot(grid.x - a, grid.y - b))) ** 2) / (2 * NOISE**2)
+        for z, (a, b) in zip(reading, corners(SIDE), strict=True)
+        if np.isfinite(z)
+    )
+
+
+@cache
+def doa_sigma():
+    return np.sqrt((arrival_error(SIDE, NOISE)[0] ** 2).mean())
+
+
+class Window:
+    """The last M directions of arrival: a function of the present position, past samples shifted back by odometry.
+
+    It is of samples, not of ticks: a tick without a direction adds nothing and forgets nothing.
+    """
+
+    def __init__(self, M, K, density="constant", temper=True, decay=0.99):
+        self.M, self.K, self.density, self.decay = M, K, density, decay
+        self.power = 1 / M if temper else 1.0
+        self.raw, self.smooth, self.since = [], [], []  # newest first
+
+    def __call__(self, grid, reading, odometry):
+        self.since = [moved + odometry for moved in self.since]
+        total = np.zeros_like(grid.x)
+        if np.isnan(reading).any():
+            return total
+        gx, gy = gradient(*reading, SIDE, SIDE)
+        self.raw = [np.arctan2(gy, gx), *self.raw][: self.K]
+        average = np.angle(sum(self.decay**age * np.exp(1j * a) for age, a in enumerate(self.raw)))
+        self.smooth = [average, *self.smooth][: self.M]
+        self.since = [np.zeros(2), *self.since][: self.M]
+        for angle, (dx, dy) in zip(self.smooth, self.since, strict=True):
+            total = total + self._log(grid.x - dx, grid.y - dy, angle)
+        return total * self.power
+
+    def _log(self, x, y, angle):
+        if self.density == "constant":
+            return -(np.angle(np.exp(1j * (arrival(x, y, SIDE) - angle))) ** 2) / (2 * doa_sigma() ** 2)
+        return np.log(ray_integral(x, y, angle))
+
+
+def ray_integral(x, y, angle):
+    """Density of the angle of a noisy gradient: the gradient's Gaussian integrated numerically along the ray."""
+    gx, gy = gradient(*(log_distance(np.hypot(x - a, y - b)) for a, b in corners(SIDE)), SIDE, SIDE)
+    sd = NOISE / SIDE  # of either component
+    along = gx * np.cos(angle) + gy * np.sin(angle)
+    low, high = np.maximum(along - 9 * sd, 0), np.maximum(along, 0) + 9 * sd
+    total = 0.0
+    for t, w in zip(*np.polynomial.legendre.leggauss(40), strict=True):
+        r = low + (high - low) * (t + 1) / 2
+        d2 = (r * np.cos(angle) - gx) ** 2 + (r * np.sin(angle) - gy) ** 2
+        total = total + w * r * np.exp(-d2 / (2 * sd**2))
+    return np.maximum(total * (high - low) / 2 / (2 * np.pi * sd**2), 1e-300)
+
+
+def neighbour_log_likelihood(grid, reading, kind, mean, P):
+    """The radio reading with the sender integrated out: variance sigma^2 + J P J', J the slope at each cell."""
+    dx, dy = grid.x - mean[0], grid.y - mean[1]
+    d = np.hypot(dx, dy)
+    if kind == "range":
+        if reading < 0.2:
+            return np.zeros_like(d)
+        expected, sd = d, RANGE
+        rate = np.minimum(d / 0.1, 1.0)  # clamped near the sender
+    else:
+        expected, sd = log_distance(d), NOISE
+        rate = np.where(d > 0.1, 30 / np.log(10) / np.maximum(d, 0.1), 0.0)
+    ux, uy = dx / np.maximum(d, 1e-12), dy / np.maximum(d, 1e-12)
+    v = sd**2 + rate**2 * (ux**2 * P[0, 0] + 2 * ux * uy * P[0, 1] + uy**2 * P[1, 1])
+    return -((reading - expected) ** 2) / (2 * v) - np.log(v) / 2
+
+
+def grid_posterior(stream, window=None, reading=None, trust=False):
+    """Mean (T, n, 2) and covariance (T, n, 2, 2) of the first trial's robots.
+
+    Without a `window` of directions of arrival the raw anchor readings are used; `trust` takes senders at their word.
+    """
+    z, air, n = stream.senses, stream.air, stream.robots
+    grids = [Grid(stream.prior.x[0, i], PRIOR) for i in range(n)]
+    windows = [Window(**window) if window else None for _ in range(n)]
+    x, P = np.empty((TICKS, n, 2)), np.empty((TICKS, n, 2, 2))
+    for k in range(TICKS):
+        for i, grid in enumerate(grids):
+            step, anchors = z.odometry[0, k, i], z.anchor_rssi[0, k, i]
+            grid.move(*step, ODOMETRY)
+            grid.weigh(windows[i](grid, anchors, step) if window else anchor_log_likelihood(grid, anchors))
+        sent = [grid.moments() for grid in grids]  # before anything heard is used
+        for i, grid in enumerate(grids):
+            for j in range(n) if reading else ():
+                if air.link[0, k, i, j]:
+                    mean, cov = sent[j]
+                    heard = getattr(air, reading)[0, k, i, j]
+                    grid.weigh(neighbour_log_likelihood(grid, heard, reading, mean, 0 * cov if trust else cov))
+            x[k, i], P[k, i] = grid.moments()
+    return x, P
+
+
+@cache
+def papers_world(seed, drop=0.0, robots=3):
+    """A short stream of the paper's world, in which a tenth of the anchor readings are missing."""
+    _, stream = simulate(
+        "robots-1-3",
+        seed=seed,
+        robots=robots,
+        drop=drop,
+        ticks=TICKS,
+        prior_sigma=PRIOR,
+        odometry_sigma=ODOMETRY,
+    )
+    anchor = stream.senses.anchor_rssi.copy()
+    anchor[np.random.default_rng(seed).uniform(size=anchor.shape) < 0.1] = np.nan
+    return stream.with_arrays({"senses.anchor_rssi": anchor})
+
+
+def repeated(estimator, stream, times=TIMES):
+    """Mean over repetitions of the estimates (T, n, ...), and the means' standard errors, on the same readings."""
+    runs = [trace("pf", estimator, replace(stream, seed=1000 + s)) for s in range(times)]
+    x, P = np.stack([r.x[0] for r in runs]), np.stack([r.P[0] for r in runs])
+    return x.mean(0), P.mean(0), x.std(0, ddof=1) / np.sqrt(times)
+
+
+def apart(P, Q):
+    """Largest relative difference of covariances."""
+    return (np.linalg.norm(P - Q, axis=(-2, -1)) / np.linalg.norm(Q, axis=(-2, -1))).max()
+
+
+CASES = {
+    "arl, raw readings": ("arl[own=rssi]", {}),
+    "arl, one direction": ("arl[M=1,K=1]", {"window": {"M": 1, "K": 1}}),
+    "arl, a window of three, tempered": ("arl[M=3,K=3]", {"window": {"M": 3, "K": 3}}),
+    "arl, a window of three, not tempered": (
+        "arl[M=3,K=2,temper=false]",
+        {"window": {"M": 3, "K": 2, "temper": False}},
+    ),
+    "arl, a fading average": ("arl[M=1,K=4,decay=0.7]", {"window": {"M": 1, "K": 4, "decay": 0.7}}),
+    "arl, exact density": ("arl[M=1,K=1,density=exact]", {"window": {"M": 1, "K": 1, "density": "exact"}}),
+    "mrsl, radio RSSI": ("mrsl-rssi[own=rssi]", {"reading": "rssi"}),
+    "mrsl, radio range": ("mrsl-distance[own=rssi]", {"reading": "range"}),
+    "mrsl, radio range and directions": (
+        "mrsl-distance[M=2,K=2]",
+        {"window": {"M": 2, "K": 2}, "reading": "range"},
+    ),
+    "mrsl, senders taken at their word": (
+        "mrsl-rssi[own=rssi,neighbours=exact]",
+        {"reading": "rssi", "trust": True},
+    ),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_particle_filter_is_the_grid_posterior(case):
+    configured, oracle = CASES[case]
+    stream = papers_world(seed=7, drop=0.3)
+    x, P = grid_posterior(stream, **oracle)
+    got, cov, _ = repeated(make(configured, particles=PARTICLES), stream)
+    np.testing.assert_allclose(got, x, atol=0.03)
+    assert apart(cov, P) < 0.08
+
+
+@pytest.mark.parametrize("case", ["arl, raw readings", "mrsl, radio RSSI", "mrsl, radio range"])
+def test_particle_filter_is_the_grid_posterior_within_its_standard_error(case):
+    configured, oracle = CASES[case]
+    stream = papers_world(seed=1, robots=2)
+    x, _ = grid_posterior(stream, **oracle)
+    got, _, se = repeated(make(configured, particles=PARTICLES), stream, times=6)
+    # Root mean square over ticks, robots and axes, because six repetitions say little about one standard error.
+    assert np.sqrt(((got - x) ** 2).mean()) < 3 * np.sqrt((se**2).mean()) + 0.002
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        ("arl, a window of three, tempered", "arl, a window of three, not tempered"),
+        ("arl, one direction", "arl, exact density"),
+        ("arl, one direction", "arl, a fading average"),
+        ("mrsl, radio RSSI", "arl, raw readings"),
+        ("mrsl, radio RSSI", "mrsl, senders taken at their word"),
+    ],
+)
+def test_grid_tells_the_readings_of_the_paper_apart(one, other):
+    """Or else the agreement above would say nothing."""
+    stream = papers_world(seed=7, drop=0.3)
+    (x, _), (y, _) = (grid_posterior(stream, **CASES[case][1]) for case in (one, other))
+    assert np.abs(x - y).max() > 0.1  # and the agreement is to 0.03 m
+
+
+# ---------------------------------------------------------------- identities
+
+
+@pytest.mark.parametrize("own", ["doa", "rssi"])
+@pytest.mark.parametrize("name", ["mrsl-rssi", "mrsl-distance"])
+@pytest.mark.parametrize("team", [{"robots": 1}, {"robots": 4, "drop": 1.0}], ids=["one robot", "all links down"])
+def test_mrsl_that_hears_nobody_is_arl_to_the_bit(team, name, own):
+    _, stream = simulate("trajectory", trials=3, ticks=40, seed=2, **team)
+    traces = run({"arl": make("arl", own=own), "mrsl": make(name, own=own)}, stream).traces
+    np.testing.assert_array_equal(traces["mrsl"].x, traces["arl"].x)
+    np.testing.assert_array_equal(traces["mrsl"].P, traces["arl"].P)
+
+
+@pytest.mark.parametrize("name", ["mrsl-rssi", "mrsl-distance"])
+def test_mrsl_that_hears_its_team_is_not_arl(name):
+    _, stream = simulate("trajectory", trials=1, ticks=10, seed=2)
+    traces = run({"arl": make("arl"), "mrsl": make(name)}, stream).traces
+    assert np.abs(traces["mrsl"].x - traces["arl"].x).max() > 0.05
+
+
+def test_rssi_pf_is_arl_on_raw_readings():
+    _, stream = simulate("trajectory", ticks=10)
+    traces = run({"a": make("rssi-pf"), "b": make("arl", own="rssi")}, stream).traces
+    np.testing.assert_array_equal(traces["a"].x, traces["b"].x)
+
+
+def test_without_anchors_heard_arl_is_dead_reckoning():
+    _, stream = simulate("trajectory", ticks=15, prior_sigma=0.3, odometry_sigma=0.1)
+    deaf = stream.with_arrays({"senses.anchor_rssi": np.full_like(stream.senses.anchor_rssi, np.nan)})
+    traces = run({"arl": make("arl", particles=50_000), "dead": make("dead-reckoning")}, deaf).traces
+    np.testing.assert_allclose(traces["arl"].x, traces["dead"].x, atol=0.01)
+    np.testing.assert_allclose(traces["arl"].P, traces["dead"].P, atol=0.01)
+
+
+def one_fusion(mrsl, P_j, rssi):
+    """The log-weights that one packet adds to a robot's particles."""
+    _, stream = simulate("robots-1-3/n=2", ticks=1)
+    world = replace(stream.world, sensors={"radio_rssi": stream.world.sensors["radio_rssi"]})
+    prior, key = Belief(np.array([[2.0, 3.0]]), 0.1 * np.eye(2)[None]), np.array([[1, 2]], np.uint32)
+    s = mrsl.init(prior, world, Rows(np.array([0]), np.array([0]), key))
+    packet = np.array([4.0, 4.0, P_j[0][0], P_j[0][1], P_j[1][1]])
+    packets = np.stack([np.full(5, np.nan), packet])[None]
+    radio = np.array([[np.nan, rssi]])
+    mail = Mail(np.array([[False, True]]), packets, radio, np.full((1, 2), np.nan))
+    flat, pairs = np.empty((1, 0)), np.empty((1, 0, 2))
+    empty = Senses(flat, np.ones(1), flat, pairs, pairs, {})
+    return s.x[0], mrsl.fuse(s, empty, mail).logw[0]
+
+
+def test_exact_neighbours_are_integrated_ones_that_are_certain():
+    exact, integrate = (make("mrsl-rssi", own="rssi", neighbours=form) for form in ("exact", "integrate"))
+    certain, vague = np.zeros((2, 2)), [[0.5, 0.2], [0.2, 0.3]]
+    np.testing.assert_array_equal(one_fusion(exact, vague, -50.0)[1], one_fusion(integrate, certain, -50.0)[1])
+    assert np.abs(one_fusion(exact, vague, -50.0)[1] - one_fusion(integrate, vague, -50.0)[1]).max() > 0.1
+
+
+def test_sender_is_integrated_out_with_the_logarithm_of_the_variance():
+    P_j = np.array([[0.5, 0.2], [0.2, 0.3]])
+    x, logw = one_fusion(make("mrsl-rssi", own="rssi"), P_j, -50.0)
+    delta = x - [4.0, 4.0]
+    d = np.hypot(*delta.T)
+    J = -30 / np.log(10) * delta / d[:, None] ** 2
+    v = 5 + np.einsum("na,ab,nb->n", J, P_j, J)
+    want = -((-50 - log_distance(d)) ** 2) / (2 * v) - np.log(v) / 2
+    np.testing.assert_allclose(np.ptp(logw - want), 0, atol=1e-9)
+    assert np.ptp(np.log(v) / 2) > 0.1  # the term that a constant variance could leave out
+
+
+def test_tempering_is_the_root_of_the_window():
+    """After one tick the log-weights are those of one direction, divided by M."""
+    _, stream = simulate("robots-1-3/n=1", ticks=1, prior_sigma=0.2)
+    whole, tempered = (last_state(make("arl", M=5, temper=t), stream) for t in (False, True))
+    np.testing.assert_allclose(5 * tempered.logw, whole.logw, rtol=1e-12)
+    assert np.ptp(whole.logw) > 1e-3
+
+
+def last_state(estimator, stream):
+    seen = []
+
+    def watch(method, tick, arguments, call):
+        result = call(*arguments)
+        if method == "fuse":
+            seen.append(result)
+        return result
+
+    trace("watched", estimator, stream, watch)
+    return seen[-1]
+
+
+def wheels_and_compass(ticks=25):
+    """The same drive told twice: as displacements in a compass frame, and as arcs of a robot that knows its heading."""
+    rng = np.random.default_rng(8)
+    v, omega = rng.uniform(0.2, 0.4, ticks), rng.normal(0, 0.6, ticks)
+    heading = np.concatenate([[2.5], 2.5 + np.cumsum(omega)])
+    middle = (heading[:-1] + heading[1:]) / 2
+    steps = v[:, None] * np.stack([np.cos(middle), np.sin(middle)], -1)
+    path = np.array([4.0, 2.0]) + np.cumsum(steps, 0)
+    d = np.stack([np.hypot(path[:, 0] - a, path[:, 1] - b) for a, b in corners(SIDE)], -1)
+    rssi = (log_distance(d) + rng.normal(0, NOISE, d.shape))[None, :, None]
+    nothing = np.empty((1, ticks, 1, 0))
+    start = np.array([4.3, 1.8])
+
+    def told(motion, x, P, u):
+        world = World(
+            1, 1.0, np.array([[0, 0], [SIDE, SIDE]]), motion, {"anchor_rssi": LogDistance()}, np.array(corners(SIDE))
+        )
+        senses = Senses(
+            u[None, :, None], np.ones((1, ticks, 1)), rssi.copy(), nothing[..., None], nothing[..., None], {}
+        )
+        air = Air(np.zeros((1, ticks, 1, 1), bool), nothing.copy(), nothing.copy())
+        prior = Belief(x[None, None], P[None, None])
+        return Stream("told twice", 0, np.array([0]), np.arange(1.0, ticks + 1), world, prior, senses, air)
+
+    compass = told(Displacement(0.0), start, 0.25 * np.eye(2), steps)
+    wheels = told(Unicycle(0.0, 0.0, 1.0), np.append(start, 2.5), np.diag([0.25, 0.25, 0.0]), np.stack([v, omega], -1))
+    return compass, wheels
+
+
+@pytest.mark.parametrize("configured", ["arl", "arl[own=rssi]", "arl[density=exact,M=3]", "arl[proposal=box]"])
+def test_known_heading_is_as_good_as_a_compass(configured):
+    """The window's past positions turn with the robot."""
+    (compass, wheels) = (trace("arl", make(configured), stream) for stream in wheels_and_compass())
+    np.testing.assert_allclose(wheels.x[..., :2], compass.x, atol=1e-7)
+    np.testing.assert_allclose(wheels.P[..., :2, :2], compass.P, atol=1e-7)
+
+
+# ---------------------------------------------------------------- the paper's literal forms
+
+LITERAL = "point=max,proposal=box,neighbours=exact,temper=false"
+
+
+@pytest.mark.parametrize("label", ["trajectory", "packet-drop/drop=0.7", "arena-60m/sd=5"])
+@pytest.mark.parametrize(
+    "options",
+    ["point=max", "proposal=box", "neighbours=exact", "density=exact", "temper=false", LITERAL],
+)
+@pytest.mark.parametrize("name", ["mrsl-rssi", "mrsl-distance"])
+def test_literal_forms_run_and_stay_finite(name, options, label):
+    _, stream = simulate(label, trials=2, ticks=30)
+    got = trace(name, make(f"{name}[{options}]"), stream)  # refuses what is not finite
+    assert np.linalg.eigvalsh(got.P).min() > -1e-12
+    plain = trace(name, make(name), stream)
+    assert (got.x != plain.x).any()
+
+
+def test_point_max_reports_the_particle_of_largest_weight():
+    """Even in a tick in which the particles are renewed, which makes all weights equal."""
+    _, stream = simulate("robots-1-3/n=1", trials=30, ticks=20, seed=4, prior_sigma=1.0)
+    heaviest = []
+
+    def watch(method, tick, arguments, call):
+        result = call(*arguments)
+        if method == "correct":
+            best = result.logw.argmax(-1)
+            heaviest.append(result.x[np.arange(len(best)), best])
+        return result
+
+    got = trace("max", make("rssi-pf", point="max", particles=500), stream, watch)
+    off = np.linalg.norm(got.x[:, :, 0] - np.stack(heaviest, 1), axis=-1)
+    np.testing.assert_allclose(off, 0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("bad", "name"), [({"particles": 1}, "particles"), ({"M": 0}, "M"), ({"K": 0}, "K"), ({"decay": 0.0}, "decay")]
+)
+def test_impossible_parameters_are_refused_by_name(bad, name):
+    with pytest.raises(ValueError, match=name):
+        make("arl", **bad)

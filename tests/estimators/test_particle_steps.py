@@ -1,0 +1,270 @@
+"""What the particle filters share: spreading, weighting, moments, and renewal that keeps mean and covariance."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from oracles import covariances, is_covariance, repeatable
+
+from cooploc.estimators.compiled import random_numbers
+from cooploc.estimators.interface import Belief
+from cooploc.estimators.particle.steps import mean, moments, renew, spread, weights
+
+KEY = np.array([[1, 2], [3, 4], [5, 6], [7, 8]], np.uint32)
+wide = pytest.mark.parametrize("d", [2, 3])
+
+
+def cloud(rng, d, n=400, heading=0.5):
+    """Particles (4, n, d) and log-weights so uneven that every row is due for renewal."""
+    x = rng.normal(size=(4, n, d)) * ([2.0, 0.5, 0.3][:d])
+    if d == 3:
+        x[..., 2] = np.angle(np.exp(1j * (x[..., 2] + heading)))
+    return x, -8 * (x[..., 0] - 1) ** 2 + x[..., 1]
+
+
+def circular(x, w):
+    """Mean and covariance with the heading's mean as an angle and its offsets wrapped, one row at a time."""
+    m = np.array([np.average(column, weights=w) for column in x.T])
+    e = x - m
+    if x.shape[1] == 3:
+        m[2] = np.angle((w * np.exp(1j * x[:, 2])).sum())
+        e[:, 2] = np.angle(np.exp(1j * (x[:, 2] - m[2])))
+    return m, np.einsum("n,na,nb->ab", w, e, e)
+
+
+# ---------------------------------------------------------------- spreading
+
+
+@wide
+def test_spread_draws_from_the_prior(d):
+    P = covariances(np.random.default_rng(0), 4, d=d) * 0.05
+    prior = Belief(np.random.default_rng(1).normal(size=(4, d)), P)
+    n = 200_000
+    x = spread(prior, KEY, n)
+    assert x.shape == (4, n, d)
+    for r in range(4):
+        standard_error = np.sqrt(np.diag(P[r]) / n)
+        assert (np.abs(x[r].mean(0) - prior.x[r]) < 4.5 * standard_error).all()
+        np.testing.assert_allclose(np.cov(x[r].T), P[r], atol=0.012 * P[r].max())
+    assert abs(np.corrcoef(x[0, :, 0], x[1, :, 0])[0, 1]) < 5 / np.sqrt(n)
+
+
+@pytest.mark.parametrize(
+    "P",
+    [
+        np.zeros((3, 3)),
+        np.diag([0.25, 0.0, 0.01]),
+        np.diag([0.0, 0.25, 0.0]),
+        np.outer([0.3, -0.6, 0.1], [0.3, -0.6, 0.1]),
+    ],
+    ids=["certain", "no y", "y alone", "one direction"],
+)
+def test_spread_takes_a_singular_covariance(P):
+    x = spread(Belief(np.array([[1.0, 2.0, 0.3]]), P[None]), KEY[:1], 50_000)[0]
+    assert np.isfinite(x).all()
+    np.testing.assert_allclose(np.cov(x.T), P, atol=0.005)
+    np.testing.assert_allclose(x[:, np.diag(P) == 0], np.broadcast_to([1.0, 2.0, 0.3], x.shape)[:, np.diag(P) == 0])
+
+
+def test_spread_wraps_headings():
+    x = spread(Belief(np.array([[0, 0, np.pi]]), 0.1 * np.eye(3)[None]), KEY[:1], 5000)[0, :, 2]
+    assert (np.abs(x) <= np.pi).all()
+    assert 0.4 < (x < 0).mean() < 0.6
+    assert np.abs(np.angle(np.exp(1j * x).mean() / -1)) < 0.02
+
+
+# ---------------------------------------------------------------- weights and moments
+
+
+@given(st.lists(st.floats(-1e6, 700), min_size=1, max_size=30))
+@repeatable
+def test_weights_are_the_normalised_exponentials(logw):
+    w = weights(np.array([logw]))[0]
+    assert w.sum() == pytest.approx(1)
+    top = max(logw)
+    want = np.exp(np.array(logw) - top)
+    np.testing.assert_allclose(w, want / want.sum(), rtol=1e-12, atol=1e-300)
+
+
+@given(st.lists(st.floats(-50, 50), min_size=2, max_size=10), st.sampled_from([-1e8, -1e3, 0.0, 1e3, 1e8]))
+@repeatable
+def test_weights_do_not_depend_on_a_common_factor(logw, shift):
+    logw = np.round(np.array([logw]))  # so that adding the shift loses nothing
+    np.testing.assert_array_equal(weights(logw + shift), weights(logw))
+
+
+def test_a_row_without_any_weight_starts_again_from_equal_ones():
+    w = weights(np.array([[-np.inf] * 4, [0.0, -np.inf, 0.0, -np.inf]]))
+    np.testing.assert_array_equal(w, [[0.25] * 4, [0.5, 0, 0.5, 0]])
+
+
+def test_a_row_that_started_again_can_be_weighed_again():
+    """Renewal must not leave -inf behind: whatever is added to it is lost."""
+    x, _ = cloud(np.random.default_rng(2), 2, n=50)
+    logw = np.full((4, 50), -np.inf)
+    logw[1] = 0.0
+    kept, logw = renew(x, logw, KEY, 1)
+    np.testing.assert_array_equal(kept, x)
+    assert np.isfinite(logw).all()
+
+
+def test_absent_weights_stay_absent_and_in_their_row():
+    w = weights(np.array([[0.0, np.nan], [0.0, 0.0]]))
+    assert np.isnan(w[0]).all()
+    np.testing.assert_array_equal(w[1], [0.5, 0.5])
+
+
+def test_nan_particles_propagate_and_leave_the_other_rows_alone():
+    x, logw = cloud(np.random.default_rng(3), 3)
+    clean = renew(x, logw, KEY, 1), moments(x, weights(logw))
+    x[1, 0], logw[2, 5] = np.nan, np.nan
+    for dirty, whole in zip((*renew(x, logw, KEY, 1), *moments(x, weights(logw))), (*clean[0], *clean[1]), strict=True):
+        for r in (0, 3):
+            np.testing.assert_array_equal(dirty[r], whole[r])
+    belief = moments(x, weights(logw))
+    assert np.isnan(belief.x[1]).any()
+    assert np.isnan(belief.x[2]).any()
+
+
+@wide
+@pytest.mark.parametrize("heading", [0.5, np.pi, -3.0])
+def test_moments_are_weighted_and_circular(d, heading):
+    x, logw = cloud(np.random.default_rng(4), d, heading=heading)
+    w = weights(logw)
+    belief = moments(x, w)
+    np.testing.assert_array_equal(mean(x, w), belief.x)
+    for r in range(4):
+        m, P = circular(x[r], w[r])
+        np.testing.assert_allclose(belief.x[r], m, atol=1e-12)
+        np.testing.assert_allclose(belief.P[r], P, atol=1e-12)
+    assert is_covariance(belief.P)
+
+
+@wide
+def test_moments_of_a_row_do_not_depend_on_its_neighbours(d):
+    x, logw = cloud(np.random.default_rng(5), d)
+    together = moments(x, weights(logw))
+    for r in range(4):
+        alone = moments(x[r : r + 1], weights(logw[r : r + 1]))
+        np.testing.assert_array_equal(alone.x[0], together.x[r])
+        np.testing.assert_array_equal(alone.P[0], together.P[r])
+
+
+# ---------------------------------------------------------------- renewal
+
+
+@wide
+@pytest.mark.parametrize("heading", [0.5, 3.1])
+def test_renewal_keeps_mean_and_covariance(d, heading):
+    n = 60_000
+    x, logw = cloud(np.random.default_rng(6), d, n, heading)
+    before = moments(x, weights(logw))
+    new, equal = renew(x, logw, KEY, 3)
+    np.testing.assert_array_equal(equal, 0)
+    after = moments(new, weights(equal))
+    sd = np.sqrt(np.diagonal(before.P, axis1=-2, axis2=-1))
+    off = after.x - before.x
+    off[:, 2:] = np.angle(np.exp(1j * off[:, 2:]))
+    assert (np.abs(off) < 4 * sd / np.sqrt(n)).all()
+    np.testing.assert_allclose(
+        after.P / (sd[:, :, None] * sd[:, None]), before.P / (sd[:, :, None] * sd[:, None]), atol=0.03
+    )
+
+
+def test_renewal_is_unbiased_for_few_particles():
+    """Over many ticks, that is over many uniforms and jitters: plain jitter without shrinkage would inflate by h^2."""
+    n, ticks = 40, 4000
+    x, logw = cloud(np.random.default_rng(7), 2, n)
+    before = moments(x, weights(logw))
+    kept = [moments(*(a if i == 0 else weights(a) for i, a in enumerate(renew(x, logw, KEY, k)))) for k in range(ticks)]
+    h2 = 0.09 * n ** (-1 / 3)
+    for r in range(4):
+        sd = np.sqrt(np.diag(before.P[r]))
+        off = np.mean([b.x[r] for b in kept], 0) - before.x[r]
+        assert (np.abs(off) < 0.02 * sd).all()
+        # The sample covariance of n draws is short by their mean's own variance, about h^2/n here.
+        ratio = np.mean([np.diag(b.P[r]) for b in kept], 0) / np.diag(before.P[r])
+        np.testing.assert_allclose(ratio, 1 - h2 / n, atol=0.3 * h2)
+
+
+def test_renewal_moves_every_particle_off_its_ancestor():
+    x, logw = cloud(np.random.default_rng(8), 2)
+    new, _ = renew(x, logw, KEY, 3)
+    assert len(np.unique(new[0], axis=0)) == 400
+
+
+@wide
+def test_rows_that_are_rich_enough_keep_every_bit(d):
+    x, logw = cloud(np.random.default_rng(9), d)
+    logw[1], logw[3] = 0.1 * np.sin(np.arange(400)), 0.0
+    new, renewed = renew(x, logw, KEY, 2)
+    for r in (1, 3):
+        np.testing.assert_array_equal(new[r], x[r])
+        np.testing.assert_array_equal(renewed[r], logw[r])
+    for r in (0, 2):
+        assert (new[r] != x[r]).any()
+        np.testing.assert_array_equal(renewed[r], 0)
+
+
+def test_renewal_is_due_below_half_the_particles():
+    n = 100
+    x = np.random.default_rng(10).normal(size=(2, n, 2))
+    logw = np.full((2, n), -np.inf)
+    logw[0, :51] = 0.0
+    logw[1, :49] = 0.0
+    new, _ = renew(x, logw, KEY[:2], 1)
+    np.testing.assert_array_equal(new[0], x[0])
+    assert (new[1] != x[1]).all()
+
+
+def test_renewal_never_writes_to_its_input():
+    x, logw = cloud(np.random.default_rng(11), 3)
+    logw[1] = 0.0
+    for a in (x, logw):
+        a.flags.writeable = False
+    before = x.copy(), logw.copy()
+    renew(x, logw, KEY, 1)
+    np.testing.assert_array_equal(x, before[0])
+    np.testing.assert_array_equal(logw, before[1])
+
+
+@wide
+def test_renewal_of_a_row_does_not_depend_on_the_others(d):
+    x, logw = cloud(np.random.default_rng(12), d)
+    logw[1] = 0.0
+    together = renew(x, logw, KEY, 5)
+    for r in range(4):
+        alone = renew(x[r : r + 1], logw[r : r + 1], KEY[r : r + 1], 5)
+        for a, b in zip(alone, together, strict=True):
+            np.testing.assert_array_equal(a[0], b[r])
+
+
+def test_renewal_differs_from_tick_to_tick_and_from_key_to_key():
+    x, logw = cloud(np.random.default_rng(13), 2)
+    x[:], logw[:] = x[0], logw[0]
+    (now, _), (later, _) = renew(x, logw, KEY, 5), renew(x, logw, KEY, 6)
+    assert (now != later).all()
+    assert (now[0] != now[1]).all()
+
+
+@pytest.mark.parametrize(
+    "flat",
+    [[0, 1, 2], [1], [2], [1, 2]],
+    ids=["all in one point", "on a line", "one heading", "on a line with one heading"],
+)
+def test_renewal_takes_a_singular_cloud(flat):
+    x, logw = cloud(np.random.default_rng(14), 3)
+    x[..., flat] = [1.0, 2.0, 3.0][flat[0]]
+    logw = logw + np.linspace(0, 50, 400)
+    new, _ = renew(x, logw, KEY, 1)
+    assert np.isfinite(new).all()
+    np.testing.assert_allclose(new[..., flat], x[..., flat], atol=1e-7)
+
+
+def test_renewal_across_pi_does_not_shrink_through_zero():
+    """A mean of raw headings near pi would be near 0, and the shrinkage would drag every particle round the circle."""
+    x, logw = cloud(np.random.default_rng(15), 3, n=5000, heading=np.pi)
+    new, _ = renew(x, logw, KEY, 1)
+    assert (np.abs(new[..., 2]) <= np.pi).all()
+    assert (np.abs(new[..., 2]) > np.pi - 2).all()
+    assert random_numbers.PURPOSES >= 7

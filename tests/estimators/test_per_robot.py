@@ -1,0 +1,248 @@
+"""A plain filterpy loop, lifted, is the oracle of the batched filters; and their two engines agree."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from filterpy.kalman import ExtendedKalmanFilter
+
+from cooploc.estimators import make
+from cooploc.estimators.dead_reckoning import DeadReckoning
+from cooploc.estimators.interface import Belief
+from cooploc.estimators.per_robot import PerRobot
+from cooploc.scenarios import simulate
+from cooploc.scenarios.conformance.check import CHECKS, check_estimator
+from cooploc.scenarios.conformance.perturb import thinned
+from cooploc.scenarios.runner.run import EstimatorError, trace
+
+
+class RadioLoop:
+    """Odometry and anchor RSSI, as one writes it from filterpy's documentation."""
+
+    def __init__(self, prior, world, robot, key):
+        self.ekf = ExtendedKalmanFilter(dim_x=2, dim_z=1)
+        self.ekf.x, self.ekf.P, self.ekf.B = prior.x, prior.P, np.eye(2)
+        self.anchors, self.radio, self.motion = world.anchors, world.sensors["anchor_rssi"], world.motion
+
+    def predict(self, z):
+        self.ekf.Q = np.eye(2) * self.motion.sigma**2 * z.dt / self.motion.tick
+        self.ekf.predict(u=np.nan_to_num(z.odometry))  # absent: it is taken to stand still
+
+    def correct(self, z):
+        for anchor, rssi in zip(self.anchors, z.anchor_rssi, strict=True):
+            if np.isfinite(rssi):
+                self.ekf.update(rssi, self.slope, self.strength, self.radio.sigma**2, args=anchor, hx_args=anchor)
+
+    def estimate(self):
+        return Belief(self.ekf.x, self.ekf.P)
+
+    def strength(self, x, anchor):
+        return np.array([self.radio.A - 10 * self.radio.eta * np.log10(max(np.hypot(*(x - anchor)), 0.1))])
+
+    def slope(self, x, anchor):
+        d = x - anchor
+        return -10 * self.radio.eta / np.log(10) * (d / (d @ d) if d @ d > 0.1**2 else 0 * d)[None]
+
+
+class CameraLoop:
+    """Wheel odometry, landmarks by range and bearing."""
+
+    def __init__(self, prior, world, robot, key):
+        self.ekf = ExtendedKalmanFilter(dim_x=3, dim_z=2)
+        self.ekf.x, self.ekf.P = prior.x, prior.P
+        self.landmarks, self.camera, self.motion = world.landmarks, world.sensors["landmark"], world.motion
+
+    def predict(self, z):
+        (v, omega), (x, y, a), dt = np.nan_to_num(z.odometry), self.ekf.x, z.dt
+        c, s = np.cos(a + omega * dt / 2), np.sin(a + omega * dt / 2)
+        self.ekf.F = np.array([[1, 0, -v * dt * s], [0, 1, v * dt * c], [0, 0, 1]])
+        G = np.array([[c, -v * dt * s / 2], [s, v * dt * c / 2], [0, 1]])
+        self.ekf.Q = G @ np.diag([self.motion.sigma_v**2, self.motion.sigma_omega**2]) @ G.T * dt * self.motion.tick
+        self.ekf.predict()
+        self.ekf.x = np.array([x + v * dt * c, y + v * dt * s, a + omega * dt])
+
+    def correct(self, z):
+        R = np.diag([self.camera.sigma_range**2, self.camera.sigma_bearing**2])
+        for q, reading in zip(self.landmarks, z.landmark, strict=True):
+            if np.isfinite(reading).all() and reading[0] >= 0.2:  # nearer than that, a range tells no direction
+                self.ekf.update(reading, slopes, sight, R, args=(q,), hx_args=(q,), residual=turned)
+
+    def estimate(self):
+        x, y, a = self.ekf.x
+        return Belief(np.array([x, y, np.arctan2(np.sin(a), np.cos(a))]), self.ekf.P)
+
+
+def sight(x, q):
+    return np.array([np.hypot(*(q - x[:2])), np.arctan2(q[1] - x[1], q[0] - x[0]) - x[2]])
+
+
+def slopes(x, q):
+    dx, dy = q - x[:2]
+    r = np.hypot(dx, dy)
+    return np.array([[-dx / r, -dy / r, 0], [dy / r**2, -dx / r**2, -1]])
+
+
+def turned(z, h):
+    y = z - h
+    return np.array([y[0], np.arctan2(np.sin(y[1]), np.cos(y[1]))])
+
+
+radio_loop = PerRobot(RadioLoop, uses=("odometry", "anchor_rssi"))
+camera_loop = PerRobot(CameraLoop, uses=("odometry", "landmark"))
+
+
+def some_absent(label, **overrides):
+    return thinned(simulate(label, seed=5, **overrides)[1], np.random.default_rng(0))
+
+
+def assert_same_belief(a, b):
+    np.testing.assert_allclose(a.x[..., :2], b.x[..., :2], rtol=0, atol=1e-9)
+    turn = a.x[..., 2:] - b.x[..., 2:]
+    np.testing.assert_allclose(np.arctan2(np.sin(turn), np.cos(turn)), 0, atol=1e-9)
+    np.testing.assert_allclose(a.P, b.P, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("robots", [1, 3])
+def test_a_filterpy_loop_on_anchor_rssi_is_ekf_local(robots):
+    stream = some_absent(f"robots-1-3/n={robots}", trials=3, ticks=60)
+    assert_same_belief(
+        trace("loop", radio_loop, stream), trace("batched", make("ekf-local", own="rssi", gate=np.inf), stream)
+    )
+
+
+@pytest.mark.parametrize("robots", [1, 3])
+def test_a_filterpy_loop_on_landmarks_is_ekf_local(robots):
+    stream = some_absent(f"camera/n={robots}", trials=3, ticks=60)
+    assert_same_belief(trace("loop", camera_loop, stream), trace("batched", make("ekf-local", gate=np.inf), stream))
+
+
+WORLDS = ["robots-1-3/n=1", "robots-1-3/n=3", "camera/n=1", "camera/n=3"]
+FILTERS = {
+    "ekf-local": {},
+    "ekf-local, ungated": {"gate": np.inf},
+    "ekf-local, raw": {"own": "rssi"},
+    "ekf-joint, plain": {"iterations": 1, "second_order": False, "gate": np.inf},
+    "ekf-joint, plain on rssi": {"iterations": 1, "second_order": False, "gate": np.inf, "reading": "rssi"},
+    "ekf-joint": {},
+}
+
+
+@pytest.mark.parametrize("label", WORLDS)
+@pytest.mark.parametrize("configured", FILTERS)
+def test_the_two_engines_agree(configured, label):
+    name, parameters = configured.partition(",")[0], FILTERS[configured]
+    stream = some_absent(label, trials=2, ticks=25, drop=0.2)
+    assert_same_belief(
+        trace("filterpy", make(name, engine="filterpy", **parameters), stream),
+        trace("batched", make(name, engine="batched", **parameters), stream),
+    )
+
+
+@pytest.mark.parametrize(("loop", "runs"), [(radio_loop, 2), (camera_loop, 2)])
+def test_a_lifted_loop_passes_every_check(loop, runs):
+    report = check_estimator(loop)
+    assert report.passed, report.table()
+    assert report.ran == len(CHECKS)
+    assert report["runs"].detail.endswith(f"({runs} runs)")
+    assert "exempt" in report["immutability"].detail
+
+
+# ---------------------------------------------------------------- mail
+
+
+class Talker:
+    """Dead reckoning in a plane that is drawn to whom it hears."""
+
+    def __init__(self, prior, world, robot, key):
+        self.x, self.P, self.robot, self.key = prior.x, prior.P, robot, key
+
+    def predict(self, z):
+        self.x += z.odometry
+
+    def correct(self, z):
+        pass
+
+    def send(self):
+        return self.x
+
+    def fuse(self, mail):
+        for packet in mail.packets[mail.heard]:
+            self.x += 0.01 * (packet - self.x)
+
+    def estimate(self):
+        return Belief(self.x.copy(), self.P)
+
+
+@dataclass(frozen=True)
+class Talkers(DeadReckoning):
+    """The same, for all rows at once."""
+
+    def predict(self, s, z):
+        return s._replace(x=s.x + z.odometry)
+
+    def send(self, s, z):
+        return s.x
+
+    def fuse(self, s, z, mail):
+        x = s.x
+        for j in range(s.world.robots):
+            x = np.where(mail.heard[:, j, None], x + 0.01 * (mail.packets[:, j] - x), x)
+        return s._replace(x=x)
+
+
+def test_mail_reaches_the_objects_as_it_reaches_the_rows():
+    _, stream = simulate("packet-drop", trials=3, ticks=30)
+    plain, batched = trace("plain", PerRobot(Talker), stream), trace("batched", Talkers(), stream)
+    np.testing.assert_allclose(plain.x, batched.x, rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(plain.messages, batched.messages)
+    np.testing.assert_array_equal(plain.bytes, batched.bytes)
+    assert np.abs(plain.x - trace("dr", DeadReckoning(), stream).x).max() > 0.1
+
+
+def test_an_object_without_send_is_silent():
+    _, stream = simulate("robots-1-3/n=2", ticks=5)
+    assert trace("loop", radio_loop, stream).messages.sum() == 0
+
+
+def test_every_object_is_told_who_it_is():
+    _, stream = simulate("robots-1-3/n=3", trials=2, ticks=1)
+    states = []
+
+    def watch(method, tick, arguments, call):
+        states.append(call(*arguments))
+        return states[-1]
+
+    trace("plain", PerRobot(Talker), stream, watch)
+    robots = states[0].robots
+    assert [r.robot for r in robots] == [0, 1, 2, 0, 1, 2]
+    assert len({tuple(r.key.tolist()) for r in robots}) == 6
+    assert not any(np.shares_memory(r.x, stream.prior.x) for r in robots)
+
+
+class LongWinded(Talker):
+    def send(self):
+        return np.zeros(self.robot + 1)
+
+
+class Boxy(Talker):
+    def send(self):
+        return np.zeros((2, 2))
+
+
+class Misshapen(Talker):
+    def estimate(self):
+        return Belief(self.x[:1], self.P)
+
+
+@pytest.mark.parametrize(
+    ("cls", "error", "words"),
+    [
+        (LongWinded, ValueError, r"packets of \[1, 2, 3\] numbers; fill the shorter ones with nan"),
+        (Boxy, ValueError, r"shape \(2, 2\); it must be one axis"),
+        (Misshapen, EstimatorError, r"x of shape \(3, 1\)"),
+    ],
+)
+def test_what_an_object_does_wrong_is_named(cls, error, words):
+    _, stream = simulate("robots-1-3/n=3", ticks=2)
+    with pytest.raises(error, match=words):
+        trace("plain", PerRobot(cls), stream)

@@ -1,0 +1,234 @@
+"""The counter-based generator against its published vectors, and systematic resampling against filterpy's."""
+
+import filterpy.monte_carlo.resampling as filterpy_resampling
+import numba
+import numpy as np
+import pytest
+from filterpy.monte_carlo import systematic_resample
+from hypothesis import given
+from hypothesis import strategies as st
+from oracles import repeatable
+from scipy.stats import kstest
+
+from cooploc.estimators.compiled import random_numbers
+
+KEY = np.array([[0x13198A2E, 0x03707344]], np.uint32)
+WORD = 2.0**-32
+
+
+@numba.njit
+def threefry(k0, k1, c0, c1):
+    return random_numbers.threefry(k0, k1, c0, c1)
+
+
+def words(key, counter, particle):
+    """The generator's two words, one pair at a time."""
+    return tuple(int(word) for word in threefry(*key, counter, particle))
+
+
+def threefry_by_hand(key, counter):
+    """Threefry-2x32-20 in Python's own integers, as the paper states it."""
+    rotations = [13, 15, 26, 6, 17, 29, 16, 24]
+    ks = [*key, key[0] ^ key[1] ^ 0x1BD11BDA]
+    x = [(counter[0] + ks[0]) % 2**32, (counter[1] + ks[1]) % 2**32]
+    for i in range(20):
+        turn = rotations[i % 8]
+        x[0] = (x[0] + x[1]) % 2**32
+        x[1] = ((x[1] << turn | x[1] >> (32 - turn)) % 2**32) ^ x[0]
+        if i % 4 == 3:
+            s = i // 4 + 1
+            x[0] = (x[0] + ks[s % 3]) % 2**32
+            x[1] = (x[1] + ks[(s + 1) % 3] + s) % 2**32
+    return tuple(x)
+
+
+# Random123, examples/kat_vectors: threefry 2x32, 20 rounds, as (counter, key, result)
+KNOWN = [
+    ((0x00000000, 0x00000000), (0x00000000, 0x00000000), (0x6B200159, 0x99BA4EFE)),
+    ((0xFFFFFFFF, 0xFFFFFFFF), (0xFFFFFFFF, 0xFFFFFFFF), (0x1CB996FC, 0xBB002BE7)),
+    ((0x243F6A88, 0x85A308D3), (0x13198A2E, 0x03707344), (0xC4923A9C, 0x483DF7A0)),
+]
+
+
+@pytest.mark.parametrize(("counter", "key", "result"), KNOWN)
+def test_published_vectors(counter, key, result):
+    assert threefry_by_hand(key, counter) == result
+    assert words(key, *counter) == result
+
+
+@given(st.tuples(*[st.integers(0, 2**32 - 1)] * 2), st.tuples(*[st.integers(0, 2**32 - 1)] * 2))
+@repeatable
+def test_generator_is_threefry_for_any_key_and_counter(key, counter):
+    assert words(key, *counter) == threefry_by_hand(key, counter)
+
+
+@pytest.mark.parametrize("counter", [0, 1, 0x243F6A88, 2**32 - 1])
+def test_reference_words_are_threefry(counter):
+    key = np.array([[0, 0], [2**32 - 1, 2**32 - 1], [0x13198A2E, 0x03707344]], np.uint32)
+    a, b = random_numbers.threefry_reference(key, counter, 40)
+    for r in range(3):
+        for i in range(40):
+            assert (a[r, i], b[r, i]) == threefry_by_hand([int(k) for k in key[r]], (counter, i))
+
+
+@pytest.mark.parametrize("tick", [0, 1, 199, 100_000])
+def test_compiled_normals_equal_the_numpy_reference(tick):
+    key = np.random.default_rng(tick).integers(0, 2**32, (5, 2), np.uint32)
+    compiled = random_numbers.normals(key, tick, random_numbers.MOVE, 300)
+    np.testing.assert_allclose(
+        compiled, random_numbers.normals_reference(key, tick, random_numbers.MOVE, 300), rtol=0, atol=1e-12
+    )
+
+
+def test_uniforms_are_the_words_in_the_middle_of_their_cells():
+    u = random_numbers.uniforms(KEY, 7, random_numbers.BOX, 50)
+    a, b = random_numbers.threefry_reference(KEY, 7 * random_numbers.PURPOSES + random_numbers.BOX, 50)
+    np.testing.assert_array_equal(u, (np.stack([a, b], -1) + 0.5) * WORD)
+    assert ((u > 0) & (u < 1)).all()
+
+
+def test_normals_have_the_distribution_they_claim():
+    z = random_numbers.normals(KEY, 3, random_numbers.MOVE, 400_000)[0]
+    n = len(z)
+    for axis in z.T:
+        assert abs(axis.mean()) < 4 / np.sqrt(n)
+        assert abs(axis.var() - 1) < 4 * np.sqrt(2 / n)
+        assert abs((axis**3).mean()) < 4 * np.sqrt(15 / n)
+        assert abs((axis**4).mean() - 3) < 4 * np.sqrt(96 / n)
+        assert kstest(axis, "norm").pvalue > 1e-3
+    assert abs(np.corrcoef(z.T)[0, 1]) < 4 / np.sqrt(n)
+    assert abs(np.corrcoef(z.T**2)[0, 1]) < 4 / np.sqrt(n)
+
+
+def test_uniforms_have_the_distribution_they_claim():
+    u = random_numbers.uniforms(KEY, 3, random_numbers.BOX, 400_000)[0]
+    for axis in u.T:
+        assert kstest(axis, "uniform").pvalue > 1e-3
+    assert abs(np.corrcoef(u.T)[0, 1]) < 4 / np.sqrt(len(u))
+
+
+def correlation(a, b):
+    return abs(np.corrcoef(a.ravel(), b.ravel())[0, 1])
+
+
+def test_what_should_be_independent_is():
+    n = 100_000
+    key = np.concatenate([KEY, KEY + np.uint32([0, 1]), KEY + np.uint32([1, 0])])
+    base = random_numbers.normals(key, 5, random_numbers.MOVE, n)
+    limit = 4.5 / np.sqrt(n)
+    others = {
+        "the next key, second word": base[1],
+        "the next key, first word": base[2],
+        "the next tick": random_numbers.normals(key, 6, random_numbers.MOVE, n)[0],
+        "another purpose": random_numbers.normals(key, 5, random_numbers.JITTER, n)[0],
+        "the next particle": np.roll(base[0], 1, 0),
+        "the other axis": base[0][:, ::-1],
+    }
+    for what, other in others.items():
+        for change in (lambda z: z, np.abs, np.sign):
+            assert correlation(change(base[0])[:, 0], change(other)[:, 0]) < limit, what
+
+
+def test_no_number_is_drawn_twice():
+    """Over purposes, ticks, keys and particles: a purpose past its tick's counters would meet the next tick's."""
+    key = np.concatenate([KEY, KEY + np.uint32([0, 1])])
+    purposes = range(7)
+    drawn = np.stack([random_numbers.uniforms(key, tick, purpose, 100) for tick in range(10) for purpose in purposes])
+    pairs = drawn.reshape(-1, 2)
+    assert len(np.unique(pairs, axis=0)) == len(pairs)
+    named = [
+        getattr(random_numbers, n)
+        for n in ("INIT", "INIT_HEADING", "MOVE", "RESAMPLE", "JITTER", "JITTER_HEADING", "BOX")
+    ]
+    assert len(set(named)) == len(named)
+    assert max(named) < random_numbers.PURPOSES
+
+
+@pytest.mark.parametrize("draw", [random_numbers.normals, random_numbers.uniforms])
+def test_bits_do_not_depend_on_the_rows_or_particles_beside(draw):
+    key = np.random.default_rng(0).integers(0, 2**32, (9, 2), np.uint32)
+    together = draw(key, 4, random_numbers.MOVE, 37)
+    for r in range(9):
+        np.testing.assert_array_equal(draw(key[r : r + 1], 4, random_numbers.MOVE, 37)[0], together[r])
+    np.testing.assert_array_equal(draw(key[::-1], 4, random_numbers.MOVE, 37), together[::-1])
+    np.testing.assert_array_equal(draw(key, 4, random_numbers.MOVE, 11), together[:, :11])
+
+
+# ---------------------------------------------------------------- systematic resampling
+
+weights = st.lists(st.floats(0, 1), min_size=2, max_size=40).filter(lambda w: sum(w) > 1e-3)
+uniform = st.floats(0, 1, exclude_max=True)
+
+
+def resample(w, u):
+    return random_numbers.systematic(np.array([w]), np.array([u]))[0]
+
+
+@given(weights, st.integers(0, 2**53 - 1))
+@repeatable
+def test_ancestors_are_filterpys_for_the_same_uniform(w, bits):
+    w, u = np.array(w) / np.sum(w), bits / 2**53
+    if (u + len(w) - 1) / len(w) >= np.cumsum(w)[-1]:
+        return  # filterpy runs off the end of weights that sum to just less than one
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(filterpy_resampling, "random", lambda: u)
+        theirs = systematic_resample(w)
+    np.testing.assert_array_equal(resample(w, u), theirs)
+
+
+@given(weights, uniform)
+@repeatable
+def test_every_particle_is_chosen_nearly_as_often_as_its_weight_says(w, u):
+    w = np.array(w) / np.sum(w)
+    chosen = resample(w, u)
+    n = len(w)
+    assert (np.diff(chosen) >= 0).all()
+    assert chosen.min() >= 0
+    assert chosen.max() < n
+    assert np.abs(np.bincount(chosen, minlength=n) - n * w).max() < 1 + 1e-9
+
+
+@given(weights)
+@repeatable
+def test_resampling_is_unbiased_over_its_uniform(w):
+    w = np.array(w) / np.sum(w)
+    n, draws = len(w), 2000
+    u = (np.arange(draws) + 0.5) / draws
+    counts = np.stack([np.bincount(c, minlength=n) for c in random_numbers.systematic(np.tile(w, (draws, 1)), u)])
+    # Each count is a step function of u with two jumps at most, so the midpoint rule is off by 2/draws at most.
+    np.testing.assert_allclose(counts.mean(0), n * w, atol=2.1 / draws)
+
+
+def test_equal_weights_choose_everyone_once():
+    for u in (0.0, 0.3, 0.999):
+        np.testing.assert_array_equal(resample(np.full(64, 1 / 64), u), np.arange(64))
+
+
+def test_one_heavy_particle_is_chosen_always():
+    w = np.zeros(16)
+    w[9] = 1
+    np.testing.assert_array_equal(resample(w, 0.5), np.full(16, 9))
+
+
+def test_rows_are_resampled_apart():
+    rng = np.random.default_rng(1)
+    w, u = rng.dirichlet(np.full(30, 0.2), 8), rng.uniform(size=8)
+    together = random_numbers.systematic(w, u)
+    for r in range(8):
+        np.testing.assert_array_equal(together[r], resample(w[r], u[r]))
+
+
+def test_weights_that_are_a_view_are_read_in_order():
+    w = np.random.default_rng(2).dirichlet(np.full(30, 0.2), 8)
+    u = np.full(8, 0.4)
+    np.testing.assert_array_equal(random_numbers.systematic(w.T.copy().T, u), random_numbers.systematic(w, u))
+
+
+@pytest.mark.parametrize("bad", [np.nan, -1.0, np.inf, -np.inf, 1e300])
+def test_bad_weights_choose_particles_that_exist(bad):
+    """Whatever they choose: nothing is written or read beside the row."""
+    w = np.full((3, 40), 1 / 40)
+    w[1, ::7] = bad
+    chosen = random_numbers.systematic(w, np.full(3, 0.5))
+    assert ((chosen >= 0) & (chosen < 40)).all()
+    np.testing.assert_array_equal(chosen[[0, 2]], np.tile(np.arange(40), (2, 1)))

@@ -1,0 +1,417 @@
+"""The MRCLAM adapter, on small data sets written here in the same format, and on the real one where it lies around."""
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cooploc import scenarios
+from cooploc.estimators import make
+from cooploc.estimators.models.angles import wrap
+from cooploc.scenarios.recordings import text_tables
+from cooploc.scenarios.recordings.mrclam import Mrclam
+from cooploc.scenarios.runner.run import run
+from cooploc.scenarios.stream import Stream
+
+EPOCH = 1248272000.0  # stamps are seconds of the day's clock, with milliseconds
+SECONDS = 6.0
+BARCODES = {1: 5, 2: 14, 3: 41, 4: 32, 5: 23}  # subject: two robots, three landmarks
+PLACES = {5: (3.0, 1.0), 3: (-1.0, 2.0), 4: (0.5, -2.0)}  # not in the order of their numbers
+DRIVES = {1: (0.5, 0.9, (0.0, 0.0, 2.0)), 2: (0.3, -0.7, (1.0, 1.0, -2.5))}  # v, omega, start
+FIRST_COMMAND = {1: 0.1, 2: 0.25}  # so the prior is at 0.25 s
+
+
+def pose(robot, t):
+    """On a circle, from 0 s on; both robots cross the cut of the heading."""
+    v, omega, (x, y, heading) = DRIVES[robot]
+    a = heading + omega * t
+    r = v / omega
+    return np.stack([x + r * (np.sin(a) - np.sin(heading)), y - r * (np.cos(a) - np.cos(heading)), wrap(a)], -1)
+
+
+def write(path, rows, end="\r\n"):
+    """Four remarks, then tab-separated numbers; the first column of a robot's file is a time after EPOCH."""
+    if path.name.startswith("Robot"):
+        rows = [(f"{EPOCH + t:.3f}", *rest) for t, *rest in rows]
+    lines = [f"# remark {i}" for i in range(4)] + ["  " + " \t ".join(map(str, row)) + " " for row in rows]
+    path.write_bytes("".join(line + end for line in lines).encode())
+
+
+def read_later(data, robot, rows):
+    """Replace what a robot measured: (time, barcode, range, bearing)."""
+    write(data / f"Robot{robot}_Measurement.dat", rows)
+
+
+def write_truth(data, robot, stamps):
+    at = np.asarray(stamps)
+    write(data / f"Robot{robot}_Groundtruth.dat", [(t, *p.round(8)) for t, p in zip(at, pose(robot, at), strict=True)])
+
+
+@pytest.fixture
+def data(tmp_path):
+    write(tmp_path / "Barcodes.dat", BARCODES.items())
+    write(tmp_path / "Landmark_Groundtruth.dat", [(s, *place, 1e-4, 1e-4) for s, place in PLACES.items()])
+    for i, (v, omega, _) in DRIVES.items():
+        write_truth(tmp_path, i, np.arange(0, SECONDS + 0.001, 0.016))
+        stamps = np.arange(FIRST_COMMAND[i], SECONDS, 0.013)
+        write(tmp_path / f"Robot{i}_Odometry.dat", [(t, v, omega) for t in stamps])
+    read_later(tmp_path, 1, [(1.01, 23, 3.0, 0.1), (1.09, 14, 1.5, -0.2), (2.26, 41, 2.0, 0.3)])
+    read_later(tmp_path, 2, [(1.31, 32, 1.0, 0.4), (3.0, 5, 2.5, -0.5)])
+    return tmp_path
+
+
+def simulate(data, sees="all", **overrides):
+    return scenarios.simulate(f"mrclam/{sees}", data=data, **overrides)
+
+
+def refused(data, **overrides):
+    """The error's text, which must be one line."""
+    with pytest.raises(ValueError, match=r".") as caught:
+        simulate(data, **overrides)
+    message = str(caught.value)
+    assert "\n" not in message
+    return message
+
+
+def replace_line(path, number, text):
+    lines = path.read_bytes().split(b"\r\n")
+    lines[number - 1] = text if isinstance(text, bytes) else text.encode()
+    path.write_bytes(b"\r\n".join(lines))
+
+
+# What the team was, where it drove
+
+
+def test_truth_is_recovered_on_the_grid_and_across_the_cut_of_the_heading(data):
+    truth, stream = simulate(data)
+    at = stream.time - EPOCH
+    np.testing.assert_allclose(at, 0.25 + 0.1 * np.arange(1, len(at) + 1), atol=1e-6)
+    for i in (1, 2):
+        error = truth.x[0, :, i - 1] - pose(i, at)
+        error[:, 2] = wrap(error[:, 2])
+        assert np.abs(error).max() < 1e-4
+        assert np.abs(np.diff(truth.x[0, :, i - 1, 2])).max() > 6  # it did cross
+    assert truth.valid.all()
+    assert truth.origin == stream.hashes
+
+
+def test_the_heading_is_interpolated_the_short_way_round(data):
+    for i in (1, 2):
+        write_truth(data, i, np.arange(0, SECONDS, 0.4))
+    truth, stream = simulate(data)
+    for i in (1, 2):
+        assert np.abs(wrap(truth.x[0, :, i - 1, 2] - pose(i, stream.time - EPOCH)[:, 2])).max() < 1e-6
+
+
+def test_interpolation_knows_nothing_outside_and_in_holes_but_their_edges():
+    at = np.array([0.9, 1.0, 1.5, 2.0, 2.1, 3.9, 4.0, 4.1])
+    got = text_tables.interpolated(np.array([1.0, 2.0, 4.0]), np.array([[0.0], [1.0], [5.0]]), at, max_gap=1.0)
+    np.testing.assert_allclose(got[:, 0], [np.nan, 0, 0.5, 1, np.nan, np.nan, 5, np.nan])
+
+
+def test_the_prior_is_the_true_pose_when_every_robot_has_truth_and_a_command(data):
+    _, stream = simulate(data, prior_position=0.02, prior_heading=0.03)
+    assert stream.world.t0 == pytest.approx(EPOCH + 0.25)
+    np.testing.assert_allclose(stream.prior.x[0], [pose(i, 0.25) for i in (1, 2)], atol=1e-4)
+    np.testing.assert_allclose(stream.prior.P[0, 1], np.diag([0.02**2, 0.02**2, 0.03**2]))
+    assert "true pose" in stream.notes["prior"]
+
+
+def test_start_and_duration_choose_a_part(data):
+    truth, stream = simulate(data, start=1.0, duration=2.0)
+    assert len(stream.time) == 20
+    np.testing.assert_allclose(stream.time[[0, -1]] - EPOCH, [1.35, 3.25], atol=1e-6)
+    np.testing.assert_allclose(truth.x[0, :, 0, :2], pose(1, stream.time - EPOCH)[:, :2], atol=1e-4)
+
+
+def test_world_is_what_the_files_say(data):
+    world = Mrclam(data=data).world()
+    assert (world.robots, world.tick, set(world.sensors)) == (2, 0.1, {"landmark", "sighting"})
+    np.testing.assert_array_equal(world.landmarks, list(PLACES.values()))
+    assert (world.arena[0] < world.landmarks.min(0)).all()
+    assert (world.arena[1] > world.landmarks.max(0)).all()
+
+
+@pytest.mark.parametrize("hole", ["inside", "end"])
+def test_truth_is_masked_where_it_was_not_recorded(data, hole):
+    stamps = np.arange(0, SECONDS + 0.001, 0.016)
+    lost = ((stamps > 2.0) & (stamps < 3.0)) if hole == "inside" else stamps > 2.0
+    write_truth(data, 2, stamps[~lost])
+    truth, stream = simulate(data)
+    at = stream.time - EPOCH
+    expected = (at < 2.0) | (at > 3.0) if hole == "inside" else at < 2.0
+    np.testing.assert_array_equal(truth.valid[0, :, 1], expected)
+    assert truth.valid[0, :, 0].all()
+    assert np.isnan(truth.x[0, ~expected, 1]).all()
+    assert np.isfinite(truth.x[truth.valid]).all()
+    assert stream.notes["truth_masked"] == [0, int((~expected).sum())]
+    assert simulate(data, max_gap=2.0)[0].valid[0, :, 1].sum() == (len(at) if hole == "inside" else expected.sum())
+
+
+def test_until_all_ends_with_the_first_robot_that_loses_its_truth(data):
+    write_truth(data, 2, np.arange(0, 3.0, 0.016))
+    truth, stream = simulate(data, until="all")
+    assert truth.valid.all()
+    assert 2.8 < stream.time[-1] - EPOCH < 3.0
+
+
+def test_short_holes_are_interpolated(data):
+    stamps = np.arange(0, SECONDS + 0.001, 0.016)
+    write_truth(data, 2, stamps[(stamps < 2.0) | (stamps > 2.3)])
+    truth, stream = simulate(data)
+    assert truth.valid.all()
+    assert np.abs(truth.x[0, :, 1, :2] - pose(2, stream.time - EPOCH)[:, :2]).max() < 0.01
+
+
+# What was sensed
+
+
+def test_a_command_holds_until_the_next_and_is_averaged_over_the_tick(data):
+    rng = np.random.default_rng(3)
+    stamps = np.sort(rng.uniform(0.3, SECONDS, 150)).round(3)
+    commands = rng.normal(0, 1, (150, 2)).round(3)
+    write(data / "Robot1_Odometry.dat", [(t, *u) for t, u in zip(stamps, commands, strict=True)])
+    _, stream = simulate(data)
+    fine = np.arange(0, SECONDS, 1e-4) + 5e-5
+    held = commands[np.maximum(np.searchsorted(stamps, fine) - 1, 0)]
+    for k, end in enumerate(stream.time - EPOCH):
+        within = (fine > end - 0.1) & (fine <= end)
+        np.testing.assert_allclose(stream.senses.odometry[0, k, 0], held[within].mean(0), atol=5e-3)
+
+
+def test_odometry_is_absent_before_the_first_command_and_after_the_last():
+    u = text_tables.held_mean(
+        np.array([0.15, 0.42]), np.array([[1.0], [3.0]]), np.array([0.0, 0.1, 0.2, 0.4, 0.5, 0.6])
+    )
+    np.testing.assert_allclose(u[:, 0], [np.nan, np.nan, 1.0, 0.2 * 1 + 0.8 * 3, np.nan])
+
+
+def test_odometry_that_ends_early_is_counted(data):
+    write(data / "Robot2_Odometry.dat", [(t, 0.3, -0.7) for t in np.arange(0.25, 3.0, 0.013)])
+    _, stream = simulate(data)
+    absent = np.isnan(stream.senses.odometry[0, :, 1]).any(-1)
+    np.testing.assert_array_equal(absent, stream.time - EPOCH - 0.1 > 2.99)
+    assert stream.notes["odometry_missing"] == [0, int(absent.sum())]
+
+
+def test_dead_reckoning_follows_commands_that_were_obeyed(data):
+    truth, stream = simulate(data)
+    trace = run({"dr": make("dead-reckoning")}, stream).traces["dr"]
+    assert np.abs(trace.x - truth.x)[..., :2].max() < 1e-3
+
+
+def test_a_barcode_names_a_robot_or_a_landmark_and_a_reading_goes_to_the_nearest_tick(data):
+    _, stream = simulate(data)
+    landmark, sighting = stream.senses.landmark[0], stream.senses.sighting[0]
+    assert landmark.shape == (57, 2, 3, 2)
+    assert sighting.shape == (57, 2, 2, 2)
+    cells = {  # tick k ends at 0.35 + 0.1 k
+        ("landmark", 7, 0, 0): (3.0, 0.1),  # 1.01 s
+        ("sighting", 7, 0, 1): (1.5, -0.2),  # 1.09 s
+        ("landmark", 19, 0, 1): (2.0, 0.3),  # 2.26 s
+        ("landmark", 10, 1, 2): (1.0, 0.4),  # 1.31 s
+        ("sighting", 27, 1, 0): (2.5, -0.5),
+    }
+    for (channel, k, i, j), reading in cells.items():
+        np.testing.assert_allclose(getattr(stream.senses, channel)[0, k, i, j], reading)
+    assert np.isfinite(landmark[..., 0]).sum() + np.isfinite(sighting[..., 0]).sum() == len(cells)
+    assert stream.notes["readings"] == stream.notes["readings_kept"] == len(cells)
+
+
+@pytest.mark.parametrize(("sees", "users"), [("all", [True, True]), ("one", [True, False]), ("none", [False, False])])
+def test_who_uses_landmarks(data, sees, users):
+    _, stream = simulate(data, sees)
+    full = simulate(data)[1]
+    assert stream.channels() == {"odometry", "landmark", "sighting"}
+    np.testing.assert_array_equal(np.isfinite(stream.senses.landmark[0]).any((0, 2, 3)), users)
+    np.testing.assert_array_equal(stream.senses.sighting, full.senses.sighting)
+    run({name: make(name) for name in ("ekf-local", "ekf-joint")}, stream)
+
+
+def test_everyone_hears_everyone_else_and_there_is_no_radio(data):
+    _, stream = simulate(data)
+    assert (stream.air.link == ~np.eye(2, dtype=bool)).all()
+    assert stream.air.rssi.shape == stream.air.range.shape == (1, len(stream.time), 2, 0)
+    assert (stream.senses.dt == 0.1).all()
+
+
+def test_a_collision_keeps_the_last_and_is_counted(data):
+    read_later(data, 1, [(1.02, 23, 3.0, 0.1), (1.03, 41, 9.0, 0.0), (1.05, 23, 4.0, 0.2), (1.08, 23, 5.0, 0.3)])
+    _, stream = simulate(data)
+    np.testing.assert_allclose(stream.senses.landmark[0, 7, 0, 0], [5.0, 0.3])
+    assert (stream.notes["collisions"], stream.notes["readings"], stream.notes["readings_kept"]) == (2, 6, 4)
+
+
+def test_what_is_dropped_is_counted_with_the_place_of_unknown_barcodes(data):
+    rows = [(0.2, 23, 3.0, 0.1), (1.0, 5, 1.0, 0.0), (1.1, 99, 1.0, 0.0), (1.2, 99, 1.0, 0.0), (9.0, 41, 1.0, 0.0)]
+    read_later(data, 1, rows)
+    _, stream = simulate(data)
+    notes = stream.notes
+    assert notes["unknown_barcodes"] == {"99": {"count": 2, "first": "Robot1_Measurement.dat, line 7"}}
+    assert (notes["self_sightings"], notes["outside_span"], notes["collisions"]) == (1, 2, 0)
+    assert (notes["readings"], notes["readings_kept"]) == (7, 2)
+    assert not np.isfinite(stream.senses.sighting[0, :, [0, 1], [0, 1]]).any()
+    assert str(data) not in json.dumps(notes)
+
+
+def test_a_clock_set_back_a_little_is_put_in_order_and_counted(data):
+    stamps = [0.25, 1.0, 2.0, 1.9, 3.0, SECONDS]  # as in data set 9
+    write(data / "Robot2_Odometry.dat", [(t, t, 0.0) for t in stamps])
+    _, stream = simulate(data)
+    k = int(np.flatnonzero(np.isclose(stream.time - EPOCH, 1.95))[0])
+    assert stream.senses.odometry[0, k, 1, 0] == pytest.approx((1.0 + 1.9) / 2)
+    assert stream.notes["clock_set_back"] == {"Robot2_Odometry.dat": 1}
+
+
+def test_other_line_ends_blank_lines_and_remarks_are_read_alike(data):
+    before = simulate(data)[1].hash
+    for path in data.glob("*.dat"):
+        path.write_bytes(path.read_bytes().replace(b"\r\n", b" # and so on\n \n"))
+    assert simulate(data)[1].hash == before
+
+
+# A recording as a scenario
+
+
+@pytest.mark.parametrize("trials", [2, [1], [0, 1]])
+def test_there_is_one_trial(data, trials):
+    message = refused(data, trials=trials)
+    assert "recording" in message
+    assert "trials=1" in message
+
+
+def test_the_seed_changes_nothing_and_assumptions_leave_the_readings(data):
+    truth, stream = simulate(data, seed=1)
+    assert simulate(data, seed=2)[1].hashes == stream.hashes
+    told = simulate(data, assumed={"sigma_range": 1.0})[1]
+    assert told.hashes == stream.hashes
+    assert told.world.sensors["landmark"].R[0, 0] == 1.0
+    assert (truth.trial, stream.seed) == (0, 1)
+
+
+def test_a_stream_survives_its_file(data, tmp_path):
+    _, stream = simulate(data, "one")
+    stream.save(tmp_path / "stream.npz")
+    back = Stream.load(tmp_path / "stream.npz")
+    assert (back.hashes, back.notes, back.world.t0) == (stream.hashes, stream.notes, stream.world.t0)
+
+
+# Bad input
+
+
+MALFORMED = [
+    ("Robot1_Groundtruth.dat", 7, "1248272000.032 \t 1.0 \t 2.0", ["3 columns", "4", "heading"]),
+    ("Robot1_Groundtruth.dat", 9, "1248272000.064 1 2 3 4", ["5 columns"]),
+    ("Robot2_Groundtruth.dat", 5, "1248272000.000 1 nan 3", ["y [m]", "'nan'"]),
+    ("Robot2_Odometry.dat", 8, "1248272000.289 0.3 fast", ["omega", "'fast'"]),
+    ("Robot2_Odometry.dat", 8, "1248272000.289 inf 0", ["v [m/s]", "'inf'"]),
+    ("Robot1_Odometry.dat", 20, "1248271999.000 0.3 0.1", ["before", "sort"]),
+    ("Robot2_Measurement.dat", 6, "1248272000.300 14 1 0", ["before", "sort"]),
+    ("Robot1_Measurement.dat", 6, "1248272001.000 14.5 1 0", ["14.5", "whole"]),
+    ("Robot1_Measurement.dat", 6, b"1248272001.000 \xe9 1 0", ["plain text"]),
+    ("Robot1_Measurement.dat", 7, b"\x00\x01\x02", ["plain text"]),
+    ("Barcodes.dat", 6, "2 5", ["barcode 5", "before"]),
+    ("Barcodes.dat", 6, "1 14", ["subject 1", "before"]),
+    ("Barcodes.dat", 6, "2.5 14", ["subject 2.5", "whole"]),
+    ("Landmark_Groundtruth.dat", 6, "5 0 0 0 0", ["subject 5", "before"]),
+    ("Landmark_Groundtruth.dat", 6, "2 0 0 0 0", ["landmark 2", "robot"]),
+    ("Landmark_Groundtruth.dat", 6, "8 0 0 0 0", ["landmark 8", "Barcodes.dat"]),
+]
+
+
+@pytest.mark.parametrize(("name", "line", "text", "says"), MALFORMED)
+def test_a_malformed_line_is_named(data, name, line, text, says):
+    replace_line(data / name, line, text)
+    message = refused(data)
+    for part in (name, f"line {line}", *says):
+        assert part in message
+
+
+@pytest.mark.parametrize("columns", [1, 3])
+def test_a_file_with_another_number_of_columns_is_refused_at_its_first_line(data, columns):
+    write(data / "Barcodes.dat", [(i, *range(columns - 1)) for i in range(5)])
+    assert f"line 5: {columns} columns, not 2" in refused(data)
+
+
+def test_a_robot_without_a_barcode_is_named(data):
+    replace_line(data / "Barcodes.dat", 6, "")
+    message = refused(data)
+    assert "Barcodes.dat" in message
+    assert "robot 2" in message
+
+
+@pytest.mark.parametrize("content", [b"", b"# only\r\n# remarks\r\n"])
+def test_an_empty_file_is_named(data, content):
+    (data / "Robot2_Measurement.dat").write_bytes(content)
+    message = refused(data)
+    assert "Robot2_Measurement.dat" in message
+    assert "empty" in message
+
+
+@pytest.mark.parametrize(
+    "name", ["Barcodes.dat", "Landmark_Groundtruth.dat", "Robot2_Groundtruth.dat", "Robot1_Odometry.dat"]
+)
+def test_a_missing_file_is_named(data, name):
+    (data / name).unlink()
+    message = refused(data)
+    assert name in message
+    assert "no such file" in message
+
+
+def test_a_directory_in_a_files_place_is_named(data):
+    (data / "Barcodes.dat").unlink()
+    (data / "Barcodes.dat").mkdir()
+    assert "Barcodes.dat: cannot be read" in refused(data)
+
+
+def test_a_missing_directory_is_named(tmp_path):
+    message = refused(tmp_path / "nowhere")
+    assert "nowhere" in message
+    assert "directory" in message
+
+
+def test_a_part_that_is_not_there_is_refused(data):
+    message = refused(data, start=10.0)
+    assert "start=10" in message
+    stamps = np.arange(0, SECONDS + 0.001, 0.016)
+    write_truth(data, 2, stamps[(stamps < 2.0) | (stamps > 3.0)])
+    message = refused(data, start=2.0)
+    assert "robot 2 has no truth" in message
+    assert "choose another start" in message
+
+
+@pytest.mark.parametrize("override", [{"tick": 0}, {"max_gap": 0}, {"sigma_v": -1}, {"robots": 5}, {"start": -1}])
+def test_a_bad_parameter_is_named(data, override):
+    assert next(iter(override)) in refused(data, **override)
+
+
+# The real recording
+
+
+REAL = Path(os.environ.get("COOPLOC_DATA", Path(__file__).parents[3] / "shared" / "data")) / "mrclam6"
+
+
+@pytest.mark.skipif(not REAL.is_dir(), reason="MRCLAM data set 6 is not here; set COOPLOC_DATA to where mrclam6/ lies")
+def test_data_set_6():
+    truth, stream = simulate(REAL, until="any")
+    assert (stream.world.robots, len(stream.world.landmarks), stream.senses.landmark.shape[3]) == (5, 15, 15)
+    last = [int(np.flatnonzero(valid)[-1]) for valid in truth.valid[0].T]
+    assert last[1:] == [len(stream.time) - 1] * 4
+    assert (len(stream.time) - 1 - last[0]) * 0.1 == pytest.approx(128, abs=1)  # robot 1's truth stops early
+    assert (last[0] + 1) * 0.1 == pytest.approx(756, abs=1)
+    hole = np.flatnonzero(~truth.valid[0, :, 3])
+    assert 15 <= len(hole) <= 30  # robot 4's hole of 2 s, and one of half a second
+    assert np.isfinite(truth.x[truth.valid]).all()
+    assert np.isfinite(stream.senses.odometry).all()
+    seen = np.isfinite(stream.senses.landmark[0, ..., 0]).sum() + np.isfinite(stream.senses.sighting[0, ..., 0]).sum()
+    notes = stream.notes
+    unknown = sum(code["count"] for code in notes["unknown_barcodes"].values())
+    assert (notes["readings"], seen, unknown) == (19377, notes["readings_kept"], 6)
+    dropped = notes["collisions"] + notes["outside_span"] + notes["self_sightings"] + unknown
+    assert notes["readings"] == notes["readings_kept"] + dropped
+    # The bearings fit the interpolated truth, so clocks, frames and barcodes are understood.
+    delta = stream.world.landmarks - truth.x[0, :, :, None, :2]
+    expected = np.arctan2(delta[..., 1], delta[..., 0]) - truth.x[0, :, :, None, 2]
+    assert np.nanmedian(np.abs(wrap(stream.senses.landmark[0, ..., 1] - expected))) < 0.01

@@ -1,0 +1,130 @@
+"""Study files: what they sweep, include and refuse."""
+
+import pytest
+
+import cooploc as cl
+from cooploc import scenarios
+from cooploc.scenarios.studies import study
+from cooploc.scenarios.studies.sweep import expand
+
+
+@pytest.mark.parametrize("name", study.names())
+def test_shipped_studies_name_only_what_there_is(name):
+    shipped = study.load(name)
+    assert shipped.about
+    cells = shipped.cells()
+    for label in {estimator for cell in cells for estimator in cell.estimators}:
+        cl.make(label)
+    for cell in cells:
+        assert cell.baseline in cell.estimators
+        if not scenarios.family(cell.scenario).recorded:
+            scenarios.scenario(cell.scenario)
+
+
+def test_paper_is_all_of_its_studies():
+    everything = {(cell.scenario, name) for cell in study.load("paper").cells() for name in cell.estimators}
+    named = (
+        "robots-1-3, trajectory, scalability, nlos, packet-drop, arena-60m, asynchrony, anchors, radio-range, cost, "
+        "variants"
+    )
+    for name in named.split(", "):
+        assert {(c.scenario, e) for c in study.load(name).cells() for e in c.estimators} <= everything
+    assert study.load("paper").trials == 100
+
+
+@pytest.mark.parametrize(
+    ("label", "stands_for"),
+    [
+        ("nlos", ["nlos"]),
+        ("packet-drop/drop={0,0.98}", ["packet-drop/drop=0", "packet-drop/drop=0.98"]),
+        ("scalability/n={1..5..2}", ["scalability/n=1", "scalability/n=3", "scalability/n=5"]),
+        ("a/n={2..3}[sd={0..0.2..0.1}]", [f"a/n={n}[sd={sd}]" for n in (2, 3) for sd in ("0", "0.1", "0.2")]),
+        ("ekf-{local,joint}[x=1]", ["ekf-local[x=1]", "ekf-joint[x=1]"]),
+        ("arl[plain]", ["arl[M=1,K=1]"]),
+        ("arl[plain,point=max]", ["arl[M=1,K=1,point=max]"]),
+        ("arl[{plain,own=rssi}]", ["arl[M=1,K=1]", "arl[own=rssi]"]),
+    ],
+)
+def test_a_label_stands_for_what_it_sweeps(label, stands_for):
+    assert expand(label, {"plain": "M=1,K=1"}) == stands_for
+
+
+@pytest.mark.parametrize(
+    ("label", "said"),
+    [
+        ("a/n={1..", "write a sweep like"),
+        ("a/n={1,{2,3}}", "write a sweep like"),
+        ("a/n=1}", "closed that was not opened"),
+        ("a/n={1..x}", "write first..last"),
+        ("a/n={1..2..3..4}", "write first..last"),
+        ("a/n={5..1}", "it must rise"),
+        ("a/n={1..5..0}", "it must rise"),
+        ("arl[plan]", "did you mean 'plain'?"),
+    ],
+)
+def test_a_sweep_that_cannot_be_read_says_so(label, said):
+    with pytest.raises(cl.BadInput) as refusal:
+        expand(label, {"plain": "M=1,K=1"})
+    assert said in str(refusal.value)
+    assert label in str(refusal.value)
+
+
+GOOD = 'baseline = "arl"\nscenarios = ["trajectory"]\nestimators = ["arl"]\n'
+ALSO = GOOD + '[[also]]\nscenarios = ["nlos"]\nestimators = ["arl", "rssi-pf"]\n'
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (GOOD + "trails = 3\n", "there is no key 'trails' in a study; did you mean 'trials'?"),
+        (ALSO + "estimator = 3\n", "there is no key 'estimator' in a block of [[also]]; did you mean 'estimators'?"),
+        (GOOD + "trials = 0\n", "trials: Input should be greater than or equal to 1"),
+        (GOOD + "time_limit = -1\n", "time_limit: Input should be greater than 0"),
+        (GOOD + "trials = [\n", "is not a TOML file"),
+        (GOOD.replace('["arl"]', "[]"), "it has scenarios and no estimators"),
+        (GOOD.replace('baseline = "arl"', 'baseline = "ctrn"'), "compares with 'ctrn', which is not one of its est"),
+        (GOOD.replace("trajectory", "nlos/n={1.."), "write a sweep like"),
+        ('include = ["quik"]\n', "there is no study 'quik'; did you mean 'quick'?"),
+        ("", "has no scenarios"),
+    ],
+)
+def test_a_study_file_that_is_wrong_says_where(tmp_path, content, said):
+    file = tmp_path / "mine.toml"
+    file.write_text(content)
+    with pytest.raises(cl.BadInput) as refusal:
+        study.load(str(file))
+    assert said in str(refusal.value)
+    assert "mine.toml" in str(refusal.value) or "quik" in str(refusal.value)
+
+
+def test_a_study_that_includes_itself_is_refused(tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_text(f'include = ["{file}"]\n')
+    with pytest.raises(cl.BadInput, match="includes itself"):
+        study.load(str(file))
+
+
+def test_a_study_file_is_named_after_its_file(tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_text(GOOD)
+    assert study.load(str(file)).name == "mine"
+
+
+def test_blocks_add_up_and_included_studies_keep_their_name_and_baseline(tmp_path):
+    (tmp_path / "inner.toml").write_text(ALSO.replace('"nlos"', '"nlos", "trajectory"'))
+    (tmp_path / "outer.toml").write_text(f'about = "x"\ninclude = ["{tmp_path}/inner.toml", "anchors"]\n')
+    cells = {cell.scenario: cell for cell in study.load(str(tmp_path / "outer.toml")).cells()}
+    assert cells["trajectory"] == ("inner", "trajectory", ("arl", "rssi-pf"), "arl")
+    assert cells["anchors/a=3"].experiment == "anchors"
+    assert cells["anchors/a=3"].baseline == "rssi-pf"
+
+
+def test_options_choose_among_the_estimators_and_add_others_everywhere(tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_text(ALSO)
+    chosen = study.load(str(file)).with_options(only=["rssi-pf", "ekf-{local,joint}"]).cells()
+    assert [cell.estimators for cell in chosen] == [
+        ("ekf-local", "ekf-joint"),
+        ("rssi-pf", "ekf-local", "ekf-joint"),
+    ]
+    assert [cell.baseline for cell in chosen] == ["ekf-local", "rssi-pf"]
