@@ -7,8 +7,9 @@ import pandas as pd
 from rich.console import Console
 from rich.table import Table
 
-from cooploc.analysis.execution.certificates import line, mark
+from cooploc.analysis.execution.certificates import line
 from cooploc.analysis.execution.run_directory import Piece, RunDir
+from cooploc.analysis.metrics.certificate_line import mark
 from cooploc.estimators.plugins.errors import BadInput
 
 

@@ -5,6 +5,7 @@ register a class under the entry-point group `cooploc.estimators`, or pass an in
 """
 
 import re
+import warnings
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from importlib import import_module
@@ -21,6 +22,7 @@ from cooploc.estimators.plugins.errors import nearest as nearest
 from cooploc.estimators.plugins.python_file import found_in_file, is_file
 
 GROUP = "cooploc.estimators"
+RENAMED = {"own": "anchor_reading"}  # old spellings of parameters
 
 # name -> where it is, and the parameters that make it that
 BUILTIN: dict[str, tuple[str, dict[str, Any]]] = {
@@ -69,10 +71,20 @@ def make(name: str, **parameters: Any) -> Any:
             raise BadInput(f"estimator {name!r} is not a dataclass, so it has no parameters: decorate its class")
         return _called(name, found, {})
     known = [f.name for f in fields(found) if f.init and f.name != "uses"]
+    given = {_today(name, key, known): value for key, value in given.items()}
     for key in given:
         if key not in known:
             raise BadInput(f"estimator {name!r} has no parameter {key!r}; {nearest(key, known)}")
     return _validated(name, found, given)
+
+
+def _today(name: str, key: str, known: list[str]) -> str:
+    """The parameter's name today; an old spelling is accepted for one version, with a warning."""
+    new = RENAMED.get(key, "")
+    if key in known or new not in known:
+        return key
+    warnings.warn(f"estimator {name!r}: write {new}= instead of {key}=", FutureWarning, stacklevel=3)
+    return new
 
 
 def _validated(name: str, cls: type, given: dict[str, Any]) -> Any:

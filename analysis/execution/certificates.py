@@ -15,6 +15,7 @@ import pandas as pd
 
 from cooploc.analysis.execution.provenance import files
 from cooploc.analysis.execution.workers import ONE_THREAD, begin_worker
+from cooploc.analysis.metrics.certificate_line import mark
 from cooploc.estimators import BUILTIN, make, parse
 from cooploc.scenarios.conformance.check import Report, check_estimator
 
@@ -78,29 +79,6 @@ def with_lines(rows: pd.DataFrame, certificates: dict[str, Any]) -> pd.DataFrame
     """The rows of a run with a column `certificate`."""
     lines = {label: line(label, certificates) for label in rows["estimator"].unique()}
     return rows.assign(certificate=rows["estimator"].map(lines))
-
-
-def refused(told: str) -> bool:
-    """Whether a certificate's line keeps an estimator from being ranked."""
-    return told.startswith("failed")
-
-
-def mark(told: str) -> str:
-    """A certificate's line in a word or two: "✓ 16 checks", "✗ causality", "unchecked"."""
-    status, _, found = told.partition(": ")
-    return {"passed": f"✓ {found}", "failed": f"✗ {found.partition(':')[0]}"}.get(status, status)
-
-
-def remarks(table: pd.DataFrame) -> list[str]:
-    """A sentence on everyone in a table of `compare` that did not pass."""
-    once = table.drop_duplicates("estimator")
-    told = zip(once["estimator"], once["certificate"], strict=True)
-    return [_remark(name, found) for name, found in told if found and not found.startswith("passed")]
-
-
-def _remark(name: str, told: str) -> str:
-    status, _, found = told.partition(": ")
-    return f"{name} failed a check and is not ranked: {found}" if status == "failed" else f"{name} is {status}: {found}"
 
 
 def _checked(label: str) -> dict[str, Any]:

@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from cooploc.analysis.execution.certificates import refused
 from cooploc.analysis.metrics import statistics
+from cooploc.analysis.metrics.certificate_line import refused
 from cooploc.analysis.metrics.compare import consistency, demand_same_streams, per_trial, succeeded, summarize
 from cooploc.analysis.metrics.consistency import DOUBTFUL
 from cooploc.estimators.interface import Array, Mask

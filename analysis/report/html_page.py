@@ -14,8 +14,8 @@ from markupsafe import Markup
 from cooploc.analysis.claims import verdicts
 from cooploc.analysis.claims.ledger import BASE, Ledger
 from cooploc.analysis.claims.trial_table import collect
-from cooploc.analysis.execution import certificates
 from cooploc.analysis.execution.stored_run import Kept
+from cooploc.analysis.metrics import certificate_line
 from cooploc.analysis.metrics.compare import compare, notes
 from cooploc.analysis.metrics.crlb import floors
 from cooploc.analysis.report import report_tables, summaries, svg_figures, tables
@@ -105,7 +105,7 @@ def content(kept: Kept, ledger: Ledger) -> dict[str, Any]:
         "answer": answer,
         "experiments": experiments,
         "gaps": [f"{s}, {e}: {n} of the trials that were asked for are not there" for (s, e), n in kept.gaps.items()],
-        "unproven": certificates.remarks(table),
+        "unproven": certificate_line.remarks(table),
         "failures": _failures(kept.rows),
         "notes": notes(kept.rows),
         "methods": METHODS,

@@ -9,7 +9,7 @@ import pandas as pd
 
 from cooploc.analysis.claims import wording
 from cooploc.analysis.claims.ledger import BASE, Ledger
-from cooploc.analysis.execution.certificates import mark, refused
+from cooploc.analysis.metrics.certificate_line import mark, refused
 from cooploc.analysis.report.summaries import Change, Standing, sentence
 from cooploc.analysis.report.tables import Cell, Column, Table, interval, number, text
 

@@ -14,8 +14,8 @@ import numpy as np
 import pandas as pd
 
 from cooploc.analysis.claims.trial_table import Missing, Results
-from cooploc.analysis.execution.certificates import mark, refused
 from cooploc.analysis.metrics import statistics
+from cooploc.analysis.metrics.certificate_line import mark, refused
 from cooploc.analysis.metrics.compare import MARGIN
 from cooploc.analysis.metrics.consistency import DOUBTFUL, OVER_CONFIDENT
 from cooploc.analysis.metrics.over_time import sweep

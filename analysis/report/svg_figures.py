@@ -19,7 +19,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from cooploc.analysis.execution.certificates import refused
+from cooploc.analysis.metrics.certificate_line import refused
 from cooploc.analysis.metrics.consistency import CONSERVATIVE, OVER_CONFIDENT
 from cooploc.analysis.metrics.over_time import sweep
 from cooploc.analysis.metrics.ranking import front

@@ -9,8 +9,8 @@ import pandas as pd
 from rich.console import Console
 from rich.table import Table
 
-from cooploc.analysis.execution import certificates
-from cooploc.analysis.execution.certificates import mark, refused
+from cooploc.analysis.metrics import certificate_line
+from cooploc.analysis.metrics.certificate_line import mark, refused
 from cooploc.analysis.metrics.compare import SUMMARY, notes, succeeded
 
 HEADS = (
@@ -65,7 +65,7 @@ def show(table: pd.DataFrame, rows: pd.DataFrame, folder: Path, as_json: bool) -
         console.print(LEGEND, style="dim", soft_wrap=True)
         for line in notes(rows):
             console.print(line, soft_wrap=True)
-    for line in certificates.remarks(table):
+    for line in certificate_line.remarks(table):
         console.print(line, soft_wrap=True)
     for row in rows[rows["failure"].notna()].drop_duplicates(["scenario", "estimator", "failure"]).itertuples():
         console.print(f"failed: {row.scenario}, {row.estimator}, trial {row.trial}: {row.failure}", soft_wrap=True)

@@ -13,10 +13,11 @@ from test_page import Outline, kept_from, rows_of
 
 from cooploc.analysis.claims.ledger import load
 from cooploc.analysis.claims.trial_table import collect
-from cooploc.analysis.execution import certificates
-from cooploc.analysis.execution.certificates import certify, line, mark, outside, with_lines
+from cooploc.analysis.execution.certificates import certify, line, outside, with_lines
 from cooploc.analysis.execution.execute import Quiet, execute
 from cooploc.analysis.execution.stored_run import read
+from cooploc.analysis.metrics import certificate_line
+from cooploc.analysis.metrics.certificate_line import mark
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.ranking import ranking
 from cooploc.analysis.report import html_page, summaries
@@ -201,7 +202,7 @@ def test_nobody_is_called_best_who_failed_a_check_and_who_is_unchecked_is_said_t
     (found,) = summaries.standings(table, collect(rows))
     assert (found.best, found.barred) == ("a", ("b (failed the check causality)",))
     assert summaries.sentence(found).endswith("not called best: b (failed the check causality). Nobody has checked a.")
-    assert certificates.remarks(table) == [
+    assert certificate_line.remarks(table) == [
         "a is unchecked: by request",
         "b failed a check and is not ranked: causality: it peeks",
     ]
