@@ -14,15 +14,16 @@ before the update of robot i.
 """
 
 from dataclasses import dataclass
-from typing import ClassVar, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from cooploc.estimators.covariance_intersection.weights import relative_weights
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, Sensor, World
-from cooploc.estimators.kalman.update import GATE, distance, inflated_update, kalman, symmetric
+from cooploc.estimators.kalman.settings import TeamSettings
+from cooploc.estimators.kalman.update import distance, inflated_update, kalman, symmetric
 from cooploc.estimators.models.angles import wrap_heading
-from cooploc.estimators.models.gradient_doa import fixed, gradient_doa
+from cooploc.estimators.models.gradient_doa import fixed
 
 EXACT = 1e-9 * np.eye(2)  # [m^2] a position that is all belief and no reading
 
@@ -48,19 +49,22 @@ class Relation(NamedTuple):
 
 
 @dataclass(frozen=True)
-class EkfCi:
-    """EKF on own readings, covariance intersection on received beliefs."""
+class EkfCi(TeamSettings):
+    """EKF on own readings, covariance intersection on received beliefs.
 
-    api: ClassVar[int] = 1
-    own: Literal["doa", "rssi"] = "doa"
-    reading: Literal["rssi", "range"] = "range"  # radio reading used where no camera sees teammates
+    Parameters:
+        form: "relative", the reading updates the inflated joint; "ls", the sender states where the robot is.
+        weights: which solver finds w: "exact", a search of our own, or "cvxpy", a cone program.
+        criterion: what w minimises of the result: its "trace" or its "det".
+        over: what the criterion is about. Over the "position" [m^2] alone, headings that no reading sees are inflated
+            without bound; over the whole "state", the trace adds m^2 to rad^2.
+
+    """
+
     form: Literal["relative", "ls"] = "relative"
     weights: Literal["cvxpy", "exact"] = "exact"
     criterion: Literal["trace", "det"] = "trace"
-    # What the criterion is about. Over the position alone, headings that no reading sees are inflated without bound;
-    # over the state, the trace adds m^2 to rad^2.
     over: Literal["position", "state"] = "state"
-    gate: float = GATE
 
     @property
     def uses(self) -> tuple[str, ...]:
@@ -68,8 +72,7 @@ class EkfCi:
         return ("odometry", "anchor_rssi|landmark", relative)
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        if self.own == "doa" and "anchor_rssi" in world.sensors:
-            gradient_doa(world)
+        self.require_corners(world)
         return State(prior.x, prior.P, rows.trial * world.robots + rows.robot, rows.robot, world)
 
     def predict(self, s: State, z: Senses) -> State:
@@ -79,7 +82,7 @@ class EkfCi:
 
     def correct(self, s: State, z: Senses) -> State:
         x, P = s.x, s.P
-        for sensor, place, reading in fixed(s.world, z, self.own):
+        for sensor, place, reading in fixed(s.world, z, self.anchor_reading):
             y, H, _ = sensor.innovation(x, place, reading)
             x, P = kalman(x, P, y, H, sensor.R, self.gate)
         return s._replace(x=x, P=P)

@@ -18,16 +18,17 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from itertools import permutations
-from typing import ClassVar, Literal, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Traffic, World
 from cooploc.estimators.kalman.joint_update import add_rows, block_diagonal, definite, dense, square, subtract_products
+from cooploc.estimators.kalman.settings import TeamSettings
 from cooploc.estimators.kalman.team_readings import HEADER, linearise, pairs
-from cooploc.estimators.kalman.update import ENGINES, GATE, EngineName, distance, present, symmetric
+from cooploc.estimators.kalman.update import ENGINES, distance, present, symmetric
 from cooploc.estimators.models.angles import wrap_heading
-from cooploc.estimators.models.gradient_doa import fixed, gradient_doa
+from cooploc.estimators.models.gradient_doa import fixed
 
 At = Mapping[int, Array]  # a Jacobian (t, k, d) by robot
 RUNAWAY = 1e6  # a factor Gamma beyond this is no covariance of anything in metres; keeps stale copies finite
@@ -53,23 +54,13 @@ class Change(NamedTuple):
 
 
 @dataclass(frozen=True)
-class EkfInterim:
+class EkfInterim(TeamSettings):
     """Decentralised joint EKF, exact while no message is lost."""
 
-    api: ClassVar[int] = 1
     bound: ClassVar[bool] = False
-    own: Literal["doa", "rssi"] = "doa"
-    reading: Literal["rssi", "range"] = "range"  # radio reading used where no camera sees teammates
-    gate: float = GATE
-    engine: EngineName = "batched"
-
-    @property
-    def uses(self) -> tuple[str, ...]:
-        return ("odometry", "anchor_rssi|landmark", f"sighting|radio_{self.reading}")
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        if self.own == "doa" and "anchor_rssi" in world.sensors:
-            gradient_doa(world)
+        self.require_corners(world)
         t, n, d = prior.x.shape
         return State(prior.x, prior.P, np.zeros_like(prior.P) + np.eye(d), np.zeros((t, n, n, d, n, d)), world)
 
@@ -93,7 +84,7 @@ class EkfInterim:
             messages[:, robot] += when
             sent[:, robot] += when * (8.0 * numbers + HEADER)
 
-        for sensor, place, reading in fixed(s.world, z, self.own):
+        for sensor, place, reading in fixed(s.world, z, self.anchor_reading):
             for a in range(s.world.robots):
                 y, H, _ = sensor.innovation(s.x[:, a], place, reading[:, a])
                 s, used = self._master(s, a, y, {a: H}, sensor.R, air.heard[:, :, a])

@@ -41,10 +41,11 @@ from cooploc.estimators.kalman.joint_update import (
     stacked,
     widened,
 )
+from cooploc.estimators.kalman.settings import TeamSettings
 from cooploc.estimators.kalman.team_readings import curvature, linearise, table
-from cooploc.estimators.kalman.update import ENGINES, GATE, EngineName
+from cooploc.estimators.kalman.update import ENGINES
 from cooploc.estimators.models.angles import wrap_heading
-from cooploc.estimators.models.gradient_doa import GradientDoa, fixed, gradient_doa
+from cooploc.estimators.models.gradient_doa import GradientDoa, fixed
 from cooploc.estimators.models.motion import Displacement
 from cooploc.estimators.models.sensors import Range
 
@@ -63,31 +64,30 @@ class State(NamedTuple):
 
 
 @dataclass(frozen=True)
-class EkfJoint:
-    """Centralised EKF over all robots. Plain mode: iterations=1, second_order=False, update="sequential"."""
+class EkfJoint(TeamSettings):
+    """Centralised EKF over all robots. Plain mode: iterations=1, second_order=False, update="sequential".
 
-    api: ClassVar[int] = 1
+    Parameters:
+        iterations: how often a tick's relative readings are linearised; below 1 raises ValueError.
+        second_order: whether the mean shift and the variance of a range's second-order term are taken into account.
+        update: "batch", a tick's readings together, or "sequential", one by one.
+        lost: average share (0 to 1) of refused readings beyond which a robot starts again anywhere in the arena; 1:
+            never. With update="batch" only.
+
+    """
+
     bound: ClassVar[bool] = True
-    own: Literal["doa", "rssi"] = "doa"
-    reading: Literal["rssi", "range"] = "range"  # radio reading used where no camera sees teammates
     iterations: int = 3
     second_order: bool = True
-    update: Literal["batch", "sequential"] = "batch"  # a tick's readings together, or one by one
-    gate: float = GATE
-    lost: float = 0.5  # average share of refused readings beyond which a robot starts anew; 1: never
-    engine: EngineName = "batched"
+    update: Literal["batch", "sequential"] = "batch"
+    lost: float = 0.5
 
     def __post_init__(self) -> None:
         if self.iterations < 1:
             raise ValueError(f"iterations is {self.iterations}; it must be at least 1")
 
-    @property
-    def uses(self) -> tuple[str, ...]:
-        return ("odometry", "anchor_rssi|landmark", f"sighting|radio_{self.reading}")
-
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        if self.own == "doa" and "anchor_rssi" in world.sensors:
-            gradient_doa(world)
+        self.require_corners(world)
         return State(prior.x, block_diagonal(prior.P), world, np.zeros(prior.x.shape[:2]))
 
     def predict(self, s: State, z: Senses) -> State:
@@ -99,7 +99,7 @@ class EkfJoint:
         return s._replace(x=x, P=joint[1].reshape(s.P.shape))
 
     def correct(self, s: State, z: Senses) -> State:
-        for sensor, place, reading in fixed(s.world, z, self.own):
+        for sensor, place, reading in fixed(s.world, z, self.anchor_reading):
             if self.update == "batch":
                 s = self._own_together(s, sensor, place, reading)
             elif self.engine == "batched" and isinstance(sensor, GradientDoa):

@@ -4,30 +4,23 @@ Source: S. Thrun, W. Burgard, D. Fox, "Probabilistic Robotics", 2005, table 7.2.
 """
 
 from dataclasses import dataclass
-from typing import ClassVar, Literal
 
 import numpy as np
 
 from cooploc.estimators.dead_reckoning import State
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
-from cooploc.estimators.kalman.update import ENGINES, GATE, EngineName
+from cooploc.estimators.kalman.settings import Settings
+from cooploc.estimators.kalman.update import ENGINES
 from cooploc.estimators.models.angles import wrap_heading
-from cooploc.estimators.models.gradient_doa import fixed, gradient_doa
+from cooploc.estimators.models.gradient_doa import fixed
 
 
 @dataclass(frozen=True)
-class EkfLocal:
+class EkfLocal(Settings):
     """EKF on odometry and anchors or landmarks; sends nothing."""
 
-    api: ClassVar[int] = 1
-    uses: tuple[str, ...] = ("odometry", "anchor_rssi|landmark")
-    own: Literal["doa", "rssi"] = "doa"  # the DOA made of the four anchor readings, or the raw readings
-    gate: float = GATE  # squared Mahalanobis distance beyond which a reading is refused
-    engine: EngineName = "batched"
-
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        if self.own == "doa" and "anchor_rssi" in world.sensors:
-            gradient_doa(world)  # refuses a world without four corners before anything runs
+        self.require_corners(world)
         return State(prior.x, prior.P, world)
 
     def predict(self, s: State, z: Senses) -> State:
@@ -38,7 +31,7 @@ class EkfLocal:
     def correct(self, s: State, z: Senses) -> State:
         """x' = x + K y,  P' = (I - K H) P (I - K H)' + K R K', one reading after the other."""
         x, P = s.x, s.P
-        for sensor, place, reading in fixed(s.world, z, self.own):
+        for sensor, place, reading in fixed(s.world, z, self.anchor_reading):
             y, H, _ = sensor.innovation(x, place, reading)
             x, P = ENGINES[self.engine].update(x, P, y, H, sensor.R, self.gate)
         return s._replace(x=x, P=P)

@@ -13,16 +13,17 @@ with asynchronous pairwise communication", IJRR 37(10), 2018.
 """
 
 from dataclasses import dataclass
-from typing import ClassVar, Literal, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Traffic, World
 from cooploc.estimators.kalman.luft_kernels import meet
+from cooploc.estimators.kalman.settings import TeamSettings
 from cooploc.estimators.kalman.team_readings import HEADER, linearise, pairs
-from cooploc.estimators.kalman.update import ENGINES, GATE, EngineName, Update
+from cooploc.estimators.kalman.update import ENGINES, Update
 from cooploc.estimators.models.angles import wrap_heading
-from cooploc.estimators.models.gradient_doa import fixed, gradient_doa
+from cooploc.estimators.models.gradient_doa import fixed
 
 LIMIT = 1 - 1e-9  # largest correlation of any two combinations of two robots' states
 
@@ -37,23 +38,13 @@ class State(NamedTuple):
 
 
 @dataclass(frozen=True)
-class EkfLuft:
+class EkfLuft(TeamSettings):
     """Decentralised EKF with pairwise communication and factored cross terms."""
 
-    api: ClassVar[int] = 1
     bound: ClassVar[bool] = False
-    own: Literal["doa", "rssi"] = "doa"
-    reading: Literal["rssi", "range"] = "range"  # radio reading used where no camera sees teammates
-    gate: float = GATE
-    engine: EngineName = "batched"
-
-    @property
-    def uses(self) -> tuple[str, ...]:
-        return ("odometry", "anchor_rssi|landmark", f"sighting|radio_{self.reading}")
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        if self.own == "doa" and "anchor_rssi" in world.sensors:
-            gradient_doa(world)
+        self.require_corners(world)
         t, n, d = prior.x.shape
         return State(prior.x, prior.P, np.zeros((t, n, n, d, d)), world)
 
@@ -66,7 +57,7 @@ class EkfLuft:
     def correct(self, s: State, z: Senses) -> State:
         """Private update: the EKF's, then sigma_ij' = (I - K H) sigma_ij = P_i' P_i^-1 sigma_ij."""
         x, P = s.x, s.P
-        for sensor, place, reading in fixed(s.world, z, self.own):
+        for sensor, place, reading in fixed(s.world, z, self.anchor_reading):
             y, H, _ = sensor.innovation(x, place, reading)
             x, P = ENGINES[self.engine].update(x, P, y, H, sensor.R, self.gate)
         return s._replace(x=x, P=P, sigma=_carried(s.P, P)[:, :, None] @ s.sigma)

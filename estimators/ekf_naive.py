@@ -11,15 +11,16 @@ A. Howard, M. Mataric, G. Sukhatme, "Putting the 'I' in 'team'", ICRA 2003, on s
 """
 
 from dataclasses import dataclass
-from typing import ClassVar, Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Rows, Senses, World
+from cooploc.estimators.kalman.settings import TeamSettings
 from cooploc.estimators.kalman.team_readings import packed, received, sightings, unpacked
-from cooploc.estimators.kalman.update import ENGINES, GATE, EngineName
+from cooploc.estimators.kalman.update import ENGINES
 from cooploc.estimators.models.angles import wrap_heading
-from cooploc.estimators.models.gradient_doa import fixed, gradient_doa
+from cooploc.estimators.models.gradient_doa import fixed
 
 
 class State(NamedTuple):
@@ -32,23 +33,17 @@ class State(NamedTuple):
 
 
 @dataclass(frozen=True)
-class EkfNaive:
-    """EKF on own readings and on received beliefs, which it takes for independent."""
+class EkfNaive(TeamSettings):
+    """EKF on own readings and on received beliefs, which it takes for independent.
 
-    api: ClassVar[int] = 1
-    own: Literal["doa", "rssi"] = "doa"
-    reading: Literal["rssi", "range"] = "range"  # radio reading used where no camera sees teammates
-    both: bool = True  # a sighting corrects the robot that was seen, too
-    gate: float = GATE
-    engine: EngineName = "batched"
+    Parameters:
+        both: whether a sighting corrects the robot that was seen, too.
+    """
 
-    @property
-    def uses(self) -> tuple[str, ...]:
-        return ("odometry", "anchor_rssi|landmark", f"sighting|radio_{self.reading}")
+    both: bool = True
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        if self.own == "doa" and "anchor_rssi" in world.sensors:
-            gradient_doa(world)
+        self.require_corners(world)
         return State(prior.x, prior.P, rows.robot, world)
 
     def predict(self, s: State, z: Senses) -> State:
@@ -60,7 +55,7 @@ class EkfNaive:
     def correct(self, s: State, z: Senses) -> State:
         """x' = x + K y,  P' = (I - K H) P (I - K H)' + K R K', one reading after the other."""
         x, P = s.x, s.P
-        for sensor, place, reading in fixed(s.world, z, self.own):
+        for sensor, place, reading in fixed(s.world, z, self.anchor_reading):
             y, H, _ = sensor.innovation(x, place, reading)
             x, P = ENGINES[self.engine].update(x, P, y, H, sensor.R, self.gate)
         return s._replace(x=x, P=P)

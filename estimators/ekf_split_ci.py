@@ -19,15 +19,16 @@ definiteness.
 """
 
 from dataclasses import dataclass
-from typing import ClassVar, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, World
+from cooploc.estimators.kalman.settings import TeamSettings
 from cooploc.estimators.kalman.team_readings import Heard, packed, received, sightings, unpacked
-from cooploc.estimators.kalman.update import ENGINES, GATE, EngineName, symmetric
+from cooploc.estimators.kalman.update import ENGINES, symmetric
 from cooploc.estimators.models.angles import wrap_heading
-from cooploc.estimators.models.gradient_doa import fixed, gradient_doa
+from cooploc.estimators.models.gradient_doa import fixed
 
 REACH = 8.0  # largest |logit w| that is tried
 ROUNDS, POINTS = 4, 11  # of the search for w, each round ten times finer
@@ -44,24 +45,21 @@ class State(NamedTuple):
 
 
 @dataclass(frozen=True)
-class EkfSplitCi:
-    """EKF on own readings, split covariance intersection with received beliefs."""
+class EkfSplitCi(TeamSettings):
+    """EKF on own readings, split covariance intersection with received beliefs.
 
-    api: ClassVar[int] = 1
-    own: Literal["doa", "rssi"] = "doa"
-    reading: Literal["rssi", "range"] = "range"  # radio reading used where no camera sees teammates
+    Parameters:
+        form: what of a received estimate counts as independent: "literal", its independent part; "received", nothing;
+            "conservative", what its sender has never sent before.
+        both: whether a sighting corrects the robot that was seen, too.
+
+    """
+
     form: Literal["literal", "received", "conservative"] = "received"
-    both: bool = True  # a sighting corrects the robot that was seen, too
-    gate: float = GATE
-    engine: EngineName = "batched"
-
-    @property
-    def uses(self) -> tuple[str, ...]:
-        return ("odometry", "anchor_rssi|landmark", f"sighting|radio_{self.reading}")
+    both: bool = True
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        if self.own == "doa" and "anchor_rssi" in world.sensors:
-            gradient_doa(world)
+        self.require_corners(world)
         return State(prior.x, np.zeros_like(prior.P), prior.P, rows.robot, world)
 
     def predict(self, s: State, z: Senses) -> State:
@@ -72,7 +70,7 @@ class EkfSplitCi:
 
     def correct(self, s: State, z: Senses) -> State:
         """Kalman update by an independent reading: Pd' = (I - K H) Pd (I - K H)', the rest of P' is Pi'."""
-        for sensor, place, reading in fixed(s.world, z, self.own):
+        for sensor, place, reading in fixed(s.world, z, self.anchor_reading):
             y, H, _ = sensor.innovation(s.x, place, reading)
             nothing = np.zeros((*y.shape, y.shape[-1]))
             s, _ = self._update(s, y, H, nothing, sensor.R + nothing, np.ones(len(s.x)))

@@ -12,16 +12,17 @@ Merwe, "Sigma-point Kalman filters for probabilistic inference in dynamic state-
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Sensor, Traffic, World
 from cooploc.estimators.kalman.joint_update import block_diagonal, definite, square
+from cooploc.estimators.kalman.settings import TeamSettings
 from cooploc.estimators.kalman.team_readings import pairs
-from cooploc.estimators.kalman.update import GATE, EngineName, distance, symmetric
+from cooploc.estimators.kalman.update import distance, symmetric
 from cooploc.estimators.models.angles import wrap, wrap_heading
-from cooploc.estimators.models.gradient_doa import GradientDoa, fixed, gradient_doa
+from cooploc.estimators.models.gradient_doa import GradientDoa, fixed
 from cooploc.estimators.models.sensors import Bearing, Sighting
 
 Points = Callable[[Array, slice], Array]  # of sigma points (t, s, .., d) of these trials: moved, or as they are read
@@ -36,26 +37,21 @@ class State(NamedTuple):
 
 
 @dataclass(frozen=True)
-class UkfJoint:
-    """Centralised UKF over all robots."""
+class UkfJoint(TeamSettings):
+    """Centralised UKF over all robots.
 
-    api: ClassVar[int] = 1
+    Parameters:
+        alpha: spread of the sigma points: they lie alpha sqrt(3) standard deviations from the mean.
+        beta: extra weight of the middle point in the covariance (no unit); 2 suits a Gaussian.
+    """
+
     bound: ClassVar[bool] = True
     axes: ClassVar[str] = "its sigma points lie along the axes of a Cholesky factor"
-    own: Literal["doa", "rssi"] = "doa"
-    reading: Literal["rssi", "range"] = "range"  # radio reading used where no camera sees teammates
-    alpha: float = 0.1  # spread of the points, alpha sqrt(3) standard deviations
-    beta: float = 2.0  # 2 suits a Gaussian
-    gate: float = GATE
-    engine: EngineName = "batched"
-
-    @property
-    def uses(self) -> tuple[str, ...]:
-        return ("odometry", "anchor_rssi|landmark", f"sighting|radio_{self.reading}")
+    alpha: float = 0.1
+    beta: float = 2.0
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        if self.own == "doa" and "anchor_rssi" in world.sensors:
-            gradient_doa(world)
+        self.require_corners(world)
         return State(prior.x, square(block_diagonal(prior.P)), world)
 
     def predict(self, s: State, z: Senses) -> State:
@@ -70,7 +66,7 @@ class UkfJoint:
         return s._replace(x=wrap_heading(x), P=P)
 
     def correct(self, s: State, z: Senses) -> State:
-        for sensor, place, reading in fixed(s.world, z, self.own):
+        for sensor, place, reading in fixed(s.world, z, self.anchor_reading):
             for i in range(s.world.robots):
                 s = self._update(s, sensor, i, place, reading[:, i])
         return s

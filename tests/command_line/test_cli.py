@@ -86,7 +86,8 @@ def test_bad_input_exits_2_with_one_line(place, arguments, said):
 
 
 def test_a_failing_estimator_exits_1_and_the_rest_is_kept(place):
-    (place / "fails.toml").write_text(SMALL.replace('"ekf-joint"', '"ekf-local[own=rssi]", "arl[density=exact]"'))
+    estimators = '"ekf-local[anchor_reading=rssi]", "arl[density=exact]"'
+    (place / "fails.toml").write_text(SMALL.replace('"ekf-joint"', estimators))
     program = (
         "import cooploc.estimators.ekf_local as m\n"
         "def boom(self, s, z): raise RuntimeError('sensor on fire')\n"
@@ -98,8 +99,8 @@ def test_a_failing_estimator_exits_1_and_the_rest_is_kept(place):
     told = subprocess.run(command, capture_output=True, text=True, cwd=place, timeout=300)
     assert told.returncode == 1, told.stderr
     rows = {row["estimator"]: row for row in json.loads(told.stdout)}
-    assert rows["ekf-local[own=rssi]"]["failed"] == 6
-    assert rows["ekf-local[own=rssi]"]["rmse"] is None
+    assert rows["ekf-local[anchor_reading=rssi]"]["failed"] == 6
+    assert rows["ekf-local[anchor_reading=rssi]"]["rmse"] is None
     assert rows["arl"]["failed"] == 0
     assert "RuntimeError: sensor on fire" in told.stderr
 

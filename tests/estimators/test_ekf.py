@@ -71,17 +71,18 @@ def test_joint_filter_without_relative_readings_is_the_local_filter(robots, rela
     np.testing.assert_allclose(traces["joint"].P, traces["local"].P, atol=1e-12)
 
 
-@pytest.mark.parametrize("own", ["doa", "rssi"])
-def test_joint_filter_of_one_robot_is_the_local_filter_in_the_papers_world(own):
+@pytest.mark.parametrize("anchor_reading", ["doa", "rssi"])
+def test_joint_filter_of_one_robot_is_the_local_filter_in_the_papers_world(anchor_reading):
     _, stream = simulate("robots-1-3/n=1", trials=5, ticks=50)
-    traces = run({"local": EkfLocal(own=own), "joint": EkfJoint(own=own)}, stream).traces
+    local, joint = (make(name, anchor_reading=anchor_reading) for name in ("ekf-local", "ekf-joint"))
+    traces = run({"local": local, "joint": joint}, stream).traces
     np.testing.assert_allclose(traces["joint"].x, traces["local"].x, atol=1e-12)
     np.testing.assert_allclose(traces["joint"].P, traces["local"].P, atol=1e-12)
 
 
 @pytest.mark.parametrize(
     ("label", "parameters"),
-    [("camera", {}), ("trajectory", {}), ("trajectory", {"own": "rssi", "reading": "rssi"})],
+    [("camera", {}), ("trajectory", {}), ("trajectory", {"anchor_reading": "rssi", "reading": "rssi"})],
 )
 def test_joint_covariance_is_symmetric_and_definite_at_every_tick(label, parameters):
     _, stream = simulate(label, trials=3, seed=5, ticks=60)

@@ -218,4 +218,4 @@ def test_estimators_refuse_such_a_world_before_the_first_tick(name):
     stream = replace(stream, world=told(anchors=stream.world.anchors[[0, 3, 2, 1]]))
     with pytest.raises(ValueError, match="four corner anchors"):
         run({name: make(name)}, stream)
-    run({name: make(name, own="rssi")}, stream)
+    run({name: make(name, anchor_reading="rssi")}, stream)

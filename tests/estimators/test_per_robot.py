@@ -106,7 +106,8 @@ def assert_same_belief(a, b):
 def test_a_filterpy_loop_on_anchor_rssi_is_ekf_local(robots):
     stream = some_absent(f"robots-1-3/n={robots}", trials=3, ticks=60)
     assert_same_belief(
-        trace("loop", radio_loop, stream), trace("batched", make("ekf-local", own="rssi", gate=np.inf), stream)
+        trace("loop", radio_loop, stream),
+        trace("batched", make("ekf-local", anchor_reading="rssi", gate=np.inf), stream),
     )
 
 
@@ -120,7 +121,7 @@ WORLDS = ["robots-1-3/n=1", "robots-1-3/n=3", "camera/n=1", "camera/n=3"]
 FILTERS = {
     "ekf-local": {},
     "ekf-local, ungated": {"gate": np.inf},
-    "ekf-local, raw": {"own": "rssi"},
+    "ekf-local, raw": {"anchor_reading": "rssi"},
     "ekf-joint, plain": {"iterations": 1, "second_order": False, "gate": np.inf},
     "ekf-joint, plain on rssi": {"iterations": 1, "second_order": False, "gate": np.inf, "reading": "rssi"},
     "ekf-joint": {},

@@ -506,7 +506,7 @@ def test_a_study_over_all_has_a_trial_for_each_run(data, tmp_path):
 
 def test_everything_for_one_robot_runs(data):
     truth, stream = simulate(data)
-    names = ["dead-reckoning", "ekf-local", "ekf-local[own=rssi]", "arl", "rssi-pf"]
+    names = ["dead-reckoning", "ekf-local", "ekf-local[anchor_reading=rssi]", "arl", "rssi-pf"]
     assert len(errors(truth, run({name: make(name) for name in names}, stream))) == len(names)
 
 
@@ -648,7 +648,7 @@ REAL = Path(os.environ.get("COOPLOC_DATA", Path(__file__).parents[3] / "shared" 
 def test_the_wifi_recordings():
     log = Log(data=REAL, described="wifi")
     assert (len(log.logs.runs), log.count()) == (12, 11)  # exp4.4.1 is the end of exp4.4
-    names = ["dead-reckoning", "ekf-local", "ekf-local[own=rssi]", "arl", "rssi-pf"]
+    names = ["dead-reckoning", "ekf-local", "ekf-local[anchor_reading=rssi]", "arl", "rssi-pf"]
     stale = 0
     for k in range(log.count()):
         truth, stream = scenarios.simulate("wifi/all", data=REAL, trials=[k])

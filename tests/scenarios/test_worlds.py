@@ -42,7 +42,7 @@ def pair_residuals(stream, truth):
 def test_every_world_simulates_runs_and_draws(label):
     truth, stream = cl.simulate(label, trials=2, seed=1, ticks=12)
     assert ((truth.x[..., :2] >= truth.arena[0]) & (truth.x[..., :2] <= truth.arena[1])).all()
-    own = {} if len(stream.world.anchors) in (0, 4) else {"own": "rssi"}
+    own = {} if len(stream.world.anchors) in (0, 4) else {"anchor_reading": "rssi"}
     team = {name: cl.make(name, **own) for name in ("ekf-joint", "ekf-ci")}
     if not label.startswith("camera"):
         team |= {name: cl.make(name, **own) for name in ("arl", "mrsl-rssi", "mrsl-distance")}

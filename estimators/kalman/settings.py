@@ -1,0 +1,65 @@
+"""The parameters that the Kalman filters share, and what follows from them alone."""
+
+import inspect
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+from cooploc.estimators.interface import World
+from cooploc.estimators.kalman.update import GATE, EngineName
+from cooploc.estimators.models.gradient_doa import gradient_doa
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Parameters of every Kalman filter.
+
+    Parameters:
+        anchor_reading: what is used of the anchors: "doa", the direction of arrival [rad] made of the readings of four
+            corner anchors, or "rssi", each raw reading [dBm].
+        gate: squared Mahalanobis distance (no unit) beyond which a reading is refused; inf refuses none. The default
+            refuses one in a thousand true readings of two numbers.
+        engine: "batched" computes all rows at once; "filterpy" runs filterpy's filter row by row, to compare with.
+
+    """
+
+    api: ClassVar[int] = 1
+    anchor_reading: Literal["doa", "rssi"] = "doa"
+    gate: float = GATE
+    engine: EngineName = "batched"
+
+    def __init_subclass__(cls) -> None:
+        """Add the inherited parameters to the docstring, so that `help` shows all of a filter's in one place."""
+        own, inherited = (inspect.cleandoc(c.__doc__ or "") for c in (cls, cls.__mro__[1]))
+        _, heading, parameters = inherited.partition("\n\nParameters:\n")
+        cls.__doc__ = f"{own}{chr(10) if heading in own else heading}{parameters}"
+
+    @property
+    def uses(self) -> tuple[str, ...]:
+        """The channels, in order of preference."""
+        return ("odometry", "anchor_rssi|landmark")
+
+    def require_corners(self, world: World) -> None:
+        """Refuse, before anything runs, a world in which no direction of arrival can be made of the anchors.
+
+        Raises:
+            BadInput: anchor_reading is "doa", and the world has anchors, but not four in the corners of a rectangle.
+
+        """
+        if self.anchor_reading == "doa" and "anchor_rssi" in world.sensors:
+            gradient_doa(world)
+
+
+@dataclass(frozen=True)
+class TeamSettings(Settings):
+    """Parameters of every Kalman filter that uses readings of teammates.
+
+    Parameters:
+        reading: the radio reading that is used where no camera sees teammates: "range" [m] or "rssi" [dBm].
+    """
+
+    reading: Literal["rssi", "range"] = "range"
+
+    @property
+    def uses(self) -> tuple[str, ...]:
+        """The channels, in order of preference."""
+        return (*super().uses, f"sighting|radio_{self.reading}")
