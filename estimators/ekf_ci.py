@@ -1,12 +1,15 @@
-"""Covariance intersection with relative readings: an EKF each, and no trust in what is independent of what.
+"""Covariance intersection with relative readings: one EKF per robot, no independence assumption between robots.
 
 Each robot keeps an EKF of its own state and broadcasts it with its sightings of teammates. A robot uses its own
-readings of whoever it hears, and what it hears of itself. Both covariances of a reading are first inflated, by 1/w and
-1/(1-w), so that no unknown correlation can make the result over-confident.
+readings of each robot it receives, and their sightings of it. Both covariances of a reading are first inflated, by 1/w
+and 1/(1-w), so that no unknown correlation can make the result over-confident.
 
 - `form="relative"`: the reading updates the inflated joint; its own noise is independent and is not inflated.
-- `form="ls"`: whoever sees a teammate works out where that teammate is; the teammate intersects this with its own
+- `form="ls"`: a robot that sees a teammate computes where that teammate is; the teammate intersects this with its own
   belief, reading noise and all. Needs sightings.
+
+With engine="filterpy" the moves and all updates, those with inflated covariances included, are filterpy's; the weights
+w are found in the same way by both engines.
 
 Source: L. C. Carrillo-Arce, E. D. Nerurkar, J. L. Gordillo, S. I. Roumeliotis, "Decentralized multi-robot cooperative
 localization using covariance intersection", IROS 2013, for "ls"; the relative form inflates blkdiag(P_i/w, P_j/(1-w))
@@ -19,13 +22,15 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from cooploc.estimators.covariance_intersection.weights import relative_weights
-from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, Sensor, World
+from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, World
+from cooploc.estimators.kalman.messages import Message
+from cooploc.estimators.kalman.own_steps import corrected, moved
 from cooploc.estimators.kalman.settings import TeamSettings
-from cooploc.estimators.kalman.update import distance, inflated_update, kalman, symmetric
+from cooploc.estimators.kalman.team_readings import PairReading, received
+from cooploc.estimators.kalman.update import ENGINES, distance, inflated_update
 from cooploc.estimators.models.angles import wrap_heading
-from cooploc.estimators.models.gradient_doa import fixed
 
-EXACT = 1e-9 * np.eye(2)  # [m^2] a position that is all belief and no reading
+EXACT = 1e-9 * np.eye(2)  # [m^2] noise of a position that is all belief and no reading
 
 
 class State(NamedTuple):
@@ -33,7 +38,7 @@ class State(NamedTuple):
 
     x: Array  # (r, d)
     P: Array  # (r, d, d)
-    who: Indices  # (r,)  one number per robot and trial: nobody shares a program, whose last bits would tell of others
+    group: Indices  # (r,)  solved separately, so that a result cannot depend on another robot in its last bits
     robot: Indices  # (r,)
     world: World
 
@@ -68,8 +73,7 @@ class EkfCi(TeamSettings):
 
     @property
     def uses(self) -> tuple[str, ...]:
-        relative = "sighting" if self.form == "ls" else f"sighting|radio_{self.reading}"
-        return ("odometry", "anchor_rssi|landmark", relative)
+        return ("odometry", "anchor_rssi|landmark", "sighting") if self.form == "ls" else super().uses
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         self.require_corners(world)
@@ -77,31 +81,27 @@ class EkfCi(TeamSettings):
 
     def predict(self, s: State, z: Senses) -> State:
         """x' = f(x, u),  P' = F P F' + Q."""
-        x, F, Q = s.world.motion.move(s.x, z.odometry, z.dt)
-        return s._replace(x=x, P=symmetric(F @ s.P @ F.mT + Q))
+        x, P, _ = moved(self, s.world, s.x, s.P, z)
+        return s._replace(x=x, P=P)
 
     def correct(self, s: State, z: Senses) -> State:
-        x, P = s.x, s.P
-        for sensor, place, reading in fixed(s.world, z, self.anchor_reading):
-            y, H, _ = sensor.innovation(x, place, reading)
-            x, P = kalman(x, P, y, H, sensor.R, self.gate)
+        """x' = x + K y,  P' = (I - K H) P (I - K H)' + K R K'."""
+        x, P = corrected(self, s.world, s.x, s.P, z)
         return s._replace(x=x, P=P)
 
     def send(self, s: State, z: Senses) -> Array:
         """x, the upper triangle of P, and the sightings of every teammate: d + d (d + 1) / 2 + 2 n numbers at most."""
-        i, j = np.triu_indices(s.x.shape[-1])
-        return np.concatenate([s.x, s.P[:, i, j], z.sighting.reshape(len(s.x), -1)], -1)
+        return Message(s.x, (s.P,), z.sighting).pack()
 
     def fuse(self, s: State, z: Senses, mail: Mail) -> State:
         """One reading after the other, each linearised at the belief that the last one left."""
-        seen = s.world.sensors.get("sighting")
-        for sensor, sender, reading in s.world.relative(z, mail):
+        sent = Message.unpack(mail.packets, s.x.shape[-1])
+        for pair in received(s.world, z, mail, sent.sightings, s.robot):
+            x_j, P_j = sent.x[:, pair.sender], sent.P[0][:, pair.sender]
             if self.form == "relative":
-                s = self._intersect(s, _of_sender(s, sensor, mail.packets[:, sender], reading))
-        if seen is not None:
-            relate = _of_me if self.form == "relative" else _where_i_am
-            for sender in range(s.world.robots):
-                s = self._intersect(s, relate(s, seen, mail.packets[:, sender]))
+                s = self._intersect(s, Relation(*pair.linearise(s.x, x_j), P_j, pair.sensor.R))
+            elif pair.by_sender:
+                s = self._intersect(s, _where_i_am(s.x, x_j, P_j, pair))
         return s
 
     def estimate(self, s: State) -> Belief:
@@ -111,7 +111,7 @@ class EkfCi(TeamSettings):
         """x' = x + K y,  P' = (I - K H) P/w  with  K = P/w H' (H P/w H' + H_j P_j/(1-w) H_j' + R)^-1."""
         y, H, H_j, P_j, R = relation
         use: Mask = np.asarray(~(np.isnan(y).any(-1) | np.isnan(P_j).any((-2, -1))))
-        # Gated by what would hold if the two were independent: a fair reading passes whatever the correlation.
+        # Gated by the S of independent robots, twice as wide: a true reading passes whatever the correlation.
         plain = H @ s.P @ H.mT + H_j @ P_j @ H_j.mT + R
         safe = np.where(use[:, None, None], plain, np.eye(y.shape[-1]))
         use &= distance(np.where(use[:, None], y, 0.0), safe) <= 2 * self.gate
@@ -120,52 +120,19 @@ class EkfCi(TeamSettings):
         w = np.ones(len(y))
         parts = (s.P[use], P_j[use], H[use], H_j[use], R)
         block = 2 if self.over == "position" else s.x.shape[-1]
-        w[use] = relative_weights(*parts, self.criterion, self.weights, block, s.who[use])
-        return s._replace(**inflated_update(Belief(s.x, s.P), y, H, H_j, P_j, R, w)._asdict())
+        w[use] = relative_weights(*parts, self.criterion, self.weights, block, s.group[use])
+        after = inflated_update(Belief(s.x, s.P), *relation, w, ENGINES[self.engine].update)
+        return s._replace(x=after.x, P=after.P)
 
 
-def _of_sender(s: State, sensor: Sensor, packet: Array, reading: Array) -> Relation:
-    """The robot's own reading of the sender."""
-    x_j, P_j, _ = _unpacked(s, packet)
-    y, H, H_j = sensor.innovation(s.x, x_j[:, :2], reading)
-    return Relation(y, H, H_j, P_j[:, :2, :2], sensor.R)
-
-
-def _of_me(s: State, sensor: Sensor, packet: Array) -> Relation:
-    """The sender's sighting of the robot: the same sensor, the other way round."""
-    x_j, P_j, sighting = _unpacked(s, packet)
-    y, H_j, H = sensor.innovation(x_j, s.x[:, :2], sighting)
-    return Relation(y, _widened(H, s.x), H_j, P_j, sensor.R)
-
-
-def _where_i_am(s: State, sensor: Sensor, packet: Array) -> Relation:
+def _where_i_am(x: Array, x_j: Array, P_j: Array, pair: PairReading) -> Relation:
     """Where the sender's sighting (range, bearing) puts the robot: a position with a covariance, and no reading."""
-    x_j, P_j, sighting = _unpacked(s, packet)
-    distance_, a = sighting[:, 0], sighting[:, 1] + (x_j[:, 2] if x_j.shape[-1] > 2 else 0.0)
-    u, v = np.stack([np.cos(a), np.sin(a)], -1), np.stack([-np.sin(a), np.cos(a)], -1)
-    N = np.stack([u, v * distance_[:, None]], -1)  # d place / d (range, bearing)
+    away, angle = pair.z[:, 0], pair.z[:, 1] + (x_j[:, 2] if x_j.shape[-1] > 2 else 0.0)
+    u, v = np.stack([np.cos(angle), np.sin(angle)], -1), np.stack([-np.sin(angle), np.cos(angle)], -1)
+    N = np.stack([u, v * away[:, None]], -1)  # d place / d (range, bearing)
     G = np.broadcast_to(np.eye(2, x_j.shape[-1]), (*x_j.shape[:1], 2, x_j.shape[-1])).copy()
     if x_j.shape[-1] > 2:
         G[:, :, 2] = N[:, :, 1]
-    y = x_j[:, :2] + distance_[:, None] * u - s.x[:, :2]
-    one = np.broadcast_to(np.eye(2), (len(y), 2, 2))
-    return Relation(y, _widened(one, s.x), one, G @ P_j @ G.mT + N @ sensor.R @ N.mT, EXACT)
-
-
-def _unpacked(s: State, packet: Array) -> tuple[Array, Array, Array]:
-    """The sender's x (r, d) and P (r, d, d), and its sighting (r, 2) of the receiver."""
-    d = s.x.shape[-1]
-    i, j = np.triu_indices(d)
-    P = np.empty((len(packet), d, d))
-    P[:, i, j] = P[:, j, i] = packet[:, d : d + len(i)]
-    seen = packet[:, d + len(i) :].reshape(len(packet), -1, 2)
-    mine = (
-        np.take_along_axis(seen, s.robot[:, None, None], 1)[:, 0]
-        if seen.shape[1]
-        else np.full((len(packet), 2), np.nan)
-    )
-    return packet[:, :d], P, mine
-
-
-def _widened(H: Array, x: Array) -> Array:
-    return np.concatenate([H, np.zeros((*H.shape[:-1], x.shape[-1] - 2))], -1)
+    y = x_j[:, :2] + away[:, None] * u - x[:, :2]
+    H, one = (np.broadcast_to(np.eye(2, d), (len(y), 2, d)) for d in (x.shape[-1], 2))
+    return Relation(y, H, one, G @ P_j @ G.mT + N @ pair.sensor.R @ N.mT, EXACT)

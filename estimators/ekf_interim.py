@@ -24,8 +24,10 @@ import numpy as np
 
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Traffic, World
 from cooploc.estimators.kalman.joint_update import add_rows, block_diagonal, definite, dense, square, subtract_products
+from cooploc.estimators.kalman.messages import count, no_traffic
+from cooploc.estimators.kalman.own_steps import moved
 from cooploc.estimators.kalman.settings import TeamSettings
-from cooploc.estimators.kalman.team_readings import HEADER, linearise, pairs
+from cooploc.estimators.kalman.team_readings import linearise, pairs
 from cooploc.estimators.kalman.update import ENGINES, distance, present, symmetric
 from cooploc.estimators.models.angles import wrap_heading
 from cooploc.estimators.models.gradient_doa import fixed
@@ -66,8 +68,7 @@ class EkfInterim(TeamSettings):
 
     def predict(self, s: State, z: Senses) -> State:
         """P_i' = F_i P_i F_i' + Q_i,  Phi_i' = F_i Phi_i,  Pi' = Pi."""
-        x, F, Q = s.world.motion.move(s.x, z.odometry, z.dt)
-        x, P = ENGINES[self.engine].predict(x, s.P, F, Q)
+        x, P, F = moved(self, s.world, s.x, s.P, z)
         return s._replace(x=x, P=P, Phi=F @ s.Phi)
 
     def correct(self, s: State, z: Senses) -> State:
@@ -77,27 +78,22 @@ class EkfInterim(TeamSettings):
     def exchange(self, s: State, z: Senses, air: Mail) -> tuple[State, Traffic]:
         """Readings of fixed things, then of teammates, one after the other, each with its own messages."""
         d = s.x.shape[-1]
-        messages, sent = np.zeros(s.x.shape[:2]), np.zeros(s.x.shape[:2])
+        sent = no_traffic(s.x)
         s = s._replace(Pi=s.Pi.copy())  # the largest part by far: copied once, then every reading writes into it
-
-        def say(robot: int, when: Mask, numbers: int) -> None:
-            messages[:, robot] += when
-            sent[:, robot] += when * (8.0 * numbers + HEADER)
-
         for sensor, place, reading in fixed(s.world, z, self.anchor_reading):
             for a in range(s.world.robots):
                 y, H, _ = sensor.innovation(s.x[:, a], place, reading[:, a])
                 s, used = self._master(s, a, y, {a: H}, sensor.R, air.heard[:, :, a])
-                say(a, used & (s.world.robots > 1), 1 + y.shape[-1] * (1 + 2 * d))
+                count(sent, a, used & (s.world.robots > 1), 1 + y.shape[-1] * (1 + 2 * d))
         for sensor, a, b, reading in pairs(s.world, z, air):
             asked, answered = np.asarray(~np.isnan(reading).any(-1)), air.heard[:, b, a]
             y, H_a, H_b = linearise(sensor, s.x[:, a], s.x[:, b], reading)
             y = np.where((answered & air.heard[:, a, b])[:, None], y, np.nan)
             s, used = self._master(s, a, y, {a: H_a, b: H_b}, sensor.R, air.heard[:, :, a])
-            say(a, asked, 0)
-            say(b, asked & answered, d + d * (d + 1) // 2 + d * d)
-            say(a, used, 2 + y.shape[-1] * (1 + 4 * d))
-        return s, Traffic(messages, sent)
+            count(sent, a, asked, 0)
+            count(sent, b, asked & answered, d + d * (d + 1) // 2 + d * d)
+            count(sent, a, used, 2 + y.shape[-1] * (1 + 4 * d))
+        return s, sent
 
     def estimate(self, s: State) -> Belief:
         return Belief(wrap_heading(s.x), s.P)

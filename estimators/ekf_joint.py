@@ -41,6 +41,7 @@ from cooploc.estimators.kalman.joint_update import (
     stacked,
     widened,
 )
+from cooploc.estimators.kalman.messages import no_traffic
 from cooploc.estimators.kalman.settings import TeamSettings
 from cooploc.estimators.kalman.team_readings import curvature, linearise, table
 from cooploc.estimators.kalman.update import ENGINES
@@ -117,8 +118,7 @@ class EkfJoint(TeamSettings):
             s = self._found(s)
         else:
             s = self._one_by_one(s, z, air)
-        nothing = np.zeros(s.x.shape[:2])
-        return s, Traffic(nothing, nothing)
+        return s, no_traffic(s.x)
 
     def estimate(self, s: State) -> Belief:
         return Belief(wrap_heading(s.x), np.stack([s.P[:, i, :, i] for i in range(s.x.shape[1])], 1))

@@ -9,10 +9,9 @@ import numpy as np
 
 from cooploc.estimators.dead_reckoning import State
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
+from cooploc.estimators.kalman.own_steps import corrected, moved
 from cooploc.estimators.kalman.settings import Settings
-from cooploc.estimators.kalman.update import ENGINES
 from cooploc.estimators.models.angles import wrap_heading
-from cooploc.estimators.models.gradient_doa import fixed
 
 
 @dataclass(frozen=True)
@@ -25,15 +24,12 @@ class EkfLocal(Settings):
 
     def predict(self, s: State, z: Senses) -> State:
         """x' = f(x, u),  P' = F P F' + Q."""
-        x, P = ENGINES[self.engine].predict(*_moved(s, z))
+        x, P, _ = moved(self, s.world, s.x, s.P, z)
         return s._replace(x=x, P=P)
 
     def correct(self, s: State, z: Senses) -> State:
         """x' = x + K y,  P' = (I - K H) P (I - K H)' + K R K', one reading after the other."""
-        x, P = s.x, s.P
-        for sensor, place, reading in fixed(s.world, z, self.anchor_reading):
-            y, H, _ = sensor.innovation(x, place, reading)
-            x, P = ENGINES[self.engine].update(x, P, y, H, sensor.R, self.gate)
+        x, P = corrected(self, s.world, s.x, s.P, z)
         return s._replace(x=x, P=P)
 
     def send(self, s: State, z: Senses) -> Array:
@@ -44,8 +40,3 @@ class EkfLocal(Settings):
 
     def estimate(self, s: State) -> Belief:
         return Belief(wrap_heading(s.x), s.P)
-
-
-def _moved(s: State, z: Senses) -> tuple[Array, Array, Array, Array]:
-    x, F, Q = s.world.motion.move(s.x, z.odometry, z.dt)
-    return x, s.P, F, Q

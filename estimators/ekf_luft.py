@@ -19,11 +19,12 @@ import numpy as np
 
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Traffic, World
 from cooploc.estimators.kalman.luft_kernels import meet
+from cooploc.estimators.kalman.messages import count, no_traffic
+from cooploc.estimators.kalman.own_steps import corrected, moved
 from cooploc.estimators.kalman.settings import TeamSettings
-from cooploc.estimators.kalman.team_readings import HEADER, linearise, pairs
+from cooploc.estimators.kalman.team_readings import linearise, pairs
 from cooploc.estimators.kalman.update import ENGINES, Update
 from cooploc.estimators.models.angles import wrap_heading
-from cooploc.estimators.models.gradient_doa import fixed
 
 LIMIT = 1 - 1e-9  # largest correlation of any two combinations of two robots' states
 
@@ -50,32 +51,27 @@ class EkfLuft(TeamSettings):
 
     def predict(self, s: State, z: Senses) -> State:
         """P_i' = F_i P_i F_i' + Q_i,  sigma_ij' = F_i sigma_ij."""
-        x, F, Q = s.world.motion.move(s.x, z.odometry, z.dt)
-        x, P = ENGINES[self.engine].predict(x, s.P, F, Q)
+        x, P, F = moved(self, s.world, s.x, s.P, z)
         return s._replace(x=x, P=P, sigma=F[:, :, None] @ s.sigma)
 
     def correct(self, s: State, z: Senses) -> State:
         """Private update: the EKF's, then sigma_ij' = (I - K H) sigma_ij = P_i' P_i^-1 sigma_ij."""
-        x, P = s.x, s.P
-        for sensor, place, reading in fixed(s.world, z, self.anchor_reading):
-            y, H, _ = sensor.innovation(x, place, reading)
-            x, P = ENGINES[self.engine].update(x, P, y, H, sensor.R, self.gate)
+        x, P = corrected(self, s.world, s.x, s.P, z)
         return s._replace(x=x, P=P, sigma=_carried(s.P, P)[:, :, None] @ s.sigma)
 
     def exchange(self, s: State, z: Senses, air: Mail) -> tuple[State, Traffic]:
         d = s.x.shape[-1]
-        messages, sent = np.zeros(s.x.shape[:2]), np.zeros(s.x.shape[:2])
-        belief = d + d * (d + 1) // 2
+        sent, belief = no_traffic(s.x), d + d * (d + 1) // 2
         s = s._replace(x=s.x.copy(), P=s.P.copy(), sigma=s.sigma.copy())  # every meeting writes into these
         for sensor, i, j, reading in pairs(s.world, z, air):
-            asked = ~np.isnan(reading).any(-1)
+            asked = np.asarray(~np.isnan(reading).any(-1))
             answered = asked & air.heard[:, j, i]
             heard = np.where((answered & air.heard[:, i, j])[:, None], reading, np.nan)
-            told = self._meet(s, i, j, *linearise(sensor, s.x[:, i], s.x[:, j], heard), sensor.R)
-            for robot, when, numbers in ((i, asked, 0), (j, answered, belief + d * d), (i, told, belief)):
-                messages[:, robot] += when
-                sent[:, robot] += when * (8.0 * numbers + HEADER)
-        return s, Traffic(messages, sent)
+            used = self._meet(s, i, j, *linearise(sensor, s.x[:, i], s.x[:, j], heard), sensor.R)
+            count(sent, i, asked, 0)
+            count(sent, j, answered, belief + d * d)
+            count(sent, i, used, belief)
+        return s, sent
 
     def estimate(self, s: State) -> Belief:
         return Belief(wrap_heading(s.x), s.P)

@@ -13,14 +13,13 @@ A. Howard, M. Mataric, G. Sukhatme, "Putting the 'I' in 'team'", ICRA 2003, on s
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numpy as np
-
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Rows, Senses, World
+from cooploc.estimators.kalman.messages import Message
+from cooploc.estimators.kalman.own_steps import corrected, moved
 from cooploc.estimators.kalman.settings import TeamSettings
-from cooploc.estimators.kalman.team_readings import packed, received, sightings, unpacked
+from cooploc.estimators.kalman.team_readings import received
 from cooploc.estimators.kalman.update import ENGINES
 from cooploc.estimators.models.angles import wrap_heading
-from cooploc.estimators.models.gradient_doa import fixed
 
 
 class State(NamedTuple):
@@ -48,29 +47,26 @@ class EkfNaive(TeamSettings):
 
     def predict(self, s: State, z: Senses) -> State:
         """x' = f(x, u),  P' = F P F' + Q."""
-        x, F, Q = s.world.motion.move(s.x, z.odometry, z.dt)
-        x, P = ENGINES[self.engine].predict(x, s.P, F, Q)
+        x, P, _ = moved(self, s.world, s.x, s.P, z)
         return s._replace(x=x, P=P)
 
     def correct(self, s: State, z: Senses) -> State:
         """x' = x + K y,  P' = (I - K H) P (I - K H)' + K R K', one reading after the other."""
-        x, P = s.x, s.P
-        for sensor, place, reading in fixed(s.world, z, self.anchor_reading):
-            y, H, _ = sensor.innovation(x, place, reading)
-            x, P = ENGINES[self.engine].update(x, P, y, H, sensor.R, self.gate)
+        x, P = corrected(self, s.world, s.x, s.P, z)
         return s._replace(x=x, P=P)
 
     def send(self, s: State, z: Senses) -> Array:
         """The belief before this tick's fusion, and what was sighted."""
-        return np.concatenate([packed(s.x, s.P), sightings(s.world, z) if self.both else s.x[:, :0]], -1)
+        return Message(s.x, (s.P,), z.sighting if self.both else z.sighting[:, :0]).pack()
 
     def fuse(self, s: State, z: Senses, mail: Mail) -> State:
         """S = H P H' + H_j P_j H_j' + R: the sender's uncertainty counts as noise, independent of our own."""
         x, P = s.x, s.P
-        for heard in received(s.world, z, mail, s.robot, packed(s.x, s.P).shape[-1]):
-            x_j, P_j = unpacked(mail.packets[:, heard.sender], x.shape[-1])
-            y, H, H_j = heard.linearise(x, x_j)
-            x, P = ENGINES[self.engine].update(x, P, y, H, H_j @ P_j @ H_j.mT + heard.sensor.R, self.gate)
+        sent = Message.unpack(mail.packets, x.shape[-1])
+        for pair in received(s.world, z, mail, sent.sightings, s.robot):
+            y, H, H_j = pair.linearise(x, sent.x[:, pair.sender])
+            noise = H_j @ sent.P[0][:, pair.sender] @ H_j.mT + pair.sensor.R
+            x, P = ENGINES[self.engine].update(x, P, y, H, noise, self.gate)
         return s._replace(x=x, P=P)
 
     def estimate(self, s: State) -> Belief:

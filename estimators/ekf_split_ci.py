@@ -24,8 +24,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, World
+from cooploc.estimators.kalman.messages import Message
+from cooploc.estimators.kalman.own_steps import moved
 from cooploc.estimators.kalman.settings import TeamSettings
-from cooploc.estimators.kalman.team_readings import Heard, packed, received, sightings, unpacked
+from cooploc.estimators.kalman.team_readings import PairReading, received
 from cooploc.estimators.kalman.update import ENGINES, symmetric
 from cooploc.estimators.models.angles import wrap_heading
 from cooploc.estimators.models.gradient_doa import fixed
@@ -64,8 +66,7 @@ class EkfSplitCi(TeamSettings):
 
     def predict(self, s: State, z: Senses) -> State:
         """Pd' = F Pd F',  Pi' = F Pi F' + Q."""
-        x, F, Q = s.world.motion.move(s.x, z.odometry, z.dt)
-        x, Pi = ENGINES[self.engine].predict(x, s.Pi, F, Q)
+        x, Pi, F = moved(self, s.world, s.x, s.Pi, z)
         return s._replace(x=x, Pd=symmetric(F @ s.Pd @ F.mT), Pi=Pi)
 
     def correct(self, s: State, z: Senses) -> State:
@@ -78,13 +79,14 @@ class EkfSplitCi(TeamSettings):
 
     def send(self, s: State, z: Senses) -> Array:
         """The belief before this tick's fusion, and what was sighted."""
-        return np.concatenate([packed(s.x, s.Pd, s.Pi), sightings(s.world, z) if self.both else s.x[:, :0]], -1)
+        return Message(s.x, (s.Pd, s.Pi), z.sighting if self.both else z.sighting[:, :0]).pack()
 
     def fuse(self, s: State, z: Senses, mail: Mail) -> State:
         known = np.zeros(mail.heard.shape, bool)  # senders whose independent part is in ours by now
-        for heard in received(s.world, z, mail, s.robot, packed(s.x, s.Pd, s.Pi).shape[-1]):
-            s, used = self._cooperate(s, heard, mail.packets[:, heard.sender], known[:, heard.sender])
-            known[:, heard.sender] |= used
+        sent = Message.unpack(mail.packets, s.x.shape[-1], parts=2)
+        for pair in received(s.world, z, mail, sent.sightings, s.robot):
+            s, used = self._cooperate(s, pair, sent, known[:, pair.sender])
+            known[:, pair.sender] |= used
         if self.form == "conservative" and s.world.robots > 1:  # the broadcast took the independent part along
             s = s._replace(Pd=s.Pd + s.Pi, Pi=np.zeros_like(s.Pi))
         return s
@@ -92,14 +94,14 @@ class EkfSplitCi(TeamSettings):
     def estimate(self, s: State) -> Belief:
         return Belief(wrap_heading(s.x), s.Pd + s.Pi)
 
-    def _cooperate(self, s: State, heard: Heard, message: Array, known: Mask) -> tuple[State, Mask]:
+    def _cooperate(self, s: State, pair: PairReading, sent: Message, known: Mask) -> tuple[State, Mask]:
         """Update by a reading between us and a sender, whose own split covariance is that of the reading's place."""
-        x_j, Pd_j, Pi_j = unpacked(message, s.x.shape[-1], 2)
+        x_j, Pd_j, Pi_j = (part[:, pair.sender] for part in (sent.x, *sent.P))
         if self.form == "conservative":
             again = known[:, None, None]
             Pd_j, Pi_j = np.where(again, Pd_j + Pi_j, Pd_j), np.where(again, 0.0, Pi_j)
-        y, H, H_j = heard.linearise(s.x, x_j)
-        Rd, Ri = H_j @ Pd_j @ H_j.mT, H_j @ Pi_j @ H_j.mT + heard.sensor.R
+        y, H, H_j = pair.linearise(s.x, x_j)
+        Rd, Ri = H_j @ Pd_j @ H_j.mT, H_j @ Pi_j @ H_j.mT + pair.sensor.R
         there = np.asarray(~(np.isnan(y).any(-1) | np.isnan(Rd).any((1, 2))))
         y, H, Rd = (np.where(there.reshape(-1, *[1] * (a.ndim - 1)), a, 0.0) for a in (y, H, Rd))
         Ri = np.where(there[:, None, None], Ri, np.eye(y.shape[-1]))

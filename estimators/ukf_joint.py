@@ -18,6 +18,7 @@ import numpy as np
 
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Sensor, Traffic, World
 from cooploc.estimators.kalman.joint_update import block_diagonal, definite, square
+from cooploc.estimators.kalman.messages import no_traffic
 from cooploc.estimators.kalman.settings import TeamSettings
 from cooploc.estimators.kalman.team_readings import pairs
 from cooploc.estimators.kalman.update import distance, symmetric
@@ -74,8 +75,7 @@ class UkfJoint(TeamSettings):
     def exchange(self, s: State, z: Senses, air: Mail) -> tuple[State, Traffic]:
         for sensor, i, j, reading in pairs(s.world, z, air):
             s = self._update(s, sensor, i, j, reading)
-        nothing = np.zeros(s.x.shape[:2])
-        return s, Traffic(nothing, nothing)
+        return s, no_traffic(s.x)
 
     def estimate(self, s: State) -> Belief:
         t, n, d = s.x.shape

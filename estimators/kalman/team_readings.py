@@ -1,4 +1,4 @@
-"""What the Kalman filters of a team share: readings between robots, how they linearise, and how beliefs are sent."""
+"""Readings between robots as the Kalman filters use them: which there are, and how they linearise."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -8,23 +8,33 @@ import numpy as np
 from cooploc.estimators.interface import Array, Indices, Mail, Senses, Sensor, World
 from cooploc.estimators.models.sensors import Range
 
-HEADER = 8  # bytes a message costs beside its numbers, as the runner counts
 
-
-class Heard(NamedTuple):
-    """A reading between a robot and one whose packet it heard."""
+class PairReading(NamedTuple):
+    """A reading between a robot and one whose packet it received."""
 
     sensor: Sensor
     sender: int
-    reading: Array  # (r, k)
-    theirs: bool  # made by the sender, of the robot itself
+    z: Array  # (r, k)
+    by_sender: bool  # whether the sender made it, of the robot; else the robot made it, of the sender
 
     def linearise(self, x: Array, x_j: Array) -> tuple[Array, Array, Array]:
         """y (r, k), H (r, k, d) of the robot itself, H_j (r, k, d) of the sender."""
-        if self.theirs:
-            y, H_j, H = linearise(self.sensor, x_j, x, self.reading)
+        if self.by_sender:
+            y, H_j, H = linearise(self.sensor, x_j, x, self.z)
             return y, H, H_j
-        return linearise(self.sensor, x, x_j, self.reading)
+        return linearise(self.sensor, x, x_j, self.z)
+
+
+def received(world: World, z: Senses, mail: Mail, sightings: Array, robot: Indices) -> Iterator[PairReading]:
+    """A robot's readings of its senders, then the `sightings` (r, sender, n, 2) of it that they sent."""
+    for sensor, j, reading in world.relative(z, mail):
+        yield PairReading(sensor, j, reading, by_sender=False)
+    camera = world.sensors.get("sighting")
+    if camera is not None and sightings.shape[2]:
+        of_it = sightings[np.arange(len(robot)), :, robot]  # (r, sender, 2)
+        for j in range(world.robots):
+            if not np.isnan(of_it[:, j]).all():
+                yield PairReading(camera, j, of_it[:, j], by_sender=True)
 
 
 def pairs(world: World, z: Senses, air: Mail) -> Iterator[tuple[Sensor, int, int, Array]]:
@@ -36,7 +46,7 @@ def pairs(world: World, z: Senses, air: Mail) -> Iterator[tuple[Sensor, int, int
 
 
 def table(world: World, z: Senses, air: Mail) -> Iterator[tuple[Sensor, Array]]:
-    """The same readings at once, (t, receiver, sender, k) by sensor, nobody's reading of himself among them."""
+    """The same readings at once, (t, receiver, sender, k) by sensor; nan on the diagonal, where both are one robot."""
     for channel, readings in (
         ("sighting", z.sighting),
         ("radio_rssi", air.rssi[..., None]),
@@ -60,37 +70,3 @@ def curvature(sensor: Sensor, x_i: Array, x_j: Array, D: Array) -> tuple[Array, 
     if isinstance(sensor, Range):
         return sensor.curvature(x_i, x_j[..., :2], D)
     return np.zeros(1), np.zeros((1, 1))
-
-
-def packed(x: Array, *Ps: Array) -> Array:
-    """A message (r, m): x (r, d) and the upper triangle of each covariance (r, d, d)."""
-    i, j = np.triu_indices(x.shape[-1])
-    return np.concatenate([x, *(P[:, i, j] for P in Ps)], -1)
-
-
-def unpacked(message: Array, d: int, count: int = 1) -> tuple[Array, ...]:
-    """x (..., d) and `count` covariances (..., d, d) from the front of a message."""
-    i, j = np.triu_indices(d)
-    parts = [message[..., :d]]
-    for k in range(count):
-        P = np.empty((*message.shape[:-1], d, d))
-        P[..., i, j] = P[..., j, i] = message[..., d + k * len(i) : d + (k + 1) * len(i)]
-        parts.append(P)
-    return tuple(parts)
-
-
-def sightings(world: World, z: Senses) -> Array:
-    """Range and bearing of each teammate (r, 2 n), to be told; width 0 without a camera."""
-    return z.sighting.reshape(len(z.sighting), -1) if "sighting" in world.sensors else z.sighting[:, :0, 0]
-
-
-def received(world: World, z: Senses, mail: Mail, robot: Indices, begin: int) -> Iterator[Heard]:
-    """A robot's readings of those it heard, then the sightings of it that they sent from column `begin` on."""
-    for sensor, j, reading in world.relative(z, mail):
-        yield Heard(sensor, j, reading, False)
-    seen, rows = world.sensors.get("sighting"), np.arange(len(robot))
-    if seen is not None and mail.packets.shape[-1] > begin:
-        told = mail.packets[..., begin:].reshape(len(robot), world.robots, world.robots, 2)[rows, :, robot]
-        for j in range(world.robots):
-            if not np.isnan(told[:, j]).all():
-                yield Heard(seen, j, told[:, j], True)

@@ -62,13 +62,15 @@ def kalman(x: Array, P: Array, y: Array, H: Array, R: Array, gate: float = np.in
     return np.where(use[..., None], x1, x), np.where(use[..., None, None], P1, P)
 
 
-def inflated_update(belief: Belief, y: Array, H: Array, H_j: Array, P_j: Array, R: Array, w: Array) -> Belief:
+def inflated_update(
+    belief: Belief, y: Array, H: Array, H_j: Array, P_j: Array, R: Array, w: Array, update: Update = kalman
+) -> Belief:
     """Kalman update by a reading of a sender, with P/w and P_j/(1-w); rows with w = 1 come back bit-identical."""
     use = w < 1
     v = np.where(use, w, 0.5)[:, None, None]
     N = H_j @ P_j @ H_j.mT / (1 - v) + R
     y = np.where(use[:, None], y, np.nan)
-    x, P = kalman(belief.x, belief.P / v, y, H, N)
+    x, P = update(belief.x, belief.P / v, y, H, N, np.inf)
     return Belief(x, np.where(use[:, None, None], P, belief.P))
 
 

@@ -8,6 +8,7 @@ from oracles import PLACES, Offset, covariances, dense_posterior, is_covariance,
 
 from cooploc.estimators import ekf_joint
 from cooploc.estimators.dead_reckoning import DeadReckoning
+from cooploc.estimators.ekf_ci import EkfCi
 from cooploc.estimators.ekf_interim import EkfInterim
 from cooploc.estimators.ekf_joint import EkfJoint
 from cooploc.estimators.ekf_local import EkfLocal
@@ -198,12 +199,14 @@ def test_literal_split_ci_of_independent_priors_is_the_naive_filter():
         (EkfJoint, PLAIN),
         (EkfJoint, {"update": "batch"}),
         (EkfNaive, {}),
+        (EkfCi, {}),
+        (EkfCi, {"criterion": "det", "over": "position"}),
         (EkfSplitCi, {}),
         (EkfLuft, {}),
         (EkfInterim, {}),
         (UkfJoint, {}),
     ],
-    ids=["joint-plain", "joint-batch", "naive", "split-ci", "luft", "interim", "ukf"],
+    ids=["joint-plain", "joint-batch", "naive", "ci", "ci-position", "split-ci", "luft", "interim", "ukf"],
 )
 def test_batched_is_filterpy(cls, parameters, robots):
     ticks = 4 if robots == 10 else 20
@@ -213,6 +216,13 @@ def test_batched_is_filterpy(cls, parameters, robots):
         traces = run({"batched": batched, "filterpy": loop}, stream).traces
         np.testing.assert_allclose(traces["batched"].x, traces["filterpy"].x, atol=1e-9)
         np.testing.assert_allclose(traces["batched"].P, traces["filterpy"].P, atol=1e-9)
+
+
+def test_ci_by_stated_positions_is_filterpys():
+    _, stream = simulate("camera/n=3", trials=2, seed=26, ticks=40)
+    batched, loop = (trace(engine, EkfCi(form="ls", engine=engine), stream) for engine in ("batched", "filterpy"))
+    np.testing.assert_allclose(batched.x, loop.x, atol=1e-9)
+    np.testing.assert_allclose(batched.P, loop.P, atol=1e-9)
 
 
 def test_interim_master_is_filterpys_under_losses_too():
