@@ -23,6 +23,7 @@ from typing import ClassVar, Literal, NamedTuple
 import numpy as np
 
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Sensor, Traffic, World
+from cooploc.estimators.kalman.information_kernels import Ranging, Readings
 from cooploc.estimators.kalman.joint_update import (
     block_diagonal,
     dense,
@@ -34,6 +35,7 @@ from cooploc.estimators.kalman.joint_update import (
     information_update,
     range_by_range,
     ranges_together,
+    readings_of,
     scalars_of_own,
     sparse_update,
     spread,
@@ -126,13 +128,13 @@ class EkfJoint(TeamSettings):
     def _own_together(self, s: State, sensor: Sensor, place: Array, reading: Array) -> State:
         """Every robot's reading (t, n, k) of one fixed thing, linearised and gated before any of them is used."""
         y, H, _ = sensor.innovation(s.x, place, reading)
-        parts = y[:, :, None], H[:, :, None], np.zeros_like(H)[:, :, None], sensor.R
-        d2 = distances(square(s.P), *parts)
+        readings = readings_of(y[:, :, None], H[:, :, None], np.zeros_like(H)[:, :, None], sensor.R)
+        d2 = distances(square(s.P), readings)
         use = d2 <= self.gate
         if self.engine == "batched" and y.shape[-1] == 1:
             after = _with(s, *scalars_of_own(s.x, square(s.P), use[:, :, 0], y[..., 0], H[:, :, 0], sensor.R))
         else:
-            after = self._add(s, use, *parts)
+            after = self._add(s, use, readings)
         return _tallied(after, ~np.isnan(d2), d2 > self.gate)
 
     def _together(self, s: State, sensor: Sensor, readings: Array) -> State:
@@ -141,8 +143,8 @@ class EkfJoint(TeamSettings):
         Each reading is gated alone, against the belief before all of them.
         """
         if self.engine == "batched" and isinstance(sensor, Range):
-            how = self.gate, self.second_order, self.iterations
-            x, P, d2 = ranges_together(s.x, square(s.P), readings[..., 0], sensor.R, *how)
+            how = Ranging(sensor.R.item(), self.gate, self.second_order, self.iterations)
+            x, P, d2 = ranges_together(s.x, square(s.P), readings[..., 0], how)
             return self._counted(_with(s, x, P), d2)
         shift, extra = np.zeros(1), np.zeros((1, 1))
         if self.second_order:
@@ -153,10 +155,10 @@ class EkfJoint(TeamSettings):
             y, H_i, H_j = linearise(sensor, at.x[:, :, None], at.x[:, None], readings)
             back = (at.x - s.x)[..., None]
             y = y - shift + (H_i @ back[:, :, None] + H_j @ back[:, None])[..., 0]
+            linear = readings_of(y, H_i, H_j, R)
             if k == 0:
-                d2 = distances(square(s.P), y, H_i, H_j, R)
-            last = k == self.iterations - 1
-            at = self._add(s, d2 <= self.gate, y, H_i, H_j, R, last=last)
+                d2 = distances(square(s.P), linear)
+            at = self._add(s, d2 <= self.gate, linear, last=k == self.iterations - 1)
         return self._counted(at, d2)
 
     def _counted(self, s: State, d2: Array) -> State:
@@ -203,20 +205,20 @@ class EkfJoint(TeamSettings):
             at = self._update(s, y, {i: H_i, j: H_j}, sensor.R + extra)
         return at
 
-    def _add(self, s: State, use: Mask, *parts: Array, last: bool = True) -> State:
-        """P' = (P^-1 + H'R^-1 H)^-1,  x' = x + P' H'R^-1 y, over the readings y, H_i, H_j, R that `use` allows.
+    def _add(self, s: State, use: Mask, readings: Readings, last: bool = True) -> State:
+        """P' = (P^-1 + H'R^-1 H)^-1,  x' = x + P' H'R^-1 y, over the readings that `use` allows.
 
-        Before the `last` iteration nobody asks for P'.
+        Before the `last` iteration P' is not needed.
         """
         P = square(s.P)
         if self.engine == "batched":
-            eta, Lambda = information(use, *parts)
+            eta, Lambda = information(use, readings)
             if not last:
                 return _with(s, information_mean(flat(s.x), P, eta, Lambda), P)
             P = information_update(P, Lambda)
             x = flat(s.x) + (P @ eta[..., None])[..., 0]
         else:
-            x, P = ENGINES[self.engine].update(flat(s.x), P, *stacked(use, *parts), np.inf)
+            x, P = ENGINES[self.engine].update(flat(s.x), P, *stacked(use, readings), np.inf)
         return _with(s, x, P)
 
     def _update(self, s: State, y: Array, at: Mapping[int, Array], R: Array) -> State:

@@ -18,15 +18,13 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Traffic, World
-from cooploc.estimators.kalman.luft_kernels import meet
+from cooploc.estimators.kalman.factor_kernels import LIMIT, Factored, PairUpdate, meet
 from cooploc.estimators.kalman.messages import count, no_traffic
 from cooploc.estimators.kalman.own_steps import corrected, moved
 from cooploc.estimators.kalman.settings import TeamSettings
 from cooploc.estimators.kalman.team_readings import linearise, pairs
 from cooploc.estimators.kalman.update import ENGINES, Update
 from cooploc.estimators.models.angles import wrap_heading
-
-LIMIT = 1 - 1e-9  # largest correlation of any two combinations of two robots' states
 
 
 class State(NamedTuple):
@@ -80,8 +78,8 @@ class EkfLuft(TeamSettings):
         """A meeting in place, and which trials used it (t,)."""
         if self.engine == "filterpy":
             return met(s, i, j, y, H_i, H_j, R, self.gate, ENGINES["filterpy"].update)
-        y, H, R = (np.ascontiguousarray(part) for part in (y, np.concatenate([H_i, H_j], -1), R))
-        return np.asarray(meet(s.x, s.P, s.sigma, (i, j), y, H, R, self.gate, LIMIT))
+        reading = (np.ascontiguousarray(part) for part in (y, np.concatenate([H_i, H_j], -1), R))
+        return meet(Factored(s.x, s.P, s.sigma), (i, j), PairUpdate(*reading), self.gate)
 
 
 def met(s: State, i: int, j: int, y: Array, H_i: Array, H_j: Array, R: Array, gate: float, update: Update) -> Mask:

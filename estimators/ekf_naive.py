@@ -51,7 +51,7 @@ class EkfNaive(TeamSettings):
         return s._replace(x=x, P=P)
 
     def correct(self, s: State, z: Senses) -> State:
-        """x' = x + K y,  P' = (I - K H) P (I - K H)' + K R K', one reading after the other."""
+        """The EKF's update by own readings."""
         x, P = corrected(self, s.world, s.x, s.P, z)
         return s._replace(x=x, P=P)
 

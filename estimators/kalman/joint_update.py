@@ -14,18 +14,16 @@ from functools import lru_cache
 import numpy as np
 
 from cooploc.estimators.interface import Array, Mask
-from cooploc.estimators.kalman.joint_kernels import (
-    add_directions,
+from cooploc.estimators.kalman.factor_kernels import gather_rows, subtract_outer
+from cooploc.estimators.kalman.information_kernels import (
+    Ranging,
+    Readings,
     add_information,
-    add_ranges,
-    add_scalars,
-    fill_definite,
     fill_distances,
-    fill_widened,
-    gather_rows,
     join_ranges,
-    subtract_outer,
 )
+from cooploc.estimators.kalman.matrix_kernels import fill_definite, fill_widened
+from cooploc.estimators.kalman.sequential_kernels import Nodes, add_directions, add_ranges, add_scalars
 from cooploc.estimators.kalman.update import distance, present, symmetric
 from cooploc.estimators.models.gradient_doa import GradientDoa
 
@@ -100,22 +98,19 @@ def range_by_range(x: Array, P: Array, z: Array, R: Array, gate: float) -> tuple
 def direction_by_direction(x: Array, P: Array, z: Array, doa: GradientDoa, gate: float) -> tuple[Array, Array]:
     """The same by directions of arrival z (t, n), robot by robot."""
     x, P = x.copy(), P.copy()
-    add_directions(x, P, z, *_of_nodes(doa), gate)
+    add_directions(x, P, z, _nodes(doa), gate)
     return x, P
 
 
 @lru_cache(maxsize=64)
-def _of_nodes(doa: GradientDoa) -> tuple[Array, Array, float, float]:
-    """Where the nodes are (4, 2), their readings' weights in the gradient (4, 2), dB per ln d^2, the variance."""
-    return doa.anchors, doa.gradient(np.eye(4)), 5 * doa.rssi.eta / np.log(10), doa.R.item()
+def _nodes(doa: GradientDoa) -> Nodes:
+    return Nodes(doa.anchors, doa.gradient(np.eye(4)), float(5 * doa.rssi.eta / np.log(10)), doa.R.item())
 
 
-def ranges_together(
-    x: Array, P: Array, z: Array, R: Array, gate: float, second_order: bool, iterations: int
-) -> tuple[Array, Array, Array]:
+def ranges_together(x: Array, P: Array, z: Array, how: Ranging) -> tuple[Array, Array, Array]:
     """Gauss-Newton on all ranges z (t, n, n) at once; also their squared Mahalanobis distances (t, n, n)."""
     x, P, d2 = x.copy(), P.copy(), np.full(z.shape, np.nan)
-    join_ranges(x, P, z, R.item(), gate, second_order, iterations, d2)
+    join_ranges(x, P, z, how, d2)
     return x, P, d2
 
 
@@ -154,8 +149,14 @@ def dense(at: Mapping[int, Array], robots: int) -> Array:
     return H.reshape(*first.shape[:2], -1)
 
 
-def stacked(use: Mask, y: Array, H_i: Array, H_j: Array, R: Array) -> tuple[Array, Array, Array]:
-    """All readings as one vector: y (t, m), H (t, m, n d), R (t, m, m); what `use` forbids says nothing."""
+def readings_of(y: Array, H_i: Array, H_j: Array, R: Array) -> Readings:
+    """Readings y (t, n, m, k) with a noise R that some of them share."""
+    return Readings(y, H_i, H_j, np.ascontiguousarray(np.broadcast_to(R, (*y.shape, y.shape[-1]))))
+
+
+def stacked(use: Mask, readings: Readings) -> tuple[Array, Array, Array]:
+    """All readings as one vector: y (t, m), H (t, m, n d), R (t, m, m); those that `use` excludes have H = 0."""
+    y, H_i, H_j, R = readings
     t, n, others, k, d = H_i.shape
     H, noise = np.zeros((t, n, others, k, n, d)), np.zeros((t, n * others, k, n * others, k))
     for i in range(n):
@@ -171,22 +172,18 @@ def stacked(use: Mask, y: Array, H_i: Array, H_j: Array, R: Array) -> tuple[Arra
     return y, H.reshape(t, size, n * d), noise.reshape(t, size, size)
 
 
-def distances(P: Array, y: Array, H_i: Array, H_j: Array, R: Array) -> Array:
-    """Squared Mahalanobis distance (t, n, m) of the readings y (t, n, m, k) under P (t, n d, n d); nan where absent.
-
-    m is n for readings of teammates; for readings of fixed things it is 1, and H_j is 0.
-    """
-    d2 = np.full(y.shape[:-1], np.nan)
-    fill_distances(P, y, H_i, H_j, np.ascontiguousarray(np.broadcast_to(R, (*y.shape, y.shape[-1]))), d2)
+def distances(P: Array, readings: Readings) -> Array:
+    """Squared Mahalanobis distance (t, n, m) of the readings under P (t, n d, n d); nan where absent."""
+    d2 = np.full(readings.y.shape[:-1], np.nan)
+    fill_distances(P, readings, d2)
     return d2
 
 
-def information(use: Mask, y: Array, H_i: Array, H_j: Array, R: Array) -> tuple[Array, Array]:
+def information(use: Mask, readings: Readings) -> tuple[Array, Array]:
     """H'R^-1 y (t, n d) and H'R^-1 H (t, n d, n d) summed over the readings that `use` (t, n, m) allows."""
-    t, n, _, _, d = H_i.shape
+    t, n, _, _, d = readings.H_i.shape
     eta, Lambda = np.zeros((t, n * d)), np.zeros((t, n * d, n * d))
-    R = np.ascontiguousarray(np.broadcast_to(R, (*y.shape, y.shape[-1])))
-    add_information(use, y, H_i, H_j, R, eta, Lambda)
+    add_information(use, readings, eta, Lambda)
     return eta, Lambda
 
 

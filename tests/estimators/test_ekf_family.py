@@ -12,10 +12,11 @@ from cooploc.estimators.ekf_ci import EkfCi
 from cooploc.estimators.ekf_interim import EkfInterim
 from cooploc.estimators.ekf_joint import EkfJoint
 from cooploc.estimators.ekf_local import EkfLocal
-from cooploc.estimators.ekf_luft import LIMIT, EkfLuft, _possible, met
+from cooploc.estimators.ekf_luft import EkfLuft, _possible, met
 from cooploc.estimators.ekf_luft import State as LuftState
 from cooploc.estimators.ekf_naive import EkfNaive
 from cooploc.estimators.ekf_split_ci import EkfSplitCi
+from cooploc.estimators.kalman.factor_kernels import LIMIT, Factored, PairUpdate, meet
 from cooploc.estimators.kalman.joint_update import (
     add_rows,
     definite,
@@ -24,12 +25,12 @@ from cooploc.estimators.kalman.joint_update import (
     information_mean,
     information_update,
     range_by_range,
+    readings_of,
     scalars_of_own,
     sparse_update,
     subtract_products,
     widened,
 )
-from cooploc.estimators.kalman.luft_kernels import meet
 from cooploc.estimators.kalman.team_readings import linearise
 from cooploc.estimators.kalman.update import kalman
 from cooploc.estimators.models.gradient_doa import GradientDoa
@@ -308,8 +309,8 @@ def test_own_scalars_one_by_one_are_the_information_form():
     rng, x, P = team(41, 3)
     y, H, use = rng.normal(size=(5, 4)), rng.normal(size=(5, 4, 3)), rng.uniform(size=(5, 4)) < 0.7
     use[0] = False
-    one = use[..., None], y[..., None, None], H[:, :, None, None], np.zeros((5, 4, 1, 1, 3)), np.array([[0.3]])
-    eta, Lambda = information(*one)
+    one = readings_of(y[..., None, None], H[:, :, None, None], np.zeros((5, 4, 1, 1, 3)), np.array([[0.3]]))
+    eta, Lambda = information(use[..., None], one)
     want_P = information_update(P, Lambda)
     want = x.reshape(5, 12) + (want_P @ eta[..., None])[..., 0]
     got_x, got_P = scalars_of_own(x, P, use, y, H, np.array([[0.3]]))
@@ -354,8 +355,8 @@ def test_compiled_meetings_are_the_numpy_ones(d, gate):
     cut = (_possible(P[:, 1], P[:, 3], sigma[:, 1, 3] @ sigma[:, 3, 1].mT) != sigma[:, 1, 3] @ sigma[:, 3, 1].mT).any()
     assert cut
     want = met(plain, 1, 3, y, H_1, H_3, R, gate, kalman)
-    used = meet(*compiled[:3], (1, 3), y, H, R, gate, LIMIT)
-    meet(*alone[:3], (1, 3), y[[7]], H[[7]], R, gate, LIMIT)
+    used = meet(Factored(*compiled[:3]), (1, 3), PairUpdate(y, H, R), gate)
+    meet(Factored(*alone[:3]), (1, 3), PairUpdate(y[[7]], H[[7]], R), gate)
     np.testing.assert_array_equal(used, want)
     assert 0 < used.sum() < trials
     for got, expected, single in zip(compiled[:3], plain[:3], alone[:3], strict=True):

@@ -1,0 +1,110 @@
+"""Compiled loops of the filters that keep cross terms as factors, `ekf_luft.py` and `ekf_interim.py`."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cooploc.estimators.interface import Array, Mask
+from cooploc.estimators.kalman.matrix_kernels import compiled, whiten
+
+LIMIT = 1 - 1e-9  # largest correlation of any two combinations of two robots' states
+
+
+class Factored(NamedTuple):
+    """A team's beliefs with P_ij = sigma_ij sigma_ji'."""
+
+    x: Array  # (t, n, d)
+    P: Array  # (t, n, d, d)
+    sigma: Array  # (t, n, n, d, d)  axis 1 is the robot that keeps it; the diagonal is not used
+
+
+class PairUpdate(NamedTuple):
+    """A linearised reading between two robots."""
+
+    y: Array  # (t, k)  nan where absent
+    H: Array  # (t, k, 2 d)
+    R: Array  # (k, k)
+
+
+@compiled
+def possible(A: Array, B: Array, C: Array) -> Array:
+    """The cross term C (d, d) of covariances A and B, its canonical correlations cut to `LIMIT`.
+
+    They are the singular values of M = B^-1/2 C' A^-1/2', needed only where LIMIT^2 I - M' M is not definite.
+    """
+    half, M = C.copy(), np.empty_like(C)
+    whiten(A.copy(), half)
+    M[:] = half.T
+    whiten(B.copy(), M)
+    room = LIMIT**2 * np.eye(len(C)) - M.T @ M
+    whiten(room, np.empty((len(C), 0)))
+    if room[-1, -1] > 0:  # nan if an earlier pivot was not
+        return C
+    u, correlation, v = np.linalg.svd(M)
+    cut = np.linalg.cholesky(B) @ (u * np.minimum(correlation, LIMIT)) @ v @ np.linalg.cholesky(A).T
+    return np.ascontiguousarray(cut.T)
+
+
+@compiled
+def carry(x: Array, P: Array, sigma: Array, step: Array, P1: Array) -> None:
+    """x += step,  sigma_k = P' P^-1 sigma_k for the cross terms with all others,  P = P'."""
+    factor = np.linalg.solve(P, np.ascontiguousarray(P1)).T
+    x += step
+    P[:] = P1
+    for k in range(len(sigma)):
+        sigma[k] = factor @ sigma[k]
+
+
+@compiled
+def meet(team: Factored, pair: tuple[int, int], reading: PairUpdate, gate: float) -> Mask:
+    """Joint update of a pair of robots in place; says which trials used the reading (t,)."""
+    (t, _, d), (i, j), (x, P, sigma) = team.x.shape, pair, team
+    used = np.zeros(t, np.bool_)
+    J, one = np.empty((2 * d, 2 * d)), np.eye(2 * d)
+    for s in range(t):
+        y, H, R = reading.y[s], reading.H[s], reading.R
+        if np.isnan(y).any() or np.isnan(H).any():
+            continue
+        J[:d, :d], J[d:, d:] = P[s, i], P[s, j]
+        J[:d, d:] = possible(P[s, i], P[s, j], sigma[s, i, j] @ sigma[s, j, i].T)
+        J[d:, :d] = J[:d, d:].T
+        S = H @ J @ H.T + R
+        if y @ np.linalg.solve(S, y) <= gate:
+            used[s] = True
+            K = np.linalg.solve(S, H @ J).T
+            rest, step = one - K @ H, K @ y
+            J1 = rest @ J @ rest.T + K @ R @ K.T
+            J1 = (J1 + J1.T) / 2
+            carry(x[s, i], P[s, i], sigma[s, i], step[:d], J1[:d, :d])
+            carry(x[s, j], P[s, j], sigma[s, j], step[d:], J1[d:, d:])
+            sigma[s, i, j], sigma[s, j, i] = J1[:d, d:], np.eye(d)
+    return used
+
+
+@compiled
+def gather_rows(Gamma: Array, Pi: Array, first: int, W: Array) -> None:
+    """Gamma (t, o, k, m) += W (t, k, d) times the d rows of Pi (t, o, m, m) from the first on."""
+    t, o, k, m = Gamma.shape
+    for s in range(t):
+        for i in range(o):
+            for q in range(k):
+                total = Gamma[s, i, q]
+                for a in range(W.shape[2]):
+                    row, w = Pi[s, i, first + a], W[s, q, a]
+                    for b in range(m):
+                        total[b] += w * row[b]
+
+
+@compiled
+def subtract_outer(Pi: Array, Gamma: Array, takes: Mask) -> None:
+    """Pi (t, o, m, m) -= Gamma' Gamma, where `takes` (t, o), row by row: the copy of a large team fills a cache."""
+    t, o, k, m = Gamma.shape
+    for s in range(t):
+        for i in range(o):
+            if takes[s, i]:
+                for a in range(m):
+                    row = Pi[s, i, a]
+                    for q in range(k):
+                        other, g = Gamma[s, i, q], Gamma[s, i, q, a]
+                        for b in range(m):
+                            row[b] -= g * other[b]
