@@ -85,7 +85,6 @@ class EkfCi(TeamSettings):
         return s._replace(x=x, P=P)
 
     def correct(self, s: State, z: Senses) -> State:
-        """The noise of own readings is independent, so they need no inflation."""
         x, P = corrected(self, s.world, s.x, s.P, z)
         return s._replace(x=x, P=P)
 

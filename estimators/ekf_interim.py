@@ -1,14 +1,16 @@
 """The joint EKF in pieces: every robot keeps its own mean and covariance, and cross terms as factors that do not move.
 
-Between readings P_ij = Phi_i Pi_ij Phi_j', where Phi_i gathers robot i's own motion and Pi_ij stands still, so nothing
-need be said. Whoever takes a reading is the interim master: it asks the robot that it measured for its belief, and
-broadcasts what everybody needs to update; each keeps its own copy of all Pi. While no message is lost this is the joint
-EKF, reading after reading. It has no remedy for loss: a robot that misses one update goes on with stale cross terms.
+Between readings P_ij = Phi_i Pi_ij Phi_j', where Phi_i gathers robot i's own motion and Pi_ij is constant, so nothing
+needs to be sent. The robot that takes a reading is the interim master: it requests the belief of the robot it measured
+and broadcasts what all others need to update; each robot keeps its own copy of all Pi. While no message is lost this is
+the joint EKF, one reading after the other. Losses are not repaired: a robot that misses an update keeps stale cross
+terms.
 
 Sent, in numbers of 8 bytes and with a header of 8: request 0; reply x, P, Phi, d + d(d+1)/2 + d^2; update of k readings
-of a teammate 2 + k (1 + 4 d), of a fixed thing 1 + k (1 + 2 d), once, to all. Where either way between the two fails,
-the reading is lost. Ours: a gate; and a robot refuses an update that would make its covariance indefinite or whose
-factors have run away (`RUNAWAY`), which happens after losses only.
+of a teammate 2 + k (1 + 4 d), of a fixed thing 1 + k (1 + 2 d), once, to all. If the link fails in either direction,
+the reading is lost. Added by us: a gate; and a robot refuses an update that would make its covariance indefinite or
+whose factors have diverged (`RUNAWAY`), which happens only after losses. engine="filterpy" runs filterpy's filter over
+the whole team, once for each robot's copy of it.
 
 Source: S. Kia, S. Rounds, S. Martinez, "Cooperative localization for mobile agents: a recursive decentralized algorithm
 based on Kalman-filter decoupling", IEEE Control Systems Magazine 36(2), 2016, the interim-master algorithm.
@@ -33,11 +35,11 @@ from cooploc.estimators.models.angles import wrap_heading
 from cooploc.estimators.models.gradient_doa import fixed
 
 At = Mapping[int, Array]  # a Jacobian (t, k, d) by robot
-RUNAWAY = 1e6  # a factor Gamma beyond this is no covariance of anything in metres; keeps stale copies finite
+RUNAWAY = 1e6  # a larger factor Gamma cannot come from covariances in metres; refusing it keeps stale copies finite
 
 
 class State(NamedTuple):
-    """What the robots remember; axis 1 is whose memory it is."""
+    """What the robots remember; axis 1 is the robot that keeps it."""
 
     x: Array  # (t, n, d)
     P: Array  # (t, n, d, d)
@@ -47,7 +49,7 @@ class State(NamedTuple):
 
 
 class Change(NamedTuple):
-    """What a reading does to everybody's memory."""
+    """What one reading changes in each robot's memory."""
 
     dx: Array  # (t, n, d)
     dP: Array  # (t, n, d, d)
@@ -72,7 +74,7 @@ class EkfInterim(TeamSettings):
         return s._replace(x=x, P=P, Phi=F @ s.Phi)
 
     def correct(self, s: State, z: Senses) -> State:
-        """Nothing yet: readings of fixed things move the whole team, so they need the air, too."""
+        """Nothing yet: readings of fixed things update the whole team, which takes messages: see `exchange`."""
         return s
 
     def exchange(self, s: State, z: Senses, air: Mail) -> tuple[State, Traffic]:
@@ -99,9 +101,9 @@ class EkfInterim(TeamSettings):
         return Belief(wrap_heading(s.x), s.P)
 
     def _master(self, s: State, a: int, y: Array, at: At, R: Array, heard: Mask) -> tuple[State, Mask]:
-        """Master a's update, in its memory and in that of those who `heard` it (t, n); which trials used it (t,).
+        """Master a's update, in its memory and in that of the robots that `heard` it (t, n); which trials used it (t,).
 
-        S = R + H P H' over the robots that it is `at`; then x_i' = x_i + dx_i,  P_i' = P_i - dP_i,  Pi' = Pi - dPi,
+        S = R + H P H' over the robots in `at`; then x_i' = x_i + dx_i,  P_i' = P_i - dP_i,  Pi' = Pi - dPi,
         the last one in place.
         """
         cross = {m: _cross(s, a, m, at) for m in at}
@@ -130,7 +132,7 @@ def _by_factors(s: State, y: Array, at: At, cross: At, S: Array) -> Change:
     """r = S^-1/2 y,  Gamma_m = (Phi_m^-1 P_m H_m' + ..) S^-1/2:  dx_i = Phi_i Gamma_i r,  dPi_jl = Gamma_j Gamma_l'."""
     t, n, d = s.x.shape
     half = np.linalg.inv(np.linalg.cholesky(S)).mT
-    Gamma = np.zeros((t, n, y.shape[-1], n, d))  # (t, whose memory, k, m, d), transposed
+    Gamma = np.zeros((t, n, y.shape[-1], n, d))  # (t, robot that keeps it, k, m, d), transposed
     for m, H in at.items():
         add_rows(Gamma, s.Pi, m, (s.Phi[:, m].mT @ H.mT @ half).mT)
     for m in at:  # as the master broadcast them
@@ -142,7 +144,7 @@ def _by_factors(s: State, y: Array, at: At, cross: At, S: Array) -> Change:
 
 
 def _by_filterpy(s: State, a: int, y: Array, at: At, R: Array) -> Change:
-    """The same by filterpy's filter over the team as each robot remembers it, P_jl = Phi_j Pi_jl Phi_l'."""
+    """The same by filterpy's filter over each robot's copy of the team, P_jl = Phi_j Pi_jl Phi_l'."""
     t, n, d = s.x.shape
     Pi, Phi = s.Pi.copy(), square(block_diagonal(s.Phi))[:, None]
     for m, j in permutations(at, 2):  # as the master broadcast them

@@ -2,17 +2,18 @@
 
 The centralised answer: what a team would know if every reading reached one computer at once. A bound, not a protocol:
 its robots send their readings, 8 bytes each, and a header of 8. All of a tick's relative readings are used together, in
-information form, and re-linearised `iterations` times, so that the result depends on no order; `update="sequential"`
-conditions on one after the other, as the source does. Ranges may carry the mean shift and the variance of their
-second-order term (`second_order`); where priors are wide, fewer robots diverge with it.
+information form, and re-linearised `iterations` times, so that the result does not depend on their order;
+`update="sequential"` uses one after the other, as the source does. With `second_order` the mean shift and the variance
+of a range's second-order term are included; where priors are wide, fewer robots diverge with it.
 
-A Gaussian that a bad linearisation has put in a wrong place refuses what would correct it. With `update="batch"`, a
-robot most of whose readings the gate has refused of late (`lost`) starts anew: anywhere in the arena, uncorrelated.
+A Gaussian that a bad linearisation has put in a wrong place refuses the readings that would correct it. With
+`update="batch"`, a robot most of whose recent readings the gate has refused (`lost`) starts again: anywhere in the
+arena, uncorrelated.
 
 Sources: S. Roumeliotis, G. Bekey, "Distributed multirobot localization", IEEE T-RA 18(5), 2002; Y. Bar-Shalom, X. Li,
 T. Kirubarajan, "Estimation with applications to tracking and navigation", 2001, secs. 10.3 (second order) and 10.5.2
 (iterated); B. Bell, F. Cathey, "The iterated Kalman filter update as a Gauss-Newton method", IEEE T-AC 38(2), 1993;
-S. Lenser, M. Veloso, "Sensor resetting localization for poorly modelled mobile robots", ICRA 2000 (starting anew).
+S. Lenser, M. Veloso, "Sensor resetting localization for poorly modelled mobile robots", ICRA 2000 (starting again).
 """
 
 from collections.abc import Mapping
@@ -36,7 +37,7 @@ from cooploc.estimators.kalman.joint_update import (
     range_by_range,
     ranges_together,
     readings_of,
-    scalars_of_own,
+    scalar_by_scalar,
     sparse_update,
     spread,
     square,
@@ -53,7 +54,7 @@ from cooploc.estimators.models.motion import Displacement
 from cooploc.estimators.models.sensors import Range
 
 # Weight of the latest readings in the average share of refused ones: 23 refused in a row make a robot lost. On MRCLAM,
-# where a camera may take one landmark for another for a second, the average rises to 0.37; with 0.1 it would to 0.72.
+# where a camera may confuse two landmarks for a second, the average rises to 0.37; with a weight of 0.1, to 0.72.
 FORGET = 0.03
 
 
@@ -104,7 +105,7 @@ class EkfJoint(TeamSettings):
     def correct(self, s: State, z: Senses) -> State:
         for sensor, place, reading in fixed(s.world, z, self.anchor_reading):
             if self.update == "batch":
-                s = self._own_together(s, sensor, place, reading)
+                s = self._fixed_together(s, sensor, place, reading)
             elif self.engine == "batched" and isinstance(sensor, GradientDoa):
                 s = _with(s, *direction_by_direction(s.x, square(s.P), reading[..., 0], sensor, self.gate))
             else:
@@ -117,7 +118,7 @@ class EkfJoint(TeamSettings):
         if self.update == "batch":
             for sensor, readings in table(s.world, z, air):
                 s = self._together(s, sensor, readings)
-            s = self._found(s)
+            s = self._restarted(s)
         else:
             s = self._one_by_one(s, z, air)
         return s, no_traffic(s.x)
@@ -125,14 +126,14 @@ class EkfJoint(TeamSettings):
     def estimate(self, s: State) -> Belief:
         return Belief(wrap_heading(s.x), np.stack([s.P[:, i, :, i] for i in range(s.x.shape[1])], 1))
 
-    def _own_together(self, s: State, sensor: Sensor, place: Array, reading: Array) -> State:
+    def _fixed_together(self, s: State, sensor: Sensor, place: Array, reading: Array) -> State:
         """Every robot's reading (t, n, k) of one fixed thing, linearised and gated before any of them is used."""
         y, H, _ = sensor.innovation(s.x, place, reading)
         readings = readings_of(y[:, :, None], H[:, :, None], np.zeros_like(H)[:, :, None], sensor.R)
         d2 = distances(square(s.P), readings)
         use = d2 <= self.gate
         if self.engine == "batched" and y.shape[-1] == 1:
-            after = _with(s, *scalars_of_own(s.x, square(s.P), use[:, :, 0], y[..., 0], H[:, :, 0], sensor.R))
+            after = _with(s, *scalar_by_scalar(s.x, square(s.P), use[:, :, 0], y[..., 0], H[:, :, 0], sensor.R))
         else:
             after = self._add(s, use, readings)
         return _tallied(after, ~np.isnan(d2), d2 > self.gate)
@@ -162,12 +163,12 @@ class EkfJoint(TeamSettings):
         return self._counted(at, d2)
 
     def _counted(self, s: State, d2: Array) -> State:
-        """A reading of j by i (t, n, n) speaks of both."""
+        """A reading of j by i (t, n, n) counts for both robots."""
         both = np.stack([~np.isnan(d2), d2 > self.gate])
         return _tallied(s, *np.concatenate([both, both.swapaxes(2, 3)], -1))
 
-    def _found(self, s: State) -> State:
-        """A trial's most refused robot, where it is lost: x = the arena's middle, P_ii = a uniform's, P_ij = 0."""
+    def _restarted(self, s: State) -> State:
+        """The most refused robot of a trial, if lost: x = the arena's middle, P_ii of a uniform density, P_ij = 0."""
         lost = (s.refused > self.lost) & (np.arange(s.world.robots) == s.refused.argmax(1)[:, None])
         if not lost.any():
             return s
@@ -222,7 +223,7 @@ class EkfJoint(TeamSettings):
         return _with(s, x, P)
 
     def _update(self, s: State, y: Array, at: Mapping[int, Array], R: Array) -> State:
-        """Kalman update of the joint state by a reading whose Jacobian is `at` those robots, 0 elsewhere."""
+        """Kalman update of the joint state by a reading whose Jacobian is given `at` some robots and 0 elsewhere."""
         P = square(s.P)
         if self.engine == "batched":
             x, P, _ = sparse_update(s.x, P, y, at, R, self.gate)

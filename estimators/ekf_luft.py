@@ -1,12 +1,13 @@
 """Recursive decentralised localization: cross-covariances kept as factors, communication only when two robots meet.
 
-P_ij = sigma_ij sigma_ji', and robot i holds sigma_ij. A robot's own readings move only its own factors. When robot i
-measures robot j, the two put their joint Gaussian together and update it exactly; each then carries its cross terms
-with everybody else along approximately, as if its new belief came from a reading of its own.
+P_ij = sigma_ij sigma_ji', and robot i keeps sigma_ij. A robot's own readings change only its own factors. When robot i
+measures robot j, the two assemble their joint Gaussian and update it exactly; each then updates its cross terms with
+all others approximately, as if its new belief came from a reading of its own.
 
 Sent, in numbers of 8 bytes and with a header of 8: request 0; reply x_j, P_j, sigma_ji, d + d(d+1)/2 + d^2; result
-x_j', P_j', d + d(d+1)/2. Where either way between the two fails, the reading is lost. Ours: a gate; and the implied
-joint of two robots, which the approximation can make indefinite, has its correlation cut to `LIMIT`.
+x_j', P_j', d + d(d+1)/2. If the link fails in either direction, the reading is lost. Added by us: a gate; and the
+implied joint of two robots, which the approximation can make indefinite, has its correlation cut to `LIMIT`.
+engine="filterpy" moves every robot and updates every pair by filterpy's filter.
 
 Source: L. Luft, T. Schubert, S. Roumeliotis, W. Burgard, "Recursive decentralized localization for multi-robot systems
 with asynchronous pairwise communication", IJRR 37(10), 2018.
@@ -28,7 +29,7 @@ from cooploc.estimators.models.angles import wrap_heading
 
 
 class State(NamedTuple):
-    """What the robots remember; axis 1 is whose memory it is."""
+    """What the robots remember; axis 1 is the robot that keeps it."""
 
     x: Array  # (t, n, d)
     P: Array  # (t, n, d, d)

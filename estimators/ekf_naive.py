@@ -1,10 +1,10 @@
-"""Cooperative EKF that ignores cross-covariances: every belief that is heard is taken for independent of one's own.
+"""Cooperative EKF that ignores cross-covariances: it treats every received belief as independent of its own.
 
-It is not. What two robots learned from each other comes back as if it were new, so the covariance falls without reason.
-This is the mistake that covariance intersection, and the bookkeeping of cross terms, are there to avoid.
+It is not: what two robots learned from each other comes back as if it were new, so the covariance falls without reason.
+Covariance intersection, and the filters that keep cross terms, exist to avoid this mistake.
 
 Sent, in one broadcast a tick: x and the triangle of P (5 numbers, with a heading 9) and, with a camera, range and
-bearing of every teammate in sight; 8 bytes each. A robot that was sighted uses the reading too (`both`).
+bearing of every teammate in sight; 8 bytes each. A robot that was sighted uses that reading, too (`both`).
 
 Source: S. Roumeliotis, G. Bekey, "Distributed multirobot localization", IEEE T-RA 18(5), 2002, with P_ij = 0 always;
 A. Howard, M. Mataric, G. Sukhatme, "Putting the 'I' in 'team'", ICRA 2003, on such circular reasoning.
@@ -33,7 +33,7 @@ class State(NamedTuple):
 
 @dataclass(frozen=True)
 class EkfNaive(TeamSettings):
-    """EKF on own readings and on received beliefs, which it takes for independent.
+    """EKF on own readings and on received beliefs, which it treats as independent.
 
     Parameters:
         both: whether a sighting corrects the robot that was seen, too.
@@ -51,16 +51,15 @@ class EkfNaive(TeamSettings):
         return s._replace(x=x, P=P)
 
     def correct(self, s: State, z: Senses) -> State:
-        """The EKF's update by own readings."""
         x, P = corrected(self, s.world, s.x, s.P, z)
         return s._replace(x=x, P=P)
 
     def send(self, s: State, z: Senses) -> Array:
-        """The belief before this tick's fusion, and what was sighted."""
+        """The belief before this tick's fusion, and the sightings."""
         return Message(s.x, (s.P,), z.sighting if self.both else z.sighting[:, :0]).pack()
 
     def fuse(self, s: State, z: Senses, mail: Mail) -> State:
-        """S = H P H' + H_j P_j H_j' + R: the sender's uncertainty counts as noise, independent of our own."""
+        """S = H P H' + H_j P_j H_j' + R: the sender's uncertainty counts as noise, independent of the robot's own."""
         x, P = s.x, s.P
         sent = Message.unpack(mail.packets, x.shape[-1])
         for pair in received(s.world, z, mail, sent.sightings, s.robot):

@@ -1,21 +1,23 @@
 """Split covariance intersection: what may be correlated is inflated, what is known to be independent is not.
 
 A covariance is P = Pd + Pi. Own odometry and own readings feed Pi; covariance intersection with the weight w acts on Pd
-alone, so that no unknown correlation between the dependent parts can make the result over-confident. The weight is the
-one of least position trace. Ours: a reading is left alone where that trace would not fall, or where det P would rise;
-otherwise a reading that says nothing of the heading inflates it without bound.
+alone, so that no unknown correlation between the dependent parts can make the result over-confident. The weight
+minimises the position trace. Added by us: a reading is not used where that trace would not fall, or where det P would
+rise; otherwise a reading that does not depend on the heading inflates it without bound.
 
 Sent, in one broadcast a tick: x and the triangles of Pd and Pi (8 numbers, with a heading 15) and, with a camera, range
-and bearing of every teammate in sight; 8 bytes each. A robot that was sighted uses the reading too (`both`).
+and bearing of every teammate in sight; 8 bytes each. A robot that was sighted uses that reading, too (`both`).
 
-What of a received estimate is independent (`form`): "literal", its independent part, as the equations have it; but its
-sender keeps that part as independent, too, and with independent priors nothing ever becomes dependent: the filter *is*
-ekf-naive. "received", nothing of it; still somewhat over-confident, for the sender goes on holding what it sent for
-independent. "conservative", what its sender has never sent before, and a robot holds what it sent for dependent.
+Which part of a received estimate counts as independent (`form`): "literal", its independent part, as in the equations;
+but its sender also keeps that part as independent, and with independent priors nothing ever becomes dependent: the
+filter *is* ekf-naive. "received", none of it; still somewhat over-confident, because the sender goes on treating what
+it sent as independent. "conservative", what its sender has never sent before; a robot treats what it sent as dependent.
+
+engine="filterpy" computes each move of Pi and each gain by filterpy; the split of P' into its parts is the same code.
 
 Source: H. Li, F. Nashashibi, "Cooperative multi-vehicle localization using split covariance intersection filter", IEEE
-Intelligent Transportation Systems Magazine 5(2), 2013. Pd is updated in Joseph's form, for Pd = P - Pi loses
-definiteness.
+Intelligent Transportation Systems Magazine 5(2), 2013. Pd is updated in Joseph's form, because Pd = P - Pi would not
+stay definite.
 """
 
 from dataclasses import dataclass
@@ -51,8 +53,8 @@ class EkfSplitCi(TeamSettings):
     """EKF on own readings, split covariance intersection with received beliefs.
 
     Parameters:
-        form: what of a received estimate counts as independent: "literal", its independent part; "received", nothing;
-            "conservative", what its sender has never sent before.
+        form: which part of a received estimate counts as independent: "literal", its independent part; "received",
+            none of it; "conservative", what its sender has never sent before.
         both: whether a sighting corrects the robot that was seen, too.
 
     """
@@ -78,16 +80,16 @@ class EkfSplitCi(TeamSettings):
         return s
 
     def send(self, s: State, z: Senses) -> Array:
-        """The belief before this tick's fusion, and what was sighted."""
+        """The belief before this tick's fusion, and the sightings."""
         return Message(s.x, (s.Pd, s.Pi), z.sighting if self.both else z.sighting[:, :0]).pack()
 
     def fuse(self, s: State, z: Senses, mail: Mail) -> State:
-        known = np.zeros(mail.heard.shape, bool)  # senders whose independent part is in ours by now
+        known = np.zeros(mail.heard.shape, bool)  # senders whose independent part this robot has used by now
         sent = Message.unpack(mail.packets, s.x.shape[-1], parts=2)
         for pair in received(s.world, z, mail, sent.sightings, s.robot):
             s, used = self._cooperate(s, pair, sent, known[:, pair.sender])
             known[:, pair.sender] |= used
-        if self.form == "conservative" and s.world.robots > 1:  # the broadcast took the independent part along
+        if self.form == "conservative" and s.world.robots > 1:  # the broadcast contained the independent part
             s = s._replace(Pd=s.Pd + s.Pi, Pi=np.zeros_like(s.Pi))
         return s
 
@@ -95,7 +97,7 @@ class EkfSplitCi(TeamSettings):
         return Belief(wrap_heading(s.x), s.Pd + s.Pi)
 
     def _cooperate(self, s: State, pair: PairReading, sent: Message, known: Mask) -> tuple[State, Mask]:
-        """Update by a reading between us and a sender, whose own split covariance is that of the reading's place."""
+        """Update by a reading between the robot and a sender, whose split covariance makes the reading's noise."""
         x_j, Pd_j, Pi_j = (part[:, pair.sender] for part in (sent.x, *sent.P))
         if self.form == "conservative":
             again = known[:, None, None]
@@ -114,7 +116,7 @@ class EkfSplitCi(TeamSettings):
         """P1 = Pd / w + Pi,  R = Rd / (1 - w) + Ri,  K = P1 H' (H P1 H' + R)^-1,  x' = x + K y.
 
         Pd' = (I - K H) Pd / w (I - K H)' + K Rd / (1 - w) K',  Pi' = (I - K H) Pi (I - K H)' + K Ri K'. In all
-        forms but the literal, K Ri K' of what was received goes to Pd'. Also says who used it.
+        forms but the literal, K Ri K' of a received estimate goes to Pd'. Also says which rows used it.
         """
         w = w[:, None, None]
         Pd, Rd = s.Pd / w, np.divide(Rd, 1 - w, out=np.zeros_like(Rd), where=w < 1)
@@ -132,7 +134,7 @@ class EkfSplitCi(TeamSettings):
 
 
 def _least_trace(Pd: Array, Pi: Array, H: Array, Rd: Array, Ri: Array) -> tuple[Array, Mask]:
-    """The weight w (r,) of least tr P'_xy, searched on a grid of logit w, and whether it is a gain.
+    """The weight w (r,) of least tr P'_xy, searched on a grid of logit w, and whether it helps.
 
     tr P' = tr P1 - tr(M S^-1 M') with P1 = Pd / w + Pi, M = (P1 H')_xy and S = H P1 H' + Rd / (1 - w) + Ri.
     """

@@ -1,9 +1,9 @@
 """One unscented Kalman filter over the whole team: sigma points in place of Jacobians.
 
-Like ekf-joint a bound, not a protocol: every reading reaches one computer at once. 2 n d + 1 points go through every
+Like ekf-joint a bound, not a protocol: every reading reaches one computer at once. 2 n d + 1 points pass through every
 motion and every reading, one reading after the other, so it is meant for small teams. Odometry noise is additive, as
-the motion model states it at the mean. Weights below 0 can make P' indefinite where a reading is far from linear, as a
-range between robots that touch is: such a reading is refused.
+the motion model gives it at the mean. Negative weights can make P' indefinite where a reading is far from linear, for
+example a range between robots that touch: such a reading is refused.
 
 Sources: S. Julier, J. Uhlmann, "Unscented filtering and nonlinear estimation", Proc. IEEE 92(3), 2004; R. van der
 Merwe, "Sigma-point Kalman filters for probabilistic inference in dynamic state-space models", PhD thesis, OGI, 2004
@@ -26,7 +26,7 @@ from cooploc.estimators.models.angles import wrap, wrap_heading
 from cooploc.estimators.models.gradient_doa import GradientDoa, fixed
 from cooploc.estimators.models.sensors import Bearing, Sighting
 
-Points = Callable[[Array, slice], Array]  # of sigma points (t, s, .., d) of these trials: moved, or as they are read
+Points = Callable[[Array, slice], Array]  # of sigma points (t, s, .., d) of these trials: moved, or what they read
 
 
 class State(NamedTuple):
@@ -88,16 +88,15 @@ class UkfJoint(TeamSettings):
         """
         absent = np.asarray(np.isnan(sensor.innovation(s.x[:, i], np.ones(2), reading)[0]).any(-1))
         known = np.where(absent[:, None], 1.0, reading)
-
-        who = [i, place] if isinstance(place, int) else [i]
+        members = [i, place] if isinstance(place, int) else [i]
 
         def h(points: Array, trials: slice) -> Array:
-            """Of the points (t, s, who, d) of those whom the reading is about."""
+            """What the points (t, s, members, d) of the robots in the reading read."""
             q = points[..., 1, :2] if isinstance(place, int) else place
             return -sensor.innovation(points[..., 0, :], q, known[trials, None])[0]
 
         update = _update if self.engine == "batched" else _filterpy_update
-        x, P, d2, sound = update(self, s, h, who, _turns(sensor), sensor.R)
+        x, P, d2, sound = update(self, s, h, members, _turns(sensor), sensor.R)
         use = (~absent & sound & (d2 <= self.gate))[:, None, None]
         return s._replace(x=np.where(use, wrap_heading(x), s.x), P=np.where(use, P, s.P))
 
@@ -155,13 +154,13 @@ def _predict(p: UkfJoint, s: State, f: Points, noise: Array) -> tuple[Array, Arr
 
 
 def _update(
-    p: UkfJoint, s: State, h: Points, who: list[int], turns: Mask, R: Array
+    p: UkfJoint, s: State, h: Points, members: list[int], turns: Mask, R: Array
 ) -> tuple[Array, Array, Array, Mask]:
-    """P_xz' = C P^1/2', which needs of the points only those robots that are read."""
+    """P_xz' = C P^1/2', which needs the points of the robots in the reading only."""
     t, n, d = s.x.shape
     scale, Wm, Wc = _weights(p, n * d)
     columns = _columns(s.P, scale)
-    points = _points(s.x[:, who], columns.reshape(t, -1, n, d)[:, :, who])
+    points = _points(s.x[:, members], columns.reshape(t, -1, n, d)[:, :, members])
     mean, off = _moments(h(points, slice(None)), Wm, turns)
     y, C = _minus(np.zeros_like(mean), mean, turns), _explained(off, scale)
     S = symmetric((Wc[:, None] * off).mT @ off + R)
@@ -203,14 +202,14 @@ def _filterpy_predict(p: UkfJoint, s: State, f: Points, noise: Array) -> tuple[A
 
 
 def _filterpy_update(
-    p: UkfJoint, s: State, h: Points, who: list[int], turns: Mask, R: Array
+    p: UkfJoint, s: State, h: Points, members: list[int], turns: Mask, R: Array
 ) -> tuple[Array, Array, Array, Mask]:
     x, P, d2, sound = s.x.copy(), s.P.copy(), np.zeros(len(s.x)), np.zeros(len(s.x), bool)
     scale, Wm, _ = _weights(p, s.P.shape[-1])
     for i in range(len(x)):
         ukf = _filterpy(p, s, i, turns)
         ukf.sigmas_f = ukf.points_fn.sigma_points(ukf.x, ukf.P)
-        read = lambda point, i=i: h(point.reshape(1, 1, *x.shape[1:])[:, :, who], slice(i, i + 1)).ravel()  # noqa: E731
+        read = lambda point, i=i: h(point.reshape(1, 1, *x.shape[1:])[:, :, members], slice(i, i + 1)).ravel()  # noqa: E731
         ukf.update(np.zeros(len(turns)), R=R, hx=read)
         x[i], P[i], d2[i] = ukf.x.reshape(x.shape[1:]), ukf.P, ukf.y @ ukf.SI @ ukf.y
         sound[i] = _sound(_explained(_moments(ukf.sigmas_h[None], Wm, turns)[1], scale), ukf.S[None], R)[0]

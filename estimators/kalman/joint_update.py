@@ -1,7 +1,7 @@
 """Updates of a team's joint Gaussian by a few of its blocks.
 
-A team's mean is x (t, n, d), its covariance P (t, n d, n d). A reading of robot j by robot i has a Jacobian at these
-two only, so that P H' needs two block columns and not the whole matrix.
+A team's mean is x (t, n, d), its covariance P (t, n d, n d). The Jacobian of a reading of robot j by robot i is 0
+for all others, so that P H' needs two block columns and not the whole matrix.
 
 Sources: S. Roumeliotis, G. Bekey, "Distributed multirobot localization", IEEE T-RA 18(5), 2002 (the sparse update);
 S. Thrun et al., "Simultaneous localization and mapping with sparse extended information filters", IJRR 23, 2004, sec. 2
@@ -66,7 +66,7 @@ def spread(P: Array, d: int) -> Array:
 def sparse_update(
     x: Array, P: Array, y: Array, at: Mapping[int, Array], R: Array, gate: float
 ) -> tuple[Array, Array, Mask]:
-    """K = P H' S^-1,  x' = x + K y,  P' = P - K S K' by a Jacobian that is `at` those robots and 0 elsewhere.
+    """K = P H' S^-1,  x' = x + K y,  P' = P - K S K' by a Jacobian given `at` some robots and 0 elsewhere.
 
     With S = C C' and L = P H' C'^-1, K S K' = L L', symmetric to the last bit. Also says which trials used it (t,).
     """
@@ -114,7 +114,7 @@ def ranges_together(x: Array, P: Array, z: Array, how: Ranging) -> tuple[Array, 
     return x, P, d2
 
 
-def scalars_of_own(x: Array, P: Array, use: Mask, y: Array, H: Array, R: Array) -> tuple[Array, Array]:
+def scalar_by_scalar(x: Array, P: Array, use: Mask, y: Array, H: Array, R: Array) -> tuple[Array, Array]:
     """Kalman updates by one scalar per robot y (t, n), H (t, n, d), linearised together, where `use` (t, n) allows."""
     x, P = x.copy(), P.copy()
     add_scalars(x, P, use, y, H, R.item())
@@ -141,7 +141,7 @@ def subtract_products(Pi: Array, Gamma: Array, takes: Mask) -> None:
 
 
 def dense(at: Mapping[int, Array], robots: int) -> Array:
-    """The Jacobian (t, k, n d) that is `at` those robots and 0 elsewhere."""
+    """The Jacobian (t, k, n d) given `at` some robots and 0 elsewhere."""
     first = next(iter(at.values()))
     H = np.zeros((*first.shape[:2], robots, first.shape[2]))
     for i, block in at.items():

@@ -1,7 +1,7 @@
-"""The Kalman update and predict for many rows at once, in two engines that compute the same.
+"""The Kalman predict and update of many rows at once, in two engines that compute the same.
 
 `batched` is plain numpy over leading axes. `filterpy` runs filterpy's ExtendedKalmanFilter row by row: the reference
-that the first is tested against, and what a filterpy user would compute.
+that `batched` is tested against, and what a filterpy user would compute.
 """
 
 from typing import Literal, NamedTuple, Protocol
@@ -17,7 +17,7 @@ GATE = 13.8
 
 
 class Predict(Protocol):
-    """x', F P F' + Q for a model that was linearised by its caller."""
+    """x', F P F' + Q for a motion that its caller has linearised; x is moved already and comes back as it is."""
 
     def __call__(self, x: Array, P: Array, F: Array, Q: Array) -> tuple[Array, Array]: ...
 
@@ -41,7 +41,7 @@ def symmetric(P: Array) -> Array:
 
 
 def present(y: Array, H: Array, R: Array) -> Mask:
-    """Rows (...) whose reading, Jacobian and noise are all there."""
+    """Rows (...) whose reading, Jacobian and noise have no nan."""
     finite: Mask = np.asarray(~(np.isnan(y).any(-1) | np.isnan(H).any((-2, -1)) | np.isnan(R).any((-2, -1))))
     return finite
 

@@ -26,7 +26,7 @@ from cooploc.estimators.kalman.joint_update import (
     information_update,
     range_by_range,
     readings_of,
-    scalars_of_own,
+    scalar_by_scalar,
     sparse_update,
     subtract_products,
     widened,
@@ -313,7 +313,7 @@ def test_own_scalars_one_by_one_are_the_information_form():
     eta, Lambda = information(use[..., None], one)
     want_P = information_update(P, Lambda)
     want = x.reshape(5, 12) + (want_P @ eta[..., None])[..., 0]
-    got_x, got_P = scalars_of_own(x, P, use, y, H, np.array([[0.3]]))
+    got_x, got_P = scalar_by_scalar(x, P, use, y, H, np.array([[0.3]]))
     np.testing.assert_allclose(got_x.reshape(5, 12), want, atol=1e-12)
     np.testing.assert_allclose(got_P, want_P, atol=1e-12)
     np.testing.assert_array_equal(got_P[0], P[0])
