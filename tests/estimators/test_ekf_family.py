@@ -4,36 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from oracles import PLACES, Offset, covariances, dense_posterior, is_covariance, linear_team
+from oracles import PLACES, Offset, dense_posterior, is_covariance, linear_team
 
-from cooploc.estimators import ekf_joint
 from cooploc.estimators.dead_reckoning import DeadReckoning
 from cooploc.estimators.ekf_ci import EkfCi
 from cooploc.estimators.ekf_interim import EkfInterim
 from cooploc.estimators.ekf_joint import EkfJoint
 from cooploc.estimators.ekf_local import EkfLocal
-from cooploc.estimators.ekf_luft import EkfLuft, _possible, met
-from cooploc.estimators.ekf_luft import State as LuftState
+from cooploc.estimators.ekf_luft import EkfLuft
 from cooploc.estimators.ekf_naive import EkfNaive
 from cooploc.estimators.ekf_split_ci import EkfSplitCi
-from cooploc.estimators.kalman.factor_kernels import LIMIT, Factored, PairUpdate, meet
-from cooploc.estimators.kalman.joint_update import (
-    add_rows,
-    definite,
-    direction_by_direction,
-    information,
-    information_mean,
-    information_update,
-    range_by_range,
-    readings_of,
-    scalar_by_scalar,
-    sparse_update,
-    subtract_products,
-    widened,
-)
-from cooploc.estimators.kalman.team_readings import linearise
-from cooploc.estimators.kalman.update import kalman
-from cooploc.estimators.models.gradient_doa import GradientDoa
 from cooploc.estimators.models.sensors import LogDistance, Range
 from cooploc.estimators.ukf_joint import UkfJoint
 from cooploc.scenarios import simulate
@@ -55,14 +35,14 @@ def nees(x, got):
     return np.einsum("tkna,tkna->tkn", e, np.linalg.solve(got.P, e[..., None])[..., 0]) / x.shape[-1]
 
 
-def states(estimator, stream, method="exchange", after=True, every=1):
-    """The state after, or before, a method at every so many ticks."""
+def states(estimator, stream, every):
+    """The state after the exchange at every so many ticks."""
     seen = []
 
     def watch(name, tick, arguments, call):
         result = call(*arguments)
-        if name == method and tick % every == 0:
-            seen.append((result[0] if method == "exchange" else result) if after else arguments)
+        if name == "exchange" and tick % every == 0:
+            seen.append(result[0])
         return result
 
     trace("watched", estimator, stream, watch)
@@ -233,173 +213,6 @@ def test_interim_master_is_filterpys_under_losses_too():
     np.testing.assert_allclose(batched.P, loop.P, atol=1e-9)
 
 
-def team(seed, d, robots=4, trials=5):
-    """Means and a joint covariance with every cross term, robots near enough for some readings to be gated."""
-    rng = np.random.default_rng(seed)
-    return rng, rng.uniform(0, 6, (trials, robots, d)), 0.3 * covariances(rng, trials, d=robots * d)
-
-
-@pytest.mark.parametrize("gate", [np.inf, 1.0])
-@pytest.mark.parametrize("d", [2, 3])
-def test_compiled_ranges_are_sparse_updates_one_by_one(d, gate):
-    rng, x, P = team(37, d)
-    z = np.where(rng.uniform(size=(5, 4, 4)) < 0.7, rng.uniform(0, 6, (5, 4, 4)), np.nan)
-    z[0] = np.nan
-    want_x, want_P, used = x, P, 0
-    for j in range(4):
-        for i in set(range(4)) - {j}:
-            y, H_i, H_j = linearise(Range(), want_x[:, i], want_x[:, j], z[:, i, j, None])
-            want_x, want_P, use = sparse_update(want_x, want_P, y, {i: H_i, j: H_j}, Range().R, gate)
-            used += use.sum()
-    got_x, got_P = range_by_range(x, P, z, Range().R, gate)
-    assert 5 < used < 48
-    np.testing.assert_allclose(got_x, want_x, atol=1e-12)
-    np.testing.assert_allclose(got_P, want_P, atol=1e-12)
-    np.testing.assert_array_equal(got_P[0], P[0])
-
-
-@pytest.mark.parametrize("gate", [np.inf, 1.0])
-@pytest.mark.parametrize("d", [2, 3])
-def test_compiled_directions_are_sparse_updates_one_by_one(d, gate):
-    rng, x, P = team(38, d)
-    doa = GradientDoa(LogDistance(), (0.0, 0.0), (6.0, 5.0))
-    x[1, 0, :2] = 0.02, 0.05  # inside the clamp
-    z = np.where(rng.uniform(size=(5, 4)) < 0.8, rng.uniform(-np.pi, np.pi, (5, 4)), np.nan)
-    z[0], z[1, 0] = np.nan, 3.0
-    want_x, want_P, used = x, P, 0
-    for i in range(4):
-        y, H, _ = doa.innovation(want_x[:, i], np.zeros(2), z[:, i, None])
-        want_x, want_P, use = sparse_update(want_x, want_P, y, {i: H}, doa.R, gate)
-        used += use.sum()
-    got_x, got_P = direction_by_direction(x, P, z, doa, gate)
-    assert 2 < used < 20
-    np.testing.assert_allclose(got_x, want_x, atol=1e-12)
-    np.testing.assert_allclose(got_P, want_P, atol=1e-12)
-    np.testing.assert_array_equal(got_P[0], P[0])
-
-
-@pytest.mark.parametrize("gate", [np.inf, 1.0])
-@pytest.mark.parametrize("second_order", [False, True])
-@pytest.mark.parametrize("iterations", [1, 3])
-def test_compiled_ranges_together_are_the_numpy_ones(iterations, second_order, gate, monkeypatch):
-    _, stream = simulate("scalability/n=4", trials=5, seed=40, ticks=1, drop=0.3, prior_sigma=1.0)
-    joint = EkfJoint(iterations=iterations, second_order=second_order, gate=gate)
-    before, senses, air = states(joint, stream, after=False)[0]
-    compiled, _ = joint.exchange(before, senses, air)
-    monkeypatch.setattr(ekf_joint, "Range", ())  # what no sensor is an instance of
-    plain, _ = joint.exchange(before, senses, air)
-    assert np.abs(plain.x - before.x).max() > 0.1
-    np.testing.assert_allclose(compiled.x, plain.x, atol=1e-12)
-    np.testing.assert_allclose(compiled.P, plain.P, atol=1e-12)
-    np.testing.assert_allclose(compiled.refused, plain.refused, atol=1e-15)
-    assert (plain.refused > 0).any() == (gate == 1.0)
-
-
-def test_a_move_without_rotation_widens_as_the_matrix_product_does():
-    rng, _, P = team(40, 2)
-    Q = 0.1 * covariances(rng, 20, d=2).reshape(5, 4, 2, 2)
-    noise = np.zeros_like(P)
-    for i in range(4):
-        noise[:, 2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = Q[:, i]
-    P[1, 0, 7] += 0.3  # what is not symmetric becomes so
-    np.testing.assert_array_equal(widened(P, Q), ((P + noise) + (P + noise).mT) / 2)
-
-
-def test_own_scalars_one_by_one_are_the_information_form():
-    rng, x, P = team(41, 3)
-    y, H, use = rng.normal(size=(5, 4)), rng.normal(size=(5, 4, 3)), rng.uniform(size=(5, 4)) < 0.7
-    use[0] = False
-    one = readings_of(y[..., None, None], H[:, :, None, None], np.zeros((5, 4, 1, 1, 3)), np.array([[0.3]]))
-    eta, Lambda = information(use[..., None], one)
-    want_P = information_update(P, Lambda)
-    want = x.reshape(5, 12) + (want_P @ eta[..., None])[..., 0]
-    got_x, got_P = scalar_by_scalar(x, P, use, y, H, np.array([[0.3]]))
-    np.testing.assert_allclose(got_x.reshape(5, 12), want, atol=1e-12)
-    np.testing.assert_allclose(got_P, want_P, atol=1e-12)
-    np.testing.assert_array_equal(got_P[0], P[0])
-
-
-@pytest.mark.parametrize("k", [1, 2])
-@pytest.mark.parametrize("d", [2, 3])
-def test_compiled_factors_are_the_numpy_ones(d, k):
-    """And those of one trial do not depend on how many there are."""
-    rng = np.random.default_rng(42)
-    Pi = covariances(rng, 5 * 4, d=4 * d).reshape(5, 4, 4, d, 4, d)
-    W, takes = rng.normal(size=(5, k, d)), rng.uniform(size=(5, 4)) < 0.5
-    Gamma, left = np.ones((5, 4, k, 4, d)), Pi.copy()
-    add_rows(Gamma, Pi, 2, W)
-    np.testing.assert_allclose(Gamma, 1 + np.einsum("tojac,tkc->tokja", Pi[..., 2, :], W), atol=1e-12)
-    subtract_products(left, Gamma, takes)
-    products = np.einsum("tokja,toklb->tojalb", Gamma, Gamma)
-    np.testing.assert_allclose(left, Pi - takes[..., None, None, None, None] * products, atol=1e-12)
-    np.testing.assert_array_equal(left[~takes], Pi[~takes])
-    np.testing.assert_array_equal(left, left.transpose(0, 1, 4, 5, 2, 3))  # rows stand for columns to the last bit
-    alone, one = np.ones((1, 4, k, 4, d)), Pi[3:4].copy()
-    add_rows(alone, one, 2, W[3:4])
-    subtract_products(one, alone, takes[3:4])
-    np.testing.assert_array_equal(alone[0], Gamma[3])
-    np.testing.assert_array_equal(one[0], left[3])
-
-
-@pytest.mark.parametrize("gate", [np.inf, 1.0])
-@pytest.mark.parametrize("d", [2, 3])
-def test_compiled_meetings_are_the_numpy_ones(d, gate):
-    """Some of them with an impossible cross term, and those of one trial whatever the others are."""
-    rng, trials = np.random.default_rng(44), 30
-    sigma = rng.normal(size=(trials, 4, 4, d, d)) * rng.choice([0.3, 3.0], (trials, 1, 1, 1, 1))
-    P = covariances(rng, trials * 4, d=d).reshape(trials, 4, d, d)
-    plain = LuftState(rng.normal(size=(trials, 4, d)), P, sigma, None)
-    compiled, alone = (LuftState(*(part[rows].copy() for part in plain[:3]), None) for rows in (slice(None), [7]))
-    y, H_1, H_3, R = rng.normal(size=(trials, 2)), *rng.normal(size=(2, trials, 2, d)), np.diag([0.3, 0.2])
-    y[0], H = np.nan, np.concatenate([H_1, H_3], -1)
-    cut = (_possible(P[:, 1], P[:, 3], sigma[:, 1, 3] @ sigma[:, 3, 1].mT) != sigma[:, 1, 3] @ sigma[:, 3, 1].mT).any()
-    assert cut
-    want = met(plain, 1, 3, y, H_1, H_3, R, gate, kalman)
-    used = meet(Factored(*compiled[:3]), (1, 3), PairUpdate(y, H, R), gate)
-    meet(Factored(*alone[:3]), (1, 3), PairUpdate(y[[7]], H[[7]], R), gate)
-    np.testing.assert_array_equal(used, want)
-    assert 0 < used.sum() < trials
-    for got, expected, single in zip(compiled[:3], plain[:3], alone[:3], strict=True):
-        np.testing.assert_allclose(got, expected, rtol=1e-12, atol=1e-12)
-        np.testing.assert_array_equal(got[7], single[0])
-
-
-@pytest.mark.parametrize("d", [1, 2, 3])
-def test_definite_is_a_smallest_eigenvalue_above_zero(d):
-    P = np.random.default_rng(43).normal(size=(40, 5, d, d)) + np.eye(d)
-    P = P + P.mT
-    want = np.linalg.eigvalsh(P)[..., 0] > 0
-    assert 20 < want.sum() < 180
-    np.testing.assert_array_equal(definite(P), want)
-    assert not definite(np.zeros((d, d)))
-    assert not definite(np.full((d, d), np.nan))
-
-
-def test_the_mean_in_information_form_is_that_of_the_whole_update():
-    rng, x, P = team(39, 2)
-    H = rng.normal(size=(5, 6, 8))
-    eta, Lambda = rng.normal(size=(5, 8)), H.mT @ H
-    want = x.reshape(5, 8) + (information_update(P, Lambda) @ eta[..., None])[..., 0]
-    np.testing.assert_allclose(information_mean(x.reshape(5, 8), P, eta, Lambda), want, atol=1e-12)
-
-
-def test_information_form_is_the_dense_form_at_fifty_robots():
-    _, stream = simulate("scalability/n=50", trials=1, seed=27, ticks=2)
-    joint = EkfJoint(iterations=1, second_order=False, gate=np.inf)
-    for before, _, air in states(joint, stream, after=False):
-        after, _ = joint.exchange(before, stream.senses, air)
-        x, P, z = before.x[0], before.P[0].reshape(100, 100), air.range[0]
-        pairs = np.argwhere(np.isfinite(z) & (z >= 0.2))
-        H, y = np.zeros((len(pairs), 50, 2)), np.zeros(len(pairs))
-        for row, (i, j) in enumerate(pairs):
-            d = np.hypot(*(x[i] - x[j]))
-            H[row, i], H[row, j], y[row] = (x[i] - x[j]) / d, (x[j] - x[i]) / d, z[i, j] - d
-        H = H.reshape(len(pairs), 100)
-        gain = np.linalg.solve(H @ P @ H.T + 0.01 * np.eye(len(pairs)), H @ P).T
-        np.testing.assert_allclose(after.x[0].ravel(), x.ravel() + gain @ y, atol=1e-8)
-        np.testing.assert_allclose(after.P[0].reshape(100, 100), P - gain @ H @ P, atol=1e-8)
-
-
 # ---------------------------------------------------------------- loss
 
 
@@ -473,17 +286,6 @@ def test_covariances_stay_definite_over_ten_thousand_ticks(estimator):
         P = trace("long", estimator, stream).P
         np.testing.assert_allclose(P, P.mT, rtol=1e-12, atol=1e-12 * P.max())
         assert np.linalg.eigvalsh(P).min() > 0
-
-
-def test_luft_cuts_an_impossible_cross_term_and_leaves_a_possible_one():
-    rng = np.random.default_rng(32)
-    P = covariances(rng, 50, d=6)
-    A, B, C = P[:, :3, :3], P[:, 3:, 3:], P[:, :3, 3:]
-    np.testing.assert_array_equal(_possible(A, B, C), C)
-    cut = _possible(A, B, 30 * C)
-    assert np.abs(cut - 30 * C).max(axis=(1, 2)).min() > 0
-    assert np.linalg.eigvalsh(np.block([[A, cut], [cut.mT, B]])).min() > -1e-9 * P.max()
-    assert LIMIT < 1
 
 
 @pytest.mark.parametrize("name", TEAM)
