@@ -12,11 +12,10 @@ Source: E. Latif, R. Parasuraman, "Multi-Robot Synergistic Localization in Dynam
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-import numpy as np
-
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
 from cooploc.estimators.particle import own_filter
 from cooploc.estimators.particle.likelihood import Heard
+from cooploc.estimators.particle.packet import pack
 
 
 @dataclass(frozen=True)
@@ -52,9 +51,3 @@ class Mrsl(own_filter.Settings):
 
     def estimate(self, s: own_filter.Own) -> Belief:
         return s.belief
-
-
-def pack(belief: Belief) -> Array:
-    """A packet (r, 5) of a belief's position."""
-    x, P = belief
-    return np.stack([x[:, 0], x[:, 1], P[:, 0, 0], P[:, 0, 1], P[:, 1, 1]], -1)

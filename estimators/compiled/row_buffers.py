@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from cooploc.estimators.compiled.elementary_functions import inlined, ordered, wide
+from cooploc.estimators.compiled.elementary_functions import ordered
+from cooploc.estimators.compiled.jit import inlined, wide
 
 
 @inlined

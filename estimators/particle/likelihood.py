@@ -10,12 +10,13 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from cooploc.estimators.compiled.elementary_functions import readable
+from cooploc.estimators.compiled.jit import readable
 from cooploc.estimators.interface import Array, Motion, Sensor
 from cooploc.estimators.models.gradient_doa import GradientDoa
 from cooploc.estimators.models.motion import Displacement
 from cooploc.estimators.models.sensors import LogDistance, Range
 from cooploc.estimators.particle.link_kernels import add_anchor_rows, add_teammate_rows, add_window_rows
+from cooploc.estimators.particle.packet import unpack
 
 Fixed = tuple[Sensor, Array, Array]  # of a place: sensor, place (2,), readings (r, 1), as `World.fixed` yields them
 
@@ -116,11 +117,6 @@ def teammates_reference(heard: Heard, x: Array, logw: Array) -> Array:
             v = v + ((J @ P_j) * J).sum(-1)
         logw = logw + log_normal(y[..., 0], v)
     return logw
-
-
-def unpack(packet: Array) -> tuple[Array, Array]:
-    """The position (r, 2) and covariance (r, 2, 2) of a packet (r, 5)."""
-    return packet[:, :2], np.stack([packet[:, 2:4], packet[:, 3:5]], -2)
 
 
 def window(

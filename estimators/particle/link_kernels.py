@@ -10,7 +10,8 @@ of D/D_0 - 1, D_0 the middle; such links are "far", the others "near".
 
 import numpy as np
 
-from cooploc.estimators.compiled.elementary_functions import COMPACT, arc, inlined, kernel, ln, log, log1p_compact, wide
+from cooploc.estimators.compiled.elementary_functions import COMPACT, arc, ln, log, log1p_compact
+from cooploc.estimators.compiled.jit import inlined, kernel, wide
 from cooploc.estimators.compiled.row_buffers import blank, extent, give, take
 from cooploc.estimators.models.sensors import NEAR, TOO_NEAR_TO_RANGE
 

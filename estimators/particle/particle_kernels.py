@@ -3,9 +3,10 @@
 import numpy as np
 
 from cooploc.estimators.compiled import random_numbers
-from cooploc.estimators.compiled.elementary_functions import exp, inlined, kernel, ordered, wide
+from cooploc.estimators.compiled.elementary_functions import exp, ordered
+from cooploc.estimators.compiled.jit import inlined, kernel, wide
 from cooploc.estimators.compiled.row_buffers import blank, extent, fill, give, take
-from cooploc.estimators.particle import link_kernels
+from cooploc.estimators.particle import link_kernels, resampling
 
 BANDWIDTH = 0.3  # h of Liu and West's kernel, times n^(-1/6)
 
@@ -68,7 +69,7 @@ def _renew(X, Y, logw, k0, k1, counter, w, count, marks, words, noise, renewed):
     shrink = np.sqrt(1 - h * h)
     total, _, mx, my, xx, xy, yy = _weighed(X, Y, logw, n, w)
     u, _ = random_numbers.uniform_pair(k0, k1, counter + random_numbers.RESAMPLE, 0)
-    random_numbers.mark_ancestors(w, total, u, count, marks)
+    resampling.mark_ancestors(w, total, u, count, marks)
     random_numbers.draw_words(k0, k1, counter + random_numbers.JITTER, words)
     random_numbers.normal_pairs(words, east, north)
     mx, my = (1 - shrink) * mx, (1 - shrink) * my

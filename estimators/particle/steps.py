@@ -16,13 +16,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from cooploc.estimators.compiled import random_numbers
-from cooploc.estimators.compiled.elementary_functions import readable
+from cooploc.estimators.compiled.jit import readable
 from cooploc.estimators.interface import Array, Belief, Keys, Mask, Motion, Senses
 from cooploc.estimators.models.angles import circular_mean, wrap, wrap_heading
 from cooploc.estimators.models.motion import Displacement
 from cooploc.estimators.particle import likelihood
 from cooploc.estimators.particle.likelihood import Fixed, planes
 from cooploc.estimators.particle.particle_kernels import BANDWIDTH, advance_rows, conclude_rows
+from cooploc.estimators.particle.resampling import systematic
 
 
 def spread(prior: Belief, key: Keys, n: int) -> Array:
@@ -152,7 +153,7 @@ def renew(x: Array, logw: Array, key: Keys, tick: int) -> tuple[Array, Array]:
     h = BANDWIDTH * n ** (-1 / 6)
     old, w, key = x[due], w[due], key[due]
     u = random_numbers.uniforms(key, tick, random_numbers.RESAMPLE, 1)[:, 0, 0]
-    chosen = np.take_along_axis(old, random_numbers.systematic(w, u)[..., None], 1)
+    chosen = np.take_along_axis(old, systematic(w, u)[..., None], 1)
     belief = moments(old, w)
     noise = _noise(key, tick, random_numbers.JITTER, n, d)
     kernel = np.sqrt(1 - h**2) * offset(chosen, belief.x) + h * _scatter(belief.P, noise)
