@@ -26,7 +26,16 @@ FUSE = {"moments": moments.fuse, "message": message.fuse, "received": received.f
 
 @dataclass(frozen=True)
 class Ctrn(Settings):
-    """Particle filter on own readings, covariance intersection with received beliefs."""
+    """Particle filter on own readings, covariance intersection with received beliefs.
+
+    Args:
+        reading: what is measured of a packet: "rssi" [dBm] or "range" [m].
+        fusion: "moments", "message" or "received", a file each.
+        weights: "cvxpy" solves a cone program for the weights, "exact" a closed form or Newton's method.
+        criterion: what the weights minimise: "trace" [m^2] or "det" [m^4] of the position's covariance.
+        audit: with weights="exact", the share of fusions, in [0, 1], that cvxpy solves again; see `notes`.
+
+    """
 
     api: ClassVar[int] = 1
 
@@ -50,7 +59,7 @@ class Ctrn(Settings):
 
     def send(self, s: State, z: Senses) -> Array:
         """x, y, and the position covariance's P_xx, P_xy, P_yy: five numbers. Nothing received is sent on."""
-        return pack(own_filter.tell(s.own))
+        return pack(own_filter.to_send(s.own))
 
     def fuse(self, s: State, z: Senses, mail: Mail) -> State:
         s = FUSE[self.fusion](self, s, z, mail)

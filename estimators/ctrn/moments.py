@@ -20,7 +20,7 @@ from cooploc.estimators.particle.steps import offset
 
 def fuse(p: Settings, s: State, z: Senses, mail: Mail) -> State:
     """Fuse with one sender after the other, then move the particles to the mean and covariance that result."""
-    before = own_filter.tell(s.own)
+    before = own_filter.to_send(s.own)
     after, s = all_senders(p, s, before, z, mail)
     return s._replace(own=s.own._replace(x=follow(s.own.x, before, after)))
 

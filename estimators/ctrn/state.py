@@ -15,11 +15,11 @@ from cooploc.estimators.particle.packet import unpack
 class Settings(own_filter.Settings):
     """Parameters of CTRN: those of a robot's own filter, and those of the fusion."""
 
-    reading: Literal["rssi", "range"] = "range"  # what is measured of a packet
+    reading: Literal["rssi", "range"] = "range"
     fusion: Literal["moments", "message", "received"] = "moments"
     weights: Literal["cvxpy", "exact"] = "cvxpy"
     criterion: Literal["trace", "det"] = "trace"
-    audit: float = 1e-3  # with weights="exact": share of fusions that cvxpy solves again
+    audit: float = 1e-3
 
 
 class Counts(NamedTuple):
@@ -58,7 +58,7 @@ def empty_sample(k: int, d: int) -> Sample:
 class State(NamedTuple):
     """What one robot remembers."""
 
-    own: own_filter.Own
+    own: own_filter.FilterState
     solver_group: (
         Indices  # (r,)  rows are solved separately, so that no result depends on another robot in its last bits
     )

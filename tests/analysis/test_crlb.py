@@ -44,7 +44,9 @@ def test_more_channels_and_fewer_drops_lower_it():
     assert mean("packet-drop/drop=1", CHANNELS) == pytest.approx(alone)
 
 
-@pytest.mark.parametrize("name", ["ekf-local[own=rssi]", "ekf-joint[own=rssi]", "rssi-pf", "mrsl-distance[own=rssi]"])
+@pytest.mark.parametrize(
+    "name", ["ekf-local[own=rssi]", "ekf-joint[own=rssi]", "rssi-pf", "mrsl-distance[anchor_reading=rssi]"]
+)
 def test_no_estimator_stays_below_it(name):
     """Up to 4 standard errors of its mean squared error over trials."""
     truth, stream = cl.simulate("trajectory", trials=60, seed=1, ticks=60)

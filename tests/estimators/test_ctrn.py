@@ -149,7 +149,7 @@ def meeting(rng, reading, d, r=400, n=7):
 @pytest.mark.parametrize("d", [2, 3])
 def test_the_compiled_chain_is_the_steps_one_by_one(reading, criterion, d):
     world, rows, before, mail = meeting(np.random.default_rng(4), reading, d)
-    ctrn = cl.make("ctrn", reading=reading, criterion=criterion, own="rssi", audit=0.3, **SMALL)
+    ctrn = cl.make("ctrn", reading=reading, criterion=criterion, anchor_reading="rssi", audit=0.3, **SMALL)
     s, z = ctrn.init(before, world, rows), Senses(*np.empty((6, 0)))
     chained, with_chain = by_moments.all_senders(ctrn, s, before, z, mail)
     stepped, with_steps = by_moments.step_by_step(ctrn, s, before, z, mail)
@@ -187,7 +187,7 @@ def test_whole_runs_are_the_same_with_and_without_the_chain(reading, monkeypatch
 def test_a_packet_that_is_no_covariance_is_named(wrong):
     world, rows, before, mail = meeting(np.random.default_rng(5), "range", 2)
     mail.packets[100, 3], mail.range[100, 3] = (*before.x[100] + 1, *wrong), 1.5
-    ctrn = cl.make("ctrn", own="rssi", **SMALL)
+    ctrn = cl.make("ctrn", anchor_reading="rssi", **SMALL)
     with pytest.raises(BadInput, match="P_j of fusion"):
         by_moments.all_senders(ctrn, ctrn.init(before, world, rows), before, Senses(*np.empty((6, 0))), mail)
 

@@ -203,7 +203,7 @@ def test_doa_of_a_world_reads_its_corners():
 )
 def test_anchors_that_are_no_corners_are_refused_with_a_remedy(anchors):
     world = told(anchors=np.array(anchors, float).reshape(-1, 2))
-    with pytest.raises(ValueError, match=r"four corner anchors.*own='rssi'"):
+    with pytest.raises(ValueError, match=r"four corner anchors.*anchor_reading='rssi'"):
         gradient_doa(world)
 
 
@@ -218,4 +218,4 @@ def test_estimators_refuse_such_a_world_before_the_first_tick(name):
     stream = replace(stream, world=told(anchors=stream.world.anchors[[0, 3, 2, 1]]))
     with pytest.raises(ValueError, match="four corner anchors"):
         run({name: make(name)}, stream)
-    run({name: make(name, own="rssi")}, stream)
+    run({name: make(f"{name}[{'own' if name.startswith('ekf') else 'anchor_reading'}=rssi]")}, stream)
