@@ -14,8 +14,8 @@ from typing import Any
 import cvxpy as cp
 import numpy as np
 
-from cooploc.estimators.covariance_intersection.scalar_readings import Lot, chain
 from cooploc.estimators.covariance_intersection.weights import intersect, relative_weights, weights
+from cooploc.estimators.ctrn.chain import chain
 from cooploc.estimators.interface import Belief
 from cooploc.estimators.models.sensors import Range
 
@@ -143,10 +143,10 @@ def chained(senders: int, rounds: int) -> None:
     P, x = 0.1 * (a @ a.mT + 0.1 * np.eye(2)), rng.uniform(0, 20, (FUSIONS, 1 + senders, 2))
     packets = np.concatenate([x, P[..., 0, :], P[..., 1, 1:]], -1)[:, 1:]
     z = np.linalg.norm(x[:, 1:] - x[:, :1], axis=-1) + 0.1 * rng.normal(size=(FUSIONS, senders))
-    lot = Lot(np.zeros((FUSIONS, 2), np.uint32), 0, 1e-3)
+    recorded = rng.uniform(size=z.shape) < 1e-3
 
     def whole() -> object:
-        return chain(Belief(x[:, 0], P[:, 0]), Range(), packets, z, "trace", lot)
+        return chain(Belief(x[:, 0], P[:, 0]), Range(), packets, z, "trace", recorded)
 
     seconds_each = race({"chain": (whole, FUSIONS * senders, REPEAT)}, rounds)["chain"]
     print(f"{'chain of ' + str(senders):<21}{1e6 * np.median(seconds_each):>8.4g} us a fusion, all of it", flush=True)

@@ -1,11 +1,11 @@
 """How much faster the cooperative particle filter is than a filterpy user's loop and than Stone Soup, doing the same.
 
-Run: python benchmarks/particle_filter.py [rounds]. The work is `mrsl-rssi[own=rssi,particles=500]`: predict, four
-anchors, every neighbour with its variance, systematic resampling below half the effective sample size, Liu and West's
-jitter. Ours goes through `cl.run(..., jobs=1)`, the others get the same stream's arrays as they are. All take turns in
-one process and one thread. A ratio is of processor seconds per (trial, robot, tick) in the same round, given as the
-median and the range over the rounds: the loops take fewer trials and ticks of the same stream, which is said in the
-table. The errors printed beside are those of the trials and ticks that ours and the loop have in common.
+Run: python benchmarks/particle_filter.py [rounds]. The work is `mrsl-rssi[anchor_reading=rssi,particles=500]`: predict,
+four anchors, every neighbour with its variance, systematic resampling below half the effective sample size, Liu and
+West's jitter. Ours goes through `cl.run(..., jobs=1)`, the others get the same stream's arrays as they are. All take
+turns in one process and one thread. A ratio is of processor seconds per (trial, robot, tick) in the same round, given
+as the median and the range over the rounds: the loops take fewer trials and ticks of the same stream, which is said in
+the table. The errors printed beside are those of the trials and ticks that ours and the loop have in common.
 
 The shipped `mrsl-rssi` is compared with that step at 3 robots, and two processes with one (by the clock).
 
@@ -29,7 +29,7 @@ import cooploc as cl
 N = 500  # particles
 H = 0.3 * N ** (-1 / 6)
 NEAR = 0.1
-OURS = "mrsl-rssi[own=rssi,particles=500]"
+OURS = "mrsl-rssi[anchor_reading=rssi,particles=500]"
 SHIPPED = "mrsl-rssi[particles=500]"
 
 

@@ -28,7 +28,7 @@ RENAMED = {"own": "anchor_reading"}  # old spellings of parameters
 BUILTIN: dict[str, tuple[str, dict[str, Any]]] = {
     "dead-reckoning": ("cooploc.estimators.dead_reckoning:DeadReckoning", {}),
     "arl": ("cooploc.estimators.arl:Arl", {}),
-    "rssi-pf": ("cooploc.estimators.arl:Arl", {"own": "rssi"}),
+    "rssi-pf": ("cooploc.estimators.arl:Arl", {"anchor_reading": "rssi"}),
     "mrsl-rssi": ("cooploc.estimators.mrsl:Mrsl", {"reading": "rssi"}),
     "mrsl-distance": ("cooploc.estimators.mrsl:Mrsl", {"reading": "range"}),
     "ctrn": ("cooploc.estimators.ctrn:Ctrn", {}),

@@ -1,6 +1,6 @@
 """Autonomous robot localization: a particle filter on the robot's own odometry and anchors, without teammates.
 
-The comparison's non-cooperative baseline. With `own="rssi"` it is the plain RSSI particle filter.
+The comparison's non-cooperative baseline. With `anchor_reading="rssi"` it is the plain RSSI particle filter.
 
 Source: P. Parashar et al. 2020, as Latif & Parasuraman use it ("ARL").
 """
@@ -21,20 +21,20 @@ class Arl(own_filter.Settings):
     api: ClassVar[int] = 1
     uses: tuple[str, ...] = ("odometry", "anchor_rssi")
 
-    def init(self, prior: Belief, world: World, rows: Rows) -> own_filter.Own:
+    def init(self, prior: Belief, world: World, rows: Rows) -> own_filter.FilterState:
         return own_filter.init(self, prior, world, rows)
 
-    def predict(self, s: own_filter.Own, z: Senses) -> own_filter.Own:
+    def predict(self, s: own_filter.FilterState, z: Senses) -> own_filter.FilterState:
         return own_filter.predict(self, s, z)
 
-    def correct(self, s: own_filter.Own, z: Senses) -> own_filter.Own:
-        return own_filter.correct(self, s, z, tell=False)
+    def correct(self, s: own_filter.FilterState, z: Senses) -> own_filter.FilterState:
+        return own_filter.correct(self, s, z, sends=False)
 
-    def send(self, s: own_filter.Own, z: Senses) -> Array:
+    def send(self, s: own_filter.FilterState, z: Senses) -> Array:
         return np.empty((len(s.x), 0))
 
-    def fuse(self, s: own_filter.Own, z: Senses, mail: Mail) -> own_filter.Own:
+    def fuse(self, s: own_filter.FilterState, z: Senses, mail: Mail) -> own_filter.FilterState:
         return own_filter.finish(self, s)
 
-    def estimate(self, s: own_filter.Own) -> Belief:
+    def estimate(self, s: own_filter.FilterState) -> Belief:
         return s.belief

@@ -2,31 +2,21 @@
 
 numba calls the C library once per number otherwise. Arguments are assumed finite: a nan gives any number in `log`, and
 stays nan in `exp`. Coefficients are Chebyshev interpolants, whose error is within a small factor of the best one's;
-tests/test_elementary.py holds every function to its stated error.
-
+tests/estimators/test_elementary_functions.py checks the stated error of every function.
 """
 
-import hashlib
 from collections.abc import Callable
 from functools import reduce
-from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
-import numba
 import numpy as np
 from numba import types
-from numba.extending import intrinsic as untyped_intrinsic
 from numpy.polynomial import Chebyshev, Polynomial
-from numpy.typing import NDArray
 
+from cooploc.estimators.compiled.jit import inlined, intrinsic
 from cooploc.estimators.interface import Array
 
-Scalar = TypeVar("Scalar", bound=np.generic)
-
-# Not the full fastmath: it deletes tests for nan.
-FAST: dict[str, Any] = {"error_model": "numpy", "fastmath": {"reassoc", "nsz", "arcp", "contract", "afn"}}
 FUSED = ("contract",)
-inlined: Any = numba.njit(forceinline=True, **FAST)  # for what stands in a loop, which a call would keep from vectors
 
 LN2 = float(np.log(2.0))
 SQRT_HALF = 0x3FE6A09E667F3BCD  # bits of sqrt(1/2)
@@ -37,36 +27,6 @@ ROUND = 1.5 * 2.0**52  # a number this large has no fraction: adding it rounds
 LOWEST = -708.0  # exp of less is 0 here
 COMPACT = 1 / 4  # how far a compact cloud reaches from the middle of its squared distances, as a share of that
 EIGHTH = float(np.tan(np.pi / 8))
-
-
-# Whatever kernels are made of. numba by itself compiles again when a kernel's own file has changed, not when a file has
-# from which it takes functions.
-SHARED = (
-    "compiled/elementary_functions",
-    "compiled/random_numbers",
-    "compiled/row_buffers",
-    "models/sensors",
-    "particle/link_kernels",
-)
-SOURCES = [(Path(__file__).parents[1] / f"{name}.py").read_bytes() for name in SHARED]
-
-
-def kernel(function: Callable[..., Any]) -> Any:
-    """Compile a loop when it is first called, and keep it on disk until its source changes."""
-    compiled = numba.njit(cache=True, **FAST)(function)
-    own = Path(function.__code__.co_filename).read_bytes()
-    compiled._cache._cache_file._source_stamp = hashlib.sha256(b"".join([*SOURCES, own])).hexdigest()
-    return compiled
-
-
-def readable(array: NDArray[Scalar]) -> NDArray[Scalar]:
-    """The array as kernels take it: contiguous and not to be written to, so that each is compiled once."""
-    view = np.ascontiguousarray(array).view()
-    view.flags.writeable = False
-    return view
-
-
-intrinsic: Any = untyped_intrinsic
 
 
 def _bitcast(target: Any, builder: Any, signature: Any, a: Any) -> Any:
@@ -96,17 +56,6 @@ def ordered(context: Any, x: Any) -> Any:
         return builder.bitcast(turned, target.get_value_type(signature.return_type))
 
     return (types.int64(types.float64) if x == types.float64 else types.float64(types.int64)), generate
-
-
-@intrinsic
-def wide(context: Any) -> Any:
-    """Ask LLVM for 512-bit vectors in the calling kernel, where the processor has them: it prefers 256 of itself."""
-
-    def generate(target: Any, builder: Any, signature: Any, a: Any) -> Any:
-        set.add(builder.function.attributes, '"prefer-vector-width"="512"')  # llvmlite knows no attributes with a value
-        return target.get_dummy_value()
-
-    return types.none(), generate
 
 
 def _odd(function: Callable[[Array], Array]) -> Callable[[Array], Array]:

@@ -1,7 +1,7 @@
-"""The particle loops: a counter-based generator and systematic resampling, compiled by numba.
+"""Random numbers of the particle filters: a counter-based generator, compiled by numba.
 
 Every random number is a function of (row key, tick, purpose, particle) alone, so results do not depend on how rows are
-chunked, ordered or spread over processes. `*_reference` are the same functions in plain numpy; tests hold them equal.
+chunked, ordered or spread over processes. `*_reference` are the same functions in plain numpy; tests compare them.
 
 Source of the generator: J. K. Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", SC 2011 (Threefry-2x32-20).
 """
@@ -12,22 +12,13 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from cooploc.estimators.compiled.elementary_functions import (
-    inlined,
-    intrinsic,
-    kernel,
-    log,
-    quarter,
-    readable,
-    turned,
-    wide,
-)
-from cooploc.estimators.interface import Array, Indices, Keys
+from cooploc.estimators.compiled.elementary_functions import log, quarter, turned
+from cooploc.estimators.compiled.jit import inlined, intrinsic, kernel, readable, wide
+from cooploc.estimators.interface import Array, Keys
 
 ROTATIONS = (13, 15, 26, 6, 17, 29, 16, 24)
 PARITY = 0x1BD11BDA
-PURPOSES = 8  # counters a tick may use
-FRACTION = 40  # bits behind the point of an expected count
+PURPOSES = 8  # counters per tick, one for each of the purposes below
 
 WORDS: Any = types.Tuple((types.uint32, types.uint32))  # type: ignore[no-untyped-call]
 
@@ -113,40 +104,6 @@ def _fill_uniforms(key, counter, out):  # type: ignore[no-untyped-def]
             row[2 * i], row[2 * i + 1] = uniform_pair(k0, k1, counter, i)
 
 
-@inlined
-def mark_ancestors(w, total, u, count, out):  # type: ignore[no-untyped-def]
-    """Systematic resampling of one row without branches, for weights w (n,) that sum to `total`.
-
-    Particle j is chosen from place ceil(n C_j-1 - u) on, C the cumulative weights in fixed point: each writes its
-    number at its first place, later ones over earlier ones never chosen. A running maximum of `out` (n + 1,) then is
-    the ancestor of every place; its last entry is for those that are never chosen. `count` (n,) is scratch.
-    """
-    wide()
-    n = len(count)
-    scale = n / total * 2.0**FRACTION
-    for j in range(n):
-        count[j] = np.int64(w[j] * scale + 0.5)
-        out[j] = 0
-    last = np.uint64(n)
-    cumulated = (1 << FRACTION) - 1 - np.int64(u * 2.0**FRACTION)
-    for j in range(n):
-        place = np.uint64(cumulated >> FRACTION)  # a negative one, of weights that are nan, is large then
-        out[place if place < last else last] = j
-        cumulated += count[j]
-
-
-@kernel
-def _fill_ancestors(w, u, out):  # type: ignore[no-untyped-def]
-    n = w.shape[1]
-    count, marks = np.empty(n, np.int64), np.empty(n + 1, np.int64)
-    for r in range(w.shape[0]):
-        mark_ancestors(w[r], 1.0, u[r], count, marks)
-        latest = 0
-        for i in range(n):
-            latest = max(latest, marks[i])
-            out[r, i] = latest
-
-
 def normals(key: Keys, tick: int, purpose: int, n: int) -> Array:
     """Standard normal pairs (r, n, 2) by Box-Muller, for particles 0 .. n-1."""
     out = np.empty((len(key), 2 * n))
@@ -159,16 +116,6 @@ def uniforms(key: Keys, tick: int, purpose: int, n: int) -> Array:
     out = np.empty((len(key), 2 * n))
     _fill_uniforms(readable(key), tick * PURPOSES + purpose, out)
     return out.reshape(-1, n, 2)
-
-
-def systematic(w: Array, u: Array) -> Indices:
-    """Systematic resampling: ancestors (r, n) for weights w (r, n) that sum to one and one uniform u (r,) each.
-
-    filterpy's `systematic_resample`, but with the uniform given and without its global generator.
-    """
-    out = np.empty(w.shape, np.int64)
-    _fill_ancestors(readable(w), readable(u), out)
-    return out
 
 
 def threefry_reference(key: Keys, counter: int, n: int) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:

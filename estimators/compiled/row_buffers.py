@@ -1,13 +1,14 @@
-"""Rows of arrays in scratch, where compiled loops work on them: whole vectors that stay in the first cache."""
+"""Buffers for one row of an array, where compiled loops work on it: whole vectors that stay in the first cache."""
 
 import numpy as np
 
-from cooploc.estimators.compiled.elementary_functions import inlined, ordered, wide
+from cooploc.estimators.compiled.elementary_functions import ordered
+from cooploc.estimators.compiled.jit import inlined, wide
 
 
 @inlined
-def take(rows, r, out):  # type: ignore[no-untyped-def]
-    """Row r into scratch, its first entry to the end. A view of the row instead would be a reference to count."""
+def load(rows, r, out):  # type: ignore[no-untyped-def]
+    """Row r into a buffer, filled up with its first entry. A view of the row would cost the counting of a reference."""
     wide()
     for i in range(rows.shape[1]):
         out[i] = rows[r, i]
@@ -16,22 +17,22 @@ def take(rows, r, out):  # type: ignore[no-untyped-def]
 
 @inlined
 def fill(out, first, value):  # type: ignore[no-untyped-def]
-    """Scratch from `first` on."""
+    """The value into a buffer from `first` on."""
     for i in range(first, len(out)):
         out[np.uint64(i)] = value
 
 
 @inlined
-def give(values, rows, r):  # type: ignore[no-untyped-def]
-    """Scratch into row r."""
+def store(values, rows, r):  # type: ignore[no-untyped-def]
+    """A buffer into row r."""
     wide()
     for i in range(rows.shape[1]):
         rows[r, i] = values[i]
 
 
 @inlined
-def blank(n):  # type: ignore[no-untyped-def]
-    """Room for a row in whole vectors: what is left of a row would be computed one by one."""
+def row_buffer(n):  # type: ignore[no-untyped-def]
+    """A buffer for a row, in whole vectors: a remainder would be computed number by number."""
     return np.empty((n + 15) // 16 * 16)
 
 

@@ -1,6 +1,6 @@
 """The weights of covariance intersection by cvxpy and Clarabel: cone programs that are compiled once for each shape.
 
-With d = 2 the fusions of one group are one second-order cone program. In the coordinates of `intersection_exact`, and
+With d = 2 the fusions of one group are one second-order cone program. In the coordinates of whitening.py, and
 because Y(w) scales with w, the most information from weights that sum to one is the least sum of weights that reach a
 given information:
 
@@ -28,25 +28,25 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cooploc.estimators.covariance_intersection.exact_kernels import Prepared
+from cooploc.estimators.covariance_intersection.whitening import Whitened
 from cooploc.estimators.interface import Array, Indices
 
 STACK = 128  # fusions in one program, at most: compiling grows faster than solving
-COMPILED = 64  # programs that are kept, at most
+COMPILED = 64  # programs held in memory, at most
 TOLERANCE = 1e-10
 SETTINGS = {
     "tol_gap_abs": TOLERANCE,
     "tol_gap_rel": TOLERANCE,
     "tol_feas": TOLERANCE,
     "iterative_refinement_enable": False,  # a third of the time, and no more accurate in these coordinates
-    "accept_unknown": True,  # the caller judges every answer by its gap
+    "accept_unknown": True,  # the caller checks every answer by its gap
 }
 
 _one_at_a_time = threading.Lock()  # a compiled program holds the values of its parameters
 
 
 class Program(NamedTuple):
-    """A compiled problem, what goes in and what comes out."""
+    """A compiled problem, its parameters and its variables."""
 
     problem: Any
     parameters: dict[str, Any]
@@ -54,8 +54,8 @@ class Program(NamedTuple):
     total: Any  # (size,) sum w, or w + v
 
 
-def solve(z: Prepared, groups: Indices) -> Array:
-    """Weights (K, m), or own weights (K, 1) of the relative form, for the caller to judge; nan where there are none."""
+def solve(z: Whitened, groups: Indices) -> Array:
+    """Weights (K, m), or own weights (K, 1) of the relative form, for the caller to check; nan where there are none."""
     w = np.full((len(z.B), 1 if z.sigma.shape[1] else z.B.shape[1]), np.nan)
     order = np.lexsort((*z.sigma.T, *z.C.T.reshape(-1, len(w)), *z.B.T.reshape(-1, len(w)), groups))
     most = STACK if z.B.shape[-1] == z.block == 2 else 1
@@ -65,7 +65,7 @@ def solve(z: Prepared, groups: Indices) -> Array:
     return w
 
 
-def _solve(z: Prepared) -> Array:
+def _solve(z: Whitened) -> Array:
     """One program."""
     K, k = len(z.B), z.sigma.shape[1]
     z = z.take(np.minimum(np.arange(_size(K)), K - 1))  # the last one again, up to a size that is compiled
@@ -74,13 +74,13 @@ def _solve(z: Prepared) -> Array:
     cone = d == z.block == 2
     values = {**(_cone_values(B, z) if cone else _matrix_values(B, z)), **_harmonic_values(z.sigma)}
     with _one_at_a_time, warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # "may be inaccurate": the caller judges that
+        warnings.simplefilter("ignore")  # "may be inaccurate": the caller checks that
         program = _cone_program(size, m, k) if cone else _matrix_program(m, d, z.block, k, z.trace)
         for name, value in values.items():
             program.parameters[name].value = value
         try:
             program.problem.solve(solver="CLARABEL", warm_start=False, **SETTINGS)
-        except Exception:  # whatever a solver may raise, the exact method stands in
+        except Exception:  # a solver may raise anything; the exact weights are used then
             return np.full((K, 1 if k else m), np.nan)
         if program.c.value is None:
             return np.full((K, 1 if k else m), np.nan)
@@ -88,8 +88,8 @@ def _solve(z: Prepared) -> Array:
     return np.clip(w[:K, : 1 if k else m], 0.0, 1.0)
 
 
-def _terms(z: Prepared) -> Array:
-    """What the variables are multiplied by (K, m, d, d)."""
+def _terms(z: Whitened) -> Array:
+    """The matrices that the variables multiply (K, m, d, d)."""
     if not z.sigma.shape[1]:
         return z.B
     return np.concatenate(
@@ -103,14 +103,14 @@ def _size(K: int) -> int:
     return -(-K // step) * step
 
 
-def _cone_values(B: Array, z: Prepared) -> dict[str, Array]:
+def _cone_values(B: Array, z: Whitened) -> dict[str, Array]:
     C = z.C if z.trace else np.zeros_like(z.C)
     gamma = np.sqrt(np.maximum(C[:, 0, 0] * C[:, 1, 1] - C[:, 0, 1] ** 2, 0.0)) if z.trace else np.ones(len(C))
     entries = {f"{name}{i}{j}": X[..., i, j] for name, X in (("B", B), ("C", C)) for i, j in ((0, 0), (0, 1), (1, 1))}
     return {**entries, "gamma": gamma}
 
 
-def _matrix_values(B: Array, z: Prepared) -> dict[str, Array]:
+def _matrix_values(B: Array, z: Whitened) -> dict[str, Array]:
     values = {f"B{k}": B[0, k] for k in range(B.shape[1])}
     if z.trace:
         scale, axes = np.linalg.eigh(z.C[0, : z.block, : z.block])

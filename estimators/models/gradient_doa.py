@@ -116,13 +116,13 @@ def gradient_doa(world: World) -> GradientDoa:
             return doa
     raise BadInput(
         f"a gradient DOA needs four corner anchors in the order (0,0) (0,b) (a,b) (a,0) and a LogDistance sensor; this "
-        f"world has {len(anchors)} anchors and {type(rssi).__name__}: use own='rssi' there"
+        f"world has {len(anchors)} anchors and {type(rssi).__name__}: use anchor_reading='rssi' there"
     )
 
 
-def fixed(world: World, z: Senses, own: str) -> Iterator[tuple[Sensor, Array, Array]]:
-    """`world.fixed`, with the four anchor readings replaced by the DOA made of them where `own` is "doa"."""
-    if own != "doa" or z.anchor_rssi.shape[-1] == 0:
+def fixed(world: World, z: Senses, anchor_reading: str) -> Iterator[tuple[Sensor, Array, Array]]:
+    """`world.fixed`, with the four anchor readings replaced by the DOA made of them where `anchor_reading` is "doa"."""
+    if anchor_reading != "doa" or z.anchor_rssi.shape[-1] == 0:
         yield from world.fixed(z)
         return
     doa = gradient_doa(world)

@@ -1,23 +1,25 @@
-"""What readings say of every particle: the sums over anchors, teammates and past directions that the filters add up.
+"""Log-likelihoods of readings at every particle: sums over anchors, teammates and past directions of arrival.
 
-`anchors`, `teammates` and `window` take a compiled loop for the sensors of models.py and numpy for any other. The numpy
-forms, `*_reference`, state the same densities by the sensor's own `innovation`; tests hold both equal.
-The loops are those of link_kernels.py.
+`anchors`, `teammates` and `window` use a compiled loop (link_kernels.py, direction_kernels.py) for the sensors of
+models/, and numpy for any other. The numpy forms, `*_reference`, state the same densities by the sensor's own
+`innovation`; tests compare the two.
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple, cast
 
 import numpy as np
 
-from cooploc.estimators.compiled.elementary_functions import readable
+from cooploc.estimators.compiled.jit import readable
 from cooploc.estimators.interface import Array, Motion, Sensor
 from cooploc.estimators.models.gradient_doa import GradientDoa
 from cooploc.estimators.models.motion import Displacement
 from cooploc.estimators.models.sensors import LogDistance, Range
-from cooploc.estimators.particle.link_kernels import add_anchor_rows, add_teammate_rows, add_window_rows
+from cooploc.estimators.particle.direction_kernels import Directions, add_window_rows
+from cooploc.estimators.particle.link_kernels import AnchorReadings, PacketReadings, add_anchor_rows, add_teammate_rows
+from cooploc.estimators.particle.packet import unpack
 
-Fixed = tuple[Sensor, Array, Array]  # of a place: sensor, place (2,), readings (r, 1), as `World.fixed` yields them
+Fixed = tuple[Sensor, Array, Array]  # sensor, place (2,) and readings (r, 1) of a fixed place, as of `World.fixed`
 
 
 def log_normal(y: Array, v: Array) -> Array:
@@ -34,25 +36,25 @@ def anchors(fixed: Sequence[Fixed], x: Array, logw: Array) -> Array:
         logw: log-weights so far.
 
     """
-    if not alike(fixed):
+    if not have_loop(fixed):
         return anchors_reference(fixed, x, logw)
     out = np.empty_like(logw, order="C")
-    add_anchor_rows(planes(x), x.shape[-1], readable(logw), *told(fixed, len(x)), out)
+    add_anchor_rows(planes(x), x.shape[-1], readable(logw), anchor_readings(fixed, len(x)), out)
     return out
 
 
-def alike(fixed: Sequence[Fixed]) -> bool:
+def have_loop(fixed: Sequence[Fixed]) -> bool:
     """Whether there is a loop for these readings: RSSI by one sensor, or none."""
     return not fixed or (type(fixed[0][0]) is LogDistance and all(sensor is fixed[0][0] for sensor, _, _ in fixed))
 
 
-def told(fixed: Sequence[Fixed], rows: int) -> tuple[Any, ...]:
-    """What that loop is told: places (a, 2), readings (rows, a), and of the sensor A, the slope, 1/sigma."""
+def anchor_readings(fixed: Sequence[Fixed], rows: int) -> AnchorReadings:
+    """The readings as that loop takes them."""
     if not fixed:
-        return np.empty((0, 2)), np.empty((rows, 0)), 0.0, 0.0, 1.0
+        return AnchorReadings(np.empty((0, 2)), np.empty((rows, 0)), 0.0, 0.0, 1.0)
     sensor = cast(LogDistance, fixed[0][0])
     readings = np.concatenate([z for _, _, z in fixed], -1)
-    return np.array([q for _, q, _ in fixed]), readings, sensor.A, _slope(sensor), 1 / sensor.sigma
+    return AnchorReadings(np.array([q for _, q, _ in fixed]), readings, sensor.A, _slope(sensor), 1 / sensor.sigma)
 
 
 def anchors_reference(fixed: Sequence[Fixed], x: Array, logw: Array) -> Array:
@@ -63,36 +65,36 @@ def anchors_reference(fixed: Sequence[Fixed], x: Array, logw: Array) -> Array:
     return logw
 
 
-class Heard(NamedTuple):
-    """What reached each robot: packets, and the radio's reading of each."""
+class ReceivedPackets(NamedTuple):
+    """The packets that reached each robot, and the radio's reading of each."""
 
     sensor: Sensor  # of the readings
     packets: Array  # (r, n, 5)  x, y, P_xx, P_xy, P_yy of each sender
     readings: Array  # (r, n)     nan where nothing was heard
-    integrate: bool  # senders out, or else take them to be where they say, P_j = 0
+    integrate: bool  # over the sender's position; else the sender is taken to be at its mean, P_j = 0
 
     @property
     def compiled(self) -> bool:
         """Whether there is a loop for this sensor."""
         return type(self.sensor) in (LogDistance, Range)
 
-    def told(self) -> tuple[Any, ...]:
-        """What that loop is told."""
+    def for_loop(self) -> PacketReadings:
+        """The readings as that loop takes them."""
         packets, readings = readable(self.packets), readable(self.readings)
         if isinstance(self.sensor, LogDistance):
             slope = _slope(self.sensor)
             gain = (2 * slope / self.sensor.sigma) ** 2 if self.integrate else 0.0
-            return packets, readings, False, self.sensor.A, slope, 1 / self.sensor.sigma, gain
+            return PacketReadings(packets, readings, False, self.sensor.A, slope, 1 / self.sensor.sigma, gain)
         precision = 1 / float(self.sensor.R[0, 0])
-        return packets, readings, True, 0.0, 0.0, precision**0.5, precision if self.integrate else 0.0
+        return PacketReadings(packets, readings, True, 0.0, 0.0, precision**0.5, precision if self.integrate else 0.0)
 
 
-def nothing_heard(rows: int) -> Heard:
+def no_packets(rows: int) -> ReceivedPackets:
     """No packets in any of these rows."""
-    return Heard(Range(), np.empty((rows, 0, 5)), np.empty((rows, 0)), False)
+    return ReceivedPackets(Range(), np.empty((rows, 0, 5)), np.empty((rows, 0)), False)
 
 
-def teammates(heard: Heard, x: Array, logw: Array) -> Array:
+def teammates(heard: ReceivedPackets, x: Array, logw: Array) -> Array:
     """`logw` (r, N) and the log-likelihoods of the readings heard, at particles x (r, N, d).
 
     The sender is integrated out of each: variance sigma^2 + J P_j J', with J the slope at the particle.
@@ -100,11 +102,11 @@ def teammates(heard: Heard, x: Array, logw: Array) -> Array:
     if not heard.compiled:
         return teammates_reference(heard, x, logw)
     out = np.empty_like(logw, order="C")
-    add_teammate_rows(planes(x), x.shape[-1], readable(logw), *heard.told(), out)
+    add_teammate_rows(planes(x), x.shape[-1], readable(logw), heard.for_loop(), out)
     return out
 
 
-def teammates_reference(heard: Heard, x: Array, logw: Array) -> Array:
+def teammates_reference(heard: ReceivedPackets, x: Array, logw: Array) -> Array:
     """`teammates` in numpy, for any scalar sensor."""
     sensor, packets, readings, integrate = heard
     for j in np.flatnonzero(~np.isnan(readings).all(0)):
@@ -116,11 +118,6 @@ def teammates_reference(heard: Heard, x: Array, logw: Array) -> Array:
             v = v + ((J @ P_j) * J).sum(-1)
         logw = logw + log_normal(y[..., 0], v)
     return logw
-
-
-def unpack(packet: Array) -> tuple[Array, Array]:
-    """The position (r, 2) and covariance (r, 2, 2) of a packet (r, 5)."""
-    return packet[:, :2], np.stack([packet[:, 2:4], packet[:, 3:5]], -2)
 
 
 def window(
@@ -165,8 +162,8 @@ def window_reference(
 def _window_at(doa: GradientDoa, x: Array, logw: Array, angles: Array, trail: Array, power: float) -> Array:
     out = np.empty_like(logw, order="C")
     corner, sides = np.array(doa.corner), np.array(doa.sides)
-    gain = -0.5 * power / doa.sigma**2
-    add_window_rows(planes(x), x.shape[-1], readable(logw), readable(angles), readable(trail), corner, sides, gain, out)
+    directions = Directions(readable(angles), readable(trail), corner, sides, -0.5 * power / doa.sigma**2)
+    add_window_rows(planes(x), x.shape[-1], readable(logw), directions, out)
     return out
 
 

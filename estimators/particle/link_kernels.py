@@ -1,96 +1,147 @@
-"""The compiled loops of likelihood.py.
+"""The compiled loops of likelihood.py over links: anchors, teammates.
 
 Links come in the outer loop, particles in the inner one. With D the squared distance and z = A - slope ln D, the
 variance of an RSSI is v = m/D^2. Some links share a division and a logarithm: sum y^2/v + ln v = over/under + ln under
 - 2 sum ln D, with under = prod m and over/under = sum (y D)^2/m; all in units of the noise, sigma = 1.
 
-Particles are a cloud. Where its box, seen from a link's place, spans little of D, ln D is ln D_0 and a short polynomial
+Where the box of a row's particles, seen from a link's place, spans little of D, ln D is ln D_0 and a short polynomial
 of D/D_0 - 1, D_0 the middle; such links are "far", the others "near".
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
-from cooploc.estimators.compiled.elementary_functions import COMPACT, arc, inlined, kernel, ln, log, log1p_compact, wide
-from cooploc.estimators.compiled.row_buffers import blank, extent, give, take
+from cooploc.estimators.compiled.elementary_functions import COMPACT, ln, log1p_compact
+from cooploc.estimators.compiled.jit import inlined, kernel, wide
+from cooploc.estimators.compiled.row_buffers import extent, load, row_buffer, store
+from cooploc.estimators.interface import Array
 from cooploc.estimators.models.sensors import NEAR, TOO_NEAR_TO_RANGE
 
 FIXED, RSSI, RANGE = range(3)  # kinds of links
-NUMBERS = 8  # that the loops need of a link
-MANY = 8  # links between robots: with fewer, to sort them costs more than it spares
+NUMBERS = 8  # per link, for the loops
+MANY = 8  # links between robots: with fewer, sorting them costs more than it saves
+
+
+class Row(NamedTuple):
+    """The particles of one row, in buffers."""
+
+    X: Array  # (n,) [m]
+    Y: Array  # (n,) [m]
+    logw: Array  # (n,)
+
+
+class AnchorReadings(NamedTuple):
+    """RSSI of anchors, and of the sensor what the loop needs."""
+
+    places: Array  # (a, 2) [m]
+    readings: Array  # (r, a) [dBm], nan where absent
+    A: float  # [dBm] at 1 m
+    slope: float  # RSSI lost per unit of ln D, D the squared distance [dB]
+    unit: float  # 1/sigma [1/dB]
+
+
+class PacketReadings(NamedTuple):
+    """RSSI or ranges of packets, and of the sensor what the loop needs."""
+
+    packets: Array  # (r, n, 5)  x, y, P_xx, P_xy, P_yy of each sender
+    readings: Array  # (r, n) [dBm] or [m], nan where nothing was heard
+    ranged: bool  # ranges, else RSSI
+    A: float  # as of anchors; 0 of ranges
+    slope: float
+    unit: float  # 1/sigma [1/dB] or [1/m]
+    gain: float  # times P_j: the variance that the sender's position adds, sigma = 1; 0 ignores P_j
+
+
+class Link(NamedTuple):
+    """One place, its reading and its covariance, in units of the reading's noise."""
+
+    x: float
+    y: float
+    lost: float  # the reading less the one at D = 1
+    xx: float
+    xy: float
+    yy: float
 
 
 @kernel
-def add_anchor_rows(x, d, logw, places, readings, A, slope, unit, out):  # type: ignore[no-untyped-def]
+def add_anchor_rows(x, d, logw, anchors, out):  # type: ignore[no-untyped-def]
     """`likelihood.anchors` of RSSI, for particles x (r d, N)."""
     wide()
-    n, links, ln_unit = logw.shape[1], np.empty((len(places), NUMBERS)), np.log(unit)
-    X, Y, total = blank(n), blank(n), blank(n)
+    n, links = logw.shape[1], np.empty((len(anchors.places), NUMBERS))
+    row = Row(row_buffer(n), row_buffer(n), row_buffer(n))
     for r in range(len(logw)):
-        take(x, d * r, X)
-        take(x, d * r + 1, Y)
-        take(logw, r, total)
-        west, east = extent(X)
-        south, north = extent(Y)
-        add_anchors(X, Y, (west, east, south, north), r, places, readings, A, slope, unit, ln_unit, links, total)
-        give(total, out, r)
+        load_row(x, d, logw, r, row)
+        west, east = extent(row.X)
+        south, north = extent(row.Y)
+        add_anchors(row, (west, east, south, north), r, anchors, links)
+        store(row.logw, out, r)
 
 
 @inlined
-def add_anchors(X, Y, box, r, places, readings, A, slope, unit, ln_unit, links, total):  # type: ignore[no-untyped-def]
+def load_row(x, d, logw, r, row):  # type: ignore[no-untyped-def]
+    """Row r of particles x (r d, N) into buffers."""
+    load(x, d * r, row.X)
+    load(x, d * r + 1, row.Y)
+    load(logw, r, row.logw)
+
+
+@inlined
+def add_anchors(row, box, r, anchors, links):  # type: ignore[no-untyped-def]
     """Row r of `anchors`, with the particles' box and scratch for the links that were heard."""
-    far = near = 0
+    places, readings, A, slope, unit = anchors
+    far, near, ln_unit = 0, 0, np.log(unit)
     for a in range(len(places)):
         z = readings[r, a]
         if not np.isnan(z):
-            q = places[a, 0], places[a, 1]
-            far, near = _note(FIXED, links, far, near, box, q, z - A, slope, unit, ln_unit, 0.0, 0.0, 0.0)
-    _add(FIXED, X, Y, links, far, near, slope * unit, total)
+            link = Link(places[a, 0], places[a, 1], z - A, 0.0, 0.0, 0.0)
+            far, near = _note(FIXED, links, (far, near), box, link, (slope, unit, ln_unit))
+    _add(FIXED, row, links, (far, near), slope * unit)
 
 
 @kernel
-def add_teammate_rows(x, d, logw, packets, readings, ranged, A, slope, unit, gain, out):  # type: ignore[no-untyped-def]
+def add_teammate_rows(x, d, logw, heard, out):  # type: ignore[no-untyped-def]
     """`likelihood.teammates` of RSSI or ranges, for particles x (r d, N)."""
     wide()
-    n, links, ln_unit = logw.shape[1], np.empty((readings.shape[1], NUMBERS)), np.log(unit)
-    X, Y, total = blank(n), blank(n), blank(n)
+    n, links = logw.shape[1], np.empty((heard.readings.shape[1], NUMBERS))
+    row = Row(row_buffer(n), row_buffer(n), row_buffer(n))
     for r in range(len(logw)):
-        take(x, d * r, X)
-        take(x, d * r + 1, Y)
-        take(logw, r, total)
-        add_teammates(X, Y, r, packets, readings, ranged, A, slope, unit, ln_unit, gain, links, total)
-        give(total, out, r)
+        load_row(x, d, logw, r, row)
+        add_teammates(row, r, heard, links)
+        store(row.logw, out, r)
 
 
 @inlined
-def add_teammates(  # type: ignore[no-untyped-def]
-    X, Y, r, packets, readings, ranged, A, slope, unit, ln_unit, gain, links, total
-):
+def add_teammates(row, r, heard, links):  # type: ignore[no-untyped-def]
     """Row r of `teammates`, with scratch for the links that were heard."""
-    far = near = 0
+    packets, readings, ranged, A, slope, unit, gain = heard
+    far, near, ln_unit = 0, 0, np.log(unit)
     west, east, south, north = np.nan, np.nan, np.nan, np.nan  # no link is far from such a box
     if len(links) >= MANY and not ranged:
-        west, east = extent(X)
-        south, north = extent(Y)
+        west, east = extent(row.X)
+        south, north = extent(row.Y)
     box = west, east, south, north
     for j in range(len(links)):
-        z, q = readings[r, j], (packets[r, j, 0], packets[r, j, 1])
-        if np.isnan(z) or np.isnan(q[0]) or np.isnan(q[1]) or (ranged and z < TOO_NEAR_TO_RANGE):
+        z, qx, qy = readings[r, j], packets[r, j, 0], packets[r, j, 1]
+        if np.isnan(z) or np.isnan(qx) or np.isnan(qy) or (ranged and z < TOO_NEAR_TO_RANGE):
             continue
         xx, xy, yy = gain * packets[r, j, 2], 2 * gain * packets[r, j, 3], gain * packets[r, j, 4]
-        far, near = _note(RSSI, links, far, near, box, q, z - A, slope, unit, ln_unit, xx, xy, yy)
+        link = Link(qx, qy, z - A, xx, xy, yy)
+        far, near = _note(RSSI, links, (far, near), box, link, (slope, unit, ln_unit))
     if ranged:
-        _add(RANGE, X, Y, links, 0, near, -unit, total)
+        _add(RANGE, row, links, (0, near), -unit)
     else:
-        _add(RSSI, X, Y, links, far, near, slope * unit, total)
+        _add(RSSI, row, links, (far, near), slope * unit)
 
 
 @inlined
-def _note(kind, links, far, near, box, q, lost, slope, unit, ln_unit, xx, xy, yy):  # type: ignore[no-untyped-def]
-    """What the loops need of a link, far ones from the front, near ones from the back; how many there are of both.
+def _note(kind, links, count, box, link, sensor):  # type: ignore[no-untyped-def]
+    """Write what the loops need of a link, far ones from the front, near ones from the back; the count of both.
 
     The place, the reading less the one at D = 1, or at D_0, the place's covariance, 1/D_0, and a constant.
     """
-    (qx, qy), (west, east, south, north) = q, box
+    (far, near), (west, east, south, north), (slope, unit, ln_unit) = count, box, sensor
+    qx, qy, lost, xx, xy, yy = link
     half_x, half_y = (east - west) / 2, (north - south) / 2
     dx, dy = abs((west + east) / 2 - qx), abs((south + north) / 2 - qy)
     largest = (dx + half_x) ** 2 + (dy + half_y) ** 2  # nan where a particle is, and then the link counts as near
@@ -109,33 +160,35 @@ def _note(kind, links, far, near, box, q, lost, slope, unit, ln_unit, xx, xy, yy
 
 
 @inlined
-def _add(kind, X, Y, links, far, near, slope, total):  # type: ignore[no-untyped-def]
-    """Add the log-likelihoods of all links to `total`."""
+def _add(kind, row, links, count, slope):  # type: ignore[no-untyped-def]
+    """Add the log-likelihoods of all links."""
+    far, near = count
     if kind != RANGE:
-        _add_all(kind, True, X, Y, links, 0, far, slope, total)
-    _add_all(kind, False, X, Y, links, len(links) - near, len(links), slope, total)
+        _add_all(kind, True, row, links, 0, far, slope)
+    _add_all(kind, False, row, links, len(links) - near, len(links), slope)
 
 
 @inlined
-def _add_all(kind, far, X, Y, links, k, last, slope, total):  # type: ignore[no-untyped-def]
+def _add_all(kind, far, row, links, k, last, slope):  # type: ignore[no-untyped-def]
     """Links from k to the last: eight at a time, then four, two, one."""
     while k + 8 <= last:
-        _add_group(kind, far, 8, X, Y, links, k, slope, total)
+        _add_group(kind, far, 8, row, links, k, slope)
         k += 8
     if k + 4 <= last:
-        _add_group(kind, far, 4, X, Y, links, k, slope, total)
+        _add_group(kind, far, 4, row, links, k, slope)
         k += 4
     if k + 2 <= last:
-        _add_group(kind, far, 2, X, Y, links, k, slope, total)
+        _add_group(kind, far, 2, row, links, k, slope)
         k += 2
     if k < last:
-        _add_group(kind, far, 1, X, Y, links, k, slope, total)
+        _add_group(kind, far, 1, row, links, k, slope)
 
 
 @inlined
-def _add_group(kind, far, size, X, Y, links, k, slope, total):  # type: ignore[no-untyped-def]
+def _add_group(kind, far, size, row, links, k, slope):  # type: ignore[no-untyped-def]
     """Add `size` links. Compiled apart for each `kind`, `far` and `size`, which are constants where this is inlined."""
     wide()
+    X, Y, logw = row
     a, b = _numbers(links, k), _numbers(links, k + min(1, size - 1))
     c, d = _numbers(links, k + min(2, size - 1)), _numbers(links, k + min(3, size - 1))
     e, f = _numbers(links, k + min(4, size - 1)), _numbers(links, k + min(5, size - 1))
@@ -143,7 +196,7 @@ def _add_group(kind, far, size, X, Y, links, k, slope, total):  # type: ignore[n
     constant = 0.0
     for j in range(size):
         constant += links[k + j, 7]
-    for i in range(len(total)):
+    for i in range(len(logw)):
         x, y = X[i], Y[i]
         sums = _link(kind, far, x, y, a, slope)
         if size > 1:
@@ -157,9 +210,9 @@ def _add_group(kind, far, size, X, Y, links, k, slope, total):  # type: ignore[n
             sums = _both(sums, four)
         sum_ln, over, under = sums
         if kind == FIXED:
-            total[i] += constant - 0.5 * over
+            logw[i] += constant - 0.5 * over
         else:
-            total[i] += (constant + sum_ln) - 0.5 * (over / under + ln(under))
+            logw[i] += (constant + sum_ln) - 0.5 * (over / under + ln(under))
 
 
 @inlined
@@ -196,41 +249,3 @@ def _link(kind, far, x, y, link, slope):  # type: ignore[no-untyped-def]
     if kind == FIXED:
         return 0.0, rest * rest, 1.0
     return ln_D, (rest * D) * (rest * D), D * D + q
-
-
-@kernel
-def add_window_rows(x, d, logw, angles, trail, corner, sides, gain, out):  # type: ignore[no-untyped-def]
-    """gain e^2, e the angle between the direction and the gradient g at the particle.
-
-    With D_k the squared distances to the four corners, g_x ~ (ln p + ln q) / a and g_y ~ (ln p - ln q) / b, p = D_1/D_3
-    and q = D_2/D_4. Turned back by the direction, g has the angle e, which needs no wrapping.
-    """
-    wide()
-    n = logw.shape[1]
-    X, Y, total = blank(n), blank(n), blank(n)
-    for r in range(len(logw)):
-        take(x, d * r, X)
-        take(x, d * r + 1, Y)
-        take(logw, r, total)
-        for k in range(angles.shape[1]):
-            if not np.isnan(angles[r, k]):
-                east, north = trail[r, k, 0] - corner[0], trail[r, k, 1] - corner[1]
-                _add_direction(X, Y, angles[r, k], east, north, sides[0], sides[1], gain, total)
-        give(total, out, r)
-
-
-@inlined
-def _add_direction(X, Y, angle, east, north, a, b, gain, total):  # type: ignore[no-untyped-def]
-    wide()
-    cx, cy = np.cos(angle) / a, np.sin(angle) / b
-    sx, sy = np.sin(angle) / a, np.cos(angle) / b
-    for i in range(len(total)):
-        w, s = X[i] + east, Y[i] + north
-        w2, s2, e2, n2 = w * w, s * s, (w - a) * (w - a), (s - b) * (s - b)
-        D1, D2 = max(w2 + s2, NEAR**2), max(w2 + n2, NEAR**2)
-        D3, D4 = max(e2 + n2, NEAR**2), max(e2 + s2, NEAR**2)
-        inverse = 1 / (D3 * D4)
-        p, q = log(D1 * D4 * inverse), log(D2 * D3 * inverse)
-        gx, gy = p + q, p - q
-        e = arc(gy * sy - gx * sx, gx * cx + gy * cy)
-        total[i] += gain * (e * e)

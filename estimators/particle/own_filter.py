@@ -16,21 +16,40 @@ from cooploc.estimators.models.gradient_doa import gradient_doa
 from cooploc.estimators.particle import likelihood
 from cooploc.estimators.particle.steps import advance, conclude, mean, renew, spread, summary, weights
 
+PARAMETERS = """
+    Parameters of the robot's own particle filter:
+        particles: their number, at least 2.
+        anchor_reading: "doa", the direction of arrival made of the four anchor readings, or "rssi", their raw
+            likelihoods.
+        density: of the direction: "constant" is a Gaussian error of the angle, "exact" the projected normal.
+        M: path samples in the product of eq. (5), at least 1.
+        K: directions in the moving average, at least 1.
+        decay: weight of a direction per sample of age, in (0, 1].
+        temper: exponent 1/M on that product; without it a recursive filter counts every direction M times.
+        point: "mean" of the particles, or "max", the paper's: the particle of largest weight.
+        proposal: "walk" by the motion model, or "box", the paper's: uniform around the present estimate, every tick.
+        box: half-width of that box [m], above 0.
+"""
+
 
 @dataclass(frozen=True)
 class Settings:
-    """Parameters of a robot's own particle filter. The defaults are the readings of the `paper` preset."""
+    """Parameters that all particle filters share. The defaults are the readings of the `paper` preset."""
 
     particles: int = 200
-    own: Literal["doa", "rssi"] = "doa"  # the DOA made of the four anchor readings, or their raw likelihoods
-    density: Literal["constant", "exact"] = "constant"  # Gaussian angle error, or the exact projected normal
-    M: int = 5  # path samples in the product of eq. (5)
-    K: int = 5  # DOAs in the moving average
-    decay: float = 0.99  # weight of a DOA per tick of age
-    temper: bool = True  # exponent 1/M: a recursive filter would otherwise count every DOA M times
-    point: Literal["mean", "max"] = "mean"  # "max" is the paper's: the particle of largest weight
-    proposal: Literal["walk", "box"] = "walk"  # "box" is the paper's: uniform around the present estimate, every tick
-    box: float = 0.5  # [m] half-width of that box
+    anchor_reading: Literal["doa", "rssi"] = "doa"
+    density: Literal["constant", "exact"] = "constant"
+    M: int = 5
+    K: int = 5
+    decay: float = 0.99
+    temper: bool = True
+    point: Literal["mean", "max"] = "mean"
+    proposal: Literal["walk", "box"] = "walk"
+    box: float = 0.5  # [m]
+
+    def __init_subclass__(cls) -> None:
+        """Every particle filter's help explains these parameters too."""
+        cls.__doc__ = f"{cls.__dict__.get('__doc__') or cls.__name__}\n{PARAMETERS}"
 
     def __post_init__(self) -> None:
         for name, value, least in (("particles", self.particles, 2), ("M", self.M, 1), ("K", self.K, 1)):
@@ -40,14 +59,14 @@ class Settings:
             raise ValueError(f"decay is {self.decay} and box is {self.box}; they must lie in (0, 1] and above 0")
 
 
-class Own(NamedTuple):
+class FilterState(NamedTuple):
     """What a robot remembers. The newest entry of each memory comes first."""
 
     x: Array  # (r, N, d)  particles
     logw: Array  # (r, N)     log-weights, unnormalised
     due: Mask  # (r,)       rows to be renewed when the next tick begins
-    told: Belief | None  # what others are told where it is known already
-    belief: Belief  # x (r, d), P (r, d, d)  what was concluded last
+    sent: Belief | None  # the belief to be sent, where it is computed already
+    belief: Belief  # x (r, d), P (r, d, d)  at the end of the last tick
     key: Keys  # (r, 2)
     tick: int
     doa: Array  # (r, K)     raw angles [rad]
@@ -56,23 +75,23 @@ class Own(NamedTuple):
     world: World
 
 
-def init(p: Settings, prior: Belief, world: World, rows: Rows) -> Own:
+def init(p: Settings, prior: Belief, world: World, rows: Rows) -> FilterState:
     """Particles drawn from the prior, and empty memories."""
-    if p.own == "doa":
+    if p.anchor_reading == "doa":
         gradient_doa(world)  # refuses a world without four corners before anything runs
     r = len(prior.x)
     x = spread(prior, rows.key, p.particles)
     empty = np.full((r, p.K), np.nan), np.full((r, p.M), np.nan), np.zeros((r, p.M, 2))
-    return Own(x, np.zeros(x.shape[:2]), np.zeros(r, bool), None, prior, rows.key, 0, *empty, world)
+    return FilterState(x, np.zeros(x.shape[:2]), np.zeros(r, bool), None, prior, rows.key, 0, *empty, world)
 
 
-def predict(p: Settings, s: Own, z: Senses) -> Own:
+def predict(p: Settings, s: FilterState, z: Senses) -> FilterState:
     """Draw from P(x_t+1 | x_t); "box": uniformly around the moved estimate, forgetting the weights.
 
     Where raw readings weigh the particles, `correct` draws them too, in one pass.
     """
     motion, tick = s.world.motion, s.tick + 1
-    if p.own == "rssi" and p.proposal == "walk":
+    if p.anchor_reading == "rssi" and p.proposal == "walk":
         return s._replace(tick=tick)
     trail = motion.retrace(s.trail, z.odometry, z.dt)
     if p.proposal == "box":
@@ -85,29 +104,29 @@ def predict(p: Settings, s: Own, z: Senses) -> Own:
     return s._replace(x=x, logw=logw, tick=tick, trail=trail)
 
 
-def correct(p: Settings, s: Own, z: Senses, tell: bool = True) -> Own:
-    """Weigh the particles by the anchors' readings; `tell` unless nothing is told to others."""
+def correct(p: Settings, s: FilterState, z: Senses, sends: bool = True) -> FilterState:
+    """Weigh the particles by the anchors' readings; `sends` unless this robot transmits nothing."""
     fixed = list(s.world.fixed(z))
-    if p.own == "rssi" and p.proposal == "box":
+    if p.anchor_reading == "rssi" and p.proposal == "box":
         return s._replace(logw=likelihood.anchors(fixed, s.x, s.logw))
-    if p.own == "rssi":
-        x, logw, told = advance(s.world.motion, s.x, s.logw, s.due, z, s.key, s.tick, fixed, tell)
-        return s._replace(x=x, logw=logw, told=told)
+    if p.anchor_reading == "rssi":
+        x, logw, sent = advance(s.world.motion, s.x, s.logw, s.due, z, s.key, s.tick, fixed, sends)
+        return s._replace(x=x, logw=logw, sent=sent)
     doa = gradient_doa(s.world)
     angle = doa.measure(z.anchor_rssi)
     s = _remember(p, s, angle)
-    heard = np.where(np.isnan(angle)[:, None], np.nan, s.smooth)
+    angles = np.where(np.isnan(angle)[:, None], np.nan, s.smooth)
     power = 1 / p.M if p.temper else 1.0
-    return s._replace(logw=likelihood.window(doa, s.world.motion, s.x, s.logw, heard, s.trail, p.density, power))
+    return s._replace(logw=likelihood.window(doa, s.world.motion, s.x, s.logw, angles, s.trail, p.density, power))
 
 
-def tell(s: Own) -> Belief:
-    """What others are told: the belief before anything is heard."""
-    return s.told or summary(s.x, s.logw)
+def to_send(s: FilterState) -> Belief:
+    """The belief that a robot sends: before it uses any packet of this tick."""
+    return s.sent or summary(s.x, s.logw)
 
 
-def finish(p: Settings, s: Own, heard: likelihood.Heard | None = None) -> Own:
-    """Weigh by what was heard, and conclude.
+def finish(p: Settings, s: FilterState, heard: likelihood.ReceivedPackets | None = None) -> FilterState:
+    """Weigh by the packets heard, and end the tick.
 
     The belief is the weighted mean and covariance; with point="max" the particle of largest weight instead of the mean.
     """
@@ -117,7 +136,7 @@ def finish(p: Settings, s: Own, heard: likelihood.Heard | None = None) -> Own:
     return s._replace(logw=logw, due=due, belief=belief)
 
 
-def _remember(p: Settings, s: Own, angle: Array) -> Own:
+def _remember(p: Settings, s: FilterState, angle: Array) -> FilterState:
     """The DOA smoothed by a circular moving average over the last K, weights decay^age (the paper's EWMA).
 
     Memories are of samples, not of ticks: where there is no DOA they stay.

@@ -1,53 +1,94 @@
-"""The compiled passes of particles.py over rows, each row by itself, in scratch."""
+"""The compiled passes of steps.py over rows, each row by itself, in buffers."""
+
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cooploc.estimators.compiled import random_numbers
-from cooploc.estimators.compiled.elementary_functions import exp, inlined, kernel, ordered, wide
-from cooploc.estimators.compiled.row_buffers import blank, extent, fill, give, take
-from cooploc.estimators.particle import link_kernels
+from cooploc.estimators.compiled.elementary_functions import exp, ordered
+from cooploc.estimators.compiled.jit import inlined, kernel, wide
+from cooploc.estimators.compiled.row_buffers import extent, fill, load, row_buffer, store
+from cooploc.estimators.interface import Array, Indices, Keys, Mask
+from cooploc.estimators.particle.link_kernels import NUMBERS, Row, add_anchors, add_teammates, load_row
+from cooploc.estimators.particle.resampling import mark_ancestors
 
 BANDWIDTH = 0.3  # h of Liu and West's kernel, times n^(-1/6)
 
 
+class Cloud(NamedTuple):
+    """The particles of all rows."""
+
+    x: Array  # (2 r, n)  x of a row, then y [m]
+    logw: Array  # (r, n)
+    due: Mask  # (r,)  rows to renew
+
+
+class Moved(NamedTuple):
+    """The particles of all rows after a step, to be written."""
+
+    x: Array  # (2 r, n) [m]
+    logw: Array  # (r, n)
+
+
+class Step(NamedTuple):
+    """How particles move in a tick, and their random numbers."""
+
+    u: Array  # (r, 2) [m], nan where absent
+    sd: Array  # (r,) [m]
+    key: Keys  # (r, 2)
+    counter: int  # of the tick's first random number
+
+
+class Scratch(NamedTuple):
+    """What renewing a row needs."""
+
+    w: Array  # (n,)  weights
+    east: Array  # (n,)  noise
+    north: Array
+    copies: Indices  # (n,)
+    marks: Indices  # (n + 1,)
+    words: NDArray[np.uint32]  # (2, n)
+    renewed: Array  # (2, n)
+
+
 @kernel
-def advance_rows(  # type: ignore[no-untyped-def]
-    x, logw, due, places, readings, A, slope, unit, u, sd, key, counter, tell, out, logw_out, mean, P
-):
-    """`particles.advance` for particles x (2 r, n) into `out` (2 r, n), and what follows it."""
+def advance_rows(cloud, step, anchors, sends, out, belief):  # type: ignore[no-untyped-def]
+    """`steps.advance` of a cloud into `out`, and where it sends into the belief."""
     wide()
-    n, links, ln_unit = logw.shape[1], np.empty((len(places), link_kernels.NUMBERS)), np.log(unit)
-    X, Y, total, w = blank(n), blank(n), blank(n), blank(n)
-    noise, count, marks = (blank(n), blank(n)), np.empty(n, np.int64), np.empty(n + 1, np.int64)
-    renewed, words = np.empty((2, n)), np.empty((2, len(X)), np.uint32)
+    (x, logw, due), (u, sd, key, counter) = cloud, step
+    n, links = logw.shape[1], np.empty((len(anchors.places), NUMBERS))
+    row, w = Row(row_buffer(n), row_buffer(n), row_buffer(n)), row_buffer(n)
+    marks, words = np.empty(n + 1, np.int64), np.empty((2, len(w)), np.uint32)
+    renewed = np.empty((2, n))
+    scratch = Scratch(w, row_buffer(n), row_buffer(n), np.empty(n, np.int64), marks, words, renewed)
     for r in range(len(logw)):
-        k0, k1 = np.int64(key[r, 0]), np.int64(key[r, 1])
-        take(logw, r, total)
+        k = np.int64(key[r, 0]), np.int64(key[r, 1])
+        load(logw, r, row.logw)
         if due[r]:
-            take(x, 2 * r, X)
-            take(x, 2 * r + 1, Y)
-            _renew(X, Y, total, k0, k1, counter - random_numbers.PURPOSES, w, count, marks, words, noise, renewed)
-        random_numbers.draw_words(k0, k1, counter + random_numbers.MOVE, words)
-        random_numbers.normal_pairs(words, X, Y)
+            load(x, 2 * r, row.X)
+            load(x, 2 * r + 1, row.Y)
+            _renew(row, k, counter - random_numbers.PURPOSES, scratch)
+        random_numbers.draw_words(k[0], k[1], counter + random_numbers.MOVE, words)
+        random_numbers.normal_pairs(words, row.X, row.Y)
         if due[r]:
-            fill(total, 0, 0.0)
-            west, east = _moved(renewed, 0, u[r, 0], sd[r], X)
-            south, north = _moved(renewed, 1, u[r, 1], sd[r], Y)
+            fill(row.logw, 0, 0.0)
+            west, east = _move(renewed, 0, u[r, 0], sd[r], row.X)
+            south, north = _move(renewed, 1, u[r, 1], sd[r], row.Y)
         else:
-            west, east = _moved(x, 2 * r, u[r, 0], sd[r], X)
-            south, north = _moved(x, 2 * r + 1, u[r, 1], sd[r], Y)
-        give(X, out, 2 * r)
-        give(Y, out, 2 * r + 1)
-        if len(places) > 0:
-            box = west, east, south, north
-            link_kernels.add_anchors(X, Y, box, r, places, readings, A, slope, unit, ln_unit, links, total)
-        give(total, logw_out, r)
-        if tell:
-            _weigh(X, Y, total, n, w, mean, P, r)
+            west, east = _move(x, 2 * r, u[r, 0], sd[r], row.X)
+            south, north = _move(x, 2 * r + 1, u[r, 1], sd[r], row.Y)
+        store(row.X, out.x, 2 * r)
+        store(row.Y, out.x, 2 * r + 1)
+        if len(anchors.places) > 0:
+            add_anchors(row, (west, east, south, north), r, anchors, links)
+        store(row.logw, out.logw, r)
+        if sends:
+            _moments_into(belief, r, row, n, w)
 
 
 @inlined
-def _moved(rows, r, way, sd, noise):  # type: ignore[no-untyped-def]
+def _move(rows, r, way, sd, noise):  # type: ignore[no-untyped-def]
     """One axis of a row's particles, in the place of the noise that moves them; their extent."""
     wide()
     n, way = rows.shape[1], 0.0 if np.isnan(way) else way
@@ -60,16 +101,17 @@ def _moved(rows, r, way, sd, noise):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _renew(X, Y, logw, k0, k1, counter, w, count, marks, words, noise, renewed):  # type: ignore[no-untyped-def]
-    """One row of `renew`: m + shrink (x_a - m) + h L noise, L the Cholesky factor of P, which may be singular."""
+def _renew(row, key, counter, scratch):  # type: ignore[no-untyped-def]
+    """One row of `steps.renew`: m + shrink (x_a - m) + h L noise, L the Cholesky factor of P, which may be singular."""
     wide()
-    n, (east, north) = len(count), noise
+    (X, Y, _), (w, east, north, copies, marks, words, renewed) = row, scratch
+    n = len(copies)
     h = BANDWIDTH * n ** (-1 / 6)
     shrink = np.sqrt(1 - h * h)
-    total, _, mx, my, xx, xy, yy = _weighed(X, Y, logw, n, w)
-    u, _ = random_numbers.uniform_pair(k0, k1, counter + random_numbers.RESAMPLE, 0)
-    random_numbers.mark_ancestors(w, total, u, count, marks)
-    random_numbers.draw_words(k0, k1, counter + random_numbers.JITTER, words)
+    total, _, mx, my, xx, xy, yy = _weighted_moments(row, n, w)
+    u, _ = random_numbers.uniform_pair(key[0], key[1], counter + random_numbers.RESAMPLE, 0)
+    mark_ancestors(w, total, u, copies, marks)
+    random_numbers.draw_words(key[0], key[1], counter + random_numbers.JITTER, words)
     random_numbers.normal_pairs(words, east, north)
     mx, my = (1 - shrink) * mx, (1 - shrink) * my
     a = np.sqrt(max(xx, 0.0))
@@ -86,18 +128,20 @@ def _renew(X, Y, logw, k0, k1, counter, w, count, marks, words, noise, renewed):
 
 
 @inlined
-def _weigh(X, Y, logw, n, w, mean, P, r):  # type: ignore[no-untyped-def]
-    """Moments of a row into mean and P; the sum of its weights and of their squares."""
-    total, squares, mx, my, xx, xy, yy = _weighed(X, Y, logw, n, w)
+def _moments_into(belief, r, row, n, w):  # type: ignore[no-untyped-def]
+    """Moments of a row into the belief; the sum of its weights and of their squares."""
+    total, squares, mx, my, xx, xy, yy = _weighted_moments(row, n, w)
+    mean, P = belief
     mean[r, 0], mean[r, 1] = mx, my
     P[r, 0, 0], P[r, 0, 1], P[r, 1, 0], P[r, 1, 1] = xx, xy, xy, yy
     return total, squares
 
 
 @inlined
-def _weighed(X, Y, logw, n, w):  # type: ignore[no-untyped-def]
-    """Weights into `w` of a row of n, which starts again if it is nothing but -inf; their sum, squares, moments."""
+def _weighted_moments(row, n, w):  # type: ignore[no-untyped-def]
+    """Weights of a row of n into `w`, all equal where it is nothing but -inf; their sum, squares, and the moments."""
     wide()
+    X, Y, logw = row
     fill(logw, n, -np.inf)
     _, top = extent(logw)
     if top == -np.inf:
@@ -122,18 +166,14 @@ def _weighed(X, Y, logw, n, w):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def conclude_rows(  # type: ignore[no-untyped-def]
-    x, logw, packets, readings, ranged, A, slope, unit, gain, mean, P, logw_out, due
-):
-    """`particles.conclude` for particles x (2 r, n), into all that follows `gain`."""
+def conclude_rows(x, logw, heard, belief, logw_out, due):  # type: ignore[no-untyped-def]
+    """`steps.conclude` for particles x (2 r, n), into all that follows `heard`."""
     wide()
-    n, links, ln_unit = logw.shape[1], np.empty((readings.shape[1], link_kernels.NUMBERS)), np.log(unit)
-    X, Y, total, w = blank(n), blank(n), blank(n), blank(n)
+    n, links = logw.shape[1], np.empty((heard.readings.shape[1], NUMBERS))
+    row, w = Row(row_buffer(n), row_buffer(n), row_buffer(n)), row_buffer(n)
     for r in range(len(logw)):
-        take(x, 2 * r, X)
-        take(x, 2 * r + 1, Y)
-        take(logw, r, total)
-        link_kernels.add_teammates(X, Y, r, packets, readings, ranged, A, slope, unit, ln_unit, gain, links, total)
-        sum_w, squares = _weigh(X, Y, total, n, w, mean, P, r)
-        due[r] = sum_w * sum_w < n / 2 * squares
-        give(total, logw_out, r)
+        load_row(x, 2, logw, r, row)
+        add_teammates(row, r, heard, links)
+        total, squares = _moments_into(belief, r, row, n, w)
+        due[r] = total * total < n / 2 * squares
+        store(row.logw, logw_out, r)

@@ -6,9 +6,10 @@ covariance stay what they were.
 
 Source: J. Liu, M. West, "Combined parameter and state estimation in simulation-based filtering", 2001.
 
-A tick is two passes over each row. `advance` renews where that is due, moves, weighs by anchors, and says what is told
-to others; `conclude` weighs by what was heard. Where positions are all of a state (d = 2) they are the compiled loops
-of particle_kernels.py; with a heading, and for other motions, the numpy functions that tests hold the loops to.
+A tick is two passes over each row. `advance` renews where that is due, moves, weighs by anchors, and computes the
+belief that is sent; `conclude` weighs by the packets received. For states that are positions (d = 2) they are the
+compiled loops of particle_kernels.py; with a heading, and for other motions, numpy functions, with which tests compare
+the loops.
 """
 
 from collections.abc import Sequence
@@ -16,13 +17,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from cooploc.estimators.compiled import random_numbers
-from cooploc.estimators.compiled.elementary_functions import readable
+from cooploc.estimators.compiled.jit import readable
 from cooploc.estimators.interface import Array, Belief, Keys, Mask, Motion, Senses
 from cooploc.estimators.models.angles import circular_mean, wrap, wrap_heading
 from cooploc.estimators.models.motion import Displacement
 from cooploc.estimators.particle import likelihood
-from cooploc.estimators.particle.likelihood import Fixed, planes
-from cooploc.estimators.particle.particle_kernels import BANDWIDTH, advance_rows, conclude_rows
+from cooploc.estimators.particle.likelihood import Fixed, ReceivedPackets, planes
+from cooploc.estimators.particle.particle_kernels import BANDWIDTH, Cloud, Moved, Step, advance_rows, conclude_rows
+from cooploc.estimators.particle.resampling import systematic
 
 
 def spread(prior: Belief, key: Keys, n: int) -> Array:
@@ -41,7 +43,7 @@ def advance(
     key: Keys,
     tick: int,
     fixed: Sequence[Fixed] = (),
-    tell: bool = False,
+    sends: bool = False,
 ) -> tuple[Array, Array, Belief | None]:
     """Begin a tick: renew, move, and weigh by the readings of fixed places.
 
@@ -52,31 +54,27 @@ def advance(
         due: rows (r,) to renew first, as `conclude` found.
         z: odometry and dt.
         key: of the random numbers (r, 2).
-        tick: that begins.
-        fixed: readings that weigh the particles where they are then.
-        tell: whether their moments are asked for.
+        tick: the number of this tick.
+        fixed: readings that weigh the particles after they have moved.
+        sends: whether the moments of the particles are needed, to be sent.
 
     Returns:
-        particles drawn from P(x' | x, u), their log-weights, and their moments.
+        particles drawn from P(x' | x, u), their log-weights, and their moments, None unless `sends`.
 
     """
     n = x.shape[1]
-    if type(motion) is not Displacement or x.shape[-1] != 2 or not likelihood.alike(fixed):
+    if type(motion) is not Displacement or x.shape[-1] != 2 or not likelihood.have_loop(fixed):
         x, logw = renew(x, logw, key, tick - 1)
         noise = random_numbers.normals(key, tick, random_numbers.MOVE, n)
         x = motion.sample(x, z.odometry[:, None, :], z.dt[:, None], noise)
         logw = likelihood.anchors(fixed, x, logw)
-        return x, logw, summary(x, logw) if tell else None
-    new, logw_new = np.empty((2 * len(x), n)), np.empty_like(logw, order="C")
+        return x, logw, summary(x, logw) if sends else None
+    cloud = Cloud(planes(x), readable(logw), readable(due))
     sd = np.sqrt(motion.sigma**2 / motion.tick * z.dt)
-    belief, told = (
-        room(len(x)),
-        (readable(z.odometry), readable(sd), readable(key), tick * random_numbers.PURPOSES, tell),
-    )
-    advance_rows(
-        planes(x), readable(logw), readable(due), *likelihood.told(fixed, len(x)), *told, new, logw_new, *belief
-    )
-    return new.reshape(-1, 2, n).transpose(0, 2, 1), logw_new, belief if tell else None
+    step = Step(readable(z.odometry), readable(sd), readable(key), tick * random_numbers.PURPOSES)
+    out, belief = Moved(np.empty((2 * len(x), n)), np.empty_like(logw, order="C")), empty_belief(len(x))
+    advance_rows(cloud, step, likelihood.anchor_readings(fixed, len(x)), sends, out, belief)
+    return out.x.reshape(-1, 2, n).transpose(0, 2, 1), out.logw, belief if sends else None
 
 
 def summary(x: Array, logw: Array) -> Belief:
@@ -84,8 +82,8 @@ def summary(x: Array, logw: Array) -> Belief:
     return conclude(x, logw)[0]
 
 
-def conclude(x: Array, logw: Array, heard: likelihood.Heard | None = None) -> tuple[Belief, Array, Mask]:
-    """End a tick: weigh particles by what was `heard`.
+def conclude(x: Array, logw: Array, heard: ReceivedPackets | None = None) -> tuple[Belief, Array, Mask]:
+    """End a tick: weigh particles by the packets `heard`.
 
     Returns:
         their moments, their log-weights, and which rows (r,) are due for renewal.
@@ -95,19 +93,19 @@ def conclude(x: Array, logw: Array, heard: likelihood.Heard | None = None) -> tu
         logw = likelihood.teammates(heard, x, logw) if heard else logw
         w = weights(logw)
         return moments(x, w), restarted(logw), poor(w)
-    belief, logw_new, due = room(len(x)), np.empty_like(logw, order="C"), np.empty(len(x), np.bool_)
-    told = (heard or likelihood.nothing_heard(len(x))).told()
-    conclude_rows(planes(x), readable(logw), *told, *belief, logw_new, due)
+    belief, logw_new, due = empty_belief(len(x)), np.empty_like(logw, order="C"), np.empty(len(x), np.bool_)
+    packets = (heard or likelihood.no_packets(len(x))).for_loop()
+    conclude_rows(planes(x), readable(logw), packets, belief, logw_new, due)
     return belief, logw_new, due
 
 
-def room(rows: int) -> Belief:
-    """Room for the moments of as many rows."""
+def empty_belief(rows: int) -> Belief:
+    """Arrays for the moments of so many rows, to be written."""
     return Belief(np.empty((rows, 2)), np.empty((rows, 2, 2)))
 
 
 def weights(logw: Array) -> Array:
-    """Normalised weights (r, n). A row of nothing but -inf starts again from equal weights; nan stays nan."""
+    """Normalised weights (r, n). A row in which all are -inf starts again from equal weights; nan stays nan."""
     top = logw.max(-1, keepdims=True)
     w = np.exp(np.where(top == -np.inf, 0.0, logw - np.maximum(top, np.finfo(float).min)))
     normalised: Array = w / w.sum(-1, keepdims=True)
@@ -137,7 +135,7 @@ def poor(w: Array) -> Mask:
 
 
 def restarted(logw: Array) -> Array:
-    """Log-weights (r, n) in which rows of nothing but -inf start again."""
+    """Log-weights (r, n) in which a row of -inf alone starts again from equal weights."""
     return np.where(logw.max(-1, keepdims=True) == -np.inf, 0.0, logw)
 
 
@@ -152,7 +150,7 @@ def renew(x: Array, logw: Array, key: Keys, tick: int) -> tuple[Array, Array]:
     h = BANDWIDTH * n ** (-1 / 6)
     old, w, key = x[due], w[due], key[due]
     u = random_numbers.uniforms(key, tick, random_numbers.RESAMPLE, 1)[:, 0, 0]
-    chosen = np.take_along_axis(old, random_numbers.systematic(w, u)[..., None], 1)
+    chosen = np.take_along_axis(old, systematic(w, u)[..., None], 1)
     belief = moments(old, w)
     noise = _noise(key, tick, random_numbers.JITTER, n, d)
     kernel = np.sqrt(1 - h**2) * offset(chosen, belief.x) + h * _scatter(belief.P, noise)
@@ -173,9 +171,9 @@ def offset(x: Array, m: Array) -> Array:
 def _noise(key: Keys, tick: int, purpose: int, n: int, d: int) -> Array:
     """Standard normals (r, n, d); the purpose after `purpose` is the heading's."""
     pair = random_numbers.normals(key, tick, purpose, n)
-    return (
-        pair if d == 2 else np.concatenate([pair, random_numbers.normals(key, tick, purpose + 1, n)[..., : d - 2]], -1)
-    )
+    if d == 2:
+        return pair
+    return np.concatenate([pair, random_numbers.normals(key, tick, purpose + 1, n)[..., : d - 2]], -1)
 
 
 def _scatter(P: Array, noise: Array) -> Array:

@@ -3,7 +3,7 @@
 import numba
 import numpy as np
 
-from cooploc.estimators.compiled.elementary_functions import readable
+from cooploc.estimators.compiled.jit import readable
 from cooploc.estimators.interface import Array, Mail, Mask, Traffic
 
 HEADER = 8  # bytes a packet costs beside its payload

@@ -5,7 +5,9 @@ import pytest
 from oracles import covariances
 
 import cooploc as cl
-from cooploc.estimators.ctrn import Ctrn, follow, log_density
+from cooploc.estimators.ctrn import moments as by_moments
+from cooploc.estimators.ctrn.message import log_density
+from cooploc.estimators.ctrn.moments import follow
 from cooploc.estimators.interface import Belief, Mail, Rows, Senses, World
 from cooploc.estimators.models.motion import Displacement
 from cooploc.estimators.models.sensors import LogDistance, Range
@@ -147,10 +149,10 @@ def meeting(rng, reading, d, r=400, n=7):
 @pytest.mark.parametrize("d", [2, 3])
 def test_the_compiled_chain_is_the_steps_one_by_one(reading, criterion, d):
     world, rows, before, mail = meeting(np.random.default_rng(4), reading, d)
-    ctrn = cl.make("ctrn", reading=reading, criterion=criterion, own="rssi", audit=0.3, **SMALL)
+    ctrn = cl.make("ctrn", reading=reading, criterion=criterion, anchor_reading="rssi", audit=0.3, **SMALL)
     s, z = ctrn.init(before, world, rows), Senses(*np.empty((6, 0)))
-    chained, with_chain = ctrn._chain(s, before, z, mail)
-    stepped, with_steps = ctrn._step_by_step(s, before, z, mail)
+    chained, with_chain = by_moments.all_senders(ctrn, s, before, z, mail)
+    stepped, with_steps = by_moments.step_by_step(ctrn, s, before, z, mail)
     size = np.abs(before.P).max((1, 2)) + 1e-300
     np.testing.assert_allclose(chained.P / size[:, None, None], stepped.P / size[:, None, None], atol=1e-12)
     np.testing.assert_allclose(chained.x, stepped.x, rtol=1e-12, atol=1e-12)
@@ -172,7 +174,7 @@ def test_whole_runs_are_the_same_with_and_without_the_chain(reading, monkeypatch
     _, stream = cl.simulate("packet-drop/drop=0.3", trials=3, seed=11, ticks=30)
     ctrn = cl.make("ctrn", reading=reading, audit=0.05, **SMALL)
     chained = cl.run({"c": ctrn}, stream).traces["c"]
-    monkeypatch.setattr(Ctrn, "_chain", Ctrn._step_by_step)
+    monkeypatch.setattr(by_moments, "all_senders", by_moments.step_by_step)
     stepped = cl.run({"c": ctrn}, stream).traces["c"]
     np.testing.assert_allclose(chained.x, stepped.x, atol=1e-9)
     np.testing.assert_allclose(chained.P, stepped.P, atol=1e-9)
@@ -185,9 +187,9 @@ def test_whole_runs_are_the_same_with_and_without_the_chain(reading, monkeypatch
 def test_a_packet_that_is_no_covariance_is_named(wrong):
     world, rows, before, mail = meeting(np.random.default_rng(5), "range", 2)
     mail.packets[100, 3], mail.range[100, 3] = (*before.x[100] + 1, *wrong), 1.5
-    ctrn = cl.make("ctrn", own="rssi", **SMALL)
+    ctrn = cl.make("ctrn", anchor_reading="rssi", **SMALL)
     with pytest.raises(BadInput, match="P_j of fusion"):
-        ctrn._chain(ctrn.init(before, world, rows), before, Senses(*np.empty((6, 0))), mail)
+        by_moments.all_senders(ctrn, ctrn.init(before, world, rows), before, Senses(*np.empty((6, 0))), mail)
 
 
 def test_log_density_is_scipys():

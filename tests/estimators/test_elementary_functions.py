@@ -1,9 +1,5 @@
 """Polynomials against numpy at the errors they state, inside loops that LLVM vectorises and outside."""
 
-import os
-import subprocess
-import sys
-
 import numba
 import numpy as np
 import pytest
@@ -12,7 +8,7 @@ from hypothesis import strategies as st
 from oracles import repeatable
 
 from cooploc.estimators.compiled import elementary_functions
-from cooploc.estimators.compiled.elementary_functions import FAST
+from cooploc.estimators.compiled.jit import FAST, wide
 
 
 def over(function, arguments):
@@ -20,7 +16,7 @@ def over(function, arguments):
 
     @numba.njit(**FAST)
     def loop(a, b, out):
-        elementary_functions.wide()
+        wide()
         for i in range(len(a)):
             out[i] = function(a[i], b[i])
 
@@ -145,20 +141,3 @@ def test_cosine_and_sine(angle):
 @repeatable
 def test_arc_is_the_size_of_arctan2(y, x):
     assert at("arc", y, x) == pytest.approx(abs(np.arctan2(y, x)), abs=1e-12)
-
-
-def test_second_process_takes_kernels_from_the_disk(tmp_path):
-    """And one whose shared source has changed compiles them again."""
-    use = """
-k.systematic(np.full((1, 4), 0.25), np.array([0.5]))
-print(sum(k._fill_ancestors.stats.cache_hits.values()))
-"""
-    imported = "from cooploc.estimators.compiled import random_numbers as k; import numpy as np"
-    changed = "from cooploc.estimators.compiled import elementary_functions as e; e.SOURCES.append(b'changed')"
-
-    def hits(*lines):
-        told = [sys.executable, "-c", "\n".join([*lines, imported, use])]
-        env = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
-        return int(subprocess.run(told, env=env, check=True, capture_output=True, text=True).stdout)
-
-    assert [hits(), hits(), hits(changed)] == [0, 1, 0]

@@ -203,7 +203,7 @@ def test_doa_of_a_world_reads_its_corners():
 )
 def test_anchors_that_are_no_corners_are_refused_with_a_remedy(anchors):
     world = told(anchors=np.array(anchors, float).reshape(-1, 2))
-    with pytest.raises(ValueError, match=r"four corner anchors.*own='rssi'"):
+    with pytest.raises(ValueError, match=r"four corner anchors.*anchor_reading='rssi'"):
         gradient_doa(world)
 
 

@@ -11,7 +11,7 @@ from cooploc.estimators.models.gradient_doa import GradientDoa
 from cooploc.estimators.models.motion import Displacement, Unicycle
 from cooploc.estimators.models.sensors import LogDistance, Range
 from cooploc.estimators.particle import likelihood, steps
-from cooploc.estimators.particle.likelihood import Heard
+from cooploc.estimators.particle.likelihood import ReceivedPackets
 
 ROWS, SIDE = 5, 6.0
 sizes = pytest.mark.parametrize("n", [2, 500, 1100])  # fewer than a vector, a common number, more
@@ -36,7 +36,7 @@ def heard(sensor, team, integrate=True, absent=0.3):
     packets = np.concatenate([x, P[..., :1, 0], P[..., :1, 1], P[..., 1:, 1]], -1)
     mean = rng.uniform(0.1, 4, (ROWS, team)) if isinstance(sensor, Range) else rng.normal(-50, 8, (ROWS, team))
     gone = rng.uniform(size=(ROWS, team)) < absent
-    return Heard(sensor, np.where(gone[..., None], np.nan, packets), np.where(gone, np.nan, mean), integrate)
+    return ReceivedPackets(sensor, np.where(gone[..., None], np.nan, packets), np.where(gone, np.nan, mean), integrate)
 
 
 def assert_close(a, b):
@@ -170,7 +170,7 @@ def flat(found):
 
 
 def advance(x, logw, due, z, key, fixed=(), motion=None):
-    return steps.advance(motion or Displacement(0.3, 0.5), x, logw, due, z, key, 9, fixed, tell=True)
+    return steps.advance(motion or Displacement(0.3, 0.5), x, logw, due, z, key, 9, fixed, sends=True)
 
 
 @sizes

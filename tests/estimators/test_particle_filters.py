@@ -153,7 +153,7 @@ def apart(P, Q):
 
 
 CASES = {
-    "arl, raw readings": ("arl[own=rssi]", {}),
+    "arl, raw readings": ("arl[anchor_reading=rssi]", {}),
     "arl, one direction": ("arl[M=1,K=1]", {"window": {"M": 1, "K": 1}}),
     "arl, a window of three, tempered": ("arl[M=3,K=3]", {"window": {"M": 3, "K": 3}}),
     "arl, a window of three, not tempered": (
@@ -162,14 +162,14 @@ CASES = {
     ),
     "arl, a fading average": ("arl[M=1,K=4,decay=0.7]", {"window": {"M": 1, "K": 4, "decay": 0.7}}),
     "arl, exact density": ("arl[M=1,K=1,density=exact]", {"window": {"M": 1, "K": 1, "density": "exact"}}),
-    "mrsl, radio RSSI": ("mrsl-rssi[own=rssi]", {"reading": "rssi"}),
-    "mrsl, radio range": ("mrsl-distance[own=rssi]", {"reading": "range"}),
+    "mrsl, radio RSSI": ("mrsl-rssi[anchor_reading=rssi]", {"reading": "rssi"}),
+    "mrsl, radio range": ("mrsl-distance[anchor_reading=rssi]", {"reading": "range"}),
     "mrsl, radio range and directions": (
         "mrsl-distance[M=2,K=2]",
         {"window": {"M": 2, "K": 2}, "reading": "range"},
     ),
     "mrsl, senders taken at their word": (
-        "mrsl-rssi[own=rssi,neighbours=exact]",
+        "mrsl-rssi[anchor_reading=rssi,neighbours=exact]",
         {"reading": "rssi", "trust": True},
     ),
 }
@@ -215,12 +215,14 @@ def test_grid_tells_the_readings_of_the_paper_apart(one, other):
 # ---------------------------------------------------------------- identities
 
 
-@pytest.mark.parametrize("own", ["doa", "rssi"])
+@pytest.mark.parametrize("anchor_reading", ["doa", "rssi"])
 @pytest.mark.parametrize("name", ["mrsl-rssi", "mrsl-distance"])
 @pytest.mark.parametrize("team", [{"robots": 1}, {"robots": 4, "drop": 1.0}], ids=["one robot", "all links down"])
-def test_mrsl_that_hears_nobody_is_arl_to_the_bit(team, name, own):
+def test_mrsl_that_hears_nobody_is_arl_to_the_bit(team, name, anchor_reading):
     _, stream = simulate("trajectory", trials=3, ticks=40, seed=2, **team)
-    traces = run({"arl": make("arl", own=own), "mrsl": make(name, own=own)}, stream).traces
+    traces = run(
+        {key: make(kind, anchor_reading=anchor_reading) for key, kind in (("arl", "arl"), ("mrsl", name))}, stream
+    ).traces
     np.testing.assert_array_equal(traces["mrsl"].x, traces["arl"].x)
     np.testing.assert_array_equal(traces["mrsl"].P, traces["arl"].P)
 
@@ -234,7 +236,7 @@ def test_mrsl_that_hears_its_team_is_not_arl(name):
 
 def test_rssi_pf_is_arl_on_raw_readings():
     _, stream = simulate("trajectory", ticks=10)
-    traces = run({"a": make("rssi-pf"), "b": make("arl", own="rssi")}, stream).traces
+    traces = run({"a": make("rssi-pf"), "b": make("arl", anchor_reading="rssi")}, stream).traces
     np.testing.assert_array_equal(traces["a"].x, traces["b"].x)
 
 
@@ -262,7 +264,7 @@ def one_fusion(mrsl, P_j, rssi):
 
 
 def test_exact_neighbours_are_integrated_ones_that_are_certain():
-    exact, integrate = (make("mrsl-rssi", own="rssi", neighbours=form) for form in ("exact", "integrate"))
+    exact, integrate = (make("mrsl-rssi", anchor_reading="rssi", neighbours=form) for form in ("exact", "integrate"))
     certain, vague = np.zeros((2, 2)), [[0.5, 0.2], [0.2, 0.3]]
     np.testing.assert_array_equal(one_fusion(exact, vague, -50.0)[1], one_fusion(integrate, certain, -50.0)[1])
     assert np.abs(one_fusion(exact, vague, -50.0)[1] - one_fusion(integrate, vague, -50.0)[1]).max() > 0.1
@@ -270,7 +272,7 @@ def test_exact_neighbours_are_integrated_ones_that_are_certain():
 
 def test_sender_is_integrated_out_with_the_logarithm_of_the_variance():
     P_j = np.array([[0.5, 0.2], [0.2, 0.3]])
-    x, logw = one_fusion(make("mrsl-rssi", own="rssi"), P_j, -50.0)
+    x, logw = one_fusion(make("mrsl-rssi", anchor_reading="rssi"), P_j, -50.0)
     delta = x - [4.0, 4.0]
     d = np.hypot(*delta.T)
     J = -30 / np.log(10) * delta / d[:, None] ** 2
@@ -330,7 +332,9 @@ def wheels_and_compass(ticks=25):
     return compass, wheels
 
 
-@pytest.mark.parametrize("configured", ["arl", "arl[own=rssi]", "arl[density=exact,M=3]", "arl[proposal=box]"])
+@pytest.mark.parametrize(
+    "configured", ["arl", "arl[anchor_reading=rssi]", "arl[density=exact,M=3]", "arl[proposal=box]"]
+)
 def test_known_heading_is_as_good_as_a_compass(configured):
     """The window's past positions turn with the robot."""
     (compass, wheels) = (trace("arl", make(configured), stream) for stream in wheels_and_compass())

@@ -1,10 +1,8 @@
-"""The counter-based generator against its published vectors, and systematic resampling against filterpy's."""
+"""The counter-based generator against its published vectors, and the distributions of what it draws."""
 
-import filterpy.monte_carlo.resampling as filterpy_resampling
 import numba
 import numpy as np
 import pytest
-from filterpy.monte_carlo import systematic_resample
 from hypothesis import given
 from hypothesis import strategies as st
 from oracles import repeatable
@@ -152,83 +150,3 @@ def test_bits_do_not_depend_on_the_rows_or_particles_beside(draw):
         np.testing.assert_array_equal(draw(key[r : r + 1], 4, random_numbers.MOVE, 37)[0], together[r])
     np.testing.assert_array_equal(draw(key[::-1], 4, random_numbers.MOVE, 37), together[::-1])
     np.testing.assert_array_equal(draw(key, 4, random_numbers.MOVE, 11), together[:, :11])
-
-
-# ---------------------------------------------------------------- systematic resampling
-
-weights = st.lists(st.floats(0, 1), min_size=2, max_size=40).filter(lambda w: sum(w) > 1e-3)
-uniform = st.floats(0, 1, exclude_max=True)
-
-
-def resample(w, u):
-    return random_numbers.systematic(np.array([w]), np.array([u]))[0]
-
-
-@given(weights, st.integers(0, 2**53 - 1))
-@repeatable
-def test_ancestors_are_filterpys_for_the_same_uniform(w, bits):
-    w, u = np.array(w) / np.sum(w), bits / 2**53
-    if (u + len(w) - 1) / len(w) >= np.cumsum(w)[-1]:
-        return  # filterpy runs off the end of weights that sum to just less than one
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(filterpy_resampling, "random", lambda: u)
-        theirs = systematic_resample(w)
-    np.testing.assert_array_equal(resample(w, u), theirs)
-
-
-@given(weights, uniform)
-@repeatable
-def test_every_particle_is_chosen_nearly_as_often_as_its_weight_says(w, u):
-    w = np.array(w) / np.sum(w)
-    chosen = resample(w, u)
-    n = len(w)
-    assert (np.diff(chosen) >= 0).all()
-    assert chosen.min() >= 0
-    assert chosen.max() < n
-    assert np.abs(np.bincount(chosen, minlength=n) - n * w).max() < 1 + 1e-9
-
-
-@given(weights)
-@repeatable
-def test_resampling_is_unbiased_over_its_uniform(w):
-    w = np.array(w) / np.sum(w)
-    n, draws = len(w), 2000
-    u = (np.arange(draws) + 0.5) / draws
-    counts = np.stack([np.bincount(c, minlength=n) for c in random_numbers.systematic(np.tile(w, (draws, 1)), u)])
-    # Each count is a step function of u with two jumps at most, so the midpoint rule is off by 2/draws at most.
-    np.testing.assert_allclose(counts.mean(0), n * w, atol=2.1 / draws)
-
-
-def test_equal_weights_choose_everyone_once():
-    for u in (0.0, 0.3, 0.999):
-        np.testing.assert_array_equal(resample(np.full(64, 1 / 64), u), np.arange(64))
-
-
-def test_one_heavy_particle_is_chosen_always():
-    w = np.zeros(16)
-    w[9] = 1
-    np.testing.assert_array_equal(resample(w, 0.5), np.full(16, 9))
-
-
-def test_rows_are_resampled_apart():
-    rng = np.random.default_rng(1)
-    w, u = rng.dirichlet(np.full(30, 0.2), 8), rng.uniform(size=8)
-    together = random_numbers.systematic(w, u)
-    for r in range(8):
-        np.testing.assert_array_equal(together[r], resample(w[r], u[r]))
-
-
-def test_weights_that_are_a_view_are_read_in_order():
-    w = np.random.default_rng(2).dirichlet(np.full(30, 0.2), 8)
-    u = np.full(8, 0.4)
-    np.testing.assert_array_equal(random_numbers.systematic(w.T.copy().T, u), random_numbers.systematic(w, u))
-
-
-@pytest.mark.parametrize("bad", [np.nan, -1.0, np.inf, -np.inf, 1e300])
-def test_bad_weights_choose_particles_that_exist(bad):
-    """Whatever they choose: nothing is written or read beside the row."""
-    w = np.full((3, 40), 1 / 40)
-    w[1, ::7] = bad
-    chosen = random_numbers.systematic(w, np.full(3, 0.5))
-    assert ((chosen >= 0) & (chosen < 40)).all()
-    np.testing.assert_array_equal(chosen[[0, 2]], np.tile(np.arange(40), (2, 1)))

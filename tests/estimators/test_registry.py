@@ -18,8 +18,12 @@ def test_every_builtin_is_made_by_name_and_speaks_the_interface(name):
 
 
 def test_parameters_are_written_the_same_everywhere():
-    assert cl.make("arl[particles=500,own=rssi]") == cl.make("arl", particles=500, own="rssi") == Arl(500, "rssi")
-    assert cl.make("rssi-pf") == Arl(own="rssi")
+    assert (
+        cl.make("arl[particles=500,anchor_reading=rssi]")
+        == cl.make("arl", particles=500, anchor_reading="rssi")
+        == Arl(500, "rssi")
+    )
+    assert cl.make("rssi-pf") == Arl(anchor_reading="rssi")
     assert cl.make("ekf-local[gate=inf]").gate == float("inf")
     assert estimators.split("arl[M=1,K=1],mrsl-rssi , ekf-local") == ["arl[M=1,K=1]", "mrsl-rssi", "ekf-local"]
 
@@ -30,7 +34,7 @@ def test_parameters_are_written_the_same_everywhere():
         ("arll", "there is no estimator 'arll'; did you mean 'arl'?"),
         ("arl[partcles=3]", "estimator 'arl' has no parameter 'partcles'; did you mean 'particles'?"),
         ("arl[particles=few]", "estimator 'arl', particles: "),
-        ("arl[own=gps]", "estimator 'arl', own: "),
+        ("arl[anchor_reading=gps]", "estimator 'arl', anchor_reading: "),
         ("arl[particles=1]", "particles is 1; it must be at least 2"),
         ("arl[particles]", "write name=value"),
         ("arl[particles=1", "write it like mrsl-rssi[particles=500,own=rssi]"),

@@ -42,7 +42,7 @@ def test_paper_is_all_of_its_studies():
         ("ekf-{local,joint}[x=1]", ["ekf-local[x=1]", "ekf-joint[x=1]"]),
         ("arl[plain]", ["arl[M=1,K=1]"]),
         ("arl[plain,point=max]", ["arl[M=1,K=1,point=max]"]),
-        ("arl[{plain,own=rssi}]", ["arl[M=1,K=1]", "arl[own=rssi]"]),
+        ("arl[{plain,anchor_reading=rssi}]", ["arl[M=1,K=1]", "arl[anchor_reading=rssi]"]),
     ],
 )
 def test_a_label_stands_for_what_it_sweeps(label, stands_for):

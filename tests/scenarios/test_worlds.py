@@ -42,11 +42,13 @@ def pair_residuals(stream, truth):
 def test_every_world_simulates_runs_and_draws(label):
     truth, stream = cl.simulate(label, trials=2, seed=1, ticks=12)
     assert ((truth.x[..., :2] >= truth.arena[0]) & (truth.x[..., :2] <= truth.arena[1])).all()
-    own = {} if len(stream.world.anchors) in (0, 4) else {"anchor_reading": "rssi"}
-    team = {name: cl.make(name, **own) for name in ("ekf-joint", "ekf-ci")}
+    corners = len(stream.world.anchors) in (0, 4)
+    team = {name: cl.make(name if corners else f"{name}[anchor_reading=rssi]") for name in ("ekf-joint", "ekf-ci")}
     if not label.startswith("camera"):
-        team |= {name: cl.make(name, **own) for name in ("arl", "mrsl-rssi", "mrsl-distance")}
-        team |= {fusion: cl.make("ctrn", fusion=fusion, weights="exact", **own) for fusion in ("moments", "received")}
+        filters = ("arl", "mrsl-rssi", "mrsl-distance")
+        team |= {name: cl.make(name if corners else f"{name}[anchor_reading=rssi]") for name in filters}
+        ctrn = "ctrn[weights=exact]" if corners else "ctrn[weights=exact,anchor_reading=rssi]"
+        team |= {fusion: cl.make(ctrn, fusion=fusion) for fusion in ("moments", "received")}
     run = cl.run(team, stream)
     assert np.isfinite(cl.errors(truth, run)["rmse"]).all()
     ax = cl.plot.world(label, ticks=12)
@@ -205,7 +207,7 @@ def test_four_anchors_are_the_corners_in_the_papers_order():
 def test_a_direction_of_arrival_without_four_corners_is_refused_before_anything_runs():
     _, stream = cl.simulate("anchors/a=5", ticks=2)
     for name in ("arl", "mrsl-rssi", "ekf-local", "ekf-joint"):
-        with pytest.raises(cl.Misfit, match=r"needs four corner anchors.*use own='rssi'"):
+        with pytest.raises(cl.Misfit, match=r"needs four corner anchors.*use anchor_reading='rssi'"):
             cl.run({name: cl.make(name)}, stream)
 
 

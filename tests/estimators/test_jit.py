@@ -1,0 +1,37 @@
+"""Kernels are kept on disk, and compiled again when a file that they are made of has changed."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import cooploc.estimators
+from cooploc.estimators.compiled.jit import SHARED
+
+ROOM = Path(cooploc.estimators.__file__).parent
+
+
+def test_second_process_takes_kernels_from_the_disk(tmp_path):
+    """And a process in which a shared source has changed compiles them again."""
+    use = """
+k.systematic(np.full((1, 4), 0.25), np.array([0.5]))
+print(sum(k._fill_ancestors.stats.cache_hits.values()))
+"""
+    imported = "from cooploc.estimators.particle import resampling as k; import numpy as np"
+    changed = "from cooploc.estimators.compiled import jit; jit.SOURCES.append(b'changed')"
+
+    def hits(*lines):
+        command = [sys.executable, "-c", "\n".join([*lines, imported, use])]
+        env = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+        return int(subprocess.run(command, env=env, check=True, capture_output=True, text=True).stdout)
+
+    assert [hits(), hits(), hits(changed)] == [0, 1, 0]
+
+
+def test_every_file_whose_functions_are_inlined_elsewhere_is_listed_as_shared():
+    """Otherwise a kernel that was compiled before such a file changed would be used after."""
+    inlined_elsewhere = re.compile(r"^@(strict_)?(inlined|intrinsic)\ndef [a-z]", re.MULTILINE)
+    files = [f for f in ROOM.rglob("*.py") if inlined_elsewhere.search(f.read_text())]
+    assert len(files) > 5
+    assert {f.relative_to(ROOM).with_suffix("").as_posix() for f in files} <= set(SHARED)
