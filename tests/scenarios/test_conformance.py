@@ -14,8 +14,9 @@ from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios import simulate
 from cooploc.scenarios.conformance import perturb
 from cooploc.scenarios.conformance.check import CHECKS, Report, Result, check_estimator
-from cooploc.scenarios.conformance.harness import Bench, Failed, demand_same
-from cooploc.scenarios.conformance.snapshot import contents
+from cooploc.scenarios.conformance.compare import CheckFailed, require_equal
+from cooploc.scenarios.conformance.harness import Harness
+from cooploc.scenarios.conformance.snapshot import snapshot
 from cooploc.scenarios.runner.run import trace
 
 NAMES = [
@@ -42,27 +43,27 @@ GALLERY = [
     (broken.NotFinite(), "runs", "not finite in 'robots-1-3/n=3.*trial 0, tick 0, robot"),
     (broken.WrongShape(), "runs", r"P of shape \(9, 2\)"),
     (broken.NoFuse(), "runs", r"no method fuse\(\)"),
-    (broken.OldInterface(), "runs", "interface 0; set api = 1"),
-    (broken.OneName(), "runs", "must be a tuple of channel names"),
+    (broken.OldInterface(), "runs", "written for interface 0"),
+    (broken.OneName(), "runs", "uses is 'odometry', not a tuple of channel names"),
     (broken.Telepath(), "runs", "needs channel 'telepathy'; scenario 'robots.*; scenario 'camera"),
-    (broken.Undecided(), "runs", "set bound = True or False"),
+    (broken.Undecided(), "runs", "does not say whether it is a bound"),
     (broken.Crashes(), "runs", r"correct\(\) raised at tick 0 of 'robots.*TypeError: unsupported operand"),
     (broken.Deaf(), "runs", "not finite in .*some readings absent', trial 0, tick 1, robot 0"),
     (broken.DeadReckoning, "runs", "is the class DeadReckoning, not an instance"),
     (None, "runs", "interface None"),
-    (broken.WritesReadings(), "runs", r"predict\(\) raised at tick 0.*read-only; an input is never written to"),
-    (broken.ReadsNeighbour(), "non-interference", "robot 1's estimate changed when robot 0's readings were shaken"),
+    (broken.WritesReadings(), "runs", r"predict\(\) raised at tick 0.*read-only"),
+    (broken.ReadsNeighbour(), "non-interference", "robot 1's estimate changed when robot 0's readings were perturbed"),
     (broken.WaitsForAll(), "non-interference", "robot 0's readings were hidden"),
-    (broken.OneClock(), "non-interference", "robot 0's readings were shaken"),
+    (broken.OneClock(), "non-interference", "robot 0's readings were perturbed"),
     (broken.Gossip(), "non-interference", "robot 1's packet changed when robot 0's"),
     (broken.SharedTeam(), "non-interference", "robot 1's estimate changed when robot 0's"),
     (broken.HearsDropped(), "link-honesty", "from tick 4 on while all its packets were dropped"),
-    (broken.MeasuresDropped(), "link-honesty", "radio readings of packets that were dropped were shaken"),
-    (broken.Prophet(), "causality", "readings and links after tick 3 were shaken"),
+    (broken.MeasuresDropped(), "link-honesty", "radio readings of dropped packets were perturbed"),
+    (broken.Prophet(), "causality", "readings and links after tick 3 were perturbed"),
     (broken.Counts(), "causality", "the stream ended after tick 3"),
-    (broken.LonelyProphet(), "causality", "readings and links after tick 6 were shaken.*tick 0"),
+    (broken.LonelyProphet(), "causality", "readings and links after tick 6 were perturbed.*tick 0"),
     (broken.ForeseesAbsence(), "causality", "readings and links after tick 3 were hidden"),
-    (broken.ForeseesLinks(), "causality", "readings and links after tick 3 were shaken"),
+    (broken.ForeseesLinks(), "causality", "readings and links after tick 3 were perturbed"),
     (broken.Centred(), "chunk-invariance", r"trials \[0\] ran instead of all 3"),
     (broken.DrawsByPosition(), "chunk-invariance", r"trials \[1\] ran instead of all 3"),
     (broken.MultipliesRows(), "chunk-invariance", "ran instead of all 3"),
@@ -82,17 +83,21 @@ GALLERY = [
     (broken.PythonRandom(), "no-global-randomness", "when the global generators were seeded with"),
     (broken.CountsRivals(), "order-independence", "when it ran among it, dead-reckoning"),
     (broken.FindsTruth(), "truth-blindness", "when its truth was in memory"),
-    (broken.KnowsTheLabel(), "truth-blindness", "when the stream bore another label"),
-    (broken.TrustsOdometry(), "nan-safety", r"not finite .*\(single numbers of odometry were absent\)"),
+    (broken.KnowsTheLabel(), "truth-blindness", "when the stream had another label"),
+    (broken.TrustsOdometry(), "nan-safety", r"not finite .*\(single readings of odometry were absent\)"),
     (broken.Lopsided(), "covariance", "robot 0's covariance is not symmetric"),
     (broken.NegativeVariance(), "covariance", "robot 0's covariance has a negative variance"),
-    (broken.StandsStill(), "silence", "m from where odometry leads when nothing was sensed"),
-    (broken.Confident(), "silence", "robot 0 grew surer when nothing was sensed"),
-    (broken.DeclaresTooMuch(), "declaration", "declares anchor_rssi, landmark, and nothing of that ever changed"),
-    (broken.HidesItsBill(), "declaration", "says it sent [0-9]+ messages of 0 bytes"),
+    (broken.StandsStill(), "silence", "m away from where odometry leads when nothing was sensed"),
+    (broken.Confident(), "silence", "robot 0's position variance shrank when nothing was sensed"),
+    (broken.DeclaresTooMuch(), "declaration", "declares anchor_rssi, landmark, but that never changed"),
+    (broken.HidesItsBill(), "declaration", "states that it sent [0-9]+ messages of 0 bytes"),
     (broken.LovesTheOrigin(), "equivariance", "when the world was shifted"),
     (broken.LovesTheNorth(), "equivariance", "when the world was turned by 90 degrees"),
-    (broken.FavoursRobotZero(), "equivariance", "robot [0-9]'s covariance is another when its robots were renumbered"),
+    (
+        broken.FavoursRobotZero(),
+        "equivariance",
+        "covariance did not follow when its robots were renumbered",
+    ),
     (broken.Lambda(scale=lambda v: v), "pickling", "cannot be pickled.*Can't pickle <function <lambda>>"),
     (broken.ForgetsParameter(drift=0.1), "pickling", "when it ran after a round trip through pickle"),
 ]
@@ -126,7 +131,7 @@ def test_each_check_catches_what_it_is_for(estimator, check, words):
 
 def test_the_gallery_has_something_for_every_check():
     assert {check for _, check, _ in GALLERY} == set(NAMES)
-    assert [c.__name__.replace("_", "-") for c in CHECKS] == NAMES
+    assert [c.name for c in CHECKS] == NAMES
 
 
 RANDOM = {"arl", "rssi-pf", "mrsl-rssi", "mrsl-distance", "ctrn"}  # particles do not turn with the world
@@ -164,9 +169,11 @@ def test_following_an_array_to_its_base_finds_nothing_or_is_caught(cls):
 def test_a_bound_is_exempt_from_what_it_cannot_keep_and_the_report_says_so():
     report = check_estimator(make("ekf-joint"))
     assert report["non-interference"] == Result(
-        "non-interference", "skipped", "it is a bound and sees the whole team by definition", 0
+        "non-interference", "skipped", "it is a bound: it sees the whole team by definition", 0
     )
-    assert "radio readings of dropped packets changed nothing" in report["link-honesty"].detail
+    assert (
+        "radio readings of dropped packets were perturbed and hidden: nothing changed" in report["link-honesty"].detail
+    )
     seeing = check_estimator(SeeingBound())
     assert (seeing["link-honesty"].status, seeing.ran) == ("skipped", len(CHECKS) - 2)
 
@@ -184,9 +191,9 @@ def test_the_report_is_the_same_every_time():
 
 
 def test_checks_leave_global_randomness_alone():
-    before = contents(np.random.get_state(), "numpy")  # noqa: NPY002
+    before = snapshot(np.random.get_state(), "numpy")  # noqa: NPY002
     check_estimator(make("mrsl-rssi"))
-    assert contents(np.random.get_state(), "numpy") == before  # noqa: NPY002
+    assert snapshot(np.random.get_state(), "numpy") == before  # noqa: NPY002
 
 
 def test_unknown_failures_of_an_estimator_are_failures_of_the_check():
@@ -258,11 +265,11 @@ def changed(before, after):
     return found
 
 
-@pytest.mark.parametrize("how", perturb.HOW)
-def test_only_the_readings_of_that_robot_and_time_are_disturbed(stream, how):
+@pytest.mark.parametrize("mode", perturb.MODES)
+def test_only_the_readings_of_that_robot_and_time_are_disturbed(stream, mode):
     rng = np.random.default_rng(0)
     for since in (0, 3):
-        for name, where in changed(stream, perturb.disturbed(stream, how, rng, 1, since)).items():
+        for name, where in changed(stream, perturb.perturb_readings(stream, mode, rng, 1, since)).items():
             if name.startswith("prior."):
                 assert not where[:, [0, 2]].any()
                 assert where[:, 1].all() == (since == 0)
@@ -276,50 +283,50 @@ def test_only_the_readings_of_that_robot_and_time_are_disturbed(stream, how):
 
 
 def test_hidden_readings_are_gone_and_what_is_needed_to_move_stays(stream):
-    hidden = perturb.disturbed(stream, "hidden", np.random.default_rng(0))
+    hidden = perturb.perturb_readings(stream, "hidden", np.random.default_rng(0))
     for name, array in hidden.arrays().items():
         if name != "air.link":
-            assert np.isfinite(array).all() if name in perturb.KEPT else np.isnan(array).all()
+            assert np.isfinite(array).all() if name in perturb.NEVER_HIDDEN else np.isnan(array).all()
     assert np.linalg.eigvalsh(hidden.prior.P).min() > 0
     assert hidden.senses.dt.min() > 0
 
 
 def test_links_are_cut_of_one_sender_or_all(stream):
     link = stream.air.link
-    cut = perturb.silent(stream, sender=2, since=3).air.link
+    cut = perturb.drop_packets(stream, sender=2, since=3).air.link
     assert not cut[:, 3:, :, 2].any()
     np.testing.assert_array_equal(cut[..., :2], link[..., :2])
     np.testing.assert_array_equal(cut[:, :3], link[:, :3])
-    assert not perturb.silent(stream).air.link.any()
-    other = perturb.relinked(stream, "shaken", np.random.default_rng(0), 3).air.link
+    assert not perturb.drop_packets(stream).air.link.any()
+    other = perturb.perturb_links(stream, "perturbed", np.random.default_rng(0), 3).air.link
     assert (other != link)[:, 3:].any()
     assert not other[..., range(3), range(3)].any()
     np.testing.assert_array_equal(other[:, :3], link[:, :3])
 
 
-@pytest.mark.parametrize("how", perturb.HOW)
-def test_radio_readings_are_disturbed_only_where_no_packet_came(how):
+@pytest.mark.parametrize("mode", perturb.MODES)
+def test_radio_readings_are_disturbed_only_where_no_packet_came(mode):
     _, stream = simulate("packet-drop", ticks=8)
-    other = perturb.deaf_radio(stream, how, np.random.default_rng(0))
+    other = perturb.perturb_dropped_radio(stream, mode, np.random.default_rng(0))
     for name in ("rssi", "range"):
         a, b = getattr(stream.air, name), getattr(other.air, name)
         np.testing.assert_array_equal((a != b) & ~np.isnan(a), ~stream.air.link & ~np.isnan(a))
 
 
 def test_a_streams_own_copy_shares_no_memory(stream):
-    copy = perturb.own(stream)
+    copy = perturb.deep_copy(stream)
     assert copy.hashes == stream.hashes
     for name, array in copy.arrays().items():
         assert not array.flags.writeable
         assert not np.shares_memory(array, stream.arrays()[name])
     for name in ("arena", "anchors", "landmarks"):
         assert not np.shares_memory(getattr(copy.world, name), getattr(stream.world, name))
-    assert contents(copy.world, "world") == contents(stream.world, "world")
+    assert snapshot(copy.world, "world") == snapshot(stream.world, "world")
 
 
 def test_the_small_streams_hold_every_case():
     """Present and absent readings, ticks with all and with none, packets that came and that did not."""
-    for stream in Bench("any", make("dead-reckoning"), seed=0).streams:
+    for stream in Harness("any", make("dead-reckoning"), seed=0).streams:
         assert not stream.air.link[:, :, range(stream.robots), range(stream.robots)].any()
         if stream.robots > 1:
             off = stream.air.link[..., ~np.eye(stream.robots, dtype=bool)]
@@ -337,16 +344,16 @@ def test_the_small_streams_hold_every_case():
 
 def test_the_sign_of_a_zero_is_a_difference():
     _, stream = simulate("robots-1-3/n=1", ticks=2)
-    bench = Bench("any", make("dead-reckoning"), seed=0)
-    a = bench.run(stream, "")
+    harness = Harness("any", make("dead-reckoning"), seed=0)
+    a = harness.run(stream, "")
     b = a._replace(trace=dataclasses.replace(a.trace, P=a.trace.P.copy()))
-    demand_same(a, b, stream, "nothing happened")
+    require_equal(a, b, "nothing happened")
     b.trace.P[0, 1, 0, 0, 1] *= -1
-    with pytest.raises(Failed, match=r"robot 0's estimate changed when this: 'robots-1-3/n=1.*trial 0, tick 1"):
-        demand_same(a, b, stream, "this")
+    with pytest.raises(CheckFailed, match=r"robot 0's estimate changed when this: 'robots-1-3/n=1.*trial 0, tick 1"):
+        require_equal(a, b, "this")
 
 
-def test_contents_see_every_kind_of_change():
+def test_a_snapshot_shows_every_kind_of_change():
     def thing():
         return {
             "array": np.zeros(3),
@@ -360,9 +367,9 @@ def test_contents_see_every_kind_of_change():
     def seen(change):
         it = thing()
         it["object"].inside = 1
-        before = contents(it, "it")
+        before = snapshot(it, "it")
         change(it)
-        after = contents(it, "it")
+        after = snapshot(it, "it")
         return {path for path in {*before, *after} if before.get(path) != after.get(path)}
 
     assert seen(lambda t: None) == set()
@@ -373,7 +380,7 @@ def test_contents_see_every_kind_of_change():
     assert seen(lambda t: setattr(t["object"], "inside", 2)) == {"it['object'].inside"}
     endless = []
     endless.append(endless)
-    assert contents(endless, "it") == {"it": list}
+    assert snapshot(endless, "it") == {"it": list}
 
 
 # ---------------------------------------------------------------- loading
