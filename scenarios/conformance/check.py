@@ -110,9 +110,9 @@ def check_estimator(estimator: Any, name: str | None = None, seed: int = 0) -> R
     """
     harness = Harness(name or type(estimator).__name__, estimator, seed)
     runs, *rest = CHECKS
-    first = _with_example(runs, _result(runs, harness), harness)
+    first = _with_example(runs, run_check(runs, harness), harness)
     if first.status == "passed":
-        others = [_with_example(check, _result(check, harness), harness) for check in rest]
+        others = [_with_example(check, run_check(check, harness), harness) for check in rest]
     else:
         others = [Result(check.name, "skipped", "it does not run", seed) for check in rest]
     return Report(harness.name, (first, *others))
@@ -157,14 +157,20 @@ def _with_example(check: Check, result: Result, harness: Harness) -> Result:
     if result.status != "failed":
         return result
     for trials, ticks in SMALLER:
-        smaller = _result(check, Harness(harness.name, harness.estimator, harness.seed, trials, ticks))
+        smaller = run_check(check, Harness(harness.name, harness.estimator, harness.seed, trials, ticks))
         if smaller.status == "failed":
             size = f"{trials} trial{'s' * (trials > 1)} of {ticks} ticks"
             return replace(result, example=f"{size}: {smaller.detail}")
     return replace(result, example="no smaller stream shows it")
 
 
-def _result(check: Check, harness: Harness) -> Result:
+def run_check(check: Check, harness: Harness) -> Result:
+    """Run one check; whatever the estimator raises is a failure.
+
+    Raises:
+        BadInput: the harness has a seed that cannot be.
+
+    """
     before = harness.runs
     try:
         seen = check.run(harness)

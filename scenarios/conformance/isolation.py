@@ -41,7 +41,9 @@ def order_independence(harness: Harness) -> str:
         harness.runs += 3
         for named in ({"it": it, **others}, {**others, "it": it}, {"twin": it, **others, "it": it}):
             trace = run(named, stream).traces["it"]
-            require_equal(base, base._replace(trace=trace), f"it ran among {', '.join(named)}")
+            require_equal(
+                base, base._replace(trace=trace), f"it ran together with others, in the order {', '.join(named)}"
+            )
     return "it ran first, last and twice among other estimators: the same bits as alone"
 
 
