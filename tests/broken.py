@@ -254,7 +254,7 @@ class Centred(DeadReckoning):
 
 @dataclass(frozen=True)
 class DrawsByPosition(DeadReckoning):
-    """Its randomness depends on where a row stands, not on who it is."""
+    """Its randomness depends on a row's position, not on its identity."""
 
     def init(self, prior, world, rows):
         s = super().init(prior, world, rows)

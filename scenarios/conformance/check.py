@@ -3,7 +3,7 @@
     assert check_estimator(MyFilter()).passed
 
 `cooploc check NAME` prints the same report, and `parametrize` makes a pytest test of each check; `checks.py` holds the
-checks. The models are scikit-learn's check_estimator and PettingZoo's API tests.
+checks. Modelled on scikit-learn's check_estimator and PettingZoo's API tests.
 """
 
 from collections.abc import Callable

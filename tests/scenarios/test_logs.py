@@ -303,7 +303,7 @@ def test_units_delimiters_line_ends_and_marks_are_read_alike(data):
         np.testing.assert_allclose(after.arrays()[name], array, atol=1e-6, err_msg=name)
 
 
-# What is told, and from where
+# What the robot knows, and from which source
 
 
 def test_models_are_those_of_the_other_runs(data):
@@ -344,7 +344,7 @@ def test_nothing_is_fitted_across_set_ups(data):
     assert "run 'e' has 0 other runs" in refused(data, "e")
 
 
-def test_a_part_of_another_run_is_no_run_and_teaches_it_nothing(data):
+def test_a_part_of_another_run_is_not_a_run_and_is_not_fitted_on(data):
     rows = lines(1)
     write(data, "b-end", rows[40:])
     write(data, "b-twice", rows)
@@ -354,7 +354,7 @@ def test_a_part_of_another_run_is_no_run_and_teaches_it_nothing(data):
     assert on == {"a": ["b", "c"], "b": ["a", "c"], "b-end": ["a", "c"], "b-twice": ["a", "c"]}
 
 
-def test_readings_that_remember_are_told_as_noisier(data):
+def test_readings_that_are_correlated_in_time_are_assumed_noisier(data):
     for i, name in enumerate("bc", 1):
         write(data, name, lines(i, 1500, correlation=0.6))
     models = simulate(data)[1].notes["models"]
@@ -485,9 +485,9 @@ def test_the_registry_knows_logs(data):
     assert stream.notes["recording"] == "lab/b.csv"
     assert scenarios.simulate("log/all", data=data, trials=[1], seed=5)[1].hashes == stream.hashes
     assert scenarios.simulate("log", data=data)[1].notes["recording"] == "lab/a.csv"
-    told = scenarios.simulate("log/b", data=data, assumed={"sigma": 9.0, "turn_scale": 3.0})[1]
-    assert told.hashes == stream.hashes
-    assert told.world.sensors["anchor_rssi"].sigma == 9.0
+    assumed = scenarios.simulate("log/b", data=data, assumed={"sigma": 9.0, "turn_scale": 3.0})[1]
+    assert assumed.hashes == stream.hashes
+    assert assumed.world.sensors["anchor_rssi"].sigma == 9.0
     assert scenarios.simulate("log/b[sigma=9]", data=data)[1].scenario == "log/b[sigma=9]"
     assert truth.scenario == "log/b"
     with pytest.raises(BadInput, match=r"no run 'bb'; did you mean 'b'"):
@@ -563,7 +563,7 @@ def test_a_malformed_line_is_named(data, cells, says):
         (b'sec,x\n"' + b"1" * 200_000 + b'",2\n', "not a CSV line"),
     ],
 )
-def test_a_file_that_is_no_log_is_named(data, content, says):
+def test_a_file_that_is_not_a_log_is_named(data, content, says):
     (data / "b.csv").write_bytes(content)
     message = refused(data)
     assert "b.csv" in message
@@ -634,7 +634,7 @@ def test_a_bad_parameter_is_named(data, override):
 # The recordings of the paper's authors
 
 
-def test_the_shipped_description_is_sound():
+def test_the_shipped_description_is_valid():
     about = schema.load(schema.shipped("wifi"))
     assert (about.odometry.kind, about.truth.repeats, len(about.anchors.positions)) == ("path", "stale", 4)
 

@@ -283,9 +283,9 @@ def test_there_is_one_trial(data, trials):
 def test_the_seed_changes_nothing_and_assumptions_leave_the_readings(data):
     truth, stream = simulate(data, seed=1)
     assert simulate(data, seed=2)[1].hashes == stream.hashes
-    told = simulate(data, assumed={"sigma_range": 1.0})[1]
-    assert told.hashes == stream.hashes
-    assert told.world.sensors["landmark"].R[0, 0] == 1.0
+    assumed = simulate(data, assumed={"sigma_range": 1.0})[1]
+    assert assumed.hashes == stream.hashes
+    assert assumed.world.sensors["landmark"].R[0, 0] == 1.0
     assert (truth.trial, stream.seed) == (0, 1)
 
 

@@ -66,12 +66,11 @@ class Log(BaseModel):
 
         """
         names = self._names()
-        if len(trials) != 1 or trials[0] >= len(names):
-            there = f"{len(names)} trial{'s' * (len(names) > 1)}"
-            raise BadInput(
-                f"{self.data}: {self.run!r} has {there}, and as each run has models of its own a stream holds one "
-                f"trial, not {list(trials)}; ask for trials=[0]"
-            )
+        there = f"{self.data}: {self.run!r} has {len(names)} trial{'s' * (len(names) > 1)}"
+        if len(trials) != 1:
+            raise BadInput(f"{there}, and a stream holds one, as each run has its own models; ask for trials=[0]")
+        if trials[0] >= len(names):
+            raise BadInput(f"{there}, numbered from 0; there is no trial {trials[0]}; ask for an existing one")
         return self.model_copy(update={"run": names[trials[0]]})
 
     def world(self) -> World:
@@ -148,7 +147,7 @@ class Log(BaseModel):
 
 
 def _senses(run: LogRun, scales: Array) -> Senses:
-    """Odometry and readings (1, T, 1, ...). The readings of row 0, where the prior stands, are not used."""
+    """Odometry and readings (1, T, 1, ...). The readings of row 0, the time of the prior, are not used."""
     odometry = (run.odometry * scales)[None, :, None]
     nothing = np.empty((1, len(run.dt), 1, 0, 2))
     return Senses(odometry, run.dt[None, :, None], run.rssi[None, 1:, None].copy(), nothing, nothing, {})

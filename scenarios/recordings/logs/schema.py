@@ -179,7 +179,8 @@ def _explained(text: str, e: ValidationError) -> str:
     if first["type"] == "extra_forbidden":
         known = list((TABLES[table] if table else Description).model_fields)
         return f"{line}: there is no key {key!r}{f' in [{table}]' if table else ''}; {nearest(key, known)}"
-    return f"{line}: {'.'.join(path)}{': ' if path else ''}{first['msg'].removeprefix('Value error, ')}"
+    example = "; the shipped wifi.log.toml is an example" if first["type"] == "missing" else ""
+    return f"{line}: {'.'.join(path)}{': ' if path else ''}{first['msg'].removeprefix('Value error, ')}{example}"
 
 
 def _line(text: str, table: str, key: str) -> str:
