@@ -1,4 +1,4 @@
-"""A gallery of estimators that break one rule each. Most are a sound one with a single line gone wrong."""
+"""A gallery of estimators that break one rule each: correct ones with a single fault, and a few without any."""
 
 import inspect
 from collections.abc import Callable
@@ -13,7 +13,7 @@ from cooploc.estimators.ekf_local import EkfLocal
 from cooploc.estimators.interface import Belief, Traffic
 from cooploc.estimators.mrsl import Mrsl
 
-REMEMBERED: dict[Any, Any] = {}
+MEMORY: dict[Any, Any] = {}
 
 
 def nudge(s, by):
@@ -23,13 +23,13 @@ def nudge(s, by):
     return s._replace(x=x)
 
 
-def neighbours(x, n=3):
-    """For each row the sum of the positions of its whole team, which no robot could know."""
+def team_sums(x, n=3):
+    """For each row the sum of the positions of its whole team, which a robot cannot know."""
     return np.repeat(x[:, :2].reshape(-1, n, 2).sum(1), n, axis=0)
 
 
-def stolen(name):
-    """A local variable of somebody up the call stack."""
+def caller_attribute(name):
+    """An attribute of an object among the callers, such as the runner's stream."""
     frame = inspect.currentframe()
     while frame := frame.f_back:
         found = frame.f_locals.get("self")
@@ -69,12 +69,12 @@ class OneName(DeadReckoning):
 
 
 @dataclass(frozen=True)
-class Telepath(DeadReckoning):
+class UnknownChannel(DeadReckoning):
     uses: tuple[str, ...] = ("odometry", "telepathy")
 
 
 @dataclass(frozen=True)
-class Undecided(EkfJoint):
+class BoundNotStated(EkfJoint):
     bound: ClassVar[None] = None
 
 
@@ -85,8 +85,8 @@ class Crashes(DeadReckoning):
 
 
 @dataclass(frozen=True)
-class Deaf(EkfLocal):
-    """Takes it that every reading is there."""
+class IgnoresAbsence(EkfLocal):
+    """Assumes that every reading is present."""
 
     def correct(self, s, z):
         return nudge(s, 1e-6 * z.anchor_rssi.sum(-1, keepdims=True)) if z.anchor_rssi.size else s
@@ -105,7 +105,7 @@ class ReadsNeighbour(DeadReckoning):
 
 @dataclass(frozen=True)
 class WaitsForAll(EkfLocal):
-    """One robot's missing reading keeps everybody from correcting: shaken readings do not show it."""
+    """One robot's missing reading keeps all robots from correcting: perturbed readings do not show it."""
 
     uses: tuple[str, ...] = ("odometry", "anchor_rssi")
 
@@ -114,24 +114,24 @@ class WaitsForAll(EkfLocal):
 
 
 @dataclass(frozen=True)
-class OneClock(DeadReckoning):
-    """Takes the first robot's clock for everybody's."""
+class SharesClock(DeadReckoning):
+    """Uses the first robot's clock for all robots."""
 
     def predict(self, s, z):
         return super().predict(s, z._replace(dt=np.full_like(z.dt, z.dt[0])))
 
 
 @dataclass(frozen=True)
-class Gossip(DeadReckoning):
-    """Its own estimate is honest; what it sends is not its own to tell."""
+class SendsOthers(DeadReckoning):
+    """Its own estimate is correct, but it sends what it cannot know."""
 
     def send(self, s, z):
-        return neighbours(s.x, s.world.robots)
+        return team_sums(s.x, s.world.robots)
 
 
 @dataclass(frozen=True)
-class SharedTeam(EkfJoint):
-    """Says it is no bound, and uses what no packet brought."""
+class NotABound(EkfJoint):
+    """Declares that it is not a bound, and uses what no packet brought."""
 
     bound: ClassVar[bool] = False
 
@@ -144,27 +144,27 @@ class SharedTeam(EkfJoint):
 
 @dataclass(frozen=True)
 class Broadcasts(DeadReckoning):
-    """Honest, and sends its position."""
+    """Correct, and sends its position."""
 
     def send(self, s, z):
         return s.x[:, :2]
 
 
 @dataclass(frozen=True)
-class HearsDropped(Broadcasts):
-    """Whoever hears anybody in a tick uses everybody's position, whether its packet came or not."""
+class UsesDroppedPackets(Broadcasts):
+    """A robot that receives any packet in a tick uses every position, received or not."""
 
     def fuse(self, s, z, mail):
-        return nudge(s, 1e-3 * mail.heard.any(-1, keepdims=True) * neighbours(s.x, s.world.robots))
+        return nudge(s, 1e-3 * mail.heard.any(-1, keepdims=True) * team_sums(s.x, s.world.robots))
 
 
 @dataclass(frozen=True)
-class MeasuresDropped(EkfJoint):
-    """A bound that fetches the radio readings that the runner hid."""
+class UsesDroppedRadio(EkfJoint):
+    """A bound that takes the radio readings that the runner hid."""
 
     def exchange(self, s, z, air):
         s, traffic = super().exchange(s, z, air)
-        readings = stolen("stream").air.rssi
+        readings = caller_attribute("stream").air.rssi
         return (nudge(s, 1e-3 * np.nansum(readings)) if readings.shape[-1] else s), traffic
 
     @property
@@ -177,23 +177,23 @@ class MeasuresDropped(EkfJoint):
 
 @dataclass(frozen=True)
 class Prophet(DeadReckoning):
-    """Takes the last odometry of the whole stream from the runner's own variables."""
+    """Takes the last odometry of the whole stream from the runner's variables."""
 
     def predict(self, s, z):
-        future = stolen("stream").senses.odometry[:, -1, :, :2]
+        future = caller_attribute("stream").senses.odometry[:, -1, :, :2]
         return nudge(super().predict(s, z), 1e-3 * future.reshape(-1, 2))
 
 
 @dataclass(frozen=True)
-class Counts(DeadReckoning):
-    """Knows how long the stream is going to be."""
+class KnowsLength(DeadReckoning):
+    """Knows how long the stream will be."""
 
     def predict(self, s, z):
-        return nudge(super().predict(s, z), 1e-3 * len(stolen("stream").time))
+        return nudge(super().predict(s, z), 1e-3 * len(caller_attribute("stream").time))
 
 
 @dataclass(frozen=True)
-class LonelyProphet(Prophet):
+class ProphetAlone(Prophet):
     """Looks ahead only where a trial runs alone."""
 
     def predict(self, s, z):
@@ -205,7 +205,7 @@ class ForeseesAbsence(EkfLocal):
     """Knows how many readings will be missing, but not what the others will say."""
 
     def predict(self, s, z):
-        z_all = stolen("stream").senses
+        z_all = caller_attribute("stream").senses
         return nudge(super().predict(s, z), 1e-3 * (np.isnan(z_all.anchor_rssi).sum() + np.isnan(z_all.landmark).sum()))
 
 
@@ -214,7 +214,7 @@ class ForeseesLinks(DeadReckoning):
     """Knows how many packets will arrive."""
 
     def predict(self, s, z):
-        return nudge(super().predict(s, z), 1e-3 * stolen("stream").air.link[:, -4:].sum())
+        return nudge(super().predict(s, z), 1e-3 * caller_attribute("stream").air.link[:, -4:].sum())
 
 
 @dataclass(frozen=True)
@@ -254,7 +254,7 @@ class Centred(DeadReckoning):
 
 @dataclass(frozen=True)
 class DrawsByPosition(DeadReckoning):
-    """Its randomness depends on where a row stands, not on who it is."""
+    """Its randomness depends on a row's position, not on its identity."""
 
     def init(self, prior, world, rows):
         s = super().init(prior, world, rows)
@@ -313,7 +313,7 @@ def writeable(a):
 
 @dataclass(frozen=True)
 class WritesWorld(DeadReckoning):
-    """Keeps a tick's counter where everybody's world is."""
+    """Counts ticks in the world, which all robots share."""
 
     def correct(self, s, z):
         writeable(s.world.arena)[0, 0] += 1.0
@@ -322,10 +322,10 @@ class WritesWorld(DeadReckoning):
 
 @dataclass(frozen=True)
 class WritesStream(DeadReckoning):
-    """Improves the readings of the ticks to come."""
+    """Changes readings of later ticks."""
 
     def correct(self, s, z):
-        writeable(stolen("stream").senses.dt)[-1, -1, -1] += 1e-9
+        writeable(caller_attribute("stream").senses.dt)[-1, -1, -1] += 1e-9
         return s
 
 
@@ -355,15 +355,15 @@ class CountsCalls(DeadReckoning):
 
 
 @dataclass(frozen=True)
-class Remembers(DeadReckoning):
+class ContinuesLastRun(DeadReckoning):
     """Starts a second run where the first ended."""
 
     def init(self, prior, world, rows):
         s = super().init(prior, world, rows)
-        return nudge(s, 1e-3 * REMEMBERED.get(type(self), 0.0))
+        return nudge(s, 1e-3 * MEMORY.get(type(self), 0.0))
 
     def estimate(self, s):
-        REMEMBERED[type(self)] = s.x[:, :1].sum()
+        MEMORY[type(self)] = s.x[:, :1].sum()
         return super().estimate(s)
 
 
@@ -377,7 +377,7 @@ class GlobalRng(DeadReckoning):
 
 
 @dataclass(frozen=True)
-class Lambda(DeadReckoning):
+class NotPicklable(DeadReckoning):
     scale: Callable[[float], float] = lambda v: v
 
 
@@ -394,7 +394,7 @@ class ForgetsParameter(DeadReckoning):
         return type(self), ()
 
 
-# ---------------------------------------------------------------- honest ones, which no check may suspect
+# ---------------------------------------------------------------- correct ones, which must pass every check
 
 
 @dataclass(frozen=True)
@@ -416,7 +416,7 @@ class Addressed(Averages):
 
 @dataclass(frozen=True)
 class HonestTeam(EkfJoint):
-    """No bound: every robot for itself, and a sequential exchange over the links that hold in both directions."""
+    """Not a bound: robots are independent but for a sequential exchange over links that hold in both directions."""
 
     bound: ClassVar[bool] = False
     uses: tuple[str, ...] = ("odometry", "anchor_rssi|landmark")
@@ -436,20 +436,20 @@ class HonestTeam(EkfJoint):
 
 
 @dataclass(frozen=True)
-class BillsByChunk(HonestTeam):
-    """Its bill depends on how many trials run together."""
+class TrafficByChunk(HonestTeam):
+    """The traffic that it states depends on how many trials run together."""
 
     def exchange(self, s, z, air):
         s, traffic = super().exchange(s, z, air)
         return s, traffic._replace(messages=traffic.messages / len(s.x))
 
 
-# ---------------------------------------------------------------- peeking: truth, rivals, the last run, chance
+# ---------------------------------------------------------------- isolation: truth, others, earlier runs, chance
 
 
 @dataclass(frozen=True)
 class FindsTruth(DeadReckoning):
-    """Searches memory for whatever is true."""
+    """Searches memory for the truth."""
 
     def init(self, prior, world, rows):
         import gc
@@ -460,40 +460,42 @@ class FindsTruth(DeadReckoning):
 
 @dataclass(frozen=True)
 class KnowsTheLabel(DeadReckoning):
-    """Does better where it knows the scenario by name."""
+    """Depends on the scenario's label."""
 
     def predict(self, s, z):
-        return nudge(super().predict(s, z), 1e-3 * stolen("stream").scenario.startswith(("robots", "camera")))
+        return nudge(super().predict(s, z), 1e-3 * caller_attribute("stream").scenario.startswith(("robots", "camera")))
 
 
 @dataclass(frozen=True)
-class CountsRivals(DeadReckoning):
-    """Looks who else is in the run."""
+class CountsOthers(DeadReckoning):
+    """Depends on how many estimators are in the run."""
 
     def init(self, prior, world, rows):
-        frame, rivals = inspect.currentframe(), 0
+        frame, others = inspect.currentframe(), 0
         while frame := frame.f_back:
-            rivals = max(rivals, len(frame.f_locals.get("named", ())))
-        return nudge(super().init(prior, world, rows), 1e-3 * rivals)
+            for value in frame.f_locals.values():
+                if isinstance(value, dict) and value and all(hasattr(one, "estimate") for one in value.values()):
+                    others = max(others, len(value))
+        return nudge(super().init(prior, world, rows), 1e-3 * others)
 
 
 @dataclass(frozen=True)
-class WarmStart(DeadReckoning):
-    """Begins where a run of another length ended; a second run of the same length begins as the first."""
+class DependsOnOtherRuns(DeadReckoning):
+    """Depends on earlier runs of another length only; a second run of the same length repeats the first."""
 
     def init(self, prior, world, rows):
         s = super().init(prior, world, rows)
-        return nudge(s, 1e-3 * REMEMBERED.get((type(self), len(s.x)), 0.0))
+        return nudge(s, 1e-3 * MEMORY.get((type(self), len(s.x)), 0.0))
 
     def estimate(self, s):
-        if stolen("stream").time.size < 12:
-            REMEMBERED[type(self), len(s.x) * 3] = 1.0
+        if caller_attribute("stream").time.size < 12:
+            MEMORY[type(self), len(s.x) * 3] = 1.0
         return super().estimate(s)
 
 
 @dataclass(frozen=True)
 class SeedsGlobal(DeadReckoning):
-    """Gives the same every time, because it seeds what everybody shares."""
+    """Repeats its results by seeding the global generator."""
 
     def init(self, prior, world, rows):
         np.random.seed(0)  # noqa: NPY002, TID251
@@ -502,7 +504,7 @@ class SeedsGlobal(DeadReckoning):
 
 @dataclass(frozen=True)
 class PythonRandom(DeadReckoning):
-    """Looks at the state of Python's generator and leaves it alone."""
+    """Reads the state of Python's global generator without changing it."""
 
     def init(self, prior, world, rows):
         import random
@@ -515,14 +517,14 @@ class PythonRandom(DeadReckoning):
 
 @dataclass(frozen=True)
 class TrustsOdometry(DeadReckoning):
-    """Takes it that odometry is always there."""
+    """Assumes that odometry is always present."""
 
     def predict(self, s, z):
         return nudge(super().predict(s, z), 1e-6 * z.odometry[:, :2])
 
 
 @dataclass(frozen=True)
-class Lopsided(DeadReckoning):
+class Asymmetric(DeadReckoning):
     def estimate(self, s):
         x, P = super().estimate(s)
         P = P.copy()
@@ -532,7 +534,7 @@ class Lopsided(DeadReckoning):
 
 @dataclass(frozen=True)
 class NegativeVariance(DeadReckoning):
-    """Subtracts a covariance that it never added."""
+    """Subtracts a covariance that was never added."""
 
     def estimate(self, s):
         x, P = super().estimate(s)
@@ -540,16 +542,16 @@ class NegativeVariance(DeadReckoning):
 
 
 @dataclass(frozen=True)
-class StandsStill(DeadReckoning):
-    """Reads odometry and stays where it is."""
+class IgnoresOdometry(DeadReckoning):
+    """Reads odometry and does not move."""
 
     def predict(self, s, z):
         return super().predict(s, z)._replace(x=s.x + 1e-9 * np.nan_to_num(z.odometry[:, :1]))
 
 
 @dataclass(frozen=True)
-class Confident(DeadReckoning):
-    """Grows surer with every tick, whatever it sensed."""
+class ShrinksCovariance(DeadReckoning):
+    """Its covariance shrinks in every tick, whatever it sensed."""
 
     def correct(self, s, z):
         return s._replace(P=0.9 * s.P)
@@ -567,23 +569,23 @@ class DeclaresTooMuch(DeadReckoning):
 
 
 @dataclass(frozen=True)
-class LovesTheOrigin(DeadReckoning):
-    """Leans towards (0, 0), where the builders put a corner."""
+class PrefersOrigin(DeadReckoning):
+    """Moves towards (0, 0), a corner of the arena."""
 
     def correct(self, s, z):
         return nudge(s, -0.05 * s.x[:, :2])
 
 
 @dataclass(frozen=True)
-class LovesTheNorth(DeadReckoning):
-    """Leans along y: where the world lies does not show it."""
+class PrefersNorth(DeadReckoning):
+    """Starts farther along y: shifting the world does not show it."""
 
     def init(self, prior, world, rows):
         return nudge(super().init(prior, world, rows), np.array([0.0, 1.0]))
 
 
 @dataclass(frozen=True)
-class FavoursRobotZero(DeadReckoning):
+class PrefersRobotZero(DeadReckoning):
     """Robot 0 states half the variance of the others."""
 
     def init(self, prior, world, rows):
@@ -592,7 +594,7 @@ class FavoursRobotZero(DeadReckoning):
 
 
 @dataclass(frozen=True)
-class HidesItsBill(HonestTeam):
+class MessagesWithoutBytes(HonestTeam):
     """Sends messages without bytes."""
 
     def exchange(self, s, z, air):

@@ -1,20 +1,21 @@
-"""Does an estimator keep to the rules of the comparison? `cooploc check NAME`, and a line in a plug-in's own tests.
+"""`check_estimator`: does an estimator keep to the rules of the comparison?
 
     assert check_estimator(MyFilter()).passed
 
-Or one test for each check, with `parametrize`. The models are scikit-learn's check_estimator and PettingZoo's api
-tests. What is checked stands in `conformance.py`.
+`cooploc check NAME` prints the same report, and `parametrize` makes a pytest test of each check; `checks.py` holds the
+checks. Modelled on scikit-learn's check_estimator and PettingZoo's API tests.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, partial
-from html import escape
 from typing import Any, Literal
 
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.conformance.checks import CHECKS, Check
-from cooploc.scenarios.conformance.harness import Bench, Failed, Skipped, explained
+from cooploc.scenarios.conformance.compare import CheckFailed, CheckSkipped
+from cooploc.scenarios.conformance.harness import Harness, one_line
+from cooploc.scenarios.display.html import listed
 
 SMALLER = ((1, 2), (1, 4), (1, 8), (2, 4))  # (trials, ticks) of smaller counterexamples, in the order tried
 Status = Literal["passed", "failed", "skipped"]
@@ -26,9 +27,10 @@ class Result:
 
     check: str
     status: Status
-    detail: str  # the fact and its place
+    detail: str  # what was tried and seen, and of a failure where; of a skipped check the reason
     seed: int
-    example: str = ""  # of a failure, the smallest that was found: how much of which stream shows it
+    example: str = ""  # of a failure, on the smallest stream that shows it
+    remedy: str = ""  # of a failure, what to change
 
 
 @dataclass(frozen=True, repr=False)
@@ -59,9 +61,10 @@ class Report:
         raise KeyError(check)
 
     def table(self) -> str:
-        """The results as aligned text."""
+        """The results as aligned text: a line for each check, and after a failure its example and remedy."""
         width = max((len(r.check) for r in self.results), default=0)
-        lines = [f"{r.check:{width}}  {r.status:7}  {_told(r)}" for r in self.results]
+        indent = "\n" + " " * (width + 11)
+        lines = [f"{r.check:{width}}  {r.status:7}  {indent.join(_sentences(r))}" for r in self.results]
         return "\n".join([*lines, self.summary()])
 
     def summary(self) -> str:
@@ -74,45 +77,60 @@ class Report:
         return f"Report({self.summary()!r})"
 
     def _repr_html_(self) -> str:
-        cells = [(r.check, r.status, _told(r)) for r in self.results]
-        rows = "".join(f"<tr>{''.join(f'<td>{escape(c)}</td>' for c in row)}</tr>" for row in cells)
-        head = "<tr><th>check</th><th>result</th><th>what was found</th></tr>"
-        return f"<table><caption>{escape(self.summary())}</caption>{head}{rows}</table>"
+        rows = [(r.check, r.status, "; ".join(_sentences(r))) for r in self.results]
+        return listed(("check", "result", "what was found"), self.summary(), rows)
 
 
-def _told(result: Result) -> str:
-    """What was found, and of a failure its smallest example and its seed."""
-    example = f"; smallest: {result.example}" if result.example else ""
-    return result.detail + (f"{example} (seed {result.seed})" if result.status == "failed" else "")
+def _sentences(result: Result) -> list[str]:
+    """What was found, and of a failure its seed, its smallest example and its remedy."""
+    if result.status != "failed":
+        return [result.detail]
+    example = [f"smallest example: {result.example}"] if result.example else []
+    remedy = [f"to fix it: {result.remedy}"] if result.remedy else []
+    return [f"{result.detail} (seed {result.seed})", *example, *remedy]
 
 
 def check_estimator(estimator: Any, name: str | None = None, seed: int = 0) -> Report:
-    """Run every check on an estimator.
+    """Run every check on an estimator: it may neither cheat nor break the interface.
+
+    The estimator runs on small simulated streams (3 trials of 12 ticks; 1 and 3 robots), again and again with readings
+    perturbed or hidden, packets dropped, trials reordered. A check compares the results and explains a difference.
 
     Args:
-        estimator: an instance, built-in or not.
-        name: what to call it.
-        seed: of the small streams it is tried on, and of what is done to them.
+        estimator: an instance, built-in or not, of `cooploc.estimators.interface.Estimator` or `TeamEstimator`.
+        name: what to call it in the report; None: its class's name.
+        seed: seeds the small streams, and what is done to them; a whole number, 0 or more.
+
+    Returns:
+        A report: `passed`, `table()`, and a `Result` for each check, `report["causality"]`.
+
+    Raises:
+        BadInput: the seed is not a whole number of 0 or more. What the estimator raises is a failure in the report.
 
     """
-    bench = Bench(name or type(estimator).__name__, estimator, seed)
+    harness = Harness(name or type(estimator).__name__, estimator, seed)
     runs, *rest = CHECKS
-    first = _shrunk(runs, _result(runs, bench), bench)
+    first = _with_example(runs, run_check(runs, harness), harness)
     if first.status == "passed":
-        others = [_shrunk(check, _result(check, bench), bench) for check in rest]
+        others = [_with_example(check, run_check(check, harness), harness) for check in rest]
     else:
-        others = [Result(_called(check), "skipped", "it does not run", seed) for check in rest]
-    return Report(bench.name, (first, *others))
+        others = [Result(check.name, "skipped", "it does not run", seed) for check in rest]
+    return Report(harness.name, (first, *others))
 
 
 def parametrize(*estimators: Any, seed: int = 0) -> Any:
-    """A mark that makes a test of every check on every estimator; the test calls what it is given.
+    """A pytest mark that makes a test of every check on every estimator; the test calls what it is given.
 
         @parametrize(MyFilter())
         def test_it_conforms(check):
             check()
 
-    What cannot apply is skipped with its reason. Needs pytest.
+    A check that does not apply is skipped, with its reason. Needs pytest.
+
+    Args:
+        estimators: instances, as for `check_estimator`.
+        seed: as for `check_estimator`.
+
     """
     import pytest
 
@@ -120,48 +138,48 @@ def parametrize(*estimators: Any, seed: int = 0) -> Any:
     for estimator in estimators:
         report = cache(partial(check_estimator, estimator, seed=seed))  # made when the first of its tests runs
         name = type(estimator).__name__
-        cases += [pytest.param(partial(_demand, report, _called(c)), id=f"{name}-{_called(c)}") for c in CHECKS]
+        cases += [pytest.param(partial(_assert_passed, report, c.name), id=f"{name}-{c.name}") for c in CHECKS]
     return pytest.mark.parametrize("check", cases)
 
 
-def _demand(report: Callable[[], Report], check: str) -> None:
+def _assert_passed(report: Callable[[], Report], check: str) -> None:
     import pytest
 
     result = report()[check]
     if result.status == "skipped":
         pytest.skip(result.detail)
     if result.status == "failed":
-        pytest.fail(f"{result.detail} (seed {result.seed})", pytrace=False)
+        pytest.fail("\n".join(_sentences(result)), pytrace=False)
 
 
-def _shrunk(check: Check, result: Result, bench: Bench) -> Result:
-    """A failure with the smallest of some smaller benches on which it shows too."""
+def _with_example(check: Check, result: Result, harness: Harness) -> Result:
+    """A failure with the smallest stream on which it shows too."""
     if result.status != "failed":
         return result
     for trials, ticks in SMALLER:
-        again = _result(check, Bench(bench.name, bench.estimator, bench.seed, trials, ticks))
-        if again.status == "failed":
+        smaller = run_check(check, Harness(harness.name, harness.estimator, harness.seed, trials, ticks))
+        if smaller.status == "failed":
             size = f"{trials} trial{'s' * (trials > 1)} of {ticks} ticks"
-            return replace(result, example=f"{size}: {again.detail}")
-    return replace(result, example="none smaller than this was found")
+            return replace(result, example=f"{size}: {smaller.detail}")
+    return replace(result, example="no smaller stream shows it")
 
 
-def _result(check: Check, bench: Bench) -> Result:
-    before = bench.runs
-    status: Status = "failed"
+def run_check(check: Check, harness: Harness) -> Result:
+    """Run one check; whatever the estimator raises is a failure.
+
+    Raises:
+        BadInput: the harness has a seed that cannot be.
+
+    """
+    before = harness.runs
     try:
-        found = check(bench)
-        status, detail = "passed", f"{found} ({bench.runs - before} runs)"
-    except Failed as e:
-        detail = str(e)
-    except Skipped as e:
-        status, detail = "skipped", str(e)
+        seen = check.run(harness)
+        return Result(check.name, "passed", f"{seen} ({harness.runs - before} runs)", harness.seed)
+    except CheckSkipped as e:
+        return Result(check.name, "skipped", str(e), harness.seed)
+    except CheckFailed as e:
+        return Result(check.name, "failed", str(e), harness.seed, remedy=e.remedy or check.remedy)
     except BadInput:
         raise
     except Exception as e:  # a property of the estimator may fail in any way
-        detail = explained(e)
-    return Result(_called(check), status, detail, bench.seed)
-
-
-def _called(check: Check) -> str:
-    return check.__name__.replace("_", "-")
+        return Result(check.name, "failed", one_line(e), harness.seed, remedy=check.remedy)

@@ -1,20 +1,28 @@
-"""The checks of `check_estimator`: each returns what it found in order, or raises `Failed` or `Skipped`.
+"""The checks of `check_estimator`, in the order in which they run.
 
-To add one: write a function like these, and put it into `CHECKS`. Here are those of what reaches whom and when;
-`secrecy`, `soundness` and `symmetry` have the others. Everything is compared bitwise but for what `symmetry` turns.
+To add one: write a function that takes a `Harness`, returns what it tried and saw, and raises `CheckFailed` or
+`CheckSkipped`; give it a line with its remedy in `CHECKS`. The functions here check what information reaches whom and
+when; `isolation`, `numerics` and `equivariance` hold the others. All but equivariance compare bitwise.
 """
 
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from cooploc.estimators.interface import API
 from cooploc.scenarios.conformance import perturb
+from cooploc.scenarios.conformance.compare import (
+    CheckFailed,
+    CheckSkipped,
+    RunRecord,
+    require_equal,
+    require_none_in_trial,
+)
 from cooploc.scenarios.conformance.equivariance import equivariance
-from cooploc.scenarios.conformance.harness import Bench, Failed, Recording, Skipped, demand_same, pickled
+from cooploc.scenarios.conformance.harness import Harness, pickled
 from cooploc.scenarios.conformance.isolation import (
     declaration,
     no_global_randomness,
@@ -23,194 +31,212 @@ from cooploc.scenarios.conformance.isolation import (
     truth_blindness,
 )
 from cooploc.scenarios.conformance.numerics import covariance, nan_safety, silence
-from cooploc.scenarios.conformance.perturb import HOW
-from cooploc.scenarios.conformance.snapshot import contents
+from cooploc.scenarios.conformance.perturb import MODES
+from cooploc.scenarios.conformance.snapshot import Snapshot, require_unchanged, snapshot
 from cooploc.scenarios.runner.run import Watcher
 from cooploc.scenarios.stream import Stream
-
-Check = Callable[[Bench], str]
 
 ROW_METHODS = ("init", "predict", "correct", "send", "fuse", "estimate")
 TEAM_METHODS = ("init", "predict", "correct", "exchange", "estimate")
 
 
-def runs(bench: Bench) -> str:
-    """It speaks this version of the interface, has its methods, and its estimates are finite and of the right shape."""
-    estimator = bench.estimator
-    if isinstance(estimator, type):
-        raise Failed(f"it is the class {estimator.__name__}, not an instance: make one")
-    if getattr(estimator, "api", None) != API:
-        raise Failed(f"it is written for interface {getattr(estimator, 'api', None)!r}; set api = {API}")
-    for method in TEAM_METHODS if bench.team else ROW_METHODS:
-        if not callable(getattr(estimator, method, None)):
-            raise Failed(f"it has no method {method}()")
-    if bench.team and not isinstance(getattr(estimator, "bound", None), bool):
-        raise Failed("it does not say whether it is a bound: set bound = True or False")
-    uses = getattr(estimator, "uses", None)
-    if not isinstance(uses, tuple) or not all(isinstance(wish, str) for wish in uses):
-        raise Failed(f"uses is {uses!r}; it must be a tuple of channel names, such as ('odometry', 'anchor_rssi')")
-    labels = [stream.scenario.partition("[")[0] for stream in bench.streams]
-    t, T, _, _ = bench.base[0].trace.x.shape
-    return f"{t} trials of {T} ticks of {', '.join(labels)}"
+class Check(NamedTuple):
+    """One rule of the comparison."""
+
+    name: str
+    run: Callable[[Harness], str]  # what it tried and saw; raises CheckFailed or CheckSkipped
+    remedy: str  # what to change in an estimator that fails it
 
 
-def non_interference(bench: Bench) -> str:
-    """No link holds: whatever one robot senses, nobody else's estimate or packet changes."""
-    if bench.bound:
-        raise Skipped("it is a bound and sees the whole team by definition")
-    for stream, _ in bench.teams:
-        alone = perturb.silent(stream)
-        base = bench.run(alone, "no packet arrives")
+def runs(harness: Harness) -> str:
+    """It has the methods of the interface, and its estimates are finite and of the right shape."""
+    _require_interface(harness)
+    labels = [stream.scenario.partition("[")[0] for stream in harness.streams]
+    t, T, _, _ = harness.cases[0][1].trace.x.shape
+    return f"ran on {t} trials of {T} ticks of {', '.join(labels)}: every estimate is finite and of the right shape"
+
+
+def non_interference(harness: Harness) -> str:
+    """While no packet arrives, one robot's readings change no other robot's estimate or packet."""
+    if harness.bound:
+        raise CheckSkipped("it is a bound: it sees the whole team by definition")
+    for stream, _ in harness.team_cases:
+        alone = perturb.drop_packets(stream)
+        base = harness.run(alone, "no packet arrived")
         for robot in range(stream.robots):
-            for how in HOW:
-                when = f"robot {robot}'s readings were {how} while no packet arrived"
-                other = bench.run(perturb.disturbed(alone, how, bench.rng, robot), when)
-                demand_same(base, other, stream, when, np.arange(stream.robots) != robot)
-    return f"nobody noticed any robot's readings being {' or '.join(HOW)} while no packet arrived"
+            for mode in MODES:
+                when = f"robot {robot}'s readings were {mode} while no packet arrived"
+                other = perturb.perturb_readings(alone, mode, harness.rng, robot)
+                harness.require_same(base, other, when, np.arange(stream.robots) != robot)
+    return "each robot's readings were perturbed and hidden while no packet arrived: no other robot's result changed"
 
 
-def link_honesty(bench: Bench) -> str:
+def link_honesty(harness: Harness) -> str:
     """A packet that was dropped changes nothing, and neither does a radio reading of it."""
-    measured = [(s, base) for s, base in bench.teams if s.channels() & {"radio_rssi", "radio_range"}]
-    if bench.bound and not measured:
-        raise Skipped("it is a bound, needs no packets, and no scenario that fits it measures them")
+    measured = [(s, base) for s, base in harness.team_cases if s.channels() & {"radio_rssi", "radio_range"}]
+    if harness.bound and not measured:
+        raise CheckSkipped("it is a bound and needs no packets, and no scenario that it can run on measures them")
     for stream, base in measured:
-        for how in HOW:
-            when = f"radio readings of packets that were dropped were {how}"
-            demand_same(base, bench.run(perturb.deaf_radio(stream, how, bench.rng), when), stream, when)
-    if bench.bound:
-        return "radio readings of dropped packets changed nothing; as a bound it needs no packets"
-    for stream, _ in bench.teams:
+        for mode in MODES:
+            when = f"radio readings of dropped packets were {mode}"
+            harness.require_same(base, perturb.perturb_dropped_radio(stream, mode, harness.rng), when)
+    if harness.bound:
+        return "radio readings of dropped packets were perturbed and hidden: nothing changed; a bound needs no packets"
+    for stream, _ in harness.team_cases:
         for robot in range(stream.robots):
-            _dropped_packets_say_nothing(bench, stream, robot)
-    return "neither radio readings of dropped packets nor what they would have said changed anything"
+            _require_dropped_packets_ignored(harness, stream, robot)
+    return "radio readings and contents of dropped packets were perturbed and hidden: nothing changed"
 
 
-def causality(bench: Bench) -> str:
-    """Nothing up to tick k depends on what comes after it: all trials together, and one alone."""
-    for stream, base in zip(bench.streams, bench.base, strict=True):
+def causality(harness: Harness) -> str:
+    """Nothing up to tick k depends on what comes after it: with all trials together, and with one alone."""
+    for stream, base in harness.cases:
         last = len(stream.time)
         for k in (last // 4, 2 * last // 3):
-            _future_changes_nothing(bench, stream, base, k)
+            _require_future_ignored(harness, stream, base, k)
         # A single trial may be handed out as a view of the whole stream.
         one = stream.select([0])
-        _future_changes_nothing(bench, one, bench.run(one, "one trial"), last // 2)
-    return f"readings and links of the future were {', '.join(HOW)} and cut off, and changed nothing before them"
+        _require_future_ignored(harness, one, harness.run(one, "one trial ran alone"), last // 2)
+    return "future readings and links were perturbed, hidden and cut off: nothing before them changed"
 
 
-def chunk_invariance(bench: Bench) -> str:
+def chunk_invariance(harness: Harness) -> str:
     """Every trial alone, in another order and in parts: the same estimates, packets and traffic."""
-    for stream, base in zip(bench.streams, bench.base, strict=True):
-        everyone = list(range(len(stream.trial)))
-        parts = [[i] for i in everyone] + [everyone[::-1], everyone[1:]]
-        for order in parts:
-            when = f"trials {stream.trial[order].tolist()} ran instead of all {len(everyone)} in order"
-            part = stream.select(order)
-            got = bench.run(part, when)
-            demand_same(_chosen(base, order), got, part, when)
+    for stream, base in harness.cases:
+        everything = list(range(len(stream.trial)))
+        parts = [*([i] for i in everything), everything[::-1], everything[1:]]
+        for order in filter(None, parts):  # of a single trial, the last part is empty
+            when = f"trials {stream.trial[order].tolist()} ran instead of all {len(everything)} in order"
+            expected, found = _select(base, order), harness.run(stream.select(order), when)
+            require_equal(expected, found, when)
             for what in ("messages", "bytes"):
-                before, now = getattr(base.trace, what)[order], getattr(got.trace, what)
-                if not np.array_equal(before, now):
-                    trial, robot = np.argwhere(before != now)[0]
-                    raise Failed(
-                        f"robot {robot} sent other {what} when {when}: {stream.scenario!r}, trial {part.trial[trial]}"
-                    )
-    return "every trial alone, in reverse order and in parts gives the same bits"
+                differs = getattr(expected.trace, what) != getattr(found.trace, what)
+                require_none_in_trial(differs, found.stream, f"sent other {what} when {when}")
+    return "each trial ran alone, and trials ran in reverse order and in parts: the same bits"
 
 
-def immutability(bench: Bench) -> str:
-    """Methods write to nothing they are given, parameters stay, and a second run gives what the first gave."""
-    before = contents(bench.estimator, "its parameters")
-    for stream, base in zip(bench.streams, bench.base, strict=True):
-        again = bench.run(stream, "run again", audit=partial(_audited, stream.scenario, _exempt(bench)))
-        _demand_unchanged(_told(stream), _told(again.given), f"during the run of {stream.scenario!r}")
-        demand_same(base, again, stream, "it ran a second time")
-    _demand_unchanged(before, contents(bench.estimator, "its parameters"), "by running")
-    state = "its state is exempt: it declares itself mutable" if _exempt(bench) else "no state is changed in place"
-    return f"no input is written to, {state}, a second run gives the same bits"
+def immutability(harness: Harness) -> str:
+    """Methods write to nothing that they are given, parameters stay, and a second run repeats the first."""
+    before = snapshot(harness.estimator, "its parameters")
+    for stream, base in harness.cases:
+        audit = partial(_audited, stream.scenario, harness.mutable)
+        again = harness.run(stream, "it ran a second time", audit=audit)
+        require_unchanged(_inputs(stream), _inputs(again.stream), f"during the run of {stream.scenario!r}")
+        require_equal(base, again, "it ran a second time")
+    require_unchanged(before, snapshot(harness.estimator, "its parameters"), "by running")
+    compared = "inputs and parameters" if harness.mutable else "inputs, states and parameters"
+    exempt = "; its state is exempt, as it declares mutable = True" if harness.mutable else ""
+    return f"{compared} were compared before and after each call: no change; a second run gave the same bits{exempt}"
 
 
-def pickling(bench: Bench) -> str:
+def pickling(harness: Harness) -> str:
     """The estimator that comes back from pickle gives the same bits."""
-    copy = pickled(bench.estimator)
-    for stream, base in zip(bench.streams, bench.base, strict=True):
-        what = "after a round trip through pickle"
-        demand_same(base, bench.run(stream, what, estimator=copy), stream, f"it ran {what}")
-    return "the same bits after a round trip through pickle"
+    copy, when = pickled(harness.estimator), "it ran after a round trip through pickle"
+    for stream, base in harness.cases:
+        require_equal(base, harness.run(stream, when, estimator=copy), when)
+    return "it ran after a round trip through pickle: the same bits"
 
 
-CHECKS: tuple[Check, ...] = (
-    runs,
-    non_interference,
-    link_honesty,
-    causality,
-    chunk_invariance,
-    immutability,
-    no_memory,
-    no_global_randomness,
-    order_independence,
-    truth_blindness,
-    nan_safety,
-    covariance,
-    silence,
-    declaration,
-    equivariance,
-    pickling,
+CHECKS = (
+    Check("runs", runs, "follow cooploc.estimators.interface: its shapes, and nan for an absent reading"),
+    Check(
+        "non-interference",
+        non_interference,
+        "compute each row from that row alone; teammates' data may come in only through `mail`, in fuse()",
+    ),
+    Check("link-honesty", link_honesty, "use a packet and its radio readings only where mail.heard is True"),
+    Check("causality", causality, "use only what the methods are given in this tick, and your own state"),
+    Check(
+        "chunk-invariance",
+        chunk_invariance,
+        "compute row by row, without a sum, mean or matrix product over rows; draw random numbers from rows.key",
+    ),
+    Check(
+        "immutability",
+        immutability,
+        "copy an array before writing to it, return a new state, and store nothing in parameters or module variables",
+    ),
+    Check("no-memory", no_memory, "store everything in the state that init() makes, nothing in module variables"),
+    Check("no-global-randomness", no_global_randomness, "draw random numbers from rows.key alone"),
+    Check("order-independence", order_independence, "store everything in the state; do not look for other estimators"),
+    Check("truth-blindness", truth_blindness, "use only what the methods are given"),
+    Check("nan-safety", nan_safety, "treat nan as an absent reading: leave that row as it is in that update"),
+    Check(
+        "covariance",
+        covariance,
+        "return (P + P.mT) / 2, and use an update that keeps P positive semidefinite, such as the Joseph form",
+    ),
+    Check("silence", silence, "where nothing is sensed or heard, move by odometry alone and let P grow"),
+    Check(
+        "declaration",
+        declaration,
+        "name in `uses` only channels that change the estimate; a message costs 8 bytes and its payload",
+    ),
+    Check(
+        "equivariance",
+        equivariance,
+        "take positions, directions and robots only from the prior, the world and the readings",
+    ),
+    Check("pickling", pickling, "make it a frozen dataclass at the top of a module, its parameters plain values"),
 )
 
 
-def _dropped_packets_say_nothing(bench: Bench, stream: Stream, robot: int) -> None:
+def _require_interface(harness: Harness) -> None:
+    estimator, uses = harness.estimator, getattr(harness.estimator, "uses", None)
+    if isinstance(estimator, type):
+        raise CheckFailed(f"it is the class {estimator.__name__}, not an instance", f"pass {estimator.__name__}()")
+    if getattr(estimator, "api", None) != API:
+        raise CheckFailed(f"it is written for interface {getattr(estimator, 'api', None)!r}", f"set api = {API}")
+    for method in TEAM_METHODS if harness.team else ROW_METHODS:
+        if not callable(getattr(estimator, method, None)):
+            raise CheckFailed(f"it has no method {method}()", "add it; cooploc.estimators.interface describes it")
+    if harness.team and not isinstance(getattr(estimator, "bound", None), bool):
+        raise CheckFailed("it does not say whether it is a bound", "set bound = True or bound = False")
+    if not isinstance(uses, tuple) or not all(isinstance(wish, str) for wish in uses):
+        remedy = 'set it to a tuple of channel names, such as ("odometry", "anchor_rssi")'
+        raise CheckFailed(f"uses is {uses!r}, not a tuple of channel names", remedy)
+
+
+def _require_dropped_packets_ignored(harness: Harness, stream: Stream, robot: int) -> None:
     since = len(stream.time) // 3
-    cut = perturb.silent(stream, robot, since)
-    base = bench.run(cut, f"no packet of robot {robot} arrives from tick {since} on")
-    for how in HOW:
-        when = f"robot {robot}'s readings were {how} from tick {since} on while all its packets were dropped"
-        other = bench.run(perturb.disturbed(cut, how, bench.rng, robot, since), when)
-        demand_same(base, other, stream, when, np.arange(stream.robots) != robot)
+    cut = perturb.drop_packets(stream, robot, since)
+    base = harness.run(cut, f"no packet of robot {robot} arrived from tick {since} on")
+    for mode in MODES:
+        when = f"robot {robot}'s readings were {mode} from tick {since} on while all its packets were dropped"
+        other = perturb.perturb_readings(cut, mode, harness.rng, robot, since)
+        harness.require_same(base, other, when, np.arange(stream.robots) != robot)
 
 
-def _future_changes_nothing(bench: Bench, stream: Stream, base: Recording, k: int) -> None:
-    for how in HOW:
-        when = f"readings and links after tick {k} were {how}"
-        other = perturb.disturbed(stream, how, bench.rng, since=k + 1)
-        demand_same(base, bench.run(perturb.relinked(other, how, bench.rng, k + 1), when), stream, when, ticks=k + 1)
-    when = f"the stream ended after tick {k}"
-    demand_same(base, bench.run(stream.truncated(k + 1), when), stream, when)
+def _require_future_ignored(harness: Harness, stream: Stream, base: RunRecord, k: int) -> None:
+    for mode in MODES:
+        other = perturb.perturb_readings(stream, mode, harness.rng, since=k + 1)
+        other = perturb.perturb_links(other, mode, harness.rng, k + 1)
+        harness.require_same(base, other, f"readings and links after tick {k} were {mode}", ticks=k + 1)
+    harness.require_same(base, stream.truncated(k + 1), f"the stream ended after tick {k}")
 
 
-def _chosen(recording: Recording, order: list[int]) -> Recording:
-    t = recording.trace
+def _select(record: RunRecord, order: list[int]) -> RunRecord:
+    t = record.trace
     trace = replace(t, x=t.x[order], P=t.P[order], messages=t.messages[order], bytes=t.bytes[order])
-    return Recording(trace, tuple(said[order] for said in recording.said), recording.given.select(order))
-
-
-def _exempt(bench: Bench) -> bool:
-    """Objects lifted by PerRobot change in place, and say so."""
-    return bool(getattr(bench.estimator, "mutable", False))
+    return RunRecord(trace, tuple(sent[order] for sent in record.packets), record.stream.select(order))
 
 
 def _audited(scenario: str, mutable: bool, watch: Watcher) -> Watcher:
-    """Compares everything a method is given before and after the call."""
+    """Compares everything that a method is given before and after the call."""
 
     def audit(method: str, tick: int, arguments: tuple[Any, ...], call: Any) -> Any:
         names = ("prior", "world", "rows") if method == "init" else ("state", "senses", "mail")
-        kept = [i for i in range(len(arguments)) if not (mutable and names[i] == "state")]
-        before = [contents(arguments[i], names[i]) for i in kept]
+        audited = [i for i in range(len(arguments)) if not (mutable and names[i] == "state")]
+        before = [snapshot(arguments[i], names[i]) for i in audited]
         result = watch(method, tick, arguments, call)
-        for i, old in zip(kept, before, strict=True):
-            _demand_unchanged(old, contents(arguments[i], names[i]), f"by {method}() at tick {tick} of {scenario!r}")
+        for i, old in zip(audited, before, strict=True):
+            when = f"by {method}() at tick {tick} of {scenario!r}"
+            require_unchanged(old, snapshot(arguments[i], names[i]), when)
         return result
 
     return audit
 
 
-def _told(stream: Stream) -> dict[str, Any]:
-    return contents(
-        {**stream.arrays(), "time": stream.time, "trial": stream.trial, "world": stream.world}, "the stream"
-    )
-
-
-def _demand_unchanged(before: dict[str, Any], after: dict[str, Any], when: str) -> None:
-    for path in [*before, *after]:
-        if before.get(path) != after.get(path):
-            raise Failed(f"{path} was changed {when}")
+def _inputs(stream: Stream) -> Snapshot:
+    whole = {**stream.arrays(), "time": stream.time, "trial": stream.trial, "world": stream.world}
+    return snapshot(whole, "the stream")

@@ -1,8 +1,8 @@
-"""The check that nothing depends on where the world lies, which way is north, or who is called robot 0.
+"""The check that nothing depends on where the world lies, which way is north, or which robot has number 0.
 
-Only for estimators without randomness; compared to a tolerance, as other coordinates round otherwise. One whose
-approximation itself lies along the axes, as the sigma points of an unscented filter, says so by a class variable
-`axes`, the reason in words; it is only shifted, and the report repeats what it says.
+Only for estimators without randomness; compared with a tolerance, as other coordinates round differently. Where the
+approximation itself lies along the axes, as the sigma points of an unscented filter do, the estimator states the reason
+in a class variable `axes`; then the world is only shifted, and the report repeats the reason.
 """
 
 from dataclasses import replace
@@ -12,40 +12,40 @@ import numpy as np
 from cooploc.estimators.interface import Array, Belief, Mask, World
 from cooploc.estimators.models.angles import wrap, wrap_heading
 from cooploc.estimators.models.motion import Displacement, Unicycle
-from cooploc.scenarios.conformance.harness import Bench, Failed, Skipped
+from cooploc.scenarios.conformance.compare import CheckFailed, CheckSkipped, require_none
+from cooploc.scenarios.conformance.harness import Harness
 from cooploc.scenarios.stream import Stream
 
-TOLERANCE = 0.05  # of the standard deviation it states, and of a product of two for covariances
+TOLERANCE = 0.05  # of the standard deviation that it states, and of a product of two for covariances
 ROUNDING = 1e-6  # [m], [rad] and their squares
 SHIFT = np.array([3.0, -7.0])  # [m]
 QUARTER = np.array([[0.0, -1.0], [1.0, 0.0]])  # an arena has sides along the axes: it turns by right angles
 
 
-def equivariance(bench: Bench) -> str:
-    """Shift the world, turn it by 90 degrees, renumber the robots: the estimates go along."""
-    if not bench.deterministic:
-        raise Skipped("it draws random numbers, which do not turn with the world")
-    axes = getattr(bench.estimator, "axes", "")
-    for stream, base in zip(bench.streams, bench.base, strict=True):
+def equivariance(harness: Harness) -> str:
+    """Shift the world, turn it by 90 degrees, renumber the robots: the estimates follow."""
+    if not harness.deterministic:
+        raise CheckSkipped("it draws random numbers, which do not turn with the world")
+    in_turns = harness.team and not harness.bound  # robots go one after another and hear of what those before them did
+    for stream, base in harness.cases:
         if stream.senses.extra or not isinstance(stream.world.motion, Displacement | Unicycle):
-            raise Skipped("it is not known how this scenario's channels or odometry turn")
+            raise CheckSkipped("it is not known how this scenario's channels or odometry turn with the world")
         belief = Belief(base.trace.x, base.trace.P)
-        _demand_along(bench, shifted(stream), _shift_belief(belief), "the world was shifted")
-        if not axes:
-            _turning(bench, stream, _turn_belief(belief))
-        if stream.robots > 1 and not (axes or _sequential(bench)):
-            _renumbering(bench, stream)
-    if axes:
-        return (
-            f"shifted, it gives the same to {TOLERANCE:.0%} of a standard deviation; not turned or renumbered: {axes}"
-        )
-    what = "shifted and turned by 90 degrees" if _sequential(bench) else "shifted, turned and with robots renumbered"
-    exempt = "; its robots take turns by number, and are not renumbered" if _sequential(bench) else ""
-    return f"{what}, it gives the same to {TOLERANCE:.0%} of a standard deviation{exempt}"
+        _require_close(harness, _shift_belief(belief), shifted(stream), "the world was shifted")
+        if not harness.axes:
+            _require_turned(harness, stream, _turn_belief(belief))
+        if stream.robots > 1 and not (harness.axes or in_turns):
+            _require_renumbered(harness, stream)
+    same = f"the estimates followed to {TOLERANCE:.0%} of a standard deviation"
+    if harness.axes:
+        return f"the world was shifted: {same}; not turned or renumbered, as {harness.axes}"
+    if in_turns:
+        return f"the world was shifted and turned by 90 degrees: {same}; not renumbered, as its robots go in turns"
+    return f"the world was shifted and turned by 90 degrees, the robots were renumbered: {same}"
 
 
 def shifted(stream: Stream) -> Stream:
-    """The same readings in a world that lies elsewhere."""
+    """The same readings in a world with its origin elsewhere."""
     x, w = _shift_belief(stream.prior).x, stream.world
     world = replace(w, arena=w.arena + SHIFT, anchors=w.anchors + SHIFT, landmarks=w.landmarks + SHIFT)
     return replace(stream.with_arrays({"prior.x": x}), world=world)
@@ -54,7 +54,7 @@ def shifted(stream: Stream) -> Stream:
 def turned(stream: Stream, roll: int) -> Stream:
     """The same readings in a world turned by 90 degrees, its anchors renumbered by `roll`.
 
-    With one, four corners keep their order from the lower left.
+    With roll=1, the numbers of four corners begin at the lower left again.
     """
     x, P = _turn_belief(stream.prior)
     senses, compass = stream.senses, x.shape[-1] == 2
@@ -69,17 +69,17 @@ def turned(stream: Stream, roll: int) -> Stream:
 
 
 def renumbered(stream: Stream, order: list[int]) -> Stream:
-    """Robot `order[i]` is called i."""
+    """The same readings where robot `order[i]` has number i."""
     changed = {}
     for name, array in stream.arrays().items():
-        own = array[:, order] if name.startswith("prior.") else array[:, :, order]
+        rows = array[:, order] if name.startswith("prior.") else array[:, :, order]
         pairs = name.startswith("air.") or name == "senses.sighting"
-        changed[name] = own[:, :, :, order] if pairs and own.shape[3] else own
+        changed[name] = rows[:, :, :, order] if pairs and rows.shape[3] else rows
     return stream.with_arrays(changed)
 
 
 def in_turn(stream: Stream) -> Stream:
-    """One pair of robots meets in each tick, one way: nothing is left to the order in which teammates are taken."""
+    """One pair of robots meets in each tick, and one of them measures: the order of teammates makes no difference."""
     n, T = stream.robots, len(stream.time)
     pair, reads = np.zeros((T, n, n), bool), np.zeros((T, n, n), bool)
     for k in range(T):
@@ -96,45 +96,32 @@ def in_turn(stream: Stream) -> Stream:
     return stream.with_arrays(changed)
 
 
-def _sequential(bench: Bench) -> bool:
-    """A team that is no bound takes robots in turn, and each hears of what those before it did."""
-    return bench.team and not bench.bound
-
-
-def _renumbering(bench: Bench, stream: Stream) -> None:
+def _require_renumbered(harness: Harness, stream: Stream) -> None:
     order = [*range(1, stream.robots), 0]
     single = in_turn(stream)
-    base = bench.run(single, "one pair of robots met in each tick").trace
-    got = bench.run(renumbered(single, order), "robots were renumbered").trace
+    base = harness.run(single, "one pair of robots met in each tick").trace
     expected = Belief(base.x[:, :, order], base.P[:, :, order])
-    _demand_close(expected, Belief(got.x, got.P), stream, "its robots were renumbered")
+    _require_close(harness, expected, renumbered(single, order), "its robots were renumbered")
 
 
-def _turning(bench: Bench, stream: Stream, along: Belief) -> None:
+def _require_turned(harness: Harness, stream: Stream, expected: Belief) -> None:
     """Anchors in their order or renumbered: some estimators take them one by one, some want their corners in order."""
     when = "the world was turned by 90 degrees"
     try:
-        _demand_along(bench, turned(stream, roll=0), along, when)
-    except Failed:
-        _demand_along(bench, turned(stream, roll=1), along, when)
+        _require_close(harness, expected, turned(stream, roll=0), when)
+    except CheckFailed:
+        _require_close(harness, expected, turned(stream, roll=1), when)
 
 
-def _demand_along(bench: Bench, moved: Stream, along: Belief, when: str) -> None:
-    got = bench.run(moved, when).trace
-    _demand_close(along, Belief(got.x, got.P), moved, when)
-
-
-def _demand_close(a: Belief, b: Belief, stream: Stream, when: str) -> None:
-    sd = np.sqrt(np.maximum(np.diagonal(a.P, axis1=-2, axis2=-1), 0.0))
-    off_x = np.abs(wrap_heading(a.x - b.x)) - ROUNDING - TOLERANCE * sd
-    off_P = np.abs(a.P - b.P) - ROUNDING - TOLERANCE * sd[..., None] * sd[..., None, :]
+def _require_close(harness: Harness, expected: Belief, stream: Stream, when: str) -> None:
+    """Run on the stream, and compare with the beliefs expected there."""
+    found = harness.run(stream, when).trace
+    sd = np.sqrt(np.maximum(np.diagonal(expected.P, axis1=-2, axis2=-1), 0.0))
+    off_x = np.abs(wrap_heading(expected.x - found.x)) - ROUNDING - TOLERANCE * sd
+    off_P = np.abs(expected.P - found.P) - ROUNDING - TOLERANCE * sd[..., None] * sd[..., None, :]
     for what, off in (("estimate", off_x), ("covariance", off_P)):
         far: Mask = np.asarray((off > 0).reshape(*off.shape[:3], -1).any(-1))
-        if far.any():
-            k, i, robot = np.argwhere(far.swapaxes(0, 1))[0]
-            raise Failed(
-                f"robot {robot}'s {what} is another when {when}: {stream.scenario!r}, trial {stream.trial[i]}, tick {k}"
-            )
+        require_none(far, stream, f"'s {what} did not follow when {when}")
 
 
 def _shift_belief(belief: Belief) -> Belief:

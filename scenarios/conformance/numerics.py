@@ -5,76 +5,76 @@ import numpy as np
 from cooploc.estimators import make
 from cooploc.estimators.interface import Array
 from cooploc.scenarios.conformance import perturb
-from cooploc.scenarios.conformance.harness import Bench, Failed, Recording
+from cooploc.scenarios.conformance.compare import RunRecord, earliest, fail_at, require_none
+from cooploc.scenarios.conformance.harness import Harness
 from cooploc.scenarios.runner.run import trace
 from cooploc.scenarios.stream import Stream
 
-ROUNDING = 1e-9  # relative to the covariance's largest entry: what asymmetry and negative variance are forgiven
-# Disagreement with dead reckoning in its standard deviations: an unscented filter's mean differs to second order.
-STILL = 0.02
+ROUNDING = 1e-9  # asymmetry and negative variance that are allowed, relative to the covariance's largest entry
+# Allowed distance from dead reckoning, in its standard deviations: an unscented filter's mean differs to second order.
+OFF_TRACK = 0.02
+ONLY_ODOMETRY = "nothing was sensed but odometry and no packet arrived"
 
 
-def nan_safety(bench: Bench) -> str:
-    """Single readings absent, one channel absent, odometry absent: finite estimates, and other rows untouched."""
+def nan_safety(harness: Harness) -> str:
+    """Single readings absent, one channel absent, odometry absent: every estimate stays finite."""
     ways = 0
-    for stream in bench.streams:
-        for channel in sorted(bench.channels(stream)):
-            name = bench.array(channel)
+    for stream in harness.streams:
+        for channel in sorted(harness.channels(stream)):
+            name = harness.array(channel)
             array = stream.arrays()[name]
-            single = np.where(bench.rng.uniform(size=array.shape) < 0.3, np.nan, array)
-            for other, what in ((single, "single numbers"), (np.full_like(array, np.nan), "all")):
-                when = f"{what} of {channel} were absent"
-                _demand_covariance(bench.run(stream.with_arrays({name: other}), when), stream, when)
+            single = np.where(harness.rng.uniform(size=array.shape) < 0.3, np.nan, array)
+            for other, which in ((single, "single readings"), (np.full_like(array, np.nan), "all readings")):
+                when = f"{which} of {channel} were absent"
+                _require_covariance(harness.run(stream.with_arrays({name: other}), when), when)
                 ways += 1
-    return f"finite estimates in {ways} patterns of absence"
+    return f"single and all readings of each channel were made absent in {ways} ways: every estimate stayed finite"
 
 
-def covariance(bench: Bench) -> str:
+def covariance(harness: Harness) -> str:
     """Every covariance is symmetric and has no negative variance, in any direction."""
-    for stream, base in zip(bench.streams, bench.base, strict=True):
-        _demand_covariance(base, stream, "as it is")
-        for how in perturb.HOW:
-            when = f"readings were {how}"
-            _demand_covariance(bench.run(perturb.disturbed(stream, how, bench.rng), when), stream, when)
-    return f"symmetric and positive semidefinite to {ROUNDING:g} of the largest entry, at every tick"
-
-
-def silence(bench: Bench) -> str:
-    """Nothing sensed but odometry, nothing heard: it moves as dead reckoning does, and grows no surer.
-
-    One without randomness agrees to `STILL` of dead reckoning's standard deviation, one that samples to one standard
-    deviation of what odometry adds.
-    """
-    for stream in bench.streams:
-        quiet = _quiet(stream)
-        when = "nothing was sensed but odometry and no packet arrived"
-        got, dead = bench.run(quiet, when), trace("dead-reckoning", make("dead-reckoning"), quiet)
-        variance = _position_variance(dead.P)
-        growth = np.sqrt(np.maximum(variance - variance[:, :1], 0.0))
-        allowed = STILL * np.sqrt(variance) if bench.deterministic else growth + 0.1 * growth[:, -1:]
-        moved, should = (x[..., :2] - x[:, :1, :, :2] for x in (got.trace.x, dead.x))
-        off = np.sqrt(((moved - should) ** 2).sum(-1))
-        if (off > allowed).any():
-            k, i, robot = np.argwhere((off > allowed).swapaxes(0, 1))[0]
-            raise Failed(
-                f"robot {robot} is {off[i, k, robot]:.2g} m from where odometry leads when {when}: "
-                f"{stream.scenario!r}, trial {stream.trial[i]}, tick {k}"
-            )
-        if bench.deterministic:
-            _demand_no_surer(got, stream, when)
-    return "it moves as odometry says" + (
-        " and grows no surer" if bench.deterministic else ", to one standard deviation"
+    for stream, base in harness.cases:
+        _require_covariance(base, "nothing was changed")
+        for mode in perturb.MODES:
+            when = f"readings were {mode}"
+            _require_covariance(harness.run(perturb.perturb_readings(stream, mode, harness.rng), when), when)
+    return (
+        f"at every tick, with readings perturbed and hidden too, P was symmetric and positive semidefinite to "
+        f"{ROUNDING:g} of its largest entry"
     )
 
 
-def _quiet(stream: Stream) -> Stream:
-    arrays = stream.arrays()
-    gone = {
+def silence(harness: Harness) -> str:
+    """With odometry alone it moves as dead reckoning does, and its uncertainty never shrinks.
+
+    A deterministic estimator agrees to `OFF_TRACK` of dead reckoning's standard deviation, one that samples to one
+    standard deviation of what odometry adds.
+    """
+    for stream in harness.streams:
+        quiet = _only_odometry(stream)
+        found, dead = harness.run(quiet, ONLY_ODOMETRY), trace("dead-reckoning", make("dead-reckoning"), quiet)
+        variance = _position_variance(dead.P)
+        growth = np.sqrt(np.maximum(variance - variance[:, :1], 0.0))
+        allowed = OFF_TRACK * np.sqrt(variance) if harness.deterministic else growth + 0.1 * growth[:, -1:]
+        moved, expected = (x[..., :2] - x[:, :1, :, :2] for x in (found.trace.x, dead.x))
+        off = np.sqrt(((moved - expected) ** 2).sum(-1))
+        if (off > allowed).any():
+            where = earliest(off > allowed)
+            distance = off[where]
+            fail_at(where, quiet, f" is {distance:.2g} m away from where odometry leads when {ONLY_ODOMETRY}")
+        if harness.deterministic:
+            _require_no_shrinking(found)
+    agrees = "and its uncertainty never shrank" if harness.deterministic else "to one standard deviation"
+    return f"{ONLY_ODOMETRY}: it moved as dead reckoning does, {agrees}"
+
+
+def _only_odometry(stream: Stream) -> Stream:
+    hidden = {
         name: np.full_like(array, np.nan)
-        for name, array in arrays.items()
-        if array.dtype.kind == "f" and name not in perturb.KEPT
+        for name, array in stream.arrays().items()
+        if array.dtype.kind == "f" and name not in perturb.NEVER_HIDDEN
     }
-    return perturb.silent(stream.with_arrays(gone))
+    return perturb.drop_packets(stream.with_arrays(hidden))
 
 
 def _position_variance(P: Array) -> Array:
@@ -82,27 +82,17 @@ def _position_variance(P: Array) -> Array:
     return variance
 
 
-def _demand_no_surer(got: Recording, stream: Stream, when: str) -> None:
-    variance = _position_variance(got.trace.P)
-    shrunk = variance[:, 1:] < variance[:, :-1] * (1 - ROUNDING)
-    if shrunk.any():
-        k, i, robot = np.argwhere(shrunk.swapaxes(0, 1))[0]
-        raise Failed(
-            f"robot {robot} grew surer when {when}: {stream.scenario!r}, trial {stream.trial[i]}, tick {k + 1}"
-        )
+def _require_no_shrinking(found: RunRecord) -> None:
+    variance = _position_variance(found.trace.P)
+    shrunk = np.zeros(variance.shape, bool)
+    shrunk[:, 1:] = variance[:, 1:] < variance[:, :-1] * (1 - ROUNDING)
+    require_none(shrunk, found.stream, f"'s position variance shrank when {ONLY_ODOMETRY}")
 
 
-def _demand_covariance(got: Recording, stream: Stream, when: str) -> None:
-    P = got.trace.P
+def _require_covariance(found: RunRecord, when: str) -> None:
+    P = found.trace.P
     scale = np.abs(P).max((-2, -1))
-    skew = np.abs(P - P.mT).max((-2, -1))
+    asymmetry = np.abs(P - P.mT).max((-2, -1))
     least = np.linalg.eigvalsh((P + P.mT) / 2)[..., 0]
-    for bad, what in (
-        (skew > ROUNDING * scale, "is not symmetric"),
-        (least < -ROUNDING * scale, "has a negative variance"),
-    ):
-        if bad.any():
-            k, i, robot = np.argwhere(bad.swapaxes(0, 1))[0]
-            raise Failed(
-                f"robot {robot}'s covariance {what} ({when}): {stream.scenario!r}, trial {stream.trial[i]}, tick {k}"
-            )
+    require_none(asymmetry > ROUNDING * scale, found.stream, f"'s covariance is not symmetric when {when}")
+    require_none(least < -ROUNDING * scale, found.stream, f"'s covariance has a negative variance when {when}")

@@ -102,7 +102,7 @@ def test_the_same_version_is_checked_once_and_another_is_refused(place):
     study = STUDY.with_options(only=("ekf-local", "outside.py:Honest"))
     execute(study, place / "run")
     found = json.loads((place / "run" / "manifest.json").read_text())["certificates"]["outside.py:Honest"]
-    assert [check["check"] for check in found["checks"]] == [c.__name__.replace("_", "-") for c in CHECKS]
+    assert [check["check"] for check in found["checks"]] == [c.name for c in CHECKS]
     told = Told()
     more = study.with_options(trials=8, only=("ekf-local", "outside.py:Honest", "outside.py:Honest[scale=2]"))
     execute(more, place / "run", progress=told)

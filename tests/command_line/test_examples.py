@@ -8,7 +8,7 @@ import pytest
 from cooploc.estimators import make
 from cooploc.scenarios import simulate
 from cooploc.scenarios.conformance.check import CHECKS, check_estimator
-from cooploc.scenarios.conformance.perturb import thinned
+from cooploc.scenarios.conformance.perturb import drop_readings
 from cooploc.scenarios.runner.run import trace
 
 FOLDER = Path(__file__).resolve().parents[2] / "examples"
@@ -30,7 +30,7 @@ def test_an_example_passes_every_check(name):
 @pytest.mark.parametrize("name", NAMES[1:])
 def test_the_others_compute_what_the_loop_computes(name, label):
     _, stream = simulate(label, trials=2, seed=4, ticks=40)
-    for one in (stream, thinned(stream, np.random.default_rng(2))):
+    for one in (stream, drop_readings(stream, np.random.default_rng(2))):
         loop, other = trace("loop", example(NAMES[0]), one), trace("other", example(name), one)
         np.testing.assert_allclose(other.x, loop.x, atol=1e-9)
         np.testing.assert_allclose(other.P, loop.P, atol=1e-9)

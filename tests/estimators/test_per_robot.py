@@ -12,7 +12,7 @@ from cooploc.estimators.interface import Belief
 from cooploc.estimators.per_robot import PerRobot
 from cooploc.scenarios import simulate
 from cooploc.scenarios.conformance.check import CHECKS, check_estimator
-from cooploc.scenarios.conformance.perturb import thinned
+from cooploc.scenarios.conformance.perturb import drop_readings
 from cooploc.scenarios.runner.run import EstimatorError, trace
 
 
@@ -92,7 +92,7 @@ camera_loop = PerRobot(CameraLoop, uses=("odometry", "landmark"))
 
 
 def some_absent(label, **overrides):
-    return thinned(simulate(label, seed=5, **overrides)[1], np.random.default_rng(0))
+    return drop_readings(simulate(label, seed=5, **overrides)[1], np.random.default_rng(0))
 
 
 def assert_same_belief(a, b):

@@ -282,7 +282,7 @@ def test_displacements_have_a_compass(data):
     truth, stream = simulate(data)
     assert isinstance(stream.world.motion, Displacement)
     assert stream.world.motion.sigma == pytest.approx(0.01, rel=0.15)
-    assert (stream.prior.x.shape[-1], stream.notes["prior"]) == (2, "first truth, told sd 0.05 m")
+    assert (stream.prior.x.shape[-1], stream.notes["prior"]) == (2, "first truth, assumed sd 0.05 m")
     trace = run({"dr": make("dead-reckoning")}, stream).traces["dr"]
     assert np.abs(trace.x - truth.x).max() < 0.3
 
@@ -303,7 +303,7 @@ def test_units_delimiters_line_ends_and_marks_are_read_alike(data):
         np.testing.assert_allclose(after.arrays()[name], array, atol=1e-6, err_msg=name)
 
 
-# What is told, and from where
+# What the robot knows, and from which source
 
 
 def test_models_are_those_of_the_other_runs(data):
@@ -344,7 +344,7 @@ def test_nothing_is_fitted_across_set_ups(data):
     assert "run 'e' has 0 other runs" in refused(data, "e")
 
 
-def test_a_part_of_another_run_is_no_run_and_teaches_it_nothing(data):
+def test_a_part_of_another_run_is_not_a_run_and_is_not_fitted_on(data):
     rows = lines(1)
     write(data, "b-end", rows[40:])
     write(data, "b-twice", rows)
@@ -354,7 +354,7 @@ def test_a_part_of_another_run_is_no_run_and_teaches_it_nothing(data):
     assert on == {"a": ["b", "c"], "b": ["a", "c"], "b-end": ["a", "c"], "b-twice": ["a", "c"]}
 
 
-def test_readings_that_remember_are_told_as_noisier(data):
+def test_readings_that_are_correlated_in_time_are_assumed_noisier(data):
     for i, name in enumerate("bc", 1):
         write(data, name, lines(i, 1500, correlation=0.6))
     models = simulate(data)[1].notes["models"]
@@ -419,7 +419,7 @@ PRIORS = [
         {"position_sd": 0.3, "heading_sd": 0.4},
         None,
         [0.3, 0.3, 0.4],
-        "first truth, told sd 0.3 m; heading: first motion",
+        "first truth, assumed sd 0.3 m; heading: first motion",
     ),
 ]
 
@@ -485,9 +485,9 @@ def test_the_registry_knows_logs(data):
     assert stream.notes["recording"] == "lab/b.csv"
     assert scenarios.simulate("log/all", data=data, trials=[1], seed=5)[1].hashes == stream.hashes
     assert scenarios.simulate("log", data=data)[1].notes["recording"] == "lab/a.csv"
-    told = scenarios.simulate("log/b", data=data, assumed={"sigma": 9.0, "turn_scale": 3.0})[1]
-    assert told.hashes == stream.hashes
-    assert told.world.sensors["anchor_rssi"].sigma == 9.0
+    assumed = scenarios.simulate("log/b", data=data, assumed={"sigma": 9.0, "turn_scale": 3.0})[1]
+    assert assumed.hashes == stream.hashes
+    assert assumed.world.sensors["anchor_rssi"].sigma == 9.0
     assert scenarios.simulate("log/b[sigma=9]", data=data)[1].scenario == "log/b[sigma=9]"
     assert truth.scenario == "log/b"
     with pytest.raises(BadInput, match=r"no run 'bb'; did you mean 'b'"):
@@ -530,11 +530,11 @@ def test_a_log_without_anchors_has_no_readings(data):
 
 
 CELLS = [
-    ({(4, "x"): "north"}, ["line 6", "x is 'north'", "no number"]),
+    ({(4, "x"): "north"}, ["line 6", "x is 'north'", "not a number"]),
     ({(4, "r2"): "inf"}, ["line 6", "r2 is 'inf'"]),
     ({(4, "sec"): ""}, ["line 6", "stamp is missing"]),
-    ({(4, "sec"): str(EPOCH)}, ["line 6", "before the last", "sort"]),
-    ({(4, "sec"): lines(0)[3][1], (4, "nsec"): lines(0)[3][2]}, ["line 6", "the last line's", "remove"]),
+    ({(4, "sec"): str(EPOCH)}, ["line 6", "before the previous", "sort"]),
+    ({(4, "sec"): lines(1)[3][1], (4, "nsec"): lines(1)[3][2]}, ["line 6", "equals the previous line's", "remove"]),
     ({(4, "note"): "one, too many"}, ["line 6", "17 fields, not 16"]),
     ({(-1, "turn"): "Turn"}, ["line 1", "no column 'turn'", "did you mean 'Turn'"]),
     ({(-1, "note"): "turn"}, ["line 1", "two columns", "'turn'"]),
@@ -557,34 +557,34 @@ def test_a_malformed_line_is_named(data, cells, says):
     ("content", "says"),
     [
         (b"", "the file is empty"),
-        (",".join(COLUMNS).encode(), "lines of data are 0"),
-        (b"sec,x\n1\xe9,2\n", "line 2: this is no UTF-8"),
-        (b"sec,x\n1,\x002\n", "line 2: this is no text"),
-        (b'sec,x\n"' + b"1" * 200_000 + b'",2\n', "no CSV line"),
+        (",".join(COLUMNS).encode(), "it has 0 lines of data"),
+        (b"sec,x\n1\xe9,2\n", "line 2: this is not UTF-8"),
+        (b"sec,x\n1,\x002\n", "line 2: this is not UTF-8 text"),
+        (b'sec,x\n"' + b"1" * 200_000 + b'",2\n', "not a CSV line"),
     ],
 )
-def test_a_file_that_is_no_log_is_named(data, content, says):
+def test_a_file_that_is_not_a_log_is_named(data, content, says):
     (data / "b.csv").write_bytes(content)
     message = refused(data)
     assert "b.csv" in message
-    assert says in message or ("no column" in message and says == "no CSV line")
+    assert says in message or ("no column" in message and says == "not a CSV line")
 
 
 TOML = [
     ('x = "x"', "x = 5", ["truth.x", "write a column"]),
-    ('x = "x"', 'x = { column = "x", unit = "inch" }', ["truth.x", "'inch'", "cm"]),
+    ('x = "x"', 'x = { column = "x", unit = "inch" }', ["line 12", "truth.x: ", "'inch'", "cm"]),
     ('x = "x"', 'x = { column = "x", units = "m" }', ["truth.x", "write a column"]),
-    ('x = "x"\n', "", ["truth.x", "required"]),
+    ('x = "x"\n', "", ["line 11", "truth.x: Field required"]),
     ("max_speed", "max_sped", ["line 15", "no key 'max_sped' in [truth]", "did you mean 'max_speed'"]),
     ("[anchors]", "[anchor]", ["no key 'anchor'", "did you mean 'anchors'"]),
     ("about", "abut", ["line 2", "did you mean 'about'"]),
-    ("[4, 0]]", "[4, 0], [9, 9]]", ["5 positions and 4 rssi columns"]),
-    ('"s4"]', "]", ["4 positions and 3 status columns"]),
+    ("[4, 0]]", "[4, 0], [9, 9]]", ["5 positions have 4 rssi columns"]),
+    ('"s4"]', "]", ["4 positions have 3 status columns"]),
     ("[4, 0]]", "[4, 0, 0]]", ["anchors.positions"]),
     ("[[0, 0], [0, 3], [4, 3], [4, 0]]", "[[0, 0], [0, 3], [0, 4], [0, 5]]", ["arena"]),
     ('kind = "path"', 'kind = "wheels"', ["odometry.kind", "'path'"]),
-    ('length = "metres"\n', "", ["odometry", "takes holds, length, turn_rate"]),
-    ("position_sd = 0.05\n", "", ["prior", "position_sd"]),
+    ('length = "metres"\n', "", ["line 6", "odometry: ", "takes holds, length, turn_rate"]),
+    ("position_sd = 0.05\n", "", ["line 20", "prior: ", "position_sd"]),
     ("position_sd = 0.05", "position_sd = -1", ["prior.position_sd", "greater than 0"]),
     ('heading = "first motion"', 'heading = "first truth"', ["heading column"]),
     ('heading = "first motion"', 'heading = "north"', ["prior.heading", "first motion"]),
@@ -609,14 +609,14 @@ def test_what_is_not_there_is_named(data, tmp_path):
     assert "'all'" in refused(data)
     for path in data.glob("*.csv"):
         path.unlink()
-    assert "fits '*.csv'" in refused(data)
+    assert "matches '*.csv'" in refused(data)
     (data / "log.toml").unlink()
     assert "log.toml: there is no such file" in refused(data)
 
 
 def test_what_cannot_be_fitted_or_known_is_named(data):
     describe(data, "[[0, 0], [0, 3], [4, 3], [4, 0]]", "[[4, 3], [4, 0], [0, 0], [0, 3]]")
-    assert "do not fade" in refused(data)
+    assert "does not fall with distance" in refused(data)
     describe(data)
     change(data, "a", {(k, axis): f"{1 + 1e-4 * k}" for k in range(TICKS + 1) for axis in "xy"})
     assert "first motion" in refused(data)
@@ -634,7 +634,7 @@ def test_a_bad_parameter_is_named(data, override):
 # The recordings of the paper's authors
 
 
-def test_the_shipped_description_is_sound():
+def test_the_shipped_description_is_valid():
     about = schema.load(schema.shipped("wifi"))
     assert (about.odometry.kind, about.truth.repeats, len(about.anchors.positions)) == ("path", "stale", 4)
 
@@ -647,7 +647,7 @@ REAL = Path(os.environ.get("COOPLOC_DATA", Path(__file__).parents[3] / "shared" 
 )
 def test_the_wifi_recordings():
     log = Log(data=REAL, described="wifi")
-    assert (len(log.logs.runs), log.count()) == (12, 11)  # exp4.4.1 is the end of exp4.4
+    assert (len(log.folder.runs), log.count()) == (12, 11)  # exp4.4.1 is the end of exp4.4
     names = ["dead-reckoning", "ekf-local", "ekf-local[anchor_reading=rssi]", "arl", "rssi-pf"]
     stale = 0
     for k in range(log.count()):

@@ -10,8 +10,8 @@ import pytest
 from cooploc import scenarios
 from cooploc.estimators import make
 from cooploc.estimators.models.angles import wrap
-from cooploc.scenarios.recordings import text_tables
 from cooploc.scenarios.recordings.mrclam import Mrclam
+from cooploc.scenarios.recordings.resampling import interpolate, mean_held
 from cooploc.scenarios.runner.run import run
 from cooploc.scenarios.stream import Stream
 
@@ -107,7 +107,7 @@ def test_the_heading_is_interpolated_the_short_way_round(data):
 
 def test_interpolation_knows_nothing_outside_and_in_holes_but_their_edges():
     at = np.array([0.9, 1.0, 1.5, 2.0, 2.1, 3.9, 4.0, 4.1])
-    got = text_tables.interpolated(np.array([1.0, 2.0, 4.0]), np.array([[0.0], [1.0], [5.0]]), at, max_gap=1.0)
+    got = interpolate(np.array([1.0, 2.0, 4.0]), np.array([[0.0], [1.0], [5.0]]), at, max_gap=1.0)
     np.testing.assert_allclose(got[:, 0], [np.nan, 0, 0.5, 1, np.nan, np.nan, 5, np.nan])
 
 
@@ -182,9 +182,7 @@ def test_a_command_holds_until_the_next_and_is_averaged_over_the_tick(data):
 
 
 def test_odometry_is_absent_before_the_first_command_and_after_the_last():
-    u = text_tables.held_mean(
-        np.array([0.15, 0.42]), np.array([[1.0], [3.0]]), np.array([0.0, 0.1, 0.2, 0.4, 0.5, 0.6])
-    )
+    u = mean_held(np.array([0.15, 0.42]), np.array([[1.0], [3.0]]), np.array([0.0, 0.1, 0.2, 0.4, 0.5, 0.6]))
     np.testing.assert_allclose(u[:, 0], [np.nan, np.nan, 1.0, 0.2 * 1 + 0.8 * 3, np.nan])
 
 
@@ -285,9 +283,9 @@ def test_there_is_one_trial(data, trials):
 def test_the_seed_changes_nothing_and_assumptions_leave_the_readings(data):
     truth, stream = simulate(data, seed=1)
     assert simulate(data, seed=2)[1].hashes == stream.hashes
-    told = simulate(data, assumed={"sigma_range": 1.0})[1]
-    assert told.hashes == stream.hashes
-    assert told.world.sensors["landmark"].R[0, 0] == 1.0
+    assumed = simulate(data, assumed={"sigma_range": 1.0})[1]
+    assert assumed.hashes == stream.hashes
+    assert assumed.world.sensors["landmark"].R[0, 0] == 1.0
     assert (truth.trial, stream.seed) == (0, 1)
 
 
@@ -310,8 +308,8 @@ MALFORMED = [
     ("Robot1_Odometry.dat", 20, "1248271999.000 0.3 0.1", ["before", "sort"]),
     ("Robot2_Measurement.dat", 6, "1248272000.300 14 1 0", ["before", "sort"]),
     ("Robot1_Measurement.dat", 6, "1248272001.000 14.5 1 0", ["14.5", "whole"]),
-    ("Robot1_Measurement.dat", 6, b"1248272001.000 \xe9 1 0", ["plain text"]),
-    ("Robot1_Measurement.dat", 7, b"\x00\x01\x02", ["plain text"]),
+    ("Robot1_Measurement.dat", 6, b"1248272001.000 \xe9 1 0", ["plain ASCII text"]),
+    ("Robot1_Measurement.dat", 7, b"\x00\x01\x02", ["plain ASCII text"]),
     ("Barcodes.dat", 6, "2 5", ["barcode 5", "before"]),
     ("Barcodes.dat", 6, "1 14", ["subject 1", "before"]),
     ("Barcodes.dat", 6, "2.5 14", ["subject 2.5", "whole"]),

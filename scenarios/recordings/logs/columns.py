@@ -1,4 +1,4 @@
-"""A column of a log and its unit, as a description names them."""
+"""A column of a log and its unit, as a description names them, converted to SI."""
 
 import math
 from collections.abc import Mapping
@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
-UNITS: dict[str, dict[str, float]] = {  # by the SI unit: what else is read, and what one of it is
+UNITS: dict[str, dict[str, float]] = {  # SI unit -> unit -> one of it in SI
     "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
     "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
     "rad": {"rad": 1.0, "deg": math.pi / 180},
@@ -23,7 +23,7 @@ class Strict(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
-class Column(Strict):
+class LogColumn(Strict):
     """A column of the CSV files and its unit."""
 
     column: str
@@ -32,7 +32,7 @@ class Column(Strict):
 
     @model_validator(mode="before")
     @classmethod
-    def _named(cls, given: Any) -> Any:
+    def _from_name(cls, given: Any) -> Any:
         """A column's name alone, or `column` and `unit`."""
         if isinstance(given, str):
             return {"column": given}
@@ -41,22 +41,22 @@ class Column(Strict):
         raise ValueError('write a column as "name" or {column = "name", unit = "cm"}')
 
 
-def _in(si: str) -> AfterValidator:
-    """A column in any unit of that kind."""
+def _unit_of(si: str) -> AfterValidator:
+    """Accepts a column in any unit of the same quantity."""
 
-    def checked(column: Column) -> Column:
+    def checked(column: LogColumn) -> LogColumn:
         unit = si if column.unit is None else column.unit
         if unit not in UNITS[si]:
-            raise ValueError(f"unit {unit!r} does not fit here; known are {', '.join(UNITS[si])}")
+            raise ValueError(f"unit {unit!r} is not one of {', '.join(UNITS[si])}")
         return column.model_copy(update={"factor": UNITS[si][unit]})
 
     return AfterValidator(checked)
 
 
-Seconds = Annotated[Column, _in("s")]
-Metres = Annotated[Column, _in("m")]
-Angle = Annotated[Column, _in("rad")]
-Speed = Annotated[Column, _in("m/s")]
-TurnRate = Annotated[Column, _in("rad/s")]
-Power = Annotated[Column, _in("dBm")]
-Number = Annotated[Column, _in("")]
+Seconds = Annotated[LogColumn, _unit_of("s")]
+Metres = Annotated[LogColumn, _unit_of("m")]
+Angle = Annotated[LogColumn, _unit_of("rad")]
+Speed = Annotated[LogColumn, _unit_of("m/s")]
+TurnRate = Annotated[LogColumn, _unit_of("rad/s")]
+Power = Annotated[LogColumn, _unit_of("dBm")]
+Number = Annotated[LogColumn, _unit_of("")]

@@ -1,6 +1,6 @@
-"""Models of a run fitted on the other runs: their truth and readings, never its own.
+"""Fits the models of a run on the other runs: on their truth and readings, never on its own.
 
-What a description states, or a parameter overrides, is not fitted.
+A value that the description states, or a parameter overrides, is not fitted.
 """
 
 from collections.abc import Sequence
@@ -11,14 +11,14 @@ import numpy as np
 from cooploc.estimators.interface import Array
 from cooploc.estimators.models.angles import wrap
 from cooploc.estimators.models.sensors import NEAR
-from cooploc.scenarios.recordings.logs.run import Run
+from cooploc.scenarios.recordings.logs.run import LogRun
 
-MOVING = 0.03  # [m] in a tick; the course of less says nothing
+MOVING = 0.03  # [m] in a tick; a shorter step does not show the direction
 
-Sample = tuple[Array, Array, Array]  # odometry, truth, seconds
+Sample = tuple[Array, Array, Array]  # odometry, truth, interval [s]
 
 
-class PathLoss(NamedTuple):
+class PathLossFit(NamedTuple):
     """z = A - 10 eta log10 d."""
 
     A: float  # [dBm]
@@ -27,7 +27,7 @@ class PathLoss(NamedTuple):
     lag1: float  # correlation of the residuals from line to line, per anchor
 
 
-class Drive(NamedTuple):
+class OdometryFit(NamedTuple):
     """True motion = scale x odometry + noise, whose standard deviations are quoted at a tick."""
 
     length_scale: float
@@ -36,33 +36,35 @@ class Drive(NamedTuple):
     sigma_omega: float  # [rad/s]
 
 
-def path_loss(runs: Sequence[Run], anchors: Array, A: float | None = None, eta: float | None = None) -> PathLoss:
-    """A and eta, where they are not given, by least squares over every reading whose place is known."""
+def fit_path_loss(
+    runs: Sequence[LogRun], anchors: Array, A: float | None = None, eta: float | None = None
+) -> PathLossFit:
+    """A [dBm] and eta, where they are not given, by least squares over all readings at known positions."""
     c = np.array([np.nan if value is None else value for value in (A, eta)])
     logs = [-10 * np.log10(np.maximum(_distance(run.truth, anchors), NEAR)) for run in runs]
     L, z = (np.concatenate([np.empty((0, len(anchors))), *part]) for part in (logs, [run.rssi for run in runs]))
     there, free = np.isfinite(L) & np.isfinite(z), np.isnan(c)
     if there.sum() < 3:
-        return PathLoss(float(c[0]), float(c[1]), np.nan, np.nan)
+        return PathLossFit(float(c[0]), float(c[1]), np.nan, np.nan)
     X = np.stack([np.ones(there.sum()), L[there]], -1)
     c[free] = np.linalg.lstsq(X[:, free], z[there] - X[:, ~free] @ c[~free])[0]
-    rest = [run.rssi - (c[0] + c[1] * log) for run, log in zip(runs, logs, strict=True)]
-    square = sum(float(np.nansum(e**2)) for e in rest)
+    residuals = [run.rssi - (c[0] + c[1] * log) for run, log in zip(runs, logs, strict=True)]
+    square = sum(float(np.nansum(e**2)) for e in residuals)
     sigma = np.sqrt(square / max(int(there.sum()) - int(free.sum()), 1))
-    return PathLoss(float(c[0]), float(c[1]), float(sigma), _lag1(rest))
+    return PathLossFit(float(c[0]), float(c[1]), float(sigma), _lag1(residuals))
 
 
-def drive(
-    runs: Sequence[Run], tick: float, length_scale: float | None = None, turn_scale: float | None = None
-) -> Drive:
-    """Noise of (v, omega), and their scales where they are not given; without runs to fit on, these are 1."""
+def fit_wheel_odometry(
+    runs: Sequence[LogRun], tick: float, length_scale: float | None = None, turn_scale: float | None = None
+) -> OdometryFit:
+    """Noise of (v, omega), quoted at `tick` [s], and their scales where they are not given; 1 if there are no runs."""
     length, sigma_v = _proportional([_arcs(run) for run in runs], length_scale)
     turn, sigma_omega = _proportional([_turns(run) for run in runs], turn_scale)
-    return Drive(length, turn, sigma_v / tick**0.5, sigma_omega / tick**0.5)
+    return OdometryFit(length, turn, sigma_v / tick**0.5, sigma_omega / tick**0.5)
 
 
-def displacement(runs: Sequence[Run], tick: float, scale: float = 1.0) -> float:
-    """sigma [m] per axis and tick."""
+def fit_displacement(runs: Sequence[LogRun], tick: float, scale: float = 1.0) -> float:
+    """sigma [m] per axis, of displacements in a tick of `tick` seconds."""
     return float(_proportional([_displacements(run) for run in runs], scale)[1] * tick**0.5)
 
 
@@ -71,35 +73,34 @@ def _distance(truth: Array, anchors: Array) -> Array:
     return np.hypot(delta[..., 0], delta[..., 1])
 
 
-def _lag1(rest: list[Array]) -> float:
-    """Correlation of a residual with the one of the line before, same anchor."""
-    before, after = (np.concatenate([e[s].ravel() for e in rest]) for s in (np.s_[:-1], np.s_[1:]))
+def _lag1(residuals: list[Array]) -> float:
+    """Correlation of a residual with the one of the same anchor in the line before."""
+    before, after = (np.concatenate([e[s].ravel() for e in residuals]) for s in (np.s_[:-1], np.s_[1:]))
     both = np.isfinite(before) & np.isfinite(after)
     a, b = before[both], after[both]
     return float((a * b).sum() / np.sqrt((a**2).sum() * (b**2).sum())) if both.any() else 0.0
 
 
 def _proportional(parts: Sequence[Sample], scale: float | None) -> tuple[float, float]:
-    """y = scale x + noise whose variance grows as dt: scale, and the standard deviation after one second."""
+    """y = scale x + noise of variance sigma^2 dt, by weighted least squares: scale and sigma."""
     x, y, dt = (np.concatenate([np.empty(0), *(part[i] for part in parts)]) for i in range(3))
     if scale is None:
         scale = float((x * y / dt).sum() / (x**2 / dt).sum()) if x.any() else 1.0
     return scale, float(np.sqrt(((y - scale * x) ** 2 / dt).mean())) if len(x) else np.nan
 
 
-def _arcs(run: Run) -> Sample:
-    """Per tick with truth at both ends: odometry's length [m], the true one, seconds."""
+def _arcs(run: LogRun) -> Sample:
+    """Per tick with truth at both ends: length by odometry [m], true length [m], interval [s]."""
     step = np.diff(run.truth[:, :2], axis=0)
     arc, length = np.abs(run.odometry[:, 0]) * run.dt, np.hypot(step[:, 0], step[:, 1])
     good = run.known & np.isfinite(arc) & np.isfinite(length)
     return arc[good], length[good], run.dt[good]
 
 
-def _turns(run: Run) -> Sample:
-    """Between directions that the truth shows: odometry's turn [rad], the true one, seconds.
+def _turns(run: LogRun) -> Sample:
+    """Between two known true directions: turn by odometry [rad], true turn [rad], interval [s].
 
-    The direction is the heading where it was recorded, else the course of a tick that moved: the heading in the middle
-    of the tick.
+    The direction is the recorded heading, or else the course in a tick that moved, which is the heading in mid-tick.
     """
     step = np.diff(run.truth[:, :2], axis=0)
     turn = np.where(run.known, run.odometry[:, 1] * run.dt, np.nan)
@@ -115,8 +116,8 @@ def _turns(run: Run) -> Sample:
     return x[good], x[good] + wrap(y - x)[good], dt[good]
 
 
-def _displacements(run: Run) -> Sample:
-    """Per tick and axis: odometry's displacement [m], the true one, seconds."""
+def _displacements(run: LogRun) -> Sample:
+    """Per tick and axis: displacement by odometry [m], true displacement [m], interval [s]."""
     step, dt = np.diff(run.truth[:, :2], axis=0), np.repeat(run.dt[:, None], 2, 1)
     good = run.known[:, None] & np.isfinite(run.odometry) & np.isfinite(step)
     return run.odometry[good], step[good], dt[good]

@@ -1,12 +1,11 @@
-"""What the columns of a user's own log mean: a small TOML file beside the CSV files.
+"""The description of a user's log: a small TOML file beside the CSV files that states what their columns mean.
 
-Only `[time]`, `[odometry]`, `[truth]` and `[prior]` must be there. A column is its name where the file is in SI units,
-else `{column = "name", unit = "cm"}`. `wifi.log.toml` is a commented example.
+`[time]`, `[odometry]`, `[truth]` and `[prior]` are required. A column is its name where the file is in SI units, else
+`{column = "name", unit = "cm"}`. `wifi.log.toml` is a commented example.
 """
 
 import re
 import tomllib
-from collections.abc import Mapping
 from importlib.resources import files
 from typing import Annotated, Any, Literal, Self
 
@@ -25,11 +24,11 @@ class Time(Strict):
     """The stamps of the lines. Each line after the first ends a tick."""
 
     columns: Annotated[tuple[Seconds, ...], Field(min_length=1)]  # summed: seconds and nanoseconds
-    max_gap: Positive | None = None  # [s] between lines; what was commanded is unknown across more [5 median intervals]
+    max_gap: Positive | None = None  # [s] across a longer interval commands are unknown; None: 5 median intervals
 
 
 class Odometry(Strict):
-    """What the robot knows of its motion.
+    """What the robot measures of its own motion.
 
     path: `length` driven so far (a counter) and `turn_rate`. velocity: `speed` and `turn_rate`.
     displacement: `dx`, `dy` since the line before, in a compass frame.
@@ -44,7 +43,7 @@ class Odometry(Strict):
     holds: Literal["until the next line", "since the line before"] | None = None  # a speed, a turn rate
 
     @model_validator(mode="after")
-    def _complete(self) -> Self:
+    def _has_its_columns(self) -> Self:
         needed = {
             "path": {"length", "turn_rate", "holds"},
             "velocity": {"speed", "turn_rate", "holds"},
@@ -57,17 +56,17 @@ class Odometry(Strict):
 
 
 class GroundTruth(Strict):
-    """Where the robot really was; empty where nobody knows."""
+    """The true poses; an empty field where they are unknown."""
 
     x: Metres
     y: Metres
     heading: Angle | None = None  # counter-clockwise from x
-    repeats: Literal["stale", "still"] = "still"  # what it means when a position equals the one before, digit by digit
-    max_speed: Positive | None = None  # [m/s] a position that cannot be reached from the last good one does not count
+    repeats: Literal["stale", "still"] = "still"  # meaning of a position that equals the previous one exactly
+    max_speed: Positive | None = None  # [m/s] a position that cannot be reached from the last valid one is invalid
 
 
 class Anchors(Strict):
-    """Radio nodes at known places. An empty reading is missing, and so is what the other keys say."""
+    """Radio nodes at known positions. A reading is missing where its field is empty, or as the other keys state."""
 
     positions: Annotated[tuple[Place, ...], Field(min_length=1)]
     rssi: tuple[Power, ...]  # one column for each position
@@ -75,35 +74,35 @@ class Anchors(Strict):
     missing_from: float = 0.0  # [dBm] a reading of this or more is missing
 
     @model_validator(mode="after")
-    def _paired(self) -> Self:
+    def _one_column_each(self) -> Self:
         for name in ("rssi", "status"):
             count = len(getattr(self, name))
             if count != len(self.positions) and not (name == "status" and count == 0):
-                raise ValueError(f"there are {len(self.positions)} positions and {count} {name} columns; pair them")
+                raise ValueError(f"{len(self.positions)} positions have {count} {name} columns; give one for each")
         return self
 
 
 class Prior(Strict):
-    """What the robot is told of its start, and from where that is known."""
+    """What the robot knows of its start, and from which source."""
 
     position: Literal["first truth", "arena"] | Place = "first truth"
-    position_sd: Positive | None = None  # [m] per axis; of "arena" that of a uniform distribution over it
+    position_sd: Positive | None = None  # [m] per axis; not needed for "arena": uniform
     heading: Literal["first motion", "first truth", "unknown"] | float = "first motion"
     heading_sd: Positive = 0.2  # [rad]
 
     @model_validator(mode="after")
-    def _stated(self) -> Self:
+    def _has_position_sd(self) -> Self:
         if self.position != "arena" and self.position_sd is None:
-            raise ValueError("position_sd [m] must be stated")
+            raise ValueError("position_sd [m] is missing; state it")
         return self
 
 
 class Model(Strict):
-    """Parameters of the assumed models. What is not stated is fitted on the other runs."""
+    """Parameters of the assumed models. Those that are not stated are fitted on the other runs."""
 
     A: float | None = None  # [dBm] at 1 m
     eta: Positive | None = None  # path-loss exponent
-    sigma: Positive | None = None  # [dB] that the team is told
+    sigma: Positive | None = None  # [dB] as assumed by the filters
     length_scale: Positive | None = None  # true length by odometry's
     turn_scale: Positive | None = None  # true turn by odometry's
     sigma_v: Positive | None = None  # [m/s] at the median interval
@@ -118,7 +117,7 @@ class Description(Strict):
     files: str = "*.csv"  # the runs
     delimiter: Literal[",", ";", "\t", "|", " "] = ","
     arena: tuple[Place, Place] | None = None  # lower left and upper right corner [m]; of the anchors where not stated
-    set_ups: tuple[str, ...] = ("*",)  # runs whose names fit the same pattern had the same hardware in the same place
+    set_ups: tuple[str, ...] = ("*",)  # runs whose names match one pattern had the same hardware and site
     time: Time
     odometry: Odometry
     truth: GroundTruth
@@ -127,10 +126,10 @@ class Description(Strict):
     model: Model = Model()
 
     @model_validator(mode="after")
-    def _whole(self) -> Self:
+    def _spans_an_arena(self) -> Self:
         places = self.arena or (self.anchors.positions if self.anchors else ())
         if len({x for x, _ in places}) < 2 or len({y for _, y in places}) < 2:
-            raise ValueError("anchors do not span an arena here; state its corners [m]: arena = [[0, 0], [6, 4]]")
+            raise ValueError("the anchors do not span an arena; state its corners [m]: arena = [[0, 0], [6, 4]]")
         if self.prior.heading == "first truth" and self.truth.heading is None:
             raise ValueError('prior heading = "first truth" needs a heading column in [truth]')
         return self
@@ -147,28 +146,23 @@ TABLES: dict[str, type[Strict]] = {
 
 
 def load(path: Any) -> Description:
-    """The description in a TOML file.
+    """The description in a TOML file, a path or a shipped resource.
 
     Raises:
-        BadInput: it is not there, no TOML, or says what cannot be; names the line of an unknown key.
+        BadInput: the file is missing or not TOML, or a key or value is wrong; names the line and the key.
 
     """
     try:
         text = path.read_text(encoding="utf-8")
-        content = tomllib.loads(text)
+        return Description.model_validate(tomllib.loads(text))
     except FileNotFoundError:
         raise BadInput(
             f"{path}: there is no such file; describe the columns of the log there, as the shipped wifi.log.toml does"
         ) from None
-    except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as e:
-        raise BadInput(f"{path}: cannot be read as TOML ({e}); repair it") from None
-    _demand_known(path, text, content)
-    try:
-        return Description(**content)
     except ValidationError as e:
-        first = e.errors()[0]
-        named = [str(part) for part in first["loc"] if str(part).isidentifier() or isinstance(part, int)]
-        raise BadInput(f"{path}: {'.'.join([*named, ''])} {first['msg'].removeprefix('Value error, ')}") from None
+        raise BadInput(f"{path}{_explained(text, e)}") from None
+    except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as e:
+        raise BadInput(f"{path}: cannot be read as TOML ({e}); correct it") from None
 
 
 def shipped(name: str) -> Any:
@@ -176,21 +170,27 @@ def shipped(name: str) -> Any:
     return files(__package__) / f"{name}.{NAME}"
 
 
-def _demand_known(path: Any, text: str, content: Mapping[str, Any]) -> None:
-    """Refuse an unknown key, with its line and the nearest one."""
-    known = {"": list(Description.model_fields), **{name: list(t.model_fields) for name, t in TABLES.items()}}
-    for name, part in (("", content), *((k, v) for k, v in content.items() if k in TABLES and isinstance(v, Mapping))):
-        for key in part:
-            if key not in known[name]:
-                where = f"{path}{_line(text, key)}"
-                raise BadInput(
-                    f"{where}: there is no key {key!r}{name and f' in [{name}]'}; {nearest(key, known[name])}"
-                )
+def _explained(text: str, e: ValidationError) -> str:
+    """Line, key and remedy of an error; an unknown key comes first, as it explains one that is missing."""
+    first = min(e.errors(), key=lambda error: error["type"] != "extra_forbidden")
+    path = [str(part) for part in first["loc"] if str(part).isidentifier() or isinstance(part, int)]
+    table, key = path[:2] if len(path) > 1 else ["", *path, ""][:2]
+    line = _line(text, table, key)
+    if first["type"] == "extra_forbidden":
+        known = list((TABLES[table] if table else Description).model_fields)
+        return f"{line}: there is no key {key!r}{f' in [{table}]' if table else ''}; {nearest(key, known)}"
+    example = "; the shipped wifi.log.toml is an example" if first["type"] == "missing" else ""
+    return f"{line}: {'.'.join(path)}{': ' if path else ''}{first['msg'].removeprefix('Value error, ')}{example}"
 
 
-def _line(text: str, key: str) -> str:
-    """ ", line N" of a key's first appearance."""
+def _line(text: str, table: str, key: str) -> str:
+    """ ", line N" of a key's first appearance in a table of the file; of the table's own where key is not in it."""
+    found, inside = "", not table
     for i, line in enumerate(text.splitlines(), 1):
-        if re.match(rf"\s*(\[\s*|[\w.]*\.)?[\"']?{re.escape(key)}[\"']?\s*[=.\]]", line):
+        if header := re.match(r"\s*\[+\s*([\w.]+)", line):
+            inside = header[1] == (table or key)
+            if inside:
+                found = f", line {i}"
+        elif inside and re.match(rf"\s*[\"']?{re.escape(key)}[\"']?\s*=", line):
             return f", line {i}"
-    return ""
+    return found
