@@ -25,7 +25,7 @@ from cooploc.scenarios.conformance.isolation import (
 from cooploc.scenarios.conformance.numerics import covariance, nan_safety, silence
 from cooploc.scenarios.conformance.perturb import HOW
 from cooploc.scenarios.conformance.snapshot import contents
-from cooploc.scenarios.runner.run import Watcher
+from cooploc.scenarios.runner.tick import Watcher
 from cooploc.scenarios.stream import Stream
 
 Check = Callable[[Bench], str]

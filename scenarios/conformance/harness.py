@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 from cooploc.estimators.interface import Array, Mask
 from cooploc.scenarios import simulate
 from cooploc.scenarios.conformance.perturb import own, thinned
-from cooploc.scenarios.runner.run import SENSED, EstimatorError, Misfit, Trace, Watcher, resolve, trace, visible
+from cooploc.scenarios.runner.channels import SENSED, IncompatibleEstimator, selected, visible
+from cooploc.scenarios.runner.tick import EstimatorError, Watcher
+from cooploc.scenarios.runner.trace import Trace, trace
 from cooploc.scenarios.stream import Stream, Truth
 
 _RADIO: dict[str, Any] = {"ticks": 12, "drop": 0.3}
@@ -70,7 +72,7 @@ class Bench:
 
     def channels(self, stream: Stream) -> set[str]:
         """What its declaration selects of a stream."""
-        return resolve(self.name, tuple(self.estimator.uses), stream)
+        return selected(self.name, tuple(self.estimator.uses), stream)
 
     def array(self, channel: str) -> str:
         """The name that a channel's readings have in `Stream.arrays`."""
@@ -102,7 +104,7 @@ class Bench:
                 visible(self.name, self.estimator, stream)
                 thin = thinned(stream, self.rng)
                 fitting.append((label, replace(thin, scenario=f"{stream.scenario}, some readings absent")))
-            except Misfit as e:
+            except IncompatibleEstimator as e:
                 reasons.append(str(e))
         if not fitting:
             raise Failed("; ".join(reasons[::2]))  # the scenarios come in pairs
@@ -138,7 +140,7 @@ class Bench:
             done = trace(self.name, ran, given, audit(recorder) if audit else recorder)
         except Failed:
             raise
-        except (EstimatorError, Misfit) as e:
+        except (EstimatorError, IncompatibleEstimator) as e:
             raise Failed(f"{e} ({what})") from e
         except (Exception, SystemExit) as e:
             where = f"{recorder.method}() raised at tick {recorder.tick} of {stream.scenario!r} ({what})"

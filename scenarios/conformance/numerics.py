@@ -6,7 +6,7 @@ from cooploc.estimators import make
 from cooploc.estimators.interface import Array
 from cooploc.scenarios.conformance import perturb
 from cooploc.scenarios.conformance.harness import Bench, Failed, Recording
-from cooploc.scenarios.runner.run import trace
+from cooploc.scenarios.runner.trace import trace
 from cooploc.scenarios.stream import Stream
 
 ROUNDING = 1e-9  # relative to the covariance's largest entry: what asymmetry and negative variance are forgiven

@@ -16,7 +16,7 @@ from cooploc.scenarios.conformance import perturb
 from cooploc.scenarios.conformance.check import CHECKS, Report, Result, check_estimator
 from cooploc.scenarios.conformance.harness import Bench, Failed, demand_same
 from cooploc.scenarios.conformance.snapshot import contents
-from cooploc.scenarios.runner.run import trace
+from cooploc.scenarios.runner.trace import trace
 
 NAMES = [
     "runs",
