@@ -1,5 +1,6 @@
 """Runs a study into a run directory: what is there stays, what is missing or damaged is computed."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
@@ -8,6 +9,7 @@ import pandas as pd
 
 from cooploc.analysis.execution.certificates import renewed, with_lines
 from cooploc.analysis.execution.plan import Plan, make_plan, work
+from cooploc.analysis.execution.pool import Workers
 from cooploc.analysis.execution.provenance import files, fingerprint, provenance
 from cooploc.analysis.execution.run_directory import FORMAT, Piece, RunDir
 from cooploc.analysis.execution.task import MeasuredPart
@@ -81,14 +83,7 @@ def execute(
         directory.open(_manifest(asked))
         _certify(directory, asked, check, watcher)
         plan = make_plan(asked, directory)
-        cells = {cell.scenario.label: cell for cell in asked.cells}
-        _announce(plan, watcher)
-        pieces = list(plan.intact)
-        for part in workers.compute(plan.tasks):
-            directory.write(part.piece, part.frame, part.seconds)
-            pieces.append(part.piece)
-            _advance(part, cells[part.piece.scenario], watcher)
-        rows = _rows(asked, directory, pieces)
+        rows = _rows(asked, directory, [*plan.intact, *_computed(plan, asked, directory, workers, watcher)])
         _note_streams(directory, rows)
     return rows
 
@@ -131,11 +126,19 @@ def _certify(directory: RunDir, asked: ResolvedStudy, check: bool, watcher: Prog
         directory.write_manifest(manifest)
 
 
-def _announce(plan: Plan, watcher: Progress) -> None:
+def _computed(
+    plan: Plan, asked: ResolvedStudy, directory: RunDir, workers: Workers, watcher: Progress
+) -> Iterator[Piece]:
+    """Compute and write the parts that a plan lacks."""
     for piece in plan.damaged:
         watcher.say(f"{piece.name} does not match its checksum; its trials are computed again")
     todo = [(len(task.trials) * len(task.estimators), work(task.scenario)) for task in plan.tasks]
     watcher.begin(plan.trials, plan.trials - sum(n for n, _ in todo), sum(n * each for n, each in todo))
+    cells = {cell.scenario.label: cell for cell in asked.cells}
+    for part in workers.compute(plan.tasks):
+        directory.write(part.piece, part.frame, part.seconds)
+        _advance(part, cells[part.piece.scenario], watcher)
+        yield part.piece
 
 
 def _advance(part: MeasuredPart, cell: ResolvedCell, watcher: Progress) -> None:

@@ -143,7 +143,7 @@ class RunDir:
         def write(file: Path) -> None:
             frame.to_parquet(file, index=False)
             receipt = json.dumps({"seconds": seconds, "sha256": _checksum(file)})
-            _replace(self._receipt_path(piece), lambda beside: beside.write_text(receipt))
+            _replace(self._receipt_path(piece), lambda temporary: temporary.write_text(receipt))
 
         _replace(self._part_path(piece), write)
 
@@ -212,19 +212,19 @@ def _digest(*labels: str) -> str:
 
 
 def _replace(path: Path, write: Callable[[Path], object]) -> None:
-    """Write beside, flush to the disk, rename.
+    """Write under a temporary name, flush to the disk, rename.
 
     Raises:
         OSError: it cannot be done; with the file's name, which not every library gives.
 
     """
-    beside = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
-        write(beside)
-        with beside.open("rb") as file:
+        write(temporary)
+        with temporary.open("rb") as file:
             os.fsync(file.fileno())
-        beside.replace(path)
+        temporary.replace(path)
     except OSError as e:
         raise OSError(e.errno, e.strerror or str(e), str(path)) from e
     finally:
-        beside.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)

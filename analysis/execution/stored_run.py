@@ -9,7 +9,6 @@ from cooploc.analysis.execution.certificates import with_lines
 from cooploc.analysis.execution.run_directory import Piece, RunDir
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.studies.study import Study
-from cooploc.scenarios.studies.sweep import expand
 
 
 class Kept(NamedTuple):
@@ -49,10 +48,8 @@ class Kept(NamedTuple):
 def _planned(study: Study) -> dict[str, dict[str, list[str]]]:
     """The estimators of each scenario of each experiment."""
     found: dict[str, dict[str, list[str]]] = {}
-    for block in study.blocks():
-        estimators = [name for label in block.estimators for name in expand(label, block.variants)]
-        for scenario in (name for label in block.scenarios for name in expand(label, block.variants)):
-            found.setdefault(block.experiment, {}).setdefault(scenario, []).extend(estimators)
+    for cell in study.expanded():
+        found.setdefault(cell.experiment, {}).setdefault(cell.scenario, []).extend(cell.estimators)
     return found
 
 

@@ -22,23 +22,9 @@ class Watcher(Protocol):
     def __call__(self, method: str, tick: int, arguments: tuple[Any, ...], call: Any) -> Any: ...
 
 
-class Drive(Protocol):
-    """Runs an estimator tick by tick."""
-
-    state: Any
-
-    def start(self) -> None:
-        """The prior, before tick 0."""
-        ...
-
-    def tick(self, k: int) -> tuple[Belief, Traffic]:
-        """One tick: the belief after it, and what was sent in it."""
-        ...
-
-
-def drive(name: str, estimator: Any, stream: Stream, watch: Watcher | None = None) -> Drive:
-    """What runs an estimator on a stream that shows what it may see: as robots of their own, or as a team."""
-    return (_Team if traits(estimator).team else _Robots)(name, estimator, stream, watch)
+def drive(name: str, estimator: Any, stream: Stream, watch: Watcher | None = None) -> "Robots | Team":
+    """What runs an estimator tick by tick on what it may see of a stream: first `start`, then `tick` by number."""
+    return (Team if traits(estimator).team else Robots)(name, estimator, stream, watch)
 
 
 class _Drive:
@@ -88,7 +74,7 @@ class _Drive:
         return Belief(*belief)
 
 
-class _Robots(_Drive):
+class Robots(_Drive):
     """One row per (trial, robot); mail is carried between the rows of a trial."""
 
     team = False
@@ -121,7 +107,7 @@ class _Robots(_Drive):
         return Mail(*(_frozen(a) for a in mail)), count(sent, awake.reshape(t, n))
 
 
-class _Team(_Drive):
+class Team(_Drive):
     """One state for the whole team; arrays are (trial, n, ...)."""
 
     team = True

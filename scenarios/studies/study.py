@@ -15,6 +15,7 @@ A study that includes others by name runs everything that they have.
 """
 
 import tomllib
+from collections.abc import Iterator
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
@@ -82,6 +83,13 @@ class Study(BaseModel):
         own = [Block(scenarios=self.scenarios, estimators=self.estimators)] if self.scenarios else []
         return [self._filled(block) for block in (*own, *self.also)]
 
+    def expanded(self) -> Iterator[StudyCell]:
+        """Every block's scenarios, in order; one that several blocks have, several times."""
+        for block in self.blocks():
+            estimators = tuple(name for label in block.estimators for name in expand(label, block.variants))
+            for scenario in (name for label in block.scenarios for name in expand(label, block.variants)):
+                yield StudyCell(block.experiment, scenario, estimators, block.baseline)
+
     def cells(self) -> list[StudyCell]:
         """Everything that is to run, by scenario, each scenario and each estimator once.
 
@@ -90,11 +98,10 @@ class Study(BaseModel):
 
         """
         found: dict[str, StudyCell] = {}
-        for block in self.blocks():
-            estimators = [name for label in block.estimators for name in expand(label, block.variants)]
-            for scenario in (name for label in block.scenarios for name in expand(label, block.variants)):
-                cell = found.get(scenario, StudyCell(block.experiment, scenario, (), block.baseline))
-                found[scenario] = cell._replace(estimators=tuple(dict.fromkeys((*cell.estimators, *estimators))))
+        for new in self.expanded():
+            cell = found.get(new.scenario, new)
+            estimators = tuple(dict.fromkeys((*cell.estimators, *new.estimators)))
+            found[new.scenario] = cell._replace(estimators=estimators)
         for cell in found.values():
             if cell.baseline not in cell.estimators:
                 raise BadInput(
