@@ -33,10 +33,10 @@ if TYPE_CHECKING:
     from cooploc.estimators.plugins.errors import BadInput as BadInput
     from cooploc.scenarios import simulate as simulate
     from cooploc.scenarios.conformance.check import check_estimator as check_estimator
-    from cooploc.scenarios.runner.run import EstimatorError as EstimatorError
-    from cooploc.scenarios.runner.run import Misfit as Misfit
+    from cooploc.scenarios.runner.channels import IncompatibleEstimator as IncompatibleEstimator
     from cooploc.scenarios.runner.run import Run as Run
     from cooploc.scenarios.runner.run import run as run
+    from cooploc.scenarios.runner.tick import EstimatorError as EstimatorError
     from cooploc.scenarios.stream import Stream as Stream
     from cooploc.scenarios.stream import Truth as Truth
 
@@ -50,7 +50,9 @@ _HOME = {
     "make": "estimators",
     "simulate": "scenarios",
     "check_estimator": "scenarios.conformance.check",
-    **dict.fromkeys(("EstimatorError", "Misfit", "Run", "run"), "scenarios.runner.run"),
+    "IncompatibleEstimator": "scenarios.runner.channels",
+    "EstimatorError": "scenarios.runner.tick",
+    **dict.fromkeys(("Run", "run"), "scenarios.runner.run"),
     **dict.fromkeys(("Stream", "Truth"), "scenarios.stream"),
     **dict.fromkeys(("compare", "summarize"), "analysis.metrics.compare"),
     "errors": "analysis.metrics.errors",

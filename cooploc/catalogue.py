@@ -6,7 +6,8 @@ from typing import Any
 
 from cooploc import estimators
 from cooploc.scenarios import simulate
-from cooploc.scenarios.runner.run import Misfit, trace
+from cooploc.scenarios.runner.channels import IncompatibleEstimator
+from cooploc.scenarios.runner.trace import trace
 
 # What each sends, and what theory says of its covariance; what runs say of it stands in every table of results.
 KNOWN = {
@@ -52,7 +53,7 @@ def _bytes(name: str, made: Any) -> str:
         _, stream = simulate(label, trials=2, seed=1)
         try:
             sent = trace(name, made, stream)
-        except Misfit:
+        except IncompatibleEstimator:
             continue
         if sent.messages.sum():
             found.append(f"{sent.bytes.sum() / sent.messages.sum():.0f}")

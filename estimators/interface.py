@@ -1,4 +1,4 @@
-"""A robot's tick: what an estimator is told, what it may sense, what reaches it over the air.
+"""A robot's tick: what an estimator knows in advance, what it senses, and what it receives over the air.
 
 One leading axis `r` holds (trial, robot) rows, trial-major, so an estimator is written once for one robot and runs for
 all of them. Robots meet only through mail, which the runner carries. An estimator is a frozen dataclass of parameters
@@ -103,7 +103,7 @@ class Sensor(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """What the whole team is told, the same for every estimator. The models are assumed ones; the truth is not here."""
+    """What the team knows in advance, the same for every estimator. Its models are assumed ones, not the truth."""
 
     robots: int
     tick: float  # [s]
@@ -157,8 +157,11 @@ class Estimator(Protocol[S]):
     `uses` names the channels in order: Senses fields, `radio_rssi`, `radio_range`, or keys of `extra`. "a|b" takes
     the first that the stream has, "a?" is optional. The runner hides everything else, so the declaration is enforced.
 
-    A method `notes(s) -> {name: (r,)}` may be there too: what the estimator counted, shown under the table; sums, or
-    maxima where the name begins with "largest".
+    Optional members, which `cooploc.estimators.plugins.traits` reads:
+    notes(s) -> {name: (r,)}: what the estimator counted, shown under the table; values of several trials are added, or
+        their maximum is taken where the name begins with "largest".
+    axes: str: why its estimates do not turn with the world, for the check of equivariance.
+    mutable: bool: its state changes in place, so the check that inputs stay unchanged leaves the state out.
     """
 
     api: ClassVar[int]
@@ -183,18 +186,19 @@ class Estimator(Protocol[S]):
         ...
 
     def fuse(self, s: S, z: Senses, mail: Mail) -> S:
-        """Use what was heard. Called every tick, heard or not."""
+        """Use what was heard. Called in every tick, also where nothing was heard."""
         ...
 
     def estimate(self, s: S) -> Belief:
-        """The belief to be judged: x (r, d), P (r, d, d), position first."""
+        """The belief that is compared with the truth: x (r, d), P (r, d, d), position first."""
         ...
 
 
 class TeamEstimator(Protocol[S]):
-    """An estimator that holds the whole team: every array is (trial, n, ...). No send and no fuse.
+    """An estimator that holds the whole team: every array is (trial, n, ...). It has neither `send` nor `fuse`.
 
-    `bound` marks one that knows more than any robot could, and is shown as such everywhere.
+    `bound` marks one that knows more than any robot could; tables and figures say so. The optional members are those of
+    `Estimator`.
     """
 
     api: ClassVar[int]

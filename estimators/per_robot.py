@@ -1,14 +1,14 @@
 """Lifts a plain object that runs on one robot to the interface: the filter loop one would write with filterpy.
 
 Write a class for a single robot, as below, and run `PerRobot(MyLoop, uses=("odometry", "anchor_rssi"))`. It is the
-quick way in, and the oracle of a batched version; the batched one is some fifty times faster.
+quick way to begin, and a reference to test a batched version against, which is about fifty times faster.
 
     class MyLoop:
         def __init__(self, prior, world, robot, key): ...
         def predict(self, z): ...       # z.odometry (k,), z.dt
         def correct(self, z): ...       # z.anchor_rssi (a,), z.landmark (l, 2), or world.fixed(z)
-        def send(self): ...             # (m,) numbers; leave it out to stay silent
-        def fuse(self, mail): ...       # mail.packets (n, m) where mail.heard (n,); leave it out to stay alone
+        def send(self): ...             # (m,) numbers; optional
+        def fuse(self, mail): ...       # mail.packets (n, m) where mail.heard (n,); optional
         def estimate(self): ...         # Belief(x (d,), P (d, d))
 """
 

@@ -1,4 +1,4 @@
-"""Where every random number starts: SeedSequence(seed, spawn_key=(trial, purpose, ...)), so streams never overlap."""
+"""The seeds of all random numbers: SeedSequence(seed, spawn_key=(trial, purpose, ...)), so streams never overlap."""
 
 from enum import IntEnum
 from functools import lru_cache

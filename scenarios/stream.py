@@ -1,14 +1,11 @@
 """What was true, and what was sensed: two objects, so that an estimator can be given one without the other.
 
-A stream is immutable. Each trial has a hash over its readings, links and prior (canonical little-endian values, names
-and shapes), so that anyone can tell whether two results are paired. Both are kept in one self-describing file: a zip of
-plain arrays (numpy's npz, no pickle) whose member `header` is JSON.
+A stream is immutable. Each trial has a hash over its readings, links and prior (`stream_hash`); a stream can be kept in
+a file that describes itself (`stream_file`).
 """
 
-import hashlib
-import json
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,23 +13,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cooploc.estimators.interface import Array, Belief, Indices, Mask, Senses, World
-from cooploc.estimators.models import gradient_doa, motion, sensors
 from cooploc.estimators.plugins.errors import BadInput
+from cooploc.scenarios import stream_file
 from cooploc.scenarios.display.html import facts
-
-FORMAT = 1
-MODELS: dict[str, Callable[..., Any]] = {
-    cls.__name__: cls
-    for cls in (
-        motion.Displacement,
-        motion.Unicycle,
-        sensors.LogDistance,
-        sensors.Range,
-        sensors.Bearing,
-        sensors.Sighting,
-        gradient_doa.GradientDoa,
-    )
-}
+from cooploc.scenarios.stream_hash import hash_of_trial, hash_of_trials
 
 
 class Air(NamedTuple):
@@ -71,7 +55,7 @@ class Truth:
 
 @dataclass(frozen=True, eq=False)
 class Stream:
-    """Everything the robots of one scenario sensed, heard and were told, in every trial."""
+    """Everything the robots of one scenario sensed, heard and knew in advance, in every trial."""
 
     scenario: str
     seed: int
@@ -88,8 +72,8 @@ class Stream:
             array.flags.writeable = False
 
     def __repr__(self) -> str:
-        told = f"{len(self.trial)} trials of {len(self.time)} ticks, {self.robots} robots"
-        return f"Stream({self.scenario!r}, seed {self.seed}, {told}, {', '.join(sorted(self.channels()))})"
+        size = f"{len(self.trial)} trials of {len(self.time)} ticks, {self.robots} robots"
+        return f"Stream({self.scenario!r}, seed {self.seed}, {size}, {', '.join(sorted(self.channels()))})"
 
     def _repr_html_(self) -> str:
         links = self.air.link.sum() / max(1, self.air.link[..., 0].size * (self.robots - 1))
@@ -119,24 +103,14 @@ class Stream:
 
     @cached_property
     def hashes(self) -> tuple[str, ...]:
-        """One SHA-256 per trial over readings, links and prior; what the team is told does not enter."""
-        return tuple(self._hash(i) for i in range(len(self.trial)))
+        """One SHA-256 per trial over readings, links and prior, but not over the world, which may be a wrong one."""
+        arrays = self.arrays()
+        return tuple(hash_of_trial(arrays, i) for i in range(len(self.trial)))
 
     @cached_property
     def hash(self) -> str:
         """The hash of the trials' hashes."""
-        return hashlib.sha256("".join(self.hashes).encode()).hexdigest()
-
-    def _hash(self, i: int) -> str:
-        digest = hashlib.sha256()
-        for name, array in self.arrays().items():
-            one = np.ascontiguousarray(array[i])
-            one = one.astype(one.dtype.newbyteorder("<"))
-            if one.dtype.kind == "f":
-                one[np.isnan(one)] = np.nan  # one nan, whatever its bits
-            digest.update(f"{name} {one.dtype.str} {one.shape};".encode())
-            digest.update(one.data)
-        return digest.hexdigest()
+        return hash_of_trials(self.hashes)
 
     def channels(self) -> set[str]:
         """The channels that this stream has."""
@@ -165,54 +139,34 @@ class Stream:
 
     def with_arrays(self, arrays: Mapping[str, Any]) -> "Stream":
         """A stream with some of `arrays()` replaced."""
-        arrays = {**self.arrays(), **arrays}
-        senses = Senses(
-            **{name: arrays[f"senses.{name}"] for name in Senses._fields[:-1]},
-            extra={name: arrays[f"extra.{name}"] for name in self.senses.extra},
-        )
-        air = Air(*(arrays[f"air.{name}"] for name in Air._fields))
-        return replace(self, prior=Belief(arrays["prior.x"], arrays["prior.P"]), senses=senses, air=air)
+        return replace(self, **_readings({**self.arrays(), **arrays}))
 
     def save(self, path: str | Path) -> None:
-        """Write everything into one file."""
-        world = self.world
-        header = {
-            "format": FORMAT,
-            "what": "cooploc stream: arrays are (trial, tick, robot, ...), SI units, nan is absent",
-            "scenario": self.scenario,
-            "seed": self.seed,
-            "robots": world.robots,
-            "tick": world.tick,
-            "t0": world.t0,
-            "motion": _described(world.motion),
-            "sensors": {channel: _described(sensor) for channel, sensor in world.sensors.items()},
-            "notes": dict(self.notes),
-            "hashes": self.hashes,
-        }
-        told = {
-            "trial": self.trial,
-            "time": self.time,
-            "arena": world.arena,
-            "anchors": world.anchors,
-            "landmarks": world.landmarks,
-        }
-        _write(Path(path), header, told | self.arrays())
+        """Write everything into one file.
+
+        Raises:
+            BadInput: the world has a model of another package, which a file cannot describe.
+
+        """
+        header = {"scenario": self.scenario, "seed": self.seed, "notes": dict(self.notes), "hashes": self.hashes}
+        axes = {"trial": self.trial, "time": self.time}
+        stream_file.write(Path(path), header, self.world, axes | self.arrays())
 
     @classmethod
     def load(cls, path: str | Path) -> "Stream":
         """Read a file that `save` wrote.
 
         Raises:
-            ValueError: it is no stream, of a newer format, or its content does not have the hashes it states.
+            BadInput: it is not a stream, is of a newer format, or its content does not have the hashes it states.
 
         """
-        header, arrays = _read(Path(path), "stream")
+        header, arrays = stream_file.read(Path(path))
         try:
             stream = cls._assembled(header, arrays)
             stated = list(zip(header["hashes"], stream.hashes, strict=True))
+        except BadInput:
+            raise
         except (KeyError, TypeError, ValueError) as e:
-            if isinstance(e, BadInput):
-                raise
             raise BadInput(
                 f"{path} is incomplete or inconsistent ({type(e).__name__}: {e}); get the file again"
             ) from None
@@ -225,28 +179,25 @@ class Stream:
 
     @classmethod
     def _assembled(cls, header: dict[str, Any], arrays: dict[str, Any]) -> "Stream":
-        extra = {name.removeprefix("extra."): a for name, a in arrays.items() if name.startswith("extra.")}
-        world = World(
-            robots=header["robots"],
-            tick=header["tick"],
-            t0=header["t0"],
-            arena=arrays["arena"],
-            motion=_revived(header["motion"]),
-            sensors={channel: _revived(d) for channel, d in header["sensors"].items()},
-            anchors=arrays["anchors"],
-            landmarks=arrays["landmarks"],
-        )
         return cls(
             scenario=header["scenario"],
             seed=header["seed"],
             trial=arrays["trial"],
             time=arrays["time"],
-            world=world,
-            prior=Belief(arrays["prior.x"], arrays["prior.P"]),
-            senses=Senses(**{name: arrays[f"senses.{name}"] for name in Senses._fields[:-1]}, extra=extra),
-            air=Air(*(arrays[f"air.{name}"] for name in Air._fields)),
+            world=stream_file.world_of(header, arrays),
             notes=header["notes"],
+            **_readings(arrays),
         )
+
+
+def _readings(arrays: Mapping[str, Any]) -> dict[str, Any]:
+    """The fields of a stream that `Stream.arrays` takes apart."""
+    extra = {name.removeprefix("extra."): a for name, a in arrays.items() if name.startswith("extra.")}
+    return {
+        "prior": Belief(arrays["prior.x"], arrays["prior.P"]),
+        "senses": Senses(**{name: arrays[f"senses.{name}"] for name in Senses._fields[:-1]}, extra=extra),
+        "air": Air(*(arrays[f"air.{name}"] for name in Air._fields)),
+    }
 
 
 def concatenate(streams: list[Stream]) -> Stream:
@@ -265,44 +216,3 @@ def concatenate(streams: list[Stream]) -> Stream:
 def chunks(count: int, size: int) -> Iterator[slice]:
     """Slices of at most `size` that cover `count`."""
     return (slice(start, min(start + size, count)) for start in range(0, count, size))
-
-
-def _described(model: Any) -> dict[str, Any]:
-    name = type(model).__name__
-    known: object = MODELS.get(name)
-    if known is not type(model):
-        raise BadInput(f"a stream with the model {name} cannot be written: only {', '.join(MODELS)} have a description")
-    return {"model": name, **asdict(model)}
-
-
-def _revived(description: dict[str, Any]) -> Any:
-    parameters: dict[str, Any] = {k: v for k, v in description.items() if k != "model"}
-    parameters = {k: tuple(v) if isinstance(v, list) else v for k, v in parameters.items()}
-    if description["model"] not in MODELS:
-        raise BadInput(
-            f"the stream names a model {description['model']!r} that this version does not know: update cooploc"
-        )
-    if isinstance(parameters.get("rssi"), dict):
-        parameters["rssi"] = sensors.LogDistance(**parameters["rssi"])
-    return MODELS[description["model"]](**parameters)
-
-
-def _write(path: Path, header: dict[str, Any], arrays: Mapping[str, Any]) -> None:
-    encoded = np.frombuffer(json.dumps(header, indent=1).encode(), np.uint8)
-    with path.open("wb") as file:
-        np.savez_compressed(file, allow_pickle=False, header=encoded, **dict(arrays))
-
-
-def _read(path: Path, kind: str) -> tuple[dict[str, Any], dict[str, Any]]:
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
-        header = json.loads(arrays.pop("header").tobytes())
-        newer = header["format"] > FORMAT
-    except FileNotFoundError:
-        raise BadInput(f"there is no file {path}; name a {kind} that cooploc wrote") from None
-    except Exception as e:
-        raise BadInput(f"{path} is no {kind} file ({type(e).__name__}: {e}); name one that cooploc wrote") from None
-    if newer:
-        raise BadInput(f"{path} has format {header['format']}, this version reads up to {FORMAT}: update cooploc")
-    return header, arrays

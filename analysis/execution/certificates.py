@@ -1,8 +1,8 @@
-"""Whether an estimator from outside may be trusted: every check, once per version of its source, kept with the run.
+"""Certificates: what the checks found of an estimator that is not built in, once per version of its source.
 
-The manifest holds, by the estimator's label with its parameters, what every check found and the hash of the source that
-was checked. In tables a certificate is one line: "passed: 16 checks", "failed: causality: what was found",
-"unchecked: why"; a built-in estimator has none, for the tests of this package check it.
+The manifest holds them by the estimator's label with its parameters, each with the hash of the source that was checked.
+In tables a certificate is one line: "passed: 16 checks", "failed: causality: what was found", "unchecked: why". A
+built-in estimator has none: the tests of this package check it.
 """
 
 import os
@@ -13,10 +13,11 @@ from typing import Any
 
 import pandas as pd
 
+from cooploc.analysis.execution.local_workers import ONE_THREAD, begin_worker
 from cooploc.analysis.execution.provenance import files
-from cooploc.analysis.execution.workers import ONE_THREAD, begin_worker
 from cooploc.analysis.metrics.certificate_line import mark
-from cooploc.estimators import BUILTIN, make, parse
+from cooploc.estimators import configure, make
+from cooploc.estimators.plugins.build import ConfiguredEstimator
 from cooploc.scenarios.conformance.check import Report, check_estimator
 
 LIMIT = 600.0  # [s] for all checks of one estimator
@@ -24,17 +25,15 @@ SKIPPED = "by request (--no-check)"
 NOT_YET = "the run has no certificate of it"
 
 
-def outside(estimators: Iterable[str]) -> list[str]:
-    """The labels of those that are not built in, each once."""
-    return [label for label in dict.fromkeys(estimators) if parse(label)[0] not in BUILTIN]
-
-
 def renewed(
-    asked: Iterable[str], held: dict[str, Any], check: bool, say: Callable[[str], None]
+    estimators: Iterable[ConfiguredEstimator], held: dict[str, Any], check: bool, say: Callable[[str], None]
 ) -> Iterator[tuple[str, dict[str, Any]]]:
-    """A certificate, for the manifest, of each that lacks a valid one; as soon as it is made."""
-    for label in outside(asked):
-        source = files([label])
+    """The label and a new certificate of each estimator that lacks a valid one; as soon as it is made."""
+    for estimator in estimators:
+        label = estimator.label
+        if estimator.builtin:
+            continue
+        source = files([estimator])
         if _valid(held.get(label), source):
             continue
         if not check:
@@ -42,17 +41,17 @@ def renewed(
             continue
         say(f"checking {label}, as it is not built in: seconds to minutes (--no-check leaves it out)")
         found = certify(label)
-        say(f"{label}: {mark(line(label, {label: found}))}")
+        say(f"{label}: {mark(_line(found))}")
         yield label, {**found, "source": source}
 
 
 def _valid(certificate: dict[str, Any] | None, source: dict[str, str]) -> bool:
-    """Whether a certificate is there, says something, and is of this source."""
+    """Whether there is a certificate with a result, of this source."""
     return certificate is not None and certificate["status"] != "unchecked" and certificate["source"] == source
 
 
 def certify(label: str, limit: float = LIMIT) -> dict[str, Any]:
-    """Check an estimator in a process of its own, which it may crash or hang."""
+    """Check an estimator in a process of its own, where it can crash or hang without harm."""
     from loky import ProcessPoolExecutor
 
     pool = ProcessPoolExecutor(1, env=ONE_THREAD, initializer=begin_worker, initargs=(os.getpid(),))
@@ -67,22 +66,26 @@ def certify(label: str, limit: float = LIMIT) -> dict[str, Any]:
     return found
 
 
-def line(label: str, certificates: dict[str, Any]) -> str:
-    """What the tables say of an estimator: its certificate in one line, empty where it is built in."""
-    if not outside([label]):
-        return ""
-    found = certificates.get(label)
-    return f"{found['status']}: {found['found']}" if found else f"unchecked: {NOT_YET}"
+def line(estimator: str | ConfiguredEstimator, certificates: dict[str, Any]) -> str:
+    """What tables say of an estimator: its certificate in one line, empty where it is built in."""
+    asked = configure(estimator) if isinstance(estimator, str) else estimator
+    return "" if asked.builtin else _line(certificates.get(asked.label))
 
 
-def with_lines(rows: pd.DataFrame, certificates: dict[str, Any]) -> pd.DataFrame:
-    """The rows of a run with a column `certificate`."""
-    lines = {label: line(label, certificates) for label in rows["estimator"].unique()}
-    return rows.assign(certificate=rows["estimator"].map(lines))
+def _line(certificate: dict[str, Any] | None) -> str:
+    return f"{certificate['status']}: {certificate['found']}" if certificate else f"unchecked: {NOT_YET}"
+
+
+def with_lines(
+    rows: pd.DataFrame, certificates: dict[str, Any], estimators: Iterable[ConfiguredEstimator] | None = None
+) -> pd.DataFrame:
+    """The rows of a run with a column `certificate`; their labels are read where `estimators` does not give them."""
+    known = map(configure, rows["estimator"].unique()) if estimators is None else estimators
+    return rows.assign(certificate=rows["estimator"].map({one.label: line(one, certificates) for one in known}))
 
 
 def _checked(label: str) -> dict[str, Any]:
-    """What runs in the process of its own."""
+    """What runs in that process."""
     try:
         return of_report(check_estimator(make(label), label))
     except (Exception, SystemExit) as e:

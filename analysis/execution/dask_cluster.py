@@ -8,16 +8,16 @@ from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
 
+from cooploc.analysis.execution.pool import Pool
 from cooploc.analysis.execution.provenance import provenance
-from cooploc.analysis.execution.task import Part, Task, measure
-from cooploc.analysis.execution.workers import Pool
+from cooploc.analysis.execution.task import MeasuredPart, Task, measure
 from cooploc.estimators.plugins.errors import BadInput
 
 PATIENCE = 5  # [s] for the scheduler to answer
 _one_at_a_time = threading.Lock()
 
 
-class Cluster(Pool):
+class DaskCluster(Pool):
     """The workers of a Dask scheduler."""
 
     def __init__(self, client: Any) -> None:
@@ -28,32 +28,32 @@ class Cluster(Pool):
         self.deaths = (KilledWorker,)
 
     def executor(self) -> Executor:
-        """The client's executor: Dask itself replaces workers and tries their tasks again."""
+        """The client's executor: Dask itself replaces dead workers and repeats their tasks."""
         return self._executor
 
     def function(self) -> Any:
-        """What runs a task over there."""
+        """What runs a task in a worker."""
         return measured_in_turn
 
 
-def measured_in_turn(task: Task) -> list[Part]:
-    """All parts of a task; of the threads of a worker only one computes, or their clocks would measure each other."""
+def measured_in_turn(task: Task) -> list[MeasuredPart]:
+    """All parts of a task; only one thread of a worker computes at a time, so that each task is timed alone."""
     with _one_at_a_time:
         return list(measure(task))
 
 
 @contextmanager
-def connected(address: str) -> Iterator[Cluster]:
+def connected(address: str) -> Iterator[DaskCluster]:
     """A cluster whose workers give the bits that this machine would.
 
     Raises:
-        BadInput: Dask is not installed, nobody answers, there are no workers, or they run other versions.
+        BadInput: Dask is not installed, no scheduler answers, there are no workers, or they run other versions.
 
     """
     client = _client(address)
     try:
         _demand_same(client, address)
-        yield Cluster(client)
+        yield DaskCluster(client)
     finally:
         client.close(timeout=1)
 
@@ -68,7 +68,9 @@ def _client(address: str) -> Any:
     try:
         return distributed.Client(address, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError, TypeError) as e:
-        raise BadInput(f"no Dask scheduler answers at {address} ({type(e).__name__}): start one, or mend it") from None
+        raise BadInput(
+            f"no Dask scheduler answers at {address} ({type(e).__name__}): start one, or correct the address"
+        ) from None
 
 
 def _demand_same(client: Any, address: str) -> None:
@@ -77,9 +79,9 @@ def _demand_same(client: Any, address: str) -> None:
     theirs = client.run(provenance, on_error="return")
     if not theirs:
         raise BadInput(f"the Dask scheduler at {address} has no workers: start some (dask worker {address})")
-    for worker, told in theirs.items():
-        if not isinstance(told, dict):
-            raise BadInput(f"the Dask worker {worker} cannot import cooploc ({told}): install it there")
+    for worker, found in theirs.items():
+        if not isinstance(found, dict):
+            raise BadInput(f"the Dask worker {worker} cannot import cooploc ({found}): install it there")
         for key in ("versions", "source"):
-            if told[key] != mine[key]:
+            if found[key] != mine[key]:
                 raise BadInput(f"the Dask worker {worker} has other {key} than this machine: install the same there")

@@ -1,6 +1,6 @@
-"""Runs a study into a run directory: what is there is kept, what is missing is computed, what was spoilt is named."""
+"""Runs a study into a run directory: what is there stays, what is missing or damaged is computed."""
 
-from collections.abc import Iterable
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
@@ -8,23 +8,23 @@ from typing import Any, Protocol
 import pandas as pd
 
 from cooploc.analysis.execution.certificates import renewed, with_lines
-from cooploc.analysis.execution.plan import Plan, make_plan, trials_of, work
+from cooploc.analysis.execution.plan import Plan, make_plan, work
+from cooploc.analysis.execution.pool import Workers
 from cooploc.analysis.execution.provenance import files, fingerprint, provenance
 from cooploc.analysis.execution.run_directory import FORMAT, Piece, RunDir
-from cooploc.analysis.execution.task import Part
+from cooploc.analysis.execution.task import MeasuredPart
 from cooploc.analysis.execution.workers import hired
 from cooploc.estimators import make
-from cooploc.estimators.plugins.errors import BadInput
-from cooploc.scenarios import family, scenario, simulate
-from cooploc.scenarios.runner.run import demand_fit
-from cooploc.scenarios.studies.study import Cell, Study
+from cooploc.scenarios.runner.trace import demand_fit
+from cooploc.scenarios.studies.resolved_study import ResolvedCell, ResolvedStudy, resolve_study
+from cooploc.scenarios.studies.study import Study
 
 
 class Progress(Protocol):
-    """Who watches a run."""
+    """What is called as a run goes on."""
 
     def begin(self, trials: int, found: int, work: float) -> None:
-        """So many (estimator, trial) pairs in all and there already, and so much work to do."""
+        """How many (estimator, trial) pairs there are in all, how many are there already, and how much work is left."""
 
     def advance(self, what: str, trials: int, failed: int, work: float) -> None:
         """A part is done."""
@@ -34,7 +34,7 @@ class Progress(Protocol):
 
 
 class Quiet:
-    """Nobody watches."""
+    """Progress that shows nothing."""
 
     def begin(self, trials: int, found: int, work: float) -> None:
         """Nothing."""
@@ -56,125 +56,111 @@ def execute(
     check: bool = True,
     progress: Progress | None = None,
 ) -> pd.DataFrame:
-    """Run what of a study is not there yet; returns the rows of everything the study asks for.
+    """Run what of a study is not there yet; returns the rows of everything that the study asks for.
 
     Args:
         study: what to run.
         out: the run directory; continued where it holds the same settings.
         data: the directory of recordings, for scenarios that need it.
-        jobs: processes.
+        jobs: number of processes.
         scheduler: the address of a Dask scheduler, whose workers are used instead.
         check: whether estimators that are not built in are checked first, once per version of their source.
-        progress: told of every part.
+        progress: called for every part.
+
+    Returns:
+        The columns of `errors`, and `failure`, `traceback` and `certificate`.
 
     Raises:
-        BadInput: the study cannot be run as it stands; nothing was computed.
-        OSError: a part could not be written; what was is kept.
+        BadInput: the study cannot run as it is; nothing was computed.
+        OSError: a part could not be written; those before it are kept.
 
     """
-    told = None if data is None else str(data)
+    asked = resolve_study(study, data)
     watcher = progress or Quiet()
-    cells = {cell.scenario: cell for cell in study.cells()}
-    _demand_fit(cells.values(), study.seed, told)
+    _demand_fit(asked)
     directory = RunDir(out)
     with hired(jobs, scheduler) as workers, directory.locked():
-        directory.open(_manifest(study, told))
-        _certify(directory, cells.values(), check, watcher)
-        plan = make_plan(study, told, directory)
-        _announce(plan, cells, watcher)
-        for part in workers.compute(plan.tasks):
-            directory.write(Piece(part.scenario, part.estimator, part.trials), part.frame, part.seconds)
-            _tell(part, cells[part.scenario], watcher)
-        rows = rows_of(study, out, data)
+        directory.open(_manifest(asked))
+        _certify(directory, asked, check, watcher)
+        plan = make_plan(asked, directory)
+        rows = _rows(asked, directory, [*plan.intact, *_computed(plan, asked, directory, workers, watcher)])
         _note_streams(directory, rows)
     return rows
 
 
-def rows_of(study: Study, out: Path, data: Path | None = None) -> pd.DataFrame:
-    """The rows that a run directory holds of a study: those of `errors`, `failure`, `traceback` and `certificate`.
-
-    Raises:
-        BadInput: it holds none.
-
-    """
-    told = None if data is None else str(data)
-    directory = RunDir(out)
-    frames = []
-    for piece in make_plan(study, told, directory).kept:
-        frame = directory.read(piece)
-        frames.append(frame[frame["trial"] < trials_of(study, piece.scenario, told)])
-    if not frames:
-        raise BadInput(f"{out} holds nothing of study {study.name!r}: run it first")
-    rows = _ordered(pd.concat(frames, ignore_index=True), study)
-    return with_lines(rows, directory.manifest.get("certificates", {}))
-
-
-def _certify(directory: RunDir, cells: Iterable[Cell], check: bool, watcher: Progress) -> None:
-    """Each certificate is kept at once; one that fails stops nothing."""
-    manifest = directory.manifest
-    asked = [name for cell in cells for name in cell.estimators]
-    for label, found in renewed(asked, manifest["certificates"], check, watcher.say):
-        manifest["certificates"][label] = found
-        directory.write_manifest(manifest)
-
-
-def _announce(plan: Plan, cells: dict[str, Cell], watcher: Progress) -> None:
-    for piece in plan.damaged:
-        watcher.say(f"{piece.name} does not match its checksum; its trials are computed again")
-    todo = [(len(task.trials) * len(task.estimators), work(cells[task.scenario])) for task in plan.tasks]
-    watcher.begin(plan.trials, plan.trials - sum(n for n, _ in todo), sum(n * each for n, each in todo))
-
-
-def _tell(part: Part, cell: Cell, watcher: Progress) -> None:
-    failed = part.frame.loc[part.frame["failure"].notna(), "trial"].nunique()
-    where = part.scenario if part.scenario.startswith(cell.experiment) else f"{cell.experiment} · {part.scenario}"
-    watcher.advance(f"{where} · {part.estimator}", len(part.trials), failed, len(part.trials) * work(cell))
-
-
-def _demand_fit(cells: Iterable[Cell], seed: int, data: str | None) -> None:
+def _demand_fit(asked: ResolvedStudy) -> None:
     """Refuse, before anything is computed, what cannot run: names, parameters, channels, recordings."""
-    for cell in cells:
-        made = {label: make(label) for label in cell.estimators}
-        label = cell.scenario
-        short: dict[str, Any] = {"ticks": 1} if not family(label).recorded and hasattr(scenario(label), "ticks") else {}
-        _, stream = simulate(label, trials=1, seed=seed, data=data, **short)
-        for name, estimator in made.items():
-            demand_fit(name, estimator, replace(stream, scenario=label))
+    made = {estimator.label: make(estimator) for estimator in asked.estimators}
+    for cell in asked.cells:
+        _, stream = cell.scenario.first_tick().simulate(1, asked.study.seed)
+        for estimator in cell.estimators:
+            demand_fit(estimator.label, made[estimator.label], replace(stream, scenario=cell.scenario.label))
 
 
-def _manifest(study: Study, data: str | None) -> dict[str, Any]:
-    extra = {} if data is None else {"data": data}
-    cells = study.cells()
-    worlds = {c.scenario: scenario(c.scenario, **(extra if family(c.scenario).recorded else {})) for c in cells}
+def _manifest(asked: ResolvedStudy) -> dict[str, Any]:
+    scenarios = [cell.scenario for cell in asked.cells]
     return {
         "format": FORMAT,
-        "study": study.model_dump(mode="json"),
-        "cells": {cell.scenario: _asked(cell, trials_of(study, cell.scenario, data)) for cell in cells},
-        "seed": study.seed,
-        "data": None if data is None else fingerprint(Path(data)),
-        "scenarios": {label: world.model_dump(mode="json", exclude={"data"}) for label, world in worlds.items()},
-        "files": files((name for cell in cells for name in cell.estimators), (cell.scenario for cell in cells)),
+        "study": asked.study.model_dump(mode="json"),
+        "cells": {cell.scenario.label: _as_json(cell) for cell in asked.cells},
+        "seed": asked.study.seed,
+        "data": None if asked.data is None else fingerprint(Path(asked.data)),
+        "scenarios": {one.label: one.model.model_dump(mode="json", exclude={"data"}) for one in scenarios},
+        "files": files(asked.estimators, scenarios),
         "certificates": {},
         "streams": {},
         **provenance(),
     }
 
 
-def _asked(cell: Cell, trials: int) -> dict[str, Any]:
-    estimators = dict.fromkeys(cell.estimators, trials)
+def _as_json(cell: ResolvedCell) -> dict[str, Any]:
+    estimators = {estimator.label: cell.trials for estimator in cell.estimators}
     return {"experiment": cell.experiment, "baseline": cell.baseline, "estimators": estimators}
 
 
-def _ordered(rows: pd.DataFrame, study: Study) -> pd.DataFrame:
-    """Rows in the study's order, whatever the order they were computed in."""
-    cells = study.cells()
-    estimators = dict.fromkeys(name for cell in cells for name in cell.estimators)
-    keys = rows[["trial", "robot"]].assign(
-        scenario=rows["scenario"].map({cell.scenario: i for i, cell in enumerate(cells)}),
-        estimator=rows["estimator"].map({label: i for i, label in enumerate(estimators)}),
-    )
-    order = keys.sort_values(["scenario", "estimator", "trial", "robot"], kind="stable").index
-    return rows.loc[order].reset_index(drop=True)
+def _certify(directory: RunDir, asked: ResolvedStudy, check: bool, watcher: Progress) -> None:
+    """Write each certificate as soon as it is made; a run goes on after a check that failed."""
+    manifest = directory.manifest
+    for label, found in renewed(asked.estimators, manifest["certificates"], check, watcher.say):
+        manifest["certificates"][label] = found
+        directory.write_manifest(manifest)
+
+
+def _computed(
+    plan: Plan, asked: ResolvedStudy, directory: RunDir, workers: Workers, watcher: Progress
+) -> Iterator[Piece]:
+    """Compute and write the parts that a plan lacks."""
+    for piece in plan.damaged:
+        watcher.say(f"{piece.name} does not match its checksum; its trials are computed again")
+    todo = [(len(task.trials) * len(task.estimators), work(task.scenario)) for task in plan.tasks]
+    watcher.begin(plan.trials, plan.trials - sum(n for n, _ in todo), sum(n * each for n, each in todo))
+    cells = {cell.scenario.label: cell for cell in asked.cells}
+    for part in workers.compute(plan.tasks):
+        directory.write(part.piece, part.frame, part.seconds)
+        _advance(part, cells[part.piece.scenario], watcher)
+        yield part.piece
+
+
+def _advance(part: MeasuredPart, cell: ResolvedCell, watcher: Progress) -> None:
+    scenario, estimator, trials = part.piece
+    failed = part.frame.loc[part.frame["failure"].notna(), "trial"].nunique()
+    where = scenario if scenario.startswith(cell.experiment) else f"{cell.experiment} · {scenario}"
+    watcher.advance(f"{where} · {estimator}", len(trials), failed, len(trials) * work(cell.scenario))
+
+
+def _rows(asked: ResolvedStudy, directory: RunDir, pieces: list[Piece]) -> pd.DataFrame:
+    """The rows of intact pieces in the study's order, whatever the order in which they were computed."""
+    of: dict[tuple[str, str], list[Piece]] = {}
+    for piece in sorted(pieces, key=lambda one: one.trials.start):
+        of.setdefault((piece.scenario, piece.estimator), []).append(piece)
+    frames = []
+    for cell in asked.cells:
+        for estimator in asked.estimators:
+            for piece in of.get((cell.scenario.label, estimator.label), ()):
+                frame = directory.read(piece)
+                frames.append(frame[frame["trial"] < cell.trials].sort_values(["trial", "robot"], kind="stable"))
+    certificates = directory.manifest["certificates"]
+    return with_lines(pd.concat(frames, ignore_index=True), certificates, asked.estimators)
 
 
 def _note_streams(directory: RunDir, rows: pd.DataFrame) -> None:

@@ -1,16 +1,15 @@
-"""What of a study is there already, and what is to be done: tasks of one chunk of a scenario's trials each.
+"""What a run directory has of a study, and the tasks for the rest, each of one chunk of a scenario's trials.
 
 A chunk's size depends on the scenario alone, and results do not depend on chunks at all.
 """
 
 from collections.abc import Iterator
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from cooploc.analysis.execution.run_directory import Piece, RunDir
 from cooploc.analysis.execution.task import Task
-from cooploc.scenarios import family, scenario
-from cooploc.scenarios.studies.study import Cell, Study
+from cooploc.scenarios.resolved import ResolvedScenario
+from cooploc.scenarios.studies.resolved_study import ResolvedStudy
 
 CHUNK_BYTES = 64e6  # of readings between robots, the largest arrays of a stream
 CHUNK_ROWS = 200  # (trial, robot): enough that numpy's cost per call no longer counts, few enough to lose in a crash
@@ -21,69 +20,40 @@ class Plan(NamedTuple):
     """How a study can be completed."""
 
     trials: int  # of all estimators, wanted
-    kept: list[Piece]  # there and whole
+    intact: list[Piece]  # there and whole
     damaged: list[Piece]  # there, and not what was written
     tasks: list[Task]
 
 
-def make_plan(study: Study, data: str | None, directory: RunDir) -> Plan:
-    """Look at every part that a study needs; what is not there or not whole becomes a task."""
-    kept: list[Piece] = []
+def make_plan(study: ResolvedStudy, directory: RunDir) -> Plan:
+    """Look at every part that a study needs; what is missing or damaged becomes a task."""
+    intact: list[Piece] = []
     damaged: list[Piece] = []
     tasks: list[Task] = []
-    wanted = 0
-    for cell in study.cells():
-        count = trials_of(study, cell.scenario, data)
-        wanted += count * len(cell.estimators)
+    for cell in study.cells:
         gaps: dict[range, list[str]] = {}
         for estimator in cell.estimators:
-            mine, spoilt = _found(directory, cell.scenario, estimator, count)
-            kept += mine
-            damaged += spoilt
-            for gap in _gaps([piece.trials for piece in mine], count, _chunk_size(cell.scenario)):
-                gaps.setdefault(gap, []).append(estimator)
-        where = data if family(cell.scenario).recorded else None
-        order = sorted(gaps, key=lambda gap: gap.start)
-        tasks += [Task(cell.scenario, gap, study.seed, where, tuple(gaps[gap]), study.time_limit) for gap in order]
-    return Plan(wanted, kept, damaged, tasks)
+            found = directory.pieces(cell.scenario.label, estimator.label, cell.trials)
+            intact += found.intact
+            damaged += found.damaged
+            for gap in _gaps([piece.trials for piece in found.intact], cell.trials, _chunk_size(cell.scenario)):
+                gaps.setdefault(gap, []).append(estimator.label)
+        for gap in sorted(gaps, key=lambda trials: trials.start):
+            missing = tuple(one for one in cell.estimators if one.label in gaps[gap])
+            tasks.append(Task(cell.scenario, gap, study.study.seed, missing, study.study.time_limit))
+    return Plan(sum(cell.trials * len(cell.estimators) for cell in study.cells), intact, damaged, tasks)
 
 
-def trials_of(study: Study, label: str, data: Path | str | None) -> int:
-    """How many trials a scenario of the study has: a recording has one, unless it counts its runs."""
-    if not family(label).recorded:
-        return study.trials
-    made: Any = scenario(label, data=data) if data is not None else None
-    return made.count() if hasattr(made, "count") else 1
-
-
-def work(cell: Cell) -> float:
-    """About how long a trial of a scenario takes, relative to others: robots x (what is fixed + neighbours).
+def work(scenario: ResolvedScenario) -> float:
+    """About how long a trial takes, relative to other scenarios: robots x (what is fixed + neighbours).
 
     A robot alone costs as much as hearing some forty neighbours (reports/speed.md).
     """
-    robots = 1 if family(cell.scenario).recorded else getattr(scenario(cell.scenario), "robots", 1)
-    return float(robots * (40 + robots))
-
-
-def _found(directory: RunDir, scenario: str, estimator: str, count: int) -> tuple[list[Piece], list[Piece]]:
-    """Parts that together hold each trial at most once, and those that are spoilt."""
-    good: list[Piece] = []
-    spoilt: list[Piece] = []
-    reached = 0
-    for trials in directory.held(scenario, estimator):
-        piece = Piece(scenario, estimator, trials)
-        if not reached <= trials.start < count:
-            continue
-        if directory.intact(piece):
-            good.append(piece)
-            reached = trials.stop
-        else:
-            spoilt.append(piece)
-    return good, spoilt
+    return float(scenario.robots * (40 + scenario.robots))
 
 
 def _gaps(held: list[range], count: int, size: int) -> Iterator[range]:
-    """The trials below `count` that nothing holds, in pieces of one chunk."""
+    """The trials below `count` that no part holds, in pieces of one chunk."""
     missing = sorted(set(range(count)) - {trial for trials in held for trial in trials})
     start = 0
     for i, trial in enumerate(missing):
@@ -93,11 +63,9 @@ def _gaps(held: list[range], count: int, size: int) -> Iterator[range]:
             start = i + 1
 
 
-def _chunk_size(label: str) -> int:
-    if family(label).recorded:
+def _chunk_size(scenario: ResolvedScenario) -> int:
+    if scenario.recorded:
         return 1
-    world: Any = scenario(label)
-    robots = getattr(world, "robots", 1)
     least, most = CHUNK_TRIALS
-    fits = int(CHUNK_BYTES // (17 * getattr(world, "ticks", 1) * robots**2))
-    return max(1, min(fits, most, max(least, CHUNK_ROWS // robots)))
+    fits = int(CHUNK_BYTES // (17 * scenario.ticks * scenario.robots**2))
+    return max(1, min(fits, most, max(least, CHUNK_ROWS // scenario.robots)))

@@ -10,12 +10,15 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from cooploc.estimators import module_of, parse
+from cooploc import estimators as estimator_names
+from cooploc import scenarios as scenario_names
+from cooploc.estimators.plugins.build import ConfiguredEstimator
 from cooploc.estimators.plugins.python_file import is_file
-from cooploc.scenarios import source_of
+from cooploc.scenarios.resolved import ResolvedScenario
 
 PACKAGES = ("cooploc", "filterpy", "numpy", "scipy", "numba", "pandas", "pyarrow")
-HERE = Path(__file__).resolve().parent
+ROOT = Path(__file__).resolve().parents[2]
+FLOORS = "estimators", "scenarios"
 
 
 def provenance() -> dict[str, Any]:
@@ -23,7 +26,7 @@ def provenance() -> dict[str, Any]:
     versions = {name: version(name) for name in PACKAGES}
     return {
         "versions": {**versions, "python": platform.python_version()},
-        "source": _source(),
+        "source": source_hash(),
         "commit": _commit(),
         "cpu": _cpu(),
     }
@@ -31,62 +34,64 @@ def provenance() -> dict[str, Any]:
 
 def fingerprint(folder: Path) -> str:
     """One hash over the names and contents of a directory's files."""
-    return _hash(file for file in sorted(folder.iterdir()) if file.is_file())
+    return _hash((file.name, file) for file in sorted(folder.iterdir()) if file.is_file())
 
 
-def files(estimators: Iterable[str], scenarios: Iterable[str] = ()) -> dict[str, str]:
+def files(estimators: Iterable[ConfiguredEstimator], scenarios: Iterable[ResolvedScenario] = ()) -> dict[str, str]:
     """A hash of the source of all that is not built in: its file, or the Python files of its package.
 
-    What these import from elsewhere is not seen.
+    What these import from elsewhere is not hashed.
     """
-    homes = {parse(label)[0]: module_of(parse(label)[0]) for label in estimators}
-    homes |= dict(map(source_of, scenarios))
+    homes = {one.name: estimator_names.module_of(one.name) for one in estimators}
+    homes |= {one.name: scenario_names.module_of(one.name) for one in scenarios}
     found = {}
     for name, module in sorted(homes.items()):
         if is_file(name):
             path = name.rpartition(":")[0]
             found[path] = hashlib.sha256(Path(path).read_bytes()).hexdigest()
         elif module:
-            found[name] = _hash(_modules(module))
+            found[name] = _hash(_of_module(module))
     return found
 
 
-def _modules(module: str) -> list[Path]:
+def _of_module(module: str) -> list[tuple[str, Path]]:
     """The files of the package that a module is in, or its own."""
     spec = find_spec(module.partition(".")[0])
     if spec is None or (spec.origin is None and "." in module):  # a namespace, which many share
         spec = find_spec(module)
-    folders = spec.submodule_search_locations if spec else None
-    if folders:
-        return sorted(f for folder in folders for f in Path(folder).rglob("*") if f.suffix in (".py", ".so", ".pyd"))
-    return [Path(spec.origin)] if spec and spec.origin else []
+    if spec and spec.submodule_search_locations:
+        folders = map(Path, spec.submodule_search_locations)
+        return [named for folder in folders for named in _tree(folder, ".py", ".so", ".pyd")]
+    return [(Path(spec.origin).name, Path(spec.origin))] if spec and spec.origin else []
 
 
-def _source() -> str:
-    """One hash over the code that decides what a trial's errors are."""
-    import cooploc.estimators
-    import cooploc.scenarios
-
-    folders = (Path(str(module.__file__)).parent for module in (cooploc.estimators, cooploc.scenarios))
-    return _hash(
-        [file for folder in folders for file in sorted(folder.rglob("*.py"))] + [HERE.parent / "metrics" / "errors.py"]
-    )
+def source_hash(root: Path = ROOT) -> str:
+    """One hash over the code below `root` that decides what a trial's errors are."""
+    floors = [named for floor in FLOORS for named in _tree(root / floor, ".py")]
+    return _hash([*floors, ("errors.py", root / "analysis" / "metrics" / "errors.py")])
 
 
-def _hash(files: Any) -> str:
+def _tree(folder: Path, *suffixes: str) -> list[tuple[str, Path]]:
+    """The files of a folder and of those in it, with their paths from there."""
+    files = sorted(file for file in folder.rglob("*") if file.suffix in suffixes)
+    return [(file.relative_to(folder.parent).as_posix(), file) for file in files]
+
+
+def _hash(files: Iterable[tuple[str, Path]]) -> str:
+    """One hash over names and contents."""
     digest = hashlib.sha256()
-    for file in files:
-        digest.update(file.name.encode() + hashlib.sha256(file.read_bytes()).digest())
+    for name, file in files:
+        digest.update(name.encode() + hashlib.sha256(file.read_bytes()).digest())
     return digest.hexdigest()
 
 
 def _commit() -> str | None:
     ask = ["git", "rev-parse", "HEAD"]
     try:
-        told = subprocess.run(ask, cwd=HERE, capture_output=True, text=True, timeout=5, check=True)
+        answer = subprocess.run(ask, cwd=ROOT, capture_output=True, text=True, timeout=5, check=True)
     except (OSError, subprocess.SubprocessError):
         return None
-    return told.stdout.strip()
+    return answer.stdout.strip()
 
 
 def _cpu() -> str:

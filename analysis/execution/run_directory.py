@@ -1,8 +1,8 @@
 """The run directory: `manifest.json`, and one part per (scenario, estimator, range of trials).
 
 Every file is written under a temporary name, flushed to the disk and renamed, so whatever is there is whole. A part is
-bit-identical whenever and however often it is computed; beside it lies a receipt, with its checksum and what a clock
-measured.
+bit-identical whenever it is computed; its receipt has its checksum, and the time that was measured, which is not
+bit-identical.
 """
 
 import hashlib
@@ -24,7 +24,7 @@ MUST_MATCH = ("seed", "data", "versions", "source")
 
 
 class Piece(NamedTuple):
-    """What a part is of."""
+    """Which trials of which scenario and estimator a part holds."""
 
     scenario: str
     estimator: str
@@ -35,6 +35,13 @@ class Piece(NamedTuple):
         """Its file's name: readable, the same on every system, and unique by a digest of the labels."""
         labels = "--".join(re.sub(r"[^A-Za-z0-9.=]+", "-", label).strip("-") for label in self[:2])
         return f"{labels[:150]}--{_digest(*self[:2])}--{self.trials.start:05d}-{self.trials.stop:05d}"
+
+
+class Pieces(NamedTuple):
+    """What a directory holds of one scenario and estimator."""
+
+    intact: list[Piece]  # which together hold each trial at most once
+    damaged: list[Piece]  # whose parts are not what was written
 
 
 class RunDir:
@@ -54,7 +61,7 @@ class RunDir:
         file = self.path / "manifest.json"
         if not file.exists():
             if self.path.exists() and (not self.path.is_dir() or any(f.name != ".lock" for f in self.path.iterdir())):
-                raise BadInput(f"{self.path} exists and is no run directory; name another with --out")
+                raise BadInput(f"{self.path} exists and is not a run directory; name another with --out")
             return {}
         try:
             manifest: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
@@ -67,13 +74,13 @@ class RunDir:
 
     @contextmanager
     def locked(self) -> Iterator[None]:
-        """Nobody else writes here meanwhile; the lock goes with its process, however that ends.
+        """Keeps other runs from writing here; the lock ends with its process, however that ends.
 
         Raises:
-            BadInput: another process is at it.
+            BadInput: another process is writing here.
 
         """
-        _ = self.manifest  # refuses what is no run directory before anything is written there
+        _ = self.manifest  # refuses another kind of directory before anything is written there
         self.path.mkdir(parents=True, exist_ok=True)
         lock = FileLock(self.path / ".lock")
         try:
@@ -136,24 +143,38 @@ class RunDir:
         def write(file: Path) -> None:
             frame.to_parquet(file, index=False)
             receipt = json.dumps({"seconds": seconds, "sha256": _checksum(file)})
-            _replace(self._receipt(piece), lambda beside: beside.write_text(receipt))
+            _replace(self._receipt_path(piece), lambda temporary: temporary.write_text(receipt))
 
-        _replace(self._part(piece), write)
+        _replace(self._part_path(piece), write)
+
+    def pieces(self, scenario: str, estimator: str, count: int) -> Pieces:
+        """What there is of the trials below `count`; each part is read once, to compare it with its checksum."""
+        found = Pieces([], [])
+        reached = 0
+        for trials in self.held(scenario, estimator):
+            if reached <= trials.start < count:
+                piece = Piece(scenario, estimator, trials)
+                if self.intact(piece):
+                    found.intact.append(piece)
+                    reached = trials.stop
+                else:
+                    found.damaged.append(piece)
+        return found
 
     def intact(self, piece: Piece) -> bool:
         """Whether a part is there and is what was written."""
         try:
-            same: bool = _checksum(self._part(piece)) == self._noted(piece)["sha256"]
+            same: bool = _checksum(self._part_path(piece)) == self._receipt_of(piece)["sha256"]
         except (OSError, ValueError, KeyError, TypeError):
             return False
         return same
 
     def read(self, piece: Piece) -> pd.DataFrame:
         """An intact part, with its seconds."""
-        return pd.read_parquet(self._part(piece)).assign(seconds=float(self._noted(piece)["seconds"]))
+        return pd.read_parquet(self._part_path(piece)).assign(seconds=float(self._receipt_of(piece)["seconds"]))
 
-    def _noted(self, piece: Piece) -> dict[str, Any]:
-        receipt: dict[str, Any] = json.loads(self._receipt(piece).read_text(encoding="utf-8"))
+    def _receipt_of(self, piece: Piece) -> dict[str, Any]:
+        receipt: dict[str, Any] = json.loads(self._receipt_path(piece).read_text(encoding="utf-8"))
         return receipt
 
     def held(self, scenario: str, estimator: str) -> list[range]:
@@ -165,15 +186,15 @@ class RunDir:
             found.append(range(int(first), int(last)))
         return sorted(found, key=lambda trials: (trials.start, trials.stop))
 
-    def _part(self, piece: Piece) -> Path:
+    def _part_path(self, piece: Piece) -> Path:
         return self.path / "parts" / f"{piece.name}.parquet"
 
-    def _receipt(self, piece: Piece) -> Path:
+    def _receipt_path(self, piece: Piece) -> Path:
         return self.path / "receipts" / f"{piece.name}.json"
 
 
 def _both(found: dict[str, Any], asked: dict[str, Any]) -> dict[str, Any]:
-    """What was asked of each scenario before, and now."""
+    """What was asked of each scenario before, with what is asked now."""
     joined = dict(found)
     for scenario, cell in asked.items():
         before = found.get(scenario, {}).get("estimators", {})
@@ -191,19 +212,19 @@ def _digest(*labels: str) -> str:
 
 
 def _replace(path: Path, write: Callable[[Path], object]) -> None:
-    """Write beside, flush to the disk, rename.
+    """Write under a temporary name, flush to the disk, rename.
 
     Raises:
         OSError: it cannot be done; with the file's name, which not every library gives.
 
     """
-    beside = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
-        write(beside)
-        with beside.open("rb") as file:
+        write(temporary)
+        with temporary.open("rb") as file:
             os.fsync(file.fileno())
-        beside.replace(path)
+        temporary.replace(path)
     except OSError as e:
         raise OSError(e.errno, e.strerror or str(e), str(path)) from e
     finally:
-        beside.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)

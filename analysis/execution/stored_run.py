@@ -1,4 +1,4 @@
-"""Everything that a run directory holds, whatever studies and options it was asked with."""
+"""Everything that a run directory holds, of all studies and options that were run into it."""
 
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -9,16 +9,15 @@ from cooploc.analysis.execution.certificates import with_lines
 from cooploc.analysis.execution.run_directory import Piece, RunDir
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.studies.study import Study
-from cooploc.scenarios.studies.sweep import expand
 
 
 class Kept(NamedTuple):
-    """A run as it lies on the disk."""
+    """A run as it is on disk."""
 
     folder: Path
     manifest: dict[str, Any]
     rows: pd.DataFrame  # as `errors`, with `failure`, `traceback` and `certificate`; in the manifest's order
-    gaps: dict[tuple[str, str], int]  # (scenario, estimator) -> trials that were asked for and are not there
+    gaps: dict[tuple[str, str], int]  # (scenario, estimator) -> trials that were asked for and are missing
 
     @property
     def baselines(self) -> dict[str, str]:
@@ -27,7 +26,7 @@ class Kept(NamedTuple):
 
     @property
     def experiments(self) -> dict[str, dict[str, list[str]]]:
-        """Of each experiment its scenarios, and of each of them the estimators that have rows, in the study's order.
+        """Of each experiment its scenarios, and of each scenario the estimators that have rows, in the study's order.
 
         A scenario that several experiments share is in each of them, with the estimators that it has there.
         """
@@ -49,18 +48,16 @@ class Kept(NamedTuple):
 def _planned(study: Study) -> dict[str, dict[str, list[str]]]:
     """The estimators of each scenario of each experiment."""
     found: dict[str, dict[str, list[str]]] = {}
-    for block in study.blocks():
-        estimators = [name for label in block.estimators for name in expand(label, block.variants)]
-        for scenario in (name for label in block.scenarios for name in expand(label, block.variants)):
-            found.setdefault(block.experiment, {}).setdefault(scenario, []).extend(estimators)
+    for cell in study.expanded():
+        found.setdefault(cell.experiment, {}).setdefault(cell.scenario, []).extend(cell.estimators)
     return found
 
 
 def read(folder: Path) -> Kept:
-    """The rows of a run directory; parts that do not match their checksum count as not there.
+    """The rows of a run directory; a part that does not match its checksum counts as missing.
 
     Raises:
-        BadInput: the directory is none of a run, or holds no rows.
+        BadInput: the directory is not one of a run, or holds no rows.
 
     """
     directory = RunDir(folder)
@@ -71,7 +68,7 @@ def read(folder: Path) -> Kept:
     gaps: dict[tuple[str, str], int] = {}
     for scenario, cell in manifest["cells"].items():
         for estimator, asked in cell["estimators"].items():
-            parts = _parts(directory, scenario, estimator, asked)
+            parts = [_part(directory, piece, asked) for piece in directory.pieces(scenario, estimator, asked).intact]
             missing = asked - sum(part["trial"].nunique() for part in parts)
             gaps |= {(scenario, estimator): missing} if missing else {}
             frames += parts
@@ -81,14 +78,7 @@ def read(folder: Path) -> Kept:
     return Kept(folder, manifest, rows, gaps)
 
 
-def _parts(directory: RunDir, scenario: str, estimator: str, asked: int) -> list[pd.DataFrame]:
-    """Frames that together hold each trial below `asked` at most once, by trial."""
-    found: list[pd.DataFrame] = []
-    reached = 0
-    for trials in directory.held(scenario, estimator):
-        piece = Piece(scenario, estimator, trials)
-        if reached <= trials.start < asked and directory.intact(piece):
-            frame = directory.read(piece)
-            found.append(frame[frame["trial"] < asked].sort_values(["trial", "robot"], kind="stable"))
-            reached = trials.stop
-    return found
+def _part(directory: RunDir, piece: Piece, asked: int) -> pd.DataFrame:
+    """The rows of the trials below `asked`, by trial."""
+    frame = directory.read(piece)
+    return frame[frame["trial"] < asked].sort_values(["trial", "robot"], kind="stable")

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from cooploc.estimators.interface import Array, Mask
 from cooploc.estimators.plugins.errors import BadInput
-from cooploc.scenarios.runner.run import Run, Trace
+from cooploc.scenarios.runner.run import Run
+from cooploc.scenarios.runner.trace import Trace
 from cooploc.scenarios.stream import Truth
 
 INSIDE_95 = -2 * np.log(0.05)  # chi-square quantile, two degrees of freedom

@@ -12,7 +12,8 @@ from matplotlib.collections import EllipseCollection, LineCollection
 from cooploc.analysis.plot.ellipses import colours, lines, place, shape
 from cooploc.estimators.interface import Array
 from cooploc.estimators.plugins.errors import BadInput
-from cooploc.scenarios.runner.run import Run, Trace
+from cooploc.scenarios.runner.run import Run
+from cooploc.scenarios.runner.trace import Trace
 from cooploc.scenarios.stream import Stream, Truth
 
 TRAIL = 30  # ticks of the past that stay visible

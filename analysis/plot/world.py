@@ -12,7 +12,8 @@ from matplotlib.colors import to_hex
 from matplotlib.patches import Circle, Rectangle
 
 from cooploc.estimators.interface import Array
-from cooploc.scenarios import family, scenario, simulate
+from cooploc.scenarios import resolve
+from cooploc.scenarios.resolved import ResolvedScenario
 from cooploc.scenarios.stream import Stream
 
 DARK, GREY, BLOCKED = "0.2", "0.65", "#d55e00"
@@ -31,13 +32,14 @@ def world(
 
     A solid line between robots is a packet that gets through, a dotted one is lost; vermilion has something in the way.
     """
-    truth, stream = simulate(label, trials=[trial], seed=seed, data=data, **overrides)
+    shown = resolve(label, data, **overrides)
+    truth, stream = shown.simulate([trial], seed)
     if ax is None:
         _, ax = plt.subplots(figsize=(5.2, 5.2), layout="constrained")
     path = truth.x[0, :, :, :2]
     tick = int(np.arange(len(path))[tick])
     _arena(ax, stream)
-    _surroundings(ax, label, overrides, seed, trial, path, tick, stream)
+    _surroundings(ax, shown, seed, trial, path, tick, stream)
     _trajectories(ax, path, tick)
     for name, colour, style in (("lost", GREY, (0, (1, 2))), ("something in the way", BLOCKED, "solid")):
         ax.plot([], [], color=colour, linestyle=style, label=name)
@@ -66,11 +68,11 @@ def _arena(ax: Axes, stream: Stream) -> None:
 
 
 def _surroundings(
-    ax: Axes, label: str, overrides: dict[str, Any], seed: int, trial: int, path: Array, tick: int, stream: Stream
+    ax: Axes, shown: ResolvedScenario, seed: int, trial: int, path: Array, tick: int, stream: Stream
 ) -> None:
     """Walls, obstacles and links; a recording has only links."""
     n = path.shape[1]
-    made: Any = None if family(label).recorded else scenario(label, **overrides)
+    made: Any = shown.model
     scene = made.scene(seed, trial, path) if hasattr(made, "scene") else None
     in_the_way = scene.robot_blockers[tick] > 0 if scene else np.zeros((n, n), bool)
     heard = stream.air.link[0, tick]

@@ -14,9 +14,9 @@ from cooploc.analysis.execution.run_directory import FORMAT
 from cooploc.analysis.execution.stored_run import Kept
 from cooploc.analysis.execution.task import Task, measure
 from cooploc.analysis.report.tables import Cell, Column, Table, text
-from cooploc.estimators import make
+from cooploc.estimators import configure, make
 from cooploc.estimators.plugins.errors import BadInput
-from cooploc.scenarios import family
+from cooploc.scenarios import resolve
 
 PAGE = "index.html"
 EACH = 3  # trials that a report embeds of every scenario
@@ -92,11 +92,11 @@ def rerun(embedded: dict[str, Any], trials: int, data: Path | None = None) -> li
         make(label)  # a name that is not known here is no failure of a trial
     out = []
     for (scenario, trial), wanted in drawn.items():
-        where = str(data) if data is not None and family(scenario).recorded else None
         limit = float(embedded["manifest"]["study"].get("time_limit", 600.0))
-        names = tuple(one["estimator"] for one in wanted)
-        task = Task(scenario, range(trial, trial + 1), int(embedded["manifest"]["seed"]), where, names, limit)
-        parts = {part.estimator: part.frame for part in measure(task)}
+        names = tuple(configure(one["estimator"]) for one in wanted)
+        seed = int(embedded["manifest"]["seed"])
+        task = Task(resolve(scenario, data), range(trial, trial + 1), seed, names, limit)
+        parts = {part.piece.estimator: part.frame for part in measure(task)}
         out += [_compared(one, parts[one["estimator"]]) for one in wanted]
     return out
 

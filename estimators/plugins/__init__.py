@@ -1,1 +1,1 @@
-"""How the name of an estimator or a scenario becomes an object: built-in, installed plug-in, or a file."""
+"""How the label of an estimator or a scenario becomes an object, and what an estimator says of itself."""

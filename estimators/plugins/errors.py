@@ -1,4 +1,4 @@
-"""The one error for what a user can mend: an unknown name, a value out of bounds, a malformed file.
+"""The error for what a user can fix: an unknown name, a value out of bounds, a malformed file.
 
 Its message is one line that states the fact, the place and the remedy; the command line prints it and exits with 2.
 """
@@ -7,7 +7,7 @@ from difflib import get_close_matches
 
 
 class BadInput(ValueError):
-    """Something that was asked for or given cannot be; says what, where, and what to do."""
+    """A request or an input that is not valid; the message says what, where, and what to do."""
 
 
 def nearest(name: str, known: list[str]) -> str:

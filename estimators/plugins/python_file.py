@@ -1,7 +1,7 @@
-"""Estimators in a single Python file, named `path.py:Name`, so that nothing has to be installed.
+"""Estimators and scenarios in a single Python file, named `path.py:Name`, so that nothing has to be installed.
 
-A file is imported under a name made of its content: loading it again gives the same classes, and an edited file gives
-its own ones. Paths stay as they are written, relative to where the run began, which its workers share.
+A file is imported under a name made from its content: loading it again gives the same classes, and an edited file gives
+new ones. Paths stay as written, relative to the directory where the run began, which its workers share.
 """
 
 import hashlib
@@ -17,10 +17,10 @@ from cooploc.estimators.plugins.errors import BadInput, nearest
 
 
 def is_file(name: str) -> bool:
-    """Whether a name is `path.py:Name`, or a file with the name forgotten.
+    """Whether a name is `path.py:Name`.
 
     Raises:
-        BadInput: it is a file, and does not say which of its names.
+        BadInput: it is a file's path without the name of an object in it.
 
     """
     if name.endswith(".py"):
@@ -29,10 +29,10 @@ def is_file(name: str) -> bool:
 
 
 def found_in_file(name: str) -> Any:
-    """The class or instance that `path.py:Name` names.
+    """The object that `path.py:Name` names.
 
     Raises:
-        BadInput: there is none, or the file cannot be imported; one line that says why.
+        BadInput: the file has no such name, or cannot be imported; says why in one line.
 
     """
     file, _, attribute = name.rpartition(":")
@@ -54,7 +54,7 @@ def _imported(path: Path) -> ModuleType:
         return sys.modules[name]
     spec = spec_from_loader(name, loader=None, origin=str(path))
     if spec is None:
-        raise BadInput(f"{path} cannot be imported: it is no Python file")
+        raise BadInput(f"{path} cannot be imported: it is not a Python file")
     module = module_from_spec(spec)
     module.__file__ = str(path.resolve())  # numba and tracebacks look there
     sys.modules[name] = module

@@ -33,7 +33,7 @@ from cooploc.scenarios.conformance.isolation import (
 from cooploc.scenarios.conformance.numerics import covariance, nan_safety, silence
 from cooploc.scenarios.conformance.perturb import MODES
 from cooploc.scenarios.conformance.snapshot import Snapshot, require_unchanged, snapshot
-from cooploc.scenarios.runner.run import Watcher
+from cooploc.scenarios.runner.tick import Watcher
 from cooploc.scenarios.stream import Stream
 
 ROW_METHODS = ("init", "predict", "correct", "send", "fuse", "estimate")

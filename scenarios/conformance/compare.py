@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cooploc.estimators.interface import Array, Mask
-from cooploc.scenarios.runner.run import Trace
+from cooploc.scenarios.runner.trace import Trace
 from cooploc.scenarios.stream import Stream
 
 

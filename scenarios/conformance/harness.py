@@ -13,7 +13,9 @@ from cooploc.estimators.interface import Array, Mask
 from cooploc.scenarios import simulate
 from cooploc.scenarios.conformance.compare import CheckFailed, RunRecord, require_equal
 from cooploc.scenarios.conformance.perturb import deep_copy, drop_readings
-from cooploc.scenarios.runner.run import SENSED, EstimatorError, Misfit, Watcher, resolve, trace, visible
+from cooploc.scenarios.runner.channels import SENSED, IncompatibleEstimator, selected, visible
+from cooploc.scenarios.runner.tick import EstimatorError, Watcher
+from cooploc.scenarios.runner.trace import trace
 from cooploc.scenarios.stream import Stream, Truth
 
 _RADIO: dict[str, Any] = {"ticks": 12, "drop": 0.3}
@@ -97,7 +99,7 @@ class Harness:
 
     def channels(self, stream: Stream) -> set[str]:
         """The channels of a stream that its declaration selects."""
-        return resolve(self.name, tuple(self.estimator.uses), stream)
+        return selected(self.name, tuple(self.estimator.uses), stream)
 
     def array(self, channel: str) -> str:
         """The name that a channel's readings have in `Stream.arrays`."""
@@ -132,7 +134,7 @@ class Harness:
             found = trace(self.name, ran, given, audit(recorder) if audit else recorder)
         except CheckFailed:
             raise
-        except (EstimatorError, Misfit) as e:
+        except (EstimatorError, IncompatibleEstimator) as e:
             raise CheckFailed(f"{e} ({when})") from e
         except (Exception, SystemExit) as e:
             where = f"{recorder.method}() raised at tick {recorder.tick} of {stream.scenario!r} ({when})"
@@ -160,7 +162,7 @@ class Harness:
                 visible(self.name, self.estimator, stream)
                 sparse = drop_readings(stream, self.rng)
                 fitting.append((label, replace(sparse, scenario=f"{stream.scenario}, some readings absent")))
-            except Misfit as e:
+            except IncompatibleEstimator as e:
                 reasons.append(str(e))
         if not fitting:
             raise CheckFailed("; ".join(reasons[::2]))  # the scenarios come in pairs

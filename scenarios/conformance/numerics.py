@@ -7,7 +7,7 @@ from cooploc.estimators.interface import Array
 from cooploc.scenarios.conformance import perturb
 from cooploc.scenarios.conformance.compare import RunRecord, earliest, fail_at, require_none
 from cooploc.scenarios.conformance.harness import Harness
-from cooploc.scenarios.runner.run import trace
+from cooploc.scenarios.runner.trace import trace
 from cooploc.scenarios.stream import Stream
 
 ROUNDING = 1e-9  # asymmetry and negative variance that are allowed, relative to the covariance's largest entry

@@ -1,4 +1,4 @@
-"""How what a user holds shows itself in a notebook: a small HTML table of facts, everything in it escaped."""
+"""Small HTML tables for notebooks, with everything in them escaped."""
 
 from collections.abc import Iterable
 from html import escape

@@ -1,4 +1,4 @@
-"""The progress of a run in a notebook: a bar, what is at work, and about how long the rest takes.
+"""The progress of a run in a notebook: a bar, what runs now, and about how long the rest takes.
 
 It needs nothing but the IPython that every notebook has. Elsewhere, and in the first second, nothing is shown.
 """
@@ -13,12 +13,12 @@ from typing import Any
 PATIENCE = 1.0  # [s] before anything is shown
 EVERY = 0.2  # [s] between two pictures of the bar
 
-Advance = Callable[[str, int], None]  # what is at work, and how many steps of it are done
+Advance = Callable[[str, int], None]  # what runs now, and how many of its steps were done
 
 
 @contextmanager
 def bar(total: int) -> Iterator[Advance | None]:
-    """Yields what is to be called as steps are done, of `total`; None outside notebooks."""
+    """Yields a function to call as some of `total` steps are done; None outside notebooks."""
     display = _display()
     if display is None:
         yield None
@@ -59,8 +59,8 @@ class _Bar:
 
 def _drawn(what: str, done: int, total: int, seconds: float) -> str:
     left = seconds * (total - done) / done
-    told = f"{left:.0f} s" if left < 90 else f"{left / 60:.0f} min"
-    return f'<progress value="{done}" max="{total}"></progress> {escape(what)}, about {told} left'
+    rest = f"{left:.0f} s" if left < 90 else f"{left / 60:.0f} min"
+    return f'<progress value="{done}" max="{total}"></progress> {escape(what)}, about {rest} left'
 
 
 def _display() -> Any:

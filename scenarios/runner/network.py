@@ -1,4 +1,4 @@
-"""Delivers what robots sent over the links that hold, and counts it, in compiled loops: every tick needs both."""
+"""Delivers what robots sent over the links that hold, and counts it; compiled, as every tick needs both."""
 
 import numba
 import numpy as np
@@ -6,7 +6,7 @@ import numpy as np
 from cooploc.estimators.compiled.jit import readable
 from cooploc.estimators.interface import Array, Mail, Mask, Traffic
 
-HEADER = 8  # bytes a packet costs beside its payload
+HEADER = 8  # bytes of a packet in addition to its payload
 
 
 def deliver(sent: Array, robots: int, link: Mask, rssi: Array, distance: Array) -> Mail:

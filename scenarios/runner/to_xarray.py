@@ -1,10 +1,10 @@
-"""A run as an xarray.Dataset with labelled axes: `x` (estimator, trial, tick, robot, axis) and whatever else was kept.
+"""A run as an xarray.Dataset with labelled axes: everything that traces have, such as `x` with the axes `BELIEF`.
 
     data = run.to_xarray()
     data["x"].sel(estimator="arl", robot=0, axis="x").mean("trial").plot()
 
 `P` has `axis` for its rows and `other_axis` for its columns. An estimator's notes are "note: NAME", nan where it has
-none of that name.
+no note of that name.
 """
 
 from collections.abc import Mapping
@@ -13,22 +13,28 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from cooploc.estimators.interface import Indices
 from cooploc.estimators.plugins.errors import BadInput
-from cooploc.scenarios.runner.run import Run
+from cooploc.scenarios.runner.trace import Trace
 
 AXES = ("x", "y", "heading")
 BELIEF = ("estimator", "trial", "tick", "robot", "axis")
 COUNT = ("estimator", "trial", "robot")
 
 
-def dataset(run: Run) -> xr.Dataset:
-    """Every trace of a run; its scenario, seed and the hashes of its stream's trials are attributes.
+def dataset(traces_by_name: Mapping[str, Trace], trial: Indices, attributes: Mapping[str, Any]) -> xr.Dataset:
+    """Every trace of a run, by its estimator's name.
+
+    Args:
+        traces_by_name: on the same trials.
+        trial: their numbers (t,).
+        attributes: of the dataset.
 
     Raises:
         BadInput: the run has no estimators.
 
     """
-    traces = list(run.traces.values())
+    traces = list(traces_by_name.values())
     if not traces:
         raise BadInput("this run has no estimators, so there is nothing to put into a dataset: run some")
     _, ticks, robots, d = traces[0].x.shape
@@ -39,25 +45,24 @@ def dataset(run: Run) -> xr.Dataset:
         "bytes": (COUNT, np.stack([t.bytes for t in traces]), {"long_name": "bytes sent", "units": "B"}),
         "seconds": ("estimator", [t.seconds for t in traces], {"long_name": "time taken", "units": "s"}),
         "bound": ("estimator", [t.bound for t in traces], {"long_name": "knows more than any robot could"}),
-        **_notes(run),
+        **_notes(traces_by_name),
     }
     coordinates = {
-        "estimator": list(run.traces),
-        "trial": run.trial,
+        "estimator": list(traces_by_name),
+        "trial": trial,
         "tick": np.arange(ticks),
         "robot": np.arange(robots),
         "axis": list(AXES[:d]),
         "other_axis": list(AXES[:d]),
     }
-    attributes = {"scenario": run.scenario, "seed": run.seed, "hashes": list(run.hashes)}
     return xr.Dataset(variables, coordinates, attributes)
 
 
-def _notes(run: Run) -> Mapping[str, Any]:
+def _notes(traces: Mapping[str, Trace]) -> Mapping[str, Any]:
     """What estimators counted."""
-    names = dict.fromkeys(name for trace in run.traces.values() for name in trace.notes)
-    absent = np.full_like(next(iter(run.traces.values())).messages, np.nan)
+    names = dict.fromkeys(name for trace in traces.values() for name in trace.notes)
+    absent = np.full_like(next(iter(traces.values())).messages, np.nan)
     return {
-        f"note: {name}": (COUNT, np.stack([trace.notes.get(name, absent) for trace in run.traces.values()]))
+        f"note: {name}": (COUNT, np.stack([trace.notes.get(name, absent) for trace in traces.values()]))
         for name in names
     }

@@ -1,1 +1,1 @@
-"""Studies: scenarios x estimators x trials. The shipped ones are the TOML files beside this one."""
+"""Studies: scenarios x estimators x trials. The shipped ones are the TOML files in this folder."""

@@ -1,4 +1,4 @@
-"""A study: scenarios x configured estimators x trials, written as a TOML file.
+"""A study: scenarios x configured estimators x trials, written in a TOML file.
 
     about = "what it asks"
     trials = 100
@@ -15,14 +15,14 @@ A study that includes others by name runs everything that they have.
 """
 
 import tomllib
+from collections.abc import Iterator
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from cooploc.estimators import nearest
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.plugins.errors import BadInput, nearest
 from cooploc.scenarios.studies.sweep import expand, named
 
 Labels = tuple[str, ...]
@@ -40,8 +40,8 @@ class Block(BaseModel):
     variants: dict[str, str] = {}
 
 
-class Cell(NamedTuple):
-    """What a study does with one scenario."""
+class StudyCell(NamedTuple):
+    """What a study does with one scenario, as labels."""
 
     experiment: str
     scenario: str
@@ -56,7 +56,7 @@ class Study(BaseModel):
 
     name: str
     about: str = ""
-    minutes: Annotated[float, Field(gt=0)] | None = None  # that it takes about as shipped, on two cores
+    minutes: Annotated[float, Field(gt=0)] | None = None  # about how long it takes as shipped, on two cores
     trials: Annotated[int, Field(ge=1)] = 100
     seed: Annotated[int, Field(ge=0)] = 1
     time_limit: Annotated[float, Field(gt=0)] = 600.0  # [s] for one estimator on one trial
@@ -66,10 +66,10 @@ class Study(BaseModel):
     estimators: Labels = ()
     also: tuple[Block, ...] = ()
     include: tuple[str, ...] = ()  # other studies, by name or path
-    only: Labels = ()  # run of the study's estimators just these; one that it lacks runs on every scenario
+    only: Labels = ()  # the estimators to run; one that the study lacks runs on every scenario
 
     def with_options(self, **options: Any) -> "Study":
-        """The study with what the command line says instead; None leaves it as it is.
+        """The study with these fields replaced; None leaves a field as it is.
 
         Raises:
             BadInput: a value out of bounds.
@@ -83,19 +83,25 @@ class Study(BaseModel):
         own = [Block(scenarios=self.scenarios, estimators=self.estimators)] if self.scenarios else []
         return [self._filled(block) for block in (*own, *self.also)]
 
-    def cells(self) -> list[Cell]:
+    def expanded(self) -> Iterator[StudyCell]:
+        """Every block's scenarios, in order; one that several blocks have, several times."""
+        for block in self.blocks():
+            estimators = tuple(name for label in block.estimators for name in expand(label, block.variants))
+            for scenario in (name for label in block.scenarios for name in expand(label, block.variants)):
+                yield StudyCell(block.experiment, scenario, estimators, block.baseline)
+
+    def cells(self) -> list[StudyCell]:
         """Everything that is to run, by scenario, each scenario and each estimator once.
 
         Raises:
             BadInput: a label that cannot be read, or a scenario whose baseline is not among its estimators.
 
         """
-        found: dict[str, Cell] = {}
-        for block in self.blocks():
-            estimators = [name for label in block.estimators for name in expand(label, block.variants)]
-            for scenario in (name for label in block.scenarios for name in expand(label, block.variants)):
-                cell = found.get(scenario, Cell(block.experiment, scenario, (), block.baseline))
-                found[scenario] = cell._replace(estimators=tuple(dict.fromkeys((*cell.estimators, *estimators))))
+        found: dict[str, StudyCell] = {}
+        for new in self.expanded():
+            cell = found.get(new.scenario, new)
+            estimators = tuple(dict.fromkeys((*cell.estimators, *new.estimators)))
+            found[new.scenario] = cell._replace(estimators=estimators)
         for cell in found.values():
             if cell.baseline not in cell.estimators:
                 raise BadInput(
@@ -118,7 +124,7 @@ class Study(BaseModel):
             variants=variants,
         )
 
-    def _chosen(self, cells: list[Cell]) -> list[Cell]:
+    def _chosen(self, cells: list[StudyCell]) -> list[StudyCell]:
         """The cells with the estimators of `only`."""
         if not self.only:
             return cells

@@ -1,15 +1,14 @@
 """Labels that stand for many: `packet-drop/drop={0,0.5}`, `scalability/n={1..99..2}`, `arl[consistent]`.
 
 Braces sweep a parameter, as in a shell: a list, or first..last or first..last..step, both ends included. A word in
-brackets that is no name=value is a variant: overrides that the study gives a name.
+brackets that is not name=value is a variant: overrides to which the study gives a name.
 """
 
 import re
 from collections.abc import Mapping
 from decimal import Decimal, InvalidOperation
 
-from cooploc.estimators import nearest
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.plugins.errors import BadInput, nearest
 
 
 def expand(label: str, variants: Mapping[str, str]) -> list[str]:

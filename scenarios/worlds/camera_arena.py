@@ -1,8 +1,7 @@
 """A simulated camera world in the manner of MRCLAM: wheeled robots that see landmarks and each other.
 
-Here the truth of every model is known, so it shows whether an estimator is consistent before real robots blur the
-question, and it gives the conformance checks a world with headings. A robot that faces the
-rim turns on the spot.
+The true models are known here, so it shows whether an estimator is consistent, and it gives the conformance checks a
+world with headings. A robot that faces the rim turns on the spot.
 """
 
 from collections.abc import Sequence
@@ -43,7 +42,7 @@ class Camera(BaseModel):
     drop: Annotated[float, Field(ge=0, le=1)] = 0.0
 
     def world(self) -> World:
-        """What the team is told of this world."""
+        """What the team knows of this world in advance."""
         L, seen = self.side, Sighting(self.sigma_range, self.sigma_bearing)
         return World(
             robots=self.robots,
@@ -55,7 +54,7 @@ class Camera(BaseModel):
         )
 
     def simulate(self, label: str, trials: Sequence[int], seed: int, world: World) -> tuple[Truth, Stream]:
-        """Truth and stream of these trials. `world` is what the team is told, true or not."""
+        """Truth and stream of these trials; `world` is what the team assumes, which may differ from `world()`."""
         parts = [self._trial(seed, k) for k in trials]
         path, prior, odometry, landmark, sighting, link = (np.stack(part) for part in zip(*parts, strict=True))
         t, T, n, _ = path.shape

@@ -1,4 +1,4 @@
-"""Robots that wake at their own rate: what sleeping does to a trial's readings.
+"""Robots that wake at their own rate, and what their sleep does to a trial's readings.
 
 A robot that sleeps in a tick senses and sends nothing, and nothing reaches it; its odometry and `dt` at the next waking
 cover the whole time since the last one.

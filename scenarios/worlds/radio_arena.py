@@ -1,8 +1,8 @@
 """The simulated world of Latif & Parasuraman: robots on random walks in a square with radio nodes on its rim.
 
-The defaults are the `paper` preset; each number's reason is beside it. Every random number of a trial comes from that
-trial's own generators, so a trial is the same whatever else is simulated with it, and robots walk the same paths with
-or without walls, drops or sleep.
+The defaults are those of the paper or of its authors' code; comments give the reasons. Every random number of a trial
+comes from that trial's own generators, so a trial is the same whatever else is simulated with it, and robots walk the
+same paths with or without walls, drops or sleep.
 """
 
 from collections.abc import Sequence
@@ -67,7 +67,7 @@ class Paper(BaseModel):
         return self
 
     def world(self) -> World:
-        """What the team is told of this world."""
+        """What the team knows of this world in advance."""
         L, quantum = self.side, self.rounding**2 / 12
         heard = LogDistance(self.A, self.eta, float(np.sqrt(self.shadowing**2 + self.fast**2 + quantum)))
         averaged = float(np.sqrt(self.shadowing**2 + self.fast**2 / self.samples + quantum))
@@ -93,7 +93,7 @@ class Paper(BaseModel):
         return places
 
     def simulate(self, label: str, trials: Sequence[int], seed: int, world: World) -> tuple[Truth, Stream]:
-        """Truth and stream of these trials. `world` is what the team is told, true or not."""
+        """Truth and stream of these trials; `world` is what the team assumes, which may differ from `world()`."""
         start, path = self._walk(seed, trials)
         wake = self._awake()
         trial = np.array(trials, np.int64)
@@ -167,13 +167,13 @@ class Paper(BaseModel):
         back = 1 - (np.arange(self.samples) + 1) / self.samples
         where = path - back[:, None, None, None] * moves
         clear = self._rssi(radio_channel.distance(where[:, :, :, None], self.places())).mean(0)
-        shadow = radio_channel.remembering(rng.normal(0, self.shadowing, shape), self.shadow_correlation)
+        shadow = radio_channel.correlated(rng.normal(0, self.shadowing, shape), self.shadow_correlation)
         fast = rng.normal(0, self.fast, (self.samples, *shape)).mean(0)
         return radio_channel.rounded(clear + shadow + fast - self.attenuation * scene.anchor_blockers, self.rounding)
 
     def _robot_rssi(self, rng: np.random.Generator, d: Array, scene: radio_channel.Scene) -> Array:
         """(T, receiver, sender); shadowing is the same in both directions."""
-        shadow = radio_channel.remembering(np.triu(rng.normal(0, self.shadowing, d.shape), 1), self.shadow_correlation)
+        shadow = radio_channel.correlated(np.triu(rng.normal(0, self.shadowing, d.shape), 1), self.shadow_correlation)
         both = self._rssi(d) + shadow + shadow.transpose(0, 2, 1) - self.attenuation * scene.robot_blockers
         return radio_channel.rounded(both + rng.normal(0, self.fast, d.shape), self.rounding)
 

@@ -9,7 +9,7 @@ from cooploc.scenarios.worlds.line_of_sight import bodies_between, walls_between
 
 
 class Scene(NamedTuple):
-    """One trial's true surroundings: what stands in the way of whom. Only simulator and figures see it."""
+    """One trial's true surroundings: what blocks which link. Estimators never see it."""
 
     walls: Array  # (w, 2, 2) [m]
     obstacles: Array  # (T, m, 2) [m]
@@ -36,7 +36,7 @@ def scene(path: Array, anchors: Array, walls: Array, obstacles: Array, radius: f
     return Scene(walls, obstacles, radius, to_anchors, to_robots)
 
 
-def remembering(white: Array, correlation: float) -> Array:
+def correlated(white: Array, correlation: float) -> Array:
     """White noise (T, ...) to a stationary AR(1) process of the same variance and this lag-1 correlation."""
     if correlation == 0:
         return white
@@ -52,7 +52,7 @@ def rounded(reading: Array, unit: float) -> Array:
 
 
 def distance(a: Array, b: Array) -> Array:
-    """Euclidean distance of places (..., 2): by components, for a sum over two is numpy's slowest."""
+    """Euclidean distance of places (..., 2): by components, as numpy is slow at a sum over two."""
     dx, dy = a[..., 0] - b[..., 0], a[..., 1] - b[..., 1]
     d: Array = np.sqrt(dx**2 + dy**2)
     return d

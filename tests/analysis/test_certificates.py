@@ -13,7 +13,7 @@ from test_page import Outline, kept_from, rows_of
 
 from cooploc.analysis.claims.ledger import load
 from cooploc.analysis.claims.trial_table import collect
-from cooploc.analysis.execution.certificates import certify, line, outside, with_lines
+from cooploc.analysis.execution.certificates import certify, line, with_lines
 from cooploc.analysis.execution.execute import Quiet, execute
 from cooploc.analysis.execution.stored_run import read
 from cooploc.analysis.metrics import certificate_line
@@ -222,7 +222,6 @@ def test_what_a_check_found_is_escaped_in_the_page(tmp_path):
 
 
 def test_a_certificate_is_a_line_and_a_mark():
-    assert outside(["arl", "arl[particles=5]", "x.py:Y", "mine[a=1]", "x.py:Y"]) == ["x.py:Y", "mine[a=1]"]
     assert [mark(t) for t in ("", "passed: 16 checks", "failed: causality: far: too", "unchecked: why")] == [
         "",
         "✓ 16 checks",

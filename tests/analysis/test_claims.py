@@ -11,7 +11,7 @@ from cooploc.analysis.claims.trial_table import canonical
 from cooploc.analysis.claims.verdicts import COLUMNS, VERDICTS, judge, overview
 from cooploc.analysis.claims.wording import WORDS, sentence, show
 from cooploc.estimators import make
-from cooploc.scenarios import scenario
+from cooploc.scenarios import resolve
 
 RNG = np.random.default_rng(0)
 TRIALS, ROBOTS = 40, 2
@@ -361,7 +361,7 @@ def test_the_papers_ledger_names_what_exists():
             for name in (*read_.of, *read_.than):
                 make(name)
             for label in read_.scenarios:
-                scenario(
+                resolve(
                     label.replace("{1..", "").replace("{2..", "").replace("{4..", "").replace("{11..", "").strip("}")
                 )
 

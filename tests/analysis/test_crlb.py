@@ -45,7 +45,13 @@ def test_more_channels_and_fewer_drops_lower_it():
 
 
 @pytest.mark.parametrize(
-    "name", ["ekf-local[anchor_reading=rssi]", "ekf-joint[anchor_reading=rssi]", "rssi-pf", "mrsl-distance[anchor_reading=rssi]"]
+    "name",
+    [
+        "ekf-local[anchor_reading=rssi]",
+        "ekf-joint[anchor_reading=rssi]",
+        "rssi-pf",
+        "mrsl-distance[anchor_reading=rssi]",
+    ],
 )
 def test_no_estimator_stays_below_it(name):
     """Up to 4 standard errors of its mean squared error over trials."""

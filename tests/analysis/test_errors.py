@@ -7,7 +7,8 @@ import pytest
 
 import cooploc as cl
 from cooploc.analysis.metrics.errors import COLUMNS, errors
-from cooploc.scenarios.runner.run import Run, Trace
+from cooploc.scenarios.runner.run import Run
+from cooploc.scenarios.runner.trace import Trace
 from cooploc.scenarios.stream import Truth
 
 ARENA = np.array([[0.0, 0.0], [8.0, 8.0]])

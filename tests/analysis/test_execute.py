@@ -1,7 +1,11 @@
 """Running a study: the same bits for any number of processes, whatever was there before, and failures kept apart."""
 
 import json
+import pickle
+import shutil
+from collections import Counter
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -9,10 +13,13 @@ import pytest
 
 import cooploc as cl
 from cooploc import estimators
-from cooploc.analysis.execution import plan
+from cooploc.analysis.execution import plan, run_directory
 from cooploc.analysis.execution.execute import Quiet, execute
 from cooploc.analysis.execution.run_directory import Piece, RunDir
+from cooploc.analysis.execution.task import Task, measure
 from cooploc.estimators.dead_reckoning import DeadReckoning
+from cooploc.estimators.plugins import labels
+from cooploc.scenarios.studies.resolved_study import resolve_study
 from cooploc.scenarios.studies.study import Study
 
 STUDY = Study(
@@ -168,7 +175,7 @@ def test_foreign_newer_and_damaged_directories_are_refused(tmp_path):
     (tmp_path / "newer" / "manifest.json").write_text('{"format": 99}')
     (tmp_path / "damaged").mkdir()
     (tmp_path / "damaged" / "manifest.json").write_text("{")
-    for name, said in (("foreign", "no run directory"), ("newer", "format 99"), ("damaged", "is damaged")):
+    for name, said in (("foreign", "is not a run directory"), ("newer", "format 99"), ("damaged", "is damaged")):
         with pytest.raises(cl.BadInput, match=said):
             execute(STUDY, tmp_path / name)
     assert (tmp_path / "foreign" / "thesis.txt").read_text() == "precious"
@@ -202,15 +209,55 @@ def test_a_failing_trial_costs_no_other(tmp_path, monkeypatch):
 
 def test_what_cannot_run_is_refused_before_anything_is_written(tmp_path):
     camera = STUDY.with_options(scenarios=("trajectory", "camera/n=2"))
-    with pytest.raises(
-        cl.Misfit, match=r"mrsl-rssi\[particles=40\] needs channel 'anchor_rssi'; scenario 'camera/n=2' has"
-    ):
+    said = r"mrsl-rssi\[particles=40\] needs channel 'anchor_rssi'; scenario 'camera/n=2' has"
+    with pytest.raises(cl.IncompatibleEstimator, match=said):
         execute(camera, tmp_path / "run")
     with pytest.raises(cl.BadInput, match="not one of its estimators"):
         execute(STUDY.with_options(baseline="arl"), tmp_path / "run")
     with pytest.raises(cl.BadInput, match="jobs is 0"):
         execute(STUDY, tmp_path / "run", jobs=0)
     assert not (tmp_path / "run").exists()
+
+
+def test_a_label_is_read_once_and_a_part_is_hashed_once(finished, tmp_path, monkeypatch):
+    """Also in a run that finds some parts, one of them damaged, and computes the rest."""
+    shutil.copytree(finished[0], tmp_path / "run")
+    parts_ = sorted((tmp_path / "run" / "parts").iterdir())
+    parts_[0].unlink()
+    parts_[1].write_bytes(parts_[1].read_bytes()[:-7])
+    labels_read, parts_hashed = Counter(), Counter()
+    counted(monkeypatch, labels, "LABEL", lambda text: labels_read.update([text]))
+    counted(monkeypatch, run_directory, "_checksum", lambda file: parts_hashed.update([file.name.split(".parquet")[0]]))
+    execute(STUDY, tmp_path / "run")
+    assert labels_read == Counter([*STUDY.scenarios, *STUDY.estimators])
+    again = {parts_[1].stem: 1, f".{parts_[0].stem}": 1, f".{parts_[1].stem}": 1}  # those with a dot were written
+    assert parts_hashed == Counter({part.stem: 1 for part in parts_[2:]} | again)
+
+
+def counted(monkeypatch, module, name, note):
+    """Replaces a function, or a pattern's fullmatch, by one that also notes its argument."""
+    real = getattr(module, name)
+
+    def call(argument):
+        note(argument)
+        return getattr(real, "fullmatch", real)(argument)
+
+    monkeypatch.setattr(module, name, SimpleNamespace(fullmatch=call) if hasattr(real, "fullmatch") else call)
+
+
+def test_a_task_travels_as_labels_and_gives_the_same_bits():
+    asked = resolve_study(STUDY)
+    task = Task(asked.cells[0].scenario, range(3, 5), STUDY.seed, asked.cells[0].estimators, 60.0)
+    assert b"Paper" not in pickle.dumps(task)
+    for one, two in zip(measure(task), measure(pickle.loads(pickle.dumps(task))), strict=True):
+        assert one.piece == two.piece
+        pd.testing.assert_frame_equal(one.frame, two.frame)
+
+
+def test_a_scenario_whose_parameters_are_not_sorted_keeps_its_label(tmp_path):
+    label = "trajectory[ticks=5,side=7]"
+    rows = execute(STUDY.with_options(only=("dead-reckoning",), scenarios=(label,)), tmp_path / "run")
+    assert set(cl.compare(rows, {label: "dead-reckoning"})["scenario"]) == {label}
 
 
 def test_nothing_but_whole_files_is_ever_visible(tmp_path, monkeypatch):

@@ -9,7 +9,7 @@ from cooploc.estimators import make
 from cooploc.scenarios import simulate
 from cooploc.scenarios.conformance.check import CHECKS, check_estimator
 from cooploc.scenarios.conformance.perturb import drop_readings
-from cooploc.scenarios.runner.run import trace
+from cooploc.scenarios.runner.trace import trace
 
 FOLDER = Path(__file__).resolve().parents[2] / "examples"
 NAMES = ("filterpy_loop.py:loop", "batched_numpy.py:Batched", "numba_kernel.py:Compiled")

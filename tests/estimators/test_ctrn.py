@@ -13,7 +13,7 @@ from cooploc.estimators.models.motion import Displacement
 from cooploc.estimators.models.sensors import LogDistance, Range
 from cooploc.estimators.particle.steps import moments, weights
 from cooploc.estimators.plugins.errors import BadInput
-from cooploc.scenarios.runner.run import trace
+from cooploc.scenarios.runner.trace import trace
 
 FUSIONS = ["moments", "message", "received"]
 SMALL = {"particles": 60, "weights": "exact"}
@@ -282,5 +282,5 @@ def test_ekf_ci_is_conservative_where_everybody_repeats_the_same():
 
 def test_ls_needs_sightings():
     _, stream = cl.simulate("trajectory", ticks=2)
-    with pytest.raises(cl.Misfit, match="needs channel 'sighting'"):
+    with pytest.raises(cl.IncompatibleEstimator, match="needs channel 'sighting'"):
         cl.run({"ci": cl.make("ekf-ci", form="ls")}, stream)

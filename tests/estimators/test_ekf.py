@@ -13,7 +13,8 @@ from cooploc.estimators.ekf_local import EkfLocal
 from cooploc.estimators.interface import Mail, Senses
 from cooploc.estimators.models.sensors import Range
 from cooploc.scenarios import simulate
-from cooploc.scenarios.runner.run import run, trace
+from cooploc.scenarios.runner.run import run
+from cooploc.scenarios.runner.trace import trace
 
 
 def states_after_exchange(estimator, stream):

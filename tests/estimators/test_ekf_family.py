@@ -17,7 +17,8 @@ from cooploc.estimators.ekf_split_ci import EkfSplitCi
 from cooploc.estimators.models.sensors import LogDistance, Range
 from cooploc.estimators.ukf_joint import UkfJoint
 from cooploc.scenarios import simulate
-from cooploc.scenarios.runner.run import run, trace
+from cooploc.scenarios.runner.run import run
+from cooploc.scenarios.runner.trace import trace
 
 PLAIN = {"iterations": 1, "second_order": False, "update": "sequential"}
 TEAM = {

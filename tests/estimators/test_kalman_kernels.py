@@ -32,7 +32,7 @@ from cooploc.estimators.kalman.update import kalman
 from cooploc.estimators.models.gradient_doa import GradientDoa
 from cooploc.estimators.models.sensors import LogDistance, Range
 from cooploc.scenarios import simulate
-from cooploc.scenarios.runner.run import trace
+from cooploc.scenarios.runner.trace import trace
 
 
 def before_exchange(estimator, stream):

@@ -12,7 +12,8 @@ from cooploc.estimators.interface import Belief, Mail, Rows, Senses, World
 from cooploc.estimators.models.motion import Displacement, Unicycle
 from cooploc.estimators.models.sensors import LogDistance
 from cooploc.scenarios import simulate
-from cooploc.scenarios.runner.run import run, trace
+from cooploc.scenarios.runner.run import run
+from cooploc.scenarios.runner.trace import trace
 from cooploc.scenarios.stream import Air, Stream
 
 SIDE, PRIOR, ODOMETRY, RANGE, TICKS = 6.0, 1.0, 0.06, 0.1, 12

@@ -13,7 +13,8 @@ from cooploc.estimators.per_robot import PerRobot
 from cooploc.scenarios import simulate
 from cooploc.scenarios.conformance.check import CHECKS, check_estimator
 from cooploc.scenarios.conformance.perturb import drop_readings
-from cooploc.scenarios.runner.run import EstimatorError, trace
+from cooploc.scenarios.runner.tick import EstimatorError
+from cooploc.scenarios.runner.trace import trace
 
 
 class RadioLoop:

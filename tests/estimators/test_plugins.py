@@ -141,7 +141,7 @@ def test_a_scenario_in_a_file_is_a_scenario_like_any_other(tmp_path, monkeypatch
     assert cl.simulate(f"{tmp_path}/worlds/windy.py:WINDY")[1].robots == 2
     for label, said in (
         ("worlds/windy.py:WINDI", "has no 'WINDI'; did you mean 'WINDY'"),
-        ("worlds/windy.py:Windy", "is no cooploc Family"),
+        ("worlds/windy.py:Windy", "is not a cooploc Family"),
         ("worlds/windy.py:WINDY/rain=1", "has no 'rain=1'; known are wind="),
         ("worlds/windy.py", "is a file: say which of its names"),
     ):

@@ -8,6 +8,7 @@ import pytest
 import cooploc as cl
 from cooploc import estimators, scenarios
 from cooploc.estimators.arl import Arl
+from cooploc.estimators.plugins import registry
 
 
 @pytest.mark.parametrize("name", list(estimators.BUILTIN))
@@ -37,7 +38,7 @@ def test_parameters_are_written_the_same_everywhere():
         ("arl[anchor_reading=gps]", "estimator 'arl', anchor_reading: "),
         ("arl[particles=1]", "particles is 1; it must be at least 2"),
         ("arl[particles]", "write name=value"),
-        ("arl[particles=1", "write it like mrsl-rssi[particles=500,own=rssi]"),
+        ("arl[particles=1", "write it like mrsl-rssi[particles=500,K=1]"),
         ("arl[uses=x]", "has no parameter 'uses'"),
     ],
 )
@@ -55,16 +56,16 @@ class Plugged(Arl):
 
 @pytest.fixture
 def plugins(monkeypatch):
-    def install(where, group, **points):
-        found = [EntryPoint(name, value, group) for name, value in points.items()]
-        monkeypatch.setattr(where, "entry_points", lambda group: [p for p in found if p.group == group])
+    def install(where, **points):
+        found = [EntryPoint(name, value, where.REGISTRY.group) for name, value in points.items()]
+        monkeypatch.setattr(registry, "entry_points", lambda group: [p for p in found if p.group == group])
 
     return install
 
 
 def test_plugins_are_found_and_broken_ones_are_named(plugins):
     here = f"{__name__}:Plugged"
-    plugins(estimators, estimators.GROUP, mine=here, broken="no_such_module:X", arl=here)
+    plugins(estimators, mine=here, broken="no_such_module:X", arl=here)
     assert cl.make("mine[particles=7]") == Plugged(particles=7)
     assert "mine" in estimators.names()
     errors = estimators.plugin_errors()
@@ -81,16 +82,16 @@ LOST, ODD = scenarios.Family("lost", "no.such:Model"), scenarios.Family("odd", P
 
 
 def test_scenario_plugins_are_found_and_broken_ones_are_named(plugins):
-    plugins(scenarios, scenarios.GROUP, mine=f"{__name__}:FAMILY", broken=f"{__name__}:Plugged", nlos_="no.such:X")
+    plugins(scenarios, mine=f"{__name__}:FAMILY", broken=f"{__name__}:Plugged", nlos_="no.such:X")
     assert cl.simulate("mine")[1].robots == 2
     assert set(scenarios.plugin_errors()) == {"broken", "nlos_"}
 
 
 def test_two_plugins_of_one_name_are_both_named(monkeypatch):
     for where, what, value in ((estimators, "estimator", "Plugged"), (scenarios, "scenario", "FAMILY")):
-        here = EntryPoint("mine", f"{__name__}:{value}", where.GROUP)
-        other = EntryPoint("mine", "elsewhere:Other", where.GROUP)
-        monkeypatch.setattr(where, "entry_points", lambda group, found=(here, other, here): found)
+        here = EntryPoint("mine", f"{__name__}:{value}", where.REGISTRY.group)
+        other = EntryPoint("mine", "elsewhere:Other", where.REGISTRY.group)
+        monkeypatch.setattr(registry, "entry_points", lambda group, found=(here, other, here): found)
         said = f"2 plug-ins are called {what} 'mine': {__name__}:{value} of an unknown package and elsewhere:Other of"
         assert where.plugin_errors()["mine"].startswith(said)
         assert where.names().count("mine") == 1
@@ -99,7 +100,7 @@ def test_two_plugins_of_one_name_are_both_named(monkeypatch):
 
 
 def test_a_scenario_whose_model_cannot_be_had_is_named(plugins):
-    plugins(scenarios, scenarios.GROUP, lost=f"{__name__}:LOST", odd=f"{__name__}:ODD")
+    plugins(scenarios, lost=f"{__name__}:LOST", odd=f"{__name__}:ODD")
     errors = scenarios.plugin_errors()
     assert errors["lost"].startswith(
         "the model no.such:Model of scenario 'lost' cannot be imported: ModuleNotFoundError"

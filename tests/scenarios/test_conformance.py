@@ -14,7 +14,7 @@ from cooploc.scenarios import simulate
 from cooploc.scenarios.conformance.check import CHECKS, Report, Result, check_estimator, run_check
 from cooploc.scenarios.conformance.harness import Harness
 from cooploc.scenarios.conformance.snapshot import snapshot
-from cooploc.scenarios.runner.run import trace
+from cooploc.scenarios.runner.trace import trace
 
 NAMES = [
     "runs",

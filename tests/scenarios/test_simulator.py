@@ -5,8 +5,8 @@ import pytest
 from oracles import corners, log_distance
 
 from cooploc.estimators import make
-from cooploc.scenarios import family, names, scenario, seeds, simulate
-from cooploc.scenarios.runner.run import trace
+from cooploc.scenarios import family, names, resolve, seeds, simulate
+from cooploc.scenarios.runner.trace import trace
 
 MANY = 60  # trials of 200 ticks
 
@@ -392,7 +392,7 @@ def test_a_step_longer_than_the_arena_is_refused_or_stays_inside():
 def test_every_simulated_family_has_a_scenario():
     for name in names():
         if not family(name).recorded:
-            assert scenario(name).world().robots >= 1
+            assert resolve(name).model.world().robots >= 1
 
 
 # ---------------------------------------------------------------- the camera world

@@ -16,7 +16,8 @@ from cooploc.estimators.models.motion import Displacement, Unicycle
 from cooploc.estimators.models.sensors import Bearing, LogDistance, Range, Sighting
 from cooploc.scenarios import simulate
 from cooploc.scenarios.runner.run import run
-from cooploc.scenarios.stream import FORMAT, Stream, chunks, concatenate
+from cooploc.scenarios.stream import Stream, chunks, concatenate
+from cooploc.scenarios.stream_file import FORMAT
 
 LABELS = ["trajectory", "packet-drop/drop=0.7", "camera", "robots-1-3/n=1"]
 

@@ -17,8 +17,8 @@ def test_shipped_studies_name_only_what_there_is(name):
         cl.make(label)
     for cell in cells:
         assert cell.baseline in cell.estimators
-        if not scenarios.family(cell.scenario).recorded:
-            scenarios.scenario(cell.scenario)
+        if not cell.scenario.startswith(("mrclam", "log", "wifi")):  # recordings, which need their files
+            assert scenarios.resolve(cell.scenario).trials(shipped.trials) == shipped.trials
 
 
 def test_paper_is_all_of_its_studies():

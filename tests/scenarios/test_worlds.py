@@ -83,7 +83,7 @@ def test_pairs_lose_as_many_decibels_as_things_stand_between_them_in_both_direct
     lost = open_.air.rssi - blocked.air.rssi
     pairs = np.nan_to_num(lost)
     np.testing.assert_allclose(pairs, pairs.swapaxes(2, 3), atol=1e-9)
-    made = scenarios.scenario("nlos")
+    made = scenarios.resolve("nlos").model
     counts = np.stack([made.scene(4, k, truth.x[k]).robot_blockers for k in range(3)])
     np.testing.assert_allclose(pairs, np.where(np.eye(3, dtype=bool), 0, 10 * counts), atol=1e-9)
     assert 0.05 < (counts > 0).mean() < 0.6
@@ -103,7 +103,7 @@ def test_obstacles_wander_inside_the_arena_and_differ_by_trial():
 def test_ranges_are_biased_only_without_line_of_sight():
     _, plain = cl.simulate("nlos", trials=2, seed=5)
     truth, biased = cl.simulate("nlos/bias=0.5", trials=2, seed=5)
-    counts = np.stack([scenarios.scenario("nlos").scene(5, k, truth.x[k]).robot_blockers for k in range(2)])
+    counts = np.stack([scenarios.resolve("nlos").model.scene(5, k, truth.x[k]).robot_blockers for k in range(2)])
     off = ~np.eye(3, dtype=bool)
     np.testing.assert_allclose((biased.air.range - plain.air.range)[..., off], 0.5 * (counts > 0)[..., off], atol=1e-12)
 
@@ -122,7 +122,7 @@ def test_more_teammates_block_more():
     share = {}
     for n in (3, 10):
         truth, _ = cl.simulate(f"body-blocking/n={n}", trials=3, seed=6)
-        made = scenarios.scenario(f"body-blocking/n={n}")
+        made = scenarios.resolve(f"body-blocking/n={n}").model
         share[n] = np.mean([(made.scene(6, k, truth.x[k]).anchor_blockers > 0).mean() for k in range(3)])
     assert 0 < share[3] < share[10] < 1
 
@@ -207,7 +207,7 @@ def test_four_anchors_are_the_corners_in_the_papers_order():
 def test_a_direction_of_arrival_without_four_corners_is_refused_before_anything_runs():
     _, stream = cl.simulate("anchors/a=5", ticks=2)
     for name in ("arl", "mrsl-rssi", "ekf-local", "ekf-joint"):
-        with pytest.raises(cl.Misfit, match=r"needs four corner anchors.*use anchor_reading='rssi'"):
+        with pytest.raises(cl.IncompatibleEstimator, match=r"needs four corner anchors.*use anchor_reading='rssi'"):
             cl.run({name: cl.make(name)}, stream)
 
 

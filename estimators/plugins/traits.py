@@ -1,0 +1,47 @@
+"""What an estimator says of itself beyond the methods that every estimator has; all of it is optional."""
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+from cooploc.estimators.interface import API, Array
+
+
+class Traits(NamedTuple):
+    """The optional members of an estimator, with their defaults filled in."""
+
+    team: bool  # it holds the whole team: it has `exchange`, and neither `send` nor `fuse`
+    bound: bool  # `bound`: it knows more than any robot could
+    mutable: bool  # `mutable`: its state changes in place
+    axes: str  # `axes`: why its estimates do not turn with the world; empty where they do
+    notes: Callable[[Any], Mapping[str, Array]]  # `notes(state)`: what it counted, by name; empty by default
+
+
+def traits(estimator: Any) -> Traits:
+    """The optional members of an estimator."""
+    return Traits(
+        team=hasattr(estimator, "exchange"),
+        bound=bool(getattr(estimator, "bound", False)),
+        mutable=bool(getattr(estimator, "mutable", False)),
+        axes=getattr(estimator, "axes", ""),
+        notes=getattr(estimator, "notes", _no_notes),
+    )
+
+
+def refusal(estimator: Any) -> str:
+    """Why an estimator does not fit this version of the interface; empty where it does."""
+    uses = getattr(estimator, "uses", None)
+    if reason := wrong_version(estimator):
+        return reason
+    if not (isinstance(uses, tuple) and all(isinstance(channel, str) for channel in uses)):
+        return f"uses is {uses!r}; it must be a tuple of channel names, such as ('odometry', 'anchor_rssi')"
+    return ""
+
+
+def wrong_version(estimator: Any) -> str:
+    """Why an estimator does not fit this version of the interface by its number alone; empty where it does."""
+    api = getattr(estimator, "api", None)
+    return "" if api == API else f"it is written for interface {api!r}, this is version {API}: set api = {API}"
+
+
+def _no_notes(state: Any) -> Mapping[str, Array]:
+    return {}

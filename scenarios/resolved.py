@@ -1,0 +1,142 @@
+"""A scenario whose label has been read: its family, parameters and world. It is passed on instead of the label."""
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from operator import index
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from cooploc.estimators.interface import World
+from cooploc.estimators.plugins.errors import BadInput, nearest
+from cooploc.scenarios.family import Family, RecordedScenario, Scenario, SimulatedScenario
+from cooploc.scenarios.stream import Stream, Truth
+
+
+@dataclass(frozen=True, eq=False)
+class ResolvedScenario:
+    """A scenario as an object. It holds an instance of the family's model: send its label to another process."""
+
+    label: str  # as written, with overrides in brackets
+    name: str  # of the family
+    family: Family
+    parameters: Mapping[str, Any]  # those that differ from the model's defaults
+    model: Scenario
+
+    @property
+    def recorded(self) -> bool:
+        """Whether it is a recording, which is the same for any seed."""
+        return self.family.recorded
+
+    @property
+    def data(self) -> Path | None:
+        """The directory of a recording."""
+        return self.parameters["data"] if self.recorded else None
+
+    @property
+    def robots(self) -> int:
+        """How many robots are simulated; 1 for a recording, whose files are not read for this."""
+        return self.model.robots if isinstance(self.model, SimulatedScenario) else 1
+
+    @property
+    def ticks(self) -> int:
+        """How many ticks are simulated; 1 for a recording, as for `robots`."""
+        return self.model.ticks if isinstance(self.model, SimulatedScenario) else 1
+
+    def trials(self, asked: int) -> int:
+        """How many trials a study has that asks for so many: a recording has its own number."""
+        if not self.recorded:
+            return asked
+        return self.model.count() if isinstance(self.model, RecordedScenario) else 1
+
+    def first_tick(self) -> "ResolvedScenario":
+        """The same scenario with one tick, where its length can be chosen."""
+        simulated = not self.recorded and isinstance(self.model, SimulatedScenario)
+        return self._changed({"ticks": 1}) if simulated else self
+
+    def simulate(
+        self, trials: int | Sequence[int], seed: int, assumed: Mapping[str, Any] | None = None
+    ) -> tuple[Truth, Stream]:
+        """Truth and stream of some trials; `scenarios.simulate` says more.
+
+        Raises:
+            BadInput: trials or a seed that cannot be, or assumed parameters that would change the readings' shape.
+
+        """
+        numbers, seed = _numbers(trials), _whole(seed, "seed")
+        model = self._of(numbers)
+        world = self._assumed(assumed, model.world(), numbers) if assumed else model.world()
+        return model.simulate(self.label, numbers, seed, world)
+
+    def _of(self, trials: Sequence[int]) -> Scenario:
+        """The model of these trials; each recording of several has its own."""
+        return self.model.at(trials) if isinstance(self.model, RecordedScenario) else self.model
+
+    def _assumed(self, assumed: Mapping[str, Any], true: World, trials: Sequence[int]) -> World:
+        """The world of other parameters, which must have the same shape and clock as the true one."""
+        world = self._changed(assumed)._of(trials).world()
+        for what in ("robots", "tick", "t0", "arena", "anchors", "landmarks"):
+            if not np.array_equal(getattr(world, what), getattr(true, what)):
+                raise BadInput(
+                    f"assumed={dict(assumed)!r} would change the world's {what}: make it an override instead"
+                )
+        return world
+
+    def _changed(self, parameters: Mapping[str, Any]) -> "ResolvedScenario":
+        return build(self.label, self.name, self.family, {**self.parameters, **parameters})
+
+
+def build(label: str, name: str, family: Family, parameters: Mapping[str, Any]) -> ResolvedScenario:
+    """A family's scenario with these parameters.
+
+    Raises:
+        BadInput: an unknown parameter, or a value that does not fit.
+
+    """
+    cls = family.model_class(name)
+    for key in parameters:
+        if key not in cls.model_fields:
+            raise BadInput(f"scenario {name!r} has no parameter {key!r}; {nearest(key, list(cls.model_fields))}")
+    try:
+        model = cls(**parameters)
+    except ValidationError as e:
+        first = e.errors()[0]
+        raise BadInput(f"scenario {label!r}, {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
+    return ResolvedScenario(label, name, family, parameters, model)
+
+
+def divided(path: str) -> tuple[str, str]:
+    """The family's name and the part behind the slash, of a label without brackets; a file's path may hold slashes."""
+    if path.endswith(".py"):
+        return path, ""  # refused by `is_file`, with the remedy
+    in_file = re.fullmatch(r"(.+\.py:[^/]*)/?(.*)", path)
+    if in_file:
+        return in_file[1], in_file[2]
+    name, _, which = path.partition("/")
+    return name, which
+
+
+def _numbers(trials: Any) -> list[int]:
+    """The trials' numbers, each once."""
+    if isinstance(trials, Iterable):
+        numbers = [_whole(k, "one of the trials") for k in trials]
+    else:
+        numbers = list(range(_whole(trials, "trials")))
+    if not numbers:
+        raise BadInput(f"trials is {trials!r}; it must be at least 1")
+    if len(set(numbers)) < len(numbers):
+        raise BadInput(f"trials is {trials!r}; name each trial once, or copies would count as independent")
+    return numbers
+
+
+def _whole(value: Any, what: str) -> int:
+    try:
+        number = index(value)
+    except TypeError:
+        raise BadInput(f"{what} is {value!r}; it must be a whole number") from None
+    if number < 0:
+        raise BadInput(f"{what} is {number}; it must not be negative")
+    return number

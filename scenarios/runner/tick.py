@@ -1,0 +1,146 @@
+"""One estimator's ticks: what it is given, the calls of its methods in their order, and the mail that is carried."""
+
+from typing import Any, ClassVar, Protocol, cast
+
+import numpy as np
+
+from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, Traffic
+from cooploc.estimators.plugins.traits import traits
+from cooploc.scenarios import seeds
+from cooploc.scenarios.runner.channels import SENSED
+from cooploc.scenarios.runner.network import HEADER, count, deliver
+from cooploc.scenarios.stream import Stream
+
+
+class EstimatorError(RuntimeError):
+    """An estimator that broke the interface while it ran."""
+
+
+class Watcher(Protocol):
+    """Makes every call of an estimator's method, and so sees the arguments, state first, and the result."""
+
+    def __call__(self, method: str, tick: int, arguments: tuple[Any, ...], call: Any) -> Any: ...
+
+
+def drive(name: str, estimator: Any, stream: Stream, watch: Watcher | None = None) -> "Robots | Team":
+    """What runs an estimator tick by tick on what it may see of a stream: first `start`, then `tick` by number."""
+    return (Team if traits(estimator).team else Robots)(name, estimator, stream, watch)
+
+
+class _Drive:
+    """What both kinds of estimators need of a tick."""
+
+    team: ClassVar[bool]
+
+    def __init__(self, name: str, estimator: Any, stream: Stream, watch: Watcher | None) -> None:
+        self.name, self.estimator, self.stream = name, estimator, stream
+        self.watch: Watcher = watch or (lambda method, tick, arguments, call: call(*arguments))
+        self.shape = stream.senses.dt.shape[0], stream.robots
+        self.rows = seeds.rows(stream.seed, stream.trial, stream.robots)
+        self.bound = traits(estimator).bound
+        self.state: Any = None
+        self.hidden = np.full((len(stream.trial), stream.robots, stream.robots), np.nan)
+
+    def call(self, method: str, tick: int, *arguments: Any) -> Any:
+        return self.watch(method, tick, arguments, getattr(self.estimator, method))
+
+    def senses(self, k: int, flat: bool) -> Senses:
+        z = self.stream.senses
+        arrays = {c: self._at(getattr(z, c), k, flat) for c in (*SENSED, "dt")}
+        return Senses(**arrays, extra={c: self._at(a, k, flat) for c, a in z.extra.items()})
+
+    def air(self, k: int) -> tuple[Any, Array, Array]:
+        air = self.stream.air
+        rssi, distance = (self._pairs(a[:, k]) for a in (air.rssi, air.range))
+        return air.link[:, k], rssi, distance
+
+    def _at(self, a: Array, k: int, flat: bool) -> Array:
+        tick = a[:, k]
+        return cast(Array, _frozen(tick.reshape(len(tick) * self.stream.robots, *tick.shape[2:]) if flat else tick))
+
+    def _pairs(self, a: Array) -> Array:
+        """A hidden radio channel reads nan everywhere."""
+        return a if a.shape[-1] else self.hidden
+
+    def belief(self, k: int) -> Belief:
+        belief = self.call("estimate", k, self.state)
+        d = self.stream.prior.x.shape[-1]
+        lead = self.shape if self.team else (self.shape[0] * self.shape[1],)
+        for what, array, shape in (("x", belief.x, (*lead, d)), ("P", belief.P, (*lead, d, d))):
+            if np.shape(array) != shape:
+                raise EstimatorError(
+                    f"{self.name}: estimate() returned {what} of shape {np.shape(array)} at tick {k}, not {shape}"
+                )
+        return Belief(*belief)
+
+
+class Robots(_Drive):
+    """One row per (trial, robot); mail is carried between the rows of a trial."""
+
+    team = False
+
+    def start(self) -> None:
+        prior = Belief(*(_frozen(a.reshape(len(self.rows.key), *a.shape[2:])) for a in self.stream.prior))
+        rows = Rows(*(_frozen(a) for a in self.rows))
+        self.state = self.call("init", -1, prior, self.stream.world, rows)
+
+    def tick(self, k: int) -> tuple[Belief, Traffic]:
+        z = self.senses(k, flat=True)
+        self.state = self.call("predict", k, self.state, z)
+        self.state = self.call("correct", k, self.state, z)
+        sent = self.call("send", k, self.state, z)
+        mail, traffic = self.carry(k, sent)
+        self.state = self.call("fuse", k, self.state, z, mail)
+        return self.belief(k), traffic
+
+    def carry(self, k: int, sent: Array) -> tuple[Mail, Traffic]:
+        """Deliver packets over the links that hold; what was sent counts whether it arrives or not."""
+        t, n = self.shape
+        link, rssi, distance = self.air(k)
+        if not (sent.ndim in (2, 3) and len(sent) == t * n and (sent.ndim == 2 or sent.shape[1] == n)):
+            raise EstimatorError(
+                f"{self.name}: send() returned shape {sent.shape} at tick {k}, not ({t * n}, m) or ({t * n}, {n}, m)"
+            )
+        sent = sent if np.issubdtype(sent.dtype, np.floating) else sent.astype(float)
+        awake = self.stream.senses.dt[:, k] > 0  # a robot that is asleep sends nothing
+        mail = deliver(sent, n, link, rssi, distance)
+        return Mail(*(_frozen(a) for a in mail)), count(sent, awake.reshape(t, n))
+
+
+class Team(_Drive):
+    """One state for the whole team; arrays are (trial, n, ...)."""
+
+    team = True
+
+    def start(self) -> None:
+        t, n = self.shape
+        rows = Rows(*(_frozen(a.reshape(t, n, *a.shape[1:])) for a in self.rows))
+        if self.bound:
+            self.uplink = self._uplink()
+        self.state = self.call("init", -1, Belief(*(_frozen(a) for a in self.stream.prior)), self.stream.world, rows)
+
+    def tick(self, k: int) -> tuple[Belief, Traffic]:
+        z = self.senses(k, flat=False)
+        link, rssi, distance = self.air(k)
+        t, n = self.shape
+        heard = (a if a is self.hidden else np.where(link, a, np.nan) for a in (rssi, distance))
+        air = Mail(*(_frozen(a) for a in (link, np.empty((t, n, n, 0)), *heard)))
+        self.state = self.call("predict", k, self.state, z)
+        self.state = self.call("correct", k, self.state, z)
+        self.state, traffic = self.call("exchange", k, self.state, z, air)
+        if self.bound:
+            traffic = Traffic(self.uplink.messages[:, k], self.uplink.bytes[:, k])
+        return self.belief(k), traffic
+
+    def _uplink(self) -> Traffic:
+        """What a bound's robots must send to the computer that knows everything: the finite readings it uses."""
+        senses, air = self.stream.senses, self.stream.air
+        heard = (np.isfinite(a) & air.link for a in (air.rssi, air.range) if a.shape[-1])
+        sensed = (np.isfinite(a) for a in (*(getattr(senses, c) for c in SENSED), *senses.extra.values()))
+        finite = sum(a.reshape(*senses.dt.shape, -1).sum(-1) for a in (*sensed, *heard))
+        return Traffic((finite > 0).astype(float), np.where(finite > 0, finite * 8.0 + HEADER, 0.0))
+
+
+def _frozen(a: Any) -> Any:
+    """A copy that cannot be written to, nor lead back to what it was cut from: other channels, trials and ticks."""
+    return np.frombuffer(np.ascontiguousarray(a).tobytes(), a.dtype).reshape(a.shape)

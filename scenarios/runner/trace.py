@@ -1,0 +1,89 @@
+"""One estimator on one stream: what it believed at every tick, and what that cost."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from cooploc.estimators.interface import Array
+from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.plugins.traits import traits
+from cooploc.scenarios.display.progress_bar import Advance
+from cooploc.scenarios.runner.channels import IncompatibleEstimator, visible
+from cooploc.scenarios.runner.tick import EstimatorError, Watcher, drive
+from cooploc.scenarios.stream import Stream
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """What one estimator believed at every tick, and what it cost."""
+
+    x: Array  # (t, T, n, d)
+    P: Array  # (t, T, n, d, d)
+    messages: Array  # (t, n) sent
+    bytes: Array  # (t, n) sent
+    seconds: float  # for all trials, robots and ticks
+    bound: bool = False  # knows more than any robot could
+    notes: Mapping[str, Array] = field(default_factory=dict)  # (t, n) what the estimator counted, by name
+
+
+def trace(
+    name: str, estimator: Any, stream: Stream, watch: Watcher | None = None, advance: Advance | None = None
+) -> Trace:
+    """Run one estimator on every trial of a stream, in this process; `advance` is called after every tick, untimed.
+
+    Raises:
+        IncompatibleEstimator: the stream lacks a channel that it needs.
+        EstimatorError: it returned something of the wrong shape, or not finite.
+
+    """
+    running = drive(name, estimator, visible(name, estimator, stream), watch)
+    t, T, n = stream.senses.dt.shape
+    d = stream.prior.x.shape[-1]
+    x, P = np.empty((t, T, n, d)), np.empty((t, T, n, d, d))
+    messages, sent = np.zeros((t, n)), np.zeros((t, n))
+    with threadpool_limits(1):
+        began = perf_counter()
+        running.start()
+        for k in range(T):
+            belief, traffic = running.tick(k)
+            x[:, k], P[:, k] = belief.x.reshape(x[:, k].shape), belief.P.reshape(P[:, k].shape)
+            messages += traffic.messages
+            sent += traffic.bytes
+            if advance:
+                paused = perf_counter()
+                advance(name, 1)
+                began += perf_counter() - paused
+        seconds = perf_counter() - began
+    _demand_finite(name, stream, x, P)
+    about = traits(estimator)
+    notes = {what: np.asarray(values, float).reshape(t, n) for what, values in about.notes(running.state).items()}
+    return Trace(x, P, messages, sent, seconds, about.bound, notes)
+
+
+def demand_fit(name: str, estimator: Any, stream: Stream) -> None:
+    """Refuse an estimator that cannot run on such a stream at all.
+
+    Raises:
+        IncompatibleEstimator: the stream lacks a channel that it needs, or its `init` refuses the world.
+
+    """
+    seen = visible(name, estimator, stream)
+    try:
+        drive(name, estimator, seen).start()
+    except BadInput as e:
+        raise IncompatibleEstimator(f"{name} on scenario {stream.scenario!r}: {e}") from None
+    except Exception:
+        return
+
+
+def _demand_finite(name: str, stream: Stream, x: Array, P: Array) -> None:
+    bad = ~(np.isfinite(x).all(-1) & np.isfinite(P).all((-2, -1)))
+    if bad.any():
+        i, k, robot = np.argwhere(bad)[0]
+        raise EstimatorError(
+            f"{name}: estimate is not finite in {stream.scenario!r}, trial {stream.trial[i]}, tick {k}, robot {robot}"
+        )

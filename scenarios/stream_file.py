@@ -1,0 +1,110 @@
+"""The file of a stream: a zip of plain arrays (numpy's npz, no pickle) whose member `header` is JSON."""
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cooploc.estimators.interface import World
+from cooploc.estimators.models import gradient_doa, motion, sensors
+from cooploc.estimators.plugins.errors import BadInput
+
+FORMAT = 1
+MODELS: dict[str, Callable[..., Any]] = {
+    cls.__name__: cls
+    for cls in (
+        motion.Displacement,
+        motion.Unicycle,
+        sensors.LogDistance,
+        sensors.Range,
+        sensors.Bearing,
+        sensors.Sighting,
+        gradient_doa.GradientDoa,
+    )
+}
+PLACES = ("arena", "anchors", "landmarks")  # what a world has as arrays
+
+
+def write(path: Path, header: Mapping[str, Any], world: World, arrays: Mapping[str, Any]) -> None:
+    """Write a stream's header, world and arrays.
+
+    Raises:
+        BadInput: the world has a model of another package, which a file cannot describe.
+
+    """
+    header = {
+        "format": FORMAT,
+        "what": "cooploc stream: arrays are (trial, tick, robot, ...), SI units, nan is absent",
+        "robots": world.robots,
+        "tick": world.tick,
+        "t0": world.t0,
+        "motion": _described(world.motion),
+        "sensors": {channel: _described(sensor) for channel, sensor in world.sensors.items()},
+        **header,
+    }
+    encoded = np.frombuffer(json.dumps(header, indent=1).encode(), np.uint8)
+    places = {name: getattr(world, name) for name in PLACES}
+    with path.open("wb") as file:
+        np.savez_compressed(file, allow_pickle=False, header=encoded, **places, **dict(arrays))
+
+
+def read(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The header and the arrays of a file.
+
+    Raises:
+        BadInput: there is no file, it is not a stream's, or of a newer format.
+
+    """
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+        header = json.loads(arrays.pop("header").tobytes())
+        newer = header["format"] > FORMAT
+    except FileNotFoundError:
+        raise BadInput(f"there is no file {path}; name a stream that cooploc wrote") from None
+    except Exception as e:
+        raise BadInput(
+            f"{path} is not a stream's file ({type(e).__name__}: {e}); name one that cooploc wrote"
+        ) from None
+    if newer:
+        raise BadInput(f"{path} has format {header['format']}, this version reads up to {FORMAT}: update cooploc")
+    return header, arrays
+
+
+def world_of(header: Mapping[str, Any], arrays: Mapping[str, Any]) -> World:
+    """The world that a file describes.
+
+    Raises:
+        BadInput: it names a model that this version does not know.
+
+    """
+    return World(
+        robots=header["robots"],
+        tick=header["tick"],
+        t0=header["t0"],
+        motion=_model(header["motion"]),
+        sensors={channel: _model(described) for channel, described in header["sensors"].items()},
+        **{name: arrays[name] for name in PLACES},
+    )
+
+
+def _described(model: Any) -> dict[str, Any]:
+    name = type(model).__name__
+    known: object = MODELS.get(name)
+    if known is not type(model):
+        raise BadInput(f"a stream with the model {name} cannot be written: only {', '.join(MODELS)} have a description")
+    return {"model": name, **asdict(model)}
+
+
+def _model(described: dict[str, Any]) -> Any:
+    if described["model"] not in MODELS:
+        raise BadInput(
+            f"the stream names a model {described['model']!r} that this version does not know: update cooploc"
+        )
+    parameters: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in described.items()}
+    if isinstance(parameters.get("rssi"), dict):
+        parameters["rssi"] = sensors.LogDistance(**parameters["rssi"])
+    return MODELS[parameters.pop("model")](**parameters)

@@ -1,0 +1,51 @@
+"""A study whose labels have been read: each label once, before anything runs."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+from cooploc.estimators import configure
+from cooploc.estimators.plugins.build import ConfiguredEstimator
+from cooploc.scenarios import resolve
+from cooploc.scenarios.resolved import ResolvedScenario
+from cooploc.scenarios.studies.study import Study
+
+
+class ResolvedCell(NamedTuple):
+    """What a study does with one scenario."""
+
+    experiment: str
+    scenario: ResolvedScenario
+    trials: int
+    estimators: tuple[ConfiguredEstimator, ...]
+    baseline: str  # the label of one of them
+
+
+class ResolvedStudy(NamedTuple):
+    """Everything that is to run."""
+
+    study: Study
+    data: Path | None  # the directory of recordings
+    cells: tuple[ResolvedCell, ...]
+
+    @property
+    def estimators(self) -> list[ConfiguredEstimator]:
+        """All estimators, each once, in the order in which scenarios name them."""
+        return list({one.label: one for cell in self.cells for one in cell.estimators}.values())
+
+
+def resolve_study(study: Study, data: Path | None = None) -> ResolvedStudy:
+    """Read every label of a study.
+
+    Raises:
+        BadInput: a label that cannot be read, a scenario or a parameter of one that does not exist, or a recording
+            without `data`.
+
+    """
+    cells = study.cells()
+    known = {label: configure(label) for label in dict.fromkeys(name for cell in cells for name in cell.estimators)}
+    found = []
+    for cell in cells:
+        scenario = resolve(cell.scenario, data)
+        estimators = tuple(known[label] for label in cell.estimators)
+        found.append(ResolvedCell(cell.experiment, scenario, scenario.trials(study.trials), estimators, cell.baseline))
+    return ResolvedStudy(study, data, tuple(found))

@@ -1,0 +1,46 @@
+"""The hash of the source sees every file that makes results, by its content and its place."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from cooploc.analysis.execution.provenance import FLOORS, ROOT, source_hash
+
+PACKAGES = sorted(
+    {file.parent.relative_to(ROOT).as_posix() for floor in FLOORS for file in (ROOT / floor).rglob("*.py")}
+)
+
+
+@pytest.fixture(scope="module")
+def tree(tmp_path_factory):
+    """A copy of the source."""
+    root = tmp_path_factory.mktemp("source")
+    for floor in FLOORS:
+        shutil.copytree(ROOT / floor, root / floor, ignore=shutil.ignore_patterns("__pycache__"))
+    (root / "analysis" / "metrics").mkdir(parents=True)
+    shutil.copy(ROOT / "analysis" / "metrics" / "errors.py", root / "analysis" / "metrics")
+    return root
+
+
+def test_the_packages_are_those_on_disk():
+    assert {"estimators", "estimators/models", "scenarios/worlds", "scenarios/recordings/logs"} <= set(PACKAGES)
+
+
+@pytest.mark.parametrize("package", [*PACKAGES, "analysis/metrics"])
+def test_a_change_in_any_package_changes_the_hash(tree, package):
+    before, file = source_hash(tree), sorted((tree / package).glob("*.py"))[-1]
+    text = file.read_text()
+    file.write_text(text + "\n")
+    assert source_hash(tree) != before
+    file.write_text(text)
+    assert source_hash(tree) == before
+
+
+def test_a_file_that_moves_to_another_package_changes_the_hash(tree):
+    before, file = source_hash(tree), tree / "estimators" / "models" / "zzz.py"
+    file.write_text("")
+    added = source_hash(tree)
+    moved: Path = file.rename(tree / "estimators" / "particle" / "zzz.py")
+    assert len({before, added, source_hash(tree)}) == 3
+    moved.unlink()

@@ -1,0 +1,56 @@
+"""What an estimator may say of itself, and that none of it is needed."""
+
+from dataclasses import dataclass
+
+import cooploc as cl
+from cooploc.estimators import make
+from cooploc.estimators.plugins.traits import refusal, traits
+
+
+@dataclass(frozen=True)
+class Plain:
+    """An estimator with the members of the protocol and no others, as a stranger would write it."""
+
+    api = 1
+    uses: tuple[str, ...] = ("odometry",)
+
+    def init(self, prior, world, rows):
+        return prior
+
+    def predict(self, s, z):
+        return s
+
+    def correct(self, s, z):
+        return s
+
+    def send(self, s, z):
+        return s.x[:, :0]
+
+    def fuse(self, s, z, mail):
+        return s
+
+    def estimate(self, s):
+        return s
+
+
+def test_an_estimator_without_optional_members_runs_and_has_the_defaults():
+    _, stream = cl.simulate("trajectory", trials=2, ticks=3)
+    trace = cl.run(Plain(), stream).traces["Plain"]
+    assert (trace.bound, trace.notes) == (False, {})
+    assert traits(Plain())[:4] == (False, False, False, "")
+    assert refusal(Plain()) == ""
+
+
+def test_the_optional_members_of_built_in_estimators_are_found():
+    assert traits(make("ekf-joint"))[:2] == (True, True)
+    assert traits(make("ekf-luft"))[:2] == (True, False)
+    assert traits(make("ukf-joint")).axes.startswith("its sigma points")
+    assert traits(cl.PerRobot(Plain)).mutable
+
+
+def test_why_an_estimator_does_not_fit_is_said():
+    class Old(Plain):
+        api = 0
+
+    assert refusal(Old()) == "it is written for interface 0, this is version 1: set api = 1"
+    assert refusal(Plain(uses=["odometry"])).startswith("uses is ['odometry']; it must be a tuple")

@@ -1,0 +1,43 @@
+"""A resolved scenario knows its size, its trials and its parameters, whoever wrote its model."""
+
+import numpy as np
+import pytest
+from pydantic import BaseModel
+
+import cooploc as cl
+from cooploc.scenarios import BUILTIN, Family, resolve
+
+
+def test_a_simulated_scenario_knows_its_size():
+    found = resolve("scalability/n=7[ticks=12]")
+    assert (found.robots, found.ticks, found.trials(30), found.recorded) == (7, 12, 30, False)
+    assert (found.first_tick().ticks, found.first_tick().robots) == (1, 7)
+    assert resolve("trajectory", ticks=4).label == "trajectory[ticks=4]"
+
+
+def test_a_recording_has_its_own_number_of_trials_and_needs_its_data(tmp_path):
+    with pytest.raises(cl.BadInput, match="is a recording; say where it is"):
+        resolve("mrclam/all")
+    found = resolve("mrclam/all", tmp_path)
+    assert (found.trials(100), found.recorded, found.data) == (1, True, tmp_path)
+    assert found.first_tick() is found
+
+
+class Foreign(BaseModel):
+    """A model with nothing but what `Scenario` asks for."""
+
+    drift: float = 0.0
+
+    def world(self):
+        return resolve("trajectory").model.world()
+
+    def simulate(self, label, trials, seed, world):
+        return resolve("trajectory", ticks=3).simulate(trials, seed)
+
+
+def test_a_model_that_does_not_state_its_size_is_a_scenario_too(monkeypatch):
+    monkeypatch.setitem(BUILTIN, "foreign", Family("of another package", Foreign))
+    found = resolve("foreign[drift=1]")
+    assert (found.robots, found.ticks, found.trials(5), found.parameters) == (1, 1, 5, {"drift": "1"})
+    truth, _ = found.first_tick().simulate(2, seed=3)
+    np.testing.assert_array_equal(truth.x, cl.simulate("trajectory", trials=2, seed=3, ticks=3)[0].x)
