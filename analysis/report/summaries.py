@@ -15,10 +15,10 @@ import pandas as pd
 
 from cooploc.analysis.claims.trial_table import Missing, Results
 from cooploc.analysis.metrics import statistics
-from cooploc.analysis.metrics.certificate_line import mark, refused
 from cooploc.analysis.metrics.compare import MARGIN
-from cooploc.analysis.metrics.consistency import DOUBTFUL, OVER_CONFIDENT
+from cooploc.analysis.metrics.consistency import OVER_CONFIDENT
 from cooploc.analysis.metrics.over_time import sweep
+from cooploc.analysis.metrics.ranking import disqualified
 from cooploc.analysis.report.tables import rounded
 
 FEW = 6  # estimators of which a sentence gives every number; of more it gives the range, of twice as many no names
@@ -81,7 +81,7 @@ def _standing(scenario: str, part: pd.DataFrame, results: Results) -> Standing:
         first, other = np.sqrt(pairs).T
         if statistics.equivalence(first, other, MARGIN) < 0.05:
             equal.append(row["estimator"])
-        elif not statistics.improvement(*pairs.T).high < 0:
+        elif not statistics.change(*pairs.T).low > 0:
             tied.append(row["estimator"])
     lost = part[(part["rmse"] <= best["rmse"]) & barred]
     bare = best["certificate"].startswith("unchecked")
@@ -93,16 +93,9 @@ def _standing(scenario: str, part: pd.DataFrame, results: Results) -> Standing:
 
 
 def why(row: dict[Any, Any]) -> str:
-    """Why an estimator may not be called best; empty where it may."""
-    reasons = [f"failed the check {mark(row['certificate'])[2:]}"] if refused(row["certificate"]) else []
-    reasons += ["a bound"] if row["bound"] else []
-    if row["consistency"] == "over-confident":
-        reasons.append(f"over-confident, ANEES {rounded(row['anees'], 2)}")
-    if row["consistency"] == "undecided" and row["anees"] > DOUBTFUL:
-        reasons.append(f"probably over-confident, ANEES {rounded(row['anees'], 2)}")
-    if row["consistency"] == "not assessed":
-        reasons.append("consistency not assessed")
-    return ", ".join([*reasons, *([f"{_count(row['failed'], 'trial')} failed"] if row["failed"] else [])])
+    """Why an estimator does not qualify as best, with its ANEES where that is the reason; empty where it qualifies."""
+    anees = f", ANEES {rounded(row['anees'], 2)}"
+    return ", ".join(reason + anees * reason.endswith("over-confident") for reason in disqualified(row))
 
 
 def _named(lost: pd.DataFrame) -> tuple[str, ...]:
