@@ -79,7 +79,7 @@ def position_errors(truth: Truth, run: Run, trace: Trace) -> tuple[Array, Array]
     return _squared(truth, trace, truth.valid)
 
 
-def demand_same(truth: Truth, run: Run) -> None:
+def demand_same(truth: object, run: object) -> None:
     """Refuse what is not a truth and a run of the same stream.
 
     Raises:

@@ -1,13 +1,15 @@
 """The rows of `errors`, pooled over the robots of a trial; which of them may be paired; what estimators counted."""
 
 import hashlib
+from collections.abc import Hashable
+from typing import Any
 
 import pandas as pd
 
 from cooploc.analysis.metrics.errors import NOTE
 from cooploc.estimators.plugins.errors import BadInput
 
-CELL = ["scenario", "estimator"]
+CELL: list[Hashable] = ["scenario", "estimator"]
 
 
 def succeeded(errors: pd.DataFrame) -> pd.DataFrame:
@@ -33,7 +35,7 @@ def trial_means(errors: pd.DataFrame) -> dict[tuple[str, str], pd.DataFrame]:
     `seconds` and `robots` are those of the trial. A cell whose trials all failed has no rows.
     """
     ended = succeeded(errors)
-    keys = [ended[key] for key in (*CELL, "trial")]
+    keys: list[Any] = [ended[key] for key in (*CELL, "trial")]
     weight = ended["ticks"] / ended["ticks"].groupby(keys).transform("sum")
     weighted = ended[["mse", "anees", "coverage95", "mean_error"]].mul(weight, axis=0)
     out = weighted.groupby(keys).sum(min_count=1)

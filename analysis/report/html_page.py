@@ -53,9 +53,9 @@ METHODS = (
      "interval does; cooploc verdicts prints them."),
 )  # fmt: skip
 LEGEND = (
-    'A change is b/a - 1: negative where the error falls. "66 % more accurate" may be claimed as a change of -66 %, or as a '
-    "ratio of errors of 1.66, a change of -40 %. A verdict is wrong in at most one of twenty repetitions of the run; over all "
-    "rows some are to be expected. Readings: paper, as it stands; others as the ledger describes them."
+    'A change is b/a - 1: negative where the error falls. "66 % more accurate" may be claimed as a change of -66 %, or '
+    "as a ratio of errors of 1.66, a change of -40 %. A verdict is wrong in at most one of twenty repetitions of the "
+    "run; over all rows some are to be expected. Readings: paper, as it stands; others as the ledger describes them."
 )
 
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from cooploc.analysis.claims.trial_table import Missing, Results
+from cooploc.analysis.claims.trial_table import Missing, TrialTable
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.compare import MARGIN
 from cooploc.analysis.metrics.consistency import OVER_CONFIDENT
@@ -61,12 +61,12 @@ class Change(NamedTuple):
     trials: int
 
 
-def standings(table: pd.DataFrame, results: Results) -> list[Standing]:
+def standings(table: pd.DataFrame, results: TrialTable) -> list[Standing]:
     """One per scenario, from `compare` and `collect`."""
     return [_standing(str(scenario), part, results) for scenario, part in table.groupby("scenario", sort=False)]
 
 
-def _standing(scenario: str, part: pd.DataFrame, results: Results) -> Standing:
+def _standing(scenario: str, part: pd.DataFrame, results: TrialTable) -> Standing:
     trials = int(part["trials"].max())
     part = part[part["rmse"].notna()].sort_values("rmse", kind="stable")
     barred = np.array([bool(why(row)) for row in part.to_dict("records")], bool)
@@ -162,7 +162,7 @@ def confidence(table: pd.DataFrame) -> str:
     return " ".join(parts)
 
 
-def changes(scenarios: list[str], estimators: Iterable[str], results: Results) -> list[Change]:
+def changes(scenarios: list[str], estimators: Iterable[str], results: TrialTable) -> list[Change]:
     """How every estimator's RMSE changes over a sweep, paired by trial; of those that ran at both ends."""
     ordered = sorted(scenarios, key=lambda label: sweep(label)[2])
     out = []

@@ -18,9 +18,9 @@ import pandas as pd
 from joblib import Parallel, delayed
 from scipy import stats
 
-from cooploc.analysis.claims.kinds import FINDERS, cases
-from cooploc.analysis.claims.ledger import Claim
-from cooploc.analysis.claims.trial_table import Results
+from cooploc.analysis.claims.claim import Claim
+from cooploc.analysis.claims.kinds import KINDS, cases
+from cooploc.analysis.claims.trial_table import TrialTable
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.consistency import flag
 from cooploc.analysis.metrics.ranking import letters
@@ -202,17 +202,17 @@ LABELS = [f"s/n={k}" for k in range(1, 7)]
 # what is claimed -> the claim, the factors of the true mean squared errors (scenario, estimator), the false verdicts
 LIES: dict[str, tuple[dict[str, object], np.ndarray, tuple[str, ...]]] = {
     "better; they are equal": (
-        {"kind": "improvement", "than": ("b",), "scenarios": LABELS[:1]},
+        {"kind": "change", "than": ("b",), "scenarios": LABELS[:1]},
         np.ones((1, 2)),
         ("supported", "contradicted"),
     ),
     "30 % better (less 5); it is 25 %": (
-        {"kind": "improvement", "than": ("b",), "scenarios": LABELS[:1], "size": 0.3},
+        {"kind": "change", "than": ("b",), "scenarios": LABELS[:1], "size": -0.3},
         np.array([[0.75**2, 1.0]]),
         ("supported", "contradicted"),
     ),
     "30 % better; it is 30 %": (
-        {"kind": "improvement", "than": ("b",), "scenarios": LABELS[:1], "size": 0.3},
+        {"kind": "change", "than": ("b",), "scenarios": LABELS[:1], "size": -0.3},
         np.array([[0.7**2, 1.0]]),
         ("direction only", "contradicted"),
     ),
@@ -257,7 +257,8 @@ LIES: dict[str, tuple[dict[str, object], np.ndarray, tuple[str, ...]]] = {
 def lie(told: dict[str, object], factors: np.ndarray, false: tuple[str, ...]):
     """How often a claim gets a verdict that is not true."""
     claim = Claim(id="x", says="", of="a", **told)  # type: ignore[arg-type]
-    (case,) = [c for c in cases(claim) if c.definition != "ratio"]
+    judge, (case, *_) = KINDS[claim.kind].judge, cases(claim)
+    assert judge is not None
 
     def measure(rng: np.random.Generator, draw: Draw, n: int) -> float:
         wrong = 0
@@ -268,7 +269,7 @@ def lie(told: dict[str, object], factors: np.ndarray, false: tuple[str, ...]):
                 for i, label in enumerate(case.scenarios)
                 for j, name in enumerate("ab")
             }
-            wrong += FINDERS[claim.kind](case, claim, Results(frames, {}, set())).verdict in false
+            wrong += judge(case, claim, TrialTable(frames, {}, set())).verdict in false
         return wrong / (REPEATS // 4)
 
     return measure
