@@ -231,7 +231,7 @@ def ledger(rows: pd.DataFrame) -> tuple[str, str, Axes]:
     """What was found beside what was claimed."""
     judged = verdicts.judge(load(), rows)
     trials = int(judged.loc[judged["variant"] == BASE, "trials"].max())
-    title = f"Claims that name a share, in the `paper` reading; 95 % intervals over n = {trials} paired trials."
+    title = f"Claims that name a change, in the `paper` reading; 95 % intervals over n = {trials} paired trials."
     return "claims", title, cl.plot.claims(judged)
 
 

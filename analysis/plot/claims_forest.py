@@ -79,7 +79,7 @@ def _dress(ax: Axes, found: set[str]) -> None:
             ax.plot([], [], marker, mec=colour, mfc=face, ms=6, label=verdict)
     ax.plot([], [], color=CLAIMED, lw=2, label="claimed")
     ax.axvline(0, color="0.7", lw=0.8, zorder=0)
-    ax.set_xlabel("change of the RMSE with its 95 % interval [%]; negative: smaller error")
+    ax.set_xlabel("change of the RMSE [%] with its 95 % interval")
     ax.grid(axis="x", color="0.92", lw=0.8)
     ax.set_axisbelow(True)
     ax.tick_params(axis="y", length=0)
