@@ -99,7 +99,7 @@ def read(content: dict[str, Any], where: str) -> Ledger:
 
 
 def variants(claim: Claim, ledger: Ledger) -> list[tuple[str, Claim]]:
-    """The claim as it stands, and once for every variant that changes it.
+    """The claim as it stands, and again for every variant that changes it.
 
     A variant replaces all of a claim's scenarios or none, for a comparison between two kinds of worlds would say
     nothing about either; of its estimators it replaces those it names.

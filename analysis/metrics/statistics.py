@@ -124,7 +124,7 @@ def signed_rank(a: Array, b: Array) -> tuple[float, float]:
 
 
 def equivalence(a: Array, b: Array, margin: float) -> float:
-    """p against "the typical ratio b/a of paired errors lies outside 1/(1 + margin) .. 1 + margin": small means a tie.
+    """p against "the typical ratio b/a of paired errors is outside 1/(1 + margin) .. 1 + margin"; small means a tie.
 
     Two one-sided t tests (Schuirmann 1987) on the logarithms, so that it is the geometric mean of b/a that is judged.
     """
@@ -149,7 +149,7 @@ def holm(p: Array) -> Array:
 
 
 def trials_for_width(interval: Interval, n: int, half: float) -> float:
-    """Trials at which an interval over n of them would be `half` wide to either side; nan where it says nothing.
+    """Trials at which an interval over n of them would be `half` wide to either side; nan without one.
 
     From n = (z s / h)^2 + (z^2 + 1) / 2, the second term for the t quantile.
     """
@@ -157,7 +157,7 @@ def trials_for_width(interval: Interval, n: int, half: float) -> float:
 
 
 def trials_to_exclude(interval: Interval, n: int, distance: float) -> float:
-    """Trials whose interval would, in 4 of 5 repetitions, exclude a value this far away; nan where it says nothing.
+    """Trials whose interval would, in 4 of 5 repetitions, exclude a value this far away; nan without one.
 
     From n = ((z + z_0.8) s / distance)^2 + z^2 / 2 (Guenther 1981).
     """
