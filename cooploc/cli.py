@@ -73,7 +73,7 @@ def run(
     folder = out or Path("runs") / f"{asked.name}-seed{asked.seed}"
     with Watch() as watch:
         rows = execute(asked, folder, data=data, jobs=jobs, scheduler=scheduler, check=check, progress=watch)
-    table = compare(rows, asked.baselines())
+    table = compare(rows, asked.baselines(), full=True)
     terminal.keep(table, rows, folder)
     terminal.show(table, rows, folder, as_json)
     if rows["failure"].notna().any():

@@ -20,10 +20,11 @@ import cooploc as cl
 from cooploc.analysis.claims import verdicts
 from cooploc.analysis.claims.ledger import BASE, load
 from cooploc.analysis.execution.stored_run import read
-from cooploc.analysis.metrics.compare import stream_hash, summarize
+from cooploc.analysis.metrics.compare import summarize
 from cooploc.analysis.metrics.consistency import consistency
 from cooploc.analysis.metrics.crlb import floors
 from cooploc.analysis.metrics.over_time import over_time, swept
+from cooploc.analysis.metrics.pooling import stream_hash
 from cooploc.analysis.report.svg_figures import GREY, styles
 
 mpl.use("agg")
@@ -230,7 +231,7 @@ def ledger(rows: pd.DataFrame) -> tuple[str, str, Axes]:
     """What was found beside what was claimed."""
     judged = verdicts.judge(load(), rows)
     trials = int(judged.loc[judged["variant"] == BASE, "trials"].max())
-    title = f"Claims that name a share, in the `paper` reading; 95 % intervals over n = {trials} paired trials."
+    title = f"Claims that name a change, in the `paper` reading; 95 % intervals over n = {trials} paired trials."
     return "claims", title, cl.plot.claims(judged)
 
 

@@ -5,72 +5,38 @@
     [[claims]]
     id = "1"
     says = "Ours is a third better than theirs"
-    kind = "improvement"
+    kind = "change"
     of = "mrsl-rssi"
     than = "ctrn"
     scenarios = "robots-1-3/n=3"
-    size = 0.33
+    size = -0.33  # a change b/a - 1 of the error: negative where it falls
 
-`KINDS` says which keys each kind of claim takes, `claims.verdicts` what they mean and how they are judged. A
-scenario `scalability/n={3..99}` stands for all those of the run whose value lies between the two. `[variants.NAME]`
-maps scenarios or estimators to others, so that a claim is judged again where the paper can be read in another way.
+`kinds.KINDS` says which keys each kind of claim takes, what they mean, and how it is judged. A scenario
+`scalability/n={3..99}` stands for all those of the run whose value lies between the two. `[variants.NAME]` maps
+scenarios or estimators to others, so that a claim is judged again where the paper can be read in another way.
 """
 
 import tomllib
 from importlib.resources import files
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, Field, ValidationError
 
+from cooploc.analysis.claims.claim import STRICT, Claim
+from cooploc.analysis.claims.kinds import KINDS, RELATIVE
 from cooploc.estimators import nearest
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.display.html import listed
 
 BASE = "paper"  # the variant without substitutions
-# kind -> the keys that it needs, those it may have, and the least number of scenarios
-RANGED = ("all", "same", "growth", "slope")  # kinds whose scenarios may be a range
-KINDS: dict[str, tuple[set[str], set[str], int]] = {
-    "improvement": ({"of", "than", "scenarios"}, {"size", "margin", "definitions"}, 1),
-    "all": ({"of", "than", "scenarios"}, set(), 1),
-    "trend": ({"of", "scenarios"}, {"size", "margin", "definitions"}, 2),
-    "growth": ({"of", "scenarios"}, set(), 1),
-    "same": ({"of", "scenarios", "margin"}, set(), 1),
-    "interaction": ({"of", "than", "scenarios"}, set(), 2),
-    "level": ({"of", "scenarios", "size"}, set(), 1),
-    "slope": ({"of", "scenarios", "size"}, {"margin"}, 1),
-    "cost": ({"of", "than", "scenarios"}, {"size", "margin"}, 1),
-    "untestable": ({"why"}, set(), 0),
-}
-ALWAYS = {"id", "says", "where", "kind", "open"}
-
-Labels = Annotated[tuple[str, ...], BeforeValidator(lambda given: (given,) if isinstance(given, str) else given)]
-_STRICT = ConfigDict(frozen=True, extra="forbid")
-
-
-class Claim(BaseModel):
-    """One claim."""
-
-    model_config = _STRICT
-
-    id: str
-    says: str  # in our words
-    where: str = ""  # in the paper
-    kind: str
-    of: Labels = ()  # estimators the claim is about
-    than: Labels = ()  # estimators they are compared with
-    scenarios: Labels = ()
-    size: float | None = None  # 0.66: by 66 %; of a level [m]; of a slope
-    margin: Annotated[float, Field(gt=0)] = 0.05  # the size is met up to this; what is the same lies within it
-    definitions: tuple[Literal["reduction", "ratio"], ...] = ("reduction", "ratio")  # 1 - b/a and a/b - 1
-    open: tuple[str, ...] = ()  # conditions that the paper leaves open
-    why: str = ""  # it cannot be tested
+ALWAYS = {"id", "says", "where", "kind", "open"}  # keys of every kind
 
 
 class Variant(BaseModel):
     """Another reading of the paper, as substitutions."""
 
-    model_config = _STRICT
+    model_config = STRICT
 
     about: str = ""
     estimators: dict[str, str] = {}
@@ -80,7 +46,7 @@ class Variant(BaseModel):
 class Ledger(BaseModel):
     """What a ledger's file says."""
 
-    model_config = _STRICT
+    model_config = STRICT
 
     paper: str
     claims: Annotated[tuple[Claim, ...], Field(min_length=1)]
@@ -97,7 +63,7 @@ def load(path: str | Path | None = None) -> Ledger:
     """The ledger of a TOML file; without a path, that of Latif & Parasuraman (2022).
 
     Raises:
-        BadInput: there is no such file, or it is no ledger; says the claim and the key.
+        BadInput: there is no such file, or it is not a ledger; names the claim and the key.
 
     """
     file: Any = files(__package__) / "claims.toml" if path is None else Path(path)
@@ -133,7 +99,7 @@ def read(content: dict[str, Any], where: str) -> Ledger:
 
 
 def variants(claim: Claim, ledger: Ledger) -> list[tuple[str, Claim]]:
-    """The claim as it stands, and once for every variant that changes it.
+    """The claim as it stands, and again for every variant that changes it.
 
     A variant replaces all of a claim's scenarios or none, for a comparison between two kinds of worlds would say
     nothing about either; of its estimators it replaces those it names.
@@ -172,7 +138,7 @@ def _demand_kind(claim: dict[str, Any], where: str) -> None:
         raise BadInput(f"{who}: has no kind; known are {', '.join(KINDS)}")
     if kind not in KINDS:
         raise BadInput(f"{who}: there is no kind {kind!r}; {nearest(str(kind), list(KINDS))}")
-    needs, may, _ = KINDS[kind]
+    needs, may = KINDS[kind].needs, KINDS[kind].may
     for key in sorted(needs - set(claim)):
         raise BadInput(f"{who}: kind {kind!r} needs {key!r}: add it")
     for key in sorted(set(claim) - needs - may - ALWAYS):
@@ -185,13 +151,13 @@ def _demand_sense(ledger: Ledger, where: str) -> None:
         who = f"{where}, claim {claim.id!r}"
         if names.count(claim.id) > 1:
             raise BadInput(f"{who}: there are two claims of that id: give each its own")
-        if len(claim.scenarios) < KINDS[claim.kind][2]:
-            raise BadInput(f"{who}: kind {claim.kind!r} needs at least {KINDS[claim.kind][2]} scenarios: add some")
+        kind = KINDS[claim.kind]
+        if kind.scenarios == "later" and len(claim.scenarios) < 2:
+            raise BadInput(f"{who}: kind {claim.kind!r} needs at least 2 scenarios: add some")
         ranges = [label for label in claim.scenarios if "{" in label]
-        if ranges and claim.kind not in RANGED:
+        if ranges and kind.scenarios != "all":
             raise BadInput(f"{who}: kind {claim.kind!r} takes no range like {ranges[0]!r}: list the scenarios")
-        relative = claim.kind in ("improvement", "trend", "cost")
-        if relative and claim.size is not None and claim.size <= claim.margin:
-            raise BadInput(f"{who}: size {claim.size} is not above margin {claim.margin}: make margin smaller")
+        if claim.kind in RELATIVE and claim.size is not None and abs(claim.size) <= claim.margin:
+            raise BadInput(f"{who}: size {claim.size} is not beyond margin {claim.margin}: make margin smaller")
     if BASE in ledger.variants:
         raise BadInput(f"{where}: a variant cannot be called {BASE!r}, as the claims as they stand are: rename it")

@@ -1,4 +1,4 @@
-"""The rows of a run by scenario and estimator, one line per trial: what verdicts are computed from."""
+"""A run's trials by scenario and estimator, one line each: what verdicts are computed from."""
 
 import re
 from collections import Counter
@@ -9,52 +9,58 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from cooploc.analysis.metrics.compare import succeeded
 from cooploc.analysis.metrics.over_time import sweep
+from cooploc.analysis.metrics.pooling import trial_means
 from cooploc.estimators import nearest, parse
 from cooploc.estimators.interface import Array
 
-Cell = tuple[str, str]  # scenario, estimator
+Key = tuple[str, str]  # labels of a scenario and an estimator
 
 
 class Missing(Exception):
     """The run lacks what a claim is about; says what."""
 
 
-class Results(NamedTuple):
-    """Per (scenario, estimator), by canonical labels: a frame with one line per trial that ended."""
+class TrialTable(NamedTuple):
+    """Trials that succeeded, by canonical labels of scenario and estimator. Methods take labels in any spelling."""
 
-    frames: dict[Cell, pd.DataFrame]  # index: trial; columns: mse, anees, coverage95, seconds, robots
-    failures: Mapping[Cell, int]  # trials that failed
-    bounds: set[str]
+    frames: dict[Key, pd.DataFrame]  # of `trial_means`, without keys whose trials all failed; index: trial
+    failures: Mapping[Key, int]  # trials that failed
+    bounds: set[str]  # estimators that are bounds
 
-    def mse(self, *cells: Cell) -> Array:
-        """Mean squared errors (trial, cell) of the trials that ended in all cells."""
-        return self._joined("mse", cells)
+    def mse(self, *keys: Key) -> Array:
+        """Mean squared errors (trial, key) [m^2] of the trials that succeeded in all keys."""
+        return self._joined("mse", keys)
 
-    def parts(self, *cells: Cell) -> Array:
-        """Seconds per robot and tick (part, cell): trials whose time was taken together share one value."""
-        seconds = self._joined("seconds", cells)
+    def seconds(self, *keys: Key) -> Array:
+        """Seconds per robot and tick (part, key): trials whose time was taken together share one value."""
+        seconds = self._joined("seconds", keys)
         if not len(seconds):
-            raise Missing(f"no times of {', '.join(name for _, name in cells)} in {cells[0][0]}")
+            raise Missing(f"no times of {', '.join(name for _, name in keys)} in {keys[0][0]}")
         return np.unique(seconds, axis=0)
 
-    def anees(self, cell: Cell) -> Array:
-        return self._frame(cell)["anees"].dropna().to_numpy(float)
+    def anees(self, key: Key) -> Array:
+        """ANEES (trial,), of trials that have one."""
+        return self._frame(key)["anees"].dropna().to_numpy(float)
 
-    def coverage(self, cell: Cell) -> Array:
-        return self._frame(cell)["coverage95"].dropna().to_numpy(float)
+    def coverage(self, key: Key) -> Array:
+        """Share of truths in the 95 % ellipse (trial,), of trials that have one."""
+        return self._frame(key)["coverage95"].dropna().to_numpy(float)
 
-    def failed(self, cell: Cell) -> int:
-        return self.failures.get(_canonical(cell), 0)
+    def failed(self, key: Key) -> int:
+        """How many trials failed."""
+        return self.failures.get(_canonical(key), 0)
 
     def bound(self, estimator: str) -> bool:
+        """Whether an estimator is a bound."""
         return canonical(estimator) in self.bounds
 
-    def trials(self, cell: Cell) -> int:
-        return len(self._frame(cell))
+    def trials(self, key: Key) -> int:
+        """How many trials succeeded."""
+        return len(self._frame(key))
 
     def robots(self, scenario: str) -> int:
+        """Robots in the team."""
         return next(int(f["robots"].iloc[0]) for (s, _), f in self.frames.items() if s == canonical(scenario))
 
     def swept(self, scenario: str) -> float:
@@ -82,44 +88,32 @@ class Results(NamedTuple):
             raise Missing(f"no rows of any scenario {label}")
         return [s for _, s in inside]
 
-    def _frame(self, cell: Cell) -> pd.DataFrame:
-        frame = self.frames.get(_canonical(cell))
+    def _frame(self, key: Key) -> pd.DataFrame:
+        frame = self.frames.get(_canonical(key))
         if frame is None:
-            here = [name for scenario, name in self.frames if scenario == canonical(cell[0])]
-            raise Missing(f"no rows of {cell[1]} in {cell[0]}" + (f"; {nearest(cell[1], here)}" if here else ""))
+            here = [name for scenario, name in self.frames if scenario == canonical(key[0])]
+            raise Missing(f"no rows of {key[1]} in {key[0]}" + (f"; {nearest(key[1], here)}" if here else ""))
         return frame
 
-    def _joined(self, column: str, cells: tuple[Cell, ...]) -> Array:
-        """(trial, cell) of the trials that have the column in all cells."""
-        columns = [self._frame(cell)[column] for cell in cells]
+    def _joined(self, column: str, keys: tuple[Key, ...]) -> Array:
+        """(trial, key) of the trials that have the column in all keys."""
+        columns = [self._frame(key)[column] for key in keys]
         first = columns[0].index
         if not all(c.index.equals(first) for c in columns):  # joining takes most of the time, and is seldom needed
-            columns = [c for _, c in pd.concat(columns, axis=1, join="inner", keys=range(len(cells))).items()]
+            columns = [c for _, c in pd.concat(columns, axis=1, join="inner", keys=range(len(keys))).items()]
         values: Array = np.stack([c.to_numpy(float) for c in columns], 1)
         complete: Array = values[np.isfinite(values).all(1)]
         return complete
 
 
-def collect(rows: pd.DataFrame) -> Results:
-    """Pool the robots of every trial, weighted by the ticks that count."""
-    keys = ["scenario", "estimator", "trial"]
-    ended = succeeded(rows)
-    weight = ended["ticks"] / ended.groupby(keys)["ticks"].transform("sum")
-    weighted = ended[["mse", "anees", "coverage95"]].mul(weight, axis=0).assign(**{k: ended[k] for k in keys})
-    trials = weighted.groupby(keys, sort=False).sum(min_count=1)
-    trials[["seconds", "robots"]] = ended.groupby(keys, sort=False)[["seconds", "robots"]].first()
-    frames = {
-        (canonical(str(s)), canonical(str(e))): part.droplevel([0, 1])
-        for (s, e), part in trials.groupby(level=["scenario", "estimator"], sort=False)
-    }
-    lost = rows[rows["failure"].notna()] if "failure" in rows else rows[:0]
-    once = lost.drop_duplicates(keys)
-    failures = Counter(zip(once["scenario"].map(canonical), once["estimator"].map(canonical), strict=True))
-    return Results(
-        frames,
-        failures,
-        {canonical(str(name)) for name in ended.loc[ended["bound"].astype(bool), "estimator"].unique()},
-    )
+def collect(rows: pd.DataFrame) -> TrialTable:
+    """The table of the rows of a run or of `errors`."""
+    frames = {_canonical(key): frame for key, frame in trial_means(rows).items() if len(frame)}
+    failed = rows[rows["failure"].notna()] if "failure" in rows else rows[:0]
+    once = failed.drop_duplicates(["scenario", "estimator", "trial"])
+    failures = Counter(map(_canonical, zip(once["scenario"], once["estimator"], strict=True)))
+    bounds = rows.loc[rows["bound"].eq(True), "estimator"].unique()
+    return TrialTable(frames, failures, {canonical(str(name)) for name in bounds})
 
 
 @cache
@@ -131,8 +125,8 @@ def canonical(label: str) -> str:
     return head + equals + _short(value) + (f"[{options}]" if options else "")
 
 
-def _canonical(cell: Cell) -> Cell:
-    return canonical(cell[0]), canonical(cell[1])
+def _canonical(key: Key) -> Key:
+    return canonical(key[0]), canonical(key[1])
 
 
 def _short(value: str) -> str:

@@ -1,37 +1,17 @@
 """Verdicts on a ledger's claims, computed from the rows of a run and never written by hand.
 
-A claim comes down to one number with its 95 % interval over trials, and each verdict to a zone of numbers. The verdict
-is the first of the list whose zone holds the whole interval, so that it is wrong in one of twenty repetitions where the
-truth is at the zone's edge, and more seldom elsewhere (measured in `reports/statistics.md`):
+A claim comes down to one number with its 95 % interval over trials, and each verdict to a zone of numbers, which
+`kinds` gives for every kind of claim. A verdict holds where its zone holds the whole interval, so that it is wrong in
+one of twenty repetitions where the truth is at the zone's edge, and less often elsewhere (measured in
+`reports/statistics.md`):
 
 - *supported*: the claim's direction, and its size up to its margin;
 - *direction only*: the direction, but less than the size;
-- *contradicted*: the other direction, or no difference whatsoever;
+- *contradicted*: the other direction, or no difference at all;
 - *undecided*: the interval reaches into several zones, or there is none. `needed` is the number of trials that would
   decide in 4 of 5 repetitions if the number stays as it is.
 
-*not testable* says why, *not run* what is missing. The kinds (number -> supported; direction only; contradicted):
-
-- `improvement`: by how much `of` is better than `than` in a scenario, as error reduction 1 - b/a and as ratio a/b - 1
-  (Fieller) -> above size - margin; from 0 to size; below 0. Without a size: above 0; below 0.
-- `trend`: by how much the error of `of` falls from the first scenario to each later one; the same zones.
-- `all`: `of` is better than every `than` in every scenario -> every improvement is above 0, an intersection-union test
-  that needs no adjustment; one of them is below 0 after Holm over all of them. The number is the weakest case.
-- `same`: from the first scenario to every later one the RMSE changes by less than a factor 1 + margin -> all intervals
-  lie within; one of them lies outside after Holm. Each is compared with the first and not with the one before, for
-  small steps may add up. The number is the largest change.
-- `growth`: by how much the RMSE grows per unit of what is swept, from the slope of its logarithm, jackknife -> above 0;
-  below 0.
-- `interaction`: the error of `of` grows by a larger factor than that of `than`, from the first scenario to each later
-  one; jackknife on the ratio of ratios -> above 1; below 1.
-- `level`: RMSE [m] -> at most size; above.
-- `slope`: exponent of seconds per robot and tick over the number of robots, least squares over scenarios -> at most
-  size + margin; above.
-- `cost`: by how much `of` takes less time than `than`; zones as `improvement`. Here a trial is not the unit but a part
-  of the run, the trials whose time was taken together.
-
-Trials of two scenarios are paired by their number. The pairs are independent of each other whether or not the two of a
-pair are correlated (scenarios of one seed share some of their random numbers), so this is right in either case.
+*not testable* says why, *not run* what is missing.
 """
 
 from collections.abc import Iterable
@@ -39,14 +19,15 @@ from collections.abc import Iterable
 import numpy as np
 import pandas as pd
 
-from cooploc.analysis.claims.kinds import FINDERS, Case, Finding, cases
-from cooploc.analysis.claims.ledger import Claim, Ledger, variants
+from cooploc.analysis.claims.claim import Claim
+from cooploc.analysis.claims.kinds import KINDS, RELATIVE, Case, Judge, cases, claimed
+from cooploc.analysis.claims.ledger import Ledger, variants
 from cooploc.analysis.claims.ledger import load as load
-from cooploc.analysis.claims.trial_table import Missing, Results, collect
+from cooploc.analysis.claims.trial_table import Missing, TrialTable, collect
+from cooploc.analysis.claims.zones import Finding
 from cooploc.analysis.metrics import statistics
-from cooploc.analysis.metrics.compare import demand_same_streams
 from cooploc.analysis.metrics.consistency import flag
-from cooploc.estimators.interface import Array
+from cooploc.analysis.metrics.pooling import demand_same_streams
 
 VERDICTS = ("supported", "direction only", "contradicted", "undecided", "not testable", "not run")
 COLUMNS = {
@@ -58,15 +39,15 @@ COLUMNS = {
     "scenario": "where it was looked for; of several, the one that the number is of",
     "of": "the estimator it is about",
     "than": "the one it is compared with",
-    "definition": "reduction (1 - b/a) or ratio (a/b - 1), where both are given",
-    "size": "what is claimed",
-    "value": "the number found",
+    "definition": "of the size: change (b/a - 1 is -0.66) or ratio (a/b - 1 is 0.66); empty without a size",
+    "size": "what is claimed, as a change where the number is one",
+    "value": "the number found; a change is b/a - 1, negative where the error or the time is smaller",
     "low": "its 95 % interval",
     "high": "",
     "trials": "trials it is over (slope: sizes of the team; cost: parts of the run)",
     "verdict": "one of " + ", ".join(VERDICTS),
     "needed": "trials that would decide, where undecided",
-    "remark": "what else one must know: what is missing, over-confident, or failed",
+    "remark": "what is missing, over-confident, failed, or a bound",
     "open": "conditions that the paper leaves open",
 }
 
@@ -83,11 +64,11 @@ def judge(ledger: Ledger, rows: pd.DataFrame) -> pd.DataFrame:
 
     """
     demand_same_streams(rows)
-    results = collect(rows)
+    table = collect(rows)
     out = []
     for claim in ledger.claims:
         for variant, read in variants(claim, ledger):
-            out += [{"variant": variant, **row} for row in _judged(read, results)]
+            out += [{"variant": variant, **row} for row in _judged(read, table)]
     return pd.DataFrame(out, columns=list(COLUMNS))
 
 
@@ -95,30 +76,31 @@ def overview(verdicts: pd.DataFrame) -> pd.DataFrame:
     """Claims x variants: the verdicts in each, with their counts where they differ; empty where nothing was run."""
     run = verdicts[verdicts["verdict"] != "not run"]
 
-    def told(found: "pd.Series[str]") -> str:
+    def counted(found: "pd.Series[str]") -> str:
         counts = found.value_counts()
         ordered = [name for name in VERDICTS if name in counts.index]
         return ordered[0] if len(ordered) == 1 else ", ".join(f"{counts[name]} {name}" for name in ordered)
 
-    cells = run.groupby(["claim", "variant"], sort=False)["verdict"].agg(told).unstack("variant")
+    cells = run.groupby(["claim", "variant"], sort=False)["verdict"].agg(counted).unstack("variant")
     order = [list(dict.fromkeys(verdicts[column])) for column in ("claim", "variant")]
     return cells.reindex(index=order[0], columns=[name for name in order[1] if name in cells]).fillna("")
 
 
-def _judged(claim: Claim, results: Results) -> Iterable[dict[str, object]]:
-    told = {"claim": claim.id, "open": "; ".join(claim.open), **claim.model_dump(include={"says", "where", "kind"})}
-    if claim.kind == "untestable":
-        return [{**told, "verdict": "not testable", "remark": claim.why}]
-    size = np.nan if claim.size is None else claim.size
-    return [{**told, "size": size, **_found(case, claim, results)} for case in cases(claim)]
+def _judged(claim: Claim, table: TrialTable) -> Iterable[dict[str, object]]:
+    about = {"claim": claim.id, "open": "; ".join(claim.open), **claim.model_dump(include={"says", "where", "kind"})}
+    judge = KINDS[claim.kind].judge
+    if judge is None:
+        return [{**about, "verdict": "not testable", "remark": claim.why}]
+    return [{**about, **_found(judge, case, claim, table)} for case in cases(claim)]
 
 
-def _found(case: Case, claim: Claim, results: Results) -> dict[str, object]:
-    asked = {"of": case.of, "than": ", ".join(case.than), "definition": case.definition}
+def _found(judge: Judge, case: Case, claim: Claim, table: TrialTable) -> dict[str, object]:
+    size = claimed(claim, case.definition)
+    asked = {"of": case.of, "than": ", ".join(case.than), "definition": case.definition, "size": size}
     try:
-        scenarios = tuple(s for label in case.scenarios for s in results.matching(label))
+        scenarios = tuple(s for label in case.scenarios for s in table.matching(label))
         case = case._replace(scenarios=scenarios)
-        found = FINDERS[claim.kind](case, claim, results)
+        found = judge(case, claim, table)
     except Missing as e:
         return {**asked, "scenario": ", ".join(case.scenarios), "verdict": "not run", "remark": str(e)}
     return {
@@ -129,28 +111,36 @@ def _found(case: Case, claim: Claim, results: Results) -> dict[str, object]:
         "trials": found.trials,
         "verdict": found.verdict,
         "needed": found.needed,
-        "remark": "; ".join(_remarks(claim, case, found, results)),
+        "remark": "; ".join([*_about_interval(claim, found), *_about_estimators(case, table)]),
     }
 
 
-def _flag(anees: Array, coverage: Array) -> str:
-    return flag(len(anees), statistics.mean_of_positive(anees), statistics.mean(coverage))
-
-
-def _remarks(claim: Claim, case: Case, found: Finding, results: Results) -> list[str]:
-    """What a reader of the verdict must know: why there is no interval, and of its estimators what bars them."""
-    out = []
-    if np.isnan(found.interval.low):
+def _about_interval(claim: Claim, found: Finding) -> list[str]:
+    """Why there is none, or what it does decide."""
+    low, high = found.interval.low, found.interval.high
+    if np.isnan(low):
         few = found.trials < statistics.LEAST_TRIALS
-        out += [f"fewer than {statistics.LEAST_TRIALS} trials" if few else "the interval is unbounded"]
-    if found.verdict == "undecided" and claim.kind in ("improvement", "trend", "cost") and found.interval.low > 0:
-        out += ["better, but by how much is undecided"]
+        return [f"fewer than {statistics.LEAST_TRIALS} trials" if few else "the interval is unbounded"]
+    direction = low > 0 if claim.size is not None and claim.size > 0 else high < 0
+    if found.verdict == "undecided" and claim.kind in RELATIVE and direction:
+        return ["the direction is decided, the size is not"]
+    return []
+
+
+def _about_estimators(case: Case, table: TrialTable) -> list[str]:
+    """Which of a case's estimators are over-confident or conservative, failed, or are bounds."""
+    out = []
     for name in dict.fromkeys((case.of, *case.than)):
-        cells = [(scenario, name) for scenario in case.scenarios]
-        flags = [_flag(results.anees(cell), results.coverage(cell)) for cell in cells]
+        keys = [(scenario, name) for scenario in case.scenarios]
+        flags = [_flag(table, key) for key in keys]
         counts = {word: flags.count(word) for word in ("over-confident", "conservative")}
-        out += [f"{name} {word}" + (len(cells) > 1) * f" in {k} of {len(cells)}" for word, k in counts.items() if k]
-        failed = sum(results.failed(cell) for cell in cells)
+        out += [f"{name} {word}" + (len(keys) > 1) * f" in {k} of {len(keys)}" for word, k in counts.items() if k]
+        failed = sum(table.failed(key) for key in keys)
         out += [f"{failed} trials of {name} failed"] if failed else []
-        out += [f"{name} is a bound"] if results.bound(name) else []
+        out += [f"{name} is a bound"] if table.bound(name) else []
     return out
+
+
+def _flag(table: TrialTable, key: tuple[str, str]) -> str:
+    anees, coverage = table.anees(key), table.coverage(key)
+    return flag(len(anees), statistics.mean_of_positive(anees), statistics.mean(coverage))

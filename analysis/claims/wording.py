@@ -1,4 +1,4 @@
-"""Verdicts in words and in a table: sentences made of the numbers, that say no more than they do."""
+"""Verdicts in words and in a table: sentences made from the numbers alone."""
 
 from typing import Any
 
@@ -10,23 +10,18 @@ from rich.table import Table
 from cooploc.analysis.claims.ledger import Ledger
 
 STYLES = {"supported": "green", "direction only": "yellow", "contradicted": "red", "undecided": "cyan"}
-# kind -> what is said of a positive number, and of a negative one; {} is its size
+# kind -> what is said of a number above 0, and of one below; {} is its size without a sign
 WORDS = {
-    "improvement": (
-        "the RMSE of {of} is {} lower than that of {than}",
+    "change": (
         "the RMSE of {of} is {} higher than that of {than}",
+        "the RMSE of {of} is {} lower than that of {than}",
     ),
-    "improvement, ratio": (
-        "the RMSE of {than} is {} higher than that of {of}",
-        "the RMSE of {than} is {} lower than that of {of}",
-    ),
-    "trend": ("the RMSE of {of} falls by {}", "the RMSE of {of} grows by {}"),
-    "trend, ratio": ("the RMSE of {of} is {} higher in the first", "the RMSE of {of} is {} lower in the first"),
+    "trend": ("the RMSE of {of} grows by {}", "the RMSE of {of} falls by {}"),
     "all": (
-        "the narrowest case: the RMSE of {of} is {} lower than that of {than}",
         "the worst case: the RMSE of {of} is {} higher than that of {than}",
+        "the narrowest case: the RMSE of {of} is {} lower than that of {than}",
     ),
-    "same": ("the largest change: the RMSE of {of} falls by {}", "the largest change: the RMSE of {of} grows by {}"),
+    "same": ("the largest change: the RMSE of {of} grows by {}", "the largest change: the RMSE of {of} falls by {}"),
     "growth": (
         "the RMSE of {of} grows by {} for each further unit of what is swept",
         "the RMSE of {of} falls by {} for each further unit of what is swept",
@@ -35,12 +30,12 @@ WORDS = {
         "the RMSE of {of} grows by a factor {} larger than that of {than}",
         "the RMSE of {of} grows by a factor {} smaller than that of {than}",
     ),
-    "level": ("the RMSE of {of} is {}", ""),
-    "slope": ("the seconds of {of} per robot and tick grow with the number of robots to the power {}", ""),
-    "cost": ("{of} takes {} less time than {than}", "{of} takes {} more time than {than}"),
+    "level": ("the RMSE of {of} is {}",) * 2,
+    "slope": ("the seconds of {of} per robot and tick grow with the number of robots to the power {}",) * 2,
+    "cost": ("{of} takes {} more time than {than}", "{of} takes {} less time than {than}"),
 }
-MANY = 100_000  # trials; a plan for more of them is none
-UNITS = {"level": " m", "slope": ""}  # all others are shares
+MANY = 100_000  # trials; a plan for more of them is useless
+UNITS = {"level": " m", "slope": ""}  # all others are relative changes
 
 
 def sentence(row: "pd.Series[Any]") -> str:
@@ -54,46 +49,33 @@ def sentence(row: "pd.Series[Any]") -> str:
     if value == low == high == 0:
         same = f"equals that of {row['than']}" if row["than"] else "stays the same"
         return f"{where}: the RMSE of {row['of']} {same} in each of {n} trials. {_verdict(row)}."
-    if not np.isfinite(value):
-        return f"{where}: an RMSE that is 0 or not finite leaves no number to give ({n} trials). {_verdict(row)}."
-    words = WORDS[kind + (", ratio" if row["definition"] == "ratio" else "")]
-    turned = value < 0 and bool(words[1])
-    if turned:
-        value, low, high = -value, -high, -low
-    said = words[turned].format(_number(value, kind), of=row["of"], than=row["than"])
-    size = float(row["size"])
-    claimed = f" Claimed: {_number(size, kind)}." if size == size else ""
+    if np.isnan(value):
+        return f"{where}: an RMSE of 0 leaves no number to give ({n} trials). {_verdict(row)}."
+    said = WORDS[kind][value < 0].format(_number(value, kind).lstrip("+-"), of=row["of"], than=row["than"])
+    size, ratio = float(row["size"]), ", as a ratio of errors" * (row["definition"] == "ratio")
+    claimed = f" Claimed{ratio}: {_number(size, kind)}." if size == size else ""
     counted = "sizes" if kind == "slope" else "parts of the run" if kind == "cost" else "trials"
-    return f"{where}: {said} ({_within(low, high, kind)}, {n} {counted}).{claimed} {_verdict(row)}."
+    interval = "no 95 % interval" if np.isnan(low) else f"95 % interval {_range(low, high, kind)}"
+    return f"{where}: {said} ({interval}, {n} {counted}).{claimed} {_verdict(row)}."
 
 
-def _within(low: float, high: float, kind: str) -> str:
-    """The 95 % interval in words; an end that lies at infinity is no end."""
-    if np.isnan(low):
-        return "no 95 % interval"
-    if np.isinf(low) and np.isinf(high):
-        return "95 % interval without ends"
-    if np.isinf(high):
-        return f"95 % interval {_number(low, kind)} or more, without an upper end"
-    if np.isinf(low):
-        return f"95 % interval {_number(high, kind)} or less, without a lower end"
-    return f"95 % interval {_number(low, kind)} to {_number(high, kind)}"
+def _range(low: float, high: float, kind: str) -> str:
+    return f"{_number(low, kind)} to {_number(high, kind)}" if np.isfinite(low) else ""
 
 
 def span(part: pd.DataFrame) -> tuple[str, str]:
     """What is claimed, and the numbers found in the cases of one claim and reading: from the least to the largest.
 
-    One case is told with its interval. Of the two definitions of an improvement, the reduction.
+    Of a single case its interval is given. Of a size that is claimed by two definitions, that of the change.
     """
     part = part[part["value"].notna()]
-    part = part[part["definition"] != "ratio"] if (part["definition"] != "ratio").any() else part
+    part = part[part["definition"] == part["definition"].min()]
     if part.empty:
         return "", ""
     kind, claimed = str(part["kind"].iloc[0]), _number(float(part["size"].iloc[0]), str(part["kind"].iloc[0]))
     values = [_number(float(value), kind) for value in (part["value"].min(), part["value"].max())]
     if len(part) == 1 and part["low"].notna().all():
-        low, high = (_number(float(part[end].iloc[0]), kind) for end in ("low", "high"))
-        return claimed, f"{values[0]} ({low} to {high})"
+        return claimed, f"{values[0]} ({_range(float(part['low'].iloc[0]), float(part['high'].iloc[0]), kind)})"
     return claimed, " to ".join(dict.fromkeys(values))
 
 
@@ -135,18 +117,18 @@ def show(verdicts: pd.DataFrame, ledger: Ledger, console: Console | None = None)
 def _legend(verdicts: pd.DataFrame) -> str:
     decided = int(verdicts["verdict"].isin(("supported", "direction only", "contradicted")).sum())
     return (
-        "(r): ratio a/b - 1, else reduction 1 - b/a. At worst a verdict is wrong in one of twenty repetitions: of "
-        f"these {decided}, some {decided / 20:.0f}."
+        "Changes are b/a - 1: negative where the error falls. (r): claimed as a ratio of errors a/b. At worst a "
+        f"verdict is wrong in one of twenty repetitions: of these {decided}, some {decided / 20:.0f}."
     )
 
 
 def _cells(row: "pd.Series[Any]") -> tuple[str, ...]:
     kind, mark = str(row["kind"]), " (r)" if row["definition"] == "ratio" else ""
-    size, value, low, high = (_number(float(row[name]), kind) for name in ("size", "value", "low", "high"))
+    size, value = (_number(float(row[name]), kind) for name in ("size", "value"))
+    between = _range(float(row["low"]), float(row["high"]), kind)
     scenario, of, than, remark = (_text(row[name]) for name in ("scenario", "of", "than", "remark"))
     trials = "" if pd.isna(row["trials"]) else f"{row['trials']:.0f}"
-    between = f"{low} to {high}" if low else ""
-    return (row["variant"], scenario, of, than, size, value and value + mark, between, trials, _verdict(row), remark)
+    return (row["variant"], scenario, of, than, size and size + mark, value, between, trials, _verdict(row), remark)
 
 
 def _text(value: Any) -> str:
@@ -163,17 +145,17 @@ def _verdict(row: "pd.Series[Any]") -> str:
 
 
 def _number(value: float, kind: str) -> str:
+    """A number with its unit; a change as a percentage with its sign."""
     if np.isnan(value):
         return ""
-    if np.isinf(value):
-        return "∞" if value > 0 else "-∞"
     if kind in UNITS:
         return f"{value:.2f}{UNITS[kind]}"
-    return f"{100 * value + 0.0:.{_digits(value)}f} %"
+    written = f"{100 * value:+.{_digits(abs(value))}f} %"
+    return written.lstrip("+-") if float(written[:-2]) == 0 else written
 
 
 def _digits(share: float) -> int:
-    """Decimals of a percentage: two digits that say something, of what is nearly all as well as of what is little."""
+    """Decimals of a percentage: two significant ones, also of a share that is nearly all."""
     if 0.99 <= share < 1:
         return min(4, 1 - int(np.floor(np.log10(100 * (1 - share)))))
-    return 0 if abs(share) >= 0.1 else 1 if abs(share) >= 0.01 or share == 0 else 2
+    return 0 if share >= 0.1 else 1 if share >= 0.01 or share == 0 else 2

@@ -6,207 +6,198 @@ import numpy as np
 import pandas as pd
 
 from cooploc.analysis.metrics import statistics
-from cooploc.analysis.metrics.consistency import CONSERVATIVE as CONSERVATIVE
-from cooploc.analysis.metrics.consistency import OVER_CONFIDENT as OVER_CONFIDENT
-from cooploc.analysis.metrics.consistency import consistency as consistency
-from cooploc.analysis.metrics.errors import NOTE
+from cooploc.analysis.metrics.consistency import consistency
+from cooploc.analysis.metrics.errors import COLUMNS
+from cooploc.analysis.metrics.pooling import CELL, demand_same_streams, stream_hash, succeeded, trial_means
 from cooploc.estimators import nearest
 from cooploc.estimators.plugins.errors import BadInput
 
-SUMMARY = {
-    "scenario": "the scenario's label",
-    "estimator": "the estimator's label",
-    "robots": "robots in the team",
-    "trials": "trials that ended",
-    "rmse": "sqrt of the mean over trials of the trial's mean squared position error [m]",
-    "rmse_low": "its 95 % interval over trials",
-    "rmse_high": "",
-    "anees": "position NEES / 2, per trial first, then over trials",
-    "anees_low": "its 95 % interval over trials",
-    "anees_high": "",
-    "coverage95": "share of truths inside the 95 % ellipse",
-    "diverged": "share of (trial, robot) that diverged",
-    "failed": "trials that failed",
-    "messages": "messages per robot and tick",
-    "bytes": "bytes per robot and tick",
-    "seconds": "seconds per robot and tick",
-    "stream": "hash of the stream",
-    "certificate": "what its checks found, in a line; empty of a built-in estimator, and where nobody asked",
-}
-DETAIL = {
-    "coverage95_low": "95 % interval of coverage95, over trials",
-    "coverage95_high": "",
-    "diverged_low": "95 % interval of diverged, over trials",
-    "diverged_high": "",
-    "mean_error": "mean Euclidean position error [m]",
-    "median_error": "median position error of a robot in a trial, its mean [m]",
-    "final_error": "position error at the last tick, its mean [m]",
-    "max_error": "largest position error of a robot in a trial, its mean [m]",
-}
+# The fields of `cooploc run --json`; `summarize` says what they mean.
+SUMMARY = (
+    *("scenario", "estimator", "robots", "trials", "rmse", "rmse_low", "rmse_high", "anees", "anees_low", "anees_high"),
+    *("coverage95", "diverged", "failed", "messages", "bytes", "seconds", "stream", "certificate"),
+)
+# What `compare` shows unless it is asked for all.
+SHORT = (
+    *("scenario", "estimator", "trials", "rmse", "rmse_low", "rmse_high", "change", "change_low", "change_high"),
+    *("p_holm", "anees", "consistency", "coverage95", "diverged", "failed", "bytes", "seconds", "bound", "certificate"),
+)
 MARGIN = 0.05  # two estimators whose RMSE differ by less than this share tie
 
 
 def summarize(errors: pd.DataFrame) -> pd.DataFrame:
-    """One row per (scenario, estimator) with the columns of `SUMMARY` and `DETAIL`, in order of appearance.
+    """One row per (scenario, estimator), in order of appearance. Trials that failed count as `failed`, nothing else.
 
-    Rows with a `failure` (see `cooploc.analysis.execution.execute`) count as failed trials and as nothing else.
-    """
-    rows = []
-    for (scenario, estimator), group in errors.groupby(["scenario", "estimator"], sort=False):
-        ended = succeeded(group)
-        trials = per_trial(ended)
-        mse = statistics.mean_of_positive(trials["mse"].to_numpy())
-        anees = statistics.mean_of_positive(trials["anees"].to_numpy())
-        row = {
-            "scenario": scenario,
-            "estimator": estimator,
-            "robots": int(group["robots"].iloc[0]),
-            "trials": len(trials),
-            **dict(zip(("rmse", "rmse_low", "rmse_high"), np.sqrt(mse), strict=True)),
-            **dict(zip(("anees", "anees_low", "anees_high"), anees, strict=True)),
-            "coverage95": trials["coverage95"].mean(),
-            "diverged": ended["diverged"].mean(),
-            "failed": group["trial"].nunique() - len(trials),
-            **{cost: ended[cost].mean() for cost in ("messages", "bytes", "seconds")},
-            "stream": stream_hash(group),
-            "certificate": str(group["certificate"].iloc[0]) if "certificate" in group else "",
-            **{f"coverage95_{end}": v for end, v in _ends(trials["coverage95"])},
-            **{f"diverged_{end}": v for end, v in _ends(trials["diverged"])},
-            **{f"{kind}_error": trials[f"{kind}_error"].mean() for kind in ("mean", "median", "final", "max")},
-        }
-        rows.append(row)
-    return pd.DataFrame(rows, columns=[*SUMMARY, *DETAIL])
+    Intervals (`_low`, `_high`) are 95 % ones over trials; they are nan below five trials.
 
-
-def compare(errors: pd.DataFrame, baseline: str | Mapping[str, str], margin: float = MARGIN) -> pd.DataFrame:
-    """Every estimator against a baseline, or that of its scenario, trial by trial on the same streams.
-
-    Adds to the columns of `SUMMARY` and `DETAIL`:
-
-    - `difference` [m] (mean over trials of RMSE minus the baseline's) with its t interval;
-    - `improvement` (1 - RMSE / the baseline's RMSE) with Fieller's interval, `bca_low` and `bca_high` beside it, and
-      the other definition of "better by", `ratio` (the baseline's RMSE / RMSE - 1), with the same interval transformed;
-    - `p` of the signed-rank test, `p_equal` of the equivalence test (small: the two tie within `margin`), and both
-      adjusted by Holm over all rows of the table, `p_holm` and `p_equal_holm`;
-    - `effect`, the matched-pairs rank-biserial one (negative: smaller errors than the baseline);
-    - `trials_for_margin`: trials at which `improvement` would be known to plus or minus `margin`;
-    - `bound`, and the `consistency` flag.
+    Columns:
+        scenario: label of the scenario
+        estimator: label of the estimator
+        robots: robots in the team
+        trials: trials that succeeded
+        rmse [m]: square root of the mean over trials of the trial's mean squared position error
+        rmse_low, rmse_high [m]: its interval
+        anees: position NEES / 2, per trial first, then over trials; 1 is consistent
+        anees_low, anees_high: its interval
+        coverage95: share of true positions inside the 95 % ellipse
+        diverged: share of (trial, robot) whose last-quarter RMSE exceeds a quarter of the arena's side
+        failed: trials that failed
+        messages: messages per robot and tick, as sent
+        bytes: bytes per robot and tick, as sent
+        seconds [s]: computing time per robot and tick
+        stream: hash of the scenario's stream, over its trials
+        certificate: one line on the estimator's checks; empty for a built-in one, and where none were asked for
+        coverage95_low, coverage95_high: interval of coverage95
+        diverged_low, diverged_high: interval of diverged
+        mean_error [m]: mean Euclidean position error
+        median_error [m]: median position error of a robot in a trial, averaged
+        final_error [m]: position error at the last tick, averaged
+        max_error [m]: largest position error of a robot in a trial, averaged
 
     Args:
-        errors: from `errors` or a run directory.
-        baseline: an estimator's label, or one for each scenario.
-        margin: the share of RMSE by which two estimators may differ and still tie.
+        errors: from `errors`, or the rows of a run directory.
 
     Raises:
-        BadInput: the baseline is not there, or rows to be paired are of different streams.
+        BadInput: `errors` is not such a table.
 
     """
-    known = list(dict.fromkeys(errors["estimator"]))
-    scenarios = dict.fromkeys(errors["scenario"])
-    against = baseline if isinstance(baseline, Mapping) else dict.fromkeys(scenarios, baseline)
-    for name in (against[scenario] for scenario in scenarios):
-        if name not in known:
-            raise BadInput(f"there is no estimator {name!r} to compare with; {nearest(name, known)}")
+    _demand_errors(errors)
+    cells = trial_means(errors)
+    groups = errors.groupby(CELL, sort=False)
+    return pd.DataFrame([_row(str(s), str(e), group, cells[str(s), str(e)]) for (s, e), group in groups])
+
+
+def compare(
+    errors: pd.DataFrame, baseline: str | Mapping[str, str], margin: float = MARGIN, full: bool = False
+) -> pd.DataFrame:
+    """Every estimator against a baseline, trial by trial on the same streams; one row per (scenario, estimator).
+
+    A change or difference is negative where the estimator's error is smaller than the baseline's.
+
+    Columns:
+        scenario, estimator, trials, rmse, rmse_low, rmse_high: as of `summarize`
+        change: RMSE / the baseline's RMSE - 1; -0.2 is an error 20 % smaller
+        change_low, change_high: its 95 % interval (Fieller), over trials
+        p_holm: p of Wilcoxon's signed-rank test against the baseline, adjusted by Holm over all rows of the table
+        anees: as of `summarize`
+        consistency: over-confident, consistent, conservative, undecided or not assessed; see `consistency.flag`
+        coverage95, diverged, failed, bytes, seconds: as of `summarize`
+        bound: True for an estimator that knows more than any robot could
+        certificate: as of `summarize`
+
+    Columns with `full=True`, beside all of `summarize`:
+        baseline: label of the estimator that the row is compared with
+        pairs: trials in which both succeeded
+        difference [m]: mean over trials of RMSE minus the baseline's
+        difference_low, difference_high [m]: its 95 % t interval
+        bca_low, bca_high: interval of `change` by the BCa bootstrap, a cross-check of Fieller's
+        p: p of the signed-rank test, not adjusted
+        effect: matched-pairs rank-biserial correlation in [-1, 1]; negative where errors are smaller
+        p_equal: p of the equivalence test; small where the two tie within `margin`
+        trials_for_margin: trials at which `change` would be known to plus or minus `margin`
+        p_equal_holm: p_equal, adjusted by Holm
+
+    Args:
+        errors: from `errors`, or the rows of a run directory.
+        baseline: an estimator's label, or one for each scenario's label.
+        margin: the share of RMSE by which two estimators may differ and still tie.
+        full: all columns instead of those that are read most.
+
+    Raises:
+        BadInput: `errors` is not such a table, the baseline is not in it, or rows to be paired are of different
+            streams or ticks.
+
+    """
+    _demand_errors(errors)
+    against = _baselines(errors, baseline)
+    if not margin > 0:
+        raise BadInput(f"margin is {margin}; it must lie above 0, such as {MARGIN}")
     demand_same_streams(errors)
     table = summarize(errors)
     table["consistency"] = consistency(table)
-    bounds = errors.groupby(["scenario", "estimator"], sort=False)["bound"].any()
-    table["bound"] = bounds.to_numpy()
-    ended = succeeded(errors).groupby(["scenario", "estimator"], sort=False)
-    trials = {(str(s), str(e)): per_trial(group)["mse"] for (s, e), group in ended}
+    table["bound"] = errors.groupby(CELL, sort=False)["bound"].any().to_numpy()
+    cells = trial_means(errors)
     labels = zip(table["scenario"], table["estimator"], strict=True)
-    pairs = pd.DataFrame([_pair(trials, scenario, name, against[scenario], margin) for scenario, name in labels])
+    pairs = pd.DataFrame([_pair(cells, scenario, name, against[scenario], margin) for scenario, name in labels])
     for test in ("p", "p_equal"):
         pairs[f"{test}_holm"] = statistics.holm(pairs[test].to_numpy())
     last = ["stream", "certificate"]
-    return pd.concat([table.drop(columns=last), pairs, table[last]], axis=1)
+    everything = pd.concat([table.drop(columns=last), pairs, table[last]], axis=1)
+    return everything if full else everything[list(SHORT)]
 
 
-def succeeded(errors: pd.DataFrame) -> pd.DataFrame:
-    """The rows of trials that did not fail."""
-    return errors[errors["failure"].isna()] if "failure" in errors else errors
+def _demand_errors(errors: object) -> None:
+    if not isinstance(errors, pd.DataFrame):
+        raise BadInput(f"errors is of type {type(errors).__name__}; it must be the table that cl.errors returns")
+    missing = [name for name in COLUMNS if name not in errors]
+    if missing:
+        raise BadInput(f"errors has no column {missing[0]!r}; it must be the table that cl.errors returns")
 
 
-def notes(errors: pd.DataFrame) -> list[str]:
-    """What estimators counted, one line each: sums over trials and robots, and maxima of what is called largest."""
-    columns = [name for name in errors if str(name).startswith(NOTE)]
-    lines = []
-    for (scenario, estimator), group in errors.groupby(["scenario", "estimator"], sort=False):
-        counted = {str(c).removeprefix(NOTE): group[c] for c in columns if group[c].notna().any()}
-        told = [f"{name} {v.max() if name.startswith('largest') else v.sum():.3g}" for name, v in counted.items()]
-        lines += [f"{scenario}, {estimator}: {', '.join(told)}"] if told else []
-    return lines
+def _baselines(errors: pd.DataFrame, baseline: str | Mapping[str, str]) -> Mapping[str, str]:
+    """The baseline of every scenario."""
+    known, scenarios = list(dict.fromkeys(errors["estimator"])), list(dict.fromkeys(errors["scenario"]))
+    against = baseline if isinstance(baseline, Mapping) else dict.fromkeys(scenarios, baseline)
+    for scenario in scenarios:
+        if scenario not in against:
+            raise BadInput(f"baseline names none for scenario {scenario!r}: add it")
+        if against[scenario] not in known:
+            name = against[scenario]
+            raise BadInput(f"there is no estimator {name!r} to compare with; {nearest(str(name), known)}")
+    return against
 
 
-def per_trial(group: pd.DataFrame) -> pd.DataFrame:
-    """One row per trial of one (scenario, estimator): means over its robots, weighted by the ticks that count.
-
-    Medians, final and largest errors, and what diverged, are of a robot: there every robot counts the same.
-    """
-    weight = group["ticks"] / group.groupby("trial")["ticks"].transform("sum")
-    weighted = group[["mse", "anees", "coverage95", "mean_error"]].mul(weight, axis=0)
-    out = weighted.groupby(group["trial"]).sum(min_count=1)
-    of_robots = ["diverged", "median_error", "final_error", "max_error"]
-    out[of_robots] = group[["trial", *of_robots]].groupby("trial").mean()
-    out["stream"] = group.groupby("trial")["stream"].first()
-    return out
-
-
-def demand_same_streams(errors: pd.DataFrame) -> None:
-    """Refuse rows that look paired and are not.
-
-    Raises:
-        BadInput: estimators ran on different streams, or were judged on different ticks of one.
-
-    """
-    different = errors.groupby(["scenario", "trial"])["stream"].nunique()
-    if (different > 1).any():
-        scenario, trial = different[different > 1].index[0]
-        raise BadInput(f"{scenario}, trial {trial}: estimators ran on different streams; run them again on one stream")
-    different = succeeded(errors).groupby(["scenario", "trial", "robot"])["ticks"].nunique()
-    if (different > 1).any():
-        scenario, trial, _ = different[different > 1].index[0]
-        raise BadInput(f"{scenario}, trial {trial}: estimators were judged on different ticks; use one burn_in for all")
-
-
-def stream_hash(group: pd.DataFrame) -> str:
-    """The hash of a scenario's stream: of the hashes of its trials, as `Stream.hash`."""
-    import hashlib
-
-    trials = group.drop_duplicates("trial").sort_values("trial")["stream"]
-    return hashlib.sha256("".join(trials).encode()).hexdigest()
-
-
-def _ends(shares: pd.Series) -> list[tuple[str, float]]:
-    interval = statistics.share(shares.dropna().to_numpy(float))
-    return [("low", interval.low), ("high", interval.high)]
+def _row(scenario: str, estimator: str, group: pd.DataFrame, trials: pd.DataFrame) -> dict[str, object]:
+    """A row of `summarize`."""
+    ended = succeeded(group)
+    mse, anees = (statistics.mean_of_positive(trials[name].to_numpy(float)) for name in ("mse", "anees"))
+    return {
+        "scenario": scenario,
+        "estimator": estimator,
+        "robots": int(group["robots"].iloc[0]),
+        "trials": len(trials),
+        **_named("rmse", statistics.Interval(*np.sqrt(mse))),
+        **_named("anees", anees),
+        "coverage95": trials["coverage95"].mean(),
+        "diverged": ended["diverged"].mean(),
+        "failed": group["trial"].nunique() - len(trials),
+        **{cost: ended[cost].mean() for cost in ("messages", "bytes", "seconds")},
+        "stream": stream_hash(group),
+        "certificate": str(group["certificate"].iloc[0]) if "certificate" in group else "",
+        **_ends("coverage95", statistics.share(trials["coverage95"].dropna().to_numpy(float))),
+        **_ends("diverged", statistics.share(trials["diverged"].dropna().to_numpy(float))),
+        **{f"{kind}_error": trials[f"{kind}_error"].mean() for kind in ("mean", "median", "final", "max")},
+    }
 
 
 def _pair(
-    trials: dict[tuple[str, str], "pd.Series[float]"], scenario: str, estimator: str, baseline: str, margin: float
-) -> dict[str, float | str]:
+    cells: dict[tuple[str, str], pd.DataFrame], scenario: str, estimator: str, baseline: str, margin: float
+) -> dict[str, object]:
+    """What `compare` adds to a row."""
     none = pd.Series(dtype=float)
-    mine, base = (trials.get((scenario, name), none) for name in (estimator, baseline))
+    base, mine = (cells[scenario, name]["mse"] if (scenario, name) in cells else none for name in (baseline, estimator))
     both = pd.concat([base, mine], axis=1, join="inner", keys=["base", "mine"]).dropna()
     a, b = both["base"].to_numpy(), both["mine"].to_numpy()
-    gain, n = statistics.improvement(a, b), len(both)
+    change, n = statistics.change(a, b), len(both)
     other = estimator != baseline
     tested = other and n >= statistics.LEAST_TRIALS
     p, effect = statistics.signed_rank(np.sqrt(a), np.sqrt(b)) if tested else (np.nan, np.nan)
     return {
         "baseline": baseline,
         "pairs": n,
-        **_named("difference", statistics.mean_difference(np.sqrt(a), np.sqrt(b))),
-        **_named("improvement", gain),
-        "bca_low": (bca := statistics.improvement_bca(a, b)).low,
-        "bca_high": bca.high,
-        **_named("ratio", statistics.as_ratio(gain)),
+        **_named("difference", statistics.mean(np.sqrt(b) - np.sqrt(a))),
+        **_named("change", change),
+        **_ends("bca", statistics.change_bca(a, b)),
         "p": p,
         "effect": effect,
         "p_equal": statistics.equivalence(np.sqrt(a), np.sqrt(b), margin) if tested else np.nan,
-        "trials_for_margin": statistics.trials_for_width(gain, n, margin) if other else np.nan,
+        "trials_for_margin": statistics.trials_for_width(change, n, margin) if other else np.nan,
     }
 
 
 def _named(name: str, interval: statistics.Interval) -> dict[str, float]:
-    return {name: interval.value, f"{name}_low": interval.low, f"{name}_high": interval.high}
+    return {name: interval.value, **_ends(name, interval)}
+
+
+def _ends(name: str, interval: statistics.Interval) -> dict[str, float]:
+    return {f"{name}_low": interval.low, f"{name}_high": interval.high}

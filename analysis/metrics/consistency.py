@@ -1,4 +1,4 @@
-"""When is a covariance honest: flags by the intervals of ANEES and coverage; the band of a truly consistent filter."""
+"""Is a covariance consistent: flags by the intervals of ANEES and coverage; the band of a consistent filter."""
 
 import numpy as np
 import pandas as pd
@@ -7,18 +7,19 @@ from scipy import stats
 from cooploc.analysis.metrics.statistics import LEAST_TRIALS, Interval
 
 OVER_CONFIDENT, CONSERVATIVE = 1.5, 0.67  # ANEES limits: the whole interval must lie beyond
-DOUBTFUL = 2 * OVER_CONFIDENT  # ANEES above which nobody is called best, however wide its interval
-# How many truths lie in the 95 % ellipses of Gaussian errors whose ANEES is OVER_CONFIDENT.
+DOUBTFUL = 2 * OVER_CONFIDENT  # an undecided estimator above this ANEES does not qualify as best
+# Share of truths in the 95 % ellipses of Gaussian errors whose ANEES is OVER_CONFIDENT.
 LEAST_COVERAGE = float(stats.chi2.cdf(stats.chi2.ppf(0.95, 2) / OVER_CONFIDENT, 2))
 
 
 def flag(trials: float, anees: Interval, coverage: Interval) -> str:
     """over-confident, conservative, consistent or undecided, by 95 % intervals over trials.
 
-    Over-confident: ANEES wholly above 1.5, or coverage of the 95 % ellipse wholly below the 0.86 that goes with it: a
-    few trials in which the covariance all but vanished make the interval of ANEES as wide as can be, and its coverage
-    still tells. Conservative: ANEES wholly below 0.67. Consistent: an ANEES between the two. What lies beyond a limit
-    by an interval that does not, or has an interval beyond both, is undecided. Below five trials: "not assessed".
+    Over-confident: the whole interval of ANEES lies above 1.5, or that of the coverage of the 95 % ellipse below the
+    0.86 that goes with it (a few trials whose covariance all but vanished make the interval of ANEES useless, but not
+    that of coverage). Conservative: the whole interval of ANEES lies below 0.67. Consistent: ANEES lies between, and
+    its interval excludes one of the limits. Undecided: the estimate crosses a limit, but its interval does not exclude
+    the limit, or the interval holds both. Below five trials: not assessed.
     """
     if trials < LEAST_TRIALS:
         return "not assessed"
@@ -31,7 +32,7 @@ def flag(trials: float, anees: Interval, coverage: Interval) -> str:
 
 
 def consistency(table: pd.DataFrame) -> pd.Series:
-    """The flag of every row of `summarize`."""
+    """The flag of every row of a table of `summarize`."""
     ends = [table[[name, f"{name}_low", f"{name}_high"]].to_numpy(float) for name in ("anees", "coverage95")]
     flags = [flag(t, Interval(*a), Interval(*c)) for t, a, c in zip(table["trials"], *ends, strict=True)]
     return pd.Series(flags, index=table.index, dtype=object)

@@ -1,4 +1,4 @@
-"""The posterior Cramer-Rao floor: the error below which no estimator can stay that is told the truth about its world.
+"""The posterior Cramer-Rao bound: the least error of any estimator whose models of its world are true.
 
     J' = (Q + F J^-1 F')^-1 + E[H' R^-1 H]
 
@@ -9,8 +9,8 @@ that arrived. In a linear-Gaussian world it is the covariance of the Kalman filt
 Source: P. Tichavsky, C. Muravchik, A. Nehorai, "Posterior Cramer-Rao bounds for discrete-time nonlinear filtering",
 IEEE Trans. Signal Processing 46(5), 1998, eq. (21).
 
-Shadowing is the same in both directions of a pair of robots, but counted as if it were independent: that makes the
-floor of `radio_rssi` lower than it need be, and no less true.
+Shadowing is the same in both directions of a pair of robots, but counted as if it were independent: the floor of
+`radio_rssi` is loose, but still a valid bound.
 """
 
 from collections.abc import Collection, Iterable
@@ -32,7 +32,7 @@ PAIRS = 20_000  # of robots, at whose places the expectation is taken: it hardly
 
 
 def floors(scenarios: Iterable[str], seed: int, most: int = 100) -> dict[str, float]:
-    """The floor [m] of each of these scenarios, for whoever uses all readings, pooled over ticks; nan where none holds.
+    """The floor [m] of each of these scenarios, for an estimator with all readings, over all ticks; nan without one.
 
     The expectation is taken over the first of the trials with this seed, at most twenty. Teams of more than `most`
     robots are left out: a hundred take some ten seconds.
@@ -53,11 +53,11 @@ def _pooled(label: str, seed: int, most: int) -> float:
 
 
 def floor(truth: Truth, stream: Stream, channels: Collection[str]) -> Array:
-    """The least RMSE (T,) [m] of a team's positions at every tick, for whoever uses odometry and these channels.
+    """The least RMSE (T,) [m] of a team's positions at every tick, for an estimator with odometry and these channels.
 
     Args:
         truth: of the same stream.
-        stream: of a simulated world that the team is told as it is.
+        stream: of a simulated world whose assumed models are the true ones.
         channels: of "anchor_rssi", "radio_rssi", "radio_range".
 
     Raises:
@@ -65,7 +65,7 @@ def floor(truth: Truth, stream: Stream, channels: Collection[str]) -> Array:
 
     """
     if truth.origin != stream.hashes:
-        raise BadInput(f"this truth and stream of {stream.scenario!r} are of different trials: simulate anew")
+        raise BadInput(f"this truth and stream of {stream.scenario!r} are of different trials: simulate again")
     reason = why_not(stream)
     if reason:
         raise BadInput(f"{stream.scenario!r} has no floor: {reason}")
@@ -80,14 +80,14 @@ def why_not(stream: Stream) -> str:
     if stream.notes.get("world") != "Paper":
         return "it is a recording, or of another world than the paper's"
     made = Paper(**stream.notes["parameters"])
-    told, true = stream.world, made.world()
+    assumed, true = stream.world, made.world()
     reasons = {
-        "its team is told another world": (told.motion, dict(told.sensors)) != (true.motion, dict(true.sensors)),
+        "its team assumes another world": (assumed.motion, dict(assumed.sensors)) != (true.motion, dict(true.sensors)),
         "things stand in the way": bool(made.walls or made.obstacles or made.body_blocking),
         "its shadowing has memory": made.shadow_correlation > 0,
         "its readings are rounded": made.rounding > 0,
         "its readings are averaged over a tick": made.samples > 1,
-        "what is not heard says something, too": np.isfinite(made.radio_range),
+        "a packet that is not heard carries information, too": np.isfinite(made.radio_range),
     }
     return "; ".join(reason for reason, holds in reasons.items() if holds)
 
@@ -96,13 +96,13 @@ def covariances(x: Array, stream: Stream, channels: Collection[str]) -> Array:
     """The inverse J^-1 (T, 2n, 2n) [m^2] of the team's information after every tick, at true positions x (t, T, n, 2).
 
     Raises:
-        BadInput: the motion is no displacement, or trials differ in what their ticks last.
+        BadInput: the motion is not a displacement, or the length of ticks differs between trials.
 
     """
     dt, n = stream.senses.dt, stream.robots
     if not isinstance(stream.world.motion, Displacement) or np.ptp(dt, axis=0).any():
         raise BadInput(
-            f"{stream.scenario!r} has no floor: its motion is no displacement, or not the same in all trials"
+            f"{stream.scenario!r} has no floor: its motion is not a displacement, or its ticks differ between trials"
         )
     world = replace(stream.world, sensors={c: s for c, s in stream.world.sensors.items() if c in channels})
     P: Array = _blocks(stream.prior.P[..., :2, :2].mean(0))

@@ -16,42 +16,48 @@ from cooploc.scenarios.runner.trace import Trace
 from cooploc.scenarios.stream import Truth
 
 INSIDE_95 = -2 * np.log(0.05)  # chi-square quantile, two degrees of freedom
-COLUMNS = {
-    "scenario": "the scenario's label",
-    "estimator": "the estimator's label",
-    "trial": "number of the trial",
-    "robot": "number of the robot, from 0",
-    "robots": "robots in the team",
-    "ticks": "ticks that count",
-    "mse": "mean squared position error [m^2]",
-    "rmse": "its root [m]",
-    "mean_error": "mean Euclidean position error [m]",
-    "median_error": "median Euclidean position error [m]",
-    "max_error": "largest position error [m]",
-    "final_error": "position error at the last tick that counts [m]",
-    "anees": "mean position NEES / 2; 1 is consistent",
-    "coverage95": "share of truths inside the 95 % ellipse",
-    "diverged": "1 where the last quarter's RMSE exceeds a quarter of the arena's side, else 0",
-    "pose_nees": "mean NEES of position and heading / 3, where the truth has a heading",
-    "messages": "messages per tick, as sent",
-    "bytes": "bytes per tick, as sent",
-    "seconds": "seconds per tick",
-    "bound": "True where the estimator knows more than any robot could",
-    "stream": "hash of the trial's stream: equal hashes are paired",
-}
+COLUMNS = (  # `errors` says what they mean
+    *("scenario", "estimator", "trial", "robot", "robots", "ticks", "mse", "rmse", "mean_error", "median_error"),
+    *("max_error", "final_error", "anees", "coverage95", "diverged", "pose_nees", "messages", "bytes", "seconds"),
+    *("bound", "stream"),
+)
 NOTE = "note: "  # columns after those: what an estimator counted; a name that begins with "largest" is a maximum
 
 
 def errors(truth: Truth, run: Run, burn_in: int = 0) -> pd.DataFrame:
-    """Errors, consistency and cost of every estimator of a run; `COLUMNS` says what each column means.
+    """Errors, consistency and cost of every estimator of a run, one row per (scenario, estimator, trial, robot).
+
+    Columns:
+        scenario: label of the scenario
+        estimator: label of the estimator
+        trial: number of the trial
+        robot: number of the robot, from 0
+        robots: robots in the team
+        ticks: ticks that count
+        mse [m^2]: mean squared position error
+        rmse [m]: its square root
+        mean_error [m]: mean Euclidean position error
+        median_error [m]: median Euclidean position error
+        max_error [m]: largest position error
+        final_error [m]: position error at the last tick that counts
+        anees: mean position NEES / 2; 1 is consistent
+        coverage95: share of true positions inside the 95 % ellipse
+        diverged: 1 where the last quarter's RMSE exceeds a quarter of the arena's side, else 0
+        pose_nees: mean NEES of position and heading / 3; nan where the truth has no heading
+        messages: messages per tick, as sent
+        bytes: bytes per tick, as sent
+        seconds [s]: computing time per robot and tick, averaged over the run
+        bound: True for an estimator that knows more than any robot could
+        stream: hash of the trial's stream; rows of equal hashes are paired
+        "note: NAME": what an estimator counted itself, if anything; a NAME that begins with "largest" is a maximum
 
     Args:
-        truth: of the same stream as the run.
+        truth: from `simulate`, of the same stream as the run.
         run: from `run`.
         burn_in: first ticks that do not count.
 
     Raises:
-        BadInput: truth and run are of different streams, or nothing is left to count.
+        BadInput: truth and run are swapped or of different streams, or no tick is left to count.
 
     """
     demand_same(truth, run)
@@ -74,11 +80,22 @@ def position_errors(truth: Truth, run: Run, trace: Trace) -> tuple[Array, Array]
     return _squared(truth, trace, truth.valid)
 
 
-def demand_same(truth: Truth, run: Run) -> None:
-    """Refuse a truth and a run of different streams."""
+def demand_same(truth: object, run: object) -> None:
+    """Refuse what is not a truth and a run of the same stream.
+
+    Raises:
+        BadInput: the two are swapped, one is of another type, or they are of different streams.
+
+    """
+    given = (truth, run)
+    if not (isinstance(truth, Truth) and isinstance(run, Run)):
+        kinds = [f"the class {one.__name__}" if isinstance(one, type) else type(one).__name__ for one in given]
+        raise BadInput(
+            f"truth and run are {' and '.join(kinds)}; pass the truth of cl.simulate first, then what cl.run gave"
+        )
     if truth.origin != run.hashes:
         raise BadInput(
-            f"this truth ({truth.scenario}) and run ({run.scenario}) are of different streams: simulate anew"
+            f"this truth ({truth.scenario}) and run ({run.scenario}) are of different streams: simulate again"
         )
 
 

@@ -21,7 +21,7 @@ def over_time(truth: Truth, run: Run) -> pd.DataFrame:
     """One row per (estimator, tick): `rmse` [m] and `anees` with 95 % intervals over trials, and the chi-square band.
 
     Robots are pooled within a trial first. `band_low` and `band_high` hold the ANEES of a consistent estimator in
-    95 % of the ticks, were errors Gaussian, and robots of one trial as good as one; so it is a guide, and no test.
+    95 % of the ticks if errors are Gaussian and the robots of a trial count as one; so it is a guide, not a test.
 
     Raises:
         BadInput: truth and run are of different streams.

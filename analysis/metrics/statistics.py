@@ -19,7 +19,7 @@ RESAMPLES = 1999
 
 
 class Interval(NamedTuple):
-    """A value with its 95 % interval."""
+    """A value with its 95 % interval; the ends are nan where there is none."""
 
     value: float
     low: float
@@ -54,13 +54,8 @@ def log_contrast(values: Array, weights: Array) -> Interval:
     return Interval(value, value - half, value + half)
 
 
-def mean_difference(a: Array, b: Array) -> Interval:
-    """mean(b - a) over paired trials, t interval."""
-    return mean(b - a)
-
-
 def mean(d: Array) -> Interval:
-    """The mean over trials, t interval."""
+    """The mean of `d` (k,) over trials, such as paired differences b - a: t interval."""
     n, value = len(d), float(np.mean(d)) if len(d) else np.nan
     if n < LEAST_TRIALS or not np.isfinite(value):
         return Interval(value, np.nan, np.nan)
@@ -68,40 +63,34 @@ def mean(d: Array) -> Interval:
     return Interval(value, value - half, value + half)
 
 
-def improvement(a: Array, b: Array) -> Interval:
-    """1 - sqrt(mean b^2 / mean a^2), of squared errors `a`, `b` over paired trials, with Fieller's interval.
+def change(a: Array, b: Array) -> Interval:
+    """sqrt(mean b / mean a) - 1, of squared errors `a`, `b` (k,) over paired trials, with Fieller's interval.
 
-    Fieller (1954): the ratio r of two means is accepted where the mean of b - r a does not differ from 0 by the t test.
-    Where the denominator is not distinguishable from 0 the set is unbounded, and the interval is nan.
+    The relative change of the RMSE from `a` to `b`: negative where `b` is the better one. Fieller (1954): the ratio r
+    of two means is accepted where the mean of b - r a does not differ from 0 by the t test. Where the denominator is
+    not distinguishable from 0 the set is unbounded, and the interval is nan.
     """
-    value, A, B = _gain(a, b), _mean(a), _mean(b)
-    n = len(a)
-    if n < LEAST_TRIALS or not (np.isfinite(value) and A > 0):
+    n, value = len(a), float(_change(a, b)) if len(a) and a.mean() > 0 else np.nan
+    if n < LEAST_TRIALS or not np.isfinite(value):
         return Interval(value, np.nan, np.nan)
-    q = _quantile(n) ** 2 / n
-    C = np.cov(a, b)
+    A, B, C, q = a.mean(), b.mean(), np.cov(a, b), _quantile(n) ** 2 / n
     qa, qb, qc = A * A - q * C[0, 0], A * B - q * C[0, 1], B * B - q * C[1, 1]
     root = qb * qb - qa * qc
     if qa <= 0 or root < -1e-12 * qb * qb:  # below zero by rounding alone where b is a multiple of a
         return Interval(value, np.nan, np.nan)
     low, high = (max((qb + sign * np.sqrt(max(root, 0.0))) / qa, 0.0) for sign in (-1, 1))
-    return Interval(value, float(1 - np.sqrt(high)), float(1 - np.sqrt(low)))
+    return Interval(value, float(np.sqrt(low) - 1), float(np.sqrt(high) - 1))
 
 
-def improvement_bca(a: Array, b: Array) -> Interval:
-    """As `improvement`, with the bias-corrected accelerated bootstrap (Efron 1987); the cross-check of Fieller's."""
-    value = _gain(a, b)
+def change_bca(a: Array, b: Array) -> Interval:
+    """As `change`, with the bias-corrected accelerated bootstrap (Efron 1987); the cross-check of Fieller's."""
+    value = float(_change(a, b)) if len(a) and a.mean() > 0 else np.nan
     if len(a) < LEAST_TRIALS or not np.isfinite(value):
         return Interval(value, np.nan, np.nan)
-    if np.allclose(b * _mean(a), a * _mean(b), rtol=1e-9):  # every resample is the same
+    if np.allclose(b * a.mean(), a * b.mean(), rtol=1e-9):  # every resample is the same
         return Interval(value, value, value)
-    done = stats.bootstrap((a, b), _gains, paired=True, n_resamples=RESAMPLES, rng=np.random.default_rng(0))
+    done = stats.bootstrap((a, b), _change, paired=True, n_resamples=RESAMPLES, rng=np.random.default_rng(0))
     return Interval(value, float(done.confidence_interval.low), float(done.confidence_interval.high))
-
-
-def as_ratio(gain: Interval) -> Interval:
-    """From the error reduction 1 - b/a to the other definition of "better by", a/b - 1; both rise together."""
-    return Interval(*(1 / (1 - g) - 1 if g != 1 else np.inf for g in gain))
 
 
 def share(shares: Array) -> Interval:
@@ -113,7 +102,7 @@ def share(shares: Array) -> Interval:
     """
     from statsmodels.stats.proportion import proportion_confint
 
-    m, p = len(shares), _mean(shares)
+    m, p = len(shares), float(np.mean(shares)) if len(shares) else np.nan
     if m < LEAST_TRIALS or not np.isfinite(p):
         return Interval(p, np.nan, np.nan)
     variance = float(shares.var(ddof=1)) / m
@@ -135,7 +124,7 @@ def signed_rank(a: Array, b: Array) -> tuple[float, float]:
 
 
 def equivalence(a: Array, b: Array, margin: float) -> float:
-    """p against "the typical ratio b/a of paired errors lies outside 1/(1 + margin) .. 1 + margin": small means a tie.
+    """p against "the typical ratio b/a of paired errors is outside 1/(1 + margin) .. 1 + margin"; small means a tie.
 
     Two one-sided t tests (Schuirmann 1987) on the logarithms, so that it is the geometric mean of b/a that is judged.
     """
@@ -160,7 +149,7 @@ def holm(p: Array) -> Array:
 
 
 def trials_for_width(interval: Interval, n: int, half: float) -> float:
-    """Trials at which an interval over n of them would be `half` wide to either side; nan where it says nothing.
+    """Trials at which an interval over n of them would be `half` wide to either side; nan without one.
 
     From n = (z s / h)^2 + (z^2 + 1) / 2, the second term for the t quantile.
     """
@@ -168,7 +157,7 @@ def trials_for_width(interval: Interval, n: int, half: float) -> float:
 
 
 def trials_to_exclude(interval: Interval, n: int, distance: float) -> float:
-    """Trials whose interval would, in 4 of 5 repetitions, exclude a value this far away; nan where it says nothing.
+    """Trials whose interval would, in 4 of 5 repetitions, exclude a value this far away; nan without one.
 
     From n = ((z + z_0.8) s / distance)^2 + z^2 / 2 (Guenther 1981).
     """
@@ -187,18 +176,9 @@ def _trials(needed: float) -> float:
     return float(max(np.ceil(needed), LEAST_TRIALS)) if np.isfinite(needed) else np.nan
 
 
-def _mean(values: Array) -> float:
-    return float(np.mean(values)) if len(values) else np.nan
-
-
-def _gain(a: Array, b: Array) -> float:
-    A = _mean(a)
-    return float(1 - np.sqrt(_mean(b) / A)) if A > 0 else np.nan
-
-
-def _gains(a: Array, b: Array, axis: int = -1) -> Array:
-    gains: Array = 1 - np.sqrt(b.mean(axis) / a.mean(axis))
-    return gains
+def _change(a: Array, b: Array, axis: int = -1) -> Array:
+    relative: Array = np.sqrt(b.mean(axis) / a.mean(axis)) - 1
+    return relative
 
 
 @cache

@@ -1,4 +1,4 @@
-"""Trajectories as TUM files, which the evo command reads: `timestamp tx ty tz qx qy qz qw` a line, blanks between.
+"""Trajectories as TUM files, which the evo command reads: `timestamp tx ty tz qx qy qz qw` in each line.
 
 Source: the TUM RGB-D benchmark, J. Sturm et al., IROS 2012. Where no heading is estimated the quaternion is that of
 heading 0, so compare translations only: `evo_ape tum truth.txt estimate.txt`, whose default that is.
@@ -15,27 +15,27 @@ from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.runner.run import Run
 from cooploc.scenarios.stream import Truth
 
-TRUTH = "truth"  # the folder of what was true
+TRUTH = "truth"  # the folder of true trajectories
 
 
 def to_tum(truth: Truth, run: Run, folder: str | Path, time: Array | None = None) -> list[Path]:
     """Write one file for each trial, robot and estimator, and one of the truth for each trial and robot.
 
-    They are called `ESTIMATOR/trial0-robot0.txt` and `truth/trial0-robot0.txt`, characters that no file's name should
-    have replaced by "_". Ticks without truth are left out of the truth's file; evo pairs by timestamps.
+    They are called `ESTIMATOR/trial0-robot0.txt` and `truth/trial0-robot0.txt`; characters unfit for a file name become
+    "_". Ticks without truth are left out of the truth's file; evo pairs by timestamps.
 
     Args:
         truth: of the same stream as the run.
         run: from `run`.
-        folder: made where it is not there.
+        folder: created if it does not exist.
         time: (T,) of the ticks [s], such as `stream.time`; without it their number, from 1.
 
     Returns:
         The files, the truth's first.
 
     Raises:
-        BadInput: truth and run are of different streams, `time` is not one number a tick, or the names of two
-            estimators are the same as a folder's.
+        BadInput: truth and run are swapped or of different streams, `time` is not one number a tick, or two
+            estimators would write into the same folder.
 
     """
     demand_same(truth, run)
@@ -71,6 +71,6 @@ def _team(folder: Path, run: Run, stamps: Array, x: Array, known: Mask) -> list[
 
 
 def _name(estimator: str) -> str:
-    """A file's name for an estimator's label; one that is the truth's, or no name at all, gets a "_" behind it."""
+    """A folder's name for an estimator's label; one that is "truth", or only dots, gets a "_" behind it."""
     name = re.sub(r"[^\w.,=+\[\]-]", "_", estimator)
     return f"{name}_" if name.strip(".") == "" or name.lower() == TRUTH else name

@@ -8,10 +8,10 @@ import pandas as pd
 import seaborn as sns
 from matplotlib.axes import Axes
 
+from cooploc.analysis.claims.kinds import RELATIVE
 from cooploc.analysis.claims.ledger import BASE
 from cooploc.estimators.plugins.errors import BadInput
 
-SHARES = ("improvement", "trend", "cost")  # kinds of claims whose size is a share
 COLOURS = sns.color_palette("colorblind", 10)
 # verdict -> colour, marker and filling, apart in grey print too
 LOOKS = {
@@ -24,7 +24,7 @@ CLAIMED = "0.2"
 
 
 def claims(verdicts: pd.DataFrame, variant: str = BASE, ax: Axes | None = None) -> Axes:
-    """The claims that name a share: the number found in every case with its 95 % interval, and the one claimed.
+    """The claims that name a change: the one found in every case with its 95 % interval, and the one claimed.
 
     Args:
         verdicts: from `cooploc.analysis.claims.verdicts.judge`.
@@ -32,13 +32,13 @@ def claims(verdicts: pd.DataFrame, variant: str = BASE, ax: Axes | None = None) 
         ax: where to draw.
 
     Raises:
-        BadInput: no claim of this variant names a share, or none was run.
+        BadInput: no claim of this variant names a change, or none was run.
 
     """
-    drawn = verdicts[(verdicts["variant"] == variant) & verdicts["kind"].isin(SHARES) & verdicts["value"].notna()]
+    drawn = verdicts[(verdicts["variant"] == variant) & verdicts["kind"].isin(RELATIVE) & verdicts["value"].notna()]
     drawn = drawn[drawn["size"].notna() & ~_said_twice(drawn)]
     if drawn.empty:
-        raise BadInput(f"no claim of the reading {variant!r} that names a share was run: see the column `verdict`")
+        raise BadInput(f"no claim of the reading {variant!r} that names a change was run: see the column `verdict`")
     blocks = list(drawn.groupby(["claim", "says"], sort=False))
     if ax is None:
         _, ax = plt.subplots(figsize=(7.4, 0.6 + 0.42 * len(blocks) + 0.21 * len(drawn)), layout="constrained")
@@ -60,7 +60,7 @@ def claims(verdicts: pd.DataFrame, variant: str = BASE, ax: Axes | None = None) 
 
 
 def _said_twice(drawn: pd.DataFrame) -> pd.Series:
-    """Ratios of which the reduction is there too."""
+    """Changes that are claimed as a ratio, too."""
     keys = ["claim", "scenario", "of", "than"]
     return drawn.duplicated(keys, keep=False) & (drawn["definition"] == "ratio")
 
@@ -79,7 +79,7 @@ def _dress(ax: Axes, found: set[str]) -> None:
             ax.plot([], [], marker, mec=colour, mfc=face, ms=6, label=verdict)
     ax.plot([], [], color=CLAIMED, lw=2, label="claimed")
     ax.axvline(0, color="0.7", lw=0.8, zorder=0)
-    ax.set_xlabel("found, with its 95 % interval [%]")
+    ax.set_xlabel("change of the RMSE [%] with its 95 % interval")
     ax.grid(axis="x", color="0.92", lw=0.8)
     ax.set_axisbelow(True)
     ax.tick_params(axis="y", length=0)

@@ -9,7 +9,8 @@ import seaborn as sns
 from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from cooploc.analysis.metrics.compare import CONSERVATIVE, OVER_CONFIDENT, consistency, summarize
+from cooploc.analysis.metrics.compare import summarize
+from cooploc.analysis.metrics.consistency import CONSERVATIVE, OVER_CONFIDENT, consistency
 from cooploc.estimators.plugins.errors import BadInput
 
 MARKERS = "osD^vP*Xph<>"

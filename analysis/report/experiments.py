@@ -9,10 +9,11 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
-from cooploc.analysis.claims.trial_table import Results
+from cooploc.analysis.claims.trial_table import TrialTable
 from cooploc.analysis.execution.stored_run import Kept
-from cooploc.analysis.metrics import ranking
+from cooploc.analysis.metrics.certificate_line import refused
 from cooploc.analysis.metrics.over_time import sweep
+from cooploc.analysis.metrics.ranking import rank_groups
 from cooploc.analysis.metrics.statistics import LEAST_TRIALS
 from cooploc.analysis.report import report_tables, summaries, svg_figures
 from cooploc.analysis.report.tables import Table
@@ -35,7 +36,7 @@ class Numbers(NamedTuple):
 
     kept: Kept
     table: pd.DataFrame  # of `compare`
-    results: Results
+    results: TrialTable
     looks: dict[str, svg_figures.Style]
 
 
@@ -81,13 +82,13 @@ def experiment(name: str, plan: dict[str, list[str]], numbers: Numbers, counter:
     return Experiment(name, anchor, found, said, [line for line in sweeps if line], shown, [table, *changed])
 
 
-def _ranks(rows: pd.DataFrame, results: Results) -> tuple[dict[str, float], dict[str, str]]:
+def _ranks(rows: pd.DataFrame, results: TrialTable) -> tuple[dict[str, float], dict[str, str]]:
     """Mean ranks and letters of one scenario's estimators, over the trials that ended for all of them."""
-    names = list(rows.loc[rows["rmse"].notna(), "estimator"])
+    names = list(rows.loc[rows["rmse"].notna() & ~rows["certificate"].map(refused).astype(bool), "estimator"])
     if not names:
         return {}, {}
     mse = results.mse(*((rows["scenario"].iloc[0], name) for name in names))
-    return ranking.groups(pd.DataFrame(mse, columns=names))
+    return rank_groups(pd.DataFrame(mse, columns=names))
 
 
 def _groups(labels: list[str]) -> dict[tuple[str, str], list[str]]:

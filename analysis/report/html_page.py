@@ -16,8 +16,9 @@ from cooploc.analysis.claims.ledger import BASE, Ledger
 from cooploc.analysis.claims.trial_table import collect
 from cooploc.analysis.execution.stored_run import Kept
 from cooploc.analysis.metrics import certificate_line
-from cooploc.analysis.metrics.compare import compare, notes
+from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.crlb import floors
+from cooploc.analysis.metrics.pooling import notes
 from cooploc.analysis.report import report_tables, summaries, svg_figures, tables
 from cooploc.analysis.report.experiments import Experiment, Numbers, experiment
 from cooploc.analysis.report.reproduce import PAGE, sample
@@ -52,8 +53,9 @@ METHODS = (
      "interval does; cooploc verdicts prints them."),
 )  # fmt: skip
 LEGEND = (
-    "Reduction is 1 - b/a, ratio a/b - 1. A verdict is wrong in at most one of twenty repetitions of the run; over all "
-    "rows some are to be expected. Readings: paper, as it stands; others as the ledger describes them."
+    'A change is b/a - 1: negative where the error falls. "66 % more accurate" may be claimed as a change of -66 %, or '
+    "as a ratio of errors of 1.66, a change of -40 %. A verdict is wrong in at most one of twenty repetitions of the "
+    "run; over all rows some are to be expected. Readings: paper, as it stands; others as the ledger describes them."
 )
 
 
@@ -90,7 +92,7 @@ def render(context: dict[str, Any]) -> str:
 
 def content(kept: Kept, ledger: Ledger) -> dict[str, Any]:
     """Everything that the page shows, and `tables`, all of its tables."""
-    table = compare(kept.rows, kept.baselines)
+    table = compare(kept.rows, kept.baselines, full=True)
     table["floor"] = table["scenario"].map(floors(table["scenario"], kept.manifest["seed"], FLOORED))
     looks = svg_figures.styles(list(dict.fromkeys(kept.rows["estimator"])))
     numbers = Numbers(kept, table, collect(kept.rows), looks)

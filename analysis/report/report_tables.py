@@ -21,8 +21,8 @@ RESULTS = (
     Column("95 %", ("rmse_low", "rmse_high")),
     Column("rank", ("rank",)),
     Column("group", ("group",), False),
-    Column("change", ("improvement",)),
-    Column("95 %", ("improvement_low", "improvement_high")),
+    Column("change", ("change",)),
+    Column("95 %", ("change_low", "change_high")),
     Column("p (Holm)", ("p_holm",)),
     Column("ANEES", ("anees",)),
     Column("95 %", ("anees_low", "anees_high")),
@@ -67,8 +67,8 @@ def _result(row: dict[Any, Any], ranks: Ranks) -> tuple[Cell, ...]:
     remark += [flag] if flag in ("over-confident", "conservative", "undecided") else []
     remark += ["bound"] if row["bound"] else []
     remark += [f"{row['failed']} failed"] if row["failed"] else []
-    gain = number(v["improvement"], 0, " %", -100)
-    between = interval(v["improvement_low"], v["improvement_high"], 0, " %", -100)
+    change = number(v["change"], 0, " %", 100)
+    between = interval(v["change_low"], v["change_high"], 0, " %", 100)
     return (
         text(row["scenario"]),
         text(row["estimator"]),
@@ -77,7 +77,7 @@ def _result(row: dict[Any, Any], ranks: Ranks) -> tuple[Cell, ...]:
         interval(v["rmse_low"], v["rmse_high"], 3),
         number(mean.get(row["estimator"], np.nan), 1),
         text(letters.get(row["estimator"], "")),
-        gain if other else gain._replace(text=""),
+        change if other else change._replace(text=""),
         between if other else between._replace(text=""),
         Cell(_p(v["p_holm"]), (v["p_holm"],)),
         number(v["anees"]),

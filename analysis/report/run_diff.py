@@ -7,8 +7,9 @@ import pandas as pd
 
 from cooploc.analysis.execution.stored_run import Kept
 from cooploc.analysis.metrics import statistics
-from cooploc.analysis.metrics.compare import per_trial, succeeded, summarize
+from cooploc.analysis.metrics.compare import summarize
 from cooploc.analysis.metrics.consistency import consistency
+from cooploc.analysis.metrics.pooling import trial_means
 from cooploc.analysis.metrics.statistics import Interval
 from cooploc.analysis.report.tables import Cell, Column, Table, interval, number, text
 
@@ -162,14 +163,13 @@ def _summary(kept: Kept) -> dict[Any, dict[str, Any]]:
 
 
 def _change(a: pd.DataFrame, b: pd.DataFrame) -> dict[str, Any]:
-    before, after = (per_trial(succeeded(part)) for part in (a, b))
+    before, after = (trials for part in (a, b) for trials in trial_means(part).values())
     both = before.add_suffix("_a").join(after.add_suffix("_b"), how="inner")
     pairs = both[both["stream_a"] == both["stream_b"]]
     streams = [set(part["stream"]) for part in (a, b)]
     if streams[0] & streams[1]:
         x, y = pairs["mse_a"].to_numpy(float), pairs["mse_b"].to_numpy(float)
-        gain = statistics.improvement(x, y)
-        change = Interval(-gain.value, -gain.high, -gain.low)
+        change = statistics.change(x, y)
         equal = np.logical_and.reduce([_same(pairs[f"{name}_a"], pairs[f"{name}_b"]) for name in EXACT])
         told = {"pairing": "paired", "trials": len(pairs), "equal": int(equal.sum())}
         means = pairs[["anees_a", "anees_b"]].mean().to_dict()

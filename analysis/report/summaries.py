@@ -13,12 +13,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from cooploc.analysis.claims.trial_table import Missing, Results
+from cooploc.analysis.claims.trial_table import Missing, TrialTable
 from cooploc.analysis.metrics import statistics
-from cooploc.analysis.metrics.certificate_line import mark, refused
 from cooploc.analysis.metrics.compare import MARGIN
-from cooploc.analysis.metrics.consistency import DOUBTFUL, OVER_CONFIDENT
+from cooploc.analysis.metrics.consistency import OVER_CONFIDENT
 from cooploc.analysis.metrics.over_time import sweep
+from cooploc.analysis.metrics.ranking import disqualified
 from cooploc.analysis.report.tables import rounded
 
 FEW = 6  # estimators of which a sentence gives every number; of more it gives the range, of twice as many no names
@@ -61,12 +61,12 @@ class Change(NamedTuple):
     trials: int
 
 
-def standings(table: pd.DataFrame, results: Results) -> list[Standing]:
+def standings(table: pd.DataFrame, results: TrialTable) -> list[Standing]:
     """One per scenario, from `compare` and `collect`."""
     return [_standing(str(scenario), part, results) for scenario, part in table.groupby("scenario", sort=False)]
 
 
-def _standing(scenario: str, part: pd.DataFrame, results: Results) -> Standing:
+def _standing(scenario: str, part: pd.DataFrame, results: TrialTable) -> Standing:
     trials = int(part["trials"].max())
     part = part[part["rmse"].notna()].sort_values("rmse", kind="stable")
     barred = np.array([bool(why(row)) for row in part.to_dict("records")], bool)
@@ -81,7 +81,7 @@ def _standing(scenario: str, part: pd.DataFrame, results: Results) -> Standing:
         first, other = np.sqrt(pairs).T
         if statistics.equivalence(first, other, MARGIN) < 0.05:
             equal.append(row["estimator"])
-        elif not statistics.improvement(*pairs.T).high < 0:
+        elif not statistics.change(*pairs.T).low > 0:
             tied.append(row["estimator"])
     lost = part[(part["rmse"] <= best["rmse"]) & barred]
     bare = best["certificate"].startswith("unchecked")
@@ -93,16 +93,9 @@ def _standing(scenario: str, part: pd.DataFrame, results: Results) -> Standing:
 
 
 def why(row: dict[Any, Any]) -> str:
-    """Why an estimator may not be called best; empty where it may."""
-    reasons = [f"failed the check {mark(row['certificate'])[2:]}"] if refused(row["certificate"]) else []
-    reasons += ["a bound"] if row["bound"] else []
-    if row["consistency"] == "over-confident":
-        reasons.append(f"over-confident, ANEES {rounded(row['anees'], 2)}")
-    if row["consistency"] == "undecided" and row["anees"] > DOUBTFUL:
-        reasons.append(f"probably over-confident, ANEES {rounded(row['anees'], 2)}")
-    if row["consistency"] == "not assessed":
-        reasons.append("consistency not assessed")
-    return ", ".join([*reasons, *([f"{_count(row['failed'], 'trial')} failed"] if row["failed"] else [])])
+    """Why an estimator does not qualify as best, with its ANEES where that is the reason; empty where it qualifies."""
+    anees = f", ANEES {rounded(row['anees'], 2)}"
+    return ", ".join(reason + anees * reason.endswith("over-confident") for reason in disqualified(row))
 
 
 def _named(lost: pd.DataFrame) -> tuple[str, ...]:
@@ -169,7 +162,7 @@ def confidence(table: pd.DataFrame) -> str:
     return " ".join(parts)
 
 
-def changes(scenarios: list[str], estimators: Iterable[str], results: Results) -> list[Change]:
+def changes(scenarios: list[str], estimators: Iterable[str], results: TrialTable) -> list[Change]:
     """How every estimator's RMSE changes over a sweep, paired by trial; of those that ran at both ends."""
     ordered = sorted(scenarios, key=lambda label: sweep(label)[2])
     out = []

@@ -11,7 +11,8 @@ from rich.table import Table
 
 from cooploc.analysis.metrics import certificate_line
 from cooploc.analysis.metrics.certificate_line import mark, refused
-from cooploc.analysis.metrics.compare import SUMMARY, notes, succeeded
+from cooploc.analysis.metrics.compare import SUMMARY
+from cooploc.analysis.metrics.pooling import notes, succeeded
 
 HEADS = (
     "estimator",
@@ -103,7 +104,7 @@ def _table(scenario: str, part: pd.DataFrame) -> Table:
 
 
 def _cells(row: pd.Series, baseline: str) -> tuple[str, ...]:
-    against = _percent(-row["improvement"]), _percents(row), _p(row["p_holm"])
+    against = _percent(row["change"]), _percents(row), _p(row["p_holm"])
     remarks = ["not ranked"] if refused(row["certificate"]) else []
     remarks += [row["consistency"]] if row["consistency"] in ("over-confident", "conservative") else []
     remarks += ["bound"] if row["bound"] else []
@@ -125,7 +126,7 @@ def _cells(row: pd.Series, baseline: str) -> tuple[str, ...]:
 
 
 def _percents(row: pd.Series) -> str:
-    low, high = -row["improvement_high"], -row["improvement_low"]
+    low, high = row["change_low"], row["change_high"]
     return f"{_percent(low)}, {_percent(high)}" if np.isfinite(low) and np.isfinite(high) else ""
 
 

@@ -18,9 +18,9 @@ import pandas as pd
 from joblib import Parallel, delayed
 from scipy import stats
 
-from cooploc.analysis.claims.kinds import FINDERS, cases
-from cooploc.analysis.claims.ledger import Claim
-from cooploc.analysis.claims.trial_table import Results
+from cooploc.analysis.claims.claim import Claim
+from cooploc.analysis.claims.kinds import KINDS, cases
+from cooploc.analysis.claims.trial_table import TrialTable
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.consistency import flag
 from cooploc.analysis.metrics.ranking import letters
@@ -108,12 +108,12 @@ def covered(intervals: list[statistics.Interval], truth: float) -> float:
 # ------------------------------------------------------------------------------------------------ coverage
 
 
-def of_improvement(interval: Callable[..., statistics.Interval], repeats: int = REPEATS):
-    """Coverage of a true improvement of 1 - sqrt(0.5)."""
+def of_change(interval: Callable[..., statistics.Interval], repeats: int = REPEATS):
+    """Coverage of a true change of sqrt(0.5) - 1."""
 
     def measure(rng: np.random.Generator, draw: Draw, n: int) -> float:
         pairs = draw(rng, (repeats, n, 2)) * [1.0, 0.5]
-        return covered([interval(a, b) for a, b in pairs.swapaxes(1, 2)], 1 - np.sqrt(0.5))
+        return covered([interval(a, b) for a, b in pairs.swapaxes(1, 2)], np.sqrt(0.5) - 1)
 
     return measure
 
@@ -121,7 +121,7 @@ def of_improvement(interval: Callable[..., statistics.Interval], repeats: int = 
 def of_nothing(rng: np.random.Generator, draw: Draw, n: int) -> float:
     """How often Fieller's set is unbounded, so that no interval is given."""
     pairs = draw(rng, (REPEATS, n, 2)) * [1.0, 0.5]
-    return float(np.mean([np.isnan(statistics.improvement(a, b).low) for a, b in pairs.swapaxes(1, 2)]))
+    return float(np.mean([np.isnan(statistics.change(a, b).low) for a, b in pairs.swapaxes(1, 2)]))
 
 
 def of_positive_mean(rng: np.random.Generator, draw: Draw, n: int) -> float:
@@ -138,7 +138,7 @@ def of_difference(rng: np.random.Generator, draw: Draw, n: int) -> float:
     """The mean difference of RMSE; its truth is that of a million draws."""
     truth = np.sqrt(draw(rng, (1_000_000, 1))).mean() * (np.sqrt(0.5) - 1)
     pairs = np.sqrt(draw(rng, (REPEATS, n, 2)) * [1.0, 0.5])
-    return covered([statistics.mean_difference(a, b) for a, b in pairs.swapaxes(1, 2)], truth)
+    return covered([statistics.mean(b - a) for a, b in pairs.swapaxes(1, 2)], truth)
 
 
 def of_interaction(rng: np.random.Generator, draw: Draw, n: int) -> float:
@@ -202,17 +202,17 @@ LABELS = [f"s/n={k}" for k in range(1, 7)]
 # what is claimed -> the claim, the factors of the true mean squared errors (scenario, estimator), the false verdicts
 LIES: dict[str, tuple[dict[str, object], np.ndarray, tuple[str, ...]]] = {
     "better; they are equal": (
-        {"kind": "improvement", "than": ("b",), "scenarios": LABELS[:1]},
+        {"kind": "change", "than": ("b",), "scenarios": LABELS[:1]},
         np.ones((1, 2)),
         ("supported", "contradicted"),
     ),
     "30 % better (less 5); it is 25 %": (
-        {"kind": "improvement", "than": ("b",), "scenarios": LABELS[:1], "size": 0.3},
+        {"kind": "change", "than": ("b",), "scenarios": LABELS[:1], "size": -0.3},
         np.array([[0.75**2, 1.0]]),
         ("supported", "contradicted"),
     ),
     "30 % better; it is 30 %": (
-        {"kind": "improvement", "than": ("b",), "scenarios": LABELS[:1], "size": 0.3},
+        {"kind": "change", "than": ("b",), "scenarios": LABELS[:1], "size": -0.3},
         np.array([[0.7**2, 1.0]]),
         ("direction only", "contradicted"),
     ),
@@ -257,7 +257,8 @@ LIES: dict[str, tuple[dict[str, object], np.ndarray, tuple[str, ...]]] = {
 def lie(told: dict[str, object], factors: np.ndarray, false: tuple[str, ...]):
     """How often a claim gets a verdict that is not true."""
     claim = Claim(id="x", says="", of="a", **told)  # type: ignore[arg-type]
-    (case,) = [c for c in cases(claim) if c.definition != "ratio"]
+    judge, (case, *_) = KINDS[claim.kind].judge, cases(claim)
+    assert judge is not None
 
     def measure(rng: np.random.Generator, draw: Draw, n: int) -> float:
         wrong = 0
@@ -268,7 +269,7 @@ def lie(told: dict[str, object], factors: np.ndarray, false: tuple[str, ...]):
                 for i, label in enumerate(case.scenarios)
                 for j, name in enumerate("ab")
             }
-            wrong += FINDERS[claim.kind](case, claim, Results(frames, {}, set())).verdict in false
+            wrong += judge(case, claim, TrialTable(frames, {}, set())).verdict in false
         return wrong / (REPEATS // 4)
 
     return measure
@@ -302,9 +303,9 @@ def main() -> int:
         "Share of repetitions whose interval holds the truth; where there is none, it does not. "
         "Promised: 0.92 to 0.98. Rows in brackets are for comparison, and not promised.",
         {
-            "improvement, Fieller": rates("fieller", of_improvement(statistics.improvement)),
+            "change, Fieller": rates("fieller", of_change(statistics.change)),
             "(there is none: Fieller's set is unbounded)": rates("unbounded", of_nothing),
-            "(improvement, BCa)": rates("bca", of_improvement(statistics.improvement_bca, REPEATS // 4)),
+            "(change, BCa)": rates("bca", of_change(statistics.change_bca, REPEATS // 4)),
             "RMSE, ANEES: jackknife on log mean": rates("positive", of_positive_mean),
             "(the t interval in its place)": rates("plain", of_plain_mean),
             "difference of RMSE, t": rates("difference", of_difference),

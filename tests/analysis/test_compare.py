@@ -1,13 +1,16 @@
 """Tables over trials: pooling, pairing, flags, refusals."""
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
 from statsmodels.stats.proportion import proportion_confint
 
 import cooploc as cl
-from cooploc.analysis.metrics.compare import DETAIL, SUMMARY, compare, per_trial, summarize
+from cooploc.analysis.metrics.compare import SHORT, SUMMARY, compare, summarize
 from cooploc.analysis.metrics.errors import COLUMNS
+from cooploc.analysis.metrics.pooling import trial_means
 from cooploc.analysis.plot.summary import rmse
 from cooploc.analysis.report.terminal import records
 
@@ -48,13 +51,12 @@ BASE = RNG.lognormal(0, 0.4, (12, 3))
 def test_rmse_pools_robots_by_valid_ticks_then_trials():
     frame = rows("a", [[1.0, 4.0], [9.0, 9.0]])
     frame.loc[0, "ticks"], frame.loc[1, "ticks"] = 30, 10
-    np.testing.assert_allclose(per_trial(frame)["mse"], [(30 * 1 + 10 * 4) / 40, 9])
+    np.testing.assert_allclose(trial_means(frame)["s", "a"]["mse"], [(30 * 1 + 10 * 4) / 40, 9])
     assert summarize(frame)["rmse"].item() == pytest.approx(np.sqrt((1.75 + 9) / 2))
 
 
 def test_summary_has_exactly_the_promised_fields_and_no_interval_below_five_trials():
     table = summarize(rows("a", BASE[:4]))
-    assert list(table.columns) == [*SUMMARY, *DETAIL]
     assert list(records(table)[0]) == list(SUMMARY)
     assert records(table)[0]["rmse_low"] is None
     assert records(summarize(rows("a", BASE)))[0]["rmse_low"] < np.sqrt(BASE.mean())
@@ -62,12 +64,9 @@ def test_summary_has_exactly_the_promised_fields_and_no_interval_below_five_tria
 
 def test_differences_are_paired_by_trial_and_not_by_order():
     mine = rows("b", 0.25 * BASE)
-    table = compare(pd.concat([rows("a", BASE), mine.sample(frac=1, random_state=0)]), baseline="a")
+    table = compare(pd.concat([rows("a", BASE), mine.sample(frac=1, random_state=0)]), baseline="a", full=True)
     row = table[table["estimator"] == "b"].iloc[0]
-    assert row["improvement"] == pytest.approx(0.5)
-    assert (row["improvement_low"], row["improvement_high"]) == pytest.approx(
-        (0.5, 0.5)
-    )  # no spread left after pairing
+    assert (row["change"], row["change_low"], row["change_high"]) == pytest.approx((-0.5,) * 3)  # no spread is left
     assert row["effect"] == -1
     assert row["pairs"] == 12
     expected = (np.sqrt(0.25 * BASE.mean(1)) - np.sqrt(BASE.mean(1))).mean()
@@ -76,20 +75,18 @@ def test_differences_are_paired_by_trial_and_not_by_order():
     assert np.isnan(base["p"])
 
 
-def test_both_definitions_and_the_bootstrap_stand_beside_each_other():
+def test_the_bootstrap_stands_beside_fiellers_interval():
     mine = rows("b", 0.25 * BASE * RNG.lognormal(0, 0.2, BASE.shape))
-    row = compare(pd.concat([rows("a", BASE), mine]), baseline="a").iloc[1]
-    for end in ("", "_low", "_high"):  # 50 % less error is 100 % better by the other definition
-        assert row[f"ratio{end}"] == pytest.approx(1 / (1 - row[f"improvement{end}"]) - 1)
-    assert row["bca_low"] < row["improvement"] < row["bca_high"]
-    width = row["improvement_high"] - row["improvement_low"]
+    row = compare(pd.concat([rows("a", BASE), mine]), baseline="a", full=True).iloc[1]
+    assert row["bca_low"] < row["change"] < row["bca_high"] < 0
+    width = row["change_high"] - row["change_low"]
     assert 0.4 < (row["bca_high"] - row["bca_low"]) / width < 1.2
 
 
 def test_a_tie_is_shown_by_equivalence_and_not_by_a_large_p():
     near, far = (rows("b", BASE * RNG.lognormal(0, s, BASE.shape)) for s in (0.01, 1.0))
     for other, tie in ((near, True), (far, False)):
-        row = compare(pd.concat([rows("a", BASE), other]), baseline="a", margin=0.05).iloc[1]
+        row = compare(pd.concat([rows("a", BASE), other]), baseline="a", margin=0.05, full=True).iloc[1]
         assert row["p"] > 0.05
         assert (row["p_equal_holm"] < 0.05) == tie
         assert (row["trials_for_margin"] <= row["pairs"]) == tie
@@ -112,7 +109,7 @@ def test_divergence_counts_trials_and_not_robots():
 def test_p_is_adjusted_over_the_whole_table():
     frames = [rows("a", BASE, scenario=s) for s in ("s", "t")]
     frames += [rows("b", 0.8 * BASE * RNG.lognormal(0, 0.3, BASE.shape), scenario=s) for s in ("s", "t")]
-    table = compare(pd.concat(frames), baseline="a").dropna(subset="p")
+    table = compare(pd.concat(frames), baseline="a", full=True).dropna(subset="p")
     smallest = table["p"].idxmin()
     assert table.loc[smallest, "p_holm"] == pytest.approx(min(1, 2 * table.loc[smallest, "p"]))
 
@@ -125,6 +122,37 @@ def test_rows_of_different_streams_are_refused():
 def test_an_unknown_baseline_names_the_nearest():
     with pytest.raises(cl.BadInput, match="did you mean 'mrsl'"):
         compare(rows("mrsl", BASE), baseline="mrls")
+
+
+def test_what_is_no_table_of_errors_is_refused_with_what_it_should_be():
+    frame = rows("a", BASE)
+    wrong = {
+        "errors is of type str; it must be the table that cl.errors returns": ("a", frame),
+        "errors has no column 'trial'": (summarize(frame), "a"),
+        "margin is 0; it must lie above 0": (frame, "a", 0),
+        "baseline names none for scenario 's': add it": (frame, {"t": "a"}),
+    }
+    for said, given in wrong.items():
+        with pytest.raises(cl.BadInput, match=said):
+            compare(*given)
+
+
+def documented(function, head):
+    """The names of the columns below a head of a docstring, as they stand there."""
+    block = function.__doc__.split(f"{head}:\n")[1].split("\n\n")[0]
+    heads = re.findall(r"^ {8}(\w[\w, ]*?)(?: \[.*?\])?: \w", block, re.MULTILINE)
+    assert len(heads) == len(block.splitlines())
+    return [name for line in heads for name in line.split(", ")]
+
+
+def test_every_column_is_documented_and_nothing_else():
+    frame = pd.concat([rows("a", BASE), rows("b", BASE)])
+    of_summary, short = documented(summarize, "Columns"), documented(compare, "Columns")
+    assert of_summary == list(summarize(frame))
+    assert short == list(SHORT) == list(compare(frame, "a"))
+    more = documented(compare, "Columns with `full=True`, beside all of `summarize`")
+    assert {*of_summary, *short, *more} == set(compare(frame, "a", full=True))
+    assert not set(more) & {*of_summary, *short}
 
 
 @pytest.mark.parametrize(

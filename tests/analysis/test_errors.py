@@ -1,5 +1,6 @@
 """Errors and consistency of a run, on traces made by hand."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -47,6 +48,26 @@ def test_a_constant_error_by_hand():
     assert row["bytes"] == 96.0
     assert row["seconds"] == pytest.approx(0.6 / 8)
     assert np.isnan(row["pose_nees"])
+
+
+def test_every_column_is_documented_and_nothing_else():
+    block = errors.__doc__.split("Columns:\n")[1].split("\n\n")[0]
+    assert re.findall(r"^ {8}(\w+)(?: \[.*\])?: \w", block, re.MULTILINE) == list(COLUMNS)
+    truth, run = constant_error([1.0, 0])
+    counted = replace(run.traces["mine"], notes={"largest step": np.ones((1, 1))})
+    assert list(errors(truth, replace(run, traces={"mine": counted}))) == [*COLUMNS, "note: largest step"]
+
+
+@pytest.mark.parametrize(
+    ("swap", "said"),
+    [
+        (lambda truth, run: (run, truth), "truth and run are Run and Truth; pass the truth of cl.simulate first"),
+        (lambda truth, run: (type(truth), run), "truth and run are the class Truth and Run; pass"),
+    ],
+)
+def test_arguments_in_another_order_and_classes_are_refused(swap, said):
+    with pytest.raises(cl.BadInput, match=said):
+        errors(*swap(*constant_error([1.0, 0])))
 
 
 def test_coverage_is_the_95_percent_ellipse():

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from test_page import kept_from, rows_of
+from test_html_page import kept_from, rows_of
 
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.report import run_diff
@@ -36,8 +36,8 @@ def test_a_change_is_paired_by_trial(tmp_path):
     row = changes(a, b).set_index("estimator").loc["b"]
     assert row["pairing"] == "paired"
     x, y = (k.rows[k.rows["estimator"] == "b"]["mse"].to_numpy() for k in (a, b))
-    gain = statistics.improvement(x, y)
-    assert (row["change"], row["change_low"], row["change_high"]) == (-gain.value, -gain.high, -gain.low)
+    expected = statistics.change(x, y)
+    assert (row["change"], row["change_low"], row["change_high"]) == expected
     assert 0.18 < row["change_low"] < 0.2 < row["change_high"] < 0.22
     assert "grew in 1, fell in 0" in sentences(changes(a, b))[1]
 

@@ -11,7 +11,7 @@ paper = "A. Author, 2022"
 [[claims]]
 id = "1"
 says = "alone is better"
-kind = "improvement"
+kind = "change"
 of = "ekf-local"
 than = "arl"
 scenarios = "trajectory[ticks=6]"
