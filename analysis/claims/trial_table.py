@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from cooploc.analysis.metrics.over_time import sweep
-from cooploc.analysis.metrics.pooling import trial_means
+from cooploc.analysis.metrics.pooling import succeeded, weighted_means
 from cooploc.estimators import nearest, parse
 from cooploc.estimators.interface import Array
 
@@ -24,7 +24,7 @@ class Missing(Exception):
 class TrialTable(NamedTuple):
     """Trials that succeeded, by canonical labels of scenario and estimator. Methods take labels in any spelling."""
 
-    frames: dict[Key, pd.DataFrame]  # of `trial_means`, without keys whose trials all failed; index: trial
+    frames: dict[Key, pd.DataFrame]  # mse, anees, coverage95, seconds, robots; index: trial
     failures: Mapping[Key, int]  # trials that failed
     bounds: set[str]  # estimators that are bounds
 
@@ -108,9 +108,13 @@ class TrialTable(NamedTuple):
 
 def collect(rows: pd.DataFrame) -> TrialTable:
     """The table of the rows of a run or of `errors`."""
-    frames = {_canonical(key): frame for key, frame in trial_means(rows).items() if len(frame)}
+    keys, ended = ["scenario", "estimator", "trial"], succeeded(rows)
+    trials = weighted_means(ended, keys, ["mse", "anees", "coverage95"])
+    trials[["seconds", "robots"]] = ended.groupby(keys, sort=False)[["seconds", "robots"]].first()
+    parts = trials.groupby(level=["scenario", "estimator"], sort=False)
+    frames = {_canonical((str(s), str(e))): part.droplevel([0, 1]) for (s, e), part in parts}
     failed = rows[rows["failure"].notna()] if "failure" in rows else rows[:0]
-    once = failed.drop_duplicates(["scenario", "estimator", "trial"])
+    once = failed.drop_duplicates(keys)
     failures = Counter(map(_canonical, zip(once["scenario"], once["estimator"], strict=True)))
     bounds = rows.loc[rows["bound"].eq(True), "estimator"].unique()
     return TrialTable(frames, failures, {canonical(str(name)) for name in bounds})

@@ -1,7 +1,6 @@
 """The rows of `errors`, pooled over the robots of a trial; which of them may be paired; what estimators counted."""
 
 import hashlib
-from collections.abc import Hashable
 from typing import Any
 
 import pandas as pd
@@ -9,7 +8,7 @@ import pandas as pd
 from cooploc.analysis.metrics.errors import NOTE
 from cooploc.estimators.plugins.errors import BadInput
 
-CELL: list[Hashable] = ["scenario", "estimator"]
+CELL = ["scenario", "estimator"]
 
 
 def succeeded(errors: pd.DataFrame) -> pd.DataFrame:
@@ -31,21 +30,25 @@ def notes(errors: pd.DataFrame) -> list[str]:
 def trial_means(errors: pd.DataFrame) -> dict[tuple[str, str], pd.DataFrame]:
     """One row per trial that succeeded, by (scenario, estimator): means over robots, weighted by the ticks that count.
 
-    Medians, final and largest errors, and `diverged`, are a robot's: there every robot counts the same. `stream`,
-    `seconds` and `robots` are those of the trial. A cell whose trials all failed has no rows.
+    Medians, final and largest errors, and `diverged`, are a robot's: there every robot counts the same. `stream` is
+    that of the trial. A cell whose trials all failed has no rows.
     """
-    ended = succeeded(errors)
-    keys: list[Any] = [ended[key] for key in (*CELL, "trial")]
-    weight = ended["ticks"] / ended["ticks"].groupby(keys).transform("sum")
-    weighted = ended[["mse", "anees", "coverage95", "mean_error"]].mul(weight, axis=0)
-    out = weighted.groupby(keys).sum(min_count=1)
+    return {(str(s), str(e)): _of_cell(succeeded(part)) for (s, e), part in errors.groupby(CELL, sort=False)}
+
+
+def weighted_means(errors: pd.DataFrame, keys: list[str], columns: list[str]) -> pd.DataFrame:
+    """Means of columns over the robots of each group, weighted by the ticks that count; index: the keys."""
+    groups: list[Any] = [errors[key] for key in keys]
+    weight = errors["ticks"] / errors["ticks"].groupby(groups).transform("sum")
+    return errors[columns].mul(weight, axis=0).groupby(groups, sort=False).sum(min_count=1)
+
+
+def _of_cell(ended: pd.DataFrame) -> pd.DataFrame:
+    out = weighted_means(ended, ["trial"], ["mse", "anees", "coverage95", "mean_error"]).sort_index()
     of_robots = ["diverged", "median_error", "final_error", "max_error"]
-    out[of_robots] = ended[of_robots].groupby(keys).mean()
-    of_trial = ["stream", "seconds", "robots"]
-    out[of_trial] = ended[of_trial].groupby(keys).first()
-    found = {(str(s), str(e)): part.droplevel(CELL) for (s, e), part in out.groupby(level=CELL)}
-    cells = errors[CELL].drop_duplicates().itertuples(index=False)
-    return {(str(s), str(e)): found.get((str(s), str(e)), out.iloc[:0].droplevel(CELL)) for s, e in cells}
+    out[of_robots] = ended[["trial", *of_robots]].groupby("trial").mean()
+    out["stream"] = ended.groupby("trial")["stream"].first()
+    return out
 
 
 def demand_same_streams(errors: pd.DataFrame) -> None:
