@@ -13,6 +13,7 @@ from cooploc.analysis.metrics.over_time import sweep
 from cooploc.analysis.metrics.pooling import succeeded, weighted_means
 from cooploc.estimators import nearest, parse
 from cooploc.estimators.interface import Array
+from cooploc.estimators.plugins.build import RENAMED
 
 Key = tuple[str, str]  # labels of a scenario and an estimator
 
@@ -122,8 +123,9 @@ def collect(rows: pd.DataFrame) -> TrialTable:
 
 @cache
 def canonical(label: str) -> str:
-    """The label with its numbers in their shortest form and its options in alphabetical order."""
-    path, written = parse(label)
+    """The label with its numbers in their shortest form, its options sorted and by their present names."""
+    path, given = parse(label)
+    written = {RENAMED.get(key, key): value for key, value in given.items()}
     head, equals, value = path.partition("=")
     options = ",".join(f"{key}={_short(written[key])}" for key in sorted(written))
     return head + equals + _short(value) + (f"[{options}]" if options else "")

@@ -389,7 +389,7 @@ def test_every_kind_is_used_and_can_be_told():
 
 def test_labels_are_compared_by_what_they_mean():
     assert canonical("packet-drop/drop=0.70") == canonical("packet-drop/drop=.7")
-    assert canonical("m[K=1,own=rssi]") == canonical("m[own=rssi,K=1.0]")
+    assert canonical("m[anchor_reading=rssi,K=1]") == canonical("m[K=1.0,own=rssi]")
     assert canonical("m[temper=False]") == canonical("m[temper=false]") != canonical("m")
 
 
