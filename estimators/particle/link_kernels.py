@@ -1,8 +1,8 @@
-"""The compiled loops of likelihood.py over links: anchors, teammates.
+"""The compiled loops of likelihood.py over links (anchors, teammates), links in the outer loop.
 
-Links come in the outer loop, particles in the inner one. With D the squared distance and z = A - slope ln D, the
-variance of an RSSI is v = m/D^2. Some links share a division and a logarithm: sum y^2/v + ln v = over/under + ln under
-- 2 sum ln D, with under = prod m and over/under = sum (y D)^2/m; all in units of the noise, sigma = 1.
+With D the squared distance and z = A - slope ln D, the variance of an RSSI is v = m/D^2. Some links share a division
+and a logarithm: sum y^2/v + ln v = over/under + ln under - 2 sum ln D, with under = prod m and over/under = sum (y
+D)^2/m; all in units of the noise, sigma = 1.
 
 Where the box of a row's particles, seen from a link's place, spans little of D, ln D is ln D_0 and a short polynomial
 of D/D_0 - 1, D_0 the middle; such links are "far", the others "near".

@@ -139,7 +139,7 @@ def finish(p: Settings, s: FilterState, heard: likelihood.ReceivedPackets | None
 def _remember(p: Settings, s: FilterState, angle: Array) -> FilterState:
     """The DOA smoothed by a circular moving average over the last K, weights decay^age (the paper's EWMA).
 
-    Memories are of samples, not of ticks: where there is no DOA they stay.
+    Memories count samples, not ticks: a tick without a DOA leaves them as they are.
     """
     doa = _pushed(s.doa, angle)
     weight = np.where(np.isnan(doa), 0.0, p.decay ** np.arange(p.K))

@@ -62,19 +62,18 @@ def advance(
         particles drawn from P(x' | x, u), their log-weights, and their moments, None unless `sends`.
 
     """
-    n = x.shape[1]
     if type(motion) is not Displacement or x.shape[-1] != 2 or not likelihood.have_loop(fixed):
         x, logw = renew(x, logw, key, tick - 1)
-        noise = random_numbers.normals(key, tick, random_numbers.MOVE, n)
+        noise = random_numbers.normals(key, tick, random_numbers.MOVE, x.shape[1])
         x = motion.sample(x, z.odometry[:, None, :], z.dt[:, None], noise)
         logw = likelihood.anchors(fixed, x, logw)
         return x, logw, summary(x, logw) if sends else None
     cloud = Cloud(planes(x), readable(logw), readable(due))
     sd = np.sqrt(motion.sigma**2 / motion.tick * z.dt)
     step = Step(readable(z.odometry), readable(sd), readable(key), tick * random_numbers.PURPOSES)
-    out, belief = Moved(np.empty((2 * len(x), n)), np.empty_like(logw, order="C")), empty_belief(len(x))
+    out, belief = Moved(np.empty((2 * len(x), x.shape[1])), np.empty_like(logw, order="C")), empty_belief(len(x))
     advance_rows(cloud, step, likelihood.anchor_readings(fixed, len(x)), sends, out, belief)
-    return out.x.reshape(-1, 2, n).transpose(0, 2, 1), out.logw, belief if sends else None
+    return out.x.reshape(-1, 2, x.shape[1]).transpose(0, 2, 1), out.logw, belief if sends else None
 
 
 def summary(x: Array, logw: Array) -> Belief:
