@@ -12,7 +12,7 @@ def main() -> None:
     try:
         code = app(standalone_mode=False)
         if code == INTERRUPTED:  # typer has caught Ctrl-C
-            _say("interrupted; what was finished is kept, and the same command goes on from there", code)
+            _say("interrupted; what was finished is kept, and the same command continues from there", code)
     except Exception as e:
         line = _explained(e)
         if line is None:
@@ -22,7 +22,7 @@ def main() -> None:
 
 
 def _explained(e: Exception) -> str | None:
-    """One line for what the user can mend; None for our own faults, which keep their traceback."""
+    """One line for what the user can fix; None for bugs of ours, which keep their traceback."""
     from cooploc.estimators.plugins.errors import BadInput
 
     if isinstance(e, BadInput):
