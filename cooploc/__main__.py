@@ -12,7 +12,7 @@ def main() -> None:
     try:
         code = app(standalone_mode=False)
         if code == INTERRUPTED:  # typer has caught Ctrl-C
-            _say("interrupted; what was finished is kept, and the same command continues from there", code)
+            _say("interrupted; what was finished is kept, and the same command goes on from there", code)
     except Exception as e:
         line = _explained(e)
         if line is None:
