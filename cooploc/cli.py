@@ -146,7 +146,8 @@ def compare(before: RunDirectory, after: Annotated[Path, typer.Argument(help="an
     """Say what changed from one run to another, trial by trial where their streams are the same."""
     from cooploc import reporting
 
-    reporting.changes(before, after, cl.compare_runs(before, after))
+    found = cl.compare_runs(before, after)
+    reporting.changes(f"from {before} to {after}", found.settings, found.table, found.sentences)
 
 
 @app.command()
@@ -159,6 +160,6 @@ def reproduce(
     from cooploc import reporting
 
     found = cl.reproduce(page, trials, data)
-    reporting.reproduced(found)
+    reporting.reproduced(found.table, found.differences)
     if not found.equal:
         raise typer.Exit(1)

@@ -5,8 +5,6 @@ from pathlib import Path
 import pandas as pd
 from rich.console import Console
 
-from cooploc.runs import Reproduced, RunChanges
-
 
 def report(page: Path) -> None:
     """Say where a report is."""
@@ -21,33 +19,30 @@ def verdicts(found: pd.DataFrame, ledger: Path | None) -> None:
     wording.show(found, ledgers.load(ledger))
 
 
-def changes(before: Path, after: Path, found: RunChanges) -> None:
+def changes(title: str, settings: list[str], found: pd.DataFrame, sentences: list[str]) -> None:
     """Print what changed between two runs."""
     from cooploc.analysis.report import run_diff
 
     console = _console()
-    console.print(f"from {before} to {after}", soft_wrap=True)
-    for line in found.settings:
+    for line in (title, *settings, ""):
         console.print(line, soft_wrap=True)
-    console.print()
-    if len(found.table):
-        console.print(run_diff.table(found.table).terminal())
-    for line in found.sentences:
+    if len(found):
+        console.print(run_diff.table(found).terminal())
+    for line in sentences:
         console.print(line, soft_wrap=True)
 
 
-def reproduced(found: Reproduced) -> None:
+def reproduced(found: pd.DataFrame, differences: list[str]) -> None:
     """Print which trials of a report came out bit-equal."""
     from cooploc.analysis.report import reproduce as again
 
     console = _console()
-    trials = [again.Again(*row) for row in found.table.itertuples(index=False)]
+    trials = [again.Again(*row) for row in found.itertuples(index=False)]
     console.print(again.table(trials).terminal())
-    console.print(f"{found.table['equal'].sum()} of {len(trials)} results are bit-equal")
-    if not found.equal and found.differences:
-        console.print(
-            f"where this place differs from that of the report: {'; '.join(found.differences)}", soft_wrap=True
-        )
+    equal = found["equal"].sum()
+    console.print(f"{equal} of {len(trials)} results are bit-equal")
+    if equal < len(trials) and differences:
+        console.print(f"this machine differs from that of the report: {'; '.join(differences)}", soft_wrap=True)
 
 
 def _console() -> Console:

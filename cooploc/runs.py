@@ -44,8 +44,8 @@ class Results:
         return f"Results({str(self.folder)!r}, {scenarios} scenarios, {estimators} estimators)"
 
     def _repr_html_(self) -> str:
-        shown = ["scenario", "estimator", "trials", "failed", "rmse", "rmse_low", "rmse_high", "improvement", "p_holm"]
-        return self.table[[*shown, "anees", "consistency", "coverage95", "bytes"]].round(3).to_html(index=False)
+        shown = ["scenario", "estimator", "trials", "failed", "rmse", "rmse_low", "rmse_high", "anees", "consistency"]
+        return self.table[shown].round(3).to_html(index=False)
 
 
 @dataclass(frozen=True, eq=False)
