@@ -98,8 +98,7 @@ def check_estimator(estimator: Any, name: str | None = None, seed: int = 0) -> R
     perturbed or hidden, packets dropped, trials reordered. A check compares the results and explains a difference.
 
     Args:
-        estimator: its name, a class that needs no arguments, or an instance, of `cooploc.estimators.interface.Estimator`
-            or `TeamEstimator`.
+        estimator: its name, a class that needs no arguments, or an instance, as `cooploc.estimators.interface` says.
         name: what to call it in the report; None: its own or its class's name.
         seed: seeds the small streams, and what is done to them; a whole number, 0 or more.
 
