@@ -2,19 +2,21 @@
 
     import cooploc as cl
     truth, stream = cl.simulate("packet-drop/drop=0.7", trials=20, seed=1)
-    run = cl.run({"arl": cl.make("arl"), "mrsl": cl.make("mrsl-rssi", particles=500)}, stream)
+    run = cl.run(["arl", "mrsl-rssi[particles=500]"], stream)
     errors = cl.errors(truth, run)
     cl.compare(errors, baseline="arl")
     cl.plot.rmse(errors)
 
+`cl.estimators()`, `cl.scenarios()` and `cl.studies()` list what there is; `cl.run_study("quick")` runs a whole study.
 Names are imported when they are first used, so that `cooploc --help` does not wait for pandas.
 """
 
-from importlib import import_module
-from importlib.metadata import version
-from typing import TYPE_CHECKING, Any
+from importlib import import_module as _import_module
+from importlib.metadata import version as _version
+from typing import TYPE_CHECKING as _TYPE_CHECKING
+from typing import Any as _Any
 
-if TYPE_CHECKING:
+if _TYPE_CHECKING:
     from cooploc.analysis import plot as plot
     from cooploc.analysis.metrics.compare import compare as compare
     from cooploc.analysis.metrics.compare import summarize as summarize
@@ -30,7 +32,17 @@ if TYPE_CHECKING:
     from cooploc.estimators.interface import Traffic as Traffic
     from cooploc.estimators.interface import World as World
     from cooploc.estimators.per_robot import PerRobot as PerRobot
+    from cooploc.estimators.plugins.callable_package import CallablePackage as _CallablePackage
     from cooploc.estimators.plugins.errors import BadInput as BadInput
+    from cooploc.runs import Results as Results
+    from cooploc.runs import compare_runs as compare_runs
+    from cooploc.runs import load_run as load_run
+    from cooploc.runs import report as report
+    from cooploc.runs import reproduce as reproduce
+    from cooploc.runs import run_study as run_study
+    from cooploc.runs import show as show
+    from cooploc.runs import verdicts as verdicts
+    from cooploc.scaffold import new_estimator as new_estimator
     from cooploc.scenarios import simulate as simulate
     from cooploc.scenarios.conformance.check import check_estimator as check_estimator
     from cooploc.scenarios.runner.channels import IncompatibleEstimator as IncompatibleEstimator
@@ -39,37 +51,47 @@ if TYPE_CHECKING:
     from cooploc.scenarios.runner.tick import EstimatorError as EstimatorError
     from cooploc.scenarios.stream import Stream as Stream
     from cooploc.scenarios.stream import Truth as Truth
+    from cooploc.scenarios.studies.listing import studies as studies
 
-# name -> the module that holds it, or is it
+    estimators: _CallablePackage
+    scenarios: _CallablePackage
+
+# module -> the names that users call; a module without names is one itself
 _HOME = {
-    "BadInput": "estimators.plugins.errors",
-    **dict.fromkeys(
-        ("Belief", "Estimator", "Mail", "Rows", "Senses", "TeamEstimator", "Traffic", "World"), "estimators.interface"
-    ),
-    "PerRobot": "estimators.per_robot",
-    "make": "estimators",
-    "simulate": "scenarios",
-    "check_estimator": "scenarios.conformance.check",
-    "IncompatibleEstimator": "scenarios.runner.channels",
-    "EstimatorError": "scenarios.runner.tick",
-    **dict.fromkeys(("Run", "run"), "scenarios.runner.run"),
-    **dict.fromkeys(("Stream", "Truth"), "scenarios.stream"),
-    **dict.fromkeys(("compare", "summarize"), "analysis.metrics.compare"),
-    "errors": "analysis.metrics.errors",
-    "to_tum": "analysis.metrics.tum",
-    "plot": "analysis.plot",
+    "scenarios": ("simulate",),
+    "scenarios.stream": ("Stream", "Truth"),
+    "scenarios.runner.run": ("run", "Run"),
+    "scenarios.runner.tick": ("EstimatorError",),
+    "scenarios.runner.channels": ("IncompatibleEstimator",),
+    "scenarios.conformance.check": ("check_estimator",),
+    "scenarios.studies.listing": ("studies",),
+    "estimators": ("make",),
+    "estimators.interface": ("Belief", "Estimator", "Mail", "Rows", "Senses", "TeamEstimator", "Traffic", "World"),
+    "estimators.per_robot": ("PerRobot",),
+    "estimators.plugins.errors": ("BadInput",),
+    "analysis.metrics.errors": ("errors",),
+    "analysis.metrics.compare": ("compare", "summarize"),
+    "analysis.metrics.tum": ("to_tum",),
+    "runs": ("run_study", "load_run", "Results", "verdicts", "report", "compare_runs", "reproduce", "show"),
+    "scaffold": ("new_estimator",),
 }
-__version__ = version("cooploc")
+_MODULES = {"estimators": "estimators", "scenarios": "scenarios", "plot": "analysis.plot"}
+_PLACES = {name: module for module, names in _HOME.items() for name in names}
+
+__all__ = [*_PLACES, *_MODULES]  # noqa: PLE0604 (strings, as the mappings say)
+__version__ = _version("cooploc")
 
 
-def __getattr__(name: str) -> Any:
-    if name not in _HOME:
+def __getattr__(name: str) -> _Any:
+    if name in _MODULES:
+        found = _import_module(f"cooploc.{_MODULES[name]}")
+    elif name in _PLACES:
+        found = getattr(_import_module(f"cooploc.{_PLACES[name]}"), name)
+    else:
         raise AttributeError(f"module 'cooploc' has no attribute {name!r}")
-    module = import_module(f"cooploc.{_HOME[name]}")
-    found = module if name == "plot" else getattr(module, name)
     globals()[name] = found
     return found
 
 
 def __dir__() -> list[str]:
-    return [*_HOME, "__version__"]
+    return [*__all__, "__version__"]

@@ -22,7 +22,7 @@ def main() -> None:
 
 
 def _explained(e: Exception) -> str | None:
-    """One line for what the user can mend; None for our own faults, which keep their traceback."""
+    """One line for what the user can fix; None for bugs of ours, which keep their traceback."""
     from cooploc.estimators.plugins.errors import BadInput
 
     if isinstance(e, BadInput):

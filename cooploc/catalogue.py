@@ -1,10 +1,9 @@
 """The table of estimators in the README, made from the code: `cooploc list estimators --markdown`."""
 
-import re
-import sys
 from typing import Any
 
-from cooploc import estimators
+from cooploc.estimators import BUILTIN, make
+from cooploc.estimators.plugins.listing import listing
 from cooploc.scenarios import simulate
 from cooploc.scenarios.runner.channels import IncompatibleEstimator
 from cooploc.scenarios.runner.trace import trace
@@ -32,36 +31,29 @@ SCENARIOS = ("robots-1-3/n=3[ticks=5]", "camera/n=3[ticks=20]")
 def markdown() -> str:
     """One row per built-in estimator: what it is, senses and sends, what that costs, and how far it can be trusted."""
     head = ["name", "what it is", "senses", "sends", "bytes per message", "known consistency", "source"]
-    rows = [_row(name) for name in estimators.BUILTIN]
+    known = listing().set_index("name").loc[list(BUILTIN)].reset_index()
+    rows = [_row(row) for row in known.to_dict("records")]
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
 
 
-def _row(name: str) -> list[str]:
-    made = estimators.make(name)
-    about = (type(made).__doc__ or "").strip().partition(". ")[0].partition("\n")[0].rstrip(".")
-    senses = ", ".join(channel.replace("|", " or ").replace("_", " ") for channel in made.uses)
-    bound = " **A bound**: knows more than any robot could." if getattr(made, "bound", False) else ""
-    sends, consistency = KNOWN[name]
-    return [f"`{name}`", f"{about}.{bound}", senses, sends, _bytes(name, made), consistency, _source(made)]
+def _row(row: dict[Any, Any]) -> list[str]:
+    about = row["about"].partition(". ")[0].rstrip(".")
+    senses = row["uses"].replace("|", " or ").replace("_", " ")
+    bound = " **A bound**: knows more than any robot could." if row["bound"] else ""
+    sends, consistency = KNOWN[row["name"]]
+    return [f"`{row['name']}`", f"{about}.{bound}", senses, sends, _bytes(row["name"]), consistency, row["source"]]
 
 
-def _bytes(name: str, made: Any) -> str:
+def _bytes(name: str) -> str:
     """Measured on three robots: the mean bytes of a message where radio, and where cameras, see teammates."""
     found = []
     for label in SCENARIOS:
         _, stream = simulate(label, trials=2, seed=1)
         try:
-            sent = trace(name, made, stream)
+            sent = trace(name, make(name), stream)
         except IncompatibleEstimator:
             continue
         if sent.messages.sum():
             found.append(f"{sent.bytes.sum() / sent.messages.sum():.0f}")
     return ", ".join(found)
-
-
-def _source(made: Any) -> str:
-    """The first source that the module's docstring names."""
-    text = re.sub(r"\s+", " ", sys.modules[type(made).__module__].__doc__ or "")
-    found = re.search(r"Sources?: (.+?\b(?:19|20)\d\d)\b", text)
-    return found[1] if found else ""

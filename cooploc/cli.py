@@ -1,10 +1,16 @@
-"""The command line. Every command imports what it needs when it runs."""
+"""The command line: each command calls the function of `cooploc` that does the same from Python, and prints the result.
 
+Every command imports what it needs when it runs, so that `cooploc --help` is quick.
+"""
+
+import os
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+import cooploc as cl
 
 app = typer.Typer(
     name="cooploc",
@@ -13,10 +19,15 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
+RunDirectory = Annotated[Path, typer.Argument(help="a run directory")]
+Recordings = Annotated[Path | None, typer.Option(help="directory of recordings")]
+Claims = Annotated[Path | None, typer.Option(help="TOML file of claims [default: those of the paper]")]
+
 
 @app.callback(invoke_without_command=True)
 def root(context: typer.Context) -> None:
     """Compare estimators for multi-robot cooperative localization fairly."""
+    os.environ.setdefault("MPLBACKEND", "agg")  # pictures go to files
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
 
@@ -31,73 +42,70 @@ class Kind(StrEnum):
 
 @app.command(name="list")
 def list_(
-    kind: Annotated[Kind | None, typer.Argument(help="only these")] = None,
-    markdown: Annotated[bool, typer.Option("--markdown", help="the README's table of estimators")] = False,
+    kind: Annotated[Kind | None, typer.Argument(help="one of the three lists")] = None,
+    markdown: Annotated[bool, typer.Option("--markdown", help="print the README's table of estimators")] = False,
 ) -> None:
     """List estimators, scenarios and studies, and plug-ins that could not be loaded."""
-    from cooploc import listing
-
     if markdown:
         from cooploc.catalogue import markdown as table
 
         typer.echo(table())
         return
+    from cooploc import listing
 
     for one in [kind] if kind else list(Kind):
-        listing.show(one.value)
+        listing.show(one.value, getattr(cl, one.value)())
 
 
 @app.command()
 def run(
-    study: Annotated[str, typer.Argument(help="a shipped study, or the path of a study's TOML file")],
-    trials: Annotated[int | None, typer.Option(help="trials of each scenario")] = None,
-    seed: Annotated[int | None, typer.Option(help="of everything random")] = None,
-    estimators: Annotated[str | None, typer.Option(help="a,path.py:B: these instead of the study's")] = None,
-    jobs: Annotated[int, typer.Option(help="processes")] = 1,
-    scheduler: Annotated[str | None, typer.Option(help="of a Dask cluster, tcp://HOST:PORT")] = None,
-    data: Annotated[Path | None, typer.Option(help="directory of recordings")] = None,
+    study: Annotated[str, typer.Argument(help="name of a shipped study, or path of a study's TOML file")],
+    trials: Annotated[int | None, typer.Option(help="trials per scenario")] = None,
+    seed: Annotated[int | None, typer.Option(help="random seed")] = None,
+    estimators: Annotated[
+        str | None, typer.Option(help="comma-separated estimators to run instead of the study's")
+    ] = None,
+    jobs: Annotated[int, typer.Option(help="number of processes")] = 1,
+    scheduler: Annotated[str | None, typer.Option(help="run on a Dask cluster: tcp://HOST:PORT")] = None,
+    data: Recordings = None,
     out: Annotated[Path | None, typer.Option(help="run directory [default: runs/STUDY-seedN]")] = None,
     check: Annotated[bool, typer.Option(help="check estimators that are not built in before they run")] = True,
-    as_json: Annotated[bool, typer.Option("--json", help="print the table as JSON and nothing else on stdout")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="print the table as JSON, and nothing else on stdout")
+    ] = False,
 ) -> None:
     """Run a study, print its table, and keep results and picture in the run directory."""
-    from cooploc.analysis.execution.execute import execute
-    from cooploc.analysis.metrics.compare import compare
     from cooploc.analysis.report import terminal
-    from cooploc.estimators import split
-    from cooploc.progress import Watch
-    from cooploc.scenarios.studies.study import load
 
-    wanted = None if estimators is None else split(estimators)
-    asked = load(study).with_options(trials=trials, seed=seed, only=wanted)
-    folder = out or Path("runs") / f"{asked.name}-seed{asked.seed}"
-    with Watch() as watch:
-        rows = execute(asked, folder, data=data, jobs=jobs, scheduler=scheduler, check=check, progress=watch)
-    table = compare(rows, asked.baselines(), full=True)
-    terminal.keep(table, rows, folder)
-    terminal.show(table, rows, folder, as_json)
-    if rows["failure"].notna().any():
+    results = cl.run_study(
+        study,
+        trials=trials,
+        seed=seed,
+        estimators=estimators,
+        jobs=jobs,
+        scheduler=scheduler,
+        data=data,
+        out=out,
+        check=check,
+    )
+    terminal.show(results.table, results.rows, results.folder, as_json)
+    if len(results.failures):
         raise typer.Exit(1)
 
 
 @app.command()
-def show(folder: Annotated[Path, typer.Argument(help="a run directory")]) -> None:
+def show(folder: RunDirectory) -> None:
     """Say what a run holds, what is missing, and what failed and why."""
-    from cooploc import showing
-
-    showing.show(folder)
+    cl.show(folder)
 
 
 @app.command()
 def check(
     estimator: Annotated[str, typer.Argument(help="an estimator's name, or path.py:Name")],
-    seed: Annotated[int, typer.Option(help="of the streams it is tried on")] = 0,
+    seed: Annotated[int, typer.Option(help="random seed of the streams it is tried on")] = 0,
 ) -> None:
     """Check that an estimator cannot cheat and keeps to the interface."""
-    from cooploc.estimators import make
-    from cooploc.scenarios.conformance.check import check_estimator
-
-    result = check_estimator(make(estimator), name=estimator, seed=seed)
+    result = cl.check_estimator(estimator, seed=seed)
     typer.echo(result.table())
     if not result.passed:
         raise typer.Exit(1)
@@ -108,55 +116,50 @@ def new_estimator(
     name: Annotated[str, typer.Argument(help="small letters, digits and hyphens, such as my-filter")],
 ) -> None:
     """Write a small package with an estimator that runs, its test, and what registers it."""
-    from cooploc.scaffold import create
-
-    for file in create(name, Path(name)):
+    for file in cl.new_estimator(name):
         typer.echo(file)
     typer.echo(f"next: pip install -e {name} && cooploc run quick --estimators mrsl-rssi,{name}")
 
 
 @app.command()
 def report(
-    folder: Annotated[Path, typer.Argument(help="a run directory")],
+    folder: RunDirectory,
     out: Annotated[Path | None, typer.Option("-o", "--out", help="directory [default: RUN/report]")] = None,
-    ledger: Annotated[Path | None, typer.Option(help="a ledger's TOML file [default: that of the paper]")] = None,
+    ledger: Claims = None,
 ) -> None:
     """Write a run's report: an HTML page that needs no network, and its tables as LaTeX, Markdown and CSV."""
     from cooploc import reporting
 
-    reporting.report(folder, out or folder / "report", ledger)
+    reporting.report(cl.report(folder, out, ledger))
 
 
 @app.command()
-def verdicts(
-    folder: Annotated[Path, typer.Argument(help="a run directory")],
-    ledger: Annotated[Path | None, typer.Option(help="a ledger's TOML file [default: that of the paper]")] = None,
-) -> None:
-    """Print which claims of a ledger a run supports, contradicts or leaves open."""
+def verdicts(folder: RunDirectory, ledger: Claims = None) -> None:
+    """Print which claims a run supports, contradicts or leaves open."""
     from cooploc import reporting
 
-    reporting.verdicts(folder, ledger)
+    reporting.verdicts(cl.verdicts(folder, ledger), ledger)
 
 
 @app.command()
-def compare(
-    before: Annotated[Path, typer.Argument(help="a run directory")],
-    after: Annotated[Path, typer.Argument(help="another run directory")],
-) -> None:
+def compare(before: RunDirectory, after: Annotated[Path, typer.Argument(help="another run directory")]) -> None:
     """Say what changed from one run to another, trial by trial where their streams are the same."""
     from cooploc import reporting
 
-    reporting.compare(before, after)
+    found = cl.compare_runs(before, after)
+    reporting.changes(f"from {before} to {after}", found.settings, found.table, found.sentences)
 
 
 @app.command()
 def reproduce(
     page: Annotated[Path, typer.Argument(help="a report's directory or its page")],
-    trials: Annotated[int, typer.Option(min=1, help="that are run again, of those the report embeds")] = 6,
-    data: Annotated[Path | None, typer.Option(help="directory of recordings")] = None,
+    trials: Annotated[int, typer.Option(min=1, help="how many of the report's trials to run again")] = 6,
+    data: Recordings = None,
 ) -> None:
     """Run some of a report's trials again: exit code 0 where all are bit-equal, 1 where any differs."""
     from cooploc import reporting
 
-    if not reporting.reproduce(page, trials, data):
+    found = cl.reproduce(page, trials, data)
+    reporting.reproduced(found.table, found.differences)
+    if not found.equal:
         raise typer.Exit(1)

@@ -1,60 +1,48 @@
-"""What is made of finished runs: reports, verdicts, comparisons, and trials that are run again."""
+"""What the commands on finished runs print."""
 
 from pathlib import Path
 
+import pandas as pd
 from rich.console import Console
 
-from cooploc.analysis.claims import ledger as ledgers
-from cooploc.analysis.execution.stored_run import read
+
+def report(page: Path) -> None:
+    """Say where a report is."""
+    _console().print(f"report: {page}   tables: {page.parent / 'tables'}", soft_wrap=True)
 
 
-def report(folder: Path, out: Path, ledger: Path | None) -> None:
-    """Write a run's report, and say where it is."""
-    from cooploc.analysis.report import html_page
-
-    written = html_page.write(read(folder), ledgers.load(ledger), out)
-    _console().print(f"report: {written}   tables: {out / 'tables'}", soft_wrap=True)
-
-
-def verdicts(folder: Path, ledger: Path | None) -> None:
+def verdicts(found: pd.DataFrame, ledger: Path | None) -> None:
     """Print the verdicts of a ledger on a run."""
-    from cooploc.analysis.claims import verdicts, wording
+    from cooploc.analysis.claims import ledger as ledgers
+    from cooploc.analysis.claims import wording
 
-    asked = ledgers.load(ledger)
-    wording.show(verdicts.judge(asked, read(folder).rows), asked)
+    wording.show(found, ledgers.load(ledger))
 
 
-def compare(before: Path, after: Path) -> None:
+def changes(title: str, settings: list[str], found: pd.DataFrame, sentences: list[str]) -> None:
     """Print what changed between two runs."""
     from cooploc.analysis.report import run_diff
 
-    a, b = read(before), read(after)
     console = _console()
-    found = run_diff.changes(a, b)
-    console.print(f"from {before} to {after}", soft_wrap=True)
-    for line in run_diff.settings(a, b):
+    for line in (title, *settings, ""):
         console.print(line, soft_wrap=True)
-    console.print()
     if len(found):
         console.print(run_diff.table(found).terminal())
-    for line in run_diff.sentences(found):
+    for line in sentences:
         console.print(line, soft_wrap=True)
 
 
-def reproduce(page: Path, trials: int, data: Path | None) -> bool:
-    """Run some of a report's trials again; whether all came out bit-equal."""
+def reproduced(found: pd.DataFrame, differences: list[str]) -> None:
+    """Print which trials of a report came out bit-equal."""
     from cooploc.analysis.report import reproduce as again
 
-    embedded = again.load(page)
     console = _console()
-    unlike = again.differences(embedded)
-    found = again.rerun(embedded, trials, data)
-    console.print(again.table(found).terminal())
-    equal = sum(one.equal for one in found)
-    console.print(f"{equal} of {len(found)} results are bit-equal")
-    if equal < len(found) and unlike:
-        console.print(f"where this place differs from that of the report: {'; '.join(unlike)}", soft_wrap=True)
-    return equal == len(found)
+    trials = [again.Again(*row) for row in found.itertuples(index=False)]
+    console.print(again.table(trials).terminal())
+    equal = found["equal"].sum()
+    console.print(f"{equal} of {len(trials)} results are bit-equal")
+    if equal < len(trials) and differences:
+        console.print(f"this machine differs from that of the report: {'; '.join(differences)}", soft_wrap=True)
 
 
 def _console() -> Console:

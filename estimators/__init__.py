@@ -4,15 +4,20 @@ To add one: write a file like `ekf_local.py`, and give it a line in `BUILTIN`. F
 register a class under the entry-point group `cooploc.estimators`, or pass an instance to `cl.run`.
 """
 
-from typing import Any
+import sys
+from typing import TYPE_CHECKING, Any
 
 from cooploc.estimators.plugins.build import ConfiguredEstimator, build
+from cooploc.estimators.plugins.callable_package import CallablePackage
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.estimators.plugins.errors import nearest as nearest
 from cooploc.estimators.plugins.labels import parse as parse
 from cooploc.estimators.plugins.labels import split as split
 from cooploc.estimators.plugins.registry import Registry, loaded
 from cooploc.estimators.plugins.traits import refusal
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 # name -> its class, and the parameters that differ from the class's defaults
 BUILTIN: dict[str, tuple[str, dict[str, Any]]] = {
@@ -79,3 +84,13 @@ def _unusable(name: str) -> str:
         return str(e)
     except Exception as e:  # a plug-in may fail in any way
         return f"{type(e).__name__}: {e}"
+
+
+def table() -> "DataFrame":
+    """What `cl.estimators()` returns: one row per estimator."""
+    from cooploc.estimators.plugins.listing import listing
+
+    return listing()
+
+
+sys.modules[__name__].__class__ = CallablePackage

@@ -6,16 +6,21 @@ an entry in `BUILTIN`. From outside, register a `Family` under the entry-point g
 a file, `path.py:NAME`, where a label begins with a name.
 """
 
+import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from cooploc.estimators.plugins.callable_package import CallablePackage
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.estimators.plugins.labels import parse
 from cooploc.estimators.plugins.registry import Registry
 from cooploc.scenarios.family import Family as Family
 from cooploc.scenarios.resolved import ResolvedScenario, build, divided
 from cooploc.scenarios.stream import Stream, Truth
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 PAPER = "cooploc.scenarios.worlds.radio_arena:Paper"
 WALLS = ((2.0, 1.0, 2.0, 3.5), (3.5, 4.0, 5.0, 4.0))
@@ -153,3 +158,13 @@ def _unusable(name: str) -> str:
     except BadInput as e:
         return str(e)
     return ""
+
+
+def table() -> "DataFrame":
+    """What `cl.scenarios()` returns: one row per family of scenarios."""
+    from cooploc.scenarios.listing import listing
+
+    return listing()
+
+
+sys.modules[__name__].__class__ = CallablePackage

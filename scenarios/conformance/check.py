@@ -16,6 +16,7 @@ from cooploc.scenarios.conformance.checks import CHECKS, Check
 from cooploc.scenarios.conformance.compare import CheckFailed, CheckSkipped
 from cooploc.scenarios.conformance.harness import Harness, one_line
 from cooploc.scenarios.display.html import listed
+from cooploc.scenarios.runner.named import instance, label
 
 SMALLER = ((1, 2), (1, 4), (1, 8), (2, 4))  # (trials, ticks) of smaller counterexamples, in the order tried
 Status = Literal["passed", "failed", "skipped"]
@@ -97,18 +98,19 @@ def check_estimator(estimator: Any, name: str | None = None, seed: int = 0) -> R
     perturbed or hidden, packets dropped, trials reordered. A check compares the results and explains a difference.
 
     Args:
-        estimator: an instance, built-in or not, of `cooploc.estimators.interface.Estimator` or `TeamEstimator`.
-        name: what to call it in the report; None: its class's name.
+        estimator: its name, a class that needs no arguments, or an instance, as `cooploc.estimators.interface` says.
+        name: what to call it in the report; None: its own or its class's name.
         seed: seeds the small streams, and what is done to them; a whole number, 0 or more.
 
     Returns:
         A report: `passed`, `table()`, and a `Result` for each check, `report["causality"]`.
 
     Raises:
-        BadInput: the seed is not a whole number of 0 or more. What the estimator raises is a failure in the report.
+        BadInput: an unknown name, a class that needs arguments, or a seed that is not a whole number of 0 or more. What
+            the estimator raises while it runs is a failure in the report.
 
     """
-    harness = Harness(name or type(estimator).__name__, estimator, seed)
+    harness = Harness(name or label(estimator), instance(estimator), seed)
     runs, *rest = CHECKS
     first = _with_example(runs, run_check(runs, harness), harness)
     if first.status == "passed":

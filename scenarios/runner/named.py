@@ -1,9 +1,99 @@
-"""The estimators that a caller of `run` means, by name."""
+"""What a user may hand to `cl.run` as estimators: names, classes, instances, lists of them, and mappings."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
+from cooploc.estimators import make, split
+from cooploc.estimators.plugins.errors import BadInput
+from cooploc.scenarios.stream import Stream, Truth
 
-def named(estimators: Mapping[str, Any] | Any) -> Mapping[str, Any]:
-    """Instances by name: a mapping as it is, or one instance under the name of its class."""
-    return estimators if isinstance(estimators, Mapping) else {type(estimators).__name__: estimators}
+ROBOT = ("init", "predict", "correct", "send", "fuse", "estimate")
+TEAM = ("init", "predict", "correct", "exchange", "estimate")
+LIFT = "a filter written for one robot is lifted by cl.PerRobot"
+ORDER = "write cl.run(estimators, stream)"
+
+
+def named(estimators: Any) -> dict[str, Any]:
+    """Instances by name.
+
+    Args:
+        estimators: a name, configured or not ("arl", "mrsl-rssi[particles=500]", "path.py:Name"), several of them
+            separated by commas, a class that needs no arguments, an instance, a list of these, or a mapping of your own
+            names to these.
+
+    Raises:
+        BadInput: one of them is not an estimator, or two have the same name.
+
+    """
+    if isinstance(estimators, Stream | Truth):
+        raise BadInput(f"the first argument is a {type(estimators).__name__}, not estimators: {ORDER}")
+    if isinstance(estimators, Mapping):
+        return {str(name): _estimator(one, f"{name!r}") for name, one in estimators.items()}
+    found: dict[str, Any] = {}
+    for one in _listed(estimators):
+        name = label(one)
+        if name in found:
+            raise BadInput(f"two estimators are called {name!r}: give them names, {{{name!r}: ..., 'other': ...}}")
+        found[name] = _estimator(one, "one of the estimators")
+    return found
+
+
+def demand_stream(stream: Any) -> None:
+    """Refuse what is not a stream.
+
+    Raises:
+        BadInput: it is the truth, or both, or something else.
+
+    """
+    if not isinstance(stream, Stream):
+        raise BadInput(
+            f"the second argument is a {type(stream).__name__}, not a Stream: write truth, stream = cl.simulate(...), "
+            f"then cl.run(estimators, stream)"
+        )
+
+
+def label(estimator: Any) -> str:
+    """What an estimator is called that was given without a name."""
+    if isinstance(estimator, str):
+        return estimator
+    return estimator.__name__ if isinstance(estimator, type) else type(estimator).__name__
+
+
+def instance(estimator: Any) -> Any:
+    """An estimator of a name or of a class; an instance is returned as it is.
+
+    Raises:
+        BadInput: an unknown name, or a class that needs arguments.
+
+    """
+    if isinstance(estimator, str):
+        return make(estimator)
+    if not isinstance(estimator, type):
+        return estimator
+    name = estimator.__name__
+    try:
+        return estimator()
+    except Exception as e:  # a constructor may fail in any way
+        remedy = f"pass an instance, {name}(...)" if hasattr(estimator, "init") else LIFT
+        raise BadInput(f"{name} cannot be made without arguments ({e}): {remedy}") from e
+
+
+def _listed(estimators: Any) -> Iterable[Any]:
+    if isinstance(estimators, str):
+        return split(estimators)
+    several = isinstance(estimators, Iterable) and not isinstance(estimators, type) and not hasattr(estimators, "init")
+    return estimators if several else [estimators]
+
+
+def _estimator(given: Any, where: str) -> Any:
+    """An instance that has an estimator's methods."""
+    made = instance(given)
+    missing = [method for method in (TEAM if hasattr(made, "exchange") else ROBOT) if not hasattr(made, method)]
+    if missing == list(ROBOT):
+        raise BadInput(
+            f"{where} is of type {type(made).__name__}, not an estimator: give a name, a class or an instance"
+        )
+    if missing:
+        lacking = ", ".join(f"{method}()" for method in missing)
+        raise BadInput(f"estimator {type(made).__name__} lacks {lacking}: help(cl.Estimator) says what to do; {LIFT}")
+    return made

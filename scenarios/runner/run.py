@@ -14,7 +14,7 @@ from cooploc.estimators.interface import Indices
 from cooploc.scenarios.display import progress_bar
 from cooploc.scenarios.display.html import listed
 from cooploc.scenarios.display.progress_bar import Advance
-from cooploc.scenarios.runner.named import named
+from cooploc.scenarios.runner.named import demand_stream, named
 from cooploc.scenarios.runner.trace import Trace, demand_fit, trace
 from cooploc.scenarios.stream import Stream
 
@@ -60,11 +60,11 @@ def _cost(trace: Trace) -> tuple[str, ...]:
     return f"{sent:.2g}", f"{size:.3g}", f"{1e6 * trace.seconds / (t * T * n):.3g}", "yes" if trace.bound else ""
 
 
-def run(estimators: Mapping[str, Any] | Any, stream: Stream, jobs: int = 1) -> Run:
+def run(estimators: Any, stream: Stream, jobs: int = 1) -> Run:
     """Run estimators on a stream.
 
     Args:
-        estimators: instances by name, or one instance.
+        estimators: a name, a class, an instance, a list of these, or a mapping of your own names to these.
         stream: what they get.
         jobs: processes to spread the trials over; the result is bit-identical for any number.
 
@@ -74,6 +74,7 @@ def run(estimators: Mapping[str, Any] | Any, stream: Stream, jobs: int = 1) -> R
 
     """
     instances = named(estimators)
+    demand_stream(stream)
     for name, estimator in instances.items():
         demand_fit(name, estimator, stream.select(slice(0, 1)).truncated(1))
     parts = np.array_split(np.arange(len(stream.trial)), min(jobs, len(stream.trial)))

@@ -42,7 +42,11 @@ class _Drive:
         self.hidden = np.full((len(stream.trial), stream.robots, stream.robots), np.nan)
 
     def call(self, method: str, tick: int, *arguments: Any) -> Any:
-        return self.watch(method, tick, arguments, getattr(self.estimator, method))
+        returned = self.watch(method, tick, arguments, getattr(self.estimator, method))
+        if returned is None:
+            when = f"at tick {tick}" if tick >= 0 else "before tick 0"
+            raise EstimatorError(f"{self.name}: {method}() returned None {when}: did you forget its return?")
+        return returned
 
     def senses(self, k: int, flat: bool) -> Senses:
         z = self.stream.senses

@@ -3,6 +3,8 @@
 The defaults are those of the paper or of its authors' code; comments give the reasons. Every random number of a trial
 comes from that trial's own generators, so a trial is the same whatever else is simulated with it, and robots walk the
 same paths with or without walls, drops or sleep.
+
+Source: E. Latif, R. Parasuraman, "Multi-Robot Synergistic Localization in Dynamic Environments", 2022.
 """
 
 from collections.abc import Sequence

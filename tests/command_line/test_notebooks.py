@@ -18,6 +18,7 @@ SMALL = {
         ("range(11)", "range(2)"),
     ],
 }
+AUTHOR = "03_write_an_estimator"
 NOTEBOOKS = sorted((Path(__file__).resolve().parents[2] / "notebooks").glob("*.ipynb"))
 
 
@@ -45,6 +46,14 @@ def test_a_notebook_keeps_its_outputs_and_nothing_of_the_machine_that_made_them(
     assert not [
         text for text in map("".join, told) if "skipped" in text or re.search(r"(^|[\s'\"])(/|[A-Z]:\\)\w", text)
     ]
+
+
+@pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
+def test_a_notebook_imports_cooploc_alone_and_an_author_public_modules_too(notebook):
+    public = ("estimators.interface", "estimators.models", "estimators.kalman")  # as the README promises
+    source = "\n".join("".join(cell["source"]) for cell in cells(notebook))
+    found = re.findall(r"(?:from|import) cooploc\.([\w.]+)", source)
+    assert [module for module in found if notebook.stem != AUTHOR or not module.startswith(public)] == []
 
 
 def test_what_needs_recordings_is_skipped_with_a_reason_where_there_are_none(tmp_path):

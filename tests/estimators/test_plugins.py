@@ -10,7 +10,6 @@ import pytest
 from processes import environment, finish
 
 import cooploc as cl
-from cooploc import scaffold
 from cooploc.scenarios.conformance.check import CHECKS
 
 FILE = """
@@ -89,7 +88,7 @@ def test_an_edited_file_is_not_mixed_into_a_run(place, tmp_path_factory):
 
 def test_a_written_package_has_what_it_needs_and_passes_its_own_tests(tmp_path):
     folder = tmp_path / "my-filter"
-    files = {path.name for path in scaffold.create("my-filter", folder)}
+    files = {path.name for path in cl.new_estimator("my-filter", folder)}
     assert files == {"pyproject.toml", "my_filter_estimator.py", "test_my_filter_estimator.py", "README.md"}
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--rootdir", folder, folder]
     told = subprocess.run(command, cwd=folder, capture_output=True, text=True)
@@ -99,7 +98,7 @@ def test_a_written_package_has_what_it_needs_and_passes_its_own_tests(tmp_path):
 
 def test_a_written_package_is_installed_listed_and_tested(tmp_path):
     """By pip, into a folder of its own: its entry point is found, and its own test passes from there."""
-    scaffold.create("my-filter", tmp_path / "my-filter")
+    cl.new_estimator("my-filter", tmp_path / "my-filter")
     pip = [sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-deps"]
     if subprocess.run([*pip[:3], "--version"], capture_output=True).returncode:
         pytest.skip("there is no pip here")
@@ -210,4 +209,4 @@ def test_an_instance_of_a_class_of_a_file_runs_in_two_processes(place):
 def test_names_that_cannot_be_are_refused(tmp_path, name, said):
     (tmp_path / "there").mkdir()
     with pytest.raises(cl.BadInput, match=said):
-        scaffold.create(name, tmp_path / name)
+        cl.new_estimator(name, tmp_path / name)

@@ -1,0 +1,228 @@
+"""Whole studies from Python: run one, load what it left, judge it, report it, compare two.
+
+Each function does what the command of the same purpose does; the command line calls these and prints what they return.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from cooploc import showing
+from cooploc.analysis.claims import ledger as ledgers
+from cooploc.analysis.claims import wording
+from cooploc.analysis.claims.verdicts import judge
+from cooploc.analysis.execution.execute import execute
+from cooploc.analysis.execution.stored_run import Kept, read
+from cooploc.analysis.metrics.compare import compare
+from cooploc.analysis.report import html_page, run_diff, terminal
+from cooploc.analysis.report import reproduce as again
+from cooploc.estimators import split
+from cooploc.estimators.plugins.errors import BadInput
+from cooploc.progress import Watch
+from cooploc.scenarios.studies.study import load
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Results:
+    """What a run of a study found, and the directory that holds it."""
+
+    folder: Path
+    rows: pd.DataFrame  # as `cl.errors`, with `failure`, `traceback` and `certificate`
+    table: pd.DataFrame  # as `cl.compare`, each scenario against its study's baseline
+
+    @property
+    def failures(self) -> pd.DataFrame:
+        """One row per trial that failed, with its `failure` and its `traceback`."""
+        failed = self.rows[self.rows["failure"].notna()].drop_duplicates(["scenario", "estimator", "trial"])
+        return failed[["scenario", "estimator", "trial", "failure", "traceback"]].reset_index(drop=True)
+
+    def __repr__(self) -> str:
+        scenarios, estimators = (self.table[column].nunique() for column in ("scenario", "estimator"))
+        return f"Results({str(self.folder)!r}, {scenarios} scenarios, {estimators} estimators)"
+
+    def _repr_html_(self) -> str:
+        shown = ["scenario", "estimator", "trials", "failed", "rmse", "rmse_low", "rmse_high", "anees", "consistency"]
+        return self.table[shown].round(3).to_html(index=False)
+
+
+@dataclass(frozen=True, eq=False)
+class RunChanges:
+    """What differs between two runs."""
+
+    table: pd.DataFrame  # one row per (scenario, estimator); `analysis.report.run_diff.COLUMNS` says what columns mean
+    settings: list[str]  # what differs of seed, versions, source, parameters
+    sentences: list[str]  # what the changes come to
+
+
+@dataclass(frozen=True, eq=False)
+class Reproduced:
+    """Trials of a report that were run again."""
+
+    table: pd.DataFrame  # one row per (scenario, trial, estimator): `equal`, RMSE [m] `before` and `after`, `remark`
+    differences: list[str]  # of this machine from that of the report: versions, source, processor
+
+    @property
+    def equal(self) -> bool:
+        """Whether every trial came out bit-equal."""
+        return bool(self.table["equal"].all())
+
+
+def run_study(
+    study: str | Path,
+    *,
+    trials: int | None = None,
+    seed: int | None = None,
+    estimators: str | Iterable[str] | None = None,
+    jobs: int = 1,
+    scheduler: str | None = None,
+    data: str | Path | None = None,
+    out: str | Path | None = None,
+    check: bool = True,
+) -> Results:
+    """Run a study, as `cooploc run` does; what its directory holds already is not computed again.
+
+    Args:
+        study: a shipped study (`cl.studies()`), or the path of a study's TOML file.
+        trials: of each scenario; the study's where not given.
+        seed: the random seed; the study's where not given.
+        estimators: names to run instead of the study's, as a list or separated by commas.
+        jobs: processes; the result is bit-identical for any number.
+        scheduler: the address of a Dask cluster, "tcp://HOST:PORT", whose workers are used instead.
+        data: the directory of recordings, for scenarios that need one.
+        out: the run directory; `runs/STUDY-seedN` where not given.
+        check: whether estimators that are not built in are checked before they run.
+
+    Raises:
+        BadInput: the study cannot be run as it stands; nothing was computed.
+        OSError: a file could not be written; what was finished is kept.
+
+    """
+    only = split(estimators) if isinstance(estimators, str) else estimators
+    asked = load(str(study)).with_options(trials=trials, seed=seed, only=None if only is None else tuple(only))
+    folder = Path(out) if out is not None else Path("runs") / f"{asked.name}-seed{asked.seed}"
+    recordings = None if data is None else Path(data)
+    with Watch() as watch:
+        rows = execute(asked, folder, data=recordings, jobs=jobs, scheduler=scheduler, check=check, progress=watch)
+    results = Results(folder, rows, compare(rows, asked.baselines(), full=True))
+    terminal.keep(results.table, rows, folder)
+    return results
+
+
+def load_run(folder: str | Path) -> Results:
+    """Everything that a run directory holds.
+
+    Raises:
+        BadInput: it is not a run directory, or holds no results.
+
+    """
+    kept = read(Path(folder))
+    return Results(kept.folder, kept.rows, compare(kept.rows, kept.baselines, full=True))
+
+
+def show(run: Results | str | Path) -> None:
+    """Print what a run holds, what is missing, and what failed and why.
+
+    Raises:
+        BadInput: it is not a run directory.
+
+    """
+    showing.show(_folder(run))
+
+
+def verdicts(
+    run: Results | str | Path | pd.DataFrame, ledger: ledgers.Ledger | str | Path | None = None
+) -> pd.DataFrame:
+    """Which claims of a paper a run supports, contradicts or leaves open: one row per claim, reading and case.
+
+    `cooploc.analysis.claims.verdicts.COLUMNS` says what the columns mean; `sentence` is each row in words.
+
+    Args:
+        run: from `run_study` or `load_run`, a run directory, or rows of `errors`.
+        ledger: the TOML file of the claims; without it, those of Latif & Parasuraman (2022).
+
+    Raises:
+        BadInput: the run or the ledger cannot be read, or estimators of one scenario ran on different streams.
+
+    """
+    found = judge(_ledger(ledger), _rows(run))
+    return found.assign(sentence=[wording.sentence(row) for _, row in found.iterrows()])
+
+
+def report(
+    run: Results | str | Path, out: str | Path | None = None, ledger: ledgers.Ledger | str | Path | None = None
+) -> Path:
+    """Write a run's report, a page for the browser and its tables for LaTeX, Markdown and CSV; returns the page's path.
+
+    Args:
+        run: from `run_study` or `load_run`, or a run directory.
+        out: the report's directory; `report` in the run directory where not given.
+        ledger: the TOML file of the claims; without it, those of Latif & Parasuraman (2022).
+
+    Raises:
+        BadInput: the run or the ledger cannot be read.
+
+    """
+    kept = _kept(run)
+    return html_page.write(kept, _ledger(ledger), kept.folder / "report" if out is None else Path(out))
+
+
+def compare_runs(before: Results | str | Path, after: Results | str | Path) -> RunChanges:
+    """What changed from one run to another, trial by trial where their streams are the same.
+
+    Raises:
+        BadInput: one of the two is not a run.
+
+    """
+    a, b = _kept(before), _kept(after)
+    table = run_diff.changes(a, b)
+    return RunChanges(table, run_diff.settings(a, b), run_diff.sentences(table))
+
+
+def reproduce(page: str | Path, trials: int = 6, data: str | Path | None = None) -> Reproduced:
+    """Run some of a report's trials again, and say which are bit-equal.
+
+    Args:
+        page: a report's directory or its page.
+        trials: how many, of those that the report embeds.
+        data: the directory of recordings, for scenarios that need one.
+
+    Raises:
+        BadInput: it is not a report, or none of its trials can be run here.
+
+    """
+    if trials < 1:
+        raise BadInput(f"trials is {trials}; it must be at least 1")
+    embedded = again.load(Path(page))
+    found = again.rerun(embedded, trials, None if data is None else Path(data))
+    return Reproduced(pd.DataFrame(found), again.differences(embedded))
+
+
+def _rows(run: Any) -> pd.DataFrame:
+    if isinstance(run, pd.DataFrame):
+        return run
+    return run.rows if isinstance(run, Results) else _kept(run).rows
+
+
+def _kept(run: Any) -> Kept:
+    return read(_folder(run))
+
+
+def _folder(run: Any) -> Path:
+    """The directory of a study's run.
+
+    Raises:
+        BadInput: what was given is neither such a run nor a directory's name.
+
+    """
+    if isinstance(run, Results):
+        return run.folder
+    if isinstance(run, str | Path):
+        return Path(run)
+    raise BadInput(f"{type(run).__name__} is not a run of a study: give what cl.run_study returned, or its directory")
+
+
+def _ledger(ledger: Any) -> ledgers.Ledger:
+    return ledger if isinstance(ledger, ledgers.Ledger) else ledgers.load(ledger)

@@ -1,0 +1,192 @@
+"""What a user types after `cl.`: the names that are shown, the lists, and whole studies from Python."""
+
+import ast
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+
+import cloudpickle
+import matplotlib as mpl
+import pandas as pd
+import pytest
+
+import cooploc as cl
+from cooploc.analysis.claims.verdicts import COLUMNS
+from cooploc.cli import app
+
+STUDY = 'trials = 6\nbaseline = "arl"\nscenarios = ["trajectory[ticks=6]"]\nestimators = ["arl", "ekf-local"]\n'
+
+
+def test_tab_shows_what_users_call_and_nothing_else():
+    for module in ("cli", "catalogue", "listing", "progress", "reporting", "runs", "scaffold", "showing", "analysis"):
+        import_module(f"cooploc.{module}")
+    shown = [name for name in dir(cl) if not name.startswith("_")]
+    assert sorted(shown) == sorted(cl.__all__)
+    modules = {name for name in shown if isinstance(getattr(cl, name), ModuleType)}
+    assert modules == {"estimators", "scenarios", "plot"}
+    assert all(callable(getattr(cl, name)) for name in set(shown) - {"plot"})
+
+
+def test_tab_on_plot_shows_figures_and_nothing_else():
+    assert sorted(dir(cl.plot)) == sorted(cl.plot.__all__)
+    assert not any(isinstance(getattr(cl.plot, name), ModuleType) for name in dir(cl.plot))
+
+
+def test_type_checkers_see_the_names_that_users_see():
+    tree = ast.parse(Path(cl.__file__).read_text("utf-8"))
+    (block,) = (node for node in tree.body if isinstance(node, ast.If))
+    imported = {alias.asname for node in block.body if isinstance(node, ast.ImportFrom) for alias in node.names}
+    declared = {node.target.id for node in block.body if isinstance(node, ast.AnnAssign)}
+    assert {name for name in imported | declared if not name.startswith("_")} == set(cl.__all__)
+
+
+def test_an_unknown_name_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="module 'cooploc' has no attribute 'simulat'"):
+        _ = cl.simulat
+
+
+@pytest.mark.parametrize(
+    "first",
+    [
+        "import cooploc as cl",
+        "import cooploc.estimators, cooploc.scenarios; import cooploc as cl",
+        "import cooploc.scenarios.studies.listing; import cooploc as cl",
+        "import cooploc as cl; cl.make; cl.simulate; cl.studies",
+        "from cooploc import *; import cooploc as cl; assert estimators is cl.estimators",
+        "import cooploc as cl, importlib; importlib.reload(cl.estimators); importlib.reload(cl)",
+    ],
+)
+def test_estimators_and_scenarios_are_lists_and_packages_in_any_order_of_imports(first):
+    program = (
+        f"{first}\n"
+        "assert cl.estimators().name[0] == 'dead-reckoning' and cl.scenarios().name[0] == 'robots-1-3'\n"
+        "assert callable(cl.estimators.make) and cl.scenarios.simulate is cl.simulate\n"
+        "import cooploc.estimators as e, cooploc.scenarios as s\n"
+        "assert e is cl.estimators and s is cl.scenarios"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_callable_package_goes_to_workers_like_any_module():
+    assert cloudpickle.loads(cloudpickle.dumps([cl.estimators, cl.scenarios])) == [cl.estimators, cl.scenarios]
+    assert cloudpickle.loads(cloudpickle.dumps(lambda: cl.estimators.make("arl")))() == cl.make("arl")
+
+
+def test_lists_say_what_there_is():
+    estimators, scenarios, studies = (
+        table.set_index("name") for table in (cl.estimators(), cl.scenarios(), cl.studies())
+    )
+    assert (estimators["about"] != "").all()
+    assert (scenarios["about"] != "").all()
+    assert (studies["about"] != "").all()
+    assert estimators.index[estimators["bound"]].tolist() == ["ekf-joint", "ukf-joint"]
+    assert estimators.loc["mrsl-rssi", "uses"] == "odometry, anchor_rssi, radio_rssi"
+    assert estimators.loc["ctrn", "source"].endswith("ICRA 2020")
+    assert scenarios.loc["packet-drop", "labels"] == "packet-drop/drop=…"
+    assert "ticks" in scenarios.loc["packet-drop", "parameters"].split(", ")
+    assert "IJRR" in scenarios.loc["mrclam", "source"] == studies.loc["mrclam", "source"]
+    assert studies.loc["paper", "minutes"] > studies.loc["quick", "minutes"] > 0
+
+
+def test_a_broken_plugin_is_listed_with_its_problem(tmp_path, monkeypatch):
+    info = tmp_path / "broken-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: broken\nVersion: 1.0\n")
+    points = "[cooploc.estimators]\nbroken = no_such_module:X\n[cooploc.scenarios]\nlost = no_such_module:Y\n"
+    (info / "entry_points.txt").write_text(points)
+    monkeypatch.syspath_prepend(tmp_path)
+    for table, name in ((cl.estimators(), "broken"), (cl.scenarios(), "lost")):
+        problems = table.set_index("name")["problem"]
+        assert "no_such_module" in problems[name]
+        assert (problems.drop(name) == "").all()
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("api")
+    (folder / "small.toml").write_text(STUDY)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def results(place):
+    return cl.run_study(place / "small.toml", out=place / "run")
+
+
+def test_run_study_keeps_rows_and_table_and_leaves_figures_alone(results, place):
+    assert mpl.get_backend() == mpl.rcParams["backend"]
+    assert len(results.rows) == 2 * 6 * 3
+    pd.testing.assert_frame_equal(results.table, cl.compare(results.rows, baseline="arl"))
+    assert results.failures.empty
+    assert {"manifest.json", "table.csv", "rmse.png"} <= {file.name for file in (place / "run").iterdir()}
+    assert "1 scenarios, 2 estimators" in repr(results)
+    assert "ekf-local" in results._repr_html_()
+
+
+def test_run_study_takes_the_options_of_the_command(place):
+    some = cl.run_study(str(place / "small.toml"), trials=2, seed=3, estimators=["ekf-local"], out=place / "some")
+    same = cl.run_study(str(place / "small.toml"), trials=2, seed=3, estimators="ekf-local", out=place / "same", jobs=2)
+    assert some.rows["estimator"].unique().tolist() == ["ekf-local"]
+    pd.testing.assert_frame_equal(some.rows.drop(columns="seconds"), same.rows.drop(columns="seconds"))
+    with pytest.raises(cl.BadInput, match="did you mean 'quick'"):
+        cl.run_study("quik")
+
+
+def test_load_run_gives_what_run_study_gave(results, place):
+    loaded = cl.load_run(place / "run")
+    pd.testing.assert_frame_equal(loaded.rows, results.rows)
+    pd.testing.assert_frame_equal(loaded.table, results.table)
+
+
+def test_verdicts_are_the_same_of_results_of_a_folder_and_of_rows(results, place):
+    (place / "ledger.toml").write_text(
+        'paper = "A"\n[[claims]]\nid = "1"\nsays = "better"\nkind = "improvement"\nof = "ekf-local"\nthan = "arl"\n'
+        'scenarios = "trajectory[ticks=6]"\n'
+    )
+    found = cl.verdicts(results, place / "ledger.toml")
+    assert list(found) == [*COLUMNS, "sentence"]
+    assert found["sentence"].str.startswith("trajectory[ticks=6]: the RMSE of ").all()
+    for other in (place / "run", str(place / "run"), results.rows):
+        pd.testing.assert_frame_equal(cl.verdicts(other, place / "ledger.toml"), found)
+    assert len(cl.verdicts(results)) > len(found)
+    with pytest.raises(cl.BadInput, match=r"int is not a run of a study: give what cl\.run_study returned"):
+        cl.verdicts(3)
+
+
+def test_a_report_is_written_and_its_trials_are_reproduced(results, place):
+    page = cl.report(results)
+    assert page == place / "run" / "report" / "index.html"
+    assert cl.report(place / "run", out=place / "elsewhere").read_bytes() == page.read_bytes()
+    found = cl.reproduce(page, trials=2)
+    assert found.equal
+    assert len(found.table) == 4
+    assert found.differences == []
+    with pytest.raises(cl.BadInput, match="trials is 0; it must be at least 1"):
+        cl.reproduce(page, trials=0)
+
+
+def test_two_runs_are_compared(results, place):
+    same = cl.compare_runs(results, place / "run")
+    assert same.settings == []
+    assert same.table["equal"].tolist() == [6, 6]
+    assert same.sentences[0].startswith("2 of 2")
+
+
+def test_show_prints_what_a_run_holds(results, capsys):
+    cl.show(results)
+    assert "6 of 6" in capsys.readouterr().out
+
+
+def test_every_command_is_a_function_too():
+    functions = {"run": "run_study", "check": "check_estimator", "compare": "compare_runs"}
+    commands = [command.name or command.callback.__name__ for command in app.registered_commands]
+    assert {functions.get(name, name) for name in commands if name != "list"} <= set(cl.__all__)
+
+
+def test_truth_and_run_the_wrong_way_round_are_told_apart():
+    truth, stream = cl.simulate("trajectory", ticks=2)
+    with pytest.raises(cl.BadInput, match=r"errors of a Run and a Truth: write cl.errors\(truth, run\)"):
+        cl.errors(cl.run("dead-reckoning", stream), truth)
