@@ -36,25 +36,26 @@ class Gated(NamedTuple):
 
 
 @compiled
-def beside(readings: Readings, s: int, i: int, j: int, out: Array) -> None:
+def beside(H_i: Array, H_j: Array, s: int, i: int, j: int, out: Array) -> None:
     """(H_i, H_j) of one reading, element by element: in compiled code a slice costs more than the numbers in it."""
-    d = readings.H_i.shape[4]
-    for c in range(readings.H_i.shape[3]):
+    d = H_i.shape[4]
+    for c in range(H_i.shape[3]):
         for a in range(d):
-            out[c, a], out[c, d + a] = readings.H_i[s, i, j, c, a], readings.H_j[s, i, j, c, a]
+            out[c, a], out[c, d + a] = H_i[s, i, j, c, a], H_j[s, i, j, c, a]
 
 
 @compiled
 def fill_distances(P: Array, readings: Readings, out: Array) -> None:
     """S = H_i P_ii H_i' + H_i P_ij H_j' + H_j P_ji H_i' + H_j P_jj H_j' + R, then y' S^-1 y."""
-    t, n, others, k, d = readings.H_i.shape
+    y, H_i, H_j, R = readings  # once: in a loop, each look into a tuple of arrays counts a reference
+    t, n, others, k, d = H_i.shape
     H, PH, S, e = np.empty((k, 2 * d)), np.empty((2 * d, k)), np.empty((k, k)), np.empty((k, 1))
     for s in range(t):
         for i in range(n):
             for j in range(others):
-                if np.isnan(readings.y[s, i, j, 0]):
+                if np.isnan(y[s, i, j, 0]):
                     continue
-                beside(readings, s, i, j, H)
+                beside(H_i, H_j, s, i, j, H)
                 for a in range(2 * d):
                     row = i * d + a if a < d else (j - 1) * d + a
                     for c in range(k):
@@ -62,9 +63,9 @@ def fill_distances(P: Array, readings: Readings, out: Array) -> None:
                         for m in range(d):
                             PH[a, c] += P[s, row, i * d + m] * H[c, m] + P[s, row, j * d + m] * H[c, d + m]
                 for c in range(k):
-                    e[c, 0] = readings.y[s, i, j, c]
+                    e[c, 0] = y[s, i, j, c]
                     for b in range(k):
-                        S[c, b] = readings.R[s, i, j, c, b]
+                        S[c, b] = R[s, i, j, c, b]
                         for a in range(2 * d):
                             S[c, b] += H[c, a] * PH[a, b]
                 whiten(S, e)
@@ -76,17 +77,18 @@ def fill_distances(P: Array, readings: Readings, out: Array) -> None:
 @compiled
 def add_information(use: Mask, readings: Readings, eta: Array, Lambda: Array) -> None:
     """With R = C C', add the outer products of C^-1 (H_i, H_j, y) to the blocks of i and j."""
-    t, n, others, k, d = readings.H_i.shape
+    y, H_i, H_j, R = readings
+    t, n, others, k, d = H_i.shape
     B, C, at = np.empty((k, 2 * d + 1)), np.empty((k, k)), np.empty(2 * d, np.int64)
     for s in range(t):
         for i in range(n):
             for j in range(others):
                 if use[s, i, j]:
-                    beside(readings, s, i, j, B)
+                    beside(H_i, H_j, s, i, j, B)
                     for c in range(k):
-                        B[c, 2 * d] = readings.y[s, i, j, c]
+                        B[c, 2 * d] = y[s, i, j, c]
                         for b in range(k):
-                            C[c, b] = readings.R[s, i, j, c, b]
+                            C[c, b] = R[s, i, j, c, b]
                     whiten(C, B)
                     for a in range(d):
                         at[a], at[d + a] = i * d + a, j * d + a
@@ -107,6 +109,7 @@ def range_of(at: Array, i: int, j: int) -> tuple[float, float, float]:
 @compiled
 def gate_ranges(x: Array, C: Array, z: Array, how: Ranging, out: Gated) -> None:
     """The squared Mahalanobis distance of every range, and the terms of its second order."""
+    d2, shift, noise = out
     n = len(z)
     d = len(x) // n
     for p in range(n):
@@ -117,38 +120,14 @@ def gate_ranges(x: Array, C: Array, z: Array, how: Ranging, out: Gated) -> None:
                 xx = C[i, i] + C[j, j] - 2 * C[i, j]
                 xy = C[i, i + 1] + C[j, j + 1] - C[i, j + 1] - C[j, i + 1]
                 yy = C[i + 1, i + 1] + C[j + 1, j + 1] - 2 * C[i + 1, j + 1]
-                out.shift[p, q], out.noise[p, q] = 0.0, how.variance
+                shift[p, q], noise[p, q] = 0.0, how.variance
                 if how.second_order:
                     far = max(away, TOO_NEAR_TO_RANGE)
                     a, b = (x[j + 1] - x[i + 1]) / far, (x[i] - x[j]) / far
                     across = (a * a * xx + 2 * a * b * xy + b * b * yy) / far
-                    out.shift[p, q], out.noise[p, q] = across / 2, how.variance + across**2 / 2
-                y = z[p, q] - away - out.shift[p, q]
-                out.d2[p, q] = y * y / (out.noise[p, q] + u * u * xx + 2 * u * v * xy + v * v * yy)
-
-
-@compiled
-def add_ranges_together(before: Array, at: Array, z: Array, gate: float, gated: Gated) -> tuple[Array, Array]:
-    """H'R^-1 (y + H (x^ - x)) and H'R^-1 H of one trial's ranges, linearised at x^ (n d,), where the gate allows."""
-    d = len(at) // len(z)
-    eta, Lambda = np.zeros(len(at)), np.zeros((len(at), len(at)))
-    for p in range(len(z)):
-        for q in range(len(z)):
-            if gated.d2[p, q] <= gate:
-                i, j = p * d, q * d
-                away, u, v = range_of(at, i, j)
-                y = z[p, q] - away - gated.shift[p, q] + u * (at[i] - before[i] - at[j] + before[j])
-                y += v * (at[i + 1] - before[i + 1] - at[j + 1] + before[j + 1])
-                for c, h in ((0, u), (1, v)):
-                    g = h / gated.noise[p, q]
-                    eta[i + c] += g * y
-                    eta[j + c] -= g * y
-                    for b, f in ((0, u), (1, v)):
-                        Lambda[i + c, i + b] += g * f
-                        Lambda[j + c, j + b] += g * f
-                        Lambda[i + c, j + b] -= g * f
-                        Lambda[j + c, i + b] -= g * f
-    return eta, Lambda
+                    shift[p, q], noise[p, q] = across / 2, how.variance + across**2 / 2
+                y = z[p, q] - away - shift[p, q]
+                d2[p, q] = y * y / (noise[p, q] + u * u * xx + 2 * u * v * xy + v * v * yy)
 
 
 @compiled
@@ -158,10 +137,25 @@ def join_ranges(x: Array, P: Array, z: Array, how: Ranging, d2: Array) -> None:
     shift, noise, one = np.empty((n, n)), np.empty((n, n)), np.eye(n * d)
     for s in range(t):
         before, at = x[s].copy().reshape(-1), x[s].copy().reshape(-1)
-        gated = Gated(d2[s], shift, noise)
-        gate_ranges(before, P[s], z[s], how, gated)
+        gate_ranges(before, P[s], z[s], how, Gated(d2[s], shift, noise))
         for k in range(how.iterations):
-            eta, Lambda = add_ranges_together(before, at, z[s], how.gate, gated)
+            eta, Lambda = np.zeros(n * d), np.zeros((n * d, n * d))
+            for p in range(n):
+                for q in range(n):
+                    if d2[s, p, q] <= how.gate:
+                        i, j = p * d, q * d
+                        away, u, v = range_of(at, i, j)
+                        y = z[s, p, q] - away - shift[p, q] + u * (at[i] - before[i] - at[j] + before[j])
+                        y += v * (at[i + 1] - before[i + 1] - at[j + 1] + before[j + 1])
+                        for c, h in ((0, u), (1, v)):
+                            g = h / noise[p, q]
+                            eta[i + c] += g * y
+                            eta[j + c] -= g * y
+                            for b, f in ((0, u), (1, v)):
+                                Lambda[i + c, i + b] += g * f
+                                Lambda[j + c, j + b] += g * f
+                                Lambda[i + c, j + b] -= g * f
+                                Lambda[j + c, i + b] -= g * f
             A = one + P[s] @ Lambda
             if k + 1 < how.iterations:
                 at = before + np.linalg.solve(A, P[s] @ eta)

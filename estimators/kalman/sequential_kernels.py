@@ -71,6 +71,7 @@ def add_ranges(x: Array, P: Array, z: Array, variance: float, gate: float) -> No
 @compiled
 def add_directions(x: Array, P: Array, z: Array, nodes: Nodes, gate: float) -> None:
     """Of each direction in turn y = z - angle of g,  H = (g_x dg_y - g_y dg_x) / |g|^2,  g = W' (-c ln |x_i - q|^2)."""
+    places, W, c, variance = nodes
     t, n, d = x.shape
     PH, g, dg = np.empty(n * d), np.empty(2), np.empty((2, 2))  # dg: axis 1 is the position
     for s in range(t):
@@ -79,20 +80,20 @@ def add_directions(x: Array, P: Array, z: Array, nodes: Nodes, gate: float) -> N
             if np.isnan(z[s, i // d]):
                 continue
             g[:], dg[:] = 0.0, 0.0
-            for q in range(len(nodes.places)):
-                d2 = (at[i] - nodes.places[q, 0]) ** 2 + (at[i + 1] - nodes.places[q, 1]) ** 2
-                level, fall = nodes.c * np.log(max(d2, NEAR**2)), 2 * nodes.c / d2 if d2 > NEAR**2 else 0.0
+            for q in range(len(places)):
+                d2 = (at[i] - places[q, 0]) ** 2 + (at[i + 1] - places[q, 1]) ** 2
+                level, fall = c * np.log(max(d2, NEAR**2)), 2 * c / d2 if d2 > NEAR**2 else 0.0
                 for k in range(2):
-                    g[k] -= nodes.W[q, k] * level
+                    g[k] -= W[q, k] * level
                     for m in range(2):
-                        dg[k, m] -= nodes.W[q, k] * fall * (at[i + m] - nodes.places[q, m])
+                        dg[k, m] -= W[q, k] * fall * (at[i + m] - places[q, m])
             strength = max(g[0] ** 2 + g[1] ** 2, NEAR**2)
             u = (g[0] * dg[1, 0] - g[1] * dg[0, 0]) / strength
             v = (g[0] * dg[1, 1] - g[1] * dg[0, 1]) / strength
             for a in range(n * d):
                 PH[a] = u * entry(C, i, a) + v * entry(C, i + 1, a)
             y = np.pi - (np.pi - (z[s, i // d] - np.arctan2(g[1], g[0]))) % (2 * np.pi)
-            absorb(at, C, PH, y, nodes.variance + u * PH[i] + v * PH[i + 1], gate)
+            absorb(at, C, PH, y, variance + u * PH[i] + v * PH[i + 1], gate)
         mirror(C)
 
 
