@@ -58,7 +58,7 @@ def chain(
     A, slope = (sensor.A, 10 * sensor.eta / np.log(10)) if isinstance(sensor, LogDistance) else (0.0, 0.0)
     model = Model(isinstance(sensor, Range), A, slope, float(sensor.R[0, 0]))
     links = Links(readable(packets), readable(readings), readable(recorded))
-    used = _chain(links, model, criterion == "trace", after, fusions, sample, (0,) * d)
+    used = _chain(tuple(links), tuple(model), criterion == "trace", tuple(after), fusions, sample, (0,) * d)
     return None if used < 0 else (after, fusions, sample.take(slice(used)))
 
 
@@ -130,7 +130,7 @@ def _record(f, sample, r, w, own, packet, ux, uy, axes):  # type: ignore[no-unty
 def _chain(links, model, trace, belief, fusions, sample, axes):  # type: ignore[no-untyped-def]
     """Update the belief by all readings; how many fusions were recorded, -1 where a packet is not a covariance."""
     (x, P), (packets, readings, recorded) = belief, links
-    M, K, used, R = np.empty((3, 3)), np.empty(3), 0, model.R
+    M, K, used, R = np.empty((3, 3)), np.empty(3), 0, model[3]
     for r in range(len(x)):
         invertible = _invertible(P[r], axes)
         for j in range(readings.shape[1]):

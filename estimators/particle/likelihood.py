@@ -39,7 +39,7 @@ def anchors(fixed: Sequence[Fixed], x: Array, logw: Array) -> Array:
     if not have_loop(fixed):
         return anchors_reference(fixed, x, logw)
     out = np.empty_like(logw, order="C")
-    add_anchor_rows(planes(x), x.shape[-1], readable(logw), anchor_readings(fixed, len(x)), out)
+    add_anchor_rows(planes(x), x.shape[-1], readable(logw), tuple(anchor_readings(fixed, len(x))), out)
     return out
 
 
@@ -102,7 +102,7 @@ def teammates(heard: ReceivedPackets, x: Array, logw: Array) -> Array:
     if not heard.compiled:
         return teammates_reference(heard, x, logw)
     out = np.empty_like(logw, order="C")
-    add_teammate_rows(planes(x), x.shape[-1], readable(logw), heard.for_loop(), out)
+    add_teammate_rows(planes(x), x.shape[-1], readable(logw), tuple(heard.for_loop()), out)
     return out
 
 
@@ -163,7 +163,7 @@ def _window_at(doa: GradientDoa, x: Array, logw: Array, angles: Array, trail: Ar
     out = np.empty_like(logw, order="C")
     corner, sides = np.array(doa.corner), np.array(doa.sides)
     directions = Directions(readable(angles), readable(trail), corner, sides, -0.5 * power / doa.sigma**2)
-    add_window_rows(planes(x), x.shape[-1], readable(logw), directions, out)
+    add_window_rows(planes(x), x.shape[-1], readable(logw), tuple(directions), out)
     return out
 
 

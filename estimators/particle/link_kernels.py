@@ -68,7 +68,7 @@ class Link(NamedTuple):
 def add_anchor_rows(x, d, logw, anchors, out):  # type: ignore[no-untyped-def]
     """`likelihood.anchors` of RSSI, for particles x (r d, N)."""
     wide()
-    n, links = logw.shape[1], np.empty((len(anchors.places), NUMBERS))
+    n, links = logw.shape[1], np.empty((len(anchors[0]), NUMBERS))
     row = Row(row_buffer(n), row_buffer(n), row_buffer(n))
     for r in range(len(logw)):
         load_row(x, d, logw, r, row)
@@ -103,7 +103,7 @@ def add_anchors(row, box, r, anchors, links):  # type: ignore[no-untyped-def]
 def add_teammate_rows(x, d, logw, heard, out):  # type: ignore[no-untyped-def]
     """`likelihood.teammates` of RSSI or ranges, for particles x (r d, N)."""
     wide()
-    n, links = logw.shape[1], np.empty((heard.readings.shape[1], NUMBERS))
+    n, links = logw.shape[1], np.empty((heard[1].shape[1], NUMBERS))
     row = Row(row_buffer(n), row_buffer(n), row_buffer(n))
     for r in range(len(logw)):
         load_row(x, d, logw, r, row)
@@ -116,11 +116,10 @@ def add_teammates(row, r, heard, links):  # type: ignore[no-untyped-def]
     """Row r of `teammates`, with scratch for the links that were heard."""
     packets, readings, ranged, A, slope, unit, gain = heard
     far, near, ln_unit = 0, 0, np.log(unit)
-    west, east, south, north = np.nan, np.nan, np.nan, np.nan  # no link is far from such a box
+    box = np.nan, np.nan, np.nan, np.nan  # no link is far from such a box
     if len(links) >= MANY and not ranged:
-        west, east = extent(row.X)
-        south, north = extent(row.Y)
-    box = west, east, south, north
+        (west, east), (south, north) = extent(row.X), extent(row.Y)
+        box = west, east, south, north
     for j in range(len(links)):
         z, qx, qy = readings[r, j], packets[r, j, 0], packets[r, j, 1]
         if np.isnan(z) or np.isnan(qx) or np.isnan(qy) or (ranged and z < TOO_NEAR_TO_RANGE):

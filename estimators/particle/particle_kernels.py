@@ -1,4 +1,7 @@
-"""The compiled passes of steps.py over rows, each row by itself, in buffers."""
+"""The compiled passes of steps.py over rows, each row by itself, in buffers.
+
+Python hands a NamedTuple over as `tuple(...)`: numba needs a microsecond to recognise each NamedTuple of a call.
+"""
 
 from typing import NamedTuple
 
@@ -56,8 +59,8 @@ class Scratch(NamedTuple):
 def advance_rows(cloud, step, anchors, sends, out, belief):  # type: ignore[no-untyped-def]
     """`steps.advance` of a cloud into `out`, and where it sends into the belief."""
     wide()
-    (x, logw, due), (u, sd, key, counter) = cloud, step
-    n, links = logw.shape[1], np.empty((len(anchors.places), NUMBERS))
+    (x, logw, due), (u, sd, key, counter), (x_out, logw_out) = cloud, step, out
+    n, links = logw.shape[1], np.empty((len(anchors[0]), NUMBERS))
     row, w = Row(row_buffer(n), row_buffer(n), row_buffer(n)), row_buffer(n)
     marks, words = np.empty(n + 1, np.int64), np.empty((2, len(w)), np.uint32)
     renewed = np.empty((2, n))
@@ -78,11 +81,11 @@ def advance_rows(cloud, step, anchors, sends, out, belief):  # type: ignore[no-u
         else:
             west, east = _move(x, 2 * r, u[r, 0], sd[r], row.X)
             south, north = _move(x, 2 * r + 1, u[r, 1], sd[r], row.Y)
-        store(row.X, out.x, 2 * r)
-        store(row.Y, out.x, 2 * r + 1)
-        if len(anchors.places) > 0:
+        store(row.X, x_out, 2 * r)
+        store(row.Y, x_out, 2 * r + 1)
+        if len(links) > 0:
             add_anchors(row, (west, east, south, north), r, anchors, links)
-        store(row.logw, out.logw, r)
+        store(row.logw, logw_out, r)
         if sends:
             _moments_into(belief, r, row, n, w)
 
@@ -169,7 +172,7 @@ def _weighted_moments(row, n, w):  # type: ignore[no-untyped-def]
 def conclude_rows(x, logw, heard, belief, logw_out, due):  # type: ignore[no-untyped-def]
     """`steps.conclude` for particles x (2 r, n), into all that follows `heard`."""
     wide()
-    n, links = logw.shape[1], np.empty((heard.readings.shape[1], NUMBERS))
+    n, links = logw.shape[1], np.empty((heard[1].shape[1], NUMBERS))
     row, w = Row(row_buffer(n), row_buffer(n), row_buffer(n)), row_buffer(n)
     for r in range(len(logw)):
         load_row(x, 2, logw, r, row)

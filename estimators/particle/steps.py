@@ -68,11 +68,11 @@ def advance(
         x = motion.sample(x, z.odometry[:, None, :], z.dt[:, None], noise)
         logw = likelihood.anchors(fixed, x, logw)
         return x, logw, summary(x, logw) if sends else None
-    cloud = Cloud(planes(x), readable(logw), readable(due))
-    sd = np.sqrt(motion.sigma**2 / motion.tick * z.dt)
+    cloud, sd = Cloud(planes(x), readable(logw), readable(due)), np.sqrt(motion.sigma**2 / motion.tick * z.dt)
     step = Step(readable(z.odometry), readable(sd), readable(key), tick * random_numbers.PURPOSES)
     out, belief = Moved(np.empty((2 * len(x), x.shape[1])), np.empty_like(logw, order="C")), empty_belief(len(x))
-    advance_rows(cloud, step, likelihood.anchor_readings(fixed, len(x)), sends, out, belief)
+    anchors = likelihood.anchor_readings(fixed, len(x))
+    advance_rows(tuple(cloud), tuple(step), tuple(anchors), sends, tuple(out), tuple(belief))
     return out.x.reshape(-1, 2, x.shape[1]).transpose(0, 2, 1), out.logw, belief if sends else None
 
 
@@ -94,7 +94,7 @@ def conclude(x: Array, logw: Array, heard: ReceivedPackets | None = None) -> tup
         return moments(x, w), restarted(logw), poor(w)
     belief, logw_new, due = empty_belief(len(x)), np.empty_like(logw, order="C"), np.empty(len(x), np.bool_)
     packets = (heard or likelihood.no_packets(len(x))).for_loop()
-    conclude_rows(planes(x), readable(logw), packets, belief, logw_new, due)
+    conclude_rows(planes(x), readable(logw), tuple(packets), tuple(belief), logw_new, due)
     return belief, logw_new, due
 
 
