@@ -119,13 +119,13 @@ def immutability(harness: Harness) -> str:
     """Methods write to nothing that they are given, parameters stay, and a second run repeats the first."""
     before = snapshot(harness.estimator, "its parameters")
     for stream, base in harness.cases:
-        audit = partial(_audited, stream.scenario, harness.mutable)
+        audit = partial(_audited, stream.scenario, harness.traits.mutable)
         again = harness.run(stream, "it ran a second time", audit=audit)
         require_unchanged(_inputs(stream), _inputs(again.stream), f"during the run of {stream.scenario!r}")
         require_equal(base, again, "it ran a second time")
     require_unchanged(before, snapshot(harness.estimator, "its parameters"), "by running")
-    compared = "inputs and parameters" if harness.mutable else "inputs, states and parameters"
-    exempt = "; its state is exempt, as it declares mutable = True" if harness.mutable else ""
+    compared = "inputs and parameters" if harness.traits.mutable else "inputs, states and parameters"
+    exempt = "; its state is exempt, as it declares mutable = True" if harness.traits.mutable else ""
     return f"{compared} were compared before and after each call: no change; a second run gave the same bits{exempt}"
 
 
@@ -187,10 +187,10 @@ def _require_interface(harness: Harness) -> None:
         raise CheckFailed(f"it is the class {estimator.__name__}, not an instance", f"pass {estimator.__name__}()")
     if getattr(estimator, "api", None) != API:
         raise CheckFailed(f"it is written for interface {getattr(estimator, 'api', None)!r}", f"set api = {API}")
-    for method in TEAM_METHODS if harness.team else ROW_METHODS:
+    for method in TEAM_METHODS if harness.traits.team else ROW_METHODS:
         if not callable(getattr(estimator, method, None)):
             raise CheckFailed(f"it has no method {method}()", "add it; cooploc.estimators.interface describes it")
-    if harness.team and not isinstance(getattr(estimator, "bound", None), bool):
+    if harness.traits.team and not isinstance(getattr(estimator, "bound", None), bool):
         raise CheckFailed("it does not say whether it is a bound", "set bound = True or bound = False")
     if not isinstance(uses, tuple) or not all(isinstance(wish, str) for wish in uses):
         remedy = 'set it to a tuple of channel names, such as ("odometry", "anchor_rssi")'

@@ -26,19 +26,21 @@ def equivariance(harness: Harness) -> str:
     """Shift the world, turn it by 90 degrees, renumber the robots: the estimates follow."""
     if not harness.deterministic:
         raise CheckSkipped("it draws random numbers, which do not turn with the world")
-    in_turns = harness.team and not harness.bound  # robots go one after another and hear of what those before them did
+    in_turns = (
+        harness.traits.team and not harness.bound
+    )  # robots go one after another and hear of what those before them did
     for stream, base in harness.cases:
         if stream.senses.extra or not isinstance(stream.world.motion, Displacement | Unicycle):
             raise CheckSkipped("it is not known how this scenario's channels or odometry turn with the world")
         belief = Belief(base.trace.x, base.trace.P)
         _require_close(harness, _shift_belief(belief), shifted(stream), "the world was shifted")
-        if not harness.axes:
+        if not harness.traits.axes:
             _require_turned(harness, stream, _turn_belief(belief))
-        if stream.robots > 1 and not (harness.axes or in_turns):
+        if stream.robots > 1 and not (harness.traits.axes or in_turns):
             _require_renumbered(harness, stream)
     same = f"the estimates followed to {TOLERANCE:.0%} of a standard deviation"
-    if harness.axes:
-        return f"the world was shifted: {same}; not turned or renumbered, as {harness.axes}"
+    if harness.traits.axes:
+        return f"the world was shifted: {same}; not turned or renumbered, as {harness.traits.axes}"
     if in_turns:
         return f"the world was shifted and turned by 90 degrees: {same}; not renumbered, as its robots go in turns"
     return f"the world was shifted and turned by 90 degrees, the robots were renumbered: {same}"

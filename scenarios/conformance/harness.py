@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from cooploc.estimators.interface import Array, Mask
+from cooploc.estimators.plugins.traits import Traits, traits
 from cooploc.scenarios import simulate
 from cooploc.scenarios.conformance.compare import CheckFailed, RunRecord, require_equal
 from cooploc.scenarios.conformance.perturb import deep_copy, drop_readings
@@ -42,25 +43,15 @@ class Harness:
         self.trials, self.ticks = trials, ticks
         self.runs = 0
 
-    @property
-    def team(self) -> bool:
-        """Whether it is a TeamEstimator: one state for the whole team."""
-        return hasattr(self.estimator, "exchange")
+    @cached_property
+    def traits(self) -> Traits:
+        """Its optional members."""
+        return traits(self.estimator)
 
     @property
     def bound(self) -> bool:
-        """Whether it declares that it knows more than any robot could."""
-        return bool(self.team and self.estimator.bound)
-
-    @property
-    def mutable(self) -> bool:
-        """Whether it declares that its state changes in place, as PerRobot does."""
-        return bool(getattr(self.estimator, "mutable", False))
-
-    @property
-    def axes(self) -> str:
-        """Why its approximation depends on the direction of the axes, in words; empty: it does not."""
-        return str(getattr(self.estimator, "axes", ""))
+        """Whether it declares that it knows more than any robot could; only a team estimator can."""
+        return self.traits.team and self.traits.bound
 
     @property
     def rng(self) -> np.random.Generator:

@@ -144,7 +144,7 @@ class Leaves(DeadReckoning):
         ("Dies", "failed: runs: the process that checked it died (killed, crashed, or out of memory)"),
         ("Hangs", "unchecked: its checks took longer than 5 s"),
         ("Leaves", "failed: runs: predict() raised at tick 0 of 'robots-1-3/n=3[drop=0.3,ticks=12], some readings "
-                   "absent' (as it is): SystemExit: enough (seed 0)"),
+                   "absent' (nothing was changed): SystemExit: enough (seed 0)"),
         ("Nobody", "failed: runs: BadInput: trouble.py has no 'Nobody'"),
     ],
 )  # fmt: skip
