@@ -35,7 +35,7 @@ def list_(
     markdown: Annotated[bool, typer.Option("--markdown", help="the README's table of estimators")] = False,
 ) -> None:
     """List estimators, scenarios and studies, and plug-ins that could not be loaded."""
-    from cooploc import listing
+    from cooploc.terminal import lists
 
     if markdown:
         from cooploc.catalogue import markdown as table
@@ -44,7 +44,7 @@ def list_(
         return
 
     for one in [kind] if kind else list(Kind):
-        listing.show(one.value)
+        lists.show(one.value)
 
 
 @app.command()
@@ -63,19 +63,19 @@ def run(
     """Run a study, print its table, and keep results and picture in the run directory."""
     from cooploc.analysis.execution.execute import execute
     from cooploc.analysis.metrics.compare import compare
-    from cooploc.analysis.report import terminal
     from cooploc.estimators import split
-    from cooploc.progress import Watch
     from cooploc.scenarios.studies.study import load
+    from cooploc.terminal import results
+    from cooploc.terminal.progress import TerminalProgress
 
     wanted = None if estimators is None else split(estimators)
     asked = load(study).with_options(trials=trials, seed=seed, only=wanted)
     folder = out or Path("runs") / f"{asked.name}-seed{asked.seed}"
-    with Watch() as watch:
-        rows = execute(asked, folder, data=data, jobs=jobs, scheduler=scheduler, check=check, progress=watch)
+    with TerminalProgress() as progress:
+        rows = execute(asked, folder, data=data, jobs=jobs, scheduler=scheduler, check=check, progress=progress)
     table = compare(rows, asked.baselines(), full=True)
-    terminal.keep(table, rows, folder)
-    terminal.show(table, rows, folder, as_json)
+    results.keep(table, rows, folder)
+    results.show(table, rows, folder, as_json)
     if rows["failure"].notna().any():
         raise typer.Exit(1)
 
@@ -83,9 +83,9 @@ def run(
 @app.command()
 def show(folder: Annotated[Path, typer.Argument(help="a run directory")]) -> None:
     """Say what a run holds, what is missing, and what failed and why."""
-    from cooploc import showing
+    from cooploc.terminal import run_contents
 
-    showing.show(folder)
+    run_contents.show(folder)
 
 
 @app.command()
@@ -122,9 +122,9 @@ def report(
     ledger: Annotated[Path | None, typer.Option(help="a ledger's TOML file [default: that of the paper]")] = None,
 ) -> None:
     """Write a run's report: an HTML page that needs no network, and its tables as LaTeX, Markdown and CSV."""
-    from cooploc import reporting
+    from cooploc.terminal import finished_runs
 
-    reporting.report(folder, out or folder / "report", ledger)
+    finished_runs.report(folder, out or folder / "report", ledger)
 
 
 @app.command()
@@ -133,9 +133,9 @@ def verdicts(
     ledger: Annotated[Path | None, typer.Option(help="a ledger's TOML file [default: that of the paper]")] = None,
 ) -> None:
     """Print which claims of a ledger a run supports, contradicts or leaves open."""
-    from cooploc import reporting
+    from cooploc.terminal import finished_runs
 
-    reporting.verdicts(folder, ledger)
+    finished_runs.verdicts(folder, ledger)
 
 
 @app.command()
@@ -144,9 +144,9 @@ def compare(
     after: Annotated[Path, typer.Argument(help="another run directory")],
 ) -> None:
     """Say what changed from one run to another, trial by trial where their streams are the same."""
-    from cooploc import reporting
+    from cooploc.terminal import finished_runs
 
-    reporting.compare(before, after)
+    finished_runs.compare(before, after)
 
 
 @app.command()
@@ -156,7 +156,7 @@ def reproduce(
     data: Annotated[Path | None, typer.Option(help="directory of recordings")] = None,
 ) -> None:
     """Run some of a report's trials again: exit code 0 where all are bit-equal, 1 where any differs."""
-    from cooploc import reporting
+    from cooploc.terminal import finished_runs
 
-    if not reporting.reproduce(page, trials, data):
+    if not finished_runs.reproduce(page, trials, data):
         raise typer.Exit(1)

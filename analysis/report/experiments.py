@@ -15,7 +15,7 @@ from cooploc.analysis.metrics.certificate_line import refused
 from cooploc.analysis.metrics.over_time import sweep
 from cooploc.analysis.metrics.ranking import rank_groups
 from cooploc.analysis.metrics.statistics import LEAST_TRIALS
-from cooploc.analysis.report import report_tables, summaries, svg_figures
+from cooploc.analysis.report import result_tables, summaries, svg_figures
 from cooploc.analysis.report.tables import Table
 
 SWEEP = 3  # values from which a sweep becomes a line
@@ -71,13 +71,13 @@ def experiment(name: str, plan: dict[str, list[str]], numbers: Numbers, counter:
         if parameter:
             changes = summaries.changes(group, dict.fromkeys(rows["estimator"]), numbers.results)
             sweeps.append(summaries.swept(group, changes))
-            changed.append(report_tables.sweep(f"{anchor}-sweep{len(changed) + 1}", changes, parameter))
+            changed.append(result_tables.sweep(f"{anchor}-sweep{len(changed) + 1}", changes, parameter))
             shown.append(_lines(rows, numbers, counter))
         else:
             shown.append(_dots(rows, numbers, counter))
     shown.append(_scatter(part, numbers, counter))
     ranks = {str(label): _ranks(rows, numbers.results) for label, rows in part.groupby("scenario", sort=False)}
-    table = report_tables.results(anchor, part, ranks, f"{name}: {_about(part, numbers)}")
+    table = result_tables.results(anchor, part, ranks, f"{name}: {_about(part, numbers)}")
     said = summaries.overall(found) + " " + summaries.confidence(part)
     return Experiment(name, anchor, found, said, [line for line in sweeps if line], shown, [table, *changed])
 

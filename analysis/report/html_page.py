@@ -19,10 +19,10 @@ from cooploc.analysis.metrics import certificate_line
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.crlb import floors
 from cooploc.analysis.metrics.pooling import notes
-from cooploc.analysis.report import report_tables, summaries, svg_figures, tables
+from cooploc.analysis.report import claim_tables, latex, result_tables, summaries, svg_figures
 from cooploc.analysis.report.experiments import Experiment, Numbers, experiment
 from cooploc.analysis.report.reproduce import PAGE, sample
-from cooploc.analysis.report.tables import Column, Table, text
+from cooploc.analysis.report.tables import Table, numbers, words
 
 FLOORED = 20  # robots: the floor of larger teams takes seconds for each scenario
 METHODS = (
@@ -74,7 +74,7 @@ def write(kept: Kept, ledger: Ledger, out: Path) -> Path:
         for ending, written in (("tex", one.latex()), ("md", one.markdown()), ("csv", one.csv())):
             (out / "tables" / f"{one.name}.{ending}").write_text(written, encoding="utf-8")
     names = [one.name for one in shown]
-    (out / "tables" / "all.tex").write_text(tables.document(names, context["title"]), encoding="utf-8")
+    (out / "tables" / "all.tex").write_text(latex.document(names, context["title"]), encoding="utf-8")
     page = out / PAGE
     page.write_text(render(context), encoding="utf-8")
     return page
@@ -120,17 +120,17 @@ def content(kept: Kept, ledger: Ledger) -> dict[str, Any]:
 
 def _answer(numbers: Numbers, experiments: list[Experiment], judged: pd.DataFrame, ledger: Ledger) -> dict[str, Any]:
     found = summaries.standings(numbers.table, numbers.results)
-    ledgered = report_tables.claims(judged, ledger.paper)
+    ledgered = claim_tables.claims(judged, ledger.paper)
     return {
         "best": summaries.overall(found),
-        "where_table": report_tables.where({one.name: one.found for one in experiments}),
-        "best_table": report_tables.best(found),
+        "where_table": result_tables.where({one.name: one.found for one in experiments}),
+        "best_table": result_tables.best(found),
         "confidence": summaries.confidence(numbers.table),
-        "confidence_table": report_tables.confidence(numbers.table),
+        "confidence_table": result_tables.confidence(numbers.table),
         "claims": _standing_claims(judged),
         "claims_table": ledgered,
-        "claims_parts": report_tables.by_claim(ledgered, judged),
-        "overview": report_tables.overview(verdicts.overview(judged), judged, ledger),
+        "claims_parts": claim_tables.by_claim(ledgered, judged),
+        "overview": claim_tables.overview(verdicts.overview(judged), judged, ledger),
         "legend": LEGEND,
     }
 
@@ -163,26 +163,16 @@ def _failures(rows: pd.DataFrame) -> list[tuple[str, str]]:
 
 def _versions(kept: Kept) -> Table:
     manifest = kept.manifest
-    told = {
-        **manifest["versions"],
-        "commit": manifest["commit"] or "",
-        "source": manifest["source"],
-        "cpu": manifest["cpu"],
-    }
-    told |= {"seed": manifest["seed"], "recordings": manifest["data"] or ""}
-    columns = (Column("what", ("what",), False), Column("version or hash", ("version",), False))
-    return Table("versions", "What the bits depend on", columns, tuple((text(k), text(v)) for k, v in told.items()))
+    used = {**manifest["versions"], **{key: manifest[key] for key in ("commit", "source", "cpu", "seed")}}
+    rows = [{"what": what, "version": value} for what, value in {**used, "recordings": manifest["data"]}.items()]
+    columns = words("what"), words("version or hash", "version")
+    return Table("versions", "What the bits depend on", columns, rows)
 
 
 def _streams(table: pd.DataFrame) -> Table:
-    columns = (
-        Column("scenario", ("scenario",), False),
-        Column("trials", ("trials",)),
-        Column("stream", ("stream",), False),
-    )
+    columns = words("scenario"), numbers("trials"), words("stream")
     once = table.sort_values("trials", ascending=False, kind="stable").drop_duplicates("scenario").sort_index()
-    rows = tuple((text(row["scenario"]), text(row["trials"]), text(row["stream"])) for row in once.to_dict("records"))
-    return Table("streams", "Hashes of the streams: equal ones can be paired", columns, rows)
+    return Table("streams", "Hashes of the streams: equal ones can be paired", columns, once.to_dict("records"))
 
 
 def _template(name: str) -> str:

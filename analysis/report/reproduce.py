@@ -13,7 +13,7 @@ from cooploc.analysis.execution.provenance import provenance
 from cooploc.analysis.execution.run_directory import FORMAT
 from cooploc.analysis.execution.stored_run import Kept
 from cooploc.analysis.execution.task import Task, measure
-from cooploc.analysis.report.tables import Cell, Column, Table, text
+from cooploc.analysis.report.tables import Table, numbers, words
 from cooploc.estimators import configure, make
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios import resolve
@@ -118,25 +118,14 @@ def differences(embedded: dict[str, Any]) -> list[str]:
 def table(found: list[Again]) -> Table:
     """One row per trial and estimator."""
     columns = (
-        Column("scenario", ("scenario",), False),
-        Column("trial", ("trial",)),
-        Column("estimator", ("estimator",), False),
-        Column("RMSE then [m]", ("before",)),
-        Column("now [m]", ("after",)),
-        Column("", ("equal", "remark"), False),
+        words("scenario"),
+        numbers("trial"),
+        words("estimator"),
+        numbers("RMSE then [m]", "before", form=_exact),
+        numbers("now [m]", "after", form=_exact),
+        words("", "equal", "remark", of=("remark",)),
     )
-    rows = tuple(
-        (
-            text(one.scenario),
-            text(one.trial),
-            text(one.estimator),
-            Cell(_shown(one.before), (one.before,)),
-            Cell(_shown(one.after), (one.after,)),
-            Cell(one.remark, (one.equal, one.remark)),
-        )
-        for one in found
-    )
-    return Table("reproduced", "Trials that were run again", columns, rows)
+    return Table("reproduced", "Trials that were run again", columns, [one._asdict() for one in found])
 
 
 def _drawn(embedded: list[dict[str, Any]], trials: int) -> dict[tuple[str, int], list[dict[str, Any]]]:
@@ -187,5 +176,6 @@ def _fingerprint(rows: pd.DataFrame) -> dict[str, Any]:
     }
 
 
-def _shown(value: float) -> str:
-    return "" if value != value else f"{value:.9g}"
+def _exact(metres: float) -> str:
+    """With so many digits that a difference shows."""
+    return "" if metres != metres else f"{metres:.9g}"

@@ -6,14 +6,16 @@ import numpy as np
 import pandas as pd
 
 from cooploc.analysis.execution.stored_run import Kept
+from cooploc.analysis.formats import Format, change, count, interval, metres, microseconds, ratio
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.compare import summarize
 from cooploc.analysis.metrics.consistency import consistency
 from cooploc.analysis.metrics.pooling import trial_means
 from cooploc.analysis.metrics.statistics import Interval
-from cooploc.analysis.report.tables import Cell, Column, Table, interval, number, text
+from cooploc.analysis.report.tables import Table, TableColumn, numbers, words
 
 SETTINGS = ("seed", "data", "source", "commit", "cpu")
+ENDS, FAILED = ("change_low", "change_high"), ("failed_a", "failed_b")
 EXACT = ("mse", "anees", "coverage95")
 COLUMNS = {
     "scenario": "the scenario's label",
@@ -107,51 +109,28 @@ def sentences(found: pd.DataFrame) -> list[str]:
 def table(found: pd.DataFrame) -> Table:
     """The changes for people and programs."""
     columns = (
-        Column("scenario", ("scenario",), False),
-        Column("estimator", ("estimator",), False),
-        Column("RMSE before [m]", ("rmse_a",)),
-        Column("after", ("rmse_b",)),
-        Column("change", ("change",)),
-        Column("95 %", ("change_low", "change_high")),
-        Column("ANEES before", ("anees_a",)),
-        Column("after", ("anees_b",)),
-        Column("bytes before", ("bytes_a",)),
-        Column("after", ("bytes_b",)),
-        Column("µs before", ("seconds_a",)),
-        Column("after", ("seconds_b",)),
-        Column("trials", ("trials",)),
-        Column("", ("pairing", "equal", "failed_a", "failed_b"), False),
+        words("scenario"),
+        words("estimator"),
+        *_before_after("RMSE {} [m]", "rmse", metres),
+        numbers("change", of=("same", "change"), form=lambda same, share: "0 %" if same else change(share)),
+        numbers("95 %", *ENDS, of=("same", *ENDS), form=lambda same, *ends: "" if same else interval(change)(*ends)),
+        *_before_after("ANEES {}", "anees", ratio),
+        *_before_after("bytes {}", "bytes", count),
+        *_before_after("µs {}", "seconds", microseconds),
+        numbers("trials", form=count),
+        words("", "pairing", "equal", "failed_a", "failed_b", of=("same", "pairing", *FAILED), form=_remark),
     )
-    return Table("changes", "What changed", columns, tuple(_cells(row) for row in found.to_dict("records")))
+    rows = found.assign(same=found["equal"] == found["trials"]).to_dict("records")
+    return Table("changes", "What changed", columns, rows)
 
 
-def _cells(row: dict[Any, Any]) -> tuple[Cell, ...]:
-    same = row["equal"] == row["trials"]
-    change = number(row["change"], 1, " %", 100)
-    between = interval(row["change_low"], row["change_high"], 1, " %", 100)
-    remark = "bit-equal" if same else row["pairing"]
-    if (
-        row["failed_a"] == row["failed_a"]
-        and row["failed_b"] == row["failed_b"]
-        and (row["failed_a"] or row["failed_b"])
-    ):
-        remark += f", failed {row['failed_a']:.0f} before, {row['failed_b']:.0f} after"
-    return (
-        text(row["scenario"]),
-        text(row["estimator"]),
-        number(row["rmse_a"], 3),
-        number(row["rmse_b"], 3),
-        Cell("0 %", change.values) if same else change,
-        Cell("", between.values) if same else between,
-        number(row["anees_a"]),
-        number(row["anees_b"]),
-        number(row["bytes_a"], 0),
-        number(row["bytes_b"], 0),
-        number(row["seconds_a"], 0, "", 1e6),
-        number(row["seconds_b"], 0, "", 1e6),
-        number(row["trials"], 0),
-        Cell(remark, (row["pairing"], row["equal"], row["failed_a"], row["failed_b"])),
-    )
+def _before_after(head: str, key: str, form: Format) -> tuple[TableColumn, TableColumn]:
+    return numbers(head.format("before"), f"{key}_a", form=form), numbers("after", f"{key}_b", form=form)
+
+
+def _remark(same: bool, pairing: str, before: float, after: float) -> str:
+    failed = f", failed {count(before)} before, {count(after)} after" if before > 0 or after > 0 else ""
+    return ("bit-equal" if same else pairing) + failed
 
 
 def _summary(kept: Kept) -> dict[Any, dict[str, Any]]:

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from made_runs import Outline, kept_from, rows_of
 from processes import finish, install
-from test_html_page import Outline, kept_from, rows_of
 
 from cooploc.analysis.claims.ledger import load
 from cooploc.analysis.claims.trial_table import collect

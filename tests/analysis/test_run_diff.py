@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from test_html_page import kept_from, rows_of
+from made_runs import kept_from, rows_of
 
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.report import run_diff

@@ -2,10 +2,9 @@
 
 from pathlib import Path
 
-from rich.console import Console
-
 from cooploc.analysis.claims import ledger as ledgers
 from cooploc.analysis.execution.stored_run import read
+from cooploc.terminal.console import wide
 
 
 def report(folder: Path, out: Path, ledger: Path | None) -> None:
@@ -13,7 +12,7 @@ def report(folder: Path, out: Path, ledger: Path | None) -> None:
     from cooploc.analysis.report import html_page
 
     written = html_page.write(read(folder), ledgers.load(ledger), out)
-    _console().print(f"report: {written}   tables: {out / 'tables'}", soft_wrap=True)
+    wide().print(f"report: {written}   tables: {out / 'tables'}")
 
 
 def verdicts(folder: Path, ledger: Path | None) -> None:
@@ -29,16 +28,14 @@ def compare(before: Path, after: Path) -> None:
     from cooploc.analysis.report import run_diff
 
     a, b = read(before), read(after)
-    console = _console()
     found = run_diff.changes(a, b)
-    console.print(f"from {before} to {after}", soft_wrap=True)
-    for line in run_diff.settings(a, b):
-        console.print(line, soft_wrap=True)
-    console.print()
+    console = wide()
+    for line in (f"from {before} to {after}", *run_diff.settings(a, b), ""):
+        console.print(line)
     if len(found):
         console.print(run_diff.table(found).terminal())
     for line in run_diff.sentences(found):
-        console.print(line, soft_wrap=True)
+        console.print(line)
 
 
 def reproduce(page: Path, trials: int, data: Path | None) -> bool:
@@ -46,17 +43,12 @@ def reproduce(page: Path, trials: int, data: Path | None) -> bool:
     from cooploc.analysis.report import reproduce as again
 
     embedded = again.load(page)
-    console = _console()
-    unlike = again.differences(embedded)
+    differences = again.differences(embedded)
     found = again.rerun(embedded, trials, data)
+    console = wide()
     console.print(again.table(found).terminal())
     equal = sum(one.equal for one in found)
     console.print(f"{equal} of {len(found)} results are bit-equal")
-    if equal < len(found) and unlike:
-        console.print(f"where this place differs from that of the report: {'; '.join(unlike)}", soft_wrap=True)
+    if equal < len(found) and differences:
+        console.print(f"this machine differs from that of the report: {'; '.join(differences)}")
     return equal == len(found)
-
-
-def _console() -> Console:
-    # Wide: a terminal may wrap a row, but numbers are never cut off.
-    return Console(highlight=False, markup=False, width=400)
