@@ -88,6 +88,6 @@ def listed(names: Iterable[str]) -> str:
 
 
 def _digits(share: float) -> int:
-    if 0.99 <= share < 1:
+    if 0.99 <= share < 1 - 5e-7:
         return min(4, 1 - math.floor(math.log10(100 * (1 - share))))
     return 0 if abs(share) >= 0.1 or share == 0 else 1 if abs(share) >= 0.01 else 2

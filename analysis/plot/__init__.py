@@ -7,3 +7,7 @@ from cooploc.analysis.plot.summary import rmse, tradeoff
 from cooploc.analysis.plot.world import world
 
 __all__ = ["anees", "animate", "claims", "ellipses", "rmse", "tradeoff", "world"]
+
+
+def __dir__() -> list[str]:
+    return __all__

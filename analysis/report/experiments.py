@@ -15,7 +15,8 @@ from cooploc.analysis.metrics.certificate_line import refused
 from cooploc.analysis.metrics.over_time import sweep
 from cooploc.analysis.metrics.ranking import rank_groups
 from cooploc.analysis.metrics.statistics import LEAST_TRIALS
-from cooploc.analysis.report import result_tables, summaries, svg_figures
+from cooploc.analysis.plot.style import Look
+from cooploc.analysis.report import result_tables, summaries, svg, svg_figures
 from cooploc.analysis.report.tables import Table
 
 SWEEP = 3  # values from which a sweep becomes a line
@@ -37,7 +38,7 @@ class Numbers(NamedTuple):
     kept: Kept
     table: pd.DataFrame  # of `compare`
     results: TrialTable
-    looks: dict[str, svg_figures.Style]
+    looks: dict[str, Look]
 
 
 class Experiment(NamedTuple):
@@ -153,7 +154,7 @@ def _scatter(rows: pd.DataFrame, numbers: Numbers, counter: Iterator[int]) -> Sh
 
 
 def _panels(svgs: list[str], label: str, counter: Iterator[int]) -> list[Markup]:
-    return [Markup(svg_figures.inline(svg, next(counter), label)) for svg in svgs]  # matplotlib has escaped every text
+    return [Markup(svg.inline(one, next(counter), label)) for one in svgs]  # matplotlib has escaped every text
 
 
 def _about(part: pd.DataFrame, numbers: Numbers) -> str:

@@ -19,7 +19,8 @@ from cooploc.analysis.metrics import certificate_line
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.crlb import floors
 from cooploc.analysis.metrics.pooling import notes
-from cooploc.analysis.report import claim_tables, latex, result_tables, summaries, svg_figures
+from cooploc.analysis.plot import style
+from cooploc.analysis.report import claim_tables, latex, result_tables, summaries
 from cooploc.analysis.report.experiments import Experiment, Numbers, experiment
 from cooploc.analysis.report.reproduce import PAGE, sample
 from cooploc.analysis.report.tables import Table, numbers, words
@@ -94,7 +95,7 @@ def content(kept: Kept, ledger: Ledger) -> dict[str, Any]:
     """Everything that the page shows, and `tables`, all of its tables."""
     table = compare(kept.rows, kept.baselines, full=True)
     table["floor"] = table["scenario"].map(floors(table["scenario"], kept.manifest["seed"], FLOORED))
-    looks = svg_figures.styles(list(dict.fromkeys(kept.rows["estimator"])))
+    looks = style.looks(kept.rows["estimator"])
     numbers = Numbers(kept, table, collect(kept.rows), looks)
     counter = itertools.count()
     experiments = [experiment(name, plan, numbers, counter) for name, plan in kept.experiments.items()]
