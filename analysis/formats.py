@@ -42,7 +42,7 @@ def microseconds(seconds: float) -> str:
 
 
 def percent(share: float, digits: int | None = None, sign: bool = False) -> str:
-    """A share as a percentage; without `digits`, two digits that say something, of nearly all as well as of little."""
+    """A share as a percentage; without `digits`, with two significant ones, also where it is nearly 100 %."""
     if not math.isfinite(share):
         return fixed(share, 0)
     if digits is None:
@@ -88,6 +88,7 @@ def listed(names: Iterable[str]) -> str:
 
 
 def _digits(share: float) -> int:
-    if 0.99 <= share < 1 - 5e-7:
-        return min(4, 1 - math.floor(math.log10(100 * (1 - share))))
-    return 0 if abs(share) >= 0.1 or share == 0 else 1 if abs(share) >= 0.01 else 2
+    size = abs(share)
+    if 0.99 <= size < 1 - 5e-7:
+        return min(4, 1 - math.floor(math.log10(100 * (1 - size))))
+    return 0 if size >= 0.1 or size == 0 else 1 if size >= 0.01 else 2

@@ -47,8 +47,7 @@ def animate(
         raise BadInput(f"this stream ({stream.scenario}) is not the run's ({run.scenario}): simulate it again")
     ax = ax or style.new_axes(6.4, 5.2)
     _arena(ax, truth, stream)
-    heard = None if stream is None else stream.air.link[i]
-    team = _Team(ax, truth.x[i, :, :, :2], heard)
+    team = _Team(ax, truth.x[i, :, :, :2], None if stream is None else stream.air.link[i])
     looks = style.session_looks(run.traces)
     beliefs = [_Belief(ax, name, trace, i, looks[name]) for name, trace in run.traces.items()]
     style.finish(ax, "x [m]", "y [m]", " ")
@@ -61,8 +60,7 @@ def animate(
         ax.set_title(f"{run.scenario}, trial {trial}, tick {k}", loc="left", fontsize="small", color="0.35")
         return []
 
-    figure: Any = ax.figure
-    return FuncAnimation(figure, draw, frames=truth.x.shape[1], interval=interval)
+    return FuncAnimation(ax.get_figure(True), draw, frames=truth.x.shape[1], interval=interval)  # type: ignore[arg-type]
 
 
 class _Team:

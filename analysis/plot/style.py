@@ -72,7 +72,7 @@ def _new(name: str, known: Iterable[str]) -> Look:
     if method in BUILT_IN:
         number = sum(other.partition("[")[0] == method for other in known if other != method)
         base = BUILT_IN[method]
-        marker = MARKERS[(MARKERS.index(base.marker) + number + 1) % len(MARKERS)]
+        marker = MARKERS[(MARKERS.index(base.marker) + number) % len(MARKERS)]
         line = DOTTED if base.line == DOTTED else DASHES[(DASHES.index(base.line) + number + 1) % len(DASHES)]
         return Look(_shaded(base.colour, SHADES[number % len(SHADES)]), marker, line)
     number = sum(other.partition("[")[0] not in BUILT_IN for other in known)

@@ -33,7 +33,7 @@ class Shown(NamedTuple):
 
 
 class Numbers(NamedTuple):
-    """What everything is made of."""
+    """What all tables, sentences and figures of a report are made from."""
 
     kept: Kept
     table: pd.DataFrame  # of `compare`
@@ -42,7 +42,7 @@ class Numbers(NamedTuple):
 
 
 class Experiment(NamedTuple):
-    """What the page shows of an experiment."""
+    """An experiment, as a section of the page."""
 
     name: str
     anchor: str
@@ -54,7 +54,7 @@ class Experiment(NamedTuple):
 
     @property
     def standings(self) -> list[tuple[str, str]]:
-        """Every scenario, and what can be said of it."""
+        """Every scenario with its sentence on who is best."""
         return [(one.scenario, summaries.sentence(one)) for one in self.found]
 
 
@@ -145,9 +145,9 @@ def _scatter(rows: pd.DataFrame, numbers: Numbers, counter: Iterator[int]) -> Sh
     return Shown(
         _panels(svgs, "position RMSE against ANEES, bytes and seconds", counter),
         "Accuracy against consistency (grey band: neither over-confident nor conservative), bytes and time, with 95 % "
-        "intervals over trials, cut off where they reach beyond the values. Broken line: the Pareto front, for which "
-        "nothing else is no worse in both; bounds are not on it, over-confident estimators (hollow) may "
-        f"be.{some} {_about(drawn, numbers)}",
+        "intervals over trials, cut off where they reach beyond the values. Broken line: the Pareto front, estimators "
+        "than which no other is at least as good in both and better in one; bounds are never on it, over-confident "
+        f"estimators (hollow) may be.{some} {_about(drawn, numbers)}",
         width="middle",
         head="Accuracy against consistency, bytes and time",
     )

@@ -15,6 +15,7 @@ from cooploc.analysis.claims import verdicts
 from cooploc.analysis.claims.ledger import BASE, Ledger
 from cooploc.analysis.claims.trial_table import collect
 from cooploc.analysis.execution.stored_run import Kept
+from cooploc.analysis.formats import counted
 from cooploc.analysis.metrics import certificate_line
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.crlb import floors
@@ -28,30 +29,40 @@ from cooploc.analysis.report.tables import Table, numbers, words
 FLOORED = 20  # robots: the floor of larger teams takes seconds for each scenario
 METHODS = (
     ("Trial", "The unit of every interval and test; its robots and ticks are not independent, and pooled first."),
-    ("RMSE", "Root of the mean over trials of the mean squared position error [m]; jackknife interval on its log."),
+    ("RMSE",
+     "Root of the mean over trials of the mean squared position error [m]; jackknife interval on its logarithm."),
     ("Change", "RMSE relative to the baseline's on the same streams, paired by trial; Fieller's 95 % interval."),
     ("p (Holm)", "Wilcoxon's signed-rank test over trials, adjusted by Holm over all rows of all experiments."),
-    ("Ties", "The 95 % interval of the paired change holds 0, or two one-sided t tests on the logarithms say that both "
-     "are equal within 5 %. One is best alone only where it is told apart from every other that may be called best."),
-    ("Rank, group", "Mean over trials of the rank by RMSE, bounds and over-confident estimators too. Estimators that "
-     "share a letter are not told apart at 5 %: Friedman's test over trials, then Nemenyi's of all pairs (of two "
-     "estimators, Wilcoxon's). It goes by ranks and answers for all pairs at once, so it separates fewer than the ties "
-     "above, which go by the size of errors. No letters: fewer than two estimators, or fewer than five trials that "
-     "ended for all of them."),
-    ("ANEES", "Position NEES / 2, per trial first; 1 is consistent. Over-confident: its 95 % interval lies above 1.5, "
-     "or that of the share in 95 % ellipses below 0.86; conservative: ANEES below 0.67; undecided: beyond one of them "
-     "by an interval that is not. What is over-confident, or undecided above 3, is never called best."),
-    ("Floor", "The posterior Cramer-Rao bound on the RMSE of whoever hears and uses every reading (Tichavsky 1998), "
-     f"where robots are told the truth about their world; for up to {FLOORED} robots."),
+    ("Ties",
+     "The 95 % interval of the paired change holds 0, or two one-sided t tests on the logarithms say that both are "
+     "equal within 5 %. An estimator is best alone only where its interval against every other that qualifies "
+     "excludes 0."),
+    ("Rank, group",
+     "Mean over trials of the rank by RMSE, including bounds and over-confident estimators. Estimators that share a "
+     "letter do not differ significantly at 5 %: Friedman's test over trials, then Nemenyi's of all pairs (of two "
+     "estimators, Wilcoxon's). It compares ranks, and all pairs at once, so it separates fewer estimators than the "
+     "ties above, which compare the size of errors. No letters: fewer than two estimators, or fewer than five trials "
+     "that ended for all of them."),
+    ("ANEES",
+     "Position NEES / 2, per trial first; 1 is consistent. Over-confident: its 95 % interval lies above 1.5, or that "
+     "of the share in 95 % ellipses below 0.86; conservative: ANEES below 0.67; undecided: the estimate crosses a "
+     "limit, but its interval does not exclude the limit. An estimator that is over-confident, or undecided with an "
+     "ANEES above 3, never qualifies as best."),
+    ("Floor",
+     "The posterior Cramer-Rao bound on the RMSE of any estimator that hears and uses every reading (Tichavsky 1998), "
+     f"where the assumed models are the true ones; for up to {FLOORED} robots."),
     ("in 95 %", "Share of the true positions that lie inside the 95 % ellipse."),
     ("diverged", "Share of (trial, robot) whose last-quarter RMSE exceeds a quarter of the arena's side."),
-    ("messages, bytes, µs", "Per robot and tick, as sent; µs as a clock measured them, on the processor named below."),
-    ("Checks", "One that is not built in is checked before it runs: it must be blind to truth, future, lost packets, "
-     "and give the same bits however it is run. One that fails a check is shown, and not ranked."),
-    ("Bound", "It knows more than any robot could; it is shown, and not ranked."),
-    ("Below five trials", "Nothing is claimed: there is no interval, no test and no verdict."),
-    ("Claims", "Each comes down to one number with its 95 % interval, and a verdict holds only where the whole "
-     "interval does; cooploc verdicts prints them."),
+    ("messages, bytes, µs",
+     "Per robot and tick; messages and bytes as sent, µs of wall-clock time on the processor named below."),
+    ("Checks",
+     "An estimator that is not built in is checked before it runs: it must not see the truth, the future or lost "
+     "packets, and must give the same bits however it is run. One that fails a check is marked and not ranked."),
+    ("Bound", "An estimator that knows more than any robot could; it is shown and not ranked."),
+    ("Below five trials", "No intervals, tests or verdicts are given."),
+    ("Claims",
+     "Each is judged by one number with its 95 % interval; a verdict needs the whole interval on its side. `cooploc "
+     "verdicts` prints them."),
 )  # fmt: skip
 LEGEND = (
     'A change is b/a - 1: negative where the error falls. "66 % more accurate" may be claimed as a change of -66 %, or '
@@ -82,7 +93,7 @@ def write(kept: Kept, ledger: Ledger, out: Path) -> Path:
 
 
 def render(context: dict[str, Any]) -> str:
-    """The page; whatever is not marked as safe is escaped."""
+    """The page; everything that is not marked as safe is escaped."""
     template = Environment(
         loader=FunctionLoader(_template), autoescape=True, undefined=StrictUndefined, trim_blocks=True
     )
@@ -107,7 +118,7 @@ def content(kept: Kept, ledger: Ledger) -> dict[str, Any]:
         "manifest": kept.manifest,
         "answer": answer,
         "experiments": experiments,
-        "gaps": [f"{s}, {e}: {n} of the trials that were asked for are not there" for (s, e), n in kept.gaps.items()],
+        "gaps": [f"{s}, {e}: {n} of the planned trials are missing" for (s, e), n in kept.gaps.items()],
         "unproven": certificate_line.remarks(table),
         "failures": _failures(kept.rows),
         "notes": notes(kept.rows),
@@ -142,15 +153,14 @@ def _standing_claims(judged: pd.DataFrame) -> str:
     alike: dict[str, list[str]] = {}
     mixed = []
     for claim, part in base.groupby("claim", sort=False):
-        told = part["verdict"].value_counts(sort=False)
-        if len(told) == 1:
-            alike.setdefault(str(told.index[0]), []).append(str(claim))
+        counts = part["verdict"].value_counts(sort=False)
+        if len(counts) == 1:
+            alike.setdefault(str(counts.index[0]), []).append(str(claim))
         else:
-            mixed.append(f"{claim} ({', '.join(f'{count} {verdict}' for verdict, count in told.items())})")
+            mixed.append(f"{claim} ({', '.join(f'{count} {verdict}' for verdict, count in counts.items())})")
     parts = [f"{verdict}: {', '.join(alike[verdict])}" for verdict in verdicts.VERDICTS if verdict in alike]
     parts += [f"differs by case: {', '.join(mixed)}"] if mixed else []
-    count = base["claim"].nunique()
-    return f"Of {count} claim{'' if count == 1 else 's'}, as the paper states them, {'; '.join(parts)}."
+    return f"Of {counted(base['claim'].nunique(), 'claim')}, as the paper states them, {'; '.join(parts)}."
 
 
 def _failures(rows: pd.DataFrame) -> list[tuple[str, str]]:

@@ -1,4 +1,4 @@
-"""A report holds what it takes to check it: a sample of its trials, bit by bit, and how to run them again."""
+"""A report can be checked: it embeds a sample of its trials, and how to run them again bit by bit."""
 
 import hashlib
 import json
@@ -58,7 +58,7 @@ def load(path: Path) -> dict[str, Any]:
     """What a report embeds: `manifest` and `sample`.
 
     Raises:
-        BadInput: it is no report of ours, or was made by a newer version.
+        BadInput: it is not a report of cooploc, or was made by a newer version.
 
     """
     file = path / PAGE if path.is_dir() else path
@@ -89,7 +89,7 @@ def rerun(embedded: dict[str, Any], trials: int, data: Path | None = None) -> li
     """
     drawn = _drawn(embedded["sample"], trials)
     for label in {one["estimator"] for wanted in drawn.values() for one in wanted}:
-        make(label)  # a name that is not known here is no failure of a trial
+        make(label)  # an unknown name is bad input, not a failed trial
     out = []
     for (scenario, trial), wanted in drawn.items():
         limit = float(embedded["manifest"]["study"].get("time_limit", 600.0))
@@ -102,7 +102,7 @@ def rerun(embedded: dict[str, Any], trials: int, data: Path | None = None) -> li
 
 
 def differences(embedded: dict[str, Any]) -> list[str]:
-    """What of this place is not as it was where the report was made."""
+    """What differs between this machine and the one where the report was made."""
     then, here = embedded["manifest"], provenance()
     names = sorted({*then["versions"], *here["versions"]})
     lines = [f"{name} {then['versions'].get(name)} there, {here['versions'].get(name)} here" for name in names]

@@ -1,4 +1,4 @@
-"""What changed from one run to another: paired by trial where both ran on the same streams, and said where not."""
+"""What changed from one run to another: paired by trial where both ran on the same streams, else unpaired."""
 
 from typing import Any
 
@@ -20,8 +20,8 @@ EXACT = ("mse", "anees", "coverage95")
 COLUMNS = {
     "scenario": "the scenario's label",
     "estimator": "the estimator's label",
-    "pairing": "paired by trial, unpaired, or where it was not run",
-    "trials": "trials that are compared; of unpaired ones the fewer",
+    "pairing": "paired (by trial), unpaired, or the only run that has it",
+    "trials": "trials that are compared; if unpaired, those of the run with fewer",
     "equal": "trials whose errors are bit-equal",
     "rmse_a": "RMSE [m] of those trials in the first run",
     "rmse_b": "and in the second",
@@ -54,18 +54,18 @@ def changes(a: Kept, b: Kept) -> pd.DataFrame:
     for key in dict.fromkeys((*groups[0], *groups[1])):
         scenario, estimator = key
         mine = [group.get(key) for group in groups]
-        told: dict[str, Any] = {"scenario": scenario, "estimator": estimator}
+        both: dict[str, Any] = {"scenario": scenario, "estimator": estimator}
         for name, table in zip("ab", tables, strict=True):
-            told |= {f"{column}_{name}": v for column, v in table.get(key, {}).items()}
+            both |= {f"{column}_{name}": v for column, v in table.get(key, {}).items()}
         if mine[0] is None or mine[1] is None:
-            rows.append({**told, "pairing": f"only in the {'second' if mine[0] is None else 'first'} run"})
+            rows.append({**both, "pairing": f"only in the {'second' if mine[0] is None else 'first'} run"})
         else:
-            rows.append({**told, **_change(mine[0], mine[1])})
+            rows.append({**both, **_change(mine[0], mine[1])})
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
 def settings(a: Kept, b: Kept) -> list[str]:
-    """What of the two manifests differs, one line each."""
+    """Differences of the two manifests, one line each."""
     one, other = a.manifest, b.manifest
     lines = [f"{key}: {one[key]} before, {other[key]} after" for key in SETTINGS if one[key] != other[key]]
     names = sorted({*one["versions"], *other["versions"]})
@@ -76,7 +76,7 @@ def settings(a: Kept, b: Kept) -> list[str]:
 
 
 def sentences(found: pd.DataFrame) -> list[str]:
-    """What the changes come to."""
+    """A summary of the changes."""
     both = found[found["trials"].notna()]
     paired = both[both["pairing"] == "paired"]
     same = paired[(paired["equal"] == paired["trials"]) & (paired["trials"] > 0)]
@@ -85,14 +85,14 @@ def sentences(found: pd.DataFrame) -> list[str]:
     up, down = known[known["change_low"] > 0], known[known["change_high"] < 0]
     if len(known):
         lines.append(
-            f"Of the {len(known)} others with an interval RMSE grew in {len(up)}, fell in {len(down)}, and no change "
-            f"can be told in {len(known) - len(up) - len(down)}; the intervals are 95 % and not adjusted, so by chance "
-            f"alone about {0.05 * len(known):.1f} would exclude 0."
+            f"Of the {len(known)} others with an interval, RMSE grew in {len(up)}, fell in {len(down)}, and did not "
+            f"change significantly in {len(known) - len(up) - len(down)}; the intervals are 95 % and not adjusted: "
+            f"about {0.05 * len(known):.1f} would exclude 0 by chance alone."
         )
     unpaired = both[both["pairing"] == "unpaired"]
     if len(unpaired):
         lines.append(
-            f"Not paired, for the hashes of their streams differ: {len(unpaired)}; their intervals are those of "
+            f"Not paired, because the hashes of their streams differ: {len(unpaired)}; their intervals are those of "
             f"independent samples, and wider."
         )
     flags = both[both["consistency_a"] != both["consistency_b"]]
@@ -134,7 +134,7 @@ def _remark(same: bool, pairing: str, before: float, after: float) -> str:
 
 
 def _summary(kept: Kept) -> dict[Any, dict[str, Any]]:
-    """Of each (scenario, estimator) what stands beside the errors."""
+    """What is shown of each (scenario, estimator) beside the errors."""
     table = summarize(kept.rows)
     table["consistency"] = consistency(table)
     wanted = ["rmse", "anees", "consistency", "bytes", "seconds", "failed"]
@@ -150,15 +150,15 @@ def _change(a: pd.DataFrame, b: pd.DataFrame) -> dict[str, Any]:
         x, y = pairs["mse_a"].to_numpy(float), pairs["mse_b"].to_numpy(float)
         change = statistics.change(x, y)
         equal = np.logical_and.reduce([_same(pairs[f"{name}_a"], pairs[f"{name}_b"]) for name in EXACT])
-        told = {"pairing": "paired", "trials": len(pairs), "equal": int(equal.sum())}
+        counts = {"pairing": "paired", "trials": len(pairs), "equal": int(equal.sum())}
         means = pairs[["anees_a", "anees_b"]].mean().to_dict()
     else:
         x, y = before["mse"].to_numpy(float), after["mse"].to_numpy(float)
         change = _unpaired(x, y)
-        told = {"pairing": "unpaired", "trials": min(len(x), len(y)), "equal": 0}
+        counts = {"pairing": "unpaired", "trials": min(len(x), len(y)), "equal": 0}
         means = {"anees_a": before["anees"].mean(), "anees_b": after["anees"].mean()}
     values = dict(zip(("change", "change_low", "change_high"), change, strict=True))
-    return {**told, **means, "rmse_a": _root(x), "rmse_b": _root(y), **values}
+    return {**counts, **means, "rmse_a": _root(x), "rmse_b": _root(y), **values}
 
 
 def _unpaired(x: Any, y: Any) -> Interval:

@@ -1,9 +1,9 @@
-"""Who is best where and who is over-confident, in sentences made of the numbers that say no more than they do.
+"""Who is best where and who is over-confident, in sentences made from the numbers alone.
 
-Best is the smallest RMSE of those that may be called best: no bound, not over-confident nor probably so (ANEES above
-twice the limit by an interval that is not), no trial and no check failed. Another one ties with it where the
-equivalence test says so, or where the 95 % interval of the paired change holds 0. That one is best alone takes
-intervals that exclude 0 against every other one, an intersection-union test that needs no adjustment (Berger 1982).
+Best is the smallest RMSE of those that qualify: no bound, not over-confident nor probably so (ANEES above twice the
+limit, with an interval that does not exclude it), no trial and no check failed. Another one ties with it where the
+equivalence test says so, or where the 95 % interval of the paired change holds 0. An estimator is best alone if the
+intervals against all others exclude 0, an intersection-union test that needs no adjustment (Berger 1982).
 """
 
 from collections import Counter
@@ -21,33 +21,33 @@ from cooploc.analysis.metrics.consistency import OVER_CONFIDENT
 from cooploc.analysis.metrics.over_time import sweep
 from cooploc.analysis.metrics.ranking import disqualified
 
-FEW = 6  # estimators of which a sentence gives every number; of more it gives the range, of twice as many no names
+FEW = 6  # estimators; a sentence gives the number of each, of more only their range, of twice as many no names
 
 
 class Standing(NamedTuple):
     """What can be said of one scenario."""
 
     scenario: str
-    best: str  # the smallest RMSE of those that may be called best; empty where there is none
+    best: str  # the smallest RMSE of those that qualify; empty where none does
     rmse: statistics.Interval  # [m] of it
     anees: statistics.Interval  # of it
     equal: tuple[str, ...]  # RMSE within `MARGIN` of it, by the equivalence test
-    tied: tuple[str, ...]  # others that are not told apart from it
-    barred: tuple[str, ...]  # as accurate or more, and why none of these is called best
-    able: int  # how many may be called best
+    tied: tuple[str, ...]  # others that do not differ from it significantly
+    barred: tuple[str, ...]  # as accurate or more, and why they do not qualify
+    able: int  # how many qualify
     trials: int
     unchecked: bool = False  # whether the best one lacks a certificate
 
     @property
     def word(self) -> str:
-        """What the one with the smallest RMSE is."""
+        """The standing of the smallest RMSE, in a word or two."""
         if not self.best:
-            return "nobody"
+            return "none"
         return "tie" if not self.alone else "best" if self.able > 1 else "the only one"
 
     @property
     def alone(self) -> bool:
-        """Whether nobody ties with the best."""
+        """Whether no other ties with the best."""
         return bool(self.best) and not self.equal and not self.tied
 
 
@@ -104,23 +104,23 @@ def _named(lost: pd.DataFrame) -> tuple[str, ...]:
 
 def sentence(one: Standing) -> str:
     """A standing in words."""
-    barred = f" As accurate or more, and not called best: {listed(one.barred)}." if one.barred else ""
-    barred += f" Nobody has checked {one.best}." * one.unchecked
+    barred = f" As accurate or more, but does not qualify: {listed(one.barred)}." if one.barred else ""
+    barred += f" {one.best} was not checked." * one.unchecked
     if one.trials < statistics.LEAST_TRIALS:
-        return f"Not assessed: {counted(one.trials, 'trial')}, and nothing is claimed below {statistics.LEAST_TRIALS}."
+        return f"Not assessed: {counted(one.trials, 'trial')}, and it takes {statistics.LEAST_TRIALS}."
     if not one.best:
-        return f"Nobody may be called best: {listed(one.barred) if one.barred else 'there is nothing to compare'}."
+        return f"No estimator qualifies: {listed(one.barred) if one.barred else 'there is nothing to compare'}."
     rmse = f"{metres(one.rmse.value)} m ({interval(metres)(one.rmse.low, one.rmse.high)})"
     rmse += f", ANEES {ratio(one.anees.value)} ({interval(ratio)(one.anees.low, one.anees.high)})"
     rmse += ", which leaves open whether it is over-confident" if one.anees.value > OVER_CONFIDENT else ""
     if one.able == 1:
-        return f"{one.best} is the only one that may be called best: RMSE {rmse}.{barred}"
+        return f"{one.best} is the only one that qualifies: RMSE {rmse}.{barred}"
     if one.alone:
         others = "the other one" if one.able == 2 else f"each of the {one.able - 1} others"
-        return f"{one.best} is best: RMSE {rmse}, told apart from {others} that may be called best.{barred}"
-    ties = [f"not told apart from it: {listed(one.tied)}"] if one.tied else []
+        return f"{one.best} is best: RMSE {rmse}, significantly smaller than that of {others} that qualify.{barred}"
+    ties = [f"no significant difference: {listed(one.tied)}"] if one.tied else []
     ties += [f"equal to it within {100 * MARGIN:.0f} %: {listed(one.equal)}"] if one.equal else []
-    return f"A tie: {one.best} has the lowest RMSE of those that may be called best, {rmse}; {'; '.join(ties)}.{barred}"
+    return f"A tie: {one.best} has the lowest RMSE of those that qualify, {rmse}; {'; '.join(ties)}.{barred}"
 
 
 def overall(found: list[Standing]) -> str:
@@ -128,12 +128,12 @@ def overall(found: list[Standing]) -> str:
     decided = [one.best for one in found if one.alone and one.able > 1]
     ties = sum(bool(one.best) and not one.alone for one in found)
     single = sum(one.alone and one.able == 1 for one in found)
-    nobody = sum(not one.best for one in found)
+    none = sum(not one.best for one in found)
     said = [f"{name} in {count}" for name, count in Counter(decided).most_common()]
-    parts = [f"one estimator is best: {listed(said)}"] if decided else ["no estimator is told apart as best in any"]
+    parts = [f"one estimator is best: {listed(said)}"] if decided else ["no estimator is best alone in any"]
     parts += [f"the best tie with others in {ties}"] if ties else []
-    parts += [f"only one may be called best in {single}"] if single else []
-    parts += [f"nobody may be called best in {nobody}"] if nobody else []
+    parts += [f"only one qualifies in {single}"] if single else []
+    parts += [f"no estimator qualifies in {none}"] if none else []
     return f"Of {counted(len(found), 'scenario')}: {'; '.join(parts)}."
 
 
@@ -163,7 +163,7 @@ def confidence(table: pd.DataFrame) -> str:
 
 
 def changes(scenarios: list[str], estimators: Iterable[str], results: TrialTable) -> list[Change]:
-    """How every estimator's RMSE changes over a sweep, paired by trial; of those that ran at both ends."""
+    """How the RMSE changes over a sweep, paired by trial, of every estimator that ran at both ends."""
     ordered = sorted(scenarios, key=lambda label: sweep(label)[2])
     out = []
     for name in estimators:
@@ -179,7 +179,7 @@ def changes(scenarios: list[str], estimators: Iterable[str], results: TrialTable
 
 
 def swept(scenarios: list[str], found: list[Change]) -> str:
-    """The changes over a sweep in words; those whose interval holds 0 are said to show none."""
+    """The changes over a sweep in words; where the interval holds 0, no significant change."""
     ordered = sorted(scenarios, key=lambda label: sweep(label)[2])
     where, parameter, low = sweep(ordered[0])
     high = sweep(ordered[-1])[2]
@@ -192,13 +192,13 @@ def swept(scenarios: list[str], found: list[Change]) -> str:
     same = [one.estimator for one in known if one.share.low <= 0 <= one.share.high and one.estimator not in equal]
     parts = [f"it grows for {_moved(grows)}"] if grows else []
     parts += [f"it falls for {_moved(falls)}"] if falls else []
-    parts += [f"no change can be told for {_names(same)}"] if same else []
+    parts += [f"no significant change for {_names(same)}"] if same else []
     parts += [f"it stays the same for {_names(equal)}"] if equal else []
     return f"{where}: RMSE from {parameter} = {low:g} to {high:g} (95 % intervals, unadjusted): {'; '.join(parts)}."
 
 
 def _moved(found: list[Change]) -> str:
-    """Who changed, each with its interval; of many, their names and the range of the changes."""
+    """The estimators that changed, each with its interval; of many, their names and the range of the changes."""
     if len(found) <= FEW:
         return listed(f"{one.estimator} ({_share(one.share)})" for one in found)
     least, *_, most = sorted(abs(one.share.value) for one in found)

@@ -20,7 +20,7 @@ from cooploc.analysis.plot.style import BAND, BROKEN, DOTTED, GRID, Look, logari
 from cooploc.analysis.report.svg import PANEL, WIDE, drawn
 
 Looks = dict[str, Look]
-TOGETHER = 6  # estimators that are still told apart in one panel
+TOGETHER = 6  # estimators that can still be distinguished in one panel
 KEY = 0.16  # [in] of a line of a panel's key
 TITLE = 44  # characters that a panel is wide
 NAMES = {"anees": "ANEES (1 is consistent)", "bytes": "bytes per robot and tick", "seconds": "µs per robot and tick"}
@@ -61,7 +61,7 @@ def dots(part: pd.DataFrame, looks: Looks) -> str:
         ax.grid(color=GRID, lw=0.8)
 
     longest = max(map(len, part["estimator"]), default=0)
-    return drawn(draw, (1.2 * PANEL[0] + 0.065 * longest, 0.9 + 0.2 * len(part)))
+    return drawn(draw, (PANEL[0] + 0.045 * longest, 0.9 + 0.2 * len(part)))
 
 
 def against(part: pd.DataFrame, other: str, looks: Looks) -> str:

@@ -148,7 +148,7 @@ def test_groups_are_shown_where_estimators_are_ranked_and_left_out_where_there_i
     assert set(table.loc["a", "group"]) & set(table.loc["b", "group"])
     assert not set(table.loc["a", "group"]) & set(table.loc["c", "group"])
     assert table.loc["c", "rank"] == 3
-    assert "share a letter are not told apart" in (tmp_path / "index.html").read_text()
+    assert "that share a letter do not differ significantly" in (tmp_path / "index.html").read_text()
     for few in (rows[rows["trial"] < 4], rows[rows["estimator"] == "a"]):
         html_page.write(kept_from(few, tmp_path), load(), tmp_path)
         assert pd.read_csv(tmp_path / "tables" / "experiment-one.csv")["group"].isna().all()
@@ -179,7 +179,7 @@ def test_below_five_trials_nothing_is_claimed():
     assert summaries.sentence(found).startswith("Not assessed: 4 trials")
     assert found.best == ""
     lonely = standing(rows_of("nlos", {"a": (1.0, 1.0)}))
-    assert summaries.sentence(lonely) == "Nobody may be called best: there is nothing to compare."
+    assert summaries.sentence(lonely) == "No estimator qualifies: there is nothing to compare."
 
 
 def test_whoever_failed_in_a_trial_is_not_best():
@@ -227,7 +227,7 @@ def test_the_tables_on_disk_hold_the_numbers_of_the_page(written, swept):
 def test_what_was_asked_for_and_is_not_there_is_said(tmp_path, swept):
     kept = kept_from(swept, tmp_path)._replace(gaps={("packet-drop/drop=0", "good"): 2})
     source = html_page.write(kept, load(), tmp_path).read_text()
-    assert "packet-drop/drop=0, good: 2 of the trials that were asked for are not there" in source
+    assert "packet-drop/drop=0, good: 2 of the planned trials are missing" in source
 
 
 def test_a_run_directory_is_read_whole(tmp_path):
@@ -240,6 +240,6 @@ def test_a_run_directory_is_read_whole(tmp_path):
     kept = kept_of(tmp_path / "run")
     assert list(dict.fromkeys(kept.rows["estimator"])) == ["arl[particles=50]", "ekf-local", "ekf-naive"]
     assert kept.gaps == {}
-    next((tmp_path / "run" / "parts").glob("*ekf-local*")).write_bytes(b"spoilt")
+    next((tmp_path / "run" / "parts").glob("*ekf-local*")).write_bytes(b"corrupt")
     kept = kept_of(tmp_path / "run")
     assert kept.gaps == {("trajectory[ticks=4]", "ekf-local"): 3}
