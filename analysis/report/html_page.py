@@ -23,6 +23,7 @@ from cooploc.analysis.metrics.pooling import notes
 from cooploc.analysis.plot import style
 from cooploc.analysis.report import claim_tables, latex, result_tables, summaries
 from cooploc.analysis.report.experiments import Experiment, Numbers, experiment
+from cooploc.analysis.report.failures import failures
 from cooploc.analysis.report.reproduce import PAGE, sample
 from cooploc.analysis.report.tables import Table, numbers, words
 
@@ -120,7 +121,7 @@ def content(kept: Kept, ledger: Ledger) -> dict[str, Any]:
         "experiments": experiments,
         "gaps": [f"{s}, {e}: {n} of the planned trials are missing" for (s, e), n in kept.gaps.items()],
         "unproven": certificate_line.remarks(table),
-        "failures": _failures(kept.rows),
+        "failures": failures(kept.rows),
         "notes": notes(kept.rows),
         "methods": METHODS,
         "versions": versions,
@@ -161,15 +162,6 @@ def _standing_claims(judged: pd.DataFrame) -> str:
     parts = [f"{verdict}: {', '.join(alike[verdict])}" for verdict in verdicts.VERDICTS if verdict in alike]
     parts += [f"differs by case: {', '.join(mixed)}"] if mixed else []
     return f"Of {counted(base['claim'].nunique(), 'claim')}, as the paper states them, {'; '.join(parts)}."
-
-
-def _failures(rows: pd.DataFrame) -> list[tuple[str, str]]:
-    failed = rows[rows["failure"].notna()].drop_duplicates(["scenario", "estimator", "trial"])
-    out = []
-    for (scenario, estimator, failure), part in failed.groupby(["scenario", "estimator", "failure"], sort=False):
-        trials = ", ".join(str(trial) for trial in part["trial"][:10]) + (" ..." if len(part) > 10 else "")
-        out.append((f"{scenario}, {estimator}, trial {trials}: {failure}", str(part["traceback"].iloc[0])))
-    return out
 
 
 def _versions(kept: Kept) -> Table:

@@ -13,6 +13,7 @@ from cooploc.analysis.execution.provenance import provenance
 from cooploc.analysis.execution.run_directory import FORMAT
 from cooploc.analysis.execution.stored_run import Kept
 from cooploc.analysis.execution.task import Task, measure
+from cooploc.analysis.report.run_diff import other_versions
 from cooploc.analysis.report.tables import Table, numbers, words
 from cooploc.estimators import configure, make
 from cooploc.estimators.plugins.errors import BadInput
@@ -104,15 +105,8 @@ def rerun(embedded: dict[str, Any], trials: int, data: Path | None = None) -> li
 def differences(embedded: dict[str, Any]) -> list[str]:
     """What differs between this machine and the one where the report was made."""
     then, here = embedded["manifest"], provenance()
-    names = sorted({*then["versions"], *here["versions"]})
-    lines = [f"{name} {then['versions'].get(name)} there, {here['versions'].get(name)} here" for name in names]
-    unlike = [
-        line
-        for name, line in zip(names, lines, strict=True)
-        if then["versions"].get(name) != here["versions"].get(name)
-    ]
-    unlike += [f"{what} differs" for what in ("source", "cpu") if then.get(what) != here[what]]
-    return unlike
+    unlike = [f"{name} {before} there, {now} here" for name, before, now in other_versions(then, here)]
+    return unlike + [f"{what} differs" for what in ("source", "cpu") if then.get(what) != here[what]]
 
 
 def table(found: list[Again]) -> Table:

@@ -68,11 +68,16 @@ def settings(a: Kept, b: Kept) -> list[str]:
     """Differences of the two manifests, one line each."""
     one, other = a.manifest, b.manifest
     lines = [f"{key}: {one[key]} before, {other[key]} after" for key in SETTINGS if one[key] != other[key]]
-    names = sorted({*one["versions"], *other["versions"]})
-    versions = [(name, one["versions"].get(name), other["versions"].get(name)) for name in names]
-    lines += [f"{name}: {before} before, {after} after" for name, before, after in versions if before != after]
+    lines += [f"{name}: {before} before, {after} after" for name, before, after in other_versions(one, other)]
     worlds = [s for s, p in one["scenarios"].items() if other["scenarios"].get(s, p) != p]
     return lines + [f"{scenario}: its parameters differ" for scenario in worlds]
+
+
+def other_versions(one: dict[str, Any], other: dict[str, Any]) -> list[tuple[str, Any, Any]]:
+    """The packages whose versions differ between two manifests, with both versions."""
+    both = one["versions"], other["versions"]
+    versions = [(name, *(known.get(name) for known in both)) for name in sorted({*both[0], *both[1]})]
+    return [(name, before, after) for name, before, after in versions if before != after]
 
 
 def sentences(found: pd.DataFrame) -> list[str]:

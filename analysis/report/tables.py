@@ -4,12 +4,11 @@ Its rows are mappings; its columns say which of their values go into CSV, and ho
 in HTML goes by the values, too.
 """
 
-import csv
-import io
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import pandas as pd
 from markupsafe import Markup, escape
 
 from cooploc.analysis.report.latex import tabular
@@ -96,11 +95,7 @@ class Table:
     def csv(self) -> str:
         """One line per row with the values in full; what is absent is empty."""
         keys = [key for column in self.columns for key in column.keys]
-        out = io.StringIO()
-        writer = csv.writer(out, lineterminator="\n")
-        writer.writerow(keys)
-        writer.writerows([_full(row[key]) for key in keys] for row in self.rows)
-        return out.getvalue()
+        return pd.DataFrame(self.rows, columns=keys, dtype=object).to_csv(index=False, lineterminator="\n")
 
     def terminal(self, wrap: bool = False, style: Callable[[Row], str] = lambda _: "") -> Any:
         """A table of rich, without columns that say nothing; `style` colours a row."""
@@ -132,7 +127,3 @@ def _markdown(text: str) -> str:
     for c in "\\`*_[]|":
         text = text.replace(c, "\\" + c)
     return str(escape(text)).replace("&#34;", '"').replace("&#39;", "'").replace("\n", " ")
-
-
-def _full(value: Any) -> Any:
-    return "" if value is None or value != value else value

@@ -11,6 +11,7 @@ from cooploc.analysis.formats import counted
 from cooploc.analysis.metrics import certificate_line
 from cooploc.analysis.metrics.compare import SUMMARY
 from cooploc.analysis.metrics.pooling import notes, succeeded
+from cooploc.analysis.report.failures import failures
 from cooploc.analysis.report.result_tables import RESULTS, versus
 from cooploc.analysis.report.tables import Table
 from cooploc.terminal.console import wide
@@ -57,22 +58,17 @@ def show(table: pd.DataFrame, rows: pd.DataFrame, folder: Path, as_json: bool) -
             console.print(line)
     for line in certificate_line.remarks(table):
         console.print(line)
-    for row in rows[rows["failure"].notna()].drop_duplicates(["scenario", "estimator", "failure"]).itertuples():
-        console.print(f"failed: {row.scenario}, {row.estimator}, trial {row.trial}: {row.failure}")
+    for line, _ in failures(rows):
+        console.print(f"failed: {line}")
     picture = f"{folder / 'rmse.png'}" if (folder / "rmse.png").exists() else f"cooploc report {folder}"
     console.print(f"picture: {picture}   table: {folder / 'table.csv'}   run: {folder}")
 
 
 def records(table: pd.DataFrame) -> list[dict[str, Any]]:
     """The rows with the fields of `SUMMARY`, undefined values as None."""
-    rows = table[list(SUMMARY)].to_dict("records")
-    return [{str(k): _plain(v) for k, v in row.items()} for row in rows]
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, float | np.floating):
-        return float(value) if np.isfinite(value) else None
-    return value.item() if isinstance(value, np.generic) else value
+    values = table[list(SUMMARY)].astype(object)
+    known = values.notna() & ~values.isin([np.inf, -np.inf])
+    return values.where(known, None).to_dict("records")  # type: ignore[return-value]
 
 
 def _table(scenario: str, part: pd.DataFrame) -> Table:

@@ -10,6 +10,7 @@ from cooploc.analysis.execution.certificates import line
 from cooploc.analysis.execution.run_directory import Piece, RunDir
 from cooploc.analysis.formats import counted
 from cooploc.analysis.metrics.certificate_line import mark
+from cooploc.analysis.report.failures import failures
 from cooploc.analysis.report.tables import Table, numbers, words
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.terminal.console import wide
@@ -40,15 +41,19 @@ def show(folder: Path) -> None:
     _head(console, folder, manifest)
     certificates = manifest.get("certificates", {})
     rows: list[dict[str, Any]] = []
-    failures: list[pd.DataFrame] = []
+    failed: list[pd.DataFrame] = []
     for scenario, cell in manifest["cells"].items():
         for estimator, asked in cell["estimators"].items():
-            row, failed = _contents(directory, scenario, estimator, asked)
+            row, lost = _contents(directory, scenario, estimator, asked)
             rows.append({**row, "experiment": cell["experiment"], "checks": line(estimator, certificates)})
-            failures += [failed] if len(failed) else []
+            failed += [lost] if len(lost) else []
     console.print(Table("contents", "", COLUMNS, rows).terminal())
     _certificates(console, certificates)
-    _failures(console, failures)
+    for found, traceback in failures(pd.concat(failed)) if failed else []:
+        console.print(f"\nfailed: {found}")
+        console.print(traceback, style="dim")
+    if not failed:
+        console.print("\nnothing failed")
 
 
 def _head(console: Console, folder: Path, manifest: dict[str, Any]) -> None:
@@ -91,16 +96,3 @@ def _certificates(console: Console, certificates: dict[str, Any]) -> None:
                 alike.setdefault(f"{check['status']}: {check['detail']}{smallest}", []).append(check["check"])
         for found, checks in alike.items():
             console.print(f"  {', '.join(checks)} {found}", style="dim")
-
-
-def _failures(console: Console, failures: list[pd.DataFrame]) -> None:
-    """Each different failure once, with its trials, its line, and where it was raised."""
-    if not failures:
-        console.print("\nnothing failed")
-        return
-    rows = pd.concat(failures)
-    for (scenario, estimator, failure), group in rows.groupby(["scenario", "estimator", "failure"], sort=False):
-        trials = ", ".join(str(trial) for trial in sorted(group["trial"])[:10])
-        more = " ..." if len(group) > 10 else ""
-        console.print(f"\nfailed: {scenario}, {estimator}, trial {trials}{more}: {failure}")
-        console.print(group["traceback"].iloc[0], style="dim")
