@@ -7,7 +7,8 @@ import pandas as pd
 
 from cooploc.analysis.claims import wording
 from cooploc.analysis.claims.ledger import BASE, Ledger
-from cooploc.analysis.report.tables import Table, words
+from cooploc.analysis.formats import count
+from cooploc.analysis.report.tables import Table, numbers, words
 
 
 def claims(verdicts: pd.DataFrame, paper: str) -> Table:
@@ -15,7 +16,7 @@ def claims(verdicts: pd.DataFrame, paper: str) -> Table:
     found = ("scenario", "of", "than", "value", "low", "high", "trials")
     columns = (
         words("claim"),
-        words("says", "says", "where", form=_called),
+        words("says", "says", "where", form=called),
         words("reading", "variant", "kind", "definition", of=("variant",)),
         words("found", *found, of=("sentence",)),
         words("verdict", "verdict", "needed", of=("verdict",)),
@@ -26,6 +27,27 @@ def claims(verdicts: pd.DataFrame, paper: str) -> Table:
     rows = shown.assign(sentence=[wording.sentence(row) for _, row in shown.iterrows()]).to_dict("records")
     marks = {"data-claim": "claim", "data-verdict": "verdict"}
     return Table("claims", f"Verdicts on the claims of {paper}", columns, rows, marks)
+
+
+def cases(part: pd.DataFrame) -> Table:
+    """The cases of one claim, for a terminal; variants that were not run are left out."""
+    columns = (
+        words("reading", "variant"),
+        *map(words, ("scenario", "of", "than")),
+        numbers("claimed", "size", of=("size", "kind", "definition"), form=_claimed),
+        numbers("found", "value", of=("value", "kind"), form=wording.number),
+        numbers("95 %", "low", "high", of=("low", "high", "kind"), form=wording.between),
+        numbers("trials", form=count),
+        words("verdict", of=("decision",)),
+        words("", "remark"),
+    )
+    shown = part[(part["verdict"] != "not run") | (part["variant"] == part["variant"].iloc[0])]
+    rows = shown.assign(decision=[wording.verdict(row) for _, row in shown.iterrows()])
+    return Table("cases", "", columns, rows.drop_duplicates().to_dict("records"))
+
+
+def _claimed(size: float, kind: str, definition: str) -> str:
+    return wording.number(size, kind) + " (r)" * (definition == "ratio" and size == size)
 
 
 class ClaimSection(NamedTuple):
@@ -51,7 +73,7 @@ def by_claim(ledger: Table, verdicts: pd.DataFrame) -> list[ClaimSection]:
             columns=ledger.columns[2:-1],
             rows=[row for row in ledger.rows if row["claim"] == claim],
         )
-        head = f"{claim}. {_called(first['says'], first['where'])}: {verdict}"
+        head = f"{claim}. {called(first['says'], first['where'])}: {verdict}"
         out.append(ClaimSection(head, str(first["open"]), table, bool((part["verdict"] != "not run").any())))
     return out
 
@@ -79,7 +101,8 @@ def overview(found: pd.DataFrame, verdicts: pd.DataFrame, ledger: Ledger) -> Tab
     return Table("verdicts", about, columns, rows)
 
 
-def _called(says: str, where: str) -> str:
+def called(says: str, where: str) -> str:
+    """A claim, and where the paper makes it."""
     return f"{says} ({where})" if where else says
 
 

@@ -17,10 +17,11 @@ def report(folder: Path, out: Path, ledger: Path | None) -> None:
 
 def verdicts(folder: Path, ledger: Path | None) -> None:
     """Print the verdicts of a ledger on a run."""
-    from cooploc.analysis.claims import verdicts, wording
+    from cooploc.analysis.claims import verdicts
+    from cooploc.terminal import claim_verdicts
 
     asked = ledgers.load(ledger)
-    wording.show(verdicts.judge(asked, read(folder).rows), asked)
+    claim_verdicts.show(verdicts.judge(asked, read(folder).rows), asked)
 
 
 def compare(before: Path, after: Path) -> None:
