@@ -51,10 +51,10 @@ def list_(
 
         typer.echo(table())
         return
-    from cooploc import listing
+    from cooploc.terminal import lists
 
     for one in [kind] if kind else list(Kind):
-        listing.show(one.value, getattr(cl, one.value)())
+        lists.show(one.value, getattr(cl, one.value)())
 
 
 @app.command()
@@ -75,7 +75,7 @@ def run(
     ] = False,
 ) -> None:
     """Run a study, print its table, and keep results and picture in the run directory."""
-    from cooploc.analysis.report import terminal
+    from cooploc.terminal import results as printed
 
     results = cl.run_study(
         study,
@@ -88,7 +88,7 @@ def run(
         out=out,
         check=check,
     )
-    terminal.show(results.table, results.rows, results.folder, as_json)
+    printed.show(results.table, results.rows, results.folder, as_json)
     if len(results.failures):
         raise typer.Exit(1)
 
@@ -128,26 +128,26 @@ def report(
     ledger: Claims = None,
 ) -> None:
     """Write a run's report: an HTML page that needs no network, and its tables as LaTeX, Markdown and CSV."""
-    from cooploc import reporting
+    from cooploc.terminal import finished_runs
 
-    reporting.report(cl.report(folder, out, ledger))
+    finished_runs.report(cl.report(folder, out, ledger))
 
 
 @app.command()
 def verdicts(folder: RunDirectory, ledger: Claims = None) -> None:
     """Print which claims a run supports, contradicts or leaves open."""
-    from cooploc import reporting
+    from cooploc.terminal import finished_runs
 
-    reporting.verdicts(cl.verdicts(folder, ledger), ledger)
+    finished_runs.verdicts(cl.verdicts(folder, ledger), ledger)
 
 
 @app.command()
 def compare(before: RunDirectory, after: Annotated[Path, typer.Argument(help="another run directory")]) -> None:
     """Say what changed from one run to another, trial by trial where their streams are the same."""
-    from cooploc import reporting
+    from cooploc.terminal import finished_runs
 
     found = cl.compare_runs(before, after)
-    reporting.changes(f"from {before} to {after}", found.settings, found.table, found.sentences)
+    finished_runs.changes(f"from {before} to {after}", found.settings, found.table, found.sentences)
 
 
 @app.command()
@@ -157,9 +157,9 @@ def reproduce(
     data: Recordings = None,
 ) -> None:
     """Run some of a report's trials again: exit code 0 where all are bit-equal, 1 where any differs."""
-    from cooploc import reporting
+    from cooploc.terminal import finished_runs
 
     found = cl.reproduce(page, trials, data)
-    reporting.reproduced(found.table, found.differences)
+    finished_runs.reproduced(found.table, found.differences)
     if not found.equal:
         raise typer.Exit(1)

@@ -10,19 +10,20 @@ from typing import Any
 
 import pandas as pd
 
-from cooploc import showing
 from cooploc.analysis.claims import ledger as ledgers
 from cooploc.analysis.claims import wording
 from cooploc.analysis.claims.verdicts import judge
 from cooploc.analysis.execution.execute import execute
 from cooploc.analysis.execution.stored_run import Kept, read
 from cooploc.analysis.metrics.compare import compare
-from cooploc.analysis.report import html_page, run_diff, terminal
+from cooploc.analysis.report import html_page, run_diff
 from cooploc.analysis.report import reproduce as again
 from cooploc.estimators import split
 from cooploc.estimators.plugins.errors import BadInput
-from cooploc.progress import Watch
 from cooploc.scenarios.studies.study import load
+from cooploc.terminal import results as printed
+from cooploc.terminal import run_contents
+from cooploc.terminal.progress import TerminalProgress
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -104,10 +105,10 @@ def run_study(
     asked = load(str(study)).with_options(trials=trials, seed=seed, only=None if only is None else tuple(only))
     folder = Path(out) if out is not None else Path("runs") / f"{asked.name}-seed{asked.seed}"
     recordings = None if data is None else Path(data)
-    with Watch() as watch:
-        rows = execute(asked, folder, data=recordings, jobs=jobs, scheduler=scheduler, check=check, progress=watch)
+    with TerminalProgress() as progress:
+        rows = execute(asked, folder, data=recordings, jobs=jobs, scheduler=scheduler, check=check, progress=progress)
     results = Results(folder, rows, compare(rows, asked.baselines(), full=True))
-    terminal.keep(results.table, rows, folder)
+    printed.keep(results.table, rows, folder)
     return results
 
 
@@ -129,7 +130,7 @@ def show(run: Results | str | Path) -> None:
         BadInput: it is not a run directory.
 
     """
-    showing.show(_folder(run))
+    run_contents.show(_folder(run))
 
 
 def verdicts(

@@ -12,27 +12,26 @@ import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
-import seaborn as sns
 from matplotlib.axes import Axes
-from matplotlib.patches import Ellipse
 
 import cooploc as cl
 from cooploc.analysis.claims import verdicts
 from cooploc.analysis.claims.ledger import BASE, load
 from cooploc.analysis.execution.stored_run import read
-from cooploc.analysis.metrics.compare import summarize
-from cooploc.analysis.metrics.consistency import consistency
+from cooploc.analysis.metrics.consistency import CONSERVATIVE, OVER_CONFIDENT
 from cooploc.analysis.metrics.crlb import floors
 from cooploc.analysis.metrics.over_time import over_time, swept
 from cooploc.analysis.metrics.pooling import stream_hash
-from cooploc.analysis.report.svg_figures import GREY, styles
+from cooploc.analysis.plot import style
+from cooploc.analysis.plot.ellipses import ellipse
+from cooploc.analysis.plot.marks import colour_of, curve, drawable, name_of, rmse_against, span
 
 mpl.use("agg")
 MAIN = (
     "dead-reckoning", "arl", "rssi-pf", "mrsl-rssi", "mrsl-distance", "ctrn[weights=exact]", "ekf-local", "ekf-joint",
 )  # fmt: skip
-LOOKS = styles(list(MAIN))
-HATCHES = ("", "///", "...", "\\\\\\", "xxx", "---", "++", "oo")
+LOOKS = style.looks(MAIN)
+HATCHES = dict(zip(MAIN, ("", "///", "...", "\\\\\\", "xxx", "---", "++", "oo"), strict=True))
 PATHS = ("arl", "mrsl-rssi", "ctrn[weights=exact]", "ekf-joint")
 SEED, TRIALS_OVER_TIME = 1, 100
 
@@ -41,8 +40,7 @@ def main(run: str, out: str = "reports/paper") -> None:
     """Draw what the run holds."""
     kept = read(Path(run))
     rows = kept.rows[kept.rows["estimator"].isin(MAIN)]
-    table = summarize(rows)
-    table["consistency"] = consistency(table)
+    table = drawable(rows)
     drawn = [
         label for label in dict.fromkeys(table["scenario"]) if any(fits(label, wanted) for _, _, wanted, _ in FIGURES)
     ]
@@ -73,7 +71,7 @@ CAPTION = (
     "Whiskers and bands are 95 % intervals over trials (jackknife on the logarithm); no test is drawn in a figure: "
     "paired tests with Holm's correction are in the tables. Hollow markers, and hatching on white: over-confident, "
     "as the README defines it. Grey: a bound, which knows more than any robot could. Dotted: the posterior "
-    "Cramer-Rao floor of whoever hears and uses everything, where it holds."
+    "Cramer-Rao floor of any estimator that hears and uses everything, where it holds."
 )
 
 
@@ -94,36 +92,36 @@ def keep(ax: Axes, path: Path) -> None:
 def bars(part: pd.DataFrame) -> Axes:
     """RMSE by scenario, a bar for each estimator."""
     scenarios = list(dict.fromkeys(part["scenario"]))
-    names = [name for name in MAIN if name in set(part["estimator"])]
-    _, ax = plt.subplots(figsize=(max(7.0, 2.2 * len(scenarios)), 3.4), layout="constrained")
+    names = present(part)
+    ax = style.new_axes(max(7.0, 2.2 * len(scenarios)), 3.4)
     width = 0.86 / len(names)
     for i, name in enumerate(names):
         mine = part[part["estimator"] == name].set_index("scenario").reindex(scenarios)
+        colour = colour_of(part[part["estimator"] == name].iloc[0], LOOKS[name])
         x = np.arange(len(scenarios)) + (i - (len(names) - 1) / 2) * width
-        colour = GREY if name == "ekf-joint" else LOOKS[name].colour
-        honest = (mine["consistency"] != "over-confident").to_numpy()
         around = np.abs(mine[["rmse_low", "rmse_high"]].to_numpy().T - mine["rmse"].to_numpy())
-        boxes = ax.bar(x, mine["rmse"], width, edgecolor=colour, yerr=around, error_kw={"lw": 1, "capsize": 2})
-        for box, solid in zip(boxes, honest, strict=True):
-            box.set(facecolor=colour if solid else "white", hatch=HATCHES[i], linewidth=1)
+        boxes = ax.bar(x, mine["rmse"], width, yerr=around, error_kw={"lw": 1, "capsize": 2})
+        for box, solid in zip(boxes, mine["consistency"] != "over-confident", strict=True):
+            box.set(facecolor=colour if solid else "white", hatch=HATCHES[name], linewidth=1)
             box.set_edgecolor("0.25" if solid else colour)
-        ax.bar(0, 0, facecolor=colour, hatch=HATCHES[i], edgecolor="0.25", label=name)
-    least = part.groupby("scenario")["floor"].first().reindex(scenarios)
-    ax.hlines(least, np.arange(len(scenarios)) - 0.45, np.arange(len(scenarios)) + 0.45, color="black", ls=":", lw=1.2)
+        ax.bar(0, 0, facecolor=colour, hatch=HATCHES[name], edgecolor="0.25", label=name)
+    floor = part.groupby("scenario")["floor"].first().reindex(scenarios)
+    middle = np.arange(len(scenarios))
+    ax.hlines(floor, middle - 0.45, middle + 0.45, color="black", ls=style.DOTTED, lw=1.2)
     ax.set_xticks(range(len(scenarios)), scenarios)
-    ax.set_ylabel("position RMSE [m]")
-    ax.legend(frameon=False, fontsize=8, bbox_to_anchor=(1.0, 1.0), loc="upper left")
-    sns.despine(ax=ax)
-    return ax
+    return finish(ax, "")
 
 
-def dressed(ax: Axes, xlabel: str) -> Axes:
+def present(part: pd.DataFrame) -> list[str]:
+    """Those of `MAIN` that a table has."""
+    known = set(part["estimator"])
+    return [name for name in MAIN if name in known]
+
+
+def finish(ax: Axes, xlabel: str) -> Axes:
     """Labels, a grid, and the legend beside it."""
-    ax.set_xlabel(xlabel)
-    ax.set_ylabel("position RMSE [m]")
-    ax.grid(color="0.9", lw=0.8)
-    ax.legend(frameon=False, fontsize=8, bbox_to_anchor=(1.0, 1.0), loc="upper left")
-    sns.despine(ax=ax)
+    style.finish(ax, xlabel, "position RMSE [m]", grid="both" if xlabel else "y")
+    style.legend(ax, fontsize=8)
     return ax
 
 
@@ -132,28 +130,18 @@ def sweep(xlabel: str, log: bool = False) -> Callable[[pd.DataFrame], Axes]:
 
     def draw(part: pd.DataFrame) -> Axes:
         part = swept(part)
-        part = part[np.isfinite(part["value"])]
-        _, ax = plt.subplots(figsize=(7.4, 3.8), layout="constrained")
-        for name in (name for name in MAIN if name in set(part["estimator"])):
-            mine = part[part["estimator"] == name].sort_values("value")
-            colour = GREY if name == "ekf-joint" else LOOKS[name].colour
-            ax.fill_between(mine["value"], mine["rmse_low"], mine["rmse_high"], color=colour, alpha=0.2, lw=0)
-            ax.plot(mine["value"], mine["rmse"], color=colour, ls=LOOKS[name].line, lw=1.3, label=name)
-            for hollow in (False, True):
-                which = mine[(mine["consistency"] == "over-confident") == hollow]
-                face = "white" if hollow else colour
-                ax.plot(which["value"], which["rmse"], LOOKS[name].marker, mfc=face, mec=colour, ms=4.5)
-        least = part.groupby("value")["floor"].first()
-        ax.plot(least.index, least, color="black", ls=":", lw=1.2, label="floor")
-        ax.set_yscale("log")
-        ax.yaxis.set_major_formatter(mpl.ticker.FuncFormatter(lambda v, _: f"{v:g}"))
-        ax.yaxis.set_major_locator(mpl.ticker.LogLocator(subs=(1, 2, 5)))
-        ax.yaxis.set_minor_formatter(mpl.ticker.NullFormatter())
+        part = part[np.isfinite(part["value"])].sort_values("value")
+        ax = style.new_axes(7.4, 3.8)
+        for name in present(part):
+            curve(ax, part[part["estimator"] == name], "value", LOOKS[name], label=name)
+        floor = part.groupby("value")["floor"].first()
+        ax.plot(floor.index, floor, color="black", ls=style.DOTTED, lw=1.2, label="floor")
+        style.logarithmic(ax.yaxis, *span(part, "rmse", "floor"))
         if log:
             ax.set_xscale("log")
             ax.set_xticks([1, 2, 5, 10, 20, 50, 100], ["1", "2", "5", "10", "20", "50", "100"])
             ax.xaxis.set_minor_formatter(mpl.ticker.NullFormatter())
-        return dressed(ax, xlabel)
+        return finish(ax, xlabel)
 
     return draw
 
@@ -162,21 +150,13 @@ def scatter(other: str, xlabel: str) -> Callable[[pd.DataFrame], Axes]:
     """RMSE against ANEES or a cost, a point for each estimator, with both intervals where there are any."""
 
     def draw(part: pd.DataFrame) -> Axes:
-        _, ax = plt.subplots(figsize=(6.4, 3.8), layout="constrained")
+        ax = style.new_axes(6.4, 3.8)
         if other == "anees":
-            ax.axvspan(0.67, 1.5, color="0.93", zorder=0)
+            ax.axvspan(CONSERVATIVE, OVER_CONFIDENT, color=style.BAND, zorder=0)
+            style.logarithmic(ax.xaxis, *span(part, "anees", "anees_low", "anees_high"))
         for row in part.to_dict("records"):
-            name = row["estimator"]
-            colour = GREY if name == "ekf-joint" else LOOKS[name].colour
-            face = "white" if row["consistency"] == "over-confident" else colour
-            ax.plot([row[other]] * 2, [row["rmse_low"], row["rmse_high"]], color=colour, lw=1.2)
-            if other == "anees":
-                ax.plot([row["anees_low"], row["anees_high"]], [row["rmse"]] * 2, color=colour, lw=1.2)
-            ax.plot(row[other], row["rmse"], LOOKS[name].marker, mfc=face, mec=colour, ms=7, ls="none", label=name)
-        if other == "anees":
-            ax.set_xscale("log")
-            ax.xaxis.set_major_formatter(mpl.ticker.FuncFormatter(lambda v, _: f"{v:g}"))
-        return dressed(ax, xlabel)
+            rmse_against(ax, other, row, LOOKS[row["estimator"]], label=name_of(row))
+        return finish(ax, xlabel)
 
     return draw
 
@@ -191,7 +171,7 @@ def trajectories() -> tuple[str, str, Axes]:
         ax.plot(*truth.x[0, :, 0, :2].T, color="black", lw=1.2, label="truth")
         ax.plot(*x[:, :2].T, color=LOOKS[name].colour, lw=1.0, ls="--", label="estimate")
         for k in range(9, len(x), 10):
-            ax.add_patch(ellipse(x[k, :2], P[k, :2, :2], LOOKS[name].colour))
+            ax.add_patch(ellipse(x[k], P[k], ec=LOOKS[name].colour, lw=0.7))
         ax.plot(*stream.world.anchors.T, "s", color="0.3", ms=5)
         ax.set_title(name, loc="left", fontsize=9)
         ax.set_aspect("equal")
@@ -202,29 +182,19 @@ def trajectories() -> tuple[str, str, Axes]:
     return "trajectories", title, axes[0, 0]
 
 
-def ellipse(middle: Any, P: Any, colour: Any) -> Ellipse:
-    """The 95 % ellipse of a Gaussian."""
-    values, vectors = np.linalg.eigh(P)
-    width, height = 2 * np.sqrt(values * -2 * np.log(0.05))
-    angle = np.degrees(np.arctan2(vectors[1, 0], vectors[0, 0]))
-    return Ellipse(tuple(middle), width, height, angle=angle, fill=False, ec=colour, lw=0.7)
-
-
 def time_course() -> tuple[str, str, Axes]:
     """RMSE at every tick."""
     truth, stream = cl.simulate("trajectory", trials=TRIALS_OVER_TIME, seed=SEED)
     names = [name for name in MAIN if name != "dead-reckoning"]
-    curve = over_time(truth, cl.run({name: cl.make(name) for name in names}, stream))
-    _, ax = plt.subplots(figsize=(7.4, 3.6), layout="constrained")
+    table = over_time(truth, cl.run({name: cl.make(name) for name in names}, stream))
+    ax = style.new_axes(7.4, 3.6)
     for name in names:
-        mine = curve[curve["estimator"] == name]
-        colour = GREY if name == "ekf-joint" else LOOKS[name].colour
-        ax.fill_between(mine["tick"], mine["rmse_low"], mine["rmse_high"], color=colour, alpha=0.15, lw=0)
-        ax.plot(mine["tick"], mine["rmse"], color=colour, ls=LOOKS[name].line, lw=1.3, label=name)
+        mine = table[table["estimator"] == name]
+        style.band(ax, mine["tick"], mine["rmse_low"], mine["rmse_high"], LOOKS[name].colour)
+        ax.plot(mine["tick"], mine["rmse"], color=LOOKS[name].colour, ls=LOOKS[name].line, lw=1.3, label=name)
     ax.set_ylim(0)
-    dressed(ax, "tick")
     title = f"`trajectory` over time, n = {TRIALS_OVER_TIME} trials, seed {SEED}, stream {stream.hash[:8]}."
-    return "over-time", title, ax
+    return "over-time", title, finish(ax, "tick")
 
 
 def ledger(rows: pd.DataFrame) -> tuple[str, str, Axes]:

@@ -15,7 +15,7 @@ from cooploc.estimators.plugins.callable_package import CallablePackage
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.estimators.plugins.labels import parse
 from cooploc.estimators.plugins.registry import Registry
-from cooploc.scenarios.family import Family as Family
+from cooploc.scenarios.interface import Family as Family
 from cooploc.scenarios.resolved import ResolvedScenario, build, divided
 from cooploc.scenarios.stream import Stream, Truth
 

@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from cooploc.estimators.interface import World
 from cooploc.estimators.plugins.errors import BadInput, nearest
-from cooploc.scenarios.family import Family, RecordedScenario, Scenario, SimulatedScenario
+from cooploc.scenarios.interface import Family, RecordedScenario, Scenario, SimulatedScenario
 from cooploc.scenarios.stream import Stream, Truth
 
 

@@ -1,15 +1,12 @@
-"""Verdicts in words and in a table: sentences made from the numbers alone."""
+"""Verdicts in words: sentences made from the numbers alone."""
 
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from rich.console import Console
-from rich.table import Table
 
-from cooploc.analysis.claims.ledger import Ledger
+from cooploc.analysis.formats import change, interval, ratio
 
-STYLES = {"supported": "green", "direction only": "yellow", "contradicted": "red", "undecided": "cyan"}
 # kind -> what is said of a number above 0, and of one below; {} is its size without a sign
 WORDS = {
     "change": (
@@ -48,19 +45,15 @@ def sentence(row: "pd.Series[Any]") -> str:
     kind, value, low, high = str(row["kind"]), float(row["value"]), float(row["low"]), float(row["high"])
     if value == low == high == 0:
         same = f"equals that of {row['than']}" if row["than"] else "stays the same"
-        return f"{where}: the RMSE of {row['of']} {same} in each of {n} trials. {_verdict(row)}."
+        return f"{where}: the RMSE of {row['of']} {same} in each of {n} trials. {verdict(row)}."
     if np.isnan(value):
-        return f"{where}: an RMSE of 0 leaves no number to give ({n} trials). {_verdict(row)}."
-    said = WORDS[kind][value < 0].format(_number(value, kind).lstrip("+-"), of=row["of"], than=row["than"])
-    size, ratio = float(row["size"]), ", as a ratio of errors" * (row["definition"] == "ratio")
-    claimed = f" Claimed{ratio}: {_number(size, kind)}." if size == size else ""
+        return f"{where}: an RMSE of 0 leaves no number to give ({n} trials). {verdict(row)}."
+    said = WORDS[kind][value < 0].format(number(value, kind).lstrip("+-"), of=row["of"], than=row["than"])
+    size, by_ratio = float(row["size"]), ", as a ratio of errors" * (row["definition"] == "ratio")
+    claimed = f" Claimed{by_ratio}: {number(size, kind)}." if size == size else ""
     counted = "sizes" if kind == "slope" else "parts of the run" if kind == "cost" else "trials"
-    interval = "no 95 % interval" if np.isnan(low) else f"95 % interval {_range(low, high, kind)}"
-    return f"{where}: {said} ({interval}, {n} {counted}).{claimed} {_verdict(row)}."
-
-
-def _range(low: float, high: float, kind: str) -> str:
-    return f"{_number(low, kind)} to {_number(high, kind)}" if np.isfinite(low) else ""
+    ends = "no 95 % interval" if np.isnan(low) else f"95 % interval {between(low, high, kind)}"
+    return f"{where}: {said} ({ends}, {n} {counted}).{claimed} {verdict(row)}."
 
 
 def span(part: pd.DataFrame) -> tuple[str, str]:
@@ -72,70 +65,15 @@ def span(part: pd.DataFrame) -> tuple[str, str]:
     part = part[part["definition"] == part["definition"].min()]
     if part.empty:
         return "", ""
-    kind, claimed = str(part["kind"].iloc[0]), _number(float(part["size"].iloc[0]), str(part["kind"].iloc[0]))
-    values = [_number(float(value), kind) for value in (part["value"].min(), part["value"].max())]
+    kind, claimed = str(part["kind"].iloc[0]), number(float(part["size"].iloc[0]), str(part["kind"].iloc[0]))
+    values = [number(float(value), kind) for value in (part["value"].min(), part["value"].max())]
     if len(part) == 1 and part["low"].notna().all():
-        return claimed, f"{values[0]} ({_range(float(part['low'].iloc[0]), float(part['high'].iloc[0]), kind)})"
+        return claimed, f"{values[0]} ({between(float(part['low'].iloc[0]), float(part['high'].iloc[0]), kind)})"
     return claimed, " to ".join(dict.fromkeys(values))
 
 
-def table(verdicts: pd.DataFrame) -> Table:
-    """The cases of one claim; variants that were not run are left out."""
-    shown = verdicts[(verdicts["verdict"] != "not run") | (verdicts["variant"] == verdicts["variant"].iloc[0])]
-    rows = dict.fromkeys((_cells(row), STYLES.get(str(row["verdict"]), "dim")) for _, row in shown.iterrows())
-    out = Table(header_style="bold", box=None, padding=(0, 1))
-    said = [i for i in range(len(HEADS)) if any(cells[i] for cells, _ in rows)]  # without columns that say nothing
-    for i in said:
-        out.add_column(HEADS[i], justify="right" if SIDES[i] == "r" else "left", no_wrap=True)
-    for cells, style in rows:
-        out.add_row(*(cells[i] for i in said), style=style)
-    return out
-
-
-HEADS = ("reading", "scenario", "of", "than", "claimed", "found", "95 %", "trials", "verdict", "")
-SIDES = "llllrrrrll"
-
-
-def show(verdicts: pd.DataFrame, ledger: Ledger, console: Console | None = None) -> None:
-    """Print a table for every claim, then the variants and what the words mean."""
-    # Wide: a terminal may wrap a row, but numbers are never cut off.
-    console = console or Console(highlight=False, markup=False, width=400)
-    console.print(ledger.paper)
-    for _, part in verdicts.groupby("claim", sort=False):
-        first = part.iloc[0]
-        where = f" ({first['where']})" if first["where"] else ""
-        console.print(f"\n{first['claim']}. {first['says']}{where}", style="bold", soft_wrap=True)
-        console.print(table(part))
-        if part["open"].iloc[0]:
-            console.print(f" open: {part['open'].iloc[0]}", style="dim", soft_wrap=True)
-    console.print()
-    for name, variant in ledger.variants.items():
-        console.print(f"{name}: {variant.about}", style="dim", soft_wrap=True)
-    console.print(_legend(verdicts), style="dim", soft_wrap=True)
-
-
-def _legend(verdicts: pd.DataFrame) -> str:
-    decided = int(verdicts["verdict"].isin(("supported", "direction only", "contradicted")).sum())
-    return (
-        "Changes are b/a - 1: negative where the error falls. (r): claimed as a ratio of errors a/b. At worst a "
-        f"verdict is wrong in one of twenty repetitions: of these {decided}, some {decided / 20:.0f}."
-    )
-
-
-def _cells(row: "pd.Series[Any]") -> tuple[str, ...]:
-    kind, mark = str(row["kind"]), " (r)" if row["definition"] == "ratio" else ""
-    size, value = (_number(float(row[name]), kind) for name in ("size", "value"))
-    between = _range(float(row["low"]), float(row["high"]), kind)
-    scenario, of, than, remark = (_text(row[name]) for name in ("scenario", "of", "than", "remark"))
-    trials = "" if pd.isna(row["trials"]) else f"{row['trials']:.0f}"
-    return (row["variant"], scenario, of, than, size and size + mark, value, between, trials, _verdict(row), remark)
-
-
-def _text(value: Any) -> str:
-    return value if isinstance(value, str) else ""
-
-
-def _verdict(row: "pd.Series[Any]") -> str:
+def verdict(row: "pd.Series[Any]") -> str:
+    """A verdict, and how many trials would decide an undecided one."""
     needed = float(row["needed"])
     if row["verdict"] != "undecided":
         return str(row["verdict"]).capitalize()
@@ -144,18 +82,13 @@ def _verdict(row: "pd.Series[Any]") -> str:
     return f"Undecided; about {needed:.0f} trials would decide"
 
 
-def _number(value: float, kind: str) -> str:
-    """A number with its unit; a change as a percentage with its sign."""
-    if np.isnan(value):
-        return ""
+def number(value: float, kind: str) -> str:
+    """The number that a kind of claim is about, with its unit; a change has its sign."""
     if kind in UNITS:
-        return f"{value:.2f}{UNITS[kind]}"
-    written = f"{100 * value:+.{_digits(abs(value))}f} %"
-    return written.lstrip("+-") if float(written[:-2]) == 0 else written
+        return ratio(value) + (UNITS[kind] if value == value else "")
+    return change(value)
 
 
-def _digits(share: float) -> int:
-    """Decimals of a percentage: two significant ones, also of a share that is nearly all."""
-    if 0.99 <= share < 1:
-        return min(4, 1 - int(np.floor(np.log10(100 * (1 - share)))))
-    return 0 if share >= 0.1 else 1 if share >= 0.01 or share == 0 else 2
+def between(low: float, high: float, kind: str) -> str:
+    """Both ends of its 95 % interval; nothing where there is none."""
+    return interval(lambda end: number(end, kind))(low, high) if np.isfinite(low) else ""

@@ -2,25 +2,23 @@
 
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
-import seaborn as sns
 from matplotlib.axes import Axes
 
 from cooploc.analysis.claims.kinds import RELATIVE
 from cooploc.analysis.claims.ledger import BASE
+from cooploc.analysis.plot import style
 from cooploc.estimators.plugins.errors import BadInput
 
-COLOURS = sns.color_palette("colorblind", 10)
 # verdict -> colour, marker and filling, apart in grey print too
 LOOKS = {
-    "supported": (COLOURS[2], "o", COLOURS[2]),
-    "direction only": (COLOURS[1], "D", "white"),
-    "contradicted": (COLOURS[3], "X", COLOURS[3]),
-    "undecided": (COLOURS[0], "s", "white"),
+    "supported": (style.GREEN, "o", style.GREEN),
+    "direction only": (style.ORANGE, "D", "white"),
+    "contradicted": (style.VERMILION, "X", style.VERMILION),
+    "undecided": (style.BLUE, "s", "white"),
 }
-CLAIMED = "0.2"
+CLAIMED = style.DARK
 
 
 def claims(verdicts: pd.DataFrame, variant: str = BASE, ax: Axes | None = None) -> Axes:
@@ -29,7 +27,7 @@ def claims(verdicts: pd.DataFrame, variant: str = BASE, ax: Axes | None = None) 
     Args:
         verdicts: from `cooploc.analysis.claims.verdicts.judge`.
         variant: the reading of the paper; "paper" is the ledger's own.
-        ax: where to draw.
+        ax: where to draw; a new figure if None.
 
     Raises:
         BadInput: no claim of this variant names a change, or none was run.
@@ -40,8 +38,7 @@ def claims(verdicts: pd.DataFrame, variant: str = BASE, ax: Axes | None = None) 
     if drawn.empty:
         raise BadInput(f"no claim of the reading {variant!r} that names a change was run: see the column `verdict`")
     blocks = list(drawn.groupby(["claim", "says"], sort=False))
-    if ax is None:
-        _, ax = plt.subplots(figsize=(7.4, 0.6 + 0.42 * len(blocks) + 0.21 * len(drawn)), layout="constrained")
+    ax = ax or style.new_axes(7.4, 0.6 + 0.42 * len(blocks) + 0.21 * len(drawn))
     y, ticks = 0.0, {}
     for (claim, says), block in blocks:
         head = {"xycoords": ("figure fraction", "data"), "annotation_clip": False, "in_layout": False}
@@ -55,7 +52,7 @@ def claims(verdicts: pd.DataFrame, variant: str = BASE, ax: Axes | None = None) 
         y += 1.4
     ax.set_yticks(list(ticks), list(ticks.values()), fontsize=7)
     ax.set_ylim(y - 0.6, -0.8)
-    _dress(ax, set(drawn["verdict"]))
+    _finish(ax, set(drawn["verdict"]))
     return ax
 
 
@@ -73,15 +70,13 @@ def _row(ax: Axes, row: dict[Any, Any], y: float) -> None:
     ax.plot(value, y, marker, mec=colour, mfc=face, ms=6)
 
 
-def _dress(ax: Axes, found: set[str]) -> None:
+def _finish(ax: Axes, found: set[str]) -> None:
     for verdict, (colour, marker, face) in LOOKS.items():
         if verdict in found:
             ax.plot([], [], marker, mec=colour, mfc=face, ms=6, label=verdict)
     ax.plot([], [], color=CLAIMED, lw=2, label="claimed")
     ax.axvline(0, color="0.7", lw=0.8, zorder=0)
-    ax.set_xlabel("change of the RMSE [%] with its 95 % interval")
-    ax.grid(axis="x", color="0.92", lw=0.8)
-    ax.set_axisbelow(True)
     ax.tick_params(axis="y", length=0)
-    ax.legend(frameon=False, fontsize=8, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=5)
-    sns.despine(ax=ax, left=True)
+    style.finish(ax, "change of the RMSE [%] with its 95 % interval", grid="x")
+    ax.spines["left"].set_visible(False)
+    style.legend(ax, fontsize=8, loc="lower right", ncols=5)

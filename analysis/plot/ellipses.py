@@ -2,21 +2,20 @@
 
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
-import seaborn as sns
 from matplotlib.axes import Axes
 from matplotlib.patches import Ellipse
-from matplotlib.ticker import FuncFormatter, NullFormatter
 
+from cooploc.analysis.formats import counted
 from cooploc.analysis.metrics.errors import INSIDE_95, demand_same
 from cooploc.analysis.metrics.over_time import over_time
+from cooploc.analysis.metrics.statistics import LEAST_TRIALS
+from cooploc.analysis.plot import style
+from cooploc.analysis.plot.marks import span
 from cooploc.estimators.interface import Array
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.runner.run import Run
 from cooploc.scenarios.stream import Truth
-
-LINES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.5, 1.5)), (0, (5, 1.5, 1.5, 1.5)))
 
 
 def ellipses(truth: Truth, run: Run, trial: int = 0, tick: int = -1, ax: Axes | None = None) -> Axes:
@@ -27,59 +26,61 @@ def ellipses(truth: Truth, run: Run, trial: int = 0, tick: int = -1, ax: Axes | 
         run: from `run`.
         trial: its number.
         tick: which one; negative ones count from the end.
-        ax: where to draw.
+        ax: where to draw; a new figure if None.
 
     Raises:
         BadInput: truth and run are of different streams, or have no such trial or tick.
 
     """
     i, k = place(truth, run, trial, tick)
-    if ax is None:
-        _, ax = plt.subplots(figsize=(7.2, 4.2), layout="constrained")
-    for (name, trace), colour, line in zip(run.traces.items(), colours(run), lines(run), strict=True):
+    ax = ax or style.new_axes(7.2, 4.2)
+    looks = style.session_looks(run.traces)
+    for name, trace in run.traces.items():
+        colour, _, line = looks[name]
         for x, P in zip(trace.x[i, k, :, :2], trace.P[i, k, :, :2, :2], strict=True):
-            width, height, angle = shape(P)
-            ax.add_patch(Ellipse((x[0], x[1]), width, height, angle=angle, fill=False, ec=colour, ls=line, lw=1.6))
+            ax.add_patch(ellipse(x, P, ec=colour, ls=line, lw=1.6))
         ax.plot(*trace.x[i, k, :, :2].T, ".", color=colour, ms=5)
         ax.plot([], [], color=colour, ls=line, label=name)
     ax.plot(*truth.x[i, k, :, :2].T, "x", color="black", ms=8, mew=2, ls="none", label="truth")
     ax.autoscale_view()
-    ax.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
-    title = f"{run.scenario}, trial {trial}, tick {k}: 95 % ellipses"
-    ax.set_title(title, loc="left", fontsize="small", color="0.35")
-    ax.legend(frameon=False, fontsize="small", bbox_to_anchor=(1.0, 1.0), loc="upper left")
-    sns.despine(ax=ax)
+    ax.set_aspect("equal")
+    style.finish(ax, "x [m]", "y [m]", f"{run.scenario}, trial {trial}, tick {k}: 95 % ellipses")
+    style.legend(ax)
     return ax
 
 
 def anees(truth: Truth, run: Run, ax: Axes | None = None) -> Axes:
     """ANEES over the ticks, with 95 % intervals over trials from 5 on.
 
-    Grey: where a consistent estimator's lies in 95 % of the ticks, were errors Gaussian.
+    Grey: where a consistent estimator's lies in 95 % of the ticks, if errors are Gaussian. Intervals are cut off where
+    they reach far beyond the values.
+
+    Args:
+        truth: of the same stream as the run.
+        run: from `run`.
+        ax: where to draw; a new figure if None.
 
     Raises:
         BadInput: truth and run are of different streams.
 
     """
-    if ax is None:
-        _, ax = plt.subplots(figsize=(7.0, 3.6), layout="constrained")
+    ax = ax or style.new_axes(7.0, 3.6)
     table = over_time(truth, run)
     band = table.groupby("tick")[["band_low", "band_high"]].mean()
     ax.fill_between(band.index, band["band_low"], band["band_high"], color="0.9", lw=0, zorder=0)
     ax.axhline(1.0, color="0.5", lw=1, zorder=1)
-    for (name, rows), colour, line in zip(
-        table.groupby("estimator", sort=False), colours(run), lines(run), strict=True
-    ):
-        ax.fill_between(rows["tick"], rows["anees_low"], rows["anees_high"], color=colour, alpha=0.15, lw=0)
+    looks = style.session_looks(run.traces)
+    for name, rows in table.groupby("estimator", sort=False):
+        colour, _, line = looks[str(name)]
+        style.band(ax, rows["tick"], rows["anees_low"], rows["anees_high"], colour)
         ax.plot(rows["tick"], rows["anees"], color=colour, ls=line, lw=1.6, label=name)
-    ax.set_yscale("log")
-    ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    ax.yaxis.set_minor_formatter(NullFormatter())
-    ax.set(xlabel="tick", ylabel="ANEES (1 is consistent)")
-    title = f"{run.scenario}, {len(run.trial)} trial(s)" + ", 95 % intervals" * (len(run.trial) >= 5)
-    ax.set_title(title, loc="left", fontsize="small", color="0.35")
-    ax.legend(frameon=False, fontsize="small", bbox_to_anchor=(1.0, 1.0), loc="upper left")
-    sns.despine(ax=ax)
+    low, high = span(table, "anees", "band_low", "band_high")
+    style.logarithmic(ax.yaxis, low, high)
+    ax.set_ylim(low / 1.4, 1.4 * high)
+    intervals = ", 95 % intervals" * (len(run.trial) >= LEAST_TRIALS)
+    note = f"{run.scenario}, {counted(len(run.trial), 'trial')}{intervals}"
+    style.finish(ax, "tick", "ANEES (1 is consistent)", note)
+    style.legend(ax)
     return ax
 
 
@@ -106,11 +107,7 @@ def shape(P: Array) -> tuple[float, float, float]:
     return float(width), float(height), float(np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1])))
 
 
-def colours(run: Run) -> list[Any]:
-    """One for each estimator."""
-    return list(sns.color_palette("colorblind", len(run.traces)))
-
-
-def lines(run: Run) -> list[Any]:
-    """A line style for each estimator, so that grey print tells them apart."""
-    return [LINES[i % len(LINES)] for i in range(len(run.traces))]
+def ellipse(x: Array, P: Array, **look: Any) -> Ellipse:
+    """The 95 % ellipse of a belief, position first."""
+    width, height, angle = shape(P[:2, :2])
+    return Ellipse((float(x[0]), float(x[1])), width, height, angle=angle, fill=False, **look)

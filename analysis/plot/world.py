@@ -3,20 +3,20 @@
 from pathlib import Path
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
-import seaborn as sns
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
-from matplotlib.colors import to_hex
 from matplotlib.patches import Circle, Rectangle
 
+from cooploc.analysis.plot import style
+from cooploc.analysis.plot.style import DARK, GREY
 from cooploc.estimators.interface import Array
 from cooploc.scenarios import resolve
 from cooploc.scenarios.resolved import ResolvedScenario
 from cooploc.scenarios.stream import Stream
 
-DARK, GREY, BLOCKED = "0.2", "0.65", "#d55e00"
+BLOCKED = style.VERMILION
+ROBOTS = (style.BLUE, style.ORANGE, style.GREEN, style.PURPLE, style.BROWN, style.SKY)
 
 
 def world(
@@ -31,40 +31,49 @@ def world(
     """Draw one trial; links and obstacles as they stand in one tick.
 
     A solid line between robots is a packet that gets through, a dotted one is lost; vermilion has something in the way.
+
+    Args:
+        label: the scenario's label.
+        trial: its number.
+        seed: of the simulation.
+        tick: of the links and obstacles; negative ones count from the end.
+        data: directory of recordings, for a scenario that is one.
+        ax: where to draw; a new figure if None.
+        **overrides: parameters of the scenario.
+
+    Raises:
+        BadInput: an unknown scenario or parameter, or a value that does not fit.
+
     """
     shown = resolve(label, data, **overrides)
     truth, stream = shown.simulate([trial], seed)
-    if ax is None:
-        _, ax = plt.subplots(figsize=(5.2, 5.2), layout="constrained")
+    ax = ax or style.new_axes(5.2, 5.2)
     path = truth.x[0, :, :, :2]
     tick = int(np.arange(len(path))[tick])
     _arena(ax, stream)
     _surroundings(ax, shown, seed, trial, path, tick, stream)
     _trajectories(ax, path, tick)
-    for name, colour, style in (("lost", GREY, (0, (1, 2))), ("something in the way", BLOCKED, "solid")):
-        ax.plot([], [], color=colour, linestyle=style, label=name)
-    ax.set_title(
-        f"{stream.scenario}, trial {trial}, seed {seed}, tick {tick}", loc="left", fontsize="small", color="0.35"
-    )
-    ax.legend(frameon=False, fontsize="x-small", loc="upper left", bbox_to_anchor=(0.0, -0.09), ncols=4)
+    for name, colour, line in (("lost", GREY, (0, (1, 2))), ("something in the way", BLOCKED, "solid")):
+        ax.plot([], [], color=colour, linestyle=line, label=name)
+    style.finish(ax, "x [m]", "y [m]", f"{stream.scenario}, trial {trial}, seed {seed}, tick {tick}")
+    style.legend(ax, fontsize="x-small", bbox_to_anchor=(0.0, -0.09), ncols=4)
     return ax
 
 
 def _arena(ax: Axes, stream: Stream) -> None:
-    told = stream.world
-    low, high = told.arena
+    known = stream.world
+    low, high = known.arena
     ax.add_patch(Rectangle((low[0], low[1]), *(high - low), fill=False, ec=DARK, lw=1.2))
-    if len(told.anchors):
-        ax.plot(*told.anchors.T, "^", color=DARK, ms=9, label="anchors", clip_on=False, zorder=5)
-    for i, (x, y) in enumerate(told.anchors):
+    if len(known.anchors):
+        ax.plot(*known.anchors.T, "^", color=DARK, ms=9, label="anchors", clip_on=False, zorder=5)
+    for i, (x, y) in enumerate(known.anchors):
         ax.annotate(f"N{i + 1}", (x, y), xytext=(7, 6), textcoords="offset points", fontsize="x-small")
-    if len(told.landmarks):
-        ax.plot(*told.landmarks.T, "s", color=DARK, ms=5, mfc="white", label="landmarks", zorder=4)
-    ax.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
+    if len(known.landmarks):
+        ax.plot(*known.landmarks.T, "s", color=DARK, ms=5, mfc="white", label="landmarks", zorder=4)
+    ax.set_aspect("equal")
     margin = 0.05 * float(np.max(high - low))
     ax.set_xlim(low[0] - margin, high[0] + margin)
     ax.set_ylim(low[1] - margin, high[1] + margin)
-    sns.despine(ax=ax)
 
 
 def _surroundings(
@@ -104,8 +113,7 @@ def _lines(ax: Axes, links: list[tuple[Array, Array, bool, bool]], width: float 
 
 
 def _trajectories(ax: Axes, path: Array, tick: int) -> None:
-    palette = [colour for colour in sns.color_palette("colorblind") if to_hex(colour) != BLOCKED]
-    colours = [palette[i % len(palette)] for i in range(path.shape[1])]
+    colours = [ROBOTS[i % len(ROBOTS)] for i in range(path.shape[1])]
     for i, colour in enumerate(colours):
         ax.plot(*path[: tick + 1, i].T, color=colour, lw=1.2, zorder=2)
         known = np.flatnonzero(np.isfinite(path[:, i, 0]))

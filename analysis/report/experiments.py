@@ -15,7 +15,8 @@ from cooploc.analysis.metrics.certificate_line import refused
 from cooploc.analysis.metrics.over_time import sweep
 from cooploc.analysis.metrics.ranking import rank_groups
 from cooploc.analysis.metrics.statistics import LEAST_TRIALS
-from cooploc.analysis.report import report_tables, summaries, svg_figures
+from cooploc.analysis.plot.style import Look
+from cooploc.analysis.report import result_tables, summaries, svg, svg_figures
 from cooploc.analysis.report.tables import Table
 
 SWEEP = 3  # values from which a sweep becomes a line
@@ -32,16 +33,16 @@ class Shown(NamedTuple):
 
 
 class Numbers(NamedTuple):
-    """What everything is made of."""
+    """What all tables, sentences and figures of a report are made from."""
 
     kept: Kept
     table: pd.DataFrame  # of `compare`
     results: TrialTable
-    looks: dict[str, svg_figures.Style]
+    looks: dict[str, Look]
 
 
 class Experiment(NamedTuple):
-    """What the page shows of an experiment."""
+    """An experiment, as a section of the page."""
 
     name: str
     anchor: str
@@ -53,7 +54,7 @@ class Experiment(NamedTuple):
 
     @property
     def standings(self) -> list[tuple[str, str]]:
-        """Every scenario, and what can be said of it."""
+        """Every scenario with its sentence on who is best."""
         return [(one.scenario, summaries.sentence(one)) for one in self.found]
 
 
@@ -71,13 +72,13 @@ def experiment(name: str, plan: dict[str, list[str]], numbers: Numbers, counter:
         if parameter:
             changes = summaries.changes(group, dict.fromkeys(rows["estimator"]), numbers.results)
             sweeps.append(summaries.swept(group, changes))
-            changed.append(report_tables.sweep(f"{anchor}-sweep{len(changed) + 1}", changes, parameter))
+            changed.append(result_tables.sweep(f"{anchor}-sweep{len(changed) + 1}", changes, parameter))
             shown.append(_lines(rows, numbers, counter))
         else:
             shown.append(_dots(rows, numbers, counter))
     shown.append(_scatter(part, numbers, counter))
     ranks = {str(label): _ranks(rows, numbers.results) for label, rows in part.groupby("scenario", sort=False)}
-    table = report_tables.results(anchor, part, ranks, f"{name}: {_about(part, numbers)}")
+    table = result_tables.results(anchor, part, ranks, f"{name}: {_about(part, numbers)}")
     said = summaries.overall(found) + " " + summaries.confidence(part)
     return Experiment(name, anchor, found, said, [line for line in sweeps if line], shown, [table, *changed])
 
@@ -144,16 +145,16 @@ def _scatter(rows: pd.DataFrame, numbers: Numbers, counter: Iterator[int]) -> Sh
     return Shown(
         _panels(svgs, "position RMSE against ANEES, bytes and seconds", counter),
         "Accuracy against consistency (grey band: neither over-confident nor conservative), bytes and time, with 95 % "
-        "intervals over trials, cut off where they reach beyond the values. Broken line: the Pareto front, for which "
-        "nothing else is no worse in both; bounds are not on it, over-confident estimators (hollow) may "
-        f"be.{some} {_about(drawn, numbers)}",
+        "intervals over trials, cut off where they reach beyond the values. Broken line: the Pareto front, estimators "
+        "than which no other is at least as good in both and better in one; bounds are never on it, over-confident "
+        f"estimators (hollow) may be.{some} {_about(drawn, numbers)}",
         width="middle",
         head="Accuracy against consistency, bytes and time",
     )
 
 
 def _panels(svgs: list[str], label: str, counter: Iterator[int]) -> list[Markup]:
-    return [Markup(svg_figures.inline(svg, next(counter), label)) for svg in svgs]  # matplotlib has escaped every text
+    return [Markup(svg.inline(one, next(counter), label)) for one in svgs]  # matplotlib has escaped every text
 
 
 def _about(part: pd.DataFrame, numbers: Numbers) -> str:

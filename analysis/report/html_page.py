@@ -15,42 +15,55 @@ from cooploc.analysis.claims import verdicts
 from cooploc.analysis.claims.ledger import BASE, Ledger
 from cooploc.analysis.claims.trial_table import collect
 from cooploc.analysis.execution.stored_run import Kept
+from cooploc.analysis.formats import counted
 from cooploc.analysis.metrics import certificate_line
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.crlb import floors
 from cooploc.analysis.metrics.pooling import notes
-from cooploc.analysis.report import report_tables, summaries, svg_figures, tables
+from cooploc.analysis.plot import style
+from cooploc.analysis.report import claim_tables, latex, result_tables, summaries
 from cooploc.analysis.report.experiments import Experiment, Numbers, experiment
+from cooploc.analysis.report.failures import failures
 from cooploc.analysis.report.reproduce import PAGE, sample
-from cooploc.analysis.report.tables import Column, Table, text
+from cooploc.analysis.report.tables import Table, numbers, words
 
 FLOORED = 20  # robots: the floor of larger teams takes seconds for each scenario
 METHODS = (
     ("Trial", "The unit of every interval and test; its robots and ticks are not independent, and pooled first."),
-    ("RMSE", "Root of the mean over trials of the mean squared position error [m]; jackknife interval on its log."),
+    ("RMSE",
+     "Root of the mean over trials of the mean squared position error [m]; jackknife interval on its logarithm."),
     ("Change", "RMSE relative to the baseline's on the same streams, paired by trial; Fieller's 95 % interval."),
     ("p (Holm)", "Wilcoxon's signed-rank test over trials, adjusted by Holm over all rows of all experiments."),
-    ("Ties", "The 95 % interval of the paired change holds 0, or two one-sided t tests on the logarithms say that both "
-     "are equal within 5 %. One is best alone only where it is told apart from every other that may be called best."),
-    ("Rank, group", "Mean over trials of the rank by RMSE, bounds and over-confident estimators too. Estimators that "
-     "share a letter are not told apart at 5 %: Friedman's test over trials, then Nemenyi's of all pairs (of two "
-     "estimators, Wilcoxon's). It goes by ranks and answers for all pairs at once, so it separates fewer than the ties "
-     "above, which go by the size of errors. No letters: fewer than two estimators, or fewer than five trials that "
-     "ended for all of them."),
-    ("ANEES", "Position NEES / 2, per trial first; 1 is consistent. Over-confident: its 95 % interval lies above 1.5, "
-     "or that of the share in 95 % ellipses below 0.86; conservative: ANEES below 0.67; undecided: beyond one of them "
-     "by an interval that is not. What is over-confident, or undecided above 3, is never called best."),
-    ("Floor", "The posterior Cramer-Rao bound on the RMSE of whoever hears and uses every reading (Tichavsky 1998), "
-     f"where robots are told the truth about their world; for up to {FLOORED} robots."),
+    ("Ties",
+     "The 95 % interval of the paired change holds 0, or two one-sided t tests on the logarithms say that both are "
+     "equal within 5 %. An estimator is best alone only where its interval against every other that qualifies "
+     "excludes 0."),
+    ("Rank, group",
+     "Mean over trials of the rank by RMSE, including bounds and over-confident estimators. Estimators that share a "
+     "letter do not differ significantly at 5 %: Friedman's test over trials, then Nemenyi's of all pairs (of two "
+     "estimators, Wilcoxon's). It compares ranks, and all pairs at once, so it separates fewer estimators than the "
+     "ties above, which compare the size of errors. No letters: fewer than two estimators, or fewer than five trials "
+     "that ended for all of them."),
+    ("ANEES",
+     "Position NEES / 2, per trial first; 1 is consistent. Over-confident: its 95 % interval lies above 1.5, or that "
+     "of the share in 95 % ellipses below 0.86; conservative: ANEES below 0.67; undecided: the estimate crosses a "
+     "limit, but its interval does not exclude the limit. An estimator that is over-confident, or undecided with an "
+     "ANEES above 3, never qualifies as best."),
+    ("Floor",
+     "The posterior Cramer-Rao bound on the RMSE of any estimator that hears and uses every reading (Tichavsky 1998), "
+     f"where the assumed models are the true ones; for up to {FLOORED} robots."),
     ("in 95 %", "Share of the true positions that lie inside the 95 % ellipse."),
     ("diverged", "Share of (trial, robot) whose last-quarter RMSE exceeds a quarter of the arena's side."),
-    ("messages, bytes, µs", "Per robot and tick, as sent; µs as a clock measured them, on the processor named below."),
-    ("Checks", "One that is not built in is checked before it runs: it must be blind to truth, future, lost packets, "
-     "and give the same bits however it is run. One that fails a check is shown, and not ranked."),
-    ("Bound", "It knows more than any robot could; it is shown, and not ranked."),
-    ("Below five trials", "Nothing is claimed: there is no interval, no test and no verdict."),
-    ("Claims", "Each comes down to one number with its 95 % interval, and a verdict holds only where the whole "
-     "interval does; cooploc verdicts prints them."),
+    ("messages, bytes, µs",
+     "Per robot and tick; messages and bytes as sent, µs of wall-clock time on the processor named below."),
+    ("Checks",
+     "An estimator that is not built in is checked before it runs: it must not see the truth, the future or lost "
+     "packets, and must give the same bits however it is run. One that fails a check is marked and not ranked."),
+    ("Bound", "An estimator that knows more than any robot could; it is shown and not ranked."),
+    ("Below five trials", "No intervals, tests or verdicts are given."),
+    ("Claims",
+     "Each is judged by one number with its 95 % interval; a verdict needs the whole interval on its side. `cooploc "
+     "verdicts` prints them."),
 )  # fmt: skip
 LEGEND = (
     'A change is b/a - 1: negative where the error falls. "66 % more accurate" may be claimed as a change of -66 %, or '
@@ -74,14 +87,14 @@ def write(kept: Kept, ledger: Ledger, out: Path) -> Path:
         for ending, written in (("tex", one.latex()), ("md", one.markdown()), ("csv", one.csv())):
             (out / "tables" / f"{one.name}.{ending}").write_text(written, encoding="utf-8")
     names = [one.name for one in shown]
-    (out / "tables" / "all.tex").write_text(tables.document(names, context["title"]), encoding="utf-8")
+    (out / "tables" / "all.tex").write_text(latex.document(names, context["title"]), encoding="utf-8")
     page = out / PAGE
     page.write_text(render(context), encoding="utf-8")
     return page
 
 
 def render(context: dict[str, Any]) -> str:
-    """The page; whatever is not marked as safe is escaped."""
+    """The page; everything that is not marked as safe is escaped."""
     template = Environment(
         loader=FunctionLoader(_template), autoescape=True, undefined=StrictUndefined, trim_blocks=True
     )
@@ -94,7 +107,7 @@ def content(kept: Kept, ledger: Ledger) -> dict[str, Any]:
     """Everything that the page shows, and `tables`, all of its tables."""
     table = compare(kept.rows, kept.baselines, full=True)
     table["floor"] = table["scenario"].map(floors(table["scenario"], kept.manifest["seed"], FLOORED))
-    looks = svg_figures.styles(list(dict.fromkeys(kept.rows["estimator"])))
+    looks = style.looks(kept.rows["estimator"])
     numbers = Numbers(kept, table, collect(kept.rows), looks)
     counter = itertools.count()
     experiments = [experiment(name, plan, numbers, counter) for name, plan in kept.experiments.items()]
@@ -106,9 +119,9 @@ def content(kept: Kept, ledger: Ledger) -> dict[str, Any]:
         "manifest": kept.manifest,
         "answer": answer,
         "experiments": experiments,
-        "gaps": [f"{s}, {e}: {n} of the trials that were asked for are not there" for (s, e), n in kept.gaps.items()],
+        "gaps": [f"{s}, {e}: {n} of the planned trials are missing" for (s, e), n in kept.gaps.items()],
         "unproven": certificate_line.remarks(table),
-        "failures": _failures(kept.rows),
+        "failures": failures(kept.rows),
         "notes": notes(kept.rows),
         "methods": METHODS,
         "versions": versions,
@@ -120,17 +133,17 @@ def content(kept: Kept, ledger: Ledger) -> dict[str, Any]:
 
 def _answer(numbers: Numbers, experiments: list[Experiment], judged: pd.DataFrame, ledger: Ledger) -> dict[str, Any]:
     found = summaries.standings(numbers.table, numbers.results)
-    ledgered = report_tables.claims(judged, ledger.paper)
+    ledgered = claim_tables.claims(judged, ledger.paper)
     return {
         "best": summaries.overall(found),
-        "where_table": report_tables.where({one.name: one.found for one in experiments}),
-        "best_table": report_tables.best(found),
+        "where_table": result_tables.where({one.name: one.found for one in experiments}),
+        "best_table": result_tables.best(found),
         "confidence": summaries.confidence(numbers.table),
-        "confidence_table": report_tables.confidence(numbers.table),
+        "confidence_table": result_tables.confidence(numbers.table),
         "claims": _standing_claims(judged),
         "claims_table": ledgered,
-        "claims_parts": report_tables.by_claim(ledgered, judged),
-        "overview": report_tables.overview(verdicts.overview(judged), judged, ledger),
+        "claims_parts": claim_tables.by_claim(ledgered, judged),
+        "overview": claim_tables.overview(verdicts.overview(judged), judged, ledger),
         "legend": LEGEND,
     }
 
@@ -141,48 +154,28 @@ def _standing_claims(judged: pd.DataFrame) -> str:
     alike: dict[str, list[str]] = {}
     mixed = []
     for claim, part in base.groupby("claim", sort=False):
-        told = part["verdict"].value_counts(sort=False)
-        if len(told) == 1:
-            alike.setdefault(str(told.index[0]), []).append(str(claim))
+        counts = part["verdict"].value_counts(sort=False)
+        if len(counts) == 1:
+            alike.setdefault(str(counts.index[0]), []).append(str(claim))
         else:
-            mixed.append(f"{claim} ({', '.join(f'{count} {verdict}' for verdict, count in told.items())})")
+            mixed.append(f"{claim} ({', '.join(f'{count} {verdict}' for verdict, count in counts.items())})")
     parts = [f"{verdict}: {', '.join(alike[verdict])}" for verdict in verdicts.VERDICTS if verdict in alike]
     parts += [f"differs by case: {', '.join(mixed)}"] if mixed else []
-    count = base["claim"].nunique()
-    return f"Of {count} claim{'' if count == 1 else 's'}, as the paper states them, {'; '.join(parts)}."
-
-
-def _failures(rows: pd.DataFrame) -> list[tuple[str, str]]:
-    failed = rows[rows["failure"].notna()].drop_duplicates(["scenario", "estimator", "trial"])
-    out = []
-    for (scenario, estimator, failure), part in failed.groupby(["scenario", "estimator", "failure"], sort=False):
-        trials = ", ".join(str(trial) for trial in part["trial"][:10]) + (" ..." if len(part) > 10 else "")
-        out.append((f"{scenario}, {estimator}, trial {trials}: {failure}", str(part["traceback"].iloc[0])))
-    return out
+    return f"Of {counted(base['claim'].nunique(), 'claim')}, as the paper states them, {'; '.join(parts)}."
 
 
 def _versions(kept: Kept) -> Table:
     manifest = kept.manifest
-    told = {
-        **manifest["versions"],
-        "commit": manifest["commit"] or "",
-        "source": manifest["source"],
-        "cpu": manifest["cpu"],
-    }
-    told |= {"seed": manifest["seed"], "recordings": manifest["data"] or ""}
-    columns = (Column("what", ("what",), False), Column("version or hash", ("version",), False))
-    return Table("versions", "What the bits depend on", columns, tuple((text(k), text(v)) for k, v in told.items()))
+    used = {**manifest["versions"], **{key: manifest[key] for key in ("commit", "source", "cpu", "seed")}}
+    rows = [{"what": what, "version": value} for what, value in {**used, "recordings": manifest["data"]}.items()]
+    columns = words("what"), words("version or hash", "version")
+    return Table("versions", "What the bits depend on", columns, rows)
 
 
 def _streams(table: pd.DataFrame) -> Table:
-    columns = (
-        Column("scenario", ("scenario",), False),
-        Column("trials", ("trials",)),
-        Column("stream", ("stream",), False),
-    )
+    columns = words("scenario"), numbers("trials"), words("stream")
     once = table.sort_values("trials", ascending=False, kind="stable").drop_duplicates("scenario").sort_index()
-    rows = tuple((text(row["scenario"]), text(row["trials"]), text(row["stream"])) for row in once.to_dict("records"))
-    return Table("streams", "Hashes of the streams: equal ones can be paired", columns, rows)
+    return Table("streams", "Hashes of the streams: equal ones can be paired", columns, once.to_dict("records"))
 
 
 def _template(name: str) -> str:

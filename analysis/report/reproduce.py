@@ -1,4 +1,4 @@
-"""A report holds what it takes to check it: a sample of its trials, bit by bit, and how to run them again."""
+"""A report can be checked: it embeds a sample of its trials, and how to run them again bit by bit."""
 
 import hashlib
 import json
@@ -13,7 +13,8 @@ from cooploc.analysis.execution.provenance import provenance
 from cooploc.analysis.execution.run_directory import FORMAT
 from cooploc.analysis.execution.stored_run import Kept
 from cooploc.analysis.execution.task import Task, measure
-from cooploc.analysis.report.tables import Cell, Column, Table, text
+from cooploc.analysis.report.run_diff import other_versions
+from cooploc.analysis.report.tables import Table, numbers, words
 from cooploc.estimators import configure, make
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios import resolve
@@ -58,7 +59,7 @@ def load(path: Path) -> dict[str, Any]:
     """What a report embeds: `manifest` and `sample`.
 
     Raises:
-        BadInput: it is no report of ours, or was made by a newer version.
+        BadInput: it is not a report of cooploc, or was made by a newer version.
 
     """
     file = path / PAGE if path.is_dir() else path
@@ -89,7 +90,7 @@ def rerun(embedded: dict[str, Any], trials: int, data: Path | None = None) -> li
     """
     drawn = _drawn(embedded["sample"], trials)
     for label in {one["estimator"] for wanted in drawn.values() for one in wanted}:
-        make(label)  # a name that is not known here is no failure of a trial
+        make(label)  # an unknown name is bad input, not a failed trial
     out = []
     for (scenario, trial), wanted in drawn.items():
         limit = float(embedded["manifest"]["study"].get("time_limit", 600.0))
@@ -102,41 +103,23 @@ def rerun(embedded: dict[str, Any], trials: int, data: Path | None = None) -> li
 
 
 def differences(embedded: dict[str, Any]) -> list[str]:
-    """What of this place is not as it was where the report was made."""
+    """What differs between this machine and the one where the report was made."""
     then, here = embedded["manifest"], provenance()
-    names = sorted({*then["versions"], *here["versions"]})
-    lines = [f"{name} {then['versions'].get(name)} there, {here['versions'].get(name)} here" for name in names]
-    unlike = [
-        line
-        for name, line in zip(names, lines, strict=True)
-        if then["versions"].get(name) != here["versions"].get(name)
-    ]
-    unlike += [f"{what} differs" for what in ("source", "cpu") if then.get(what) != here[what]]
-    return unlike
+    unlike = [f"{name} {before} there, {now} here" for name, before, now in other_versions(then, here)]
+    return unlike + [f"{what} differs" for what in ("source", "cpu") if then.get(what) != here[what]]
 
 
 def table(found: list[Again]) -> Table:
     """One row per trial and estimator."""
     columns = (
-        Column("scenario", ("scenario",), False),
-        Column("trial", ("trial",)),
-        Column("estimator", ("estimator",), False),
-        Column("RMSE then [m]", ("before",)),
-        Column("now [m]", ("after",)),
-        Column("", ("equal", "remark"), False),
+        words("scenario"),
+        numbers("trial"),
+        words("estimator"),
+        numbers("RMSE then [m]", "before", form=_exact),
+        numbers("now [m]", "after", form=_exact),
+        words("", "equal", "remark", of=("remark",)),
     )
-    rows = tuple(
-        (
-            text(one.scenario),
-            text(one.trial),
-            text(one.estimator),
-            Cell(_shown(one.before), (one.before,)),
-            Cell(_shown(one.after), (one.after,)),
-            Cell(one.remark, (one.equal, one.remark)),
-        )
-        for one in found
-    )
-    return Table("reproduced", "Trials that were run again", columns, rows)
+    return Table("reproduced", "Trials that were run again", columns, [one._asdict() for one in found])
 
 
 def _drawn(embedded: list[dict[str, Any]], trials: int) -> dict[tuple[str, int], list[dict[str, Any]]]:
@@ -187,5 +170,6 @@ def _fingerprint(rows: pd.DataFrame) -> dict[str, Any]:
     }
 
 
-def _shown(value: float) -> str:
-    return "" if value != value else f"{value:.9g}"
+def _exact(metres: float) -> str:
+    """With so many digits that a difference shows."""
+    return "" if metres != metres else f"{metres:.9g}"

@@ -1,4 +1,4 @@
-"""What changed from one run to another: paired by trial where both ran on the same streams, and said where not."""
+"""What changed from one run to another: paired by trial where both ran on the same streams, else unpaired."""
 
 from typing import Any
 
@@ -6,20 +6,22 @@ import numpy as np
 import pandas as pd
 
 from cooploc.analysis.execution.stored_run import Kept
+from cooploc.analysis.formats import Format, change, count, interval, metres, microseconds, ratio
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.compare import summarize
 from cooploc.analysis.metrics.consistency import consistency
 from cooploc.analysis.metrics.pooling import trial_means
 from cooploc.analysis.metrics.statistics import Interval
-from cooploc.analysis.report.tables import Cell, Column, Table, interval, number, text
+from cooploc.analysis.report.tables import Table, TableColumn, numbers, words
 
 SETTINGS = ("seed", "data", "source", "commit", "cpu")
+ENDS, FAILED = ("change_low", "change_high"), ("failed_a", "failed_b")
 EXACT = ("mse", "anees", "coverage95")
 COLUMNS = {
     "scenario": "the scenario's label",
     "estimator": "the estimator's label",
-    "pairing": "paired by trial, unpaired, or where it was not run",
-    "trials": "trials that are compared; of unpaired ones the fewer",
+    "pairing": "paired (by trial), unpaired, or the only run that has it",
+    "trials": "trials that are compared; if unpaired, those of the run with fewer",
     "equal": "trials whose errors are bit-equal",
     "rmse_a": "RMSE [m] of those trials in the first run",
     "rmse_b": "and in the second",
@@ -52,29 +54,34 @@ def changes(a: Kept, b: Kept) -> pd.DataFrame:
     for key in dict.fromkeys((*groups[0], *groups[1])):
         scenario, estimator = key
         mine = [group.get(key) for group in groups]
-        told: dict[str, Any] = {"scenario": scenario, "estimator": estimator}
+        both: dict[str, Any] = {"scenario": scenario, "estimator": estimator}
         for name, table in zip("ab", tables, strict=True):
-            told |= {f"{column}_{name}": v for column, v in table.get(key, {}).items()}
+            both |= {f"{column}_{name}": v for column, v in table.get(key, {}).items()}
         if mine[0] is None or mine[1] is None:
-            rows.append({**told, "pairing": f"only in the {'second' if mine[0] is None else 'first'} run"})
+            rows.append({**both, "pairing": f"only in the {'second' if mine[0] is None else 'first'} run"})
         else:
-            rows.append({**told, **_change(mine[0], mine[1])})
+            rows.append({**both, **_change(mine[0], mine[1])})
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
 def settings(a: Kept, b: Kept) -> list[str]:
-    """What of the two manifests differs, one line each."""
+    """Differences of the two manifests, one line each."""
     one, other = a.manifest, b.manifest
     lines = [f"{key}: {one[key]} before, {other[key]} after" for key in SETTINGS if one[key] != other[key]]
-    names = sorted({*one["versions"], *other["versions"]})
-    versions = [(name, one["versions"].get(name), other["versions"].get(name)) for name in names]
-    lines += [f"{name}: {before} before, {after} after" for name, before, after in versions if before != after]
+    lines += [f"{name}: {before} before, {after} after" for name, before, after in other_versions(one, other)]
     worlds = [s for s, p in one["scenarios"].items() if other["scenarios"].get(s, p) != p]
     return lines + [f"{scenario}: its parameters differ" for scenario in worlds]
 
 
+def other_versions(one: dict[str, Any], other: dict[str, Any]) -> list[tuple[str, Any, Any]]:
+    """The packages whose versions differ between two manifests, with both versions."""
+    both = one["versions"], other["versions"]
+    versions = [(name, *(known.get(name) for known in both)) for name in sorted({*both[0], *both[1]})]
+    return [(name, before, after) for name, before, after in versions if before != after]
+
+
 def sentences(found: pd.DataFrame) -> list[str]:
-    """What the changes come to."""
+    """A summary of the changes."""
     both = found[found["trials"].notna()]
     paired = both[both["pairing"] == "paired"]
     same = paired[(paired["equal"] == paired["trials"]) & (paired["trials"] > 0)]
@@ -83,14 +90,14 @@ def sentences(found: pd.DataFrame) -> list[str]:
     up, down = known[known["change_low"] > 0], known[known["change_high"] < 0]
     if len(known):
         lines.append(
-            f"Of the {len(known)} others with an interval RMSE grew in {len(up)}, fell in {len(down)}, and no change "
-            f"can be told in {len(known) - len(up) - len(down)}; the intervals are 95 % and not adjusted, so by chance "
-            f"alone about {0.05 * len(known):.1f} would exclude 0."
+            f"Of the {len(known)} others with an interval, RMSE grew in {len(up)}, fell in {len(down)}, and did not "
+            f"change significantly in {len(known) - len(up) - len(down)}; the intervals are 95 % and not adjusted: "
+            f"about {0.05 * len(known):.1f} would exclude 0 by chance alone."
         )
     unpaired = both[both["pairing"] == "unpaired"]
     if len(unpaired):
         lines.append(
-            f"Not paired, for the hashes of their streams differ: {len(unpaired)}; their intervals are those of "
+            f"Not paired, because the hashes of their streams differ: {len(unpaired)}; their intervals are those of "
             f"independent samples, and wider."
         )
     flags = both[both["consistency_a"] != both["consistency_b"]]
@@ -107,55 +114,32 @@ def sentences(found: pd.DataFrame) -> list[str]:
 def table(found: pd.DataFrame) -> Table:
     """The changes for people and programs."""
     columns = (
-        Column("scenario", ("scenario",), False),
-        Column("estimator", ("estimator",), False),
-        Column("RMSE before [m]", ("rmse_a",)),
-        Column("after", ("rmse_b",)),
-        Column("change", ("change",)),
-        Column("95 %", ("change_low", "change_high")),
-        Column("ANEES before", ("anees_a",)),
-        Column("after", ("anees_b",)),
-        Column("bytes before", ("bytes_a",)),
-        Column("after", ("bytes_b",)),
-        Column("µs before", ("seconds_a",)),
-        Column("after", ("seconds_b",)),
-        Column("trials", ("trials",)),
-        Column("", ("pairing", "equal", "failed_a", "failed_b"), False),
+        words("scenario"),
+        words("estimator"),
+        *_before_after("RMSE {} [m]", "rmse", metres),
+        numbers("change", of=("same", "change"), form=lambda same, share: "0 %" if same else change(share)),
+        numbers("95 %", *ENDS, of=("same", *ENDS), form=lambda same, *ends: "" if same else interval(change)(*ends)),
+        *_before_after("ANEES {}", "anees", ratio),
+        *_before_after("bytes {}", "bytes", count),
+        *_before_after("µs {}", "seconds", microseconds),
+        numbers("trials", form=count),
+        words("", "pairing", "equal", "failed_a", "failed_b", of=("same", "pairing", *FAILED), form=_remark),
     )
-    return Table("changes", "What changed", columns, tuple(_cells(row) for row in found.to_dict("records")))
+    rows = found.assign(same=found["equal"] == found["trials"]).to_dict("records")
+    return Table("changes", "What changed", columns, rows)
 
 
-def _cells(row: dict[Any, Any]) -> tuple[Cell, ...]:
-    same = row["equal"] == row["trials"]
-    change = number(row["change"], 1, " %", 100)
-    between = interval(row["change_low"], row["change_high"], 1, " %", 100)
-    remark = "bit-equal" if same else row["pairing"]
-    if (
-        row["failed_a"] == row["failed_a"]
-        and row["failed_b"] == row["failed_b"]
-        and (row["failed_a"] or row["failed_b"])
-    ):
-        remark += f", failed {row['failed_a']:.0f} before, {row['failed_b']:.0f} after"
-    return (
-        text(row["scenario"]),
-        text(row["estimator"]),
-        number(row["rmse_a"], 3),
-        number(row["rmse_b"], 3),
-        Cell("0 %", change.values) if same else change,
-        Cell("", between.values) if same else between,
-        number(row["anees_a"]),
-        number(row["anees_b"]),
-        number(row["bytes_a"], 0),
-        number(row["bytes_b"], 0),
-        number(row["seconds_a"], 0, "", 1e6),
-        number(row["seconds_b"], 0, "", 1e6),
-        number(row["trials"], 0),
-        Cell(remark, (row["pairing"], row["equal"], row["failed_a"], row["failed_b"])),
-    )
+def _before_after(head: str, key: str, form: Format) -> tuple[TableColumn, TableColumn]:
+    return numbers(head.format("before"), f"{key}_a", form=form), numbers("after", f"{key}_b", form=form)
+
+
+def _remark(same: bool, pairing: str, before: float, after: float) -> str:
+    failed = f", failed {count(before)} before, {count(after)} after" if before > 0 or after > 0 else ""
+    return ("bit-equal" if same else pairing) + failed
 
 
 def _summary(kept: Kept) -> dict[Any, dict[str, Any]]:
-    """Of each (scenario, estimator) what stands beside the errors."""
+    """What is shown of each (scenario, estimator) beside the errors."""
     table = summarize(kept.rows)
     table["consistency"] = consistency(table)
     wanted = ["rmse", "anees", "consistency", "bytes", "seconds", "failed"]
@@ -171,15 +155,15 @@ def _change(a: pd.DataFrame, b: pd.DataFrame) -> dict[str, Any]:
         x, y = pairs["mse_a"].to_numpy(float), pairs["mse_b"].to_numpy(float)
         change = statistics.change(x, y)
         equal = np.logical_and.reduce([_same(pairs[f"{name}_a"], pairs[f"{name}_b"]) for name in EXACT])
-        told = {"pairing": "paired", "trials": len(pairs), "equal": int(equal.sum())}
+        counts = {"pairing": "paired", "trials": len(pairs), "equal": int(equal.sum())}
         means = pairs[["anees_a", "anees_b"]].mean().to_dict()
     else:
         x, y = before["mse"].to_numpy(float), after["mse"].to_numpy(float)
         change = _unpaired(x, y)
-        told = {"pairing": "unpaired", "trials": min(len(x), len(y)), "equal": 0}
+        counts = {"pairing": "unpaired", "trials": min(len(x), len(y)), "equal": 0}
         means = {"anees_a": before["anees"].mean(), "anees_b": after["anees"].mean()}
     values = dict(zip(("change", "change_low", "change_high"), change, strict=True))
-    return {**told, **means, "rmse_a": _root(x), "rmse_b": _root(y), **values}
+    return {**counts, **means, "rmse_a": _root(x), "rmse_b": _root(y), **values}
 
 
 def _unpaired(x: Any, y: Any) -> Interval:

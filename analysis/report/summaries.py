@@ -1,9 +1,9 @@
-"""Who is best where and who is over-confident, in sentences made of the numbers that say no more than they do.
+"""Who is best where and who is over-confident, in sentences made from the numbers alone.
 
-Best is the smallest RMSE of those that may be called best: no bound, not over-confident nor probably so (ANEES above
-twice the limit by an interval that is not), no trial and no check failed. Another one ties with it where the
-equivalence test says so, or where the 95 % interval of the paired change holds 0. That one is best alone takes
-intervals that exclude 0 against every other one, an intersection-union test that needs no adjustment (Berger 1982).
+Best is the smallest RMSE of those that qualify: no bound, not over-confident nor probably so (ANEES above twice the
+limit, with an interval that does not exclude it), no trial and no check failed. Another one ties with it where the
+equivalence test says so, or where the 95 % interval of the paired change holds 0. An estimator is best alone if the
+intervals against all others exclude 0, an intersection-union test that needs no adjustment (Berger 1982).
 """
 
 from collections import Counter
@@ -14,40 +14,40 @@ import numpy as np
 import pandas as pd
 
 from cooploc.analysis.claims.trial_table import Missing, TrialTable
+from cooploc.analysis.formats import change, counted, interval, listed, metres, percent, ratio
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.compare import MARGIN
 from cooploc.analysis.metrics.consistency import OVER_CONFIDENT
 from cooploc.analysis.metrics.over_time import sweep
 from cooploc.analysis.metrics.ranking import disqualified
-from cooploc.analysis.report.tables import rounded
 
-FEW = 6  # estimators of which a sentence gives every number; of more it gives the range, of twice as many no names
+FEW = 6  # estimators; a sentence gives the number of each, of more only their range, of twice as many no names
 
 
 class Standing(NamedTuple):
     """What can be said of one scenario."""
 
     scenario: str
-    best: str  # the smallest RMSE of those that may be called best; empty where there is none
+    best: str  # the smallest RMSE of those that qualify; empty where none does
     rmse: statistics.Interval  # [m] of it
     anees: statistics.Interval  # of it
     equal: tuple[str, ...]  # RMSE within `MARGIN` of it, by the equivalence test
-    tied: tuple[str, ...]  # others that are not told apart from it
-    barred: tuple[str, ...]  # as accurate or more, and why none of these is called best
-    able: int  # how many may be called best
+    tied: tuple[str, ...]  # others that do not differ from it significantly
+    barred: tuple[str, ...]  # as accurate or more, and why they do not qualify
+    able: int  # how many qualify
     trials: int
     unchecked: bool = False  # whether the best one lacks a certificate
 
     @property
     def word(self) -> str:
-        """What the one with the smallest RMSE is."""
+        """The standing of the smallest RMSE, in a word or two."""
         if not self.best:
-            return "nobody"
+            return "none"
         return "tie" if not self.alone else "best" if self.able > 1 else "the only one"
 
     @property
     def alone(self) -> bool:
-        """Whether nobody ties with the best."""
+        """Whether no other ties with the best."""
         return bool(self.best) and not self.equal and not self.tied
 
 
@@ -94,7 +94,7 @@ def _standing(scenario: str, part: pd.DataFrame, results: TrialTable) -> Standin
 
 def why(row: dict[Any, Any]) -> str:
     """Why an estimator does not qualify as best, with its ANEES where that is the reason; empty where it qualifies."""
-    anees = f", ANEES {rounded(row['anees'], 2)}"
+    anees = f", ANEES {ratio(row['anees'])}"
     return ", ".join(reason + anees * reason.endswith("over-confident") for reason in disqualified(row))
 
 
@@ -104,23 +104,23 @@ def _named(lost: pd.DataFrame) -> tuple[str, ...]:
 
 def sentence(one: Standing) -> str:
     """A standing in words."""
-    barred = f" As accurate or more, and not called best: {_and(one.barred)}." if one.barred else ""
-    barred += f" Nobody has checked {one.best}." * one.unchecked
+    barred = f" As accurate or more, but does not qualify: {listed(one.barred)}." if one.barred else ""
+    barred += f" {one.best} was not checked." * one.unchecked
     if one.trials < statistics.LEAST_TRIALS:
-        return f"Not assessed: {_count(one.trials, 'trial')}, and nothing is claimed below {statistics.LEAST_TRIALS}."
+        return f"Not assessed: {counted(one.trials, 'trial')}, and it takes {statistics.LEAST_TRIALS}."
     if not one.best:
-        return f"Nobody may be called best: {_and(one.barred) if one.barred else 'there is nothing to compare'}."
-    rmse = f"{one.rmse.value:.3f} m ({one.rmse.low:.3f} to {one.rmse.high:.3f})"
-    rmse += f", ANEES {rounded(one.anees.value, 2)} ({rounded(one.anees.low, 2)} to {rounded(one.anees.high, 2)})"
+        return f"No estimator qualifies: {listed(one.barred) if one.barred else 'there is nothing to compare'}."
+    rmse = f"{metres(one.rmse.value)} m ({interval(metres)(one.rmse.low, one.rmse.high)})"
+    rmse += f", ANEES {ratio(one.anees.value)} ({interval(ratio)(one.anees.low, one.anees.high)})"
     rmse += ", which leaves open whether it is over-confident" if one.anees.value > OVER_CONFIDENT else ""
     if one.able == 1:
-        return f"{one.best} is the only one that may be called best: RMSE {rmse}.{barred}"
+        return f"{one.best} is the only one that qualifies: RMSE {rmse}.{barred}"
     if one.alone:
         others = "the other one" if one.able == 2 else f"each of the {one.able - 1} others"
-        return f"{one.best} is best: RMSE {rmse}, told apart from {others} that may be called best.{barred}"
-    ties = [f"not told apart from it: {_and(one.tied)}"] if one.tied else []
-    ties += [f"equal to it within {100 * MARGIN:.0f} %: {_and(one.equal)}"] if one.equal else []
-    return f"A tie: {one.best} has the lowest RMSE of those that may be called best, {rmse}; {'; '.join(ties)}.{barred}"
+        return f"{one.best} is best: RMSE {rmse}, significantly smaller than that of {others} that qualify.{barred}"
+    ties = [f"no significant difference: {listed(one.tied)}"] if one.tied else []
+    ties += [f"equal to it within {100 * MARGIN:.0f} %: {listed(one.equal)}"] if one.equal else []
+    return f"A tie: {one.best} has the lowest RMSE of those that qualify, {rmse}; {'; '.join(ties)}.{barred}"
 
 
 def overall(found: list[Standing]) -> str:
@@ -128,13 +128,13 @@ def overall(found: list[Standing]) -> str:
     decided = [one.best for one in found if one.alone and one.able > 1]
     ties = sum(bool(one.best) and not one.alone for one in found)
     single = sum(one.alone and one.able == 1 for one in found)
-    nobody = sum(not one.best for one in found)
+    none = sum(not one.best for one in found)
     said = [f"{name} in {count}" for name, count in Counter(decided).most_common()]
-    parts = [f"one estimator is best: {_and(said)}"] if decided else ["no estimator is told apart as best in any"]
+    parts = [f"one estimator is best: {listed(said)}"] if decided else ["no estimator is best alone in any"]
     parts += [f"the best tie with others in {ties}"] if ties else []
-    parts += [f"only one may be called best in {single}"] if single else []
-    parts += [f"nobody may be called best in {nobody}"] if nobody else []
-    return f"Of {_count(len(found), 'scenario')}: {'; '.join(parts)}."
+    parts += [f"only one qualifies in {single}"] if single else []
+    parts += [f"no estimator qualifies in {none}"] if none else []
+    return f"Of {counted(len(found), 'scenario')}: {'; '.join(parts)}."
 
 
 def confidence(table: pd.DataFrame) -> str:
@@ -149,21 +149,21 @@ def confidence(table: pd.DataFrame) -> str:
     open_ = set(table.loc[(table["consistency"] == "undecided") & (table["anees"] > OVER_CONFIDENT), "estimator"])
     never = [str(name) for name in count.index if not count[name] and name not in open_]
     doubt = [str(name) for name in count.index if not count[name] and name in open_]
-    parts = [f"Over-confident in every scenario: {_and(everywhere)}."] if everywhere else []
+    parts = [f"Over-confident in every scenario: {listed(everywhere)}."] if everywhere else []
     if len(some) <= FEW:
-        parts += [f"Over-confident in some: {_and(f'{e} ({count[e]} of {of[e]})' for e in some)}."] if some else []
+        parts += [f"Over-confident in some: {listed(f'{e} ({count[e]} of {of[e]})' for e in some)}."] if some else []
     else:
         most = [name for name in some if count[name] > of[name] / 2]
-        parts += [f"Over-confident in more than half of their scenarios: {_and(most)}."] if most else []
+        parts += [f"Over-confident in more than half of their scenarios: {listed(most)}."] if most else []
         rest = [name for name in some if name not in most]
-        parts += [f"In some, half of them or fewer: {_and(rest)}."] if rest else []
-    parts += [f"Undecided in some, over-confident in none: {_and(doubt)}."] if doubt else []
-    parts += [f"Never found over-confident: {_and(never)}."] if never else []
+        parts += [f"In some, half of them or fewer: {listed(rest)}."] if rest else []
+    parts += [f"Undecided in some, over-confident in none: {listed(doubt)}."] if doubt else []
+    parts += [f"Never found over-confident: {listed(never)}."] if never else []
     return " ".join(parts)
 
 
 def changes(scenarios: list[str], estimators: Iterable[str], results: TrialTable) -> list[Change]:
-    """How every estimator's RMSE changes over a sweep, paired by trial; of those that ran at both ends."""
+    """How the RMSE changes over a sweep, paired by trial, of every estimator that ran at both ends."""
     ordered = sorted(scenarios, key=lambda label: sweep(label)[2])
     out = []
     for name in estimators:
@@ -179,7 +179,7 @@ def changes(scenarios: list[str], estimators: Iterable[str], results: TrialTable
 
 
 def swept(scenarios: list[str], found: list[Change]) -> str:
-    """The changes over a sweep in words; those whose interval holds 0 are said to show none."""
+    """The changes over a sweep in words; where the interval holds 0, no significant change."""
     ordered = sorted(scenarios, key=lambda label: sweep(label)[2])
     where, parameter, low = sweep(ordered[0])
     high = sweep(ordered[-1])[2]
@@ -192,37 +192,22 @@ def swept(scenarios: list[str], found: list[Change]) -> str:
     same = [one.estimator for one in known if one.share.low <= 0 <= one.share.high and one.estimator not in equal]
     parts = [f"it grows for {_moved(grows)}"] if grows else []
     parts += [f"it falls for {_moved(falls)}"] if falls else []
-    parts += [f"no change can be told for {_names(same)}"] if same else []
+    parts += [f"no significant change for {_names(same)}"] if same else []
     parts += [f"it stays the same for {_names(equal)}"] if equal else []
     return f"{where}: RMSE from {parameter} = {low:g} to {high:g} (95 % intervals, unadjusted): {'; '.join(parts)}."
 
 
 def _moved(found: list[Change]) -> str:
-    """Who changed, each with its interval; of many, their names and the range of the changes."""
+    """The estimators that changed, each with its interval; of many, their names and the range of the changes."""
     if len(found) <= FEW:
-        return _and(f"{one.estimator} ({_share(one.share)})" for one in found)
+        return listed(f"{one.estimator} ({_share(one.share)})" for one in found)
     least, *_, most = sorted(abs(one.share.value) for one in found)
-    return f"{_names([one.estimator for one in found])} (by {_percent(least)[1:]} to {_percent(most)[1:]})"
+    return f"{_names([one.estimator for one in found])} (by {interval(percent)(least, most)})"
 
 
 def _names(names: list[str]) -> str:
-    return _and(names) if len(names) <= 2 * FEW else f"{len(names)} estimators"
+    return listed(names) if len(names) <= 2 * FEW else f"{len(names)} estimators"
 
 
 def _share(share: statistics.Interval) -> str:
-    return f"{_percent(share.value)}, {_percent(share.low)} to {_percent(share.high)}"
-
-
-def _percent(share: float) -> str:
-    """With a sign, and with as many digits as keep it from being nothing."""
-    digits = next((k for k in range(3) if abs(100 * share) >= 0.5 * 10.0**-k), 3)
-    return f"{100 * share:+.{digits}f} %"
-
-
-def _and(names: Iterable[str]) -> str:
-    *most, last = list(names)
-    return f"{', '.join(most)} and {last}" if most else last
-
-
-def _count(n: int, what: str) -> str:
-    return f"{n} {what}{'' if n == 1 else 's'}"
+    return f"{change(share.value)}, {interval(change)(share.low, share.high)}"

@@ -1,66 +1,64 @@
 """One table, written as HTML, LaTeX (booktabs), Markdown and CSV, and for the terminal.
 
-What people read is text; what programs read (CSV) and what sorting goes by are the values behind it, in full.
+Its rows are mappings; its columns say which of their values go into CSV, and how they are written for people. Sorting
+in HTML goes by the values, too.
 """
 
-import csv
-import io
-import math
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
+import pandas as pd
 from markupsafe import Markup, escape
 
-LONG = 40  # rows beyond which a LaTeX table runs over pages
-_LATEX = {
-    "\\": r"\textbackslash{}",
-    **{c: f"\\{c}" for c in "&%$#_{}"},
-    "~": r"\textasciitilde{}",
-    "^": r"\textasciicircum{}",
-    "<": r"\textless{}",
-    ">": r"\textgreater{}",
-    "|": r"\textbar{}",
-    '"': r"\textquotedbl{}",
-    "[": "{[}",  # after a line's \\ it would begin an option
-    "]": "{]}",
-    "–": "--",
-    "µ": r"\textmu{}",
-    "×": r"\texttimes{}",
-    "±": r"\textpm{}",
-    "·": r"\textperiodcentered{}",
-    "²": r"\texttwosuperior{}",
-    "✓": r"\ensuremath{\surd}",
-    "✗": r"\ensuremath{\times}",
-    "∞": r"\ensuremath{\infty}",
-    "\n": " ",
-}
+from cooploc.analysis.report.latex import tabular
 
-
-class Cell(NamedTuple):
-    """What is read, and the values behind it, one for each key of the column."""
-
-    text: str
-    values: tuple[Any, ...]
+Row = dict[Any, Any]  # key -> value, as of `DataFrame.to_dict("records")`
 
 
 @dataclass(frozen=True)
-class Column:
-    """One column: its head, the CSV columns behind it, and its side."""
+class TableColumn:
+    """One column: its head, the values behind it, and how they are written."""
 
     head: str
-    keys: tuple[str, ...]
+    keys: tuple[str, ...]  # of the values behind it: its columns in CSV; the first is what HTML sorts by
+    form: Callable[..., str]  # from values to text
+    of: tuple[str, ...] = ()  # keys of the values that `form` takes, if not `keys`
     right: bool = True
+
+    def text(self, row: Row) -> str:
+        """What is read in a row."""
+        return self.form(*(row[key] for key in self.of or self.keys))
+
+
+def plain(value: object = "") -> str:
+    """A value as it is; nothing where it is absent."""
+    return "" if value is None or value != value else str(value)
+
+
+def words(head: str, *keys: str, form: Callable[..., str] = plain, of: Iterable[str] = ()) -> TableColumn:
+    """A column of text, named after its only key unless `keys` are given."""
+    return TableColumn(head, keys or (head,), form, tuple(of), right=False)
+
+
+def numbers(head: str, *keys: str, form: Callable[..., str] = plain, of: Iterable[str] = ()) -> TableColumn:
+    """A column of numbers."""
+    return TableColumn(head, keys or (head,), form, tuple(of))
 
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of cells under columns; `marks` are the attributes of each row in HTML."""
+    """Rows under columns."""
 
     name: str  # of its files
     caption: str
-    columns: tuple[Column, ...]
-    rows: tuple[tuple[Cell, ...], ...]
-    marks: tuple[dict[str, str], ...] = field(default=())
+    columns: tuple[TableColumn, ...]
+    rows: list[Row]
+    marks: Mapping[str, str] = field(default_factory=dict)  # attribute of a row in HTML -> key of its value
+
+    def texts(self) -> list[list[str]]:
+        """What is read, row by row."""
+        return [[column.text(row) for column in self.columns] for row in self.rows]
 
     def html(self) -> Markup:
         """A `<table>` whose cells carry their values as `data-sort`; everything is escaped."""
@@ -68,123 +66,57 @@ class Table:
             Markup('<th scope="col"{}><button type="button">{}</button></th>').format(_side(c), c.head)
             for c in self.columns
         )
-        marks = self.marks or ({},) * len(self.rows)
-        body = Markup("\n").join(self._row(cells, mark) for cells, mark in zip(self.rows, marks, strict=True))
+        body = Markup("\n").join(map(self._row, self.rows))
         return Markup(
             '<div class="scroll" tabindex="0"><table class="sortable" id="table-{}">\n<caption>{}</caption>\n'
             "<thead><tr>{}</tr></thead>\n<tbody>\n{}\n</tbody></table></div>"
         ).format(self.name, self.caption, heads, body)
 
-    def _row(self, cells: tuple[Cell, ...], marks: dict[str, str]) -> Markup:
-        attributes = Markup("").join(Markup(' {}="{}"').format(key, value) for key, value in marks.items())
-        inner = Markup("").join(
-            Markup("<td{}{}>{}</td>").format(_side(column), _sort(cell), cell.text)
-            for column, cell in zip(self.columns, cells, strict=True)
+    def _row(self, row: Row) -> Markup:
+        marks = {attribute: row[key] for attribute, key in self.marks.items() if row[key]}
+        attributes = Markup("").join(Markup(' {}="{}"').format(attribute, value) for attribute, value in marks.items())
+        cells = Markup("").join(
+            Markup("<td{}{}>{}</td>").format(_side(c), _sort(row[c.keys[0]]), c.text(row)) for c in self.columns
         )
-        return Markup("<tr{}>{}</tr>").format(attributes, inner)
+        return Markup("<tr{}>{}</tr>").format(attributes, cells)
 
     def latex(self) -> str:
         """A table with the rules of booktabs; a long one is a longtable."""
-        sides = "".join("r" if c.right else "l" for c in self.columns)
-        head = " & ".join(latex(c.head) for c in self.columns) + r" \\"
-        body = [" & ".join(latex(cell.text) for cell in cells) + r" \\" for cells in self.rows]
-        caption = rf"\caption{{{latex(self.caption)}}}"
-        if len(self.rows) > LONG:
-            top = [rf"\begin{{longtable}}{{@{{}}{sides}@{{}}}}", caption + r" \\", r"\toprule", head, r"\midrule"]
-            again = [r"\endfirsthead", r"\toprule", head, r"\midrule", r"\endhead", r"\bottomrule", r"\endfoot"]
-            lines = [*top, *again, *body, r"\end{longtable}"]
-        else:
-            top = [r"\begin{table}", r"\centering", caption, rf"\begin{{tabular}}{{@{{}}{sides}@{{}}}}", r"\toprule"]
-            lines = [*top, head, r"\midrule", *body, r"\bottomrule", r"\end{tabular}", r"\end{table}"]
-        return "\n".join(lines) + "\n"
+        sides = "".join("r" if column.right else "l" for column in self.columns)
+        return tabular(self.caption, sides, [column.head for column in self.columns], self.texts())
 
     def markdown(self) -> str:
         """A pipe table, with its caption below."""
         lines = [[_markdown(c.head) for c in self.columns], ["---:" if c.right else "---" for c in self.columns]]
-        lines += [[_markdown(cell.text) for cell in cells] for cells in self.rows]
+        lines += [[_markdown(text) for text in texts] for texts in self.texts()]
         rows = "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
         return f"{rows}\n\n{_markdown(self.caption)}\n"
 
     def csv(self) -> str:
         """One line per row with the values in full; what is absent is empty."""
-        out = io.StringIO()
-        writer = csv.writer(out, lineterminator="\n")
-        writer.writerow([key for column in self.columns for key in column.keys])
-        for cells in self.rows:
-            writer.writerow([_plain(value) for cell in cells for value in cell.values])
-        return out.getvalue()
+        keys = [key for column in self.columns for key in column.keys]
+        return pd.DataFrame(self.rows, columns=keys, dtype=object).to_csv(index=False, lineterminator="\n")
 
-    def terminal(self) -> Any:
-        """A table of rich, without columns that say nothing."""
-        from rich.table import Table as Terminal
+    def terminal(self, wrap: bool = False, style: Callable[[Row], str] = lambda _: "") -> Any:
+        """A table of rich, without columns that say nothing; `style` colours a row."""
+        from rich.table import Table as RichTable
 
-        out = Terminal(title=self.caption, title_justify="left", header_style="bold", box=None, padding=(0, 1))
-        said = [i for i in range(len(self.columns)) if any(cells[i].text for cells in self.rows)]
-        for i in said:
-            side: Any = "right" if self.columns[i].right else "left"
-            out.add_column(self.columns[i].head, justify=side, no_wrap=True)
-        for cells in self.rows:
-            out.add_row(*(cells[i].text for i in said))
+        texts = self.texts()
+        shown = [i for i in range(len(self.columns)) if any(cells[i] for cells in texts)]
+        out = RichTable(title=self.caption, title_justify="left", header_style="bold", box=None, padding=(0, 1))
+        for i in shown:
+            column = self.columns[i]
+            out.add_column(column.head, justify="right" if column.right else "left", no_wrap=not wrap)
+        for row, cells in zip(self.rows, texts, strict=True):
+            out.add_row(*(cells[i] for i in shown), style=style(row))
         return out
 
 
-def document(names: list[str], title: str) -> str:
-    """A LaTeX document of tables in files beside it."""
-    packages = [
-        r"\usepackage[T1]{fontenc}",
-        r"\usepackage[utf8]{inputenc}",
-        r"\usepackage{textcomp,booktabs,longtable}",
-    ]
-    paper = r"\usepackage[paperwidth=60cm,paperheight=42cm,margin=15mm]{geometry}"
-    body = [rf"\input{{{name}}}" for name in names]
-    start = [r"\documentclass{article}", *packages, paper, r"\begin{document}", rf"\section*{{{latex(title)}}}"]
-    return "\n".join([*start, *body, r"\end{document}"]) + "\n"
-
-
-def latex(text: str) -> str:
-    """Text with what means something to LaTeX escaped, and a question mark for what its standard fonts lack."""
-    return "".join(_LATEX.get(c, c if c.isprintable() and ord(c) < 128 else _letter(c)) for c in text)
-
-
-def text(value: Any) -> Cell:
-    """A cell that says what it holds."""
-    return Cell(str(value), (value,))
-
-
-def number(value: float, digits: int = 2, unit: str = "", factor: float = 1.0) -> Cell:
-    """A number with so many decimals; nothing where it is absent."""
-    return Cell(rounded(factor * value, digits, unit), (value,))
-
-
-def interval(low: float, high: float, digits: int = 2, unit: str = "", factor: float = 1.0) -> Cell:
-    """Both ends of an interval; a negative factor turns it round in the text."""
-    ends = sorted((factor * low, factor * high))
-    known = all(math.isfinite(end) for end in ends)
-    return Cell(f"{rounded(ends[0], digits)} to {rounded(ends[1], digits)}{unit}" if known else "", (low, high))
-
-
-def rounded(value: float, digits: int, unit: str = "") -> str:
-    """A number with so many decimals, of large ones fewer; never minus zero, and nothing where it is absent."""
-    if math.isnan(value):
-        return ""
-    if math.isinf(value):
-        return "∞" if value > 0 else "–∞"
-    if abs(value) >= 1e5:
-        return f"{value:.2g}{unit}"
-    digits = min(digits, max(0, 4 - len(f"{abs(value):.0f}"))) if abs(value) >= 10 else digits
-    return f"{round(value, digits) + 0.0:.{digits}f}{unit}"
-
-
-def _letter(c: str) -> str:
-    return c if c.isalpha() and ord(c) < 256 else "?"
-
-
-def _side(column: Column) -> Markup:
+def _side(column: TableColumn) -> Markup:
     return Markup(' class="r"') if column.right else Markup("")
 
 
-def _sort(cell: Cell) -> Markup:
-    value = cell.values[0]
+def _sort(value: Any) -> Markup:
     if isinstance(value, str) or value is None:
         return Markup("")
     return Markup(' data-sort="{}"').format("" if value != value else repr(float(value)))
@@ -195,7 +127,3 @@ def _markdown(text: str) -> str:
     for c in "\\`*_[]|":
         text = text.replace(c, "\\" + c)
     return str(escape(text)).replace("&#34;", '"').replace("&#39;", "'").replace("\n", " ")
-
-
-def _plain(value: Any) -> Any:
-    return "" if value is None or value != value else value

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from made_runs import Outline, kept_from, rows_of
 from processes import finish, install
-from test_html_page import Outline, kept_from, rows_of
 
 from cooploc.analysis.claims.ledger import load
 from cooploc.analysis.claims.trial_table import collect
@@ -196,7 +196,9 @@ def test_nobody_is_called_best_who_failed_a_check_and_who_is_unchecked_is_said_t
     table = compare(rows, "ekf-local", full=True)
     (found,) = summaries.standings(table, collect(rows))
     assert (found.best, found.barred) == ("a", ("b (failed the check causality)",))
-    assert summaries.sentence(found).endswith("not called best: b (failed the check causality). Nobody has checked a.")
+    assert summaries.sentence(found).endswith(
+        "but does not qualify: b (failed the check causality). a was not checked."
+    )
     assert certificate_line.remarks(table) == [
         "a is unchecked: by request",
         "b failed a check and is not ranked: causality: it peeks",

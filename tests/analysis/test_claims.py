@@ -10,9 +10,10 @@ from cooploc.analysis.claims.kinds import KINDS
 from cooploc.analysis.claims.ledger import load, read, variants
 from cooploc.analysis.claims.trial_table import canonical
 from cooploc.analysis.claims.verdicts import COLUMNS, VERDICTS, judge, overview
-from cooploc.analysis.claims.wording import WORDS, sentence, show
+from cooploc.analysis.claims.wording import WORDS, sentence
 from cooploc.estimators import make
 from cooploc.scenarios import resolve
+from cooploc.terminal.claim_verdicts import show
 
 RNG = np.random.default_rng(0)
 TRIALS, ROBOTS = 40, 2

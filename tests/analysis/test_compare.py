@@ -12,7 +12,7 @@ from cooploc.analysis.metrics.compare import SHORT, SUMMARY, compare, summarize
 from cooploc.analysis.metrics.errors import COLUMNS
 from cooploc.analysis.metrics.pooling import trial_means
 from cooploc.analysis.plot.summary import rmse
-from cooploc.analysis.report.terminal import records
+from cooploc.terminal.results import records
 
 
 def rows(estimator, mse, *, anees=1.0, scenario="s", stream="h", ticks=10):

@@ -1,111 +1,22 @@
 """The report of a run: what it says, that it says no more than the numbers do, and that nothing in it can escape."""
 
-import csv
-import io
 import json
 import re
 import shutil
 import subprocess
-from html.parser import HTMLParser
 
 import numpy as np
 import pandas as pd
 import pytest
+from made_runs import EVIL, Outline, kept_from, rows_of
 
 from cooploc.analysis.claims.ledger import load
 from cooploc.analysis.claims.trial_table import collect
-from cooploc.analysis.execution.stored_run import Kept
 from cooploc.analysis.execution.stored_run import read as kept_of
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.compare import compare
+from cooploc.analysis.plot import style
 from cooploc.analysis.report import html_page, summaries, svg_figures
-from cooploc.analysis.report.tables import Cell, Column, Table, interval, number, text
-
-EVIL = "<script>alert('x')</script>&\"$_%"
-VOID = {"meta", "br", "link"}
-
-
-class Outline(HTMLParser):
-    """Tags with their attributes, and whether they nest."""
-
-    def __init__(self, text):
-        super().__init__()
-        self.tags, self.open = [], []
-        self.feed(text)
-        self.close()
-
-    def handle_starttag(self, tag, attrs):
-        self.tags.append((tag, dict(attrs)))
-        self.open += [] if tag in VOID else [tag]
-
-    def handle_startendtag(self, tag, attrs):
-        self.tags.append((tag, dict(attrs)))
-
-    def handle_endtag(self, tag):
-        assert self.open.pop() == tag
-
-    def rows(self, mark):
-        return [attributes for tag, attributes in self.tags if tag == "tr" and mark in attributes]
-
-
-def rows_of(scenario, estimators, trials=8, failed=(), bounds=()):
-    """Rows of a run without running: per estimator RMSE [m] and ANEES, with the same noise for everyone."""
-    rng = np.random.default_rng(7)
-    noise = rng.uniform(0.8, 1.2, (trials, len(estimators)))
-    frames = []
-    for i, (name, (rmse, anees)) in enumerate(estimators.items()):
-        mse = rmse**2 * noise[:, i]
-        frame = pd.DataFrame(
-            {
-                "scenario": scenario,
-                "estimator": name,
-                "trial": range(trials),
-                "robot": 0,
-                "robots": 1,
-                "ticks": 10,
-                "mse": mse,
-                "rmse": np.sqrt(mse),
-                **dict.fromkeys(("mean_error", "median_error", "max_error", "final_error"), np.sqrt(mse)),
-                "anees": anees * noise[::-1, i],
-                "coverage95": 0.9,
-                "diverged": 0.0,
-                "pose_nees": np.nan,
-                "messages": 1.0,
-                "bytes": 48.0 + i,
-                "seconds": 1e-4 * (1 + i),
-                "bound": name in bounds,
-                "stream": [f"{scenario}{trial}" for trial in range(trials)],
-                "failure": None,
-                "traceback": None,
-            }
-        )
-        if name in failed:
-            frame.loc[0, ["failure", "traceback"]] = f"RuntimeError: {EVIL}"
-        frames.append(frame)
-    return pd.concat(frames, ignore_index=True)
-
-
-def kept_from(rows, folder, experiment="one", **study):
-    cells = {}
-    for scenario, part in rows.groupby("scenario", sort=False):
-        names = list(dict.fromkeys(part["estimator"]))
-        asked = dict.fromkeys(names, int(part["trial"].max()) + 1)
-        cells[scenario] = {"experiment": experiment, "baseline": names[0], "estimators": asked}
-    manifest = {
-        "format": 1,
-        "study": {"name": "made up", "about": "nothing was run", **study},
-        "cells": cells,
-        "seed": 3,
-        "data": None,
-        "scenarios": {scenario: {"ticks": 10} for scenario in cells},
-        "streams": {},
-        "versions": {"cooploc": "0", "python": "3"},
-        "source": "abc",
-        "commit": None,
-        "cpu": "one",
-    }
-    return Kept(folder, manifest, rows, {})
-
 
 SWEEP = {"base": (1.0, 1.0), "good": (0.5, 1.0), "liar": (0.1, 9.0), "omniscient": (0.05, 1.0), "twin": (0.5, 1.0)}
 
@@ -237,7 +148,7 @@ def test_groups_are_shown_where_estimators_are_ranked_and_left_out_where_there_i
     assert set(table.loc["a", "group"]) & set(table.loc["b", "group"])
     assert not set(table.loc["a", "group"]) & set(table.loc["c", "group"])
     assert table.loc["c", "rank"] == 3
-    assert "share a letter are not told apart" in (tmp_path / "index.html").read_text()
+    assert "that share a letter do not differ significantly" in (tmp_path / "index.html").read_text()
     for few in (rows[rows["trial"] < 4], rows[rows["estimator"] == "a"]):
         html_page.write(kept_from(few, tmp_path), load(), tmp_path)
         assert pd.read_csv(tmp_path / "tables" / "experiment-one.csv")["group"].isna().all()
@@ -256,7 +167,7 @@ def test_variants_share_a_panel_and_every_estimator_has_one(swept):
     table = compare(swept, "base", full=True).assign(floor=0.01)
     names = ["arl", "arl[K=1]", "arl[M=1]", "b", "c", "d[x=1]", "e"]
     table = pd.concat([table[table["estimator"] == "base"].assign(estimator=name) for name in names])
-    svgs = svg_figures.lines(table, svg_figures.styles(names))
+    svgs = svg_figures.lines(table, style.looks(names))
     assert len(svgs) == 5
     assert all(name in svgs[0] for name in names[:3])
     for name, svg in zip(names[3:], svgs[1:], strict=True):
@@ -268,7 +179,7 @@ def test_below_five_trials_nothing_is_claimed():
     assert summaries.sentence(found).startswith("Not assessed: 4 trials")
     assert found.best == ""
     lonely = standing(rows_of("nlos", {"a": (1.0, 1.0)}))
-    assert summaries.sentence(lonely) == "Nobody may be called best: there is nothing to compare."
+    assert summaries.sentence(lonely) == "No estimator qualifies: there is nothing to compare."
 
 
 def test_whoever_failed_in_a_trial_is_not_best():
@@ -294,33 +205,6 @@ def test_everything_is_escaped(tmp_path):
     assert all(len(file.name) < 120 and "<" not in file.name for file in (tmp_path / "tables").iterdir())
 
 
-def test_the_four_forms_of_a_table_come_from_the_same_cells():
-    columns = (Column("who", ("name",), False), Column("RMSE", ("rmse",)), Column("95 %", ("low", "high")))
-    rows = (
-        (text("a|b_c<d>"), number(0.123456, 3), interval(0.1, 0.2)),
-        (text("e"), number(np.nan), interval(np.nan, 1)),
-    )
-    table = Table("t", "50 % & more", columns, rows)
-    read = list(csv.DictReader(io.StringIO(table.csv())))
-    assert read[0] == {"name": "a|b_c<d>", "rmse": "0.123456", "low": "0.1", "high": "0.2"}
-    assert read[1]["rmse"] == ""
-    assert r"a\textbar{}b\_c\textless{}d\textgreater{} & 0.123 & 0.10 to 0.20 \\" in table.latex()
-    for rule in (r"\toprule", r"\midrule", r"\bottomrule", r"\caption{50 \% \& more}"):
-        assert rule in table.latex()
-    assert r"| a\|b\_c&lt;d&gt; | 0.123 | 0.10 to 0.20 |" in table.markdown()
-    assert '<td class="r" data-sort="0.123456">0.123</td>' in table.html()
-    assert "a|b_c&lt;d&gt;" in table.html()
-
-
-def test_numbers_are_never_shown_with_more_digits_than_they_have_or_minus_zero():
-    assert [number(v).text for v in (-0.001, 457.63, 1.3e6, np.inf, np.nan)] == ["0.00", "457.6", "1.3e+06", "∞", ""]
-
-
-def test_a_long_table_runs_over_pages():
-    table = Table("t", "", (Column("n", ("n",)),), tuple((Cell(str(i), (i,)),) for i in range(60)))
-    assert r"\begin{longtable}" in table.latex()
-
-
 @pytest.mark.skipif(shutil.which("pdflatex") is None, reason="no LaTeX is installed")
 @pytest.mark.parametrize("label", ["arl[particles=50]", EVIL, r"\input{x}~^{}|µ–猫"])
 def test_the_latex_tables_compile(tmp_path, label):
@@ -343,7 +227,7 @@ def test_the_tables_on_disk_hold_the_numbers_of_the_page(written, swept):
 def test_what_was_asked_for_and_is_not_there_is_said(tmp_path, swept):
     kept = kept_from(swept, tmp_path)._replace(gaps={("packet-drop/drop=0", "good"): 2})
     source = html_page.write(kept, load(), tmp_path).read_text()
-    assert "packet-drop/drop=0, good: 2 of the trials that were asked for are not there" in source
+    assert "packet-drop/drop=0, good: 2 of the planned trials are missing" in source
 
 
 def test_a_run_directory_is_read_whole(tmp_path):
@@ -356,6 +240,6 @@ def test_a_run_directory_is_read_whole(tmp_path):
     kept = kept_of(tmp_path / "run")
     assert list(dict.fromkeys(kept.rows["estimator"])) == ["arl[particles=50]", "ekf-local", "ekf-naive"]
     assert kept.gaps == {}
-    next((tmp_path / "run" / "parts").glob("*ekf-local*")).write_bytes(b"spoilt")
+    next((tmp_path / "run" / "parts").glob("*ekf-local*")).write_bytes(b"corrupt")
     kept = kept_of(tmp_path / "run")
     assert kept.gaps == {("trajectory[ticks=4]", "ekf-local"): 3}

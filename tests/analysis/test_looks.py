@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from test_html_page import kept_from, rows_of
+from made_runs import kept_from, rows_of
 
 from cooploc.analysis.claims.ledger import load
 from cooploc.analysis.report import html_page

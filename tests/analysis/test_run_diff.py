@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from test_html_page import kept_from, rows_of
+from made_runs import kept_from, rows_of
 
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.report import run_diff
@@ -51,7 +51,7 @@ def test_other_streams_are_not_paired_and_it_is_said(tmp_path):
     assert not found["equal"].any()
     assert (found["change_low"] < 0).all()
     assert (found["change_high"] > 0).all()
-    assert any("Not paired, for the hashes of their streams differ: 2" in line for line in sentences(found))
+    assert any("Not paired, because the hashes of their streams differ: 2" in line for line in sentences(found))
 
 
 def test_only_trials_of_the_same_stream_are_paired(tmp_path):

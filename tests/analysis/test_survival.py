@@ -189,7 +189,7 @@ def test_show_says_what_is_missing_and_spoilt(place, plugins):
     shown = finish("show", "run", plugins=plugins, cwd=place)
     assert shown.returncode == 0, shown.stderr
     assert "6 of 6" in shown.stdout
-    assert "1 spoilt part, to be computed again, not finished" in shown.stdout
+    assert "1 corrupt part, will be computed again, not finished" in shown.stdout
     assert "nothing failed" in shown.stdout
     nothing = finish("show", place / "small.toml", plugins=plugins, cwd=place)
     assert nothing.returncode == 2

@@ -68,7 +68,7 @@ def test_an_animation_shows_every_tick(ran, tmp_path):
     drawn = next(line for line in ax.lines if line.get_label() == "truth")
     np.testing.assert_array_equal(np.transpose(drawn.get_data()), truth.x[1, 7, :, :2])
     _, other = cl.simulate("camera/n=2", trials=2, seed=2, ticks=8)
-    with pytest.raises(cl.BadInput, match="simulate again"):
+    with pytest.raises(cl.BadInput, match="simulate it again"):
         cl.plot.animate(truth, run, other)
     plt.close("all")
 

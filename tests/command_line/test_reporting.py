@@ -64,7 +64,7 @@ def test_compare_says_what_changed_and_whether_it_is_paired(place):
     other = cooploc("compare", "one", "two", cwd=place)
     assert other.returncode == 0, other.stderr
     assert "seed: 1 before, 2 after" in other.stdout
-    assert "Not paired, for the hashes of their streams differ: 2" in other.stdout
+    assert "Not paired, because the hashes of their streams differ: 2" in other.stdout
 
 
 @pytest.mark.parametrize(

@@ -3,48 +3,44 @@
 from pathlib import Path
 
 import pandas as pd
-from rich.console import Console
+
+from cooploc.analysis.claims import ledger as ledgers
+from cooploc.terminal.console import wide
 
 
 def report(page: Path) -> None:
     """Say where a report is."""
-    _console().print(f"report: {page}   tables: {page.parent / 'tables'}", soft_wrap=True)
+    wide().print(f"report: {page}   tables: {page.parent / 'tables'}")
 
 
 def verdicts(found: pd.DataFrame, ledger: Path | None) -> None:
     """Print the verdicts of a ledger on a run."""
-    from cooploc.analysis.claims import ledger as ledgers
-    from cooploc.analysis.claims import wording
+    from cooploc.terminal import claim_verdicts
 
-    wording.show(found, ledgers.load(ledger))
+    claim_verdicts.show(found, ledgers.load(ledger))
 
 
 def changes(title: str, settings: list[str], found: pd.DataFrame, sentences: list[str]) -> None:
     """Print what changed between two runs."""
     from cooploc.analysis.report import run_diff
 
-    console = _console()
+    console = wide()
     for line in (title, *settings, ""):
-        console.print(line, soft_wrap=True)
+        console.print(line)
     if len(found):
         console.print(run_diff.table(found).terminal())
     for line in sentences:
-        console.print(line, soft_wrap=True)
+        console.print(line)
 
 
 def reproduced(found: pd.DataFrame, differences: list[str]) -> None:
     """Print which trials of a report came out bit-equal."""
     from cooploc.analysis.report import reproduce as again
 
-    console = _console()
+    console = wide()
     trials = [again.Again(*row) for row in found.itertuples(index=False)]
     console.print(again.table(trials).terminal())
     equal = found["equal"].sum()
     console.print(f"{equal} of {len(trials)} results are bit-equal")
     if equal < len(trials) and differences:
-        console.print(f"this machine differs from that of the report: {'; '.join(differences)}", soft_wrap=True)
-
-
-def _console() -> Console:
-    # Wide: a terminal may wrap a row, but numbers are never cut off.
-    return Console(highlight=False, markup=False, width=400)
+        console.print(f"this machine differs from that of the report: {'; '.join(differences)}")

@@ -6,11 +6,13 @@ import time
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
+from cooploc.analysis.formats import duration
+
 LINE_EVERY = 5.0  # [s]
-ENOUGH = 0.02  # of the work, before which the time that is left is anybody's guess
+ENOUGH = 0.02  # of the work, before which the time left cannot be estimated
 
 
-class Watch:
+class TerminalProgress:
     """Counts (estimator, trial) pairs; a context manager around the run."""
 
     def __init__(self) -> None:
@@ -21,7 +23,7 @@ class Watch:
         columns = (BarColumn(bar_width=16), MofNCompleteColumn(), TextColumn("trials{task.description}"))
         self._bar = Progress(*columns, console=self._console, transient=True) if self._console.is_terminal else None
 
-    def __enter__(self) -> "Watch":
+    def __enter__(self) -> "TerminalProgress":
         if self._bar:
             self._bar.start()
             self._task = self._bar.add_task(", starting", total=None)
@@ -32,27 +34,27 @@ class Watch:
             self._bar.stop()
 
     def begin(self, trials: int, found: int, work: float) -> None:
-        """So many (estimator, trial) pairs in all and there already, and so much work to do."""
+        """Start: (estimator, trial) pairs in all, those found on disk already, and the work to do."""
         self.total, self.done, self._todo = trials, found, work
         self._began = self._said = time.monotonic()
         if self._bar:
             self._bar.update(self._task, total=trials, completed=found)
         if found:
-            self.say(f"{found} of {trials} trials are there already")
+            self.say(f"{found} of {trials} trials are on disk already")
 
     def advance(self, what: str, trials: int, failed: int, work: float) -> None:
         """Take note of a finished part."""
         self.done, self.failed, self._spent = self.done + trials, self.failed + failed, self._spent + work
         trouble = f", {self.failed} failed" if self.failed else ""
-        told = f"{self._left()}{trouble} ({what})"
+        text = f"{self._left()}{trouble} ({what})"
         if self._bar:
-            self._bar.update(self._task, completed=self.done, description=told)
+            self._bar.update(self._task, completed=self.done, description=text)
         elif time.monotonic() - self._said > LINE_EVERY:
             self._said = time.monotonic()
-            print(f"{self.done} of {self.total} trials{told}", file=sys.stderr, flush=True)
+            print(f"{self.done} of {self.total} trials{text}", file=sys.stderr, flush=True)
 
     def say(self, line: str) -> None:
-        """Something that the user should know, above the bar."""
+        """Print something that the user should know, above the bar."""
         self._console.print(line, soft_wrap=True)
 
     def _left(self) -> str:
@@ -60,10 +62,4 @@ class Watch:
         share = self._spent / self._todo if self._todo else 1.0
         if share < ENOUGH:
             return ""
-        return f", about {_duration((time.monotonic() - self._began) * (1 - share) / share)} left"
-
-
-def _duration(seconds: float) -> str:
-    if seconds < 90:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
+        return f", about {duration((time.monotonic() - self._began) * (1 - share) / share)} left"

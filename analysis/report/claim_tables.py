@@ -1,0 +1,118 @@
+"""A ledger's claims and their verdicts as `Table`s."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import pandas as pd
+
+from cooploc.analysis.claims import wording
+from cooploc.analysis.claims.ledger import BASE, Ledger
+from cooploc.analysis.formats import count
+from cooploc.analysis.report.tables import Table, numbers, words
+
+
+def claims(verdicts: pd.DataFrame, paper: str) -> Table:
+    """The ledger: one row per claim, reading and case."""
+    found = ("scenario", "of", "than", "value", "low", "high", "trials")
+    columns = (
+        words("claim"),
+        words("says", "says", "where", form=called),
+        words("reading", "variant", "kind", "definition", of=("variant",)),
+        words("found", *found, of=("sentence",)),
+        words("verdict", "verdict", "needed", of=("verdict",)),
+        words("remark", of=("verdict", "remark"), form=_remark),
+        words("left open by the paper", "open"),
+    )
+    shown = _shown(verdicts)
+    rows = shown.assign(sentence=[wording.sentence(row) for _, row in shown.iterrows()]).to_dict("records")
+    marks = {"data-claim": "claim", "data-verdict": "verdict"}
+    return Table("claims", f"Verdicts on the claims of {paper}", columns, rows, marks)
+
+
+def cases(part: pd.DataFrame) -> Table:
+    """The cases of one claim, for a terminal; variants that were not run are left out."""
+    columns = (
+        words("reading", "variant"),
+        *map(words, ("scenario", "of", "than")),
+        numbers("claimed", "size", of=("size", "kind", "definition"), form=_claimed),
+        numbers("found", "value", of=("value", "kind"), form=wording.number),
+        numbers("95 %", "low", "high", of=("low", "high", "kind"), form=wording.between),
+        numbers("trials", form=count),
+        words("verdict", of=("decision",)),
+        words("", "remark"),
+    )
+    shown = part[(part["verdict"] != "not run") | (part["variant"] == part["variant"].iloc[0])]
+    rows = shown.assign(decision=[wording.verdict(row) for _, row in shown.iterrows()])
+    return Table("cases", "", columns, rows.drop_duplicates().to_dict("records"))
+
+
+def _claimed(size: float, kind: str, definition: str) -> str:
+    return wording.number(size, kind) + " (r)" * (definition == "ratio" and size == size)
+
+
+class ClaimSection(NamedTuple):
+    """A claim of the ledger, as a section of the page."""
+
+    head: str
+    open: str  # what the paper leaves open
+    table: Table  # its rows of the ledger
+    run: bool  # whether any case of it was
+
+
+def by_claim(ledger: Table, verdicts: pd.DataFrame) -> list[ClaimSection]:
+    """The ledger's table claim by claim, without the columns that say the same in every row."""
+    out: list[ClaimSection] = []
+    for claim, part in verdicts.groupby("claim", sort=False):
+        first = part.iloc[0]
+        counts = part.loc[part["variant"] == first["variant"], "verdict"].value_counts()
+        verdict = ", ".join(f"{count} {name}" if len(counts) > 1 else str(name) for name, count in counts.items())
+        table = replace(
+            ledger,
+            name=f"claims-{len(out) + 1}",
+            caption=f"Claim {claim}: every reading and case that was run.",
+            columns=ledger.columns[2:-1],
+            rows=[row for row in ledger.rows if row["claim"] == claim],
+        )
+        head = f"{claim}. {called(first['says'], first['where'])}: {verdict}"
+        out.append(ClaimSection(head, str(first["open"]), table, bool((part["verdict"] != "not run").any())))
+    return out
+
+
+def overview(found: pd.DataFrame, verdicts: pd.DataFrame, ledger: Ledger) -> Table:
+    """Claims by readings, with the numbers of the first."""
+    columns = (
+        words("", "claim"),
+        words("the paper says", "says"),
+        *(replace(words(head), right=True) for head in ("claimed", "found")),
+        *(words("verdict" if name == BASE else str(name), str(name)) for name in found),
+    )
+    says = {claim.id: claim.says for claim in ledger.claims}
+    spans = {c: wording.span(part) for c, part in verdicts[verdicts["variant"] == BASE].groupby("claim", sort=False)}
+    rows = []
+    for claim, verdict in found.to_dict("index").items():
+        claimed, value = spans.get(str(claim), ("", ""))
+        if any(verdict.values()):
+            rows.append({"claim": claim, "says": says[str(claim)], "claimed": claimed, "found": value, **verdict})
+    about = (
+        "Verdicts by claim: as the paper states it, then in other readings; counts where cases differ; claims of which "
+        "nothing was run are left out. Found: from the smallest to the largest of the cases, as the paper states it; "
+        "of one case, with its 95 % interval."
+    )
+    return Table("verdicts", about, columns, rows)
+
+
+def called(says: str, where: str) -> str:
+    """A claim, and where the paper makes it."""
+    return f"{says} ({where})" if where else says
+
+
+def _remark(verdict: str, remark: object) -> str:
+    """Nothing where the sentence gives the reason already."""
+    return remark if isinstance(remark, str) and verdict not in ("not run", "not testable") else ""
+
+
+def _shown(verdicts: pd.DataFrame) -> pd.DataFrame:
+    """Without variants that were not run, and what was not run once for each reason."""
+    first = verdicts.groupby("claim", sort=False)["variant"].transform("first")
+    run = verdicts["verdict"] != "not run"
+    return verdicts[run | ((verdicts["variant"] == first) & ~verdicts.duplicated(["claim", "verdict", "remark"]))]

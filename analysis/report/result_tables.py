@@ -1,0 +1,199 @@
+"""A run's results as `Table`s: every scenario, who is best, who is over-confident, the change over a sweep."""
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any
+
+import pandas as pd
+
+from cooploc.analysis.formats import change, count, fixed, interval, metres, microseconds, p_value, percent, ratio
+from cooploc.analysis.metrics.certificate_line import mark, refused
+from cooploc.analysis.metrics.statistics import Interval
+from cooploc.analysis.report.summaries import Change, Standing, sentence
+from cooploc.analysis.report.tables import Row, Table, TableColumn, numbers, words
+
+FLAGS = {flag: flag.replace("-", "_").replace(" ", "_") for flag in
+         ("over-confident", "consistent", "conservative", "undecided", "not assessed")}  # fmt: skip
+Ranks = dict[str, tuple[dict[str, float], dict[str, str]]]  # scenario -> mean ranks, and letters, by estimator
+
+
+def remark(certificate: str, consistency: str, bound: bool, failed: int) -> str:
+    """What a reader of a result must know."""
+    remarks = ["not ranked"] if refused(certificate) else []
+    remarks += [consistency] if consistency in ("over-confident", "conservative", "undecided") else []
+    remarks += ["bound"] if bound else []
+    return ", ".join(remarks + ([f"{failed} failed"] if failed else []))
+
+
+def _of_others(form: Any) -> Any:
+    """Writes a comparison with the baseline; nothing for the baseline itself."""
+    return lambda estimator, baseline, *values: "" if estimator == baseline else form(*values)
+
+
+def _percent(digits: int) -> Any:
+    return lambda share: percent(share, digits)
+
+
+RMSE = (
+    numbers("RMSE [m]", "rmse", form=metres),
+    numbers("95 %", "rmse_low", "rmse_high", form=interval(metres)),
+)
+ANEES = numbers("ANEES", "anees", form=ratio), numbers("95 %", "anees_low", "anees_high", form=interval(ratio))
+OTHER = ("estimator", "baseline")
+RESULTS = (
+    words("scenario"),
+    words("estimator"),
+    words("checks", "certificate", form=mark),
+    *RMSE,
+    numbers("rank", form=lambda rank: fixed(rank, 1)),
+    words("group"),
+    numbers("vs baseline", "change", of=(*OTHER, "change"), form=_of_others(change)),
+    numbers(
+        "95 %",
+        *(ends := ("change_low", "change_high")),
+        of=(*OTHER, *ends),
+        form=_of_others(interval(change)),
+    ),
+    numbers("p (Holm)", "p_holm", form=p_value),
+    *ANEES,
+    numbers("in 95 %", "coverage95", form=_percent(0)),
+    numbers("diverged", form=_percent(1)),
+    numbers("messages", form=ratio),
+    numbers("bytes", form=count),
+    numbers("µs", "seconds", form=microseconds),
+    numbers("trials"),
+    words(
+        "remark",
+        *("consistency", "bound", "failed", "baseline", "stream"),
+        of=("certificate", "consistency", "bound", "failed"),
+        form=remark,
+    ),
+)
+
+
+def results(name: str, part: pd.DataFrame, ranks: Ranks, about: str) -> Table:
+    """One row per (scenario, estimator) of `compare`."""
+    rows: list[Row] = []
+    for row in part.to_dict("records"):
+        mean, letters = ranks[row["scenario"]]
+        estimator, status = row["estimator"], row["certificate"].partition(":")[0]
+        rows.append({**row, "rank": mean.get(estimator), "group": letters.get(estimator, ""), "status": status})
+    marks = {f"data-{key}": key for key in ("scenario", "estimator", "consistency")} | {"data-certificate": "status"}
+    columns = versus(part["baseline"], RESULTS)
+    if not part["certificate"].any():  # all are built in
+        columns = tuple(column for column in columns if column.head != "checks")
+    return Table(name, about, columns, rows, marks)
+
+
+def versus(baselines: Iterable[str], columns: tuple[TableColumn, ...]) -> tuple[TableColumn, ...]:
+    """The columns with the baseline's name in the head of the comparison, where there is only one."""
+    names = set(baselines)
+    head = f"vs {names.pop()}" if len(names) == 1 else "vs baseline"
+    return tuple(replace(column, head=head) if column.head == "vs baseline" else column for column in columns)
+
+
+def where(found: dict[str, list[Standing]]) -> Table:
+    """Who is best in how many scenarios of each experiment, among its estimators."""
+    columns = (
+        words("experiment"),
+        numbers("scenarios"),
+        words("best alone", "best"),
+        words("lowest RMSE, tied with others", "tied"),
+        words("the only one that qualifies", "only"),
+        numbers("none qualifies", "none"),
+    )
+    rows = []
+    for name, ones in found.items():
+        best = {word: Counter(one.best for one in ones if one.word == word) for word in WORDS}
+        said = {key: ", ".join(f"{e} ({n})" for e, n in best[word].most_common()) for word, key in WORDS.items()}
+        rows.append({"experiment": name, "scenarios": len(ones), **said, "none": best["none"].total()})
+    about = (
+        "Estimators and in how many scenarios of the experiment. An estimator qualifies to be called best if it is not "
+        "a bound, is not over-confident nor probably so, and failed in no trial."
+    )
+    return Table("where", about, columns, rows)
+
+
+WORDS = {"best": "best", "tie": "tied", "the only one": "only", "none": "none"}  # of `Standing.word` -> column
+
+
+def best(found: list[Standing]) -> Table:
+    """Who is best where."""
+    columns = (
+        words("scenario"),
+        words("", "standing"),
+        words("of those that qualify", "estimator"),
+        *RMSE,
+        *ANEES,
+        words("ties with", "ties"),
+        words("as accurate or more, but does not qualify", "barred", of=("some",)),
+    )
+    rows = [
+        {
+            "scenario": one.scenario,
+            "standing": one.word,
+            "estimator": one.best,
+            **_ends("rmse", one.rmse),
+            **_ends("anees", one.anees),
+            "ties": ", ".join((*(f"{name} (equal)" for name in one.equal), *one.tied)),
+            "barred": ", ".join(one.barred),
+            "some": _some(one.barred),
+            "alone": one.best if one.alone else "",
+            "sentence": sentence(one),
+        }
+        for one in found
+    ]
+    about = (
+        "Smallest RMSE of those that qualify to be called best. Ties: the 95 % interval of the paired change holds 0; "
+        "equal: within 5 %, by two one-sided t tests."
+    )
+    marks = {"data-scenario": "scenario", "data-best": "alone", "title": "sentence"}
+    return Table("best", about, columns, rows, marks)
+
+
+def _ends(name: str, found: Interval) -> dict[str, float]:
+    return {name: found.value, f"{name}_low": found.low, f"{name}_high": found.high}
+
+
+def _some(names: tuple[str, ...]) -> str:
+    """The first two; a list that is longer than a line is for programs."""
+    return ", ".join(names[:2]) + (f" and {len(names) - 2} more" if len(names) > 2 else "")
+
+
+def confidence(table: pd.DataFrame) -> Table:
+    """Who is over-confident, over all scenarios."""
+    columns = (
+        words("estimator"),
+        numbers("scenarios"),
+        *(numbers(flag, key) for flag, key in FLAGS.items()),
+        numbers("largest ANEES", "anees", form=ratio),
+        words("in", "scenario"),
+    )
+    rows: list[Row] = []
+    for name, part in table.groupby("estimator", sort=False):
+        counts = {key: int((part["consistency"] == flag).sum()) for flag, key in FLAGS.items()}
+        known = part.dropna(subset="anees").sort_values("anees")[["anees", "scenario"]]
+        worst = known.iloc[-1].to_dict() if len(known) else {"anees": float("nan"), "scenario": ""}
+        rows.append({"estimator": name, "scenarios": len(part), **counts, **worst})
+    about = (
+        "Number of scenarios by ANEES: over-confident where its 95 % interval lies wholly above 1.5, conservative "
+        "where wholly below 0.67, consistent where ANEES lies between, undecided where ANEES is beyond a limit but its "
+        "interval does not exclude the limit."
+    )
+    return Table("consistency", about, columns, rows)
+
+
+def sweep(name: str, found: list[Change], parameter: str) -> Table:
+    """How RMSE changes over a sweep."""
+    columns = (
+        words("estimator"),
+        numbers("RMSE [m], first", "first", form=metres),
+        numbers("last", form=metres),
+        numbers("change", form=change),
+        numbers("95 %", "change_low", "change_high", form=interval(change)),
+        numbers("trials"),
+    )
+    rows = [{**one._asdict(), **_ends("change", one.share)} for one in found]
+    about = f"From the first to the last value of {parameter}; jackknife intervals over trials, not adjusted."
+    return Table(name, about, columns, rows)

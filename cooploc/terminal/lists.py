@@ -1,0 +1,32 @@
+"""Lists of estimators, scenarios and studies."""
+
+from typing import Any
+
+import pandas as pd
+from rich.console import Console
+
+from cooploc.analysis.formats import duration
+from cooploc.analysis.report.tables import Table, words
+
+HEADS = {
+    "estimators": (words("name"), words("what it is", "about"), words("uses")),
+    "scenarios": (words("name", "labels"), words("what it is", "about")),
+    "studies": (words("name"), words("takes"), words("what it is", "about")),
+}
+
+
+def show(kind: str, listed: pd.DataFrame) -> None:
+    """Print the table of `cl.estimators()`, `cl.scenarios()` or `cl.studies()`, then plug-ins that cannot be used."""
+    broken = listed["problem"] != "" if "problem" in listed else pd.Series(False, listed.index)
+    rows = [_row(row) for row in listed[~broken].to_dict("records")]
+    console = Console(highlight=False, markup=False)
+    console.print(Table(kind, kind, HEADS[kind], rows).terminal(wrap=True))
+    for row in listed[broken].to_dict("records"):
+        console.print(f"  {row['name']}: not usable, {row['problem']}", soft_wrap=True)
+    console.print()
+
+
+def _row(row: dict[Any, Any]) -> dict[str, Any]:
+    minutes = row.get("minutes", float("nan"))
+    takes = "" if minutes != minutes else duration(60 * minutes)
+    return {**row, "about": row["about"] + " (a bound)" * row.get("bound", False), "takes": takes}

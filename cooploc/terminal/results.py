@@ -1,0 +1,78 @@
+"""A run's results: the table in the terminal, as JSON, as CSV, and the picture."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from cooploc.analysis.formats import counted
+from cooploc.analysis.metrics import certificate_line
+from cooploc.analysis.metrics.compare import SUMMARY
+from cooploc.analysis.metrics.pooling import notes, succeeded
+from cooploc.analysis.report.failures import failures
+from cooploc.analysis.report.result_tables import RESULTS, versus
+from cooploc.analysis.report.tables import Table
+from cooploc.terminal.console import wide
+
+LEGEND = (
+    "vs: change of RMSE on the same streams, Fieller interval; p: Wilcoxon signed-rank over trials, Holm over the "
+    "whole study. ANEES: 1 is consistent; undecided: beyond a limit, but its interval does not "
+    "exclude the limit. messages, bytes, µs: per robot and tick. bound: knows more than any robot "
+    "could."
+)
+ONLY_IN_REPORTS = ("scenario", "rank", "group", "anees_low", "trials")
+COLUMNS = tuple(column for column in RESULTS if column.keys[0] not in ONLY_IN_REPORTS)
+IN_ONE_PICTURE = 12  # scenarios; `cooploc report` draws one of each experiment
+
+
+def keep(table: pd.DataFrame, rows: pd.DataFrame, folder: Path) -> None:
+    """Write the table of `compare` as `table.csv`, and `rmse.png` where any trial ended and it can be read."""
+    table.to_csv(folder / "table.csv", index=False)
+    ended = succeeded(rows)
+    if len(ended) and table["scenario"].nunique() <= IN_ONE_PICTURE:
+        import matplotlib as mpl
+
+        mpl.use("agg")
+        import matplotlib.pyplot as plt
+
+        from cooploc.analysis.plot import rmse
+
+        figure: Any = rmse(ended).figure
+        figure.savefig(folder / "rmse.png", dpi=160)
+        plt.close(figure)
+
+
+def show(table: pd.DataFrame, rows: pd.DataFrame, folder: Path, as_json: bool) -> None:
+    """Print the results: the table of `compare`, or JSON alone on stdout; then failures, and where the files are."""
+    if as_json:
+        print(json.dumps(records(table), indent=1))
+    console = wide(stderr=as_json)
+    if not as_json:
+        for scenario, part in table.groupby("scenario", sort=False):
+            console.print(_table(str(scenario), part).terminal())
+            console.print()
+        console.print(LEGEND, style="dim")
+        for line in notes(rows):
+            console.print(line)
+    for line in certificate_line.remarks(table):
+        console.print(line)
+    for line, _ in failures(rows):
+        console.print(f"failed: {line}")
+    picture = f"{folder / 'rmse.png'}" if (folder / "rmse.png").exists() else f"cooploc report {folder}"
+    console.print(f"picture: {picture}   table: {folder / 'table.csv'}   run: {folder}")
+
+
+def records(table: pd.DataFrame) -> list[dict[str, Any]]:
+    """The rows with the fields of `SUMMARY`, undefined values as None."""
+    values = table[list(SUMMARY)].astype(object)
+    known = values.notna() & ~values.isin([np.inf, -np.inf])
+    return values.where(known, None).to_dict("records")  # type: ignore[return-value]
+
+
+def _table(scenario: str, part: pd.DataFrame) -> Table:
+    first = part.iloc[0]
+    size = f"{counted(first['robots'], 'robot')}, {counted(part['trials'].max(), 'trial')}"
+    title = f"{scenario}: {size}, stream {first['stream'][:12]}"
+    return Table("results", title, versus(part["baseline"], COLUMNS), part.to_dict("records"))

@@ -1,0 +1,98 @@
+"""What a run directory holds, what is missing, and what failed and why."""
+
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from rich.console import Console
+
+from cooploc.analysis.execution.certificates import line
+from cooploc.analysis.execution.run_directory import Piece, RunDir
+from cooploc.analysis.formats import counted
+from cooploc.analysis.metrics.certificate_line import mark
+from cooploc.analysis.report.failures import failures
+from cooploc.analysis.report.tables import Table, numbers, words
+from cooploc.estimators.plugins.errors import BadInput
+from cooploc.terminal.console import wide
+
+COLUMNS = (
+    words("experiment"),
+    words("scenario"),
+    words("estimator"),
+    words("checks", form=mark),
+    numbers("trials"),
+    numbers("failed", form=lambda failed: str(failed or "")),
+    words("", "remark"),
+)
+
+
+def show(folder: Path) -> None:
+    """Print what a run holds, what is missing, and what failed and why.
+
+    Raises:
+        BadInput: the directory is not a run's.
+
+    """
+    directory = RunDir(folder)
+    manifest = directory.manifest
+    if not manifest:
+        raise BadInput(f"{folder} holds no run: name the directory that cooploc run wrote")
+    console = wide()
+    _head(console, folder, manifest)
+    certificates = manifest.get("certificates", {})
+    rows: list[dict[str, Any]] = []
+    failed: list[pd.DataFrame] = []
+    for scenario, cell in manifest["cells"].items():
+        for estimator, asked in cell["estimators"].items():
+            row, lost = _contents(directory, scenario, estimator, asked)
+            rows.append({**row, "experiment": cell["experiment"], "checks": line(estimator, certificates)})
+            failed += [lost] if len(lost) else []
+    console.print(Table("contents", "", COLUMNS, rows).terminal())
+    _certificates(console, certificates)
+    for found, traceback in failures(pd.concat(failed)) if failed else []:
+        console.print(f"\nfailed: {found}")
+        console.print(traceback, style="dim")
+    if not failed:
+        console.print("\nnothing failed")
+
+
+def _head(console: Console, folder: Path, manifest: dict[str, Any]) -> None:
+    study, versions = manifest["study"], manifest["versions"]
+    trials = counted(study["trials"], "trial")
+    console.print(f"{folder}: study {study['name']}, seed {manifest['seed']}, {trials}")
+    console.print(study["about"])
+    commit = f", commit {manifest['commit'][:12]}" if manifest["commit"] else ""
+    console.print(f"cooploc {versions['cooploc']}{commit}, Python {versions['python']}, on {manifest['cpu']}")
+    console.print()
+
+
+def _contents(directory: RunDir, scenario: str, estimator: str, asked: int) -> tuple[dict[str, Any], pd.DataFrame]:
+    """A row of the table, and the first row of every trial that failed."""
+    trials: set[int] = set()
+    frames, corrupt = [], 0
+    for held in directory.held(scenario, estimator):
+        piece = Piece(scenario, estimator, held)
+        if not directory.intact(piece):
+            corrupt += 1
+            continue
+        trials |= set(held)
+        part = directory.read(piece)
+        frames.append(part[part["failure"].notna()].drop_duplicates("trial"))
+    remarks = [f"{counted(corrupt, 'corrupt part')}, will be computed again"] if corrupt else []
+    remarks += ["not finished"] if len(trials) < asked else []
+    failed = pd.concat(frames) if frames else pd.DataFrame({"trial": []})
+    counts = {"trials": f"{len(trials)} of {asked}", "failed": failed["trial"].nunique()}
+    return {"scenario": scenario, "estimator": estimator, **counts, "remark": ", ".join(remarks)}, failed
+
+
+def _certificates(console: Console, certificates: dict[str, Any]) -> None:
+    """What was found of every estimator that is not built in, and every check that it failed."""
+    for label, certificate in certificates.items():
+        console.print(f"\n{label}, {certificate['status']}: {certificate['found']}")
+        alike: dict[str, list[str]] = {}
+        for check in certificate["checks"]:
+            if check["status"] != "passed":
+                smallest = f"; smallest example: {check['example']}" if check["example"] else ""
+                alike.setdefault(f"{check['status']}: {check['detail']}{smallest}", []).append(check["check"])
+        for found, checks in alike.items():
+            console.print(f"  {', '.join(checks)} {found}", style="dim")
