@@ -1,6 +1,7 @@
 # Two commands need nothing but Python 3.11 and make: `make demo` and `make test`.
+# Another Python has an environment of its own: `make test PYTHON=python3.13` makes .venv-3.13.
 PYTHON ?= python3.11
-VENV ?= .venv
+VENV ?= .venv$(patsubst -3.11,,$(patsubst python%,-%,$(notdir $(PYTHON))))
 BIN := $(VENV)/bin
 
 .PHONY: demo test lint types floors units looks bench prove accuse lock clean
