@@ -34,7 +34,7 @@ hooks: $(VENV)/.ready  ## before every commit what CI checks but for the tests, 
 
 looks: $(VENV)/.ready  ## a report in a real browser, at 400 and 1400 pixels and on paper; pictures in build/looks
 	command -v chromium >/dev/null || { apt-get update -qq && apt-get install -y -qq chromium; }
-	LOOKS=build/looks $(BIN)/pytest tests/analysis/test_looks.py
+	LOOKS=build/looks $(BIN)/pytest tests/analysis/report/test_looks.py
 
 bench: $(VENV)/.ready  ## speed, as ratios to a reference in the same run
 	$(BIN)/python benchmarks/table.py

@@ -31,7 +31,9 @@ def test_contributing_names_only_files_that_exist():
 
 def test_contributing_names_only_targets_that_exist():
     targets = set(re.findall(r"^([a-z-]+):", MAKEFILE, re.MULTILINE))
-    named = {word for line in re.findall(r"(?:^    |`)make ([a-z][a-z -]*)", TEXT, re.MULTILINE) for word in line.split()}
+    named = {
+        word for line in re.findall(r"(?:^    |`)make ([a-z][a-z -]*)", TEXT, re.MULTILINE) for word in line.split()
+    }
     assert {"test", "quick-test", "hooks", "lint", "types", "floors", "units", "lock"} <= named & targets
 
 

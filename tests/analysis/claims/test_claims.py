@@ -3,8 +3,8 @@
 import numpy as np
 import pandas as pd
 import pytest
+from made_errors import rows
 from scipy.stats import norm
-from test_compare import rows
 
 import cooploc as cl
 from cooploc.analysis.claims.kinds import KINDS

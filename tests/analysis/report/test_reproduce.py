@@ -4,8 +4,8 @@ import json
 import shutil
 
 import pytest
+from made_logs import change, describe, lines, write
 from processes import inside
-from test_logs import change, describe, lines, write
 
 import cooploc as cl
 from cooploc.analysis.claims.ledger import load

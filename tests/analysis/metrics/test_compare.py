@@ -5,46 +5,14 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
+from made_errors import BASE, rows
 from statsmodels.stats.proportion import proportion_confint
 
 import cooploc as cl
 from cooploc.analysis.metrics.compare import SHORT, SUMMARY, compare, summarize
-from cooploc.analysis.metrics.errors import COLUMNS
 from cooploc.analysis.metrics.pooling import trial_means
 from cooploc.analysis.plot.summary import rmse
 from cooploc.analysis.report.terminal import records
-
-
-def rows(estimator, mse, *, anees=1.0, scenario="s", stream="h", ticks=10):
-    """One row per (trial, robot) of `mse` (trials, robots)."""
-    t, n = np.shape(mse)
-    frame = pd.DataFrame(
-        {
-            "scenario": scenario,
-            "estimator": estimator,
-            "trial": np.repeat(np.arange(t), n),
-            "robot": np.tile(np.arange(n), t),
-            "robots": n,
-            "ticks": ticks,
-            "mse": np.ravel(mse),
-            "anees": anees,
-            "mean_error": 1.0,
-            "median_error": 0.9,
-            "max_error": 3.0,
-            "final_error": 1.1,
-            "coverage95": 0.9,
-            "diverged": 0.0,
-            "messages": 1.0,
-            "bytes": 48.0,
-            "seconds": 1e-4,
-            "bound": False,
-            "stream": [f"{stream}{k}" for k in np.repeat(np.arange(t), n)],
-        }
-    )
-    return frame.reindex(columns=list(COLUMNS))
-
-
-BASE = np.random.default_rng(0).lognormal(0, 0.4, (12, 3))
 
 
 def test_rmse_pools_robots_by_valid_ticks_then_trials():
