@@ -1,15 +1,20 @@
 # Two commands need nothing but Python 3.11 and make: `make demo` and `make test`.
+# Another Python has an environment of its own: `make test PYTHON=python3.13` makes .venv-3.13.
 PYTHON ?= python3.11
-VENV ?= .venv
+VENV ?= .venv$(patsubst -3.11,,$(patsubst python%,-%,$(notdir $(PYTHON))))
 BIN := $(VENV)/bin
+PARALLEL := -n 2 --dist loadgroup
 
-.PHONY: demo test lint types floors units looks bench prove accuse lock clean
+.PHONY: demo test quick-test lint types floors units hooks looks bench prove accuse lock clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.ready  ## run the quick study, print its table, write its picture
 	$(BIN)/cooploc run quick
 
 test: lint types floors units  ## everything CI checks
+
+quick-test: lint types floors  ## every room in under two minutes: all but the tests marked slow
+	$(BIN)/pytest $(PARALLEL) -m "not slow"
 
 lint: $(VENV)/.ready
 	$(BIN)/ruff check .
@@ -22,11 +27,14 @@ floors: $(VENV)/.ready
 	$(BIN)/lint-imports --no-cache
 
 units: $(VENV)/.ready
-	$(BIN)/pytest -n 2 --dist loadgroup
+	$(BIN)/pytest $(PARALLEL)
+
+hooks: $(VENV)/.ready  ## before every commit what CI checks but for the tests, before every push make quick-test
+	$(BIN)/pre-commit install
 
 looks: $(VENV)/.ready  ## a report in a real browser, at 400 and 1400 pixels and on paper; pictures in build/looks
 	command -v chromium >/dev/null || { apt-get update -qq && apt-get install -y -qq chromium; }
-	LOOKS=build/looks $(BIN)/pytest tests/test_looks.py
+	LOOKS=build/looks $(BIN)/pytest tests/analysis/report/test_looks.py
 
 bench: $(VENV)/.ready  ## speed, as ratios to a reference in the same run
 	$(BIN)/python benchmarks/table.py
@@ -45,9 +53,9 @@ $(VENV)/.ready: requirements.lock pyproject.toml
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 	touch $@
 
-lock:  ## pin every dependency again (needs uv)
+lock:  ## pin what is new and keep the other pins, or pin everything again: make lock UPGRADE=--upgrade (needs uv)
 	uv pip compile pyproject.toml --extra dev --universal --python-version 3.11 --generate-hashes \
-	  --no-emit-index-url --no-emit-find-links --no-header --upgrade --output-file requirements.lock
+	  --no-emit-index-url --no-emit-find-links --no-header $(UPGRADE) --output-file requirements.lock
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache

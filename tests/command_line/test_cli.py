@@ -5,13 +5,15 @@ import subprocess
 import sys
 
 import pytest
+from processes import inside
 
 from cooploc.analysis.metrics.compare import SUMMARY
 
 SMALL = 'trials = 6\nbaseline = "arl"\nscenarios = ["trajectory[ticks=10]"]\nestimators = ["arl", "ekf-joint"]\n'
 
 
-def cooploc(*arguments, cwd=None):
+def cooploc(*arguments, cwd):
+    """As it is installed, and as a user calls it; `inside` does the same without a process."""
     return subprocess.run(
         [sys.executable, "-m", "cooploc", *arguments], capture_output=True, text=True, cwd=cwd, timeout=300
     )
@@ -39,20 +41,20 @@ def test_run_prints_a_table_and_writes_a_picture_and_says_where(ran, place):
 
 
 def test_json_is_the_only_thing_on_stdout_and_has_the_promised_fields(ran, place):
-    told = cooploc("run", "small.toml", "--out", "run", "--json", cwd=place)
+    told = inside("run", "small.toml", "--out", "run", "--json", cwd=place)
     rows = json.loads(told.stdout)
     assert [list(row) for row in rows] == [list(SUMMARY)] * 2
     assert rows[0]["trials"] == 6
     assert rows[0]["rmse_low"] < rows[0]["rmse"] < rows[0]["rmse_high"]
-    few = json.loads(cooploc("run", "small.toml", "--trials", "2", "--json", cwd=place).stdout)
+    few = json.loads(inside("run", "small.toml", "--trials", "2", "--json", cwd=place).stdout)
     assert few[0]["rmse_low"] is None
 
 
 def test_the_default_directory_is_continued(place):
-    first = cooploc("run", "small.toml", "--trials", "1", "--seed", "7", cwd=place)
+    first = inside("run", "small.toml", "--trials", "1", "--seed", "7", cwd=place)
     assert first.returncode == 0, first.stderr
     assert (place / "runs" / "small-seed7" / "manifest.json").exists()
-    assert cooploc("run", "small.toml", "--trials", "1", "--seed", "7", cwd=place).returncode == 0
+    assert inside("run", "small.toml", "--trials", "1", "--seed", "7", cwd=place).returncode == 0
 
 
 @pytest.mark.parametrize(
@@ -77,12 +79,18 @@ def test_the_default_directory_is_continued(place):
     ],
 )
 def test_bad_input_exits_2_with_one_line(place, arguments, said):
-    told = cooploc(*arguments, cwd=place)
+    told = inside(*arguments, cwd=place)
     assert told.returncode == 2
     assert told.stdout == ""
     assert said in told.stderr
     assert told.stderr.count("\n") == 1
     assert "Traceback" not in told.stderr
+
+
+def test_bad_input_exits_2_as_a_process_too(place):
+    told = cooploc("run", "quik", cwd=place)
+    assert (told.returncode, told.stdout) == (2, "")
+    assert told.stderr == "cooploc: there is no study 'quik'; did you mean 'quick'?\n"
 
 
 def test_a_failing_estimator_exits_1_and_the_rest_is_kept(place):
@@ -106,14 +114,14 @@ def test_a_failing_estimator_exits_1_and_the_rest_is_kept(place):
 
 
 def test_list_names_everything():
-    told = cooploc("list")
+    told = inside("list")
     assert told.returncode == 0
     for word in ("mrsl-rssi", "ekf-joint", "packet-drop", "mrclam", "quick"):
         assert word in told.stdout
 
 
 def test_check_passes_a_builtin_and_fails_a_broken_file(place):
-    assert cooploc("check", "dead-reckoning").returncode == 0
+    assert inside("check", "dead-reckoning").returncode == 0
     (place / "broken.py").write_text(
         "import numpy as np\n"
         "from cooploc.estimators.dead_reckoning import DeadReckoning\n"
@@ -121,7 +129,7 @@ def test_check_passes_a_builtin_and_fails_a_broken_file(place):
         "    def estimate(self, s):\n"
         "        return super().estimate(s)._replace(x=s.x + np.random.normal(size=s.x.shape))\n"
     )
-    told = cooploc("check", "broken.py:Broken", cwd=place)
+    told = inside("check", "broken.py:Broken", cwd=place)
     assert told.returncode == 1, told.stderr
     assert "failed" in told.stdout
 
@@ -140,6 +148,6 @@ def test_a_malformed_recording_exits_2_and_names_file_and_line(place):
     (data / "Landmark_Groundtruth.dat").write_text("# Subject #    x [m]    y [m]\n  6 \t 0.5 \t 0.5 \t 0.0 \t 0.0\n")
     for name in ("Robot1_Groundtruth", "Robot1_Odometry", "Robot1_Measurement"):
         (data / f"{name}.dat").write_text("# Time [s] ...\n1.0 \t 0.0 \t 0.0 \t 0.0\n")
-    told = cooploc("run", "mrclam", "--data", "recording", cwd=place)
+    told = inside("run", "mrclam", "--data", "recording", cwd=place)
     assert (told.returncode, told.stdout, told.stderr.count("\n")) == (2, "", 1)
     assert "Barcodes.dat, line 3" in told.stderr

@@ -1,9 +1,7 @@
-"""The commands that are about finished runs, as a user calls them."""
-
-import subprocess
-import sys
+"""The commands that are about finished runs."""
 
 import pytest
+from processes import inside as cooploc
 
 SMALL = 'trials = 6\nbaseline = "arl"\nscenarios = ["trajectory[ticks=6]"]\nestimators = ["arl", "ekf-local"]\n'
 LEDGER = """
@@ -21,11 +19,6 @@ says = "<b>it flies</b>"
 kind = "untestable"
 why = "nothing here flies"
 """
-
-
-def cooploc(*arguments, cwd):
-    command = [sys.executable, "-m", "cooploc", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=300)
 
 
 @pytest.fixture(scope="module")

@@ -6,6 +6,24 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from made_logs import (
+    ANCHORS,
+    COLUMNS,
+    DESCRIPTION,
+    EPOCH,
+    ETA,
+    LENGTH,
+    MODEL,
+    SIGMA,
+    TICKS,
+    TURN,
+    A,
+    change,
+    describe,
+    drive,
+    lines,
+    write,
+)
 
 from cooploc import scenarios
 from cooploc.analysis.execution.execute import execute
@@ -20,89 +38,6 @@ from cooploc.scenarios.recordings.logs.scenario import Log
 from cooploc.scenarios.runner.run import run
 from cooploc.scenarios.stream import Stream
 from cooploc.scenarios.studies.study import Study
-
-EPOCH, TICKS = 1652463552, 60
-ANCHORS = np.array([[0.0, 0.0], [0.0, 3.0], [4.0, 3.0], [4.0, 0.0]])
-A, ETA, SIGMA = -45.0, 1.8, 2.0
-LENGTH, TURN = 1.25, 0.8  # true by odometry's
-COLUMNS = ["step", "sec", "nsec", "metres", "turn", "x", "y", "r1", "r2", "r3", "r4", "s1", "s2", "s3", "s4", "note"]
-
-DESCRIPTION = """
-about = "made by a test"
-[time]
-columns = ["sec", { column = "nsec", unit = "ns" }]
-max_gap = 5.0
-[odometry]
-kind = "path"
-length = "metres"
-turn_rate = "turn"
-holds = "until the next line"
-[truth]
-x = "x"
-y = "y"
-repeats = "stale"
-max_speed = 1.0
-[anchors]
-positions = [[0, 0], [0, 3], [4, 3], [4, 0]]
-rssi = ["r1", "r2", "r3", "r4"]
-status = ["s1", "s2", "s3", "s4"]
-[prior]
-position = "first truth"
-position_sd = 0.05
-heading = "first motion"
-heading_sd = 0.1
-"""
-MODEL = "[model]\nA = -45\neta = 1.8\nsigma = 2\nsigma_v = 0.02\nsigma_omega = 0.03\n"
-
-
-def drive(seed, ticks=TICKS, reverse=False):
-    """Stamps (T + 1,), true poses (T + 1, 3) and the true (v, omega) (T, 2), which the models can follow exactly."""
-    rng = np.random.default_rng(seed)
-    time = np.concatenate([[0.0], np.cumsum(1 + 0.002 * rng.uniform(-1, 1, ticks).round(3))])
-    u = np.stack([rng.uniform(0.05, 0.15, ticks), rng.normal(0.2, 0.3, ticks)], -1)
-    u[ticks // 2 :, 0] *= -1 if reverse else 1
-    pose, exact = [np.array([2.0, 1.2, rng.uniform(-3, 3)])], Unicycle(0.0, 0.0)
-    for k in range(ticks):
-        pose.append(exact.move(pose[-1], u[k], time[k + 1] - time[k])[0])
-    return time, np.array(pose), u
-
-
-def lines(seed, ticks=TICKS, sigma=SIGMA, correlation=0.0, reverse=False):
-    """A run's lines by column, as text."""
-    time, pose, u = drive(seed, ticks, reverse)
-    rng = np.random.default_rng(1000 + seed)
-    distance = np.hypot(*(pose[:, None, :2] - ANCHORS).transpose(2, 0, 1))
-    noise = rng.normal(0, sigma, distance.shape)
-    for k in range(1, ticks + 1):
-        noise[k] = correlation * noise[k - 1] + np.sqrt(1 - correlation**2) * noise[k]
-    rssi = A - 10 * ETA * np.log10(distance) + noise
-    metres = 7.0 + np.concatenate([[0.0], np.cumsum(u[:, 0] * np.diff(time))]) / LENGTH
-    turn = np.append(u[:, 1], 0.0) / TURN
-    whole = np.floor(time)
-    return [
-        [str(k), str(EPOCH + int(whole[k])), f"{(time[k] - whole[k]) * 1e9:.0f}", f"{metres[k]:.9f}", f"{turn[k]:.9f}"]
-        + [f"{value:.9f}" for value in (*pose[k, :2], *rssi[k])]
-        + ["1", "1", "1", "1", "any text"]
-        for k in range(ticks + 1)
-    ]
-
-
-def write(data, name, rows, end="\n"):
-    text = end.join(",".join(row) for row in [COLUMNS, *rows]) + end
-    (data / f"{name}.csv").write_bytes(text.encode())
-
-
-def change(data, name, cells):
-    """Set the fields {(row, column): text} of a run; row 0 is on line 2."""
-    table = [line.split(",") for line in (data / f"{name}.csv").read_text().splitlines()]
-    for (row, column), text in cells.items():
-        table[row + 1][COLUMNS.index(column)] = text
-    write(data, name, table[1:])
-
-
-def describe(data, old="", new="", text=DESCRIPTION):
-    assert old in text
-    (data / "log.toml").write_text(text.replace(old, new, 1) if old else text + new)
 
 
 @pytest.fixture
@@ -639,7 +574,7 @@ def test_the_shipped_description_is_valid():
     assert (about.odometry.kind, about.truth.repeats, len(about.anchors.positions)) == ("path", "stale", 4)
 
 
-REAL = Path(os.environ.get("COOPLOC_DATA", Path(__file__).parents[3] / "shared" / "data")) / "wifi-rssi"
+REAL = Path(os.environ.get("COOPLOC_DATA", Path(__file__).parents[4] / "shared" / "data")) / "wifi-rssi"
 
 
 @pytest.mark.skipif(

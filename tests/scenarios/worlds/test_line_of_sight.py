@@ -7,9 +7,8 @@ from hypothesis import strategies as st
 
 from cooploc.scenarios.worlds.line_of_sight import bodies_between, walls_between
 
-RNG = np.random.default_rng(0)
-A, B = RNG.uniform(0, 6, (2, 500, 2))
-WALLS = RNG.uniform(0, 6, (7, 2, 2))
+A, B = np.random.default_rng(0).uniform(0, 6, (2, 500, 2))
+WALLS = np.random.default_rng(1).uniform(0, 6, (7, 2, 2))
 coordinate = st.integers(-3, 3).map(float)  # a small grid, so that points touch and align
 point = st.tuples(coordinate, coordinate)
 
@@ -22,24 +21,24 @@ def test_walls_are_counted_as_shapely_counts_them():
 
 
 @given(point, point, point, point)
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=400)
 def test_touching_and_collinear_walls_too(a, b, p, q):
     assume(a != b and p != q)  # a LineString has a length
     expected = shapely.intersects(shapely.LineString([a, b]), shapely.LineString([p, q]))
     assert walls_between(np.array(a), np.array(b), np.array([[p, q]])) == expected
 
 
-def test_bodies_are_those_within_their_radius_of_the_line_of_sight():
-    centres = RNG.uniform(0, 6, (500, 4, 2))
+def test_bodies_are_those_within_their_radius_of_the_line_of_sight(rng):
+    centres = rng.uniform(0, 6, (500, 4, 2))
     sights = shapely.linestrings(np.stack([A, B], 1))
     expected = shapely.distance(sights[:, None], shapely.points(centres)) <= 0.3
     np.testing.assert_array_equal(bodies_between(A, B, centres, 0.3), expected)
     assert 0.01 < expected.mean() < 0.5
 
 
-def test_any_leading_axes_broadcast():
+def test_any_leading_axes_broadcast(rng):
     """Robots (T, n, 1) against anchors (a): the shapes the simulator uses."""
-    robots, anchors = RNG.uniform(0, 6, (5, 3, 1, 2)), RNG.uniform(0, 6, (4, 2))
+    robots, anchors = rng.uniform(0, 6, (5, 3, 1, 2)), rng.uniform(0, 6, (4, 2))
     counts = walls_between(robots, anchors, WALLS)
     assert counts.shape == (5, 3, 4)
     assert counts[2, 1, 3] == walls_between(robots[2, 1, 0], anchors[3], WALLS)

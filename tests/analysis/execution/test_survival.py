@@ -6,6 +6,7 @@ import re
 import resource
 import signal
 import time
+from functools import partial
 
 import pandas as pd
 import psutil
@@ -158,7 +159,7 @@ def test_a_full_disk_stops_the_run_and_keeps_what_was_finished(place, plugins):
         SMALL.replace("{1..6}", "1").replace('ticks=12]"', 'ticks=12]", "scalability/n=99[ticks=2]"')
     )
     arguments = ("run", "small.toml", "--out", "run", "--estimators", "dead-reckoning")
-    limited = finish(*arguments, plugins=plugins, cwd=place, preexec_fn=lambda: limit_file_size(40_000))
+    limited = finish(*arguments, plugins=plugins, cwd=place, prepare=partial(limit_file_size, 40_000))
     assert limited.returncode == 2, limited.stderr
     assert re.search(r"File too large: run/parts/scalability.*what was finished is kept", limited.stderr)
     assert "Traceback" not in limited.stderr

@@ -2,11 +2,10 @@
 
 import json
 import shutil
-import subprocess
-import sys
 
 import pytest
-from test_log import change, describe, lines, write
+from made_logs import change, describe, lines, write
+from processes import inside
 
 import cooploc as cl
 from cooploc.analysis.claims.ledger import load
@@ -34,8 +33,7 @@ def report(tmp_path_factory):
 
 
 def told(*arguments):
-    command = [sys.executable, "-m", "cooploc", "reproduce", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=300)
+    return inside("reproduce", *arguments)
 
 
 def altered(report, folder, old, new):

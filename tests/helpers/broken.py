@@ -1,5 +1,6 @@
 """A gallery of estimators that break one rule each: correct ones with a single fault, and a few without any."""
 
+import gc
 import inspect
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -12,6 +13,7 @@ from cooploc.estimators.ekf_joint import EkfJoint
 from cooploc.estimators.ekf_local import EkfLocal
 from cooploc.estimators.interface import Belief, Traffic
 from cooploc.estimators.mrsl import Mrsl
+from cooploc.scenarios.stream import Truth
 
 MEMORY: dict[Any, Any] = {}
 
@@ -452,9 +454,7 @@ class FindsTruth(DeadReckoning):
     """Searches memory for the truth."""
 
     def init(self, prior, world, rows):
-        import gc
-
-        found = [thing for thing in gc.get_objects() if type(thing).__name__ == "Truth"]
+        found = [thing for thing in gc.get_referrers(Truth) if type(thing) is Truth]  # every object refers to its class
         return nudge(super().init(prior, world, rows), 1e-3 * sum(float(truth.x[0, -1, 0, 0]) for truth in found))
 
 

@@ -5,47 +5,14 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
+from made_errors import BASE, rows
 from statsmodels.stats.proportion import proportion_confint
 
 import cooploc as cl
 from cooploc.analysis.metrics.compare import SHORT, SUMMARY, compare, summarize
-from cooploc.analysis.metrics.errors import COLUMNS
 from cooploc.analysis.metrics.pooling import trial_means
 from cooploc.analysis.plot.summary import rmse
 from cooploc.terminal.results import records
-
-
-def rows(estimator, mse, *, anees=1.0, scenario="s", stream="h", ticks=10):
-    """One row per (trial, robot) of `mse` (trials, robots)."""
-    t, n = np.shape(mse)
-    frame = pd.DataFrame(
-        {
-            "scenario": scenario,
-            "estimator": estimator,
-            "trial": np.repeat(np.arange(t), n),
-            "robot": np.tile(np.arange(n), t),
-            "robots": n,
-            "ticks": ticks,
-            "mse": np.ravel(mse),
-            "anees": anees,
-            "mean_error": 1.0,
-            "median_error": 0.9,
-            "max_error": 3.0,
-            "final_error": 1.1,
-            "coverage95": 0.9,
-            "diverged": 0.0,
-            "messages": 1.0,
-            "bytes": 48.0,
-            "seconds": 1e-4,
-            "bound": False,
-            "stream": [f"{stream}{k}" for k in np.repeat(np.arange(t), n)],
-        }
-    )
-    return frame.reindex(columns=list(COLUMNS))
-
-
-RNG = np.random.default_rng(0)
-BASE = RNG.lognormal(0, 0.4, (12, 3))
 
 
 def test_rmse_pools_robots_by_valid_ticks_then_trials():
@@ -75,16 +42,17 @@ def test_differences_are_paired_by_trial_and_not_by_order():
     assert np.isnan(base["p"])
 
 
-def test_the_bootstrap_stands_beside_fiellers_interval():
-    mine = rows("b", 0.25 * BASE * RNG.lognormal(0, 0.2, BASE.shape))
+def test_the_bootstrap_stands_beside_fiellers_interval(rng):
+    mine = rows("b", 0.25 * BASE * rng.lognormal(0, 0.2, BASE.shape))
     row = compare(pd.concat([rows("a", BASE), mine]), baseline="a", full=True).iloc[1]
     assert row["bca_low"] < row["change"] < row["bca_high"] < 0
     width = row["change_high"] - row["change_low"]
     assert 0.4 < (row["bca_high"] - row["bca_low"]) / width < 1.2
 
 
-def test_a_tie_is_shown_by_equivalence_and_not_by_a_large_p():
-    near, far = (rows("b", BASE * RNG.lognormal(0, s, BASE.shape)) for s in (0.01, 1.0))
+def test_a_tie_is_shown_by_equivalence_and_not_by_a_large_p(rng):
+    better_and_worse = rng.permutation(np.linspace(-1, 1, len(BASE)))[:, None]  # as often, by as much: no luck
+    near, far = (rows("b", BASE * np.exp(s * better_and_worse)) for s in (0.01, 1.0))
     for other, tie in ((near, True), (far, False)):
         row = compare(pd.concat([rows("a", BASE), other]), baseline="a", margin=0.05, full=True).iloc[1]
         assert row["p"] > 0.05
@@ -106,9 +74,9 @@ def test_divergence_counts_trials_and_not_robots():
     assert (row["diverged_low"], row["diverged_high"]) == pytest.approx((low, high))
 
 
-def test_p_is_adjusted_over_the_whole_table():
+def test_p_is_adjusted_over_the_whole_table(rng):
     frames = [rows("a", BASE, scenario=s) for s in ("s", "t")]
-    frames += [rows("b", 0.8 * BASE * RNG.lognormal(0, 0.3, BASE.shape), scenario=s) for s in ("s", "t")]
+    frames += [rows("b", 0.8 * BASE * rng.lognormal(0, 0.3, BASE.shape), scenario=s) for s in ("s", "t")]
     table = compare(pd.concat(frames), baseline="a", full=True).dropna(subset="p")
     smallest = table["p"].idxmin()
     assert table.loc[smallest, "p_holm"] == pytest.approx(min(1, 2 * table.loc[smallest, "p"]))

@@ -388,7 +388,7 @@ def test_a_bad_parameter_is_named(data, override):
 # The real recording
 
 
-REAL = Path(os.environ.get("COOPLOC_DATA", Path(__file__).parents[3] / "shared" / "data")) / "mrclam6"
+REAL = Path(os.environ.get("COOPLOC_DATA", Path(__file__).parents[4] / "shared" / "data")) / "mrclam6"
 
 
 @pytest.mark.skipif(not REAL.is_dir(), reason="MRCLAM data set 6 is not here; set COOPLOC_DATA to where mrclam6/ lies")

@@ -3,8 +3,8 @@
 import csv
 import json
 import shutil
-from pathlib import Path
 
+import broken
 import pandas as pd
 import pytest
 from made_runs import Outline, kept_from, rows_of
@@ -55,7 +55,7 @@ class Told(Quiet):
 def place(tmp_path, monkeypatch):
     """Where outside.py is, and the gallery of broken estimators that it takes one from; workers find them there."""
     (tmp_path / "outside.py").write_text(FILE)
-    shutil.copy(Path(__file__).parents[1] / "broken.py", tmp_path)
+    shutil.copy(broken.__file__, tmp_path)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     monkeypatch.syspath_prepend(tmp_path)

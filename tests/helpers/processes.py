@@ -1,0 +1,195 @@
+"""Runs of the command line: in this process, or in one of its own, with estimators that misbehave beside it.
+
+A process of its own is forked from a server that has imported everything (warm.py): it has its own memory, working
+directory, environment, signals and output, and needs no seconds to begin. `python -m cooploc` itself is in
+command_line/test_cli.py.
+"""
+
+import atexit
+import contextlib
+import io
+import json
+import multiprocessing
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from multiprocessing import forkserver
+from pathlib import Path
+
+from cooploc.__main__ import main
+
+PLUGIN = '''
+import os, signal, time
+from dataclasses import dataclass
+from cooploc.estimators.dead_reckoning import DeadReckoning
+
+
+@dataclass(frozen=True)
+class Slow(DeadReckoning):
+    """Takes its time."""
+    seconds: float = 0.05
+
+    def predict(self, s, z):
+        time.sleep(self.seconds)
+        return super().predict(s, z)
+
+
+@dataclass(frozen=True)
+class Trouble(DeadReckoning):
+    """Does something bad in the trials 3 and 4."""
+    does: str = "raise"
+
+    def init(self, prior, world, rows):
+        if ((rows.trial == 3) | (rows.trial == 4)).any():
+            if self.does == "raise":
+                raise RuntimeError("sensor on fire")
+            if self.does == "sleep":
+                time.sleep(3600)
+            if self.does == "spin":
+                while True:
+                    pass
+            if self.does == "die":
+                os.kill(os.getpid(), signal.SIGKILL)
+            if self.does == "nan":
+                prior = prior._replace(x=prior.x * float("nan"))
+        return super().init(prior, world, rows)
+'''
+
+
+def install(folder):
+    """A folder of plug-ins that processes started with `environment` find."""
+    (folder / "trouble.py").write_text(PLUGIN)
+    info = folder / "trouble-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: trouble\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[cooploc.estimators]\nslow = trouble:Slow\ntrouble = trouble:Trouble\n")
+    return folder
+
+
+def environment(plugins):
+    """For a process that is started and finds these plug-ins."""
+    found = [str(plugins), os.environ.get("PYTHONPATH", "")]
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, found))}
+
+
+def inside(*arguments, cwd="."):
+    """A command in this process, where a process is not the point."""
+    told, complaints, before = io.StringIO(), io.StringIO(), sys.argv
+    with contextlib.redirect_stdout(told), contextlib.redirect_stderr(complaints), contextlib.chdir(cwd):
+        try:
+            sys.argv = ["cooploc", *map(str, arguments)]
+            main()
+            code = 0
+        except SystemExit as end:
+            code = end.code or 0
+        finally:
+            sys.argv = before
+    return subprocess.CompletedProcess(arguments, code, told.getvalue(), complaints.getvalue())
+
+
+class Forked:
+    """A command in a process and a process group of its own, as a shell would start it; the methods are Popen's."""
+
+    def __init__(self, arguments, plugins, cwd, prepare=None):
+        if arguments[0] == "run" and "--check" not in arguments:  # what is made to fail is checked only where asked for
+            arguments = (*arguments, "--no-check")
+        self._folder = Path(tempfile.mkdtemp())
+        asked = (self._folder, tuple(map(str, arguments)), str(plugins), str(cwd), prepare)
+        self._process = _server().Process(target=_begin, args=asked)
+        self._process.start()
+        self.pid = self._process.pid
+
+    @property
+    def returncode(self):
+        return self._process.exitcode
+
+    def poll(self):
+        return self._process.exitcode
+
+    def kill(self):
+        self._process.kill()
+
+    def communicate(self, timeout=300):
+        """What it said, when it has ended."""
+        self._process.join(timeout)
+        if self._process.exitcode is None:
+            raise TimeoutError(f"still running after {timeout} s")
+        found = tuple(file.read_text() if file.exists() else "" for file in _streams(self._folder))
+        shutil.rmtree(self._folder)
+        return found
+
+
+def _streams(folder):
+    return folder / "stdout", folder / "stderr"
+
+
+def _server():
+    """The context whose server has imported what commands need; it finds `warm` beside this file."""
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["warm"])
+    before = os.environ.get("PYTHONPATH")
+    os.environ["PYTHONPATH"] = environment(Path(__file__).parent)["PYTHONPATH"]
+    try:
+        forkserver.ensure_running()
+        atexit.register(forkserver._forkserver._stop)  # waited for, so that its processor time is counted
+    finally:
+        os.environ.pop("PYTHONPATH")
+        os.environ |= {} if before is None else {"PYTHONPATH": before}
+    return context
+
+
+def _begin(folder, arguments, plugins, cwd, prepare):
+    """What the forked process does: become what a shell would have started."""
+    os.setsid()
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # also where this process ignores it
+    for number, file in enumerate(_streams(folder), start=1):
+        os.dup2(os.open(file, os.O_WRONLY | os.O_CREAT), number)
+    sys.stdout, sys.stderr = (open(number, "w", closefd=False) for number in (1, 2))  # noqa: SIM115
+    os.chdir(cwd)
+    os.environ |= environment(plugins)
+    sys.path[:0] = [cwd, plugins]
+    sys.argv = ["cooploc", *arguments]
+    if prepare:
+        prepare()
+    main()
+
+
+def start(*arguments, plugins, cwd):
+    """Begin."""
+    return Forked(arguments, plugins, cwd)
+
+
+def finish(*arguments, plugins, cwd, prepare=None):
+    """Run to the end."""
+    run = Forked(arguments, plugins, cwd, prepare)
+    told, complaints = run.communicate()
+    return subprocess.CompletedProcess(arguments, run.returncode, told, complaints)
+
+
+def until(condition, seconds=60):
+    """Wait for something to come true."""
+    end = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > end:
+            raise TimeoutError(f"still not true after {seconds} s: {condition}")
+        time.sleep(0.02)
+
+
+def parts(folder):
+    """Every part's bytes, by name."""
+    return {file.name: file.read_bytes() for file in sorted((folder / "parts").glob("*.parquet"))}
+
+
+def marks(folder):
+    """Every part's inode and time of change, by name."""
+    found = sorted((folder / "parts").glob("*.parquet"))
+    return {file.name: (file.stat().st_ino, file.stat().st_mtime_ns) for file in found}
+
+
+def table(told):
+    """The rows of --json, by estimator."""
+    return {row["estimator"]: row for row in json.loads(told.stdout)}
