@@ -80,7 +80,7 @@ class EkfLuft(TeamSettings):
         if self.engine == "filterpy":
             return met(s, i, j, y, H_i, H_j, R, self.gate, ENGINES["filterpy"].update)
         reading = (np.ascontiguousarray(part) for part in (y, np.concatenate([H_i, H_j], -1), R))
-        return meet(Factored(s.x, s.P, s.sigma), (i, j), PairUpdate(*reading), self.gate)
+        return np.asarray(meet(Factored(s.x, s.P, s.sigma), (i, j), PairUpdate(*reading), self.gate))
 
 
 def met(s: State, i: int, j: int, y: Array, H_i: Array, H_j: Array, R: Array, gate: float, update: Update) -> Mask:

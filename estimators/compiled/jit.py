@@ -35,6 +35,7 @@ SHARED = (
     "covariance_intersection/scalar_readings",
     "covariance_intersection/newton",
     "covariance_intersection/small_matrices",
+    "kalman/matrix_kernels",
     "models/sensors",
     "particle/link_kernels",
     "particle/resampling",

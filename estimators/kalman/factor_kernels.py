@@ -4,8 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cooploc.estimators.compiled.jit import strict_kernel
 from cooploc.estimators.interface import Array, Mask
-from cooploc.estimators.kalman.matrix_kernels import compiled, whiten
+from cooploc.estimators.kalman.matrix_kernels import whiten
 
 LIMIT = 1 - 1e-9  # largest correlation of any two combinations of two robots' states
 
@@ -26,7 +27,7 @@ class PairUpdate(NamedTuple):
     R: Array  # (k, k)
 
 
-@compiled
+@strict_kernel
 def possible(A: Array, B: Array, C: Array) -> Array:
     """The cross term C (d, d) of covariances A and B, its canonical correlations cut to `LIMIT`.
 
@@ -45,7 +46,7 @@ def possible(A: Array, B: Array, C: Array) -> Array:
     return np.ascontiguousarray(cut.T)
 
 
-@compiled
+@strict_kernel
 def carry(x: Array, P: Array, sigma: Array, step: Array, P1: Array) -> None:
     """x += step,  sigma_k = P' P^-1 sigma_k for the cross terms with all others,  P = P'."""
     factor = np.linalg.solve(P, np.ascontiguousarray(P1)).T
@@ -55,7 +56,7 @@ def carry(x: Array, P: Array, sigma: Array, step: Array, P1: Array) -> None:
         sigma[k] = factor @ sigma[k]
 
 
-@compiled
+@strict_kernel
 def meet(team: Factored, pair: tuple[int, int], reading: PairUpdate, gate: float) -> Mask:
     """Joint update of a pair of robots in place; says which trials used the reading (t,)."""
     (t, _, d), (i, j), (x, P, sigma) = team.x.shape, pair, team
@@ -81,7 +82,7 @@ def meet(team: Factored, pair: tuple[int, int], reading: PairUpdate, gate: float
     return used
 
 
-@compiled
+@strict_kernel
 def gather_rows(Gamma: Array, Pi: Array, first: int, W: Array) -> None:
     """Gamma (t, o, k, m) += W (t, k, d) times the d rows of Pi (t, o, m, m) from the first on."""
     t, o, k, m = Gamma.shape
@@ -95,7 +96,7 @@ def gather_rows(Gamma: Array, Pi: Array, first: int, W: Array) -> None:
                         total[b] += w * row[b]
 
 
-@compiled
+@strict_kernel
 def subtract_outer(Pi: Array, Gamma: Array, takes: Mask) -> None:
     """Pi (t, o, m, m) -= Gamma' Gamma, where `takes` (t, o), row by row: the copy of a large team fills a cache."""
     t, o, k, m = Gamma.shape

@@ -4,8 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cooploc.estimators.compiled.jit import strict_kernel
 from cooploc.estimators.interface import Array, Mask
-from cooploc.estimators.kalman.matrix_kernels import compiled, whiten
+from cooploc.estimators.kalman.matrix_kernels import whiten
 from cooploc.estimators.models.sensors import NEAR, TOO_NEAR_TO_RANGE
 
 
@@ -35,7 +36,7 @@ class Gated(NamedTuple):
     noise: Array  # [m^2]  with the range's own variance
 
 
-@compiled
+@strict_kernel
 def beside(H_i: Array, H_j: Array, s: int, i: int, j: int, out: Array) -> None:
     """(H_i, H_j) of one reading, element by element: in compiled code a slice costs more than the numbers in it."""
     d = H_i.shape[4]
@@ -44,7 +45,7 @@ def beside(H_i: Array, H_j: Array, s: int, i: int, j: int, out: Array) -> None:
             out[c, a], out[c, d + a] = H_i[s, i, j, c, a], H_j[s, i, j, c, a]
 
 
-@compiled
+@strict_kernel
 def fill_distances(P: Array, readings: Readings, out: Array) -> None:
     """S = H_i P_ii H_i' + H_i P_ij H_j' + H_j P_ji H_i' + H_j P_jj H_j' + R, then y' S^-1 y."""
     y, H_i, H_j, R = readings  # once: in a loop, each look into a tuple of arrays counts a reference
@@ -74,7 +75,7 @@ def fill_distances(P: Array, readings: Readings, out: Array) -> None:
                     out[s, i, j] += e[c, 0] ** 2
 
 
-@compiled
+@strict_kernel
 def add_information(use: Mask, readings: Readings, eta: Array, Lambda: Array) -> None:
     """With R = C C', add the outer products of C^-1 (H_i, H_j, y) to the blocks of i and j."""
     y, H_i, H_j, R = readings
@@ -99,14 +100,14 @@ def add_information(use: Mask, readings: Readings, eta: Array, Lambda: Array) ->
                                 Lambda[s, at[a], at[m]] += B[c, a] * B[c, m]
 
 
-@compiled
+@strict_kernel
 def range_of(at: Array, i: int, j: int) -> tuple[float, float, float]:
     """|x_i - x_j| and its derivative by x_i."""
     away = np.sqrt((at[i] - at[j]) ** 2 + (at[i + 1] - at[j + 1]) ** 2)
     return away, (at[i] - at[j]) / max(away, NEAR), (at[i + 1] - at[j + 1]) / max(away, NEAR)
 
 
-@compiled
+@strict_kernel
 def gate_ranges(x: Array, C: Array, z: Array, how: Ranging, out: Gated) -> None:
     """The squared Mahalanobis distance of every range, and the terms of its second order."""
     d2, shift, noise = out
@@ -130,7 +131,7 @@ def gate_ranges(x: Array, C: Array, z: Array, how: Ranging, out: Gated) -> None:
                 d2[p, q] = y * y / (noise[p, q] + u * u * xx + 2 * u * v * xy + v * v * yy)
 
 
-@compiled
+@strict_kernel
 def join_ranges(x: Array, P: Array, z: Array, how: Ranging, d2: Array) -> None:
     """x' = x + (P^-1 + H'R^-1 H)^-1 H'R^-1 (y + H (x^ - x)),  P' = (P^-1 + H'R^-1 H)^-1."""
     t, n, d = x.shape

@@ -1,31 +1,12 @@
-"""How the loops of this room are compiled, and the small matrix steps that they share."""
+"""Compiled steps on small matrices that the loops of this room share."""
 
-import hashlib
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any, TypeVar
-
-import numba
 import numpy as np
 
+from cooploc.estimators.compiled.jit import strict_kernel
 from cooploc.estimators.interface import Array, Mask
 
-Loop = TypeVar("Loop", bound=Callable[..., Any])
 
-# By itself numba compiles again when the file of a kernel changes, not when a file does from which it takes functions.
-ROOM = Path(__file__).parent
-SOURCES = [path.read_bytes() for path in (*sorted(ROOM.glob("*_kernels.py")), ROOM.parent / "models" / "sensors.py")]
-
-
-def compiled(loop: Loop) -> Loop:
-    """Compile a loop when it is first called, by IEEE's rules, and keep it on disk until its sources change."""
-    function: Any = numba.njit(cache=True, error_model="numpy")(loop)
-    function._cache._cache_file._source_stamp = hashlib.sha256(b"".join(SOURCES)).hexdigest()
-    same: Loop = function
-    return same
-
-
-@compiled
+@strict_kernel
 def whiten(C: Array, B: Array) -> None:
     """Turn S (k, k) into its Cholesky factor C, and B (k, m) into C^-1 B, in place."""
     for c in range(len(C)):
@@ -41,7 +22,7 @@ def whiten(C: Array, B: Array) -> None:
             B[c, m] /= C[c, c]
 
 
-@compiled
+@strict_kernel
 def fill_definite(P: Array, out: Mask) -> None:
     """The last pivot of a Cholesky factor is above 0 if all are, and nan if one before it was not."""
     d = P.shape[1]
@@ -52,7 +33,7 @@ def fill_definite(P: Array, out: Mask) -> None:
         out[s] = C[d - 1, d - 1] > 0
 
 
-@compiled
+@strict_kernel
 def fill_widened(P: Array, Q: Array, out: Array) -> None:
     """(P + P')/2 with Q_i added to P_ii."""
     t, n, d, _ = Q.shape

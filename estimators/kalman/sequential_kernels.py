@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cooploc.estimators.compiled.jit import strict_kernel
 from cooploc.estimators.interface import Array, Mask
-from cooploc.estimators.kalman.matrix_kernels import compiled
 from cooploc.estimators.models.sensors import NEAR, TOO_NEAR_TO_RANGE
 
 
@@ -21,13 +21,13 @@ class Nodes(NamedTuple):
     variance: float  # [rad^2]
 
 
-@compiled
+@strict_kernel
 def entry(P: Array, a: int, b: int) -> float:
     """P_ab of a symmetric matrix given by its lower triangle, which is half as much to write as the whole."""
-    return P[a, b] if b <= a else P[b, a]  # type: ignore[no-any-return]
+    return float(P[a, b] if b <= a else P[b, a])
 
 
-@compiled
+@strict_kernel
 def mirror(P: Array) -> None:
     """Copy the lower triangle to the upper one."""
     for a in range(len(P)):
@@ -35,7 +35,7 @@ def mirror(P: Array) -> None:
             P[b, a] = P[a, b]
 
 
-@compiled
+@strict_kernel
 def absorb(x: Array, P: Array, PH: Array, y: float, S: float, gate: float) -> None:
     """x += P H' S^-1 y,  P -= P H' S^-1 H P  for a scalar reading, unless the gate refuses it; P's lower triangle."""
     if y * y <= gate * S:
@@ -48,7 +48,7 @@ def absorb(x: Array, P: Array, PH: Array, y: float, S: float, gate: float) -> No
                 P[a, b] -= gain * PH[b]
 
 
-@compiled
+@strict_kernel
 def add_ranges(x: Array, P: Array, z: Array, variance: float, gate: float) -> None:
     """Of each range in turn y = z - |x_i - x_j|,  H_i = (x_i - x_j)' / |x_i - x_j| = -H_j."""
     t, n, d = x.shape
@@ -68,7 +68,7 @@ def add_ranges(x: Array, P: Array, z: Array, variance: float, gate: float) -> No
         mirror(C)
 
 
-@compiled
+@strict_kernel
 def add_directions(x: Array, P: Array, z: Array, nodes: Nodes, gate: float) -> None:
     """Of each direction in turn y = z - angle of g,  H = (g_x dg_y - g_y dg_x) / |g|^2,  g = W' (-c ln |x_i - q|^2)."""
     places, W, c, variance = nodes
@@ -97,7 +97,7 @@ def add_directions(x: Array, P: Array, z: Array, nodes: Nodes, gate: float) -> N
         mirror(C)
 
 
-@compiled
+@strict_kernel
 def add_scalars(x: Array, P: Array, use: Mask, y: Array, H: Array, variance: float) -> None:
     """y - H (x^ - x) where x^ has moved by the readings before: the same result as all readings at once."""
     t, n, d = x.shape
