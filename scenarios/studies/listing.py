@@ -3,8 +3,8 @@
 import re
 from typing import TYPE_CHECKING
 
+from cooploc import scenarios as registry
 from cooploc.estimators.plugins.listing import source_of
-from cooploc.scenarios import family
 from cooploc.scenarios.studies import study
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ def studies() -> "DataFrame":
     rows = []
     for one in (study.load(name) for name in study.names()):
         families = dict.fromkeys(re.split(r"[/\[]", cell.scenario)[0] for cell in one.cells())
-        sources = dict.fromkeys(source_of(family(name).model_class(name)) for name in families)
+        sources = dict.fromkeys(source_of(registry.family(name).model_class(name)) for name in families)
         told = "; ".join(filter(None, sources))
         rows.append({"name": one.name, "about": one.about, "minutes": one.minutes, "source": told})
     return DataFrame(rows, columns=["name", "about", "minutes", "source"]).astype({"minutes": float})

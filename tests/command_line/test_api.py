@@ -119,7 +119,7 @@ def results(place):
 def test_run_study_keeps_rows_and_table_and_leaves_figures_alone(results, place):
     assert mpl.get_backend() == mpl.rcParams["backend"]
     assert len(results.rows) == 2 * 6 * 3
-    pd.testing.assert_frame_equal(results.table, cl.compare(results.rows, baseline="arl"))
+    pd.testing.assert_frame_equal(results.table, cl.compare(results.rows, baseline="arl", full=True))
     assert results.failures.empty
     assert {"manifest.json", "table.csv", "rmse.png"} <= {file.name for file in (place / "run").iterdir()}
     assert "1 scenarios, 2 estimators" in repr(results)
@@ -143,7 +143,7 @@ def test_load_run_gives_what_run_study_gave(results, place):
 
 def test_verdicts_are_the_same_of_results_of_a_folder_and_of_rows(results, place):
     (place / "ledger.toml").write_text(
-        'paper = "A"\n[[claims]]\nid = "1"\nsays = "better"\nkind = "improvement"\nof = "ekf-local"\nthan = "arl"\n'
+        'paper = "A"\n[[claims]]\nid = "1"\nsays = "better"\nkind = "change"\nof = "ekf-local"\nthan = "arl"\n'
         'scenarios = "trajectory[ticks=6]"\n'
     )
     found = cl.verdicts(results, place / "ledger.toml")
