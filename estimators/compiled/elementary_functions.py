@@ -90,7 +90,7 @@ _arctan_over_t = _polynomial(_odd(np.arctan), 9, 0.0, EIGHTH**2)
 
 
 @inlined
-def log(x):  # type: ignore[no-untyped-def]
+def log(x):
     """ln x for normal x > 0, error below 3e-13: x = 2^e (1 + t) with 1 + t in [sqrt(1/2), sqrt(2))."""
     b = bits(x)
     e = (b - SQRT_HALF) >> MANTISSA
@@ -99,7 +99,7 @@ def log(x):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def ln(x):  # type: ignore[no-untyped-def]
+def ln(x):
     """ln x for normal x > 0, error below 5e-13 wherever x is: fewer steps than `log`, whose error vanishes at 1."""
     b = bits(x)
     t = from_bits((b & FRACTION) | ONE) - 1.5
@@ -107,7 +107,7 @@ def ln(x):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def exp(x):  # type: ignore[no-untyped-def]
+def exp(x):
     """e^x for x <= 700, relative error below 1e-12 (of 1 + |x|/100); 0 below -708."""
     shifted = x * (1 / LN2) + ROUND
     k = bits(shifted) - bits(ROUND)
@@ -115,14 +115,14 @@ def exp(x):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def quarter(r):  # type: ignore[no-untyped-def]
+def quarter(r):
     """cos r and sin r for |r| <= pi/4, errors below 1e-13."""
     s = r * r
     return _cos(s), r * _sin_over_r(s)
 
 
 @inlined
-def turned(k, c, s):  # type: ignore[no-untyped-def]
+def turned(k, c, s):
     """(c, s) turned by k right angles."""
     swap, left, down = k & 1, ((k + 1) & 2) != 0, (k & 2) != 0
     a, b = (s if swap else c), (c if swap else s)
@@ -130,7 +130,7 @@ def turned(k, c, s):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def cosine_sine(angle):  # type: ignore[no-untyped-def]
+def cosine_sine(angle):
     """cos and sin of an angle of a few turns at most, errors below 1e-12."""
     k = bits(angle * (2 / np.pi) + ROUND) - bits(ROUND)
     c, s = quarter(angle - k * (np.pi / 2))
@@ -138,7 +138,7 @@ def cosine_sine(angle):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def arc(y, x):  # type: ignore[no-untyped-def]
+def arc(y, x):
     """|arctan2(y, x)| in [0, pi], error below 1e-12; 0 at the origin."""
     y, a = abs(y), abs(x)
     small, large = min(y, a), max(y, a)

@@ -20,7 +20,7 @@ ROTATIONS = (13, 15, 26, 6, 17, 29, 16, 24)
 PARITY = 0x1BD11BDA
 PURPOSES = 8  # counters per tick, one for each of the purposes below
 
-WORDS: Any = types.Tuple((types.uint32, types.uint32))  # type: ignore[no-untyped-call]
+WORDS: Any = types.Tuple((types.uint32, types.uint32))
 
 INIT, INIT_HEADING, MOVE, RESAMPLE, JITTER, JITTER_HEADING, BOX, AUDIT = range(8)
 
@@ -49,7 +49,7 @@ def threefry(context: Any, k0: Any, k1: Any, c0: Any, c1: Any) -> Any:
 
 
 @inlined
-def draw_words(k0, k1, counter, words):  # type: ignore[no-untyped-def]
+def draw_words(k0, k1, counter, words):
     """Threefry's words (2, n) of particles 0 .. n-1, apart from any floats: a vector then holds twice as many."""
     wide()
     first, second = words[0], words[1]
@@ -58,7 +58,7 @@ def draw_words(k0, k1, counter, words):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def normal_pair(a, b):  # type: ignore[no-untyped-def]
+def normal_pair(a, b):
     """Two standard normals from two words by Box-Muller, errors below 1e-12."""
     radius = np.sqrt(-2.0 * log(a * 2.0**-32 + 2.0**-33))
     right_angles, rest = (np.int64(b) + 2**29) >> 30, (np.int64(b) << 34) >> 34  # the lower 30 bits, with a sign
@@ -68,7 +68,7 @@ def normal_pair(a, b):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def normal_pairs(words, X, Y):  # type: ignore[no-untyped-def]
+def normal_pairs(words, X, Y):
     """The standard normals of `words` (2, n)."""
     wide()
     first, second = words[0], words[1]
@@ -77,14 +77,14 @@ def normal_pairs(words, X, Y):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def uniform_pair(k0, k1, counter, i):  # type: ignore[no-untyped-def]
+def uniform_pair(k0, k1, counter, i):
     """Two uniforms in (0, 1)."""
     a, b = threefry(k0, k1, counter, i)
     return (a + 0.5) * 2.0**-32, (b + 0.5) * 2.0**-32
 
 
 @kernel
-def _fill_normals(key, counter, out):  # type: ignore[no-untyped-def]
+def _fill_normals(key, counter, out):
     wide()
     words = np.empty((2, out.shape[1] // 2), np.uint32)
     for r in range(out.shape[0]):
@@ -95,7 +95,7 @@ def _fill_normals(key, counter, out):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _fill_uniforms(key, counter, out):  # type: ignore[no-untyped-def]
+def _fill_uniforms(key, counter, out):
     wide()
     for r in range(out.shape[0]):
         k0, k1 = np.int64(key[r, 0]), np.int64(key[r, 1])

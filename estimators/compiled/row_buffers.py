@@ -7,7 +7,7 @@ from cooploc.estimators.compiled.jit import inlined, wide
 
 
 @inlined
-def load(rows, r, out):  # type: ignore[no-untyped-def]
+def load(rows, r, out):
     """Row r into a buffer, filled up with its first entry. A view of the row would cost the counting of a reference."""
     wide()
     for i in range(rows.shape[1]):
@@ -16,14 +16,14 @@ def load(rows, r, out):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def fill(out, first, value):  # type: ignore[no-untyped-def]
+def fill(out, first, value):
     """The value into a buffer from `first` on."""
     for i in range(first, len(out)):
         out[np.uint64(i)] = value
 
 
 @inlined
-def store(values, rows, r):  # type: ignore[no-untyped-def]
+def store(values, rows, r):
     """A buffer into row r."""
     wide()
     for i in range(rows.shape[1]):
@@ -31,13 +31,13 @@ def store(values, rows, r):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def row_buffer(n):  # type: ignore[no-untyped-def]
+def row_buffer(n):
     """A buffer for a row, in whole vectors: a remainder would be computed number by number."""
     return np.empty((n + 15) // 16 * 16)
 
 
 @inlined
-def extent(values):  # type: ignore[no-untyped-def]
+def extent(values):
     """The smallest and the largest of a row."""
     wide()
     low = high = ordered(values[0])

@@ -14,7 +14,7 @@ GAP = 1e-11  # the duality gap that ends a search
 
 
 @strict_inlined
-def evaluate(M, y, trace, block, axes):  # type: ignore[no-untyped-def]
+def evaluate(M, y, trace, block, axes):
     """The criterion at matrix y: tr(C Y^-1), or det^(1/b) of Y^-1's leading block; infinity where y is singular."""
     if not invert(M, y, axes):
         return np.inf
@@ -27,7 +27,7 @@ def evaluate(M, y, trace, block, axes):  # type: ignore[no-untyped-def]
 
 
 @strict_inlined
-def sensitivity(M, y, trace, axes):  # type: ignore[no-untyped-def]
+def sensitivity(M, y, trace, axes):
     """G and W of matrix y; whether that is positive definite."""
     if not invert(M, y, axes):
         return False

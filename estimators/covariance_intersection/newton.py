@@ -26,7 +26,7 @@ RIDGE = 1e-13  # keeps the Newton system definite where sources nearly coincide
 
 
 @strict_inlined
-def support(R, newcomer, chosen):  # type: ignore[no-untyped-def]
+def support(R, newcomer, chosen):
     """How many sources are in use, with the newcomer; they are listed in `chosen`."""
     n = 0
     for k in range(R.shape[1]):
@@ -37,7 +37,7 @@ def support(R, newcomer, chosen):  # type: ignore[no-untyped-def]
 
 
 @strict_inlined
-def _factor_newton(M, R, H, chosen, n, trace, axes):  # type: ignore[no-untyped-def]
+def _factor_newton(M, R, H, chosen, n, trace, axes):
     """H_kl = tr(G B_k W B_l), twice that for the trace, among the n chosen sources; then its upper root, in place."""
     top = 0.0
     for i in range(n):
@@ -58,7 +58,7 @@ def _factor_newton(M, R, H, chosen, n, trace, axes):  # type: ignore[no-untyped-
 
 
 @strict_inlined
-def _solve(R, row, H, n):  # type: ignore[no-untyped-def]
+def _solve(R, row, H, n):
     """R = (H H')^-1 R for the first n entries of a row."""
     for i in range(n - 1, -1, -1):
         for k in range(i + 1, n):
@@ -71,7 +71,7 @@ def _solve(R, row, H, n):  # type: ignore[no-untyped-def]
 
 
 @strict_inlined
-def newton_step(M, R, H, chosen, n, trace, axes):  # type: ignore[no-untyped-def]
+def newton_step(M, R, H, chosen, n, trace, axes):
     """The step among the chosen sources that keeps their sum: H step = g - mu 1."""
     _factor_newton(M, R, H, chosen, n, trace, axes)
     for i in range(n):
@@ -88,7 +88,7 @@ def newton_step(M, R, H, chosen, n, trace, axes):  # type: ignore[no-untyped-def
 
 
 @strict_inlined
-def reach(R):  # type: ignore[no-untyped-def]
+def reach(R):
     """How far the step can be followed before a weight is zero, and whose."""
     first, reach = -1, np.inf
     for k in range(R.shape[1]):
@@ -98,7 +98,7 @@ def reach(R):  # type: ignore[no-untyped-def]
 
 
 @strict_inlined
-def _slope(M, t, trace, axes):  # type: ignore[no-untyped-def]
+def _slope(M, t, trace, axes):
     """The gain per unit of t at Y + t Q; minus infinity where that is not positive definite."""
     for i in range(len(axes)):
         for j in range(len(axes)):
@@ -107,7 +107,7 @@ def _slope(M, t, trace, axes):  # type: ignore[no-untyped-def]
 
 
 @strict_inlined
-def step_length(M, reach, trace, axes):  # type: ignore[no-untyped-def]
+def step_length(M, reach, trace, axes):
     """How far to go along Q, at most `reach`: near the best point of the line, on its near side.
 
     Newton's length 1 first, which is all it takes near the optimum; then a bracket, halved in the logarithm, because

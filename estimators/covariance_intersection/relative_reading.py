@@ -24,7 +24,7 @@ WIDTH = 1e-15  # of a bracket that cannot be halved any more
 
 
 @strict_inlined
-def _relative(M, R, sigma, w, axes):  # type: ignore[no-untyped-def]
+def _relative(M, R, sigma, w, axes):
     """Y = w B_0 + sum n_k B_k and Q = dY/dw, with n_k = v / (sigma_k + (1 - sigma_k) v), v = 1 - w."""
     R[WEIGHT, 0], R[STEP, 0] = w, 1.0
     for k in range(len(sigma)):
@@ -35,7 +35,7 @@ def _relative(M, R, sigma, w, axes):  # type: ignore[no-untyped-def]
 
 
 @strict_inlined
-def _relative_slope(M, R, sigma, w, trace, block, axes):  # type: ignore[no-untyped-def]
+def _relative_slope(M, R, sigma, w, trace, block, axes):
     """The criterion's relative slope in w; nan where Y is singular."""
     _relative(M, R, sigma, w, axes)
     if not sensitivity(M, Y, trace, axes):
@@ -51,7 +51,7 @@ def _relative_slope(M, R, sigma, w, trace, block, axes):  # type: ignore[no-unty
 
 
 @strict_inlined
-def _search(M, R, sigma, trace, block, axes):  # type: ignore[no-untyped-def]
+def _search(M, R, sigma, trace, block, axes):
     """One's own weight in [LEAST, 1] where the slope is zero, and the gap: |slope| times the width of a bracket.
 
     The bracket is halved, and cut where the line between its slopes is zero, in turn.
@@ -75,7 +75,7 @@ def _search(M, R, sigma, trace, block, axes):  # type: ignore[no-untyped-def]
 
 
 @strict_kernel
-def best(B, C_, sigma, trace, block, weights, gap, axes):  # type: ignore[no-untyped-def]
+def best(B, C_, sigma, trace, block, weights, gap, axes):
     """One's own weights (K,) and their gaps (K,)."""
     m, d = B.shape[1], len(axes)
     M, R = np.empty((FIRST + m, d, d)), np.zeros((5, m))
@@ -85,7 +85,7 @@ def best(B, C_, sigma, trace, block, weights, gap, axes):  # type: ignore[no-unt
 
 
 @strict_kernel
-def values(B, C_, sigma, trace, block, weights, value, axes):  # type: ignore[no-untyped-def]
+def values(B, C_, sigma, trace, block, weights, value, axes):
     """The criterion (K,) of any own weights (K,)."""
     m, d = B.shape[1], len(axes)
     M, R = np.empty((FIRST + m, d, d)), np.zeros((5, m))

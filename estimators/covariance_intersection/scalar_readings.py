@@ -39,7 +39,7 @@ def weights(P: Array, H: Array, q: Array, R: Array, criterion: str) -> tuple[Arr
 
 
 @inlined
-def _start(q, rho, b, c, rest):  # type: ignore[no-untyped-def]
+def _start(q, rho, b, c, rest):
     """A v that is not below the root: the lesser of what e >= q and r >= v leave of the equation."""
     r = rest / (b * q + np.sqrt((b * q) * (b * q) + c * rest))
     half = q * (rho + b)
@@ -48,7 +48,7 @@ def _start(q, rho, b, c, rest):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _left(q, rho, b, c, v):  # type: ignore[no-untyped-def]
+def _left(q, rho, b, c, v):
     """e^2 + 2 b r e + c r^2, and its slope in v."""
     w = 1 - v
     r, e = v / w, q + rho * v
@@ -56,7 +56,7 @@ def _left(q, rho, b, c, v):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def weight_equation(xx, xy, yy, ux, uy, q, R, trace):  # type: ignore[no-untyped-def]
+def weight_equation(xx, xy, yy, ux, uy, q, R, trace):
     """q, rho, b, c and the level; the level is 0 where the reading says nothing."""
     gx, gy = xx * ux + xy * uy, xy * ux + yy * uy
     h, t = gx * ux + gy * uy, xx + yy
@@ -70,7 +70,7 @@ def weight_equation(xx, xy, yy, ux, uy, q, R, trace):  # type: ignore[no-untyped
 
 
 @inlined
-def weight_root(q, rho, b, c, level):  # type: ignore[no-untyped-def]
+def weight_root(q, rho, b, c, level):
     """v in [0, 1 - LEAST]."""
     rest = level - q * q
     if not rest > 0.0:
@@ -88,7 +88,7 @@ def weight_root(q, rho, b, c, level):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _weights(P, H, q, R, trace, out, gap):  # type: ignore[no-untyped-def]
+def _weights(P, H, q, R, trace, out, gap):
     for f in range(len(P)):
         part = P[f, 0, 0], P[f, 0, 1], P[f, 1, 1], H[f, 0, 0], H[f, 0, 1], q[f, 0, 0], R[f, 0, 0]
         q_, rho, b, c, level = weight_equation(*part, trace)

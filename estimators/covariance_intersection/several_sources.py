@@ -30,13 +30,13 @@ ROUNDS = 200
 
 
 @strict_inlined
-def _adjugate_inner(M, a, b):  # type: ignore[no-untyped-def]
+def _adjugate_inner(M, a, b):
     """tr(adj(a) b) of symmetric 2 x 2 matrices, linear in each."""
     return M[a, 0, 0] * M[b, 1, 1] + M[a, 1, 1] * M[b, 0, 0] - 2 * M[a, 0, 1] * M[b, 0, 1]
 
 
 @strict_inlined
-def _best_of_two(M, i, j, trace):  # type: ignore[no-untyped-def]
+def _best_of_two(M, i, j, trace):
     """The weight of B_i beside B_j, d = 2, in closed form.
 
     det(u B_i + v B_j) = bi u^2 + x u v + bj v^2, and the trace is (ni u + nj v) over that; ni = nj = 1 stands for the
@@ -54,7 +54,7 @@ def _best_of_two(M, i, j, trace):  # type: ignore[no-untyped-def]
 
 
 @strict_inlined
-def _best_source(M, R, present, trace, axes):  # type: ignore[no-untyped-def]
+def _best_source(M, R, present, trace, axes):
     """The source that would do best alone."""
     best, least = -1, np.inf
     for k in range(R.shape[1]):
@@ -65,7 +65,7 @@ def _best_source(M, R, present, trace, axes):  # type: ignore[no-untyped-def]
 
 
 @strict_inlined
-def _gradient(M, R, trace, axes):  # type: ignore[no-untyped-def]
+def _gradient(M, R, trace, axes):
     """g_k = tr(G B_k) at Y = sum w_k B_k: where it is greatest, and the gap max g_k - 1."""
     combine(M, R, WEIGHT, Y, axes)
     if not sensitivity(M, Y, trace, axes):
@@ -78,7 +78,7 @@ def _gradient(M, R, trace, axes):  # type: ignore[no-untyped-def]
 
 
 @strict_inlined
-def _start(M, R, present, trace, axes):  # type: ignore[no-untyped-def]
+def _start(M, R, present, trace, axes):
     """The best source alone; with d = 2 beside the one that it misses most, which is the answer where two are present.
 
     Returns the index of the best source, -1 where none is present.
@@ -95,7 +95,7 @@ def _start(M, R, present, trace, axes):  # type: ignore[no-untyped-def]
 
 
 @strict_inlined
-def _descend(M, R, H, chosen, trace, axes):  # type: ignore[no-untyped-def]
+def _descend(M, R, H, chosen, trace, axes):
     """Newton among the sources in use and the one that is most missed, until the gap is GAP; returns it."""
     gap = np.inf
     for _ in range(ROUNDS):
@@ -123,7 +123,7 @@ def _descend(M, R, H, chosen, trace, axes):  # type: ignore[no-untyped-def]
 
 
 @strict_kernel
-def best(B, C_, present, trace, weights, gap, axes):  # type: ignore[no-untyped-def]
+def best(B, C_, present, trace, weights, gap, axes):
     """Weights (K, m) and their gaps (K,) for whitened sources B (K, m, d, d); zeros where no source is present."""
     m, d = B.shape[1], len(axes)
     M, R, H, chosen = np.empty((FIRST + m, d, d)), np.empty((5, m)), np.empty((m, m)), np.empty(m, np.int64)
@@ -137,7 +137,7 @@ def best(B, C_, present, trace, weights, gap, axes):  # type: ignore[no-untyped-
 
 
 @strict_kernel
-def values(B, C_, trace, weights, value, axes):  # type: ignore[no-untyped-def]
+def values(B, C_, trace, weights, value, axes):
     """The criterion (K,) of any weights (K, m)."""
     m, d = B.shape[1], len(axes)
     M, R = np.empty((FIRST + m, d, d)), np.empty((5, m))

@@ -16,7 +16,7 @@ WEIGHT, SLOPE, STEP, LEFT, RIGHT = range(5)  # slots of R
 
 
 @strict_inlined
-def factor(M, s, axes):  # type: ignore[no-untyped-def]
+def factor(M, s, axes):
     """U = the upper triangular root of matrix s = U U', and whether that is positive definite. Reads the upper half."""
     d = len(axes)
     for j in range(d - 1, -1, -1):
@@ -34,7 +34,7 @@ def factor(M, s, axes):  # type: ignore[no-untyped-def]
 
 
 @strict_inlined
-def invert_factor(M, axes):  # type: ignore[no-untyped-def]
+def invert_factor(M, axes):
     """T = U^-1, with zeros below."""
     for j in range(len(axes)):
         M[T, j, j] = 1.0 / M[U, j, j]
@@ -47,7 +47,7 @@ def invert_factor(M, axes):  # type: ignore[no-untyped-def]
 
 
 @strict_inlined
-def invert(M, s, axes):  # type: ignore[no-untyped-def]
+def invert(M, s, axes):
     """W = the inverse of matrix s, and whether that is positive definite."""
     if not factor(M, s, axes):
         return False
@@ -62,7 +62,7 @@ def invert(M, s, axes):  # type: ignore[no-untyped-def]
 
 
 @strict_inlined
-def product(M, a, b, c, axes):  # type: ignore[no-untyped-def]
+def product(M, a, b, c, axes):
     """Matrix c = a b."""
     for i in range(len(axes)):
         for j in range(len(axes)):
@@ -73,7 +73,7 @@ def product(M, a, b, c, axes):  # type: ignore[no-untyped-def]
 
 
 @strict_inlined
-def inner(M, a, b, axes):  # type: ignore[no-untyped-def]
+def inner(M, a, b, axes):
     """tr(a' b)."""
     v = 0.0
     for i in range(len(axes)):
@@ -83,7 +83,7 @@ def inner(M, a, b, axes):  # type: ignore[no-untyped-def]
 
 
 @strict_inlined
-def copy(M, a, matrix, axes):  # type: ignore[no-untyped-def]
+def copy(M, a, matrix, axes):
     """Matrix a = the given one."""
     for i in range(len(axes)):
         for j in range(len(axes)):
@@ -91,7 +91,7 @@ def copy(M, a, matrix, axes):  # type: ignore[no-untyped-def]
 
 
 @strict_inlined
-def combine(M, R, row, a, axes):  # type: ignore[no-untyped-def]
+def combine(M, R, row, a, axes):
     """Matrix a = sum R_k B_k."""
     for i in range(len(axes)):
         for j in range(len(axes)):
@@ -104,7 +104,7 @@ def combine(M, R, row, a, axes):  # type: ignore[no-untyped-def]
 
 
 @strict_inlined
-def load(M, B, C_, axes):  # type: ignore[no-untyped-def]
+def load(M, B, C_, axes):
     """One fusion into its slots."""
     copy(M, C, C_, axes)
     for k in range(len(B)):

@@ -48,7 +48,7 @@ class Whitened(NamedTuple):
 
 
 @strict_inlined
-def _judge(P, axes):  # type: ignore[no-untyped-def]
+def _judge(P, axes):
     """What a source is: FINE, ABSENT (a nan, or every variance infinite), or what is wrong with it."""
     vague, finite = 0, True
     for i in range(len(axes)):
@@ -67,7 +67,7 @@ def _judge(P, axes):  # type: ignore[no-untyped-def]
 
 
 @strict_inlined
-def _root(M, P, axes):  # type: ignore[no-untyped-def]
+def _root(M, P, axes):
     """T with T' T = scale P^-1, and the scale, P's greatest variance; zero where P is not positive definite."""
     scale = 0.0
     for i in range(len(axes)):
@@ -84,7 +84,7 @@ def _root(M, P, axes):  # type: ignore[no-untyped-def]
 
 
 @strict_kernel
-def roots(P, V, present, fault, axes):  # type: ignore[no-untyped-def]
+def roots(P, V, present, fault, axes):
     """V_k' V_k = c P_k^-1 with one c per fusion; which sources are present; what is wrong first, and with which."""
     m, d = P.shape[1], len(axes)
     M, scale = np.empty((3, d, d)), np.empty(m)
@@ -110,7 +110,7 @@ def roots(P, V, present, fault, axes):  # type: ignore[no-untyped-def]
 
 
 @strict_inlined
-def _orthogonalise(A, M, axes):  # type: ignore[no-untyped-def]
+def _orthogonalise(A, M, axes):
     """A = Q U' for the rows (n, d) of A, which becomes Q; False where its columns are dependent.
 
     Gram and Schmidt from the last column to the first, each twice. A'A = U U' is never formed, so that its condition
@@ -142,7 +142,7 @@ def _orthogonalise(A, M, axes):  # type: ignore[no-untyped-def]
 
 
 @strict_inlined
-def _weigh(M, C_, block, axes):  # type: ignore[no-untyped-def]
+def _weigh(M, C_, block, axes):
     """C = T E (T E)' / tr, with E the first columns of the identity."""
     total = 0.0
     for i in range(len(axes)):
@@ -157,7 +157,7 @@ def _weigh(M, C_, block, axes):  # type: ignore[no-untyped-def]
 
 
 @strict_kernel
-def whiten(V, mix, block, B, C_, fault, axes):  # type: ignore[no-untyped-def]
+def whiten(V, mix, block, B, C_, fault, axes):
     """B_k = T A_k T' and C (of the leading block), where T = U^-1, U U' = sum mix_k A_k and A_k = V_k' V_k."""
     m, d = V.shape[1], len(axes)
     M, A = np.empty((3, d, d)), np.empty((m * d, d))

@@ -20,7 +20,7 @@ def drawn(p: Settings, s: State, readings: Array) -> Mask:
 
 
 @kernel
-def _draw(key, counter, share, readings, chosen):  # type: ignore[no-untyped-def]
+def _draw(key, counter, share, readings, chosen):
     for r in range(chosen.shape[0]):
         for j in range(chosen.shape[1]):
             if not np.isnan(readings[r, j]):

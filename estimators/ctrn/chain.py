@@ -63,7 +63,7 @@ def chain(
 
 
 @inlined
-def _invertible(P, axes):  # type: ignore[no-untyped-def]
+def _invertible(P, axes):
     """Whether P's smallest eigenvalue is above COLLAPSED times its trace: the pivots of P less that are positive."""
     trace = P[0, 0] + P[1, 1] + (P[2, 2] if len(axes) == 3 else 0.0)
     least = COLLAPSED * max(trace, np.finfo(np.float64).tiny)
@@ -77,13 +77,13 @@ def _invertible(P, axes):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _definite(xx, xy, yy):  # type: ignore[no-untyped-def]
+def _definite(xx, xy, yy):
     """Whether a packet's covariance is positive definite by more than rounding."""
     return np.isfinite(xx) and yy > 0.0 and np.isfinite(yy) and xx - xy / yy * xy > PIVOT * xx
 
 
 @inlined
-def _linearise(model, dx, dy, z):  # type: ignore[no-untyped-def]
+def _linearise(model, dx, dy, z):
     """The innovation of a range or an RSSI and its position Jacobian at the offset (dx, dy); nan where refused."""
     ranged, A, slope, _ = model
     D = dx * dx + dy * dy
@@ -96,7 +96,7 @@ def _linearise(model, dx, dy, z):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _update(x, P, y, ux, uy, N, w, M, K, axes):  # type: ignore[no-untyped-def]
+def _update(x, P, y, ux, uy, N, w, M, K, axes):
     """x + K y and (I - K H) P/w (I - K H)' + K N K', symmetric; M (3, 3) and K (3,) are scratch."""
     for i in range(len(axes)):
         K[i] = (P[i, 0] * ux + P[i, 1] * uy) / w
@@ -115,7 +115,7 @@ def _update(x, P, y, ux, uy, N, w, M, K, axes):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _record(f, sample, r, w, own, packet, ux, uy, axes):  # type: ignore[no-untyped-def]
+def _record(f, sample, r, w, own, packet, ux, uy, axes):
     """Write fusion number f into the sample."""
     P, P_j, H, H_j = sample.P, sample.P_j, sample.H, sample.H_j
     sample.row[f], sample.w[f] = r, w
@@ -127,7 +127,7 @@ def _record(f, sample, r, w, own, packet, ux, uy, axes):  # type: ignore[no-unty
 
 
 @kernel
-def _chain(links, model, trace, belief, fusions, sample, axes):  # type: ignore[no-untyped-def]
+def _chain(links, model, trace, belief, fusions, sample, axes):
     """Update the belief by all readings; how many fusions were recorded, -1 where a packet is not a covariance."""
     (x, P), (packets, readings, recorded) = belief, links
     M, K, used, R = np.empty((3, 3)), np.empty(3), 0, model[3]

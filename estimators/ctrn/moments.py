@@ -62,7 +62,7 @@ def follow(x: Array, before: Belief, after: Belief) -> Array:
 
 
 @kernel
-def _follow(x, moved, m0, P0, m1, P1, out):  # type: ignore[no-untyped-def]
+def _follow(x, moved, m0, P0, m1, P1, out):
     """m1 + L1 L0^-1 (x - m0), with L0 and L1 the lower triangular roots of P0 and P1."""
     wide()
     for r in range(len(x)):

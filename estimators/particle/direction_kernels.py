@@ -23,7 +23,7 @@ class Directions(NamedTuple):
 
 
 @kernel
-def add_window_rows(x, d, logw, directions, out):  # type: ignore[no-untyped-def]
+def add_window_rows(x, d, logw, directions, out):
     """gain e^2, e the angle between the direction and the gradient g at the particle, for particles x (r d, N).
 
     With D_k the squared distances to the four corners, g_x ~ (ln p + ln q) / a and g_y ~ (ln p - ln q) / b, p = D_1/D_3
@@ -43,7 +43,7 @@ def add_window_rows(x, d, logw, directions, out):  # type: ignore[no-untyped-def
 
 
 @inlined
-def _add_direction(row, angle, shift, sides, gain):  # type: ignore[no-untyped-def]
+def _add_direction(row, angle, shift, sides, gain):
     """One direction, with particles shifted by (east, north) to where they were then, seen from the first corner."""
     wide()
     (X, Y, logw), (east, north), (a, b) = row, shift, sides

@@ -65,7 +65,7 @@ class Link(NamedTuple):
 
 
 @kernel
-def add_anchor_rows(x, d, logw, anchors, out):  # type: ignore[no-untyped-def]
+def add_anchor_rows(x, d, logw, anchors, out):
     """`likelihood.anchors` of RSSI, for particles x (r d, N)."""
     wide()
     n, links = logw.shape[1], np.empty((len(anchors[0]), NUMBERS))
@@ -79,7 +79,7 @@ def add_anchor_rows(x, d, logw, anchors, out):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def load_row(x, d, logw, r, row):  # type: ignore[no-untyped-def]
+def load_row(x, d, logw, r, row):
     """Row r of particles x (r d, N) into buffers."""
     load(x, d * r, row.X)
     load(x, d * r + 1, row.Y)
@@ -87,7 +87,7 @@ def load_row(x, d, logw, r, row):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def add_anchors(row, box, r, anchors, links):  # type: ignore[no-untyped-def]
+def add_anchors(row, box, r, anchors, links):
     """Row r of `anchors`, with the particles' box and scratch for the links that were heard."""
     places, readings, A, slope, unit = anchors
     far, near, ln_unit = 0, 0, np.log(unit)
@@ -100,7 +100,7 @@ def add_anchors(row, box, r, anchors, links):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def add_teammate_rows(x, d, logw, heard, out):  # type: ignore[no-untyped-def]
+def add_teammate_rows(x, d, logw, heard, out):
     """`likelihood.teammates` of RSSI or ranges, for particles x (r d, N)."""
     wide()
     n, links = logw.shape[1], np.empty((heard[1].shape[1], NUMBERS))
@@ -112,7 +112,7 @@ def add_teammate_rows(x, d, logw, heard, out):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def add_teammates(row, r, heard, links):  # type: ignore[no-untyped-def]
+def add_teammates(row, r, heard, links):
     """Row r of `teammates`, with scratch for the links that were heard."""
     packets, readings, ranged, A, slope, unit, gain = heard
     far, near, ln_unit = 0, 0, np.log(unit)
@@ -134,7 +134,7 @@ def add_teammates(row, r, heard, links):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _note(kind, links, count, box, link, sensor):  # type: ignore[no-untyped-def]
+def _note(kind, links, count, box, link, sensor):
     """Write what the loops need of a link, far ones from the front, near ones from the back; the count of both.
 
     The place, the reading less the one at D = 1, or at D_0, the place's covariance, 1/D_0, and a constant.
@@ -159,7 +159,7 @@ def _note(kind, links, count, box, link, sensor):  # type: ignore[no-untyped-def
 
 
 @inlined
-def _add(kind, row, links, count, slope):  # type: ignore[no-untyped-def]
+def _add(kind, row, links, count, slope):
     """Add the log-likelihoods of all links."""
     far, near = count
     if kind != RANGE:
@@ -168,7 +168,7 @@ def _add(kind, row, links, count, slope):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _add_all(kind, far, row, links, k, last, slope):  # type: ignore[no-untyped-def]
+def _add_all(kind, far, row, links, k, last, slope):
     """Links from k to the last: eight at a time, then four, two, one."""
     while k + 8 <= last:
         _add_group(kind, far, 8, row, links, k, slope)
@@ -184,7 +184,7 @@ def _add_all(kind, far, row, links, k, last, slope):  # type: ignore[no-untyped-
 
 
 @inlined
-def _add_group(kind, far, size, row, links, k, slope):  # type: ignore[no-untyped-def]
+def _add_group(kind, far, size, row, links, k, slope):
     """Add `size` links. Compiled apart for each `kind`, `far` and `size`, which are constants where this is inlined."""
     wide()
     X, Y, logw = row
@@ -215,18 +215,18 @@ def _add_group(kind, far, size, row, links, k, slope):  # type: ignore[no-untype
 
 
 @inlined
-def _numbers(links, k):  # type: ignore[no-untyped-def]
+def _numbers(links, k):
     return links[k, 0], links[k, 1], links[k, 2], links[k, 3], links[k, 4], links[k, 5], links[k, 6]
 
 
 @inlined
-def _both(a, b):  # type: ignore[no-untyped-def]
+def _both(a, b):
     """The sums over two groups of links: of ln D, and of (y D)^2/m as a fraction."""
     return a[0] + b[0], a[1] * b[2] + b[1] * a[2], a[2] * b[2]
 
 
 @inlined
-def _link(kind, far, x, y, link, slope):  # type: ignore[no-untyped-def]
+def _link(kind, far, x, y, link, slope):
     """ln D, (y D)^2 and m of RSSI, 0, y^2 and v of a range, and 0, y^2, 1 where the variance is the same everywhere.
 
     The slope of RSSI is J = 2 slope delta / D outside the clamp and 0 inside, that of a range delta / max(d, 0.1 m).

@@ -56,7 +56,7 @@ class Scratch(NamedTuple):
 
 
 @kernel
-def advance_rows(cloud, step, anchors, sends, out, belief):  # type: ignore[no-untyped-def]
+def advance_rows(cloud, step, anchors, sends, out, belief):
     """`steps.advance` of a cloud into `out`, and where it sends into the belief."""
     wide()
     (x, logw, due), (u, sd, key, counter), (x_out, logw_out) = cloud, step, out
@@ -91,7 +91,7 @@ def advance_rows(cloud, step, anchors, sends, out, belief):  # type: ignore[no-u
 
 
 @inlined
-def _move(rows, r, way, sd, noise):  # type: ignore[no-untyped-def]
+def _move(rows, r, way, sd, noise):
     """One axis of a row's particles, in the place of the noise that moves them; their extent."""
     wide()
     n, way = rows.shape[1], 0.0 if np.isnan(way) else way
@@ -104,7 +104,7 @@ def _move(rows, r, way, sd, noise):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _renew(row, key, counter, scratch):  # type: ignore[no-untyped-def]
+def _renew(row, key, counter, scratch):
     """One row of `steps.renew`: m + shrink (x_a - m) + h L noise, L the Cholesky factor of P, which may be singular."""
     wide()
     (X, Y, _), (w, east, north, copies, marks, words, renewed) = row, scratch
@@ -131,7 +131,7 @@ def _renew(row, key, counter, scratch):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _moments_into(belief, r, row, n, w):  # type: ignore[no-untyped-def]
+def _moments_into(belief, r, row, n, w):
     """Moments of a row into the belief; the sum of its weights and of their squares."""
     total, squares, mx, my, xx, xy, yy = _weighted_moments(row, n, w)
     mean, P = belief
@@ -141,7 +141,7 @@ def _moments_into(belief, r, row, n, w):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _weighted_moments(row, n, w):  # type: ignore[no-untyped-def]
+def _weighted_moments(row, n, w):
     """Weights of a row of n into `w`, all equal where it is nothing but -inf; their sum, squares, and the moments."""
     wide()
     X, Y, logw = row
@@ -169,7 +169,7 @@ def _weighted_moments(row, n, w):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def conclude_rows(x, logw, heard, belief, logw_out, due):  # type: ignore[no-untyped-def]
+def conclude_rows(x, logw, heard, belief, logw_out, due):
     """`steps.conclude` for particles x (2 r, n), into all that follows `heard`."""
     wide()
     n, links = logw.shape[1], np.empty((heard[1].shape[1], NUMBERS))

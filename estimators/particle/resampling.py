@@ -19,7 +19,7 @@ def systematic(w: Array, u: Array) -> Indices:
 
 
 @inlined
-def mark_ancestors(w, total, u, count, out):  # type: ignore[no-untyped-def]
+def mark_ancestors(w, total, u, count, out):
     """Systematic resampling of one row without branches, for weights w (n,) that sum to `total`.
 
     Particle j takes the places from ceil(n C_j-1 - u) on, C the cumulative weights in fixed point. Each writes its
@@ -41,7 +41,7 @@ def mark_ancestors(w, total, u, count, out):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _fill_ancestors(w, u, out):  # type: ignore[no-untyped-def]
+def _fill_ancestors(w, u, out):
     n = w.shape[1]
     count, marks = np.empty(n, np.int64), np.empty(n + 1, np.int64)
     for r in range(w.shape[0]):

@@ -39,7 +39,7 @@ def count(sent: Array, awake: Mask) -> Traffic:
 
 
 @numba.njit(cache=True)
-def _deliver(wire, link, rssi, distance, heard, packets, signal, away):  # type: ignore[no-untyped-def]
+def _deliver(wire, link, rssi, distance, heard, packets, signal, away):
     t, n, addressees, m = wire.shape
     for s in range(t):
         for i in range(n):
@@ -56,7 +56,7 @@ def _deliver(wire, link, rssi, distance, heard, packets, signal, away):  # type:
 
 
 @numba.njit(cache=True)
-def _count(wire, awake, addressed, itemsize, messages, size):  # type: ignore[no-untyped-def]
+def _count(wire, awake, addressed, itemsize, messages, size):
     t, n, addressees, m = wire.shape
     for s in range(t):
         for j in range(n):
