@@ -32,9 +32,6 @@ def keep(table: pd.DataFrame, rows: pd.DataFrame, folder: Path) -> None:
     table.to_csv(folder / "table.csv", index=False)
     ended = succeeded(rows)
     if len(ended) and table["scenario"].nunique() <= IN_ONE_PICTURE:
-        import matplotlib as mpl
-
-        mpl.use("agg")
         import matplotlib.pyplot as plt
 
         from cooploc.analysis.plot import rmse

@@ -9,6 +9,7 @@ from types import ModuleType
 
 import cloudpickle
 import matplotlib as mpl
+import matplotlib.pyplot as plt
 import pandas as pd
 import pytest
 
@@ -116,8 +117,17 @@ def results(place):
     return cl.run_study(place / "small.toml", out=place / "run")
 
 
-def test_run_study_keeps_rows_and_table_and_leaves_figures_alone(results, place):
-    assert mpl.get_backend() == mpl.rcParams["backend"]
+def test_run_study_leaves_the_figures_of_a_notebook_alone(results, place):
+    before = mpl.get_backend()
+    plt.switch_backend("svg")
+    figure = plt.figure()
+    cl.run_study(place / "small.toml", out=results.folder)
+    assert (mpl.get_backend(), plt.get_fignums()) == ("svg", [figure.number])
+    plt.close(figure)
+    plt.switch_backend(before)
+
+
+def test_run_study_keeps_rows_table_and_picture(results, place):
     assert len(results.rows) == 2 * 6 * 3
     pd.testing.assert_frame_equal(results.table, cl.compare(results.rows, baseline="arl", full=True))
     assert results.failures.empty
