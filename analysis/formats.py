@@ -47,7 +47,8 @@ def percent(share: float, digits: int | None = None, sign: bool = False) -> str:
         return fixed(share, 0)
     if digits is None:
         digits = _digits(share)
-    return f"{round(100 * share, digits) + 0.0:{'+' if sign and share else ''}.{digits}f} %"
+    rounded = round(100 * share, digits) + 0.0
+    return f"{rounded:{'+' if sign and rounded else ''}.{digits}f} %"
 
 
 def change(share: float) -> str:

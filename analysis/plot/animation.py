@@ -42,11 +42,10 @@ def animate(
         BadInput: truth, run and stream do not belong together, or have no such trial.
 
     """
-    i, _ = place(truth, run, trial)
+    i = place(truth, run, trial)[0]
     if stream is not None and stream.hashes != run.hashes:
         raise BadInput(f"this stream ({stream.scenario}) is not the run's ({run.scenario}): simulate it again")
-    ax = ax or style.new_axes(6.4, 5.2)
-    _arena(ax, truth, stream)
+    ax = _arena(ax or style.new_axes(6.4, 5.2), truth, stream)
     team = _Team(ax, truth.x[i, :, :, :2], None if stream is None else stream.air.link[i])
     looks = style.session_looks(run.traces)
     beliefs = [_Belief(ax, name, trace, i, looks[name]) for name, trace in run.traces.items()]
@@ -57,7 +56,7 @@ def animate(
         team.show(k)
         for belief in beliefs:
             belief.show(k)
-        ax.set_title(f"{run.scenario}, trial {trial}, tick {k}", loc="left", fontsize="small", color="0.35")
+        style.note(ax, f"{run.scenario}, trial {trial}, tick {k}")
         return []
 
     return FuncAnimation(ax.get_figure(True), draw, frames=truth.x.shape[1], interval=interval)  # type: ignore[arg-type]
@@ -112,7 +111,7 @@ class _Belief:
         self.ellipses.set(widths=width, heights=height, angles=angle)
 
 
-def _arena(ax: Axes, truth: Truth, stream: Stream | None) -> None:
+def _arena(ax: Axes, truth: Truth, stream: Stream | None) -> Axes:
     """The arena, and what is fixed in it."""
     (x0, y0), (x1, y1) = truth.arena
     margin = 0.05 * float(np.max(truth.arena[1] - truth.arena[0]))
@@ -125,3 +124,4 @@ def _arena(ax: Axes, truth: Truth, stream: Stream | None) -> None:
         ax.plot([], [], color=HEARD, label="packets arrive")
         ax.plot([], [], color=LOST, ls=":", label="packets are lost")
     ax.set(aspect="equal", xlim=(x0 - margin, x1 + margin), ylim=(y0 - margin, y1 + margin))
+    return ax

@@ -90,11 +90,16 @@ def new_axes(width: float, height: float) -> Axes:
     return plt.subplots(figsize=(width, height), layout="constrained")[1]
 
 
-def finish(ax: Axes, xlabel: str = "", ylabel: str = "", note: str = "", grid: Any = None) -> None:
-    """What all figures have: labels, a note above in small print, a light grid, and no box around."""
+def note(ax: Axes, text: str) -> None:
+    """A line above a figure, in small print."""
+    ax.set_title(text, loc="left", fontsize="small", color="0.35")
+
+
+def finish(ax: Axes, xlabel: str = "", ylabel: str = "", above: str = "", grid: Any = None) -> None:
+    """What all figures have: labels, a note above, a light grid, and no box around."""
     ax.set(xlabel=xlabel, ylabel=ylabel)
-    if note:
-        ax.set_title(note, loc="left", fontsize="small", color="0.35")
+    if above:
+        note(ax, above)
     if grid:
         ax.grid(axis=grid, color=GRID, lw=0.8)
     ax.set_axisbelow(True)

@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from cooploc.analysis.formats import change, count, fixed, interval, metres, microseconds, p_value, percent, ratio
@@ -78,7 +79,7 @@ def results(name: str, part: pd.DataFrame, ranks: Ranks, about: str) -> Table:
     for row in part.to_dict("records"):
         mean, letters = ranks[row["scenario"]]
         estimator, status = row["estimator"], row["certificate"].partition(":")[0]
-        rows.append({**row, "rank": mean.get(estimator), "group": letters.get(estimator, ""), "status": status})
+        rows.append({**row, "rank": mean.get(estimator, np.nan), "group": letters.get(estimator, ""), "status": status})
     marks = {f"data-{key}": key for key in ("scenario", "estimator", "consistency")} | {"data-certificate": "status"}
     columns = versus(part["baseline"], RESULTS)
     if not part["certificate"].any():  # all are built in

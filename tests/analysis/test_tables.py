@@ -73,7 +73,7 @@ def test_a_long_table_runs_over_pages_in_latex():
         ([ratio(v) for v in (-0.001, 457.63, 1.3e6)], ["0.00", "457.6", "1.3e+06"]),
         ([ratio(v) for v in (np.inf, -np.inf, np.nan)], ["∞", "-∞", ""]),
         ([percent(v, 0) for v in (0.945, -0.001, np.nan)], ["94 %", "0 %", ""]),
-        ([change(v) for v in (0.0, -0.2, 0.053, -0.0014)], ["0 %", "-20 %", "+5.3 %", "-0.14 %"]),
+        ([change(v) for v in (0.0, 1e-6, -0.2, 0.053, -0.0014)], ["0 %", "0.00 %", "-20 %", "+5.3 %", "-0.14 %"]),
         ([percent(v) for v in (0.995, 0.99984)], ["99.50 %", "99.984 %"]),
         ([p_value(p) for p in (0.04999, 0.0009, np.nan)], ["0.050", "<0.001", ""]),
         ([interval(change)(-0.2, 0.05), interval(metres)(np.nan, 1.0)], ["-20 % to +5.0 %", ""]),

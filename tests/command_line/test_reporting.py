@@ -64,7 +64,7 @@ def test_compare_says_what_changed_and_whether_it_is_paired(place):
     ("arguments", "said"),
     [
         (["report", "nowhere"], "nowhere holds no run"),
-        (["report", "small.toml"], "small.toml exists and is no run directory"),
+        (["report", "small.toml"], "small.toml exists and is not a run directory"),
         (["report", "one", "--ledger", "small.toml"], "there is no key 'trials' in a ledger"),
         (["verdicts", "nowhere"], "nowhere holds no run"),
         (["compare", "one", "nowhere"], "nowhere holds no run"),
