@@ -8,6 +8,7 @@ from filelock import FileLock
 from hypothesis import settings
 from numba.core.dispatcher import Dispatcher
 from oracles import repeatable
+from processes import stop_server
 
 settings.register_profile("repeatable", repeatable)
 settings.load_profile("repeatable")
@@ -33,3 +34,7 @@ def one_after_another(compile):
 
 
 Dispatcher.compile = one_after_another(Dispatcher.compile)
+
+
+def pytest_unconfigure():
+    stop_server()
