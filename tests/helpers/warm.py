@@ -6,6 +6,9 @@ A process that is forked from it begins where one that is started is after secon
 import tempfile
 from pathlib import Path
 
+from compiling import take_turns
+from processes import inside
+
 STUDY = """
 trials = 6
 baseline = "dead-reckoning"
@@ -16,11 +19,10 @@ estimators = ["dead-reckoning", "ekf-local", "arl[particles=50]"]
 
 def run_once():
     """A small study from the study's file to the picture."""
-    from processes import inside
-
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "small.toml").write_text(STUDY)
         inside("run", "small.toml", "--out", "run", cwd=folder)
 
 
+take_turns()
 run_once()
