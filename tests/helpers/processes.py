@@ -5,7 +5,6 @@ directory, environment, signals and output, and needs no seconds to begin. `pyth
 command_line/test_cli.py.
 """
 
-import atexit
 import contextlib
 import io
 import json
@@ -19,6 +18,7 @@ import tempfile
 import time
 from multiprocessing import forkserver
 from pathlib import Path
+from unittest.mock import patch
 
 from cooploc.__main__ import main
 
@@ -78,16 +78,17 @@ def environment(plugins):
 
 def inside(*arguments, cwd="."):
     """A command in this process, where a process is not the point."""
-    told, complaints, before = io.StringIO(), io.StringIO(), sys.argv
-    with contextlib.redirect_stdout(told), contextlib.redirect_stderr(complaints), contextlib.chdir(cwd):
+    told, complaints, code = io.StringIO(), io.StringIO(), 0
+    with (
+        contextlib.redirect_stdout(told),
+        contextlib.redirect_stderr(complaints),
+        contextlib.chdir(cwd),
+        patch.object(sys, "argv", ["cooploc", *map(str, arguments)]),
+    ):
         try:
-            sys.argv = ["cooploc", *map(str, arguments)]
             main()
-            code = 0
         except SystemExit as end:
             code = end.code or 0
-        finally:
-            sys.argv = before
     return subprocess.CompletedProcess(arguments, code, told.getvalue(), complaints.getvalue())
 
 
@@ -98,7 +99,7 @@ class Forked:
         if arguments[0] == "run" and "--check" not in arguments:  # what is made to fail is checked only where asked for
             arguments = (*arguments, "--no-check")
         self._folder = Path(tempfile.mkdtemp())
-        asked = (self._folder, tuple(map(str, arguments)), str(plugins), str(cwd), prepare)
+        asked = (self._folder, tuple(map(str, arguments)), environment(plugins), str(cwd), prepare)
         self._process = _server().Process(target=_begin, args=asked)
         self._process.start()
         self.pid = self._process.pid
@@ -131,18 +132,17 @@ def _server():
     """The context whose server has imported what commands need; it finds `warm` beside this file."""
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(["warm"])
-    before = os.environ.get("PYTHONPATH")
-    os.environ["PYTHONPATH"] = environment(Path(__file__).parent)["PYTHONPATH"]
-    try:
+    with patch.dict(os.environ, environment(Path(__file__).parent)):
         forkserver.ensure_running()
-        atexit.register(forkserver._forkserver._stop)  # waited for, so that its processor time is counted
-    finally:
-        os.environ.pop("PYTHONPATH")
-        os.environ |= {} if before is None else {"PYTHONPATH": before}
     return context
 
 
-def _begin(folder, arguments, plugins, cwd, prepare):
+def stop_server():
+    """End it, where it was begun, and wait for it: so its processor time counts as that of the tests."""
+    forkserver._forkserver._stop()
+
+
+def _begin(folder, arguments, environ, cwd, prepare):
     """What the forked process does: become what a shell would have started."""
     os.setsid()
     signal.signal(signal.SIGINT, signal.default_int_handler)  # also where this process ignores it
@@ -150,8 +150,9 @@ def _begin(folder, arguments, plugins, cwd, prepare):
         os.dup2(os.open(file, os.O_WRONLY | os.O_CREAT), number)
     sys.stdout, sys.stderr = (open(number, "w", closefd=False) for number in (1, 2))  # noqa: SIM115
     os.chdir(cwd)
-    os.environ |= environment(plugins)
-    sys.path[:0] = [cwd, plugins]
+    os.environ.clear()
+    os.environ.update(environ)
+    sys.path[:0] = [cwd, *environ["PYTHONPATH"].split(os.pathsep)]
     sys.argv = ["cooploc", *arguments]
     if prepare:
         prepare()
