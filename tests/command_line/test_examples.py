@@ -20,6 +20,7 @@ def example(name):
 
 
 @pytest.mark.parametrize("name", NAMES)
+@pytest.mark.slow
 def test_an_example_passes_every_check(name):
     report = check_estimator(example(name), name)
     assert report.passed, report.table()

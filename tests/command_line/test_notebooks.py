@@ -27,6 +27,7 @@ def test_there_are_notebooks():
 
 
 @pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
+@pytest.mark.slow
 def test_a_notebook_runs_beside_folders_named_like_ours(notebook, tmp_path):
     for folder in ("analysis", "estimators", "scenarios"):
         (tmp_path / folder).mkdir()
@@ -56,6 +57,7 @@ def test_a_notebook_imports_cooploc_alone_and_an_author_public_modules_too(noteb
     assert [module for module in found if notebook.stem != AUTHOR or not module.startswith(public)] == []
 
 
+@pytest.mark.slow
 def test_what_needs_recordings_is_skipped_with_a_reason_where_there_are_none(tmp_path):
     (notebook,) = (path for path in NOTEBOOKS if path.stem == "04_real_robots")
     done = run(notebook, tmp_path, {"COOPLOC_DATA": str(tmp_path / "nowhere")})

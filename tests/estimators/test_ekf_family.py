@@ -207,6 +207,7 @@ def test_ci_by_stated_positions_is_filterpys():
     np.testing.assert_allclose(batched.P, loop.P, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_interim_master_is_filterpys_under_losses_too():
     _, stream = simulate("packet-drop/drop=0.7", trials=3, seed=26, ticks=60)
     batched, loop = (trace(engine, EkfInterim(engine=engine), stream) for engine in ("batched", "filterpy"))
@@ -274,6 +275,7 @@ def test_pairwise_protocols_need_both_directions(name):
     [EkfJoint(), EkfJoint(**PLAIN), EkfNaive(), EkfLuft(), EkfSplitCi(), EkfInterim()],
     ids=["joint-batch", "joint-plain", "naive", "luft", "split-ci", "interim"],
 )
+@pytest.mark.slow
 def test_covariances_stay_definite_over_ten_thousand_ticks(estimator):
     """Without landmarks, so that what is shared grows while what is relative stays small."""
     _, stream = simulate("camera/n=2", seed=31, ticks=10_000)

@@ -22,6 +22,7 @@ from cooploc.analysis.report import html_page, summaries
 from cooploc.scenarios.conformance.check import CHECKS
 from cooploc.scenarios.studies.study import Study
 
+pytestmark = pytest.mark.slow
 FILE = """
 from dataclasses import dataclass
 from broken import Prophet

@@ -10,6 +10,7 @@ import psutil
 import pytest
 from processes import environment, finish, install, marks, parts, start, until
 
+pytestmark = pytest.mark.slow
 pytest.importorskip("distributed", reason="needs Dask: pip install 'cooploc[cluster]'")
 
 SMALL = """

@@ -13,6 +13,7 @@ import psutil
 import pytest
 from processes import finish, install, marks, parts, start, table, until
 
+pytestmark = pytest.mark.slow
 SMALL = """
 trials = 6
 time_limit = 1.0

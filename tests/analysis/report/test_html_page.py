@@ -18,6 +18,7 @@ from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.plot import style
 from cooploc.analysis.report import html_page, summaries, svg_figures
 
+pytestmark = pytest.mark.slow
 SWEEP = {"base": (1.0, 1.0), "good": (0.5, 1.0), "liar": (0.1, 9.0), "omniscient": (0.05, 1.0), "twin": (0.5, 1.0)}
 
 

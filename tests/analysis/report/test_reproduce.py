@@ -14,6 +14,7 @@ from cooploc.analysis.execution.stored_run import read
 from cooploc.analysis.report import html_page, reproduce
 from cooploc.scenarios.studies.study import Study
 
+pytestmark = pytest.mark.slow
 STUDY = Study(
     name="small",
     trials=5,

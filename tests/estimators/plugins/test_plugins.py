@@ -58,6 +58,7 @@ def test_an_edited_file_is_loaded_anew(place):
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
+@pytest.mark.slow
 def test_a_file_runs_in_a_study_and_in_its_workers(place, tmp_path_factory, jobs):
     names = "dead-reckoning,mine.py:Mine[scale=2]"
     told = finish(
@@ -75,6 +76,7 @@ def test_a_file_runs_in_a_study_and_in_its_workers(place, tmp_path_factory, jobs
     assert "mine.py:Mine[scale=2]" in told.stdout
 
 
+@pytest.mark.slow
 def test_an_edited_file_is_not_mixed_into_a_run(place, tmp_path_factory):
     arguments = ("run", "small.toml", "--out", "run", "--estimators", "dead-reckoning,mine.py:Mine")
     options = {"plugins": tmp_path_factory.mktemp("none"), "cwd": place}
@@ -86,6 +88,7 @@ def test_an_edited_file_is_not_mixed_into_a_run(place, tmp_path_factory):
     assert "run holds results of another version of mine.py; name another with --out" in told.stderr
 
 
+@pytest.mark.slow
 def test_a_written_package_has_what_it_needs_and_passes_its_own_tests(tmp_path):
     folder = tmp_path / "my-filter"
     files = {path.name for path in cl.new_estimator("my-filter", folder)}
@@ -96,6 +99,7 @@ def test_a_written_package_has_what_it_needs_and_passes_its_own_tests(tmp_path):
     assert f"{len(CHECKS)} passed" in told.stdout
 
 
+@pytest.mark.slow
 def test_a_written_package_is_installed_listed_and_tested(tmp_path):
     """By pip, into a folder of its own: its entry point is found, and its own test passes from there."""
     cl.new_estimator("my-filter", tmp_path / "my-filter")
@@ -148,6 +152,7 @@ def test_a_scenario_in_a_file_is_a_scenario_like_any_other(tmp_path, monkeypatch
             cl.simulate(label)
 
 
+@pytest.mark.slow
 def test_a_study_runs_a_scenario_in_a_file_and_refuses_an_edited_one(tmp_path):
     (tmp_path / "windy.py").write_text(WORLD)
     (tmp_path / "small.toml").write_text(
@@ -188,6 +193,7 @@ if __name__ == "__main__":
 
 
 @pytest.mark.parametrize("how", ["script", "typed"])
+@pytest.mark.slow
 def test_an_instance_of_a_class_of_main_runs_in_two_processes(tmp_path, how):
     """As in a notebook, whose classes are in `__main__` and in no file: they travel by value."""
     (tmp_path / "script.py").write_text(NOTEBOOK)

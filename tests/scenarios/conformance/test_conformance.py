@@ -153,6 +153,7 @@ RANDOM = {"arl", "rssi-pf", "mrsl-rssi", "mrsl-distance", "ctrn"}  # particles d
 
 @pytest.mark.parametrize("seed", [0, 1])
 @pytest.mark.parametrize("name", BUILTIN)
+@pytest.mark.slow
 def test_built_in_estimators_pass(name, seed):
     estimator = make(name)
     report = check_estimator(estimator, name, seed)
@@ -171,6 +172,7 @@ def test_correct_estimators_pass(cls, seed):
 
 
 @pytest.mark.parametrize("cls", [broken.BaseReader, broken.TeamBaseReader])
+@pytest.mark.slow
 def test_following_an_array_to_its_base_finds_nothing_or_is_caught(cls):
     report = check_estimator(cls())
     correct = cls.__mro__[1]()
@@ -180,6 +182,7 @@ def test_following_an_array_to_its_base_finds_nothing_or_is_caught(cls):
         assert not found or report["causality"].status == "failed"
 
 
+@pytest.mark.slow
 def test_a_bound_is_exempt_from_what_it_cannot_keep_and_the_report_says_so():
     report = check_estimator(make("ekf-joint"))
     assert report["non-interference"] == Result(
@@ -199,6 +202,7 @@ class SeeingBound(broken.EkfJoint):
         return ("odometry", "landmark", "sighting")
 
 
+@pytest.mark.slow
 def test_the_report_is_the_same_every_time():
     for estimator in (make("mrsl-rssi"), broken.ReadsNeighbour(), broken.NotPicklable(scale=lambda v: v)):
         assert check_estimator(estimator) == check_estimator(estimator)
@@ -342,6 +346,7 @@ def test_what_cannot_be_loaded_is_bad_input(spec, words):
         make(spec)
 
 
+@pytest.mark.slow
 def test_what_is_seldom_used_is_not_called_unused():
     found = check_estimator(make("ekf-ci"), "ekf-ci", seed=10)  # in whose small streams no fusion by range pays
     assert found.passed, found
