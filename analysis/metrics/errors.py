@@ -60,8 +60,6 @@ def errors(truth: Truth, run: Run, burn_in: int = 0) -> pd.DataFrame:
         BadInput: truth and run are swapped or of different streams, or no tick is left to count.
 
     """
-    if not (isinstance(truth, Truth) and isinstance(run, Run)):
-        raise BadInput(f"errors of a {type(truth).__name__} and a {type(run).__name__}: write cl.errors(truth, run)")
     demand_same(truth, run)
     if not 0 <= burn_in < truth.x.shape[1]:
         raise BadInput(f"burn_in is {burn_in}; it must lie between 0 and {truth.x.shape[1] - 1}")

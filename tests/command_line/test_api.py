@@ -198,5 +198,5 @@ def test_every_command_is_a_function_too():
 
 def test_truth_and_run_the_wrong_way_round_are_told_apart():
     truth, stream = cl.simulate("trajectory", ticks=2)
-    with pytest.raises(cl.BadInput, match=r"errors of a Run and a Truth: write cl.errors\(truth, run\)"):
+    with pytest.raises(cl.BadInput, match="truth and run are Run and Truth; pass the truth"):
         cl.errors(cl.run("dead-reckoning", stream), truth)
