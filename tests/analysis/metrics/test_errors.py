@@ -61,8 +61,8 @@ def test_every_column_is_documented_and_nothing_else():
 @pytest.mark.parametrize(
     ("swap", "said"),
     [
-        (lambda truth, run: (run, truth), "errors of a Run and a Truth: write cl.errors"),
-        (lambda truth, run: (type(truth), run), "errors of a type and a Run: write cl.errors"),
+        (lambda truth, run: (run, truth), "truth and run are Run and Truth; pass the truth of cl.simulate first"),
+        (lambda truth, run: (type(truth), run), "truth and run are the class Truth and Run; pass"),
     ],
 )
 def test_arguments_in_another_order_and_classes_are_refused(swap, said):
