@@ -37,6 +37,7 @@ if _TYPE_CHECKING:
     from cooploc.runs import Results as Results
     from cooploc.runs import compare_runs as compare_runs
     from cooploc.runs import load_run as load_run
+    from cooploc.runs import readings as readings
     from cooploc.runs import report as report
     from cooploc.runs import reproduce as reproduce
     from cooploc.runs import run_study as run_study
@@ -72,7 +73,7 @@ _HOME = {
     "analysis.metrics.errors": ("errors",),
     "analysis.metrics.compare": ("compare", "summarize"),
     "analysis.metrics.tum": ("to_tum",),
-    "runs": ("run_study", "load_run", "Results", "verdicts", "report", "compare_runs", "reproduce", "show"),
+    "runs": ("run_study", "load_run", "Results", "verdicts", "readings", "report", "compare_runs", "reproduce", "show"),
     "scaffold": ("new_estimator",),
 }
 _MODULES = {"estimators": "estimators", "scenarios": "scenarios", "plot": "analysis.plot"}

@@ -135,10 +135,11 @@ def report(
 
 @app.command()
 def verdicts(folder: RunDirectory, ledger: Claims = None) -> None:
-    """Print which claims a run supports, contradicts or leaves open."""
+    """Print which claims a run supports, contradicts or leaves open, and in how many readings of the paper."""
     from cooploc.terminal import finished_runs
 
     finished_runs.verdicts(cl.verdicts(folder, ledger), ledger)
+    finished_runs.readings(cl.readings(folder, ledger))
 
 
 @app.command()

@@ -11,7 +11,7 @@ from typing import Any
 import pandas as pd
 
 from cooploc.analysis.claims import ledger as ledgers
-from cooploc.analysis.claims import wording
+from cooploc.analysis.claims import multiverse, wording
 from cooploc.analysis.claims.verdicts import judge
 from cooploc.analysis.execution.execute import execute
 from cooploc.analysis.execution.stored_run import Kept, read
@@ -150,6 +150,25 @@ def verdicts(
     """
     found = judge(_ledger(ledger), _rows(run))
     return found.assign(sentence=[wording.sentence(row) for _, row in found.iterrows()])
+
+
+def readings(
+    run: Results | str | Path | pd.DataFrame, ledger: ledgers.Ledger | str | Path | None = None
+) -> pd.DataFrame:
+    """The verdicts on a paper's claims in every reading of it that was run: one row per claim and specification.
+
+    `cooploc.analysis.claims.multiverse.judge` says what the columns mean, and `shares` counts the rows by claim;
+    `cl.plot.readings` and `cl.plot.specification_curve` draw them. The study `readings` runs all readings.
+
+    Args:
+        run: from `run_study` or `load_run`, a run directory, or rows of `errors`.
+        ledger: the TOML file of the claims; without it, those of Latif & Parasuraman (2022).
+
+    Raises:
+        BadInput: the run or the ledger cannot be read, or estimators of one scenario ran on different streams.
+
+    """
+    return multiverse.judge(_ledger(ledger), _rows(run))
 
 
 def report(

@@ -13,7 +13,8 @@
 
 `kinds.KINDS` says which keys each kind of claim takes, what they mean, and how it is judged. A scenario
 `scalability/n={3..99}` stands for all those of the run whose value lies between the two. `[variants.NAME]` maps
-scenarios or estimators to others, so that a claim is judged again where the paper can be read in another way.
+scenarios or estimators to others, so that a claim is judged again where the paper can be read in another way;
+`[dimensions.NAME]` states one thing that can be read in several ways, and `multiverse` judges over all of them.
 """
 
 import tomllib
@@ -23,8 +24,10 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, Field, ValidationError
 
+from cooploc.analysis.claims import dimension_checks
 from cooploc.analysis.claims.claim import STRICT, Claim
 from cooploc.analysis.claims.kinds import KINDS, RELATIVE
+from cooploc.analysis.claims.readings import Choice, Dimension
 from cooploc.estimators import nearest
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.display.html import listed
@@ -51,6 +54,7 @@ class Ledger(BaseModel):
     paper: str
     claims: Annotated[tuple[Claim, ...], Field(min_length=1)]
     variants: dict[str, Variant] = {}
+    dimensions: dict[str, Dimension] = {}  # in which the paper can be read in several ways
 
     def __repr__(self) -> str:
         return f"Ledger({self.paper!r}, {len(self.claims)} claims, {len(self.variants)} variants)"
@@ -87,8 +91,12 @@ def read(content: dict[str, Any], where: str) -> Ledger:
     for claim in _listed(content.get("claims", []), where):
         _demand_known(claim, Claim, f"{where}, claim {claim.get('id', '?')!r}", "a claim")
         _demand_kind(claim, where)
-    for name, variant in content.get("variants", {}).items():
+    for name, variant in _tables(content, "variants").items():
         _demand_known(variant, Variant, f"{where}, variant {name!r}", "a variant")
+    for name, dimension in _tables(content, "dimensions").items():
+        _demand_known(dimension, Dimension, f"{where}, dimension {name!r}", "a dimension")
+        for choice, parameters in _tables(dimension, "choices").items():
+            _demand_known(parameters, Choice, f"{where}, dimension {name!r}, choice {choice!r}", "a choice")
     try:
         ledger = Ledger(**content)
     except ValidationError as e:
@@ -123,6 +131,12 @@ def _listed(claims: Any, where: str) -> list[dict[str, Any]]:
     if not (isinstance(claims, list) and all(isinstance(claim, dict) for claim in claims)):
         raise BadInput(f"{where}: claims must be a list of tables: write [[claims]]")
     return claims
+
+
+def _tables(given: Any, key: str) -> dict[str, Any]:
+    """The tables under a key; nothing where it is something else, which the model refuses."""
+    found = given.get(key) if isinstance(given, dict) else None
+    return found if isinstance(found, dict) else {}
 
 
 def _demand_known(given: Any, model: type[BaseModel], where: str, what: str) -> None:
@@ -161,3 +175,5 @@ def _demand_sense(ledger: Ledger, where: str) -> None:
             raise BadInput(f"{who}: size {claim.size} is not beyond margin {claim.margin}: make margin smaller")
     if BASE in ledger.variants:
         raise BadInput(f"{where}: a variant cannot be called {BASE!r}, as the claims as they stand are: rename it")
+    if wrong := dimension_checks.refusal(ledger.dimensions, ledger.claims):
+        raise BadInput(f"{where}, {wrong}")

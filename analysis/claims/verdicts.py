@@ -68,7 +68,7 @@ def judge(ledger: Ledger, rows: pd.DataFrame) -> pd.DataFrame:
     out = []
     for claim in ledger.claims:
         for variant, read in variants(claim, ledger):
-            out += [{"variant": variant, **row} for row in _judged(read, table)]
+            out += [{"variant": variant, **row} for row in judged(read, table)]
     return pd.DataFrame(out, columns=list(COLUMNS))
 
 
@@ -86,12 +86,13 @@ def overview(verdicts: pd.DataFrame) -> pd.DataFrame:
     return cells.reindex(index=order[0], columns=[name for name in order[1] if name in cells]).fillna("")
 
 
-def _judged(claim: Claim, table: TrialTable) -> Iterable[dict[str, object]]:
+def judged(claim: Claim, table: TrialTable, asked: Iterable[Case] | None = None) -> list[dict[str, object]]:
+    """A row for every case of a claim, or for those asked."""
     about = {"claim": claim.id, "open": "; ".join(claim.open), **claim.model_dump(include={"says", "where", "kind"})}
     judge = KINDS[claim.kind].judge
     if judge is None:
         return [{**about, "verdict": "not testable", "remark": claim.why}]
-    return [{**about, **_found(judge, case, claim, table)} for case in cases(claim)]
+    return [{**about, **_found(judge, case, claim, table)} for case in (cases(claim) if asked is None else asked)]
 
 
 def _found(judge: Judge, case: Case, claim: Claim, table: TrialTable) -> dict[str, object]:

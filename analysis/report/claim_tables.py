@@ -7,6 +7,7 @@ import pandas as pd
 
 from cooploc.analysis.claims import wording
 from cooploc.analysis.claims.ledger import BASE, Ledger
+from cooploc.analysis.claims.multiverse import DECIDED
 from cooploc.analysis.formats import count
 from cooploc.analysis.report.tables import Table, numbers, words
 
@@ -99,6 +100,22 @@ def overview(found: pd.DataFrame, verdicts: pd.DataFrame, ledger: Ledger) -> Tab
         "of one case, with its 95 % interval."
     )
     return Table("verdicts", about, columns, rows)
+
+
+def over_readings(shares: pd.DataFrame) -> Table:
+    """The map of a ledger over the readings of its paper: one row per claim.
+
+    Args:
+        shares: from `multiverse.shares`.
+
+    """
+    columns = (
+        words("claim"),
+        *(numbers(head, form=count) for head in ("specifications", *DECIDED)),
+        *map(words, ("letter", "preset", "scenarios")),
+        words("choices that matter", "dimensions"),
+    )
+    return Table("readings", "", columns, shares.to_dict("records"))
 
 
 def called(says: str, where: str) -> str:

@@ -3,7 +3,8 @@
 import pandas as pd
 
 from cooploc.analysis.claims.ledger import Ledger
-from cooploc.analysis.report.claim_tables import called, cases
+from cooploc.analysis.claims.multiverse import shares
+from cooploc.analysis.report.claim_tables import called, cases, over_readings
 from cooploc.terminal.console import wide
 
 STYLES = {"supported": "green", "direction only": "yellow", "contradicted": "red", "undecided": "cyan"}
@@ -23,6 +24,25 @@ def show(verdicts: pd.DataFrame, ledger: Ledger) -> None:
     for name, variant in ledger.variants.items():
         console.print(f"{name}: {variant.about}", style="dim")
     console.print(_legend(verdicts), style="dim")
+
+
+def show_readings(found: pd.DataFrame) -> None:
+    """Print the map: for every claim, in how many specifications it holds, and in which.
+
+    Args:
+        found: from `multiverse.judge`.
+
+    """
+    console, counted = wide(), shares(found)
+    console.print("\nThe claims over all readings of the paper that were run", style="bold")
+    console.print(over_readings(counted).terminal())
+    for row in counted.to_dict("records"):
+        console.print(f" {row['claim']}. {row['says']}: {row['sentence']}.")
+    console.print(
+        "A specification is a case (scenario, estimators, definition of the size) in a reading of the paper; what "
+        "runs the same counts once. letter: the reading nearest to the words of the paper.",
+        style="dim",
+    )
 
 
 def _legend(verdicts: pd.DataFrame) -> str:

@@ -20,6 +20,14 @@ def verdicts(found: pd.DataFrame, ledger: Path | None) -> None:
     claim_verdicts.show(found, ledgers.load(ledger))
 
 
+def readings(found: pd.DataFrame) -> None:
+    """Print in how many readings each claim holds, where a run holds more than the preset's."""
+    from cooploc.terminal import claim_verdicts
+
+    if not found["preset"].all():
+        claim_verdicts.show_readings(found)
+
+
 def changes(title: str, settings: list[str], found: pd.DataFrame, sentences: list[str]) -> None:
     """Print what changed between two runs."""
     from cooploc.analysis.report import run_diff

@@ -1,0 +1,180 @@
+"""The readings of a paper: the design covers what it says, and a reading is applied to every method alike."""
+
+from importlib.resources import files
+from itertools import combinations, product
+
+import numpy as np
+import pytest
+
+import cooploc as cl
+from cooploc.analysis.claims import readings, readings_study
+from cooploc.analysis.claims.ledger import load, read
+from cooploc.estimators import make
+from cooploc.scenarios.studies.study import load as load_study
+
+DIMENSIONS = load().dimensions
+PARTICLE = ("arl", "mrsl-rssi", "mrsl-distance", "ctrn")
+WEIGHTS = {"ctrn": {"weights": "exact", "audit": 0.0}}
+
+
+def reading(**chosen):
+    return {**readings.preset(DIMENSIONS), **chosen}
+
+
+def pairs(rows):
+    """The pairs of choices in rows, without dimensions that another choice settles."""
+    return {
+        pair
+        for row in rows
+        for pair in combinations([(n, c) for n, c in row.items() if n not in readings.settled(row, DIMENSIONS)], 2)
+    }
+
+
+def test_every_possible_pair_of_choices_stands_in_the_covering_array():
+    every = {
+        ((a, x), (b, y))
+        for a, b in combinations(DIMENSIONS, 2)
+        for x, y in product(DIMENSIONS[a].choices, DIMENSIONS[b].choices)
+        if b not in DIMENSIONS[a].choices[x].settles and a not in DIMENSIONS[b].choices[y].settles
+    }
+    rows = readings.covering(DIMENSIONS)
+    assert pairs(rows) == every
+    assert len(rows) <= 20  # of 27,648 combinations
+    assert pairs(readings.design(DIMENSIONS)) == every
+
+
+def test_the_design_holds_both_ends_and_all_main_effects_each_once():
+    design = readings.design(DIMENSIONS)
+    preset, letter = readings.preset(DIMENSIONS), readings.letter(DIMENSIONS)
+    assert design[:2] == [preset, letter]
+    for end in (preset, letter):
+        for name, dimension in DIMENSIONS.items():
+            for choice in dimension.choices:
+                assert readings.canonical({**end, name: choice}, DIMENSIONS) in design
+    assert len({tuple(row.items()) for row in design}) == len(design)
+
+
+def test_the_design_is_the_same_for_a_seed():
+    assert readings.design(DIMENSIONS, 3) == readings.design(DIMENSIONS, 3) != readings.design(DIMENSIONS, 4)
+
+
+@pytest.mark.parametrize("label", PARTICLE)
+def test_a_reading_is_applied_to_every_method_that_has_the_parameter(label):
+    for name, dimension in DIMENSIONS.items():
+        for choice, one in dimension.choices.items():
+            about = not dimension.only or label in dimension.only
+            wanted = {key: value for key, value in one.estimators.items() if about and hasattr(make(label), key)}
+            assert make(readings.estimator(label, reading(**{name: choice}), DIMENSIONS)) == make(label, **wanted)
+
+
+def test_what_all_particle_filters_share_no_method_is_spared():
+    """The audit found CTRN read more kindly than MRSL."""
+    letter = readings.letter(DIMENSIONS)
+    made = [make(readings.estimator(label, letter, DIMENSIONS)) for label in PARTICLE]
+    for one in made:
+        assert (one.proposal, one.box, one.temper, one.point) == ("box", 0.5, False, "max")
+    assert [getattr(one, "neighbours", "") for one in made] == ["", "exact", "exact", ""]
+    assert made[-1].fusion == "received"
+
+
+def test_only_keeps_a_dimension_from_other_methods_and_worlds():
+    rssi = reading(**{"CTRN measures": "RSSI"})
+    assert readings.estimator("ctrn[weights=exact]", rssi, DIMENSIONS) == "ctrn[reading=rssi,weights=exact]"
+    assert readings.estimator("mrsl-distance", rssi, DIMENSIONS) == "mrsl-distance"
+    wide = reading(prior="1 m")
+    assert readings.scenario("nlos/bias=0.5", wide, DIMENSIONS) == "nlos/bias=0.5[prior_sigma=1.0]"
+    assert readings.scenario("scalability/n={2..9}", wide, DIMENSIONS) == "scalability/n={2..9}[prior_sigma=1.0]"
+    assert readings.scenario("arena-60m/sd=5", wide, DIMENSIONS) == "arena-60m/sd=5"
+
+
+def test_what_a_label_says_already_stays_and_is_not_said_twice():
+    raw = reading(anchors="RSSI")
+    assert readings.estimator("rssi-pf", raw, DIMENSIONS) == "rssi-pf"
+    assert readings.estimator("arl[own=doa]", raw, DIMENSIONS) == "arl[own=doa]"
+    half = readings.estimator("arl", reading(sampling="box of 0.5 m"), DIMENSIONS)
+    assert half == "arl[proposal=box]"  # 0.5 m is the default
+
+
+@pytest.mark.parametrize(("dimension", "choice"), [("anchors", "RSSI"), ("window", "1 sample")])
+@pytest.mark.parametrize("label", PARTICLE)
+def test_a_dimension_that_is_settled_changes_no_estimate(dimension, choice, label):
+    _, stream = cl.simulate("robots-1-3/n=2", ticks=8, trials=2)
+    one, small = DIMENSIONS[dimension].choices[choice], {"particles": 30, **WEIGHTS.get(label, {})}
+    expected = estimates(make(label, **one.estimators, **small), stream)
+    for name in one.settles:
+        for other in DIMENSIONS[name].choices.values():
+            found = estimates(make(label, **{**other.estimators, **one.estimators, **small}), stream)
+            np.testing.assert_array_equal(found, expected)
+
+
+def estimates(estimator, stream):
+    (trace,) = cl.run([estimator], stream).traces.values()
+    return trace.x
+
+
+# ---------------------------------------------------------------- the study
+
+
+def test_the_study_is_the_one_that_the_ledger_asks_for():
+    shipped = (files("cooploc.scenarios.studies") / "readings.toml").read_text("utf-8")
+    assert shipped == readings_study.study(load()), "python -m cooploc.analysis.claims.readings_study > the file"
+
+
+def test_the_study_runs_all_that_a_reading_needs():
+    cells = {cell.scenario: cell.estimators for cell in load_study("readings").cells()}
+    for one in readings.design(DIMENSIONS):
+        for scenario in readings_study.SCENARIOS:
+            here = cells[readings.scenario(scenario, one, DIMENSIONS)]
+            assert {readings.estimator(e, one, DIMENSIONS) for e in readings_study.ESTIMATORS} <= set(here)
+
+
+# ---------------------------------------------------------------- bad dimensions
+
+CLAIM = {"id": "1", "says": "x", "kind": "level", "of": "arl", "scenarios": "nlos", "size": 1.0}
+GOOD = {"says": "x", "letter": "b", "choices": {"a": {}, "b": {"estimators": {"K": "1"}}}}
+
+
+def ledger_with(dimensions):
+    return read({"paper": "p", "claims": [CLAIM], "dimensions": dimensions}, "l.toml")
+
+
+def choosing(**b):
+    return {"d": {**GOOD, "choices": {"a": {}, "b": b}}}
+
+
+@pytest.mark.parametrize(
+    ("dimensions", "said"),
+    [
+        (
+            {"d": {**GOOD, "leter": "a"}},
+            "dimension 'd': there is no key 'leter' in a dimension; did you mean 'letter'?",
+        ),
+        ({"d": {**GOOD, "letter": "c"}}, "letter is 'c'; it must be one of a, b"),
+        ({"d": {"says": "x", "letter": "a", "choices": {"a": {}}}}, "dimensions.d.choices"),
+        ({"d": {**GOOD, "choices": 3}}, "dimensions.d.choices"),
+        ({"d": 3}, "dimensions.d"),
+        (3, "dimensions"),
+        ({"d": {**GOOD, "choices": {"a": {"estimators": {"K": "1"}}, "b": {}}}}, "'a' is its first choice"),
+        (choosing(estimator={}), "choice 'b': there is no key 'estimator' in a choice; did you mean 'estimators'?"),
+        (choosing(estimators={"particls": "9"}), "has a parameter 'particls'; did you mean 'particles'?"),
+        (choosing(estimators={"K": "many"}), "choice 'b': estimator 'arl', K: "),
+        (choosing(scenarios={"prior": "1"}), "choice 'b': "),
+        (choosing(scenarios={"prior_sigma": "wide"}), "prior_sigma"),
+        (choosing(settles="e"), "it settles 'e', not a dimension"),
+        (choosing(settles="d"), "cannot settle its own dimension"),
+        ({"d": {**GOOD, "only": "alr"}}, "no estimator or family of scenarios 'alr'; did you mean 'arl'?"),
+        ({"d": GOOD, "e": GOOD}, "dimensions 'd' and 'e' both set 'K' of estimators: leave it to one of them"),
+    ],
+)
+def test_bad_dimensions_are_refused_in_one_line(dimensions, said):
+    with pytest.raises(cl.BadInput) as caught:
+        ledger_with(dimensions)
+    assert said in str(caught.value)
+    assert str(caught.value).startswith("l.toml")
+    assert "\n" not in str(caught.value)
+
+
+def test_two_dimensions_may_set_one_parameter_of_different_methods():
+    claim = {**CLAIM, "of": ["arl", "ctrn"]}
+    apart = {"d": {**GOOD, "only": "arl"}, "e": {**GOOD, "only": "ctrn"}}
+    assert len(read({"paper": "p", "claims": [claim], "dimensions": apart}, "l.toml").dimensions) == 2

@@ -1,0 +1,79 @@
+"""The pictures of claims over readings: every specification is drawn, and its choices stand below it."""
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+import pytest
+
+import cooploc as cl
+from cooploc.analysis.claims.multiverse import SHOWN
+
+CASES = (
+    # claim, kind, size, value, verdict, letter, preset, sampling, fusion
+    ("1", "change", -0.66, -0.2, "direction only", False, True, "walk", ""),
+    ("1", "change", -0.66, -0.7, "supported", True, False, "box", ""),
+    ("1", "change", -0.66, 0.1, "contradicted", False, False, "none", ""),
+    ("2", "level", 1.0, 0.8, "supported", True, True, "walk", "received"),
+    ("3", "all", np.nan, 0.4, "contradicted", True, True, "walk", ""),
+)
+
+
+@pytest.fixture
+def found():
+    names = ["claim", "kind", "size", "value", "verdict", "letter", "preset", "sampling", "fusion"]
+    frame = pd.DataFrame(CASES, columns=names)
+    more = {"says": "Ours is better", "scenario": "nlos", "of": "mrsl-rssi", "than": "arl", "definition": "change"}
+    frame = frame.assign(**more, low=frame["value"] - 0.1, high=frame["value"] + 0.1)
+    yield frame.reindex(columns=[*SHOWN, "sampling", "fusion"])
+    plt.close("all")
+
+
+def marks(ax):
+    """Where vertical marks stand, and the words beside."""
+    x = [float(segment[0, 0]) for lines in ax.collections for segment in lines.get_segments()]
+    return sorted(x), [text.get_text() for text in ax.texts]
+
+
+def test_the_map_has_every_number_the_claimed_one_and_the_count(found):
+    changes = cl.plot.readings(found)
+    levels = changes.figure.axes[1]
+    x, words = marks(changes)
+    assert x == pytest.approx([-70, -66, -20, 10])
+    assert words == ["1. Ours is better", "1 of 3"]
+    assert marks(levels) == (pytest.approx([0.8, 1.0]), ["2. Ours is better", "1 of 1"])
+    letter, preset = ([line for line in changes.lines if line.get_marker() == marker] for marker in "v^")
+    assert [line.get_xdata()[0] for line in letter] == pytest.approx([-70])
+    assert [line.get_xdata()[0] for line in preset] == pytest.approx([-20])
+
+
+def test_the_map_draws_changes_alone_where_it_is_told(found):
+    ax = plt.subplots()[1]
+    assert cl.plot.readings(found, ax) is ax
+    assert len(ax.figure.axes) == 1
+
+
+def test_a_run_without_sized_claims_has_no_map(found):
+    with pytest.raises(cl.BadInput, match="no claim that names a size was run"):
+        cl.plot.readings(found[found["claim"] == "3"])
+
+
+def test_the_curve_is_sorted_and_each_choice_stands_below_its_number(found):
+    curve = cl.plot.specification_curve(found, "1")
+    points = [line for line in curve.lines if len(line.get_xdata()) == 1 and line.get_linestyle() == "None"]
+    assert sorted((line.get_xdata()[0], line.get_ydata()[0]) for line in points) == [
+        (0, pytest.approx(-70)),
+        (1, pytest.approx(-20)),
+        (2, pytest.approx(10)),
+    ]
+    matrix = curve.figure.axes[1]
+    assert [tick.get_text().strip() for tick in matrix.get_yticklabels()] == ["sampling", "walk", "box", "none"]
+    rows = {lines.get_segments()[0][0, 0]: lines.get_segments()[0].mean(0)[1] for lines in matrix.collections}
+    assert rows == {1: 1, 0: 2, 2: 3}  # place on the curve -> row of its choice
+    assert [text.get_text() for text in curve.texts] == ["letter", "preset"]
+
+
+def test_a_claim_or_a_definition_that_is_not_there_is_refused(found):
+    with pytest.raises(cl.BadInput, match="no specification of claim '9' was run; the run has those of 1, 2, 3"):
+        cl.plot.specification_curve(found, "9")
+    with pytest.raises(cl.BadInput, match="claim '1' has no size defined as 'ratio': write change or ratio"):
+        cl.plot.specification_curve(found, "1", "ratio")
