@@ -77,7 +77,15 @@ def _effects(ax: Axes, part: pd.DataFrame) -> None:
     style.finish(ax, "", what, f"Claim {part['claim'].iloc[0]}: {part['says'].iloc[0]}{as_ratio}", grid="y")
     ax.tick_params(axis="x", length=0)
     handles = dict(zip(*reversed(ax.get_legend_handles_labels()), strict=True))
-    ax.legend(handles.values(), handles, frameon=True, edgecolor="none", fontsize="small", loc="lower right")
+    ax.legend(
+        handles.values(),
+        handles,
+        frameon=True,
+        edgecolor="none",
+        fontsize="small",
+        loc="upper left",
+        bbox_to_anchor=(0.0, 0.9),
+    )
 
 
 def _limit(ax: Axes, *values: np.ndarray) -> None:
