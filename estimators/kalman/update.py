@@ -40,6 +40,12 @@ def symmetric(P: Array) -> Array:
     return (P + P.mT) / 2
 
 
+def root(P: Array) -> Array:
+    """A with A A' = P, of covariances P (..., d, d) that may be singular."""
+    values, vectors = np.linalg.eigh(P)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :], float)
+
+
 def present(y: Array, H: Array, R: Array) -> Mask:
     """Rows (...) whose reading, Jacobian and noise have no nan."""
     finite: Mask = np.asarray(~(np.isnan(y).any(-1) | np.isnan(H).any((-2, -1)) | np.isnan(R).any((-2, -1))))
