@@ -31,8 +31,8 @@ from cooploc.estimators.kalman.own_steps import moved
 from cooploc.estimators.kalman.settings import TeamSettings
 from cooploc.estimators.kalman.team_readings import linearise, pairs
 from cooploc.estimators.kalman.update import ENGINES, distance, present, symmetric
+from cooploc.estimators.models.anchor_readings import fixed
 from cooploc.estimators.models.angles import wrap_heading
-from cooploc.estimators.models.gradient_doa import fixed
 
 At = Mapping[int, Array]  # a Jacobian (t, k, d) by robot
 RUNAWAY = 1e6  # a larger factor Gamma cannot come from covariances in metres; refusing it keeps stale copies finite

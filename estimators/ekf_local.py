@@ -11,8 +11,8 @@ from cooploc.estimators.dead_reckoning import State
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
 from cooploc.estimators.kalman.settings import Settings
 from cooploc.estimators.kalman.update import ENGINES
+from cooploc.estimators.models.anchor_readings import fixed
 from cooploc.estimators.models.angles import wrap_heading
-from cooploc.estimators.models.gradient_doa import fixed
 
 
 @dataclass(frozen=True)

@@ -31,8 +31,8 @@ from cooploc.estimators.kalman.own_steps import moved
 from cooploc.estimators.kalman.settings import TeamSettings
 from cooploc.estimators.kalman.team_readings import PairReading, received
 from cooploc.estimators.kalman.update import ENGINES, symmetric
+from cooploc.estimators.models.anchor_readings import fixed
 from cooploc.estimators.models.angles import wrap_heading
-from cooploc.estimators.models.gradient_doa import fixed
 
 REACH = 8.0  # largest |logit w| that is tried
 ROUNDS, POINTS = 4, 11  # of the search for w, each round ten times finer

@@ -1,8 +1,8 @@
 """One unscented Kalman filter over the whole team: sigma points in place of Jacobians.
 
-Like ekf-joint a bound, not a protocol: every reading reaches one computer at once. 2 n d + 1 points pass through every
-motion and every reading, one reading after the other, so it is meant for small teams. Odometry noise is additive, as
-the motion model gives it at the mean. Negative weights can make P' indefinite where a reading is far from linear, for
+Like ekf-joint it is centralised, not a protocol: every reading reaches one computer at once. 2 n d + 1 points pass
+through every motion and every reading, one reading after the other, so it is meant for small teams. Odometry noise is
+additive, as the motion model gives it at the mean. Negative weights can make P' indefinite where a reading is far from linear, for
 example a range between robots that touch: such a reading is refused.
 
 Sources: S. Julier, J. Uhlmann, "Unscented filtering and nonlinear estimation", Proc. IEEE 92(3), 2004; R. van der
@@ -22,8 +22,9 @@ from cooploc.estimators.kalman.messages import no_traffic
 from cooploc.estimators.kalman.settings import TeamSettings
 from cooploc.estimators.kalman.team_readings import pairs
 from cooploc.estimators.kalman.update import distance, symmetric
+from cooploc.estimators.models.anchor_readings import WeightedDoa, fixed
 from cooploc.estimators.models.angles import wrap, wrap_heading
-from cooploc.estimators.models.gradient_doa import GradientDoa, fixed
+from cooploc.estimators.models.gradient_doa import GradientDoa
 from cooploc.estimators.models.sensors import Bearing, Sighting
 
 Points = Callable[[Array, slice], Array]  # of sigma points (t, s, .., d) of these trials: moved, or what they read
@@ -46,7 +47,8 @@ class UkfJoint(TeamSettings):
         beta: extra weight of the middle point in the covariance (no unit); 2 suits a Gaussian.
     """
 
-    bound: ClassVar[bool] = True
+    bound: ClassVar[bool] = False
+    centralised: ClassVar[bool] = True
     axes: ClassVar[str] = "its sigma points lie along the axes of a Cholesky factor"
     alpha: float = 0.1
     beta: float = 2.0
@@ -69,19 +71,23 @@ class UkfJoint(TeamSettings):
     def correct(self, s: State, z: Senses) -> State:
         for sensor, place, reading in fixed(s.world, z, self.anchor_reading):
             for i in range(s.world.robots):
-                s = self._update(s, sensor, i, place, reading[:, i])
+                if isinstance(sensor, WeightedDoa):  # its variance is that of the mean: points would each have another
+                    angle, R = sensor.at(s.x[:, i], reading[:, i])
+                    s = self._update(s, sensor.doa, i, place, angle, R)
+                else:
+                    s = self._update(s, sensor, i, place, reading[:, i], sensor.R)
         return s
 
     def exchange(self, s: State, z: Senses, air: Mail) -> tuple[State, Traffic]:
         for sensor, i, j, reading in pairs(s.world, z, air):
-            s = self._update(s, sensor, i, j, reading)
+            s = self._update(s, sensor, i, j, reading, sensor.R)
         return s, no_traffic(s.x)
 
     def estimate(self, s: State) -> Belief:
         t, n, d = s.x.shape
         return Belief(s.x, np.einsum("tiaib->tiab", s.P.reshape(t, n, d, n, d)))
 
-    def _update(self, s: State, sensor: Sensor, i: int, place: Array | int, reading: Array) -> State:
+    def _update(self, s: State, sensor: Sensor, i: int, place: Array | int, reading: Array, R: Array) -> State:
         """K = P_xz S^-1,  x' = x + K y,  P' = P - K S K', by robot i's reading of a place or of a teammate.
 
         A point reads -y(chi), relative to the reading itself, so that the reading is 0.
@@ -96,7 +102,8 @@ class UkfJoint(TeamSettings):
             return -sensor.innovation(points[..., 0, :], q, known[trials, None])[0]
 
         update = _update if self.engine == "batched" else _filterpy_update
-        x, P, d2, sound = update(self, s, h, members, _turns(sensor), sensor.R)
+        R = np.broadcast_to(np.where(absent[:, None, None], np.eye(R.shape[-1]), R), (len(s.x), *R.shape[-2:]))
+        x, P, d2, sound = update(self, s, h, members, _turns(sensor), R)
         use = (~absent & sound & (d2 <= self.gate))[:, None, None]
         return s._replace(x=np.where(use, wrap_heading(x), s.x), P=np.where(use, P, s.P))
 
@@ -210,9 +217,9 @@ def _filterpy_update(
         ukf = _filterpy(p, s, i, turns)
         ukf.sigmas_f = ukf.points_fn.sigma_points(ukf.x, ukf.P)
         read = lambda point, i=i: h(point.reshape(1, 1, *x.shape[1:])[:, :, members], slice(i, i + 1)).ravel()  # noqa: E731
-        ukf.update(np.zeros(len(turns)), R=R, hx=read)
+        ukf.update(np.zeros(len(turns)), R=R[i], hx=read)
         x[i], P[i], d2[i] = ukf.x.reshape(x.shape[1:]), ukf.P, ukf.y @ ukf.SI @ ukf.y
-        sound[i] = _sound(_explained(_moments(ukf.sigmas_h[None], Wm, turns)[1], scale), ukf.S[None], R)[0]
+        sound[i] = _sound(_explained(_moments(ukf.sigmas_h[None], Wm, turns)[1], scale), ukf.S[None], R[i])[0]
     return x, P, d2, sound
 
 

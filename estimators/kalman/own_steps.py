@@ -3,7 +3,7 @@
 from cooploc.estimators.interface import Array, Senses, World
 from cooploc.estimators.kalman.settings import Settings
 from cooploc.estimators.kalman.update import ENGINES
-from cooploc.estimators.models.gradient_doa import fixed
+from cooploc.estimators.models.anchor_readings import fixed
 
 
 def moved(p: Settings, world: World, x: Array, P: Array, z: Senses) -> tuple[Array, Array, Array]:

@@ -6,6 +6,7 @@ from typing import ClassVar, Literal
 
 from cooploc.estimators.interface import World
 from cooploc.estimators.kalman.update import GATE, EngineName
+from cooploc.estimators.models.anchor_readings import AnchorReading
 from cooploc.estimators.models.gradient_doa import gradient_doa
 
 
@@ -15,7 +16,9 @@ class Settings:
 
     Parameters:
         anchor_reading: what is used of the anchors: "doa", the direction of arrival [rad] made of the readings of four
-            corner anchors, or "rssi", each raw reading [dBm].
+            corner anchors, with the variance that it has where the robot is; "doa-constant", the same with one variance
+            everywhere, as published; "gradient", the gradient [dB/m] that the direction is taken from; or "rssi", each
+            raw reading [dBm].
         gate: squared Mahalanobis distance (no unit) beyond which a reading is refused; inf refuses none. The default
             refuses one in a thousand true readings of two numbers.
         engine: "batched" computes all rows at once; "filterpy" runs filterpy's filter row by row, to compare with.
@@ -23,7 +26,7 @@ class Settings:
     """
 
     api: ClassVar[int] = 1
-    anchor_reading: Literal["doa", "rssi"] = "doa"
+    anchor_reading: AnchorReading = "doa"
     gate: float = GATE
     engine: EngineName = "batched"
 
@@ -42,10 +45,10 @@ class Settings:
         """Refuse, before anything runs, a world in which no direction of arrival can be made of the anchors.
 
         Raises:
-            BadInput: anchor_reading is "doa", and the world has anchors, but not four in the corners of a rectangle.
+            BadInput: anchor_reading is not "rssi", and the world's anchors are not four corners of a rectangle.
 
         """
-        if self.anchor_reading == "doa" and "anchor_rssi" in world.sensors:
+        if self.anchor_reading != "rssi" and "anchor_rssi" in world.sensors:
             gradient_doa(world)
 
 

@@ -10,19 +10,16 @@ localization sensor network using RSSI", 2013 (the central differences); K. V. M
 1972, sec. 3.4.7 (the projected, or offset, normal).
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from scipy.special import erfcx, log_ndtr
 
-from cooploc.estimators.interface import Array, Senses, Sensor, World
+from cooploc.estimators.interface import Array, World
 from cooploc.estimators.models.angles import wrap
 from cooploc.estimators.models.sensors import NEAR, LogDistance
 from cooploc.estimators.plugins.errors import BadInput
-
-NOWHERE = np.zeros(2)  # a direction of arrival has no place of its own
 
 
 @dataclass(frozen=True)
@@ -75,11 +72,13 @@ class GradientDoa:
         """ADOA (...) [rad]: the direction of the expected gradient."""
         return _angle(self.expect(x))
 
+    def slope(self, x: Array) -> Array:
+        """d expect / d position (..., 2 of position, 2 of gradient) [dB/m^2]."""
+        return self.gradient(np.moveaxis(self.rssi.slope(x, self._beside(x)), 0, -1))
+
     def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
         """The constant-sigma form; `q` is not used. d angle = (g_x dg_y - g_y dg_x) / |g|^2."""
-        g = self.expect(x)
-        slopes = np.moveaxis(self.rssi.slope(x, self._beside(x)), 0, -1)  # (..., 2, 4)
-        dg = self.gradient(slopes)  # (..., 2 of position, 2 of gradient)
+        g, dg = self.expect(x), self.slope(x)
         strength = np.maximum((g**2).sum(-1), NEAR**2)[..., None]
         slope = (g[..., :1] * dg[..., 1] - g[..., 1:] * dg[..., 0]) / strength
         H = np.concatenate([slope, np.zeros((*slope.shape[:-1], x.shape[-1] - 2))], -1)[..., None, :]
@@ -118,17 +117,6 @@ def gradient_doa(world: World) -> GradientDoa:
         f"a gradient DOA needs four corner anchors in the order (0,0) (0,b) (a,b) (a,0) and a LogDistance sensor; this "
         f"world has {len(anchors)} anchors and {type(rssi).__name__}: use anchor_reading='rssi' there"
     )
-
-
-def fixed(world: World, z: Senses, anchor_reading: str) -> Iterator[tuple[Sensor, Array, Array]]:
-    """`world.fixed`, with the four anchor readings replaced by the DOA made of them where `anchor_reading` is "doa"."""
-    if anchor_reading != "doa" or z.anchor_rssi.shape[-1] == 0:
-        yield from world.fixed(z)
-        return
-    doa = gradient_doa(world)
-    angle = doa.measure(z.anchor_rssi)[..., None]
-    if not np.isnan(angle).all():
-        yield doa, NOWHERE, angle
 
 
 def _log_tail(t: Array) -> Array:

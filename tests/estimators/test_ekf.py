@@ -210,23 +210,32 @@ def test_plain_mode_in_both_engines_is_the_same_filter():
     np.testing.assert_allclose(a.P, b.P, atol=1e-9)
 
 
-def misled(seed=13):
+def misled(seed=13, trials=5):
     """Three robots, the first of which is sure of a place on the other side of the arena."""
-    truth, stream = simulate("robots-1-3/n=3", trials=5, seed=seed, ticks=120)
+    truth, stream = simulate("robots-1-3/n=3", trials=trials, seed=seed, ticks=120)
     x, P = stream.prior.x.copy(), stream.prior.P.copy()
     x[:, 0], P[:, 0] = 6 - truth.x[:, 0, 0], 0.1**2 * np.eye(2)
     return truth, stream.with_arrays({"prior.x": x, "prior.P": P})
 
 
-@pytest.mark.parametrize("engine", ["batched", "filterpy"])
-def test_a_robot_in_the_wrong_place_is_found_again_unless_told_never(engine):
-    truth, stream = misled()
-    found, never = (EkfJoint(lost=lost, engine=engine) for lost in (0.5, 1.0))
-    error = [
-        np.sqrt(((trace("joint", e, stream).x - truth.x) ** 2).sum(-1)[:, -30:].mean((1, 2))) for e in (found, never)
-    ]
-    assert error[0].max() < 0.5
-    assert error[1].max() > 1
+@pytest.mark.parametrize("anchor_reading", ["doa", "doa-constant", "gradient", "rssi"])
+def test_a_robot_in_the_wrong_place_is_found_again_unless_told_never(anchor_reading):
+    """Shares of 60 teams that end more than 1 m off; 200 teams gave 6, 8, 0 and 0 %, and without it 51 to 74 %."""
+    truth, stream = misled(trials=60)
+    lost = {}
+    for share in (0.5, 1.0):
+        found = trace("joint", EkfJoint(lost=share, anchor_reading=anchor_reading), stream)
+        lost[share] = (((found.x - truth.x) ** 2).sum(-1)[:, -30:].mean((1, 2)) > 1).mean()
+    assert lost[0.5] < 0.2
+    assert lost[1.0] > 0.35
+
+
+@pytest.mark.parametrize("anchor_reading", ["doa", "gradient"])
+def test_a_lost_robot_starts_again_in_both_engines(anchor_reading):
+    _, stream = misled()
+    a, b = (trace("joint", EkfJoint(engine=e, anchor_reading=anchor_reading), stream) for e in ("batched", "filterpy"))
+    np.testing.assert_allclose(a.x, b.x, atol=1e-6)
+    np.testing.assert_allclose(a.P, b.P, atol=1e-6)
 
 
 def test_who_starts_anew_is_anywhere_in_the_arena_and_correlated_with_nobody():

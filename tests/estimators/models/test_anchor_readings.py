@@ -1,0 +1,152 @@
+"""The direction with its local variance, and the gradient, against Monte Carlo, finite differences and filterpy."""
+
+import numpy as np
+import pytest
+from oracles import slope
+
+from cooploc.estimators import make
+from cooploc.estimators.models.anchor_readings import NOWHERE, GradientReading, WeightedDoa, fixed
+from cooploc.estimators.models.gradient_doa import GradientDoa, gradient_doa
+from cooploc.estimators.models.sensors import LogDistance
+from cooploc.scenarios import simulate
+from cooploc.scenarios.runner.run import run
+
+SQUARE = GradientDoa(LogDistance(-40.0, 3.0, 5**0.5), (0.0, 0.0), (6.0, 6.0))
+OBLONG = GradientDoa(LogDistance(-40.0, 2.0, 3.0), (10.0, -4.0), (8.0, 3.0))
+# As shares of the sides: near the centre, half way, beside a wall, beside a corner.
+PLACES = [(0.52, 0.49), (0.3, 0.65), (0.5, 0.98), (0.02, 0.4), (0.95, 0.93)]
+DRAWS = 200_000
+arenas = pytest.mark.parametrize("doa", [SQUARE, OBLONG], ids=["square", "oblong"])
+at_places = pytest.mark.parametrize("share", PLACES)
+
+
+def place(doa, share):
+    return np.array(doa.corner) + np.array(doa.sides) * share
+
+
+def measured(doa, x, seed=1):
+    """Gradients (DRAWS, 2) of the four corner readings of a robot at x."""
+    rssi = doa.rssi.expect(x, doa.anchors) + doa.rssi.sigma * np.random.default_rng(seed).normal(size=(DRAWS, 4))
+    return doa.gradient(rssi)
+
+
+@arenas
+@at_places
+def test_the_weighted_direction_has_mean_0_and_the_variance_of_von_mises_angles(doa, share):
+    """E[k theta^2] over k = |u||m|, theta von Mises of concentration k: also where the gradient vanishes."""
+    x = place(doa, share)
+    z = measured(doa, x)
+    y, _, _ = WeightedDoa(doa).innovation(x, NOWHERE, z)
+    u, m = z * doa.sides / doa.rssi.sigma, doa.expect(x) * doa.sides / doa.rssi.sigma
+    k = np.hypot(*u.T) * np.hypot(*m)
+    grid, theta = np.linspace(0, k.max(), 500), np.linspace(-np.pi, np.pi, 1001)[:-1]
+    density = np.exp(grid[:, None] * (np.cos(theta) - 1))
+    variance = (density * theta**2).sum(1) / density.sum(1)
+    assert abs(y.mean()) < 4 * y.std() / np.sqrt(DRAWS)
+    assert (y**2).mean() == pytest.approx(np.interp(k, grid, grid * variance).mean(), abs=4 * (y**2).std() / DRAWS**0.5)
+
+
+def test_away_from_the_centre_its_variance_is_1_where_a_constant_ones_is_not():
+    """Within 15 % at every place with |m| above 2, where the constant variance is wrong by up to a factor of 4."""
+    spread, constant = [], []
+    for share in np.stack(np.meshgrid([0.05, 0.2, 0.5, 0.8, 0.95], [0.05, 0.2, 0.8, 0.95]), -1).reshape(-1, 2):
+        x = place(SQUARE, share)
+        g, m = measured(SQUARE, x), SQUARE.expect(x) * SQUARE.sides / SQUARE.rssi.sigma
+        if np.hypot(*m) > 2:
+            spread.append(WeightedDoa(SQUARE).innovation(x, NOWHERE, g)[0].var())
+            angle = np.arctan2(g[:, 1:], g[:, :1])
+            constant.append(SQUARE.innovation(x, NOWHERE, angle)[0].var() / SQUARE.R.item())
+    assert len(spread) > 10
+    np.testing.assert_allclose(spread, 1, atol=0.15)
+    assert min(constant) < 0.25
+
+
+@arenas
+@at_places
+def test_a_gradient_has_the_noise_and_the_mean_that_it_states(doa, share):
+    x = place(doa, share)
+    reading = GradientReading(doa)
+    y, _, _ = reading.innovation(x, NOWHERE, measured(doa, x))
+    np.testing.assert_allclose(np.cov(y.T), reading.R, atol=0.01 * reading.R.max())
+    assert (abs(y.mean(0)) < 4 * np.sqrt(np.diag(reading.R) / DRAWS)).all()
+    a, b = doa.sides
+    np.testing.assert_allclose(reading.R, np.diag([doa.rssi.sigma**2 / a**2, doa.rssi.sigma**2 / b**2]))
+
+
+@arenas
+@at_places
+@pytest.mark.parametrize("d", [2, 3])
+def test_the_slopes_are_those_of_the_expected_gradient_and_direction(doa, share, d):
+    """A direction's slope is that at a fixed weight, which is 1 / its standard deviation."""
+    x = np.append(place(doa, share), [0.7] * (d - 2))
+    z = measured(doa, x)[0]
+    _, H, Hq = GradientReading(doa).innovation(x, NOWHERE, z)
+    np.testing.assert_allclose(H, slope(doa.expect, x), atol=1e-6)
+    assert not Hq.any()
+    sensor = WeightedDoa(doa)
+    _, H, Hq = sensor.innovation(x, NOWHERE, z)
+    _, variance = sensor.at(x, z)
+
+    def direction(at):
+        m = doa.expect(at) * doa.sides
+        return np.arctan2(m[..., 1:], m[..., :1])
+
+    np.testing.assert_allclose(H * np.sqrt(variance), slope(direction, x), rtol=1e-5, atol=1e-7)
+    assert not Hq.any()
+
+
+@arenas
+def test_the_angle_and_variance_at_a_place_are_those_of_the_sides_that_it_has(doa):
+    """In a square the whitened direction is the direction; `at` gives what an unscented filter uses."""
+    x = place(doa, (0.8, 0.7))
+    z = measured(doa, x)[:3]
+    angle, variance = WeightedDoa(doa).at(np.tile(x, (3, 1)), z)
+    np.testing.assert_allclose(angle[:, 0], np.arctan2(z[:, 1], z[:, 0]))
+    u, m = (g * doa.sides / doa.rssi.sigma for g in (z, doa.expect(x)))
+    np.testing.assert_allclose(variance[:, 0, 0], 1 / (np.hypot(*u.T) * np.hypot(*m)))
+
+
+def test_what_is_made_of_the_anchors_is_what_was_asked_for():
+    _, stream = simulate("robots-1-3/n=1", trials=2, ticks=1)
+    z = stream.senses._replace(**{name: getattr(stream.senses, name)[:, 0, 0] for name in stream.senses._fields[:-1]})
+    made = {r: list(fixed(stream.world, z, r)) for r in ("doa", "doa-constant", "gradient", "rssi")}
+    assert {r: [type(sensor) for sensor, _, _ in found] for r, found in made.items()} == {
+        "doa": [WeightedDoa],
+        "doa-constant": [GradientDoa],
+        "gradient": [GradientReading],
+        "rssi": [LogDistance] * 4,
+    }
+    np.testing.assert_array_equal(made["gradient"][0][2], gradient_doa(stream.world).gradient(z.anchor_rssi))
+    nothing = z._replace(anchor_rssi=np.full_like(z.anchor_rssi, np.nan))
+    assert not [reading for r in made for reading in fixed(stream.world, nothing, r)]
+
+
+@pytest.mark.parametrize("anchor_reading", ["doa", "doa-constant", "gradient"])
+@pytest.mark.parametrize(
+    ("name", "parameters"),
+    [
+        ("ekf-local", {}),
+        ("ekf-joint", {}),
+        ("ekf-joint", {"update": "sequential"}),
+        ("ekf-naive", {}),
+        ("ekf-ci", {}),
+        ("ekf-luft", {}),
+        ("ukf-joint", {}),
+    ],
+)
+def test_every_reading_is_filterpys(name, parameters, anchor_reading):
+    _, stream = simulate("packet-drop/drop=0.3", trials=2, seed=3, ticks=12, robots=2)
+    made = {e: make(name, anchor_reading=anchor_reading, engine=e, **parameters) for e in ("batched", "filterpy")}
+    traces = run(made, stream).traces
+    np.testing.assert_allclose(traces["batched"].x, traces["filterpy"].x, atol=1e-9)
+    np.testing.assert_allclose(traces["batched"].P, traces["filterpy"].P, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["ekf-local", "ekf-joint", "ukf-joint"])
+def test_more_of_what_the_anchors_say_is_more_accurate(name):
+    """From a constant variance over the local one to the gradient: RMSE of 40 trials, each at least 5 % smaller."""
+    truth, stream = simulate("robots-1-3/n=3", trials=40, seed=5, ticks=80)
+    made = {r: make(name, anchor_reading=r) for r in ("doa-constant", "doa", "gradient")}
+    rmse = [np.sqrt(((t.x - truth.x) ** 2).sum(-1).mean()) for t in run(made, stream).traces.values()]
+    assert rmse[1] < 0.95 * rmse[0]
+    assert rmse[2] < 0.95 * rmse[1]
