@@ -24,6 +24,7 @@ KNOWN = {
     "ekf-luft": ("belief and cross factor, on request", "approximate: correlations with third robots are guessed"),
     "ekf-interim": ("belief on request, updates to all", "that of `ekf-joint` until the first message is lost"),
     "ukf-joint": ("every reading", "consistent up to the unscented transform"),
+    "map-joint": ("every reading", "consistent where the models are right"),
 }
 SCENARIOS = ("robots-1-3/n=3[ticks=5]", "camera/n=3[ticks=20]")
 
@@ -40,7 +41,7 @@ def markdown() -> str:
 def _row(row: dict[Any, Any]) -> list[str]:
     about = row["about"].partition(". ")[0].rstrip(".")
     senses = row["uses"].replace("|", " or ").replace("_", " ")
-    bound = " **A bound**: knows more than any robot could." if row["bound"] else ""
+    bound = " **The bound** of all others." if row["bound"] else ""
     sends, consistency = KNOWN[row["name"]]
     return [f"`{row['name']}`", f"{about}.{bound}", senses, sends, _bytes(row["name"]), consistency, row["source"]]
 

@@ -35,6 +35,7 @@ BUILTIN: dict[str, tuple[str, dict[str, Any]]] = {
     "ekf-luft": ("cooploc.estimators.ekf_luft:EkfLuft", {}),
     "ekf-interim": ("cooploc.estimators.ekf_interim:EkfInterim", {}),
     "ukf-joint": ("cooploc.estimators.ukf_joint:UkfJoint", {}),
+    "map-joint": ("cooploc.estimators.map_joint:MapJoint", {}),
 }
 
 REGISTRY = Registry("estimator", "cooploc.estimators", BUILTIN)

@@ -1,6 +1,6 @@
 """One extended Kalman filter over the whole team, with every cross-covariance.
 
-The centralised answer: what a team would know if every reading reached one computer at once. A bound, not a protocol:
+The centralised answer: what a team would know if every reading reached one computer at once. No protocol:
 its robots send their readings, 8 bytes each, and a header of 8. All of a tick's relative readings are used together, in
 information form, and re-linearised `iterations` times, so that the result does not depend on their order;
 `update="sequential"` uses one after the other, as the source does. With `second_order` the mean shift and the variance
@@ -48,8 +48,9 @@ from cooploc.estimators.kalman.messages import no_traffic
 from cooploc.estimators.kalman.settings import TeamSettings
 from cooploc.estimators.kalman.team_readings import curvature, linearise, table
 from cooploc.estimators.kalman.update import ENGINES
+from cooploc.estimators.models.anchor_readings import fixed
 from cooploc.estimators.models.angles import wrap_heading
-from cooploc.estimators.models.gradient_doa import GradientDoa, fixed
+from cooploc.estimators.models.gradient_doa import GradientDoa
 from cooploc.estimators.models.motion import Displacement
 from cooploc.estimators.models.sensors import Range
 
@@ -80,7 +81,8 @@ class EkfJoint(TeamSettings):
 
     """
 
-    bound: ClassVar[bool] = True
+    bound: ClassVar[bool] = False
+    centralised: ClassVar[bool] = True
     iterations: int = 3
     second_order: bool = True
     update: Literal["batch", "sequential"] = "batch"

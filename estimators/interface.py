@@ -197,8 +197,9 @@ class Estimator(Protocol[S]):
 class TeamEstimator(Protocol[S]):
     """An estimator that holds the whole team: every array is (trial, n, ...). It has neither `send` nor `fuse`.
 
-    `bound` marks one that knows more than any robot could; tables and figures say so. The optional members are those of
-    `Estimator`.
+    `bound` marks one that uses all readings of all robots as well as any estimator could. The optional members are
+    those of `Estimator`, and `centralised: bool`, true for one whose readings all reach one computer, and so for every
+    bound; such a one is shown beside distributed estimators and not ranked among them.
     """
 
     api: ClassVar[int]
@@ -216,7 +217,7 @@ class TeamEstimator(Protocol[S]):
     def exchange(self, s: S, z: Senses, air: Mail) -> tuple[S, Traffic]:
         """Use readings between robots, (trial, n, n) with axis 1 the receiver, and say what was sent.
 
-        `air` has no packets. A bound returns zero Traffic: the runner counts what its robots must upload.
+        `air` has no packets. A centralised one returns zero Traffic: the runner counts what its robots must upload.
         """
         ...
 

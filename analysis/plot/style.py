@@ -2,7 +2,7 @@
 
 An estimator keeps its look in every figure, whatever others are shown: the built-in ones have theirs by name, a variant
 ("arl[K=1]") has its method's colour, darker or lighter, and all others take theirs in the order in which they appear.
-Hollow markers are over-confident; grey and dotted are bounds, which know more than any robot could.
+Hollow markers are over-confident; grey and dotted are centralised, and know more than any robot could.
 """
 
 from collections.abc import Iterable
@@ -47,6 +47,7 @@ BUILT_IN = {
     "ekf-interim": Look(BLUE, ">", DASHES[2]),
     "ekf-joint": Look(GREY, "d", DOTTED),
     "ukf-joint": Look(GREY, "8", DOTTED),
+    "map-joint": Look(GREY, "X", DOTTED),
 }
 _SEEN: dict[str, Look] = {}  # in this session's figures
 
@@ -113,7 +114,7 @@ def legend(ax: Axes, **more: Any) -> None:
 
 
 def band(ax: Axes, x: Any, low: Any, high: Any, colour: Any, alpha: float = 0.15) -> None:
-    """The intervals along a curve: a tinted band; of a bound, which is grey, its two edges."""
+    """The intervals along a curve: a tinted band; of a centralised one, which is grey, its two edges."""
     if colour == GREY:
         ax.plot(x, low, x, high, color=colour, ls=DOTTED, lw=0.7, zorder=2)
     else:

@@ -5,6 +5,7 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 from cooploc.estimators import make, names, plugin_errors
+from cooploc.estimators.plugins.traits import traits
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -13,22 +14,24 @@ if TYPE_CHECKING:
 def listing() -> "DataFrame":
     """One row per estimator, the built-in ones first.
 
-    Columns: `name`; `about`, in a sentence; `uses`, the channels it needs; `bound`, whether it knows more than any
-    robot could; `source`, the paper; `problem`, why a plug-in cannot be used, empty where it can.
+    Columns: `name`; `about`, in a sentence; `uses`, the channels it needs; `centralised`, whether all readings reach
+    one computer; `bound`, whether it bounds all others; `source`, the paper; `problem`, why a plug-in cannot be used,
+    empty where it can.
     """
     from pandas import DataFrame
 
     problems = plugin_errors()
     rows = [_row(name, make(name)) for name in names() if name not in problems]
-    empty = {"name": "", "about": "", "uses": "", "bound": False, "source": "", "problem": ""}
+    empty = {"name": "", "about": "", "uses": "", "centralised": False, "bound": False, "source": "", "problem": ""}
     rows += [{"name": name, "problem": reason} for name, reason in problems.items()]
     return DataFrame([{**empty, **row} for row in rows])
 
 
 def _row(name: str, made: Any) -> dict[str, Any]:
     about = (type(made).__doc__ or "").strip().partition("\n")[0]
-    bound, uses = getattr(made, "bound", False), ", ".join(made.uses)
-    return {"name": name, "about": about, "uses": uses, "bound": bound, "source": source_of(type(made))}
+    has = traits(made)
+    known = {"centralised": has.centralised, "bound": has.bound, "source": source_of(type(made))}
+    return {"name": name, "about": about, "uses": ", ".join(made.uses), **known}
 
 
 def source_of(cls: type) -> str:

@@ -10,7 +10,8 @@ class Traits(NamedTuple):
     """The optional members of an estimator, with their defaults filled in."""
 
     team: bool  # it holds the whole team: it has `exchange`, and neither `send` nor `fuse`
-    bound: bool  # `bound`: it knows more than any robot could
+    centralised: bool  # `centralised`, or `bound`: every reading reaches one computer
+    bound: bool  # `bound`: of the centralised ones, one that uses all readings as well as any estimator could
     mutable: bool  # `mutable`: its state changes in place
     axes: str  # `axes`: why its estimates do not turn with the world; empty where they do
     notes: Callable[[Any], Mapping[str, Array]]  # `notes(state)`: what it counted, by name; empty by default
@@ -18,9 +19,11 @@ class Traits(NamedTuple):
 
 def traits(estimator: Any) -> Traits:
     """The optional members of an estimator."""
+    bound = bool(getattr(estimator, "bound", False))
     return Traits(
         team=hasattr(estimator, "exchange"),
-        bound=bool(getattr(estimator, "bound", False)),
+        centralised=bound or bool(getattr(estimator, "centralised", False)),
+        bound=bound,
         mutable=bool(getattr(estimator, "mutable", False)),
         axes=getattr(estimator, "axes", ""),
         notes=getattr(estimator, "notes", _no_notes),

@@ -304,11 +304,11 @@ def test_gate_refuses_outliers(name):
 
 @pytest.mark.parametrize("name", TEAM)
 def test_what_is_heard_helps(name):
-    truth, stream = simulate("robots-1-3/n=3", trials=20, seed=34, ticks=60)
+    truth, stream = simulate("robots-1-3/n=3", trials=100, seed=34, ticks=60)
     alone = stream.with_arrays({"air.link": np.zeros_like(stream.air.link)})
     together, apart = trace(name, TEAM[name], stream), trace(name, TEAM[name], alone)
     error = [np.sqrt(((got.x - truth.x) ** 2).sum(-1).mean()) for got in (together, apart)]
-    assert error[0] < error[1]
+    assert error[0] < 0.9 * error[1]
 
 
 def with_radio(truth, stream, channel):

@@ -2,8 +2,11 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 import cooploc as cl
 from cooploc.estimators import make
+from cooploc.estimators.ekf_joint import EkfJoint
 from cooploc.estimators.plugins.traits import refusal, traits
 
 
@@ -37,15 +40,32 @@ def test_an_estimator_without_optional_members_runs_and_has_the_defaults():
     _, stream = cl.simulate("trajectory", trials=2, ticks=3)
     trace = cl.run(Plain(), stream).traces["Plain"]
     assert (trace.bound, trace.notes) == (False, {})
-    assert traits(Plain())[:4] == (False, False, False, "")
+    assert traits(Plain())[:5] == (False, False, False, False, "")
     assert refusal(Plain()) == ""
 
 
 def test_the_optional_members_of_built_in_estimators_are_found():
-    assert traits(make("ekf-joint"))[:2] == (True, True)
-    assert traits(make("ekf-luft"))[:2] == (True, False)
+    assert traits(make("ekf-joint"))[:3] == (True, True, False)
+    assert traits(make("map-joint"))[:3] == (True, True, True)
+    assert traits(make("ekf-luft"))[:3] == (True, False, False)
     assert traits(make("ukf-joint")).axes.startswith("its sigma points")
     assert traits(cl.PerRobot(Plain)).mutable
+
+
+def test_a_bound_that_says_nothing_else_is_centralised_and_its_uplink_is_counted():
+    """As estimators say that were written before the word."""
+
+    @dataclass(frozen=True)
+    class OldBound(EkfJoint):
+        bound = True
+        centralised = False
+
+    _, stream = cl.simulate("trajectory", trials=2, ticks=3)
+    old, new = (cl.run({"it": it}, stream).traces["it"] for it in (OldBound(), EkfJoint()))
+    assert (old.centralised, old.bound) == (True, True)
+    assert (new.centralised, new.bound) == (True, False)
+    np.testing.assert_array_equal(old.bytes, new.bytes)
+    assert new.bytes.min() > 0
 
 
 def test_why_an_estimator_does_not_fit_is_said():

@@ -1,0 +1,87 @@
+"""The team's maximum a posteriori estimate over all readings up to now: a bound for every filter.
+
+Every reading of every robot reaches one computer, which holds the team's last `window` positions and finds the most
+probable ones together. The past beyond the window is one Gaussian, linearised where the window left it. Each tick
+repeats a Kalman smoother over the window `iterations` times, linearised at what the last pass found: this is the
+Gauss-Newton method on the log-posterior. It finds the optimum next to where it starts, so while the window still holds
+the whole past it starts at a second place too, where each robot's readings of fixed things put its track, and the more
+probable result is kept. Nothing is gated, as the bound is meant for worlds whose models are right.
+
+Sources: B. Bell, "The iterated Kalman smoother as a Gauss-Newton method", SIAM J. Optimization 4(3), 1994; G. Sibley,
+L. Matthies, G. Sukhatme, "Sliding window filter with application to planetary landing", J. Field Robotics 27(5), 2010.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Traffic, World
+from cooploc.estimators.kalman.messages import no_traffic
+from cooploc.estimators.kalman.sliding_window import Window, cost, elsewhere, empty, heard, moved, shortened, smoothed
+from cooploc.estimators.models.angles import wrap_heading
+
+
+@dataclass(frozen=True)
+class MapJoint:
+    """Maximum a posteriori estimate of the whole team over all readings up to now.
+
+    Parameters:
+        window: ticks that are estimated together [ticks, at least 1]; 1 is the iterated EKF.
+        iterations: Gauss-Newton passes over the window in every tick [count, at least 1].
+    """
+
+    api: ClassVar[int] = 1
+    bound: ClassVar[bool] = True
+    window: int = 10
+    iterations: int = 2
+    uses: tuple[str, ...] = ("odometry", "anchor_rssi?", "landmark?", "sighting?", "radio_rssi?", "radio_range?")
+
+    def __post_init__(self) -> None:
+        if min(self.window, self.iterations) < 1:
+            raise ValueError(f"window is {self.window} and iterations {self.iterations}; both must be at least 1")
+
+    def init(self, prior: Belief, world: World, rows: Rows) -> Window:
+        return empty(prior, world)
+
+    def predict(self, s: Window, z: Senses) -> Window:
+        """A new state x' = f(x, u) at the end of the window."""
+        return moved(s, z)
+
+    def correct(self, s: Window, z: Senses) -> Window:
+        return s
+
+    def exchange(self, s: Window, z: Senses, air: Mail) -> tuple[Window, Traffic]:
+        """Gauss-Newton over the window; readings of fixed things are used here too. Then the oldest state may leave."""
+        s = heard(s, air)
+        starts = [s, elsewhere(s)] if s.young else [s]
+        s, filtered = _most_probable([_optimised(start, self.iterations) for start in starts])
+        if s.x.shape[1] == self.window:
+            s = shortened(s, filtered[0])
+        return s, no_traffic(s.last)
+
+    def estimate(self, s: Window) -> Belief:
+        t, n, d = s.last.shape
+        return Belief(wrap_heading(s.last), np.einsum("tiaib->tiab", s.P.reshape(t, n, d, n, d)))
+
+
+def _optimised(s: Window, iterations: int) -> tuple[Window, list[Belief]]:
+    """The window after so many Gauss-Newton passes, and the last pass's filter."""
+    for _ in range(iterations):
+        x, filtered = smoothed(s)
+        s = s._replace(x=x, P=filtered[-1].P)
+    return s, filtered
+
+
+def _most_probable(found: list[tuple[Window, list[Belief]]]) -> tuple[Window, list[Belief]]:
+    """Of several optima the one of largest posterior density, trial by trial."""
+    best, filtered = found[0]
+    for other, beliefs in found[1:]:
+        better = cost(other) < cost(best)
+
+        def chosen(a: Array, b: Array, better: Mask = better) -> Array:
+            return np.where(better.reshape(-1, *[1] * (a.ndim - 1)), b, a)
+
+        filtered = [Belief(*map(chosen, a, b)) for a, b in zip(filtered, beliefs, strict=True)]
+        best = best._replace(x=chosen(best.x, other.x), P=chosen(best.P, other.P))
+    return best, filtered
