@@ -27,7 +27,7 @@ class TrialTable(NamedTuple):
 
     frames: dict[Key, pd.DataFrame]  # mse, anees, coverage95, seconds, robots; index: trial
     failures: Mapping[Key, int]  # trials that failed
-    bounds: set[str]  # estimators that are bounds
+    centralised: set[str]  # estimators whose readings all reach one computer
 
     def mse(self, *keys: Key) -> Array:
         """Mean squared errors (trial, key) [m^2] of the trials that succeeded in all keys."""
@@ -52,9 +52,9 @@ class TrialTable(NamedTuple):
         """How many trials failed."""
         return self.failures.get(_canonical(key), 0)
 
-    def bound(self, estimator: str) -> bool:
-        """Whether an estimator is a bound."""
-        return canonical(estimator) in self.bounds
+    def is_centralised(self, estimator: str) -> bool:
+        """Whether all readings of an estimator reach one computer."""
+        return canonical(estimator) in self.centralised
 
     def trials(self, key: Key) -> int:
         """How many trials succeeded."""
@@ -117,8 +117,8 @@ def collect(rows: pd.DataFrame) -> TrialTable:
     failed = rows[rows["failure"].notna()] if "failure" in rows else rows[:0]
     once = failed.drop_duplicates(keys)
     failures = Counter(map(_canonical, zip(once["scenario"], once["estimator"], strict=True)))
-    bounds = rows.loc[rows["bound"].eq(True), "estimator"].unique()
-    return TrialTable(frames, failures, {canonical(str(name)) for name in bounds})
+    central = rows.loc[rows["centralised"].eq(True), "estimator"].unique()
+    return TrialTable(frames, failures, {canonical(str(name)) for name in central})
 
 
 @cache

@@ -47,7 +47,7 @@ COLUMNS = {
     "trials": "trials it is over (slope: sizes of the team; cost: parts of the run)",
     "verdict": "one of " + ", ".join(VERDICTS),
     "needed": "trials that would decide, where undecided",
-    "remark": "what is missing, over-confident, failed, or a bound",
+    "remark": "what is missing, over-confident, failed, or centralised",
     "open": "conditions that the paper leaves open",
 }
 
@@ -129,7 +129,7 @@ def _about_interval(claim: Claim, found: Finding) -> list[str]:
 
 
 def _about_estimators(case: Case, table: TrialTable) -> list[str]:
-    """Which of a case's estimators are over-confident or conservative, failed, or are bounds."""
+    """Which of a case's estimators are over-confident or conservative, failed, or are centralised."""
     out = []
     for name in dict.fromkeys((case.of, *case.than)):
         keys = [(scenario, name) for scenario in case.scenarios]
@@ -138,7 +138,7 @@ def _about_estimators(case: Case, table: TrialTable) -> list[str]:
         out += [f"{name} {word}" + (len(keys) > 1) * f" in {k} of {len(keys)}" for word, k in counts.items() if k]
         failed = sum(table.failed(key) for key in keys)
         out += [f"{failed} trials of {name} failed"] if failed else []
-        out += [f"{name} is a bound"] if table.bound(name) else []
+        out += [f"{name} is centralised"] if table.is_centralised(name) else []
     return out
 
 

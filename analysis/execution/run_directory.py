@@ -171,7 +171,8 @@ class RunDir:
 
     def read(self, piece: Piece) -> pd.DataFrame:
         """An intact part, with its seconds."""
-        return pd.read_parquet(self._part_path(piece)).assign(seconds=float(self._receipt_of(piece)["seconds"]))
+        frame = pd.read_parquet(self._part_path(piece)).assign(seconds=float(self._receipt_of(piece)["seconds"]))
+        return frame if "centralised" in frame else frame.assign(centralised=frame["bound"])  # of an earlier version
 
     def _receipt_of(self, piece: Piece) -> dict[str, Any]:
         receipt: dict[str, Any] = json.loads(self._receipt_path(piece).read_text(encoding="utf-8"))

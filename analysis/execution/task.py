@@ -116,5 +116,6 @@ def _line(e: BaseException) -> str:
 def _failed(estimator: ConfiguredEstimator, stream: Stream, line: str, full: str) -> pd.DataFrame:
     robots, trial = np.arange(stream.robots), stream.trial[0]
     who = {"scenario": stream.scenario, "estimator": estimator.label, "trial": trial, "robot": robots}
-    rest = {"robots": stream.robots, "stream": stream.hashes[0], "failure": line, "traceback": full, "bound": False}
-    return pd.DataFrame({**who, **rest, "seconds": float("nan")}).reindex(columns=[*COLUMNS, *FAILURE])
+    rest = {"robots": stream.robots, "stream": stream.hashes[0], "failure": line, "traceback": full}
+    known = {"centralised": False, "bound": False}
+    return pd.DataFrame({**who, **rest, **known, "seconds": float("nan")}).reindex(columns=[*COLUMNS, *FAILURE])

@@ -20,7 +20,8 @@ SUMMARY = (
 # What `compare` shows unless it is asked for all.
 SHORT = (
     *("scenario", "estimator", "trials", "rmse", "rmse_low", "rmse_high", "change", "change_low", "change_high"),
-    *("p_holm", "anees", "consistency", "coverage95", "diverged", "failed", "bytes", "seconds", "bound", "certificate"),
+    *("p_holm", "anees", "consistency", "coverage95", "diverged", "failed", "bytes", "seconds"),
+    *("centralised", "bound", "certificate"),
 )
 MARGIN = 0.05  # two estimators whose RMSE differ by less than this share tie
 
@@ -82,7 +83,8 @@ def compare(
         anees: as of `summarize`
         consistency: over-confident, consistent, conservative, undecided or not assessed; see `consistency.flag`
         coverage95, diverged, failed, bytes, seconds: as of `summarize`
-        bound: True for an estimator that knows more than any robot could
+        centralised: True for an estimator whose readings all reach one computer
+        bound: True for a centralised one that bounds all others
         certificate: as of `summarize`
 
     Columns with `full=True`, beside all of `summarize`:
@@ -115,7 +117,8 @@ def compare(
     demand_same_streams(errors)
     table = summarize(errors)
     table["consistency"] = consistency(table)
-    table["bound"] = errors.groupby(CELL, sort=False)["bound"].any().to_numpy()
+    for standing in ("centralised", "bound"):
+        table[standing] = errors.groupby(CELL, sort=False)[standing].any().to_numpy()
     cells = trial_means(errors)
     labels = zip(table["scenario"], table["estimator"], strict=True)
     pairs = pd.DataFrame([_pair(cells, scenario, name, against[scenario], margin) for scenario, name in labels])

@@ -19,7 +19,7 @@ INSIDE_95 = -2 * np.log(0.05)  # chi-square quantile, two degrees of freedom
 COLUMNS = (  # `errors` says what they mean
     *("scenario", "estimator", "trial", "robot", "robots", "ticks", "mse", "rmse", "mean_error", "median_error"),
     *("max_error", "final_error", "anees", "coverage95", "diverged", "pose_nees", "messages", "bytes", "seconds"),
-    *("bound", "stream"),
+    *("centralised", "bound", "stream"),
 )
 NOTE = "note: "  # columns after those: what an estimator counted; a name that begins with "largest" is a maximum
 
@@ -47,7 +47,8 @@ def errors(truth: Truth, run: Run, burn_in: int = 0) -> pd.DataFrame:
         messages: messages per tick, as sent
         bytes: bytes per tick, as sent
         seconds [s]: computing time per robot and tick, averaged over the run
-        bound: True for an estimator that knows more than any robot could
+        centralised: True for an estimator whose readings all reach one computer, which knows more than any robot
+        bound: True for a centralised one that bounds all others
         stream: hash of the trial's stream; rows of equal hashes are paired
         "note: NAME": what an estimator counted itself, if anything; a NAME that begins with "largest" is a maximum
 
@@ -132,7 +133,8 @@ def _frame(truth: Truth, run: Run, name: str, trace: Trace, valid: Mask) -> pd.D
         "robot": np.tile(np.arange(n), t),
         "robots": n,
     }
-    rest = {"seconds": trace.seconds / (t * T * n), "bound": trace.bound, "stream": np.repeat(run.hashes, n)}
+    rest = {"seconds": trace.seconds / (t * T * n), "stream": np.repeat(run.hashes, n)}
+    rest |= {"centralised": trace.centralised, "bound": trace.bound}
     columns = {**who, **{k: np.asarray(v).ravel() for k, v in per.items()}, **rest}
     notes = {NOTE + name: values.ravel() for name, values in trace.notes.items()}
     return pd.DataFrame({**{name: columns[name] for name in COLUMNS}, **notes})

@@ -16,13 +16,14 @@ from cooploc.estimators.interface import Array, Mask
 def disqualified(row: Mapping[Any, Any]) -> list[str]:
     """Why an estimator does not qualify as best in a scenario, from its row of `compare`; empty where it does.
 
-    To qualify it must have passed its checks, be no bound, have failed in no trial, and have a covariance that was
+    To qualify it must have passed its checks, be distributed, have failed in no trial, and have a covariance that was
     assessed and not found over-confident: neither by its interval, nor by an ANEES above `DOUBTFUL`, however wide.
     """
     flag = row["consistency"]
     reasons = {
         f"failed the check {mark(row['certificate'])[2:]}": refused(row["certificate"]),
         "a bound": bool(row["bound"]),
+        "centralised": bool(row["centralised"] and not row["bound"]),
         "over-confident": flag == "over-confident",
         "probably over-confident": flag == "undecided" and row["anees"] > DOUBTFUL,
         "consistency not assessed": flag == "not assessed",

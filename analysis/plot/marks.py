@@ -1,6 +1,6 @@
 """How a row of results is drawn: its marker with intervals, its curve, and its name in the legend.
 
-Rows are those of `compare`, or of `summarize` with `consistency` and `bound`.
+Rows are those of `compare`, or of `summarize` with `consistency`, `centralised` and `bound`.
 """
 
 from collections.abc import Mapping
@@ -20,21 +20,29 @@ UNRANKED = " (failed a check)"
 
 
 def drawable(errors: pd.DataFrame) -> pd.DataFrame:
-    """The table of `summarize` with what decides how a row is drawn: `consistency` and `bound`."""
-    bounds = errors.groupby(["scenario", "estimator"], sort=False)["bound"].any()
+    """The table of `summarize` with what decides how a row is drawn: `consistency`, `centralised` and `bound`."""
+    standing = errors.groupby(["scenario", "estimator"], sort=False)[["centralised", "bound"]].any()
     table = summarize(errors)
-    return table.assign(consistency=consistency(table), bound=bounds.to_numpy())
+    return table.assign(
+        consistency=consistency(table),
+        centralised=standing["centralised"].to_numpy(),
+        bound=standing["bound"].to_numpy(),
+    )
 
 
 def name_of(row: Row, name: str = "") -> str:
     """An estimator's name, or another one, and what keeps it from being ranked."""
-    name = (name or str(row["estimator"])) + " (bound)" * bool(row["bound"])
+    name = (name or str(row["estimator"])) + _standing(row)
     return name + UNRANKED * refused(row["certificate"])
 
 
+def _standing(row: Row) -> str:
+    return " (bound)" if row["bound"] else " (centralised)" * bool(row["centralised"])
+
+
 def colour_of(row: Row, look: Look) -> Any:
-    """Bounds are grey."""
-    return GREY if row["bound"] else look.colour
+    """Centralised estimators are grey."""
+    return GREY if row["centralised"] else look.colour
 
 
 def marker(ax: Axes, x: float, y: float, row: Row, look: Look, **more: Any) -> None:
@@ -47,7 +55,7 @@ def marker(ax: Axes, x: float, y: float, row: Row, look: Look, **more: Any) -> N
 def rmse_at(ax: Axes, place: float, row: Row, look: Look, vertical: bool = True) -> None:
     """A row's RMSE with its interval, at a place of the other axis."""
     ends, middle = [row["rmse_low"], row["rmse_high"]], [place, place]
-    line = DOTTED if row["bound"] else "-"
+    line = DOTTED if row["centralised"] else "-"
     ax.plot(*((middle, ends) if vertical else (ends, middle)), color=colour_of(row, look), lw=1.6, ls=line)
     x, y = (place, row["rmse"]) if vertical else (row["rmse"], place)
     marker(ax, x, y, row, look)
@@ -68,7 +76,7 @@ def curve(ax: Axes, rows: pd.DataFrame, x: str, look: Look, alpha: float = 0.15,
     over = (rows["consistency"] == "over-confident").to_numpy()
     first = rows.iloc[0]
     colour = colour_of(first, look)
-    line = DOTTED if first["bound"] else BROKEN if over.mean() > 0.5 else look.line
+    line = DOTTED if first["centralised"] else BROKEN if over.mean() > 0.5 else look.line
     band(ax, rows[x], rows["rmse_low"], rows["rmse_high"], colour, alpha)
     ax.plot(rows[x], rows["rmse"], color=colour, ls=line, lw=1.6, zorder=3)
     for row in rows.iloc[:: max(1, len(rows) // 25)].to_dict("records"):

@@ -15,7 +15,8 @@ from cooploc.estimators.plugins.errors import BadInput
 def rmse(errors: pd.DataFrame, ax: Axes | None = None) -> Axes:
     """Position RMSE of every estimator in every scenario, with 95 % intervals over trials.
 
-    Hollow markers are over-confident: their 95 % ellipses hold fewer true positions than they promise. Grey is a bound.
+    Hollow markers are over-confident: their 95 % ellipses hold fewer true positions than they promise. Centralised
+    estimators are grey.
 
     Args:
         errors: from `cl.errors`, one row per (scenario, estimator, trial, robot).

@@ -111,7 +111,7 @@ def _lines(rows: pd.DataFrame, numbers: Numbers, counter: Iterator[int]) -> Show
     return Shown(
         _panels(svgs, f"position RMSE over {parameter}", counter),
         f"Position RMSE over {parameter} in {family}, {one}; bands are 95 % intervals over trials. Hollow markers: "
-        f"over-confident; a broken line: so at most of the values; grey and dotted: a bound; black and dotted: the "
+        f"over-confident; a broken line: so at most of the values; grey and dotted: centralised; black and dotted: the "
         f"floor. {_about(rows, numbers)}",
         width="wide" if len(svgs) == 1 else "",
     )
@@ -123,7 +123,9 @@ def _dots(rows: pd.DataFrame, numbers: Numbers, counter: Iterator[int]) -> Shown
         for _, part in rows.groupby("scenario", sort=False)
         if part["rmse"].notna().any()
     ]
-    about = "Position RMSE, smallest on top, with 95 % intervals over trials. Hollow: over-confident; grey: a bound; "
+    about = (
+        "Position RMSE, smallest on top, with 95 % intervals over trials. Hollow: over-confident; grey: centralised; "
+    )
     about += "dotted: the floor."
     return Shown(_panels(svgs, "position RMSE of every estimator", counter), f"{about} {_about(rows, numbers)}", "wide")
 
@@ -145,9 +147,9 @@ def _scatter(rows: pd.DataFrame, numbers: Numbers, counter: Iterator[int]) -> Sh
     return Shown(
         _panels(svgs, "position RMSE against ANEES, bytes and seconds", counter),
         "Accuracy against consistency (grey band: neither over-confident nor conservative), bytes and time, with 95 % "
-        "intervals over trials, cut off where they reach beyond the values. Broken line: the Pareto front, estimators "
-        "than which no other is at least as good in both and better in one; bounds are never on it, over-confident "
-        f"estimators (hollow) may be.{some} {_about(drawn, numbers)}",
+        "intervals over trials, cut off where they reach beyond the values. Broken line: the Pareto front, "
+        "estimators than which no other is at least as good in both and better in one; centralised ones are never on "
+        f"it, over-confident estimators (hollow) may be.{some} {_about(drawn, numbers)}",
         width="middle",
         head="Accuracy against consistency, bytes and time",
     )

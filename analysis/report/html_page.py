@@ -39,7 +39,7 @@ METHODS = (
      "equal within 5 %. An estimator is best alone only where its interval against every other that qualifies "
      "excludes 0."),
     ("Rank, group",
-     "Mean over trials of the rank by RMSE, including bounds and over-confident estimators. Estimators that share a "
+     "Mean over trials of the rank by RMSE, including centralised and over-confident ones. Estimators that share a "
      "letter do not differ significantly at 5 %: Friedman's test over trials, then Nemenyi's of all pairs (of two "
      "estimators, Wilcoxon's). It compares ranks, and all pairs at once, so it separates fewer estimators than the "
      "ties above, which compare the size of errors. No letters: fewer than two estimators, or fewer than five trials "
@@ -59,7 +59,8 @@ METHODS = (
     ("Checks",
      "An estimator that is not built in is checked before it runs: it must not see the truth, the future or lost "
      "packets, and must give the same bits however it is run. One that fails a check is marked and not ranked."),
-    ("Bound", "An estimator that knows more than any robot could; it is shown and not ranked."),
+    ("Centralised, bound", "Every reading reaches one computer, which knows more than any robot could; shown and not "
+     "ranked. A bound uses all of them as well as any estimator could."),
     ("Below five trials", "No intervals, tests or verdicts are given."),
     ("Claims",
      "Each is judged by one number with its 95 % interval; a verdict needs the whole interval on its side. `cooploc "

@@ -19,11 +19,11 @@ FLAGS = {flag: flag.replace("-", "_").replace(" ", "_") for flag in
 Ranks = dict[str, tuple[dict[str, float], dict[str, str]]]  # scenario -> mean ranks, and letters, by estimator
 
 
-def remark(certificate: str, consistency: str, bound: bool, failed: int) -> str:
+def remark(certificate: str, consistency: str, centralised: bool, bound: bool, failed: int) -> str:
     """What a reader of a result must know."""
     remarks = ["not ranked"] if refused(certificate) else []
     remarks += [consistency] if consistency in ("over-confident", "conservative", "undecided") else []
-    remarks += ["bound"] if bound else []
+    remarks += ["bound"] if bound else ["centralised"] * centralised
     return ", ".join(remarks + ([f"{failed} failed"] if failed else []))
 
 
@@ -66,8 +66,8 @@ RESULTS = (
     numbers("trials"),
     words(
         "remark",
-        *("consistency", "bound", "failed", "baseline", "stream"),
-        of=("certificate", "consistency", "bound", "failed"),
+        *("consistency", "centralised", "bound", "failed", "baseline", "stream"),
+        of=("certificate", "consistency", "centralised", "bound", "failed"),
         form=remark,
     ),
 )
@@ -110,8 +110,8 @@ def where(found: dict[str, list[Standing]]) -> Table:
         said = {key: ", ".join(f"{e} ({n})" for e, n in best[word].most_common()) for word, key in WORDS.items()}
         rows.append({"experiment": name, "scenarios": len(ones), **said, "none": best["none"].total()})
     about = (
-        "Estimators and in how many scenarios of the experiment. An estimator qualifies to be called best if it is not "
-        "a bound, is not over-confident nor probably so, and failed in no trial."
+        "Estimators and in how many scenarios of the experiment. An estimator qualifies to be called best if it is "
+        "distributed, is not over-confident nor probably so, and failed in no trial."
     )
     return Table("where", about, columns, rows)
 

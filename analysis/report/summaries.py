@@ -1,6 +1,6 @@
 """Who is best where and who is over-confident, in sentences made from the numbers alone.
 
-Best is the smallest RMSE of those that qualify: no bound, not over-confident nor probably so (ANEES above twice the
+Best is the smallest RMSE of those that qualify: distributed, not over-confident nor probably so (ANEES above twice the
 limit, with an interval that does not exclude it), no trial and no check failed. Another one ties with it where the
 equivalence test says so, or where the 95 % interval of the paired change holds 0. An estimator is best alone if the
 intervals against all others exclude 0, an intersection-union test that needs no adjustment (Berger 1982).

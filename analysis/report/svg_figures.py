@@ -148,7 +148,7 @@ def _anees(ax: Axes, part: pd.DataFrame) -> None:
 
 def _cost(ax: Axes, part: pd.DataFrame, other: str) -> None:
     """The axis of a cost, and the Pareto front of those that can be had."""
-    out = part["certificate"].map(refused).astype(bool) | part["bound"].astype(bool)
+    out = part["certificate"].map(refused).astype(bool) | part["centralised"].astype(bool)
     best = part[front(part["rmse"].where(~out).to_numpy(float), part[other].to_numpy(float))].sort_values(other)
     if len(best):
         ax.step(_scale(other) * best[other], best["rmse"], where="post", color="0.3", lw=1, ls=BROKEN, zorder=1)

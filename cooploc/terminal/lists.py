@@ -29,4 +29,11 @@ def show(kind: str, listed: pd.DataFrame) -> None:
 def _row(row: dict[Any, Any]) -> dict[str, Any]:
     minutes = row.get("minutes", float("nan"))
     takes = "" if minutes != minutes else duration(60 * minutes)
-    return {**row, "about": row["about"] + " (a bound)" * row.get("bound", False), "takes": takes}
+    return {**row, "about": row["about"] + _standing(row), "takes": takes}
+
+
+def _standing(row: dict[Any, Any]) -> str:
+    if row.get("bound", False):
+        return " (a bound)"
+    centralised = row.get("centralised", False) and not row["about"].startswith("Centralised")
+    return " (centralised)" * centralised

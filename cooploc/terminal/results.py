@@ -19,8 +19,8 @@ from cooploc.terminal.console import wide
 LEGEND = (
     "vs: change of RMSE on the same streams, Fieller interval; p: Wilcoxon signed-rank over trials, Holm over the "
     "whole study. ANEES: 1 is consistent; undecided: beyond a limit, but its interval does not "
-    "exclude the limit. messages, bytes, µs: per robot and tick. bound: knows more than any robot "
-    "could."
+    "exclude the limit. messages, bytes, µs: per robot and tick. centralised: every reading "
+    "reaches one computer; bound: uses all of them, and no estimator is better."
 )
 ONLY_IN_REPORTS = ("scenario", "rank", "group", "anees_low", "trials")
 COLUMNS = tuple(column for column in RESULTS if column.keys[0] not in ONLY_IN_REPORTS)

@@ -58,8 +58,8 @@ def runs(harness: Harness) -> str:
 
 def non_interference(harness: Harness) -> str:
     """While no packet arrives, one robot's readings change no other robot's estimate or packet."""
-    if harness.bound:
-        raise CheckSkipped("it is a bound: it sees the whole team by definition")
+    if harness.centralised:
+        raise CheckSkipped("it is centralised: it sees the whole team by definition")
     for stream, _ in harness.team_cases:
         alone = perturb.drop_packets(stream)
         base = harness.run(alone, "no packet arrived")
@@ -74,14 +74,14 @@ def non_interference(harness: Harness) -> str:
 def link_honesty(harness: Harness) -> str:
     """A packet that was dropped changes nothing, and neither does a radio reading of it."""
     measured = [(s, base) for s, base in harness.team_cases if s.channels() & {"radio_rssi", "radio_range"}]
-    if harness.bound and not measured:
-        raise CheckSkipped("it is a bound and needs no packets, and no scenario that it can run on measures them")
+    if harness.centralised and not measured:
+        raise CheckSkipped("it is centralised and needs no packets, and no scenario that it can run on measures them")
     for stream, base in measured:
         for mode in MODES:
             when = f"radio readings of dropped packets were {mode}"
             harness.require_same(base, perturb.perturb_dropped_radio(stream, mode, harness.rng), when)
-    if harness.bound:
-        return "radio readings of dropped packets were perturbed and hidden: nothing changed; a bound needs no packets"
+    if harness.centralised:
+        return "radio readings of dropped packets were perturbed and hidden: nothing changed; it needs no packets"
     for stream, _ in harness.team_cases:
         for robot in range(stream.robots):
             _require_dropped_packets_ignored(harness, stream, robot)

@@ -27,7 +27,7 @@ def equivariance(harness: Harness) -> str:
     if not harness.deterministic:
         raise CheckSkipped("it draws random numbers, which do not turn with the world")
     in_turns = (
-        harness.traits.team and not harness.bound
+        harness.traits.team and not harness.centralised
     )  # robots go one after another and hear of what those before them did
     for stream, base in harness.cases:
         if stream.senses.extra or not isinstance(stream.world.motion, Displacement | Unicycle):

@@ -49,9 +49,9 @@ class Harness:
         return traits(self.estimator)
 
     @property
-    def bound(self) -> bool:
-        """Whether it declares that it knows more than any robot could; only a team estimator can."""
-        return self.traits.team and self.traits.bound
+    def centralised(self) -> bool:
+        """Whether it declares that all readings reach one computer; only a team estimator can."""
+        return self.traits.team and self.traits.centralised
 
     @property
     def rng(self) -> np.random.Generator:

@@ -5,7 +5,7 @@ Every estimator gets the same arrays, read-only, and loses the same packets. The
 
 from collections.abc import Mapping
 from concurrent.futures import Future, as_completed
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -36,7 +36,7 @@ class Run:
         return f"Run({self.scenario!r}, {len(self.trial)} trials, {', '.join(self.traces)})"
 
     def _repr_html_(self) -> str:
-        header = ("estimator", "messages per robot and tick", "bytes", "µs", "bound")
+        header = ("estimator", "messages per robot and tick", "bytes", "µs", "standing")
         title = f"run of {self.scenario}, seed {self.seed}, {len(self.trial)} trials"
         return listed(header, title, [(name, *_cost(trace)) for name, trace in self.traces.items()])
 
@@ -54,10 +54,11 @@ class Run:
 
 
 def _cost(trace: Trace) -> tuple[str, ...]:
-    """Messages, bytes and microseconds per robot and tick, and whether it is a bound."""
+    """Messages, bytes and microseconds per robot and tick, and whether it is centralised or a bound."""
     t, T, n, _ = trace.x.shape
     sent, size = trace.messages.sum() / (t * T * n), trace.bytes.sum() / (t * T * n)
-    return f"{sent:.2g}", f"{size:.3g}", f"{1e6 * trace.seconds / (t * T * n):.3g}", "yes" if trace.bound else ""
+    standing = "bound" if trace.bound else "centralised" * trace.centralised
+    return f"{sent:.2g}", f"{size:.3g}", f"{1e6 * trace.seconds / (t * T * n):.3g}", standing
 
 
 def run(estimators: Any, stream: Stream, jobs: int = 1) -> Run:
@@ -106,6 +107,9 @@ def _spread(instances: Mapping[str, Any], chunks: list[Stream], advance: Advance
 
 
 def _joined(traces: list[Trace]) -> Trace:
-    parts = {f: np.concatenate([getattr(t, f) for t in traces]) for f in ("x", "P", "messages", "bytes")}
+    parts: dict[str, Any] = {
+        f: np.concatenate([getattr(t, f) for t in traces]) for f in ("x", "P", "messages", "bytes")
+    }
     notes = {name: np.concatenate([t.notes[name] for t in traces]) for name in traces[0].notes}
-    return Trace(**parts, seconds=sum(t.seconds for t in traces), bound=traces[0].bound, notes=notes)
+    seconds = sum(t.seconds for t in traces)
+    return replace(traces[0], **parts, seconds=seconds, notes=notes)

@@ -37,7 +37,7 @@ class _Drive:
         self.watch: Watcher = watch or (lambda method, tick, arguments, call: call(*arguments))
         self.shape = stream.senses.dt.shape[0], stream.robots
         self.rows = seeds.rows(stream.seed, stream.trial, stream.robots)
-        self.bound = traits(estimator).bound
+        self.centralised = traits(estimator).centralised
         self.state: Any = None
         self.hidden = np.full((len(stream.trial), stream.robots, stream.robots), np.nan)
 
@@ -119,7 +119,7 @@ class Team(_Drive):
     def start(self) -> None:
         t, n = self.shape
         rows = Rows(*(_frozen(a.reshape(t, n, *a.shape[1:])) for a in self.rows))
-        if self.bound:
+        if self.centralised:
             self.uplink = self._uplink()
         self.state = self.call("init", -1, Belief(*(_frozen(a) for a in self.stream.prior)), self.stream.world, rows)
 
@@ -132,12 +132,12 @@ class Team(_Drive):
         self.state = self.call("predict", k, self.state, z)
         self.state = self.call("correct", k, self.state, z)
         self.state, traffic = self.call("exchange", k, self.state, z, air)
-        if self.bound:
+        if self.centralised:
             traffic = Traffic(self.uplink.messages[:, k], self.uplink.bytes[:, k])
         return self.belief(k), traffic
 
     def _uplink(self) -> Traffic:
-        """What a bound's robots must send to the computer that knows everything: the finite readings it uses."""
+        """What a centralised estimator's robots must send to its computer: the finite readings it uses."""
         senses, air = self.stream.senses, self.stream.air
         heard = (np.isfinite(a) & air.link for a in (air.rssi, air.range) if a.shape[-1])
         sensed = (np.isfinite(a) for a in (*(getattr(senses, c) for c in SENSED), *senses.extra.values()))

@@ -44,7 +44,8 @@ def dataset(traces_by_name: Mapping[str, Trace], trial: Indices, attributes: Map
         "messages": (COUNT, np.stack([t.messages for t in traces]), {"long_name": "messages sent"}),
         "bytes": (COUNT, np.stack([t.bytes for t in traces]), {"long_name": "bytes sent", "units": "B"}),
         "seconds": ("estimator", [t.seconds for t in traces], {"long_name": "time taken", "units": "s"}),
-        "bound": ("estimator", [t.bound for t in traces], {"long_name": "knows more than any robot could"}),
+        "centralised": ("estimator", [t.centralised for t in traces], {"long_name": "all readings reach one computer"}),
+        "bound": ("estimator", [t.bound for t in traces], {"long_name": "bounds all other estimators"}),
         **_notes(traces_by_name),
     }
     coordinates = {

@@ -26,8 +26,9 @@ class Trace:
     messages: Array  # (t, n) sent
     bytes: Array  # (t, n) sent
     seconds: float  # for all trials, robots and ticks
-    bound: bool = False  # knows more than any robot could
+    bound: bool = False  # uses all readings of all robots as well as any estimator could
     notes: Mapping[str, Array] = field(default_factory=dict)  # (t, n) what the estimator counted, by name
+    centralised: bool = False  # all readings reach one computer, which knows more than any robot could
 
 
 def trace(
@@ -61,7 +62,7 @@ def trace(
     _demand_finite(name, stream, x, P)
     about = traits(estimator)
     notes = {what: np.asarray(values, float).reshape(t, n) for what, values in about.notes(running.state).items()}
-    return Trace(x, P, messages, sent, seconds, about.bound, notes)
+    return Trace(x, P, messages, sent, seconds, about.bound, notes, about.centralised)
 
 
 def demand_fit(name: str, estimator: Any, stream: Stream) -> None:

@@ -33,7 +33,7 @@ def ran(place):
 
 def test_run_prints_a_table_and_writes_a_picture_and_says_where(ran, place):
     assert ran.returncode == 0, ran.stderr
-    for word in ("trajectory[ticks=10]", "arl", "ekf-joint", "RMSE", "ANEES", "bound", "run/rmse.png"):
+    for word in ("trajectory[ticks=10]", "arl", "ekf-joint", "RMSE", "ANEES", "centralised", "run/rmse.png"):
         assert word in ran.stdout
     assert (place / "run" / "rmse.png").read_bytes().startswith(b"\x89PNG")
     assert (place / "run" / "table.csv").read_text().startswith("scenario,estimator")

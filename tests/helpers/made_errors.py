@@ -28,6 +28,7 @@ def rows(estimator, mse, *, anees=1.0, scenario="s", stream="h", ticks=10):
             "messages": 1.0,
             "bytes": 48.0,
             "seconds": 1e-4,
+            "centralised": False,
             "bound": False,
             "stream": [f"{stream}{k}" for k in np.repeat(np.arange(t), n)],
         }

@@ -59,6 +59,7 @@ def rows_of(scenario, estimators, trials=8, failed=(), bounds=()):
                 "messages": 1.0,
                 "bytes": 48.0 + i,
                 "seconds": 1e-4 * (1 + i),
+                "centralised": name in bounds,
                 "bound": name in bounds,
                 "stream": [f"{scenario}{trial}" for trial in range(trials)],
                 "failure": None,

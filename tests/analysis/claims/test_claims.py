@@ -265,14 +265,14 @@ def test_below_five_trials_nothing_is_decided():
     assert (found["verdict"], found["remark"]) == ("undecided", "fewer than 5 trials")
 
 
-def test_over_confidence_failures_and_bounds_are_told():
+def test_over_confidence_failures_and_centralised_estimators_are_told():
     table = errors({"s": {"a": 0.5, "b": 1.0}})
     table.loc[table["estimator"] == "a", "anees"] = 4.0
     table["failure"] = None
     table.loc[(table["estimator"] == "b") & (table["trial"] == 3), "failure"] = "boom"
-    table.loc[table["estimator"] == "b", "bound"] = True
+    table.loc[table["estimator"] == "b", "centralised"] = True
     found = verdict(table, **CHANGE)
-    assert found["remark"] == "a over-confident; 1 trials of b failed; b is a bound"
+    assert found["remark"] == "a over-confident; 1 trials of b failed; b is centralised"
     assert found["trials"] == TRIALS - 1
 
 

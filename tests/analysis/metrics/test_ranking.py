@@ -7,7 +7,7 @@ import pytest
 from cooploc.analysis.metrics.ranking import disqualified, front, rank_groups
 
 HARD = np.random.default_rng(1).lognormal(0, 0.4, 12)
-GOOD = {"certificate": "", "bound": False, "consistency": "consistent", "anees": 1.0, "failed": 0}
+GOOD = {"certificate": "", "centralised": False, "bound": False, "consistency": "consistent", "anees": 1.0, "failed": 0}
 
 
 def errors(**factors):
@@ -27,7 +27,8 @@ def errors(**factors):
         ({"consistency": "over-confident", "anees": 2.0}, ["over-confident"]),
         ({"consistency": "not assessed"}, ["consistency not assessed"]),
         ({"certificate": "failed: causality: it peeks"}, ["failed the check causality"]),
-        ({"bound": True, "failed": 1}, ["a bound", "1 trial failed"]),
+        ({"centralised": True, "bound": True, "failed": 1}, ["a bound", "1 trial failed"]),
+        ({"centralised": True}, ["centralised"]),
     ],
 )
 def test_an_estimator_qualifies_as_best_unless_there_is_a_reason(change, reasons):

@@ -10,6 +10,7 @@ import pytest
 
 from cooploc.estimators import BUILTIN, make
 from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.plugins.traits import traits
 from cooploc.scenarios import simulate
 from cooploc.scenarios.conformance.check import CHECKS, Report, Result, check_estimator, run_check
 from cooploc.scenarios.conformance.harness import Harness
@@ -158,7 +159,7 @@ def test_built_in_estimators_pass(name, seed):
     estimator = make(name)
     report = check_estimator(estimator, name, seed)
     assert report.passed, report.table()
-    exempt = ["non-interference"] * getattr(estimator, "bound", False) + ["equivariance"] * (name in RANDOM)
+    exempt = ["non-interference"] * traits(estimator).centralised + ["equivariance"] * (name in RANDOM)
     assert_ran(report, [check for check in NAMES if check not in exempt])
     assert {r.seed for r in report.results} == {seed}
 
@@ -183,10 +184,10 @@ def test_following_an_array_to_its_base_finds_nothing_or_is_caught(cls):
 
 
 @pytest.mark.slow
-def test_a_bound_is_exempt_from_what_it_cannot_keep_and_the_report_says_so():
+def test_a_centralised_estimator_is_exempt_from_what_it_cannot_keep_and_the_report_says_so():
     report = check_estimator(make("ekf-joint"))
     assert report["non-interference"] == Result(
-        "non-interference", "skipped", "it is a bound: it sees the whole team by definition", 0
+        "non-interference", "skipped", "it is centralised: it sees the whole team by definition", 0
     )
     assert (
         "radio readings of dropped packets were perturbed and hidden: nothing changed" in report["link-honesty"].detail
