@@ -2,8 +2,8 @@
 
 Like ekf-joint it is centralised, not a protocol: every reading reaches one computer at once. 2 n d + 1 points pass
 through every motion and every reading, one reading after the other, so it is meant for small teams. Odometry noise is
-additive, as the motion model gives it at the mean. Negative weights can make P' indefinite where a reading is far from linear, for
-example a range between robots that touch: such a reading is refused.
+additive, as the motion model gives it at the mean. Negative weights can make P' indefinite where a reading is far from
+linear, for example a range between robots that touch: such a reading is refused.
 
 Sources: S. Julier, J. Uhlmann, "Unscented filtering and nonlinear estimation", Proc. IEEE 92(3), 2004; R. van der
 Merwe, "Sigma-point Kalman filters for probabilistic inference in dynamic state-space models", PhD thesis, OGI, 2004
