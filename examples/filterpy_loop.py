@@ -1,6 +1,6 @@
 """A cooperative filter as one writes it with filterpy: a plain class for one robot, lifted by `PerRobot`.
 
-Every robot keeps an extended Kalman filter on its odometry and the anchors, and broadcasts mean and covariance. Whoever
+Every robot keeps an extended Kalman filter on its odometry and the anchors, and broadcasts mean and covariance. A robot that
 hears a teammate and ranges it corrects itself by covariance intersection: its own covariance is divided by w, the
 sender's by 1 - w, so that nothing is counted twice; of three weights and no fusion the smallest trace is kept.
 

@@ -204,7 +204,7 @@ def test_log_density_is_scipys():
 
 
 def test_what_is_received_is_never_fed_back_nor_sent_on():
-    """Particles and packets are those of a robot that hears nobody."""
+    """Particles and packets are those of a robot that hears no other."""
     _, stream = cl.simulate("trajectory", trials=2, seed=5, ticks=20)
     _, silent = cl.simulate("trajectory", trials=2, seed=5, ticks=20, drop=1.0)
     said = {"heard": [], "alone": []}

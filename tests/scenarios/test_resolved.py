@@ -1,4 +1,4 @@
-"""A resolved scenario knows its size, its trials and its parameters, whoever wrote its model."""
+"""A resolved scenario knows its size, its trials and its parameters, also where its model is a plug-in."""
 
 import numpy as np
 import pytest
