@@ -132,10 +132,10 @@ class SendsOthers(DeadReckoning):
 
 
 @dataclass(frozen=True)
-class NotABound(EkfJoint):
-    """Declares that it is not a bound, and uses what no packet brought."""
+class NotCentralised(EkfJoint):
+    """Declares that it is not centralised, and uses what no packet brought."""
 
-    bound: ClassVar[bool] = False
+    centralised: ClassVar[bool] = False
 
     def correct(self, s, z):
         return nudge(super().correct(s, z), 1e-3 * s.x[:, :1, :2])
@@ -418,9 +418,9 @@ class Addressed(Averages):
 
 @dataclass(frozen=True)
 class HonestTeam(EkfJoint):
-    """Not a bound: robots are independent but for a sequential exchange over links that hold in both directions."""
+    """Not centralised: robots are independent but for a sequential exchange over links that hold in both directions."""
 
-    bound: ClassVar[bool] = False
+    centralised: ClassVar[bool] = False
     uses: tuple[str, ...] = ("odometry", "anchor_rssi|landmark")
 
     def exchange(self, s, z, air):

@@ -54,7 +54,7 @@ GALLERY = [
     (broken.WaitsForAll(), "non-interference", "robot 0's readings were hidden"),
     (broken.SharesClock(), "non-interference", "robot 0's readings were perturbed"),
     (broken.SendsOthers(), "non-interference", "robot 1's packet changed when robot 0's"),
-    (broken.NotABound(), "non-interference", "robot 1's estimate changed when robot 0's"),
+    (broken.NotCentralised(), "non-interference", "robot 1's estimate changed when robot 0's"),
     (broken.UsesDroppedPackets(), "link-honesty", "from tick 4 on while all its packets were dropped"),
     (broken.UsesDroppedRadio(), "link-honesty", "radio readings of dropped packets were perturbed"),
     (broken.Prophet(), "causality", "readings and links after tick 3 were perturbed"),
