@@ -181,9 +181,9 @@ def test_particle_filter_is_the_grid_posterior(case):
     configured, oracle = CASES[case]
     stream = papers_world(seed=7, drop=0.3)
     x, P = grid_posterior(stream, **oracle)
-    got, cov, _ = repeated(make(configured, particles=PARTICLES), stream)
-    np.testing.assert_allclose(got, x, atol=0.03)
-    assert apart(cov, P) < 0.08
+    got, cov, se = repeated(make(configured, particles=PARTICLES), stream)
+    np.testing.assert_allclose(got, x, atol=0.02 + 3 * se.max())  # the grid's error, and that of drawing particles
+    assert apart(cov, P) < 0.1
 
 
 @pytest.mark.parametrize("case", ["arl, raw readings", "mrsl, radio RSSI", "mrsl, radio range"])
