@@ -41,7 +41,7 @@ class Ctrn(Settings):
 
     @property
     def uses(self) -> tuple[str, ...]:
-        return ("odometry", "anchor_rssi", f"radio_{self.reading}")
+        return (*super().uses, f"radio_{self.reading}")
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         senders, d = (world.robots, 2) if self.fusion == "received" else (0, prior.x.shape[-1])

@@ -15,7 +15,13 @@ from cooploc.estimators.interface import Array, Motion, Sensor
 from cooploc.estimators.models.gradient_doa import GradientDoa
 from cooploc.estimators.models.motion import Displacement
 from cooploc.estimators.models.sensors import LogDistance, Range
-from cooploc.estimators.particle.direction_kernels import Directions, add_window_rows
+from cooploc.estimators.particle.direction_kernels import (
+    Directions,
+    Gradients,
+    add_corner_rows,
+    add_gradient_rows,
+    add_window_rows,
+)
 from cooploc.estimators.particle.link_kernels import AnchorReadings, PacketReadings, add_anchor_rows, add_teammate_rows
 from cooploc.estimators.particle.packet import unpack
 
@@ -132,17 +138,17 @@ def window(
         logw: log-weights so far.
         angles: directions (r, M) [rad], nan where absent.
         trail: where the robot was then, seen from where it is now (r, M, 2).
-        density: "constant" or "exact".
+        density: "constant", "corners" or "exact".
         power: exponent of every density.
 
     """
-    if density != "constant":
+    if density == "exact":
         return window_reference(doa, motion, x, logw, angles, trail, density, power)
     if type(motion) is Displacement:
-        return _window_at(doa, x, logw, angles, trail, power)
+        return _window_at(doa, x, logw, angles, trail, density, power)
     for k in range(angles.shape[1]):
         there = motion.place(x, trail[:, None, k])
-        logw = _window_at(doa, there, logw, angles[:, k : k + 1], np.zeros((len(x), 1, 2)), power)
+        logw = _window_at(doa, there, logw, angles[:, k : k + 1], np.zeros((len(x), 1, 2)), density, power)
     return logw
 
 
@@ -150,7 +156,7 @@ def window_reference(
     doa: GradientDoa, motion: Motion, x: Array, logw: Array, angles: Array, trail: Array, density: str, power: float
 ) -> Array:
     """`window` in numpy."""
-    log_density = doa.log_exact if density == "exact" else doa.log_constant
+    log_density = {"exact": doa.log_exact, "constant": doa.log_constant, "corners": doa.log_corners}[density]
     for k in range(angles.shape[1]):
         angle = angles[:, k, None]
         if not np.isnan(angle).all():
@@ -159,11 +165,26 @@ def window_reference(
     return logw
 
 
-def _window_at(doa: GradientDoa, x: Array, logw: Array, angles: Array, trail: Array, power: float) -> Array:
+def gradient(doa: GradientDoa, x: Array, logw: Array, g: Array) -> Array:
+    """`logw` (r, N) and the log-density of a measured gradient g (r, 2) [dB/m], nan where absent."""
+    if type(doa.rssi) is not LogDistance:
+        absent = np.isnan(g).any(-1, keepdims=True)
+        return logw + np.where(absent, 0.0, doa.log_gradient(x, g[:, None, :]))
+    out = np.empty_like(logw, order="C")
+    slope, sigma = _slope(doa.rssi), float(doa.rssi.sigma)
+    gradients = Gradients(readable(g), np.array(doa.corner), np.array(doa.sides), slope, sigma)
+    add_gradient_rows(planes(x), x.shape[-1], readable(logw), tuple(gradients), out)
+    return out
+
+
+def _window_at(
+    doa: GradientDoa, x: Array, logw: Array, angles: Array, trail: Array, density: str, power: float
+) -> Array:
     out = np.empty_like(logw, order="C")
     corner, sides = np.array(doa.corner), np.array(doa.sides)
     directions = Directions(readable(angles), readable(trail), corner, sides, -0.5 * power / doa.sigma**2)
-    add_window_rows(planes(x), x.shape[-1], readable(logw), tuple(directions), out)
+    add_rows = add_corner_rows if density == "corners" else add_window_rows
+    add_rows(planes(x), x.shape[-1], readable(logw), tuple(directions), out)
     return out
 
 

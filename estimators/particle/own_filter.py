@@ -12,16 +12,19 @@ import numpy as np
 from cooploc.estimators.compiled import random_numbers
 from cooploc.estimators.interface import Array, Belief, Keys, Mask, Rows, Senses, World
 from cooploc.estimators.models.angles import circular_mean
-from cooploc.estimators.models.gradient_doa import gradient_doa
+from cooploc.estimators.models.gradient_doa import GradientDoa, gradient_doa
 from cooploc.estimators.particle import likelihood
 from cooploc.estimators.particle.steps import advance, conclude, mean, renew, spread, summary, weights
 
 PARAMETERS = """
     Parameters of the robot's own particle filter:
         particles: their number, at least 2.
-        anchor_reading: "doa", the direction of arrival made of the four anchor readings, or "rssi", their raw
-            likelihoods.
+        anchor_reading: "doa", the direction of arrival made of the four anchor readings; "gradient", the gradient
+            [dB/m] that the direction is taken from, of this tick alone; "rssi", their raw likelihoods; or "none", no
+            reading of anchors: odometry and teammates alone.
         density: of the direction: "constant" is a Gaussian error of the angle, "exact" the projected normal.
+        residual: the error in the constant density: "wrapped", one angle in (-pi, pi]; or "corners", eq. (4) to the
+            letter: the sum over the nodes of the particle's direction from each less the measured one, not wrapped.
         M: path samples in the product of eq. (5), at least 1.
         K: directions in the moving average, at least 1.
         decay: weight of a direction per sample of age, in (0, 1].
@@ -37,8 +40,9 @@ class Settings:
     """Parameters that all particle filters share. The defaults are the readings of the `paper` preset."""
 
     particles: int = 200
-    anchor_reading: Literal["doa", "rssi"] = "doa"
+    anchor_reading: Literal["doa", "gradient", "rssi", "none"] = "doa"
     density: Literal["constant", "exact"] = "constant"
+    residual: Literal["wrapped", "corners"] = "wrapped"
     M: int = 5
     K: int = 5
     decay: float = 0.99
@@ -57,6 +61,21 @@ class Settings:
                 raise ValueError(f"{name} is {value}; it must be at least {least}")
         if not (0 < self.decay <= 1 and self.box > 0):
             raise ValueError(f"decay is {self.decay} and box is {self.box}; they must lie in (0, 1] and above 0")
+
+    @property
+    def uses(self) -> tuple[str, ...]:
+        """The channels of the robot's own filter."""
+        return ("odometry",) if self.anchor_reading == "none" else ("odometry", "anchor_rssi")
+
+    @property
+    def power(self) -> float:
+        """The exponent of every density in a product over M samples."""
+        return 1 / self.M if self.temper else 1.0
+
+    @property
+    def one_pass(self) -> bool:
+        """Whether particles are drawn and weighed in one pass, in `correct`."""
+        return self.anchor_reading in ("rssi", "none") and self.proposal == "walk"
 
 
 class FilterState(NamedTuple):
@@ -77,7 +96,7 @@ class FilterState(NamedTuple):
 
 def init(p: Settings, prior: Belief, world: World, rows: Rows) -> FilterState:
     """Particles drawn from the prior, and empty memories."""
-    if p.anchor_reading == "doa":
+    if p.anchor_reading in ("doa", "gradient"):
         gradient_doa(world)  # refuses a world without four corners before anything runs
     r = len(prior.x)
     x = spread(prior, rows.key, p.particles)
@@ -88,10 +107,10 @@ def init(p: Settings, prior: Belief, world: World, rows: Rows) -> FilterState:
 def predict(p: Settings, s: FilterState, z: Senses) -> FilterState:
     """Draw from P(x_t+1 | x_t); "box": uniformly around the moved estimate, forgetting the weights.
 
-    Where raw readings weigh the particles, `correct` draws them too, in one pass.
+    Where `p.one_pass`, `correct` draws them.
     """
     motion, tick = s.world.motion, s.tick + 1
-    if p.anchor_reading == "rssi" and p.proposal == "walk":
+    if p.one_pass:
         return s._replace(tick=tick)
     trail = motion.retrace(s.trail, z.odometry, z.dt)
     if p.proposal == "box":
@@ -106,18 +125,24 @@ def predict(p: Settings, s: FilterState, z: Senses) -> FilterState:
 
 def correct(p: Settings, s: FilterState, z: Senses, sends: bool = True) -> FilterState:
     """Weigh the particles by the anchors' readings; `sends` unless this robot transmits nothing."""
-    fixed = list(s.world.fixed(z))
-    if p.anchor_reading == "rssi" and p.proposal == "box":
-        return s._replace(logw=likelihood.anchors(fixed, s.x, s.logw))
-    if p.anchor_reading == "rssi":
+    fixed = list(s.world.fixed(z)) if p.anchor_reading == "rssi" else []
+    if p.one_pass:
         x, logw, sent = advance(s.world.motion, s.x, s.logw, s.due, z, s.key, s.tick, fixed, sends)
         return s._replace(x=x, logw=logw, sent=sent)
+    if p.anchor_reading in ("rssi", "none"):
+        return s._replace(logw=likelihood.anchors(fixed, s.x, s.logw))
     doa = gradient_doa(s.world)
-    angle = doa.measure(z.anchor_rssi)
+    if p.anchor_reading == "gradient":
+        return s._replace(logw=likelihood.gradient(doa, s.x, s.logw, doa.gradient(z.anchor_rssi)))
+    return _by_directions(p, s, doa, doa.measure(z.anchor_rssi))
+
+
+def _by_directions(p: Settings, s: FilterState, doa: GradientDoa, angle: Array) -> FilterState:
+    """Weigh by the last M averaged directions, of which `angle` (r,) is the newest; nothing where that is absent."""
     s = _remember(p, s, angle)
     angles = np.where(np.isnan(angle)[:, None], np.nan, s.smooth)
-    power = 1 / p.M if p.temper else 1.0
-    return s._replace(logw=likelihood.window(doa, s.world.motion, s.x, s.logw, angles, s.trail, p.density, power))
+    density = "corners" if (p.density, p.residual) == ("constant", "corners") else p.density
+    return s._replace(logw=likelihood.window(doa, s.world.motion, s.x, s.logw, angles, s.trail, density, p.power))
 
 
 def to_send(s: FilterState) -> Belief:
