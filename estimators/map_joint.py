@@ -12,7 +12,7 @@ L. Matthies, G. Sukhatme, "Sliding window filter with application to planetary l
 """
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -29,13 +29,20 @@ class MapJoint:
     Parameters:
         window: ticks that are estimated together [ticks, at least 1]; 1 is the iterated EKF.
         iterations: Gauss-Newton passes over the window in every tick [count, at least 1].
+        anchor_reading: "rssi", each raw reading of an anchor [dBm]; or "none", no reading of anchors, nor of landmarks.
     """
 
     api: ClassVar[int] = 1
     bound: ClassVar[bool] = True
     window: int = 10
     iterations: int = 2
-    uses: tuple[str, ...] = ("odometry", "anchor_rssi?", "landmark?", "sighting?", "radio_rssi?", "radio_range?")
+    anchor_reading: Literal["rssi", "none"] = "rssi"
+
+    @property
+    def uses(self) -> tuple[str, ...]:
+        """The channels: all that there are, unless `anchor_reading` leaves out those of fixed things."""
+        fixed = () if self.anchor_reading == "none" else ("anchor_rssi?", "landmark?")
+        return ("odometry", *fixed, "sighting?", "radio_rssi?", "radio_range?")
 
     def __post_init__(self) -> None:
         if min(self.window, self.iterations) < 1:

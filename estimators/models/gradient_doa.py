@@ -3,7 +3,7 @@
 The gradient of the signal strength over the arena, by central differences between the corner nodes, points along the
 direction of the robot. Its noise is Gaussian in the gradient, not in the angle: near the centre the gradient vanishes
 and the angle says nothing (RMS error 79 deg within 0.5 m, 7 deg beyond 3 m). Hence several densities: the paper's
-Gaussian of constant sigma, with its error read in two ways, the exact projected normal, and that of the gradient itself.
+Gaussian of constant sigma, with its error read in two ways, the exact projected normal, and the Gaussian of the gradient.
 
 Sources: Latif & Parasuraman, eqs. (1)-(4); R. Parasuraman et al., "Spatial sampling strategy for a 3D sound source
 localization sensor network using RSSI", 2013 (the central differences); K. V. Mardia, "Statistics of Directional Data",

@@ -13,7 +13,8 @@ from cooploc.estimators.compiled import random_numbers
 from cooploc.estimators.interface import Array, Belief, Keys, Mask, Rows, Senses, World
 from cooploc.estimators.models.angles import circular_mean
 from cooploc.estimators.models.gradient_doa import GradientDoa, gradient_doa
-from cooploc.estimators.particle import likelihood
+from cooploc.estimators.particle import likelihood, past_packets
+from cooploc.estimators.particle.past_packets import PastPackets
 from cooploc.estimators.particle.steps import advance, conclude, mean, renew, spread, summary, weights
 
 PARAMETERS = """
@@ -91,6 +92,7 @@ class FilterState(NamedTuple):
     doa: Array  # (r, K)     raw angles [rad]
     smooth: Array  # (r, M)     averaged angles [rad]
     trail: Array  # (r, M, 2)  where the robot was then, seen from where it is now [m]
+    past: PastPackets  # of a robot that uses more than the newest packet of each sender
     world: World
 
 
@@ -100,7 +102,7 @@ def init(p: Settings, prior: Belief, world: World, rows: Rows) -> FilterState:
         gradient_doa(world)  # refuses a world without four corners before anything runs
     r = len(prior.x)
     x = spread(prior, rows.key, p.particles)
-    empty = np.full((r, p.K), np.nan), np.full((r, p.M), np.nan), np.zeros((r, p.M, 2))
+    empty = np.full((r, p.K), np.nan), np.full((r, p.M), np.nan), np.zeros((r, p.M, 2)), past_packets.empty(r, 0, 0)
     return FilterState(x, np.zeros(x.shape[:2]), np.zeros(r, bool), None, prior, rows.key, 0, *empty, world)
 
 
