@@ -11,6 +11,8 @@ from cooploc.estimators.interface import Array
 from cooploc.estimators.models.sensors import NEAR
 from cooploc.estimators.particle.link_kernels import Row, load_row
 
+WRAPPED, SUM, CORNERS = range(3)  # forms of the residual
+
 
 class Directions(NamedTuple):
     """Past directions of arrival, and where the corners are."""
@@ -60,27 +62,25 @@ def _add_gradient(row, whitened, corner, sides, slope):
 
 @kernel
 def add_window_rows(x, d, logw, directions, out):
-    """gain e^2, e the angle between the direction and the gradient g at the particle, for particles x (r d, N).
+    """gain e^2, e the angle between the direction and the gradient g at the particle, for particles x (r d, N)."""
+    _add_all(WRAPPED, x, d, logw, directions, out)
 
-    With D_k the squared distances to the four corners, g_x ~ (ln p + ln q) / a and g_y ~ (ln p - ln q) / b, p = D_1/D_3
-    and q = D_2/D_4. Turned back by the direction, g has the angle e, which needs no wrapping.
-    """
-    wide()
-    angles, trail, corner, sides, gain = directions
-    n = logw.shape[1]
-    row = Row(row_buffer(n), row_buffer(n), row_buffer(n))
-    for r in range(len(logw)):
-        load_row(x, d, logw, r, row)
-        for k in range(angles.shape[1]):
-            if not np.isnan(angles[r, k]):
-                east, north = trail[r, k, 0] - corner[0], trail[r, k, 1] - corner[1]
-                _add_direction(row, angles[r, k], (east, north), (sides[0], sides[1]), gain)
-        store(row.logw, out, r)
+
+@kernel
+def add_sum_rows(x, d, logw, directions, out):
+    """The same with e four times the difference of the two angles, not wrapped."""
+    _add_all(SUM, x, d, logw, directions, out)
 
 
 @kernel
 def add_corner_rows(x, d, logw, directions, out):
-    """gain e^2, e the sum over the corners of the particle's direction from each less the direction, not wrapped."""
+    """The same with e the sum over the corners of the particle's direction from each less the direction."""
+    _add_all(CORNERS, x, d, logw, directions, out)
+
+
+@inlined
+def _add_all(form, x, d, logw, directions, out):
+    """All rows and directions. Compiled apart for each `form`, a constant where this is inlined."""
     wide()
     angles, trail, corner, sides, gain = directions
     n = logw.shape[1]
@@ -89,32 +89,21 @@ def add_corner_rows(x, d, logw, directions, out):
         load_row(x, d, logw, r, row)
         for k in range(angles.shape[1]):
             if not np.isnan(angles[r, k]):
-                east, north = trail[r, k, 0] - corner[0], trail[r, k, 1] - corner[1]
-                _add_corners(row, angles[r, k], (east, north), (sides[0], sides[1]), gain)
+                shift = trail[r, k, 0] - corner[0], trail[r, k, 1] - corner[1]
+                if form == WRAPPED:
+                    _add_direction(row, angles[r, k], shift, (sides[0], sides[1]), gain)
+                else:
+                    _add_sum(form, row, angles[r, k], shift, (sides[0], sides[1]), gain)
         store(row.logw, out, r)
 
 
 @inlined
-def _add_corners(row, angle, shift, sides, gain):
-    """One direction, with particles shifted by (east, north) to where they were then, seen from the first corner."""
-    wide()
-    (X, Y, logw), (east, north), (a, b) = row, shift, sides
-    for i in range(len(logw)):
-        w, s = X[i] + east, Y[i] + north
-        e = _direction(s, w) + _direction(s - b, w) + _direction(s - b, w - a) + _direction(s, w - a) - 4 * angle
-        logw[i] += gain * (e * e)
-
-
-@inlined
-def _direction(north, east):
-    """arctan2 in (-pi, pi]."""
-    angle = arc(north, east)
-    return -angle if north < 0 else angle
-
-
-@inlined
 def _add_direction(row, angle, shift, sides, gain):
-    """One direction, with particles shifted by (east, north) to where they were then, seen from the first corner."""
+    """One direction, with particles shifted by (east, north) to where they were then, seen from the first corner.
+
+    With D_k the squared distances to the four corners, g_x ~ (ln p + ln q) / a and g_y ~ (ln p - ln q) / b, p = D_1/D_3
+    and q = D_2/D_4. Turned back by the direction, g has the angle e, which needs no wrapping.
+    """
     wide()
     (X, Y, logw), (east, north), (a, b) = row, shift, sides
     cx, cy = np.cos(angle) / a, np.sin(angle) / b
@@ -124,6 +113,28 @@ def _add_direction(row, angle, shift, sides, gain):
         gx, gy = p + q, p - q
         e = arc(gy * sy - gx * sx, gx * cx + gy * cy)
         logw[i] += gain * (e * e)
+
+
+@inlined
+def _add_sum(form, row, angle, shift, sides, gain):
+    """The same with a residual that is a sum over the corners."""
+    wide()
+    (X, Y, logw), (east, north), (a, b) = row, shift, sides
+    for i in range(len(logw)):
+        w, s = X[i] + east, Y[i] + north
+        if form == SUM:
+            p, q = _log_ratios(w, s, a, b)
+            e = 4 * (_direction((p - q) / b, (p + q) / a) - angle)
+        else:
+            e = _direction(s, w) + _direction(s - b, w) + _direction(s - b, w - a) + _direction(s, w - a) - 4 * angle
+        logw[i] += gain * (e * e)
+
+
+@inlined
+def _direction(north, east):
+    """arctan2 in (-pi, pi]."""
+    angle = arc(north, east)
+    return -angle if north < 0 else angle
 
 
 @inlined

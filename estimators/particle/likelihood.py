@@ -20,6 +20,7 @@ from cooploc.estimators.particle.direction_kernels import (
     Gradients,
     add_corner_rows,
     add_gradient_rows,
+    add_sum_rows,
     add_window_rows,
 )
 from cooploc.estimators.particle.link_kernels import AnchorReadings, PacketReadings, add_anchor_rows, add_teammate_rows
@@ -127,7 +128,7 @@ def teammates_reference(heard: ReceivedPackets, x: Array, logw: Array) -> Array:
 
 
 def window(
-    doa: GradientDoa, motion: Motion, x: Array, logw: Array, angles: Array, trail: Array, density: str, power: float
+    doa: GradientDoa, motion: Motion, x: Array, logw: Array, angles: Array, trail: Array, form: str, power: float
 ) -> Array:
     """`logw` (r, N) and `power` times the log-density of past directions, each at the particle shifted back.
 
@@ -138,25 +139,26 @@ def window(
         logw: log-weights so far.
         angles: directions (r, M) [rad], nan where absent.
         trail: where the robot was then, seen from where it is now (r, M, 2).
-        density: "constant", "corners" or "exact".
+        form: of the density: "exact", or one of the constant sigma with the residual "wrapped", "sum" or "corners".
         power: exponent of every density.
 
     """
-    if density == "exact":
-        return window_reference(doa, motion, x, logw, angles, trail, density, power)
+    if form == "exact":
+        return window_reference(doa, motion, x, logw, angles, trail, form, power)
     if type(motion) is Displacement:
-        return _window_at(doa, x, logw, angles, trail, density, power)
+        return _window_at(doa, x, logw, angles, trail, form, power)
     for k in range(angles.shape[1]):
         there = motion.place(x, trail[:, None, k])
-        logw = _window_at(doa, there, logw, angles[:, k : k + 1], np.zeros((len(x), 1, 2)), density, power)
+        logw = _window_at(doa, there, logw, angles[:, k : k + 1], np.zeros((len(x), 1, 2)), form, power)
     return logw
 
 
 def window_reference(
-    doa: GradientDoa, motion: Motion, x: Array, logw: Array, angles: Array, trail: Array, density: str, power: float
+    doa: GradientDoa, motion: Motion, x: Array, logw: Array, angles: Array, trail: Array, form: str, power: float
 ) -> Array:
     """`window` in numpy."""
-    log_density = {"exact": doa.log_exact, "constant": doa.log_constant, "corners": doa.log_corners}[density]
+    forms = {"exact": doa.log_exact, "wrapped": doa.log_constant, "sum": doa.log_sum, "corners": doa.log_corners}
+    log_density = forms[form]
     for k in range(angles.shape[1]):
         angle = angles[:, k, None]
         if not np.isnan(angle).all():
@@ -177,13 +179,11 @@ def gradient(doa: GradientDoa, x: Array, logw: Array, g: Array) -> Array:
     return out
 
 
-def _window_at(
-    doa: GradientDoa, x: Array, logw: Array, angles: Array, trail: Array, density: str, power: float
-) -> Array:
+def _window_at(doa: GradientDoa, x: Array, logw: Array, angles: Array, trail: Array, form: str, power: float) -> Array:
     out = np.empty_like(logw, order="C")
     corner, sides = np.array(doa.corner), np.array(doa.sides)
     directions = Directions(readable(angles), readable(trail), corner, sides, -0.5 * power / doa.sigma**2)
-    add_rows = add_corner_rows if density == "corners" else add_window_rows
+    add_rows = {"wrapped": add_window_rows, "sum": add_sum_rows, "corners": add_corner_rows}[form]
     add_rows(planes(x), x.shape[-1], readable(logw), tuple(directions), out)
     return out
 

@@ -24,8 +24,9 @@ PARAMETERS = """
             [dB/m] that the direction is taken from, of this tick alone; "rssi", their raw likelihoods; or "none", no
             reading of anchors: odometry and teammates alone.
         density: of the direction: "constant" is a Gaussian error of the angle, "exact" the projected normal.
-        residual: the error in the constant density: "wrapped", one angle in (-pi, pi]; or "corners", eq. (4) to the
-            letter: the sum over the nodes of the particle's direction from each less the measured one, not wrapped.
+        residual: the error in the constant density: "wrapped", the particle's angle less the measured one in
+            (-pi, pi]; "sum", eq. (4) to the letter: that difference not wrapped, once for each of the four nodes; or
+            "corners", the same with the particle's direction from each node, which says little inside the arena.
         M: path samples in the product of eq. (5), at least 1.
         K: directions in the moving average, at least 1.
         decay: weight of a direction per sample of age, in (0, 1].
@@ -43,7 +44,7 @@ class Settings:
     particles: int = 200
     anchor_reading: Literal["doa", "gradient", "rssi", "none"] = "doa"
     density: Literal["constant", "exact"] = "constant"
-    residual: Literal["wrapped", "corners"] = "wrapped"
+    residual: Literal["wrapped", "sum", "corners"] = "wrapped"
     M: int = 5
     K: int = 5
     decay: float = 0.99
@@ -143,8 +144,8 @@ def _by_directions(p: Settings, s: FilterState, doa: GradientDoa, angle: Array) 
     """Weigh by the last M averaged directions, of which `angle` (r,) is the newest; nothing where that is absent."""
     s = _remember(p, s, angle)
     angles = np.where(np.isnan(angle)[:, None], np.nan, s.smooth)
-    density = "corners" if (p.density, p.residual) == ("constant", "corners") else p.density
-    return s._replace(logw=likelihood.window(doa, s.world.motion, s.x, s.logw, angles, s.trail, density, p.power))
+    form = "exact" if p.density == "exact" else p.residual
+    return s._replace(logw=likelihood.window(doa, s.world.motion, s.x, s.logw, angles, s.trail, form, p.power))
 
 
 def to_send(s: FilterState) -> Belief:

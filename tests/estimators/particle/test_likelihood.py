@@ -73,14 +73,14 @@ def test_anchors_are_the_sensors_own_numpy(side, d, team, n):
 
 @sizes
 @pytest.mark.parametrize("motion", [Displacement(), Unicycle()], ids=["compass", "heading"])
-@pytest.mark.parametrize("density", ["constant", "exact"])
-def test_window_is_the_density_in_numpy(density, motion, n):
+@pytest.mark.parametrize("form", ["wrapped", "sum", "corners", "exact"])
+def test_window_is_the_density_in_numpy(form, motion, n):
     d = 2 if isinstance(motion, Displacement) else 3
     x, logw = cloud(n, d)
     rng = np.random.default_rng(2)
     doa = GradientDoa(LogDistance(), (1.0, -2.0), (6.0, 4.0))
     angles = np.where(rng.uniform(size=(ROWS, 4)) < 0.3, np.nan, rng.uniform(-np.pi, np.pi, (ROWS, 4)))
-    told = doa, motion, x, logw, angles, rng.normal(0, 0.3, (ROWS, 4, 2)), density, 0.2
+    told = doa, motion, x, logw, angles, rng.normal(0, 0.3, (ROWS, 4, 2)), form, 0.2
     assert_close(likelihood.window(*told), likelihood.window_reference(*told))
 
 
