@@ -14,6 +14,7 @@ from cooploc.estimators.plugins.traits import traits
 from cooploc.scenarios import simulate
 from cooploc.scenarios.conformance.check import CHECKS, Report, Result, check_estimator, run_check
 from cooploc.scenarios.conformance.harness import Harness
+from cooploc.scenarios.conformance.isolation import declaration
 from cooploc.scenarios.conformance.snapshot import snapshot
 from cooploc.scenarios.runner.trace import trace
 
@@ -351,3 +352,10 @@ def test_what_cannot_be_loaded_is_bad_input(spec, words):
 def test_what_is_seldom_used_is_not_called_unused():
     found = check_estimator(make("ekf-ci"), "ekf-ci", seed=10)  # in whose small streams no fusion by range pays
     assert found.passed, found
+
+
+@pytest.mark.parametrize("name", ["ekf-ci", "ctrn[weights=exact]"])
+def test_a_range_that_pays_only_where_robots_are_unequally_certain_counts_as_used(name):
+    """Covariance intersection of two equally vague robots keeps what each had."""
+    harness = Harness(name, make(name, anchor_reading="none"), 0)
+    assert "radio_range" in declaration(harness)
