@@ -40,15 +40,20 @@ class Mrsl(own_filter.Settings):
     def uses(self) -> tuple[str, ...]:
         return (*super().uses, f"radio_{self.reading}")
 
+    @property
+    def several(self) -> bool:
+        """Whether more than the newest reading of a teammate is used."""
+        return self.neighbour_samples == "M" and self.M > 1
+
     def init(self, prior: Belief, world: World, rows: Rows) -> own_filter.FilterState:
         s = own_filter.init(self, prior, world, rows)
         past = past_packets.empty(len(prior.x), world.robots, self.M)
-        return s._replace(past=past) if self.neighbour_samples == "M" else s
+        return s._replace(past=past) if self.several else s
 
     def predict(self, s: own_filter.FilterState, z: Senses) -> own_filter.FilterState:
         s = own_filter.predict(self, s, z)
         past = past_packets.moved(s.past, s.world.motion, z)
-        return s._replace(past=past) if self.neighbour_samples == "M" else s
+        return s._replace(past=past) if self.several else s
 
     def correct(self, s: own_filter.FilterState, z: Senses) -> own_filter.FilterState:
         return own_filter.correct(self, s, z)
@@ -64,7 +69,7 @@ class Mrsl(own_filter.Settings):
         """
         sensor, readings = s.world.sensors[f"radio_{self.reading}"], getattr(mail, self.reading)
         heard = ReceivedPackets(sensor, mail.packets, readings, self.neighbours == "integrate")
-        if self.neighbour_samples == "one":
+        if not self.several:
             return own_filter.finish(self, s, heard)
         past = past_packets.received(s.past, heard)
         logw = past_packets.weigh(past, heard, s.world.motion, s.x, s.logw, self.power)
