@@ -16,7 +16,24 @@ from cooploc.scenarios.runner.run import run
 from cooploc.scenarios.stream import Stream
 
 LONG = 120  # ticks of the longer streams, on which a channel that is seldom used is looked for again
+UNLIKE = (
+    "look for what differs from call to call: a counter in the class or module, a cache, a generator that is seeded "
+    "once, the clock, id() or hash(), a file, threads"
+)
 OTHERS = ("dead-reckoning", "ekf-naive")  # they can run on every small stream, the second on those of a team
+
+
+def determinism(harness: Harness) -> str:
+    """A second run, with everything the same, gives the same bits; where it does not, no comparison means anything."""
+    for stream, base in harness.cases:
+        with _global_seed(1) as changed:
+            again, name = harness.run(stream, "it ran a second time"), changed()
+        try:
+            require_equal(base, again, "it ran a second time, with everything the same")
+        except CheckFailed as e:
+            drawn = f"it draws from {name}" if name else "it draws from neither random nor numpy.random"
+            raise CheckFailed(f"{e}; {drawn}", UNLIKE if not name else "") from None
+    return "it ran a second time with everything the same: the same bits"
 
 
 def truth_blindness(harness: Harness) -> str:

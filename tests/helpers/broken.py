@@ -81,6 +81,15 @@ class BoundNotStated(EkfJoint):
 
 
 @dataclass(frozen=True)
+class MoodyProperty(DeadReckoning):
+    """A property of its own raises, far from any method."""
+
+    @property
+    def axes(self):
+        return 1 / 0
+
+
+@dataclass(frozen=True)
 class Crashes(DeadReckoning):
     def correct(self, s, z):
         return s if z.dt[0] < 0 else s / 0
@@ -129,6 +138,20 @@ class SendsOthers(DeadReckoning):
 
     def send(self, s, z):
         return team_sums(s.x, s.world.robots)
+
+
+@dataclass(frozen=True)
+class SendsLittleReadsMore(DeadReckoning):
+    """Sends one number, and where that arrives reads its sender's row of the same array."""
+
+    def send(self, s, z):
+        return np.zeros((len(s.x), 1))
+
+    def fuse(self, s, z, mail):
+        n = s.world.robots
+        team = s.x[:, :2].reshape(-1, n, 2)
+        heard = mail.heard.reshape(-1, n, n)
+        return nudge(s, 1e-3 * (heard[..., None] * team[:, None]).sum(2).reshape(-1, 2))
 
 
 @dataclass(frozen=True)
