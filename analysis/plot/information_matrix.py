@@ -80,8 +80,10 @@ def _below(ax: Axes, groups: dict[tuple[int, str], float]) -> None:
     """What is read between robots, under each group, and the team under its groups."""
     ax.set_xticks(list(groups.values()), [BETWEEN[between] for _, between in groups])
     ax.tick_params(axis="x", length=0)
-    left = {"xycoords": "axes fraction", "textcoords": "offset points", "ha": "right", "va": "top", "fontsize": 8}
-    ax.annotate("read of\nteammates", (0, 0), (-4, -3), **left)
+    ax.annotate(
+        "read of\nteammates", (0, 0), (-4, -3), xycoords="axes fraction",
+        textcoords="offset points", ha="right", va="top", fontsize=8,
+    )  # fmt: skip
     for robots in dict.fromkeys(n for n, _ in groups):
         middle = float(np.mean([x for (n, _), x in groups.items() if n == robots]))
         ax.annotate(
