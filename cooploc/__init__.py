@@ -34,6 +34,8 @@ if _TYPE_CHECKING:
     from cooploc.estimators.per_robot import PerRobot as PerRobot
     from cooploc.estimators.plugins.callable_package import CallablePackage as _CallablePackage
     from cooploc.estimators.plugins.errors import BadInput as BadInput
+    from cooploc.run_tables import information as information
+    from cooploc.run_tables import sensitivity as sensitivity
     from cooploc.runs import Results as Results
     from cooploc.runs import compare_runs as compare_runs
     from cooploc.runs import load_run as load_run
@@ -74,6 +76,7 @@ _HOME = {
     "analysis.metrics.compare": ("compare", "summarize"),
     "analysis.metrics.tum": ("to_tum",),
     "runs": ("run_study", "load_run", "Results", "verdicts", "readings", "report", "compare_runs", "reproduce", "show"),
+    "run_tables": ("information", "sensitivity"),
     "scaffold": ("new_estimator",),
 }
 _MODULES = {"estimators": "estimators", "scenarios": "scenarios", "plot": "analysis.plot"}
