@@ -61,7 +61,7 @@ def _panel(ax: Axes, part: pd.DataFrame) -> None:
     floor = part.groupby("value")["floor"].first()
     if floor.notna().any():
         ax.plot(floor.index, floor, color="black", ls=style.DOTTED, lw=1.6, label="floor", zorder=1)
-    ax.axvline(part["preset"].iloc[0], color="0.7", ls=style.BROKEN, lw=1, zorder=0)
+    ax.axvline(part["preset"].iloc[0], color="0.5", ls=style.BROKEN, lw=1, zorder=0)
     values = np.unique(part["value"])
     if values[0] > 0 and values[-1] > WIDE * values[0]:
         ax.set_xscale("log")

@@ -42,15 +42,26 @@ def _error(row: dict[Any, Any]) -> str:
 
 def _against(part: pd.DataFrame, baseline: str) -> str:
     """At how many values each estimator's error is below the baseline's, and above it, by the paired interval."""
-    others = [str(name) for name in dict.fromkeys(part["estimator"]) if name != baseline]
-    said = [_standing(part[part["estimator"] == name], name) for name in others]
-    return f"Against {baseline}, by paired intervals, {listed(said)}." if said else f"Only {baseline} was run."
+    counts: dict[tuple[int, int, int], list[str]] = {}
+    for name in (str(each) for each in dict.fromkeys(part["estimator"]) if each != baseline):
+        mine = part[part["estimator"] == name]
+        better, worse = int((mine["change_high"] < 0).sum()), int((mine["change_low"] > 0).sum())
+        counts.setdefault((better, worse, len(mine)), []).append(name)
+    if not counts:
+        return f"Only {baseline} was run."
+    said = [_standing(names, baseline, *where) for where, names in sorted(counts.items(), reverse=True)]
+    return f"By paired intervals, {'; '.join(said)}."
 
 
-def _standing(mine: pd.DataFrame, name: str) -> str:
-    better, worse, n = int((mine["change_high"] < 0).sum()), int((mine["change_low"] > 0).sum()), len(mine)
-    over = int((mine["consistency"] == "over-confident").sum())
-    doubt = f" (over-confident at {over})" * bool(over)
-    if n in (better, worse):
-        return f"{name} is {'better' if better == n else 'worse'} at all {counted(n, 'value')}{doubt}"
-    return f"{name} is better at {better} and worse at {worse} of {counted(n, 'value')}{doubt}"
+def _standing(names: list[str], baseline: str, better: int, worse: int, n: int) -> str:
+    one = len(names) == 1
+    beat, lose = ("beats", "loses") if one else ("beat", "lose")
+    wins = f"{beat} {baseline} at {_of(better, n)}"
+    loses = f"{lose} to it at {_of(worse, n)}" if better else f"{lose} to {baseline} at {_of(worse, n)}"
+    if not (better or worse):
+        return f"{listed(names)} neither {beat} {baseline} nor {lose} to it at any of {counted(n, 'value')}"
+    return f"{listed(names)} {' and '.join([wins] * bool(better) + [loses] * bool(worse))}"
+
+
+def _of(some: int, n: int) -> str:
+    return f"all {counted(n, 'value')}" if some == n else f"{some} of {counted(n, 'value')}"
