@@ -21,6 +21,7 @@ if _TYPE_CHECKING:
     from cooploc.analysis.metrics.compare import compare as compare
     from cooploc.analysis.metrics.compare import summarize as summarize
     from cooploc.analysis.metrics.errors import errors as errors
+    from cooploc.analysis.metrics.smoother import smoother as smoother
     from cooploc.analysis.metrics.tum import to_tum as to_tum
     from cooploc.estimators import make as make
     from cooploc.estimators.interface import Belief as Belief
@@ -74,6 +75,7 @@ _HOME = {
     "estimators.plugins.errors": ("BadInput",),
     "analysis.metrics.errors": ("errors",),
     "analysis.metrics.compare": ("compare", "summarize"),
+    "analysis.metrics.smoother": ("smoother",),
     "analysis.metrics.tum": ("to_tum",),
     "runs": ("run_study", "load_run", "Results", "verdicts", "readings", "report", "compare_runs", "reproduce", "show"),
     "run_tables": ("information", "sensitivity"),
