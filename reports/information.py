@@ -59,7 +59,7 @@ def main(run: str, out: str = "reports") -> None:
     with mpl.rc_context({"svg.hashsalt": "cooploc"}):
         figure.savefig(Path(out) / "information.png", dpi=150)
         figure.savefig(Path(out) / "information.svg", metadata={"Date": None})
-    said = "\n".join(f"- **{_capital(heading(own, robots))}.** {text}" for own, robots, text in sentences(table))
+    said = "\n".join(_listed(heading(own, robots), texts) for own, robots, texts in sentences(table))
     seed = kept(stored).manifest["seed"]
     filled = TEXT.format(trials=table["trials"].max(), seed=seed, sentences=said, table=_table(table).markdown())
     (Path(out) / "information.md").write_text(filled, encoding="utf-8")
@@ -90,8 +90,9 @@ def _with_ends(form: Callable[[float], str]) -> Callable[[float, float, float], 
     return lambda value, low, high: f"{form(value)} ({interval(form)(low, high)})" if value == value else ""
 
 
-def _capital(text: str) -> str:
-    return text[0].upper() + text[1:]
+def _listed(head: str, texts: list[str]) -> str:
+    """A paragraph's first sentence, and the others below it."""
+    return "\n".join([f"- **{head}.** {texts[0]}", *(f"    - {text}" for text in texts[1:])])
 
 
 if __name__ == "__main__":

@@ -20,11 +20,14 @@ RULES = {
     ("bound", "MAP"): "the bound",
 }
 FILTERS = {"particles": "with particles", "Kalman": "with a Kalman filter", "MAP": "by the bound"}
+NOTHING = 5e-4  # a change whose whole interval is smaller
 BETWEEN = {"rssi": "RSSI", "range": "ranges"}
 
 
-def sentences(table: pd.DataFrame) -> list[tuple[str, int, str]]:
-    """For each own reading and team of more than one robot: (own, robots, what each rule of fusion buys there).
+def sentences(table: pd.DataFrame) -> list[tuple[str, int, list[str]]]:
+    """For each own reading and team of more than one robot: (own, robots, sentences).
+
+    The first says how large errors and floor are alone, each other one what a rule of fusion buys.
 
     Args:
         table: from `cl.information`.
@@ -37,7 +40,7 @@ def sentences(table: pd.DataFrame) -> list[tuple[str, int, str]]:
             mine = part[(part["fusion"] == rule[0]) & (part["filter"] == rule[1]) & part["change"].notna()]
             if len(mine):
                 said.append(_rule(name, mine))
-        found.append((str(own), int(str(robots)), " ".join(said)))
+        found.append((str(own), int(str(robots)), said))
     return found
 
 
@@ -70,7 +73,7 @@ def effect(row: dict[Any, Any]) -> str:
     """What a reading changes in the error, against the same filter alone, by its interval."""
     size, low, high = float(row["change"]), float(row["change_low"]), float(row["change_high"])
     by = BETWEEN[row["between"]]
-    if size == low == high == 0:
+    if max(abs(low), abs(high)) < NOTHING:
         return f"leaves the error as it is by {by}"
     if low != low:
         return f"changes the error by {change(size)} by {by} (no interval)"
