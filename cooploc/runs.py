@@ -119,8 +119,8 @@ def load_run(folder: str | Path) -> Results:
         BadInput: it is not a run directory, or holds no results.
 
     """
-    kept = read(Path(folder))
-    return Results(kept.folder, kept.rows, compare(kept.rows, kept.baselines, full=True))
+    stored = read(Path(folder))
+    return Results(stored.folder, stored.rows, compare(stored.rows, stored.baselines, full=True))
 
 
 def show(run: Results | str | Path) -> None:
@@ -185,8 +185,8 @@ def report(
         BadInput: the run or the ledger cannot be read.
 
     """
-    kept = _kept(run)
-    return html_page.write(kept, _ledger(ledger), kept.folder / "report" if out is None else Path(out))
+    stored = kept(run)
+    return html_page.write(stored, _ledger(ledger), stored.folder / "report" if out is None else Path(out))
 
 
 def compare_runs(before: Results | str | Path, after: Results | str | Path) -> RunChanges:
@@ -196,7 +196,7 @@ def compare_runs(before: Results | str | Path, after: Results | str | Path) -> R
         BadInput: one of the two is not a run.
 
     """
-    a, b = _kept(before), _kept(after)
+    a, b = kept(before), kept(after)
     table = run_diff.changes(a, b)
     return RunChanges(table, run_diff.settings(a, b), run_diff.sentences(table))
 
@@ -223,10 +223,11 @@ def reproduce(page: str | Path, trials: int = 6, data: str | Path | None = None)
 def _rows(run: Any) -> pd.DataFrame:
     if isinstance(run, pd.DataFrame):
         return run
-    return run.rows if isinstance(run, Results) else _kept(run).rows
+    return run.rows if isinstance(run, Results) else kept(run).rows
 
 
-def _kept(run: Any) -> Kept:
+def kept(run: Any) -> Kept:
+    """What is on disk of a run."""
     return read(_folder(run))
 
 

@@ -30,6 +30,7 @@ class MapJoint:
         window: ticks that are estimated together [ticks, at least 1]; 1 is the iterated EKF.
         iterations: Gauss-Newton passes over the window in every tick [count, at least 1].
         anchor_reading: "rssi", each raw reading of an anchor [dBm]; or "none", no reading of anchors, nor of landmarks.
+        reading: the radio readings between robots: "both", "rssi" [dBm], "range" [m], or "none".
     """
 
     api: ClassVar[int] = 1
@@ -37,12 +38,14 @@ class MapJoint:
     window: int = 10
     iterations: int = 2
     anchor_reading: Literal["rssi", "none"] = "rssi"
+    reading: Literal["both", "rssi", "range", "none"] = "both"
 
     @property
     def uses(self) -> tuple[str, ...]:
-        """The channels: all that there are, unless `anchor_reading` leaves out those of fixed things."""
+        """The channels: all that there are, unless `anchor_reading` or `reading` leaves some out."""
         fixed = () if self.anchor_reading == "none" else ("anchor_rssi?", "landmark?")
-        return ("odometry", *fixed, "sighting?", "radio_rssi?", "radio_range?")
+        radio = tuple(f"radio_{name}?" for name in ("rssi", "range") if self.reading in (name, "both"))
+        return ("odometry", *fixed, "sighting?", *radio)
 
     def __post_init__(self) -> None:
         if min(self.window, self.iterations) < 1:

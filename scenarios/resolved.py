@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from operator import index
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,7 @@ class ResolvedScenario:
     family: Family
     parameters: Mapping[str, Any]  # those that differ from the model's defaults
     model: Scenario
+    assumed: Mapping[str, Any] = field(default_factory=dict)  # what the team assumes instead of true parameters
 
     @property
     def recorded(self) -> bool:
@@ -67,7 +68,7 @@ class ResolvedScenario:
 
         """
         numbers, seed = _numbers(trials), _whole(seed, "seed")
-        model = self._of(numbers)
+        model, assumed = self._of(numbers), {**self.assumed, **(assumed or {})}
         world = self._assumed(assumed, model.world(), numbers) if assumed else model.world()
         return model.simulate(self.label, numbers, seed, world)
 
@@ -86,11 +87,13 @@ class ResolvedScenario:
         return world
 
     def _changed(self, parameters: Mapping[str, Any]) -> "ResolvedScenario":
-        return build(self.label, self.name, self.family, {**self.parameters, **parameters})
+        return build(self.label, self.name, self.family, {**self.parameters, **parameters}, self.assumed)
 
 
-def build(label: str, name: str, family: Family, parameters: Mapping[str, Any]) -> ResolvedScenario:
-    """A family's scenario with these parameters.
+def build(
+    label: str, name: str, family: Family, parameters: Mapping[str, Any], assumed: Mapping[str, Any]
+) -> ResolvedScenario:
+    """A family's scenario with these parameters, whose team assumes other values of some.
 
     Raises:
         BadInput: an unknown parameter, or a value that does not fit.
@@ -105,7 +108,7 @@ def build(label: str, name: str, family: Family, parameters: Mapping[str, Any]) 
     except ValidationError as e:
         first = e.errors()[0]
         raise BadInput(f"scenario {label!r}, {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
-    return ResolvedScenario(label, name, family, parameters, model)
+    return ResolvedScenario(label, name, family, parameters, model, assumed)
 
 
 def divided(path: str) -> tuple[str, str]:

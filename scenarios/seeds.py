@@ -20,6 +20,7 @@ class Purpose(IntEnum):
     SENSORS = 1
     NETWORK = 2
     OBSTACLES = 4
+    WHEELS = 5
 
 
 def generator(seed: int, trial: int, purpose: Purpose) -> np.random.Generator:
