@@ -138,7 +138,8 @@ def verdicts(
 ) -> pd.DataFrame:
     """Which claims of a paper a run supports, contradicts or leaves open: one row per claim, reading and case.
 
-    `cooploc.analysis.claims.verdicts.COLUMNS` says what the columns mean; `sentence` is each row in words.
+    `cooploc.analysis.claims.verdicts.COLUMNS` says what the columns mean; `map` says in how many readings of the paper
+    the claim holds, where more than one was run; `sentence` is each row in words.
 
     Args:
         run: from `run_study` or `load_run`, a run directory, or rows of `errors`.
@@ -148,8 +149,16 @@ def verdicts(
         BadInput: the run or the ledger cannot be read, or estimators of one scenario ran on different streams.
 
     """
-    found = judge(_ledger(ledger), _rows(run))
-    return found.assign(sentence=[wording.sentence(row) for _, row in found.iterrows()])
+    return verdicts_and_readings(run, ledger)[0]
+
+
+def verdicts_and_readings(run: Any, ledger: Any = None) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """What `verdicts` and `readings` return, computed once."""
+    asked, rows = _ledger(ledger), _rows(run)
+    found, mapped = judge(asked, rows), multiverse.judge(asked, rows)
+    maps = multiverse.sentences(mapped)
+    said = [wording.sentence(row) for _, row in found.iterrows()]
+    return found.assign(map=[maps.get(claim, "") for claim in found["claim"]], sentence=said), mapped
 
 
 def readings(

@@ -45,6 +45,12 @@ BUILTIN: dict[str, Family] = {
         {"side": 60.0, "step": 1.0, "odometry_sigma": 0.2},
         {"sd": "prior_sigma"},
     ),
+    "arena-28m": Family(
+        "three robots in an arena of 800 m^2, whose corners are 40 m apart at most, that hear up to r [m]",
+        PAPER,
+        {"side": 28.28, "step": 0.5, "odometry_sigma": 0.1},
+        {"r": "radio_range"},
+    ),
     "asynchrony": Family(
         "three robots that wake in every, every second and every fourth tick; samples: readings averaged in a tick",
         PAPER,
