@@ -37,5 +37,7 @@ def of(verdicts: pd.DataFrame) -> Family:
     """
     p = verdicts["p"].to_numpy(float)
     decided, judged = int(verdicts["verdict"].isin(DECIDED).sum()), int((~np.isnan(p)).sum())
-    at_most, expected = (min(n, float(decided)) for n in ((1 - statistics.LEVEL) * judged, statistics.expected_false(p)))
+    at_most, expected = (
+        min(n, float(decided)) for n in ((1 - statistics.LEVEL) * judged, statistics.expected_false(p))
+    )
     return Family(judged, decided, int(verdicts["stands"].sum()), at_most, expected)

@@ -125,7 +125,9 @@ def consistency(case: Case, claim: Claim, table: TrialTable) -> Finding:
         raise Missing(f"{case.of} has no covariance in {scenario}")
     anees = _decide_positive(statistics.mean_of_positive(values), len(values), zones.at_most(OVER_CONFIDENT))
     covered = statistics.mean(inside)
-    share = decide(covered, len(inside), zones.at_least(LEAST_COVERAGE), partial(statistics.p_of_mean, covered, len(inside)))
+    share = decide(
+        covered, len(inside), zones.at_least(LEAST_COVERAGE), partial(statistics.p_of_mean, covered, len(inside))
+    )
     return zones.both(anees, share)
 
 

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from cooploc.analysis.claims import readings
-from cooploc.analysis.claims.common_choices import sentence
 from cooploc.analysis.claims.claim import Case, Claim
+from cooploc.analysis.claims.common_choices import sentence
 from cooploc.analysis.claims.kinds import KINDS, cases, definitions
 from cooploc.analysis.claims.ledger import Ledger
 from cooploc.analysis.claims.readings import Dimensions, Reading

@@ -102,19 +102,21 @@ def decide_all(pairs: list[Array], labels: list[tuple[str, str]], zones: Zones, 
     adjusted = statistics.holm(np.array(p))
     refuted = bool((adjusted < ALPHA).any())
     worst = int(np.nanargmin(adjusted)) if refuted else int(np.argmin(np.nan_to_num(room, nan=-np.inf)))
-    needed, scenario, than = np.nan, *labels[worst]
+    scenario, than = labels[worst]
+    needed = np.nan
     for_all, against = _p_of_all(found, low, high), float(np.minimum(1.0, 2 * np.fmin.reduce(adjusted)))
     if all(f.verdict == "supported" for f in found):
-        verdict, p = "supported", for_all
+        verdict, chance = "supported", for_all
     elif refuted:
-        verdict, p = "contradicted", against
+        verdict, chance = "contradicted", against
     else:
-        verdict, p, needed = "undecided", float(np.fmin(for_all, against)), _needed(found, low, high)
-    return found[worst]._replace(verdict=verdict, needed=needed, p=p, scenario=scenario, than=than)
+        verdict, chance, needed = "undecided", float(np.fmin(for_all, against)), _needed(found, low, high)
+    return found[worst]._replace(verdict=verdict, needed=needed, p=chance, scenario=scenario, than=than)
 
 
 def _changed(case: Array, value: float) -> float:
-    return statistics.p_of_change(*case.T, value)
+    before, after = case.T
+    return statistics.p_of_change(before, after, value)
 
 
 def _p_of_all(found: list[Finding], low: float, high: float) -> float:

@@ -20,7 +20,18 @@ SUMMARY = (
 # What `compare` shows unless it is asked for all.
 SHORT = (
     *("scenario", "estimator", "trials", "rmse", "rmse_low", "rmse_high", "change", "change_low", "change_high"),
-    *("p_holm", "anees", "anees_median", "collapsed", "consistency", "coverage95", "diverged", "failed", "bytes", "seconds"),
+    *(
+        "p_holm",
+        "anees",
+        "anees_median",
+        "collapsed",
+        "consistency",
+        "coverage95",
+        "diverged",
+        "failed",
+        "bytes",
+        "seconds",
+    ),
     *("centralised", "bound", "certificate"),
 )
 MARGIN = 0.05  # two estimators whose RMSE differ by less than this share tie

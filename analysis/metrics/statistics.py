@@ -177,12 +177,13 @@ def expected_false(p: Array) -> float:
 
 
 def holm(p: Array) -> Array:
-    """Holm's adjusted p over a family; nan (no test) stays nan and does not count."""
-    from statsmodels.stats.multitest import multipletests
+    """Holm's adjusted p over a family; nan (no test) stays nan and does not count.
 
-    adjusted, tested = np.full(p.shape, np.nan), ~np.isnan(p)
-    if tested.any():
-        adjusted[tested] = multipletests(p[tested], method="holm")[1]
+    As `multipletests` of statsmodels, which collects all garbage at every call: a third of a second in a large process.
+    """
+    order = np.argsort(p)[: np.count_nonzero(~np.isnan(p))]  # nan comes last
+    adjusted = np.full(p.shape, np.nan)
+    adjusted[order] = np.minimum(np.maximum.accumulate(p[order] * np.arange(len(order), 0, -1)), 1.0)
     return adjusted
 
 

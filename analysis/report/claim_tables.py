@@ -72,9 +72,7 @@ class ClaimSection(NamedTuple):
     run: bool  # whether any case of it was
 
 
-def by_claim(
-    table: Table, verdicts: pd.DataFrame, ledger: Ledger, readings: Mapping[str, str]
-) -> list[ClaimSection]:
+def by_claim(table: Table, verdicts: pd.DataFrame, ledger: Ledger, readings: Mapping[str, str]) -> list[ClaimSection]:
     """The ledger's table claim by claim, without the columns that say the same in every row.
 
     Args:

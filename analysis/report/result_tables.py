@@ -189,8 +189,8 @@ def confidence(table: pd.DataFrame) -> Table:
     about = (
         "Number of scenarios by ANEES: over-confident where its 95 % interval lies wholly above 1.5, conservative "
         "where wholly below 0.67, consistent where ANEES lies between, undecided where ANEES is beyond a limit but its "
-        "interval does not exclude the limit. A mean ANEES may be that of one collapsed trial: its median over trials, and "
-        f"the largest share of trials in a scenario whose ANEES exceeds {COLLAPSED:g}, do not depend on one."
+        "interval does not exclude the limit. A mean ANEES may be that of one collapsed trial: its median over trials "
+        f"and the largest share of trials in a scenario whose ANEES exceeds {COLLAPSED:g}, do not depend on one."
     )
     return Table("consistency", about, columns, rows)
 

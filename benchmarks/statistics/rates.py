@@ -6,7 +6,6 @@ Ends with 1 where a rate misses what the documentation promises. Every cell draw
 the same whenever it is made.
 """
 
-import gc
 import sys
 import time
 import zlib
@@ -92,8 +91,6 @@ def rates(name: str, measure: Callable[[np.random.Generator, Draw, int], float])
 
 
 def _rate(name: str, measure: Callable[[np.random.Generator, Draw, int], float], world: str, n: int) -> float:
-    statistics.holm(np.ones(2))  # imports statsmodels, which
-    gc.freeze()  # collects all garbage whenever it adjusts a family
     return measure(np.random.default_rng(zlib.crc32(f"{name} {world} {n}".encode())), WORLDS[world], n)
 
 

@@ -1,4 +1,4 @@
-"""The verdicts of a ledger: a table for every claim, then the readings, what the numbers mean, and how many are false."""
+"""The verdicts of a ledger: a table for every claim, then the readings, what numbers mean, how many may be false."""
 
 import pandas as pd
 
@@ -9,11 +9,17 @@ from cooploc.analysis.report.claim_tables import called, cases, over_readings
 from cooploc.terminal.console import wide
 
 LEGEND = (
-    "Changes are b/a - 1: negative where the error falls. stands: still decided after Holm's correction over all judged "
-    "cases. Each verdict is of one reading of the paper; cl.readings judges a claim in all that were run (the study "
+    "Changes are b/a - 1: negative where the error falls. stands: still decided after Holm's correction over all "
+    "judged cases. Each verdict is of one reading of the paper; cl.readings judges a claim in all that were run (the study "
     "readings runs them)."
 )
-STYLES = {"supported": "green", "direction only": "yellow", "flat": "magenta", "contradicted": "red", "undecided": "cyan"}
+STYLES = {
+    "supported": "green",
+    "direction only": "yellow",
+    "flat": "magenta",
+    "contradicted": "red",
+    "undecided": "cyan",
+}
 
 
 def show(verdicts: pd.DataFrame, ledger: Ledger) -> None:

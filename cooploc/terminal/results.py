@@ -19,7 +19,8 @@ from cooploc.terminal.console import wide
 LEGEND = (
     "vs: change of RMSE on the same streams, Fieller interval; p: Wilcoxon signed-rank over trials, Holm over the "
     "whole study. ANEES: 1 is consistent; undecided: beyond a limit, but its interval does not "
-    "exclude the limit; median: of ANEES over trials; collapsed: trials whose ANEES exceeds 100. messages, bytes, µs: per robot and tick. centralised: every reading "
+    "exclude the limit; median: of ANEES over trials; collapsed: trials whose ANEES exceeds 100. "
+    "messages, bytes, µs: per robot and tick. centralised: every reading "
     "reaches one computer; bound: uses all of them, and no estimator is better. as published, at its best: of the "
     "configurations of a method; one without this remark is another configuration, or its method has only one."
 )

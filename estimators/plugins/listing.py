@@ -17,8 +17,8 @@ def listing() -> "DataFrame":
 
     Columns: `name`; `about`, in a sentence; `uses`, the channels it needs; `centralised`, whether all readings reach
     one computer; `bound`, whether it bounds all others; `published` and `best`, its configurations as published and at
-    its best (see `plugins.configurations`); `source`, the paper; `problem`, why a plug-in cannot be used, empty where it
-    can.
+    its best (see `plugins.configurations`); `source`, the paper; `problem`, why a plug-in cannot be used, empty where
+    it can.
     """
     from pandas import DataFrame
 
