@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from cooploc.analysis.claims.verdicts import DECIDED
+from cooploc.analysis.claims.verdicts import DECIDED, once
 from cooploc.analysis.formats import counted
 from cooploc.analysis.metrics import statistics
 
@@ -33,8 +33,10 @@ def of(verdicts: pd.DataFrame) -> Family:
     """How many verdicts of `judge` are decided, stand after correction over all, and are expected to be false.
 
     At 5 % a case, 5 % of the judged ones are decided wrongly where every truth lies at the edge of its zone, and fewer
-    elsewhere; where a truth lies far from the edge, a false verdict is next to impossible.
+    elsewhere; where a truth lies far from the edge, a false verdict is next to impossible. A case that several variants
+    share counts once.
     """
+    verdicts = verdicts[once(verdicts)]
     p = verdicts["p"].to_numpy(float)
     decided, judged = int(verdicts["verdict"].isin(DECIDED).sum()), int((~np.isnan(p)).sum())
     at_most, expected = (

@@ -43,6 +43,7 @@ from cooploc.analysis.metrics.pooling import demand_same_streams
 
 VERDICTS = ("supported", "direction only", "flat", "contradicted", "undecided", "not testable", "not run")
 DECIDED, JUDGED = VERDICTS[:4], VERDICTS[:5]
+CASE = ["claim", "scenario", "of", "than", "definition"]  # what makes a case of a ledger
 COLUMNS = {
     "claim": "its id in the ledger",
     "says": "the claim, in the ledger's words",
@@ -90,10 +91,16 @@ def judge(ledger: Ledger, rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def adjusted(found: pd.DataFrame) -> pd.DataFrame:
-    """With p adjusted over all rows, and whether their verdicts stand."""
-    p_holm = statistics.holm(found["p"].to_numpy(float))
-    stands = found["verdict"].isin(DECIDED) & (p_holm <= 1 - statistics.LEVEL)
-    return found.assign(p_holm=p_holm, stands=stands)
+    """With p adjusted over all cases, each counted once in however many variants, and whether their verdicts stand."""
+    p = found["p"].where(once(found)).to_numpy(float)
+    known = found.assign(p_holm=statistics.holm(p)).groupby(CASE, sort=False, dropna=False)["p_holm"]
+    p_holm = known.transform("first")
+    return found.assign(p_holm=p_holm, stands=found["verdict"].isin(DECIDED) & (p_holm <= 1 - statistics.LEVEL))
+
+
+def once(found: pd.DataFrame) -> "pd.Series[bool]":
+    """False for a case that stands above already, in another variant that leaves it as it is."""
+    return ~found.duplicated(CASE)
 
 
 def overview(verdicts: pd.DataFrame) -> pd.DataFrame:

@@ -10,8 +10,8 @@ from cooploc.terminal.console import wide
 
 LEGEND = (
     "Changes are b/a - 1: negative where the error falls. stands: still decided after Holm's correction over all "
-    "judged cases. Each verdict is of one reading of the paper; cl.readings judges a claim in all that were run (the study "
-    "readings runs them)."
+    "judged cases. Each verdict is of one reading of the paper; cl.readings judges a claim in all that were "
+    "run (the study readings runs them)."
 )
 STYLES = {
     "supported": "green",

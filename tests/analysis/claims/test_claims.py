@@ -463,6 +463,59 @@ def test_the_papers_ledger_names_what_exists():
                 resolve(re.sub(r"{\d+\.\.(\d+)}", r"\1", label))
 
 
+def of_the_paper(claim, table):
+    """The verdicts on one claim of the paper, as it stands."""
+    made = load()
+    (one,) = (c for c in made.claims if c.id == claim)
+    found = judge(made.model_copy(update={"claims": (one,), "variants": {}}), table)
+    return found.loc[found["verdict"] != "not run", "verdict"].tolist()
+
+
+BOTH = ("mrsl-rssi", "mrsl-distance")
+
+
+@pytest.mark.parametrize(
+    ("claim", "levels", "expected"),
+    [
+        ("6", {f"scalability/n={n}": 1.0 for n in (1, 10, 99)}, "flat"),
+        ("6", {f"scalability/n={n}": 1.02**n for n in (1, 10, 99)}, "supported"),
+        ("6", {f"scalability/n={n}": 0.98**n for n in (1, 10, 99)}, "contradicted"),
+        ("19", {"arena-28m": 1.0, "arena-28m/r=40": 1.0}, "supported"),
+        ("19", {"arena-28m": 1.0, "arena-28m/r=40": 1.3}, "contradicted"),
+        ("19b", {"arena-28m/r=40": 1.0}, "supported"),
+        ("19b", {"arena-28m/r=40": 3.0}, "contradicted"),
+        ("21", {"robots-1-3/n=1": 1.0, "robots-1-3/n=2": 0.8, "robots-1-3/n=3": 0.6}, "supported"),
+        ("21", {"robots-1-3/n=1": 1.0, "robots-1-3/n=2": 1.2, "robots-1-3/n=3": 1.4}, "contradicted"),
+        ("22", {"scalability/n=11": 0.3, "scalability/n=51": 0.3, "scalability/n=99": 0.3}, "supported"),
+        ("22", {"scalability/n=11": 3.0, "scalability/n=51": 3.0, "scalability/n=99": 3.0}, "contradicted"),
+    ],
+)
+def test_a_claim_of_the_paper_can_come_out_either_way(claim, levels, expected):
+    names = (*BOTH, "arl", "rssi-pf", "mrsl-rssi[anchor_reading=rssi]")
+    table = errors({label: dict.fromkeys(names, level) for label, level in levels.items()}, spread=0.02)
+    assert set(of_the_paper(claim, same_trials(table))) == {expected}
+
+
+def same_trials(table):
+    """What is hard in a trial is hard in all scenarios."""
+    hard = errors({"s": {"a": 1.0}})["mse"].to_numpy()
+    level = table.groupby("scenario")["mse"].transform("median")
+    return table.assign(mse=level * np.resize(hard, len(table)))
+
+
+@pytest.mark.parametrize(("anees", "expected"), [(1.0, "supported"), (6.0, "contradicted")])
+def test_over_convergence_of_mrsl_can_come_out_either_way(anees, expected):
+    table = errors({"robots-1-3/n=3": dict.fromkeys(BOTH, 1.0)}, anees=anees)
+    table["anees"] *= 1 + 0.01 * (table["trial"] % 5)
+    assert of_the_paper("20", table.assign(coverage95=0.95)) == [expected] * 2
+
+
+@pytest.mark.parametrize(("seconds", "expected"), [(1e-3, "supported"), (5.0, "contradicted")])
+def test_real_time_of_mrsl_can_come_out_either_way(seconds, expected):
+    table = errors({"scalability/n=99": dict.fromkeys(BOTH, 1.0)})
+    assert of_the_paper("23", table.assign(seconds=seconds * (1 + 0.001 * table["trial"]))) == [expected] * 2
+
+
 def test_every_kind_is_used_and_can_be_told():
     assert {claim.kind for claim in load().claims} == set(KINDS) - {"untestable"}
     assert set(WORDS) == set(KINDS) - {"untestable"}

@@ -72,6 +72,19 @@ def test_what_stands_is_decided_after_holm_over_all_rows_of_the_ledger():
     assert f"{counted.stand} of these stand" in str(counted)
 
 
+def test_a_case_that_a_variant_leaves_as_it_is_counts_once():
+    claim = {"id": "1", "says": "x", "kind": "change", "of": "a", "than": ["b", "c"], "scenarios": SCENARIOS[:5]}
+    variant = {"other": {"estimators": {"c": "d"}}}
+    table = run(np.random.default_rng(5), [0.9, 0.8, 0.7, 0.95, 1.0], labels=SCENARIOS[:5])
+    others = [table[table["estimator"] == "b"].assign(estimator=name, mse=lambda t: 1.1 * t["mse"]) for name in "cd"]
+    found = judge(read({"paper": "p", "claims": [claim], "variants": variant}, "l"), pd.concat([table, *others]))
+    assert (len(found), family.of(found).judged) == (20, 15)
+    alike = found[found["than"] == "b"].sort_values(["scenario", "variant"])["p_holm"].to_numpy().reshape(5, 2)
+    np.testing.assert_array_equal(alike[:, 0], alike[:, 1])
+    different = found.drop_duplicates(["scenario", "of", "than"])
+    np.testing.assert_allclose(different["p_holm"], holm(different["p"].to_numpy()))
+
+
 def test_what_was_not_judged_is_not_in_the_family():
     missing = {"id": "1", "says": "x", "kind": "change", "of": "a", "than": "zz", "scenarios": "s/n=0"}
     made = read({"paper": "p", "claims": [missing, {"id": "2", "says": "x", "kind": "untestable", "why": "x"}]}, "l")
@@ -89,7 +102,9 @@ def judged_changes(rng, levels, trials=20):
         a, b = (hard * rng.lognormal(0, 0.3, (trials, 2)) * [1.0, level**2]).T
         one = decide(change(a, b), trials, FALLS, partial(p_of_change, a, b))
         found.append({"verdict": one.verdict, "p": one.p})
-    return adjusted(pd.DataFrame(found))
+    return adjusted(
+        pd.DataFrame(found).assign(claim="1", scenario=SCENARIOS[: len(found)], of="", than="", definition="")
+    )
 
 
 @pytest.mark.slow
