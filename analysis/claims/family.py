@@ -39,7 +39,6 @@ def of(verdicts: pd.DataFrame) -> Family:
     verdicts = verdicts[once(verdicts)]
     p = verdicts["p"].to_numpy(float)
     decided, judged = int(verdicts["verdict"].isin(DECIDED).sum()), int((~np.isnan(p)).sum())
-    at_most, expected = (
-        min(n, float(decided)) for n in ((1 - statistics.LEVEL) * judged, statistics.expected_false(p))
-    )
+    at_most = min((1 - statistics.LEVEL) * judged, float(decided))
+    expected = min(statistics.expected_false(p), at_most)
     return Family(judged, decided, int(verdicts["stands"].sum()), at_most, expected)

@@ -166,14 +166,13 @@ def expected_false(p: Array) -> float:
     """How many of a family's decisions at 5 % are expected to be false, from its p-values; nan is no test.
 
     5 % of the tests whose null hypothesis is true. These are estimated from the tests with p above one half, of which
-    there are few where a null hypothesis is wrong: (1 + their number) / 0.5, at most all.
+    there are few where a null hypothesis is wrong: (1 + their number) / 0.5.
 
     Source: J. D. Storey, J. E. Taylor, D. Siegmund, "Strong control, conservative point estimation and simultaneous
     conservative consistency of false discovery rates: a unified approach", J. Royal Statistical Society B 66, 2004.
     """
     tested = p[~np.isnan(p)]
-    true = min(2.0 * (1 + int((tested > 0.5).sum())), float(len(tested)))
-    return (1 - LEVEL) * true
+    return (1 - LEVEL) * 2 * (1 + int((tested > 0.5).sum())) if len(tested) else 0.0
 
 
 def holm(p: Array) -> Array:

@@ -73,8 +73,8 @@ METHODS = (
 )  # fmt: skip
 LEGEND = (
     'A change is b/a - 1: negative where the error falls. "66 % more accurate" is judged as a change of -66 %; what '
-    "the same interval means for a ratio of errors of 1.66, a change of -40 %, is said beside it. A verdict is wrong in "
-    "at most one of twenty repetitions of the run; it stands where that holds of all judged cases together (Holm). "
+    "the same interval means for a ratio of errors of 1.66, a change of -40 %, is said beside it. A verdict is wrong "
+    "in at most one of twenty repetitions of the run; it stands where that holds of all judged cases together (Holm). "
     "Readings: paper, as it stands; others as the ledger describes them. No verdict rests on one reading: the study "
     "readings runs all that the ledger declares, and cl.readings judges every claim in each."
 )

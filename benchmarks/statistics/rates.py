@@ -10,6 +10,7 @@ import sys
 import time
 import zlib
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from scipy import stats
 from cooploc.analysis.claims.claim import Claim
 from cooploc.analysis.claims.kinds import KINDS, cases
 from cooploc.analysis.claims.trial_table import TrialTable
+from cooploc.analysis.claims.zones import FALLS, decide
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.consistency import flag
 from cooploc.analysis.metrics.ranking import letters
@@ -278,7 +280,7 @@ def lie(told: dict[str, object], factors: np.ndarray, false: tuple[str, ...]):
 
 
 def ledgers(standing: bool):
-    """Share of ledgers of `FAMILY` claims "better", all of equals, in which a verdict is decided, or stands after Holm."""
+    """Share of ledgers of claims that one is better, all of equals, in which a verdict is decided, or stands."""
 
     def measure(rng: np.random.Generator, draw: Draw, n: int) -> float:
         wrong = []
@@ -382,8 +384,8 @@ def main() -> int:
     )
     report.table(
         "Ledgers",
-        f"Ledgers of {FAMILY} claims that one is better, of equals: the share with a false verdict, and the share of false "
-        "verdicts beyond the number that was foreseen. Promised: at most 0.05.",
+        f"Ledgers of {FAMILY} claims that one is better, of equals: the share with a false verdict, and the share of "
+        "false verdicts beyond the number that was foreseen. Promised: at most 0.05.",
         {
             "any verdict that stands after Holm": rates("standing", ledgers(standing=True)),
             "(any verdict that is decided)": rates("decided", ledgers(standing=False)),

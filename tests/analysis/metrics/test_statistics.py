@@ -148,7 +148,7 @@ def test_false_decisions_are_foreseen_from_the_tests_that_find_nothing():
     ]
     assert 0.05 * true < np.mean(foreseen) < 0.05 * (true + 4)
     assert expected_false(np.full(3, np.nan)) == 0.0
-    assert expected_false(np.ones(3)) == pytest.approx(0.15)
+    assert expected_false(np.ones(3)) == pytest.approx(0.05 * 8)
 
 
 def test_nothing_is_claimed_below_five_trials():
