@@ -8,7 +8,6 @@ from rich.console import Console
 from cooploc.analysis.formats import duration
 from cooploc.analysis.report.tables import Table, words
 
-
 HEADS = {
     "estimators": (words("name"), words("what it is", "about"), words("uses")),
     "scenarios": (words("name", "labels"), words("what it is", "about")),
