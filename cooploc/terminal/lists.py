@@ -41,7 +41,7 @@ def show(kind: str, listed: pd.DataFrame) -> None:
 def _row(row: dict[Any, Any]) -> dict[str, Any]:
     minutes = row.get("minutes", float("nan"))
     takes = "" if minutes != minutes else duration(60 * minutes)
-    return {**row, "about": row["about"] + _standing(row), "takes": takes}
+    return {**row, "about": row["about"] + _standing(row) + _configured(row), "takes": takes}
 
 
 def _standing(row: dict[Any, Any]) -> str:
@@ -49,3 +49,9 @@ def _standing(row: dict[Any, Any]) -> str:
         return " (a bound)"
     centralised = row.get("centralised", False) and not row["about"].startswith("Centralised")
     return " (centralised)" * centralised
+
+
+def _configured(row: dict[Any, Any]) -> str:
+    """The configurations of an estimator that differ from its default."""
+    words = {"published": "as published", "best": "at its best"}
+    return "".join(f" {word}: {row[key]}." for key, word in words.items() if row.get(key, row["name"]) != row["name"])
