@@ -107,14 +107,13 @@ def _demand_covariances(name: str, stream: Stream, P: Array) -> None:
 
     Raises:
         EstimatorError: some P (t, T, n, d, d) is not symmetric, or has a negative variance in some direction, by more
-            than `ROUNDING` of its largest entry; or its position has no variance at all.
+            than `ROUNDING` of its largest entry. Zero is allowed: a cloud of particles may collapse.
 
     """
     scale = np.abs(P).max((-2, -1))
     faults = {
         "is not symmetric": np.abs(P - P.mT).max((-2, -1)) > ROUNDING * scale,
         "has a negative variance": _least_variance(P) < -ROUNDING * scale,
-        "says that the position is known exactly": P[..., 0, 0] + P[..., 1, 1] <= 0,
     }
     for fault, bad in faults.items():
         if bad.any():
