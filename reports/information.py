@@ -40,6 +40,7 @@ A floor is the posterior Cramer-Rao bound of an estimator that is given odometry
 never sees what they were computed of. In the row of the direction it is given angles alone. Kalman filters there
 weigh each angle by its gradient's strength, so that only the floor of the row below holds for them. The floor counts
 the two RSSI readings of a pair as independent; they share their shadowing, so it is loose there, and still a bound.
+It bounds the mean over all trials that could be: over some of them an error may lie below it, within its interval.
 
 ## What cooperation buys in each row
 

@@ -20,6 +20,7 @@ NAMES = {  # parameter -> what stands below its panel
     "prior_heading": "no compass: sd of the prior heading [rad]",
 }
 ACROSS, WIDTH, HEIGHT = 2, 3.6, 2.3  # panels in a row, and the size of each [in]
+MARGIN = 1.4  # of the scale beyond the smallest and largest error; wide bands leave the axes
 WIDE = 4  # a sweep over more than this factor has a logarithmic axis
 
 
@@ -41,13 +42,16 @@ def sensitivity(table: pd.DataFrame) -> Axes:
     figure, axes = plt.subplots(
         down, ACROSS, figsize=(ACROSS * WIDTH, down * HEIGHT + 0.5), sharey=True, squeeze=False, layout="constrained"
     )
-    style.logarithmic(axes[0, 0].yaxis, *span(table, "rmse", "floor"))
+    low, high = span(table, "rmse", "floor")
+    style.logarithmic(axes[0, 0].yaxis, low, high)
     handles: dict[str, Any] = {}
     for k, (ax, parameter) in enumerate(zip(axes.flat, parameters, strict=False)):
         _panel(ax, table[table["parameter"] == parameter].sort_values("value", kind="stable"))
         ylabel = "position RMSE [m]" if k % ACROSS == 0 else ""
         style.finish(ax, NAMES.get(parameter, parameter), ylabel, grid="both")
         handles |= dict(zip(*reversed(ax.get_legend_handles_labels()), strict=True))
+    if low > 0:
+        axes[0, 0].set_ylim(low / MARGIN, high * MARGIN)
     for ax in list(axes.flat)[len(parameters) :]:
         ax.set_visible(False)
     figure.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=4, frameon=False, fontsize=8)

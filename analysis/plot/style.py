@@ -18,7 +18,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 BLUE, ORANGE, GREEN, VERMILION, PURPLE, BROWN, _, _, _, SKY = map(to_hex, sns.color_palette("colorblind", 10))
 OTHERS = ("#332288", "#882255", "#999933", "#44aa99")  # of estimators that are not built in; of Paul Tol's muted scheme
 SHADES = (-0.4, 0.4, -0.65, 0.6)  # of variants: towards black, or towards white
-MARKERS = "osD^vPX*ph<>d8"
+MARKERS = "osD^vPX*ph<>d8H"
 SOLID, DOTTED, BROKEN = "-", (0, (1, 1.5)), (0, (2, 2))
 DASHES: tuple[Any, ...] = (SOLID, (0, (6, 1.5)), (0, (3, 1, 1, 1)), (0, (8, 1, 1, 1, 1, 1)))
 DARK, GREY, BAND, GRID = "0.2", "0.55", "0.93", "0.92"
