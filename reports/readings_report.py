@@ -19,6 +19,20 @@ from cooploc.analysis.claims.readings import Dimensions, design
 from cooploc.analysis.report.claim_tables import over_readings
 
 mpl.use("agg")
+NUMBERS = [
+    "claim",
+    "scenario",
+    "of",
+    "than",
+    "definition",
+    "value",
+    "low",
+    "high",
+    "trials",
+    "verdict",
+    "letter",
+    "preset",
+]
 
 
 def main(run: str, out: str = "reports/readings") -> None:
@@ -26,7 +40,8 @@ def main(run: str, out: str = "reports/readings") -> None:
     kept, ledger, folder = cl.load_run(run), load(), Path(out)
     folder.mkdir(parents=True, exist_ok=True)
     found = cl.readings(kept)
-    found.to_csv(folder / "readings.csv", index=False, float_format="%.6g")
+    shown = [*NUMBERS, *ledger.dimensions]
+    found[shown].to_csv(folder / "readings.csv", index=False, float_format="%.4g")
     keep(cl.plot.readings(found), folder / "map.svg")
     curves = [(claim, *curve(found, claim, folder)) for claim in dict.fromkeys(found["claim"])]
     trials = kept.rows.groupby("scenario")["trial"].nunique()
@@ -35,16 +50,16 @@ def main(run: str, out: str = "reports/readings") -> None:
 
 def curve(found: pd.DataFrame, claim: str, folder: Path) -> tuple[str, str]:
     """The file of a claim's curve, and the claim in words."""
-    name = f"claim-{claim}.svg"
+    name = f"claim-{claim}.png"
     keep(cl.plot.specification_curve(found, claim), folder / name)
     return name, str(found.loc[found["claim"] == claim, "says"].iloc[0])
 
 
 def keep(ax: Axes, path: Path) -> None:
-    """As SVG without a date, so that the same run gives the same file."""
+    """As SVG without a date, so that the same run gives the same file, or as PNG."""
     figure: Any = ax.figure
     with mpl.rc_context({"svg.hashsalt": "cooploc"}):
-        figure.savefig(path, metadata={"Date": None})
+        figure.savefig(path, dpi=110, metadata={"Date": None} if path.suffix == ".svg" else None)
     plt.close(figure)
 
 
@@ -71,7 +86,7 @@ def page(found: pd.DataFrame, ledger: Ledger, curves: list[tuple[str, str, str]]
         "",
         "## In numbers",
         "",
-        over_readings(counted).markdown(),
+        over_readings(counted).markdown().rstrip(),
         "",
         *(f"- **{row['claim']}.** {row['says']}: {row['sentence']}." for row in counted.to_dict("records")),
         "",
@@ -89,7 +104,8 @@ def choices(dimensions: Dimensions) -> list[str]:
     rows = ["| dimension | the paper | choices (**nearest to the letter**, first: our preset) |", "| --- | --- | --- |"]
     for name, one in dimensions.items():
         named = [f"**{choice}**" if choice == one.letter else choice for choice in one.choices]
-        rows.append(f"| {name} | {one.says} | {', '.join(named)} |")
+        says = one.says.replace("|", "\\|")
+        rows.append(f"| {name} | {says} | {', '.join(named)} |")
     return rows
 
 

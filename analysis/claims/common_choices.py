@@ -41,7 +41,9 @@ def sentence(part: pd.DataFrame, dimensions: list[str]) -> str:
     if k == n:
         return f"holds in all {n} specifications" if n > 1 else "holds in the only specification that was run"
     if k == 0:
-        direction = int((part["verdict"] == "direction only").sum())
+        direction, open_ = (int((part["verdict"] == name).sum()) for name in ("direction only", "undecided"))
+        if open_ == n:
+            return f"left open in all {n} specifications"
         return f"holds in 0 of {n} specifications" + f"; its direction alone in {direction}" * (direction > 0)
     counted = f"holds in {k} of {n} specifications"
     if 2 * k > n:

@@ -18,6 +18,7 @@ from cooploc.estimators.plugins.errors import BadInput
 
 CASE = {"scenario": "scenario", "of": "estimator", "than": "against"}  # column -> head of its rows
 ENDS = {"letter": "0.1", "preset": "0.5"}  # column -> colour of its lines
+ANEES = 0.1, 1e4  # values beyond are drawn at the edge
 WIDTH, CURVE, ROW = 8.0, 2.6, 0.155  # of the figure, and heights of the curve and of a row of the matrix [in]
 
 
@@ -60,6 +61,9 @@ def _effects(ax: Axes, part: pd.DataFrame) -> None:
     kind, x = str(part["kind"].iloc[0]), np.arange(len(part))
     unit = 1.0 if kind in UNITS else 100.0
     value, low, high = (unit * part[name].to_numpy(float) for name in ("value", "low", "high"))
+    if kind == "consistency":  # collapsed clouds have an ANEES of any size
+        value, low, high = (np.clip(number, *ANEES) for number in (value, low, high))
+        ax.set_yscale("log")
     for verdict, (colour, marker, face) in LOOKS.items():
         some = (part["verdict"] == verdict).to_numpy()
         if some.any():
@@ -94,6 +98,9 @@ def _limit(ax: Axes, *values: np.ndarray) -> None:
     """Long intervals do not squeeze the curve: they leave the axes."""
     value = values[0]
     inside = np.concatenate(values)[np.isfinite(np.concatenate(values))]
+    if ax.get_yscale() == "log":
+        ax.set_ylim(inside.min() / 1.3, inside.max() * 1.3)
+        return
     room = 0.35 * (np.ptp(value) or 1.0)
     ax.set_ylim(
         max(inside.min(), value.min() - room) - 0.05 * room, min(inside.max(), value.max() + room) + 0.05 * room

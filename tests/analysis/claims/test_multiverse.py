@@ -159,6 +159,7 @@ def specifications(**columns):
     [
         ({"verdict": "ssss", "a": "1122"}, "holds in all 4 specifications"),
         ({"verdict": "cccu", "a": "1122"}, "holds in 0 of 4 specifications"),
+        ({"verdict": "uuuu", "a": "1122"}, "left open in all 4 specifications"),
         ({"verdict": "cddu", "a": "1122"}, "holds in 0 of 4 specifications; its direction alone in 2"),
         ({"verdict": "sscccc", "a": "112233"}, "holds in 2 of 6 specifications: all of them with a = 1"),
         ({"verdict": "sccccc", "a": "112233"}, "holds in 1 of 6 specifications: the one with a = 1 (1 of 2 such)"),
