@@ -70,6 +70,7 @@ def run(
     data: Recordings = None,
     out: Annotated[Path | None, typer.Option(help="run directory [default: runs/STUDY-seedN]")] = None,
     check: Annotated[bool, typer.Option(help="check estimators that are not built in before they run")] = True,
+    retry_failed: Annotated[bool, typer.Option("--retry-failed", help="run again every trial that failed")] = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="print the table as JSON, and nothing else on stdout")
     ] = False,
@@ -87,6 +88,7 @@ def run(
         data=data,
         out=out,
         check=check,
+        retry_failed=retry_failed,
     )
     printed.show(results.table, results.rows, results.folder, as_json)
     if len(results.failures):

@@ -82,6 +82,7 @@ def run_study(
     data: str | Path | None = None,
     out: str | Path | None = None,
     check: bool = True,
+    retry_failed: bool = False,
 ) -> Results:
     """Run a study, as `cooploc run` does; what its directory holds already is not computed again.
 
@@ -95,18 +96,31 @@ def run_study(
         data: the directory of recordings, for scenarios that need one.
         out: the run directory; `runs/STUDY-seedN` where not given.
         check: whether estimators that are not built in are checked before they run.
+        retry_failed: whether every trial that failed runs again; one whose process was lost, that found memory or
+            disk full, or that a smaller time limit ended, always does.
 
     Raises:
         BadInput: the study cannot be run as it stands; nothing was computed.
         OSError: a file could not be written; what was finished is kept.
 
     """
-    only = split(estimators) if isinstance(estimators, str) else estimators
-    asked = load(str(study)).with_options(trials=trials, seed=seed, only=None if only is None else tuple(only))
+    only = None if estimators is None else tuple(split(estimators) if isinstance(estimators, str) else estimators)
+    if only == ():
+        raise BadInput("estimators is empty: name some, or leave it out to run the study's")
+    asked = load(str(study)).with_options(trials=trials, seed=seed, only=only)
     folder = Path(out) if out is not None else Path("runs") / f"{asked.name}-seed{asked.seed}"
     recordings = None if data is None else Path(data)
     with TerminalProgress() as progress:
-        rows = execute(asked, folder, data=recordings, jobs=jobs, scheduler=scheduler, check=check, progress=progress)
+        rows = execute(
+            asked,
+            folder,
+            data=recordings,
+            jobs=jobs,
+            scheduler=scheduler,
+            check=check,
+            retry_failed=retry_failed,
+            progress=progress,
+        )
     results = Results(folder, rows, compare(rows, asked.baselines(), full=True))
     printed.keep(results.table, rows, folder)
     return results

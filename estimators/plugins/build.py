@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 from pydantic.errors import PydanticUserError
 
-from cooploc.estimators.plugins.errors import BadInput, nearest
+from cooploc.estimators.plugins.errors import BadInput, first_reason, nearest
 
 RENAMED = {"own": "anchor_reading"}  # old spellings of parameters, accepted for one version
 
@@ -62,8 +62,8 @@ def _validated(name: str, cls: type, given: dict[str, Any]) -> Any:
         first = e.errors()[0]
         if first["type"] == "missing":
             raise BadInput(_needs_arguments(name, f"it needs {first['loc'][0]}")) from None
-        where = ".".join(str(part) for part in first["loc"]) or "its parameters"
-        raise BadInput(f"estimator {name!r}, {where}: {first['msg']}") from None
+        why = first_reason(e.errors()) if first["loc"] else first["msg"].removeprefix("Value error, ")
+        raise BadInput(f"estimator {name!r}, {why}") from None
     except PydanticUserError:  # an annotation that pydantic does not know
         return _called(name, cls, given)
 

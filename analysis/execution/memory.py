@@ -1,0 +1,26 @@
+"""The memory that a study takes, refused where no machine like this one has it, and said where it is much."""
+
+from collections.abc import Callable
+
+from cooploc.analysis.execution.plan import chunk_size
+from cooploc.scenarios.memory import gigabytes, needed
+from cooploc.scenarios.studies.resolved_study import ResolvedStudy
+
+WORTH_SAYING = 1e9  # bytes
+
+
+def demand_memory(asked: ResolvedStudy, jobs: int, say: Callable[[str], None]) -> None:
+    """Say how much memory the largest chunk of a study takes, if that is much.
+
+    Raises:
+        BadInput: one trial alone takes more than this machine has.
+
+    """
+    most = 0
+    for cell in asked.cells:
+        cell.scenario.demand_memory(1)
+        trials = min(cell.trials, chunk_size(cell.scenario))
+        most = max(most, needed(cell.scenario.robots, cell.scenario.ticks, trials))
+    if most * jobs > WORTH_SAYING:
+        processes = f" in each of {jobs} processes" if jobs > 1 else ""
+        say(f"the readings take up to about {gigabytes(most)} of memory{processes}, and estimators more")

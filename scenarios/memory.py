@@ -1,0 +1,25 @@
+"""How much memory a simulated scenario needs, estimated before anything is drawn."""
+
+import os
+from pathlib import Path
+
+KEPT, DRAWN = 34, 80  # bytes per tick and pair of robots: of every trial, and more while one is drawn (measured)
+
+
+def needed(robots: int, ticks: int, trials: int) -> int:
+    """About how many bytes it takes to simulate so many trials at once: what pairs of robots hear of each other."""
+    return ticks * robots**2 * (KEPT * trials + DRAWN)
+
+
+def available() -> int:
+    """The bytes of memory that this machine, or this container, has."""
+    whole = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    try:
+        return min(whole, int(Path("/sys/fs/cgroup/memory.max").read_text()))
+    except (OSError, ValueError):  # no container, or one without a limit
+        return whole
+
+
+def gigabytes(count: float) -> str:
+    """Bytes as they are written for people."""
+    return f"{count / 1e9:.3g} GB"
