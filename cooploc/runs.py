@@ -108,7 +108,7 @@ def run_study(
     if only == ():
         raise BadInput("estimators is empty: name some, or leave it out to run the study's")
     asked = load(str(study)).with_options(trials=trials, seed=seed, only=only)
-    folder = Path(out) if out is not None else Path("runs") / f"{asked.name}-seed{asked.seed}"
+    folder = Path(out) if out is not None else Path("runs") / f"{asked.folder_name}-seed{asked.seed}"
     recordings = None if data is None else Path(data)
     with TerminalProgress() as progress:
         rows = execute(
@@ -215,22 +215,23 @@ def compare_runs(before: Results | str | Path, after: Results | str | Path) -> R
     return RunChanges(table, run_diff.settings(a, b), run_diff.sentences(table))
 
 
-def reproduce(page: str | Path, trials: int = 6, data: str | Path | None = None) -> Reproduced:
+def reproduce(page: str | Path, trials: int = 6, data: str | Path | None = None, trust: bool = False) -> Reproduced:
     """Run some of a report's trials again, and say which are bit-equal.
 
     Args:
         page: a report's directory or its page.
         trials: how many, of those that the report embeds.
         data: the directory of recordings, for scenarios that need one.
+        trust: whether Python files that the report names may run. Nothing else that it holds is code.
 
     Raises:
-        BadInput: it is not a report, or none of its trials can be run here.
+        BadInput: it is not a report, none of its trials can be run here, or a file would run without `trust`.
 
     """
     if trials < 1:
         raise BadInput(f"trials is {trials}; it must be at least 1")
     embedded = again.load(Path(page))
-    found = again.rerun(embedded, trials, None if data is None else Path(data))
+    found = again.rerun(embedded, trials, None if data is None else Path(data), trust)
     return Reproduced(pd.DataFrame(found), again.differences(embedded))
 
 

@@ -23,7 +23,8 @@ def seal(content: Mapping[str, Any]) -> dict[str, Any]:
 
 def digest(content: object) -> str:
     """A SHA-256 over anything that JSON can hold."""
-    return hashlib.sha256(json.dumps(content, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
+    plain = json.loads(json.dumps(content))  # as it is read again: every key a string
+    return hashlib.sha256(json.dumps(plain, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
 def parsed(text: str | bytes) -> dict[str, Any]:

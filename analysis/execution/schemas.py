@@ -99,7 +99,7 @@ class SampledTrial(BaseModel):
 
     scenario: StrictStr
     estimator: StrictStr
-    trial: Count
+    trial: Annotated[int, Field(strict=True, ge=0, lt=1_000_000)]
     stream: StrictStr
     digest: Digest
     rmse: Annotated[float, Field(strict=True)] | None
@@ -123,12 +123,17 @@ def checked(text: str | bytes, schema: type[BaseModel]) -> dict[str, Any]:
 
     """
     content = parsed(text)
-    written = content.get("format", 1)
-    if isinstance(written, int) and not isinstance(written, bool) and written > FORMAT:
-        raise Newer(f"format {written}, this version reads up to {FORMAT}: update cooploc")
+    for written in (content.get("format"), *_of(content.get("manifest"))):
+        if isinstance(written, int) and not isinstance(written, bool) and written > FORMAT:
+            raise Newer(f"format {written}, this version reads up to {FORMAT}: update cooploc")
     held = unsealed(content)
     demand(schema, held)
     return held
+
+
+def _of(manifest: object) -> list[Any]:
+    """The format of the manifest that a page embeds."""
+    return [manifest.get("format")] if isinstance(manifest, dict) else []
 
 
 def demand(schema: type[BaseModel], content: Any) -> None:

@@ -14,6 +14,7 @@
 A study that includes others by name runs everything that they have.
 """
 
+import re
 import tomllib
 from collections.abc import Iterator
 from importlib.resources import files
@@ -29,8 +30,6 @@ Labels = tuple[str, ...]
 Trials = Annotated[int, Field(strict=True, ge=1, le=1_000_000)]
 Seed = Annotated[int, Field(strict=True, ge=0, lt=2**63)]
 Seconds = Annotated[float, Field(strict=True, gt=0)]
-# Part of paths and of terminal lines: begins with a letter, a digit or _, and has no slash or control character.
-Name = Annotated[str, Field(pattern=r"^\w[^/\\\x00-\x1f\x7f-\x9f]*$", max_length=100)]
 MOST_PAIRS = 100_000  # (scenario, estimator) of a block
 
 
@@ -60,7 +59,7 @@ class Study(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    name: Name
+    name: Annotated[str, Field(min_length=1, max_length=200)]
     about: str = ""
     minutes: Annotated[float, Field(gt=0)] | None = None  # about how long it takes as shipped, on two cores
     trials: Trials = 100
@@ -83,6 +82,11 @@ class Study(BaseModel):
         """
         given = {key: value for key, value in options.items() if value is not None}
         return _validated({**self.model_dump(), **given}, f"study {self.name!r}")
+
+    @property
+    def folder_name(self) -> str:
+        """The name as that of a directory, which stays inside the one that it is in."""
+        return re.sub(r"[/\\\x00-\x1f\x7f-\x9f]+", "-", self.name).lstrip(".") or "study"
 
     def blocks(self) -> list[Block]:
         """Its own scenarios with their estimators, then the others."""
