@@ -84,11 +84,11 @@ def execute(
     """
     asked = resolve_study(study, data)
     watcher = progress or Quiet()
-    demand_memory(asked, jobs, watcher.say)
+    memory = demand_memory(asked, jobs)
     _demand_fit(asked)
     directory = RunDir(out)
     with hired(jobs, scheduler) as workers, directory.locked():
-        for line in directory.open(_manifest(asked)):
+        for line in filter(None, (memory, *directory.open(_manifest(asked)))):
             watcher.say(line)
         _certify(directory, asked, check, watcher)
         rows = _rows(asked, directory, _completed(asked, directory, workers, retry_failed, watcher))

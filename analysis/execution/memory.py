@@ -1,7 +1,5 @@
 """The memory that a study takes, refused where no machine like this one has it, and said where it is much."""
 
-from collections.abc import Callable
-
 from cooploc.analysis.execution.plan import chunk_size
 from cooploc.scenarios.memory import gigabytes, needed
 from cooploc.scenarios.studies.resolved_study import ResolvedStudy
@@ -9,8 +7,8 @@ from cooploc.scenarios.studies.resolved_study import ResolvedStudy
 WORTH_SAYING = 1e9  # bytes
 
 
-def demand_memory(asked: ResolvedStudy, jobs: int, say: Callable[[str], None]) -> None:
-    """Say how much memory the largest chunk of a study takes, if that is much.
+def demand_memory(asked: ResolvedStudy, jobs: int) -> str:
+    """How much memory the largest chunk of a study takes, in words; empty where that is not much.
 
     Raises:
         BadInput: one trial alone takes more than this machine has.
@@ -21,6 +19,6 @@ def demand_memory(asked: ResolvedStudy, jobs: int, say: Callable[[str], None]) -
         cell.scenario.demand_memory(1)
         trials = min(cell.trials, chunk_size(cell.scenario))
         most = max(most, needed(cell.scenario.robots, cell.scenario.ticks, trials))
-    if most * jobs > WORTH_SAYING:
-        processes = f" in each of {jobs} processes" if jobs > 1 else ""
-        say(f"the readings take up to about {gigabytes(most)} of memory{processes}, and estimators more")
+    processes = f" in each of {jobs} processes" if jobs > 1 else ""
+    line = f"the readings take up to about {gigabytes(most)} of memory{processes}, and estimators more"
+    return line if most * jobs > WORTH_SAYING else ""

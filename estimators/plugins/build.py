@@ -3,6 +3,7 @@
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass
+from functools import cache
 from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
@@ -57,7 +58,7 @@ def _current(name: str, key: str, known: list[str]) -> str:
 
 def _validated(name: str, cls: type, given: dict[str, Any]) -> Any:
     try:
-        return TypeAdapter(cls).validate_python(given)
+        return _adapter(cls).validate_python(given)
     except ValidationError as e:
         first = e.errors()[0]
         if first["type"] == "missing":
@@ -66,6 +67,12 @@ def _validated(name: str, cls: type, given: dict[str, Any]) -> Any:
         raise BadInput(f"estimator {name!r}, {why}") from None
     except PydanticUserError:  # an annotation that pydantic does not know
         return _called(name, cls, given)
+
+
+@cache
+def _adapter(cls: type) -> TypeAdapter[Any]:
+    """Made once for each class: it takes milliseconds."""
+    return TypeAdapter(cls)
 
 
 def _called(name: str, cls: type, given: dict[str, Any]) -> Any:
