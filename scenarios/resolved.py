@@ -14,8 +14,8 @@ from pydantic import ValidationError
 
 from cooploc.estimators.interface import World
 from cooploc.estimators.plugins.errors import BadInput, first_reason, nearest
+from cooploc.scenarios import memory
 from cooploc.scenarios.interface import Family, RecordedScenario, Scenario, SimulatedScenario
-from cooploc.scenarios.memory import available, gigabytes, needed
 from cooploc.scenarios.stream import Stream, Truth
 
 MOST_TRIALS = 1_000_000  # of one call
@@ -72,24 +72,10 @@ class ResolvedScenario:
 
         """
         numbers, seed = _numbers(trials), _whole(seed, "seed")
-        self.demand_memory(len(numbers))
+        memory.demand(self.label, self.robots, self.ticks, len(numbers))
         model = self._of(numbers)
         world = self._assumed(assumed, model.world(), numbers) if assumed else model.world()
         return model.simulate(self.label, numbers, seed, world)
-
-    def demand_memory(self, trials: int) -> None:
-        """Refuse what this machine could not simulate at once.
-
-        Raises:
-            BadInput: so many trials take more memory than there is.
-
-        """
-        wanted, there = needed(self.robots, self.ticks, trials), available()
-        if wanted > there:
-            raise BadInput(
-                f"scenario {self.label!r} takes about {gigabytes(wanted)} of memory ({trials} trials of {self.ticks} "
-                f"ticks and {self.robots} robots), and this machine has {gigabytes(there)}: take fewer"
-            )
 
     def _of(self, trials: Sequence[int]) -> Scenario:
         """The model of these trials; each recording of several has its own."""

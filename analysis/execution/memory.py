@@ -1,7 +1,7 @@
 """The memory that a study takes, refused where no machine like this one has it, and said where it is much."""
 
 from cooploc.analysis.execution.plan import chunk_size
-from cooploc.scenarios.memory import gigabytes, needed
+from cooploc.scenarios.memory import demand, gigabytes, needed
 from cooploc.scenarios.studies.resolved_study import ResolvedStudy
 
 WORTH_SAYING = 1e9  # bytes
@@ -16,9 +16,9 @@ def demand_memory(asked: ResolvedStudy, jobs: int) -> str:
     """
     most = 0
     for cell in asked.cells:
-        cell.scenario.demand_memory(1)
-        trials = min(cell.trials, chunk_size(cell.scenario))
-        most = max(most, needed(cell.scenario.robots, cell.scenario.ticks, trials))
+        one = cell.scenario
+        demand(one.label, one.robots, one.ticks, 1)
+        most = max(most, needed(one.robots, one.ticks, min(cell.trials, chunk_size(one))))
     processes = f" in each of {jobs} processes" if jobs > 1 else ""
     line = f"the readings take up to about {gigabytes(most)} of memory{processes}, and estimators more"
     return line if most * jobs > WORTH_SAYING else ""
