@@ -29,11 +29,7 @@ def demand_sizes(path: Path) -> None:
                 raise ValueError(f"{member.filename} is packed in a way that cooploc does not use")
             with file.open(member) as array:
                 version = np.lib.format.read_magic(array)
-                header = np.lib.format.read_array_header_1_0 if version == (1, 0) else _newer_header
-                shape, _, dtype = header(array)
+                read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+                shape, _, dtype = read(array)
                 if array.tell() + math.prod(shape) * dtype.itemsize != member.file_size:
                     raise ValueError(f"{member.filename} does not have the size that its shape {shape} takes")
-
-
-def _newer_header(array: object) -> tuple[tuple[int, ...], bool, np.dtype]:  # type: ignore[type-arg]
-    return np.lib.format.read_array_header_2_0(array)  # type: ignore[arg-type]

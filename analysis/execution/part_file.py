@@ -61,8 +61,8 @@ def _fits(column: "pd.Series[Any]", name: str) -> bool:
     if name in TEXT:
         return all(isinstance(value, str) for value in column.dropna().unique())
     kinds = {**dict.fromkeys(WHOLE, "iu"), **dict.fromkeys(FLAGS, "b")}.get(name, "fiub")
-    absent = column.dtype == object and column.isna().all()  # of a part where every trial failed
-    return absent or (isinstance(column.dtype.kind, str) and column.dtype.kind in kinds)
+    absent = column.dtype == object and bool(column.isna().all())  # of a part where every trial failed
+    return absent or column.dtype.kind in kinds
 
 
 def _demand_rows(frame: pd.DataFrame, scenario: str, estimator: str, trials: range) -> None:

@@ -4,6 +4,7 @@ import contextlib
 import re
 import signal
 
+import pytest
 import warm  # noqa: F401  # imports take longer than any attempt may
 from hypothesis import HealthCheck, settings
 from processes import inside
@@ -15,14 +16,15 @@ CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200b-\u200f\u202a-\u202e\u2
 
 
 def cases(count):
-    """So many examples, the same ones every time."""
-    return settings(
+    """A slow test of so many examples, the same ones every time."""
+    chosen = settings(
         max_examples=count,
         derandomize=True,
         database=None,
         deadline=None,
         suppress_health_check=list(HealthCheck),
     )
+    return lambda test: pytest.mark.slow(chosen(test))
 
 
 @contextlib.contextmanager
