@@ -21,6 +21,7 @@ if _TYPE_CHECKING:
     from cooploc.analysis.metrics.compare import compare as compare
     from cooploc.analysis.metrics.compare import summarize as summarize
     from cooploc.analysis.metrics.errors import errors as errors
+    from cooploc.analysis.metrics.smoother import smoother as smoother
     from cooploc.analysis.metrics.tum import to_tum as to_tum
     from cooploc.estimators import make as make
     from cooploc.estimators.interface import Belief as Belief
@@ -34,6 +35,8 @@ if _TYPE_CHECKING:
     from cooploc.estimators.per_robot import PerRobot as PerRobot
     from cooploc.estimators.plugins.callable_package import CallablePackage as _CallablePackage
     from cooploc.estimators.plugins.errors import BadInput as BadInput
+    from cooploc.run_tables import information as information
+    from cooploc.run_tables import sensitivity as sensitivity
     from cooploc.runs import Results as Results
     from cooploc.runs import compare_runs as compare_runs
     from cooploc.runs import load_run as load_run
@@ -72,8 +75,10 @@ _HOME = {
     "estimators.plugins.errors": ("BadInput",),
     "analysis.metrics.errors": ("errors",),
     "analysis.metrics.compare": ("compare", "summarize"),
+    "analysis.metrics.smoother": ("smoother",),
     "analysis.metrics.tum": ("to_tum",),
     "runs": ("run_study", "load_run", "Results", "verdicts", "readings", "report", "compare_runs", "reproduce", "show"),
+    "run_tables": ("information", "sensitivity"),
     "scaffold": ("new_estimator",),
 }
 _MODULES = {"estimators": "estimators", "scenarios": "scenarios", "plot": "analysis.plot"}

@@ -139,10 +139,12 @@ def report(
 @app.command()
 def verdicts(folder: RunDirectory, ledger: Claims = None) -> None:
     """Print which claims a run supports, contradicts or leaves open, and in how many readings of the paper."""
+    from cooploc import runs
     from cooploc.terminal import finished_runs
 
-    finished_runs.verdicts(cl.verdicts(folder, ledger), ledger)
-    finished_runs.readings(cl.readings(folder, ledger))
+    found, mapped = runs.verdicts_and_readings(folder, ledger)
+    finished_runs.verdicts(found, ledger)
+    finished_runs.readings(mapped)
 
 
 @app.command()

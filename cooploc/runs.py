@@ -133,8 +133,8 @@ def load_run(folder: str | Path) -> Results:
         BadInput: it is not a run directory, or holds no results.
 
     """
-    kept = read(Path(folder))
-    return Results(kept.folder, kept.rows, compare(kept.rows, kept.baselines, full=True))
+    stored = read(Path(folder))
+    return Results(stored.folder, stored.rows, compare(stored.rows, stored.baselines, full=True))
 
 
 def show(run: Results | str | Path) -> None:
@@ -152,7 +152,8 @@ def verdicts(
 ) -> pd.DataFrame:
     """Which claims of a paper a run supports, contradicts or leaves open: one row per claim, reading and case.
 
-    `cooploc.analysis.claims.verdicts.COLUMNS` says what the columns mean; `sentence` is each row in words.
+    `cooploc.analysis.claims.verdicts.COLUMNS` says what the columns mean; `map` says in how many readings of the paper
+    the claim holds, where more than one was run; `sentence` is each row in words.
 
     Args:
         run: from `run_study` or `load_run`, a run directory, or rows of `errors`.
@@ -162,8 +163,16 @@ def verdicts(
         BadInput: the run or the ledger cannot be read, or estimators of one scenario ran on different streams.
 
     """
-    found = judge(_ledger(ledger), _rows(run))
-    return found.assign(sentence=[wording.sentence(row) for _, row in found.iterrows()])
+    return verdicts_and_readings(run, ledger)[0]
+
+
+def verdicts_and_readings(run: Any, ledger: Any = None) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """What `verdicts` and `readings` return, computed once."""
+    asked, rows = _ledger(ledger), _rows(run)
+    found, mapped = judge(asked, rows), multiverse.judge(asked, rows)
+    maps = multiverse.sentences(mapped)
+    said = [wording.sentence(row) for _, row in found.iterrows()]
+    return found.assign(map=[maps.get(claim, "") for claim in found["claim"]], sentence=said), mapped
 
 
 def readings(
@@ -199,8 +208,8 @@ def report(
         BadInput: the run or the ledger cannot be read.
 
     """
-    kept = _kept(run)
-    return html_page.write(kept, _ledger(ledger), kept.folder / "report" if out is None else Path(out))
+    stored = kept(run)
+    return html_page.write(stored, _ledger(ledger), stored.folder / "report" if out is None else Path(out))
 
 
 def compare_runs(before: Results | str | Path, after: Results | str | Path) -> RunChanges:
@@ -210,7 +219,7 @@ def compare_runs(before: Results | str | Path, after: Results | str | Path) -> R
         BadInput: one of the two is not a run.
 
     """
-    a, b = _kept(before), _kept(after)
+    a, b = kept(before), kept(after)
     table = run_diff.changes(a, b)
     return RunChanges(table, run_diff.settings(a, b), run_diff.sentences(table))
 
@@ -238,10 +247,11 @@ def reproduce(page: str | Path, trials: int = 6, data: str | Path | None = None,
 def _rows(run: Any) -> pd.DataFrame:
     if isinstance(run, pd.DataFrame):
         return run
-    return run.rows if isinstance(run, Results) else _kept(run).rows
+    return run.rows if isinstance(run, Results) else kept(run).rows
 
 
-def _kept(run: Any) -> Kept:
+def kept(run: Any) -> Kept:
+    """What is on disk of a run."""
     return read(_folder(run))
 
 

@@ -19,7 +19,6 @@ class Arl(own_filter.Settings):
     """Particle filter on own readings; sends nothing."""
 
     api: ClassVar[int] = 1
-    uses: tuple[str, ...] = ("odometry", "anchor_rssi")
 
     def init(self, prior: Belief, world: World, rows: Rows) -> own_filter.FilterState:
         return own_filter.init(self, prior, world, rows)

@@ -73,7 +73,8 @@ class EkfCi(TeamSettings):
 
     @property
     def uses(self) -> tuple[str, ...]:
-        return ("odometry", "anchor_rssi|landmark", "sighting") if self.form == "ls" else super().uses
+        *own, between = super().uses
+        return (*own, "sighting" if self.form == "ls" else between)
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         self.require_corners(world)

@@ -12,7 +12,7 @@ L. Matthies, G. Sukhatme, "Sliding window filter with application to planetary l
 """
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -30,13 +30,23 @@ class MapJoint:
     Parameters:
         window: ticks that are estimated together [ticks, at least 1]; 1 is the iterated EKF.
         iterations: Gauss-Newton passes over the window in every tick [count, at least 1].
+        anchor_reading: "rssi", each raw reading of an anchor [dBm]; or "none", no reading of anchors, nor of landmarks.
+        reading: the radio readings between robots: "both", "rssi" [dBm], "range" [m], or "none".
     """
 
     api: ClassVar[int] = 1
     bound: ClassVar[bool] = True
     window: int = 10
     iterations: int = 2
-    uses: tuple[str, ...] = ("odometry", "anchor_rssi?", "landmark?", "sighting?", "radio_rssi?", "radio_range?")
+    anchor_reading: Literal["rssi", "none"] = "rssi"
+    reading: Literal["both", "rssi", "range", "none"] = "both"
+
+    @property
+    def uses(self) -> tuple[str, ...]:
+        """The channels: all that there are, unless `anchor_reading` or `reading` leaves some out."""
+        fixed = () if self.anchor_reading == "none" else ("anchor_rssi?", "landmark?")
+        radio = tuple(f"radio_{name}?" for name in ("rssi", "range") if self.reading in (name, "both"))
+        return ("odometry", *fixed, "sighting?", *radio)
 
     def __post_init__(self) -> None:
         require(self, window=(1, 10_000), iterations=(1, 1000))

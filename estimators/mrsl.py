@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
-from cooploc.estimators.particle import own_filter
+from cooploc.estimators.particle import own_filter, past_packets
 from cooploc.estimators.particle.likelihood import ReceivedPackets
 from cooploc.estimators.particle.packet import pack
 
@@ -26,22 +26,34 @@ class Mrsl(own_filter.Settings):
         reading: what is measured of a packet: "rssi" [dBm] or "range" [m].
         neighbours: "integrate" over the sender's position, or "exact", the paper's literal form: the sender is taken to
             be at the mean that it sent.
+        neighbour_samples: "one", the newest reading of each teammate, or "M", the product of eq. (5) over its last M
+            readings, with the exponent that `temper` sets.
 
     """
 
     api: ClassVar[int] = 1
     reading: Literal["rssi", "range"] = "rssi"
     neighbours: Literal["integrate", "exact"] = "integrate"
+    neighbour_samples: Literal["one", "M"] = "one"
 
     @property
     def uses(self) -> tuple[str, ...]:
-        return ("odometry", "anchor_rssi", f"radio_{self.reading}")
+        return (*super().uses, f"radio_{self.reading}")
+
+    @property
+    def several(self) -> bool:
+        """Whether more than the newest reading of a teammate is used."""
+        return self.neighbour_samples == "M" and self.M > 1
 
     def init(self, prior: Belief, world: World, rows: Rows) -> own_filter.FilterState:
-        return own_filter.init(self, prior, world, rows)
+        s = own_filter.init(self, prior, world, rows)
+        past = past_packets.empty(len(prior.x), world.robots, self.M)
+        return s._replace(past=past) if self.several else s
 
     def predict(self, s: own_filter.FilterState, z: Senses) -> own_filter.FilterState:
-        return own_filter.predict(self, s, z)
+        s = own_filter.predict(self, s, z)
+        past = past_packets.moved(s.past, s.world.motion, z)
+        return s._replace(past=past) if self.several else s
 
     def correct(self, s: own_filter.FilterState, z: Senses) -> own_filter.FilterState:
         return own_filter.correct(self, s, z)
@@ -51,10 +63,17 @@ class Mrsl(own_filter.Settings):
         return pack(own_filter.to_send(s))
 
     def fuse(self, s: own_filter.FilterState, z: Senses, mail: Mail) -> own_filter.FilterState:
-        """w_i = P_l(q_i) prod_j integral P(r_j | x_i, x_j) N(x_j; received) dx_j  (8), variance sigma^2 + J P_j J'."""
+        """w_i = P_l(q_i) prod_j integral P(r_j | x_i, x_j) N(x_j; received) dx_j  (8), variance sigma^2 + J P_j J'.
+
+        With neighbour_samples="M", P(r_j | x_i, x_j) is a product over the last M packets of sender j.
+        """
         sensor, readings = s.world.sensors[f"radio_{self.reading}"], getattr(mail, self.reading)
         heard = ReceivedPackets(sensor, mail.packets, readings, self.neighbours == "integrate")
-        return own_filter.finish(self, s, heard)
+        if not self.several:
+            return own_filter.finish(self, s, heard)
+        past = past_packets.received(s.past, heard)
+        logw = past_packets.weigh(past, heard, s.world.motion, s.x, s.logw, self.power)
+        return own_filter.finish(self, s._replace(past=past, logw=logw))
 
     def estimate(self, s: own_filter.FilterState) -> Belief:
         return s.belief

@@ -1,8 +1,8 @@
 """A cooperative filter as one writes it with filterpy: a plain class for one robot, lifted by `PerRobot`.
 
-Every robot keeps an extended Kalman filter on its odometry and the anchors, and broadcasts mean and covariance. Whoever
-hears a teammate and ranges it corrects itself by covariance intersection: its own covariance is divided by w, the
-sender's by 1 - w, so that nothing is counted twice; of three weights and no fusion the smallest trace is kept.
+Every robot keeps an extended Kalman filter on its odometry and the anchors, and broadcasts mean and covariance. A robot
+that hears a teammate and ranges it corrects itself by covariance intersection: its own covariance is divided by w,
+the sender's by 1 - w, so that nothing is counted twice; of three weights and no fusion the smallest trace is kept.
 
 Source: L. C. Carrillo-Arce et al., "Decentralized multi-robot cooperative localization using covariance intersection",
 IROS 2013; the weight is searched on a grid here.

@@ -22,6 +22,7 @@ from cooploc.analysis.metrics.consistency import CONSERVATIVE, OVER_CONFIDENT
 from cooploc.analysis.metrics.crlb import floors
 from cooploc.analysis.metrics.over_time import over_time, swept
 from cooploc.analysis.metrics.pooling import stream_hash
+from cooploc.analysis.metrics.smoother import LABEL as HINDSIGHT
 from cooploc.analysis.plot import style
 from cooploc.analysis.plot.ellipses import ellipse
 from cooploc.analysis.plot.marks import colour_of, curve, drawable, name_of, rmse_against, span
@@ -192,6 +193,8 @@ def time_course() -> tuple[str, str, Axes]:
         mine = table[table["estimator"] == name]
         style.band(ax, mine["tick"], mine["rmse_low"], mine["rmse_high"], LOOKS[name].colour)
         ax.plot(mine["tick"], mine["rmse"], color=LOOKS[name].colour, ls=LOOKS[name].line, lw=1.3, label=name)
+    known = np.sqrt(((cl.smoother(stream) - truth.x[..., :2]) ** 2).sum(-1).mean((0, 2)))
+    ax.plot(known, color="black", ls=style.BROKEN, lw=1.0, label=HINDSIGHT, zorder=1)
     ax.set_ylim(0)
     title = f"`trajectory` over time, n = {TRIALS_OVER_TIME} trials, seed {SEED}, stream {stream.hash[:8]}."
     return "over-time", title, finish(ax, "tick")

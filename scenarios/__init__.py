@@ -1,9 +1,10 @@
 """Worlds, the streams they give, and the runner that feeds them to estimators.
 
 A scenario is one world with a fixed team. Its label carries what is swept, `packet-drop/drop=0.7`, and any other
-parameter in brackets, `trajectory[ticks=50]`. To add a family: write a model like `worlds/camera_arena.py`, and give it
-an entry in `BUILTIN`. From outside, register a `Family` under the entry-point group `cooploc.scenarios`, or name one in
-a file, `path.py:NAME`, where a label begins with a name.
+parameter in brackets, `trajectory[ticks=50]`; in `trajectory[assumed.eta=2]` the team assumes another value than the
+true one. To add a family: write a model like `worlds/camera_arena.py`, and give it an entry in `BUILTIN`. From outside,
+register a `Family` under the entry-point group `cooploc.scenarios`, or name one in a file, `path.py:NAME`, where a
+label begins with a name.
 """
 
 import sys
@@ -44,6 +45,12 @@ BUILTIN: dict[str, Family] = {
         {"side": 60.0, "step": 1.0, "odometry_sigma": 0.2},
         {"sd": "prior_sigma"},
     ),
+    "arena-28m": Family(
+        "three robots in an arena of 800 m^2, whose corners are 40 m apart at most, that hear up to r [m]",
+        PAPER,
+        {"side": 28.28, "step": 0.5, "odometry_sigma": 0.1},
+        {"r": "radio_range"},
+    ),
     "asynchrony": Family(
         "three robots that wake in every, every second and every fourth tick; samples: readings averaged in a tick",
         PAPER,
@@ -56,6 +63,11 @@ BUILTIN: dict[str, Family] = {
         "shadowing with memory, rounded readings: what real logs look like", PAPER, HARDWARE, {"n": "robots"}
     ),
     "body-blocking": Family("robots of the team block links too", PAPER, {"body_blocking": True}, {"n": "robots"}),
+    "no-compass": Family(
+        "wheeled robots in the 6 m arena that do not know their heading; sd: of the prior heading [rad]",
+        "cooploc.scenarios.worlds.no_compass:NoCompass",
+        sweep={"n": "robots", "sd": "prior_heading"},
+    ),
     "camera": Family(
         "simulated wheeled robots that see landmarks and each other",
         "cooploc.scenarios.worlds.camera_arena:Camera",
@@ -83,6 +95,7 @@ BUILTIN: dict[str, Family] = {
 }
 
 
+ASSUMED = "assumed."  # before a parameter of a label: the team assumes this value, and the readings keep the true one
 REGISTRY = Registry("scenario", "cooploc.scenarios", BUILTIN)
 names, module_of = REGISTRY.names, REGISTRY.module_of
 
@@ -123,7 +136,9 @@ def resolve(label: str, data: str | Path | None = None, **overrides: Any) -> Res
     path, written = parse(label)
     name, which = divided(path)
     found = family(name)
-    parameters = {**found.base, **found.chosen(name, which), **written, **overrides}
+    own = {key: value for key, value in written.items() if not key.startswith(ASSUMED)}
+    assumed = {key.removeprefix(ASSUMED): value for key, value in written.items() if key not in own}
+    parameters = {**found.base, **found.chosen(name, which), **own, **overrides}
     if overrides:
         shown = {**written, **overrides}
         label = f"{path}[{','.join(f'{key}={shown[key]}' for key in sorted(shown))}]"
@@ -131,7 +146,7 @@ def resolve(label: str, data: str | Path | None = None, **overrides: Any) -> Res
         if data is None:
             raise BadInput(f"scenario {label!r} is a recording; say where it is with data= (or --data DIR)")
         parameters["data"] = Path(data)
-    return build(label, name, found, parameters)
+    return build(label, name, found, parameters, assumed)
 
 
 def family(name: str) -> Family:

@@ -3,7 +3,7 @@
 import re
 import reprlib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import islice
 from operator import index
 from pathlib import Path
@@ -30,6 +30,7 @@ class ResolvedScenario:
     family: Family
     parameters: Mapping[str, Any]  # those that differ from the model's defaults
     model: Scenario
+    assumed: Mapping[str, Any] = field(default_factory=dict)  # what the team assumes instead of true parameters
 
     @property
     def recorded(self) -> bool:
@@ -73,7 +74,7 @@ class ResolvedScenario:
         """
         numbers, seed = _numbers(trials), _whole(seed, "seed")
         memory.demand(self.label, self.robots, self.ticks, len(numbers))
-        model = self._of(numbers)
+        model, assumed = self._of(numbers), {**self.assumed, **(assumed or {})}
         world = self._assumed(assumed, model.world(), numbers) if assumed else model.world()
         return model.simulate(self.label, numbers, seed, world)
 
@@ -92,11 +93,13 @@ class ResolvedScenario:
         return world
 
     def _changed(self, parameters: Mapping[str, Any]) -> "ResolvedScenario":
-        return build(self.label, self.name, self.family, {**self.parameters, **parameters})
+        return build(self.label, self.name, self.family, {**self.parameters, **parameters}, self.assumed)
 
 
-def build(label: str, name: str, family: Family, parameters: Mapping[str, Any]) -> ResolvedScenario:
-    """A family's scenario with these parameters.
+def build(
+    label: str, name: str, family: Family, parameters: Mapping[str, Any], assumed: Mapping[str, Any]
+) -> ResolvedScenario:
+    """A family's scenario with these parameters, whose team assumes other values of some.
 
     Raises:
         BadInput: an unknown parameter, or a value that does not fit.
@@ -110,7 +113,7 @@ def build(label: str, name: str, family: Family, parameters: Mapping[str, Any]) 
         model = cls(**parameters)
     except ValidationError as e:
         raise BadInput(f"scenario {label!r}, {first_reason(e.errors())}") from None
-    return ResolvedScenario(label, name, family, parameters, model)
+    return ResolvedScenario(label, name, family, parameters, model, assumed)
 
 
 def divided(path: str) -> tuple[str, str]:

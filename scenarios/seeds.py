@@ -1,5 +1,10 @@
-"""The seeds of all random numbers: SeedSequence(seed, spawn_key=(trial, purpose, ...)), so streams never overlap."""
+"""The seeds of all random numbers: SeedSequence(seed, spawn_key=(trial, purpose)), so streams never overlap.
 
+Estimators draw from keys of their own, a cryptographic hash of the same numbers: a key does not lead back to the seed
+that made the truth, unless that seed is guessed.
+"""
+
+import hashlib
 from enum import IntEnum
 from functools import lru_cache
 
@@ -14,8 +19,8 @@ class Purpose(IntEnum):
     TRUTH = 0
     SENSORS = 1
     NETWORK = 2
-    ESTIMATOR = 3
     OBSTACLES = 4
+    WHEELS = 5
 
 
 def generator(seed: int, trial: int, purpose: Purpose) -> np.random.Generator:
@@ -32,11 +37,11 @@ def rows(seed: int, trial: Indices, robots: int) -> Rows:
 
 @lru_cache(maxsize=16)
 def _keys(seed: int, trials: tuple[int, ...], robots: int) -> Keys:
-    key = [
-        np.random.SeedSequence(seed, spawn_key=(k, int(Purpose.ESTIMATOR), i)).generate_state(2)
-        for k in trials
-        for i in range(robots)
-    ]
-    keys = np.array(key, np.uint32).reshape(-1, 2)
+    digests = [_digest(seed, k, i) for k in trials for i in range(robots)]
+    keys = np.frombuffer(b"".join(digests), "<u4").astype(np.uint32).reshape(-1, 2)
     keys.flags.writeable = False
     return keys
+
+
+def _digest(seed: int, trial: int, robot: int) -> bytes:
+    return hashlib.blake2b(f"{seed}/{trial}/{robot}".encode(), digest_size=8, person=b"cooploc keys").digest()

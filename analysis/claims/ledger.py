@@ -33,7 +33,7 @@ from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.display.html import listed
 
 BASE = "paper"  # the variant without substitutions
-ALWAYS = {"id", "says", "where", "kind", "open"}  # keys of every kind
+ALWAYS = {"id", "says", "where", "quote", "kind", "open"}  # keys of every kind
 
 
 class Variant(BaseModel):

@@ -14,23 +14,24 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from cooploc.analysis.claims import readings
+from cooploc.analysis.claims.claim import Case, Claim
 from cooploc.analysis.claims.common_choices import sentence
-from cooploc.analysis.claims.kinds import KINDS, Case, cases
+from cooploc.analysis.claims.kinds import KINDS, cases, definitions
 from cooploc.analysis.claims.ledger import Ledger
 from cooploc.analysis.claims.readings import Dimensions, Reading
 from cooploc.analysis.claims.trial_table import collect
-from cooploc.analysis.claims.verdicts import COLUMNS, VERDICTS, judged
+from cooploc.analysis.claims.verdicts import COLUMNS, JUDGED, judged
 from cooploc.analysis.metrics.pooling import demand_same_streams
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.estimators.plugins.labels import parse
 
-DECIDED = VERDICTS[:4]  # those that a specification which was run can have
 ADDED = {
     "readings": "how many readings of the design come down to this specification",
     "letter": "whether the reading nearest to the paper's letter does",
     "preset": "whether the preset does",
 }
-SHOWN = [name for name in COLUMNS if name != "variant"] + list(ADDED)
+OF_LEDGERS = ("variant", "p_holm", "stands", "otherwise")  # columns of verdicts that a map does not have
+SHOWN = [name for name in COLUMNS if name not in OF_LEDGERS] + list(ADDED)
 
 
 class Specification(NamedTuple):
@@ -44,9 +45,9 @@ class Specification(NamedTuple):
 def judge(ledger: Ledger, rows: pd.DataFrame) -> pd.DataFrame:
     """One row per claim and specification that was run.
 
-    Columns are those of `verdicts.judge` without `variant`; those of `ADDED`; and one for every dimension, with the
-    choice, or empty where no choice in it makes a difference to this specification. Estimators and scenarios are
-    called as in the ledger.
+    Columns are those of `verdicts.judge` without those of `OF_LEDGERS`; those of `ADDED`; and one for every dimension,
+    with the choice, or empty where no choice in it makes a difference to this specification. Estimators and scenarios
+    are called as in the ledger.
 
     Args:
         ledger: from `load`, with dimensions.
@@ -63,14 +64,19 @@ def judge(ledger: Ledger, rows: pd.DataFrame) -> pd.DataFrame:
     preset, letter = (design.index(end(ledger.dimensions)) for end in (readings.preset, readings.letter))
     out: list[dict[str, Any]] = []
     for claim in ledger.claims:
-        for case in cases(claim) if KINDS[claim.kind].judge else ():
+        for case in _defined(claim) if KINDS[claim.kind].judge else ():
             asked = specifications(case, design, ledger.dimensions)
             for one, row in zip(asked, judged(claim, table, [one.case for one in asked]), strict=True):
-                if row["verdict"] in DECIDED:
+                if row["verdict"] in JUDGED:
                     ends = {"letter": letter in one.readings, "preset": preset in one.readings}
                     named = _named(row, case, one.case)
                     out.append({**row, **named, "readings": len(one.readings), **ends, **one.choices})
     return pd.DataFrame(out, columns=[*SHOWN, *ledger.dimensions])
+
+
+def _defined(claim: Claim) -> list[Case]:
+    """The cases of a claim by every definition of its size, for a definition is a reading of the paper, too."""
+    return [case._replace(definition=name) for case in cases(claim) for name in definitions(claim)]
 
 
 def dimensions_of(found: pd.DataFrame) -> list[str]:
@@ -119,14 +125,26 @@ def shares(found: pd.DataFrame) -> pd.DataFrame:
                 "says": part["says"].iloc[0],
                 "scenarios": ", ".join(dict.fromkeys(part["scenario"])),
                 "specifications": len(part),
-                **{verdict: int(counts.get(verdict, 0)) for verdict in DECIDED},
+                **{verdict: int(counts.get(verdict, 0)) for verdict in JUDGED},
                 **{end: _counted(part.loc[part[end], "verdict"]) for end in ("letter", "preset")},
                 "dimensions": ", ".join(dimensions),
                 "sentence": sentence(part, dimensions),
             }
         )
-    columns = ("claim", "says", "scenarios", "specifications", *DECIDED, "letter", "preset", "dimensions", "sentence")
+    columns = ("claim", "says", "scenarios", "specifications", *JUDGED, "letter", "preset", "dimensions", "sentence")
     return pd.DataFrame(out, columns=list(columns))
+
+
+def sentences(found: pd.DataFrame) -> dict[str, str]:
+    """Of every claim of which more than the preset's reading was run: in how many readings it holds.
+
+    Args:
+        found: from `judge`.
+
+    """
+    beyond = set(found.loc[~found["preset"].astype(bool), "claim"])
+    rows = shares(found[found["claim"].isin(beyond)]).to_dict("records")
+    return {row["claim"]: f"{row['sentence']} (cl.readings)" for row in rows}
 
 
 def _named(row: dict[str, Any], case: Case, read: Case) -> dict[str, str]:
@@ -147,5 +165,5 @@ def _without(label: str, kept: set[str]) -> str:
 def _counted(found: "pd.Series[str]") -> str:
     """Verdicts with their counts, "2 supported, 1 undecided"; of one kind, the verdict alone."""
     counts = found.value_counts()
-    ordered = [name for name in DECIDED if name in counts.index]
+    ordered = [name for name in JUDGED if name in counts.index]
     return ordered[0] if len(ordered) == 1 else ", ".join(f"{counts[name]} {name}" for name in ordered)

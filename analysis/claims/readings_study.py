@@ -24,7 +24,7 @@ about = "Every reading of the paper that is run: {count}, each applied to every 
 minutes = {minutes}
 trials = 50
 """
-MINUTES = 45
+MINUTES = 35
 
 
 def study(ledger: Ledger) -> str:

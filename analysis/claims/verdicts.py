@@ -7,29 +7,43 @@ one of twenty repetitions where the truth is at the zone's edge, and less often 
 
 - *supported*: the claim's direction, and its size up to its margin;
 - *direction only*: the direction, but less than the size;
+- *flat*: of a claimed growth, a change over the whole sweep that is smaller than the claim's margin;
 - *contradicted*: the other direction, or no difference at all;
 - *undecided*: the interval reaches into several zones, or there is none. `needed` is the number of trials that would
   decide in 4 of 5 repetitions if the number stays as it is.
 
 *not testable* says why, *not run* what is missing.
+
+A ledger asks many questions at once, so that some verdicts are wrong by chance. `p` is the p-value of a verdict, by the
+test that its interval inverts: at most 0.05 where it is decided. `p_holm` is adjusted over all cases that were judged,
+in all variants, and a verdict *stands* where it is at most 0.05 still: the chance that any standing verdict is false is
+5 % at most (Holm 1979). `family.of` counts them, and says how many of the decided ones are expected to be false.
+
+A size that the paper's words leave open, such as "66 % more accurate", is judged once, by the definition that the
+column `definition` names; `otherwise` says what the same interval means by the other one, which is another reading of
+the paper: it is counted in the map over readings (`multiverse`), and not here.
 """
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from cooploc.analysis.claims.claim import Claim
-from cooploc.analysis.claims.kinds import KINDS, RELATIVE, Case, Judge, cases, claimed
+from cooploc.analysis.claims.claim import Case, Claim, claimed
+from cooploc.analysis.claims.kinds import KINDS, RELATIVE, Judge, cases, definitions
 from cooploc.analysis.claims.ledger import Ledger, variants
 from cooploc.analysis.claims.ledger import load as load
 from cooploc.analysis.claims.trial_table import Missing, TrialTable, collect
 from cooploc.analysis.claims.zones import Finding
+from cooploc.analysis.formats import change
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.consistency import flag
 from cooploc.analysis.metrics.pooling import demand_same_streams
 
-VERDICTS = ("supported", "direction only", "contradicted", "undecided", "not testable", "not run")
+VERDICTS = ("supported", "direction only", "flat", "contradicted", "undecided", "not testable", "not run")
+DECIDED, JUDGED = VERDICTS[:4], VERDICTS[:5]
+CASE = ["claim", "scenario", "of", "than", "definition"]  # what makes a case of a ledger
 COLUMNS = {
     "claim": "its id in the ledger",
     "says": "the claim, in the ledger's words",
@@ -39,13 +53,17 @@ COLUMNS = {
     "scenario": "where it was looked for; of several, the one that the number is of",
     "of": "the estimator it is about",
     "than": "the one it is compared with",
-    "definition": "of the size: change (b/a - 1 is -0.66) or ratio (a/b - 1 is 0.66); empty without a size",
+    "definition": "by which it is judged, of the size: change (b/a - 1 is -0.66) or ratio (a/b - 1 is 0.66)",
     "size": "what is claimed, as a change where the number is one",
     "value": "the number found; a change is b/a - 1, negative where the error or the time is smaller",
     "low": "its 95 % interval",
     "high": "",
     "trials": "trials it is over (slope: sizes of the team; cost: parts of the run)",
     "verdict": "one of " + ", ".join(VERDICTS),
+    "p": "of the verdict, by the test that its interval inverts: at most 0.05 where decided",
+    "p_holm": "p, adjusted by Holm over all judged cases of the ledger",
+    "stands": "whether the verdict is decided and p_holm is at most 0.05",
+    "otherwise": "the verdict by another definition of the size, with the size as a change",
     "needed": "trials that would decide, where undecided",
     "remark": "what is missing, over-confident, failed, or centralised",
     "open": "conditions that the paper leaves open",
@@ -69,37 +87,60 @@ def judge(ledger: Ledger, rows: pd.DataFrame) -> pd.DataFrame:
     for claim in ledger.claims:
         for variant, read in variants(claim, ledger):
             out += [{"variant": variant, **row} for row in judged(read, table)]
-    return pd.DataFrame(out, columns=list(COLUMNS))
+    return adjusted(pd.DataFrame(out, columns=list(COLUMNS)))
+
+
+def adjusted(found: pd.DataFrame) -> pd.DataFrame:
+    """With p adjusted over all cases, each counted once in however many variants, and whether their verdicts stand."""
+    p = found["p"].where(once(found)).to_numpy(float)
+    known = found.assign(p_holm=statistics.holm(p)).groupby(CASE, sort=False, dropna=False)["p_holm"]
+    p_holm = known.transform("first")
+    return found.assign(p_holm=p_holm, stands=found["verdict"].isin(DECIDED) & (p_holm <= 1 - statistics.LEVEL))
+
+
+def once(found: pd.DataFrame) -> "pd.Series[bool]":
+    """False for a case that stands above already, in another variant that leaves it as it is."""
+    return ~found.duplicated(CASE)
 
 
 def overview(verdicts: pd.DataFrame) -> pd.DataFrame:
     """Claims x variants: the verdicts in each, with their counts where they differ; empty where nothing was run."""
     run = verdicts[verdicts["verdict"] != "not run"]
 
-    def counted(found: "pd.Series[str]") -> str:
+    def tally(found: "pd.Series[str]") -> str:
         counts = found.value_counts()
         ordered = [name for name in VERDICTS if name in counts.index]
         return ordered[0] if len(ordered) == 1 else ", ".join(f"{counts[name]} {name}" for name in ordered)
 
-    cells = run.groupby(["claim", "variant"], sort=False)["verdict"].agg(counted).unstack("variant")
+    cells = run.groupby(["claim", "variant"], sort=False)["verdict"].agg(tally).unstack("variant")
     order = [list(dict.fromkeys(verdicts[column])) for column in ("claim", "variant")]
     return cells.reindex(index=order[0], columns=[name for name in order[1] if name in cells]).fillna("")
 
 
 def judged(claim: Claim, table: TrialTable, asked: Iterable[Case] | None = None) -> list[dict[str, object]]:
-    """A row for every case of a claim, or for those asked."""
+    """A row for every case of a claim, with what other definitions of its size make of it; or for those asked."""
     about = {"claim": claim.id, "open": "; ".join(claim.open), **claim.model_dump(include={"says", "where", "kind"})}
     judge = KINDS[claim.kind].judge
     if judge is None:
-        return [{**about, "verdict": "not testable", "remark": claim.why}]
-    return [{**about, **_found(judge, case, claim, table)} for case in (cases(claim) if asked is None else asked)]
+        return [{**about, "verdict": "not testable", "otherwise": "", "remark": claim.why}]
+    if asked is not None:
+        return [{**about, **_found(judge, case, claim, table)} for case in asked]
+    out = []
+    for case in cases(claim):
+        first, *others = (_found(judge, case._replace(definition=d), claim, table) for d in definitions(claim))
+        out.append({**about, **first, "otherwise": "; ".join(_otherwise(row) for row in others)})
+    return out
 
 
-def _found(judge: Judge, case: Case, claim: Claim, table: TrialTable) -> dict[str, object]:
+def _otherwise(row: dict[str, Any]) -> str:
+    return f"as a {row['definition']} ({change(row['size'])}): {row['verdict']}" if row["verdict"] in JUDGED else ""
+
+
+def _found(judge: Judge, case: Case, claim: Claim, table: TrialTable) -> dict[str, Any]:
     size = claimed(claim, case.definition)
     asked = {"of": case.of, "than": ", ".join(case.than), "definition": case.definition, "size": size}
     try:
-        scenarios = tuple(s for label in case.scenarios for s in table.matching(label))
+        scenarios = tuple(dict.fromkeys(s for label in case.scenarios for s in table.matching(label)))
         case = case._replace(scenarios=scenarios)
         found = judge(case, claim, table)
     except Missing as e:
@@ -111,6 +152,7 @@ def _found(judge: Judge, case: Case, claim: Claim, table: TrialTable) -> dict[st
         **found.interval._asdict(),
         "trials": found.trials,
         "verdict": found.verdict,
+        "p": found.p,
         "needed": found.needed,
         "remark": "; ".join([*_about_interval(claim, found), *_about_estimators(case, table)]),
     }
@@ -125,6 +167,8 @@ def _about_interval(claim: Claim, found: Finding) -> list[str]:
     direction = low > 0 if claim.size is not None and claim.size > 0 else high < 0
     if found.verdict == "undecided" and claim.kind in RELATIVE and direction:
         return ["the direction is decided, the size is not"]
+    if claim.kind == "slope" and -claim.margin <= low and high <= claim.margin:
+        return [f"flat: the exponent lies within {claim.margin:g} of 0"]
     return []
 
 

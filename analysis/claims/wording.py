@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from cooploc.analysis.formats import change, interval, ratio
+from cooploc.analysis.formats import change, fixed, interval, ratio
 
 # kind -> what is said of a number above 0, and of one below; {} is its size without a sign
 WORDS = {
@@ -28,11 +28,14 @@ WORDS = {
         "the RMSE of {of} grows by a factor {} smaller than that of {than}",
     ),
     "level": ("the RMSE of {of} is {}",) * 2,
+    "time": ("the computing time of {of} per robot and tick is {}",) * 2,
+    "consistency": ("the ANEES of {of} is {}",) * 2,
     "slope": ("the seconds of {of} per robot and tick grow with the number of robots to the power {}",) * 2,
     "cost": ("{of} takes {} more time than {than}", "{of} takes {} less time than {than}"),
 }
 MANY = 100_000  # trials; a plan for more of them is useless
-UNITS = {"level": " m", "slope": ""}  # all others are relative changes
+UNITS = {"level": " m", "slope": "", "consistency": "", "time": " s"}  # all others are relative changes
+PARTS = {"slope": "sizes", "cost": "parts of the run", "time": "parts of the run"}  # that a number is over; else trials
 
 
 def sentence(row: "pd.Series[Any]") -> str:
@@ -51,18 +54,18 @@ def sentence(row: "pd.Series[Any]") -> str:
     said = WORDS[kind][value < 0].format(number(value, kind).lstrip("+-"), of=row["of"], than=row["than"])
     size, by_ratio = float(row["size"]), ", as a ratio of errors" * (row["definition"] == "ratio")
     claimed = f" Claimed{by_ratio}: {number(size, kind)}." if size == size else ""
-    counted = "sizes" if kind == "slope" else "parts of the run" if kind == "cost" else "trials"
+    counted = PARTS.get(kind, "trials")
     ends = "no 95 % interval" if np.isnan(low) else f"95 % interval {between(low, high, kind)}"
-    return f"{where}: {said} ({ends}, {n} {counted}).{claimed} {verdict(row)}."
+    otherwise = f" Read {row['otherwise']}." if row.get("otherwise") else ""
+    return f"{where}: {said} ({ends}, {n} {counted}).{claimed} {verdict(row)}.{otherwise}"
 
 
 def span(part: pd.DataFrame) -> tuple[str, str]:
     """What is claimed, and the numbers found in the cases of one claim and reading: from the least to the largest.
 
-    Of a single case its interval is given. Of a size that is claimed by two definitions, that of the change.
+    Of a single case its interval is given.
     """
     part = part[part["value"].notna()]
-    part = part[part["definition"] == part["definition"].min()]
     if part.empty:
         return "", ""
     kind, claimed = str(part["kind"].iloc[0]), number(float(part["size"].iloc[0]), str(part["kind"].iloc[0]))
@@ -84,6 +87,8 @@ def verdict(row: "pd.Series[Any]") -> str:
 
 def number(value: float, kind: str) -> str:
     """The number that a kind of claim is about, with its unit; a change has its sign."""
+    if kind == "time":
+        return f"{fixed(1e3 * value, 2)} ms" if value == value else ""
     if kind in UNITS:
         return ratio(value) + (UNITS[kind] if value == value else "")
     return change(value)

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from cooploc.analysis.metrics import statistics
-from cooploc.analysis.metrics.consistency import consistency
+from cooploc.analysis.metrics.consistency import collapsed, consistency
 from cooploc.analysis.metrics.errors import COLUMNS
 from cooploc.analysis.metrics.pooling import CELL, demand_same_streams, stream_hash, succeeded, trial_means
 from cooploc.estimators import nearest
@@ -20,7 +20,18 @@ SUMMARY = (
 # What `compare` shows unless it is asked for all.
 SHORT = (
     *("scenario", "estimator", "trials", "rmse", "rmse_low", "rmse_high", "change", "change_low", "change_high"),
-    *("p_holm", "anees", "consistency", "coverage95", "diverged", "failed", "bytes", "seconds"),
+    *(
+        "p_holm",
+        "anees",
+        "anees_median",
+        "collapsed",
+        "consistency",
+        "coverage95",
+        "diverged",
+        "failed",
+        "bytes",
+        "seconds",
+    ),
     *("centralised", "bound", "certificate"),
 )
 MARGIN = 0.05  # two estimators whose RMSE differ by less than this share tie
@@ -48,6 +59,9 @@ def summarize(errors: pd.DataFrame) -> pd.DataFrame:
         seconds [s]: computing time per robot and tick
         stream: hash of the scenario's stream, over its trials
         certificate: one line on the estimator's checks; empty for a built-in one, and where none were asked for
+        anees_median: median over trials of the trial's ANEES; a single collapsed trial does not decide it
+        collapsed: share of trials whose ANEES exceeds `consistency.COLLAPSED`, 100
+        collapsed_low, collapsed_high: its interval (Wilson)
         coverage95_low, coverage95_high: interval of coverage95
         diverged_low, diverged_high: interval of diverged
         mean_error [m]: mean Euclidean position error
@@ -80,7 +94,7 @@ def compare(
         change: RMSE / the baseline's RMSE - 1; -0.2 is an error 20 % smaller
         change_low, change_high: its 95 % interval (Fieller), over trials
         p_holm: p of Wilcoxon's signed-rank test against the baseline, adjusted by Holm over all rows of the table
-        anees: as of `summarize`
+        anees, anees_median, collapsed: as of `summarize`
         consistency: over-confident, consistent, conservative, undecided or not assessed; see `consistency.flag`
         coverage95, diverged, failed, bytes, seconds: as of `summarize`
         centralised: True for an estimator whose readings all reach one computer
@@ -167,6 +181,8 @@ def _row(scenario: str, estimator: str, group: pd.DataFrame, trials: pd.DataFram
         **{cost: ended[cost].mean() for cost in ("messages", "bytes", "seconds")},
         "stream": stream_hash(group),
         "certificate": str(group["certificate"].iloc[0]) if "certificate" in group else "",
+        "anees_median": trials["anees"].median(),
+        **_named("collapsed", collapsed(trials["anees"].dropna().to_numpy(float))),
         **_ends("coverage95", statistics.share(trials["coverage95"].dropna().to_numpy(float))),
         **_ends("diverged", statistics.share(trials["diverged"].dropna().to_numpy(float))),
         **{f"{kind}_error": trials[f"{kind}_error"].mean() for kind in ("mean", "median", "final", "max")},

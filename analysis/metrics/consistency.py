@@ -4,9 +4,11 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from cooploc.analysis.metrics.statistics import LEAST_TRIALS, Interval
+from cooploc.analysis.metrics.statistics import LEAST_TRIALS, Interval, share
+from cooploc.estimators.interface import Array
 
 OVER_CONFIDENT, CONSERVATIVE = 1.5, 0.67  # ANEES limits: the whole interval must lie beyond
+COLLAPSED = 100.0  # ANEES of a trial whose errors are ten times as large as their covariance says
 DOUBTFUL = 2 * OVER_CONFIDENT  # an undecided estimator above this ANEES does not qualify as best
 # Share of truths in the 95 % ellipses of Gaussian errors whose ANEES is OVER_CONFIDENT.
 LEAST_COVERAGE = float(stats.chi2.cdf(stats.chi2.ppf(0.95, 2) / OVER_CONFIDENT, 2))
@@ -29,6 +31,15 @@ def flag(trials: float, anees: Interval, coverage: Interval) -> str:
         return "conservative"
     between = CONSERVATIVE <= anees.value <= OVER_CONFIDENT
     return "consistent" if between and (anees.low > CONSERVATIVE or anees.high < OVER_CONFIDENT) else "undecided"
+
+
+def collapsed(anees: Array) -> Interval:
+    """The share of trials whose ANEES exceeds `COLLAPSED`, with Wilson's interval; of trials that have one.
+
+    The mean of ANEES over trials can be that of a single collapsed particle cloud (1e4 to 1e27 occur); this share and
+    the median say how a typical trial went, and how many went wrong.
+    """
+    return share((anees > COLLAPSED).astype(float))
 
 
 def consistency(table: pd.DataFrame) -> pd.Series:

@@ -12,11 +12,15 @@ Source: P. Tichavsky, C. Muravchik, A. Nehorai, "Posterior Cramer-Rao bounds for
 IEEE Trans. Signal Processing 46(5), 1998, eq. (21), conditioned on the prior mean as in H. Van Trees, K. Bell, Z. Tian,
 "Detection, Estimation, and Modulation Theory, Part I", 2nd ed. 2013, sec. 4.3.
 
+Of the anchors an estimator may be given the raw readings, the gradient that is computed of them, or that gradient's
+angle alone. The floor of the latter two is that of an estimator which never sees what they were computed of. A Kalman
+filter that weighs each direction by its gradient's strength has seen the gradient, and only that one's floor holds.
+
 Shadowing is the same in both directions of a pair of robots, but counted as if it were independent: the floor of
 `radio_rssi` is loose, but still a valid bound. That robots stay inside the arena is not used.
 """
 
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import replace
 from functools import cache
 from math import isqrt
@@ -25,8 +29,11 @@ import numpy as np
 from scipy.stats import qmc
 from threadpoolctl import threadpool_limits
 
-from cooploc.estimators.interface import Array, Mail, World
+from cooploc.analysis.metrics.direction_information import DirectionAlone
+from cooploc.estimators.interface import Array, Mail, Senses, Sensor
 from cooploc.estimators.kalman.update import root
+from cooploc.estimators.models.anchor_readings import NOWHERE, GradientReading
+from cooploc.estimators.models.gradient_doa import GradientDoa, gradient_doa
 from cooploc.estimators.models.motion import Displacement
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.estimators.plugins.labels import parse
@@ -37,6 +44,10 @@ from cooploc.scenarios.stream import Stream
 from cooploc.scenarios.worlds.radio_arena import Paper
 
 CHANNELS = ("anchor_rssi", "radio_rssi", "radio_range")
+DERIVED: dict[str, Callable[[GradientDoa], Sensor]] = {  # channels that are made of anchor_rssi
+    "anchor_gradient": GradientReading,
+    "anchor_doa": DirectionAlone,
+}
 SAMPLES = 128  # paths of a trial over which the expectation is taken: the floor is 0.2 % too high, with 32 of them 1 %
 MOST_TICKS = 10_000  # of a scenario with a floor
 PAIRS = 80_000  # of robots in all sampled paths together: large teams get fewer trials, and fewer paths
@@ -48,11 +59,12 @@ def floors(scenarios: Iterable[str], seed: int, most: int = 100) -> dict[str, fl
     The mean is over the first of the trials with this seed, at most twenty. Teams of more than `most` robots are left
     out: a hundred take some ten seconds.
     """
-    return {label: _pooled(label, seed, most) for label in dict.fromkeys(scenarios)}
+    return {label: pooled_floor(label, seed, CHANNELS, most) for label in dict.fromkeys(scenarios)}
 
 
 @cache
-def _pooled(label: str, seed: int, most: int) -> float:
+def pooled_floor(label: str, seed: int, channels: tuple[str, ...], most: int = 100) -> float:
+    """As `floors`, of one scenario and for an estimator that uses these channels."""
     try:
         if is_file(divided(parse(label)[0])[0]):  # code that may come from somebody else: a table runs none
             return np.nan
@@ -63,7 +75,7 @@ def _pooled(label: str, seed: int, most: int) -> float:
         paths = max(4, PAIRS // robots**2)
         samples = min(SAMPLES, 1 << (isqrt(paths) - 1).bit_length())  # ten robots: 32, and the floor 0.6 % too high
         _, stream = simulate(label, trials=min(20, max(1, paths // samples)), seed=seed)
-        return float(np.sqrt((floor(stream, CHANNELS, samples) ** 2).mean()))
+        return float(np.sqrt((floor(stream, channels, samples) ** 2).mean()))
     except BadInput:  # no floor, or no recording at hand
         return np.nan
 
@@ -73,16 +85,20 @@ def floor(stream: Stream, channels: Collection[str], samples: int = SAMPLES) -> 
 
     Args:
         stream: of a simulated world whose assumed models are the true ones.
-        channels: of "anchor_rssi", "radio_rssi", "radio_range".
+        channels: of "anchor_rssi", "radio_rssi", "radio_range"; instead of the first "anchor_gradient", the gradient
+            made of four corner readings, or "anchor_doa", its angle alone.
         samples: paths of each trial over which the expectation is taken; a power of 2.
 
     Raises:
-        BadInput: the floor does not hold there; says why.
+        BadInput: the floor does not hold there; says why. Or the anchors are used twice.
 
     """
     reason = why_not(stream)
     if reason:
         raise BadInput(f"{stream.scenario!r} has no floor: {reason}")
+    twice = [name for name in ("anchor_rssi", *DERIVED) if name in channels]
+    if len(twice) > 1:
+        raise BadInput(f"{' and '.join(twice)} are made of the same readings: name one of them")
     with threadpool_limits(1):  # matrices this small only wait for threads
         P = covariances(paths(stream, samples), stream, channels)
     least: Array = np.sqrt(np.trace(P, axis1=2, axis2=3).mean(1) / stream.robots)
@@ -130,27 +146,27 @@ def why_not(stream: Stream) -> str:
 def covariances(x: Array, stream: Stream, channels: Collection[str]) -> Array:
     """J^-1 (T, t, 2n, 2n) [m^2], J each trial's information after every tick, expected over paths x (t, s, T, n, 2)."""
     dt = stream.senses.dt
-    world = replace(stream.world, sensors={c: s for c, s in stream.world.sensors.items() if c in channels})
     P = _blocks(stream.prior.P[..., :2, :2])
     out = np.empty((dt.shape[1], *P.shape))
     for k in range(len(out)):
-        _, _, Q = world.motion.move(x[:, 0, k], stream.senses.odometry[:, k], dt[:, k])
-        J = np.linalg.inv(P + _blocks(Q)) + _information(x[:, :, k], stream, world, k)
+        _, _, Q = stream.world.motion.move(x[:, 0, k], stream.senses.odometry[:, k], dt[:, k])
+        J = np.linalg.inv(P + _blocks(Q)) + _information(x[:, :, k], stream, channels, k)
         out[k] = P = np.asarray(np.linalg.inv((J + J.mT) / 2), float)
     return out
 
 
-def _information(x: Array, stream: Stream, world: World, k: int) -> Array:
+def _information(x: Array, stream: Stream, channels: Collection[str], k: int) -> Array:
     """E[H' R^-1 H] (t, 2n, 2n) of the readings of tick k, the mean over places x (t, s, n, 2)."""
     t, _, n = x.shape[:3]
     z, air = stream.senses, stream.air
+    world = replace(stream.world, sensors={c: s for c, s in stream.world.sensors.items() if c in channels})
     now = z._replace(**{name: getattr(z, name)[:, None, k] for name in z._fields[:-1]})
     heard = air.link[:, None, k]
     nothing = np.full(heard.shape, np.nan)
     rssi, ranged = (np.where(heard, a[:, None, k], np.nan) if a.shape[-1] else nothing for a in air[1:])
     J = np.zeros((t, n, n, 2, 2))
     own = np.arange(n)
-    for sensor, place, reading in world.fixed(now):
+    for sensor, place, reading in (*world.fixed(now), *_derived(stream, now, channels)):
         y, H, _ = sensor.innovation(x, place, reading)
         J[:, own, own] += _weighed(H, H, sensor.R, y)
     for sensor, j, reading in world.relative(now, Mail(heard, nothing[..., :0, None], rssi, ranged)):
@@ -161,6 +177,14 @@ def _information(x: Array, stream: Stream, world: World, k: int) -> Array:
         J[:, :, j] += between
         J[:, j] += between.mT
     return _flat(J)
+
+
+def _derived(stream: Stream, z: Senses, channels: Collection[str]) -> Iterator[tuple[Sensor, Array, Array]]:
+    """What is made of the anchors' readings, as `World.fixed`."""
+    for channel, made in DERIVED.items():
+        if channel in channels:
+            doa = gradient_doa(stream.world)
+            yield made(doa), NOWHERE, doa.gradient(z.anchor_rssi)
 
 
 def _weighed(A: Array, B: Array, R: Array, y: Array) -> Array:

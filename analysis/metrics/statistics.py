@@ -141,13 +141,51 @@ def equivalence(a: Array, b: Array, margin: float) -> float:
     return float(ttost_paired(np.log(b), np.log(a), -bound, bound)[0])
 
 
-def holm(p: Array) -> Array:
-    """Holm's adjusted p over a family; nan (no test) stays nan and does not count."""
-    from statsmodels.stats.multitest import multipletests
+def p_of_change(a: Array, b: Array, value: float) -> float:
+    """Two-sided p against a true change of `value`, of squared errors `a`, `b` (k,) over paired trials.
 
-    adjusted, tested = np.full(p.shape, np.nan), ~np.isnan(p)
-    if tested.any():
-        adjusted[tested] = multipletests(p[tested], method="holm")[1]
+    The t test that `change` inverts: p is 0.05 at either end of its interval. 0 where no spread is left.
+    """
+    d = b - (1 + value) ** 2 * a
+    if len(d) < LEAST_TRIALS:
+        return np.nan
+    if np.ptp(d) <= 1e-12 * np.abs(a).max():
+        return 0.0
+    return float(stats.ttest_1samp(d, 0).pvalue)
+
+
+def p_of_mean(interval: Interval, n: int, value: float) -> float:
+    """Two-sided p against a true value, of a t interval over n trials: `mean`, or `log_contrast` on its own scale.
+
+    It is 0.05 at either end of the interval, and 0 where no spread is left.
+    """
+    half = interval.high - interval.value
+    if np.isnan(half):
+        return np.nan
+    return float(2 * stats.t.sf(abs(interval.value - value) / half * _quantile(n), n - 1)) if half > 0 else 0.0
+
+
+def expected_false(p: Array) -> float:
+    """How many of a family's decisions at 5 % are expected to be false, from its p-values; nan is no test.
+
+    5 % of the tests whose null hypothesis is true. These are estimated from the tests with p above one half, of which
+    there are few where a null hypothesis is wrong: (1 + their number) / 0.5.
+
+    Source: J. D. Storey, J. E. Taylor, D. Siegmund, "Strong control, conservative point estimation and simultaneous
+    conservative consistency of false discovery rates: a unified approach", J. Royal Statistical Society B 66, 2004.
+    """
+    tested = p[~np.isnan(p)]
+    return (1 - LEVEL) * 2 * (1 + int((tested > 0.5).sum())) if len(tested) else 0.0
+
+
+def holm(p: Array) -> Array:
+    """Holm's adjusted p over a family; nan (no test) stays nan and does not count.
+
+    As `multipletests` of statsmodels, which collects all garbage at every call: a third of a second in a large process.
+    """
+    order = np.argsort(p)[: np.count_nonzero(~np.isnan(p))]  # nan comes last
+    adjusted = np.full(p.shape, np.nan)
+    adjusted[order] = np.minimum(np.maximum.accumulate(p[order] * np.arange(len(order), 0, -1)), 1.0)
     return adjusted
 
 

@@ -3,12 +3,26 @@
 from cooploc.analysis.plot.animation import animate
 from cooploc.analysis.plot.claims_forest import claims
 from cooploc.analysis.plot.ellipses import anees, ellipses
+from cooploc.analysis.plot.information_matrix import information
 from cooploc.analysis.plot.readings_map import readings
+from cooploc.analysis.plot.sensitivity_panels import sensitivity
 from cooploc.analysis.plot.specification_curve import specification_curve
 from cooploc.analysis.plot.summary import rmse, tradeoff
 from cooploc.analysis.plot.world import world
 
-__all__ = ["anees", "animate", "claims", "ellipses", "readings", "rmse", "specification_curve", "tradeoff", "world"]
+__all__ = [
+    "anees",
+    "animate",
+    "claims",
+    "ellipses",
+    "information",
+    "readings",
+    "rmse",
+    "sensitivity",
+    "specification_curve",
+    "tradeoff",
+    "world",
+]
 
 
 def __dir__() -> list[str]:

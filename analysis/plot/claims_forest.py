@@ -15,6 +15,7 @@ from cooploc.estimators.plugins.errors import BadInput
 LOOKS = {
     "supported": (style.GREEN, "o", style.GREEN),
     "direction only": (style.ORANGE, "D", "white"),
+    "flat": (style.PURPLE, "P", "white"),
     "contradicted": (style.VERMILION, "X", style.VERMILION),
     "undecided": (style.BLUE, "s", "white"),
 }
@@ -34,7 +35,7 @@ def claims(verdicts: pd.DataFrame, variant: str = BASE, ax: Axes | None = None) 
 
     """
     drawn = verdicts[(verdicts["variant"] == variant) & verdicts["kind"].isin(RELATIVE) & verdicts["value"].notna()]
-    drawn = drawn[drawn["size"].notna() & ~_said_twice(drawn)]
+    drawn = drawn[drawn["size"].notna()]
     if drawn.empty:
         raise BadInput(f"no claim of the reading {variant!r} that names a change was run: see the column `verdict`")
     blocks = list(drawn.groupby(["claim", "says"], sort=False))
@@ -54,12 +55,6 @@ def claims(verdicts: pd.DataFrame, variant: str = BASE, ax: Axes | None = None) 
     ax.set_ylim(y - 0.6, -0.8)
     _finish(ax, set(drawn["verdict"]))
     return ax
-
-
-def _said_twice(drawn: pd.DataFrame) -> pd.Series:
-    """Changes that are claimed as a ratio, too."""
-    keys = ["claim", "scenario", "of", "than"]
-    return drawn.duplicated(keys, keep=False) & (drawn["definition"] == "ratio")
 
 
 def _row(ax: Axes, row: dict[Any, Any], y: float) -> None:

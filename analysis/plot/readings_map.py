@@ -13,7 +13,13 @@ from cooploc.analysis.plot.claims_forest import CLAIMED, LOOKS
 from cooploc.estimators.plugins.errors import BadInput
 
 # verdict -> the part of a row's height that its marks take, so that grey print tells them apart
-HEIGHTS = {"supported": (0, 1), "direction only": (0.5, 1), "contradicted": (0, 0.5), "undecided": (0.35, 0.65)}
+HEIGHTS = {
+    "supported": (0, 1),
+    "direction only": (0.5, 1),
+    "flat": (0.25, 0.75),
+    "contradicted": (0, 0.5),
+    "undecided": (0.35, 0.65),
+}
 ENDS = {"letter": ("v", 1.3, "the paper's letter"), "preset": ("^", -0.3, "our preset")}  # column, marker, y, name
 STRIP, LINE = 0.55, 0.42  # heights of a row's marks and of a line of text, in units of the y axis
 WIDTH, LETTERS = 4.2, 52  # of the figure [in], and of a line of text

@@ -72,7 +72,9 @@ def _effects(ax: Axes, part: pd.DataFrame) -> None:
         ax.axhline(0, color="0.6", lw=0.8, zorder=0)
     _limit(ax, value, low, high)
     _mark_ends(ax, part)
-    what = {"level": "RMSE [m]", "slope": "exponent"}.get(kind, "change [%]")
+    what = {"level": "RMSE [m]", "slope": "exponent", "time": "time [s]", "consistency": "ANEES"}.get(
+        kind, "change [%]"
+    )
     as_ratio = " (as a ratio of errors)" * (part["definition"].iloc[0] == "ratio")
     style.finish(ax, "", what, f"Claim {part['claim'].iloc[0]}: {part['says'].iloc[0]}{as_ratio}", grid="y")
     ax.tick_params(axis="x", length=0)

@@ -47,7 +47,7 @@ BUILT_IN = {
     "ekf-interim": Look(BLUE, ">", DASHES[2]),
     "ekf-joint": Look(GREY, "d", DOTTED),
     "ukf-joint": Look(GREY, "8", DOTTED),
-    "map-joint": Look(GREY, "X", DOTTED),
+    "map-joint": Look(GREY, "H", DOTTED),
 }
 _SEEN: dict[str, Look] = {}  # in this session's figures
 

@@ -1,7 +1,7 @@
 """One trial of a scenario as a picture: arena, anchors, landmarks, walls, obstacles, trajectories and links."""
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,9 +14,19 @@ from cooploc.estimators.interface import Array
 from cooploc.scenarios import resolve
 from cooploc.scenarios.resolved import ResolvedScenario
 from cooploc.scenarios.stream import Stream
+from cooploc.scenarios.worlds.radio_channel import Scene
 
 BLOCKED = style.VERMILION
 ROBOTS = (style.BLUE, style.ORANGE, style.GREEN, style.PURPLE, style.BROWN, style.SKY)
+
+
+@runtime_checkable
+class HasScene(Protocol):
+    """A scenario with walls and obstacles to draw."""
+
+    def scene(self, seed: int, trial: int, path: Array) -> Scene:
+        """What stands in the way at every tick of one trial, for robots on `path` (T, n, 2) [m]."""
+        ...
 
 
 def world(
@@ -81,8 +91,7 @@ def _surroundings(
 ) -> None:
     """Walls, obstacles and links; a recording has only links."""
     n = path.shape[1]
-    made: Any = shown.model
-    scene = made.scene(seed, trial, path) if hasattr(made, "scene") else None
+    scene = shown.model.scene(seed, trial, path) if isinstance(shown.model, HasScene) else None
     in_the_way = scene.robot_blockers[tick] > 0 if scene else np.zeros((n, n), bool)
     heard = stream.air.link[0, tick]
     pairs = [(i, j) for i in range(n) for j in range(i)]

@@ -1,5 +1,6 @@
 """A ledger's claims and their verdicts as `Table`s."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -7,9 +8,19 @@ import pandas as pd
 
 from cooploc.analysis.claims import wording
 from cooploc.analysis.claims.ledger import BASE, Ledger
-from cooploc.analysis.claims.multiverse import DECIDED
-from cooploc.analysis.formats import count
+from cooploc.analysis.claims.verdicts import DECIDED, JUDGED
+from cooploc.analysis.formats import count, p_value
 from cooploc.analysis.report.tables import Table, numbers, words
+
+
+def _yes_or_no(stands: bool, verdict: str) -> str:
+    return ("yes" if stands else "no") if verdict in DECIDED else ""
+
+
+HOLM = (
+    numbers("p (Holm)", "p_holm", "p", of=("p_holm",), form=p_value),
+    words("stands", "stands", of=("stands", "verdict"), form=_yes_or_no),
+)
 
 
 def claims(verdicts: pd.DataFrame, paper: str) -> Table:
@@ -18,9 +29,10 @@ def claims(verdicts: pd.DataFrame, paper: str) -> Table:
     columns = (
         words("claim"),
         words("says", "says", "where", form=called),
-        words("reading", "variant", "kind", "definition", of=("variant",)),
+        words("reading", "variant", "kind", "definition", "size", of=("variant",)),
         words("found", *found, of=("sentence",)),
-        words("verdict", "verdict", "needed", of=("verdict",)),
+        words("verdict", "verdict", "needed", "otherwise", of=("verdict",)),
+        *HOLM,
         words("remark", of=("verdict", "remark"), form=_remark),
         words("left open by the paper", "open"),
     )
@@ -35,11 +47,13 @@ def cases(part: pd.DataFrame) -> Table:
     columns = (
         words("reading", "variant"),
         *map(words, ("scenario", "of", "than")),
-        numbers("claimed", "size", of=("size", "kind", "definition"), form=_claimed),
+        numbers("claimed", "size", of=("size", "kind"), form=wording.number),
         numbers("found", "value", of=("value", "kind"), form=wording.number),
         numbers("95 %", "low", "high", of=("low", "high", "kind"), form=wording.between),
         numbers("trials", form=count),
         words("verdict", of=("decision",)),
+        *HOLM,
+        words("", "otherwise"),
         words("", "remark"),
     )
     shown = part[(part["verdict"] != "not run") | (part["variant"] == part["variant"].iloc[0])]
@@ -47,35 +61,43 @@ def cases(part: pd.DataFrame) -> Table:
     return Table("cases", "", columns, rows.drop_duplicates().to_dict("records"))
 
 
-def _claimed(size: float, kind: str, definition: str) -> str:
-    return wording.number(size, kind) + " (r)" * (definition == "ratio" and size == size)
-
-
 class ClaimSection(NamedTuple):
     """A claim of the ledger, as a section of the page."""
 
     head: str
+    quote: str  # the paper's own words
+    readings: str  # in how many readings of the paper it holds, where more than one was run
     open: str  # what the paper leaves open
     table: Table  # its rows of the ledger
     run: bool  # whether any case of it was
 
 
-def by_claim(ledger: Table, verdicts: pd.DataFrame) -> list[ClaimSection]:
-    """The ledger's table claim by claim, without the columns that say the same in every row."""
+def by_claim(table: Table, verdicts: pd.DataFrame, ledger: Ledger, readings: Mapping[str, str]) -> list[ClaimSection]:
+    """The ledger's table claim by claim, without the columns that say the same in every row.
+
+    Args:
+        table: from `claims`.
+        verdicts: of the ledger.
+        ledger: whose claims they are.
+        readings: of `multiverse.sentences`.
+
+    """
+    quotes = {claim.id: claim.quote for claim in ledger.claims}
     out: list[ClaimSection] = []
     for claim, part in verdicts.groupby("claim", sort=False):
         first = part.iloc[0]
         counts = part.loc[part["variant"] == first["variant"], "verdict"].value_counts()
         verdict = ", ".join(f"{count} {name}" if len(counts) > 1 else str(name) for name, count in counts.items())
-        table = replace(
-            ledger,
+        rows = replace(
+            table,
             name=f"claims-{len(out) + 1}",
             caption=f"Claim {claim}: every reading and case that was run.",
-            columns=ledger.columns[2:-1],
-            rows=[row for row in ledger.rows if row["claim"] == claim],
+            columns=table.columns[2:-1],
+            rows=[row for row in table.rows if row["claim"] == claim],
         )
         head = f"{claim}. {called(first['says'], first['where'])}: {verdict}"
-        out.append(ClaimSection(head, str(first["open"]), table, bool((part["verdict"] != "not run").any())))
+        run, said = bool((part["verdict"] != "not run").any()), readings.get(str(claim), "")
+        out.append(ClaimSection(head, quotes[str(claim)], said, str(first["open"]), rows, run))
     return out
 
 
@@ -111,7 +133,7 @@ def over_readings(shares: pd.DataFrame) -> Table:
     """
     columns = (
         words("claim"),
-        *(numbers(head, form=count) for head in ("specifications", *DECIDED)),
+        *(numbers(head, form=count) for head in ("specifications", *JUDGED)),
         *map(words, ("letter", "preset", "scenarios")),
         words("choices that matter", "dimensions"),
     )

@@ -11,7 +11,7 @@ import pandas as pd
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
-from cooploc.analysis.claims import verdicts
+from cooploc.analysis.claims import family, multiverse, verdicts
 from cooploc.analysis.claims.ledger import BASE, Ledger
 from cooploc.analysis.claims.trial_table import collect
 from cooploc.analysis.execution.stored_run import Kept
@@ -48,7 +48,12 @@ METHODS = (
      "Position NEES / 2, per trial first; 1 is consistent. Over-confident: its 95 % interval lies above 1.5, or that "
      "of the share in 95 % ellipses below 0.86; conservative: ANEES below 0.67; undecided: the estimate crosses a "
      "limit, but its interval does not exclude the limit. An estimator that is over-confident, or undecided with an "
-     "ANEES above 3, never qualifies as best."),
+     "ANEES above 3, never qualifies as best. A mean over trials may be that of one collapsed trial: beside it stand "
+     "the median over trials, and the share of trials whose ANEES exceeds 100 (collapsed; Wilson's interval)."),
+    ("As published, at its best",
+     "Of a method that was run in several configurations: the paper's own, and the one of smallest error with the same "
+     "readings (`cooploc list estimators`). Estimators without this remark are other configurations, or their method "
+     "has only one."),
     ("Floor",
      "The posterior Cramer-Rao bound on the RMSE of any estimator that hears and uses every reading (Tichavsky 1998), "
      f"where the assumed models are the true ones; for up to {FLOORED} robots."),
@@ -67,9 +72,11 @@ METHODS = (
      "verdicts` prints them."),
 )  # fmt: skip
 LEGEND = (
-    'A change is b/a - 1: negative where the error falls. "66 % more accurate" may be claimed as a change of -66 %, or '
-    "as a ratio of errors of 1.66, a change of -40 %. A verdict is wrong in at most one of twenty repetitions of the "
-    "run; over all rows some are to be expected. Readings: paper, as it stands; others as the ledger describes them."
+    'A change is b/a - 1: negative where the error falls. "66 % more accurate" is judged as a change of -66 %; what '
+    "the same interval means for a ratio of errors of 1.66, a change of -40 %, is said beside it. A verdict is wrong "
+    "in at most one of twenty repetitions of the run; it stands where that holds of all judged cases together (Holm). "
+    "Readings: paper, as it stands; others as the ledger describes them. No verdict rests on one reading: the study "
+    "readings runs all that the ledger declares, and cl.readings judges every claim in each."
 )
 
 
@@ -112,7 +119,8 @@ def content(kept: Kept, ledger: Ledger) -> dict[str, Any]:
     numbers = Numbers(kept, table, collect(kept.rows), looks)
     counter = itertools.count()
     experiments = [experiment(name, plan, numbers, counter) for name, plan in kept.experiments.items()]
-    answer = _answer(numbers, experiments, verdicts.judge(ledger, kept.rows), ledger)
+    readings = multiverse.sentences(multiverse.judge(ledger, kept.rows))
+    answer = _answer(numbers, experiments, verdicts.judge(ledger, kept.rows), ledger, readings)
     versions, streams = _versions(kept), _streams(table)
     first = [answer[name] for name in ("where_table", "best_table", "confidence_table", "overview", "claims_table")]
     return {
@@ -133,7 +141,9 @@ def content(kept: Kept, ledger: Ledger) -> dict[str, Any]:
     }
 
 
-def _answer(numbers: Numbers, experiments: list[Experiment], judged: pd.DataFrame, ledger: Ledger) -> dict[str, Any]:
+def _answer(
+    numbers: Numbers, experiments: list[Experiment], judged: pd.DataFrame, ledger: Ledger, readings: dict[str, str]
+) -> dict[str, Any]:
     found = summaries.standings(numbers.table, numbers.results)
     ledgered = claim_tables.claims(judged, ledger.paper)
     return {
@@ -144,7 +154,8 @@ def _answer(numbers: Numbers, experiments: list[Experiment], judged: pd.DataFram
         "confidence_table": result_tables.confidence(numbers.table),
         "claims": _standing_claims(judged),
         "claims_table": ledgered,
-        "claims_parts": claim_tables.by_claim(ledgered, judged),
+        "claims_parts": claim_tables.by_claim(ledgered, judged, ledger, readings),
+        "family": str(family.of(judged)),
         "overview": claim_tables.overview(verdicts.overview(judged), judged, ledger),
         "legend": LEGEND,
     }

@@ -10,18 +10,21 @@ import pandas as pd
 
 from cooploc.analysis.formats import change, count, fixed, interval, metres, microseconds, p_value, percent, ratio
 from cooploc.analysis.metrics.certificate_line import mark, refused
+from cooploc.analysis.metrics.consistency import COLLAPSED
 from cooploc.analysis.metrics.statistics import Interval
 from cooploc.analysis.report.summaries import Change, Standing, sentence
 from cooploc.analysis.report.tables import Row, Table, TableColumn, numbers, words
+from cooploc.estimators.plugins.configurations import standing
 
 FLAGS = {flag: flag.replace("-", "_").replace(" ", "_") for flag in
          ("over-confident", "consistent", "conservative", "undecided", "not assessed")}  # fmt: skip
 Ranks = dict[str, tuple[dict[str, float], dict[str, str]]]  # scenario -> mean ranks, and letters, by estimator
 
 
-def remark(certificate: str, consistency: str, centralised: bool, bound: bool, failed: int) -> str:
+def remark(estimator: str, certificate: str, consistency: str, centralised: bool, bound: bool, failed: int) -> str:
     """What a reader of a result must know."""
-    remarks = ["not ranked"] if refused(certificate) else []
+    remarks = [standing(estimator)] if standing(estimator) else []
+    remarks += ["not ranked"] if refused(certificate) else []
     remarks += [consistency] if consistency in ("over-confident", "conservative", "undecided") else []
     remarks += ["bound"] if bound else ["centralised"] * centralised
     return ", ".join(remarks + ([f"{failed} failed"] if failed else []))
@@ -58,6 +61,9 @@ RESULTS = (
     ),
     numbers("p (Holm)", "p_holm", form=p_value),
     *ANEES,
+    numbers("median", "anees_median", form=ratio),
+    numbers("collapsed", form=_percent(0)),
+    numbers("95 %", "collapsed_low", "collapsed_high", form=interval(_percent(0))),
     numbers("in 95 %", "coverage95", form=_percent(0)),
     numbers("diverged", form=_percent(1)),
     numbers("messages", form=ratio),
@@ -67,7 +73,7 @@ RESULTS = (
     words(
         "remark",
         *("consistency", "centralised", "bound", "failed", "baseline", "stream"),
-        of=("certificate", "consistency", "centralised", "bound", "failed"),
+        of=("estimator", "certificate", "consistency", "centralised", "bound", "failed"),
         form=remark,
     ),
 )
@@ -169,18 +175,22 @@ def confidence(table: pd.DataFrame) -> Table:
         numbers("scenarios"),
         *(numbers(flag, key) for flag, key in FLAGS.items()),
         numbers("largest ANEES", "anees", form=ratio),
+        numbers("its median", "anees_median", form=ratio),
         words("in", "scenario"),
+        numbers("most collapsed", "collapsed", form=_percent(0)),
     )
     rows: list[Row] = []
     for name, part in table.groupby("estimator", sort=False):
         counts = {key: int((part["consistency"] == flag).sum()) for flag, key in FLAGS.items()}
-        known = part.dropna(subset="anees").sort_values("anees")[["anees", "scenario"]]
-        worst = known.iloc[-1].to_dict() if len(known) else {"anees": float("nan"), "scenario": ""}
-        rows.append({"estimator": name, "scenarios": len(part), **counts, **worst})
+        known = part.dropna(subset="anees").sort_values("anees")[["anees", "anees_median", "scenario"]]
+        worst = known.iloc[-1].to_dict() if len(known) else {"anees": np.nan, "anees_median": np.nan, "scenario": ""}
+        most = {"collapsed": float(part["collapsed"].max())}
+        rows.append({"estimator": name, "scenarios": len(part), **counts, **worst, **most})
     about = (
         "Number of scenarios by ANEES: over-confident where its 95 % interval lies wholly above 1.5, conservative "
         "where wholly below 0.67, consistent where ANEES lies between, undecided where ANEES is beyond a limit but its "
-        "interval does not exclude the limit."
+        "interval does not exclude the limit. A mean ANEES may be that of one collapsed trial: its median over trials "
+        f"and the largest share of trials in a scenario whose ANEES exceeds {COLLAPSED:g}, do not depend on one."
     )
     return Table("consistency", about, columns, rows)
 

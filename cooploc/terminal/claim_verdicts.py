@@ -1,29 +1,50 @@
-"""The verdicts of a ledger: a table for every claim, then the readings and what the numbers mean."""
+"""The verdicts of a ledger: a table for every claim, then the readings, what numbers mean, how many may be false."""
 
 import pandas as pd
 
+from cooploc.analysis.claims import family
 from cooploc.analysis.claims.ledger import Ledger
 from cooploc.analysis.claims.multiverse import shares
 from cooploc.analysis.report.claim_tables import called, cases, over_readings
 from cooploc.terminal.console import wide
 
-STYLES = {"supported": "green", "direction only": "yellow", "contradicted": "red", "undecided": "cyan"}
+LEGEND = (
+    "Changes are b/a - 1: negative where the error falls. stands: still decided after Holm's correction over all "
+    "judged cases. Each verdict is of one reading of the paper; cl.readings judges a claim in all that were "
+    "run (the study readings runs them)."
+)
+STYLES = {
+    "supported": "green",
+    "direction only": "yellow",
+    "flat": "magenta",
+    "contradicted": "red",
+    "undecided": "cyan",
+}
 
 
 def show(verdicts: pd.DataFrame, ledger: Ledger) -> None:
-    """Print a table for every claim, then the readings and what the numbers mean."""
+    """Print a table for every claim, then the readings, what the numbers mean, and how many verdicts may be false.
+
+    Args:
+        verdicts: from `cl.verdicts`.
+        ledger: its ledger.
+
+    """
     console = wide()
     console.print(ledger.paper)
     for claim, part in verdicts.groupby("claim", sort=False):
-        says, where, left_open = part[["says", "where", "open"]].iloc[0]
+        says, where, left_open, readings = part[["says", "where", "open", "map"]].iloc[0]
         console.print(f"\n{claim}. {called(says, where)}", style="bold")
         console.print(cases(part).terminal(style=lambda row: STYLES.get(row["verdict"], "dim")))
         if left_open:
             console.print(f" open: {left_open}", style="dim")
+        if readings:
+            console.print(f" over all readings: {readings}")
     console.print()
     for name, variant in ledger.variants.items():
         console.print(f"{name}: {variant.about}", style="dim")
-    console.print(_legend(verdicts), style="dim")
+    console.print(LEGEND, style="dim")
+    console.print(str(family.of(verdicts)))
 
 
 def show_readings(found: pd.DataFrame) -> None:
@@ -42,12 +63,4 @@ def show_readings(found: pd.DataFrame) -> None:
         "A specification is a case (scenario, estimators, definition of the size) in a reading of the paper; what "
         "runs the same counts once. letter: the reading nearest to the words of the paper.",
         style="dim",
-    )
-
-
-def _legend(verdicts: pd.DataFrame) -> str:
-    decided = int(verdicts["verdict"].isin(("supported", "direction only", "contradicted")).sum())
-    return (
-        "Changes are b/a - 1: negative where the error falls. (r): claimed as a ratio of errors a/b. At worst a "
-        f"verdict is wrong in one of twenty repetitions: of these {decided}, about {decided / 20:.0f}."
     )

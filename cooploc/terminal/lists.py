@@ -8,8 +8,20 @@ from cooploc.analysis.formats import duration
 from cooploc.analysis.report.tables import Table, words
 from cooploc.terminal.console import PlainConsole
 
+
+def _other(name: str, configured: str) -> str:
+    """A configuration that differs from the default."""
+    return "" if configured == name else configured
+
+
 HEADS = {
-    "estimators": (words("name"), words("what it is", "about"), words("uses")),
+    "estimators": (
+        words("name"),
+        words("what it is", "about"),
+        words("uses"),
+        words("as published", "published", of=("name", "published"), form=_other),
+        words("at its best", "best", of=("name", "best"), form=_other),
+    ),
     "scenarios": (words("name", "labels"), words("what it is", "about")),
     "studies": (words("name"), words("takes"), words("what it is", "about")),
 }
@@ -29,7 +41,7 @@ def show(kind: str, listed: pd.DataFrame) -> None:
 def _row(row: dict[Any, Any]) -> dict[str, Any]:
     minutes = row.get("minutes", float("nan"))
     takes = "" if minutes != minutes else duration(60 * minutes)
-    return {**row, "about": row["about"] + _standing(row), "takes": takes}
+    return {**row, "about": row["about"] + _standing(row) + _configured(row), "takes": takes}
 
 
 def _standing(row: dict[Any, Any]) -> str:
@@ -37,3 +49,9 @@ def _standing(row: dict[Any, Any]) -> str:
         return " (a bound)"
     centralised = row.get("centralised", False) and not row["about"].startswith("Centralised")
     return " (centralised)" * centralised
+
+
+def _configured(row: dict[Any, Any]) -> str:
+    """The configurations of an estimator that differ from its default."""
+    words = {"published": "as published", "best": "at its best"}
+    return "".join(f" {word}: {row[key]}." for key, word in words.items() if row.get(key, row["name"]) != row["name"])

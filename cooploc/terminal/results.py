@@ -20,10 +20,12 @@ from cooploc.terminal.console import wide
 LEGEND = (
     "vs: change of RMSE on the same streams, Fieller interval; p: Wilcoxon signed-rank over trials, Holm over the "
     "whole study. ANEES: 1 is consistent; undecided: beyond a limit, but its interval does not "
-    "exclude the limit. messages, bytes, µs: per robot and tick. centralised: every reading "
-    "reaches one computer; bound: uses all of them, and no estimator is better."
+    "exclude the limit; median: of ANEES over trials; collapsed: trials whose ANEES exceeds 100. "
+    "messages, bytes, µs: per robot and tick. centralised: every reading "
+    "reaches one computer; bound: uses all of them, and no estimator is better. as published, at its best: of the "
+    "configurations of a method; one without this remark is another configuration, or its method has only one."
 )
-ONLY_IN_REPORTS = ("scenario", "rank", "group", "anees_low", "trials")
+ONLY_IN_REPORTS = ("scenario", "rank", "group", "anees_low", "collapsed_low", "trials")
 COLUMNS = tuple(column for column in RESULTS if column.keys[0] not in ONLY_IN_REPORTS)
 IN_ONE_PICTURE = 12  # scenarios; `cooploc report` draws one of each experiment
 

@@ -16,6 +16,7 @@ from typing import ClassVar
 import numpy as np
 
 from cooploc.estimators.ctrn import audit, message, moments, received
+from cooploc.estimators.ctrn.intersection import where_definite
 from cooploc.estimators.ctrn.state import Counts, Settings, State, empty_sample
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
 from cooploc.estimators.particle import own_filter
@@ -41,7 +42,7 @@ class Ctrn(Settings):
 
     @property
     def uses(self) -> tuple[str, ...]:
-        return ("odometry", "anchor_rssi", f"radio_{self.reading}")
+        return (*super().uses, f"radio_{self.reading}")
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         senders, d = (world.robots, 2) if self.fusion == "received" else (0, prior.x.shape[-1])
@@ -58,8 +59,11 @@ class Ctrn(Settings):
         return s._replace(own=own_filter.correct(self, s.own, z))
 
     def send(self, s: State, z: Senses) -> Array:
-        """x, y, and the position covariance's P_xx, P_xy, P_yy: five numbers. Nothing received is sent on."""
-        return pack(own_filter.to_send(s.own))
+        """x, y, and the position covariance's P_xx, P_xy, P_yy: five numbers. Nothing received is sent on.
+
+        A robot whose particles have collapsed onto a line or a point has no covariance to send: silence.
+        """
+        return where_definite(pack(own_filter.to_send(s.own)))
 
     def fuse(self, s: State, z: Senses, mail: Mail) -> State:
         s = FUSE[self.fusion](self, s, z, mail)

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from cooploc.estimators.covariance_intersection.small_matrices import PIVOT
 from cooploc.estimators.covariance_intersection.weights import solve_relative
 from cooploc.estimators.ctrn import audit
 from cooploc.estimators.ctrn.chain import COLLAPSED
@@ -44,3 +45,11 @@ def invertible(P: Array) -> Mask:
     trace = np.trace(P, axis1=-2, axis2=-1)
     ok: Mask = np.linalg.eigvalsh(P)[:, 0] > COLLAPSED * np.maximum(trace, np.finfo(float).tiny)
     return ok
+
+
+def where_definite(packets: Array) -> Array:
+    """Packets (r, 5), nan where the covariance is singular by more than rounding."""
+    xx, xy, yy = packets[:, 2:].T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        definite = (yy > 0) & (xx - xy / yy * xy > PIVOT * xx)
+    return np.where(definite[:, None], packets, np.nan)

@@ -25,7 +25,8 @@ def fuse(p: Settings, s: State, z: Senses, mail: Mail) -> State:
         y, _, J = reading.sensor.innovation(x, reading.x_j[:, None], reading.z[:, None])
         J, rest = J[..., 0, :], np.where(w < 1, 1 - w, np.nan)[:, None]
         v = reading.sensor.R[0, 0] + ((J @ reading.P_j) * J).sum(-1) / rest
-        flat = (w - 1)[:, None] * log_density(x, belief)
+        P = np.where((w < 1)[:, None, None], belief.P, np.eye(x.shape[-1]))  # a collapsed one is not inverted
+        flat = (w - 1)[:, None] * log_density(x, belief._replace(P=P))
         logw = np.where(w[:, None] < 1, logw + flat + log_normal(y[..., 0], v), logw)
     return s._replace(own=s.own._replace(logw=logw))
 

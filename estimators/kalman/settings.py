@@ -20,8 +20,8 @@ class Settings:
     Parameters:
         anchor_reading: what is used of the anchors: "doa", the direction of arrival [rad] made of the readings of four
             corner anchors, with the variance that it has where the robot is; "doa-constant", the same with one variance
-            everywhere, as published; "gradient", the gradient [dB/m] that the direction is taken from; or "rssi", each
-            raw reading [dBm].
+            everywhere, as published; "gradient", the gradient [dB/m] that the direction is taken from; "rssi", each raw
+            reading [dBm]; or "none", no reading of anchors, nor of landmarks: odometry and teammates alone.
         gate: squared Mahalanobis distance (no unit) beyond which a reading is refused; inf refuses none. The default
             refuses one in a thousand true readings of two numbers.
         engine: "batched" computes all rows at once; "filterpy" runs filterpy's filter row by row, to compare with.
@@ -45,16 +45,16 @@ class Settings:
     @property
     def uses(self) -> tuple[str, ...]:
         """The channels, in order of preference."""
-        return ("odometry", "anchor_rssi|landmark")
+        return ("odometry",) if self.anchor_reading == "none" else ("odometry", "anchor_rssi|landmark")
 
     def require_corners(self, world: World) -> None:
         """Refuse, before anything runs, a world in which no direction of arrival can be made of the anchors.
 
         Raises:
-            BadInput: anchor_reading is not "rssi", and the world's anchors are not four corners of a rectangle.
+            BadInput: `anchor_reading` needs four corners of a rectangle, and the world's anchors are not.
 
         """
-        if self.anchor_reading != "rssi" and "anchor_rssi" in world.sensors:
+        if self.anchor_reading not in ("rssi", "none") and "anchor_rssi" in world.sensors:
             gradient_doa(world)
 
 

@@ -2,8 +2,8 @@
 
 The gradient of the signal strength over the arena, by central differences between the corner nodes, points along the
 direction of the robot. Its noise is Gaussian in the gradient, not in the angle: near the centre the gradient vanishes
-and the angle says nothing (RMS error 79 deg within 0.5 m, 7 deg beyond 3 m). Hence two densities of the angle: the
-paper's Gaussian of constant sigma, and the exact projected normal.
+and the angle says nothing (RMS error 79 deg within 0.5 m, 7 deg beyond 3 m). Hence several densities: the paper's
+Gaussian of constant sigma, whose error can be read in three ways, the exact projected normal, and that of the gradient.
 
 Sources: Latif & Parasuraman, eqs. (1)-(4); R. Parasuraman et al., "Spatial sampling strategy for a 3D sound source
 localization sensor network using RSSI", 2013 (the central differences); K. V. Mardia, "Statistics of Directional Data",
@@ -88,6 +88,34 @@ class GradientDoa:
     def log_constant(self, x: Array, angle: Array) -> Array:
         """log N(wrap(ADOA(x) - DOA); 0, sigma^2) up to a constant  (eq. 5 of the paper)."""
         return -0.5 * (wrap(self.bearing(x) - angle) / self.sigma) ** 2
+
+    def log_sum(self, x: Array, angle: Array) -> Array:
+        """log N(err; 0, sigma^2) up to a constant, err = sum_j (ADOA_j - DOA_j), signed and not wrapped  (eqs. 4, 5).
+
+        "The error between actual DOA (ADOA) for all wireless sensors at a potential candidate position [...] to the
+        perceived DOA values for each sensor". Only one DOA is perceived, that of eq. (3), "concerning the WSN's
+        center": here ADOA is the same angle at the candidate, and every node repeats both.
+        """
+        err = len(self.anchors) * (self.bearing(x) - angle)
+        density: Array = -0.5 * (err / self.sigma) ** 2
+        return density
+
+    def log_corners(self, x: Array, angle: Array) -> Array:
+        """`log_sum` with ADOA_j the direction of x seen from node j, in (-pi, pi].
+
+        Directions of the nodes seen from x have the same sum. It is smallest far outside the arena, where all nodes lie
+        in one direction.
+        """
+        away = x[..., :2] - self._beside(x)
+        err = np.arctan2(away[..., 1], away[..., 0]).sum(0) - len(self.anchors) * angle
+        density: Array = -0.5 * (err / self.sigma) ** 2
+        return density
+
+    def log_gradient(self, x: Array, g: Array) -> Array:
+        """log N(g - g(x); 0, sigma^2 diag(1/a^2, 1/b^2)) up to a constant, for a measured gradient g (..., 2)."""
+        whitened = (g - self.expect(x)) * np.array(self.sides) / self.rssi.sigma
+        density: Array = -0.5 * (whitened**2).sum(-1)
+        return density
 
     def log_exact(self, x: Array, angle: Array) -> Array:
         """log of the projected normal density of the angle, for a gradient g ~ N(g(x), sigma^2 diag(1/a^2, 1/b^2))."""

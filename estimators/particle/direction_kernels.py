@@ -1,4 +1,4 @@
-"""The compiled loop of likelihood.py over past directions of arrival."""
+"""The compiled loops of likelihood.py over past directions of arrival, and over gradients."""
 
 from typing import NamedTuple
 
@@ -11,6 +11,8 @@ from cooploc.estimators.interface import Array
 from cooploc.estimators.models.sensors import NEAR
 from cooploc.estimators.particle.link_kernels import Row, load_row
 
+WRAPPED, SUM, CORNERS = range(3)  # forms of the residual
+
 
 class Directions(NamedTuple):
     """Past directions of arrival, and where the corners are."""
@@ -22,13 +24,63 @@ class Directions(NamedTuple):
     gain: float  # -1/2 power / sigma^2 [1/rad^2]
 
 
+class Gradients(NamedTuple):
+    """A measured gradient per row, and of the sensor what the loop needs."""
+
+    measured: Array  # (r, 2) [dB/m], nan where absent
+    corner: Array  # (2,)  the first corner [m]
+    sides: Array  # (2,) [m]
+    slope: float  # RSSI lost per unit of ln D, D the squared distance [dB]
+    sigma: float  # [dB]
+
+
+@kernel
+def add_gradient_rows(x, d, logw, gradients, out):
+    """log N of the measured gradient less the one at the particle, in units of its noise, for particles x (r d, N)."""
+    wide()
+    measured, corner, sides, slope, sigma = gradients
+    n = logw.shape[1]
+    row = Row(row_buffer(n), row_buffer(n), row_buffer(n))
+    for r in range(len(logw)):
+        load_row(x, d, logw, r, row)
+        u, v = measured[r, 0] * sides[0] / sigma, measured[r, 1] * sides[1] / sigma
+        if not (np.isnan(u) or np.isnan(v)):
+            _add_gradient(row, (u, v), (corner[0], corner[1]), (sides[0], sides[1]), slope / (2 * sigma))
+        store(row.logw, out, r)
+
+
+@inlined
+def _add_gradient(row, whitened, corner, sides, slope):
+    """One gradient (u, v), for particles seen from the first corner."""
+    wide()
+    (X, Y, logw), (u, v), (west, south), (a, b) = row, whitened, corner, sides
+    for i in range(len(logw)):
+        p, q = _log_ratios(X[i] - west, Y[i] - south, a, b)
+        gx, gy = u - slope * (p + q), v - slope * (p - q)
+        logw[i] -= 0.5 * (gx * gx + gy * gy)
+
+
 @kernel
 def add_window_rows(x, d, logw, directions, out):
-    """gain e^2, e the angle between the direction and the gradient g at the particle, for particles x (r d, N).
+    """gain e^2, e the angle between the direction and the gradient g at the particle, for particles x (r d, N)."""
+    _add_all(WRAPPED, x, d, logw, directions, out)
 
-    With D_k the squared distances to the four corners, g_x ~ (ln p + ln q) / a and g_y ~ (ln p - ln q) / b, p = D_1/D_3
-    and q = D_2/D_4. Turned back by the direction, g has the angle e, which needs no wrapping.
-    """
+
+@kernel
+def add_sum_rows(x, d, logw, directions, out):
+    """The same with e four times the difference of the two angles, not wrapped."""
+    _add_all(SUM, x, d, logw, directions, out)
+
+
+@kernel
+def add_corner_rows(x, d, logw, directions, out):
+    """The same with e the sum over the corners of the particle's direction from each less the direction."""
+    _add_all(CORNERS, x, d, logw, directions, out)
+
+
+@inlined
+def _add_all(form, x, d, logw, directions, out):
+    """All rows and directions. Compiled apart for each `form`, a constant where this is inlined."""
     wide()
     angles, trail, corner, sides, gain = directions
     n = logw.shape[1]
@@ -37,25 +89,59 @@ def add_window_rows(x, d, logw, directions, out):
         load_row(x, d, logw, r, row)
         for k in range(angles.shape[1]):
             if not np.isnan(angles[r, k]):
-                east, north = trail[r, k, 0] - corner[0], trail[r, k, 1] - corner[1]
-                _add_direction(row, angles[r, k], (east, north), (sides[0], sides[1]), gain)
+                shift = trail[r, k, 0] - corner[0], trail[r, k, 1] - corner[1]
+                if form == WRAPPED:
+                    _add_direction(row, angles[r, k], shift, (sides[0], sides[1]), gain)
+                else:
+                    _add_sum(form, row, angles[r, k], shift, (sides[0], sides[1]), gain)
         store(row.logw, out, r)
 
 
 @inlined
 def _add_direction(row, angle, shift, sides, gain):
-    """One direction, with particles shifted by (east, north) to where they were then, seen from the first corner."""
+    """One direction, with particles shifted by (east, north) to where they were then, seen from the first corner.
+
+    With D_k the squared distances to the four corners, g_x ~ (ln p + ln q) / a and g_y ~ (ln p - ln q) / b, p = D_1/D_3
+    and q = D_2/D_4. Turned back by the direction, g has the angle e, which needs no wrapping.
+    """
     wide()
     (X, Y, logw), (east, north), (a, b) = row, shift, sides
     cx, cy = np.cos(angle) / a, np.sin(angle) / b
     sx, sy = np.sin(angle) / a, np.cos(angle) / b
     for i in range(len(logw)):
-        w, s = X[i] + east, Y[i] + north
-        w2, s2, e2, n2 = w * w, s * s, (w - a) * (w - a), (s - b) * (s - b)
-        D1, D2 = max(w2 + s2, NEAR**2), max(w2 + n2, NEAR**2)
-        D3, D4 = max(e2 + n2, NEAR**2), max(e2 + s2, NEAR**2)
-        inverse = 1 / (D3 * D4)
-        p, q = log(D1 * D4 * inverse), log(D2 * D3 * inverse)
+        p, q = _log_ratios(X[i] + east, Y[i] + north, a, b)
         gx, gy = p + q, p - q
         e = arc(gy * sy - gx * sx, gx * cx + gy * cy)
         logw[i] += gain * (e * e)
+
+
+@inlined
+def _add_sum(form, row, angle, shift, sides, gain):
+    """The same with a residual that is a sum over the corners."""
+    wide()
+    (X, Y, logw), (east, north), (a, b) = row, shift, sides
+    for i in range(len(logw)):
+        w, s = X[i] + east, Y[i] + north
+        if form == SUM:
+            p, q = _log_ratios(w, s, a, b)
+            e = 4 * (_direction((p - q) / b, (p + q) / a) - angle)
+        else:
+            e = _direction(s, w) + _direction(s - b, w) + _direction(s - b, w - a) + _direction(s, w - a) - 4 * angle
+        logw[i] += gain * (e * e)
+
+
+@inlined
+def _direction(north, east):
+    """arctan2 in (-pi, pi]."""
+    angle = arc(north, east)
+    return -angle if north < 0 else angle
+
+
+@inlined
+def _log_ratios(w, s, a, b):
+    """ln D_1/D_3 and ln D_2/D_4, D_k the squared distance to corner k, at w east and s north of the first."""
+    w2, s2, e2, n2 = w * w, s * s, (w - a) * (w - a), (s - b) * (s - b)
+    D1, D2 = max(w2 + s2, NEAR**2), max(w2 + n2, NEAR**2)
+    D3, D4 = max(e2 + n2, NEAR**2), max(e2 + s2, NEAR**2)
+    inverse = 1 / (D3 * D4)
+    return log(D1 * D4 * inverse), log(D2 * D3 * inverse)

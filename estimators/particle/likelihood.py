@@ -15,7 +15,14 @@ from cooploc.estimators.interface import Array, Motion, Sensor
 from cooploc.estimators.models.gradient_doa import GradientDoa
 from cooploc.estimators.models.motion import Displacement
 from cooploc.estimators.models.sensors import LogDistance, Range
-from cooploc.estimators.particle.direction_kernels import Directions, add_window_rows
+from cooploc.estimators.particle.direction_kernels import (
+    Directions,
+    Gradients,
+    add_corner_rows,
+    add_gradient_rows,
+    add_sum_rows,
+    add_window_rows,
+)
 from cooploc.estimators.particle.link_kernels import AnchorReadings, PacketReadings, add_anchor_rows, add_teammate_rows
 from cooploc.estimators.particle.packet import unpack
 
@@ -121,7 +128,7 @@ def teammates_reference(heard: ReceivedPackets, x: Array, logw: Array) -> Array:
 
 
 def window(
-    doa: GradientDoa, motion: Motion, x: Array, logw: Array, angles: Array, trail: Array, density: str, power: float
+    doa: GradientDoa, motion: Motion, x: Array, logw: Array, angles: Array, trail: Array, form: str, power: float
 ) -> Array:
     """`logw` (r, N) and `power` times the log-density of past directions, each at the particle shifted back.
 
@@ -132,25 +139,26 @@ def window(
         logw: log-weights so far.
         angles: directions (r, M) [rad], nan where absent.
         trail: where the robot was then, seen from where it is now (r, M, 2).
-        density: "constant" or "exact".
+        form: of the density: "exact", or one of the constant sigma with the residual "wrapped", "sum" or "corners".
         power: exponent of every density.
 
     """
-    if density != "constant":
-        return window_reference(doa, motion, x, logw, angles, trail, density, power)
+    if form == "exact":
+        return window_reference(doa, motion, x, logw, angles, trail, form, power)
     if type(motion) is Displacement:
-        return _window_at(doa, x, logw, angles, trail, power)
+        return _window_at(doa, x, logw, angles, trail, form, power)
     for k in range(angles.shape[1]):
         there = motion.place(x, trail[:, None, k])
-        logw = _window_at(doa, there, logw, angles[:, k : k + 1], np.zeros((len(x), 1, 2)), power)
+        logw = _window_at(doa, there, logw, angles[:, k : k + 1], np.zeros((len(x), 1, 2)), form, power)
     return logw
 
 
 def window_reference(
-    doa: GradientDoa, motion: Motion, x: Array, logw: Array, angles: Array, trail: Array, density: str, power: float
+    doa: GradientDoa, motion: Motion, x: Array, logw: Array, angles: Array, trail: Array, form: str, power: float
 ) -> Array:
     """`window` in numpy."""
-    log_density = doa.log_exact if density == "exact" else doa.log_constant
+    forms = {"exact": doa.log_exact, "wrapped": doa.log_constant, "sum": doa.log_sum, "corners": doa.log_corners}
+    log_density = forms[form]
     for k in range(angles.shape[1]):
         angle = angles[:, k, None]
         if not np.isnan(angle).all():
@@ -159,11 +167,24 @@ def window_reference(
     return logw
 
 
-def _window_at(doa: GradientDoa, x: Array, logw: Array, angles: Array, trail: Array, power: float) -> Array:
+def gradient(doa: GradientDoa, x: Array, logw: Array, g: Array) -> Array:
+    """`logw` (r, N) and the log-density of a measured gradient g (r, 2) [dB/m], nan where absent."""
+    if type(doa.rssi) is not LogDistance:
+        absent = np.isnan(g).any(-1, keepdims=True)
+        return logw + np.where(absent, 0.0, doa.log_gradient(x, g[:, None, :]))
+    out = np.empty_like(logw, order="C")
+    slope, sigma = _slope(doa.rssi), float(doa.rssi.sigma)
+    gradients = Gradients(readable(g), np.array(doa.corner), np.array(doa.sides), slope, sigma)
+    add_gradient_rows(planes(x), x.shape[-1], readable(logw), tuple(gradients), out)
+    return out
+
+
+def _window_at(doa: GradientDoa, x: Array, logw: Array, angles: Array, trail: Array, form: str, power: float) -> Array:
     out = np.empty_like(logw, order="C")
     corner, sides = np.array(doa.corner), np.array(doa.sides)
     directions = Directions(readable(angles), readable(trail), corner, sides, -0.5 * power / doa.sigma**2)
-    add_window_rows(planes(x), x.shape[-1], readable(logw), tuple(directions), out)
+    add_rows = {"wrapped": add_window_rows, "sum": add_sum_rows, "corners": add_corner_rows}[form]
+    add_rows(planes(x), x.shape[-1], readable(logw), tuple(directions), out)
     return out
 
 

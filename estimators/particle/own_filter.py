@@ -12,17 +12,22 @@ import numpy as np
 from cooploc.estimators.compiled import random_numbers
 from cooploc.estimators.interface import Array, Belief, Keys, Mask, Rows, Senses, World
 from cooploc.estimators.models.angles import circular_mean
-from cooploc.estimators.models.gradient_doa import gradient_doa
-from cooploc.estimators.particle import likelihood
+from cooploc.estimators.models.gradient_doa import GradientDoa, gradient_doa
+from cooploc.estimators.particle import likelihood, past_packets
+from cooploc.estimators.particle.past_packets import PastPackets
 from cooploc.estimators.particle.steps import advance, conclude, mean, renew, spread, summary, weights
 from cooploc.estimators.plugins.bounds import require
 
 PARAMETERS = """
     Parameters of the robot's own particle filter:
         particles: their number, at least 2.
-        anchor_reading: "doa", the direction of arrival made of the four anchor readings, or "rssi", their raw
-            likelihoods.
+        anchor_reading: "doa", the direction of arrival made of the four anchor readings; "gradient", the gradient
+            [dB/m] that the direction is taken from, of this tick alone; "rssi", their raw likelihoods; or "none", no
+            reading of anchors: odometry and teammates alone.
         density: of the direction: "constant" is a Gaussian error of the angle, "exact" the projected normal.
+        residual: the error in the constant density: "wrapped", the particle's angle less the measured one in
+            (-pi, pi]; "sum", eq. (4) to the letter: that difference not wrapped, once for each of the four nodes; or
+            "corners", the same with the particle's direction from each node, which says little inside the arena.
         M: path samples in the product of eq. (5), at least 1.
         K: directions in the moving average, at least 1.
         decay: weight of a direction per sample of age, in (0, 1].
@@ -38,8 +43,9 @@ class Settings:
     """Parameters that all particle filters share. The defaults are the readings of the `paper` preset."""
 
     particles: int = 200
-    anchor_reading: Literal["doa", "rssi"] = "doa"
+    anchor_reading: Literal["doa", "gradient", "rssi", "none"] = "doa"
     density: Literal["constant", "exact"] = "constant"
+    residual: Literal["wrapped", "sum", "corners"] = "wrapped"
     M: int = 5
     K: int = 5
     decay: float = 0.99
@@ -55,6 +61,21 @@ class Settings:
     def __post_init__(self) -> None:
         require(self, particles=(2, 1_000_000), M=(1, 10_000), K=(1, 10_000), box=(1e-9, 1e6), decay=(1e-9, 1))
 
+    @property
+    def uses(self) -> tuple[str, ...]:
+        """The channels of the robot's own filter."""
+        return ("odometry",) if self.anchor_reading == "none" else ("odometry", "anchor_rssi")
+
+    @property
+    def power(self) -> float:
+        """The exponent of every density in a product over M samples."""
+        return 1 / self.M if self.temper else 1.0
+
+    @property
+    def one_pass(self) -> bool:
+        """Whether particles are drawn and weighed in one pass, in `correct`."""
+        return self.anchor_reading in ("rssi", "none") and self.proposal == "walk"
+
 
 class FilterState(NamedTuple):
     """What a robot remembers. The newest entry of each memory comes first."""
@@ -69,26 +90,27 @@ class FilterState(NamedTuple):
     doa: Array  # (r, K)     raw angles [rad]
     smooth: Array  # (r, M)     averaged angles [rad]
     trail: Array  # (r, M, 2)  where the robot was then, seen from where it is now [m]
+    past: PastPackets  # of a robot that uses more than the newest packet of each sender
     world: World
 
 
 def init(p: Settings, prior: Belief, world: World, rows: Rows) -> FilterState:
     """Particles drawn from the prior, and empty memories."""
-    if p.anchor_reading == "doa":
+    if p.anchor_reading in ("doa", "gradient"):
         gradient_doa(world)  # refuses a world without four corners before anything runs
     r = len(prior.x)
     x = spread(prior, rows.key, p.particles)
-    empty = np.full((r, p.K), np.nan), np.full((r, p.M), np.nan), np.zeros((r, p.M, 2))
+    empty = np.full((r, p.K), np.nan), np.full((r, p.M), np.nan), np.zeros((r, p.M, 2)), past_packets.empty(r, 0, 0)
     return FilterState(x, np.zeros(x.shape[:2]), np.zeros(r, bool), None, prior, rows.key, 0, *empty, world)
 
 
 def predict(p: Settings, s: FilterState, z: Senses) -> FilterState:
     """Draw from P(x_t+1 | x_t); "box": uniformly around the moved estimate, forgetting the weights.
 
-    Where raw readings weigh the particles, `correct` draws them too, in one pass.
+    Where `p.one_pass`, `correct` draws them.
     """
     motion, tick = s.world.motion, s.tick + 1
-    if p.anchor_reading == "rssi" and p.proposal == "walk":
+    if p.one_pass:
         return s._replace(tick=tick)
     trail = motion.retrace(s.trail, z.odometry, z.dt)
     if p.proposal == "box":
@@ -103,18 +125,24 @@ def predict(p: Settings, s: FilterState, z: Senses) -> FilterState:
 
 def correct(p: Settings, s: FilterState, z: Senses, sends: bool = True) -> FilterState:
     """Weigh the particles by the anchors' readings; `sends` unless this robot transmits nothing."""
-    fixed = list(s.world.fixed(z))
-    if p.anchor_reading == "rssi" and p.proposal == "box":
-        return s._replace(logw=likelihood.anchors(fixed, s.x, s.logw))
-    if p.anchor_reading == "rssi":
+    fixed = list(s.world.fixed(z)) if p.anchor_reading == "rssi" else []
+    if p.one_pass:
         x, logw, sent = advance(s.world.motion, s.x, s.logw, s.due, z, s.key, s.tick, fixed, sends)
         return s._replace(x=x, logw=logw, sent=sent)
+    if p.anchor_reading in ("rssi", "none"):
+        return s._replace(logw=likelihood.anchors(fixed, s.x, s.logw))
     doa = gradient_doa(s.world)
-    angle = doa.measure(z.anchor_rssi)
+    if p.anchor_reading == "gradient":
+        return s._replace(logw=likelihood.gradient(doa, s.x, s.logw, doa.gradient(z.anchor_rssi)))
+    return _by_directions(p, s, doa, doa.measure(z.anchor_rssi))
+
+
+def _by_directions(p: Settings, s: FilterState, doa: GradientDoa, angle: Array) -> FilterState:
+    """Weigh by the last M averaged directions, of which `angle` (r,) is the newest; nothing where that is absent."""
     s = _remember(p, s, angle)
     angles = np.where(np.isnan(angle)[:, None], np.nan, s.smooth)
-    power = 1 / p.M if p.temper else 1.0
-    return s._replace(logw=likelihood.window(doa, s.world.motion, s.x, s.logw, angles, s.trail, p.density, power))
+    form = "exact" if p.density == "exact" else p.residual
+    return s._replace(logw=likelihood.window(doa, s.world.motion, s.x, s.logw, angles, s.trail, form, p.power))
 
 
 def to_send(s: FilterState) -> Belief:

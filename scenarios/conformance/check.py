@@ -6,6 +6,8 @@
 checks. Modelled on scikit-learn's check_estimator and PettingZoo's API tests.
 """
 
+import inspect
+import traceback
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, partial
@@ -19,6 +21,10 @@ from cooploc.scenarios.display.html import listed
 from cooploc.scenarios.runner.named import instance, label
 
 SMALLER = ((1, 2), (1, 4), (1, 8), (2, 4))  # (trials, ticks) of smaller counterexamples, in the order tried
+FIRST = {  # checks without which no other one means anything, and why
+    "runs": "it does not run",
+    "determinism": "it does not repeat itself, so no two of its runs can be compared",
+}
 Status = Literal["passed", "failed", "skipped"]
 
 
@@ -110,14 +116,14 @@ def check_estimator(estimator: Any, name: str | None = None, seed: int = 0) -> R
             the estimator raises while it runs is a failure in the report.
 
     """
-    harness = Harness(name or label(estimator), instance(estimator), seed)
-    runs, *rest = CHECKS
-    first = _with_example(runs, run_check(runs, harness), harness)
-    if first.status == "passed":
-        others = [_with_example(check, run_check(check, harness), harness) for check in rest]
-    else:
-        others = [Result(check.name, "skipped", "it does not run", seed) for check in rest]
-    return Report(harness.name, (first, *others))
+    harness, results, reason = Harness(name or label(estimator), instance(estimator), seed), list[Result](), ""
+    for check in CHECKS:
+        if reason:
+            results.append(Result(check.name, "skipped", reason, seed))
+            continue
+        results.append(_with_example(check, run_check(check, harness), harness))
+        reason = FIRST.get(check.name, "") if results[-1].status == "failed" else ""
+    return Report(harness.name, tuple(results))
 
 
 def parametrize(*estimators: Any, seed: int = 0) -> Any:
@@ -167,7 +173,7 @@ def _with_example(check: Check, result: Result, harness: Harness) -> Result:
 
 
 def run_check(check: Check, harness: Harness) -> Result:
-    """Run one check; whatever the estimator raises is a failure.
+    """Run one check; whatever the estimator raises is a failure, and what the check itself raises is not.
 
     Raises:
         BadInput: the harness has a seed that cannot be.
@@ -183,5 +189,16 @@ def run_check(check: Check, harness: Harness) -> Result:
         return Result(check.name, "failed", str(e), harness.seed, remedy=e.remedy or check.remedy)
     except BadInput:
         raise
-    except Exception as e:  # a property of the estimator may fail in any way
-        return Result(check.name, "failed", one_line(e), harness.seed, remedy=check.remedy)
+    except Exception as e:
+        if not raised_by(e, harness.estimator):
+            crash = f"the check itself crashed, which says nothing about the estimator: {one_line(e)}"
+            return Result(check.name, "skipped", crash, harness.seed)
+        return Result(check.name, "failed", one_line(e), harness.seed, remedy=check.remedy)  # a property of its
+
+
+def raised_by(e: BaseException, estimator: Any) -> bool:
+    """Whether an exception came out of an estimator's own code, or of what that called."""
+    members = [member for cls in type(estimator).__mro__ for member in vars(cls).values()]
+    functions = [getattr(member, "fget", None) or getattr(member, "__func__", member) for member in members]
+    files = {one.__code__.co_filename for one in functions if inspect.isfunction(one)}
+    return any(frame.filename in files for frame in traceback.extract_tb(e.__traceback__))

@@ -2,7 +2,7 @@
 
 To add one: write a function that takes a `Harness`, returns what it tried and saw, and raises `CheckFailed` or
 `CheckSkipped`; give it a line with its remedy in `CHECKS`. The functions here check what information reaches whom and
-when; `isolation`, `numerics` and `equivariance` hold the others. All but equivariance compare bitwise.
+when; `mail_replay`, `isolation`, `numerics` and `equivariance` hold the others. All but equivariance compare bitwise.
 """
 
 from collections.abc import Callable
@@ -25,11 +25,13 @@ from cooploc.scenarios.conformance.equivariance import equivariance
 from cooploc.scenarios.conformance.harness import Harness, pickled
 from cooploc.scenarios.conformance.isolation import (
     declaration,
+    determinism,
     no_global_randomness,
     no_memory,
     order_independence,
     truth_blindness,
 )
+from cooploc.scenarios.conformance.mail_replay import mail_replay
 from cooploc.scenarios.conformance.numerics import covariance, nan_safety, silence
 from cooploc.scenarios.conformance.perturb import MODES
 from cooploc.scenarios.conformance.snapshot import Snapshot, require_unchanged, snapshot
@@ -139,12 +141,18 @@ def pickling(harness: Harness) -> str:
 
 CHECKS = (
     Check("runs", runs, "follow cooploc.estimators.interface: its shapes, and nan for an absent reading"),
+    Check("determinism", determinism, "draw random numbers from rows.key alone"),
     Check(
         "non-interference",
         non_interference,
         "compute each row from that row alone; teammates' data may come in only through `mail`, in fuse()",
     ),
     Check("link-honesty", link_honesty, "use a packet and its radio readings only where mail.heard is True"),
+    Check(
+        "mail-replay",
+        mail_replay,
+        "use of a teammate only what its packet brought: compute each row from that row and its own mail",
+    ),
     Check("causality", causality, "use only what the methods are given in this tick, and your own state"),
     Check(
         "chunk-invariance",

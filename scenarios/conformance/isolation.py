@@ -16,7 +16,24 @@ from cooploc.scenarios.runner.run import run
 from cooploc.scenarios.stream import Stream
 
 LONG = 120  # ticks of the longer streams, on which a channel that is seldom used is looked for again
+UNLIKE = (
+    "look for what differs from call to call: a counter in the class or module, a cache, a generator that is seeded "
+    "once, the clock, id() or hash(), a file, threads"
+)
 OTHERS = ("dead-reckoning", "ekf-naive")  # they can run on every small stream, the second on those of a team
+
+
+def determinism(harness: Harness) -> str:
+    """A second run, with everything the same, gives the same bits; where it does not, no comparison means anything."""
+    for stream, base in harness.cases:
+        with _global_seed(1) as changed:
+            again, name = harness.run(stream, "it ran a second time"), changed()
+        try:
+            require_equal(base, again, "it ran a second time, with everything the same")
+        except CheckFailed as e:
+            drawn = f"it draws from {name}" if name else "it draws from neither random nor numpy.random"
+            raise CheckFailed(f"{e}; {drawn}", UNLIKE if not name else "") from None
+    return "it ran a second time with everything the same: the same bits"
 
 
 def truth_blindness(harness: Harness) -> str:
@@ -72,25 +89,36 @@ def no_global_randomness(harness: Harness) -> str:
 def declaration(harness: Harness) -> str:
     """Every channel that it declares changes an estimate somewhere, and the traffic that a team states adds up.
 
-    A channel that matters seldom, as where fusion seldom pays, is looked for again in longer streams.
+    A channel that matters seldom, as where fusion seldom pays, is looked for again in longer streams, and in streams in
+    which the robots do not start equally certain: covariance intersection of equal beliefs never pays.
     """
     for stream, base in harness.cases:
         _require_sound_traffic(base, stream)
     declared = {channel for stream in harness.streams for channel in harness.channels(stream)}
-    unused = declared - _used(harness, declared)
+    unused = declared - _used(harness, harness.cases, declared)
     if unused:
         longer = Harness(harness.name, harness.estimator, harness.seed, ticks=LONG)
-        unused -= _used(longer, unused)
+        unused -= _used(longer, longer.cases, unused)
         harness.runs += longer.runs
+    if unused:
+        uneven = [(s, harness.run(s, "the first robot was certain")) for s in map(_uneven, harness.streams)]
+        unused -= _used(harness, uneven, unused)
     if unused:
         raise CheckFailed(f"it declares {', '.join(sorted(unused))}, but that never changed an estimate or a packet")
     return f"each declared channel ({', '.join(sorted(declared))}) changed a result; messages and bytes add up"
 
 
-def _used(harness: Harness, channels: set[str]) -> set[str]:
+def _uneven(stream: Stream) -> Stream:
+    """The stream with a first robot that starts with a hundredth of its standard deviation."""
+    P = stream.prior.P.copy()
+    P[:, 0] *= 1e-4
+    return stream.with_arrays({"prior.P": P})
+
+
+def _used(harness: Harness, cases: list[tuple[Stream, RunRecord]], channels: set[str]) -> set[str]:
     """Those of these channels that make a difference on some stream."""
     found: set[str] = set()
-    for stream, base in harness.cases:
+    for stream, base in cases:
         for channel in sorted(harness.channels(stream) & channels):
             found |= {channel} if _matters(harness, stream, base, channel) else set()
     return found

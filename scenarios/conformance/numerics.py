@@ -3,14 +3,13 @@
 import numpy as np
 
 from cooploc.estimators import make
-from cooploc.estimators.interface import Array
+from cooploc.estimators.interface import Array, Mask
 from cooploc.scenarios.conformance import perturb
 from cooploc.scenarios.conformance.compare import RunRecord, earliest, fail_at, require_none
 from cooploc.scenarios.conformance.harness import Harness
-from cooploc.scenarios.runner.trace import trace
+from cooploc.scenarios.runner.trace import ROUNDING, trace
 from cooploc.scenarios.stream import Stream
 
-ROUNDING = 1e-9  # asymmetry and negative variance that are allowed, relative to the covariance's largest entry
 # Allowed distance from dead reckoning, in its standard deviations: an unscented filter's mean differs to second order.
 OFF_TRACK = 0.02
 ONLY_ODOMETRY = "nothing was sensed but odometry and no packet arrived"
@@ -48,7 +47,8 @@ def silence(harness: Harness) -> str:
     """With odometry alone it moves as dead reckoning does, and its uncertainty never shrinks.
 
     A deterministic estimator agrees to `OFF_TRACK` of dead reckoning's standard deviation, one that samples to one
-    standard deviation of what odometry adds.
+    standard deviation of what odometry adds. Where odometry has led out of the arena it may do as it likes: an
+    estimator may know that no robot is there.
     """
     for stream in harness.streams:
         quiet = _only_odometry(stream)
@@ -57,7 +57,7 @@ def silence(harness: Harness) -> str:
         growth = np.sqrt(np.maximum(variance - variance[:, :1], 0.0))
         allowed = OFF_TRACK * np.sqrt(variance) if harness.deterministic else growth + 0.1 * growth[:, -1:]
         moved, expected = (x[..., :2] - x[:, :1, :, :2] for x in (found.trace.x, dead.x))
-        off = np.sqrt(((moved - expected) ** 2).sum(-1))
+        off = np.where(_inside(quiet, dead.x), np.sqrt(((moved - expected) ** 2).sum(-1)), 0.0)
         if (off > allowed).any():
             where = earliest(off > allowed)
             distance = off[where]
@@ -66,6 +66,12 @@ def silence(harness: Harness) -> str:
             _require_no_shrinking(found)
     agrees = "and its uncertainty never shrank" if harness.deterministic else "to one standard deviation"
     return f"{ONLY_ODOMETRY}: it moved as dead reckoning does, {agrees}"
+
+
+def _inside(stream: Stream, x: Array) -> Mask:
+    """Whether paths x (t, T, n, d) have been in the arena at every tick so far."""
+    low, high = stream.world.arena
+    return np.asarray(np.logical_and.accumulate(((x[..., :2] > low) & (x[..., :2] < high)).all(-1), axis=1))
 
 
 def _only_odometry(stream: Stream) -> Stream:

@@ -21,6 +21,9 @@ def deliver(sent: Array, robots: int, link: Mask, rssi: Array, distance: Array) 
 
     """
     t, n, m = len(link), robots, sent.shape[-1]
+    if sent.dtype == np.float16:  # which numba cannot read
+        mail = deliver(sent.astype(np.float32), robots, link, rssi, distance)
+        return mail._replace(packets=mail.packets.astype(np.float16))
     heard, packets = np.empty((t, n, n), bool), np.empty((t, n, n, m), sent.dtype)
     signal, away = np.empty((t, n, n)), np.empty((t, n, n))
     wire = readable(sent.reshape(t, n, -1, m) if m else np.empty((t, n, 1, 0)))
@@ -33,7 +36,7 @@ def count(sent: Array, awake: Mask) -> Traffic:
     t, n = awake.shape
     messages, size = np.zeros((t, n)), np.zeros((t, n))
     if sent.shape[-1]:
-        wire = readable(sent.reshape(t, n, -1, sent.shape[-1]))
+        wire = readable(sent.astype(float, copy=False).reshape(t, n, -1, sent.shape[-1]))
         _count(wire, readable(awake), sent.ndim == 3, sent.itemsize, messages, size)
     return Traffic(messages, size)
 

@@ -105,7 +105,7 @@ class Paper(BaseModel):
         start, path = self._walk(seed, trials)
         wake = self._awake()
         trial = np.array(trials, np.int64)
-        sensed = [self._sense(seed, k, start[i], path[i], wake) for i, k in enumerate(trials)]
+        sensed = [self.sense(seed, k, start[i], path[i], wake) for i, k in enumerate(trials)]
         odometry, anchor, link, rssi, ranged, prior = (np.stack(part) for part in zip(*sensed, strict=True))
         t, T, n, _ = path.shape
         nothing = np.empty((t, T, n, 0, 2))
@@ -144,8 +144,8 @@ class Paper(BaseModel):
         rate, phase = (np.resize(np.array(each), self.robots) for each in (self.rate, self.phase))
         return duty_cycle.awake(self.ticks, rate, phase)
 
-    def _sense(self, seed: int, trial: int, start: Array, path: Array, wake: Mask) -> "Readings":
-        """One trial's readings of its true path (T, n, 2)."""
+    def sense(self, seed: int, trial: int, start: Array, path: Array, wake: Mask) -> "Readings":
+        """One trial's readings of its true path (T, n, 2), which begins at `start` (n, 2)."""
         rng = generator(seed, trial, Purpose.SENSORS)
         n, scene = path.shape[1], self.scene(seed, trial, path)
         prior = start + rng.normal(0, self.prior_sigma, (n, 2))

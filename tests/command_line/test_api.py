@@ -158,7 +158,7 @@ def test_verdicts_are_the_same_of_results_of_a_folder_and_of_rows(results, place
         'scenarios = "trajectory[ticks=6]"\n'
     )
     found = cl.verdicts(results, place / "ledger.toml")
-    assert list(found) == [*COLUMNS, "sentence"]
+    assert list(found) == [*COLUMNS, "map", "sentence"]
     assert found["sentence"].str.startswith("trajectory[ticks=6]: the RMSE of ").all()
     for other in (place / "run", str(place / "run"), results.rows):
         pd.testing.assert_frame_equal(cl.verdicts(other, place / "ledger.toml"), found)

@@ -6,6 +6,7 @@ from oracles import covariances
 
 import cooploc as cl
 from cooploc.estimators.ctrn import moments as by_moments
+from cooploc.estimators.ctrn.intersection import where_definite
 from cooploc.estimators.ctrn.message import log_density
 from cooploc.estimators.ctrn.moments import follow
 from cooploc.estimators.interface import Belief, Mail, Rows, Senses, World
@@ -204,7 +205,7 @@ def test_log_density_is_scipys():
 
 
 def test_what_is_received_is_never_fed_back_nor_sent_on():
-    """Particles and packets are those of a robot that hears nobody."""
+    """Particles and packets are those of a robot that hears no other."""
     _, stream = cl.simulate("trajectory", trials=2, seed=5, ticks=20)
     _, silent = cl.simulate("trajectory", trials=2, seed=5, ticks=20, drop=1.0)
     said = {"heard": [], "alone": []}
@@ -284,3 +285,19 @@ def test_ls_needs_sightings():
     _, stream = cl.simulate("trajectory", ticks=2)
     with pytest.raises(cl.IncompatibleEstimator, match="needs channel 'sighting'"):
         cl.run({"ci": cl.make("ekf-ci", form="ls")}, stream)
+
+
+def test_a_robot_whose_particles_have_collapsed_is_silent():
+    """Its covariance cannot be inverted by whoever hears it; one that is thin stays as it is."""
+    P = [(1.0, 0.0, 1.0), (0.0, 0.0, 0.0), (1.0, 2.0, 4.0), (1.0, 0.0, 0.0), (1.0, 0.0, 1e-9)]
+    packets = np.array([(2.0, 3.0, *each) for each in P])
+    sent = where_definite(packets)
+    np.testing.assert_array_equal(sent[[0, 4]], packets[[0, 4]])
+    assert np.isnan(sent[1:4]).all()
+
+
+@pytest.mark.parametrize("fusion", ["moments", "message", "received"])
+def test_a_reading_that_drives_the_particles_together_does_not_stop_a_run(fusion):
+    _, stream = cl.simulate("robots-1-3/n=3", trials=2, ticks=60, seed=5)
+    ctrn = cl.make("ctrn", fusion=fusion, residual="corners", temper=False, weights="exact", particles=30)
+    assert np.isfinite(cl.run({"c": ctrn}, stream).traces["c"].x).all()

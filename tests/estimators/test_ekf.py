@@ -238,12 +238,12 @@ def test_a_lost_robot_starts_again_in_both_engines(anchor_reading):
     np.testing.assert_allclose(a.P, b.P, atol=1e-6)
 
 
-def test_who_starts_anew_is_anywhere_in_the_arena_and_correlated_with_nobody():
+def test_who_starts_restarted_is_anywhere_in_the_arena_and_correlated_with_nobody():
     _, stream = misled()
     before = None
     for s in states_after_exchange(EkfJoint(), stream):
-        if before is not None and (anew := (s.refused == 0) & (before > 0.4)).any():
-            trial, robot = np.argwhere(anew)[0]
+        if before is not None and (restarted := (s.refused == 0) & (before > 0.4)).any():
+            trial, robot = np.argwhere(restarted)[0]
             np.testing.assert_allclose(s.x[trial, robot], [3, 3])
             np.testing.assert_allclose(s.P[trial, robot, :, robot], 3 * np.eye(2))
             others = [i for i in range(3) if i != robot]
@@ -252,7 +252,7 @@ def test_who_starts_anew_is_anywhere_in_the_arena_and_correlated_with_nobody():
             assert np.abs(s.P[trial, others[0], :, others[1]]).max() > 0
             return
         before = s.refused
-    raise AssertionError("nobody was lost")
+    raise AssertionError("no robot was lost")
 
 
 def test_nobody_is_lost_where_the_models_are_true():

@@ -253,7 +253,7 @@ def test_interim_master_stays_finite_and_definite_however_much_is_lost():
 
 @pytest.mark.parametrize("name", ["luft", "interim"])
 def test_pairwise_protocols_need_both_directions(name):
-    """Nobody hears robot 0: nobody but robot 0 may notice what it sees, and it sees nobody answer."""
+    """No robot hears robot 0: only robot 0 may notice what it sees, and no robot answers it."""
     _, stream = simulate("camera", trials=2, seed=30, ticks=60)
     link = stream.air.link.copy()
     link[..., 0] = False  # axis 2 is the receiver, axis 3 the sender

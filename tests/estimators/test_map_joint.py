@@ -1,5 +1,7 @@
 """Centralised maximum a posteriori: a dense Gaussian where all is linear, a full factor graph elsewhere."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from oracles import PLACES, dense_posterior, linear_team
@@ -55,6 +57,18 @@ def test_a_heading_may_pass_west():
     trace = cl.run({"map": cl.make("map-joint", window=5)}, stream).traces["map"]
     assert crossings.sum() > 20
     assert np.hypot(*np.moveaxis((trace.x - truth.x)[..., :2], -1, 0)).max() < 1
+
+
+@pytest.mark.parametrize(("reading", "channel"), [("rssi", "radio_rssi"), ("range", "radio_range")])
+def test_it_may_use_one_radio_reading_alone(reading, channel):
+    """It then uses no other channel, and gives what it gives where the other one does not exist."""
+    _, stream = cl.simulate("trajectory", trials=2, seed=5, ticks=8)
+    other = "range" if reading == "rssi" else "rssi"
+    deaf = replace(stream, air=stream.air._replace(**{other: np.full_like(stream.air.rssi, np.nan)}))
+    one, both = cl.make("map-joint", reading=reading), cl.make("map-joint")
+    assert [name for name in one.uses if name.startswith("radio")] == [f"{channel}?"]
+    a, b = cl.run({"map": one}, stream).traces["map"], cl.run({"map": both}, deaf).traces["map"]
+    np.testing.assert_array_equal(a.x, b.x)
 
 
 def test_a_window_of_nothing_is_refused():

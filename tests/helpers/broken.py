@@ -81,6 +81,15 @@ class BoundNotStated(EkfJoint):
 
 
 @dataclass(frozen=True)
+class MoodyProperty(DeadReckoning):
+    """A property of its own raises, far from any method."""
+
+    @property
+    def axes(self):
+        return 1 / 0
+
+
+@dataclass(frozen=True)
 class Crashes(DeadReckoning):
     def correct(self, s, z):
         return s if z.dt[0] < 0 else s / 0
@@ -132,10 +141,24 @@ class SendsOthers(DeadReckoning):
 
 
 @dataclass(frozen=True)
-class NotABound(EkfJoint):
-    """Declares that it is not a bound, and uses what no packet brought."""
+class SendsLittleReadsMore(DeadReckoning):
+    """Sends one number, and where that arrives reads its sender's row of the same array."""
 
-    bound: ClassVar[bool] = False
+    def send(self, s, z):
+        return np.zeros((len(s.x), 1))
+
+    def fuse(self, s, z, mail):
+        n = s.world.robots
+        team = s.x[:, :2].reshape(-1, n, 2)
+        heard = mail.heard.reshape(-1, n, n)
+        return nudge(s, 1e-3 * (heard[..., None] * team[:, None]).sum(2).reshape(-1, 2))
+
+
+@dataclass(frozen=True)
+class NotCentralised(EkfJoint):
+    """Declares that it is not centralised, and uses what no packet brought."""
+
+    centralised: ClassVar[bool] = False
 
     def correct(self, s, z):
         return nudge(super().correct(s, z), 1e-3 * s.x[:, :1, :2])
@@ -418,9 +441,9 @@ class Addressed(Averages):
 
 @dataclass(frozen=True)
 class HonestTeam(EkfJoint):
-    """Not a bound: robots are independent but for a sequential exchange over links that hold in both directions."""
+    """Not centralised: robots are independent but for a sequential exchange over links that hold in both directions."""
 
-    bound: ClassVar[bool] = False
+    centralised: ClassVar[bool] = False
     uses: tuple[str, ...] = ("odometry", "anchor_rssi|landmark")
 
     def exchange(self, s, z, air):

@@ -172,7 +172,13 @@ def linear_team(
 
 
 def dense_posterior(stream: Stream, trial: int, last: int, relative: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (n, 2) and covariance (n, 2, n, 2) at tick `last`, given all readings up to it.
+    """Mean (n, 2) and covariance (n, 2, n, 2) at tick `last`, given all readings up to it."""
+    n, (x, P) = stream.robots, dense_path(stream, trial, last, relative)
+    return x[-1], P[-2 * n :, -2 * n :].reshape(n, 2, n, 2)
+
+
+def dense_path(stream: Stream, trial: int, last: int, relative: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Means (last + 1, n, 2) at every tick given all readings up to `last`, and the covariance of all, prior first.
 
     The information matrix of the whole trajectory of the whole team is written down and inverted.
     """
@@ -201,5 +207,4 @@ def dense_posterior(stream: Stream, trial: int, last: int, relative: bool) -> tu
                 if relative and np.isfinite(reading).all():
                     add([(at(k + 1, i), 1), (at(k + 1, j), -1)], reading, R)
     P = np.linalg.inv(L)
-    now = slice(2 * (last + 1) * n, None)
-    return (P @ h)[now].reshape(n, 2), P[now, now].reshape(n, 2, n, 2)
+    return (P @ h).reshape(last + 2, n, 2)[1:], P

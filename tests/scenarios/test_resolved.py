@@ -1,4 +1,4 @@
-"""A resolved scenario knows its size, its trials and its parameters, whoever wrote its model."""
+"""A resolved scenario knows its size, its trials and its parameters, also where its model is a plug-in."""
 
 import numpy as np
 import pytest
@@ -41,3 +41,21 @@ def test_a_model_that_does_not_state_its_size_is_a_scenario_too(monkeypatch):
     assert (found.robots, found.ticks, found.trials(5), found.parameters) == (1, 1, 5, {"drift": "1"})
     truth, _ = found.first_tick().simulate(2, seed=3)
     np.testing.assert_array_equal(truth.x, cl.simulate("trajectory", trials=2, seed=3, ticks=3)[0].x)
+
+
+def test_a_label_may_say_what_the_team_assumes():
+    """The readings stay bit-identical, and an override of `assumed` adds to what the label says."""
+    true, wrong = (cl.simulate(f"trajectory[{what}ticks=4]", trials=2, seed=1)[1] for what in ("", "assumed.eta=2,"))
+    again = cl.simulate("trajectory", trials=2, seed=1, ticks=4, assumed={"eta": 2})[1]
+    assert wrong.hashes == true.hashes == again.hashes
+    assert wrong.world.sensors == again.world.sensors != true.world.sensors
+    assert wrong.scenario == "trajectory[assumed.eta=2,ticks=4]"
+    both = cl.simulate("trajectory[assumed.eta=2]", ticks=4, assumed={"odometry_sigma": 0.5})[1].world
+    assert (both.sensors["anchor_rssi"].eta, both.motion.sigma) == (2, 0.5)
+
+
+def test_only_what_leaves_the_readings_alone_may_be_assumed():
+    with pytest.raises(cl.BadInput, match="would change the world's robots"):
+        cl.simulate("trajectory[assumed.robots=2]")
+    with pytest.raises(cl.BadInput, match="scenario 'trajectory' has no parameter 'etaa'"):
+        cl.simulate("trajectory[assumed.etaa=2]")

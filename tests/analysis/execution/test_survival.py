@@ -184,10 +184,10 @@ def test_a_place_where_nothing_can_be_written_is_one_line(place, plugins):
     assert told.stderr.count("\n") == 1
 
 
-def test_show_says_what_is_missing_and_spoilt(place, plugins):
+def test_show_says_what_is_missing_and_damaged(place, plugins):
     finish("run", "small.toml", "--out", "run", plugins=plugins, cwd=place)
-    spoilt = sorted((place / "run" / "parts").iterdir())[0]
-    spoilt.write_bytes(spoilt.read_bytes()[:-7])
+    damaged = sorted((place / "run" / "parts").iterdir())[0]
+    damaged.write_bytes(damaged.read_bytes()[:-7])
     shown = finish("show", "run", plugins=plugins, cwd=place)
     assert shown.returncode == 0, shown.stderr
     assert "6 of 6" in shown.stdout
@@ -197,8 +197,8 @@ def test_show_says_what_is_missing_and_spoilt(place, plugins):
     assert nothing.returncode == 2
     assert nothing.stderr.count("\n") == 1
     again = finish("run", "small.toml", "--out", "run", plugins=plugins, cwd=place)
-    assert spoilt.stem in again.stderr
-    assert pd.read_parquet(spoilt)["trial"].nunique()
+    assert damaged.stem in again.stderr
+    assert pd.read_parquet(damaged)["trial"].nunique()
 
 
 def test_progress_elsewhere_than_on_a_terminal_is_plain_lines(place, plugins):

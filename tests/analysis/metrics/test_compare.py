@@ -10,6 +10,7 @@ from statsmodels.stats.proportion import proportion_confint
 
 import cooploc as cl
 from cooploc.analysis.metrics.compare import SHORT, SUMMARY, compare, summarize
+from cooploc.analysis.metrics.consistency import COLLAPSED
 from cooploc.analysis.metrics.pooling import trial_means
 from cooploc.analysis.plot.summary import rmse
 from cooploc.terminal.results import records
@@ -140,6 +141,19 @@ def test_where_anees_tells_nothing_coverage_does():
     for coverage, flag in ((0.27, "over-confident"), (0.95, "undecided")):
         frame["coverage95"] = coverage + 0.001 * frame["trial"]
         assert compare(frame, baseline="a")["consistency"].item() == flag
+
+
+def test_one_collapsed_trial_decides_the_mean_of_anees_and_not_its_median():
+    frame = rows("a", BASE)
+    frame["anees"] = np.where(frame["trial"] == 3, 1e12, 0.9)
+    row = compare(frame, baseline="a", full=True).iloc[0]
+    assert (row["anees_median"], row["collapsed"]) == (pytest.approx(0.9), pytest.approx(1 / 12))
+    low, high = proportion_confint(1, 12, method="wilson")
+    assert (row["collapsed_low"], row["collapsed_high"]) == pytest.approx((low, high))
+    assert row["anees"] > 1e10
+    frame["anees"] = np.where(frame["trial"] < 4, np.inf, COLLAPSED)  # the limit itself is not beyond it
+    assert summarize(frame)["collapsed"].item() == pytest.approx(4 / 12)
+    assert np.isnan(summarize(frame.assign(anees=np.nan))["collapsed"].item())
 
 
 def test_a_covariance_that_vanished_is_over_confident():

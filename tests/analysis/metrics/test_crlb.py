@@ -6,6 +6,8 @@ from oracles import dense_posterior, linear_team, slope
 
 import cooploc as cl
 from cooploc.analysis.metrics.crlb import SAMPLES, covariances, floor, floors, why_not
+from cooploc.analysis.metrics.direction_information import DirectionAlone
+from cooploc.estimators.models.gradient_doa import gradient_doa
 
 CHANNELS = ("anchor_rssi", "radio_range")
 
@@ -89,22 +91,24 @@ def test_more_channels_and_fewer_drops_lower_it():
 
 
 @pytest.mark.parametrize(
-    "name",
+    ("name", "channels"),
     [
-        "ekf-local[anchor_reading=rssi]",
-        "ekf-joint[anchor_reading=rssi]",
-        "rssi-pf",
-        "mrsl-distance[anchor_reading=rssi]",
-        "map-joint",
+        ("ekf-local[anchor_reading=rssi]", CHANNELS),
+        ("ekf-joint[anchor_reading=rssi]", CHANNELS),
+        ("rssi-pf", CHANNELS),
+        ("mrsl-distance[anchor_reading=rssi]", CHANNELS),
+        ("map-joint", (*CHANNELS, "radio_rssi")),
+        ("arl[anchor_reading=gradient]", ("anchor_gradient",)),
+        ("arl[density=exact,M=1,K=1]", ("anchor_doa",)),
+        ("map-joint[anchor_reading=none,reading=range]", ("radio_range",)),
     ],
 )
-def test_no_estimator_stays_below_it(name):
+def test_no_estimator_stays_below_it(name, channels):
     """Up to 4 standard errors of its mean squared error over trials."""
     truth, stream = cl.simulate("trajectory", trials=60, seed=1, ticks=60)
     trace = cl.run({name: cl.make(name)}, stream).traces[name]
     mse = ((trace.x - truth.x) ** 2).sum(-1).mean((1, 2))
-    least = (floor(stream, (*CHANNELS, "radio_rssi") if name == "map-joint" else CHANNELS) ** 2).mean()
-    assert mse.mean() + 4 * mse.std(ddof=1) / np.sqrt(60) > least
+    assert mse.mean() + 4 * mse.std(ddof=1) / np.sqrt(60) > (floor(stream, channels) ** 2).mean()
 
 
 @pytest.mark.parametrize(
@@ -141,3 +145,75 @@ def test_floors_by_name_are_pooled_over_ticks_and_nan_where_none_holds():
     _, stream = cl.simulate("robots-1-3/n=2[ticks=30]", trials=20, seed=1)
     pooled = np.sqrt((floor(stream, (*CHANNELS, "radio_rssi")) ** 2).mean())
     np.testing.assert_allclose(list(found.values()), [pooled, np.nan, np.nan, np.nan])
+
+
+# ---------------------------------------------------------------- floors of what is computed of the anchors' readings
+
+
+def test_the_whole_gradient_is_a_linear_reading_of_the_corners():
+    """With one trial and a sharp prior: G S, its noise G R G', by finite differences of the readings at the truth."""
+    truth, stream = cl.simulate("robots-1-3/n=1", trials=1, seed=2, ticks=4, **SHARP)
+    G = np.array([[-1, -1, 1, 1], [-1, 1, 1, -1]]) / 12
+    noise, P = G @ (0.005**2 * np.eye(4)) @ G.T, 1e-6 * np.eye(2)
+
+    def gradient(x):
+        return G @ (-30 * np.log10(np.linalg.norm(x - stream.world.anchors, axis=-1)))
+
+    for k in range(4):
+        H = slope(gradient, truth.x[0, k, 0])
+        P = np.linalg.inv(np.linalg.inv(P + 1e-6 * np.eye(2)) + H.T @ np.linalg.inv(noise) @ H)
+    np.testing.assert_allclose(floor(stream, ["anchor_gradient"])[-1], np.sqrt(np.trace(P)), rtol=0.003)
+    assert np.sqrt(np.trace(P)) < 0.7 * floor(stream, [])[-1]
+
+
+@pytest.mark.parametrize("place", [(3.05, 2.9), (2.2, 3.7), (0.8, 4.9), (5.6, 5.5)])
+def test_the_angle_informs_as_its_density_says(place, rng):
+    """Brute force: angles of simulated RSSI, and the spread of the score of their density by finite differences."""
+    doa = gradient_doa(cl.simulate("trajectory", trials=1, ticks=1)[1].world)
+    x, h = np.array(place), 1e-4
+    rssi = doa.rssi.expect(x, doa.anchors) + doa.rssi.sigma * rng.normal(size=(60_000, 4))
+    angle = doa.measure(rssi)
+    score = [doa.log_exact(x + h * e, angle) - doa.log_exact(x - h * e, angle) for e in np.eye(2)]
+    score = np.stack(score, -1) / (2 * h)
+    products = score[:, :, None] * score[:, None]
+    _, H, _ = DirectionAlone(doa).innovation(x, x, np.zeros(2))
+    error = products.std(0) / np.sqrt(len(score))
+    assert (np.abs(products.mean(0) - H.T @ H) < 5 * error).all()
+
+
+def test_no_posterior_of_the_angle_alone_is_sharper():
+    """One reading in strong signals: the exact posterior on a grid, averaged over priors and readings, by 4 errors."""
+    label, quiet = "robots-1-3/n=1", {"shadowing": 0.3, "fast": 0.1, "prior_sigma": 0.3}
+    truth, stream = cl.simulate(label, trials=300, seed=5, ticks=1, **quiet)
+    doa, grid = gradient_doa(stream.world), np.linspace(-4, 4, 81)
+    unit = np.stack(np.meshgrid(grid, grid), -1).reshape(-1, 2)
+    spread = np.hypot(0.3, 0.02)
+    error = []
+    for k in range(300):
+        x = stream.prior.x[k, 0] + stream.senses.odometry[k, 0, 0] + spread * unit
+        logp = doa.log_exact(x, doa.measure(stream.senses.anchor_rssi[k, 0, 0])) - (unit**2).sum(-1) / 2
+        p = np.exp(logp - logp.max())
+        error.append(((p[:, None] * x).sum(0) / p.sum() - truth.x[k, 0, 0]) ** 2)
+    mse, least = np.sum(error, -1), float(floor(stream, ["anchor_doa"])[0] ** 2)
+    assert mse.mean() + 4 * mse.std() / np.sqrt(300) > least
+    assert mse.mean() - 4 * mse.std() / np.sqrt(300) < 1.2 * least
+    assert least < 0.8 * floor(stream, [])[0] ** 2
+
+
+def test_what_is_computed_of_readings_tells_less_than_they_do():
+    _, stream = cl.simulate("scalability/n=2", trials=4, seed=1, ticks=30)
+    own = [floor(stream, [f"anchor_{name}", "radio_range"])[-1] for name in ("rssi", "gradient", "doa")]
+    assert own == sorted(own)
+    assert own[-1] < floor(stream, ["radio_range"])[-1]
+
+
+def test_readings_of_anchors_are_not_used_twice():
+    _, stream = cl.simulate("trajectory", trials=1, seed=1, ticks=2)
+    with pytest.raises(cl.BadInput, match="anchor_rssi and anchor_doa are made of the same readings"):
+        floor(stream, ["anchor_rssi", "anchor_doa"])
+
+
+def test_a_gradient_needs_four_corners_and_so_does_its_floor():
+    _, stream = cl.simulate("anchors/a=3", trials=1, seed=1, ticks=2)
+    with pytest.raises(cl.BadInput, match="needs four corner anchors"):
+        floor(stream, ["anchor_gradient"])

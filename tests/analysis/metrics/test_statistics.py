@@ -9,10 +9,13 @@ from cooploc.analysis.metrics.statistics import (
     change,
     change_bca,
     equivalence,
+    expected_false,
     holm,
     log_contrast,
     mean,
     mean_of_positive,
+    p_of_change,
+    p_of_mean,
     share,
     signed_rank,
     trials_for_width,
@@ -99,6 +102,53 @@ def test_holm_is_the_textbook_example_and_leaves_untested_rows_out():
     p = np.array([0.01, np.nan, 0.04, 0.03, 0.005])
     np.testing.assert_allclose(holm(p), [0.03, np.nan, 0.06, 0.06, 0.02])
     assert np.isnan(holm(np.full(2, np.nan))).all()
+    assert holm(np.array([])).size == 0
+
+
+def test_holm_is_that_of_statsmodels(rng):
+    from statsmodels.stats.multitest import multipletests
+
+    for n in (1, 2, 7, 60):
+        p = np.concatenate([rng.uniform(size=n) ** 4, np.full(n // 2, 0.01)])
+        np.testing.assert_array_equal(holm(p), multipletests(p, method="holm")[1])
+
+
+def test_the_p_of_an_interval_is_five_percent_at_its_ends(rng):
+    a, b = rng.lognormal(0, 0.3, 25), rng.lognormal(-0.5, 0.3, 25)
+    for end in change(a, b)[1:]:
+        assert p_of_change(a, b, end) == pytest.approx(0.05, abs=1e-9)
+    found = mean(b - a)
+    for end in found[1:]:
+        assert p_of_mean(found, 25, end) == pytest.approx(0.05, abs=1e-9)
+    assert p_of_mean(found, 25, 0.3) == pytest.approx(stats.ttest_1samp(b - a, 0.3).pvalue)
+
+
+def test_a_p_without_a_test_is_nan_and_without_spread_is_zero():
+    a = np.arange(1.0, 9.0)
+    assert np.isnan([p_of_change(a[:4], a[:4], 0.0), p_of_mean(mean(a[:4]), 4, 0.0)]).all()
+    assert (p_of_change(np.ones(9), np.full(9, 0.25), 0.0), p_of_mean(mean(np.ones(9)), 9, 0.0)) == (0.0, 0.0)
+
+
+def test_the_p_of_a_true_change_is_uniform_enough():
+    rng, rejected = np.random.default_rng(16), []
+    for _ in range(REPEATS):
+        shared = rng.lognormal(0, 0.4, 20)
+        a, b = shared * rng.lognormal(0, 0.3, 20), 0.5 * shared * rng.lognormal(0, 0.3, 20)
+        rejected.append(p_of_change(a, b, np.sqrt(0.5) - 1) < np.array([0.05, 0.5]))
+    at_five, at_half = np.mean(rejected, axis=0)
+    assert 0.02 < at_five < 0.08
+    assert 0.45 < at_half < 0.55
+
+
+def test_false_decisions_are_foreseen_from_the_tests_that_find_nothing():
+    rng, true, n = np.random.default_rng(17), 60, 100
+    foreseen = [
+        expected_false(np.concatenate([rng.uniform(size=true), 1e-6 * rng.uniform(size=n - true), [np.nan]]))
+        for _ in range(400)
+    ]
+    assert 0.05 * true < np.mean(foreseen) < 0.05 * (true + 4)
+    assert expected_false(np.full(3, np.nan)) == 0.0
+    assert expected_false(np.ones(3)) == pytest.approx(0.05 * 8)
 
 
 def test_nothing_is_claimed_below_five_trials():

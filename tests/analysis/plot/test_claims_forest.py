@@ -11,7 +11,6 @@ from cooploc.analysis.claims.verdicts import COLUMNS
 CASES = (
     # claim, scenario, than, definition, size, value, low, high, verdict
     ("1", "quick/n=2", "arl", "change", -0.66, -0.2, -0.3, -0.1, "direction only"),
-    ("1", "quick/n=2", "arl", "ratio", -0.4, -0.2, -0.3, -0.1, "direction only"),
     ("1", "quick/n=3", "arl", "change", -0.66, -0.6, -0.7, -0.5, "supported"),
     ("2", "nlos", "arl", "ratio", -0.33, 0.4, np.nan, np.nan, "contradicted"),
     ("3", "nlos", "arl", "", np.nan, 0.4, 0.3, 0.5, "contradicted"),

@@ -3,11 +3,13 @@
 import pydoc
 from dataclasses import fields
 
+import numpy as np
 import pytest
 
 from cooploc.estimators import BUILTIN, make
 from cooploc.estimators.kalman.settings import Settings, TeamSettings
 from cooploc.scenarios import simulate
+from cooploc.scenarios.runner.run import run
 
 FILTERS = [name for name in BUILTIN if name.startswith(("ekf-", "ukf-"))]
 
@@ -32,10 +34,26 @@ def test_a_direction_of_arrival_without_four_corners_is_refused(name):
     _, stream = simulate("anchors/a=5", ticks=2)
     with pytest.raises(ValueError, match="needs four corner anchors"):
         make(name).require_corners(stream.world)
-    make(name, anchor_reading="rssi").require_corners(stream.world)
+    for reading in ("rssi", "none"):
+        make(name, anchor_reading=reading).require_corners(stream.world)
 
 
 def test_channels_are_what_is_read():
     assert make("ekf-local").uses == ("odometry", "anchor_rssi|landmark")
     assert make("ekf-naive", reading="rssi").uses == ("odometry", "anchor_rssi|landmark", "sighting|radio_rssi")
     assert make("ekf-ci", form="ls").uses == ("odometry", "anchor_rssi|landmark", "sighting")
+    assert make("ekf-local", anchor_reading="none").uses == ("odometry",)
+    assert make("ekf-luft", anchor_reading="none", reading="rssi").uses == ("odometry", "sighting|radio_rssi")
+    assert make("ekf-ci", anchor_reading="none", form="ls").uses == ("odometry", "sighting")
+    assert make("map-joint", anchor_reading="none").uses == ("odometry", "sighting?", "radio_rssi?", "radio_range?")
+
+
+@pytest.mark.parametrize("name", ["ekf-local", "ekf-joint", "ekf-ci", "ukf-joint", "map-joint"])
+@pytest.mark.parametrize("scenario", ["robots-1-3/n=2", "camera/n=2"])
+def test_without_anchors_and_teammates_every_filter_is_dead_reckoning(name, scenario):
+    _, stream = simulate(scenario, trials=2, ticks=10, drop=1.0)
+    alone = stream.with_arrays({"senses.sighting": np.full_like(stream.senses.sighting, np.nan)})
+    made = {"none": make(name, anchor_reading="none"), "dead": make("dead-reckoning")}
+    traces = run(made, alone).traces
+    np.testing.assert_allclose(traces["none"].x, traces["dead"].x, atol=1e-9 if name != "ukf-joint" else 1e-3)
+    np.testing.assert_allclose(traces["none"].P, traces["dead"].P, atol=1e-9 if name != "ukf-joint" else 1e-3)

@@ -118,6 +118,7 @@ def test_what_is_made_of_the_anchors_is_what_was_asked_for():
     }
     np.testing.assert_array_equal(made["gradient"][0][2], gradient_doa(stream.world).gradient(z.anchor_rssi))
     nothing = z._replace(anchor_rssi=np.full_like(z.anchor_rssi, np.nan))
+    assert not list(fixed(stream.world, z, "none"))
     assert not [reading for r in made for reading in fixed(stream.world, nothing, r)]
 
 

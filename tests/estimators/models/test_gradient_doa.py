@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from oracles import arrival, arrival_error, gradient, log_distance, repeatable
-from scipy.stats import norm
+from scipy.stats import multivariate_normal, norm
 
 from cooploc.estimators import make
 from cooploc.estimators.models.gradient_doa import GradientDoa, gradient_doa
@@ -219,3 +219,38 @@ def test_estimators_refuse_such_a_world_before_the_first_tick(name):
     with pytest.raises(ValueError, match="four corner anchors"):
         run({name: make(name)}, stream)
     run({name: make(name, anchor_reading="rssi")}, stream)
+
+
+# ---------------------------------------------------------------- the other forms of the density
+
+
+@pytest.mark.parametrize("doa", [SQUARE, OBLONG], ids=["square", "oblong"])
+def test_the_gradient_is_a_gaussian_vector(doa):
+    """Covariance of the four readings' errors through equations (1) and (2), and scipy's density."""
+    weights = np.stack([doa.gradient(one) for one in np.eye(4)], 1)  # (2, 4)
+    R = doa.rssi.sigma**2 * weights @ weights.T
+    rng = np.random.default_rng(6)
+    x = np.array(doa.corner) + rng.uniform(0, 1, (50, 2)) * doa.sides
+    g = doa.expect(x) + rng.normal(size=(50, 2))
+    want = [multivariate_normal.logpdf(z, m, R) for z, m in zip(g, doa.expect(x), strict=True)]
+    constant = multivariate_normal.logpdf([0, 0], [0, 0], R)
+    np.testing.assert_allclose(doa.log_gradient(x, g) + constant, want, rtol=1e-10)
+
+
+@pytest.mark.parametrize("angle", [0.4, -2.0, 3.1])
+def test_the_sum_over_the_nodes_is_written_out(angle):
+    """Signed, not wrapped: by the same angle for every node, and by the direction from each."""
+    for x, y in PLACES:
+        one = arrival(x, y, 6.0) - angle
+        err = sum(np.arctan2(y - b, x - a) - angle for a, b in [(0, 0), (0, 6), (6, 6), (6, 0)])
+        here, at = np.array([x, y]), np.array(angle)
+        assert SQUARE.log_sum(here, at) == pytest.approx(-0.5 * (4 * one / SQUARE.sigma) ** 2, rel=1e-9)
+        assert SQUARE.log_corners(here, at) == pytest.approx(-0.5 * (err / SQUARE.sigma) ** 2, rel=1e-9)
+
+
+def test_directions_from_the_corners_are_best_met_far_outside_the_arena():
+    """Which is why that reading drives every filter away."""
+    angle = np.array(0.7)
+    ray = np.array([3.0, 3.0]) + np.array([[1.0], [1000.0]]) * [np.cos(0.7), np.sin(0.7)]
+    near, far = SQUARE.log_corners(ray, angle)
+    assert far > near + 10

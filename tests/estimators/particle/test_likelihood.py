@@ -73,14 +73,14 @@ def test_anchors_are_the_sensors_own_numpy(side, d, team, n):
 
 @sizes
 @pytest.mark.parametrize("motion", [Displacement(), Unicycle()], ids=["compass", "heading"])
-@pytest.mark.parametrize("density", ["constant", "exact"])
-def test_window_is_the_density_in_numpy(density, motion, n):
+@pytest.mark.parametrize("form", ["wrapped", "sum", "corners", "exact"])
+def test_window_is_the_density_in_numpy(form, motion, n):
     d = 2 if isinstance(motion, Displacement) else 3
     x, logw = cloud(n, d)
     rng = np.random.default_rng(2)
     doa = GradientDoa(LogDistance(), (1.0, -2.0), (6.0, 4.0))
     angles = np.where(rng.uniform(size=(ROWS, 4)) < 0.3, np.nan, rng.uniform(-np.pi, np.pi, (ROWS, 4)))
-    told = doa, motion, x, logw, angles, rng.normal(0, 0.3, (ROWS, 4, 2)), density, 0.2
+    told = doa, motion, x, logw, angles, rng.normal(0, 0.3, (ROWS, 4, 2)), form, 0.2
     assert_close(likelihood.window(*told), likelihood.window_reference(*told))
 
 
@@ -229,3 +229,41 @@ def test_a_pass_over_rows_with_nan_is_nan_there_alone():
     for r in (0, 3, 4):
         for a, b in zip(flat([*dirty[0], *dirty[1]]), flat([*clean[0], *clean[1]]), strict=True):
             np.testing.assert_array_equal(a[r], b[r])
+
+
+# ---------------------------------------------------------------- the gradient
+
+
+@sizes
+@wide
+def test_the_gradients_loop_is_its_density_in_numpy(d, n):
+    x, logw = cloud(n, d)
+    x[0, 0, :2] = 1.01, -1.98  # within the clamp of a corner
+    doa = GradientDoa(LogDistance(-35.0, 2.5, 3.0), (1.0, -2.0), (6.0, 4.0))
+    g = np.random.default_rng(3).normal(0, 2, (ROWS, 2))
+    g[2, 0], g[3] = np.nan, np.nan
+    got = likelihood.gradient(doa, x, logw, g)
+    there = [0, 1, 4]
+    assert_close(got[there], logw[there] + doa.log_gradient(x, g[:, None])[there])
+    np.testing.assert_array_equal(got[2:4], logw[2:4])
+
+
+def test_the_gradient_of_a_plugin_sensor_is_asked_of_the_sensor():
+    x, logw = cloud(50)
+    doa = GradientDoa(Steeper(), (0.0, 0.0), (6.0, 6.0))
+    g = np.random.default_rng(4).normal(0, 2, (ROWS, 2))
+    g[1] = np.nan
+    got = likelihood.gradient(doa, x, logw, g)
+    plain = GradientDoa(LogDistance(), (0.0, 0.0), (6.0, 6.0))
+    mean = 2 * plain.expect(x)
+    want = logw - 0.5 * (((g[:, None] - mean) * 6 / doa.rssi.sigma) ** 2).sum(-1)
+    assert_close(got[[0, 2, 3, 4]], want[[0, 2, 3, 4]])
+    np.testing.assert_array_equal(got[1], logw[1])
+
+
+@dataclass(frozen=True)
+class Steeper(LogDistance):
+    """A plug-in sensor that loses twice as much."""
+
+    def expect(self, x, q):
+        return 2 * super().expect(x, q)

@@ -31,5 +31,5 @@ def test_a_table_holds_what_is_there(held):
     link = held["stream"].air.link
     assert f"{link.sum() / (link[..., 0].size * 4):.0%}" in told["stream"]
     assert held["stream"].hash[:16] in told["stream"]
-    assert {"<b>&", "ekf-joint", "48", "yes"} <= set(told["run"])
+    assert {"<b>&", "ekf-joint", "48", "centralised"} <= set(told["run"])
     assert {claim.says for claim in held["ledger"].claims} <= set(told["ledger"])

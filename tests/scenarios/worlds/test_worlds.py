@@ -22,6 +22,7 @@ SIMULATED = [
         "nlos/bias=0.5",
         "packet-drop/drop=0.98",
     ),
+    "arena-28m/r=20",
     *("arena-60m/sd=0.5", "arena-60m/sd=5", "asynchrony", "asynchrony/samples=5", "anchors/a=3", "anchors/a=8"),
     *("radio-range/r=3", "hardware/n=3", "body-blocking/n=10", "camera/n=2"),
 ]

@@ -1,0 +1,41 @@
+"""Which configuration of a method is as published, and which is at its best."""
+
+import pytest
+
+from cooploc.estimators import BUILTIN, make
+from cooploc.estimators.plugins.configurations import KNOWN, configurations, standing
+from cooploc.estimators.plugins.listing import listing
+
+
+def test_every_configuration_can_be_made_and_is_of_its_method():
+    assert set(KNOWN) < set(BUILTIN)
+    for name, both in KNOWN.items():
+        published, best = map(make, both)
+        assert published != best
+        assert {label.partition("[")[0] for label in both} == {name}
+    assert configurations("ekf-ci") == ("ekf-ci", "ekf-ci")
+
+
+@pytest.mark.parametrize(
+    ("label", "expected"),
+    [
+        ("arl", "as published"),
+        ("arl[K=1,M=1.0,density=exact]", "at its best"),
+        ("arl[particles=200]", "as published"),  # the default
+        ("arl[particles=500]", ""),
+        ("ctrn[weights=exact,fusion=received]", "as published"),  # by whichever solver
+        ("ctrn", ""),
+        ("ekf-joint", ""),  # has only one
+        ("mine", ""),
+        ("arl[", ""),
+        ("arl[nothing=1]", ""),
+    ],
+)
+def test_a_label_is_recognised_by_what_it_makes(label, expected):
+    assert standing(label) == expected
+
+
+def test_the_list_of_estimators_has_both():
+    table = listing().set_index("name")
+    assert table.loc["ctrn", ["published", "best"]].tolist() == list(KNOWN["ctrn"])
+    assert table.loc["rssi-pf", ["published", "best"]].tolist() == ["rssi-pf", "rssi-pf"]
