@@ -30,7 +30,7 @@ from cooploc.scenarios.stream import Stream
 from cooploc.scenarios.studies.study import load
 
 START, END = "<!-- damage -->", "<!-- end of damage -->"
-FLIPS, GARBAGE = 400, 290
+FLIPS, GARBAGE = 400, 60
 TINY = 'trials = 2\nscenarios = ["robots-1-3/n=2[ticks=3]"]\nestimators = ["dead-reckoning", "ekf-local"]\n'
 WATCHED = {"open", "os.mkdir", "os.rename", "os.remove", "os.listdir", "os.scandir"}
 BOUNDS = {
