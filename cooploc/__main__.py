@@ -35,7 +35,9 @@ def _explained(e: Exception) -> str | None:
 
 
 def _say(message: str, code: int) -> int:
-    print("cooploc:", " ".join(message.split()), file=sys.stderr)
+    from cooploc.terminal.visible import visible
+
+    print("cooploc:", visible(" ".join(message.split())), file=sys.stderr)
     return code
 
 

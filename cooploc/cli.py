@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 import cooploc as cl
+from cooploc.terminal.visible import visible
 
 app = typer.Typer(
     name="cooploc",
@@ -70,6 +71,7 @@ def run(
     data: Recordings = None,
     out: Annotated[Path | None, typer.Option(help="run directory [default: runs/STUDY-seedN]")] = None,
     check: Annotated[bool, typer.Option(help="check estimators that are not built in before they run")] = True,
+    retry_failed: Annotated[bool, typer.Option("--retry-failed", help="run again every trial that failed")] = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="print the table as JSON, and nothing else on stdout")
     ] = False,
@@ -87,6 +89,7 @@ def run(
         data=data,
         out=out,
         check=check,
+        retry_failed=retry_failed,
     )
     printed.show(results.table, results.rows, results.folder, as_json)
     if len(results.failures):
@@ -106,7 +109,7 @@ def check(
 ) -> None:
     """Check that an estimator cannot cheat and keeps to the interface."""
     result = cl.check_estimator(estimator, seed=seed)
-    typer.echo(result.table())
+    typer.echo(visible(result.table()))
     if not result.passed:
         raise typer.Exit(1)
 
@@ -158,11 +161,12 @@ def reproduce(
     page: Annotated[Path, typer.Argument(help="a report's directory or its page")],
     trials: Annotated[int, typer.Option(min=1, help="how many of the report's trials to run again")] = 6,
     data: Recordings = None,
+    trust: Annotated[bool, typer.Option("--trust", help="run Python files that the report names")] = False,
 ) -> None:
     """Run some of a report's trials again: exit code 0 where all are bit-equal, 1 where any differs."""
     from cooploc.terminal import finished_runs
 
-    found = cl.reproduce(page, trials, data)
+    found = cl.reproduce(page, trials, data, trust)
     finished_runs.reproduced(found.table, found.differences)
     if not found.equal:
         raise typer.Exit(1)

@@ -82,6 +82,7 @@ def run_study(
     data: str | Path | None = None,
     out: str | Path | None = None,
     check: bool = True,
+    retry_failed: bool = False,
 ) -> Results:
     """Run a study, as `cooploc run` does; what its directory holds already is not computed again.
 
@@ -95,18 +96,31 @@ def run_study(
         data: the directory of recordings, for scenarios that need one.
         out: the run directory; `runs/STUDY-seedN` where not given.
         check: whether estimators that are not built in are checked before they run.
+        retry_failed: whether every trial that failed runs again; one whose process was lost, that found memory or
+            disk full, or that a smaller time limit ended, always does.
 
     Raises:
         BadInput: the study cannot be run as it stands; nothing was computed.
         OSError: a file could not be written; what was finished is kept.
 
     """
-    only = split(estimators) if isinstance(estimators, str) else estimators
-    asked = load(str(study)).with_options(trials=trials, seed=seed, only=None if only is None else tuple(only))
-    folder = Path(out) if out is not None else Path("runs") / f"{asked.name}-seed{asked.seed}"
+    only = None if estimators is None else tuple(split(estimators) if isinstance(estimators, str) else estimators)
+    if only == ():
+        raise BadInput("estimators is empty: name some, or leave it out to run the study's")
+    asked = load(str(study)).with_options(trials=trials, seed=seed, only=only)
+    folder = Path(out) if out is not None else Path("runs") / f"{asked.folder_name}-seed{asked.seed}"
     recordings = None if data is None else Path(data)
     with TerminalProgress() as progress:
-        rows = execute(asked, folder, data=recordings, jobs=jobs, scheduler=scheduler, check=check, progress=progress)
+        rows = execute(
+            asked,
+            folder,
+            data=recordings,
+            jobs=jobs,
+            scheduler=scheduler,
+            check=check,
+            retry_failed=retry_failed,
+            progress=progress,
+        )
     results = Results(folder, rows, compare(rows, asked.baselines(), full=True))
     printed.keep(results.table, rows, folder)
     return results
@@ -210,22 +224,23 @@ def compare_runs(before: Results | str | Path, after: Results | str | Path) -> R
     return RunChanges(table, run_diff.settings(a, b), run_diff.sentences(table))
 
 
-def reproduce(page: str | Path, trials: int = 6, data: str | Path | None = None) -> Reproduced:
+def reproduce(page: str | Path, trials: int = 6, data: str | Path | None = None, trust: bool = False) -> Reproduced:
     """Run some of a report's trials again, and say which are bit-equal.
 
     Args:
         page: a report's directory or its page.
         trials: how many, of those that the report embeds.
         data: the directory of recordings, for scenarios that need one.
+        trust: whether Python files that the report names may run. Nothing else that it holds is code.
 
     Raises:
-        BadInput: it is not a report, or none of its trials can be run here.
+        BadInput: it is not a report, none of its trials can be run here, or a file would run without `trust`.
 
     """
     if trials < 1:
         raise BadInput(f"trials is {trials}; it must be at least 1")
     embedded = again.load(Path(page))
-    found = again.rerun(embedded, trials, None if data is None else Path(data))
+    found = again.rerun(embedded, trials, None if data is None else Path(data), trust)
     return Reproduced(pd.DataFrame(found), again.differences(embedded))
 
 

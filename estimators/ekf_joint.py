@@ -53,6 +53,7 @@ from cooploc.estimators.models.angles import wrap_heading
 from cooploc.estimators.models.gradient_doa import GradientDoa
 from cooploc.estimators.models.motion import Displacement
 from cooploc.estimators.models.sensors import Range
+from cooploc.estimators.plugins.bounds import require
 
 # Weight of the latest readings in the average share of refused ones: 23 refused in a row make a robot lost. On MRCLAM,
 # where a camera may confuse two landmarks for a second, the average rises to 0.37; with a weight of 0.1, to 0.72.
@@ -89,8 +90,8 @@ class EkfJoint(TeamSettings):
     lost: float = 0.5
 
     def __post_init__(self) -> None:
-        if self.iterations < 1:
-            raise ValueError(f"iterations is {self.iterations}; it must be at least 1")
+        super().__post_init__()
+        require(self, iterations=(1, 1000), lost=(0, 1))
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         self.require_corners(world)

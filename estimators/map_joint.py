@@ -20,6 +20,7 @@ from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses
 from cooploc.estimators.kalman.messages import no_traffic
 from cooploc.estimators.kalman.sliding_window import Window, cost, elsewhere, empty, heard, moved, shortened, smoothed
 from cooploc.estimators.models.angles import wrap_heading
+from cooploc.estimators.plugins.bounds import require
 
 
 @dataclass(frozen=True)
@@ -48,8 +49,7 @@ class MapJoint:
         return ("odometry", *fixed, "sighting?", *radio)
 
     def __post_init__(self) -> None:
-        if min(self.window, self.iterations) < 1:
-            raise ValueError(f"window is {self.window} and iterations {self.iterations}; both must be at least 1")
+        require(self, window=(1, 10_000), iterations=(1, 1000))
 
     def init(self, prior: Belief, world: World, rows: Rows) -> Window:
         return empty(prior, world)

@@ -26,6 +26,7 @@ from cooploc.estimators.models.anchor_readings import WeightedDoa, fixed
 from cooploc.estimators.models.angles import wrap, wrap_heading
 from cooploc.estimators.models.gradient_doa import GradientDoa
 from cooploc.estimators.models.sensors import Bearing, Sighting
+from cooploc.estimators.plugins.bounds import require
 
 Points = Callable[[Array, slice], Array]  # of sigma points (t, s, .., d) of these trials: moved, or what they read
 
@@ -52,6 +53,10 @@ class UkfJoint(TeamSettings):
     axes: ClassVar[str] = "its sigma points lie along the axes of a Cholesky factor"
     alpha: float = 0.1
     beta: float = 2.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require(self, alpha=(1e-6, 10), beta=(0, 10))
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         self.require_corners(world)

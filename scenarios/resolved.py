@@ -1,8 +1,10 @@
 """A scenario whose label has been read: its family, parameters and world. It is passed on instead of the label."""
 
 import re
+import reprlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import islice
 from operator import index
 from pathlib import Path
 from typing import Any
@@ -11,9 +13,12 @@ import numpy as np
 from pydantic import ValidationError
 
 from cooploc.estimators.interface import World
-from cooploc.estimators.plugins.errors import BadInput, nearest
+from cooploc.estimators.plugins.errors import BadInput, first_reason, nearest
+from cooploc.scenarios import memory
 from cooploc.scenarios.interface import Family, RecordedScenario, Scenario, SimulatedScenario
 from cooploc.scenarios.stream import Stream, Truth
+
+MOST_TRIALS = 1_000_000  # of one call
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +73,7 @@ class ResolvedScenario:
 
         """
         numbers, seed = _numbers(trials), _whole(seed, "seed")
+        memory.demand(self.label, self.robots, self.ticks, len(numbers))
         model, assumed = self._of(numbers), {**self.assumed, **(assumed or {})}
         world = self._assumed(assumed, model.world(), numbers) if assumed else model.world()
         return model.simulate(self.label, numbers, seed, world)
@@ -106,8 +112,7 @@ def build(
     try:
         model = cls(**parameters)
     except ValidationError as e:
-        first = e.errors()[0]
-        raise BadInput(f"scenario {label!r}, {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
+        raise BadInput(f"scenario {label!r}, {first_reason(e.errors())}") from None
     return ResolvedScenario(label, name, family, parameters, model, assumed)
 
 
@@ -125,9 +130,11 @@ def divided(path: str) -> tuple[str, str]:
 def _numbers(trials: Any) -> list[int]:
     """The trials' numbers, each once."""
     if isinstance(trials, Iterable):
-        numbers = [_whole(k, "one of the trials") for k in trials]
+        numbers = [_whole(k, "one of the trials") for k in islice(trials, MOST_TRIALS + 1)]
     else:
-        numbers = list(range(_whole(trials, "trials")))
+        numbers = list(range(min(_whole(trials, "trials"), MOST_TRIALS + 1)))
+    if len(numbers) > MOST_TRIALS:
+        raise BadInput(f"trials is {reprlib.repr(trials)}; at most {MOST_TRIALS} can be simulated at once")
     if not numbers:
         raise BadInput(f"trials is {trials!r}; it must be at least 1")
     if len(set(numbers)) < len(numbers):

@@ -166,7 +166,7 @@ class Stream:
             stated = list(zip(header["hashes"], stream.hashes, strict=True))
         except BadInput:
             raise
-        except (KeyError, TypeError, ValueError) as e:
+        except (KeyError, TypeError, ValueError, AttributeError, ArithmeticError) as e:
             raise BadInput(
                 f"{path} is incomplete or inconsistent ({type(e).__name__}: {e}); get the file again"
             ) from None

@@ -1,6 +1,5 @@
 """Runs a study into a run directory: what is there stays, what is missing or damaged is computed."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
@@ -8,16 +7,21 @@ from typing import Any, Protocol
 import pandas as pd
 
 from cooploc.analysis.execution.certificates import renewed, with_lines
+from cooploc.analysis.execution.memory import demand_memory
 from cooploc.analysis.execution.plan import Plan, make_plan, work
 from cooploc.analysis.execution.pool import Workers
 from cooploc.analysis.execution.provenance import files, fingerprint, provenance
 from cooploc.analysis.execution.run_directory import FORMAT, Piece, RunDir
 from cooploc.analysis.execution.task import MeasuredPart
 from cooploc.analysis.execution.workers import hired
+from cooploc.analysis.formats import counted
 from cooploc.estimators import make
+from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.runner.trace import demand_fit
 from cooploc.scenarios.studies.resolved_study import ResolvedCell, ResolvedStudy, resolve_study
 from cooploc.scenarios.studies.study import Study
+
+ROUNDS = 3  # of planning and computing, as long as parts vanish meanwhile
 
 
 class Progress(Protocol):
@@ -54,6 +58,7 @@ def execute(
     jobs: int = 1,
     scheduler: str | None = None,
     check: bool = True,
+    retry_failed: bool = False,
     progress: Progress | None = None,
 ) -> pd.DataFrame:
     """Run what of a study is not there yet; returns the rows of everything that the study asks for.
@@ -65,6 +70,8 @@ def execute(
         jobs: number of processes.
         scheduler: the address of a Dask scheduler, whose workers are used instead.
         check: whether estimators that are not built in are checked first, once per version of their source.
+        retry_failed: whether every trial that failed runs again; those whose process was lost, that found memory or
+            disk full, or that a smaller time limit ended, always do.
         progress: called for every part.
 
     Returns:
@@ -77,13 +84,14 @@ def execute(
     """
     asked = resolve_study(study, data)
     watcher = progress or Quiet()
+    memory = demand_memory(asked, jobs)
     _demand_fit(asked)
     directory = RunDir(out)
     with hired(jobs, scheduler) as workers, directory.locked():
-        directory.open(_manifest(asked))
+        for line in filter(None, (memory, *directory.open(_manifest(asked)))):
+            watcher.say(line)
         _certify(directory, asked, check, watcher)
-        plan = make_plan(asked, directory)
-        rows = _rows(asked, directory, [*plan.intact, *_computed(plan, asked, directory, workers, watcher)])
+        rows = _rows(asked, directory, _completed(asked, directory, workers, retry_failed, watcher))
         _note_streams(directory, rows)
     return rows
 
@@ -126,19 +134,38 @@ def _certify(directory: RunDir, asked: ResolvedStudy, check: bool, watcher: Prog
         directory.write_manifest(manifest)
 
 
-def _computed(
-    plan: Plan, asked: ResolvedStudy, directory: RunDir, workers: Workers, watcher: Progress
-) -> Iterator[Piece]:
+def _completed(
+    asked: ResolvedStudy, directory: RunDir, workers: Workers, retry_failed: bool, watcher: Progress
+) -> list[Piece]:
+    """All parts of a study, when each of them is there: what vanished while others were computed is computed again.
+
+    Raises:
+        BadInput: parts vanish again and again.
+
+    """
+    plan = make_plan(asked, directory, "all" if retry_failed else "lost")
+    for _ in range(ROUNDS):
+        _compute(plan, asked, directory, workers, watcher)
+        plan = make_plan(asked, directory, None)
+        if not plan.tasks:
+            return plan.intact
+    gone = plan.tasks[0]
+    where = f"{gone.scenario.label}, {gone.estimators[0].label}, trials {gone.trials.start} to {gone.trials.stop - 1}"
+    raise BadInput(f"parts vanish from {directory.path} as they are written ({where}): see what removes them")
+
+
+def _compute(plan: Plan, asked: ResolvedStudy, directory: RunDir, workers: Workers, watcher: Progress) -> None:
     """Compute and write the parts that a plan lacks."""
     for piece in plan.damaged:
-        watcher.say(f"{piece.name} does not match its checksum; its trials are computed again")
+        watcher.say(f"{piece.name} is gone or does not match its checksum; its trials are computed again")
+    if plan.failed:
+        watcher.say(f"{counted(len(plan.failed), 'part')} with trials that failed: computed again")
     todo = [(len(task.trials) * len(task.estimators), work(task.scenario)) for task in plan.tasks]
     watcher.begin(plan.trials, plan.trials - sum(n for n, _ in todo), sum(n * each for n, each in todo))
     cells = {cell.scenario.label: cell for cell in asked.cells}
     for part in workers.compute(plan.tasks):
         directory.write(part.piece, part.frame, part.seconds)
         _advance(part, cells[part.piece.scenario], watcher)
-        yield part.piece
 
 
 def _advance(part: MeasuredPart, cell: ResolvedCell, watcher: Progress) -> None:

@@ -6,6 +6,7 @@ A chunk's size depends on the scenario alone, and results do not depend on chunk
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from cooploc.analysis.execution.retries import Retry, worth_it
 from cooploc.analysis.execution.run_directory import Piece, RunDir
 from cooploc.analysis.execution.task import Task
 from cooploc.scenarios.resolved import ResolvedScenario
@@ -22,26 +23,32 @@ class Plan(NamedTuple):
     trials: int  # of all estimators, wanted
     intact: list[Piece]  # there and whole
     damaged: list[Piece]  # there, and not what was written
+    failed: list[Piece]  # there and whole, with failures that may not happen again
     tasks: list[Task]
 
 
-def make_plan(study: ResolvedStudy, directory: RunDir) -> Plan:
-    """Look at every part that a study needs; what is missing or damaged becomes a task."""
+def make_plan(study: ResolvedStudy, directory: RunDir, retry: Retry | None = "lost") -> Plan:
+    """Look at every part that a study needs; what is missing, damaged or to be tried again becomes a task."""
     intact: list[Piece] = []
     damaged: list[Piece] = []
+    failed: list[Piece] = []
     tasks: list[Task] = []
+    limit = study.study.time_limit
     for cell in study.cells:
         gaps: dict[range, list[str]] = {}
         for estimator in cell.estimators:
             found = directory.pieces(cell.scenario.label, estimator.label, cell.trials)
-            intact += found.intact
+            again = [p for p in found.intact if retry and any(worth_it(f, limit, retry) for f in directory.failures(p))]
+            intact += [piece for piece in found.intact if piece not in again]
             damaged += found.damaged
-            for gap in _gaps([piece.trials for piece in found.intact], cell.trials, _chunk_size(cell.scenario)):
+            failed += again
+            missing = _gaps([piece.trials for piece in found.intact], cell.trials, chunk_size(cell.scenario))
+            for gap in (*missing, *(piece.trials for piece in again)):  # in parts as they were, which they replace
                 gaps.setdefault(gap, []).append(estimator.label)
         for gap in sorted(gaps, key=lambda trials: trials.start):
-            missing = tuple(one for one in cell.estimators if one.label in gaps[gap])
-            tasks.append(Task(cell.scenario, gap, study.study.seed, missing, study.study.time_limit))
-    return Plan(sum(cell.trials * len(cell.estimators) for cell in study.cells), intact, damaged, tasks)
+            lacking = tuple(one for one in cell.estimators if one.label in gaps[gap])
+            tasks.append(Task(cell.scenario, gap, study.study.seed, lacking, limit))
+    return Plan(sum(cell.trials * len(cell.estimators) for cell in study.cells), intact, damaged, failed, tasks)
 
 
 def work(scenario: ResolvedScenario) -> float:
@@ -63,7 +70,8 @@ def _gaps(held: list[range], count: int, size: int) -> Iterator[range]:
             start = i + 1
 
 
-def _chunk_size(scenario: ResolvedScenario) -> int:
+def chunk_size(scenario: ResolvedScenario) -> int:
+    """How many trials of a scenario are computed together."""
     if scenario.recorded:
         return 1
     least, most = CHUNK_TRIALS

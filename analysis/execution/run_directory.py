@@ -1,15 +1,13 @@
 """The run directory: `manifest.json`, and one part per (scenario, estimator, range of trials).
 
 Every file is written under a temporary name, flushed to the disk and renamed, so whatever is there is whole. A part is
-bit-identical whenever it is computed; its receipt has its checksum, and the time that was measured, which is not
-bit-identical.
+bit-identical whenever it is computed; its receipt has its checksum, what its bits depend on, and the time that was
+measured, which is not bit-identical. Every JSON file has a checksum of its own content.
 """
 
 import hashlib
 import json
-import os
-import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,24 +15,24 @@ from typing import Any, NamedTuple
 import pandas as pd
 from filelock import FileLock, Timeout
 
+from cooploc.analysis.execution.atomic_file import remove_temporary, replace
+from cooploc.analysis.execution.manifest_file import (
+    NAME,
+    DamagedManifest,
+    continued,
+    read_manifest,
+    refuse_foreign,
+    settings,
+)
+from cooploc.analysis.execution.part_file import failures, read_rows
+from cooploc.analysis.execution.piece import Piece as Piece
+from cooploc.analysis.execution.piece import trials_of
+from cooploc.analysis.execution.schemas import FORMAT as FORMAT
+from cooploc.analysis.execution.schemas import Newer, OldReceipt, Receipt, checked
 from cooploc.estimators.plugins.errors import BadInput
+from cooploc.scenarios.sealed import Damaged, seal
 
-FORMAT = 1
-MUST_MATCH = ("seed", "data", "versions", "source")
-
-
-class Piece(NamedTuple):
-    """Which trials of which scenario and estimator a part holds."""
-
-    scenario: str
-    estimator: str
-    trials: range
-
-    @property
-    def name(self) -> str:
-        """Its file's name: readable, the same on every system, and unique by a digest of the labels."""
-        labels = "--".join(re.sub(r"[^A-Za-z0-9.=]+", "-", label).strip("-") for label in self[:2])
-        return f"{labels[:150]}--{_digest(*self[:2])}--{self.trials.start:05d}-{self.trials.stop:05d}"
+FOLDERS = ("parts", "receipts")
 
 
 class Pieces(NamedTuple):
@@ -49,6 +47,8 @@ class RunDir:
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self._known: dict[str, Any] = {}  # the manifest that is there, once it was read
+        self._seen: dict[Piece, tuple[int, int]] = {}  # intact parts, by what changes with their files
 
     @property
     def manifest(self) -> dict[str, Any]:
@@ -56,21 +56,10 @@ class RunDir:
 
         Raises:
             BadInput: the directory holds something else, or a newer format.
+            DamagedManifest: it is not what was written.
 
         """
-        file = self.path / "manifest.json"
-        if not file.exists():
-            if self.path.exists() and (not self.path.is_dir() or any(f.name != ".lock" for f in self.path.iterdir())):
-                raise BadInput(f"{self.path} exists and is not a run directory; name another with --out")
-            return {}
-        try:
-            manifest: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
-            newer = manifest["format"] > FORMAT
-        except (ValueError, KeyError, TypeError):
-            raise BadInput(f"{file} is damaged; name another directory with --out") from None
-        if newer:
-            raise BadInput(f"{file} has format {manifest['format']}, this version reads up to {FORMAT}: update cooploc")
-        return manifest
+        return read_manifest(self.path)
 
     @contextmanager
     def locked(self) -> Iterator[None]:
@@ -80,7 +69,7 @@ class RunDir:
             BadInput: another process is writing here.
 
         """
-        _ = self.manifest  # refuses another kind of directory before anything is written there
+        refuse_foreign(self.path)  # before anything is written there
         self.path.mkdir(parents=True, exist_ok=True)
         lock = FileLock(self.path / ".lock")
         try:
@@ -92,45 +81,65 @@ class RunDir:
         finally:
             lock.release()
 
-    def open(self, manifest: dict[str, Any]) -> None:
-        """Begin or continue a run.
+    def open(self, manifest: dict[str, Any]) -> list[str]:
+        """Begin or continue a run; a damaged manifest is made again where every part agrees with what is asked.
+
+        Returns:
+            What the user should know of what was found there, a line each.
 
         Raises:
             BadInput: the directory holds a run of other settings.
 
         """
-        found = self.manifest
-        if found:
-            manifest = self._continued(found, manifest)
-        for folder in ("parts", "receipts"):
-            (self.path / folder).mkdir(parents=True, exist_ok=True)
-            for left in (self.path / folder).glob(".*.tmp"):  # of a run that was killed
-                left.unlink()
+        remarks = []
+        for folder in (".", *FOLDERS):
+            remove_temporary(self.path / folder)
+        try:
+            found = self.manifest
+        except DamagedManifest as damaged:
+            self._demand_agreement(manifest, damaged)
+            remarks.append(f"{self.path / NAME} was damaged or gone; all parts agree, and it is made again")
+        else:
+            manifest = continued(self.path, found, manifest) if found else manifest
         self.write_manifest(manifest)
+        for folder in FOLDERS:
+            (self.path / folder).mkdir(parents=True, exist_ok=True)
+        return remarks + self.foreign()
 
-    def _continued(self, found: dict[str, Any], asked: dict[str, Any]) -> dict[str, Any]:
-        for key in MUST_MATCH:
-            if found.get(key) != asked[key]:
-                raise BadInput(f"{self.path} holds a run with another {key}; name another directory with --out")
-        for path, digest in asked["files"].items():
-            if found["files"].get(path, digest) != digest:
-                raise BadInput(f"{self.path} holds results of another version of {path}; name another with --out")
-        for label, parameters in asked["scenarios"].items():
-            if found["scenarios"].get(label, parameters) != parameters:
-                raise BadInput(f"{self.path} holds another scenario {label!r}; name another directory with --out")
-        return {
-            **asked,
-            "scenarios": {**found["scenarios"], **asked["scenarios"]},
-            "files": {**found["files"], **asked["files"]},
-            "cells": _both(found["cells"], asked["cells"]),
-            "certificates": found.get("certificates", {}),
-            "streams": found["streams"],
-        }
+    def foreign(self) -> list[str]:
+        """A line for each file among the parts and receipts that no run wrote."""
+        return [
+            f"{self.path / folder / name} is not of this run, and ignored"
+            for folder in FOLDERS
+            for name in self._files(folder)
+            if not trials_of(name)
+        ]
+
+    def _files(self, folder: str) -> list[str]:
+        """The names of the files of a folder, but for those that are being written."""
+        there = self.path / folder
+        names = (file.name for file in there.iterdir()) if there.is_dir() else ()
+        return sorted(name for name in names if not (name.startswith(".") and name.endswith(".tmp")))
+
+    def _demand_agreement(self, asked: dict[str, Any], damaged: DamagedManifest) -> None:
+        """Refuse a damaged manifest unless there are parts, and each that is asked for was computed as it is now."""
+        agree = 0
+        for scenario, cell in asked["cells"].items():
+            for estimator in cell["estimators"]:
+                for trials in self.held(scenario, estimator):
+                    piece = Piece(scenario, estimator, trials)
+                    receipt = self._receipt(piece)
+                    if receipt and receipt.get("settings") != settings(asked, piece):
+                        raise damaged
+                    agree += bool(receipt)
+        if not agree:
+            raise damaged
 
     def write_manifest(self, manifest: dict[str, Any]) -> None:
         """Replace the manifest."""
-        text = json.dumps(manifest, indent=1) + "\n"
-        _replace(self.path / "manifest.json", lambda file: file.write_text(text, encoding="utf-8"))
+        text = json.dumps(seal(manifest), indent=1) + "\n"
+        replace(self.path / NAME, lambda file: file.write_text(text, encoding="utf-8"))
+        self._known = {}
 
     def write(self, piece: Piece, frame: pd.DataFrame, seconds: float) -> None:
         """Keep one part; it counts as done once it is there, and its receipt is there before it.
@@ -139,13 +148,16 @@ class RunDir:
             OSError: it cannot be written: a full disk, no permission; names the file.
 
         """
+        failed = int(frame.loc[frame["failure"].notna(), "trial"].nunique()) if "failure" in frame else 0
+        known = {"format": FORMAT, "seconds": seconds, "settings": self._settings(piece), "failed": failed}
 
         def write(file: Path) -> None:
             frame.to_parquet(file, index=False)
-            receipt = json.dumps({"seconds": seconds, "sha256": _checksum(file)})
-            _replace(self._receipt_path(piece), lambda temporary: temporary.write_text(receipt))
+            receipt = json.dumps(seal({**known, "sha256": _checksum(file)}))
+            replace(self._receipt_path(piece), lambda temporary: temporary.write_text(receipt, encoding="utf-8"))
 
-        _replace(self._part_path(piece), write)
+        replace(self._part_path(piece), write)
+        self._seen[piece] = self._state(piece)
 
     def pieces(self, scenario: str, estimator: str, count: int) -> Pieces:
         """What there is of the trials below `count`; each part is read once, to compare it with its checksum."""
@@ -162,30 +174,58 @@ class RunDir:
         return found
 
     def intact(self, piece: Piece) -> bool:
-        """Whether a part is there and is what was written."""
+        """Whether a part is there, is what was written, and was computed as the manifest says."""
         try:
-            same: bool = _checksum(self._part_path(piece)) == self._receipt_of(piece)["sha256"]
-        except (OSError, ValueError, KeyError, TypeError):
+            state = self._state(piece)
+            if self._seen.get(piece) == state:
+                return True
+            receipt = self._receipt(piece)
+            same: bool = _checksum(self._part_path(piece)) == receipt.get("sha256")
+            same = same and receipt.get("settings") in (None, self._settings(piece))
+        except OSError:
             return False
+        if same:
+            self._seen[piece] = state
         return same
 
     def read(self, piece: Piece) -> pd.DataFrame:
-        """An intact part, with its seconds."""
-        frame = pd.read_parquet(self._part_path(piece)).assign(seconds=float(self._receipt_of(piece)["seconds"]))
-        return frame if "centralised" in frame else frame.assign(centralised=frame["bound"])  # of an earlier version
+        """An intact part, with its seconds.
 
-    def _receipt_of(self, piece: Piece) -> dict[str, Any]:
-        receipt: dict[str, Any] = json.loads(self._receipt_path(piece).read_text(encoding="utf-8"))
-        return receipt
+        Raises:
+            BadInput: it holds something else, though it has a receipt.
+
+        """
+        return read_rows(self._part_path(piece), *piece).assign(seconds=float(self._receipt(piece)["seconds"]))
+
+    def failures(self, piece: Piece) -> list[str]:
+        """Why trials of an intact part failed, each reason once."""
+        none_failed = self._receipt(piece).get("failed") == 0
+        return [] if none_failed else sorted(set(failures(self._part_path(piece))["failure"]))
 
     def held(self, scenario: str, estimator: str) -> list[range]:
         """The trials whose parts are there, whole or not, by their files' names."""
-        stem = Piece(scenario, estimator, range(0)).name.removesuffix("00000-00000")
-        found = []
-        for file in self.path.glob(f"parts/{stem}*.parquet"):
-            first, _, last = file.stem.removeprefix(stem).partition("-")
-            found.append(range(int(first), int(last)))
-        return sorted(found, key=lambda trials: (trials.start, trials.stop))
+        stem = Piece(scenario, estimator, range(0)).stem
+        found = (trials_of(file.name) for file in self.path.glob(f"parts/{stem}*.parquet"))
+        return sorted((trials for trials in found if trials), key=lambda trials: (trials.start, trials.stop))
+
+    def _settings(self, piece: Piece) -> str:
+        self._known = self._known or self.manifest
+        return settings(self._known, piece)
+
+    def _state(self, piece: Piece) -> tuple[int, int]:
+        """What changes when a part's file does."""
+        file = self._part_path(piece)
+        if not file.is_file():
+            raise FileNotFoundError(2, "No such file", str(file))
+        return file.stat().st_mtime_ns, file.stat().st_ino
+
+    def _receipt(self, piece: Piece) -> dict[str, Any]:
+        """The receipt of a part; empty where there is none, or a damaged one."""
+        try:
+            text = self._receipt_path(piece).read_bytes() if self._receipt_path(piece).is_file() else b""
+            return checked(text, Receipt if b'"format"' in text else OldReceipt)
+        except (OSError, Damaged, Newer):
+            return {}
 
     def _part_path(self, piece: Piece) -> Path:
         return self.path / "parts" / f"{piece.name}.parquet"
@@ -194,38 +234,5 @@ class RunDir:
         return self.path / "receipts" / f"{piece.name}.json"
 
 
-def _both(found: dict[str, Any], asked: dict[str, Any]) -> dict[str, Any]:
-    """What was asked of each scenario before, with what is asked now."""
-    joined = dict(found)
-    for scenario, cell in asked.items():
-        before = found.get(scenario, {}).get("estimators", {})
-        trials = {name: max(count, before.get(name, 0)) for name, count in cell["estimators"].items()}
-        joined[scenario] = {**cell, "estimators": {**before, **trials}}
-    return joined
-
-
 def _checksum(file: Path) -> str:
     return hashlib.sha256(file.read_bytes()).hexdigest()
-
-
-def _digest(*labels: str) -> str:
-    return hashlib.sha256("\0".join(labels).encode()).hexdigest()[:8]
-
-
-def _replace(path: Path, write: Callable[[Path], object]) -> None:
-    """Write under a temporary name, flush to the disk, rename.
-
-    Raises:
-        OSError: it cannot be done; with the file's name, which not every library gives.
-
-    """
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        write(temporary)
-        with temporary.open("rb") as file:
-            os.fsync(file.fileno())
-        temporary.replace(path)
-    except OSError as e:
-        raise OSError(e.errno, e.strerror or str(e), str(path)) from e
-    finally:
-        temporary.unlink(missing_ok=True)

@@ -18,6 +18,7 @@ class Kept(NamedTuple):
     manifest: dict[str, Any]
     rows: pd.DataFrame  # as `errors`, with `failure`, `traceback` and `certificate`; in the manifest's order
     gaps: dict[tuple[str, str], int]  # (scenario, estimator) -> trials that were asked for and are missing
+    ignored: tuple[str, ...] = ()  # a line for each file among the parts that no run wrote
 
     @property
     def baselines(self) -> dict[str, str]:
@@ -75,7 +76,7 @@ def read(folder: Path) -> Kept:
     if not frames:
         raise BadInput(f"{folder} holds no results yet: continue it with cooploc run --out {folder}")
     rows = with_lines(pd.concat(frames, ignore_index=True), manifest.get("certificates", {}))
-    return Kept(folder, manifest, rows, gaps)
+    return Kept(folder, manifest, rows, gaps, tuple(directory.foreign()))
 
 
 def _part(directory: RunDir, piece: Piece, asked: int) -> pd.DataFrame:

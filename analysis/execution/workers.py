@@ -8,6 +8,8 @@ from cooploc.analysis.execution.local_workers import LocalProcesses, ThisProcess
 from cooploc.analysis.execution.pool import Workers
 from cooploc.estimators.plugins.errors import BadInput
 
+MOST_JOBS = 1024
+
 
 @contextmanager
 def hired(jobs: int, scheduler: str | None) -> Iterator[Workers]:
@@ -17,8 +19,8 @@ def hired(jobs: int, scheduler: str | None) -> Iterator[Workers]:
         BadInput: fewer than one job, or no cluster at the address.
 
     """
-    if jobs < 1:
-        raise BadInput(f"jobs is {jobs}; it must be at least 1")
+    if not 1 <= jobs <= MOST_JOBS:
+        raise BadInput(f"jobs is {jobs}; it must be at least 1, and at most {MOST_JOBS}")
     if scheduler is not None:
         with connected(scheduler) as cluster:
             yield cluster

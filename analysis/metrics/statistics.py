@@ -16,6 +16,7 @@ LEVEL = 0.95
 Z = float(stats.norm.ppf((1 + LEVEL) / 2))
 POWER = float(stats.norm.ppf(0.8))  # a planned number of trials succeeds in 4 of 5 repetitions
 RESAMPLES = 1999
+AT_ONCE = 1_000_000  # values of all resamples that are held together: else n x n in the jackknife
 
 
 class Interval(NamedTuple):
@@ -89,7 +90,9 @@ def change_bca(a: Array, b: Array) -> Interval:
         return Interval(value, np.nan, np.nan)
     if np.allclose(b * a.mean(), a * b.mean(), rtol=1e-9):  # every resample is the same
         return Interval(value, value, value)
-    done = stats.bootstrap((a, b), _change, paired=True, n_resamples=RESAMPLES, rng=np.random.default_rng(0))
+    at_once = max(1, AT_ONCE // len(a))  # resamples; their number changes no bit
+    rng = np.random.default_rng(0)
+    done = stats.bootstrap((a, b), _change, paired=True, n_resamples=RESAMPLES, batch=at_once, rng=rng)
     return Interval(value, float(done.confidence_interval.low), float(done.confidence_interval.high))
 
 

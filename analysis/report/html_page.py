@@ -24,7 +24,7 @@ from cooploc.analysis.plot import style
 from cooploc.analysis.report import claim_tables, latex, result_tables, summaries
 from cooploc.analysis.report.experiments import Experiment, Numbers, experiment
 from cooploc.analysis.report.failures import failures
-from cooploc.analysis.report.reproduce import PAGE, sample
+from cooploc.analysis.report.reproduce import PAGE, embedded
 from cooploc.analysis.report.tables import Table, numbers, words
 
 FLOORED = 20  # robots: the floor of larger teams takes seconds for each scenario
@@ -128,14 +128,15 @@ def content(kept: Kept, ledger: Ledger) -> dict[str, Any]:
         "manifest": kept.manifest,
         "answer": answer,
         "experiments": experiments,
-        "gaps": [f"{s}, {e}: {n} of the planned trials are missing" for (s, e), n in kept.gaps.items()],
+        "gaps": [f"{s}, {e}: {n} of the planned trials are missing" for (s, e), n in kept.gaps.items()]
+        + [*kept.ignored],
         "unproven": certificate_line.remarks(table),
         "failures": failures(kept.rows),
         "notes": notes(kept.rows),
         "methods": METHODS,
         "versions": versions,
         "streams": streams,
-        "embedded": {"manifest": kept.manifest, "sample": sample(kept)},
+        "embedded": embedded(kept),
         "tables": [*first, *(one for each in experiments for one in each.tables), versions, streams],
     }
 

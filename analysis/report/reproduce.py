@@ -1,7 +1,6 @@
 """A report can be checked: it embeds a sample of its trials, and how to run them again bit by bit."""
 
 import hashlib
-import json
 import re
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -10,14 +9,17 @@ import numpy as np
 import pandas as pd
 
 from cooploc.analysis.execution.provenance import provenance
-from cooploc.analysis.execution.run_directory import FORMAT
+from cooploc.analysis.execution.schemas import FORMAT, Newer, PageData, checked
 from cooploc.analysis.execution.stored_run import Kept
 from cooploc.analysis.execution.task import Task, measure
 from cooploc.analysis.report.run_diff import other_versions
 from cooploc.analysis.report.tables import Table, numbers, words
-from cooploc.estimators import configure, make
+from cooploc.estimators import configure, make, parse
 from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.plugins.python_file import is_file
 from cooploc.scenarios import resolve
+from cooploc.scenarios.resolved import divided
+from cooploc.scenarios.sealed import Damaged, seal
 
 PAGE = "index.html"
 EACH = 3  # trials that a report embeds of every scenario
@@ -64,31 +66,45 @@ def load(path: Path) -> dict[str, Any]:
     """
     file = path / PAGE if path.is_dir() else path
     try:
-        page = file.read_text(encoding="utf-8")
+        page = file.read_text(encoding="utf-8") if file.is_file() else None
     except (OSError, UnicodeDecodeError):
-        raise BadInput(f"{file} cannot be read: name a report's directory or its page") from None
+        page = None
+    if page is None:
+        raise BadInput(f"{file} cannot be read: name a report's directory or its page")
     found = re.search(r'<script type="application/json" id="manifest">(.*?)</script>', page, re.DOTALL)
+    again = "make the report again with cooploc report"
+    if not found:
+        raise BadInput(f"{file} embeds no manifest: {again}")
     try:
-        embedded: dict[str, Any] = json.loads(found[1]) if found else {}
-        newer = embedded["manifest"]["format"] > FORMAT
-        _ = embedded["sample"], embedded["manifest"]["seed"], embedded["manifest"]["versions"]
-    except (ValueError, KeyError, TypeError):
-        raise BadInput(f"{file} embeds no manifest: make the report again with cooploc report") from None
-    if newer:
-        raise BadInput(f"{file} was made by a newer version: update cooploc")
+        embedded = checked(found[1], PageData)
+    except Newer as e:
+        raise BadInput(f"{file} was made by a newer version: it has {e}") from None
+    except Damaged as e:
+        raise BadInput(f"{file} embeds no manifest that can be read ({e}): {again}") from None
     if not embedded["sample"]:
-        raise BadInput(f"{file} embeds no trials: make the report again with cooploc report")
+        raise BadInput(f"{file} embeds no trials: {again}")
     return embedded
 
 
-def rerun(embedded: dict[str, Any], trials: int, data: Path | None = None) -> list[Again]:
+def embedded(kept: Kept) -> dict[str, Any]:
+    """What a page embeds, which `load` reads: the manifest and a sample of the trials, with a checksum."""
+    return seal({"format": FORMAT, "manifest": kept.manifest, "sample": sample(kept)})
+
+
+def rerun(embedded: dict[str, Any], trials: int, data: Path | None = None, trust: bool = False) -> list[Again]:
     """Run `trials` of the embedded trials again, spread over the scenarios, each with all of its estimators.
 
     Raises:
-        BadInput: none can be run: scenarios or estimators are not known here, or recordings are missing.
+        BadInput: none can be run: scenarios or estimators are not known here, recordings are missing, or a Python file
+            would run without `trust`.
 
     """
     drawn = _drawn(embedded["sample"], trials)
+    files = _files(drawn)
+    if files and not trust:
+        raise BadInput(
+            f"this would run code that the report names, in {' and '.join(files)}: read it, then repeat with --trust"
+        )
     for label in {one["estimator"] for wanted in drawn.values() for one in wanted}:
         make(label)  # an unknown name is bad input, not a failed trial
     out = []
@@ -100,6 +116,13 @@ def rerun(embedded: dict[str, Any], trials: int, data: Path | None = None) -> li
         parts = {part.piece.estimator: part.frame for part in measure(task)}
         out += [_compared(one, parts[one["estimator"]]) for one in wanted]
     return out
+
+
+def _files(drawn: dict[tuple[str, int], list[dict[str, Any]]]) -> list[str]:
+    """The Python files that scenarios and estimators name."""
+    scenarios = [divided(parse(scenario)[0])[0] for scenario, _ in drawn]
+    estimators = [parse(one["estimator"])[0] for wanted in drawn.values() for one in wanted]
+    return list(dict.fromkeys(name.rpartition(":")[0] for name in (*scenarios, *estimators) if is_file(name)))
 
 
 def differences(embedded: dict[str, Any]) -> list[str]:

@@ -11,6 +11,7 @@ from typing import Any
 import pandas as pd
 from markupsafe import Markup, escape
 
+from cooploc.analysis.report.csv_text import csv_text
 from cooploc.analysis.report.latex import tabular
 
 Row = dict[Any, Any]  # key -> value, as of `DataFrame.to_dict("records")`
@@ -95,7 +96,7 @@ class Table:
     def csv(self) -> str:
         """One line per row with the values in full; what is absent is empty."""
         keys = [key for column in self.columns for key in column.keys]
-        return pd.DataFrame(self.rows, columns=keys, dtype=object).to_csv(index=False, lineterminator="\n")
+        return csv_text(pd.DataFrame(self.rows, columns=keys, dtype=object))
 
     def terminal(self, wrap: bool = False, style: Callable[[Row], str] = lambda _: "") -> Any:
         """A table of rich, without columns that say nothing; `style` colours a row."""

@@ -3,10 +3,10 @@
 from typing import Any
 
 import pandas as pd
-from rich.console import Console
 
 from cooploc.analysis.formats import duration
 from cooploc.analysis.report.tables import Table, words
+from cooploc.terminal.console import PlainConsole
 
 
 def _other(name: str, configured: str) -> str:
@@ -31,7 +31,7 @@ def show(kind: str, listed: pd.DataFrame) -> None:
     """Print the table of `cl.estimators()`, `cl.scenarios()` or `cl.studies()`, then plug-ins that cannot be used."""
     broken = listed["problem"] != "" if "problem" in listed else pd.Series(False, listed.index)
     rows = [_row(row) for row in listed[~broken].to_dict("records")]
-    console = Console(highlight=False, markup=False)
+    console = PlainConsole()
     console.print(Table(kind, kind, HEADS[kind], rows).terminal(wrap=True))
     for row in listed[broken].to_dict("records"):
         console.print(f"  {row['name']}: not usable, {row['problem']}", soft_wrap=True)

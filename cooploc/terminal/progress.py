@@ -3,10 +3,11 @@
 import sys
 import time
 
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from cooploc.analysis.formats import duration
+from cooploc.terminal.console import PlainConsole
+from cooploc.terminal.visible import visible
 
 LINE_EVERY = 5.0  # [s]
 ENOUGH = 0.02  # of the work, before which the time left cannot be estimated
@@ -19,8 +20,8 @@ class TerminalProgress:
         self.total, self.done, self.failed = 0, 0, 0
         self._todo, self._spent = 0.0, 0.0
         self._began = self._said = time.monotonic()
-        self._console = Console(stderr=True, highlight=False, markup=False)
-        columns = (BarColumn(bar_width=16), MofNCompleteColumn(), TextColumn("trials{task.description}"))
+        self._console = PlainConsole(stderr=True)
+        columns = (BarColumn(bar_width=16), MofNCompleteColumn(), TextColumn("trials{task.description}", markup=False))
         self._bar = Progress(*columns, console=self._console, transient=True) if self._console.is_terminal else None
 
     def __enter__(self) -> "TerminalProgress":
@@ -46,7 +47,7 @@ class TerminalProgress:
         """Take note of a finished part."""
         self.done, self.failed, self._spent = self.done + trials, self.failed + failed, self._spent + work
         trouble = f", {self.failed} failed" if self.failed else ""
-        text = f"{self._left()}{trouble} ({what})"
+        text = f"{self._left()}{trouble} ({visible(what)})"
         if self._bar:
             self._bar.update(self._task, completed=self.done, description=text)
         elif time.monotonic() - self._said > LINE_EVERY:

@@ -11,6 +11,7 @@ from cooploc.analysis.formats import counted
 from cooploc.analysis.metrics import certificate_line
 from cooploc.analysis.metrics.compare import SUMMARY
 from cooploc.analysis.metrics.pooling import notes, succeeded
+from cooploc.analysis.report.csv_text import csv_text
 from cooploc.analysis.report.failures import failures
 from cooploc.analysis.report.result_tables import RESULTS, versus
 from cooploc.analysis.report.tables import Table
@@ -31,7 +32,7 @@ IN_ONE_PICTURE = 12  # scenarios; `cooploc report` draws one of each experiment
 
 def keep(table: pd.DataFrame, rows: pd.DataFrame, folder: Path) -> None:
     """Write the table of `compare` as `table.csv`, and `rmse.png` where any trial ended and it can be read."""
-    table.to_csv(folder / "table.csv", index=False)
+    (folder / "table.csv").write_text(csv_text(table), encoding="utf-8")
     ended = succeeded(rows)
     if len(ended) and table["scenario"].nunique() <= IN_ONE_PICTURE:
         import matplotlib.pyplot as plt

@@ -48,6 +48,8 @@ def show(folder: Path) -> None:
             rows.append({**row, "experiment": cell["experiment"], "checks": line(estimator, certificates)})
             failed += [lost] if len(lost) else []
     console.print(Table("contents", "", COLUMNS, rows).terminal())
+    for ignored in directory.foreign():
+        console.print(ignored)
     _certificates(console, certificates)
     for found, traceback in failures(pd.concat(failed)) if failed else []:
         console.print(f"\nfailed: {found}")

@@ -9,6 +9,7 @@ import numpy as np
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Senses, Sensor
 from cooploc.estimators.particle import own_filter
 from cooploc.estimators.particle.packet import unpack
+from cooploc.estimators.plugins.bounds import require
 
 
 @dataclass(frozen=True)
@@ -20,6 +21,10 @@ class Settings(own_filter.Settings):
     weights: Literal["cvxpy", "exact"] = "cvxpy"
     criterion: Literal["trace", "det"] = "trace"
     audit: float = 1e-3
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require(self, audit=(0, 1))
 
 
 class Counts(NamedTuple):

@@ -4,10 +4,13 @@ import inspect
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
+import numpy as np
+
 from cooploc.estimators.interface import World
 from cooploc.estimators.kalman.update import GATE, EngineName
 from cooploc.estimators.models.anchor_readings import AnchorReading
 from cooploc.estimators.models.gradient_doa import gradient_doa
+from cooploc.estimators.plugins.bounds import require
 
 
 @dataclass(frozen=True)
@@ -29,6 +32,9 @@ class Settings:
     anchor_reading: AnchorReading = "doa"
     gate: float = GATE
     engine: EngineName = "batched"
+
+    def __post_init__(self) -> None:
+        require(self, gate=(0, np.inf))
 
     def __init_subclass__(cls) -> None:
         """Add the inherited parameters to the docstring, so that `help` shows all of a filter's in one place."""

@@ -16,6 +16,7 @@ from cooploc.estimators.models.gradient_doa import GradientDoa, gradient_doa
 from cooploc.estimators.particle import likelihood, past_packets
 from cooploc.estimators.particle.past_packets import PastPackets
 from cooploc.estimators.particle.steps import advance, conclude, mean, renew, spread, summary, weights
+from cooploc.estimators.plugins.bounds import require
 
 PARAMETERS = """
     Parameters of the robot's own particle filter:
@@ -58,11 +59,7 @@ class Settings:
         cls.__doc__ = f"{cls.__dict__.get('__doc__') or cls.__name__}\n{PARAMETERS}"
 
     def __post_init__(self) -> None:
-        for name, value, least in (("particles", self.particles, 2), ("M", self.M, 1), ("K", self.K, 1)):
-            if value < least:
-                raise ValueError(f"{name} is {value}; it must be at least {least}")
-        if not (0 < self.decay <= 1 and self.box > 0):
-            raise ValueError(f"decay is {self.decay} and box is {self.box}; they must lie in (0, 1] and above 0")
+        require(self, particles=(2, 1_000_000), M=(1, 10_000), K=(1, 10_000), box=(1e-9, 1e6), decay=(1e-9, 1))
 
     @property
     def uses(self) -> tuple[str, ...]:

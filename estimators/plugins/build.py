@@ -3,12 +3,13 @@
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass
+from functools import cache
 from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 from pydantic.errors import PydanticUserError
 
-from cooploc.estimators.plugins.errors import BadInput, nearest
+from cooploc.estimators.plugins.errors import BadInput, first_reason, nearest
 
 RENAMED = {"own": "anchor_reading"}  # old spellings of parameters, accepted for one version
 
@@ -57,15 +58,21 @@ def _current(name: str, key: str, known: list[str]) -> str:
 
 def _validated(name: str, cls: type, given: dict[str, Any]) -> Any:
     try:
-        return TypeAdapter(cls).validate_python(given)
+        return _adapter(cls).validate_python(given)
     except ValidationError as e:
         first = e.errors()[0]
         if first["type"] == "missing":
             raise BadInput(_needs_arguments(name, f"it needs {first['loc'][0]}")) from None
-        where = ".".join(str(part) for part in first["loc"]) or "its parameters"
-        raise BadInput(f"estimator {name!r}, {where}: {first['msg']}") from None
+        why = first_reason(e.errors()) if first["loc"] else first["msg"].removeprefix("Value error, ")
+        raise BadInput(f"estimator {name!r}, {why}") from None
     except PydanticUserError:  # an annotation that pydantic does not know
         return _called(name, cls, given)
+
+
+@cache
+def _adapter(cls: type) -> TypeAdapter[Any]:
+    """Made once for each class: it takes milliseconds."""
+    return TypeAdapter(cls)
 
 
 def _called(name: str, cls: type, given: dict[str, Any]) -> Any:

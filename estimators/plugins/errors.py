@@ -3,7 +3,10 @@
 Its message is one line that states the fact, the place and the remedy; the command line prints it and exits with 2.
 """
 
+import reprlib
+from collections.abc import Mapping
 from difflib import get_close_matches
+from typing import Any
 
 
 class BadInput(ValueError):
@@ -14,3 +17,12 @@ def nearest(name: str, known: list[str]) -> str:
     """The end of an error message: the nearest known name, or all of them."""
     close = get_close_matches(name, known, n=1, cutoff=0.5)
     return f"did you mean {close[0]!r}?" if close else f"known are {', '.join(known)}"
+
+
+def first_reason(errors: list[Any]) -> str:
+    """The first of pydantic's errors as "place: what is wrong, not VALUE"."""
+    first: Mapping[str, Any] = errors[0]
+    place = ".".join(map(str, first["loc"]))
+    value = first.get("input")
+    said = f", not {reprlib.repr(value)}" if isinstance(value, bool | int | float | str) else ""
+    return f"{place}: {first['msg']}{said}" if place else f"{first['msg']}{said}"

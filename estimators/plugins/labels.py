@@ -5,6 +5,7 @@ import re
 from cooploc.estimators.plugins.errors import BadInput
 
 LABEL = re.compile(r"\s*([^\[\]]*[^\[\]\s])\s*(?:\[([^\[\]]*)\])?\s*")
+LONGEST = 2000  # characters
 
 
 def parse(label: str) -> tuple[str, dict[str, str]]:
@@ -14,6 +15,10 @@ def parse(label: str) -> tuple[str, dict[str, str]]:
         BadInput: the label cannot be read.
 
     """
+    if len(label) > LONGEST:
+        raise BadInput(f"a label has {len(label)} characters, and at most {LONGEST} are allowed: {label[:40]!r}...")
+    if not label.isprintable():
+        raise BadInput(f"{label!r} has a character that cannot be printed: write the label without it")
     match = LABEL.fullmatch(label)
     if match is None:
         raise BadInput(f"cannot read {label!r}; write it like mrsl-rssi[particles=500,K=1]")
@@ -22,6 +27,8 @@ def parse(label: str) -> tuple[str, dict[str, str]]:
         key, equals, value = (part.strip() for part in item.partition("="))
         if not (key and equals and value):
             raise BadInput(f"cannot read {item!r} in {label!r}; write name=value")
+        if key in parameters:
+            raise BadInput(f"{label!r} gives {key} twice; leave one out")
         parameters[key] = value
     return match[1], parameters
 

@@ -13,6 +13,7 @@ import numpy as np
 from cooploc.estimators.interface import Array, Indices
 from cooploc.estimators.plugins.errors import BadInput
 
+LARGEST = 1e30  # of a number in a recording; stamps in ns have nineteen digits
 MAX_STEP_BACK = 0.5  # [s] stamps that step back by less (MRCLAM 9: by 0.1 s) are sorted; by more, the file is refused
 
 
@@ -53,11 +54,12 @@ def read_text(path: Path, encoding: str) -> str:
 
 
 def parse_number(word: str) -> float:
-    """The number that a word is, inf where it is not one."""
+    """The number that a word is, inf where it is not one, or is too large for anything that can be measured."""
     try:
-        return float(word)
+        number = float(word)
     except ValueError:
         return np.inf
+    return np.inf if abs(number) > LARGEST else number
 
 
 def read_table(path: Path, columns: Sequence[str]) -> Table:
@@ -75,7 +77,7 @@ def read_table(path: Path, columns: Sequence[str]) -> Table:
         values = np.loadtxt([line for _, line in rows], ndmin=2)
     except ValueError as e:
         _refuse(path, rows, columns, str(e))
-    if values.shape[1] != len(columns) or not np.isfinite(values).all():
+    if values.shape[1] != len(columns) or not (np.abs(values) <= LARGEST).all():
         _refuse(path, rows, columns, "a field is not a number")
     return Table(path, values, np.array([i for i, _ in rows], np.int64))
 

@@ -5,9 +5,12 @@ from typing import NamedTuple
 
 from cooploc.estimators import configure
 from cooploc.estimators.plugins.build import ConfiguredEstimator
+from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios import resolve
 from cooploc.scenarios.resolved import ResolvedScenario
 from cooploc.scenarios.studies.study import Study
+
+MOST_TRIALS = 100_000_000  # of all scenarios and estimators together
 
 
 class ResolvedCell(NamedTuple):
@@ -42,6 +45,9 @@ def resolve_study(study: Study, data: Path | None = None) -> ResolvedStudy:
 
     """
     cells = study.cells()
+    total = study.trials * sum(len(cell.estimators) for cell in cells)
+    if total > MOST_TRIALS:
+        raise BadInput(f"study {study.name!r} asks for {total} trials in all, and at most {MOST_TRIALS} are allowed")
     known = {label: configure(label) for label in dict.fromkeys(name for cell in cells for name in cell.estimators)}
     found = []
     for cell in cells:

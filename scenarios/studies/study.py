@@ -14,6 +14,7 @@
 A study that includes others by name runs everything that they have.
 """
 
+import re
 import tomllib
 from collections.abc import Iterator
 from importlib.resources import files
@@ -22,10 +23,14 @@ from typing import Annotated, Any, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from cooploc.estimators.plugins.errors import BadInput, nearest
-from cooploc.scenarios.studies.sweep import expand, named
+from cooploc.estimators.plugins.errors import BadInput, first_reason, nearest
+from cooploc.scenarios.studies.sweep import MOST_LABELS, expand, named
 
 Labels = tuple[str, ...]
+Trials = Annotated[int, Field(strict=True, ge=1, le=1_000_000)]
+Seed = Annotated[int, Field(strict=True, ge=0, lt=2**63)]
+Seconds = Annotated[float, Field(strict=True, gt=0)]
+MOST_PAIRS = 100_000  # (scenario, estimator) of a block
 
 
 class Block(BaseModel):
@@ -54,12 +59,12 @@ class Study(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    name: str
+    name: Annotated[str, Field(min_length=1, max_length=200)]
     about: str = ""
     minutes: Annotated[float, Field(gt=0)] | None = None  # about how long it takes as shipped, on two cores
-    trials: Annotated[int, Field(ge=1)] = 100
-    seed: Annotated[int, Field(ge=0)] = 1
-    time_limit: Annotated[float, Field(gt=0)] = 600.0  # [s] for one estimator on one trial
+    trials: Trials = 100
+    seed: Seed = 1
+    time_limit: Seconds = 600.0  # [s] for one estimator on one trial
     baseline: str = ""  # the estimator that every other one is compared with, by name or configured
     variants: dict[str, str] = {}  # named overrides of scenarios or estimators
     scenarios: Labels = ()
@@ -78,6 +83,11 @@ class Study(BaseModel):
         given = {key: value for key, value in options.items() if value is not None}
         return _validated({**self.model_dump(), **given}, f"study {self.name!r}")
 
+    @property
+    def folder_name(self) -> str:
+        """The name as that of a directory, which stays inside the one that it is in."""
+        return re.sub(r"[/\\\x00-\x1f\x7f-\x9f]+", "-", self.name).lstrip(".") or "study"
+
     def blocks(self) -> list[Block]:
         """Its own scenarios with their estimators, then the others."""
         own = [Block(scenarios=self.scenarios, estimators=self.estimators)] if self.scenarios else []
@@ -86,9 +96,24 @@ class Study(BaseModel):
     def expanded(self) -> Iterator[StudyCell]:
         """Every block's scenarios, in order; one that several blocks have, several times."""
         for block in self.blocks():
-            estimators = tuple(name for label in block.estimators for name in expand(label, block.variants))
-            for scenario in (name for label in block.scenarios for name in expand(label, block.variants)):
+            estimators = tuple(self._labels(block.estimators, block.variants))
+            scenarios = self._labels(block.scenarios, block.variants)
+            if (pairs := len(scenarios) * len(estimators)) > MOST_PAIRS:
+                raise BadInput(
+                    f"study {self.name!r} has {pairs} pairs of scenario and estimator, and at most {MOST_PAIRS} are "
+                    "allowed: divide it"
+                )
+            for scenario in scenarios:
                 yield StudyCell(block.experiment, scenario, estimators, block.baseline)
+
+    def _labels(self, labels: Labels, variants: dict[str, str]) -> list[str]:
+        """What labels stand for, in order."""
+        found: list[str] = []
+        for label in labels:
+            found += expand(label, variants)
+            if len(found) > MOST_LABELS:
+                raise BadInput(f"study {self.name!r}: its labels stand for more than {MOST_LABELS}: divide the study")
+        return found
 
     def cells(self) -> list[StudyCell]:
         """Everything that is to run, by scenario, each scenario and each estimator once.
@@ -166,6 +191,8 @@ def _load(which: str, including: tuple[str, ...]) -> Study:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as e:
         raise BadInput(f"{which} is not a TOML file: {e}") from None
+    except RecursionError:
+        raise BadInput(f"{which} is not a study: its arrays are nested too deeply") from None
     study = _validated({"name": path.name.removesuffix(".toml"), **content}, which)
     included = [block for other in study.include for block in _load(other, (*including, which)).blocks()]
     study = study.model_copy(update={"also": (*study.also, *included), "include": ()})
@@ -197,8 +224,7 @@ def _validated(content: dict[str, Any], where: str) -> Study:
     try:
         return Study(**content)
     except ValidationError as e:
-        first = e.errors()[0]
-        raise BadInput(f"{where}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
+        raise BadInput(f"{where}: {first_reason(e.errors())}") from None
 
 
 def _demand_known(content: Any, model: type[BaseModel], what: str, where: str) -> None:

@@ -16,7 +16,7 @@ from cooploc.estimators.models.motion import Unicycle
 from cooploc.estimators.models.sensors import Sighting
 from cooploc.scenarios.seeds import Purpose, generator
 from cooploc.scenarios.stream import Air, Stream, Truth
-from cooploc.scenarios.worlds.radio_arena import Positive, Sigma
+from cooploc.scenarios.worlds.radio_arena import Number, Positive, Robots, Sigma, Ticks
 
 
 class Camera(BaseModel):
@@ -24,11 +24,11 @@ class Camera(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    robots: Annotated[int, Field(ge=1)] = 3
-    ticks: Annotated[int, Field(ge=1)] = 200
+    robots: Robots = 3
+    ticks: Ticks = 200
     tick: Positive = 0.1
     side: Positive = 8.0
-    landmarks: Annotated[int, Field(ge=0)] = 6
+    landmarks: Number = 6
     speed: Positive = 0.5  # [m/s]
     turn: Sigma = 0.3  # [rad/s] sd of the turn rate
     sigma_v: Positive = 0.04  # [m/s]

@@ -21,8 +21,14 @@ from cooploc.scenarios.stream import Air, Stream, Truth
 from cooploc.scenarios.worlds import duty_cycle, radio_channel, random_walk
 
 Finite: dict[str, Any] = {"allow_inf_nan": False}
-Positive = Annotated[float, Field(gt=0, **Finite)]
-Sigma = Annotated[float, Field(ge=0, **Finite)]
+LARGEST = 1e6  # of any number below, in its unit
+Positive = Annotated[float, Field(gt=0, le=LARGEST, **Finite)]
+Sigma = Annotated[float, Field(ge=0, le=LARGEST, **Finite)]
+Signed = Annotated[float, Field(ge=-LARGEST, le=LARGEST, **Finite)]
+Robots = Annotated[int, Field(ge=1, le=10_000)]
+Ticks = Annotated[int, Field(ge=1, le=10_000_000)]
+AtLeastOne = Annotated[int, Field(ge=1, le=10_000)]
+Number = Annotated[int, Field(ge=0, le=10_000)]
 Share = Annotated[float, Field(ge=0, le=1)]
 
 
@@ -31,27 +37,27 @@ class Paper(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    robots: Annotated[int, Field(ge=1)] = 3
-    ticks: Annotated[int, Field(ge=1)] = 200
+    robots: Robots = 3
+    ticks: Ticks = 200
     tick: Positive = 1.0  # 1 Hz, as the authors' robot reports
     side: Positive = 6.0
-    anchors: Annotated[int, Field(ge=1)] = 4  # evenly along the rim from (0, 0); four stand on the corners
+    anchors: AtLeastOne = 4  # evenly along the rim from (0, 0); four stand on the corners
     step: Positive = 0.1  # mean path per tick; their robot moves at 0.05 to 0.15 m/s
     turn: Sigma = 0.5  # [rad] sd of the change of direction per tick
     odometry_sigma: Sigma = 0.02  # per axis and tick
     prior_sigma: Sigma = 0.5  # per axis, of the initial position
 
-    A: Annotated[float, Field(**Finite)] = -40.0  # [dBm] at 1 m, the authors' code
+    A: Signed = -40.0  # [dBm] at 1 m, the authors' code
     eta: Positive = 3.0  # path-loss exponent, the authors' code
     shadowing: Sigma = 2.0  # their value; here independent per anchor link and reciprocal per pair of robots
     shadow_correlation: Annotated[float, Field(ge=0, lt=1)] = 0.0  # of shadowing, from tick to tick
     fast: Sigma = 1.0  # fast noise, independent per reading
     rounding: Sigma = 0.0  # readings are whole multiples of this
     range_sigma: Positive = 0.1  # ultra-wide-band class
-    samples: Annotated[int, Field(ge=1)] = 1  # readings of each anchor in a tick that are averaged (their Algorithm 1)
+    samples: AtLeastOne = 1  # readings of each anchor in a tick that are averaged (their Algorithm 1)
 
-    walls: tuple[tuple[float, float, float, float], ...] = ()  # x1, y1, x2, y2
-    obstacles: Annotated[int, Field(ge=0)] = 0  # wandering bodies, not robots of the team
+    walls: tuple[tuple[Signed, Signed, Signed, Signed], ...] = ()  # x1, y1, x2, y2
+    obstacles: Number = 0  # wandering bodies, not robots of the team
     body_radius: Positive = 0.2
     body_blocking: bool = False  # robots of the team stand in the way too
     attenuation: Sigma = 10.0  # per thing in the way, their value

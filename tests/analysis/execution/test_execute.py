@@ -83,7 +83,7 @@ def test_rows_are_those_of_the_library_calls(finished):
 def test_the_directory_describes_itself(finished):
     folder, rows = finished
     manifest = json.loads((folder / "manifest.json").read_text())
-    assert manifest["format"] == 1
+    assert manifest["format"] == 2
     assert manifest["seed"] == STUDY.seed
     assert manifest["study"]["estimators"] == list(STUDY.estimators)
     assert manifest["scenarios"]["trajectory[ticks=15]"]["robots"] == 3

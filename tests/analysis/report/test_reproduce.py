@@ -1,6 +1,7 @@
 """What a report embeds suffices to run its trials again, and to tell whether they came out the same."""
 
 import json
+import re
 import shutil
 
 import pytest
@@ -12,6 +13,7 @@ from cooploc.analysis.claims.ledger import load
 from cooploc.analysis.execution.execute import execute
 from cooploc.analysis.execution.stored_run import read
 from cooploc.analysis.report import html_page, reproduce
+from cooploc.scenarios.sealed import seal
 from cooploc.scenarios.studies.study import Study
 
 pytestmark = pytest.mark.slow
@@ -39,9 +41,12 @@ def told(*arguments):
 
 def altered(report, folder, old, new):
     source = (report / "index.html").read_text()
-    assert old in source
+    start, end = re.search(r'id="manifest">(.*?)</script>', source, re.DOTALL).span(1)
+    assert old in source[start:end]
+    content = json.loads(source[start:end].replace(old, new))
+    content.pop("checksum")
     folder.mkdir(exist_ok=True)
-    (folder / "index.html").write_text(source.replace(old, new))
+    (folder / "index.html").write_text(source[:start] + json.dumps(seal(content)) + source[end:])
     return folder
 
 

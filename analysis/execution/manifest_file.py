@@ -1,0 +1,107 @@
+"""The manifest of a run directory: reading it, going on with it, and what it says that a part's bits depend on."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+from cooploc.analysis.execution.piece import Piece, trials_of
+from cooploc.analysis.execution.schemas import Manifest, Newer, checked
+from cooploc.estimators.plugins.errors import BadInput
+from cooploc.scenarios.sealed import Damaged, digest
+
+NAME = "manifest.json"
+MUST_MATCH = ("seed", "data", "versions", "source")
+BEGUN = re.compile(r"\.lock|parts|receipts|\.manifest\.json\..*")  # all that is there before the first manifest
+REMEDY = "the command that began the run makes it again where all parts agree; else name another directory with --out"
+
+
+class DamagedManifest(BadInput):
+    """The manifest is not what was written, or is gone though there are parts."""
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """What a directory says it holds; empty where nothing was run into it yet.
+
+    Raises:
+        BadInput: the directory holds something else, or a newer format.
+        DamagedManifest: it is not what was written.
+
+    """
+    file = folder / NAME
+    if not file.is_file():
+        refuse_foreign(folder)
+        if any(trials_of(file.name) for file in folder.glob("parts/*")):
+            raise DamagedManifest(f"{file} is gone, and there are parts: {REMEDY}")
+        return {}
+    try:
+        found = checked(file.read_bytes(), Manifest)
+    except Newer as e:
+        raise BadInput(f"{file} has {e}") from None
+    except Damaged as e:
+        raise DamagedManifest(f"{file} is damaged: {e}; {REMEDY}") from None
+    return {"files": {}, "certificates": {}, **found}
+
+
+def refuse_foreign(folder: Path) -> None:
+    """Refuse what neither holds a run nor was about to.
+
+    Raises:
+        BadInput: it is something else.
+
+    """
+    if (folder / NAME).is_file():
+        return
+    if folder.is_dir():
+        names = [file.name for file in folder.iterdir()]
+        ours = all(map(BEGUN.fullmatch, names)) or {"parts", "receipts"} <= set(names)
+    else:
+        ours = not (folder.exists() or folder.is_symlink())
+    if not ours:
+        raise BadInput(f"{folder} exists and is not a run directory; name another with --out")
+
+
+def continued(folder: Path, found: dict[str, Any], asked: dict[str, Any]) -> dict[str, Any]:
+    """The manifest of a run that goes on with what is asked now.
+
+    Raises:
+        BadInput: it has other settings.
+
+    """
+    for key in MUST_MATCH:
+        if found.get(key) != asked[key]:
+            raise BadInput(f"{folder} holds a run with another {key}; name another directory with --out")
+    for path, hashed in asked["files"].items():
+        if found["files"].get(path, hashed) != hashed:
+            raise BadInput(f"{folder} holds results of another version of {path}; name another with --out")
+    for label, parameters in asked["scenarios"].items():
+        if found["scenarios"].get(label, parameters) != parameters:
+            raise BadInput(f"{folder} holds another scenario {label!r}; name another directory with --out")
+    return {
+        **asked,
+        "scenarios": {**found["scenarios"], **asked["scenarios"]},
+        "files": {**found["files"], **asked["files"]},
+        "cells": _both(found["cells"], asked["cells"]),
+        "certificates": found["certificates"],
+        "streams": found["streams"],
+    }
+
+
+def _both(found: dict[str, Any], asked: dict[str, Any]) -> dict[str, Any]:
+    """What was asked of each scenario before, with what is asked now."""
+    joined = dict(found)
+    for scenario, cell in asked.items():
+        before = found.get(scenario, {}).get("estimators", {})
+        trials = {name: max(count, before.get(name, 0)) for name, count in cell["estimators"].items()}
+        joined[scenario] = {**cell, "estimators": {**before, **trials}}
+    return joined
+
+
+def settings(manifest: dict[str, Any], piece: Piece) -> str:
+    """A digest of what a part's bits depend on: seed, versions and source, its scenario, the files of its plug-ins."""
+    files = {
+        path: hashed
+        for path, hashed in manifest.get("files", {}).items()
+        if any(label.startswith(path) for label in piece[:2])
+    }
+    of_all = {key: manifest.get(key) for key in MUST_MATCH}
+    return digest({**of_all, "scenario": manifest.get("scenarios", {}).get(piece.scenario), "files": files})

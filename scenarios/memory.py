@@ -1,0 +1,42 @@
+"""How much memory a simulated scenario needs, estimated before anything is drawn."""
+
+import os
+from pathlib import Path
+
+from cooploc.estimators.plugins.errors import BadInput
+
+KEPT, DRAWN = 34, 80  # bytes per tick and pair of robots: of every trial, and more while one is drawn (measured)
+
+
+def needed(robots: int, ticks: int, trials: int) -> int:
+    """About how many bytes it takes to simulate so many trials at once: what pairs of robots hear of each other."""
+    return ticks * robots**2 * (KEPT * trials + DRAWN)
+
+
+def demand(label: str, robots: int, ticks: int, trials: int) -> None:
+    """Refuse what this machine could not simulate at once.
+
+    Raises:
+        BadInput: so many trials of a scenario take more memory than there is.
+
+    """
+    wanted, there = needed(robots, ticks, trials), available()
+    if wanted > there:
+        raise BadInput(
+            f"scenario {label!r} takes about {gigabytes(wanted)} of memory ({trials} trials of {ticks} ticks and "
+            f"{robots} robots), and this machine has {gigabytes(there)}: take fewer"
+        )
+
+
+def available() -> int:
+    """The bytes of memory that this machine, or this container, has."""
+    whole = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    try:
+        return min(whole, int(Path("/sys/fs/cgroup/memory.max").read_text()))
+    except (OSError, ValueError):  # no container, or one without a limit
+        return whole
+
+
+def gigabytes(count: float) -> str:
+    """Bytes as they are written for people."""
+    return f"{count / 1e9:.3g} GB"

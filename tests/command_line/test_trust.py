@@ -1,0 +1,105 @@
+"""A run or a report that somebody sent: it runs no code, stays in its directory, and says nothing to the terminal."""
+
+import csv
+import json
+import re
+
+import pytest
+from attempts import commanded
+
+from cooploc.analysis.report.csv_text import csv_text
+from cooploc.scenarios.sealed import seal
+from cooploc.terminal.visible import visible
+
+EVIL = """
+import pathlib
+pathlib.Path("ran").write_text("code of the sender")
+from cooploc.estimators.dead_reckoning import DeadReckoning
+from cooploc.scenarios import BUILTIN
+World = BUILTIN["trajectory"]
+class Mine(DeadReckoning):
+    "Mine."
+"""
+STUDY = """
+trials = 2
+scenarios = ["evil.py:World[ticks=3]"]
+estimators = ["dead-reckoning", "evil.py:Mine"]
+"""
+
+
+@pytest.fixture(scope="module")
+def sent(tmp_path_factory):
+    """A run and its report, of a scenario and an estimator in a file that leaves a mark where it runs."""
+    folder = tmp_path_factory.mktemp("sent")
+    (folder / "evil.py").write_text(EVIL)
+    (folder / "study.toml").write_text(STUDY)
+    ran = commanded("run", "study.toml", "--out", "run", "--no-check", cwd=folder)
+    assert ran.returncode == 0, ran.stderr
+    assert (folder / "ran").exists()
+    # Another file under the same name is imported again, if anything imports it.
+    (folder / "evil.py").write_text(EVIL + "# changed\n")
+    (folder / "ran").unlink()
+    return folder
+
+
+def test_nothing_but_reproduce_runs_code_that_a_run_names_and_that_asks(sent):
+    for command in ("show", "verdicts", "report"):
+        assert commanded(command, "run", cwd=sent).returncode == 0
+    assert commanded("compare", "run", "run", cwd=sent).returncode == 0
+    assert not (sent / "ran").exists()
+    refused = commanded("reproduce", "run/report", cwd=sent)
+    assert refused.returncode == 2
+    assert "code that the report names, in evil.py: read it, then repeat with --trust" in refused.stderr
+    assert not (sent / "ran").exists()
+    again = commanded("reproduce", "run/report", "--trust", "--trials", "1", cwd=sent)
+    assert again.returncode == 0, again.stderr
+    assert "2 of 2 results are bit-equal" in again.stdout
+    assert (sent / "ran").exists()
+
+
+def test_what_a_manifest_says_reaches_the_terminal_as_text(sent, tmp_path):
+    folder = tmp_path / "run"
+    folder.mkdir()
+    manifest = json.loads((sent / "run" / "manifest.json").read_text())
+    manifest.pop("checksum")
+    manifest["cpu"] = "\x1b[2J\x1b]0;gone\x07\u202edetsurt"
+    manifest["study"]["about"] = "\x9b31m\r[bold]"
+    (folder / "manifest.json").write_text(json.dumps(seal(manifest)))
+    shown = commanded("show", folder)  # fails where a control character is among what it prints
+    assert shown.returncode == 0, shown.stderr
+    assert r"on \x1b[2J\x1b]0;gone\x07\u202edetsurt" in shown.stdout
+    assert r"\x9b31m\x0d[bold]".replace(r"\x0d", r"\r") in shown.stdout
+
+
+def test_a_report_stays_in_its_directory_whatever_experiments_are_called(sent, tmp_path):
+    manifest = json.loads((sent / "run" / "manifest.json").read_text())
+    manifest.pop("checksum")
+    for cell in manifest["cells"].values():
+        cell["experiment"] = "../../../outside"
+    manifest["study"]["name"] = "../../../outside"
+    before = (sent / "run" / "manifest.json").read_text()
+    (sent / "run" / "manifest.json").write_text(json.dumps(seal(manifest)))
+    try:
+        assert commanded("report", "run", "-o", tmp_path / "deep" / "report", cwd=sent).returncode == 0
+    finally:
+        (sent / "run" / "manifest.json").write_text(before)
+    assert [file.name for file in tmp_path.iterdir()] == ["deep"]
+    assert [file.name for file in (tmp_path / "deep").iterdir()] == ["report"]
+
+
+def test_text_is_shown_as_it_is_but_for_what_is_hidden():
+    plain = "µs, ±, −, “naïve”, 漢字, tab\tand\nline"
+    assert visible(plain) == plain
+    assert visible("a\x1b[31mb\x00\x7f\x85\u200b\u202e\ud800") == r"a\x1b[31mb\x00\x7f\x85\u200b\u202e\ud800"
+
+
+def test_no_text_in_csv_begins_like_a_formula_and_numbers_stay_numbers():
+    import pandas as pd
+
+    names = ["=cmd|' /C calc'!A0", "+1", "-1", "@SUM(A1)", "\tx", "plain", "a=b"]
+    table = pd.DataFrame({"=head": names, "value": [-1.5, 2.0, float("nan"), -3.0, 1e-9, -0.0, 7.0]})
+    for one in (table, table.astype(object)):
+        head, *rows = csv.reader(csv_text(one).splitlines())
+        assert head == ["'=head", "value"]
+        assert [row[0] for row in rows] == ["'" + n if re.match(r"[=+\-@\t]", n) else n for n in names]
+        assert [row[1] for row in rows] == ["-1.5", "2.0", "", "-3.0", "1e-09", "-0.0", "7.0"]
