@@ -82,6 +82,7 @@ def run_study(
     data: str | Path | None = None,
     out: str | Path | None = None,
     check: bool = True,
+    isolate: bool = True,
 ) -> Results:
     """Run a study, as `cooploc run` does; what its directory holds already is not computed again.
 
@@ -95,6 +96,8 @@ def run_study(
         data: the directory of recordings, for scenarios that need one.
         out: the run directory; `runs/STUDY-seedN` where not given.
         check: whether estimators that are not built in are checked before they run.
+        isolate: False keeps everything in this process, for a debugger; else what is not built in has processes of its
+            own, where it may crash or hang.
 
     Raises:
         BadInput: the study cannot be run as it stands; nothing was computed.
@@ -106,7 +109,16 @@ def run_study(
     folder = Path(out) if out is not None else Path("runs") / f"{asked.name}-seed{asked.seed}"
     recordings = None if data is None else Path(data)
     with TerminalProgress() as progress:
-        rows = execute(asked, folder, data=recordings, jobs=jobs, scheduler=scheduler, check=check, progress=progress)
+        rows = execute(
+            asked,
+            folder,
+            data=recordings,
+            jobs=jobs,
+            scheduler=scheduler,
+            check=check,
+            isolate=isolate,
+            progress=progress,
+        )
     results = Results(folder, rows, compare(rows, asked.baselines(), full=True))
     printed.keep(results.table, rows, folder)
     return results

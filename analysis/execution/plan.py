@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from cooploc.analysis.execution.run_directory import Piece, RunDir
 from cooploc.analysis.execution.task import Task
+from cooploc.scenarios.remote import RemoteScenario
 from cooploc.scenarios.resolved import ResolvedScenario
 from cooploc.scenarios.studies.resolved_study import ResolvedStudy
 
@@ -44,7 +45,7 @@ def make_plan(study: ResolvedStudy, directory: RunDir) -> Plan:
     return Plan(sum(cell.trials * len(cell.estimators) for cell in study.cells), intact, damaged, tasks)
 
 
-def work(scenario: ResolvedScenario) -> float:
+def work(scenario: ResolvedScenario | RemoteScenario) -> float:
     """About how long a trial takes, relative to other scenarios: robots x (what is fixed + neighbours).
 
     A robot alone costs as much as hearing some forty neighbours (reports/speed.md).
@@ -63,7 +64,7 @@ def _gaps(held: list[range], count: int, size: int) -> Iterator[range]:
             start = i + 1
 
 
-def _chunk_size(scenario: ResolvedScenario) -> int:
+def _chunk_size(scenario: ResolvedScenario | RemoteScenario) -> int:
     if scenario.recorded:
         return 1
     least, most = CHUNK_TRIALS

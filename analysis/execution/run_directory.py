@@ -20,7 +20,7 @@ from filelock import FileLock, Timeout
 from cooploc.estimators.plugins.errors import BadInput
 
 FORMAT = 1
-MUST_MATCH = ("seed", "data", "versions", "source")
+MUST_MATCH = ("seed", "data", "versions", "source", "instructions")
 
 
 class Piece(NamedTuple):

@@ -14,3 +14,12 @@ def nearest(name: str, known: list[str]) -> str:
     """The end of an error message: the nearest known name, or all of them."""
     close = get_close_matches(name, known, n=1, cutoff=0.5)
     return f"did you mean {close[0]!r}?" if close else f"known are {', '.join(known)}"
+
+
+def one_line(e: BaseException) -> str:
+    """An exception's type and message on one line, whatever its message does."""
+    try:
+        message = " ".join(str(e).split())
+    except BaseException:
+        message = "its message cannot be read"
+    return f"{type(e).__name__}: {message}" if message else type(e).__name__

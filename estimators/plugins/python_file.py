@@ -13,7 +13,7 @@ from typing import Any
 
 import cloudpickle
 
-from cooploc.estimators.plugins.errors import BadInput, nearest
+from cooploc.estimators.plugins.errors import BadInput, nearest, one_line
 
 
 def is_file(name: str) -> bool:
@@ -60,8 +60,8 @@ def _imported(path: Path) -> ModuleType:
     sys.modules[name] = module
     try:
         exec(compile(source, module.__file__, "exec"), vars(module))
-    except (Exception, SystemExit) as e:
+    except (Exception, SystemExit, GeneratorExit) as e:
         del sys.modules[name]
-        raise BadInput(f"{path} cannot be imported: {' '.join(f'{type(e).__name__}: {e}'.split())}") from e
+        raise BadInput(f"{path} cannot be imported: {one_line(e)}") from e
     cloudpickle.register_pickle_by_value(module)  # a worker could not import it by name
     return module
