@@ -6,6 +6,7 @@ import re
 import subprocess
 from collections.abc import Iterable
 from functools import cache
+from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -99,24 +100,21 @@ def _commit() -> str | None:
 def instructions() -> dict[str, str]:
     """What the libraries make of this processor, and of the flags that tell them to: other ones round otherwise."""
     from llvmlite import binding
-    from numba.core import config
     from numpy._core._multiarray_umath import __cpu_features__
     from threadpoolctl import threadpool_info
 
+    import_module("scipy.linalg")  # loads its BLAS
+    config: Any = import_module("numba.core.config")  # its values come from the environment
     compiler = config.CPU_NAME or binding.get_host_cpu_name()
     features = config.CPU_FEATURES or binding.get_host_cpu_features().flatten()
-    blas = sorted(
-        {
-            f"{one['internal_api']} {one.get('architecture', '')}"
-            for one in threadpool_info()
-            if one["user_api"] == "blas"
-        }
-    )
+    blas = {
+        f"{one['internal_api']} {one.get('architecture')}" for one in threadpool_info() if one["user_api"] == "blas"
+    }
     return {
         "machine": platform.machine(),
         "numpy": " ".join(sorted(name for name, there in __cpu_features__.items() if there)),
         "numba": f"{compiler}, optimisation {config.OPT}, features {_digest(features)}",
-        "blas": ", ".join(blas),
+        "blas": ", ".join(sorted(blas)),
         "jit": "off" if config.DISABLE_JIT else "on",
     }
 

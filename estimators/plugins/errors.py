@@ -17,9 +17,13 @@ def nearest(name: str, known: list[str]) -> str:
 
 
 def one_line(e: BaseException) -> str:
-    """An exception's type and message on one line, whatever its message does."""
+    """An exception's type and message on one line."""
+    return f"{type(e).__name__}: {message(e)}" if message(e) else type(e).__name__
+
+
+def message(e: BaseException) -> str:
+    """An exception's message on one line, whatever its `__str__` does."""
     try:
-        message = " ".join(str(e).split())
+        return " ".join(str(e).split())
     except BaseException:
-        message = "its message cannot be read"
-    return f"{type(e).__name__}: {message}" if message else type(e).__name__
+        return "its message cannot be read"

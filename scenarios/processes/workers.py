@@ -5,7 +5,6 @@ that a second call begins at once.
 """
 
 import contextlib
-import faulthandler
 import io
 import os
 import pickle
@@ -24,6 +23,7 @@ import cloudpickle
 from cooploc.scenarios.processes.outcome import Outcome, ProcessDied, ProcessHung, Raised
 
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
+QUIET = {"PYTHONFAULTHANDLER": ""}  # a crash is told in one line
 IDLE = 600  # [s] after which a process that nobody needs ends
 BUILTIN, SESSION = "", "session"  # owners: built-in estimators, and what a user hands over in Python
 _pools: dict[tuple[int, str, int], tuple[Executor, Mapping[str, float]]] = {}
@@ -38,7 +38,7 @@ def pool(owner: str, jobs: int = 1) -> Executor:
         end(owner)
     if key not in _pools:
         begin = {"initializer": begin_worker, "initargs": (os.getpid(),)}
-        _pools[key] = ProcessPoolExecutor(jobs, timeout=IDLE, env=ONE_THREAD, **begin), now
+        _pools[key] = ProcessPoolExecutor(jobs, timeout=IDLE, env=ONE_THREAD | QUIET, **begin), now
     return _pools[key][0]
 
 
@@ -99,7 +99,6 @@ def begin_worker(parent: int) -> None:
     """Leave Ctrl-C and stdout to the parent process, end when it ends, and be ended first where memory runs out."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.dup2(2, 1)
-    faulthandler.disable()  # a crash is told in one line
     with contextlib.suppress(OSError):
         Path("/proc/self/oom_score_adj").write_text("1000")
 

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from cooploc.estimators import is_builtin, make, split
-from cooploc.estimators.plugins.errors import BadInput, one_line
+from cooploc.estimators.plugins.errors import BadInput, message
 from cooploc.scenarios.stream import Stream, Truth
 
 ROBOT = ("init", "predict", "correct", "send", "fuse", "estimate")
@@ -75,7 +75,7 @@ def instance(estimator: Any) -> Any:
         return estimator()
     except (Exception, SystemExit, GeneratorExit) as e:  # a constructor may fail in any way
         remedy = f"pass an instance, {name}(...)" if hasattr(estimator, "init") else LIFT
-        raise BadInput(f"{name} cannot be made without arguments ({one_line(e)}): {remedy}") from e
+        raise BadInput(f"{name} cannot be made without arguments ({message(e)}): {remedy}") from e
 
 
 def _listed(estimators: Any) -> Iterable[Any]:
