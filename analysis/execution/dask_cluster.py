@@ -16,6 +16,7 @@ from cooploc.analysis.execution.pool import Pool
 from cooploc.analysis.execution.provenance import bits
 from cooploc.analysis.execution.task import MeasuredPart, Task, measure
 from cooploc.estimators.plugins.errors import BadInput, one_line
+from cooploc.scenarios.processes.workers import end_all
 
 PATIENCE = 5  # [s] for the scheduler to answer
 LOOK = 2.0  # [s] between looks at a cluster that gives no results
@@ -26,7 +27,7 @@ REMEDY = {
     "instructions": "use workers of one kind of processor, with the same flags",
 }
 _one_at_a_time = threading.Lock()
-_machine = ThisMachine(1)  # of a worker: it keeps its processes from task to task
+_machine = ThisMachine(1, keep=True)  # of a worker
 
 
 class FarParts(NamedTuple):
@@ -108,6 +109,7 @@ def measured_in_turn(task: Task) -> FarParts:
             return FarParts(get_worker().address, bits(), list(measure(task)))
         # Dask's workers are daemons, which may have no children; ours end with their parent.
         multiprocessing.current_process()._config["daemon"] = False  # type: ignore[attr-defined]
+        end_all(but=(task.owner,))
         return FarParts(get_worker().address, bits(), list(_machine.compute([task])))
 
 

@@ -19,9 +19,6 @@ class ThisProcess:
         for task in tasks:
             yield from measure(task)
 
-    def stop(self) -> None:
-        """There is nothing to end."""
-
 
 class LocalProcesses(Pool):
     """The processes of one owner on this machine."""
@@ -41,9 +38,8 @@ class LocalProcesses(Pool):
 class ThisMachine:
     """Built-in code in this process, or in as many as there are jobs; every plug-in in as many of its own."""
 
-    def __init__(self, jobs: int) -> None:
-        self.jobs = jobs
-        self._owners: set[str] = set()
+    def __init__(self, jobs: int, keep: bool = False) -> None:
+        self.jobs, self.keep = jobs, keep  # whether a plug-in's processes wait for its next tasks
 
     def compute(self, tasks: list[Task]) -> Iterator[MeasuredPart]:
         """The parts of every task, owner by owner."""
@@ -54,12 +50,6 @@ class ThisMachine:
         for owner, mine in of.items():
             yield from self._foreign(owner, mine)
 
-    def stop(self) -> None:
-        """End the processes of plug-ins, whatever they do."""
-        for owner in self._owners:
-            end(owner)
-        self._owners.clear()
-
     def _builtin(self, tasks: list[Task]) -> Iterator[MeasuredPart]:
         if self.jobs == 1:
             return ThisProcess().compute(tasks)
@@ -67,9 +57,6 @@ class ThisMachine:
 
     def _foreign(self, owner: str, tasks: list[Task]) -> Iterator[MeasuredPart]:
         """The parts of a plug-in's tasks; an estimator that cannot be imported or made costs its process once."""
-        if owner not in self._owners:
-            self.stop()
-        self._owners.add(owner)
         labels = dict.fromkeys(one.label for task in tasks for one in task.estimators if not one.builtin)
         reasons = {label: unmade(owner, label, tasks[0].time_limit) for label in labels}
         left = []
@@ -80,6 +67,8 @@ class ThisMachine:
             if alive := tuple(one for one in task.estimators if not reasons.get(one.label)):
                 left.append(task.only(alive))
         yield from LocalProcesses(owner, self.jobs).compute(left)
+        if not self.keep:
+            end(owner)
 
 
 def unmade(owner: str, label: str, seconds: float) -> str:

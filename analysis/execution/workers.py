@@ -7,7 +7,7 @@ from cooploc.analysis.execution.dask_cluster import connected
 from cooploc.analysis.execution.local_workers import ThisMachine, ThisProcess
 from cooploc.analysis.execution.pool import Workers
 from cooploc.estimators.plugins.errors import BadInput
-from cooploc.scenarios.processes.workers import BUILTIN, end
+from cooploc.scenarios.processes.workers import BUILTIN, SESSION, end_all
 
 
 @contextmanager
@@ -23,15 +23,15 @@ def hired(jobs: int, scheduler: str | None, isolate: bool, say: Callable[[str], 
     if not isolate and (jobs > 1 or scheduler is not None):
         other = "--scheduler" if scheduler is not None else f"--jobs {jobs}"
         raise BadInput(f"--no-isolate keeps everything in one process, and {other} asks for others: leave one out")
-    if scheduler is not None:
-        with connected(scheduler, say) as cluster:
-            yield cluster
-        return
-    local = ThisMachine(jobs) if isolate else ThisProcess()
+    kept: tuple[str, ...] = SESSION, BUILTIN  # for the next run
     try:
-        yield local
+        if scheduler is not None:
+            with connected(scheduler, say) as cluster:
+                yield cluster
+        else:
+            yield ThisMachine(jobs) if isolate else ThisProcess()
     except BaseException:
-        end(BUILTIN)
+        kept = (SESSION,)
         raise
     finally:
-        local.stop()
+        end_all(but=kept)

@@ -13,7 +13,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from concurrent.futures import BrokenExecutor, Executor, Future
 from pathlib import Path
 from typing import Any
@@ -47,6 +47,12 @@ def end(owner: str) -> None:
     for key in [key for key in _pools if key[:2] == (os.getpid(), owner)]:
         executor: Any = _pools.pop(key)[0]
         executor.shutdown(kill_workers=True)
+
+
+def end_all(but: Collection[str] = ()) -> None:
+    """End the processes of all owners but these."""
+    for owner in {owner for pid, owner, _ in _pools if pid == os.getpid()} - set(but):
+        end(owner)
 
 
 def call(owner: str, function: Callable[..., Any], *arguments: Any, seconds: float = float("inf")) -> Any:
