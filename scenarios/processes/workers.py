@@ -15,6 +15,7 @@ import threading
 import time
 from collections.abc import Callable, Collection, Mapping
 from concurrent.futures import BrokenExecutor, Executor, Future
+from multiprocessing.util import Finalize
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,7 @@ def pool(owner: str, jobs: int = 1) -> Executor:
     if key in _pools and any(now.get(file, at) != at for file, at in _pools[key][1].items()):
         end(owner)
     if key not in _pools:
+        Finalize(None, end_all, exitpriority=100)  # else a process that was itself forked would wait for them
         begin = {"initializer": begin_worker, "initargs": (os.getpid(),)}
         _pools[key] = ProcessPoolExecutor(jobs, timeout=IDLE, env=ONE_THREAD | QUIET, **begin), now
     return _pools[key][0]
