@@ -187,7 +187,8 @@ def _limited_run(estimator: ConfiguredEstimator, stream: Stream, limit: Limit) -
 
 
 def _line(e: BaseException) -> str:
-    place = traceback.extract_tb(e.__traceback__)[-1]
+    places = [one for one in traceback.extract_tb(e.__traceback__) if Path(one.filename).name != "time_limit.py"]
+    place = places[-1]  # for one that hung, where it did
     return f"{one_line(e)} ({Path(place.filename).name}:{place.lineno})"
 
 
