@@ -1,6 +1,7 @@
 """A running Dask cluster as workers: the same tasks, through the same interface."""
 
 import asyncio
+import logging
 import multiprocessing
 import re
 import threading
@@ -136,6 +137,8 @@ def _client(address: str) -> Any:
         raise BadInput("--scheduler needs Dask, which is not installed: pip install 'cooploc[cluster]'") from None
     if not re.fullmatch(r"\w+://.+:\d+", address):
         raise BadInput(f"cannot read the scheduler's address {address!r}; write it like tcp://10.0.0.1:8786")
+    for name in ("distributed", "distributed.client", "distributed.utils", "tornado.application"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)  # what it complains of is told in one line
     try:
         return distributed.Client(address, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError, TypeError) as e:

@@ -1,7 +1,7 @@
 """Every way to end a process, in every place where a plug-in's code runs, for every kind of worker: what is lost?
 
-Run: python benchmarks/reliability/crash_matrix.py [report.md]. Each cell is a plug-in of its own that does one bad thing
-in one place, in trial 1 of 2, or whenever it is imported or made. All of them run in one study, beside a built-in
+Run: python benchmarks/reliability/crash_matrix.py [report.md]. Each cell is a plug-in of its own that does one bad
+thing in one place, in trial 1 of 2, or whenever it is imported or made. All of them run in one study, beside a built-in
 estimator, once with one job, once with two, once on a Dask cluster. A cell holds where the bad trial failed, the other
 trial and every trial of the built-in estimator have a result, and the command ended with exit code 1.
 """
@@ -201,9 +201,9 @@ def wait_for_worker(address: str, seconds: float = 120) -> None:
 def report(cells: list[Cell], found: dict[str, tuple[dict[Cell, Outcome], float]]) -> str:
     lines = [__doc__.partition("\n")[0], ""] if __doc__ else []
     lines += [
-        "Made by `python benchmarks/reliability/crash_matrix.py`. A cell holds (✓) where the bad trial failed with a line "
-        "that says why, the other trial and all trials of a built-in estimator in the same study have a result, and the "
-        "command ended with exit code 1.",
+        "Made by `python benchmarks/reliability/crash_matrix.py`. A cell holds (✓) where the bad trial failed with a",
+        "line that says why, the other trial and all trials of a built-in estimator in the same study have a result, and",
+        "the command ended with exit code 1.",
     ]
     for mode, (outcomes, seconds) in found.items():
         good = sum(one.held for one in outcomes.values())

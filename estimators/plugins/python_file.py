@@ -60,6 +60,9 @@ def _imported(path: Path) -> ModuleType:
     sys.modules[name] = module
     try:
         exec(compile(source, module.__file__, "exec"), vars(module))
+    except MemoryError:  # of the machine, not of the input
+        del sys.modules[name]
+        raise
     except (Exception, SystemExit, GeneratorExit) as e:
         del sys.modules[name]
         raise BadInput(f"{path} cannot be imported: {one_line(e)}") from e

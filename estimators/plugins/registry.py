@@ -85,6 +85,8 @@ def loaded(place: str, what: str) -> Any:
     module, _, attribute = place.partition(":")
     try:
         return getattr(import_module(module), attribute)
+    except MemoryError:  # of the machine, not of the input
+        raise
     except (Exception, SystemExit, GeneratorExit) as e:
         raise BadInput(f"{what} cannot be imported: {one_line(e)}") from e
 

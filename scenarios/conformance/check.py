@@ -131,6 +131,8 @@ def check_estimator(
         return checked_there(SESSION, estimator, name, seed, time_limit)
     except WorkerError as e:
         return _ended(name or label(estimator), seed, str(e))
+    except MemoryError as e:
+        return _ended(name or label(estimator), seed, one_line(e))
 
 
 def checked_there(owner: str, estimator: Any, name: str | None, seed: int, seconds: float) -> Report:
