@@ -1,6 +1,8 @@
 """Refuses, before anything is computed, what cannot run: names, parameters, channels, recordings."""
 
+from contextlib import chdir
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from cooploc.analysis.execution.task import Task
@@ -45,7 +47,7 @@ def _there(task: Task) -> None:
 
 
 def _limited(task: Task) -> None:
-    with within(Limit(task.time_limit, end_process=True)):
+    with within(Limit(task.time_limit, end_process=True)), chdir(Path.cwd()):
         _first_tick(task, {})
 
 

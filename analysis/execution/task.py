@@ -2,7 +2,7 @@
 
 import traceback
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import chdir, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -162,7 +162,7 @@ def _piece(task: Task, estimator: ConfiguredEstimator) -> Piece:
 def _warm_up(estimator: ConfiguredEstimator, stream: Stream, limit: Limit, caught: Caught) -> None:
     """Import and compile before the clock runs; an error here occurs again in the run, and is recorded there."""
     short = stream.select(slice(0, 1)).truncated(2)
-    with suppress(*caught), within(limit):
+    with suppress(*caught), within(limit), chdir(Path.cwd()):
         trace(estimator.label, make(estimator), short)
 
 
@@ -181,7 +181,7 @@ def _frame(estimator: ConfiguredEstimator, truth: Truth, stream: Stream, limit: 
 
 
 def _limited_run(estimator: ConfiguredEstimator, stream: Stream, limit: Limit) -> Run:
-    with within(limit, *stream.senses.dt.shape[:2]) as watch:
+    with within(limit, *stream.senses.dt.shape[:2]) as watch, chdir(Path.cwd()):
         traced = trace(estimator.label, make(estimator), stream, watch)
     return Run(stream.scenario, stream.seed, stream.trial, stream.hashes, {estimator.label: traced})
 

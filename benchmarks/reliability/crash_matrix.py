@@ -202,8 +202,8 @@ def report(cells: list[Cell], found: dict[str, tuple[dict[Cell, Outcome], float]
     lines = [__doc__.partition("\n")[0], ""] if __doc__ else []
     lines += [
         "Made by `python benchmarks/reliability/crash_matrix.py`. A cell holds (✓) where the bad trial failed with a",
-        "line that says why, the other trial and all trials of a built-in estimator in the same study have a result, and",
-        "the command ended with exit code 1.",
+        "line that says why, the other trial and all trials of a built-in estimator in the same study have a result,",
+        "and the command ended with exit code 1.",
     ]
     for mode, (outcomes, seconds) in found.items():
         good = sum(one.held for one in outcomes.values())
