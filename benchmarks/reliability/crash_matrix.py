@@ -42,8 +42,7 @@ if PLACE == "import":
 class Cell(DeadReckoning):
     bad = False
 
-    def __init__(self):
-        super().__init__()
+    def __post_init__(self):  # called by the `__init__` of a dataclass
         if PLACE == "__init__":
             trouble()
 

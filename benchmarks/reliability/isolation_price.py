@@ -1,8 +1,8 @@
 """What it costs that a plug-in has processes of its own, as a ratio to the same run in one process.
 
-Run: python benchmarks/reliability/isolation_price.py [rounds]. The study is `quick` with one more estimator, which is the
-built-in `arl` under a plug-in's name. Both kinds of run take turns, each in a new process that has imported and compiled
-everything; the first second of a process of its own, which imports, is given apart. A ratio of 1.1 is ten percent.
+Run: python benchmarks/reliability/isolation_price.py [rounds]. The study is `quick` with one more estimator, which is
+the built-in `arl` under a plug-in's name. Both kinds of run take turns, each in a new process that has imported and
+compiled everything; what it takes to start a process, which imports, is given apart. A ratio of 1.1 is ten percent.
 """
 
 import os
