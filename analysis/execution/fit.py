@@ -10,7 +10,7 @@ from cooploc.estimators import make, module_of
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios import resolve
 from cooploc.scenarios.processes.time_limit import Limit, within
-from cooploc.scenarios.processes.workers import call
+from cooploc.scenarios.processes.workers import call, end
 from cooploc.scenarios.resolved import ResolvedScenario
 from cooploc.scenarios.runner.trace import demand_fit as demand_begin
 from cooploc.scenarios.studies.resolved_study import ResolvedStudy
@@ -28,22 +28,28 @@ def demand_fit(asked: ResolvedStudy, isolate: bool) -> None:
     for estimator in asked.estimators:
         module_of(estimator.name)  # an unknown name is refused here
     made: dict[str, Any] = {}
+    foreign: dict[str, list[Task]] = {}
     for cell in asked.cells:
         whole = Task(cell.scenario, range(1), asked.study.seed, cell.estimators, asked.study.time_limit)
         for task in whole.by_owner():
             if task.owner and isolate:
-                _there(task)
+                foreign.setdefault(task.owner, []).append(task)
             else:
                 _first_tick(task, made)
+    for owner, tasks in foreign.items():
+        _there(owner, tasks)
+        if len(foreign) > 1:  # else it goes on with the run
+            end(owner)
 
 
-def _there(task: Task) -> None:
-    try:
-        call(task.owner, _limited, task)
-    except BadInput:
-        raise
-    except Exception:
-        return
+def _there(owner: str, tasks: list[Task]) -> None:
+    for task in tasks:
+        try:
+            call(owner, _limited, task)
+        except BadInput:
+            raise
+        except Exception:
+            return
 
 
 def _limited(task: Task) -> None:

@@ -60,11 +60,10 @@ def _imported(path: Path) -> ModuleType:
     sys.modules[name] = module
     try:
         exec(compile(source, module.__file__, "exec"), vars(module))
-    except MemoryError:  # of the machine, not of the input
-        del sys.modules[name]
-        raise
-    except (Exception, SystemExit, GeneratorExit) as e:
-        del sys.modules[name]
+    except BaseException as e:
+        del sys.modules[name]  # it is half there
+        if isinstance(e, MemoryError) or not isinstance(e, (Exception, SystemExit, GeneratorExit)):
+            raise  # of the machine, of the time limit or of Ctrl-C, not of the file
         raise BadInput(f"{path} cannot be imported: {one_line(e)}") from e
     cloudpickle.register_pickle_by_value(module)  # a worker could not import it by name
     return module
