@@ -1,34 +1,48 @@
-"""The entry point: bad input becomes one line on stderr and exit code 2, never a traceback."""
+"""The entry point: what the user can fix becomes one line on stderr and exit code 2, never a traceback."""
 
+import contextlib
+import os
 import sys
+from concurrent.futures import CancelledError
 
 INTERRUPTED = 130
+KEPT = "what was finished is kept, and the same command goes on from there"
 
 
 def main() -> None:
     """Run the command line."""
     from cooploc.cli import app
 
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(AttributeError):  # not a terminal's or a file's
+            stream.reconfigure(errors="replace")  # type: ignore[union-attr]  # a question mark where it cannot show µ
     try:
         code = app(standalone_mode=False)
         if code == INTERRUPTED:  # typer has caught Ctrl-C
-            _say("interrupted; what was finished is kept, and the same command goes on from there", code)
-    except Exception as e:
+            _say(f"interrupted; {KEPT}", code)
+        sys.stdout.flush()
+    except (Exception, CancelledError) as e:
         line = _explained(e)
         if line is None:
             raise
         code = _say(line, 2)
+        _forget_output()
     sys.exit(code)
 
 
-def _explained(e: Exception) -> str | None:
+def _explained(e: BaseException) -> str | None:
     """One line for what the user can fix; None for bugs of ours, which keep their traceback."""
     from cooploc.estimators.plugins.errors import BadInput
 
     if isinstance(e, BadInput):
         return str(e)
-    if isinstance(e, OSError) and e.filename is not None:
-        return f"{e.strerror or type(e).__name__}: {e.filename}; what was finished is kept"
+    if isinstance(e, OSError):
+        where = f": {e.filename}" if e.filename is not None else ""
+        return f"{e.strerror or type(e).__name__}{where}; {KEPT}"
+    if isinstance(e, MemoryError):
+        return f"out of memory; {KEPT}: with fewer --jobs, or where there is more memory"
+    if type(e).__name__.endswith("CancelledError"):
+        return f"the Dask cluster dropped the work ({type(e).__name__}); {KEPT}"
     if hasattr(e, "format_message"):  # the command line's own errors, whose class typer does not export
         return f"{e.format_message()} (cooploc --help says what there is)"
     return None
@@ -37,8 +51,17 @@ def _explained(e: Exception) -> str | None:
 def _say(message: str, code: int) -> int:
     from cooploc.terminal.visible import visible
 
-    print("cooploc:", visible(" ".join(message.split())), file=sys.stderr)
+    with contextlib.suppress(OSError):
+        print("cooploc:", visible(" ".join(message.split())), file=sys.stderr, flush=True)
     return code
+
+
+def _forget_output() -> None:
+    """What could not be written is tried again when Python ends, with a complaint, unless it has somewhere to go."""
+    try:
+        sys.stdout.flush()
+    except (OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 if __name__ == "__main__":

@@ -22,6 +22,7 @@ app = typer.Typer(
 
 RunDirectory = Annotated[Path, typer.Argument(help="a run directory")]
 Recordings = Annotated[Path | None, typer.Option(help="directory of recordings")]
+Isolate = Annotated[bool, typer.Option(help="give what is not built in processes of its own, where it may crash")]
 Claims = Annotated[Path | None, typer.Option(help="TOML file of claims [default: those of the paper]")]
 
 
@@ -72,6 +73,7 @@ def run(
     out: Annotated[Path | None, typer.Option(help="run directory [default: runs/STUDY-seedN]")] = None,
     check: Annotated[bool, typer.Option(help="check estimators that are not built in before they run")] = True,
     retry_failed: Annotated[bool, typer.Option("--retry-failed", help="run again every trial that failed")] = False,
+    isolate: Isolate = True,
     as_json: Annotated[
         bool, typer.Option("--json", help="print the table as JSON, and nothing else on stdout")
     ] = False,
@@ -90,6 +92,7 @@ def run(
         out=out,
         check=check,
         retry_failed=retry_failed,
+        isolate=isolate,
     )
     printed.show(results.table, results.rows, results.folder, as_json)
     if len(results.failures):
@@ -106,9 +109,11 @@ def show(folder: RunDirectory) -> None:
 def check(
     estimator: Annotated[str, typer.Argument(help="an estimator's name, or path.py:Name")],
     seed: Annotated[int, typer.Option(help="random seed of the streams it is tried on")] = 0,
+    time_limit: Annotated[float, typer.Option(help="seconds for all checks of one that is not built in")] = 600.0,
+    isolate: Isolate = True,
 ) -> None:
     """Check that an estimator cannot cheat and keeps to the interface."""
-    result = cl.check_estimator(estimator, seed=seed)
+    result = cl.check_estimator(estimator, seed=seed, isolate=isolate, time_limit=time_limit)
     typer.echo(visible(result.table()))
     if not result.passed:
         raise typer.Exit(1)

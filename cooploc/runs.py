@@ -83,6 +83,7 @@ def run_study(
     out: str | Path | None = None,
     check: bool = True,
     retry_failed: bool = False,
+    isolate: bool = True,
 ) -> Results:
     """Run a study, as `cooploc run` does; what its directory holds already is not computed again.
 
@@ -98,6 +99,8 @@ def run_study(
         check: whether estimators that are not built in are checked before they run.
         retry_failed: whether every trial that failed runs again; one whose process was lost, that found memory or
             disk full, or that a smaller time limit ended, always does.
+        isolate: False keeps everything in this process, for a debugger; else what is not built in has processes of its
+            own, where it may crash or hang.
 
     Raises:
         BadInput: the study cannot be run as it stands; nothing was computed.
@@ -119,6 +122,7 @@ def run_study(
             scheduler=scheduler,
             check=check,
             retry_failed=retry_failed,
+            isolate=isolate,
             progress=progress,
         )
     results = Results(folder, rows, compare(rows, asked.baselines(), full=True))

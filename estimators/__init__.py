@@ -73,6 +73,14 @@ def configure(label: str) -> ConfiguredEstimator:
     return ConfiguredEstimator(label, name, parameters, name in BUILTIN)
 
 
+def is_builtin(estimator: Any) -> bool:
+    """Whether a name, a class or an instance is one of `BUILTIN`, whose code the tests of this package hold."""
+    if isinstance(estimator, str):
+        return configure(estimator).builtin
+    cls = estimator if isinstance(estimator, type) else type(estimator)
+    return f"{cls.__module__}:{cls.__qualname__}" in {place for place, _ in BUILTIN.values()}
+
+
 def plugin_errors() -> dict[str, str]:
     """Installed plug-ins that cannot be used, by name, with the reason."""
     return REGISTRY.errors(_unusable)

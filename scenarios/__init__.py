@@ -17,6 +17,7 @@ from cooploc.estimators.plugins.errors import BadInput
 from cooploc.estimators.plugins.labels import parse
 from cooploc.estimators.plugins.registry import Registry
 from cooploc.scenarios.interface import Family as Family
+from cooploc.scenarios.remote import RemoteScenario, described
 from cooploc.scenarios.resolved import ResolvedScenario, build, divided
 from cooploc.scenarios.stream import Stream, Truth
 
@@ -126,6 +127,21 @@ def simulate(
     return resolve(label, data, **overrides).simulate(trials, seed, assumed)
 
 
+def resolve_isolated(label: str, data: str | Path | None = None) -> ResolvedScenario | RemoteScenario:
+    """As `resolve`; a scenario that is not built in is resolved, and later simulated, by other processes alone.
+
+    Raises:
+        BadInput: as `resolve`; or the process that resolved it died.
+
+    """
+    path, written = parse(label)
+    name, _ = divided(path)
+    if name not in BUILTIN:
+        module_of(name)  # an unknown name is refused here
+        return described(label, None if data is None else Path(data))
+    return _resolved(label, path, written, data, {})
+
+
 def resolve(label: str, data: str | Path | None = None, **overrides: Any) -> ResolvedScenario:
     """The scenario of a label, with parameters overridden; `data` is the directory of a recording.
 
@@ -133,7 +149,12 @@ def resolve(label: str, data: str | Path | None = None, **overrides: Any) -> Res
         BadInput: an unknown scenario, variant or parameter, a value that does not fit, or a recording without `data`.
 
     """
-    path, written = parse(label)
+    return _resolved(label, *parse(label), data, overrides)
+
+
+def _resolved(
+    label: str, path: str, written: Mapping[str, str], data: str | Path | None, overrides: Mapping[str, Any]
+) -> ResolvedScenario:
     name, which = divided(path)
     found = family(name)
     own = {key: value for key, value in written.items() if not key.startswith(ASSUMED)}

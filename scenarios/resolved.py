@@ -33,6 +33,11 @@ class ResolvedScenario:
     assumed: Mapping[str, Any] = field(default_factory=dict)  # what the team assumes instead of true parameters
 
     @property
+    def settings(self) -> dict[str, Any]:
+        """Every parameter of the model, as JSON."""
+        return self.model.model_dump(mode="json", exclude={"data"})
+
+    @property
     def recorded(self) -> bool:
         """Whether it is a recording, which is the same for any seed."""
         return self.family.recorded

@@ -5,20 +5,21 @@ In tables a certificate is one line: "passed: 16 checks", "failed: causality: wh
 built-in estimator has none: the tests of this package check it.
 """
 
-import os
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import BrokenExecutor
 from dataclasses import asdict
+from functools import partial
 from typing import Any
 
 import pandas as pd
 
-from cooploc.analysis.execution.local_workers import ONE_THREAD, begin_worker
 from cooploc.analysis.execution.provenance import files
 from cooploc.analysis.metrics.certificate_line import mark
-from cooploc.estimators import configure, make
+from cooploc.estimators import configure
 from cooploc.estimators.plugins.build import ConfiguredEstimator
-from cooploc.scenarios.conformance.check import Report, check_estimator
+from cooploc.estimators.plugins.errors import one_line
+from cooploc.scenarios.conformance.check import Report, checked_here, checked_there
+from cooploc.scenarios.processes.outcome import ProcessHung, WorkerError
+from cooploc.scenarios.processes.workers import end
 
 LIMIT = 600.0  # [s] for all checks of one estimator
 SKIPPED = "by request (--no-check)"
@@ -26,7 +27,11 @@ NOT_YET = "the run has no certificate of it"
 
 
 def renewed(
-    estimators: Iterable[ConfiguredEstimator], held: dict[str, Any], check: bool, say: Callable[[str], None]
+    estimators: Iterable[ConfiguredEstimator],
+    held: dict[str, Any],
+    check: bool,
+    say: Callable[[str], None],
+    isolate: bool = True,
 ) -> Iterator[tuple[str, dict[str, Any]]]:
     """The label and a new certificate of each estimator that lacks a valid one; as soon as it is made."""
     for estimator in estimators:
@@ -40,7 +45,7 @@ def renewed(
             yield label, {**_without("unchecked", SKIPPED), "source": source}
             continue
         say(f"checking {label}, as it is not built in: seconds to minutes (--no-check leaves it out)")
-        found = certify(label)
+        found = certify(label) if isolate else _checked(label, checked_here)
         say(f"{label}: {mark(_line(found))}")
         yield label, {**found, "source": source}
 
@@ -52,18 +57,13 @@ def _valid(certificate: dict[str, Any] | None, source: dict[str, str]) -> bool:
 
 def certify(label: str, limit: float = LIMIT) -> dict[str, Any]:
     """Check an estimator in a process of its own, where it can crash or hang without harm."""
-    from loky import ProcessPoolExecutor
-
-    pool = ProcessPoolExecutor(1, env=ONE_THREAD, initializer=begin_worker, initargs=(os.getpid(),))
+    owner = f"check {label}"
     try:
-        found: dict[str, Any] = pool.submit(_checked, label).result(timeout=limit)
-    except TimeoutError:
-        found = _without("unchecked", f"its checks took longer than {limit:g} s")
-    except BrokenExecutor:
-        found = _without("failed", "runs: the process that checked it died (killed, crashed, or out of memory)")
+        return _checked(label, partial(checked_there, owner, seconds=limit))
+    except ProcessHung:
+        return _without("unchecked", f"its checks took longer than {limit:g} s")
     finally:
-        pool.shutdown(kill_workers=True)
-    return found
+        end(owner)
 
 
 def line(estimator: str | ConfiguredEstimator, certificates: dict[str, Any]) -> str:
@@ -84,12 +84,16 @@ def with_lines(
     return rows.assign(certificate=rows["estimator"].map({one.label: line(one, certificates) for one in known}))
 
 
-def _checked(label: str) -> dict[str, Any]:
-    """What runs in that process."""
+def _checked(label: str, check: Callable[[str, str, int], Report]) -> dict[str, Any]:
+    """The certificate that a check gives; an estimator that cannot be checked has failed."""
     try:
-        return of_report(check_estimator(make(label), label))
+        return of_report(check(label, label, 0))
+    except ProcessHung:
+        raise
+    except WorkerError as e:
+        return _without("failed", f"runs: {e}")
     except (Exception, SystemExit) as e:
-        return _without("failed", f"runs: {type(e).__name__}: {' '.join(str(e).split())}")
+        return _without("failed", f"runs: {one_line(e)}")
 
 
 def of_report(report: Report) -> dict[str, Any]:

@@ -1,12 +1,13 @@
 """Runs a study into a run directory: what is there stays, what is missing or damaged is computed."""
 
-from dataclasses import replace
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Protocol
 
 import pandas as pd
 
 from cooploc.analysis.execution.certificates import renewed, with_lines
+from cooploc.analysis.execution.fit import demand_fit
 from cooploc.analysis.execution.memory import demand_memory
 from cooploc.analysis.execution.plan import Plan, make_plan, work
 from cooploc.analysis.execution.pool import Workers
@@ -15,9 +16,7 @@ from cooploc.analysis.execution.run_directory import FORMAT, Piece, RunDir
 from cooploc.analysis.execution.task import MeasuredPart
 from cooploc.analysis.execution.workers import hired
 from cooploc.analysis.formats import counted
-from cooploc.estimators import make
 from cooploc.estimators.plugins.errors import BadInput
-from cooploc.scenarios.runner.trace import demand_fit
 from cooploc.scenarios.studies.resolved_study import ResolvedCell, ResolvedStudy, resolve_study
 from cooploc.scenarios.studies.study import Study
 
@@ -59,6 +58,7 @@ def execute(
     scheduler: str | None = None,
     check: bool = True,
     retry_failed: bool = False,
+    isolate: bool = True,
     progress: Progress | None = None,
 ) -> pd.DataFrame:
     """Run what of a study is not there yet; returns the rows of everything that the study asks for.
@@ -72,6 +72,7 @@ def execute(
         check: whether estimators that are not built in are checked first, once per version of their source.
         retry_failed: whether every trial that failed runs again; those whose process was lost, that found memory or
             disk full, or that a smaller time limit ended, always do.
+        isolate: False keeps everything in this process, for a debugger; else what is not built in has its own.
         progress: called for every part.
 
     Returns:
@@ -82,27 +83,19 @@ def execute(
         OSError: a part could not be written; those before it are kept.
 
     """
-    asked = resolve_study(study, data)
+    asked = resolve_study(study, data, isolate)
     watcher = progress or Quiet()
     memory = demand_memory(asked, jobs)
-    _demand_fit(asked)
     directory = RunDir(out)
-    with hired(jobs, scheduler) as workers, directory.locked():
-        for line in filter(None, (memory, *directory.open(_manifest(asked)))):
+    with hired(jobs, scheduler, isolate, watcher.say) as workers, ExitStack() as held:
+        demand_fit(asked, isolate)
+        held.enter_context(directory.locked())
+        for line in filter(None, (memory, *directory.open({**_manifest(asked), "isolated": isolate}))):
             watcher.say(line)
-        _certify(directory, asked, check, watcher)
+        _certify(directory, asked, check, isolate, watcher)
         rows = _rows(asked, directory, _completed(asked, directory, workers, retry_failed, watcher))
         _note_streams(directory, rows)
     return rows
-
-
-def _demand_fit(asked: ResolvedStudy) -> None:
-    """Refuse, before anything is computed, what cannot run: names, parameters, channels, recordings."""
-    made = {estimator.label: make(estimator) for estimator in asked.estimators}
-    for cell in asked.cells:
-        _, stream = cell.scenario.first_tick().simulate(1, asked.study.seed)
-        for estimator in cell.estimators:
-            demand_fit(estimator.label, made[estimator.label], replace(stream, scenario=cell.scenario.label))
 
 
 def _manifest(asked: ResolvedStudy) -> dict[str, Any]:
@@ -113,7 +106,7 @@ def _manifest(asked: ResolvedStudy) -> dict[str, Any]:
         "cells": {cell.scenario.label: _as_json(cell) for cell in asked.cells},
         "seed": asked.study.seed,
         "data": None if asked.data is None else fingerprint(Path(asked.data)),
-        "scenarios": {one.label: one.model.model_dump(mode="json", exclude={"data"}) for one in scenarios},
+        "scenarios": {one.label: one.settings for one in scenarios},
         "files": files(asked.estimators, scenarios),
         "certificates": {},
         "streams": {},
@@ -126,10 +119,10 @@ def _as_json(cell: ResolvedCell) -> dict[str, Any]:
     return {"experiment": cell.experiment, "baseline": cell.baseline, "estimators": estimators}
 
 
-def _certify(directory: RunDir, asked: ResolvedStudy, check: bool, watcher: Progress) -> None:
+def _certify(directory: RunDir, asked: ResolvedStudy, check: bool, isolate: bool, watcher: Progress) -> None:
     """Write each certificate as soon as it is made; a run goes on after a check that failed."""
     manifest = directory.manifest
-    for label, found in renewed(asked.estimators, manifest["certificates"], check, watcher.say):
+    for label, found in renewed(asked.estimators, manifest["certificates"], check, watcher.say, isolate):
         manifest["certificates"][label] = found
         directory.write_manifest(manifest)
 
@@ -193,6 +186,6 @@ def _rows(asked: ResolvedStudy, directory: RunDir, pieces: list[Piece]) -> pd.Da
 def _note_streams(directory: RunDir, rows: pd.DataFrame) -> None:
     manifest = directory.manifest
     streams = manifest["streams"]
-    for row in rows.drop_duplicates(["scenario", "trial"]).itertuples():
+    for row in rows.dropna(subset="stream").drop_duplicates(["scenario", "trial"]).itertuples():
         streams.setdefault(row.scenario, {})[str(row.trial)] = row.stream
     directory.write_manifest(manifest)

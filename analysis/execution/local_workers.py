@@ -1,17 +1,14 @@
-"""This process, or processes on this machine, as workers."""
+"""This process, or processes on this machine, as workers; what is not built in always has processes of its own."""
 
-import os
-import signal
-import threading
-import time
 from collections.abc import Iterator
 from concurrent.futures import Executor
-from typing import Any
 
 from cooploc.analysis.execution.pool import Pool
-from cooploc.analysis.execution.task import MeasuredPart, Task, measure
-
-ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
+from cooploc.analysis.execution.task import MeasuredPart, Task, died, measure
+from cooploc.estimators import make
+from cooploc.scenarios.processes.outcome import WorkerError
+from cooploc.scenarios.processes.time_limit import Limit, within
+from cooploc.scenarios.processes.workers import BUILTIN, call, end, pool
 
 
 class ThisProcess:
@@ -24,34 +21,67 @@ class ThisProcess:
 
 
 class LocalProcesses(Pool):
-    """Processes on this machine."""
+    """The processes of one owner on this machine."""
 
-    def __init__(self, jobs: int) -> None:
-        self.jobs, self.window = jobs, jobs + 1
-        self._pool: Any = None
+    def __init__(self, owner: str, jobs: int) -> None:
+        self.owner, self.jobs = owner, jobs
+        self.window = jobs + 1 if jobs > 1 else 1
 
     def executor(self) -> Executor:
-        """The pool; a new one where a worker died."""
-        from loky import get_reusable_executor
+        """The owner's processes; new ones where one of them died."""
+        return pool(self.owner, self.jobs)
 
-        begin = {"initializer": begin_worker, "initargs": (os.getpid(),)}
-        self._pool = get_reusable_executor(max_workers=self.jobs, env=ONE_THREAD, **begin)
-        pool: Executor = self._pool
-        return pool
-
-    def stop(self) -> None:
-        """End the processes, whatever they do."""
-        if self._pool is not None:
-            self._pool.shutdown(kill_workers=True)
+    def renew(self) -> None:
+        end(self.owner)
 
 
-def begin_worker(parent: int) -> None:
-    """Leave Ctrl-C to the parent process, and end when it ends, however it ends."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+class ThisMachine:
+    """Built-in code in this process, or in as many as there are jobs; every plug-in in as many of its own."""
 
-    def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(0.5)
-        os._exit(1)
+    def __init__(self, jobs: int, keep: bool = False) -> None:
+        self.jobs, self.keep = jobs, keep  # whether a plug-in's processes wait for its next tasks
 
-    threading.Thread(target=watch, daemon=True).start()
+    def compute(self, tasks: list[Task]) -> Iterator[MeasuredPart]:
+        """The parts of every task, owner by owner."""
+        of: dict[str, list[Task]] = {BUILTIN: []}
+        for task in (part for whole in tasks for part in whole.by_owner()):
+            of.setdefault(task.owner, []).append(task)
+        yield from self._builtin(of.pop(BUILTIN))
+        for owner, mine in of.items():
+            yield from self._foreign(owner, mine)
+
+    def _builtin(self, tasks: list[Task]) -> Iterator[MeasuredPart]:
+        if self.jobs == 1:
+            return ThisProcess().compute(tasks)
+        return LocalProcesses(BUILTIN, self.jobs).compute(tasks)
+
+    def _foreign(self, owner: str, tasks: list[Task]) -> Iterator[MeasuredPart]:
+        """The parts of a plug-in's tasks; an estimator that cannot be imported or made costs its process once."""
+        labels = dict.fromkeys(one.label for task in tasks for one in task.estimators if not one.builtin)
+        reasons = {label: unmade(owner, label, tasks[0].time_limit) for label in labels}
+        left = []
+        for task in tasks:
+            for one in task.estimators:
+                if reason := reasons.get(one.label):
+                    yield died(task.only((one,)), reason)
+            if alive := tuple(one for one in task.estimators if not reasons.get(one.label)):
+                left.append(task.only(alive))
+        yield from LocalProcesses(owner, self.jobs).compute(left)
+        if not self.keep:
+            end(owner)
+
+
+def unmade(owner: str, label: str, seconds: float) -> str:
+    """Why an estimator's process does not live through its import and `__init__`; empty where it does."""
+    try:
+        call(owner, _make, label, seconds)
+    except WorkerError as e:
+        return f"it cannot be imported or made: {e}"
+    except Exception:  # its trials record it, with its traceback
+        return ""
+    return ""
+
+
+def _make(label: str, seconds: float) -> None:
+    with within(Limit(seconds, end_process=True)):
+        make(label)

@@ -10,7 +10,7 @@ from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.sealed import Damaged, digest
 
 NAME = "manifest.json"
-MUST_MATCH = ("seed", "data", "versions", "source")
+MUST_MATCH = ("seed", "data", "versions", "source", "instructions")
 BEGUN = re.compile(r"\.lock|parts|receipts|\.manifest\.json\..*")  # all that is there before the first manifest
 REMEDY = "the command that began the run makes it again where all parts agree; else name another directory with --out"
 
@@ -83,6 +83,7 @@ def continued(folder: Path, found: dict[str, Any], asked: dict[str, Any]) -> dic
         "cells": _both(found["cells"], asked["cells"]),
         "certificates": found["certificates"],
         "streams": found["streams"],
+        "isolated": asked["isolated"] and found.get("isolated", True),
     }
 
 

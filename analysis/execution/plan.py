@@ -9,6 +9,7 @@ from typing import NamedTuple
 from cooploc.analysis.execution.retries import Retry, worth_it
 from cooploc.analysis.execution.run_directory import Piece, RunDir
 from cooploc.analysis.execution.task import Task
+from cooploc.scenarios.remote import RemoteScenario
 from cooploc.scenarios.resolved import ResolvedScenario
 from cooploc.scenarios.studies.resolved_study import ResolvedStudy
 
@@ -51,7 +52,7 @@ def make_plan(study: ResolvedStudy, directory: RunDir, retry: Retry | None = "lo
     return Plan(sum(cell.trials * len(cell.estimators) for cell in study.cells), intact, damaged, failed, tasks)
 
 
-def work(scenario: ResolvedScenario) -> float:
+def work(scenario: ResolvedScenario | RemoteScenario) -> float:
     """About how long a trial takes, relative to other scenarios: robots x (what is fixed + neighbours).
 
     A robot alone costs as much as hearing some forty neighbours (reports/speed.md).
@@ -70,7 +71,7 @@ def _gaps(held: list[range], count: int, size: int) -> Iterator[range]:
             start = i + 1
 
 
-def chunk_size(scenario: ResolvedScenario) -> int:
+def chunk_size(scenario: ResolvedScenario | RemoteScenario) -> int:
     """How many trials of a scenario are computed together."""
     if scenario.recorded:
         return 1

@@ -1,12 +1,13 @@
-"""What the bits of a run depend on: versions, source, commit, processor, recordings."""
+"""What the bits of a run depend on: versions, source, the processor's instructions, recordings."""
 
 import hashlib
 import platform
 import re
 import subprocess
 from collections.abc import Iterable
+from functools import cache
+from importlib import import_module
 from importlib.metadata import version
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,8 @@ from cooploc import estimators as estimator_names
 from cooploc import scenarios as scenario_names
 from cooploc.estimators.plugins.build import ConfiguredEstimator
 from cooploc.estimators.plugins.python_file import is_file
+from cooploc.estimators.plugins.sources import helpers_of, of_module, tree
+from cooploc.scenarios.remote import RemoteScenario
 from cooploc.scenarios.resolved import ResolvedScenario
 
 PACKAGES = ("cooploc", "filterpy", "numpy", "scipy", "numba", "pandas", "pyarrow")
@@ -22,13 +25,21 @@ FLOORS = "estimators", "scenarios"
 
 
 def provenance() -> dict[str, Any]:
-    """Versions, a hash of the source that makes results, commit and processor."""
+    """What the bits depend on, and commit and processor."""
+    return {**bits(), "commit": _commit(), "cpu": _cpu()}
+
+
+@cache
+def bits() -> dict[str, Any]:
+    """What must match where results are put together: versions, a hash of the source, the processor's instructions.
+
+    Read once: a process computes with what it imported first.
+    """
     versions = {name: version(name) for name in PACKAGES}
     return {
         "versions": {**versions, "python": platform.python_version()},
         "source": source_hash(),
-        "commit": _commit(),
-        "cpu": _cpu(),
+        "instructions": instructions(),
     }
 
 
@@ -37,8 +48,10 @@ def fingerprint(folder: Path) -> str:
     return _hash((file.name, file) for file in sorted(folder.iterdir()) if file.is_file())
 
 
-def files(estimators: Iterable[ConfiguredEstimator], scenarios: Iterable[ResolvedScenario] = ()) -> dict[str, str]:
-    """A hash of the source of all that is not built in: its file, or the Python files of its package.
+def files(
+    estimators: Iterable[ConfiguredEstimator], scenarios: Iterable[ResolvedScenario | RemoteScenario] = ()
+) -> dict[str, str]:
+    """A hash of the source of all that is not built in: its file with its helpers, or the files of its package.
 
     What these import from elsewhere is not hashed.
     """
@@ -48,33 +61,23 @@ def files(estimators: Iterable[ConfiguredEstimator], scenarios: Iterable[Resolve
     for name, module in sorted(homes.items()):
         if is_file(name):
             path = name.rpartition(":")[0]
-            found[path] = hashlib.sha256(Path(path).read_bytes()).hexdigest()
+            found[path] = _of_file(Path(path))
         elif module:
-            found[name] = _hash(_of_module(module))
+            found[name] = _hash(of_module(module))
     return found
-
-
-def _of_module(module: str) -> list[tuple[str, Path]]:
-    """The files of the package that a module is in, or its own."""
-    spec = find_spec(module.partition(".")[0])
-    if spec is None or (spec.origin is None and "." in module):  # a namespace, which many share
-        spec = find_spec(module)
-    if spec and spec.submodule_search_locations:
-        folders = map(Path, spec.submodule_search_locations)
-        return [named for folder in folders for named in _tree(folder, ".py", ".so", ".pyd")]
-    return [(Path(spec.origin).name, Path(spec.origin))] if spec and spec.origin else []
 
 
 def source_hash(root: Path = ROOT) -> str:
     """One hash over the code below `root` that decides what a trial's errors are."""
-    floors = [named for floor in FLOORS for named in _tree(root / floor, ".py")]
+    floors = [named for floor in FLOORS for named in tree(root / floor, ".py")]
     return _hash([*floors, ("errors.py", root / "analysis" / "metrics" / "errors.py")])
 
 
-def _tree(folder: Path, *suffixes: str) -> list[tuple[str, Path]]:
-    """The files of a folder and of those in it, with their paths from there."""
-    files = sorted(file for file in folder.rglob("*") if file.suffix in suffixes)
-    return [(file.relative_to(folder.parent).as_posix(), file) for file in files]
+def _of_file(path: Path) -> str:
+    """The hash of a file; where it imports helpers from its folder, of all of them."""
+    alone = hashlib.sha256(path.read_bytes()).hexdigest()
+    helpers = helpers_of(path)
+    return _hash([(path.name, path), *helpers]) if helpers else alone
 
 
 def _hash(files: Iterable[tuple[str, Path]]) -> str:
@@ -92,6 +95,32 @@ def _commit() -> str | None:
     except (OSError, subprocess.SubprocessError):
         return None
     return answer.stdout.strip()
+
+
+def instructions() -> dict[str, str]:
+    """What the libraries make of this processor, and of the flags that tell them to: other ones round otherwise."""
+    from llvmlite import binding
+    from numpy._core._multiarray_umath import __cpu_features__
+    from threadpoolctl import threadpool_info
+
+    import_module("scipy.linalg")  # loads its BLAS
+    config: Any = import_module("numba.core.config")  # its values come from the environment
+    compiler = config.CPU_NAME or binding.get_host_cpu_name()
+    features = config.CPU_FEATURES or binding.get_host_cpu_features().flatten()
+    blas = {
+        f"{one['internal_api']} {one.get('architecture')}" for one in threadpool_info() if one["user_api"] == "blas"
+    }
+    return {
+        "machine": platform.machine(),
+        "numpy": " ".join(sorted(name for name, there in __cpu_features__.items() if there)),
+        "numba": f"{compiler}, optimisation {config.OPT}, features {_digest(features)}",
+        "blas": ", ".join(sorted(blas)),
+        "jit": "off" if config.DISABLE_JIT else "on",
+    }
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def _cpu() -> str:

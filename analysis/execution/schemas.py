@@ -71,6 +71,8 @@ class Manifest(BaseModel):
     streams: dict[StrictStr, dict[StrictStr, StrictStr]]
     versions: Versions
     source: StrictStr
+    instructions: dict[StrictStr, StrictStr] = {}  # earlier versions did not note them
+    isolated: bool = True
     commit: StrictStr | None
     cpu: StrictStr
 

@@ -70,5 +70,5 @@ def demand_same_streams(errors: pd.DataFrame) -> None:
 
 def stream_hash(group: pd.DataFrame) -> str:
     """The hash of a scenario's stream: of the hashes of its trials, as `Stream.hash`."""
-    trials = group.drop_duplicates("trial").sort_values("trial")["stream"]
+    trials = group.drop_duplicates("trial").sort_values("trial")["stream"].dropna()  # none where it was never made
     return hashlib.sha256("".join(trials).encode()).hexdigest()

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from cooploc.analysis.execution.run_directory import RunDir
 from cooploc.analysis.formats import counted
 from cooploc.analysis.metrics import certificate_line
 from cooploc.analysis.metrics.compare import SUMMARY
@@ -27,6 +28,7 @@ LEGEND = (
 )
 ONLY_IN_REPORTS = ("scenario", "rank", "group", "anees_low", "collapsed_low", "trials")
 COLUMNS = tuple(column for column in RESULTS if column.keys[0] not in ONLY_IN_REPORTS)
+ONE_PROCESS = "all or some of this ran in one process (--no-isolate): estimators may have disturbed each other"
 IN_ONE_PICTURE = 12  # scenarios; `cooploc report` draws one of each experiment
 
 
@@ -58,6 +60,8 @@ def show(table: pd.DataFrame, rows: pd.DataFrame, folder: Path, as_json: bool) -
             console.print(line)
     for line in certificate_line.remarks(table):
         console.print(line)
+    if not RunDir(folder).manifest.get("isolated", True):
+        console.print(ONE_PROCESS)
     for line, _ in failures(rows):
         console.print(f"failed: {line}")
     picture = f"{folder / 'rmse.png'}" if (folder / "rmse.png").exists() else f"cooploc report {folder}"

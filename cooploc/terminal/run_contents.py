@@ -14,6 +14,7 @@ from cooploc.analysis.report.failures import failures
 from cooploc.analysis.report.tables import Table, numbers, words
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.terminal.console import wide
+from cooploc.terminal.results import ONE_PROCESS
 
 COLUMNS = (
     words("experiment"),
@@ -51,6 +52,8 @@ def show(folder: Path) -> None:
     for ignored in directory.foreign():
         console.print(ignored)
     _certificates(console, certificates)
+    if not manifest.get("isolated", True):
+        console.print(ONE_PROCESS)
     for found, traceback in failures(pd.concat(failed)) if failed else []:
         console.print(f"\nfailed: {found}")
         console.print(traceback, style="dim")

@@ -9,7 +9,7 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 from pydantic.errors import PydanticUserError
 
-from cooploc.estimators.plugins.errors import BadInput, first_reason, nearest
+from cooploc.estimators.plugins.errors import BadInput, first_reason, nearest, one_line
 
 RENAMED = {"own": "anchor_reading"}  # old spellings of parameters, accepted for one version
 
@@ -78,8 +78,8 @@ def _adapter(cls: type) -> TypeAdapter[Any]:
 def _called(name: str, cls: type, given: dict[str, Any]) -> Any:
     try:
         return cls(**given)
-    except Exception as e:  # a constructor may fail in any way
-        raise BadInput(_needs_arguments(name, f"{type(e).__name__}: {e}")) from e
+    except (Exception, SystemExit, GeneratorExit) as e:  # a constructor may fail in any way
+        raise BadInput(_needs_arguments(name, one_line(e))) from e
 
 
 def _needs_arguments(name: str, why: str) -> str:

@@ -26,3 +26,16 @@ def first_reason(errors: list[Any]) -> str:
     value = first.get("input")
     said = f", not {reprlib.repr(value)}" if isinstance(value, bool | int | float | str) else ""
     return f"{place}: {first['msg']}{said}" if place else f"{first['msg']}{said}"
+
+
+def one_line(e: BaseException) -> str:
+    """An exception's type and message on one line."""
+    return f"{type(e).__name__}: {message(e)}" if message(e) else type(e).__name__
+
+
+def message(e: BaseException) -> str:
+    """An exception's message on one line, whatever its `__str__` does."""
+    try:
+        return " ".join(str(e).split())
+    except BaseException:
+        return "its message cannot be read"

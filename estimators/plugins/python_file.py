@@ -13,7 +13,7 @@ from typing import Any
 
 import cloudpickle
 
-from cooploc.estimators.plugins.errors import BadInput, nearest
+from cooploc.estimators.plugins.errors import BadInput, nearest, one_line
 
 
 def is_file(name: str) -> bool:
@@ -60,8 +60,10 @@ def _imported(path: Path) -> ModuleType:
     sys.modules[name] = module
     try:
         exec(compile(source, module.__file__, "exec"), vars(module))
-    except (Exception, SystemExit) as e:
-        del sys.modules[name]
-        raise BadInput(f"{path} cannot be imported: {' '.join(f'{type(e).__name__}: {e}'.split())}") from e
+    except BaseException as e:
+        del sys.modules[name]  # it is half there
+        if isinstance(e, MemoryError) or not isinstance(e, (Exception, SystemExit, GeneratorExit)):
+            raise  # of the machine, of the time limit or of Ctrl-C, not of the file
+        raise BadInput(f"{path} cannot be imported: {one_line(e)}") from e
     cloudpickle.register_pickle_by_value(module)  # a worker could not import it by name
     return module

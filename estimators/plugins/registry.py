@@ -9,7 +9,7 @@ from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
-from cooploc.estimators.plugins.errors import BadInput, nearest
+from cooploc.estimators.plugins.errors import BadInput, nearest, one_line
 from cooploc.estimators.plugins.python_file import found_in_file, is_file
 
 
@@ -85,8 +85,10 @@ def loaded(place: str, what: str) -> Any:
     module, _, attribute = place.partition(":")
     try:
         return getattr(import_module(module), attribute)
-    except (Exception, SystemExit) as e:
-        raise BadInput(f"{what} cannot be imported: {type(e).__name__}: {e}") from e
+    except MemoryError:  # of the machine, not of the input
+        raise
+    except (Exception, SystemExit, GeneratorExit) as e:
+        raise BadInput(f"{what} cannot be imported: {one_line(e)}") from e
 
 
 def _package(point: EntryPoint) -> str:

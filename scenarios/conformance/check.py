@@ -13,11 +13,14 @@ from dataclasses import dataclass, replace
 from functools import cache, partial
 from typing import Any, Literal
 
+from cooploc.estimators import is_builtin
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.conformance.checks import CHECKS, Check
 from cooploc.scenarios.conformance.compare import CheckFailed, CheckSkipped
 from cooploc.scenarios.conformance.harness import Harness, one_line
 from cooploc.scenarios.display.html import listed
+from cooploc.scenarios.processes.outcome import WorkerError
+from cooploc.scenarios.processes.workers import SESSION, call
 from cooploc.scenarios.runner.named import instance, label
 
 SMALLER = ((1, 2), (1, 4), (1, 8), (2, 4))  # (trials, ticks) of smaller counterexamples, in the order tried
@@ -25,6 +28,7 @@ FIRST = {  # checks without which no other one means anything, and why
     "runs": "it does not run",
     "determinism": "it does not repeat itself, so no two of its runs can be compared",
 }
+TIME_LIMIT = 600.0  # [s] for all checks of one estimator
 Status = Literal["passed", "failed", "skipped"]
 
 
@@ -97,7 +101,9 @@ def _sentences(result: Result) -> list[str]:
     return [f"{result.detail} (seed {result.seed})", *example, *remedy]
 
 
-def check_estimator(estimator: Any, name: str | None = None, seed: int = 0) -> Report:
+def check_estimator(
+    estimator: Any, name: str | None = None, seed: int = 0, isolate: bool = True, time_limit: float = TIME_LIMIT
+) -> Report:
     """Run every check on an estimator: it may neither cheat nor break the interface.
 
     The estimator runs on small simulated streams (3 trials of 12 ticks; 1 and 3 robots), again and again with readings
@@ -107,6 +113,9 @@ def check_estimator(estimator: Any, name: str | None = None, seed: int = 0) -> R
         estimator: its name, a class that needs no arguments, or an instance, as `cooploc.estimators.interface` says.
         name: what to call it in the report; None: its own or its class's name.
         seed: seeds the small streams, and what is done to them; a whole number, 0 or more.
+        isolate: False checks it in this process, for a debugger; else one that is not built in has a process of its
+            own, where it may crash or hang.
+        time_limit: [s] for all checks in that process; math.inf for none.
 
     Returns:
         A report: `passed`, `table()`, and a `Result` for each check, `report["causality"]`.
@@ -116,6 +125,38 @@ def check_estimator(estimator: Any, name: str | None = None, seed: int = 0) -> R
             the estimator raises while it runs is a failure in the report.
 
     """
+    if not isolate or is_builtin(estimator):
+        return checked_here(estimator, name, seed)
+    try:
+        return checked_there(SESSION, estimator, name, seed, time_limit)
+    except WorkerError as e:
+        return _ended(name or label(estimator), seed, str(e))
+    except MemoryError as e:
+        return _ended(name or label(estimator), seed, one_line(e))
+
+
+def checked_there(owner: str, estimator: Any, name: str | None, seed: int, seconds: float) -> Report:
+    """The report of checks in a process of this owner; an estimator's name is read there.
+
+    Raises:
+        BadInput: as `check_estimator`.
+        WorkerError: the process died or took longer than `seconds`, or the estimator raised what no check catches.
+
+    """
+    report: Report = call(owner, checked_here, estimator, name, seed, seconds=seconds)
+    return report
+
+
+def _ended(name: str, seed: int, why: str) -> Report:
+    """The report of checks that did not come to an end."""
+    runs, *rest = CHECKS
+    remedy = "cooploc check --no-isolate, in a debugger, shows where"
+    others = (Result(check.name, "skipped", "it does not run", seed) for check in rest)
+    return Report(name, (Result(runs.name, "failed", why, seed, remedy=remedy), *others))
+
+
+def checked_here(estimator: Any, name: str | None, seed: int) -> Report:
+    """The report of checks in this process."""
     harness, results, reason = Harness(name or label(estimator), instance(estimator), seed), list[Result](), ""
     for check in CHECKS:
         if reason:
@@ -189,7 +230,7 @@ def run_check(check: Check, harness: Harness) -> Result:
         return Result(check.name, "failed", str(e), harness.seed, remedy=e.remedy or check.remedy)
     except BadInput:
         raise
-    except Exception as e:
+    except (Exception, SystemExit, GeneratorExit) as e:
         if not raised_by(e, harness.estimator):
             crash = f"the check itself crashed, which says nothing about the estimator: {one_line(e)}"
             return Result(check.name, "skipped", crash, harness.seed)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from cooploc.estimators.interface import Array, Mask
+from cooploc.estimators.plugins import errors
 from cooploc.estimators.plugins.traits import Traits, traits
 from cooploc.scenarios import simulate
 from cooploc.scenarios.conformance.compare import CheckFailed, RunRecord, require_equal
@@ -126,7 +127,7 @@ class Harness:
             raise
         except (EstimatorError, IncompatibleEstimator) as e:
             raise CheckFailed(f"{e} ({when})") from e
-        except (Exception, SystemExit) as e:
+        except (Exception, SystemExit, GeneratorExit) as e:
             where = f"{recorder.method}() raised at tick {recorder.tick} of {stream.scenario!r} ({when})"
             raise CheckFailed(f"{where}: {one_line(e)}", _remedy(e)) from e
         t, _, n = stream.senses.dt.shape
@@ -194,10 +195,10 @@ def pickled(estimator: Any) -> Any:
 
 def one_line(e: BaseException) -> str:
     """An exception in one line, without memory addresses."""
-    return " ".join(re.sub(r" at 0x[0-9a-f]+", "", f"{type(e).__name__}: {e}").split())
+    return re.sub(r" at 0x[0-9a-f]+", "", errors.one_line(e))
 
 
 def _remedy(e: BaseException) -> str:
-    if "read-only" in str(e):
+    if "read-only" in one_line(e):
         return "an input is read-only: copy the array before you write to it"
     return "make the method work on such input too: nan is an absent reading, width 0 an absent channel"

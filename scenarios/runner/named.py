@@ -3,8 +3,8 @@
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from cooploc.estimators import make, split
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators import is_builtin, make, split
+from cooploc.estimators.plugins.errors import BadInput, message
 from cooploc.scenarios.stream import Stream, Truth
 
 ROBOT = ("init", "predict", "correct", "send", "fuse", "estimate")
@@ -13,8 +13,8 @@ LIFT = "a filter written for one robot is lifted by cl.PerRobot"
 ORDER = "write cl.run(estimators, stream)"
 
 
-def named(estimators: Any) -> dict[str, Any]:
-    """Instances by name.
+def named(estimators: Any, isolate: bool = False) -> dict[str, Any]:
+    """Instances by name; with `isolate`, a name or class that is not built in stays one, for a process of its own.
 
     Args:
         estimators: a name, configured or not ("arl", "mrsl-rssi[particles=500]", "path.py:Name"), several of them
@@ -28,13 +28,13 @@ def named(estimators: Any) -> dict[str, Any]:
     if isinstance(estimators, Stream | Truth):
         raise BadInput(f"the first argument is a {type(estimators).__name__}, not estimators: {ORDER}")
     if isinstance(estimators, Mapping):
-        return {str(name): _estimator(one, f"{name!r}") for name, one in estimators.items()}
+        return {str(name): estimator(one, f"{name!r}", isolate) for name, one in estimators.items()}
     found: dict[str, Any] = {}
     for one in _listed(estimators):
         name = label(one)
         if name in found:
             raise BadInput(f"two estimators are called {name!r}: give them names, {{{name!r}: ..., 'other': ...}}")
-        found[name] = _estimator(one, "one of the estimators")
+        found[name] = estimator(one, "one of the estimators", isolate)
     return found
 
 
@@ -73,9 +73,9 @@ def instance(estimator: Any) -> Any:
     name = estimator.__name__
     try:
         return estimator()
-    except Exception as e:  # a constructor may fail in any way
+    except (Exception, SystemExit, GeneratorExit) as e:  # a constructor may fail in any way
         remedy = f"pass an instance, {name}(...)" if hasattr(estimator, "init") else LIFT
-        raise BadInput(f"{name} cannot be made without arguments ({e}): {remedy}") from e
+        raise BadInput(f"{name} cannot be made without arguments ({message(e)}): {remedy}") from e
 
 
 def _listed(estimators: Any) -> Iterable[Any]:
@@ -85,8 +85,15 @@ def _listed(estimators: Any) -> Iterable[Any]:
     return estimators if several else [estimators]
 
 
-def _estimator(given: Any, where: str) -> Any:
-    """An instance that has an estimator's methods."""
+def estimator(given: Any, where: str, isolate: bool = False) -> Any:
+    """An instance that has an estimator's methods; with `isolate`, a name or class that is not built in stays one.
+
+    Raises:
+        BadInput: it is not an estimator.
+
+    """
+    if isolate and isinstance(given, str | type) and not is_builtin(given):
+        return given
     made = instance(given)
     missing = [method for method in (TEAM if hasattr(made, "exchange") else ROBOT) if not hasattr(made, method)]
     if missing == list(ROBOT):

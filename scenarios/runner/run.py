@@ -3,23 +3,28 @@
 Every estimator gets the same arrays, read-only, and loses the same packets. The truth does not enter.
 """
 
+import math
 from collections.abc import Mapping
-from concurrent.futures import Future, as_completed
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cooploc.estimators import is_builtin
 from cooploc.estimators.interface import Indices
+from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.display import progress_bar
 from cooploc.scenarios.display.html import listed
-from cooploc.scenarios.display.progress_bar import Advance
+from cooploc.scenarios.processes.workers import BUILTIN
+from cooploc.scenarios.runner.in_process import Foreign, demand_fit_there, traced_there
 from cooploc.scenarios.runner.named import demand_stream, named
 from cooploc.scenarios.runner.trace import Trace, demand_fit, trace
 from cooploc.scenarios.stream import Stream
 
 if TYPE_CHECKING:
     from xarray import Dataset
+
+TIME_LIMIT = 600.0  # [s] for one estimator on one trial
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,14 +36,18 @@ class Run:
     trial: Indices  # (t,)
     hashes: tuple[str, ...]  # of the stream's trials
     traces: Mapping[str, Trace] = field(default_factory=dict)
+    isolated: bool = True  # what is not built in ran in a process of its own
 
     def __repr__(self) -> str:
-        return f"Run({self.scenario!r}, {len(self.trial)} trials, {', '.join(self.traces)})"
+        return f"Run({self.scenario!r}, {len(self.trial)} trials, {', '.join(self.traces)}{self._where()})"
 
     def _repr_html_(self) -> str:
         header = ("estimator", "messages per robot and tick", "bytes", "µs", "standing")
-        title = f"run of {self.scenario}, seed {self.seed}, {len(self.trial)} trials"
+        title = f"run of {self.scenario}, seed {self.seed}, {len(self.trial)} trials{self._where()}"
         return listed(header, title, [(name, *_cost(trace)) for name, trace in self.traces.items()])
+
+    def _where(self) -> str:
+        return "" if self.isolated else ", all in one process"
 
     def to_xarray(self) -> "Dataset":
         """Every trace in one xarray.Dataset; `cooploc.scenarios.runner.to_xarray` says what it holds.
@@ -61,55 +70,52 @@ def _cost(trace: Trace) -> tuple[str, ...]:
     return f"{sent:.2g}", f"{size:.3g}", f"{1e6 * trace.seconds / (t * T * n):.3g}", standing
 
 
-def run(estimators: Any, stream: Stream, jobs: int = 1) -> Run:
+def run(estimators: Any, stream: Stream, jobs: int = 1, isolate: bool = True, time_limit: float = TIME_LIMIT) -> Run:
     """Run estimators on a stream.
+
+    What is not built in runs in a process of its own, which the next call uses again: an estimator that crashes or
+    hangs is an error here, and nothing else is lost. What it prints appears when it has ended; what it changes of
+    itself or of the program stays there.
 
     Args:
         estimators: a name, a class, an instance, a list of these, or a mapping of your own names to these.
         stream: what they get.
         jobs: processes to spread the trials over; the result is bit-identical for any number.
+        isolate: False keeps everything in this process, for a debugger; there is no time limit then.
+        time_limit: [s] for each trial of an estimator that is not built in; math.inf for none.
 
     Raises:
+        BadInput: arguments that cannot be.
         IncompatibleEstimator: an estimator needs a channel that the stream lacks.
-        EstimatorError: an estimator returned something of the wrong shape, or not finite.
+        EstimatorError: an estimator returned something of the wrong shape, or not finite; or it took too long, or
+            ended its process.
 
     """
-    instances = named(estimators)
+    _demand_possible(jobs, isolate, time_limit)
+    given = named(estimators, isolate)
     demand_stream(stream)
-    for name, estimator in instances.items():
-        demand_fit(name, estimator, stream.select(slice(0, 1)).truncated(1))
+    first = stream.select(slice(0, 1)).truncated(1)
+    foreign = {name for name, one in given.items() if isolate and not is_builtin(one)}
+    for name, one in given.items():
+        demand_fit_there(Foreign(name, one, time_limit), first) if name in foreign else demand_fit(name, one, first)
     parts = np.array_split(np.arange(len(stream.trial)), min(jobs, len(stream.trial)))
     chunks = [stream.select(slice(int(part[0]), int(part[-1]) + 1)) for part in parts] if len(parts) > 1 else [stream]
-    ticks = stream.senses.dt.shape[1]
-    with progress_bar.bar(ticks * len(chunks) * len(instances)) as advance:
-        compute = _spread if len(chunks) > 1 else _here
-        traces = compute(instances, chunks, advance)
-    return Run(stream.scenario, stream.seed, stream.trial, stream.hashes, traces)
+    with progress_bar.bar(stream.senses.dt.shape[1] * len(chunks) * len(given)) as advance:
+        traces = {}
+        for name, one in given.items():
+            if name in foreign:
+                traces[name] = traced_there(Foreign(name, one, time_limit), chunks, advance)
+            elif len(chunks) > 1:
+                traces[name] = traced_there(Foreign(name, one, math.inf, BUILTIN), chunks, advance)
+            else:
+                traces[name] = trace(name, one, stream, advance=advance)
+    return Run(stream.scenario, stream.seed, stream.trial, stream.hashes, traces, isolate)
 
 
-def _here(instances: Mapping[str, Any], chunks: list[Stream], advance: Advance | None) -> dict[str, Trace]:
-    return {name: trace(name, estimator, chunks[0], advance=advance) for name, estimator in instances.items()}
-
-
-def _spread(instances: Mapping[str, Any], chunks: list[Stream], advance: Advance | None) -> dict[str, Trace]:
-    """In processes, one for each chunk of the trials."""
-    from loky import get_reusable_executor
-
-    pool = get_reusable_executor(max_workers=len(chunks))
-    futures: dict[Future[Trace], str] = {
-        pool.submit(trace, name, estimator, chunk): name for name, estimator in instances.items() for chunk in chunks
-    }
-    for future in as_completed(futures):
-        future.result()  # the first failure ends the run
-        if advance:
-            advance(futures[future], chunks[0].senses.dt.shape[1])
-    return {name: _joined([f.result() for f, of in futures.items() if of == name]) for name in instances}
-
-
-def _joined(traces: list[Trace]) -> Trace:
-    parts: dict[str, Any] = {
-        f: np.concatenate([getattr(t, f) for t in traces]) for f in ("x", "P", "messages", "bytes")
-    }
-    notes = {name: np.concatenate([t.notes[name] for t in traces]) for name in traces[0].notes}
-    seconds = sum(t.seconds for t in traces)
-    return replace(traces[0], **parts, seconds=seconds, notes=notes)
+def _demand_possible(jobs: int, isolate: bool, time_limit: float) -> None:
+    if jobs < 1:
+        raise BadInput(f"jobs is {jobs}; it must be at least 1")
+    if jobs > 1 and not isolate:
+        raise BadInput(f"isolate=False keeps everything in one process, and jobs is {jobs}: leave one of them out")
+    if not time_limit > 0:
+        raise BadInput(f"time_limit is {time_limit}; it must be more than 0 s, or math.inf")

@@ -6,7 +6,8 @@ from typing import NamedTuple
 from cooploc.estimators import configure
 from cooploc.estimators.plugins.build import ConfiguredEstimator
 from cooploc.estimators.plugins.errors import BadInput
-from cooploc.scenarios import resolve
+from cooploc.scenarios import resolve, resolve_isolated
+from cooploc.scenarios.remote import RemoteScenario
 from cooploc.scenarios.resolved import ResolvedScenario
 from cooploc.scenarios.studies.study import Study
 
@@ -17,7 +18,7 @@ class ResolvedCell(NamedTuple):
     """What a study does with one scenario."""
 
     experiment: str
-    scenario: ResolvedScenario
+    scenario: ResolvedScenario | RemoteScenario
     trials: int
     estimators: tuple[ConfiguredEstimator, ...]
     baseline: str  # the label of one of them
@@ -36,8 +37,8 @@ class ResolvedStudy(NamedTuple):
         return list({one.label: one for cell in self.cells for one in cell.estimators}.values())
 
 
-def resolve_study(study: Study, data: Path | None = None) -> ResolvedStudy:
-    """Read every label of a study.
+def resolve_study(study: Study, data: Path | None = None, isolate: bool = True) -> ResolvedStudy:
+    """Read every label of a study; with `isolate`, scenarios that are not built in are imported elsewhere.
 
     Raises:
         BadInput: a label that cannot be read, a scenario or a parameter of one that does not exist, or a recording
@@ -51,7 +52,7 @@ def resolve_study(study: Study, data: Path | None = None) -> ResolvedStudy:
     known = {label: configure(label) for label in dict.fromkeys(name for cell in cells for name in cell.estimators)}
     found = []
     for cell in cells:
-        scenario = resolve(cell.scenario, data)
+        scenario = (resolve_isolated if isolate else resolve)(cell.scenario, data)
         estimators = tuple(known[label] for label in cell.estimators)
         found.append(ResolvedCell(cell.experiment, scenario, scenario.trials(study.trials), estimators, cell.baseline))
     return ResolvedStudy(study, data, tuple(found))

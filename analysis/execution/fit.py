@@ -1,0 +1,68 @@
+"""Refuses, before anything is computed, what cannot run: names, parameters, channels, recordings."""
+
+from contextlib import chdir
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from cooploc.analysis.execution.task import Task
+from cooploc.estimators import make, module_of
+from cooploc.estimators.plugins.errors import BadInput
+from cooploc.scenarios import resolve
+from cooploc.scenarios.processes.time_limit import Limit, within
+from cooploc.scenarios.processes.workers import call, end
+from cooploc.scenarios.resolved import ResolvedScenario
+from cooploc.scenarios.runner.trace import demand_fit as demand_begin
+from cooploc.scenarios.studies.resolved_study import ResolvedStudy
+
+
+def demand_fit(asked: ResolvedStudy, isolate: bool) -> None:
+    """Try the first tick of every scenario and estimator; with `isolate`, what is not built in where it will run.
+
+    There a crash refuses nothing: it is a failure of the trials that crash.
+
+    Raises:
+        BadInput: something cannot run as it is.
+
+    """
+    for estimator in asked.estimators:
+        module_of(estimator.name)  # an unknown name is refused here
+    made: dict[str, Any] = {}
+    foreign: dict[str, list[Task]] = {}
+    for cell in asked.cells:
+        whole = Task(cell.scenario, range(1), asked.study.seed, cell.estimators, asked.study.time_limit)
+        for task in whole.by_owner():
+            if task.owner and isolate:
+                foreign.setdefault(task.owner, []).append(task)
+            else:
+                _first_tick(task, made)
+    for owner, tasks in foreign.items():
+        _there(owner, tasks)
+        if len(foreign) > 1:  # else it goes on with the run
+            end(owner)
+
+
+def _there(owner: str, tasks: list[Task]) -> None:
+    for task in tasks:
+        try:
+            call(owner, _limited, task)
+        except BadInput:
+            raise
+        except Exception:
+            return
+
+
+def _limited(task: Task) -> None:
+    with within(Limit(task.time_limit, end_process=True)), chdir(Path.cwd()):
+        _first_tick(task, {})
+
+
+def _first_tick(task: Task, made: dict[str, Any]) -> None:
+    """Begin each estimator of a task; `made` keeps those that are made already."""
+    for estimator in task.estimators:
+        made[estimator.label] = made.get(estimator.label) or make(estimator)
+    found = task.scenario
+    resolved = found if isinstance(found, ResolvedScenario) else resolve(found.label, found.data)
+    _, stream = resolved.first_tick().simulate(1, task.seed)
+    for estimator in task.estimators:
+        demand_begin(estimator.label, made[estimator.label], replace(stream, scenario=resolved.label))

@@ -1,0 +1,56 @@
+"""What it costs that a plug-in has processes of its own, as a ratio to the same run in one process.
+
+Run: python benchmarks/reliability/isolation_price.py [rounds]. The study is `quick` with one more estimator, which is
+the built-in `arl` under a plug-in's name. Both kinds of run take turns, each in a new process that has imported and
+compiled everything; what it takes to start a process, which imports, is given apart. A ratio of 1.1 is ten percent.
+"""
+
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from statistics import median
+
+PLUGIN = "from cooploc.estimators.arl import Arl\n\nclass Mine(Arl):\n    pass\n"
+MEASURE = """
+import sys, time
+import cooploc as cl
+from cooploc.scenarios.processes.workers import call, end
+names = "arl,mrsl-rssi,ekf-joint,mine.py:Mine"
+run = lambda out, **options: cl.run_study("quick", estimators=names, out=out, check=False, **options)
+run("warm", trials=1, isolate=False)
+began = time.perf_counter(); call("start", int); start = time.perf_counter() - began; end("start")
+began = time.perf_counter(); run("run", isolate=sys.argv[1] == "isolated")
+print(time.perf_counter() - began, start, file=sys.stderr)
+"""
+
+
+def main() -> None:
+    rounds = int(sys.argv[1]) if len(sys.argv) > 1 else 3
+    found = {"isolated": [], "together": []}
+    starts = []
+    for _ in range(rounds):
+        for mode, took in found.items():
+            seconds, start = measured(mode)
+            took.append(seconds)
+            starts.append(start)
+    apart, together, start = median(found["isolated"]), median(found["together"]), median(starts)
+    print(f"in one process {together:.1f} s, isolated {apart:.1f} s: ratio {apart / together:.2f}")
+    print(f"to start a process takes {start:.1f} s; without it the ratio is {(apart - start) / together:.2f}")
+
+
+def measured(mode: str) -> tuple[float, float]:
+    """Seconds of a run, and of the start of a process."""
+    with tempfile.TemporaryDirectory() as folder:
+        Path(folder, "mine.py").write_text(PLUGIN)
+        path = os.pathsep.join(filter(None, (os.getcwd(), os.environ.get("PYTHONPATH", ""))))
+        command = [sys.executable, "-c", MEASURE, mode]
+        env = {**os.environ, "PYTHONPATH": path}
+        ended = subprocess.run(command, cwd=folder, env=env, stderr=subprocess.PIPE, text=True, check=True)
+    seconds, start = ended.stderr.split()[-2:]
+    return float(seconds), float(start)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,143 @@
+"""Processes of their own: whatever crashes, hangs, or changes its process there ends there.
+
+Every owner has its own: a plug-in shares no process with another one, nor with built-in estimators. They are kept, so
+that a second call begins at once.
+"""
+
+import contextlib
+import io
+import os
+import pickle
+import re
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Collection, Mapping
+from concurrent.futures import BrokenExecutor, Executor, Future
+from multiprocessing.util import Finalize
+from pathlib import Path
+from typing import Any
+
+import cloudpickle
+
+from cooploc.scenarios.processes.outcome import Outcome, ProcessDied, ProcessHung, Raised
+
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
+QUIET = {"PYTHONFAULTHANDLER": ""}  # a crash is told in one line
+IDLE = 600  # [s] after which a process that nobody needs ends
+BUILTIN, SESSION = "", "session"  # owners: built-in estimators, and what a user hands over in Python
+_pools: dict[tuple[int, str, int], tuple[Executor, Mapping[str, float]]] = {}
+
+
+def pool(owner: str, jobs: int = 1) -> Executor:
+    """An owner's processes: those of its last call, or new ones where a source file was edited since."""
+    from loky import ProcessPoolExecutor
+
+    key, now = (os.getpid(), owner, jobs), _sources()
+    if key in _pools and any(now.get(file, at) != at for file, at in _pools[key][1].items()):
+        end(owner)
+    if key not in _pools:
+        Finalize(None, end_all, exitpriority=100)  # else a process that was itself forked would wait for them
+        begin = {"initializer": begin_worker, "initargs": (os.getpid(),)}
+        _pools[key] = ProcessPoolExecutor(jobs, timeout=IDLE, env=ONE_THREAD | QUIET, **begin), now
+    return _pools[key][0]
+
+
+def end(owner: str) -> None:
+    """End an owner's processes, whatever they do."""
+    for key in [key for key in _pools if key[:2] == (os.getpid(), owner)]:
+        executor: Any = _pools.pop(key)[0]
+        executor.shutdown(kill_workers=True)
+
+
+def end_all(but: Collection[str] = ()) -> None:
+    """End the processes of all owners but these."""
+    for owner in {owner for pid, owner, _ in _pools if pid == os.getpid()} - set(but):
+        end(owner)
+
+
+def call(owner: str, function: Callable[..., Any], *arguments: Any, seconds: float = float("inf")) -> Any:
+    """What a function returns, called in a process of this owner; what it prints is printed here.
+
+    Raises:
+        ProcessDied: its process died.
+        ProcessHung: it took longer than `seconds`.
+        WorkerError: it raised an exception of a class that is neither Python's nor ours.
+
+    """
+    return received(owner, submit(owner, 1, function, *arguments), seconds)
+
+
+def submit(owner: str, jobs: int, function: Callable[..., Any], *arguments: Any) -> "Future[Outcome]":
+    """Begin a call in one of an owner's processes."""
+    sent = cloudpickle.dumps((function, arguments))  # a worker reads it where an error can be caught
+    return pool(owner, jobs).submit(_called, os.getcwd(), sys.path, sent)
+
+
+def received(owner: str, future: "Future[Outcome]", seconds: float = float("inf")) -> Any:
+    """What a call returned, or raised, as `call` says; whatever ends the wait ends the owner's processes too."""
+    try:
+        outcome = future.result(seconds if seconds < threading.TIMEOUT_MAX else None)
+    except BrokenExecutor as e:
+        end(owner)
+        raise ProcessDied(f"its process died ({cause(e)})") from None
+    except TimeoutError:
+        end(owner)
+        raise ProcessHung(f"it took longer than {seconds:g} s") from None
+    except BaseException:  # Ctrl-C
+        end(owner)
+        raise
+    if outcome.printed:
+        print(outcome.printed, end="")
+    if outcome.raised:
+        raise outcome.raised.error()
+    return pickle.loads(outcome.value)
+
+
+def cause(e: BaseException) -> str:
+    """Why a process died, as far as its exit code says."""
+    codes = re.search(r"exit codes of the workers are \{(\w+)\((-?\d+)\)\}", str(e))
+    if codes is None or codes[1] == "SIGKILL":
+        return "killed, crashed, or out of memory"
+    return f"exit code {codes[2]}" if codes[1] == "EXIT" else codes[1]
+
+
+def begin_worker(parent: int) -> None:
+    """Leave Ctrl-C and stdout to the parent process, end when it ends, and be ended first where memory runs out."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.dup2(2, 1)
+    with contextlib.suppress(OSError):
+        Path("/proc/self/oom_score_adj").write_text("1000")
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(0.5)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def _called(folder: str, path: list[str], sent: bytes) -> Outcome:
+    """What runs in the other process: in the folder where the parent is, which another call may have left."""
+    os.chdir(folder)
+    sys.path[:] = path
+    printed = io.StringIO()
+    try:
+        with contextlib.redirect_stdout(printed):
+            function, arguments = cloudpickle.loads(sent)
+            value = function(*arguments)
+        return Outcome(cloudpickle.dumps(value), None, printed.getvalue())
+    except BaseException as e:
+        return Outcome(b"", Raised.of(e), printed.getvalue())
+
+
+def _sources() -> Mapping[str, float]:
+    """When each imported source file was changed last, but for those of Python's own directories."""
+    places = (sys.prefix, sys.base_prefix)
+    files = [getattr(module, "__file__", None) for module in list(sys.modules.values())]
+    found = {}
+    for file in {f for f in files if isinstance(f, str) and f.endswith(".py") and not f.startswith(places)}:
+        with contextlib.suppress(OSError):
+            found[file] = os.stat(file).st_mtime
+    return found

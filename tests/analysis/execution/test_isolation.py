@@ -1,0 +1,130 @@
+"""Whatever a plug-in does to its process costs its own trials alone: a few cells of benchmarks/reliability."""
+
+import json
+
+import pandas as pd
+import pytest
+from processes import inside
+
+from cooploc.analysis.execution.execute import execute
+from cooploc.scenarios.studies.study import Study
+
+pytestmark = pytest.mark.slow
+FILE = """
+import ctypes, os, resource, sys, time
+from cooploc.estimators.dead_reckoning import DeadReckoning
+from cooploc.scenarios import Family
+from cooploc.scenarios.worlds.radio_arena import Paper
+
+class Segfaults(DeadReckoning):
+    def init(self, prior, world, rows):
+        if (rows.trial == 1).any():
+            ctypes.string_at(0)
+        return super().init(prior, world, rows)
+
+class Leaves(DeadReckoning):
+    def __post_init__(self):
+        os._exit(0)
+
+class Recurses(DeadReckoning):
+    def estimate(self, s):
+        sys.setrecursionlimit(10**7)
+        return list(map(self.estimate, [s]))
+
+class Interrupts(DeadReckoning):
+    def predict(self, s, z):
+        raise KeyboardInterrupt
+
+class Wanders(DeadReckoning):
+    def fuse(self, s, z, mail):
+        os.chdir("/")
+        resource.setrlimit(resource.RLIMIT_FSIZE, (10, 10))
+        return super().fuse(s, z, mail)
+
+class World(Paper):
+    def simulate(self, label, trials, seed, world):
+        if 1 in trials:
+            time.sleep(1000)
+        return super().simulate(label, trials, seed, world)
+
+hangs = Family("hangs in trial 1", World)
+"""
+WORLD = "robots-1-3/n=1[ticks=4]"
+SAID = {
+    "Segfaults": {1: "the process that ran it died (SIGSEGV)"},
+    "Leaves": dict.fromkeys((0, 1), "it cannot be imported or made: its process died (exit code 0)"),
+    "Recurses": dict.fromkeys((0, 1), "the process that ran it died (SIGSEGV)"),
+    "Interrupts": dict.fromkeys((0, 1), "KeyboardInterrupt (bad.py:"),
+    "Wanders": {},
+}
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    (tmp_path / "bad.py").write_text(FILE)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def failures(rows):
+    return rows.dropna(subset="failure").groupby("trial")["failure"].first().to_dict()
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_what_a_plug_in_does_to_its_process_costs_its_own_trials(place, jobs):
+    names = ("dead-reckoning", *(f"bad.py:{name}" for name in SAID))
+    study = Study(
+        name="cells", trials=2, time_limit=2.0, baseline="dead-reckoning", scenarios=(WORLD,), estimators=names
+    )
+    rows = execute(study, place / "run", jobs=jobs, check=False)
+    alone = execute(study.with_options(only=("dead-reckoning",)), place / "alone")
+    for name, said in SAID.items():
+        found = failures(rows[rows["estimator"] == f"bad.py:{name}"])
+        assert set(found) == set(said), name
+        assert all(found[trial].startswith(line) for trial, line in said.items()), found
+    same = rows[rows["estimator"] == "dead-reckoning"].reset_index(drop=True)
+    pd.testing.assert_frame_equal(same.drop(columns="seconds"), alone.drop(columns="seconds"))
+
+
+def test_a_scenario_that_hangs_costs_the_trial_where_it_does(place):
+    study = Study(
+        name="cells",
+        trials=2,
+        time_limit=1.0,
+        scenarios=("bad.py:hangs[ticks=3]",),
+        estimators=("dead-reckoning", "ekf-local"),
+    )
+    rows = execute(study, place / "run")
+    for _, mine in rows.groupby("estimator"):
+        assert list(failures(mine)) == [1]
+        assert failures(mine)[1].startswith("TimeLimit: longer than the time limit of 1 s a trial (bad.py:")
+    again = execute(study, place / "run")
+    assert failures(again) == failures(rows)
+
+
+def test_a_run_in_one_process_is_called_so(place):
+    arguments = ("run", "cells.toml", "--no-check", "--out", "run")
+    (place / "cells.toml").write_text(
+        f'trials = 2\nscenarios = ["{WORLD}"]\nestimators = ["bad.py:Wanders"]\n'.replace("Wanders", "Interrupts")
+    )
+    told = inside(*arguments, cwd=place)
+    assert told.returncode == 1
+    assert "in one process" not in told.stdout
+    (place / "cells.toml").write_text(f'trials = 2\nscenarios = ["{WORLD}"]\nestimators = ["dead-reckoning"]\n')
+    told = inside(*arguments, "--no-isolate", cwd=place)
+    assert told.returncode == 0, told.stderr
+    assert "ran in one process (--no-isolate)" in told.stdout
+    assert json.loads((place / "run" / "manifest.json").read_text())["isolated"] is False
+    refused = inside(*arguments, "--no-isolate", "--jobs", 2, cwd=place)
+    assert refused.returncode == 2
+    assert "--jobs 2 asks for others" in refused.stderr
+
+
+def test_a_directory_of_another_processor_is_not_continued(place):
+    study = Study(name="one", trials=2, scenarios=(WORLD,), estimators=("dead-reckoning",))
+    execute(study, place / "run")
+    manifest = json.loads((place / "run" / "manifest.json").read_text())
+    manifest["instructions"]["numpy"] = "SSE2"
+    (place / "run" / "manifest.json").write_text(json.dumps(manifest))
+    with pytest.raises(ValueError, match="holds a run with another instructions"):
+        execute(study, place / "run")

@@ -1,0 +1,158 @@
+"""Processes of their own, and limits of time: what happens there stays there, and a trial is late after one limit."""
+
+import contextlib
+import math
+import os
+import time
+
+import numpy as np
+import pytest
+
+import cooploc as cl
+from cooploc.estimators import make
+from cooploc.estimators.dead_reckoning import DeadReckoning
+from cooploc.estimators.plugins.errors import one_line
+from cooploc.scenarios.processes.outcome import ProcessDied, ProcessHung, Raised, WorkerError
+from cooploc.scenarios.processes.time_limit import Limit, TimeLimit, within
+from cooploc.scenarios.processes.workers import call, end
+from cooploc.scenarios.runner.trace import trace
+
+HERE = False  # no process may be ended here
+
+
+class Unspeakable(Exception):
+    def __str__(self):
+        raise SystemExit
+
+
+def slept(seconds, calls, trials=1):
+    """How long it takes to be late, where each of so many calls sleeps [s]; None where it is not late."""
+    began = time.monotonic()
+    try:
+        with within(Limit(0.2, HERE), trials, calls) as watch:
+            for tick in range(calls):
+                watch("predict", tick, (seconds,), time.sleep)
+    except TimeLimit:
+        return time.monotonic() - began
+    return None
+
+
+def test_one_that_hangs_among_fifty_is_late_after_one_limit():
+    assert 0.19 < slept(5.0, 1, trials=50) < 1.0
+
+
+def test_fifty_trials_may_take_as_long_as_fifty_in_calls_that_end():
+    assert slept(0.1, 5, trials=50) is None
+    assert slept(0.1, 5) < 1.0
+
+
+def test_one_that_is_slow_in_every_call_is_late_long_before_the_fiftieth_limit():
+    """50 trials have 10 s for 100 ticks; 0.15 s a tick are 15 s, and too many from the second tick on."""
+    assert slept(0.15, 100, trials=50) < 2.0
+
+
+@pytest.mark.parametrize("seconds", [math.inf, 1e10, 1e300])
+def test_a_limit_beyond_every_timer_is_none(seconds):
+    with within(Limit(seconds, True)) as watch:
+        assert watch("predict", 0, (2, 3), pow) == 8
+
+
+def test_what_catches_every_exception_does_not_catch_that_it_is_late():
+    with pytest.raises(TimeLimit), within(Limit(0.1, HERE)), contextlib.suppress(Exception):
+        time.sleep(5)
+
+
+def test_an_exception_travels_as_itself_only_where_its_class_is_known():
+    assert isinstance(Raised.of(ValueError("no")).error(), ValueError)
+    assert isinstance(Raised.of(cl.BadInput("no")).error(), cl.BadInput)
+    for ends in (Unspeakable(), KeyboardInterrupt(), SystemExit(3), GeneratorExit()):
+        error = Raised.of(ends).error()
+        assert type(error) is WorkerError
+        assert str(error).startswith(type(ends).__name__)
+    assert one_line(Unspeakable()) == "Unspeakable: its message cannot be read"
+
+
+@pytest.mark.slow
+def test_a_process_that_ends_or_hangs_is_an_error_and_the_next_call_has_another():
+    with pytest.raises(ProcessDied, match=r"died \(exit code 3\)"):
+        call("test", os._exit, 3)
+    first = call("test", os.getpid)
+    assert first == call("test", os.getpid) != os.getpid()
+    with pytest.raises(ProcessHung, match=r"longer than 0.5 s"):
+        call("test", time.sleep, 60, seconds=0.5)
+    assert call("test", os.getpid) != first
+    call("test", os.chdir, "/")
+    assert call("test", os.getcwd) == os.getcwd()
+    end("test")
+
+
+class Careless(DeadReckoning):
+    """What somebody writes in a notebook; `does` it in one method."""
+
+    does = staticmethod(lambda: None)
+
+    def fuse(self, s, z, mail):
+        self.does()
+        return super().fuse(s, z, mail)
+
+
+def leave():
+    os._exit(0)
+
+
+def interrupt():
+    raise KeyboardInterrupt
+
+
+def sleep():
+    time.sleep(60)
+
+
+def unspeakable():
+    raise Unspeakable
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("does", "said"),
+    [
+        (leave, r"mine: its process died \(exit code 0\)"),
+        (sleep, "mine: TimeLimit: longer than the time limit of 1 s a trial"),
+        (interrupt, "mine: KeyboardInterrupt"),
+        (unspeakable, "mine: Unspeakable: its message cannot be read"),
+    ],
+)
+def test_an_estimator_of_a_notebook_that_ends_its_process_is_an_error_of_the_run(does, said):
+    _, stream = cl.simulate("trajectory", trials=2, ticks=4, seed=1)
+    cls = type("Mine", (Careless,), {"does": staticmethod(does)})
+    with pytest.raises(cl.EstimatorError, match=said):
+        cl.run({"mine": cls}, stream, time_limit=1.0)
+    report = cl.check_estimator(cls(), time_limit=2.0)
+    assert not report.passed
+    assert report["runs"].status == "failed"
+
+
+@pytest.mark.slow
+def test_a_process_of_its_own_gives_the_bits_of_this_one_and_prints_here(capsys):
+    _, stream = cl.simulate("trajectory", trials=3, ticks=5, seed=1)
+    cls = type("Mine", (Careless,), {"does": staticmethod(lambda: print("seen", os.getpid()))})
+    apart = cl.run({"mine": cls(), "dead": "dead-reckoning"}, stream)
+    pids = set(capsys.readouterr().out.split()) - {"seen"}
+    assert len(pids) == 1
+    assert str(os.getpid()) not in pids
+    here = cl.run({"mine": cls()}, stream, isolate=False)
+    assert str(os.getpid()) in capsys.readouterr().out.split()
+    assert "all in one process" in repr(here)
+    assert "process" not in repr(apart)
+    for field in ("x", "P", "messages", "bytes"):
+        one, two = (getattr(run.traces["mine"], field) for run in (apart, here))
+        np.testing.assert_array_equal(one, two)
+        np.testing.assert_array_equal(one, getattr(trace("d", make("dead-reckoning"), stream), field))
+
+
+def test_what_contradicts_itself_is_refused():
+    _, stream = cl.simulate("trajectory", trials=2, ticks=3, seed=1)
+    with pytest.raises(cl.BadInput, match="isolate=False keeps everything in one process, and jobs is 2"):
+        cl.run("dead-reckoning", stream, jobs=2, isolate=False)
+    with pytest.raises(cl.BadInput, match="time_limit is nan"):
+        cl.run("dead-reckoning", stream, time_limit=math.nan)
