@@ -77,7 +77,7 @@ def pair(said: str, scenario: str, of: str, than: str, trials: int) -> tuple[str
 
 def figures(row: pd.Series) -> tuple[str, str]:
     """RMSE and ANEES as they are read."""
-    return f"{row['rmse']:.3f} m", f"{row['anees']:.3g} ({row['anees_median']:.2f})"
+    return f"{row['rmse']:.3f} m", f"{row['anees']:.3g} ({row['anees_median']:.3g})"
 
 
 def floors(trials: int) -> str:

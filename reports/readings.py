@@ -1,6 +1,6 @@
 """Writes reports/readings from a run of the study `readings`: the map, a curve for each claim, tables, a README.
 
-Run: python reports/readings_report.py RUN_DIR [OUT].
+Run: python reports/readings.py RUN_DIR [OUT].
 """
 
 import sys
@@ -19,6 +19,7 @@ from cooploc.analysis.claims.readings import Dimensions, design
 from cooploc.analysis.report.claim_tables import over_readings
 
 mpl.use("agg")
+LEFT = "direction only", "contradicted", "undecided"
 NUMBERS = [
     "claim",
     "scenario",
@@ -45,6 +46,7 @@ def main(run: str, out: str = "reports/readings") -> None:
     keep(cl.plot.readings(found), folder / "map.svg")
     curves = [(claim, *curve(found, claim, folder)) for claim in dict.fromkeys(found["claim"])]
     trials = kept.rows.groupby("scenario")["trial"].nunique()
+    (folder / "map.md").write_text(short(multiverse.shares(found)), encoding="utf-8")
     (folder / "README.md").write_text(page(found, ledger, curves, int(trials.min())), encoding="utf-8")
 
 
@@ -97,6 +99,16 @@ def page(found: pd.DataFrame, ledger: Ledger, curves: list[tuple[str, str, str]]
         *(f"![Claim {claim}: {says}]({name})\n" for claim, name, says in curves),
     ]
     return "\n".join(lines).rstrip() + "\n"
+
+
+def short(counted: pd.DataFrame) -> str:
+    """The table of the project's README."""
+    rows = ["|  | the paper says | holds in | direction only | contradicted in | open | letter | preset |"]
+    rows.append("| --- | --- | ---: | ---: | ---: | ---: | --- | --- |")
+    for row in counted.to_dict("records"):
+        numbers = (f"{row['supported']} of {row['specifications']}", *(str(row[name]) for name in LEFT))
+        rows.append(f"| {row['claim']} | {row['says']} | {' | '.join(numbers)} | {row['letter']} | {row['preset']} |")
+    return "\n".join(rows) + "\n"
 
 
 def choices(dimensions: Dimensions) -> list[str]:
