@@ -42,9 +42,10 @@ if PLACE == "import":
 class Cell(DeadReckoning):
     bad = False
 
-    def __post_init__(self):  # called by the `__init__` of a dataclass
+    def __init__(self):
         if PLACE == "__init__":
             trouble()
+        super().__init__()
 
     def init(self, prior, world, rows):
         object.__setattr__(self, "bad", bool((rows.trial == 1).any()))
