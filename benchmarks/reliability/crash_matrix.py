@@ -117,10 +117,11 @@ class Outcome(NamedTuple):
 
 def main() -> None:
     cells = [Cell(kind, place) for kind in KINDS for place in PLACES]
+    found = {}
     with tempfile.TemporaryDirectory() as folder:
-        found = {mode: run(cells, mode, Path(folder)) for mode in MODES}
-    text = report(cells, found)
-    Path(sys.argv[1] if len(sys.argv) > 1 else "reports/reliability.md").write_text(text)
+        for mode in MODES:
+            found[mode] = run(cells, mode, Path(folder))
+            Path(sys.argv[1] if len(sys.argv) > 1 else "reports/reliability.md").write_text(report(cells, found))
     sys.exit(0 if all(one.held for of in found.values() for one in of[0].values()) else 1)
 
 

@@ -23,7 +23,7 @@ class Segfaults(DeadReckoning):
         return super().init(prior, world, rows)
 
 class Leaves(DeadReckoning):
-    def __post_init__(self):
+    def __init__(self):
         os._exit(0)
 
 class Recurses(DeadReckoning):
