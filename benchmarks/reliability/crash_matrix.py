@@ -1,9 +1,10 @@
 """Every way to end a process, in every place where a plug-in's code runs, for every kind of worker: what is lost?
 
-Run: python benchmarks/reliability/crash_matrix.py [report.md]. Each cell is a plug-in of its own that does one bad
-thing in one place, in trial 1 of 2, or whenever it is imported or made. All of them run in one study, beside a built-in
-estimator, once with one job, once with two, once on a Dask cluster. A cell holds where the bad trial failed, the other
-trial and every trial of the built-in estimator have a result, and the command ended with exit code 1.
+Run: python benchmarks/reliability/crash_matrix.py reports/reliability.md ["jobs 1" "jobs 2" Dask]. Puts a table for
+each kind of worker into the report, as soon as it is measured; `make reliability` makes the whole report. Each cell is
+a plug-in of its own that does one bad thing in one place, in trial 1 of 2, or whenever it is imported or made. All of
+them run in one study, beside a built-in estimator. A cell holds where the bad trial failed, the other trial and every
+trial of the built-in estimator have a result, and the command ended with exit code 1.
 """
 
 import os
@@ -17,6 +18,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pandas as pd
+from sections import put
 
 KINDS = {
     "segfault": "import ctypes; ctypes.string_at(0)",
@@ -42,9 +44,10 @@ if PLACE == "import":
 class Cell(DeadReckoning):
     bad = False
 
-    def __post_init__(self):  # called by the `__init__` of a dataclass
+    def __init__(self):
         if PLACE == "__init__":
             trouble()
+        super().__init__()
 
     def init(self, prior, world, rows):
         object.__setattr__(self, "bad", bool((rows.trial == 1).any()))
@@ -82,6 +85,8 @@ class Model(Paper):
 
 Cell = Family("ends its process", Model)
 """
+EXPLAINED = """A cell holds (✓) where the bad trial failed with a line that says why, the other trial and all trials of
+a built-in estimator in the same study have a result, and the command ended with exit code 1."""
 BUILTIN, WORLD = "dead-reckoning", "robots-1-3/n=1[ticks=4]"
 QUIET = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
 
@@ -94,7 +99,8 @@ class Cell(NamedTuple):
 
     @property
     def label(self) -> str:
-        return f"{re.sub(r'[^a-z]', '', self.kind)}_{self.place.strip('_')}.py:Cell"
+        place = "made" if self.place == "__init__" else self.place  # not the file of `init`
+        return f"{re.sub(r'[^a-z]', '', self.kind)}_{place}.py:Cell"
 
     @property
     def pair(self) -> tuple[str, str]:
@@ -114,13 +120,15 @@ class Outcome(NamedTuple):
     said: str  # the bad trial's failure
 
 
-def main() -> None:
+def main(report: Path, *modes: str) -> None:
     cells = [Cell(kind, place) for kind in KINDS for place in PLACES]
-    with tempfile.TemporaryDirectory() as folder:
-        found = {mode: run(cells, mode, Path(folder)) for mode in MODES}
-    text = report(cells, found)
-    Path(sys.argv[1] if len(sys.argv) > 1 else "reports/reliability.md").write_text(text)
-    sys.exit(0 if all(one.held for of in found.values() for one in of[0].values()) else 1)
+    lost = 0
+    for mode in modes or MODES:
+        with tempfile.TemporaryDirectory() as folder:
+            outcomes, seconds = run(cells, mode, Path(folder))
+        put(report, mode, section(mode, outcomes, seconds))
+        lost += sum(not one.held for one in outcomes.values())
+    sys.exit(min(lost, 1))
 
 
 def run(cells: list[Cell], mode: str, folder: Path) -> tuple[dict[Cell, Outcome], float]:
@@ -197,27 +205,19 @@ def wait_for_worker(address: str, seconds: float = 120) -> None:
         client.wait_for_workers(1, timeout=seconds)
 
 
-def report(cells: list[Cell], found: dict[str, tuple[dict[Cell, Outcome], float]]) -> str:
-    lines = [__doc__.partition("\n")[0], ""] if __doc__ else []
-    lines += [
-        "Made by `python benchmarks/reliability/crash_matrix.py`. A cell holds (✓) where the bad trial failed with a",
-        "line that says why, the other trial and all trials of a built-in estimator in the same study have a result,",
-        "and the command ended with exit code 1.",
-    ]
-    for mode, (outcomes, seconds) in found.items():
-        good = sum(one.held for one in outcomes.values())
-        lines += ["", f"## {mode}: {good} of {len(cells)} hold, {seconds:.0f} s", ""]
-        lines += [f"| | {' | '.join(f'`{place}`' for place in PLACES)} |", "| --- |" + " --- |" * len(PLACES)]
-        for kind in KINDS:
-            row = [outcomes[Cell(kind, place)] for place in PLACES]
-            lines.append(f"| {kind} | {' | '.join('✓' if one.held else f'✗ {one.said}' for one in row)} |")
-        lines += ["", "What the failed trials say:", ""]
-        said = {}
-        for cell, one in outcomes.items():
-            said.setdefault(re.sub(r" \(\w+\.py:\d+\)$", "", one.said), []).append(f"{cell.kind} in `{cell.place}`")
-        lines += [f"- {line}: {', '.join(where)}" for line, where in said.items()]
-    return "\n".join(["# Reliability", "", *lines]) + "\n"
+def section(mode: str, outcomes: dict[Cell, Outcome], seconds: float) -> str:
+    good = sum(one.held for one in outcomes.values())
+    lines = [f"## Crashes with {mode}: {good} of {len(outcomes)} hold, {seconds:.0f} s", "", EXPLAINED, ""]
+    lines += [f"| | {' | '.join(f'`{place}`' for place in PLACES)} |", "| --- |" + " --- |" * len(PLACES)]
+    for kind in KINDS:
+        row = [outcomes[Cell(kind, place)] for place in PLACES]
+        lines.append(f"| {kind} | {' | '.join('✓' if one.held else f'✗ {one.said}' for one in row)} |")
+    said: dict[str, list[str]] = {}
+    for cell, one in outcomes.items():
+        said.setdefault(re.sub(r" \(\w+\.py:\d+\)$", "", one.said), []).append(f"{cell.kind} in `{cell.place}`")
+    told = [f"- {line}: {', '.join(where)}" for line, where in said.items()]
+    return "\n".join([*lines, "", "What the failed trials say:", "", *told])
 
 
 if __name__ == "__main__":
-    main()
+    main(Path(sys.argv[1]), *sys.argv[2:])

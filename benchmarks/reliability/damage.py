@@ -1,7 +1,8 @@
 """Harm to files, death at every file operation, and requests beyond all bounds: what is lost, what is said?
 
-Run: python benchmarks/reliability/damage.py [reports/reliability.md]. Prints its part of the report, or puts it into
-the report in place of the one that is there. Commands run in processes that are forked once everything is imported.
+Run: python benchmarks/reliability/damage.py [reports/reliability.md]. Prints its section of the report, or puts it into
+the report in place of the one that is there; `make reliability` makes the whole report. Commands run in
+processes that are forked once everything is imported.
 """
 
 import os
@@ -17,6 +18,7 @@ from pathlib import Path
 from resource import RUSAGE_SELF, getrusage
 
 from matplotlib import use
+from sections import put
 
 import cooploc.runs
 import cooploc.terminal.finished_runs
@@ -29,7 +31,6 @@ from cooploc.scenarios import simulate
 from cooploc.scenarios.stream import Stream
 from cooploc.scenarios.studies.study import load
 
-START, END = "<!-- damage -->", "<!-- end of damage -->"
 FLIPS, GARBAGE = 400, 60
 TINY = 'trials = 2\nscenarios = ["robots-1-3/n=2[ticks=3]"]\nestimators = ["dead-reckoning", "ekf-local"]\n'
 WATCHED = {"open", "os.mkdir", "os.rename", "os.remove", "os.listdir", "os.scandir"}
@@ -244,20 +245,18 @@ def part(folder: Path) -> str:
     forked(lambda: execute(load(str(folder / "tiny.toml")), whole / "run"), folder)
     killed, refused, resampled, junk = deaths(folder), bounds(folder), bootstrap(folder), garbage(folder)
     harmed = flips(whole, folder)  # in this process, whose threads no fork would survive
-    lines = ["## Damage, death and bounds", "", "Made by `python benchmarks/reliability/damage.py`.", ""]
-    lines += ["| harmed | cases | what came of it |", "| --- | ---: | --- |", *harmed, junk]
+    lines = [
+        "## Damage, death and bounds",
+        "",
+        "| harmed | cases | what came of it |",
+        "| --- | ---: | --- |",
+        *harmed,
+        junk,
+    ]
     lines += ["", f"Death: {killed}.", "", f"Fuzzing: {fuzzed()}.", ""]
     lines += ["| asked for | exit code | seconds | said |", "| --- | ---: | ---: | --- |", *refused, ""]
     head = ["| trials | seconds | more memory [MB] |", "| ---: | ---: | ---: |"]
     return "\n".join([*lines, "The bootstrap of one pair of estimators:", "", *head, *resampled]) + "\n"
-
-
-def put(report: Path, text: str) -> None:
-    """Into the report, in place of what is between the marks."""
-    there = report.read_text() if report.exists() else "# Reliability\n"
-    before, _, rest = there.partition(START)
-    after = rest.partition(END)[2]
-    report.write_text(f"{before.rstrip()}\n\n{START}\n{text}{END}\n{after.lstrip()}")
 
 
 if __name__ == "__main__":
@@ -265,5 +264,5 @@ if __name__ == "__main__":
     _ = cooploc.runs, cooploc.terminal.finished_runs  # imported before the first fork
     with tempfile.TemporaryDirectory() as place:
         found = part(Path(place))
-    put(Path(sys.argv[1]), found) if len(sys.argv) > 1 else print(found)
+    put(Path(sys.argv[1]), "damage", found) if len(sys.argv) > 1 else print(found)
     sys.exit(any(bad in found for bad in ("OTHER NUMBERS", "UNSAID", "traceback")))

@@ -1,8 +1,9 @@
 """What it costs that a plug-in has processes of its own, as a ratio to the same run in one process.
 
-Run: python benchmarks/reliability/isolation_price.py [rounds]. The study is `quick` with one more estimator, which is
-the built-in `arl` under a plug-in's name. Both kinds of run take turns, each in a new process that has imported and
-compiled everything; what it takes to start a process, which imports, is given apart. A ratio of 1.1 is ten percent.
+Run: python benchmarks/reliability/isolation_price.py [reports/reliability.md [rounds]]. Prints its section of the
+report, or puts it there. The study is `quick` with one more estimator, which is the built-in `arl` under a plug-in's
+name. Both kinds of run take turns, each in a new process that has imported and compiled everything; what it takes to
+start a process, which imports, is given apart. A ratio of 1.1 is ten percent.
 """
 
 import os
@@ -11,6 +12,8 @@ import sys
 import tempfile
 from pathlib import Path
 from statistics import median
+
+from sections import put
 
 PLUGIN = "from cooploc.estimators.arl import Arl\n\nclass Mine(Arl):\n    pass\n"
 MEASURE = """
@@ -26,18 +29,31 @@ print(time.perf_counter() - began, start, file=sys.stderr)
 """
 
 
-def main() -> None:
-    rounds = int(sys.argv[1]) if len(sys.argv) > 1 else 3
-    found = {"isolated": [], "together": []}
+def main(report: str = "", rounds: str = "5") -> None:
+    found: dict[str, list[float]] = {"isolated": [], "together": []}
     starts = []
-    for _ in range(rounds):
+    for _ in range(int(rounds)):
         for mode, took in found.items():
             seconds, start = measured(mode)
             took.append(seconds)
             starts.append(start)
     apart, together, start = median(found["isolated"]), median(found["together"]), median(starts)
-    print(f"in one process {together:.1f} s, isolated {apart:.1f} s: ratio {apart / together:.2f}")
-    print(f"to start a process takes {start:.1f} s; without it the ratio is {(apart - start) / together:.2f}")
+    text = "\n".join(
+        [
+            "## The price of isolation",
+            "",
+            f"`quick` with one plug-in, medians of {rounds} runs of either kind:",
+            "",
+            "| | |",
+            "| --- | ---: |",
+            f"| in one process [s] | {together:.1f} |",
+            f"| isolated [s] | {apart:.1f} |",
+            f"| ratio | {apart / together:.2f} |",
+            f"| of that, to start the process [s] | {start:.1f} |",
+            f"| ratio without the start | {(apart - start) / together:.2f} |",
+        ]
+    )
+    put(Path(report), "price", text) if report else print(text)
 
 
 def measured(mode: str) -> tuple[float, float]:
@@ -53,4 +69,4 @@ def measured(mode: str) -> tuple[float, float]:
 
 
 if __name__ == "__main__":
-    main()
+    main(*sys.argv[1:])

@@ -2,14 +2,16 @@
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, is_dataclass
+from contextlib import suppress
+from dataclasses import InitVar, dataclass, fields, is_dataclass
 from functools import cache
-from typing import Any
+from inspect import Parameter, signature
+from typing import Any, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError
 from pydantic.errors import PydanticUserError
 
-from cooploc.estimators.plugins.errors import BadInput, first_reason, nearest, one_line
+from cooploc.estimators.plugins.errors import BadInput, first_reason, message, nearest, one_line
 
 RENAMED = {"own": "anchor_reading"}  # old spellings of parameters, accepted for one version
 
@@ -39,12 +41,25 @@ def build(name: str, found: Any, given: Mapping[str, Any]) -> Any:
         if given:
             raise BadInput(f"estimator {name!r} is not a dataclass, so it has no parameters: decorate its class")
         return _called(name, found, {})
-    known = [f.name for f in fields(found) if f.init and f.name != "uses"]
-    given = {_current(name, key, known): value for key, value in given.items()}
+    parameters = _parameters(found)
+    given = {_current(name, key, list(parameters)): value for key, value in given.items()}
     for key in given:
-        if key not in known:
-            raise BadInput(f"estimator {name!r} has no parameter {key!r}; {nearest(key, known)}")
-    return _validated(name, found, given)
+        if key not in parameters:
+            raise BadInput(f"estimator {name!r} has no parameter {key!r}; {nearest(key, list(parameters))}")
+    missing = [key for key, one in parameters.items() if one.default is Parameter.empty and key not in given]
+    if missing:
+        raise BadInput(_needs_arguments(name, f"it needs {missing[0]}"))
+    return _called(name, found, {key: _validated(name, found, key, value) for key, value in given.items()})
+
+
+def _parameters(cls: type) -> dict[str, Parameter]:
+    """What its `__init__` takes, which may be the class's own; with `**rest`, its fields too."""
+    taken = signature(cls).parameters
+    named = {key: one for key, one in taken.items() if one.kind in (one.POSITIONAL_OR_KEYWORD, one.KEYWORD_ONLY)}
+    if any(one.kind is one.VAR_KEYWORD for one in taken.values()):
+        rest = [f.name for f in fields(cls) if f.init and f.name not in named]
+        named |= {key: Parameter(key, Parameter.KEYWORD_ONLY, default=None) for key in rest}
+    return {key: one for key, one in named.items() if key != "uses"}
 
 
 def _current(name: str, key: str, known: list[str]) -> str:
@@ -56,28 +71,35 @@ def _current(name: str, key: str, known: list[str]) -> str:
     return new
 
 
-def _validated(name: str, cls: type, given: dict[str, Any]) -> Any:
+def _validated(name: str, cls: type, key: str, value: Any) -> Any:
+    """A parameter's value, converted to the type of its annotation where it has one."""
     try:
-        return _adapter(cls).validate_python(given)
+        return _adapter(cls, key).validate_python(value)
     except ValidationError as e:
         first = e.errors()[0]
-        if first["type"] == "missing":
-            raise BadInput(_needs_arguments(name, f"it needs {first['loc'][0]}")) from None
-        why = first_reason(e.errors()) if first["loc"] else first["msg"].removeprefix("Value error, ")
-        raise BadInput(f"estimator {name!r}, {why}") from None
-    except PydanticUserError:  # an annotation that pydantic does not know
-        return _called(name, cls, given)
+        raise BadInput(f"estimator {name!r}, {first_reason([{**first, 'loc': (key, *first['loc'])}])}") from None
+    except (PydanticUserError, NameError):  # an annotation that pydantic does not know
+        return value
 
 
 @cache
-def _adapter(cls: type) -> TypeAdapter[Any]:
-    """Made once for each class: it takes milliseconds."""
-    return TypeAdapter(cls)
+def _adapter(cls: Any, key: str) -> TypeAdapter[Any]:
+    """Made once for each parameter: it takes milliseconds."""
+    hints = get_type_hints(cls, include_extras=True)
+    with suppress(NameError):  # the `__init__` of a dataclass may repeat names of another module
+        hints |= get_type_hints(cls.__init__, include_extras=True)
+    hint = hints.get(key, Any)
+    return TypeAdapter(hint.type if isinstance(hint, InitVar) else hint)
 
 
 def _called(name: str, cls: type, given: dict[str, Any]) -> Any:
+    """The class called, as Python would: no `__init__` is left out."""
     try:
         return cls(**given)
+    except MemoryError:  # of the machine, not of the class
+        raise
+    except ValueError as e:  # a parameter that does not fit
+        raise BadInput(f"estimator {name!r}, {message(e)}") from e
     except (Exception, SystemExit, GeneratorExit) as e:  # a constructor may fail in any way
         raise BadInput(_needs_arguments(name, one_line(e))) from e
 

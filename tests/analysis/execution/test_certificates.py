@@ -142,7 +142,7 @@ class Leaves(DeadReckoning):
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("Dies", "failed: runs: the process that checked it died (killed, crashed, or out of memory)"),
+        ("Dies", "failed: runs: its process died (exit code 3)"),
         ("Hangs", "unchecked: its checks took longer than 5 s"),
         ("Leaves", "failed: runs: predict() raised at tick 0 of 'robots-1-3/n=3[drop=0.3,ticks=12], some readings "
                    "absent' (nothing was changed): SystemExit: enough (seed 0)"),

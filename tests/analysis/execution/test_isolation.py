@@ -7,6 +7,7 @@ import pytest
 from processes import inside
 
 from cooploc.analysis.execution.execute import execute
+from cooploc.analysis.execution.run_directory import RunDir
 from cooploc.scenarios.studies.study import Study
 
 pytestmark = pytest.mark.slow
@@ -23,7 +24,7 @@ class Segfaults(DeadReckoning):
         return super().init(prior, world, rows)
 
 class Leaves(DeadReckoning):
-    def __post_init__(self):
+    def __init__(self):
         os._exit(0)
 
 class Recurses(DeadReckoning):
@@ -123,8 +124,8 @@ def test_a_run_in_one_process_is_called_so(place):
 def test_a_directory_of_another_processor_is_not_continued(place):
     study = Study(name="one", trials=2, scenarios=(WORLD,), estimators=("dead-reckoning",))
     execute(study, place / "run")
-    manifest = json.loads((place / "run" / "manifest.json").read_text())
+    manifest = RunDir(place / "run").manifest
     manifest["instructions"]["numpy"] = "SSE2"
-    (place / "run" / "manifest.json").write_text(json.dumps(manifest))
+    RunDir(place / "run").write_manifest(manifest)
     with pytest.raises(ValueError, match="holds a run with another instructions"):
         execute(study, place / "run")
