@@ -83,7 +83,7 @@ class DaskCluster(Pool):
             BadInput: the scheduler is gone.
 
         """
-        alone, said = 0.0, 0.0
+        alone, said = 0.0, float("-inf")
         while not (done := wait(running, timeout=LOOK, return_when=FIRST_COMPLETED).done):
             if self._client.status != "running":
                 raise BadInput(_gone(self._address))
