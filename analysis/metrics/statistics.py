@@ -4,7 +4,7 @@ Below five trials nothing is claimed: every interval is nan.
 """
 
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import stats
@@ -91,7 +91,7 @@ def change_bca(a: Array, b: Array) -> Interval:
     if np.allclose(b * a.mean(), a * b.mean(), rtol=1e-9):  # every resample is the same
         return Interval(value, value, value)
     at_once = max(1, AT_ONCE // len(a))  # resamples; their number changes no bit
-    options = {"n_resamples": RESAMPLES, "batch": at_once, "rng": np.random.default_rng(0)}
+    options: dict[str, Any] = {"n_resamples": RESAMPLES, "batch": at_once, "rng": np.random.default_rng(0)}
     # only its resamples are wanted: its own jackknife of BCa takes n x n values
     resampled = stats.bootstrap((a, b), _change, paired=True, method="percentile", **options).bootstrap_distribution
     left_out = np.sqrt((b.sum() - b) / (a.sum() - a)) - 1
