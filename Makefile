@@ -48,9 +48,9 @@ accuse: $(VENV)/.ready  ## is an honest estimator ever accused? an hour; keeps i
 	$(BIN)/python benchmarks/statistics/accusations.py reports/accusations.md 50
 
 reliability: $(VENV)/.ready  ## what a plug-in's crash, damage, death and isolation cost; an hour; keeps its report
-	$(BIN)/python benchmarks/reliability/isolation_price.py reports/reliability.md
-	$(BIN)/python benchmarks/reliability/damage.py reports/reliability.md
 	$(BIN)/python benchmarks/reliability/crash_matrix.py reports/reliability.md
+	$(BIN)/python benchmarks/reliability/damage.py reports/reliability.md
+	$(BIN)/python benchmarks/reliability/isolation_price.py reports/reliability.md
 
 $(VENV)/.ready: requirements.lock pyproject.toml
 	$(PYTHON) -m venv $(VENV)
