@@ -8,19 +8,11 @@ from cooploc.analysis.formats import duration
 from cooploc.analysis.report.tables import Table, words
 from cooploc.terminal.console import PlainConsole
 
-
-def _other(name: str, configured: str) -> str:
-    """A configuration that differs from the default."""
-    return "" if configured == name else configured
-
-
 HEADS = {
     "estimators": (
         words("name"),
         words("what it is", "about"),
         words("uses"),
-        words("as published", "published", of=("name", "published"), form=_other),
-        words("at its best", "best", of=("name", "best"), form=_other),
     ),
     "scenarios": (words("name", "labels"), words("what it is", "about")),
     "studies": (words("name"), words("takes"), words("what it is", "about")),

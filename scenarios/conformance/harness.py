@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
+import cloudpickle
 import numpy as np
 
 from cooploc.estimators.interface import Array, Mask
@@ -181,16 +182,27 @@ class _CallRecorder:
 
 
 def pickled(estimator: Any) -> Any:
-    """The estimator after a round trip through pickle.
+    """The estimator after a round trip through pickle; where a class of it came here by value, through cloudpickle.
 
     Raises:
         CheckFailed: it cannot be pickled or read back.
 
     """
     try:
-        return pickle.loads(pickle.dumps(estimator))
+        return pickle.loads(_pickle(estimator))
     except Exception as e:
         raise CheckFailed(f"it cannot be pickled, so it cannot run in parallel: {one_line(e)}") from e
+
+
+def _pickle(estimator: Any) -> bytes:
+    try:
+        return pickle.dumps(estimator)
+    except pickle.PicklingError as e:
+        if "import of module" not in str(
+            e
+        ):  # its class is of a file or a notebook, and only the sender has that module
+            raise
+        return bytes(cloudpickle.dumps(estimator))
 
 
 def one_line(e: BaseException) -> str:

@@ -217,7 +217,8 @@ def _path(which: str) -> Any:
 
 def _validated(content: dict[str, Any], where: str) -> Study:
     _demand_known(content, Study, "a study", where)
-    for block in content.get("also", ()):
+    also = content.get("also")
+    for block in also if isinstance(also, list) else ():  # anything else is refused below
         _demand_known(block, Block, "a block of [[also]]", where)
     if content.get("scenarios") and not content.get("estimators"):
         raise BadInput(f"{where}: it has scenarios and no estimators: name some")
