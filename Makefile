@@ -50,6 +50,7 @@ accuse: $(VENV)/.ready  ## is an honest estimator ever accused? an hour; keeps i
 reliability: $(VENV)/.ready  ## what a plug-in's crash, damage, death and isolation cost; an hour; keeps its report
 	$(BIN)/python benchmarks/reliability/crash_matrix.py reports/reliability.md
 	$(BIN)/python benchmarks/reliability/damage.py reports/reliability.md
+	$(BIN)/python benchmarks/reliability/report_size.py reports/reliability.md
 	$(BIN)/python benchmarks/reliability/isolation_price.py reports/reliability.md
 
 $(VENV)/.ready: requirements.lock pyproject.toml

@@ -4,7 +4,7 @@ Below five trials nothing is claimed: every interval is nan.
 """
 
 from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy import stats
@@ -16,7 +16,7 @@ LEVEL = 0.95
 Z = float(stats.norm.ppf((1 + LEVEL) / 2))
 POWER = float(stats.norm.ppf(0.8))  # a planned number of trials succeeds in 4 of 5 repetitions
 RESAMPLES = 1999
-AT_ONCE = 1_000_000  # values of all resamples that are held together: else n x n in the jackknife
+AT_ONCE = 1_000_000  # values of all resamples that are held together
 
 
 class Interval(NamedTuple):
@@ -91,11 +91,13 @@ def change_bca(a: Array, b: Array) -> Interval:
     if np.allclose(b * a.mean(), a * b.mean(), rtol=1e-9):  # every resample is the same
         return Interval(value, value, value)
     at_once = max(1, AT_ONCE // len(a))  # resamples; their number changes no bit
-    options: dict[str, Any] = {"n_resamples": RESAMPLES, "batch": at_once, "rng": np.random.default_rng(0)}
+    rng = np.random.default_rng(0)
     # only its resamples are wanted: its own jackknife of BCa takes n x n values
-    resampled = stats.bootstrap((a, b), _change, paired=True, method="percentile", **options).bootstrap_distribution
+    done = stats.bootstrap(
+        (a, b), _change, paired=True, n_resamples=RESAMPLES, batch=at_once, method="percentile", rng=rng
+    )
     left_out = np.sqrt((b.sum() - b) / (a.sum() - a)) - 1
-    return Interval(value, *_bca(value, resampled, left_out))
+    return Interval(value, *_bca(value, done.bootstrap_distribution, left_out))
 
 
 def _bca(value: float, resampled: Array, left_out: Array) -> tuple[float, float]:

@@ -4,8 +4,8 @@ from pathlib import Path
 
 HEAD = """# Reliability
 
-Made by `make reliability`, which takes an hour: `benchmarks/reliability/crash_matrix.py`, `damage.py` and
-`isolation_price.py` measure a section each, and replace it here.
+Made by `make reliability`, which takes an hour: `crash_matrix.py`, `damage.py`, `report_size.py` and
+`isolation_price.py` in `benchmarks/reliability` measure their sections, and replace them here.
 """
 
 

@@ -114,7 +114,7 @@ def test_a_written_package_is_installed_listed_and_tested(tmp_path):
     )
     assert done.returncode == 0, done.stderr
     told = finish("list", "estimators", plugins=home, cwd=tmp_path)
-    assert re.search(r"^ *my-filter  +A Kalman filter on a", told.stdout, re.MULTILINE), told.stdout
+    assert re.search(r"^ *my-filter  +A Kalman ", told.stdout, re.MULTILINE), told.stdout
     assert finish("check", "my-filter", plugins=home, cwd=tmp_path).returncode == 0
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-c", "/dev/null", "--rootdir", tmp_path]
     test = tmp_path / "test_elsewhere.py"
