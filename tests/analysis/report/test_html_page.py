@@ -116,7 +116,7 @@ def test_who_may_be_over_confident_is_not_called_best():
     slightly = rows.assign(anees=rows["anees"].clip(upper=8.0))  # 1.9 on average
     assert "leaves open whether it is over-confident" in summaries.sentence(standing(slightly))
     flags = compare(rows, "a").set_index("estimator")["consistency"]
-    assert flags.to_dict() == {"a": "consistent", "wild": "undecided"}
+    assert flags.to_dict() == {"a": "consistent", "wild": "not shown"}
 
 
 def test_a_scenario_of_two_experiments_is_in_both_with_the_estimators_that_it_has_there(tmp_path):
