@@ -159,7 +159,7 @@ def _found(judge: Judge, case: Case, claim: Claim, table: TrialTable) -> dict[st
         "verdict": found.verdict,
         "p": found.p,
         "needed": found.needed,
-        "remark": "; ".join([*doubt, *_about_interval(claim, found), *_about_estimators(case, table)]),
+        "remark": "; ".join([*(doubt or _about_interval(claim, found)), *_about_estimators(case, table)]),
     }
 
 
