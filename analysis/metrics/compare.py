@@ -212,8 +212,8 @@ def _row(scenario: str, estimator: str, group: pd.DataFrame, trials: pd.DataFram
 
 def _certificate(group: pd.DataFrame) -> str:
     """The line of a cell's rows; empty where there is none."""
-    lines = group["certificate"].dropna() if "certificate" in group else ()
-    return str(lines.iloc[0]) if len(lines) else ""
+    lines = list(group["certificate"].dropna()) if "certificate" in group else []
+    return str(lines[0]) if lines else ""
 
 
 def _pair(

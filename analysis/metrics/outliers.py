@@ -6,6 +6,8 @@ trials it is missed in four of five runs, and the 95 % interval of the RMSE then
 the median, which such trials do not decide, and a sentence warns where any was seen.
 """
 
+from typing import Any
+
 import numpy as np
 import pandas as pd
 
@@ -31,7 +33,7 @@ def warnings(table: pd.DataFrame) -> list[str]:
     return [_warning(row) for row in table[table["outlying"] > 0].to_dict("records")]
 
 
-def _warning(row: dict[str, float]) -> str:
+def _warning(row: dict[Any, Any]) -> str:
     count = round(row["outlying"] * row["trials"])
     ends = interval(percent)(row["outlying_low"], row["outlying_high"])
     return (

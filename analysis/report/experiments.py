@@ -77,13 +77,13 @@ def experiment(name: str, plan: dict[str, list[str]], numbers: Numbers, counter:
         else:
             shown.append(_dots(rows, numbers, counter))
     shown.append(_scatter(part, numbers, counter))
-    ranks = {str(label): _ranks(rows, numbers.results) for label, rows in part.groupby("scenario", sort=False)}
+    ranks = {str(label): ranked(rows, numbers.results) for label, rows in part.groupby("scenario", sort=False)}
     table = result_tables.results(anchor, part, ranks, f"{name}: {_about(part, numbers)}")
     said = summaries.overall(found) + " " + summaries.confidence(part)
     return Experiment(name, anchor, found, said, [line for line in sweeps if line], shown, [table, *changed])
 
 
-def _ranks(rows: pd.DataFrame, results: TrialTable) -> tuple[dict[str, float], dict[str, str]]:
+def ranked(rows: pd.DataFrame, results: TrialTable) -> tuple[dict[str, float], dict[str, str]]:
     """Mean ranks and letters of one scenario's estimators: of those that failed in no trial and no check.
 
     One that failed would take its trials from all others, and change their ranks and letters.

@@ -78,9 +78,10 @@ def _standing(scenario: str, part: pd.DataFrame, results: TrialTable) -> Standin
     equal, tied = [], []
     for row in may[may["estimator"] != best["estimator"]].to_dict("records"):
         pairs = results.mse((scenario, best["estimator"]), (scenario, row["estimator"]))
-        if statistics.equivalence(*pairs.T, MARGIN) < 0.05:
+        first, other = pairs.T
+        if statistics.equivalence(first, other, MARGIN) < 0.05:
             equal.append(row["estimator"])
-        elif not statistics.change(*pairs.T).low > 0:
+        elif not statistics.change(first, other).low > 0:
             tied.append(row["estimator"])
     lost = part[(part["rmse"] <= best["rmse"]) & barred]
     bare = best["certificate"].startswith("unchecked")

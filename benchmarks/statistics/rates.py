@@ -384,7 +384,13 @@ def main() -> int:
         "One trial of a hundred errs twentyfold. The 95 % interval of the RMSE does not cover, and nothing that was "
         "seen can tell, where no such trial was: nothing is promised. Shown are the coverage, how often a sentence "
         "warns (in the rest, no trial of that kind was seen), and the coverage where none does.",
-        dict(zip(("(coverage)", "(warned)", "(coverage where not warned)"), zip(*map(rare, TRIALS)), strict=True)),
+        dict(
+            zip(
+                ("(coverage)", "(warned)", "(coverage where not warned)"),
+                zip(*map(rare, TRIALS), strict=True),
+                strict=True,
+            )
+        ),
         (0.0, 1.0),
         REPEATS,
         [f"{n}" for n in TRIALS],
