@@ -72,7 +72,7 @@ def test_a_sweep_is_drawn_as_lines_and_said_with_intervals(written):
     source = (written / "index.html").read_text()
     assert "Position RMSE over drop" in source
     assert "RMSE from drop = 0 to 0.9 (95 % intervals, unadjusted)" in source
-    for word in ("seed 3", "Wilcoxon", "Holm over the 12 comparisons", "n = 8 trials"):
+    for word in ("seed 3", "t test of the change against the baseline", "Holm over the 12 comparisons", "n = 8 trials"):
         assert word in source
 
 
