@@ -116,7 +116,9 @@ def simulate(
         label: a scenario, such as "packet-drop/drop=0.7".
         trials: how many, or their numbers; a recording has one.
         seed: random seed; every random number depends on it, on the trial and on nothing else.
-        assumed: parameters that the team assumes instead of the true ones; the readings stay bit-identical.
+        assumed: parameters that the team assumes instead of the true ones, {"eta": 2.0}; the readings stay
+            bit-identical. As the overrides, they become part of the label, "trajectory[assumed.eta=2]", and so of the
+            stream's hash: what was told otherwise shares no row of a table.
         data: the directory of a recording.
         overrides: parameters of the scenario; they become part of its label.
 
@@ -124,7 +126,8 @@ def simulate(
         BadInput: anything unknown, out of bounds, or missing; one line that says what to do.
 
     """
-    return resolve(label, data, **overrides).simulate(trials, seed, assumed)
+    told = {f"{ASSUMED}{key}": value for key, value in (assumed or {}).items()}
+    return _resolved(label, *parse(label), data, overrides, told).simulate(trials, seed)
 
 
 def resolve_isolated(label: str, data: str | Path | None = None) -> ResolvedScenario | RemoteScenario:
@@ -153,21 +156,33 @@ def resolve(label: str, data: str | Path | None = None, **overrides: Any) -> Res
 
 
 def _resolved(
-    label: str, path: str, written: Mapping[str, str], data: str | Path | None, overrides: Mapping[str, Any]
+    label: str,
+    path: str,
+    written: Mapping[str, str],
+    data: str | Path | None,
+    overrides: Mapping[str, Any],
+    told: Mapping[str, Any] | None = None,
 ) -> ResolvedScenario:
+    """As `resolve`; `told` is what the team assumes, with `ASSUMED` before each key."""
+    told = told or {}
     name, which = divided(path)
     found = family(name)
     own = {key: value for key, value in written.items() if not key.startswith(ASSUMED)}
-    assumed = {key.removeprefix(ASSUMED): value for key, value in written.items() if key not in own}
+    assumed = {key.removeprefix(ASSUMED): value for key, value in {**written, **told}.items() if key not in own}
     parameters = {**found.base, **found.chosen(name, which), **own, **overrides}
-    if overrides:
-        shown = {**written, **overrides}
+    if overrides or told:
+        shown = {**written, **overrides, **{key: _short(value) for key, value in told.items()}}
         label = f"{path}[{','.join(f'{key}={shown[key]}' for key in sorted(shown))}]"
     if found.recorded:
         if data is None:
             raise BadInput(f"scenario {label!r} is a recording; say where it is with data= (or --data DIR)")
         parameters["data"] = Path(data)
     return build(label, name, found, parameters, assumed)
+
+
+def _short(value: Any) -> str:
+    """An assumed value in a label: 2.0 is 2, so that a label and `assumed=` say the same in the same way."""
+    return str(value).removesuffix(".0")
 
 
 def family(name: str) -> Family:

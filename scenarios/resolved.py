@@ -68,9 +68,7 @@ class ResolvedScenario:
         simulated = not self.recorded and isinstance(self.model, SimulatedScenario)
         return self._changed({"ticks": 1}) if simulated else self
 
-    def simulate(
-        self, trials: int | Sequence[int], seed: int, assumed: Mapping[str, Any] | None = None
-    ) -> tuple[Truth, Stream]:
+    def simulate(self, trials: int | Sequence[int], seed: int) -> tuple[Truth, Stream]:
         """Truth and stream of some trials; `scenarios.simulate` says more.
 
         Raises:
@@ -79,21 +77,21 @@ class ResolvedScenario:
         """
         numbers, seed = _numbers(trials), _whole(seed, "seed")
         memory.demand(self.label, self.robots, self.ticks, len(numbers))
-        model, assumed = self._of(numbers), {**self.assumed, **(assumed or {})}
-        world = self._assumed(assumed, model.world(), numbers) if assumed else model.world()
+        model = self._of(numbers)
+        world = self._assumed(model.world(), numbers) if self.assumed else model.world()
         return model.simulate(self.label, numbers, seed, world)
 
     def _of(self, trials: Sequence[int]) -> Scenario:
         """The model of these trials; each recording of several has its own."""
         return self.model.at(trials) if isinstance(self.model, RecordedScenario) else self.model
 
-    def _assumed(self, assumed: Mapping[str, Any], true: World, trials: Sequence[int]) -> World:
+    def _assumed(self, true: World, trials: Sequence[int]) -> World:
         """The world of other parameters, which must have the same shape and clock as the true one."""
-        world = self._changed(assumed)._of(trials).world()
+        world = self._changed(self.assumed)._of(trials).world()
         for what in ("robots", "tick", "t0", "arena", "anchors", "landmarks"):
             if not np.array_equal(getattr(world, what), getattr(true, what)):
                 raise BadInput(
-                    f"assumed={dict(assumed)!r} would change the world's {what}: make it an override instead"
+                    f"assumed={dict(self.assumed)!r} would change the world's {what}: make it an override instead"
                 )
         return world
 

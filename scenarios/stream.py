@@ -16,7 +16,7 @@ from cooploc.estimators.interface import Array, Belief, Indices, Mask, Senses, W
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios import stream_file
 from cooploc.scenarios.display.html import facts
-from cooploc.scenarios.stream_hash import hash_of_trial, hash_of_trials
+from cooploc.scenarios.stream_hash import assumptions, hash_of_trial, hash_of_trials
 
 
 class Air(NamedTuple):
@@ -103,9 +103,12 @@ class Stream:
 
     @cached_property
     def hashes(self) -> tuple[str, ...]:
-        """One SHA-256 per trial over readings, links and prior, but not over the world, which may be a wrong one."""
-        arrays = self.arrays()
-        return tuple(hash_of_trial(arrays, i) for i in range(len(self.trial)))
+        """One SHA-256 per trial over readings, links, prior, and what the label says that the team assumes.
+
+        Not over the world: a stream without a label of its assumptions is that of its readings.
+        """
+        arrays, told = self.arrays(), assumptions(self.scenario)
+        return tuple(hash_of_trial(arrays, i, told) for i in range(len(self.trial)))
 
     @cached_property
     def hash(self) -> str:

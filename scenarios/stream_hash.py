@@ -1,6 +1,7 @@
 """The hash of a trial, which says whether two results are paired: they are where their trials' hashes are equal."""
 
 import hashlib
+import re
 from collections.abc import Iterable, Mapping
 
 import numpy as np
@@ -8,8 +9,8 @@ import numpy as np
 from cooploc.estimators.interface import Array
 
 
-def hash_of_trial(arrays: Mapping[str, Array], i: int) -> str:
-    """SHA-256 over the names, shapes and canonical little-endian values of row `i` of every array."""
+def hash_of_trial(arrays: Mapping[str, Array], i: int, told: str = "") -> str:
+    """SHA-256 over the names, shapes and canonical little-endian values of row `i` of every array, and over `told`."""
     digest = hashlib.sha256()
     for name, array in arrays.items():
         one = np.ascontiguousarray(array[i])
@@ -18,7 +19,22 @@ def hash_of_trial(arrays: Mapping[str, Array], i: int) -> str:
             one[np.isnan(one)] = np.nan  # one nan, whatever its bits
         digest.update(f"{name} {one.dtype.str} {one.shape};".encode())
         digest.update(one.data)
+    digest.update(told.encode())
     return digest.hexdigest()
+
+
+def assumptions(label: str) -> str:
+    """What the team of a scenario assumes instead of the truth, from its label, however that is written."""
+    found = re.findall(r"[\[,]\s*(assumed\.[^=,\]]+?)\s*=\s*([^,\]]+)", label)
+    return ";".join(sorted(f"{key}={_number(value.strip())}" for key, value in found))
+
+
+def _number(value: str) -> str:
+    """A number in one form, "2", "2.0" or "2e0"; any other text as it is."""
+    try:
+        return repr(float(value))
+    except ValueError:
+        return value
 
 
 def hash_of_trials(hashes: Iterable[str]) -> str:

@@ -14,10 +14,10 @@ from scipy import stats
 from cooploc.analysis.claims import zones
 from cooploc.analysis.claims.claim import Case, Claim, as_change, claimed
 from cooploc.analysis.claims.trial_table import Missing, TrialTable
-from cooploc.analysis.claims.zones import Finding, Zones, decide, p_above
+from cooploc.analysis.claims.zones import Finding, Zones, decide
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.consistency import LEAST_COVERAGE, OVER_CONFIDENT
-from cooploc.analysis.metrics.statistics import Interval
+from cooploc.analysis.metrics.statistics import Interval, p_above
 from cooploc.estimators.interface import Array
 
 

@@ -2,13 +2,15 @@
 
 import re
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from collections.abc import Set as AbstractSet
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
+from cooploc.analysis.metrics.certificate_line import refused
 from cooploc.analysis.metrics.over_time import sweep
 from cooploc.analysis.metrics.pooling import succeeded, weighted_means
 from cooploc.estimators import nearest, parse
@@ -23,11 +25,15 @@ class Missing(Exception):
 
 
 class TrialTable(NamedTuple):
-    """Trials that succeeded, by canonical labels of scenario and estimator. Methods take labels in any spelling."""
+    """Trials that succeeded, by canonical labels of scenario and estimator. Methods take labels in any spelling.
+
+    What failed, an error that is not finite among it, is counted in `failures`.
+    """
 
     frames: dict[Key, pd.DataFrame]  # mse, anees, coverage95, seconds, robots; index: trial
     failures: Mapping[Key, int]  # trials that failed
     centralised: set[str]  # estimators whose readings all reach one computer
+    refused: AbstractSet[str] = frozenset()  # estimators that failed a check
 
     def mse(self, *keys: Key) -> Array:
         """Mean squared errors (trial, key) [m^2] of the trials that succeeded in all keys."""
@@ -55,6 +61,10 @@ class TrialTable(NamedTuple):
     def is_centralised(self, estimator: str) -> bool:
         """Whether all readings of an estimator reach one computer."""
         return canonical(estimator) in self.centralised
+
+    def is_refused(self, estimator: str) -> bool:
+        """Whether an estimator failed a check."""
+        return canonical(estimator) in self.refused
 
     def trials(self, key: Key) -> int:
         """How many trials succeeded."""
@@ -109,16 +119,26 @@ class TrialTable(NamedTuple):
 
 def collect(rows: pd.DataFrame) -> TrialTable:
     """The table of the rows of a run or of `errors`."""
+    rows = rows.reset_index(drop=True)
     keys, ended = ["scenario", "estimator", "trial"], succeeded(rows)
     trials = weighted_means(ended, keys, ["mse", "anees", "coverage95"])
     trials[["seconds", "robots"]] = ended.groupby(keys, sort=False)[["seconds", "robots"]].first()
     parts = trials.groupby(level=["scenario", "estimator"], sort=False)
     frames = {_canonical((str(s), str(e))): part.droplevel([0, 1]) for (s, e), part in parts}
-    failed = rows[rows["failure"].notna()] if "failure" in rows else rows[:0]
-    once = failed.drop_duplicates(keys)
+    once = rows[~rows.index.isin(ended.index)].drop_duplicates(keys)
     failures = Counter(map(_canonical, zip(once["scenario"], once["estimator"], strict=True)))
     central = rows.loc[rows["centralised"].eq(True), "estimator"].unique()
-    return TrialTable(frames, failures, {canonical(str(name)) for name in central})
+    failing = rows.loc[_refused(rows), "estimator"].unique()
+    return TrialTable(frames, failures, _labels(central), _labels(failing))
+
+
+def _refused(rows: pd.DataFrame) -> "pd.Series[bool]":
+    lines = rows["certificate"] if "certificate" in rows else pd.Series("", rows.index)
+    return lines.fillna("").map(refused).astype(bool)
+
+
+def _labels(names: Iterable[Any]) -> set[str]:
+    return {canonical(str(name)) for name in names}
 
 
 @cache

@@ -1,9 +1,9 @@
 """Verdicts on a ledger's claims, computed from the rows of a run and never written by hand.
 
 A claim comes down to one number with its 95 % interval over trials, and each verdict to a zone of numbers, which
-`kinds` gives for every kind of claim. A verdict holds where its zone holds the whole interval, so that it is wrong in
-one of twenty repetitions where the truth is at the zone's edge, and less often elsewhere (measured in
-`reports/statistics.md`):
+`kinds` gives for every kind of claim. A verdict holds where its zone holds the whole interval, so that each one, taken
+alone, is wrong in one of twenty repetitions where the truth is at the zone's edge, and less often elsewhere (measured
+in `reports/statistics.md`):
 
 - *supported*: the claim's direction, and its size up to its margin;
 - *direction only*: the direction, but less than the size;
@@ -13,6 +13,10 @@ one of twenty repetitions where the truth is at the zone's edge, and less often 
   decide in 4 of 5 repetitions if the number stays as it is.
 
 *not testable* says why, *not run* what is missing.
+
+No estimator gains by failing. Where one of a case failed in a trial (an error that is not finite is a failure, too) or
+failed a check, the case is not supported, not in part either, and contradicted only where the one that this favours did
+not fail; it is undecided then, with a p of 1.
 
 A ledger asks many questions at once, so that some verdicts are wrong by chance. `p` is the p-value of a verdict, by the
 test that its interval inverts: at most 0.05 where it is decided. `p_holm` is adjusted over all cases that were judged,
@@ -36,8 +40,8 @@ from cooploc.analysis.claims.ledger import Ledger, variants
 from cooploc.analysis.claims.ledger import load as load
 from cooploc.analysis.claims.trial_table import Missing, TrialTable, collect
 from cooploc.analysis.claims.zones import Finding
-from cooploc.analysis.formats import change
-from cooploc.analysis.metrics import statistics
+from cooploc.analysis.formats import change, counted
+from cooploc.analysis.metrics import outliers, statistics
 from cooploc.analysis.metrics.consistency import flag
 from cooploc.analysis.metrics.pooling import demand_same_streams
 
@@ -65,7 +69,7 @@ COLUMNS = {
     "stands": "whether the verdict is decided and p_holm is at most 0.05",
     "otherwise": "the verdict by another definition of the size, with the size as a change",
     "needed": "trials that would decide, where undecided",
-    "remark": "what is missing, over-confident, failed, or centralised",
+    "remark": "what is missing, over-confident, over-wide, failed, centralised, or rarely far worse than usual",
     "open": "conditions that the paper leaves open",
 }
 
@@ -145,6 +149,7 @@ def _found(judge: Judge, case: Case, claim: Claim, table: TrialTable) -> dict[st
         found = judge(case, claim, table)
     except Missing as e:
         return {**asked, "scenario": ", ".join(case.scenarios), "verdict": "not run", "remark": str(e)}
+    found, doubt = _without_failures(case, claim, table, found)
     return {
         **asked,
         "scenario": found.scenario or " to ".join(dict.fromkeys((scenarios[0], scenarios[-1]))),
@@ -154,8 +159,26 @@ def _found(judge: Judge, case: Case, claim: Claim, table: TrialTable) -> dict[st
         "verdict": found.verdict,
         "p": found.p,
         "needed": found.needed,
-        "remark": "; ".join([*_about_interval(claim, found), *_about_estimators(case, table)]),
+        "remark": "; ".join([*(doubt or _about_interval(claim, found)), *_about_estimators(case, table)]),
     }
+
+
+def _without_failures(case: Case, claim: Claim, table: TrialTable, found: Finding) -> tuple[Finding, list[str]]:
+    """The finding, undecided where failures stand behind it, and why."""
+    lost = [name for name in dict.fromkeys((case.of, *case.than)) if _failed(name, case, table)]
+    upwards = claim.size is not None and claim.size > 0 and claim.kind in RELATIVE
+    favoured = {case.of} if upwards else set(case.than)  # by a contradiction
+    if found.verdict == "contradicted":
+        lost = [name for name in lost if name in favoured]
+    if not lost or found.verdict not in DECIDED:
+        return found, []
+    why = [f"it would be {found.verdict}, but {' and '.join(lost)} failed"]
+    return found._replace(verdict="undecided", needed=np.nan, p=1.0), why
+
+
+def _failed(name: str, case: Case, table: TrialTable) -> int:
+    """In how many trials of a case an estimator failed; one that failed a check counts as one."""
+    return sum(table.failed((scenario, name)) for scenario in case.scenarios) + table.is_refused(name)
 
 
 def _about_interval(claim: Claim, found: Finding) -> list[str]:
@@ -173,17 +196,24 @@ def _about_interval(claim: Claim, found: Finding) -> list[str]:
 
 
 def _about_estimators(case: Case, table: TrialTable) -> list[str]:
-    """Which of a case's estimators are over-confident or conservative, failed, or are centralised."""
+    """Which of a case's estimators are over-confident or too wide, failed, are centralised, or rarely diverge."""
     out = []
     for name in dict.fromkeys((case.of, *case.than)):
         keys = [(scenario, name) for scenario in case.scenarios]
         flags = [_flag(table, key) for key in keys]
-        counts = {word: flags.count(word) for word in ("over-confident", "conservative")}
+        counts = {word: flags.count(word) for word in ("over-confident", "over-wide", "conservative")}
         out += [f"{name} {word}" + (len(keys) > 1) * f" in {k} of {len(keys)}" for word, k in counts.items() if k]
         failed = sum(table.failed(key) for key in keys)
-        out += [f"{failed} trials of {name} failed"] if failed else []
+        out += [f"{counted(failed, 'trial')} of {name} failed"] if failed else []
+        out += [f"{name} failed a check"] if table.is_refused(name) else []
+        far = int(sum(outliers.far(table.mse(key)[:, 0]).sum() for key in keys))
+        out += [f"{counted(far, 'trial')} of {name} {_outlying(far)}"] if far else []
         out += [f"{name} is centralised"] if table.is_centralised(name) else []
     return out
+
+
+def _outlying(far: int) -> str:
+    return f"{'errs' if far == 1 else 'err'} {outliers.FAR:g} times as much as the median one: intervals are too narrow"
 
 
 def _flag(table: TrialTable, key: tuple[str, str]) -> str:

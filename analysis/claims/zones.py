@@ -10,7 +10,6 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from scipy import stats
 
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.statistics import Interval
@@ -131,13 +130,3 @@ def _needed(found: list[Finding], low: float, high: float) -> float:
     if not outside:
         return float(needed.max())
     return float(np.nanmin(needed)) if np.isfinite(needed).any() else np.nan
-
-
-def p_above(a: Array, b: Array, factor: float) -> float:
-    """One-sided p of a t test over paired trials; small where mean b is above `factor` times mean a."""
-    d = b - factor * a
-    if len(d) < statistics.LEAST_TRIALS:
-        return np.nan
-    if np.ptp(d) <= 1e-12 * np.abs(a).max():
-        return float(d[0] < 0)
-    return float(stats.ttest_1samp(d, 0, alternative="greater").pvalue)

@@ -5,9 +5,9 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from cooploc.analysis.metrics import statistics
+from cooploc.analysis.metrics import outliers, statistics
 from cooploc.analysis.metrics.consistency import collapsed, consistency
-from cooploc.analysis.metrics.errors import COLUMNS
+from cooploc.analysis.metrics.errors import COLUMNS, SCORES
 from cooploc.analysis.metrics.pooling import CELL, demand_same_streams, stream_hash, succeeded, trial_means
 from cooploc.estimators import nearest
 from cooploc.estimators.plugins.errors import BadInput
@@ -20,25 +20,19 @@ SUMMARY = (
 # What `compare` shows unless it is asked for all.
 SHORT = (
     *("scenario", "estimator", "trials", "rmse", "rmse_low", "rmse_high", "change", "change_low", "change_high"),
-    *(
-        "p_holm",
-        "anees",
-        "anees_median",
-        "collapsed",
-        "consistency",
-        "coverage95",
-        "diverged",
-        "failed",
-        "bytes",
-        "seconds",
-    ),
-    *("centralised", "bound", "certificate"),
+    *("p_holm", "rmse_median", "outlying", "anees", "anees_median", "collapsed", "consistency", "coverage95", "nll"),
+    *("diverged", "failed", "bytes", "seconds", "centralised", "bound", "certificate"),
 )
+Cell = tuple[str, str]  # labels of a scenario and an estimator
 MARGIN = 0.05  # two estimators whose RMSE differ by less than this share tie
 
 
 def summarize(errors: pd.DataFrame) -> pd.DataFrame:
     """One row per (scenario, estimator), in order of appearance. Trials that failed count as `failed`, nothing else.
+
+    A trial whose error is not finite has failed, too. Where a trial failed, the numbers are of the others, and so not
+    of the same trials as those of another estimator: such a one does not qualify as best, is not ranked, and no
+    difference in its favour is significant.
 
     Intervals (`_low`, `_high`) are 95 % ones over trials; they are nan below five trials.
 
@@ -64,6 +58,12 @@ def summarize(errors: pd.DataFrame) -> pd.DataFrame:
         collapsed_low, collapsed_high: its interval (Wilson)
         coverage95_low, coverage95_high: interval of coverage95
         diverged_low, diverged_high: interval of diverged
+        rmse_median [m]: median over trials of the trial's RMSE; a few diverged trials do not decide it
+        outlying: share of trials whose RMSE exceeds `outliers.FAR`, 5, times that median; where there are any, the
+            interval of RMSE is too narrow
+        outlying_low, outlying_high: its interval (Wilson); at 0 of 20 trials it reaches to 16 %
+        nll: mean negative log-likelihood of the true position [nats]; smaller is better, as of `errors`
+        area95 [m^2]: mean area of the 95 % ellipse
         mean_error [m]: mean Euclidean position error
         median_error [m]: median position error of a robot in a trial, averaged
         final_error [m]: position error at the last tick, averaged
@@ -93,10 +93,11 @@ def compare(
         scenario, estimator, trials, rmse, rmse_low, rmse_high: as of `summarize`
         change: RMSE / the baseline's RMSE - 1; -0.2 is an error 20 % smaller
         change_low, change_high: its 95 % interval (Fieller), over trials
-        p_holm: p of Wilcoxon's signed-rank test against the baseline, adjusted by Holm over all rows of the table
-        anees, anees_median, collapsed: as of `summarize`
-        consistency: over-confident, consistent, conservative, undecided or not assessed; see `consistency.flag`
-        coverage95, diverged, failed, bytes, seconds: as of `summarize`
+        p_holm: p of the test that the interval of `change` inverts, adjusted by Holm over all rows of the table
+        rmse_median, outlying, anees, anees_median, collapsed: as of `summarize`
+        consistency: over-confident, consistent, conservative, over-wide, not shown or not assessed; see
+            `consistency.flag`
+        coverage95, nll, diverged, failed, bytes, seconds: as of `summarize`
         centralised: True for an estimator whose readings all reach one computer
         bound: True for a centralised one that bounds all others
         certificate: as of `summarize`
@@ -107,9 +108,11 @@ def compare(
         difference [m]: mean over trials of RMSE minus the baseline's
         difference_low, difference_high [m]: its 95 % t interval
         bca_low, bca_high: interval of `change` by the BCa bootstrap, a cross-check of Fieller's
-        p: p of the signed-rank test, not adjusted
-        effect: matched-pairs rank-biserial correlation in [-1, 1]; negative where errors are smaller
-        p_equal: p of the equivalence test; small where the two tie within `margin`
+        p: p against equal RMSE, not adjusted: below 0.05 where the interval of `change` excludes 0, and nowhere else;
+            1 where the one that looks better failed in a trial
+        effect: matched-pairs rank-biserial correlation in [-1, 1], which says in how many trials errors are smaller
+            (negative), and not by how much RMSE is; it decides nothing
+        p_equal: p of the equivalence test on the RMSE; small where the two tie within `margin`; 1 where one failed
         trials_for_margin: trials at which `change` would be known to plus or minus `margin`
         p_equal_holm: p_equal, adjusted by Holm
 
@@ -134,8 +137,9 @@ def compare(
     for standing in ("centralised", "bound"):
         table[standing] = errors.groupby(CELL, sort=False)[standing].any().to_numpy()
     cells = trial_means(errors)
-    labels = zip(table["scenario"], table["estimator"], strict=True)
-    pairs = pd.DataFrame([_pair(cells, scenario, name, against[scenario], margin) for scenario, name in labels])
+    failed = {(row["scenario"], row["estimator"]): row["failed"] > 0 for row in table.to_dict("records")}
+    rows = [_pair(cells, failed, (scenario, name), against[scenario], margin) for scenario, name in failed]
+    pairs = pd.DataFrame(rows)
     for test in ("p", "p_equal"):
         pairs[f"{test}_holm"] = statistics.holm(pairs[test].to_numpy())
     last = ["stream", "certificate"]
@@ -180,36 +184,47 @@ def _row(scenario: str, estimator: str, group: pd.DataFrame, trials: pd.DataFram
         "failed": group["trial"].nunique() - len(trials),
         **{cost: ended[cost].mean() for cost in ("messages", "bytes", "seconds")},
         "stream": stream_hash(group),
-        "certificate": str(group["certificate"].iloc[0]) if "certificate" in group else "",
+        "certificate": _certificate(group),
         "anees_median": trials["anees"].median(),
         **_named("collapsed", collapsed(trials["anees"].dropna().to_numpy(float))),
         **_ends("coverage95", statistics.share(trials["coverage95"].dropna().to_numpy(float))),
         **_ends("diverged", statistics.share(trials["diverged"].dropna().to_numpy(float))),
+        "rmse_median": np.sqrt(trials["mse"]).median(),
+        **_named("outlying", outliers.share(trials["mse"].to_numpy(float))),
+        **{score: trials[score].mean() for score in SCORES},
         **{f"{kind}_error": trials[f"{kind}_error"].mean() for kind in ("mean", "median", "final", "max")},
     }
 
 
+def _certificate(group: pd.DataFrame) -> str:
+    """The line of a cell's rows; empty where there is none."""
+    lines = list(group["certificate"].dropna()) if "certificate" in group else []
+    return str(lines[0]) if lines else ""
+
+
 def _pair(
-    cells: dict[tuple[str, str], pd.DataFrame], scenario: str, estimator: str, baseline: str, margin: float
+    cells: dict[Cell, pd.DataFrame], failed: dict[Cell, bool], cell: Cell, baseline: str, margin: float
 ) -> dict[str, object]:
     """What `compare` adds to a row."""
-    none = pd.Series(dtype=float)
-    base, mine = (cells[scenario, name]["mse"] if (scenario, name) in cells else none for name in (baseline, estimator))
+    none, (scenario, estimator) = pd.Series(dtype=float), cell
+    base, mine = (cells[one]["mse"] if one in cells else none for one in ((scenario, baseline), cell))
     both = pd.concat([base, mine], axis=1, join="inner", keys=["base", "mine"]).dropna()
     a, b = both["base"].to_numpy(), both["mine"].to_numpy()
     change, n = statistics.change(a, b), len(both)
     other = estimator != baseline
     tested = other and n >= statistics.LEAST_TRIALS
-    p, effect = statistics.signed_rank(np.sqrt(a), np.sqrt(b)) if tested else (np.nan, np.nan)
+    lost = failed.get((scenario, baseline), False), failed[cell]
+    p = statistics.p_of_difference(a, b) if tested else np.nan
+    p_equal = statistics.equivalence(a, b, margin) if tested else np.nan
     return {
         "baseline": baseline,
         "pairs": n,
         **_named("difference", statistics.mean(np.sqrt(b) - np.sqrt(a))),
         **_named("change", change),
         **_ends("bca", statistics.change_bca(a, b)),
-        "p": p,
-        "effect": effect,
-        "p_equal": statistics.equivalence(np.sqrt(a), np.sqrt(b), margin) if tested else np.nan,
+        "p": 1.0 if p == p and lost[int(change.value < 0)] else p,
+        "effect": statistics.signed_rank(np.sqrt(a), np.sqrt(b))[1] if tested else np.nan,
+        "p_equal": 1.0 if p_equal == p_equal and any(lost) else p_equal,
         "trials_for_margin": statistics.trials_for_width(change, n, margin) if other else np.nan,
     }
 

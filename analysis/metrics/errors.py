@@ -21,6 +21,8 @@ COLUMNS = (  # `errors` says what they mean
     *("max_error", "final_error", "anees", "coverage95", "diverged", "pose_nees", "messages", "bytes", "seconds"),
     *("centralised", "bound", "stream"),
 )
+SCORES = ("nll", "area95")  # columns after those; results of former versions lack them
+UNCHECKED = "unchecked: cl.run does not check estimators, cl.check_estimator does"
 NOTE = "note: "  # columns after those: what an estimator counted; a name that begins with "largest" is a maximum
 
 
@@ -50,6 +52,10 @@ def errors(truth: Truth, run: Run, burn_in: int = 0) -> pd.DataFrame:
         centralised: True for an estimator whose readings all reach one computer, which knows more than any robot
         bound: True for a centralised one that bounds all others
         stream: hash of the trial's stream; rows of equal hashes are paired
+        nll: mean negative log-likelihood of the true position under the estimate, per tick [nats]; smaller is better,
+            and a covariance that is too small or too large makes it larger
+        area95 [m^2]: mean area of the 95 % ellipse
+        certificate: "unchecked: ..." for what is not built in, which `cl.run` does not check; only where there is such
         "note: NAME": what an estimator counted itself, if anything; a NAME that begins with "largest" is a maximum
 
     Args:
@@ -67,7 +73,13 @@ def errors(truth: Truth, run: Run, burn_in: int = 0) -> pd.DataFrame:
     valid = truth.valid.copy()
     valid[:, :burn_in] = False
     frames = [_frame(truth, run, name, trace, valid) for name, trace in run.traces.items()]
+    if run.unchecked:
+        frames = [frame.assign(certificate=_certificate(run, frame["estimator"].iloc[0])) for frame in frames]
     return pd.concat(frames, ignore_index=True)
+
+
+def _certificate(run: Run, name: str) -> str:
+    return UNCHECKED if name in run.unchecked else ""
 
 
 def position_errors(truth: Truth, run: Run, trace: Trace) -> tuple[Array, Array]:
@@ -105,9 +117,26 @@ def _squared(truth: Truth, trace: Trace, valid: Mask) -> tuple[Array, Array]:
     return (e**2).sum(-1), _quadratic(e, trace.P[..., :2, :2])
 
 
+def _scores(trace: Trace, nees: Array) -> tuple[Array, Array]:
+    """-log N(e; 0, P) of the position error [nats], and the area of the 95 % ellipse [m^2], both (t, T, n).
+
+    log 2 pi + (log det P + e' P^-1 e) / 2: a proper score, whose expectation is smallest for the true distribution
+    (Gneiting & Raftery, J. American Statistical Association 102, 2007). Infinite where P is singular: a belief in one
+    point is never rewarded.
+    """
+    det = np.linalg.det(trace.P[..., :2, :2])
+    det = np.where(det > 0, det, 0.0)
+    known = ~np.isnan(nees)
+    with np.errstate(divide="ignore"):
+        log_det = np.where(det > 0, np.log(det), 0.0)
+    nll = np.where(det > 0, np.log(2 * np.pi) + (log_det + nees) / 2, np.inf)
+    return np.where(known, nll, np.nan), np.where(known, np.pi * INSIDE_95 * np.sqrt(det), np.nan)
+
+
 def _frame(truth: Truth, run: Run, name: str, trace: Trace, valid: Mask) -> pd.DataFrame:
     t, T, n = valid.shape
     d2, nees = _squared(truth, trace, valid)
+    nll, area = _scores(trace, nees)
     d = np.sqrt(d2)
     side = float(np.max(truth.arena[1] - truth.arena[0]))
     tail = _over_ticks(np.nanmean, np.where(_last_quarter(valid), d2, np.nan))
@@ -124,6 +153,8 @@ def _frame(truth: Truth, run: Run, name: str, trace: Trace, valid: Mask) -> pd.D
         "pose_nees": _over_ticks(np.nanmean, _pose_nees(truth, trace, valid)) / 3,
         "messages": trace.messages / T,
         "bytes": trace.bytes / T,
+        "nll": _over_ticks(np.nanmean, nll),
+        "area95": _over_ticks(np.nanmean, area),
     }
     per["rmse"] = np.sqrt(per["mse"])
     who: dict[str, Any] = {
@@ -137,7 +168,7 @@ def _frame(truth: Truth, run: Run, name: str, trace: Trace, valid: Mask) -> pd.D
     rest |= {"centralised": trace.centralised, "bound": trace.bound}
     columns = {**who, **{k: np.asarray(v).ravel() for k, v in per.items()}, **rest}
     notes = {NOTE + name: values.ravel() for name, values in trace.notes.items()}
-    return pd.DataFrame({**{name: columns[name] for name in COLUMNS}, **notes})
+    return pd.DataFrame({**{name: columns[name] for name in (*COLUMNS, *SCORES)}, **notes})
 
 
 def _over_ticks(reduce: Any, values: Array) -> Array:

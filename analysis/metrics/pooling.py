@@ -5,15 +5,25 @@ from typing import Any
 
 import pandas as pd
 
-from cooploc.analysis.metrics.errors import NOTE
+from cooploc.analysis.metrics.errors import NOTE, SCORES
 from cooploc.estimators.plugins.errors import BadInput
 
 CELL = ["scenario", "estimator"]
+TRIAL = [*CELL, "trial"]
+SHOWN = 5  # trials that a refusal names
+LARGEST = 1e100  # [m^2] an error beyond it is no number to compute with: its square, in a variance, overflows
 
 
 def succeeded(errors: pd.DataFrame) -> pd.DataFrame:
-    """The rows of trials that did not fail."""
-    return errors[errors["failure"].isna()] if "failure" in errors else errors
+    """The rows of trials that neither failed nor have an error, of any robot whose truth is known, that is not finite.
+
+    An error that is nan, infinite or beyond `LARGEST` is a failure of the whole trial, whoever made the table: left out
+    silently it would make the estimator look better, and counted as zero better still.
+    """
+    lost = (errors["ticks"] > 0) & ~(errors["mse"] < LARGEST)
+    if "failure" in errors:
+        lost |= errors["failure"].notna()
+    return errors[~lost.groupby([errors[key] for key in TRIAL]).transform("any")] if lost.any() else errors
 
 
 def notes(errors: pd.DataFrame) -> list[str]:
@@ -37,14 +47,20 @@ def trial_means(errors: pd.DataFrame) -> dict[tuple[str, str], pd.DataFrame]:
 
 
 def weighted_means(errors: pd.DataFrame, keys: list[str], columns: list[str]) -> pd.DataFrame:
-    """Means of columns over the robots of each group, weighted by the ticks that count; index: the keys."""
+    """Means of columns over the robots of each group, weighted by the ticks that count; index: the keys.
+
+    A robot without such ticks does not count; one that has some, and no value, leaves its group without one.
+    """
     groups: list[Any] = [errors[key] for key in keys]
     weight = errors["ticks"] / errors["ticks"].groupby(groups).transform("sum")
-    return errors[columns].mul(weight, axis=0).groupby(groups, sort=False).sum(min_count=1)
+    means = errors[columns].mul(weight, axis=0).groupby(groups, sort=False).sum(min_count=1)
+    absent = errors[columns].isna() & (errors[["ticks"]].to_numpy() > 0)
+    return means.mask(absent.groupby(groups, sort=False).any()) if absent.to_numpy().any() else means
 
 
 def _of_cell(ended: pd.DataFrame) -> pd.DataFrame:
-    out = weighted_means(ended, ["trial"], ["mse", "anees", "coverage95", "mean_error"]).sort_index()
+    ended = ended.reindex(columns=list(dict.fromkeys([*ended, *SCORES])))  # runs of former versions have no scores
+    out = weighted_means(ended, ["trial"], ["mse", "anees", "coverage95", "mean_error", *SCORES]).sort_index()
     of_robots = ["diverged", "median_error", "final_error", "max_error"]
     out[of_robots] = ended[["trial", *of_robots]].groupby("trial").mean()
     out["stream"] = ended.groupby("trial")["stream"].first()
@@ -55,9 +71,11 @@ def demand_same_streams(errors: pd.DataFrame) -> None:
     """Refuse rows that look paired and are not.
 
     Raises:
-        BadInput: estimators ran on different streams, or were judged on different ticks of one.
+        BadInput: estimators ran on different streams, or were judged on different ticks of one; two trials have the
+            same stream; or a row stands there twice.
 
     """
+    _demand_once(errors)
     different = errors.groupby(["scenario", "trial"])["stream"].nunique()
     if (different > 1).any():
         scenario, trial = different[different > 1].index[0]
@@ -66,6 +84,23 @@ def demand_same_streams(errors: pd.DataFrame) -> None:
     if (different > 1).any():
         scenario, trial, _ = different[different > 1].index[0]
         raise BadInput(f"{scenario}, trial {trial}: estimators were judged on different ticks; use one burn_in for all")
+
+
+def _demand_once(errors: pd.DataFrame) -> None:
+    """Refuse copies of trials, which would count as independent."""
+    twice = errors[errors.duplicated([*TRIAL, "robot"])]
+    if len(twice):
+        scenario, estimator, trial = twice.iloc[0][TRIAL]
+        raise BadInput(f"{scenario}, {estimator}, trial {trial} stands there twice: join every run once")
+    once = errors.drop_duplicates(["scenario", "stream", "trial"]).dropna(subset="stream")
+    copies = once[once.duplicated(["scenario", "stream"], keep=False)]
+    if len(copies):
+        first = copies.iloc[0]
+        same = copies[(copies["scenario"] == first["scenario"]) & (copies["stream"] == first["stream"])]
+        raise BadInput(
+            f"{first['scenario']}: trials {', '.join(map(str, same['trial'][:SHOWN]))} are of one stream; keep one of "
+            "them, or copies would count as independent"
+        )
 
 
 def stream_hash(group: pd.DataFrame) -> str:

@@ -1,23 +1,26 @@
 """Which estimators qualify as best, mean ranks and groups over trials, and the Pareto front of accuracy and cost."""
 
 from collections.abc import Mapping
+from itertools import combinations
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy import stats
 
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.certificate_line import mark, refused
 from cooploc.analysis.metrics.consistency import DOUBTFUL
 from cooploc.estimators.interface import Array, Mask
 
+ALPHA = 1 - statistics.LEVEL
+
 
 def disqualified(row: Mapping[Any, Any]) -> list[str]:
     """Why an estimator does not qualify as best in a scenario, from its row of `compare`; empty where it does.
 
     To qualify it must have passed its checks, be distributed, have failed in no trial, and have a covariance that was
-    assessed and not found over-confident: neither by its interval, nor by an ANEES above `DOUBTFUL`, however wide.
+    assessed and found neither over-wide nor over-confident: not by its interval, nor by an ANEES above `DOUBTFUL`,
+    however wide.
     """
     flag = row["consistency"]
     reasons = {
@@ -25,7 +28,8 @@ def disqualified(row: Mapping[Any, Any]) -> list[str]:
         "a bound": bool(row["bound"]),
         "centralised": bool(row["centralised"] and not row["bound"]),
         "over-confident": flag == "over-confident",
-        "probably over-confident": flag == "undecided" and row["anees"] > DOUBTFUL,
+        "probably over-confident": flag == "not shown" and row["anees"] > DOUBTFUL,
+        "over-wide": flag == "over-wide",
         "consistency not assessed": flag == "not assessed",
         f"{row['failed']} trial{'' if row['failed'] == 1 else 's'} failed": row["failed"] > 0,
     }
@@ -45,18 +49,21 @@ def rank_groups(mse: pd.DataFrame) -> tuple[dict[str, float], dict[str, str]]:
 def letters(mse: pd.DataFrame) -> dict[str, str]:
     """Letters of estimators from squared errors; those that share one do not differ significantly at 5 %.
 
-    Friedman's test, then Nemenyi's of all pairs, with trials as blocks (Demsar, JMLR 2006); of two estimators,
-    Wilcoxon's signed-rank test.
+    All pairs by the test of the change of RMSE, adjusted by Holm: the rule by which everything else is decided, so that
+    letters never contradict an interval.
     """
     names = [str(name) for name in mse.columns]
-    if len(names) == 2:  # Friedman's test needs three
-        p, _ = statistics.signed_rank(*np.sqrt(mse.to_numpy()).T)
-        return dict(zip(names, ("a", "b" if p < 0.05 else "a"), strict=True))
-    if (mse.nunique(axis=1) == 1).all() or stats.friedmanchisquare(*mse.to_numpy().T).pvalue >= 0.05:
+    values = mse.to_numpy(float).T
+    pairs = list(combinations(range(len(names)), 2))
+    p = statistics.holm(np.array([statistics.p_of_difference(values[i], values[j]) for i, j in pairs]))
+    if not (p < ALPHA).any():
         return dict.fromkeys(names, "a")
     import scikit_posthocs
 
-    found = scikit_posthocs.compact_letter_display(scikit_posthocs.posthoc_nemenyi_friedman(mse), alpha=0.05)
+    square = np.ones((len(names), len(names)))
+    for (i, j), one in zip(pairs, np.nan_to_num(p, nan=1.0), strict=True):
+        square[i, j] = square[j, i] = one
+    found = scikit_posthocs.compact_letter_display(pd.DataFrame(square, names, names), alpha=ALPHA)
     return {str(name): str(marks).replace(" ", "") for name, marks in found.items()}
 
 

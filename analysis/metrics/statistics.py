@@ -142,18 +142,38 @@ def signed_rank(a: Array, b: Array) -> tuple[float, float]:
 
 
 def equivalence(a: Array, b: Array, margin: float) -> float:
-    """p against "the typical ratio b/a of paired errors is outside 1/(1 + margin) .. 1 + margin"; small means a tie.
+    """p against "the RMSE of b is not within 1/(1 + margin) .. 1 + margin times that of a"; small means a tie.
 
-    Two one-sided t tests (Schuirmann 1987) on the logarithms, so that it is the geometric mean of b/a that is judged.
+    Of squared errors `a`, `b` (k,) over paired trials: two one-sided tests (Schuirmann 1987), each the t test that
+    `change` inverts, so that it is the RMSE which is judged, as in the interval, and not a typical trial.
     """
-    from statsmodels.stats.weightstats import ttost_paired
-
-    if len(a) < LEAST_TRIALS or not ((a > 0).all() and (b > 0).all()):
+    if len(a) < LEAST_TRIALS:
         return np.nan
-    bound, d = np.log1p(margin), np.log(b) - np.log(a)
-    if np.ptp(d) <= 1e-12:
-        return float(abs(d[0]) >= bound)
-    return float(ttost_paired(np.log(b), np.log(a), -bound, bound)[0])
+    if np.array_equal(a, b):
+        return 0.0
+    least = (1 + margin) ** -2
+    return max(p_above(a, b, least), p_above(b, a, least))
+
+
+def p_above(a: Array, b: Array, factor: float) -> float:
+    """One-sided p of a t test over paired trials; small where mean b is above `factor` times mean a."""
+    d = b - factor * a
+    if len(d) < LEAST_TRIALS:
+        return np.nan
+    if np.ptp(d) <= 1e-12 * np.abs(a).max():
+        return float(d[0] < 0)
+    return float(stats.ttest_1samp(d, 0, alternative="greater").pvalue)
+
+
+def p_of_difference(a: Array, b: Array) -> float:
+    """Two-sided p against equal RMSE, of squared errors `a`, `b` (k,) over paired trials.
+
+    The t test that `change` inverts: below 0.05 where its interval excludes 0, and nowhere else. 1 for equals; nan
+    where there is no interval.
+    """
+    if np.isnan(change(a, b).low):
+        return np.nan
+    return 1.0 if np.array_equal(a, b) else p_of_change(a, b, 0.0)
 
 
 def p_of_change(a: Array, b: Array, value: float) -> float:

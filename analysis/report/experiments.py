@@ -77,15 +77,19 @@ def experiment(name: str, plan: dict[str, list[str]], numbers: Numbers, counter:
         else:
             shown.append(_dots(rows, numbers, counter))
     shown.append(_scatter(part, numbers, counter))
-    ranks = {str(label): _ranks(rows, numbers.results) for label, rows in part.groupby("scenario", sort=False)}
+    ranks = {str(label): ranked(rows, numbers.results) for label, rows in part.groupby("scenario", sort=False)}
     table = result_tables.results(anchor, part, ranks, f"{name}: {_about(part, numbers)}")
     said = summaries.overall(found) + " " + summaries.confidence(part)
     return Experiment(name, anchor, found, said, [line for line in sweeps if line], shown, [table, *changed])
 
 
-def _ranks(rows: pd.DataFrame, results: TrialTable) -> tuple[dict[str, float], dict[str, str]]:
-    """Mean ranks and letters of one scenario's estimators, over the trials that ended for all of them."""
-    names = list(rows.loc[rows["rmse"].notna() & ~rows["certificate"].map(refused).astype(bool), "estimator"])
+def ranked(rows: pd.DataFrame, results: TrialTable) -> tuple[dict[str, float], dict[str, str]]:
+    """Mean ranks and letters of one scenario's estimators: of those that failed in no trial and no check.
+
+    One that failed would take its trials from all others, and change their ranks and letters.
+    """
+    ended = rows["rmse"].notna() & (rows["failed"] == 0)
+    names = list(rows.loc[ended & ~rows["certificate"].map(refused).astype(bool), "estimator"])
     if not names:
         return {}, {}
     mse = results.mse(*((rows["scenario"].iloc[0], name) for name in names))
@@ -170,7 +174,7 @@ def _about(part: pd.DataFrame, numbers: Numbers) -> str:
     few = f" Below {LEAST_TRIALS} trials there are no intervals." if len(counts) and counts[0] < LEAST_TRIALS else ""
     tested = int(numbers.table["p"].notna().sum())
     return (
-        f"n = {trials} trials a scenario, seed {numbers.kept.manifest['seed']}; Wilcoxon's signed-rank test against "
+        f"n = {trials} trials a scenario, seed {numbers.kept.manifest['seed']}; t test of the change against "
         f"the baseline, Holm over the {tested} comparisons of this report; streams {streams}.{few}"
     )
 

@@ -16,7 +16,7 @@ from cooploc.analysis.claims.ledger import BASE, Ledger
 from cooploc.analysis.claims.trial_table import collect
 from cooploc.analysis.execution.stored_run import Kept
 from cooploc.analysis.formats import counted
-from cooploc.analysis.metrics import certificate_line
+from cooploc.analysis.metrics import certificate_line, outliers
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.crlb import floors
 from cooploc.analysis.metrics.pooling import notes
@@ -33,23 +33,37 @@ METHODS = (
     ("RMSE",
      "Root of the mean over trials of the mean squared position error [m]; jackknife interval on its logarithm."),
     ("Change", "RMSE relative to the baseline's on the same streams, paired by trial; Fieller's 95 % interval."),
-    ("p (Holm)", "Wilcoxon's signed-rank test over trials, adjusted by Holm over all rows of all experiments."),
+    ("p (Holm)",
+     "The t test over trials that the interval of the change inverts, so that the two never disagree, adjusted by Holm "
+     "over all rows of all experiments. It is 1 where the better one of the two failed in a trial."),
     ("Ties",
-     "The 95 % interval of the paired change holds 0, or two one-sided t tests on the logarithms say that both are "
-     "equal within 5 %. An estimator is best alone only where its interval against every other that qualifies "
+     "The 95 % interval of the paired change holds 0, or two one-sided tests of the same kind say that the RMSE "
+     "are equal within 5 %. An estimator is best alone only where its interval against every other that qualifies "
      "excludes 0."),
     ("Rank, group",
      "Mean over trials of the rank by RMSE, including centralised and over-confident ones. Estimators that share a "
-     "letter do not differ significantly at 5 %: Friedman's test over trials, then Nemenyi's of all pairs (of two "
-     "estimators, Wilcoxon's). It compares ranks, and all pairs at once, so it separates fewer estimators than the "
-     "ties above, which compare the size of errors. No letters: fewer than two estimators, or fewer than five trials "
-     "that ended for all of them."),
+     "letter do not differ significantly at 5 %: the test of the change, of all pairs, adjusted by Holm, so that it "
+     "separates fewer estimators than the ties above, which are not adjusted. An estimator that failed in a trial or a "
+     "check has neither rank nor letter, and takes none from others. No letters: fewer than two estimators, or five "
+     "trials."),
+    ("Failed trials",
+     "A trial failed that raised, took too long, or whose error is not finite. The numbers of an estimator that failed "
+     "are of its other trials, so they are not of the same trials as those beside them: it is not ranked, is never "
+     "best, no difference in its favour is significant, and no claim about it is supported."),
+    ("Median, outlying",
+     f"Of the trials' RMSE; outlying: share of trials above {outliers.FAR:g} times that median, with Wilson's "
+     "interval. An interval of the RMSE cannot hold what no trial has shown: where one trial of a hundred diverges "
+     "twentyfold, it misses the truth in most runs of 20 trials."),
+    ("NLL, ellipse",
+     "Mean negative log-likelihood of the true position [nats], a proper score: smaller is better, and neither too "
+     "small nor too large a covariance improves it. Mean area of the 95 % ellipse [m²]."),
     ("ANEES",
      "Position NEES / 2, per trial first; 1 is consistent. Over-confident: its 95 % interval lies above 1.5, or that "
-     "of the share in 95 % ellipses below 0.86; conservative: ANEES below 0.67; undecided: the estimate crosses a "
-     "limit, but its interval does not exclude the limit. An estimator that is over-confident, or undecided with an "
-     "ANEES above 3, never qualifies as best. A mean over trials may be that of one collapsed trial: beside it stand "
-     "the median over trials, and the share of trials whose ANEES exceeds 100 (collapsed; Wilson's interval)."),
+     "of the share in 95 % ellipses below 0.86; conservative: wholly below 0.67; over-wide: wholly below 0.1, ellipses "
+     "ten times as large as the errors ask for; consistent: wholly within 0.67 to 1.5; not shown: it holds a limit. An "
+     "estimator that is over-confident, over-wide, or not shown with an ANEES above 3, never qualifies as best. A mean "
+     "over trials may be that of one collapsed trial: beside it stand the median over trials, and the share of trials "
+     "whose ANEES exceeds 100 (collapsed; Wilson's interval)."),
     ("As published, at its best",
      "Of a method that was run in several configurations: the paper's own, and the one of smallest error with the same "
      "readings (`cooploc list estimators`). Estimators without this remark are other configurations, or their method "
@@ -73,8 +87,9 @@ METHODS = (
 )  # fmt: skip
 LEGEND = (
     'A change is b/a - 1: negative where the error falls. "66 % more accurate" is judged as a change of -66 %; what '
-    "the same interval means for a ratio of errors of 1.66, a change of -40 %, is said beside it. A verdict is wrong "
-    "in at most one of twenty repetitions of the run; it stands where that holds of all judged cases together (Holm). "
+    "the same interval means for a ratio of errors of 1.66, a change of -40 %, is said beside it. Each verdict, taken "
+    "alone, is wrong in at most one of twenty repetitions of the run, so that of many some are wrong: how many are "
+    "expected to be is said with them. It stands where that holds of all judged cases together (Holm). "
     "Readings: paper, as it stands; others as the ledger describes them. No verdict rests on one reading: the study "
     "readings runs all that the ledger declares, and cl.readings judges every claim in each."
 )
@@ -130,7 +145,7 @@ def content(kept: Kept, ledger: Ledger) -> dict[str, Any]:
         "experiments": experiments,
         "gaps": [f"{s}, {e}: {n} of the planned trials are missing" for (s, e), n in kept.gaps.items()]
         + [*kept.ignored],
-        "unproven": certificate_line.remarks(table),
+        "unproven": [*certificate_line.remarks(table), *outliers.warnings(table)],
         "failures": failures(kept.rows),
         "notes": notes(kept.rows),
         "methods": METHODS,

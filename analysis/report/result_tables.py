@@ -17,7 +17,8 @@ from cooploc.analysis.report.tables import Row, Table, TableColumn, numbers, wor
 from cooploc.estimators.plugins.configurations import standing
 
 FLAGS = {flag: flag.replace("-", "_").replace(" ", "_") for flag in
-         ("over-confident", "consistent", "conservative", "undecided", "not assessed")}  # fmt: skip
+         ("over-confident", "consistent", "conservative", "over-wide", "not shown", "not assessed")}  # fmt: skip
+SAID = {flag: flag for flag in ("over-confident", "over-wide", "conservative")} | {"not shown": "consistency not shown"}
 Ranks = dict[str, tuple[dict[str, float], dict[str, str]]]  # scenario -> mean ranks, and letters, by estimator
 
 
@@ -25,9 +26,9 @@ def remark(estimator: str, certificate: str, consistency: str, centralised: bool
     """What a reader of a result must know."""
     remarks = [standing(estimator)] if standing(estimator) else []
     remarks += ["not ranked"] if refused(certificate) else []
-    remarks += [consistency] if consistency in ("over-confident", "conservative", "undecided") else []
+    remarks += [SAID[consistency]] if consistency in SAID else []
     remarks += ["bound"] if bound else ["centralised"] * centralised
-    return ", ".join(remarks + ([f"{failed} failed"] if failed else []))
+    return ", ".join(remarks + ([f"{failed} failed, numbers of the other trials"] if failed else []))
 
 
 def _of_others(form: Any) -> Any:
@@ -50,6 +51,9 @@ RESULTS = (
     words("estimator"),
     words("checks", "certificate", form=mark),
     *RMSE,
+    numbers("median", "rmse_median", form=metres),
+    numbers("outlying", form=_percent(0)),
+    numbers("95 %", *(f"outlying_{end}" for end in ("low", "high")), form=interval(_percent(0))),
     numbers("rank", form=lambda rank: fixed(rank, 1)),
     words("group"),
     numbers("vs baseline", "change", of=(*OTHER, "change"), form=_of_others(change)),
@@ -65,6 +69,8 @@ RESULTS = (
     numbers("collapsed", form=_percent(0)),
     numbers("95 %", "collapsed_low", "collapsed_high", form=interval(_percent(0))),
     numbers("in 95 %", "coverage95", form=_percent(0)),
+    numbers("NLL", "nll", form=ratio),
+    numbers("ellipse [m²]", "area95", form=ratio),
     numbers("diverged", form=_percent(1)),
     numbers("messages", form=ratio),
     numbers("bytes", form=count),
@@ -117,7 +123,7 @@ def where(found: dict[str, list[Standing]]) -> Table:
         rows.append({"experiment": name, "scenarios": len(ones), **said, "none": best["none"].total()})
     about = (
         "Estimators and in how many scenarios of the experiment. An estimator qualifies to be called best if it is "
-        "distributed, is not over-confident nor probably so, and failed in no trial."
+        "distributed, is not over-wide, not over-confident nor probably so, and failed in no trial."
     )
     return Table("where", about, columns, rows)
 
@@ -153,7 +159,7 @@ def best(found: list[Standing]) -> Table:
     ]
     about = (
         "Smallest RMSE of those that qualify to be called best. Ties: the 95 % interval of the paired change holds 0; "
-        "equal: within 5 %, by two one-sided t tests."
+        "equal: the RMSE is within 5 %, by two one-sided t tests of the same kind."
     )
     marks = {"data-scenario": "scenario", "data-best": "alone", "title": "sentence"}
     return Table("best", about, columns, rows, marks)
@@ -188,8 +194,8 @@ def confidence(table: pd.DataFrame) -> Table:
         rows.append({"estimator": name, "scenarios": len(part), **counts, **worst, **most})
     about = (
         "Number of scenarios by ANEES: over-confident where its 95 % interval lies wholly above 1.5, conservative "
-        "where wholly below 0.67, consistent where ANEES lies between, undecided where ANEES is beyond a limit but its "
-        "interval does not exclude the limit. A mean ANEES may be that of one collapsed trial: its median over trials "
+        "where wholly below 0.67, over-wide where below 0.1, consistent where wholly between 0.67 and 1.5, not shown "
+        "where it holds a limit. A mean ANEES may be that of one collapsed trial: its median over trials "
         f"and the largest share of trials in a scenario whose ANEES exceeds {COLLAPSED:g}, do not depend on one."
     )
     return Table("consistency", about, columns, rows)

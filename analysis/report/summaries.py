@@ -1,9 +1,9 @@
 """Who is best where and who is over-confident, in sentences made from the numbers alone.
 
-Best is the smallest RMSE of those that qualify: distributed, not over-confident nor probably so (ANEES above twice the
-limit, with an interval that does not exclude it), no trial and no check failed. Another one ties with it where the
-equivalence test says so, or where the 95 % interval of the paired change holds 0. An estimator is best alone if the
-intervals against all others exclude 0, an intersection-union test that needs no adjustment (Berger 1982).
+Best is the smallest RMSE of those that qualify: distributed, not over-wide, not over-confident nor probably so (ANEES
+above twice the limit, with an interval that does not exclude it), no trial and no check failed. Another one ties with
+it where the equivalence test says so, or where the 95 % interval of the paired change holds 0. An estimator is best
+alone if the intervals against all others exclude 0, an intersection-union test that needs no adjustment (Berger 1982).
 """
 
 from collections import Counter
@@ -78,10 +78,10 @@ def _standing(scenario: str, part: pd.DataFrame, results: TrialTable) -> Standin
     equal, tied = [], []
     for row in may[may["estimator"] != best["estimator"]].to_dict("records"):
         pairs = results.mse((scenario, best["estimator"]), (scenario, row["estimator"]))
-        first, other = np.sqrt(pairs).T
+        first, other = pairs.T
         if statistics.equivalence(first, other, MARGIN) < 0.05:
             equal.append(row["estimator"])
-        elif not statistics.change(*pairs.T).low > 0:
+        elif not statistics.change(first, other).low > 0:
             tied.append(row["estimator"])
     lost = part[(part["rmse"] <= best["rmse"]) & barred]
     bare = best["certificate"].startswith("unchecked")
@@ -95,7 +95,7 @@ def _standing(scenario: str, part: pd.DataFrame, results: TrialTable) -> Standin
 def why(row: dict[Any, Any]) -> str:
     """Why an estimator does not qualify as best, with its ANEES where that is the reason; empty where it qualifies."""
     anees = f", ANEES {ratio(row['anees'])}"
-    return ", ".join(reason + anees * reason.endswith("over-confident") for reason in disqualified(row))
+    return ", ".join(reason + anees * reason.endswith(("over-confident", "over-wide")) for reason in disqualified(row))
 
 
 def _named(lost: pd.DataFrame) -> tuple[str, ...]:
@@ -146,7 +146,7 @@ def confidence(table: pd.DataFrame) -> str:
     count, of = flags.sum(), flags.count()
     everywhere = [f"{name}" for name in count.index if count[name] == of[name]]
     some = [str(name) for name in count.index if 0 < count[name] < of[name]]
-    open_ = set(table.loc[(table["consistency"] == "undecided") & (table["anees"] > OVER_CONFIDENT), "estimator"])
+    open_ = set(table.loc[(table["consistency"] == "not shown") & (table["anees"] > OVER_CONFIDENT), "estimator"])
     never = [str(name) for name in count.index if not count[name] and name not in open_]
     doubt = [str(name) for name in count.index if not count[name] and name in open_]
     parts = [f"Over-confident in every scenario: {listed(everywhere)}."] if everywhere else []
@@ -157,7 +157,7 @@ def confidence(table: pd.DataFrame) -> str:
         parts += [f"Over-confident in more than half of their scenarios: {listed(most)}."] if most else []
         rest = [name for name in some if name not in most]
         parts += [f"In some, half of them or fewer: {listed(rest)}."] if rest else []
-    parts += [f"Undecided in some, over-confident in none: {listed(doubt)}."] if doubt else []
+    parts += [f"Not shown in some, over-confident in none: {listed(doubt)}."] if doubt else []
     parts += [f"Never found over-confident: {listed(never)}."] if never else []
     return " ".join(parts)
 

@@ -9,9 +9,10 @@ from cooploc.analysis.report.claim_tables import called, cases, over_readings
 from cooploc.terminal.console import wide
 
 LEGEND = (
-    "Changes are b/a - 1: negative where the error falls. stands: still decided after Holm's correction over all "
-    "judged cases. Each verdict is of one reading of the paper; cl.readings judges a claim in all that were "
-    "run (the study readings runs them)."
+    "Changes are b/a - 1: negative where the error falls. A verdict, taken alone, is wrong in at most one of twenty "
+    "repetitions of the run; of many some are. stands: still decided after Holm's correction over all judged cases. "
+    "Each verdict is of one reading of the paper; cl.readings judges a claim in all that were run (the study "
+    "readings runs them)."
 )
 STYLES = {
     "supported": "green",

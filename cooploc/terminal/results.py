@@ -9,7 +9,7 @@ import pandas as pd
 
 from cooploc.analysis.execution.run_directory import RunDir
 from cooploc.analysis.formats import counted
-from cooploc.analysis.metrics import certificate_line
+from cooploc.analysis.metrics import certificate_line, outliers
 from cooploc.analysis.metrics.compare import SUMMARY
 from cooploc.analysis.metrics.pooling import notes, succeeded
 from cooploc.analysis.report.csv_text import csv_text
@@ -19,14 +19,15 @@ from cooploc.analysis.report.tables import Table
 from cooploc.terminal.console import wide
 
 LEGEND = (
-    "vs: change of RMSE on the same streams, Fieller interval; p: Wilcoxon signed-rank over trials, Holm over the "
-    "whole study. ANEES: 1 is consistent; undecided: beyond a limit, but its interval does not "
-    "exclude the limit; median: of ANEES over trials; collapsed: trials whose ANEES exceeds 100. "
+    "vs: change of RMSE on the same streams, Fieller interval; p: the test that this interval inverts, Holm over the "
+    "whole study. median: of the trials' RMSE, and of their ANEES; outlying: trials above 5 times the median RMSE. "
+    "ANEES: 1 is consistent; over-wide: below 0.1; consistency not shown: its interval holds 0.67 or 1.5; "
+    "collapsed: trials whose ANEES exceeds 100. NLL: negative log-likelihood of the truth, smaller is better. "
     "messages, bytes, µs: per robot and tick. centralised: every reading "
     "reaches one computer; bound: uses all of them, and no estimator is better. as published, at its best: of the "
     "configurations of a method; one without this remark is another configuration, or its method has only one."
 )
-ONLY_IN_REPORTS = ("scenario", "rank", "group", "anees_low", "collapsed_low", "trials")
+ONLY_IN_REPORTS = ("scenario", "rank", "group", "outlying_low", "anees_low", "collapsed_low", "area95", "trials")
 COLUMNS = tuple(column for column in RESULTS if column.keys[0] not in ONLY_IN_REPORTS)
 ONE_PROCESS = "all or some of this ran in one process (--no-isolate): estimators may have disturbed each other"
 IN_ONE_PICTURE = 12  # scenarios; `cooploc report` draws one of each experiment
@@ -58,7 +59,7 @@ def show(table: pd.DataFrame, rows: pd.DataFrame, folder: Path, as_json: bool) -
         console.print(LEGEND, style="dim")
         for line in notes(rows):
             console.print(line)
-    for line in certificate_line.remarks(table):
+    for line in (*certificate_line.remarks(table), *outliers.warnings(table)):
         console.print(line)
     if not RunDir(folder).manifest.get("isolated", True):
         console.print(ONE_PROCESS)

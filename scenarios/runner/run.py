@@ -37,6 +37,7 @@ class Run:
     hashes: tuple[str, ...]  # of the stream's trials
     traces: Mapping[str, Trace] = field(default_factory=dict)
     isolated: bool = True  # what is not built in ran in a process of its own
+    unchecked: frozenset[str] = frozenset()  # names of what is not built in, and so was not checked
 
     def __repr__(self) -> str:
         return f"Run({self.scenario!r}, {len(self.trial)} trials, {', '.join(self.traces)}{self._where()})"
@@ -44,7 +45,8 @@ class Run:
     def _repr_html_(self) -> str:
         header = ("estimator", "messages per robot and tick", "bytes", "µs", "standing")
         title = f"run of {self.scenario}, seed {self.seed}, {len(self.trial)} trials{self._where()}"
-        return listed(header, title, [(name, *_cost(trace)) for name, trace in self.traces.items()])
+        rows = [(name, *_cost(trace, name in self.unchecked)) for name, trace in self.traces.items()]
+        return listed(header, title, rows)
 
     def _where(self) -> str:
         return "" if self.isolated else ", all in one process"
@@ -62,12 +64,12 @@ class Run:
         return dataset(self.traces, self.trial, attributes)
 
 
-def _cost(trace: Trace) -> tuple[str, ...]:
-    """Messages, bytes and microseconds per robot and tick, and whether it is centralised or a bound."""
+def _cost(trace: Trace, unchecked: bool) -> tuple[str, ...]:
+    """Messages, bytes and microseconds per robot and tick, and whether it is centralised, a bound, or unchecked."""
     t, T, n, _ = trace.x.shape
     sent, size = trace.messages.sum() / (t * T * n), trace.bytes.sum() / (t * T * n)
-    standing = "bound" if trace.bound else "centralised" * trace.centralised
-    return f"{sent:.2g}", f"{size:.3g}", f"{1e6 * trace.seconds / (t * T * n):.3g}", standing
+    standing = ["bound" if trace.bound else "centralised" * trace.centralised, "unchecked" * unchecked]
+    return f"{sent:.2g}", f"{size:.3g}", f"{1e6 * trace.seconds / (t * T * n):.3g}", ", ".join(filter(None, standing))
 
 
 def run(estimators: Any, stream: Stream, jobs: int = 1, isolate: bool = True, time_limit: float = TIME_LIMIT) -> Run:
@@ -75,7 +77,8 @@ def run(estimators: Any, stream: Stream, jobs: int = 1, isolate: bool = True, ti
 
     What is not built in runs in a process of its own, which the next call uses again: an estimator that crashes or
     hangs is an error here, and nothing else is lost. What it prints appears when it has ended; what it changes of
-    itself or of the program stays there.
+    itself or of the program stays there. No checks are made of it, so it is marked "unchecked" wherever it is compared;
+    `cl.check_estimator` and `cooploc run` make them.
 
     Args:
         estimators: a name, a class, an instance, a list of these, or a mapping of your own names to these.
@@ -95,7 +98,8 @@ def run(estimators: Any, stream: Stream, jobs: int = 1, isolate: bool = True, ti
     given = named(estimators, isolate)
     demand_stream(stream)
     first = stream.select(slice(0, 1)).truncated(1)
-    foreign = {name for name, one in given.items() if isolate and not is_builtin(one)}
+    unchecked = frozenset(name for name, one in given.items() if not is_builtin(one))
+    foreign = unchecked if isolate else frozenset()
     for name, one in given.items():
         demand_fit_there(Foreign(name, one, time_limit), first) if name in foreign else demand_fit(name, one, first)
     parts = np.array_split(np.arange(len(stream.trial)), min(jobs, len(stream.trial)))
@@ -109,7 +113,7 @@ def run(estimators: Any, stream: Stream, jobs: int = 1, isolate: bool = True, ti
                 traces[name] = traced_there(Foreign(name, one, math.inf, BUILTIN), chunks, advance)
             else:
                 traces[name] = trace(name, one, stream, advance=advance)
-    return Run(stream.scenario, stream.seed, stream.trial, stream.hashes, traces, isolate)
+    return Run(stream.scenario, stream.seed, stream.trial, stream.hashes, traces, isolate, unchecked)
 
 
 def _demand_possible(jobs: int, isolate: bool, time_limit: float) -> None:

@@ -1,6 +1,7 @@
 """A resolved scenario knows its size, its trials and its parameters, also where its model is a plug-in."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from pydantic import BaseModel
 
@@ -44,14 +45,42 @@ def test_a_model_that_does_not_state_its_size_is_a_scenario_too(monkeypatch):
 
 
 def test_a_label_may_say_what_the_team_assumes():
-    """The readings stay bit-identical, and an override of `assumed` adds to what the label says."""
+    """The readings stay bit-identical, the hash does not, and `assumed=` adds to what the label says."""
     true, wrong = (cl.simulate(f"trajectory[{what}ticks=4]", trials=2, seed=1)[1] for what in ("", "assumed.eta=2,"))
     again = cl.simulate("trajectory", trials=2, seed=1, ticks=4, assumed={"eta": 2})[1]
-    assert wrong.hashes == true.hashes == again.hashes
+    for name, array in true.arrays().items():
+        np.testing.assert_array_equal(array, wrong.arrays()[name])
+    assert wrong.hashes == again.hashes
+    assert not set(wrong.hashes) & set(true.hashes)
     assert wrong.world.sensors == again.world.sensors != true.world.sensors
-    assert wrong.scenario == "trajectory[assumed.eta=2,ticks=4]"
+    assert wrong.scenario == again.scenario == "trajectory[assumed.eta=2,ticks=4]"
     both = cl.simulate("trajectory[assumed.eta=2]", ticks=4, assumed={"odometry_sigma": 0.5})[1].world
     assert (both.sensors["anchor_rssi"].eta, both.motion.sigma) == (2, 0.5)
+
+
+@pytest.mark.parametrize("written", ["2", "2.0", "2e0"])
+def test_an_assumption_has_one_hash_however_it_is_written(written):
+    given = cl.simulate("trajectory", ticks=2, assumed={"eta": 2.0})[1]
+    assert cl.simulate(f"trajectory[ticks=2, assumed.eta={written}]")[1].hash == given.hash
+    assert cl.simulate("trajectory", ticks=2, assumed={"eta": 2.1})[1].hash != given.hash
+
+
+def test_a_stream_of_wrong_assumptions_is_kept_in_a_file_with_its_hash(tmp_path):
+    _, stream = cl.simulate("trajectory", ticks=2, assumed={"eta": 2.5})
+    stream.save(tmp_path / "stream")
+    loaded = cl.Stream.load(tmp_path / "stream")
+    assert (loaded.hash, loaded.scenario) == (stream.hash, "trajectory[assumed.eta=2.5,ticks=2]")
+
+
+def test_rivals_that_are_told_different_things_share_no_row_of_a_table():
+    found = []
+    for name, assumed in {"right": None, "wrong": {"eta": 2.0}}.items():
+        truth, stream = cl.simulate("trajectory", ticks=3, trials=2, assumed=assumed)
+        found.append(cl.errors(truth, cl.run({name: "dead-reckoning"}, stream)))
+    table = pd.concat(found)
+    assert table.groupby("scenario")["estimator"].unique().map(list).tolist() == [["wrong"], ["right"]]
+    with pytest.raises(cl.BadInput, match="estimators ran on different streams"):
+        cl.compare(table.assign(scenario="trajectory"), baseline="right")
 
 
 def test_only_what_leaves_the_readings_alone_may_be_assumed():

@@ -341,8 +341,40 @@ def test_over_confidence_failures_and_centralised_estimators_are_told():
     table.loc[(table["estimator"] == "b") & (table["trial"] == 3), "failure"] = "boom"
     table.loc[table["estimator"] == "b", "centralised"] = True
     found = verdict(table, **CHANGE)
-    assert found["remark"] == "a over-confident; 1 trials of b failed; b is centralised"
+    failed = "it would be supported, but b failed"
+    assert found["remark"] == f"{failed}; a over-confident; 1 trial of b failed; b is centralised"
+    assert (found["verdict"], found["p"]) == ("undecided", 1.0)
     assert found["trials"] == TRIALS - 1
+
+
+@pytest.mark.parametrize("lost", [np.nan, np.inf, 1e200])
+def test_an_error_that_is_not_finite_supports_no_claim(lost):
+    table = errors({"s": {"a": 0.5, "b": 1.0}})
+    table.loc[(table["estimator"] == "a") & (table["trial"] == 3) & (table["robot"] == 0), "mse"] = lost
+    found = verdict(table, **CHANGE)
+    assert (found["verdict"], found["trials"]) == ("undecided", TRIALS - 1)
+    assert found["remark"] == "it would be supported, but a failed; 1 trial of a failed"
+
+
+def test_a_failed_check_supports_no_claim_and_a_passed_one_does():
+    table = errors({"s": {"a": 0.5, "b": 1.0}})
+    for line, expected in {"failed: causality: it peeks": "undecided", "passed: 17 checks": "supported"}.items():
+        checked = table.assign(certificate=np.where(table["estimator"] == "a", line, ""))
+        assert verdict(checked, **CHANGE)["verdict"] == expected
+
+
+@pytest.mark.parametrize(("who", "expected"), [("a", "contradicted"), ("b", "undecided")])
+def test_no_estimator_escapes_a_contradiction_by_failing_and_none_earns_one(who, expected):
+    table = errors({"s": {"a": 1.5, "b": 1.0}})
+    table.loc[(table["estimator"] == who) & (table["trial"] == 3), "mse"] = np.inf
+    assert verdict(table, **CHANGE)["verdict"] == expected
+
+
+def test_trials_that_err_far_more_than_usual_are_told_with_a_verdict():
+    table = errors({"s": {"a": 0.5, "b": 1.0}})
+    table.loc[(table["estimator"] == "b") & (table["trial"] == 3), "mse"] *= 400
+    said = "1 trial of b errs 5 times as much as the median one: intervals are too narrow"
+    assert said in verdict(table, **CHANGE)["remark"]
 
 
 def test_trials_pair_by_number_and_not_by_order():

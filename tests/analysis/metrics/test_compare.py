@@ -9,9 +9,12 @@ from made_errors import BASE, rows
 from statsmodels.stats.proportion import proportion_confint
 
 import cooploc as cl
+from cooploc.analysis.metrics import outliers
 from cooploc.analysis.metrics.compare import SHORT, SUMMARY, compare, summarize
 from cooploc.analysis.metrics.consistency import COLLAPSED
+from cooploc.analysis.metrics.consistency import flag as flag_of
 from cooploc.analysis.metrics.pooling import trial_means
+from cooploc.analysis.metrics.statistics import Interval, signed_rank
 from cooploc.analysis.plot.summary import rmse
 from cooploc.terminal.results import records
 
@@ -110,7 +113,7 @@ def documented(function, head):
     """The names of the columns below a head of a docstring, as they stand there."""
     block = function.__doc__.split(f"{head}:\n")[1].split("\n\n")[0]
     heads = re.findall(r"^ {8}(\w[\w, ]*?)(?: \[.*?\])?: \w", block, re.MULTILINE)
-    assert len(heads) == len(block.splitlines())
+    assert len(heads) == len(re.findall(r"^ {8}\S", block, re.MULTILINE))
     return [name for line in heads for name in line.split(", ")]
 
 
@@ -125,7 +128,8 @@ def test_every_column_is_documented_and_nothing_else():
 
 
 @pytest.mark.parametrize(
-    ("anees", "flag"), [(1.0, "consistent"), (3.0, "over-confident"), (0.3, "conservative"), (1.5, "consistent")]
+    ("anees", "flag"),
+    [(1.0, "consistent"), (3.0, "over-confident"), (0.3, "conservative"), (1.5, "not shown"), (0.05, "over-wide")],
 )
 def test_consistency_is_judged_by_the_whole_interval(anees, flag):
     spread = anees * np.repeat(np.linspace(0.9, 1.1, 12), 3)
@@ -138,7 +142,7 @@ def test_consistency_is_judged_by_the_whole_interval(anees, flag):
 def test_where_anees_tells_nothing_coverage_does():
     frame = rows("a", BASE)
     frame["anees"] = np.where(frame["trial"] == 3, 1e12, 0.9)  # its interval reaches from 0 to beyond all bounds
-    for coverage, flag in ((0.27, "over-confident"), (0.95, "undecided")):
+    for coverage, flag in ((0.27, "over-confident"), (0.95, "not shown")):
         frame["coverage95"] = coverage + 0.001 * frame["trial"]
         assert compare(frame, baseline="a")["consistency"].item() == flag
 
@@ -173,6 +177,88 @@ def test_failed_trials_are_counted_and_nothing_else():
     gone = frame.assign(failure="boom")
     assert records(summarize(gone))[0]["rmse"] is None
     assert summarize(gone)["failed"].item() == 12
+
+
+@pytest.mark.parametrize("lost", [np.nan, np.inf, 1e200])
+def test_an_error_that_is_not_finite_is_a_failed_trial_of_the_whole_team(lost):
+    """Not a trial of fewer robots, and not an error of zero."""
+    frame = rows("a", BASE)
+    frame.loc[(frame["trial"] == 3) & (frame["robot"] == 1), "mse"] = lost
+    row = summarize(frame).iloc[0]
+    assert (row["trials"], row["failed"]) == (11, 1)
+    assert row["rmse"] == pytest.approx(np.sqrt(np.delete(BASE, 3, 0).mean()))
+
+
+def test_a_robot_whose_truth_is_unknown_is_not_a_failure():
+    frame = rows("a", BASE)
+    frame.loc[frame["robot"] == 1, ["ticks", "mse", "anees"]] = [0, np.nan, np.nan]
+    row = summarize(frame).iloc[0]
+    assert (row["trials"], row["failed"], row["anees"]) == (12, 0, 1.0)
+    assert row["rmse"] == pytest.approx(np.sqrt(BASE[:, [0, 2]].mean()))
+
+
+def test_no_estimator_wins_by_failing_where_it_is_bad():
+    mine = rows("b", 0.25 * BASE)
+    worst = mine["trial"] == 3
+    mine.loc[worst, "mse"] = np.inf
+    table = compare(pd.concat([rows("a", BASE), mine]), baseline="a", full=True)
+    assert (table["p"].iloc[1], table["p_equal"].iloc[1]) == (1.0, 1.0)
+    other = compare(pd.concat([rows("a", BASE), mine]), baseline="b", full=True).iloc[0]
+    assert other["p"] == 1.0  # the baseline is the better one, and failed
+    worse = compare(pd.concat([rows("a", BASE), mine.assign(mse=9 * mine["mse"])]), baseline="a", full=True).iloc[1]
+    assert worse["p"] < 0.001
+
+
+def test_p_and_interval_are_one_decision():
+    """Where one trial is far worse and all others are a little better, a rank test says better and RMSE says no."""
+    base = np.linspace(0.8, 1.2, 20)[:, None]
+    spoilt = np.where(np.arange(20)[:, None] == 3, 12.0, 0.85 + 0.1 * np.sin(np.arange(20))[:, None])
+    cases = {"spoilt": spoilt, "better": np.minimum(spoilt, 0.9), "worse": 1.2 + spoilt / 100}
+    frames = [rows(name, base * factor) for name, factor in cases.items()]
+    table = compare(pd.concat([rows("a", base), *frames]), baseline="a", full=True).set_index("estimator").iloc[1:]
+    excludes = (table["change_low"] > 0) | (table["change_high"] < 0)
+    assert (table["p"] < 0.05).to_dict() == excludes.to_dict() == {"spoilt": False, "better": True, "worse": True}
+    assert signed_rank(base[:, 0], (base * spoilt)[:, 0])[0] < 0.05
+    assert table.loc["spoilt", "effect"] < 0 < table.loc["spoilt", "change"]
+
+
+def test_a_tie_is_one_of_rmse_and_not_of_a_typical_trial():
+    """The geometric mean of the ratios is 1 and the RMSE is larger by half: not equal."""
+    base = np.full((40, 1), 1.0) * np.linspace(0.9, 1.1, 40)[:, None]
+    mine = base * np.resize([2.25 * 1.6, 1 / (2.25 * 1.6)], (40, 1))
+    row = compare(pd.concat([rows("a", base), rows("b", mine)]), baseline="a", full=True).iloc[1]
+    assert row["change"] > 0.3
+    assert row["p_equal"] > 0.95
+
+
+def test_one_stream_under_several_numbers_of_trials_is_refused():
+    frame = rows("a", BASE)
+    copied = frame.assign(stream=np.where(frame["trial"] == 5, "h2", frame["stream"]))
+    with pytest.raises(cl.BadInput, match="trials 2, 5 are of one stream; keep one of them"):
+        compare(copied, baseline="a")
+    with pytest.raises(cl.BadInput, match="s, a, trial 0 stands there twice"):
+        compare(pd.concat([frame, frame]), baseline="a")
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "expected"),
+    [(0.68, 1.49, "consistent"), (0.9, 1.6, "not shown"), (0.6, 1.2, "not shown"), (0.5, 2.0, "not shown")],
+)
+def test_consistent_needs_the_whole_interval_between_the_limits(low, high, expected):
+    assert flag_of(20, Interval(1.0, low, high), Interval(0.95, 0.94, 0.96)) == expected
+
+
+def test_a_trial_that_diverges_is_warned_of_and_stands_beside_the_median():
+    base = np.linspace(0.9, 1.1, 100)[:, None]
+    calm = summarize(rows("a", base))
+    base[7] *= 20**2
+    row = summarize(rows("a", base)).iloc[0]
+    assert outliers.warnings(calm) == []
+    assert (row["outlying"], row["rmse_median"]) == (pytest.approx(0.01), pytest.approx(1.0, abs=0.01))
+    assert 0 < row["outlying_low"] < 0.01 < row["outlying_high"] < 0.06
+    (said,) = outliers.warnings(summarize(rows("a", base)))
+    assert said.startswith("s, a: 1 of 100 trials (")
+    assert "median trial, 1.001 m; they decide the RMSE, 2.156 m" in said
 
 
 def test_the_figure_shows_every_estimator_and_takes_given_axes():

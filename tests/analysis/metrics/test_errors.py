@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import cooploc as cl
-from cooploc.analysis.metrics.errors import COLUMNS, errors
+from cooploc.analysis.metrics.errors import COLUMNS, SCORES, errors
 from cooploc.scenarios.runner.run import Run
 from cooploc.scenarios.runner.trace import Trace
 from cooploc.scenarios.stream import Truth
@@ -32,7 +32,7 @@ def constant_error(offset, T=8, P=None):
 def test_a_constant_error_by_hand():
     rows = errors(*constant_error([3.0, 4.0], P=np.diag([9.0, 16.0])))
     row = rows.iloc[0]
-    assert list(rows.columns) == list(COLUMNS)
+    assert list(rows.columns) == [*COLUMNS, *SCORES]
     assert row[["mse", "rmse", "mean_error", "median_error", "max_error", "final_error"]].tolist() == [
         25,
         5,
@@ -52,10 +52,10 @@ def test_a_constant_error_by_hand():
 
 def test_every_column_is_documented_and_nothing_else():
     block = errors.__doc__.split("Columns:\n")[1].split("\n\n")[0]
-    assert re.findall(r"^ {8}(\w+)(?: \[.*\])?: \w", block, re.MULTILINE) == list(COLUMNS)
+    assert re.findall(r"^ {8}(\w+)(?: \[.*\])?: [\w\"]", block, re.MULTILINE) == [*COLUMNS, *SCORES, "certificate"]
     truth, run = constant_error([1.0, 0])
     counted = replace(run.traces["mine"], notes={"largest step": np.ones((1, 1))})
-    assert list(errors(truth, replace(run, traces={"mine": counted}))) == [*COLUMNS, "note: largest step"]
+    assert list(errors(truth, replace(run, traces={"mine": counted}))) == [*COLUMNS, *SCORES, "note: largest step"]
 
 
 @pytest.mark.parametrize(
@@ -138,3 +138,47 @@ def test_truth_and_run_of_different_streams_are_refused():
         errors(replace(truth, origin=("other",)), run)
     with pytest.raises(cl.BadInput, match="burn_in is 8"):
         errors(truth, run, burn_in=8)
+
+
+def scores(told):
+    """NLL and area of an estimator whose errors are Gaussian of variance 1, and whose covariance says `told`."""
+    rng = np.random.default_rng(1)
+    true = np.zeros((1, 20000, 1, 2))
+    P = np.broadcast_to(told * np.eye(2), (*true.shape, 2))
+    return errors(*made(true + rng.normal(size=true.shape), P, true)).iloc[0][list(SCORES)]
+
+
+def test_the_score_is_best_for_the_true_covariance_and_a_thousandfold_one_is_punished():
+    right = scores(1.0)
+    assert right["nll"] == pytest.approx(np.log(2 * np.pi) + 1, abs=0.03)  # the entropy of the errors
+    assert right["area95"] == pytest.approx(np.pi * 5.991, rel=1e-3)
+    for told in (0.1, 0.5, 2.0, 1000.0):
+        wrong = scores(told)
+        assert wrong["nll"] > right["nll"] + 0.1
+        assert wrong["area95"] == pytest.approx(told * right["area95"])
+
+
+def test_a_singular_covariance_has_no_area_and_an_infinite_score_even_where_it_is_right():
+    for offset in (0.0, 1.0):
+        row = errors(*constant_error([offset, 0], P=np.zeros((2, 2)))).iloc[0]
+        assert (row["nll"], row["area95"]) == (np.inf, 0.0)
+
+
+def test_what_is_not_built_in_is_marked_unchecked():
+    class Mine:
+        """Dead reckoning under another name."""
+
+        def __init__(self):
+            self.inner = cl.make("dead-reckoning")
+
+        def __getattr__(self, name):
+            return getattr(self.inner, name)
+
+    truth, stream = cl.simulate("trajectory", trials=6, ticks=4)
+    run = cl.run({"mine": Mine(), "dr": "dead-reckoning", "ekf": cl.make("ekf-local")}, stream, isolate=False)
+    assert run.unchecked == {"mine"}
+    assert ">unchecked<" in run._repr_html_()
+    found = cl.compare(errors(truth, run), baseline="dr").set_index("estimator")["certificate"]
+    assert found["mine"].startswith("unchecked: ")
+    assert (found["dr"], found["ekf"]) == ("", "")
+    assert "certificate" not in errors(truth, cl.run("dead-reckoning", stream))

@@ -1,4 +1,4 @@
-"""Which estimators qualify as best, groups by Friedman and Nemenyi, and the fronts of accuracy and cost."""
+"""Which estimators qualify as best, groups of those that do not differ, and the fronts of accuracy and cost."""
 
 import numpy as np
 import pandas as pd
@@ -22,9 +22,10 @@ def errors(**factors):
         ({}, []),
         ({"certificate": "passed: 16 checks"}, []),
         ({"consistency": "conservative", "anees": 0.1}, []),
-        ({"consistency": "undecided", "anees": 2.9}, []),
-        ({"consistency": "undecided", "anees": 3.1}, ["probably over-confident"]),
+        ({"consistency": "not shown", "anees": 2.9}, []),
+        ({"consistency": "not shown", "anees": 3.1}, ["probably over-confident"]),
         ({"consistency": "over-confident", "anees": 2.0}, ["over-confident"]),
+        ({"consistency": "over-wide", "anees": 0.001}, ["over-wide"]),
         ({"consistency": "not assessed"}, ["consistency not assessed"]),
         ({"certificate": "failed: causality: it peeks"}, ["failed the check causality"]),
         ({"centralised": True, "bound": True, "failed": 1}, ["a bound", "1 trial failed"]),

@@ -15,6 +15,7 @@ from cooploc.analysis.metrics.statistics import (
     mean,
     mean_of_positive,
     p_of_change,
+    p_of_difference,
     p_of_mean,
     share,
     signed_rank,
@@ -213,14 +214,27 @@ def test_wilson_of_whole_trials_is_the_textbook_formula():
     assert (low, high) == pytest.approx(((centre - half) / (1 + z**2 / n), (centre + half) / (1 + z**2 / n)))
 
 
-def test_equivalence_errs_in_five_percent_at_the_edge_of_the_margin():
+def test_equivalence_errs_in_five_percent_where_the_rmse_is_at_the_edge_of_the_margin():
     rng, tied = np.random.default_rng(12), []
     for _ in range(REPEATS):
         a = rng.lognormal(0, 0.5, 20)
-        tied.append(equivalence(a, a * 1.1 * rng.lognormal(0, 0.05, 20), 0.1) < 0.05)
-    assert 0.03 < np.mean(tied) < 0.07
-    assert equivalence(a, a * rng.lognormal(0, 0.01, 20), 0.1) < 1e-6
-    assert (equivalence(a, a, 0.1), equivalence(a, 2 * a, 0.1)) == (0.0, 1.0)
+        tied.append(equivalence(a, a * 1.1**2 * np.exp(rng.normal(-(0.1**2) / 2, 0.1, 20)), 0.1) < 0.05)
+    assert 0.02 < np.mean(tied) < 0.08
+    assert equivalence(a, a * rng.lognormal(0, 0.01, 20), 0.1) < 1e-3
+    assert (equivalence(a, a, 0.1), equivalence(a, 4 * a, 0.1)) == (0.0, pytest.approx(1.0, abs=1e-3))
+
+
+@pytest.mark.parametrize("trials", [10, 30])
+def test_the_test_of_a_difference_rejects_five_percent_of_equals_and_agrees_with_its_interval(trials):
+    rng, rejected = np.random.default_rng(18), []
+    for _ in range(REPEATS):
+        shared = rng.lognormal(0, 0.4, trials)
+        a, b = shared * rng.lognormal(0, 0.3, trials), shared * rng.lognormal(0, 0.3, trials)
+        found = change(a, b)
+        rejected.append(p_of_difference(a, b) < 0.05)
+        assert rejected[-1] == (found.low > 0 or found.high < 0)
+    assert 0.02 < np.mean(rejected) < 0.07
+    assert p_of_difference(a, a) == 1.0
 
 
 def test_trials_needed_for_a_width_are_the_fewest_that_reach_it():

@@ -16,7 +16,7 @@ from cooploc.analysis.execution.stored_run import read as kept_of
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.plot import style
-from cooploc.analysis.report import html_page, summaries, svg_figures
+from cooploc.analysis.report import experiments, html_page, summaries, svg_figures
 
 pytestmark = pytest.mark.slow
 SWEEP = {"base": (1.0, 1.0), "good": (0.5, 1.0), "liar": (0.1, 9.0), "omniscient": (0.05, 1.0), "twin": (0.5, 1.0)}
@@ -72,7 +72,7 @@ def test_a_sweep_is_drawn_as_lines_and_said_with_intervals(written):
     source = (written / "index.html").read_text()
     assert "Position RMSE over drop" in source
     assert "RMSE from drop = 0 to 0.9 (95 % intervals, unadjusted)" in source
-    for word in ("seed 3", "Wilcoxon", "Holm over the 12 comparisons", "n = 8 trials"):
+    for word in ("seed 3", "t test of the change against the baseline", "Holm over the 12 comparisons", "n = 8 trials"):
         assert word in source
 
 
@@ -116,7 +116,7 @@ def test_who_may_be_over_confident_is_not_called_best():
     slightly = rows.assign(anees=rows["anees"].clip(upper=8.0))  # 1.9 on average
     assert "leaves open whether it is over-confident" in summaries.sentence(standing(slightly))
     flags = compare(rows, "a").set_index("estimator")["consistency"]
-    assert flags.to_dict() == {"a": "consistent", "wild": "undecided"}
+    assert flags.to_dict() == {"a": "consistent", "wild": "not shown"}
 
 
 def test_a_scenario_of_two_experiments_is_in_both_with_the_estimators_that_it_has_there(tmp_path):
@@ -244,3 +244,23 @@ def test_a_run_directory_is_read_whole(tmp_path):
     next((tmp_path / "run" / "parts").glob("*ekf-local*")).write_bytes(b"corrupt")
     kept = kept_of(tmp_path / "run")
     assert kept.gaps == {("trajectory[ticks=4]", "ekf-local"): 3}
+
+
+def test_an_estimator_that_fails_changes_no_rank_and_no_letter_of_the_others():
+    calm = rows_of("nlos", {"a": (1.0, 1.0), "b": (0.5, 1.0), "c": (1.01, 1.0)}, trials=12)
+    wild = rows_of("nlos", {"wild": (0.7, 1.0)}, trials=12)
+    wild.loc[wild["trial"] > 5, "mse"] = np.inf
+    alone, with_it = (ranked(rows) for rows in (calm, pd.concat([calm, wild], ignore_index=True)))
+    assert alone == with_it
+    assert set(alone[1]) == {"a", "b", "c"}
+    assert not set(alone[1]["b"]) & set(alone[1]["a"])
+
+
+def ranked(rows):
+    """Mean ranks and letters of one scenario."""
+    return experiments.ranked(compare(rows, "a", full=True), collect(rows))
+
+
+def test_an_over_wide_covariance_is_not_called_best():
+    found = standing(rows_of("nlos", {"a": (1.0, 1.0), "wide": (0.1, 0.001)}))
+    assert (found.best, found.barred) == ("a", ("wide (over-wide, ANEES 0.00)",))

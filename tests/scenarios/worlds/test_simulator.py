@@ -291,7 +291,7 @@ def test_keys_do_not_lead_back_to_the_seed_of_the_truth():
 def test_assumptions_change_what_is_told_and_not_what_is_read(label, assumed):
     truth, stream = simulate(label, trials=2, ticks=10, assumed=assumed)
     plain_truth, plain = simulate(label, trials=2, ticks=10)
-    assert stream.hashes == plain.hashes
+    assert stream.hashes != plain.hashes
     equal_bits(stream, plain)
     np.testing.assert_array_equal(truth.x, plain_truth.x)
     told = (stream.world.motion, *stream.world.sensors.values())
@@ -307,7 +307,8 @@ def test_a_parameter_can_be_overridden_and_told_wrongly_at_once():
     _, stream = simulate("trajectory", ticks=5, eta=2.0, assumed={"eta": 3.0})
     _, honest = simulate("trajectory", ticks=5, eta=2.0)
     assert stream.world.sensors["anchor_rssi"].eta == 3
-    assert stream.hashes == honest.hashes
+    np.testing.assert_array_equal(stream.senses.anchor_rssi, honest.senses.anchor_rssi)
+    assert stream.hashes != honest.hashes
 
 
 def test_assumptions_matter_to_an_estimator():
