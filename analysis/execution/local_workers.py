@@ -1,17 +1,18 @@
 """This process, or processes on this machine, as workers; what is not built in always has processes of its own."""
 
+import pickle
 from collections.abc import Iterator
 from concurrent.futures import Executor, Future
 from typing import Any
 
 from cooploc.analysis.execution.pool import Pool
 from cooploc.analysis.execution.task import MeasuredPart, Task, died, measure, part_of
-from cooploc.analysis.execution.walled import Given, Played, given, measured_here, play
+from cooploc.analysis.execution.walled import Played, given, measured_here, play_all
 from cooploc.estimators import make
 from cooploc.scenarios import BUILTIN as IN_PROCESS
 from cooploc.scenarios.processes.outcome import WorkerError
 from cooploc.scenarios.processes.time_limit import Limit, within
-from cooploc.scenarios.processes.workers import BUILTIN, call, end, pool
+from cooploc.scenarios.processes.workers import BUILTIN, call, end, pool, submit
 from cooploc.scenarios.stream import Stream, Truth
 
 
@@ -50,19 +51,18 @@ class Walled(LocalProcesses):
         """A task's stream on its way to the plug-in; its truth stays."""
         truth, stream = task.scenario.simulate(task.trials, task.seed)
         sent = [given(one.label, stream, task.time_limit) for one in task.estimators]
-        future = self.executor().submit(_play, sent)
+        future = submit(self.owner, self.jobs, play_all, sent)
         self.worlds[future] = truth, stream
         return future
 
     def parts(self, task: Task, future: "Future[Any]") -> list[MeasuredPart]:
         """What the plug-in believed, measured against the truth."""
-        world, played = self.worlds.pop(future), future.result()
+        world, outcome = self.worlds.pop(future), future.result()
+        if outcome.raised:
+            raise outcome.raised.error()
+        played: list[list[Played]] = pickle.loads(outcome.value)
         pairs = zip(task.estimators, played, strict=True)
         return [part_of(task, one, measured_here(one.label, *world, found)) for one, found in pairs]
-
-
-def _play(sent: list[Given]) -> list[list[Played]]:
-    return [play(one) for one in sent]
 
 
 class ThisMachine:

@@ -55,6 +55,11 @@ def play(one: Given) -> list[Played]:
     return list(_played(one, slice(0, len(one.stream.trial))))
 
 
+def play_all(several: list[Given]) -> list[list[Played]]:
+    """What each estimator of a task believed."""
+    return [play(one) for one in several]
+
+
 def measured_here(label: str, truth: Truth, stream: Stream, played: list[Played]) -> pd.DataFrame:
     """The rows, as `measure` has them, of what an estimator did elsewhere."""
     return pd.concat([_frame(label, truth, stream, one) for one in played], ignore_index=True)

@@ -11,6 +11,8 @@ from cooploc.scenarios.conformance.compare import CheckSkipped, require_equal
 from cooploc.scenarios.conformance.harness import Harness
 from cooploc.scenarios.runner.tick import Watcher
 
+TEAM = "it holds the whole team, and the runner carries no packets for it: its bytes are as declared"
+
 
 def mail_replay(harness: Harness) -> str:
     """One robot's readings change while all robots get the mail of before: no other robot's result changes.
@@ -19,7 +21,7 @@ def mail_replay(harness: Harness) -> str:
     where it has heard that neighbour, and so sends fewer bytes than it uses.
     """
     if harness.traits.team:
-        raise CheckSkipped("it holds the whole team, and the runner carries no packets for it: its bytes are as declared")
+        raise CheckSkipped(TEAM)
     for stream, _ in harness.team_cases:
         mails: dict[int, Mail] = {}
         base = harness.run(stream, "nothing was changed", audit=partial(recorded, mails))

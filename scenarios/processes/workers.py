@@ -43,7 +43,8 @@ def pool(owner: str, jobs: int = 1, environment: Mapping[str, str] | None = None
     if key not in _pools:
         Finalize(None, end_all, exitpriority=100)  # else a process that was itself forked would wait for them
         begin = {"initializer": begin_worker, "initargs": (os.getpid(),)}
-        _pools[key] = ProcessPoolExecutor(jobs, timeout=IDLE, env={**ONE_THREAD, **QUIET, **(environment or {})}, **begin), now
+        variables = {**ONE_THREAD, **QUIET, **(environment or {})}
+        _pools[key] = ProcessPoolExecutor(jobs, timeout=IDLE, env=variables, **begin), now
     return _pools[key][0]
 
 
