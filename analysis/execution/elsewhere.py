@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from cooploc.analysis.execution.walled import Given, Played, play
+from cooploc.estimators import BUILTIN, make
 from cooploc.estimators.plugins.labels import parse
 from cooploc.estimators.plugins.python_file import is_file
 
@@ -35,6 +36,8 @@ class Elsewhere(NamedTuple):
 
 def play_elsewhere(one: Given) -> Elsewhere:
     """Play in this process, which must be a fresh one; directory and date are others than those of the run."""
+    for name in BUILTIN:
+        make(name)  # a plug-in may replace what a rival does
     before = functions()
     path = _absolute(one.label)
     with tempfile.TemporaryDirectory() as folder, opened_files() as files, another_date():
