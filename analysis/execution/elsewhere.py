@@ -60,14 +60,18 @@ def opened_files() -> Iterator[set[str]]:
 
 def functions() -> dict[str, Any]:
     """The code of every function and method of this package that is imported, by name."""
-    found = {}
+    found = dict[str, Any]()
     for name, module in list(sys.modules.items()):
         if name.startswith(OURS):
-            for holder in (module, *(c for c in vars(module).values() if isinstance(c, type) and c.__module__ == name)):
-                where = name if holder is module else f"{name}.{holder.__name__}"
-                members = ((k, getattr(v, "__func__", v)) for k, v in vars(holder).items())
-                found |= {f"{where}.{k}": v.__code__ for k, v in members if hasattr(v, "__code__")}
+            found |= _codes(name, module)
+            for cls in [value for value in vars(module).values() if isinstance(value, type)]:
+                found |= _codes(f"{name}.{cls.__name__}", cls) if cls.__module__ == name else {}
     return found
+
+
+def _codes(where: str, holder: Any) -> dict[str, Any]:
+    members = ((name, getattr(member, "__func__", member)) for name, member in vars(holder).items())
+    return {f"{where}.{name}": member.__code__ for name, member in members if hasattr(member, "__code__")}
 
 
 def replaced(before: dict[str, Any]) -> set[str]:

@@ -1,6 +1,7 @@
 """What a certificate says of an estimator in the study's own worlds, under a secret seed and in other surroundings."""
 
 import time
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,6 +13,7 @@ from cooploc.analysis.execution.elsewhere import Elsewhere, play_elsewhere
 from cooploc.analysis.execution.run_directory import FOLDERS
 from cooploc.analysis.execution.walled import Played, given, measured_here, play_all
 from cooploc.analysis.execution.world_players import Away, players
+from cooploc.estimators.interface import Array
 from cooploc.scenarios.conformance.compare import CheckFailed, RunRecord, require_equal
 from cooploc.scenarios.conformance.own_worlds import OWN, OwnWorld, outcome
 from cooploc.scenarios.processes.outcome import WorkerError
@@ -102,7 +104,7 @@ def _closely(
         own = OwnWorld(stream, players(label, seconds, where.away, where.watched), rng)
     except (CheckFailed, WorkerError) as e:
         return [_result("same-unwatched", "failed", f"it did not run: {e}", secret)], {}
-    found = [_result(name, *outcome(lambda check=check: check(own)), secret) for name, check in OWN.items()]
+    found = [_result(name, *outcome(partial(check, own)), secret) for name, check in OWN.items()]
     there: Elsewhere = where.fresh(play_elsewhere, given(label, stream, seconds))
     found.append(_result("surroundings", *outcome(lambda: same_there(own.base, there.played)), secret))
     replaced = f"it replaced {', '.join(there.replaced)}" if there.replaced else "no function of cooploc was replaced"
@@ -144,19 +146,20 @@ def _knows_the_seed(
         return _result("secret-seed", "skipped", said, seeds[1])
     trials = [sorted(map(int, rng.choice(top, k, replace=False))) for top, k in
               ((world.trials, count), (max(world.trials, 1000), other))]  # fmt: skip
-    rmse = [
+    study, other_rmse = [
         _rmse(label, *world.scenario.simulate(some, seed), where, seconds)
         for some, seed in zip(trials, seeds, strict=True)
     ]
-    found = secret_seed.verdict(*rmse, worlds)
+    found = secret_seed.verdict(study, other_rmse, worlds)
     said = f"{world.scenario.label}: {found.said}"
     return _result("secret-seed", "failed" if found.known else "passed", said, seeds[1])
 
 
-def _rmse(label: str, truth: Truth, stream: Stream, where: Places, seconds: float) -> np.ndarray:
+def _rmse(label: str, truth: Truth, stream: Stream, where: Places, seconds: float) -> Array:
     (played,) = where.away(play_all, [given(label, stream, seconds)])
     frame: pd.DataFrame = measured_here(label, truth, stream, played)
-    return np.sqrt(frame.groupby("trial")["mse"].mean().to_numpy(float))
+    rmse: Array = np.sqrt(frame.groupby("trial")["mse"].mean().to_numpy(float))
+    return rmse
 
 
 def _result(check: str, status: str, detail: str, seed: int) -> dict[str, Any]:

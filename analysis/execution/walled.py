@@ -78,7 +78,8 @@ def _played(one: Given, trials: slice) -> Iterator[Played]:
 
 def _traced(one: Given, trials: slice) -> Trace:
     stream, n = one.stream.select(trials), one.stream.robots
-    rows = Rows(*(a[trials.start * n : trials.stop * n] for a in one.rows))
+    mine = slice(trials.start * n, trials.stop * n)
+    rows = Rows(one.rows.trial[mine], one.rows.robot[mine], one.rows.key[mine])
     limit = Limit(one.seconds, end_process=True)
     with within(limit, *stream.senses.dt.shape[:2]) as watch, chdir(Path.cwd()):
         return trace(one.label, make(one.label), stream, watch, rows=rows)
@@ -86,10 +87,9 @@ def _traced(one: Given, trials: slice) -> Trace:
 
 def _plain(found: Trace) -> Trace:
     """Plain arrays and values alone: nothing whose reading would import the plug-in where errors are computed."""
-    arrays = {name: np.array(getattr(found, name), float) for name in ("x", "P", "messages", "bytes")}
+    x, P, messages, sent = (np.array(a, float) for a in (found.x, found.P, found.messages, found.bytes))
     notes = {str(name): np.array(values, float) for name, values in found.notes.items()}
-    told = {"bound": bool(found.bound), "centralised": bool(found.centralised)}
-    return Trace(**arrays, seconds=float(found.seconds), notes=notes, **told)
+    return Trace(x, P, messages, sent, float(found.seconds), bool(found.bound), notes, bool(found.centralised))
 
 
 def _frame(label: str, truth: Truth, stream: Stream, one: Played) -> pd.DataFrame:

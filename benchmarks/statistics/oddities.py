@@ -23,8 +23,8 @@ honest = import_module("honest")
 SEEDS = 20
 WORLD = "robots-1-3/n=5[drop=0.3,ticks=120]"
 ABOUT = (
-    "Honest estimators with unusual habits (tests/helpers/honest.py), by every check of `cooploc check` and by those of\n"
-    f"a certificate on `{WORLD}`. Made by `make oddities`."
+    "Honest estimators with unusual habits (tests/helpers/honest.py), by every check of `cooploc check` and by those\n"
+    f"of a certificate on `{WORLD}`. Made by `make oddities`."
 )
 
 

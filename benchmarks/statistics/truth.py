@@ -35,8 +35,8 @@ PASSES = (
      " directory: processes are separate, but not users; no sandbox of the operating system is used"),
     ("A result that travels back as crafted bytes", "what a worker returns is read with pickle; one that replaces the"
      " library's own pickling there can run code in the measuring process"),
-    ("Knowing the seed and gaining little by it", "the comparison of seeds sees what a dozen trials each can show: errors"
-     " that are a tenth smaller pass"),
+    ("Knowing the seed and gaining little by it", "the comparison of seeds sees what a dozen trials each can show:"
+     " errors that are a tenth smaller pass"),
     ("The team's own bytes", "where one object holds the whole team, the runner carries no packets; tables say that"
      " bytes are as declared"),
     ("A plug-in scenario, a recording, --no-isolate, --no-check", "its code makes the truth in the estimator's process;"
@@ -75,8 +75,8 @@ def report(found: dict[str, Any], falsely: dict[str, float]) -> str:
     lines = [
         "# What was tried, what caught it, and what still passes",
         "",
-        "Accidents and cheap deceptions (tests/helpers/cheats.py) that small streams do not show, each against the check",
-        "that is meant for it. Those that small streams do show are in tests/helpers/broken.py. Made by `make truth`.",
+        "Accidents and cheap deceptions (tests/helpers/cheats.py) that small streams do not show, each against the",
+        "check that is meant for it. Those that small streams do show are in tests/helpers/broken.py. Made by `make truth`.",
         "",
         f"{made['cpu']}; cooploc {made['versions']['cooploc']}, numpy {made['versions']['numpy']}.",
         "",
@@ -91,8 +91,9 @@ def report(found: dict[str, Any], falsely: dict[str, float]) -> str:
         lines.append(f"| `{name}` | {about} | {meant} | {'yes' if one.caught else 'no'} | {_cell(one.said)} |")
     lines += ["", "## Are honest estimators accused of knowing the seed?", ""]
     lines += [
-        f"{DRAWS} certificates of two worlds each, {secret_seed.TRIALS} trials against {secret_seed.TRIALS}, drawn from",
-        f"{POOL} trials of `{catching.WORLD}`. The test is exact, so the share is at most {secret_seed.LEVEL:g} in theory.",
+        f"{DRAWS} certificates of two worlds each, {secret_seed.TRIALS} trials against {secret_seed.TRIALS}, drawn",
+        f"from {POOL} trials of `{catching.WORLD}`. The test is exact: in theory the share is at most",
+        f"{secret_seed.LEVEL:g}.",
         "",
         "| estimator | accused |",
         "| --- | ---: |",

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cooploc.estimators.interface import Mail
+from cooploc.estimators.interface import Mail, Mask
 from cooploc.scenarios.conformance import perturb
 from cooploc.scenarios.conformance.compare import CheckFailed, CheckSkipped, RunRecord, require_equal
 from cooploc.scenarios.conformance.mail_replay import TEAM
@@ -38,18 +38,25 @@ class OwnWorld:
         self.robot = int(rng.integers(stream.robots))
         self.tick = int(rng.integers(1, max(2, len(stream.time))))
 
-    def require(self, stream: Stream, when: str, **where: object) -> None:
+    def require(self, stream: Stream, when: str, ticks: int | None = None) -> None:
         """Require the bits of before in a variation of the world."""
-        self._equal(self.players.play(stream), when, **where)
+        self._equal(self.players.play(stream), when, ticks=ticks)
 
-    def _equal(self, found: Trace, when: str, base: RunRecord | None = None, **where: object) -> None:
-        record = RunRecord(found, (), self.stream)
-        require_equal(base or self.base, record, when, where.get("robots"), where.get("ticks"))  # type: ignore[arg-type]
+    def _equal(
+        self,
+        found: Trace,
+        when: str,
+        base: RunRecord | None = None,
+        robots: Mask | None = None,
+        ticks: int | None = None,
+    ) -> None:
+        require_equal(base or self.base, RunRecord(found, (), self.stream), when, robots, ticks)
 
     @property
-    def others(self) -> np.ndarray:
+    def others(self) -> Mask:
         """All robots but the one whose readings vary."""
-        return np.arange(self.stream.robots) != self.robot
+        others: Mask = np.arange(self.stream.robots) != self.robot
+        return others
 
     def watched(self) -> str:
         """It does the same with a check among its callers."""
