@@ -8,6 +8,7 @@ import pytest
 from cooploc.analysis.execution.world_players import players
 from cooploc.scenarios.conformance.own_worlds import OWN, OwnWorld
 from cooploc.scenarios.processes.workers import end_all
+from cooploc.scenarios.runner.trace import trace
 
 pytestmark = pytest.mark.slow
 
@@ -32,6 +33,13 @@ def test_what_the_cheats_are_made_of_is_not_accused():
         check(own)
     there = catching._there("Counts")
     assert not there.caught, there.said
+
+
+@pytest.mark.parametrize("name", ["TruthByCollector", "TruthInFrames", "SeedInFrames"])
+def test_without_the_wall_the_truth_or_its_seed_would_be_found(name):
+    truth, stream = catching.world()
+    found, honest = (trace(one, getattr(cheats, one)(), stream).x for one in (name, "Counts"))
+    assert not np.array_equal(found, honest), truth
 
 
 def test_the_gallery_has_at_least_thirty_five():
