@@ -183,7 +183,8 @@ def _results(name):
 def _walled(name):
     """What it looks for is not there: it does what the honest one does, though this process holds the truth."""
     truth, stream = world()
-    (mine,), (honest,) = (call(OTHER, play_all, [given(label(one), stream, 60.0)]) for one in (name, "Counts"))
+    pairs = (name, name), (OTHER, "Counts")  # a process of its own, as every plug-in has
+    (mine,), (honest,) = (call(owner, play_all, [given(label(one), stream, 60.0)]) for owner, one in pairs)
+    end(name)
     same = np.array_equal(mine[0].trace.x, honest[0].trace.x)
-    del truth
-    return Found(same, "it found nothing in its process, and did what an honest one does")
+    return Found(same, f"beside {truth.scenario} it found nothing in its process, and did what an honest one does")
