@@ -41,7 +41,7 @@ PASSES = (
      " bytes are as declared"),
     ("A plug-in scenario, a recording, --no-isolate, --no-check", "its code makes the truth in the estimator's process;"
      " a recording has no other seed; the others are asked for, and said"),
-    ("A result that depends on the hash seed in two ways only", "the certificate and the trials that run again see a few"
+    ("A result that depends on the hash seed in two ways only", "a certificate and the trials that run again see few"
      " hash seeds: one bit of dependence passes each of them in half of the cases"),
     ("Data on the network", "only files that Python opens are noted, no sockets and no files that native code opens"),
 )  # fmt: skip
