@@ -5,7 +5,7 @@ VENV ?= .venv$(patsubst -3.11,,$(patsubst python%,-%,$(notdir $(PYTHON))))
 BIN := $(VENV)/bin
 PARALLEL := -n 2 --dist loadgroup
 
-.PHONY: demo test quick-test lint types floors units hooks looks bench prove accuse reliability lock clean
+.PHONY: demo test quick-test lint types floors units hooks looks bench prove accuse reliability oddities truth lock clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.ready  ## run the quick study, print its table, write its picture
@@ -52,6 +52,12 @@ reliability: $(VENV)/.ready  ## what a plug-in's crash, damage, death and isolat
 	$(BIN)/python benchmarks/reliability/damage.py reports/reliability.md
 	$(BIN)/python benchmarks/reliability/report_size.py reports/reliability.md
 	$(BIN)/python benchmarks/reliability/isolation_price.py reports/reliability.md
+
+oddities: $(VENV)/.ready  ## and one with unusual habits? keeps its report after every seed
+	$(BIN)/python benchmarks/statistics/oddities.py reports/oddities.md 20
+
+truth: $(VENV)/.ready  ## what was tried to get past the checks, what caught it, what still passes; keeps its report
+	$(BIN)/python benchmarks/statistics/truth.py reports/truth.md
 
 $(VENV)/.ready: requirements.lock pyproject.toml
 	$(PYTHON) -m venv $(VENV)

@@ -1,6 +1,7 @@
 """Runs a study into a run directory: what is there stays, what is missing or damaged is computed."""
 
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -12,6 +13,7 @@ from cooploc.analysis.execution.memory import demand_memory
 from cooploc.analysis.execution.plan import Plan, make_plan, work
 from cooploc.analysis.execution.pool import Workers
 from cooploc.analysis.execution.provenance import files, fingerprint, provenance
+from cooploc.analysis.execution.repeated import run_again, study_worlds
 from cooploc.analysis.execution.run_directory import FORMAT, Piece, RunDir
 from cooploc.analysis.execution.task import MeasuredPart
 from cooploc.analysis.execution.workers import hired
@@ -93,7 +95,10 @@ def execute(
         for line in filter(None, (memory, *directory.open({**_manifest(asked), "isolated": isolate}))):
             watcher.say(line)
         _certify(directory, asked, check, isolate, watcher)
-        rows = _rows(asked, directory, _completed(asked, directory, workers, retry_failed, watcher))
+        pieces = _completed(asked, directory, workers, retry_failed, watcher)
+        if check and isolate:
+            run_again(directory, asked, pieces, watcher.say)
+        rows = _rows(asked, directory, pieces)
         _note_streams(directory, rows)
     return rows
 
@@ -122,7 +127,8 @@ def _as_json(cell: ResolvedCell) -> dict[str, Any]:
 def _certify(directory: RunDir, asked: ResolvedStudy, check: bool, isolate: bool, watcher: Progress) -> None:
     """Write each certificate as soon as it is made; a run goes on after a check that failed."""
     manifest = directory.manifest
-    for label, found in renewed(asked.estimators, manifest["certificates"], check, watcher.say, isolate):
+    worlds = partial(study_worlds, asked)
+    for label, found in renewed(asked.estimators, manifest["certificates"], check, watcher.say, isolate, worlds):
         manifest["certificates"][label] = found
         directory.write_manifest(manifest)
 

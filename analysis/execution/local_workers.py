@@ -1,14 +1,19 @@
 """This process, or processes on this machine, as workers; what is not built in always has processes of its own."""
 
+import pickle
 from collections.abc import Iterator
-from concurrent.futures import Executor
+from concurrent.futures import Executor, Future
+from typing import Any
 
 from cooploc.analysis.execution.pool import Pool
-from cooploc.analysis.execution.task import MeasuredPart, Task, died, measure
+from cooploc.analysis.execution.task import MeasuredPart, Task, died, measure, part_of
+from cooploc.analysis.execution.walled import Played, given, measured_here, play_all
 from cooploc.estimators import make
+from cooploc.scenarios import BUILTIN as IN_PROCESS
 from cooploc.scenarios.processes.outcome import WorkerError
 from cooploc.scenarios.processes.time_limit import Limit, within
-from cooploc.scenarios.processes.workers import BUILTIN, call, end, pool
+from cooploc.scenarios.processes.workers import BUILTIN, call, end, pool, submit
+from cooploc.scenarios.stream import Stream, Truth
 
 
 class ThisProcess:
@@ -33,6 +38,31 @@ class LocalProcesses(Pool):
 
     def renew(self) -> None:
         end(self.owner)
+
+
+class Walled(LocalProcesses):
+    """The processes of one plug-in in worlds of ours: these are simulated and measured here, it only plays there."""
+
+    def __init__(self, owner: str, jobs: int) -> None:
+        super().__init__(owner, jobs)
+        self.worlds: dict[Future[Any], tuple[Truth, Stream]] = {}
+
+    def begun(self, task: Task) -> "Future[Any]":
+        """A task's stream on its way to the plug-in; its truth stays."""
+        truth, stream = task.scenario.simulate(task.trials, task.seed)
+        sent = [given(one.label, stream, task.time_limit) for one in task.estimators]
+        future = submit(self.owner, self.jobs, play_all, sent)
+        self.worlds[future] = truth, stream
+        return future
+
+    def parts(self, task: Task, future: "Future[Any]") -> list[MeasuredPart]:
+        """What the plug-in believed, measured against the truth."""
+        world, outcome = self.worlds.pop(future), future.result()
+        if outcome.raised:
+            raise outcome.raised.error()
+        played: list[list[Played]] = pickle.loads(outcome.value)
+        pairs = zip(task.estimators, played, strict=True)
+        return [part_of(task, one, measured_here(one.label, *world, found)) for one, found in pairs]
 
 
 class ThisMachine:
@@ -66,7 +96,9 @@ class ThisMachine:
                     yield died(task.only((one,)), reason)
             if alive := tuple(one for one in task.estimators if not reasons.get(one.label)):
                 left.append(task.only(alive))
-        yield from LocalProcesses(owner, self.jobs).compute(left)
+        ours = [task for task in left if task.scenario.name in IN_PROCESS]
+        yield from Walled(owner, self.jobs).compute(ours)
+        yield from LocalProcesses(owner, self.jobs).compute([task for task in left if task not in ours])
         if not self.keep:
             end(owner)
 

@@ -41,6 +41,10 @@ class Pool(ABC):
     def executor(self) -> Executor:
         """A working executor."""
 
+    def begun(self, task: Task) -> "Future[Any]":
+        """A task on its way to a worker."""
+        return self.executor().submit(self.function, task)
+
     def renew(self) -> None:
         """A worker died: the next executor must be another one, unless the executor replaces its workers itself."""
         return
@@ -78,7 +82,7 @@ class Pool(ABC):
                         suspects.extend(_split(task) if alone else [task])
 
     def _submitted(self, task: Task) -> "dict[Future[Any], _Running]":
-        return {self.executor().submit(self.function, task): _Running(task, time.monotonic())}
+        return {self.begun(task): _Running(task, time.monotonic())}
 
 
 def _reason(task: Task, e: BaseException, seconds: float) -> str:

@@ -105,8 +105,13 @@ def measure(task: Task, end_process: bool = False) -> Iterator[MeasuredPart]:
     for estimator in task.estimators:
         _warm_up(estimator, stream, limit, caught)
         frame = _frame(estimator, truth, stream, limit, caught)
-        seconds = float(frame["seconds"].mean())
-        yield MeasuredPart(_piece(task, estimator), frame.drop(columns="seconds"), seconds)
+        yield part_of(task, estimator, frame)
+
+
+def part_of(task: Task, estimator: ConfiguredEstimator, frame: pd.DataFrame) -> MeasuredPart:
+    """A part of a task; the time that was measured is kept beside its rows."""
+    seconds = float(frame["seconds"].mean())
+    return MeasuredPart(_piece(task, estimator), frame.drop(columns="seconds"), seconds)
 
 
 def _without_stream(task: Task, e: BaseException, end_process: bool) -> Iterator[MeasuredPart]:
@@ -117,7 +122,7 @@ def _without_stream(task: Task, e: BaseException, end_process: bool) -> Iterator
         return
     for estimator in task.estimators:
         streams = _Streams(task.scenario.robots, [None])
-        yield _all_failed(replace(task, estimators=(estimator,)), streams, _line(e), _full(e))
+        yield _all_failed(replace(task, estimators=(estimator,)), streams, line_of(e), full_text(e))
 
 
 def died(task: Task, reason: str) -> MeasuredPart:
@@ -150,7 +155,7 @@ def _all_failed(task: Task, streams: _Streams, line: str, full: str) -> Measured
     (estimator,) = task.estimators
     team = task.scenario.label, streams.robots
     trials = zip(task.trials, streams.hashes, strict=True)
-    frames = [_failed(estimator, *team, trial, stream, line, full) for trial, stream in trials]
+    frames = [failed_rows(estimator.label, *team, trial, stream, line, full) for trial, stream in trials]
     frame = pd.concat(frames, ignore_index=True).drop(columns="seconds")
     return MeasuredPart(_piece(task, estimator), frame, float("nan"))
 
@@ -174,7 +179,7 @@ def _frame(estimator: ConfiguredEstimator, truth: Truth, stream: Stream, limit: 
     except caught as e:
         if len(stream.trial) == 1:
             who = stream.scenario, stream.robots, int(stream.trial[0]), stream.hashes[0]
-            return _failed(estimator, *who, _line(e), _full(e))
+            return failed_rows(estimator.label, *who, line_of(e), full_text(e))
         single = (slice(i, i + 1) for i in range(len(stream.trial)))
         frames = [_frame(estimator, truth.select(s), stream.select(s), limit, caught) for s in single]
         return pd.concat(frames, ignore_index=True)
@@ -186,20 +191,23 @@ def _limited_run(estimator: ConfiguredEstimator, stream: Stream, limit: Limit) -
     return Run(stream.scenario, stream.seed, stream.trial, stream.hashes, {estimator.label: traced})
 
 
-def _line(e: BaseException) -> str:
+def line_of(e: BaseException) -> str:
+    """What a trial's code raised, and where, in one line."""
     places = [one for one in traceback.extract_tb(e.__traceback__) if Path(one.filename).name != "time_limit.py"]
     place = places[-1]  # for one that hung, where it did
     return f"{one_line(e)} ({Path(place.filename).name}:{place.lineno})"
 
 
-def _full(e: BaseException) -> str:
+def full_text(e: BaseException) -> str:
+    """The whole traceback of what a trial's code raised."""
     return "".join(traceback.format_exception(e))
 
 
-def _failed(
-    estimator: ConfiguredEstimator, scenario: str, robots: int, trial: int, stream: str | None, line: str, full: str
+def failed_rows(
+    estimator: str, scenario: str, robots: int, trial: int, stream: str | None, line: str, full: str
 ) -> pd.DataFrame:
-    who = {"scenario": scenario, "estimator": estimator.label, "trial": trial, "robot": np.arange(robots)}
+    """The rows of one trial without a result, and why."""
+    who = {"scenario": scenario, "estimator": estimator, "trial": trial, "robot": np.arange(robots)}
     streams = pd.Series([stream] * robots, dtype="str")
     rest = {"robots": robots, "stream": streams, "failure": line, "traceback": full}
     known = {"centralised": False, "bound": False}

@@ -1,9 +1,13 @@
-"""What the one line of a certificate means: "passed: 16 checks", "failed: causality: why", "unchecked: why".
+"""What the one line of a certificate means.
+
+"passed: 16 checks", "passed: 15 of 16 checks; axes: why", "failed: causality: why", "unchecked: why".
 
 An empty line stands for a built-in estimator.
 """
 
 import pandas as pd
+
+DECLARED = "bytes are as declared"
 
 
 def refused(line: str) -> bool:
@@ -12,18 +16,33 @@ def refused(line: str) -> bool:
 
 
 def mark(line: str) -> str:
-    """A certificate's line in a word or two: "✓ 16 checks", "✗ causality", "unchecked"."""
+    """A certificate's line in a few words: "✓ 16 checks", "✓ 15 of 16 checks; axes", "✗ causality", "unchecked"."""
     status, _, found = line.partition(": ")
-    return {"passed": f"✓ {found}", "failed": f"✗ {found.partition(':')[0]}"}.get(status, status)
+    count, *exempt = found.split("; ")
+    passed = "; ".join([f"✓ {count}", *filter(None, (_brief(one) for one in exempt))])
+    return {"passed": passed, "failed": f"✗ {found.partition(':')[0]}"}.get(status, status)
 
 
 def remarks(table: pd.DataFrame) -> list[str]:
     """A sentence on each estimator in a table of `compare` that did not pass its checks."""
     once = table.drop_duplicates("estimator")
     lines = zip(once["estimator"], once["certificate"], strict=True)
-    return [_remark(name, line) for name, line in lines if line and not line.startswith("passed")]
+    return [_remark(name, line) for name, line in lines if line and not _whole(line)]
+
+
+def _whole(line: str) -> bool:
+    """Whether every check passed without an exemption."""
+    return line.startswith("passed") and "; " not in line
+
+
+def _brief(exemption: str) -> str:
+    """The name of what is exempt; of a team whose traffic the runner does not carry, what that means."""
+    name, _, why = exemption.partition(": ")
+    return DECLARED if why.endswith(DECLARED) else name if why else ""
 
 
 def _remark(name: str, line: str) -> str:
     status, _, found = line.partition(": ")
+    if status == "passed":
+        return f"{name} passed {found}"
     return f"{name} failed a check and is not ranked: {found}" if status == "failed" else f"{name} is {status}: {found}"

@@ -14,7 +14,7 @@ from cooploc.analysis.metrics.consistency import COLLAPSED
 from cooploc.analysis.metrics.statistics import Interval
 from cooploc.analysis.report.summaries import Change, Standing, sentence
 from cooploc.analysis.report.tables import Row, Table, TableColumn, numbers, words
-from cooploc.estimators.plugins.configurations import standing
+from cooploc.estimators.plugins.configurations import declares_bytes, standing
 
 FLAGS = {flag: flag.replace("-", "_").replace(" ", "_") for flag in
          ("over-confident", "consistent", "conservative", "over-wide", "not shown", "not assessed")}  # fmt: skip
@@ -28,6 +28,7 @@ def remark(estimator: str, certificate: str, consistency: str, centralised: bool
     remarks += ["not ranked"] if refused(certificate) else []
     remarks += [SAID[consistency]] if consistency in SAID else []
     remarks += ["bound"] if bound else ["centralised"] * centralised
+    remarks += ["bytes as declared"] * (not centralised and declares_bytes(estimator))
     return ", ".join(remarks + ([f"{failed} failed, numbers of the other trials"] if failed else []))
 
 

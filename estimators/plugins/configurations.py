@@ -10,9 +10,10 @@ from dataclasses import replace
 from functools import cache
 from typing import Any, NamedTuple
 
-from cooploc.estimators import make
+from cooploc.estimators import configure, make
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.estimators.plugins.labels import parse
+from cooploc.estimators.plugins.traits import traits
 
 ONCE = "density=exact,M=1,K=1"  # every direction is used once, with its exact density
 HOW = ("engine", "weights")  # parameters of how a result is computed, not of what it is
@@ -52,6 +53,16 @@ def standing(label: str) -> str:
     found = configurations(name)
     words = {"as published": found.published, "at its best": found.best}
     return next((word for word, other in words.items() if _alike(made, make(other))), "")
+
+
+@cache
+def declares_bytes(label: str) -> bool:
+    """Whether a built-in estimator holds the whole team and states its own traffic, which the runner does not carry."""
+    try:
+        asked = configure(label)
+        return asked.builtin and traits(make(asked)).team
+    except BadInput:
+        return False
 
 
 def _alike(made: Any, other: Any) -> bool:

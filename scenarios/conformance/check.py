@@ -42,6 +42,7 @@ class Result:
     seed: int
     example: str = ""  # of a failure, on the smallest stream that shows it
     remedy: str = ""  # of a failure, what to change
+    exempt: str = ""  # of a check that passed in part, what it left out and why
 
 
 @dataclass(frozen=True, repr=False)
@@ -223,7 +224,8 @@ def run_check(check: Check, harness: Harness) -> Result:
     before = harness.runs
     try:
         seen = check.run(harness)
-        return Result(check.name, "passed", f"{seen} ({harness.runs - before} runs)", harness.seed)
+        detail = f"{seen} ({harness.runs - before} runs)"
+        return Result(check.name, "passed", detail, harness.seed, exempt=_exemption(check.name, harness))
     except CheckSkipped as e:
         return Result(check.name, "skipped", str(e), harness.seed)
     except CheckFailed as e:
@@ -235,6 +237,13 @@ def run_check(check: Check, harness: Harness) -> Result:
             crash = f"the check itself crashed, which says nothing about the estimator: {one_line(e)}"
             return Result(check.name, "skipped", crash, harness.seed)
         return Result(check.name, "failed", one_line(e), harness.seed, remedy=check.remedy)  # a property of its
+
+
+def _exemption(check: str, harness: Harness) -> str:
+    """What an estimator's own declarations leave out of a check."""
+    exempt = {"equivariance": harness.traits.axes and f"axes: {harness.traits.axes}"}
+    exempt |= {"immutability": "mutable: its state changes in place" * harness.traits.mutable}
+    return exempt.get(check, "")
 
 
 def raised_by(e: BaseException, estimator: Any) -> bool:

@@ -87,13 +87,17 @@ def no_global_randomness(harness: Harness) -> str:
 
 
 def declaration(harness: Harness) -> str:
-    """Every channel that it declares changes an estimate somewhere, and the traffic that a team states adds up.
+    """Every channel that it declares changes an estimate somewhere, no other one does, and a team's traffic adds up.
 
     A channel that matters seldom, as where fusion seldom pays, is looked for again in longer streams, and in streams in
     which the robots do not start equally certain: covariance intersection of equal beliefs never pays.
     """
     for stream, base in harness.cases:
         _require_sound_traffic(base, stream)
+        for channel in sorted(stream.channels() - harness.channels(stream)):
+            name = harness.array(channel)
+            hidden = stream.with_arrays({name: np.full_like(stream.arrays()[name], np.nan)})
+            harness.require_same(base, hidden, f"{channel}, which it does not declare, was hidden")
     declared = {channel for stream in harness.streams for channel in harness.channels(stream)}
     unused = declared - _used(harness, harness.cases, declared)
     if unused:

@@ -30,8 +30,11 @@ BUILTIN, SESSION = "", "session"  # owners: built-in estimators, and what a user
 _pools: dict[tuple[int, str, int], tuple[Executor, Mapping[str, float]]] = {}
 
 
-def pool(owner: str, jobs: int = 1) -> Executor:
-    """An owner's processes: those of its last call, or new ones where a source file was edited since."""
+def pool(owner: str, jobs: int = 1, environment: Mapping[str, str] | None = None) -> Executor:
+    """An owner's processes: those of its last call, or new ones where a source file was edited since.
+
+    New ones have these environment variables too.
+    """
     from loky import ProcessPoolExecutor
 
     key, now = (os.getpid(), owner, jobs), _sources()
@@ -40,7 +43,8 @@ def pool(owner: str, jobs: int = 1) -> Executor:
     if key not in _pools:
         Finalize(None, end_all, exitpriority=100)  # else a process that was itself forked would wait for them
         begin = {"initializer": begin_worker, "initargs": (os.getpid(),)}
-        _pools[key] = ProcessPoolExecutor(jobs, timeout=IDLE, env=ONE_THREAD | QUIET, **begin), now
+        variables = {**ONE_THREAD, **QUIET, **(environment or {})}
+        _pools[key] = ProcessPoolExecutor(jobs, timeout=IDLE, env=variables, **begin), now
     return _pools[key][0]
 
 

@@ -22,9 +22,11 @@ class Watcher(Protocol):
     def __call__(self, method: str, tick: int, arguments: tuple[Any, ...], call: Any) -> Any: ...
 
 
-def drive(name: str, estimator: Any, stream: Stream, watch: Watcher | None = None) -> "Robots | Team":
+def drive(
+    name: str, estimator: Any, stream: Stream, watch: Watcher | None = None, rows: Rows | None = None
+) -> "Robots | Team":
     """What runs an estimator tick by tick on what it may see of a stream: first `start`, then `tick` by number."""
-    return (Team if traits(estimator).team else Robots)(name, estimator, stream, watch)
+    return (Team if traits(estimator).team else Robots)(name, estimator, stream, watch, rows)
 
 
 class _Drive:
@@ -32,11 +34,13 @@ class _Drive:
 
     team: ClassVar[bool]
 
-    def __init__(self, name: str, estimator: Any, stream: Stream, watch: Watcher | None) -> None:
+    def __init__(
+        self, name: str, estimator: Any, stream: Stream, watch: Watcher | None, rows: Rows | None = None
+    ) -> None:
         self.name, self.estimator, self.stream = name, estimator, stream
         self.watch: Watcher = watch or (lambda method, tick, arguments, call: call(*arguments))
         self.shape = stream.senses.dt.shape[0], stream.robots
-        self.rows = seeds.rows(stream.seed, stream.trial, stream.robots)
+        self.rows = rows or seeds.rows(stream.seed, stream.trial, stream.robots)
         self.centralised = traits(estimator).centralised
         self.state: Any = None
         self.hidden = np.full((len(stream.trial), stream.robots, stream.robots), np.nan)

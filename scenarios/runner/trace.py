@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from cooploc.estimators.interface import Array
+from cooploc.estimators.interface import Array, Rows
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.estimators.plugins.traits import traits
 from cooploc.scenarios.display.progress_bar import Advance
@@ -41,17 +41,19 @@ def trace(
     advance: Advance | None = None,
     *,
     any_covariance: bool = False,
+    rows: Rows | None = None,
 ) -> Trace:
     """Run one estimator on every trial of a stream, in this process; `advance` is called after every tick, untimed.
 
-    Only a check that looks at covariances itself lets `any_covariance` pass.
+    Only a check that looks at covariances itself lets `any_covariance` pass. A stream that does not say its seed comes
+    with the `rows` that its seed makes.
 
     Raises:
         IncompatibleEstimator: the stream lacks a channel that it needs.
         EstimatorError: it returned something of the wrong shape, or not finite, or a P that is no covariance.
 
     """
-    running = drive(name, estimator, visible(name, estimator, stream), watch)
+    running = drive(name, estimator, visible(name, estimator, stream), watch, rows)
     t, T, n = stream.senses.dt.shape
     d = stream.prior.x.shape[-1]
     x, P = np.empty((t, T, n, d)), np.empty((t, T, n, d, d))

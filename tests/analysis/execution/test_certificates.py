@@ -14,6 +14,7 @@ from cooploc.analysis.claims.ledger import load
 from cooploc.analysis.claims.trial_table import collect
 from cooploc.analysis.execution.certificates import certify, line, with_lines
 from cooploc.analysis.execution.execute import Quiet, execute
+from cooploc.analysis.execution.own_world_certificate import NAMES
 from cooploc.analysis.execution.stored_run import read
 from cooploc.analysis.metrics import certificate_line
 from cooploc.analysis.metrics.certificate_line import mark
@@ -39,6 +40,7 @@ STUDY = Study(
     scenarios=("robots-1-3/n=2[ticks=5]",),
     estimators=("ekf-local", "outside.py:Honest", "outside.py:Prophet"),
 )
+ALL = len(CHECKS) + len(NAMES) + 1  # and the trials that run again afterwards
 EVIL = "<script>alert(1)</script>"
 
 
@@ -70,12 +72,12 @@ def test_a_sound_and_a_cheating_estimator_from_table_to_page(place):
         f"checking {name}, as it is not built in: seconds to minutes (--no-check leaves it out)"
         for name in STUDY.estimators[1:]
     ]
-    assert f"outside.py:Honest: ✓ {len(CHECKS)} checks" in told.said
+    assert f"outside.py:Honest: ✓ {len(CHECKS) + len(NAMES)} checks" in told.said
     assert "outside.py:Prophet: ✗ causality" in told.said
     assert not rows["failure"].notna().any()  # it runs like any other
     table = compare(rows, "ekf-local").set_index("estimator")["certificate"]
     assert table["ekf-local"] == ""
-    assert table["outside.py:Honest"] == f"passed: {len(CHECKS)} checks"
+    assert table["outside.py:Honest"] == f"passed: {ALL} checks"
     assert table["outside.py:Prophet"].startswith(
         "failed: causality: robot 0's estimate changed when readings and links"
     )
@@ -98,7 +100,8 @@ def test_the_same_version_is_checked_once_and_another_is_refused(place):
     study = STUDY.with_options(only=("ekf-local", "outside.py:Honest"))
     execute(study, place / "run")
     found = json.loads((place / "run" / "manifest.json").read_text())["certificates"]["outside.py:Honest"]
-    assert [check["check"] for check in found["checks"]] == [c.name for c in CHECKS]
+    assert [check["check"] for check in found["checks"]] == [*(c.name for c in CHECKS), *NAMES, "reproduction"]
+    assert found["secret_seed"].bit_length() > 32
     told = Told()
     more = study.with_options(trials=8, only=("ekf-local", "outside.py:Honest", "outside.py:Honest[scale=2]"))
     execute(more, place / "run", progress=told)
@@ -117,8 +120,29 @@ def test_who_is_not_checked_is_said_to_be_unchecked_until_somebody_does(place):
     lines = dict(zip(rows["estimator"], rows["certificate"], strict=True))
     assert lines == {"ekf-local": "", "outside.py:Honest": "unchecked: by request (--no-check)"}
     rows = execute(study, place / "run")
-    assert set(rows["certificate"]) == {"", f"passed: {len(CHECKS)} checks"}
+    assert set(rows["certificate"]) == {"", f"passed: {ALL} checks"}
     assert set(execute(study, place / "run", check=False)["certificate"]) == set(rows["certificate"])
+
+
+UNSTEADY = """
+import os
+from cooploc.estimators.dead_reckoning import DeadReckoning
+
+class Unsteady(DeadReckoning):
+    def predict(self, s, z):
+        moved = super().predict(s, z)
+        return moved._replace(x=moved.x + 1e-9 * (os.getpid() % 97)) if len(s.x) > 40 else moved
+"""
+
+
+def test_trials_that_do_not_repeat_elsewhere_fail_the_certificate_after_the_run(tmp_path, monkeypatch):
+    (tmp_path / "unsteady.py").write_text(UNSTEADY)
+    monkeypatch.chdir(tmp_path)
+    study = Study(name="many", trials=30, scenarios=("robots-1-3/n=2[ticks=5]",), estimators=("unsteady.py:Unsteady",))
+    told = Told()
+    rows = execute(study, tmp_path / "run", progress=told)
+    assert set(rows["certificate"].str.partition(": ")[0]) == {"failed"}
+    assert any("is not reproducible: trial" in line for line in told.said), told.said
 
 
 TROUBLE = """
@@ -177,7 +201,7 @@ def test_the_command_says_it_in_its_table_its_json_and_show(place):
     }
     assert rows["ekf-local"]["certificate"] == ""
     assert rows["outside.py:Prophet"]["certificate"].startswith("failed: causality: ")
-    assert rows["slow[seconds=0]"]["certificate"] == f"passed: {len(CHECKS)} checks"
+    assert rows["slow[seconds=0]"]["certificate"] == f"passed: {ALL} checks"
     with (place / "run" / "table.csv").open() as file:
         assert {row["certificate"].partition(":")[0] for row in csv.DictReader(file)} == {"", "failed", "passed"}
     shown = finish("show", "run", plugins=plugins, cwd=place).stdout
@@ -219,6 +243,9 @@ def test_what_a_check_found_is_escaped_in_the_page(tmp_path):
 
 
 def test_a_certificate_is_a_line_and_a_mark():
+    assert mark("passed: 14 of 16 checks; mail-replay: a team: its bytes are as declared; axes: of sigma points") == (
+        "✓ 14 of 16 checks; bytes are as declared; axes"
+    )
     assert [mark(t) for t in ("", "passed: 16 checks", "failed: causality: far: too", "unchecked: why")] == [
         "",
         "✓ 16 checks",

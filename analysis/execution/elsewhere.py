@@ -1,0 +1,138 @@
+"""The same trials in other surroundings: another process, hash seed, directory and date, and what was touched there.
+
+An honest estimator gives the same bits. Files that it reads are noted, and functions of this package that it replaced.
+"""
+
+import datetime
+import hashlib
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import chdir, contextmanager
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from cooploc.analysis.execution.walled import Given, Played, play
+from cooploc.estimators import BUILTIN, make
+from cooploc.estimators.plugins.labels import parse
+from cooploc.estimators.plugins.python_file import is_file
+
+LATER = 400 * 86400.0  # [s]
+OURS = "cooploc."
+_CODE = (".py", ".pyc", ".so", ".nbi", ".nbc", ".pth")
+_opened: list[set[str]] = []  # an audit hook cannot be removed: it fills the last set, where there is one
+
+
+class Elsewhere(NamedTuple):
+    """What an estimator did in other surroundings."""
+
+    played: list[Played]
+    inputs: dict[str, str]  # hash of each file that it opened, by path
+    replaced: tuple[str, ...]  # functions of this package that are others now
+
+
+def play_elsewhere(one: Given) -> Elsewhere:
+    """Play in this process, which must be a fresh one; directory and date are others than those of the run."""
+    for name in BUILTIN:
+        make(name)  # a plug-in may replace what a rival does
+    before = functions()
+    path = _absolute(one.label)
+    with tempfile.TemporaryDirectory() as folder, opened_files() as files, another_date():
+        with chdir(folder):
+            played = play(one._replace(label=path))
+        inputs = {name: found for name in sorted(files) if (found := hash_of(name))}
+    return Elsewhere(played, inputs, tuple(sorted(replaced(before))))
+
+
+@contextmanager
+def opened_files() -> Iterator[set[str]]:
+    """The files that are opened meanwhile, but for code, libraries and devices."""
+    _listen()
+    _opened.append(set())
+    try:
+        yield _opened[-1]
+    finally:
+        _opened.pop()
+
+
+def functions() -> dict[str, Any]:
+    """The code of every function and method of this package that is imported, by name."""
+    found = dict[str, Any]()
+    for name, module in list(sys.modules.items()):
+        if name.startswith(OURS):
+            found |= _codes(name, module)
+            for cls in [value for value in vars(module).values() if isinstance(value, type)]:
+                found |= _codes(f"{name}.{cls.__name__}", cls) if cls.__module__ == name else {}
+    return found
+
+
+def _codes(where: str, holder: Any) -> dict[str, Any]:
+    members = ((name, getattr(member, "__func__", member)) for name, member in vars(holder).items())
+    return {f"{where}.{name}": member.__code__ for name, member in members if hasattr(member, "__code__")}
+
+
+def replaced(before: dict[str, Any]) -> set[str]:
+    """The functions that have another code than before, or none."""
+    now = functions()
+    return {name for name, code in before.items() if now.get(name) is not code}
+
+
+@contextmanager
+def another_date() -> Iterator[None]:
+    """More than a year later, for what asks `time` or `datetime`; timers of the runner are monotonic and go on."""
+    real = {name: getattr(time, name) for name in ("time", "time_ns", "localtime", "gmtime")}
+    kept = datetime.datetime
+
+    class Later(kept):  # type: ignore[valid-type, misc]
+        @classmethod
+        def now(cls, tz: Any = None) -> Any:
+            return kept.fromtimestamp(time.time(), tz)
+
+        @classmethod
+        def utcnow(cls) -> Any:
+            return cls.now(datetime.UTC).replace(tzinfo=None)
+
+        today = now
+
+    shifted: dict[str, Any] = {
+        "time": lambda: real["time"]() + LATER,
+        "time_ns": lambda: real["time_ns"]() + int(LATER) * 10**9,
+        "localtime": lambda at=None: real["localtime"](time.time() if at is None else at),
+        "gmtime": lambda at=None: real["gmtime"](time.time() if at is None else at),
+    }
+    try:
+        vars(time).update(shifted)
+        datetime.datetime = Later  # type: ignore[misc]
+        yield
+    finally:
+        vars(time).update(real)
+        datetime.datetime = kept  # type: ignore[misc]
+
+
+@cache
+def _listen() -> None:
+    sys.addaudithook(_note)
+
+
+def _note(event: str, arguments: tuple[Any, ...]) -> None:
+    if event == "open" and _opened and isinstance(arguments[0], str | bytes):
+        path = os.path.abspath(os.fsdecode(arguments[0]))
+        system = (sys.prefix, sys.base_prefix, "/proc/", "/sys/", "/dev/", "/etc/")
+        if not (path.startswith(system) or path.endswith(_CODE)):
+            _opened[-1].add(path)
+
+
+def hash_of(path: str) -> str:
+    """Empty where it is gone, as a temporary file is."""
+    try:
+        return hashlib.sha256(Path(path).read_bytes()).hexdigest()
+    except OSError:
+        return ""
+
+
+def _absolute(label: str) -> str:
+    """A label that means the same in another directory."""
+    return str(Path.cwd() / label) if is_file(parse(label)[0]) else label
