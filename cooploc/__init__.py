@@ -37,15 +37,15 @@ if _TYPE_CHECKING:
     from cooploc.estimators.plugins.errors import BadInput as BadInput
     from cooploc.run_tables import information as information
     from cooploc.run_tables import sensitivity as sensitivity
+    from cooploc.run_verdicts import readings as readings
+    from cooploc.run_verdicts import verdicts as verdicts
     from cooploc.runs import Results as Results
     from cooploc.runs import compare_runs as compare_runs
     from cooploc.runs import load_run as load_run
-    from cooploc.runs import readings as readings
     from cooploc.runs import report as report
     from cooploc.runs import reproduce as reproduce
     from cooploc.runs import run_study as run_study
     from cooploc.runs import show as show
-    from cooploc.runs import verdicts as verdicts
     from cooploc.scaffold import new_estimator as new_estimator
     from cooploc.scenarios import simulate as simulate
     from cooploc.scenarios.conformance.check import check_estimator as check_estimator
@@ -77,7 +77,8 @@ _HOME = {
     "analysis.metrics.compare": ("compare", "summarize"),
     "analysis.metrics.smoother": ("smoother",),
     "analysis.metrics.tum": ("to_tum",),
-    "runs": ("run_study", "load_run", "Results", "verdicts", "readings", "report", "compare_runs", "reproduce", "show"),
+    "runs": ("run_study", "load_run", "Results", "report", "compare_runs", "reproduce", "show"),
+    "run_verdicts": ("verdicts", "readings"),
     "run_tables": ("information", "sensitivity"),
     "scaffold": ("new_estimator",),
 }

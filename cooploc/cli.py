@@ -144,10 +144,10 @@ def report(
 @app.command()
 def verdicts(folder: RunDirectory, ledger: Claims = None) -> None:
     """Print which claims a run supports, contradicts or leaves open, and in how many readings of the paper."""
-    from cooploc import runs
+    from cooploc import run_verdicts
     from cooploc.terminal import finished_runs
 
-    found, mapped = runs.verdicts_and_readings(folder, ledger)
+    found, mapped = run_verdicts.verdicts_and_readings(folder, ledger)
     finished_runs.verdicts(found, ledger)
     finished_runs.readings(mapped)
 

@@ -11,8 +11,6 @@ from typing import Any
 import pandas as pd
 
 from cooploc.analysis.claims import ledger as ledgers
-from cooploc.analysis.claims import multiverse, wording
-from cooploc.analysis.claims.verdicts import judge
 from cooploc.analysis.execution.execute import execute
 from cooploc.analysis.execution.stored_run import Kept, read
 from cooploc.analysis.metrics.compare import compare
@@ -151,53 +149,6 @@ def show(run: Results | str | Path) -> None:
     run_contents.show(_folder(run))
 
 
-def verdicts(
-    run: Results | str | Path | pd.DataFrame, ledger: ledgers.Ledger | str | Path | None = None
-) -> pd.DataFrame:
-    """Which claims of a paper a run supports, contradicts or leaves open: one row per claim, reading and case.
-
-    `cooploc.analysis.claims.verdicts.COLUMNS` says what the columns mean; `map` says in how many readings of the paper
-    the claim holds, where more than one was run; `sentence` is each row in words.
-
-    Args:
-        run: from `run_study` or `load_run`, a run directory, or rows of `errors`.
-        ledger: the TOML file of the claims; without it, those of Latif & Parasuraman (2022).
-
-    Raises:
-        BadInput: the run or the ledger cannot be read, or estimators of one scenario ran on different streams.
-
-    """
-    return verdicts_and_readings(run, ledger)[0]
-
-
-def verdicts_and_readings(run: Any, ledger: Any = None) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """What `verdicts` and `readings` return, computed once."""
-    asked, rows = _ledger(ledger), _rows(run)
-    found, mapped = judge(asked, rows), multiverse.judge(asked, rows)
-    maps = multiverse.sentences(mapped)
-    said = [wording.sentence(row) for _, row in found.iterrows()]
-    return found.assign(map=[maps.get(claim, "") for claim in found["claim"]], sentence=said), mapped
-
-
-def readings(
-    run: Results | str | Path | pd.DataFrame, ledger: ledgers.Ledger | str | Path | None = None
-) -> pd.DataFrame:
-    """The verdicts on a paper's claims in every reading of it that was run: one row per claim and specification.
-
-    `cooploc.analysis.claims.multiverse.judge` says what the columns mean, and `shares` counts the rows by claim;
-    `cl.plot.readings` and `cl.plot.specification_curve` draw them. The study `readings` runs all readings.
-
-    Args:
-        run: from `run_study` or `load_run`, a run directory, or rows of `errors`.
-        ledger: the TOML file of the claims; without it, those of Latif & Parasuraman (2022).
-
-    Raises:
-        BadInput: the run or the ledger cannot be read, or estimators of one scenario ran on different streams.
-
-    """
-    return multiverse.judge(_ledger(ledger), _rows(run))
-
-
 def report(
     run: Results | str | Path, out: str | Path | None = None, ledger: ledgers.Ledger | str | Path | None = None
 ) -> Path:
@@ -213,7 +164,7 @@ def report(
 
     """
     stored = kept(run)
-    return html_page.write(stored, _ledger(ledger), stored.folder / "report" if out is None else Path(out))
+    return html_page.write(stored, ledger_of(ledger), stored.folder / "report" if out is None else Path(out))
 
 
 def compare_runs(before: Results | str | Path, after: Results | str | Path) -> RunChanges:
@@ -248,7 +199,8 @@ def reproduce(page: str | Path, trials: int = 6, data: str | Path | None = None,
     return Reproduced(pd.DataFrame(found), again.differences(embedded))
 
 
-def _rows(run: Any) -> pd.DataFrame:
+def rows_of(run: Any) -> pd.DataFrame:
+    """The rows of a run, whatever names it."""
     if isinstance(run, pd.DataFrame):
         return run
     return run.rows if isinstance(run, Results) else kept(run).rows
@@ -273,5 +225,6 @@ def _folder(run: Any) -> Path:
     raise BadInput(f"{type(run).__name__} is not a run of a study: give what cl.run_study returned, or its directory")
 
 
-def _ledger(ledger: Any) -> ledgers.Ledger:
+def ledger_of(ledger: Any) -> ledgers.Ledger:
+    """The ledger itself, of a file, or that of Latif & Parasuraman."""
     return ledger if isinstance(ledger, ledgers.Ledger) else ledgers.load(ledger)

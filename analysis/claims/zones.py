@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cooploc.analysis.metrics import statistics
+from cooploc.analysis.metrics import statistics, trials_needed
 from cooploc.analysis.metrics.statistics import Interval
 from cooploc.estimators.interface import Array
 
@@ -75,7 +75,7 @@ def decide(interval: Interval, n: int, zones: Zones, test: Test) -> Finding:
             return Finding(interval, n, verdict, np.nan, _p(low, high, test))
     value = interval.value
     around = [(low, high) for _, low, high in zones if low <= value <= high]
-    needed = [statistics.trials_to_exclude(interval, n, min(value - low, high - value)) for low, high in around]
+    needed = [trials_needed.trials_to_exclude(interval, n, min(value - low, high - value)) for low, high in around]
     p = np.nan if np.isnan(interval.low) else min(_p(low, high, test) for low, high in around)
     return Finding(interval, n, "undecided", min((v for v in needed if np.isfinite(v)), default=np.nan), p)
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from cooploc.analysis.metrics import outliers, statistics
+from cooploc.analysis.metrics import outliers, statistics, trials_needed
 from cooploc.analysis.metrics.consistency import collapsed, consistency
 from cooploc.analysis.metrics.errors import COLUMNS, SCORES
 from cooploc.analysis.metrics.pooling import CELL, demand_same_streams, stream_hash, succeeded, trial_means
@@ -225,7 +225,7 @@ def _pair(
         "p": 1.0 if p == p and lost[int(change.value < 0)] else p,
         "effect": statistics.signed_rank(np.sqrt(a), np.sqrt(b))[1] if tested else np.nan,
         "p_equal": 1.0 if p_equal == p_equal and any(lost) else p_equal,
-        "trials_for_margin": statistics.trials_for_width(change, n, margin) if other else np.nan,
+        "trials_for_margin": trials_needed.trials_for_width(change, n, margin) if other else np.nan,
     }
 
 

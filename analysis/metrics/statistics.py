@@ -14,7 +14,6 @@ from cooploc.estimators.interface import Array
 LEAST_TRIALS = 5
 LEVEL = 0.95
 Z = float(stats.norm.ppf((1 + LEVEL) / 2))
-POWER = float(stats.norm.ppf(0.8))  # a planned number of trials succeeds in 4 of 5 repetitions
 RESAMPLES = 1999
 AT_ONCE = 1_000_000  # values of all resamples that are held together
 
@@ -51,7 +50,7 @@ def log_contrast(values: Array, weights: Array) -> Interval:
     if n < LEAST_TRIALS or (left_out <= 0).any():
         return Interval(value, np.nan, np.nan)
     log = (weights * np.log(left_out)).sum(1)
-    half = _quantile(n) * float(np.sqrt((n - 1) / n * ((log - log.mean()) ** 2).sum()))
+    half = quantile(n) * float(np.sqrt((n - 1) / n * ((log - log.mean()) ** 2).sum()))
     return Interval(value, value - half, value + half)
 
 
@@ -60,7 +59,7 @@ def mean(d: Array) -> Interval:
     n, value = len(d), float(np.mean(d)) if len(d) else np.nan
     if n < LEAST_TRIALS or not np.isfinite(value):
         return Interval(value, np.nan, np.nan)
-    half = _quantile(n) * float(d.std(ddof=1)) / np.sqrt(n)
+    half = quantile(n) * float(d.std(ddof=1)) / np.sqrt(n)
     return Interval(value, value - half, value + half)
 
 
@@ -74,7 +73,7 @@ def change(a: Array, b: Array) -> Interval:
     n, value = len(a), float(_change(a, b)) if len(a) and a.mean() > 0 else np.nan
     if n < LEAST_TRIALS or not np.isfinite(value):
         return Interval(value, np.nan, np.nan)
-    A, B, C, q = a.mean(), b.mean(), np.cov(a, b), _quantile(n) ** 2 / n
+    A, B, C, q = a.mean(), b.mean(), np.cov(a, b), quantile(n) ** 2 / n
     qa, qb, qc = A * A - q * C[0, 0], A * B - q * C[0, 1], B * B - q * C[1, 1]
     root = qb * qb - qa * qc
     if qa <= 0 or root < -1e-12 * qb * qb:  # below zero by rounding alone where b is a multiple of a
@@ -124,7 +123,7 @@ def share(shares: Array) -> Interval:
     if m < LEAST_TRIALS or not np.isfinite(p):
         return Interval(p, np.nan, np.nan)
     variance = float(shares.var(ddof=1)) / m
-    effective = p * (1 - p) / variance * (Z / _quantile(m)) ** 2 if variance > 0 else 0.0
+    effective = p * (1 - p) / variance * (Z / quantile(m)) ** 2 if variance > 0 else 0.0
     n = max(effective, float(m))
     low, high = proportion_confint(p * n, n, alpha=1 - LEVEL, method="wilson")
     return Interval(p, max(float(low), 0.0), min(float(high), 1.0))
@@ -197,7 +196,7 @@ def p_of_mean(interval: Interval, n: int, value: float) -> float:
     half = interval.high - interval.value
     if np.isnan(half):
         return np.nan
-    return float(2 * stats.t.sf(abs(interval.value - value) / half * _quantile(n), n - 1)) if half > 0 else 0.0
+    return float(2 * stats.t.sf(abs(interval.value - value) / half * quantile(n), n - 1)) if half > 0 else 0.0
 
 
 def expected_false(p: Array) -> float:
@@ -224,39 +223,12 @@ def holm(p: Array) -> Array:
     return adjusted
 
 
-def trials_for_width(interval: Interval, n: int, half: float) -> float:
-    """Trials at which an interval over n of them would be `half` wide to either side; nan without one.
-
-    From n = (z s / h)^2 + (z^2 + 1) / 2, the second term for the t quantile.
-    """
-    return _trials((Z * _spread(interval, n) / half) ** 2 + (Z * Z + 1) / 2)
-
-
-def trials_to_exclude(interval: Interval, n: int, distance: float) -> float:
-    """Trials whose interval would, in 4 of 5 repetitions, exclude a value this far away; nan without one.
-
-    From n = ((z + z_0.8) s / distance)^2 + z^2 / 2 (Guenther 1981).
-    """
-    if not distance > 0:
-        return np.nan
-    return _trials(((Z + POWER) * _spread(interval, n) / distance) ** 2 + Z * Z / 2)
-
-
-def _spread(interval: Interval, n: int) -> float:
-    """The standard deviation of one trial's share in an interval over n, by its wider side."""
-    half = max(interval.value - interval.low, interval.high - interval.value)
-    return half * np.sqrt(n) / _quantile(n) if n >= LEAST_TRIALS else np.nan
-
-
-def _trials(needed: float) -> float:
-    return float(max(np.ceil(needed), LEAST_TRIALS)) if np.isfinite(needed) else np.nan
-
-
 def _change(a: Array, b: Array, axis: int = -1) -> Array:
     relative: Array = np.sqrt(b.mean(axis) / a.mean(axis)) - 1
     return relative
 
 
 @cache
-def _quantile(n: int) -> float:
+def quantile(n: int) -> float:
+    """Of the t distribution over n trials, at LEVEL to either side."""
     return float(stats.t.ppf((1 + LEVEL) / 2, n - 1))

@@ -6,8 +6,6 @@
 checks. Modelled on scikit-learn's check_estimator and PettingZoo's API tests.
 """
 
-import inspect
-import traceback
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, partial
@@ -17,7 +15,7 @@ from cooploc.estimators import is_builtin
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.conformance.checks import CHECKS, Check
 from cooploc.scenarios.conformance.compare import CheckFailed, CheckSkipped
-from cooploc.scenarios.conformance.harness import Harness, one_line
+from cooploc.scenarios.conformance.harness import Harness, one_line, raised_by
 from cooploc.scenarios.display.html import listed
 from cooploc.scenarios.processes.outcome import WorkerError
 from cooploc.scenarios.processes.workers import SESSION, call
@@ -244,11 +242,3 @@ def _exemption(check: str, harness: Harness) -> str:
     exempt = {"equivariance": harness.traits.axes and f"axes: {harness.traits.axes}"}
     exempt |= {"immutability": "mutable: its state changes in place" * harness.traits.mutable}
     return exempt.get(check, "")
-
-
-def raised_by(e: BaseException, estimator: Any) -> bool:
-    """Whether an exception came out of an estimator's own code, or of what that called."""
-    members = [member for cls in type(estimator).__mro__ for member in vars(cls).values()]
-    functions = [getattr(member, "fget", None) or getattr(member, "__func__", member) for member in members]
-    files = {one.__code__.co_filename for one in functions if inspect.isfunction(one)}
-    return any(frame.filename in files for frame in traceback.extract_tb(e.__traceback__))

@@ -1,7 +1,9 @@
 """Runs an estimator on variations of small streams, and records what it believed and transmitted."""
 
+import inspect
 import pickle
 import re
+import traceback
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
@@ -214,3 +216,11 @@ def _remedy(e: BaseException) -> str:
     if "read-only" in one_line(e):
         return "an input is read-only: copy the array before you write to it"
     return "make the method work on such input too: nan is an absent reading, width 0 an absent channel"
+
+
+def raised_by(e: BaseException, estimator: Any) -> bool:
+    """Whether an exception came out of an estimator's own code, or of what that called."""
+    members = [member for cls in type(estimator).__mro__ for member in vars(cls).values()]
+    functions = [getattr(member, "fget", None) or getattr(member, "__func__", member) for member in members]
+    files = {one.__code__.co_filename for one in functions if inspect.isfunction(one)}
+    return any(frame.filename in files for frame in traceback.extract_tb(e.__traceback__))

@@ -19,9 +19,8 @@ from cooploc.analysis.metrics.statistics import (
     p_of_mean,
     share,
     signed_rank,
-    trials_for_width,
-    trials_to_exclude,
 )
+from cooploc.analysis.metrics.trials_needed import trials_for_width, trials_to_exclude
 
 REPEATS = 1500
 # Binomial standard error of a coverage near 0.95 over REPEATS: 0.0056.
