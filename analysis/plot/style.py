@@ -49,7 +49,7 @@ BUILT_IN = {
     "ukf-joint": Look(GREY, "8", DOTTED),
     "map-joint": Look(GREY, "H", DOTTED),
 }
-_SEEN: dict[str, Look] = {}  # in this session's figures
+_SEEN: dict[str, Look] = {}  # in the figures of this process
 
 
 def looks(estimators: Iterable[str], seen: dict[str, Look] | None = None) -> dict[str, Look]:
@@ -63,7 +63,7 @@ def looks(estimators: Iterable[str], seen: dict[str, Look] | None = None) -> dic
 
 
 def session_looks(estimators: Iterable[str]) -> dict[str, Look]:
-    """The look of each estimator in this session, where a name once drawn keeps its look."""
+    """The look of each estimator in this process, where a name once drawn keeps its look."""
     return looks(estimators, _SEEN)
 
 
