@@ -26,6 +26,6 @@ def test_the_readmes_map_is_the_reports():
 
 
 def test_every_builtin_estimator_is_in_it_with_its_source():
-    rows = markdown().splitlines()[2:]
+    rows = block("estimators").splitlines()[2:]
     assert [row.split("`")[1] for row in rows] == list(estimators.BUILTIN) == list(KNOWN)
     assert all(re.search(r"(19|20)\d\d \|$", row) for row in rows if "dead-reckoning" not in row)
