@@ -16,6 +16,8 @@ import cooploc as cl
 from cooploc.analysis.claims import multiverse
 from cooploc.analysis.claims.ledger import Ledger, load
 from cooploc.analysis.claims.readings import Dimensions, design
+from cooploc.analysis.claims.verdicts import DECIDED
+from cooploc.analysis.metrics import statistics
 from cooploc.analysis.report.claim_tables import over_readings
 
 mpl.use("agg")
@@ -88,6 +90,8 @@ def page(found: pd.DataFrame, ledger: Ledger, curves: list[tuple[str, str, str]]
         "",
         "## In numbers",
         "",
+        family(found),
+        "",
         over_readings(counted).markdown().rstrip(),
         "",
         *(f"- **{row['claim']}.** {row['says']}: {row['sentence']}." for row in counted.to_dict("records")),
@@ -99,6 +103,16 @@ def page(found: pd.DataFrame, ledger: Ledger, curves: list[tuple[str, str, str]]
         *(f"![Claim {claim}: {says}]({name})\n" for claim, name, says in curves),
     ]
     return "\n".join(lines).rstrip() + "\n"
+
+
+def family(found: pd.DataFrame) -> str:
+    """How many specifications are decided, how many of these stand as a family, how many are expected to be false."""
+    p, decided = found["p"].to_numpy(float), found["verdict"].isin(DECIDED)
+    stand = int((decided & (statistics.holm(p) < 1 - statistics.LEVEL)).sum())
+    return (
+        f"Of {len(found)} specifications {decided.sum()} are decided, each taken alone; {stand} of these stand after "
+        f"Holm's correction over all, and about {statistics.expected_false(p):.0f} are expected to be false."
+    )
 
 
 def short(counted: pd.DataFrame) -> str:
