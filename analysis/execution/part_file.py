@@ -1,4 +1,4 @@
-"""The rows of a part, read back as what they must be, whoever wrote the file."""
+"""The rows of a part, checked as they are read: types, labels, trials, size."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""Does an estimator know the seed of the study? Its errors under that seed, and under one that nobody can know."""
+"""Does an estimator know the seed of the study? Its errors under that seed, and under a secret one."""
 
 import secrets
 from math import comb

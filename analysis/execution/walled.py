@@ -100,7 +100,7 @@ def _frame(label: str, truth: Truth, stream: Stream, one: Played) -> pd.DataFram
         try:
             frame = errors(truth, run)
             return frame.assign(**{column: pd.Series([None] * len(frame), dtype="str") for column in FAILURE})
-        except Exception as e:  # what came back is no trace of this stream
+        except Exception as e:  # what came back does not fit this stream
             line, full = line_of(e), full_text(e)
     trials = zip(stream.trial, stream.hashes, strict=True)
     frames = [failed_rows(label, stream.scenario, stream.robots, int(k), h, line, full) for k, h in trials]

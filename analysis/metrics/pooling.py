@@ -11,13 +11,13 @@ from cooploc.estimators.plugins.errors import BadInput
 CELL = ["scenario", "estimator"]
 TRIAL = [*CELL, "trial"]
 SHOWN = 5  # trials that a refusal names
-LARGEST = 1e100  # [m^2] an error beyond it is no number to compute with: its square, in a variance, overflows
+LARGEST = 1e100  # [m^2] the square of a larger error overflows in a variance
 
 
 def succeeded(errors: pd.DataFrame) -> pd.DataFrame:
     """The rows of trials that neither failed nor have an error, of any robot whose truth is known, that is not finite.
 
-    An error that is nan, infinite or beyond `LARGEST` is a failure of the whole trial, whoever made the table: left out
+    An error that is nan, infinite or beyond `LARGEST` is a failure of the whole trial: left out
     silently it would make the estimator look better, and counted as zero better still.
     """
     lost = (errors["ticks"] > 0) & ~(errors["mse"] < LARGEST)

@@ -1,7 +1,7 @@
 """Where the team was, with hindsight: the most probable path over all readings, those of the future too.
 
-It is no estimator and has no name among them, since no robot could run it: at a tick it knows what was read later. In
-figures it is a line like the floor, which tells how much of an error is due to not having waited.
+It is not an estimator, and not registered as one, since a robot cannot run it: at a tick it knows what was
+read later. In figures it is a line like the floor, which tells how much of an error is due to not having waited.
 
 Source: B. Bell, "The iterated Kalman smoother as a Gauss-Newton method", SIAM J. Optimization 4(3), 1994.
 """

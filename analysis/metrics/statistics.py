@@ -200,7 +200,7 @@ def p_of_mean(interval: Interval, n: int, value: float) -> float:
 
 
 def expected_false(p: Array) -> float:
-    """How many of a family's decisions at 5 % are expected to be false, from its p-values; nan is no test.
+    """How many of a family's decisions at 5 % are expected to be false, from its p-values; nan: not tested.
 
     5 % of the tests whose null hypothesis is true. These are estimated from the tests with p above one half, of which
     there are few where a null hypothesis is wrong: (1 + their number) / 0.5.

@@ -20,15 +20,26 @@ from cooploc.terminal.console import wide
 
 LEGEND = (
     "vs: change of RMSE on the same streams, Fieller interval; p: the test that this interval inverts, Holm over the "
-    "whole study. median: of the trials' RMSE, and of their ANEES; outlying: trials above 5 times the median RMSE. "
+    "whole study. median: of the trials' ANEES; outlying: trials above 5 times the median RMSE. "
     "ANEES: 1 is consistent; over-wide: below 0.1; consistency not shown: its interval holds 0.67 or 1.5; "
     "collapsed: trials whose ANEES exceeds 100. NLL: negative log-likelihood of the truth, smaller is better. "
     "messages, bytes, µs: per robot and tick. centralised: every reading "
     "reaches one computer; bound: uses all of them, and no estimator is better. as published, at its best: of the "
     "configurations of a method; one without this remark is another configuration, or its method has only one."
 )
-ONLY_IN_REPORTS = ("scenario", "rank", "group", "outlying_low", "anees_low", "collapsed_low", "area95", "trials")
+ONLY_IN_REPORTS = (
+    "scenario",
+    "rank",
+    "rmse_median",
+    "group",
+    "outlying_low",
+    "anees_low",
+    "collapsed_low",
+    "area95",
+    "trials",
+)
 COLUMNS = tuple(column for column in RESULTS if column.keys[0] not in ONLY_IN_REPORTS)
+RARE = "outlying", "collapsed", "diverged"  # shares of trials or robots, left out where all are zero
 ONE_PROCESS = "all or some of this ran in one process (--no-isolate): estimators may have disturbed each other"
 IN_ONE_PICTURE = 12  # scenarios; `cooploc report` draws one of each experiment
 
@@ -80,4 +91,5 @@ def _table(scenario: str, part: pd.DataFrame) -> Table:
     first = part.iloc[0]
     size = f"{counted(first['robots'], 'robot')}, {counted(part['trials'].max(), 'trial')}"
     title = f"{scenario}: {size}, stream {first['stream'][:12]}"
-    return Table("results", title, versus(part["baseline"], COLUMNS), part.to_dict("records"))
+    shown = tuple(c for c in COLUMNS if not (c.keys[0] in RARE and (part[c.keys[0]].fillna(0) == 0).all()))
+    return Table("results", title, versus(part["baseline"], shown), part.to_dict("records"))

@@ -31,7 +31,7 @@ def of_module(module: str) -> list[Named]:
     path: str | None = None
     folders: list[str] = []
     parts = module.split(".")
-    for i in range(len(parts)):  # the first that is no namespace, which many share
+    for i in range(len(parts)):  # the first that is not a namespace, which many packages share
         name = ".".join(parts[: i + 1])
         spec = PathFinder.find_spec(name, folders) if i else find_spec(name)
         if spec is None:

@@ -200,9 +200,8 @@ def _pickle(estimator: Any) -> bytes:
     try:
         return pickle.dumps(estimator)
     except pickle.PicklingError as e:
-        if "import of module" not in str(
-            e
-        ):  # its class is of a file or a notebook, and only the sender has that module
+        # The class of a file or of a notebook: only the process that sent it has that module.
+        if "import of module" not in str(e):
             raise
         return bytes(cloudpickle.dumps(estimator))
 

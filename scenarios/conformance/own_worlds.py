@@ -1,6 +1,6 @@
 """Checks on worlds of full length, by runs that look like any other run: no check is among the callers.
 
-What an estimator does only after the first ticks, in larger teams, or while nobody looks, shows here. `play` makes one
+What an estimator does only after the first ticks, in larger teams, or while no check runs, shows here. `play` makes one
 run; where it leads to another process, the estimator is never imported in this one.
 """
 

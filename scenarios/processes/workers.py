@@ -25,7 +25,7 @@ from cooploc.scenarios.processes.outcome import Outcome, ProcessDied, ProcessHun
 
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
 QUIET = {"PYTHONFAULTHANDLER": ""}  # a crash is told in one line
-IDLE = 600  # [s] after which a process that nobody needs ends
+IDLE = 600  # [s] after which an idle process ends
 BUILTIN, SESSION = "", "session"  # owners: built-in estimators, and what a user hands over in Python
 _pools: dict[tuple[int, str, int], tuple[Executor, Mapping[str, float]]] = {}
 

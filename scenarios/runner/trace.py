@@ -50,7 +50,7 @@ def trace(
 
     Raises:
         IncompatibleEstimator: the stream lacks a channel that it needs.
-        EstimatorError: it returned something of the wrong shape, or not finite, or a P that is no covariance.
+        EstimatorError: it returned something of the wrong shape, or not finite, or a P that is not a covariance.
 
     """
     running = drive(name, estimator, visible(name, estimator, stream), watch, rows)
@@ -105,7 +105,7 @@ def _demand_finite(name: str, stream: Stream, x: Array, P: Array) -> None:
 
 
 def _demand_covariances(name: str, stream: Stream, P: Array) -> None:
-    """Refuse what is no covariance, at every tick, robot and trial: a negative variance would count as consistent.
+    """Refuse an invalid covariance at any tick, robot and trial: a negative variance would count as consistent.
 
     Raises:
         EstimatorError: some P (t, T, n, d, d) is not symmetric, or has a negative variance in some direction, by more
