@@ -15,7 +15,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from cooploc.analysis.execution.walled import Given, Played, play
+from cooploc.analysis.execution.played import Given, Played, play
 from cooploc.estimators import BUILTIN, make
 from cooploc.estimators.plugins.labels import parse
 from cooploc.estimators.plugins.python_file import is_file

@@ -5,14 +5,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from cooploc.analysis.execution.played import begin
 from cooploc.analysis.execution.task import Task
+from cooploc.analysis.execution.walled import given
 from cooploc.estimators import make, module_of
 from cooploc.estimators.plugins.errors import BadInput
-from cooploc.scenarios import resolve
+from cooploc.scenarios import BUILTIN, resolve
 from cooploc.scenarios.processes.time_limit import Limit, within
 from cooploc.scenarios.processes.workers import call, end
 from cooploc.scenarios.resolved import ResolvedScenario
 from cooploc.scenarios.runner.trace import demand_fit as demand_begin
+from cooploc.scenarios.stream import Stream
 from cooploc.scenarios.studies.resolved_study import ResolvedStudy
 
 
@@ -45,11 +48,21 @@ def demand_fit(asked: ResolvedStudy, isolate: bool) -> None:
 def _there(owner: str, tasks: list[Task]) -> None:
     for task in tasks:
         try:
-            call(owner, _limited, task)
+            _begun_there(owner, task)
         except BadInput:
             raise
         except Exception:
             return
+
+
+def _begun_there(owner: str, task: Task) -> None:
+    """Begin a plug-in on the first tick of a world of ours, simulated here, or of its own world, in its process."""
+    if task.scenario.name not in BUILTIN:
+        call(owner, _limited, task)
+        return
+    stream = _first(task)
+    for one in task.estimators:
+        call(owner, begin, given(one.label, stream, task.time_limit))
 
 
 def _limited(task: Task) -> None:
@@ -61,8 +74,14 @@ def _first_tick(task: Task, made: dict[str, Any]) -> None:
     """Begin each estimator of a task; `made` keeps those that are made already."""
     for estimator in task.estimators:
         made[estimator.label] = made.get(estimator.label) or make(estimator)
+    stream = _first(task)
+    for estimator in task.estimators:
+        demand_begin(estimator.label, made[estimator.label], stream)
+
+
+def _first(task: Task) -> Stream:
+    """The first tick of a task's scenario, under the name of the whole."""
     found = task.scenario
     resolved = found if isinstance(found, ResolvedScenario) else resolve(found.label, found.data)
     _, stream = resolved.first_tick().simulate(1, task.seed)
-    for estimator in task.estimators:
-        demand_begin(estimator.label, made[estimator.label], replace(stream, scenario=resolved.label))
+    return replace(stream, scenario=resolved.label)

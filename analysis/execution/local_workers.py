@@ -5,13 +5,12 @@ from collections.abc import Iterator
 from concurrent.futures import Executor, Future
 from typing import Any
 
+from cooploc.analysis.execution.played import Played, made, play_all
 from cooploc.analysis.execution.pool import Pool
 from cooploc.analysis.execution.task import MeasuredPart, Task, died, measure, part_of
-from cooploc.analysis.execution.walled import Played, given, measured_here, play_all
-from cooploc.estimators import make
+from cooploc.analysis.execution.walled import given, measured_here
 from cooploc.scenarios import BUILTIN as IN_PROCESS
 from cooploc.scenarios.processes.outcome import WorkerError
-from cooploc.scenarios.processes.time_limit import Limit, within
 from cooploc.scenarios.processes.workers import BUILTIN, call, end, pool, submit
 from cooploc.scenarios.stream import Stream, Truth
 
@@ -106,14 +105,9 @@ class ThisMachine:
 def unmade(owner: str, label: str, seconds: float) -> str:
     """Why an estimator's process does not live through its import and `__init__`; empty where it does."""
     try:
-        call(owner, _make, label, seconds)
+        call(owner, made, label, seconds)
     except WorkerError as e:
         return f"it cannot be imported or made: {e}"
     except Exception:  # its trials record it, with its traceback
         return ""
     return ""
-
-
-def _make(label: str, seconds: float) -> None:
-    with within(Limit(seconds, end_process=True)):
-        make(label)

@@ -10,8 +10,9 @@ import pandas as pd
 
 from cooploc.analysis.execution import secret_seed
 from cooploc.analysis.execution.elsewhere import Elsewhere, play_elsewhere
+from cooploc.analysis.execution.played import Played, play_all
 from cooploc.analysis.execution.run_directory import FOLDERS
-from cooploc.analysis.execution.walled import Played, given, measured_here, play_all
+from cooploc.analysis.execution.walled import given, measured_here
 from cooploc.analysis.execution.world_players import Away, players
 from cooploc.estimators.interface import Array
 from cooploc.scenarios.conformance.compare import CheckFailed, RunRecord, require_equal

@@ -1,6 +1,5 @@
 """What a worker does: simulates a chunk of trials and runs estimators on it; a trial that fails affects no other."""
 
-import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import chdir, suppress
 from dataclasses import dataclass, replace
@@ -10,13 +9,14 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from cooploc.analysis.execution.failures import HERE, THERE, Caught, full_text, line_of
 from cooploc.analysis.execution.run_directory import Piece
 from cooploc.analysis.metrics.errors import COLUMNS, errors
 from cooploc.estimators import configure, make
 from cooploc.estimators.plugins.build import ConfiguredEstimator
-from cooploc.estimators.plugins.errors import BadInput, one_line
+from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios import BUILTIN, resolve
-from cooploc.scenarios.processes.time_limit import Limit, TimeLimit, within
+from cooploc.scenarios.processes.time_limit import Limit, within
 from cooploc.scenarios.processes.workers import call, end
 from cooploc.scenarios.remote import RemoteScenario
 from cooploc.scenarios.resolved import ResolvedScenario
@@ -25,10 +25,6 @@ from cooploc.scenarios.runner.trace import trace
 from cooploc.scenarios.stream import Stream, Truth
 
 FAILURE = ("failure", "traceback")  # why a trial has no result, in a line and in full; missing where it has one
-# What a trial's code may raise without ending more than its trial: in a worker, which Ctrl-C does not reach, anything.
-Caught = tuple[type[BaseException], ...]
-HERE: Caught = Exception, SystemExit, GeneratorExit, TimeLimit
-THERE: Caught = (*HERE, KeyboardInterrupt)
 
 
 @dataclass(frozen=True)
@@ -189,18 +185,6 @@ def _limited_run(estimator: ConfiguredEstimator, stream: Stream, limit: Limit) -
     with within(limit, *stream.senses.dt.shape[:2]) as watch, chdir(Path.cwd()):
         traced = trace(estimator.label, make(estimator), stream, watch)
     return Run(stream.scenario, stream.seed, stream.trial, stream.hashes, {estimator.label: traced})
-
-
-def line_of(e: BaseException) -> str:
-    """What a trial's code raised, and where, in one line."""
-    places = [one for one in traceback.extract_tb(e.__traceback__) if Path(one.filename).name != "time_limit.py"]
-    place = places[-1]  # for one that hung, where it did
-    return f"{one_line(e)} ({Path(place.filename).name}:{place.lineno})"
-
-
-def full_text(e: BaseException) -> str:
-    """The whole traceback of what a trial's code raised."""
-    return "".join(traceback.format_exception(e))
 
 
 def failed_rows(

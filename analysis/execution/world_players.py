@@ -4,7 +4,8 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from cooploc.analysis.execution.walled import Given, given, play_all
+from cooploc.analysis.execution.played import Given, play_all
+from cooploc.analysis.execution.walled import given
 from cooploc.estimators import make
 from cooploc.estimators.interface import Mail
 from cooploc.estimators.plugins.traits import traits

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.special import erfcx, log_ndtr
 
 from cooploc.estimators.interface import Array, World
 from cooploc.estimators.models.angles import wrap
@@ -149,6 +148,8 @@ def gradient_doa(world: World) -> GradientDoa:
 
 def _log_tail(t: Array) -> Array:
     """log(1 + t Phi(t) / phi(t)), in the form that neither overflows above 0 nor cancels below."""
+    from scipy.special import erfcx, log_ndtr  # late, as every process of a plug-in would wait for it
+
     below = 1 + t * np.sqrt(np.pi / 2) * erfcx(-np.minimum(t, 0.0) / np.sqrt(2))
     positive = np.maximum(t, np.finfo(float).tiny)
     above = np.log(positive) + log_ndtr(positive) + 0.5 * positive**2 + 0.5 * np.log(2 * np.pi)

@@ -13,6 +13,7 @@ from cooploc.scenarios.processes.outcome import ProcessDied, WorkerError
 from cooploc.scenarios.processes.time_limit import Limit, TimeLimit, within
 from cooploc.scenarios.processes.workers import SESSION, call, end, received, submit
 from cooploc.scenarios.runner.named import estimator
+from cooploc.scenarios.runner.seedless import Seedless
 from cooploc.scenarios.runner.tick import EstimatorError
 from cooploc.scenarios.runner.trace import Trace, demand_fit, trace
 from cooploc.scenarios.stream import Stream
@@ -37,7 +38,7 @@ def demand_fit_there(one: Foreign, stream: Stream) -> None:
         EstimatorError: it cannot even begin.
 
     """
-    _named(one, lambda: call(one.owner, _fit, one, stream))
+    _named(one, lambda: call(one.owner, _fit, one, Seedless.of(stream).stream))
 
 
 def traced_there(one: Foreign, chunks: list[Stream], advance: Advance | None) -> Trace:
@@ -49,7 +50,7 @@ def traced_there(one: Foreign, chunks: list[Stream], advance: Advance | None) ->
     """
 
     def collected() -> Trace:
-        futures = [submit(one.owner, len(chunks), _traced, one, chunk) for chunk in chunks]
+        futures = [submit(one.owner, len(chunks), _traced, one, Seedless.of(chunk)) for chunk in chunks]
         try:
             for future in as_completed(futures):
                 future.exception()
@@ -81,23 +82,23 @@ def _fit(one: Foreign, stream: Stream) -> None:
         demand_fit(one.name, estimator(one.given, one.name), stream)
 
 
-def _traced(one: Foreign, stream: Stream) -> Trace:
+def _traced(one: Foreign, given: Seedless) -> Trace:
     limit = Limit(one.seconds, end_process=True)
     with within(limit):
         made = estimator(one.given, one.name)
-    return _limited(one.name, made, stream, limit)
+    return _limited(one.name, made, given, limit)
 
 
-def _limited(name: str, made: Any, stream: Stream, limit: Limit) -> Trace:
+def _limited(name: str, made: Any, given: Seedless, limit: Limit) -> Trace:
     """A trace; trials that are late in company run again, each alone."""
-    trials, ticks = stream.senses.dt.shape[:2]
+    trials, ticks = given.stream.senses.dt.shape[:2]
     try:
         with within(limit, trials, ticks) as watch:
-            return trace(name, made, stream, watch)
+            return trace(name, made, given.stream, watch, rows=given.rows)
     except TimeLimit:
         if trials == 1:
             raise
-        return _joined([_limited(name, made, stream.select(slice(i, i + 1)), limit) for i in range(trials)])
+        return _joined([_limited(name, made, given.select(slice(i, i + 1)), limit) for i in range(trials)])
 
 
 def _joined(traces: list[Trace]) -> Trace:

@@ -30,7 +30,7 @@ def walk(draws: list[Steps], side: float) -> tuple[Array, Array]:
     """Starts (t, n, 2) and positions (t, T, n, 2) of several trials' walks."""
     start, heading, length, turn = (np.stack(part) for part in zip(*draws, strict=True))
     x, path = start, np.empty((*length.shape, 2))
-    for k in range(length.shape[1]):
+    for k in range(length.shape[1] if path.size else 0):  # most worlds have no obstacles
         heading = heading + turn[:, k]
         x = x + length[:, k, :, None] * np.stack([np.cos(heading), np.sin(heading)], -1)
         out = (x < 0) | (x > side)

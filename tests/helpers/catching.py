@@ -9,7 +9,8 @@ import numpy as np
 from cooploc.analysis.execution import secret_seed
 from cooploc.analysis.execution.elsewhere import play_elsewhere
 from cooploc.analysis.execution.own_world_certificate import SURROUNDINGS, demand_no_results
-from cooploc.analysis.execution.walled import given, measured_here, play_all
+from cooploc.analysis.execution.played import play_all
+from cooploc.analysis.execution.walled import given, measured_here
 from cooploc.analysis.execution.world_players import players
 from cooploc.scenarios import simulate
 from cooploc.scenarios.conformance.check import CHECKS, run_check
