@@ -1,7 +1,5 @@
 """A study on a real Dask cluster on this machine: the bits of a local run, also when a worker is killed."""
 
-import os
-import signal
 import socket
 import subprocess
 import sys
@@ -27,28 +25,48 @@ def plugins(tmp_path_factory):
     return install(tmp_path_factory.mktemp("plugins"))
 
 
+class Cluster:
+    """A scheduler and workers on this machine, started by Dask's own commands."""
+
+    def __init__(self, folder, plugins):
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            port = free.getsockname()[1]
+        self.address = f"tcp://127.0.0.1:{port}"
+        self.options = {"cwd": folder, **QUIET}
+        self.variables = environment(plugins)
+        self.begun = []
+        self._begin("scheduler", "--host", "127.0.0.1", "--port", str(port))
+
+    def join(self, **variables):
+        """One more worker, with these environment variables too."""
+        there = workers(self.address)
+        self._begin("worker", self.address, "--nthreads", "1", **variables)
+        until(lambda: workers(self.address) == there + 1)
+        return self.begun[-1]
+
+    def end(self):
+        for process in self.begun:
+            kill(process)
+
+    def _begin(self, *arguments, **variables):
+        command = [sys.executable, "-m", "dask", *arguments, "--no-dashboard"]
+        self.begun.append(subprocess.Popen(command, env={**self.variables, **variables}, **self.options))
+
+
+def kill(process):
+    """A process and all its children, at once."""
+    for child in psutil.Process(process.pid).children(recursive=True) if process.poll() is None else ():
+        child.kill()
+    process.kill()
+    process.wait()
+
+
 @pytest.fixture
 def cluster(tmp_path, plugins):
-    """A scheduler and two workers, started by Dask's own commands: the address, and the workers' processes."""
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    address = f"tcp://127.0.0.1:{port}"
-    options = {"cwd": tmp_path, "env": environment(plugins), **QUIET}
-    dask = [sys.executable, "-m", "dask"]
-    quiet = ["--no-dashboard"]
-    begun = [subprocess.Popen([*dask, "scheduler", "--host", "127.0.0.1", "--port", str(port), *quiet], **options)]
-    for _ in range(2):
-        begun.append(subprocess.Popen([*dask, "worker", address, "--nthreads", "1", *quiet], **options))
-    try:
-        until(lambda: workers(address) == 2)
-        yield address, begun[1:]
-    finally:
-        for process in begun:
-            for child in psutil.Process(process.pid).children(recursive=True) if process.poll() is None else ():
-                child.kill()
-            process.kill()
-            process.wait()
+    found = Cluster(tmp_path, plugins)
+    yield found
+    found.end()
 
 
 def workers(address):
@@ -61,22 +79,47 @@ def workers(address):
         return 0
 
 
-def test_a_cluster_gives_the_bits_of_a_local_run_though_a_worker_is_killed(cluster, tmp_path, plugins):
-    address, workers_ = cluster
+@pytest.fixture
+def local(tmp_path, plugins):
+    """The parts of the study without a cluster."""
     (tmp_path / "small.toml").write_text(SMALL)
-    local = finish("run", "small.toml", "--out", "local", plugins=plugins, cwd=tmp_path)
-    assert local.returncode == 0, local.stderr
-    arguments = ("run", "small.toml", "--out", "far", "--scheduler", address)
-    run = start(*arguments, plugins=plugins, cwd=tmp_path)
+    told = finish("run", "small.toml", "--out", "local", plugins=plugins, cwd=tmp_path)
+    assert told.returncode == 0, told.stderr
+    return parts(tmp_path / "local")
+
+
+def started(cluster, tmp_path, plugins):
+    """The study on the cluster, as soon as its first trials are done."""
+    run = start("run", "small.toml", "--out", "far", "--scheduler", cluster.address, plugins=plugins, cwd=tmp_path)
     until(lambda: marks(tmp_path / "far") or run.poll() is not None)
     assert run.poll() is None
-    victim = workers_[0]
-    for child in psutil.Process(victim.pid).children(recursive=True):
-        os.kill(child.pid, signal.SIGKILL)
-    victim.kill()
+    return run
+
+
+def test_a_cluster_gives_the_bits_of_a_local_run_though_a_worker_is_killed(cluster, local, tmp_path, plugins):
+    victim, _ = cluster.join(), cluster.join()
+    run = started(cluster, tmp_path, plugins)
+    kill(victim)
     _, told = run.communicate(timeout=200)
     assert run.returncode == 0, told
-    assert parts(tmp_path / "far") == parts(tmp_path / "local")
+    assert parts(tmp_path / "far") == local
+
+
+def test_a_worker_of_other_bits_that_joins_late_ends_the_run_and_the_same_command_goes_on(
+    cluster, local, tmp_path, plugins
+):
+    first = cluster.join()
+    run = started(cluster, tmp_path, plugins)
+    other = cluster.join(NUMBA_OPT="1")
+    kill(first)  # all that is left goes to the other
+    _, told = run.communicate(timeout=200)
+    assert run.returncode == 2, told
+    assert "has other instructions than this machine: use workers of one kind of processor" in told
+    kill(other)
+    cluster.join()
+    again = finish("run", "small.toml", "--out", "far", "--scheduler", cluster.address, plugins=plugins, cwd=tmp_path)
+    assert again.returncode == 0, again.stderr
+    assert parts(tmp_path / "far") == local
 
 
 @pytest.mark.parametrize(
