@@ -1,12 +1,14 @@
 """Is an honest estimator ever accused? Every check on every built-in estimator, each seed other small streams.
 
-Run: python benchmarks/statistics/accusations.py REPORT [SEEDS]. Writes the report after every seed, so it can be ended
-at any time. An accusation is a fault of the filter or of the check; exit code 1 where there is one.
+Run: python benchmarks/statistics/accusations.py REPORT [SEEDS [ESTIMATOR ...]]. Writes the report after every seed, so
+it can be ended at any time; the rows of estimators that are not asked for stay as they are in the report. An accusation
+is a fault of the filter or of the check; exit code 1 where there is one.
 """
 
 import sys
 import time
 from collections import Counter
+from collections.abc import Collection
 from pathlib import Path
 
 from cooploc.analysis.execution.provenance import provenance
@@ -16,8 +18,8 @@ from cooploc.scenarios.conformance.check import Report, check_estimator
 SEEDS = 50
 
 
-def report(found: dict[str, list[Report]], seconds: Counter[str]) -> str:
-    """The table, and every accusation in full."""
+def report(found: dict[str, list[Report]], seconds: Counter[str], before: str = "") -> str:
+    """The table, and every accusation in full; `before` is the report whose other rows stay."""
     made = provenance()
     lines = [
         "# Is an honest estimator ever accused?",
@@ -30,18 +32,27 @@ def report(found: dict[str, list[Report]], seconds: Counter[str]) -> str:
         "| estimator | seeds | checks that ran | skipped | false accusations | seconds a seed |",
         "| --- | ---: | ---: | ---: | ---: | ---: |",
     ]
+    rows = _kept(before, found)
     for name, reports in found.items():
         ran, skipped, failed = sum(r.ran for r in reports), *(sum(r.count(s) for r in reports) for s in _OTHER)
         each = seconds[name] / len(reports)
-        lines.append(f"| `{name}` | {len(reports)} | {ran} | {skipped} | {failed} | {each:.1f} |")
-    return "\n".join([*lines, "", *_accusations(found)]) + "\n"
+        rows[name] = f"| `{name}` | {len(reports)} | {ran} | {skipped} | {failed} | {each:.1f} |"
+    lines += [rows[name] for name in dict.fromkeys([*BUILTIN, *rows]) if name in rows]
+    return "\n".join([*lines, "", *_accusations(found, before)]) + "\n"
 
 
 _OTHER = ("skipped", "failed")
 
 
-def _accusations(found: dict[str, list[Report]]) -> list[str]:
-    told = [
+def _kept(before: str, found: Collection[str]) -> dict[str, str]:
+    """The rows of a report by estimator, but for those found now."""
+    rows = {line.split("`")[1]: line for line in before.splitlines() if line.startswith("| `")}
+    return {name: line for name, line in rows.items() if name not in found}
+
+
+def _accusations(found: dict[str, list[Report]], before: str) -> list[str]:
+    told = [line for line in before.splitlines() if line.startswith("- `") and line.split("`")[1] not in found]
+    told += [
         f"- `{name}`, seed {result.seed}, {result.check}: {result.detail}"
         for name, reports in found.items()
         for one in reports
@@ -51,19 +62,20 @@ def _accusations(found: dict[str, list[Report]]) -> list[str]:
     return told or ["No estimator was accused."]
 
 
-def main(out: str, seeds: int = SEEDS) -> int:
+def main(out: str, seeds: str = str(SEEDS), *names: str) -> int:
     """Check, write, and count the accusations."""
-    found: dict[str, list[Report]] = {name: [] for name in BUILTIN}
+    found: dict[str, list[Report]] = {name: [] for name in names or BUILTIN}
+    before = Path(out).read_text(encoding="utf-8") if names and Path(out).exists() else ""
     seconds: Counter[str] = Counter()
-    for seed in range(seeds):
+    for seed in range(int(seeds)):
         for name, reports in found.items():
             began = time.perf_counter()
             reports.append(check_estimator(make(name), name, seed))
             seconds[name] += time.perf_counter() - began
-        Path(out).write_text(report(found, seconds), encoding="utf-8")
+        Path(out).write_text(report(found, seconds, before), encoding="utf-8")
         print(f"{seed + 1} of {seeds} seeds", file=sys.stderr, flush=True)
     return int(any(r.count("failed") for reports in found.values() for r in reports))
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1], *map(int, sys.argv[2:])))
+    sys.exit(main(*sys.argv[1:]))
