@@ -4,6 +4,7 @@ from cooploc.analysis.plot.animation import animate
 from cooploc.analysis.plot.claims_forest import claims
 from cooploc.analysis.plot.ellipses import anees, ellipses
 from cooploc.analysis.plot.information_matrix import information
+from cooploc.analysis.plot.pareto import pareto
 from cooploc.analysis.plot.readings_map import readings
 from cooploc.analysis.plot.sensitivity_panels import sensitivity
 from cooploc.analysis.plot.specification_curve import specification_curve
@@ -16,6 +17,7 @@ __all__ = [
     "claims",
     "ellipses",
     "information",
+    "pareto",
     "readings",
     "rmse",
     "sensitivity",
