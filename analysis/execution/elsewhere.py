@@ -12,11 +12,12 @@ import time
 from collections.abc import Iterator
 from contextlib import chdir, contextmanager
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from cooploc.analysis.execution.played import Given, Played, play
-from cooploc.estimators import BUILTIN, make
+from cooploc.estimators import BUILTIN, make, module_of
 from cooploc.estimators.plugins.labels import parse
 from cooploc.estimators.plugins.python_file import is_file
 
@@ -36,15 +37,28 @@ class Elsewhere(NamedTuple):
 
 def play_elsewhere(one: Given) -> Elsewhere:
     """Play in this process, which must be a fresh one; directory and date are others than those of the run."""
+    import_module("cooploc.analysis.execution.walled")  # a plug-in may replace what measures it
     for name in BUILTIN:
-        make(name)  # a plug-in may replace what a rival does
+        make(name)  # or what a rival does
     before = functions()
-    path = _absolute(one.label)
+    path, known = _absolute(one.label), set(sys.modules)
+    play(one._replace(label=path, stream=one.stream.truncated(2)))  # compiled libraries must load first
+    _forget(path, set(sys.modules) - known)
     with tempfile.TemporaryDirectory() as folder, opened_files() as files, another_date():
         with chdir(folder):
             played = play(one._replace(label=path))
         inputs = {name: found for name in sorted(files) if (found := hash_of(name))}
     return Elsewhere(played, inputs, tuple(sorted(replaced(before))))
+
+
+def _forget(label: str, loaded: set[str]) -> None:
+    """Let an estimator's own modules be imported again, with what they do as they are; libraries stay."""
+    package = module_of(parse(label)[0]).partition(".")[0]
+    for name in loaded:
+        file = str(getattr(sys.modules[name], "__file__", None) or "")
+        own = name.partition(".")[0] == package or not file.startswith((sys.prefix, sys.base_prefix))
+        if own and file.endswith(".py") and not name.startswith(OURS):
+            del sys.modules[name]
 
 
 @contextmanager
@@ -87,6 +101,8 @@ def another_date() -> Iterator[None]:
     kept = datetime.datetime
 
     class Later(kept):  # type: ignore[valid-type, misc]
+        __slots__ = ()
+
         @classmethod
         def now(cls, tz: Any = None) -> Any:
             return kept.fromtimestamp(time.time(), tz)

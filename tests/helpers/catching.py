@@ -43,6 +43,7 @@ GALLERY = {  # cheat -> the check that is meant for it
     "SeedsFromDate": "surroundings",
     "SeedsFromYear": "surroundings",
     "SeedsFromLocalTime": "surroundings",
+    "SeedsFromItsImport": "surroundings",
     "SeedsFromDirectory": "surroundings",
     "SeedsFromClock": "determinism",
     "SeedsFromNothing": "determinism",

@@ -29,6 +29,7 @@ from cooploc.scenarios.stream import Stream, Truth
 
 LATE = 30  # ticks: longer than the small streams
 SEED = 7  # of the study that is cheated
+YEAR = datetime.date.today().year
 FILE = Path(tempfile.gettempdir()) / "cooploc-cheats"
 
 
@@ -234,6 +235,13 @@ class SeedsFromLocalTime(Counts):
 
     def extra(self, s, z):
         return 1e-3 * time.localtime().tm_year
+
+
+class SeedsFromItsImport(Counts):
+    """The year in which its file was imported."""
+
+    def extra(self, s, z):
+        return 1e-3 * YEAR
 
 
 class SeedsFromDirectory(Counts):
