@@ -7,12 +7,13 @@ that has a reading of the sender moves that density through the detection model,
 
 and multiplies its weights with it. The product takes the beliefs to be independent, which they are less and less the
 more often the robots meet. Hence the source's safeguard: once a pair's detection was used, the next is used only after
-the robot has travelled some distance, 2.5 m there. That a robot does not see another is never used.
+the robot has travelled some distance. That a robot does not see another is never used.
 
 Our reading: the source builds density trees of thousands of samples; a packet must be small, so the density is the sum
 of Gaussian kernels (Liu & West's, which leave the mean and the covariance what they are). The detection is a packet
 with its reading, made by the robot that receives it; each robot counts the distance that it has travelled itself, for
-each teammate. Where no packet arrives, nothing was used, and the count goes on.
+each teammate. Where no packet arrives, nothing was used, and the count goes on. The source's text was not at hand: its
+2.5 m are as we remember them.
 
 Source: D. Fox, W. Burgard, H. Kruppa, S. Thrun, "A probabilistic approach to collaborative multi-robot localization",
 Autonomous Robots 8(3), 2000.

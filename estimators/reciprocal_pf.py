@@ -4,13 +4,14 @@ A robot broadcasts its particles as K clusters. A robot that has a reading of th
 likelihood of that reading, as MRSL does. Then each particle is, with probability alpha, drawn again from the detection
 model: from the sender's clusters, at the distance (and in the direction) that was read. So a robot that is lost finds
 back to where its team sees it. Nothing corrects the weights for having been drawn there, and beliefs are multiplied as
-if they were independent: both as published, and both make it over-confident or biased.
+if they were independent: both make it over-confident or biased.
 
 Our reading: the detection is made by the robot that receives the packet, by radio or by camera; in the source it is the
 sender that detects, and says so in the packet. Particles are resampled by weight only where their weights are poor, as
 in all filters here; a particle that is then drawn again has the mean weight of all, and the heading of one chosen by
 weight. The belief that is reported is that before these draws: they are proposals, for the next readings to judge.
-alpha = 0.06 is that of a public implementation (N. Zimmerman, A. Giusti, J. Guzzi, IROS 2024).
+The papers' text was not at hand: the draws, the clusters and alpha = 0.06 follow the public implementation of N.
+Zimmerman, A. Giusti, J. Guzzi, "Resource-aware collaborative Monte Carlo localization", IROS 2024.
 
 Source: A. Prorok, A. Martinoli, "A reciprocal sampling algorithm for lightweight distributed multi-robot localization",
 IROS 2011; the clusters: A. Prorok, A. Bahr, A. Martinoli, ICRA 2012.

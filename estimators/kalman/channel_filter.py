@@ -54,7 +54,7 @@ def news(belief: Gaussian, common: Gaussian) -> Information:
 
     The belief knows less than the link where a message was lost, or where particles represent it badly.
     """
-    L = np.linalg.cholesky(common.P)
+    L = _root(common.P)
     whitened = np.asarray(L.mT @ np.linalg.solve(belief.P, L), float)
     gain, V = np.linalg.eigh(symmetric(whitened))  # 1 where nothing is new
     T = np.linalg.solve(L.mT, V)
@@ -62,6 +62,14 @@ def news(belief: Gaussian, common: Gaussian) -> Information:
     more = gain > 1
     eta, Y = np.where(more, eta[..., 0], 0.0), np.where(more, gain - 1, 0.0)
     return Information((T @ eta[..., None])[..., 0], symmetric((T * Y[:, None]) @ T.mT))
+
+
+def _root(P: Array) -> Array:
+    """Lower triangular L with L L' = P (k, 2, 2); regular also where rounding has made P singular."""
+    a = np.sqrt(P[:, 0, 0])
+    b = P[:, 1, 0] / a
+    c = np.sqrt(np.maximum(P[:, 1, 1] - b * b, 1e-12 * P[:, 1, 1]))
+    return np.stack([np.stack([a, 0 * a], -1), np.stack([b, c], -1)], -2)
 
 
 def joined(common: Gaussian, mine: Information, theirs: Information) -> Gaussian:

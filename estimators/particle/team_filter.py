@@ -5,7 +5,7 @@ packet's reading is the camera's sighting of its sender where there are cameras,
 """
 
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -28,17 +28,17 @@ class TeamSettings(own_filter.Settings):
         return (*own, f"sighting|radio_{self.reading}")
 
 
-def init(p: Any, prior: Belief, world: World, rows: Rows) -> own_filter.FilterState:
+def init(p: TeamSettings, prior: Belief, world: World, rows: Rows) -> own_filter.FilterState:
     """Particles drawn from the prior."""
     return own_filter.init(_own(p, world), prior, world, rows)
 
 
-def predict(p: Any, s: own_filter.FilterState, z: Senses) -> own_filter.FilterState:
+def predict(p: TeamSettings, s: own_filter.FilterState, z: Senses) -> own_filter.FilterState:
     """Draw from P(x_t+1 | x_t)."""
     return own_filter.predict(_own(p, s.world), s, z)
 
 
-def correct(p: Any, s: own_filter.FilterState, z: Senses) -> own_filter.FilterState:
+def correct(p: TeamSettings, s: own_filter.FilterState, z: Senses) -> own_filter.FilterState:
     """Weigh the particles by the readings of anchors, or of landmarks."""
     if "landmark" not in s.world.sensors:
         return own_filter.correct(p, s, z)
@@ -60,6 +60,6 @@ def readings(world: World, z: Senses, mail: Mail) -> tuple[Sensor, Array]:
     return sensor, np.where(refused, np.nan, reading)
 
 
-def _own(p: Any, world: World) -> Any:
+def _own(p: TeamSettings, world: World) -> TeamSettings:
     """The settings of the own filter; it has no anchors to weigh by where there are landmarks."""
     return replace(p, anchor_reading="none") if "landmark" in world.sensors else p

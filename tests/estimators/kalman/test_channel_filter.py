@@ -99,3 +99,10 @@ def test_news_is_the_quotient_of_the_gaussians_where_the_belief_knows_more_in_ev
 def test_only_covariances_that_can_be_inverted_are_definite():
     P = np.array([np.eye(2), np.ones((2, 2)), np.zeros((2, 2)), np.diag([1.0, -1.0]), np.full((2, 2), np.nan)])
     assert definite(P).tolist() == [True, False, False, False, False]
+
+
+def test_a_link_that_rounding_has_made_singular_gives_finite_news():
+    common = Gaussian(np.zeros((1, 2)), np.array([[[1.0, 1.0], [1.0, 1.0]]]))
+    found = news(Gaussian(np.ones((1, 2)), np.diag([0.1, 0.2])[None]), common)
+    assert np.isfinite(found.eta).all()
+    assert is_covariance(found.Y[0], 1e-6)
