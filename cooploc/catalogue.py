@@ -17,7 +17,7 @@ KNOWN = {
     "mrsl-distance": ("mean and covariance", "over-confident: counts shared beliefs again and again"),
     "ctrn": ("mean and covariance", "as `arl` alone; the fusion adds no over-confidence"),
     "cmrl": ("a sample of particles", "over-confident, less so than `mrsl-*`: a detection counts once per 2.5 m"),
-    "reciprocal-pf": ("particles as clusters", "over-confident: counts shared beliefs again and again"),
+    "reciprocal-pf": ("particles as clusters", "no guarantee: repeated counting narrows it, draws widen it"),
     "channel-pf": ("mean, covariance, odometry", "over-confident where messages are lost or robots are more than two"),
     "ekf-local": ("nothing", "consistent up to linearisation"),
     "ekf-joint": ("every reading", "consistent up to linearisation"),

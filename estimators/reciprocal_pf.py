@@ -4,12 +4,14 @@ A robot broadcasts its particles as K clusters. A robot that has a reading of th
 likelihood of that reading, as MRSL does. Then each particle is, with probability alpha, drawn again from the detection
 model: from the sender's clusters, at the distance (and in the direction) that was read. So a robot that is lost finds
 back to where its team sees it. Nothing corrects the weights for having been drawn there, and beliefs are multiplied as
-if they were independent: both make it over-confident or biased.
+if they were independent: the one biases it, the other makes it over-confident.
 
 Our reading: the detection is made by the robot that receives the packet, by radio or by camera; in the source it is the
 sender that detects, and says so in the packet. Particles are resampled by weight only where their weights are poor, as
 in all filters here; a particle that is then drawn again has the mean weight of all, and the heading of one chosen by
-weight. The belief that is reported is that before these draws: they are proposals, for the next readings to judge.
+weight. With ranges alone a draw may lie anywhere around the sender, so the draws widen the reported belief and pull its
+mean towards the team; report="before" leaves them out.
+
 The papers' text was not at hand: the draws, the clusters and alpha = 0.06 follow the public implementation of N.
 Zimmerman, A. Giusti, J. Guzzi, "Resource-aware collaborative Monte Carlo localization", IROS 2024.
 
@@ -18,7 +20,7 @@ IROS 2011; the clusters: A. Prorok, A. Bahr, A. Martinoli, ICRA 2012.
 """
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -26,7 +28,7 @@ from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses
 from cooploc.estimators.particle import detection, draws, mixtures, own_filter, team_filter
 from cooploc.estimators.particle.clusters import clusters
 from cooploc.estimators.particle.resampling import systematic
-from cooploc.estimators.particle.steps import poor, renew, weights
+from cooploc.estimators.particle.steps import poor, renew, summary, weights
 from cooploc.estimators.plugins.bounds import require
 
 TINY = 1e-300  # a weight that is 0 to all others
@@ -40,12 +42,14 @@ class ReciprocalPf(team_filter.TeamSettings):
         reading: of a packet, where no camera sees teammates: "rssi" [dBm] or "range" [m].
         alpha: probability, in [0, 1], that a particle is drawn again from a detection.
         clusters: of particles in a packet, 1 to 100.
+        report: the belief of all particles "after" the draws, or "before" them: the draws are then proposals only.
 
     """
 
     api: ClassVar[int] = 1
     alpha: float = 0.06
     clusters: int = 4
+    report: Literal["after", "before"] = "after"
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -86,13 +90,17 @@ class ReciprocalPf(team_filter.TeamSettings):
         N, (old, logw) = s.x.shape[1], renew(s.x, s.logw, s.key, s.tick)
         w = weights(logw)
         u = draws.uniforms(s.key, s.tick, draws.ANCESTOR, 1)[:, 0, 0]
-        x = np.take_along_axis(old, systematic(w, u)[..., None], 1)
-        heading = x[..., 2] if x.shape[-1] > 2 else np.zeros(x.shape[:2])
-        x[..., :2] = detection.places(sensor, sent, readings, heading, s.key, s.tick)
-        again = draws.uniforms(s.key, s.tick, draws.SHARE, N)[..., 0] < self.alpha
-        x, logw = np.where(again[..., None], x, old), np.log(np.where(again, 1 / N, np.maximum(w, TINY)))
+        resampled = np.take_along_axis(old, systematic(w, u)[..., None], 1)
+        heading = resampled[..., 2] if resampled.shape[-1] > 2 else np.zeros(w.shape)
+        again = heard[:, None] & (draws.uniforms(s.key, s.tick, draws.SHARE, N)[..., 0] < self.alpha)
+        x, logw = np.where(again[..., None], resampled, old), np.log(np.where(again, 1 / N, np.maximum(w, TINY)))
+        x[again, :2] = detection.places(sensor, sent, readings, again, heading, s.key, s.tick)
+        belief = summary(x, logw) if self.report == "after" else s.belief
         return s._replace(
             x=np.where(heard[:, None, None], x, s.x),
             logw=np.where(heard[:, None], logw, s.logw),
             due=np.where(heard, poor(weights(logw)), s.due),
+            belief=Belief(
+                np.where(heard[:, None], belief.x, s.belief.x), np.where(heard[:, None, None], belief.P, s.belief.P)
+            ),
         )

@@ -33,27 +33,27 @@ def require_inverse(sensor: Sensor) -> None:
         )
 
 
-def places(sensor: Sensor, sent: Mixture, z: Array, heading: Array, key: Keys, tick: int) -> Array:
-    """Places (r, N, 2) where the robot may be, nan in a row where no sender has a reading.
+def places(sensor: Sensor, sent: Mixture, z: Array, chosen: Mask, heading: Array, key: Keys, tick: int) -> Array:
+    """Places (c, 2) where robots may be, one for each of the c particles that are `chosen`, row by row.
 
     Args:
         sensor: of the readings.
         sent: what each sender believes, (r, n, K).
         z: readings (r, n, k), nan where there is none.
+        chosen: particles (r, N), in rows that have a usable reading.
         heading: of each particle (r, N) [rad], which a bearing is against; 0 where there is a compass.
-        key: of the random numbers.
+        key: of the random numbers (r, 2).
         tick: the number of this tick.
 
     """
-    r, N = heading.shape
-    u = draws.uniforms(key, tick, draws.SENDER, N)
-    j = _one_of(usable(sent, z).astype(float), u[..., 0])
-    rows = np.arange(r)[:, None]
-    k = _one_of(np.nan_to_num(sent.w)[rows, j], u[..., 1])
-    q = _scattered(sent.x[rows, j, k], sent.P[rows, j, k], draws.normals(key, tick, draws.PLACE, N))
-    noise, turn = draws.normals(key, tick, draws.NOISE, N), draws.uniforms(key, tick, draws.SHARE, N)[..., 1]
-    away, angle = _inverse(sensor, z[rows, j], noise, turn, heading)
-    return np.asarray(q - away[..., None] * np.stack([np.cos(angle), np.sin(angle)], -1))
+    N, row = chosen.shape[1], np.nonzero(chosen)[0]
+    u, turn = (draws.uniforms(key, tick, what, N)[chosen] for what in (draws.SENDER, draws.SHARE))
+    at, noise = (draws.normals(key, tick, what, N)[chosen] for what in (draws.PLACE, draws.NOISE))
+    j = _one_of(usable(sent, z)[row].astype(float), u[:, 0])
+    k = _one_of(np.nan_to_num(sent.w)[row, j], u[:, 1])
+    q = _scattered(sent.x[row, j, k], sent.P[row, j, k], at)
+    away, angle = _inverse(sensor, z[row, j], noise, turn[:, 1], heading[chosen])
+    return np.asarray(q - away[:, None] * np.stack([np.cos(angle), np.sin(angle)], -1))
 
 
 def usable(sent: Mixture, z: Array) -> Mask:
@@ -74,12 +74,10 @@ def _inverse(sensor: Sensor, z: Array, noise: Array, turn: Array, heading: Array
 
 
 def _one_of(weight: Array, u: Array) -> Indices:
-    """An index by weights (r, n), or (r, N, n), for each of the uniforms u (r, N)."""
+    """An index (c,) by weights (c, n), for each of the uniforms u (c,)."""
     cumulated = np.cumsum(weight, -1)
-    if weight.ndim == 2:
-        cumulated = cumulated[:, None]
-    index: Indices = (u[..., None] * cumulated[..., -1:] > cumulated).sum(-1)
-    return np.asarray(np.minimum(index, weight.shape[-1] - 1))
+    index: Indices = (u[:, None] * cumulated[:, -1:] > cumulated).sum(-1)
+    return index
 
 
 def _scattered(m: Array, P: Array, noise: Array) -> Array:

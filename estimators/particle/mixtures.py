@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cooploc.estimators.compiled.jit import readable
-from cooploc.estimators.interface import Array, Sensor
+from cooploc.estimators.interface import Array, Mask, Sensor
 from cooploc.estimators.models.sensors import LogDistance, Range
 from cooploc.estimators.particle.likelihood import ReceivedPackets, planes
 from cooploc.estimators.particle.mixture_kernels import add_mixture_rows
@@ -71,16 +71,21 @@ def weigh(sensor: Sensor, sent: Mixture, z: Array, x: Array, logw: Array) -> Arr
 
 
 def weigh_reference(sensor: Sensor, sent: Mixture, z: Array, x: Array, logw: Array) -> Array:
-    """`weigh` in numpy, for any sensor of one or two numbers."""
-    for j in np.flatnonzero(~np.isnan(z).any(-1).all(0)):
-        w, m, P = (part[:, None, j] for part in sent)  # (r, 1, K, ...)
-        y, _, J = sensor.innovation(x[:, :, None], m, z[:, None, j, None])
-        one = log_density(y, J @ P @ J.mT + sensor.R)
-        with np.errstate(divide="ignore"):
-            logs = np.where(np.isnan(w) | np.isnan(m[..., 0]), -np.inf, one + np.log(w))
-        top = logs.max(-1, keepdims=True)
-        present = (top[..., 0] > -np.inf) & ~np.isnan(z[:, None, j]).any(-1) & ~np.isnan(y).any(-1).all(-1)
-        top = np.where(np.isfinite(top), top, 0.0)
-        with np.errstate(divide="ignore"):
-            logw = logw + np.where(present, top[..., 0] + np.log(np.exp(logs - top).sum(-1)), 0.0)
+    """`weigh` in numpy, for any sensor of one or two numbers: sender by sender, in the rows that have its reading."""
+    logw = logw.copy()
+    for j in range(z.shape[1]):
+        rows = np.flatnonzero(~np.isnan(z[:, j]).any(-1))
+        if len(rows):
+            w, m, P = (part[rows, None, j] for part in sent)  # (p, 1, K, ...)
+            y, _, J = sensor.innovation(x[rows, :, None], m, z[rows, None, None, j])
+            logw[rows] += _log_sum(w, log_density(y, J @ P @ J.mT + sensor.R), np.asarray(np.isnan(y).any(-1)))
     return logw
+
+
+def _log_sum(w: Array, logs: Array, absent: Mask) -> Array:
+    """log sum_k w_k exp(logs_k) over the components (..., K) that are not absent; 0 where all are."""
+    absent = absent | np.isnan(w) | (w == 0)
+    logs = np.where(absent, -np.inf, logs + np.log(np.where(absent, 1.0, w)))
+    top = np.where(absent.all(-1), 0.0, logs.max(-1))
+    total = np.exp(logs - top[..., None]).sum(-1)
+    return np.asarray(top + np.log(np.where(absent.all(-1), 1.0, total)))

@@ -43,10 +43,11 @@ def correct(p: TeamSettings, s: own_filter.FilterState, z: Senses) -> own_filter
     if "landmark" not in s.world.sensors:
         return own_filter.correct(p, s, z)
     s = own_filter.correct(_own(p, s.world), s, z, sends=False)
-    logw = s.logw
+    logw = s.logw.copy()
     for sensor, place, reading in s.world.fixed(z):
-        y, _, _ = sensor.innovation(s.x, place, reading[:, None, :])
-        logw = logw + log_density(y, sensor.R)
+        rows = np.flatnonzero(~np.isnan(reading).any(-1))
+        y, _, _ = sensor.innovation(s.x[rows], place, reading[rows, None])
+        logw[rows] += log_density(y, sensor.R)
     return s._replace(logw=logw, sent=None)
 
 

@@ -39,6 +39,10 @@ def test_a_robot_that_hears_nobody_is_arl_to_the_bit():
     np.testing.assert_array_equal(found["reciprocal"].P, found["alone"].P)
 
 
+def all_of(particles):
+    return np.ones((1, particles), bool)
+
+
 def polar_moments(away, angle, weight):
     """Mean and covariance of q - away (cos, sin) by sums over the nodes of a quadrature, q ~ sum_k w_k N(m_k, P_k)."""
     arm = np.stack([away * np.cos(angle), away * np.sin(angle)], -1)
@@ -65,7 +69,7 @@ CASES = {
 @pytest.mark.parametrize("case", CASES)
 def test_places_have_the_moments_of_the_detection_model_by_quadrature(case):
     sensor, z, distance, direction = CASES[case]
-    got = places(sensor, SENT, np.array([[z]]), np.full((1, DRAWS), 0.7), KEY, 3)[0]
+    got = places(sensor, SENT, np.array([[z]]), all_of(DRAWS), np.full((1, DRAWS), 0.7), KEY, 3)
     t, w = nodes()
     angles, v = (np.linspace(0, 2 * np.pi, 64, endpoint=False), np.ones(64)) if direction is None else (direction(t), w)
     away, angle = (grid.ravel() for grid in np.meshgrid(distance(t), angles))
@@ -75,9 +79,10 @@ def test_places_have_the_moments_of_the_detection_model_by_quadrature(case):
 
 
 def test_places_are_drawn_of_the_senders_that_were_heard_alike():
+    z = np.array([[[1.0], [np.nan], [1.0]]])
     m = np.array([[[[0.0, 0.0]], [[100.0, 0.0]], [[200.0, 0.0]]]])
     sent = Mixture(np.ones((1, 3, 1)), m, np.zeros((1, 3, 1, 2, 2)))
-    got = places(Range(0.1), sent, np.array([[[1.0], [np.nan], [1.0]]]), np.zeros((1, 10_000)), KEY, 1)[0]
+    got = places(Range(0.1), sent, z, all_of(10_000), np.zeros((1, 10_000)), KEY, 1)
     near = [np.mean(np.linalg.norm(got - q, axis=-1) < 2) for q in m[0, :, 0]]
     np.testing.assert_allclose(near, [0.5, 0.0, 0.5], atol=0.02)
 
