@@ -4,9 +4,11 @@ import matplotlib.pyplot as plt
 import pandas as pd
 from made_runs import rows_of
 from matplotlib.colors import to_rgb
+from matplotlib.markers import MarkerStyle
 
 import cooploc as cl
 from cooploc.analysis.plot import style
+from cooploc.analysis.plot.marks import marker
 from cooploc.estimators import BUILTIN
 
 
@@ -18,6 +20,16 @@ def test_every_built_in_estimator_has_a_look_that_no_other_has():
     assert set(style.BUILT_IN) == set(BUILTIN)
     assert len(set(style.BUILT_IN.values())) == len(BUILTIN)
     assert len({look.marker for look in style.BUILT_IN.values()}) == len(BUILTIN)  # apart in grey print
+
+
+def test_every_marker_is_drawn_as_one_mark_that_can_be_hollow():
+    row = pd.Series({"consistency": "over-confident", "centralised": False})
+    for look in style.BUILT_IN.values():
+        _, ax = plt.subplots()
+        marker(ax, 1.0, 2.0, row, look)
+        assert [line.get_xydata().tolist() for line in ax.lines] == [[[1.0, 2.0]]]
+        assert MarkerStyle(look.marker).is_filled()
+        plt.close("all")
 
 
 def test_a_look_does_not_depend_on_which_built_in_estimators_are_shown():

@@ -186,7 +186,8 @@ def test_the_gallery_has_something_for_every_check():
     assert [c.name for c in CHECKS] == NAMES
 
 
-RANDOM = {"arl", "rssi-pf", "mrsl-rssi", "mrsl-distance", "ctrn"}  # particles do not turn with the world
+# particles do not turn with the world
+RANDOM = {"arl", "rssi-pf", "mrsl-rssi", "mrsl-distance", "ctrn", "cmrl", "reciprocal-pf", "channel-pf"}
 
 
 @pytest.mark.parametrize("seed", [0, 1])

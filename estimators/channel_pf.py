@@ -1,0 +1,170 @@
+"""Channel filters: what two robots have told each other is remembered for each link, and not told again.
+
+Each robot runs a particle filter on its own readings. It broadcasts the mean and covariance of its particles, and how
+far odometry has carried it so far. For each teammate it keeps a Gaussian of both their positions, the channel: what
+both know. A packet is news only as far as it knows more than the channel; this and the reading of the packet join the
+channel, and what the robot's own marginal of it gains weighs the particles. Between packets the channel moves as both
+robots do, by the odometry that each reports, with its noise.
+
+Two robots that hear each other in every tick, in a linear-Gaussian world with the same reading at both ends, are the
+centralised filter. Otherwise this is an approximation:
+
+- In a team where all hear all, what k told j comes to i both through j and from k: it is counted twice, because a link
+  knows only of itself. So it is in any network with loops.
+- Of a packet that is lost the sender knows nothing. The robot that did hear has put both beliefs into its channel, and
+  takes too much off what it hears next: information is lost. The robot that did not hear takes off too little, and
+  counts what it had said itself as news: it becomes over-confident. With reliable links neither happens.
+- A camera's heading error, and in a heading frame the odometry's, count as noise of their own in every tick.
+
+Source: S. Grime, H. Durrant-Whyte, "Data fusion in decentralized sensor networks", Control Engineering Practice 2(5),
+1994. That a particle filter's beliefs are exchanged as Gaussians, and that the common state of a link is the pair of
+positions, is our reading.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from cooploc.estimators.interface import Array, Belief, Indices, Mail, Rows, Senses, Sensor, World
+from cooploc.estimators.kalman.channel_filter import (
+    Gaussian,
+    Information,
+    Reading,
+    definite,
+    gained,
+    joined,
+    news,
+    read,
+)
+from cooploc.estimators.kalman.team_readings import curvature
+from cooploc.estimators.particle import own_filter, team_filter
+from cooploc.estimators.particle.packet import pack, unpack
+
+VAGUE = 1e3  # sides of the arena: the standard deviation of a channel over which nothing was said
+
+
+class State(NamedTuple):
+    """What one robot remembers."""
+
+    own: own_filter.FilterState
+    channel: Belief  # x (r, n, 4), P (r, n, 4, 4)  of its own position and each teammate's
+    moved: Belief  # x (r, 2), P (r, 2, 2)  by odometry so far, and the noise of that
+    heard: Array  # (r, n, 5)  what each teammate said of `moved` in its last packet
+
+
+@dataclass(frozen=True)
+class ChannelPf(team_filter.TeamSettings):
+    """Particle filter on own readings; Gaussians are exchanged, less what each link has carried before.
+
+    Args:
+        reading: of a packet, where no camera sees teammates: "rssi" [dBm] or "range" [m].
+        subtract: whether what a link has carried before is taken off; without it all is counted again in every tick.
+
+    """
+
+    api: ClassVar[int] = 1
+    subtract: bool = True
+
+    def init(self, prior: Belief, world: World, rows: Rows) -> State:
+        r, n = len(prior.x), world.robots
+        own = team_filter.init(self, prior, world, rows)
+        return State(own, _nothing(prior, world), Belief(np.zeros((r, 2)), np.zeros((r, 2, 2))), np.zeros((r, n, 5)))
+
+    def predict(self, s: State, z: Senses) -> State:
+        """Move the particles; x' = x + u, P' = P + Q for the own half of each channel."""
+        x, P = s.own.belief
+        after, F, Q = s.own.world.motion.move(x, z.odometry, z.dt)
+        step, Q = (after - x)[:, :2], Q[:, :2, :2]
+        if x.shape[-1] > 2:
+            Q = Q + F[:, :2, 2:] @ P[:, 2:, 2:] @ F[:, :2, 2:].mT
+        channel = Belief(s.channel.x.copy(), s.channel.P.copy())
+        channel.x[..., :2] += step[:, None]
+        channel.P[..., :2, :2] += Q[:, None]
+        moved = Belief(s.moved.x + step, s.moved.P + Q)
+        return s._replace(own=team_filter.predict(self, s.own, z), channel=channel, moved=moved)
+
+    def correct(self, s: State, z: Senses) -> State:
+        return s._replace(own=team_filter.correct(self, s.own, z))
+
+    def send(self, s: State, z: Senses) -> Array:
+        """x, y, P_xx, P_xy, P_yy of the belief, then of its odometry: ten numbers. Silence without a covariance."""
+        packet = np.concatenate([pack(own_filter.to_send(s.own)), pack(s.moved)], -1)
+        regular = definite(own_filter.to_send(s.own).P[:, :2, :2])
+        return np.where(regular[:, None], packet, np.nan)
+
+    def fuse(self, s: State, z: Senses, mail: Mail) -> State:
+        """Every link by itself, from the belief before this tick's packets; the particles by what all have gained."""
+        sensor, readings = team_filter.readings(s.own.world, z, mail)
+        belief = own_filter.to_send(s.own)
+        present = ~np.isnan(mail.packets[..., 0]) & ~np.isnan(readings).any(-1)
+        i, j = np.argwhere(present & definite(belief.P[:, :2, :2])[:, None]).astype(np.int64).T
+        if not len(i):
+            return s._replace(own=own_filter.finish(self, s.own))
+        packets = mail.packets[i, j]
+        before, mine = _caught_up(s, packets, i, j), Belief(belief.x[i], belief.P[i])
+        after, gain = _exchanged(sensor, before, mine, Gaussian(*unpack(packets[:, :5])), readings[i, j])
+        own = own_filter.finish(self, s.own._replace(logw=_weigh(s.own, belief.x, gain, i)))
+        if not self.subtract:
+            return s._replace(own=own)
+        x, P, heard = s.channel.x.copy(), s.channel.P.copy(), s.heard.copy()
+        x[i, j], P[i, j], heard[i, j] = after.x, after.P, packets[:, 5:]
+        return s._replace(own=own, channel=Belief(x, P), heard=heard)
+
+    def estimate(self, s: State) -> Belief:
+        return s.own.belief
+
+
+def _nothing(prior: Belief, world: World) -> Belief:
+    """Channels over which nothing was said."""
+    vague = (VAGUE * np.max(world.arena[1] - world.arena[0])) ** 2 * np.eye(4)
+    shape = len(prior.x), world.robots
+    x = np.concatenate([prior.x[:, :2], prior.x[:, :2]], -1)
+    return Belief(np.broadcast_to(x[:, None], (*shape, 4)).copy(), np.broadcast_to(vague, (*shape, 4, 4)).copy())
+
+
+def _caught_up(s: State, packets: Array, i: Indices, j: Indices) -> Gaussian:
+    """Channels (k, 4) whose other half has moved as the sender's odometry says, since its last packet."""
+    x, P = s.channel.x[i, j], s.channel.P[i, j]
+    now, then = unpack(packets[:, 5:]), unpack(s.heard[i, j])
+    x[:, 2:] += now[0] - then[0]
+    P[:, 2:, 2:] += now[1] - then[1]
+    return Gaussian(x, P)
+
+
+def _exchanged(
+    sensor: Sensor, common: Gaussian, mine: Belief, theirs: Gaussian, z: Array
+) -> tuple[Gaussian, Information]:
+    """Channels after an exchange, and what the robot's own marginal has gained by the other's news and the reading."""
+    about = mine.x[:, :2]
+    i_know = news(Gaussian(about, mine.P[:, :2, :2]), Gaussian(common.x[:, :2], common.P[:, :2, :2]))
+    they_know = news(theirs, Gaussian(common.x[:, 2:], common.P[:, 2:, 2:]))
+    before = joined(common, i_know, they_know._replace(eta=0 * they_know.eta, Y=0 * they_know.Y))
+    both = joined(common, i_know, they_know)
+    after = read(both, _linearised(sensor, both, mine, z))
+    return after, gained(after, before, about)
+
+
+def _linearised(sensor: Sensor, both: Gaussian, mine: Belief, z: Array) -> Reading:
+    """A reading at the mean of both positions; what the robot's heading is uncertain of counts as noise."""
+    d = mine.x.shape[-1]
+    pose = np.concatenate([both.x[:, :2], mine.x[:, 2:]], -1)
+    y, H, Hq = sensor.innovation(pose, both.x[:, 2:], z)
+    apart = np.concatenate([np.eye(2), -np.eye(2)], -1)
+    shift, extra = curvature(sensor, pose, both.x[:, 2:], apart @ both.P @ apart.T)
+    R = sensor.R + extra
+    if d > 2:
+        R = R + H[..., 2:] @ mine.P[:, 2:, 2:] @ H[..., 2:].mT
+    return Reading(y - shift, np.concatenate([H[..., :2], Hq], -1), np.broadcast_to(R, (*y.shape, y.shape[-1])))
+
+
+def _weigh(own: own_filter.FilterState, about: Array, gain: Information, i: Indices) -> Array:
+    """logw + sum over links of eta' e - e' Y e / 2, with e (r, N, 2) the particles about the robot's mean."""
+    eta, Y = np.zeros((len(own.x), 2)), np.zeros((len(own.x), 2, 2))
+    np.add.at(eta, i, gain.eta)
+    np.add.at(Y, i, gain.Y)
+    e = own.x[..., :2] - about[:, None, :2]
+    east, north = e[..., 0], e[..., 1]
+    linear = eta[:, None, 0] * east + eta[:, None, 1] * north
+    square = Y[:, None, 0, 0] * east**2 + 2 * Y[:, None, 0, 1] * east * north + Y[:, None, 1, 1] * north**2
+    return np.asarray(own.logw + linear - square / 2)

@@ -1,0 +1,88 @@
+"""Collaborative Monte Carlo localization: when one robot detects another, its belief is multiplied with the other's.
+
+A robot broadcasts a small sample of its particles with a kernel, which together are a density of its position. A robot
+that has a reading of the sender moves that density through the detection model,
+
+    P(x_l | z) ~ integral p(z | x_l, x_j) Bel(x_j) dx_j,
+
+and multiplies its weights with it. The product takes the beliefs to be independent, which they are less and less the
+more often the robots meet. Hence the source's safeguard: once a pair's detection was used, the next is used only after
+the robot has travelled some distance. That a robot does not see another is never used.
+
+Our reading: the source builds density trees of thousands of samples; a packet must be small, so the density is the sum
+of Gaussian kernels (Liu & West's, which leave the mean and the covariance what they are). The detection is a packet
+with its reading, made by the robot that receives it; each robot counts the distance that it has travelled itself, for
+each teammate. Where no packet arrives, nothing was used, and the count goes on. The source's text was not at hand: its
+2.5 m are as we remember them.
+
+Source: D. Fox, W. Burgard, H. Kruppa, S. Thrun, "A probabilistic approach to collaborative multi-robot localization",
+Autonomous Robots 8(3), 2000.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
+from cooploc.estimators.particle import draws, mixtures, own_filter, team_filter
+from cooploc.estimators.particle.kernel_density import density, sample
+from cooploc.estimators.plugins.bounds import require
+
+
+class State(NamedTuple):
+    """What one robot remembers."""
+
+    own: own_filter.FilterState
+    travelled: Array  # (r, n)  since a detection of each teammate was used [m]; inf before the first
+
+
+@dataclass(frozen=True)
+class Cmrl(team_filter.TeamSettings):
+    """Particle filter on own readings, multiplied with a density of each teammate once per meeting.
+
+    Args:
+        reading: of a packet, where no camera sees teammates: "rssi" [dBm] or "range" [m].
+        samples: particles in a packet, 2 to 10 000.
+        apart: distance [m] that the robot travels before it uses a detection of the same teammate again; 0 uses all.
+
+    """
+
+    api: ClassVar[int] = 1
+    samples: int = 16
+    apart: float = 2.5  # [m]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require(self, samples=(2, 10_000), apart=(0, 1e9))
+
+    def init(self, prior: Belief, world: World, rows: Rows) -> State:
+        return State(team_filter.init(self, prior, world, rows), np.full((len(prior.x), world.robots), np.inf))
+
+    def predict(self, s: State, z: Senses) -> State:
+        """Move the particles, and count the distance."""
+        x = s.own.belief.x
+        after, _, _ = s.own.world.motion.move(x, z.odometry, z.dt)
+        step = np.hypot(after[:, 0] - x[:, 0], after[:, 1] - x[:, 1])
+        return State(team_filter.predict(self, s.own, z), s.travelled + step[:, None])
+
+    def correct(self, s: State, z: Senses) -> State:
+        return s._replace(own=team_filter.correct(self, s.own, z))
+
+    def send(self, s: State, z: Senses) -> Array:
+        """The kernel's P_xx, P_xy, P_yy, then x, y of each sample: 3 + 2 S numbers."""
+        u = draws.uniforms(s.own.key, s.own.tick, draws.SAMPLE, 1)[:, 0, 0]
+        return sample(s.own.x, s.own.logw, u, self.samples)
+
+    def fuse(self, s: State, z: Senses, mail: Mail) -> State:
+        """w_i *= sum_s N(z - h(x_i, x_s); 0, R + J H J') / S, for each teammate that is due."""
+        sensor, readings = team_filter.readings(s.own.world, z, mail)
+        due = s.travelled >= self.apart
+        readings = np.where(due[..., None], readings, np.nan)
+        sent = density(mail.packets)
+        used = ~np.isnan(readings).any(-1) & ~np.isnan(sent.w).all(-1)
+        logw = mixtures.weigh(sensor, sent, readings, s.own.x, s.own.logw)
+        return State(own_filter.finish(self, s.own._replace(logw=logw)), np.where(used, 0.0, s.travelled))
+
+    def estimate(self, s: State) -> Belief:
+        return s.own.belief

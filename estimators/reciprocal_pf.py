@@ -1,0 +1,106 @@
+"""Reciprocal sampling: a share of a robot's particles is drawn from what it just heard, not from what it believed.
+
+A robot broadcasts its particles as K clusters. A robot that has a reading of the sender multiplies its weights with the
+likelihood of that reading, as MRSL does. Then each particle is, with probability alpha, drawn again from the detection
+model: from the sender's clusters, at the distance (and in the direction) that was read. So a robot that is lost finds
+back to where its team sees it. Nothing corrects the weights for having been drawn there, and beliefs are multiplied as
+if they were independent: the one biases it, the other makes it over-confident.
+
+Our reading: the detection is made by the robot that receives the packet, by radio or by camera; in the source it is the
+sender that detects, and says so in the packet. Particles are resampled by weight only where their weights are poor, as
+in all filters here; a particle that is then drawn again has the mean weight of all, and the heading of one chosen by
+weight. With ranges alone a draw may lie anywhere around the sender, so the draws widen the reported belief and pull its
+mean towards the team; report="before" leaves them out.
+
+The papers' text was not at hand: the draws, the clusters and alpha = 0.06 follow the public implementation of N.
+Zimmerman, A. Giusti, J. Guzzi, "Resource-aware collaborative Monte Carlo localization", IROS 2024.
+
+Source: A. Prorok, A. Martinoli, "A reciprocal sampling algorithm for lightweight distributed multi-robot localization",
+IROS 2011; the clusters: A. Prorok, A. Bahr, A. Martinoli, ICRA 2012.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Sensor, World
+from cooploc.estimators.particle import detection, draws, mixtures, own_filter, team_filter
+from cooploc.estimators.particle.clusters import clusters
+from cooploc.estimators.particle.resampling import systematic
+from cooploc.estimators.particle.steps import poor, renew, summary, weights
+from cooploc.estimators.plugins.bounds import require
+
+TINY = 1e-300  # a weight that is 0 to all others
+
+
+@dataclass(frozen=True)
+class ReciprocalPf(team_filter.TeamSettings):
+    """Particle filter on own readings; clusters of particles are exchanged, and particles drawn from detections.
+
+    Args:
+        reading: of a packet, where no camera sees teammates: "rssi" [dBm] or "range" [m].
+        alpha: probability, in [0, 1], that a particle is drawn again from a detection.
+        clusters: of particles in a packet, 1 to 100.
+        report: the belief of all particles "after" the draws, or "before" them: the draws are then proposals only.
+
+    """
+
+    api: ClassVar[int] = 1
+    alpha: float = 0.06
+    clusters: int = 4
+    report: Literal["after", "before"] = "after"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require(self, alpha=(0, 1), clusters=(1, 100))
+
+    def init(self, prior: Belief, world: World, rows: Rows) -> own_filter.FilterState:
+        for channel in ("sighting", "radio_rssi", "radio_range"):
+            if self.alpha and channel in world.sensors:
+                detection.require_inverse(world.sensors[channel])
+        return team_filter.init(self, prior, world, rows)
+
+    def predict(self, s: own_filter.FilterState, z: Senses) -> own_filter.FilterState:
+        return team_filter.predict(self, s, z)
+
+    def correct(self, s: own_filter.FilterState, z: Senses) -> own_filter.FilterState:
+        return team_filter.correct(self, s, z)
+
+    def send(self, s: own_filter.FilterState, z: Senses) -> Array:
+        """w, x, y, P_xx, P_xy, P_yy of each cluster: six numbers for each that has particles."""
+        return clusters(s.x, weights(s.logw), self.clusters).pack()
+
+    def fuse(self, s: own_filter.FilterState, z: Senses, mail: Mail) -> own_filter.FilterState:
+        """w_i *= prod_j p(z_j | x_i, clusters of j); then x_i ~ p(x | z_j, clusters of j) with probability alpha."""
+        sensor, readings = team_filter.readings(s.world, z, mail)
+        sent = mixtures.unpack(mail.packets)
+        logw = mixtures.weigh(sensor, sent, readings, s.x, s.logw)
+        s = own_filter.finish(self, s._replace(logw=logw))
+        heard: Mask = np.asarray(detection.usable(sent, readings).any(-1))
+        return self._drawn_again(s, sensor, sent, readings, heard) if self.alpha and heard.any() else s
+
+    def estimate(self, s: own_filter.FilterState) -> Belief:
+        return s.belief
+
+    def _drawn_again(
+        self, s: own_filter.FilterState, sensor: Sensor, sent: mixtures.Mixture, readings: Array, heard: Mask
+    ) -> own_filter.FilterState:
+        """Particles of the rows that `heard`, each drawn from a detection with probability alpha."""
+        N, (old, logw) = s.x.shape[1], renew(s.x, s.logw, s.key, s.tick)
+        w = weights(logw)
+        u = draws.uniforms(s.key, s.tick, draws.ANCESTOR, 1)[:, 0, 0]
+        resampled = np.take_along_axis(old, systematic(w, u)[..., None], 1)
+        heading = resampled[..., 2] if resampled.shape[-1] > 2 else np.zeros(w.shape)
+        again = heard[:, None] & (draws.uniforms(s.key, s.tick, draws.SHARE, N)[..., 0] < self.alpha)
+        x, logw = np.where(again[..., None], resampled, old), np.log(np.where(again, 1 / N, np.maximum(w, TINY)))
+        x[again, :2] = detection.places(sensor, sent, readings, again, heading, s.key, s.tick)
+        belief = summary(x, logw) if self.report == "after" else s.belief
+        return s._replace(
+            x=np.where(heard[:, None, None], x, s.x),
+            logw=np.where(heard[:, None], logw, s.logw),
+            due=np.where(heard, poor(weights(logw)), s.due),
+            belief=Belief(
+                np.where(heard[:, None], belief.x, s.belief.x), np.where(heard[:, None, None], belief.P, s.belief.P)
+            ),
+        )

@@ -1,0 +1,63 @@
+"""Particles as clusters, against the same in plain numpy, and what holds for any clusters."""
+
+import numpy as np
+import pytest
+
+from cooploc.estimators.particle.clusters import clusters
+from cooploc.estimators.particle.steps import moments
+
+
+def reference(x, w, K):
+    """Clusters (share, mean, covariance) of one robot's particles (N, 2), by lists of members."""
+    groups = [np.arange(len(x))]
+
+    def described(members):
+        share = w[members].sum()
+        return share, np.average(x[members], 0, w[members]), np.cov(x[members].T, aweights=w[members], ddof=0)
+
+    while len(groups) < K:
+        variances = np.array([np.diag(described(members)[2]) for members in groups])
+        widest, axis = np.unravel_index(variances.argmax(), variances.shape)
+        members = groups[widest]
+        above = x[members, axis] > described(members)[1][axis]
+        groups[widest] = members[~above]
+        groups.append(members[above])
+    return [described(members) for members in groups]
+
+
+@pytest.mark.parametrize("K", [1, 2, 5, 8])
+def test_clusters_are_those_of_plain_numpy(rng, K):
+    x, w = rng.normal(size=(3, 60, 2)) * [1.0, 0.5], rng.uniform(size=(3, 60))
+    w /= w.sum(-1, keepdims=True)
+    got = clusters(x, w, K)
+    for r in range(3):
+        for k, (share, mean, P) in enumerate(reference(x[r], w[r], K)):
+            np.testing.assert_allclose(got.w[r, k], share)
+            np.testing.assert_allclose(got.x[r, k], mean)
+            np.testing.assert_allclose(got.P[r, k], P, atol=1e-12)
+
+
+def test_clusters_together_have_the_mean_and_covariance_of_the_particles(rng):
+    x, w = rng.normal(size=(4, 50, 2)), rng.uniform(size=(4, 50))
+    w /= w.sum(-1, keepdims=True)
+    got, whole = clusters(x, w, 6), moments(x, w)
+    np.testing.assert_allclose(got.w.sum(-1), 1)
+    mean = (got.w[..., None] * got.x).sum(1)
+    e = got.x - mean[:, None]
+    P = (got.w[..., None, None] * (got.P + e[..., :, None] * e[..., None, :])).sum(1)
+    np.testing.assert_allclose(mean, whole.x)
+    np.testing.assert_allclose(P, whole.P)
+
+
+def test_two_groups_far_apart_are_two_clusters(rng):
+    x = np.concatenate([rng.normal(0, 0.1, (20, 2)), rng.normal([5.0, 0.0], 0.1, (60, 2))])[None]
+    got = clusters(x, np.full((1, 80), 1 / 80), 2)
+    np.testing.assert_allclose(got.w[0], [0.25, 0.75])
+    np.testing.assert_allclose(got.x[0], [[0.0, 0.0], [5.0, 0.0]], atol=0.1)
+
+
+def test_particles_at_one_point_are_one_cluster_and_the_rest_are_absent():
+    got = clusters(np.ones((1, 10, 2)), np.full((1, 10), 0.1), 3)
+    np.testing.assert_allclose(got.w, [[1.0, np.nan, np.nan]])
+    assert np.isnan(got.pack()[0, 6:]).all()
+    np.testing.assert_allclose(got.P[0, 0], 0, atol=1e-15)

@@ -1,0 +1,121 @@
+"""CMRL against Bayes' rule on a grid, and its rule that a detection counts once per meeting."""
+
+import numpy as np
+import pytest
+from oracles import log_distance
+
+from cooploc.estimators import make
+from cooploc.estimators.interface import Belief, Mail, Rows, Senses, World
+from cooploc.estimators.models.motion import Displacement
+from cooploc.estimators.models.sensors import LogDistance, Range
+from cooploc.estimators.particle.kernel_density import density, sample
+from cooploc.estimators.particle.steps import summary, weights
+from cooploc.scenarios import simulate
+from cooploc.scenarios.runner.run import run
+
+PRIOR = Belief(np.array([[2.0, 2.0], [3.5, 4.0]]), np.array([[[0.36, 0.1], [0.1, 0.25]], [[0.5, -0.2], [-0.2, 0.3]]]))
+WORLD = World(
+    robots=2,
+    tick=1.0,
+    arena=np.array([[0.0, 0.0], [6.0, 6.0]]),
+    motion=Displacement(0.0),
+    sensors={"radio_range": Range(0.1)},
+)
+ROWS = Rows(np.zeros(2, int), np.arange(2), np.array([[1, 2], [3, 4]], np.uint32))
+
+
+def senses(step=0.0):
+    nothing = np.empty((2, 0))
+    moved = np.full((2, 2), step) * [1.0, 0.0]
+    return Senses(moved, np.ones(2), nothing, np.empty((2, 0, 2)), np.empty((2, 0, 2)), {})
+
+
+def tick(estimator, s, reading, step=0.0):
+    """One tick in which both robots hear each other, with the same reading (range or RSSI)."""
+    z = senses(step)
+    s = estimator.correct(estimator.predict(s, z), z)
+    packets = estimator.send(s, z)
+    heard = ~np.eye(2, dtype=bool)
+    both = np.where(heard, reading, np.nan)
+    mail = Mail(heard, np.where(heard[..., None], packets[None], np.nan), both, both)
+    return estimator.fuse(s, z, mail)
+
+
+def grid_bayes(log_likelihood):
+    """Mean and covariance of robot 0 by sums over both robots' places, sixty steps a side; nothing is linearised."""
+    side = np.linspace(-1.5, 7.5, 60)
+    cells = np.stack(np.meshgrid(side, side), -1).reshape(-1, 2)
+
+    def prior(i):
+        e = cells - PRIOR.x[i]
+        return np.exp(-0.5 * (e @ np.linalg.inv(PRIOR.P[i]) * e).sum(-1))
+
+    d = np.linalg.norm(cells[:, None] - cells, axis=-1)
+    p = prior(0) * (np.exp(log_likelihood(d)) @ prior(1))
+    mean = p @ cells / p.sum()
+    return mean, np.einsum("c,ci,cj->ij", p, cells - mean, cells - mean) / p.sum()
+
+
+CASES = {
+    "range": (Range(0.3), 1.6, lambda d: -((1.6 - d) ** 2) / (2 * 0.3**2)),
+    "rssi": (LogDistance(), -46.0, lambda d: -((-46.0 - log_distance(np.maximum(d, 0.1))) ** 2) / (2 * 5)),
+}
+
+
+@pytest.mark.parametrize("reading", CASES)
+def test_one_detection_is_bayes_rule_on_a_grid(reading):
+    sensor, z, log_likelihood = CASES[reading]
+    world = World(2, 1.0, WORLD.arena, WORLD.motion, {f"radio_{reading}": sensor})
+    estimator = make("cmrl", reading=reading, anchor_reading="none", particles=20_000, samples=1000)
+    belief = estimator.estimate(tick(estimator, estimator.init(PRIOR, world, ROWS), z))
+    mean, P = grid_bayes(log_likelihood)
+    np.testing.assert_allclose(belief.x[0], mean, atol=0.03)
+    np.testing.assert_allclose(belief.P[0], P, atol=0.03)
+    assert np.linalg.norm(mean - PRIOR.x[0]) > 0.1  # or else the agreement would say nothing
+
+
+def test_a_packets_density_integrates_to_one_and_has_the_particles_mean_and_covariance(rng):
+    x, logw = rng.normal([2.0, 3.0], [0.5, 0.8], (1, 400, 2)), rng.normal(size=(1, 400))
+    got = density(sample(x, logw, np.array([0.4]), 100))
+    side = np.linspace(-4, 9, 300)
+    cells = np.stack(np.meshgrid(side, side), -1).reshape(-1, 2)
+    e = cells[:, None] - got.x[0]
+    kernels = np.exp(-0.5 * np.einsum("cki,kij,ckj->ck", e, np.linalg.inv(got.P[0]), e))
+    p = (kernels * got.w[0] / (2 * np.pi * np.sqrt(np.linalg.det(got.P[0])))).sum(-1) * (side[1] - side[0]) ** 2
+    assert p.sum() == pytest.approx(1, abs=1e-6)
+    whole = summary(x, logw)
+    np.testing.assert_allclose(p @ cells, whole.x[0], atol=0.05)
+    np.testing.assert_allclose(np.einsum("c,ci,cj->ij", p, cells, cells) - np.outer(p @ cells, p @ cells), whole.P[0],
+                               atol=0.1)  # fmt: skip
+
+
+def test_a_sample_of_all_particles_has_exactly_their_mean_and_covariance(rng):
+    x = rng.normal(size=(2, 64, 2))
+    got, whole = density(sample(x, np.zeros((2, 64)), np.array([0.3, 0.9]), 64)), summary(x, np.zeros((2, 64)))
+    np.testing.assert_allclose(got.x.mean(1), whole.x)
+    e = got.x - whole.x[:, None]
+    np.testing.assert_allclose((got.P + e[..., :, None] * e[..., None, :]).mean(1), whole.P)
+
+
+def used(estimator, steps):
+    """Whether robot 0 used the detection of each tick; it moves so many metres in each."""
+    s, found = estimator.init(PRIOR, WORLD, ROWS), []
+    for step in steps:
+        z = senses(step)
+        before = weights(estimator.correct(estimator.predict(s, z), z).own.logw)
+        s = tick(estimator, s, 2.5, step)
+        found.append(not np.allclose(weights(s.own.logw)[0], before[0], atol=1e-12))
+    return found
+
+
+def test_a_detection_of_a_teammate_counts_once_until_the_robot_has_travelled():
+    once = make("cmrl", anchor_reading="none", apart=2.5)
+    assert used(once, [0.0, 0.0, 1.0, 1.0, 1.0, 0.0]) == [True, False, False, False, True, False]
+    assert used(make("cmrl", anchor_reading="none", apart=0.0), [0.0, 0.0, 1.0]) == [True, True, True]
+
+
+def test_a_robot_that_hears_nobody_is_arl_to_the_bit():
+    _, stream = simulate("robots-1-3/n=3", trials=2, seed=3, ticks=20, drop=1.0)
+    found = run({"alone": make("arl"), "cmrl": make("cmrl")}, stream).traces
+    np.testing.assert_array_equal(found["cmrl"].x, found["alone"].x)
+    np.testing.assert_array_equal(found["cmrl"].P, found["alone"].P)
