@@ -35,6 +35,7 @@ BUILTIN: dict[str, tuple[str, dict[str, Any]]] = {
     "ekf-luft": ("cooploc.estimators.ekf_luft:EkfLuft", {}),
     "ekf-interim": ("cooploc.estimators.ekf_interim:EkfInterim", {}),
     "ukf-joint": ("cooploc.estimators.ukf_joint:UkfJoint", {}),
+    "gbp": ("cooploc.estimators.gbp:Gbp", {}),
     "map-joint": ("cooploc.estimators.map_joint:MapJoint", {}),
 }
 
