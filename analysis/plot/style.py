@@ -47,6 +47,7 @@ BUILT_IN = {
     "ekf-interim": Look(BLUE, ">", DASHES[2]),
     "gbp": Look(BROWN, "p", DASHES[1]),
     "ekf-joint": Look(GREY, "d", DOTTED),
+    "iekf-joint": Look(GREY, "P", DOTTED),
     "ukf-joint": Look(GREY, "8", DOTTED),
     "map-joint": Look(GREY, "H", DOTTED),
 }
