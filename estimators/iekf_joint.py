@@ -1,16 +1,15 @@
 """The joint EKF with the right-invariant error of SE(2): no reading between robots says where the whole team faces.
 
 Like ekf-joint it is centralised. A team without landmarks cannot know its common position and heading: readings of
-teammates stay the same when all turn together. The EKF linearises one reading here and the next where the last one moved
-the estimate, its Jacobians then disagree on that direction, and its covariance shrinks there without reason. The error
-xi of a pose X = exp(xi) X^ is one vector for all robots when the team is turned, wherever the estimates are, so that no
-Jacobian says anything of it.
+teammates stay the same when all turn together. The EKF linearises one reading here and the next where the last one
+moved the estimate; its Jacobians then disagree on that direction, and its covariance shrinks there without reason. The
+error xi of a pose X = exp(xi) X^ is one vector for all robots when the team turns, wherever the estimates are, so that
+no reading of a teammate says anything of it.
 
-With e = (position, heading) - estimate, e = T xi to first order, T = [I, J p^; 0, 1], J the turn by 90 degrees. The state
-here holds P = T P_xi T', as ekf-joint does; then F and H are the EKF's own, since F = T(x') T(x)^-1 for any move, and
-only two things differ after each reading: the estimate moves along the group, and P goes with the moved estimate.
-Where robots have a compass, and no heading to estimate, this is ekf-joint with iterations=1, second_order=false,
-update=sequential.
+With e = (position, heading) - estimate, e = T xi to first order, T = [I, J p^; 0, 1], J the turn by 90 degrees. The
+state here holds P = T P_xi T', as ekf-joint does; then F and H are the EKF's own, since F = T(x') T(x)^-1 for any move,
+and only two things differ after each reading: the estimate moves along the group, and P goes with it. Where robots have
+a compass, and no heading to estimate, this is ekf-joint with iterations=1, second_order=false, update=sequential.
 
 Sources: A. Barrau, S. Bonnabel, "The invariant extended Kalman filter as a stable observer", IEEE T-AC 62(4), 2017. For
 teams, arXiv 2405.04000 (transformed EKF) and 2303.01205 (Kalman decomposition), known to us by their abstracts: the

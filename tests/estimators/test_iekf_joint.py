@@ -53,7 +53,7 @@ class OnMatrices:
                 return _matrix(motion.move(_pose(X), u[i] + w / dt, dt)[0])
 
             def error(w):
-                return np.stack([_log(moved(e) @ np.linalg.inv(moved(np.zeros(2)))) for e in np.atleast_2d(w)])  # noqa: B023
+                return np.stack([_log(moved(e) @ np.linalg.inv(moved(np.zeros(2)))) for e in np.atleast_2d(w)])
 
             G = slope(error, np.zeros((1, 2)))[0]
             at = slice(3 * i, 3 * i + 3)
