@@ -49,7 +49,7 @@ def marker(ax: Axes, x: float, y: float, row: Row, look: Look, **more: Any) -> N
     """A row's marker; hollow where it is over-confident."""
     colour = colour_of(row, look)
     face = "white" if row["consistency"] == "over-confident" else colour
-    ax.plot(x, y, look.marker, mfc=face, mec=colour, **{"ms": 6, "mew": 1.3, "zorder": 3, "ls": "none", **more})
+    ax.plot(x, y, marker=look.marker, mfc=face, mec=colour, **{"ms": 6, "mew": 1.3, "zorder": 3, "ls": "none", **more})
 
 
 def rmse_at(ax: Axes, place: float, row: Row, look: Look, vertical: bool = True) -> None:

@@ -18,7 +18,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 BLUE, ORANGE, GREEN, VERMILION, PURPLE, BROWN, _, _, _, SKY = map(to_hex, sns.color_palette("colorblind", 10))
 OTHERS = ("#332288", "#882255", "#999933", "#44aa99")  # of estimators that are not built in; of Paul Tol's muted scheme
 SHADES = (-0.4, 0.4, -0.65, 0.6)  # of variants: towards black, or towards white
-MARKERS = "osD^vPX*ph<>d8H"
+STARS = (3, 1, 0), (4, 1, 0), (6, 1, 0), (3, 1, 180), (4, 1, 45), (8, 1, 0)  # points, star, degrees
+MARKERS: tuple[Any, ...] = (*"osD^vPX*ph<>d8H", *STARS)
 SOLID, DOTTED, BROKEN = "-", (0, (1, 1.5)), (0, (2, 2))
 DASHES: tuple[Any, ...] = (SOLID, (0, (6, 1.5)), (0, (3, 1, 1, 1)), (0, (8, 1, 1, 1, 1, 1)))
 DARK, GREY, BAND, GRID = "0.2", "0.55", "0.93", "0.92"
@@ -28,7 +29,7 @@ class Look(NamedTuple):
     """How an estimator is drawn."""
 
     colour: Any
-    marker: str
+    marker: Any
     line: Any
 
 
@@ -45,9 +46,9 @@ BUILT_IN = {
     "ekf-split-ci": Look(SKY, "h", DASHES[3]),
     "ekf-luft": Look(ORANGE, "<", DASHES[1]),
     "ekf-interim": Look(BLUE, ">", DASHES[2]),
-    "gbp": Look(BROWN, "p", DASHES[1]),
+    "gbp": Look(BROWN, STARS[3], DASHES[1]),
     "ekf-joint": Look(GREY, "d", DOTTED),
-    "iekf-joint": Look(GREY, "P", DOTTED),
+    "iekf-joint": Look(GREY, STARS[4], DOTTED),
     "ukf-joint": Look(GREY, "8", DOTTED),
     "map-joint": Look(GREY, "H", DOTTED),
 }

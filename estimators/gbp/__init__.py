@@ -48,7 +48,7 @@ class Gbp:
             corners, with the variance that it has where the robot is; "doa-constant", with one variance everywhere;
             "gradient", the gradient [dB/m] it is taken from; or "none", no reading of anchors, nor of landmarks.
         reading: the radio reading that is used where no camera sees teammates: "range" [m] or "rssi" [dBm].
-        huber: standard deviations beyond which a reading counts less, as in Huber's loss; inf: every one counts fully.
+        huber: errors beyond so many standard deviations (no unit) count less, as in Huber's loss; inf: all count fully.
     """
 
     api: ClassVar[int] = 1
