@@ -1,32 +1,41 @@
 """The joint EKF with the right-invariant error of SE(2): no reading between robots says where the whole team faces.
 
 Like ekf-joint it is centralised. A team without landmarks cannot know its common position and heading: readings of
-teammates stay the same when all turn together. The EKF linearises one reading here and the next where the last one
-moved the estimate; its Jacobians then disagree on that direction, and its covariance shrinks there without reason. The
-error xi of a pose X = exp(xi) X^ is one vector for all robots when the team turns, wherever the estimates are, so that
-no reading of a teammate says anything of it.
+teammates stay the same when all turn together. The EKF linearises one tick's readings here and the next one's where
+these moved the estimate; its Jacobians then disagree on that direction, and its covariance shrinks there without
+reason. The error xi of a pose X = exp(xi) X^ is one vector for all robots when the team turns, wherever the estimates
+are, so that no reading of a teammate says anything of it.
 
 With e = (position, heading) - estimate, e = T xi to first order, T = [I, J p^; 0, 1], J the turn by 90 degrees. The
 state here holds P = T P_xi T', as ekf-joint does; then F and H are the EKF's own, since F = T(x') T(x)^-1 for any move,
-and only two things differ after each reading: the estimate moves along the group, and P goes with it. Where robots have
-a compass, and no heading to estimate, this is ekf-joint with iterations=1, second_order=false, update=sequential.
+and only two things differ after readings: the estimate moves along the group, and P goes with it. Where robots have a
+compass, and no heading to estimate, this is ekf-joint with iterations=1, second_order=false and lost=1.
 
 Sources: A. Barrau, S. Bonnabel, "The invariant extended Kalman filter as a stable observer", IEEE T-AC 62(4), 2017. For
 teams, arXiv 2405.04000 (transformed EKF) and 2303.01205 (Kalman decomposition), known to us by their abstracts: the
 change of coordinates, which makes the unknowable directions constant, is theirs; its form here is the group's.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, Traffic, World
-from cooploc.estimators.kalman.joint_update import block_diagonal, dense, flat, sparse_update, square
+from cooploc.estimators.kalman.information_kernels import Readings
+from cooploc.estimators.kalman.joint_update import (
+    block_diagonal,
+    distances,
+    flat,
+    information,
+    information_update,
+    readings_of,
+    square,
+    stacked,
+)
 from cooploc.estimators.kalman.messages import no_traffic
 from cooploc.estimators.kalman.settings import TeamSettings
-from cooploc.estimators.kalman.team_readings import linearise, pairs
+from cooploc.estimators.kalman.team_readings import linearise, table
 from cooploc.estimators.kalman.update import ENGINES
 from cooploc.estimators.models.anchor_readings import fixed
 from cooploc.estimators.models.angles import wrap_heading
@@ -42,7 +51,7 @@ class State(NamedTuple):
 
 @dataclass(frozen=True)
 class IekfJoint(TeamSettings):
-    """Centralised invariant EKF over all robots, one reading after the other."""
+    """Centralised invariant EKF over all robots."""
 
     bound: ClassVar[bool] = False
     centralised: ClassVar[bool] = True
@@ -59,28 +68,30 @@ class IekfJoint(TeamSettings):
 
     def correct(self, s: State, z: Senses) -> State:
         for sensor, place, reading in fixed(s.world, z, self.anchor_reading):
-            for i in range(s.world.robots):
-                y, H, _ = sensor.innovation(s.x[:, i], place, reading[:, i])
-                s = self._update(s, y, {i: H}, sensor.R)
+            y, H, _ = sensor.innovation(s.x, place, reading)
+            s = self._together(s, readings_of(y[:, :, None], H[:, :, None], np.zeros_like(H)[:, :, None], sensor.R))
         return s
 
     def exchange(self, s: State, z: Senses, air: Mail) -> tuple[State, Traffic]:
-        for sensor, i, j, reading in pairs(s.world, z, air):
-            y, H, H_j = linearise(sensor, s.x[:, i], s.x[:, j], reading)
-            s = self._update(s, y, {i: H, j: H_j}, sensor.R)
+        for sensor, reading in table(s.world, z, air):
+            y, H_i, H_j = linearise(sensor, s.x[:, :, None], s.x[:, None], reading)
+            s = self._together(s, readings_of(y, H_i, H_j, sensor.R))
         return s, no_traffic(s.x)
 
     def estimate(self, s: State) -> Belief:
         return Belief(wrap_heading(s.x), np.stack([s.P[:, i, :, i] for i in range(s.x.shape[1])], 1))
 
-    def _update(self, s: State, y: Array, at: Mapping[int, Array], R: Array) -> State:
-        """The EKF's step K y and covariance, by a Jacobian given `at` some robots, then along the group."""
+    def _together(self, s: State, readings: Readings) -> State:
+        """P' = (P^-1 + H'R^-1 H)^-1,  step = P' H'R^-1 y by all readings that the gate allows, then along the group."""
         P = square(s.P)
+        use = distances(P, readings) <= self.gate
         if self.engine == "batched":
-            x, P, _ = sparse_update(s.x, P, y, at, R, self.gate)
+            eta, Lambda = information(use, readings)
+            P = information_update(P, Lambda)
+            step = (P @ eta[..., None])[..., 0]
         else:
-            x, P = ENGINES[self.engine].update(flat(s.x), P, y, dense(at, s.world.robots), R, self.gate)
-        return _along_group(s, x.reshape(s.x.shape) - s.x, P.reshape(s.P.shape))
+            step, P = ENGINES[self.engine].update(flat(np.zeros_like(s.x)), P, *stacked(use, readings), np.inf)
+        return _along_group(s, step.reshape(s.x.shape), P.reshape(s.P.shape))
 
 
 def _along_group(s: State, step: Array, P: Array) -> State:

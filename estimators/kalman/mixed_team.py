@@ -29,20 +29,20 @@ class MixedTeamSettings(TeamSettings):
         sighting: what is used of a camera's sighting of a teammate: "both" its range [m] and bearing [rad], "range",
             "bearing", or "none"; with "none" no radio reading of teammates is used either.
         orientation: whether readings of a teammate's heading relative to the own are used, in worlds that have them.
-        without_odometry: how many robots, the last ones, have no wheels that count [count]; they move at random.
-        speed: standard deviation of their velocity along each axis [m/s].
-        turn_rate: standard deviation of their turn rate [rad/s].
+        absent_odometry: what a robot does that has no reading of odometry: it stands "still", or it moves at "random".
+        speed: standard deviation of a random velocity along each axis [m/s].
+        turn_rate: standard deviation of a random turn rate [rad/s].
     """
 
     sighting: Literal["both", "range", "bearing", "none"] = "both"
     orientation: bool = False
-    without_odometry: int = 0
+    absent_odometry: Literal["still", "random"] = "still"
     speed: float = 0.5
     turn_rate: float = 0.5
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require(self, without_odometry=(0, 10_000), speed=(0, 1000), turn_rate=(0, 1000))
+        require(self, speed=(0, 1000), turn_rate=(0, 1000))
 
     @property
     def uses(self) -> tuple[str, ...]:
@@ -53,14 +53,14 @@ class MixedTeamSettings(TeamSettings):
     def moved(self, world: World, x: Array, z: Senses) -> tuple[Array, Array, Array]:
         """x', F, Q of states x (t, n, d).
 
-        Without odometry x' = x, F = I, Q = diag(speed^2, speed^2, turn_rate^2) tick dt: another velocity in each tick.
+        At random x' = x, F = I, Q = diag(speed^2, speed^2, turn_rate^2) tick dt: another velocity in each tick.
         """
-        if not self.without_odometry:
-            return world.motion.move(x, z.odometry, z.dt)
-        blind = np.arange(world.robots) >= world.robots - self.without_odometry
-        x_moved, F, Q = world.motion.move(x, np.where(blind[:, None], np.nan, z.odometry), z.dt)
-        unknown = np.diag([self.speed**2, self.speed**2, self.turn_rate**2][: x.shape[-1]])
-        return x_moved, F, np.where(blind[:, None, None], unknown * world.tick * z.dt[..., None, None], Q)
+        x_moved, F, Q = world.motion.move(x, z.odometry, z.dt)
+        if self.absent_odometry == "random":
+            blind = np.asarray(np.isnan(z.odometry).any(-1))[..., None, None]
+            anyhow = np.diag([self.speed**2, self.speed**2, self.turn_rate**2][: x.shape[-1]])
+            Q = np.where(blind, anyhow * world.tick * z.dt[..., None, None], Q)
+        return x_moved, F, Q
 
     def team_readings(self, world: World, z: Senses, air: Mail) -> Iterator[tuple[Sensor, Array]]:
         """Those readings of teammates that are used, by sensor: (t, receiver, sender, k), as `table` gives them."""

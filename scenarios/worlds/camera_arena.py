@@ -25,6 +25,7 @@ class Camera(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     robots: Robots = 3
+    without_odometry: Number = 0  # so many robots, the last ones, have no odometry
     ticks: Ticks = 200
     tick: Positive = 0.1
     side: Positive = 8.0
@@ -83,6 +84,7 @@ class Camera(BaseModel):
         spread = [self.prior_position, self.prior_position, self.prior_heading]
         prior = wrap_heading(start + rng.normal(0, 1, (n, 3)) * spread)
         odometry = u + rng.normal(0, 1, u.shape) * [self.sigma_v, self.sigma_omega]
+        odometry[:, n - min(n, self.without_odometry) :] = np.nan
         landmark = self._see(rng, path, np.broadcast_to(self._places(), (self.ticks, self.landmarks, 2)))
         sighting = self._see(rng, path, path[..., :2])
         sighting[:, np.arange(n), np.arange(n)] = np.nan

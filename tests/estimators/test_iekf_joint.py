@@ -12,7 +12,7 @@ from cooploc.estimators.kalman.update import kalman
 from cooploc.estimators.models.motion import Unicycle
 from cooploc.scenarios.runner.tick import drive
 
-PLAIN = "ekf-joint[iterations=1,second_order=false,update=sequential]"
+PLAIN = "ekf-joint[iterations=1,second_order=false,lost=1]"
 
 
 def _matrix(x):
@@ -60,17 +60,21 @@ class OnMatrices:
             self.P[at, at] += G @ np.diag([motion.sigma_v**2, motion.sigma_omega**2]) * motion.tick * dt @ G.T
             self.X[i] = moved(np.zeros(2))
 
-    def read(self, sensor, i, place, z):
-        """A reading by robot i of a place or of a robot."""
+    def read(self, sensor, readings):
+        """Readings (robot, place or robot, z), all linearised at one place."""
+        if not readings:
+            return
 
         def innovation(xi):
-            X = [_exp(xi[3 * k : 3 * k + 3]) @ X for k, X in enumerate(self.X)]
-            q = _pose(X[place])[:2] if isinstance(place, int) else place
-            return sensor.innovation(_pose(X[i]), q, z)[0]
+            x = [_pose(_exp(xi[3 * k : 3 * k + 3]) @ X) for k, X in enumerate(self.X)]
+            places = [x[place][:2] if isinstance(place, int) else place for _, place, _ in readings]
+            y = [sensor.innovation(x[i], q, z)[0] for (i, _, z), q in zip(readings, places, strict=True)]
+            return np.concatenate(y)
 
         size = len(self.P)
         H = -slope(lambda xi: np.stack([innovation(e) for e in np.atleast_2d(xi)]), np.zeros((1, size)))[0]
-        xi, self.P = kalman(np.zeros(size), self.P, innovation(np.zeros(size)), H, sensor.R)
+        R = block_diag(*[sensor.R] * len(readings))
+        xi, self.P = kalman(np.zeros(size), self.P, innovation(np.zeros(size)), H, R)
         self.X = [_exp(xi[3 * k : 3 * k + 3]) @ X for k, X in enumerate(self.X)]
 
     def belief(self):
@@ -88,13 +92,12 @@ def test_it_is_the_filter_on_matrices_with_numerical_slopes():
     for k in range(8):
         oracle.move(world.motion, z.odometry[0, k], 0.1)
         for place, q in enumerate(world.landmarks):
-            for i in range(2):
-                if np.isfinite(z.landmark[0, k, i, place]).all():
-                    oracle.read(world.sensors["landmark"], i, q, z.landmark[0, k, i, place])
-        for j in range(2):
-            if np.isfinite(z.sighting[0, k, 1 - j, j]).all():
-                oracle.read(world.sensors["sighting"], 1 - j, j, z.sighting[0, k, 1 - j, j])
-                used += 1
+            read = [(i, q, z.landmark[0, k, i, place]) for i in range(2)]
+            oracle.read(world.sensors["landmark"], [r for r in read if np.isfinite(r[2]).all()])
+        read = [(i, 1 - i, z.sighting[0, k, i, 1 - i]) for i in range(2)]
+        seen = [r for r in read if np.isfinite(r[2]).all()]
+        oracle.read(world.sensors["sighting"], seen)
+        used += len(seen)
         x, P = oracle.belief()
         np.testing.assert_allclose(trace.x[0, k], x, atol=1e-6)
         np.testing.assert_allclose(trace.P[0, k], P, atol=1e-6)
