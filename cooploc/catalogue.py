@@ -26,7 +26,9 @@ KNOWN = {
     "ekf-split-ci": ("mean, both covariances, sightings", "between naive and CI; `form=conservative` is conservative"),
     "ekf-luft": ("belief and cross factor, on request", "approximate: correlations with third robots are guessed"),
     "ekf-interim": ("belief on request, updates to all", "that of `ekf-joint` until the first message is lost"),
+    "iekf-joint": ("every reading", "consistent up to linearisation; learns no common heading from teammates"),
     "ukf-joint": ("every reading", "consistent up to the unscented transform"),
+    "gbp": ("messages of both ends of each reading", "over-confident: what comes around a loop counts as new"),
     "map-joint": ("every reading", "consistent where the models are right"),
 }
 SCENARIOS = ("robots-1-3/n=3[ticks=5]", "camera/n=3[ticks=20]")

@@ -37,7 +37,9 @@ BUILTIN: dict[str, tuple[str, dict[str, Any]]] = {
     "ekf-split-ci": ("cooploc.estimators.ekf_split_ci:EkfSplitCi", {}),
     "ekf-luft": ("cooploc.estimators.ekf_luft:EkfLuft", {}),
     "ekf-interim": ("cooploc.estimators.ekf_interim:EkfInterim", {}),
+    "iekf-joint": ("cooploc.estimators.iekf_joint:IekfJoint", {}),
     "ukf-joint": ("cooploc.estimators.ukf_joint:UkfJoint", {}),
+    "gbp": ("cooploc.estimators.gbp:Gbp", {}),
     "map-joint": ("cooploc.estimators.map_joint:MapJoint", {}),
 }
 

@@ -45,8 +45,8 @@ from cooploc.estimators.kalman.joint_update import (
     widened,
 )
 from cooploc.estimators.kalman.messages import no_traffic
-from cooploc.estimators.kalman.settings import TeamSettings
-from cooploc.estimators.kalman.team_readings import curvature, linearise, table
+from cooploc.estimators.kalman.mixed_team import MixedTeamSettings
+from cooploc.estimators.kalman.team_readings import curvature, linearise
 from cooploc.estimators.kalman.update import ENGINES
 from cooploc.estimators.models.anchor_readings import fixed
 from cooploc.estimators.models.angles import wrap_heading
@@ -70,7 +70,7 @@ class State(NamedTuple):
 
 
 @dataclass(frozen=True)
-class EkfJoint(TeamSettings):
+class EkfJoint(MixedTeamSettings):
     """Centralised EKF over all robots. Plain mode: iterations=1, second_order=False, update="sequential".
 
     Parameters:
@@ -99,7 +99,7 @@ class EkfJoint(TeamSettings):
 
     def predict(self, s: State, z: Senses) -> State:
         """P_ij' = F_i P_ij F_j',  P_ii' = F_i P_ii F_i' + Q_i."""
-        x, F, Q = s.world.motion.move(s.x, z.odometry, z.dt)
+        x, F, Q = self.moved(s.world, s.x, z)
         if self.engine == "batched" and isinstance(s.world.motion, Displacement):
             return _with(s, x, widened(square(s.P), Q))
         joint = ENGINES[self.engine].predict(flat(x), square(s.P), square(block_diagonal(F)), square(block_diagonal(Q)))
@@ -119,7 +119,7 @@ class EkfJoint(TeamSettings):
 
     def exchange(self, s: State, z: Senses, air: Mail) -> tuple[State, Traffic]:
         if self.update == "batch":
-            for sensor, readings in table(s.world, z, air):
+            for sensor, readings in self.team_readings(s.world, z, air):
                 s = self._together(s, sensor, readings)
             s = self._restarted(s)
         else:
@@ -185,7 +185,7 @@ class EkfJoint(TeamSettings):
     def _one_by_one(self, s: State, z: Senses, air: Mail) -> State:
         """Readings of teammates sender by sender, each linearised at what the last one left."""
         plain = self.iterations == 1 and not self.second_order and self.engine == "batched"
-        for sensor, readings in table(s.world, z, air):
+        for sensor, readings in self.team_readings(s.world, z, air):
             if plain and isinstance(sensor, Range):
                 s = _with(s, *range_by_range(s.x, square(s.P), readings[..., 0], sensor.R, self.gate))
                 continue

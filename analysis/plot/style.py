@@ -49,7 +49,9 @@ BUILT_IN = {
     "ekf-split-ci": Look(SKY, "h", DASHES[3]),
     "ekf-luft": Look(ORANGE, "<", DASHES[1]),
     "ekf-interim": Look(BLUE, ">", DASHES[2]),
+    "gbp": Look(BROWN, STARS[3], DASHES[1]),
     "ekf-joint": Look(GREY, "d", DOTTED),
+    "iekf-joint": Look(GREY, STARS[4], DOTTED),
     "ukf-joint": Look(GREY, "8", DOTTED),
     "map-joint": Look(GREY, "H", DOTTED),
 }

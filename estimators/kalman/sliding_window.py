@@ -99,15 +99,43 @@ def elsewhere(s: Window) -> Window:
     return s._replace(x=x)
 
 
+class Pass(NamedTuple):
+    """What one Kalman smoother over a window found."""
+
+    x: Array  # (t, l, n, d)  the new states
+    filtered: list[Belief]  # of each state from the readings up to it: x (t, n d), P (t, n d, n d)
+    F: Array  # (t, l, n d, n d)
+    weights: list[Array]  # A (t, n d, n d) of each state
+    Lambda: Array  # (t, l, n d, n d)  information of each state's readings
+
+    @property
+    def P(self) -> Array:
+        """Covariance (t, l, n d, n d) of every state, given all readings of the window.
+
+        P = P_f - P_f M P_f,  M = F' M' F of the next state,  M' = A (Lambda + M A').
+        """
+        P, M = [], np.zeros_like(self.filtered[-1].P)
+        for k in reversed(range(len(self.filtered))):
+            P_f, A = self.filtered[k].P, self.weights[k]
+            P.append(symmetric(P_f - P_f @ M @ P_f))
+            M = self.F[:, k].mT @ symmetric(A @ (self.Lambda[:, k] + M @ A.mT)) @ self.F[:, k]
+        return np.stack(P[::-1], 1)
+
+
 def smoothed(s: Window) -> tuple[Array, list[Belief]]:
-    """One Kalman smoother over the window, linearised at s.x: the new states (t, l, n, d), and the filter's beliefs.
+    """One Kalman smoother over the window, linearised at s.x: the new states (t, l, n, d), and the filter's beliefs."""
+    once = smooth(s, *information(s.world, s.x, s.z, s.air))
+    return once.x, once.filtered
+
+
+def smooth(s: Window, eta: Array, Lambda: Array) -> Pass:
+    """A smoother by readings of eta = sum H'R^-1 y (t, l, n d), Lambda = sum H'R^-1 H (t, l, n d, n d), taken at s.x.
 
     Forth:  A = (I + Lambda P_p)^-1,  P = P_p A,  x_f = x_p + P g,  g = eta + Lambda (s.x - x_p).
     Back:   x = x_f + P F' l',  l = A (g + F' l').  P_p is not inverted: it may be singular where a robot is certain.
     """
     length, d = s.x.shape[1], s.x.shape[-1]
     at, x_moved, F, Q = _linearised(s)
-    eta, Lambda = information(s.world, s.x, s.z, s.air)
     belief, filtered, pulls, weights = s.past, [], [], []
     for k in range(length):
         mean = flat(x_moved[:, k]) + _times(F[:, k], _turned(belief.x, flat(at[:, k]), d))
@@ -121,7 +149,7 @@ def smoothed(s: Window) -> tuple[Array, list[Belief]]:
     for k in reversed(range(length)):
         x.append(filtered[k].x + _times(filtered[k].P, later))
         later = _times(F[:, k].mT, _times(weights[k], pulls[k] + later))
-    return np.stack(x[::-1], 1).reshape(s.x.shape), filtered
+    return Pass(np.stack(x[::-1], 1).reshape(s.x.shape), filtered, F, weights, Lambda)
 
 
 def _linearised(s: Window) -> tuple[Array, Array, Array, Array]:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cooploc.estimators.interface import Array, Indices, Mail, Senses, Sensor, World
-from cooploc.estimators.models.sensors import Range
+from cooploc.estimators.models.sensors import Orientation, Range
 
 
 class PairReading(NamedTuple):
@@ -59,6 +59,8 @@ def table(world: World, z: Senses, air: Mail) -> Iterator[tuple[Sensor, Array]]:
 
 def linearise(sensor: Sensor, x_i: Array, x_j: Array, reading: Array) -> tuple[Array, Array, Array]:
     """y (..., k), H_i (..., k, d), H_j (..., k, d) of a reading of j by i."""
+    if isinstance(sensor, Orientation):
+        return sensor.between(x_i, x_j, reading)
     y, H, Hq = sensor.innovation(x_i, x_j[..., :2], reading)
     H_j = np.zeros_like(H)
     H_j[..., :2] = Hq

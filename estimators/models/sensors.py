@@ -117,6 +117,28 @@ class Sighting:
         return np.concatenate([y0, y1], -1), np.concatenate([H0, H1], -2), np.concatenate([Hq0, Hq1], -2)
 
 
+@dataclass(frozen=True)
+class Orientation:
+    """A teammate's heading relative to the own [rad]; both states have headings."""
+
+    sigma: float = 0.05  # [rad]
+
+    @property
+    def R(self) -> Array:
+        return np.array([[self.sigma**2]])
+
+    def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
+        """Of a thing that faces along the x axis, which a place `q` does not change: y = wrap(z + heading)."""
+        H = np.zeros((*z.shape, x.shape[-1]))
+        H[..., 2] = -1.0
+        return wrap(z + x[..., 2:]), H, np.zeros((*z.shape, 2))
+
+    def between(self, x: Array, x_j: Array, z: Array) -> tuple[Array, Array, Array]:
+        """y = wrap(z - (heading_j - heading)), H and H_j (..., 1, 3) for a teammate at x_j (..., 3)."""
+        y, H, _ = self.innovation(x, x_j[..., :2], z - x_j[..., 2:])
+        return y, H, -H
+
+
 def _offset(x: Array, q: Array) -> tuple[Array, Array]:
     delta = x[..., :2] - q
     return delta, np.sqrt((delta**2).sum(-1, keepdims=True))

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from cooploc.estimators.interface import Array, Belief, Senses, World
 from cooploc.estimators.models.angles import wrap, wrap_heading
 from cooploc.estimators.models.motion import Unicycle
-from cooploc.estimators.models.sensors import Sighting
+from cooploc.estimators.models.sensors import Orientation, Sighting
 from cooploc.scenarios.seeds import Purpose, generator
 from cooploc.scenarios.stream import Air, Stream, Truth
 from cooploc.scenarios.worlds.radio_arena import Number, Positive, Robots, Sigma, Ticks
@@ -25,6 +25,7 @@ class Camera(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     robots: Robots = 3
+    without_odometry: Number = 0  # so many robots, the last ones, have no odometry
     ticks: Ticks = 200
     tick: Positive = 0.1
     side: Positive = 8.0
@@ -35,6 +36,7 @@ class Camera(BaseModel):
     sigma_omega: Positive = 0.15  # [rad/s]
     sigma_range: Positive = 0.15
     sigma_bearing: Positive = 0.02
+    sigma_orientation: Positive | None = None  # of a teammate's heading, seen with the teammate; None: it is not seen
     sight: Positive = 4.0  # [m] how far a camera sees
     view: Positive = 0.6  # [rad] half its field of view
     prior_position: Positive = 0.1  # sd per axis
@@ -44,21 +46,23 @@ class Camera(BaseModel):
     def world(self) -> World:
         """What the team knows of this world in advance."""
         L, seen = self.side, Sighting(self.sigma_range, self.sigma_bearing)
+        headings = {"orientation": Orientation(self.sigma_orientation)} if self.sigma_orientation else {}
         return World(
             robots=self.robots,
             tick=self.tick,
             arena=np.array([[0, 0], [L, L]], float),
             motion=Unicycle(self.sigma_v, self.sigma_omega, self.tick),
-            sensors={"landmark": seen, "sighting": seen},
+            sensors={"landmark": seen, "sighting": seen, **headings},
             landmarks=self._places(),
         )
 
     def simulate(self, label: str, trials: Sequence[int], seed: int, world: World) -> tuple[Truth, Stream]:
         """Truth and stream of these trials; `world` is what the team assumes, which may differ from `world()`."""
         parts = [self._trial(seed, k) for k in trials]
-        path, prior, odometry, landmark, sighting, link = (np.stack(part) for part in zip(*parts, strict=True))
+        path, prior, odometry, landmark, sighting, link, facing = (np.stack(part) for part in zip(*parts, strict=True))
         t, T, n, _ = path.shape
         trial = np.array(trials, np.int64)
+        extra = {"orientation": facing} if self.sigma_orientation else {}
         spread = np.diag([self.prior_position**2, self.prior_position**2, self.prior_heading**2])
         stream = Stream(
             scenario=label,
@@ -67,7 +71,7 @@ class Camera(BaseModel):
             time=self.tick * np.arange(1, T + 1),
             world=world,
             prior=Belief(prior, np.broadcast_to(spread, (t, n, 3, 3)).copy()),
-            senses=Senses(odometry, np.full((t, T, n), self.tick), np.empty((t, T, n, 0)), landmark, sighting, {}),
+            senses=Senses(odometry, np.full((t, T, n), self.tick), np.empty((t, T, n, 0)), landmark, sighting, extra),
             air=Air(link.astype(bool), np.empty((t, T, n, 0)), np.empty((t, T, n, 0))),
             notes={"world": type(self).__name__, "parameters": self.model_dump(), "prior": "true start + noise"},
         )
@@ -80,11 +84,13 @@ class Camera(BaseModel):
         spread = [self.prior_position, self.prior_position, self.prior_heading]
         prior = wrap_heading(start + rng.normal(0, 1, (n, 3)) * spread)
         odometry = u + rng.normal(0, 1, u.shape) * [self.sigma_v, self.sigma_omega]
+        odometry[:, n - min(n, self.without_odometry) :] = np.nan
         landmark = self._see(rng, path, np.broadcast_to(self._places(), (self.ticks, self.landmarks, 2)))
         sighting = self._see(rng, path, path[..., :2])
         sighting[:, np.arange(n), np.arange(n)] = np.nan
         link = generator(seed, k, Purpose.NETWORK).uniform(size=(self.ticks, n, n)) >= self.drop
-        return path, prior, odometry, landmark, sighting, (link & ~np.eye(n, dtype=bool)).astype(float)
+        linked = (link & ~np.eye(n, dtype=bool)).astype(float)
+        return path, prior, odometry, landmark, sighting, linked, self._face(rng, path, sighting)
 
     def _drive(self, rng: np.random.Generator) -> tuple[Array, Array, Array]:
         """Start (n, 3), poses (T, n, 3) and the true (v, omega) (T, n, 2)."""
@@ -116,6 +122,12 @@ class Camera(BaseModel):
         noisy = reading + rng.normal(0, 1, reading.shape) * [self.sigma_range, self.sigma_bearing]
         noisy[..., 1] = wrap(noisy[..., 1])
         return np.where(seen[..., None], noisy, np.nan)
+
+    def _face(self, rng: np.random.Generator, path: Array, sighting: Array) -> Array:
+        """Heading (T, n, n, 1) of each teammate in sight, relative to the robot's own."""
+        turn = path[:, None, :, 2] - path[:, :, None, 2]
+        noisy = wrap(turn + rng.normal(0, self.sigma_orientation or 0.0, turn.shape))
+        return np.where(np.isnan(sighting[..., 0]), np.nan, noisy)[..., None]
 
     def _places(self) -> Array:
         """Landmarks (l, 2) evenly on a circle around the middle."""

@@ -1,0 +1,112 @@
+"""The joint EKF with the right-invariant error of SE(2): no reading between robots says where the whole team faces.
+
+Like ekf-joint it is centralised. A team without landmarks cannot know its common position and heading: readings of
+teammates stay the same when all turn together. The EKF linearises one tick's readings here and the next one's where
+these moved the estimate; its Jacobians then disagree on that direction, and its covariance shrinks there without
+reason. The error xi of a pose X = exp(xi) X^ is one vector for all robots when the team turns, wherever the estimates
+are, so that no reading of a teammate says anything of it.
+
+With e = (position, heading) - estimate, e = T xi to first order, T = [I, J p^; 0, 1], J the turn by 90 degrees. The
+state here holds P = T P_xi T', as ekf-joint does; then F and H are the EKF's own, since F = T(x') T(x)^-1 for any move,
+and only two things differ after readings: the estimate moves along the group, and P goes with it. Where robots have a
+compass, and no heading to estimate, this is ekf-joint with iterations=1, second_order=false and lost=1.
+
+Sources: A. Barrau, S. Bonnabel, "The invariant extended Kalman filter as a stable observer", IEEE T-AC 62(4), 2017. For
+teams, arXiv 2405.04000 (transformed EKF) and 2303.01205 (Kalman decomposition), known to us by their abstracts: the
+change of coordinates, which makes the unknowable directions constant, is theirs; its form here is the group's.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, Traffic, World
+from cooploc.estimators.kalman.information_kernels import Readings
+from cooploc.estimators.kalman.joint_update import (
+    block_diagonal,
+    distances,
+    flat,
+    information,
+    information_update,
+    readings_of,
+    square,
+    stacked,
+)
+from cooploc.estimators.kalman.messages import no_traffic
+from cooploc.estimators.kalman.settings import TeamSettings
+from cooploc.estimators.kalman.team_readings import linearise, table
+from cooploc.estimators.kalman.update import ENGINES
+from cooploc.estimators.models.anchor_readings import fixed
+from cooploc.estimators.models.angles import wrap_heading
+
+
+class State(NamedTuple):
+    """The team's joint Gaussian."""
+
+    x: Array  # (t, n, d)
+    P: Array  # (t, n, d, n, d)  of position and heading, T P_xi T'
+    world: World
+
+
+@dataclass(frozen=True)
+class IekfJoint(TeamSettings):
+    """Centralised invariant EKF over all robots."""
+
+    bound: ClassVar[bool] = False
+    centralised: ClassVar[bool] = True
+
+    def init(self, prior: Belief, world: World, rows: Rows) -> State:
+        self.require_corners(world)
+        return State(prior.x, block_diagonal(prior.P), world)
+
+    def predict(self, s: State, z: Senses) -> State:
+        """P_xi' = P_xi + Ad Q Ad', which is P' = F P F' + Q."""
+        x, F, Q = s.world.motion.move(s.x, z.odometry, z.dt)
+        F, Q = square(block_diagonal(F)), square(block_diagonal(Q))
+        return s._replace(x=x, P=ENGINES[self.engine].predict(flat(x), square(s.P), F, Q)[1].reshape(s.P.shape))
+
+    def correct(self, s: State, z: Senses) -> State:
+        for sensor, place, reading in fixed(s.world, z, self.anchor_reading):
+            y, H, _ = sensor.innovation(s.x, place, reading)
+            s = self._together(s, readings_of(y[:, :, None], H[:, :, None], np.zeros_like(H)[:, :, None], sensor.R))
+        return s
+
+    def exchange(self, s: State, z: Senses, air: Mail) -> tuple[State, Traffic]:
+        for sensor, reading in table(s.world, z, air):
+            y, H_i, H_j = linearise(sensor, s.x[:, :, None], s.x[:, None], reading)
+            s = self._together(s, readings_of(y, H_i, H_j, sensor.R))
+        return s, no_traffic(s.x)
+
+    def estimate(self, s: State) -> Belief:
+        return Belief(wrap_heading(s.x), np.stack([s.P[:, i, :, i] for i in range(s.x.shape[1])], 1))
+
+    def _together(self, s: State, readings: Readings) -> State:
+        """P' = (P^-1 + H'R^-1 H)^-1,  step = P' H'R^-1 y by all readings that the gate allows, then along the group."""
+        P = square(s.P)
+        use = distances(P, readings) <= self.gate
+        if self.engine == "batched":
+            eta, Lambda = information(use, readings)
+            P = information_update(P, Lambda)
+            step = (P @ eta[..., None])[..., 0]
+        else:
+            step, P = ENGINES[self.engine].update(flat(np.zeros_like(s.x)), P, *stacked(use, readings), np.inf)
+        return _along_group(s, step.reshape(s.x.shape), P.reshape(s.P.shape))
+
+
+def _along_group(s: State, step: Array, P: Array) -> State:
+    """X' = exp(xi) X^ with xi = T^-1 step:  p' = p + V(a) step_p, a the step's heading;  P' = B P B', B = T(x') T^-1.
+
+    V(a) = [sin a, cos a - 1; 1 - cos a, sin a] / a,  B = [I, J (p' - p); 0, 1].
+    """
+    if s.x.shape[-1] == 2:
+        return s._replace(x=s.x + step, P=P)
+    a, (east, north) = step[..., 2], np.moveaxis(step[..., :2], -1, 0)
+    along, across = np.sinc(a / np.pi), np.sinc(a / (2 * np.pi)) * np.sin(a / 2)  # sin a / a, (1 - cos a) / a
+    moved = np.stack([along * east - across * north, across * east + along * north], -1)
+    turned = np.stack([-moved[..., 1], moved[..., 0]], -1)  # J (p' - p), (t, n, 2)
+    P = P.copy()
+    P[:, :, :2] += turned[:, :, :, None, None] * P[:, :, 2:]
+    P[..., :2] += turned[:, None, None] * P[..., 2:]
+    P = (P + P.transpose(0, 3, 4, 1, 2)) / 2
+    return s._replace(x=s.x + np.concatenate([moved, a[..., None]], -1), P=P)

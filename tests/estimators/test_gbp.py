@@ -1,0 +1,114 @@
+"""Gaussian belief propagation: a dense Gaussian where the graph is a tree, `map-joint` where it has loops."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from oracles import dense_posterior, linear_team
+
+import cooploc as cl
+from cooploc.estimators.gbp.factors import Gaussian, Information, weighed
+from cooploc.estimators.gbp.messages import Packet
+from cooploc.scenarios.runner.tick import drive
+
+TICKS = 6
+TREE = [(1, 0, 1), (3, 2, 1), (4, 3, 0)]  # tick, who reads, who is read: two robots never meet twice
+
+
+def _settled(estimator, stream, rounds, kept=None):
+    """The last tick's belief (t, n, ...) after so many further exchanges; `kept` (rounds, t, n, n) links hold."""
+    running = drive("gbp", estimator, stream)
+    running.start()
+    for k in range(len(stream.time)):
+        running.tick(k)
+    z = running.senses(k, flat=True)
+    for once in range(rounds):
+        mail, _ = running.carry(k, estimator.send(running.state, z))
+        if kept is not None:
+            holds = kept[once].reshape(mail.heard.shape)
+            mail = mail._replace(heard=mail.heard & holds, packets=np.where(holds[..., None], mail.packets, np.nan))
+        running.state = estimator.fuse(running.state, z, mail)
+    t, n, d = stream.prior.x.shape
+    x, P = estimator.estimate(running.state)
+    return x.reshape(t, n, d), P.reshape(t, n, d, d)
+
+
+def _tree(seed):
+    _, stream = linear_team(seed=seed, trials=2, robots=4, ticks=TICKS, share=1.0)
+    sighting = np.full_like(stream.senses.sighting, np.nan)
+    for k, i, j in TREE:
+        sighting[:, k, i, j] = stream.senses.sighting[:, k, i, j]
+    return replace(stream, senses=stream.senses._replace(sighting=sighting))
+
+
+@pytest.mark.parametrize("lost", [0.0, 0.7])
+def test_on_a_linear_tree_it_becomes_the_exact_posterior_although_packets_are_lost(lost, rng):
+    stream = _tree(seed=5)
+    kept = rng.uniform(size=(60, 2, 4, 4)) >= lost
+    x, P = _settled(cl.make("gbp", window=TICKS + 1, huber=np.inf), stream, 60 if lost else 8, kept)
+    for trial in range(2):
+        mean, covariance = dense_posterior(stream, trial, TICKS - 1, relative=True)
+        np.testing.assert_allclose(x[trial], mean, atol=1e-8)
+        np.testing.assert_allclose(P[trial], [covariance[i, :, i] for i in range(4)], atol=1e-8)
+
+
+def test_without_these_exchanges_it_is_not_yet_there():
+    stream = _tree(seed=5)
+    x, _ = _settled(cl.make("gbp", window=TICKS + 1, huber=np.inf), stream, 0)
+    assert np.abs(x[0] - dense_posterior(stream, 0, TICKS - 1, relative=True)[0]).max() > 1e-4
+
+
+def test_on_a_linear_graph_with_loops_the_means_become_exact_and_covariances_too_small():
+    _, stream = linear_team(seed=8, trials=2, robots=3, ticks=TICKS)
+    x, P = _settled(cl.make("gbp", window=TICKS + 1, huber=np.inf), stream, 300)
+    for trial in range(2):
+        mean, covariance = dense_posterior(stream, trial, TICKS - 1, relative=True)
+        np.testing.assert_allclose(x[trial], mean, atol=1e-7)
+        assert all(np.linalg.det(P[trial, i]) < np.linalg.det(covariance[i, :, i]) for i in range(3))
+
+
+@pytest.mark.parametrize(
+    ("label", "rounds"),
+    [("robots-1-3/n=3[ticks=6,prior_sigma=0.1]", 200), ("camera/n=3[ticks=6,prior_position=0.02]", 100)],
+)
+def test_on_ranges_and_sightings_the_means_become_those_of_map_joint(label, rounds):
+    """To a micrometre: both find the most probable window, and neither has lost a pose of it."""
+    _, stream = cl.simulate(label, trials=5, seed=2)
+    best = cl.make("map-joint", window=TICKS + 1, iterations=30, reading="range")
+    x, _ = _settled(cl.make("gbp", window=TICKS + 1, huber=np.inf), stream, rounds)
+    np.testing.assert_allclose(x, cl.run({"map": best}, stream).traces["map"].x[:, -1], atol=1e-6)
+
+
+@pytest.mark.parametrize("window", [1, 4, 30])
+def test_alone_it_is_map_joint_for_any_window(window):
+    _, stream = cl.simulate("robots-1-3/n=1[ticks=20,prior_sigma=0.1]", trials=3, seed=2)
+    gbp = cl.make("gbp", window=window, huber=np.inf, iterations=19)
+    run = cl.run({"gbp": gbp, "map": cl.make("map-joint", window=window, iterations=20)}, stream)
+    np.testing.assert_allclose(run.traces["gbp"].x, run.traces["map"].x, atol=1e-9)
+    np.testing.assert_allclose(run.traces["gbp"].P, run.traces["map"].P, atol=1e-9)
+
+
+def test_it_sends_five_numbers_to_each_teammate_and_five_or_ten_more_for_each_older_pose():
+    """Five of the newest pose; of the one before, what the own reading says; of older ones, what both have asked."""
+    _, stream = cl.simulate("robots-1-3/n=3[ticks=8]", trials=2, seed=2)
+    sent = cl.run({"gbp": cl.make("gbp", window=4)}, stream).traces["gbp"].bytes
+    numbers = [5, 5 + 5, 5 + 5 + 10] + 5 * [5 + 5 + 10 + 10]
+    np.testing.assert_array_equal(sent, 2 * (8 * 8 + 8 * sum(numbers)))
+
+
+def test_what_is_packed_is_unpacked(rng):
+    vectors = rng.normal(size=(2, 2, 3, 4, 2))
+    matrices = rng.normal(size=(2, 2, 3, 4, 2, 2))
+    sent = Packet(*(kind(v, m + m.mT) for kind, v, m in zip((Gaussian, Information), vectors, matrices, strict=True)))
+    got = Packet.unpack(sent.pack(window=5), 3)
+    for a, b in zip((*sent.mine, *sent.yours), (*got.mine, *got.yours), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_half_the_square_of_a_weighed_reading_is_hubers_loss():
+    y, h = np.array([[0.5], [2.0], [-9.0], [np.nan]]), 3.0
+    z, R, (H,) = weighed(y, np.array([[4.0]]), h, np.ones((4, 1, 2)))
+    M = np.abs(y[:3, 0]) / 2
+    loss = np.where(h >= M, M**2 / 2, h * M - h**2 / 2)
+    np.testing.assert_allclose((z**2 / R[..., 0] / 2)[:3, 0], loss, rtol=1e-12)
+    assert not H[3].any()
