@@ -11,6 +11,12 @@ and 1/(1-w), so that no unknown correlation can make the result over-confident.
 With engine="filterpy" the moves and all updates, those with inflated covariances included, are filterpy's; the weights
 w are found in the same way by both engines.
 
+The relative form is overlapping covariance intersection (arXiv 2603.16768) of a pair of beliefs and one reading. Of
+ranges it is the filter of "Integration of distance measurements between agents with unknown correlation"
+(hal-04039619): a range helps at most one of two robots, and by the trace only one with h' P_i^2 h / h' P_j h > tr P_i.
+`lever` is the weight of "Weighted covariance intersection for range-based distributed cooperative localization"
+(arXiv 2508.12207) for a planar robot; that paper uses a tick's readings at once, this filter one by one.
+
 Source: L. C. Carrillo-Arce, E. D. Nerurkar, J. L. Gordillo, S. I. Roumeliotis, "Decentralized multi-robot cooperative
 localization using covariance intersection", IROS 2013, for "ls"; the relative form inflates blkdiag(P_i/w, P_j/(1-w))
 before the update of robot i.
@@ -29,6 +35,7 @@ from cooploc.estimators.kalman.settings import TeamSettings
 from cooploc.estimators.kalman.team_readings import PairReading, received
 from cooploc.estimators.kalman.update import ENGINES, distance, inflated_update
 from cooploc.estimators.models.angles import wrap_heading
+from cooploc.estimators.plugins.bounds import require
 
 EXACT = 1e-9 * np.eye(2)  # [m^2] noise of a position that is all belief and no reading
 
@@ -63,6 +70,8 @@ class EkfCi(TeamSettings):
         criterion: what w minimises of the result: its "trace" or its "det".
         over: what the criterion is about. Over the "position" [m^2] alone, headings that no reading sees are inflated
             without bound; over the whole "state", the trace adds m^2 to rad^2.
+        lever: how much a heading counts in the trace over the state, in metres per radian [m]: how far the robot moves
+            while the heading's error turns into one of position. Weighted covariance intersection.
 
     """
 
@@ -70,6 +79,11 @@ class EkfCi(TeamSettings):
     weights: Literal["cvxpy", "exact"] = "exact"
     criterion: Literal["trace", "det"] = "trace"
     over: Literal["position", "state"] = "state"
+    lever: float = 1.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require(self, lever=(1e-3, 1e3))
 
     @property
     def uses(self) -> tuple[str, ...]:
@@ -118,7 +132,8 @@ class EkfCi(TeamSettings):
         if not use.any():
             return s
         w = np.ones(len(y))
-        parts = (s.P[use], P_j[use], H[use], H_j[use], R)
+        unit = np.where(np.arange(s.x.shape[-1]) < 2, 1.0, self.lever)  # of the state in the criterion
+        parts = (s.P[use] * unit[:, None] * unit, P_j[use], H[use] / unit, H_j[use], R)
         block = 2 if self.over == "position" else s.x.shape[-1]
         w[use] = relative_weights(*parts, self.criterion, self.weights, block, s.group[use])
         after = inflated_update(Belief(s.x, s.P), *relation, w, ENGINES[self.engine].update)

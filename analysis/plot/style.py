@@ -18,7 +18,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 BLUE, ORANGE, GREEN, VERMILION, PURPLE, BROWN, _, _, _, SKY = map(to_hex, sns.color_palette("colorblind", 10))
 OTHERS = ("#332288", "#882255", "#999933", "#44aa99")  # of estimators that are not built in; of Paul Tol's muted scheme
 SHADES = (-0.4, 0.4, -0.65, 0.6)  # of variants: towards black, or towards white
-STARS = (3, 1, 0), (4, 1, 0), (6, 1, 0), (3, 1, 180), (4, 1, 45), (8, 1, 0)  # points, star, degrees
+# points, star, degrees
+STARS = (3, 1, 0), (4, 1, 0), (6, 1, 0), (3, 1, 180), (4, 1, 45), (8, 1, 0), (5, 1, 36), (3, 1, 90), (12, 1, 0)
 MARKERS: tuple[Any, ...] = (*"osD^vPX*ph<>d8H", *STARS)
 SOLID, DOTTED, BROKEN = "-", (0, (1, 1.5)), (0, (2, 2))
 DASHES: tuple[Any, ...] = (SOLID, (0, (6, 1.5)), (0, (3, 1, 1, 1)), (0, (8, 1, 1, 1, 1, 1)))
@@ -47,6 +48,10 @@ BUILT_IN = {
     "ekf-naive": Look(VERMILION, "*", DASHES[1]),
     "ekf-ci": Look(GREEN, "p", DASHES[2]),
     "ekf-split-ci": Look(SKY, "h", DASHES[3]),
+    "ekf-ici": Look(BLUE, STARS[5], DASHES[3]),
+    "ekf-hmd": Look(PURPLE, STARS[6], DASHES[0]),
+    "ekf-event-ci": Look(GREEN, STARS[7], DASHES[0]),
+    "ekf-gs-ci": Look(BROWN, STARS[8], DASHES[2]),
     "ekf-luft": Look(ORANGE, "<", DASHES[1]),
     "ekf-interim": Look(BLUE, ">", DASHES[2]),
     "gbp": Look(BROWN, STARS[3], DASHES[1]),

@@ -80,6 +80,16 @@ def inflated_update(
     return Belief(x, np.where(use[:, None, None], P, belief.P))
 
 
+def conditioned(x: Array, P: Array, H: Array, y: Array, C: Array) -> tuple[Array, Array]:
+    """x', P' when H x becomes N(H x + y, C), y (..., k), C (..., k, k): the rest follows by its covariance with H x.
+
+    L = P H' (H P H')^-1,  x' = x + L y,  P' = (I - L H) P (I - L H)' + L C L'.
+    """
+    L = np.linalg.solve(H @ P @ H.mT, H @ P).mT
+    rest = np.eye(x.shape[-1]) - L @ H
+    return x + (L @ y[..., None])[..., 0], symmetric(rest @ P @ rest.mT + L @ C @ L.mT)
+
+
 def distance(y: Array, S: Array) -> Array:
     """Squared Mahalanobis distance y' S^-1 y (...)."""
     d2: Array = np.einsum("...i,...i->...", y, np.linalg.solve(S, y[..., None])[..., 0])

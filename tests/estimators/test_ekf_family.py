@@ -8,6 +8,10 @@ from oracles import PLACES, Offset, dense_posterior, is_covariance, linear_team
 
 from cooploc.estimators.dead_reckoning import DeadReckoning
 from cooploc.estimators.ekf_ci import EkfCi
+from cooploc.estimators.ekf_event_ci import EkfEventCi
+from cooploc.estimators.ekf_gs_ci import EkfGsCi
+from cooploc.estimators.ekf_hmd import EkfHmd
+from cooploc.estimators.ekf_ici import EkfIci
 from cooploc.estimators.ekf_interim import EkfInterim
 from cooploc.estimators.ekf_joint import EkfJoint
 from cooploc.estimators.ekf_local import EkfLocal
@@ -184,11 +188,29 @@ def test_literal_split_ci_of_independent_priors_is_the_naive_filter():
         (EkfCi, {}),
         (EkfCi, {"criterion": "det", "over": "position"}),
         (EkfSplitCi, {}),
+        (EkfIci, {}),
+        (EkfHmd, {}),
+        (EkfEventCi, {}),
+        (EkfGsCi, {}),
         (EkfLuft, {}),
         (EkfInterim, {}),
         (UkfJoint, {}),
     ],
-    ids=["joint-plain", "joint-batch", "naive", "ci", "ci-position", "split-ci", "luft", "interim", "ukf"],
+    ids=[
+        "joint-plain",
+        "joint-batch",
+        "naive",
+        "ci",
+        "ci-position",
+        "split-ci",
+        "ici",
+        "hmd",
+        "event",
+        "gs",
+        "luft",
+        "interim",
+        "ukf",
+    ],
 )
 def test_batched_is_filterpy(cls, parameters, robots):
     ticks = 4 if robots == 10 else 20

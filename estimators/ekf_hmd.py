@@ -1,0 +1,38 @@
+"""Harmonic mean density with readings of teammates: beliefs are averaged where covariance intersection multiplies them.
+
+A teammate's belief and a reading make an estimate of H x with the covariance N = H_j P_j H_j' + R; the robot's own
+belief makes another. Their harmonic mean replaces the robot's own, and the result is carried to the rest of the state:
+equations and sources in `covariance_intersection/inverse.py`; what is sent, in `kalman/broadcast_belief.py`.
+
+It is inverse covariance intersection (`ekf_ici.py`) with a fixed weight, where the means agree. Where they do not, the
+covariance is smaller, and no bound is known. A teammate who knows much less takes away from what a robot knows.
+
+Source: N. Sharma, R. Tharmarasa, S. Bhaumik, T. Kirubarajan, "On pooling-based track fusion strategies: harmonic mean
+density", arXiv 2412.06716, 2024. Its use with a reading of part of the state is ours.
+"""
+
+from dataclasses import dataclass
+
+from cooploc.estimators.covariance_intersection.inverse import combined, harmonic_mean
+from cooploc.estimators.interface import Array
+from cooploc.estimators.kalman.broadcast_belief import BroadcastBelief
+from cooploc.estimators.plugins.bounds import require
+
+
+@dataclass(frozen=True)
+class EkfHmd(BroadcastBelief):
+    """EKF on own readings, harmonic mean density of own and received beliefs.
+
+    Parameters:
+        weight: of the robot's own density in the mean, between 0 and 1.
+    """
+
+    weight: float = 0.5
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require(self, weight=(0, 1))
+
+    def combine(self, x: Array, P: Array, y: Array, H: Array, N: Array) -> tuple[Array, Array]:
+        """C^-1 = a^-1 + N^-1 - G^-1,  a = H P H',  G = v N + (1 - v) a + v (1 - v) y y'."""
+        return combined(lambda a, b, y, _: harmonic_mean(self.weight, a, b, y), x, P, y, H, N, self.gate)

@@ -1,0 +1,28 @@
+"""Inverse covariance intersection with readings of teammates: what two robots may both know is counted once.
+
+A teammate's belief and a reading make an estimate of H x, of the range or of range and bearing, with the covariance
+H_j P_j H_j' + R. The robot's own belief makes another. Both are fused by inverse covariance intersection, which takes
+out the largest information that the two can have in common, and the result is carried to the rest of the state:
+equations, assumption and source in `covariance_intersection/inverse.py`; what is sent, in `kalman/broadcast_belief.py`.
+
+Of one number, as a range is, the rule keeps the better of the two estimates: C = min(a, N). So a range helps at most
+one of two robots, as with covariance intersection (`ekf_ci.py`), but its state is not inflated in other directions.
+
+Source: B. Noack, J. Sijs, M. Reinhardt, U. D. Hanebeck, "Decentralized data fusion with inverse covariance
+intersection", Automatica 79, 2017. Its use with a reading of part of the state is ours.
+"""
+
+from dataclasses import dataclass
+
+from cooploc.estimators.covariance_intersection.inverse import combined, inverse_intersection
+from cooploc.estimators.interface import Array
+from cooploc.estimators.kalman.broadcast_belief import BroadcastBelief
+
+
+@dataclass(frozen=True)
+class EkfIci(BroadcastBelief):
+    """EKF on own readings, inverse covariance intersection on received beliefs."""
+
+    def combine(self, x: Array, P: Array, y: Array, H: Array, N: Array) -> tuple[Array, Array]:
+        """C^-1 = a^-1 + N^-1 - (w a + (1 - w) N)^-1,  a = H P H',  with the w of least tr P', as in `ekf-ci`."""
+        return combined(inverse_intersection, x, P, y, H, N, self.gate)
