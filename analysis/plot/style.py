@@ -19,7 +19,7 @@ BLUE, ORANGE, GREEN, VERMILION, PURPLE, BROWN, _, _, _, SKY = map(to_hex, sns.co
 OTHERS = ("#332288", "#882255", "#999933", "#44aa99")  # of estimators that are not built in; of Paul Tol's muted scheme
 SHADES = (-0.4, 0.4, -0.65, 0.6)  # of variants: towards black, or towards white
 # points, star, degrees
-STARS = (3, 1, 0), (4, 1, 0), (6, 1, 0), (3, 1, 180), (4, 1, 45), (8, 1, 0), (5, 1, 36), (3, 1, 90), (12, 1, 0)
+STARS = (4, 1, 0), (4, 1, 45), (6, 1, 0), (8, 1, 0), (3, 1, 0), (3, 1, 180), (5, 1, 36), (12, 1, 0), (3, 1, 90)
 MARKERS: tuple[Any, ...] = (*"osD^vPX*ph<>d8H", *STARS)
 SOLID, DOTTED, BROKEN = "-", (0, (1, 1.5)), (0, (2, 2))
 DASHES: tuple[Any, ...] = (SOLID, (0, (6, 1.5)), (0, (3, 1, 1, 1)), (0, (8, 1, 1, 1, 1, 1)))

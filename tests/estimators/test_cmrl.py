@@ -42,8 +42,8 @@ def tick(estimator, s, reading, step=0.0):
 
 
 def grid_bayes(log_likelihood):
-    """Mean and covariance of robot 0 by sums over both robots' places, sixty steps a side; nothing is linearised."""
-    side = np.linspace(-1.5, 7.5, 60)
+    """Mean and covariance of robot 0 by sums over both robots' places, 48 steps a side; nothing is linearised."""
+    side = np.linspace(-1.5, 7.5, 48)
     cells = np.stack(np.meshgrid(side, side), -1).reshape(-1, 2)
 
     def prior(i):
@@ -66,7 +66,7 @@ CASES = {
 def test_one_detection_is_bayes_rule_on_a_grid(reading):
     sensor, z, log_likelihood = CASES[reading]
     world = World(2, 1.0, WORLD.arena, WORLD.motion, {f"radio_{reading}": sensor})
-    estimator = make("cmrl", reading=reading, anchor_reading="none", particles=20_000, samples=1000)
+    estimator = make("cmrl", reading=reading, anchor_reading="none", particles=10_000, samples=1000)
     belief = estimator.estimate(tick(estimator, estimator.init(PRIOR, world, ROWS), z))
     mean, P = grid_bayes(log_likelihood)
     np.testing.assert_allclose(belief.x[0], mean, atol=0.03)
@@ -77,7 +77,7 @@ def test_one_detection_is_bayes_rule_on_a_grid(reading):
 def test_a_packets_density_integrates_to_one_and_has_the_particles_mean_and_covariance(rng):
     x, logw = rng.normal([2.0, 3.0], [0.5, 0.8], (1, 400, 2)), rng.normal(size=(1, 400))
     got = density(sample(x, logw, np.array([0.4]), 100))
-    side = np.linspace(-4, 9, 300)
+    side = np.linspace(-3, 8, 120)
     cells = np.stack(np.meshgrid(side, side), -1).reshape(-1, 2)
     e = cells[:, None] - got.x[0]
     kernels = np.exp(-0.5 * np.einsum("cki,kij,ckj->ck", e, np.linalg.inv(got.P[0]), e))
