@@ -32,6 +32,7 @@ class MixedTeamSettings(TeamSettings):
         absent_odometry: what a robot does that has no reading of odometry: it stands "still", or it moves at "random".
         speed: standard deviation of a random velocity along each axis [m/s].
         turn_rate: standard deviation of a random turn rate [rad/s].
+        hold: how long a random velocity lasts before another one [s].
     """
 
     sighting: Literal["both", "range", "bearing", "none"] = "both"
@@ -39,10 +40,11 @@ class MixedTeamSettings(TeamSettings):
     absent_odometry: Literal["still", "random"] = "still"
     speed: float = 0.5
     turn_rate: float = 0.5
+    hold: float = 2.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require(self, speed=(0, 1000), turn_rate=(0, 1000))
+        require(self, speed=(0, 1000), turn_rate=(0, 1000), hold=(0, 1000))
 
     @property
     def uses(self) -> tuple[str, ...]:
@@ -53,13 +55,13 @@ class MixedTeamSettings(TeamSettings):
     def moved(self, world: World, x: Array, z: Senses) -> tuple[Array, Array, Array]:
         """x', F, Q of states x (t, n, d).
 
-        At random x' = x, F = I, Q = diag(speed^2, speed^2, turn_rate^2) tick dt: another velocity in each tick.
+        At random x' = x, F = I, Q = diag(speed^2, speed^2, turn_rate^2) hold dt, as the steps of a random walk.
         """
         x_moved, F, Q = world.motion.move(x, z.odometry, z.dt)
         if self.absent_odometry == "random":
             blind = np.asarray(np.isnan(z.odometry).any(-1))[..., None, None]
             anyhow = np.diag([self.speed**2, self.speed**2, self.turn_rate**2][: x.shape[-1]])
-            Q = np.where(blind, anyhow * world.tick * z.dt[..., None, None], Q)
+            Q = np.where(blind, anyhow * self.hold * z.dt[..., None, None], Q)
         return x_moved, F, Q
 
     def team_readings(self, world: World, z: Senses, air: Mail) -> Iterator[tuple[Sensor, Array]]:
