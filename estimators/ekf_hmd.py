@@ -4,8 +4,9 @@ A teammate's belief and a reading make an estimate of H x with the covariance N 
 belief makes another. Their harmonic mean replaces the robot's own, and the result is carried to the rest of the state:
 equations and sources in `covariance_intersection/inverse.py`; what is sent, in `kalman/broadcast_belief.py`.
 
-It is inverse covariance intersection (`ekf_ici.py`) with a fixed weight, where the means agree. Where they do not, the
-covariance is smaller, and no bound is known. A teammate who knows much less takes away from what a robot knows.
+It is inverse covariance intersection with a fixed weight (`ekf_ici.py`), where the means agree. Where they do not, the
+covariance is smaller, so that a robot which is wrong may become sure of it; no bound is known. A teammate who knows
+much less takes away from what a robot knows.
 
 Source: N. Sharma, R. Tharmarasa, S. Bhaumik, T. Kirubarajan, "On pooling-based track fusion strategies: harmonic mean
 density", arXiv 2412.06716, 2024. Its use with a reading of part of the state is ours.

@@ -7,22 +7,40 @@ equations, assumption and source in `covariance_intersection/inverse.py`; what i
 
 Of one number, as a range is, the rule keeps the better of the two estimates: C = min(a, N). So a range helps at most
 one of two robots, as with covariance intersection (`ekf_ci.py`), but its state is not inflated in other directions.
+A fixed weight (`form="fixed"`) averages two estimates that are equally good, and states the covariance of one: by the
+same theorem a bound, looser, of a smaller error.
 
 Source: B. Noack, J. Sijs, M. Reinhardt, U. D. Hanebeck, "Decentralized data fusion with inverse covariance
 intersection", Automatica 79, 2017. Its use with a reading of part of the state is ours.
 """
 
 from dataclasses import dataclass
+from typing import Literal
 
-from cooploc.estimators.covariance_intersection.inverse import combined, inverse_intersection
+from cooploc.estimators.covariance_intersection.inverse import combined, inverse_intersection, weighed_intersection
 from cooploc.estimators.interface import Array
 from cooploc.estimators.kalman.broadcast_belief import BroadcastBelief
+from cooploc.estimators.plugins.bounds import require
 
 
 @dataclass(frozen=True)
 class EkfIci(BroadcastBelief):
-    """EKF on own readings, inverse covariance intersection on received beliefs."""
+    """EKF on own readings, inverse covariance intersection on received beliefs.
+
+    Parameters:
+        form: the weight w of a fusion: "trace", the one of least trace, as published; "fixed", always 1 - weight.
+        weight: of the robot's own belief, between 0 and 1, where it is fixed.
+    """
+
+    form: Literal["trace", "fixed"] = "trace"
+    weight: float = 0.8
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require(self, weight=(0, 1))
 
     def combine(self, x: Array, P: Array, y: Array, H: Array, N: Array) -> tuple[Array, Array]:
-        """C^-1 = a^-1 + N^-1 - (w a + (1 - w) N)^-1,  a = H P H',  with the w of least tr P', as in `ekf-ci`."""
-        return combined(inverse_intersection, x, P, y, H, N, self.gate)
+        """C^-1 = a^-1 + N^-1 - (w a + (1 - w) N)^-1,  a = H P H';  the least trace is that of P', as in `ekf-ci`."""
+        if self.form == "trace":
+            return combined(inverse_intersection, x, P, y, H, N, self.gate)
+        return combined(lambda a, b, y, _: weighed_intersection(self.weight, a, b, y), x, P, y, H, N, self.gate)

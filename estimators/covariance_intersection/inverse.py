@@ -4,10 +4,10 @@ Two beliefs about the same k numbers, N(0, a) and N(y, b), are multiplied, and d
 
     C^-1 = a^-1 + b^-1 - G^-1,    y' = C (b^-1 y - G^-1 m).                                                          (1)
 
-*Inverse covariance intersection*: G = w a + (1 - w) b, m = (1 - w) y, with the w that minimises a trace of C. If the
-estimates are independent but for information they share, a^-1 = a_I^-1 + c^-1 and b^-1 = b_I^-1 + c^-1 with an unknown
-c, then C is never less than the mean squared error of y', whatever w. It is never more than what covariance
-intersection gives. Unlike there, correlations of any other kind may make it over-confident.
+*Inverse covariance intersection*: G = w a + (1 - w) b, m = (1 - w) y, as published with the w that minimises a trace of
+C. If the estimates are independent but for information they share, a^-1 = a_I^-1 + c^-1 and b^-1 = b_I^-1 + c^-1 with
+an unknown c, then C is never less than the mean squared error of y', whatever w. With the best w it is never more than
+what covariance intersection gives. Unlike there, correlations of any other kind may make it over-confident.
 
 *Harmonic mean density*: the product f g / (v g + (1 - v) f) of the densities f of the first and g of the second is not
 Gaussian. Its denominator is a mixture of two; replaced by the Gaussian of the same mean and covariance, G = v b +
@@ -86,9 +86,18 @@ def least_trace(D: Array, m: Array) -> Array:
     return np.where(start, 0.0, np.where(end, 1.0, (low + high) / 2))
 
 
+def weighed_intersection(v: float, a: Array, b: Array, y: Array) -> tuple[Array, Array]:
+    """(1) by inverse covariance intersection with w = 1 - v: the first belief has the weight v, the better or not."""
+    return quotient(a, b, y, v * b + (1 - v) * a, v * y)
+
+
 def harmonic_mean(v: float, a: Array, b: Array, y: Array) -> tuple[Array, Array]:
     """(1) by the harmonic mean of the two densities, the first of which has the weight v."""
-    column = y[..., None]
-    A, B, G = (np.linalg.inv(part) for part in (a, b, v * b + (1 - v) * a + v * (1 - v) * column @ column.mT))
-    C = symmetric(np.linalg.inv(A + (B - G)))
-    return (C @ (B @ column - G @ (v * column)))[..., 0], C
+    return quotient(a, b, y, v * b + (1 - v) * a + v * (1 - v) * y[..., None] * y[:, None], v * y)
+
+
+def quotient(a: Array, b: Array, y: Array, G: Array, m: Array) -> tuple[Array, Array]:
+    """(1): y' (r, k), C (r, k, k) of N(0, a) N(y, b) / N(m, G)."""
+    A, B, known = (np.linalg.inv(part) for part in (a, b, G))
+    C = symmetric(np.linalg.inv(A + (B - known)))
+    return (C @ (B @ y[..., None] - known @ m[..., None]))[..., 0], C

@@ -10,7 +10,12 @@ from scipy.integrate import quad
 from scipy.linalg import block_diag
 from scipy.optimize import brentq, minimize_scalar
 
-from cooploc.estimators.covariance_intersection.inverse import combined, harmonic_mean, inverse_intersection
+from cooploc.estimators.covariance_intersection.inverse import (
+    combined,
+    harmonic_mean,
+    inverse_intersection,
+    weighed_intersection,
+)
 from cooploc.estimators.covariance_intersection.weights import relative_weights
 from cooploc.estimators.ekf_ci import EkfCi
 from cooploc.estimators.ekf_event_ci import EkfEventCi, divergence
@@ -90,6 +95,19 @@ def test_inverse_intersection_is_the_published_formula_at_the_weight_of_least_tr
     assert {0.0, 1.0} < set(weights) or k == 1
 
 
+def test_a_fixed_weight_is_the_published_formula_with_that_weight():
+    rng = np.random.default_rng(11)
+    a, b, y = *covariances(rng, 2, 20, d=2), rng.normal(size=(20, 2))
+    fused, C = weighed_intersection(0.8, a, b, y)
+    for i in range(20):
+        C_i, common = inv(inv(a[i]) + inv(b[i]) - inv(0.2 * a[i] + 0.8 * b[i])), inv(0.2 * a[i] + 0.8 * b[i])
+        np.testing.assert_allclose(C[i], C_i, atol=1e-8)
+        np.testing.assert_allclose(fused[i], C_i @ (inv(b[i]) - 0.8 * common) @ y[i], atol=1e-8)
+    equal, same = weighed_intersection(0.8, a, a, y)
+    np.testing.assert_allclose(same, a, atol=1e-8)  # two equally good estimates state the covariance of one
+    np.testing.assert_allclose(equal, 0.2 * y, atol=1e-8)
+
+
 def test_of_one_number_inverse_intersection_keeps_the_better_estimate():
     a, b = np.array([4.0, 4.0, 4.0])[:, None, None], np.array([1.0, 4.0, 9.0])[:, None, None]
     fused, C = inverse_intersection(a, b, np.ones((3, 1)), np.ones((3, 1, 1)))
@@ -97,8 +115,9 @@ def test_of_one_number_inverse_intersection_keeps_the_better_estimate():
     np.testing.assert_allclose(fused[[0, 2], 0], [1, 0])
 
 
+@pytest.mark.parametrize("rule", [inverse_intersection, lambda a, b, y, _: weighed_intersection(0.8, a, b, y)])
 @pytest.mark.parametrize("k", [1, 2])
-def test_no_shared_information_makes_inverse_intersection_optimistic(k):
+def test_no_shared_information_makes_inverse_intersection_optimistic(k, rule):
     """A state of three numbers, a reading of k of them: 1 000 amounts of shared information about what is read."""
     rng = np.random.default_rng(2)
     tight = 0
@@ -109,7 +128,7 @@ def test_no_shared_information_makes_inverse_intersection_optimistic(k):
         rows = [part[None] for part in (P, H, N)]
 
         def after(y, rows=rows):
-            return combined(inverse_intersection, np.zeros((1, 3)), rows[0], y[None], *rows[1:], np.inf)
+            return combined(rule, np.zeros((1, 3)), rows[0], y[None], *rows[1:], np.inf)
 
         K = np.stack([after(e)[0][0] for e in np.eye(k)], 1)
         P1 = after(np.zeros(k))[1][0]
