@@ -223,7 +223,7 @@ def test_without_a_threshold_it_is_covariance_intersection():
 
 
 def test_the_higher_the_threshold_the_less_is_sent():
-    _, stream = simulate("robots-1-3/n=3", trials=5, seed=7)
+    _, stream = simulate("robots-1-3/n=3", trials=5, seed=7, ticks=80)
     rules = {t: EkfEventCi(threshold=t) for t in (0, 0.03, 0.3, 3, np.inf)}
     sent = [trace("event", rule, stream).messages.sum() for rule in rules.values()]
     assert all(a > b for a, b in pairwise(sent))
