@@ -118,10 +118,10 @@ def test_of_one_number_inverse_intersection_keeps_the_better_estimate():
 @pytest.mark.parametrize("rule", [inverse_intersection, lambda a, b, y, _: weighed_intersection(0.8, a, b, y)])
 @pytest.mark.parametrize("k", [1, 2])
 def test_no_shared_information_makes_inverse_intersection_optimistic(k, rule):
-    """A state of three numbers, a reading of k of them: 1 000 amounts of shared information about what is read."""
+    """A state of three numbers, a reading of k of them: 200 amounts of shared information about what is read."""
     rng = np.random.default_rng(2)
     tight = 0
-    for _ in range(1000):
+    for _ in range(200):
         H, shared = rng.normal(size=(k, 3)), covariances(rng, d=k) * rng.uniform(0, 3)
         P, N = inv(inv(covariances(rng, d=3)) + H.T @ shared @ H), inv(inv(covariances(rng, d=k)) + shared)
         cross = P @ H.T @ shared @ N
@@ -134,7 +134,7 @@ def test_no_shared_information_makes_inverse_intersection_optimistic(k, rule):
         P1 = after(np.zeros(k))[1][0]
         assert least_eigenvalue(P1 - real_error(np.eye(3) - K @ H, K, P, N, cross)) > -1e-9
         tight += np.trace(P1) < np.trace(P) - 1e-6
-    assert tight > 300
+    assert tight > 60
 
 
 def test_correlation_of_another_kind_can_make_inverse_intersection_optimistic():
@@ -223,7 +223,7 @@ def test_without_a_threshold_it_is_covariance_intersection():
 
 
 def test_the_higher_the_threshold_the_less_is_sent():
-    _, stream = simulate("robots-1-3/n=3", trials=5, seed=7)
+    _, stream = simulate("robots-1-3/n=3", trials=5, seed=7, ticks=80)
     rules = {t: EkfEventCi(threshold=t) for t in (0, 0.03, 0.3, 3, np.inf)}
     sent = [trace("event", rule, stream).messages.sum() for rule in rules.values()]
     assert all(a > b for a, b in pairwise(sent))
