@@ -13,7 +13,7 @@ demo: $(VENV)/.ready  ## run the quick study, print its table, write its picture
 
 test: lint types floors units  ## everything CI checks
 
-quick-test: lint types floors  ## every room in under two minutes: all but the tests marked slow
+quick-test: lint types floors  ## every room in two minutes: all but the tests marked slow
 	$(BIN)/pytest $(PARALLEL) -m "not slow"
 
 lint: $(VENV)/.ready

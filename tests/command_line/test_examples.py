@@ -12,7 +12,8 @@ from cooploc.scenarios.conformance.perturb import drop_readings
 from cooploc.scenarios.runner.trace import trace
 
 FOLDER = Path(__file__).resolve().parents[2] / "examples"
-NAMES = ("filterpy_loop.py:loop", "batched_numpy.py:Batched", "numba_kernel.py:Compiled")
+COMPILED = pytest.param("numba_kernel.py:Compiled", marks=pytest.mark.slow)
+NAMES = ("filterpy_loop.py:loop", "batched_numpy.py:Batched", COMPILED)
 
 
 def example(name):

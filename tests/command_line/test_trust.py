@@ -42,6 +42,7 @@ def sent(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_nothing_but_reproduce_runs_code_that_a_run_names_and_that_asks(sent):
     for command in ("show", "verdicts", "report"):
         assert commanded(command, "run", cwd=sent).returncode == 0
@@ -71,6 +72,7 @@ def test_what_a_manifest_says_reaches_the_terminal_as_text(sent, tmp_path):
     assert r"\x9b31m\x0d[bold]".replace(r"\x0d", r"\r") in shown.stdout
 
 
+@pytest.mark.slow
 def test_a_report_stays_in_its_directory_whatever_experiments_are_called(sent, tmp_path):
     manifest = json.loads((sent / "run" / "manifest.json").read_text())
     manifest.pop("checksum")

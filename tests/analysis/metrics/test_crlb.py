@@ -66,6 +66,7 @@ def test_with_one_trial_and_a_sharp_prior_it_is_the_bound_at_the_true_path():
     assert want[-1] < 0.7 * floor(stream, [])[-1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("label", ["robots-1-3/n=1", "robots-1-3/n=3", "arena-60m"])
 def test_more_samples_change_it_by_less_than_a_hundredth(label):
     _, stream = cl.simulate(label, trials=20, seed=1, ticks=60)

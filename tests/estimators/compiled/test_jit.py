@@ -6,12 +6,15 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import cooploc.estimators
 from cooploc.estimators.compiled.jit import SHARED
 
 ROOM = Path(cooploc.estimators.__file__).parent
 
 
+@pytest.mark.slow
 def test_second_process_takes_kernels_from_the_disk(tmp_path):
     """And a process in which a shared source has changed compiles them again."""
     use = """
