@@ -26,7 +26,9 @@ def sample(x: Array, logw: Array, u: Array, S: int) -> Array:
     """
     mean, P = summary(x[..., :2], logw)
     points = (np.arange(S) + u[:, None]) / S
-    chosen = np.minimum((np.cumsum(weights(logw), -1)[:, None] < points[..., None]).sum(-1), x.shape[1] - 1)
+    cumulated = np.cumsum(weights(logw), -1)
+    chosen = np.stack([np.searchsorted(c, p) for c, p in zip(cumulated, points, strict=True)])
+    chosen = np.minimum(chosen, x.shape[1] - 1)  # where rounding leaves the sum below 1
     h2 = S ** (-1 / 3)
     away = np.take_along_axis(x[..., :2], chosen[..., None], 1) - mean[:, None]
     places = mean[:, None] + np.sqrt(1 - h2) * away

@@ -30,6 +30,9 @@ KNOWN = {
     "arl": Configurations("arl", f"arl[{ONCE}]"),
     "mrsl-rssi": Configurations("mrsl-rssi", f"mrsl-rssi[{ONCE}]"),
     "mrsl-distance": Configurations("mrsl-distance", f"mrsl-distance[{ONCE}]"),
+    "cmrl": Configurations("cmrl", f"cmrl[{ONCE},apart=1]"),
+    "reciprocal-pf": Configurations("reciprocal-pf", f"reciprocal-pf[{ONCE},report=before]"),
+    "channel-pf": Configurations("channel-pf", f"channel-pf[{ONCE}]"),
     # received beliefs are nearest to the paper's words on it; the default fuses moments
     "ctrn": Configurations("ctrn[fusion=received]", f"ctrn[{ONCE},fusion=received]"),
 }

@@ -77,7 +77,7 @@ def test_one_detection_is_bayes_rule_on_a_grid(reading):
 def test_a_packets_density_integrates_to_one_and_has_the_particles_mean_and_covariance(rng):
     x, logw = rng.normal([2.0, 3.0], [0.5, 0.8], (1, 400, 2)), rng.normal(size=(1, 400))
     got = density(sample(x, logw, np.array([0.4]), 100))
-    side = np.linspace(-4, 9, 300)
+    side = np.linspace(-3, 8, 120)
     cells = np.stack(np.meshgrid(side, side), -1).reshape(-1, 2)
     e = cells[:, None] - got.x[0]
     kernels = np.exp(-0.5 * np.einsum("cki,kij,ckj->ck", e, np.linalg.inv(got.P[0]), e))
