@@ -42,8 +42,8 @@ def tick(estimator, s, reading, step=0.0):
 
 
 def grid_bayes(log_likelihood):
-    """Mean and covariance of robot 0 by sums over both robots' places, sixty steps a side; nothing is linearised."""
-    side = np.linspace(-1.5, 7.5, 60)
+    """Mean and covariance of robot 0 by sums over both robots' places, 48 steps a side; nothing is linearised."""
+    side = np.linspace(-1.5, 7.5, 48)
     cells = np.stack(np.meshgrid(side, side), -1).reshape(-1, 2)
 
     def prior(i):
@@ -66,7 +66,7 @@ CASES = {
 def test_one_detection_is_bayes_rule_on_a_grid(reading):
     sensor, z, log_likelihood = CASES[reading]
     world = World(2, 1.0, WORLD.arena, WORLD.motion, {f"radio_{reading}": sensor})
-    estimator = make("cmrl", reading=reading, anchor_reading="none", particles=20_000, samples=1000)
+    estimator = make("cmrl", reading=reading, anchor_reading="none", particles=10_000, samples=1000)
     belief = estimator.estimate(tick(estimator, estimator.init(PRIOR, world, ROWS), z))
     mean, P = grid_bayes(log_likelihood)
     np.testing.assert_allclose(belief.x[0], mean, atol=0.03)
