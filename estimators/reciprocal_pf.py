@@ -32,6 +32,7 @@ from cooploc.estimators.particle.steps import poor, renew, summary, weights
 from cooploc.estimators.plugins.bounds import require
 
 TINY = 1e-300  # a weight that is 0 to all others
+FAR = 1e3  # sides of the arena
 
 
 @dataclass(frozen=True)
@@ -83,6 +84,13 @@ class ReciprocalPf(team_filter.TeamSettings):
     def estimate(self, s: own_filter.FilterState) -> Belief:
         return s.belief
 
+    @staticmethod
+    def _near(world: World, places: Array) -> Mask:
+        """Places (c, 1) that a robot of this world may be at, by a wide margin: what a broken reading draws is not."""
+        low, high = world.arena
+        near: Mask = np.asarray((np.abs(places - (low + high) / 2) < FAR * np.max(high - low)).all(-1, keepdims=True))
+        return near
+
     def _drawn_again(
         self, s: own_filter.FilterState, sensor: Sensor, sent: mixtures.Mixture, readings: Array, heard: Mask
     ) -> own_filter.FilterState:
@@ -93,8 +101,9 @@ class ReciprocalPf(team_filter.TeamSettings):
         resampled = np.take_along_axis(old, systematic(w, u)[..., None], 1)
         heading = resampled[..., 2] if resampled.shape[-1] > 2 else np.zeros(w.shape)
         again = heard[:, None] & (draws.uniforms(s.key, s.tick, draws.SHARE, N)[..., 0] < self.alpha)
+        drawn = detection.places(sensor, sent, readings, again, heading, s.key, s.tick)
         x, logw = np.where(again[..., None], resampled, old), np.log(np.where(again, 1 / N, np.maximum(w, TINY)))
-        x[again, :2] = detection.places(sensor, sent, readings, again, heading, s.key, s.tick)
+        x[again, :2] = np.where(self._near(s.world, drawn), drawn, x[again, :2])
         belief = summary(x, logw) if self.report == "after" else s.belief
         return s._replace(
             x=np.where(heard[:, None, None], x, s.x),

@@ -84,7 +84,7 @@ def weigh_reference(sensor: Sensor, sent: Mixture, z: Array, x: Array, logw: Arr
 
 def _log_sum(w: Array, logs: Array, absent: Mask) -> Array:
     """log sum_k w_k exp(logs_k) over the components (..., K) that are not absent; 0 where all are."""
-    absent = absent | np.isnan(w) | (w == 0)
+    absent = absent | np.isnan(w) | (w == 0) | ~np.isfinite(logs)  # what overflows says nothing
     logs = np.where(absent, -np.inf, logs + np.log(np.where(absent, 1.0, w)))
     top = np.where(absent.all(-1), 0.0, logs.max(-1))
     total = np.exp(logs - top[..., None]).sum(-1)

@@ -1,7 +1,8 @@
 """A robot's own particle filter in any world where teammates meet: by anchors or landmarks, by radio or camera.
 
 `own_filter.py` weighs particles by anchors. Here they are weighed by landmarks where the world has those instead, and a
-packet's reading is the camera's sighting of its sender where there are cameras, else the radio's.
+packet's reading is the camera's sighting of its sender where there are cameras, else the radio's. No reading is refused
+for being unlikely: where gross outliers occur, as in MRCLAM, particles collapse on them.
 """
 
 from dataclasses import dataclass, replace

@@ -91,7 +91,7 @@ WORLD = World(2, 1.0, np.array([[0.0, 0.0], [6.0, 6.0]]), Displacement(0.01), {"
 ROWS = Rows(np.zeros(2, int), np.arange(2), np.array([[1, 2], [3, 4]], np.uint32))
 
 
-def after_one_detection(alpha):
+def after_one_detection(alpha, distance=2.0):
     """Robot 0's particles, which believe to be 50 m off, after one range of 2 m to robot 1."""
     estimator = make("reciprocal-pf", anchor_reading="none", alpha=alpha, particles=5000)
     prior = Belief(np.array([[50.0, 0.0], [3.0, 3.0]]), np.tile(0.01 * np.eye(2), (2, 1, 1)))
@@ -99,9 +99,8 @@ def after_one_detection(alpha):
     s = estimator.init(prior, WORLD, ROWS)
     s = estimator.correct(estimator.predict(s, z), z)
     heard = np.array([[False, True], [False, False]])
-    mail = Mail(
-        heard, np.where(heard[..., None], estimator.send(s, z), np.nan), np.empty((2, 0)), np.where(heard, 2.0, np.nan)
-    )
+    packets = np.where(heard[..., None], estimator.send(s, z), np.nan)
+    mail = Mail(heard, packets, np.empty((2, 0)), np.where(heard, distance, np.nan))
     return estimator.fuse(s, z, mail)
 
 
@@ -112,6 +111,12 @@ def test_a_share_alpha_of_the_mass_lies_where_the_team_sees_the_robot(alpha):
     seen = np.abs(np.linalg.norm(s.x[0] - [3.0, 3.0], axis=-1) - 2) < 1
     assert w[seen].sum() / w.sum() == pytest.approx(alpha, abs=0.03)
     assert not (np.abs(np.linalg.norm(s.x[1] - [3.0, 3.0], axis=-1) - 2) < 1).any()  # it heard nobody
+
+
+def test_a_broken_range_draws_nothing():
+    s = after_one_detection(0.5, distance=1e200)
+    assert np.isfinite(s.belief.P).all()
+    assert np.abs(s.x).max() < 100
 
 
 def test_a_sensor_that_cannot_be_read_the_other_way_round_is_refused_unless_nothing_is_drawn():
