@@ -35,6 +35,7 @@ if _TYPE_CHECKING:
     from cooploc.estimators.per_robot import PerRobot as PerRobot
     from cooploc.estimators.plugins.callable_package import CallablePackage as _CallablePackage
     from cooploc.estimators.plugins.errors import BadInput as BadInput
+    from cooploc.estimators.plugins.tunable import tunable as tunable
     from cooploc.run_tables import information as information
     from cooploc.run_tables import sensitivity as sensitivity
     from cooploc.run_verdicts import readings as readings
@@ -56,6 +57,8 @@ if _TYPE_CHECKING:
     from cooploc.scenarios.stream import Stream as Stream
     from cooploc.scenarios.stream import Truth as Truth
     from cooploc.scenarios.studies.listing import studies as studies
+    from cooploc.tuned import Tuned as Tuned
+    from cooploc.tuned import tune as tune
 
     estimators: _CallablePackage
     scenarios: _CallablePackage
@@ -77,9 +80,11 @@ _HOME = {
     "analysis.metrics.compare": ("compare", "summarize"),
     "analysis.metrics.smoother": ("smoother",),
     "analysis.metrics.tum": ("to_tum",),
+    "estimators.plugins.tunable": ("tunable",),
     "runs": ("run_study", "load_run", "Results", "report", "compare_runs", "reproduce", "show"),
     "run_verdicts": ("verdicts", "readings"),
     "run_tables": ("information", "sensitivity"),
+    "tuned": ("tune", "Tuned"),
     "scaffold": ("new_estimator",),
 }
 _MODULES = {"estimators": "estimators", "scenarios": "scenarios", "plot": "analysis.plot"}

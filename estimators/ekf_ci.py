@@ -36,6 +36,7 @@ from cooploc.estimators.kalman.team_readings import PairReading, received
 from cooploc.estimators.kalman.update import ENGINES, distance, inflated_update
 from cooploc.estimators.models.angles import wrap_heading
 from cooploc.estimators.plugins.bounds import require
+from cooploc.estimators.plugins.tunable import tunable
 
 EXACT = 1e-9 * np.eye(2)  # [m^2] noise of a position that is all belief and no reading
 
@@ -77,8 +78,8 @@ class EkfCi(TeamSettings):
 
     form: Literal["relative", "ls"] = "relative"
     weights: Literal["cvxpy", "exact"] = "exact"
-    criterion: Literal["trace", "det"] = "trace"
-    over: Literal["position", "state"] = "state"
+    criterion: Literal["trace", "det"] = tunable("trace", choices=("trace", "det"))
+    over: Literal["position", "state"] = tunable("state", choices=("state", "position"))
     lever: float = 1.0
 
     def __post_init__(self) -> None:
@@ -91,7 +92,7 @@ class EkfCi(TeamSettings):
         return (*own, "sighting" if self.form == "ls" else between)
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        self.require_corners(world)
+        world = self.assumed(world)
         return State(prior.x, prior.P, rows.trial * world.robots + rows.robot, rows.robot, world)
 
     def predict(self, s: State, z: Senses) -> State:

@@ -64,7 +64,7 @@ class EkfInterim(TeamSettings):
     bound: ClassVar[bool] = False
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        self.require_corners(world)
+        world = self.assumed(world)
         t, n, d = prior.x.shape
         return State(prior.x, prior.P, np.zeros_like(prior.P) + np.eye(d), np.zeros((t, n, n, d, n, d)), world)
 

@@ -54,6 +54,7 @@ from cooploc.estimators.models.gradient_doa import GradientDoa
 from cooploc.estimators.models.motion import Displacement
 from cooploc.estimators.models.sensors import Range
 from cooploc.estimators.plugins.bounds import require
+from cooploc.estimators.plugins.tunable import tunable
 
 # Weight of the latest readings in the average share of refused ones: 23 refused in a row make a robot lost. On MRCLAM,
 # where a camera may confuse two landmarks for a second, the average rises to 0.37; with a weight of 0.1, to 0.72.
@@ -84,17 +85,17 @@ class EkfJoint(MixedTeamSettings):
 
     bound: ClassVar[bool] = False
     centralised: ClassVar[bool] = True
-    iterations: int = 3
-    second_order: bool = True
-    update: Literal["batch", "sequential"] = "batch"
-    lost: float = 0.5
+    iterations: int = tunable(3, 1, 5)
+    second_order: bool = tunable(True, choices=(True, False))
+    update: Literal["batch", "sequential"] = tunable("batch", choices=("batch", "sequential"))
+    lost: float = tunable(0.5, 0.1, 1.0)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require(self, iterations=(1, 1000), lost=(0, 1))
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        self.require_corners(world)
+        world = self.assumed(world)
         return State(prior.x, block_diagonal(prior.P), world, np.zeros(prior.x.shape[:2]))
 
     def predict(self, s: State, z: Senses) -> State:

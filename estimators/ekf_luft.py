@@ -44,7 +44,7 @@ class EkfLuft(TeamSettings):
     bound: ClassVar[bool] = False
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        self.require_corners(world)
+        world = self.assumed(world)
         t, n, d = prior.x.shape
         return State(prior.x, prior.P, np.zeros((t, n, n, d, d)), world)
 

@@ -63,7 +63,7 @@ class EkfSplitCi(TeamSettings):
     both: bool = True
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        self.require_corners(world)
+        world = self.assumed(world)
         return State(prior.x, np.zeros_like(prior.P), prior.P, rows.robot, world)
 
     def predict(self, s: State, z: Senses) -> State:

@@ -27,6 +27,7 @@ from cooploc.estimators.models.angles import wrap, wrap_heading
 from cooploc.estimators.models.gradient_doa import GradientDoa
 from cooploc.estimators.models.sensors import Bearing, Sighting
 from cooploc.estimators.plugins.bounds import require
+from cooploc.estimators.plugins.tunable import tunable
 
 Points = Callable[[Array, slice], Array]  # of sigma points (t, s, .., d) of these trials: moved, or what they read
 
@@ -51,15 +52,15 @@ class UkfJoint(TeamSettings):
     bound: ClassVar[bool] = False
     centralised: ClassVar[bool] = True
     axes: ClassVar[str] = "its sigma points lie along the axes of a Cholesky factor"
-    alpha: float = 0.1
-    beta: float = 2.0
+    alpha: float = tunable(0.1, 0.001, 1.0, log=True)
+    beta: float = tunable(2.0, 0.0, 4.0)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require(self, alpha=(1e-6, 10), beta=(0, 10))
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        self.require_corners(world)
+        world = self.assumed(world)
         return State(prior.x, square(block_diagonal(prior.P)), world)
 
     def predict(self, s: State, z: Senses) -> State:

@@ -92,10 +92,10 @@ def execute(
     with hired(jobs, scheduler, isolate, watcher.say) as workers, ExitStack() as held:
         demand_fit(asked, isolate)
         held.enter_context(directory.locked())
-        for line in filter(None, (memory, *directory.open({**_manifest(asked), "isolated": isolate}))):
+        for line in filter(None, (memory, *directory.open({**manifest_of(asked), "isolated": isolate}))):
             watcher.say(line)
         _certify(directory, asked, check, isolate, watcher)
-        pieces = _completed(asked, directory, workers, retry_failed, watcher)
+        pieces = completed(asked, directory, workers, retry_failed, watcher)
         if check and isolate:
             run_again(directory, asked, pieces, watcher.say)
         rows = _rows(asked, directory, pieces)
@@ -103,7 +103,8 @@ def execute(
     return rows
 
 
-def _manifest(asked: ResolvedStudy) -> dict[str, Any]:
+def manifest_of(asked: ResolvedStudy) -> dict[str, Any]:
+    """What a run directory says of a study before anything is computed."""
     scenarios = [cell.scenario for cell in asked.cells]
     return {
         "format": FORMAT,
@@ -133,7 +134,7 @@ def _certify(directory: RunDir, asked: ResolvedStudy, check: bool, isolate: bool
         directory.write_manifest(manifest)
 
 
-def _completed(
+def completed(
     asked: ResolvedStudy, directory: RunDir, workers: Workers, retry_failed: bool, watcher: Progress
 ) -> list[Piece]:
     """All parts of a study, when each of them is there: what vanished while others were computed is computed again.

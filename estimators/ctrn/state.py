@@ -10,6 +10,7 @@ from cooploc.estimators.interface import Array, Belief, Indices, Mail, Senses, S
 from cooploc.estimators.particle import own_filter
 from cooploc.estimators.particle.packet import unpack
 from cooploc.estimators.plugins.bounds import require
+from cooploc.estimators.plugins.tunable import tunable
 
 
 @dataclass(frozen=True)
@@ -19,7 +20,7 @@ class Settings(own_filter.Settings):
     reading: Literal["rssi", "range"] = "range"
     fusion: Literal["moments", "message", "received"] = "moments"
     weights: Literal["cvxpy", "exact"] = "cvxpy"
-    criterion: Literal["trace", "det"] = "trace"
+    criterion: Literal["trace", "det"] = tunable("trace", choices=("trace", "det"))
     audit: float = 1e-3
 
     def __post_init__(self) -> None:

@@ -10,7 +10,9 @@ from cooploc.estimators.interface import World
 from cooploc.estimators.kalman.update import GATE, EngineName
 from cooploc.estimators.models.anchor_readings import AnchorReading
 from cooploc.estimators.models.gradient_doa import gradient_doa
+from cooploc.estimators.models.inflation import LEAST, MOST, inflated
 from cooploc.estimators.plugins.bounds import require
+from cooploc.estimators.plugins.tunable import tunable
 
 
 @dataclass(frozen=True)
@@ -24,17 +26,19 @@ class Settings:
             reading [dBm]; or "none", no reading of anchors, nor of landmarks: odometry and teammates alone.
         gate: squared Mahalanobis distance (no unit) beyond which a reading is refused; inf refuses none. The default
             refuses one in a thousand true readings of two numbers.
+        inflation: factor, 0.01 to 100, on the standard deviation that is assumed of every reading; 1: as told.
         engine: "batched" computes all rows at once; "filterpy" runs filterpy's filter row by row, to compare with.
 
     """
 
     api: ClassVar[int] = 1
     anchor_reading: AnchorReading = "doa"
-    gate: float = GATE
+    gate: float = tunable(GATE, 2.0, 1000.0, log=True)
+    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
     engine: EngineName = "batched"
 
     def __post_init__(self) -> None:
-        require(self, gate=(0, np.inf))
+        require(self, gate=(0, np.inf), inflation=(LEAST, MOST))
 
     def __init_subclass__(cls) -> None:
         """Add the inherited parameters to the docstring, so that `help` shows all of a filter's in one place."""
@@ -46,6 +50,16 @@ class Settings:
     def uses(self) -> tuple[str, ...]:
         """The channels, in order of preference."""
         return ("odometry",) if self.anchor_reading == "none" else ("odometry", "anchor_rssi|landmark")
+
+    def assumed(self, world: World) -> World:
+        """The world as this filter takes it: with `inflation`.
+
+        Raises:
+            BadInput: as `require_corners`.
+
+        """
+        self.require_corners(world)
+        return inflated(world, self.inflation)
 
     def require_corners(self, world: World) -> None:
         """Refuse, before anything runs, a world in which no direction of arrival can be made of the anchors.

@@ -13,10 +13,12 @@ from cooploc.estimators.compiled import random_numbers
 from cooploc.estimators.interface import Array, Belief, Keys, Mask, Rows, Senses, World
 from cooploc.estimators.models.angles import circular_mean
 from cooploc.estimators.models.gradient_doa import GradientDoa, gradient_doa
+from cooploc.estimators.models.inflation import LEAST, MOST, inflated
 from cooploc.estimators.particle import likelihood, past_packets
 from cooploc.estimators.particle.past_packets import PastPackets
 from cooploc.estimators.particle.steps import advance, conclude, mean, renew, spread, summary, weights
 from cooploc.estimators.plugins.bounds import require
+from cooploc.estimators.plugins.tunable import tunable
 
 PARAMETERS = """
     Parameters of the robot's own particle filter:
@@ -35,7 +37,9 @@ PARAMETERS = """
         point: "mean" of the particles, or "max", the paper's: the particle of largest weight.
         proposal: "walk" by the motion model, or "box", the paper's: uniform around the present estimate, every tick.
         box: half-width of that box [m], above 0.
+        inflation: factor, 0.01 to 100, on the standard deviation that is assumed of every reading; 1: as told.
 """
+DOA = "anchor_reading", "doa"  # what most parameters are about
 
 
 @dataclass(frozen=True)
@@ -44,15 +48,16 @@ class Settings:
 
     particles: int = 200
     anchor_reading: Literal["doa", "gradient", "rssi", "none"] = "doa"
-    density: Literal["constant", "exact"] = "constant"
+    density: Literal["constant", "exact"] = tunable("constant", choices=("constant", "exact"), where=DOA)
     residual: Literal["wrapped", "sum", "corners"] = "wrapped"
-    M: int = 5
-    K: int = 5
-    decay: float = 0.99
-    temper: bool = True
+    M: int = tunable(5, 1, 10, where=DOA)
+    K: int = tunable(5, 1, 10, where=DOA)
+    decay: float = tunable(0.99, 0.5, 1.0, where=DOA)
+    temper: bool = tunable(True, choices=(True, False), where=DOA)
     point: Literal["mean", "max"] = "mean"
     proposal: Literal["walk", "box"] = "walk"
     box: float = 0.5  # [m]
+    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
 
     def __init_subclass__(cls) -> None:
         """Every particle filter's help explains these parameters too."""
@@ -60,6 +65,7 @@ class Settings:
 
     def __post_init__(self) -> None:
         require(self, particles=(2, 1_000_000), M=(1, 10_000), K=(1, 10_000), box=(1e-9, 1e6), decay=(1e-9, 1))
+        require(self, inflation=(LEAST, MOST))
 
     @property
     def uses(self) -> tuple[str, ...]:
@@ -96,6 +102,7 @@ class FilterState(NamedTuple):
 
 def init(p: Settings, prior: Belief, world: World, rows: Rows) -> FilterState:
     """Particles drawn from the prior, and empty memories."""
+    world = inflated(world, p.inflation)
     if p.anchor_reading in ("doa", "gradient"):
         gradient_doa(world)  # refuses a world without four corners before anything runs
     r = len(prior.x)

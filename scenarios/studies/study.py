@@ -12,6 +12,9 @@
     estimators = ["arl"]
 
 A study that includes others by name runs everything that they have.
+
+    [training]                                         # what `cooploc tune` uses instead of a recording that is judged
+    "mrclam/none[start=300]" = ["mrclam/none[duration=300]"]
 """
 
 import re
@@ -71,6 +74,8 @@ class Study(BaseModel):
     estimators: Labels = ()
     also: tuple[Block, ...] = ()
     include: tuple[str, ...] = ()  # other studies, by name or path
+    training: dict[str, Labels] = {}  # scenario -> those that estimators are tuned on instead; none: it is only judged
+    tuned_with: Seed | None = None  # the seed of the streams that its estimators were tuned on; no run may have it
     only: Labels = ()  # the estimators to run; one that the study lacks runs on every scenario
 
     def with_options(self, **options: Any) -> "Study":
@@ -194,8 +199,10 @@ def _load(which: str, including: tuple[str, ...]) -> Study:
     except RecursionError:
         raise BadInput(f"{which} is not a study: its arrays are nested too deeply") from None
     study = _validated({"name": path.name.removesuffix(".toml"), **content}, which)
-    included = [block for other in study.include for block in _load(other, (*including, which)).blocks()]
-    study = study.model_copy(update={"also": (*study.also, *included), "include": ()})
+    others = [_load(other, (*including, which)) for other in study.include]
+    also = (*study.also, *(block for other in others for block in other.blocks()))
+    training = {key: value for other in (*others, study) for key, value in other.training.items()}
+    study = study.model_copy(update={"also": also, "training": training, "include": ()})
     if not study.blocks():
         raise BadInput(f"{which} has no scenarios: give scenarios and estimators, or include other studies")
     try:
@@ -223,9 +230,12 @@ def _validated(content: dict[str, Any], where: str) -> Study:
     if content.get("scenarios") and not content.get("estimators"):
         raise BadInput(f"{where}: it has scenarios and no estimators: name some")
     try:
-        return Study(**content)
+        study = Study(**content)
     except ValidationError as e:
         raise BadInput(f"{where}: {first_reason(e.errors())}") from None
+    if study.seed == study.tuned_with:
+        raise BadInput(f"{where}: its estimators were tuned on the streams of seed {study.seed}; choose another seed")
+    return study
 
 
 def _demand_known(content: Any, model: type[BaseModel], what: str, where: str) -> None:

@@ -1,0 +1,172 @@
+"""Tune every estimator of a study alike, then run it as published and as tuned on the study's own streams."""
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pandas as pd
+
+from cooploc.analysis.execution.atomic_file import replace
+from cooploc.analysis.execution.execute import Progress, Quiet, execute
+from cooploc.analysis.execution.fit import demand_fit
+from cooploc.analysis.execution.run_directory import RunDir
+from cooploc.analysis.execution.workers import hired
+from cooploc.analysis.tuning.evaluations import Evaluations
+from cooploc.analysis.tuning.objective import OBJECTIVES
+from cooploc.analysis.tuning.search import Competitor, search
+from cooploc.analysis.tuning.space import space_of
+from cooploc.analysis.tuning.study_file import as_toml, tuned_study
+from cooploc.analysis.tuning.tables import Tuned, gains, history
+from cooploc.analysis.tuning.training import TrainingLane, demand_apart, derived_seed, lanes
+from cooploc.estimators.plugins.errors import BadInput, nearest
+from cooploc.scenarios.studies.resolved_study import ResolvedStudy, resolve_study
+from cooploc.scenarios.studies.study import Study
+
+MOST_BUDGET = 1_000_000
+RECORD, FILE = "tuning.json", "tuned.toml"
+
+
+class Tuning(NamedTuple):
+    """What a tuning found."""
+
+    study: Study  # with the tuned configurations
+    history: pd.DataFrame  # as `tables.history`
+    gains: pd.DataFrame  # as `tables.gains`
+    rows: pd.DataFrame  # of the run on fresh streams, of both configurations
+    tuned: dict[str, str]  # the tuned label of every label of the study
+    record: dict[str, Any]  # seeds, budget, streams
+
+
+class Options(NamedTuple):
+    """How it runs; nothing of it changes a bit."""
+
+    data: Path | None = None
+    jobs: int = 1
+    check: bool = True
+    isolate: bool = True
+
+
+def tune(
+    study: Study,
+    out: Path,
+    budget: int,
+    objective: str = "nll",
+    options: Options = Options(),  # noqa: B008 (frozen)
+    progress: Progress | None = None,
+) -> Tuning:
+    """Tune, compare on fresh streams, and keep everything in `out`; what is there already is not computed again.
+
+    Args:
+        study: what is to be compared.
+        out: the directory; `training` in it is the run directory of the search, `fresh` that of the comparison.
+        budget: training trials that each estimator may use.
+        objective: "nll" or "rmse", as of `objective`.
+        options: where it runs.
+        progress: called for every part.
+
+    Raises:
+        BadInput: something cannot be tuned as it stands; nothing was computed.
+
+    """
+    _demand(budget, objective)
+    watcher = progress or Quiet()
+    with hired(options.jobs, None, options.isolate, watcher.say) as workers, _begun(out) as directory:
+        asked = resolve_study(study, options.data, options.isolate)
+        seed = derived_seed(study.seed, "training")
+        own = lanes(asked.cells, study.training, options.data, options.isolate)
+        training = asked._replace(study=study.model_copy(update={"seed": seed}), cells=())
+        demand_fit(asked, options.isolate)
+        scenarios = {one.label: one for lane in own.values() for one in lane.scenarios}
+        counted = _Counted(watcher, budget * len(asked.estimators))
+        evaluations = Evaluations(training, scenarios, directory, workers, counted, objective)
+        competitors = _competitors(asked, own, options.isolate)
+        finishes = search(competitors, budget, derived_seed(study.seed, "sampler"), evaluations.compute)
+    tuned = [Tuned(one, finish) for one, finish in zip(competitors, finishes, strict=True)]
+    labels = {one.label: one.label for one in asked.estimators} | {one.published: one.best for one in tuned}
+    record = _record(study, budget, objective, tuned, seed, evaluations)
+    _write(out / RECORD, json.dumps(record, indent=1) + "\n")
+    _write(out / FILE, as_toml(tuned_study(study, study.cells(), labels, seed, both=False)))
+    both = tuned_study(study, study.cells(), labels, seed, both=True)
+    rows = _fresh(both, out / "fresh", options, watcher)
+    demand_apart(seed, study.seed, evaluations.streams.values(), rows["stream"].dropna())
+    result = tuned_study(study, study.cells(), labels, seed, both=False)
+    return Tuning(result, history(tuned), gains(rows, tuned, objective), rows, labels, record)
+
+
+def _fresh(both: Study, out: Path, how: Options, watcher: Progress) -> pd.DataFrame:
+    return execute(both, out, data=how.data, jobs=how.jobs, check=how.check, isolate=how.isolate, progress=watcher)
+
+
+def _demand(budget: int, objective: str) -> None:
+    if not 1 <= budget <= MOST_BUDGET:
+        raise BadInput(f"budget is {budget}; it must be at least 1 trial, and at most {MOST_BUDGET}")
+    if objective not in OBJECTIVES:
+        raise BadInput(f"there is no objective {objective!r}; {nearest(objective, list(OBJECTIVES))}")
+
+
+@contextmanager
+def _begun(out: Path) -> Iterator[RunDir]:
+    """The run directory of the search, locked."""
+    if out.exists() and not (out / "training").is_dir() and (not out.is_dir() or any(out.iterdir())):
+        raise BadInput(f"{out} exists and is not the directory of a tuning; name another with --out")
+    directory = RunDir(out / "training")
+    with directory.locked():
+        yield directory
+
+
+def _competitors(asked: ResolvedStudy, own: dict[str, TrainingLane], isolate: bool) -> list[Competitor]:
+    """The estimators that are on some scenario that can be trained on, in the study's order."""
+    found = []
+    for one in asked.estimators:
+        labels = [cell.scenario.label for cell in asked.cells if one in cell.estimators]
+        mine = [own[label] for label in labels if label in own]
+        if mine:
+            found.append(Competitor(space_of(one.label, isolate), mine))
+    if not found:
+        raise BadInput(f"study {asked.study.name!r} has no scenario that estimators may be tuned on: see its training")
+    return found
+
+
+def _record(
+    study: Study, budget: int, objective: str, tuned: list[Tuned], seed: int, evaluations: Evaluations
+) -> dict[str, Any]:
+    """What a reader needs to repeat it, and to see that no reported stream was used."""
+    return {
+        "study": study.model_dump(mode="json"),
+        "budget": budget,
+        "objective": objective,
+        "seed": study.seed,
+        "training_seed": seed,
+        "spent": {one.published: one.finish.spent for one in tuned},
+        "tuned": {one.published: one.best for one in tuned},
+        "spaces": {one.published: _space(one) for one in tuned},
+        "streams": {f"{item.scenario}, trial {item.trial}": found for item, found in evaluations.streams.items()},
+    }
+
+
+def _space(one: Tuned) -> dict[str, Any]:
+    return {name: each._asdict() for name, each in one.competitor.space.parameters.items()}
+
+
+def _write(file: Path, text: str) -> None:
+    replace(file, lambda temporary: temporary.write_text(text, encoding="utf-8"))
+
+
+class _Counted:
+    """Passes on progress as one count for all steps of a search."""
+
+    def __init__(self, watcher: Progress, total: int) -> None:
+        self._watcher, self._total, self._begun = watcher, total, False
+        self.say = watcher.say
+
+    def begin(self, trials: int, found: int, work: float) -> None:
+        """The whole budget, once."""
+        if not self._begun:
+            self._watcher.begin(self._total, 0, float(self._total))
+        self._begun = True
+
+    def advance(self, what: str, trials: int, failed: int, work: float) -> None:
+        """A part is done."""
+        self._watcher.advance(what, trials, failed, float(trials))

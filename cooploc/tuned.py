@@ -1,0 +1,93 @@
+"""`cl.tune`: every estimator of a study with the same budget of tuning, as published and tuned side by side."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from cooploc.analysis.tuning import order as orders
+from cooploc.analysis.tuning.tune import FILE, Options, Tuning
+from cooploc.analysis.tuning.tune import tune as search_and_compare
+from cooploc.estimators import split
+from cooploc.estimators.plugins.errors import BadInput
+from cooploc.scenarios.studies.study import load
+from cooploc.terminal.progress import TerminalProgress
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Tuned:
+    """What a tuning found, and the directory that holds it."""
+
+    folder: Path
+    history: pd.DataFrame  # one row per configuration that was tried
+    table: pd.DataFrame  # one row per scenario and estimator, as published and tuned on fresh streams
+    rows: pd.DataFrame  # as `cl.errors`, of the fresh streams
+    tuned: dict[str, str]  # the tuned label of every estimator
+    record: dict[str, Any]  # budget, seeds, hashes of the streams that tuning used
+
+    @property
+    def study(self) -> Path:
+        """The study file with the tuned configurations, for `cooploc run`."""
+        return self.folder / FILE
+
+    def order(self, by: str = "rmse") -> pd.DataFrame:
+        """Whether the order of every pair of estimators changes; `analysis.tuning.order.order` names the columns."""
+        return orders.order(self.rows, self.tuned, by)
+
+    def __repr__(self) -> str:
+        return f"Tuned({str(self.folder)!r}, {len(self.tuned)} estimators, budget {self.record['budget']})"
+
+
+def tune(
+    study: str | Path,
+    budget: int = 100,
+    *,
+    estimators: str | Iterable[str] | None = None,
+    trials: int | None = None,
+    seed: int | None = None,
+    objective: str = "nll",
+    jobs: int = 1,
+    data: str | Path | None = None,
+    out: str | Path | None = None,
+    check: bool = True,
+    isolate: bool = True,
+) -> Tuned:
+    """Tune every estimator with the same budget, and compare it as published and tuned, as `cooploc tune` does.
+
+    What is tuned are the parameters that an estimator's class declares by `cl.tunable`, but for those that its label
+    states. The streams of the search come from another seed than those of the comparison.
+
+    Args:
+        study: a shipped study (`cl.studies()`), or the path of a study's TOML file.
+        budget: training trials that each estimator may use; one trial of every scenario is the least.
+        estimators: names to tune instead of the study's, as a list or separated by commas.
+        trials: fresh trials of each scenario in the comparison; the study's where not given.
+        seed: the random seed of the comparison, from which that of the search is derived.
+        objective: "nll", mean negative log-likelihood of the true position, with a robust cap; or "rmse".
+        jobs: processes; the result is bit-identical for any number.
+        data: the directory of recordings, for scenarios that need one.
+        out: the directory; `runs/STUDY-seedN-tuned` where not given. The same call goes on with what it holds.
+        check: whether estimators that are not built in are checked before they are compared.
+        isolate: False keeps everything in this process, for a debugger.
+
+    Raises:
+        BadInput: the study cannot be tuned as it stands; nothing was computed.
+
+    """
+    only = None if estimators is None else tuple(split(estimators) if isinstance(estimators, str) else estimators)
+    if only == ():
+        raise BadInput("estimators is empty: name some, or leave it out to tune the study's")
+    asked = load(str(study)).with_options(trials=trials, seed=seed, only=only)
+    folder = Path(out) if out is not None else Path("runs") / f"{asked.folder_name}-seed{asked.seed}-tuned"
+    options = Options(None if data is None else Path(data), jobs, check, isolate)
+    with TerminalProgress() as progress:
+        found = search_and_compare(asked, folder, budget, objective, options, progress)
+    return _kept(folder, found)
+
+
+def _kept(folder: Path, found: Tuning) -> Tuned:
+    for name, table in (("history", found.history), ("published-and-tuned", found.gains)):
+        table.to_csv(folder / f"{name}.csv", index=False)
+    return Tuned(folder, found.history, found.gains, found.rows, found.tuned, found.record)
