@@ -13,8 +13,10 @@ MOST_JOBS = 1024
 
 
 @contextmanager
-def hired(jobs: int, scheduler: str | None, isolate: bool, say: Callable[[str], None]) -> Iterator[Workers]:
-    """Workers for a run; without `isolate`, this process is the only one.
+def hired(
+    jobs: int, scheduler: str | None, isolate: bool, say: Callable[[str], None], keep: bool = False
+) -> Iterator[Workers]:
+    """Workers for a run; without `isolate`, this process is the only one; `keep`: plug-ins' processes wait for more.
 
     Raises:
         BadInput: fewer than one job, no cluster at the address, or several processes that are to be one.
@@ -31,7 +33,7 @@ def hired(jobs: int, scheduler: str | None, isolate: bool, say: Callable[[str], 
             with connected(scheduler, say) as cluster:
                 yield cluster
         else:
-            yield ThisMachine(jobs) if isolate else ThisProcess()
+            yield ThisMachine(jobs, keep) if isolate else ThisProcess()
     except BaseException:
         kept = (SESSION,)
         raise

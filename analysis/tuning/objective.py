@@ -29,7 +29,8 @@ def trial_scores(rows: pd.DataFrame, objective: str) -> "pd.Series[float]":
     if objective not in OBJECTIVES:
         raise BadInput(f"there is no objective {objective!r}; {nearest(objective, list(OBJECTIVES))}")
     column, score, after = OBJECTIVES[objective]
-    values = rows[column].where(rows["failure"].isna(), np.inf)
+    there = rows if column in rows else rows.assign(**{column: np.nan})  # lacking where no trial succeeded
+    values = there[column].where(rows["failure"].isna(), np.inf)
     known = rows.assign(score=score(values.to_numpy(float)))[rows["ticks"].fillna(1) > 0]
     counted = known.assign(ticks=known["ticks"].fillna(1))
     means = weighted_means(counted, ["trial"], ["score"])["score"]

@@ -3,8 +3,9 @@
 A round is one training trial of every scenario. The configuration as published runs all rounds first; then small
 batches of others enter at one round and go on to two, four and so on, unless their paired differences to the best so
 far show that they are worse. One that survives all rounds is chosen where it is the best, and its paired differences to
-the configuration as published show that it is better; so chance alone seldom moves an estimator. Every trial counts in the budget, also those of configurations that were stopped; what is
-left at the end, too little for all rounds of one more, stays unused.
+the configuration as published show that it is better; so chance alone seldom moves an estimator. Every trial counts in
+the budget, also those of configurations that were stopped; what is left at the end, too little for all rounds of one
+more, stays unused.
 
 Source: O. Maron, A. Moore, "The racing algorithm: model selection for lazy learners", AI Review 11, 1997; M. Birattari
 et al., "A racing algorithm for configuring metaheuristics", GECCO 2002.

@@ -72,12 +72,13 @@ def tune(
     """
     _demand(budget, objective)
     watcher = progress or Quiet()
-    with hired(options.jobs, None, options.isolate, watcher.say) as workers, _begun(out) as directory:
+    hands = hired(options.jobs, None, options.isolate, watcher.say, keep=True)
+    with hands as workers, _begun(out) as directory:
         asked = resolve_study(study, options.data, options.isolate)
         seed = derived_seed(study.seed, "training")
         own = lanes(asked.cells, study.training, options.data, options.isolate)
         training = asked._replace(study=study.model_copy(update={"seed": seed}), cells=())
-        demand_fit(asked, options.isolate)
+        demand_fit(asked._replace(study=training.study), options.isolate)
         scenarios = {one.label: one for lane in own.values() for one in lane.scenarios}
         counted = _Counted(watcher, budget * len(asked.estimators))
         evaluations = Evaluations(training, scenarios, directory, workers, counted, objective)
