@@ -58,6 +58,7 @@ if _TYPE_CHECKING:
     from cooploc.scenarios.stream import Truth as Truth
     from cooploc.scenarios.studies.listing import studies as studies
     from cooploc.tuned import Tuned as Tuned
+    from cooploc.tuned import load_tuned as load_tuned
     from cooploc.tuned import tune as tune
 
     estimators: _CallablePackage
@@ -84,7 +85,7 @@ _HOME = {
     "runs": ("run_study", "load_run", "Results", "report", "compare_runs", "reproduce", "show"),
     "run_verdicts": ("verdicts", "readings"),
     "run_tables": ("information", "sensitivity"),
-    "tuned": ("tune", "Tuned"),
+    "tuned": ("tune", "Tuned", "load_tuned"),
     "scaffold": ("new_estimator",),
 }
 _MODULES = {"estimators": "estimators", "scenarios": "scenarios", "plot": "analysis.plot"}

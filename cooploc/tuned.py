@@ -1,5 +1,7 @@
 """`cl.tune`: every estimator of a study with the same budget of tuning, as published and tuned side by side."""
 
+import json
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,13 +9,17 @@ from typing import Any
 
 import pandas as pd
 
+from cooploc.analysis.execution.stored_run import read
 from cooploc.analysis.tuning import order as orders
-from cooploc.analysis.tuning.tune import FILE, Options, Tuning
+from cooploc.analysis.tuning.tables import VALUE
+from cooploc.analysis.tuning.tune import FILE, RECORD, Options, Tuning
 from cooploc.analysis.tuning.tune import tune as search_and_compare
 from cooploc.estimators import split
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.studies.study import load
 from cooploc.terminal.progress import TerminalProgress
+
+TABLES = "history", "published-and-tuned"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -87,7 +93,41 @@ def tune(
     return _kept(folder, found)
 
 
+def load_tuned(folder: str | Path) -> Tuned:
+    """What a finished tuning left in its directory.
+
+    Raises:
+        BadInput: it is not the directory of a tuning, or one that has not finished.
+
+    """
+    where = Path(folder)
+    if not all((where / name).is_file() for name in (RECORD, *(f"{name}.csv" for name in TABLES))):
+        raise BadInput(f"{where} holds no finished tuning: name the directory that cooploc tune wrote, or run it again")
+    record = json.loads((where / RECORD).read_text(encoding="utf-8"))
+    history, table = (pd.read_csv(where / f"{name}.csv") for name in TABLES)
+    return Tuned(where, history, table, read(where / "fresh").rows, record["tuned"], record)
+
+
 def _kept(folder: Path, found: Tuning) -> Tuned:
-    for name, table in (("history", found.history), ("published-and-tuned", found.gains)):
+    for name, table in zip(TABLES, (found.history, found.gains), strict=True):
         table.to_csv(folder / f"{name}.csv", index=False)
+    _draw(folder, found.history)
     return Tuned(folder, found.history, found.gains, found.rows, found.tuned, found.record)
+
+
+def _draw(folder: Path, history: pd.DataFrame) -> None:
+    """The score against the budget, and of every estimator that has parameters, what each of them did."""
+    import matplotlib.pyplot as plt
+
+    from cooploc.analysis.plot import tuned_parameters, tuning
+
+    drawn = {"score-against-budget": tuning(history)}
+    for name, part in history.groupby("estimator", sort=False):
+        if part.filter(like=VALUE).notna().any(axis=None):
+            drawn[f"parameters-{re.sub(r'[^A-Za-z0-9.=]+', '-', str(name)).strip('-')}"] = tuned_parameters(
+                history, str(name)
+            )
+    for name, ax in drawn.items():
+        figure: Any = ax.figure
+        figure.savefig(folder / f"{name}.png", dpi=130)
+        plt.close(figure)

@@ -9,6 +9,7 @@ from cooploc.analysis.plot.readings_map import readings
 from cooploc.analysis.plot.sensitivity_panels import sensitivity
 from cooploc.analysis.plot.specification_curve import specification_curve
 from cooploc.analysis.plot.summary import rmse, tradeoff
+from cooploc.analysis.plot.tuning import tuned_parameters, tuning
 from cooploc.analysis.plot.world import world
 
 __all__ = [
@@ -23,6 +24,8 @@ __all__ = [
     "sensitivity",
     "specification_curve",
     "tradeoff",
+    "tuned_parameters",
+    "tuning",
     "world",
 ]
 

@@ -1,5 +1,6 @@
 """Tables of a tuning for readers: as published and tuned, with the gain on training streams and on fresh ones."""
 
+import numpy as np
 import pandas as pd
 
 from cooploc.analysis.formats import change, count, fixed, interval, metres, p_value, ratio
@@ -24,8 +25,8 @@ GAINS = (
     numbers("change", "change", form=change),
     numbers("95 %", "change_low", "change_high", form=interval(change)),
     numbers("p", "p_holm", form=p_value),
-    numbers("NLL published", "nll_published", form=ratio),
-    numbers("tuned", "nll_tuned", form=ratio),
+    numbers("score published", "score_published", form=ratio),
+    numbers("tuned", "score_tuned", form=ratio),
     numbers("ANEES published", "anees_published", form=ratio),
     numbers("tuned", "anees_tuned", form=ratio),
     numbers("training gain", "training_gain", form=gain),
@@ -36,6 +37,7 @@ GAINS = (
     numbers("failed", "failed_tuned", form=count),
 )
 LEGEND = (
+    "score: what tuning makes small, mean negative log-likelihood with a robust cap [nats], or log RMSE [log m]. "
     "change: of RMSE by tuning, on the same fresh streams, with Fieller's interval; p: Holm over the whole table. "
     "training gain: how much the mean score fell on the streams that the best configuration was chosen on; fresh gain: "
     "on streams that tuning never saw. Where the first is larger, the difference is over-fitting. rank: by RMSE."
@@ -64,6 +66,49 @@ def chosen_table(history: pd.DataFrame, tuned: dict[str, str]) -> Table:
     columns = (words("estimator"), words("tuned"), *map(numbers, ("configurations", "stopped", "trials")))
     caption = "what was chosen, of how many configurations, how many of them were stopped early, and all their trials"
     return Table("chosen", caption, columns, rows)
+
+
+def side_by_side(gains: pd.DataFrame) -> Table:
+    """Two tables in one: the estimators of all scenarios by their error as published, and by their error as tuned.
+
+    RMSE is the geometric mean over scenarios, the score the plain one; only estimators of every scenario are in it.
+    """
+    everywhere = gains.groupby("estimator").filter(lambda part: len(part) == gains["scenario"].nunique())
+    halves = [_ranked(everywhere, which) for which in ("published", "tuned")]
+    rows = pd.concat(halves, axis=1)
+    before = {name: k for k, name in enumerate(rows["estimator_published"])}
+    rows["place"] = range(1, len(rows) + 1)
+    rows["moved"] = [_moved(before[name] - k) for k, name in enumerate(rows["estimator_tuned"])]
+    columns = (
+        numbers("place"),
+        words("as published", "estimator_published"),
+        numbers("RMSE [m]", "rmse_published", form=metres),
+        numbers("score", "score_published", form=ratio),
+        words("tuned alike", "estimator_tuned"),
+        numbers("RMSE [m]", "rmse_tuned", form=metres),
+        numbers("score", "score_tuned", form=ratio),
+        words("moved"),
+    )
+    return Table(
+        "side-by-side", "by RMSE, geometric mean over the worlds; score: mean [nats]", columns, rows.to_dict("records")
+    )
+
+
+def _ranked(gains: pd.DataFrame, which: str) -> pd.DataFrame:
+    """One half: estimators with their means over scenarios, by error."""
+    values = pd.DataFrame(
+        {
+            "estimator": gains["estimator"],
+            "rmse": np.log(gains[f"rmse_{which}"]),
+            "score": gains[f"score_{which}"],
+        }
+    )
+    means = values.groupby("estimator", sort=False).mean().sort_values("rmse", kind="stable").reset_index()
+    return means.assign(rmse=np.exp(means["rmse"])).add_suffix(f"_{which}")
+
+
+def _moved(places: int) -> str:
+    return f"up {places}" if places > 0 else f"down {-places}" if places < 0 else ""
 
 
 def order_sentence(table: pd.DataFrame, by: str) -> str:

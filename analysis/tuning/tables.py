@@ -1,6 +1,6 @@
 """Tables of a tuning: every configuration that was tried, and every estimator as published and tuned, paired."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -72,6 +72,7 @@ def gains(rows: pd.DataFrame, tuned: Sequence[Tuned], objective: str) -> pd.Data
     Columns:
         scenario, estimator: as the study has it; tuned: the label of the tuned configuration
         rmse [m], nll [nats], anees, consistency, coverage95, failed: each `_published` and `_tuned`, as of `compare`
+        score_published, score_tuned: the mean of what was made small, in its unit
         change, change_low, change_high: RMSE tuned / published - 1, with its paired 95 % interval
         p_holm: p of that difference, adjusted by Holm over all rows
         training_gain: how much the mean score fell on the training streams, of which the best was chosen; nan where
@@ -113,6 +114,8 @@ def _paired(rows: pd.DataFrame, scenario: str, one: Tuned, objective: str) -> di
         "tuned": one.best,
         "trials": int(before["trials"]),
         **known,
+        "score_published": scores[one.published].mean(),
+        "score_tuned": scores[one.best].mean(),
         **{name: 0.0 if same else after[name] for name in ("change", "change_low", "change_high")},
         "p": np.nan if same else after["p"],
         "training_gain": _training_gain(one, scenario),
@@ -123,7 +126,7 @@ def _paired(rows: pd.DataFrame, scenario: str, one: Tuned, objective: str) -> di
 
 
 def _training_gain(one: Tuned, scenario: str) -> float:
-    own: Mapping[str, TrainingLane] = {getattr(lane, "judged", ""): lane for lane in one.competitor.lanes}  # type: ignore[misc]
+    own = {lane.judged: lane for lane in one.competitor.lanes if isinstance(lane, TrainingLane)}
     if scenario not in own:
         return float("nan")
     lane, finish = [own[scenario]], one.finish
