@@ -47,10 +47,9 @@ def _of_scenario(scenario: str, part: pd.DataFrame) -> str:
     if len(whole) < 2:
         return f"`{scenario}`: fewer than two estimators without failed trials."
     tau = stats.kendalltau(whole["rmse_published"], whole["rmse_tuned"]).statistic
-    rows = whole.to_dict("records")
-    first, then = (min(rows, key=lambda row, k=k: float(row[k])) for k in ("rmse_published", "rmse_tuned"))
+    first, then = (whole.sort_values(f"rmse_{which}").to_dict("records")[0] for which in ("published", "tuned"))
     same = "and tuned, too" if first["estimator"] == then["estimator"] else f"tuned it is `{then['estimator']}`"
     return (
-        f"`{scenario}`: the smallest RMSE as published has `{first['estimator']}` "
-        f"({metres(first['rmse_published'])} m), {same} ({metres(then['rmse_tuned'])} m); Kendall's tau between the two orders is {fixed(tau, 2)}."
+        f"`{scenario}`: the smallest RMSE as published has `{first['estimator']}` ({metres(first['rmse_published'])} "
+        f"m), {same} ({metres(then['rmse_tuned'])} m); Kendall's tau between the two orders is {fixed(tau, 2)}."
     )

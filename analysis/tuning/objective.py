@@ -11,7 +11,6 @@ from collections.abc import Callable
 import numpy as np
 import pandas as pd
 
-from cooploc.analysis.metrics.pooling import weighted_means
 from cooploc.estimators.interface import Array
 from cooploc.estimators.plugins.errors import BadInput, nearest
 
@@ -31,11 +30,11 @@ def trial_scores(rows: pd.DataFrame, objective: str) -> "pd.Series[float]":
     column, score, after = OBJECTIVES[objective]
     there = rows if column in rows else rows.assign(**{column: np.nan})  # lacking where no trial succeeded
     values = there[column].where(rows["failure"].isna(), np.inf)
-    known = rows.assign(score=score(values.to_numpy(float)))[rows["ticks"].fillna(1) > 0]
-    counted = known.assign(ticks=known["ticks"].fillna(1))
-    means = weighted_means(counted, ["trial"], ["score"])["score"]
-    found: pd.Series[float] = means.map(after).sort_index()
-    return found
+    weight = rows["ticks"].fillna(1).to_numpy(float)  # of a trial that failed nothing is known
+    known = weight > 0
+    trials, of = np.unique(rows["trial"].to_numpy()[known], return_inverse=True)
+    total = np.bincount(of, weight[known] * score(values.to_numpy(float)[known]))
+    return pd.Series(after(total / np.bincount(of, weight[known])), index=trials)
 
 
 def capped(nll: Array) -> Array:
@@ -48,16 +47,16 @@ def _squared(mse: Array) -> Array:
     return np.asarray(np.minimum(np.nan_to_num(mse, nan=np.inf), LARGEST**2))
 
 
-def _same(score: float) -> float:
+def _same(score: Array) -> Array:
     return score
 
 
-def _log_root(mse: float) -> float:
-    return float(np.log(max(mse, 1e-12)) / 2)
+def _log_root(mse: Array) -> Array:
+    return np.asarray(np.log(np.maximum(mse, 1e-12)) / 2)
 
 
 # name -> column of `errors`, what a robot's value counts as, what becomes of the trial's mean
-OBJECTIVES: dict[str, tuple[str, Callable[[Array], Array], Callable[[float], float]]] = {
+OBJECTIVES: dict[str, tuple[str, Callable[[Array], Array], Callable[[Array], Array]]] = {
     "nll": ("nll", capped, _same),
     "rmse": ("mse", _squared, _log_root),
 }

@@ -28,9 +28,8 @@ from cooploc.estimators.interface import Belief, Rows, World
 from cooploc.estimators.particle import own_filter
 
 COPIES, BUDGET, FRESH, LEVEL = 5, 60, 20, 0.05
-WORLD = "nlos/n=1[ticks=12]"  # walls: the models are wrong, and tuning pays
+WORLD = "nlos/n=1[ticks=8]"  # walls: the models are wrong, and tuning pays
 METHOD = "arl[particles=20]"
-ALIKE = 20  # repetitions with copies that differ in nothing but their names
 
 
 @dataclass(frozen=True)
@@ -49,6 +48,7 @@ class Case(NamedTuple):
     about: str
     salted: bool
     searched: bool
+    most: int = 1_000_000  # repetitions
 
     def salt(self, copy: int) -> int:
         """What a copy's random numbers are changed by."""
@@ -56,9 +56,9 @@ class Case(NamedTuple):
 
 
 CASES = (
-    Case("their names alone", False, False),
+    Case("their names alone", False, False, 20),
     Case("random numbers of their own", True, False),
-    Case("random numbers and a search of their own", True, True),
+    Case("random numbers and a search of their own", True, True, 100),
 )
 
 
@@ -183,8 +183,9 @@ def main(out: str, repetitions: int = 200) -> int:
     """Repeat, write, and judge the first two cases; the third is shown."""
     found: dict[Case, list[dict[str, Any]]] = {case: [] for case in CASES}
     for k in range(repetitions):
-        for case in CASES if k < ALIKE else CASES[1:]:
-            found[case].append(repetition(case, 1000 + k))
+        for case in CASES:
+            if k < case.most:
+                found[case].append(repetition(case, 1000 + k))
         if k % 10 == 9 or k + 1 == repetitions:
             Path(out).write_text(report(found), encoding="utf-8")
             print(f"{k + 1} of {repetitions} repetitions", file=sys.stderr, flush=True)
