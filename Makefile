@@ -5,7 +5,7 @@ VENV ?= .venv$(patsubst -3.11,,$(patsubst python%,-%,$(notdir $(PYTHON))))
 BIN := $(VENV)/bin
 PARALLEL := -n 2 --dist loadgroup
 
-.PHONY: demo test quick-test lint types floors units hooks looks bench prove accuse reliability oddities truth lock clean
+.PHONY: demo test quick-test lint types floors units hooks looks bench prove accuse reliability alike oddities truth lock clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.ready  ## run the quick study, print its table, write its picture
@@ -52,6 +52,9 @@ reliability: $(VENV)/.ready  ## what a plug-in's crash, damage, death and isolat
 	$(BIN)/python benchmarks/reliability/damage.py reports/reliability.md
 	$(BIN)/python benchmarks/reliability/report_size.py reports/reliability.md
 	$(BIN)/python benchmarks/reliability/isolation_price.py reports/reliability.md
+
+alike: $(VENV)/.ready  ## are copies of one estimator, each tuned alike, called different? ten minutes; keeps its report
+	$(BIN)/python benchmarks/statistics/tuned_alike.py reports/tuned-alike.md
 
 oddities: $(VENV)/.ready  ## and one with unusual habits? keeps its report after every seed
 	$(BIN)/python benchmarks/statistics/oddities.py reports/oddities.md 20
