@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,6 +16,7 @@ from cooploc.analysis.execution.run_directory import RunDir
 from cooploc.analysis.execution.workers import hired
 from cooploc.analysis.tuning.evaluations import Evaluations
 from cooploc.analysis.tuning.objective import OBJECTIVES
+from cooploc.analysis.tuning.race import Item
 from cooploc.analysis.tuning.search import Competitor, search
 from cooploc.analysis.tuning.space import space_of
 from cooploc.analysis.tuning.study_file import as_toml, tuned_study
@@ -72,6 +74,28 @@ def tune(
     """
     _demand(budget, objective)
     watcher = progress or Quiet()
+    found = _searched(study, out, budget, objective, options, watcher)
+    labels = {one.label: one.label for one in found.asked.estimators} | {one.published: one.best for one in found.tuned}
+    record = {**_record(study, budget, objective, found), "tuned": labels}
+    chosen, both = (tuned_study(study, study.cells(), labels, found.seed, both=both) for both in (False, True))
+    _write(out / RECORD, json.dumps(record, indent=1) + "\n")
+    _write(out / FILE, as_toml(chosen))
+    rows = _fresh(both, out / "fresh", options, watcher)
+    demand_apart(found.seed, study.seed, found.streams.values(), rows["stream"].dropna())
+    return Tuning(chosen, history(found.tuned), gains(rows, found.tuned, objective), rows, labels, record)
+
+
+class _Found(NamedTuple):
+    """What the search found."""
+
+    asked: ResolvedStudy
+    tuned: list[Tuned]
+    seed: int  # of the training streams
+    streams: dict[Item, str]  # hashes of what it saw
+
+
+def _searched(study: Study, out: Path, budget: int, objective: str, options: Options, watcher: Progress) -> _Found:
+    """The races of all estimators, whose evaluations are kept in `out`."""
     hands = hired(options.jobs, None, options.isolate, watcher.say, keep=True)
     with hands as workers, _begun(out) as directory:
         asked = resolve_study(study, options.data, options.isolate)
@@ -85,15 +109,7 @@ def tune(
         competitors = _competitors(asked, own, options.isolate)
         finishes = search(competitors, budget, derived_seed(study.seed, "sampler"), evaluations.compute)
     tuned = [Tuned(one, finish) for one, finish in zip(competitors, finishes, strict=True)]
-    labels = {one.label: one.label for one in asked.estimators} | {one.published: one.best for one in tuned}
-    record = _record(study, budget, objective, tuned, seed, evaluations)
-    _write(out / RECORD, json.dumps(record, indent=1) + "\n")
-    _write(out / FILE, as_toml(tuned_study(study, study.cells(), labels, seed, both=False)))
-    both = tuned_study(study, study.cells(), labels, seed, both=True)
-    rows = _fresh(both, out / "fresh", options, watcher)
-    demand_apart(seed, study.seed, evaluations.streams.values(), rows["stream"].dropna())
-    result = tuned_study(study, study.cells(), labels, seed, both=False)
-    return Tuning(result, history(tuned), gains(rows, tuned, objective), rows, labels, record)
+    return _Found(asked, tuned, seed, evaluations.streams)
 
 
 def _fresh(both: Study, out: Path, how: Options, watcher: Progress) -> pd.DataFrame:
@@ -130,20 +146,18 @@ def _competitors(asked: ResolvedStudy, own: dict[str, TrainingLane], isolate: bo
     return found
 
 
-def _record(
-    study: Study, budget: int, objective: str, tuned: list[Tuned], seed: int, evaluations: Evaluations
-) -> dict[str, Any]:
+def _record(study: Study, budget: int, objective: str, found: _Found) -> dict[str, Any]:
     """What a reader needs to repeat it, and to see that no reported stream was used."""
     return {
         "study": study.model_dump(mode="json"),
         "budget": budget,
         "objective": objective,
+        "optuna": version("optuna"),
         "seed": study.seed,
-        "training_seed": seed,
-        "spent": {one.published: one.finish.spent for one in tuned},
-        "tuned": {one.published: one.best for one in tuned},
-        "spaces": {one.published: _space(one) for one in tuned},
-        "streams": {f"{item.scenario}, trial {item.trial}": found for item, found in evaluations.streams.items()},
+        "training_seed": found.seed,
+        "spent": {one.published: one.finish.spent for one in found.tuned},
+        "spaces": {one.published: _space(one) for one in found.tuned},
+        "streams": {f"{item.scenario}, trial {item.trial}": hashed for item, hashed in found.streams.items()},
     }
 
 

@@ -218,4 +218,9 @@ def test_the_command_says_what_was_chosen_what_it_bought_and_what_became_of_the_
     for word in ("as published", "training gain", "fresh gain", "reversed", "training seed", "cooploc run"):
         assert word in done.stdout
     folder = tmp_path / "runs" / "mine-seed1-tuned"
+    again = cl.load_tuned(folder)
+    assert list(again.tuned) == ["ekf-local", "dead-reckoning"]
+    assert set(again.order()["became"]) <= {"kept", "reversed", "appeared", "vanished", "open"}
+    assert again.table["fresh_gain"].notna().all()
+    assert {"score-against-budget.png", "parameters-ekf-local.png"} <= {f.name for f in folder.iterdir()}
     assert {"tuned.toml", "tuning.json", "history.csv", "published-and-tuned.csv"} <= {f.name for f in folder.iterdir()}
