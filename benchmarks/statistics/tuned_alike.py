@@ -16,7 +16,7 @@ import pandas as pd
 
 import cooploc as cl
 from cooploc.analysis.metrics.statistics import Z
-from cooploc.analysis.tuning.objective import trial_scores
+from cooploc.analysis.tuning.objective import capped, trial_scores
 from cooploc.analysis.tuning.order import order
 from cooploc.analysis.tuning.race import Item, Wanted, full_rounds, race
 from cooploc.analysis.tuning.sampler import Sampler
@@ -24,10 +24,11 @@ from cooploc.analysis.tuning.space import Space, space_of
 from cooploc.analysis.tuning.training import derived_seed
 from cooploc.estimators import configure
 from cooploc.estimators.arl import Arl
-from cooploc.estimators.interface import Belief, Rows, World
+from cooploc.estimators.interface import Array, Belief, Rows, World
 from cooploc.estimators.particle import own_filter
+from cooploc.scenarios.runner.trace import trace
 
-COPIES, BUDGET, FRESH, LEVEL = 5, 60, 20, 0.05
+COPIES, BUDGET, FRESH, LEVEL = 5, 36, 20, 0.05
 WORLD = "nlos/n=1[ticks=8]"  # walls: the models are wrong, and tuning pays
 METHOD = "arl[particles=20]"
 
@@ -56,9 +57,9 @@ class Case(NamedTuple):
 
 
 CASES = (
-    Case("their names alone", False, False, 20),
+    Case("their names alone", False, False, 10),
     Case("random numbers of their own", True, False),
-    Case("random numbers and a search of their own", True, True, 100),
+    Case("random numbers and a search of their own", True, True, 40),
 )
 
 
@@ -70,15 +71,28 @@ class OneLane:
         return Item(WORLD, number)
 
 
+def copy_of(label: str, salt: int) -> Copy:
+    """A copy with the parameters of a label."""
+    return Copy(**{**vars(cl.make(label)), "salt": salt})
+
+
 class Player:
     """Runs copies on streams of one seed."""
 
     def __init__(self, seed: int, trials: int) -> None:
         self.truth, self.stream = cl.simulate(WORLD, trials=trials, seed=seed)
 
+    def scores(self, label: str, salt: int, trials: list[int]) -> Array:
+        """The capped score of each trial (t,): what `trial_scores` makes of `errors`, without their tables."""
+        truth, stream = self.truth.select(trials), self.stream.select(trials)
+        found = trace(label, copy_of(label, salt), stream)
+        e, P = (found.x - truth.x)[:, :, 0, :2], found.P[:, :, 0, :2, :2]
+        nees = (e * np.linalg.solve(P, e[..., None])[..., 0]).sum(-1)
+        return capped((np.log(2 * np.pi) + (np.linalg.slogdet(P).logabsdet + nees) / 2).mean(-1))
+
     def rows(self, copies: dict[str, tuple[str, int]], trials: list[int]) -> pd.DataFrame:
         """The errors of configurations, each a label and a salt, by a name of theirs."""
-        made = {name: Copy(**{**vars(cl.make(label)), "salt": salt}) for name, (label, salt) in copies.items()}
+        made = {name: copy_of(label, salt) for name, (label, salt) in copies.items()}
         run = cl.run(made, self.stream.select(trials), isolate=False)
         return cl.errors(self.truth.select(trials), run).assign(failure=None)
 
@@ -102,19 +116,14 @@ def tuned(case: Case, seed: int, player: Player) -> list[str]:
 
 
 def _scored(case: Case, wanted: dict[int, Wanted], player: Player) -> dict[int, dict[tuple[str, Item], float]]:
-    """What each copy's race wants to know; what needs the same trials runs together."""
-    groups: dict[tuple[int, ...], dict[str, tuple[int, str]]] = {}
+    """What each copy's race wants to know."""
+    scores: dict[int, dict[tuple[str, Item], float]] = {}
     for copy, asked in wanted.items():
+        scores[copy] = {}
         for label, items in asked.items():
-            together = groups.setdefault(tuple(item.trial for item in items), {})
-            together[f"{copy} {label}"] = copy, label
-    scores: dict[int, dict[tuple[str, Item], float]] = {copy: {} for copy in wanted}
-    for trials, together in groups.items():
-        made = {name: (label, case.salt(copy)) for name, (copy, label) in together.items()}
-        for name, part in player.rows(made, list(trials)).groupby("estimator") if trials else ():
-            copy, label = together[str(name)]
-            found = trial_scores(part, "nll")
-            scores[copy] |= {(label, Item(WORLD, trial)): float(found[trial]) for trial in trials}
+            if items:
+                found = player.scores(label, case.salt(copy), [item.trial for item in items])
+                scores[copy] |= {(label, item): float(score) for item, score in zip(items, found, strict=True)}
     return scores
 
 
