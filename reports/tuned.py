@@ -1,6 +1,6 @@
 """Writes reports/tuned.md and its figures from tunings of the studies `paper-fair` and `paper-fair-mrclam`.
 
-Run: python reports/tuned.py TUNED_DIR MRCLAM_DIR [OUT]. It computes nothing again.
+Run: python reports/tuned.py TUNED_DIR [MRCLAM_DIR [OUT]]. It computes nothing again.
 """
 
 import sys
@@ -18,8 +18,7 @@ SHOWN = "ekf-naive"  # the estimator whose parameters are drawn
 TEXT = """# Does the order change when everyone is tuned alike?
 
     cooploc tune paper-fair --budget {budget} --out TUNED_DIR
-    cooploc tune paper-fair-mrclam --budget {real_budget} --data DIR --out MRCLAM_DIR
-    python reports/tuned.py TUNED_DIR MRCLAM_DIR      # this page, made of the two directories alone
+    python reports/tuned.py TUNED_DIR [MRCLAM_DIR]      # this page, made of the directories alone
 
 Every estimator used at most {budget} training trials, of streams whose seed ({training_seed}) is derived from that of
 the comparison ({seed}); none of the {streams} training streams is a reported one. Tuned are the parameters that an
@@ -57,22 +56,27 @@ cross is the configuration as published, the circle the one that was chosen.
 
 {tables}
 
-## Five real robots
+{real}Is the procedure fair? Five copies of one estimator go through it again and again:
+[tuned-alike.md](tuned-alike.md).
+"""
 
-UTIAS MRCLAM, data set {recording}: tuned on three parts of its first 300 s, judged on the rest, of which tuning saw
-nothing. One recording is one trial, so there are no intervals, and no difference can be called significant.
+REAL = """## Five real robots
 
-{real_chosen}
+    cooploc tune paper-fair-mrclam --budget {budget} --data DIR --out MRCLAM_DIR
 
-{real}
+UTIAS MRCLAM: tuned on parts of the first 300 s, judged on the 200 s after them, of which tuning saw nothing. One
+recording is one trial, so there are no intervals, and no difference can be called significant.
 
-Is the procedure fair? Five copies of one estimator go through it again and again: [tuned-alike.md](tuned-alike.md).
+{chosen}
+
+{tables}
+
 """
 
 
-def main(run: str, real: str, out: str = "reports") -> None:
+def main(run: str, real: str = "", out: str = "reports") -> None:
     """Write the page, the README's table and the figures."""
-    found, recorded = cl.load_tuned(run), cl.load_tuned(real)
+    found = cl.load_tuned(run)
     folder, side = Path(out), side_by_side(found.table).markdown()
     with mpl.rc_context({"svg.hashsalt": "cooploc"}):
         cl.plot.tuning(found.history).figure.savefig(folder / "tuned-budget.png", dpi=150)
@@ -80,7 +84,6 @@ def main(run: str, real: str, out: str = "reports") -> None:
     (folder / "tuned-side-by-side.md").write_text(side, encoding="utf-8")
     text = TEXT.format(
         budget=found.record["budget"],
-        real_budget=recorded.record["budget"],
         training_seed=found.record["training_seed"],
         seed=found.record["seed"],
         streams=len(found.record["streams"]),
@@ -93,11 +96,17 @@ def main(run: str, real: str, out: str = "reports") -> None:
         chosen=chosen_table(found.history, found.tuned).markdown(),
         legend=LEGEND[0].upper() + LEGEND[1:],
         tables="\n".join(gains_table(str(name), part).markdown() for name, part in found.table.groupby("scenario")),
-        recording=6,
-        real_chosen=chosen_table(recorded.history, recorded.tuned).markdown(),
-        real="\n".join(_one_trial(str(name), part) for name, part in recorded.table.groupby("scenario")),
+        real=_recorded(real) if real else "",
     )
     (folder / "tuned.md").write_text(text, encoding="utf-8")
+
+
+def _recorded(real: str) -> str:
+    """What was found on the recording."""
+    found = cl.load_tuned(real)
+    tables = "\n".join(_one_trial(str(name), part) for name, part in found.table.groupby("scenario"))
+    chosen = chosen_table(found.history, found.tuned).markdown()
+    return REAL.format(budget=found.record["budget"], chosen=chosen, tables=tables)
 
 
 def _one_trial(scenario: str, part: "object") -> str:

@@ -28,7 +28,7 @@ from cooploc.estimators.interface import Array, Belief, Rows, World
 from cooploc.estimators.particle import own_filter
 from cooploc.scenarios.runner.trace import trace
 
-COPIES, BUDGET, FRESH, LEVEL = 5, 36, 20, 0.05
+COPIES, BUDGET, FRESH, LEVEL = 5, 60, 20, 0.05
 WORLD = "nlos/n=1[ticks=8]"  # walls: the models are wrong, and tuning pays
 METHOD = "arl[particles=20]"
 
@@ -57,9 +57,9 @@ class Case(NamedTuple):
 
 
 CASES = (
-    Case("their names alone", False, False, 10),
+    Case("their names alone", False, False, 20),
     Case("random numbers of their own", True, False),
-    Case("random numbers and a search of their own", True, True, 40),
+    Case("random numbers and a search of their own", True, True, 100),
 )
 
 
