@@ -51,7 +51,13 @@ class EkfEventCi(TeamSettings):
     @property
     def ci(self) -> ekf_ci.EkfCi:
         """The filter whose packets are held back."""
-        return ekf_ci.EkfCi(self.anchor_reading, self.gate, self.engine, self.reading)
+        return ekf_ci.EkfCi(
+            anchor_reading=self.anchor_reading,
+            gate=self.gate,
+            inflation=self.inflation,
+            engine=self.engine,
+            reading=self.reading,
+        )
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         nothing = Belief(np.full_like(prior.x, np.nan), np.full_like(prior.P, np.nan))

@@ -61,7 +61,7 @@ class EkfGsCi(TeamSettings):
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         """Its own prior; teammates are anywhere in the arena, until one of them is heard."""
-        self.require_corners(world)
+        world = self.assumed(world)
         r, d, n = *prior.x.shape, world.robots
         own = np.concatenate([2 * rows.robot[:, None] + [0, 1], np.full((r, d - 2), 2 * n)], 1)
         x = np.broadcast_to(np.tile(world.arena.mean(0), n + 1)[: 2 * n + d - 2], (r, 2 * n + d - 2)).copy()

@@ -57,7 +57,7 @@ class IekfJoint(TeamSettings):
     centralised: ClassVar[bool] = True
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        self.require_corners(world)
+        world = self.assumed(world)
         return State(prior.x, block_diagonal(prior.P), world)
 
     def predict(self, s: State, z: Senses) -> State:

@@ -43,7 +43,7 @@ class BroadcastBelief(TeamSettings, ABC):
         """
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        self.require_corners(world)
+        world = self.assumed(world)
         return State(prior.x, prior.P, rows.robot, world)
 
     def predict(self, s: State, z: Senses) -> State:

@@ -25,6 +25,11 @@ def test_the_readmes_map_is_the_reports():
     assert block("readings") + "\n" == kept
 
 
+def test_the_readmes_table_of_tuned_estimators_is_the_reports():
+    kept = (README.parent / "reports/tuned-side-by-side.md").read_text("utf-8")
+    assert block("tuned") + "\n" == kept
+
+
 def test_every_builtin_estimator_is_in_it_with_its_source():
     rows = block("estimators").splitlines()[2:]
     assert [row.split("`")[1] for row in rows] == list(estimators.BUILTIN) == list(KNOWN)
