@@ -252,6 +252,15 @@ def test_robots_that_learn_from_each_other_alone_do_not_fall_silent():
     assert trace("event", EkfEventCi(threshold=1), stream).messages.sum() > 4 * 2 * 3
 
 
+def test_driving_on_is_no_news_where_odometry_has_no_error():
+    """What was sent is moved by the same odometry; each robot speaks once."""
+    _, stream = simulate("robots-1-3/n=3", trials=2, seed=8, ticks=60, odometry_sigma=1e-5, drop=1.0)
+    moved = np.nansum(stream.senses.odometry, 1)
+    assert np.linalg.norm(moved, axis=-1).max() > 0.5  # a standard deviation of the prior
+    event = EkfEventCi(threshold=0.1, anchor_reading="none")
+    assert trace("event", event, stream).messages.sum() == 2 * 3
+
+
 def test_the_divergence_is_that_of_the_densities():
     p, q = (0.3, 0.5), (-0.4, 1.5)
     exact = quad(lambda x: normal(x, *p) * np.log(normal(x, *p) / normal(x, *q)), -20, 20)[0]
