@@ -30,6 +30,7 @@ from collections.abc import Callable
 import numpy as np
 
 from cooploc.estimators.interface import Array, Mask
+from cooploc.estimators.kalman.joint_update import definite
 from cooploc.estimators.kalman.update import conditioned, distance, present, symmetric
 
 HALVINGS = 60  # of [0, 1], in search of w
@@ -42,11 +43,13 @@ def combined(rule: Rule, x: Array, P: Array, y: Array, H: Array, N: Array, gate:
     """x', P' by readings with innovation y (r, k), H (r, k, d) and noise N (r, k, k), the sender's belief included.
 
     M makes tr(M C) the part of tr P' that a rule can change. Rows whose reading is absent (nan) come back as they are,
-    and so do those beyond twice the gate, as in `ekf_ci.py`: a true reading passes whatever the correlation.
+    and so do those beyond twice the gate, as in `ekf_ci.py`: a true reading passes whatever the correlation. So do rows
+    with a singular H P H': a range to a teammate that is believed to be at the same place has no direction.
     """
     use = np.flatnonzero(present(y, H, N))
     S = H[use] @ P[use] @ H[use].mT + N[use]
     use = use[distance(y[use], S) <= 2 * gate]
+    use = use[definite(H[use] @ P[use] @ H[use].mT)]
     x, P, y, H, N = x.copy(), P.copy(), y[use], H[use], N[use]
     a = H @ P[use] @ H.mT
     L = np.linalg.solve(a, H @ P[use]).mT

@@ -13,7 +13,7 @@ go once a tick, as the mail of this world does; in the source any number of time
 window is not said in what we have of it (the abstract and talks): the window, and what it keeps, are our reading.
 
 Sent to each teammate, in numbers of 8 bytes: 5 for the newest position, mean and covariance; and for every reading
-between the two in the window 5 for the position of who made it, or information on the position of who was seen.
+between the two in the window 5 from each: who was read says where it was then, who read says what this tells of it.
 
 Sources: R. Murai, J. Ortiz, S. Saeedi, P. Kelly, A. Davison, "A robot web for distributed many-device localisation",
 IEEE T-RO 40, 2024, arXiv 2202.03314; A. Davison, J. Ortiz, "FutureMapping 2: Gaussian belief propagation for spatial

@@ -1,11 +1,14 @@
 """The filters of CoLo (T.-K. Chang's repository): the equations written out robot by robot, on whole matrices."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
-from oracles import is_covariance, linear_team
+from oracles import covariances, is_covariance, linear_team
 
-from cooploc.estimators.ekf_gs_ci import EkfGsCi
+from cooploc.estimators.ekf_gs_ci import EkfGsCi, State
 from cooploc.estimators.ekf_luft import EkfLuft
+from cooploc.estimators.kalman.messages import Message
 from cooploc.scenarios import simulate
 from cooploc.scenarios.runner.trace import trace
 
@@ -76,6 +79,25 @@ def test_the_global_state_filter_is_its_equations_robot_by_robot(weight):
         x, P = gs_ci(stream, trial, weight, 0.7)
         np.testing.assert_allclose(got.x[trial], x, atol=1e-8)
         np.testing.assert_allclose(got.P[trial], P, atol=1e-8)
+
+
+def test_an_intersection_changes_a_heading_by_its_covariance_with_the_positions(rng):
+    """In information form: what the positions' marginal gains or loses is added, and the heading given them stays."""
+    x, P, x_j, P_j = rng.normal(size=5), covariances(rng, d=5), rng.normal(size=4), covariances(rng, d=4)
+    heard = np.array([[False, True]])
+    sent = Message(
+        np.where(heard[..., None], x_j, np.nan),
+        (np.where(heard[..., None, None], P_j, np.nan),),
+        np.empty((1, 2, 0, 2)),
+    )
+    s = State(x[None], P[None], np.array([[0, 1, 4]]), SimpleNamespace(robots=2))
+    after = EkfGsCi(weight=0.7)._intersect(s, sent)
+    Y, Y_j = inv(P[:4, :4]), inv(P_j)
+    Lambda, eta = inv(P), inv(P) @ x
+    Lambda[:4, :4] += 0.7 * Y + 0.3 * Y_j - Y
+    eta[:4] += 0.7 * Y @ x[:4] + 0.3 * Y_j @ x_j - Y @ x[:4]
+    np.testing.assert_allclose(after.P[0], inv(Lambda), atol=1e-9)
+    np.testing.assert_allclose(after.x[0], inv(Lambda) @ eta, atol=1e-9)
 
 
 def ls_bda(stream, trial):

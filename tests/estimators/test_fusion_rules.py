@@ -180,6 +180,22 @@ def test_the_harmonic_mean_of_equal_densities_is_that_density_and_else_near_it()
         np.testing.assert_allclose([fused[0, 0], C[0, 0, 0]], exact, atol=tolerance)
 
 
+@pytest.mark.parametrize("rule", [EkfIci(), EkfIci(form="fixed"), EkfHmd()])
+def test_robots_that_believe_to_be_at_one_place_learn_nothing_of_their_distance(rule):
+    x, P, R = np.zeros((2, 2)), np.stack([np.eye(2)] * 2), np.full((2, 1, 1), 0.04)
+    H = np.array([[[0.0, 0.0]], [[1.0, 0.0]]])  # the range of the first has no slope
+    after, covariance = rule.combine(x, P, np.full((2, 1), 0.3), H, H @ P @ H.mT * 0.1 + R)
+    np.testing.assert_array_equal(after[0], x[0])
+    np.testing.assert_array_equal(covariance[0], P[0])
+    assert covariance[1, 0, 0] < 0.9
+
+
+def test_a_teammate_who_knows_less_takes_something_from_the_harmonic_mean_and_one_who_knows_nothing_does_not():
+    b = np.array([1.0, 2.414, 1e6])[:, None, None]
+    _, C = harmonic_mean(0.5, np.ones_like(b), b, np.zeros((3, 1)))
+    np.testing.assert_allclose(C[:, 0, 0], [1, 1.2071, 1], atol=1e-4)
+
+
 @pytest.mark.parametrize("cls", [EkfIci, EkfHmd])
 def test_a_run_is_the_published_fusion_of_whole_states(cls):
     """A reading of the whole state makes a pseudo-estimate of it, so that nothing has to be carried anywhere."""
@@ -234,6 +250,15 @@ def test_robots_that_learn_from_each_other_alone_do_not_fall_silent():
     _, stream = simulate("camera", trials=2, seed=8, ticks=300)
     stream = stream.with_arrays({"senses.landmark": np.full_like(stream.senses.landmark, np.nan)})
     assert trace("event", EkfEventCi(threshold=1), stream).messages.sum() > 4 * 2 * 3
+
+
+def test_driving_on_is_no_news_where_odometry_has_no_error():
+    """What was sent is moved by the same odometry; each robot speaks once."""
+    _, stream = simulate("robots-1-3/n=3", trials=2, seed=8, ticks=60, odometry_sigma=1e-5, drop=1.0)
+    moved = np.nansum(stream.senses.odometry, 1)
+    assert np.linalg.norm(moved, axis=-1).max() > 0.5  # a standard deviation of the prior
+    event = EkfEventCi(threshold=0.1, anchor_reading="none")
+    assert trace("event", event, stream).messages.sum() == 2 * 3
 
 
 def test_the_divergence_is_that_of_the_densities():

@@ -91,9 +91,9 @@ WORLD = World(2, 1.0, np.array([[0.0, 0.0], [6.0, 6.0]]), Displacement(0.01), {"
 ROWS = Rows(np.zeros(2, int), np.arange(2), np.array([[1, 2], [3, 4]], np.uint32))
 
 
-def after_one_detection(alpha, distance=2.0):
+def after_one_detection(alpha, distance=2.0, report="after"):
     """Robot 0's particles, which believe to be 50 m off, after one range of 2 m to robot 1."""
-    estimator = make("reciprocal-pf", anchor_reading="none", alpha=alpha, particles=5000)
+    estimator = make("reciprocal-pf", anchor_reading="none", alpha=alpha, particles=5000, report=report)
     prior = Belief(np.array([[50.0, 0.0], [3.0, 3.0]]), np.tile(0.01 * np.eye(2), (2, 1, 1)))
     z = Senses(np.zeros((2, 2)), np.ones(2), np.empty((2, 0)), np.empty((2, 0, 2)), np.empty((2, 0, 2)), {})
     s = estimator.init(prior, WORLD, ROWS)
@@ -111,6 +111,16 @@ def test_a_share_alpha_of_the_mass_lies_where_the_team_sees_the_robot(alpha):
     seen = np.abs(np.linalg.norm(s.x[0] - [3.0, 3.0], axis=-1) - 2) < 1
     assert w[seen].sum() / w.sum() == pytest.approx(alpha, abs=0.03)
     assert not (np.abs(np.linalg.norm(s.x[1] - [3.0, 3.0], axis=-1) - 2) < 1).any()  # it heard nobody
+
+
+def test_a_belief_reported_before_the_draws_is_that_without_them_and_the_particles_are_drawn_all_the_same():
+    without, before, after = (
+        after_one_detection(a, report=r) for a, r in ((0.0, "after"), (0.3, "before"), (0.3, "after"))
+    )
+    np.testing.assert_allclose(before.belief.x, without.belief.x, atol=1e-12)
+    np.testing.assert_allclose(before.belief.P, without.belief.P, atol=1e-12)
+    np.testing.assert_array_equal(before.x, after.x)
+    assert np.linalg.norm(before.belief.x[0] - after.belief.x[0]) > 1
 
 
 def test_a_broken_range_draws_nothing():
