@@ -82,7 +82,7 @@ def growth(case: Case, claim: Claim, table: TrialTable) -> Finding:
     x = np.array([table.swept(scenario) for scenario in case.scenarios])
     values = table.mse(*((scenario, case.of) for scenario in case.scenarios))
     away = x - x.mean()
-    slope = statistics.log_contrast(values, away / (away**2).sum() / 2, table.stopping.reach)
+    slope = table.stopping.log_contrast(values, away / (away**2).sum() / 2)
     limit = float(np.log1p(claim.margin) / np.ptp(x))
     return _decide_log(slope, len(values), zones.or_flat(zones.GROWS, limit), table)
 
@@ -94,7 +94,7 @@ def interaction(case: Case, claim: Claim, table: TrialTable) -> Finding:
     """
     (first, later), (than,) = case.scenarios, case.than
     values = table.mse((later, case.of), (first, case.of), (later, than), (first, than))
-    more = statistics.log_contrast(values, np.array([1, -1, -1, 1]) / 2, table.stopping.reach)
+    more = table.stopping.log_contrast(values, np.array([1, -1, -1, 1]) / 2)
     return _decide_log(more, len(values), zones.GROWS, table)
 
 
@@ -102,7 +102,7 @@ def level(case: Case, claim: Claim, table: TrialTable) -> Finding:
     """RMSE [m]: supported up to size; contradicted above."""
     (scenario,) = case.scenarios
     values = table.mse((scenario, case.of))[:, 0]
-    rmse = Interval(*(float(np.sqrt(end)) for end in statistics.mean_of_positive(values, table.stopping.reach)))
+    rmse = Interval(*(float(np.sqrt(end)) for end in table.stopping.mean_of_positive(values)))
     return _decide_positive(rmse, len(values), zones.at_most(claim.size or 0.0), table)
 
 
@@ -110,7 +110,7 @@ def time(case: Case, claim: Claim, table: TrialTable) -> Finding:
     """Seconds per robot and tick, the mean over parts of the run: supported up to size; contradicted above."""
     (scenario,) = case.scenarios
     seconds = table.seconds((scenario, case.of))[:, 0]
-    mean = statistics.mean_of_positive(seconds, table.stopping.reach)
+    mean = table.stopping.mean_of_positive(seconds)
     found = _decide_positive(mean, len(seconds), zones.at_most(claim.size or 0.0), table)
     return found._replace(needed=found.needed * table.trials((scenario, case.of)) / len(seconds))
 
@@ -125,10 +125,9 @@ def consistency(case: Case, claim: Claim, table: TrialTable) -> Finding:
     values, inside = table.anees((scenario, case.of)), table.coverage((scenario, case.of))
     if not len(values):
         raise Missing(f"{case.of} has no covariance in {scenario}")
-    reach, test = table.stopping.reach, table.stopping.p_of_mean
-    mean = statistics.mean_of_positive(values, reach)
+    test, mean = table.stopping.p_of_mean, table.stopping.mean_of_positive(values)
     anees = _decide_positive(mean, len(values), zones.at_most(OVER_CONFIDENT), table)
-    covered = statistics.mean(inside, reach)
+    covered = table.stopping.mean(inside)
     share = decide(covered, len(inside), zones.at_least(LEAST_COVERAGE), partial(test, covered, len(inside)))
     return zones.both(anees, share)
 
@@ -160,7 +159,7 @@ def cost(case: Case, claim: Claim, table: TrialTable) -> Finding:
     """
     (scenario,), (than,) = case.scenarios, case.than
     logs = np.log(table.seconds((scenario, case.of), (scenario, than)))
-    interval = statistics.mean(logs[:, 0] - logs[:, 1], table.stopping.reach)
+    interval = table.stopping.mean(logs[:, 0] - logs[:, 1])
     test = partial(table.stopping.p_of_mean, interval, len(logs))
     found = decide(_relative(interval), len(logs), _zones(case, claim), lambda value: test(float(np.log1p(value))))
     return found._replace(needed=found.needed * table.trials((scenario, case.of)) / len(logs))

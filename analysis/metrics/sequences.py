@@ -17,8 +17,6 @@ measures both. Sources: T. L. Lai, "On confidence sequences", Annals of Statisti
 limit theory and asymptotic confidence sequences", Annals of Statistics 52, 2024.
 """
 
-from functools import cache
-
 import numpy as np
 from scipy import stats
 
@@ -26,9 +24,10 @@ C2 = 4.0  # c^2: an effect of half a standard deviation is expected; b is smalle
 ALPHA = 0.05
 
 
-@cache
-def boundary(n: int) -> float:
+def boundary(n: float) -> float:
     """b(n): how many standard errors the sequence reaches to either side; nan where it is unbounded (n < 7).
+
+    n may be an effective number of trials.
 
     b^2 = (n - 1) (K - 1) / (1 - K c^2 / (n + c^2)),  K = ((n + c^2) / (c^2 alpha^2))^(1/n).
     """

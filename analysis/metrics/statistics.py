@@ -49,7 +49,7 @@ def log_contrast(values: Array, weights: Array, reach: Quantile = quantile) -> I
     """sum_j weights_j log mean_j over trials of positive `values` (trial, j): jackknife, t quantile.
 
     Columns of one row belong together, whether they are correlated or not: rows are what is independent.
-    `reach` is `sequences.boundary` for an interval that holds at any stopping.
+    `reach` is another than the t quantile where an interval is to hold at any stopping (`stopping.ANYTIME`).
     """
     n, mean = len(values), values.mean(0) if len(values) else np.full(len(weights), np.nan)
     if not (np.isfinite(mean).all() and (mean > 0).all()):

@@ -1,9 +1,14 @@
 """Two ways to judge a run: its number of trials was fixed before, or it may have stopped at any look at its results.
 
 `FIXED` is what tables and reports use: t intervals, and Fieller's for a relative change. `ANYTIME` is for runs that
-stop when their questions are decided: the confidence sequences of `sequences`, on the jackknife of logarithms for a
-relative change, which over few skewed trials misses half as often as Fieller's (`reports/statistics.md`). Either way
-a p-value is at most 0.05 where the interval excludes a value, and nowhere else.
+stop when their questions are decided: confidence sequences (`sequences`) of means, and of logarithms of means by the
+jackknife, a relative change of RMSE among them. Either way a p-value is at most 0.05 where the interval excludes a
+value, and nowhere else.
+
+The jackknife takes a mean for nearly normal, which it is not where a few trials decide it: of errors of which one in a
+hundred is twentyfold, two equals would be called different in 20 % of runs. The sequences are therefore those of the
+effective number of trials, the smallest over the means of (sum v)^2 / sum v^2 (Kish 1965): all trials where they are
+alike, and three where three of a hundred decide. There is none below seven. `reports/statistics.md` measures it.
 """
 
 from collections.abc import Callable
@@ -12,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cooploc.analysis.metrics import sequences, statistics
-from cooploc.analysis.metrics.statistics import Interval, Quantile
+from cooploc.analysis.metrics.statistics import Interval
 from cooploc.estimators.interface import Array
 
 HALVES = np.array([-0.5, 0.5])  # of the logarithms of two mean squared errors: that of the ratio of their RMSE
@@ -21,16 +26,33 @@ HALVES = np.array([-0.5, 0.5])  # of the logarithms of two mean squared errors: 
 class Stopping(NamedTuple):
     """Intervals and tests, as functions of trials."""
 
-    reach: Quantile  # standard errors of an interval over n trials, to either side
+    mean: Callable[[Array], Interval]
+    mean_of_positive: Callable[[Array], Interval]
+    log_contrast: Callable[[Array, Array], Interval]  # of values (trial, j) and weights (j,)
     change: Callable[[Array, Array], Interval]  # of RMSE, from squared errors (k,) before and after
     p_of_change: Callable[[Array, Array, float], float]  # two-sided, against a true change
     p_above: Callable[[Array, Array, float], float]  # one-sided, against mean b <= factor x mean a
     p_of_mean: Callable[[Interval, int, float], float]  # two-sided, of an interval symmetric about its value
 
 
-FIXED = Stopping(
-    statistics.quantile, statistics.change, statistics.p_of_change, statistics.p_above, statistics.p_of_mean
-)
+def effective(values: Array) -> float:
+    """The effective number of trials of positive `values` (trial, j): of the mean that the fewest trials decide."""
+    return float((values.sum(0) ** 2 / (values**2).sum(0)).min())
+
+
+def mean(d: Array) -> Interval:
+    """The mean of `d` (k,) over trials with its confidence sequence."""
+    return statistics.mean(d, sequences.boundary)
+
+
+def mean_of_positive(values: Array) -> Interval:
+    """The mean of positive values (k,) with its confidence sequence."""
+    return statistics.mean_of_positive(values, lambda _: sequences.boundary(effective(values[:, None])))
+
+
+def log_contrast(values: Array, weights: Array) -> Interval:
+    """sum_j weights_j log mean_j over trials of positive `values` (trial, j), with its confidence sequence."""
+    return statistics.log_contrast(values, weights, lambda _: sequences.boundary(effective(values)))
 
 
 def change(a: Array, b: Array) -> Interval:
@@ -48,7 +70,7 @@ def e_of_change(a: Array, b: Array, value: float = 0.0) -> float:
 
     Over A/A comparisons, of two that should be the same, its mean stays at 1. nan where there is no sequence.
     """
-    return sequences.e_value(_t(_log_ratio(a, b), len(a), float(np.log1p(value))), len(a))
+    return sequences.e_value(*_t(_log_ratio(a, b), len(a), float(np.log1p(value))))
 
 
 def p_above(a: Array, b: Array, factor: float) -> float:
@@ -56,27 +78,36 @@ def p_above(a: Array, b: Array, factor: float) -> float:
     log, value = _log_ratio(a, b), float(np.log(factor)) / 2
     if log.low == log.high:
         return float(log.value < value)
-    return float(np.minimum(1.0, 1 / sequences.one_sided_e_value(_t(log, len(a), value), len(a))))
+    return float(np.minimum(1.0, 1 / sequences.one_sided_e_value(*_t(log, len(a), value))))
 
 
 def p_of_mean(interval: Interval, n: int, value: float) -> float:
     """Two-sided p against a true value, of a sequence over n trials: 1 / e, and 0 where no spread is left."""
     if interval.low == interval.high:
         return 0.0
-    return float(np.minimum(1.0, 1 / sequences.e_value(_t(interval, n, value), n)))
+    return float(np.minimum(1.0, 1 / sequences.e_value(*_t(interval, n, value))))
 
 
 def _log_ratio(a: Array, b: Array) -> Interval:
     """The logarithm of the ratio of the RMSE of b to that of a, with its sequence."""
-    return statistics.log_contrast(np.stack([a, b], 1), HALVES, sequences.boundary)
+    return log_contrast(np.stack([a, b], 1), HALVES)
 
 
-def _t(interval: Interval, n: int, value: float) -> float:
-    """How many standard errors a sequence's number is above a value."""
+def _t(interval: Interval, n: int, value: float) -> tuple[float, int]:
+    """How far a sequence's number is above a value, in ends of the sequence, as a t statistic over n trials."""
     half, above = interval.high - interval.value, interval.value - value
     if half == 0:
-        return float(np.copysign(np.inf, above)) if above else 0.0
-    return above / half * sequences.boundary(n)
+        return (float(np.copysign(np.inf, above)) if above else 0.0), n
+    return above / half * sequences.boundary(n), n
 
 
-ANYTIME = Stopping(sequences.boundary, change, p_of_change, p_above, p_of_mean)
+FIXED = Stopping(
+    statistics.mean,
+    statistics.mean_of_positive,
+    statistics.log_contrast,
+    statistics.change,
+    statistics.p_of_change,
+    statistics.p_above,
+    statistics.p_of_mean,
+)
+ANYTIME = Stopping(mean, mean_of_positive, log_contrast, change, p_of_change, p_above, p_of_mean)

@@ -24,7 +24,7 @@ EFFECTS = 0.0, 0.01, 0.02, 0.05, 0.1, 0.2
 START = "<!-- stopping -->"
 
 Draw = Callable[[np.random.Generator, tuple[int, ...]], np.ndarray]
-Paths = tuple[np.ndarray, np.ndarray]  # numbers and their standard errors (repetition, look)
+Paths = tuple[np.ndarray, np.ndarray, np.ndarray]  # numbers, standard errors, effective trials (repetition, look)
 
 
 def rare(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
@@ -37,77 +37,87 @@ WORLDS: dict[str, Draw] = {"normal": normal, "lognormal": lognormal, "heavy": he
 
 def logs(values: np.ndarray, weights: np.ndarray, at: list[int]) -> Paths:
     """`statistics.log_contrast` of the first trials of (repetition, trial, column), at each look."""
-    numbers, errors = [], []
+    numbers, errors, effective = [], [], []
     for n in at:
         seen = values[:, :n]
         total = seen.sum(1)
         left = (np.log((total[:, None] - seen) / (n - 1)) * weights).sum(-1)
         numbers.append((np.log(total / n) * weights).sum(-1))
         errors.append(np.sqrt((n - 1) / n * ((left - left.mean(1, keepdims=True)) ** 2).sum(1)))
-    return np.stack(numbers, 1), np.stack(errors, 1)
+        effective.append((total**2 / (seen**2).sum(1)).min(1))
+    return np.stack(numbers, 1), np.stack(errors, 1), np.stack(effective, 1)
 
 
 def means(values: np.ndarray, at: list[int]) -> Paths:
     """`statistics.mean` at each look, of (repetition, trial)."""
     of = [values[:, :n] for n in at]
-    return np.stack([v.mean(1) for v in of], 1), np.stack([v.std(1, ddof=1) / np.sqrt(v.shape[1]) for v in of], 1)
+    error = [v.std(1, ddof=1) / np.sqrt(v.shape[1]) for v in of]
+    return np.stack([v.mean(1) for v in of], 1), np.stack(error, 1), np.broadcast_to(at, (len(values), len(at)))
 
 
-def ends(paths: Paths, at: list[int], reach: Callable[[int], float] = sequences.boundary) -> Paths:
-    """Lower and upper ends (repetition, look)."""
-    number, error = paths
-    half = np.array([reach(n) for n in at]) * error
+def ends(paths: Paths) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper ends of the sequences (repetition, look); infinite where there is none."""
+    number, error, trials = paths
+    half = np.array([sequences.boundary(n) for n in trials.ravel()]).reshape(trials.shape) * error
+    half = np.where(np.isnan(half), np.inf, half)
     return number - half, number + half
 
 
-def excluded(paths: Paths, at: list[int], truth: float, reach: Callable[[int], float] = sequences.boundary):
+def ends_of_one_look(paths: Paths, at: list[int]) -> tuple[np.ndarray, np.ndarray]:
+    """Those of the 95 % interval for a fixed number of trials."""
+    number, error, _ = paths
+    half = np.array([statistics.quantile(n) for n in at]) * error
+    return number - half, number + half
+
+
+def excluded(found: tuple[np.ndarray, np.ndarray], truth: float = 0.0) -> np.ndarray:
     """Whether the truth lies outside (repetition, look)."""
-    low, high = ends(paths, at, reach)
+    low, high = found
     return (low > truth) | (high < truth)
 
 
 def different(rng: np.random.Generator, draw: Draw) -> np.ndarray:
     """Two equals."""
-    return excluded(logs(draw(rng, (AT_ONCE, MOST, 2)), HALVES, OFTEN), OFTEN, 0.0)
+    return excluded(ends(logs(draw(rng, (AT_ONCE, MOST, 2)), HALVES, OFTEN)))
 
 
 def different_at_looks(rng: np.random.Generator, draw: Draw) -> np.ndarray:
     """Two equals, seldom looked at."""
-    return excluded(logs(draw(rng, (AT_ONCE, MOST, 2)), HALVES, LOOKS), LOOKS, 0.0)
+    return excluded(ends(logs(draw(rng, (AT_ONCE, MOST, 2)), HALVES, LOOKS)))
 
 
 def different_by_t(rng: np.random.Generator, draw: Draw) -> np.ndarray:
     """Two equals, by the interval for one look."""
-    return excluded(logs(draw(rng, (AT_ONCE, MOST, 2)), HALVES, LOOKS), LOOKS, 0.0, statistics.quantile)
+    return excluded(ends_of_one_look(logs(draw(rng, (AT_ONCE, MOST, 2)), HALVES, LOOKS), LOOKS))
 
 
 def unlike(rng: np.random.Generator, draw: Draw) -> np.ndarray:
     """Equal RMSE, but only one of the two is of this world; the other hardly varies."""
     pairs = np.stack([normal(rng, (AT_ONCE, MOST, 1))[..., 0], draw(rng, (AT_ONCE, MOST, 1))[..., 0]], -1)
-    return excluded(logs(pairs, HALVES, LOOKS), LOOKS, 0.0)
+    return excluded(ends(logs(pairs, HALVES, LOOKS)))
 
 
 def tie(rng: np.random.Generator, draw: Draw) -> np.ndarray:
     """A tie, where the one is worse by just the margin."""
     pairs = draw(rng, (AT_ONCE, MOST, 2)) * [1.0, (1 + MARGIN) ** 2]
-    low, high = ends(logs(pairs, HALVES, OFTEN), OFTEN)
+    low, high = ends(logs(pairs, HALVES, OFTEN))
     return (low >= -np.log1p(MARGIN)) & (high <= np.log1p(MARGIN))
 
 
 def level(rng: np.random.Generator, draw: Draw) -> np.ndarray:
     """At most 1 m, or more; it is 1 m."""
-    return excluded(logs(draw(rng, (AT_ONCE, MOST, 1)), np.ones(1), LOOKS), LOOKS, 0.0)
+    return excluded(ends(logs(draw(rng, (AT_ONCE, MOST, 1)), np.ones(1), LOOKS)))
 
 
 def interaction(rng: np.random.Generator, draw: Draw) -> np.ndarray:
     """Loses more, or less; it loses as much."""
     values = draw(rng, (AT_ONCE, MOST, 4)) * [2.0, 2.0, 1.0, 1.0]
-    return excluded(logs(values, np.array([1, -1, -1, 1]) / 2, OFTEN), OFTEN, 0.0)
+    return excluded(ends(logs(values, np.array([1, -1, -1, 1]) / 2, OFTEN)))
 
 
 def difference(rng: np.random.Generator, draw: Draw) -> np.ndarray:
     """The mean of paired differences of RMSE, of two equals."""
-    return excluded(means(np.diff(np.sqrt(draw(rng, (AT_ONCE, MOST, 2))))[..., 0], OFTEN), OFTEN, 0.0)
+    return excluded(ends(means(np.diff(np.sqrt(draw(rng, (AT_ONCE, MOST, 2))))[..., 0], OFTEN)))
 
 
 ROWS = {
@@ -154,10 +164,10 @@ def power(world: str, effect: float) -> dict[str, float]:
     rng, decided, fixed = np.random.default_rng([int(1e4 * effect), *world.encode()]), [], []
     for _ in range(REPEATS // AT_ONCE):
         paths = logs(WORLDS[world](rng, (AT_ONCE, MOST, 2)) * [1.0, (1 - effect) ** 2], HALVES, LOOKS)
-        low, high = ends(paths, LOOKS)
+        low, high = ends(paths)
         tied = (low >= -np.log1p(MARGIN)) & (high <= np.log1p(MARGIN))
         decided.append(np.stack([high < 0, low > 0, tied]))
-        low, high = ends(paths, LOOKS, statistics.quantile)
+        low, high = ends_of_one_look(paths, LOOKS)
         fixed.append((high < 0) | (low >= -np.log1p(MARGIN)) & (high <= np.log1p(MARGIN)))
     any_, by_t = np.concatenate(decided, 1), np.concatenate(fixed)
     done = any_.any(0)
@@ -187,11 +197,12 @@ def table_of_power() -> list[str]:
 def same_as_the_code() -> None:
     """The arrays above are what `stopping.ANYTIME` gives one comparison at a time."""
     pairs = lognormal(np.random.default_rng(0), (20, MOST, 2))
-    low, high = ends(logs(pairs, HALVES, LOOKS), LOOKS)
+    low, high = ends(logs(pairs, HALVES, LOOKS))
+    low, high = (np.where(np.isinf(end), np.nan, end) for end in (low, high))
     for i, pair in enumerate(pairs):
         for k, n in enumerate(LOOKS):
             found = stopping.ANYTIME.change(*pair[:n].T)
-            assert np.allclose(found[1:], np.expm1([low[i, k], high[i, k]])), (i, n, found)
+            assert np.allclose(found[1:], np.expm1([low[i, k], high[i, k]]), equal_nan=True), (i, n, found)
 
 
 def main() -> int:
