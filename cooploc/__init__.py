@@ -37,6 +37,7 @@ if _TYPE_CHECKING:
     from cooploc.estimators.plugins.errors import BadInput as BadInput
     from cooploc.run_tables import information as information
     from cooploc.run_tables import sensitivity as sensitivity
+    from cooploc.run_until import run_until as run_until
     from cooploc.run_verdicts import readings as readings
     from cooploc.run_verdicts import verdicts as verdicts
     from cooploc.runs import Results as Results
@@ -78,6 +79,7 @@ _HOME = {
     "analysis.metrics.smoother": ("smoother",),
     "analysis.metrics.tum": ("to_tum",),
     "runs": ("run_study", "load_run", "Results", "report", "compare_runs", "reproduce", "show"),
+    "run_until": ("run_until",),
     "run_verdicts": ("verdicts", "readings"),
     "run_tables": ("information", "sensitivity"),
     "scaffold": ("new_estimator",),

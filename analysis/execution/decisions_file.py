@@ -84,8 +84,10 @@ def read_decisions(folder: Path) -> dict[str, Any] | None:
         raise BadInput(f"{file} is damaged: {e}; {remedy}") from None
 
 
-def comparisons(decisions: Mapping[str, Any]) -> pd.DataFrame:
-    """One row per comparison: the fields of `decisions.Decision`."""
+def comparisons(decisions: Mapping[str, Any] | None) -> pd.DataFrame | None:
+    """One row per comparison: the fields of `decisions.Decision`; None where there are none."""
+    if decisions is None:
+        return None
     return pd.DataFrame(decisions["comparison"], columns=list(Comparison.model_fields))
 
 

@@ -17,7 +17,7 @@ import pandas as pd
 
 from cooploc.analysis.metrics import stopping
 from cooploc.analysis.metrics.pooling import succeeded, weighted_means
-from cooploc.analysis.metrics.statistics import Interval
+from cooploc.analysis.metrics.statistics import Interval, holm
 from cooploc.estimators.interface import Array
 
 FIRST = 10  # trials at the first look; each later one doubles them
@@ -65,6 +65,22 @@ def decide(
         for (scenario, name), mse in cells.items()
         if name != baselines[scenario] and (at := looks(most[scenario]))
     ]
+
+
+def with_decisions(table: pd.DataFrame, found: pd.DataFrame) -> pd.DataFrame:
+    """The table of `compare(..., full=True)` with what was decided of each row, in place of tests of a fixed n.
+
+    Columns:
+        verdict, look: as of `Decision`; empty and 0 for a baseline
+        p, p_holm: 1 / e, which is valid at any stopping, 1 where it rests on failures; p_holm by Holm over all rows
+        p_equal, p_equal_holm: nan, for a tie is a verdict here
+    """
+    cell = ["scenario", "estimator"]
+    joined = table[cell].merge(found[[*cell, "verdict", "look", "e"]], how="left", on=cell)
+    p = np.minimum(1.0, 1 / joined["e"].to_numpy(float))
+    p = np.where(joined["verdict"] == FAILED, 1.0, p)
+    verdict, look = joined["verdict"].fillna("").to_numpy(), joined["look"].fillna(0).astype(int).to_numpy()
+    return table.assign(verdict=verdict, look=look, p=p, p_holm=holm(p), p_equal=np.nan, p_equal_holm=np.nan)
 
 
 def _by_trial(rows: pd.DataFrame) -> dict[tuple[str, str], Array]:
