@@ -77,13 +77,18 @@ def run(
     as_json: Annotated[
         bool, typer.Option("--json", help="print the table as JSON, and nothing else on stdout")
     ] = False,
+    until_decided: Annotated[
+        bool,
+        typer.Option("--until-decided", help="stop what is decided after 10, 20, 40, ... trials; go on with the rest"),
+    ] = False,
+    max_trials: Annotated[int | None, typer.Option(help="trials at which --until-decided ends [default: 1000]")] = None,
 ) -> None:
     """Run a study, print its table, and keep results and picture in the run directory."""
+    from cooploc.run_until import runner
     from cooploc.terminal import results as printed
 
-    results = cl.run_study(
+    results = runner(until_decided, trials, max_trials)(
         study,
-        trials=trials,
         seed=seed,
         estimators=estimators,
         jobs=jobs,

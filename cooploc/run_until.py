@@ -1,6 +1,7 @@
 """Run a study until its questions are decided: `run_until`."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
 
 import pandas as pd
@@ -9,7 +10,8 @@ from cooploc.analysis.claims.at_looks import judge_at, lasting, open_cells
 from cooploc.analysis.claims.ledger import Ledger
 from cooploc.analysis.execution.decisions_file import comparisons, read_decisions
 from cooploc.analysis.execution.until_decided import Answers, run_until_decided
-from cooploc.runs import Results, compared, ledger_of, prepared
+from cooploc.estimators.plugins.errors import BadInput
+from cooploc.runs import Results, compared, ledger_of, prepared, run_study
 from cooploc.terminal import results as printed
 from cooploc.terminal.progress import TerminalProgress
 
@@ -70,6 +72,22 @@ def run_until(
     results = Results(folder, rows, *compared(rows, asked.baselines(), comparisons(read_decisions(folder))))
     printed.keep(results.table, rows, folder)
     return results
+
+
+def runner(until_decided: bool, trials: int | None, max_trials: int | None) -> Callable[..., Results]:
+    """`run_until` or `run_study` with its number of trials, as the options of the command say.
+
+    Raises:
+        BadInput: the number of the other one was given.
+
+    """
+    if until_decided and trials is not None:
+        raise BadInput("--trials is for a fixed number: with --until-decided, give --max-trials")
+    if not until_decided and max_trials is not None:
+        raise BadInput("--max-trials is given without --until-decided: add it, or give --trials")
+    if until_decided:
+        return partial(run_until, max_trials=MOST if max_trials is None else max_trials)
+    return partial(run_study, trials=trials)
 
 
 class Claims:

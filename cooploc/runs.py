@@ -11,6 +11,7 @@ from typing import Any
 import pandas as pd
 
 from cooploc.analysis.claims import ledger as ledgers
+from cooploc.analysis.execution.decisions_file import looks_taken, read_decisions
 from cooploc.analysis.execution.execute import execute
 from cooploc.analysis.execution.stored_run import Kept, read
 from cooploc.analysis.metrics.compare import compare
@@ -216,6 +217,11 @@ def rows_of(run: Any) -> pd.DataFrame:
     if isinstance(run, pd.DataFrame):
         return run
     return run.rows if isinstance(run, Results) else kept(run).rows
+
+
+def looks_of(run: Any) -> list[int]:
+    """The looks of a run until decided, in trials; none of another."""
+    return [] if isinstance(run, pd.DataFrame) else looks_taken(read_decisions(_folder(run)))
 
 
 def kept(run: Any) -> Kept:

@@ -43,11 +43,16 @@ def judge_at(ledger: Ledger, rows: pd.DataFrame, n: int, before: pd.DataFrame | 
 
 
 def judge_at_looks(ledger: Ledger, rows: pd.DataFrame, at: Sequence[int]) -> pd.DataFrame:
-    """The verdicts after all of these looks."""
-    found = None
-    for n in at:
+    """The verdicts after all of these looks, one at least."""
+    found = judge_at(ledger, rows, at[0])
+    for n in at[1:]:
         found = judge_at(ledger, rows, n, found)
-    return judge_at(ledger, rows, 0) if found is None else found
+    return found
+
+
+def judged(ledger: Ledger, rows: pd.DataFrame, at: Sequence[int]) -> pd.DataFrame:
+    """The verdicts on a run: at these looks, or at the end where there were none."""
+    return judge_at_looks(ledger, rows, at) if at else judge(ledger, rows)
 
 
 def lasting(ledger: Ledger, found: pd.DataFrame) -> pd.DataFrame:

@@ -72,6 +72,7 @@ COLUMNS = {
     "otherwise": "the verdict by another definition of the size, with the size as a change",
     "needed": "trials that would decide, where undecided",
     "remark": "what is missing, over-confident, over-wide, failed, centralised, or rarely far worse than usual",
+    "look": "trials after which a run until decided reached the verdict, or last looked; 0 of another run",
     "open": "conditions that the paper leaves open",
 }
 
@@ -93,7 +94,7 @@ def judge(ledger: Ledger, rows: pd.DataFrame, stopping: Stopping = FIXED) -> pd.
     out = []
     for claim in ledger.claims:
         for variant, read in variants(claim, ledger):
-            out += [{"variant": variant, **row} for row in judged(read, table)]
+            out += [{"variant": variant, "look": 0, **row} for row in judged(read, table)]
     return adjusted(pd.DataFrame(out, columns=list(COLUMNS)))
 
 

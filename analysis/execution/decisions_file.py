@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, StrictStr
 
 from cooploc.analysis.execution.atomic_file import replace
 from cooploc.analysis.execution.schemas import FORMAT, Count, Newer, checked
+from cooploc.analysis.metrics.decisions import looks
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.sealed import Damaged, seal
 
@@ -56,14 +57,14 @@ class Decisions(BaseModel):
     format: Annotated[int, Field(strict=True, ge=FORMAT)]
     most: Count  # trials, of what stays open
     look: Count  # the last one
+    going: list[tuple[StrictStr, StrictStr]]  # (scenario, estimator) that go on
     comparison: list[Comparison]
     claim: list[Judged] = []
 
 
-def write_decisions(folder: Path, most: int, look: int, records: Mapping[str, list[dict[str, Any]]]) -> None:
-    """Replace the file; nan is written as null."""
-    plain = {of: [{key: _plain(value) for key, value in one.items()} for one in ones] for of, ones in records.items()}
-    text = json.dumps(seal({"format": FORMAT, "most": most, "look": look, **plain}), indent=1) + "\n"
+def write_decisions(folder: Path, found: Mapping[str, Any]) -> None:
+    """Replace the file with the fields of `Decisions`; nan is written as null."""
+    text = json.dumps(seal({"format": FORMAT, **_plain(found)}), indent=1) + "\n"
     replace(folder / NAME, lambda file: file.write_text(text, encoding="utf-8"))
 
 
@@ -91,5 +92,15 @@ def comparisons(decisions: Mapping[str, Any] | None) -> pd.DataFrame | None:
     return pd.DataFrame(decisions["comparison"], columns=list(Comparison.model_fields))
 
 
+def looks_taken(decisions: Mapping[str, Any] | None) -> list[int]:
+    """The looks of a run until decided, in trials; none of another."""
+    return [n for n in looks(decisions["most"]) if n <= decisions["look"]] if decisions else []
+
+
 def _plain(value: Any) -> Any:
+    """With None for what is not finite, which JSON has no number for."""
+    if isinstance(value, Mapping):
+        return {key: _plain(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value

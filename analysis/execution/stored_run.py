@@ -6,9 +6,8 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from cooploc.analysis.execution.certificates import with_lines
-from cooploc.analysis.execution.decisions_file import comparisons, read_decisions
+from cooploc.analysis.execution.decisions_file import comparisons, looks_taken, read_decisions
 from cooploc.analysis.execution.run_directory import Piece, RunDir
-from cooploc.analysis.metrics.decisions import looks
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.studies.study import Study
 
@@ -36,9 +35,7 @@ class Kept(NamedTuple):
     @property
     def looks(self) -> list[int]:
         """The looks of a run until decided, in trials; none where the number of trials was fixed."""
-        return (
-            [] if self.decisions is None else [n for n in looks(self.decisions["most"]) if n <= self.decisions["look"]]
-        )
+        return looks_taken(self.decisions)
 
     @property
     def experiments(self) -> dict[str, dict[str, list[str]]]:

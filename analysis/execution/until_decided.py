@@ -4,7 +4,7 @@ What a look decides depends on the trials below its number alone, never on when 
 processes nor an interruption changes it: whoever runs the command again finds the same looks on the disk.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -56,15 +56,16 @@ def run_until_decided(
     most = {cell.scenario.label: cell.most for cell in resolved.cells}
     counts = {(cell.scenario.label, name): 0 for cell in resolved.cells for name in cell.trials}
     questions = (_comparisons(study.baselines(), most), *ask)
-    watcher, going = _Looking(progress or Quiet()), frozenset(counts)
+    watcher, going = _Looking(progress or Quiet()), set(counts)
     rows = pd.DataFrame()
     for n in looks(study.trials):
         counts |= {cell: min(n, most[cell[0]]) for cell in going}
         rows = execute(study, out, counts=counts, progress=watcher, **options)
         answers = [question(rows, n) for question in questions]
-        write_decisions(out, study.trials, n, {one.of: one.records for one in answers})
-        going = frozenset(cell for one in answers for cell in one.open if counts[cell] < most[cell[0]])
-        watcher.look(n, answers, _left(rows, going, counts, most) / options.get("jobs", 1))
+        going = {cell for one in answers for cell in one.open if counts[cell] < most[cell[0]]}
+        records = {one.of: one.records for one in answers}
+        write_decisions(out, {"most": study.trials, "look": n, "going": sorted(going), **records})
+        watcher.look(n, answers, seconds_left(rows, going, study.trials) / options.get("jobs", 1))
         if not going:
             break
     return rows
@@ -82,10 +83,12 @@ def _comparisons(baselines: Mapping[str, str], most: Mapping[str, int]) -> Ask:
     return ask
 
 
-def _left(rows: pd.DataFrame, going: frozenset[Cell], counts: Mapping[Cell, int], most: Mapping[str, int]) -> float:
-    """How many seconds of one process the open cells take at most, by the time of their trials so far."""
-    spent = (rows["seconds"] * rows["ticks"]).groupby([rows["scenario"], rows["estimator"]]).sum()
-    return float(sum(spent.get(cell, 0.0) / counts[cell] * (most[cell[0]] - counts[cell]) for cell in going))
+def seconds_left(rows: pd.DataFrame, going: Iterable[Cell], most: int) -> float:
+    """How many seconds of one process open cells take at most, by the time of their trials so far; without streams."""
+    cells = [rows["scenario"], rows["estimator"]]
+    spent, trials = (rows["seconds"] * rows["ticks"]).groupby(cells).sum(), rows.groupby(cells)["trial"].nunique()
+    known = [cell for cell in going if cell in trials.index]
+    return float(sum(spent[cell] / trials[cell] * max(0, most - trials[cell]) for cell in known))
 
 
 class _Looking:
@@ -108,7 +111,11 @@ class _Looking:
 
     def look(self, n: int, answers: Sequence[Answers], left: float) -> None:
         """What a look decided, and how long the rest takes at most."""
-        said = [f"{one.decided} of {counted(one.decided + one.undecided, one.of)}" for one in answers]
+        said = [
+            f"{one.decided} of {counted(one.decided + one.undecided, one.of)}"
+            for one in answers
+            if one.decided + one.undecided
+        ]
         still = sum(one.undecided for one in answers)
         rest = f"; {still} open, at most about {duration(left)} of estimating more" if left > 0 else ""
         self._shown.say(f"after {n} trials: decided {', '.join(said)}{rest}")

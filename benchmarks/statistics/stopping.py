@@ -44,7 +44,7 @@ def logs(values: np.ndarray, weights: np.ndarray, at: list[int]) -> Paths:
         left = (np.log((total[:, None] - seen) / (n - 1)) * weights).sum(-1)
         numbers.append((np.log(total / n) * weights).sum(-1))
         errors.append(np.sqrt((n - 1) / n * ((left - left.mean(1, keepdims=True)) ** 2).sum(1)))
-        effective.append((total**2 / (seen**2).sum(1)).min(1))
+        effective.append(np.minimum(n, stopping.WORTH * (total**2 / (seen**2).sum(1)).min(1)))
     return np.stack(numbers, 1), np.stack(errors, 1), np.stack(effective, 1)
 
 
