@@ -35,6 +35,7 @@ if _TYPE_CHECKING:
     from cooploc.estimators.per_robot import PerRobot as PerRobot
     from cooploc.estimators.plugins.callable_package import CallablePackage as _CallablePackage
     from cooploc.estimators.plugins.errors import BadInput as BadInput
+    from cooploc.plans import plan as plan
     from cooploc.run_tables import information as information
     from cooploc.run_tables import sensitivity as sensitivity
     from cooploc.run_until import run_until as run_until
@@ -80,6 +81,7 @@ _HOME = {
     "analysis.metrics.tum": ("to_tum",),
     "runs": ("run_study", "load_run", "Results", "report", "compare_runs", "reproduce", "show"),
     "run_until": ("run_until",),
+    "plans": ("plan",),
     "run_verdicts": ("verdicts", "readings"),
     "run_tables": ("information", "sensitivity"),
     "scaffold": ("new_estimator",),

@@ -105,6 +105,33 @@ def run(
 
 
 @app.command()
+def plan(
+    study: Annotated[str, typer.Argument(help="name of a shipped study, or path of a study's TOML file")],
+    difference: Annotated[float, typer.Option(help="change of RMSE to be shown; 0.1 is 10 %")] = 0.1,
+    seed: Annotated[int | None, typer.Option(help="random seed")] = None,
+    estimators: Annotated[str | None, typer.Option(help="comma-separated estimators instead of the study's")] = None,
+    jobs: Annotated[int, typer.Option(help="number of processes")] = 1,
+    data: Recordings = None,
+    out: Annotated[Path | None, typer.Option(help="run directory [default: runs/STUDY-seedN]")] = None,
+    isolate: Isolate = True,
+) -> None:
+    """Say from ten trials how many each comparison needs, at 80 % power, and how long they take here."""
+    from cooploc.terminal import planned
+
+    found = cl.plan(
+        study,
+        difference=difference,
+        seed=seed,
+        estimators=estimators,
+        jobs=jobs,
+        data=data,
+        out=out,
+        isolate=isolate,
+    )
+    planned.show(found, difference, jobs)
+
+
+@app.command()
 def show(folder: RunDirectory) -> None:
     """Say what a run holds, what is missing, and what failed and why."""
     cl.show(folder)

@@ -83,12 +83,16 @@ def _comparisons(baselines: Mapping[str, str], most: Mapping[str, int]) -> Ask:
     return ask
 
 
+def trial_seconds(rows: pd.DataFrame) -> "pd.Series[float]":
+    """Computing time of a trial [s] on one process, by (scenario, estimator), without its stream."""
+    groups = (rows["seconds"] * rows["ticks"]).groupby([rows["scenario"], rows["estimator"]])
+    return groups.sum() / rows.groupby(["scenario", "estimator"])["trial"].nunique()
+
+
 def seconds_left(rows: pd.DataFrame, going: Iterable[Cell], most: int) -> float:
-    """How many seconds of one process open cells take at most, by the time of their trials so far; without streams."""
-    cells = [rows["scenario"], rows["estimator"]]
-    spent, trials = (rows["seconds"] * rows["ticks"]).groupby(cells).sum(), rows.groupby(cells)["trial"].nunique()
-    known = [cell for cell in going if cell in trials.index]
-    return float(sum(spent[cell] / trials[cell] * max(0, most - trials[cell]) for cell in known))
+    """How many seconds of one process open cells take at most, by the time of their trials so far."""
+    cost, there = trial_seconds(rows), rows.groupby(["scenario", "estimator"])["trial"].nunique()
+    return float(sum(cost[cell] * max(0, most - there[cell]) for cell in going if cell in there.index))
 
 
 class _Looking:
