@@ -221,16 +221,17 @@ def main() -> int:
 ABOUT = f"""
 ## Verdicts that stop when they are decided
 
-`cooploc run --until-decided` looks at {", ".join(map(str, LOOKS))} trials and stops a comparison whose confidence
-sequence has decided. {REPEATS} runs a row and world. Each number is the share of runs in which the decision named was
-made at any look up to so many trials, though it is false; promised: at most 0.05, for any stopping. {len(OFTEN)} looks
-are one for every tenth more trials. A rate in **bold** is above that by more than three standard errors.
+`cooploc run --until-decided` looks at {", ".join(map(str, LOOKS[:-1]))} and {LOOKS[-1]} trials, and stops a comparison
+when its confidence sequence has decided. {REPEATS} runs a row and world. Each number is the share of runs in which the
+decision named was made at any of the looks up to so many trials, though it is false. Promised: at most 0.05, however a
+run stops. The {len(OFTEN)} looks come after every tenth more trials. A rate in **bold** is above the promise by more
+than three standard errors; rows in brackets are for comparison.
 
-Worlds as above; rarely diverging: lognormal, and one trial of a hundred of each estimator errs twentyfold. Where equals
-diverge equally often, nothing false is said. Where only one of two diverges, or where the level of an RMSE is asked
-for, four fifths of the truth are in trials that a short run has not seen: no method can tell, and nothing is promised.
-`cooploc show` and tables print the share of such trials with its interval, which reaches to 16 % where 20 trials show
-none.
+Worlds as above, and rarely diverging: lognormal, and one trial of a hundred errs twentyfold, of each estimator on its
+own. Two that diverge equally often are not called different. Where only one of two diverges, or where the level of an
+RMSE is asked for, four fifths of the truth are in trials that a short run has not seen: nothing can tell, and for these
+two rows nothing is promised. Tables print the share of such trials with its interval, which reaches to 16 % where 20
+trials show none.
 """
 POWER = """
 What stopping costs and saves: a comparison whose RMSE is smaller by so much, in how many runs it is called better or a
