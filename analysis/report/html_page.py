@@ -152,7 +152,7 @@ def content(kept: Kept, ledger: Ledger) -> dict[str, Any]:
         "unproven": [*certificate_line.remarks(table), *outliers.warnings(table)],
         "failures": failures(kept.rows),
         "notes": notes(kept.rows),
-        "methods": METHODS,
+        "methods": (*METHODS, ("Decided", result_tables.STOPPED)) if kept.looks else METHODS,
         "versions": versions,
         "streams": streams,
         "embedded": embedded(kept),

@@ -66,6 +66,7 @@ def test_the_report_says_so_too(run, tmp_path):
     page = cl.report(found, tmp_path / "report", folder / "ledger.toml").read_text()
     assert "worse, stopped at n = 10" in page
     assert "Contradicted at n = 10" in page
+    assert "it holds however the run stops" in page
 
 
 def test_the_command_prints_the_same_and_computes_nothing_again(run):
