@@ -43,6 +43,7 @@ bench: $(VENV)/.ready  ## speed, as ratios to a reference in the same run
 
 prove: $(VENV)/.ready  ## how often intervals and verdicts are right, by simulation; keeps its report
 	$(BIN)/python benchmarks/statistics/rates.py reports/statistics.md
+	$(BIN)/python benchmarks/statistics/stopping.py reports/statistics.md
 
 accuse: $(VENV)/.ready  ## is an honest estimator ever accused? an hour; keeps its report after every seed
 	$(BIN)/python benchmarks/statistics/accusations.py reports/accusations.md 50

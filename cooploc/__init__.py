@@ -36,8 +36,10 @@ if _TYPE_CHECKING:
     from cooploc.estimators.plugins.callable_package import CallablePackage as _CallablePackage
     from cooploc.estimators.plugins.errors import BadInput as BadInput
     from cooploc.estimators.plugins.tunable import tunable as tunable
+    from cooploc.plans import plan as plan
     from cooploc.run_tables import information as information
     from cooploc.run_tables import sensitivity as sensitivity
+    from cooploc.run_until import run_until as run_until
     from cooploc.run_verdicts import readings as readings
     from cooploc.run_verdicts import verdicts as verdicts
     from cooploc.runs import Results as Results
@@ -83,6 +85,8 @@ _HOME = {
     "analysis.metrics.tum": ("to_tum",),
     "estimators.plugins.tunable": ("tunable",),
     "runs": ("run_study", "load_run", "Results", "report", "compare_runs", "reproduce", "show"),
+    "run_until": ("run_until",),
+    "plans": ("plan",),
     "run_verdicts": ("verdicts", "readings"),
     "run_tables": ("information", "sensitivity"),
     "tuned": ("tune", "Tuned", "load_tuned"),

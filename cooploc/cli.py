@@ -77,13 +77,18 @@ def run(
     as_json: Annotated[
         bool, typer.Option("--json", help="print the table as JSON, and nothing else on stdout")
     ] = False,
+    until_decided: Annotated[
+        bool,
+        typer.Option("--until-decided", help="stop what is decided after 10, 20, 40, ... trials; go on with the rest"),
+    ] = False,
+    max_trials: Annotated[int | None, typer.Option(help="trials at which --until-decided ends [default: 1000]")] = None,
 ) -> None:
     """Run a study, print its table, and keep results and picture in the run directory."""
+    from cooploc.run_until import runner
     from cooploc.terminal import results as printed
 
-    results = cl.run_study(
+    results = runner(until_decided, trials, max_trials)(
         study,
-        trials=trials,
         seed=seed,
         estimators=estimators,
         jobs=jobs,
@@ -145,6 +150,33 @@ def tune(
     typer.echo(f"study: {found.study}   next: cooploc run {found.study}   tables and figures: {found.folder}")
     if found.rows["failure"].notna().any():
         raise typer.Exit(1)
+
+
+@app.command()
+def plan(
+    study: Annotated[str, typer.Argument(help="name of a shipped study, or path of a study's TOML file")],
+    difference: Annotated[float, typer.Option(help="change of RMSE to be shown; 0.1 is 10 %")] = 0.1,
+    seed: Annotated[int | None, typer.Option(help="random seed")] = None,
+    estimators: Annotated[str | None, typer.Option(help="comma-separated estimators instead of the study's")] = None,
+    jobs: Annotated[int, typer.Option(help="number of processes")] = 1,
+    data: Recordings = None,
+    out: Annotated[Path | None, typer.Option(help="run directory [default: runs/STUDY-seedN]")] = None,
+    isolate: Isolate = True,
+) -> None:
+    """Say from ten trials how many each comparison needs, at 80 % power, and how long they take here."""
+    from cooploc.terminal import planned
+
+    found = cl.plan(
+        study,
+        difference=difference,
+        seed=seed,
+        estimators=estimators,
+        jobs=jobs,
+        data=data,
+        out=out,
+        isolate=isolate,
+    )
+    planned.show(found, difference, jobs)
 
 
 @app.command()

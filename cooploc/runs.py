@@ -11,14 +11,16 @@ from typing import Any
 import pandas as pd
 
 from cooploc.analysis.claims import ledger as ledgers
+from cooploc.analysis.execution.decisions_file import looks_taken, read_decisions
 from cooploc.analysis.execution.execute import execute
 from cooploc.analysis.execution.stored_run import Kept, read
 from cooploc.analysis.metrics.compare import compare
+from cooploc.analysis.metrics.decisions import with_decisions
 from cooploc.analysis.report import html_page, run_diff
 from cooploc.analysis.report import reproduce as again
 from cooploc.estimators import split
 from cooploc.estimators.plugins.errors import BadInput
-from cooploc.scenarios.studies.study import load
+from cooploc.scenarios.studies.study import Study, load
 from cooploc.terminal import results as printed
 from cooploc.terminal import run_contents
 from cooploc.terminal.progress import TerminalProgress
@@ -31,6 +33,7 @@ class Results:
     folder: Path
     rows: pd.DataFrame  # as `cl.errors`, with `failure`, `traceback` and `certificate`
     table: pd.DataFrame  # as `cl.compare`, each scenario against its study's baseline
+    decisions: pd.DataFrame | None = None  # of a run until decided: verdict, look and e-value of every comparison
 
     @property
     def failures(self) -> pd.DataFrame:
@@ -105,17 +108,12 @@ def run_study(
         OSError: a file could not be written; what was finished is kept.
 
     """
-    only = None if estimators is None else tuple(split(estimators) if isinstance(estimators, str) else estimators)
-    if only == ():
-        raise BadInput("estimators is empty: name some, or leave it out to run the study's")
-    asked = load(str(study)).with_options(trials=trials, seed=seed, only=only)
-    folder = Path(out) if out is not None else Path("runs") / f"{asked.folder_name}-seed{asked.seed}"
-    recordings = None if data is None else Path(data)
+    asked, folder = prepared(study, trials, seed, estimators, out)
     with TerminalProgress() as progress:
         rows = execute(
             asked,
             folder,
-            data=recordings,
+            data=None if data is None else Path(data),
             jobs=jobs,
             scheduler=scheduler,
             check=check,
@@ -128,6 +126,15 @@ def run_study(
     return results
 
 
+def prepared(study: Any, trials: Any, seed: Any, estimators: Any, out: Any) -> tuple[Study, Path]:
+    """The study with what a call asks for, and its run directory."""
+    only = None if estimators is None else tuple(split(estimators) if isinstance(estimators, str) else estimators)
+    if only == ():
+        raise BadInput("estimators is empty: name some, or leave it out to run the study's")
+    asked = load(str(study)).with_options(trials=trials, seed=seed, only=only)
+    return asked, Path(out) if out is not None else Path("runs") / f"{asked.folder_name}-seed{asked.seed}"
+
+
 def load_run(folder: str | Path) -> Results:
     """Everything that a run directory holds.
 
@@ -136,7 +143,13 @@ def load_run(folder: str | Path) -> Results:
 
     """
     stored = read(Path(folder))
-    return Results(stored.folder, stored.rows, compare(stored.rows, stored.baselines, full=True))
+    return Results(stored.folder, stored.rows, *compared(stored.rows, stored.baselines, stored.comparisons))
+
+
+def compared(rows: pd.DataFrame, baselines: Any, found: pd.DataFrame | None) -> tuple[pd.DataFrame, Any]:
+    """The table of `cl.compare`, and the decisions of a run until decided, which stand in the table too."""
+    table = compare(rows, baselines, full=True)
+    return (table if found is None else with_decisions(table, found)), found
 
 
 def show(run: Results | str | Path) -> None:
@@ -204,6 +217,11 @@ def rows_of(run: Any) -> pd.DataFrame:
     if isinstance(run, pd.DataFrame):
         return run
     return run.rows if isinstance(run, Results) else kept(run).rows
+
+
+def looks_of(run: Any) -> list[int]:
+    """The looks of a run until decided, in trials; none of another."""
+    return [] if isinstance(run, pd.DataFrame) else looks_taken(read_decisions(_folder(run)))
 
 
 def kept(run: Any) -> Kept:

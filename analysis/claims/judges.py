@@ -13,12 +13,11 @@ from scipy import stats
 
 from cooploc.analysis.claims import zones
 from cooploc.analysis.claims.claim import Case, Claim, as_change, claimed
-from cooploc.analysis.claims.trial_table import Missing, TrialTable
+from cooploc.analysis.claims.trial_table import Key, Missing, TrialTable
 from cooploc.analysis.claims.zones import Finding, Zones, decide
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.consistency import LEAST_COVERAGE, OVER_CONFIDENT
-from cooploc.analysis.metrics.statistics import Interval, p_above
-from cooploc.estimators.interface import Array
+from cooploc.analysis.metrics.statistics import Interval
 
 
 def change(case: Case, claim: Claim, table: TrialTable) -> Finding:
@@ -28,19 +27,19 @@ def change(case: Case, claim: Claim, table: TrialTable) -> Finding:
     above 0 the mirror image. Without a size: supported below 0; contradicted above.
     """
     (scenario,), (than,) = case.scenarios, case.than
-    return _pair(table.mse((scenario, than), (scenario, case.of)), _zones(case, claim))
+    return _pair(table, (scenario, than), (scenario, case.of), _zones(case, claim))
 
 
 def trend(case: Case, claim: Claim, table: TrialTable) -> Finding:
     """By how much the RMSE of `of` changes from the first scenario to each later one; zones as of a change."""
     first, later = case.scenarios
-    return _pair(table.mse((first, case.of), (later, case.of)), _zones(case, claim))
+    return _pair(table, (first, case.of), (later, case.of), _zones(case, claim))
 
 
-def _pair(pairs: Array, zones: Zones) -> Finding:
-    """The change from the first to the second of squared errors (trial, 2)."""
-    a, b = pairs.T
-    return decide(statistics.change(a, b), len(pairs), zones, partial(statistics.p_of_change, a, b))
+def _pair(table: TrialTable, before: Key, after: Key, zones: Zones) -> Finding:
+    """The change of RMSE from one (scenario, estimator) to another."""
+    a, b = table.mse(before, after).T
+    return decide(table.stopping.change(a, b), len(a), zones, partial(table.stopping.p_of_change, a, b))
 
 
 def every(case: Case, claim: Claim, table: TrialTable) -> Finding:
@@ -51,7 +50,8 @@ def every(case: Case, claim: Claim, table: TrialTable) -> Finding:
     """
     labels = list(product(case.scenarios, case.than))
     pairs = [table.mse((scenario, than), (scenario, case.of)) for scenario, than in labels]
-    return zones.decide_all(pairs, labels, zones.FALLS, [p_above(a, b, 1.0) for a, b in (p.T for p in pairs)])
+    p = [table.stopping.p_above(a, b, 1.0) for a, b in (p.T for p in pairs)]
+    return zones.decide_all(pairs, labels, zones.FALLS, p, table.stopping)
 
 
 def same(case: Case, claim: Claim, table: TrialTable) -> Finding:
@@ -66,8 +66,9 @@ def same(case: Case, claim: Claim, table: TrialTable) -> Finding:
     pairs = [table.mse((first, case.of), (scenario, case.of)) for scenario in later]
     top, low, high = (1 + claim.margin) ** 2, -claim.margin / (1 + claim.margin), claim.margin
     within = ("supported", low, high), ("contradicted", -np.inf, low), ("contradicted", high, np.inf)
-    outside = [min(p_above(a, b, top), p_above(b, a, top)) for a, b in (p.T for p in pairs)]
-    return zones.decide_all(pairs, [(scenario, "") for scenario in later], within, outside)
+    above = table.stopping.p_above
+    outside = [min(above(a, b, top), above(b, a, top)) for a, b in (p.T for p in pairs)]
+    return zones.decide_all(pairs, [(scenario, "") for scenario in later], within, outside, table.stopping)
 
 
 def growth(case: Case, claim: Claim, table: TrialTable) -> Finding:
@@ -81,9 +82,9 @@ def growth(case: Case, claim: Claim, table: TrialTable) -> Finding:
     x = np.array([table.swept(scenario) for scenario in case.scenarios])
     values = table.mse(*((scenario, case.of) for scenario in case.scenarios))
     away = x - x.mean()
-    slope = statistics.log_contrast(values, away / (away**2).sum() / 2)
+    slope = table.stopping.log_contrast(values, away / (away**2).sum() / 2)
     limit = float(np.log1p(claim.margin) / np.ptp(x))
-    return _decide_log(slope, len(values), zones.or_flat(zones.GROWS, limit))
+    return _decide_log(slope, len(values), zones.or_flat(zones.GROWS, limit), table)
 
 
 def interaction(case: Case, claim: Claim, table: TrialTable) -> Finding:
@@ -93,23 +94,24 @@ def interaction(case: Case, claim: Claim, table: TrialTable) -> Finding:
     """
     (first, later), (than,) = case.scenarios, case.than
     values = table.mse((later, case.of), (first, case.of), (later, than), (first, than))
-    more = statistics.log_contrast(values, np.array([1, -1, -1, 1]) / 2)
-    return _decide_log(more, len(values), zones.GROWS)
+    more = table.stopping.log_contrast(values, np.array([1, -1, -1, 1]) / 2)
+    return _decide_log(more, len(values), zones.GROWS, table)
 
 
 def level(case: Case, claim: Claim, table: TrialTable) -> Finding:
     """RMSE [m]: supported up to size; contradicted above."""
     (scenario,) = case.scenarios
     values = table.mse((scenario, case.of))[:, 0]
-    rmse = Interval(*(float(np.sqrt(end)) for end in statistics.mean_of_positive(values)))
-    return _decide_positive(rmse, len(values), zones.at_most(claim.size or 0.0))
+    rmse = Interval(*(float(np.sqrt(end)) for end in table.stopping.mean_of_positive(values)))
+    return _decide_positive(rmse, len(values), zones.at_most(claim.size or 0.0), table)
 
 
 def time(case: Case, claim: Claim, table: TrialTable) -> Finding:
     """Seconds per robot and tick, the mean over parts of the run: supported up to size; contradicted above."""
     (scenario,) = case.scenarios
     seconds = table.seconds((scenario, case.of))[:, 0]
-    found = _decide_positive(statistics.mean_of_positive(seconds), len(seconds), zones.at_most(claim.size or 0.0))
+    mean = table.stopping.mean_of_positive(seconds)
+    found = _decide_positive(mean, len(seconds), zones.at_most(claim.size or 0.0), table)
     return found._replace(needed=found.needed * table.trials((scenario, case.of)) / len(seconds))
 
 
@@ -123,11 +125,10 @@ def consistency(case: Case, claim: Claim, table: TrialTable) -> Finding:
     values, inside = table.anees((scenario, case.of)), table.coverage((scenario, case.of))
     if not len(values):
         raise Missing(f"{case.of} has no covariance in {scenario}")
-    anees = _decide_positive(statistics.mean_of_positive(values), len(values), zones.at_most(OVER_CONFIDENT))
-    covered = statistics.mean(inside)
-    share = decide(
-        covered, len(inside), zones.at_least(LEAST_COVERAGE), partial(statistics.p_of_mean, covered, len(inside))
-    )
+    test, mean = table.stopping.p_of_mean, table.stopping.mean_of_positive(values)
+    anees = _decide_positive(mean, len(values), zones.at_most(OVER_CONFIDENT), table)
+    covered = table.stopping.mean(inside)
+    share = decide(covered, len(inside), zones.at_least(LEAST_COVERAGE), partial(test, covered, len(inside)))
     return zones.both(anees, share)
 
 
@@ -158,22 +159,22 @@ def cost(case: Case, claim: Claim, table: TrialTable) -> Finding:
     """
     (scenario,), (than,) = case.scenarios, case.than
     logs = np.log(table.seconds((scenario, case.of), (scenario, than)))
-    interval = statistics.mean(logs[:, 0] - logs[:, 1])
-    test = partial(statistics.p_of_mean, interval, len(logs))
+    interval = table.stopping.mean(logs[:, 0] - logs[:, 1])
+    test = partial(table.stopping.p_of_mean, interval, len(logs))
     found = decide(_relative(interval), len(logs), _zones(case, claim), lambda value: test(float(np.log1p(value))))
     return found._replace(needed=found.needed * table.trials((scenario, case.of)) / len(logs))
 
 
-def _decide_log(logs: Interval, n: int, zones: Zones) -> Finding:
+def _decide_log(logs: Interval, n: int, zones: Zones, table: TrialTable) -> Finding:
     """The verdict on a difference of logarithms, which is then written as a relative change."""
-    found = decide(logs, n, zones, partial(statistics.p_of_mean, logs, n))
+    found = decide(logs, n, zones, partial(table.stopping.p_of_mean, logs, n))
     return found._replace(interval=_relative(found.interval))
 
 
-def _decide_positive(interval: Interval, n: int, zones: Zones) -> Finding:
+def _decide_positive(interval: Interval, n: int, zones: Zones, table: TrialTable) -> Finding:
     """The verdict on a positive number whose interval is symmetric in its logarithm."""
     logs = Interval(*np.log(interval))
-    return decide(interval, n, zones, lambda value: statistics.p_of_mean(logs, n, float(np.log(value))))
+    return decide(interval, n, zones, lambda value: table.stopping.p_of_mean(logs, n, float(np.log(value))))
 
 
 def _relative(logs: Interval) -> Interval:

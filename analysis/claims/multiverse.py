@@ -22,6 +22,7 @@ from cooploc.analysis.claims.readings import Dimensions, Reading
 from cooploc.analysis.claims.trial_table import collect
 from cooploc.analysis.claims.verdicts import COLUMNS, JUDGED, judged
 from cooploc.analysis.metrics.pooling import demand_same_streams
+from cooploc.analysis.metrics.stopping import FIXED, Stopping
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.estimators.plugins.labels import parse
 
@@ -30,7 +31,7 @@ ADDED = {
     "letter": "whether the reading nearest to the paper's letter does",
     "preset": "whether the preset does",
 }
-OF_LEDGERS = ("variant", "p_holm", "stands", "otherwise")  # columns of verdicts that a map does not have
+OF_LEDGERS = ("variant", "p_holm", "stands", "otherwise", "look")  # columns of verdicts that a map does not have
 SHOWN = [name for name in COLUMNS if name not in OF_LEDGERS] + list(ADDED)
 
 
@@ -42,7 +43,7 @@ class Specification(NamedTuple):
     readings: list[int]  # their numbers in the design
 
 
-def judge(ledger: Ledger, rows: pd.DataFrame) -> pd.DataFrame:
+def judge(ledger: Ledger, rows: pd.DataFrame, stopping: Stopping = FIXED) -> pd.DataFrame:
     """One row per claim and specification that was run.
 
     Columns are those of `verdicts.judge` without those of `OF_LEDGERS`; those of `ADDED`; and one for every dimension,
@@ -52,6 +53,7 @@ def judge(ledger: Ledger, rows: pd.DataFrame) -> pd.DataFrame:
     Args:
         ledger: from `load`, with dimensions.
         rows: from `errors` or a run directory of the study `readings`.
+        stopping: whether the number of trials was fixed before, or may depend on results.
 
     Raises:
         BadInput: estimators of one scenario ran on different streams, or a dimension is named like a column.
@@ -60,7 +62,7 @@ def judge(ledger: Ledger, rows: pd.DataFrame) -> pd.DataFrame:
     if taken := [name for name in ledger.dimensions if name in (*COLUMNS, *ADDED)]:
         raise BadInput(f"dimension {taken[0]!r} is named like a column of the verdicts: rename it in the ledger")
     demand_same_streams(rows)
-    table, design = collect(rows), readings.design(ledger.dimensions)
+    table, design = collect(rows, stopping), readings.design(ledger.dimensions)
     preset, letter = (design.index(end(ledger.dimensions)) for end in (readings.preset, readings.letter))
     out: list[dict[str, Any]] = []
     for claim in ledger.claims:

@@ -13,6 +13,7 @@ import pandas as pd
 from cooploc.analysis.metrics.certificate_line import refused
 from cooploc.analysis.metrics.over_time import sweep
 from cooploc.analysis.metrics.pooling import succeeded, weighted_means
+from cooploc.analysis.metrics.stopping import FIXED, Stopping
 from cooploc.estimators import nearest, parse
 from cooploc.estimators.interface import Array
 from cooploc.estimators.plugins.build import RENAMED
@@ -34,6 +35,7 @@ class TrialTable(NamedTuple):
     failures: Mapping[Key, int]  # trials that failed
     centralised: set[str]  # estimators whose readings all reach one computer
     refused: AbstractSet[str] = frozenset()  # estimators that failed a check
+    stopping: Stopping = FIXED  # how the number of trials came about, which intervals and tests depend on
 
     def mse(self, *keys: Key) -> Array:
         """Mean squared errors (trial, key) [m^2] of the trials that succeeded in all keys."""
@@ -117,7 +119,7 @@ class TrialTable(NamedTuple):
         return complete
 
 
-def collect(rows: pd.DataFrame) -> TrialTable:
+def collect(rows: pd.DataFrame, stopping: Stopping = FIXED) -> TrialTable:
     """The table of the rows of a run or of `errors`."""
     rows = rows.reset_index(drop=True)
     keys, ended = ["scenario", "estimator", "trial"], succeeded(rows)
@@ -129,7 +131,7 @@ def collect(rows: pd.DataFrame) -> TrialTable:
     failures = Counter(map(_canonical, zip(once["scenario"], once["estimator"], strict=True)))
     central = rows.loc[rows["centralised"].eq(True), "estimator"].unique()
     failing = rows.loc[_refused(rows), "estimator"].unique()
-    return TrialTable(frames, failures, _labels(central), _labels(failing))
+    return TrialTable(frames, failures, _labels(central), _labels(failing), stopping)
 
 
 def _refused(rows: pd.DataFrame) -> "pd.Series[bool]":

@@ -44,9 +44,11 @@ from cooploc.analysis.formats import change, counted
 from cooploc.analysis.metrics import outliers, statistics
 from cooploc.analysis.metrics.consistency import flag
 from cooploc.analysis.metrics.pooling import demand_same_streams
+from cooploc.analysis.metrics.stopping import FIXED, Stopping
 
 VERDICTS = ("supported", "direction only", "flat", "contradicted", "undecided", "not testable", "not run")
 DECIDED, JUDGED = VERDICTS[:4], VERDICTS[:5]
+WOULD_BE = "it would be "  # begins the remark of a case that failures leave undecided
 CASE = ["claim", "scenario", "of", "than", "definition"]  # what makes a case of a ledger
 COLUMNS = {
     "claim": "its id in the ledger",
@@ -70,27 +72,29 @@ COLUMNS = {
     "otherwise": "the verdict by another definition of the size, with the size as a change",
     "needed": "trials that would decide, where undecided",
     "remark": "what is missing, over-confident, over-wide, failed, centralised, or rarely far worse than usual",
+    "look": "trials after which a run until decided reached the verdict, or last looked; 0 of another run",
     "open": "conditions that the paper leaves open",
 }
 
 
-def judge(ledger: Ledger, rows: pd.DataFrame) -> pd.DataFrame:
+def judge(ledger: Ledger, rows: pd.DataFrame, stopping: Stopping = FIXED) -> pd.DataFrame:
     """One row per claim, variant and case, with `COLUMNS`.
 
     Args:
         ledger: from `load`.
         rows: from `errors` or a run directory.
+        stopping: whether the number of trials was fixed before, or may depend on results (`at_looks`).
 
     Raises:
         BadInput: estimators of one scenario ran on different streams.
 
     """
     demand_same_streams(rows)
-    table = collect(rows)
+    table = collect(rows, stopping)
     out = []
     for claim in ledger.claims:
         for variant, read in variants(claim, ledger):
-            out += [{"variant": variant, **row} for row in judged(read, table)]
+            out += [{"variant": variant, "look": 0, **row} for row in judged(read, table)]
     return adjusted(pd.DataFrame(out, columns=list(COLUMNS)))
 
 
@@ -172,7 +176,7 @@ def _without_failures(case: Case, claim: Claim, table: TrialTable, found: Findin
         lost = [name for name in lost if name in favoured]
     if not lost or found.verdict not in DECIDED:
         return found, []
-    why = [f"it would be {found.verdict}, but {' and '.join(lost)} failed"]
+    why = [f"{WOULD_BE}{found.verdict}, but {' and '.join(lost)} failed"]
     return found._replace(verdict="undecided", needed=np.nan, p=1.0), why
 
 

@@ -76,10 +76,10 @@ def span(part: pd.DataFrame) -> tuple[str, str]:
 
 
 def verdict(row: "pd.Series[Any]") -> str:
-    """A verdict, and how many trials would decide an undecided one."""
+    """A verdict, the look at which a run reached it, and how many trials would decide an undecided one."""
     needed = float(row["needed"])
     if row["verdict"] != "undecided":
-        return str(row["verdict"]).capitalize()
+        return str(row["verdict"]).capitalize() + (f" at n = {row['look']:.0f}" if row.get("look", 0) > 0 else "")
     if not needed < MANY:
         return "Undecided" if needed != needed else f"Undecided; more than {MANY} trials would decide"
     return f"Undecided; about {needed:.0f} trials would decide"

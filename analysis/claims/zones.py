@@ -13,6 +13,7 @@ import numpy as np
 
 from cooploc.analysis.metrics import statistics, trials_needed
 from cooploc.analysis.metrics.statistics import Interval
+from cooploc.analysis.metrics.stopping import FIXED, Stopping
 from cooploc.estimators.interface import Array
 
 Zones = tuple[tuple[str, float, float], ...]  # verdict, from, to
@@ -85,7 +86,9 @@ def _p(low: float, high: float, test: Test) -> float:
     return max((test(end) for end in (low, high) if np.isfinite(end)), default=0.0)
 
 
-def decide_all(pairs: list[Array], labels: list[tuple[str, str]], zones: Zones, p: list[float]) -> Finding:
+def decide_all(
+    pairs: list[Array], labels: list[tuple[str, str]], zones: Zones, p: list[float], stopping: Stopping = FIXED
+) -> Finding:
     """The verdict on several changes at once: supported where each is; contradicted where one is, after Holm over all.
 
     Args:
@@ -93,9 +96,12 @@ def decide_all(pairs: list[Array], labels: list[tuple[str, str]], zones: Zones, 
         labels: scenario and `than` of each case.
         zones: of each case.
         p: one-sided p of each case, small where it contradicts the claim.
+        stopping: how the number of trials came about.
 
     """
-    found = [decide(statistics.change(*case.T), len(case), zones, partial(_changed, case)) for case in pairs]
+    found = [
+        decide(stopping.change(*case.T), len(case), zones, partial(stopping.p_of_change, *case.T)) for case in pairs
+    ]
     (low, high) = next(ends for verdict, *ends in zones if verdict == "supported")
     room = [min(f.interval.low - low, high - f.interval.high) for f in found]
     adjusted = statistics.holm(np.array(p))
@@ -111,11 +117,6 @@ def decide_all(pairs: list[Array], labels: list[tuple[str, str]], zones: Zones, 
     else:
         verdict, chance, needed = "undecided", float(np.fmin(for_all, against)), _needed(found, low, high)
     return found[worst]._replace(verdict=verdict, needed=needed, p=chance, scenario=scenario, than=than)
-
-
-def _changed(case: Array, value: float) -> float:
-    before, after = case.T
-    return statistics.p_of_change(before, after, value)
 
 
 def _p_of_all(found: list[Finding], low: float, high: float) -> float:

@@ -1,5 +1,6 @@
 """Runs a study into a run directory: what is there stays, what is missing or damaged is computed."""
 
+from collections.abc import Mapping
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
@@ -55,6 +56,7 @@ def execute(
     study: Study,
     out: Path,
     *,
+    counts: Mapping[tuple[str, str], int] | None = None,
     data: Path | None = None,
     jobs: int = 1,
     scheduler: str | None = None,
@@ -68,6 +70,7 @@ def execute(
     Args:
         study: what to run.
         out: the run directory; continued where it holds the same settings.
+        counts: trials of each (scenario, estimator), where not all are to have the study's number.
         data: the directory of recordings, for scenarios that need it.
         jobs: number of processes.
         scheduler: the address of a Dask scheduler, whose workers are used instead.
@@ -86,6 +89,7 @@ def execute(
 
     """
     asked = resolve_study(study, data, isolate)
+    asked = asked if counts is None else asked.with_trials(counts)
     watcher = progress or Quiet()
     memory = demand_memory(asked, jobs)
     directory = RunDir(out)
@@ -121,8 +125,7 @@ def manifest_of(asked: ResolvedStudy) -> dict[str, Any]:
 
 
 def _as_json(cell: ResolvedCell) -> dict[str, Any]:
-    estimators = {estimator.label: cell.trials for estimator in cell.estimators}
-    return {"experiment": cell.experiment, "baseline": cell.baseline, "estimators": estimators}
+    return {"experiment": cell.experiment, "baseline": cell.baseline, "estimators": dict(cell.trials)}
 
 
 def _certify(directory: RunDir, asked: ResolvedStudy, check: bool, isolate: bool, watcher: Progress) -> None:
@@ -185,7 +188,8 @@ def _rows(asked: ResolvedStudy, directory: RunDir, pieces: list[Piece]) -> pd.Da
         for estimator in asked.estimators:
             for piece in of.get((cell.scenario.label, estimator.label), ()):
                 frame = directory.read(piece)
-                frames.append(frame[frame["trial"] < cell.trials].sort_values(["trial", "robot"], kind="stable"))
+                wanted = frame["trial"] < cell.trials[estimator.label]
+                frames.append(frame[wanted].sort_values(["trial", "robot"], kind="stable"))
     certificates = directory.manifest["certificates"]
     return with_lines(pd.concat(frames, ignore_index=True), certificates, asked.estimators)
 

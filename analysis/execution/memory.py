@@ -18,7 +18,7 @@ def demand_memory(asked: ResolvedStudy, jobs: int) -> str:
     for cell in asked.cells:
         one = cell.scenario
         demand(one.label, one.robots, one.ticks, 1)
-        most = max(most, needed(one.robots, one.ticks, min(cell.trials, chunk_size(one))))
+        most = max(most, needed(one.robots, one.ticks, min(cell.most, chunk_size(one))))
     processes = f" in each of {jobs} processes" if jobs > 1 else ""
     line = f"the readings take up to about {gigabytes(most)} of memory{processes}, and estimators more"
     return line if most * jobs > WORTH_SAYING else ""

@@ -38,18 +38,19 @@ def make_plan(study: ResolvedStudy, directory: RunDir, retry: Retry | None = "lo
     for cell in study.cells:
         gaps: dict[range, list[str]] = {}
         for estimator in cell.estimators:
-            found = directory.pieces(cell.scenario.label, estimator.label, cell.trials)
+            wanted = cell.trials[estimator.label]
+            found = directory.pieces(cell.scenario.label, estimator.label, wanted)
             again = [p for p in found.intact if retry and any(worth_it(f, limit, retry) for f in directory.failures(p))]
             intact += [piece for piece in found.intact if piece not in again]
             damaged += found.damaged
             failed += again
-            missing = _gaps([piece.trials for piece in found.intact], cell.trials, chunk_size(cell.scenario))
+            missing = _gaps([piece.trials for piece in found.intact], wanted, chunk_size(cell.scenario))
             for gap in (*missing, *(piece.trials for piece in again)):  # in parts as they were, which they replace
                 gaps.setdefault(gap, []).append(estimator.label)
         for gap in sorted(gaps, key=lambda trials: trials.start):
             lacking = tuple(one for one in cell.estimators if one.label in gaps[gap])
             tasks.append(Task(cell.scenario, gap, study.study.seed, lacking, limit))
-    return Plan(sum(cell.trials * len(cell.estimators) for cell in study.cells), intact, damaged, failed, tasks)
+    return Plan(sum(sum(cell.trials.values()) for cell in study.cells), intact, damaged, failed, tasks)
 
 
 def work(scenario: ResolvedScenario | RemoteScenario) -> float:

@@ -31,7 +31,7 @@ def study_worlds(asked: ResolvedStudy, label: str) -> StudyWorlds:
     """The simulated worlds of ours in which a study runs an estimator."""
     cells = [cell for cell in asked.cells if label in {one.label for one in cell.estimators}]
     worlds = [
-        World(cell.scenario, cell.trials)
+        World(cell.scenario, cell.most)
         for cell in cells
         if isinstance(cell.scenario, ResolvedScenario) and cell.scenario.name in BUILTIN and not cell.scenario.recorded
     ]

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from cooploc.analysis.execution.certificates import with_lines
+from cooploc.analysis.execution.decisions_file import comparisons, looks_taken, read_decisions
 from cooploc.analysis.execution.run_directory import Piece, RunDir
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.studies.study import Study
@@ -19,11 +20,22 @@ class Kept(NamedTuple):
     rows: pd.DataFrame  # as `errors`, with `failure`, `traceback` and `certificate`; in the manifest's order
     gaps: dict[tuple[str, str], int]  # (scenario, estimator) -> trials that were asked for and are missing
     ignored: tuple[str, ...] = ()  # a line for each file among the parts that no run wrote
+    decisions: dict[str, Any] | None = None  # of a run until decided: `decisions_file.Decisions`
 
     @property
     def baselines(self) -> dict[str, str]:
         """What each scenario's estimators are compared with."""
         return {scenario: cell["baseline"] for scenario, cell in self.manifest["cells"].items()}
+
+    @property
+    def comparisons(self) -> pd.DataFrame | None:
+        """Of a run until decided, what was decided of each comparison: the fields of `decisions.Decision`."""
+        return comparisons(self.decisions)
+
+    @property
+    def looks(self) -> list[int]:
+        """The looks of a run until decided, in trials; none where the number of trials was fixed."""
+        return looks_taken(self.decisions)
 
     @property
     def experiments(self) -> dict[str, dict[str, list[str]]]:
@@ -76,7 +88,7 @@ def read(folder: Path) -> Kept:
     if not frames:
         raise BadInput(f"{folder} holds no results yet: continue it with cooploc run --out {folder}")
     rows = with_lines(pd.concat(frames, ignore_index=True), manifest.get("certificates", {}))
-    return Kept(folder, manifest, rows, gaps, tuple(directory.foreign()))
+    return Kept(folder, manifest, rows, gaps, tuple(directory.foreign()), read_decisions(folder))
 
 
 def _part(directory: RunDir, piece: Piece, asked: int) -> pd.DataFrame:

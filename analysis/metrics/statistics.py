@@ -3,6 +3,7 @@
 Below five trials nothing is claimed: every interval is nan.
 """
 
+from collections.abc import Callable
 from functools import cache
 from typing import NamedTuple
 
@@ -16,6 +17,7 @@ LEVEL = 0.95
 Z = float(stats.norm.ppf((1 + LEVEL) / 2))
 RESAMPLES = 1999
 AT_ONCE = 1_000_000  # values of all resamples that are held together
+Quantile = Callable[[int], float]  # standard errors that an interval over n trials reaches to either side
 
 
 class Interval(NamedTuple):
@@ -26,21 +28,28 @@ class Interval(NamedTuple):
     high: float
 
 
-def mean_of_positive(values: Array) -> Interval:
+@cache
+def quantile(n: int) -> float:
+    """Of the t distribution over n trials, at LEVEL to either side."""
+    return float(stats.t.ppf((1 + LEVEL) / 2, n - 1))
+
+
+def mean_of_positive(values: Array, reach: Quantile = quantile) -> Interval:
     """The mean of positive, skewed values, such as squared errors: jackknife on the logarithm of the mean, t quantile.
 
     Over lognormal and gamma values its coverage is nearer to the nominal one than that of the t interval (measured in
     `reports/statistics.md`), and it never reaches below zero.
     """
     mean = float(np.mean(values)) if len(values) else np.nan
-    log = log_contrast(np.asarray(values)[:, None], np.ones(1))
+    log = log_contrast(np.asarray(values)[:, None], np.ones(1), reach)
     return Interval(mean, float(np.exp(log.low)), float(np.exp(log.high)))
 
 
-def log_contrast(values: Array, weights: Array) -> Interval:
+def log_contrast(values: Array, weights: Array, reach: Quantile = quantile) -> Interval:
     """sum_j weights_j log mean_j over trials of positive `values` (trial, j): jackknife, t quantile.
 
     Columns of one row belong together, whether they are correlated or not: rows are what is independent.
+    `reach` is another than the t quantile where an interval is to hold at any stopping (`stopping.ANYTIME`).
     """
     n, mean = len(values), values.mean(0) if len(values) else np.full(len(weights), np.nan)
     if not (np.isfinite(mean).all() and (mean > 0).all()):
@@ -50,16 +59,16 @@ def log_contrast(values: Array, weights: Array) -> Interval:
     if n < LEAST_TRIALS or (left_out <= 0).any():
         return Interval(value, np.nan, np.nan)
     log = (weights * np.log(left_out)).sum(1)
-    half = quantile(n) * float(np.sqrt((n - 1) / n * ((log - log.mean()) ** 2).sum()))
+    half = reach(n) * float(np.sqrt((n - 1) / n * ((log - log.mean()) ** 2).sum()))
     return Interval(value, value - half, value + half)
 
 
-def mean(d: Array) -> Interval:
+def mean(d: Array, reach: Quantile = quantile) -> Interval:
     """The mean of `d` (k,) over trials, such as paired differences b - a: t interval."""
     n, value = len(d), float(np.mean(d)) if len(d) else np.nan
     if n < LEAST_TRIALS or not np.isfinite(value):
         return Interval(value, np.nan, np.nan)
-    half = quantile(n) * float(d.std(ddof=1)) / np.sqrt(n)
+    half = reach(n) * float(d.std(ddof=1)) / np.sqrt(n)
     return Interval(value, value - half, value + half)
 
 
@@ -226,9 +235,3 @@ def holm(p: Array) -> Array:
 def _change(a: Array, b: Array, axis: int = -1) -> Array:
     relative: Array = np.sqrt(b.mean(axis) / a.mean(axis)) - 1
     return relative
-
-
-@cache
-def quantile(n: int) -> float:
-    """Of the t distribution over n trials, at LEVEL to either side."""
-    return float(stats.t.ppf((1 + LEVEL) / 2, n - 1))

@@ -11,7 +11,7 @@ import pandas as pd
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
-from cooploc.analysis.claims import family, multiverse, verdicts
+from cooploc.analysis.claims import at_looks, family, multiverse, verdicts
 from cooploc.analysis.claims.ledger import BASE, Ledger
 from cooploc.analysis.claims.trial_table import collect
 from cooploc.analysis.execution.stored_run import Kept
@@ -19,7 +19,9 @@ from cooploc.analysis.formats import counted
 from cooploc.analysis.metrics import certificate_line, outliers
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.crlb import floors
+from cooploc.analysis.metrics.decisions import with_decisions
 from cooploc.analysis.metrics.pooling import notes
+from cooploc.analysis.metrics.stopping import ANYTIME, FIXED
 from cooploc.analysis.plot import style
 from cooploc.analysis.report import claim_tables, latex, result_tables, summaries
 from cooploc.analysis.report.experiments import Experiment, Numbers, experiment
@@ -128,14 +130,16 @@ def render(context: dict[str, Any]) -> str:
 
 def content(kept: Kept, ledger: Ledger) -> dict[str, Any]:
     """Everything that the page shows, and `tables`, all of its tables."""
+    stopping = ANYTIME if kept.looks else FIXED
     table = compare(kept.rows, kept.baselines, full=True)
+    table = table if kept.comparisons is None else with_decisions(table, kept.comparisons)
     table["floor"] = table["scenario"].map(floors(table["scenario"], kept.manifest["seed"], FLOORED))
     looks = style.looks(kept.rows["estimator"])
     numbers = Numbers(kept, table, collect(kept.rows), looks)
     counter = itertools.count()
     experiments = [experiment(name, plan, numbers, counter) for name, plan in kept.experiments.items()]
-    readings = multiverse.sentences(multiverse.judge(ledger, kept.rows))
-    answer = _answer(numbers, experiments, verdicts.judge(ledger, kept.rows), ledger, readings)
+    readings = multiverse.sentences(multiverse.judge(ledger, kept.rows, stopping))
+    answer = _answer(numbers, experiments, at_looks.judged(ledger, kept.rows, kept.looks), ledger, readings)
     versions, streams = _versions(kept), _streams(table)
     first = [answer[name] for name in ("where_table", "best_table", "confidence_table", "overview", "claims_table")]
     return {
@@ -148,7 +152,7 @@ def content(kept: Kept, ledger: Ledger) -> dict[str, Any]:
         "unproven": [*certificate_line.remarks(table), *outliers.warnings(table)],
         "failures": failures(kept.rows),
         "notes": notes(kept.rows),
-        "methods": METHODS,
+        "methods": (*METHODS, ("Decided", result_tables.STOPPED)) if kept.looks else METHODS,
         "versions": versions,
         "streams": streams,
         "embedded": embedded(kept),

@@ -32,6 +32,14 @@ def remark(estimator: str, certificate: str, consistency: str, centralised: bool
     return ", ".join(remarks + ([f"{failed} failed, numbers of the other trials"] if failed else []))
 
 
+def decided(verdict: str, look: int, trials: int) -> str:
+    """What a run until decided found of a row, and when."""
+    if not verdict:
+        return ""
+    stopped = verdict != "open" and trials <= look
+    return f"{verdict}{', stopped' * stopped} at n = {look}"
+
+
 def _of_others(form: Any) -> Any:
     """Writes a comparison with the baseline; nothing for the baseline itself."""
     return lambda estimator, baseline, *values: "" if estimator == baseline else form(*values)
@@ -86,6 +94,14 @@ RESULTS = (
 )
 
 
+DECIDED = words("decided", "verdict", "look", of=("verdict", "look", "trials"), form=decided)
+STOPPED = (
+    "decided: by the confidence sequence of the change (better or worse where it excludes 0, tie within 5 %), at that "
+    "number of trials; it holds however the run stops, and p is its 1 / e. Sizes and their intervals are those of a "
+    "fixed number of trials: where a row stopped, they are a little too far from 0."
+)
+
+
 def results(name: str, part: pd.DataFrame, ranks: Ranks, about: str) -> Table:
     """One row per (scenario, estimator) of `compare`."""
     rows: list[Row] = []
@@ -94,7 +110,7 @@ def results(name: str, part: pd.DataFrame, ranks: Ranks, about: str) -> Table:
         estimator, status = row["estimator"], row["certificate"].partition(":")[0]
         rows.append({**row, "rank": mean.get(estimator, np.nan), "group": letters.get(estimator, ""), "status": status})
     marks = {f"data-{key}": key for key in ("scenario", "estimator", "consistency")} | {"data-certificate": "status"}
-    columns = versus(part["baseline"], RESULTS)
+    columns = versus(part["baseline"], (*RESULTS[:-1], DECIDED, RESULTS[-1]) if "look" in part else RESULTS)
     if not part["certificate"].any():  # all are built in
         columns = tuple(column for column in columns if column.head != "checks")
     return Table(name, about, columns, rows, marks)

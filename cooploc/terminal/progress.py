@@ -36,7 +36,7 @@ class TerminalProgress:
 
     def begin(self, trials: int, found: int, work: float) -> None:
         """Start: (estimator, trial) pairs in all, those found on disk already, and the work to do."""
-        self.total, self.done, self._todo = trials, found, work
+        self.total, self.done, self._todo, self._spent = trials, found, work, 0.0
         self._began = self._said = time.monotonic()
         if self._bar:
             self._bar.update(self._task, total=trials, completed=found)

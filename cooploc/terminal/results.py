@@ -14,8 +14,8 @@ from cooploc.analysis.metrics.compare import SUMMARY
 from cooploc.analysis.metrics.pooling import notes, succeeded
 from cooploc.analysis.report.csv_text import csv_text
 from cooploc.analysis.report.failures import failures
-from cooploc.analysis.report.result_tables import RESULTS, versus
-from cooploc.analysis.report.tables import Table
+from cooploc.analysis.report.result_tables import DECIDED, RESULTS, STOPPED, versus
+from cooploc.analysis.report.tables import Table, numbers
 from cooploc.terminal.console import wide
 
 LEGEND = (
@@ -68,6 +68,8 @@ def show(table: pd.DataFrame, rows: pd.DataFrame, folder: Path, as_json: bool) -
             console.print(_table(str(scenario), part).terminal())
             console.print()
         console.print(LEGEND, style="dim")
+        if "look" in table:
+            console.print(STOPPED, style="dim")
         for line in notes(rows):
             console.print(line)
     for line in (*certificate_line.remarks(table), *outliers.warnings(table)):
@@ -91,5 +93,6 @@ def _table(scenario: str, part: pd.DataFrame) -> Table:
     first = part.iloc[0]
     size = f"{counted(first['robots'], 'robot')}, {counted(part['trials'].max(), 'trial')}"
     title = f"{scenario}: {size}, stream {first['stream'][:12]}"
-    shown = tuple(c for c in COLUMNS if not (c.keys[0] in RARE and (part[c.keys[0]].fillna(0) == 0).all()))
+    columns = (*COLUMNS[:-1], numbers("trials"), DECIDED, COLUMNS[-1]) if "look" in part else COLUMNS
+    shown = tuple(c for c in columns if not (c.keys[0] in RARE and (part[c.keys[0]].fillna(0) == 0).all()))
     return Table("results", title, versus(part["baseline"], shown), part.to_dict("records"))

@@ -7,13 +7,16 @@ import pandas as pd
 from rich.console import Console
 
 from cooploc.analysis.execution.certificates import line
+from cooploc.analysis.execution.decisions_file import read_decisions
 from cooploc.analysis.execution.run_directory import Piece, RunDir
 from cooploc.analysis.formats import counted
 from cooploc.analysis.metrics.certificate_line import mark
 from cooploc.analysis.report.failures import failures
+from cooploc.analysis.report.result_tables import decided
 from cooploc.analysis.report.tables import Table, numbers, words
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.terminal.console import wide
+from cooploc.terminal.decided import state
 from cooploc.terminal.results import ONE_PROCESS
 
 COLUMNS = (
@@ -23,6 +26,7 @@ COLUMNS = (
     words("checks", form=mark),
     numbers("trials"),
     numbers("failed", form=lambda failed: str(failed or "")),
+    words("decided", of=("verdict", "look", "trials_there"), form=decided),
     words("", "remark"),
 )
 
@@ -41,14 +45,21 @@ def show(folder: Path) -> None:
     console = wide()
     _head(console, folder, manifest)
     certificates = manifest.get("certificates", {})
+    decisions = read_decisions(folder)
+    compared = decisions["comparison"] if decisions else []
+    verdicts = {(one["scenario"], one["estimator"]): one for one in compared}
     rows: list[dict[str, Any]] = []
     failed: list[pd.DataFrame] = []
     for scenario, cell in manifest["cells"].items():
         for estimator, asked in cell["estimators"].items():
             row, lost = _contents(directory, scenario, estimator, asked)
-            rows.append({**row, "experiment": cell["experiment"], "checks": line(estimator, certificates)})
+            verdict = verdicts.get((scenario, estimator), {"verdict": "", "look": 0})
+            rows.append({**verdict, **row, "experiment": cell["experiment"], "checks": line(estimator, certificates)})
             failed += [lost] if len(lost) else []
-    console.print(Table("contents", "", COLUMNS, rows).terminal())
+    shown = COLUMNS if decisions else tuple(column for column in COLUMNS if column.head != "decided")
+    console.print(Table("contents", "", shown, rows).terminal())
+    if decisions:
+        console.print(state(folder, decisions))
     for ignored in directory.foreign():
         console.print(ignored)
     _certificates(console, certificates)
@@ -86,7 +97,7 @@ def _contents(directory: RunDir, scenario: str, estimator: str, asked: int) -> t
     remarks = [f"{counted(corrupt, 'corrupt part')}, will be computed again"] if corrupt else []
     remarks += ["not finished"] if len(trials) < asked else []
     failed = pd.concat(frames) if frames else pd.DataFrame({"trial": []})
-    counts = {"trials": f"{len(trials)} of {asked}", "failed": failed["trial"].nunique()}
+    counts = {"trials": f"{len(trials)} of {asked}", "trials_there": len(trials), "failed": failed["trial"].nunique()}
     return {"scenario": scenario, "estimator": estimator, **counts, "remark": ", ".join(remarks)}, failed
 
 

@@ -1,5 +1,6 @@
 """A study whose labels have been read: each label once, before anything runs."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,9 +20,14 @@ class ResolvedCell(NamedTuple):
 
     experiment: str
     scenario: ResolvedScenario | RemoteScenario
-    trials: int
+    trials: Mapping[str, int]  # by the label of an estimator
     estimators: tuple[ConfiguredEstimator, ...]
     baseline: str  # the label of one of them
+
+    @property
+    def most(self) -> int:
+        """Trials of the estimator that has most."""
+        return max(self.trials.values())
 
 
 class ResolvedStudy(NamedTuple):
@@ -35,6 +41,14 @@ class ResolvedStudy(NamedTuple):
     def estimators(self) -> list[ConfiguredEstimator]:
         """All estimators, each once, in the order in which scenarios name them."""
         return list({one.label: one for cell in self.cells for one in cell.estimators}.values())
+
+    def with_trials(self, counts: Mapping[tuple[str, str], int]) -> "ResolvedStudy":
+        """The same with these numbers of trials, by the labels of scenario and estimator; none above its own."""
+        cells = []
+        for cell in self.cells:
+            asked = {name: min(counts[cell.scenario.label, name], n) for name, n in cell.trials.items()}
+            cells.append(cell._replace(trials=asked))
+        return self._replace(cells=tuple(cells))
 
 
 def resolve_study(study: Study, data: Path | None = None, isolate: bool = True) -> ResolvedStudy:
@@ -54,5 +68,6 @@ def resolve_study(study: Study, data: Path | None = None, isolate: bool = True) 
     for cell in cells:
         scenario = (resolve_isolated if isolate else resolve)(cell.scenario, data)
         estimators = tuple(known[label] for label in cell.estimators)
-        found.append(ResolvedCell(cell.experiment, scenario, scenario.trials(study.trials), estimators, cell.baseline))
+        trials = dict.fromkeys(cell.estimators, scenario.trials(study.trials))
+        found.append(ResolvedCell(cell.experiment, scenario, trials, estimators, cell.baseline))
     return ResolvedStudy(study, data, tuple(found))

@@ -1,0 +1,114 @@
+"""Runs that stop what is decided: the same however many processes, whatever interrupts them, whatever was there."""
+
+import json
+
+import pytest
+
+from cooploc.analysis.execution import plan
+from cooploc.analysis.execution.decisions_file import read_decisions
+from cooploc.analysis.execution.execute import Quiet, execute
+from cooploc.analysis.execution.until_decided import Answers, run_until_decided
+from cooploc.estimators.plugins.errors import BadInput
+from cooploc.scenarios.studies.study import Study
+
+WORLD = "trajectory[ticks=12]"
+STUDY = Study(
+    name="small",
+    trials=40,
+    baseline="arl[particles=20]",
+    scenarios=(WORLD,),
+    estimators=("arl[particles=20]", "dead-reckoning", "ekf-local"),
+)
+CLEAR, CLOSE = "dead-reckoning", "ekf-local"
+
+
+@pytest.fixture(autouse=True, scope="module")
+def small_chunks():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(plan, "CHUNK_TRIALS", (10, 10))
+        yield
+
+
+class Told(Quiet):
+    """Remembers what a run said, and may be interrupted."""
+
+    def __init__(self, parts=None):
+        self.said, self.left = [], parts
+
+    def advance(self, what, trials, failed, work):
+        if self.left is not None:
+            self.left -= 1
+            if self.left == 0:
+                raise KeyboardInterrupt
+
+    def say(self, line):
+        self.said.append(line)
+
+
+def contents(folder):
+    parts = {file.name: file.read_bytes() for file in (folder / "parts").iterdir()}
+    return parts, (folder / "decisions.json").read_text()
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory, small_chunks):
+    folder, told = tmp_path_factory.mktemp("runs") / "one", Told()
+    return folder, run_until_decided(STUDY, folder, progress=told), told.said
+
+
+def test_what_is_decided_stops_and_what_is_open_goes_on_with_its_baseline(finished):
+    folder, rows, _ = finished
+    trials = rows.groupby("estimator")["trial"].nunique()
+    verdicts = {one["estimator"]: one for one in read_decisions(folder)["comparison"]}
+    assert verdicts[CLEAR]["verdict"] != "open"
+    assert trials[CLEAR] == verdicts[CLEAR]["look"] < 40
+    assert verdicts[CLOSE]["verdict"] == "open"
+    assert trials[CLOSE] == trials[STUDY.baseline] == 40
+
+
+def test_every_look_says_what_is_decided_and_how_long_the_rest_takes(finished):
+    said = [line for line in finished[2] if line.startswith("after ")]
+    assert said[0].startswith("after 10 trials: decided ")
+    assert "1 open, at most about" in said[-2]
+    assert said[-1] == "after 40 trials: decided 1 of 2 comparisons"
+
+
+@pytest.mark.slow
+def test_two_processes_give_the_parts_and_decisions_of_one(finished, tmp_path):
+    run_until_decided(STUDY, tmp_path / "two", jobs=2)
+    assert contents(tmp_path / "two") == contents(finished[0])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("parts", [1, 4, 6])
+def test_an_interrupted_run_ends_as_if_it_had_not_been(finished, tmp_path, parts):
+    with pytest.raises(KeyboardInterrupt):
+        run_until_decided(STUDY, tmp_path / "run", progress=Told(parts))
+    run_until_decided(STUDY, tmp_path / "run")
+    assert contents(tmp_path / "run") == contents(finished[0])
+
+
+@pytest.mark.slow
+def test_trials_that_were_there_before_change_no_decision(finished, tmp_path):
+    execute(STUDY, tmp_path / "run")
+    rows = run_until_decided(STUDY, tmp_path / "run")
+    assert read_decisions(tmp_path / "run") == read_decisions(finished[0])
+    assert len(rows) == len(finished[1])
+
+
+@pytest.mark.slow
+def test_another_open_question_keeps_its_cells_running(tmp_path):
+    def ask(rows, n):
+        cells = {(WORLD, CLEAR)} if n < 40 else set()
+        return Answers("claim", frozenset(cells), 0, len(cells), [])
+
+    rows = run_until_decided(STUDY, tmp_path / "run", [ask])
+    assert rows.groupby("estimator")["trial"].nunique()[CLEAR] == 40
+
+
+def test_a_damaged_file_of_decisions_is_refused_in_one_line(finished, tmp_path):
+    content = json.loads((finished[0] / "decisions.json").read_text())
+    content["comparison"][0]["verdict"] = "better still"
+    (tmp_path / "decisions.json").write_text(json.dumps(content))
+    with pytest.raises(BadInput, match=r"decisions\.json is damaged: .* --until-decided, makes it again"):
+        read_decisions(tmp_path)
