@@ -19,9 +19,8 @@ def bought(gains: pd.DataFrame) -> str:
     return (
         f"Tuning moved {names} of {gains['estimator'].nunique()} estimators. Over their "
         f"{counted(len(moved), 'row')} the mean score fell by {fixed(training, 2)} on the training streams and by "
-        f"{fixed(fresh, 2)} on fresh ones; the difference is over-fitting. RMSE became significantly smaller in "
-        f"{counted(len(lower), 'row')}, significantly larger in {len(higher)}: likelihood rewards honest covariances, "
-        "and not accuracy alone."
+        f"{fixed(fresh, 2)} on fresh ones. RMSE became significantly smaller in {counted(len(lower), 'row')}, "
+        f"significantly larger in {len(higher)}; what was made small is the score."
     )
 
 

@@ -18,7 +18,6 @@ from cooploc.analysis.tuning.objective import trial_scores
 from cooploc.analysis.tuning.race import Item
 from cooploc.analysis.tuning.training import Resolved
 from cooploc.estimators import configure
-from cooploc.estimators.plugins.build import ConfiguredEstimator
 from cooploc.scenarios.studies.resolved_study import ResolvedCell, ResolvedStudy
 
 Pairs = Iterable[tuple[str, Item]]  # a configuration's label, and a trial
@@ -48,16 +47,16 @@ class Evaluations:
         return {pair: self.scores[pair] for pair in pairs}
 
     def _cells(self, pairs: Sequence[tuple[str, Item]]) -> list[ResolvedCell]:
-        """A cell for every scenario and number of trials, with the configurations that need so many."""
-        upto: dict[tuple[str, str], int] = {}
+        """A cell for every scenario, with as many trials of each configuration as it needs."""
+        upto: dict[str, dict[str, int]] = {}
         for label, item in pairs:
-            upto[item.scenario, label] = max(upto.get((item.scenario, label), 0), item.trial + 1)
-        grouped: dict[tuple[str, int], list[ConfiguredEstimator]] = {}
-        for (scenario, label), trials in upto.items():
-            grouped.setdefault((scenario, trials), []).append(configure(label))
+            of = upto.setdefault(item.scenario, {})
+            of[label] = max(of.get(label, 0), item.trial + 1)
         return [
-            ResolvedCell("training", self.scenarios[scenario], trials, tuple(found), found[0].label)
-            for (scenario, trials), found in grouped.items()
+            ResolvedCell(
+                "training", self.scenarios[scenario], trials, tuple(map(configure, trials)), next(iter(trials))
+            )
+            for scenario, trials in upto.items()
         ]
 
     def _keep(self, piece: Piece) -> None:
