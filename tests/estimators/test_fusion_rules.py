@@ -252,6 +252,17 @@ def test_robots_that_learn_from_each_other_alone_do_not_fall_silent():
     assert trace("event", EkfEventCi(threshold=1), stream).messages.sum() > 4 * 2 * 3
 
 
+def test_a_robot_that_is_asleep_does_not_take_its_news_for_sent():
+    """One of the three wakes in every fourth tick: what it would say meanwhile stays to be said."""
+    _, stream = simulate("asynchrony/samples=1", trials=2, seed=8, ticks=40)
+    assert not (stream.senses.dt[:, 0] > 0).all()
+    sent = trace("event", EkfEventCi(threshold=np.inf), stream).messages
+    np.testing.assert_array_equal(sent.sum(), 2 * 3)
+    every = run({"ci": EkfCi(), "event": EkfEventCi(threshold=0)}, stream).traces
+    np.testing.assert_array_equal(every["event"].x, every["ci"].x)
+    np.testing.assert_array_equal(every["event"].bytes, every["ci"].bytes)
+
+
 def test_driving_on_is_no_news_where_odometry_has_no_error():
     """What was sent is moved by the same odometry; each robot speaks once."""
     _, stream = simulate("robots-1-3/n=3", trials=2, seed=8, ticks=60, odometry_sigma=1e-5, drop=1.0)
