@@ -14,6 +14,9 @@ centralised filter. Otherwise this is an approximation:
 - Of a packet that is lost the sender knows nothing. The robot that did hear has put both beliefs into its channel, and
   takes too much off what it hears next: information is lost. The robot that did not hear takes off too little, and
   counts what it had said itself as news: it becomes over-confident. With reliable links neither happens.
+- Each end of a link makes a reading of its own. A channel holds that of its own end, and takes it off the other's
+  belief, which never had it; and ranges are linearised. Two robots that lose nothing (`scalability/n=2`) have an ANEES
+  of about 2.
 - A camera's heading error, and in a heading frame the odometry's, count as noise of their own in every tick.
 
 Source: S. Grime, H. Durrant-Whyte, "Data fusion in decentralized sensor networks", Control Engineering Practice 2(5),

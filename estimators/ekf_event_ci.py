@@ -72,20 +72,23 @@ class EkfEventCi(TeamSettings):
         return s._replace(own=self.ci.correct(s.own, z))
 
     def send(self, s: State, z: Senses) -> Array:
-        return np.where(self._news(s)[:, None], self.ci.send(s.own, z), np.nan)
+        return np.where(self._news(s, z)[:, None], self.ci.send(s.own, z), np.nan)
 
     def fuse(self, s: State, z: Senses, mail: Mail) -> State:
         """`ekf-ci`, on what was heard; and what was sent in this tick is remembered."""
-        news = self._news(s)
+        news = self._news(s, z)
         x, P = np.where(news[:, None], s.own.x, s.sent.x), np.where(news[:, None, None], s.own.P, s.sent.P)
         return State(self.ci.fuse(s.own, z, mail), Belief(x, P))
 
     def estimate(self, s: State) -> Belief:
         return self.ci.estimate(s.own)
 
-    def _news(self, s: State) -> Mask:
-        """Rows that send: those that never did, and those that are as far from what they sent as the threshold."""
-        return np.asarray(~(divergence(Belief(s.own.x, s.own.P), s.sent) < self.threshold))
+    def _news(self, s: State, z: Senses) -> Mask:
+        """Rows that send: those that never did, and those that are as far from what they sent as the threshold.
+
+        A robot that is asleep, with dt = 0, sends nothing.
+        """
+        return np.asarray((z.dt > 0) & ~(divergence(Belief(s.own.x, s.own.P), s.sent) < self.threshold))
 
 
 def divergence(p: Belief, q: Belief) -> Array:

@@ -48,8 +48,10 @@ class EkfGsCi(TeamSettings):
     """EKF of the whole team's positions on each robot, covariance intersection of what the robots broadcast.
 
     Parameters:
-        weight: of a robot's own estimate in an intersection, from 0.01 to 1; 1 ignores what is received.
+        weight: of a robot's own estimate in an intersection, from 0.01 to 1; 1 ignores what is received. The default is
+            that of the authors' code.
         drift: standard deviation [m] per axis of how far a teammate moves in a second; the variance grows with time.
+            The default is ours: where robots drive 0.1 m/s it is within 5 % of the best error of 0.25, 0.5, 1 and 2.
     """
 
     weight: float = 0.8

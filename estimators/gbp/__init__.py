@@ -6,7 +6,8 @@ pose, and what the other's factor says of it, go over the air in every tick as l
 message repeats what its receiver said. A lost packet loses this tick's messages, and the next one brings newer ones.
 Where the graph is a tree the beliefs become exact, means and covariances. Where it has loops, and two robots that meet
 twice make one, the means converge to the most probable poses of `map-joint`, and covariances become too small: what
-came around a loop counts as new. What leaves the window is kept as one Gaussian.
+came around a loop counts as new. What leaves the window each robot keeps for itself, as one Gaussian. That two robots
+have it from each other is forgotten then, and where they meet again it counts twice, as in `ekf_naive.py`.
 
 Within a robot the chain is solved at once, which costs no message, `iterations` times a tick. Between robots messages
 go once a tick, as the mail of this world does; in the source any number of times. Whether the source lets poses leave a

@@ -196,6 +196,28 @@ def test_a_teammate_who_knows_less_takes_something_from_the_harmonic_mean_and_on
     np.testing.assert_allclose(C[:, 0, 0], [1, 1.2071, 1], atol=1e-4)
 
 
+def test_the_weight_of_a_reading_of_part_of_the_state_is_that_of_least_trace_of_the_whole(rng):
+    P, N, H = covariances(rng, 30, d=3), covariances(rng, 30, d=2), rng.normal(size=(30, 2, 3))
+    H[:, 1] *= 5
+    rows = np.zeros((30, 3)), P, np.zeros((30, 2)), H, N
+
+    def trace_after(rule):
+        return np.trace(rule.combine(*rows)[1], axis1=1, axis2=2)
+
+    least = np.min([trace_after(EkfIci(form="fixed", weight=v)) for v in np.linspace(0, 1, 101)], 0)
+    assert (trace_after(EkfIci()) <= least + 1e-9).all()
+
+
+@pytest.mark.parametrize("rule", [EkfIci(), EkfIci(form="fixed"), EkfHmd()])
+def test_a_reading_beyond_twice_the_gate_changes_nothing(rule):
+    y = np.sqrt(2 * rule.gate * 2) * np.array([[1.001], [0.999]])  # S = 1 + 1
+    x, P, H = np.zeros((2, 2)), np.stack([np.diag([1.0, 2.0])] * 2), np.stack([np.eye(1, 2)] * 2)
+    after, covariance = rule.combine(x, P, y, H, np.full((2, 1, 1), 1.0 - 1e-9))
+    np.testing.assert_array_equal(after[0], x[0])
+    np.testing.assert_array_equal(covariance[0], P[0])
+    assert after[1, 0] > 0.1
+
+
 @pytest.mark.parametrize("cls", [EkfIci, EkfHmd])
 def test_a_run_is_the_published_fusion_of_whole_states(cls):
     """A reading of the whole state makes a pseudo-estimate of it, so that nothing has to be carried anywhere."""
@@ -250,6 +272,17 @@ def test_robots_that_learn_from_each_other_alone_do_not_fall_silent():
     _, stream = simulate("camera", trials=2, seed=8, ticks=300)
     stream = stream.with_arrays({"senses.landmark": np.full_like(stream.senses.landmark, np.nan)})
     assert trace("event", EkfEventCi(threshold=1), stream).messages.sum() > 4 * 2 * 3
+
+
+def test_a_robot_that_is_asleep_does_not_take_its_news_for_sent():
+    """One of the three wakes in every fourth tick: what it would say meanwhile stays to be said."""
+    _, stream = simulate("asynchrony/samples=1", trials=2, seed=8, ticks=40)
+    assert not (stream.senses.dt[:, 0] > 0).all()
+    sent = trace("event", EkfEventCi(threshold=np.inf), stream).messages
+    np.testing.assert_array_equal(sent.sum(), 2 * 3)
+    every = run({"ci": EkfCi(), "event": EkfEventCi(threshold=0)}, stream).traces
+    np.testing.assert_array_equal(every["event"].x, every["ci"].x)
+    np.testing.assert_array_equal(every["event"].bytes, every["ci"].bytes)
 
 
 def test_driving_on_is_no_news_where_odometry_has_no_error():

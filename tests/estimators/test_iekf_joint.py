@@ -104,6 +104,18 @@ def test_it_is_the_filter_on_matrices_with_numerical_slopes():
     assert used > 3
 
 
+@pytest.mark.parametrize("engine", ["batched", "filterpy"])
+def test_a_range_that_the_gate_refuses_is_one_that_was_not_read(engine):
+    _, stream = cl.simulate("robots-1-3/n=2[ticks=10]", trials=2, seed=4)
+    wrong, absent = stream.air.range.copy(), stream.air.range.copy()
+    wrong[:, 5, 0, 1] += 50
+    absent[:, 5, 0, 1] = np.nan
+    streams = (stream.with_arrays({"air.range": z}) for z in (wrong, absent))
+    a, b = (cl.run({"iekf": cl.make("iekf-joint", engine=engine)}, one).traces["iekf"] for one in streams)
+    np.testing.assert_allclose(a.x, b.x, atol=1e-12)
+    np.testing.assert_allclose(a.P, b.P, atol=1e-12)
+
+
 def test_odometry_alone_is_dead_reckoning_with_the_ekfs_own_covariance():
     _, stream = cl.simulate("camera/n=2[ticks=50]", trials=2, seed=4)
     blind = replace(stream, senses=stream.senses._replace(sighting=np.full_like(stream.senses.sighting, np.nan)))
