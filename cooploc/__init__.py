@@ -38,7 +38,6 @@ if _TYPE_CHECKING:
     from cooploc.plans import plan as plan
     from cooploc.run_tables import information as information
     from cooploc.run_tables import sensitivity as sensitivity
-    from cooploc.run_until import run_until as run_until
     from cooploc.run_verdicts import readings as readings
     from cooploc.run_verdicts import verdicts as verdicts
     from cooploc.runs import Results as Results
@@ -58,6 +57,7 @@ if _TYPE_CHECKING:
     from cooploc.scenarios.stream import Stream as Stream
     from cooploc.scenarios.stream import Truth as Truth
     from cooploc.scenarios.studies.listing import studies as studies
+    from cooploc.until_decided import run_until as run_until
 
     estimators: _CallablePackage
     scenarios: _CallablePackage
@@ -80,7 +80,7 @@ _HOME = {
     "analysis.metrics.smoother": ("smoother",),
     "analysis.metrics.tum": ("to_tum",),
     "runs": ("run_study", "load_run", "Results", "report", "compare_runs", "reproduce", "show"),
-    "run_until": ("run_until",),
+    "until_decided": ("run_until",),
     "plans": ("plan",),
     "run_verdicts": ("verdicts", "readings"),
     "run_tables": ("information", "sensitivity"),
