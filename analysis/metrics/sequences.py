@@ -22,6 +22,7 @@ from scipy import stats
 
 C2 = 4.0  # c^2: an effect of half a standard deviation is expected; b is smallest near 70 trials
 ALPHA = 0.05
+LARGEST = 700.0  # logarithm of an e-value, beyond which none is told from another
 
 
 def boundary(n: float) -> float:
@@ -41,7 +42,7 @@ def e_value(t: float, n: int) -> float:
 
     Values of e of independent comparisons multiply, those of dependent ones may be averaged.
     """
-    return float(np.exp(_log_e(t, n)))
+    return float(np.exp(np.minimum(_log_e(t, n), LARGEST)))
 
 
 def one_sided_e_value(t: float, n: int) -> float:
@@ -52,7 +53,7 @@ def one_sided_e_value(t: float, n: int) -> float:
     R = _explained(t, n)
     S = np.sign(t) * np.sqrt(R * n)  # sum of d, over the root of the sum of d^2; nan where there is no sequence
     positive = stats.t.cdf(np.sqrt(n) * S / np.sqrt((n + C2) * (1 - R * n / (n + C2))), n)
-    return float(2 * positive * np.exp(_log_e(t, n)))
+    return float(2 * positive * np.exp(np.minimum(_log_e(t, n), LARGEST)))
 
 
 def _log_e(t: float, n: int) -> float:

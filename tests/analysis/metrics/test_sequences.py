@@ -82,3 +82,8 @@ def test_two_that_never_differ_are_equal_at_once_and_no_evidence_against_it():
     a = np.random.default_rng(6).uniform(1, 2, 10)
     assert stopping.ANYTIME.change(a, a) == (0, 0, 0)
     assert stopping.e_of_change(a, a) < 1
+
+
+def test_evidence_beyond_all_numbers_stays_a_number():
+    assert np.isfinite(sequences.e_value(1e4, 1000))
+    assert np.isfinite(sequences.one_sided_e_value(np.inf, 1000))

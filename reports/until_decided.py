@@ -1,0 +1,79 @@
+"""Writes reports/until_decided.md from runs with `--until-decided`: what was settled, with how many trials.
+
+Run: python reports/until_decided.py RUN_DIR... OUT.
+"""
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from cooploc.analysis.claims import at_looks
+from cooploc.analysis.claims.ledger import load
+from cooploc.analysis.claims.verdicts import DECIDED, judge
+from cooploc.analysis.execution.stored_run import Kept
+from cooploc.runs import kept
+
+USUAL = 100  # trials of a study as shipped
+TEXT = """# What a run until decided settles
+
+    cooploc run STUDY --until-decided --out RUN_DIR      # each of the studies below
+    python reports/until_decided.py RUN_DIR... reports   # this page, made of the runs alone
+
+Studies of the seed paper. *Trials*: of all scenarios and estimators, and as a share of a run that gives each as many as
+the most. *Comparisons*: with the baseline of a scenario. *Claims*: rows of the ledger, without those about computing
+time. *Undecided after {usual}*: rows that the 95 % intervals over {usual} trials leave undecided; then how many of
+these the run settled, and how many that it left open the intervals over all of its trials, looked at once, would.
+
+{table}
+
+{sentence}
+"""
+HEADS = ("study", "trials", "share", "at most", "comparisons decided", "claims decided", f"undecided after {USUAL}",
+         "of these settled", "more by one look")  # fmt: skip
+
+
+def counted(stored: Kept) -> dict[str, int | str]:
+    """The numbers of a run."""
+    ledger, rows = load(), stored.rows
+    decisions = stored.decisions or {}
+    asked = [n for cell in stored.manifest["cells"].values() for n in cell["estimators"].values()]
+    found = at_looks.judge_at_looks(ledger, rows, stored.looks)
+    lasting = at_looks.lasting(ledger, found)
+    usual, all_ = (judge(ledger, rows[rows["trial"] < n])["verdict"].reindex(lasting.index) for n in (USUAL, 10**9))
+    settled = lasting["verdict"].isin(DECIDED)
+    # a row whose trials ended before had been settled by then
+    late = (usual == "undecided") & ~(settled & (lasting["look"] < USUAL))
+    return {
+        "study": stored.manifest["study"]["name"],
+        "trials": sum(asked),
+        "share": f"{sum(asked) / len(asked) / decisions['look']:.0%}",
+        "at most": decisions["look"],
+        "comparisons decided": _of([one["verdict"] != "open" for one in decisions["comparison"]]),
+        "claims decided": _of(settled),
+        f"undecided after {USUAL}": int(late.sum()),
+        "of these settled": int((late & settled).sum()),
+        "more by one look": int((late & ~settled & all_.isin(DECIDED)).sum()),
+    }
+
+
+def main(*given: str) -> None:
+    """Write the page."""
+    *runs, out = given
+    found = [counted(kept(run)) for run in runs]
+    lines = [f"| {' | '.join(HEADS)} |", "|---" * len(HEADS) + "|"]
+    lines += [f"| {' | '.join(str(row[head]) for head in HEADS)} |" for row in found]
+    late, settled, more = (sum(int(row[head]) for row in found) for head in HEADS[-3:])
+    sentence = (
+        f"Of {late} rows that {USUAL} trials leave undecided the runs settled {settled}; one look at all their trials "
+        f"would settle {more} of the others."
+    )
+    text = TEXT.format(usual=USUAL, table="\n".join(lines), sentence=sentence)
+    (Path(out) / "until_decided.md").write_text(text, encoding="utf-8")
+
+
+def _of(found: Sequence[bool]) -> str:
+    return f"{sum(map(bool, found))} of {len(found)}"
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
