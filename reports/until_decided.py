@@ -20,7 +20,7 @@ TEXT = """# What a run until decided settles
     python reports/until_decided.py RUN_DIR... reports   # this page, made of the runs alone
 
 Studies of the seed paper. *Trials*: of all scenarios and estimators, and as a share of a run that gives each as many as
-the most. *Comparisons*: with the baseline of a scenario. *Claims*: rows of the ledger, without those about computing
+the most; *last look*: how many these are. *Comparisons*: with the baseline of a scenario. *Claims*: rows of the ledger, without those about computing
 time. *Undecided after {usual}*: rows that the 95 % intervals over {usual} trials leave undecided; then how many of
 these the run settled, and how many that it left open the intervals over all of its trials, looked at once, would.
 
@@ -28,7 +28,7 @@ these the run settled, and how many that it left open the intervals over all of 
 
 {sentence}
 """
-HEADS = ("study", "trials", "share", "at most", "comparisons decided", "claims decided", f"undecided after {USUAL}",
+HEADS = ("study", "trials", "share", "last look", "comparisons decided", "claims decided", f"undecided after {USUAL}",
          "of these settled", "more by one look")  # fmt: skip
 
 
@@ -47,7 +47,7 @@ def counted(stored: Kept) -> dict[str, int | str]:
         "study": stored.manifest["study"]["name"],
         "trials": sum(asked),
         "share": f"{sum(asked) / len(asked) / decisions['look']:.0%}",
-        "at most": decisions["look"],
+        "last look": decisions["look"],
         "comparisons decided": _of([one["verdict"] != "open" for one in decisions["comparison"]]),
         "claims decided": _of(settled),
         f"undecided after {USUAL}": int(late.sum()),

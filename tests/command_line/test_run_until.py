@@ -1,6 +1,8 @@
 """`cooploc run --until-decided` and `cl.run_until`: one run, its table, `show`, and verdicts."""
 
 import json
+import runpy
+from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
@@ -67,6 +69,13 @@ def test_the_report_says_so_too(run, tmp_path):
     assert "worse, stopped at n = 10" in page
     assert "Contradicted at n = 10" in page
     assert "it holds however the run stops" in page
+
+
+@pytest.mark.slow
+def test_a_page_says_what_runs_settled(run, tmp_path):
+    script = Path(__file__).resolve().parents[2] / "reports" / "until_decided.py"
+    runpy.run_path(str(script))["main"](str(run[0] / "run"), str(tmp_path))
+    assert "| small | 50 | 83% | 20 | 1 of 2 |" in (tmp_path / "until_decided.md").read_text("utf-8")
 
 
 def test_the_command_prints_the_same_and_computes_nothing_again(run):
