@@ -39,7 +39,6 @@ if _TYPE_CHECKING:
     from cooploc.plans import plan as plan
     from cooploc.run_tables import information as information
     from cooploc.run_tables import sensitivity as sensitivity
-    from cooploc.run_until import run_until as run_until
     from cooploc.run_verdicts import readings as readings
     from cooploc.run_verdicts import verdicts as verdicts
     from cooploc.runs import Results as Results
@@ -62,6 +61,7 @@ if _TYPE_CHECKING:
     from cooploc.tuned import Tuned as Tuned
     from cooploc.tuned import load_tuned as load_tuned
     from cooploc.tuned import tune as tune
+    from cooploc.until_decided import run_until as run_until
 
     estimators: _CallablePackage
     scenarios: _CallablePackage
@@ -85,7 +85,7 @@ _HOME = {
     "analysis.metrics.tum": ("to_tum",),
     "estimators.plugins.tunable": ("tunable",),
     "runs": ("run_study", "load_run", "Results", "report", "compare_runs", "reproduce", "show"),
-    "run_until": ("run_until",),
+    "until_decided": ("run_until",),
     "plans": ("plan",),
     "run_verdicts": ("verdicts", "readings"),
     "run_tables": ("information", "sensitivity"),

@@ -84,8 +84,8 @@ def run(
     max_trials: Annotated[int | None, typer.Option(help="trials at which --until-decided ends [default: 1000]")] = None,
 ) -> None:
     """Run a study, print its table, and keep results and picture in the run directory."""
-    from cooploc.run_until import runner
     from cooploc.terminal import results as printed
+    from cooploc.until_decided import runner
 
     results = runner(until_decided, trials, max_trials)(
         study,

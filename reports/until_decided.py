@@ -20,9 +20,10 @@ TEXT = """# What a run until decided settles
     python reports/until_decided.py RUN_DIR... reports   # this page, made of the runs alone
 
 Studies of the seed paper. *Trials*: of all scenarios and estimators, and as a share of a run that gives each as many as
-the most; *last look*: how many these are. *Comparisons*: with the baseline of a scenario. *Claims*: rows of the ledger, without those about computing
-time. *Undecided after {usual}*: rows that the 95 % intervals over {usual} trials leave undecided; then how many of
-these the run settled, and how many that it left open the intervals over all of its trials, looked at once, would.
+the last look has. *Comparisons*: with the baseline of a scenario. *Claims*: rows of the ledger, without those about
+computing time. *Undecided after {usual}*: rows that the 95 % intervals over {usual} trials leave undecided; then how
+many of these the run settled, and how many that it left open the intervals over all of its trials, looked at once,
+would. A run whose last look is not 1,000 was ended there.
 
 {table}
 

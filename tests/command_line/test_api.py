@@ -21,7 +21,17 @@ STUDY = 'trials = 6\nbaseline = "arl"\nscenarios = ["trajectory[ticks=6]"]\nesti
 
 
 def test_tab_shows_what_users_call_and_nothing_else():
-    for module in ("cli", "catalogue", "runs", "scaffold", "terminal.results", "terminal.lists", "analysis"):
+    for module in (
+        "cli",
+        "catalogue",
+        "runs",
+        "until_decided",
+        "plans",
+        "scaffold",
+        "terminal.results",
+        "terminal.lists",
+        "analysis",
+    ):
         import_module(f"cooploc.{module}")
     shown = [name for name in dir(cl) if not name.startswith("_")]
     assert sorted(shown) == sorted(cl.__all__)
