@@ -93,7 +93,7 @@ def test_lists_say_what_there_is():
     assert (estimators["about"] != "").all()
     assert (scenarios["about"] != "").all()
     assert (studies["about"] != "").all()
-    assert estimators.index[estimators["centralised"]].tolist() == ["ekf-joint", "ukf-joint", "map-joint"]
+    assert estimators.index[estimators["centralised"]].tolist() == ["ekf-joint", "iekf-joint", "ukf-joint", "map-joint"]
     assert estimators.index[estimators["bound"]].tolist() == ["map-joint"]
     assert estimators.loc["mrsl-rssi", "uses"] == "odometry, anchor_rssi, radio_rssi"
     assert estimators.loc["ctrn", "source"].endswith("ICRA 2020")
