@@ -11,19 +11,10 @@ from typing import Annotated
 import typer
 
 import cooploc as cl
+from cooploc.terminal.options import Claims, Isolate, Jobs, Recordings, RunDirectory, StudyName
 from cooploc.terminal.visible import visible
 
-app = typer.Typer(
-    name="cooploc",
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
-)
-
-RunDirectory = Annotated[Path, typer.Argument(help="a run directory")]
-Recordings = Annotated[Path | None, typer.Option(help="directory of recordings")]
-Isolate = Annotated[bool, typer.Option(help="give what is not built in processes of its own, where it may crash")]
-Claims = Annotated[Path | None, typer.Option(help="TOML file of claims [default: those of the paper]")]
+app = typer.Typer(name="cooploc", add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
 
 @app.callback(invoke_without_command=True)
@@ -61,13 +52,13 @@ def list_(
 
 @app.command()
 def run(
-    study: Annotated[str, typer.Argument(help="name of a shipped study, or path of a study's TOML file")],
+    study: StudyName,
     trials: Annotated[int | None, typer.Option(help="trials per scenario")] = None,
     seed: Annotated[int | None, typer.Option(help="random seed")] = None,
     estimators: Annotated[
         str | None, typer.Option(help="comma-separated estimators to run instead of the study's")
     ] = None,
-    jobs: Annotated[int, typer.Option(help="number of processes")] = 1,
+    jobs: Jobs = 1,
     scheduler: Annotated[str | None, typer.Option(help="run on a Dask cluster: tcp://HOST:PORT")] = None,
     data: Recordings = None,
     out: Annotated[Path | None, typer.Option(help="run directory [default: runs/STUDY-seedN]")] = None,
@@ -113,7 +104,7 @@ class Objective(StrEnum):
 
 @app.command()
 def tune(
-    study: Annotated[str, typer.Argument(help="name of a shipped study, or path of a study's TOML file")],
+    study: StudyName,
     budget: Annotated[int, typer.Option(help="training trials that each estimator may use")] = 100,
     estimators: Annotated[
         str | None, typer.Option(help="comma-separated estimators to tune instead of the study's")
@@ -123,7 +114,7 @@ def tune(
     objective: Annotated[
         Objective, typer.Option(help="nll: log-likelihood of the true position, robust and proper; or rmse")
     ] = Objective.nll,
-    jobs: Annotated[int, typer.Option(help="number of processes")] = 1,
+    jobs: Jobs = 1,
     data: Recordings = None,
     out: Annotated[Path | None, typer.Option(help="directory [default: runs/STUDY-seedN-tuned]")] = None,
     check: Annotated[bool, typer.Option(help="check estimators that are not built in before they are compared")] = True,
@@ -154,11 +145,11 @@ def tune(
 
 @app.command()
 def plan(
-    study: Annotated[str, typer.Argument(help="name of a shipped study, or path of a study's TOML file")],
+    study: StudyName,
     difference: Annotated[float, typer.Option(help="change of RMSE to be shown; 0.1 is 10 %")] = 0.1,
     seed: Annotated[int | None, typer.Option(help="random seed")] = None,
     estimators: Annotated[str | None, typer.Option(help="comma-separated estimators instead of the study's")] = None,
-    jobs: Annotated[int, typer.Option(help="number of processes")] = 1,
+    jobs: Jobs = 1,
     data: Recordings = None,
     out: Annotated[Path | None, typer.Option(help="run directory [default: runs/STUDY-seedN]")] = None,
     isolate: Isolate = True,

@@ -25,17 +25,8 @@ PIECE = 63.0  # [s] of the recording, whose 756 s make twelve
 SHORT = {r"\[density=exact,M=1,K=1.*\]": "", r"\[anchor_reading=doa\]": ""}
 REAL = (
     *("ekf-local", "ekf-naive", "ekf-ci", "ekf-event-ci", "ekf-split-ci", "ekf-split-ci[form=conservative]", "ekf-ici"),
-    *(
-        "ekf-ici[form=fixed]",
-        "ekf-hmd",
-        "ekf-gs-ci",
-        "ekf-luft",
-        "ekf-interim",
-        "gbp",
-        "ekf-joint",
-        "iekf-joint",
-        "ukf-joint",
-    ),
+    *("ekf-ici[form=fixed]", "ekf-hmd", "ekf-hmd[weight=0.8]", "ekf-gs-ci", "ekf-luft", "ekf-interim", "gbp"),
+    *("ekf-joint", "iekf-joint", "ukf-joint"),
 )
 TEXT = """# Which rules of fusion are consistent, and at which price
 
