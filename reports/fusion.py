@@ -14,6 +14,7 @@ import pandas as pd
 
 import cooploc as cl
 from cooploc.analysis.formats import change, count, interval, metres, percent, ratio
+from cooploc.analysis.metrics.consistency import OVER_CONFIDENT
 from cooploc.analysis.metrics.statistics import mean_of_positive
 from cooploc.analysis.plot.pareto import frontier
 from cooploc.analysis.report.tables import Table, numbers, words
@@ -85,7 +86,7 @@ def main(run: str, data: str, out: str = "reports") -> None:
     text = TEXT.format(
         trials=table["trials"].max(),
         seed=kept(stored).manifest["seed"],
-        sentences="\n".join(f"- {text}" for text in sentences(table)),
+        sentences="\n".join(f"- {text}" for text in [*sentences(table), *_on_real_robots(real)]),
         consistency=_consistency(table).markdown(),
         numbers=_numbers(table, "rules").markdown(),
         mrclam=_numbers(real, "mrclam", pose=True).markdown(),
@@ -177,6 +178,20 @@ def _losses(table: pd.DataFrame) -> list[str]:
     )
     gone = [f"`{name}` at {robots} robots" for name, robots in sorted((before - after) & known)]
     return [f"A gain that 70 % loss takes away (its interval then holds 0): {', '.join(gone) or 'none'}."]
+
+
+def _on_real_robots(real: pd.DataFrame) -> list[str]:
+    """Whose pose is over-confident on the recording, and whether the robot's own filter is."""
+    said = []
+    for scenario, rows in real.groupby("scenario", sort=False):
+        over = rows["pose_nees_low"] > OVER_CONFIDENT
+        alone = rows[rows["estimator"] == BASELINE].iloc[0]
+        but = _names(list(rows.loc[~over, "estimator"]))
+        said.append(
+            f"*{scenario}*: the interval of ANEES (pose) lies above {OVER_CONFIDENT} for {over.sum()} of {len(rows)} "
+            f"filters, all but {but}; `{BASELINE}` alone has {ratio(alone['pose_nees'])}."
+        )
+    return ["On real robots, whose models are not true:\n    - " + "\n    - ".join(said)]
 
 
 def _changed(row: dict) -> str:
