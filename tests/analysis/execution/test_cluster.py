@@ -40,9 +40,9 @@ class Cluster:
 
     def join(self, **variables):
         """One more worker, with these environment variables too."""
-        there = workers(self.address)
-        self._begin("worker", self.address, "--nthreads", "1", **variables)
-        until(lambda: workers(self.address) == there + 1)
+        name = f"worker-{len(self.begun)}"
+        self._begin("worker", self.address, "--nthreads", "1", "--name", name, **variables)
+        until(lambda: name in workers(self.address))
         return self.begun[-1]
 
     def end(self):
@@ -70,13 +70,14 @@ def cluster(tmp_path, plugins):
 
 
 def workers(address):
+    """The names of a scheduler's workers."""
     from distributed import Client
 
     try:
         with Client(address, timeout=2, set_as_default=False) as client:
-            return len(client.nthreads())
+            return {worker["name"] for worker in client.scheduler_info(n_workers=-1)["workers"].values()}
     except OSError:
-        return 0
+        return set()
 
 
 @pytest.fixture
