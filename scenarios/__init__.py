@@ -69,6 +69,12 @@ BUILTIN: dict[str, Family] = {
         "cooploc.scenarios.worlds.no_compass:NoCompass",
         sweep={"n": "robots", "sd": "prior_heading"},
     ),
+    "uwb": Family(
+        "three robots whose ranges err as real ultra-wide-band radios do; outliers: share of late signals",
+        "cooploc.scenarios.worlds.uwb_arena:UwbArena",
+        sweep={"n": "robots", "outliers": "outliers"},
+        variants={word: {"bias": word} for word in ("raw", "removed")},
+    ),
     "camera": Family(
         "simulated wheeled robots that see landmarks and each other",
         "cooploc.scenarios.worlds.camera_arena:Camera",

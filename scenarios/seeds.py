@@ -21,6 +21,7 @@ class Purpose(IntEnum):
     NETWORK = 2
     OBSTACLES = 4
     WHEELS = 5
+    UWB = 6
 
 
 def generator(seed: int, trial: int, purpose: Purpose) -> np.random.Generator:

@@ -154,7 +154,7 @@ class Paper(BaseModel):
         anchor = self._anchor_rssi(rng, path, moves, scene)
         d = radio_channel.distance(path[:, :, None], path[:, None])
         rssi = self._robot_rssi(rng, d, scene)
-        ranged = d + rng.normal(0, self.range_sigma, d.shape) + self.nlos_range_bias * (scene.robot_blockers > 0)
+        ranged = self._ranges(rng, d, scene, seed, trial)
         link = self._links(generator(seed, trial, Purpose.NETWORK)) & (d <= self.radio_range)
         link &= wake[:, :, None] & wake[:, None]
         sensed = wake[..., None] & (radio_channel.distance(path[:, :, None], self.places()) <= self.radio_range)
@@ -184,6 +184,10 @@ class Paper(BaseModel):
         shadow = radio_channel.correlated(np.triu(rng.normal(0, self.shadowing, d.shape), 1), self.shadow_correlation)
         both = self._rssi(d) + shadow + shadow.transpose(0, 2, 1) - self.attenuation * scene.robot_blockers
         return radio_channel.rounded(both + rng.normal(0, self.fast, d.shape), self.rounding)
+
+    def _ranges(self, rng: np.random.Generator, d: Array, scene: radio_channel.Scene, seed: int, trial: int) -> Array:
+        """(T, receiver, sender), at true distances d; other worlds draw from generators of `seed` and `trial`."""
+        return d + rng.normal(0, self.range_sigma, d.shape) + self.nlos_range_bias * (scene.robot_blockers > 0)
 
     def _rssi(self, d: Array) -> Array:
         return self.A - 10 * self.eta * np.log10(np.maximum(d, NEAR))

@@ -24,7 +24,7 @@ SIMULATED = [
     ),
     "arena-28m/r=20",
     *("arena-60m/sd=0.5", "arena-60m/sd=5", "asynchrony", "asynchrony/samples=5", "anchors/a=3", "anchors/a=8"),
-    *("radio-range/r=3", "hardware/n=3", "body-blocking/n=10", "camera/n=2"),
+    *("radio-range/r=3", "hardware/n=3", "body-blocking/n=10", "camera/n=2", "uwb/removed"),
 ]
 
 
