@@ -44,8 +44,15 @@ def _explained(e: BaseException) -> str | None:
     if type(e).__name__.endswith("CancelledError"):
         return f"the Dask cluster dropped the work ({type(e).__name__}); {KEPT}"
     if hasattr(e, "format_message"):  # the command line's own errors, whose class typer does not export
-        return f"{e.format_message()} (cooploc --help says what there is)"
+        return f"{e.format_message()} ({_command(e)} --help says what there is)"
     return None
+
+
+def _command(e: BaseException) -> str:
+    """The command that an error of the command line is about: "cooploc run"."""
+    context = getattr(e, "ctx", None)
+    path = context.command_path if context else ""
+    return f"cooploc{path.rpartition('cooploc')[2]}"
 
 
 def _say(message: str, code: int) -> int:

@@ -14,12 +14,22 @@ import cooploc as cl
 from cooploc.terminal.options import Claims, Isolate, Jobs, Recordings, RunDirectory, StudyName
 from cooploc.terminal.visible import visible
 
-app = typer.Typer(name="cooploc", add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+app = typer.Typer(
+    name="cooploc",
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
 
 
 @app.callback(invoke_without_command=True)
-def root(context: typer.Context) -> None:
+def root(
+    context: typer.Context, version: Annotated[bool, typer.Option("--version", help="print the version")] = False
+) -> None:
     """Compare estimators for multi-robot cooperative localization fairly."""
+    if version:
+        typer.echo(f"cooploc {cl.__version__}")
+        return
     os.environ.setdefault("MPLBACKEND", "agg")  # pictures go to files
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())

@@ -10,6 +10,7 @@ from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.sealed import Damaged, digest
 
 NAME = "manifest.json"
+LISTED = 8  # runs below a directory that is none, at most
 MUST_MATCH = ("seed", "data", "versions", "source", "instructions")
 BEGUN = re.compile(r"\.lock|parts|receipts|\.manifest\.json\..*")  # all that is there before the first manifest
 REMEDY = "the command that began the run makes it again where all parts agree; else name another directory with --out"
@@ -57,7 +58,9 @@ def refuse_foreign(folder: Path) -> None:
     else:
         ours = not (folder.exists() or folder.is_symlink())
     if not ours:
-        raise BadInput(f"{folder} exists and is not a run directory; name another with --out")
+        runs = sorted(str(path.parent) for path in folder.glob(f"*/{NAME}")) if folder.is_dir() else []
+        there = f"; there are {', '.join(runs[:LISTED])}{', ...' * (len(runs) > LISTED)}" if runs else ""
+        raise BadInput(f"{folder} exists and is not a run directory{there or '; name another with --out'}")
 
 
 def continued(folder: Path, found: dict[str, Any], asked: dict[str, Any]) -> dict[str, Any]:

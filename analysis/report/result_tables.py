@@ -51,13 +51,21 @@ def _percent(digits: int) -> Any:
 
 RMSE = (
     numbers("RMSE [m]", "rmse", form=metres),
-    numbers("95 %", "rmse_low", "rmse_high", form=interval(metres)),
+    numbers("95 %", "rmse_low", "rmse_high", form=interval(metres), under=True),
 )
 ANEES = numbers("ANEES", "anees", form=ratio), numbers("95 %", "anees_low", "anees_high", form=interval(ratio))
 OTHER = ("estimator", "baseline")
+REMARK = words(
+    "remark",
+    *("consistency", "centralised", "bound", "failed", "baseline", "stream"),
+    of=("estimator", "certificate", "consistency", "centralised", "bound", "failed"),
+    form=remark,
+    under=True,
+)
 RESULTS = (
     words("scenario"),
     words("estimator"),
+    REMARK,
     words("checks", "certificate", form=mark),
     *RMSE,
     numbers("median", "rmse_median", form=metres),
@@ -71,26 +79,21 @@ RESULTS = (
         *(ends := ("change_low", "change_high")),
         of=(*OTHER, *ends),
         form=_of_others(interval(change)),
+        under=True,
     ),
-    numbers("p (Holm)", "p_holm", form=p_value),
+    numbers("p (Holm)", "p_holm", form=p_value, spare=2),
     *ANEES,
-    numbers("median", "anees_median", form=ratio),
-    numbers("collapsed", form=_percent(0)),
+    numbers("median", "anees_median", form=ratio, under=True),
+    numbers("collapsed", form=_percent(0), spare=7),
     numbers("95 %", "collapsed_low", "collapsed_high", form=interval(_percent(0))),
-    numbers("in 95 %", "coverage95", form=_percent(0)),
-    numbers("NLL", "nll", form=ratio),
+    numbers("in 95 %", "coverage95", form=_percent(0), spare=4),
+    numbers("NLL", "nll", form=ratio, under=True, spare=5),
     numbers("ellipse [m²]", "area95", form=ratio),
-    numbers("diverged", form=_percent(1)),
-    numbers("messages", form=ratio),
+    numbers("diverged", form=_percent(1), spare=3),
+    numbers("messages", form=ratio, spare=6),
     numbers("bytes", form=count),
-    numbers("µs", "seconds", form=microseconds),
-    numbers("trials"),
-    words(
-        "remark",
-        *("consistency", "centralised", "bound", "failed", "baseline", "stream"),
-        of=("estimator", "certificate", "consistency", "centralised", "bound", "failed"),
-        form=remark,
-    ),
+    numbers("µs", "seconds", form=microseconds, under=True),
+    numbers("trials", under=True, spare=1),
 )
 
 
@@ -110,7 +113,7 @@ def results(name: str, part: pd.DataFrame, ranks: Ranks, about: str) -> Table:
         estimator, status = row["estimator"], row["certificate"].partition(":")[0]
         rows.append({**row, "rank": mean.get(estimator, np.nan), "group": letters.get(estimator, ""), "status": status})
     marks = {f"data-{key}": key for key in ("scenario", "estimator", "consistency")} | {"data-certificate": "status"}
-    columns = versus(part["baseline"], (*RESULTS[:-1], DECIDED, RESULTS[-1]) if "look" in part else RESULTS)
+    columns = versus(part["baseline"], (*RESULTS, DECIDED) if "look" in part else RESULTS)
     if not part["certificate"].any():  # all are built in
         columns = tuple(column for column in columns if column.head != "checks")
     return Table(name, about, columns, rows, marks)

@@ -26,6 +26,8 @@ class TableColumn:
     form: Callable[..., str]  # from values to text
     of: tuple[str, ...] = ()  # keys of the values that `form` takes, if not `keys`
     right: bool = True
+    under: bool = False  # in a narrow terminal it is a second line below the column on its left
+    spare: int = 0  # in a narrow terminal columns are left out, the largest number first; 0: never
 
     def text(self, row: Row) -> str:
         """What is read in a row."""
@@ -37,14 +39,23 @@ def plain(value: object = "") -> str:
     return "" if value is None or value != value else str(value)
 
 
-def words(head: str, *keys: str, form: Callable[..., str] = plain, of: Iterable[str] = ()) -> TableColumn:
+def words(
+    head: str, *keys: str, form: Callable[..., str] = plain, of: Iterable[str] = (), under: bool = False
+) -> TableColumn:
     """A column of text, named after its only key unless `keys` are given."""
-    return TableColumn(head, keys or (head,), form, tuple(of), right=False)
+    return TableColumn(head, keys or (head,), form, tuple(of), right=False, under=under)
 
 
-def numbers(head: str, *keys: str, form: Callable[..., str] = plain, of: Iterable[str] = ()) -> TableColumn:
+def numbers(
+    head: str,
+    *keys: str,
+    form: Callable[..., str] = plain,
+    of: Iterable[str] = (),
+    under: bool = False,
+    spare: int = 0,
+) -> TableColumn:
     """A column of numbers."""
-    return TableColumn(head, keys or (head,), form, tuple(of))
+    return TableColumn(head, keys or (head,), form, tuple(of), under=under, spare=spare)
 
 
 @dataclass(frozen=True)
@@ -99,18 +110,10 @@ class Table:
         return csv_text(pd.DataFrame(self.rows, columns=keys, dtype=object))
 
     def terminal(self, wrap: bool = False, style: Callable[[Row], str] = lambda _: "") -> Any:
-        """A table of rich, without columns that say nothing; `style` colours a row."""
-        from rich.table import Table as RichTable
+        """What rich prints: in two lines a row, and with fewer columns, where the terminal is narrow."""
+        from cooploc.analysis.report.terminal_table import TerminalTable
 
-        texts = self.texts()
-        shown = [i for i in range(len(self.columns)) if any(cells[i] for cells in texts)]
-        out = RichTable(title=self.caption, title_justify="left", header_style="bold", box=None, padding=(0, 1))
-        for i in shown:
-            column = self.columns[i]
-            out.add_column(column.head, justify="right" if column.right else "left", no_wrap=not wrap)
-        for row, cells in zip(self.rows, texts, strict=True):
-            out.add_row(*(cells[i] for i in shown), style=style(row))
-        return out
+        return TerminalTable(self, wrap, style)
 
 
 def _side(column: TableColumn) -> Markup:

@@ -1,5 +1,6 @@
 """The consoles that commands print on."""
 
+import os
 from typing import Any
 
 from rich.console import Console
@@ -20,5 +21,11 @@ class PlainConsole(Console):
 
 
 def wide(stderr: bool = False) -> Console:
-    """Without colours in text or markup; a terminal may wrap a row of a table, but numbers are never cut off."""
+    """Without colours in text or markup: as wide as the terminal, which breaks lines between words.
+
+    In a file or a pipe lines are as long as they are, for other programs.
+    """
+    console = PlainConsole(stderr=stderr)
+    if console.is_terminal or os.environ.get("COLUMNS"):
+        return console
     return PlainConsole(stderr=stderr, soft_wrap=True, width=400)

@@ -10,23 +10,28 @@ import pandas as pd
 from cooploc.analysis.execution.run_directory import RunDir
 from cooploc.analysis.formats import counted
 from cooploc.analysis.metrics import certificate_line, outliers
-from cooploc.analysis.metrics.compare import SUMMARY
 from cooploc.analysis.metrics.pooling import notes, succeeded
 from cooploc.analysis.report.csv_text import csv_text
 from cooploc.analysis.report.failures import failures
-from cooploc.analysis.report.result_tables import DECIDED, RESULTS, STOPPED, versus
+from cooploc.analysis.report.result_tables import DECIDED, REMARK, RESULTS, STOPPED, versus
 from cooploc.analysis.report.tables import Table, numbers
 from cooploc.terminal.console import wide
 
-LEGEND = (
-    "vs: change of RMSE on the same streams, Fieller interval; p: the test that this interval inverts, Holm over the "
-    "whole study. median: of the trials' ANEES; outlying: trials above 5 times the median RMSE. "
-    "ANEES: 1 is consistent; over-wide: below 0.1; consistency not shown: its interval holds 0.67 or 1.5; "
-    "collapsed: trials whose ANEES exceeds 100. NLL: negative log-likelihood of the truth, smaller is better. "
-    "messages, bytes, µs: per robot and tick. centralised: every reading "
-    "reaches one computer; bound: uses all of them, and no estimator is better. as published, at its best: of the "
-    "configurations of a method; one without this remark is another configuration, or its method has only one."
-)
+# What the words of a table mean: those that appear in it are explained below it.
+MEANS = {
+    "vs": "change of RMSE on the same streams, with its Fieller interval",
+    "p (Holm)": "the test that the interval inverts, adjusted by Holm over the whole study",
+    "ANEES": "1 is consistent, more is over-confident; median: of the trials' ANEES",
+    "NLL": "negative log-likelihood of the true position; smaller is better",
+    "outlying": "trials above 5 times the median RMSE",
+    "collapsed": "trials whose ANEES exceeds 100",
+    "messages": "messages, bytes and µs are per robot and tick",
+    "over-wide": "ANEES below 0.1",
+    "consistency not shown": "the interval of ANEES holds 0.67 or 1.5: more trials decide",
+    "centralised": "every reading reaches one computer",
+    "bound": "uses all readings; no estimator is better",
+    "as published": "configured as in its paper; at its best: as the audit found it best",
+}
 ONLY_IN_REPORTS = (
     "scenario",
     "rank",
@@ -67,7 +72,8 @@ def show(table: pd.DataFrame, rows: pd.DataFrame, folder: Path, as_json: bool) -
         for scenario, part in table.groupby("scenario", sort=False):
             console.print(_table(str(scenario), part).terminal())
             console.print()
-        console.print(LEGEND, style="dim")
+        for line in _legend(table):
+            console.print(line, style="dim")
         if "look" in table:
             console.print(STOPPED, style="dim")
         for line in notes(rows):
@@ -82,9 +88,17 @@ def show(table: pd.DataFrame, rows: pd.DataFrame, folder: Path, as_json: bool) -
     console.print(f"picture: {picture}   table: {folder / 'table.csv'}   run: {folder}")
 
 
+def _legend(table: pd.DataFrame) -> list[str]:
+    """What the words that appear in a table mean."""
+    shown = _table("", table)
+    words = {column.head for column in shown.columns}
+    remarks = " ".join(REMARK.text(row) for row in shown.rows)
+    return [f"{word}: {text}" for word, text in MEANS.items() if word == "vs" or word in words or word in remarks]
+
+
 def records(table: pd.DataFrame) -> list[dict[str, Any]]:
-    """The rows with the fields of `SUMMARY`, undefined values as None."""
-    values = table[list(SUMMARY)].astype(object)
+    """The rows with the fields of `table.csv`, undefined values as None."""
+    values = table.astype(object)
     known = values.notna() & ~values.isin([np.inf, -np.inf])
     return values.where(known, None).to_dict("records")  # type: ignore[return-value]
 
@@ -93,6 +107,6 @@ def _table(scenario: str, part: pd.DataFrame) -> Table:
     first = part.iloc[0]
     size = f"{counted(first['robots'], 'robot')}, {counted(part['trials'].max(), 'trial')}"
     title = f"{scenario}: {size}, stream {first['stream'][:12]}"
-    columns = (*COLUMNS[:-1], numbers("trials"), DECIDED, COLUMNS[-1]) if "look" in part else COLUMNS
+    columns = (*COLUMNS, numbers("trials"), DECIDED) if "look" in part else COLUMNS
     shown = tuple(c for c in columns if not (c.keys[0] in RARE and (part[c.keys[0]].fillna(0) == 0).all()))
     return Table("results", title, versus(part["baseline"], shown), part.to_dict("records"))

@@ -7,7 +7,7 @@ import sys
 import pytest
 from processes import inside
 
-from cooploc.analysis.metrics.compare import SUMMARY
+import cooploc as cl
 
 SMALL = 'trials = 6\nbaseline = "arl"\nscenarios = ["trajectory[ticks=10]"]\nestimators = ["arl", "ekf-joint"]\n'
 
@@ -40,10 +40,11 @@ def test_run_prints_a_table_and_writes_a_picture_and_says_where(ran, place):
     assert (place / "run" / "manifest.json").exists()
 
 
-def test_json_is_the_only_thing_on_stdout_and_has_the_promised_fields(ran, place):
+def test_json_is_the_only_thing_on_stdout_and_has_the_fields_of_the_csv_file(ran, place):
     told = inside("run", "small.toml", "--out", "run", "--json", cwd=place)
     rows = json.loads(told.stdout)
-    assert [list(row) for row in rows] == [list(SUMMARY)] * 2
+    head = (place / "run" / "table.csv").read_text(encoding="utf-8").splitlines()[0]
+    assert [list(row) for row in rows] == [head.split(",")] * 2
     assert rows[0]["trials"] == 6
     assert rows[0]["rmse_low"] < rows[0]["rmse"] < rows[0]["rmse_high"]
     few = json.loads(inside("run", "small.toml", "--trials", "2", "--json", cwd=place).stdout)
@@ -151,3 +152,27 @@ def test_a_malformed_recording_exits_2_and_names_file_and_line(place):
     told = inside("run", "mrclam", "--data", "recording", cwd=place)
     assert (told.returncode, told.stdout, told.stderr.count("\n")) == (2, "", 1)
     assert "Barcodes.dat, line 3" in told.stderr
+
+
+@pytest.mark.parametrize("width", [80, 110, 160])
+def test_a_terminals_table_has_every_estimator_and_no_line_beyond_its_width(ran, place, width, monkeypatch):
+    monkeypatch.setenv("COLUMNS", str(width))
+    told = inside("run", "small.toml", "--out", "run", cwd=place)
+    assert "ekf-joint" in told.stdout
+    assert all(len(line) <= width for line in told.stdout.splitlines() if not line.startswith("picture"))
+    assert ("not shown at this width" in told.stdout) == (width < 160)
+
+
+def test_the_version_is_that_of_the_package(place):
+    assert inside("--version", cwd=place).stdout == f"cooploc {cl.__version__}\n"
+
+
+def test_a_wrong_option_points_to_the_help_of_its_command(place):
+    told = inside("run", "small.toml", "--nonsense", cwd=place)
+    assert "(cooploc run --help says what there is)" in told.stderr
+
+
+def test_show_lists_the_runs_below_a_directory_that_is_none(ran, place):
+    told = inside("show", ".", cwd=place)
+    assert told.returncode == 2
+    assert told.stderr.startswith("cooploc: . exists and is not a run directory; there are run")

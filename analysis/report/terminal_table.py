@@ -1,0 +1,96 @@
+"""A table in a terminal of any width: a line for each row where it fits; else two lines, and fewer columns."""
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from rich.console import Console, ConsoleOptions, RenderResult
+from rich.measure import Measurement
+from rich.table import Table as RichTable
+from rich.text import Text
+
+if TYPE_CHECKING:
+    from cooploc.analysis.report.tables import Table, TableColumn
+
+ANY_WIDTH = 100_000
+Row = dict[Any, Any]
+MORE = "the tables of a report and the CSV file have them"
+
+
+class Shown(NamedTuple):
+    """A column of text: its head, and one or two lines for every row."""
+
+    column: "TableColumn"
+    head: str
+    lines: list[tuple[str, ...]]
+
+
+class TerminalTable:
+    """A table that rich can print; `style` colours a row, `wrap` breaks long cells at once."""
+
+    def __init__(self, table: "Table", wrap: bool, style: Callable[[Row], str]) -> None:
+        self.table, self.wrap, self.style = table, wrap, style
+        texts = table.texts()
+        columns = [Shown(c, c.head, [(cells[i],) for cells in texts]) for i, c in enumerate(table.columns)]
+        self.columns = [c for c in columns if any(text for (text,) in c.lines)]  # without those that say nothing
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        """The widest layout that fits, and which columns it lacks."""
+        if self.wrap:
+            yield self._drawn(self.columns, wrap=True)
+            return
+        drawn, lacking = self._fitted(console, options)
+        yield drawn
+        if lacking:
+            yield Text(f" not shown at this width: {', '.join(lacking)}; {MORE}", style="dim")
+
+    def _fitted(self, console: Console, options: ConsoleOptions) -> tuple[RichTable, list[str]]:
+        """The table in the widest layout that fits; in the narrowest, long cells are broken."""
+        unbounded = options.update_width(ANY_WIDTH)
+        for columns, lacking in self._layouts():
+            drawn = self._drawn(columns, wrap=False)
+            if Measurement.get(console, unbounded, drawn).maximum <= options.max_width:
+                return drawn, lacking
+        return self._drawn(columns, wrap=True), lacking
+
+    def _layouts(self) -> Iterator[tuple[Sequence[Shown], list[str]]]:
+        """From the widest to the narrowest, each with the heads of what it leaves out."""
+        yield self.columns, []
+        left, out = list(self.columns), []
+        yield _stacked(left), []
+        for column in sorted((c for c in self.columns if c.column.spare), key=lambda c: -c.column.spare):
+            left.remove(column)
+            out.append(column.head)
+            yield _stacked(left), out[:]
+
+    def _drawn(self, columns: Sequence[Shown], wrap: bool) -> RichTable:
+        out = RichTable(title=self.table.caption, title_justify="left", header_style="bold", box=None, padding=(0, 1))
+        for column in columns:
+            right = column.column.right
+            out.add_column(
+                column.head, justify="right" if right else "left", no_wrap=right or not wrap, overflow="fold"
+            )
+        for i, row in enumerate(self.table.rows):
+            lines = zip(*(column.lines[i] for column in columns), strict=True)
+            for cells, style in zip(lines, (self.style(row), "dim"), strict=False):
+                out.add_row(*cells, style=style)
+        return out
+
+
+def _stacked(columns: Sequence[Shown]) -> list[Shown]:
+    """Each column with the one that belongs under it on a second line."""
+    out: list[Shown] = []
+    for column in columns:
+        if column.column.under and out and len(out[-1].lines[0]) == 1:
+            out[-1] = _over(out[-1], column)
+        else:
+            out.append(column)
+    deep = max((len(column.lines[0]) for column in out), default=1)
+    return [_over(column, None) if len(column.lines[0]) < deep else column for column in out]
+
+
+def _over(top: Shown, under: Shown | None) -> Shown:
+    """A column above another, or above nothing."""
+    if under is None:
+        return Shown(top.column, top.head, [(*cell, "") for cell in top.lines])
+    cells = zip(top.lines, under.lines, strict=True)
+    return Shown(top.column, f"{top.head}\n{under.head}", [(*a, *b) for a, b in cells])
