@@ -5,7 +5,7 @@ VENV ?= .venv$(patsubst -3.11,,$(patsubst python%,-%,$(notdir $(PYTHON))))
 BIN := $(VENV)/bin
 PARALLEL := -n 2 --dist loadgroup
 
-.PHONY: demo test quick-test lint types floors units hooks looks bench prove accuse reliability alike oddities truth lock clean
+.PHONY: demo test quick-test docs lint types floors units hooks looks bench prove accuse reliability alike oddities truth lock clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.ready  ## run the quick study, print its table, write its picture
@@ -69,9 +69,21 @@ $(VENV)/.ready: requirements.lock pyproject.toml
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 	touch $@
 
+docs: .venv-docs/.ready  ## the documentation site, in build/docs; needs no network once its environment is there
+	.venv-docs/bin/python -m sphinx -q -W --keep-going -j auto docs build/docs
+	@echo build/docs/index.html
+
+.venv-docs/.ready: docs/requirements.lock pyproject.toml
+	$(PYTHON) -m venv .venv-docs
+	.venv-docs/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes -r docs/requirements.lock
+	.venv-docs/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	touch $@
+
 lock:  ## pin what is new and keep the other pins, or pin everything again: make lock UPGRADE=--upgrade (needs uv)
 	uv pip compile pyproject.toml --extra dev --universal --python-version 3.11 --generate-hashes \
 	  --no-emit-index-url --no-emit-find-links --no-header $(UPGRADE) --output-file requirements.lock
+	uv pip compile pyproject.toml --extra docs --universal --python-version 3.11 --generate-hashes -c requirements.lock \
+	  --no-emit-index-url --no-emit-find-links --no-header $(UPGRADE) --output-file docs/requirements.lock
 
 clean:
-	rm -rf $(VENV) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache
+	rm -rf $(VENV) .venv-docs build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache

@@ -157,11 +157,11 @@ class Estimator(Protocol[S]):
     `uses` names the channels in order: Senses fields, `radio_rssi`, `radio_range`, or keys of `extra`. "a|b" takes
     the first that the stream has, "a?" is optional. The runner hides everything else, so the declaration is enforced.
 
-    Optional members, which `cooploc.estimators.plugins.traits` reads:
-    notes(s) -> {name: (r,)}: what the estimator counted, shown under the table; values of several trials are added, or
-        their maximum is taken where the name begins with "largest".
-    axes: str: why its estimates do not turn with the world, for the check of equivariance.
-    mutable: bool: its state changes in place, so the check that inputs stay unchanged leaves the state out.
+    Optional members:
+        notes: a method `notes(s)` -> {name: (r,)}, what the estimator counted, shown under the table; values of several
+            trials are added, or their maximum is taken where the name begins with "largest".
+        axes: a string, why its estimates do not turn with the world, for the check of equivariance.
+        mutable: True where its state changes in place; the check that inputs stay unchanged then leaves the state out.
     """
 
     api: ClassVar[int]

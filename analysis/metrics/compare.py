@@ -102,7 +102,9 @@ def compare(
         bound: True for a centralised one that bounds all others
         certificate: as of `summarize`
 
-    Columns with `full=True`, beside all of `summarize`:
+    With `full=True` the table has all columns of `summarize` too, and these.
+
+    More columns:
         baseline: label of the estimator that the row is compared with
         pairs: trials in which both succeeded
         difference [m]: mean over trials of RMSE minus the baseline's

@@ -85,13 +85,17 @@ def test_the_wheel_runs_in_an_empty_environment(built, tmp_path):
         assert word in told.stdout
 
 
-def test_the_lock_pins_every_dependency_with_hashes_and_names_no_index():
-    assert not re.search(r"https?://|--index-url|--find-links|file:", LOCK)
-    pinned = re.findall(r"^([A-Za-z0-9._-]+)==[^\s;]+", LOCK, re.MULTILINE)
-    entries = re.split(r"^(?=[A-Za-z0-9])", LOCK, flags=re.MULTILINE)[1:]
+@pytest.mark.parametrize(
+    ("lock", "extras"), [("requirements.lock", {"cluster", "dev"}), ("docs/requirements.lock", {"docs"})]
+)
+def test_a_lock_pins_every_dependency_with_hashes_and_names_no_index(lock, extras):
+    text = (ROOT / lock).read_text(encoding="utf-8")
+    assert not re.search(r"https?://|--index-url|--find-links|file:", text)
+    pinned = re.findall(r"^([A-Za-z0-9._-]+)==[^\s;]+", text, re.MULTILINE)
+    entries = re.split(r"^(?=[A-Za-z0-9])", text, flags=re.MULTILINE)[1:]
     assert len(entries) == len(pinned)
     assert all("--hash=sha256:" in entry for entry in entries)
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    wanted = [*project["dependencies"], *(d for extra in project["optional-dependencies"].values() for d in extra)]
+    wanted = [*project["dependencies"], *(d for extra in extras for d in project["optional-dependencies"][extra])]
     names = {re.split(r"[><=\[ ;]", requirement)[0].lower().replace("_", "-") for requirement in wanted}
     assert names <= {name.lower() for name in pinned}

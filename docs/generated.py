@@ -1,0 +1,81 @@
+"""Pages that the code writes: the commands, the lists, the notebooks, the figures of the reports."""
+
+import re
+import shutil
+from pathlib import Path
+
+import click
+import typer
+
+import cooploc as cl
+from cooploc.catalogue import markdown
+from cooploc.cli import app
+
+TO_A_FILE = r"\[([^]]*)\]\((?:[^)]*\.(?:html|json|csv|py|pdf)|tables/[^)]*)\)"  # not a page: the text is enough
+ROOT = Path(__file__).resolve().parents[1]
+LISTS = {
+    "scenarios": (
+        "Scenarios",
+        "What `cl.scenarios()` knows.",
+        ["labels", "about", "source"],
+    ),
+    "studies": ("Studies", "What `cl.studies()` knows.", ["name", "takes", "about"]),
+}
+
+
+def write(folder: Path) -> None:
+    """Write all pages anew."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir()
+    (folder / "commands.md").write_text(commands(), encoding="utf-8")
+    for name, (title, about, columns) in LISTS.items():
+        (folder / f"{name}.md").write_text(f"# {title}\n\n{about}\n\n{_table(name, columns)}\n", encoding="utf-8")
+    (folder / "estimators.md").write_text(f"# Estimators\n\n{ESTIMATORS}\n\n{markdown()}\n", encoding="utf-8")
+    (folder / "figures.md").write_text(figures(), encoding="utf-8")
+    for notebook in sorted((ROOT / "notebooks").glob("*.ipynb")):
+        shutil.copy(notebook, folder / notebook.name)
+    for kept in (ROOT / "reports").rglob("*"):
+        there = folder / kept.relative_to(ROOT)
+        there.parent.mkdir(parents=True, exist_ok=True)
+        if kept.suffix in (".png", ".svg"):
+            shutil.copy(kept, there)
+        elif kept.suffix == ".md" and kept.read_text("utf-8").startswith("# "):  # not a table for another page
+            there.write_text(re.sub(TO_A_FILE, r"\1", kept.read_text("utf-8")), encoding="utf-8")
+
+
+ESTIMATORS = (
+    "What `cl.estimators()` knows. Bytes are measured on three robots: with radio ranges, then with cameras where the "
+    'estimator can use them. All have options, written `mrsl-rssi[particles=500]`; `help(cl.make("mrsl-rssi"))` says '
+    "what each means."
+)
+
+
+def commands() -> str:
+    """The help of every command, as the terminal shows it."""
+    root = typer.main.get_command(app)
+    context = click.Context(root, info_name="cooploc")  # type: ignore[arg-type]
+    pages = [("cooploc", root.get_help(context))]  # type: ignore[arg-type]
+    for name in root.list_commands(context):  # type: ignore[attr-defined]
+        command = root.get_command(context, name)  # type: ignore[attr-defined]
+        below = click.Context(command, info_name=name, parent=context)
+        pages.append((f"cooploc {name}", command.get_help(below)))
+    shown = "\n\n".join(f"## {name}\n\n```text\n{text}\n```" for name, text in pages)
+    return f"# The command line\n\n{shown}\n"
+
+
+def figures() -> str:
+    """Every function of `cl.plot`."""
+    shown = "\n\n".join(
+        f"```{{eval-rst}}\n.. autofunction:: cooploc.analysis.plot.{name}\n```" for name in cl.plot.__all__
+    )
+    return f"# Figures\n\n`cl.plot.NAME`; each takes and returns matplotlib `Axes`.\n\n{shown}\n"
+
+
+def _table(kind: str, columns: list[str]) -> str:
+    """A list as a pipe table."""
+    found = getattr(cl, kind)()
+    if "minutes" in found:
+        found = found.assign(takes=[f"{m:g} min" if m == m else "" for m in found["minutes"]])
+    lines = [columns, ["---"] * len(columns)]
+    lines += [[str(row[c]).replace("|", "\\|") for c in columns] for row in found.to_dict("records")]
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)

@@ -1,0 +1,46 @@
+"""The documentation: its examples run, its links lead somewhere, and it knows every public name."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import cooploc as cl
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = [*(ROOT / "docs").rglob("*.md"), ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
+PAGES = [page for page in PAGES if "generated" not in page.parts]
+REFERENCE = ROOT / "docs/reference/python.md"
+
+
+def blocks(page: Path) -> list[str]:
+    """The Python of a page."""
+    return re.findall(r"^```python\n(.*?)^```$", page.read_text("utf-8"), re.DOTALL | re.MULTILINE)
+
+
+def links(page: Path) -> Iterator[str]:
+    """The relative targets of a page's links and pictures."""
+    text = re.sub(r"^```.*?^```$", "", page.read_text("utf-8"), flags=re.DOTALL | re.MULTILINE)
+    for target in re.findall(r"\]\(([^)\s]+)\)", text):
+        if not target.startswith(("http", "#", "mailto")):
+            yield target.partition("#")[0]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_every_link_leads_to_a_file(page):
+    missing = [target for target in links(page) if "generated/" not in target and not (page.parent / target).exists()]
+    assert missing == []
+
+
+def test_the_reference_has_every_public_name():
+    told = set(re.findall(r"^### (\w+)$", REFERENCE.read_text("utf-8"), re.MULTILINE))
+    assert told == set(cl.__all__)
+
+
+@pytest.mark.slow
+def test_the_examples_of_the_reference_run_in_their_order(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    space = {"__name__": "example"}
+    for i, block in enumerate(blocks(REFERENCE), 1):
+        exec(compile(block, f"{REFERENCE.name}, example {i}", "exec"), space)  # our own page
