@@ -26,9 +26,10 @@ def test_rmse_pools_robots_by_valid_ticks_then_trials():
     assert summarize(frame)["rmse"].item() == pytest.approx(np.sqrt((1.75 + 9) / 2))
 
 
-def test_summary_has_exactly_the_promised_fields_and_no_interval_below_five_trials():
+def test_a_record_has_the_fields_of_its_table_and_no_interval_below_five_trials():
     table = summarize(rows("a", BASE[:4]))
-    assert list(records(table)[0]) == list(SUMMARY)
+    assert list(records(table)[0]) == list(table.columns)
+    assert set(SUMMARY) <= set(table.columns)
     assert records(table)[0]["rmse_low"] is None
     assert records(summarize(rows("a", BASE)))[0]["rmse_low"] < np.sqrt(BASE.mean())
 
