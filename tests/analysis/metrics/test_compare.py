@@ -123,7 +123,7 @@ def test_every_column_is_documented_and_nothing_else():
     of_summary, short = documented(summarize, "Columns"), documented(compare, "Columns")
     assert of_summary == list(summarize(frame))
     assert short == list(SHORT) == list(compare(frame, "a"))
-    more = documented(compare, "Columns with `full=True`, beside all of `summarize`")
+    more = documented(compare, "More columns")
     assert {*of_summary, *short, *more} == set(compare(frame, "a", full=True))
     assert not set(more) & {*of_summary, *short}
 
