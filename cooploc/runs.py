@@ -126,13 +126,13 @@ def run_study(
     return results
 
 
-def prepared(study: Any, trials: Any, seed: Any, estimators: Any, out: Any) -> tuple[Study, Path]:
-    """The study with what a call asks for, and its run directory."""
+def prepared(study: Any, trials: Any, seed: Any, estimators: Any, out: Any, suffix: str = "") -> tuple[Study, Path]:
+    """The study with what a call asks for, and its directory, by default `runs/STUDY-seedN` and the suffix."""
     only = None if estimators is None else tuple(split(estimators) if isinstance(estimators, str) else estimators)
     if only == ():
-        raise BadInput("estimators is empty: name some, or leave it out to run the study's")
+        raise BadInput("estimators is empty: name some, or leave it out for the study's")
     asked = load(str(study)).with_options(trials=trials, seed=seed, only=only)
-    return asked, Path(out) if out is not None else Path("runs") / f"{asked.folder_name}-seed{asked.seed}"
+    return asked, Path(out) if out is not None else Path("runs") / f"{asked.folder_name}-seed{asked.seed}{suffix}"
 
 
 def load_run(folder: str | Path) -> Results:
