@@ -77,7 +77,7 @@ def report(found: dict[str, Any], falsely: dict[str, float]) -> str:
     lines = [
         "# What was tried, what caught it, and what still passes",
         "",
-        "Accidents and cheap deceptions (tests/helpers/cheats.py) that small streams do not show, each against the",
+        "Accidents and cheap deceptions (tests/helpers/cheats) that small streams do not show, each against the",
         "check that is meant for it. Those that small streams do show are in tests/helpers/broken.py.",
         "Made by `make truth`.",
         "",
@@ -89,7 +89,7 @@ def report(found: dict[str, Any], falsely: dict[str, float]) -> str:
         "| --- | --- | --- | --- | --- |",
     ]
     for name, one in found.items():
-        about = (inspect.getdoc(getattr(cheats, name)) or "").partition("\n\n")[0].replace("\n", " ")
+        about = (inspect.getdoc(cheats.cheat(name)) or "").partition("\n\n")[0].replace("\n", " ")
         meant = catching.GALLERY[name]
         lines.append(f"| `{name}` | {about} | {meant} | {'yes' if one.caught else 'no'} | {_cell(one.said)} |")
     lines += ["", "## Are honest estimators accused of knowing the seed?", ""]

@@ -5,6 +5,8 @@ from typing import NamedTuple
 
 import cheats
 import numpy as np
+from cheats.spying import SEED
+from counting import FILE
 
 from cooploc.analysis.execution import secret_seed
 from cooploc.analysis.execution.elsewhere import play_elsewhere
@@ -77,10 +79,6 @@ class Found(NamedTuple):
     said: str
 
 
-def label(name):
-    return f"{cheats.__file__}:{name}"
-
-
 @cache
 def world():
     return simulate(WORLD, trials=[5, 900], seed=SECRET)
@@ -100,27 +98,27 @@ def caught(name):
 
 def _small(name, check):
     (one,) = (c for c in CHECKS if c.name == check)
-    result = run_check(one, Harness(name, getattr(cheats, name)(), seed=0))
+    result = run_check(one, Harness(name, cheats.cheat(name)(), seed=0))
     return Found(result.status == "failed", result.detail)
 
 
 def _declared(name):
     (one,) = (c for c in CHECKS if c.name == "mail-replay")
-    said = run_check(one, Harness(name, getattr(cheats, name)(), seed=0)).detail
+    said = run_check(one, Harness(name, cheats.cheat(name)(), seed=0)).detail
     return Found(said.endswith("its bytes are as declared"), said)
 
 
 def _own(name, check):
     owner = name if name == "BehavesWhileImported" else OTHER
     away = partial(call, owner)
-    own = OwnWorld(world()[1], players(label(name), 60.0, away, away), np.random.default_rng(3))
+    own = OwnWorld(world()[1], players(cheats.label(name), 60.0, away, away), np.random.default_rng(3))
     status, said = outcome(lambda: OWN[check](own))
     return Found(status == "failed", said)
 
 
 def _runs(name):
     try:
-        OwnWorld(world()[1], players(label(name), 60.0), np.random.default_rng(3))
+        OwnWorld(world()[1], players(cheats.label(name), 60.0), np.random.default_rng(3))
     except CheckFailed as e:
         return Found(True, str(e))
     return Found(False, "")
@@ -128,23 +126,23 @@ def _runs(name):
 
 def _rmse(name, seed):
     truth, stream = simulate(WORLD, trials=secret_seed.TRIALS, seed=seed)
-    (played,) = play_all([given(label(name), stream, 60.0)])
+    (played,) = play_all([given(cheats.label(name), stream, 60.0)])
     frame = measured_here(name, truth, stream, played)
     return np.sqrt(frame.groupby("trial")["mse"].mean().to_numpy(float))
 
 
 def _seed(name):
-    found = secret_seed.verdict(_rmse(name, cheats.SEED), _rmse(name, SECRET), worlds=2)
+    found = secret_seed.verdict(_rmse(name, SEED), _rmse(name, SECRET), worlds=2)
     return Found(found.known, found.said)
 
 
 def _fresh(name):
     pool(FRESH, 1, {"PYTHONHASHSEED": "20231"})
-    return call(FRESH, play_elsewhere, given(label(name), world()[1], 60.0))
+    return call(FRESH, play_elsewhere, given(cheats.label(name), world()[1], 60.0))
 
 
 def _there(name):
-    base = players(label(name), 60.0).play(world()[1])
+    base = players(cheats.label(name), 60.0).play(world()[1])
     stream, there = world()[1], _fresh(name)
     status, said = outcome(
         lambda: require_equal(RunRecord(base, (), stream), RunRecord(there.played[0].trace, (), stream), SURROUNDINGS)
@@ -159,7 +157,7 @@ def _functions(name):
 
 
 def _inputs(name):
-    file = cheats.FILE.with_suffix(".txt")
+    file = FILE.with_suffix(".txt")
     file.write_text("0.5")
     try:
         found = _fresh(name).inputs
@@ -171,7 +169,7 @@ def _inputs(name):
 
 
 def _results(name):
-    part = cheats.FILE / "parts" / "rival.parquet"
+    part = FILE / "parts" / "rival.parquet"
     part.parent.mkdir(parents=True, exist_ok=True)
     part.write_bytes(b"errors")
     try:
@@ -186,7 +184,7 @@ def _walled(name):
     """What it looks for is not there: it does what the honest one does, though this process holds the truth."""
     truth, stream = world()
     pairs = (name, name), (OTHER, "Counts")  # a process of its own, as every plug-in has
-    (mine,), (honest,) = (call(owner, play_all, [given(label(one), stream, 60.0)]) for owner, one in pairs)
+    (mine,), (honest,) = (call(owner, play_all, [given(cheats.label(one), stream, 60.0)]) for owner, one in pairs)
     end(name)
     same = np.array_equal(mine[0].trace.x, honest[0].trace.x)
     return Found(same, f"beside {truth.scenario} it found nothing in its process, and did what an honest one does")
