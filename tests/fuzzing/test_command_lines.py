@@ -23,7 +23,7 @@ COMMANDS = st.sampled_from(
 )
 OPTIONS = st.one_of(
     st.tuples(st.sampled_from(["--trials", "--seed", "--jobs"]), NUMBERS),
-    st.tuples(st.sampled_from(["--out", "-o", "--ledger", "--data", "--estimators"]), WORDS),
+    st.tuples(st.sampled_from(["--out", "-o", "--ledger", "--data", "--estimators", "--tum"]), WORDS),
     st.tuples(st.sampled_from(["--json", "--trust", "--retry-failed", "--no-check", "--markdown", "--nonsense"])),
     st.tuples(WORDS),
 )
