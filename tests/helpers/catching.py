@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import cheats
 import numpy as np
-from cheats.spying import SEED
+from cheats.spying import RECORDING, SEED, TABLE
 from counting import FILE
 
 from cooploc.analysis.execution import secret_seed
@@ -14,6 +14,7 @@ from cooploc.analysis.execution.own_world_certificate import SURROUNDINGS, deman
 from cooploc.analysis.execution.played import play_all
 from cooploc.analysis.execution.walled import given, measured_here
 from cooploc.analysis.execution.world_players import players
+from cooploc.estimators.plugins.guard import forbid
 from cooploc.scenarios import simulate
 from cooploc.scenarios.conformance.check import CHECKS, run_check
 from cooploc.scenarios.conformance.compare import CheckFailed, RunRecord, require_equal
@@ -26,6 +27,7 @@ SECRET = 987654321987654321
 FRESH = "elsewhere"  # owner of the process with other surroundings
 OTHER = "plays"
 WALL = "wall"
+REFUSED = "refused while it runs"
 GALLERY = {  # cheat -> the check that is meant for it
     "NextRowLate": "own-world-non-interference",
     "NextRowInLargeTeams": "own-world-non-interference",
@@ -60,8 +62,10 @@ GALLERY = {  # cheat -> the check that is meant for it
     "KnowsLongLengths": "own-world-causality",
     "DroppedRadioLate": "own-world-link-honesty",
     "KnowsTheWorld": "own-world-label",
-    "KnowsTheSeed": "secret-seed",
-    "TriesSeeds": "secret-seed",
+    "KeepsTheTruth": "secret-seed",
+    "KnowsTheSeed": REFUSED,
+    "LooksUpItsReadings": REFUSED,
+    "ReadsTheRecording": REFUSED,
     "TruthByCollector": WALL,
     "TruthInFrames": WALL,
     "SeedInFrames": WALL,
@@ -90,8 +94,9 @@ def caught(name):
     if check in OWN:
         return _own(name, check)
     special = {
-        WALL: _walled, "secret-seed": _seed, "runs in its own world": _runs, "bytes as declared": _declared,
-        "input files": _inputs, "surroundings": _there, "own-functions": _functions, "results-on-disk": _results,
+        WALL: _walled, REFUSED: _refused, "secret-seed": _seed, "runs in its own world": _runs,
+        "bytes as declared": _declared, "input files": _inputs, "surroundings": _there, "own-functions": _functions,
+        "results-on-disk": _results,
     }  # fmt: skip
     return special[check](name) if check in special else _small(name, check)
 
@@ -132,8 +137,19 @@ def _rmse(name, seed):
 
 
 def _seed(name):
+    truth, stream = simulate(WORLD, trials=secret_seed.TRIALS, seed=SEED)
+    np.savez(TABLE, x=truth.x, odometry=stream.senses.odometry)
     found = secret_seed.verdict(_rmse(name, SEED), _rmse(name, SECRET), worlds=2)
     return Found(found.known, found.said)
+
+
+def _refused(name):
+    RECORDING.mkdir(exist_ok=True)
+    (RECORDING / "Robot1_Groundtruth.dat").write_text("1.0 2.0 3.0")
+    forbid(RECORDING)
+    stream = simulate(WORLD, trials=[0, 1], seed=SEED)[1]
+    ((played,),) = call(OTHER, play_all, [given(cheats.label(name), stream.select([0]), 60.0)])
+    return Found("which is refused" in played.line, played.line)
 
 
 def _fresh(name):
