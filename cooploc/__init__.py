@@ -21,6 +21,7 @@ if _TYPE_CHECKING:
     from cooploc.analysis.metrics.compare import compare as compare
     from cooploc.analysis.metrics.compare import summarize as summarize
     from cooploc.analysis.metrics.errors import errors as errors
+    from cooploc.analysis.metrics.judging import judge as judge
     from cooploc.analysis.metrics.smoother import smoother as smoother
     from cooploc.analysis.metrics.tum import to_tum as to_tum
     from cooploc.estimators import make as make
@@ -55,6 +56,7 @@ if _TYPE_CHECKING:
     from cooploc.scenarios.runner.run import Run as Run
     from cooploc.scenarios.runner.run import run as run
     from cooploc.scenarios.runner.tick import EstimatorError as EstimatorError
+    from cooploc.scenarios.runner.trace import Trace as Trace
     from cooploc.scenarios.stream import Stream as Stream
     from cooploc.scenarios.stream import Truth as Truth
     from cooploc.scenarios.studies.listing import studies as studies
@@ -72,6 +74,7 @@ _HOME = {
     "scenarios.stream": ("Stream", "Truth"),
     "scenarios.runner.run": ("run", "Run"),
     "scenarios.runner.tick": ("EstimatorError",),
+    "scenarios.runner.trace": ("Trace",),
     "scenarios.runner.channels": ("IncompatibleEstimator",),
     "scenarios.conformance.check": ("check_estimator",),
     "scenarios.studies.listing": ("studies",),
@@ -81,6 +84,7 @@ _HOME = {
     "estimators.plugins.errors": ("BadInput",),
     "analysis.metrics.errors": ("errors",),
     "analysis.metrics.compare": ("compare", "summarize"),
+    "analysis.metrics.judging": ("judge",),
     "analysis.metrics.smoother": ("smoother",),
     "analysis.metrics.tum": ("to_tum",),
     "estimators.plugins.tunable": ("tunable",),

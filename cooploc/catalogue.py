@@ -27,7 +27,7 @@ KNOWN = {
     "ekf-ici": ("mean, covariance, sightings", "a bound where robots share common information alone; else not"),
     "ekf-hmd": ("mean, covariance, sightings", "no bound is known"),
     "ekf-event-ci": ("as `ekf-ci`, when the belief has changed", "conservative by construction"),
-    "ekf-gs-ci": ("mean and covariance of the whole team", "conservative, if `drift` is no less than the motion"),
+    "ekf-gs-ci": ("mean and covariance of the whole team", "conservative, if `drift` is at least the motion"),
     "ekf-luft": ("belief and cross factor, on request", "approximate: correlations with third robots are guessed"),
     "ekf-interim": ("belief on request, updates to all", "that of `ekf-joint` until the first message is lost"),
     "iekf-joint": ("every reading", "consistent up to linearisation; learns no common heading from teammates"),

@@ -11,7 +11,9 @@ from typing import Annotated
 import typer
 
 import cooploc as cl
+from cooploc.terminal.judge_command import judge
 from cooploc.terminal.options import Claims, Isolate, Jobs, Recordings, RunDirectory, StudyName
+from cooploc.terminal.tune_command import tune
 from cooploc.terminal.visible import visible
 
 app = typer.Typer(
@@ -105,52 +107,7 @@ def run(
         raise typer.Exit(1)
 
 
-class Objective(StrEnum):
-    """What tuning makes small."""
-
-    nll = "nll"
-    rmse = "rmse"
-
-
-@app.command()
-def tune(
-    study: StudyName,
-    budget: Annotated[int, typer.Option(help="training trials that each estimator may use")] = 100,
-    estimators: Annotated[
-        str | None, typer.Option(help="comma-separated estimators to tune instead of the study's")
-    ] = None,
-    trials: Annotated[int | None, typer.Option(help="fresh trials per scenario, to compare on")] = None,
-    seed: Annotated[int | None, typer.Option(help="random seed; that of training is derived from it")] = None,
-    objective: Annotated[
-        Objective, typer.Option(help="nll: log-likelihood of the true position, robust and proper; or rmse")
-    ] = Objective.nll,
-    jobs: Jobs = 1,
-    data: Recordings = None,
-    out: Annotated[Path | None, typer.Option(help="directory [default: runs/STUDY-seedN-tuned]")] = None,
-    check: Annotated[bool, typer.Option(help="check estimators that are not built in before they are compared")] = True,
-    isolate: Isolate = True,
-) -> None:
-    """Tune every estimator with one budget, and compare it as published and tuned, on streams not tuned on."""
-    from cooploc.terminal import tuning
-
-    found = cl.tune(
-        study,
-        budget,
-        estimators=estimators,
-        trials=trials,
-        seed=seed,
-        objective=objective.value,
-        jobs=jobs,
-        data=data,
-        out=out,
-        check=check,
-        isolate=isolate,
-    )
-    orders = {"RMSE": found.order("rmse"), "NLL": found.order("nll")}
-    tuning.show(found.history, found.table, orders, found.record)
-    typer.echo(f"study: {found.study}   next: cooploc run {found.study}   tables and figures: {found.folder}")
-    if found.rows["failure"].notna().any():
-        raise typer.Exit(1)
+app.command()(tune)
 
 
 @app.command()
@@ -198,6 +155,9 @@ def check(
     typer.echo(visible(result.table()))
     if not result.passed:
         raise typer.Exit(1)
+
+
+app.command()(judge)
 
 
 @app.command()

@@ -3,15 +3,15 @@
 Each function does what the command of the same purpose does; the command line calls these and prints what they return.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import pandas as pd
 
 from cooploc.analysis.claims import ledger as ledgers
-from cooploc.analysis.execution.decisions_file import looks_taken, read_decisions
+from cooploc.analysis.execution.decisions_file import comparisons, looks_taken, read_decisions
 from cooploc.analysis.execution.execute import execute
 from cooploc.analysis.execution.stored_run import Kept, read
 from cooploc.analysis.metrics.compare import compare
@@ -20,6 +20,7 @@ from cooploc.analysis.report import html_page, run_diff
 from cooploc.analysis.report import reproduce as again
 from cooploc.estimators import split
 from cooploc.estimators.plugins.errors import BadInput
+from cooploc.run_options import How
 from cooploc.scenarios.studies.study import Study, load
 from cooploc.terminal import results as printed
 from cooploc.terminal import run_contents
@@ -72,34 +73,22 @@ class Reproduced:
         return bool(self.table["equal"].all())
 
 
-def run_study(
-    study: str | Path,
-    *,
-    trials: int | None = None,
-    seed: int | None = None,
-    estimators: str | Iterable[str] | None = None,
-    jobs: int = 1,
-    scheduler: str | None = None,
-    data: str | Path | None = None,
-    out: str | Path | None = None,
-    check: bool = True,
-    retry_failed: bool = False,
-    isolate: bool = True,
-) -> Results:
+def run_study(study: str | Path, *, trials: int | None = None, **how: Unpack[How]) -> Results:
     """Run a study, as `cooploc run` does; what its directory holds already is not computed again.
 
     Args:
         study: a shipped study (`cl.studies()`), or the path of a study's TOML file.
         trials: of each scenario; the study's where not given.
+        how: any of the following.
         seed: the random seed; the study's where not given.
         estimators: names to run instead of the study's, as a list or separated by commas.
-        jobs: processes; the result is bit-identical for any number.
+        jobs: processes, 1 where not given; the result is bit-identical for any number.
         scheduler: the address of a Dask cluster, "tcp://HOST:PORT", whose workers are used instead.
         data: the directory of recordings, for scenarios that need one.
         out: the run directory; `runs/STUDY-seedN` where not given.
-        check: whether estimators that are not built in are checked before they run.
-        retry_failed: whether every trial that failed runs again; one whose process was lost, that found memory or
-            disk full, or that a smaller time limit ended, always does.
+        check: False leaves estimators unchecked that are not built in.
+        retry_failed: True runs every trial again that failed; one whose process was lost, that found memory or disk
+            full, or that a smaller time limit ended, always runs again.
         isolate: False keeps everything in this process, for a debugger; else what is not built in has processes of its
             own, where it may crash or hang.
 
@@ -108,31 +97,38 @@ def run_study(
         OSError: a file could not be written; what was finished is kept.
 
     """
+    return ran(execute, study, trials, **how)
+
+
+def ran(
+    begin: Callable[..., pd.DataFrame],
+    study: str | Path,
+    trials: int | None,
+    *,
+    decided: bool = False,
+    seed: int | None = None,
+    estimators: str | Iterable[str] | None = None,
+    data: str | Path | None = None,
+    out: str | Path | None = None,
+    **options: Any,
+) -> Results:
+    """Run a study by `begin`, which returns its rows, and keep table and picture; `decided`: by looks, on the disk."""
     asked, folder = prepared(study, trials, seed, estimators, out)
     with TerminalProgress() as progress:
-        rows = execute(
-            asked,
-            folder,
-            data=None if data is None else Path(data),
-            jobs=jobs,
-            scheduler=scheduler,
-            check=check,
-            retry_failed=retry_failed,
-            isolate=isolate,
-            progress=progress,
-        )
-    results = Results(folder, rows, compare(rows, asked.baselines(), full=True))
+        rows = begin(asked, folder, data=None if data is None else Path(data), progress=progress, **options)
+    found = comparisons(read_decisions(folder)) if decided else None
+    results = Results(folder, rows, *compared(rows, asked.baselines(), found))
     printed.keep(results.table, rows, folder)
     return results
 
 
-def prepared(study: Any, trials: Any, seed: Any, estimators: Any, out: Any) -> tuple[Study, Path]:
-    """The study with what a call asks for, and its run directory."""
+def prepared(study: Any, trials: Any, seed: Any, estimators: Any, out: Any, suffix: str = "") -> tuple[Study, Path]:
+    """The study with what a call asks for, and its directory, by default `runs/STUDY-seedN` and the suffix."""
     only = None if estimators is None else tuple(split(estimators) if isinstance(estimators, str) else estimators)
     if only == ():
-        raise BadInput("estimators is empty: name some, or leave it out to run the study's")
+        raise BadInput("estimators is empty: name some, or leave it out for the study's")
     asked = load(str(study)).with_options(trials=trials, seed=seed, only=only)
-    return asked, Path(out) if out is not None else Path("runs") / f"{asked.folder_name}-seed{asked.seed}"
+    return asked, Path(out) if out is not None else Path("runs") / f"{asked.folder_name}-seed{asked.seed}{suffix}"
 
 
 def load_run(folder: str | Path) -> Results:

@@ -1,6 +1,5 @@
 """`cl.tune`: every estimator of a study with the same budget of tuning, as published and tuned side by side."""
 
-import json
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -10,16 +9,16 @@ from typing import Any
 import pandas as pd
 
 from cooploc.analysis.execution.stored_run import read
+from cooploc.analysis.report.csv_text import csv_text, read_csv_text
 from cooploc.analysis.tuning import order as orders
+from cooploc.analysis.tuning.record_file import read_record, write_record
 from cooploc.analysis.tuning.tables import VALUE
-from cooploc.analysis.tuning.tune import FILE, RECORD, Options, Tuning
+from cooploc.analysis.tuning.tune import FILE, Options, Tuning
 from cooploc.analysis.tuning.tune import tune as search_and_compare
-from cooploc.estimators import split
-from cooploc.estimators.plugins.errors import BadInput
-from cooploc.scenarios.studies.study import load
+from cooploc.runs import prepared
 from cooploc.terminal.progress import TerminalProgress
 
-TABLES = "history", "published-and-tuned"
+TABLES = "history.csv", "published-and-tuned.csv"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -82,11 +81,7 @@ def tune(
         BadInput: the study cannot be tuned as it stands; nothing was computed.
 
     """
-    only = None if estimators is None else tuple(split(estimators) if isinstance(estimators, str) else estimators)
-    if only == ():
-        raise BadInput("estimators is empty: name some, or leave it out to tune the study's")
-    asked = load(str(study)).with_options(trials=trials, seed=seed, only=only)
-    folder = Path(out) if out is not None else Path("runs") / f"{asked.folder_name}-seed{asked.seed}-tuned"
+    asked, folder = prepared(study, trials, seed, estimators, out, suffix="-tuned")
     options = Options(None if data is None else Path(data), jobs, check, isolate)
     with TerminalProgress() as progress:
         found = search_and_compare(asked, folder, budget, objective, options, progress)
@@ -97,20 +92,18 @@ def load_tuned(folder: str | Path) -> Tuned:
     """What a finished tuning left in its directory.
 
     Raises:
-        BadInput: it is not the directory of a tuning, or one that has not finished.
+        BadInput: it is not the directory of a tuning, one that has not finished, or one whose files are damaged.
 
     """
     where = Path(folder)
-    if not all((where / name).is_file() for name in (RECORD, *(f"{name}.csv" for name in TABLES))):
-        raise BadInput(f"{where} holds no finished tuning: name the directory that cooploc tune wrote, or run it again")
-    record = json.loads((where / RECORD).read_text(encoding="utf-8"))
-    history, table = (pd.read_csv(where / f"{name}.csv") for name in TABLES)
+    record, texts = read_record(where, TABLES)
+    history, table = (read_csv_text(texts[name]) for name in TABLES)
     return Tuned(where, history, table, read(where / "fresh").rows, record["tuned"], record)
 
 
 def _kept(folder: Path, found: Tuning) -> Tuned:
-    for name, table in zip(TABLES, (found.history, found.gains), strict=True):
-        table.to_csv(folder / f"{name}.csv", index=False)
+    tables = map(csv_text, (found.history, found.gains))
+    write_record(folder, found.record, dict(zip(TABLES, tables, strict=True)))
     _draw(folder, found.history)
     return Tuned(folder, found.history, found.gains, found.rows, found.tuned, found.record)
 

@@ -1,19 +1,18 @@
 """Run a study until its questions are decided: `run_until`."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import Unpack
 
 import pandas as pd
 
 from cooploc.analysis.claims.at_looks import judge_at, lasting, open_cells
 from cooploc.analysis.claims.ledger import Ledger
-from cooploc.analysis.execution.decisions_file import comparisons, read_decisions
 from cooploc.analysis.execution.until_decided import Answers, run_until_decided
 from cooploc.estimators.plugins.errors import BadInput
-from cooploc.runs import Results, compared, ledger_of, prepared, run_study
-from cooploc.terminal import results as printed
-from cooploc.terminal.progress import TerminalProgress
+from cooploc.run_options import How
+from cooploc.runs import Results, ledger_of, ran, run_study
 
 MOST = 1000  # trials of what stays open
 KEPT = ["claim", "variant", "scenario", "of", "than", "verdict", "look"]
@@ -24,15 +23,7 @@ def run_until(
     *,
     max_trials: int = MOST,
     ledger: Ledger | str | Path | None = None,
-    seed: int | None = None,
-    estimators: str | Iterable[str] | None = None,
-    jobs: int = 1,
-    scheduler: str | None = None,
-    data: str | Path | None = None,
-    out: str | Path | None = None,
-    check: bool = True,
-    retry_failed: bool = False,
-    isolate: bool = True,
+    **how: Unpack[How],
 ) -> Results:
     """Run a study until its comparisons and claims are decided, as `cooploc run --until-decided` does.
 
@@ -45,33 +36,18 @@ def run_until(
     them a little too large. Verdicts come from the sequences.
 
     Args:
-        study: as of `run_study`, like the arguments that are not named here.
+        study: as of `run_study`.
         max_trials: trials at which what is still open ends.
         ledger: the TOML file of the claims; without it, those of Latif & Parasuraman (2022).
-        seed, estimators, jobs, scheduler, data, out, check, retry_failed, isolate: as of `run_study`.
+        how: seed, estimators, jobs, scheduler, data, out, check, retry_failed, isolate: as of `run_study`.
 
     Raises:
         BadInput: the study cannot be run as it stands; nothing was computed.
         OSError: a file could not be written; what was finished is kept.
 
     """
-    asked, folder = prepared(study, max_trials, seed, estimators, out)
-    with TerminalProgress() as progress:
-        rows = run_until_decided(
-            asked,
-            folder,
-            [Claims(ledger_of(ledger))],
-            progress,
-            data=None if data is None else Path(data),
-            jobs=jobs,
-            scheduler=scheduler,
-            check=check,
-            retry_failed=retry_failed,
-            isolate=isolate,
-        )
-    results = Results(folder, rows, *compared(rows, asked.baselines(), comparisons(read_decisions(folder))))
-    printed.keep(results.table, rows, folder)
-    return results
+    begin = partial(run_until_decided, ask=[Claims(ledger_of(ledger))])
+    return ran(begin, study, max_trials, decided=True, **how)
 
 
 def runner(until_decided: bool, trials: int | None, max_trials: int | None) -> Callable[..., Results]:

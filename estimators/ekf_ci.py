@@ -30,11 +30,9 @@ import numpy as np
 from cooploc.estimators.covariance_intersection.weights import relative_weights
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, World
 from cooploc.estimators.kalman.messages import Message
-from cooploc.estimators.kalman.own_steps import corrected, moved
-from cooploc.estimators.kalman.settings import TeamSettings
+from cooploc.estimators.kalman.own_filter import OwnFilter
 from cooploc.estimators.kalman.team_readings import PairReading, received
 from cooploc.estimators.kalman.update import ENGINES, distance, inflated_update
-from cooploc.estimators.models.angles import wrap_heading
 from cooploc.estimators.plugins.bounds import require
 from cooploc.estimators.plugins.tunable import tunable
 
@@ -62,7 +60,7 @@ class Relation(NamedTuple):
 
 
 @dataclass(frozen=True)
-class EkfCi(TeamSettings):
+class EkfCi(OwnFilter):
     """EKF on own readings, covariance intersection on received beliefs.
 
     Parameters:
@@ -95,15 +93,6 @@ class EkfCi(TeamSettings):
         world = self.assumed(world)
         return State(prior.x, prior.P, rows.trial * world.robots + rows.robot, rows.robot, world)
 
-    def predict(self, s: State, z: Senses) -> State:
-        """x' = f(x, u),  P' = F P F' + Q."""
-        x, P, _ = moved(self, s.world, s.x, s.P, z)
-        return s._replace(x=x, P=P)
-
-    def correct(self, s: State, z: Senses) -> State:
-        x, P = corrected(self, s.world, s.x, s.P, z)
-        return s._replace(x=x, P=P)
-
     def send(self, s: State, z: Senses) -> Array:
         """x, the upper triangle of P, and the sightings of every teammate: d + d (d + 1) / 2 + 2 n numbers at most."""
         return Message(s.x, (s.P,), z.sighting).pack()
@@ -118,9 +107,6 @@ class EkfCi(TeamSettings):
             elif pair.by_sender:
                 s = self._intersect(s, _where_i_am(s.x, x_j, P_j, pair))
         return s
-
-    def estimate(self, s: State) -> Belief:
-        return Belief(wrap_heading(s.x), s.P)
 
     def _intersect(self, s: State, relation: Relation) -> State:
         """x' = x + K y,  P' = (I - K H) P/w  with  K = P/w H' (H P/w H' + H_j P_j/(1-w) H_j' + R)^-1."""

@@ -3,12 +3,12 @@
 State of robot i: the positions of all n robots, and its own heading where it has one. It moves its own pose by odometry
 and lets all other positions drift, as it does not know how they move. Its own readings, of anchors and of teammates,
 update the state by an EKF, with the cross-covariances that they make. Each robot broadcasts the positions with their
-covariance, and whoever hears it fuses them by covariance intersection with a fixed weight c of its own:
+covariance, and a robot that hears it fuses them by covariance intersection with a fixed weight c of its own:
 
     P'^-1 = c P^-1 + (1 - c) P_j^-1,  x' = P' (c P^-1 x + (1 - c) P_j^-1 x_j).
 
 So what a robot learned of a third one travels on, and no correlation can make the result over-confident, if the drift
-is no less than the motion. Sent, in one broadcast a tick: 2 n + n (2 n + 1) numbers of 8 bytes, before the tick's radio
+is at least the motion. Sent, in one broadcast a tick: 2 n + n (2 n + 1) numbers of 8 bytes, before the tick's radio
 readings are used. A teammate is sighted whether or not its packet arrives.
 
 Ours: CoLo takes headings from the truth; here each robot estimates its own, and an intersection changes it as the

@@ -17,7 +17,7 @@ from cooploc.analysis.formats import change, count, interval, metres, percent, r
 from cooploc.analysis.metrics.consistency import OVER_CONFIDENT
 from cooploc.analysis.metrics.statistics import mean_of_positive
 from cooploc.analysis.plot.pareto import frontier
-from cooploc.analysis.report.tables import Table, numbers, words
+from cooploc.analysis.report.tables import Table, estimates, numbers, words
 from cooploc.runs import kept
 
 mpl.use("agg")
@@ -223,22 +223,13 @@ def _numbers(table: pd.DataFrame, name: str, pose: bool = False) -> Table:
     columns = (
         words("scenario"),
         words("estimator"),
-        numbers("RMSE [m]", *_ends("rmse"), form=_with_ends(metres)),
-        numbers(f"against {BASELINE}", *_ends("change"), form=_with_ends(change)),
-        numbers("ANEES (pose)" if pose else "ANEES", *_ends(nees), form=_with_ends(ratio)),
-        numbers("in the 95 % ellipse", *_ends("coverage95"), form=_with_ends(percent)),
+        estimates("RMSE [m]", "rmse", metres),
+        estimates(f"against {BASELINE}", "change", change),
+        estimates("ANEES (pose)" if pose else "ANEES", nees, ratio),
+        estimates("in the 95 % ellipse", "coverage95", percent),
         numbers("bytes", "bytes", form=count),
     )
     return Table(name, "Means with 95 % intervals; bytes per robot and tick.", columns, table.to_dict("records"))
-
-
-def _ends(name: str) -> tuple[str, str, str]:
-    return name, f"{name}_low", f"{name}_high"
-
-
-def _with_ends(form):
-    """Writes a value and its interval; nothing where there is no value."""
-    return lambda value, low, high: f"{form(value)} ({interval(form)(low, high)})" if value == value else ""
 
 
 if __name__ == "__main__":

@@ -4,17 +4,16 @@ Run: python reports/information.py RUN_DIR [OUT]. Its floors take a few minutes.
 """
 
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import matplotlib as mpl
 import pandas as pd
 
 import cooploc as cl
-from cooploc.analysis.formats import change, interval, metres, ratio
+from cooploc.analysis.formats import change, metres, ratio
 from cooploc.analysis.plot.information_matrix import BETWEEN, OWN, RULES
 from cooploc.analysis.report.cooperation import heading, sentences
-from cooploc.analysis.report.tables import Table, numbers, words
+from cooploc.analysis.report.tables import Table, estimates, numbers, words
 from cooploc.runs import kept
 
 mpl.use("agg")
@@ -72,23 +71,14 @@ def _table(table: pd.DataFrame) -> Table:
         words("between", form=BETWEEN.__getitem__),
         numbers("robots"),
         words("fusion, filter", "fusion", "filter", form=lambda *rule: RULES[rule][0]),
-        numbers("RMSE [m]", *_ends("rmse"), form=_with_ends(metres)),
+        estimates("RMSE [m]", "rmse", metres),
         numbers("floor [m]", "floor", form=metres),
-        numbers("ANEES", *_ends("anees"), form=_with_ends(ratio)),
+        estimates("ANEES", "anees", ratio),
         words("consistency"),
-        numbers("against alone", *_ends("change"), form=_with_ends(change)),
+        estimates("against alone", "change", change),
     )
     caption = "RMSE and ANEES with 95 % intervals over trials; against alone: change of RMSE against the same filter."
     return Table("information", caption, columns, table.to_dict("records"))
-
-
-def _ends(name: str) -> tuple[str, str, str]:
-    return name, f"{name}_low", f"{name}_high"
-
-
-def _with_ends(form: Callable[[float], str]) -> Callable[[float, float, float], str]:
-    """Writes a value and its interval; nothing where there is no value."""
-    return lambda value, low, high: f"{form(value)} ({interval(form)(low, high)})" if value == value else ""
 
 
 def _listed(head: str, texts: list[str]) -> str:

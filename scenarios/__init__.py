@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from cooploc.estimators.plugins.callable_package import CallablePackage
 from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.plugins.guard import forbid
 from cooploc.estimators.plugins.labels import parse
 from cooploc.estimators.plugins.registry import Registry
 from cooploc.scenarios.interface import Family as Family
@@ -147,6 +148,7 @@ def resolve_isolated(label: str, data: str | Path | None = None) -> ResolvedScen
     name, _ = divided(path)
     if name not in BUILTIN:
         module_of(name)  # an unknown name is refused here
+        forbid(*([] if data is None else [data]))
         return described(label, None if data is None else Path(data))
     return _resolved(label, path, written, data, {})
 
@@ -183,6 +185,7 @@ def _resolved(
         if data is None:
             raise BadInput(f"scenario {label!r} is a recording; say where it is with data= (or --data DIR)")
         parameters["data"] = Path(data)
+        forbid(data)
     return build(label, name, found, parameters, assumed)
 
 

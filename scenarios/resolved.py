@@ -2,6 +2,7 @@
 
 import re
 import reprlib
+import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
@@ -14,6 +15,7 @@ from pydantic import ValidationError
 
 from cooploc.estimators.interface import World
 from cooploc.estimators.plugins.errors import BadInput, first_reason, nearest
+from cooploc.estimators.plugins.guard import SIMULATED
 from cooploc.scenarios import memory
 from cooploc.scenarios.interface import Family, RecordedScenario, Scenario, SimulatedScenario
 from cooploc.scenarios.stream import Stream, Truth
@@ -75,6 +77,7 @@ class ResolvedScenario:
             BadInput: trials or a seed that cannot be, or assumed parameters that would change the readings' shape.
 
         """
+        sys.audit(SIMULATED, self.label)
         numbers, seed = _numbers(trials), _whole(seed, "seed")
         memory.demand(self.label, self.robots, self.ticks, len(numbers))
         model = self._of(numbers)

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import sys
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -13,6 +14,7 @@ from pydantic import TypeAdapter
 from cooploc.estimators.interface import World
 from cooploc.estimators.models import gradient_doa, motion, sensors
 from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.plugins.guard import LOADED
 from cooploc.scenarios.sealed import SEALED, Damaged, parsed, seal, unsealed
 from cooploc.scenarios.stream_header import PLACES, demand_header, demand_shapes
 from cooploc.scenarios.zip_sizes import demand_sizes
@@ -63,6 +65,7 @@ def read(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
         BadInput: there is no file, it is not a stream's, not what was written, or of a newer format.
 
     """
+    sys.audit(LOADED, str(path))
     if path.exists() and not path.is_file():
         raise BadInput(f"{path} is not a file; name a stream that cooploc wrote")
     try:

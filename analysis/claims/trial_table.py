@@ -41,6 +41,10 @@ class TrialTable(NamedTuple):
         """Mean squared errors (trial, key) [m^2] of the trials that succeeded in all keys."""
         return self._joined("mse", keys)
 
+    def errors(self, scenario: str, names: list[str]) -> pd.DataFrame:
+        """Mean squared errors [m^2], a row per trial, a column per estimator; nan where it has no such trial."""
+        return pd.DataFrame({name: self._frame((scenario, name))["mse"] for name in names})
+
     def seconds(self, *keys: Key) -> Array:
         """Seconds per robot and tick (part, key): trials whose time was taken together share one value."""
         seconds = self._joined("seconds", keys)

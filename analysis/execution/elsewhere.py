@@ -18,12 +18,12 @@ from typing import Any, NamedTuple
 
 from cooploc.analysis.execution.played import Given, Played, play
 from cooploc.estimators import BUILTIN, make, module_of
+from cooploc.estimators.plugins.guard import of_program
 from cooploc.estimators.plugins.labels import parse
 from cooploc.estimators.plugins.python_file import is_file
 
 LATER = 400 * 86400.0  # [s]
 OURS = "cooploc."
-_CODE = (".py", ".pyc", ".so", ".nbi", ".nbc", ".pth")
 _opened: list[set[str]] = []  # an audit hook cannot be removed: it fills the last set, where there is one
 
 
@@ -134,11 +134,8 @@ def _listen() -> None:
 
 
 def _note(event: str, arguments: tuple[Any, ...]) -> None:
-    if event == "open" and _opened and isinstance(arguments[0], str | bytes):
-        path = os.path.abspath(os.fsdecode(arguments[0]))
-        system = (sys.prefix, sys.base_prefix, "/proc/", "/sys/", "/dev/", "/etc/")
-        if not (path.startswith(system) or path.endswith(_CODE)):
-            _opened[-1].add(path)
+    if event == "open" and _opened and isinstance(arguments[0], str | bytes) and not of_program(arguments[0]):
+        _opened[-1].add(os.path.abspath(os.fsdecode(arguments[0])))
 
 
 def hash_of(path: str) -> str:

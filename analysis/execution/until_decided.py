@@ -1,7 +1,7 @@
 """Runs a study look by look: after 10, 20, 40, ... trials, what is decided stops, and what is open goes on.
 
 What a look decides depends on the trials below its number alone, never on when they finished, so neither the number of
-processes nor an interruption changes it: whoever runs the command again finds the same looks on the disk.
+processes nor an interruption changes it: the same command, run again, reads the looks that are on the disk.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -25,9 +25,9 @@ def flag(trials: float, anees: Interval, coverage: Interval) -> str:
     0.86 that goes with it (a few trials whose covariance all but vanished make the interval of ANEES useless, but not
     that of coverage). Over-wide: the whole interval of ANEES lies below 0.1. Conservative: it lies below 0.67.
     Consistent: it lies within 0.67 to 1.5. Not shown: it holds a limit, so that the trials show neither. Below five
-    trials: not assessed.
+    trials, and without covariances: not assessed.
     """
-    if trials < LEAST_TRIALS:
+    if trials < LEAST_TRIALS or np.isnan(anees.value):
         return "not assessed"
     if anees.low > OVER_CONFIDENT or anees.value == np.inf or coverage.high < LEAST_COVERAGE:
         return "over-confident"

@@ -123,4 +123,4 @@ def _verdict(change: Interval, margin: float) -> str:
         return "better"
     if change.low > 0:
         return "worse"
-    return "tie" if -margin / (1 + margin) <= change.low and change.high <= margin else OPEN
+    return "tie" if stopping.within(change, margin) else OPEN

@@ -114,7 +114,13 @@ def demand_same(truth: object, run: object) -> None:
 
 def _squared(truth: Truth, trace: Trace, valid: Mask) -> tuple[Array, Array]:
     e = np.where(valid[..., None], trace.x[..., :2] - truth.x[..., :2], np.nan)
-    return (e**2).sum(-1), _quadratic(e, trace.P[..., :2, :2])
+    nees = _quadratic(e, _covariance(trace)[..., :2, :2])
+    return (e**2).sum(-1), np.where(np.isnan(trace.P[..., 0, 0]), np.nan, nees)
+
+
+def _covariance(trace: Trace) -> Array:
+    """Zero where there is none, as of what was computed elsewhere; what is made of it counts as absent there."""
+    return np.where(np.isnan(trace.P), 0.0, trace.P)
 
 
 def _scores(trace: Trace, nees: Array) -> tuple[Array, Array]:
@@ -124,7 +130,7 @@ def _scores(trace: Trace, nees: Array) -> tuple[Array, Array]:
     (Gneiting & Raftery, J. American Statistical Association 102, 2007). Infinite where P is singular: a belief in one
     point is never rewarded.
     """
-    det = np.linalg.det(trace.P[..., :2, :2])
+    det = np.linalg.det(_covariance(trace)[..., :2, :2])
     det = np.where(det > 0, det, 0.0)
     known = ~np.isnan(nees)
     with np.errstate(divide="ignore"):
@@ -196,7 +202,7 @@ def _pose_nees(truth: Truth, trace: Trace, valid: Mask) -> Array:
         return np.full(valid.shape, np.nan)
     e = np.where(valid[..., None], trace.x - truth.x, np.nan)
     e[..., 2] = np.pi - np.mod(np.pi - e[..., 2], 2 * np.pi)
-    return _quadratic(e, trace.P)
+    return np.where(np.isnan(trace.P[..., 0, 0]), np.nan, _quadratic(e, _covariance(trace)))
 
 
 def _last_quarter(valid: Mask) -> Mask:

@@ -10,6 +10,7 @@ import pandas as pd
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.certificate_line import mark, refused
 from cooploc.analysis.metrics.consistency import DOUBTFUL
+from cooploc.analysis.metrics.stopping import FIXED, Stopping
 from cooploc.estimators.interface import Array, Mask
 
 ALPHA = 1 - statistics.LEVEL
@@ -36,26 +37,28 @@ def disqualified(row: Mapping[Any, Any]) -> list[str]:
     return [reason for reason, holds in reasons.items() if holds]
 
 
-def rank_groups(mse: pd.DataFrame) -> tuple[dict[str, float], dict[str, str]]:
+def rank_groups(mse: pd.DataFrame, stopping: Stopping = FIXED) -> tuple[dict[str, float], dict[str, str]]:
     """Mean ranks of estimators and their `letters`, from squared errors: a row per trial, a column per estimator.
 
-    There are no letters below two estimators or `statistics.LEAST_TRIALS` trials.
+    No ranks in a run that may have stopped at any look: its estimators have different numbers of trials, and a mean of
+    ranks over the few that all have would leave out the others. There are no letters below two estimators or
+    `statistics.LEAST_TRIALS` trials.
     """
-    ranks = {str(name): float(r) for name, r in mse.rank(axis=1).mean().items()}
+    ranks = mse.rank(axis=1).mean().to_dict() if stopping is FIXED else {}
     enough = len(mse) >= statistics.LEAST_TRIALS and mse.shape[1] > 1
-    return ranks, letters(mse) if enough else {}
+    return {str(name): float(r) for name, r in ranks.items()}, letters(mse, stopping) if enough else {}
 
 
-def letters(mse: pd.DataFrame) -> dict[str, str]:
+def letters(mse: pd.DataFrame, stopping: Stopping = FIXED) -> dict[str, str]:
     """Letters of estimators from squared errors; those that share one do not differ significantly at 5 %.
 
-    All pairs by the test of the change of RMSE, adjusted by Holm: the rule by which everything else is decided, so that
-    letters never contradict an interval.
+    All pairs by the test of the change of RMSE, each over the trials that both have (nan: has not), adjusted by Holm:
+    the rule by which everything else is decided, so that letters never contradict an interval.
     """
     names = [str(name) for name in mse.columns]
     values = mse.to_numpy(float).T
     pairs = list(combinations(range(len(names)), 2))
-    p = statistics.holm(np.array([statistics.p_of_difference(values[i], values[j]) for i, j in pairs]))
+    p = statistics.holm(np.array([stopping.p_of_difference(*_shared(values[[i, j]])) for i, j in pairs]))
     if not (p < ALPHA).any():
         return dict.fromkeys(names, "a")
     import scikit_posthocs
@@ -65,6 +68,12 @@ def letters(mse: pd.DataFrame) -> dict[str, str]:
         square[i, j] = square[j, i] = one
     found = scikit_posthocs.compact_letter_display(pd.DataFrame(square, names, names), alpha=ALPHA)
     return {str(name): str(marks).replace(" ", "") for name, marks in found.items()}
+
+
+def _shared(pair: Array) -> Array:
+    """The trials (2, k) that both have."""
+    both: Array = pair[:, ~np.isnan(pair).any(0)]
+    return both
 
 
 def front(rmse: Array, cost: Array) -> Mask:

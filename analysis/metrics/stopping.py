@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cooploc.analysis.metrics import sequences, statistics
+from cooploc.analysis.metrics.sequences import ALPHA
 from cooploc.analysis.metrics.statistics import Interval
 from cooploc.estimators.interface import Array
 
@@ -36,6 +37,13 @@ class Stopping(NamedTuple):
     p_of_change: Callable[[Array, Array, float], float]  # two-sided, against a true change
     p_above: Callable[[Array, Array, float], float]  # one-sided, against mean b <= factor x mean a
     p_of_mean: Callable[[Interval, int, float], float]  # two-sided, of an interval symmetric about its value
+    equal: Callable[[Array, Array, float], bool]  # whether two RMSE tie within a margin, from squared errors
+
+    def p_of_difference(self, a: Array, b: Array) -> float:
+        """Two-sided p against equal RMSE; 1 for equals, nan where there is no interval."""
+        if np.isnan(self.change(a, b).low):
+            return np.nan
+        return 1.0 if np.array_equal(a, b) else self.p_of_change(a, b, 0.0)
 
 
 def effective(values: Array) -> float:
@@ -92,6 +100,16 @@ def p_of_mean(interval: Interval, n: int, value: float) -> float:
     return float(np.minimum(1.0, 1 / sequences.e_value(*_t(interval, n, value))))
 
 
+def equal(a: Array, b: Array, margin: float) -> bool:
+    """Whether the sequence of the change of RMSE lies within 1/(1 + margin) .. 1 + margin."""
+    return within(change(a, b), margin)
+
+
+def within(found: Interval, margin: float) -> bool:
+    """Whether a change of RMSE lies within 1/(1 + margin) .. 1 + margin."""
+    return -margin / (1 + margin) <= found.low and found.high <= margin
+
+
 def _log_ratio(a: Array, b: Array) -> Interval:
     """The logarithm of the ratio of the RMSE of b to that of a, with its sequence."""
     return log_contrast(np.stack([a, b], 1), HALVES)
@@ -113,5 +131,6 @@ FIXED = Stopping(
     statistics.p_of_change,
     statistics.p_above,
     statistics.p_of_mean,
+    lambda a, b, margin: statistics.equivalence(a, b, margin) < ALPHA,
 )
-ANYTIME = Stopping(mean, mean_of_positive, log_contrast, change, p_of_change, p_above, p_of_mean)
+ANYTIME = Stopping(mean, mean_of_positive, log_contrast, change, p_of_change, p_above, p_of_mean, equal)

@@ -15,6 +15,7 @@ from cooploc.analysis.metrics.certificate_line import refused
 from cooploc.analysis.metrics.over_time import sweep
 from cooploc.analysis.metrics.ranking import rank_groups
 from cooploc.analysis.metrics.statistics import LEAST_TRIALS
+from cooploc.analysis.metrics.stopping import FIXED
 from cooploc.analysis.plot.style import Look
 from cooploc.analysis.report import result_tables, summaries, svg, svg_figures
 from cooploc.analysis.report.tables import Table
@@ -71,7 +72,7 @@ def experiment(name: str, plan: dict[str, list[str]], numbers: Numbers, counter:
         rows = part[part["scenario"].isin(group)]
         if parameter:
             changes = summaries.changes(group, dict.fromkeys(rows["estimator"]), numbers.results)
-            sweeps.append(summaries.swept(group, changes))
+            sweeps.append(summaries.swept(group, changes, numbers.results.stopping))
             changed.append(result_tables.sweep(f"{anchor}-sweep{len(changed) + 1}", changes, parameter))
             shown.append(_lines(rows, numbers, counter))
         else:
@@ -84,7 +85,7 @@ def experiment(name: str, plan: dict[str, list[str]], numbers: Numbers, counter:
 
 
 def ranked(rows: pd.DataFrame, results: TrialTable) -> tuple[dict[str, float], dict[str, str]]:
-    """Mean ranks and letters of one scenario's estimators: of those that failed in no trial and no check.
+    """Mean ranks (of a fixed number of trials) and letters of one scenario's estimators that failed nowhere.
 
     One that failed would take its trials from all others, and change their ranks and letters.
     """
@@ -92,8 +93,8 @@ def ranked(rows: pd.DataFrame, results: TrialTable) -> tuple[dict[str, float], d
     names = list(rows.loc[ended & ~rows["certificate"].map(refused).astype(bool), "estimator"])
     if not names:
         return {}, {}
-    mse = results.mse(*((rows["scenario"].iloc[0], name) for name in names))
-    return rank_groups(pd.DataFrame(mse, columns=names))
+    mse = results.errors(rows["scenario"].iloc[0], names)
+    return rank_groups(mse.dropna() if results.stopping is FIXED else mse, results.stopping)
 
 
 def _groups(labels: list[str]) -> dict[tuple[str, str], list[str]]:
@@ -173,8 +174,9 @@ def _about(part: pd.DataFrame, numbers: Numbers) -> str:
     )
     few = f" Below {LEAST_TRIALS} trials there are no intervals." if len(counts) and counts[0] < LEAST_TRIALS else ""
     tested = int(numbers.table["p"].notna().sum())
+    test = "confidence sequences of the change" if numbers.kept.looks else "t test of the change"
     return (
-        f"n = {trials} trials a scenario, seed {numbers.kept.manifest['seed']}; t test of the change against "
+        f"n = {trials} trials a scenario, seed {numbers.kept.manifest['seed']}; {test} against "
         f"the baseline, Holm over the {tested} comparisons of this report; streams {streams}.{few}"
     )
 

@@ -26,67 +26,10 @@ from cooploc.analysis.plot import style
 from cooploc.analysis.report import claim_tables, latex, result_tables, summaries
 from cooploc.analysis.report.experiments import Experiment, Numbers, experiment
 from cooploc.analysis.report.failures import failures
+from cooploc.analysis.report.methods import FLOORED, methods
 from cooploc.analysis.report.reproduce import PAGE, embedded
 from cooploc.analysis.report.tables import Table, numbers, words
 
-FLOORED = 20  # robots: the floor of larger teams takes seconds for each scenario
-METHODS = (
-    ("Trial", "The unit of every interval and test; its robots and ticks are not independent, and pooled first."),
-    ("RMSE",
-     "Root of the mean over trials of the mean squared position error [m]; jackknife interval on its logarithm."),
-    ("Change", "RMSE relative to the baseline's on the same streams, paired by trial; Fieller's 95 % interval."),
-    ("p (Holm)",
-     "The t test over trials that the interval of the change inverts, so that the two never disagree, adjusted by Holm "
-     "over all rows of all experiments. It is 1 where the better one of the two failed in a trial."),
-    ("Ties",
-     "The 95 % interval of the paired change holds 0, or two one-sided tests of the same kind say that the RMSE "
-     "are equal within 5 %. An estimator is best alone only where its interval against every other that qualifies "
-     "excludes 0."),
-    ("Rank, group",
-     "Mean over trials of the rank by RMSE, including centralised and over-confident ones. Estimators that share a "
-     "letter do not differ significantly at 5 %: the test of the change, of all pairs, adjusted by Holm, so that it "
-     "separates fewer estimators than the ties above, which are not adjusted. An estimator that failed in a trial or a "
-     "check has neither rank nor letter, and takes none from others. No letters: fewer than two estimators, or five "
-     "trials."),
-    ("Failed trials",
-     "A trial failed that raised, took too long, or whose error is not finite. The numbers of an estimator that failed "
-     "are of its other trials, so they are not of the same trials as those beside them: it is not ranked, is never "
-     "best, no difference in its favour is significant, and no claim about it is supported."),
-    ("Median, outlying",
-     f"Of the trials' RMSE; outlying: share of trials above {outliers.FAR:g} times that median, with Wilson's "
-     "interval. An interval of the RMSE cannot hold what no trial has shown: where one trial of a hundred diverges "
-     "twentyfold, it misses the truth in most runs of 20 trials."),
-    ("NLL, ellipse",
-     "Mean negative log-likelihood of the true position [nats], a proper score: smaller is better, and neither too "
-     "small nor too large a covariance improves it. Mean area of the 95 % ellipse [m²]."),
-    ("ANEES",
-     "Position NEES / 2, per trial first; 1 is consistent. Over-confident: its 95 % interval lies above 1.5, or that "
-     "of the share in 95 % ellipses below 0.86; conservative: wholly below 0.67; over-wide: wholly below 0.1, ellipses "
-     "ten times as large as the errors ask for; consistent: wholly within 0.67 to 1.5; not shown: it holds a limit. An "
-     "estimator that is over-confident, over-wide, or not shown with an ANEES above 3, never qualifies as best. A mean "
-     "over trials may be that of one collapsed trial: beside it stand the median over trials, and the share of trials "
-     "whose ANEES exceeds 100 (collapsed; Wilson's interval)."),
-    ("As published, at its best",
-     "Of a method that was run in several configurations: the paper's own, and the one of smallest error with the same "
-     "readings (`cooploc list estimators`). Estimators without this remark are other configurations, or their method "
-     "has only one."),
-    ("Floor",
-     "The posterior Cramer-Rao bound on the RMSE of any estimator that hears and uses every reading (Tichavsky 1998), "
-     f"where the assumed models are the true ones; for up to {FLOORED} robots."),
-    ("in 95 %", "Share of the true positions that lie inside the 95 % ellipse."),
-    ("diverged", "Share of (trial, robot) whose last-quarter RMSE exceeds a quarter of the arena's side."),
-    ("messages, bytes, µs",
-     "Per robot and tick; messages and bytes as sent, µs of wall-clock time on the processor named below."),
-    ("Checks",
-     "An estimator that is not built in is checked before it runs: it must not see the truth, the future or lost "
-     "packets, and must give the same bits however it is run. One that fails a check is marked and not ranked."),
-    ("Centralised, bound", "Every reading reaches one computer, which knows more than any robot could; shown and not "
-     "ranked. A bound uses all of them as well as any estimator could."),
-    ("Below five trials", "No intervals, tests or verdicts are given."),
-    ("Claims",
-     "Each is judged by one number with its 95 % interval; a verdict needs the whole interval on its side. `cooploc "
-     "verdicts` prints them."),
-)  # fmt: skip
 LEGEND = (
     'A change is b/a - 1: negative where the error falls. "66 % more accurate" is judged as a change of -66 %; what '
     "the same interval means for a ratio of errors of 1.66, a change of -40 %, is said beside it. Each verdict, taken "
@@ -135,7 +78,7 @@ def content(kept: Kept, ledger: Ledger) -> dict[str, Any]:
     table = table if kept.comparisons is None else with_decisions(table, kept.comparisons)
     table["floor"] = table["scenario"].map(floors(table["scenario"], kept.manifest["seed"], FLOORED))
     looks = style.looks(kept.rows["estimator"])
-    numbers = Numbers(kept, table, collect(kept.rows), looks)
+    numbers = Numbers(kept, table, collect(kept.rows, stopping), looks)
     counter = itertools.count()
     experiments = [experiment(name, plan, numbers, counter) for name, plan in kept.experiments.items()]
     readings = multiverse.sentences(multiverse.judge(ledger, kept.rows, stopping))
@@ -152,7 +95,7 @@ def content(kept: Kept, ledger: Ledger) -> dict[str, Any]:
         "unproven": [*certificate_line.remarks(table), *outliers.warnings(table)],
         "failures": failures(kept.rows),
         "notes": notes(kept.rows),
-        "methods": (*METHODS, ("Decided", result_tables.STOPPED)) if kept.looks else METHODS,
+        "methods": methods(bool(kept.looks)),
         "versions": versions,
         "streams": streams,
         "embedded": embedded(kept),

@@ -114,8 +114,9 @@ def results(name: str, part: pd.DataFrame, ranks: Ranks, about: str) -> Table:
         rows.append({**row, "rank": mean.get(estimator, np.nan), "group": letters.get(estimator, ""), "status": status})
     marks = {f"data-{key}": key for key in ("scenario", "estimator", "consistency")} | {"data-certificate": "status"}
     columns = versus(part["baseline"], (*RESULTS, DECIDED) if "look" in part else RESULTS)
-    if not part["certificate"].any():  # all are built in
-        columns = tuple(column for column in columns if column.head != "checks")
+    empty = {"checks"} if not part["certificate"].any() else set()  # all are built in
+    empty |= {"rank"} if "look" in part else set()  # rows stop at different numbers of trials
+    columns = tuple(column for column in columns if column.head not in empty)
     return Table(name, about, columns, rows, marks)
 
 
@@ -179,7 +180,8 @@ def best(found: list[Standing]) -> Table:
     ]
     about = (
         "Smallest RMSE of those that qualify to be called best. Ties: the 95 % interval of the paired change holds 0; "
-        "equal: the RMSE is within 5 %, by two one-sided t tests of the same kind."
+        "equal: the RMSE is within 5 %, by two one-sided t tests of the same kind. In a run until decided, both are "
+        "said by the confidence sequence of the change."
     )
     marks = {"data-scenario": "scenario", "data-best": "alone", "title": "sentence"}
     return Table("best", about, columns, rows, marks)
@@ -232,5 +234,8 @@ def sweep(name: str, found: list[Change], parameter: str) -> Table:
         numbers("trials"),
     )
     rows = [{**one._asdict(), **_ends("change", one.share)} for one in found]
-    about = f"From the first to the last value of {parameter}; jackknife intervals over trials, not adjusted."
+    about = (
+        f"From the first to the last value of {parameter}; jackknife intervals over trials, in a run until decided "
+        "confidence sequences; not adjusted."
+    )
     return Table(name, about, columns, rows)

@@ -2,8 +2,9 @@
 
 Best is the smallest RMSE of those that qualify: distributed, not over-wide, not over-confident nor probably so (ANEES
 above twice the limit, with an interval that does not exclude it), no trial and no check failed. Another one ties with
-it where the equivalence test says so, or where the 95 % interval of the paired change holds 0. An estimator is best
-alone if the intervals against all others exclude 0, an intersection-union test that needs no adjustment (Berger 1982).
+it where the equivalence test says so, or where the 95 % interval of the paired change holds 0; in a run until decided,
+the confidence sequence takes the place of both. An estimator is best alone if the intervals against all others exclude
+0, an intersection-union test that needs no adjustment (Berger 1982).
 """
 
 from collections import Counter
@@ -20,6 +21,7 @@ from cooploc.analysis.metrics.compare import MARGIN
 from cooploc.analysis.metrics.consistency import OVER_CONFIDENT
 from cooploc.analysis.metrics.over_time import sweep
 from cooploc.analysis.metrics.ranking import disqualified
+from cooploc.analysis.metrics.stopping import FIXED, Stopping
 
 FEW = 6  # estimators; a sentence gives the number of each, of more only their range, of twice as many no names
 
@@ -79,9 +81,9 @@ def _standing(scenario: str, part: pd.DataFrame, results: TrialTable) -> Standin
     for row in may[may["estimator"] != best["estimator"]].to_dict("records"):
         pairs = results.mse((scenario, best["estimator"]), (scenario, row["estimator"]))
         first, other = pairs.T
-        if statistics.equivalence(first, other, MARGIN) < 0.05:
+        if results.stopping.equal(first, other, MARGIN):
             equal.append(row["estimator"])
-        elif not statistics.change(first, other).low > 0:
+        elif not results.stopping.change(first, other).low > 0:
             tied.append(row["estimator"])
     lost = part[(part["rmse"] <= best["rmse"]) & barred]
     bare = best["certificate"].startswith("unchecked")
@@ -171,15 +173,16 @@ def changes(scenarios: list[str], estimators: Iterable[str], results: TrialTable
             values = results.mse((ordered[0], name), (ordered[-1], name))
         except Missing:
             continue
-        logs = statistics.log_contrast(values, np.array([-0.5, 0.5]))
+        logs = results.stopping.log_contrast(values, np.array([-0.5, 0.5]))
         first, last = (float(v) for v in np.sqrt(values.mean(0))) if len(values) else (np.nan, np.nan)
         share = statistics.Interval(*(float(np.expm1(end)) for end in logs))
         out.append(Change(name, first, last, share, len(values)))
     return out
 
 
-def swept(scenarios: list[str], found: list[Change]) -> str:
+def swept(scenarios: list[str], found: list[Change], stopping: Stopping = FIXED) -> str:
     """The changes over a sweep in words; where the interval holds 0, no significant change."""
+    judged = "95 % intervals" if stopping is FIXED else "confidence sequences"
     ordered = sorted(scenarios, key=lambda label: sweep(label)[2])
     where, parameter, low = sweep(ordered[0])
     high = sweep(ordered[-1])[2]
@@ -194,7 +197,7 @@ def swept(scenarios: list[str], found: list[Change]) -> str:
     parts += [f"it falls for {_moved(falls)}"] if falls else []
     parts += [f"no significant change for {_names(same)}"] if same else []
     parts += [f"it stays the same for {_names(equal)}"] if equal else []
-    return f"{where}: RMSE from {parameter} = {low:g} to {high:g} (95 % intervals, unadjusted): {'; '.join(parts)}."
+    return f"{where}: RMSE from {parameter} = {low:g} to {high:g} ({judged}, unadjusted): {'; '.join(parts)}."
 
 
 def _moved(found: list[Change]) -> str:

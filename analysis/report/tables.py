@@ -11,6 +11,7 @@ from typing import Any
 import pandas as pd
 from markupsafe import Markup, escape
 
+from cooploc.analysis.formats import Format, interval
 from cooploc.analysis.report.csv_text import csv_text
 from cooploc.analysis.report.latex import tabular
 
@@ -56,6 +57,16 @@ def numbers(
 ) -> TableColumn:
     """A column of numbers."""
     return TableColumn(head, keys or (head,), form, tuple(of), under=under, spare=spare)
+
+
+def estimates(head: str, name: str, form: Format) -> TableColumn:
+    """A column of values with their intervals, of the keys NAME, NAME_low and NAME_high; an absent value is nothing."""
+    ends = interval(form)
+    return numbers(
+        head,
+        *(name, f"{name}_low", f"{name}_high"),
+        form=lambda value, low, high: f"{form(value)} ({ends(low, high)})" if value == value else "",
+    )
 
 
 @dataclass(frozen=True)

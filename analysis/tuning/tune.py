@@ -1,6 +1,5 @@
 """Tune every estimator of a study alike, then run it as published and as tuned on the study's own streams."""
 
-import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.metadata import version
@@ -17,6 +16,7 @@ from cooploc.analysis.execution.workers import hired
 from cooploc.analysis.tuning.evaluations import Evaluations
 from cooploc.analysis.tuning.objective import OBJECTIVES
 from cooploc.analysis.tuning.race import Item
+from cooploc.analysis.tuning.record_file import write_record
 from cooploc.analysis.tuning.search import Competitor, search
 from cooploc.analysis.tuning.space import space_of
 from cooploc.analysis.tuning.study_file import as_toml, tuned_study
@@ -27,7 +27,7 @@ from cooploc.scenarios.studies.resolved_study import ResolvedStudy, resolve_stud
 from cooploc.scenarios.studies.study import Study
 
 MOST_BUDGET = 1_000_000
-RECORD, FILE = "tuning.json", "tuned.toml"
+FILE = "tuned.toml"
 
 
 class Tuning(NamedTuple):
@@ -78,8 +78,8 @@ def tune(
     labels = {one.label: one.label for one in found.asked.estimators} | {one.published: one.best for one in found.tuned}
     record = {**_record(study, budget, objective, found), "tuned": labels}
     chosen, both = (tuned_study(study, study.cells(), labels, found.seed, both=both) for both in (False, True))
-    _write(out / RECORD, json.dumps(record, indent=1) + "\n")
-    _write(out / FILE, as_toml(chosen))
+    write_record(out, record)
+    replace(out / FILE, lambda file: file.write_text(as_toml(chosen), encoding="utf-8"))
     rows = _fresh(both, out / "fresh", options, watcher)
     demand_apart(found.seed, study.seed, found.streams.values(), rows["stream"].dropna())
     return Tuning(chosen, history(found.tuned), gains(rows, found.tuned, objective), rows, labels, record)
@@ -163,10 +163,6 @@ def _record(study: Study, budget: int, objective: str, found: _Found) -> dict[st
 
 def _space(one: Tuned) -> dict[str, Any]:
     return {name: each._asdict() for name, each in one.competitor.space.parameters.items()}
-
-
-def _write(file: Path, text: str) -> None:
-    replace(file, lambda temporary: temporary.write_text(text, encoding="utf-8"))
 
 
 class _Counted:

@@ -35,6 +35,10 @@ PASSES = (
      " directory: processes are separate, but not users; no sandbox of the operating system is used"),
     ("A result that travels back as crafted bytes", "what a worker returns is read with pickle; one that replaces the"
      " library's own pickling there can run code in the measuring process"),
+    ("A table of the truth of a recording, made before and kept beside the plug-in", "files of its own may be read;"
+     " their hashes stand in the certificate. Of a simulated world the secret seed shows it"),
+    ("Undoing the guard, or asking from another thread, process or native library", "the audit hook sees what Python"
+     " does in the thread that runs the estimator; its own variables are Python's, too"),
     ("Knowing the seed and gaining little by it", "the comparison of seeds sees what a dozen trials each can show:"
      " errors that are a tenth smaller pass"),
     ("The team's own bytes", "where one object holds the whole team, the runner carries no packets; tables say that"
@@ -77,7 +81,7 @@ def report(found: dict[str, Any], falsely: dict[str, float]) -> str:
     lines = [
         "# What was tried, what caught it, and what still passes",
         "",
-        "Accidents and cheap deceptions (tests/helpers/cheats.py) that small streams do not show, each against the",
+        "Accidents and cheap deceptions (tests/helpers/cheats) that small streams do not show, each against the",
         "check that is meant for it. Those that small streams do show are in tests/helpers/broken.py.",
         "Made by `make truth`.",
         "",
@@ -89,7 +93,7 @@ def report(found: dict[str, Any], falsely: dict[str, float]) -> str:
         "| --- | --- | --- | --- | --- |",
     ]
     for name, one in found.items():
-        about = (inspect.getdoc(getattr(cheats, name)) or "").partition("\n\n")[0].replace("\n", " ")
+        about = (inspect.getdoc(cheats.cheat(name)) or "").partition("\n\n")[0].replace("\n", " ")
         meant = catching.GALLERY[name]
         lines.append(f"| `{name}` | {about} | {meant} | {'yes' if one.caught else 'no'} | {_cell(one.said)} |")
     lines += ["", "## Are honest estimators accused of knowing the seed?", ""]

@@ -63,8 +63,20 @@ def keep(table: pd.DataFrame, rows: pd.DataFrame, folder: Path) -> None:
         plt.close(figure)
 
 
-def show(table: pd.DataFrame, rows: pd.DataFrame, folder: Path, as_json: bool) -> None:
-    """Print the results: the table of `compare`, or JSON alone on stdout; then failures, and where the files are."""
+def show(found: pd.DataFrame, rows: pd.DataFrame, folder: Path, as_json: bool) -> None:
+    """Print the results of a run: its table, then failures, and where the files are."""
+    table(found, rows, as_json)
+    console = wide(stderr=as_json)
+    if not RunDir(folder).manifest.get("isolated", True):
+        console.print(ONE_PROCESS)
+    for line, _ in failures(rows):
+        console.print(f"failed: {line}")
+    picture = f"{folder / 'rmse.png'}" if (folder / "rmse.png").exists() else f"cooploc report {folder}"
+    console.print(f"picture: {picture}   table: {folder / 'table.csv'}   run: {folder}")
+
+
+def table(table: pd.DataFrame, rows: pd.DataFrame, as_json: bool) -> None:
+    """Print the table of `compare`, or JSON alone on stdout, and what a reader must know of it."""
     if as_json:
         print(json.dumps(records(table), indent=1))
     console = wide(stderr=as_json)
@@ -80,12 +92,6 @@ def show(table: pd.DataFrame, rows: pd.DataFrame, folder: Path, as_json: bool) -
             console.print(line)
     for line in (*certificate_line.remarks(table), *outliers.warnings(table)):
         console.print(line)
-    if not RunDir(folder).manifest.get("isolated", True):
-        console.print(ONE_PROCESS)
-    for line, _ in failures(rows):
-        console.print(f"failed: {line}")
-    picture = f"{folder / 'rmse.png'}" if (folder / "rmse.png").exists() else f"cooploc report {folder}"
-    console.print(f"picture: {picture}   table: {folder / 'table.csv'}   run: {folder}")
 
 
 def _legend(table: pd.DataFrame) -> list[str]:

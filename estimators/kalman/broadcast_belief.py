@@ -10,10 +10,8 @@ from typing import NamedTuple
 
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Rows, Senses, World
 from cooploc.estimators.kalman.messages import Message
-from cooploc.estimators.kalman.own_steps import corrected, moved
-from cooploc.estimators.kalman.settings import TeamSettings
+from cooploc.estimators.kalman.own_filter import OwnFilter
 from cooploc.estimators.kalman.team_readings import received
-from cooploc.estimators.models.angles import wrap_heading
 
 
 class State(NamedTuple):
@@ -26,7 +24,7 @@ class State(NamedTuple):
 
 
 @dataclass(frozen=True)
-class BroadcastBelief(TeamSettings, ABC):
+class BroadcastBelief(OwnFilter, ABC):
     """EKF on own readings that broadcasts its belief.
 
     Parameters:
@@ -46,15 +44,6 @@ class BroadcastBelief(TeamSettings, ABC):
         world = self.assumed(world)
         return State(prior.x, prior.P, rows.robot, world)
 
-    def predict(self, s: State, z: Senses) -> State:
-        """x' = f(x, u),  P' = F P F' + Q."""
-        x, P, _ = moved(self, s.world, s.x, s.P, z)
-        return s._replace(x=x, P=P)
-
-    def correct(self, s: State, z: Senses) -> State:
-        x, P = corrected(self, s.world, s.x, s.P, z)
-        return s._replace(x=x, P=P)
-
     def send(self, s: State, z: Senses) -> Array:
         """The belief before this tick's fusion, and the sightings."""
         return Message(s.x, (s.P,), z.sighting if self.both else z.sighting[:, :0]).pack()
@@ -67,6 +56,3 @@ class BroadcastBelief(TeamSettings, ABC):
             y, H, H_j = pair.linearise(x, sent.x[:, pair.sender])
             x, P = self.combine(x, P, y, H, H_j @ sent.P[0][:, pair.sender] @ H_j.mT + pair.sensor.R)
         return s._replace(x=x, P=P)
-
-    def estimate(self, s: State) -> Belief:
-        return Belief(wrap_heading(s.x), s.P)

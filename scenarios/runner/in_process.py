@@ -8,6 +8,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
+from cooploc.estimators.plugins.guard import forbid, forbidden
 from cooploc.scenarios.display.progress_bar import Advance
 from cooploc.scenarios.processes.outcome import ProcessDied, WorkerError
 from cooploc.scenarios.processes.time_limit import Limit, TimeLimit, within
@@ -38,7 +39,7 @@ def demand_fit_there(one: Foreign, stream: Stream) -> None:
         EstimatorError: it cannot even begin.
 
     """
-    _named(one, lambda: call(one.owner, _fit, one, Seedless.of(stream).stream))
+    _named(one, lambda: call(one.owner, _fit, one, Seedless.of(stream).stream, forbidden()))
 
 
 def traced_there(one: Foreign, chunks: list[Stream], advance: Advance | None) -> Trace:
@@ -50,7 +51,7 @@ def traced_there(one: Foreign, chunks: list[Stream], advance: Advance | None) ->
     """
 
     def collected() -> Trace:
-        futures = [submit(one.owner, len(chunks), _traced, one, Seedless.of(chunk)) for chunk in chunks]
+        futures = [submit(one.owner, len(chunks), _traced, one, Seedless.of(chunk), forbidden()) for chunk in chunks]
         try:
             for future in as_completed(futures):
                 future.exception()
@@ -77,12 +78,14 @@ def _named(one: Foreign, work: Callable[[], T]) -> T:
         raise EstimatorError(f"{one.name}: {e}") from e.__cause__
 
 
-def _fit(one: Foreign, stream: Stream) -> None:
+def _fit(one: Foreign, stream: Stream, folders: tuple[str, ...]) -> None:
+    forbid(*folders)
     with within(Limit(one.seconds, end_process=True)):
         demand_fit(one.name, estimator(one.given, one.name), stream)
 
 
-def _traced(one: Foreign, given: Seedless) -> Trace:
+def _traced(one: Foreign, given: Seedless, folders: tuple[str, ...]) -> Trace:
+    forbid(*folders)
     limit = Limit(one.seconds, end_process=True)
     with within(limit):
         made = estimator(one.given, one.name)

@@ -5,6 +5,7 @@ from typing import Any, ClassVar, Protocol, cast
 import numpy as np
 
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, Traffic
+from cooploc.estimators.plugins.guard import Forbidden, shut
 from cooploc.estimators.plugins.traits import traits
 from cooploc.scenarios import seeds
 from cooploc.scenarios.runner.channels import SENSED
@@ -46,7 +47,11 @@ class _Drive:
         self.hidden = np.full((len(stream.trial), stream.robots, stream.robots), np.nan)
 
     def call(self, method: str, tick: int, *arguments: Any) -> Any:
-        returned = self.watch(method, tick, arguments, getattr(self.estimator, method))
+        try:
+            with shut:
+                returned = self.watch(method, tick, arguments, getattr(self.estimator, method))
+        except Forbidden as e:
+            raise EstimatorError(f"{self.name}: {method}() {e}") from None
         if returned is None:
             when = f"at tick {tick}" if tick >= 0 else "before tick 0"
             raise EstimatorError(f"{self.name}: {method}() returned None {when}: did you forget its return?")

@@ -32,6 +32,14 @@ class Trace:
     notes: Mapping[str, Array] = field(default_factory=dict)  # (t, n) what the estimator counted, by name
     centralised: bool = False  # all readings reach one computer, which knows more than any robot could
 
+    @classmethod
+    def of(cls, x: Array, P: Array | None = None) -> "Trace":
+        """Poses (t, T, n, d) that were computed elsewhere, with covariances or without; what is not known is nan."""
+        x = np.asarray(x, float)
+        unknown = np.full(x.shape[:1] + x.shape[2:3], np.nan)
+        P = np.full((*x.shape, *x.shape[3:]), np.nan) if P is None else np.asarray(P, float)
+        return cls(x, P, unknown, unknown, np.nan)
+
 
 def trace(
     name: str,
@@ -73,7 +81,7 @@ def trace(
         seconds = perf_counter() - began
     _demand_finite(name, stream, x, P)
     if not any_covariance:
-        _demand_covariances(name, stream, P)
+        demand_covariances(name, stream, P)
     about = traits(estimator)
     notes = {what: np.asarray(values, float).reshape(t, n) for what, values in about.notes(running.state).items()}
     return Trace(x, P, messages, sent, seconds, about.bound, notes, about.centralised)
@@ -104,7 +112,7 @@ def _demand_finite(name: str, stream: Stream, x: Array, P: Array) -> None:
         )
 
 
-def _demand_covariances(name: str, stream: Stream, P: Array) -> None:
+def demand_covariances(name: str, stream: Stream, P: Array) -> None:
     """Refuse an invalid covariance at any tick, robot and trial: a negative variance would count as consistent.
 
     Raises:

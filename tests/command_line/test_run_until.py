@@ -70,6 +70,11 @@ def test_the_report_says_so_too(run, tmp_path):
     assert "worse, stopped at n = 10" in page
     assert "Contradicted at n = 10" in page
     assert "it holds however the run stops" in page
+    assert "There are no ranks: rows stop at different numbers of trials" in page
+    (results,) = (tmp_path / "report" / "tables").glob("experiment-*.csv")
+    heads = results.read_text().splitlines()[0].split(",")
+    assert "group" in heads
+    assert "rank" not in heads
 
 
 @pytest.mark.slow

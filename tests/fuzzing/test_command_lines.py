@@ -19,11 +19,11 @@ WORDS = st.one_of(
 )
 NUMBERS = st.sampled_from(["0", "-1", "nan", "inf", "1e9", "1000000000000", "0x1", "", "two", "1.5", "9" * 5000, "٣"])
 COMMANDS = st.sampled_from(
-    ["show", "report", "verdicts", "compare", "reproduce", "check", "new-estimator", "run", "list", "fly", ""]
+    ["show", "report", "verdicts", "compare", "reproduce", "judge", "check", "new-estimator", "run", "list", "fly", ""]
 )
 OPTIONS = st.one_of(
     st.tuples(st.sampled_from(["--trials", "--seed", "--jobs"]), NUMBERS),
-    st.tuples(st.sampled_from(["--out", "-o", "--ledger", "--data", "--estimators"]), WORDS),
+    st.tuples(st.sampled_from(["--out", "-o", "--ledger", "--data", "--estimators", "--tum"]), WORDS),
     st.tuples(st.sampled_from(["--json", "--trust", "--retry-failed", "--no-check", "--markdown", "--nonsense"])),
     st.tuples(WORDS),
 )

@@ -5,6 +5,8 @@ from typing import NamedTuple
 
 import cheats
 import numpy as np
+from cheats.spying import RECORDING, SEED, TABLE
+from counting import FILE
 
 from cooploc.analysis.execution import secret_seed
 from cooploc.analysis.execution.elsewhere import play_elsewhere
@@ -12,6 +14,7 @@ from cooploc.analysis.execution.own_world_certificate import SURROUNDINGS, deman
 from cooploc.analysis.execution.played import play_all
 from cooploc.analysis.execution.walled import given, measured_here
 from cooploc.analysis.execution.world_players import players
+from cooploc.estimators.plugins.guard import forbid
 from cooploc.scenarios import simulate
 from cooploc.scenarios.conformance.check import CHECKS, run_check
 from cooploc.scenarios.conformance.compare import CheckFailed, RunRecord, require_equal
@@ -24,6 +27,7 @@ SECRET = 987654321987654321
 FRESH = "elsewhere"  # owner of the process with other surroundings
 OTHER = "plays"
 WALL = "wall"
+REFUSED = "refused while it runs"
 GALLERY = {  # cheat -> the check that is meant for it
     "NextRowLate": "own-world-non-interference",
     "NextRowInLargeTeams": "own-world-non-interference",
@@ -58,8 +62,10 @@ GALLERY = {  # cheat -> the check that is meant for it
     "KnowsLongLengths": "own-world-causality",
     "DroppedRadioLate": "own-world-link-honesty",
     "KnowsTheWorld": "own-world-label",
-    "KnowsTheSeed": "secret-seed",
-    "TriesSeeds": "secret-seed",
+    "KeepsTheTruth": "secret-seed",
+    "KnowsTheSeed": REFUSED,
+    "LooksUpItsReadings": REFUSED,
+    "ReadsTheRecording": REFUSED,
     "TruthByCollector": WALL,
     "TruthInFrames": WALL,
     "SeedInFrames": WALL,
@@ -77,10 +83,6 @@ class Found(NamedTuple):
     said: str
 
 
-def label(name):
-    return f"{cheats.__file__}:{name}"
-
-
 @cache
 def world():
     return simulate(WORLD, trials=[5, 900], seed=SECRET)
@@ -92,35 +94,36 @@ def caught(name):
     if check in OWN:
         return _own(name, check)
     special = {
-        WALL: _walled, "secret-seed": _seed, "runs in its own world": _runs, "bytes as declared": _declared,
-        "input files": _inputs, "surroundings": _there, "own-functions": _functions, "results-on-disk": _results,
+        WALL: _walled, REFUSED: _refused, "secret-seed": _seed, "runs in its own world": _runs,
+        "bytes as declared": _declared, "input files": _inputs, "surroundings": _there, "own-functions": _functions,
+        "results-on-disk": _results,
     }  # fmt: skip
     return special[check](name) if check in special else _small(name, check)
 
 
 def _small(name, check):
     (one,) = (c for c in CHECKS if c.name == check)
-    result = run_check(one, Harness(name, getattr(cheats, name)(), seed=0))
+    result = run_check(one, Harness(name, cheats.cheat(name)(), seed=0))
     return Found(result.status == "failed", result.detail)
 
 
 def _declared(name):
     (one,) = (c for c in CHECKS if c.name == "mail-replay")
-    said = run_check(one, Harness(name, getattr(cheats, name)(), seed=0)).detail
+    said = run_check(one, Harness(name, cheats.cheat(name)(), seed=0)).detail
     return Found(said.endswith("its bytes are as declared"), said)
 
 
 def _own(name, check):
     owner = name if name == "BehavesWhileImported" else OTHER
     away = partial(call, owner)
-    own = OwnWorld(world()[1], players(label(name), 60.0, away, away), np.random.default_rng(3))
+    own = OwnWorld(world()[1], players(cheats.label(name), 60.0, away, away), np.random.default_rng(3))
     status, said = outcome(lambda: OWN[check](own))
     return Found(status == "failed", said)
 
 
 def _runs(name):
     try:
-        OwnWorld(world()[1], players(label(name), 60.0), np.random.default_rng(3))
+        OwnWorld(world()[1], players(cheats.label(name), 60.0), np.random.default_rng(3))
     except CheckFailed as e:
         return Found(True, str(e))
     return Found(False, "")
@@ -128,23 +131,34 @@ def _runs(name):
 
 def _rmse(name, seed):
     truth, stream = simulate(WORLD, trials=secret_seed.TRIALS, seed=seed)
-    (played,) = play_all([given(label(name), stream, 60.0)])
+    (played,) = play_all([given(cheats.label(name), stream, 60.0)])
     frame = measured_here(name, truth, stream, played)
     return np.sqrt(frame.groupby("trial")["mse"].mean().to_numpy(float))
 
 
 def _seed(name):
-    found = secret_seed.verdict(_rmse(name, cheats.SEED), _rmse(name, SECRET), worlds=2)
+    truth, stream = simulate(WORLD, trials=secret_seed.TRIALS, seed=SEED)
+    np.savez(TABLE, x=truth.x, odometry=stream.senses.odometry)
+    found = secret_seed.verdict(_rmse(name, SEED), _rmse(name, SECRET), worlds=2)
     return Found(found.known, found.said)
+
+
+def _refused(name):
+    RECORDING.mkdir(exist_ok=True)
+    (RECORDING / "Robot1_Groundtruth.dat").write_text("1.0 2.0 3.0")
+    forbid(RECORDING)
+    stream = simulate(WORLD, trials=[0, 1], seed=SEED)[1]
+    ((played,),) = call(OTHER, play_all, [given(cheats.label(name), stream.select([0]), 60.0)])
+    return Found("which is refused" in played.line, played.line)
 
 
 def _fresh(name):
     pool(FRESH, 1, {"PYTHONHASHSEED": "20231"})
-    return call(FRESH, play_elsewhere, given(label(name), world()[1], 60.0))
+    return call(FRESH, play_elsewhere, given(cheats.label(name), world()[1], 60.0))
 
 
 def _there(name):
-    base = players(label(name), 60.0).play(world()[1])
+    base = players(cheats.label(name), 60.0).play(world()[1])
     stream, there = world()[1], _fresh(name)
     status, said = outcome(
         lambda: require_equal(RunRecord(base, (), stream), RunRecord(there.played[0].trace, (), stream), SURROUNDINGS)
@@ -159,7 +173,7 @@ def _functions(name):
 
 
 def _inputs(name):
-    file = cheats.FILE.with_suffix(".txt")
+    file = FILE.with_suffix(".txt")
     file.write_text("0.5")
     try:
         found = _fresh(name).inputs
@@ -171,7 +185,7 @@ def _inputs(name):
 
 
 def _results(name):
-    part = cheats.FILE / "parts" / "rival.parquet"
+    part = FILE / "parts" / "rival.parquet"
     part.parent.mkdir(parents=True, exist_ok=True)
     part.write_bytes(b"errors")
     try:
@@ -186,7 +200,7 @@ def _walled(name):
     """What it looks for is not there: it does what the honest one does, though this process holds the truth."""
     truth, stream = world()
     pairs = (name, name), (OTHER, "Counts")  # a process of its own, as every plug-in has
-    (mine,), (honest,) = (call(owner, play_all, [given(label(one), stream, 60.0)]) for owner, one in pairs)
+    (mine,), (honest,) = (call(owner, play_all, [given(cheats.label(one), stream, 60.0)]) for owner, one in pairs)
     end(name)
     same = np.array_equal(mine[0].trace.x, honest[0].trace.x)
     return Found(same, f"beside {truth.scenario} it found nothing in its process, and did what an honest one does")

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
 import numpy as np
+from counting import Counting, Counts
 
-from cooploc.estimators.dead_reckoning import DeadReckoning
 from cooploc.estimators.ekf_local import EkfLocal
 from cooploc.estimators.ekf_naive import EkfNaive
 from cooploc.estimators.interface import Array, Belief
@@ -29,23 +29,8 @@ class StaysInTheArena(EkfLocal):
         return Belief(x, P)
 
 
-class Ticking(NamedTuple):
-    x: Array
-    P: Array
-    world: object
-    key: Array
-    tick: int
-
-
-@dataclass(frozen=True)
-class SamplesItsCovariance(DeadReckoning):
+class SamplesItsCovariance(Counts):
     """Reports the covariance of a few hundred samples, which shrinks by chance from one tick to the next."""
-
-    def init(self, prior, world, rows):
-        return Ticking(prior.x, prior.P, world, rows.key, 0)
-
-    def predict(self, s, z):
-        return super().predict(s._replace(tick=s.tick + 1), z)
 
     def estimate(self, s):
         normal = np.stack(
@@ -64,7 +49,7 @@ class LateToTheAnchors(EkfLocal):
 
     def init(self, prior, world, rows):
         s = super().init(prior, world, rows)
-        return Ticking(s.x, s.P, world, rows.key, 0)
+        return Counting(s.x, s.P, world, rows.trial, rows.key, 0)
 
     def correct(self, s, z):
         s = s._replace(tick=s.tick + 1)

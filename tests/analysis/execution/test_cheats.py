@@ -4,6 +4,7 @@ import catching
 import cheats
 import numpy as np
 import pytest
+from counting import FILE
 
 from cooploc.analysis.execution.world_players import players
 from cooploc.scenarios.conformance.own_worlds import OWN, OwnWorld
@@ -17,7 +18,7 @@ pytestmark = pytest.mark.slow
 def _fresh_process():
     yield
     end_all()
-    for file in cheats.FILE.parent.glob(f"{cheats.FILE.name}.*"):
+    for file in FILE.parent.glob(f"{FILE.name}.*"):
         file.unlink()
 
 
@@ -28,7 +29,7 @@ def test_a_cheat_is_caught_by_the_check_that_is_meant_for_it(name):
 
 
 def test_what_the_cheats_are_made_of_is_not_accused():
-    own = OwnWorld(catching.world()[1], players(catching.label("Counts"), 60.0), np.random.default_rng(3))
+    own = OwnWorld(catching.world()[1], players(cheats.label("Counts"), 60.0), np.random.default_rng(3))
     for check in OWN.values():
         check(own)
     there = catching._there("Counts")
@@ -38,10 +39,10 @@ def test_what_the_cheats_are_made_of_is_not_accused():
 @pytest.mark.parametrize("name", ["TruthByCollector", "TruthInFrames", "SeedInFrames"])
 def test_without_the_wall_the_truth_or_its_seed_would_be_found(name):
     truth, stream = catching.world()
-    found, honest = (trace(one, getattr(cheats, one)(), stream).x for one in (name, "Counts"))
+    found, honest = (trace(one, cheats.cheat(one)(), stream).x for one in (name, "Counts"))
     assert not np.array_equal(found, honest), truth
 
 
 def test_the_gallery_has_at_least_thirty_five():
     assert len(catching.GALLERY) >= 35
-    assert all(hasattr(cheats, name) for name in catching.GALLERY)
+    assert all(cheats.cheat(name) for name in catching.GALLERY)

@@ -4,7 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cooploc.analysis.metrics.ranking import disqualified, front, rank_groups
+from cooploc.analysis.metrics.decisions import looks
+from cooploc.analysis.metrics.ranking import disqualified, front, letters, rank_groups
+from cooploc.analysis.metrics.stopping import ANYTIME, FIXED
 
 HARD = np.random.default_rng(1).lognormal(0, 0.4, 12)
 GOOD = {"certificate": "", "centralised": False, "bound": False, "consistency": "consistent", "anees": 1.0, "failed": 0}
@@ -63,6 +65,25 @@ def test_below_five_trials_there_are_ranks_and_no_letters():
     ranks, letters = rank_groups(errors(a=1.0, b=0.3, c=4.0).iloc[:4])
     assert ranks == {"a": 2, "b": 1, "c": 3}
     assert letters == {}
+
+
+def test_equals_are_ever_given_two_letters_at_five_looks_in_at_most_5_percent_of_runs_until_decided():
+    rng = np.random.default_rng(4)
+    ever = {FIXED: 0, ANYTIME: 0}
+    for _ in range(200):
+        mse = pd.DataFrame(rng.lognormal(0, 0.3, (160, 2)), columns=["a", "b"])
+        for stopping in ever:
+            ever[stopping] += any(len(set(letters(mse[:n], stopping).values())) > 1 for n in looks(160))
+    assert ever[ANYTIME] < 10 < ever[FIXED]
+
+
+def test_letters_of_a_run_until_decided_take_the_trials_that_two_have_and_there_are_no_ranks():
+    mse = errors(a=1.0, b=0.3, c=4.0)
+    mse.loc[4:, "c"] = np.nan
+    ranks, found = rank_groups(mse, ANYTIME)
+    assert ranks == {}
+    assert not set(found["a"]) & set(found["b"])
+    assert set(found["c"]) == set(found["a"]) | set(found["b"])
 
 
 def test_the_front_is_what_nothing_beats_in_both():

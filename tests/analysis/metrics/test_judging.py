@@ -1,0 +1,159 @@
+"""Trajectories that were computed elsewhere are judged as ours are, and what does not fit is one line."""
+
+import json
+import shutil
+
+import numpy as np
+import pandas as pd
+import pytest
+from processes import inside
+
+import cooploc as cl
+from cooploc.analysis.metrics.judging import ELSEWHERE
+from cooploc.analysis.metrics.tum_reading import from_tum
+
+LABEL = "robots-1-3/n=2[ticks=6]"
+
+
+@pytest.fixture(scope="module")
+def ours():
+    truth, stream = cl.simulate(LABEL, trials=6, seed=3)
+    return truth, stream, cl.run(["ekf-local", "dead-reckoning"], stream)
+
+
+@pytest.fixture
+def written(ours, tmp_path):
+    cl.to_tum(ours[0], ours[2], tmp_path / "theirs", ours[1].time)
+    return tmp_path / "theirs"
+
+
+def test_files_of_our_own_trajectories_have_our_errors_and_neither_consistency_nor_cost(ours, written):
+    truth, stream, run = ours
+    theirs, mine = cl.judge(truth, stream, written), cl.errors(truth, run)
+    both = theirs.merge(mine, on=["estimator", "trial", "robot"], suffixes=("", "_mine"))
+    assert len(both) == len(mine) == 24
+    for column in ("mse", "max_error", "final_error", "ticks"):
+        np.testing.assert_allclose(both[column], both[f"{column}_mine"], rtol=1e-6)
+    assert theirs[["anees", "nll", "area95", "coverage95", "seconds", "bytes"]].isna().all(axis=None)
+    assert set(theirs["certificate"]) == {ELSEWHERE}
+
+
+def test_without_covariances_none_is_consistent_over_confident_or_best(ours, written):
+    table = cl.compare(cl.judge(ours[0], ours[1], written), "dead-reckoning", full=True)
+    assert set(table["consistency"]) == {"not assessed"}
+    assert set(table["failed"]) == {0}
+
+
+def test_a_trace_with_covariances_has_the_scores_that_it_has_here(ours):
+    truth, stream, run = ours
+    trace = run.traces["ekf-local"]
+    rows = cl.judge(truth, stream, {"mine": cl.Trace.of(trace.x, trace.P)})
+    mine = cl.errors(truth, run).query("estimator == 'ekf-local'")
+    for column in ("mse", "anees", "nll", "coverage95"):
+        np.testing.assert_array_equal(rows[column], mine[column])
+
+
+def test_poses_are_read_as_they_were_written_with_their_headings(tmp_path):
+    truth, stream = cl.simulate("camera[ticks=5]", trials=1, seed=2)
+    run = cl.run(["ekf-local"], stream)
+    cl.to_tum(truth, run, tmp_path, stream.time)
+    (found,) = from_tum(tmp_path, stream).values()
+    np.testing.assert_allclose(found.x, run.traces["ekf-local"].x, atol=1e-8)
+
+
+def edit(change):
+    def damage(folder):
+        file = folder / "ekf-local" / "trial2-robot1.txt"
+        lines = file.read_text().splitlines()
+        file.write_text("\n".join(change(lines)) + "\n")
+
+    return damage
+
+
+def word(line, column, value):
+    words = line.split()
+    words[column] = value
+    return " ".join(words)
+
+
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [
+        (lambda f: (f / "ekf-local" / "trial2-robot1.txt").unlink(), r"has no trial2-robot1\.txt; .* robots 0 to 1"),
+        (lambda f: (f / "ekf-local" / "trial2-robot2.txt").write_text(""), "is of no trial and robot of the stream"),
+        (lambda f: shutil.rmtree(f), "there is no folder"),
+        (lambda f: [shutil.rmtree(one) for one in f.iterdir()], r"holds no trial0-robot0\.txt"),
+        (edit(lambda lines: lines[:-1]), "has 5 lines, and the stream 6 ticks"),
+        (edit(lambda lines: [*lines[:3], *lines[4:], lines[3]]), "line 4: its stamp is"),
+        (edit(lambda lines: [word(one, 0, str(i)) for i, one in enumerate(lines)]), "line 1: its stamp is 0 s"),
+        (edit(lambda lines: [*lines[:2], word(lines[2], 1, "nan"), *lines[3:]]), "line 3: tx is 'nan'"),
+        (edit(lambda lines: [one.rpartition(" ")[0] for one in lines]), "line 1: 7 columns, not 8"),
+        (edit(lambda lines: [word(one, 7, "0.2") for one in lines]), "line 1: qx qy qz qw is not a unit quaternion"),
+        (edit(lambda lines: []), "the file is empty"),
+    ],
+)
+def test_what_does_not_fit_is_one_line(ours, written, damage, said):
+    damage(written)
+    with pytest.raises(cl.BadInput, match=said) as raised:
+        cl.judge(ours[0], ours[1], written)
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda x: x[:, :-1], "and this stream has 6 trials, 6 ticks, 2 robots"),
+        (lambda x: x[..., :1], "2 or 3"),
+        (lambda x: np.where(np.arange(6)[:, None, None] == 4, np.nan, x), "robot 0 in trial 0, tick 4 is not finite"),
+    ],
+)
+def test_a_trace_that_does_not_fit_is_one_line(ours, change, said):
+    truth, stream, run = ours
+    with pytest.raises(cl.BadInput, match=said):
+        cl.judge(truth, stream, {"mine": cl.Trace.of(change(run.traces["ekf-local"].x))})
+
+
+def test_a_negative_covariance_is_refused(ours):
+    truth, stream, run = ours
+    trace = run.traces["ekf-local"]
+    with pytest.raises(cl.BadInput, match="negative variance"):
+        cl.judge(truth, stream, {"mine": cl.Trace.of(trace.x, -trace.P)})
+
+
+def test_the_truth_of_another_stream_is_refused(ours, written):
+    other, _ = cl.simulate(LABEL, trials=6, seed=4)
+    with pytest.raises(cl.BadInput, match="different streams"):
+        cl.judge(other, ours[1], written)
+
+
+def test_the_command_judges_beside_our_own(ours, written, tmp_path):
+    ours[1].save(tmp_path / "stream.npz")
+    shutil.rmtree(written / "dead-reckoning")
+    (written / "ekf-local").rename(written / "matlab")
+    for source in ([tmp_path / "stream.npz"], [LABEL, "--trials", "6", "--seed", "3"]):
+        done = inside("judge", *source, "--tum", written, "--estimators", "ekf-local", "--json")
+        assert done.returncode == 0, done.stderr
+        table = pd.DataFrame(json.loads(done.stdout)).set_index("estimator")
+        assert list(table.index) == ["ekf-local", "matlab"]
+        assert table.loc["matlab", "rmse"] == pytest.approx(table.loc["ekf-local", "rmse"], rel=1e-6)
+        assert table.loc["matlab", "certificate"] == ELSEWHERE
+    shown = inside("judge", LABEL, "--trials", "6", "--seed", "3", "--tum", written / "matlab")
+    assert "matlab is not checked: computed elsewhere" in shown.stdout
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"scenario": "nlos[ticks=6]"}, "does not hold the readings"),
+        ({"scenario": "mine.py:World"}, "is not built in"),
+        ({"seed": 4}, "does not hold the readings"),
+    ],
+)
+def test_a_file_whose_truth_cannot_be_made_again_is_refused(ours, written, tmp_path, change, said):
+    from dataclasses import replace
+
+    replace(ours[1], **change).save(tmp_path / "stream.npz")
+    done = inside("judge", tmp_path / "stream.npz", "--tum", written)
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert done.stderr.count("\n") == 1
