@@ -108,7 +108,7 @@ def build(
         BadInput: an unknown parameter, or a value that does not fit.
 
     """
-    cls = family.model_class(name)
+    cls = family.model_class(name, parameters.get("data") if family.recorded else None)
     for key in parameters:
         if key not in cls.model_fields:
             raise BadInput(f"scenario {name!r} has no parameter {key!r}; {nearest(key, list(cls.model_fields))}")

@@ -49,7 +49,7 @@ class Settings:
     @property
     def uses(self) -> tuple[str, ...]:
         """The channels, in order of preference."""
-        return ("odometry",) if self.anchor_reading == "none" else ("odometry", "anchor_rssi|landmark")
+        return ("odometry",) if self.anchor_reading == "none" else ("odometry", "anchor_rssi|landmark|anchor_range")
 
     def assumed(self, world: World) -> World:
         """The world as this filter takes it: with `inflation`.
