@@ -1,7 +1,7 @@
 """What a scenario's model must have, and a family of scenarios: a model with defaults, and what its labels vary.
 
 A model is a pydantic class of parameters that satisfies `Scenario`. Simulated ones have a size, `SimulatedScenario`;
-recordings with several trials satisfy `RecordedScenario`.
+recordings with several trials satisfy `RecordedScenario`, and those that say what was fitted `ExplainedScenario`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -55,6 +55,15 @@ class RecordedScenario(Scenario, Protocol):
             BadInput: there are not such trials, or they are not of one recording.
 
         """
+        ...
+
+
+@runtime_checkable
+class ExplainedScenario(Scenario, Protocol):
+    """Recordings whose models were fitted."""
+
+    def explained(self) -> list[str]:
+        """What was fitted on what, and what was dropped while reading: sentences for the report."""
         ...
 
 

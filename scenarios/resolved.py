@@ -15,7 +15,7 @@ from pydantic import ValidationError
 from cooploc.estimators.interface import World
 from cooploc.estimators.plugins.errors import BadInput, first_reason, nearest
 from cooploc.scenarios import memory
-from cooploc.scenarios.interface import Family, RecordedScenario, Scenario, SimulatedScenario
+from cooploc.scenarios.interface import ExplainedScenario, Family, RecordedScenario, Scenario, SimulatedScenario
 from cooploc.scenarios.stream import Stream, Truth
 
 MOST_TRIALS = 1_000_000  # of one call
@@ -62,6 +62,10 @@ class ResolvedScenario:
         if not self.recorded:
             return asked
         return self.model.count() if isinstance(self.model, RecordedScenario) else 1
+
+    def explained(self) -> list[str]:
+        """What was fitted on what, and what was dropped while reading; nothing where nothing was."""
+        return self.model.explained() if isinstance(self.model, ExplainedScenario) else []
 
     def first_tick(self) -> "ResolvedScenario":
         """The same scenario with one tick, where its length can be chosen."""

@@ -58,12 +58,18 @@ class Motions:
     u: np.ndarray  # (m - 1, n, 2)  true v, omega
 
 
-def drive(seed, seconds=120.0, robots=len(ROBOTS)):
+def drive(seed, seconds=120.0, robots=2):
     """Robots that circle about places of their own with a wandering speed."""
     rng = np.random.default_rng(seed)
     m, step, exact = int(2 * seconds / TICK), TICK / 2, Unicycle(0.0, 0.0)
     slow = np.linspace(0, seconds, max(int(seconds / 5), 2) + 1)
-    u = np.stack([_wander(rng, slow, step * np.arange(m), robots, 0.3, 0.1), _wander(rng, slow, step * np.arange(m), robots, 0.35, 0.15)], -1)
+    u = np.stack(
+        [
+            _wander(rng, slow, step * np.arange(m), robots, 0.3, 0.1),
+            _wander(rng, slow, step * np.arange(m), robots, 0.35, 0.15),
+        ],
+        -1,
+    )
     pose = [np.stack([[2.5 + 2.5 * i, 2.0 + 0.7 * i, 0.5 + i] for i in range(robots)])]
     for k in range(m):
         pose.append(exact.move(pose[-1], u[k], np.full(robots, step))[0])
@@ -81,7 +87,11 @@ def write(folder, seed=0, seconds=120.0, anchors=False):
         _csv(folder / f"odom_{robot}.csv", "t,v,w", np.column_stack([motions.time[:-1], odometry]))
         at = np.arange(motions.time[0], motions.time[-1], 0.02) + 0.003
         x, y, yaw = poses_at(motions, i, at).T
-        _csv(folder / f"mocap_{robot}.csv", "sec,nsec,x,y,yaw", np.column_stack([np.floor(at), (at % 1 * 1e9).round(), x, y, yaw]))
+        _csv(
+            folder / f"mocap_{robot}.csv",
+            "sec,nsec,x,y,yaw",
+            np.column_stack([np.floor(at), (at % 1 * 1e9).round(), x, y, yaw]),
+        )
     lines = []
     for at in np.arange(motions.time[0] + 0.02, motions.time[-1], 1 / 15):
         red, blue = (poses_at(motions, i, np.array([at]))[0, :2] for i in (0, 1))

@@ -141,6 +141,17 @@ class TeamScenario(schema.Model):
         )
         return Truth(label, stream.trial, path, valid, arena, stream.hashes), stream
 
+    def explained(self) -> list[str]:
+        """What was fitted on what, and what was dropped while reading, run by run."""
+        if self.run == ALL:
+            return [line for k in range(self.count()) for line in self.at([k]).explained()]
+        try:
+            log, models = self.judged.log, self.judged.models
+        except BadInput as e:
+            return [str(e)]
+        values = "; ".join(f"{name} {_shown(value)}" for name, value in models.notes.items() if name != "fitted_on")
+        return [*log.warnings, f"run {log.name!r}: models fitted on {models.notes['fitted_on']}: {values}"]
+
     def _names(self) -> list[str]:
         return self.folder.different if self.run == ALL else [self.folder.log(self.run).name]
 
@@ -185,6 +196,14 @@ class TeamScenario(schema.Model):
             "truth_masked": (~valid[0]).sum(0).tolist(),
             "warnings": list(log.warnings),
         }
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, dict):
+        return ", ".join(f"{name} {_shown(each)}" for name, each in value.items())
+    if isinstance(value, list):
+        return " and ".join(map(_shown, value))
+    return f"{value:.4g}"
 
 
 def _arena(log: TeamLog, folder: TeamFolder) -> Array:
