@@ -76,8 +76,8 @@ def drive(seed, seconds=120.0, robots=2):
     return Motions(EPOCH + step * np.arange(m + 1), np.array(pose), u)
 
 
-def write(folder, seed=0, seconds=120.0, anchors=False):
-    """One run: odometry at 20 Hz, motion capture at 50 Hz on its own stamps, ranges at 15 Hz."""
+def write(folder, seed=0, seconds=120.0, anchors=False, hertz=50.0):
+    """One run: odometry at 20 Hz, motion capture at `hertz` on its own stamps, ranges at 15 Hz."""
     folder.mkdir(parents=True, exist_ok=True)
     motions, rng = drive(seed, seconds), np.random.default_rng(1000 + seed)
     step = TICK / 2
@@ -85,19 +85,15 @@ def write(folder, seed=0, seconds=120.0, anchors=False):
         noise = rng.normal(size=(len(motions.u), 2)) * [SIGMA_V, SIGMA_OMEGA] * np.sqrt(TICK / step)
         odometry = (motions.u[:, i] - noise) / [LENGTH_SCALE, TURN_SCALE]
         _csv(folder / f"odom_{robot}.csv", "t,v,w", np.column_stack([motions.time[:-1], odometry]))
-        at = np.arange(motions.time[0], motions.time[-1], 0.02) + 0.003
-        x, y, yaw = poses_at(motions, i, at).T
-        _csv(
-            folder / f"mocap_{robot}.csv",
-            "sec,nsec,x,y,yaw",
-            np.column_stack([np.floor(at), (at % 1 * 1e9).round(), x, y, yaw]),
-        )
-    lines = []
-    for at in np.arange(motions.time[0] + 0.02, motions.time[-1], 1 / 15):
-        red, blue = (poses_at(motions, i, np.array([at]))[0, :2] for i in (0, 1))
-        lines.append(f"{at:.6f},red,blue,{np.hypot(*(red - blue)) + BIAS + rng.normal() * SIGMA_RANGE:.6f}")
-        for name, place in ANCHORS.items() if anchors else ():
-            lines.append(f"{at:.6f},red,{name},{np.hypot(*(red - place)) + rng.normal() * SIGMA_RANGE:.6f}")
+        at = np.arange(motions.time[0], motions.time[-1], 1 / hertz) + 0.003
+        stamps = np.column_stack([np.floor(at), (at % 1 * 1e9).round()])
+        _csv(folder / f"mocap_{robot}.csv", "sec,nsec,x,y,yaw", np.column_stack([stamps, poses_at(motions, i, at)]))
+    at = np.arange(motions.time[0] + 0.02, motions.time[-1], 1 / 15)
+    red, blue = (poses_at(motions, i, at)[:, :2] for i in (0, 1))
+    measured = {"blue": np.hypot(*(red - blue).T) + BIAS}
+    measured |= {name: np.hypot(*(red - place).T) for name, place in ANCHORS.items()} if anchors else {}
+    noisy = {name: d + SIGMA_RANGE * rng.normal(size=len(at)) for name, d in measured.items()}
+    lines = [f"{t:.6f},red,{name},{d[k]:.6f}" for k, t in enumerate(at) for name, d in noisy.items()]
     (folder / "uwb.csv").write_text("t,from,to,d\n" + "\n".join(lines) + "\n")
     return motions
 

@@ -34,7 +34,7 @@ def _explained(
     """Line, key and remedy of an error; an unknown key comes first, as it explains one that is missing."""
     first = min(e.errors(), key=lambda error: error["type"] != "extra_forbidden")
     path = [str(part) for part in first["loc"] if str(part).isidentifier() or isinstance(part, int)]
-    table, key = path[:2] if len(path) > 1 else ["", *path, ""][:2]
+    table, key = path[:2] if len(path) > 1 and path[0] in tables else ["", *path, ""][:2]
     if key.isdigit() and len(path) > 2 and table in tables:  # one of several tables of a name
         path = [table, *path[2:]]
         key = path[1]

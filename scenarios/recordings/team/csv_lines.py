@@ -45,7 +45,7 @@ def read_lines(path: Path, numbers: Sequence[str], names: Sequence[str], delimit
     if content and not text.endswith("\n"):
         line, fields = content[-1]
         if len(fields) < len(head) or (len(fields) == len(head) and len(head) - 1 in of_numbers):
-            cut_off = f"{path}, line {line}: the last line is cut off; it was left out"
+            cut_off = f"{path}, line {line}: the last line has no end and may be cut off; it was left out"
             content.pop()
     for line, fields in content:
         if len(fields) != len(head):

@@ -49,7 +49,7 @@ def fit_range(r: Residuals, bias: float | None, robust: bool) -> RangeFit:
         links = [int(link) for link in np.unique(r.link) if (r.link == link).sum() >= ENOUGH]
         by_link = {link: _location(e[r.link == link], robust) for link in links}
     rest = e - np.array([by_link.get(int(link), common) for link in r.link])
-    return RangeFit(by_link, common, max(_spread(rest, robust), LEAST), lag1(r, rest))
+    return RangeFit(by_link, common, max(_spread(rest, robust), LEAST), lag1(r, rest - np.median(rest)))
 
 
 def fit_path_loss(r: Residuals, A: float | None, eta: float | None, robust: bool) -> tuple[float, float, float, float]:
