@@ -1,7 +1,8 @@
 """Fits the models of a run on the other runs: on their truth and readings, never on its own.
 
-A value that the description states, or a parameter overrides, is not fitted. With `robust`, Huber's loss is minimised
-and sigma is that of the Gaussian core.
+A value that the description states, or a parameter overrides, is not fitted. With `robust`, Huber's loss is minimised.
+Then sigma of RSSI is that of the Gaussian core, as filters refuse what is far from it; sigma of odometry, which no
+filter refuses, is the median run's root mean square.
 """
 
 from collections.abc import Sequence
@@ -96,7 +97,9 @@ def _proportional(parts: Sequence[Sample], scale: float | None, robust: bool) ->
         free = scale is None and bool(x.any())
         known = 0.0 if free else 1.0 if scale is None else scale
         line = huber((x / np.sqrt(dt))[:, None][:, : int(free)], (y - known * x) / np.sqrt(dt))
-        return float(line.beta[0]) if free else known, line.sigma
+        robust_scale = float(line.beta[0]) if free else known
+        squares = [((b - robust_scale * a) ** 2 / t).mean() for a, b, t in parts if len(a)]
+        return robust_scale, float(np.sqrt(np.median(squares)))
     if scale is None:
         scale = float((x * y / dt).sum() / (x**2 / dt).sum()) if x.any() else 1.0
     return scale, float(np.sqrt(((y - scale * x) ** 2 / dt).mean())) if len(x) else np.nan

@@ -80,6 +80,11 @@ class TeamScenario(schema.Model):
             parts = [Part(other, *sampling.span(other)) for other in others]
         return Judged(log, grid, team_models(log, parts, self._how), _arena(log, self.folder))
 
+    @cached_property
+    def _of_all(self) -> dict[int, "TeamScenario"]:
+        """The runs of `all` by trial, as far as they were asked for, so that each is fitted once."""
+        return {}
+
     def count(self) -> int:
         """How many trials there are: one, or one for each different run of `all`."""
         return len(self._names())
@@ -97,7 +102,9 @@ class TeamScenario(schema.Model):
             raise BadInput(f"{there}, and a stream holds one, as each run has its own models; ask for trials=[0]")
         if trials[0] >= len(names):
             raise BadInput(f"{there}, numbered from 0; there is no trial {trials[0]}; ask for an existing one")
-        return self.model_copy(update={"run": names[trials[0]]})
+        if self.run != ALL:
+            return self
+        return self._of_all.setdefault(trials[0], self.model_copy(update={"run": names[trials[0]]}))
 
     def world(self) -> World:
         """What the team knows of this run: fixed things, arena, and assumed models."""
