@@ -122,11 +122,14 @@ class World:
 
     def fixed(self, z: Senses) -> Iterator[tuple[Sensor, Array, Array]]:
         """Readings of fixed things as (sensor, place (2,), reading (r, k)), anchors first; absent ones are left out."""
-        rssi, sighted = self.sensors.get("anchor_rssi"), self.sensors.get("landmark")
+        rssi, sighted, ranged = (self.sensors.get(name) for name in ("anchor_rssi", "landmark", "anchor_range"))
         if rssi is not None:
             yield from _present((rssi, q, z.anchor_rssi[..., i, None]) for i, q in enumerate(self.anchors))
         if sighted is not None:
             yield from _present((sighted, q, z.landmark[..., i, :]) for i, q in enumerate(self.landmarks))
+        if ranged is not None:
+            ranges = z.extra["anchor_range"]  # (r, a) [m]
+            yield from _present((ranged, q, ranges[..., i, None]) for i, q in enumerate(self.anchors))
 
     def relative(self, z: Senses, mail: Mail) -> Iterator[tuple[Sensor, int, Array]]:
         """Readings of teammates as (sensor, sender, reading (r, k)): sightings, then radio RSSI, then radio range."""

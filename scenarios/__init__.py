@@ -88,9 +88,10 @@ BUILTIN: dict[str, Family] = {
         recorded=True,
     ),
     "log": Family(
-        "a user's own recordings of one robot: a run by name, or all; --data DIR holds CSV files and log.toml",
-        "cooploc.scenarios.recordings.logs.scenario:Log",
+        "your own recordings of one robot or a team: a run by name, or all; --data DIR holds them and log.toml",
+        "cooploc.scenarios.recordings.team.scenario:TeamScenario",
         recorded=True,
+        by_data="cooploc.scenarios.recordings.described:model",
         word="run",
     ),
     "wifi": Family(

@@ -1,11 +1,12 @@
 """What a scenario's model must have, and a family of scenarios: a model with defaults, and what its labels vary.
 
 A model is a pydantic class of parameters that satisfies `Scenario`. Simulated ones have a size, `SimulatedScenario`;
-recordings with several trials satisfy `RecordedScenario`.
+recordings with several trials satisfy `RecordedScenario`, and those that say what was fitted `ExplainedScenario`.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 from cooploc.estimators.interface import World
@@ -57,6 +58,15 @@ class RecordedScenario(Scenario, Protocol):
         ...
 
 
+@runtime_checkable
+class ExplainedScenario(Scenario, Protocol):
+    """Recordings whose models were fitted."""
+
+    def explained(self) -> list[str]:
+        """What was fitted on what, and what was dropped while reading: sentences for the report."""
+        ...
+
+
 @dataclass(frozen=True)
 class Family:
     """Scenarios that differ in one thing."""
@@ -67,6 +77,7 @@ class Family:
     sweep: Mapping[str, str] = field(default_factory=dict)  # the label's short name -> parameter
     variants: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # the label's word -> parameters
     recorded: bool = False  # needs a directory of recordings; has one trial, unless it is a `RecordedScenario`
+    by_data: str = ""  # "module:function" that says the model for a directory of recordings, where it has several
     word: str = ""  # the parameter that any other word of the label stands for, such as a run's name
 
     def chosen(self, name: str, which: str) -> Mapping[str, Any]:
@@ -88,14 +99,16 @@ class Family:
         known = [*self.variants, *(f"{key}=..." for key in self.sweep)]
         raise BadInput(f"scenario {name!r} has no {which!r}; known are {', '.join(known) or 'none'}")
 
-    def model_class(self, name: str) -> Any:
-        """The class of parameters.
+    def model_class(self, name: str, data: Path | None = None) -> Any:
+        """The class of parameters; that of the recordings in the directory `data`, where the family has several.
 
         Raises:
-            BadInput: it cannot be imported, or is not a pydantic model.
+            BadInput: it cannot be imported, or is not a pydantic model; or `data` cannot be read.
 
         """
         cls: Any = self.model
+        if self.by_data and data is not None:
+            cls = loaded(self.by_data, f"what chooses the model of scenario {name!r}")(data)
         if isinstance(cls, str):
             cls = loaded(cls, f"the model {cls} of scenario {name!r}")
         if not hasattr(cls, "model_fields"):

@@ -17,7 +17,7 @@ from cooploc.estimators.interface import World
 from cooploc.estimators.plugins.errors import BadInput, first_reason, nearest
 from cooploc.estimators.plugins.guard import SIMULATED
 from cooploc.scenarios import memory
-from cooploc.scenarios.interface import Family, RecordedScenario, Scenario, SimulatedScenario
+from cooploc.scenarios.interface import ExplainedScenario, Family, RecordedScenario, Scenario, SimulatedScenario
 from cooploc.scenarios.stream import Stream, Truth
 
 MOST_TRIALS = 1_000_000  # of one call
@@ -65,6 +65,10 @@ class ResolvedScenario:
             return asked
         return self.model.count() if isinstance(self.model, RecordedScenario) else 1
 
+    def explained(self) -> list[str]:
+        """What was fitted on what, and what was dropped while reading; nothing where nothing was."""
+        return self.model.explained() if isinstance(self.model, ExplainedScenario) else []
+
     def first_tick(self) -> "ResolvedScenario":
         """The same scenario with one tick, where its length can be chosen."""
         simulated = not self.recorded and isinstance(self.model, SimulatedScenario)
@@ -111,7 +115,7 @@ def build(
         BadInput: an unknown parameter, or a value that does not fit.
 
     """
-    cls = family.model_class(name)
+    cls = family.model_class(name, parameters.get("data") if family.recorded else None)
     for key in parameters:
         if key not in cls.model_fields:
             raise BadInput(f"scenario {name!r} has no parameter {key!r}; {nearest(key, list(cls.model_fields))}")

@@ -1,6 +1,6 @@
 """Runs a study into a run directory: what is there stays, what is missing or damaged is computed."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import pandas as pd
 
 from cooploc.analysis.execution.certificates import renewed, with_lines
-from cooploc.analysis.execution.fit import demand_fit
+from cooploc.analysis.execution.fit import demand_fit, without_misfits
 from cooploc.analysis.execution.memory import demand_memory
 from cooploc.analysis.execution.plan import Plan, make_plan, work
 from cooploc.analysis.execution.pool import Workers
@@ -20,6 +20,8 @@ from cooploc.analysis.execution.task import MeasuredPart
 from cooploc.analysis.execution.workers import hired
 from cooploc.analysis.formats import counted
 from cooploc.estimators.plugins.errors import BadInput
+from cooploc.scenarios.remote import RemoteScenario
+from cooploc.scenarios.resolved import ResolvedScenario
 from cooploc.scenarios.studies.resolved_study import ResolvedCell, ResolvedStudy, resolve_study
 from cooploc.scenarios.studies.study import Study
 
@@ -91,12 +93,15 @@ def execute(
     asked = resolve_study(study, data, isolate)
     asked = asked if counts is None else asked.with_trials(counts)
     watcher = progress or Quiet()
+    asked = without_misfits(asked, watcher.say)
     memory = demand_memory(asked, jobs)
     directory = RunDir(out)
     with hired(jobs, scheduler, isolate, watcher.say) as workers, ExitStack() as held:
         demand_fit(asked, isolate)
         held.enter_context(directory.locked())
-        for line in filter(None, (memory, *directory.open({**manifest_of(asked), "isolated": isolate}))):
+        manifest = manifest_of(asked)
+        said = [f"{label}, {line}" for label, lines in manifest["recordings"].items() for line in lines]
+        for line in filter(None, (memory, *said, *directory.open({**manifest, "isolated": isolate}))):
             watcher.say(line)
         _certify(directory, asked, check, isolate, watcher)
         pieces = completed(asked, directory, workers, retry_failed, watcher)
@@ -117,11 +122,18 @@ def manifest_of(asked: ResolvedStudy) -> dict[str, Any]:
         "seed": asked.study.seed,
         "data": None if asked.data is None else fingerprint(Path(asked.data)),
         "scenarios": {one.label: one.settings for one in scenarios},
+        "recordings": _explained(scenarios),
         "files": files(asked.estimators, scenarios),
         "certificates": {},
         "streams": {},
         **provenance(),
     }
+
+
+def _explained(scenarios: Iterable[ResolvedScenario | RemoteScenario]) -> dict[str, list[str]]:
+    """What recordings say of themselves, by label."""
+    found = {one.label: one.explained() for one in scenarios if isinstance(one, ResolvedScenario)}
+    return {label: lines for label, lines in found.items() if lines}
 
 
 def _as_json(cell: ResolvedCell) -> dict[str, Any]:

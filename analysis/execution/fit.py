@@ -1,5 +1,6 @@
 """Refuses, before anything is computed, what cannot run: names, parameters, channels, recordings."""
 
+from collections.abc import Callable
 from contextlib import chdir
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +15,7 @@ from cooploc.scenarios import BUILTIN, resolve
 from cooploc.scenarios.processes.time_limit import Limit, within
 from cooploc.scenarios.processes.workers import call, end
 from cooploc.scenarios.resolved import ResolvedScenario
+from cooploc.scenarios.runner.channels import IncompatibleEstimator
 from cooploc.scenarios.runner.trace import demand_fit as demand_begin
 from cooploc.scenarios.stream import Stream
 from cooploc.scenarios.studies.resolved_study import ResolvedStudy
@@ -43,6 +45,36 @@ def demand_fit(asked: ResolvedStudy, isolate: bool) -> None:
         _there(owner, tasks)
         if len(foreign) > 1:  # else it goes on with the run
             end(owner)
+
+
+def without_misfits(asked: ResolvedStudy, say: Callable[[str], None]) -> ResolvedStudy:
+    """The study without the estimators that lack a channel of a scenario, each of which is told.
+
+    Only where the study says so, and not of estimators that were named for this run.
+
+    Raises:
+        BadInput: a scenario cannot be simulated, or its baseline is one of those.
+
+    """
+    if not asked.study.leaves_out_misfits or asked.study.only:
+        return asked
+    cells = []
+    for cell in asked.cells:
+        whole = Task(cell.scenario, range(1), asked.study.seed, cell.estimators, asked.study.time_limit)
+        stream = _first(whole)
+        kept = []
+        for one in cell.estimators:
+            try:
+                if one.builtin:
+                    demand_begin(one.label, make(one), stream)
+                kept.append(one)
+            except IncompatibleEstimator as e:
+                if one.label == cell.baseline:
+                    raise
+                say(f"left out: {e}")
+        trials = {one.label: cell.trials[one.label] for one in kept}
+        cells.append(cell._replace(estimators=tuple(kept), trials=trials))
+    return asked._replace(cells=tuple(cells))
 
 
 def _there(owner: str, tasks: list[Task]) -> None:

@@ -32,7 +32,7 @@ from cooploc.estimators.gbp.chain import State, relaxed, start
 from cooploc.estimators.gbp.messages import Packet
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
 from cooploc.estimators.kalman.sliding_window import READINGS, moved, shortened
-from cooploc.estimators.models.anchor_readings import AnchorReading
+from cooploc.estimators.models.anchor_readings import RAW, AnchorReading
 from cooploc.estimators.models.angles import wrap_heading
 from cooploc.estimators.models.gradient_doa import gradient_doa
 from cooploc.estimators.plugins.bounds import require
@@ -47,7 +47,8 @@ class Gbp:
         iterations: how often a robot linearises and solves its own window after the mail of a tick [count, at least 1].
         anchor_reading: "rssi", each raw reading of an anchor [dBm]; "doa", the direction of arrival [rad] made of four
             corners, with the variance that it has where the robot is; "doa-constant", with one variance everywhere;
-            "gradient", the gradient [dB/m] it is taken from; or "none", no reading of anchors, nor of landmarks.
+            "gradient", the gradient [dB/m] it is taken from; "any", as "rssi", and nothing where there are neither
+            anchors nor landmarks; or "none", no reading of anchors, nor of landmarks.
         reading: the radio reading that is used where no camera sees teammates: "range" [m] or "rssi" [dBm].
         huber: errors beyond so many standard deviations (no unit) count less, as in Huber's loss; inf: all count fully.
     """
@@ -65,11 +66,12 @@ class Gbp:
     @property
     def uses(self) -> tuple[str, ...]:
         """The channels, in order of preference."""
-        fixed = () if self.anchor_reading == "none" else ("anchor_rssi|landmark",)
+        optional = "?" * (self.anchor_reading == "any")
+        fixed = () if self.anchor_reading == "none" else ("anchor_rssi|landmark" + optional,)
         return ("odometry", *fixed, f"sighting|radio_{self.reading}")
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        if self.anchor_reading not in ("rssi", "none") and "anchor_rssi" in world.sensors:
+        if self.anchor_reading not in (*RAW, "none") and "anchor_rssi" in world.sensors:
             gradient_doa(world)
         return start(prior, world, rows.robot)
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from cooploc.estimators.interface import World
 from cooploc.estimators.kalman.update import GATE, EngineName
-from cooploc.estimators.models.anchor_readings import AnchorReading
+from cooploc.estimators.models.anchor_readings import RAW, AnchorReading
 from cooploc.estimators.models.gradient_doa import gradient_doa
 from cooploc.estimators.models.inflation import LEAST, MOST, inflated
 from cooploc.estimators.plugins.bounds import require
@@ -23,7 +23,8 @@ class Settings:
         anchor_reading: what is used of the anchors: "doa", the direction of arrival [rad] made of the readings of four
             corner anchors, with the variance that it has where the robot is; "doa-constant", the same with one variance
             everywhere, as published; "gradient", the gradient [dB/m] that the direction is taken from; "rssi", each raw
-            reading [dBm]; or "none", no reading of anchors, nor of landmarks: odometry and teammates alone.
+            reading [dBm]; "any", as "rssi", and nothing where there are neither anchors nor landmarks; or "none", no
+            reading of anchors, nor of landmarks: odometry and teammates alone.
         gate: squared Mahalanobis distance (no unit) beyond which a reading is refused; inf refuses none. The default
             refuses one in a thousand true readings of two numbers.
         inflation: factor, 0.01 to 100, on the standard deviation that is assumed of every reading; 1: as told.
@@ -49,7 +50,9 @@ class Settings:
     @property
     def uses(self) -> tuple[str, ...]:
         """The channels, in order of preference."""
-        return ("odometry",) if self.anchor_reading == "none" else ("odometry", "anchor_rssi|landmark")
+        if self.anchor_reading == "none":
+            return ("odometry",)
+        return ("odometry", "anchor_rssi|landmark|anchor_range" + "?" * (self.anchor_reading == "any"))
 
     def assumed(self, world: World) -> World:
         """The world as this filter takes it: with `inflation`.
@@ -68,7 +71,7 @@ class Settings:
             BadInput: `anchor_reading` needs four corners of a rectangle, and the world's anchors are not.
 
         """
-        if self.anchor_reading not in ("rssi", "none") and "anchor_rssi" in world.sensors:
+        if self.anchor_reading not in (*RAW, "none") and "anchor_rssi" in world.sensors:
             gradient_doa(world)
 
 
@@ -77,12 +80,14 @@ class TeamSettings(Settings):
     """Parameters of every Kalman filter that uses readings of teammates.
 
     Parameters:
-        reading: the radio reading that is used where no camera sees teammates: "range" [m] or "rssi" [dBm].
+        reading: the radio reading that is used where no camera sees teammates: "range" [m], "rssi" [dBm], or "any", the
+            first of these that there is.
     """
 
-    reading: Literal["rssi", "range"] = "range"
+    reading: Literal["rssi", "range", "any"] = "range"
 
     @property
     def uses(self) -> tuple[str, ...]:
         """The channels, in order of preference."""
-        return (*super().uses, f"sighting|radio_{self.reading}")
+        radio = "radio_range|radio_rssi" if self.reading == "any" else f"radio_{self.reading}"
+        return (*super().uses, f"sighting|{radio}")

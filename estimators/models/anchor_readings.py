@@ -21,7 +21,8 @@ from cooploc.estimators.models.angles import wrap
 from cooploc.estimators.models.gradient_doa import GradientDoa, gradient_doa
 from cooploc.estimators.models.sensors import NEAR
 
-AnchorReading = Literal["doa", "gradient", "rssi", "doa-constant", "none"]
+AnchorReading = Literal["doa", "gradient", "rssi", "doa-constant", "none", "any"]
+RAW = ("rssi", "any")  # readings as they are: of anchors in dBm; or of whatever fixed things there are
 NOWHERE = np.zeros(2)  # a direction of arrival has no place of its own
 WEAKEST = 1e-9  # concentrations are clamped here
 
@@ -82,7 +83,7 @@ def fixed(world: World, z: Senses, reading: AnchorReading) -> Iterator[tuple[Sen
     """`world.fixed`, with the four anchor readings replaced by what `reading` says is made of them; "none": nothing."""
     if reading == "none":
         return
-    if reading == "rssi" or z.anchor_rssi.shape[-1] == 0:
+    if reading in RAW or z.anchor_rssi.shape[-1] == 0:
         yield from world.fixed(z)
         return
     doa = gradient_doa(world)

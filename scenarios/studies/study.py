@@ -76,6 +76,9 @@ class Study(BaseModel):
     include: tuple[str, ...] = ()  # other studies, by name or path
     training: dict[str, Labels] = {}  # scenario -> those that estimators are tuned on instead; none: it is only judged
     tuned_with: Seed | None = None  # the seed of the streams that its estimators were tuned on; no run may have it
+    leaves_out_misfits: bool = (
+        False  # an estimator whose channels a scenario lacks is not run there; else all is refused
+    )
     only: Labels = ()  # the estimators to run; one that the study lacks runs on every scenario
 
     def with_options(self, **options: Any) -> "Study":

@@ -8,6 +8,8 @@ from damage import HARM, harm_file
 from hypothesis import given
 from hypothesis import strategies as st
 from made_logs import describe, lines, write
+from made_team import describe as describe_team
+from made_team import write as write_team
 
 import cooploc as cl
 
@@ -36,11 +38,13 @@ def sound(tmp_path_factory):
     describe(folder / "log")
     for i, name in enumerate("ab"):
         write(folder / "log", name, lines(i, ticks=12))
+    write_team(folder / "team", seconds=6.0, hertz=10.0)
+    describe_team(folder / "team", ("seconds = 60.0", "seconds = 4.0"))
     return folder
 
 
 def simulated(kind, data):
-    return cl.simulate({"mrclam": "mrclam/all", "log": "log/all"}[kind], data=data)
+    return cl.simulate({"mrclam": "mrclam/all", "log": "log/all", "team": "log/all"}[kind], data=data)
 
 
 @pytest.fixture(scope="module")
@@ -53,13 +57,13 @@ def copied(sound, tmp_path_factory):
     return copy
 
 
-@pytest.mark.parametrize("kind", ["mrclam", "log"])
+@pytest.mark.parametrize("kind", ["mrclam", "log", "team"])
 def test_a_sound_recording_is_read(sound, kind):
     assert simulated(kind, sound / kind)[1].robots >= 1
 
 
 @cases(200)
-@given(st.sampled_from(["mrclam", "log"]), st.floats(0, 1, exclude_max=True), HARM)
+@given(st.sampled_from(["mrclam", "log", "team"]), st.floats(0, 1, exclude_max=True), HARM)
 def test_a_harmed_recording_is_read_or_one_line(copied, kind, which, harm):
     folder = copied(kind)
     files = sorted(folder.iterdir())
@@ -69,7 +73,7 @@ def test_a_harmed_recording_is_read_or_one_line(copied, kind, which, harm):
 
 
 @cases(200)
-@given(st.sampled_from(["mrclam", "log"]), *[st.floats(0, 1, exclude_max=True)] * 3, WORDS)
+@given(st.sampled_from(["mrclam", "log", "team"]), *[st.floats(0, 1, exclude_max=True)] * 3, WORDS)
 def test_a_field_that_says_anything_is_read_or_one_line(copied, kind, which, line, field, word):
     folder = copied(kind)
     files = sorted(folder.iterdir())

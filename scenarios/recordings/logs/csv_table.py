@@ -19,23 +19,23 @@ def read_csv(path: Path, columns: Sequence[str], delimiter: str) -> Table:
         BadInput: a column is missing, a line has another number of fields, or a field is not a number.
 
     """
-    content = _fields(path, delimiter)
+    content = fields_of(path, read_text(path, "utf-8-sig"), delimiter)
     first, head = next(content, (1, []))
-    where = [_find(path, first, head, name) for name in columns]
+    where = [find_column(path, first, head, name) for name in columns]
     rows, lines = [], []
     for line, fields in content:
         if len(fields) != len(head):
             raise BadInput(f"{path}, line {line}: {len(fields)} fields, not {len(head)}; correct or remove the line")
-        rows.append([_number(path, line, head[i], fields[i]) for i in where])
+        rows.append([parse_field(path, line, head[i], fields[i]) for i in where])
         lines.append(line)
     if len(rows) < 2:
         raise BadInput(f"{path}: it has {len(rows)} lines of data, at least two are needed; get the file again")
     return Table(path, np.array(rows), np.array(lines, np.int64))
 
 
-def _fields(path: Path, delimiter: str) -> Iterator[tuple[int, list[str]]]:
+def fields_of(path: Path, text: str, delimiter: str) -> Iterator[tuple[int, list[str]]]:
     """The lines that are not blank: number, and fields."""
-    reader = csv.reader(io.StringIO(read_text(path, "utf-8-sig")), delimiter=delimiter, skipinitialspace=True)
+    reader = csv.reader(io.StringIO(text), delimiter=delimiter, skipinitialspace=True)
     try:
         for raw in reader:
             fields = [field.strip() for field in raw]
@@ -45,7 +45,13 @@ def _fields(path: Path, delimiter: str) -> Iterator[tuple[int, list[str]]]:
         raise BadInput(f"{path}, line {reader.line_num}: this is not a CSV line ({e}); correct or remove it") from None
 
 
-def _find(path: Path, line: int, head: list[str], name: str) -> int:
+def find_column(path: Path, line: int, head: list[str], name: str) -> int:
+    """Where a column is.
+
+    Raises:
+        BadInput: it is missing, or there are two.
+
+    """
     if head.count(name) == 1:
         return head.index(name)
     if name in head:
@@ -54,7 +60,13 @@ def _find(path: Path, line: int, head: list[str], name: str) -> int:
     raise BadInput(f"{path}, line {line}: there is no column {name!r}; {known}")
 
 
-def _number(path: Path, line: int, name: str, field: str) -> float:
+def parse_field(path: Path, line: int, name: str, field: str) -> float:
+    """The number in a field, nan where it is empty.
+
+    Raises:
+        BadInput: it is not a number.
+
+    """
     value = parse_number(field) if field else np.nan
     if np.isinf(value):
         raise BadInput(

@@ -1,6 +1,8 @@
 """Fits the models of a run on the other runs: on their truth and readings, never on its own.
 
-A value that the description states, or a parameter overrides, is not fitted.
+A value that the description states, or a parameter overrides, is not fitted. With `robust`, Huber's loss is minimised.
+Then sigma of RSSI is that of the Gaussian core, as filters refuse what is far from it; sigma of odometry, which no
+filter refuses, is the median run's root mean square.
 """
 
 from collections.abc import Sequence
@@ -12,6 +14,7 @@ from cooploc.estimators.interface import Array
 from cooploc.estimators.models.angles import wrap
 from cooploc.estimators.models.sensors import NEAR
 from cooploc.scenarios.recordings.logs.run import LogRun
+from cooploc.scenarios.recordings.robust import huber
 
 MOVING = 0.03  # [m] in a tick; a shorter step does not show the direction
 
@@ -37,9 +40,9 @@ class OdometryFit(NamedTuple):
 
 
 def fit_path_loss(
-    runs: Sequence[LogRun], anchors: Array, A: float | None = None, eta: float | None = None
+    runs: Sequence[LogRun], anchors: Array, A: float | None = None, eta: float | None = None, robust: bool = False
 ) -> PathLossFit:
-    """A [dBm] and eta, where they are not given, by least squares over all readings at known positions."""
+    """A [dBm] and eta, where they are not given, by (robust) least squares over all readings at known positions."""
     c = np.array([np.nan if value is None else value for value in (A, eta)])
     logs = [-10 * np.log10(np.maximum(_distance(run.truth, anchors), NEAR)) for run in runs]
     L, z = (np.concatenate([np.empty((0, len(anchors))), *part]) for part in (logs, [run.rssi for run in runs]))
@@ -47,25 +50,31 @@ def fit_path_loss(
     if there.sum() < 3:
         return PathLossFit(float(c[0]), float(c[1]), np.nan, np.nan)
     X = np.stack([np.ones(there.sum()), L[there]], -1)
-    c[free] = np.linalg.lstsq(X[:, free], z[there] - X[:, ~free] @ c[~free])[0]
+    rest = z[there] - X[:, ~free] @ c[~free]
+    line = huber(X[:, free], rest) if robust else None
+    c[free] = line.beta if line else np.linalg.lstsq(X[:, free], rest)[0]
     residuals = [run.rssi - (c[0] + c[1] * log) for run, log in zip(runs, logs, strict=True)]
     square = sum(float(np.nansum(e**2)) for e in residuals)
-    sigma = np.sqrt(square / max(int(there.sum()) - int(free.sum()), 1))
+    sigma = line.sigma if line else np.sqrt(square / max(int(there.sum()) - int(free.sum()), 1))
     return PathLossFit(float(c[0]), float(c[1]), float(sigma), _lag1(residuals))
 
 
 def fit_wheel_odometry(
-    runs: Sequence[LogRun], tick: float, length_scale: float | None = None, turn_scale: float | None = None
+    runs: Sequence[LogRun],
+    tick: float,
+    length_scale: float | None = None,
+    turn_scale: float | None = None,
+    robust: bool = False,
 ) -> OdometryFit:
     """Noise of (v, omega), quoted at `tick` [s], and their scales where they are not given; 1 if there are no runs."""
-    length, sigma_v = _proportional([_arcs(run) for run in runs], length_scale)
-    turn, sigma_omega = _proportional([_turns(run) for run in runs], turn_scale)
+    length, sigma_v = _proportional([_arcs(run) for run in runs], length_scale, robust)
+    turn, sigma_omega = _proportional([_turns(run) for run in runs], turn_scale, robust)
     return OdometryFit(length, turn, sigma_v / tick**0.5, sigma_omega / tick**0.5)
 
 
-def fit_displacement(runs: Sequence[LogRun], tick: float, scale: float = 1.0) -> float:
+def fit_displacement(runs: Sequence[LogRun], tick: float, scale: float = 1.0, robust: bool = False) -> float:
     """sigma [m] per axis, of displacements in a tick of `tick` seconds."""
-    return float(_proportional([_displacements(run) for run in runs], scale)[1] * tick**0.5)
+    return float(_proportional([_displacements(run) for run in runs], scale, robust)[1] * tick**0.5)
 
 
 def _distance(truth: Array, anchors: Array) -> Array:
@@ -81,9 +90,16 @@ def _lag1(residuals: list[Array]) -> float:
     return float((a * b).sum() / np.sqrt((a**2).sum() * (b**2).sum())) if both.any() else 0.0
 
 
-def _proportional(parts: Sequence[Sample], scale: float | None) -> tuple[float, float]:
-    """y = scale x + noise of variance sigma^2 dt, by weighted least squares: scale and sigma."""
+def _proportional(parts: Sequence[Sample], scale: float | None, robust: bool) -> tuple[float, float]:
+    """y = scale x + noise of variance sigma^2 dt, by weighted (robust) least squares: scale and sigma."""
     x, y, dt = (np.concatenate([np.empty(0), *(part[i] for part in parts)]) for i in range(3))
+    if robust and len(x) > 1:
+        free = scale is None and bool(x.any())
+        known = 0.0 if free else 1.0 if scale is None else scale
+        line = huber((x / np.sqrt(dt))[:, None][:, : int(free)], (y - known * x) / np.sqrt(dt))
+        robust_scale = float(line.beta[0]) if free else known
+        squares = [((b - robust_scale * a) ** 2 / t).mean() for a, b, t in parts if len(a)]
+        return robust_scale, float(np.sqrt(np.median(squares)))
     if scale is None:
         scale = float((x * y / dt).sum() / (x**2 / dt).sum()) if x.any() else 1.0
     return scale, float(np.sqrt(((y - scale * x) ** 2 / dt).mean())) if len(x) else np.nan

@@ -31,7 +31,7 @@ class AssumedModels(NamedTuple):
 
 
 def assumed_models(
-    folder: LogFolder, run: LogRun, others: Sequence[LogRun], stated: Stated, inflate: bool
+    folder: LogFolder, run: LogRun, others: Sequence[LogRun], stated: Stated, inflate: bool, robust: bool = False
 ) -> AssumedModels:
     """The models of a run.
 
@@ -41,15 +41,16 @@ def assumed_models(
         others: the runs to fit on.
         stated: values by name that are not fitted; None: fitted.
         inflate: whether sigma of RSSI accounts for its correlation in time.
+        robust: whether Huber's loss is minimised, so that one bad run counts little.
 
     Raises:
         BadInput: a value is not stated, and the other runs do not suffice to fit it.
 
     """
     motion = _displacements if folder.description.odometry.kind == "displacement" else _wheels
-    values = motion(run, others, stated)
+    values = motion(run, others, stated, robust)
     if len(folder.anchors):
-        values |= _radio(folder, run, others, stated, inflate)
+        values |= _radio(folder, run, others, stated, inflate, robust)
     lacking = [name for name, value in values.items() if not np.isfinite(value)]
     if lacking:
         raise BadInput(
@@ -90,22 +91,25 @@ def prior(run: LogRun, declared: Prior, arena: Array, assumed: AssumedModels) ->
     return Belief(x[None, None].copy(), np.diag(sd**2)[None, None].copy()), source
 
 
-def _wheels(run: LogRun, others: Sequence[LogRun], stated: Stated) -> dict[str, float]:
-    fitted = fit.fit_wheel_odometry(others, run.tick, stated["length_scale"], stated["turn_scale"])._asdict()
+def _wheels(run: LogRun, others: Sequence[LogRun], stated: Stated, robust: bool) -> dict[str, float]:
+    scales = stated["length_scale"], stated["turn_scale"]
+    fitted = fit.fit_wheel_odometry(others, run.tick, *scales, robust)._asdict()
     return fitted | {name: value for name in fitted if (value := stated[name]) is not None}
 
 
-def _displacements(run: LogRun, others: Sequence[LogRun], stated: Stated) -> dict[str, float]:
+def _displacements(run: LogRun, others: Sequence[LogRun], stated: Stated, robust: bool) -> dict[str, float]:
     scale, sigma = stated["length_scale"] or 1.0, stated["sigma_move"]
-    return {"length_scale": scale, "sigma_move": sigma or fit.fit_displacement(others, run.tick, scale)}
+    return {"length_scale": scale, "sigma_move": sigma or fit.fit_displacement(others, run.tick, scale, robust)}
 
 
-def _radio(folder: LogFolder, run: LogRun, others: Sequence[LogRun], stated: Stated, inflate: bool) -> dict[str, float]:
+def _radio(
+    folder: LogFolder, run: LogRun, others: Sequence[LogRun], stated: Stated, inflate: bool, robust: bool
+) -> dict[str, float]:
     """Path loss. As filters assume independent readings, sigma is inflated by sqrt((1 + r) / (1 - r)).
 
     r is the lag-1 correlation of the residuals: the mean of many readings then has the spread that a filter computes.
     """
-    fitted = fit.fit_path_loss(others, folder.anchors, stated["A"], stated["eta"])
+    fitted = fit.fit_path_loss(others, folder.anchors, stated["A"], stated["eta"], robust)
     if fitted.eta <= 0:
         raise BadInput(
             f"{folder.data}: RSSI does not fall with distance in the runs on which {run.name!r} is fitted "
@@ -130,16 +134,31 @@ def _heading(run: LogRun, declared: Prior, assumed: AssumedModels) -> tuple[floa
 
 
 def _first_motion(run: LogRun, turn_scale: float) -> float:
-    """The true course of the first REACH metres, less the turn until then by odometry."""
-    away = np.hypot(*(run.truth[:, :2] - run.truth[0, :2]).T)
+    turns = np.nan_to_num(turn_scale * run.odometry[:, 1]) * run.dt
+    return first_course(str(run.path), run.truth[:, :2], turns)
+
+
+def first_course(where: str, truth: Array, turns: Array) -> float:
+    """The true course of the first REACH metres, less the turn until then by odometry [rad].
+
+    Args:
+        where: names the recording, for an error.
+        truth: (T + 1, 2) [m], nan where unknown but for the first.
+        turns: (T,) [rad]
+
+    Raises:
+        BadInput: the robot does not get that far.
+
+    """
+    away = np.hypot(*(truth - truth[0]).T)
     if not (away > REACH).any():
         raise BadInput(
-            f"{run.path}: the robot never gets {REACH:g} m away from its start, so its first motion gives no heading; "
+            f"{where}: the robot never gets {REACH:g} m away from its start, so its first motion gives no heading; "
             'state heading in [prior] as a number, or as "unknown"'
         )
     end = int(np.argmax(away > REACH))
     begin = int(np.flatnonzero(away[:end] <= REST)[-1])
-    step = run.truth[end, :2] - run.truth[begin, :2]
-    turned = np.concatenate([[0.0], np.cumsum(np.nan_to_num(turn_scale * run.odometry[:, 1]) * run.dt)])
+    step = truth[end] - truth[begin]
+    turned = np.concatenate([[0.0], np.cumsum(turns)])
     course = np.arctan2(step[1], step[0]) - (turned[begin] + turned[end]) / 2
     return float(wrap(np.array(course)))

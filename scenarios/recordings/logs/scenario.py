@@ -36,6 +36,7 @@ class Log(BaseModel):
     run: str = ALL
     fitted_on: Literal["same set-up", "all others"] = "same set-up"  # which of the other runs
     correlation: Literal["inflate", "ignore"] = "inflate"  # of RSSI in time: a larger assumed sigma, or none
+    robust: bool = False  # whether the models are fitted with Huber's loss, so that one bad run counts little
     A: float | None = None  # [dBm] at 1 m
     eta: Positive | None = None  # path-loss exponent
     sigma: Positive | None = None  # [dB]
@@ -125,7 +126,7 @@ class Log(BaseModel):
         stated |= self._overrides(Model)
         run = self._run()
         others = self.folder.others(run.name, same_set_up=self.fitted_on == "same set-up")
-        return models.assumed_models(self.folder, run, others, stated, inflate=self.correlation == "inflate")
+        return models.assumed_models(self.folder, run, others, stated, self.correlation == "inflate", self.robust)
 
     def _declared(self) -> Prior:
         """The description's prior with this scenario's overrides."""

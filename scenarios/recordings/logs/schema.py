@@ -4,16 +4,14 @@
 `{column = "name", unit = "cm"}`. `wifi.log.toml` is a commented example.
 """
 
-import re
-import tomllib
 from importlib.resources import files
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
-from cooploc.estimators import nearest
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.recordings.logs.columns import Angle, Metres, Number, Power, Seconds, Speed, Strict, TurnRate
+from cooploc.scenarios.recordings.logs.toml_errors import parse
 from cooploc.scenarios.worlds.radio_arena import Positive
 
 NAME = "log.toml"  # of the description in a directory of logs
@@ -154,43 +152,15 @@ def load(path: Any) -> Description:
     """
     try:
         text = path.read_text(encoding="utf-8")
-        return Description.model_validate(tomllib.loads(text))
     except FileNotFoundError:
         raise BadInput(
             f"{path}: there is no such file; describe the columns of the log there, as the shipped wifi.log.toml does"
         ) from None
-    except ValidationError as e:
-        raise BadInput(f"{path}{_explained(text, e)}") from None
-    except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as e:
+    except (OSError, UnicodeDecodeError) as e:
         raise BadInput(f"{path}: cannot be read as TOML ({e}); correct it") from None
+    return parse(path, text, Description, TABLES, "the shipped wifi.log.toml is an example")
 
 
 def shipped(name: str) -> Any:
     """The path of a description that comes with cooploc."""
     return files(__package__) / f"{name}.{NAME}"
-
-
-def _explained(text: str, e: ValidationError) -> str:
-    """Line, key and remedy of an error; an unknown key comes first, as it explains one that is missing."""
-    first = min(e.errors(), key=lambda error: error["type"] != "extra_forbidden")
-    path = [str(part) for part in first["loc"] if str(part).isidentifier() or isinstance(part, int)]
-    table, key = path[:2] if len(path) > 1 else ["", *path, ""][:2]
-    line = _line(text, table, key)
-    if first["type"] == "extra_forbidden":
-        known = list((TABLES[table] if table else Description).model_fields)
-        return f"{line}: there is no key {key!r}{f' in [{table}]' if table else ''}; {nearest(key, known)}"
-    example = "; the shipped wifi.log.toml is an example" if first["type"] == "missing" else ""
-    return f"{line}: {'.'.join(path)}{': ' if path else ''}{first['msg'].removeprefix('Value error, ')}{example}"
-
-
-def _line(text: str, table: str, key: str) -> str:
-    """ ", line N" of a key's first appearance in a table of the file; of the table's own where key is not in it."""
-    found, inside = "", not table
-    for i, line in enumerate(text.splitlines(), 1):
-        if header := re.match(r"\s*\[+\s*([\w.]+)", line):
-            inside = header[1] == (table or key)
-            if inside:
-                found = f", line {i}"
-        elif inside and re.match(rf"\s*[\"']?{re.escape(key)}[\"']?\s*=", line):
-            return f", line {i}"
-    return found

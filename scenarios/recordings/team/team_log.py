@@ -7,7 +7,9 @@ ticks. Stamps are seconds since the epoch or since an arbitrary zero, the same f
 from collections.abc import Mapping
 from typing import Literal, NamedTuple
 
-from cooploc.estimators.interface import Array, Indices
+import numpy as np
+
+from cooploc.estimators.interface import Array, Indices, Mask
 
 OdometryKind = Literal["velocity", "pose", "displacement", "path"]
 Channel = Literal["range", "rssi", "sighting", "landmark", "anchor_rssi", "anchor_range"]
@@ -66,3 +68,29 @@ class TeamLog(NamedTuple):
     landmarks: Places
     anchors: Places
     warnings: tuple[str, ...] = ()  # what was dropped while reading, one sentence each
+
+
+def with_known_places(log: TeamLog) -> TeamLog:
+    """The log without fixed things whose place is not known, of which no estimator can make anything."""
+    log = _known(log, "landmarks", ("landmark",))
+    return _known(log, "anchors", ("anchor_rssi", "anchor_range"))
+
+
+def _known(log: TeamLog, what: Literal["landmarks", "anchors"], channels: tuple[Channel, ...]) -> TeamLog:
+    places: Places = getattr(log, what)
+    there: Mask = np.asarray(np.isfinite(places.positions).all(-1))
+    if there.all():
+        return log
+    lost = [name for name, known in zip(places.names, there, strict=True) if not known]
+    number = np.where(there, np.cumsum(there) - 1, -1)
+    readings = dict(log.readings)
+    for channel in set(channels) & set(readings):
+        r = readings[channel]
+        kept = there[r.other]
+        readings[channel] = Readings(r.time[kept], r.robot[kept], number[r.other][kept], r.values[kept], r.source)
+        if not kept.any():
+            del readings[channel]
+    names = tuple(name for name, known in zip(places.names, there, strict=True) if known)
+    told = f"the places of {', '.join(lost)} are not known; their readings were left out"
+    log, found = log._replace(readings=readings, warnings=(*log.warnings, told)), Places(names, places.positions[there])
+    return log._replace(landmarks=found) if what == "landmarks" else log._replace(anchors=found)

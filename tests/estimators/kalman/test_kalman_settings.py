@@ -39,9 +39,13 @@ def test_a_direction_of_arrival_without_four_corners_is_refused(name):
 
 
 def test_channels_are_what_is_read():
-    assert make("ekf-local").uses == ("odometry", "anchor_rssi|landmark")
-    assert make("ekf-naive", reading="rssi").uses == ("odometry", "anchor_rssi|landmark", "sighting|radio_rssi")
-    assert make("ekf-ci", form="ls").uses == ("odometry", "anchor_rssi|landmark", "sighting")
+    assert make("ekf-local").uses == ("odometry", "anchor_rssi|landmark|anchor_range")
+    assert make("ekf-naive", reading="rssi").uses == (
+        "odometry",
+        "anchor_rssi|landmark|anchor_range",
+        "sighting|radio_rssi",
+    )
+    assert make("ekf-ci", form="ls").uses == ("odometry", "anchor_rssi|landmark|anchor_range", "sighting")
     assert make("ekf-local", anchor_reading="none").uses == ("odometry",)
     assert make("ekf-luft", anchor_reading="none", reading="rssi").uses == ("odometry", "sighting|radio_rssi")
     assert make("ekf-ci", anchor_reading="none", form="ls").uses == ("odometry", "sighting")

@@ -144,6 +144,18 @@ OTHER = {
 PATH = 'kind = "path"\nlength = "metres"\nturn_rate = "turn"\nholds = "until the next line"'
 
 
+def test_one_bad_run_turns_a_robust_fit_by_little(data):
+    """Of five runs to fit on, the gyroscope of one is upside down."""
+    for i, name in enumerate(("d", "e", "f")):
+        write(data, name, lines(3 + i))
+    good = simulate(data)[1].notes["models"]["turn_scale"]
+    upside_down = {(k, "turn"): f"{-float(line[COLUMNS.index('turn')]):.9f}" for k, line in enumerate(lines(5))}
+    change(data, "f", upside_down)
+    plain, robust = (simulate(data, robust=robust)[1].notes["models"]["turn_scale"] for robust in (False, True))
+    assert abs(plain / good - 1) > 0.1
+    assert abs(robust / good - 1) < 0.05
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_across_a_gap_a_command_is_unknown_and_a_counter_is_not(data, kind):
     before = simulate(data)[1].senses.odometry[0, 20, 0, 0]

@@ -1,0 +1,135 @@
+"""Fits the models of a team, robustly, on parts of recordings that are not judged.
+
+A value that the description states, or a parameter overrides, is not fitted.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from cooploc.estimators.interface import Array, Indices
+from cooploc.estimators.models.sensors import NEAR
+from cooploc.scenarios.recordings.logs import fit as single
+from cooploc.scenarios.recordings.logs.run import LogRun
+from cooploc.scenarios.recordings.robust import huber
+from cooploc.scenarios.recordings.team.residuals import Part, Residuals, of_robot
+from cooploc.scenarios.recordings.team.team_log import OdometryKind
+
+ENOUGH = 30  # readings of a pair, or windows of a robot; with fewer it gets what is fitted on all
+LEAST = 1e-3  # [m] or [rad]: no sensor is taken to be better
+MOST_CORRELATED = 0.99
+
+
+class RangeFit(NamedTuple):
+    """z = distance + bias of the pair + noise."""
+
+    bias: dict[int, float]  # by link [m]
+    common: float  # of links that are not in `bias` [m]
+    sigma: float  # [m]
+    lag1: float  # correlation of a link's residuals from reading to reading, one in a tick
+
+
+class Odometry(NamedTuple):
+    """True motion = scale x odometry + noise."""
+
+    scales: Array  # (n, 2) of length and turn, by robot
+    sigmas: tuple[float, ...]  # of v [m/s] and omega [rad/s], or of dx and dy [m], at the tick
+
+
+def fit_range(r: Residuals, bias: float | None, robust: bool) -> RangeFit:
+    """Bias by pair, unless one is given, and sigma; nan where there are too few readings."""
+    e = r.z[:, 0] - r.distance
+    if len(e) < 3:
+        return RangeFit({}, bias if bias is not None else np.nan, np.nan, 0.0)
+    if bias is not None:
+        by_link, common = {}, bias
+    else:
+        common = _location(e, robust)
+        links = [int(link) for link in np.unique(r.link) if (r.link == link).sum() >= ENOUGH]
+        by_link = {link: _location(e[r.link == link], robust) for link in links}
+    rest = e - np.array([by_link.get(int(link), common) for link in r.link])
+    return RangeFit(by_link, common, max(_spread(rest, robust), LEAST), lag1(r, rest - np.median(rest)))
+
+
+def fit_path_loss(r: Residuals, A: float | None, eta: float | None, robust: bool) -> tuple[float, float, float, float]:
+    """A [dBm], eta, sigma [dB] and lag-1 correlation of z = A - 10 eta log10 d; nan where readings are too few."""
+    given = np.array([np.nan if value is None else value for value in (A, eta)])
+    free = np.isnan(given)
+    if len(r.z) < 3:
+        return float(given[0]), float(given[1]), np.nan, 0.0
+    X = np.stack([np.ones(len(r.z)), -10 * np.log10(np.maximum(r.distance, NEAR))], -1)
+    rest = r.z[:, 0] - X[:, ~free] @ given[~free]
+    given[free] = _line(X[:, free], rest, robust)
+    e = r.z[:, 0] - X @ given
+    return float(given[0]), float(given[1]), max(_spread(e, robust), LEAST), lag1(r, e)
+
+
+def fit_sighting(r: Residuals, robust: bool) -> tuple[float, float]:
+    """sigma of range [m] and of bearing [rad]; nan where there are too few readings or no true heading."""
+    errors = (r.z[:, 0] - r.distance, r.z[:, 1]) if len(r.z) else (np.empty(0), np.empty(0))
+    known = (e[np.isfinite(e)] for e in errors)
+    sigma_range, sigma_bearing = (max(_spread(e, robust), LEAST) if len(e) > 2 else np.nan for e in known)
+    return sigma_range, sigma_bearing
+
+
+def fit_odometry(
+    parts: Sequence[Part],
+    robots: Sequence[str],
+    kind: OdometryKind,
+    stated: tuple[float | None, float | None],
+    tick: float,
+    max_gap: float,
+    robust: bool,
+) -> Odometry:
+    """Scales by robot where they are not given; for a robot with few windows, those fitted on all."""
+    mine = {robot: of_robot(parts, robot, tick, max_gap) for robot in robots}
+    every = [run for runs in mine.values() for run in runs]
+    if kind == "displacement":
+        scale = stated[0] or 1.0
+        sigma = single.fit_displacement(every, tick, scale, robust)
+        return Odometry(np.full((len(robots), 2), scale), (sigma, sigma))
+    common = single.fit_wheel_odometry(every, tick, *stated, robust)
+    scales = []
+    for robot in robots:
+        enough = sum(int(run.known.sum()) for run in mine[robot]) >= ENOUGH
+        own = single.fit_wheel_odometry(mine[robot], tick, *stated, robust) if enough else common
+        scales.append([own.length_scale, own.turn_scale])
+    scaled = [_scaled(run, scale) for robot, scale in zip(robots, scales, strict=True) for run in mine[robot]]
+    rest = single.fit_wheel_odometry(scaled, tick, 1.0, 1.0, robust)
+    return Odometry(np.array(scales), (rest.sigma_v, rest.sigma_omega))
+
+
+def inflation(lag: float) -> float:
+    """Factor on sigma: the mean of many readings then has the spread that a filter of independent ones computes."""
+    r = min(max(lag, 0.0), MOST_CORRELATED)
+    return float(np.sqrt((1 + r) / (1 - r)))
+
+
+def lag1(r: Residuals, e: Array) -> float:
+    """Correlation of residuals (m,) from one tick to the next of the same link, with one reading in a tick."""
+    order = np.lexsort((r.tick, r.link))
+    key = np.stack([r.link, r.tick], -1)[order]
+    first = np.append(True, (np.diff(key, axis=0) != 0).any(-1))[: len(key)]
+    key, e = key[first], e[order][first]
+    next_to: Indices = np.flatnonzero((np.diff(key[:, 0]) == 0) & (np.diff(key[:, 1]) == 1))
+    a, b = e[next_to], e[next_to + 1]
+    power = float(np.sqrt((a**2).sum() * (b**2).sum()))
+    return float((a * b).sum()) / power if power else 0.0
+
+
+def _scaled(run: LogRun, scale: Sequence[float]) -> LogRun:
+    return run._replace(odometry=run.odometry * np.array(scale))
+
+
+def _line(X: Array, y: Array, robust: bool) -> Array:
+    return huber(X, y).beta if robust else np.asarray(np.linalg.lstsq(X, y)[0], float)
+
+
+def _location(e: Array, robust: bool) -> float:
+    return float(_line(np.ones((len(e), 1)), e, robust)[0])
+
+
+def _spread(e: Array, robust: bool) -> float:
+    """Standard deviation about zero; with `robust`, of the Gaussian core."""
+    return huber(np.empty((len(e), 0)), e).sigma if robust else float(np.sqrt((e**2).mean()))

@@ -1,0 +1,127 @@
+"""A team's log on a grid of ticks: odometry over each tick, true poses at its ends, each reading at the nearest tick.
+
+Nothing is invented: across gaps truth is unknown, and so is a velocity; a counter, a pose or displacements still give
+the distance. Of several readings in one cell the last is kept, and the others are counted.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cooploc.estimators.interface import Array, Indices, Mask
+from cooploc.estimators.models.angles import wrap, wrap_heading
+from cooploc.estimators.plugins.errors import BadInput
+from cooploc.scenarios.recordings.resampling import interpolate, mean_held
+from cooploc.scenarios.recordings.team.team_log import OdometryKind, Readings, Series, TeamLog
+
+
+class Grid(NamedTuple):
+    """Ticks of one length."""
+
+    t0: float  # time of the prior [s]
+    tick: float  # [s]
+    ticks: int
+
+    @property
+    def edges(self) -> Array:
+        """Ends of the ticks, after the prior's time (T + 1,) [s]."""
+        return self.t0 + self.tick * np.arange(self.ticks + 1.0)
+
+    def nearest(self, time: Array) -> Indices:
+        """The number of the tick whose end is nearest; -1: the prior's time."""
+        return np.floor((time - self.t0) / self.tick + 0.5).astype(np.int64) - 1
+
+
+def span(log: TeamLog) -> tuple[float, float]:
+    """From when every robot has odometry, and truth if it ever has, until one has no odometry or none has truth [s].
+
+    Raises:
+        BadInput: no such time.
+
+    """
+    truths = [series for series in log.truth if series is not None and len(series.time)]
+    begin = max(series.time[0] for series in (*log.odometry, *truths))
+    end = min(min(s.time[-1] for s in log.odometry), max((s.time[-1] for s in truths), default=-np.inf))
+    if not end > begin:
+        sources = {s.source: (s.time[0], s.time[-1]) for s in (*log.odometry, *truths)}
+        late, early = max(sources, key=lambda s: sources[s][0]), min(sources, key=lambda s: sources[s][1])
+        raise BadInput(
+            f"run {log.name!r}: {late} begins at {sources[late][0]:.3f} s and {early} ends at {sources[early][1]:.3f} "
+            "s; they share no time: state clock_offset [s] in log.toml for those whose clock is off"
+        )
+    return float(begin), float(end)
+
+
+def poses(series: Series | None, at: Array, max_gap: float) -> Array:
+    """True poses (len(at), 3) at some times [s]; nan where unknown."""
+    if series is None:
+        return np.full((len(at), 3), np.nan)
+    t = at[0] if len(at) else 0.0  # small numbers keep their digits
+    columns = []
+    for part, angle in ((series.values[:, :2], False), (series.values[:, 2:], True)):
+        there = np.isfinite(part).all(-1)
+        known = np.unwrap(part[there], axis=0) if angle else part[there]
+        nowhere = np.full((len(at), part.shape[1]), np.nan)
+        columns.append(interpolate(series.time[there] - t, known, at - t, max_gap) if there.any() else nowhere)
+    return wrap_heading(np.concatenate(columns, -1))
+
+
+def odometry(kind: OdometryKind, series: Series, grid: Grid, max_gap: float) -> Array:
+    """What a robot measured of its own motion in each tick (T, 2): v [m/s], omega [rad/s]; or dx, dy [m]."""
+    time, edges, u = series.time - grid.t0, grid.edges - grid.t0, series.values
+    if kind == "velocity":
+        return np.where(_gaps(time, edges, max_gap)[:, None], np.nan, mean_held(time, u, edges))
+    if kind == "path":
+        length = np.diff(interpolate(time, u[:, :1], edges, np.inf), axis=0) / grid.tick
+        turn = np.where(_gaps(time, edges, max_gap)[:, None], np.nan, mean_held(time, u[:, 1:], edges))
+        return np.concatenate([length, turn], -1)
+    if kind == "displacement":
+        return np.diff(interpolate(time, np.cumsum(u, axis=0), edges, np.inf), axis=0)
+    turned = np.concatenate([u[:, :2], np.unwrap(u[:, 2:], axis=0)], -1)
+    step = np.diff(interpolate(time, turned, edges, np.inf), axis=0)
+    course = interpolate(time, turned, edges[:-1], np.inf)[:, 2] + step[:, 2] / 2
+    forward = step[:, 0] * np.cos(course) + step[:, 1] * np.sin(course)
+    return np.stack([forward, step[:, 2]], -1) / grid.tick
+
+
+def cells(readings: Readings, grid: Grid, robots: int, others: int) -> tuple[Array, dict[str, Any]]:
+    """Readings (T, robots, others, k), each at the tick nearest to its stamp, and counts of them."""
+    k = grid.nearest(readings.time)
+    inside = (k >= 0) & (k < grid.ticks)
+    shape = (grid.ticks, robots, others)
+    flat = np.asarray(
+        np.ravel_multi_index((k[inside], readings.robot[inside], readings.other[inside]), shape), np.int64
+    )
+    cell, last = np.unique(flat[::-1], return_index=True)
+    table = np.full((grid.ticks * robots * others, readings.values.shape[1]), np.nan)
+    table[cell] = readings.values[inside][::-1][last]
+    counts = {
+        "readings": len(k),
+        "kept": len(cell),
+        "collisions": int(inside.sum()) - len(cell),
+        "outside_span": int((~inside).sum()),
+    }
+    return table.reshape(*shape, -1), counts
+
+
+def in_turn(readings: Readings) -> Readings:
+    """A pair's readings of each other, given to its two robots in turn, so that each is used once and both profit."""
+    low, high = np.minimum(readings.robot, readings.other), np.maximum(readings.robot, readings.other)
+    robot, other = low.copy(), high.copy()
+    for a, b in sorted(set(zip(low.tolist(), high.tolist(), strict=True))):
+        second = np.flatnonzero((low == a) & (high == b))[1::2]
+        robot[second], other[second] = b, a
+    return readings._replace(robot=robot, other=other)
+
+
+def bearing(pose: Array, place: Array) -> Array:
+    """Where places (m, 2) lie as seen from poses (m, 3) [rad]."""
+    return wrap(np.arctan2(place[:, 1] - pose[:, 1], place[:, 0] - pose[:, 0]) - pose[:, 2])
+
+
+def _gaps(time: Array, edges: Array, max_gap: float) -> Mask:
+    """Ticks (T,) that begin or end between two stamps further apart than `max_gap`."""
+    gap = np.append(np.diff(time, prepend=time[0]), 0.0)  # before each stamp, and after the last
+    begins = gap[np.searchsorted(time, edges[:-1], side="right")]
+    ends = gap[np.searchsorted(time, edges[1:], side="left")]
+    return np.asarray((begins > max_gap) | (ends > max_gap))

@@ -1,0 +1,225 @@
+"""A team's own recordings as a scenario.
+
+A directory holds `log.toml` (`schema` says what is in it) and the recordings that it describes: `log/RUN` is one run,
+`log/all` has a trial for each. The models of a run are fitted on the *other* runs, or on its first part, which is then
+not judged; each run has a world of its own, so a stream holds one.
+
+When packets are exchanged is not recorded: every robot can reach every other in every tick, or, with
+`packets="with a reading"`, where a radio reading of the sender was recorded. Readings by radio exist where they were
+measured, and nowhere else.
+"""
+
+from collections.abc import Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from cooploc.estimators.interface import Array, Mask, Senses, World
+from cooploc.estimators.plugins.errors import BadInput
+from cooploc.scenarios.recordings.team import sampling, schema
+from cooploc.scenarios.recordings.team.folder import ALL, TeamFolder
+from cooploc.scenarios.recordings.team.models import How, TeamModels, team_models
+from cooploc.scenarios.recordings.team.prior import prior
+from cooploc.scenarios.recordings.team.residuals import Part
+from cooploc.scenarios.recordings.team.sampling import Grid
+from cooploc.scenarios.recordings.team.sensed import sensed
+from cooploc.scenarios.recordings.team.team_log import TeamLog
+from cooploc.scenarios.stream import Stream, Truth
+from cooploc.scenarios.worlds.radio_arena import Positive
+
+MARGIN = 2.0  # [m] around all fixed things: the arena must not be taken from the truth
+
+
+class Judged(NamedTuple):
+    """A run, the part of it that is judged, and what is known of it."""
+
+    log: TeamLog
+    grid: Grid
+    models: TeamModels
+    arena: Array  # (2, 2) [m]
+
+
+class TeamScenario(schema.Model):
+    """Parameters of the scenario, in SI units; None: as log.toml states, or fitted."""
+
+    data: Path  # the directory of log.toml
+    run: str = ALL
+    fitted_on: Literal["same set-up", "all others"] = "same set-up"  # which of the other runs
+    bias: Literal["fitted", "none"] = "fitted"  # of ranges: subtracted as fitted; or raw, and part of sigma
+    correlation: Literal["inflate", "ignore"] = "inflate"  # of ranges and RSSI in time: a larger sigma, or none
+    robust: bool = True  # whether Huber's loss is minimised, so that one bad run counts little
+    packets: Literal["every tick", "with a reading"] = "every tick"
+    tick: Annotated[float, Field(ge=0.01, le=60)] | None = None  # [s]
+    start: Annotated[float, Field(ge=0)] | None = None  # [s] left out at the beginning
+    duration: Positive | None = None  # [s] at most
+    position_sd: Positive | None = None  # [m] of the prior
+    heading_sd: Positive | None = None  # [rad] of the prior
+
+    @cached_property
+    def folder(self) -> TeamFolder:
+        """The recordings in the directory."""
+        return TeamFolder(self.data)
+
+    @cached_property
+    def judged(self) -> Judged:
+        """The run that is simulated, with its models."""
+        if self.run == ALL:
+            raise BadInput(f"{self.data}: {ALL!r} is {self.count()} runs; choose one with at([0])")
+        log, fit = self.folder.log(self.run), self.folder.description.fit
+        begin, end = sampling.span(log)
+        begin += self._sample.start
+        first = begin + (fit.seconds or 0.0)
+        grid = self._grid(log, first, end)
+        if fit.on == "first part":
+            parts = [Part(log, begin, first)]
+        else:
+            others = self.folder.others(self.run, self.fitted_on == "same set-up") if fit.on == "other runs" else []
+            parts = [Part(other, *sampling.span(other)) for other in others]
+        return Judged(log, grid, team_models(log, parts, self._how), _arena(log, self.folder))
+
+    @cached_property
+    def _of_all(self) -> dict[int, "TeamScenario"]:
+        """The runs of `all` by trial, as far as they were asked for, so that each is fitted once."""
+        return {}
+
+    def count(self) -> int:
+        """How many trials there are: one, or one for each different run of `all`."""
+        return len(self._names())
+
+    def at(self, trials: Sequence[int]) -> "TeamScenario":
+        """The scenario of one run, from the list with its one trial.
+
+        Raises:
+            BadInput: there are several trials, or there is no such trial or run.
+
+        """
+        names = self._names()
+        there = f"{self.data}: {self.run!r} has {len(names)} trial{'s' * (len(names) > 1)}"
+        if len(trials) != 1:
+            raise BadInput(f"{there}, and a stream holds one, as each run has its own models; ask for trials=[0]")
+        if trials[0] >= len(names):
+            raise BadInput(f"{there}, numbered from 0; there is no trial {trials[0]}; ask for an existing one")
+        if self.run != ALL:
+            return self
+        return self._of_all.setdefault(trials[0], self.model_copy(update={"run": names[trials[0]]}))
+
+    def world(self) -> World:
+        """What the team knows of this run: fixed things, arena, and assumed models."""
+        log, grid, models, arena = self.judged
+        return World(
+            robots=len(log.robots),
+            tick=grid.tick,
+            arena=arena,
+            motion=models.motion,
+            sensors=models.sensors,
+            anchors=log.anchors.positions,
+            landmarks=log.landmarks.positions,
+            t0=grid.t0,
+        )
+
+    def simulate(self, label: str, trials: Sequence[int], seed: int, world: World) -> tuple[Truth, Stream]:
+        """Truth and stream of one run, with `world` as what the team knows; the seed changes nothing."""
+        log, grid, models, arena = self.judged
+        gap = self._sample.max_gap
+        edges = grid.edges
+        poses = np.stack([sampling.poses(series, edges, gap) for series in log.truth], 1)
+        headed = bool((np.isfinite(poses[1:, :, 2]) | np.isnan(poses[1:, :, 0])).all())
+        path = poses[None, 1:, :, : 3 if headed else 2].copy()
+        valid: Mask = np.asarray(np.isfinite(path).all(-1))
+        u = [sampling.odometry(log.odometry_kind, series, grid, gap) for series in log.odometry]
+        odometry = np.stack(u, 1) * models.scales
+        seen = sensed(log, grid, models.bias, self._sample.ranges_go_to, self.packets)
+        turns = None if log.odometry_kind == "displacement" else odometry[..., 1] * grid.tick
+        belief, source = prior(log, self._prior, arena, poses, turns)
+        dt = np.full((1, *odometry.shape[:2]), grid.tick)
+        stream = Stream(
+            scenario=label,
+            seed=seed,
+            trial=np.array(trials, np.int64),
+            time=edges[1:],
+            world=world,
+            prior=belief,
+            senses=Senses(odometry[None], dt, seen.anchor_rssi, seen.landmark, seen.sighting, seen.extra),
+            air=seen.air,
+            notes=self._notes(odometry, valid) | {"prior": source, "readings": seen.counts},
+        )
+        return Truth(label, stream.trial, path, valid, arena, stream.hashes), stream
+
+    def explained(self) -> list[str]:
+        """What was fitted on what, and what was dropped while reading, run by run."""
+        if self.run == ALL:
+            return [line for k in range(self.count()) for line in self.at([k]).explained()]
+        try:
+            log, models = self.judged.log, self.judged.models
+        except BadInput as e:
+            return [str(e)]
+        values = "; ".join(f"{name} {_shown(value)}" for name, value in models.notes.items() if name != "fitted_on")
+        return [*log.warnings, f"run {log.name!r}: models fitted on {models.notes['fitted_on']}: {values}"]
+
+    def _names(self) -> list[str]:
+        return self.folder.different if self.run == ALL else [self.folder.log(self.run).name]
+
+    def _grid(self, log: TeamLog, first: float, end: float) -> Grid:
+        sample = self._sample
+        length = min(end - first, sample.duration or np.inf)
+        if length < sample.tick:
+            raise BadInput(
+                f"run {log.name!r} has {max(end - first, 0):.3g} s to be judged, less than a tick of {sample.tick:g} "
+                "s: choose a smaller start, [fit] seconds or tick in log.toml"
+            )
+        return Grid(first, sample.tick, int(length / sample.tick + 1e-6))
+
+    @property
+    def _sample(self) -> schema.Sample:
+        return self.folder.description.sample.model_copy(update=self._overrides(("tick", "start", "duration")))
+
+    @property
+    def _prior(self) -> schema.Prior:
+        return self.folder.description.prior.model_copy(update=self._overrides(("position_sd", "heading_sd")))
+
+    @property
+    def _how(self) -> How:
+        stated = self.folder.description.model.model_dump() | self._overrides(tuple(schema.Model.model_fields))
+        sample = self._sample
+        return How(sample.tick, sample.max_gap, stated, self.bias, self.robust, self.correlation == "inflate")
+
+    def _overrides(self, names: Sequence[str]) -> dict[str, Any]:
+        """The parameters that replace values of the description."""
+        return {name: value for name in names if (value := getattr(self, name)) is not None}
+
+    def _notes(self, odometry: Array, valid: Mask) -> dict[str, Any]:
+        log, models = self.judged.log, self.judged.models
+        return {
+            "world": type(self).__name__,
+            "parameters": self.model_dump(mode="json", exclude={"data"}),
+            "recording": f"{self.data.resolve().name}/{log.name}",
+            "robots": list(log.robots),
+            "source": self.folder.description.about,
+            "models": models.notes,
+            "odometry_missing": np.isnan(odometry).any(-1).sum(0).tolist(),
+            "truth_masked": (~valid[0]).sum(0).tolist(),
+            "warnings": list(log.warnings),
+        }
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, dict):
+        return ", ".join(f"{name} {_shown(each)}" for name, each in value.items())
+    if isinstance(value, list):
+        return " and ".join(map(_shown, value))
+    return f"{value:.4g}"
+
+
+def _arena(log: TeamLog, folder: TeamFolder) -> Array:
+    if folder.description.arena:
+        return np.array(folder.description.arena, float)
+    fixed = np.concatenate([log.anchors.positions, log.landmarks.positions])
+    if not len(fixed):
+        raise BadInput(
+            f"{folder.data}: there are no fixed things to tell the arena by; state its corners [m] in log.toml: "
+            "arena = [[0, 0], [6, 4]]"
+        )
+    return np.stack([fixed.min(0) - MARGIN, fixed.max(0) + MARGIN])

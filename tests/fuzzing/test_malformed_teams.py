@@ -1,0 +1,146 @@
+"""A team's directory with one thing wrong in log.toml or in a file: one line that names the place."""
+
+import shutil
+
+import pytest
+from attempts import attempted
+from made_team import DESCRIPTION, describe, write
+
+import cooploc as cl
+from cooploc.estimators.plugins.errors import BadInput
+
+SHORT = DESCRIPTION.replace("seconds = 60.0", "seconds = 4.0")
+ANCHORS = "[anchors]\nplaces = { north = [1, 2] }\n[fit]"
+
+# What is replaced in log.toml, by what, and a part of what is said.
+IN_TOML = [
+    ('format = "csv"', 'format = "cvs"', "line 2: format"),
+    ('format = "csv"', 'format = "bag"', 'takes topic = "..."'),
+    ('format = "csv"', 'format = "pyfg"', "says itself where everything is"),
+    ('format = "csv"', "", "format"),
+    ('robots = ["red", "blue"]', "", "robots is missing"),
+    ('robots = ["red", "blue"]', 'robots = ["red", "red"]', "'red' is the name of two things"),
+    ('robots = ["red", "blue"]', 'robots = ["red", "green"]', "robot 'green' has fewer than two lines of odometry"),
+    ('robots = ["red", "blue"]', 'robots = ["red", "b lue"]', "robots"),
+    ('robots = ["red", "blue"]', 'robots = "red"', "robots"),
+    ("arena = [[0, 0], [8, 6]]", "arena = [[8, 6], [0, 0]]", "lower left and the upper right corner"),
+    ("arena = [[0, 0], [8, 6]]", "", "state its corners"),
+    ("arena = [[0, 0], [8, 6]]", "arena = [0, 8]", "line 5: arena"),
+    ("[odometry]", "[odometri]", "did you mean 'odometry'"),
+    ('kind = "velocity"', 'kind = "speed"', "line 8: odometry.kind"),
+    ('kind = "velocity"', 'kind = "pose"', "kind 'pose' takes x, y, heading, not speed, turn_rate"),
+    ('kind = "velocity"', "", "odometry.kind"),
+    ('speed = "v"', "", "kind 'velocity' takes speed, turn_rate, not turn_rate"),
+    ('speed = "v"', 'speed = "vv"', "there is no column 'vv'; did you mean 'v'"),
+    ('speed = "v"', 'speed = { column = "v", unit = "mph" }', "unit 'mph' is not one of m/s"),
+    ('speed = "v"', 'speed = { name = "v" }', 'write a column as "name" or'),
+    ('speed = "v"', "speed = 3", 'write a column as "name" or'),
+    ('file = "odom_{robot}.csv"', 'file = "odom.csv"', "whose lines are they"),
+    ('file = "odom_{robot}.csv"', 'file = "odo_{robot}.csv"', "has a file odo_{robot}.csv"),
+    ('file = "odom_{robot}.csv"', 'file = "../odom_{robot}.csv"', "name one inside the directory"),
+    ('file = "odom_{robot}.csv"', 'topic = "/{robot}/odom"', "not speed, turn_rate"),
+    ('file = "odom_{robot}.csv"', "", "state where it is"),
+    ('time = "t"', 'time = "stamp"', "there is no column 'stamp'"),
+    ('time = "t"', "time = []", "odometry.time"),
+    ("[truth]", "[truth]\nclock_offset = nan", "truth.clock_offset"),
+    ("[truth]", "[truth]\nclock_offset = 500.0", "share no time: state clock_offset"),
+    ("[truth]", '[truth]\nframe = "upside down"', "truth.frame"),
+    ("[truth]", "[truth]\nmax_speed = -1", "truth.max_speed"),
+    ('x = "x"', "", "x and y are missing"),
+    ('file = "mocap_{robot}.csv"', 'file = "mokap_{robot}.csv"', "mokap_red.csv: there is no such file"),
+    ('heading = "yaw"', "", "has no true heading"),
+    ('other = "to"', "", "what was measured"),
+    ('range = "d"', "", "name the column"),
+    ('range = "d"', 'range = "d"\neach = { north = "d" }', "name the column"),
+    ('range = "d"', 'range = { column = "d", unit = "dBm" }', "unit 'dBm' is not one of m, cm, mm"),
+    ('file = "uwb.csv"', 'file = "uwb2.csv"', "uwb2.csv: there is no such file"),
+    ("[fit]", "[anchors]\n[fit]", "there are no places"),
+    ("[fit]", "[anchors]\nplaces = { red = [1, 2] }\n[fit]", "'red' is the name of two things"),
+    ("[fit]", "[anchors]\nplaces = { north = [1] }\n[fit]", "anchors.places"),
+    ("[fit]", '[anchors]\nfile = "places.csv"\n[fit]', "needs the columns name, x and y"),
+    ("[fit]", '[anchors]\nfile = "p.csv"\nname = "n"\nx = "x"\ny = "y"\n[fit]', "p.csv: there is no such file"),
+    ("[fit]", "[sample]\ntick = 0\n[fit]", "sample.tick"),
+    ("[fit]", "[sample]\nstart = 100\n[fit]", "to be judged, less than a tick"),
+    ("[fit]", '[prior]\nposition = "somewhere"\n[fit]', "prior.position"),
+    ("[fit]", "[prior]\nheading = { red = 0.0 }\n[fit]", "name each of red, blue"),
+    ("[fit]", "[prior]\nposition_sd = 0\n[fit]", "prior.position_sd"),
+    ("seconds = 4.0", "", 'on = "first part" needs seconds'),
+    ("seconds = 4.0", "seconds = 400.0", "has 0 s to be judged"),
+    ("seconds = 4.0", "seconds = 0.001", "too little for"),
+    ('on = "first part"\nseconds = 4.0', 'on = "other runs"', "is fitted on no other run, too little for"),
+    ('on = "first part"\nseconds = 4.0', 'on = "nothing"', "too little for"),
+    ("seconds = 4.0", "seconds = 4.0\n[model]\nsigma_v = 0", "model.sigma_v"),
+    ("seconds = 4.0", "seconds = 4.0\n[model]\nsigmav = 1", "did you mean 'sigma_v'"),
+    ("seconds = 4.0", "seconds = 4.0\nseconds = 5.0", "cannot be read as TOML"),
+    ("seconds = 4.0", "seconds = four", "cannot be read as TOML"),
+    ("[fit]", "[time]\ncolumns = []\n[fit]", "there is no key 'time'"),
+]
+
+# Which file, what is replaced in its line of a number, by what, and a part of what is said.
+IN_FILES = [
+    ("odom_red.csv", 1, "t,v,w", "t,v", "there is no column 'w'"),
+    ("odom_red.csv", 1, "t,v,w", "t,v,v,w", "two columns are named 'v'"),
+    ("odom_red.csv", 1, "t,v,w", "", "there is no column"),
+    ("odom_red.csv", 7, ",", ";", "fields, not 3"),
+    ("odom_red.csv", 7, ",", ",x", "which is not a number"),
+    ("odom_red.csv", 7, ",", ",1e99", "which is not a number"),
+    ("odom_red.csv", 7, ",", ",,", "4 fields, not 3"),
+    ("odom_red.csv", 7, "17", "", "its time is"),
+    ("odom_red.csv", 7, "17", ",17", "4 fields, not 3"),
+    ("mocap_blue.csv", 9, "17", "x17", "sec is 'x17"),
+    ("mocap_blue.csv", 9, "17", "27", "before an earlier line's; sort the file by time"),
+    ("uwb.csv", 5, "17", "seventeen", "t is 'seventeen"),
+    ("uwb.csv", 5, ",", "\0,", "this is not UTF-8 text"),
+    ("uwb.csv", 1, "from", "who", "there is no column 'from'"),
+    ("uwb.csv", 5, "red,", "", "3 fields, not 4"),
+]
+
+
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("teams") / "lab"
+    write(folder, seconds=6.0, hertz=10.0)
+    describe(folder, text=SHORT)
+    return folder
+
+
+@pytest.fixture
+def copied(sound, tmp_path):
+    return shutil.copytree(sound, tmp_path / "lab")
+
+
+def told(folder):
+    """The one line with which the directory is refused."""
+    found = attempted(cl.simulate, "log/all", data=folder)
+    assert isinstance(found, BadInput), "it was read"
+    assert "\n" not in str(found)
+    return str(found)
+
+
+def test_it_is_sound_as_it_is(sound):
+    assert cl.simulate("log/all", data=sound)[1].robots == 2
+
+
+@pytest.mark.parametrize(("old", "new", "said"), IN_TOML, ids=range(len(IN_TOML)))
+def test_one_thing_wrong_in_the_description(copied, old, new, said):
+    describe(copied, (old, new), text=SHORT)
+    assert said in told(copied)
+
+
+@pytest.mark.parametrize(("name", "line", "old", "new", "said"), IN_FILES, ids=range(len(IN_FILES)))
+def test_one_thing_wrong_in_a_file(copied, name, line, old, new, said):
+    rows = (copied / name).read_text().split("\n")
+    assert old in rows[line - 1]
+    rows[line - 1] = rows[line - 1].replace(old, new, 1)
+    (copied / name).write_text("\n".join(rows))
+    found = told(copied)
+    assert said in found
+    assert name in found
+
+
+def test_a_directory_that_is_not_one(tmp_path):
+    assert "there is no such" in told(tmp_path / "none")
+    (tmp_path / "empty").mkdir()
+    assert "log.toml: there is no such file" in told(tmp_path / "empty")
+    (tmp_path / "empty" / "log.toml").mkdir()
+    assert "cannot be read as TOML" in told(tmp_path / "empty")

@@ -1,0 +1,194 @@
+"""A team's log from CSV files, as log.toml describes them."""
+
+import numpy as np
+import pytest
+from made_team import ANCHORS, BIAS, DESCRIPTION, EPOCH, ROBOTS, describe, poses_at, write
+
+from cooploc.estimators.plugins.errors import BadInput
+from cooploc.scenarios.recordings.team import csv_files, schema
+
+UWB = DESCRIPTION[DESCRIPTION.index("[ranges]") : DESCRIPTION.index("[fit]")]
+
+
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("sound") / "lab"
+    return folder, write(folder, seconds=12.0, anchors=True)
+
+
+@pytest.fixture
+def lab(sound, tmp_path):
+    """A copy that a test may change."""
+    folder = tmp_path / "lab"
+    folder.mkdir()
+    for file in sound[0].iterdir():
+        (folder / file.name).write_bytes(file.read_bytes())
+    return folder
+
+
+def read(folder, *changes):
+    describe(folder, *changes)
+    description = schema.load(folder / "log.toml")
+    ((name, place),) = csv_files.runs(folder, description).items()
+    return csv_files.read(folder, place, name, description)
+
+
+def refused(folder, *changes):
+    with pytest.raises(BadInput) as caught:
+        read(folder, *changes)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def same(a, b):
+    for one, other in zip((*a.odometry, *a.truth), (*b.odometry, *b.truth), strict=True):
+        np.testing.assert_allclose(one.time, other.time, rtol=0, atol=1e-6)
+        np.testing.assert_allclose(one.values, other.values, rtol=0, atol=1e-8)
+    assert a.readings.keys() == b.readings.keys()
+    for channel, readings in a.readings.items():
+        for one, other in zip(readings[:4], b.readings[channel][:4], strict=True):
+            np.testing.assert_allclose(one, other, rtol=0, atol=1e-6)
+
+
+def test_what_was_written_is_read(sound):
+    folder, motions = sound
+    log = read(folder)
+    assert (log.name, log.robots, log.odometry_kind) == ("lab", ROBOTS, "velocity")
+    for i, truth in enumerate(log.truth):
+        np.testing.assert_allclose(truth.values, poses_at(motions, i, truth.time), atol=1e-5)
+        np.testing.assert_allclose(log.odometry[i].time, motions.time[:-1], atol=1e-6)
+    ranges = log.readings["range"]
+    assert set(zip(ranges.robot.tolist(), ranges.other.tolist(), strict=True)) == {(0, 1)}
+    red, blue = (poses_at(motions, i, ranges.time)[:, :2] for i in (0, 1))
+    assert abs(np.median(ranges.values[:, 0] - np.hypot(*(red - blue).T)) - BIAS) < 0.03
+
+
+def test_a_range_to_a_place_is_one_of_an_anchor(lab):
+    places = ", ".join(f"{name} = [{x}, {y}]" for name, (x, y) in ANCHORS.items())
+    log = read(lab, ("[fit]", f"[anchors]\nplaces = {{ {places} }}\n[fit]"))
+    assert log.anchors.names == tuple(ANCHORS)
+    assert np.bincount(log.readings["anchor_range"].other).tolist() == [len(log.readings["range"].time)] * 3
+    assert log.warnings == ()
+    (lab / "places.csv").write_text(
+        "id,east,north\n" + "".join(f"{n},{x * 100},{y}\n" for n, (x, y) in ANCHORS.items())
+    )
+    table = '[anchors]\nfile = "places.csv"\nname = "id"\nx = { column = "east", unit = "cm" }\ny = "north"\n[fit]'
+    surveyed = read(lab, ("[fit]", table))
+    np.testing.assert_allclose(surveyed.anchors.positions, log.anchors.positions)
+    same(surveyed, log)
+
+
+def test_what_is_measured_of_strangers_is_left_out_and_told(lab):
+    (warning,) = read(lab).warnings
+    assert "readings of 'east', 'north', 'south', which is not a robot of the team, nor a place" in warning
+
+
+def test_a_truncated_last_line_is_left_out_and_told(lab):
+    whole = read(lab)
+    for name in ("odom_red.csv", "uwb.csv", "mocap_blue.csv"):
+        text = (lab / name).read_bytes()
+        for cut in (3, len(text.splitlines()[-1])):
+            (lab / name).write_bytes(text[:-cut])
+            log = read(lab)
+            where = f"{lab / name}, line {len(text.splitlines())}"
+            told = f"{where}: the last line has no end and may be cut off; it was left out"
+            assert [w for w in log.warnings if "cut off" in w] == [told]
+        (lab / name).write_bytes(text[:-1])  # nobody knows whether a digit is missing
+        assert any("cut off" in w for w in read(lab).warnings)
+        (lab / name).write_bytes(text)
+    same(read(lab), whole)
+
+
+def test_one_file_for_all_robots_says_the_same(lab):
+    whole = read(lab)
+    rows = [
+        (float(line.split(",")[0]), f"{line},{robot[0].upper()}")
+        for robot in ROBOTS
+        for line in (lab / f"odom_{robot}.csv").read_text().splitlines()[1:]
+    ]
+    (lab / "odom.csv").write_text("t,v,w,who\n" + "\n".join(line for _, line in sorted(rows)) + "\n")
+    column = 'file = "odom.csv"\nrobot = "who"\nnodes = { R = "red", B = "blue" }'
+    same(read(lab, ('file = "odom_{robot}.csv"', column)), whole)
+
+
+def test_units_clocks_and_frames_are_undone(lab):
+    whole = read(lab)
+    for robot in ROBOTS:
+        sec, nsec, x, y, yaw = np.loadtxt(lab / f"mocap_{robot}.csv", delimiter=",", skiprows=1).T
+        table = np.column_stack([(sec + nsec * 1e-9 + 2.5), x * 1000, -y * 1000, np.degrees(-yaw)])
+        np.savetxt(lab / f"mocap_{robot}.csv", table, fmt="%.9f", delimiter=",", header="t,x,y,yaw", comments="")
+    changes = [
+        ('time = ["sec", { column = "nsec", unit = "ns" }]', 'time = "t"\nclock_offset = -2.5\nframe = "mirrored"'),
+        ('x = "x"', 'x = { column = "x", unit = "mm" }'),
+        ('y = "y"', 'y = { column = "y", unit = "mm" }'),
+        ('heading = "yaw"', 'heading = { column = "yaw", unit = "deg" }'),
+    ]
+    same(read(lab, *changes), whole)
+
+
+def test_swapped_axes_are_undone(lab):
+    whole = read(lab)
+    for robot in ROBOTS:
+        sec, nsec, x, y, yaw = np.loadtxt(lab / f"mocap_{robot}.csv", delimiter=",", skiprows=1).T
+        table = np.column_stack([sec, nsec, y, x, np.pi / 2 - yaw])
+        np.savetxt(lab / f"mocap_{robot}.csv", table, fmt="%.9f", delimiter=",", header="sec,nsec,x,y,yaw", comments="")
+    same(read(lab, ('heading = "yaw"', 'heading = "yaw"\nframe = "swapped"')), whole)
+
+
+def test_a_column_for_each_anchor_says_the_same(lab):
+    places = "[anchors]\nplaces = { north = [4, 5.5], south = [1, 0.5], east = [7.5, 3] }\n[fit]"
+    whole = read(lab, ("[fit]", places)).readings["anchor_range"]
+    table = {}
+    for line in (lab / "uwb.csv").read_text().splitlines()[1:]:
+        at, who, other, d = line.split(",")
+        table.setdefault((at, who), {})[other] = d
+    lines = [f"{at},{who},{row['north']},{row['south']}" for (at, who), row in table.items()]
+    (lab / "wide.csv").write_text("t,from,n,s\n" + "\n".join(lines) + "\n")
+    wide = UWB.replace("uwb.csv", "wide.csv").replace(
+        'other = "to"\nrange = "d"', 'each = { north = "n", south = "s" }'
+    )
+    found = read(lab, (UWB, wide), ("[fit]", places)).readings["anchor_range"]
+    kept = whole.other < 2
+    for one, other in zip(found[:4], whole[:4], strict=True):
+        np.testing.assert_array_equal(one, other[kept])
+
+
+def test_a_jump_that_no_robot_can_make_is_left_out(lab):
+    lines = (lab / "mocap_red.csv").read_text().splitlines()
+    fields = lines[100].split(",")
+    lines[100] = ",".join([*fields[:2], "55.0", *fields[3:]])
+    (lab / "mocap_red.csv").write_text("\n".join(lines) + "\n")
+    log = read(lab, ('x = "x"', 'x = "x"\nmax_speed = 2.0'))
+    assert np.isnan(log.truth[0].values).any(-1).sum() == 1
+    assert any("1 true positions are out of reach" in w for w in log.warnings)
+
+
+def test_stamps_of_which_one_steps_back_a_little_are_sorted(lab):
+    lines = (lab / "odom_red.csv").read_text().splitlines()
+    lines[50], lines[51] = lines[51], lines[50]
+    (lab / "odom_red.csv").write_text("\n".join([*lines, lines[-1]]) + "\n")
+    log = read(lab)
+    assert (np.diff(log.odometry[0].time) > 0).all()
+    assert any("1 lines that repeat a stamp" in w for w in log.warnings)
+
+
+def test_a_robot_without_truth_is_told_and_one_without_odometry_refused(lab):
+    (lab / "mocap_blue.csv").unlink()
+    log = read(lab)
+    assert log.truth[1] is None
+    assert any("robot 'blue' has no truth" in w for w in log.warnings)
+    (lab / "odom_blue.csv").unlink()
+    assert "robot 'blue' has fewer than two lines of odometry" in refused(lab)
+
+
+def test_directories_are_runs(sound, tmp_path):
+    folder = tmp_path / "team"
+    describe(folder)
+    for name in ("first", "second", "empty"):
+        (folder / name).mkdir()
+    for name in ("first", "second"):
+        for file in sound[0].glob("*.csv"):
+            (folder / name / file.name).write_bytes(file.read_bytes())
+    description = schema.load(folder / "log.toml")
+    assert list(csv_files.runs(folder, description)) == ["first", "second"]
+    assert csv_files.read(folder, folder / "second", "second", description).truth[0].time[0] > EPOCH
