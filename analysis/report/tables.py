@@ -122,9 +122,14 @@ class Table:
 
     def terminal(self, wrap: bool = False, style: Callable[[Row], str] = lambda _: "") -> Any:
         """What rich prints: in two lines a row, and with fewer columns, where the terminal is narrow."""
-        from cooploc.analysis.report.terminal_table import TerminalTable
+        from cooploc.analysis.report.terminal_table import Shown, TerminalTable
 
-        return TerminalTable(self, wrap, style)
+        texts = self.texts()
+        columns = [
+            Shown(c.head, [(cells[i],) for cells in texts], c.right, c.under, c.spare)
+            for i, c in enumerate(self.columns)
+        ]
+        return TerminalTable(self.caption, columns, [style(row) for row in self.rows], wrap)
 
 
 def _side(column: TableColumn) -> Markup:

@@ -1,36 +1,32 @@
 """A table in a terminal of any width: a line for each row where it fits; else two lines, and fewer columns."""
 
-from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 from rich.console import Console, ConsoleOptions, RenderResult
 from rich.measure import Measurement
 from rich.table import Table as RichTable
 from rich.text import Text
 
-if TYPE_CHECKING:
-    from cooploc.analysis.report.tables import Table, TableColumn
-
 ANY_WIDTH = 100_000
-Row = dict[Any, Any]
 MORE = "the tables of a report and the CSV file have them"
 
 
 class Shown(NamedTuple):
-    """A column of text: its head, and one or two lines for every row."""
+    """A column of text: its head, one or two lines for every row, and what becomes of it where width is short."""
 
-    column: "TableColumn"
     head: str
     lines: list[tuple[str, ...]]
+    right: bool
+    under: bool
+    spare: int
 
 
 class TerminalTable:
-    """A table that rich can print; `style` colours a row, `wrap` breaks long cells at once."""
+    """A table that rich can print: `styles` colour its rows, `wrap` breaks long cells at once."""
 
-    def __init__(self, table: "Table", wrap: bool, style: Callable[[Row], str]) -> None:
-        self.table, self.wrap, self.style = table, wrap, style
-        texts = table.texts()
-        columns = [Shown(c, c.head, [(cells[i],) for cells in texts]) for i, c in enumerate(table.columns)]
+    def __init__(self, caption: str, columns: list[Shown], styles: list[str], wrap: bool) -> None:
+        self.caption, self.styles, self.wrap = caption, styles, wrap
         self.columns = [c for c in columns if any(text for (text,) in c.lines)]  # without those that say nothing
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
@@ -57,21 +53,23 @@ class TerminalTable:
         yield self.columns, []
         left, out = list(self.columns), []
         yield _stacked(left), []
-        for column in sorted((c for c in self.columns if c.column.spare), key=lambda c: -c.column.spare):
+        for column in sorted((c for c in self.columns if c.spare), key=lambda c: -c.spare):
             left.remove(column)
             out.append(column.head)
             yield _stacked(left), out[:]
 
     def _drawn(self, columns: Sequence[Shown], wrap: bool) -> RichTable:
-        out = RichTable(title=self.table.caption, title_justify="left", header_style="bold", box=None, padding=(0, 1))
+        out = RichTable(title=self.caption, title_justify="left", header_style="bold", box=None, padding=(0, 1))
         for column in columns:
-            right = column.column.right
             out.add_column(
-                column.head, justify="right" if right else "left", no_wrap=right or not wrap, overflow="fold"
+                column.head,
+                justify="right" if column.right else "left",
+                no_wrap=column.right or not wrap,
+                overflow="fold",
             )
-        for i, row in enumerate(self.table.rows):
+        for i, first in enumerate(self.styles):
             lines = zip(*(column.lines[i] for column in columns), strict=True)
-            for cells, style in zip(lines, (self.style(row), "dim"), strict=False):
+            for cells, style in zip(lines, (first, "dim"), strict=False):
                 out.add_row(*cells, style=style)
         return out
 
@@ -80,7 +78,7 @@ def _stacked(columns: Sequence[Shown]) -> list[Shown]:
     """Each column with the one that belongs under it on a second line."""
     out: list[Shown] = []
     for column in columns:
-        if column.column.under and out and len(out[-1].lines[0]) == 1:
+        if column.under and out and len(out[-1].lines[0]) == 1:
             out[-1] = _over(out[-1], column)
         else:
             out.append(column)
@@ -91,6 +89,6 @@ def _stacked(columns: Sequence[Shown]) -> list[Shown]:
 def _over(top: Shown, under: Shown | None) -> Shown:
     """A column above another, or above nothing."""
     if under is None:
-        return Shown(top.column, top.head, [(*cell, "") for cell in top.lines])
+        return top._replace(lines=[(*cell, "") for cell in top.lines])
     cells = zip(top.lines, under.lines, strict=True)
-    return Shown(top.column, f"{top.head}\n{under.head}", [(*a, *b) for a, b in cells])
+    return top._replace(head=f"{top.head}\n{under.head}", lines=[(*a, *b) for a, b in cells])
