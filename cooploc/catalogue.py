@@ -1,4 +1,4 @@
-"""The table of estimators in the README, made from the code: `cooploc list estimators --markdown`."""
+"""The table of estimators in the documentation, made from the code: `cooploc list estimators --markdown`."""
 
 from typing import Any
 

@@ -48,7 +48,7 @@ class Kind(StrEnum):
 @app.command(name="list")
 def list_(
     kind: Annotated[Kind | None, typer.Argument(help="one of the three lists")] = None,
-    markdown: Annotated[bool, typer.Option("--markdown", help="print the README's table of estimators")] = False,
+    markdown: Annotated[bool, typer.Option("--markdown", help="print the documentation's table of estimators")] = False,
 ) -> None:
     """List estimators, scenarios and studies, and plug-ins that could not be loaded."""
     if markdown:

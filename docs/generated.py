@@ -8,7 +8,6 @@ import click
 import typer
 
 import cooploc as cl
-from cooploc.catalogue import markdown
 from cooploc.cli import app
 
 TO_A_FILE = r"\[([^]]*)\]\((?:[^)]*\.(?:html|json|csv|py|pdf)|tables/[^)]*)\)"  # not a page: the text is enough
@@ -30,7 +29,6 @@ def write(folder: Path) -> None:
     (folder / "commands.md").write_text(commands(), encoding="utf-8")
     for name, (title, about, columns) in LISTS.items():
         (folder / f"{name}.md").write_text(f"# {title}\n\n{about}\n\n{_table(name, columns)}\n", encoding="utf-8")
-    (folder / "estimators.md").write_text(f"# Estimators\n\n{ESTIMATORS}\n\n{markdown()}\n", encoding="utf-8")
     (folder / "figures.md").write_text(figures(), encoding="utf-8")
     for notebook in sorted((ROOT / "notebooks").glob("*.ipynb")):
         shutil.copy(notebook, folder / notebook.name)
@@ -41,13 +39,6 @@ def write(folder: Path) -> None:
             shutil.copy(kept, there)
         elif kept.suffix == ".md" and kept.read_text("utf-8").startswith("# "):  # not a table for another page
             there.write_text(re.sub(TO_A_FILE, r"\1", kept.read_text("utf-8")), encoding="utf-8")
-
-
-ESTIMATORS = (
-    "What `cl.estimators()` knows. Bytes are measured on three robots: with radio ranges, then with cameras where the "
-    'estimator can use them. All have options, written `mrsl-rssi[particles=500]`; `help(cl.make("mrsl-rssi"))` says '
-    "what each means."
-)
 
 
 def commands() -> str:

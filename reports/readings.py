@@ -119,7 +119,7 @@ def family(found: pd.DataFrame) -> str:
 
 
 def short(counted: pd.DataFrame) -> str:
-    """The table of the project's README."""
+    """The map as a table."""
     rows = ["|  | the paper says | holds in | direction only | contradicted in | open | letter | preset |"]
     rows.append("| --- | --- | ---: | ---: | ---: | ---: | --- | --- |")
     for row in counted.to_dict("records"):
