@@ -10,7 +10,7 @@ from cooploc.analysis.metrics.errors import COLUMNS
 from cooploc.estimators.plugins.errors import BadInput
 
 FAILURE = ("failure", "traceback")
-TEXT = ("scenario", "estimator", "stream", *FAILURE)
+TEXT = ("scenario", "estimator", "stream", "senses", *FAILURE)
 WHOLE = ("trial", "robot", "robots")
 FLAGS = ("centralised", "bound")
 MOST_ROWS, MOST_BYTES = 10_000_000, 2**30  # of one part; a chunk is some hundred rows

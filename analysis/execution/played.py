@@ -93,4 +93,5 @@ def _plain(found: Trace) -> Trace:
     """Plain arrays and values alone: nothing whose reading would import the plug-in where errors are computed."""
     x, P, messages, sent = (np.array(a, float) for a in (found.x, found.P, found.messages, found.bytes))
     notes = {str(name): np.array(values, float) for name, values in found.notes.items()}
-    return Trace(x, P, messages, sent, float(found.seconds), bool(found.bound), notes, bool(found.centralised))
+    flags = bool(found.bound), notes, bool(found.centralised), str(found.senses)
+    return Trace(x, P, messages, sent, float(found.seconds), *flags)

@@ -7,7 +7,7 @@ import pandas as pd
 
 from cooploc.analysis.metrics import outliers, statistics, trials_needed
 from cooploc.analysis.metrics.consistency import collapsed, consistency
-from cooploc.analysis.metrics.errors import COLUMNS, SCORES
+from cooploc.analysis.metrics.errors import COLUMNS, SCORES, SENSES
 from cooploc.analysis.metrics.pooling import CELL, demand_same_streams, stream_hash, succeeded, trial_means
 from cooploc.estimators import nearest
 from cooploc.estimators.plugins.errors import BadInput
@@ -21,7 +21,7 @@ SUMMARY = (
 SHORT = (
     *("scenario", "estimator", "trials", "rmse", "rmse_low", "rmse_high", "change", "change_low", "change_high"),
     *("p_holm", "rmse_median", "outlying", "anees", "anees_median", "collapsed", "consistency", "coverage95", "nll"),
-    *("diverged", "failed", "bytes", "seconds", "centralised", "bound", "certificate"),
+    *("diverged", "failed", "bytes", "seconds", "centralised", "bound", "senses", "certificate"),
 )
 Cell = tuple[str, str]  # labels of a scenario and an estimator
 MARGIN = 0.05  # two estimators whose RMSE differ by less than this share tie
@@ -100,6 +100,7 @@ def compare(
         coverage95, nll, diverged, failed, bytes, seconds: as of `summarize`
         centralised: True for an estimator whose readings all reach one computer
         bound: True for a centralised one that bounds all others
+        senses: what it reads beside odometry, in words
         certificate: as of `summarize`
 
     With `full=True` the table has all columns of `summarize` too, and these.
@@ -138,6 +139,8 @@ def compare(
     table["consistency"] = consistency(table)
     for standing in ("centralised", "bound"):
         table[standing] = errors.groupby(CELL, sort=False)[standing].any().to_numpy()
+    known = errors if SENSES in errors else errors.assign(senses="")  # results of former versions lack it
+    table[SENSES] = known.groupby(CELL, sort=False)[SENSES].first().fillna("").to_numpy()
     cells = trial_means(errors)
     failed = {(row["scenario"], row["estimator"]): row["failed"] > 0 for row in table.to_dict("records")}
     rows = [_pair(cells, failed, (scenario, name), against[scenario], margin) for scenario, name in failed]

@@ -22,6 +22,7 @@ COLUMNS = (  # `errors` says what they mean
     *("centralised", "bound", "stream"),
 )
 SCORES = ("nll", "area95")  # columns after those; results of former versions lack them
+SENSES = "senses"  # after those; lacking in former versions too
 UNCHECKED = "unchecked: cl.run does not check estimators, cl.check_estimator does"
 NOTE = "note: "  # columns after those: what an estimator counted; a name that begins with "largest" is a maximum
 
@@ -55,6 +56,7 @@ def errors(truth: Truth, run: Run, burn_in: int = 0) -> pd.DataFrame:
         nll: mean negative log-likelihood of the true position under the estimate, per tick [nats]; smaller is better,
             and a covariance that is too small or too large makes it larger
         area95 [m^2]: mean area of the 95 % ellipse
+        senses: what the estimator reads beside odometry, such as "DOA, team ranges"
         certificate: "unchecked: ..." for what is not built in, which `cl.run` does not check; only where there is such
         "note: NAME": what an estimator counted itself, if anything; a NAME that begins with "largest" is a maximum
 
@@ -171,10 +173,10 @@ def _frame(truth: Truth, run: Run, name: str, trace: Trace, valid: Mask) -> pd.D
         "robots": n,
     }
     rest = {"seconds": trace.seconds / (t * T * n), "stream": np.repeat(run.hashes, n)}
-    rest |= {"centralised": trace.centralised, "bound": trace.bound}
+    rest |= {"centralised": trace.centralised, "bound": trace.bound, "senses": trace.senses}
     columns = {**who, **{k: np.asarray(v).ravel() for k, v in per.items()}, **rest}
     notes = {NOTE + name: values.ravel() for name, values in trace.notes.items()}
-    return pd.DataFrame({**{name: columns[name] for name in (*COLUMNS, *SCORES)}, **notes})
+    return pd.DataFrame({**{name: columns[name] for name in (*COLUMNS, *SCORES, SENSES)}, **notes})
 
 
 def _over_ticks(reduce: Any, values: Array) -> Array:

@@ -66,6 +66,7 @@ RESULTS = (
     words("scenario"),
     words("estimator"),
     REMARK,
+    words("senses", spare=8),
     words("checks", "certificate", form=mark),
     *RMSE,
     numbers("median", "rmse_median", form=metres),

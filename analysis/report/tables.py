@@ -41,10 +41,15 @@ def plain(value: object = "") -> str:
 
 
 def words(
-    head: str, *keys: str, form: Callable[..., str] = plain, of: Iterable[str] = (), under: bool = False
+    head: str,
+    *keys: str,
+    form: Callable[..., str] = plain,
+    of: Iterable[str] = (),
+    under: bool = False,
+    spare: int = 0,
 ) -> TableColumn:
     """A column of text, named after its only key unless `keys` are given."""
-    return TableColumn(head, keys or (head,), form, tuple(of), right=False, under=under)
+    return TableColumn(head, keys or (head,), form, tuple(of), right=False, under=under, spare=spare)
 
 
 def numbers(

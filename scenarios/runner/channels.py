@@ -7,6 +7,15 @@ from cooploc.estimators.plugins.errors import BadInput
 from cooploc.estimators.plugins.traits import wrong_version
 from cooploc.scenarios.stream import Stream
 
+WORDS = {
+    "anchor_rssi": "RSSI",
+    "anchor_range": "anchor ranges",
+    "landmark": "landmarks",
+    "sighting": "sightings",
+    "radio_rssi": "team RSSI",
+    "radio_range": "team ranges",
+}
+DERIVED = {"doa": "DOA", "doa-constant": "DOA", "gradient": "gradient"}  # by the parameter `anchor_reading`
 SENSED = ("odometry", "anchor_rssi", "landmark", "sighting")
 
 
@@ -35,6 +44,15 @@ def visible(name: str, estimator: Any, stream: Stream) -> Stream:
     )
     sensors = {c: s for c, s in stream.world.sensors.items() if c in used}
     return replace(stream, senses=shown, air=air, world=replace(stream.world, sensors=sensors))
+
+
+def senses(estimator: Any, stream: Stream) -> str:
+    """What an estimator reads of a stream beside odometry, in a few words: "DOA, team ranges"."""
+    used = selected("", tuple(estimator.uses), stream)
+    own = DERIVED.get(str(getattr(estimator, "anchor_reading", "")), WORDS["anchor_rssi"])
+    words = {**WORDS, "anchor_rssi": own} | {channel: channel for channel in sorted(used) if channel not in WORDS}
+    found = [word for channel, word in words.items() if channel in used and channel != "odometry"]
+    return ", ".join(found) or "odometry"
 
 
 def selected(name: str, uses: tuple[str, ...], stream: Stream) -> set[str]:

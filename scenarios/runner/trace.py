@@ -12,7 +12,7 @@ from cooploc.estimators.interface import Array, Rows
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.estimators.plugins.traits import traits
 from cooploc.scenarios.display.progress_bar import Advance
-from cooploc.scenarios.runner.channels import IncompatibleEstimator, visible
+from cooploc.scenarios.runner.channels import IncompatibleEstimator, senses, visible
 from cooploc.scenarios.runner.tick import EstimatorError, Watcher, drive
 from cooploc.scenarios.stream import Stream
 
@@ -31,6 +31,7 @@ class Trace:
     bound: bool = False  # uses all readings of all robots as well as any estimator could
     notes: Mapping[str, Array] = field(default_factory=dict)  # (t, n) what the estimator counted, by name
     centralised: bool = False  # all readings reach one computer, which knows more than any robot could
+    senses: str = ""  # what it reads beside odometry, in words
 
     @classmethod
     def of(cls, x: Array, P: Array | None = None) -> "Trace":
@@ -84,7 +85,7 @@ def trace(
         demand_covariances(name, stream, P)
     about = traits(estimator)
     notes = {what: np.asarray(values, float).reshape(t, n) for what, values in about.notes(running.state).items()}
-    return Trace(x, P, messages, sent, seconds, about.bound, notes, about.centralised)
+    return Trace(x, P, messages, sent, seconds, about.bound, notes, about.centralised, senses(estimator, stream))
 
 
 def demand_fit(name: str, estimator: Any, stream: Stream) -> None:

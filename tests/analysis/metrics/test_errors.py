@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import cooploc as cl
-from cooploc.analysis.metrics.errors import COLUMNS, SCORES, errors
+from cooploc.analysis.metrics.errors import COLUMNS, SCORES, SENSES, errors
 from cooploc.scenarios.runner.run import Run
 from cooploc.scenarios.runner.trace import Trace
 from cooploc.scenarios.stream import Truth
@@ -32,7 +32,7 @@ def constant_error(offset, T=8, P=None):
 def test_a_constant_error_by_hand():
     rows = errors(*constant_error([3.0, 4.0], P=np.diag([9.0, 16.0])))
     row = rows.iloc[0]
-    assert list(rows.columns) == [*COLUMNS, *SCORES]
+    assert list(rows.columns) == [*COLUMNS, *SCORES, SENSES]
     assert row[["mse", "rmse", "mean_error", "median_error", "max_error", "final_error"]].tolist() == [
         25,
         5,
@@ -52,10 +52,20 @@ def test_a_constant_error_by_hand():
 
 def test_every_column_is_documented_and_nothing_else():
     block = errors.__doc__.split("Columns:\n")[1].split("\n\n")[0]
-    assert re.findall(r"^ {8}(\w+)(?: \[.*\])?: [\w\"]", block, re.MULTILINE) == [*COLUMNS, *SCORES, "certificate"]
+    assert re.findall(r"^ {8}(\w+)(?: \[.*\])?: [\w\"]", block, re.MULTILINE) == [
+        *COLUMNS,
+        *SCORES,
+        SENSES,
+        "certificate",
+    ]
     truth, run = constant_error([1.0, 0])
     counted = replace(run.traces["mine"], notes={"largest step": np.ones((1, 1))})
-    assert list(errors(truth, replace(run, traces={"mine": counted}))) == [*COLUMNS, *SCORES, "note: largest step"]
+    assert list(errors(truth, replace(run, traces={"mine": counted}))) == [
+        *COLUMNS,
+        *SCORES,
+        SENSES,
+        "note: largest step",
+    ]
 
 
 @pytest.mark.parametrize(
