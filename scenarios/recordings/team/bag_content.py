@@ -1,0 +1,98 @@
+"""The messages of a bag by topic: from rosbags where the bag is intact, salvaged where it is not."""
+
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from cooploc.estimators.plugins.errors import BadInput
+from cooploc.scenarios.recordings.team.bag_files import Bag, bag_paths, opened, storage_files
+from cooploc.scenarios.recordings.team.messages import KINDS, Row, stamp_of
+from cooploc.scenarios.recordings.team.salvage import salvaged
+
+
+class Topic(NamedTuple):
+    """What was received on one topic, in the order of the file."""
+
+    type: str
+    received: list[int]  # [ns]
+    stamps: list[int | None]  # [ns] of the headers; empty unless the topic was asked for
+    rows: list[list[Row]]  # of each message; empty unless the topic was asked for
+
+
+class Content(NamedTuple):
+    """What a path holds."""
+
+    topics: dict[str, Topic]
+    warnings: tuple[str, ...]
+
+
+def read_content(path: Path, wanted: Collection[str] | None) -> Content:
+    """All messages of the topics in `wanted`; or of all topics (None) when they were received, without their content.
+
+    Raises:
+        BadInput: there is no bag, or nothing can be read of it.
+
+    """
+    parts = [part for bag in bag_paths(path) for part in _contents(bag, wanted)]
+    topics: dict[str, Topic] = {}
+    for part in parts:
+        for name, found in part.topics.items():
+            known = topics.setdefault(name, Topic(found.type, [], [], []))
+            if known.type != found.type:
+                raise BadInput(
+                    f"{path}: topic {name} has type {known.type} in one bag and {found.type} in another; read them apart"
+                )
+            for mine, more in zip(known[1:], found[1:], strict=True):
+                mine.extend(more)
+    return Content(topics, tuple(dict.fromkeys(w for part in parts for w in part.warnings)))
+
+
+def _contents(bag: Path, wanted: Collection[str] | None) -> Iterator[Content]:
+    """Of one bag: as a whole, else file by file."""
+    try:
+        yield _intact(bag, wanted)
+        return
+    except Exception as e:  # rosbags raises whatever its parsers raise on damaged files
+        reason = _one_line(e)
+    for file in storage_files(bag):
+        if bag.is_dir():
+            try:
+                content = _intact(file, wanted)
+                yield content._replace(warnings=(*content.warnings, f"{bag}: {reason}; {file.name} was read by itself"))
+                continue
+            except Exception as e:  # as above
+                reason = _one_line(e)
+        found, warning = salvaged(file, reason)
+        content = _collect(found, wanted)
+        yield content._replace(warnings=(warning, *content.warnings))
+
+
+def _intact(path: Path, wanted: Collection[str] | None) -> Content:
+    with opened(path) as bag:
+        content = _collect(bag, wanted)
+    for name, topic in content.topics.items():
+        if (wanted is None or name in wanted) and len(topic.received) < bag.counts[name]:
+            raise BadInput(f"{name} has {len(topic.received)} messages where {bag.counts[name]} were recorded")
+    return content
+
+
+def _collect(bag: Bag, wanted: Collection[str] | None) -> Content:
+    topics = {name: Topic(kind, [], [], []) for name, kind in bag.types.items()}
+    unreadable: dict[str, int] = {}
+    for name, time, raw in bag.messages(topics if wanted is None else [t for t in topics if t in wanted]):
+        topic = topics[name]
+        if wanted is not None:
+            try:
+                message = bag.decode(raw, topic.type)
+                stamp, rows = stamp_of(message), KINDS[topic.type].rows(message)
+            except Exception:  # a damaged message, or rosbags does not know its type: counted and told
+                unreadable[name] = unreadable.get(name, 0) + 1
+                continue
+            topic.stamps.append(stamp)
+            topic.rows.append(rows)
+        topic.received.append(time)
+    return Content(topics, tuple(f"{name}: {n} messages cannot be read; they are left out" for name, n in unreadable.items()))
+
+
+def _one_line(e: Exception) -> str:
+    return " ".join(f"{e}".split())[:200] or type(e).__name__
