@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from cooploc.estimators.plugins.errors import BadInput
-from cooploc.scenarios.recordings.team.bag_files import Bag, bag_paths, opened, storage_files
+from cooploc.scenarios.recordings.team.bag_files import Bag, bag_paths, opened, storage_files, write_ahead_log
 from cooploc.scenarios.recordings.team.messages import KINDS, Row, stamp_of
 from cooploc.scenarios.recordings.team.salvage import salvaged
 
@@ -68,6 +68,10 @@ def _contents(bag: Path, wanted: Collection[str] | None) -> Iterator[Content]:
 
 
 def _intact(path: Path, wanted: Collection[str] | None) -> Content:
+    """By rosbags, which does not look into the log of a killed recorder."""
+    for file in storage_files(path):
+        if log := write_ahead_log(file):
+            raise BadInput(f"{log.name} holds messages of a recorder that did not end in order")
     with opened(path) as bag:
         content = _collect(bag, wanted)
     for name, topic in content.topics.items():
@@ -91,7 +95,9 @@ def _collect(bag: Bag, wanted: Collection[str] | None) -> Content:
             topic.stamps.append(stamp)
             topic.rows.append(rows)
         topic.received.append(time)
-    return Content(topics, tuple(f"{name}: {n} messages cannot be read; they are left out" for name, n in unreadable.items()))
+    return Content(
+        topics, tuple(f"{name}: {n} messages cannot be read; they are left out" for name, n in unreadable.items())
+    )
 
 
 def _one_line(e: Exception) -> str:

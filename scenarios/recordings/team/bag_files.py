@@ -92,6 +92,12 @@ def opened(path: Path) -> Iterator[Bag]:
         yield Bag({c.topic: c.msgtype for c in reader.connections}, counts, messages, reader.deserialize)
 
 
+def write_ahead_log(file: Path) -> Path | None:
+    """SQLite's log of messages that are not in the file yet, as a recorder that was killed leaves it."""
+    log = file.with_name(f"{file.name}-wal")
+    return log if log.is_file() and log.stat().st_size else None
+
+
 def read_index(bag: Path) -> Index | None:
     """What metadata.yaml in or beside a bag says, or None where it cannot be read."""
     file = (bag if bag.is_dir() else bag.parent) / "metadata.yaml"

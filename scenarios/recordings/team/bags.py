@@ -1,6 +1,6 @@
 """ROS 1 bags, ROS 2 bags and MCAP, read without ROS by rosbags (https://gitlab.com/ternaris/rosbags)."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -69,14 +69,34 @@ def read_topics(path: Path, names: Collection[str]) -> tuple[dict[str, TopicSeri
             raise BadInput(f"{path}: there is no topic {name!r}; {nearest(name, list(content.topics))}")
         kind = content.topics[name].type
         if kind not in KINDS:
-            raise BadInput(f"{path}: topic {name} has type {kind}, which is not read; types that are: {', '.join(KINDS)}")
-    return {name: _series(name, content.topics[name]) for name in names}, content.warnings
+            raise BadInput(
+                f"{path}: topic {name} has type {kind}, which is not read; types that are: {', '.join(KINDS)}"
+            )
+    shift, warnings = _clock_shift(content.topics)
+    series = {name: _series(name, content.topics[name], shift) for name in names}
+    told = (w for one in series.values() for w in one.warnings)
+    return series, (*content.warnings, *warnings, *told)
 
 
-def _series(name: str, topic: Topic) -> TopicSeries:
+def _clock_shift(topics: Mapping[str, Topic]) -> tuple[int, tuple[str, ...]]:
+    """How far [ns] the headers' clock is behind the recorder's, if one of them was not set; and a warning."""
+    behind = [np.median(_ahead(t)) for t in topics.values() if any(stamp is not None for stamp in t.stamps)]
+    shift = -int(np.median(behind)) if behind else 0
+    if abs(shift) <= MAX_STAMP_ERROR * 1e9:
+        return 0, ()
+    said = f"header stamps are {shift / 1e9:.1f} s behind the recorder's clock; that was added to all of them"
+    return shift, (said,)
+
+
+def _ahead(topic: Topic) -> Indices:
+    """Header stamps minus times of receipt [ns], where there is a stamp."""
+    pairs = zip(topic.stamps, topic.received, strict=True)
+    return np.array([stamp - received for stamp, received in pairs if stamp is not None], np.int64)
+
+
+def _series(name: str, topic: Topic, shift: int) -> TopicSeries:
     """By rising time. Rows with a number that cannot be a measurement are left out."""
-    received = np.array(topic.received, np.int64)
-    time, clock, warnings = _clock(name, received, topic.stamps)
+    time, clock, warnings = _times(name, topic, shift)
     columns = KINDS[topic.type].columns
     time = np.repeat(time, [len(rows) for rows in topic.rows])
     values = np.array([row for rows in topic.rows for row in rows], float).reshape(-1, len(columns))
@@ -89,18 +109,20 @@ def _series(name: str, topic: Topic) -> TopicSeries:
     return TopicSeries(time[good][order], values[good][order], columns, clock, warnings)
 
 
-def _clock(name: str, received: Indices, stamps: list[int | None]) -> tuple[Array, str, tuple[str, ...]]:
+def _times(name: str, topic: Topic, shift: int) -> tuple[Array, str, tuple[str, ...]]:
     """The times [s] to believe: the headers' where they are set and near the times of receipt, else those."""
-    own = np.array([time if stamp is None else stamp for time, stamp in zip(received, stamps, strict=True)], np.int64)
-    error = np.abs(own - received) / 1e9
-    if all(stamp is None for stamp in stamps):
+    received = np.array(topic.received, np.int64)
+    if all(stamp is None for stamp in topic.stamps):
         return received / 1e9, "receipt", ()
+    set_ = np.array([stamp is not None for stamp in topic.stamps])
+    own = np.where(set_, np.array([stamp or 0 for stamp in topic.stamps], np.int64) + shift, received)
+    error = np.abs(own - received) / 1e9
     if np.median(error) > MAX_STAMP_ERROR:
         said = f"{name}: header stamps are {np.median(error):.0f} s from the times of receipt; the latter are used"
         return received / 1e9, "receipt", (said,)
-    lost = (error > MAX_STAMP_ERROR) | np.array([stamp is None for stamp in stamps])
-    said = (f"{name}: {lost.sum()} messages without a header stamp to believe; their time of receipt is used",)
-    return np.where(lost, received, own) / 1e9, "header", said if lost.any() else ()
+    lost = ~set_ | (error > MAX_STAMP_ERROR)
+    said = f"{name}: {lost.sum()} messages without a header stamp to believe; their time of receipt is used"
+    return np.where(lost, received, own) / 1e9, "header", (said,) if lost.any() else ()
 
 
 def _info(name: str, kind: str, time: Array) -> TopicInfo:
