@@ -39,11 +39,10 @@ def read_content(path: Path, wanted: Collection[str] | None) -> Content:
         for name, found in part.topics.items():
             known = topics.setdefault(name, Topic(found.type, [], [], []))
             if known.type != found.type:
-                raise BadInput(
-                    f"{path}: topic {name} has type {known.type} in one bag and {found.type} in another; read them apart"
-                )
-            for mine, more in zip(known[1:], found[1:], strict=True):
-                mine.extend(more)
+                raise BadInput(f"{path}: topic {name} has type {known.type} in one bag and {found.type} in another")
+            known.received.extend(found.received)
+            known.stamps.extend(found.stamps)
+            known.rows.extend(found.rows)
     return Content(topics, tuple(dict.fromkeys(w for part in parts for w in part.warnings)))
 
 

@@ -1,7 +1,7 @@
 """The files of a ROS bag, opened by rosbags.
 
-A bag is a ROS 1 file (.bag), a ROS 2 directory with metadata.yaml, or one of its storage files (.db3, .mcap). A directory
-may also hold several of them, one a robot: they are read as one.
+A bag is a ROS 1 file (.bag), a ROS 2 directory with metadata.yaml, or one of its storage files (.db3, .mcap). A
+directory may also hold several of them, one a robot: they are read as one.
 
 rosbags compiles the message definitions inside a bag; bags without any are older than ROS 2 Iron, so Humble's serve.
 """

@@ -21,7 +21,7 @@ class TopicInfo(NamedTuple):
 
     name: str
     type: str
-    count: int
+    messages: int
     first: float  # [s] since the epoch; nan where there is no message
     last: float
     rate: float  # [1/s] mean; nan with fewer than two messages

@@ -1,7 +1,7 @@
 """The records of an MCAP file, one after the other: without index or footer, and past bytes that are missing.
 
-A record is a code, the length of its content in eight bytes, and the content. Where the next record is not where it should
-be, the search goes on byte by byte; the records inside a damaged chunk are found so too, unless it is compressed.
+A record is a code, the length of its content in eight bytes, and the content. Where the next record is not where it
+should be, the search goes on byte by byte; the records in a damaged chunk are found so too, unless it is compressed.
 
 Source: the MCAP format specification, https://mcap.dev/spec.
 """

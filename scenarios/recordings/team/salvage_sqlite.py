@@ -1,9 +1,9 @@
 r"""Message records carved from the bytes of a damaged SQLite bag (.db3), wherever they lie.
 
-A row of the table `messages` is a cell in a page: length of its payload, row number, then the record: length of its header,
-a code for each column (NULL, since the row number serves as id; the topic's number; 06, an integer of eight bytes; the blob)
-and the columns. The header, the length, a topic's number that exists and a time within the recording identify a cell
-without any page around it, so that bytes missing further up do no harm.
+A row of the table `messages` is a cell in a page: length of its payload, row number, then the record: length of its
+header, a code for each column (NULL, since the row number serves as id; the topic's number; 06, an integer of eight
+bytes; the blob) and the columns. The header, the length, a topic's number that exists and a time within the recording
+identify a cell without any page around it, so that bytes missing further up do no harm.
 
 Source: SQLite, "Database File Format", sections 1.5 (overflow pages), 1.6 and 2.1, https://www.sqlite.org/fileformat2.html.
 """
@@ -109,7 +109,7 @@ def _page_size(raw: Buffer) -> int:
 
 def _topics(raw: Buffer) -> dict[int, tuple[str, str]]:
     """Number -> name and type, of every row of `topics` that is found."""
-    topics = {}
+    topics: dict[int, tuple[str, str]] = {}
     for match in TOPIC.finditer(raw):
         at = match.start() + raw[match.start()]
         end = at + (_varint(match[1]) - 13) // 2
