@@ -46,7 +46,7 @@ def _records(raw: Buffer, at: int) -> Iterator[tuple[Mapping[str, bytes], bytes]
     """Header and data of every record from a place on; chunks are opened."""
     while at < len(raw):
         found = _record(raw, at)
-        if not found:
+        if not found or (found[2] < len(raw) and not _record(raw, found[2])):
             place = _next(raw, at + 1)
             if place is None:
                 return
