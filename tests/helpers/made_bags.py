@@ -1,4 +1,4 @@
-"""Small bags of all three kinds, written by rosbags: two robots that drive circles, see each other and measure ranges."""
+"""Small bags of all three kinds, written by rosbags: two robots drive circles, see things and measure ranges."""
 
 import numpy as np
 from rosbags.rosbag1 import Writer as Writer1
