@@ -52,7 +52,7 @@ def _contents(bag: Path, wanted: Collection[str] | None) -> Iterator[Content]:
         yield _intact(bag, wanted)
         return
     except Exception as e:  # rosbags raises whatever its parsers raise on damaged files
-        reason = _one_line(e)
+        reason = _one_line(e, bag)
     for file in storage_files(bag):
         if bag.is_dir():
             try:
@@ -60,7 +60,7 @@ def _contents(bag: Path, wanted: Collection[str] | None) -> Iterator[Content]:
                 yield content._replace(warnings=(*content.warnings, f"{bag}: {reason}; {file.name} was read by itself"))
                 continue
             except Exception as e:  # as above
-                reason = _one_line(e)
+                reason = _one_line(e, bag)
         found, warning = salvaged(file, reason)
         content = _collect(found, wanted)
         yield content._replace(warnings=(warning, *content.warnings))
@@ -99,5 +99,7 @@ def _collect(bag: Bag, wanted: Collection[str] | None) -> Content:
     )
 
 
-def _one_line(e: Exception) -> str:
-    return " ".join(f"{e}".split())[:200] or type(e).__name__
+def _one_line(e: Exception, bag: Path) -> str:
+    """What rosbags says, without the directory, which is told beside it."""
+    said = " ".join(f"{e}".split()).replace(f"{bag}/", "").replace(f"{bag.parent}/", "")
+    return said[:200] or type(e).__name__

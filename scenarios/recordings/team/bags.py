@@ -1,134 +1,170 @@
-"""ROS 1 bags, ROS 2 bags and MCAP, read without ROS by rosbags (https://gitlab.com/ternaris/rosbags)."""
+"""Recordings of a team in ROS bags, as `log.toml` describes them: which topic is of which robot, and of what.
 
-from collections.abc import Collection, Mapping
+A pose is in metres and radians and a speed in SI units, as ROS has it (REP 103); a number (std_msgs/Float32, Float64)
+has the unit that the description says. What a camera saw (`[sightings]`) is a pose in the robot's frame, x forward and
+y left, or a geometry_msgs/PoseArray in the camera's, z forward and x right, with one detection in a message.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
-from typing import NamedTuple
 
-import numpy as np
+from cooploc.estimators.plugins.errors import BadInput
+from cooploc.scenarios.recordings.team import schema
+from cooploc.scenarios.recordings.team.bag_files import ENDINGS
+from cooploc.scenarios.recordings.team.bag_source import columns_of, topics_of, values_of
+from cooploc.scenarios.recordings.team.bag_topics import TopicInfo as TopicInfo
+from cooploc.scenarios.recordings.team.bag_topics import TopicSeries, read_present
+from cooploc.scenarios.recordings.team.bag_topics import read_series as read_series
+from cooploc.scenarios.recordings.team.bag_topics import read_topics as read_topics
+from cooploc.scenarios.recordings.team.bag_topics import topics as topics
+from cooploc.scenarios.recordings.team.channels import Kind, Measured, divided
+from cooploc.scenarios.recordings.team.places_file import places
+from cooploc.scenarios.recordings.team.schema import TeamDescription
+from cooploc.scenarios.recordings.team.series import in_order
+from cooploc.scenarios.recordings.team.team_log import Channel, Readings, Series, TeamLog
+from cooploc.scenarios.recordings.team.truth_frame import true_poses
 
-from cooploc.estimators.interface import Array, Indices
-from cooploc.estimators.plugins.errors import BadInput, nearest
-from cooploc.scenarios.recordings.team.bag_content import Topic, read_content
-from cooploc.scenarios.recordings.team.messages import KINDS
-from cooploc.scenarios.recordings.text_tables import LARGEST
-
-SILENCE = 5.0  # mean intervals between messages, and more of them than this are a gap
-MAX_STAMP_ERROR = 60.0  # [s] a header's stamp further from the time of receipt was not set by a clock of this run
-
-
-class TopicInfo(NamedTuple):
-    """What a topic holds, by the times of receipt."""
-
-    name: str
-    type: str
-    messages: int
-    first: float  # [s] since the epoch; nan where there is no message
-    last: float
-    rate: float  # [1/s] mean; nan with fewer than two messages
-    gaps: tuple[tuple[float, float], ...]  # begin and length [s] of each silence of more than `SILENCE` intervals
-    columns: tuple[str, ...]  # what `read_topics` gives; empty for a type that is not read
+Found = Mapping[str, TopicSeries]
+ODOMETRY = {"velocity": ("v [m/s]", "omega [rad/s]"), "pose": ("x [m]", "y [m]", "heading [rad]")}
 
 
-class TopicSeries(NamedTuple):
-    """The numbers of one topic."""
+def runs(data: Path, description: TeamDescription) -> dict[str, Path]:
+    """The runs in a directory: itself, if it is a ROS 2 bag, else each bag in it, and each directory of bags.
 
-    time: Array  # (m,) does not fall [s]
-    values: Array  # (m, k)
-    columns: tuple[str, ...]
-    clock: str  # "header" or "receipt": whose stamps `time` are
-    warnings: tuple[str, ...]
-
-
-def topics(path: Path) -> tuple[list[TopicInfo], tuple[str, ...]]:
-    """What a bag holds, by topic, and warnings of what could not be read.
+    A directory of bags is one run, which was recorded in parts or by each robot.
 
     Raises:
-        BadInput: there is no bag, or nothing can be read of it.
+        BadInput: there are none.
 
     """
-    content = read_content(path, None)
-    found = [_info(name, topic.type, np.sort(topic.received) / 1e9) for name, topic in sorted(content.topics.items())]
-    return found, content.warnings
+    if (data / "metadata.yaml").exists():
+        return {data.resolve().name: data}
+    found: dict[str, Path] = {}
+    for path in sorted(data.iterdir()):
+        holds = path.is_dir() and any(inside.suffix in ENDINGS for inside in path.rglob("*"))
+        if holds or (path.is_file() and path.suffix in ENDINGS):
+            name = path.name if holds else path.stem
+            if name in found:
+                raise BadInput(f"{path}: {found[name].name} has the same name; rename one")
+            found[name] = path
+    if not found:
+        raise BadInput(f"{data}: no bag here; it needs files that end with {', '.join(ENDINGS)}")
+    return found
 
 
-def read_series(path: Path, topic: str) -> TopicSeries:
-    """One topic; see `read_topics`."""
-    return read_topics(path, [topic])[0][topic]
-
-
-def read_topics(path: Path, names: Collection[str]) -> tuple[dict[str, TopicSeries], tuple[str, ...]]:
-    """The numbers of some topics, in one pass over the bag, and warnings of what is wrong with the bag.
+def read(data: Path, place: Path, name: str, description: TeamDescription) -> TeamLog:
+    """One run.
 
     Raises:
-        BadInput: there is no bag or nothing can be read of it, or a topic is not there or of a type that is not read.
+        BadInput: the bag cannot be read, or a topic is missing or of another type than its table needs.
 
     """
-    content = read_content(path, names)
-    for name in names:
-        if name not in content.topics:
-            raise BadInput(f"{path}: there is no topic {name!r}; {nearest(name, list(content.topics))}")
-        kind = content.topics[name].type
-        if kind not in KINDS:
+    if description.odometry is None or description.truth is None:
+        raise BadInput(f"{data}: log.toml lacks [odometry] or [truth]; add the table")
+    robots, d = description.robots, description
+    anchors, landmarks = (places(data, table, d.delimiter) for table in (d.anchors, d.landmarks))
+    tables: list[tuple[Kind, Sequence[schema.Readings], Sequence[str]]] = [
+        ("range", d.ranges, anchors.names),
+        ("rssi", d.rssi, anchors.names),
+        ("sighting", d.sightings, landmarks.names),
+    ]
+    sources = [(s, (*robots, *fixed)) for _, several, fixed in tables for s in several]
+    wanted = {topic for s, others in sources for topic, _, _ in topics_of(s, robots, others)}
+    wanted |= {topic for s in (description.odometry, description.truth) for topic, _, _ in topics_of(s, robots, ())}
+    found, told = read_present(place, wanted)
+    warnings = list(told)
+    odometry = _odometry(place, description.odometry, found, robots, warnings)
+    truth = _truth(place, description.truth, found, robots, warnings)
+    readings: dict[Channel, Readings] = {}
+    for kind, several, fixed in tables:
+        measured = [m for s in several for m in _measured(place, s, found, robots, (*robots, *fixed), warnings)]
+        channels, told_ = divided(kind, measured, robots, fixed)
+        readings |= channels
+        warnings += told_
+    kind_ = description.odometry.kind
+    return TeamLog(name, robots, kind_, odometry, truth, readings, landmarks, anchors, tuple(warnings))
+
+
+def _odometry(
+    place: Path, table: schema.Odometry, found: Found, robots: Sequence[str], warnings: list[str]
+) -> tuple[Series, ...]:
+    if table.kind not in ODOMETRY:
+        raise BadInput(f"{place}: a bag has odometry of kind {' or '.join(ODOMETRY)}, not {table.kind!r}; correct kind")
+    series = _by_robot(table, found, robots, ODOMETRY[table.kind], "odometry", warnings)
+    for robot in robots:
+        if robot not in series or len(series[robot].time) < 2:
             raise BadInput(
-                f"{path}: topic {name} has type {kind}, which is not read; types that are: {', '.join(KINDS)}"
+                f"{place}: robot {robot!r} has fewer than two messages of odometry; correct the topic in [odometry] of "
+                "log.toml, or take it out of `robots`"
             )
-    shift, warnings = _clock_shift(content.topics)
-    series = {name: _series(name, content.topics[name], shift) for name in names}
-    told = (w for one in series.values() for w in one.warnings)
-    return series, (*content.warnings, *warnings, *told)
+    return tuple(series[robot] for robot in robots)
 
 
-def _clock_shift(topics: Mapping[str, Topic]) -> tuple[int, tuple[str, ...]]:
-    """How far [ns] the headers' clock is behind the recorder's, if one of them was not set; and a warning."""
-    behind = [np.median(_ahead(t)) for t in topics.values() if any(stamp is not None for stamp in t.stamps)]
-    shift = -int(np.median(behind)) if behind else 0
-    if abs(shift) <= MAX_STAMP_ERROR * 1e9:
-        return 0, ()
-    said = f"header stamps are {shift / 1e9:.1f} s behind the recorder's clock; that was added to all of them"
-    return shift, (said,)
+def _truth(
+    place: Path, table: schema.GroundTruth, found: Found, robots: Sequence[str], warnings: list[str]
+) -> tuple[Series | None, ...]:
+    series = _by_robot(table, found, robots, ODOMETRY["pose"], "truth", warnings)
+    poses: list[Series | None] = []
+    for robot in robots:
+        one = series.get(robot)
+        if one is None or len(one.time) < 2:
+            warnings.append(f"{place}: robot {robot!r} has no truth, and so no errors")
+            poses.append(None)
+            continue
+        values, jumps = true_poses(one.time, one.values, table)
+        if jumps:
+            warnings.append(f"{one.source}: {jumps} true positions are out of reach at max_speed, and were left out")
+        poses.append(one._replace(values=values))
+    if all(one is None for one in poses):
+        raise BadInput(f"{place}: no robot has a truth; correct the topic in [truth] of log.toml")
+    return tuple(poses)
 
 
-def _ahead(topic: Topic) -> Indices:
-    """Header stamps minus times of receipt [ns], where there is a stamp."""
-    pairs = zip(topic.stamps, topic.received, strict=True)
-    return np.array([stamp - received for stamp, received in pairs if stamp is not None], np.int64)
+def _by_robot(
+    table: schema.Source,
+    found: Found,
+    robots: Sequence[str],
+    columns: Sequence[str],
+    named: str,
+    warnings: list[str],
+) -> dict[str, Series]:
+    ordered: dict[str, Series] = {}
+    for topic, robot, _ in topics_of(table, robots, ()):
+        if topic in found and len(found[topic].time):
+            if robot in ordered:
+                raise BadInput(
+                    f"robot {robot!r} has two topics in [{named}], {ordered[robot].source} and {topic}; choose"
+                )
+            time = found[topic].time + table.clock_offset
+            values = columns_of(topic, found[topic], columns, named)
+            ordered[robot], told = in_order(time, values, topic, partial(_message, topic))
+            warnings += told
+    return ordered
 
 
-def _series(name: str, topic: Topic, shift: int) -> TopicSeries:
-    """By rising time. Rows with a number that cannot be a measurement are left out."""
-    time, clock, warnings = _times(name, topic, shift)
-    columns = KINDS[topic.type].columns
-    time = np.repeat(time, [len(rows) for rows in topic.rows])
-    values = np.array([row for rows in topic.rows for row in rows], float).reshape(-1, len(columns))
-    # A heading is nan where the orientation was never set; nothing else may be.
-    bad = ~(np.abs(values) <= LARGEST) & ~(np.isnan(values) & (np.array(columns) == "heading [rad]"))
-    good = ~bad.any(1)
-    if not good.all():
-        warnings = (*warnings, f"{name}: {(~good).sum()} messages hold a number that is not finite; they are left out")
-    order = np.argsort(time[good], kind="stable")
-    return TopicSeries(time[good][order], values[good][order], columns, clock, warnings)
+def _measured(
+    place: Path,
+    table: schema.Readings,
+    found: Found,
+    robots: Sequence[str],
+    others: Sequence[str],
+    warnings: list[str],
+) -> Iterator[Measured]:
+    """Measurements of every topic of a table; without {other} in the topic, a robot measures its only teammate."""
+    any_ = False
+    for topic, robot, other in topics_of(table, robots, others):
+        if topic not in found:
+            continue
+        any_ = True
+        if not other and len(robots) != 2:
+            raise BadInput(f"topic {topic} does not say what was measured; write it with {{other}} in log.toml")
+        time, values = values_of(topic, table, found[topic])
+        mate = other or next(name for name in robots if name != robot)
+        yield Measured(time + table.clock_offset, [robot] * len(time), [mate] * len(time), values, topic)
+    if not any_:
+        warnings.append(f"{place}: none of the topics {table.topic or ', '.join(table.topics.values())} is in the bag")
 
 
-def _times(name: str, topic: Topic, shift: int) -> tuple[Array, str, tuple[str, ...]]:
-    """The times [s] to believe: the headers' where they are set and near the times of receipt, else those."""
-    received = np.array(topic.received, np.int64)
-    if all(stamp is None for stamp in topic.stamps):
-        return received / 1e9, "receipt", ()
-    set_ = np.array([stamp is not None for stamp in topic.stamps])
-    own = np.where(set_, np.array([stamp or 0 for stamp in topic.stamps], np.int64) + shift, received)
-    error = np.abs(own - received) / 1e9
-    if np.median(error) > MAX_STAMP_ERROR:
-        said = f"{name}: header stamps are {np.median(error):.0f} s from the times of receipt; the latter are used"
-        return received / 1e9, "receipt", (said,)
-    lost = ~set_ | (error > MAX_STAMP_ERROR)
-    said = f"{name}: {lost.sum()} messages without a header stamp to believe; their time of receipt is used"
-    return np.where(lost, received, own) / 1e9, "header", (said,) if lost.any() else ()
-
-
-def _info(name: str, kind: str, time: Array) -> TopicInfo:
-    first, last = (float(time[0]), float(time[-1])) if len(time) else (np.nan, np.nan)
-    rate = (len(time) - 1) / (last - first) if last > first else np.nan
-    silent = np.flatnonzero(np.diff(time) * rate > SILENCE)
-    gaps = tuple((float(time[i]), float(time[i + 1] - time[i])) for i in silent)
-    columns = KINDS[kind].columns if kind in KINDS else ()
-    return TopicInfo(name, kind, len(time), first, last, rate, gaps, columns)
+def _message(topic: str, row: int) -> str:
+    return f"{topic}, message {row + 1}"

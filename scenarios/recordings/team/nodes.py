@@ -1,4 +1,4 @@
-"""Which radio node sits on which robot, found from ranges and motion capture; where the others are, if they stood still.
+"""Which radio node sits on which robot, found from ranges and motion capture; and where the other nodes stood.
 
 For inspection, on recordings that are not judged: it uses the truth. An assignment explains the range r between two
 nodes by the distance d of the two things that carry them and a bias b of the pair,
@@ -125,7 +125,7 @@ def _fits(
 
 
 def _search(fits: Mapping[tuple[int, int, int, int], Fit], nodes: int, carriers: int) -> tuple[Array, Array]:
-    """Assignments (s, nodes), each a carrier or -1, and their costs (s,) [m], best first; as many as can be are carried."""
+    """Assignments (s, nodes), each a carrier or -1 (as few as can be), and their costs (s,) [m], best first."""
     cost = np.full((nodes, nodes, carriers, carriers), NOT_MEASURED)
     for key, fit in fits.items():
         cost[key] = fit.residual
