@@ -105,16 +105,20 @@ def _place(graph: Graph, line: int, fields: list[str]) -> None:
 
 
 def _relative(graph: Graph, line: int, fields: list[str]) -> None:
-    values = _numbers(graph, line, fields, (4, 5, 6), 13)
-    graph.relative.append(Edge(line, fields[2], fields[3], values))
+    graph.relative.append(_edge(graph, line, fields, (4, 5, 6), 13))
 
 
 def _seen(graph: Graph, line: int, fields: list[str]) -> None:
-    graph.seen.append(Edge(line, fields[2], fields[3], _numbers(graph, line, fields, (4, 5), 9)))
+    graph.seen.append(_edge(graph, line, fields, (4, 5), 9))
 
 
 def _range(graph: Graph, line: int, fields: list[str]) -> None:
-    graph.ranges.append(Edge(line, fields[2], fields[3], _numbers(graph, line, fields, (4,), 6)))
+    graph.ranges.append(_edge(graph, line, fields, (4,), 6))
+
+
+def _edge(graph: Graph, line: int, fields: list[str], which: tuple[int, ...], total: int) -> Edge:
+    values = _numbers(graph, line, fields, which, total)
+    return Edge(line, fields[2], fields[3], values)
 
 
 READ: Mapping[str, Callable[[Graph, int, list[str]], None]] = {
