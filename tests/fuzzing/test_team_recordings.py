@@ -4,13 +4,13 @@ import resource
 
 import pytest
 from attempts import attempted, cases
-from damage import HARM, harm_file, harmed
+from damage import HARM, harmed
 from hypothesis import given
 from hypothesis import strategies as st
 from made_bags import KINDS, made_bag
 
 from cooploc.estimators.plugins.errors import BadInput
-from cooploc.scenarios.recordings.team import bags, mrclam, pyfg, schema
+from cooploc.scenarios.recordings.team import bags, pyfg, schema
 from cooploc.scenarios.recordings.team.team_log import TeamLog
 
 BAGS = """

@@ -9,6 +9,8 @@ from cooploc.scenarios.recordings.team.bag_files import Bag, bag_paths, opened, 
 from cooploc.scenarios.recordings.team.messages import KINDS, Row, stamp_of
 from cooploc.scenarios.recordings.team.salvage import salvaged
 
+LATEST = 2**62  # [ns] in the year 2116: later times of receipt are damaged
+
 
 class Topic(NamedTuple):
     """What was received on one topic, in the order of the file."""
@@ -84,6 +86,9 @@ def _collect(bag: Bag, wanted: Collection[str] | None) -> Content:
     unreadable: dict[str, int] = {}
     for name, time, raw in bag.messages(topics if wanted is None else [t for t in topics if t in wanted]):
         topic = topics[name]
+        if not 0 <= time < LATEST:
+            unreadable[name] = unreadable.get(name, 0) + 1
+            continue
         if wanted is not None:
             try:
                 message = bag.decode(raw, topic.type)

@@ -31,7 +31,7 @@ def scan_mcap(raw: Buffer) -> Found:
                 schemas[unpack_from("<H", content)[0]] = _text(content, 2)
             elif code == CHANNEL:
                 number, schema = unpack_from("<HH", content)
-                channels[number] = (_text(content, 4), schemas[schema])
+                channels.setdefault(number, (_text(content, 4), schemas[schema]))  # repeated at the end of the file
             elif code == MESSAGE:
                 number, _, time, _ = unpack_from("<HIQQ", content)
                 topic, kind = channels[number]

@@ -31,7 +31,8 @@ def scan_ros1(raw: Buffer) -> Found:
         try:
             if header["op"][0] == CONNECTION:
                 kind = normalize_msgtype(_fields(data)["type"].decode())
-                connections[unpack_from("<I", header["conn"])[0]] = (header["topic"].decode(), kind)
+                number = unpack_from("<I", header["conn"])[0]
+                connections.setdefault(number, (header["topic"].decode(), kind))  # repeated at the end of the file
             elif header["op"][0] == MESSAGE:
                 topic, kind = connections[unpack_from("<I", header["conn"])[0]]
                 seconds, rest = unpack_from("<II", header["time"])
