@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.recordings.team.bag_files import Bag, bag_paths, opened, storage_files, write_ahead_log
@@ -64,7 +64,7 @@ def _contents(bag: Path, wanted: Collection[str] | None) -> Iterator[Content]:
             except Exception as e:  # as above
                 reason = _one_line(e, bag)
         found, warning = salvaged(file, reason)
-        content = _collect(found, wanted)
+        content, _ = _collect(found, wanted)
         yield content._replace(warnings=(warning, *content.warnings))
 
 
@@ -74,34 +74,41 @@ def _intact(path: Path, wanted: Collection[str] | None) -> Content:
         if log := write_ahead_log(file):
             raise BadInput(f"{log.name} holds messages of a recorder that did not end in order")
     with opened(path) as bag:
-        content = _collect(bag, wanted)
-    for name, topic in content.topics.items():
-        if (wanted is None or name in wanted) and len(topic.received) < bag.counts[name]:
-            raise BadInput(f"{name} has {len(topic.received)} messages where {bag.counts[name]} were recorded")
+        content, unreadable = _collect(bag, wanted)
+    for name in _chosen(bag, wanted):
+        there = len(content.topics[name].received) + unreadable.get(name, 0)
+        if there < bag.counts[name]:
+            raise BadInput(f"{name} has {there} messages where {bag.counts[name]} were recorded")
     return content
 
 
-def _collect(bag: Bag, wanted: Collection[str] | None) -> Content:
+def _chosen(bag: Bag, wanted: Collection[str] | None) -> list[str]:
+    """All topics, or those that are wanted and of a type that is read."""
+    return [name for name, kind in bag.types.items() if wanted is None or (name in wanted and kind in KINDS)]
+
+
+def _collect(bag: Bag, wanted: Collection[str] | None) -> tuple[Content, dict[str, int]]:
+    """What a bag holds, and how many messages of a topic cannot be read."""
     topics = {name: Topic(kind, [], [], []) for name, kind in bag.types.items()}
     unreadable: dict[str, int] = {}
-    for name, time, raw in bag.messages(topics if wanted is None else [t for t in topics if t in wanted]):
+    for name, time, raw in bag.messages(_chosen(bag, wanted)):
         topic = topics[name]
-        if not 0 <= time < LATEST:
+        try:
+            _add(topic, time, bag.decode(raw, topic.type) if wanted is not None else None)
+        except Exception:  # whatever rosbags raises on a damaged message, or one of a type it does not know
             unreadable[name] = unreadable.get(name, 0) + 1
-            continue
-        if wanted is not None:
-            try:
-                message = bag.decode(raw, topic.type)
-                stamp, rows = stamp_of(message), KINDS[topic.type].rows(message)
-            except Exception:  # a damaged message, or rosbags does not know its type: counted and told
-                unreadable[name] = unreadable.get(name, 0) + 1
-                continue
-            topic.stamps.append(stamp)
-            topic.rows.append(rows)
-        topic.received.append(time)
-    return Content(
-        topics, tuple(f"{name}: {n} messages cannot be read; they are left out" for name, n in unreadable.items())
-    )
+    told = (f"{name}: {n} messages cannot be read; they are left out" for name, n in unreadable.items())
+    return Content(topics, tuple(told)), unreadable
+
+
+def _add(topic: Topic, time: int, message: Any) -> None:
+    if not 0 <= time < LATEST:
+        raise ValueError
+    if message is not None:
+        stamp, rows = stamp_of(message), KINDS[topic.type].rows(message)
+        topic.stamps.append(stamp)
+        topic.rows.append(rows)
+    topic.received.append(time)
 
 
 def _one_line(e: Exception, bag: Path) -> str:
