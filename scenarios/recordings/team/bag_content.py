@@ -1,6 +1,6 @@
 """The messages of a bag by topic: from rosbags where the bag is intact, salvaged where it is not."""
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -48,24 +48,35 @@ def read_content(path: Path, wanted: Collection[str] | None) -> Content:
     return Content(topics, tuple(dict.fromkeys(w for part in parts for w in part.warnings)))
 
 
-def _contents(bag: Path, wanted: Collection[str] | None) -> Iterator[Content]:
-    """Of one bag: as a whole, else file by file."""
+def _contents(bag: Path, wanted: Collection[str] | None) -> list[Content]:
+    """Of one bag: as a whole, else file by file. A file without any message is told, as long as another has some."""
     try:
-        yield _intact(bag, wanted)
-        return
+        return [_intact(bag, wanted)]
     except Exception as e:  # rosbags raises whatever its parsers raise on damaged files
         reason = _one_line(e, bag)
+    found: list[Content] = []
+    lost: list[BadInput] = []
     for file in storage_files(bag):
-        if bag.is_dir():
-            try:
-                content = _intact(file, wanted)
-                yield content._replace(warnings=(*content.warnings, f"{bag}: {reason}; {file.name} was read by itself"))
-                continue
-            except Exception as e:  # as above
-                reason = _one_line(e, bag)
-        found, warning = salvaged(file, reason)
-        content, _ = _collect(found, wanted)
-        yield content._replace(warnings=(warning, *content.warnings))
+        try:
+            found.append(_of_file(file, wanted, reason, alone=not bag.is_dir()))
+        except BadInput as e:
+            lost.append(e)
+    if not found:
+        raise lost[0]
+    return [*found, Content({}, tuple(str(e) for e in lost))]
+
+
+def _of_file(file: Path, wanted: Collection[str] | None, reason: str, alone: bool) -> Content:
+    """Of one file: intact, if only the bag around it was not, else what can be salvaged."""
+    if not alone:
+        try:
+            content = _intact(file, wanted)
+            return content._replace(warnings=(*content.warnings, f"{file} was read by itself ({reason})"))
+        except Exception as e:  # as above
+            reason = _one_line(e, file)
+    bag, warning = salvaged(file, reason)
+    content, _ = _collect(bag, wanted)
+    return content._replace(warnings=(warning, *content.warnings))
 
 
 def _intact(path: Path, wanted: Collection[str] | None) -> Content:

@@ -119,6 +119,16 @@ def test_a_bag_without_metadata_is_read(tmp_path):
     assert warnings == ()
 
 
+def test_a_split_bag_whose_last_file_is_empty_is_read_without_it(tmp_path):
+    path, written = made_bag(tmp_path, "sqlite3")
+    (path / "team_1.db3").write_bytes(b"")
+    index = (path / "metadata.yaml").read_text()
+    (path / "metadata.yaml").write_text(index.replace("- team.db3", "- team.db3\n  - team_1.db3"))
+    got, warnings = recovered(path)
+    assert got == rows(*written[TOPIC])
+    assert any("team_1.db3: empty" in warning for warning in warnings)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_an_empty_file_is_one_line(tmp_path, kind):
     path, _ = made_bag(tmp_path, kind)
