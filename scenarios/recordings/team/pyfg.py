@@ -98,29 +98,33 @@ def _chains(graph: Graph) -> Mapping[str, Chain]:
 
 
 def _odometry(graph: Graph, chain: Chain, steps: Mapping[tuple[str, str], Sequence[float]]) -> Series:
-    """Poses composed from the first: x' = x + R(heading) dx. Across a step that is missing, the odometry is not known.
+    """Poses composed from the first: x' = x + R(heading) dx; of the longest stretch in which no step is missing.
 
-    What follows a missing step goes on from where the steps before it led, after a row of nan between the two.
+    Raises:
+        BadInput: there is no step at all.
+
     """
+    missing = [k for k, pair in enumerate(pairwise(chain)) if pair not in steps]
+    begin, end = max(pairwise([-1, *missing, len(chain) - 1]), key=lambda ends: ends[1] - ends[0])
+    stretch = chain[begin + 1 : end + 1]
+    robot = graph.poses[chain[0]].robot
+    if len(stretch) < 2:
+        raise BadInput(
+            f"{graph.path}: robot {robot} has no odometry; add a line EDGE_SE2 from each of its poses to the next"
+        )
+    if missing:
+        said = f"lacks {len(missing)} steps of odometry; it is read from {stretch[0]} to {stretch[-1]}"
+        graph.warnings.append(f"{graph.path}: robot {robot} {said}")
     x, y, heading = 0.0, 0.0, 0.0
-    rows, times = [(x, y, heading)], [graph.poses[chain[0]].time]
-    missing = 0
-    for first, second in pairwise(chain):
-        before, after = graph.poses[first].time, graph.poses[second].time
-        dx, dy, turn = steps.get((first, second), (0.0, 0.0, 0.0))
-        if (first, second) not in steps:
-            missing += 1
-            rows.append((np.nan, np.nan, np.nan))
-            times.append((before + after) / 2)
+    rows = [(x, y, heading)]
+    for pair in pairwise(stretch):
+        dx, dy, turn = steps[pair]
         c, s = np.cos(heading), np.sin(heading)
         x, y, heading = x + c * dx - s * dy, y + s * dx + c * dy, heading + turn
         rows.append((x, y, heading))
-        times.append(after)
-    if missing:
-        graph.warnings.append(f"{graph.path}: robot {graph.poses[chain[0]].robot} lacks {missing} steps of odometry")
     values = np.array(rows)
     values[:, 2] = wrap(values[:, 2])
-    return Series(np.array(times), values, f"{graph.path}, EDGE_SE2")
+    return Series(np.array([graph.poses[name].time for name in stretch]), values, f"{graph.path}, EDGE_SE2")
 
 
 def _truth(graph: Graph, chain: Chain) -> Series:

@@ -63,11 +63,11 @@ def test_a_loop_closure_is_left_out_and_told(tmp_path):
     assert "1 measurements between poses of one robot" in warning
 
 
-def test_across_a_missing_step_the_odometry_is_not_known(tmp_path):
+def test_of_odometry_with_a_missing_step_the_longest_stretch_is_read(tmp_path):
     log = read_pyfg(written(tmp_path, GRAPH.replace(f"EDGE_SE2 11.0 A0 A1 1.0 0.0 1.5707963267948966 {COV}\n", "")))
-    assert log.odometry[0].time.tolist() == [10, 10.5, 11, 12]
-    assert np.isnan(log.odometry[0].values[1]).all()
-    assert any("robot A lacks 1 steps" in warning for warning in log.warnings)
+    assert log.odometry[0].time.tolist() == [11, 12]
+    np.testing.assert_allclose(log.odometry[0].values, [[0, 0, 0], [1, 0, 0]])
+    assert any("robot A lacks 1 steps of odometry; it is read from A1 to A2" in warning for warning in log.warnings)
 
 
 def test_a_last_line_that_was_cut_off_is_left_out_and_told(tmp_path):
@@ -84,6 +84,7 @@ def test_a_last_line_that_was_cut_off_is_left_out_and_told(tmp_path):
         ("A2 B1 6.3", "A2 B9 6.3", "line 15: there is no vertex 'B9'"),
         ("VERTEX_SE2 12.0 A2", "VERTEX_SE2 11.0 A2", "not later"),
         ("L1 4.0", "L0 4.0", "given before"),
+        ("EDGE_SE2 11.5 B0 B1", "EDGE_SE2 11.5 B1 B0", "robot B has no odometry"),
         ("L1 4.0 0.0", "L1 4.0", "line 7: VERTEX_XY has 3 fields"),
     ],
 )
