@@ -60,6 +60,6 @@ def _series(table: Table, warnings: list[str]) -> Series:
 
 def _measured(files: DataSet, robot: int, names: tuple[str, ...]) -> Measured:
     table = files.readings[robot]
-    codes = table.values[:, 1].astype(np.int64).tolist()
+    codes = [int(code) for code in table.values[:, 1]]
     other = [names[files.columns[code]] if code in files.columns else f"barcode {code}" for code in codes]
     return Measured(table.values[:, 0], [str(robot + 1)] * len(codes), other, table.values[:, 2:], str(table.path))

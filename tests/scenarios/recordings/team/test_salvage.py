@@ -7,9 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from made_bags import KINDS, TOPICS, made_bag
+from rosbags.typesys import Stores, get_typestore
 
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.recordings.team.bags import read_topics, topics
+from cooploc.scenarios.recordings.team.found import decode_ros2
 
 DATA = Path(os.environ.get("COOPLOC_DATA", "../shared/data"))
 FOUR = DATA / "uwb-tiers" / "four-robots"
@@ -109,6 +111,16 @@ def test_messages_in_sqlites_log_are_found(tmp_path):
     killed.close()
     source.close()
     assert recovered(left)[0] == rows(*written[TOPIC])
+
+
+def test_ranges_are_decoded_by_the_definition_of_before_and_after_they_got_a_variance():
+    for version, more in ((Stores.ROS2_HUMBLE, {}), (Stores.LATEST, {"variance": 0.5})):
+        store = get_typestore(version)
+        time = store.types["builtin_interfaces/msg/Time"](sec=1, nanosec=2)
+        header = store.types["std_msgs/msg/Header"](stamp=time, frame_id="uwb")
+        sent = {"radiation_type": 0, "field_of_view": 0.1, "min_range": 0.0, "max_range": 9.0, "range": 3.25, **more}
+        raw = store.serialize_cdr(store.types["sensor_msgs/msg/Range"](header=header, **sent), "sensor_msgs/msg/Range")
+        assert decode_ros2(bytes(raw), "sensor_msgs/msg/Range").range == 3.25
 
 
 def test_a_bag_without_metadata_is_read(tmp_path):
