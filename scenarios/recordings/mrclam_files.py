@@ -21,6 +21,7 @@ class DataSet(NamedTuple):
     readings: list[Table]  # time, barcode, range, bearing
     steps_back: dict[str, int]  # by file: how often its clock stepped back
     landmarks: Array  # (l, 2) [m] in the order of Landmark_Groundtruth.dat
+    subjects: tuple[int, ...]  # (l,) the landmarks' numbers
     columns: Mapping[int, int]  # barcode -> robot 0..n-1, or n + landmark
 
 
@@ -52,7 +53,8 @@ def read_data_set(data: Path) -> DataSet:
     readings = team("Measurement", "barcode", "range [m]", "bearing [rad]")
     for table in readings:
         require_whole(table, 1, "barcode")
-    return DataSet(truth, odometry, readings, steps_back, surveyed.values[:, 1:3], columns)
+    subjects = tuple(map(int, surveyed.values[:, 0]))
+    return DataSet(truth, odometry, readings, steps_back, surveyed.values[:, 1:3], subjects, columns)
 
 
 def unknown_barcodes(files: DataSet) -> dict[str, Any]:

@@ -1,0 +1,143 @@
+r"""Message records carved from the bytes of a damaged SQLite bag (.db3), wherever they lie.
+
+A row of the table `messages` is a cell in a page: length of its payload, row number, then the record: length of its
+header, a code for each column (NULL, since the row number serves as id; the topic's number; 06, an integer of eight
+bytes; the blob) and the columns. The header, the length, a topic's number that exists and a time within the recording
+identify a cell without any page around it, so that bytes missing further up do no harm.
+
+Source: SQLite, "Database File Format", sections 1.5 (overflow pages), 1.6 and 2.1, https://www.sqlite.org/fileformat2.html.
+"""
+
+import re
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from cooploc.scenarios.recordings.team.bag_files import Index, Message
+from cooploc.scenarios.recordings.team.found import Buffer, Found, kept, readable
+
+MESSAGE = re.compile(
+    rb"(?=\x05\x00[\x01-\x04\x08\x09]\x06[\x0c-\x7f]"
+    rb"|\x06\x00[\x01-\x04\x08\x09]\x06[\x80-\xff][\x00-\x7f]"
+    rb"|\x07\x00[\x01-\x04\x08\x09]\x06[\x80-\xff]{2}[\x00-\x7f])"
+)
+# Of table `topics`: number, name, type, and the text "cdr" (code 13 + 2 * 3).
+TOPIC = re.compile(rb"(?=[\x05-\x0f]\x00([\x80-\xff]?[\x00-\x7f])([\x80-\xff]?[\x00-\x7f])\x13)")
+TOPIC_NAME, TYPE_NAME = re.compile(r"/[\w/~]*"), re.compile(r"\w+/(msg/)?\w+")
+WIDTHS = {1: 1, 2: 2, 3: 3, 4: 4, 8: 0, 9: 0}  # bytes of an integer, by its code
+MARGIN = 10 * 10**9  # [ns] around the span that metadata.yaml gives
+DAY = 86_400 * 10**9  # [ns] around the median, where there is no metadata.yaml
+
+
+class Cell(NamedTuple):
+    """Where a row of `messages` was found."""
+
+    begin: int  # of the cell in the file
+    record: int  # its header
+    row: int
+    topic: int
+    time: int  # [ns]
+    data: int  # begin of the blob
+    length: int  # of the blob
+
+
+def carve(raw: Buffer, index: Index | None) -> Found:
+    """All messages in the bytes of a .db3 file (its write-ahead log may follow them)."""
+    topics = _topics(raw)
+    cells = [cell for cell in _cells(raw) if cell.topic in topics]
+    if cells:
+        middle = int(np.median([cell.time for cell in cells]))
+        first, last = (index.first - MARGIN, index.last + MARGIN) if index else (middle - DAY, middle + DAY)
+        cells = [cell for cell in cells if first <= cell.time <= last]
+    page = _page_size(raw)
+    messages: dict[int, Message] = {}
+    for cell, following in zip(cells, [*cells[1:], None], strict=True):
+        name, kind = topics[cell.topic]
+        data = _blob(raw, cell, page, following.begin if following else len(raw))
+        if data is not None and cell.row not in messages and readable(data, kind):
+            messages[cell.row] = (name, cell.time, kept(data, kind))
+    ordered = [messages[row] for row in sorted(messages)]
+    return Found(dict(topics.values()), ordered, max(messages, default=0))
+
+
+def _cells(raw: Buffer) -> Iterator[Cell]:
+    for match in MESSAGE.finditer(raw):
+        record = match.start()
+        size, width = raw[record], WIDTHS[raw[record + 2]]
+        code = _varint(raw[record + 4 : record + size])
+        if code % 2 or code < 12:
+            continue
+        body, length = record + size, (code - 12) // 2
+        topic = int.from_bytes(raw[body : body + width], "big") if width else raw[record + 2] - 8
+        data = body + width + 8
+        time = int.from_bytes(raw[data - 8 : data], "big")
+        row = _number_before(raw, record)
+        payload = _as_varint(data + length - record)
+        begin = row - len(payload)
+        if begin >= 0 and raw[begin:row] == payload:
+            yield Cell(begin, record, _varint(raw[row:record]), topic, time, data, length)
+
+
+def _blob(raw: Buffer, cell: Cell, page: int, limit: int) -> bytes | None:
+    """The content of a cell, or None where it is not whole: the next cell, or the end of the file, is inside it.
+
+    A large one continues on other pages, which are where their numbers say only if nothing is missing before them.
+    """
+    payload, most = cell.data + cell.length - cell.record, page - 35
+    if payload <= most:
+        end = cell.data + cell.length
+        return raw[cell.data : end] if end <= limit else None
+    least = (page - 12) * 32 // 255 - 23
+    local = least + (payload - least) % (page - 4)
+    end = cell.record + (local if local <= most else least)
+    data, pointer = raw[cell.data : end], end
+    while len(data) < cell.length:
+        pointer = (int.from_bytes(raw[pointer : pointer + 4], "big") - 1) * page
+        more = raw[pointer + 4 : pointer + page] if pointer > 0 else b""
+        if not more:
+            return None
+        data += more
+    return data[: cell.length]
+
+
+def _page_size(raw: Buffer) -> int:
+    """As the file says (reserved bytes are never used by ROS), else SQLite's default."""
+    size = int.from_bytes(raw[16:18], "big")
+    return size if size in {2**k for k in range(9, 16)} else 65536 if size == 1 else 4096
+
+
+def _topics(raw: Buffer) -> dict[int, tuple[str, str]]:
+    """Number -> name and type, of every row of `topics` that is found."""
+    topics: dict[int, tuple[str, str]] = {}
+    for match in TOPIC.finditer(raw):
+        at = match.start() + raw[match.start()]
+        end = at + (_varint(match[1]) - 13) // 2
+        stop = end + (_varint(match[2]) - 13) // 2
+        name, kind = raw[at:end].decode("utf-8", "replace"), raw[end:stop].decode("utf-8", "replace")
+        if TOPIC_NAME.fullmatch(name) and TYPE_NAME.fullmatch(kind) and raw[stop : stop + 3] == b"cdr":
+            topics.setdefault(_varint(raw[_number_before(raw, match.start()) : match.start()]), (name, kind))
+    return topics
+
+
+def _number_before(raw: Buffer, end: int) -> int:
+    """Where the number that ends before `end` begins: all its bytes but the last are above 127."""
+    begin = end - 1
+    while begin > 0 and end - begin < 9 and raw[begin - 1] >= 0x80:
+        begin -= 1
+    return begin
+
+
+def _varint(raw: bytes) -> int:
+    """SQLite's big-endian numbers of seven bits a byte."""
+    value = 0
+    for byte in raw:
+        value = value << 7 | byte & 0x7F
+    return value
+
+
+def _as_varint(value: int) -> bytes:
+    digits = [value & 0x7F]
+    while value := value >> 7:
+        digits.append(value & 0x7F | 0x80)
+    return bytes(reversed(digits))
