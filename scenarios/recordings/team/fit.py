@@ -14,11 +14,13 @@ from cooploc.scenarios.recordings.logs import fit as single
 from cooploc.scenarios.recordings.logs.run import LogRun
 from cooploc.scenarios.recordings.robust import huber
 from cooploc.scenarios.recordings.team.residuals import Part, Residuals, of_robot
+from cooploc.scenarios.recordings.team.sampling import Gaps
 from cooploc.scenarios.recordings.team.team_log import OdometryKind
 
 ENOUGH = 30  # readings of a pair, or windows of a robot; with fewer it gets what is fitted on all
 LEAST = 1e-3  # [m] or [rad]: no sensor is taken to be better
 MOST_CORRELATED = 0.99
+FAR = 3.0  # [sigma]
 
 
 class RangeFit(NamedTuple):
@@ -49,7 +51,8 @@ def fit_range(r: Residuals, bias: float | None, robust: bool) -> RangeFit:
         links = [int(link) for link in np.unique(r.link) if (r.link == link).sum() >= ENOUGH]
         by_link = {link: _location(e[r.link == link], robust) for link in links}
     rest = e - np.array([by_link.get(int(link), common) for link in r.link])
-    return RangeFit(by_link, common, max(_spread(rest, robust), LEAST), lag1(r, rest - np.median(rest)))
+    sigma, moved = max(_spread(rest, robust), LEAST), rest - np.median(rest)
+    return RangeFit(by_link, common, sigma, lag1(r, _inside(moved, _spread(moved, robust), robust)))
 
 
 def fit_path_loss(r: Residuals, A: float | None, eta: float | None, robust: bool) -> tuple[float, float, float, float]:
@@ -62,15 +65,20 @@ def fit_path_loss(r: Residuals, A: float | None, eta: float | None, robust: bool
     rest = r.z[:, 0] - X[:, ~free] @ given[~free]
     given[free] = _line(X[:, free], rest, robust)
     e = r.z[:, 0] - X @ given
-    return float(given[0]), float(given[1]), max(_spread(e, robust), LEAST), lag1(r, e)
+    sigma = max(_spread(e, robust), LEAST)
+    return float(given[0]), float(given[1]), sigma, lag1(r, _inside(e, sigma, robust))
 
 
-def fit_sighting(r: Residuals, robust: bool) -> tuple[float, float]:
-    """sigma of range [m] and of bearing [rad]; nan where there are too few readings or no true heading."""
-    errors = (r.z[:, 0] - r.distance, r.z[:, 1]) if len(r.z) else (np.empty(0), np.empty(0))
-    known = (e[np.isfinite(e)] for e in errors)
-    sigma_range, sigma_bearing = (max(_spread(e, robust), LEAST) if len(e) > 2 else np.nan for e in known)
-    return sigma_range, sigma_bearing
+def fit_sighting(r: Residuals, robust: bool) -> tuple[tuple[float, float], ...]:
+    """sigma and lag-1 correlation of range [m] and of bearing [rad]; nan where readings or true headings are few."""
+    found = []
+    for e in (r.z[:, 0] - r.distance, r.z[:, 1]):
+        known = np.isfinite(e)
+        of_known = Residuals(r.link[known], r.tick[known], r.distance[known], r.z[known])
+        enough = known.sum() > 2
+        sigma = max(_spread(e[known], robust), LEAST) if enough else np.nan
+        found.append((sigma, lag1(of_known, _inside(e[known], sigma, robust)) if enough else 0.0))
+    return tuple(found)
 
 
 def fit_odometry(
@@ -79,11 +87,11 @@ def fit_odometry(
     kind: OdometryKind,
     stated: tuple[float | None, float | None],
     tick: float,
-    max_gap: float,
+    gaps: Gaps,
     robust: bool,
 ) -> Odometry:
     """Scales by robot where they are not given; for a robot with few windows, those fitted on all."""
-    mine = {robot: of_robot(parts, robot, tick, max_gap) for robot in robots}
+    mine = {robot: of_robot(parts, robot, tick, gaps) for robot in robots}
     every = [run for runs in mine.values() for run in runs]
     if kind == "displacement":
         scale = stated[0] or 1.0
@@ -128,6 +136,11 @@ def _line(X: Array, y: Array, robust: bool) -> Array:
 
 def _location(e: Array, robust: bool) -> float:
     return float(_line(np.ones((len(e), 1)), e, robust)[0])
+
+
+def _inside(e: Array, sigma: float, robust: bool) -> Array:
+    """Residuals; with `robust`, within `FAR` sigma: what is misread for a second tells no correlation."""
+    return np.clip(e, -FAR * sigma, FAR * sigma) if robust else e
 
 
 def _spread(e: Array, robust: bool) -> float:

@@ -222,7 +222,8 @@ class Sample(Strict):
     """The ticks that the recording is divided into."""
 
     tick: Annotated[float, Field(ge=0.01, le=60)] = 0.1  # [s]
-    max_gap: Positive = 0.5  # [s] across a longer gap neither truth nor odometry is known
+    max_gap: Positive = 0.5  # [s] truth is not interpolated across longer gaps
+    max_hold: Positive = 2.0  # [s] a speed or a turn rate holds until the next line, at most so long
     start: Annotated[float, Field(ge=0)] = 0.0  # [s] left out at the beginning
     ranges_go_to: Literal["both", "measurer"] = "both"  # both: a pair's ranges go to its robots in turn, each once
     duration: Positive | None = None  # [s] at most
