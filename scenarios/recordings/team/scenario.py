@@ -21,6 +21,7 @@ from cooploc.estimators.interface import Array, Mask, Senses, World
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.recordings.team import sampling, schema
 from cooploc.scenarios.recordings.team.folder import ALL, TeamFolder
+from cooploc.scenarios.recordings.team.leftover import Leftover, leftovers
 from cooploc.scenarios.recordings.team.models import How, TeamModels, team_models
 from cooploc.scenarios.recordings.team.prior import prior
 from cooploc.scenarios.recordings.team.residuals import Part
@@ -38,6 +39,7 @@ class Judged(NamedTuple):
 
     log: TeamLog
     grid: Grid
+    parts: list[Part]  # on which the models were fitted
     models: TeamModels
     arena: Array  # (2, 2) [m]
 
@@ -78,7 +80,7 @@ class TeamScenario(schema.Model):
         else:
             others = self.folder.others(self.run, self.fitted_on == "same set-up") if fit.on == "other runs" else []
             parts = [Part(other, *sampling.span(other)) for other in others]
-        return Judged(log, grid, team_models(log, parts, self._how), _arena(log, self.folder))
+        return Judged(log, grid, parts, team_models(log, parts, self._how), _arena(log, self.folder))
 
     @cached_property
     def _of_all(self) -> dict[int, "TeamScenario"]:
@@ -108,7 +110,7 @@ class TeamScenario(schema.Model):
 
     def world(self) -> World:
         """What the team knows of this run: fixed things, arena, and assumed models."""
-        log, grid, models, arena = self.judged
+        log, grid, _, models, arena = self.judged
         return World(
             robots=len(log.robots),
             tick=grid.tick,
@@ -122,7 +124,7 @@ class TeamScenario(schema.Model):
 
     def simulate(self, label: str, trials: Sequence[int], seed: int, world: World) -> tuple[Truth, Stream]:
         """Truth and stream of one run, with `world` as what the team knows; the seed changes nothing."""
-        log, grid, models, arena = self.judged
+        log, grid, _, models, arena = self.judged
         gaps = self._how.gaps
         edges = grid.edges
         poses = np.stack([sampling.poses(series, edges, gaps.truth) for series in log.truth], 1)
@@ -158,6 +160,12 @@ class TeamScenario(schema.Model):
             return [str(e)]
         values = "; ".join(f"{name} {_shown(value)}" for name, value in models.notes.items() if name != "fitted_on")
         return [*log.warnings, f"run {log.name!r}: models fitted on {models.notes['fitted_on']}: {values}"]
+
+    def leftovers(self) -> list[Leftover]:
+        """What readings of the run are off by after its models, where these were fitted and where they are judged."""
+        log, grid, parts, models, _ = self.judged
+        judged = Part(log, grid.t0, float(grid.edges[-1]))
+        return list(leftovers(log, parts, judged, models, self._how))
 
     def _names(self) -> list[str]:
         return self.folder.different if self.run == ALL else [self.folder.log(self.run).name]
