@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cooploc.estimators.interface import Array, Indices
+from cooploc.estimators.interface import Array
 from cooploc.estimators.models.sensors import NEAR
 from cooploc.scenarios.recordings.logs import fit as single
 from cooploc.scenarios.recordings.logs.run import LogRun
@@ -21,6 +21,17 @@ ENOUGH = 30  # readings of a pair, or windows of a robot; with fewer it gets wha
 LEAST = 1e-3  # [m] or [rad]: no sensor is taken to be better
 MOST_CORRELATED = 0.99
 FAR = 3.0  # [sigma]
+LONG = 10_000  # [ticks]
+
+
+class Memory(NamedTuple):
+    """How residuals of a link follow each other, with one reading in a tick."""
+
+    lag1: float  # correlation from one tick to the next
+    burst: float  # how many ticks in a row there is a reading, on average over readings
+
+
+NONE = Memory(0.0, 1.0)
 
 
 class RangeFit(NamedTuple):
@@ -29,7 +40,7 @@ class RangeFit(NamedTuple):
     bias: dict[int, float]  # by link [m]
     common: float  # of links that are not in `bias` [m]
     sigma: float  # [m]
-    lag1: float  # correlation of a link's residuals from reading to reading, one in a tick
+    memory: Memory
 
 
 class Odometry(NamedTuple):
@@ -43,7 +54,7 @@ def fit_range(r: Residuals, bias: float | None, robust: bool) -> RangeFit:
     """Bias by pair, unless one is given, and sigma; nan where there are too few readings."""
     e = r.z[:, 0] - r.distance
     if len(e) < 3:
-        return RangeFit({}, bias if bias is not None else np.nan, np.nan, 0.0)
+        return RangeFit({}, bias if bias is not None else np.nan, np.nan, NONE)
     if bias is not None:
         by_link, common = {}, bias
     else:
@@ -52,32 +63,32 @@ def fit_range(r: Residuals, bias: float | None, robust: bool) -> RangeFit:
         by_link = {link: _location(e[r.link == link], robust) for link in links}
     rest = e - np.array([by_link.get(int(link), common) for link in r.link])
     sigma, moved = max(_spread(rest, robust), LEAST), rest - np.median(rest)
-    return RangeFit(by_link, common, sigma, lag1(r, _inside(moved, _spread(moved, robust), robust)))
+    return RangeFit(by_link, common, sigma, memory(r, _inside(moved, _spread(moved, robust), robust)))
 
 
-def fit_path_loss(r: Residuals, A: float | None, eta: float | None, robust: bool) -> tuple[float, float, float, float]:
-    """A [dBm], eta, sigma [dB] and lag-1 correlation of z = A - 10 eta log10 d; nan where readings are too few."""
+def fit_path_loss(r: Residuals, A: float | None, eta: float | None, robust: bool) -> tuple[float, float, float, Memory]:
+    """A [dBm], eta, sigma [dB] and memory of z = A - 10 eta log10 d; nan where readings are too few."""
     given = np.array([np.nan if value is None else value for value in (A, eta)])
     free = np.isnan(given)
     if len(r.z) < 3:
-        return float(given[0]), float(given[1]), np.nan, 0.0
+        return float(given[0]), float(given[1]), np.nan, NONE
     X = np.stack([np.ones(len(r.z)), -10 * np.log10(np.maximum(r.distance, NEAR))], -1)
     rest = r.z[:, 0] - X[:, ~free] @ given[~free]
     given[free] = _line(X[:, free], rest, robust)
     e = r.z[:, 0] - X @ given
     sigma = max(_spread(e, robust), LEAST)
-    return float(given[0]), float(given[1]), sigma, lag1(r, _inside(e, sigma, robust))
+    return float(given[0]), float(given[1]), sigma, memory(r, _inside(e, sigma, robust))
 
 
-def fit_sighting(r: Residuals, robust: bool) -> tuple[tuple[float, float], ...]:
-    """sigma and lag-1 correlation of range [m] and of bearing [rad]; nan where readings or true headings are few."""
+def fit_sighting(r: Residuals, robust: bool) -> tuple[tuple[float, Memory], ...]:
+    """sigma and memory of range [m] and of bearing [rad]; nan where readings or true headings are few."""
     found = []
     for e in (r.z[:, 0] - r.distance, r.z[:, 1]):
         known = np.isfinite(e)
         of_known = Residuals(r.link[known], r.tick[known], r.distance[known], r.z[known])
         enough = known.sum() > 2
         sigma = max(_spread(e[known], robust), LEAST) if enough else np.nan
-        found.append((sigma, lag1(of_known, _inside(e[known], sigma, robust)) if enough else 0.0))
+        found.append((sigma, memory(of_known, _inside(e[known], sigma, robust)) if enough else NONE))
     return tuple(found)
 
 
@@ -108,22 +119,30 @@ def fit_odometry(
     return Odometry(np.array(scales), (rest.sigma_v, rest.sigma_omega))
 
 
-def inflation(lag: float) -> float:
-    """Factor on sigma: the mean of many readings then has the spread that a filter of independent ones computes."""
-    r = min(max(lag, 0.0), MOST_CORRELATED)
-    return float(np.sqrt((1 + r) / (1 - r)))
+def inflation(memory: Memory) -> float:
+    """Factor on sigma: the mean of a burst then has the spread that a filter of independent readings computes.
+
+    The mean of m values of a first-order process has 1 + 2 sum_k (1 - k/m) r^k times the variance of independent ones,
+    k = 1 ... m - 1; (1 + r)/(1 - r) for long bursts.
+    """
+    r = min(max(memory.lag1, 0.0), MOST_CORRELATED)
+    m = max(memory.burst, 1.0)
+    k = np.arange(1, min(int(np.ceil(m)), LONG))
+    return float(np.sqrt(1 + 2 * ((1 - k / m) * r**k).sum()))
 
 
-def lag1(r: Residuals, e: Array) -> float:
-    """Correlation of residuals (m,) from one tick to the next of the same link, with one reading in a tick."""
+def memory(r: Residuals, e: Array) -> Memory:
+    """Of residuals (m,), the last of a tick counting."""
     order = np.lexsort((r.tick, r.link))
     key = np.stack([r.link, r.tick], -1)[order]
-    first = np.append(True, (np.diff(key, axis=0) != 0).any(-1))[: len(key)]
-    key, e = key[first], e[order][first]
-    next_to: Indices = np.flatnonzero((np.diff(key[:, 0]) == 0) & (np.diff(key[:, 1]) == 1))
-    a, b = e[next_to], e[next_to + 1]
+    last = np.append((np.diff(key, axis=0) != 0).any(-1), True)[: len(key)]
+    key, e = key[last], e[order][last]
+    follows = (np.diff(key[:, 0]) == 0) & (np.diff(key[:, 1]) == 1)
+    a, b = e[:-1][follows], e[1:][follows]
     power = float(np.sqrt((a**2).sum() * (b**2).sum()))
-    return float((a * b).sum()) / power if power else 0.0
+    lengths = np.diff(np.flatnonzero(np.concatenate([[True], ~follows, [True]])))
+    burst = float((lengths**2).sum() / max(lengths.sum(), 1))
+    return Memory(float((a * b).sum()) / power if power else 0.0, burst)
 
 
 def _scaled(run: LogRun, scale: Sequence[float]) -> LogRun:

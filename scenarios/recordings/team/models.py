@@ -60,7 +60,7 @@ def team_models(log: TeamLog, parts: Sequence[Part], how: How) -> TeamModels:
                 f"{prefix}range_sigma": fitted.sigma,
                 f"{prefix}range_bias": _by_name(log, channel, bias[channel]),
             }
-            notes |= {f"{prefix}range_lag1": fitted.lag1, f"{prefix}range_fitted_on": len(found.z)}
+            notes |= {f"{prefix}range_lag1": fitted.memory.lag1, f"{prefix}range_fitted_on": len(found.z)}
         elif channel in ("sighting", "landmark"):
             told = _sightings(channel, found, how)
             sensors[channel] = Sighting(told[f"{channel}_sigma_range"], told[f"{channel}_sigma_bearing"])
@@ -87,7 +87,7 @@ def _ranges(channel: Channel, found: Residuals, how: How, prefix: str) -> fit.Ra
     """Bias and sigma; of raw ranges sigma is about zero, so that it contains the bias."""
     stated = how.stated[f"{prefix}range_bias"]
     fitted = fit.fit_range(found, 0.0 if how.bias == "none" else stated, how.robust)
-    sigma = how.stated[f"{prefix}range_sigma"] or fitted.sigma * (fit.inflation(fitted.lag1) if how.inflate else 1.0)
+    sigma = how.stated[f"{prefix}range_sigma"] or fitted.sigma * (fit.inflation(fitted.memory) if how.inflate else 1.0)
     return fitted._replace(sigma=sigma)
 
 
@@ -115,22 +115,22 @@ def _by_name(log: TeamLog, channel: Channel, table: Array) -> dict[str, float]:
 
 def _sightings(channel: Channel, found: Residuals, how: How) -> dict[str, float]:
     told: dict[str, float] = {}
-    for what, (sigma, lag) in zip(("range", "bearing"), fit.fit_sighting(found, how.robust), strict=True):
-        inflated = sigma * (fit.inflation(lag) if how.inflate else 1.0)
+    for what, (sigma, memory) in zip(("range", "bearing"), fit.fit_sighting(found, how.robust), strict=True):
+        inflated = sigma * (fit.inflation(memory) if how.inflate else 1.0)
         told |= {f"{channel}_sigma_{what}": how.stated[f"{channel}_sigma_{what}"] or inflated}
-        told |= {f"{channel}_{what}_lag1": lag}
+        told |= {f"{channel}_{what}_lag1": memory.lag1}
     return told
 
 
 def _path_loss(log: TeamLog, found: Residuals, how: How, prefix: str) -> tuple[LogDistance, dict[str, float]]:
-    A, eta, sigma, lag = fit.fit_path_loss(found, how.stated[f"{prefix}A"], how.stated[f"{prefix}eta"], how.robust)
+    A, eta, sigma, memory = fit.fit_path_loss(found, how.stated[f"{prefix}A"], how.stated[f"{prefix}eta"], how.robust)
     if eta <= 0:
         raise BadInput(
             f"run {log.name!r}: {prefix}RSSI does not fall with distance in what it is fitted on (eta = {eta:.3g}); "
             f"check the names and places in log.toml, or state {prefix}eta in [model]"
         )
-    sigma = how.stated[f"{prefix}rssi_sigma"] or sigma * (fit.inflation(lag) if how.inflate else 1.0)
-    notes = {f"{prefix}A": A, f"{prefix}eta": eta, f"{prefix}rssi_sigma": sigma, f"{prefix}rssi_lag1": lag}
+    sigma = how.stated[f"{prefix}rssi_sigma"] or sigma * (fit.inflation(memory) if how.inflate else 1.0)
+    notes = {f"{prefix}A": A, f"{prefix}eta": eta, f"{prefix}rssi_sigma": sigma, f"{prefix}rssi_lag1": memory.lag1}
     return LogDistance(A, eta, sigma), notes
 
 
