@@ -25,10 +25,10 @@ LONG = 10_000  # [ticks]
 
 
 class Memory(NamedTuple):
-    """How residuals of a link follow each other, with one reading in a tick."""
+    """How residuals of a link follow each other, with at most one reading in a tick."""
 
-    lag1: float  # correlation from one tick to the next
-    burst: float  # how many ticks in a row there is a reading, on average over readings
+    lag1: float  # correlation of a reading with the one before it
+    burst: float  # how many follow each other without a longer pause, on average over readings
 
 
 NONE = Memory(0.0, 1.0)
@@ -85,7 +85,7 @@ def fit_sighting(r: Residuals, robust: bool) -> tuple[tuple[float, Memory], ...]
     found = []
     for e in (r.z[:, 0] - r.distance, r.z[:, 1]):
         known = np.isfinite(e)
-        of_known = Residuals(r.link[known], r.tick[known], r.distance[known], r.z[known])
+        of_known = Residuals(r.link[known], r.tick[known], r.distance[known], r.z[known], r.apart)
         enough = known.sum() > 2
         sigma = max(_spread(e[known], robust), LEAST) if enough else np.nan
         found.append((sigma, memory(of_known, _inside(e[known], sigma, robust)) if enough else NONE))
@@ -137,7 +137,7 @@ def memory(r: Residuals, e: Array) -> Memory:
     key = np.stack([r.link, r.tick], -1)[order]
     last = np.append((np.diff(key, axis=0) != 0).any(-1), True)[: len(key)]
     key, e = key[last], e[order][last]
-    follows = (np.diff(key[:, 0]) == 0) & (np.diff(key[:, 1]) == 1)
+    follows = (np.diff(key[:, 0]) == 0) & (np.diff(key[:, 1]) <= r.apart)
     a, b = e[:-1][follows], e[1:][follows]
     power = float(np.sqrt((a**2).sum() * (b**2).sum()))
     lengths = np.diff(np.flatnonzero(np.concatenate([[True], ~follows, [True]])))

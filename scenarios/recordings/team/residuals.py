@@ -14,6 +14,7 @@ from cooploc.scenarios.recordings.team.sampling import Gaps, Grid, bearing, odom
 from cooploc.scenarios.recordings.team.team_log import Channel, TeamLog
 
 WINDOW = 1.0  # [s] odometry is compared with truth over this long: errors of stamps cancel, those of wheels add up
+IN_A_ROW = 2.0  # [s] readings of a link no further apart belong to one burst
 
 
 class Part(NamedTuple):
@@ -31,6 +32,7 @@ class Residuals(NamedTuple):
     tick: Indices  # (m,)  the tick that each is in, increasing from part to part
     distance: Array  # (m,)  true [m]
     z: Array  # (m, k)  as measured, a bearing less the true one [rad]
+    apart: int = 1  # [ticks] readings of a link that are no further apart follow each other
 
 
 def residuals(parts: Sequence[Part], channel: Channel, robots: Sequence[str], tick: float, gaps: Gaps) -> Residuals:
@@ -39,10 +41,11 @@ def residuals(parts: Sequence[Part], channel: Channel, robots: Sequence[str], ti
     nothing = Residuals(np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0), np.empty((0, 2)))
     if not found:
         return nothing
-    offset = np.cumsum([0, *(r.tick.max(initial=0) + 10 for r in found[:-1])])
+    offset = np.cumsum([0, *(r.tick.max(initial=0) + 10_000 for r in found[:-1])])
     ticks = [r.tick + add for r, add in zip(found, offset, strict=True)]
     link, distance, z = (np.concatenate([r[i] for r in found]) for i in (0, 2, 3))
-    return Residuals(link.astype(np.int64), np.concatenate(ticks), distance, z)
+    apart = max(1, round(IN_A_ROW / tick))
+    return Residuals(link.astype(np.int64), np.concatenate(ticks), distance, z, apart)
 
 
 def of_robot(parts: Sequence[Part], robot: str, tick: float, gaps: Gaps) -> list[LogRun]:

@@ -42,7 +42,7 @@ def test_a_pair_with_few_readings_gets_the_bias_of_all():
     rng = np.random.default_rng(1)
     r = residuals(rng)
     kept = (r.link < 2) | (r.tick < 5)
-    few = Residuals(*(a[kept] for a in r))
+    few = Residuals(*(a[kept] for a in r[:4]))
     found = fit.fit_range(few._replace(z=few.distance[:, None] + 0.2), None, True)
     assert set(found.bias) == {0, 1}
     assert found.common == pytest.approx(0.2)
