@@ -49,7 +49,7 @@ class Senses(NamedTuple):
     anchor_rssi: Array  # (r, a)     [dBm]
     landmark: Array  # (r, l, 2)  range [m], bearing [rad]
     sighting: Array  # (r, n, 2)  of teammates: range [m], bearing [rad]
-    extra: Mapping[str, Array]  # channels of plug-in scenarios, (r, ...)
+    extra: Mapping[str, Array]  # anchor_range (r, a) [m], and channels of plug-in scenarios, (r, ...)
 
 
 class Mail(NamedTuple):

@@ -6,6 +6,7 @@ from cooploc.analysis.plot.ellipses import anees, ellipses
 from cooploc.analysis.plot.information_matrix import information
 from cooploc.analysis.plot.pareto import pareto
 from cooploc.analysis.plot.readings_map import readings
+from cooploc.analysis.plot.residuals import residuals
 from cooploc.analysis.plot.sensitivity_panels import sensitivity
 from cooploc.analysis.plot.specification_curve import specification_curve
 from cooploc.analysis.plot.summary import rmse, tradeoff
@@ -20,6 +21,7 @@ __all__ = [
     "information",
     "pareto",
     "readings",
+    "residuals",
     "rmse",
     "sensitivity",
     "specification_curve",

@@ -10,7 +10,8 @@ from cooploc.estimators.models.motion import Displacement, Unicycle
 from cooploc.estimators.models.sensors import LogDistance, Range, Sighting
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.recordings.team import fit
-from cooploc.scenarios.recordings.team.residuals import Part, residuals
+from cooploc.scenarios.recordings.team.residuals import Part, Residuals, residuals
+from cooploc.scenarios.recordings.team.sampling import Gaps
 from cooploc.scenarios.recordings.team.team_log import Channel, TeamLog
 
 RANGES: tuple[Channel, ...] = ("range", "anchor_range")
@@ -21,11 +22,11 @@ class How(NamedTuple):
     """How models are fitted."""
 
     tick: float  # [s]
-    max_gap: float  # [s]
+    gaps: Gaps
     stated: Mapping[str, float | None]  # by the names of `schema.Model`
     bias: Literal["fitted", "none"]
     robust: bool
-    inflate: bool  # sigma of ranges and RSSI, for their correlation in time
+    inflate: bool  # sigma of readings, for their correlation in time
 
 
 class TeamModels(NamedTuple):
@@ -49,7 +50,7 @@ def team_models(log: TeamLog, parts: Sequence[Part], how: How) -> TeamModels:
     sensors: dict[str, Sensor] = {}
     bias: dict[Channel, Array] = {}
     for channel in log.readings:
-        found = residuals(parts, channel, log.robots, how.tick, how.max_gap)
+        found = residuals(parts, channel, log.robots, how.tick, how.gaps)
         prefix = "anchor_" if channel.startswith("anchor") else ""
         if channel in RANGES:
             fitted = _ranges(channel, found, how, prefix)
@@ -59,12 +60,11 @@ def team_models(log: TeamLog, parts: Sequence[Part], how: How) -> TeamModels:
                 f"{prefix}range_sigma": fitted.sigma,
                 f"{prefix}range_bias": _by_name(log, channel, bias[channel]),
             }
-            notes |= {f"{prefix}range_lag1": fitted.lag1, f"{prefix}range_fitted_on": len(found.z)}
+            notes |= {f"{prefix}range_lag1": fitted.memory.lag1, f"{prefix}range_fitted_on": len(found.z)}
         elif channel in ("sighting", "landmark"):
-            names = f"{channel}_sigma_range", f"{channel}_sigma_bearing"
-            sigmas = [how.stated[n] or s for n, s in zip(names, fit.fit_sighting(found, how.robust), strict=True)]
-            sensors[channel] = Sighting(*sigmas)
-            notes |= dict(zip(names, sigmas, strict=True))
+            told = _sightings(channel, found, how)
+            sensors[channel] = Sighting(told[f"{channel}_sigma_range"], told[f"{channel}_sigma_bearing"])
+            notes |= told
         else:
             sensors[SENSED.get(channel, channel)], told = _path_loss(log, found, how, prefix)
             notes |= told
@@ -74,7 +74,7 @@ def team_models(log: TeamLog, parts: Sequence[Part], how: How) -> TeamModels:
 
 def _motion(log: TeamLog, parts: Sequence[Part], how: How) -> tuple[Motion, Array, dict[str, Any]]:
     stated = how.stated["length_scale"], how.stated["turn_scale"]
-    found = fit.fit_odometry(parts, log.robots, log.odometry_kind, stated, how.tick, how.max_gap, how.robust)
+    found = fit.fit_odometry(parts, log.robots, log.odometry_kind, stated, how.tick, how.gaps, how.robust)
     names = ("sigma_move",) if log.odometry_kind == "displacement" else ("sigma_v", "sigma_omega")
     sigmas = [how.stated[name] or sigma for name, sigma in zip(names, found.sigmas, strict=False)]
     moves = log.odometry_kind == "displacement"
@@ -83,11 +83,11 @@ def _motion(log: TeamLog, parts: Sequence[Part], how: How) -> tuple[Motion, Arra
     return motion, found.scales, {"odometry_scales": scales, **dict(zip(names, sigmas, strict=True))}
 
 
-def _ranges(channel: Channel, found: Any, how: How, prefix: str) -> fit.RangeFit:
+def _ranges(channel: Channel, found: Residuals, how: How, prefix: str) -> fit.RangeFit:
     """Bias and sigma; of raw ranges sigma is about zero, so that it contains the bias."""
     stated = how.stated[f"{prefix}range_bias"]
     fitted = fit.fit_range(found, 0.0 if how.bias == "none" else stated, how.robust)
-    sigma = how.stated[f"{prefix}range_sigma"] or fitted.sigma * (fit.inflation(fitted.lag1) if how.inflate else 1.0)
+    sigma = how.stated[f"{prefix}range_sigma"] or fitted.sigma * (fit.inflation(fitted.memory) if how.inflate else 1.0)
     return fitted._replace(sigma=sigma)
 
 
@@ -113,15 +113,24 @@ def _by_name(log: TeamLog, channel: Channel, table: Array) -> dict[str, float]:
     return {f"{log.robots[i]} - {others[j]}": float(table[i, j]) for i, j in pairs}
 
 
-def _path_loss(log: TeamLog, found: Any, how: How, prefix: str) -> tuple[LogDistance, dict[str, float]]:
-    A, eta, sigma, lag = fit.fit_path_loss(found, how.stated[f"{prefix}A"], how.stated[f"{prefix}eta"], how.robust)
+def _sightings(channel: Channel, found: Residuals, how: How) -> dict[str, float]:
+    told: dict[str, float] = {}
+    for what, (sigma, memory) in zip(("range", "bearing"), fit.fit_sighting(found, how.robust), strict=True):
+        inflated = sigma * (fit.inflation(memory) if how.inflate else 1.0)
+        told |= {f"{channel}_sigma_{what}": how.stated[f"{channel}_sigma_{what}"] or inflated}
+        told |= {f"{channel}_{what}_lag1": memory.lag1}
+    return told
+
+
+def _path_loss(log: TeamLog, found: Residuals, how: How, prefix: str) -> tuple[LogDistance, dict[str, float]]:
+    A, eta, sigma, memory = fit.fit_path_loss(found, how.stated[f"{prefix}A"], how.stated[f"{prefix}eta"], how.robust)
     if eta <= 0:
         raise BadInput(
             f"run {log.name!r}: {prefix}RSSI does not fall with distance in what it is fitted on (eta = {eta:.3g}); "
             f"check the names and places in log.toml, or state {prefix}eta in [model]"
         )
-    sigma = how.stated[f"{prefix}rssi_sigma"] or sigma * (fit.inflation(lag) if how.inflate else 1.0)
-    notes = {f"{prefix}A": A, f"{prefix}eta": eta, f"{prefix}rssi_sigma": sigma, f"{prefix}rssi_lag1": lag}
+    sigma = how.stated[f"{prefix}rssi_sigma"] or sigma * (fit.inflation(memory) if how.inflate else 1.0)
+    notes = {f"{prefix}A": A, f"{prefix}eta": eta, f"{prefix}rssi_sigma": sigma, f"{prefix}rssi_lag1": memory.lag1}
     return LogDistance(A, eta, sigma), notes
 
 

@@ -10,10 +10,11 @@ from cooploc.estimators.interface import Array, Indices
 from cooploc.estimators.models.angles import wrap
 from cooploc.scenarios.recordings.logs.fit import MOVING
 from cooploc.scenarios.recordings.logs.run import LogRun
-from cooploc.scenarios.recordings.team.sampling import Grid, bearing, odometry, poses
+from cooploc.scenarios.recordings.team.sampling import Gaps, Grid, bearing, odometry, poses
 from cooploc.scenarios.recordings.team.team_log import Channel, TeamLog
 
 WINDOW = 1.0  # [s] odometry is compared with truth over this long: errors of stamps cancel, those of wheels add up
+IN_A_ROW = 2.0  # [s] readings of a link no further apart belong to one burst
 
 
 class Part(NamedTuple):
@@ -31,39 +32,41 @@ class Residuals(NamedTuple):
     tick: Indices  # (m,)  the tick that each is in, increasing from part to part
     distance: Array  # (m,)  true [m]
     z: Array  # (m, k)  as measured, a bearing less the true one [rad]
+    apart: int = 1  # [ticks] readings of a link that are no further apart follow each other
 
 
-def residuals(parts: Sequence[Part], channel: Channel, robots: Sequence[str], tick: float, max_gap: float) -> Residuals:
+def residuals(parts: Sequence[Part], channel: Channel, robots: Sequence[str], tick: float, gaps: Gaps) -> Residuals:
     """Readings by robots of the team, with true distances at their stamps."""
-    found = [_of_part(part, channel, robots, tick, max_gap) for part in parts if channel in part.log.readings]
+    found = [_of_part(part, channel, robots, tick, gaps) for part in parts if channel in part.log.readings]
     nothing = Residuals(np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0), np.empty((0, 2)))
     if not found:
         return nothing
-    offset = np.cumsum([0, *(r.tick.max(initial=0) + 10 for r in found[:-1])])
+    offset = np.cumsum([0, *(r.tick.max(initial=0) + 10_000 for r in found[:-1])])
     ticks = [r.tick + add for r, add in zip(found, offset, strict=True)]
     link, distance, z = (np.concatenate([r[i] for r in found]) for i in (0, 2, 3))
-    return Residuals(link.astype(np.int64), np.concatenate(ticks), distance, z)
+    apart = max(1, round(IN_A_ROW / tick))
+    return Residuals(link.astype(np.int64), np.concatenate(ticks), distance, z, apart)
 
 
-def of_robot(parts: Sequence[Part], robot: str, tick: float, max_gap: float) -> list[LogRun]:
+def of_robot(parts: Sequence[Part], robot: str, tick: float, gaps: Gaps) -> list[LogRun]:
     """A robot's odometry and truth over windows in which it moved, as `logs.fit` takes them."""
     return [
-        _windows(part, part.log.robots.index(robot), max(WINDOW, tick), max_gap)
+        _windows(part, part.log.robots.index(robot), max(WINDOW, tick), gaps)
         for part in parts
         if robot in part.log.robots and part.end - part.begin >= 2 * max(WINDOW, tick)
     ]
 
 
-def _of_part(part: Part, channel: Channel, robots: Sequence[str], tick: float, max_gap: float) -> Residuals:
+def _of_part(part: Part, channel: Channel, robots: Sequence[str], tick: float, gaps: Gaps) -> Residuals:
     log, readings = part.log, part.log.readings[channel]
     at = readings.time
     used = (at >= part.begin) & (at <= part.end)
     mine, theirs = np.full((len(at), 3), np.nan), np.full((len(at), 2), np.nan)
     fixed = {"landmark": log.landmarks, "anchor_rssi": log.anchors, "anchor_range": log.anchors}.get(channel)
     for i, series in enumerate(log.truth):
-        mine[readings.robot == i] = poses(series, at[readings.robot == i], max_gap)
+        mine[readings.robot == i] = poses(series, at[readings.robot == i], gaps.truth)
         if fixed is None:
-            theirs[readings.other == i] = poses(series, at[readings.other == i], max_gap)[:, :2]
+            theirs[readings.other == i] = poses(series, at[readings.other == i], gaps.truth)[:, :2]
     if fixed is not None:
         theirs = fixed.positions[readings.other]
     z = readings.values.copy()
@@ -80,11 +83,11 @@ def _of_part(part: Part, channel: Channel, robots: Sequence[str], tick: float, m
     return Residuals((robot * size + other)[used], ticks[used], distance[used], z[used])
 
 
-def _windows(part: Part, robot: int, window: float, max_gap: float) -> LogRun:
+def _windows(part: Part, robot: int, window: float, gaps: Gaps) -> LogRun:
     grid = Grid(part.begin, window, int((part.end - part.begin) / window))
     log, time = part.log, grid.edges - grid.t0
-    u = odometry(log.odometry_kind, log.odometry[robot], grid, max_gap)
-    truth = poses(log.truth[robot], grid.edges, max_gap)
+    u = odometry(log.odometry_kind, log.odometry[robot], grid, gaps.hold)
+    truth = poses(log.truth[robot], grid.edges, gaps.truth)
     step = np.hypot(*np.diff(truth[:, :2], axis=0).T)
     if log.odometry_kind == "displacement":
         moved = np.hypot(u[:, 0], u[:, 1]) > MOVING

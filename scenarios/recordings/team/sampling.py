@@ -15,6 +15,13 @@ from cooploc.scenarios.recordings.resampling import interpolate, mean_held
 from cooploc.scenarios.recordings.team.team_log import OdometryKind, Readings, Series, TeamLog
 
 
+class Gaps(NamedTuple):
+    """What is taken to be known between two stamps."""
+
+    truth: float  # [s] it is not interpolated across longer gaps
+    hold: float  # [s] a speed or a turn rate holds until the next line, at most so long
+
+
 class Grid(NamedTuple):
     """Ticks of one length."""
 
@@ -66,14 +73,14 @@ def poses(series: Series | None, at: Array, max_gap: float) -> Array:
     return wrap_heading(np.concatenate(columns, -1))
 
 
-def odometry(kind: OdometryKind, series: Series, grid: Grid, max_gap: float) -> Array:
+def odometry(kind: OdometryKind, series: Series, grid: Grid, max_hold: float) -> Array:
     """What a robot measured of its own motion in each tick (T, 2): v [m/s], omega [rad/s]; or dx, dy [m]."""
     time, edges, u = series.time - grid.t0, grid.edges - grid.t0, series.values
     if kind == "velocity":
-        return np.where(_gaps(time, edges, max_gap)[:, None], np.nan, mean_held(time, u, edges))
+        return np.where(_gaps(time, edges, max_hold)[:, None], np.nan, mean_held(time, u, edges))
     if kind == "path":
         length = np.diff(interpolate(time, u[:, :1], edges, np.inf), axis=0) / grid.tick
-        turn = np.where(_gaps(time, edges, max_gap)[:, None], np.nan, mean_held(time, u[:, 1:], edges))
+        turn = np.where(_gaps(time, edges, max_hold)[:, None], np.nan, mean_held(time, u[:, 1:], edges))
         return np.concatenate([length, turn], -1)
     if kind == "displacement":
         return np.diff(interpolate(time, np.cumsum(u, axis=0), edges, np.inf), axis=0)
@@ -119,9 +126,9 @@ def bearing(pose: Array, place: Array) -> Array:
     return wrap(np.arctan2(place[:, 1] - pose[:, 1], place[:, 0] - pose[:, 0]) - pose[:, 2])
 
 
-def _gaps(time: Array, edges: Array, max_gap: float) -> Mask:
-    """Ticks (T,) that begin or end between two stamps further apart than `max_gap`."""
+def _gaps(time: Array, edges: Array, max_hold: float) -> Mask:
+    """Ticks (T,) that begin or end between two stamps further apart than `max_hold`."""
     gap = np.append(np.diff(time, prepend=time[0]), 0.0)  # before each stamp, and after the last
     begins = gap[np.searchsorted(time, edges[:-1], side="right")]
     ends = gap[np.searchsorted(time, edges[1:], side="left")]
-    return np.asarray((begins > max_gap) | (ends > max_gap))
+    return np.asarray((begins > max_hold) | (ends > max_hold))

@@ -21,10 +21,11 @@ from cooploc.estimators.interface import Array, Mask, Senses, World
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.recordings.team import sampling, schema
 from cooploc.scenarios.recordings.team.folder import ALL, TeamFolder
+from cooploc.scenarios.recordings.team.leftover import Leftover, leftovers
 from cooploc.scenarios.recordings.team.models import How, TeamModels, team_models
 from cooploc.scenarios.recordings.team.prior import prior
 from cooploc.scenarios.recordings.team.residuals import Part
-from cooploc.scenarios.recordings.team.sampling import Grid
+from cooploc.scenarios.recordings.team.sampling import Gaps, Grid
 from cooploc.scenarios.recordings.team.sensed import sensed
 from cooploc.scenarios.recordings.team.team_log import TeamLog
 from cooploc.scenarios.stream import Stream, Truth
@@ -38,6 +39,7 @@ class Judged(NamedTuple):
 
     log: TeamLog
     grid: Grid
+    parts: list[Part]  # on which the models were fitted
     models: TeamModels
     arena: Array  # (2, 2) [m]
 
@@ -49,7 +51,7 @@ class TeamScenario(schema.Model):
     run: str = ALL
     fitted_on: Literal["same set-up", "all others"] = "same set-up"  # which of the other runs
     bias: Literal["fitted", "none"] = "fitted"  # of ranges: subtracted as fitted; or raw, and part of sigma
-    correlation: Literal["inflate", "ignore"] = "inflate"  # of ranges and RSSI in time: a larger sigma, or none
+    correlation: Literal["inflate", "ignore"] = "inflate"  # of readings in time: a larger sigma, or none
     robust: bool = True  # whether Huber's loss is minimised, so that one bad run counts little
     packets: Literal["every tick", "with a reading"] = "every tick"
     tick: Annotated[float, Field(ge=0.01, le=60)] | None = None  # [s]
@@ -78,7 +80,7 @@ class TeamScenario(schema.Model):
         else:
             others = self.folder.others(self.run, self.fitted_on == "same set-up") if fit.on == "other runs" else []
             parts = [Part(other, *sampling.span(other)) for other in others]
-        return Judged(log, grid, team_models(log, parts, self._how), _arena(log, self.folder))
+        return Judged(log, grid, parts, team_models(log, parts, self._how), _arena(log, self.folder))
 
     @cached_property
     def _of_all(self) -> dict[int, "TeamScenario"]:
@@ -108,7 +110,7 @@ class TeamScenario(schema.Model):
 
     def world(self) -> World:
         """What the team knows of this run: fixed things, arena, and assumed models."""
-        log, grid, models, arena = self.judged
+        log, grid, _, models, arena = self.judged
         return World(
             robots=len(log.robots),
             tick=grid.tick,
@@ -122,14 +124,14 @@ class TeamScenario(schema.Model):
 
     def simulate(self, label: str, trials: Sequence[int], seed: int, world: World) -> tuple[Truth, Stream]:
         """Truth and stream of one run, with `world` as what the team knows; the seed changes nothing."""
-        log, grid, models, arena = self.judged
-        gap = self._sample.max_gap
+        log, grid, _, models, arena = self.judged
+        gaps = self._how.gaps
         edges = grid.edges
-        poses = np.stack([sampling.poses(series, edges, gap) for series in log.truth], 1)
+        poses = np.stack([sampling.poses(series, edges, gaps.truth) for series in log.truth], 1)
         headed = bool((np.isfinite(poses[1:, :, 2]) | np.isnan(poses[1:, :, 0])).all())
         path = poses[None, 1:, :, : 3 if headed else 2].copy()
         valid: Mask = np.asarray(np.isfinite(path).all(-1))
-        u = [sampling.odometry(log.odometry_kind, series, grid, gap) for series in log.odometry]
+        u = [sampling.odometry(log.odometry_kind, series, grid, gaps.hold) for series in log.odometry]
         odometry = np.stack(u, 1) * models.scales
         seen = sensed(log, grid, models.bias, self._sample.ranges_go_to, self.packets)
         turns = None if log.odometry_kind == "displacement" else odometry[..., 1] * grid.tick
@@ -159,6 +161,12 @@ class TeamScenario(schema.Model):
         values = "; ".join(f"{name} {_shown(value)}" for name, value in models.notes.items() if name != "fitted_on")
         return [*log.warnings, f"run {log.name!r}: models fitted on {models.notes['fitted_on']}: {values}"]
 
+    def leftovers(self) -> list[Leftover]:
+        """What readings of the run are off by after its models, where these were fitted and where they are judged."""
+        log, grid, parts, models, _ = self.judged
+        judged = Part(log, grid.t0, float(grid.edges[-1]))
+        return list(leftovers(log, parts, judged, models, self._how))
+
     def _names(self) -> list[str]:
         return self.folder.different if self.run == ALL else [self.folder.log(self.run).name]
 
@@ -184,7 +192,14 @@ class TeamScenario(schema.Model):
     def _how(self) -> How:
         stated = self.folder.description.model.model_dump() | self._overrides(tuple(schema.Model.model_fields))
         sample = self._sample
-        return How(sample.tick, sample.max_gap, stated, self.bias, self.robust, self.correlation == "inflate")
+        return How(
+            sample.tick,
+            Gaps(sample.max_gap, sample.max_hold),
+            stated,
+            self.bias,
+            self.robust,
+            self.correlation == "inflate",
+        )
 
     def _overrides(self, names: Sequence[str]) -> dict[str, Any]:
         """The parameters that replace values of the description."""

@@ -3,6 +3,7 @@
 import json
 from itertools import pairwise
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from made_team import (
@@ -28,6 +29,7 @@ from cooploc.estimators.models.angles import wrap
 from cooploc.estimators.models.motion import Unicycle
 from cooploc.estimators.models.sensors import Range
 from cooploc.estimators.plugins.errors import BadInput
+from cooploc.scenarios import resolve
 from cooploc.scenarios.stream import Air, Stream
 from cooploc.scenarios.studies.study import load
 
@@ -271,3 +273,27 @@ class Told:
 
     def advance(self, *_):
         pass
+
+
+def test_what_is_left_over_has_the_spread_that_filters_are_told(long):
+    model = resolve("log/all", long).model.at([0])
+    found = {one.fitted: one for one in model.leftovers()}
+    for one in found.values():
+        assert (one.what, one.unit, one.link) == ("range", "m", "red - blue")
+        assert abs(one.residual.mean()) < 0.02
+        assert one.residual.std() == pytest.approx(one.sigma, rel=0.1)
+    assert len(found[True].residual) == 15 * 180
+    assert len(found[False].residual) == pytest.approx(15 * 60, abs=3)
+
+
+def test_residuals_are_drawn_where_they_were_fitted_and_where_they_are_judged(long, recorded, tmp_path):
+    drawn = cl.plot.residuals("log/all", long)
+    left, right = drawn.figure.axes
+    shown = [len(ax.lines[0].get_xdata()) for ax in (left, right)]
+    assert shown == [len(one.residual) for one in resolve("log/all", long).model.at([0]).leftovers()]
+    assert (left.get_title(), right.get_title()) == ("fitted on", "judged")
+    assert left.get_ylabel() == "range: residual [m]"
+    plt.close(drawn.figure)
+    no_ranges = ('[ranges]\nfile = "uwb.csv"\ntime = "t"\nrobot = "from"\nother = "to"\nrange = "d"\n', "")
+    with pytest.raises(BadInput, match="no reading whose true distance is known"):
+        cl.plot.residuals("log/one", lab(recorded, tmp_path, SHORT, no_ranges))

@@ -1,0 +1,78 @@
+"""The parts of a team's fit, on residuals whose model is known."""
+
+import numpy as np
+import pytest
+
+from cooploc.scenarios.recordings.team import fit
+from cooploc.scenarios.recordings.team.residuals import Residuals
+
+
+def residuals(rng, links=3, ticks=2000, burst=None):
+    """Links with a reading in every tick, or in bursts with as many ticks between them."""
+    tick = np.concatenate([np.arange(ticks) for _ in range(links)])
+    link = np.repeat(np.arange(links), ticks)
+    kept = np.ones(len(tick), bool) if burst is None else (tick // burst) % 2 == 0
+    distance = rng.uniform(0.5, 6.0, len(tick))
+    return Residuals(link[kept], tick[kept], distance[kept], np.zeros((kept.sum(), 2)))
+
+
+def remembered(rng, r, correlation):
+    """A first-order process of unit variance for each link, one value a tick."""
+    noise = np.zeros(len(r.tick))
+    for k, white in enumerate(rng.normal(size=len(noise))):
+        same = k > 0 and r.link[k] == r.link[k - 1] and r.tick[k] == r.tick[k - 1] + 1
+        noise[k] = correlation * noise[k - 1] + np.sqrt(1 - correlation**2) * white if same else white
+    return noise
+
+
+@pytest.mark.parametrize("robust", [False, True])
+def test_bias_by_pair_and_sigma_are_found(robust):
+    rng = np.random.default_rng(0)
+    r = residuals(rng)
+    outliers = 3.0 * (rng.random(len(r.link)) < 0.1 * robust)
+    z = r.distance + np.array([0.1, 0.3, -0.2])[r.link] + 0.05 * rng.normal(size=len(r.link)) + outliers
+    found = fit.fit_range(r._replace(z=z[:, None]), None, robust)
+    np.testing.assert_allclose([found.bias[k] for k in range(3)], [0.1, 0.3, -0.2], atol=0.02)
+    assert found.sigma == pytest.approx(0.05, rel=0.35 if robust else 0.05)
+    stated = fit.fit_range(r._replace(z=z[:, None]), 0.1, robust)
+    assert (stated.bias, stated.common) == ({}, 0.1)
+
+
+def test_a_pair_with_few_readings_gets_the_bias_of_all():
+    rng = np.random.default_rng(1)
+    r = residuals(rng)
+    kept = (r.link < 2) | (r.tick < 5)
+    few = Residuals(*(a[kept] for a in r[:4]))
+    found = fit.fit_range(few._replace(z=few.distance[:, None] + 0.2), None, True)
+    assert set(found.bias) == {0, 1}
+    assert found.common == pytest.approx(0.2)
+
+
+def test_path_loss_is_found_and_what_is_stated_stays():
+    rng = np.random.default_rng(2)
+    r = residuals(rng)
+    r = r._replace(z=(-42 - 10 * 2.2 * np.log10(r.distance) + 3 * rng.normal(size=len(r.link)))[:, None])
+    np.testing.assert_allclose(fit.fit_path_loss(r, None, None, True)[:3], [-42, 2.2, 3], rtol=0.03)
+    assert fit.fit_path_loss(r, -40.0, None, True)[0] == -40
+    assert fit.fit_path_loss(r, None, 2.0, True)[1] == 2
+
+
+@pytest.mark.parametrize(("correlation", "burst"), [(0.0, None), (0.6, None), (0.9, 8), (0.99, 5)])
+def test_the_mean_of_a_burst_has_the_spread_that_inflated_sigma_promises(correlation, burst):
+    rng = np.random.default_rng(3)
+    r = residuals(rng, links=6, ticks=4000, burst=burst)
+    noise = remembered(rng, r, correlation)
+    found = fit.memory(r, noise)
+    assert found.lag1 == pytest.approx(correlation, abs=0.05)
+    m = burst or 100
+    assert found.burst == (burst or 4000)
+    means = noise.reshape(-1, m).mean(1)
+    assert means.std() * np.sqrt(m) == pytest.approx(fit.inflation(found), rel=0.15)
+
+
+def test_of_nothing_nothing_is_fitted():
+    nothing = Residuals(np.empty(0, int), np.empty(0, int), np.empty(0), np.empty((0, 2)))
+    assert np.isnan(fit.fit_range(nothing, None, True).sigma)
+    assert np.isnan(fit.fit_sighting(nothing, True)[0][0])
+    assert np.isnan(fit.fit_path_loss(nothing, None, None, True)[:3]).all()
+    assert fit.memory(nothing, np.empty(0)).lag1 == 0
