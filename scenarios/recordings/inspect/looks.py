@@ -32,11 +32,11 @@ ORDER: tuple[Callable[[TeamLog], Looked], ...] = (
     look_at_dropped,
     look_at_gaps,
     look_at_lengths,
-    look_at_stale,
-    look_at_jumps,
     look_at_headings,
     look_at_turn_rates,
     look_at_clocks,
+    look_at_stale,
+    look_at_jumps,
     look_at_range_units,
     look_at_frames,
     look_at_scales,
@@ -46,7 +46,6 @@ ORDER: tuple[Callable[[TeamLog], Looked], ...] = (
     look_at_bearings,
     look_at_rssi,
 )
-
 OF_ALL = ("unit", "degrees", "radians", "clock", "axes", "mirrored")  # settings of log.toml for every robot
 
 
