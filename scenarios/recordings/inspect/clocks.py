@@ -109,8 +109,7 @@ def best_fit(log: TeamLog, i: int, j: int) -> Fit:
     longest = min(LONGEST_SHIFT, span / 3)
     said = _without_outliers(steps(wheels, edges, 3 * window))
     coarse = window / 2 * np.arange(-int(2 * longest / window), int(2 * longest / window) + 1)
-    rough = _correlations(said, real, edges, coarse, window)
-    at = coarse[int(np.argmax(rough))]
+    at = coarse[_nearest_peak(_correlations(said, real, edges, coarse, window), coarse, len(edges) / 2)]
     fine = np.array(at + window * np.linspace(-0.6, 0.6, 25), np.float64)
     sharp = _correlations(said, real, edges, fine, window)
     best = int(np.argmax(sharp))
@@ -123,12 +122,25 @@ def _correlations(said: Steps, real: Travelled, edges: Array, shifts: Array, win
     return np.array([_agreement(said, steps(real, edges + shift, 3 * window)) for shift in shifts])
 
 
+def _nearest_peak(correlation: Array, shifts: Array, samples: float) -> int:
+    """Of the peaks that are as likely as the highest, the one of least shift: a robot in laps fits at every lap.
+
+    -n/2 ln(1 - R^2) is the log-likelihood of n samples; as likely are those within EVIDENCE^2 / 2.
+    """
+    likelihood = -samples / 2 * np.log1p(-np.minimum(correlation, 0.9999) ** 2)
+    around = np.pad(correlation, 1, constant_values=-1.0)
+    peaks = (correlation >= around[:-2]) & (correlation >= around[2:])
+    good = np.flatnonzero(peaks & (likelihood >= likelihood.max() - EVIDENCE**2 / 2))
+    return int(good[np.argmin(np.abs(shifts[good]))])
+
+
 def _agreement(said: Steps, true: Steps) -> float:
-    """The better of two correlations, of lengths and of turns whatever their sign; of moves, whatever their frame."""
+    """R of lengths and turns together, 1 - R^2 = (1 - r^2) (1 - s^2), whatever the sign of turns; or of moves."""
     true = _without_outliers(true)
     if np.isfinite(said.move).any():
         return _rotated_correlation(said.move, true.move)
-    return max(_correlation(said.length, true.length), abs(_correlation(said.turn, turns(true))))
+    r, s = max(_correlation(said.length, true.length), 0.0), _correlation(said.turn, turns(true))
+    return float(np.sqrt(1 - (1 - r**2) * (1 - s**2)))
 
 
 def _correlation(a: Array, b: Array) -> float:
