@@ -37,6 +37,8 @@ if _TYPE_CHECKING:
     from cooploc.estimators.plugins.callable_package import CallablePackage as _CallablePackage
     from cooploc.estimators.plugins.errors import BadInput as BadInput
     from cooploc.estimators.plugins.tunable import tunable as tunable
+    from cooploc.inspection import Inspection as Inspection
+    from cooploc.inspection import inspect as inspect
     from cooploc.plans import plan as plan
     from cooploc.run_tables import information as information
     from cooploc.run_tables import sensitivity as sensitivity
@@ -90,6 +92,7 @@ _HOME = {
     "estimators.plugins.tunable": ("tunable",),
     "runs": ("run_study", "load_run", "Results", "report", "compare_runs", "reproduce", "show"),
     "until_decided": ("run_until",),
+    "inspection": ("inspect", "Inspection"),
     "plans": ("plan",),
     "run_verdicts": ("verdicts", "readings"),
     "run_tables": ("information", "sensitivity"),

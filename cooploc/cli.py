@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 import cooploc as cl
+from cooploc.terminal.inspect_command import inspect
 from cooploc.terminal.judge_command import judge
 from cooploc.terminal.options import Claims, Isolate, Jobs, Recordings, RunDirectory, StudyName
 from cooploc.terminal.tune_command import tune
@@ -108,6 +109,7 @@ def run(
 
 
 app.command()(tune)
+app.command()(inspect)
 
 
 @app.command()

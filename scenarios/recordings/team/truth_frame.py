@@ -3,7 +3,6 @@
 import numpy as np
 
 from cooploc.estimators.interface import Array, Mask
-from cooploc.estimators.models.angles import wrap
 from cooploc.scenarios.recordings.team.schema import GroundTruth
 
 
@@ -21,7 +20,7 @@ def true_poses(time: Array, poses: Array, declared: GroundTruth) -> tuple[Array,
         y, heading = -y, -heading
     elif declared.frame == "swapped":
         x, y, heading = y, x, np.pi / 2 - heading
-    framed = np.stack([x, y, wrap(heading)], -1)
+    framed = np.stack([x, y, heading], -1)  # not wrapped: degrees that were not declared must remain visible
     jumps = unreachable(time, framed[:, :2], declared.max_speed or np.inf)
     framed[jumps] = np.nan
     return framed, int(jumps.sum())

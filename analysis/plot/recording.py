@@ -1,0 +1,109 @@
+"""A sketch of a recording: tracks, who measured whom, and what was recorded when."""
+
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from cooploc.analysis.plot import style
+from cooploc.analysis.plot.style import DARK, GREY
+from cooploc.analysis.plot.world import ROBOTS
+from cooploc.scenarios.recordings.inspect.corrected import truth_of
+from cooploc.scenarios.recordings.inspect.dead_reckoned import dead_reckoned
+from cooploc.scenarios.recordings.inspect.series_table import SeriesRow, measured_counts, series_rows
+from cooploc.scenarios.recordings.team.team_log import TeamLog
+
+MOST_ROWS = 24  # of the time line; pairs beyond it are drawn by robot
+MOST_TICKS = 2000  # of one series
+
+
+def recording(log: TeamLog, note: str = "") -> Figure:
+    """Draw a recording of a team.
+
+    Left the tracks: solid the truth, dotted odometry alone from the true start. Right who (row) measured whom (column),
+    and how often. Below what was recorded when, a stroke for each sample; gaps are white.
+    """
+    rows = _few(series_rows(log))
+    height = 4.6 + 0.17 * len(rows)
+    figure = plt.figure(figsize=(9.2, height), layout="constrained")
+    ratios = [4.4, 0.2 + 0.17 * len(rows)]
+    places: Any = [["tracks", "measured"], ["time", "time"]]
+    axes = figure.subplot_mosaic(places, height_ratios=ratios, width_ratios=[1.25, 1])
+    tracks(axes["tracks"], log, note)
+    measured(axes["measured"], log)
+    time_line(axes["time"], rows, log)
+    return figure
+
+
+def tracks(ax: Axes, log: TeamLog, above: str = "") -> Axes:
+    """Truth and dead reckoning of every robot, with anchors and landmarks."""
+    for i, robot in enumerate(log.robots):
+        colour = ROBOTS[i % len(ROBOTS)]
+        truth, alone = truth_of(log, i), dead_reckoned(log, i)
+        if truth is not None:
+            ax.plot(*truth.values[:, :2].T, color=colour, lw=1.3, label=robot, zorder=3)
+            ax.plot(*truth.values[0, :2], "o", color=colour, mfc="white", ms=6, zorder=5)
+        if alone is not None:
+            ax.plot(*alone.T, color=colour, ls=style.DOTTED, lw=1.0, zorder=2)
+    for places, marker, face in ((log.anchors, "^", DARK), (log.landmarks, "s", "white")):
+        for name, (x, y) in zip(places.names, places.positions, strict=True):
+            ax.plot(x, y, marker, color=DARK, mfc=face, ms=6, zorder=4)
+            ax.annotate(name, (x, y), xytext=(5, 4), textcoords="offset points", fontsize="x-small")
+    ax.plot([], [], color=GREY, ls=style.DOTTED, label="odometry alone")
+    ax.plot([], [], "o", color=GREY, mfc="white", label="start")
+    ax.set_aspect("equal", adjustable="datalim")
+    style.finish(ax, "x [m]", "y [m]", above or log.name)
+    ax.legend(frameon=False, fontsize="x-small", loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=4)
+    return ax
+
+
+def measured(ax: Axes, log: TeamLog) -> Axes:
+    """Who measured whom: readings of a row's robot, of what the column names; darker is more."""
+    rows, columns, counts = measured_counts(log)
+    used = [k for k in range(len(columns)) if k < len(rows) or counts[:, k].any()]
+    shown = counts[:, used]
+    ax.imshow(np.where(shown > 0, np.log1p(shown), np.nan), cmap="Blues", vmin=0, aspect="auto")
+    if len(used) * len(rows) <= 60:
+        for i, k in np.ndindex(*shown.shape):
+            own = used[k] == i
+            text = "" if own else f"{int(shown[i, k])}"
+            dark = np.log1p(shown[i, k]) > 0.6 * np.log1p(max(shown.max(), 1))
+            ax.text(k, i, text, ha="center", va="center", fontsize="x-small", color="white" if dark else DARK)
+    ax.set_xticks(range(len(used)), [columns[k] for k in used], rotation=90 if len(used) > 6 else 0, fontsize="x-small")
+    ax.set_yticks(range(len(rows)), rows, fontsize="x-small")
+    style.finish(ax, above="readings of (column) by (row)")
+    return ax
+
+
+def time_line(ax: Axes, rows: list[SeriesRow], log: TeamLog) -> Axes:
+    """A line for each series, a stroke for each sample."""
+    colours = {robot: ROBOTS[i % len(ROBOTS)] for i, robot in enumerate(log.robots)}
+    for place, row in enumerate(rows):
+        time = row.time[:: max(1, len(row.time) // MOST_TICKS)]
+        width = max(float(np.median(np.diff(time))) if len(time) > 1 else 0.0, 1e-3)
+        spans: Any = [(t, 1.05 * width) for t in time]
+        ax.broken_barh(spans, (place - 0.35, 0.7), color=colours.get(row.of.partition("-")[0], GREY), lw=0)
+    labels = [f"{row.series} {row.of}, {row.rate:.3g} Hz" for row in rows]
+    ax.set_yticks(range(len(rows)), labels, fontsize="x-small")
+    ax.invert_yaxis()
+    style.finish(ax, "time since the first sample [s]", grid="x")
+    return ax
+
+
+def _few(rows: list[SeriesRow]) -> list[SeriesRow]:
+    """The rows, or, where they are too many, those of one robot and series as one."""
+    if len(rows) <= MOST_ROWS:
+        return rows
+    groups: dict[tuple[str, str], list[SeriesRow]] = {}
+    for row in rows:
+        groups.setdefault((row.series, row.of.partition("-")[0]), []).append(row)
+    return [_merged(robot, group) for (_, robot), group in groups.items()]
+
+
+def _merged(robot: str, group: list[SeriesRow]) -> SeriesRow:
+    time = np.sort(np.concatenate([row.time for row in group]))
+    intervals = np.diff(time)[np.diff(time) > 0]
+    rate = 1 / float(np.median(intervals)) if len(intervals) else np.nan
+    return group[0]._replace(of=robot, time=time, samples=len(time), rate=rate)

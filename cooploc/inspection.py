@@ -1,0 +1,117 @@
+"""`cl.inspect(path)`: look at a recording before anything is fitted, sketch it, and write a log.toml to start from."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from cooploc.analysis.execution import atomic_file
+from cooploc.estimators.plugins.errors import BadInput
+from cooploc.scenarios.recordings.inspect.finding import Finding
+from cooploc.scenarios.recordings.inspect.inspection import Inspected, inspect_recording
+from cooploc.scenarios.recordings.inspect.series_table import SeriesRow
+from cooploc.scenarios.recordings.team.schema import NAME
+
+SKETCH = "inspect.png"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Inspection:
+    """What a look at a recording found."""
+
+    inspected: Inspected
+
+    @property
+    def series(self) -> pd.DataFrame:
+        """A row for each series: samples, rate [Hz], first and last stamp [s], gaps, longest interval [s], source."""
+        table = pd.DataFrame([row._asdict() for row in self.inspected.rows], columns=list(SeriesRow._fields))
+        return table.drop(columns="time")
+
+    @property
+    def findings(self) -> pd.DataFrame:
+        """A row for each finding: kind, robot, source, fact, how sure, and the setting of log.toml to change."""
+        rows = [{**f._asdict(), "change": where_to_change(f)} for f in self.inspected.findings]
+        return pd.DataFrame(rows, columns=list(Finding._fields))
+
+    @property
+    def columns(self) -> pd.DataFrame:
+        """A row for each column or topic: what it probably is, and why; empty where log.toml says so."""
+        return pd.DataFrame(self.inspected.columns, columns=["file", "column", "probably", "why"])
+
+    @property
+    def log_toml(self) -> str:
+        """The text of log.toml: the one that is there, or a draft with a comment on each line."""
+        return self.inspected.text
+
+    def __repr__(self) -> str:
+        found = self.inspected
+        robots, findings = len(found.log.robots), len(found.findings)
+        return f"Inspection({str(found.path)!r}, {found.format}, {robots} robots, {findings} findings)"
+
+    def _repr_html_(self) -> str:
+        shown = self.findings if len(self.findings) else self.series.round(3)
+        return str(shown.to_html(index=False))
+
+    def sketch(self, path: str | Path | None = None) -> Figure:
+        """Tracks, who measured whom, and what was recorded when; written to a PNG where a path is given."""
+        from matplotlib import pyplot
+
+        from cooploc.analysis.plot.recording import recording
+
+        figure = recording(self.inspected.corrected, _note(self.inspected))
+        if path is not None:
+            atomic_file.replace(Path(path), lambda temporary: figure.savefig(temporary, format="png", dpi=120))
+            pyplot.close(figure)
+        return figure
+
+    def write(self, folder: str | Path | None = None, force: bool = False) -> list[Path]:
+        """Write log.toml and the sketch beside the recording, or into a directory; returns what was written.
+
+        A log.toml that is there stays as it is, unless `force`.
+
+        Raises:
+            BadInput: the directory cannot be written to.
+
+        """
+        found = self.inspected.path
+        home = Path(folder) if folder is not None else found if found.is_dir() else found.parent
+        target, written = home / NAME, []
+        try:
+            home.mkdir(parents=True, exist_ok=True)
+            if force or not target.exists():
+                atomic_file.replace(target, lambda temporary: temporary.write_text(self.log_toml, encoding="utf-8"))
+                written.append(target)
+            self.sketch(home / SKETCH)
+        except OSError as e:
+            raise BadInput(f"{home}: cannot be written to ({e.strerror}); name another directory with --out") from None
+        return [*written, home / SKETCH]
+
+
+def inspect(path: str | Path, run: str = "", anew: bool = False) -> Inspection:
+    """Look at a recording before anything is fitted: series, gaps, units, clocks, frames.
+
+    Args:
+        path: a directory of CSV files, a ROS bag, a PyFG file, or MRCLAM text; a log.toml there is believed.
+        run: which recording of several; the first if empty.
+        anew: guess everything again, whatever log.toml says.
+
+    Raises:
+        BadInput: nothing there can be read; one line that says what to do.
+
+    """
+    return Inspection(inspect_recording(Path(path), run, anew))
+
+
+def where_to_change(finding: Finding) -> str:
+    """The setting that corrects a finding, with its table: [truth] clock_offset = -2.5."""
+    change = finding.change
+    table = f"[{change.table}] " if change.table else ""
+    names = f"{', '.join(change.names)}: " if change.names else ""
+    return f"{table}{names}{change.setting}"
+
+
+def _note(found: Inspected) -> str:
+    """Above the tracks: the recording, and whether it is drawn with findings corrected."""
+    corrected = " (drawn with the findings corrected)" if found.findings else ""
+    return f"{found.log.name}{corrected}"

@@ -1,0 +1,126 @@
+"""What columns are, by their names and values."""
+
+import numpy as np
+import pytest
+
+from cooploc.estimators.plugins.errors import BadInput
+from cooploc.scenarios.recordings.inspect.csv_look import look_at_csv
+from cooploc.scenarios.recordings.inspect.guesses import guesses
+from cooploc.scenarios.recordings.inspect.names import named
+from cooploc.scenarios.recordings.inspect.templates import template_of
+
+LINES = 40
+
+
+def guessed(folder, columns, name="table.csv"):
+    path = folder / name
+    rows = zip(*columns.values(), strict=True)
+    path.write_text("\n".join([",".join(columns), *(",".join(map(str, row)) for row in rows)]) + "\n")
+    return {guess.column: guess for guess in guesses(look_at_csv(path))}
+
+
+@pytest.mark.parametrize(
+    ("column", "quantity", "unit"),
+    [
+        ("t", "time", ""),
+        ("Time [ms]", "time", "ms"),
+        ("timestamp_ns", "time", "ns"),
+        ("header.stamp.sec", "sec", ""),
+        ("header.stamp.nanosec", "nsec", ""),
+        ("x", "x", ""),
+        ("pos_y (mm)", "y", "mm"),
+        ("gt_x_cm", "x", "cm"),
+        ("yaw", "heading", ""),
+        ("theta_deg", "heading", "deg"),
+        ("v [mm/s]", "speed", "mm/s"),
+        ("linear.x", "speed", ""),
+        ("angular.z", "turn_rate", ""),
+        ("yaw_rate_deg", "turn_rate", "deg/s"),
+        ("w", "turn_rate", ""),
+        ("distance_mm", "range", "mm"),
+        ("RSSI", "rssi", ""),
+        ("robotId", "robot", ""),
+        ("anchor_id", "other", ""),
+        ("from", "robot", ""),
+        ("to", "other", ""),
+        ("delta_x", "dx", ""),
+        ("battery", "", ""),
+    ],
+)
+def test_a_name_says_quantity_and_unit(column, quantity, unit):
+    assert named(column)[:2] == (quantity, unit)
+
+
+@pytest.mark.parametrize(("scale", "unit"), [(1, "s"), (1e3, "ms"), (1e6, "us"), (1e9, "ns")])
+def test_stamps_since_1970_have_the_unit_of_their_size(tmp_path, scale, unit):
+    stamps = [f"{scale * (1.7e9 + 0.1 * k):.9f}" for k in range(LINES)]
+    found = guessed(tmp_path, {"time": stamps, "x": range(LINES)})["time"]
+    assert (found.quantity, found.unit) == ("time", unit)
+
+
+@pytest.mark.parametrize(("scale", "unit"), [(1, "s"), (1e3, "ms"), (1e6, "us"), (1e9, "ns")])
+def test_stamps_since_a_start_have_the_unit_of_their_interval(tmp_path, scale, unit):
+    found = guessed(tmp_path, {"t": [f"{scale * 0.1 * k:.3f}" for k in range(200)], "x": range(200)})["t"]
+    assert found.unit == unit
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "unit"),
+    [
+        ("heading", np.linspace(-3, 3, LINES), "rad"),
+        ("heading", np.linspace(-170, 170, LINES), "deg"),
+        ("x", np.linspace(0, 5, LINES), "m"),
+        ("x", np.linspace(0, 5000, LINES), "mm"),
+        ("x", np.linspace(0, 500, LINES), "cm"),
+        ("omega", np.linspace(-1, 1, LINES), "rad/s"),
+        ("omega", np.linspace(-60, 60, LINES), "deg/s"),
+        ("v", np.linspace(0, 0.5, LINES), "m/s"),
+        ("v", np.linspace(0, 500, LINES), "mm/s"),
+    ],
+)
+def test_values_say_the_unit_where_the_name_does_not(tmp_path, name, values, unit):
+    found = guessed(tmp_path, {"t": np.arange(LINES) / 10, name: values})[name]
+    assert found.unit == unit
+    assert found.reason
+
+
+def test_an_unknown_column_is_listed_and_a_rising_one_without_a_name_is_the_time(tmp_path):
+    found = guessed(tmp_path, {"a": np.arange(LINES) / 10, "x": range(LINES), "volts": [12.1] * LINES})
+    assert found["a"].quantity == "time"
+    assert "rises" in found["a"].reason
+    assert found["volts"].quantity == ""
+
+
+def test_a_counter_named_x_without_y_is_a_length(tmp_path):
+    found = guessed(tmp_path, {"t": np.arange(LINES) / 10, "odom_x": np.arange(LINES) / 50, "w": np.zeros(LINES)})
+    assert found["odom_x"].quantity == "length"
+
+
+@pytest.mark.parametrize(
+    ("files", "template", "robots"),
+    [
+        (["odom_red.csv", "odom_blue.csv"], "odom_{robot}.csv", ("red", "blue")),
+        (["red/odom.csv", "blue/odom.csv"], "{robot}/odom.csv", ("red", "blue")),
+        (["red/odom_red.csv", "blue/odom_blue.csv"], "{robot}/odom_{robot}.csv", ("red", "blue")),
+        (["robot1.csv", "robot2.csv", "robot10.csv"], "{robot}.csv", ("robot1", "robot2", "robot10")),
+        (["all.csv"], "all.csv", ()),
+    ],
+)
+def test_what_differs_between_names_of_files_is_the_robot(files, template, robots):
+    assert template_of(files) == (template, robots)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "is empty"),
+        ("t,x\n", "no line of data"),
+        ("1,2\n3,4\n", "names of the columns"),
+        ("t,t\n1,2\n", "two columns"),
+    ],
+)
+def test_a_file_that_is_no_table_is_one_line(tmp_path, text, said):
+    path = tmp_path / "a.csv"
+    path.write_text(text)
+    with pytest.raises(BadInput, match=said):
+        look_at_csv(path)

@@ -1,0 +1,178 @@
+"""From a directory to findings, a log.toml that runs, and a sketch; for every format."""
+
+import contextlib
+import os
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from made_bags import KINDS, made_bag
+from made_csv_teams import eight_glitches, two_robots, write
+from malformed_teams import MALFORMED
+from matplotlib import pyplot
+
+import cooploc as cl
+from cooploc.scenarios.recordings.inspect.toml_text import toml
+from cooploc.scenarios.recordings.team.schema import load
+
+DATA = Path(os.environ.get("COOPLOC_DATA", "../shared/data"))
+STARTS = {"A": (0, 0), "B": (1, 2)}
+POSES = [f"VERTEX_SE2 {k / 10} {r}{k} {x + 0.05 * k} {y} 0.0\n" for r, (x, y) in STARTS.items() for k in range(40)]
+STEPS = [f"EDGE_SE2 {k / 10} {r}{k} {r}{k + 1} 0.05 0 0 0.01 0 0 0.01 0 0.001\n" for r in STARTS for k in range(39)]
+
+
+@pytest.fixture(scope="module")
+def clean():
+    return two_robots(seconds=60)
+
+
+def found(inspection):
+    return {(f.kind, f.robot) for f in inspection.inspected.findings}
+
+
+def test_eight_deliberate_glitches_are_each_named_and_nothing_else(tmp_path):
+    wanted = eight_glitches(tmp_path / "team")
+    table = cl.inspect(tmp_path / "team").findings
+    assert len(wanted) == 8
+    assert dict(zip(table["kind"], table["robot"], strict=True)) == wanted
+    assert table["change"].str.len().min() > 0
+
+
+def test_a_finding_stands_in_log_toml_beside_its_table(tmp_path):
+    eight_glitches(tmp_path / "team")
+    text = cl.inspect(tmp_path / "team").log_toml
+    truth = text[text.index("[truth]") : text.index("[ranges]")]
+    for said in ("clock_offset = -2.5", 'unit = "mm"', 'frame = "swapped"', "max_speed ="):
+        assert said in truth
+    assert all(line.startswith(("#", "[")) or "#" in line or _above(text, line) for line in text.splitlines() if line)
+
+
+def _above(text, line):
+    """Whether the comment of a long line stands above it."""
+    lines = text.splitlines()
+    return lines[lines.index(line) - 1].startswith("#")
+
+
+def test_the_draft_runs_as_it_is(tmp_path, clean):
+    team = write(tmp_path / "team", clean)
+    files = cl.inspect(team).write()
+    assert [file.name for file in files] == ["log.toml", "inspect.png"]
+    assert load(team / "log.toml").robots == ("blue", "red")
+    truth, stream = cl.simulate("log/all", data=team)
+    assert stream.robots == 2
+    assert stream.channels() == {"odometry", "radio_range"}
+    assert truth.valid.mean() > 0.5
+
+
+def test_columns_of_one_table_for_all_robots_are_read(tmp_path, clean):
+    names = ("red", "blue")
+    merged = {}
+    for kind in ("odom", "truth"):
+        both = [clean[f"{kind}_{name}.csv"] for name in names]
+        columns = {c: np.concatenate([one[c] for one in both]) for c in both[0]}
+        columns["robot"] = np.repeat(names, [len(one["time"]) for one in both])
+        order = np.argsort(columns["time"], kind="stable")
+        merged[f"{kind}.csv"] = {c: values[order] for c, values in columns.items()}
+    team = write(tmp_path / "team", {**merged, "uwb.csv": clean["uwb.csv"]})
+    inspection = cl.inspect(team)
+    assert set(inspection.inspected.log.robots) == {"red", "blue"}
+    assert len(inspection.findings) == 0
+
+
+def test_files_that_follow_each_other_are_runs_of_one_robot(tmp_path, clean):
+    for k in range(3):
+        odometry, truth = clean["odom_red.csv"], clean["truth_red.csv"]
+        both = {"time": odometry["time"] + 1000 * k, "v": odometry["v"], "omega": odometry["omega"]}
+        write(tmp_path / "one", {f"run{k}.csv": both | {"gt_x": truth["x"], "gt_y": truth["y"]}})
+    inspection = cl.inspect(tmp_path / "one")
+    inspection.write()
+    assert inspection.inspected.runs == ("run0", "run1", "run2")
+    assert "format" not in tomllib.loads(inspection.log_toml)
+    assert cl.simulate("log/run0", data=tmp_path / "one")[1].robots == 1
+
+
+def test_a_log_toml_that_is_there_is_believed_and_stays(tmp_path, clean):
+    team = write(tmp_path / "team", clean)
+    cl.inspect(team).write()
+    text = (team / "log.toml").read_text().replace('heading = "theta"', 'heading = {column = "theta", unit = "deg"}')
+    (team / "log.toml").write_text(text)
+    inspection = cl.inspect(team)
+    assert found(inspection) == {("radians", "blue"), ("radians", "red")}
+    inspection.write()
+    assert (team / "log.toml").read_text() == text
+    assert len(cl.inspect(team, anew=True).findings) == 0
+    cl.inspect(team, anew=True).write(force=True)
+    assert (team / "log.toml").read_text() != text
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_bag_has_topics_robots_and_a_draft(tmp_path, kind):
+    made_bag(tmp_path, kind)
+    inspection = cl.inspect(tmp_path)
+    assert set(inspection.inspected.log.robots) == {"red", "blue"}
+    assert inspection.inspected.format == "bag"
+    assert {"odometry", "truth"} <= set(inspection.columns["probably"])
+
+
+def test_a_factor_graph_needs_no_more_than_its_format(tmp_path):
+    (tmp_path / "graph.pyfg").write_text("".join(POSES + STEPS))
+    inspection = cl.inspect(tmp_path)
+    inspection.write()
+    assert tomllib.loads(inspection.log_toml)["format"] == "pyfg"
+    assert inspection.inspected.log.robots == ("A", "B")
+
+
+@pytest.mark.parametrize("name", MALFORMED)
+def test_what_is_malformed_is_one_line_or_read_without_it(tmp_path, clean, name):
+    team = write(tmp_path / "team", clean)
+    MALFORMED[name](team)
+    with contextlib.suppress(OneLine), refusals_are_one_line():
+        tomllib.loads(cl.inspect(team).log_toml)
+
+
+class OneLine(Exception):
+    """A refusal of one line."""
+
+
+@contextlib.contextmanager
+def refusals_are_one_line():
+    """Turns a refusal of one line, with a place and a remedy, into `OneLine`; anything else is an error."""
+    try:
+        yield
+    except cl.BadInput as e:
+        if "\n" in str(e) or len(str(e)) < 30:
+            raise
+        raise OneLine from e
+
+
+def test_the_sketch_has_tracks_counts_and_a_time_line(tmp_path, clean):
+    inspection = cl.inspect(write(tmp_path / "team", clean))
+    figure = inspection.sketch()
+    try:
+        tracks, counts, time = figure.axes
+        assert {line.get_label() for line in tracks.lines} >= {"red", "blue", "odometry alone"}
+        assert sorted(text.get_text() for text in counts.texts if text.get_text()) == ["146", "147"]
+        labels = [label.get_text().split(",")[0] for label in time.get_yticklabels()]
+        assert labels[:2] == ["odometry blue", "odometry red"]
+    finally:
+        pyplot.close(figure)
+
+
+def test_text_of_a_file_cannot_end_a_comment_or_a_value():
+    strange = 'x"\n[b]'
+    assert tomllib.loads(f"a = {toml(strange)}") == {"a": strange}
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not DATA.exists(), reason="needs ../shared/data")
+@pytest.mark.parametrize(
+    ("place", "robots", "runs"),
+    [("uwb-tiers/two-robots", 2, 1), ("uwb-tiers/four-robots", 4, 1), ("mrclam6", 5, 1), ("wifi-rssi", 1, 12)],
+)
+def test_real_recordings_are_looked_at_and_described(place, robots, runs):
+    inspection = cl.inspect(DATA / place)
+    assert len(inspection.inspected.log.robots) == robots
+    assert len(inspection.inspected.runs) == runs
+    if "uwb" in place:
+        assert ("bias", "") in found(inspection)
