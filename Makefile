@@ -5,7 +5,7 @@ VENV ?= .venv$(patsubst -3.11,,$(patsubst python%,-%,$(notdir $(PYTHON))))
 BIN := $(VENV)/bin
 PARALLEL := -n 2 --dist loadgroup
 
-.PHONY: demo test quick-test docs lint types floors units hooks looks bench prove accuse reliability alike oddities truth lock clean
+.PHONY: demo test quick-test docs lint types floors units hooks looks bench prove accuse findings reliability alike oddities truth lock clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.ready  ## run the quick study, print its table, write its picture
@@ -47,6 +47,9 @@ prove: $(VENV)/.ready  ## how often intervals and verdicts are right, by simulat
 
 accuse: $(VENV)/.ready  ## is an honest estimator ever accused? an hour; keeps its report after every seed
 	$(BIN)/python benchmarks/statistics/accusations.py reports/accusations.md 50
+
+findings: $(VENV)/.ready  ## how often `cooploc inspect` names what is wrong, and what is not; half an hour
+	PYTHONPATH=tests/helpers $(BIN)/python benchmarks/statistics/findings.py reports/findings.md 100
 
 reliability: $(VENV)/.ready  ## what a plug-in's crash, damage, death and isolation cost; an hour; keeps its report
 	$(BIN)/python benchmarks/reliability/crash_matrix.py reports/reliability.md

@@ -62,9 +62,9 @@ def test_what_needs_recordings_is_skipped_with_a_reason_where_there_are_none(tmp
     (notebook,) = (path for path in NOTEBOOKS if path.stem == "04_real_robots")
     done = run(notebook, tmp_path, {"COOPLOC_DATA": str(tmp_path / "nowhere")})
     assert done.returncode == 0, done.stderr
-    said = done.stdout.splitlines()
-    assert len(said) == len(cells(notebook)) - 1
-    assert all(line.startswith("skipped: ") for line in said)
+    said = [line for line in done.stdout.splitlines() if line.startswith("skipped: ")]
+    needing = [cell for cell in cells(notebook) if re.match("if (mrclam|wifi):", "".join(cell["source"]))]
+    assert len(said) == len(needing) > 0
 
 
 def cells(notebook):

@@ -108,9 +108,10 @@ def best_fit(log: TeamLog, i: int, j: int) -> Fit:
     edges = np.arange(wheels.time[0], wheels.time[-1], window)
     longest = min(LONGEST_SHIFT, span / 3)
     said = _without_outliers(steps(wheels, edges, 3 * window))
-    coarse = window / 2 * np.arange(-int(2 * longest / window), int(2 * longest / window) + 1)
+    count = int(2 * longest / window)
+    coarse = np.linspace(-count * window / 2, count * window / 2, 2 * count + 1)
     at = coarse[_nearest_peak(_correlations(said, real, edges, coarse, window), coarse, len(edges) / 2)]
-    fine = np.array(at + window * np.linspace(-0.6, 0.6, 25), np.float64)
+    fine = np.linspace(at - 0.6 * window, at + 0.6 * window, 25)
     sharp = _correlations(said, real, edges, fine, window)
     best = int(np.argmax(sharp))
     unshifted = float(_correlations(said, real, edges, np.zeros(1), window)[0])
@@ -127,7 +128,7 @@ def _nearest_peak(correlation: Array, shifts: Array, samples: float) -> int:
 
     -n/2 ln(1 - R^2) is the log-likelihood of n samples; as likely are those within EVIDENCE^2 / 2.
     """
-    likelihood = -samples / 2 * np.log1p(-np.minimum(correlation, 0.9999) ** 2)
+    likelihood = -samples / 2 * np.log1p(-(np.minimum(correlation, 0.9999) ** 2))
     around = np.pad(correlation, 1, constant_values=-1.0)
     peaks = (correlation >= around[:-2]) & (correlation >= around[2:])
     good = np.flatnonzero(peaks & (likelihood >= likelihood.max() - EVIDENCE**2 / 2))

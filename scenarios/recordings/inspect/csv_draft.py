@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from cooploc.estimators.plugins.errors import BadInput
-from cooploc.scenarios.recordings.inspect.csv_folder import csv_files, relative
+from cooploc.scenarios.recordings.inspect.csv_folder import csv_files, has_stamps, relative, text_files
 from cooploc.scenarios.recordings.inspect.csv_look import CsvLook
 from cooploc.scenarios.recordings.inspect.csv_tables import files_of, names_in, table_of
 from cooploc.scenarios.recordings.inspect.guesses import Guess
@@ -27,14 +27,29 @@ class CsvDraft(NamedTuple):
     unused: tuple[str, ...]  # files and columns that went nowhere, and why
 
 
-def csv_draft(folder: Path) -> CsvDraft:
-    """The draft for the CSV files of one run.
+def run_folder(data: Path) -> Path:
+    """The first directory that is a run by itself, with robots of its own names; else the whole directory.
+
+    `red/odom.csv` is of a robot, `monday/odom_red.csv` of a run: only the latter says in itself who is who.
+    """
+    inside = [p for p in sorted(data.iterdir()) if p.is_dir() and text_files(p)]
+    if not inside or any(has_stamps(p) for p in text_files(data) if p.parent == data):
+        return data
+    try:
+        alone = csv_draft(inside[0], data)
+    except BadInput:
+        return data
+    return inside[0] if len(alone.robots) > 1 else data
+
+
+def csv_draft(folder: Path, shared: Path | None = None) -> CsvDraft:
+    """The draft for the CSV files of one run, with those in `shared` itself, which are of all runs.
 
     Raises:
         BadInput: there are none, or nothing in them is odometry or truth.
 
     """
-    files, unread = csv_files(folder)
+    files, unread = csv_files(folder, shared)
     parts = [part for look, found in files for part in parts_of(look, found)]
     groups, unused = _groups(folder, parts)
     for needed in ("odometry", "truth"):

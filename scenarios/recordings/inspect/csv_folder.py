@@ -16,14 +16,18 @@ class CsvFolder(NamedTuple):
     unread: tuple[str, ...]  # texts that are no tables
 
 
-def csv_files(folder: Path) -> CsvFolder:
+def csv_files(folder: Path, shared: Path | None = None) -> CsvFolder:
     """Every CSV file of a directory, looked at; a .txt that is no table is somebody's notes.
+
+    Those in `shared` itself, such as the places of anchors, are of all runs.
 
     Raises:
         BadInput: there is none, or one cannot be read.
 
     """
-    paths = sorted(p for p in folder.rglob("*") if p.is_file() and p.suffix.lower() in ENDINGS)
+    paths = text_files(folder)
+    if shared is not None and shared != folder:
+        paths += [path for path in text_files(shared) if path.parent == shared]
     looks, unread = [], []
     for path in paths:
         try:
@@ -46,6 +50,14 @@ def csv_files(folder: Path) -> CsvFolder:
 def text_files(folder: Path) -> list[Path]:
     """Every file of a directory, and of those in it, that may be a table."""
     return sorted(p for p in folder.rglob("*") if p.is_file() and p.suffix.lower() in ENDINGS)
+
+
+def has_stamps(path: Path) -> bool:
+    """Whether a file is a table with a column of stamps, and so of a run; one without may be of all runs."""
+    try:
+        return any(guess.quantity in ("time", "sec") for guess in guesses(look_at_csv(path)))
+    except BadInput:
+        return False
 
 
 def relative(path: Path, folder: Path) -> str:

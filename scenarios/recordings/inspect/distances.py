@@ -44,7 +44,7 @@ def look_at_reading_clocks(log: TeamLog) -> Looked:
     for channel, readings in ranged(log):
         shift, with_it, without = best_shift(log, channel, readings)
         interval = _interval(readings)
-        # A third less spread; of few readings more, as spreads of n residuals err by about 1/sqrt(n), and many are tried.
+        # A third less spread; of few readings more, as a spread of n errs by about 1/sqrt(n), and many are tried.
         less = min(2 / 3, np.exp(-4 / np.sqrt(len(readings.time))))
         if abs(shift) > max(0.1, 1.5 * interval) and with_it < less * without:
             fact = (

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from cooploc.scenarios.recordings.inspect.bag_draft import bag_draft
-from cooploc.scenarios.recordings.inspect.csv_draft import csv_draft
+from cooploc.scenarios.recordings.inspect.csv_draft import csv_draft, run_folder
 from cooploc.scenarios.recordings.inspect.csv_folder import relative
 from cooploc.scenarios.recordings.inspect.guesses import Guess
 from cooploc.scenarios.recordings.inspect.one_robot import Files
@@ -29,8 +29,9 @@ def draft_of(path: Path, found: Recognized) -> Draft:
 
     """
     if found.format == "csv":
-        drafted = csv_draft(path)
-        return Draft(drafted.entries, drafted.tables, columns_of(path, drafted.files), drafted.unused)
+        folder = run_folder(path)
+        drafted = csv_draft(folder, path)
+        return Draft(drafted.entries, drafted.tables, columns_of(folder, drafted.files), drafted.unused)
     if found.format == "bag":
         return Draft(*bag_draft(path))
     return Draft((Entry("format", found.format, found.why),), (), (), ())

@@ -77,9 +77,10 @@ def inspect_recording(path: Path, run: str = "", anew: bool = False) -> Inspecte
 def _looked(path: Path, description: TeamDescription, why: str, run: str) -> Inspected:
     """What a reader makes of a recording, and what is odd about that."""
     read = reader(description.format)
-    places = read.runs(path, description)
-    name = _chosen(path, places, run)
-    log = read.read(path, places[name], name, description)
+    data = path.parent if path.is_file() and description.format == "bag" else path
+    places = read.runs(data, description)
+    name = _chosen(path, places, run or (path.stem if path.stem in places else ""))
+    log = read.read(data, places[name], name, description)
     odd, corrected = look_at_all(log, _arena(description))
     rows = tuple(series_rows(log))
     return Inspected(path, description.format, why, tuple(places), log, corrected, rows, odd, (), (), "")

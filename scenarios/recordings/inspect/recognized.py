@@ -25,6 +25,8 @@ def recognized(path: Path) -> Recognized:
     """
     if not path.exists():
         raise BadInput(f"{path}: there is no such file or directory; name one with a recording")
+    if path.is_file() and path.suffix.lower() in ENDINGS:
+        raise BadInput(f"{path}: this is one file; name the directory with the files of all robots, odometry and truth")
     files = [path] if path.is_file() else sorted(p for p in path.rglob("*") if p.is_file())
     if bag := next((p for p in files if p.suffix.lower() in BAGS), None):
         return Recognized("bag", f"{bag.name} is a bag")

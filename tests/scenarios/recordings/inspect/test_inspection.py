@@ -80,6 +80,23 @@ def test_columns_of_one_table_for_all_robots_are_read(tmp_path, clean):
     assert len(inspection.findings) == 0
 
 
+def test_directories_of_a_team_are_runs_and_share_the_places_above(tmp_path, clean):
+    for run in ("monday", "tuesday"):
+        write(tmp_path / "team" / run, clean)
+    (tmp_path / "team" / "anchors.csv").write_text("name,x,y\nnorth,0,5\neast,6,0\n")
+    inspection = cl.inspect(tmp_path / "team")
+    assert inspection.inspected.runs == ("monday", "tuesday")
+    assert inspection.inspected.log.anchors.names == ("north", "east")
+    assert tomllib.loads(inspection.log_toml)["fit"] == {"on": "other runs"}
+
+
+def test_directories_of_robots_are_a_team(tmp_path, clean):
+    for name in ("red", "blue"):
+        files = {"odom.csv": clean[f"odom_{name}.csv"], "truth.csv": clean[f"truth_{name}.csv"]}
+        write(tmp_path / "team" / name, files)
+    assert set(cl.inspect(tmp_path / "team").inspected.log.robots) == {"red", "blue"}
+
+
 def test_files_that_follow_each_other_are_runs_of_one_robot(tmp_path, clean):
     for k in range(3):
         odometry, truth = clean["odom_red.csv"], clean["truth_red.csv"]
