@@ -1,0 +1,199 @@
+"""Writes reports/real-robots.md: every recording, what its sensors were off by, and what cooperation bought.
+
+Run: python reports/real_robots.py DATA UWB_RUN MRCLAM_RUN [OUT]. DATA holds uwb-tiers, wifi-rssi and mrclam6; the runs
+are those of the studies `uwb` and `mrclam`.
+"""
+
+import shutil
+import sys
+import tempfile
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("agg")
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+
+import cooploc as cl
+from cooploc.scenarios import resolve
+from cooploc.scenarios.recordings.team.residuals import Part, residuals
+from cooploc.scenarios.recordings.team.sampling import Gaps
+from cooploc.scenarios.studies.study import load
+
+BAGS = {"two-robots": "two turtlebots, one radio pair, 45 s", "four-robots": "four turtlebots, six radio pairs, 17 s"}
+QUANTILES = [0.05, 0.5, 0.95]
+OLD, NEW = "wifi/all", "wifi/all[robust=true]"
+WIFI = ["dead-reckoning", "ekf-local", "ekf-local[anchor_reading=rssi]", "rssi-pf"]
+
+
+def pipe(frame: pd.DataFrame) -> str:
+    """A pipe table of text."""
+    head = [str(column) for column in frame.columns]
+    lines = [head, ["---"] * len(head), *(list(map(str, row)) for row in frame.itertuples(index=False))]
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
+
+
+def ranges(label: str, data: Path) -> pd.DataFrame:
+    """Range minus distance of every pair, over the whole recording."""
+    model = resolve(label, data).model.at([0])
+    judged = model.judged
+    log, robots = judged.log, judged.log.robots
+    whole = Part(log, -np.inf, np.inf)
+    found = residuals([whole], "range", robots, judged.grid.tick, Gaps(0.5, 0.5))
+    error = found.z[:, 0] - found.distance
+    rows = []
+    for link in np.unique(found.link):
+        one = error[found.link == link]
+        low, middle, high = np.quantile(one, QUANTILES)
+        pair = " - ".join(robots[i] for i in divmod(int(link), len(robots)))
+        rows.append({"pair": pair, "readings": len(one), "bias (median) [m]": f"{middle:.2f}",
+                     "spread [m]": f"{one.std():.2f}", "5 % to 95 % [m]": f"{low:.2f} to {high:.2f}"})  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def errors_of(labels: list[str], data: Path) -> pd.DataFrame:
+    """RMSE [m] and ANEES of the study `log`'s estimators, a column for each scenario."""
+    columns: dict[str, dict[str, str]] = {}
+    for label in labels:
+        truth, stream = cl.simulate(label, data=data)
+        names = [e for cell in load("log").cells() for e in cell.estimators if fits(e, stream)]
+        table = cl.summarize(cl.errors(truth, cl.run(names, stream)))
+        columns[label] = {r["estimator"]: f"{r['rmse']:.3f} ({r['anees']:.2g})" for r in table.to_dict("records")}
+    return pd.DataFrame(columns).rename_axis("estimator").reset_index()
+
+
+def fits(estimator: str, stream: cl.Stream) -> bool:
+    """Whether the recording has the channels that an estimator needs."""
+    try:
+        cl.run([estimator], stream.truncated(1))
+    except cl.IncompatibleEstimator:
+        return False
+    return True
+
+
+def bags(data: Path, out: Path) -> str:
+    """Every bag: inspected, described, judged."""
+    parts = []
+    with tempfile.TemporaryDirectory() as place:
+        for name, about in BAGS.items():
+            copy = Path(place) / name
+            shutil.copytree(data / "uwb-tiers" / name, copy, copy_function=shutil.copy)
+            found = cl.inspect(copy)
+            found.write()
+            shutil.copy(copy / "inspect.png", out / f"{name}.png")
+            cl.plot.residuals("log/all", copy).figure.savefig(out / f"{name}-residuals.png", dpi=130)
+            plt.close("all")
+            parts.append(BAG.format(
+                name=name, about=about, ranges=pipe(ranges("log/all", copy)),
+                errors=pipe(errors_of(["log/all", "log/all[bias=none]"], copy)),
+                findings="\n".join(f"- {row['fact']} ({row['sure']})" for row in found.findings.to_dict("records")),
+            ))  # fmt: skip
+    return "\n".join(parts)
+
+
+def wifi(data: Path) -> str:
+    """A row for each run: RMSE with models fitted by least squares, and robustly."""
+    rows = []
+    for trial in range(11):
+        row: dict[str, str] = {}
+        for label, word in ((OLD, "least squares"), (NEW, "robust")):
+            truth, stream = cl.simulate(label, data=data / "wifi-rssi", trials=[trial])
+            name = Path(stream.notes["recording"]).stem
+            row |= {"run": name, "set-up": name.partition("_")[0]}
+            table = cl.summarize(cl.errors(truth, cl.run(WIFI, stream))).set_index("estimator")["rmse"]
+            row |= {f"{estimator}, {word}": f"{table[estimator]:.2f}" for estimator in WIFI}
+        rows.append(row)
+    return pipe(pd.DataFrame(rows))
+
+
+def stored(run: str, numbers: tuple[str, ...]) -> str:
+    """A run's RMSE [m] and consistency, a column for each scenario."""
+    table = cl.load_run(run).table
+    table["text"] = [" ".join(form(row[name]) for name, form in zip(numbers, (metres, brackets), strict=True))
+                     for row in table.to_dict("records")]  # fmt: skip
+    wide = table.pivot(index="estimator", columns="scenario", values="text")[list(table["scenario"].unique())]
+    return pipe(wide.reindex(table["estimator"].unique()).reset_index())
+
+
+def metres(value: float) -> str:
+    """An error."""
+    return f"{value:.3f}"
+
+
+def brackets(value: float) -> str:
+    """A consistency figure beside it."""
+    return f"({value:.2g})" if value < 1000 else "(> 1000)"
+
+
+def main(data: str, uwb: str, mrclam: str, out: str = "reports") -> None:
+    """Write the page and its figures."""
+    folder = Path(out) / "real-robots"
+    folder.mkdir(exist_ok=True)
+    page = PAGE.format(
+        bags=bags(Path(data), folder),
+        uwb=stored(uwb, ("rmse", "anees_median")),
+        mrclam=stored(mrclam, ("rmse", "anees")),
+        wifi=wifi(Path(data)),
+    )
+    (Path(out) / "real-robots.md").write_text(page, encoding="utf-8")
+
+
+BAG = """### {name}: {about}
+
+{findings}
+
+![Tracks, who measured whom, and what was recorded when](real-robots/{name}.png)
+
+Ranges less the distances of motion capture:
+
+{ranges}
+
+![Residuals after the fitted model, where it was fitted and where it is judged](real-robots/{name}-residuals.png)
+
+RMSE [m], ANEES in brackets; models fitted on the first third, judged on the rest; `bias=none`: raw ranges:
+
+{errors}
+"""
+
+PAGE = """# Real robots
+
+    cooploc inspect BAG                                       # looks, and writes a log.toml
+    cooploc run log --data BAG
+    cooploc run mrclam --data DATA/mrclam6
+    cooploc run wifi --data DATA/wifi-rssi
+    cooploc run uwb                                           # the simulated world with the recorded errors
+    python reports/real_robots.py DATA UWB_RUN MRCLAM_RUN     # this page
+
+NOTES
+
+## Ultra-wide-band ranges (TIERS/uwb-cooperative-mrs-localization)
+
+{bags}
+## A world with these errors
+
+`uwb`: the 6 m radio arena with three robots, whose ranges have the recorded residuals and biases; *removed*: the mean
+bias over pairs is taken off, and 5 to 40 % of the ranges are late by 0.5 m on average. RMSE [m], in brackets the median
+ANEES; 20 trials, seed 1.
+
+{uwb}
+
+## MRCLAM, five robots
+
+All, one or none of the robots use landmarks; one recording, so no intervals (reports/fusion.md has them over pieces).
+RMSE [m], ANEES in brackets.
+
+{mrclam}
+
+## WiFi, one robot, eleven runs
+
+RMSE [m] of every run, with the models fitted on the other runs of its set-up by least squares, as `wifi` does by
+default, and robustly (`robust=true`, Huber's loss).
+
+{wifi}
+"""
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
