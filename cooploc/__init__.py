@@ -24,6 +24,7 @@ if _TYPE_CHECKING:
     from cooploc.analysis.metrics.judging import judge as judge
     from cooploc.analysis.metrics.smoother import smoother as smoother
     from cooploc.analysis.metrics.tum import to_tum as to_tum
+    from cooploc.analysis.tuning.training_streams import training as training
     from cooploc.estimators import make as make
     from cooploc.estimators.interface import Belief as Belief
     from cooploc.estimators.interface import Estimator as Estimator
@@ -97,6 +98,7 @@ _HOME = {
     "run_verdicts": ("verdicts", "readings"),
     "run_tables": ("information", "sensitivity"),
     "tuned": ("tune", "Tuned", "load_tuned"),
+    "analysis.tuning.training_streams": ("training",),
     "scaffold": ("new_estimator",),
 }
 _MODULES = {"estimators": "estimators", "scenarios": "scenarios", "plot": "analysis.plot"}

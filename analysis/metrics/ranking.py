@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from cooploc.analysis.metrics import statistics
-from cooploc.analysis.metrics.certificate_line import mark, refused
+from cooploc.analysis.metrics.certificate_line import failed_check, refused
 from cooploc.analysis.metrics.consistency import DOUBTFUL
 from cooploc.analysis.metrics.stopping import FIXED, Stopping
 from cooploc.estimators.interface import Array, Mask
@@ -25,7 +25,7 @@ def disqualified(row: Mapping[Any, Any]) -> list[str]:
     """
     flag = row["consistency"]
     reasons = {
-        f"failed the check {mark(row['certificate'])[2:]}": refused(row["certificate"]),
+        f"failed the check {failed_check(row['certificate'])}": refused(row["certificate"]),
         "a bound": bool(row["bound"]),
         "centralised": bool(row["centralised"] and not row["bound"]),
         "over-confident": flag == "over-confident",
