@@ -8,7 +8,7 @@ import pandas as pd
 from cooploc.analysis.metrics import outliers, statistics, trials_needed
 from cooploc.analysis.metrics.consistency import collapsed, consistency
 from cooploc.analysis.metrics.errors import COLUMNS, SCORES, SENSES
-from cooploc.analysis.metrics.pooling import CELL, demand_same_streams, stream_hash, succeeded, trial_means
+from cooploc.analysis.metrics.pooling import CELL, demand_same_streams, offline, stream_hash, succeeded, trial_means
 from cooploc.estimators import nearest
 from cooploc.estimators.plugins.errors import BadInput
 
@@ -137,8 +137,9 @@ def compare(
     demand_same_streams(errors)
     table = summarize(errors)
     table["consistency"] = consistency(table)
-    for standing in ("centralised", "bound"):
-        table[standing] = errors.groupby(CELL, sort=False)[standing].any().to_numpy()
+    kinds = errors[CELL].assign(offline=offline(errors), centralised=errors["centralised"], bound=errors["bound"])
+    for standing in ("centralised", "bound", "offline"):
+        table[standing] = kinds.groupby(CELL, sort=False)[standing].any().to_numpy()
     known = errors if SENSES in errors else errors.assign(senses="")  # results of former versions lack it
     table[SENSES] = known.groupby(CELL, sort=False)[SENSES].first().fillna("").to_numpy()
     cells = trial_means(errors)
