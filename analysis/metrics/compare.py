@@ -106,6 +106,7 @@ def compare(
     With `full=True` the table has all columns of `summarize` too, and these.
 
     More columns:
+        offline: True for an estimator that saw the readings of later ticks, too; never best, and not ranked
         baseline: label of the estimator that the row is compared with
         pairs: trials in which both succeeded
         difference [m]: mean over trials of RMSE minus the baseline's
