@@ -22,8 +22,10 @@ if _TYPE_CHECKING:
     from cooploc.analysis.metrics.compare import summarize as summarize
     from cooploc.analysis.metrics.errors import errors as errors
     from cooploc.analysis.metrics.judging import judge as judge
+    from cooploc.analysis.metrics.smoother import Smoother as Smoother
     from cooploc.analysis.metrics.smoother import smoother as smoother
     from cooploc.analysis.metrics.tum import to_tum as to_tum
+    from cooploc.analysis.tuning.training_streams import training as training
     from cooploc.estimators import make as make
     from cooploc.estimators.interface import Belief as Belief
     from cooploc.estimators.interface import Estimator as Estimator
@@ -87,7 +89,7 @@ _HOME = {
     "analysis.metrics.errors": ("errors",),
     "analysis.metrics.compare": ("compare", "summarize"),
     "analysis.metrics.judging": ("judge",),
-    "analysis.metrics.smoother": ("smoother",),
+    "analysis.metrics.smoother": ("smoother", "Smoother"),
     "analysis.metrics.tum": ("to_tum",),
     "estimators.plugins.tunable": ("tunable",),
     "runs": ("run_study", "load_run", "Results", "report", "compare_runs", "reproduce", "show"),
@@ -97,6 +99,7 @@ _HOME = {
     "run_verdicts": ("verdicts", "readings"),
     "run_tables": ("information", "sensitivity"),
     "tuned": ("tune", "Tuned", "load_tuned"),
+    "analysis.tuning.training_streams": ("training",),
     "scaffold": ("new_estimator",),
 }
 _MODULES = {"estimators": "estimators", "scenarios": "scenarios", "plot": "analysis.plot"}

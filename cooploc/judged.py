@@ -19,7 +19,11 @@ from cooploc.scenarios.stream import Stream, Truth
 
 
 def judged(
-    source: str, estimates: Mapping[str, Trace | str | Path] | str | Path, estimators: str | None, **how: object
+    source: str,
+    estimates: Mapping[str, Trace | str | Path] | str | Path,
+    estimators: str | None,
+    offline: bool,
+    **how: object,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """The rows of `judge`, those of our own `estimators` on the same stream first, and their table.
 
@@ -28,7 +32,7 @@ def judged(
 
     """
     truth, stream = with_truth(source, **how)  # type: ignore[arg-type]
-    theirs = judge(truth, stream, estimates)
+    theirs = judge(truth, stream, estimates, offline=offline)
     frames = [theirs]
     if estimators is not None:
         mine = split(estimators)

@@ -225,3 +225,30 @@ class TeamEstimator(Protocol[S]):
         ...
 
     def estimate(self, s: S) -> Belief: ...
+
+
+class OfflineEstimator(Protocol):
+    """An estimator with hindsight: it is given the readings of all robots and ticks at once, such as a smoother.
+
+    No robot could run it: tables and figures show it as a kind of its own, not ranked and never best. It has `api`,
+    `uses`, the optional members of `Estimator`, and nothing but:
+    """
+
+    api: ClassVar[int]
+    offline: ClassVar[bool]  # True
+
+    @property
+    def uses(self) -> tuple[str, ...]: ...
+
+    def smooth(self, prior: Belief, world: World, rows: Rows, z: Senses, air: Mail) -> Belief:
+        """Beliefs x (t, T, n, d), P (t, T, n, d, d) of every trial, tick and robot.
+
+        Args:
+            prior: before tick 0, x (t, n, d), P (t, n, d, d).
+            world: what the team is told.
+            rows: trial, robot (t, n), key (t, n, 2).
+            z: every tick's senses, (t, T, n, ...).
+            air: `heard`, `rssi`, `range` (t, T, n, n), axis 2 the receiver; no packets.
+
+        """
+        ...

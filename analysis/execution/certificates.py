@@ -15,8 +15,8 @@ import pandas as pd
 
 from cooploc.analysis.execution.elsewhere import hash_of
 from cooploc.analysis.execution.own_world_certificate import World, certified
-from cooploc.analysis.execution.provenance import files
-from cooploc.analysis.metrics.certificate_line import mark
+from cooploc.analysis.execution.provenance import files, training_of
+from cooploc.analysis.metrics.certificate_line import TRAINED, mark
 from cooploc.estimators import configure
 from cooploc.estimators.plugins.build import ConfiguredEstimator
 from cooploc.estimators.plugins.errors import one_line
@@ -54,13 +54,15 @@ def renewed(
         source = files([estimator])
         if valid(held.get(label), source):
             continue
+        learned = training_of(estimator.name)
+        known = {"source": source, **({"trained_on": learned} if learned else {})}
         if not check:
-            yield label, {**_without("unchecked", SKIPPED), "source": source}
+            yield label, {**_without("unchecked", SKIPPED), **known}
             continue
         say(f"checking {label}, as it is not built in: seconds to minutes (--no-check leaves it out)")
         found = certify(label, worlds=worlds(label)) if isolate else _checked(label, checked_here)
         say(f"{label}: {mark(_line(found))}")
-        yield label, {**found, "source": source}
+        yield label, {**found, **known}
 
 
 def valid(certificate: dict[str, Any] | None, source: dict[str, str]) -> bool:
@@ -113,7 +115,10 @@ def line(estimator: str | ConfiguredEstimator, certificates: dict[str, Any]) -> 
 
 
 def _line(certificate: dict[str, Any] | None) -> str:
-    return f"{certificate['status']}: {certificate['found']}" if certificate else f"unchecked: {NOT_YET}"
+    if not certificate:
+        return f"unchecked: {NOT_YET}"
+    learned = certificate.get("trained_on", "")
+    return f"{certificate['status']}: {certificate['found']}{TRAINED + learned if learned else ''}"
 
 
 def with_lines(

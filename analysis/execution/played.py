@@ -93,5 +93,5 @@ def _plain(found: Trace) -> Trace:
     """Plain arrays and values alone: nothing whose reading would import the plug-in where errors are computed."""
     x, P, messages, sent = (np.array(a, float) for a in (found.x, found.P, found.messages, found.bytes))
     notes = {str(name): np.array(values, float) for name, values in found.notes.items()}
-    flags = bool(found.bound), notes, bool(found.centralised), str(found.senses)
-    return Trace(x, P, messages, sent, float(found.seconds), *flags)
+    flags = {name: bool(getattr(found, name)) for name in ("bound", "centralised", "offline")}
+    return Trace(x, P, messages, sent, float(found.seconds), notes=notes, senses=str(found.senses), **flags)

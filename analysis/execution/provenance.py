@@ -13,9 +13,10 @@ from typing import Any
 
 from cooploc import estimators as estimator_names
 from cooploc import scenarios as scenario_names
+from cooploc.estimators.plugins.artifacts import artifacts_of, trained_on
 from cooploc.estimators.plugins.build import ConfiguredEstimator
 from cooploc.estimators.plugins.python_file import is_file
-from cooploc.estimators.plugins.sources import helpers_of, of_module, tree
+from cooploc.estimators.plugins.sources import Named, helpers_of, of_module, tree
 from cooploc.scenarios.remote import RemoteScenario
 from cooploc.scenarios.resolved import ResolvedScenario
 
@@ -53,7 +54,7 @@ def files(
 ) -> dict[str, str]:
     """A hash of the source of all that is not built in: its file with its helpers, or the files of its package.
 
-    What these import from elsewhere is not hashed.
+    With the artifacts that its classes name. What these import from elsewhere is not hashed.
     """
     homes = {one.name: estimator_names.module_of(one.name) for one in estimators}
     homes |= {one.name: scenario_names.module_of(one.name) for one in scenarios}
@@ -63,8 +64,18 @@ def files(
             path = name.rpartition(":")[0]
             found[path] = _of_file(Path(path))
         elif module:
-            found[name] = _hash(of_module(module))
+            found[name] = _hash(_with_artifacts(of_module(module)))
     return found
+
+
+def training_of(name: str) -> str:
+    """What an estimator that is not built in says that it was trained on; empty where it says nothing."""
+    module = estimator_names.module_of(name)
+    if is_file(name):
+        path, _, attribute = name.rpartition(":")
+        return trained_on([Path(path)], attribute)
+    place = estimator_names.REGISTRY.place_of(name) if module else ""
+    return trained_on([path for _, path in of_module(module) if path.suffix == ".py"], place.partition(":")[2])
 
 
 def source_hash(root: Path = ROOT) -> str:
@@ -76,8 +87,12 @@ def source_hash(root: Path = ROOT) -> str:
 def _of_file(path: Path) -> str:
     """The hash of a file; where it imports helpers from its folder, of all of them."""
     alone = hashlib.sha256(path.read_bytes()).hexdigest()
-    helpers = helpers_of(path)
-    return _hash([(path.name, path), *helpers]) if helpers else alone
+    both = _with_artifacts([(path.name, path), *helpers_of(path)])
+    return _hash(both) if len(both) > 1 else alone
+
+
+def _with_artifacts(sources: list[Named]) -> list[Named]:
+    return [*sources, *artifacts_of(path for _, path in sources if path.suffix == ".py")]
 
 
 def _hash(files: Iterable[tuple[str, Path]]) -> str:

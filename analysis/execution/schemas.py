@@ -42,6 +42,7 @@ class Certificate(BaseModel):
     found: StrictStr
     checks: list[CheckResult]
     source: dict[StrictStr, StrictStr]
+    trained_on: StrictStr = ""
 
 
 class Versions(BaseModel):

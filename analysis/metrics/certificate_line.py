@@ -1,6 +1,7 @@
 """What the one line of a certificate means.
 
-"passed: 16 checks", "passed: 15 of 16 checks; axes: why", "failed: causality: why", "unchecked: why".
+"passed: 16 checks", "passed: 15 of 16 checks; axes: why", "failed: causality: why", "unchecked: why"; each may end with
+"; trained on: what".
 
 An empty line stands for a built-in estimator.
 """
@@ -8,6 +9,7 @@ An empty line stands for a built-in estimator.
 import pandas as pd
 
 DECLARED = "bytes are as declared"
+TRAINED = "; trained on: "
 
 
 def refused(line: str) -> bool:
@@ -15,12 +17,19 @@ def refused(line: str) -> bool:
     return line.startswith("failed")
 
 
+def failed_check(line: str) -> str:
+    """The name of the check that a refused estimator failed."""
+    return line.partition(": ")[2].partition(":")[0]
+
+
 def mark(line: str) -> str:
     """A certificate's line in a few words: "✓ 16 checks", "✓ 15 of 16 checks; axes", "✗ causality", "unchecked"."""
+    line, _, learned = line.partition(TRAINED)
     status, _, found = line.partition(": ")
     count, *exempt = found.split("; ")
     passed = "; ".join([f"✓ {count}", *filter(None, (_brief(one) for one in exempt))])
-    return {"passed": passed, "failed": f"✗ {found.partition(':')[0]}"}.get(status, status)
+    said = {"passed": passed, "failed": f"✗ {failed_check(line)}"}.get(status, status)
+    return f"{said}; trained on {learned}" if learned else said
 
 
 def remarks(table: pd.DataFrame) -> list[str]:

@@ -8,7 +8,7 @@ import pandas as pd
 from cooploc.analysis.metrics import outliers, statistics, trials_needed
 from cooploc.analysis.metrics.consistency import collapsed, consistency
 from cooploc.analysis.metrics.errors import COLUMNS, SCORES, SENSES
-from cooploc.analysis.metrics.pooling import CELL, demand_same_streams, stream_hash, succeeded, trial_means
+from cooploc.analysis.metrics.pooling import CELL, demand_same_streams, offline, stream_hash, succeeded, trial_means
 from cooploc.estimators import nearest
 from cooploc.estimators.plugins.errors import BadInput
 
@@ -106,6 +106,7 @@ def compare(
     With `full=True` the table has all columns of `summarize` too, and these.
 
     More columns:
+        offline: True for an estimator that saw the readings of later ticks, too; never best, and not ranked
         baseline: label of the estimator that the row is compared with
         pairs: trials in which both succeeded
         difference [m]: mean over trials of RMSE minus the baseline's
@@ -137,8 +138,9 @@ def compare(
     demand_same_streams(errors)
     table = summarize(errors)
     table["consistency"] = consistency(table)
-    for standing in ("centralised", "bound"):
-        table[standing] = errors.groupby(CELL, sort=False)[standing].any().to_numpy()
+    kinds = errors[CELL].assign(offline=offline(errors), centralised=errors["centralised"], bound=errors["bound"])
+    for standing in ("centralised", "bound", "offline"):
+        table[standing] = kinds.groupby(CELL, sort=False)[standing].any().to_numpy()
     known = errors if SENSES in errors else errors.assign(senses="")  # results of former versions lack it
     table[SENSES] = known.groupby(CELL, sort=False)[SENSES].first().fillna("").to_numpy()
     cells = trial_means(errors)

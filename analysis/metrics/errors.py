@@ -24,6 +24,7 @@ COLUMNS = (  # `errors` says what they mean
 SCORES = ("nll", "area95")  # columns after those; results of former versions lack them
 SENSES = "senses"  # after those; lacking in former versions too
 UNCHECKED = "unchecked: cl.run does not check estimators, cl.check_estimator does"
+OFFLINE = "offline"  # a column after those, of what saw later readings too
 NOTE = "note: "  # columns after those: what an estimator counted; a name that begins with "largest" is a maximum
 
 
@@ -58,6 +59,7 @@ def errors(truth: Truth, run: Run, burn_in: int = 0) -> pd.DataFrame:
         area95 [m^2]: mean area of the 95 % ellipse
         senses: what the estimator reads beside odometry, such as "DOA, team ranges"
         certificate: "unchecked: ..." for what is not built in, which `cl.run` does not check; only where there is such
+        offline: True for an estimator that saw the readings of later ticks, too; only where there is such
         "note: NAME": what an estimator counted itself, if anything; a NAME that begins with "largest" is a maximum
 
     Args:
@@ -176,7 +178,8 @@ def _frame(truth: Truth, run: Run, name: str, trace: Trace, valid: Mask) -> pd.D
     rest |= {"centralised": trace.centralised, "bound": trace.bound, "senses": trace.senses}
     columns = {**who, **{k: np.asarray(v).ravel() for k, v in per.items()}, **rest}
     notes = {NOTE + name: values.ravel() for name, values in trace.notes.items()}
-    return pd.DataFrame({**{name: columns[name] for name in (*COLUMNS, *SCORES, SENSES)}, **notes})
+    more = {OFFLINE: True} if trace.offline else {}
+    return pd.DataFrame({**{name: columns[name] for name in (*COLUMNS, *SCORES, SENSES)}, **more, **notes})
 
 
 def _over_ticks(reduce: Any, values: Array) -> Array:

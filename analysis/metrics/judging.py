@@ -1,6 +1,7 @@
 """Judging trajectories that were computed elsewhere, as the estimators that run here are judged."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,11 @@ ELSEWHERE = "not checked: computed elsewhere"  # the certificate of each
 
 
 def judge(
-    truth: Truth, stream: Stream, estimates: Mapping[str, Trace | str | Path] | str | Path, burn_in: int = 0
+    truth: Truth,
+    stream: Stream,
+    estimates: Mapping[str, Trace | str | Path] | str | Path,
+    burn_in: int = 0,
+    offline: bool = False,
 ) -> pd.DataFrame:
     """Errors of trajectories that were computed elsewhere: in C++, MATLAB, ROS, from the stream that was saved.
 
@@ -31,6 +36,7 @@ def judge(
         estimates: by name, each a `cl.Trace` or a folder of TUM files (`analysis.metrics.tum_reading` says how they
             are called); or one folder that holds such files, or a folder of each.
         burn_in: first ticks that do not count.
+        offline: whether they were computed from the readings of all ticks at once, such as by a smoother.
 
     Returns:
         As `cl.errors`, with `certificate`; join it with the rows of `cl.run` on the same stream by `pd.concat`.
@@ -45,6 +51,8 @@ def judge(
         traces = {name: _trace(name, given, stream) for name, given in estimates.items()}
     for name, trace in traces.items():
         _demand_fit(name, trace, stream)
+    if offline:
+        traces = {name: replace(trace, offline=True, centralised=True) for name, trace in traces.items()}
     run = Run(stream.scenario, stream.seed, stream.trial, stream.hashes, traces)
     return errors(truth, run, burn_in).assign(certificate=ELSEWHERE)
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import pandas as pd
 
-from cooploc.analysis.metrics.errors import NOTE, SCORES
+from cooploc.analysis.metrics.errors import NOTE, OFFLINE, SCORES
 from cooploc.estimators.plugins.errors import BadInput
 
 CELL = ["scenario", "estimator"]
@@ -24,6 +24,11 @@ def succeeded(errors: pd.DataFrame) -> pd.DataFrame:
     if "failure" in errors:
         lost |= errors["failure"].notna()
     return errors[~lost.groupby([errors[key] for key in TRIAL]).transform("any")] if lost.any() else errors
+
+
+def offline(errors: pd.DataFrame) -> "pd.Series[bool]":
+    """Whether a row is of an estimator that saw the readings of later ticks, too."""
+    return errors[OFFLINE].eq(True) if OFFLINE in errors else pd.Series(False, errors.index)
 
 
 def notes(errors: pd.DataFrame) -> list[str]:

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from cooploc.analysis.metrics import statistics
-from cooploc.analysis.metrics.certificate_line import mark, refused
+from cooploc.analysis.metrics.certificate_line import failed_check, refused
 from cooploc.analysis.metrics.consistency import DOUBTFUL
 from cooploc.analysis.metrics.stopping import FIXED, Stopping
 from cooploc.estimators.interface import Array, Mask
@@ -19,15 +19,16 @@ ALPHA = 1 - statistics.LEVEL
 def disqualified(row: Mapping[Any, Any]) -> list[str]:
     """Why an estimator does not qualify as best in a scenario, from its row of `compare`; empty where it does.
 
-    To qualify it must have passed its checks, be distributed, have failed in no trial, and have a covariance that was
-    assessed and found neither over-wide nor over-confident: not by its interval, nor by an ANEES above `DOUBTFUL`,
-    however wide.
+    To qualify it must have passed its checks, be distributed, have seen no reading before its time, have failed in no
+    trial, and have a covariance that was assessed and found neither over-wide nor over-confident: not by its interval,
+    nor by an ANEES above `DOUBTFUL`, however wide.
     """
-    flag = row["consistency"]
+    flag, offline = row["consistency"], bool(row.get("offline", False))
     reasons = {
-        f"failed the check {mark(row['certificate'])[2:]}": refused(row["certificate"]),
+        f"failed the check {failed_check(row['certificate'])}": refused(row["certificate"]),
         "a bound": bool(row["bound"]),
-        "centralised": bool(row["centralised"] and not row["bound"]),
+        "offline": offline,
+        "centralised": bool(row["centralised"] and not row["bound"] and not offline),
         "over-confident": flag == "over-confident",
         "probably over-confident": flag == "not shown" and row["anees"] > DOUBTFUL,
         "over-wide": flag == "over-wide",

@@ -1,36 +1,93 @@
 """Where the team was, with hindsight: the most probable path over all readings, those of the future too.
 
-It is not an estimator, and not registered as one, since a robot cannot run it: at a tick it knows what was
-read later. In figures it is a line like the floor, which tells how much of an error is due to not having waited.
+No robot can run it, since at a tick it knows what was read later. `cl.Smoother()` in `cl.run` shows it beside filters,
+as offline: not ranked, and never best. `cl.smoother(stream)` is its path alone, a line in figures like the floor, which
+tells how much of an error is due to not having waited.
 
 Source: B. Bell, "The iterated Kalman smoother as a Gauss-Newton method", SIAM J. Optimization 4(3), 1994.
 """
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
 import numpy as np
 
 from cooploc.estimators import make
-from cooploc.estimators.interface import Array, Mail
-from cooploc.estimators.kalman.sliding_window import Window, cost, empty, smoothed
+from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
+from cooploc.estimators.kalman.sliding_window import Window, cost, empty, information, smooth, smoothed
 from cooploc.estimators.models.angles import wrap_heading
-from cooploc.scenarios.runner.run import run
+from cooploc.scenarios.runner.trace import trace
 from cooploc.scenarios.stream import Stream
 
 LABEL = "with hindsight (no estimator)"  # of its line in a figure
 SETTLED = 1e-9  # [m] or [rad]: no state moves by more in the last pass
+USES = ("odometry", "anchor_rssi?", "landmark?", "sighting?", "radio_rssi?", "radio_range?")
+
+
+@dataclass(frozen=True)
+class Smoother:
+    """The most probable path of the whole team given all readings of all ticks, with its covariances.
+
+    Gauss-Newton over the whole path, from what `map-joint` finds without the future; of each trial the most probable
+    path of all passes is kept.
+
+    Parameters:
+        passes: the most that are made [count]; they end when nothing moves any more.
+
+    """
+
+    api: ClassVar[int] = 1
+    offline: ClassVar[bool] = True
+    passes: int = 50
+    uses: tuple[str, ...] = USES
+
+    def smooth(self, prior: Belief, world: World, rows: Rows, z: Senses, air: Mail) -> Belief:
+        """Trial by trial, as the number of passes must not depend on other trials."""
+        given = prior, rows, z, air
+        found = [self._of_trial(world, *(_part(one, np.s_[i : i + 1]) for one in given)) for i in range(len(z.dt))]
+        return Belief(*(np.concatenate(part) for part in zip(*found, strict=True)))
+
+    def _of_trial(self, world: World, prior: Belief, rows: Rows, z: Senses, air: Mail) -> Belief:
+        whole = empty(prior, world)._replace(x=_causal(prior, world, rows, z, air), z=z, air=air)
+        x = _most_probable(whole, self.passes)
+        best = whole._replace(x=x)
+        P = smooth(best, *information(world, x, z, air)).P
+        t, T, n, d = x.shape
+        own = np.arange(n)
+        blocks = P.reshape(t, T, n, d, n, d)[:, :, own, :, own].transpose(1, 2, 0, 3, 4)
+        return Belief(wrap_heading(x), blocks)
 
 
 def smoother(stream: Stream, passes: int = 50) -> Array:
     """The most probable states (t, T, n, d) of a team, given all readings of all ticks. No robot could know them.
 
-    Gauss-Newton over the whole path, from what `map-joint` finds without the future; of each trial the most probable
-    path of all passes is kept.
-
     Args:
         stream: from `simulate`.
-        passes: the most that are made [count]; they end when nothing moves any more.
+        passes: as of `Smoother`.
 
     """
-    whole = _whole(stream)
+    return trace("smoother", Smoother(passes), stream).x
+
+
+def _part(of: Any, which: Any) -> Any:
+    """A NamedTuple of arrays, or of mappings to these, with some of their entries."""
+    return type(of)(*({k: a[which] for k, a in v.items()} if isinstance(v, Mapping) else v[which] for v in of))
+
+
+def _causal(prior: Belief, world: World, rows: Rows, z: Senses, air: Mail) -> Array:
+    """What `map-joint` believes at every tick (t, T, n, d)."""
+    filtered = make("map-joint")
+    s, x = filtered.init(prior, world, rows), []
+    for k in range(z.dt.shape[1]):
+        now, heard = _part(z, np.s_[:, k]), _part(air, np.s_[:, k])
+        s = filtered.correct(filtered.predict(s, now), now)
+        s, _ = filtered.exchange(s, now, heard)
+        x.append(filtered.estimate(s).x)
+    return np.stack(x, 1)
+
+
+def _most_probable(whole: Window, passes: int) -> Array:
     best, least = whole.x, cost(whole)
     for _ in range(passes):
         x, _ = smoothed(whole)
@@ -41,13 +98,4 @@ def smoother(stream: Stream, passes: int = 50) -> Array:
         least = np.minimum(now, least)
         if moved < SETTLED:
             break
-    return wrap_heading(best)
-
-
-def _whole(stream: Stream) -> Window:
-    """A window over all ticks, at the causal estimates."""
-    start = run({"causal": make("map-joint")}, stream).traces["causal"].x
-    link, rssi, ranged = stream.air
-    rssi, ranged = (np.where(link, each, np.nan) if each.shape[-1] else each for each in (rssi, ranged))
-    air = Mail(link, np.empty((*link.shape, 0)), rssi, ranged)
-    return empty(stream.prior, stream.world)._replace(x=start, z=stream.senses, air=air)
+    return best

@@ -13,7 +13,8 @@ from matplotlib.axes import Axes
 from cooploc.analysis.metrics.certificate_line import refused
 from cooploc.analysis.metrics.compare import summarize
 from cooploc.analysis.metrics.consistency import consistency
-from cooploc.analysis.plot.style import BROKEN, DOTTED, GREY, Look, band
+from cooploc.analysis.metrics.pooling import offline
+from cooploc.analysis.plot.style import BROKEN, DOTTED, GREY, OFFLINE, Look, band
 
 Row = Mapping[Any, Any] | pd.Series
 UNRANKED = " (failed a check)"
@@ -21,9 +22,14 @@ UNRANKED = " (failed a check)"
 
 def drawable(errors: pd.DataFrame) -> pd.DataFrame:
     """The table of `summarize` with what decides how a row is drawn: `consistency`, `centralised` and `bound`."""
-    standing = errors.groupby(["scenario", "estimator"], sort=False)[["centralised", "bound"]].any()
+    standing = (
+        errors.assign(offline=offline(errors))
+        .groupby(["scenario", "estimator"], sort=False)[["centralised", "bound", "offline"]]
+        .any()
+    )
     table = summarize(errors)
     return table.assign(
+        offline=standing["offline"].to_numpy(),
         consistency=consistency(table),
         centralised=standing["centralised"].to_numpy(),
         bound=standing["bound"].to_numpy(),
@@ -37,12 +43,19 @@ def name_of(row: Row, name: str = "") -> str:
 
 
 def _standing(row: Row) -> str:
+    if row.get("offline", False):
+        return " (offline)"
     return " (bound)" if row["bound"] else " (centralised)" * bool(row["centralised"])
 
 
 def colour_of(row: Row, look: Look) -> Any:
-    """Centralised estimators are grey."""
+    """Centralised estimators are grey, and so are those that are offline."""
     return GREY if row["centralised"] else look.colour
+
+
+def _unlike_filters(row: Row) -> Any:
+    """The line of what no robot could run: dotted where it is centralised, dots and dashes where it is offline."""
+    return OFFLINE if row.get("offline", False) else DOTTED if row["centralised"] else None
 
 
 def marker(ax: Axes, x: float, y: float, row: Row, look: Look, **more: Any) -> None:
@@ -55,7 +68,7 @@ def marker(ax: Axes, x: float, y: float, row: Row, look: Look, **more: Any) -> N
 def rmse_at(ax: Axes, place: float, row: Row, look: Look, vertical: bool = True) -> None:
     """A row's RMSE with its interval, at a place of the other axis."""
     ends, middle = [row["rmse_low"], row["rmse_high"]], [place, place]
-    line = DOTTED if row["centralised"] else "-"
+    line = _unlike_filters(row) or "-"
     ax.plot(*((middle, ends) if vertical else (ends, middle)), color=colour_of(row, look), lw=1.6, ls=line)
     x, y = (place, row["rmse"]) if vertical else (row["rmse"], place)
     marker(ax, x, y, row, look)
@@ -76,7 +89,7 @@ def curve(ax: Axes, rows: pd.DataFrame, x: str, look: Look, alpha: float = 0.15,
     over = (rows["consistency"] == "over-confident").to_numpy()
     first = rows.iloc[0]
     colour = colour_of(first, look)
-    line = DOTTED if first["centralised"] else BROKEN if over.mean() > 0.5 else look.line
+    line = _unlike_filters(first) or (BROKEN if over.mean() > 0.5 else look.line)
     band(ax, rows[x], rows["rmse_low"], rows["rmse_high"], colour, alpha)
     ax.plot(rows[x], rows["rmse"], color=colour, ls=line, lw=1.6, zorder=3)
     for row in rows.iloc[:: max(1, len(rows) // 25)].to_dict("records"):

@@ -2,7 +2,8 @@
 
 An estimator keeps its look in every figure, whatever others are shown: the built-in ones have theirs by name, a variant
 ("arl[K=1]") has its method's colour, darker or lighter, and all others take theirs in the order in which they appear.
-Hollow markers are over-confident; grey and dotted are centralised, and know more than any robot could.
+Hollow markers are over-confident; grey and dotted are centralised, and know more than any robot could;
+grey in dots and dashes are offline, and know what is read later.
 """
 
 from collections.abc import Iterable
@@ -22,6 +23,7 @@ SHADES = (-0.4, 0.4, -0.65, 0.6)  # of variants: towards black, or towards white
 STARS = (4, 1, 0), (4, 1, 45), (6, 1, 0), (8, 1, 0), (3, 1, 0), (3, 1, 180), (5, 1, 36), (12, 1, 0), (3, 1, 90)
 MARKERS: tuple[Any, ...] = (*"osD^vPX*ph<>d8H", *STARS)
 SOLID, DOTTED, BROKEN = "-", (0, (1, 1.5)), (0, (2, 2))
+OFFLINE = (0, (5, 1.5, 1, 1.5))  # of what saw later readings, too
 DASHES: tuple[Any, ...] = (SOLID, (0, (6, 1.5)), (0, (3, 1, 1, 1)), (0, (8, 1, 1, 1, 1, 1)))
 DARK, GREY, BAND, GRID = "0.2", "0.55", "0.93", "0.92"
 

@@ -87,9 +87,10 @@ def experiment(name: str, plan: dict[str, list[str]], numbers: Numbers, counter:
 def ranked(rows: pd.DataFrame, results: TrialTable) -> tuple[dict[str, float], dict[str, str]]:
     """Mean ranks (of a fixed number of trials) and letters of one scenario's estimators that failed nowhere.
 
-    One that failed would take its trials from all others, and change their ranks and letters.
+    One that failed would take its trials from all others, and change their ranks and letters. What is offline is not
+    ranked with filters.
     """
-    ended = rows["rmse"].notna() & (rows["failed"] == 0)
+    ended = rows["rmse"].notna() & (rows["failed"] == 0) & ~rows["offline"]
     names = list(rows.loc[ended & ~rows["certificate"].map(refused).astype(bool), "estimator"])
     if not names:
         return {}, {}

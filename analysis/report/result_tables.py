@@ -22,12 +22,14 @@ SAID = {flag: flag for flag in ("over-confident", "over-wide", "conservative")} 
 Ranks = dict[str, tuple[dict[str, float], dict[str, str]]]  # scenario -> mean ranks, and letters, by estimator
 
 
-def remark(estimator: str, certificate: str, consistency: str, centralised: bool, bound: bool, failed: int) -> str:
+def remark(
+    estimator: str, certificate: str, consistency: str, centralised: bool, bound: bool, offline: bool, failed: int
+) -> str:
     """What a reader of a result must know."""
     remarks = [standing(estimator)] if standing(estimator) else []
     remarks += ["not ranked"] if refused(certificate) else []
     remarks += [SAID[consistency]] if consistency in SAID else []
-    remarks += ["bound"] if bound else ["centralised"] * centralised
+    remarks += ["offline, not ranked"] if offline else ["bound"] if bound else ["centralised"] * centralised
     remarks += ["bytes as declared"] * (not centralised and declares_bytes(estimator))
     return ", ".join(remarks + ([f"{failed} failed, numbers of the other trials"] if failed else []))
 
@@ -57,8 +59,8 @@ ANEES = numbers("ANEES", "anees", form=ratio), numbers("95 %", "anees_low", "ane
 OTHER = ("estimator", "baseline")
 REMARK = words(
     "remark",
-    *("consistency", "centralised", "bound", "failed", "baseline", "stream"),
-    of=("estimator", "certificate", "consistency", "centralised", "bound", "failed"),
+    *("consistency", "centralised", "bound", "offline", "failed", "baseline", "stream"),
+    of=("estimator", "certificate", "consistency", "centralised", "bound", "offline", "failed"),
     form=remark,
     under=True,
 )

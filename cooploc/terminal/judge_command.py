@@ -15,11 +15,12 @@ def judge(
     trials: Annotated[int | None, typer.Option(help="of a scenario [default: 1]")] = None,
     seed: Annotated[int | None, typer.Option(help="of a scenario [default: 0]")] = None,
     data: Recordings = None,
+    offline: Annotated[bool, typer.Option("--offline", help="they saw later readings, as smoothers do")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="print the table as JSON alone")] = False,
 ) -> None:
     """Judge trajectories that were computed elsewhere, from TUM files, with the truth of a stream."""
     from cooploc.judged import judged
     from cooploc.terminal import results
 
-    rows, table = judged(stream, tum, estimators, trials=trials, seed=seed, data=data)
+    rows, table = judged(stream, tum, estimators, offline, trials=trials, seed=seed, data=data)
     results.table(table, rows, as_json)

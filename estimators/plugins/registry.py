@@ -48,6 +48,15 @@ class Registry:
         """
         return "" if name in self.builtin or is_file(name) else self._plugin(name).module
 
+    def place_of(self, name: str) -> str:
+        """`module:Name` of an installed plug-in.
+
+        Raises:
+            BadInput: as `module_of`.
+
+        """
+        return self._plugin(name).value
+
     def errors(self, reason: Callable[[str], str]) -> dict[str, str]:
         """The installed plug-ins that cannot be used, each with why; `reason(name)` is empty where one can be used."""
         found = {}

@@ -9,24 +9,27 @@ from cooploc.estimators.interface import API, Array
 class Traits(NamedTuple):
     """The optional members of an estimator, with their defaults filled in."""
 
-    team: bool  # it holds the whole team: it has `exchange`, and neither `send` nor `fuse`
-    centralised: bool  # `centralised`, or `bound`: every reading reaches one computer
+    team: bool  # it holds the whole team: it has `exchange`, and neither `send` nor `fuse`; or it is offline
+    centralised: bool  # `centralised`, `bound` or `offline`: every reading reaches one computer
     bound: bool  # `bound`: of the centralised ones, one that uses all readings as well as any estimator could
     mutable: bool  # `mutable`: its state changes in place
     axes: str  # `axes`: why its estimates do not turn with the world; empty where they do
     notes: Callable[[Any], Mapping[str, Array]]  # `notes(state)`: what it counted, by name; empty by default
+    offline: bool  # `offline`: it has `smooth`, and is given all readings of all ticks at once, as no robot could be
 
 
 def traits(estimator: Any) -> Traits:
     """The optional members of an estimator."""
     bound = bool(getattr(estimator, "bound", False))
+    offline = bool(getattr(estimator, "offline", False))
     return Traits(
-        team=hasattr(estimator, "exchange"),
-        centralised=bound or bool(getattr(estimator, "centralised", False)),
+        team=offline or hasattr(estimator, "exchange"),
+        centralised=bound or offline or bool(getattr(estimator, "centralised", False)),
         bound=bound,
         mutable=bool(getattr(estimator, "mutable", False)),
         axes=getattr(estimator, "axes", ""),
         notes=getattr(estimator, "notes", _no_notes),
+        offline=offline,
     )
 
 

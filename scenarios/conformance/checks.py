@@ -40,6 +40,9 @@ from cooploc.scenarios.stream import Stream
 
 ROW_METHODS = ("init", "predict", "correct", "send", "fuse", "estimate")
 TEAM_METHODS = ("init", "predict", "correct", "exchange", "estimate")
+OFFLINE_METHODS = ("smooth",)
+BEFORE = ("prior", "world", "rows")
+ARGUMENTS = {"init": BEFORE, "smooth": (*BEFORE, "senses", "mail")}  # of a method; of others state, senses, mail
 
 
 class Check(NamedTuple):
@@ -92,6 +95,8 @@ def link_honesty(harness: Harness) -> str:
 
 def causality(harness: Harness) -> str:
     """Nothing up to tick k depends on what comes after it: with all trials together, and with one alone."""
+    if harness.traits.offline:
+        raise CheckSkipped("it is offline: it sees later readings by definition")
     for stream, base in harness.cases:
         last = len(stream.time)
         for k in (last // 4, 2 * last // 3):
@@ -195,10 +200,11 @@ def _require_interface(harness: Harness) -> None:
         raise CheckFailed(f"it is the class {estimator.__name__}, not an instance", f"pass {estimator.__name__}()")
     if getattr(estimator, "api", None) != API:
         raise CheckFailed(f"it is written for interface {getattr(estimator, 'api', None)!r}", f"set api = {API}")
-    for method in TEAM_METHODS if harness.traits.team else ROW_METHODS:
+    offline, team = harness.traits.offline, harness.traits.team
+    for method in OFFLINE_METHODS if offline else TEAM_METHODS if team else ROW_METHODS:
         if not callable(getattr(estimator, method, None)):
             raise CheckFailed(f"it has no method {method}()", "add it; cooploc.estimators.interface describes it")
-    if harness.traits.team and not isinstance(getattr(estimator, "bound", None), bool):
+    if team and not offline and not isinstance(getattr(estimator, "bound", None), bool):
         raise CheckFailed("it does not say whether it is a bound", "set bound = True or bound = False")
     if not isinstance(uses, tuple) or not all(isinstance(wish, str) for wish in uses):
         remedy = 'set it to a tuple of channel names, such as ("odometry", "anchor_rssi")'
@@ -233,7 +239,7 @@ def _audited(scenario: str, mutable: bool, watch: Watcher) -> Watcher:
     """Compares everything that a method is given before and after the call."""
 
     def audit(method: str, tick: int, arguments: tuple[Any, ...], call: Any) -> Any:
-        names = ("prior", "world", "rows") if method == "init" else ("state", "senses", "mail")
+        names = ARGUMENTS.get(method, ("state", "senses", "mail"))
         audited = [i for i in range(len(arguments)) if not (mutable and names[i] == "state")]
         before = [snapshot(arguments[i], names[i]) for i in audited]
         result = watch(method, tick, arguments, call)

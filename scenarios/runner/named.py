@@ -9,6 +9,7 @@ from cooploc.scenarios.stream import Stream, Truth
 
 ROBOT = ("init", "predict", "correct", "send", "fuse", "estimate")
 TEAM = ("init", "predict", "correct", "exchange", "estimate")
+OFFLINE = ("smooth",)
 LIFT = "a filter written for one robot is lifted by cl.PerRobot"
 ORDER = "write cl.run(estimators, stream)"
 
@@ -81,7 +82,8 @@ def instance(estimator: Any) -> Any:
 def _listed(estimators: Any) -> Iterable[Any]:
     if isinstance(estimators, str):
         return split(estimators)
-    several = isinstance(estimators, Iterable) and not isinstance(estimators, type) and not hasattr(estimators, "init")
+    several = isinstance(estimators, Iterable) and not isinstance(estimators, type)
+    several = several and not any(hasattr(estimators, method) for method in ("init", "smooth"))
     return estimators if several else [estimators]
 
 
@@ -95,7 +97,8 @@ def estimator(given: Any, where: str, isolate: bool = False) -> Any:
     if isolate and isinstance(given, str | type) and not is_builtin(given):
         return given
     made = instance(given)
-    missing = [method for method in (TEAM if hasattr(made, "exchange") else ROBOT) if not hasattr(made, method)]
+    whole = OFFLINE if getattr(made, "offline", False) else TEAM if hasattr(made, "exchange") else ROBOT
+    missing = [method for method in whole if not hasattr(made, method)]
     if missing == list(ROBOT):
         raise BadInput(
             f"{where} is of type {type(made).__name__}, not an estimator: give a name, a class or an instance"

@@ -4,7 +4,7 @@ from typing import Any, ClassVar, Protocol, cast
 
 import numpy as np
 
-from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, Traffic
+from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, Traffic, World
 from cooploc.estimators.plugins.guard import Forbidden, shut
 from cooploc.estimators.plugins.traits import traits
 from cooploc.scenarios import seeds
@@ -25,9 +25,11 @@ class Watcher(Protocol):
 
 def drive(
     name: str, estimator: Any, stream: Stream, watch: Watcher | None = None, rows: Rows | None = None
-) -> "Robots | Team":
+) -> "Robots | Team | Offline":
     """What runs an estimator tick by tick on what it may see of a stream: first `start`, then `tick` by number."""
-    return (Team if traits(estimator).team else Robots)(name, estimator, stream, watch, rows)
+    about = traits(estimator)
+    kind = Offline if about.offline else Team if about.team else Robots
+    return kind(name, estimator, stream, watch, rows)
 
 
 class _Drive:
@@ -67,6 +69,20 @@ class _Drive:
         rssi, distance = (self._pairs(a[:, k]) for a in (air.rssi, air.range))
         return air.link[:, k], rssi, distance
 
+    def beginning(self) -> tuple[Belief, World, Rows]:
+        """What a team knows before tick 0."""
+        t, n = self.shape
+        rows = Rows(*(_frozen(a.reshape(t, n, *a.shape[1:])) for a in self.rows))
+        return Belief(*(_frozen(a) for a in self.stream.prior)), self.stream.world, rows
+
+    def all_readings(self) -> Traffic:
+        """What a centralised estimator's robots must send to its computer: the finite readings it uses."""
+        senses, air = self.stream.senses, self.stream.air
+        heard = (np.isfinite(a) & air.link for a in (air.rssi, air.range) if a.shape[-1])
+        sensed = (np.isfinite(a) for a in (*(getattr(senses, c) for c in SENSED), *senses.extra.values()))
+        finite = sum(a.reshape(*senses.dt.shape, -1).sum(-1) for a in (*sensed, *heard))
+        return Traffic((finite > 0).astype(float), np.where(finite > 0, finite * 8.0 + HEADER, 0.0))
+
     def _at(self, a: Array, k: int, flat: bool) -> Array:
         tick = a[:, k]
         return cast(Array, _frozen(tick.reshape(len(tick) * self.stream.robots, *tick.shape[2:]) if flat else tick))
@@ -76,14 +92,14 @@ class _Drive:
         return a if a.shape[-1] else self.hidden
 
     def belief(self, k: int) -> Belief:
-        belief = self.call("estimate", k, self.state)
-        d = self.stream.prior.x.shape[-1]
         lead = self.shape if self.team else (self.shape[0] * self.shape[1],)
+        return self.demand_shape(self.call("estimate", k, self.state), lead, f"estimate() at tick {k}")
+
+    def demand_shape(self, belief: Belief, lead: tuple[int, ...], where: str) -> Belief:
+        d = self.stream.prior.x.shape[-1]
         for what, array, shape in (("x", belief.x, (*lead, d)), ("P", belief.P, (*lead, d, d))):
             if np.shape(array) != shape:
-                raise EstimatorError(
-                    f"{self.name}: estimate() returned {what} of shape {np.shape(array)} at tick {k}, not {shape}"
-                )
+                raise EstimatorError(f"{self.name}: {where} returned {what} of shape {np.shape(array)}, not {shape}")
         return Belief(*belief)
 
 
@@ -126,11 +142,9 @@ class Team(_Drive):
     team = True
 
     def start(self) -> None:
-        t, n = self.shape
-        rows = Rows(*(_frozen(a.reshape(t, n, *a.shape[1:])) for a in self.rows))
         if self.centralised:
-            self.uplink = self._uplink()
-        self.state = self.call("init", -1, Belief(*(_frozen(a) for a in self.stream.prior)), self.stream.world, rows)
+            self.uplink = self.all_readings()
+        self.state = self.call("init", -1, *self.beginning())
 
     def tick(self, k: int) -> tuple[Belief, Traffic]:
         z = self.senses(k, flat=False)
@@ -145,13 +159,26 @@ class Team(_Drive):
             traffic = Traffic(self.uplink.messages[:, k], self.uplink.bytes[:, k])
         return self.belief(k), traffic
 
-    def _uplink(self) -> Traffic:
-        """What a centralised estimator's robots must send to its computer: the finite readings it uses."""
-        senses, air = self.stream.senses, self.stream.air
-        heard = (np.isfinite(a) & air.link for a in (air.rssi, air.range) if a.shape[-1])
-        sensed = (np.isfinite(a) for a in (*(getattr(senses, c) for c in SENSED), *senses.extra.values()))
-        finite = sum(a.reshape(*senses.dt.shape, -1).sum(-1) for a in (*sensed, *heard))
-        return Traffic((finite > 0).astype(float), np.where(finite > 0, finite * 8.0 + HEADER, 0.0))
+
+class Offline(_Drive):
+    """Everything at once, before tick 0; every tick then shows what was found of it."""
+
+    team = True
+
+    def start(self) -> None:
+        (t, n), z, air = self.shape, self.stream.senses, self.stream.air
+        T = z.dt.shape[1]
+        arrays = {c: _frozen(getattr(z, c)) for c in (*SENSED, "dt")}
+        senses = Senses(**arrays, extra={c: _frozen(a) for c, a in z.extra.items()})
+        absent = np.full((t, T, n, n), np.nan)
+        heard = (np.where(air.link, a, np.nan) if a.shape[-1] else absent for a in (air.rssi, air.range))
+        mail = Mail(*(_frozen(a) for a in (air.link, np.empty((t, T, n, n, 0)), *heard)))
+        self.uplink = self.all_readings()
+        found = self.call("smooth", -1, *self.beginning(), senses, mail)
+        self.state = self.demand_shape(found, (t, T, n), "smooth()")
+
+    def tick(self, k: int) -> tuple[Belief, Traffic]:
+        return Belief(*(a[:, k] for a in self.state)), Traffic(*(a[:, k] for a in self.uplink))
 
 
 def _frozen(a: Any) -> Any:

@@ -32,6 +32,7 @@ class Trace:
     notes: Mapping[str, Array] = field(default_factory=dict)  # (t, n) what the estimator counted, by name
     centralised: bool = False  # all readings reach one computer, which knows more than any robot could
     senses: str = ""  # what it reads beside odometry, in words
+    offline: bool = False  # it saw the readings of later ticks, too
 
     @classmethod
     def of(cls, x: Array, P: Array | None = None) -> "Trace":
@@ -85,7 +86,8 @@ def trace(
         demand_covariances(name, stream, P)
     about = traits(estimator)
     notes = {what: np.asarray(values, float).reshape(t, n) for what, values in about.notes(running.state).items()}
-    return Trace(x, P, messages, sent, seconds, about.bound, notes, about.centralised, senses(estimator, stream))
+    told = senses(estimator, stream)
+    return Trace(x, P, messages, sent, seconds, about.bound, notes, about.centralised, told, about.offline)
 
 
 def demand_fit(name: str, estimator: Any, stream: Stream) -> None:

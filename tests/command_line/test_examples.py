@@ -1,11 +1,13 @@
 """The worked examples pass every check, and the plain filterpy loop is the oracle of the other two."""
 
+import runpy
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from cooploc.estimators import make
+from cooploc.estimators.models.sensors import LogDistance
 from cooploc.scenarios import simulate
 from cooploc.scenarios.conformance.check import CHECKS, check_estimator
 from cooploc.scenarios.conformance.perturb import drop_readings
@@ -37,6 +39,33 @@ def test_the_others_compute_what_the_loop_computes(name, label):
         np.testing.assert_allclose(other.x, loop.x, atol=1e-9)
         np.testing.assert_allclose(other.P, loop.P, atol=1e-9)
         np.testing.assert_array_equal(other.bytes, loop.bytes)
+
+
+@pytest.mark.slow
+def test_the_learned_range_passes_every_check_that_is_not_of_messages():
+    report = check_estimator(f"{FOLDER}/learned_range.py:LearnedRange", "learned")
+    assert report.passed, report.table()
+
+
+def test_what_was_learned_is_learned_again_to_the_last_digits():
+    learned = runpy.run_path(str(FOLDER / "learned_range.py"))
+    with np.load(FOLDER / "learned_range.npz") as kept:
+        for name, again in learned["learn"]().items():
+            np.testing.assert_allclose(again, kept[name], rtol=1e-6)
+
+
+def test_the_learned_signal_of_the_path_loss_law_is_the_law_and_its_slopes_are_those_of_differences(rng):
+    learned = runpy.run_path(str(FOLDER / "learned_range.py"))
+    law = LogDistance()
+    u = rng.uniform(-0.5, 1, 4000)
+    mean = learned["ridge"](u, law.A - 10 * law.eta * u)
+    sensor = learned["LearnedSignal"](tuple(mean), (0.0, 0.3, 1.2))
+    x, q, z = rng.uniform(1, 5, (6, 2)), np.zeros(2), rng.normal(-50, 3, (6, 1))
+    y, H, _ = sensor.innovation(x, q, z)
+    spread = sensor.spread(np.hypot(*x.T))[:, None]
+    exact, slopes, _ = law.innovation(x, q, z)
+    np.testing.assert_allclose(y * spread, exact, atol=0.2)
+    np.testing.assert_allclose(H * spread[..., None], slopes, rtol=0.05, atol=0.05)
 
 
 def test_what_teammates_say_is_used():

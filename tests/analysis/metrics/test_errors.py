@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import cooploc as cl
-from cooploc.analysis.metrics.errors import COLUMNS, SCORES, SENSES, errors
+from cooploc.analysis.metrics.errors import COLUMNS, OFFLINE, SCORES, SENSES, errors
 from cooploc.scenarios.runner.run import Run
 from cooploc.scenarios.runner.trace import Trace
 from cooploc.scenarios.stream import Truth
@@ -52,12 +52,8 @@ def test_a_constant_error_by_hand():
 
 def test_every_column_is_documented_and_nothing_else():
     block = errors.__doc__.split("Columns:\n")[1].split("\n\n")[0]
-    assert re.findall(r"^ {8}(\w+)(?: \[.*\])?: [\w\"]", block, re.MULTILINE) == [
-        *COLUMNS,
-        *SCORES,
-        SENSES,
-        "certificate",
-    ]
+    told = re.findall(r"^ {8}(\w+)(?: \[.*\])?: [\w\"]", block, re.MULTILINE)
+    assert told == [*COLUMNS, *SCORES, SENSES, "certificate", OFFLINE]
     truth, run = constant_error([1.0, 0])
     counted = replace(run.traces["mine"], notes={"largest step": np.ones((1, 1))})
     assert list(errors(truth, replace(run, traces={"mine": counted}))) == [

@@ -113,6 +113,12 @@ def test_a_trace_that_does_not_fit_is_one_line(ours, change, said):
         cl.judge(truth, stream, {"mine": cl.Trace.of(change(run.traces["ekf-local"].x))})
 
 
+def test_what_saw_later_readings_is_marked(ours, written):
+    rows = cl.judge(ours[0], ours[1], written, offline=True)
+    table = cl.compare(rows, "dead-reckoning", full=True)
+    assert table["offline"].all()
+
+
 def test_a_negative_covariance_is_refused(ours):
     truth, stream, run = ours
     trace = run.traces["ekf-local"]

@@ -18,6 +18,16 @@ def test_where_all_is_linear_it_is_the_mean_of_the_whole_path_given_all_readings
         np.testing.assert_allclose(found[trial], dense_path(stream, trial, 6, relative)[0], atol=1e-9)
 
 
+@pytest.mark.parametrize("relative", [True, False])
+def test_its_covariances_are_those_of_the_whole_path_given_all_readings(relative):
+    _, stream = linear_team(seed=32, trials=2, robots=3, ticks=7, relative=relative)
+    found = cl.run({"hindsight": cl.Smoother()}, stream, isolate=False).traces["hindsight"].P
+    for trial in range(2):
+        dense = dense_path(stream, trial, 6, relative)[1].reshape(8, 3, 2, 8, 3, 2)
+        for k, i in np.ndindex(7, 3):
+            np.testing.assert_allclose(found[trial, k, i], dense[k + 1, i, :, k + 1, i], atol=1e-9)
+
+
 def test_elsewhere_no_path_beside_it_is_more_probable(rng):
     """By the density written down again: odometry, anchors, ranges, and each pair's RSSI once."""
     _, stream = cl.simulate("packet-drop/drop=0.5", trials=3, seed=4, robots=3, ticks=10, prior_sigma=0.3)
@@ -44,7 +54,7 @@ def test_what_is_read_later_changes_it():
     assert np.abs(cl.smoother(stream)[:, :5] - cl.smoother(other)[:, :5]).max(axis=(1, 2, 3)).min() > 1e-3
 
 
-def test_it_is_no_estimator():
+def test_it_is_no_filter_that_a_study_ranks():
     assert not [name for name in BUILTIN if "smooth" in name]
     with pytest.raises(cl.BadInput, match="there is no estimator 'smoother'"):
         cl.make("smoother")

@@ -1,0 +1,140 @@
+"""What sees the whole stream at once is a kind of its own: run, checked and shown, never ranked and never best."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import cooploc as cl
+from cooploc.analysis.claims.trial_table import collect
+from cooploc.analysis.execution.execute import execute
+from cooploc.analysis.metrics.ranking import disqualified
+from cooploc.analysis.plot.marks import drawable, name_of
+from cooploc.analysis.report import experiments, summaries
+from cooploc.analysis.report.result_tables import RESULTS
+from cooploc.estimators.interface import Belief
+from cooploc.scenarios.studies.study import Study
+
+LABEL = "robots-1-3/n=2[ticks=12]"
+PLUGIN = """
+import numpy as np
+from cooploc import Belief
+from cooploc.estimators.models.angles import wrap_heading
+
+class Adds:
+    api, offline, uses = 1, True, ("odometry",)
+
+    def smooth(self, prior, world, rows, z, air):
+        (x, P), found = prior, []
+        for k in range(z.dt.shape[1]):
+            x, F, Q = world.motion.move(x, z.odometry[:, k], z.dt[:, k])
+            P = F @ P @ F.mT + Q
+            found.append(Belief(wrap_heading(x), (P + P.mT) / 2))
+        return Belief(*(np.stack(part, 1) for part in zip(*found)))
+"""
+
+
+class Exact:
+    """Adds up odometry, all ticks at once."""
+
+    api, offline, uses = 1, True, ("odometry",)
+
+    def smooth(self, prior, world, rows, z, air):
+        self.shapes = z.odometry.shape, z.anchor_rssi.shape, air.heard.shape, air.range.shape, rows.key.shape
+        x = prior.x[:, None] + np.cumsum(z.odometry, 1)
+        return Belief(x, np.broadcast_to(prior.P[:, None], (*x.shape, 2)))
+
+
+@pytest.fixture(scope="module")
+def stream_and_truth():
+    return cl.simulate(LABEL, trials=6, seed=2)
+
+
+@pytest.fixture(scope="module")
+def errors(stream_and_truth):
+    truth, stream = stream_and_truth
+    run = cl.run({"filter": "ekf-local", "hindsight": cl.Smoother()}, stream, isolate=False)
+    return cl.errors(truth, run)
+
+
+def test_it_is_given_all_ticks_of_what_it_declares_and_its_beliefs_are_kept(stream_and_truth):
+    _, stream = stream_and_truth
+    one = Exact()
+    traced = cl.run({"one": one, "dr": "dead-reckoning"}, stream, isolate=False).traces
+    assert one.shapes == ((6, 12, 2, 2), (6, 12, 2, 0), (6, 12, 2, 2), (6, 12, 2, 2), (6, 2, 2))
+    np.testing.assert_allclose(traced["one"].x, traced["dr"].x, atol=1e-12)
+    assert traced["one"].offline
+
+
+def test_it_is_not_ranked_never_best_and_said_to_be_offline(errors):
+    table = cl.compare(errors, "filter", full=True)
+    row = table.set_index("estimator").loc["hindsight"]
+    assert disqualified(row)[0] == "offline"
+    ranks, letters = experiments.ranked(table, collect(errors))
+    assert set(ranks) == {"filter"}
+    assert "hindsight" not in letters
+    (found,) = summaries.standings(table, collect(errors))
+    assert "hindsight" not in (found.best, *found.equal, *found.tied)
+    (remark,) = (column for column in RESULTS if column.head == "remark")
+    assert "offline, not ranked" in remark.text({**row, "estimator": "hindsight"})
+
+
+def test_figures_name_it(errors):
+    names = [name_of(row) for row in drawable(errors).to_dict("records")]
+    assert names == ["filter", "hindsight (offline)"]
+
+
+def test_rows_of_filters_alone_have_no_such_column(stream_and_truth):
+    truth, stream = stream_and_truth
+    rows = cl.errors(truth, cl.run("ekf-local", stream))
+    assert "offline" not in rows
+    assert not cl.compare(rows, "ekf-local", full=True)["offline"].any()
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (lambda b: Belief(b.x[:, :-1], b.P), r"smooth\(\) returned x of shape \(6, 11, 2, 2\), not \(6, 12, 2, 2\)"),
+        (lambda b: None, r"smooth\(\) returned None"),
+        (lambda b: Belief(b.x * np.nan, b.P), "estimate is not finite"),
+    ],
+)
+def test_what_breaks_the_interface_is_one_line(stream_and_truth, wrong, said):
+    class Wrong(Exact):
+        def smooth(self, *given):
+            return wrong(super().smooth(*given))
+
+    with pytest.raises(cl.EstimatorError, match=said):
+        cl.run({"one": Wrong()}, stream_and_truth[1], isolate=False)
+
+
+def test_without_smooth_it_is_not_an_estimator(stream_and_truth):
+    class Empty:
+        api, offline, uses = 1, True, ("odometry",)
+
+    with pytest.raises(cl.BadInput, match="smooth"):
+        cl.run({"one": Empty()}, stream_and_truth[1], isolate=False)
+
+
+@pytest.mark.slow
+def test_it_passes_every_check_but_causality():
+    report = cl.check_estimator(cl.Smoother())
+    assert report.passed, report.table()
+    skipped = {result.check for result in report.results if result.status == "skipped"}
+    assert skipped == {"causality", "mail-replay", "non-interference"}
+
+
+@pytest.mark.slow
+def test_a_study_runs_it_in_a_process_of_its_own_and_keeps_what_it_is(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.py").write_text(PLUGIN)
+    label = "mine.py:Adds"
+    study = Study(name="s", trials=6, scenarios=(LABEL,), estimators=("dead-reckoning", label))
+    rows = execute(study, tmp_path / "run")
+    again = cl.load_run(tmp_path / "run")
+    for table in (cl.compare(rows, "dead-reckoning", full=True), again.table):
+        assert table.set_index("estimator")["offline"].to_dict() == {"dead-reckoning": False, label: True}
+    lines = rows.groupby("estimator")["certificate"].first()
+    assert lines[label].startswith("passed"), lines[label]
+    pd.testing.assert_series_equal(rows["offline"].eq(True), rows["estimator"].eq(label), check_names=False)
+    page = cl.report(again).read_text()
+    assert "offline, not ranked" in page

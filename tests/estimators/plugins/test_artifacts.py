@@ -1,0 +1,109 @@
+"""What an estimator learned is part of what it is: hashed with its source, and tables say what it was trained on."""
+
+import numpy as np
+import pytest
+
+import cooploc as cl
+from cooploc.analysis.execution.execute import execute
+from cooploc.analysis.execution.provenance import files, training_of
+from cooploc.analysis.execution.run_directory import RunDir
+from cooploc.analysis.execution.stored_run import read
+from cooploc.analysis.metrics.certificate_line import mark
+from cooploc.analysis.tuning.training import derived_seed
+from cooploc.estimators import configure
+from cooploc.scenarios.studies.study import Study
+
+PLUGIN = """
+from pathlib import Path
+from typing import ClassVar
+import numpy as np
+from cooploc.estimators.dead_reckoning import DeadReckoning
+
+class Learned(DeadReckoning):
+    artifacts: ClassVar[tuple[str, ...]] = ("weights.npz",)
+    trained_on = "nlos, 5 trials; no more"
+
+    def init(self, prior, world, rows):
+        self_shift = float(np.load(Path(__file__).with_name("weights.npz"))["shift"])
+        s = super().init(prior, world, rows)
+        return s._replace(x=s.x + self_shift)
+
+class Plain(DeadReckoning):
+    pass
+"""
+
+
+@pytest.fixture
+def plugin(tmp_path):
+    (tmp_path / "mine.py").write_text(PLUGIN)
+    np.savez(tmp_path / "weights.npz", shift=0.25)
+    return tmp_path / "mine.py"
+
+
+def hashed(plugin):
+    return files([configure(f"{plugin}:Learned")])
+
+
+def test_other_weights_are_another_estimator(plugin):
+    before = hashed(plugin)
+    assert hashed(plugin) == before
+    np.savez(plugin.with_name("weights.npz"), shift=0.5)
+    assert hashed(plugin) != before
+
+
+def test_an_artifact_that_is_not_there_is_one_line(plugin):
+    plugin.with_name("weights.npz").unlink()
+    with pytest.raises(cl.BadInput, match=r"Learned of .* names 'weights\.npz' in artifacts, and there is no"):
+        hashed(plugin)
+
+
+def test_what_it_was_trained_on_is_read_without_importing_it(tmp_path):
+    file = tmp_path / "mine.py"
+    file.write_text("raise RuntimeError\nclass A:\n    trained_on = 'x'\nclass B:\n    trained_on = 'y'\n")
+    assert [training_of(f"{file}:{name}") for name in ("A", "B", "C")] == ["x", "y", ""]
+
+
+def test_a_run_says_it_and_is_not_continued_with_other_weights(plugin, tmp_path):
+    label = f"{plugin}:Learned"
+    study = Study(name="s", trials=2, scenarios=("robots-1-3/n=1[ticks=3]",), estimators=(label, f"{plugin}:Plain"))
+    execute(study, tmp_path / "run", check=False)
+    lines = read(tmp_path / "run").rows.groupby("estimator")["certificate"].first()
+    assert mark(lines[label]) == "unchecked; trained on nlos, 5 trials, no more"
+    assert mark(lines[f"{plugin}:Plain"]) == "unchecked"
+    assert RunDir(tmp_path / "run").manifest["certificates"][label]["trained_on"]
+    np.savez(plugin.with_name("weights.npz"), shift=0.5)
+    with pytest.raises(cl.BadInput, match=r"mine\.py"):
+        execute(study, tmp_path / "run", check=False)
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("passed: 16 checks; trained on: nlos", "✓ 16 checks; trained on nlos"),
+        ("passed: 15 of 16 checks; axes: why; trained on: nlos", "✓ 15 of 16 checks; axes; trained on nlos"),
+        ("failed: causality: it peeks; trained on: nlos", "✗ causality; trained on nlos"),
+    ],
+)
+def test_a_certificate_in_a_few_words_says_it(line, said):
+    assert mark(line) == said
+
+
+def test_training_streams_are_of_the_seed_that_tuning_uses_and_never_of_the_study():
+    _, stream = cl.training("robots-1-3/n=1[ticks=3]", 2, seed=5)
+    assert stream.seed == derived_seed(5, "training")
+    judged = cl.simulate("robots-1-3/n=1[ticks=3]", trials=2, seed=5)[1]
+    assert not set(stream.hashes) & set(judged.hashes)
+
+
+def test_training_on_a_recording_and_while_an_estimator_runs_is_refused():
+    with pytest.raises(cl.BadInput, match="is a recording"):
+        cl.training("mrclam/all")
+
+    class Trains(type(cl.make("dead-reckoning"))):
+        def init(self, prior, world, rows):
+            cl.training("nlos[ticks=3]", 1)
+            return super().init(prior, world, rows)
+
+    _, stream = cl.simulate("nlos[ticks=3]")
+    with pytest.raises(cl.EstimatorError, match=r"init\(\) simulated"):
+        cl.run({"mine": Trains()}, stream, isolate=False)
