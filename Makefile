@@ -5,7 +5,7 @@ VENV ?= .venv$(patsubst -3.11,,$(patsubst python%,-%,$(notdir $(PYTHON))))
 BIN := $(VENV)/bin
 PARALLEL := -n 2 --dist loadgroup
 
-.PHONY: demo test quick-test docs lint types floors units hooks looks bench prove accuse findings reliability alike oddities truth lock clean
+.PHONY: demo test quick-test docs lint types floors units hooks looks bench speed prove accuse findings reliability alike oddities truth lock clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.ready  ## run the quick study, print its table, write its picture
@@ -40,6 +40,10 @@ bench: $(VENV)/.ready  ## speed, as ratios to a reference in the same run
 	$(BIN)/python benchmarks/table.py
 	$(BIN)/python benchmarks/ekf_engines.py
 	$(BIN)/python benchmarks/intersection.py
+	$(BIN)/python benchmarks/recording.py
+
+speed: $(VENV)/.ready  ## what speed was aimed at and what is reached; keeps its report
+	$(BIN)/python benchmarks/speed.py reports/speed.md
 
 prove: $(VENV)/.ready  ## how often intervals and verdicts are right, by simulation; keeps its report
 	$(BIN)/python benchmarks/statistics/rates.py reports/statistics.md

@@ -1,14 +1,16 @@
-"""How much faster covariance-intersection weights are stacked, or exact, than by a fresh cvxpy problem per fusion.
+"""How long the weights of covariance intersection take: by cvxpy in five ways, and exactly.
 
 Run: python benchmarks/intersection.py [rounds]. All contenders solve the same 100 fusions in one process, turn by turn;
-medians over the rounds are printed, ratios with their spread, and how far the answers differ. `fresh` is what one
-writes first: log_det or tr_inv, and inv_pos for a relative measurement. `cone` is the second-order cone program of one
-fusion, the fastest that a fresh problem can be. `stacked` and `exact` are `weights(..., solver=...)`.
+medians over the rounds of processor time are printed, ratios with their spread, and how far the answers differ. `fresh`
+is what one writes first: log_det or tr_inv, and inv_pos for a relative measurement. `cone` is the second-order cone
+program of one fusion, the fastest that a fresh problem can be. `asked` is one such problem with cvxpy's parameters,
+solved by `Problem.solve`. `alone`, `stacked` and `exact` are `weights(...)`: a program for each fusion, as CTRN takes
+them, one program for all, and no solver.
 """
 
 import sys
 from collections.abc import Callable
-from time import perf_counter
+from time import process_time
 from typing import Any
 
 import cvxpy as cp
@@ -20,6 +22,7 @@ from cooploc.estimators.interface import Belief
 from cooploc.estimators.models.sensors import Range
 
 FUSIONS = 100
+ALONE = np.arange(FUSIONS)  # each fusion a group of its own
 FRESH = 10  # of them are solved by the slow contenders in a round
 REPEAT = 20  # times the fast one solves them
 CASES = [(m, 2, criterion) for m in (2, 5, 10) for criterion in ("det", "trace")] + [(2, 3, "trace"), (5, 3, "det")]
@@ -34,18 +37,41 @@ def fresh(P: Any, criterion: str) -> Any:
     return w.value
 
 
-def cone(P: Any, criterion: str) -> Any:
+def entries(P: Any) -> Any:
+    """Three rows (3, m): what the information of each source has at 11, 12 and 22, in the unit of their mean trace."""
     A = np.linalg.inv(P)
-    A /= np.trace(A.mean(0))
-    w, t = cp.Variable(len(P), nonneg=True), cp.Variable()
-    a, b, c = A[:, 0, 0] @ w, A[:, 0, 1] @ w, A[:, 1, 1] @ w
+    return A[:, (0, 0, 1), (0, 1, 1)].T / np.trace(A.mean(0))
+
+
+def cone_problem(A: Any, criterion: str) -> Any:
+    """The problem, and its weights, of numbers or parameters A (3, m)."""
+    w, t = cp.Variable(A.shape[1], nonneg=True), cp.Variable()
+    a, b, c = A[0] @ w, A[1] @ w, A[2] @ w
     if criterion == "det":
         aim, inside = t, cp.SOC(a + c, cp.hstack([2 * b, 2 * t, a - c]))
     else:
         u, v = (a + c) / 2, (a - c) / 2
         aim, inside = u - t, cp.SOC(u + t, cp.hstack([2 * v, 2 * b, u - t]))
-    cp.Problem(cp.Maximize(aim), [inside, cp.sum(w) == 1]).solve(solver="CLARABEL")
+    return cp.Problem(cp.Maximize(aim), [inside, cp.sum(w) == 1]), w
+
+
+def cone(P: Any, criterion: str) -> Any:
+    problem, w = cone_problem(entries(P), criterion)
+    problem.solve(solver="CLARABEL")
     return w.value
+
+
+def asker(m: int, criterion: str) -> Callable[[Any], Any]:
+    """What `cone` answers, of one problem whose numbers change."""
+    A = cp.Parameter((3, m))
+    problem, w = cone_problem(A, criterion)
+
+    def ask(P: Any) -> Any:
+        A.value = entries(P)
+        problem.solve(solver="CLARABEL", warm_start=False)
+        return w.value
+
+    return ask
 
 
 def fresh_relative(P_i: Any, P_j: Any, H_i: Any, H_j: Any, R: Any, criterion: str) -> Any:
@@ -60,10 +86,10 @@ def fresh_relative(P_i: Any, P_j: Any, H_i: Any, H_j: Any, R: Any, criterion: st
 
 def seconds(function: Callable[[], object], fusions: int, repeat: int = 1) -> float:
     """Per fusion."""
-    start = perf_counter()
+    start = process_time()
     for _ in range(repeat):
         function()
-    return (perf_counter() - start) / repeat / fusions
+    return (process_time() - start) / repeat / fusions
 
 
 def race(contenders: dict[str, tuple[Callable[[], object], int, int]], rounds: int) -> dict[str, Any]:
@@ -81,26 +107,29 @@ def show(case: str, times: dict[str, Any], differences: tuple[float, ...]) -> No
     def us(name: str) -> str:
         return f"{1e6 * np.median(times[name]):>8.4g}" if name in times else f"{'':>8}"
 
-    columns = [f"{case:<21}", us("fresh"), us("cone")]
-    for name in ("stacked", "exact"):
+    columns = [f"{case:<21}", us("fresh"), us("cone"), us("asked")]
+    for name in ("alone", "stacked", "exact"):
         ratio = times["fresh"] / times[name]
         spread = f"{np.median(ratio):.0f} ({ratio.min():.0f}-{ratio.max():.0f})"
-        over_cone = f"{np.median(times['cone'] / times[name]):.0f}" if "cone" in times else ""
-        columns += [us(name), f"{spread:>21}", f"{over_cone:>7}"]
+        over_asked = f"{np.median(times['asked'] / times[name]):.0f}" if "asked" in times else ""
+        columns += [us(name), f"{spread:>21}", f"{over_asked:>8}"]
     print("".join(columns), *(f"{x:>7.0e}" for x in differences), flush=True)
 
 
 def absolute(m: int, d: int, criterion: Any, rounds: int) -> None:
     a = np.random.default_rng(1).normal(size=(FUSIONS, m, d, d))
     P = a @ a.mT + 0.1 * np.eye(d)
+    ask = asker(m, criterion)
     contenders: dict[str, Any] = {
         "fresh": (lambda: [fresh(p, criterion) for p in P[:FRESH]], FRESH, 1),
         "cone": (lambda: [cone(p, criterion) for p in P[:FRESH]], FRESH, 1),
+        "asked": (lambda: [ask(p) for p in P[:FRESH]], FRESH, 1),
+        "alone": (lambda: weights(P, criterion, "cvxpy", ALONE), FUSIONS, 3),
         "stacked": (lambda: weights(P, criterion, "cvxpy"), FUSIONS, 3),
         "exact": (lambda: weights(P, criterion, "exact"), FUSIONS, REPEAT),
     }
     if d != 2:
-        del contenders["cone"]
+        del contenders["cone"], contenders["asked"]
     times = race(contenders, rounds)
     w = {solver: weights(P, criterion, solver) for solver in ("cvxpy", "exact")}
     Q = {solver: intersect(np.zeros(P.shape[:3]), P, w[solver])[1] for solver in w}
@@ -121,12 +150,13 @@ def relative(criterion: Any, rounds: int) -> None:
     def slow() -> list[Any]:
         return [fresh_relative(P_i[f], P_j[f], H[f], -H[f], R, criterion) for f in range(FRESH)]
 
-    def fast(solver: Any) -> Any:
-        return relative_weights(P_i, P_j, H, -H, R, criterion, solver)
+    def fast(solver: Any, groups: Any = None) -> Any:
+        return relative_weights(P_i, P_j, H, -H, R, criterion, solver, groups=groups)
 
     times = race(
         {
             "fresh": (slow, FRESH, 1),
+            "alone": (lambda: fast("cvxpy", ALONE), FUSIONS, 3),
             "stacked": (lambda: fast("cvxpy"), FUSIONS, 3),
             "exact": (lambda: fast("exact"), FUSIONS, REPEAT),
         },
@@ -155,8 +185,8 @@ def chained(senders: int, rounds: int) -> None:
 def main(rounds: int = 7) -> None:
     print(f"microseconds per fusion of {FUSIONS}; ratios: median of {rounds} rounds (least-most); differences of the")
     print("criterion and of weights between stacked and exact, and of weights between fresh and exact")
-    head = f"{'stacked':>8}{'x fresh':>21}{'x cone':>7}{'exact':>8}{'x fresh':>21}{'x cone':>7}"
-    print(f"{'':<21}{'fresh':>8}{'cone':>8}{head}  crit     dw      dw(fresh)")
+    head = "".join(f"{name:>8}{'x fresh':>21}{'x asked':>8}" for name in ("alone", "stacked", "exact"))
+    print(f"{'':<21}{'fresh':>8}{'cone':>8}{'asked':>8}{head}  crit     dw      dw(fresh)")
     for m, d, criterion in CASES:
         absolute(m, d, criterion, rounds)
     for criterion in ("trace", "det"):

@@ -21,6 +21,7 @@ import numpy as np
 
 from cooploc.estimators import ekf_ci
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, World
+from cooploc.estimators.kalman.linearised import move
 from cooploc.estimators.kalman.settings import TeamSettings
 from cooploc.estimators.kalman.update import symmetric
 from cooploc.estimators.models.angles import wrap_heading
@@ -65,7 +66,7 @@ class EkfEventCi(TeamSettings):
 
     def predict(self, s: State, z: Senses) -> State:
         """The filter's; and x_s' = f(x_s, u),  P_s' = F P_s F'."""
-        x, F, _ = s.own.world.motion.move(s.sent.x, z.odometry, z.dt)
+        x, F, _ = move(s.own.world.motion, s.sent.x, z)
         return State(self.ci.predict(s.own, z), Belief(x, symmetric(F @ s.sent.P @ F.mT)))
 
     def correct(self, s: State, z: Senses) -> State:

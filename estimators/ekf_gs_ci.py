@@ -26,6 +26,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Rows, Senses, World
+from cooploc.estimators.kalman.linearised import innovation, move
 from cooploc.estimators.kalman.messages import Message
 from cooploc.estimators.kalman.settings import TeamSettings
 from cooploc.estimators.kalman.update import ENGINES, conditioned, symmetric
@@ -75,7 +76,7 @@ class EkfGsCi(TeamSettings):
 
     def predict(self, s: State, z: Senses) -> State:
         """x_i' = f(x_i, u),  P' = F P F' + Q,  where all other positions have F = I and Q = drift^2 dt I."""
-        pose, F_i, Q_i = s.world.motion.move(s.x[_pose_of(s)], z.odometry, z.dt)
+        pose, F_i, Q_i = move(s.world.motion, s.x[_pose_of(s)], z)
         drifts = np.diag((np.arange(s.x.shape[1]) < 2 * s.world.robots) * self.drift**2)
         x, F, Q = s.x.copy(), np.zeros_like(s.P) + np.eye(s.x.shape[1]), z.dt[:, None, None] * drifts
         x[_pose_of(s)], F[_block_of(s)], Q[_block_of(s)] = pose, F_i, Q_i
@@ -84,7 +85,7 @@ class EkfGsCi(TeamSettings):
 
     def correct(self, s: State, z: Senses) -> State:
         for sensor, place, reading in fixed(s.world, z, self.anchor_reading):
-            y, H, _ = sensor.innovation(s.x[_pose_of(s)], place, reading)
+            y, H, _ = innovation(sensor, s.x[_pose_of(s)], place, reading)
             s = self._update(s, y, _spread(s, H), sensor.R)
         return s
 
@@ -99,7 +100,7 @@ class EkfGsCi(TeamSettings):
         for sensor, j, reading in s.world.relative(z, mail):
             there = slice(2 * j, 2 * j + 2)
             known = np.diagonal(s.P[:, there, there], axis1=1, axis2=2).sum(-1) < _anywhere(s.world).sum() / 2
-            y, H, H_j = sensor.innovation(s.x[_pose_of(s)], s.x[:, there], np.where(known[:, None], reading, np.nan))
+            y, H, H_j = innovation(sensor, s.x[_pose_of(s)], s.x[:, there], np.where(known[:, None], reading, np.nan))
             H = _spread(s, H)
             H[:, :, there] += H_j
             s = self._update(s, y, H, sensor.R)

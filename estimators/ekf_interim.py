@@ -18,14 +18,16 @@ based on Kalman-filter decoupling", IEEE Control Systems Magazine 36(2), 2016, t
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
 from itertools import permutations
 from typing import ClassVar, NamedTuple
 
 import numpy as np
 
+from cooploc.estimators.compiled.jit import readable
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Traffic, World
-from cooploc.estimators.kalman.joint_update import add_rows, block_diagonal, definite, dense, square, subtract_products
+from cooploc.estimators.kalman.decoupled_kernels import RUNAWAY, Decoupled, TeamReading, master
+from cooploc.estimators.kalman.joint_update import block_diagonal, definite, dense, square
+from cooploc.estimators.kalman.linearised import innovation
 from cooploc.estimators.kalman.messages import count, no_traffic
 from cooploc.estimators.kalman.own_steps import moved
 from cooploc.estimators.kalman.settings import TeamSettings
@@ -35,7 +37,6 @@ from cooploc.estimators.models.anchor_readings import fixed
 from cooploc.estimators.models.angles import wrap_heading
 
 At = Mapping[int, Array]  # a Jacobian (t, k, d) by robot
-RUNAWAY = 1e6  # a larger factor Gamma cannot come from covariances in metres; refusing it keeps stale copies finite
 
 
 class State(NamedTuple):
@@ -81,17 +82,17 @@ class EkfInterim(TeamSettings):
         """Readings of fixed things, then of teammates, one after the other, each with its own messages."""
         d = s.x.shape[-1]
         sent = no_traffic(s.x)
-        s = s._replace(Pi=s.Pi.copy())  # the largest part by far: copied once, then every reading writes into it
+        s = s._replace(x=s.x.copy(), P=s.P.copy(), Pi=s.Pi.copy())  # every reading writes into these
         for sensor, place, reading in fixed(s.world, z, self.anchor_reading):
-            for a in range(s.world.robots):
-                y, H, _ = sensor.innovation(s.x[:, a], place, reading[:, a])
-                s, used = self._master(s, a, y, {a: H}, sensor.R, air.heard[:, :, a])
+            for a in np.flatnonzero(~np.isnan(reading).all((0, 2))).tolist():
+                y, H, _ = innovation(sensor, s.x[:, a], place, reading[:, a])
+                used = self._master(s, a, y, {a: H}, sensor.R, air.heard[:, :, a])
                 count(sent, a, used & (s.world.robots > 1), 1 + y.shape[-1] * (1 + 2 * d))
         for sensor, a, b, reading in pairs(s.world, z, air):
             asked, answered = np.asarray(~np.isnan(reading).any(-1)), air.heard[:, b, a]
             y, H_a, H_b = linearise(sensor, s.x[:, a], s.x[:, b], reading)
             y = np.where((answered & air.heard[:, a, b])[:, None], y, np.nan)
-            s, used = self._master(s, a, y, {a: H_a, b: H_b}, sensor.R, air.heard[:, :, a])
+            used = self._master(s, a, y, {a: H_a, b: H_b}, sensor.R, air.heard[:, :, a])
             count(sent, a, asked, 0)
             count(sent, b, asked & answered, d + d * (d + 1) // 2 + d * d)
             count(sent, a, used, 2 + y.shape[-1] * (1 + 4 * d))
@@ -100,47 +101,40 @@ class EkfInterim(TeamSettings):
     def estimate(self, s: State) -> Belief:
         return Belief(wrap_heading(s.x), s.P)
 
-    def _master(self, s: State, a: int, y: Array, at: At, R: Array, heard: Mask) -> tuple[State, Mask]:
+    def _master(self, s: State, a: int, y: Array, at: At, R: Array, heard: Mask) -> Mask:
         """Master a's update, in its memory and in that of the robots that `heard` it (t, n); which trials used it (t,).
 
-        S = R + H P H' over the robots in `at`; then x_i' = x_i + dx_i,  P_i' = P_i - dP_i,  Pi' = Pi - dPi,
-        the last one in place.
+        S = R + H P H' over the robots in `at`; then x_i' = x_i + dx_i,  P_i' = P_i - dP_i,  Pi' = Pi - dPi, in place.
         """
+        if self.engine == "filterpy":
+            return self._master_by_filterpy(s, a, y, at, R, heard)
+        reading = TeamReading(readable(y), readable(np.stack(list(at.values()), 1)), readable(R))
+        team = Decoupled(s.x, s.P, readable(s.Phi), s.Pi)
+        used: Mask = master(team, a, np.array(list(at)), reading, readable(heard), self.gate)
+        return used
+
+    def _master_by_filterpy(self, s: State, a: int, y: Array, at: At, R: Array, heard: Mask) -> Mask:
+        """The same by filterpy's filter over the team."""
         cross = {m: _cross(s, a, m, at) for m in at}
         S = symmetric(np.asarray(R + sum(H @ cross[m] for m, H in at.items())))
         use = np.asarray(np.stack([present(y, H, S) for H in at.values()]).all(0))
         use &= definite(np.where(use[:, None, None], S, np.eye(y.shape[-1])))
         S, y = np.where(use[:, None, None], S, np.eye(y.shape[-1])), np.where(use[:, None], y, 0.0)
         use &= distance(y, S) <= self.gate
-        at, cross = ({m: np.where(use[:, None, None], part, 0.0) for m, part in parts.items()} for parts in (at, cross))
-        change = _by_factors(s, y, at, cross, S) if self.engine == "batched" else _by_filterpy(s, a, y, at, R)
+        change = _by_filterpy(s, a, y, {m: np.where(use[:, None, None], H, 0.0) for m, H in at.items()}, R)
         sound = definite(s.P - change.dP) & ~change.runaway
         use &= np.stack([sound[:, m] for m in at]).all(0)
-        takes = use[:, None] & sound & (heard | (np.arange(s.world.robots) == a))
+        takes = use[:, None] & sound & (heard | (np.arange(s.x.shape[1]) == a))
         change.subtract(takes)
-        x = s.x + np.where(takes[..., None], change.dx, 0.0)
-        return s._replace(x=x, P=s.P - np.where(takes[..., None, None], change.dP, 0.0)), use
+        s.x[:] += np.where(takes[..., None], change.dx, 0.0)
+        s.P[:] -= np.where(takes[..., None, None], change.dP, 0.0)
+        return use
 
 
 def _cross(s: State, a: int, m: int, at: At) -> Array:
     """Cov(x_m, reading) = sum_j P_mj H_j' (t, d, k), by master a's copy of Pi."""
     blocks = {j: s.P[:, m] if j == m else s.Phi[:, m] @ s.Pi[:, a, m, :, j] @ s.Phi[:, j].mT for j in at}
     return np.asarray(sum(block @ at[j].mT for j, block in blocks.items()))
-
-
-def _by_factors(s: State, y: Array, at: At, cross: At, S: Array) -> Change:
-    """r = S^-1/2 y,  Gamma_m = (Phi_m^-1 P_m H_m' + ..) S^-1/2:  dx_i = Phi_i Gamma_i r,  dPi_jl = Gamma_j Gamma_l'."""
-    t, n, d = s.x.shape
-    half = np.linalg.inv(np.linalg.cholesky(S)).mT
-    Gamma = np.zeros((t, n, y.shape[-1], n, d))  # (t, robot that keeps it, k, m, d), transposed
-    for m, H in at.items():
-        add_rows(Gamma, s.Pi, m, (s.Phi[:, m].mT @ H.mT @ half).mT)
-    for m in at:  # as the master broadcast them
-        Gamma[:, :, :, m] = np.linalg.solve(s.Phi[:, m], cross[m] @ half).mT[:, None]
-    mine = s.Phi @ np.einsum("tikia->tiak", Gamma)
-    runaway = ~((Gamma**2).sum(2) < RUNAWAY**2).all((2, 3))
-    dx = (mine @ (half.mT @ y[..., None])[:, None])[..., 0]
-    return Change(dx, mine @ mine.mT, runaway, partial(subtract_products, s.Pi, Gamma))
 
 
 def _by_filterpy(s: State, a: int, y: Array, at: At, R: Array) -> Change:

@@ -30,6 +30,7 @@ from cooploc.estimators.kalman.joint_update import (
     dense,
     direction_by_direction,
     distances,
+    driven,
     flat,
     information,
     information_mean,
@@ -44,6 +45,7 @@ from cooploc.estimators.kalman.joint_update import (
     stacked,
     widened,
 )
+from cooploc.estimators.kalman.linearised import innovation
 from cooploc.estimators.kalman.messages import no_traffic
 from cooploc.estimators.kalman.mixed_team import MixedTeamSettings
 from cooploc.estimators.kalman.team_readings import curvature, linearise
@@ -101,8 +103,9 @@ class EkfJoint(MixedTeamSettings):
     def predict(self, s: State, z: Senses) -> State:
         """P_ij' = F_i P_ij F_j',  P_ii' = F_i P_ii F_i' + Q_i."""
         x, F, Q = self.moved(s.world, s.x, z)
-        if self.engine == "batched" and isinstance(s.world.motion, Displacement):
-            return _with(s, x, widened(square(s.P), Q))
+        if self.engine == "batched":
+            still = isinstance(s.world.motion, Displacement)
+            return _with(s, x, widened(square(s.P), Q) if still else driven(square(s.P), F, Q))
         joint = ENGINES[self.engine].predict(flat(x), square(s.P), square(block_diagonal(F)), square(block_diagonal(Q)))
         return s._replace(x=x, P=joint[1].reshape(s.P.shape))
 
@@ -113,8 +116,8 @@ class EkfJoint(MixedTeamSettings):
             elif self.engine == "batched" and isinstance(sensor, GradientDoa):
                 s = _with(s, *direction_by_direction(s.x, square(s.P), reading[..., 0], sensor, self.gate))
             else:
-                for i in range(s.world.robots):
-                    y, H, _ = sensor.innovation(s.x[:, i], place, reading[:, i])
+                for i in np.flatnonzero(~np.isnan(reading).all((0, 2))).tolist():
+                    y, H, _ = innovation(sensor, s.x[:, i], place, reading[:, i])
                     s = self._update(s, y, {i: H}, sensor.R)
         return s
 
@@ -132,12 +135,12 @@ class EkfJoint(MixedTeamSettings):
 
     def _fixed_together(self, s: State, sensor: Sensor, place: Array, reading: Array) -> State:
         """Every robot's reading (t, n, k) of one fixed thing, linearised and gated before any of them is used."""
-        y, H, _ = sensor.innovation(s.x, place, reading)
+        y, H, _ = innovation(sensor, s.x, place, reading)
         readings = readings_of(y[:, :, None], H[:, :, None], np.zeros_like(H)[:, :, None], sensor.R)
         d2 = distances(square(s.P), readings)
         use = d2 <= self.gate
-        if self.engine == "batched" and y.shape[-1] == 1:
-            after = _with(s, *scalar_by_scalar(s.x, square(s.P), use[:, :, 0], y[..., 0], H[:, :, 0], sensor.R))
+        if self.engine == "batched" and np.count_nonzero(sensor.R) == len(sensor.R):  # it is diagonal
+            after = _with(s, *scalar_by_scalar(s.x, square(s.P), use[:, :, 0], y, H, sensor.R))
         else:
             after = self._add(s, use, readings)
         return _tallied(after, ~np.isnan(d2), d2 > self.gate)

@@ -9,9 +9,8 @@ import numpy as np
 
 from cooploc.estimators.dead_reckoning import State
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
+from cooploc.estimators.kalman.own_steps import corrected, moved
 from cooploc.estimators.kalman.settings import Settings
-from cooploc.estimators.kalman.update import ENGINES
-from cooploc.estimators.models.anchor_readings import fixed
 from cooploc.estimators.models.angles import wrap_heading
 
 
@@ -25,16 +24,12 @@ class EkfLocal(Settings):
 
     def predict(self, s: State, z: Senses) -> State:
         """x' = f(x, u),  P' = F P F' + Q."""
-        x, F, Q = s.world.motion.move(s.x, z.odometry, z.dt)
-        x, P = ENGINES[self.engine].predict(x, s.P, F, Q)
+        x, P, _ = moved(self, s.world, s.x, s.P, z)
         return s._replace(x=x, P=P)
 
     def correct(self, s: State, z: Senses) -> State:
         """x' = x + K y,  P' = (I - K H) P (I - K H)' + K R K', one reading after the other."""
-        x, P = s.x, s.P
-        for sensor, place, reading in fixed(s.world, z, self.anchor_reading):
-            y, H, _ = sensor.innovation(x, place, reading)
-            x, P = ENGINES[self.engine].update(x, P, y, H, sensor.R, self.gate)
+        x, P = corrected(self, s.world, s.x, s.P, z)
         return s._replace(x=x, P=P)
 
     def send(self, s: State, z: Senses) -> Array:

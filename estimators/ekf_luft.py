@@ -56,6 +56,8 @@ class EkfLuft(TeamSettings):
     def correct(self, s: State, z: Senses) -> State:
         """Private update: the EKF's, then sigma_ij' = (I - K H) sigma_ij = P_i' P_i^-1 sigma_ij."""
         x, P = corrected(self, s.world, s.x, s.P, z)
+        if (P == s.P).all():
+            return s
         return s._replace(x=x, P=P, sigma=_carried(s.P, P)[:, :, None] @ s.sigma)
 
     def exchange(self, s: State, z: Senses, air: Mail) -> tuple[State, Traffic]:

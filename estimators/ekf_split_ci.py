@@ -25,7 +25,10 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from cooploc.estimators.compiled.jit import readable
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, World
+from cooploc.estimators.kalman import split_kernels
+from cooploc.estimators.kalman.linearised import innovation
 from cooploc.estimators.kalman.messages import Message
 from cooploc.estimators.kalman.own_steps import moved
 from cooploc.estimators.kalman.settings import TeamSettings
@@ -33,9 +36,6 @@ from cooploc.estimators.kalman.team_readings import PairReading, received
 from cooploc.estimators.kalman.update import ENGINES, symmetric
 from cooploc.estimators.models.anchor_readings import fixed
 from cooploc.estimators.models.angles import wrap_heading
-
-REACH = 8.0  # largest |logit w| that is tried
-ROUNDS, POINTS = 4, 11  # of the search for w, each round ten times finer
 
 
 class State(NamedTuple):
@@ -74,7 +74,7 @@ class EkfSplitCi(TeamSettings):
     def correct(self, s: State, z: Senses) -> State:
         """Kalman update by an independent reading: Pd' = (I - K H) Pd (I - K H)', the rest of P' is Pi'."""
         for sensor, place, reading in fixed(s.world, z, self.anchor_reading):
-            y, H, _ = sensor.innovation(s.x, place, reading)
+            y, H, _ = innovation(sensor, s.x, place, reading)
             nothing = np.zeros((*y.shape, y.shape[-1]))
             s, _ = self._update(s, y, H, nothing, sensor.R + nothing, np.ones(len(s.x)))
         return s
@@ -107,8 +107,10 @@ class EkfSplitCi(TeamSettings):
         there = np.asarray(~(np.isnan(y).any(-1) | np.isnan(Rd).any((1, 2))))
         y, H, Rd = (np.where(there.reshape(-1, *[1] * (a.ndim - 1)), a, 0.0) for a in (y, H, Rd))
         Ri = np.where(there[:, None, None], Ri, np.eye(y.shape[-1]))
-        w, gains = _least_trace(s.Pd, s.Pi, H, Rd, Ri)
-        return self._update(s, np.where((there & gains)[:, None], y, np.nan), H, Rd, Ri, w, received=True)
+        w, helps = np.empty(len(y)), np.empty(len(y), bool)
+        parts = (readable(part) for part in (s.Pd, s.Pi, H, Rd, Ri, there))
+        split_kernels.least_trace(*parts, w, helps)
+        return self._update(s, np.where(helps[:, None], y, np.nan), H, Rd, Ri, w, received=True)
 
     def _update(
         self, s: State, y: Array, H: Array, Rd: Array, Ri: Array, w: Array, received: bool = False
@@ -120,42 +122,13 @@ class EkfSplitCi(TeamSettings):
         """
         w = w[:, None, None]
         Pd, Rd = s.Pd / w, np.divide(Rd, 1 - w, out=np.zeros_like(Rd), where=w < 1)
-        R = Rd + Ri
-        x, P = ENGINES[self.engine].update(s.x, Pd + s.Pi, y, H, R, self.gate)
-        used = (Pd + s.Pi != P).any((1, 2))
-        K = np.linalg.solve(R, H @ P).mT
-        I_KH = np.eye(x.shape[-1]) - K @ H
-        from_reading, dependent = symmetric(K @ Ri @ K.mT), I_KH @ Pd @ I_KH.mT + K @ Rd @ K.mT
-        if received and self.form != "literal":
-            dependent, from_reading = dependent + from_reading, np.zeros_like(P)
-        Pi = symmetric(I_KH @ s.Pi @ I_KH.mT) + from_reading
-        take = used[:, None, None]
-        return s._replace(x=x, Pd=np.where(take, symmetric(dependent), s.Pd), Pi=np.where(take, Pi, s.Pi)), used
-
-
-def _least_trace(Pd: Array, Pi: Array, H: Array, Rd: Array, Ri: Array) -> tuple[Array, Mask]:
-    """The weight w (r,) of least tr P'_xy, searched on a grid of logit w, and whether it helps.
-
-    tr P' = tr P1 - tr(M S^-1 M') with P1 = Pd / w + Pi, M = (P1 H')_xy and S = H P1 H' + Rd / (1 - w) + Ri.
-    """
-    Ud, Ui = (Pd @ H.mT)[:, :2], (Pi @ H.mT)[:, :2]
-    Sd, Si = H @ Pd @ H.mT, H @ Pi @ H.mT + Ri
-    td, ti = Pd[:, 0, 0] + Pd[:, 1, 1], Pi[:, 0, 0] + Pi[:, 1, 1]
-    middle, reach, rows = np.zeros(len(Pd)), REACH, np.arange(len(Pd))
-    for _ in range(ROUNDS):
-        v = middle + np.linspace(-reach, reach, POINTS)[:, None]
-        w = (1 / (1 + np.exp(-v)))[..., None, None]  # (points, r, 1, 1)
-        M, S = Ud / w + Ui, Sd / w + Si + Rd / (1 - w)
-        inverse = 1 / S if S.shape[-1] == 1 else np.linalg.inv(S)
-        trace = td / w[..., 0, 0] + ti - ((M @ inverse) * M).sum((-2, -1))
-        best = trace.argmin(0)
-        middle, reach = v[best, rows], reach / ((POINTS - 1) / 2)
-    least, w = trace[best, rows], w[best, rows]
-    R, S = Rd / (1 - w) + Ri, Sd / w + Si + Rd / (1 - w)
-    shrinks = _log_det(Pd / w + Pi) + _log_det(R) - _log_det(S) < _log_det(Pd + Pi)  # det P' = det P1 det R / det S
-    return w[:, 0, 0], (least < td + ti) & shrinks
-
-
-def _log_det(P: Array) -> Array:
-    value: Array = np.linalg.slogdet(P)[1]
-    return value
+        x, P = ENGINES[self.engine].update(s.x, Pd + s.Pi, y, H, Rd + Ri, self.gate)
+        keep, new_d, new_i, used = (
+            not received or self.form == "literal",
+            s.Pd.copy(),
+            s.Pi.copy(),
+            np.empty(len(x), bool),
+        )
+        parts = (readable(part) for part in (P, Pd, s.Pi, H, Rd, Ri))
+        split_kernels.split(*parts, keep, new_d, new_i, used)
+        return s._replace(x=x, Pd=new_d, Pi=new_i), used

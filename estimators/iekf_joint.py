@@ -26,6 +26,7 @@ from cooploc.estimators.kalman.information_kernels import Readings
 from cooploc.estimators.kalman.joint_update import (
     block_diagonal,
     distances,
+    driven,
     flat,
     information,
     information_update,
@@ -33,6 +34,7 @@ from cooploc.estimators.kalman.joint_update import (
     square,
     stacked,
 )
+from cooploc.estimators.kalman.linearised import innovation, move
 from cooploc.estimators.kalman.messages import no_traffic
 from cooploc.estimators.kalman.settings import TeamSettings
 from cooploc.estimators.kalman.team_readings import linearise, table
@@ -62,13 +64,15 @@ class IekfJoint(TeamSettings):
 
     def predict(self, s: State, z: Senses) -> State:
         """P_xi' = P_xi + Ad Q Ad', which is P' = F P F' + Q."""
-        x, F, Q = s.world.motion.move(s.x, z.odometry, z.dt)
+        x, F, Q = move(s.world.motion, s.x, z)
+        if self.engine == "batched":
+            return s._replace(x=x, P=driven(square(s.P), F, Q).reshape(s.P.shape))
         F, Q = square(block_diagonal(F)), square(block_diagonal(Q))
         return s._replace(x=x, P=ENGINES[self.engine].predict(flat(x), square(s.P), F, Q)[1].reshape(s.P.shape))
 
     def correct(self, s: State, z: Senses) -> State:
         for sensor, place, reading in fixed(s.world, z, self.anchor_reading):
-            y, H, _ = sensor.innovation(s.x, place, reading)
+            y, H, _ = innovation(sensor, s.x, place, reading)
             s = self._together(s, readings_of(y[:, :, None], H[:, :, None], np.zeros_like(H)[:, :, None], sensor.R))
         return s
 

@@ -124,16 +124,15 @@ class World:
         """Readings of fixed things as (sensor, place (2,), reading (r, k)), anchors first; absent ones are left out."""
         rssi, sighted, ranged = (self.sensors.get(name) for name in ("anchor_rssi", "landmark", "anchor_range"))
         if rssi is not None:
-            yield from _present((rssi, q, z.anchor_rssi[..., i, None]) for i, q in enumerate(self.anchors))
+            yield from ((rssi, self.anchors[i], a) for i, a in _present(z.anchor_rssi[..., None], len(self.anchors)))
         if sighted is not None:
-            yield from _present((sighted, q, z.landmark[..., i, :]) for i, q in enumerate(self.landmarks))
+            yield from ((sighted, self.landmarks[i], a) for i, a in _present(z.landmark, len(self.landmarks)))
         if ranged is not None:
             ranges = z.extra["anchor_range"]  # (r, a) [m]
-            yield from _present((ranged, q, ranges[..., i, None]) for i, q in enumerate(self.anchors))
+            yield from ((ranged, self.anchors[i], a) for i, a in _present(ranges[..., None], len(self.anchors)))
 
     def relative(self, z: Senses, mail: Mail) -> Iterator[tuple[Sensor, int, Array]]:
         """Readings of teammates as (sensor, sender, reading (r, k)): sightings, then radio RSSI, then radio range."""
-        team = range(self.robots)
         for channel, readings in (
             ("sighting", z.sighting),
             ("radio_rssi", mail.rssi[..., None]),
@@ -141,14 +140,13 @@ class World:
         ):
             sensor = self.sensors.get(channel)
             if sensor is not None:
-                yield from _present((sensor, j, readings[..., j, :]) for j in team)
+                yield from ((sensor, j, reading) for j, reading in _present(readings, self.robots))
 
 
-Place = TypeVar("Place", Array, int)
-
-
-def _present(readings: Iterator[tuple[Sensor, Place, Array]]) -> Iterator[tuple[Sensor, Place, Array]]:
-    return (item for item in readings if not np.isnan(item[2]).all())
+def _present(readings: Array, things: int) -> Iterator[tuple[int, Array]]:
+    """The number of each thing that any row has a reading (..., k) of, and these, from readings (..., things, k)."""
+    there = np.asarray(~np.isnan(readings).all((*range(readings.ndim - 2), -1)))
+    return ((int(i), readings[..., i, :]) for i in np.flatnonzero(there[:things]))
 
 
 S = TypeVar("S")

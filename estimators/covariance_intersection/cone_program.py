@@ -1,13 +1,12 @@
-"""The weights of covariance intersection by cvxpy and Clarabel: cone programs that are compiled once for each shape.
+"""The weights of covariance intersection by cvxpy and Clarabel: cone programs, canonicalised once for each shape.
 
-With d = 2 the fusions of one group are one second-order cone program. In the coordinates of whitening.py, and
-because Y(w) scales with w, the most information from weights that sum to one is the least sum of weights that reach a
-given information:
+With d = 2 a fusion is a second-order cone program. In the coordinates of whitening.py, and because Y(w) scales with w,
+the most information from weights that sum to one is the least sum of weights that reach a given information:
 
     min sum w   s.t.   w >= 0,   X = Y(w) - C,   ||(2 X_12, 2 gamma, X_11 - X_22)|| <= X_11 + X_22,
 
 that is X >= 0 with det X >= gamma^2. The determinant has C = 0, gamma = 1: det Y >= 1. The trace has gamma^2 = det C:
-det Y >= tr(adj(C) Y), which is tr(C Y^-1) <= 1. The sum is over fusions too, so that stacking them changes no minimum.
+det Y >= tr(adj(C) Y), which is tr(C Y^-1) <= 1. The fusions of one group are one program, the sum of theirs.
 In other dimensions cvxpy's log_det and matrix_frac (which is tr_inv with C) take one fusion at a time.
 
 A relative measurement adds to B_0, one's own, of weight w, terms n_k B_k with n_k = v / (sigma_k + (1 - sigma_k) v) at
@@ -21,71 +20,69 @@ The solver couples the fusions of one program in their last bits. So a program n
 starts from an earlier solution, and lists its fusions in an order that only their values give.
 """
 
-import threading
-import warnings
-from functools import lru_cache
+from collections.abc import Iterator
+from contextlib import suppress
+from functools import cache, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from cooploc.estimators.covariance_intersection.canonical import Canonical, canonical
 from cooploc.estimators.covariance_intersection.whitening import Whitened
 from cooploc.estimators.interface import Array, Indices
 
-STACK = 128  # fusions in one program, at most: compiling grows faster than solving
-COMPILED = 64  # programs held in memory, at most
+STACK = 128  # fusions in one program, at most: the time of each grows slowly with their number
 TOLERANCE = 1e-10
 SETTINGS = {
+    "verbose": False,
     "tol_gap_abs": TOLERANCE,
     "tol_gap_rel": TOLERANCE,
     "tol_feas": TOLERANCE,
     "iterative_refinement_enable": False,  # a third of the time, and no more accurate in these coordinates
-    "accept_unknown": True,  # the caller checks every answer by its gap
 }
 
-_one_at_a_time = threading.Lock()  # a compiled program holds the values of its parameters
 
+class Shape(NamedTuple):
+    """What the numbers of a fusion do not change."""
 
-class Program(NamedTuple):
-    """A compiled problem, its parameters and its variables."""
+    m: int  # terms
+    k: int  # of them are of a relative measurement
+    d: int
+    block: int
+    trace: bool
 
-    problem: Any
-    parameters: dict[str, Any]
-    c: Any  # (size, m) w, or w, v, h_1 .. h_k
-    total: Any  # (size,) sum w, or w + v
+    @property
+    def cone(self) -> bool:
+        """Whether it is a second-order cone program."""
+        return self.d == self.block == 2
 
 
 def solve(z: Whitened, groups: Indices) -> Array:
     """Weights (K, m), or own weights (K, 1) of the relative form, for the caller to check; nan where there are none."""
-    w = np.full((len(z.B), 1 if z.sigma.shape[1] else z.B.shape[1]), np.nan)
-    order = np.lexsort((*z.sigma.T, *z.C.T.reshape(-1, len(w)), *z.B.T.reshape(-1, len(w)), groups))
-    most = STACK if z.B.shape[-1] == z.block == 2 else 1
-    for group in np.split(order, np.flatnonzero(np.diff(groups[order])) + 1):
-        for i in range(0, len(group), most):
-            w[group[i : i + most]] = _solve(z.take(group[i : i + most]))
-    return w
-
-
-def _solve(z: Whitened) -> Array:
-    """One program."""
-    K, k = len(z.B), z.sigma.shape[1]
-    z = z.take(np.minimum(np.arange(_size(K)), K - 1))  # the last one again, up to a size that is compiled
     B = _terms(z)
-    size, m, d, _ = B.shape
-    cone = d == z.block == 2
-    values = {**(_cone_values(B, z) if cone else _matrix_values(B, z)), **_harmonic_values(z.sigma)}
-    with _one_at_a_time, warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # "may be inaccurate": the caller checks that
-        program = _cone_program(size, m, k) if cone else _matrix_program(m, d, z.block, k, z.trace)
-        for name, value in values.items():
-            program.parameters[name].value = value
-        try:
-            program.problem.solve(solver="CLARABEL", warm_start=False, **SETTINGS)
-        except Exception:  # a solver may raise anything; the exact weights are used then
-            return np.full((K, 1 if k else m), np.nan)
-        if program.c.value is None:
-            return np.full((K, 1 if k else m), np.nan)
-        w: Array = program.c.value / program.total.value[:, None]
-    return np.clip(w[:K, : 1 if k else m], 0.0, 1.0)
+    shape = Shape(B.shape[1], z.sigma.shape[1], B.shape[-1], z.block, z.trace)
+    program, most = _program(shape), STACK if shape.cone else 1
+    A, b = program.numbers(_cone_numbers(B, z) if shape.cone else _matrix_numbers(B, z))
+    x, stacked = np.full((len(B), len(program.q)), np.nan), cache(program.stacked)
+    for rows in _stacks(z, groups, most):
+        with suppress(Exception):  # a solver may raise anything; the exact weights are used then
+            x[rows] = stacked(len(rows)).solve(A[rows], b[rows], _settings())
+    return _weights(shape, x)
+
+
+def _stacks(z: Whitened, groups: Indices, most: int) -> Iterator[Indices]:
+    """The fusions of one program after another: of one group, at most so many, in the order of their values."""
+    order = np.lexsort((*z.sigma.T, *z.C.T.reshape(-1, len(z.C)), *z.B.T.reshape(-1, len(z.B)), groups))
+    for group in np.split(order, np.flatnonzero(np.diff(groups[order])) + 1):
+        yield from (group[i : i + most] for i in range(0, len(group), most))
+
+
+def _weights(shape: Shape, x: Array) -> Array:
+    """Weights (K, m), or own weights (K, 1), of the minimisers x (K, n), which begin with c of `_shares`."""
+    total = sum(x[:, i] for i in range(2 if shape.k else shape.m))  # in order, for the bits
+    with np.errstate(divide="ignore", invalid="ignore"):  # a failed solver's x may be anything
+        w: Array = x[:, : 1 if shape.k else shape.m] / np.asarray(total)[:, None]
+    return np.clip(w, 0.0, 1.0)
 
 
 def _terms(z: Whitened) -> Array:
@@ -97,81 +94,86 @@ def _terms(z: Whitened) -> Array:
     )
 
 
-def _size(K: int) -> int:
-    """K rounded up to three binary digits, so that few sizes are compiled and few fusions are idle."""
-    step = 1 << max(K.bit_length() - 3, 0)
-    return -(-K // step) * step
+@lru_cache
+def _program(shape: Shape) -> Canonical:
+    """The program of one fusion."""
+    return _cone_program(shape) if shape.cone else _matrix_program(shape)
 
 
-def _cone_values(B: Array, z: Whitened) -> dict[str, Array]:
+@lru_cache
+def _settings() -> Any:
+    import clarabel
+
+    settings = clarabel.DefaultSettings()
+    for name, value in SETTINGS.items():
+        setattr(settings, name, value)
+    return settings
+
+
+def _cone_numbers(B: Array, z: Whitened) -> Array:
+    """The parameters (K, p) of `_cone_program`: B_11 of each term, B_12, B_22, C_11, C_12, C_22, gamma, sigma, root."""
     C = z.C if z.trace else np.zeros_like(z.C)
-    gamma = np.sqrt(np.maximum(C[:, 0, 0] * C[:, 1, 1] - C[:, 0, 1] ** 2, 0.0)) if z.trace else np.ones(len(C))
-    entries = {f"{name}{i}{j}": X[..., i, j] for name, X in (("B", B), ("C", C)) for i, j in ((0, 0), (0, 1), (1, 1))}
-    return {**entries, "gamma": gamma}
+    C11, C12, C22 = entries = C[:, 0, 0], C[:, 0, 1], C[:, 1, 1]
+    gamma = np.sqrt(np.maximum(C11 * C22 - C12**2, 0.0)) if z.trace else np.ones(len(C))
+    return np.column_stack([B[..., 0, 0], B[..., 0, 1], B[..., 1, 1], *entries, gamma, z.sigma, np.sqrt(z.sigma)])
 
 
-def _matrix_values(B: Array, z: Whitened) -> dict[str, Array]:
-    values = {f"B{k}": B[0, k] for k in range(B.shape[1])}
-    if z.trace:
-        scale, axes = np.linalg.eigh(z.C[0, : z.block, : z.block])
-        values["F"] = axes * np.sqrt(np.maximum(scale, 0.0))
-    return values
+def _cone_program(shape: Shape) -> Canonical:
+    """The second-order cone program; d = 2."""
+    cp, m = _cvxpy(), shape.m
+    theta = cp.Parameter(3 * m + 4 + 2 * shape.k)
+    c, constraints = _shares(shape, theta[3 * m + 4 :])
+    X11, X12, X22 = (theta[i * m : (i + 1) * m] @ c - theta[3 * m + i] for i in range(3))
+    constraints.append(cp.SOC(X11 + X22, cp.hstack([2 * X12, 2 * theta[3 * m + 3], X11 - X22])))
+    return canonical(cp.Problem(_least(shape, c), constraints), theta)
 
 
-def _harmonic_values(sigma: Array) -> dict[str, Array]:
-    named = {"sigma": sigma, "root": np.sqrt(sigma)}
-    return {f"{name}{i}": value[:, i] for name, value in named.items() for i in range(sigma.shape[1])}
+def _matrix_numbers(B: Array, z: Whitened) -> Array:
+    """The parameters (K, p) of `_matrix_program`: B's upper triangles less half their diagonals, F, sigma, root."""
+    K, d = len(B), B.shape[-1]
+    triangles = (B * (1 - np.eye(d) / 2))[(..., *np.triu_indices(d))].reshape(K, -1)
+    scale, axes = np.linalg.eigh(z.C[:, : z.block, : z.block])
+    F = (axes * np.sqrt(np.maximum(scale, 0.0))[:, None]).reshape(K, -1)
+    return np.column_stack([triangles, *[F] * z.trace, z.sigma, np.sqrt(z.sigma)])
 
 
-@lru_cache(COMPILED)
-def _cone_program(size: int, m: int, k: int) -> Program:
-    """The second-order cone program of `size` fusions of m terms, k of which are of a relative measurement; d = 2."""
-    cp = _cvxpy()
-
-    c, total, constraints, parameters = _shares(size, m, k)
-    X = []
-    for ij in ("00", "01", "11"):
-        parameters["B" + ij], parameters["C" + ij] = B, C = cp.Parameter((size, m)), cp.Parameter(size)
-        X.append(cp.sum(cp.multiply(B, c), axis=1) - C)
-    gamma = parameters["gamma"] = cp.Parameter(size)
-    constraints.append(cp.SOC(X[0] + X[2], cp.vstack([2 * X[1], 2 * gamma, X[0] - X[2]]), axis=0))
-    return Program(cp.Problem(cp.Minimize(cp.sum(total)), constraints), parameters, c, total)
-
-
-@lru_cache(COMPILED)
-def _matrix_program(m: int, d: int, block: int, k: int, trace: bool) -> Program:
-    """One fusion in any dimension. X is Y, or what a block of it keeps when the other states are marginalised out."""
-    cp = _cvxpy()
-
-    c, total, constraints, parameters = _shares(1, m, k)
-    B = {f"B{i}": cp.Parameter((d, d), symmetric=True) for i in range(m)}
-    X = Y = sum(c[0, i] * B[f"B{i}"] for i in range(m))
+def _matrix_program(shape: Shape) -> Canonical:
+    """Any dimension. X is Y, or what a block of it keeps when the other states are marginalised out."""
+    cp, m, d, block = _cvxpy(), shape.m, shape.d, shape.block
+    entries = d * (d + 1) // 2
+    size = m * entries + shape.trace * block**2
+    theta = cp.Parameter(size + 2 * shape.k)
+    c, constraints = _shares(shape, theta[size:])
+    halves = [cp.vec_to_upper_tri(theta[i * entries : (i + 1) * entries]) for i in range(m)]
+    X = Y = sum(c[i] * (halves[i] + halves[i].T) for i in range(m))
     if block < d:
         X = cp.Variable((block, block), symmetric=True)
         E = np.eye(d)[:, :block]
         constraints.append(Y - E @ X @ E.T >> 0)
-    if trace:
-        parameters["F"] = cp.Parameter((block, block))
-        constraints.append(cp.matrix_frac(parameters["F"], X) <= 1)
+    if shape.trace:
+        F = cp.reshape(theta[m * entries : size], (block, block), order="C")
+        constraints.append(cp.matrix_frac(F, X) <= 1)
     else:
         constraints.append(cp.log_det(X) >= 0)
-    return Program(cp.Problem(cp.Minimize(cp.sum(total)), constraints), {**parameters, **B}, c, total)
+    return canonical(cp.Problem(_least(shape, c), constraints), theta)
 
 
-def _shares(size: int, m: int, k: int) -> tuple[Any, Any, list[Any], dict[str, Any]]:
-    """The variables c, what is minimised, and the harmonic means of a relative measurement with their parameters."""
+def _shares(shape: Shape, ratios: Any) -> tuple[Any, list[Any]]:
+    """The variables c (m,), w or w, v, h_1 .. h_k, and their cones; `ratios` (2 k,) are sigma and its root."""
     cp = _cvxpy()
-    c = cp.Variable((size, m), nonneg=True)
-    if k == 0:
-        return c, cp.sum(c, axis=1), [], {}
-    constraints: list[Any] = []
-    parameters: dict[str, Any] = {}
-    for i in range(k):
-        sigma, root = parameters[f"sigma{i}"], parameters[f"root{i}"] = cp.Parameter(size), cp.Parameter(size)
-        h = c[:, 2 + i]
-        x, y = c[:, 0] - h, c[:, 1] - cp.multiply(sigma, h)
-        constraints.append(cp.SOC(x + y, cp.vstack([2 * cp.multiply(root, h), x - y]), axis=0))
-    return c, c[:, 0] + c[:, 1], constraints, parameters
+    c = cp.Variable(shape.m)
+    constraints = [c >= 0]
+    for i in range(shape.k):
+        h, sigma, root = c[2 + i], ratios[i], ratios[shape.k + i]
+        x, y = c[0] - h, c[1] - sigma * h
+        constraints.append(cp.SOC(x + y, cp.hstack([2 * root * h, x - y])))
+    return c, constraints
+
+
+def _least(shape: Shape, c: Any) -> Any:
+    """What is minimised: sum w, or w + v."""
+    cp = _cvxpy()
+    return cp.Minimize(cp.sum(c[:2] if shape.k else c))
 
 
 def _cvxpy() -> Any:

@@ -29,7 +29,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from cooploc.estimators.interface import Array, Mask
+from cooploc.estimators.compiled.jit import readable, strict_inlined, strict_kernel
+from cooploc.estimators.interface import Array
 from cooploc.estimators.kalman.joint_update import definite
 from cooploc.estimators.kalman.update import conditioned, distance, present, symmetric
 
@@ -50,6 +51,8 @@ def combined(rule: Rule, x: Array, P: Array, y: Array, H: Array, N: Array, gate:
     S = H[use] @ P[use] @ H[use].mT + N[use]
     use = use[distance(y[use], S) <= 2 * gate]
     use = use[definite(H[use] @ P[use] @ H[use].mT)]
+    if use.size == 0:
+        return x, P
     x, P, y, H, N = x.copy(), P.copy(), y[use], H[use], N[use]
     a = H @ P[use] @ H.mT
     L = np.linalg.solve(a, H @ P[use]).mT
@@ -74,19 +77,34 @@ def inverse_intersection(a: Array, b: Array, y: Array, M: Array) -> tuple[Array,
 
 def least_trace(D: Array, m: Array) -> Array:
     """The w (r,) of least sum m_i c_i,  1/c_i = 1 + 1/D_i - 1/(w + (1 - w) D_i),  for D and m (r, k): it is convex."""
+    w = np.empty(len(D))
+    _bisect(readable(D), readable(m), w)
+    return w
 
-    def rises(w: Array) -> Mask:
-        common = w[:, None] + (1 - w[:, None]) * D
-        c = 1 / (1 + (1 / D - 1 / common))
-        return np.asarray((m * (D - 1) * (c / common) ** 2).sum(-1) > 0)
 
-    low, high = np.zeros(len(D)), np.ones(len(D))
-    start, end = rises(low), ~rises(high)
-    for _ in range(HALVINGS):
-        w = (low + high) / 2
-        up = rises(w)
-        low, high = np.where(up, low, w), np.where(up, w, high)
-    return np.where(start, 0.0, np.where(end, 1.0, (low + high) / 2))
+@strict_inlined
+def _rises(D, m, w):
+    """Whether the sum rises with w."""
+    slope = 0.0
+    for i in range(len(D)):
+        common = w + (1 - w) * D[i]
+        c = 1 / (1 + (1 / D[i] - 1 / common))
+        slope += m[i] * (D[i] - 1) * (c / common) ** 2
+    return slope > 0
+
+
+@strict_kernel
+def _bisect(D, m, out):
+    for r in range(len(D)):
+        low, high = 0.0, 1.0
+        for _ in range(HALVINGS):
+            w = (low + high) / 2
+            low, high = (low, w) if _rises(D[r], m[r], w) else (w, high)
+        out[r] = (low + high) / 2
+        if _rises(D[r], m[r], 0.0):
+            out[r] = 0.0
+        elif not _rises(D[r], m[r], 1.0):
+            out[r] = 1.0
 
 
 def weighed_intersection(v: float, a: Array, b: Array, y: Array) -> tuple[Array, Array]:

@@ -1,4 +1,4 @@
-"""Compiled loops of the filters that keep cross terms as factors, `ekf_luft.py` and `ekf_interim.py`."""
+"""Compiled loops of the filter that keeps cross terms as factors, `ekf_luft.py`."""
 
 from typing import NamedTuple
 
@@ -80,32 +80,3 @@ def meet(team: Factored, pair: tuple[int, int], reading: PairUpdate, gate: float
             carry(x[s, j], P[s, j], sigma[s, j], step[d:], J1[d:, d:])
             sigma[s, i, j], sigma[s, j, i] = J1[:d, d:], np.eye(d)
     return used
-
-
-@strict_kernel
-def gather_rows(Gamma: Array, Pi: Array, first: int, W: Array) -> None:
-    """Gamma (t, o, k, m) += W (t, k, d) times the d rows of Pi (t, o, m, m) from the first on."""
-    t, o, k, m = Gamma.shape
-    for s in range(t):
-        for i in range(o):
-            for q in range(k):
-                total = Gamma[s, i, q]
-                for a in range(W.shape[2]):
-                    row, w = Pi[s, i, first + a], W[s, q, a]
-                    for b in range(m):
-                        total[b] += w * row[b]
-
-
-@strict_kernel
-def subtract_outer(Pi: Array, Gamma: Array, takes: Mask) -> None:
-    """Pi (t, o, m, m) -= Gamma' Gamma, where `takes` (t, o), row by row: the copy of a large team fills a cache."""
-    t, o, k, m = Gamma.shape
-    for s in range(t):
-        for i in range(o):
-            if takes[s, i]:
-                for a in range(m):
-                    row = Pi[s, i, a]
-                    for q in range(k):
-                        other, g = Gamma[s, i, q], Gamma[s, i, q, a]
-                        for b in range(m):
-                            row[b] -= g * other[b]

@@ -13,8 +13,8 @@ from functools import lru_cache
 
 import numpy as np
 
+from cooploc.estimators.compiled.jit import readable
 from cooploc.estimators.interface import Array, Mask
-from cooploc.estimators.kalman.factor_kernels import gather_rows, subtract_outer
 from cooploc.estimators.kalman.information_kernels import (
     Ranging,
     Readings,
@@ -23,6 +23,7 @@ from cooploc.estimators.kalman.information_kernels import (
     join_ranges,
 )
 from cooploc.estimators.kalman.matrix_kernels import fill_definite, fill_widened
+from cooploc.estimators.kalman.row_kernels import widen
 from cooploc.estimators.kalman.sequential_kernels import Nodes, add_directions, add_ranges, add_scalars
 from cooploc.estimators.kalman.update import distance, present, symmetric
 from cooploc.estimators.models.gradient_doa import GradientDoa
@@ -52,6 +53,13 @@ def widened(P: Array, Q: Array) -> Array:
     """P (t, n d, n d) after a move with F = I: Q (t, n, d, d) on its diagonal blocks, and symmetric."""
     out = np.empty(P.shape)
     fill_widened(P, np.ascontiguousarray(Q), out)
+    return out
+
+
+def driven(P: Array, F: Array, Q: Array) -> Array:
+    """F_i P_ij F_j', and Q_i on the diagonal, of P (t, n d, n d) and blocks F and Q (t, n, d, d)."""
+    out = np.empty(P.shape)
+    widen(readable(P), readable(F), readable(Q), out)
     return out
 
 
@@ -115,9 +123,12 @@ def ranges_together(x: Array, P: Array, z: Array, how: Ranging) -> tuple[Array, 
 
 
 def scalar_by_scalar(x: Array, P: Array, use: Mask, y: Array, H: Array, R: Array) -> tuple[Array, Array]:
-    """Kalman updates by one scalar per robot y (t, n), H (t, n, d), linearised together, where `use` (t, n) allows."""
+    """Kalman updates by one scalar after the other of y (t, n, k), linearised together, where `use` (t, n) allows.
+
+    H (t, n, k, d) by each robot's own state; R (k, k) is diagonal.
+    """
     x, P = x.copy(), P.copy()
-    add_scalars(x, P, use, y, H, R.item())
+    add_scalars(x, P, use, y, H, R.diagonal().copy())
     return x, P
 
 
@@ -126,18 +137,6 @@ def definite(P: Array) -> Mask:
     out = np.zeros(P.shape[:-2], bool)
     fill_definite(np.ascontiguousarray(P).reshape(-1, *P.shape[-2:]), out.reshape(-1))
     return out
-
-
-def add_rows(Gamma: Array, Pi: Array, m: int, W: Array) -> None:
-    """Gamma += W Pi_m. in place: Gamma (t, o, k, n, d), symmetric Pi (t, o, n, d, n, d) by its rows m, W (t, k, d)."""
-    t, o, n, d = Pi.shape[:4]
-    gather_rows(Gamma.reshape(t, o, -1, n * d), Pi.reshape(t, o, n * d, -1), m * d, np.ascontiguousarray(W))
-
-
-def subtract_products(Pi: Array, Gamma: Array, takes: Mask) -> None:
-    """Pi -= Gamma' Gamma in place where `takes` (t, o): Pi (t, o, n, d, n, d), Gamma (t, o, k, n, d)."""
-    t, o, n, d = Pi.shape[:4]
-    subtract_outer(Pi.reshape(t, o, n * d, -1), Gamma.reshape(t, o, -1, n * d), np.ascontiguousarray(takes))
 
 
 def dense(at: Mapping[int, Array], robots: int) -> Array:

@@ -1,10 +1,11 @@
 """What Kalman filters put on the air: a belief and its sightings in one packet, and the count of what was sent."""
 
+from functools import lru_cache
 from typing import NamedTuple, Self
 
 import numpy as np
 
-from cooploc.estimators.interface import Array, Mask, Traffic
+from cooploc.estimators.interface import Array, Indices, Mask, Traffic
 
 HEADER = 8  # bytes a message costs beside its numbers, as the runner counts
 
@@ -18,22 +19,29 @@ class Message(NamedTuple):
 
     def pack(self) -> Array:
         """The packet (..., m): x, the upper triangle of each covariance, the sightings."""
-        i, j = np.triu_indices(self.x.shape[-1])
+        i, j = _triangle(self.x.shape[-1])
         sightings = self.sightings.reshape(*self.x.shape[:-1], 2 * self.sightings.shape[-2])
         return np.concatenate([self.x, *(P[..., i, j] for P in self.P), sightings], -1)
 
     @classmethod
     def unpack(cls, packets: Array, d: int, parts: int = 1) -> Self:
         """The messages in packets (..., m) of a state of d numbers and a covariance in `parts`."""
-        i, j = np.triu_indices(d)
-        x, *triangles, sightings = np.split(packets, d + len(i) * np.arange(parts + 1), -1)
+        i, j = _triangle(d)
         covariances = []
-        for triangle in triangles:
+        for begin in range(d, d + parts * len(i), len(i)):
             P = np.empty((*packets.shape[:-1], d, d))
-            P[..., i, j] = P[..., j, i] = triangle
+            P[..., i, j] = P[..., j, i] = packets[..., begin : begin + len(i)]
             covariances.append(P)
+        x, sightings = packets[..., :d], packets[..., d + parts * len(i) :]
         pairs = sightings.reshape(*packets.shape[:-1], sightings.shape[-1] // 2, 2)
         return cls(x, tuple(covariances), pairs)
+
+
+@lru_cache
+def _triangle(d: int) -> tuple[Indices, Indices]:
+    """Rows and columns of the upper triangle of a (d, d) matrix."""
+    i, j = np.triu_indices(d)
+    return i, j
 
 
 def no_traffic(x: Array) -> Traffic:

@@ -14,6 +14,7 @@ from typing import Literal
 import numpy as np
 
 from cooploc.estimators.interface import Array, Mail, Senses, Sensor, World
+from cooploc.estimators.kalman.linearised import move
 from cooploc.estimators.kalman.settings import TeamSettings
 from cooploc.estimators.kalman.team_readings import table
 from cooploc.estimators.models.sensors import Bearing, Range, Sighting
@@ -57,7 +58,7 @@ class MixedTeamSettings(TeamSettings):
 
         At random x' = x, F = I, Q = diag(speed^2, speed^2, turn_rate^2) hold dt, as the steps of a random walk.
         """
-        x_moved, F, Q = world.motion.move(x, z.odometry, z.dt)
+        x_moved, F, Q = move(world.motion, x, z)
         if self.absent_odometry == "random":
             blind = np.asarray(np.isnan(z.odometry).any(-1))[..., None, None]
             anyhow = np.diag([self.speed**2, self.speed**2, self.turn_rate**2][: x.shape[-1]])

@@ -98,20 +98,20 @@ def add_directions(x: Array, P: Array, z: Array, nodes: Nodes, gate: float) -> N
 
 
 @strict_kernel
-def add_scalars(x: Array, P: Array, use: Mask, y: Array, H: Array, variance: float) -> None:
-    """y - H (x^ - x) where x^ has moved by the readings before: the same result as all readings at once."""
+def add_scalars(x: Array, P: Array, use: Mask, y: Array, H: Array, variances: Array) -> None:
+    """y - H (x^ - x) where x^ has moved by the scalars before: the same result as all readings at once."""
     t, n, d = x.shape
     PH, before = np.empty(n * d), np.empty((n, d))
     for s in range(t):
         before[:] = x[s]
         for i in range(n):
-            if use[s, i]:
-                PH[:], S, e = 0.0, variance, y[s, i]
+            for c in range(len(variances) if use[s, i] else 0):
+                PH[:], S, e = 0.0, variances[c], y[s, i, c]
                 for m in range(d):
-                    e -= H[s, i, m] * (x[s, i, m] - before[i, m])
+                    e -= H[s, i, c, m] * (x[s, i, m] - before[i, m])
                     for a in range(n * d):
-                        PH[a] += H[s, i, m] * entry(P[s], i * d + m, a)
+                        PH[a] += H[s, i, c, m] * entry(P[s], i * d + m, a)
                 for m in range(d):
-                    S += H[s, i, m] * PH[i * d + m]
+                    S += H[s, i, c, m] * PH[i * d + m]
                 absorb(x[s].reshape(-1), P[s], PH, e, S, np.inf)
         mirror(P[s])

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cooploc.estimators.interface import Array, Indices, Mail, Senses, Sensor, World
+from cooploc.estimators.kalman.linearised import innovation
 from cooploc.estimators.models.sensors import Orientation, Range
 
 
@@ -32,17 +33,16 @@ def received(world: World, z: Senses, mail: Mail, sightings: Array, robot: Indic
     camera = world.sensors.get("sighting")
     if camera is not None and sightings.shape[2]:
         of_it = sightings[np.arange(len(robot)), :, robot]  # (r, sender, 2)
-        for j in range(world.robots):
-            if not np.isnan(of_it[:, j]).all():
-                yield PairReading(camera, j, of_it[:, j], by_sender=True)
+        for j in np.flatnonzero(~np.isnan(of_it).all((0, 2))).tolist():
+            yield PairReading(camera, j, of_it[:, j], by_sender=True)
 
 
 def pairs(world: World, z: Senses, air: Mail) -> Iterator[tuple[Sensor, int, int, Array]]:
     """Readings (t, k) of a team as (sensor, receiver, sender, reading), sender by sender; absent ones are left out."""
     for sensor, j, reading in world.relative(z, air):
-        for i in range(world.robots):
-            if i != j and not np.isnan(reading[:, i]).all():
-                yield sensor, i, j, reading[:, i]
+        there = np.asarray(~np.isnan(reading).all((0, 2)))
+        there[j] = False
+        yield from ((sensor, i, j, reading[:, i]) for i in np.flatnonzero(there).tolist())
 
 
 def table(world: World, z: Senses, air: Mail) -> Iterator[tuple[Sensor, Array]]:
@@ -61,7 +61,7 @@ def linearise(sensor: Sensor, x_i: Array, x_j: Array, reading: Array) -> tuple[A
     """y (..., k), H_i (..., k, d), H_j (..., k, d) of a reading of j by i."""
     if isinstance(sensor, Orientation):
         return sensor.between(x_i, x_j, reading)
-    y, H, Hq = sensor.innovation(x_i, x_j[..., :2], reading)
+    y, H, Hq = innovation(sensor, x_i, x_j[..., :2], reading)
     H_j = np.zeros_like(H)
     H_j[..., :2] = Hq
     return y, H, H_j

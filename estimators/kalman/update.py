@@ -1,14 +1,16 @@
 """The Kalman predict and update of many rows at once, in two engines that compute the same.
 
-`batched` is plain numpy over leading axes. `filterpy` runs filterpy's ExtendedKalmanFilter row by row: the reference
-that `batched` is tested against, and what a filterpy user would compute.
+`batched` is a compiled loop over rows (`row_kernels.py`); `predict` and `kalman` state in numpy what it computes.
+`filterpy` runs filterpy's ExtendedKalmanFilter row by row: what a filterpy user would compute.
 """
 
 from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 
+from cooploc.estimators.compiled.jit import readable
 from cooploc.estimators.interface import Array, Belief, Mask
+from cooploc.estimators.kalman import row_kernels
 
 EngineName = Literal["batched", "filterpy"]
 
@@ -96,8 +98,32 @@ def distance(y: Array, S: Array) -> Array:
     return d2
 
 
-def _predict(x: Array, P: Array, F: Array, Q: Array) -> tuple[Array, Array]:
+def predict(x: Array, P: Array, F: Array, Q: Array) -> tuple[Array, Array]:
+    """F P F' + Q of rows P (..., d, d), F and Q."""
     return x, symmetric(F @ P @ F.mT + Q)
+
+
+def _row_predict(x: Array, P: Array, F: Array, Q: Array) -> tuple[Array, Array]:
+    """`predict`, compiled, equal to 1e-12."""
+    d, P1 = P.shape[-1], np.empty(P.shape)
+    row_kernels.widen(_rows(P, P.shape), *(_rows(part, P.shape)[:, None] for part in (F, Q)), P1.reshape(-1, d, d))
+    return x, P1
+
+
+def _row_update(x: Array, P: Array, y: Array, H: Array, R: Array, gate: float) -> tuple[Array, Array]:
+    """`kalman`, compiled, equal to 1e-12."""
+    d, k = H.shape[-1], H.shape[-2]
+    x, P = x.copy(), P.copy()
+    rows = readable(y).reshape(-1, k), _rows(H, H.shape), _rows(R, (*y.shape, k))
+    row_kernels.update(x.reshape(-1, d), P.reshape(-1, d, d), *rows, gate)
+    return x, P
+
+
+def _rows(part: Array, shape: tuple[int, ...]) -> Array:
+    """An array that broadcasts to (..., a, b) as rows (r, a, b)."""
+    if part.shape != shape:
+        part = np.broadcast_to(part, shape)
+    return readable(part).reshape(-1, *shape[-2:])
 
 
 def _filterpy_predict(x: Array, P: Array, F: Array, Q: Array) -> tuple[Array, Array]:
@@ -127,6 +153,6 @@ def _filterpy_update(x: Array, P: Array, y: Array, H: Array, R: Array, gate: flo
 
 
 ENGINES: dict[EngineName, Engine] = {
-    "batched": Engine(_predict, kalman),
+    "batched": Engine(_row_predict, _row_update),
     "filterpy": Engine(_filterpy_predict, _filterpy_update),
 }

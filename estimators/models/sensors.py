@@ -106,7 +106,7 @@ class Sighting:
 
     @property
     def R(self) -> Array:
-        return np.diag([self.sigma_range**2, self.sigma_bearing**2])
+        return np.array([[self.sigma_range**2, 0.0], [0.0, self.sigma_bearing**2]])
 
     def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
         parts = (

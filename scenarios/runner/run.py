@@ -18,7 +18,7 @@ from cooploc.scenarios.display.html import listed
 from cooploc.scenarios.processes.workers import BUILTIN
 from cooploc.scenarios.runner.in_process import Foreign, demand_fit_there, traced_there
 from cooploc.scenarios.runner.named import demand_stream, named
-from cooploc.scenarios.runner.trace import Trace, demand_fit, trace
+from cooploc.scenarios.runner.trace import Trace, demand_fit, trace, warm_up
 from cooploc.scenarios.stream import Stream
 
 if TYPE_CHECKING:
@@ -113,6 +113,8 @@ def run(estimators: Any, stream: Stream, jobs: int = 1, isolate: bool = True, ti
             elif len(chunks) > 1:
                 traces[name] = traced_there(Foreign(name, one, math.inf, BUILTIN), chunks, advance)
             else:
+                if name not in unchecked:
+                    warm_up(name, one, stream)
                 traces[name] = trace(name, one, stream, advance=advance)
     return Run(stream.scenario, stream.seed, stream.trial, stream.hashes, traces, isolate, unchecked)
 

@@ -1,8 +1,8 @@
 """One estimator on one stream: what it believed at every tick, and what that cost."""
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from cooploc.estimators.plugins.errors import BadInput
 from cooploc.estimators.plugins.traits import traits
 from cooploc.scenarios.display.progress_bar import Advance
 from cooploc.scenarios.runner.channels import IncompatibleEstimator, senses, visible
+from cooploc.scenarios.runner.stopwatch import Stopwatch
 from cooploc.scenarios.runner.tick import EstimatorError, Watcher, drive
 from cooploc.scenarios.stream import Stream
 
@@ -27,7 +28,7 @@ class Trace:
     P: Array  # (t, T, n, d, d)
     messages: Array  # (t, n) sent
     bytes: Array  # (t, n) sent
-    seconds: float  # for all trials, robots and ticks
+    seconds: float  # of processor time for all trials, robots and ticks, without compilation
     bound: bool = False  # uses all readings of all robots as well as any estimator could
     notes: Mapping[str, Array] = field(default_factory=dict)  # (t, n) what the estimator counted, by name
     centralised: bool = False  # all readings reach one computer, which knows more than any robot could
@@ -68,8 +69,7 @@ def trace(
     d = stream.prior.x.shape[-1]
     x, P = np.empty((t, T, n, d)), np.empty((t, T, n, d, d))
     messages, sent = np.zeros((t, n)), np.zeros((t, n))
-    with threadpool_limits(1):
-        began = perf_counter()
+    with threadpool_limits(1), Stopwatch() as clock:
         running.start()
         for k in range(T):
             belief, traffic = running.tick(k)
@@ -77,17 +77,15 @@ def trace(
             messages += traffic.messages
             sent += traffic.bytes
             if advance:
-                paused = perf_counter()
-                advance(name, 1)
-                began += perf_counter() - paused
-        seconds = perf_counter() - began
+                with clock.paused():
+                    advance(name, 1)
     _demand_finite(name, stream, x, P)
     if not any_covariance:
         demand_covariances(name, stream, P)
     about = traits(estimator)
     notes = {what: np.asarray(values, float).reshape(t, n) for what, values in about.notes(running.state).items()}
     told = senses(estimator, stream)
-    return Trace(x, P, messages, sent, seconds, about.bound, notes, about.centralised, told, about.offline)
+    return Trace(x, P, messages, sent, clock.seconds, about.bound, notes, about.centralised, told, about.offline)
 
 
 def demand_fit(name: str, estimator: Any, stream: Stream) -> None:
@@ -104,6 +102,12 @@ def demand_fit(name: str, estimator: Any, stream: Stream) -> None:
         raise IncompatibleEstimator(f"{name} on scenario {stream.scenario!r}: {e}") from None
     except Exception:
         return
+
+
+def warm_up(name: str, estimator: Any, stream: Stream) -> None:
+    """Two ticks of one trial, so that what an estimator imports and compiles is there before its time is taken."""
+    with suppress(Exception):  # it occurs again in the run
+        trace(name, estimator, stream.select(slice(0, 1)).truncated(2))
 
 
 def _demand_finite(name: str, stream: Stream, x: Array, P: Array) -> None:

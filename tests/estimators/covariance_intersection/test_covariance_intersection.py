@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from oracles import repeatable
 
-from cooploc.estimators.covariance_intersection import cone_program
+from cooploc.estimators.covariance_intersection import canonical, cone_program
 from cooploc.estimators.covariance_intersection.weights import (
     intersect,
     relative_weights,
@@ -417,10 +417,12 @@ def test_cvxpys_bits_depend_on_the_group_alone(relative):
         np.testing.assert_array_equal(function(*(a[rows] for a in problem)), everything[rows])
 
 
-def test_a_stack_is_never_longer_than_what_is_compiled(monkeypatch):
+def test_no_stack_is_too_long(monkeypatch):
     sizes = []
-    solve_one = cone_program._solve
-    monkeypatch.setattr(cone_program, "_solve", lambda z: sizes.append(len(z.B)) or solve_one(z))
+    solve_one = canonical.Stack.solve
+    monkeypatch.setattr(
+        canonical.Stack, "solve", lambda *arguments: sizes.append(len(arguments[1])) or solve_one(*arguments)
+    )
     rng = np.random.default_rng(13)
     P = ordinary(rng, 300, 2, 2)
     P[:20, 0] = np.nan  # nothing to choose: not in any program
@@ -431,31 +433,29 @@ def test_a_stack_is_never_longer_than_what_is_compiled(monkeypatch):
     assert sizes == [1, 1, 1]
 
 
-def test_programs_are_reused_and_few():
-    cache = cone_program._cone_program
+def test_a_program_is_canonicalised_once_whatever_the_number_of_fusions():
+    programs = cone_program._program
     P = ordinary(np.random.default_rng(14), 200, 4, 2)
     weights(P[:100])
-    before = cache.cache_info()
+    before = programs.cache_info()
     weights(P[100:])
-    weights(P[:99])  # the same size, rounded up
-    after = cache.cache_info()
+    weights(P[:7], groups=np.arange(7))
+    after = programs.cache_info()
     assert (after.misses, after.hits) == (before.misses, before.hits + 2)
-    assert len({cone_program._size(K) for K in range(1, cone_program.STACK + 1)}) <= 24
-    assert after.maxsize == cone_program.COMPILED
 
 
 def test_a_fusion_that_cvxpy_fails_on_is_named_and_counted(monkeypatch, caplog):
     P = ordinary(np.random.default_rng(15), 30, 3, 2)
     P[3, :2] = np.nan
     P[17] = [np.eye(2), np.diag([1.0, 7.0]), np.diag([7.0, 1.0])]  # the only one without correlations
-    solve_one = cone_program._solve
+    solve_all = cone_program.solve
 
-    def fails(z):
-        w = solve_one(z)
+    def fails(z, groups):
+        w = solve_all(z, groups)
         w[(z.B[:, :, 0, 1] == 0).all(1)] = np.nan
         return w
 
-    monkeypatch.setattr(cone_program, "_solve", fails)
+    monkeypatch.setattr(cone_program, "solve", fails)
     with caplog.at_level(logging.WARNING, "cooploc"):
         found = solve(P)
     exact = weights(P, solver="exact")
@@ -467,12 +467,10 @@ def test_a_fusion_that_cvxpy_fails_on_is_named_and_counted(monkeypatch, caplog):
 
 @pytest.mark.parametrize("relative", [False, True])
 def test_a_solver_that_raises_is_no_crash(monkeypatch, relative, caplog):
-    import cvxpy
+    def fails(*_):
+        raise RuntimeError("no")
 
-    def fails(*_, **__):
-        raise cvxpy.error.SolverError("no")
-
-    monkeypatch.setattr(cvxpy.Problem, "solve", fails)
+    monkeypatch.setattr(canonical.Stack, "solve", fails)
     rng = np.random.default_rng(16)
     problem, function = (relation(rng, 5), solve_relative) if relative else ((ordinary(rng, 5, 3, 2),), solve)
     found = function(*problem)
@@ -481,7 +479,7 @@ def test_a_solver_that_raises_is_no_crash(monkeypatch, relative, caplog):
 
 
 def test_a_wrong_answer_of_the_solver_is_found_out(monkeypatch, caplog):
-    monkeypatch.setattr(cone_program, "_solve", lambda z: np.full(z.B.shape[:2], 1 / 3))
+    monkeypatch.setattr(cone_program, "solve", lambda z, _: np.full(z.B.shape[:2], 1 / 3))
     found = solve(ordinary(np.random.default_rng(17), 50, 3, 2))
     assert found.fallback.mean() > 0.9
     assert found.gap.max() <= 1e-6

@@ -9,13 +9,16 @@ from oracles import covariances
 
 from cooploc.estimators import ekf_joint
 from cooploc.estimators.compiled import jit
+from cooploc.estimators.ekf_interim import EkfInterim
+from cooploc.estimators.ekf_interim import State as InterimState
 from cooploc.estimators.ekf_joint import EkfJoint
 from cooploc.estimators.ekf_luft import State as LuftState
 from cooploc.estimators.ekf_luft import _possible, met
+from cooploc.estimators.ekf_split_ci import EkfSplitCi
+from cooploc.estimators.ekf_split_ci import State as SplitState
 from cooploc.estimators.kalman import matrix_kernels
 from cooploc.estimators.kalman.factor_kernels import LIMIT, Factored, PairUpdate, meet
 from cooploc.estimators.kalman.joint_update import (
-    add_rows,
     definite,
     direction_by_direction,
     information,
@@ -25,9 +28,9 @@ from cooploc.estimators.kalman.joint_update import (
     readings_of,
     scalar_by_scalar,
     sparse_update,
-    subtract_products,
     widened,
 )
+from cooploc.estimators.kalman.split_kernels import least_trace
 from cooploc.estimators.kalman.team_readings import linearise
 from cooploc.estimators.kalman.update import kalman
 from cooploc.estimators.models.gradient_doa import GradientDoa
@@ -121,40 +124,79 @@ def test_a_move_without_rotation_widens_as_the_matrix_product_does():
     np.testing.assert_array_equal(widened(P, Q), ((P + noise) + (P + noise).mT) / 2)
 
 
-def test_own_scalars_one_by_one_are_the_information_form():
+@pytest.mark.parametrize("k", [1, 2])
+def test_own_scalars_one_by_one_are_the_information_form(k):
     rng, x, P = team(41, 3)
-    y, H, use = rng.normal(size=(5, 4)), rng.normal(size=(5, 4, 3)), rng.uniform(size=(5, 4)) < 0.7
-    use[0] = False
-    one = readings_of(y[..., None, None], H[:, :, None, None], np.zeros((5, 4, 1, 1, 3)), np.array([[0.3]]))
+    y, H, use = rng.normal(size=(5, 4, k)), rng.normal(size=(5, 4, k, 3)), rng.uniform(size=(5, 4)) < 0.7
+    use[0], R = False, np.diag([0.3, 0.1][:k])
+    one = readings_of(y[:, :, None], H[:, :, None], np.zeros((5, 4, 1, k, 3)), R)
     eta, Lambda = information(use[..., None], one)
     want_P = information_update(P, Lambda)
     want = x.reshape(5, 12) + (want_P @ eta[..., None])[..., 0]
-    got_x, got_P = scalar_by_scalar(x, P, use, y, H, np.array([[0.3]]))
+    got_x, got_P = scalar_by_scalar(x, P, use, y, H, R)
     np.testing.assert_allclose(got_x.reshape(5, 12), want, atol=1e-12)
     np.testing.assert_allclose(got_P, want_P, atol=1e-12)
     np.testing.assert_array_equal(got_P[0], P[0])
 
 
-@pytest.mark.parametrize("k", [1, 2])
+@pytest.mark.parametrize("robots", [[2], [0, 3]])
 @pytest.mark.parametrize("d", [2, 3])
-def test_compiled_factors_are_the_numpy_ones(d, k):
-    """And those of one trial do not depend on how many there are."""
+def test_compiled_masters_are_filterpys(d, robots):
+    """Also where some did not hear; and those of one trial do not depend on how many there are."""
     rng = np.random.default_rng(42)
-    Pi = covariances(rng, 5 * 4, d=4 * d).reshape(5, 4, 4, d, 4, d)
-    W, takes = rng.normal(size=(5, k, d)), rng.uniform(size=(5, 4)) < 0.5
-    Gamma, left = np.ones((5, 4, k, 4, d)), Pi.copy()
-    add_rows(Gamma, Pi, 2, W)
-    np.testing.assert_allclose(Gamma, 1 + np.einsum("tojac,tkc->tokja", Pi[..., 2, :], W), atol=1e-12)
-    subtract_products(left, Gamma, takes)
-    products = np.einsum("tokja,toklb->tojalb", Gamma, Gamma)
-    np.testing.assert_allclose(left, Pi - takes[..., None, None, None, None] * products, atol=1e-12)
-    np.testing.assert_array_equal(left[~takes], Pi[~takes])
-    np.testing.assert_array_equal(left, left.transpose(0, 1, 4, 5, 2, 3))  # rows stand for columns to the last bit
-    alone, one = np.ones((1, 4, k, 4, d)), Pi[3:4].copy()
-    add_rows(alone, one, 2, W[3:4])
-    subtract_products(one, alone, takes[3:4])
-    np.testing.assert_array_equal(alone[0], Gamma[3])
-    np.testing.assert_array_equal(one[0], left[3])
+    dense = covariances(rng, 5 * 4, d=4 * d).reshape(5, 4, 4, d, 4, d)
+    P = np.stack([dense[:, i, i, :, i] for i in range(4)], 1)
+    kept = InterimState(
+        rng.normal(size=(5, 4, d)), P, rng.normal(size=(5, 4, d, d)) + 2 * np.eye(d), 0.01 * dense, None
+    )
+    y, H, heard = rng.normal(size=(5, 2)), rng.normal(size=(5, len(robots), 2, d)), rng.uniform(size=(5, 4)) < 0.7
+    y[1], R = np.nan, np.array([[0.3, 0.1], [0.1, 0.2]])
+    after, used = {}, {}
+    for engine, rows in (("batched", slice(None)), ("filterpy", slice(None)), ("alone", [3])):
+        s = InterimState(*(part[rows].copy() for part in kept[:-1]), None)
+        at = {robot: H[rows, m] for m, robot in enumerate(robots)}
+        filter_ = EkfInterim(engine="filterpy" if engine == "filterpy" else "batched", gate=50.0)
+        used[engine], after[engine] = filter_._master(s, robots[0], y[rows], at, R, heard[rows]), s
+    assert 0 < used["batched"].sum() < 5
+    np.testing.assert_array_equal(used["batched"], used["filterpy"])
+    for name in ("x", "P", "Pi"):
+        mine, theirs, alone = (getattr(after[engine], name) for engine in after)
+        if name == "Pi":  # the diagonal is not used
+            for part in (mine, theirs, alone):
+                part[:, :, np.arange(4), :, np.arange(4)] = 0.0
+        np.testing.assert_allclose(mine, theirs, rtol=1e-9, atol=1e-9)
+        np.testing.assert_array_equal(alone[0], mine[3])
+
+
+@pytest.mark.parametrize("form", ["literal", "received"])
+@pytest.mark.parametrize(("d", "k"), [(2, 1), (3, 2)])
+def test_a_compiled_weight_is_the_best_of_a_scan_and_the_parts_add_up(d, k, form):
+    rng = np.random.default_rng(43)
+    Pd, Pi, Rd, Ri = (covariances(rng, 30, d=size) for size in (d, d, k, k))
+    H, y = rng.normal(size=(30, k, d)), 0.1 * rng.normal(size=(30, k))
+    w, helps = np.empty(30), np.empty(30, bool)
+    least_trace(Pd, Pi, H, Rd, Ri, np.arange(30) > 0, w, helps)
+    assert not helps[0]
+    assert 5 < helps.sum() < 30
+    for r in np.flatnonzero(helps):
+        scan = [_position_trace(Pd[r], Pi[r], H[r], Rd[r], Ri[r], v) for v in np.linspace(0.001, 0.999, 999)]
+        assert _position_trace(Pd[r], Pi[r], H[r], Rd[r], Ri[r], w[r]) <= min(scan) * (1 + 1e-4)
+    state = SplitState(rng.normal(size=(30, d)), Pd, Pi, np.arange(30), None)
+    s, used = EkfSplitCi(form=form, gate=np.inf)._update(state, y, H, Rd, Ri, w, received=True)
+    assert used.all()
+    P1, R = Pd / w[:, None, None] + Pi, Rd / (1 - w[:, None, None]) + Ri
+    x, P = kalman(state.x, P1, y, H, R)
+    np.testing.assert_allclose(s.x, x, atol=1e-12)
+    np.testing.assert_allclose(s.Pd + s.Pi, P, atol=1e-11)
+    K = np.linalg.solve(R, H @ P).mT
+    rest = np.eye(d) - K @ H
+    kept = rest @ Pi @ rest.mT + (K @ Ri @ K.mT if form == "literal" else 0.0)
+    np.testing.assert_allclose(s.Pi, kept, atol=1e-11)
+
+
+def _position_trace(Pd, Pi, H, Rd, Ri, w):
+    P, R = Pd / w + Pi, Rd / (1 - w) + Ri
+    return np.trace((P - P @ H.T @ np.linalg.solve(H @ P @ H.T + R, H @ P))[:2, :2])
 
 
 @pytest.mark.parametrize("gate", [np.inf, 1.0])

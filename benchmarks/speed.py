@@ -1,0 +1,128 @@
+"""What speed was aimed at and what is reached: `reports/speed.md`, every line with its median, range and aim.
+
+Run: python benchmarks/speed.py [report] [rounds]. Processor time; what is compared is measured turn by turn in one
+process. The particle filters, processes and commands are in `table.py`, which `make bench` prints.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import intersection
+import joint_ekf
+import numpy as np
+import recording
+
+from cooploc.analysis.execution.provenance import provenance
+from cooploc.estimators.covariance_intersection.weights import relative_weights, weights
+
+FIRST_AND_SECOND = """
+import json, cooploc as cl
+_, stream = cl.simulate("trajectory", trials=5, seed=1, ticks=50)
+print(json.dumps([cl.run("ekf-local", stream).traces["ekf-local"].seconds for _ in range(2)]))
+"""
+
+HEAD = """# Speed
+
+What `make speed` measured, in processor time, each ratio of two things that ran turn by turn in one process. "short by"
+is how far the median is from the aim of `benchmarks/`, as a factor; empty where the aim is met.
+
+{machine}
+
+| | median | range | aim | short by |
+| --- | ---: | ---: | ---: | ---: |
+"""
+
+
+class Line(NamedTuple):
+    """One measured number."""
+
+    what: str
+    values: Any  # (rounds,)
+    aim: float
+    at_most: bool  # else at least
+
+    def row(self) -> str:
+        """The line as a row of the table."""
+        median = float(np.median(self.values))
+        short = median / self.aim if self.at_most else self.aim / median
+        aim = f"{'at most' if self.at_most else 'at least'} {self.aim:g}"
+        spread = f"{np.min(self.values):.3g} to {np.max(self.values):.3g}"
+        return f"| {self.what} | {median:.3g} | {spread} | {aim} | {f'{short:.2g} x' if short > 1 else ''} |\n"
+
+
+def weighing(rounds: int) -> Iterator[Line]:
+    """The weights of covariance intersection by cvxpy, each fusion a program of its own, as CTRN takes them."""
+    for m in (2, 5):
+        a = np.random.default_rng(1).normal(size=(intersection.FUSIONS, m, 2, 2))
+        P, ask = a @ a.mT + 0.1 * np.eye(2), intersection.asker(m, "trace")
+        contenders: dict[str, Any] = {
+            "asked": (lambda P=P, ask=ask: [ask(p) for p in P[: intersection.FRESH]], intersection.FRESH, 1),
+            "alone": (lambda P=P: weights(P, "trace", "cvxpy", intersection.ALONE), intersection.FUSIONS, 3),
+        }
+        times = intersection.race(contenders, rounds)
+        yield Line(f"cvxpy, {m} sources, alone [µs a fusion]", 1e6 * times["alone"], 150, True)
+        yield Line(
+            f"`Problem.solve` with parameters / the same, {m} sources", times["asked"] / times["alone"], 8, False
+        )
+    rng = np.random.default_rng(2)
+    P, H, groups = a[:, 0] @ a[:, 0].mT + 0.1 * np.eye(2), rng.normal(size=(len(a), 1, 2)), intersection.ALONE
+    contenders = {
+        "alone": (lambda: relative_weights(P, 0.05 * P, H, -H, np.eye(1), "trace", "cvxpy", 2, groups), len(P), 3)
+    }
+    yield Line("cvxpy, a range, alone [µs a fusion]", 1e6 * intersection.race(contenders, rounds)["alone"], 150, True)
+
+
+def recorded(rounds: int) -> Iterator[Line]:
+    """Every EKF on a recording."""
+    what, stream = recording.recorded()
+    for cost in recording.costs(stream, rounds):
+        yield Line(f"{what}, {cost.name} [µs per robot and tick]", cost.microseconds, 20, True)
+        if cost.times.size:
+            yield Line(f"its engine=filterpy twin / {cost.name}", cost.times, 10, False)
+
+
+def joint(rounds: int) -> Iterator[Line]:
+    """The joint EKF beside a filterpy loop."""
+    for row in joint_ekf.rows(rounds):
+        yield Line(row["what"], np.array([row["low"], row["ratio"], row["high"]]), row["target"], False)
+
+
+def first(rounds: int) -> Iterator[Line]:
+    """What `cl.run` says of its first run, with nothing compiled, and of its second."""
+    ratios = []
+    for _ in range(min(rounds, 2)):  # each compiles everything again
+        with tempfile.TemporaryDirectory() as empty:
+            alone = {**os.environ, "NUMBA_CACHE_DIR": empty}
+            told = subprocess.run(
+                [sys.executable, "-c", FIRST_AND_SECOND], env=alone, stdout=subprocess.PIPE, check=True
+            )
+        one, two = json.loads(told.stdout)
+        ratios.append(one / two)
+    yield Line("time of a first `cl.run` of ekf-local, nothing compiled / a second", np.array(ratios), 2, True)
+
+
+def main(report: str = "", rounds: int = 5) -> None:
+    """Print each line as soon as it is measured, and write the report."""
+    made = provenance()
+    versions = ", ".join(
+        f"{name} {made['versions'][name]}" for name in ("python", "numpy", "numba", "scipy", "filterpy")
+    )
+    text = HEAD.format(machine=f"{made['cpu']}; {versions}; {rounds} rounds.")
+    print(text, end="")
+    for part in (weighing, recorded, joint, first):
+        for line in part(rounds):
+            text += line.row()
+            print(line.row(), end="", flush=True)
+    if report:
+        notes = Path(report).with_name("speed_notes.md").read_text()
+        Path(report).write_text(f"{text}\n{notes}")
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:2], *map(int, sys.argv[2:]))
