@@ -241,12 +241,7 @@ class OfflineEstimator(Protocol):
     def smooth(self, prior: Belief, world: World, rows: Rows, z: Senses, air: Mail) -> Belief:
         """Beliefs x (t, T, n, d), P (t, T, n, d, d) of every trial, tick and robot.
 
-        Args:
-            prior: before tick 0, x (t, n, d), P (t, n, d, d).
-            world: what the team is told.
-            rows: trial, robot (t, n), key (t, n, 2).
-            z: every tick's senses, (t, T, n, ...).
-            air: `heard`, `rssi`, `range` (t, T, n, n), axis 2 the receiver; no packets.
-
+        The prior, before tick 0, and rows are (t, n, ...), as of a team; senses (t, T, n, ...); `air` has `heard`,
+        `rssi` and `range` (t, T, n, n), axis 2 the receiver, and no packets.
         """
         ...

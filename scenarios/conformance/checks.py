@@ -8,12 +8,13 @@ when; `mail_replay`, `isolation`, `numerics` and `equivariance` hold the others.
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from cooploc.estimators.interface import API
 from cooploc.scenarios.conformance import perturb
+from cooploc.scenarios.conformance.audit import audited
 from cooploc.scenarios.conformance.compare import (
     CheckFailed,
     CheckSkipped,
@@ -35,14 +36,11 @@ from cooploc.scenarios.conformance.mail_replay import mail_replay
 from cooploc.scenarios.conformance.numerics import covariance, nan_safety, silence
 from cooploc.scenarios.conformance.perturb import MODES
 from cooploc.scenarios.conformance.snapshot import Snapshot, require_unchanged, snapshot
-from cooploc.scenarios.runner.tick import Watcher
 from cooploc.scenarios.stream import Stream
 
 ROW_METHODS = ("init", "predict", "correct", "send", "fuse", "estimate")
 TEAM_METHODS = ("init", "predict", "correct", "exchange", "estimate")
 OFFLINE_METHODS = ("smooth",)
-BEFORE = ("prior", "world", "rows")
-ARGUMENTS = {"init": BEFORE, "smooth": (*BEFORE, "senses", "mail")}  # of a method; of others state, senses, mail
 
 
 class Check(NamedTuple):
@@ -126,7 +124,7 @@ def immutability(harness: Harness) -> str:
     """Methods write to nothing that they are given, parameters stay, and a second run repeats the first."""
     before = snapshot(harness.estimator, "its parameters")
     for stream, base in harness.cases:
-        audit = partial(_audited, stream.scenario, harness.traits.mutable)
+        audit = partial(audited, stream.scenario, harness.traits.mutable)
         again = harness.run(stream, "it ran a second time", audit=audit)
         require_unchanged(_inputs(stream), _inputs(again.stream), f"during the run of {stream.scenario!r}")
         require_equal(base, again, "it ran a second time")
@@ -233,22 +231,6 @@ def _select(record: RunRecord, order: list[int]) -> RunRecord:
     t = record.trace
     trace = replace(t, x=t.x[order], P=t.P[order], messages=t.messages[order], bytes=t.bytes[order])
     return RunRecord(trace, tuple(sent[order] for sent in record.packets), record.stream.select(order))
-
-
-def _audited(scenario: str, mutable: bool, watch: Watcher) -> Watcher:
-    """Compares everything that a method is given before and after the call."""
-
-    def audit(method: str, tick: int, arguments: tuple[Any, ...], call: Any) -> Any:
-        names = ARGUMENTS.get(method, ("state", "senses", "mail"))
-        audited = [i for i in range(len(arguments)) if not (mutable and names[i] == "state")]
-        before = [snapshot(arguments[i], names[i]) for i in audited]
-        result = watch(method, tick, arguments, call)
-        for i, old in zip(audited, before, strict=True):
-            when = f"by {method}() at tick {tick} of {scenario!r}"
-            require_unchanged(old, snapshot(arguments[i], names[i]), when)
-        return result
-
-    return audit
 
 
 def _inputs(stream: Stream) -> Snapshot:
