@@ -20,7 +20,7 @@ import pandas as pd
 import cooploc as cl
 from cooploc.scenarios import resolve
 from cooploc.scenarios.recordings.team.residuals import Part, residuals
-from cooploc.scenarios.recordings.team.sampling import Gaps
+from cooploc.scenarios.recordings.team.sampling import Gaps, span
 from cooploc.scenarios.studies.study import load
 
 BAGS = {"two-robots": "two turtlebots, one radio pair, 45 s", "four-robots": "four turtlebots, six radio pairs, 17 s"}
@@ -41,7 +41,7 @@ def ranges(label: str, data: Path) -> pd.DataFrame:
     model = resolve(label, data).model.at([0])
     judged = model.judged
     log, robots = judged.log, judged.log.robots
-    whole = Part(log, -np.inf, np.inf)
+    whole = Part(log, *span(log))
     found = residuals([whole], "range", robots, judged.grid.tick, Gaps(0.5, 0.5))
     error = found.z[:, 0] - found.distance
     rows = []
@@ -89,7 +89,10 @@ def bags(data: Path, out: Path) -> str:
             parts.append(BAG.format(
                 name=name, about=about, ranges=pipe(ranges("log/all", copy)),
                 errors=pipe(errors_of(["log/all", "log/all[bias=none]"], copy)),
-                findings="\n".join(f"- {row['fact']} ({row['sure']})" for row in found.findings.to_dict("records")),
+                findings="\n".join(
+                    f"- {row['fact'].replace(f'{place}/', '')} ({row['sure']})"
+                    for row in found.findings.to_dict("records")
+                ),
             ))  # fmt: skip
     return "\n".join(parts)
 
@@ -118,6 +121,20 @@ def stored(run: str, numbers: tuple[str, ...]) -> str:
     return pipe(wide.reindex(table["estimator"].unique()).reset_index())
 
 
+def told(table: pd.DataFrame) -> dict[str, str]:
+    """The sentences on the simulated world, from its table."""
+    at = table.set_index(["scenario", "estimator"])
+    said = []
+    for scenario, word in (("uwb/raw", "raw ranges"), ("uwb/removed", "the mean bias removed")):
+        row = at.loc[(scenario, "ekf-joint")]
+        low, high = row["change_low"], row["change_high"]
+        said.append(f"with {word} by {row['change']:+.0%} ({low:+.0%} to {high:+.0%})")
+    late = {e: f"{at.loc[('uwb/removed', e), 'rmse']:.2f} to {at.loc[('uwb/removed[outliers=0.4]', e), 'rmse']:.2f}"
+            for e in ("ekf-joint", "mrsl-distance")}  # fmt: skip
+    sentence = f"`ekf-joint` differs from `ekf-local`, which uses no ranges, {', '.join(said)}."
+    return {"sentences": sentence, "joint": late["ekf-joint"], "mrsl": late["mrsl-distance"]}
+
+
 def metres(value: float) -> str:
     """An error."""
     return f"{value:.3f}"
@@ -135,6 +152,7 @@ def main(data: str, uwb: str, mrclam: str, out: str = "reports") -> None:
     page = PAGE.format(
         bags=bags(Path(data), folder),
         uwb=stored(uwb, ("rmse", "anees_median")),
+        **told(cl.load_run(uwb).table),
         mrclam=stored(mrclam, ("rmse", "anees")),
         wifi=wifi(Path(data)),
     )
@@ -167,7 +185,18 @@ PAGE = """# Real robots
     cooploc run uwb                                           # the simulated world with the recorded errors
     python reports/real_robots.py DATA UWB_RUN MRCLAM_RUN     # this page
 
-NOTES
+What stands in the tables below:
+
+- Ultra-wide-band ranges are too long by a bias of each pair, 0.21 to 0.44 m here, with a spread of 0.04 to 0.19 m; the
+  largest spreads are those of robots that drive.
+- On these two bags cooperation by ranges buys nothing: the robots hardly drive, start where they are told to, and dead
+  reckoning drifts by 1 cm; no filter that uses the ranges errs less. Each is one run, so there are no intervals.
+- In a simulated world with the recorded errors, where robots do drive,
+  {sentences}
+- Late signals: from none to 40 % of them the error of `ekf-joint` goes from {joint} m, that of `mrsl-distance`,
+  which has no gate, from {mrsl} m. Trials that diverge rarely decide some of these numbers; the study's own
+  table names them.
+- WiFi: a robust fit makes some runs better and some worse; it is no default there.
 
 ## Ultra-wide-band ranges (TIERS/uwb-cooperative-mrs-localization)
 
