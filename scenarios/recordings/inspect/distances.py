@@ -156,11 +156,12 @@ def _renamed(log: TeamLog, channel: Channel, readings: Readings, i: int) -> dict
                 misfit[row, column] = median(np.abs(residual - median(residual)))
     rows_, columns = linear_sum_assignment(np.where(np.isfinite(misfit), misfit, 1e6))
     own = {int(k): c for c, k in enumerate(candidates)}
-    return {
+    found = {
         int(named[r]): int(candidates[c])
         for r, c in zip(rows_, columns, strict=True)
         if named[r] != candidates[c] and misfit[r, c] < misfit[r, own[int(named[r])]] / 3 < np.inf
     }
+    return found if set(found) == set(found.values()) else {}  # an exchange needs both; a landmark misread at times not
 
 
 def _places(log: TeamLog, channel: Channel) -> Array:
