@@ -139,9 +139,13 @@ def pickling(harness: Harness) -> str:
     return "it ran after a round trip through pickle: the same bits"
 
 
+KEYED = (
+    "draw random numbers from rows.key alone; a library that draws globally gets a keyed generator by "
+    "cl.PerRobot(..., own_random=True)"
+)
 CHECKS = (
     Check("runs", runs, "follow cooploc.estimators.interface: its shapes, and nan for an absent reading"),
-    Check("determinism", determinism, "draw random numbers from rows.key alone"),
+    Check("determinism", determinism, KEYED),
     Check(
         "non-interference",
         non_interference,
@@ -165,7 +169,7 @@ CHECKS = (
         "copy an array before writing to it, return a new state, and store nothing in parameters or module variables",
     ),
     Check("no-memory", no_memory, "store everything in the state that init() makes, nothing in module variables"),
-    Check("no-global-randomness", no_global_randomness, "draw random numbers from rows.key alone"),
+    Check("no-global-randomness", no_global_randomness, KEYED),
     Check("order-independence", order_independence, "store everything in the state; do not look for other estimators"),
     Check("truth-blindness", truth_blindness, "use only what the methods are given"),
     Check("nan-safety", nan_safety, "treat nan as an absent reading: leave that row as it is in that update"),
