@@ -34,6 +34,7 @@ if _TYPE_CHECKING:
     from cooploc.estimators.interface import Traffic as Traffic
     from cooploc.estimators.interface import World as World
     from cooploc.estimators.per_robot import PerRobot as PerRobot
+    from cooploc.estimators.per_team import PerTeam as PerTeam
     from cooploc.estimators.plugins.callable_package import CallablePackage as _CallablePackage
     from cooploc.estimators.plugins.errors import BadInput as BadInput
     from cooploc.estimators.plugins.tunable import tunable as tunable
@@ -83,6 +84,7 @@ _HOME = {
     "estimators": ("make",),
     "estimators.interface": ("Belief", "Estimator", "Mail", "Rows", "Senses", "TeamEstimator", "Traffic", "World"),
     "estimators.per_robot": ("PerRobot",),
+    "estimators.per_team": ("PerTeam",),
     "estimators.plugins.errors": ("BadInput",),
     "analysis.metrics.errors": ("errors",),
     "analysis.metrics.compare": ("compare", "summarize"),

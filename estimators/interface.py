@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 API = 1  # the version of this interface
+HEADER = 8  # bytes of a packet in addition to its payload
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

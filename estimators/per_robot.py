@@ -23,7 +23,7 @@ from typing import Any, ClassVar, NamedTuple, Protocol
 import numpy as np
 
 from cooploc.estimators.interface import Array, Belief, Keys, Mail, Rows, Senses, World
-from cooploc.estimators.lifting.lift import Lift
+from cooploc.estimators.lifting.lift import Lift, senses_of
 
 
 class Single(Protocol):
@@ -80,11 +80,11 @@ class PerRobot(Lift):
 
     def predict(self, s: State, z: Senses) -> State:
         s = s._replace(tick=s.tick + 1)
-        self._each(s, "predict", lambda robot, i: robot.predict(_own_senses(z, i)))
+        self._each(s, "predict", lambda robot, i: robot.predict(senses_of(z, i)))
         return s
 
     def correct(self, s: State, z: Senses) -> State:
-        self._each(s, "correct", lambda robot, i: robot.correct(_own_senses(z, i)))
+        self._each(s, "correct", lambda robot, i: robot.correct(senses_of(z, i)))
         return s
 
     def send(self, s: State, z: Senses) -> Array:
@@ -113,12 +113,6 @@ class PerRobot(Lift):
             with self.random(s.key[i], s.tick, step):
                 found.append(call(robot, i))
         return found
-
-
-def _own_senses(z: Senses, i: int) -> Senses:
-    """Row i, without the row axis."""
-    arrays = {name: getattr(z, name)[i] for name in Senses._fields[:-1]}
-    return Senses(**arrays, extra={name: a[i] for name, a in z.extra.items()})
 
 
 def _said(robot: Any) -> Array:

@@ -16,7 +16,7 @@ from cooploc.estimators.interface import Keys
 
 @contextmanager
 def keyed(key: Keys, *place: int) -> Iterator[None]:
-    """Seed the global generators for a block by a key (2,) and whole numbers of 0 or more; then restore them."""
+    """Seed the global generators for a block by a key (k,) and whole numbers of 0 or more; then restore them."""
     seeds = np.random.SeedSequence((*key.tolist(), *place))
     state: Any = np.random.MT19937(seeds).state
     before = random.getstate(), np.random.get_state()  # noqa: NPY002

@@ -8,16 +8,16 @@ What is not said in the call is read from the class, so that it can be named on 
         def __init__(self, prior, world, robot, key, alpha: float = cl.tunable(0.5, 0.01, 1, log=True)): ...
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import Field, dataclass
 from typing import Any, ClassVar, Self
 
-from cooploc.estimators.interface import Keys
+from cooploc.estimators.interface import Keys, Senses
 from cooploc.estimators.lifting.global_random import keyed
 from cooploc.estimators.lifting.parameters import completed, parameters, value
 
-STEPS = ("init", "predict", "correct", "send", "fuse", "estimate")
+STEPS = ("init", "predict", "correct", "send", "fuse", "exchange", "estimate")
 
 
 @dataclass(frozen=True, init=False, repr=False)
@@ -33,6 +33,7 @@ class Lift:
     api: ClassVar[int] = 1
     mutable: ClassVar[bool] = True  # exempt from the check that a method leaves the state it is given alone
     given: ClassVar[tuple[str, ...]] = ()  # what `make` takes before its parameters
+    more: ClassVar[Mapping[str, Any]] = {}  # what else may be said in the class or in the call, with its default
 
     def __init__(
         self,
@@ -44,12 +45,13 @@ class Lift:
         own_random: bool | None = None,
         **parameters: Any,
     ) -> None:
-        def said(name: str, given: Any, default: Any) -> Any:
-            return getattr(make, name, default) if given is None else given
-
-        fields = {"make": make, "stated": tuple(sorted(parameters.items()))}
-        fields |= {"uses": said("uses", uses, ("odometry",)), "axes": said("axes", axes, "")}
-        fields |= {"counted": said("notes", notes, ()), "own_random": said("own_random", own_random, False)}
+        called: dict[str, Any] = {"uses": uses, "axes": axes, "notes": notes, "own_random": own_random}
+        called |= {name: parameters.pop(name, None) for name in self.more}
+        defaults: dict[str, Any] = {"uses": ("odometry",), "axes": "", "notes": (), "own_random": False, **self.more}
+        fields: dict[str, Any] = {"make": make, "stated": tuple(sorted(parameters.items()))}
+        for name, one in called.items():
+            said = getattr(make, name, defaults[name]) if one is None else one
+            fields["counted" if name == "notes" else name] = said
         for name, one in fields.items():
             object.__setattr__(self, name, one)  # as the `__init__` of a frozen dataclass does
         self._completed()
@@ -85,11 +87,12 @@ class Lift:
 
         """
         said: dict[str, Any] = {"axes": self.axes, "notes": self.counted, "own_random": self.own_random}
+        said |= {name: getattr(self, name) for name in self.more}
         return type(self)(self.make, self.uses, **said, **{**dict(self.stated), **changed})
 
     def random(self, key: Keys, tick: int, step: str) -> AbstractContextManager[None]:
         """Global random numbers of one call; those of the process where the class did not ask for its own."""
-        return keyed(key, tick + 1, STEPS.index(step)) if self.own_random else nullcontext()
+        return keyed(key.ravel(), tick + 1, STEPS.index(step)) if self.own_random else nullcontext()
 
     def _completed(self) -> dict[str, Any]:
         return completed(self.name, parameters(self.make, self.given), dict(self.stated))
@@ -97,3 +100,9 @@ class Lift:
     def __repr__(self) -> str:
         written = "".join(f", {key}={value(one)!r}" for key, one in self.stated)
         return f"{type(self).__name__}({self.name}{written})"
+
+
+def senses_of(z: Senses, i: int) -> Senses:
+    """What row, or trial, i sensed."""
+    arrays = {name: getattr(z, name)[i] for name in Senses._fields[:-1]}
+    return Senses(**arrays, extra={name: a[i] for name, a in z.extra.items()})

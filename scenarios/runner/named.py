@@ -11,7 +11,7 @@ from cooploc.scenarios.stream import Stream, Truth
 
 ROBOT = ("init", "predict", "correct", "send", "fuse", "estimate")
 TEAM = ("init", "predict", "correct", "exchange", "estimate")
-LIFT = "a filter written for one robot is lifted by cl.PerRobot"
+LIFT = "a filter written for one robot is lifted by cl.PerRobot, one for a whole team by cl.PerTeam"
 ORDER = "write cl.run(estimators, stream)"
 
 
