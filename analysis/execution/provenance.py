@@ -15,7 +15,7 @@ from cooploc import estimators as estimator_names
 from cooploc import scenarios as scenario_names
 from cooploc.estimators.plugins.build import ConfiguredEstimator
 from cooploc.estimators.plugins.python_file import is_file
-from cooploc.estimators.plugins.sources import helpers_of, of_module, tree
+from cooploc.estimators.plugins.sources import Named, distributions, helpers_of, of_module, tree
 from cooploc.scenarios.remote import RemoteScenario
 from cooploc.scenarios.resolved import ResolvedScenario
 
@@ -53,17 +53,32 @@ def files(
 ) -> dict[str, str]:
     """A hash of the source of all that is not built in: its file with its helpers, or the files of its package.
 
-    What these import from elsewhere is not hashed.
+    What these import from elsewhere is not hashed; `imports` has its versions.
     """
+    return {name: _hash_of(name, found) for name, found in _sources(estimators, scenarios).items()}
+
+
+def imports(
+    estimators: Iterable[ConfiguredEstimator], scenarios: Iterable[ResolvedScenario | RemoteScenario] = ()
+) -> dict[str, dict[str, str]]:
+    """The versions of the distributions that each plug-in imports, by the plug-in's file or name."""
+    sources = _sources(estimators, scenarios).items()
+    return {name: distributions(file for _, file in found) for name, found in sources}
+
+
+def _sources(
+    estimators: Iterable[ConfiguredEstimator], scenarios: Iterable[ResolvedScenario | RemoteScenario]
+) -> dict[str, list[Named]]:
+    """The files of all that is not built in, by the path of a file, or the name of an installed plug-in."""
     homes = {one.name: estimator_names.module_of(one.name) for one in estimators}
     homes |= {one.name: scenario_names.module_of(one.name) for one in scenarios}
     found = {}
     for name, module in sorted(homes.items()):
         if is_file(name):
-            path = name.rpartition(":")[0]
-            found[path] = _of_file(Path(path))
+            path = Path(name.rpartition(":")[0])
+            found[name.rpartition(":")[0]] = [(path.name, path), *helpers_of(path)]
         elif module:
-            found[name] = _hash(of_module(module))
+            found[name] = of_module(module)
     return found
 
 
@@ -73,11 +88,11 @@ def source_hash(root: Path = ROOT) -> str:
     return _hash([*floors, ("errors.py", root / "analysis" / "metrics" / "errors.py")])
 
 
-def _of_file(path: Path) -> str:
-    """The hash of a file; where it imports helpers from its folder, of all of them."""
-    alone = hashlib.sha256(path.read_bytes()).hexdigest()
-    helpers = helpers_of(path)
-    return _hash([(path.name, path), *helpers]) if helpers else alone
+def _hash_of(name: str, found: list[Named]) -> str:
+    """The hash of a plug-in's files; that of a file without helpers is its own."""
+    if name.endswith(".py") and len(found) == 1:
+        return hashlib.sha256(found[0][1].read_bytes()).hexdigest()
+    return _hash(found)
 
 
 def _hash(files: Iterable[tuple[str, Path]]) -> str:

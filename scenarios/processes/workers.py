@@ -21,6 +21,7 @@ from typing import Any
 
 import cloudpickle
 
+from cooploc.estimators.plugins.python_file import load, needed
 from cooploc.scenarios.processes.outcome import Outcome, ProcessDied, ProcessHung, Raised
 
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
@@ -76,7 +77,7 @@ def call(owner: str, function: Callable[..., Any], *arguments: Any, seconds: flo
 def submit(owner: str, jobs: int, function: Callable[..., Any], *arguments: Any) -> "Future[Outcome]":
     """Begin a call in one of an owner's processes."""
     sent = cloudpickle.dumps((function, arguments))  # a worker reads it where an error can be caught
-    return pool(owner, jobs).submit(_called, os.getcwd(), sys.path, sent)
+    return pool(owner, jobs).submit(_called, os.getcwd(), sys.path, needed(sent), sent)
 
 
 def received(owner: str, future: "Future[Outcome]", seconds: float = float("inf")) -> Any:
@@ -122,13 +123,17 @@ def begin_worker(parent: int) -> None:
     threading.Thread(target=watch, daemon=True).start()
 
 
-def _called(folder: str, path: list[str], sent: bytes) -> Outcome:
-    """What runs in the other process: in the folder where the parent is, which another call may have left."""
+def _called(folder: str, path: list[str], files: dict[str, Path], sent: bytes) -> Outcome:
+    """What runs in the other process: in the folder where the parent is, which another call may have left.
+
+    The Python files that the call refers to are loaded first.
+    """
     os.chdir(folder)
     sys.path[:] = path
     printed = io.StringIO()
     try:
         with contextlib.redirect_stdout(printed):
+            load(files)
             function, arguments = cloudpickle.loads(sent)
             value = function(*arguments)
         return Outcome(cloudpickle.dumps(value), None, printed.getvalue())
