@@ -21,6 +21,8 @@ from numpy.typing import NDArray
 API = 1  # the version of this interface
 HEADER = 8  # bytes of a packet in addition to its payload
 
+TOO_NEAR_TO_RANGE = 0.2  # [m] a range reading below this says nothing about direction and is refused
+
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.int64]
@@ -76,6 +78,10 @@ class Motion(Protocol):
         """x', F = dx'/dx (..., d, d), Q (..., d, d)."""
         ...
 
+    def input_noise(self, x: Array, u: Array, dt: Array) -> tuple[Array, Array]:
+        """G = dx'/du (..., d, k) and the covariance W (..., k, k) of the odometry u's error: Q = G W G'."""
+        ...
+
     def sample(self, x: Array, u: Array, dt: Array, noise: Array) -> Array:
         """x' with the odometry's error drawn: `noise` (..., 2) is standard normal."""
         ...
@@ -90,7 +96,10 @@ class Motion(Protocol):
 
 
 class Sensor(Protocol):
-    """What a reading says about a state. x (..., d), a place q (..., 2), a reading z (..., k)."""
+    """What a reading says about a state. x (..., d), a place q (..., 2), a reading z (..., k).
+
+    Those of `world.sensors` have `expect(x, q)` too, the mean reading (..., k), for filters that need no slopes.
+    """
 
     @property
     def R(self) -> Array:
@@ -123,17 +132,38 @@ class World:
 
     def fixed(self, z: Senses) -> Iterator[tuple[Sensor, Array, Array]]:
         """Readings of fixed things as (sensor, place (2,), reading (r, k)), anchors first; absent ones are left out."""
+        yield from _present(self._all_fixed(z))
+
+    def stacked(self, x: Array, z: Senses, mail: Mail | None = None, mates: Belief | None = None) -> "Stacked":
+        """All readings of a tick as one vector, linearised at x (..., d): for filters that update once a tick.
+
+        Its length is the same in every tick: what `fixed` has, and with `mail` and `mates`, what is believed of the
+        teammates (x (..., n, d), P (..., n, d, d)), what `relative` has. y is nan where a reading is absent or refused:
+        use the rows where it is finite. The mates' covariance is added to R as if it were independent of the own; a
+        filter that fuses beliefs received again and again must not rely on that.
+        """
+        parts = [(*s.innovation(x, q, reading)[:2], s.R) for s, q, reading in self._all_fixed(z)]
+        if mail is not None and mates is not None:
+            for s, j, reading in self._all_relative(z, mail):
+                y, H, Hq = s.innovation(x, mates.x[..., j, :2], reading)
+                parts.append((y, H, s.R + Hq @ mates.P[..., j, :2, :2] @ Hq.mT))
+        return _stacked(x, parts)
+
+    def _all_fixed(self, z: Senses) -> Iterator[tuple[Sensor, Array, Array]]:
         rssi, sighted, ranged = (self.sensors.get(name) for name in ("anchor_rssi", "landmark", "anchor_range"))
         if rssi is not None:
-            yield from _present((rssi, q, z.anchor_rssi[..., i, None]) for i, q in enumerate(self.anchors))
+            yield from ((rssi, q, z.anchor_rssi[..., i, None]) for i, q in enumerate(self.anchors))
         if sighted is not None:
-            yield from _present((sighted, q, z.landmark[..., i, :]) for i, q in enumerate(self.landmarks))
+            yield from ((sighted, q, z.landmark[..., i, :]) for i, q in enumerate(self.landmarks))
         if ranged is not None:
             ranges = z.extra["anchor_range"]  # (r, a) [m]
-            yield from _present((ranged, q, ranges[..., i, None]) for i, q in enumerate(self.anchors))
+            yield from ((ranged, q, ranges[..., i, None]) for i, q in enumerate(self.anchors))
 
     def relative(self, z: Senses, mail: Mail) -> Iterator[tuple[Sensor, int, Array]]:
         """Readings of teammates as (sensor, sender, reading (r, k)): sightings, then radio RSSI, then radio range."""
+        yield from _present(self._all_relative(z, mail))
+
+    def _all_relative(self, z: Senses, mail: Mail) -> Iterator[tuple[Sensor, int, Array]]:
         team = range(self.robots)
         for channel, readings in (
             ("sighting", z.sighting),
@@ -142,7 +172,7 @@ class World:
         ):
             sensor = self.sensors.get(channel)
             if sensor is not None:
-                yield from _present((sensor, j, readings[..., j, :]) for j in team)
+                yield from ((sensor, j, readings[..., j, :]) for j in team)
 
 
 Place = TypeVar("Place", Array, int)
@@ -150,6 +180,26 @@ Place = TypeVar("Place", Array, int)
 
 def _present(readings: Iterator[tuple[Sensor, Place, Array]]) -> Iterator[tuple[Sensor, Place, Array]]:
     return (item for item in readings if not np.isnan(item[2]).all())
+
+
+class Stacked(NamedTuple):
+    """All readings of one tick as one vector."""
+
+    y: Array  # (..., m) innovation, nan where absent
+    H: Array  # (..., m, d)
+    R: Array  # (..., m, m)
+
+
+def _stacked(x: Array, parts: list[tuple[Array, Array, Array]]) -> Stacked:
+    lead, d = x.shape[:-1], x.shape[-1]
+    y = np.concatenate([np.zeros((*lead, 0)), *(part[0] for part in parts)], -1)
+    H = np.concatenate([np.zeros((*lead, 0, d)), *(part[1] for part in parts)], -2)
+    R, at = np.zeros((*lead, y.shape[-1], y.shape[-1])), 0
+    for _, _, block in parts:
+        k = block.shape[-1]
+        R[..., at : at + k, at : at + k] = block
+        at += k
+    return Stacked(y, H, R)
 
 
 S = TypeVar("S")

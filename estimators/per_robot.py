@@ -23,7 +23,8 @@ from typing import Any, ClassVar, NamedTuple, Protocol
 import numpy as np
 
 from cooploc.estimators.interface import Array, Belief, Keys, Mail, Rows, Senses, World
-from cooploc.estimators.lifting.lift import Lift, senses_of
+from cooploc.estimators.lifting.handed import mail_of, senses_of
+from cooploc.estimators.lifting.lift import Lift
 
 
 class Single(Protocol):
@@ -95,7 +96,7 @@ class PerRobot(Lift):
         return np.stack(said)
 
     def fuse(self, s: State, z: Senses, mail: Mail) -> State:
-        self._each(s, "fuse", lambda robot, i: hasattr(robot, "fuse") and robot.fuse(Mail(*(a[i] for a in mail))))
+        self._each(s, "fuse", lambda robot, i: hasattr(robot, "fuse") and robot.fuse(mail_of(mail, i)))
         return s
 
     def estimate(self, s: State) -> Belief:

@@ -28,7 +28,8 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from cooploc.estimators.interface import Array, Belief, Keys, Mail, Rows, Senses, Traffic, World
-from cooploc.estimators.lifting.lift import Lift, senses_of
+from cooploc.estimators.lifting.handed import mail_of, senses_of
+from cooploc.estimators.lifting.lift import Lift
 from cooploc.estimators.lifting.radio import Radio
 
 
@@ -76,7 +77,7 @@ class PerTeam(Lift):
         return s
 
     def exchange(self, s: State, z: Senses, air: Mail) -> tuple[State, Traffic]:
-        radios = [Radio(Mail(*(a[i] for a in air)), z.dt[i] > 0, self.centralised) for i in range(len(s.teams))]
+        radios = [Radio(mail_of(air, i), z.dt[i] > 0, self.centralised) for i in range(len(s.teams))]
         self._each(s, "exchange", lambda team, i: team.exchange(senses_of(z, i), radios[i]))
         return s, Traffic(np.stack([one.messages for one in radios]), np.stack([one.bytes for one in radios]))
 

@@ -13,7 +13,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import Field, dataclass
 from typing import Any, ClassVar, Self
 
-from cooploc.estimators.interface import Keys, Senses
+from cooploc.estimators.interface import Keys
 from cooploc.estimators.lifting.global_random import keyed
 from cooploc.estimators.lifting.parameters import completed, parameters, value
 
@@ -100,9 +100,3 @@ class Lift:
     def __repr__(self) -> str:
         written = "".join(f", {key}={value(one)!r}" for key, one in self.stated)
         return f"{type(self).__name__}({self.name}{written})"
-
-
-def senses_of(z: Senses, i: int) -> Senses:
-    """What row, or trial, i sensed."""
-    arrays = {name: getattr(z, name)[i] for name in Senses._fields[:-1]}
-    return Senses(**arrays, extra={name: a[i] for name, a in z.extra.items()})

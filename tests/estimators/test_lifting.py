@@ -8,6 +8,8 @@ import pytest
 
 import cooploc as cl
 from cooploc.analysis.tuning.space import space_of
+from cooploc.estimators.interface import Mail, Senses
+from cooploc.estimators.lifting.handed import mail_of, senses_of
 from cooploc.estimators.plugins.tunable import declared
 from cooploc.scenarios.runner.trace import trace
 from cooploc.scenarios.studies.sweep import expand
@@ -180,3 +182,21 @@ def test_a_library_that_draws_globally_passes_the_checks_with_its_own_generator(
         assert (report["determinism"].status == "passed") is passed
     assert "it draws from random" in report["determinism"].detail
     assert "own_random=True" in report["determinism"].remedy
+
+
+# ---------------------------------------------------------------- what is handed to an object
+
+
+def test_ranges_that_tell_no_direction_are_not_handed_to_a_plain_class():
+    z = Senses(
+        odometry=np.zeros((1, 2)),
+        dt=np.ones(1),
+        anchor_rssi=np.zeros((1, 0)),
+        landmark=np.array([[[0.1, 1.0], [0.3, 2.0]]]),
+        sighting=np.array([[[np.nan, np.nan], [0.19, 3.0]]]),
+        extra={},
+    )
+    mail = Mail(np.ones((1, 3), bool), np.zeros((1, 3, 0)), np.zeros((1, 3)), np.array([[0.0, 0.2, np.nan]]))
+    np.testing.assert_array_equal(senses_of(z, 0).landmark, [[np.nan, np.nan], [0.3, 2.0]])
+    np.testing.assert_array_equal(senses_of(z, 0).sighting, np.full((2, 2), np.nan))
+    np.testing.assert_array_equal(mail_of(mail, 0).range, [np.nan, 0.2, np.nan])
