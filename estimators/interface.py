@@ -215,6 +215,8 @@ class Estimator(Protocol[S]):
         notes: a method `notes(s)` -> {name: (r,)}, what the estimator counted, shown under the table; values of several
             trials are added, or their maximum is taken where the name begins with "largest".
         axes: a string, why its estimates do not turn with the world, for the check of equivariance.
+        own_motion: a string, why it does not move as dead reckoning does where it has odometry alone, for the check of
+            silence.
         mutable: True where its state changes in place; the check that inputs stay unchanged then leaves the state out.
     """
 

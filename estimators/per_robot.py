@@ -62,6 +62,7 @@ class PerRobot(Lift):
         notes: names of attributes of the objects, numbers that they count; shown under the table.
         own_random: whether it uses a library that draws from the global state of `random` or `numpy.random`: each call
             is then given one of its own, by trial, robot and tick, and the global state is restored afterwards.
+        own_motion: why it does not move as dead reckoning does where it has odometry alone.
         parameters: what `make` takes beside; a default `cl.tunable(...)`, in its signature or here, may be tuned.
 
     Raises:

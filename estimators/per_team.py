@@ -47,7 +47,7 @@ class PerTeam(Lift):
 
     Args:
         make: what makes an object from the team's priors, the world, and the robots' keys.
-        uses, axes, notes, own_random, parameters: as those of `PerRobot`.
+        uses, axes, notes, own_random, own_motion, parameters: as those of `PerRobot`.
         centralised: whether all readings reach one computer; then the runner counts what its robots upload.
         bound: whether it uses all readings as well as any estimator could.
 

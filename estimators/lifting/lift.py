@@ -33,6 +33,7 @@ class Lift:
     api: ClassVar[int] = 1
     mutable: ClassVar[bool] = True  # exempt from the check that a method leaves the state it is given alone
     given: ClassVar[tuple[str, ...]] = ()  # what `make` takes before its parameters
+    own_motion: str
     more: ClassVar[Mapping[str, Any]] = {}  # what else may be said in the class or in the call, with its default
 
     def __init__(
@@ -43,11 +44,13 @@ class Lift:
         axes: str | None = None,
         notes: tuple[str, ...] | None = None,
         own_random: bool | None = None,
+        own_motion: str | None = None,
         **parameters: Any,
     ) -> None:
         called: dict[str, Any] = {"uses": uses, "axes": axes, "notes": notes, "own_random": own_random}
-        called |= {name: parameters.pop(name, None) for name in self.more}
-        defaults: dict[str, Any] = {"uses": ("odometry",), "axes": "", "notes": (), "own_random": False, **self.more}
+        called |= {"own_motion": own_motion, **{name: parameters.pop(name, None) for name in self.more}}
+        defaults: dict[str, Any] = {"uses": ("odometry",), "axes": "", "notes": (), "own_random": False}
+        defaults |= {"own_motion": "", **self.more}
         fields: dict[str, Any] = {"make": make, "stated": tuple(sorted(parameters.items()))}
         for name, one in called.items():
             said = getattr(make, name, defaults[name]) if one is None else one
@@ -87,7 +90,7 @@ class Lift:
 
         """
         said: dict[str, Any] = {"axes": self.axes, "notes": self.counted, "own_random": self.own_random}
-        said |= {name: getattr(self, name) for name in self.more}
+        said |= {name: getattr(self, name) for name in ("own_motion", *self.more)}
         return type(self)(self.make, self.uses, **said, **{**dict(self.stated), **changed})
 
     def random(self, key: Keys, tick: int, step: str) -> AbstractContextManager[None]:

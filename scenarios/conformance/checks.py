@@ -178,7 +178,12 @@ CHECKS = (
         covariance,
         "return (P + P.mT) / 2, and use an update that keeps P positive semidefinite, such as the Joseph form",
     ),
-    Check("silence", silence, "where nothing is sensed or heard, move by odometry alone and let P grow"),
+    Check(
+        "silence",
+        silence,
+        "where nothing is sensed or heard, move by odometry alone and let P grow; a method that must move otherwise, "
+        "as a constant-velocity filter or Euler's integration, says why in a class variable: own_motion = '...'",
+    ),
     Check(
         "declaration",
         declaration,

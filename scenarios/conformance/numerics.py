@@ -5,7 +5,7 @@ import numpy as np
 from cooploc.estimators import make
 from cooploc.estimators.interface import Array, Mask
 from cooploc.scenarios.conformance import perturb
-from cooploc.scenarios.conformance.compare import RunRecord, earliest, fail_at, require_none
+from cooploc.scenarios.conformance.compare import CheckSkipped, RunRecord, earliest, fail_at, require_none
 from cooploc.scenarios.conformance.harness import Harness
 from cooploc.scenarios.runner.trace import ROUNDING, trace
 from cooploc.scenarios.stream import Stream
@@ -50,7 +50,12 @@ def silence(harness: Harness) -> str:
     standard deviation of what odometry adds. Where odometry has led out of the arena it may do as it likes: an
     estimator may know that no robot is there.
     """
-    for stream in harness.streams:
+    if harness.traits.own_motion:
+        raise CheckSkipped(f"own_motion: {harness.traits.own_motion}")
+    moving = [stream for stream in harness.streams if "odometry" in harness.channels(stream)]
+    if not moving:
+        raise CheckSkipped("it declares no odometry, so where it goes without other readings is its own affair")
+    for stream in moving:
         quiet = _only_odometry(stream)
         found, dead = harness.run(quiet, ONLY_ODOMETRY), trace("dead-reckoning", make("dead-reckoning"), quiet)
         variance = _position_variance(dead.P)
@@ -61,7 +66,9 @@ def silence(harness: Harness) -> str:
         if (off > allowed).any():
             where = earliest(off > allowed)
             distance = off[where]
-            fail_at(where, quiet, f" is {distance:.2g} m away from where odometry leads when {ONLY_ODOMETRY}")
+            limit = f"{allowed[where]:.2g} m is allowed"
+            far = f" is {distance:.2g} m away from where odometry leads, where {limit}, when {ONLY_ODOMETRY}"
+            fail_at(where, quiet, far)
         if harness.deterministic:
             _require_no_shrinking(found)
     agrees = "and its uncertainty never shrank" if harness.deterministic else "to one standard deviation"
@@ -92,7 +99,10 @@ def _require_no_shrinking(found: RunRecord) -> None:
     variance = _position_variance(found.trace.P)
     shrunk = np.zeros(variance.shape, bool)
     shrunk[:, 1:] = variance[:, 1:] < variance[:, :-1] * (1 - ROUNDING)
-    require_none(shrunk, found.stream, f"'s position variance shrank when {ONLY_ODOMETRY}")
+    if shrunk.any():
+        share = 1 - variance[:, 1:][shrunk[:, 1:]] / variance[:, :-1][shrunk[:, 1:]]
+        by = f"by up to {share.max():.1e} of itself"
+        require_none(shrunk, found.stream, f"'s position variance shrank {by} when {ONLY_ODOMETRY}")
 
 
 def _require_covariance(found: RunRecord, when: str) -> None:
@@ -100,5 +110,10 @@ def _require_covariance(found: RunRecord, when: str) -> None:
     scale = np.abs(P).max((-2, -1))
     asymmetry = np.abs(P - P.mT).max((-2, -1))
     least = np.linalg.eigvalsh((P + P.mT) / 2)[..., 0]
-    require_none(asymmetry > ROUNDING * scale, found.stream, f"'s covariance is not symmetric when {when}")
-    require_none(least < -ROUNDING * scale, found.stream, f"'s covariance has a negative variance when {when}")
+    with np.errstate(invalid="ignore", divide="ignore"):
+        skew, negative = (np.nanmax(a / scale) for a in (asymmetry, -least))
+    of = "of its largest entry"
+    fault = f"'s covariance is not symmetric, by {skew:.1e} {of}, when {when}"
+    require_none(asymmetry > ROUNDING * scale, found.stream, fault)
+    fault = f"'s covariance has a negative variance, {-negative:.1e} {of}, when {when}"
+    require_none(least < -ROUNDING * scale, found.stream, fault)
