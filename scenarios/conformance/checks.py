@@ -33,6 +33,7 @@ from cooploc.scenarios.conformance.isolation import (
 )
 from cooploc.scenarios.conformance.mail_replay import mail_replay
 from cooploc.scenarios.conformance.numerics import covariance, nan_safety, silence
+from cooploc.scenarios.conformance.other_worlds import other_worlds
 from cooploc.scenarios.conformance.perturb import MODES
 from cooploc.scenarios.conformance.snapshot import Snapshot, require_unchanged, snapshot
 from cooploc.scenarios.runner.tick import Watcher
@@ -193,6 +194,11 @@ CHECKS = (
         "equivariance",
         equivariance,
         "take positions, directions and robots only from the prior, the world and the readings",
+    ),
+    Check(
+        "other-worlds",
+        other_worlds,
+        "keep P positive semidefinite over long streams, and expect robots that sleep: dt is 0 and readings are nan",
     ),
     Check("pickling", pickling, "make it a frozen dataclass at the top of a module, its parameters plain values"),
 )

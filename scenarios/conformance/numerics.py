@@ -25,7 +25,7 @@ def nan_safety(harness: Harness) -> str:
             single = np.where(harness.rng.uniform(size=array.shape) < 0.3, np.nan, array)
             for other, which in ((single, "single readings"), (np.full_like(array, np.nan), "all readings")):
                 when = f"{which} of {channel} were absent"
-                _require_covariance(harness.run(stream.with_arrays({name: other}), when), when)
+                require_covariance(harness.run(stream.with_arrays({name: other}), when), when)
                 ways += 1
     return f"single and all readings of each channel were made absent in {ways} ways: every estimate stayed finite"
 
@@ -33,10 +33,10 @@ def nan_safety(harness: Harness) -> str:
 def covariance(harness: Harness) -> str:
     """Every covariance is symmetric and has no negative variance, in any direction."""
     for stream, base in harness.cases:
-        _require_covariance(base, "nothing was changed")
+        require_covariance(base, "nothing was changed")
         for mode in perturb.MODES:
             when = f"readings were {mode}"
-            _require_covariance(harness.run(perturb.perturb_readings(stream, mode, harness.rng), when), when)
+            require_covariance(harness.run(perturb.perturb_readings(stream, mode, harness.rng), when), when)
     return (
         f"at every tick, with readings perturbed and hidden too, P was symmetric and positive semidefinite to "
         f"{ROUNDING:g} of its largest entry"
@@ -105,7 +105,13 @@ def _require_no_shrinking(found: RunRecord) -> None:
         require_none(shrunk, found.stream, f"'s position variance shrank {by} when {ONLY_ODOMETRY}")
 
 
-def _require_covariance(found: RunRecord, when: str) -> None:
+def require_covariance(found: RunRecord, when: str) -> None:
+    """Require that every covariance is symmetric and has no negative variance.
+
+    Raises:
+        CheckFailed: one is not; says where and by how much.
+
+    """
     P = found.trace.P
     scale = np.abs(P).max((-2, -1))
     asymmetry = np.abs(P - P.mT).max((-2, -1))

@@ -40,6 +40,7 @@ NAMES = [
     "silence",
     "declaration",
     "equivariance",
+    "other-worlds",
     "pickling",
 ]
 
@@ -121,6 +122,8 @@ GALLERY = [
         "silence",
         "robot 0's position variance shrank by up to .* of itself when nothing",
     ),
+    (broken.DividesByDt(), "other-worlds", "not finite in 'asynchrony.*in a world of robots that sleep"),
+    (broken.LosesItsCovariance(), "other-worlds", "negative variance.*in a world of 200 ticks"),
     (broken.DeclaresTooMuch(), "declaration", "declares anchor_rssi, landmark, but that never changed"),
     (broken.MessagesWithoutBytes(), "declaration", "states that it sent [0-9]+ messages of 0 bytes"),
     (broken.PrefersOrigin(), "equivariance", "when the world was shifted"),
