@@ -5,7 +5,8 @@ VENV ?= .venv$(patsubst -3.11,,$(patsubst python%,-%,$(notdir $(PYTHON))))
 BIN := $(VENV)/bin
 PARALLEL := -n 2 --dist loadgroup
 
-.PHONY: demo test quick-test docs lint types floors units hooks looks bench speed prove accuse findings reliability alike oddities truth lock clean
+.PHONY: demo test quick-test docs lint types floors units hooks looks bench speed prove accuse findings reliability alike \
+  oddities truth peers lock clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.ready  ## run the quick study, print its table, write its picture
@@ -85,6 +86,9 @@ docs: .venv-docs/.ready  ## the documentation site, in build/docs; needs no netw
 	.venv-docs/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes -r docs/requirements.lock
 	.venv-docs/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 	touch $@
+
+peers: $(VENV)/.ready  ## other people's filters as plug-ins: glue, agreement, checks, error, cost; keeps its report
+	$(BIN)/python benchmarks/peers/table.py reports/peers.md
 
 lock:  ## pin what is new and keep the other pins, or pin everything again: make lock UPGRADE=--upgrade (needs uv)
 	uv pip compile pyproject.toml --extra dev --universal --python-version 3.11 --generate-hashes \

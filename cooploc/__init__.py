@@ -35,7 +35,9 @@ if _TYPE_CHECKING:
     from cooploc.estimators.interface import TeamEstimator as TeamEstimator
     from cooploc.estimators.interface import Traffic as Traffic
     from cooploc.estimators.interface import World as World
+    from cooploc.estimators.models.layout import Layout as Layout
     from cooploc.estimators.per_robot import PerRobot as PerRobot
+    from cooploc.estimators.per_team import PerTeam as PerTeam
     from cooploc.estimators.plugins.callable_package import CallablePackage as _CallablePackage
     from cooploc.estimators.plugins.errors import BadInput as BadInput
     from cooploc.estimators.plugins.tunable import tunable as tunable
@@ -84,7 +86,9 @@ _HOME = {
     "scenarios.studies.listing": ("studies",),
     "estimators": ("make",),
     "estimators.interface": ("Belief", "Estimator", "Mail", "Rows", "Senses", "TeamEstimator", "Traffic", "World"),
+    "estimators.models.layout": ("Layout",),
     "estimators.per_robot": ("PerRobot",),
+    "estimators.per_team": ("PerTeam",),
     "estimators.plugins.errors": ("BadInput",),
     "analysis.metrics.errors": ("errors",),
     "analysis.metrics.compare": ("compare", "summarize"),

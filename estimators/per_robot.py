@@ -1,24 +1,30 @@
 """Lifts a plain object that runs on one robot to the interface: the filter loop one would write with filterpy.
 
-Write a class for a single robot, as below, and run `PerRobot(MyLoop, uses=("odometry", "anchor_rssi"))`. It is the
-quick way to begin, and a reference to test a batched version against, which is about fifty times faster.
+Write a class for a single robot, as below, and run `PerRobot(MyLoop, gate=9.0)`, or name it on the command line,
+`path.py:MyLoop[gate=9]`. It is the quick way to begin, and a reference to test a batched version against, which is
+about fifty times faster.
 
     class MyLoop:
-        def __init__(self, prior, world, robot, key): ...
+        uses = ("odometry", "anchor_rssi")
+        def __init__(self, prior, world, robot, key, gate: float = 13.8): ...  # parameters after the first four
         def predict(self, z): ...       # z.odometry (k,), z.dt
         def correct(self, z): ...       # z.anchor_rssi (a,), z.landmark (l, 2), or world.fixed(z)
         def send(self): ...             # (m,) numbers; optional
         def fuse(self, mail): ...       # mail.packets (n, m) where mail.heard (n,); optional
         def estimate(self): ...         # Belief(x (d,), P (d, d))
+
+`uses`, and what else `PerRobot` takes beside parameters, may stand in the class or in the call.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
 from cooploc.estimators.interface import Array, Belief, Keys, Mail, Rows, Senses, World
+from cooploc.estimators.lifting.handed import mail_of, senses_of
+from cooploc.estimators.lifting.lift import Lift
 
 
 class Single(Protocol):
@@ -41,55 +47,74 @@ class State(NamedTuple):
     """The objects, one per row. They change in place."""
 
     robots: tuple[Any, ...]
+    key: Keys  # (r, 2)
+    tick: int  # the last one that began; -1 before the first
 
 
-@dataclass(frozen=True)
-class PerRobot:
-    """One object per robot and trial, made by `make(prior, world, robot, key)`: a class, or a function."""
+@dataclass(frozen=True, init=False, repr=False)
+class PerRobot(Lift):
+    """One object per robot and trial, made by `make(prior, world, robot, key, **parameters)`: a class, or a function.
 
-    make: Callable[[Belief, World, int, Keys], Single]
-    uses: tuple[str, ...] = ("odometry",)
-    api: ClassVar[int] = 1
-    mutable: ClassVar[bool] = True  # exempt from the check that a method leaves the state it is given alone
+    Args:
+        make: what makes an object from its robot's prior (x (d,), P (d, d)), the world, the robot's number and its key.
+        uses: the channels that it reads, as `Estimator` says.
+        axes: why its estimates do not turn with the world, as those of an unscented filter do not.
+        notes: names of attributes of the objects, numbers that they count; shown under the table.
+        own_random: whether it uses a library that draws from the global state of `random` or `numpy.random`: each call
+            is then given one of its own, by trial, robot and tick, and the global state is restored afterwards.
+        own_motion: why it does not move as dead reckoning does where it has odometry alone.
+        parameters: what `make` takes beside; a default `cl.tunable(...)`, in its signature or here, may be tuned.
+
+    Raises:
+        TypeError: `make` does not take the four arguments, or has no such parameter.
+
+    """
+
+    given: ClassVar[tuple[str, ...]] = ("prior", "world", "robot", "key")
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         # Copies, because a plain loop may well write into its state.
-        beliefs = (Belief(x.copy(), P.copy()) for x, P in zip(*prior, strict=True))
-        who = zip(beliefs, rows.robot.tolist(), rows.key, strict=True)
-        return State(tuple(self.make(belief, world, robot, key) for belief, robot, key in who))
+        beliefs = [Belief(x.copy(), P.copy()) for x, P in zip(*prior, strict=True)]
+        who, parameters = rows.robot.tolist(), self.parameters
+        nobody = State((None,) * len(who), rows.key, -1)
+        made = self._each(nobody, "init", lambda _, i: self.make(beliefs[i], world, who[i], rows.key[i], **parameters))
+        return nobody._replace(robots=tuple(made))
 
     def predict(self, s: State, z: Senses) -> State:
-        for i, robot in enumerate(s.robots):
-            robot.predict(_own_senses(z, i))
+        s = s._replace(tick=s.tick + 1)
+        self._each(s, "predict", lambda robot, i: robot.predict(senses_of(z, i)))
         return s
 
     def correct(self, s: State, z: Senses) -> State:
-        for i, robot in enumerate(s.robots):
-            robot.correct(_own_senses(z, i))
+        self._each(s, "correct", lambda robot, i: robot.correct(senses_of(z, i)))
         return s
 
     def send(self, s: State, z: Senses) -> Array:
-        said = [_said(robot) for robot in s.robots]
+        said = self._each(s, "send", lambda robot, _: _said(robot))
         widths = {len(packet) for packet in said}
         if len(widths) > 1:
             raise ValueError(f"send() returned packets of {sorted(widths)} numbers; fill the shorter ones with nan")
         return np.stack(said)
 
     def fuse(self, s: State, z: Senses, mail: Mail) -> State:
-        for i, robot in enumerate(s.robots):
-            if hasattr(robot, "fuse"):
-                robot.fuse(Mail(*(a[i] for a in mail)))
+        self._each(s, "fuse", lambda robot, i: hasattr(robot, "fuse") and robot.fuse(mail_of(mail, i)))
         return s
 
     def estimate(self, s: State) -> Belief:
-        beliefs = [robot.estimate() for robot in s.robots]
+        beliefs = self._each(s, "estimate", lambda robot, _: robot.estimate())
         return Belief(np.stack([b.x for b in beliefs]), np.stack([b.P for b in beliefs]))
 
+    def notes(self, s: State) -> Mapping[str, Array]:
+        """What the objects counted, (r,) each."""
+        return {name: np.array([getattr(robot, name) for robot in s.robots], float) for name in self.counted}
 
-def _own_senses(z: Senses, i: int) -> Senses:
-    """Row i, without the row axis."""
-    arrays = {name: getattr(z, name)[i] for name in Senses._fields[:-1]}
-    return Senses(**arrays, extra={name: a[i] for name, a in z.extra.items()})
+    def _each(self, s: State, step: str, call: Callable[[Any, int], Any]) -> list[Any]:
+        """What a call with every object and its row returns."""
+        found = []
+        for i, robot in enumerate(s.robots):
+            with self.random(s.key[i], s.tick, step):
+                found.append(call(robot, i))
+        return found
 
 
 def _said(robot: Any) -> Array:

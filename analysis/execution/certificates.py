@@ -1,6 +1,7 @@
 """Certificates: what the checks found of an estimator that is not built in, once per version of its source.
 
-The manifest holds them by the estimator's label with its parameters, each with the hash of the source that was checked.
+The manifest holds them by the estimator's label with its parameters, each with the hash of the source that was checked
+and the versions of the distributions that it imports.
 In tables a certificate is one line: "passed: 16 checks", "passed: 15 of 16 checks; axes: why", "failed: causality: what
 was found", "unchecked: why". A built-in estimator has none: the tests of this package check it.
 """
@@ -15,7 +16,7 @@ import pandas as pd
 
 from cooploc.analysis.execution.elsewhere import hash_of
 from cooploc.analysis.execution.own_world_certificate import World, certified
-from cooploc.analysis.execution.provenance import files, training_of
+from cooploc.analysis.execution.provenance import files, imports, training_of
 from cooploc.analysis.metrics.certificate_line import TRAINED, mark
 from cooploc.estimators import configure
 from cooploc.estimators.plugins.build import ConfiguredEstimator
@@ -51,7 +52,7 @@ def renewed(
         label = estimator.label
         if estimator.builtin:
             continue
-        source = files([estimator])
+        source = {**files([estimator]), **{k: v for one in imports([estimator]).values() for k, v in one.items()}}
         if valid(held.get(label), source):
             continue
         learned = training_of(estimator.name)

@@ -13,7 +13,7 @@ from cooploc.analysis.execution.fit import demand_fit, without_misfits
 from cooploc.analysis.execution.memory import demand_memory
 from cooploc.analysis.execution.plan import Plan, make_plan, work
 from cooploc.analysis.execution.pool import Workers
-from cooploc.analysis.execution.provenance import files, fingerprint, provenance
+from cooploc.analysis.execution.provenance import files, fingerprint, imports, provenance
 from cooploc.analysis.execution.repeated import run_again, study_worlds
 from cooploc.analysis.execution.run_directory import FORMAT, Piece, RunDir
 from cooploc.analysis.execution.task import MeasuredPart
@@ -124,6 +124,7 @@ def manifest_of(asked: ResolvedStudy) -> dict[str, Any]:
         "scenarios": {one.label: one.settings for one in scenarios},
         "recordings": _explained(scenarios),
         "files": files(asked.estimators, scenarios),
+        "imports": imports(asked.estimators, scenarios),
         "certificates": {},
         "streams": {},
         **provenance(),

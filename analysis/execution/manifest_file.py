@@ -76,6 +76,13 @@ def continued(folder: Path, found: dict[str, Any], asked: dict[str, Any]) -> dic
     for path, hashed in asked["files"].items():
         if found["files"].get(path, hashed) != hashed:
             raise BadInput(f"{folder} holds results of another version of {path}; name another with --out")
+    for path, versions in asked["imports"].items():
+        before = found.get("imports", {}).get(path, versions)
+        if before != versions:
+            changed = ", ".join(sorted({name for name, _ in before.items() ^ versions.items()}))
+            raise BadInput(
+                f"{folder} holds results of {path} with other versions of {changed}; name another with --out"
+            )
     for label, parameters in asked["scenarios"].items():
         if found["scenarios"].get(label, parameters) != parameters:
             raise BadInput(f"{folder} holds another scenario {label!r}; name another directory with --out")
@@ -83,6 +90,7 @@ def continued(folder: Path, found: dict[str, Any], asked: dict[str, Any]) -> dic
         **asked,
         "scenarios": {**found["scenarios"], **asked["scenarios"]},
         "files": {**found["files"], **asked["files"]},
+        "imports": {**found.get("imports", {}), **asked["imports"]},
         "cells": _both(found["cells"], asked["cells"]),
         "certificates": found["certificates"],
         "streams": found["streams"],
@@ -102,10 +110,12 @@ def _both(found: dict[str, Any], asked: dict[str, Any]) -> dict[str, Any]:
 
 def settings(manifest: dict[str, Any], piece: Piece) -> str:
     """A digest of what a part's bits depend on: seed, versions and source, its scenario, the files of its plug-ins."""
-    files = {
-        path: hashed
-        for path, hashed in manifest.get("files", {}).items()
-        if any(label.startswith(path) for label in piece[:2])
-    }
+    files, imports = (_of(piece, manifest.get(kind, {})) for kind in ("files", "imports"))
     of_all = {key: manifest.get(key) for key in MUST_MATCH}
-    return digest({**of_all, "scenario": manifest.get("scenarios", {}).get(piece.scenario), "files": files})
+    plugged = {"files": files, "imports": imports} if imports else {"files": files}  # as earlier versions did
+    return digest({**of_all, "scenario": manifest.get("scenarios", {}).get(piece.scenario), **plugged})
+
+
+def _of(piece: Piece, plugged: dict[str, Any]) -> dict[str, Any]:
+    """Those of the plug-ins of a piece's scenario and estimator."""
+    return {path: one for path, one in plugged.items() if any(label.startswith(path) for label in piece[:2])}

@@ -16,7 +16,7 @@ from cooploc import scenarios as scenario_names
 from cooploc.estimators.plugins.artifacts import artifacts_of, trained_on
 from cooploc.estimators.plugins.build import ConfiguredEstimator
 from cooploc.estimators.plugins.python_file import is_file
-from cooploc.estimators.plugins.sources import Named, helpers_of, of_module, tree
+from cooploc.estimators.plugins.sources import Named, distributions, helpers_of, of_module, tree
 from cooploc.scenarios.remote import RemoteScenario
 from cooploc.scenarios.resolved import ResolvedScenario
 
@@ -54,17 +54,32 @@ def files(
 ) -> dict[str, str]:
     """A hash of the source of all that is not built in: its file with its helpers, or the files of its package.
 
-    With the artifacts that its classes name. What these import from elsewhere is not hashed.
+    With the artifacts that its classes name. What these import from elsewhere is not hashed; `imports` has versions.
     """
+    return {name: _hash_of(name, found) for name, found in _sources(estimators, scenarios).items()}
+
+
+def imports(
+    estimators: Iterable[ConfiguredEstimator], scenarios: Iterable[ResolvedScenario | RemoteScenario] = ()
+) -> dict[str, dict[str, str]]:
+    """The versions of the distributions that each plug-in imports, by the plug-in's file or name."""
+    sources = _sources(estimators, scenarios).items()
+    return {name: distributions(file for _, file in found) for name, found in sources}
+
+
+def _sources(
+    estimators: Iterable[ConfiguredEstimator], scenarios: Iterable[ResolvedScenario | RemoteScenario]
+) -> dict[str, list[Named]]:
+    """The files of all that is not built in, by the path of a file, or the name of an installed plug-in."""
     homes = {one.name: estimator_names.module_of(one.name) for one in estimators}
     homes |= {one.name: scenario_names.module_of(one.name) for one in scenarios}
     found = {}
     for name, module in sorted(homes.items()):
         if is_file(name):
-            path = name.rpartition(":")[0]
-            found[path] = _of_file(Path(path))
+            path = Path(name.rpartition(":")[0])
+            found[name.rpartition(":")[0]] = [(path.name, path), *helpers_of(path)]
         elif module:
-            found[name] = _hash(_with_artifacts(of_module(module)))
+            found[name] = of_module(module)
     return found
 
 
@@ -84,15 +99,12 @@ def source_hash(root: Path = ROOT) -> str:
     return _hash([*floors, ("errors.py", root / "analysis" / "metrics" / "errors.py")])
 
 
-def _of_file(path: Path) -> str:
-    """The hash of a file; where it imports helpers from its folder, of all of them."""
-    alone = hashlib.sha256(path.read_bytes()).hexdigest()
-    both = _with_artifacts([(path.name, path), *helpers_of(path)])
-    return _hash(both) if len(both) > 1 else alone
-
-
-def _with_artifacts(sources: list[Named]) -> list[Named]:
-    return [*sources, *artifacts_of(path for _, path in sources if path.suffix == ".py")]
+def _hash_of(name: str, found: list[Named]) -> str:
+    """The hash of a plug-in's files, with the artifacts that they name; that of a file without either is its own."""
+    both = [*found, *artifacts_of(path for _, path in found if path.suffix == ".py")]
+    if name.endswith(".py") and len(both) == 1:
+        return hashlib.sha256(both[0][1].read_bytes()).hexdigest()
+    return _hash(both)
 
 
 def _hash(files: Iterable[tuple[str, Path]]) -> str:

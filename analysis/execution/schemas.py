@@ -68,6 +68,7 @@ class Manifest(BaseModel):
     data: StrictStr | None
     scenarios: dict[StrictStr, dict[StrictStr, Any]]
     files: dict[StrictStr, StrictStr] = {}
+    imports: dict[StrictStr, dict[StrictStr, StrictStr]] = {}  # plug-in -> distribution -> version
     certificates: dict[StrictStr, Certificate] = {}
     streams: dict[StrictStr, dict[StrictStr, StrictStr]]
     versions: Versions

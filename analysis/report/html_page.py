@@ -141,7 +141,8 @@ def _standing_claims(judged: pd.DataFrame) -> str:
 
 def _versions(kept: Kept) -> Table:
     manifest = kept.manifest
-    used = {**manifest["versions"], **{key: manifest[key] for key in ("commit", "source", "cpu", "seed")}}
+    imported = {name: at for one in manifest.get("imports", {}).values() for name, at in one.items()}
+    used = {**imported, **manifest["versions"], **{key: manifest[key] for key in ("commit", "source", "cpu", "seed")}}
     rows = [{"what": what, "version": value} for what, value in {**used, "recordings": manifest["data"]}.items()]
     columns = words("what"), words("version or hash", "version")
     return Table("versions", "What the bits depend on", columns, rows)

@@ -5,9 +5,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from cooploc.estimators.interface import Array, Indices, Mask, Traffic
-
-HEADER = 8  # bytes a message costs beside its numbers, as the runner counts
+from cooploc.estimators.interface import HEADER, Array, Indices, Mask, Traffic
 
 
 class Message(NamedTuple):

@@ -61,7 +61,7 @@ class GradientDoa:
 
     def expect(self, x: Array) -> Array:
         """The gradient (..., 2) that the path-loss model gives at x (..., d): removes the gradient's own bias."""
-        return self.gradient(np.moveaxis(self.rssi.expect(x, self._beside(x)), 0, -1))
+        return self.gradient(np.moveaxis(self.rssi.level(x, self._beside(x)), 0, -1))
 
     def _beside(self, x: Array) -> Array:
         """The nodes (4, 1 .., 2) on an axis before those of x: numpy's inner loops stay long."""

@@ -28,6 +28,12 @@ class Displacement:
         shape = (*moved.shape, d)
         return moved, np.broadcast_to(np.eye(d), shape), np.broadcast_to(Q, shape)
 
+    def input_noise(self, x: Array, u: Array, dt: Array) -> tuple[Array, Array]:
+        """G = (I, 0)' (..., d, 2),  W = sigma^2 dt/tick I (..., 2, 2)."""
+        d, lead = x.shape[-1], np.broadcast_shapes(x.shape[:-1], u.shape[:-1])
+        W = self._variance(dt)[..., None, None] * np.eye(2)
+        return np.broadcast_to(np.eye(d, 2), (*lead, d, 2)), np.broadcast_to(W, (*lead, 2, 2))
+
     def sample(self, x: Array, u: Array, dt: Array, noise: Array) -> Array:
         return _add_position(x, _known(u) + np.sqrt(self._variance(dt))[..., None] * noise)
 
@@ -65,6 +71,19 @@ class Unicycle:
         W = np.array([self.sigma_v**2, self.sigma_omega**2]) * self.tick
         Q = (G * (W * dt[..., None])[..., None, :]) @ G.mT
         return self._step(x, arc, turn), F, Q
+
+    def input_noise(self, x: Array, u: Array, dt: Array) -> tuple[Array, Array]:
+        """G as in `move`, times dt (..., 3, 2),  W = diag(sigma_v^2, sigma_omega^2) tick/dt (..., 2, 2).
+
+        W is 0 where dt is 0.
+        """
+        u, dt = _known(u), np.asarray(dt)
+        arc, a = u[..., 0] * dt, x[..., 2] + u[..., 1] * dt / 2
+        c, s, zero = np.cos(a), np.sin(a), np.zeros_like(a)
+        G = _matrix([[c, -arc * s / 2], [s, arc * c / 2], [zero, zero + 1]]) * dt[..., None, None]
+        rate = np.divide(self.tick, dt, out=np.zeros(dt.shape), where=dt > 0)
+        W = np.diag([self.sigma_v**2, self.sigma_omega**2]) * rate[..., None, None]
+        return G, np.broadcast_to(W, (*G.shape[:-2], 2, 2))
 
     def sample(self, x: Array, u: Array, dt: Array, noise: Array) -> Array:
         u, dt = _known(u), np.asarray(dt)

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cooploc.estimators.interface import TOO_NEAR_TO_RANGE as TOO_NEAR_TO_RANGE
 from cooploc.estimators.interface import Array
 from cooploc.estimators.models.angles import wrap
 
 NEAR = 0.1  # [m] distances in a logarithm or a quotient are clamped here
-TOO_NEAR_TO_RANGE = 0.2  # [m] a range reading below this says nothing about direction and is refused
 
 
 @dataclass(frozen=True)
@@ -30,21 +30,25 @@ class LogDistance:
     def R(self) -> Array:
         return np.array([[self.sigma**2]])
 
-    def expect(self, x: Array, q: Array) -> Array:
+    def level(self, x: Array, q: Array) -> Array:
         """The mean reading (...) [dBm]."""
         d2 = (x[..., 0] - q[..., 0]) ** 2 + (x[..., 1] - q[..., 1]) ** 2
         return self.A - 5 * self.eta * np.log10(np.maximum(d2, NEAR**2))
 
     def slope(self, x: Array, q: Array) -> Array:
-        """d expect / d position (..., 2) [dB/m]; zero inside the clamp."""
+        """d level / d position (..., 2) [dB/m]; zero inside the clamp."""
         east, north = x[..., 0] - q[..., 0], x[..., 1] - q[..., 1]
         d2 = east**2 + north**2
         far, clamped, fall = d2 > NEAR**2, np.maximum(d2, NEAR**2), -10 * self.eta / np.log(10)
         return np.stack([np.where(far, fall * away / clamped, 0.0) for away in (east, north)], -1)
 
+    def expect(self, x: Array, q: Array) -> Array:
+        """The mean reading (..., 1) [dBm]."""
+        return self.level(x, q)[..., None]
+
     def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
         g = self.slope(x, q)
-        return z - self.expect(x, q)[..., None], _widen(g[..., None, :], x), -g[..., None, :]
+        return z - self.expect(x, q), _widen(g[..., None, :], x), -g[..., None, :]
 
 
 @dataclass(frozen=True)
@@ -56,6 +60,10 @@ class Range:
     @property
     def R(self) -> Array:
         return np.array([[self.sigma**2]])
+
+    def expect(self, x: Array, q: Array) -> Array:
+        """The distance (..., 1) [m]."""
+        return _offset(x, q)[1]
 
     def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
         delta, d = _offset(x, q)
@@ -86,6 +94,12 @@ class Bearing:
     def R(self) -> Array:
         return np.array([[self.sigma**2]])
 
+    def expect(self, x: Array, q: Array) -> Array:
+        """The direction (..., 1) in (-pi, pi] [rad]."""
+        delta, _ = _offset(x, q)
+        heading = x[..., 2:3] if x.shape[-1] > 2 else 0.0
+        return wrap(np.arctan2(-delta[..., 1:], -delta[..., :1]) - heading)
+
     def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
         delta, d = _offset(x, q)
         heading = x[..., 2:3] if x.shape[-1] > 2 else 0.0
@@ -108,6 +122,10 @@ class Sighting:
     def R(self) -> Array:
         return np.array([[self.sigma_range**2, 0.0], [0.0, self.sigma_bearing**2]])
 
+    def expect(self, x: Array, q: Array) -> Array:
+        """Distance [m] and direction in (-pi, pi] [rad], (..., 2)."""
+        return np.concatenate([Range().expect(x, q), Bearing().expect(x, q)], -1)
+
     def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
         parts = (
             Range(self.sigma_range).innovation(x, q, z[..., :1]),
@@ -126,6 +144,10 @@ class Orientation:
     @property
     def R(self) -> Array:
         return np.array([[self.sigma**2]])
+
+    def expect(self, x: Array, q: Array) -> Array:
+        """The heading (..., 1) in (-pi, pi] [rad] of a thing that faces along the x axis, relative to the own."""
+        return wrap(-x[..., 2:3])
 
     def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
         """Of a thing that faces along the x axis, which a place `q` does not change: y = wrap(z + heading)."""

@@ -5,14 +5,20 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import InitVar, dataclass, fields, is_dataclass
 from functools import cache
-from inspect import Parameter, signature
-from typing import Any, get_type_hints
+from inspect import Parameter, isfunction, signature
+from typing import Annotated, Any, get_type_hints
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 from pydantic.errors import PydanticUserError
 
+from cooploc.estimators.lifting.lift import Lift
+from cooploc.estimators.lifting.parameters import parameters as taken_by
+from cooploc.estimators.lifting.parameters import value as unpacked
 from cooploc.estimators.plugins.errors import BadInput, first_reason, message, nearest, one_line
+from cooploc.estimators.plugins.lifted import is_plain, lifted
 
+WORD = Annotated[int | float | bool | str, Field(union_mode="left_to_right")]  # the first that a word can be read as
+UNSAID: dict[type, Any] = {bool: bool, int: Annotated[int | float, Field(union_mode="left_to_right")], float: float}
 RENAMED = {"own": "anchor_reading"}  # old spellings of parameters, accepted for one version
 
 
@@ -29,10 +35,19 @@ class ConfiguredEstimator:
 def build(name: str, found: Any, given: Mapping[str, Any]) -> Any:
     """An instance of the class `found`, or `found` itself where it is an instance.
 
+    A plain class for one robot, or for a team, is lifted; of what `PerRobot` and `PerTeam` made, parameters are those
+    of the class inside; a function is called with the parameters.
+
     Raises:
         BadInput: an unknown parameter, a value that does not fit, or a class that cannot be instantiated.
 
     """
+    found = lifted(name, found) if is_plain(found) else found
+    if isinstance(found, Lift):
+        known = taken_by(found.make, found.given)
+        return found.with_parameters(**_checked(name, found.make, known, given)) if given else found
+    if isfunction(found):
+        return _called(name, found, _checked(name, found, dict(signature(found).parameters), given))
     if not isinstance(found, type):
         if given:
             raise BadInput(f"{name} is an instance and takes no parameters: name its class instead")
@@ -43,13 +58,25 @@ def build(name: str, found: Any, given: Mapping[str, Any]) -> Any:
         return _called(name, found, {})
     parameters = _parameters(found)
     given = {_current(name, key, list(parameters)): value for key, value in given.items()}
+    return _called(name, found, _checked(name, found, parameters, given))
+
+
+def _checked(name: str, make: Any, known: Mapping[str, Parameter] | None, given: Mapping[str, Any]) -> dict[str, Any]:
+    """What is given, converted; `known` is None where any name is taken.
+
+    Raises:
+        BadInput: an unknown parameter, one that is missing, or a value that does not fit.
+
+    """
     for key in given:
-        if key not in parameters:
-            raise BadInput(f"estimator {name!r} has no parameter {key!r}; {nearest(key, list(parameters))}")
-    missing = [key for key, one in parameters.items() if one.default is Parameter.empty and key not in given]
+        if known is not None and key not in known:
+            has = nearest(key, list(known)) if known else "it has none"
+            raise BadInput(f"estimator {name!r} has no parameter {key!r}; {has}")
+    missing = [key for key, one in (known or {}).items() if one.default is Parameter.empty and key not in given]
     if missing:
         raise BadInput(_needs_arguments(name, f"it needs {missing[0]}"))
-    return _called(name, found, {key: _validated(name, found, key, value) for key, value in given.items()})
+    defaults = {key: one.default for key, one in (known or {}).items()}
+    return {key: _validated(name, make, key, value, defaults.get(key)) for key, value in given.items()}
 
 
 def _parameters(cls: type) -> dict[str, Parameter]:
@@ -71,28 +98,31 @@ def _current(name: str, key: str, known: list[str]) -> str:
     return new
 
 
-def _validated(name: str, cls: type, key: str, value: Any) -> Any:
-    """A parameter's value, converted to the type of its annotation where it has one."""
+def _validated(name: str, make: Any, key: str, value: Any, default: Any) -> Any:
+    """A parameter's value, converted to the type of its annotation; where it has none, to what its default is."""
     try:
-        return _adapter(cls, key).validate_python(value)
+        kind: Any = type(unpacked(default))
+        return _adapter(make, key, kind).validate_python(value)
     except ValidationError as e:
         first = e.errors()[0]
-        raise BadInput(f"estimator {name!r}, {first_reason([{**first, 'loc': (key, *first['loc'])}])}") from None
+        where = (part for part in first["loc"] if part not in ("int", "float"))  # of a union, which nobody wrote
+        raise BadInput(f"estimator {name!r}, {first_reason([{**first, 'loc': (key, *where)}])}") from None
     except (PydanticUserError, NameError):  # an annotation that pydantic does not know
         return value
 
 
 @cache
-def _adapter(cls: Any, key: str) -> TypeAdapter[Any]:
+def _adapter(make: Any, key: str, default: type) -> TypeAdapter[Any]:
     """Made once for each parameter: it takes milliseconds."""
-    hints = get_type_hints(cls, include_extras=True)
-    with suppress(NameError):  # the `__init__` of a dataclass may repeat names of another module
-        hints |= get_type_hints(cls.__init__, include_extras=True)
-    hint = hints.get(key, Any)
+    hints: dict[str, Any] = {}
+    for annotated in (make, getattr(make, "__init__", None)):
+        with suppress(NameError, TypeError):  # a dataclass's may repeat names of another module; a partial has none
+            hints |= get_type_hints(annotated, include_extras=True)
+    hint = hints.get(key, UNSAID.get(default, WORD))
     return TypeAdapter(hint.type if isinstance(hint, InitVar) else hint)
 
 
-def _called(name: str, cls: type, given: dict[str, Any]) -> Any:
+def _called(name: str, cls: Any, given: dict[str, Any]) -> Any:
     """The class called, as Python would: no `__init__` is left out."""
     try:
         return cls(**given)

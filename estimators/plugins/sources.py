@@ -1,8 +1,11 @@
-"""The files that a plug-in is made of, found without importing any of them."""
+"""The files that a plug-in is made of, and the distributions that it imports, found without importing any of them."""
 
 import ast
 import sys
+from collections.abc import Iterable
+from functools import cache
 from importlib.machinery import PathFinder
+from importlib.metadata import packages_distributions, version
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -43,6 +46,19 @@ def of_module(module: str) -> list[Named]:
     if folders:
         return [named for folder in folders for named in tree(Path(folder), ".py", ".so", ".pyd")]
     return [(Path(path).name, Path(path))] if path else []
+
+
+def distributions(files: Iterable[Path]) -> dict[str, str]:
+    """The installed distributions that Python files import, with their versions; but for cooploc itself."""
+    names = {name for file in files if file.suffix == ".py" for name in _imported(file)}
+    found = {one for name in names for one in _providers(tuple(sys.path)).get(name, ())}
+    return {name: version(name) for name in sorted(found - {"cooploc"})}
+
+
+@cache
+def _providers(path: tuple[str, ...]) -> dict[str, list[str]]:
+    """The distributions of each top-level module on this path; it takes a quarter of a second."""
+    return dict(packages_distributions())
 
 
 def tree(folder: Path, *suffixes: str) -> list[Named]:

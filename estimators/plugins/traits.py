@@ -14,6 +14,7 @@ class Traits(NamedTuple):
     bound: bool  # `bound`: of the centralised ones, one that uses all readings as well as any estimator could
     mutable: bool  # `mutable`: its state changes in place
     axes: str  # `axes`: why its estimates do not turn with the world; empty where they do
+    own_motion: str  # `own_motion`: why it does not move as dead reckoning does; empty where it does
     notes: Callable[[Any], Mapping[str, Array]]  # `notes(state)`: what it counted, by name; empty by default
     offline: bool  # `offline`: it has `smooth`, and is given all readings of all ticks at once, as no robot could be
 
@@ -28,6 +29,7 @@ def traits(estimator: Any) -> Traits:
         bound=bound,
         mutable=bool(getattr(estimator, "mutable", False)),
         axes=getattr(estimator, "axes", ""),
+        own_motion=getattr(estimator, "own_motion", ""),
         notes=getattr(estimator, "notes", _no_notes),
         offline=offline,
     )

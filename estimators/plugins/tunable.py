@@ -6,6 +6,9 @@
         window: int = tunable(5, 1, 20)                  # a whole number, as the default is one
         form: Literal["a", "b"] = tunable("a", choices=("a", "b"))
 
+A plain class that `PerRobot` or `PerTeam` lifts declares in its signature:
+`def __init__(self, prior, world, robot, key, alpha=tunable(0.5, 0.01, 1))`.
+
 Declared is what the method leaves to its user. Not declared is what is told to all alike (noise of sensors, path loss),
 what names the readings that a method uses, and what buys accuracy with computing time, such as a number of particles.
 """
@@ -14,6 +17,8 @@ from collections.abc import Mapping
 from dataclasses import field, fields, is_dataclass
 from math import isfinite
 from typing import Any, NamedTuple
+
+from cooploc.estimators.lifting.lift import Lift
 
 KEY = "cooploc.tunable"  # of a field's metadata
 Value = float | int | str | bool
@@ -70,12 +75,21 @@ def tunable(
 def declared(estimator: Any) -> Mapping[str, Tunable]:
     """What an estimator, or its class, declares, by the parameter's name; nothing where it is not a dataclass.
 
-    The default of an instance is its present value; what does nothing with its other values is left out.
+    The default of an instance is its present value; what does nothing with its other values is left out. Of a lifted
+    class it is what its signature declares.
     """
+    if isinstance(estimator, Lift):
+        made = {name: one.metadata[KEY] for name, one in estimator.fields.items() if KEY in one.metadata}
+        return _in_use(made, estimator.parameters)
     if not is_dataclass(estimator):
         return {}
     found = {one.name: one.metadata[KEY] for one in fields(estimator) if one.init and KEY in one.metadata}
     if isinstance(estimator, type):
         return found
-    used = {k: one for k, one in found.items() if one.where is None or getattr(estimator, one.where[0]) == one.where[1]}
-    return {name: one._replace(default=getattr(estimator, name)) for name, one in used.items()}
+    return _in_use(found, {one.name: getattr(estimator, one.name) for one in fields(estimator) if one.init})
+
+
+def _in_use(found: Mapping[str, Tunable], values: Mapping[str, Any]) -> dict[str, Tunable]:
+    """Those that do something with an instance's other values; its present value is the default."""
+    used = {name: one for name, one in found.items() if one.where is None or values[one.where[0]] == one.where[1]}
+    return {name: one._replace(default=values[name]) for name, one in used.items()}

@@ -6,13 +6,14 @@
 checks. Modelled on scikit-learn's check_estimator and PettingZoo's API tests.
 """
 
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from typing import Any, Literal
 
 from cooploc.estimators import is_builtin
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.plugins.errors import BadInput, nearest
 from cooploc.scenarios.conformance.checks import CHECKS, Check
 from cooploc.scenarios.conformance.compare import CheckFailed, CheckSkipped
 from cooploc.scenarios.conformance.harness import Harness, one_line, raised_by
@@ -101,7 +102,12 @@ def _sentences(result: Result) -> list[str]:
 
 
 def check_estimator(
-    estimator: Any, name: str | None = None, seed: int = 0, isolate: bool = True, time_limit: float = TIME_LIMIT
+    estimator: Any,
+    name: str | None = None,
+    seed: int = 0,
+    isolate: bool = True,
+    time_limit: float = TIME_LIMIT,
+    only: str | None = None,
 ) -> Report:
     """Run every check on an estimator: it may neither cheat nor break the interface.
 
@@ -114,35 +120,41 @@ def check_estimator(
         seed: seeds the small streams, and what is done to them; a whole number, 0 or more.
         isolate: False checks it in this process, for a debugger; else one that is not built in has a process of its
             own, where it may crash or hang.
-        time_limit: [s] for all checks in that process; math.inf for none.
+        time_limit: [s] of processor time for all checks in that process; math.inf for none.
+        only: the name of the one check to run.
 
     Returns:
         A report: `passed`, `table()`, and a `Result` for each check, `report["causality"]`.
 
     Raises:
-        BadInput: an unknown name, a class that needs arguments, or a seed that is not a whole number of 0 or more. What
-            the estimator raises while it runs is a failure in the report.
+        BadInput: an unknown name, a class that needs arguments, a check that there is not, or a seed that is not a
+            whole number of 0 or more. What the estimator raises while it runs is a failure in the report.
 
     """
+    if only is not None and only not in (known := [check.name for check in CHECKS]):
+        raise BadInput(f"there is no check {only!r}; {nearest(only, known)}")
     if not isolate or is_builtin(estimator):
-        return checked_here(estimator, name, seed)
+        return checked_here(estimator, name, seed, only)
     try:
-        return checked_there(SESSION, estimator, name, seed, time_limit)
+        return checked_there(SESSION, estimator, name, seed, time_limit, only)
     except WorkerError as e:
         return _ended(name or label(estimator), seed, str(e))
     except MemoryError as e:
         return _ended(name or label(estimator), seed, one_line(e))
 
 
-def checked_there(owner: str, estimator: Any, name: str | None, seed: int, seconds: float) -> Report:
+def checked_there(
+    owner: str, estimator: Any, name: str | None, seed: int, seconds: float, only: str | None = None
+) -> Report:
     """The report of checks in a process of this owner; an estimator's name is read there.
 
     Raises:
         BadInput: as `check_estimator`.
-        WorkerError: the process died or took longer than `seconds`, or the estimator raised what no check catches.
+        WorkerError: the process died or took longer than `seconds` of processor time, or the estimator raised what no
+            check catches.
 
     """
-    report: Report = call(owner, checked_here, estimator, name, seed, seconds=seconds)
+    report: Report = call(owner, checked_here, estimator, name, seed, only, processor_seconds=seconds)
     return report
 
 
@@ -154,16 +166,25 @@ def _ended(name: str, seed: int, why: str) -> Report:
     return Report(name, (Result(runs.name, "failed", why, seed, remedy=remedy), *others))
 
 
-def checked_here(estimator: Any, name: str | None, seed: int) -> Report:
-    """The report of checks in this process."""
+def checked_here(estimator: Any, name: str | None, seed: int, only: str | None = None) -> Report:
+    """The report of checks in this process; on a terminal it is said which one runs."""
     harness, results, reason = Harness(name or label(estimator), instance(estimator), seed), list[Result](), ""
-    for check in CHECKS:
+    chosen = [check for check in CHECKS if only in (None, check.name)]
+    for k, check in enumerate(chosen):
+        _say(f"check {k + 1} of {len(chosen)}: {check.name}")
         if reason:
             results.append(Result(check.name, "skipped", reason, seed))
             continue
         results.append(_with_example(check, run_check(check, harness), harness))
         reason = FIRST.get(check.name, "") if results[-1].status == "failed" else ""
+    _say("")
     return Report(harness.name, tuple(results))
+
+
+def _say(what: str) -> None:
+    """Write over the last line of a terminal; nothing where the output goes elsewhere."""
+    if sys.stderr is not None and sys.stderr.isatty():
+        print(f"\r{what:<60}", end="" if what else "\r", file=sys.stderr, flush=True)
 
 
 def parametrize(*estimators: Any, seed: int = 0) -> Any:

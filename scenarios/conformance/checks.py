@@ -34,6 +34,7 @@ from cooploc.scenarios.conformance.isolation import (
 )
 from cooploc.scenarios.conformance.mail_replay import mail_replay
 from cooploc.scenarios.conformance.numerics import covariance, nan_safety, silence
+from cooploc.scenarios.conformance.other_worlds import other_worlds
 from cooploc.scenarios.conformance.perturb import MODES
 from cooploc.scenarios.conformance.snapshot import Snapshot, require_unchanged, snapshot
 from cooploc.scenarios.stream import Stream
@@ -142,9 +143,13 @@ def pickling(harness: Harness) -> str:
     return "it ran after a round trip through pickle: the same bits"
 
 
+KEYED = (
+    "draw random numbers from rows.key alone; a library that draws globally gets a keyed generator by "
+    "cl.PerRobot(..., own_random=True)"
+)
 CHECKS = (
     Check("runs", runs, "follow cooploc.estimators.interface: its shapes, and nan for an absent reading"),
-    Check("determinism", determinism, "draw random numbers from rows.key alone"),
+    Check("determinism", determinism, KEYED),
     Check(
         "non-interference",
         non_interference,
@@ -168,7 +173,7 @@ CHECKS = (
         "copy an array before writing to it, return a new state, and store nothing in parameters or module variables",
     ),
     Check("no-memory", no_memory, "store everything in the state that init() makes, nothing in module variables"),
-    Check("no-global-randomness", no_global_randomness, "draw random numbers from rows.key alone"),
+    Check("no-global-randomness", no_global_randomness, KEYED),
     Check("order-independence", order_independence, "store everything in the state; do not look for other estimators"),
     Check("truth-blindness", truth_blindness, "use only what the methods are given"),
     Check("nan-safety", nan_safety, "treat nan as an absent reading: leave that row as it is in that update"),
@@ -177,7 +182,12 @@ CHECKS = (
         covariance,
         "return (P + P.mT) / 2, and use an update that keeps P positive semidefinite, such as the Joseph form",
     ),
-    Check("silence", silence, "where nothing is sensed or heard, move by odometry alone and let P grow"),
+    Check(
+        "silence",
+        silence,
+        "where nothing is sensed or heard, move by odometry alone and let P grow; a method that must move otherwise, "
+        "as a constant-velocity filter or Euler's integration, says why in a class variable: own_motion = '...'",
+    ),
     Check(
         "declaration",
         declaration,
@@ -187,6 +197,11 @@ CHECKS = (
         "equivariance",
         equivariance,
         "take positions, directions and robots only from the prior, the world and the readings",
+    ),
+    Check(
+        "other-worlds",
+        other_worlds,
+        "keep P positive semidefinite over long streams, and expect robots that sleep: dt is 0 and readings are nan",
     ),
     Check("pickling", pickling, "make it a frozen dataclass at the top of a module, its parameters plain values"),
 )

@@ -32,7 +32,7 @@ def determinism(harness: Harness) -> str:
             require_equal(base, again, "it ran a second time, with everything the same")
         except CheckFailed as e:
             drawn = f"it draws from {name}" if name else "it draws from neither random nor numpy.random"
-            raise CheckFailed(f"{e}; {drawn}", UNLIKE if not name else "") from None
+            raise CheckFailed(f"{drawn}, and does not repeat itself: {e}", UNLIKE if not name else "") from None
     return "it ran a second time with everything the same: the same bits"
 
 

@@ -5,7 +5,7 @@ import numpy as np
 from cooploc.estimators import make
 from cooploc.estimators.interface import Array, Mask
 from cooploc.scenarios.conformance import perturb
-from cooploc.scenarios.conformance.compare import RunRecord, earliest, fail_at, require_none
+from cooploc.scenarios.conformance.compare import CheckSkipped, RunRecord, earliest, fail_at, require_none
 from cooploc.scenarios.conformance.harness import Harness
 from cooploc.scenarios.runner.trace import ROUNDING, trace
 from cooploc.scenarios.stream import Stream
@@ -25,7 +25,7 @@ def nan_safety(harness: Harness) -> str:
             single = np.where(harness.rng.uniform(size=array.shape) < 0.3, np.nan, array)
             for other, which in ((single, "single readings"), (np.full_like(array, np.nan), "all readings")):
                 when = f"{which} of {channel} were absent"
-                _require_covariance(harness.run(stream.with_arrays({name: other}), when), when)
+                require_covariance(harness.run(stream.with_arrays({name: other}), when), when)
                 ways += 1
     return f"single and all readings of each channel were made absent in {ways} ways: every estimate stayed finite"
 
@@ -33,10 +33,10 @@ def nan_safety(harness: Harness) -> str:
 def covariance(harness: Harness) -> str:
     """Every covariance is symmetric and has no negative variance, in any direction."""
     for stream, base in harness.cases:
-        _require_covariance(base, "nothing was changed")
+        require_covariance(base, "nothing was changed")
         for mode in perturb.MODES:
             when = f"readings were {mode}"
-            _require_covariance(harness.run(perturb.perturb_readings(stream, mode, harness.rng), when), when)
+            require_covariance(harness.run(perturb.perturb_readings(stream, mode, harness.rng), when), when)
     return (
         f"at every tick, with readings perturbed and hidden too, P was symmetric and positive semidefinite to "
         f"{ROUNDING:g} of its largest entry"
@@ -50,7 +50,12 @@ def silence(harness: Harness) -> str:
     standard deviation of what odometry adds. Where odometry has led out of the arena it may do as it likes: an
     estimator may know that no robot is there.
     """
-    for stream in harness.streams:
+    if harness.traits.own_motion:
+        raise CheckSkipped(f"own_motion: {harness.traits.own_motion}")
+    moving = [stream for stream in harness.streams if "odometry" in harness.channels(stream)]
+    if not moving:
+        raise CheckSkipped("it declares no odometry, so where it goes without other readings is its own affair")
+    for stream in moving:
         quiet = _only_odometry(stream)
         found, dead = harness.run(quiet, ONLY_ODOMETRY), trace("dead-reckoning", make("dead-reckoning"), quiet)
         variance = _position_variance(dead.P)
@@ -61,7 +66,9 @@ def silence(harness: Harness) -> str:
         if (off > allowed).any():
             where = earliest(off > allowed)
             distance = off[where]
-            fail_at(where, quiet, f" is {distance:.2g} m away from where odometry leads when {ONLY_ODOMETRY}")
+            limit = f"{allowed[where]:.2g} m is allowed"
+            far = f" is {distance:.2g} m away from where odometry leads, where {limit}, when {ONLY_ODOMETRY}"
+            fail_at(where, quiet, far)
         if harness.deterministic:
             _require_no_shrinking(found)
     agrees = "and its uncertainty never shrank" if harness.deterministic else "to one standard deviation"
@@ -92,13 +99,27 @@ def _require_no_shrinking(found: RunRecord) -> None:
     variance = _position_variance(found.trace.P)
     shrunk = np.zeros(variance.shape, bool)
     shrunk[:, 1:] = variance[:, 1:] < variance[:, :-1] * (1 - ROUNDING)
-    require_none(shrunk, found.stream, f"'s position variance shrank when {ONLY_ODOMETRY}")
+    if shrunk.any():
+        share = 1 - variance[:, 1:][shrunk[:, 1:]] / variance[:, :-1][shrunk[:, 1:]]
+        by = f"by up to {share.max():.1e} of itself"
+        require_none(shrunk, found.stream, f"'s position variance shrank {by} when {ONLY_ODOMETRY}")
 
 
-def _require_covariance(found: RunRecord, when: str) -> None:
+def require_covariance(found: RunRecord, when: str) -> None:
+    """Require that every covariance is symmetric and has no negative variance.
+
+    Raises:
+        CheckFailed: one is not; says where and by how much.
+
+    """
     P = found.trace.P
     scale = np.abs(P).max((-2, -1))
     asymmetry = np.abs(P - P.mT).max((-2, -1))
     least = np.linalg.eigvalsh((P + P.mT) / 2)[..., 0]
-    require_none(asymmetry > ROUNDING * scale, found.stream, f"'s covariance is not symmetric when {when}")
-    require_none(least < -ROUNDING * scale, found.stream, f"'s covariance has a negative variance when {when}")
+    with np.errstate(invalid="ignore", divide="ignore"):
+        skew, negative = (np.nanmax(a / scale) for a in (asymmetry, -least))
+    of = "of its largest entry"
+    fault = f"'s covariance is not symmetric, by {skew:.1e} {of}, when {when}"
+    require_none(asymmetry > ROUNDING * scale, found.stream, fault)
+    fault = f"'s covariance has a negative variance, {-negative:.1e} {of}, when {when}"
+    require_none(least < -ROUNDING * scale, found.stream, fault)

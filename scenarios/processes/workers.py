@@ -14,17 +14,19 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Collection, Mapping
-from concurrent.futures import BrokenExecutor, Executor, Future
+from concurrent.futures import BrokenExecutor, Executor, Future, wait
 from multiprocessing.util import Finalize
 from pathlib import Path
 from typing import Any
 
 import cloudpickle
 
+from cooploc.estimators.plugins.python_file import load, needed
 from cooploc.scenarios.processes.outcome import Outcome, ProcessDied, ProcessHung, Raised
 
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
 QUIET = {"PYTHONFAULTHANDLER": ""}  # a crash is told in one line
+WORK = 0.05  # [s] of processor time: less is not work, but a process that looks around while it waits
 IDLE = 600  # [s] after which an idle process ends
 BUILTIN, SESSION = "", "session"  # owners: built-in estimators, and what a user hands over in Python
 _pools: dict[tuple[int, str, int], tuple[Executor, Mapping[str, float]]] = {}
@@ -61,22 +63,66 @@ def end_all(but: Collection[str] = ()) -> None:
         end(owner)
 
 
-def call(owner: str, function: Callable[..., Any], *arguments: Any, seconds: float = float("inf")) -> Any:
+def call(
+    owner: str,
+    function: Callable[..., Any],
+    *arguments: Any,
+    seconds: float = float("inf"),
+    processor_seconds: float = float("inf"),
+) -> Any:
     """What a function returns, called in a process of this owner; what it prints is printed here.
 
     Raises:
         ProcessDied: its process died.
-        ProcessHung: it took longer than `seconds`.
+        ProcessHung: it took longer than `seconds`, or used more than `processor_seconds`.
         WorkerError: it raised an exception of a class that is neither Python's nor ours.
 
     """
-    return received(owner, submit(owner, 1, function, *arguments), seconds)
+    future = submit(owner, 1, function, *arguments)
+    if processor_seconds < threading.TIMEOUT_MAX:
+        _demand_within(owner, future, processor_seconds)
+    return received(owner, future, seconds)
+
+
+def _demand_within(owner: str, future: "Future[Outcome]", seconds: float) -> None:
+    """Wait for a call that may use so much processor time, or be idle for as long, however busy the machine is.
+
+    Raises:
+        ProcessHung: it took longer; its processes are ended.
+
+    """
+    began = worked = _processor_seconds(owner)
+    since = time.monotonic()  # when it was last seen to work
+    while not wait([future], timeout=min(1.0, seconds / 10)).done:
+        now = _processor_seconds(owner)
+        if now - worked > WORK:
+            worked, since = now, time.monotonic()
+        if now - began > seconds:
+            end(owner)
+            raise ProcessHung(f"it took longer than {seconds:g} s of processor time")
+        if time.monotonic() - since > seconds:
+            end(owner)
+            raise ProcessHung(f"it did nothing for {seconds:g} s")
+
+
+def _processor_seconds(owner: str) -> float:
+    """What an owner's processes have used so far; by the clock where the system does not say."""
+    executors: list[Any] = [one for (pid, name, _), (one, _) in _pools.items() if (pid, name) == (os.getpid(), owner)]
+    total = 0.0
+    for pid in [pid for executor in executors for pid in list(executor._processes or ())]:
+        try:
+            fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+            total += (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+        except OSError:
+            if not Path("/proc/self/stat").exists():
+                return time.monotonic()
+    return total
 
 
 def submit(owner: str, jobs: int, function: Callable[..., Any], *arguments: Any) -> "Future[Outcome]":
     """Begin a call in one of an owner's processes."""
     sent = cloudpickle.dumps((function, arguments))  # a worker reads it where an error can be caught
-    return pool(owner, jobs).submit(_called, os.getcwd(), sys.path, sent)
+    return pool(owner, jobs).submit(_called, os.getcwd(), sys.path, needed(sent), sent)
 
 
 def received(owner: str, future: "Future[Outcome]", seconds: float = float("inf")) -> Any:
@@ -122,13 +168,17 @@ def begin_worker(parent: int) -> None:
     threading.Thread(target=watch, daemon=True).start()
 
 
-def _called(folder: str, path: list[str], sent: bytes) -> Outcome:
-    """What runs in the other process: in the folder where the parent is, which another call may have left."""
+def _called(folder: str, path: list[str], files: dict[str, Path], sent: bytes) -> Outcome:
+    """What runs in the other process: in the folder where the parent is, which another call may have left.
+
+    The Python files that the call refers to are loaded first.
+    """
     os.chdir(folder)
     sys.path[:] = path
     printed = io.StringIO()
     try:
         with contextlib.redirect_stdout(printed):
+            load(files)
             function, arguments = cloudpickle.loads(sent)
             value = function(*arguments)
         return Outcome(cloudpickle.dumps(value), None, printed.getvalue())

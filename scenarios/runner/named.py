@@ -4,13 +4,15 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from cooploc.estimators import is_builtin, make, split
+from cooploc.estimators.lifting.lift import Lift
 from cooploc.estimators.plugins.errors import BadInput, message
+from cooploc.estimators.plugins.lifted import is_plain, lifted
 from cooploc.scenarios.stream import Stream, Truth
 
 ROBOT = ("init", "predict", "correct", "send", "fuse", "estimate")
 TEAM = ("init", "predict", "correct", "exchange", "estimate")
 OFFLINE = ("smooth",)
-LIFT = "a filter written for one robot is lifted by cl.PerRobot"
+LIFT = "a filter written for one robot is lifted by cl.PerRobot, one for a whole team by cl.PerTeam"
 ORDER = "write cl.run(estimators, stream)"
 
 
@@ -57,6 +59,8 @@ def label(estimator: Any) -> str:
     """What an estimator is called that was given without a name."""
     if isinstance(estimator, str):
         return estimator
+    if isinstance(estimator, Lift):
+        return estimator.label
     return estimator.__name__ if isinstance(estimator, type) else type(estimator).__name__
 
 
@@ -72,6 +76,8 @@ def instance(estimator: Any) -> Any:
     if not isinstance(estimator, type):
         return estimator
     name = estimator.__name__
+    if is_plain(estimator):
+        return lifted(name, estimator)
     try:
         return estimator()
     except (Exception, SystemExit, GeneratorExit) as e:  # a constructor may fail in any way

@@ -4,9 +4,7 @@ import numba
 import numpy as np
 
 from cooploc.estimators.compiled.jit import readable
-from cooploc.estimators.interface import Array, Mail, Mask, Traffic
-
-HEADER = 8  # bytes of a packet in addition to its payload
+from cooploc.estimators.interface import HEADER, Array, Mail, Mask, Traffic
 
 
 def deliver(sent: Array, robots: int, link: Mask, rssi: Array, distance: Array) -> Mail:

@@ -4,12 +4,12 @@ from typing import Any, ClassVar, Protocol, cast
 
 import numpy as np
 
-from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, Traffic, World
+from cooploc.estimators.interface import HEADER, Array, Belief, Mail, Rows, Senses, Traffic, World
 from cooploc.estimators.plugins.guard import Forbidden, shut
 from cooploc.estimators.plugins.traits import traits
 from cooploc.scenarios import seeds
 from cooploc.scenarios.runner.channels import SENSED
-from cooploc.scenarios.runner.network import HEADER, count, deliver
+from cooploc.scenarios.runner.network import count, deliver
 from cooploc.scenarios.stream import Stream
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from cooploc.estimators import make
+from cooploc.estimators.interface import Belief, Senses
 from cooploc.estimators.models.sensors import LogDistance
 from cooploc.scenarios import simulate
 from cooploc.scenarios.conformance.check import CHECKS, check_estimator
@@ -16,6 +17,7 @@ from cooploc.scenarios.runner.trace import trace
 FOLDER = Path(__file__).resolve().parents[2] / "examples"
 COMPILED = pytest.param("numba_kernel.py:Compiled", marks=pytest.mark.slow)
 NAMES = ("filterpy_loop.py:loop", "batched_numpy.py:Batched", COMPILED)
+WIDE = ("constant_velocity.py:ConstantVelocity", "range_bias.py:RangeBias")
 
 
 def example(name):
@@ -73,3 +75,37 @@ def test_what_teammates_say_is_used():
     alone = stream.with_arrays({"air.link": np.zeros_like(stream.air.link)})
     together, apart = (trace("batched", example(NAMES[1]), one).x for one in (stream, alone))
     assert (np.abs(together - apart).max((0, 1, 3)) > 1e-3).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", WIDE)
+def test_an_example_with_a_wider_state_passes_every_check_that_applies(name):
+    report = check_estimator(example(name), name)
+    assert report.passed, report.table()
+
+
+def test_a_constant_velocity_filter_learns_the_velocity_from_anchors_alone():
+    _, stream = simulate("robots-1-3/n=1", ticks=1)
+    world, start, v = stream.world, np.array([1.0, 2.0]), np.array([0.06, -0.03])
+    loop = example(WIDE[0]).make(Belief(start, np.eye(2)), world, 0, None, speed=0.3, jerk=0.001)
+    rssi = world.sensors["anchor_rssi"]
+    for k in range(1, 41):
+        levels = rssi.level(start + k * v, world.anchors)
+        z = Senses(np.zeros(0), np.array(1.0), levels, np.zeros((0, 2)), np.zeros((1, 2)), {})
+        loop.predict(z)
+        loop.correct(z)
+    np.testing.assert_allclose(loop.x[2:], v, atol=0.01)
+
+
+def test_a_range_bias_is_found_where_there_is_one():
+    _, stream = simulate("robots-1-3/n=3", trials=2, seed=4, ticks=60)
+    biased = stream.with_arrays({"air.range": stream.air.range + 0.8})
+    states = []
+
+    def watch(method, tick, arguments, call):
+        states.append(arguments[0] if method == "estimate" else None)
+        return call(*arguments)
+
+    trace("it", example(WIDE[1]).with_parameters(bias=1.0), biased, watch)
+    found = [robot.x[-1] for robot in states[-1].robots]
+    np.testing.assert_allclose(found, 0.8, atol=0.25)

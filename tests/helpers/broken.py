@@ -565,6 +565,26 @@ class NegativeVariance(DeadReckoning):
 
 
 @dataclass(frozen=True)
+class DividesByDt(DeadReckoning):
+    """Takes odometry for a velocity, as if no robot ever slept."""
+
+    def predict(self, s, z):
+        moved = super().predict(s, z)
+        with np.errstate(invalid="ignore"):
+            velocity = (moved.x - s.x) / z.dt[:, None]
+        return moved._replace(x=s.x + velocity * z.dt[:, None])
+
+
+@dataclass(frozen=True)
+class LosesItsCovariance(DeadReckoning):
+    """Subtracts a little variance in every tick; a short stream does not show it."""
+
+    def predict(self, s, z):
+        s = super().predict(s, z)
+        return s._replace(P=s.P - 0.003 * np.eye(s.P.shape[-1]))
+
+
+@dataclass(frozen=True)
 class IgnoresOdometry(DeadReckoning):
     """Reads odometry and does not move."""
 

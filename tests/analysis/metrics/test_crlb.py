@@ -172,7 +172,7 @@ def test_the_angle_informs_as_its_density_says(place, rng):
     """Brute force: angles of simulated RSSI, and the spread of the score of their density by finite differences."""
     doa = gradient_doa(cl.simulate("trajectory", trials=1, ticks=1)[1].world)
     x, h = np.array(place), 1e-4
-    rssi = doa.rssi.expect(x, doa.anchors) + doa.rssi.sigma * rng.normal(size=(60_000, 4))
+    rssi = doa.rssi.level(x, doa.anchors) + doa.rssi.sigma * rng.normal(size=(60_000, 4))
     angle = doa.measure(rssi)
     score = [doa.log_exact(x + h * e, angle) - doa.log_exact(x - h * e, angle) for e in np.eye(2)]
     score = np.stack(score, -1) / (2 * h)

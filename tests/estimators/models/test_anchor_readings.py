@@ -26,7 +26,7 @@ def place(doa, share):
 
 def measured(doa, x, seed=1):
     """Gradients (DRAWS, 2) of the four corner readings of a robot at x."""
-    rssi = doa.rssi.expect(x, doa.anchors) + doa.rssi.sigma * np.random.default_rng(seed).normal(size=(DRAWS, 4))
+    rssi = doa.rssi.level(x, doa.anchors) + doa.rssi.sigma * np.random.default_rng(seed).normal(size=(DRAWS, 4))
     return doa.gradient(rssi)
 
 

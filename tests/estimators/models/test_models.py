@@ -9,7 +9,7 @@ from oracles import is_covariance, repeatable, slope
 from cooploc.estimators.models.angles import wrap
 from cooploc.estimators.models.gradient_doa import GradientDoa
 from cooploc.estimators.models.motion import Displacement, Unicycle
-from cooploc.estimators.models.sensors import Bearing, LogDistance, Range, Sighting
+from cooploc.estimators.models.sensors import Bearing, LogDistance, Orientation, Range, Sighting
 
 DOA = GradientDoa(LogDistance(), (1.0, -2.0), (6.0, 4.0))
 SENSORS = [LogDistance(-35.0, 2.2, 1.5), Range(0.2), Bearing(0.1), Sighting(0.3, 0.05), DOA]
@@ -153,10 +153,10 @@ def test_direction_of_arrival_just_across_pi_is_a_small_innovation():
 def test_rssi_is_clamped_below_ten_centimetres():
     sensor, q = LogDistance(-40.0, 3.0), np.zeros(2)
     near = np.array([[0.1, 0.0], [0.06, 0.0], [0.0, -0.01], [0.0, 0.0]])
-    np.testing.assert_allclose(sensor.expect(near, q), -10.0)
+    np.testing.assert_allclose(sensor.level(near, q), -10.0)
     np.testing.assert_array_equal(sensor.slope(near[1:], q), 0)
-    assert sensor.expect(np.array([1.0, 0.0]), q) == pytest.approx(-40)
-    assert sensor.expect(np.array([0.0, 10.0]), q) == pytest.approx(-70)
+    assert sensor.level(np.array([1.0, 0.0]), q) == pytest.approx(-40)
+    assert sensor.level(np.array([0.0, 10.0]), q) == pytest.approx(-70)
 
 
 @pytest.mark.parametrize(("reading", "refused"), [(0.19, True), (-0.4, True), (0.0, True), (0.2, False), (3.0, False)])
@@ -327,3 +327,29 @@ def test_half_a_turn_is_written_as_plus_pi(angle, wrapped):
 
 def test_wrapping_keeps_what_is_absent():
     assert np.isnan(wrap(np.array([np.nan, 1.0]))).tolist() == [True, False]
+
+
+@pytest.mark.parametrize(
+    "sensor", [LogDistance(), Range(), Bearing(), Sighting(), Orientation()], ids=lambda s: type(s).__name__
+)
+def test_the_expected_reading_has_no_innovation(sensor):
+    rng = np.random.default_rng(6)
+    x, q = rng.uniform(-9, 9, (40, 3)), rng.uniform(-9, 9, (40, 2))
+    z = sensor.expect(x, q)
+    y, _, _ = sensor.innovation(x, q, z)
+    assert z.shape == y.shape == (40, len(sensor.R))
+    np.testing.assert_allclose(y, 0, atol=1e-12)
+
+
+@pytest.mark.parametrize(("motion", "d"), [(Displacement(0.3), 2), (Displacement(0.3), 4), (Unicycle(), 3)])
+def test_input_noise_is_that_of_the_odometry(motion, d):
+    rng = np.random.default_rng(7)
+    x, u, dt = rng.normal(size=(20, d)), rng.normal(size=(20, 2)), rng.uniform(0.05, 0.4, 20)
+    G, W = motion.input_noise(x, u, dt)
+    moved, _, Q = motion.move(x, u, dt)
+    np.testing.assert_allclose(G @ W @ G.mT, Q, atol=1e-14)
+    for k in range(2):
+        step = 1e-6 * np.eye(2)[k]
+        np.testing.assert_allclose((motion.move(x, u + step, dt)[0] - moved) / 1e-6, G[..., k], atol=1e-6)
+    asleep = motion.input_noise(x, u, np.zeros(20))
+    np.testing.assert_array_equal(asleep[0] @ asleep[1] @ asleep[0].mT, np.zeros((20, d, d)))

@@ -88,8 +88,8 @@ def test_window_is_the_density_in_numpy(form, motion, n):
 class Plugin(LogDistance):
     """A plug-in sensor that differs from the one it is made of."""
 
-    def expect(self, x, q):
-        return super().expect(x, q) + 7.0
+    def level(self, x, q):
+        return super().level(x, q) + 7.0
 
 
 def test_plugin_sensors_are_asked_themselves():
@@ -265,5 +265,5 @@ def test_the_gradient_of_a_plugin_sensor_is_asked_of_the_sensor():
 class Steeper(LogDistance):
     """A plug-in sensor that loses twice as much."""
 
-    def expect(self, x, q):
-        return 2 * super().expect(x, q)
+    def level(self, x, q):
+        return 2 * super().level(x, q)

@@ -1,8 +1,9 @@
 """What a plug-in is made of is found without importing it."""
 
 import sys
+from importlib.metadata import version
 
-from cooploc.analysis.execution.provenance import files, instructions
+from cooploc.analysis.execution.provenance import files, imports, instructions
 from cooploc.estimators import configure
 from cooploc.estimators.plugins.sources import helpers_of, of_module
 
@@ -47,3 +48,11 @@ def test_the_instructions_name_what_the_libraries_use(monkeypatch):
     monkeypatch.setattr("numba.core.config.CPU_NAME", "old-processor")
     assert instructions()["numba"].startswith("old-processor")
     assert "SSE2" in instructions()["numpy"].split() or instructions()["machine"] != "x86_64"
+
+
+def test_the_versions_of_what_a_file_and_its_helpers_import_are_found(tmp_path):
+    write(
+        tmp_path, mine="import numpy as np\nimport one, cooploc, json", one="def f():\n    from filterpy import kalman"
+    )
+    (found,) = imports([configure(f"{tmp_path}/mine.py:Mine")]).values()
+    assert found == {"filterpy": version("filterpy"), "numpy": version("numpy")}

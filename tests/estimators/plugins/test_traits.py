@@ -49,7 +49,7 @@ def test_the_optional_members_of_built_in_estimators_are_found():
     assert traits(make("map-joint"))[:3] == (True, True, True)
     assert traits(make("ekf-luft"))[:3] == (True, False, False)
     assert traits(make("ukf-joint")).axes.startswith("its sigma points")
-    assert traits(cl.PerRobot(Plain)).mutable
+    assert traits(cl.PerRobot(lambda prior, world, robot, key: None)).mutable
 
 
 def test_a_bound_that_says_nothing_else_is_centralised_and_its_uplink_is_counted():

@@ -117,7 +117,9 @@ def test_the_sign_of_a_zero_is_a_difference():
     b = a._replace(trace=dataclasses.replace(a.trace, P=a.trace.P.copy()))
     require_equal(a, b, "nothing happened")
     b.trace.P[0, 1, 0, 0, 1] *= -1
-    with pytest.raises(CheckFailed, match=r"robot 0's estimate changed when this: 'robots-1-3/n=1.*trial 0, tick 1"):
+    with pytest.raises(
+        CheckFailed, match=r"robot 0's estimate changed in the sign of a zero when this.*trial 0, tick 1"
+    ):
         require_equal(a, b, "this")
 
 

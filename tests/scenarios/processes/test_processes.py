@@ -156,3 +156,15 @@ def test_what_contradicts_itself_is_refused():
         cl.run("dead-reckoning", stream, jobs=2, isolate=False)
     with pytest.raises(cl.BadInput, match="time_limit is nan"):
         cl.run("dead-reckoning", stream, time_limit=math.nan)
+
+
+def test_a_call_is_limited_by_the_processor_time_that_it_uses_or_by_how_long_it_does_nothing():
+    def busy():
+        while True:
+            pass
+
+    hanging = {busy: "took longer than 0.5 s of processor time", lambda: time.sleep(60): "did nothing for 0.5 s"}
+    for function, said in hanging.items():
+        with pytest.raises(ProcessHung, match=said):
+            call("hung", function, processor_seconds=0.5)
+    assert call("hung", lambda: 3, processor_seconds=5.0) == 3

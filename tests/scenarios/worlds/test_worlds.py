@@ -31,12 +31,12 @@ SIMULATED = [
 def residuals(stream, truth, sensor="anchor_rssi"):
     """Anchor readings minus what path loss alone would give (t, T, n, a)."""
     model = stream.world.sensors[sensor]
-    return stream.senses.anchor_rssi - np.stack([model.expect(truth.x, q) for q in stream.world.anchors], -1)
+    return stream.senses.anchor_rssi - np.stack([model.level(truth.x, q) for q in stream.world.anchors], -1)
 
 
 def pair_residuals(stream, truth):
     """Readings between robots minus path loss (t, T, receiver, sender)."""
-    return stream.air.rssi - stream.world.sensors["radio_rssi"].expect(truth.x[:, :, :, None], truth.x[:, :, None])
+    return stream.air.rssi - stream.world.sensors["radio_rssi"].level(truth.x[:, :, :, None], truth.x[:, :, None])
 
 
 @pytest.mark.parametrize("label", SIMULATED)

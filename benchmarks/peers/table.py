@@ -1,0 +1,126 @@
+"""Writes reports/peers.md: other people's filters as plug-ins, how much glue they need, and how they do.
+
+Run: python benchmarks/peers/table.py REPORT [DATA], where DATA holds MRCLAM (mrclam6/); a library that is not installed
+is left out, with the reason. Certificates and results stay in build/peers, and a second run goes on from there.
+"""
+
+import ast
+import inspect
+import os
+import sys
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import cooploc as cl
+from cooploc.analysis.execution.stored_run import read
+from cooploc.analysis.metrics.certificate_line import mark
+from cooploc.scenarios.runner.trace import trace
+
+HERE = Path(__file__).parent
+OURS = "ekf-local[anchor_reading=rssi]"
+PEERS = {
+    "filterpy_filters.py": ("Kalman", "SquareRoot", "Fading", "Imm", "Mmae", "Ukf", "Ckf", "Enkf"),
+    "stone_soup_ekf.py": ("StoneSoupEkf",),
+    "gtsam_map.py": ("GtsamMap",),
+    "jax_ekf.py": ("JaxEkf",),
+    "sklearn_regression.py": ("SklearnRegression",),
+}
+SMALL = {"robots-1-3/n=3": {"ticks": 30}, "camera/n=3": {"ticks": 30}}
+HEAD = """# Other people's filters as plug-ins
+
+    make peers        # this page; MRCLAM is read from mrclam6/ in COOPLOC_DATA, or beside the repository
+
+Each is a plain class for one robot in `benchmarks/peers/`, lifted by `cl.PerRobot`, and named on the command line:
+`cooploc run quick --estimators ekf-local,benchmarks/peers/filterpy_filters.py:Ukf[alpha=0.5]`. They use odometry, and
+anchors or landmarks. *Glue*: lines of code of the class and what it inherits in its file, without imports and
+docstrings. *Apart*: largest distance of its positions from those of `{ours}` without a gate, on three robots in the
+arena and with cameras, 2 trials of 30 ticks each; those that compute the same agree to rounding. *Checks*: the
+certificate, with what it leaves out. RMSE [m] and processor time in microseconds for a robot and tick: 4 trials of
+`robots-1-3/n=3[ticks=60]`, as in the study `quick` but shorter, then a minute of five real robots (`mrclam/all`). Three
+libraries are not in the lock: scikit-learn, JAX and Stone Soup are tried where they are on PYTHONPATH.
+
+"""
+
+
+class Peer(NamedTuple):
+    """A plug-in, and what it was compared with."""
+
+    label: str
+    glue: int
+    apart: str
+
+
+def glue_lines(estimator: cl.PerRobot) -> int:
+    """Lines of the class, its bases in its file, and the functions beside them."""
+    made: Any = estimator.make
+    wanted = {cls.__name__ for cls in made.__mro__}
+    tree = ast.parse(Path(inspect.getfile(made)).read_text())
+    kept = [node for node in tree.body if isinstance(node, ast.FunctionDef) or getattr(node, "name", "") in wanted]
+    others = [node for node in tree.body if isinstance(node, ast.ClassDef) and node.name not in wanted]
+    if len(PEERS.get(Path(inspect.getfile(made)).name, ())) == 1:
+        kept += others  # a class of its own that the library asks for
+    for node in [one for top in kept for one in ast.walk(top)]:
+        if isinstance(node, ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node):
+            node.body = node.body[1:] or [ast.Pass()]
+    return sum(bool(line.strip()) for node in kept for line in ast.unparse(node).splitlines())
+
+
+def apart(estimator: cl.PerRobot) -> str:
+    """The largest distance [m] of its positions from ours, in both small worlds."""
+    ours, found = cl.make(OURS, gate=np.inf), []
+    for label, how in SMALL.items():
+        _, stream = cl.simulate(label, trials=2, seed=3, **how)
+        x, reference = (trace("it", one, stream).x[..., :2] for one in (estimator, ours))
+        found.append(np.sqrt(((x - reference) ** 2).sum(-1)).max())
+    return ", ".join(f"{one:.1g} m" for one in found)
+
+
+def peers() -> tuple[list[Peer], list[str]]:
+    """The plug-ins whose library is there, and why the others are not."""
+    found, absent = [], []
+    for file, names in PEERS.items():
+        for name in names:
+            label = f"{os.path.relpath(HERE / file)}:{name}"
+            try:
+                made = cl.make(label)
+            except cl.BadInput as e:
+                absent.append(str(e))
+                break
+            found.append(Peer(label, glue_lines(made), apart(made)))
+    return found, absent
+
+
+def rows(found: list[Peer], data: Path | None) -> list[list[str]]:
+    """A row of the table for each, from one run of all."""
+    out = Path("build/peers")
+    labels = [OURS, *(one.label for one in found)]
+    study = HERE / ("peers.toml" if data else "peers-simulated.toml")
+    table = cl.run_study(study, estimators=labels, data=data, out=out).table.set_index(["scenario", "estimator"])
+    certificates = read(out).manifest["certificates"]
+    worlds = list(dict.fromkeys(table.index.get_level_values(0)))
+    ours = Peer(OURS, 0, "")
+    made = []
+    for one in (ours, *found):
+        certificate = certificates.get(one.label)
+        checks = mark(f"{certificate['status']}: {certificate['found']}") if certificate else "built in"
+        mine = [table.loc[(world, one.label)] for world in worlds]
+        numbers = [f"{row['rmse']:.3f}" for row in mine] + [f"{1e6 * row['seconds']:.0f}" for row in mine[:1]]
+        made.append([f"`{Path(one.label).name}`", str(one.glue or ""), one.apart, checks, *numbers])
+    return [["estimator", "glue", "apart", "checks", *(f"RMSE, {w.partition('[')[0]}" for w in worlds), "µs"], *made]
+
+
+def main(report: str, data: str = "") -> None:
+    """Measure and write."""
+    where = Path(data) if data else Path(os.environ.get("COOPLOC_DATA", HERE.parents[3] / "shared/data")) / "mrclam6"
+    found, absent = peers()
+    head, *body = rows(found, where if where.is_dir() else None)
+    lines = [head, ["---"] * len(head), *body]
+    text = HEAD.format(ours=OURS) + "".join(f"| {' | '.join(line)} |\n" for line in lines)
+    text += "".join(f"\nNot here: {reason}\n" for reason in absent)
+    Path(report).write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,0 +1,78 @@
+"""States wider than a pose, and all readings of a tick as one vector."""
+
+import numpy as np
+import pytest
+
+import cooploc as cl
+from cooploc.estimators.interface import Belief, Mail, Senses
+from cooploc.estimators.kalman.update import kalman
+
+CASES = [("robots-1-3/n=3", None, 4), ("camera/n=3", 4, 5)]
+
+
+def a_tick(label):
+    _, stream = cl.simulate(
+        label, trials=2, ticks=4, **({"sight": 30.0, "view": 3.1} if label.startswith("camera") else {})
+    )
+    arrays = {
+        name: getattr(stream.senses, name)[:, 3].reshape(6, *getattr(stream.senses, name).shape[3:])
+        for name in Senses._fields[:-1]
+    }
+    link = stream.air.link[:, 3].reshape(6, 3)
+    rssi, away = (np.where(link, a[:, 3].reshape(6, -1) if a.shape[-1] else np.nan, np.nan) for a in stream.air[1:])
+    prior = Belief(*(a.reshape(6, *a.shape[2:]) for a in stream.prior))
+    return stream.world, Senses(**arrays, extra={}), Mail(link, np.empty((6, 3, 0)), rssi, away), prior
+
+
+@pytest.mark.parametrize(("label", "heading", "width"), CASES)
+def test_the_models_of_a_wider_state_are_those_of_its_pose(label, heading, width):
+    world, z, _, prior = a_tick(label)
+    layout = cl.Layout(width, heading)
+    wide, told = layout.world(world), layout.prior(prior, np.full(width - len(layout.pose), 0.5))
+    np.testing.assert_array_equal(layout.estimate(*told).x, prior.x)
+    np.testing.assert_array_equal(layout.estimate(*told).P, prior.P)
+    (x, F, Q), (x_w, F_w, Q_w) = (w.motion.move(b.x, z.odometry, z.dt) for w, b in ((world, prior), (wide, told)))
+    P, P_w = F @ prior.P @ F.mT + Q, F_w @ told.P @ F_w.mT + Q_w
+    G, W = wide.motion.input_noise(told.x, z.odometry, z.dt)
+    np.testing.assert_allclose(G @ W @ G.mT, Q_w, atol=1e-14)
+    for (one, q, reading), (other, _, _) in zip(world.fixed(z), wide.fixed(z), strict=True):
+        x, P = kalman(x, P, *one.innovation(x, q, reading)[:2], one.R)
+        x_w, P_w = kalman(x_w, P_w, *other.innovation(x_w, q, reading)[:2], other.R)
+    found = layout.estimate(x_w, P_w)
+    np.testing.assert_allclose(found.x, x, atol=1e-12)
+    np.testing.assert_allclose(found.P, P, atol=1e-12)
+    beside = [i for i in range(width) if i not in layout.pose]
+    np.testing.assert_allclose(P_w[:, beside, beside], 0.5)
+
+
+@pytest.mark.parametrize(("width", "heading"), [(1, None), (2, 2), (4, 1), (4, 4)])
+def test_a_layout_that_cannot_be_is_refused(width, heading):
+    with pytest.raises(ValueError, match="position in 0 and 1"):
+        cl.Layout(width, heading)
+
+
+@pytest.mark.parametrize("label", ["robots-1-3/n=3", "camera/n=3"])
+def test_one_vector_a_tick_has_the_information_of_its_readings(label):
+    world, z, mail, prior = a_tick(label)
+    mates = Belief(
+        np.stack([prior.x[[3 * (r // 3) + j for r in range(6)]] for j in range(3)], 1), np.stack([prior.P] * 3, 1)
+    )
+    y, H, R = world.stacked(prior.x, z, mail, mates)
+    for r in range(6):
+        there, information = np.isfinite(y[r]), np.zeros((prior.x.shape[-1],) * 2)
+        for sensor, q, reading in world.fixed(z):
+            _, h, _ = sensor.innovation(prior.x[r], q, reading[r])
+            information += h.T @ np.linalg.inv(sensor.R) @ h * np.isfinite(reading[r]).all()
+        for sensor, j, reading in world.relative(z, mail):
+            _, h, hq = sensor.innovation(prior.x[r], mates.x[r, j, :2], reading[r])
+            cov = sensor.R + hq @ mates.P[r, j, :2, :2] @ hq.T
+            information += h.T @ np.linalg.inv(cov) @ h * np.isfinite(reading[r]).all()
+        h = H[r, there]
+        np.testing.assert_allclose(h.T @ np.linalg.inv(R[r][np.ix_(there, there)]) @ h, information, atol=1e-9)
+        assert there.sum() > 3
+
+
+def test_no_readings_make_a_vector_of_none():
+    world, z, _, prior = a_tick("robots-1-3/n=3")
+    y, H, R = cl.World(3, 1.0, world.arena, world.motion, {}).stacked(prior.x, z)
+    assert (y.shape, H.shape, R.shape) == ((6, 0), (6, 0, 2), (6, 0, 0))

@@ -1,0 +1,202 @@
+"""Plain classes with parameters, notes and global random numbers, lifted by `PerRobot`."""
+
+import random
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import cooploc as cl
+from cooploc.analysis.tuning.space import space_of
+from cooploc.estimators.interface import Mail, Senses
+from cooploc.estimators.lifting.handed import mail_of, senses_of
+from cooploc.estimators.plugins.tunable import declared
+from cooploc.scenarios.runner.trace import trace
+from cooploc.scenarios.studies.sweep import expand
+
+FILE = """
+import random
+import numpy as np
+import cooploc as cl
+
+
+class Walker:
+    uses = ("odometry",)
+    axes = "it leans to the east"
+    notes = ("steps",)
+
+    def __init__(self, prior, world, robot, key, scale: float = cl.tunable(1.0, 0.5, 2), lean=0, name=None):
+        self.x, self.P, self.scale, self.lean, self.steps, self.name = prior.x, prior.P, scale, lean, 0, name
+
+    def predict(self, z):
+        self.x = self.x + self.scale * z.odometry + np.array([self.lean, 0])
+        self.steps += 1
+
+    def correct(self, z):
+        pass
+
+    def estimate(self):
+        return cl.Belief(self.x, self.P)
+
+
+class Unsaid(Walker):
+    uses = property()
+
+
+del Unsaid.uses
+lifted = cl.PerRobot(Walker, lean=1)
+instance = 3
+
+
+def factory(scale: float = 1.0):
+    return cl.PerRobot(Walker, scale=scale)
+
+
+class Short:
+    uses = ("odometry",)
+
+    def __init__(self, prior): ...
+    def predict(self, z): ...
+    def correct(self, z): ...
+    def estimate(self): ...
+
+
+class Silent:
+    def __init__(self, prior, world, robot, key): ...
+    def predict(self, z): ...
+    def correct(self, z): ...
+    def estimate(self): ...
+"""
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> str:
+    path = tmp_path / "plain.py"
+    path.write_text(FILE)
+    return str(path)
+
+
+@pytest.fixture
+def stream():
+    return cl.simulate("robots-1-3/n=2", trials=2, ticks=5)[1]
+
+
+def test_parameters_of_a_label_reach_a_plain_class(file):
+    made = cl.make(f"{file}:Walker[scale=1.5,lean=2,name=rssi]")
+    assert made.parameters == {"scale": 1.5, "lean": 2, "name": "rssi"}
+    assert (made.uses, made.axes, made.label) == (
+        ("odometry",),
+        "it leans to the east",
+        "Walker[lean=2,name=rssi,scale=1.5]",
+    )
+
+
+def test_parameters_of_a_label_are_added_to_those_of_what_was_lifted(file):
+    assert cl.make(f"{file}:lifted[scale=2]").parameters == {"scale": 2.0, "lean": 1, "name": None}
+
+
+def test_a_function_of_parameters_is_called_with_them(file):
+    assert cl.make(f"{file}:factory[scale=0.7]").parameters["scale"] == 0.7
+
+
+def test_a_swept_parameter_changes_the_estimates(file, stream):
+    one, two = (trace("it", cl.make(label), stream).x for label in expand(f"{file}:Walker[lean={{0,1}}]", {}))
+    np.testing.assert_allclose(two[..., 0] - one[..., 0], np.arange(1, 6)[None, :, None] * np.ones((2, 5, 2)))
+
+
+def test_what_an_object_counts_is_a_note(file, stream):
+    found = cl.run({"it": cl.make(f"{file}:Walker")}, stream, isolate=False).traces["it"]
+    np.testing.assert_array_equal(found.notes["steps"], np.full((2, 2), 5.0))
+
+
+def test_a_plain_class_given_in_python_is_lifted_and_printed_with_its_parameters(file, stream):
+    lifted = cl.make(f"{file}:lifted")
+    assert set(cl.run([lifted.make, lifted], stream, isolate=False).traces) == {"Walker", "Walker[lean=1]"}
+
+
+def test_what_a_plain_class_declares_can_be_tuned(file):
+    space = space_of(f"{file}:Walker[lean=1]", isolate=False)
+    assert set(space.parameters) == {"scale"}
+    assert space.label({"scale": 1.25}) == f"{file}:Walker[lean=1,scale=1.25]"
+    assert declared(cl.make(space.label({"scale": 1.25})))["scale"].default == 1.25
+
+
+@pytest.mark.parametrize(
+    ("label", "words"),
+    [
+        ("Walker[scal=2]", "has no parameter 'scal'; did you mean 'scale'?"),
+        ("Walker[scale=wide]", r"scale: Input should be a valid number.*, not 'wide'"),
+        ("Walker[lean=wide]", r"lean: Input should be a valid .*, not 'wide'"),
+        ("Silent", r'write uses = \("odometry", ...\) in it, or name what cl.PerRobot\(Silent, uses=\(...\)\) makes'),
+        ("Short", r"Short takes \(prior\); it is called with \(prior, world, robot, key\), then its parameters"),
+        ("factory[lean=1]", "has no parameter 'lean'; known are scale"),
+        ("instance[lean=1]", "is an instance and takes no parameters"),
+    ],
+)
+def test_what_cannot_be_lifted_is_told_how_in_one_line(file, label, words):
+    with pytest.raises(cl.BadInput, match=words) as told:
+        cl.make(f"{file}:{label}")
+    assert "\n" not in str(told.value)
+
+
+def test_a_parameter_that_a_class_does_not_have_is_refused_in_python(file):
+    walker = cl.make(f"{file}:Walker").make
+    with pytest.raises(TypeError, match="Walker has no parameter 'size'; it has scale, lean, name"):
+        cl.PerRobot(walker, size=3)
+
+
+# ---------------------------------------------------------------- global randomness
+
+
+class Drawing:
+    """A walk of both global generators."""
+
+    uses = ("odometry",)
+
+    def __init__(self, prior, world, robot, key):
+        self.x, self.P = prior.x, prior.P
+
+    def predict(self, z):
+        self.x[:2] += [random.gauss(0, 1), np.random.normal()]  # noqa: NPY002
+
+    def correct(self, z):
+        pass
+
+    def estimate(self):
+        return cl.Belief(self.x.copy(), self.P)
+
+
+def test_global_draws_are_keyed_by_trial_robot_and_tick_and_restored(stream):
+    before = random.getstate(), np.random.get_state()[1].copy()  # noqa: NPY002
+    one = trace("it", cl.PerRobot(Drawing, own_random=True), stream).x
+    assert random.getstate() == before[0]
+    np.testing.assert_array_equal(np.random.get_state()[1], before[1])  # noqa: NPY002
+    np.testing.assert_array_equal(trace("it", cl.PerRobot(Drawing, own_random=True), stream.select([1])).x, one[1:])
+    noise = np.diff(one, axis=1)
+    assert len(np.unique(noise.round(9))) == noise.size  # no two ticks, robots, trials or generators alike
+
+
+def test_a_library_that_draws_globally_passes_the_checks_with_its_own_generator():
+    for own, passed in ((True, True), (False, False)):
+        report = cl.check_estimator(cl.PerRobot(Drawing, own_random=own), isolate=False)
+        assert (report["determinism"].status == "passed") is passed
+    assert "it draws from random" in report["determinism"].detail
+    assert "own_random=True" in report["determinism"].remedy
+
+
+# ---------------------------------------------------------------- what is handed to an object
+
+
+def test_ranges_that_tell_no_direction_are_not_handed_to_a_plain_class():
+    z = Senses(
+        odometry=np.zeros((1, 2)),
+        dt=np.ones(1),
+        anchor_rssi=np.zeros((1, 0)),
+        landmark=np.array([[[0.1, 1.0], [0.3, 2.0]]]),
+        sighting=np.array([[[np.nan, np.nan], [0.19, 3.0]]]),
+        extra={},
+    )
+    mail = Mail(np.ones((1, 3), bool), np.zeros((1, 3, 0)), np.zeros((1, 3)), np.array([[0.0, 0.2, np.nan]]))
+    np.testing.assert_array_equal(senses_of(z, 0).landmark, [[np.nan, np.nan], [0.3, 2.0]])
+    np.testing.assert_array_equal(senses_of(z, 0).sighting, np.full((2, 2), np.nan))
+    np.testing.assert_array_equal(mail_of(mail, 0).range, [np.nan, 0.2, np.nan])

@@ -1,0 +1,64 @@
+"""Other people's filters in `benchmarks/peers/`, lifted by `PerRobot`: the same numbers where they compute the same."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import cooploc as cl
+from cooploc.scenarios.conformance.check import check_estimator
+from cooploc.scenarios.conformance.perturb import drop_readings
+from cooploc.scenarios.runner.trace import trace
+
+FOLDER = Path(__file__).resolve().parents[2] / "benchmarks" / "peers"
+FILTERPY = "filterpy_filters.py"
+SAME = (f"{FILTERPY}:Kalman", f"{FILTERPY}:SquareRoot", "jax_ekf.py:JaxEkf", "stone_soup_ekf.py:StoneSoupEkf")
+CLOSE = (
+    *(f"{FILTERPY}:{name}" for name in ("Fading", "Imm", "Mmae", "Ukf", "Ckf", "Enkf")),
+    "gtsam_map.py:GtsamMap",
+    "sklearn_regression.py:SklearnRegression",
+)
+WORLDS = ("robots-1-3/n=3", "camera/n=3")
+SILENT = {"Fading", "Imm", "Mmae", "Ukf", "Ckf", "Enkf"}  # which say that they do not move as dead reckoning does
+
+
+def peer(name):
+    """The plug-in; where its library is not installed, the test is skipped with that reason."""
+    try:
+        return cl.make(f"{FOLDER}/{name}")
+    except cl.BadInput as e:
+        pytest.skip(str(e))
+
+
+def both(name, label):
+    """Its positions and ours on the same readings, some of which are absent."""
+    _, stream = cl.simulate(label, trials=2, ticks=25, seed=3)
+    stream = drop_readings(stream, np.random.default_rng(1))
+    ours = trace("ours", cl.make("ekf-local", anchor_reading="rssi", gate=np.inf), stream)
+    return trace("theirs", peer(name), stream), ours
+
+
+@pytest.mark.parametrize("label", WORLDS)
+@pytest.mark.parametrize("name", SAME)
+def test_what_computes_the_same_agrees_to_rounding(name, label):
+    theirs, ours = both(name, label)
+    np.testing.assert_allclose(theirs.x[..., :2], ours.x[..., :2], atol=1e-10)
+    np.testing.assert_allclose(theirs.P, ours.P, atol=1e-10)
+
+
+@pytest.mark.parametrize("label", WORLDS)
+@pytest.mark.parametrize("name", CLOSE)
+def test_other_approximations_stay_within_what_ours_says_of_itself(name, label):
+    theirs, ours = both(name, label)
+    sd = np.sqrt(np.trace(ours.P[..., :2, :2], axis1=-2, axis2=-1))
+    away = np.sqrt(((theirs.x - ours.x)[..., :2] ** 2).sum(-1))
+    assert 0 < (away / sd).mean() < 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [*SAME[:2], *CLOSE[:-2]])
+def test_a_filter_of_filterpy_passes_every_check_or_is_exempt_with_a_reason(name):
+    report = check_estimator(peer(name), isolate=False)
+    assert report.passed, report.table()
+    skipped = {result.check for result in report.results if result.status == "skipped"}
+    assert skipped <= ({"silence", "equivariance"} if name.partition(":")[2] in SILENT else set())

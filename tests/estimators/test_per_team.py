@@ -1,0 +1,176 @@
+"""A loop over the whole team, lifted by `PerTeam`: the same results and the same bill as other ways to write it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import cooploc as cl
+from cooploc.estimators.interface import Mail, Senses
+from cooploc.estimators.lifting.radio import Radio
+from cooploc.scenarios.conformance.check import check_estimator
+from cooploc.scenarios.runner.trace import trace
+
+LOOP = f"{Path(__file__).resolve().parents[2]}/examples/filterpy_loop.py:loop"
+
+
+def one_of(z, i):
+    return Senses(*(a[i] for a in z[:-1]), extra={})
+
+
+class TeamOfLoops:
+    """The example's loop for one robot, one after the other in one object, which broadcasts for them."""
+
+    uses = ("odometry", "anchor_rssi", "radio_range")
+    centralised = False
+
+    def __init__(self, prior, world, keys):
+        make = cl.make(LOOP).make
+        n = range(len(keys))
+        self.loops = [make(cl.Belief(prior.x[i], prior.P[i]), world, i, keys[i]) for i in n]
+
+    def predict(self, z):
+        for i, loop in enumerate(self.loops):
+            loop.predict(one_of(z, i))
+
+    def correct(self, z):
+        for i, loop in enumerate(self.loops):
+            loop.correct(one_of(z, i))
+
+    def exchange(self, z, radio):
+        packets = np.array([loop.send() for loop in self.loops])
+        for i, packet in enumerate(packets):
+            radio.broadcast(i, packet)
+        for i, loop in enumerate(self.loops):
+            loop.fuse(Mail(radio.heard[i], packets, radio.rssi[i], radio.range[i]))
+
+    def estimate(self):
+        beliefs = [loop.estimate() for loop in self.loops]
+        return cl.Belief(np.stack([b.x for b in beliefs]), np.stack([b.P for b in beliefs]))
+
+
+class Joint:
+    """A plain EKF over the positions of all robots."""
+
+    uses = ("odometry", "anchor_rssi", "radio_range")
+    axes = ""
+    notes = ("updates",)
+
+    def __init__(self, prior, world, keys, inflation: float = 1.0):
+        n, d = prior.x.shape
+        self.x, self.P, self.world, self.d, self.inflation = (
+            prior.x.ravel(),
+            np.zeros((n * d, n * d)),
+            world,
+            d,
+            inflation,
+        )
+        for i in range(n):
+            self.P[self.of(i), self.of(i)] = prior.P[i]
+        self.updates = np.zeros(n)
+
+    def of(self, i):
+        return slice(self.d * i, self.d * i + self.d)
+
+    def predict(self, z):
+        for i in range(len(z.dt)):
+            self.x[self.of(i)], _, Q = self.world.motion.move(self.x[self.of(i)], z.odometry[i], z.dt[i])
+            self.P[self.of(i), self.of(i)] += Q
+
+    def correct(self, z):
+        for sensor, q, readings in self.world.fixed(z):
+            for i in np.flatnonzero(np.isfinite(readings).all(-1)):
+                y, H, _ = sensor.innovation(self.x[self.of(i)], q, readings[i])
+                self.update(y, {i: H}, sensor.R)
+
+    def exchange(self, z, radio):
+        for sensor, j, readings in self.world.relative(z, radio):
+            for i in range(len(z.dt)):
+                if i != j and np.isfinite(readings[i]).all():
+                    y, H, H_j = sensor.innovation(self.x[self.of(i)], self.x[self.of(j)], readings[i])
+                    self.update(y, {i: H, j: H_j}, sensor.R)
+
+    def update(self, y, parts, R):
+        H = np.zeros((1, len(self.x)))
+        for i, part in parts.items():
+            H[:, self.of(i)] = part
+        K = self.P @ H.T / (H @ self.P @ H.T + R * self.inflation**2)
+        self.x, self.P = self.x + K @ y, self.P - K @ H @ self.P
+        self.updates[min(parts)] += 1
+
+    def estimate(self):
+        n = len(self.updates)
+        P = np.stack([self.P[self.of(i), self.of(i)] for i in range(n)])
+        return cl.Belief(self.x.reshape(n, self.d).copy(), (P + P.mT) / 2)
+
+
+@pytest.mark.parametrize("label", ["packet-drop/drop=0.5", "asynchrony"])
+def test_a_team_that_broadcasts_is_billed_as_its_robots_are(label):
+    stream = cl.simulate(label, trials=2, ticks=30)[1]
+    team, alone = trace("team", cl.PerTeam(TeamOfLoops), stream), trace("alone", cl.make(LOOP), stream)
+    np.testing.assert_array_equal(team.x, alone.x)
+    np.testing.assert_array_equal(team.messages, alone.messages)
+    np.testing.assert_array_equal(team.bytes, alone.bytes)
+    assert not team.centralised
+
+
+def test_a_centralised_team_is_the_joint_filter_and_pays_for_what_its_robots_upload():
+    stream = cl.simulate("robots-1-3/n=3", trials=2, ticks=30)[1]
+    plain = {"iterations": 1, "second_order": False, "gate": np.inf, "update": "sequential"}
+    ours = cl.make("ekf-joint", reading="range", anchor_reading="rssi", **plain)
+    team, joint = trace("team", cl.PerTeam(Joint), stream), trace("joint", ours, stream)
+    np.testing.assert_allclose(team.x, joint.x, atol=1e-9)
+    np.testing.assert_allclose(team.P, joint.P, atol=1e-9)
+    np.testing.assert_array_equal(team.bytes, joint.bytes)
+    assert team.centralised
+    assert team.notes["updates"].shape == (2, 3)
+
+
+def test_parameters_reach_a_team_and_may_be_given_by_name(tmp_path):
+    (tmp_path / "team.py").write_text(
+        "class Team:\n    uses = ('odometry',)\n    centralised = False\n"
+        "    def __init__(self, prior, world, keys, gate: float = 3.0): ...\n"
+        "    def predict(self, z): ...\n    def correct(self, z): ...\n"
+        "    def exchange(self, z, radio): ...\n    def estimate(self): ...\n"
+    )
+    made = cl.make(f"{tmp_path}/team.py:Team[gate=2]")
+    assert (type(made), made.parameters, made.centralised) == (cl.PerTeam, {"gate": 2.0}, False)
+    assert made.with_parameters(gate=1.0).centralised is False
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("team", [TeamOfLoops, Joint])
+def test_a_lifted_team_passes_every_check_that_applies(team):
+    report = check_estimator(cl.PerTeam(team), isolate=False)
+    assert report.passed, report.table()
+
+
+# ---------------------------------------------------------------- radio
+
+
+@pytest.fixture
+def air():
+    link = np.array([[False, True], [False, False]])  # robot 0 hears robot 1
+    return Mail(link, np.empty((2, 2, 0)), np.full((2, 2), -50.0), np.full((2, 2), 3.0))
+
+
+def test_a_reading_of_a_teammate_exists_once_a_packet_of_it_was_heard(air):
+    radio = Radio(air, np.ones(2, bool))
+    assert np.isnan(radio.range).all()
+    assert radio.broadcast(1, [1.0, np.nan, 2.0]) == [0]
+    np.testing.assert_array_equal(radio.range, [[np.nan, 3.0], [np.nan, np.nan]])
+    np.testing.assert_array_equal(radio.bytes, [0, 2 * 8 + 8])
+
+
+def test_a_packet_that_is_lost_is_paid_and_one_of_a_sleeper_or_of_nan_is_not_sent(air):
+    radio = Radio(air, np.array([True, False]))
+    assert radio.send(0, 1, [1.0]) is None
+    assert radio.send(1, 0, [1.0]) is None
+    assert radio.send(0, 1, [np.nan]) is None
+    np.testing.assert_array_equal(radio.messages, [1, 0])
+    assert not radio.heard.any()
+
+
+def test_a_robot_sends_nothing_to_itself(air):
+    with pytest.raises(ValueError, match="robot 1 sends a packet to itself"):
+        Radio(air, np.ones(2, bool)).send(1, 1, [1.0])
