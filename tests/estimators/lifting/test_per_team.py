@@ -11,7 +11,7 @@ from cooploc.estimators.lifting.radio import Radio
 from cooploc.scenarios.conformance.check import check_estimator
 from cooploc.scenarios.runner.trace import trace
 
-LOOP = f"{Path(__file__).resolve().parents[2]}/examples/filterpy_loop.py:loop"
+LOOP = f"{Path(__file__).resolve().parents[3]}/examples/filterpy_loop.py:loop"
 
 
 def one_of(z, i):
