@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from contextlib import chdir, contextmanager
 from functools import cache
 from importlib import import_module
+from importlib.metadata import packages_distributions
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -53,10 +54,11 @@ def play_elsewhere(one: Given) -> Elsewhere:
 
 def _forget(label: str, loaded: set[str]) -> None:
     """Let an estimator's own modules be imported again, with what they do as they are; libraries stay."""
-    package = module_of(parse(label)[0]).partition(".")[0]
+    package, installed = module_of(parse(label)[0]).partition(".")[0], packages_distributions()
     for name in loaded:
-        file = str(getattr(sys.modules[name], "__file__", None) or "")
-        own = name.partition(".")[0] == package or not file.startswith((sys.prefix, sys.base_prefix))
+        top, file = name.partition(".")[0], str(getattr(sys.modules[name], "__file__", None) or "")
+        library = top in installed or file.startswith((sys.prefix, sys.base_prefix))  # also one that lies elsewhere
+        own = top == package or not library
         if own and file.endswith(".py") and not name.startswith(OURS):
             del sys.modules[name]
 
