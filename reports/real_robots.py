@@ -149,6 +149,7 @@ def main(data: str, uwb: str, mrclam: str, out: str = "reports") -> None:
     """Write the page and its figures."""
     folder = Path(out) / "real-robots"
     folder.mkdir(exist_ok=True)
+    shutil.copy(Path(mrclam) / "rmse.png", folder / "mrclam.png")
     page = PAGE.format(
         bags=bags(Path(data), folder),
         uwb=stored(uwb, ("rmse", "anees_median")),
@@ -214,12 +215,16 @@ ANEES; 20 trials, seed 1.
 All, one or none of the robots use landmarks; one recording, so no intervals (reports/fusion.md has them over pieces).
 RMSE [m], ANEES in brackets.
 
+![RMSE of every filter, with all, one and none of the robots using landmarks](real-robots/mrclam.png)
+
 {mrclam}
 
 ## WiFi, one robot, eleven runs
 
 RMSE [m] of every run, with the models fitted on the other runs of its set-up by least squares, as `wifi` does by
 default, and robustly (`robust=true`, Huber's loss).
+
+![RMSE of six estimators under four priors, with intervals; reports/wifi.md has its table](wifi.png)
 
 {wifi}
 """
