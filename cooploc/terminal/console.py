@@ -1,6 +1,5 @@
 """The consoles that commands print on."""
 
-import os
 from typing import Any
 
 from rich.console import Console
@@ -26,6 +25,6 @@ def wide(stderr: bool = False) -> Console:
     In a file or a pipe lines are as long as they are, for other programs.
     """
     console = PlainConsole(stderr=stderr)
-    if console.is_terminal or os.environ.get("COLUMNS"):
+    if console.is_terminal:
         return console
     return PlainConsole(stderr=stderr, soft_wrap=True, width=400)

@@ -47,9 +47,9 @@ def _require_sound(harness: Harness, stream: Stream, where: str) -> None:
     base = harness.run(stream, where)
     require_covariance(base, where)
     half = len(stream.time) // 2
-    harness.require_same(
-        base, stream.truncated(half), f"the stream ended after tick {half - 1} and {where}", ticks=half
-    )
+    if not harness.traits.offline:  # which sees later readings by definition
+        ended = f"the stream ended after tick {half - 1} and {where}"
+        harness.require_same(base, stream.truncated(half), ended, ticks=half)
     alone = stream.select([1])
     harness.require_same(_second(base, alone), alone, f"the second trial was alone and {where}")
 
