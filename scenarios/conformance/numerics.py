@@ -7,7 +7,7 @@ from cooploc.estimators.interface import Array, Mask
 from cooploc.scenarios.conformance import perturb
 from cooploc.scenarios.conformance.compare import CheckSkipped, RunRecord, earliest, fail_at, require_none
 from cooploc.scenarios.conformance.harness import Harness
-from cooploc.scenarios.runner.trace import ROUNDING, trace
+from cooploc.scenarios.runner.trace import NOTHING, ROUNDING, trace
 from cooploc.scenarios.stream import Stream
 
 # Allowed distance from dead reckoning, in its standard deviations: an unscented filter's mean differs to second order.
@@ -113,7 +113,7 @@ def require_covariance(found: RunRecord, when: str) -> None:
 
     """
     P = found.trace.P
-    scale = np.abs(P).max((-2, -1))
+    scale = np.maximum(np.abs(P).max((-2, -1)), NOTHING)
     asymmetry = np.abs(P - P.mT).max((-2, -1))
     least = np.linalg.eigvalsh((P + P.mT) / 2)[..., 0]
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -19,6 +19,8 @@ from cooploc.scenarios.stream import Stream
 
 ROUNDING = 1e-9  # asymmetry and negative variance that are allowed, relative to the covariance's largest entry
 
+NOTHING = 1e-200  # a smaller covariance is zero: subnormal numbers have too few digits to be symmetric or definite
+
 
 @dataclass(frozen=True, eq=False)
 class Trace:
@@ -127,7 +129,7 @@ def demand_covariances(name: str, stream: Stream, P: Array) -> None:
             than `ROUNDING` of its largest entry. Zero is allowed: a cloud of particles may collapse.
 
     """
-    scale = np.abs(P).max((-2, -1))
+    scale = np.maximum(np.abs(P).max((-2, -1)), NOTHING)
     faults = {
         "is not symmetric": np.abs(P - P.mT).max((-2, -1)) > ROUNDING * scale,
         "has a negative variance": _least_variance(P) < -ROUNDING * scale,
