@@ -35,6 +35,7 @@ def test_a_plan_counts_the_trials_of_every_comparison(folder):
 
 
 def test_a_run_goes_on_from_the_pilot(folder):
+    cl.plan(folder / "small.toml", out=folder / "run")
     before = {file.name for file in (folder / "run" / "parts").iterdir()}
     cl.plan(folder / "small.toml", out=folder / "run")
     assert {file.name for file in (folder / "run" / "parts").iterdir()} == before
