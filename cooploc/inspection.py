@@ -88,19 +88,19 @@ class Inspection:
         return [*written, home / SKETCH]
 
 
-def inspect(path: str | Path, run: str = "", anew: bool = False) -> Inspection:
+def inspect(path: str | Path, run: str = "", again: bool = False) -> Inspection:
     """Look at a recording before anything is fitted: series, gaps, units, clocks, frames.
 
     Args:
         path: a directory of CSV files, a ROS bag, a PyFG file, or MRCLAM text; a log.toml there is believed.
         run: which recording of several; the first if empty.
-        anew: guess everything again, whatever log.toml says.
+        again: guess everything once more, whatever log.toml says.
 
     Raises:
         BadInput: nothing there can be read; one line that says what to do.
 
     """
-    return Inspection(inspect_recording(Path(path), run, anew))
+    return Inspection(inspect_recording(Path(path), run, again))
 
 
 def where_to_change(finding: Finding) -> str:

@@ -23,7 +23,7 @@ LISTS = {
 
 
 def write(folder: Path) -> None:
-    """Write all pages anew."""
+    """Write all pages."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()
     (folder / "commands.md").write_text(commands(), encoding="utf-8")

@@ -76,9 +76,9 @@ class PerRobot(Lift):
         # Copies, because a plain loop may well write into its state.
         beliefs = [Belief(x.copy(), P.copy()) for x, P in zip(*prior, strict=True)]
         who, parameters = rows.robot.tolist(), self.parameters
-        nobody = State((None,) * len(who), rows.key, -1)
-        made = self._each(nobody, "init", lambda _, i: self.make(beliefs[i], world, who[i], rows.key[i], **parameters))
-        return nobody._replace(robots=tuple(made))
+        empty = State((None,) * len(who), rows.key, -1)
+        made = self._each(empty, "init", lambda _, i: self.make(beliefs[i], world, who[i], rows.key[i], **parameters))
+        return empty._replace(robots=tuple(made))
 
     def predict(self, s: State, z: Senses) -> State:
         s = s._replace(tick=s.tick + 1)

@@ -1,5 +1,6 @@
 """What every room's tests share: random numbers and examples that are the same every time, kernels compiled once."""
 
+import sys
 import zlib
 
 import numpy as np
@@ -18,6 +19,14 @@ take_turns()
 def rng(request):
     """A generator of this test's own, so that its draws do not depend on which tests ran before it."""
     return np.random.default_rng(zlib.crc32(request.node.nodeid.encode()))
+
+
+@pytest.fixture(autouse=True)
+def no_figure_is_left():
+    """A figure that one test left open must not be counted by the next."""
+    yield
+    if pyplot := sys.modules.get("matplotlib.pyplot"):
+        pyplot.close("all")
 
 
 def pytest_unconfigure():

@@ -21,7 +21,8 @@ from cooploc.analysis.metrics.certificate_line import TRAINED, mark
 from cooploc.estimators import configure
 from cooploc.estimators.plugins.build import ConfiguredEstimator
 from cooploc.estimators.plugins.errors import one_line
-from cooploc.scenarios.conformance.check import Report, checked_here, checked_there
+from cooploc.scenarios.conformance.check import checked_here, checked_there
+from cooploc.scenarios.conformance.report import Report
 from cooploc.scenarios.processes.outcome import ProcessHung, WorkerError
 from cooploc.scenarios.processes.workers import end
 

@@ -27,7 +27,7 @@ def judge(
 ) -> pd.DataFrame:
     """Errors of trajectories that were computed elsewhere: in C++, MATLAB, ROS, from the stream that was saved.
 
-    Nobody saw which readings they used, so their `certificate` is "not checked: computed elsewhere". Where there are
+    It is not known which readings they used: their `certificate` is "not checked: computed elsewhere". Where there are
     no covariances, consistency is not assessed, and they do not qualify as best; costs that are not known are nan.
 
     Args:

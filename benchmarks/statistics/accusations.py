@@ -13,7 +13,8 @@ from pathlib import Path
 
 from cooploc.analysis.execution.provenance import provenance
 from cooploc.estimators import BUILTIN, make
-from cooploc.scenarios.conformance.check import Report, check_estimator
+from cooploc.scenarios.conformance.check import check_estimator
+from cooploc.scenarios.conformance.report import Report
 
 SEEDS = 50
 

@@ -15,8 +15,9 @@ from accusations import report
 
 from cooploc.analysis.execution.world_players import players
 from cooploc.scenarios import simulate
-from cooploc.scenarios.conformance.check import Report, Result, check_estimator
+from cooploc.scenarios.conformance.check import check_estimator
 from cooploc.scenarios.conformance.own_worlds import OWN, OwnWorld, outcome
+from cooploc.scenarios.conformance.report import Report, Result
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests" / "helpers"))
 honest = import_module("honest")

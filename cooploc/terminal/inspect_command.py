@@ -17,5 +17,5 @@ def inspect(
     """Look at a recording of robots: what is in it, what is odd about it; sketch it, and write a log.toml that runs."""
     from cooploc.terminal import inspection
 
-    found = cl.inspect(path, run, anew=force)
+    found = cl.inspect(path, run, again=force)
     inspection.show(found, found.write(out, force))

@@ -130,6 +130,7 @@ def results(place):
 
 def test_run_study_leaves_the_figures_of_a_notebook_alone(results, place):
     before = mpl.get_backend()
+    plt.close("all")
     plt.switch_backend("svg")
     figure = plt.figure()
     cl.run_study(place / "small.toml", out=results.folder)

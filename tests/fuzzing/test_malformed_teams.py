@@ -20,7 +20,7 @@ IN_TOML = [
     ('format = "csv"', "", "format"),
     ('robots = ["red", "blue"]', "", "robots is missing"),
     ('robots = ["red", "blue"]', 'robots = ["red", "red"]', "'red' is the name of two things"),
-    ('robots = ["red", "blue"]', 'robots = ["red", "green"]', "robot 'green' has fewer than two lines of odometry"),
+    ('robots = ["red", "blue"]', 'robots = ["red", "green"]', "robot 'green' has fewer than two samples of odometry"),
     ('robots = ["red", "blue"]', 'robots = ["red", "b lue"]', "robots"),
     ('robots = ["red", "blue"]', 'robots = "red"', "robots"),
     ("arena = [[0, 0], [8, 6]]", "arena = [[8, 6], [0, 0]]", "lower left and the upper right corner"),

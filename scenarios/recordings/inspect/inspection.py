@@ -47,13 +47,13 @@ class Inspected(NamedTuple):
     text: str  # of log.toml: the one that is there, or a draft
 
 
-def inspect_recording(path: Path, run: str = "", anew: bool = False) -> Inspected:
+def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspected:
     """Look at a directory of CSV files, a bag, a PyFG file or MRCLAM text.
 
     Args:
         path: a directory or file; a log.toml of a team in the directory is believed.
         run: which recording of several; the first if empty.
-        anew: guess everything again, whatever log.toml says.
+        again: guess everything once more, whatever log.toml says.
 
     Raises:
         BadInput: there is nothing that can be read; one line: fact, place and remedy.
@@ -61,7 +61,7 @@ def inspect_recording(path: Path, run: str = "", anew: bool = False) -> Inspecte
     """
     found = recognized(path)
     home = (path if path.is_dir() else path.parent) / NAME
-    if not anew and home.is_file() and "\nformat" in f"\n{text_of(home)}":
+    if not again and home.is_file() and "\nformat" in f"\n{text_of(home)}":
         return _looked(path, load(home), "log.toml says so", run)._replace(text=text_of(home))
     if found.format == "csv" and is_one_robot(files := csv_files(path).files):
         return _of_one_robot(path, files, run)

@@ -17,6 +17,7 @@ from pydantic import BaseModel, ConfigDict
 from cooploc.estimators import nearest
 from cooploc.estimators.interface import Array, Mask, Senses, World
 from cooploc.estimators.plugins.errors import BadInput
+from cooploc.scenarios.recordings import one_run
 from cooploc.scenarios.recordings.logs import models
 from cooploc.scenarios.recordings.logs.folder import ALL, LogFolder, read_folder
 from cooploc.scenarios.recordings.logs.models import AssumedModels
@@ -66,13 +67,8 @@ class Log(BaseModel):
             BadInput: there are several trials, or there is no such trial or run.
 
         """
-        names = self._names()
-        there = f"{self.data}: {self.run!r} has {len(names)} trial{'s' * (len(names) > 1)}"
-        if len(trials) != 1:
-            raise BadInput(f"{there}, and a stream holds one, as each run has its own models; ask for trials=[0]")
-        if trials[0] >= len(names):
-            raise BadInput(f"{there}, numbered from 0; there is no trial {trials[0]}; ask for an existing one")
-        return self.model_copy(update={"run": names[trials[0]]})
+        name = one_run.asked(self.data, self.run, self._names(), trials)
+        return self.model_copy(update={"run": name})
 
     def world(self) -> World:
         """What the robot knows of this run: anchors, arena, and assumed models."""

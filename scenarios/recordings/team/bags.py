@@ -20,10 +20,10 @@ from cooploc.scenarios.recordings.team.bag_topics import read_topics as read_top
 from cooploc.scenarios.recordings.team.bag_topics import topics as topics
 from cooploc.scenarios.recordings.team.channels import Kind, Measured, divided
 from cooploc.scenarios.recordings.team.places_file import places
+from cooploc.scenarios.recordings.team.robot_series import odometry_of, truth_of
 from cooploc.scenarios.recordings.team.schema import TeamDescription
 from cooploc.scenarios.recordings.team.series import in_order
 from cooploc.scenarios.recordings.team.team_log import Channel, Readings, Series, TeamLog
-from cooploc.scenarios.recordings.team.truth_frame import true_poses
 
 Found = Mapping[str, TopicSeries]
 ODOMETRY = {"velocity": ("v [m/s]", "omega [rad/s]"), "pose": ("x [m]", "y [m]", "heading [rad]")}
@@ -74,8 +74,13 @@ def read(data: Path, place: Path, name: str, description: TeamDescription) -> Te
     wanted |= {topic for s in (description.odometry, description.truth) for topic, _, _ in topics_of(s, robots, ())}
     found, told = read_present(place, wanted)
     warnings = list(told)
-    odometry = _odometry(place, description.odometry, found, robots, warnings)
-    truth = _truth(place, description.truth, found, robots, warnings)
+    moves, poses = description.odometry, description.truth
+    if moves.kind not in ODOMETRY:
+        raise BadInput(f"{place}: a bag has odometry of kind {' or '.join(ODOMETRY)}, not {moves.kind!r}; correct kind")
+    series = _by_robot(moves, found, robots, ODOMETRY[moves.kind], "odometry", warnings)
+    odometry = odometry_of(place, series, robots)
+    series = _by_robot(poses, found, robots, ODOMETRY["pose"], "truth", warnings)
+    truth = truth_of(place, series, robots, poses, warnings)
     readings: dict[Channel, Readings] = {}
     for kind, several, fixed in tables:
         measured = [m for s in several for m in _measured(place, s, found, robots, (*robots, *fixed), warnings)]
@@ -84,41 +89,6 @@ def read(data: Path, place: Path, name: str, description: TeamDescription) -> Te
         warnings += told_
     kind_ = description.odometry.kind
     return TeamLog(name, robots, kind_, odometry, truth, readings, landmarks, anchors, tuple(warnings))
-
-
-def _odometry(
-    place: Path, table: schema.Odometry, found: Found, robots: Sequence[str], warnings: list[str]
-) -> tuple[Series, ...]:
-    if table.kind not in ODOMETRY:
-        raise BadInput(f"{place}: a bag has odometry of kind {' or '.join(ODOMETRY)}, not {table.kind!r}; correct kind")
-    series = _by_robot(table, found, robots, ODOMETRY[table.kind], "odometry", warnings)
-    for robot in robots:
-        if robot not in series or len(series[robot].time) < 2:
-            raise BadInput(
-                f"{place}: robot {robot!r} has fewer than two messages of odometry; correct the topic in [odometry] of "
-                "log.toml, or take it out of `robots`"
-            )
-    return tuple(series[robot] for robot in robots)
-
-
-def _truth(
-    place: Path, table: schema.GroundTruth, found: Found, robots: Sequence[str], warnings: list[str]
-) -> tuple[Series | None, ...]:
-    series = _by_robot(table, found, robots, ODOMETRY["pose"], "truth", warnings)
-    poses: list[Series | None] = []
-    for robot in robots:
-        one = series.get(robot)
-        if one is None or len(one.time) < 2:
-            warnings.append(f"{place}: robot {robot!r} has no truth, and so no errors")
-            poses.append(None)
-            continue
-        values, jumps = true_poses(one.time, one.values, table)
-        if jumps:
-            warnings.append(f"{one.source}: {jumps} true positions are out of reach at max_speed, and were left out")
-        poses.append(one._replace(values=values))
-    if all(one is None for one in poses):
-        raise BadInput(f"{place}: no robot has a truth; correct the topic in [truth] of log.toml")
-    return tuple(poses)
 
 
 def _by_robot(

@@ -11,10 +11,10 @@ from cooploc.scenarios.recordings.team import schema
 from cooploc.scenarios.recordings.team.channels import Measured, divided
 from cooploc.scenarios.recordings.team.csv_source import Rows, measured, rows_of
 from cooploc.scenarios.recordings.team.places_file import places
+from cooploc.scenarios.recordings.team.robot_series import odometry_of, truth_of
 from cooploc.scenarios.recordings.team.schema import TeamDescription
 from cooploc.scenarios.recordings.team.series import in_order
 from cooploc.scenarios.recordings.team.team_log import Channel, Readings, Series, TeamLog
-from cooploc.scenarios.recordings.team.truth_frame import true_poses
 
 
 def runs(data: Path, description: TeamDescription) -> dict[str, Path]:
@@ -48,8 +48,11 @@ def read(data: Path, place: Path, name: str, description: TeamDescription) -> Te
         raise BadInput(f"{data}: log.toml lacks [odometry] or [truth]; add the table")
     robots = description.robots
     warnings: list[str] = []
-    odometry = _odometry(place, description, description.odometry, warnings)
-    truth = _truth(place, description, description.truth, warnings)
+    moves, poses = description.odometry, description.truth
+    columns = [getattr(moves, name) for name in schema.COLUMNS[moves.kind]]
+    odometry = odometry_of(place, _by_robot(place, description, moves, columns, warnings), robots)
+    found_poses = _by_robot(place, description, poses, [poses.x, poses.y, poses.heading], warnings)
+    truth = truth_of(place, found_poses, robots, poses, warnings)
     anchors = places(data, description.anchors, description.delimiter)
     landmarks = places(data, description.landmarks, description.delimiter)
     readings: dict[Channel, Readings] = {}
@@ -65,38 +68,6 @@ def read(data: Path, place: Path, name: str, description: TeamDescription) -> Te
     return TeamLog(
         name, robots, description.odometry.kind, odometry, truth, readings, landmarks, anchors, tuple(warnings)
     )
-
-
-def _odometry(place: Path, d: TeamDescription, table: schema.Odometry, warnings: list[str]) -> tuple[Series, ...]:
-    columns = [getattr(table, name) for name in schema.COLUMNS[table.kind]]
-    found = _by_robot(place, d, table, columns, warnings)
-    for robot in d.robots:
-        if robot not in found or len(found[robot].time) < 2:
-            raise BadInput(
-                f"{place}: robot {robot!r} has fewer than two lines of odometry; add them, or take it out of `robots` "
-                "in log.toml"
-            )
-    return tuple(found[robot] for robot in d.robots)
-
-
-def _truth(
-    place: Path, d: TeamDescription, table: schema.GroundTruth, warnings: list[str]
-) -> tuple[Series | None, ...]:
-    found = _by_robot(place, d, table, [table.x, table.y, table.heading], warnings)
-    poses: list[Series | None] = []
-    for robot in d.robots:
-        series = found.get(robot)
-        if series is None or len(series.time) < 2:
-            warnings.append(f"{place}: robot {robot!r} has no truth, and so no errors")
-            poses.append(None)
-            continue
-        values, jumps = true_poses(series.time, series.values, table)
-        if jumps:
-            warnings.append(f"{series.source}: {jumps} true positions are out of reach at max_speed, and were left out")
-        poses.append(series._replace(values=values))
-    if all(series is None for series in poses):
-        raise BadInput(f"{place}: no robot has a truth; check [truth] in log.toml")
-    return tuple(poses)
 
 
 def _by_robot(

@@ -19,6 +19,7 @@ from pydantic import Field
 
 from cooploc.estimators.interface import Array, Mask, Senses, World
 from cooploc.estimators.plugins.errors import BadInput
+from cooploc.scenarios.recordings import one_run
 from cooploc.scenarios.recordings.team import sampling, schema
 from cooploc.scenarios.recordings.team.folder import ALL, TeamFolder
 from cooploc.scenarios.recordings.team.leftover import Leftover, leftovers
@@ -98,15 +99,10 @@ class TeamScenario(schema.Model):
             BadInput: there are several trials, or there is no such trial or run.
 
         """
-        names = self._names()
-        there = f"{self.data}: {self.run!r} has {len(names)} trial{'s' * (len(names) > 1)}"
-        if len(trials) != 1:
-            raise BadInput(f"{there}, and a stream holds one, as each run has its own models; ask for trials=[0]")
-        if trials[0] >= len(names):
-            raise BadInput(f"{there}, numbered from 0; there is no trial {trials[0]}; ask for an existing one")
+        name = one_run.asked(self.data, self.run, self._names(), trials)
         if self.run != ALL:
             return self
-        return self._of_all.setdefault(trials[0], self.model_copy(update={"run": names[trials[0]]}))
+        return self._of_all.setdefault(trials[0], self.model_copy(update={"run": name}))
 
     def world(self) -> World:
         """What the team knows of this run: fixed things, arena, and assumed models."""

@@ -15,10 +15,11 @@ from cooploc.estimators.per_robot import PerRobot
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.estimators.plugins.traits import traits
 from cooploc.scenarios import simulate
-from cooploc.scenarios.conformance.check import CHECKS, Check, Report, Result, check_estimator, run_check
+from cooploc.scenarios.conformance.check import CHECKS, Check, check_estimator, run_check
 from cooploc.scenarios.conformance.compare import by
 from cooploc.scenarios.conformance.harness import Harness
 from cooploc.scenarios.conformance.isolation import declaration
+from cooploc.scenarios.conformance.report import Report, Result
 from cooploc.scenarios.conformance.snapshot import snapshot
 from cooploc.scenarios.runner.trace import trace
 

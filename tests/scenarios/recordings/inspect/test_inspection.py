@@ -118,8 +118,8 @@ def test_a_log_toml_that_is_there_is_believed_and_stays(tmp_path, clean):
     assert found(inspection) == {("radians", "blue"), ("radians", "red")}
     inspection.write()
     assert (team / "log.toml").read_text() == text
-    assert len(cl.inspect(team, anew=True).findings) == 0
-    cl.inspect(team, anew=True).write(force=True)
+    assert len(cl.inspect(team, again=True).findings) == 0
+    cl.inspect(team, again=True).write(force=True)
     assert (team / "log.toml").read_text() != text
 
 

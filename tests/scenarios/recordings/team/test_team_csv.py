@@ -178,7 +178,7 @@ def test_a_robot_without_truth_is_told_and_one_without_odometry_refused(lab):
     assert log.truth[1] is None
     assert any("robot 'blue' has no truth" in w for w in log.warnings)
     (lab / "odom_blue.csv").unlink()
-    assert "robot 'blue' has fewer than two lines of odometry" in refused(lab)
+    assert "robot 'blue' has fewer than two samples of odometry" in refused(lab)
 
 
 def test_directories_are_runs(sound, tmp_path):
