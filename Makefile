@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 PARALLEL := -n 2 --dist loadgroup
 
 .PHONY: demo test quick-test docs lint types floors units hooks looks bench speed prove accuse findings reliability alike \
-  oddities truth peers lock clean
+  oddities truth peers reports lock clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.ready  ## run the quick study, print its table, write its picture
@@ -86,6 +86,9 @@ docs: .venv-docs/.ready  ## the documentation site, in build/docs; needs no netw
 	.venv-docs/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes -r docs/requirements.lock
 	.venv-docs/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 	touch $@
+
+reports: $(VENV)/.ready  ## every study and every page of reports/ anew, hours; goes on where it was ended
+	$(BIN)/python reports/make_all.py --data $(or $(COOPLOC_DATA),../shared/data)
 
 peers: $(VENV)/.ready  ## other people's filters as plug-ins: glue, agreement, checks, error, cost; keeps its report
 	$(BIN)/python benchmarks/peers/table.py reports/peers.md

@@ -32,7 +32,7 @@ REAL = (
 TEXT = """# Which rules of fusion are consistent, and at which price
 
     cooploc run fusion --out RUN_DIR
-    python reports/fusion.py RUN_DIR DATA      # this page but for its notes; DATA is an MRCLAM recording
+    python reports/fusion.py RUN_DIR DATA      # this page; DATA is an MRCLAM recording
 
 All filters have the same readings: odometry, a direction of arrival from the four anchors with the variance of its
 gradient, and a range to every teammate whose packet arrives. They differ in what they send and in how they use it.
@@ -70,7 +70,13 @@ position and heading.
 
 {mrclam}
 
-{notes}"""
+## More
+
+- [fixed-weights.md](fixed-weights.md): weights that somebody has to choose, of `ekf-ici[form=fixed]` and `ekf-hmd`.
+- [vague-start.md](vague-start.md): how many robots the joint filter loses where they hardly know where they start.
+- [gbp.md](gbp.md): Gaussian belief propagation; [sightings.md](sightings.md): what of a teammate is worth using.
+- [speed.md](speed.md): what the filters cost.
+"""
 
 
 def main(run: str, data: str, out: str = "reports") -> None:
@@ -93,7 +99,6 @@ def main(run: str, data: str, out: str = "reports") -> None:
         seconds=PIECE * real["trials"].max(),
         pieces=real["trials"].max(),
         piece=PIECE,
-        notes=(Path(__file__).parent / "fusion_notes.md").read_text(encoding="utf-8"),
     )
     (Path(out) / "fusion.md").write_text(text, encoding="utf-8")
 

@@ -1,0 +1,92 @@
+"""Writes a page of a text in reports/text and of runs, so that no number of it is typed by hand.
+
+Run: python reports/page.py TEXT RUNS OUT [draft], as in `python reports/page.py gbp build/reports reports/gbp.md`. RUNS
+is the folder of the run directories, each with the name of its study. A text takes its numbers from `told("STUDY")`
+(see told.py), and says what must hold for its words: `{{ shown(change.falls, "...") }}` writes nothing, and stops where
+the run shows something else, so that the sentence is written anew. A draft, of runs of few trials, only marks it.
+"""
+
+import re
+import sys
+import textwrap
+from functools import cache
+from pathlib import Path
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined, TemplateError
+from told import Told
+
+from cooploc.analysis.formats import listed
+from cooploc.estimators.plugins.errors import BadInput
+
+TEXTS = Path(__file__).parent / "text"
+AS_IT_IS = re.compile(r"[#|!`]|    ")  # begins a heading, a table, a figure, code
+WRAPPER = textwrap.TextWrapper(118, break_long_words=False, break_on_hyphens=False)
+
+
+def shown(holds: bool, what: str) -> str:
+    """Nothing, where it holds."""
+    if not holds:
+        raise BadInput(f"the runs do not show that {what}; write the sentence anew in reports/text")
+    return ""
+
+
+def tex(text: object) -> str:
+    """For LaTeX: what has a meaning there, escaped."""
+    return "".join(f"\\{letter}" if letter in "%_&#$" else letter for letter in str(text))
+
+
+def marked(holds: bool, what: str) -> str:
+    """A mark, where it does not hold."""
+    return "" if holds else f"[NOT SHOWN: {what}] "
+
+
+def written(name: str, runs: str | Path, draft: bool = False) -> str:
+    """A text with its numbers.
+
+    Args:
+        name: of a file in reports/text, with `.j2` or without `.md.j2`.
+        runs: folder of the run directories.
+        draft: whether a sentence that does not hold is marked, instead of refused.
+
+    Raises:
+        BadInput: the runs have no such number, or do not show what a sentence says.
+
+    """
+    told = cache(lambda study: Told(Path(runs) / study))
+    texts = Environment(
+        loader=FileSystemLoader(TEXTS), undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
+        keep_trailing_newline=True, autoescape=False,
+    )  # fmt: skip
+    texts.globals.update(told=told, shown=marked if draft else shown, listed=listed)
+    texts.filters.update(tex=tex)
+    text = texts.get_template(name if name.endswith(".j2") else f"{name}.md.j2").render()
+    return text if name.endswith(".tex.j2") else folded(text)
+
+
+def folded(text: str) -> str:
+    """With paragraphs and items of lists folded at 120 letters; tables, code, headings and figures stay."""
+    blocks = re.split(r"\n\s*\n", re.sub(r" +$", "", text.strip("\n"), flags=re.MULTILINE))
+    return "\n\n".join(block if AS_IT_IS.match(block) else _paragraph(block) for block in blocks) + "\n"
+
+
+def _paragraph(block: str) -> str:
+    items = re.split(r"\n(?=- )", block)
+    return "\n".join(WRAPPER.fill(" ".join(item.split())) if item[:2] != "- " else _item(item) for item in items)
+
+
+def _item(item: str) -> str:
+    return textwrap.indent(WRAPPER.fill(" ".join(item.split())), "  ", lambda line: not line.startswith("- "))
+
+
+def main(name: str, runs: str, out: str, draft: str = "") -> int:
+    """Write a page; where the runs do not bear it, one line that says so."""
+    try:
+        Path(out).write_text(written(name, runs, bool(draft)), encoding="utf-8")
+    except (BadInput, TemplateError) as error:
+        print(f"reports/text/{name}: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:]))

@@ -1,0 +1,110 @@
+"""The texts of reports/text, and the numbers that runs put into them."""
+
+import importlib
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+import cooploc as cl
+from cooploc.estimators.plugins.errors import BadInput
+
+REPORTS = Path(__file__).resolve().parents[3] / "reports"
+TEXTS = sorted((REPORTS / "text").glob("*.j2"))
+WHERE = "robots-1-3/n=2[ticks=4]"
+TEXT = f"""{{% set error = told("short").rmse("arl", "{WHERE}") %}}
+# A title
+
+{{{{ shown(error.value < LIMIT, "it is small") -}}}}
+- Words that
+are {{{{ error.alone }}}} {"long " * 40}
+"""
+
+
+@pytest.fixture(scope="module")
+def scripts():
+    sys.path.insert(0, str(REPORTS))
+    yield {name: importlib.import_module(name) for name in ("told", "page", "make_all")}
+    sys.path.remove(str(REPORTS))
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("runs")
+    (folder / "short.toml").write_text(f'trials = 6\nscenarios = ["{WHERE}"]\nestimators = ["arl", "rssi-pf"]\n')
+    cl.run_study(folder / "short.toml", out=folder / "short")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def told(scripts, runs):
+    return scripts["told"].Told(runs / "short")
+
+
+def test_numbers_are_those_of_compare(told):
+    table = cl.compare(told.results.rows, baseline="arl").set_index("estimator")
+    change, rmse = told.change("rssi-pf", "arl", WHERE), told.rmse("arl", WHERE)
+    assert change[:3] == tuple(table.loc["rssi-pf", ["change", "change_low", "change_high"]])
+    assert rmse[:3] == tuple(table.loc["arl", ["rmse", "rmse_low", "rmse_high"]])
+    assert told.trials == "6"
+
+
+def test_a_number_is_written_with_its_interval(scripts):
+    number = scripts["told"].Number(-0.204, -0.26, -0.138)
+    assert str(number) == "-20 % (-26 to -14)"
+    assert number.inside == "-20 %, -26 to -14"
+    assert (number.falls, number.rises, number.open) == (True, False, False)
+
+
+def test_what_was_not_run_is_named_with_the_nearest_that_was(told):
+    with pytest.raises(BadInput, match=r"no 'alr' in .*did you mean 'arl'"):
+        told.rmse("alr", WHERE)
+    with pytest.raises(BadInput, match="no scenario 'nlos'"):
+        told.change("arl", "rssi-pf", "nlos")
+
+
+@pytest.fixture
+def texts(scripts, tmp_path, monkeypatch):
+    monkeypatch.setattr(scripts["page"], "TEXTS", tmp_path)
+    for name, limit in (("true", "1e9"), ("false", "0")):
+        (tmp_path / f"{name}.md.j2").write_text(TEXT.replace("LIMIT", limit), "utf-8")
+    return scripts["page"]
+
+
+def test_a_sentence_that_the_run_does_not_bear_stops_the_page_with_one_line(texts, runs, tmp_path, capsys):
+    assert texts.main("false", str(runs), str(tmp_path / "out.md")) == 1
+    assert not (tmp_path / "out.md").exists()
+    assert capsys.readouterr().err.splitlines() == [
+        "reports/text/false: the runs do not show that it is small; write the sentence anew in reports/text"
+    ]
+    assert texts.main("false", str(runs), str(tmp_path / "out.md"), "draft") == 0
+    assert "[NOT SHOWN: it is small]" in (tmp_path / "out.md").read_text()
+
+
+def test_prose_is_folded_and_items_are_indented(texts, runs):
+    lines = texts.written("true", runs).splitlines()
+    assert lines[:2] == ["# A title", ""]
+    assert lines[2].startswith("- Words that are ")
+    assert all(line.startswith("  long") for line in lines[3:])
+    assert max(map(len, lines)) <= 118
+
+
+@pytest.mark.parametrize("text", TEXTS, ids=lambda path: path.name)
+def test_every_run_of_a_text_is_made_before_its_page(scripts, text):
+    steps = [step.name for step in scripts["make_all"].STEPS]
+    pages = [
+        step
+        for step in scripts["make_all"].STEPS
+        if text.name.split(".")[0] in step.command and "{runs}" in step.command
+    ]
+    asked = set(re.findall(r'told\("([^"]+)"\)', text.read_text("utf-8")))
+    assert asked
+    assert all(steps.index(run) < steps.index(page.name) for page in pages for run in asked)
+    assert len(pages) == 1
+
+
+def test_every_study_that_is_run_is_shipped(scripts):
+    shipped = set(cl.studies()["name"])
+    runs = [step.command[step.command.index("run") + 1] for step in scripts["make_all"].STEPS if "run" in step.command]
+    assert set(runs) <= shipped
