@@ -73,7 +73,8 @@ STEPS = (
     script("until_decided", "{runs}/paper", str(HERE)),
     Step("paper", (*COOPLOC, "report", "{runs}/paper", "-o", str(HERE / "paper"))),
     script("paper_figures", "{runs}/paper"),
-    page("paper", "paper/README.md"),
+    page("paper", "paper/README.md"), page("first-sentences"),
+    Step("summary.pdf", (PYTHON, str(HERE / "summary.py"), "{runs}", str(HERE / "paper"))),
 )  # fmt: skip
 
 

@@ -13,13 +13,14 @@ from functools import cache
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, TemplateError
-from told import Told
+from told import Told, claims, order_when_tuned
 
 from cooploc.analysis.formats import listed
 from cooploc.estimators.plugins.errors import BadInput
 
 TEXTS = Path(__file__).parent / "text"
 AS_IT_IS = re.compile(r"[#|!`]|    ")  # begins a heading, a table, a figure, code
+ITEM = re.compile(r"(?:-|\d+\.) ")  # begins an item of a list
 WRAPPER = textwrap.TextWrapper(118, break_long_words=False, break_on_hyphens=False)
 
 
@@ -57,7 +58,8 @@ def written(name: str, runs: str | Path, draft: bool = False) -> str:
         loader=FileSystemLoader(TEXTS), undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
         keep_trailing_newline=True, autoescape=False,
     )  # fmt: skip
-    texts.globals.update(told=told, shown=marked if draft else shown, listed=listed)
+    tuned = cache(lambda study: order_when_tuned(Path(runs) / study))
+    texts.globals.update(told=told, tuned=tuned, claims=claims, shown=marked if draft else shown, listed=listed)
     texts.filters.update(tex=tex)
     text = texts.get_template(name if name.endswith(".j2") else f"{name}.md.j2").render()
     return text if name.endswith(".tex.j2") else folded(text)
@@ -70,12 +72,14 @@ def folded(text: str) -> str:
 
 
 def _paragraph(block: str) -> str:
-    items = re.split(r"\n(?=- )", block)
-    return "\n".join(WRAPPER.fill(" ".join(item.split())) if item[:2] != "- " else _item(item) for item in items)
+    return "\n".join(_item(item) for item in re.split(rf"\n(?={ITEM.pattern})", block))
 
 
 def _item(item: str) -> str:
-    return textwrap.indent(WRAPPER.fill(" ".join(item.split())), "  ", lambda line: not line.startswith("- "))
+    """Folded, with what follows its first line below its first word."""
+    mark = ITEM.match(item)
+    WRAPPER.subsequent_indent = " " * len(mark[0]) if mark else ""
+    return WRAPPER.fill(" ".join(item.split()))
 
 
 def main(name: str, runs: str, out: str, draft: str = "") -> int:

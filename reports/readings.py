@@ -23,6 +23,7 @@ from cooploc.analysis.report.claim_tables import over_readings
 mpl.use("agg")
 TIMED = "cost", "time"  # kinds of claims that need the times of a quiet machine, in many parts
 LEFT = "direction only", "contradicted", "undecided"
+MAP = ["claim", "says", "supported", "specifications", *LEFT, "letter", "preset"]
 NUMBERS = [
     "claim",
     "scenario",
@@ -50,7 +51,9 @@ def main(run: str, out: str = "reports/readings") -> None:
     keep(cl.plot.readings(found), folder / "map.svg")
     curves = [(claim, *curve(found, claim, folder)) for claim in dict.fromkeys(found["claim"])]
     trials = kept.rows.groupby("scenario")["trial"].nunique()
-    (folder / "map.md").write_text(short(multiverse.shares(found)), encoding="utf-8")
+    counted = multiverse.shares(found)
+    counted[MAP].to_csv(folder / "map.csv", index=False)
+    (folder / "map.md").write_text(short(counted), encoding="utf-8")
     (folder / "README.md").write_text(page(found, ledger, curves, int(trials.min())), encoding="utf-8")
 
 

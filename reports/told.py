@@ -1,21 +1,25 @@
 """Numbers of a run as words of a text, each with its 95 % interval, by the functions that make the tables."""
 
-from functools import cached_property
+from collections.abc import Iterable
+from itertools import product
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 import cooploc as cl
+from cooploc.analysis.execution.stored_run import read
 from cooploc.analysis.formats import Format, count, interval, metres, percent, ratio
 from cooploc.analysis.formats import change as signed
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.compare import summarize
+from cooploc.analysis.metrics.consistency import consistency
 from cooploc.analysis.metrics.pooling import trial_means
 from cooploc.estimators import nearest
 from cooploc.estimators.plugins.errors import BadInput
-from cooploc.runs import Results, kept
+
+Cell = tuple[str, str]  # labels of a scenario and an estimator
 
 
 class Number(NamedTuple):
@@ -73,37 +77,34 @@ class Told:
     """
 
     def __init__(self, run: str | Path) -> None:
-        self.results: Results = cl.load_run(run)
+        self.stored = read(Path(run))
+        self._of = dict(list(self.stored.rows.groupby(["scenario", "estimator"], sort=False)))
+        self._trials: dict[Cell, pd.DataFrame] = {}
 
-    @cached_property
-    def table(self) -> pd.DataFrame:
-        """One row per scenario and estimator, as of `summarize`."""
-        return summarize(self.results.rows).set_index(["scenario", "estimator"])
-
-    @cached_property
+    @property
     def seed(self) -> int:
         """The run's seed."""
-        return int(kept(self.results).manifest["seed"])
+        return int(self.stored.manifest["seed"])
 
     @property
     def trials(self) -> str:
         """Trials per scenario and estimator: "100", or "10 to 640" of a run until decided."""
-        fewest, most = self.table["trials"].min(), self.table["trials"].max()
-        return f"{most:,}" if fewest == most else f"{fewest:,} to {most:,}"
+        numbers = [rows["trial"].nunique() for rows in self._of.values()]
+        return f"{max(numbers):,}" if min(numbers) == max(numbers) else f"{min(numbers):,} to {max(numbers):,}"
 
     @property
     def scenarios(self) -> list[str]:
         """Labels of scenarios, in the study's order."""
-        return list(dict.fromkeys(self.table.index.get_level_values("scenario")))
+        return list(dict.fromkeys(scenario for scenario, _ in self._of))
 
     @property
     def estimators(self) -> list[str]:
         """Labels of estimators, in the study's order."""
-        return list(dict.fromkeys(self.table.index.get_level_values("estimator")))
+        return list(dict.fromkeys(estimator for _, estimator in self._of))
 
     def has(self, estimator: str, scenario: str) -> bool:
         """Whether the two were run together."""
-        return (scenario, estimator) in self.table.index
+        return (scenario, estimator) in self._of
 
     def rmse(self, estimator: str, scenario: str) -> Number:
         """Position RMSE [m]."""
@@ -116,6 +117,11 @@ class Told:
     def coverage(self, estimator: str, scenario: str) -> Number:
         """Share of true positions inside the 95 % ellipse."""
         return self._named("coverage95", estimator, scenario, percent)
+
+    def over_confident(self, estimators: Iterable[str], scenarios: Iterable[str]) -> int:
+        """In how many cells of these the covariance is too small, by the interval of ANEES or of coverage."""
+        cells = [self._row(name, label) for name, label in product(estimators, scenarios)]
+        return int((consistency(pd.DataFrame(cells)) == "over-confident").sum())
 
     def diverged(self, estimator: str, scenario: str) -> Number:
         """Share of robots, over trials, that diverged, as of `summarize`."""
@@ -133,25 +139,43 @@ class Told:
         """By how much an estimator's RMSE changes from one scenario to another, trials paired by their number."""
         return self._from_to((first, of), (later, of))
 
-    def _from_to(self, before: tuple[str, str], after: tuple[str, str]) -> Number:
-        for scenario, estimator in (before, after):
-            self._row(estimator, scenario)
-        both = pd.concat([self._cells[one]["mse"] for one in (before, after)], axis=1, join="inner").dropna()
+    def _from_to(self, before: Cell, after: Cell) -> Number:
+        both = pd.concat([self._means(*one)["mse"] for one in (before, after)], axis=1, join="inner").dropna()
         return Number(*statistics.change(*both.to_numpy(float).T))
 
-    @cached_property
-    def _cells(self) -> dict[tuple[str, str], pd.DataFrame]:
-        return trial_means(self.results.rows)
+    def _means(self, scenario: str, estimator: str) -> pd.DataFrame:
+        """Of every trial."""
+        cell = scenario, estimator
+        if cell not in self._trials:
+            self._trials[cell] = trial_means(self._rows(estimator, scenario))[cell]
+        return self._trials[cell]
+
+    def _rows(self, estimator: str, scenario: str) -> pd.DataFrame:
+        folder = self.stored.folder
+        if scenario not in self.scenarios:
+            raise BadInput(f"{folder}: no scenario {scenario!r}; {nearest(scenario, self.scenarios)}")
+        if not self.has(estimator, scenario):
+            known = [name for label, name in self._of if label == scenario]
+            raise BadInput(f"{folder}: no {estimator!r} in {scenario!r}; {nearest(estimator, known)}")
+        return self._of[scenario, estimator]
 
     def _row(self, estimator: str, scenario: str) -> pd.Series:
-        if scenario not in self.scenarios:
-            raise BadInput(f"{self.results.folder}: no scenario {scenario!r}; {nearest(scenario, self.scenarios)}")
-        if not self.has(estimator, scenario):
-            known = list(self.table.loc[scenario].index)
-            raise BadInput(f"{self.results.folder}: no {estimator!r} in {scenario!r}; {nearest(estimator, known)}")
-        return self.table.loc[(scenario, estimator)]
+        return summarize(self._rows(estimator, scenario)).iloc[0]
 
     def _named(self, column: str, estimator: str, scenario: str, form: Format, unit: str = "") -> Number:
         row = self._row(estimator, scenario)
         low, high = (row.get(f"{column}_{end}", np.nan) for end in ("low", "high"))
         return Number(row[column], low, high, form, unit)
+
+
+def claims() -> dict[str, dict[str, Any]]:
+    """Of every claim of the paper: how many specifications there are, and how many of them have each verdict."""
+    table = pd.read_csv(Path(__file__).parent / "readings" / "map.csv", dtype={"claim": str})
+    return {row["claim"]: row for row in table.to_dict("records")}
+
+
+def order_when_tuned(run: str | Path) -> dict[str, int]:
+    """Of a tuned study: estimators, pairs of them in a scenario, and how many are significantly reversed by RMSE."""
+    found = cl.load_tuned(run)
+    pairs = found.order("rmse")
+    return {"estimators": len(found.tuned), "pairs": len(pairs), "reversed": int((pairs["became"] == "reversed").sum())}

@@ -43,7 +43,7 @@ def told(scripts, runs):
 
 
 def test_numbers_are_those_of_compare(told):
-    table = cl.compare(told.results.rows, baseline="arl").set_index("estimator")
+    table = cl.compare(told.stored.rows, baseline="arl").set_index("estimator")
     change, rmse = told.change("rssi-pf", "arl", WHERE), told.rmse("arl", WHERE)
     assert change[:3] == tuple(table.loc["rssi-pf", ["change", "change_low", "change_high"]])
     assert rmse[:3] == tuple(table.loc["arl", ["rmse", "rmse_low", "rmse_high"]])
@@ -93,12 +93,10 @@ def test_prose_is_folded_and_items_are_indented(texts, runs):
 @pytest.mark.parametrize("text", TEXTS, ids=lambda path: path.name)
 def test_every_run_of_a_text_is_made_before_its_page(scripts, text):
     steps = [step.name for step in scripts["make_all"].STEPS]
-    pages = [
-        step
-        for step in scripts["make_all"].STEPS
-        if text.name.split(".")[0] in step.command and "{runs}" in step.command
-    ]
-    asked = set(re.findall(r'told\("([^"]+)"\)', text.read_text("utf-8")))
+    name = text.name.split(".")[0]
+    makers = {name, str(REPORTS / f"{name}.py")}
+    pages = [step for step in scripts["make_all"].STEPS if makers & set(step.command[1:3])]
+    asked = set(re.findall(r'(?:told|tuned)\("([^"]+)"\)', text.read_text("utf-8")))
     assert asked
     assert all(steps.index(run) < steps.index(page.name) for page in pages for run in asked)
     assert len(pages) == 1
