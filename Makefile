@@ -3,7 +3,7 @@
 PYTHON ?= python3.11
 VENV ?= .venv$(patsubst -3.11,,$(patsubst python%,-%,$(notdir $(PYTHON))))
 BIN := $(VENV)/bin
-PARALLEL := -n 2 --dist loadgroup
+PARALLEL := -n 2 --dist worksteal
 
 .PHONY: demo test quick-test docs lint types floors units hooks looks bench speed prove accuse findings reliability alike \
   oddities truth peers reports lock clean

@@ -1,0 +1,75 @@
+"""What a test, and a file of tests, must leave as it was found: so no test can depend on those before it.
+
+A look takes less than a tenth of a millisecond. Modules may be imported, and caches filled: these change no result.
+Filters of warnings need no look, as pytest puts them back; nor does sys.path, as conftest.py does.
+"""
+
+import logging
+import os
+import random
+import signal
+import sys
+from contextlib import contextmanager
+
+import numpy as np
+
+from cooploc import estimators, scenarios
+
+SIGNALS = signal.SIGINT, signal.SIGTERM, signal.SIGALRM
+PYTEST = "PYTEST_CURRENT_TEST"  # set by pytest itself
+CHOSEN = {"backend", "backend_fallback"}  # of rcParams: pyplot fills them in when it is first imported
+
+
+def look():
+    """What is global, by name; each entry by its own name, or its number in a list."""
+    return {
+        "os.environ": {name: value for name, value in os.environ.items() if name != PYTEST},
+        "the working directory": {"": os.getcwd()},
+        "sys.argv": dict(enumerate(sys.argv)),
+        "numpy's error state": np.geterr(),
+        "matplotlib's rcParams": _rc_params(),
+        "the loggers": _loggers(),
+        "the signal handlers": {one.name: signal.getsignal(one) for one in SIGNALS},
+        "the built-in estimators": dict(estimators.BUILTIN),
+        "the built-in scenarios": dict(scenarios.BUILTIN),
+    }
+
+
+def changes(before, after):
+    """A line for everything that is not as it was; what was first imported in between has no entry before."""
+    lines = []
+    for what, was in before.items():
+        now = after[what]
+        if was is not None and now != was:
+            new = [f"{name}={now.get(name)}" for name in {**was, **now} if was.get(name, what) != now.get(name, what)]
+            lines.append(f"{what} changed: {', '.join(new)}")
+    return lines
+
+
+def _rc_params():
+    if not (matplotlib := sys.modules.get("matplotlib")):
+        return None
+    return {name: value for name, value in dict.items(matplotlib.rcParams) if name not in CHOSEN}
+
+
+def _loggers():
+    """The handlers and levels of the root and of our own, where there are any."""
+    ours = [name for name in logging.root.manager.loggerDict if name.split(".")[0] == "cooploc"]
+    found = [logging.root, *map(logging.getLogger, ours)]
+    states = {one.name: (list(one.handlers), one.level, one.disabled) for one in found}
+    return {name: state for name, state in states.items() if any(state)}
+
+
+@contextmanager
+def nothing_drawn():
+    """Fails where numpy's or Python's global generator moves: those draws depend on the tests before."""
+    before = _generators()
+    yield
+    moved = [name for name, state in _generators().items() if state != before[name]]
+    if moved:
+        raise AssertionError(f"it draws from the global generator of {' and of '.join(moved)}: use the fixture rng")
+
+
+def _generators():
+    kind, key, *rest = np.random.get_state()  # noqa: NPY002
+    return {"numpy.random": (kind, key.tobytes(), *rest), "random": random.getstate()}
