@@ -56,8 +56,13 @@ def _loggers():
     """The handlers and levels of the root and of our own, where there are any."""
     ours = [name for name in logging.root.manager.loggerDict if name.split(".")[0] == "cooploc"]
     found = [logging.root, *map(logging.getLogger, ours)]
-    states = {one.name: (list(one.handlers), one.level, one.disabled) for one in found}
+    states = {one.name: (_added(one), one.level, one.disabled) for one in found}
     return {name: state for name, state in states.items() if any(state)}
+
+
+def _added(logger):
+    """Its handlers, without those of pytest, which come and go."""
+    return [handler for handler in logger.handlers if not type(handler).__module__.startswith("_pytest")]
 
 
 @contextmanager
