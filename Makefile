@@ -73,7 +73,7 @@ truth: $(VENV)/.ready  ## what was tried to get past the checks, what caught it,
 
 $(VENV)/.ready: requirements.lock pyproject.toml
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --require-hashes -r requirements.lock
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 	touch $@
 
@@ -83,7 +83,7 @@ docs: .venv-docs/.ready  ## the documentation site, in build/docs; needs no netw
 
 .venv-docs/.ready: docs/requirements.lock pyproject.toml
 	$(PYTHON) -m venv .venv-docs
-	.venv-docs/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes -r docs/requirements.lock
+	.venv-docs/bin/python -m pip install --quiet --disable-pip-version-check --no-compile --require-hashes -r docs/requirements.lock
 	.venv-docs/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 	touch $@
 
