@@ -3,6 +3,7 @@
 A test, and a file of tests, that leaves something global changed fails: none can depend on another.
 """
 
+import os
 import sys
 import zlib
 
@@ -11,8 +12,9 @@ import pytest
 from hypothesis import settings
 from oracles import repeatable
 from processes import stop_server
-from unchanged import changes, look, nothing_drawn
+from unchanged import changes, look, own_draws
 
+os.environ["MPLBACKEND"] = "agg"  # as the command line does, whichever test comes first
 settings.register_profile("repeatable", repeatable)
 settings.load_profile("repeatable")
 
@@ -45,13 +47,13 @@ def _watched():
 
 @pytest.hookimpl(wrapper=True)
 def pytest_pyfunc_call():
-    with nothing_drawn():
+    with own_draws():
         return (yield)
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_fixture_setup():
-    with nothing_drawn():
+    with own_draws():
         return (yield)
 
 
