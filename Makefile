@@ -3,7 +3,7 @@
 PYTHON ?= python3.11
 VENV ?= .venv$(patsubst -3.11,,$(patsubst python%,-%,$(notdir $(PYTHON))))
 BIN := $(VENV)/bin
-PARALLEL := -n 2 --dist loadgroup
+PARALLEL := -n 2 --dist worksteal
 
 .PHONY: demo test quick-test docs lint types floors units hooks looks bench speed prove accuse findings reliability alike \
   oddities truth peers reports lock clean
@@ -73,7 +73,7 @@ truth: $(VENV)/.ready  ## what was tried to get past the checks, what caught it,
 
 $(VENV)/.ready: requirements.lock pyproject.toml
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --require-hashes -r requirements.lock
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 	touch $@
 
@@ -83,7 +83,7 @@ docs: .venv-docs/.ready  ## the documentation site, in build/docs; needs no netw
 
 .venv-docs/.ready: docs/requirements.lock pyproject.toml
 	$(PYTHON) -m venv .venv-docs
-	.venv-docs/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes -r docs/requirements.lock
+	.venv-docs/bin/python -m pip install --quiet --disable-pip-version-check --no-compile --require-hashes -r docs/requirements.lock
 	.venv-docs/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 	touch $@
 

@@ -1,18 +1,22 @@
-"""What every room's tests share: random numbers and examples that are the same every time, kernels compiled once."""
+"""What every room's tests share: random numbers and examples that are the same every time.
 
+A test, and a file of tests, that leaves something global changed fails: none can depend on another.
+"""
+
+import os
 import sys
 import zlib
 
 import numpy as np
 import pytest
-from compiling import take_turns
 from hypothesis import settings
 from oracles import repeatable
 from processes import stop_server
+from unchanged import changes, look, own_draws
 
+os.environ["MPLBACKEND"] = "agg"  # as the command line does, whichever test comes first
 settings.register_profile("repeatable", repeatable)
 settings.load_profile("repeatable")
-take_turns()
 
 
 @pytest.fixture
@@ -21,12 +25,36 @@ def rng(request):
     return np.random.default_rng(zlib.crc32(request.node.nodeid.encode()))
 
 
+@pytest.fixture(scope="module", autouse=True)
+def this_file_leaves_all_as_it_was():
+    yield from _watched()
+
+
 @pytest.fixture(autouse=True)
-def no_figure_is_left():
-    """A figure that one test left open must not be counted by the next."""
-    yield
+def this_test_leaves_all_as_it_was(this_file_leaves_all_as_it_was):
+    yield from _watched()
     if pyplot := sys.modules.get("matplotlib.pyplot"):
-        pyplot.close("all")
+        pyplot.close("all")  # a figure that one test left open must not be counted by the next
+
+
+def _watched():
+    before, path = look(), sys.path.copy()
+    yield
+    sys.path[:] = path  # the folder of a plug-in's file is added when it is loaded
+    if lines := changes(before, look()):
+        pytest.fail("; ".join(lines), pytrace=False)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_pyfunc_call():
+    with own_draws():
+        return (yield)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_fixture_setup():
+    with own_draws():
+        return (yield)
 
 
 def pytest_unconfigure():

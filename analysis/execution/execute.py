@@ -9,9 +9,11 @@ from typing import Any, Protocol
 import pandas as pd
 
 from cooploc.analysis.execution.certificates import renewed, with_lines
+from cooploc.analysis.execution.compilation import compile_kernels
 from cooploc.analysis.execution.fit import demand_fit, without_misfits
+from cooploc.analysis.execution.local_workers import ThisMachine
 from cooploc.analysis.execution.memory import demand_memory
-from cooploc.analysis.execution.plan import Plan, make_plan, work
+from cooploc.analysis.execution.plan import Plan, make_plan, part_work
 from cooploc.analysis.execution.pool import Workers
 from cooploc.analysis.execution.provenance import files, fingerprint, imports, provenance
 from cooploc.analysis.execution.repeated import run_again, study_worlds
@@ -31,6 +33,9 @@ ROUNDS = 3  # of planning and computing, as long as parts vanish meanwhile
 class Progress(Protocol):
     """What is called as a run goes on."""
 
+    def compiling(self) -> None:
+        """Kernels are compiled, once on this machine, before the trials begin."""
+
     def begin(self, trials: int, found: int, work: float) -> None:
         """How many (estimator, trial) pairs there are in all, how many are there already, and how much work is left."""
 
@@ -43,6 +48,9 @@ class Progress(Protocol):
 
 class Quiet:
     """Progress that shows nothing."""
+
+    def compiling(self) -> None:
+        """Nothing."""
 
     def begin(self, trials: int, found: int, work: float) -> None:
         """Nothing."""
@@ -176,8 +184,11 @@ def _compute(plan: Plan, asked: ResolvedStudy, directory: RunDir, workers: Worke
         watcher.say(f"{piece.name} is gone or does not match its checksum; its trials are computed again")
     if plan.failed:
         watcher.say(f"{counted(len(plan.failed), 'part')} with trials that failed: computed again")
-    todo = [(len(task.trials) * len(task.estimators), work(task.scenario)) for task in plan.tasks]
-    watcher.begin(plan.trials, plan.trials - sum(n for n, _ in todo), sum(n * each for n, each in todo))
+    if isinstance(workers, ThisMachine):
+        compile_kernels(plan.tasks, workers.jobs, watcher.compiling)
+    todo = sum(len(task.trials) * len(task.estimators) for task in plan.tasks)
+    left = sum(len(task.estimators) * part_work(task.scenario, len(task.trials)) for task in plan.tasks)
+    watcher.begin(plan.trials, plan.trials - todo, left)
     cells = {cell.scenario.label: cell for cell in asked.cells}
     for part in workers.compute(plan.tasks):
         directory.write(part.piece, part.frame, part.seconds)
@@ -188,7 +199,7 @@ def _advance(part: MeasuredPart, cell: ResolvedCell, watcher: Progress) -> None:
     scenario, estimator, trials = part.piece
     failed = part.frame.loc[part.frame["failure"].notna(), "trial"].nunique()
     where = scenario if scenario.startswith(cell.experiment) else f"{cell.experiment} · {scenario}"
-    watcher.advance(f"{where} · {estimator}", len(trials), failed, len(trials) * work(cell.scenario))
+    watcher.advance(f"{where} · {estimator}", len(trials), failed, part_work(cell.scenario, len(trials)))
 
 
 def _rows(asked: ResolvedStudy, directory: RunDir, pieces: list[Piece]) -> pd.DataFrame:

@@ -100,6 +100,7 @@ class _Looking:
 
     def __init__(self, shown: Progress) -> None:
         self._shown, self._state = shown, ""
+        self.compiling = shown.compiling
 
     def begin(self, trials: int, found: int, work: float) -> None:
         """Of the trials of a look; those of earlier looks are not counted again."""

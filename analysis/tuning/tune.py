@@ -170,7 +170,7 @@ class _Counted:
 
     def __init__(self, watcher: Progress, total: int) -> None:
         self._watcher, self._total, self._begun = watcher, total, False
-        self.say = watcher.say
+        self.say, self.compiling = watcher.say, watcher.compiling
 
     def begin(self, trials: int, found: int, work: float) -> None:
         """The whole budget, once."""

@@ -34,12 +34,17 @@ class TerminalProgress:
         if self._bar:
             self._bar.stop()
 
+    def compiling(self) -> None:
+        """Say that the wait is for kernels, and that it is not for every run."""
+        if self._bar:
+            self._bar.update(self._task, description=", compiling, once")
+
     def begin(self, trials: int, found: int, work: float) -> None:
         """Start: (estimator, trial) pairs in all, those found on disk already, and the work to do."""
         self.total, self.done, self._todo, self._spent = trials, found, work, 0.0
         self._began = self._said = time.monotonic()
         if self._bar:
-            self._bar.update(self._task, total=trials, completed=found)
+            self._bar.update(self._task, total=trials, completed=found, description="")
         if found:
             self.say(f"{found} of {trials} trials are on disk already")
 
@@ -58,9 +63,11 @@ class TerminalProgress:
         """Print something that the user should know, above the bar."""
         self._console.print(line, soft_wrap=True)
 
-    def _left(self) -> str:
-        """An estimate of the time left, by the work that is done and to do."""
+    def seconds_left(self) -> float | None:
+        """An estimate by the work that is done and to do; None before there is enough of it."""
         share = self._spent / self._todo if self._todo else 1.0
-        if share < ENOUGH:
-            return ""
-        return f", about {duration((time.monotonic() - self._began) * (1 - share) / share)} left"
+        return None if share < ENOUGH else (time.monotonic() - self._began) * (1 - share) / share
+
+    def _left(self) -> str:
+        seconds = self.seconds_left()
+        return "" if seconds is None else f", about {duration(seconds)} left"

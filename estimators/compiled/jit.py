@@ -6,11 +6,13 @@ only; here the files that kernels take functions and constants from count too (`
 
 import hashlib
 from collections.abc import Callable
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
 import numpy as np
+from filelock import FileLock
 from numba import types
 from numba.extending import intrinsic as untyped_intrinsic
 from numpy.typing import NDArray
@@ -21,9 +23,13 @@ STRICT: dict[str, Any] = {"error_model": "numpy"}  # every operation as written:
 # Not the full fastmath: it deletes tests for nan.
 FAST: dict[str, Any] = {**STRICT, "fastmath": {"reassoc", "nsz", "arcp", "contract", "afn"}}
 
-# A function inside a loop: inlined, because a call would keep the loop from being vectorised.
-inlined: Any = numba.njit(forceinline=True, **FAST)
-strict_inlined: Any = numba.njit(forceinline=True, **STRICT)
+# Only Python and C need wrappers around a function, which take a fifth of the time that compiling takes.
+KEPT: dict[str, Any] = {"cache": True, "no_cfunc_wrapper": True}
+INSIDE: dict[str, Any] = {"forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
+# A function inside a loop: inlined, because a call would keep the loop from being vectorised. Kernels alone call it.
+inlined: Any = numba.njit(**INSIDE, **FAST)
+strict_inlined: Any = numba.njit(**INSIDE, **STRICT)
 intrinsic: Any = untyped_intrinsic
 
 SHARED = (
@@ -54,10 +60,28 @@ def strict_kernel(function: Callable[..., Any]) -> Any:
 
 
 def _kept_on_disk(function: Callable[..., Any], options: dict[str, Any]) -> Any:
-    compiled = numba.njit(cache=True, **options)(function)
-    source = Path(function.__code__.co_filename).read_bytes()
-    compiled._cache._cache_file._source_stamp = hashlib.sha256(b"".join([*SOURCES, source])).hexdigest()
+    compiled = numba.njit(**KEPT, **options)(function)
+    file = Path(function.__code__.co_filename)
+    compiled._cache._cache_file._source_stamp = hashlib.sha256(b"".join([*SOURCES, file.read_bytes()])).hexdigest()
+    compiled.compile = _in_turn(compiled.compile, kept_at(compiled) / f"{file.stem}.{function.__name__}.lock")
     return compiled
+
+
+def kept_at(compiled: Any) -> Path:
+    """The directory on disk that holds a kernel."""
+    return Path(compiled._cache.cache_path)
+
+
+def _in_turn(compiles: Callable[..., Any], place: Path) -> Callable[..., Any]:
+    """Of two processes that need a kernel, the second waits for the first, and finds it on disk."""
+
+    def compile_in_turn(signature: Any) -> Any:
+        with ExitStack() as held:
+            with suppress(OSError):  # a place that cannot be written, where nothing is kept either
+                held.enter_context(FileLock(place, is_singleton=True, thread_local=False))
+            return compiles(signature)
+
+    return compile_in_turn
 
 
 def readable(array: NDArray[Scalar]) -> NDArray[Scalar]:

@@ -38,7 +38,9 @@ def fill_widened(P: Array, Q: Array, out: Array) -> None:
     """(P + P')/2 with Q_i added to P_ii."""
     t, n, d, _ = Q.shape
     for s in range(t):
-        out[s] = P[s] + 0.0
+        for a in range(n * d):  # a loop: an array assigned to a slice takes seconds to compile
+            for b in range(n * d):
+                out[s, a, b] = P[s, a, b] + 0.0
         for i in range(n):
             for a in range(d):
                 for b in range(d):

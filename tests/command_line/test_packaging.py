@@ -29,9 +29,6 @@ SOURCES = {
 SHIPPED = set(SOURCES.values())
 
 
-pytestmark = pytest.mark.xdist_group("packaging")  # one build for all of them
-
-
 @pytest.fixture(scope="module")
 def built(tmp_path_factory):
     """The sdist, and the wheel built from it, of a copy of the tree."""

@@ -83,6 +83,7 @@ def inside(*arguments, cwd="."):
         contextlib.redirect_stdout(told),
         contextlib.redirect_stderr(complaints),
         contextlib.chdir(cwd),
+        patch.dict(os.environ),  # the command line says where pictures go
         patch.object(sys, "argv", ["cooploc", *map(str, arguments)]),
     ):
         try:

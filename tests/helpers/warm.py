@@ -6,7 +6,6 @@ A process that is forked from it begins where one that is started is after secon
 import tempfile
 from pathlib import Path
 
-from compiling import take_turns
 from processes import inside
 
 STUDY = """
@@ -24,5 +23,4 @@ def run_once():
         inside("run", "small.toml", "--out", "run", cwd=folder)
 
 
-take_turns()
 run_once()

@@ -3,6 +3,8 @@
 import csv
 import json
 import shutil
+from pathlib import Path
+from typing import NamedTuple
 
 import broken
 import pandas as pd
@@ -12,6 +14,7 @@ from processes import finish, install
 
 from cooploc.analysis.claims.ledger import load
 from cooploc.analysis.claims.trial_table import collect
+from cooploc.analysis.execution import certificates
 from cooploc.analysis.execution.certificates import certify, line, with_lines
 from cooploc.analysis.execution.execute import Quiet, execute
 from cooploc.analysis.execution.own_world_certificate import NAMES
@@ -54,52 +57,85 @@ class Told(Quiet):
         self.said.append(line)
 
 
+class Checked(NamedTuple):
+    """A run of the study with all its checks."""
+
+    folder: Path
+    said: list[str]
+    rows: pd.DataFrame
+
+    @property
+    def honest(self):
+        """The certificate of the sound estimator."""
+        return json.loads((self.folder / "run" / "manifest.json").read_text())["certificates"]["outside.py:Honest"]
+
+
+def enter(folder, patched):
+    """Where outside.py is, and the gallery of broken estimators that it takes one from; workers find them there."""
+    (folder / "outside.py").write_text(FILE)
+    shutil.copy(broken.__file__, folder)
+    patched.chdir(folder)
+    patched.setenv("PYTHONPATH", str(folder))
+    patched.syspath_prepend(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def checked(tmp_path_factory):
+    told = Told()
+    with pytest.MonkeyPatch.context() as patched:
+        folder = enter(tmp_path_factory.mktemp("checked"), patched)
+        return Checked(folder, told.said, execute(STUDY, folder / "run", progress=told))
+
+
 @pytest.fixture
 def place(tmp_path, monkeypatch):
-    """Where outside.py is, and the gallery of broken estimators that it takes one from; workers find them there."""
-    (tmp_path / "outside.py").write_text(FILE)
-    shutil.copy(broken.__file__, tmp_path)
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    monkeypatch.syspath_prepend(tmp_path)
-    return tmp_path
+    return enter(tmp_path, monkeypatch)
 
 
-def test_a_sound_and_a_cheating_estimator_from_table_to_page(place):
-    told = Told()
-    rows = execute(STUDY, place / "run", progress=told)
-    assert [s for s in told.said if s.startswith("checking ")] == [
+@pytest.fixture
+def found_again(checked, monkeypatch):
+    """What the checks found once is found again at no cost, where the point is when they are asked for."""
+    monkeypatch.setattr(certificates, "certify", lambda label, worlds: checked.honest)
+
+
+def test_a_sound_and_a_cheating_estimator_from_table_to_page(checked, tmp_path):
+    rows, place = checked.rows, checked.folder
+    assert [s for s in checked.said if s.startswith("checking ")] == [
         f"checking {name}, as it is not built in: seconds to minutes (--no-check leaves it out)"
         for name in STUDY.estimators[1:]
     ]
-    assert f"outside.py:Honest: ✓ {len(CHECKS) + len(NAMES)} checks" in told.said
-    assert "outside.py:Prophet: ✗ causality" in told.said
+    assert f"outside.py:Honest: ✓ {len(CHECKS) + len(NAMES)} checks" in checked.said
+    assert "outside.py:Prophet: ✗ causality" in checked.said
     assert not rows["failure"].notna().any()  # it runs like any other
     table = compare(rows, "ekf-local").set_index("estimator")["certificate"]
     assert table["ekf-local"] == ""
     assert table["outside.py:Honest"] == f"passed: {ALL} checks"
     assert table["outside.py:Prophet"].startswith("failed: causality: robot 0's estimate changed")
 
-    source = html_page.write(read(place / "run"), load(), place / "out").read_text()
+    source = html_page.write(read(place / "run"), load(), tmp_path).read_text()
     marks = {row["data-estimator"]: row.get("data-certificate") for row in Outline(source).rows("data-consistency")}
     assert marks == {"ekf-local": None, "outside.py:Honest": "passed", "outside.py:Prophet": "failed"}
     assert "outside.py:Prophet failed a check and is not ranked: causality: robot 0&#39;s estimate" in source
     for ending in ("md", "tex", "csv"):
-        written = (place / "out" / "tables" / f"experiment-small.{ending}").read_text()
+        written = (tmp_path / "tables" / f"experiment-small.{ending}").read_text()
         assert {"md": "✗ causality", "tex": r"\ensuremath{\times} causality", "csv": "failed: causality"}[
             ending
         ] in written
-    ranked = pd.read_csv(place / "out" / "tables" / "experiment-small.csv").set_index("estimator")
+    ranked = pd.read_csv(tmp_path / "tables" / "experiment-small.csv").set_index("estimator")
     assert ranked.loc["outside.py:Prophet", ["rank", "group"]].isna().all()
     assert sorted(ranked["rank"].dropna()) == [1.5, 1.5]
 
 
-def test_the_same_version_is_checked_once_and_another_is_refused(place):
+def test_a_certificate_has_all_checks_and_the_secret_seed(checked):
+    names = [check["check"] for check in checked.honest["checks"]]
+    assert names == [*(c.name for c in CHECKS), *NAMES, "reproduction"]
+    assert checked.honest["secret_seed"].bit_length() > 32
+
+
+def test_the_same_version_is_checked_once_and_another_is_refused(checked, place, found_again):
     study = STUDY.with_options(only=("ekf-local", "outside.py:Honest"))
-    execute(study, place / "run")
-    found = json.loads((place / "run" / "manifest.json").read_text())["certificates"]["outside.py:Honest"]
-    assert [check["check"] for check in found["checks"]] == [*(c.name for c in CHECKS), *NAMES, "reproduction"]
-    assert found["secret_seed"].bit_length() > 32
+    shutil.copytree(checked.folder / "run", place / "run")
     told = Told()
     more = study.with_options(trials=8, only=("ekf-local", "outside.py:Honest", "outside.py:Honest[scale=2]"))
     execute(more, place / "run", progress=told)
@@ -110,7 +146,7 @@ def test_the_same_version_is_checked_once_and_another_is_refused(place):
     assert [s.split(",")[0] for s in told.said if s.startswith("checking")] == ["checking outside.py:Honest"]
 
 
-def test_who_is_not_checked_is_said_to_be_unchecked_until_somebody_does(place):
+def test_who_is_not_checked_is_said_to_be_unchecked_until_somebody_does(place, found_again):
     study = STUDY.with_options(only=("ekf-local", "outside.py:Honest"))
     told = Told()
     rows = execute(study, place / "run", check=False, progress=told)

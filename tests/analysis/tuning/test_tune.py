@@ -47,7 +47,9 @@ class Mine(EkfLocal):
 
 @pytest.fixture(scope="module")
 def found(tmp_path_factory):
-    return tune(STUDY, tmp_path_factory.mktemp("tuned") / "out", budget=24), tmp_path_factory
+    """A tuning, and its folder."""
+    out = tmp_path_factory.mktemp("tuned") / "out"
+    return tune(STUDY, out, budget=24), out
 
 
 class Interrupted(Quiet):
@@ -91,8 +93,7 @@ def test_an_interrupted_tuning_goes_on_computes_nothing_twice_and_ends_the_same(
 
 @pytest.mark.slow
 def test_every_evaluation_is_on_disk_and_the_same_call_computes_none(found):
-    tuning, folders = found
-    out = folders.getbasetemp() / "tuned0" / "out"
+    tuning, out = found
     before = marks(out / "training") | marks(out / "fresh")
     kept = cl.load_run(out / "training").rows.groupby(["scenario", "estimator", "trial"])
     assert tuning.history["trials"].sum() == len(kept)
@@ -125,8 +126,7 @@ def test_tuning_simulates_no_reported_stream(tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_the_result_is_a_study_that_runs_and_gives_the_same_bits(found, tmp_path):
-    tuning, folders = found
-    out = folders.getbasetemp() / "tuned0" / "out"
+    tuning, out = found
     assert load(str(out / "tuned.toml")).seed == STUDY.seed
     done = inside("run", out / "tuned.toml", "--out", tmp_path / "again", "--json")
     assert done.returncode == 0, done.stderr
