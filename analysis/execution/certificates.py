@@ -6,7 +6,6 @@ In tables a certificate is one line: "passed: 16 checks", "passed: 15 of 16 chec
 was found", "unchecked: why". A built-in estimator has none: the tests of this package check it.
 """
 
-import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict
 from functools import partial
@@ -24,7 +23,7 @@ from cooploc.estimators.plugins.errors import one_line
 from cooploc.scenarios.conformance.check import checked_here, checked_there
 from cooploc.scenarios.conformance.report import Report
 from cooploc.scenarios.processes.outcome import ProcessHung, WorkerError
-from cooploc.scenarios.processes.workers import end
+from cooploc.scenarios.processes.workers import end, used
 
 
 class StudyWorlds(NamedTuple):
@@ -35,7 +34,7 @@ class StudyWorlds(NamedTuple):
 
 
 Worlds = StudyWorlds | None
-LIMIT = 600.0  # [s] for all checks of one estimator
+LIMIT = 600.0  # [s] of processor time for all checks of one estimator
 SKIPPED = "by request (--no-check)"
 NOT_YET = "the run has no certificate of it"
 
@@ -76,15 +75,15 @@ def valid(certificate: dict[str, Any] | None, source: dict[str, str]) -> bool:
 
 def certify(label: str, limit: float = LIMIT, worlds: Worlds = None) -> dict[str, Any]:
     """Check an estimator in processes of its own, where it can crash or hang without harm; then in these worlds."""
-    owner, began = f"check {label}", time.monotonic()
+    owner = f"check {label}"
     try:
         found = _checked(label, partial(checked_there, owner, seconds=limit))
         if worlds is None or not worlds.among or found["status"] == "failed":
             return found
-        more = certified(label, list(worlds.among), worlds.seed, max(1.0, limit - (time.monotonic() - began)))
+        more = certified(label, list(worlds.among), worlds.seed, max(1.0, limit - used(owner)))
         return {**found, **more, **summary([*found["checks"], *more["checks"]])}
     except ProcessHung:
-        return _without("unchecked", f"its checks took longer than {limit:g} s")
+        return _without("unchecked", f"its checks took longer than {limit:g} s of processor time")
     except WorkerError as e:
         return _without("failed", f"runs: {e}")
     finally:
