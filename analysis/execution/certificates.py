@@ -82,8 +82,8 @@ def certify(label: str, limit: float = LIMIT, worlds: Worlds = None) -> dict[str
             return found
         more = certified(label, list(worlds.among), worlds.seed, max(1.0, limit - used(owner)))
         return {**found, **more, **summary([*found["checks"], *more["checks"]])}
-    except ProcessHung:
-        return _without("unchecked", f"its checks took longer than {limit:g} s of processor time")
+    except ProcessHung as e:
+        return _without("unchecked", f"its checks were ended: {e}")
     except WorkerError as e:
         return _without("failed", f"runs: {e}")
     finally:
