@@ -1,5 +1,6 @@
 """What every room's tests share: random numbers and examples that are the same every time, kernels compiled once."""
 
+import os
 import sys
 import zlib
 
@@ -13,6 +14,7 @@ from processes import stop_server
 settings.register_profile("repeatable", repeatable)
 settings.load_profile("repeatable")
 take_turns()
+os.environ["COOPLOC_CACHE"] = ""  # no certificate of another run, nor of another test
 
 
 @pytest.fixture
