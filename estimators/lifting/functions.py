@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cooploc.estimators.interface import Array, Motion, Senses, Sensor, World
+from cooploc.estimators.interface import TEAM_PRIOR, Array, Belief, Motion, Senses, Sensor, World
 
 
 class Linear(NamedTuple):
@@ -93,6 +93,22 @@ class Reading:
 def motion_of(world: World, z: Senses) -> Step:
     """The motion of one robot in one tick."""
     return Step(world.motion, z.odometry, z.dt)
+
+
+def priors_of(z: Senses) -> Belief:
+    """Everyone's belief before tick 0, x (..., n, d) and P (..., n, d, d), where the scenario tells it.
+
+    It is the channel "team_prior", the same in every tick; `uses` must name it.
+
+    Raises:
+        KeyError: the stream has no such channel, or `uses` does not name it.
+
+    """
+    if TEAM_PRIOR not in z.extra:
+        raise KeyError(f'no {TEAM_PRIOR}: name it in `uses`, in a scenario such as "trajectory[team_priors=true]"')
+    told = z.extra[TEAM_PRIOR]
+    d = 2 if told.shape[-1] == 6 else 3
+    return Belief(told[..., :d], told[..., d:].reshape(*told.shape[:-1], d, d))
 
 
 def readings_of(world: World, z: Senses) -> Iterator[Reading]:
