@@ -1,7 +1,7 @@
-"""The shipped models as pure functions of an array library, for those that trace: JAX, torch, any array API.
+"""The shipped models as pure functions of an array library, for those that trace, such as JAX.
 
-`xp` is the library, `jax.numpy` or `torch` or `numpy`; nothing is written in place, and no branch looks at a value. The
-numbers are those of the models in `motion` and `sensors`, whose formulas these are; a nan stays a nan.
+`xp` is the library, `jax.numpy` or another with numpy's names; nothing is written in place, and no branch looks at a
+value. The numbers are those of the models in `motion` and `sensors`, whose formulas these are; a nan stays a nan.
 
     H = jax.jacfwd(lambda x: expect(jnp, sensor, x, place))(x)
     y = innovation(jnp, sensor, x, place, reading)
