@@ -35,6 +35,9 @@ if _TYPE_CHECKING:
     from cooploc.estimators.interface import TeamEstimator as TeamEstimator
     from cooploc.estimators.interface import Traffic as Traffic
     from cooploc.estimators.interface import World as World
+    from cooploc.estimators.lifting.functions import motion_of as motion_of
+    from cooploc.estimators.lifting.functions import priors_of as priors_of
+    from cooploc.estimators.lifting.functions import readings_of as readings_of
     from cooploc.estimators.models.layout import Layout as Layout
     from cooploc.estimators.per_robot import PerRobot as PerRobot
     from cooploc.estimators.per_team import PerTeam as PerTeam
@@ -86,6 +89,7 @@ _HOME = {
     "scenarios.studies.listing": ("studies",),
     "estimators": ("make",),
     "estimators.interface": ("Belief", "Estimator", "Mail", "Rows", "Senses", "TeamEstimator", "Traffic", "World"),
+    "estimators.lifting.functions": ("motion_of", "priors_of", "readings_of"),
     "estimators.models.layout": ("Layout",),
     "estimators.per_robot": ("PerRobot",),
     "estimators.per_team": ("PerTeam",),

@@ -22,6 +22,7 @@ API = 1  # the version of this interface
 HEADER = 8  # bytes of a packet in addition to its payload
 
 TOO_NEAR_TO_RANGE = 0.2  # [m] a range reading below this says nothing about direction and is refused
+TEAM_PRIOR = "team_prior"  # the channel of a scenario that tells everyone's prior, x and P (r, n, d + d d)
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -52,7 +53,7 @@ class Senses(NamedTuple):
     anchor_rssi: Array  # (r, a)     [dBm]
     landmark: Array  # (r, l, 2)  range [m], bearing [rad]
     sighting: Array  # (r, n, 2)  of teammates: range [m], bearing [rad]
-    extra: Mapping[str, Array]  # anchor_range (r, a) [m], and channels of plug-in scenarios, (r, ...)
+    extra: Mapping[str, Array]  # anchor_range (r, a) [m], team_prior, and channels of plug-in scenarios, (r, ...)
 
 
 class Mail(NamedTuple):

@@ -11,7 +11,7 @@ about fifty times faster.
         def correct(self, z): ...       # z.anchor_rssi (a,), z.landmark (l, 2), or world.fixed(z)
         def send(self): ...             # (m,) numbers; optional
         def fuse(self, mail): ...       # mail.packets (n, m) where mail.heard (n,); optional
-        def estimate(self): ...         # Belief(x (d,), P (d, d))
+        def estimate(self): ...         # x (d,), P (d, d); not needed where the object has these as self.x and self.P
 
 `uses`, and what else `PerRobot` takes beside parameters, may stand in the class or in the call.
 """
@@ -25,10 +25,11 @@ import numpy as np
 from cooploc.estimators.interface import Array, Belief, Keys, Mail, Rows, Senses, World
 from cooploc.estimators.lifting.handed import mail_of, senses_of
 from cooploc.estimators.lifting.lift import Lift
+from cooploc.estimators.lifting.returned import believed
 
 
 class Single(Protocol):
-    """What runs on one robot. `send` and `fuse`, as in the module's example, may be there too."""
+    """What runs on one robot. `send`, `fuse` and `estimate`, as in the module's example, may be there too."""
 
     def predict(self, z: Senses) -> None:
         """Move by the robot's own odometry; `z` has no row axis."""
@@ -36,10 +37,6 @@ class Single(Protocol):
 
     def correct(self, z: Senses) -> None:
         """Use the robot's own readings of fixed things."""
-        ...
-
-    def estimate(self) -> Belief:
-        """x (d,), P (d, d)."""
         ...
 
 
@@ -101,7 +98,7 @@ class PerRobot(Lift):
         return s
 
     def estimate(self, s: State) -> Belief:
-        beliefs = self._each(s, "estimate", lambda robot, _: robot.estimate())
+        beliefs = self._each(s, "estimate", lambda robot, _: believed(robot))
         return Belief(np.stack([b.x for b in beliefs]), np.stack([b.P for b in beliefs]))
 
     def notes(self, s: State) -> Mapping[str, Array]:

@@ -7,7 +7,7 @@
         def predict(self, z): ...       # z.odometry (n, k), z.dt (n,)
         def correct(self, z): ...       # z.anchor_rssi (n, a), z.landmark (n, l, 2), or world.fixed(z)
         def exchange(self, z, radio): ...  # readings between robots: z.sighting (n, n, 2), world.relative(z, radio)
-        def estimate(self): ...         # Belief(x (n, d), P (n, d, d))
+        def estimate(self): ...         # x (n, d), P (n, d, d); not needed where these are self.x and self.P
 
 What may be exchanged, and who pays:
 
@@ -31,6 +31,7 @@ from cooploc.estimators.interface import Array, Belief, Keys, Mail, Rows, Senses
 from cooploc.estimators.lifting.handed import mail_of, senses_of
 from cooploc.estimators.lifting.lift import Lift
 from cooploc.estimators.lifting.radio import Radio
+from cooploc.estimators.lifting.returned import believed
 
 
 class State(NamedTuple):
@@ -82,7 +83,7 @@ class PerTeam(Lift):
         return s, Traffic(np.stack([one.messages for one in radios]), np.stack([one.bytes for one in radios]))
 
     def estimate(self, s: State) -> Belief:
-        beliefs = self._each(s, "estimate", lambda team, _: team.estimate())
+        beliefs = self._each(s, "estimate", lambda team, _: believed(team, columns=False))
         return Belief(np.stack([b.x for b in beliefs]), np.stack([b.P for b in beliefs]))
 
     def notes(self, s: State) -> Mapping[str, Array]:

@@ -2,9 +2,9 @@
 
 A scenario is one world with a fixed team. Its label carries what is swept, `packet-drop/drop=0.7`, and any other
 parameter in brackets, `trajectory[ticks=50]`; in `trajectory[assumed.eta=2]` the team assumes another value than the
-true one. To add a family: write a model like `worlds/camera_arena.py`, and give it an entry in `BUILTIN`. From outside,
-register a `Family` under the entry-point group `cooploc.scenarios`, or name one in a file, `path.py:NAME`, where a
-label begins with a name.
+true one, and `told` has what may be said of any scenario's stream. To add a family: write a model like
+`worlds/camera_arena.py`, and give it an entry in `BUILTIN`. From outside, register a `Family` under the entry-point
+group `cooploc.scenarios`, or name one in a file, `path.py:NAME`, where a label begins with a name.
 """
 
 import sys
@@ -128,7 +128,9 @@ def simulate(
             bit-identical. As the overrides, they become part of the label, "trajectory[assumed.eta=2]", and so of the
             stream's hash: what was told otherwise shares no row of a table.
         data: the directory of a recording.
-        overrides: parameters of the scenario; they become part of its label.
+        overrides: parameters of the scenario; they become part of its label. Every scenario has `team_priors=True`,
+            which tells every robot everyone's prior (the channel "team_prior", `cl.priors_of`), and
+            `short_ranges="refused"`, which leaves ranges below 0.2 m out.
 
     Raises:
         BadInput: anything unknown, out of bounds, or missing; one line that says what to do.

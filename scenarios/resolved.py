@@ -19,6 +19,8 @@ from cooploc.estimators.plugins.guard import SIMULATED
 from cooploc.scenarios import memory
 from cooploc.scenarios.interface import ExplainedScenario, Family, RecordedScenario, Scenario, SimulatedScenario
 from cooploc.scenarios.stream import Stream, Truth
+from cooploc.scenarios.told import Told
+from cooploc.scenarios.told import divided as divided_told
 
 MOST_TRIALS = 1_000_000  # of one call
 
@@ -33,11 +35,12 @@ class ResolvedScenario:
     parameters: Mapping[str, Any]  # those that differ from the model's defaults
     model: Scenario
     assumed: Mapping[str, Any] = field(default_factory=dict)  # what the team assumes instead of true parameters
+    told: Told = field(default_factory=Told)
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Every parameter of the model, as JSON."""
-        return self.model.model_dump(mode="json", exclude={"data"})
+        """Every parameter of the model, as JSON, and what else is said of the stream."""
+        return {**self.model.model_dump(mode="json", exclude={"data"}), **self.told.model_dump(exclude_defaults=True)}
 
     @property
     def recorded(self) -> bool:
@@ -86,7 +89,7 @@ class ResolvedScenario:
         memory.demand(self.label, self.robots, self.ticks, len(numbers))
         model = self._of(numbers)
         world = self._assumed(model.world(), numbers) if self.assumed else model.world()
-        return model.simulate(self.label, numbers, seed, world)
+        return self.told.applied(*model.simulate(self.label, numbers, seed, world))
 
     def _of(self, trials: Sequence[int]) -> Scenario:
         """The model of these trials; each recording of several has its own."""
@@ -116,14 +119,18 @@ def build(
 
     """
     cls = family.model_class(name, parameters.get("data") if family.recorded else None)
-    for key in parameters:
+    own, said = divided_told(parameters, cls.model_fields)
+    for key in own:
         if key not in cls.model_fields:
-            raise BadInput(f"scenario {name!r} has no parameter {key!r}; {nearest(key, list(cls.model_fields))}")
+            known = [*cls.model_fields, *Told.model_fields]
+            raise BadInput(f"scenario {name!r} has no parameter {key!r}; {nearest(key, known)}")
+    if told := divided_told(assumed, cls.model_fields)[1]:
+        key = next(iter(told))
+        raise BadInput(f"scenario {label!r}: {key} is of the stream, so nobody assumes it: write {key}={told[key]}")
     try:
-        model = cls(**parameters)
+        return ResolvedScenario(label, name, family, parameters, cls(**own), assumed, Told(**said))
     except ValidationError as e:
         raise BadInput(f"scenario {label!r}, {first_reason(e.errors())}") from None
-    return ResolvedScenario(label, name, family, parameters, model, assumed)
 
 
 def divided(path: str) -> tuple[str, str]:

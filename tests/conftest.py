@@ -17,6 +17,7 @@ from unchanged import changes, look, own_draws
 os.environ["MPLBACKEND"] = "agg"  # as the command line does, whichever test comes first
 settings.register_profile("repeatable", repeatable)
 settings.load_profile("repeatable")
+os.environ["COOPLOC_CACHE"] = ""  # no certificate of another run, nor of another test
 
 
 @pytest.fixture

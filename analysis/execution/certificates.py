@@ -1,12 +1,11 @@
 """Certificates: what the checks found of an estimator that is not built in, once per version of its source.
 
 The manifest holds them by the estimator's label with its parameters, each with the hash of the source that was checked
-and the versions of the distributions that it imports.
+and the versions of the distributions that it imports; other runs of the same worlds share them (`shared_certificates`).
 In tables a certificate is one line: "passed: 16 checks", "passed: 15 of 16 checks; axes: why", "failed: causality: what
 was found", "unchecked: why". A built-in estimator has none: the tests of this package check it.
 """
 
-import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict
 from functools import partial
@@ -14,17 +13,19 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from cooploc.analysis.execution.elsewhere import hash_of
+from cooploc.analysis.execution import shared_certificates
+from cooploc.analysis.execution.elsewhere import absolute, hash_of
 from cooploc.analysis.execution.own_world_certificate import World, certified
 from cooploc.analysis.execution.provenance import files, imports, training_of
 from cooploc.analysis.metrics.certificate_line import TRAINED, mark
 from cooploc.estimators import configure
 from cooploc.estimators.plugins.build import ConfiguredEstimator
 from cooploc.estimators.plugins.errors import one_line
+from cooploc.estimators.plugins.guard import forbid
 from cooploc.scenarios.conformance.check import checked_here, checked_there
 from cooploc.scenarios.conformance.report import Report
 from cooploc.scenarios.processes.outcome import ProcessHung, WorkerError
-from cooploc.scenarios.processes.workers import end
+from cooploc.scenarios.processes.workers import end, used
 
 
 class StudyWorlds(NamedTuple):
@@ -35,7 +36,7 @@ class StudyWorlds(NamedTuple):
 
 
 Worlds = StudyWorlds | None
-LIMIT = 600.0  # [s] for all checks of one estimator
+LIMIT = 600.0  # [s] of processor time for all checks of one estimator
 SKIPPED = "by request (--no-check)"
 NOT_YET = "the run has no certificate of it"
 
@@ -61,10 +62,31 @@ def renewed(
         if not check:
             yield label, {**_without("unchecked", SKIPPED), **known}
             continue
-        say(f"checking {label}, as it is not built in: seconds to minutes (--no-check leaves it out)")
-        found = certify(label, worlds=worlds(label)) if isolate else _checked(label, checked_here)
-        say(f"{label}: {mark(_line(found))}")
-        yield label, {**found, **known}
+        yield label, _shared(label, known, worlds(label), say) if isolate else _made(label, known, None, False, say)
+
+
+def _shared(label: str, known: dict[str, Any], worlds: Worlds, say: Callable[[str], None]) -> dict[str, Any]:
+    """The certificate that another run left, or a new one, which is left for others."""
+    among, seed = worlds or StudyWorlds((), 0)
+    where = [[one.scenario.label, one.scenario.settings, one.trials] for one in among], seed
+    key = shared_certificates.key(absolute(label), known["source"], where)
+    forbid(*filter(None, [shared_certificates.folder()]))  # no estimator writes its own
+    there = shared_certificates.found(key, say)
+    if there is not None and valid(there, known["source"]):
+        say(f"{label}: {mark(_line(there))}, as in another run; its file and this study's worlds are the same")
+        return there
+    made = _made(label, known, worlds, True, say)
+    shared_certificates.keep(key, label, made, say)
+    return made
+
+
+def _made(
+    label: str, known: dict[str, Any], worlds: Worlds, isolate: bool, say: Callable[[str], None]
+) -> dict[str, Any]:
+    say(f"checking {label}, as it is not built in: seconds to minutes (--no-check leaves it out)")
+    found = certify(label, worlds=worlds) if isolate else _checked(label, checked_here)
+    say(f"{label}: {mark(_line(found))}")
+    return {**found, **known}
 
 
 def valid(certificate: dict[str, Any] | None, source: dict[str, str]) -> bool:
@@ -76,15 +98,15 @@ def valid(certificate: dict[str, Any] | None, source: dict[str, str]) -> bool:
 
 def certify(label: str, limit: float = LIMIT, worlds: Worlds = None) -> dict[str, Any]:
     """Check an estimator in processes of its own, where it can crash or hang without harm; then in these worlds."""
-    owner, began = f"check {label}", time.monotonic()
+    owner = f"check {label}"
     try:
         found = _checked(label, partial(checked_there, owner, seconds=limit))
         if worlds is None or not worlds.among or found["status"] == "failed":
             return found
-        more = certified(label, list(worlds.among), worlds.seed, max(1.0, limit - (time.monotonic() - began)))
+        more = certified(label, list(worlds.among), worlds.seed, max(1.0, limit - used(owner)))
         return {**found, **more, **summary([*found["checks"], *more["checks"]])}
-    except ProcessHung:
-        return _without("unchecked", f"its checks took longer than {limit:g} s")
+    except ProcessHung as e:
+        return _without("unchecked", f"its checks were ended: {e}")
     except WorkerError as e:
         return _without("failed", f"runs: {e}")
     finally:

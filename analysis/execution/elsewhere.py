@@ -42,7 +42,7 @@ def play_elsewhere(one: Given) -> Elsewhere:
     for name in BUILTIN:
         make(name)  # or what a rival does
     before = functions()
-    path, known = _absolute(one.label), set(sys.modules)
+    path, known = absolute(one.label), set(sys.modules)
     play(one._replace(label=path, stream=one.stream.truncated(2)))  # compiled libraries must load first
     _forget(path, set(sys.modules) - known)
     with tempfile.TemporaryDirectory() as folder, opened_files() as files, another_date():
@@ -148,6 +148,6 @@ def hash_of(path: str) -> str:
         return ""
 
 
-def _absolute(label: str) -> str:
+def absolute(label: str) -> str:
     """A label that means the same in another directory."""
     return str(Path.cwd() / label) if is_file(parse(label)[0]) else label

@@ -1,6 +1,6 @@
 """What a certificate says of an estimator in the study's own worlds, under a secret seed and in other surroundings."""
 
-import time
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,7 +18,7 @@ from cooploc.estimators.interface import Array
 from cooploc.scenarios.conformance.compare import CheckFailed, RunRecord, require_equal
 from cooploc.scenarios.conformance.own_worlds import OWN, OwnWorld, outcome
 from cooploc.scenarios.processes.outcome import WorkerError
-from cooploc.scenarios.processes.workers import call, end, pool
+from cooploc.scenarios.processes.workers import call, end, pool, used
 from cooploc.scenarios.resolved import ResolvedScenario
 from cooploc.scenarios.stream import Stream, Truth
 
@@ -45,14 +45,15 @@ class Places(NamedTuple):
 
 
 def places(label: str, seconds: float) -> tuple[Places, list[str]]:
-    """A process for each of the three, and their owners, to be ended; all of it may take so long [s]."""
-    owners, until = (
-        [f"{kind} {label}" for kind in ("own worlds of", "watched", "elsewhere")],
-        time.monotonic() + seconds,
-    )
+    """A process for each of the three, and their owners, to be ended; all may use so much processor time [s]."""
+    owners = [f"{kind} {label}" for kind in ("own worlds of", "watched", "elsewhere")]
 
     def at(owner: str) -> Away:
-        return lambda function, *given: call(owner, function, *given, seconds=max(1.0, until - time.monotonic()))
+        def away(function: Callable[..., Any], *given: Any) -> Any:
+            left = max(1.0, seconds - sum(map(used, owners)))
+            return call(owner, function, *given, processor_seconds=left)
+
+        return away
 
     pool(owners[2], 1, {"PYTHONHASHSEED": "20231"})
     return Places(*map(at, owners)), owners
@@ -62,7 +63,7 @@ def certified(label: str, worlds: list[World], seed: int, seconds: float) -> dic
     """`checks`, `secret_seed`, `worlds` and `inputs` of a certificate.
 
     Raises:
-        ProcessHung: it took longer than `seconds` in all.
+        ProcessHung: it used more processor time than `seconds` in all.
 
     """
     where, owners = places(label, seconds)

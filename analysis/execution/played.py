@@ -6,7 +6,7 @@ Nothing of the analysis is imported here, neither to be found by a plug-in nor t
 from collections.abc import Iterator
 from contextlib import chdir, suppress
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -93,5 +93,6 @@ def _plain(found: Trace) -> Trace:
     """Plain arrays and values alone: nothing whose reading would import the plug-in where errors are computed."""
     x, P, messages, sent = (np.array(a, float) for a in (found.x, found.P, found.messages, found.bytes))
     notes = {str(name): np.array(values, float) for name, values in found.notes.items()}
-    flags = {name: bool(getattr(found, name)) for name in ("bound", "centralised", "offline")}
-    return Trace(x, P, messages, sent, float(found.seconds), notes=notes, senses=str(found.senses), **flags)
+    said: dict[str, Any] = {name: bool(getattr(found, name)) for name in ("bound", "centralised", "offline")}
+    said |= {name: str(getattr(found, name)) for name in ("senses", "trained_on")}
+    return Trace(x, P, messages, sent, float(found.seconds), notes=notes, **said)

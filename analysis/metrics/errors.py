@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from cooploc.analysis.metrics.certificate_line import TRAINED
 from cooploc.estimators.interface import Array, Mask
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.runner.run import Run
@@ -58,7 +59,8 @@ def errors(truth: Truth, run: Run, burn_in: int = 0) -> pd.DataFrame:
             and a covariance that is too small or too large makes it larger
         area95 [m^2]: mean area of the 95 % ellipse
         senses: what the estimator reads beside odometry, such as "DOA, team ranges"
-        certificate: "unchecked: ..." for what is not built in, which `cl.run` does not check; only where there is such
+        certificate: "unchecked: ..." for what is not built in, which `cl.run` does not check, and what it says that it
+            was trained on; only where there is such
         offline: True for an estimator that saw the readings of later ticks, too; only where there is such
         "note: NAME": what an estimator counted itself, if anything; a NAME that begins with "largest" is a maximum
 
@@ -83,7 +85,10 @@ def errors(truth: Truth, run: Run, burn_in: int = 0) -> pd.DataFrame:
 
 
 def _certificate(run: Run, name: str) -> str:
-    return UNCHECKED if name in run.unchecked else ""
+    if name not in run.unchecked:
+        return ""
+    learned = run.traces[name].trained_on
+    return f"{UNCHECKED}{TRAINED}{learned}" if learned else UNCHECKED
 
 
 def position_errors(truth: Truth, run: Run, trace: Trace) -> tuple[Array, Array]:

@@ -3,7 +3,7 @@
 import numpy as np
 from sklearn.linear_model import LinearRegression
 
-from cooploc import Belief
+import cooploc as cl
 
 
 class SklearnRegression:
@@ -15,20 +15,13 @@ class SklearnRegression:
         self.x, self.P, self.world = *prior, world
 
     def predict(self, z):
-        self.x, F, Q = self.world.motion.move(self.x, z.odometry, z.dt)
-        self.P = F @ self.P @ F.T + Q
+        F, c, Q = cl.motion_of(self.world, z).linear(self.x)
+        self.x, self.P = F @ self.x + c, F @ self.P @ F.T + Q
 
     def correct(self, z):
         y, H, R = self.world.stacked(self.x, z)
-        there = np.isfinite(y)
-        white, own = (
-            np.linalg.inv(np.linalg.cholesky(R[np.ix_(there, there)])),
-            np.linalg.inv(np.linalg.cholesky(self.P)),
-        )
+        there, own = np.isfinite(y), np.linalg.inv(np.linalg.cholesky(self.P))
+        white = np.linalg.inv(np.linalg.cholesky(R[np.ix_(there, there)]))
         rows = np.concatenate([own, white @ H[there]])
         fit = LinearRegression(fit_intercept=False).fit(rows, np.concatenate([np.zeros(len(own)), white @ y[there]]))
         self.x, self.P = self.x + fit.coef_, np.linalg.inv(rows.T @ rows)
-
-    def estimate(self):
-        x = np.concatenate([self.x[:2], np.arctan2(np.sin(self.x[2:]), np.cos(self.x[2:]))])
-        return Belief(x, (self.P + self.P.T) / 2)

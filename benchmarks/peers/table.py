@@ -21,11 +21,14 @@ from cooploc.scenarios.runner.trace import trace
 HERE = Path(__file__).parent
 OURS = "ekf-local[anchor_reading=rssi]"
 PEERS = {
-    "filterpy_filters.py": ("Kalman", "SquareRoot", "Fading", "Imm", "Mmae", "Ukf", "Ckf", "Enkf"),
-    "stone_soup_ekf.py": ("StoneSoupEkf",),
+    "filterpy_filters.py": ("Kalman", "SquareRoot", "Fading", "HInfinity", "Imm", "Mmae", "Ukf", "Ckf", "Enkf"),
+    "stone_soup.py": ("StoneSoupEkf", "StoneSoupParticles"),
     "gtsam_map.py": ("GtsamMap",),
     "jax_ekf.py": ("JaxEkf",),
     "sklearn_regression.py": ("SklearnRegression",),
+    "navlie_ekf.py": ("NavlieEkf",),
+    "particles_filter.py": ("Bootstrap",),
+    "own_loops.py": ("Multilateration", "Euler"),
 }
 SMALL = {"robots-1-3/n=3": {"ticks": 30}, "camera/n=3": {"ticks": 30}}
 HEAD = """# Other people's filters as plug-ins
@@ -34,12 +37,13 @@ HEAD = """# Other people's filters as plug-ins
 
 Each is a plain class for one robot in `benchmarks/peers/`, lifted by `cl.PerRobot`, and named on the command line:
 `cooploc run quick --estimators ekf-local,benchmarks/peers/filterpy_filters.py:Ukf[alpha=0.5]`. They use odometry, and
-anchors or landmarks. *Glue*: lines of code of the class and what it inherits in its file, without imports and
+anchors or landmarks. *Glue*: lines of code of the class, of all that it uses in its file, and of its imports; without
 docstrings. *Apart*: largest distance of its positions from those of `{ours}` without a gate, on three robots in the
 arena and with cameras, 2 trials of 30 ticks each; those that compute the same agree to rounding. *Checks*: the
 certificate, with what it leaves out. RMSE [m] and processor time in microseconds for a robot and tick: 4 trials of
-`robots-1-3/n=3[ticks=60]`, as in the study `quick` but shorter, then a minute of five real robots (`mrclam/all`). Three
-libraries are not in the lock: scikit-learn, JAX and Stone Soup are tried where they are on PYTHONPATH.
+`robots-1-3/n=3[ticks=60]`, as in the study `quick` but shorter, then a minute of five real robots (`mrclam/all`).
+filterpy and GTSAM are in the lock; the other libraries are tried where they are on PYTHONPATH. navlie is that of its
+repository, with pymlg of the same authors.
 
 """
 
@@ -53,18 +57,25 @@ class Peer(NamedTuple):
 
 
 def glue_lines(estimator: cl.PerRobot) -> int:
-    """Lines of the class, its bases in its file, and the functions beside them."""
+    """Lines of the class, of what it uses of its file, and of what these import; without docstrings."""
     made: Any = estimator.make
-    wanted = {cls.__name__ for cls in made.__mro__}
     tree = ast.parse(Path(inspect.getfile(made)).read_text())
-    kept = [node for node in tree.body if isinstance(node, ast.FunctionDef) or getattr(node, "name", "") in wanted]
-    others = [node for node in tree.body if isinstance(node, ast.ClassDef) and node.name not in wanted]
-    if len(PEERS.get(Path(inspect.getfile(made)).name, ())) == 1:
-        kept += others  # a class of its own that the library asks for
+    kept, waiting = set[ast.stmt](), {made.__name__}
+    while waiting:
+        found = {node for node in tree.body if node not in kept and named(node) & waiting}
+        kept |= found
+        waiting = {one.id for node in found for one in ast.walk(node) if isinstance(one, ast.Name)}
     for node in [one for top in kept for one in ast.walk(top)]:
         if isinstance(node, ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node):
             node.body = node.body[1:] or [ast.Pass()]
     return sum(bool(line.strip()) for node in kept for line in ast.unparse(node).splitlines())
+
+
+def named(node: ast.stmt) -> set[str]:
+    """The names that a statement of a file makes."""
+    if isinstance(node, ast.Import | ast.ImportFrom):
+        return {one.asname or one.name.partition(".")[0] for one in node.names}
+    return {getattr(node, "name", "")}
 
 
 def apart(estimator: cl.PerRobot) -> str:

@@ -8,6 +8,7 @@ from cooploc.analysis.formats import duration
 from cooploc.analysis.report.tables import Table, words
 from cooploc.terminal.console import PlainConsole
 
+HINDSIGHT = "with hindsight, from Python alone: cl.Smoother(), offline: neither ranked nor best"
 HEADS = {
     "estimators": (
         words("name"),
@@ -27,6 +28,8 @@ def show(kind: str, listed: pd.DataFrame) -> None:
     console.print(Table(kind, kind, HEADS[kind], rows).terminal(wrap=True))
     for row in listed[broken].to_dict("records"):
         console.print(f"  {row['name']}: not usable, {row['problem']}", soft_wrap=True)
+    if kind == "estimators":
+        console.print(f"  {HINDSIGHT}", soft_wrap=True)
     console.print()
 
 
@@ -37,6 +40,8 @@ def _row(row: dict[Any, Any]) -> dict[str, Any]:
 
 
 def _standing(row: dict[Any, Any]) -> str:
+    if row.get("offline", False):
+        return " (offline: neither ranked nor best)"
     if row.get("bound", False):
         return " (a bound)"
     centralised = row.get("centralised", False) and not row["about"].startswith("Centralised")

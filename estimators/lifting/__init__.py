@@ -1,1 +1,1 @@
-"""What `PerRobot` and `PerTeam` share: a plain class's parameters, and random numbers for what draws globally."""
+"""What `PerRobot` and `PerTeam` share: a plain class's parameters, random numbers, radio; a tick as functions."""

@@ -12,19 +12,19 @@ from cooploc.estimators.interface import TOO_NEAR_TO_RANGE, Array, Mail, Senses
 def senses_of(z: Senses, i: int) -> Senses:
     """What row, or trial, i sensed."""
     arrays = {name: getattr(z, name)[i] for name in Senses._fields[:-1]}
-    arrays |= {name: _far(arrays[name], arrays[name][..., :1]) for name in ("landmark", "sighting")}
+    arrays |= {name: without_short(arrays[name], arrays[name][..., :1]) for name in ("landmark", "sighting")}
     extra = {name: a[i] for name, a in z.extra.items()}
-    extra |= {name: _far(a, a) for name, a in extra.items() if name == "anchor_range"}
+    extra |= {name: without_short(a, a) for name, a in extra.items() if name == "anchor_range"}
     return Senses(**arrays, extra=extra)
 
 
 def mail_of(mail: Mail, i: int) -> Mail:
     """What row, or trial, i received."""
     mine = Mail(*(a[i] for a in mail))
-    return mine._replace(range=_far(mine.range, mine.range))
+    return mine._replace(range=without_short(mine.range, mine.range))
 
 
-def _far(reading: Array, distance: Array) -> Array:
+def without_short(reading: Array, distance: Array) -> Array:
     """A reading, absent where its distance is too short."""
     short = distance < TOO_NEAR_TO_RANGE
     return np.where(short, np.nan, reading) if short.any() else reading

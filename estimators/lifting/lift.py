@@ -65,6 +65,12 @@ class Lift:
         return getattr(self.make, "__name__", type(self.make).__name__)
 
     @property
+    def trained_on(self) -> str:
+        """What the class says that it was trained on."""
+        said: str = getattr(self.make, "trained_on", "")
+        return said
+
+    @property
     def label(self) -> str:
         """The name with the parameters that were stated, as on the command line."""
         written = ",".join(f"{key}={value(one)}" for key, one in self.stated)

@@ -45,7 +45,12 @@ def artifacts_of(files: Iterable[Path]) -> list[Named]:
 def trained_on(files: Iterable[Path], name: str) -> str:
     """What the class of this name says that it was trained on; empty where it says nothing."""
     said = [one.trained_on for file in files for one in declared(file) if one.name == name]
-    return " ".join(said[0].replace(";", ",").split()) if said else ""
+    return plainly(said[0]) if said else ""
+
+
+def plainly(said: str) -> str:
+    """A text in one line that ends no part of a certificate's."""
+    return " ".join(said.replace(";", ",").split())
 
 
 def declared(file: Path) -> Iterator[Declared]:

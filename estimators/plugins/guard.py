@@ -17,7 +17,9 @@ CODE = (".py", ".pyc", ".so", ".nbi", ".nbc", ".pth")
 SYSTEM = (sys.prefix, sys.base_prefix, "/proc/", "/sys/", "/dev/", "/etc/")
 WHY = "which is refused while an estimator is imported, made or runs"
 TRAIN = "train before, in a script of its own, on what cl.training gives"
-APART = "keep files of an estimator outside the folder of recordings (--data), which holds the truth"
+APART = (
+    "keep files of an estimator outside the folders of recordings (--data), which hold the truth, and of certificates"
+)
 
 
 class Forbidden(RuntimeError):

@@ -6,7 +6,7 @@ from cooploc.estimators.per_robot import PerRobot
 from cooploc.estimators.per_team import PerTeam
 from cooploc.estimators.plugins.errors import BadInput
 
-SINGLE = ("predict", "correct", "estimate")  # what a plain class has at least
+SINGLE = ("predict", "correct")  # what a plain class has at least
 
 
 def is_plain(found: Any) -> bool:

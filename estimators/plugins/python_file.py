@@ -95,7 +95,8 @@ def _imported(path: Path) -> ModuleType:
         del sys.modules[name]  # it is half there
         if isinstance(e, BadInput | MemoryError) or not isinstance(e, (Exception, SystemExit, GeneratorExit)):
             raise  # of the machine, of the time limit or of Ctrl-C, not of the file
-        raise BadInput(f"{path} cannot be imported: {one_line(e)}") from e
+        remedy = "; install it in this environment, or put it beside the file" * isinstance(e, ModuleNotFoundError)
+        raise BadInput(f"{path} cannot be imported: {one_line(e)}{remedy}") from e
     _loaded[name] = path.resolve(), tuple(module_name(one) for one, _ in helpers)
     return module
 

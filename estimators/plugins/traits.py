@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 from cooploc.estimators.interface import API, Array
+from cooploc.estimators.plugins.artifacts import plainly
 
 
 class Traits(NamedTuple):
@@ -16,6 +17,7 @@ class Traits(NamedTuple):
     axes: str  # `axes`: why its estimates do not turn with the world; empty where they do
     own_motion: str  # `own_motion`: why it does not move as dead reckoning does; empty where it does
     notes: Callable[[Any], Mapping[str, Array]]  # `notes(state)`: what it counted, by name; empty by default
+    trained_on: str  # `trained_on`: what its artifacts were learned from; empty where it learned nothing
     offline: bool  # `offline`: it has `smooth`, and is given all readings of all ticks at once, as no robot could be
 
 
@@ -31,6 +33,7 @@ def traits(estimator: Any) -> Traits:
         axes=getattr(estimator, "axes", ""),
         own_motion=getattr(estimator, "own_motion", ""),
         notes=getattr(estimator, "notes", _no_notes),
+        trained_on=plainly(str(getattr(estimator, "trained_on", "") or "")),
         offline=offline,
     )
 

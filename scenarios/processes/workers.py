@@ -91,10 +91,10 @@ def _demand_within(owner: str, future: "Future[Outcome]", seconds: float) -> Non
         ProcessHung: it took longer; its processes are ended.
 
     """
-    began = worked = _processor_seconds(owner)
+    began = worked = used(owner)
     since = time.monotonic()  # when it was last seen to work
     while not wait([future], timeout=min(1.0, seconds / 10)).done:
-        now = _processor_seconds(owner)
+        now = used(owner)
         if now - worked > WORK:
             worked, since = now, time.monotonic()
         if now - began > seconds:
@@ -105,7 +105,7 @@ def _demand_within(owner: str, future: "Future[Outcome]", seconds: float) -> Non
             raise ProcessHung(f"it did nothing for {seconds:g} s")
 
 
-def _processor_seconds(owner: str) -> float:
+def used(owner: str) -> float:
     """What an owner's processes have used so far; by the clock where the system does not say."""
     executors: list[Any] = [one for (pid, name, _), (one, _) in _pools.items() if (pid, name) == (os.getpid(), owner)]
     total = 0.0

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from typing import Any
 
+from cooploc.estimators.interface import TEAM_PRIOR
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.estimators.plugins.traits import wrong_version
 from cooploc.scenarios.stream import Stream
@@ -14,6 +15,7 @@ WORDS = {
     "sighting": "sightings",
     "radio_rssi": "team RSSI",
     "radio_range": "team ranges",
+    TEAM_PRIOR: "team priors",
 }
 DERIVED = {"doa": "DOA", "doa-constant": "DOA", "gradient": "gradient"}  # by the parameter `anchor_reading`
 SENSED = ("odometry", "anchor_rssi", "landmark", "sighting")

@@ -65,11 +65,12 @@ class Run:
 
 
 def _cost(trace: Trace, unchecked: bool) -> tuple[str, ...]:
-    """Messages, bytes and microseconds per robot and tick, and whether it is centralised, a bound, or unchecked."""
+    """Messages, bytes and microseconds per robot and tick; whether it is centralised, a bound, unchecked, trained."""
     t, T, n, _ = trace.x.shape
     sent, size = trace.messages.sum() / (t * T * n), trace.bytes.sum() / (t * T * n)
     kind = "offline" if trace.offline else "bound" if trace.bound else "centralised" * trace.centralised
-    standing = [kind, "unchecked" * unchecked]
+    learned = f"trained on {trace.trained_on}" if trace.trained_on else ""
+    standing = [kind, "unchecked" * unchecked, learned]
     return f"{sent:.2g}", f"{size:.3g}", f"{1e6 * trace.seconds / (t * T * n):.3g}", ", ".join(filter(None, standing))
 
 

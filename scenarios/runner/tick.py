@@ -4,7 +4,7 @@ from typing import Any, ClassVar, Protocol, cast
 
 import numpy as np
 
-from cooploc.estimators.interface import HEADER, Array, Belief, Mail, Rows, Senses, Traffic, World
+from cooploc.estimators.interface import HEADER, TEAM_PRIOR, Array, Belief, Mail, Rows, Senses, Traffic, World
 from cooploc.estimators.plugins.guard import Forbidden, shut
 from cooploc.estimators.plugins.traits import traits
 from cooploc.scenarios import seeds
@@ -79,7 +79,8 @@ class _Drive:
         """What a centralised estimator's robots must send to its computer: the finite readings it uses."""
         senses, air = self.stream.senses, self.stream.air
         heard = (np.isfinite(a) & air.link for a in (air.rssi, air.range) if a.shape[-1])
-        sensed = (np.isfinite(a) for a in (*(getattr(senses, c) for c in SENSED), *senses.extra.values()))
+        read = {c: a for c, a in senses.extra.items() if c != TEAM_PRIOR}  # which all are told in advance
+        sensed = (np.isfinite(a) for a in (*(getattr(senses, c) for c in SENSED), *read.values()))
         finite = sum(a.reshape(*senses.dt.shape, -1).sum(-1) for a in (*sensed, *heard))
         return Traffic((finite > 0).astype(float), np.where(finite > 0, finite * 8.0 + HEADER, 0.0))
 

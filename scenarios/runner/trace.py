@@ -38,6 +38,7 @@ class Trace:
     centralised: bool = False  # all readings reach one computer, which knows more than any robot could
     senses: str = ""  # what it reads beside odometry, in words
     offline: bool = False  # it saw the readings of later ticks, too
+    trained_on: str = ""  # what it says that it was trained on
 
     @classmethod
     def of(cls, x: Array, P: Array | None = None) -> "Trace":
@@ -89,7 +90,8 @@ def trace(
     about = traits(estimator)
     notes = {what: np.asarray(values, float).reshape(t, n) for what, values in about.notes(running.state).items()}
     told = senses(estimator, stream)
-    return Trace(x, P, messages, sent, clock.seconds, about.bound, notes, about.centralised, told, about.offline)
+    kind = {"bound": about.bound, "centralised": about.centralised, "offline": about.offline}
+    return Trace(x, P, messages, sent, clock.seconds, notes=notes, senses=told, trained_on=about.trained_on, **kind)
 
 
 @lru_cache(maxsize=1)

@@ -201,7 +201,7 @@ class Leaves(DeadReckoning):
     ("name", "said"),
     [
         ("Dies", "failed: runs: its process died (exit code 3)"),
-        ("Hangs", "unchecked: its checks took longer than 5 s"),
+        ("Hangs", "unchecked: its checks were ended: it did nothing for 5 s"),
         ("Leaves", "failed: runs: predict() raised at tick 0 of 'robots-1-3/n=3[drop=0.3,ticks=12], some readings "
                    "absent' (nothing was changed): SystemExit: enough (seed 0)"),
         ("Nobody", "failed: runs: BadInput: trouble.py has no 'Nobody'"),

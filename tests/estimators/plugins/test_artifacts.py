@@ -107,3 +107,25 @@ def test_training_on_a_recording_and_while_an_estimator_runs_is_refused():
     _, stream = cl.simulate("nlos[ticks=3]")
     with pytest.raises(cl.EstimatorError, match=r"init\(\) simulated"):
         cl.run({"mine": Trains()}, stream, isolate=False)
+
+
+class Learned:
+    """Stays where it is, as it learned to."""
+
+    uses = ("odometry",)
+    trained_on = "nlos;  100 trials"
+
+    def __init__(self, prior, world, robot, key):
+        self.x, self.P = prior
+
+    def predict(self, z): ...
+    def correct(self, z): ...
+
+
+def test_a_run_says_what_an_estimator_was_trained_on():
+    truth, stream = cl.simulate("robots-1-3/n=1", trials=2, ticks=2)
+    run = cl.run([Learned, "dead-reckoning"], stream, isolate=False)
+    lines = cl.errors(truth, run).groupby("estimator")["certificate"].first()
+    assert lines["Learned"].endswith("; trained on: nlos, 100 trials")
+    assert lines["dead-reckoning"] == ""
+    assert "unchecked, trained on nlos, 100 trials" in run._repr_html_()

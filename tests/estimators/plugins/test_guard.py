@@ -74,7 +74,7 @@ def test_reading_a_stream_is_refused(stream, tmp_path):
 @pytest.mark.parametrize("read", [open, np.loadtxt])
 def test_the_files_of_a_recording_are_refused(stream, recording, tmp_path, path, read):
     (tmp_path / "link.dat").symlink_to(recording / "truth.dat")
-    with pytest.raises(cl.EstimatorError, match="keep files of an estimator outside the folder of recordings"):
+    with pytest.raises(cl.EstimatorError, match="keep files of an estimator outside the folders of recordings"):
         run(lambda: read(tmp_path / path), stream)
 
 
@@ -143,5 +143,5 @@ def test_in_its_own_process_a_plug_in_is_told_of_the_recordings_too(stream, reco
         "    name = 'recording/truth.dat'\n"
     )
     assert cl.run(f"{tmp_path}/mine.py:Reads", stream).traces
-    with pytest.raises(cl.EstimatorError, match="outside the folder of recordings"):
+    with pytest.raises(cl.EstimatorError, match="outside the folders of recordings"):
         cl.run(f"{tmp_path}/mine.py:Cheats", stream)

@@ -1,0 +1,63 @@
+"""A tick as functions of the state: the world's models, with angles that a library may average and subtract."""
+
+import numpy as np
+import pytest
+
+import cooploc as cl
+from cooploc.estimators.lifting.handed import senses_of
+
+LABELS = ("robots-1-3/n=2", "camera/n=2", "no-compass/n=2")
+
+
+@pytest.fixture(params=LABELS)
+def tick(request):
+    """A world, what one of its robots senses in a tick, and its state, turned almost round where it has a heading."""
+    _, stream = cl.simulate(request.param, trials=1, seed=4, ticks=6)
+    z = senses_of(cl.Senses(*(a[0, 4] for a in stream.senses[:-1]), extra={}), 1)
+    x = stream.prior.x[0, 1].copy()
+    x[2:] = np.pi - 1e-3
+    return stream.world, z, x
+
+
+def test_a_step_is_the_motion_with_a_heading_that_goes_on(tick):
+    world, z, x = tick
+    z = z._replace(odometry=np.abs(z.odometry) + 0.1, dt=np.float64(1.0))
+    step, (moved, F, Q) = cl.motion_of(world, z), world.motion.move(x, z.odometry, z.dt)
+    np.testing.assert_allclose(np.exp(1j * step.f(x)[2:]), np.exp(1j * moved[2:]))
+    np.testing.assert_array_equal(step.f(x)[:2], moved[:2])
+    assert (step.f(x)[2:] > np.pi).all()  # where the model's own is below
+    linear = step.linear(x)
+    np.testing.assert_allclose(linear.F @ x + linear.c, step.f(x), atol=1e-12)
+    np.testing.assert_array_equal(linear.F, F)
+    np.testing.assert_array_equal(step.Q(x), Q)
+    np.testing.assert_allclose(step.sample(x, np.zeros(2)), step.f(x), atol=1e-12)
+
+
+def test_a_reading_less_what_is_expected_is_the_innovation(tick):
+    world, z, x = tick
+    readings = list(cl.readings_of(world, z))
+    assert readings
+    for one, (sensor, q, reading) in zip(readings, world.fixed(z), strict=True):
+        y, H, _ = sensor.innovation(x, q, reading)
+        np.testing.assert_allclose(one.z - one.h(x), y, atol=1e-9)
+        np.testing.assert_allclose(one.linear(x).z - H @ x, y, atol=1e-9)
+        np.testing.assert_array_equal(one.H(x), H)
+        np.testing.assert_array_equal(one.linear(x).R, sensor.R)
+
+
+def test_functions_take_many_states_at_once(tick):
+    world, z, x = tick
+    many = np.stack([x, x + 0.1, x - 0.2])
+    for f in (cl.motion_of(world, z).f, *(one.h for one in cl.readings_of(world, z))):
+        np.testing.assert_allclose(f(many), [f(one) for one in many], atol=1e-12)
+
+
+def test_a_sighting_without_a_bearing_is_no_reading():
+    _, stream = cl.simulate("camera/n=3", trials=1, seed=4, ticks=20)
+    seen = np.isfinite(stream.senses.landmark[0, ..., 0])
+    k, robot, one = np.argwhere(seen)[0]
+    z = senses_of(cl.Senses(*(a[0, k] for a in stream.senses[:-1]), extra={}), robot)
+    landmark = z.landmark.copy()
+    landmark[one, 1] = np.nan
+    assert len(list(cl.readings_of(stream.world, z))) == seen[k, robot].sum()
+    assert len(list(cl.readings_of(stream.world, z._replace(landmark=landmark)))) == seen[k, robot].sum() - 1

@@ -1,0 +1,75 @@
+"""The models as pure functions of an array library give what the models give, with numpy, and with JAX where it is."""
+
+import numpy as np
+import pytest
+
+import cooploc as cl
+from cooploc.estimators.models.motion import Displacement, Unicycle
+from cooploc.estimators.models.sensors import Bearing, LogDistance, Orientation, Range, Sighting
+from cooploc.estimators.models.traceable import expect, innovation, moved, wrap
+
+SENSORS = (LogDistance(), Range(), Bearing(), Sighting())
+
+
+def library(name):
+    found = pytest.importorskip(name)
+    if name == "jax.numpy":
+        pytest.importorskip("jax").config.update("jax_enable_x64", True)
+    return found
+
+
+@pytest.fixture(params=["numpy", "jax.numpy"])
+def xp(request):
+    return library(request.param)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("sensor", SENSORS, ids=lambda one: type(one).__name__)
+def test_innovations_are_those_of_the_model(xp, sensor, d, rng):
+    x, q = rng.normal(0, 3, (50, d)), rng.normal(0, 3, (50, 2))
+    x[0, :2] = q[0] + 0.01  # inside the clamp of the logarithm
+    z = rng.uniform(-4, 4, (50, len(sensor.R)))
+    z[1] = np.nan
+    expected = sensor.innovation(x, q, z)[0]
+    found = np.asarray(innovation(xp, sensor, xp.asarray(x), xp.asarray(q), xp.asarray(z)))
+    np.testing.assert_array_equal(np.isnan(found), np.isnan(expected))
+    angles = slice(len(sensor.R) - isinstance(sensor, Bearing | Sighting), None)
+    expected[..., angles] = found[..., angles] + wrap(np, expected - found)[..., angles]  # -pi is pi
+    np.testing.assert_allclose(found, expected, atol=1e-10)
+    np.testing.assert_allclose(
+        np.asarray(expect(xp, sensor, xp.asarray(x), xp.asarray(q))), sensor.expect(x, q), atol=1e-10
+    )
+
+
+@pytest.mark.parametrize(("motion", "d"), [(Displacement(), 2), (Displacement(), 3), (Unicycle(), 3)])
+def test_moves_are_those_of_the_model(xp, motion, d, rng):
+    x, u, dt = rng.normal(0, 2, (20, d)), rng.normal(0, 1, (20, 2)), rng.uniform(0, 1, 20)
+    u[3] = np.nan
+    found = np.asarray(moved(xp, motion, xp.asarray(x), xp.asarray(u), xp.asarray(dt)))
+    expected = motion.move(x, u, dt)[0]
+    np.testing.assert_allclose(found[:, :2], expected[:, :2], atol=1e-12)
+    np.testing.assert_allclose(np.exp(1j * found[:, 2:]), np.exp(1j * expected[:, 2:]), atol=1e-12)
+
+
+@pytest.mark.parametrize("label", ["robots-1-3/n=2", "camera/n=2", "no-compass/n=2", "uwb/n=2"])
+def test_every_model_of_a_simulated_world_has_a_form(label):
+    _, stream = cl.simulate(label, trials=1, ticks=1)
+    x, q = stream.prior.x[0, 0], np.ones(2)
+    for sensor in stream.world.sensors.values():
+        np.testing.assert_allclose(expect(np, sensor, x, q), sensor.expect(x, q), atol=1e-10)
+    assert np.isfinite(moved(np, stream.world.motion, x, stream.senses.odometry[0, 0, 0], 1.0)).all()
+
+
+def test_slopes_that_jax_takes_are_those_of_the_model(rng):
+    jax, xp = pytest.importorskip("jax"), library("jax.numpy")
+    for sensor in SENSORS:
+        x, q = rng.normal(0, 3, 3), rng.normal(0, 3, 2)
+        H = jax.jit(jax.jacfwd(lambda x, sensor=sensor, q=q: expect(xp, sensor, x, xp.asarray(q))))(x)
+        np.testing.assert_allclose(np.asarray(H), sensor.innovation(x, q, np.ones(len(sensor.R)))[1], atol=1e-10)
+
+
+def test_a_model_without_a_form_is_named():
+    with pytest.raises(TypeError, match="Orientation has no traceable form; known are LogDistance, Range"):
+        expect(np, Orientation(), np.zeros(3), np.zeros(2))
+    with pytest.raises(TypeError, match="object has no traceable form; known are Displacement"):
+        moved(np, object(), np.zeros(3), np.zeros(2), 1.0)
