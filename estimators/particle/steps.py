@@ -185,8 +185,8 @@ def _scatter(P: Array, noise: Array) -> Array:
         for i in range(j + 1, d):
             rest = P[:, i, j] - (L[:, i, :j] * L[:, j, :j]).sum(-1)
             L[:, i, j] = np.divide(rest, L[:, j, j], out=np.zeros_like(rest), where=L[:, j, j] > 0)
-    out = np.zeros((len(P), d, noise.shape[1]))  # in planes, as kernels take them
+    out = np.zeros_like(noise)
     for i in range(d):
         for j in range(i + 1):
-            out[:, i] += L[:, i, j, None] * noise[..., j]
-    return out.transpose(0, 2, 1)
+            out[..., i] += L[:, i, j, None] * noise[..., j]
+    return out

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from copy import deepcopy
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,6 @@ def apart(rng: np.random.Generator, count: int, streams: int) -> list[np.random.
     return made
 
 
-def stack(parts: Sequence[NDArray[np.generic]]) -> NDArray[np.generic]:
+def stack(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
     """The parts along a new first axis; of one part no copy."""
     return np.stack(parts) if len(parts) > 1 else parts[0][None]
