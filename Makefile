@@ -40,8 +40,7 @@ looks: $(VENV)/.ready  ## a report in a real browser, at 400 and 1400 pixels and
 bench: $(VENV)/.ready  ## speed, as ratios to a reference in the same run
 	$(BIN)/python benchmarks/table.py
 	$(BIN)/python benchmarks/ekf_engines.py
-	$(BIN)/python benchmarks/intersection.py
-	$(BIN)/python benchmarks/recording.py
+	$(BIN)/python benchmarks/speed.py
 
 speed: $(VENV)/.ready  ## what speed was aimed at and what is reached; keeps its report
 	$(BIN)/python benchmarks/speed.py reports/speed.md

@@ -1,7 +1,7 @@
 """What speed was aimed at and what is reached: `reports/speed.md`, every line with its median, range and aim.
 
 Run: python benchmarks/speed.py [report] [rounds]. Processor time; what is compared is measured turn by turn in one
-process. The particle filters, processes and commands are in `table.py`, which `make bench` prints.
+process. Stone Soup, processes and commands are in `table.py`, which `make bench` prints too.
 """
 
 import json
@@ -13,9 +13,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import growth
 import intersection
 import joint_ekf
 import numpy as np
+import precision
 import recording
 
 from cooploc.analysis.execution.provenance import provenance
@@ -37,6 +39,10 @@ is how far the median is from the aim of `benchmarks/`, as a factor; empty where
 | | median | range | aim | short by |
 | --- | ---: | ---: | ---: | ---: |
 """
+
+
+STRAIGHT = 1.1  # a slope that counts as linear
+GROWTH = Path(__file__).parents[1] / "reports" / "speed" / "growth.png"
 
 
 class Line(NamedTuple):
@@ -93,6 +99,20 @@ def joint(rounds: int) -> Iterator[Line]:
         yield Line(row["what"], np.array([row["low"], row["ratio"], row["high"]]), row["target"], False)
 
 
+def particles(rounds: int) -> Iterator[Line]:
+    """Particle filters in both precisions."""
+    yield from (Line(*ratio) for ratio in precision.ratios(rounds))
+
+
+def growing(rounds: int) -> Iterator[Line]:
+    """Slopes of cost, on logarithmic axes."""
+    found = dict(growth.all_grown(rounds))
+    growth.draw(found, str(GROWTH))
+    for what, costs in found.items():
+        for counted, values in zip(growth.Cost._fields, zip(*costs, strict=True), strict=True):
+            yield Line(f"slope of {counted} against {what}", np.array([growth.slope(what, values)]), STRAIGHT, True)
+
+
 def first(rounds: int) -> Iterator[Line]:
     """What `cl.run` says of its first run, with nothing compiled, and of its second."""
     ratios = []
@@ -115,7 +135,7 @@ def main(report: str = "", rounds: int = 5) -> None:
     )
     text = HEAD.format(machine=f"{made['cpu']}; {versions}; {rounds} rounds.")
     print(text, end="")
-    for part in (weighing, recorded, joint, first):
+    for part in (particles, weighing, recorded, joint, growing, first):
         for line in part(rounds):
             text += line.row()
             print(line.row(), end="", flush=True)

@@ -47,13 +47,11 @@ class Mrsl(own_filter.Settings):
 
     def init(self, prior: Belief, world: World, rows: Rows) -> own_filter.FilterState:
         s = own_filter.init(self, prior, world, rows)
-        past = past_packets.empty(len(prior.x), world.robots, self.M)
-        return s._replace(past=past) if self.several else s
+        return s._replace(past=past_packets.empty(len(prior.x), world.robots, self.M)) if self.several else s
 
     def predict(self, s: own_filter.FilterState, z: Senses) -> own_filter.FilterState:
         s = own_filter.predict(self, s, z)
-        past = past_packets.moved(s.past, s.world.motion, z)
-        return s._replace(past=past) if self.several else s
+        return s._replace(past=past_packets.moved(s.past, s.world.motion, z)) if self.several else s
 
     def correct(self, s: own_filter.FilterState, z: Senses) -> own_filter.FilterState:
         return own_filter.correct(self, s, z)

@@ -105,7 +105,7 @@ class ReciprocalPf(team_filter.TeamSettings):
         x, logw = np.where(again[..., None], resampled, old), np.log(np.where(again, 1 / N, np.maximum(w, TINY)))
         x[again, :2] = np.where(self._near(s.world, drawn), drawn, x[again, :2])
         belief = summary(x, logw) if self.report == "after" else s.belief
-        return s._replace(
+        s = s._replace(
             x=np.where(heard[:, None, None], x, s.x),
             logw=np.where(heard[:, None], logw, s.logw),
             due=np.where(heard, poor(weights(logw)), s.due),
@@ -113,3 +113,4 @@ class ReciprocalPf(team_filter.TeamSettings):
                 np.where(heard[:, None], belief.x, s.belief.x), np.where(heard[:, None, None], belief.P, s.belief.P)
             ),
         )
+        return own_filter.rounded(self, s)

@@ -86,8 +86,8 @@ class ResolvedScenario:
         """
         sys.audit(SIMULATED, self.label)
         numbers, seed = _numbers(trials), _whole(seed, "seed")
-        memory.demand(self.label, self.robots, self.ticks, len(numbers))
         model = self._of(numbers)
+        memory.demand(self.label, self.robots, self.ticks, len(numbers), getattr(model, "at_once", None))
         world = self._assumed(model.world(), numbers) if self.assumed else model.world()
         return self.told.applied(*model.simulate(self.label, numbers, seed, world))
 

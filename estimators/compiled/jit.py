@@ -35,6 +35,7 @@ intrinsic: Any = untyped_intrinsic
 SHARED = (
     "compiled/jit",
     "compiled/elementary_functions",
+    "compiled/formats",
     "compiled/random_numbers",
     "compiled/row_buffers",
     "covariance_intersection/criterion",

@@ -13,6 +13,7 @@ from numba import types
 from numpy.typing import NDArray
 
 from cooploc.estimators.compiled.elementary_functions import log, quarter, turned
+from cooploc.estimators.compiled.formats import SINGLE, by_format
 from cooploc.estimators.compiled.jit import inlined, intrinsic, kernel, readable, wide
 from cooploc.estimators.interface import Array, Keys
 
@@ -57,23 +58,37 @@ def draw_words(k0, k1, counter, words):
         first[i], second[i] = threefry(k0, k1, counter, i)
 
 
-@inlined
-def normal_pair(a, b):
-    """Two standard normals from two words by Box-Muller, errors below 1e-12."""
-    radius = np.sqrt(-2.0 * log(a * 2.0**-32 + 2.0**-33))
-    right_angles, rest = (np.int64(b) + 2**29) >> 30, (np.int64(b) << 34) >> 34  # the lower 30 bits, with a sign
-    c, s = quarter(rest * (2 * np.pi * 2.0**-32) + np.pi * 2.0**-32)
-    c, s = turned(right_angles, c, s)
-    return radius * c, radius * s
+def _uniform(f):
+    """A uniform from a word; in single precision from 31 bits: an integer with a sign becomes a number sooner."""
+    if f is SINGLE:
+        return inlined(lambda a: np.float32(np.int32(a >> 1)) * np.float32(2.0**-31) + np.float32(2.0**-32))
+    return inlined(lambda a: a * 2.0**-32 + 2.0**-33)
+
+
+def _normal_pair(f):
+    real, word, spare = f.real, f.word, 2 if f is SINGLE else 34  # bits of an integer above the lower 30
+    two, turn, start, uniform = real(-2), real(2 * np.pi * 2.0**-32), real(np.pi * 2.0**-32), _uniform(f)
+
+    def normal_pair(_, a, b):
+        radius = np.sqrt(two * log(uniform(a)))
+        right_angles, rest = word(np.int64(b) + 2**29) >> 30, word(np.int64(b) << spare) >> spare  # the rest has a sign
+        c, s = quarter(real(rest) * turn + start)
+        c, s = turned(right_angles, c, s)
+        return radius * c, radius * s
+
+    return normal_pair
+
+
+normal_pair = by_format(_normal_pair)  # two standard normals from two words by Box-Muller, like the first argument
 
 
 @inlined
 def normal_pairs(words, X, Y):
     """The standard normals of `words` (2, n)."""
     wide()
-    first, second = words[0], words[1]
+    first, second, like = words[0], words[1], X.dtype.type(0)
     for i in range(len(X)):
-        X[i], Y[i] = normal_pair(first[i], second[i])
+        X[i], Y[i] = normal_pair(like, first[i], second[i])
 
 
 @inlined
@@ -91,7 +106,7 @@ def _fill_normals(key, counter, out):
         draw_words(np.int64(key[r, 0]), np.int64(key[r, 1]), counter, words)
         row, first, second = out[r], words[0], words[1]
         for i in range(len(first)):
-            row[2 * i], row[2 * i + 1] = normal_pair(first[i], second[i])
+            row[2 * i], row[2 * i + 1] = normal_pair(0.0, first[i], second[i])
 
 
 @kernel

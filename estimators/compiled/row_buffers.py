@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cooploc.estimators.compiled.elementary_functions import ordered
+from cooploc.estimators.compiled.formats import ordered
 from cooploc.estimators.compiled.jit import inlined, wide
 
 
@@ -31,9 +31,9 @@ def store(values, rows, r):
 
 
 @inlined
-def row_buffer(n):
-    """A buffer for a row, in whole vectors: a remainder would be computed number by number."""
-    return np.empty((n + 15) // 16 * 16)
+def row_buffer(rows):
+    """A buffer for one of these rows, in whole vectors: a remainder would be computed number by number."""
+    return np.empty((rows.shape[1] + 15) // 16 * 16, rows.dtype)
 
 
 @inlined

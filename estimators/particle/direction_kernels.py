@@ -6,10 +6,10 @@ import numpy as np
 
 from cooploc.estimators.compiled.elementary_functions import arc, log
 from cooploc.estimators.compiled.jit import inlined, kernel, wide
-from cooploc.estimators.compiled.row_buffers import row_buffer, store
+from cooploc.estimators.compiled.row_buffers import store
 from cooploc.estimators.interface import Array
 from cooploc.estimators.models.sensors import NEAR
-from cooploc.estimators.particle.link_kernels import Row, load_row
+from cooploc.estimators.particle.link_kernels import load_row, row_of
 
 WRAPPED, SUM, CORNERS = range(3)  # forms of the residual
 
@@ -39,8 +39,7 @@ def add_gradient_rows(x, d, logw, gradients, out):
     """log N of the measured gradient less the one at the particle, in units of its noise, for particles x (r d, N)."""
     wide()
     measured, corner, sides, slope, sigma = gradients
-    n = logw.shape[1]
-    row = Row(row_buffer(n), row_buffer(n), row_buffer(n))
+    row = row_of(logw)
     for r in range(len(logw)):
         load_row(x, d, logw, r, row)
         u, v = measured[r, 0] * sides[0] / sigma, measured[r, 1] * sides[1] / sigma
@@ -53,11 +52,13 @@ def add_gradient_rows(x, d, logw, gradients, out):
 def _add_gradient(row, whitened, corner, sides, slope):
     """One gradient (u, v), for particles seen from the first corner."""
     wide()
-    (X, Y, logw), (u, v), (west, south), (a, b) = row, whitened, corner, sides
+    (X, Y, logw), real = row, row.X.dtype.type
+    u, v, west, south = real(whitened[0]), real(whitened[1]), real(corner[0]), real(corner[1])
+    a, b, slope, half = real(sides[0]), real(sides[1]), real(slope), real(0.5)
     for i in range(len(logw)):
         p, q = _log_ratios(X[i] - west, Y[i] - south, a, b)
         gx, gy = u - slope * (p + q), v - slope * (p - q)
-        logw[i] -= 0.5 * (gx * gx + gy * gy)
+        logw[i] -= half * (gx * gx + gy * gy)
 
 
 @kernel
@@ -83,8 +84,7 @@ def _add_all(form, x, d, logw, directions, out):
     """All rows and directions. Compiled apart for each `form`, a constant where this is inlined."""
     wide()
     angles, trail, corner, sides, gain = directions
-    n = logw.shape[1]
-    row = Row(row_buffer(n), row_buffer(n), row_buffer(n))
+    row = row_of(logw)
     for r in range(len(logw)):
         load_row(x, d, logw, r, row)
         for k in range(angles.shape[1]):
@@ -105,9 +105,10 @@ def _add_direction(row, angle, shift, sides, gain):
     and q = D_2/D_4. Turned back by the direction, g has the angle e, which needs no wrapping.
     """
     wide()
-    (X, Y, logw), (east, north), (a, b) = row, shift, sides
-    cx, cy = np.cos(angle) / a, np.sin(angle) / b
-    sx, sy = np.sin(angle) / a, np.cos(angle) / b
+    (X, Y, logw), (east, north), (a, b), real = row, shift, sides, row.X.dtype.type
+    cx, cy = real(np.cos(angle) / a), real(np.sin(angle) / b)
+    sx, sy = real(np.sin(angle) / a), real(np.cos(angle) / b)
+    east, north, a, b, gain = real(east), real(north), real(a), real(b), real(gain)
     for i in range(len(logw)):
         p, q = _log_ratios(X[i] + east, Y[i] + north, a, b)
         gx, gy = p + q, p - q
@@ -119,14 +120,16 @@ def _add_direction(row, angle, shift, sides, gain):
 def _add_sum(form, row, angle, shift, sides, gain):
     """The same with a residual that is a sum over the corners."""
     wide()
-    (X, Y, logw), (east, north), (a, b) = row, shift, sides
+    (X, Y, logw), real, four = row, row.X.dtype.type, row.X.dtype.type(4)
+    east, north, a, b = real(shift[0]), real(shift[1]), real(sides[0]), real(sides[1])
+    angle, gain = real(angle), real(gain)
     for i in range(len(logw)):
         w, s = X[i] + east, Y[i] + north
         if form == SUM:
             p, q = _log_ratios(w, s, a, b)
-            e = 4 * (_direction((p - q) / b, (p + q) / a) - angle)
+            e = four * (_direction((p - q) / b, (p + q) / a) - angle)
         else:
-            e = _direction(s, w) + _direction(s - b, w) + _direction(s - b, w - a) + _direction(s, w - a) - 4 * angle
+            e = _direction(s, w) + _direction(s - b, w) + _direction(s - b, w - a) + _direction(s, w - a) - four * angle
         logw[i] += gain * (e * e)
 
 
@@ -140,8 +143,10 @@ def _direction(north, east):
 @inlined
 def _log_ratios(w, s, a, b):
     """ln D_1/D_3 and ln D_2/D_4, D_k the squared distance to corner k, at w east and s north of the first."""
+    real = type(w)
+    near = real(NEAR**2)
     w2, s2, e2, n2 = w * w, s * s, (w - a) * (w - a), (s - b) * (s - b)
-    D1, D2 = max(w2 + s2, NEAR**2), max(w2 + n2, NEAR**2)
-    D3, D4 = max(e2 + n2, NEAR**2), max(e2 + s2, NEAR**2)
-    inverse = 1 / (D3 * D4)
+    D1, D2 = max(w2 + s2, near), max(w2 + n2, near)
+    D3, D4 = max(e2 + n2, near), max(e2 + s2, near)
+    inverse = real(1) / (D3 * D4)
     return log(D1 * D4 * inverse), log(D2 * D3 * inverse)

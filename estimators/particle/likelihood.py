@@ -23,7 +23,8 @@ from cooploc.estimators.particle.direction_kernels import (
     add_sum_rows,
     add_window_rows,
 )
-from cooploc.estimators.particle.link_kernels import AnchorReadings, PacketReadings, add_anchor_rows, add_teammate_rows
+from cooploc.estimators.particle.link_kernels import add_anchor_rows, add_teammate_rows
+from cooploc.estimators.particle.link_readings import AnchorReadings, PacketReadings
 from cooploc.estimators.particle.packet import unpack
 
 Fixed = tuple[Sensor, Array, Array]  # sensor, place (2,) and readings (r, 1) of a fixed place, as of `World.fixed`

@@ -6,6 +6,10 @@ D)^2/m; all in units of the noise, sigma = 1.
 
 Where the box of a row's particles, seen from a link's place, spans little of D, ln D is ln D_0 and a short polynomial
 of D/D_0 - 1, D_0 the middle; such links are "far", the others "near".
+
+In single precision products stay within 1e-38 and 1e38: only four links between robots share a logarithm, D is in units
+of D_0 for far links, v is taken as a ratio for near ones, and no variance counts as more than `VAGUE`. Constants that
+all particles share are left out.
 """
 
 from typing import NamedTuple
@@ -13,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cooploc.estimators.compiled.elementary_functions import COMPACT, ln, log1p_compact
+from cooploc.estimators.compiled.formats import is_single
 from cooploc.estimators.compiled.jit import inlined, kernel, wide
 from cooploc.estimators.compiled.row_buffers import extent, load, row_buffer, store
 from cooploc.estimators.interface import Array
@@ -20,6 +25,7 @@ from cooploc.estimators.models.sensors import NEAR, TOO_NEAR_TO_RANGE
 
 FIXED, RSSI, RANGE = range(3)  # kinds of links
 NUMBERS = 8  # per link, for the loops
+VAGUE = 2.0**30  # times the noise's variance: what the sender's position adds at most, in single precision
 MANY = 8  # links between robots: with fewer, sorting them costs more than it saves
 
 
@@ -29,28 +35,6 @@ class Row(NamedTuple):
     X: Array  # (n,) [m]
     Y: Array  # (n,) [m]
     logw: Array  # (n,)
-
-
-class AnchorReadings(NamedTuple):
-    """RSSI of anchors, and of the sensor what the loop needs."""
-
-    places: Array  # (a, 2) [m]
-    readings: Array  # (r, a) [dBm], nan where absent
-    A: float  # [dBm] at 1 m
-    slope: float  # RSSI lost per unit of ln D, D the squared distance [dB]
-    unit: float  # 1/sigma [1/dB]
-
-
-class PacketReadings(NamedTuple):
-    """RSSI or ranges of packets, and of the sensor what the loop needs."""
-
-    packets: Array  # (r, n, 5)  x, y, P_xx, P_xy, P_yy of each sender
-    readings: Array  # (r, n) [dBm] or [m], nan where nothing was heard
-    ranged: bool  # ranges, else RSSI
-    A: float  # as of anchors; 0 of ranges
-    slope: float
-    unit: float  # 1/sigma [1/dB] or [1/m]
-    gain: float  # times P_j: the variance that the sender's position adds, sigma = 1; 0 ignores P_j
 
 
 class Link(NamedTuple):
@@ -68,14 +52,19 @@ class Link(NamedTuple):
 def add_anchor_rows(x, d, logw, anchors, out):
     """`likelihood.anchors` of RSSI, for particles x (r d, N)."""
     wide()
-    n, links = logw.shape[1], np.empty((len(anchors[0]), NUMBERS))
-    row = Row(row_buffer(n), row_buffer(n), row_buffer(n))
+    row, links = row_of(logw), np.empty((len(anchors[0]), NUMBERS), logw.dtype)
     for r in range(len(logw)):
         load_row(x, d, logw, r, row)
         west, east = extent(row.X)
         south, north = extent(row.Y)
         add_anchors(row, (west, east, south, north), r, anchors, links)
         store(row.logw, out, r)
+
+
+@inlined
+def row_of(logw):
+    """Buffers for one row of particles."""
+    return Row(row_buffer(logw), row_buffer(logw), row_buffer(logw))
 
 
 @inlined
@@ -103,8 +92,7 @@ def add_anchors(row, box, r, anchors, links):
 def add_teammate_rows(x, d, logw, heard, out):
     """`likelihood.teammates` of RSSI or ranges, for particles x (r d, N)."""
     wide()
-    n, links = logw.shape[1], np.empty((heard[1].shape[1], NUMBERS))
-    row = Row(row_buffer(n), row_buffer(n), row_buffer(n))
+    row, links = row_of(logw), np.empty((heard[1].shape[1], NUMBERS), logw.dtype)
     for r in range(len(logw)):
         load_row(x, d, logw, r, row)
         add_teammates(row, r, heard, links)
@@ -155,6 +143,10 @@ def _note(kind, links, count, box, link, sensor):
     links[k, 0], links[k, 1], links[k, 2] = qx, qy, (lost + slope * ln_D) * unit
     links[k, 3], links[k, 4], links[k, 5] = xx, xy, yy
     links[k, 6], links[k, 7] = 1 / middle, ln_unit if kind == FIXED else ln_unit + ln_D
+    if is_single(links[k, 7]):
+        links[k, 7] = 0.0
+        for c in range(3, 6):
+            links[k, c] *= links[k, 6] * links[k, 6]
     return far, near
 
 
@@ -169,11 +161,12 @@ def _add(kind, row, links, count, slope):
 
 @inlined
 def _add_all(kind, far, row, links, k, last, slope):
-    """Links from k to the last: eight at a time, then four, two, one."""
-    while k + 8 <= last:
-        _add_group(kind, far, 8, row, links, k, slope)
-        k += 8
-    if k + 4 <= last:
+    """Links from k to the last: eight at a time where numbers reach far enough, then four, two, one."""
+    if kind == FIXED or not is_single(row.X[0]):
+        while k + 8 <= last:
+            _add_group(kind, far, 8, row, links, k, slope)
+            k += 8
+    while k + 4 <= last:
         _add_group(kind, far, 4, row, links, k, slope)
         k += 4
     if k + 2 <= last:
@@ -188,11 +181,12 @@ def _add_group(kind, far, size, row, links, k, slope):
     """Add `size` links. Compiled apart for each `kind`, `far` and `size`, which are constants where this is inlined."""
     wide()
     X, Y, logw = row
+    real = X.dtype.type
+    slope, half, constant = real(slope), real(0.5), real(0.0)
     a, b = _numbers(links, k), _numbers(links, k + min(1, size - 1))
     c, d = _numbers(links, k + min(2, size - 1)), _numbers(links, k + min(3, size - 1))
     e, f = _numbers(links, k + min(4, size - 1)), _numbers(links, k + min(5, size - 1))
     g, h = _numbers(links, k + min(6, size - 1)), _numbers(links, k + min(7, size - 1))
-    constant = 0.0
     for j in range(size):
         constant += links[k + j, 7]
     for i in range(len(logw)):
@@ -209,9 +203,9 @@ def _add_group(kind, far, size, row, links, k, slope):
             sums = _both(sums, four)
         sum_ln, over, under = sums
         if kind == FIXED:
-            logw[i] += constant - 0.5 * over
+            logw[i] += constant - half * over
         else:
-            logw[i] += (constant + sum_ln) - 0.5 * (over / under + ln(under))
+            logw[i] += (constant + sum_ln) - half * (over / under + ln(under))
 
 
 @inlined
@@ -232,19 +226,24 @@ def _link(kind, far, x, y, link, slope):
     The slope of RSSI is J = 2 slope delta / D outside the clamp and 0 inside, that of a range delta / max(d, 0.1 m).
     """
     qx, qy, lost, xx, xy, yy, inverse = link
+    zero, one, near, vague = type(x)(0.0), type(x)(1.0), type(x)(NEAR**2), type(x)(VAGUE)
     dx, dy = x - qx, y - qy
     D = dx * dx + dy * dy
     q = dx * (xx * dx + xy * dy) + yy * (dy * dy)
     if kind == RANGE:
-        rest = lost + slope * np.sqrt(D)
-        return 0.0, rest * rest, 1.0 + q / max(D, NEAR**2)
+        rest, q = lost + slope * np.sqrt(D), q / max(D, near)
+        return zero, rest * rest, one + (min(q, vague) if is_single(q) else q)
     if far:
-        ln_D = log1p_compact(D * inverse - 1.0)
+        D = D * inverse if is_single(D) else D
+        ln_D = log1p_compact(D - one if is_single(D) else D * inverse - one)
+        q = min(q, vague) if is_single(q) else q
     else:
-        q = q if D > NEAR**2 else 0.0
-        D = max(D, NEAR**2)
+        q = q if near < D else zero
+        D = max(D, near)
         ln_D = ln(D)
     rest = lost + slope * ln_D
     if kind == FIXED:
-        return 0.0, rest * rest, 1.0
+        return zero, rest * rest, one
+    if is_single(D) and not far:
+        return zero, rest * rest, one + min(q / (D * D), vague)
     return ln_D, (rest * D) * (rest * D), D * D + q

@@ -6,7 +6,7 @@ from cooploc.estimators.compiled.elementary_functions import exp, ln
 from cooploc.estimators.compiled.jit import inlined, kernel, wide
 from cooploc.estimators.compiled.row_buffers import row_buffer, store
 from cooploc.estimators.models.sensors import NEAR, TOO_NEAR_TO_RANGE
-from cooploc.estimators.particle.link_kernels import Row, load_row
+from cooploc.estimators.particle.link_kernels import load_row, row_of
 
 LEAST = -1e300  # below any logarithm of a density
 
@@ -16,10 +16,8 @@ def add_mixture_rows(x, d, logw, heard, out):
     """`mixtures.weigh` of RSSI or ranges, for particles x (r d, N); `heard` has packets (r, n, 6 K)."""
     wide()
     packets, readings, ranged, A, slope, unit, gain = heard
-    n = logw.shape[1]
-    row = Row(row_buffer(n), row_buffer(n), row_buffer(n))
-    top, total = row_buffer(n), row_buffer(n)
-    logs = np.empty((packets.shape[2] // 6, len(top)))
+    row, top, total = row_of(logw), row_buffer(logw), row_buffer(logw)
+    logs = np.empty((packets.shape[2] // 6, len(top)), logw.dtype)
     for r in range(len(logw)):
         load_row(x, d, logw, r, row)
         for j in range(readings.shape[1]):
@@ -54,13 +52,14 @@ def _components(row, packet, ranged, sensor, logs, top):
 def _range(row, place, P, reading, ln_w, logs, top):
     """One component and a range: y = z - d, v = 1 + u' P u, in units of the noise."""
     wide()
-    (X, Y, _), (qx, qy), (xx, xy, yy), (lost, unit) = row, place, P, reading
+    (X, Y, _), (qx, qy, xx, xy, yy, lost, unit, ln_w) = row, _like(row.X, place, P, reading, ln_w)
+    one, half, near = X.dtype.type(1.0), X.dtype.type(0.5), X.dtype.type(NEAR**2)
     for i in range(len(top)):
         dx, dy = X[i] - qx, Y[i] - qy
         D = dx * dx + dy * dy
-        v = 1.0 + (dx * (xx * dx + xy * dy) + yy * (dy * dy)) / max(D, NEAR**2)
+        v = one + (dx * (xx * dx + xy * dy) + yy * (dy * dy)) / max(D, near)
         y = lost - unit * np.sqrt(D)
-        logs[i] = ln_w - 0.5 * (y * y / v + ln(v))
+        logs[i] = ln_w - half * (y * y / v + ln(v))
         top[i] = max(top[i], logs[i])
 
 
@@ -68,17 +67,25 @@ def _range(row, place, P, reading, ln_w, logs, top):
 def _rssi(row, place, P, reading, ln_w, logs, top):
     """One component and an RSSI: y = z - A + slope ln D, v = 1 + J P J', in units of the noise."""
     wide()
-    (X, Y, _), (qx, qy), (xx, xy, yy), (lost, slope) = row, place, P, reading
+    (X, Y, _), (qx, qy, xx, xy, yy, lost, slope, ln_w) = row, _like(row.X, place, P, reading, ln_w)
+    zero, one, half, near = X.dtype.type(0.0), X.dtype.type(1.0), X.dtype.type(0.5), X.dtype.type(NEAR**2)
     for i in range(len(top)):
         dx, dy = X[i] - qx, Y[i] - qy
         D = dx * dx + dy * dy
         q = dx * (xx * dx + xy * dy) + yy * (dy * dy)
-        q = q if D > NEAR**2 else 0.0
-        D = max(D, NEAR**2)
-        v = 1.0 + q / (D * D)
+        q = q if near < D else zero
+        D = max(D, near)
+        v = one + q / (D * D)
         y = lost + slope * ln(D)
-        logs[i] = ln_w - 0.5 * (y * y / v + ln(v))
+        logs[i] = ln_w - half * (y * y / v + ln(v))
         top[i] = max(top[i], logs[i])
+
+
+@inlined
+def _like(X, place, P, reading, ln_w):
+    """The same numbers, of the type of the particles."""
+    (qx, qy), (xx, xy, yy), (lost, slope), real = place, P, reading, X.dtype.type
+    return real(qx), real(qy), real(xx), real(xy), real(yy), real(lost), real(slope), real(ln_w)
 
 
 @inlined

@@ -5,7 +5,7 @@ localization of access points using direction of arrival on mobile robots", 2020
 """
 
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from cooploc.estimators.particle import likelihood, past_packets
 from cooploc.estimators.particle.past_packets import PastPackets
 from cooploc.estimators.particle.steps import advance, conclude, mean, renew, spread, summary, weights
 from cooploc.estimators.plugins.bounds import require
+from cooploc.estimators.plugins.errors import BadInput
 from cooploc.estimators.plugins.tunable import tunable
 
 PARAMETERS = """
@@ -38,8 +39,11 @@ PARAMETERS = """
         proposal: "walk" by the motion model, or "box", the paper's: uniform around the present estimate, every tick.
         box: half-width of that box [m], above 0.
         inflation: factor, 0.01 to 100, on the standard deviation that is assumed of every reading; 1: as told.
+        precision: of particles and their weights, "double" or "single": half the memory and about half the time, with
+            errors of rounding of a millionth of the distance from the origin; in an arena of at most 10 km.
 """
 DOA = "anchor_reading", "doa"  # what most parameters are about
+FARTHEST = 1e4  # [m] from the origin: there single numbers are a millimetre apart
 
 
 @dataclass(frozen=True)
@@ -58,6 +62,7 @@ class Settings:
     proposal: Literal["walk", "box"] = "walk"
     box: float = 0.5  # [m]
     inflation: float = tunable(1.0, 0.5, 5.0, log=True)
+    precision: Literal["double", "single"] = "double"
 
     def __init_subclass__(cls) -> None:
         """Every particle filter's help explains these parameters too."""
@@ -106,9 +111,32 @@ def init(p: Settings, prior: Belief, world: World, rows: Rows) -> FilterState:
     if p.anchor_reading in ("doa", "gradient"):
         gradient_doa(world)  # refuses a world without four corners before anything runs
     r = len(prior.x)
+    demand_digits(p, world)
     x = spread(prior, rows.key, p.particles)
     empty = np.full((r, p.K), np.nan), np.full((r, p.M), np.nan), np.zeros((r, p.M, 2)), past_packets.empty(r, 0, 0)
-    return FilterState(x, np.zeros(x.shape[:2]), np.zeros(r, bool), None, prior, rows.key, 0, *empty, world)
+    s = FilterState(x, np.zeros(x.shape[:2]), np.zeros(r, bool), None, prior, rows.key, 0, *empty, world)
+    return rounded(p, s)
+
+
+def demand_digits(p: Settings, world: World) -> None:
+    """Refuse single precision where it cannot tell places that are a millimetre apart.
+
+    Raises:
+        BadInput: the arena reaches more than 10 km from the origin.
+
+    """
+    reach = float(np.abs(world.arena).max())
+    if p.precision == "single" and reach > FARTHEST:
+        raise BadInput(
+            f"precision='single' has seven digits, and this arena reaches {reach:.0f} m from the origin: set "
+            f"precision='double', or put the origin within {FARTHEST:.0f} m"
+        )
+
+
+def rounded(p: Settings, s: FilterState) -> FilterState:
+    """The state with particles and log-weights as `precision` keeps them; numpy's steps compute in double."""
+    real: Any = np.float32 if p.precision == "single" else np.float64
+    return s if s.x.dtype == s.logw.dtype == real else s._replace(x=s.x.astype(real), logw=s.logw.astype(real))
 
 
 def predict(p: Settings, s: FilterState, z: Senses) -> FilterState:
@@ -125,9 +153,9 @@ def predict(p: Settings, s: FilterState, z: Senses) -> FilterState:
         middle, _, _ = motion.move(mean(x, weights(logw)), z.odometry, z.dt)
         x = np.repeat(middle[:, None, :], p.particles, 1)
         x[..., :2] += p.box * (2 * random_numbers.uniforms(s.key, tick, random_numbers.BOX, p.particles) - 1)
-        return s._replace(x=x, logw=np.zeros_like(s.logw), tick=tick, trail=trail)
+        return rounded(p, s._replace(x=x, logw=np.zeros_like(s.logw), tick=tick, trail=trail))
     x, logw, _ = advance(motion, s.x, s.logw, s.due, z, s.key, tick)
-    return s._replace(x=x, logw=logw, tick=tick, trail=trail)
+    return rounded(p, s._replace(x=x, logw=logw, tick=tick, trail=trail))
 
 
 def correct(p: Settings, s: FilterState, z: Senses, sends: bool = True) -> FilterState:
@@ -135,12 +163,13 @@ def correct(p: Settings, s: FilterState, z: Senses, sends: bool = True) -> Filte
     fixed = list(s.world.fixed(z)) if p.anchor_reading == "rssi" else []
     if p.one_pass:
         x, logw, sent = advance(s.world.motion, s.x, s.logw, s.due, z, s.key, s.tick, fixed, sends)
-        return s._replace(x=x, logw=logw, sent=sent)
+        return rounded(p, s._replace(x=x, logw=logw, sent=sent))
     if p.anchor_reading in ("rssi", "none"):
-        return s._replace(logw=likelihood.anchors(fixed, s.x, s.logw))
+        return rounded(p, s._replace(logw=likelihood.anchors(fixed, s.x, s.logw)))
     doa = gradient_doa(s.world)
     if p.anchor_reading == "gradient":
-        return s._replace(logw=likelihood.gradient(doa, s.x, s.logw, doa.gradient(z.anchor_rssi)))
+        logw = likelihood.gradient(doa, s.x, s.logw, doa.gradient(z.anchor_rssi))
+        return rounded(p, s._replace(logw=logw))
     return _by_directions(p, s, doa, doa.measure(z.anchor_rssi))
 
 
@@ -149,7 +178,8 @@ def _by_directions(p: Settings, s: FilterState, doa: GradientDoa, angle: Array) 
     s = _remember(p, s, angle)
     angles = np.where(np.isnan(angle)[:, None], np.nan, s.smooth)
     form = "exact" if p.density == "exact" else p.residual
-    return s._replace(logw=likelihood.window(doa, s.world.motion, s.x, s.logw, angles, s.trail, form, p.power))
+    logw = likelihood.window(doa, s.world.motion, s.x, s.logw, angles, s.trail, form, p.power)
+    return rounded(p, s._replace(logw=logw))
 
 
 def to_send(s: FilterState) -> Belief:
@@ -162,10 +192,11 @@ def finish(p: Settings, s: FilterState, heard: likelihood.ReceivedPackets | None
 
     The belief is the weighted mean and covariance; with point="max" the particle of largest weight instead of the mean.
     """
+    s = rounded(p, s)
     belief, logw, due = conclude(s.x, s.logw, heard)
     if p.point == "max":
         belief = belief._replace(x=np.take_along_axis(s.x, logw.argmax(-1)[:, None, None], 1)[:, 0])
-    return s._replace(logw=logw, due=due, belief=belief)
+    return rounded(p, s._replace(logw=logw, due=due, belief=belief))
 
 
 def _remember(p: Settings, s: FilterState, angle: Array) -> FilterState:

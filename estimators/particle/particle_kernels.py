@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cooploc.estimators.compiled import random_numbers
-from cooploc.estimators.compiled.elementary_functions import exp, ordered
+from cooploc.estimators.compiled.elementary_functions import exp
+from cooploc.estimators.compiled.formats import is_single, ordered
 from cooploc.estimators.compiled.jit import inlined, kernel, wide
 from cooploc.estimators.compiled.row_buffers import extent, fill, load, row_buffer, store
 from cooploc.estimators.interface import Array, Indices, Keys, Mask
-from cooploc.estimators.particle.link_kernels import NUMBERS, Row, add_anchors, add_teammates, load_row
+from cooploc.estimators.particle.link_kernels import NUMBERS, add_anchors, add_teammates, load_row, row_of
 from cooploc.estimators.particle.resampling import mark_ancestors
 
 BANDWIDTH = 0.3  # h of Liu and West's kernel, times n^(-1/6)
@@ -60,11 +61,11 @@ def advance_rows(cloud, step, anchors, sends, out, belief):
     """`steps.advance` of a cloud into `out`, and where it sends into the belief."""
     wide()
     (x, logw, due), (u, sd, key, counter), (x_out, logw_out) = cloud, step, out
-    n, links = logw.shape[1], np.empty((len(anchors[0]), NUMBERS))
-    row, w = Row(row_buffer(n), row_buffer(n), row_buffer(n)), row_buffer(n)
+    n, links = logw.shape[1], np.empty((len(anchors[0]), NUMBERS), logw.dtype)
+    row, w = row_of(logw), row_buffer(logw)
     marks, words = np.empty(n + 1, np.int64), np.empty((2, len(w)), np.uint32)
-    renewed = np.empty((2, n))
-    scratch = Scratch(w, row_buffer(n), row_buffer(n), np.empty(n, np.int64), marks, words, renewed)
+    renewed = np.empty((2, n), logw.dtype)
+    scratch = Scratch(w, row_buffer(logw), row_buffer(logw), np.empty(n, np.int64), marks, words, renewed)
     for r in range(len(logw)):
         k = np.int64(key[r, 0]), np.int64(key[r, 1])
         load(logw, r, row.logw)
@@ -94,7 +95,8 @@ def advance_rows(cloud, step, anchors, sends, out, belief):
 def _move(rows, r, way, sd, noise):
     """One axis of a row's particles, in the place of the noise that moves them; their extent."""
     wide()
-    n, way = rows.shape[1], 0.0 if np.isnan(way) else way
+    n, real = rows.shape[1], rows.dtype.type
+    way, sd = real(0.0 if np.isnan(way) else way), real(sd)
     low = high = ordered(rows[r, 0] + way + sd * noise[0])
     for i in range(n):
         noise[i] = rows[r, i] + way + sd * noise[i]
@@ -120,7 +122,8 @@ def _renew(row, key, counter, scratch):
     a = np.sqrt(max(xx, 0.0))
     b = xy / a if a > 0 else 0.0
     c = h * np.sqrt(max(yy - b * b, 0.0))
-    a, b = h * a, h * b
+    real, a, b = X.dtype.type, h * a, h * b
+    shrink, mx, my, a, b, c = real(shrink), real(mx), real(my), real(a), real(b), real(c)
     ancestor = 0
     for i in range(n):
         ancestor = max(ancestor, marks[i])
@@ -135,6 +138,9 @@ def _moments_into(belief, r, row, n, w):
     """Moments of a row into the belief; the sum of its weights and of their squares."""
     total, squares, mx, my, xx, xy, yy = _weighted_moments(row, n, w)
     mean, P = belief
+    if is_single(total):  # rounding may leave a correlation above 1
+        most = np.sqrt(np.float64(xx) * np.float64(yy))
+        xy = min(max(xy, -most), most)
     mean[r, 0], mean[r, 1] = mx, my
     P[r, 0, 0], P[r, 0, 1], P[r, 1, 0], P[r, 1, 1] = xx, xy, xy, yy
     return total, squares
@@ -147,11 +153,16 @@ def _weighted_moments(row, n, w):
     X, Y, logw = row
     fill(logw, n, -np.inf)
     _, top = extent(logw)
+    zero = logw.dtype.type(0.0)
     if top == -np.inf:
-        top = 0.0
+        top = zero
         for i in range(n):
-            logw[i] = 0.0
-    total, squares, mx, my = 0.0, 0.0, 0.0, 0.0
+            logw[i] = zero
+    if is_single(top):  # few digits: what all share is left out
+        for i in range(len(logw)):
+            logw[i] -= top
+        top = zero
+    total, squares, mx, my = zero, zero, zero, zero
     for i in range(len(logw)):
         w[i] = exp(logw[i] - top)
         total += w[i]
@@ -159,7 +170,7 @@ def _weighted_moments(row, n, w):
         mx += w[i] * X[i]
         my += w[i] * Y[i]
     mx, my = mx / total, my / total
-    xx, xy, yy = 0.0, 0.0, 0.0
+    xx, xy, yy = zero, zero, zero
     for i in range(len(logw)):
         ex, ey = X[i] - mx, Y[i] - my
         xx += w[i] * (ex * ex)
@@ -172,8 +183,8 @@ def _weighted_moments(row, n, w):
 def conclude_rows(x, logw, heard, belief, logw_out, due):
     """`steps.conclude` for particles x (2 r, n), into all that follows `heard`."""
     wide()
-    n, links = logw.shape[1], np.empty((heard[1].shape[1], NUMBERS))
-    row, w = Row(row_buffer(n), row_buffer(n), row_buffer(n)), row_buffer(n)
+    n, links = logw.shape[1], np.empty((heard[1].shape[1], NUMBERS), logw.dtype)
+    row, w = row_of(logw), row_buffer(logw)
     for r in range(len(logw)):
         load_row(x, 2, logw, r, row)
         add_teammates(row, r, heard, links)

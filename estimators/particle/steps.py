@@ -70,7 +70,8 @@ def advance(
         return x, logw, summary(x, logw) if sends else None
     cloud, sd = Cloud(planes(x), readable(logw), readable(due)), np.sqrt(motion.sigma**2 / motion.tick * z.dt)
     step = Step(readable(z.odometry), readable(sd), readable(key), tick * random_numbers.PURPOSES)
-    out, belief = Moved(np.empty((2 * len(x), x.shape[1])), np.empty_like(logw, order="C")), empty_belief(len(x))
+    out = Moved(np.empty((2 * len(x), x.shape[1]), x.dtype), np.empty_like(logw, order="C"))
+    belief = empty_belief(len(x))
     anchors = likelihood.anchor_readings(fixed, len(x))
     advance_rows(tuple(cloud), tuple(step), tuple(anchors), sends, tuple(out), tuple(belief))
     return out.x.reshape(-1, 2, x.shape[1]).transpose(0, 2, 1), out.logw, belief if sends else None
@@ -184,4 +185,8 @@ def _scatter(P: Array, noise: Array) -> Array:
         for i in range(j + 1, d):
             rest = P[:, i, j] - (L[:, i, :j] * L[:, j, :j]).sum(-1)
             L[:, i, j] = np.divide(rest, L[:, j, j], out=np.zeros_like(rest), where=L[:, j, j] > 0)
-    return np.stack([sum(L[:, i, j, None] * noise[..., j] for j in range(i + 1)) for i in range(d)], -1)
+    out = np.zeros_like(noise)
+    for i in range(d):
+        for j in range(i + 1):
+            out[..., i] += L[:, i, j, None] * noise[..., j]
+    return out

@@ -18,7 +18,7 @@ from cooploc.estimators.models.motion import Displacement
 from cooploc.estimators.models.sensors import NEAR, LogDistance, Range
 from cooploc.scenarios.seeds import Purpose, generator
 from cooploc.scenarios.stream import Air, Stream, Truth
-from cooploc.scenarios.worlds import duty_cycle, radio_channel, random_walk
+from cooploc.scenarios.worlds import blocks, duty_cycle, radio_channel, random_walk
 
 Finite: dict[str, Any] = {"allow_inf_nan": False}
 LARGEST = 1e6  # of any number below, in its unit
@@ -68,6 +68,11 @@ class Paper(BaseModel):
     rate: tuple[Annotated[float, Field(gt=0, le=1)], ...] = (1.0,)  # wakings per tick of each robot, repeated
     phase: tuple[Annotated[float, Field(ge=0, lt=1)], ...] = (0.0,)  # of each robot, repeated
 
+    @property
+    def at_once(self) -> int:
+        """How many ticks are drawn together of what robots hear of each other: all where something remembers a tick."""
+        return self.ticks if self.shadow_correlation else blocks.ticks(self.ticks, self.robots)
+
     @model_validator(mode="after")
     def _steps_fit(self) -> "Paper":
         if 1.5 * self.step > self.side:
@@ -106,7 +111,7 @@ class Paper(BaseModel):
         wake = self._awake()
         trial = np.array(trials, np.int64)
         sensed = [self.sense(seed, k, start[i], path[i], wake) for i, k in enumerate(trials)]
-        odometry, anchor, link, rssi, ranged, prior = (np.stack(part) for part in zip(*sensed, strict=True))
+        odometry, anchor, link, rssi, ranged, prior = (blocks.stack(part) for part in zip(*sensed, strict=True))
         t, T, n, _ = path.shape
         nothing = np.empty((t, T, n, 0, 2))
         dt = np.broadcast_to(self.tick * duty_cycle.since(wake), (t, T, n)).copy()
@@ -147,27 +152,36 @@ class Paper(BaseModel):
     def sense(self, seed: int, trial: int, start: Array, path: Array, wake: Mask) -> "Readings":
         """One trial's readings of its true path (T, n, 2), which begins at `start` (n, 2)."""
         rng = generator(seed, trial, Purpose.SENSORS)
-        n, scene = path.shape[1], self.scene(seed, trial, path)
-        prior = start + rng.normal(0, self.prior_sigma, (n, 2))
+        scene = self.scene(seed, trial, path)
+        prior = start + rng.normal(0, self.prior_sigma, start.shape)
         moves = np.diff(path, axis=0, prepend=start[None])
         odometry = duty_cycle.gathered(moves + rng.normal(0, self.odometry_sigma, moves.shape), wake)
         anchor = self._anchor_rssi(rng, path, moves, scene)
-        d = radio_channel.distance(path[:, :, None], path[:, None])
-        rssi = self._robot_rssi(rng, d, scene)
-        ranged = self._ranges(rng, d, scene, seed, trial)
-        link = self._links(generator(seed, trial, Purpose.NETWORK)) & (d <= self.radio_range)
-        link &= wake[:, :, None] & wake[:, None]
+        link, rssi, ranged = self._between_robots(rng, path, wake, scene, seed, trial)
         sensed = wake[..., None] & (radio_channel.distance(path[:, :, None], self.places()) <= self.radio_range)
-        other = ~np.eye(n, dtype=bool) & (d <= self.radio_range)
-        absent = np.nan
-        return Readings(
-            odometry,
-            np.where(sensed, anchor, absent),
-            link,
-            np.where(other, rssi, absent),
-            np.where(other, ranged, absent),
-            prior,
-        )
+        return Readings(odometry, np.where(sensed, anchor, np.nan), link, rssi, ranged, prior)
+
+    def _between_robots(
+        self, rng: np.random.Generator, path: Array, wake: Mask, scene: radio_channel.Scene, seed: int, trial: int
+    ) -> tuple[Mask, Array, Array]:
+        """What robots hear of each other: link, RSSI and range (T, receiver, sender), some ticks at a time.
+
+        Of a large team all ticks at once would not fit into memory. The numbers drawn are the same: shadowing of all
+        ticks comes first, then fast noise, then ranges, each from where the generator stands by then.
+        """
+        T, n = path.shape[:2]
+        block = min(T, self.at_once)
+        rngs = (rng, rng, rng) if block == T else blocks.apart(rng, T * n * n, 3)
+        network, others = generator(seed, trial, Purpose.NETWORK), ~np.eye(n, dtype=bool)
+        link, rssi, ranged = np.empty((T, n, n), bool), np.empty((T, n, n)), np.empty((T, n, n))
+        for k in range(0, T, block):
+            now = slice(k, k + block)
+            d = radio_channel.distance(path[now, :, None], path[now, None])
+            seen, near = scene._replace(robot_blockers=scene.robot_blockers[now]), d <= self.radio_range
+            rssi[now] = np.where(near & others, self._robot_rssi(rngs[0], rngs[1], d, seen), np.nan)
+            ranged[now] = np.where(near & others, self._ranges(rngs[2], d, seen, seed, trial), np.nan)
+            link[now] = self._links(network, len(d)) & near & wake[now, :, None] & wake[now, None]
+        return link, rssi, ranged
 
     def _anchor_rssi(self, rng: np.random.Generator, path: Array, moves: Array, scene: radio_channel.Scene) -> Array:
         """(T, n, a), each the mean of `samples` readings spread over the tick's path."""
@@ -179,11 +193,13 @@ class Paper(BaseModel):
         fast = rng.normal(0, self.fast, (self.samples, *shape)).mean(0)
         return radio_channel.rounded(clear + shadow + fast - self.attenuation * scene.anchor_blockers, self.rounding)
 
-    def _robot_rssi(self, rng: np.random.Generator, d: Array, scene: radio_channel.Scene) -> Array:
-        """(T, receiver, sender); shadowing is the same in both directions."""
-        shadow = radio_channel.correlated(np.triu(rng.normal(0, self.shadowing, d.shape), 1), self.shadow_correlation)
+    def _robot_rssi(
+        self, slow: np.random.Generator, fast: np.random.Generator, d: Array, scene: radio_channel.Scene
+    ) -> Array:
+        """(T, receiver, sender); shadowing, drawn by `slow`, is the same in both directions."""
+        shadow = radio_channel.correlated(np.triu(slow.normal(0, self.shadowing, d.shape), 1), self.shadow_correlation)
         both = self._rssi(d) + shadow + shadow.transpose(0, 2, 1) - self.attenuation * scene.robot_blockers
-        return radio_channel.rounded(both + rng.normal(0, self.fast, d.shape), self.rounding)
+        return radio_channel.rounded(both + fast.normal(0, self.fast, d.shape), self.rounding)
 
     def _ranges(self, rng: np.random.Generator, d: Array, scene: radio_channel.Scene, seed: int, trial: int) -> Array:
         """(T, receiver, sender), at true distances d; other worlds draw from generators of `seed` and `trial`."""
@@ -192,10 +208,10 @@ class Paper(BaseModel):
     def _rssi(self, d: Array) -> Array:
         return self.A - 10 * self.eta * np.log10(np.maximum(d, NEAR))
 
-    def _links(self, rng: np.random.Generator) -> Mask:
-        """(T, receiver, sender), True where a packet gets through."""
+    def _links(self, rng: np.random.Generator, ticks: int) -> Mask:
+        """(T, receiver, sender), True where a packet gets through, in so many more ticks."""
         n = self.robots
-        link: Mask = rng.uniform(size=(self.ticks, n, n)) >= self.drop
+        link: Mask = rng.uniform(size=(ticks, n, n)) >= self.drop
         return link & ~np.eye(n, dtype=bool)
 
 

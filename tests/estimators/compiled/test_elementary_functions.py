@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from oracles import repeatable
 
 from cooploc.estimators.compiled import elementary_functions
+from cooploc.estimators.compiled.formats import ordered
 from cooploc.estimators.compiled.jit import FAST, wide
 
 
@@ -41,13 +42,13 @@ def log1p(x, _):
 @numba.njit(**FAST)
 def order(a, b):
     """-1, 0 or 1, by the integers that stand for two floats."""
-    a, b = elementary_functions.ordered(a), elementary_functions.ordered(b)
+    a, b = ordered(a), ordered(b)
     return 1.0 * (a > b) - 1.0 * (a < b)
 
 
 @numba.njit(**FAST)
 def back(x, _):
-    return elementary_functions.ordered(elementary_functions.ordered(x))
+    return ordered(ordered(x))
 
 
 @numba.njit(**FAST)
@@ -57,12 +58,12 @@ def exp(x, _):
 
 @numba.njit(**FAST)
 def cosine(x, _):
-    return elementary_functions.cosine_sine(x)[0]
+    return elementary_functions.quarter(x)[0]
 
 
 @numba.njit(**FAST)
 def sine(x, _):
-    return elementary_functions.cosine_sine(x)[1]
+    return elementary_functions.quarter(x)[1]
 
 
 @numba.njit(**FAST)
@@ -130,14 +131,49 @@ def test_exponential_of_nan_is_nan():
     assert np.isnan(LOOPS["exp"](np.full(20, np.nan), np.zeros(20))).all()
 
 
-@given(st.floats(-20, 20))
+@given(st.floats(-np.pi / 4, np.pi / 4))
 @repeatable
 def test_cosine_and_sine(angle):
-    assert at("cosine", angle) == pytest.approx(np.cos(angle), abs=1e-12)
-    assert at("sine", angle) == pytest.approx(np.sin(angle), abs=1e-12)
+    assert at("cosine", angle) == pytest.approx(np.cos(angle), abs=1e-13)
+    assert at("sine", angle) == pytest.approx(np.sin(angle), abs=1e-13)
 
 
 @given(finite, finite)
 @repeatable
 def test_arc_is_the_size_of_arctan2(y, x):
     assert at("arc", y, x) == pytest.approx(abs(np.arctan2(y, x)), abs=1e-12)
+
+
+# ---------------------------------------------------------------- single precision
+
+
+SPANS = {  # arguments, the function, and the error that is stated: absolute, and of the result
+    "log": ((1e-30, 1e30), np.log, 2e-7, 2e-7),
+    "ln": ((1e-30, 1e30), np.log, 2e-7, 2e-7),
+    "log1p": ((-elementary_functions.COMPACT, elementary_functions.COMPACT), np.log1p, 1e-7, 0),
+    "exp": ((-87, 80), np.exp, 0, 2e-5),
+    "cosine": ((-np.pi / 4, np.pi / 4), np.cos, 2e-7, 0),
+    "sine": ((-np.pi / 4, np.pi / 4), np.sin, 2e-7, 0),
+}
+
+
+@pytest.mark.parametrize("name", SPANS)
+def test_single_numbers_have_the_error_that_is_stated(name):
+    (low, high), function, absolute, relative = SPANS[name]
+    x = np.geomspace(low, high, 9999) if low > 0 else np.linspace(low, high, 9999)
+    x = x.astype(np.float32)
+    found = LOOPS[name](x, x)
+    assert found.dtype == np.float32
+    np.testing.assert_allclose(found, function(x.astype(float)), atol=absolute, rtol=relative)
+
+
+def test_arc_of_single_numbers():
+    angle = np.linspace(-np.pi, np.pi, 9999)
+    y, x = np.sin(angle).astype(np.float32), np.cos(angle).astype(np.float32)
+    np.testing.assert_allclose(LOOPS["arc"](y, x), np.abs(angle), atol=1e-6)
+
+
+def test_single_numbers_are_ordered_as_integers():
+    a = np.random.default_rng(0).permutation(np.array([-np.inf, -3, -1e-40, 1e-40, 2, np.inf], np.float32))
+    np.testing.assert_array_equal(LOOPS["order"](a[:-1], a[1:]), np.sign(a[:-1] - a[1:]))
+    np.testing.assert_array_equal(LOOPS["back"](a, a), a)

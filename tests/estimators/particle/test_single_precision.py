@@ -1,0 +1,135 @@
+"""precision="single": the same filters on half the bits, as good to within rounding, and as free of chunks."""
+
+import numpy as np
+import pytest
+
+from cooploc.estimators import make
+from cooploc.estimators.compiled import random_numbers
+from cooploc.estimators.interface import Belief, Rows
+from cooploc.estimators.models.sensors import LogDistance, Range
+from cooploc.estimators.particle import likelihood, steps
+from cooploc.estimators.particle.likelihood import ReceivedPackets
+from cooploc.estimators.plugins.errors import BadInput
+from cooploc.scenarios import simulate
+from cooploc.scenarios.runner.trace import trace
+
+slow = pytest.mark.slow  # each compiles loops of its own
+RADIO = [
+    "mrsl-rssi",
+    *(pytest.param(name, marks=slow) for name in ("arl", "rssi-pf", "mrsl-distance", "ctrn[weights=exact]")),
+    pytest.param("mrsl-rssi[neighbour_samples=M]", marks=slow),
+]
+ANYWHERE = [pytest.param(name, marks=slow) for name in ("cmrl", "reciprocal-pf", "channel-pf")]
+KEY = np.array([[1, 2], [3, 4]], np.uint32)
+
+
+@pytest.fixture(scope="module")
+def radio():
+    return simulate("robots-1-3/n=3", trials=4, seed=5, ticks=12)
+
+
+@pytest.fixture(scope="module")
+def camera():
+    return simulate("camera/n=3", trials=2, seed=5, ticks=6)
+
+
+def label(name, **more):
+    base, _, inside = name.rstrip("]").partition("[")
+    return make(base, **dict(part.split("=") for part in inside.split(",") if part), **more)
+
+
+def both(name, stream):
+    return [trace(name, label(name, precision=precision), stream) for precision in ("double", "single")]
+
+
+@pytest.mark.parametrize("name", RADIO + ANYWHERE)
+def test_single_precision_estimates_what_double_does(name, radio):
+    """But for particles that resampling chose differently: less than a quarter of what sampling itself leaves."""
+    _, stream = radio
+    double, single = both(name, stream)
+    sd = np.sqrt(np.trace(double.P, axis1=-2, axis2=-1))
+    sampling = sd / np.sqrt(200)
+    apart = np.linalg.norm(double.x - single.x, axis=-1)
+    assert 0 < np.median(apart / sampling) < 0.25
+    np.testing.assert_allclose(single.x[:, 0], double.x[:, 0], atol=0.02)
+
+
+@pytest.mark.parametrize("name", ANYWHERE)
+def test_single_precision_with_headings_and_cameras(name, camera):
+    double, single = both(name, camera[1])
+    np.testing.assert_allclose(single.x[:, 0, :, :2], double.x[:, 0, :, :2], atol=0.05)
+
+
+@pytest.mark.parametrize("name", RADIO + ANYWHERE)
+def test_trials_in_chunks_have_the_same_bits(name, radio):
+    _, stream = radio
+    whole = trace(name, label(name, precision="single"), stream)
+    parts = [trace(name, label(name, precision="single"), stream.select(slice(i, i + 1))) for i in range(4)]
+    np.testing.assert_array_equal(whole.x, np.concatenate([part.x for part in parts]))
+    np.testing.assert_array_equal(whole.P, np.concatenate([part.P for part in parts]))
+
+
+@pytest.mark.parametrize("name", RADIO + ANYWHERE)
+def test_particles_are_kept_in_single_precision(name, radio):
+    _, stream = radio
+    estimator = label(name, precision="single")
+    kept = []
+
+    def watch(method, tick, arguments, call):
+        returned = call(*arguments)
+        if method in ("init", "predict", "correct", "fuse"):
+            own = getattr(returned, "own", returned)
+            kept.append((own.x.dtype, own.logw.dtype))
+        return returned
+
+    trace(name, estimator, stream.truncated(3), watch)
+    assert set(kept) == {(np.dtype(np.float32), np.dtype(np.float32))}
+
+
+@pytest.mark.parametrize("side", [30.0, 0.5], ids=["near links", "far links"])
+@pytest.mark.parametrize("variance", [0.0, 0.3, 1e4, 1e30], ids=["sure", "usual", "vague", "absurd"])
+@pytest.mark.parametrize("sensor", [LogDistance(), Range()], ids=str)
+def test_eight_links_at_once_neither_overflow_nor_vanish(sensor, variance, side):
+    """What log-weights have in common does not matter."""
+    rng = np.random.default_rng(0)
+    x, logw = rng.uniform(0, side, (2, 300, 2)), rng.normal(size=(2, 300))
+    q, z = rng.uniform(0, 30, (2, 19, 2)), np.zeros((2, 19))
+    q[:, 0] = x[:, 0]  # within the clamp
+    for j in range(19):
+        z[:, j] = sensor.expect(x.mean(1), q[:, j])[:, 0] + rng.normal(0, np.sqrt(sensor.R[0, 0]), 2)
+    heard = ReceivedPackets(sensor, np.concatenate([q, np.tile([variance, 0, variance], (2, 19, 1))], -1), z, True)
+    one, two = (likelihood.teammates(heard, x.astype(t), logw.astype(t)) for t in (np.float64, np.float32))
+    one, two = (each - each[:, :1] for each in (one, two.astype(float)))
+    assert np.isfinite(two).all()
+    if variance < 1e30:
+        np.testing.assert_allclose(two, one, atol=2e-3, rtol=1e-4)
+
+
+def test_normals_are_those_of_double_precision():
+    x = np.zeros((2, 1000, 2), np.float32)
+    moved = steps.advance(*moving(x))[0]
+    np.testing.assert_allclose(moved, random_numbers.normals(KEY, 7, random_numbers.MOVE, 1000), atol=2e-5)
+
+
+def moving(x):
+    _, stream = simulate("robots-1-3/n=2", trials=1, seed=0, ticks=1)
+    z = stream.senses._replace(odometry=np.zeros((2, 2)), dt=np.ones(2))
+    motion = type(stream.world.motion)(sigma=1.0, tick=1.0)
+    return motion, x, np.zeros(x.shape[:2], np.float32), np.zeros(2, bool), z, KEY, 7
+
+
+@pytest.mark.parametrize("direction", [(1.0, 0.3), (1.0, 1.0), (0.0, 1.0), (0.0, 0.0)])
+def test_a_cloud_on_a_line_has_a_covariance(direction):
+    along = np.random.default_rng(1).normal(0, 3, (5, 200, 1))
+    x = (7.0 + along * direction).astype(np.float32)
+    P = steps.summary(x, np.zeros((5, 200), np.float32)).P
+    assert (np.linalg.eigvalsh(P)[:, 0] >= -1e-12 * P.max()).all()
+
+
+def test_an_arena_beyond_seven_digits_is_refused():
+    _, stream = simulate("robots-1-3/n=2", trials=1, seed=0, ticks=1)
+    world, prior = stream.world, Belief(stream.prior.x[0], stream.prior.P[0])
+    far = type(world)(**{**vars(world), "arena": world.arena + 5e5})
+    rows = Rows(np.zeros(2, int), np.arange(2), KEY)
+    with pytest.raises(BadInput, match="put the origin within 10000 m"):
+        make("rssi-pf", precision="single").init(prior, far, rows)
