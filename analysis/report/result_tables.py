@@ -11,6 +11,7 @@ import pandas as pd
 from cooploc.analysis.formats import change, count, fixed, interval, metres, microseconds, p_value, percent, ratio
 from cooploc.analysis.metrics.certificate_line import mark, refused
 from cooploc.analysis.metrics.consistency import COLLAPSED
+from cooploc.analysis.metrics.errors import NOTE
 from cooploc.analysis.metrics.statistics import Interval
 from cooploc.analysis.report.summaries import Change, Standing, sentence
 from cooploc.analysis.report.tables import Row, Table, TableColumn, numbers, words
@@ -71,8 +72,8 @@ RESULTS = (
     words("senses", spare=8),
     words("checks", "certificate", form=mark),
     *RMSE,
-    numbers("median", "rmse_median", form=metres),
-    numbers("outlying", form=_percent(0)),
+    numbers("median", "rmse_median", form=metres, detail=True),
+    numbers("outlying", form=_percent(0), detail=True),
     numbers("95 %", *(f"outlying_{end}" for end in ("low", "high")), form=interval(_percent(0))),
     numbers("rank", form=lambda rank: fixed(rank, 1)),
     words("group"),
@@ -86,14 +87,14 @@ RESULTS = (
     ),
     numbers("p (Holm)", "p_holm", form=p_value, spare=2),
     *ANEES,
-    numbers("median", "anees_median", form=ratio, under=True),
-    numbers("collapsed", form=_percent(0), spare=7),
+    numbers("median", "anees_median", form=ratio, under=True, detail=True),
+    numbers("collapsed", form=_percent(0), spare=7, detail=True),
     numbers("95 %", "collapsed_low", "collapsed_high", form=interval(_percent(0))),
     numbers("in 95 %", "coverage95", form=_percent(0), spare=4),
-    numbers("NLL", "nll", form=ratio, under=True, spare=5),
-    numbers("ellipse [m²]", "area95", form=ratio),
-    numbers("diverged", form=_percent(1), spare=3),
-    numbers("messages", form=ratio, spare=6),
+    numbers("NLL", "nll", form=ratio, under=True, spare=5, detail=True),
+    numbers("ellipse [m²]", "area95", form=ratio, detail=True),
+    numbers("diverged", form=_percent(1), spare=3, detail=True),
+    numbers("messages", form=ratio, spare=6, detail=True),
     numbers("bytes", form=count),
     numbers("µs", "seconds", form=microseconds, under=True),
     numbers("trials", under=True, spare=1),
@@ -115,7 +116,8 @@ def results(name: str, part: pd.DataFrame, ranks: Ranks, about: str) -> Table:
         mean, letters = ranks[row["scenario"]]
         estimator, status = row["estimator"], row["certificate"].partition(":")[0]
         rows.append({**row, "rank": mean.get(estimator, np.nan), "group": letters.get(estimator, ""), "status": status})
-    marks = {f"data-{key}": key for key in ("scenario", "estimator", "consistency")} | {"data-certificate": "status"}
+    marks = {f"data-{key}": key for key in ("scenario", "estimator", "consistency", "baseline")}
+    marks["data-certificate"] = "status"
     columns = versus(part["baseline"], (*RESULTS, DECIDED) if "look" in part else RESULTS)
     empty = {"checks"} if not part["certificate"].any() else set()  # all are built in
     empty |= {"rank"} if "look" in part else set()  # rows stop at different numbers of trials
@@ -223,7 +225,7 @@ def confidence(table: pd.DataFrame) -> Table:
         "where it holds a limit. A mean ANEES may be that of one collapsed trial: its median over trials "
         f"and the largest share of trials in a scenario whose ANEES exceeds {COLLAPSED:g}, do not depend on one."
     )
-    return Table("consistency", about, columns, rows)
+    return Table("consistency", about, columns, rows, {"data-estimator": "estimator"})
 
 
 def sweep(name: str, found: list[Change], parameter: str) -> Table:
@@ -241,4 +243,34 @@ def sweep(name: str, found: list[Change], parameter: str) -> Table:
         f"From the first to the last value of {parameter}; jackknife intervals over trials, in a run until decided "
         "confidence sequences; not adjusted."
     )
-    return Table(name, about, columns, rows)
+    return Table(name, about, columns, rows, {"data-estimator": "estimator"})
+
+
+def events(rows: pd.DataFrame) -> Table:
+    """What estimators counted, over all scenarios: sums, and maxima of what is called largest."""
+    columns = (
+        words("estimator"),
+        words("event"),
+        numbers("in all", "total", form=_short),
+        numbers("scenarios", form=count),
+        words("most in", "most"),
+    )
+    found: list[Row] = []
+    for key in (name for name in rows if str(name).startswith(NOTE)):
+        event = str(key).removeprefix(NOTE)
+        how = "max" if event.startswith("largest") else "sum"
+        known = rows[rows[key].notna()]
+        for estimator, part in known.groupby("estimator", sort=False):
+            each = part.groupby("scenario", sort=False)[key].agg(how)
+            some = each[each != 0]
+            if len(some):
+                total = float(each.agg(how))
+                most = str(some.idxmax())
+                found.append(
+                    {"estimator": estimator, "event": event, "total": total, "scenarios": len(some), "most": most}
+                )
+    return Table("events", "Events that estimators counted, summed over trials and robots.", columns, found)
+
+
+def _short(value: float) -> str:
+    return f"{value:.3g}"
