@@ -49,22 +49,27 @@ DERIVED: dict[str, Callable[[GradientDoa], Sensor]] = {  # channels that are mad
     "anchor_doa": DirectionAlone,
 }
 SAMPLES = 128  # paths of a trial over which the expectation is taken: the floor is 0.2 % too high, with 32 of them 1 %
+TRIALS = 20  # over which a floor is averaged, at most
 MOST_TICKS = 10_000  # of a scenario with a floor
 TOGETHER = 20_000  # robots of all paths and ticks whose readings are looked at together; their number changes no bit
 PAIRS = 80_000  # of robots in all sampled paths together: large teams get fewer trials, and fewer paths
 
 
-def floors(scenarios: Iterable[str], seed: int, most: int = 100, samples: int = SAMPLES) -> dict[str, float]:
+def floors(
+    scenarios: Iterable[str], seed: int, most: int = 100, samples: int = SAMPLES, trials: int = TRIALS
+) -> dict[str, float]:
     """The floor [m] of each scenario, for an estimator that uses all readings, pooled over ticks; nan where none holds.
 
-    The mean is over the first of the trials with this seed, at most twenty, and over at most `samples` paths of each.
+    The mean is over the first of the trials with this seed, at most `trials`, and over at most `samples` paths of each.
     Teams of more than `most` robots are left out: a hundred take some ten seconds.
     """
-    return {label: pooled_floor(label, seed, CHANNELS, most, samples) for label in dict.fromkeys(scenarios)}
+    return {label: pooled_floor(label, seed, CHANNELS, most, samples, trials) for label in dict.fromkeys(scenarios)}
 
 
 @cache
-def pooled_floor(label: str, seed: int, channels: tuple[str, ...], most: int = 100, samples: int = SAMPLES) -> float:
+def pooled_floor(
+    label: str, seed: int, channels: tuple[str, ...], most: int = 100, samples: int = SAMPLES, trials: int = TRIALS
+) -> float:
     """As `floors`, of one scenario and for an estimator that uses these channels."""
     try:
         if is_file(divided(parse(label)[0])[0]):  # code that may come from somebody else: a table runs none
@@ -75,7 +80,7 @@ def pooled_floor(label: str, seed: int, channels: tuple[str, ...], most: int = 1
             return np.nan
         paths = max(4, PAIRS // robots**2)
         samples = min(samples, 1 << (isqrt(paths) - 1).bit_length())  # ten robots: 32, and the floor 0.6 % too high
-        _, stream = simulate(label, trials=min(20, max(1, paths // samples)), seed=seed)
+        _, stream = simulate(label, trials=min(trials, max(1, paths // samples)), seed=seed)
         return float(np.sqrt((floor(stream, channels, samples) ** 2).mean()))
     except BadInput:  # no floor, or no recording at hand
         return np.nan

@@ -49,8 +49,8 @@ def trial_means(errors: pd.DataFrame) -> dict[tuple[str, str], pd.DataFrame]:
     that of the trial. A cell whose trials all failed has no rows.
     """
     means = _of_trials(succeeded(errors))
-    known = {cell: part.droplevel(CELL).sort_index() for cell, part in means.groupby(level=CELL, sort=False)}
-    nothing = means.iloc[:0].droplevel(CELL)
+    known = {cell: part.droplevel([0, 1]).sort_index() for cell, part in means.groupby(level=CELL, sort=False)}
+    nothing = means.iloc[:0].droplevel([0, 1])
     every = errors[CELL].drop_duplicates().itertuples(index=False, name=None)
     return {(str(s), str(e)): known.get((s, e), nothing) for s, e in every}
 

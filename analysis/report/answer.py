@@ -54,7 +54,7 @@ def over_confident(table: pd.DataFrame) -> str:
     left = f"; consistency is not shown for {capped(open_)}" if open_ else ""
     if over.empty:
         return f"No estimator was found over-confident{left}."
-    one = over.loc[over["anees_median"].idxmax()]
+    one = over.sort_values("anees_median", na_position="first").iloc[-1]
     place = f" in {one['scenario']}" * (table["scenario"].nunique() > 1)
     most = f"ANEES is {ratio(one['anees_median'])} in the median trial of {one['estimator']}{place}, 1 is consistent"
     return f"Over-confident: {_where(over, assessed)}; {most}{left}."
@@ -62,12 +62,12 @@ def over_confident(table: pd.DataFrame) -> str:
 
 def _where(over: pd.DataFrame, assessed: pd.DataFrame) -> str:
     """The estimators that are over-confident, each with its number of scenarios; of many only how many they are."""
-    runs, count = assessed["estimator"].value_counts(), over["estimator"].value_counts()
+    runs, count = Counter(assessed["estimator"]), Counter(over["estimator"])
     if assessed["scenario"].nunique() == 1:
-        return capped(map(str, count.index))
+        return capped(count)
     if len(count) <= NAMED:
         return listed(f"{name} in {n} of {runs[name]} scenarios" for name, n in count.items())
-    always = [str(name) for name, n in count.items() if n == runs[name]]
+    always = [name for name, n in count.items() if n == runs[name]]
     said = f"{len(count)} of {len(runs)} estimators in some scenario"
     return f"{said}, {capped(always)} in every one" if always else said
 

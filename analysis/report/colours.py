@@ -35,7 +35,8 @@ def by_night(colour: str) -> str:
     hue, light, saturation = colorsys.rgb_to_hls(*to_rgb(colour))
     if saturation < 0.05:
         ground = colorsys.rgb_to_hls(*to_rgb(NIGHT))[1]
-        return to_hex([ground + (NIGHT_INK - ground) * (1 - light)] * 3) if light < 1 else NIGHT
+        grey = ground + (NIGHT_INK - ground) * (1 - light)
+        return to_hex((grey, grey, grey)) if light < 1 else NIGHT
     while contrast(found := to_hex(colorsys.hls_to_rgb(hue, light, saturation)), NIGHT) < LEAST:
         light += 0.02
     return found

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 
+import numpy as np
 from markupsafe import Markup
 from matplotlib.colors import to_hex
 from matplotlib.markers import MarkerStyle
@@ -34,7 +35,7 @@ def _path(marker: object) -> str:
     """A marker's outline in SVG, within a unit circle or so."""
     style = MarkerStyle(marker)  # type: ignore[arg-type]
     path = style.get_path().transformed(style.get_transform())
-    size = max(abs(path.vertices).max(), 1e-9)
+    size = float(np.abs(np.asarray(path.vertices, float)).max())
     letters = {1: "M", 2: "L", 3: "Q", 4: "C", 79: "Z"}
     out = []
     for points, code in path.iter_segments(simplify=False):

@@ -32,7 +32,7 @@ def failure_kinds(rows: pd.DataFrame) -> list[FailureKind]:
     kinds = failed["failure"].astype(str).str.replace(r"\d+(\.\d+)?(e[-+]?\d+)?", "0", regex=True)
     found = []
     for _, part in failed.groupby(kinds, sort=False):
-        cells = part.groupby(["scenario", "estimator"], sort=False).size()
-        where = [(str(scenario), str(estimator), int(n)) for (scenario, estimator), n in cells.items()]
+        cells = part.groupby(["scenario", "estimator"], sort=False)
+        where = [(str(scenario), str(estimator), len(one)) for (scenario, estimator), one in cells]
         found.append(FailureKind(str(part["failure"].iloc[0]), len(part), where, str(part["traceback"].iloc[0])))
     return sorted(found, key=lambda kind: -kind.trials)

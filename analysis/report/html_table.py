@@ -52,7 +52,7 @@ def html(table: Table, wording: Wording = PLAIN, group: str = "") -> Markup:
 
     """
     heaps = _heaps(table, group)
-    heads = Markup("").join(map(_head, heaps))
+    heads = Markup("").join(_head(heap, wording.names) for heap in heaps)
     body = Markup("\n").join(_group(table, heaps, wording, group, *each) for each in _groups(table.rows, group))
     more = any(heap.column.detail for heap in heaps)
     switch = '<label class="switch"><input type="checkbox"> all columns</label>' if more else ""
@@ -77,10 +77,12 @@ def _heaps(table: Table, group: str) -> list[Heap]:
     return heaps
 
 
-def _head(heap: Heap) -> Markup:
+def _head(heap: Heap, names: ShortNames) -> Markup:
     interval = any(column.head == "95 %" for column in heap.below)
     small = Markup("<small>95 %</small>") if interval else Markup("")
-    return Markup('<th scope="col"{}><span>{}</span>{}</th>').format(_kind(heap.column), heap.column.head, small)
+    return Markup('<th scope="col"{}><span>{}</span>{}</th>').format(
+        _kind(heap.column), names.within(heap.column.head), small
+    )
 
 
 def _groups(rows: list[Row], group: str) -> Iterator[tuple[Any, list[Row]]]:

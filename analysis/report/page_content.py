@@ -19,7 +19,7 @@ from cooploc.analysis.report.experiments import experiment
 from cooploc.analysis.report.failures import failure_kinds
 from cooploc.analysis.report.html_table import Wording
 from cooploc.analysis.report.introductions import anchors_of, introductions
-from cooploc.analysis.report.methods import FLOOR_PATHS, FLOORED, methods
+from cooploc.analysis.report.methods import FLOOR_PATHS, FLOOR_TRIALS, FLOORED, methods
 from cooploc.analysis.report.reproduce import embedded
 from cooploc.analysis.report.run_numbers import Numbers
 from cooploc.analysis.report.scenario_tables import scenario_tables
@@ -34,7 +34,7 @@ def numbers_of(kept: Kept) -> Numbers:
     """The run's table and trials, and how its estimators are drawn and written."""
     table = compare(kept.rows, kept.baselines, full=True)
     table = table if kept.comparisons is None else with_decisions(table, kept.comparisons)
-    lowest = floors(table["scenario"], kept.manifest["seed"], FLOORED, FLOOR_PATHS)
+    lowest = floors(table["scenario"], kept.manifest["seed"], FLOORED, FLOOR_PATHS, FLOOR_TRIALS)
     table["floor"] = table["scenario"].map(lowest)
     names = short_names(kept.rows["estimator"], kept.manifest["study"].get("variants", {}))
     results = collect(kept.rows, ANYTIME if kept.looks else FIXED)

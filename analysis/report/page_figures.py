@@ -14,6 +14,7 @@ from cooploc.analysis.report.run_numbers import Numbers
 
 SCATTERED = 3  # scenarios of an experiment whose accuracy is drawn against consistency and cost
 FEW = 4  # scenarios that the first figure of a page draws side by side
+Drawn = tuple[str, str, tuple[str, ...]]  # an SVG file, its scenario, its estimators
 HOLLOW = "Hollow: over-confident; grey: centralised; dotted: the floor."
 
 
@@ -78,7 +79,7 @@ def lines(rows: pd.DataFrame, numbers: Numbers, counter: Iterator[int]) -> Shown
 
 def dots(rows: pd.DataFrame, numbers: Numbers, counter: Iterator[int]) -> Shown:
     """RMSE of every estimator, scenario by scenario."""
-    drawn = [
+    drawn: list[Drawn] = [
         (svg_figures.dots(part, numbers.looks, numbers.names), str(scenario), ())
         for scenario, part in rows.groupby("scenario", sort=False)
         if part["rmse"].notna().any()
@@ -92,7 +93,7 @@ def scatter(rows: pd.DataFrame, numbers: Numbers, counter: Iterator[int]) -> Sho
     ended = rows[rows["rmse"].notna()]
     labels = list(dict.fromkeys(ended["scenario"]))
     chosen = labels if len(labels) <= SCATTERED else [labels[0], labels[len(labels) // 2], labels[-1]]
-    drawn: list[tuple[str, str, tuple[str, ...]]] = []
+    drawn: list[Drawn] = []
     for label in chosen:
         part = ended[ended["scenario"] == label]
         drawn += [(svg_figures.against(part, by, numbers.looks), label, ()) for by in ("anees", "bytes", "seconds")]
@@ -120,7 +121,7 @@ def trials(part: pd.DataFrame) -> str:
 
 
 def _shown(
-    drawn: list[tuple[str, str, tuple[str, ...]]],
+    drawn: list[Drawn],
     caption: str,
     counter: Iterator[int],
     width: str,

@@ -256,8 +256,8 @@ def events(rows: pd.DataFrame) -> Table:
         words("most in", "most"),
     )
     found: list[Row] = []
-    for key in (name for name in rows if str(name).startswith(NOTE)):
-        event = str(key).removeprefix(NOTE)
+    for key in (str(name) for name in rows if str(name).startswith(NOTE)):
+        event = key.removeprefix(NOTE)
         how = "max" if event.startswith("largest") else "sum"
         known = rows[rows[key].notna()]
         for estimator, part in known.groupby("estimator", sort=False):

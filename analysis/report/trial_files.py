@@ -24,7 +24,7 @@ def rmse_by_trial(table: pd.DataFrame, results: TrialTable) -> dict[str, pd.Data
     """Of each scenario the RMSE [m]: a row per trial, a column per estimator; nan where the trial failed."""
     out = {}
     for scenario, part in table[table["rmse"].notna()].groupby("scenario", sort=False):
-        out[str(scenario)] = np.sqrt(results.errors(str(scenario), list(part["estimator"]))).sort_index()
+        out[str(scenario)] = results.errors(str(scenario), list(part["estimator"])).pow(0.5).sort_index()
     return out
 
 

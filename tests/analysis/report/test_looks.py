@@ -25,7 +25,10 @@ pytestmark = [
 ]
 MANY = {f"estimator-{i}[particles={100 * i},own=rssi]": (0.3 + 0.05 * i, 0.6 + 0.2 * i) for i in range(14)}
 # A frame has the wanted width where a window of the browser has a least one; what it holds keeps its own policy.
-FRAME = """<body style="margin:0"><iframe style="border:0;width:{width}px;height:{height}px" srcdoc="{page}"></iframe>
+PLAIN = '<body style="margin:0"><iframe style="border:0;width:{width}px;height:{height}px" srcdoc="{page}"></iframe>'
+FRAME = (
+    PLAIN
+    + """
 <pre id="told"></pre><script>
 const frame = document.querySelector("iframe");
 const errors = [];
@@ -60,6 +63,7 @@ frame.addEventListener("load", () => {{
     {{ wide, fits, before, rising, falling, sign, all, some, fixed, drawn, said, ground, errors }});
 }});
 </script></body>"""
+)
 
 
 def chromium(*options, cwd):
@@ -83,7 +87,7 @@ def report(folder):
 
 @pytest.mark.parametrize(("width", "dark"), [(400, False), (1400, True)])
 def test_nothing_sticks_out_and_tables_sort_filter_and_show_trials(report, folder, width, dark):
-    file = framed(report, folder, width)
+    file = framed(report, folder, width, FRAME)
     dom = chromium(*scheme(dark), "--virtual-time-budget=5000", "--dump-dom", file.as_uri(), cwd=folder)
     told = json.loads(html.unescape(re.search(r'<pre id="told">(.*?)</pre>', dom, re.DOTALL)[1]))
     assert told["errors"] == []
@@ -101,7 +105,7 @@ def test_nothing_sticks_out_and_tables_sort_filter_and_show_trials(report, folde
 
 @pytest.mark.parametrize(("width", "dark"), [(400, False), (1024, False), (1400, False), (1400, True)])
 def test_it_can_be_looked_at(report, folder, width, dark):
-    file = framed(report, folder, width)
+    file = framed(report, folder, width, PLAIN)
     picture = _kept(folder) / f"report-{width}{'-dark' * dark}.png"
     chromium(
         *scheme(dark), f"--window-size={max(width, 500)},9000", f"--screenshot={picture}", file.as_uri(), cwd=folder
@@ -109,10 +113,10 @@ def test_it_can_be_looked_at(report, folder, width, dark):
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
-def framed(report, folder, width):
+def framed(report, folder, width, frame):
     """A page of that width which holds the report."""
     file = folder / f"frame{width}.html"
-    file.write_text(FRAME.format(width=width, height=9000, page=html.escape(report.read_text())))
+    file.write_text(frame.format(width=width, height=9000, page=html.escape(report.read_text())))
     return file
 
 
