@@ -46,7 +46,7 @@ def render(context: dict[str, Any]) -> str:
         loader=FunctionLoader(_template), autoescape=True, undefined=StrictUndefined, trim_blocks=True
     )
     environment.globals["html"] = html
-    environment.policies["json.dumps_kwargs"] = {"separators": (",", ":")}
+    environment.policies["json.dumps_kwargs"] = {"sort_keys": True, "separators": (",", ":")}
     script, style = (Markup("".join(map(_template, names))) for names in (SCRIPTS, STYLES))  # our own files
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     body, shared = map(Markup, svg.shared_styles(environment.get_template("body.html.j2").render(**context)))

@@ -95,10 +95,12 @@ def _smaller(svg: str) -> str:
 
 
 def _without_groups(svg: str) -> str:
-    """Without groups that have no attributes."""
+    """Without groups that are empty or have no attributes."""
     kept: list[bool] = []
 
     def tag(found: re.Match[str]) -> str:
+        if found[0].endswith("/>"):
+            return ""
         if found[0] == "</g>":
             return found[0] if kept.pop() else ""
         if found[0].startswith("<g"):
