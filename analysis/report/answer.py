@@ -55,8 +55,9 @@ def over_confident(table: pd.DataFrame) -> str:
     if over.empty:
         return f"No estimator was found over-confident{left}."
     one = over.sort_values("anees_median", na_position="first").iloc[-1]
-    place = f" in {one['scenario']}" * (table["scenario"].nunique() > 1)
-    most = f"ANEES is {ratio(one['anees_median'])} in the median trial of {one['estimator']}{place}, 1 is consistent"
+    place = f" of {one['scenario']}" * (table["scenario"].nunique() > 1)
+    whose = "its ANEES" if over["estimator"].nunique() == 1 else f"the ANEES of {one['estimator']}"
+    most = f"{whose} is {ratio(one['anees_median'])} in the median trial{place} (1 is consistent)"
     return f"Over-confident: {_where(over, assessed)}; {most}{left}."
 
 

@@ -15,6 +15,7 @@ from cooploc.analysis.metrics.stopping import ANYTIME, FIXED
 from cooploc.analysis.plot import style
 from cooploc.analysis.report import answer, citation, estimator_marks, page_figures, result_tables, summaries
 from cooploc.analysis.report.claim_section import claims_shown
+from cooploc.analysis.report.event_table import events
 from cooploc.analysis.report.experiments import experiment
 from cooploc.analysis.report.failures import failure_kinds
 from cooploc.analysis.report.html_table import Wording
@@ -49,14 +50,14 @@ def content(numbers: Numbers, ledger: Ledger) -> dict[str, Any]:
     experiments = [experiment(name, plan, numbers, counter) for name, plan in kept.experiments.items()]
     found = summaries.standings(table, numbers.results)
     claims = claims_shown(kept, ledger)
-    consistency, events = result_tables.confidence(table), result_tables.events(kept.rows)
-    where = result_tables.where({one.name: one.found for one in experiments})
-    scenarios, versions = scenario_tables(table, kept.manifest["scenarios"]), _versions(kept)
-    files = [where, result_tables.best(found), consistency, *([claims.overview, claims.table] if claims else [])]
-    files += [one for each in experiments for one in each.tables]
+    consistency, where = result_tables.confidence(table), result_tables.where({e.name: e.found for e in experiments})
+    about = _about(numbers)
+    tables = [where, result_tables.best(found), consistency, *([claims.overview, claims.table] if claims else [])]
+    tables += [one for each in experiments for one in each.tables]
+    tables += [*about["scenarios"], *([about["events"]] if about["events"].rows else []), about["versions"]]
     return {
         **_heading(kept.manifest),
-        "manifest": kept.manifest,
+        **about,
         "lowest": answer.lowest(found, table, numbers.results),
         "over_confident": answer.over_confident(table),
         "first": first,
@@ -64,23 +65,32 @@ def content(numbers: Numbers, ledger: Ledger) -> dict[str, Any]:
         "consistency": _without_zeros(consistency),
         "experiments": experiments,
         "claims": claims,
-        "estimators": introductions(kept.rows, kept.manifest.get("certificates", {})),
-        "scenarios": scenarios,
-        "fitted": kept.manifest.get("recordings") or {},
+        "wording": _wording(numbers),
+        "symbols": estimator_marks.symbols(numbers.looks),
+        "labels": {what: list(dict.fromkeys(table[what])) for what in ("estimator", "scenario")},
+        "tables": tables,
+    }
+
+
+def _about(numbers: Numbers) -> dict[str, Any]:
+    """What was run and how, what went wrong, and what the page embeds."""
+    kept, table = numbers.kept, numbers.table
+    manifest = kept.manifest
+    return {
+        "manifest": manifest,
+        "estimators": introductions(kept.rows, manifest.get("certificates", {})),
+        "scenarios": scenario_tables(table, manifest["scenarios"]),
+        "fitted": manifest.get("recordings") or {},
         "missing": [f"{s}, {e}: {n} of the planned trials are missing" for (s, e), n in kept.gaps.items()]
         + [*kept.ignored],
         "remarks": [*certificate_line.remarks(table), *outliers.warnings(table)],
         "failures": failure_kinds(kept.rows),
-        "events": events,
+        "events": events(kept.rows),
         "methods": methods(bool(kept.looks)),
         "paragraph": citation.paragraph(numbers),
-        "bibtex": citation.bibtex(kept.manifest["versions"]["cooploc"], kept.manifest["commit"]),
-        "versions": versions,
+        "bibtex": citation.bibtex(manifest["versions"]["cooploc"], manifest["commit"]),
+        "versions": _versions(kept),
         "embedded": embedded(kept),
-        "wording": _wording(numbers),
-        "symbols": estimator_marks.symbols(numbers.looks),
-        "labels": {what: list(dict.fromkeys(table[what])) for what in ("estimator", "scenario")},
-        "tables": [*files, *scenarios, *([events] if events.rows else []), versions],
     }
 
 

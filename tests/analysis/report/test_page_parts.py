@@ -58,7 +58,7 @@ def test_the_answer_says_who_is_lowest_by_how_much_and_who_is_over_confident(row
     said = answer.lowest(summaries.standings(table, results), table, results)
     assert said.startswith("ekf-local has the lowest RMSE of those that qualify in all 2 scenarios, at least ")
     assert "below that of the next (arl, packet-drop/drop=0" in said
-    assert answer.over_confident(table).startswith("Over-confident: mrsl-rssi in 2 of 2 scenarios; ANEES is ")
+    assert answer.over_confident(table).startswith("Over-confident: mrsl-rssi in 2 of 2 scenarios; its ANEES is ")
 
 
 def test_the_answer_names_what_is_not_separable_and_no_more_than_a_few():
