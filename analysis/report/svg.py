@@ -43,6 +43,7 @@ def drawn(draw: Callable[[Axes], None], size: tuple[float, float], panel: bool =
         box = (0.17, 1 - 0.82 * share, 0.77, 0.7 * share) if panel else _beside(left, size)
         ax = figure.add_axes(box) if panel or left else figure.add_subplot()
         draw(ax)
+        ax.minorticks_off()  # a sixth of the time and of the page
         sns.despine(ax=ax)
         ax.set_axisbelow(True)
         out = io.StringIO()
