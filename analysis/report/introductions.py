@@ -64,12 +64,17 @@ def _method(
     return Introduction(
         name,
         about,
-        " or ".join(map(str, filter(None, senses))),
+        " or ".join(map(str, filter(None, senses))) or _uses(made),
         _knows(rows),
         source_of(cls) if made is not None else "",
         _defaults(name) if made is not None else [],
         [Configuration(label, anchors[label], _given(label), standing(label)) for label in labels],
     )
+
+
+def _uses(made: Any) -> str:
+    """The channels that it declares, for runs of former versions, which did not note what was read."""
+    return "" if made is None else ", ".join(made.uses).replace("|", " or ").replace("_", " ")
 
 
 def _foreign(found: str) -> str:
