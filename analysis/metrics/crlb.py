@@ -49,21 +49,27 @@ DERIVED: dict[str, Callable[[GradientDoa], Sensor]] = {  # channels that are mad
     "anchor_doa": DirectionAlone,
 }
 SAMPLES = 128  # paths of a trial over which the expectation is taken: the floor is 0.2 % too high, with 32 of them 1 %
+TRIALS = 20  # over which a floor is averaged, at most
 MOST_TICKS = 10_000  # of a scenario with a floor
+TOGETHER = 20_000  # robots of all paths and ticks whose readings are looked at together; their number changes no bit
 PAIRS = 80_000  # of robots in all sampled paths together: large teams get fewer trials, and fewer paths
 
 
-def floors(scenarios: Iterable[str], seed: int, most: int = 100) -> dict[str, float]:
+def floors(
+    scenarios: Iterable[str], seed: int, most: int = 100, samples: int = SAMPLES, trials: int = TRIALS
+) -> dict[str, float]:
     """The floor [m] of each scenario, for an estimator that uses all readings, pooled over ticks; nan where none holds.
 
-    The mean is over the first of the trials with this seed, at most twenty. Teams of more than `most` robots are left
-    out: a hundred take some ten seconds.
+    The mean is over the first of the trials with this seed, at most `trials`, and over at most `samples` paths of each.
+    Teams of more than `most` robots are left out: a hundred take some ten seconds.
     """
-    return {label: pooled_floor(label, seed, CHANNELS, most) for label in dict.fromkeys(scenarios)}
+    return {label: pooled_floor(label, seed, CHANNELS, most, samples, trials) for label in dict.fromkeys(scenarios)}
 
 
 @cache
-def pooled_floor(label: str, seed: int, channels: tuple[str, ...], most: int = 100) -> float:
+def pooled_floor(
+    label: str, seed: int, channels: tuple[str, ...], most: int = 100, samples: int = SAMPLES, trials: int = TRIALS
+) -> float:
     """As `floors`, of one scenario and for an estimator that uses these channels."""
     try:
         if is_file(divided(parse(label)[0])[0]):  # code that may come from somebody else: a table runs none
@@ -73,8 +79,8 @@ def pooled_floor(label: str, seed: int, channels: tuple[str, ...], most: int = 1
         if robots > most or resolved.ticks > MOST_TICKS:
             return np.nan
         paths = max(4, PAIRS // robots**2)
-        samples = min(SAMPLES, 1 << (isqrt(paths) - 1).bit_length())  # ten robots: 32, and the floor 0.6 % too high
-        _, stream = simulate(label, trials=min(20, max(1, paths // samples)), seed=seed)
+        samples = min(samples, 1 << (isqrt(paths) - 1).bit_length())  # ten robots: 32, and the floor 0.6 % too high
+        _, stream = simulate(label, trials=min(trials, max(1, paths // samples)), seed=seed)
         return float(np.sqrt((floor(stream, channels, samples) ** 2).mean()))
     except BadInput:  # no floor, or no recording at hand
         return np.nan
@@ -148,34 +154,42 @@ def covariances(x: Array, stream: Stream, channels: Collection[str]) -> Array:
     dt = stream.senses.dt
     P = _blocks(stream.prior.P[..., :2, :2])
     out = np.empty((dt.shape[1], *P.shape))
-    for k in range(len(out)):
+    for k, gained in enumerate(_of_ticks(x, stream, channels)):
         _, _, Q = stream.world.motion.move(x[:, 0, k], stream.senses.odometry[:, k], dt[:, k])
-        J = np.linalg.inv(P + _blocks(Q)) + _information(x[:, :, k], stream, channels, k)
+        J = np.linalg.inv(P + _blocks(Q)) + gained
         out[k] = P = np.asarray(np.linalg.inv((J + J.mT) / 2), float)
     return out
 
 
-def _information(x: Array, stream: Stream, channels: Collection[str], k: int) -> Array:
-    """E[H' R^-1 H] (t, 2n, 2n) of the readings of tick k, the mean over places x (t, s, n, 2)."""
-    t, _, n = x.shape[:3]
+def _of_ticks(x: Array, stream: Stream, channels: Collection[str]) -> Iterator[Array]:
+    """The information (t, 2n, 2n) of the readings of every tick; of many ticks together, as many as fit in memory."""
+    t, s, T, n, _ = x.shape
+    together = max(1, TOGETHER // (t * s * n))
+    for k in range(0, T, together):
+        yield from _information(x[:, :, k : k + together], stream, channels, slice(k, k + together)).swapaxes(0, 1)
+
+
+def _information(x: Array, stream: Stream, channels: Collection[str], ticks: slice) -> Array:
+    """E[H' R^-1 H] (t, k, 2n, 2n) of the readings of some ticks, the mean over places x (t, s, k, n, 2)."""
+    t, _, k, n = x.shape[:4]
     z, air = stream.senses, stream.air
     world = replace(stream.world, sensors={c: s for c, s in stream.world.sensors.items() if c in channels})
-    now = z._replace(**{name: getattr(z, name)[:, None, k] for name in z._fields[:-1]})
-    heard = air.link[:, None, k]
+    now = z._replace(**{name: getattr(z, name)[:, None, ticks] for name in z._fields[:-1]})
+    heard = air.link[:, None, ticks]
     nothing = np.full(heard.shape, np.nan)
-    rssi, ranged = (np.where(heard, a[:, None, k], np.nan) if a.shape[-1] else nothing for a in air[1:])
-    J = np.zeros((t, n, n, 2, 2))
+    rssi, ranged = (np.where(heard, a[:, None, ticks], np.nan) if a.shape[-1] else nothing for a in air[1:])
+    J = np.zeros((t, k, n, n, 2, 2))
     own = np.arange(n)
     for sensor, place, reading in (*world.fixed(now), *_derived(stream, now, channels)):
         y, H, _ = sensor.innovation(x, place, reading)
-        J[:, own, own] += _weighed(H, H, sensor.R, y)
+        J[:, :, own, own] += _weighed(H, H, sensor.R, y)
     for sensor, j, reading in world.relative(now, Mail(heard, nothing[..., :0, None], rssi, ranged)):
-        y, H, Hq = sensor.innovation(x, x[:, :, j, None], reading)
+        y, H, Hq = sensor.innovation(x, x[:, :, :, j, None], reading)
         between = _weighed(H, Hq, sensor.R, y)
-        J[:, own, own] += _weighed(H, H, sensor.R, y)
-        J[:, j, j] += _weighed(Hq, Hq, sensor.R, y).sum(1)
-        J[:, :, j] += between
-        J[:, j] += between.mT
+        J[:, :, own, own] += _weighed(H, H, sensor.R, y)
+        J[:, :, j, j] += _weighed(Hq, Hq, sensor.R, y).sum(2)
+        J[:, :, :, j] += between
+        J[:, :, j] += between.mT
     return _flat(J)
 
 
@@ -188,7 +202,7 @@ def _derived(stream: Stream, z: Senses, channels: Collection[str]) -> Iterator[t
 
 
 def _weighed(A: Array, B: Array, R: Array, y: Array) -> Array:
-    """The mean over paths of A' R^-1 B (t, n, 2, 2) where the reading is there."""
+    """The mean over paths of A' R^-1 B (t, k, n, 2, 2) where the reading is there."""
     there = np.isfinite(y.sum(-1))[..., None, None]
     B = np.broadcast_to(np.linalg.inv(R) @ B, B.shape)
     # Products of 2 x 1 by 1 x 2 matrices: numpy's stacked @ is ten times slower.
@@ -205,6 +219,6 @@ def _blocks(P: Array) -> Array:
 
 
 def _flat(blocks: Array) -> Array:
-    """(t, n, n, 2, 2) as (t, 2n, 2n)."""
-    t, n = blocks.shape[:2]
-    return blocks.transpose(0, 1, 3, 2, 4).reshape(t, 2 * n, 2 * n)
+    """(..., n, n, 2, 2) as (..., 2n, 2n)."""
+    *leading, n = blocks.shape[:-3]
+    return blocks.swapaxes(-3, -2).reshape(*leading, 2 * n, 2 * n)

@@ -48,7 +48,11 @@ def trial_means(errors: pd.DataFrame) -> dict[tuple[str, str], pd.DataFrame]:
     Medians, final and largest errors, and `diverged`, are a robot's: there every robot counts the same. `stream` is
     that of the trial. A cell whose trials all failed has no rows.
     """
-    return {(str(s), str(e)): _of_cell(succeeded(part)) for (s, e), part in errors.groupby(CELL, sort=False)}
+    means = _of_trials(succeeded(errors))
+    known = {cell: part.droplevel([0, 1]).sort_index() for cell, part in means.groupby(level=CELL, sort=False)}
+    nothing = means.iloc[:0].droplevel([0, 1])
+    every = errors[CELL].drop_duplicates().itertuples(index=False, name=None)
+    return {(str(s), str(e)): known.get((s, e), nothing) for s, e in every}
 
 
 def weighted_means(errors: pd.DataFrame, keys: list[str], columns: list[str]) -> pd.DataFrame:
@@ -63,12 +67,14 @@ def weighted_means(errors: pd.DataFrame, keys: list[str], columns: list[str]) ->
     return means.mask(absent.groupby(groups, sort=False).any()) if absent.to_numpy().any() else means
 
 
-def _of_cell(ended: pd.DataFrame) -> pd.DataFrame:
+def _of_trials(ended: pd.DataFrame) -> pd.DataFrame:
+    """One row per trial of every cell; index: scenario, estimator, trial."""
     ended = ended.reindex(columns=list(dict.fromkeys([*ended, *SCORES])))  # runs of former versions have no scores
-    out = weighted_means(ended, ["trial"], ["mse", "anees", "coverage95", "mean_error", *SCORES]).sort_index()
+    out = weighted_means(ended, TRIAL, ["mse", "anees", "coverage95", "mean_error", *SCORES])
     of_robots = ["diverged", "median_error", "final_error", "max_error"]
-    out[of_robots] = ended[["trial", *of_robots]].groupby("trial").mean()
-    out["stream"] = ended.groupby("trial")["stream"].first()
+    groups = ended.groupby(TRIAL, sort=False)
+    out[of_robots] = groups[of_robots].mean()
+    out["stream"] = groups["stream"].first()
     return out
 
 

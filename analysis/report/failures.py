@@ -1,5 +1,7 @@
 """What failed in a run, each different failure once."""
 
+from typing import NamedTuple
+
 import pandas as pd
 
 SHOWN = 10  # trials that are named
@@ -13,3 +15,24 @@ def failures(rows: pd.DataFrame) -> list[tuple[str, str]]:
         trials = ", ".join(map(str, sorted(part["trial"])[:SHOWN])) + " ..." * (len(part) > SHOWN)
         out.append((f"{scenario}, {estimator}, trial {trials}: {failure}", str(part["traceback"].iloc[0])))
     return out
+
+
+class FailureKind(NamedTuple):
+    """A failure that occurred in one trial or in many, whatever numbers its message holds."""
+
+    message: str  # of its first trial
+    trials: int
+    where: list[tuple[str, str, int]]  # scenario, estimator, trials
+    traceback: str  # of its first trial
+
+
+def failure_kinds(rows: pd.DataFrame) -> list[FailureKind]:
+    """Each kind of failure once, the most frequent first."""
+    failed = rows[rows["failure"].notna()].drop_duplicates(["scenario", "estimator", "trial"])
+    kinds = failed["failure"].astype(str).str.replace(r"\d+(\.\d+)?(e[-+]?\d+)?", "0", regex=True)
+    found = []
+    for _, part in failed.groupby(kinds, sort=False):
+        cells = part.groupby(["scenario", "estimator"], sort=False)
+        where = [(str(scenario), str(estimator), len(one)) for (scenario, estimator), one in cells]
+        found.append(FailureKind(str(part["failure"].iloc[0]), len(part), where, str(part["traceback"].iloc[0])))
+    return sorted(found, key=lambda kind: -kind.trials)

@@ -71,8 +71,8 @@ RESULTS = (
     words("senses", spare=8),
     words("checks", "certificate", form=mark),
     *RMSE,
-    numbers("median", "rmse_median", form=metres),
-    numbers("outlying", form=_percent(0)),
+    numbers("median", "rmse_median", form=metres, detail=True),
+    numbers("outlying", form=_percent(0), detail=True),
     numbers("95 %", *(f"outlying_{end}" for end in ("low", "high")), form=interval(_percent(0))),
     numbers("rank", form=lambda rank: fixed(rank, 1)),
     words("group"),
@@ -86,14 +86,14 @@ RESULTS = (
     ),
     numbers("p (Holm)", "p_holm", form=p_value, spare=2),
     *ANEES,
-    numbers("median", "anees_median", form=ratio, under=True),
-    numbers("collapsed", form=_percent(0), spare=7),
+    numbers("median", "anees_median", form=ratio, under=True, detail=True),
+    numbers("collapsed", form=_percent(0), spare=7, detail=True),
     numbers("95 %", "collapsed_low", "collapsed_high", form=interval(_percent(0))),
     numbers("in 95 %", "coverage95", form=_percent(0), spare=4),
-    numbers("NLL", "nll", form=ratio, under=True, spare=5),
-    numbers("ellipse [m²]", "area95", form=ratio),
-    numbers("diverged", form=_percent(1), spare=3),
-    numbers("messages", form=ratio, spare=6),
+    numbers("NLL", "nll", form=ratio, under=True, spare=5, detail=True),
+    numbers("ellipse [m²]", "area95", form=ratio, detail=True),
+    numbers("diverged", form=_percent(1), spare=3, detail=True),
+    numbers("messages", form=ratio, spare=6, detail=True),
     numbers("bytes", form=count),
     numbers("µs", "seconds", form=microseconds, under=True),
     numbers("trials", under=True, spare=1),
@@ -115,7 +115,8 @@ def results(name: str, part: pd.DataFrame, ranks: Ranks, about: str) -> Table:
         mean, letters = ranks[row["scenario"]]
         estimator, status = row["estimator"], row["certificate"].partition(":")[0]
         rows.append({**row, "rank": mean.get(estimator, np.nan), "group": letters.get(estimator, ""), "status": status})
-    marks = {f"data-{key}": key for key in ("scenario", "estimator", "consistency")} | {"data-certificate": "status"}
+    marks = {f"data-{key}": key for key in ("scenario", "estimator", "consistency", "baseline")}
+    marks["data-certificate"] = "status"
     columns = versus(part["baseline"], (*RESULTS, DECIDED) if "look" in part else RESULTS)
     empty = {"checks"} if not part["certificate"].any() else set()  # all are built in
     empty |= {"rank"} if "look" in part else set()  # rows stop at different numbers of trials
@@ -223,7 +224,7 @@ def confidence(table: pd.DataFrame) -> Table:
         "where it holds a limit. A mean ANEES may be that of one collapsed trial: its median over trials "
         f"and the largest share of trials in a scenario whose ANEES exceeds {COLLAPSED:g}, do not depend on one."
     )
-    return Table("consistency", about, columns, rows)
+    return Table("consistency", about, columns, rows, {"data-estimator": "estimator"})
 
 
 def sweep(name: str, found: list[Change], parameter: str) -> Table:
@@ -241,4 +242,4 @@ def sweep(name: str, found: list[Change], parameter: str) -> Table:
         f"From the first to the last value of {parameter}; jackknife intervals over trials, in a run until decided "
         "confidence sequences; not adjusted."
     )
-    return Table(name, about, columns, rows)
+    return Table(name, about, columns, rows, {"data-estimator": "estimator"})

@@ -7,7 +7,6 @@ the confidence sequence takes the place of both. An estimator is best alone if t
 0, an intersection-union test that needs no adjustment (Berger 1982).
 """
 
-from collections import Counter
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
@@ -123,45 +122,6 @@ def sentence(one: Standing) -> str:
     ties = [f"no significant difference: {listed(one.tied)}"] if one.tied else []
     ties += [f"equal to it within {100 * MARGIN:.0f} %: {listed(one.equal)}"] if one.equal else []
     return f"A tie: {one.best} has the lowest RMSE of those that qualify, {rmse}; {'; '.join(ties)}.{barred}"
-
-
-def overall(found: list[Standing]) -> str:
-    """All scenarios in one sentence or two."""
-    decided = [one.best for one in found if one.alone and one.able > 1]
-    ties = sum(bool(one.best) and not one.alone for one in found)
-    single = sum(one.alone and one.able == 1 for one in found)
-    none = sum(not one.best for one in found)
-    said = [f"{name} in {count}" for name, count in Counter(decided).most_common()]
-    parts = [f"one estimator is best: {listed(said)}"] if decided else ["no estimator is best alone in any"]
-    parts += [f"the best tie with others in {ties}"] if ties else []
-    parts += [f"only one qualifies in {single}"] if single else []
-    parts += [f"no estimator qualifies in {none}"] if none else []
-    return f"Of {counted(len(found), 'scenario')}: {'; '.join(parts)}."
-
-
-def confidence(table: pd.DataFrame) -> str:
-    """Who is over-confident where, in a sentence or two; from `compare`."""
-    assessed = table[table["consistency"] != "not assessed"]
-    if assessed.empty:
-        return f"Consistency is not assessed: that takes {statistics.LEAST_TRIALS} trials."
-    flags = assessed.assign(over=assessed["consistency"] == "over-confident").groupby("estimator", sort=False)["over"]
-    count, of = flags.sum(), flags.count()
-    everywhere = [f"{name}" for name in count.index if count[name] == of[name]]
-    some = [str(name) for name in count.index if 0 < count[name] < of[name]]
-    open_ = set(table.loc[(table["consistency"] == "not shown") & (table["anees"] > OVER_CONFIDENT), "estimator"])
-    never = [str(name) for name in count.index if not count[name] and name not in open_]
-    doubt = [str(name) for name in count.index if not count[name] and name in open_]
-    parts = [f"Over-confident in every scenario: {listed(everywhere)}."] if everywhere else []
-    if len(some) <= FEW:
-        parts += [f"Over-confident in some: {listed(f'{e} ({count[e]} of {of[e]})' for e in some)}."] if some else []
-    else:
-        most = [name for name in some if count[name] > of[name] / 2]
-        parts += [f"Over-confident in more than half of their scenarios: {listed(most)}."] if most else []
-        rest = [name for name in some if name not in most]
-        parts += [f"In some, half of them or fewer: {listed(rest)}."] if rest else []
-    parts += [f"Not shown in some, over-confident in none: {listed(doubt)}."] if doubt else []
-    parts += [f"Never found over-confident: {listed(never)}."] if never else []
-    return " ".join(parts)
 
 
 def changes(scenarios: list[str], estimators: Iterable[str], results: TrialTable) -> list[Change]:

@@ -15,53 +15,88 @@ from cooploc.analysis.metrics.certificate_line import refused
 from cooploc.analysis.metrics.consistency import CONSERVATIVE, OVER_CONFIDENT
 from cooploc.analysis.metrics.over_time import swept
 from cooploc.analysis.metrics.ranking import front
-from cooploc.analysis.plot.marks import UNRANKED, colour_of, curve, name_of, rmse_against, rmse_at, span
-from cooploc.analysis.plot.style import BAND, BROKEN, DOTTED, GRID, Look, logarithmic
+from cooploc.analysis.plot.marks import UNRANKED, colour_of, curve, marker, name_of, rmse_against, rmse_at, span
+from cooploc.analysis.plot.style import BAND, BROKEN, DARK, DOTTED, GRID, Look, logarithmic
+from cooploc.analysis.report.short_names import ShortNames
 from cooploc.analysis.report.svg import PANEL, WIDE, drawn
 
 Looks = dict[str, Look]
 TOGETHER = 6  # estimators that can still be distinguished in one panel
 KEY = 0.16  # [in] of a line of a panel's key
+LETTER = 0.075  # [in] of a label, on average
 TITLE = 44  # characters that a panel is wide
+MOST = 24  # estimators of an overview
+IN_FULL = ShortNames({})
 NAMES = {"anees": "ANEES (1 is consistent)", "bytes": "bytes per robot and tick", "seconds": "µs per robot and tick"}
 
 
-def lines(part: pd.DataFrame, looks: Looks) -> list[str]:
-    """RMSE over what the scenarios sweep: one panel, or with many estimators one for each, among all others in grey.
-
-    The variants of an estimator, "arl" and "arl[K=1]", share a panel.
-    """
-    part = swept(part).sort_values("value", kind="stable")
+def panels(part: pd.DataFrame, looks: Looks) -> list[list[str]]:
+    """The estimators of each panel of `lines`: all in one, or the variants of one, "arl" and "arl[K=1]"."""
     known = set(part["estimator"])
     names = [name for name in looks if name in known]
     if len(names) <= TOGETHER:
-        return [drawn(partial(_panel, part=part, names=names, looks=looks), WIDE)]
+        return [names]
     shared: dict[str, list[str]] = {}
     for name in names:
         shared.setdefault(name.partition("[")[0], []).append(name)
-    panels = [mine[i : i + TOGETHER] for mine in shared.values() for i in range(0, len(mine), TOGETHER)]
-    most = max(map(len, panels))
+    return [mine[i : i + TOGETHER] for mine in shared.values() for i in range(0, len(mine), TOGETHER)]
+
+
+def lines(part: pd.DataFrame, looks: Looks, names: ShortNames = IN_FULL) -> list[str]:
+    """RMSE over what the scenarios sweep, a figure for each of `panels`, among all other estimators in grey."""
+    part = swept(part).sort_values("value", kind="stable")
+    shown = panels(part, looks)
+    if len(shown) == 1:
+        return [drawn(partial(_panel, part=part, names=shown[0], looks=looks, short=names), WIDE)]
+    most = max(map(len, shown))
     size = (PANEL[0], PANEL[1] + KEY * most * (most > 1))  # all alike
-    return [drawn(partial(_panel, part=part, names=mine, looks=looks), size, panel=True) for mine in panels]
+    return [drawn(partial(_panel, part=part, names=mine, looks=looks, short=names), size, panel=True) for mine in shown]
 
 
-def dots(part: pd.DataFrame, looks: Looks) -> str:
+def overview(table: pd.DataFrame, looks: Looks, names: ShortNames = IN_FULL) -> str:
+    """RMSE of every estimator relative to the baseline's, a mark for each scenario; the median smallest on top.
+
+    Of many estimators those that ran in the most scenarios.
+    """
+    part = table[table["rmse"].notna() & (1 + table["change"] > 0) & (table["estimator"] != table["baseline"])]
+    most = part["estimator"].value_counts().index[:MOST]
+    part = part[part["estimator"].isin(most)].assign(ratio=1 + part["change"])
+    ordered = part.groupby("estimator", sort=False)["ratio"].median().sort_values(ascending=False)
+
+    def draw(ax: Axes) -> None:
+        for y, (name, median) in enumerate(ordered.items()):
+            for row in part[part["estimator"] == name].to_dict("records"):
+                marker(ax, row["ratio"], y, row, looks[str(name)], ms=5, mew=1)
+            ax.plot([median, median], [y - 0.32, y + 0.32], color=DARK, lw=1.6, zorder=4)
+        ax.axvline(1, color="black", lw=1.1, ls=DOTTED)
+        first = part.drop_duplicates("estimator").set_index("estimator", drop=False)
+        ax.set_yticks(range(len(ordered)), [name_of(first.loc[n], names.of(str(n))) for n in ordered.index])
+        ax.set_ylim(-0.6, len(ordered) - 0.4)
+        logarithmic(ax.xaxis, *span(part, "ratio"))
+        ax.set(xlabel="position RMSE / that of the baseline")
+        ax.grid(color=GRID, lw=0.8)
+
+    return drawn(draw, (9.0, 0.8 + 0.19 * len(ordered)))
+
+
+def dots(part: pd.DataFrame, looks: Looks, names: ShortNames = IN_FULL) -> str:
     """RMSE of every estimator in one scenario with its interval, smallest on top."""
     part = part[part["rmse"].notna()].sort_values("rmse", ascending=False, kind="stable")
-    names = part["estimator"] + np.where(part["certificate"].map(refused), UNRANKED, "")
+    said = part["estimator"].map(names.of) + np.where(part["certificate"].map(refused), UNRANKED, "")
 
     def draw(ax: Axes) -> None:
         for y, row in enumerate(part.to_dict("records")):
             rmse_at(ax, y, row, looks[row["estimator"]], vertical=False)
         ax.axvline(part["floor"].iloc[0], color="black", lw=1.1, ls=DOTTED)
-        ax.set_yticks(range(len(part)), names)
+        ax.set_yticks(range(len(part)), said)
         ax.set_ylim(-0.6, len(part) - 0.4)
         logarithmic(ax.xaxis, *span(part, "rmse", "floor"))
         ax.set(xlabel="position RMSE [m]", title=part["scenario"].iloc[0])
         ax.grid(color=GRID, lw=0.8)
 
-    longest = max(map(len, part["estimator"]), default=0)
-    return drawn(draw, (PANEL[0] + 0.045 * longest, 0.9 + 0.2 * len(part)))
+    longest = max(map(len, said), default=0)
+    left = LETTER * longest + 0.15
+    return drawn(draw, (left + 2.6, 0.85 + 0.2 * len(part)), left=left)
 
 
 def against(part: pd.DataFrame, other: str, looks: Looks) -> str:
@@ -82,7 +117,7 @@ def against(part: pd.DataFrame, other: str, looks: Looks) -> str:
     return drawn(draw, PANEL, panel=True)
 
 
-def key(part: pd.DataFrame, looks: Looks) -> str:
+def key(part: pd.DataFrame, looks: Looks, short: ShortNames = IN_FULL) -> str:
     """The legend of the figures that name no estimators."""
     once = part.drop_duplicates("estimator").set_index("estimator", drop=False).to_dict("index")
     names = [name for name in looks if name in once]
@@ -90,20 +125,30 @@ def key(part: pd.DataFrame, looks: Looks) -> str:
     def draw(ax: Axes) -> None:
         for name in names:
             row, look = once[name], looks[name]
-            ax.plot([], [], marker=look.marker, color=colour_of(row, look), ls="none", ms=6, label=name_of(row))
+            ax.plot(
+                [],
+                [],
+                marker=look.marker,
+                color=colour_of(row, look),
+                ls="none",
+                ms=6,
+                label=name_of(row, short.of(name)),
+            )
         ax.axis("off")
         ax.legend(frameon=False, loc="upper left", fontsize=8, title="estimators (hollow: over-confident)")
 
     return drawn(draw, (PANEL[0], 0.5 + 0.18 * len(names)))
 
 
-def _panel(ax: Axes, part: pd.DataFrame, names: list[str], looks: Looks) -> None:
+def _panel(ax: Axes, part: pd.DataFrame, names: list[str], looks: Looks, short: ShortNames) -> None:
     """The named estimators over the swept value; all others in light grey."""
     for name, rows in part.groupby("estimator", sort=False):
         if name not in names:
             ax.plot(rows["value"], rows["rmse"], color="0.88", lw=1, zorder=1)
     for name in names:
-        curve(ax, part[part["estimator"] == name], "value", looks[name], 0.22 if len(names) == 1 else 0.1)
+        rows = part[part["estimator"] == name]
+        label = name_of(rows.iloc[0], short.of(name))
+        curve(ax, rows, "value", looks[name], 0.22 if len(names) == 1 else 0.1, label)
     floor = part.groupby("value")["floor"].first()
     ax.plot(floor.index, floor, color="black", lw=1.1, ls=DOTTED, label="floor" if floor.notna().any() else None)
     low, high = span(part, "rmse", "floor")
@@ -119,13 +164,13 @@ def _panel(ax: Axes, part: pd.DataFrame, names: list[str], looks: Looks) -> None
         return
     if low > 0:  # the same for every panel, though a band may reach beyond
         ax.set_ylim(0.8 * low, 1.25 * high)
-    _head(ax, part, names)
+    _head(ax, part, names, short)
 
 
-def _head(ax: Axes, part: pd.DataFrame, names: list[str]) -> None:
+def _head(ax: Axes, part: pd.DataFrame, names: list[str], short: ShortNames) -> None:
     """The title of a panel of its own, and below it the key of several variants."""
     first = part[part["estimator"] == names[0]].iloc[0]
-    ax.set_title(_over_lines(name_of(first, names[0] if len(names) == 1 else names[0].partition("[")[0])))
+    ax.set_title(_over_lines(name_of(first, short.of(names[0]) if len(names) == 1 else names[0].partition("[")[0])))
     if len(names) > 1:
         where: Any = {"loc": "lower left", "bbox_to_anchor": (0.02, 0.0), "bbox_transform": ax.figure.transFigure}
         ax.legend(frameon=False, fontsize=6.5, borderpad=0, labelspacing=0.3, **where)

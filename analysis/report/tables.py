@@ -1,7 +1,6 @@
-"""One table, written as HTML, LaTeX (booktabs), Markdown and CSV, and for the terminal.
+"""One table, written as LaTeX (booktabs), Markdown and CSV, and for the terminal; `html_table` writes HTML.
 
-Its rows are mappings; its columns say which of their values go into CSV, and how they are written for people. Sorting
-in HTML goes by the values, too.
+Its rows are mappings; its columns say which of their values go into CSV, and how they are written for people.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -9,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import pandas as pd
-from markupsafe import Markup, escape
+from markupsafe import escape
 
 from cooploc.analysis.formats import Format, interval
 from cooploc.analysis.report.csv_text import csv_text
@@ -29,6 +28,7 @@ class TableColumn:
     right: bool = True
     under: bool = False  # in a narrow terminal it is a second line below the column on its left
     spare: int = 0  # in a narrow terminal columns are left out, the largest number first; 0: never
+    detail: bool = False  # on a page it is shown on demand
 
     def text(self, row: Row) -> str:
         """What is read in a row."""
@@ -59,9 +59,10 @@ def numbers(
     of: Iterable[str] = (),
     under: bool = False,
     spare: int = 0,
+    detail: bool = False,
 ) -> TableColumn:
     """A column of numbers."""
-    return TableColumn(head, keys or (head,), form, tuple(of), under=under, spare=spare)
+    return TableColumn(head, keys or (head,), form, tuple(of), under=under, spare=spare, detail=detail)
 
 
 def estimates(head: str, name: str, form: Format) -> TableColumn:
@@ -87,26 +88,6 @@ class Table:
     def texts(self) -> list[list[str]]:
         """What is read, row by row."""
         return [[column.text(row) for column in self.columns] for row in self.rows]
-
-    def html(self) -> Markup:
-        """A `<table>` whose cells carry their values as `data-sort`; everything is escaped."""
-        heads = Markup("").join(
-            Markup('<th scope="col"{}><button type="button">{}</button></th>').format(_side(c), c.head)
-            for c in self.columns
-        )
-        body = Markup("\n").join(map(self._row, self.rows))
-        return Markup(
-            '<div class="scroll" tabindex="0"><table class="sortable" id="table-{}">\n<caption>{}</caption>\n'
-            "<thead><tr>{}</tr></thead>\n<tbody>\n{}\n</tbody></table></div>"
-        ).format(self.name, self.caption, heads, body)
-
-    def _row(self, row: Row) -> Markup:
-        marks = {attribute: row[key] for attribute, key in self.marks.items() if row[key]}
-        attributes = Markup("").join(Markup(' {}="{}"').format(attribute, value) for attribute, value in marks.items())
-        cells = Markup("").join(
-            Markup("<td{}{}>{}</td>").format(_side(c), _sort(row[c.keys[0]]), c.text(row)) for c in self.columns
-        )
-        return Markup("<tr{}>{}</tr>").format(attributes, cells)
 
     def latex(self) -> str:
         """A table with the rules of booktabs; a long one is a longtable."""
@@ -135,16 +116,6 @@ class Table:
             for i, c in enumerate(self.columns)
         ]
         return TerminalTable(self.caption, columns, [style(row) for row in self.rows], wrap)
-
-
-def _side(column: TableColumn) -> Markup:
-    return Markup(' class="r"') if column.right else Markup("")
-
-
-def _sort(value: Any) -> Markup:
-    if isinstance(value, str) or value is None:
-        return Markup("")
-    return Markup(' data-sort="{}"').format("" if value != value else repr(float(value)))
 
 
 def _markdown(text: str) -> str:

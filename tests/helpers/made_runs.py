@@ -8,7 +8,7 @@ import pandas as pd
 from cooploc.analysis.execution.stored_run import Kept
 
 EVIL = "<script>alert('x')</script>&\"$_%"
-VOID = {"meta", "br", "link"}
+VOID = {"meta", "br", "link", "input"}
 
 
 class Outline(HTMLParser):

@@ -218,3 +218,10 @@ def test_a_gradient_needs_four_corners_and_so_does_its_floor():
     _, stream = cl.simulate("anchors/a=3", trials=1, seed=1, ticks=2)
     with pytest.raises(cl.BadInput, match="needs four corner anchors"):
         floor(stream, ["anchor_gradient"])
+
+
+def test_ticks_whose_readings_are_looked_at_together_change_no_bit(monkeypatch):
+    _, stream = cl.simulate("packet-drop/drop=0.5", trials=2, seed=3, ticks=7)
+    at_once = floor(stream, CHANNELS, samples=4)
+    monkeypatch.setattr("cooploc.analysis.metrics.crlb.TOGETHER", 1)
+    assert np.array_equal(floor(stream, CHANNELS, samples=4), at_once)

@@ -1,4 +1,4 @@
-"""The report in a real browser: nothing sticks out at 400 and 1400 pixels, tables sort, and it prints.
+"""The report in a real browser, by day and by night: nothing sticks out, tables sort and filter, and it prints.
 
 `make looks` installs Debian's Chromium, runs this, and leaves the pictures in build/looks for a person to look at.
 """
@@ -25,24 +25,45 @@ pytestmark = [
 ]
 MANY = {f"estimator-{i}[particles={100 * i},own=rssi]": (0.3 + 0.05 * i, 0.6 + 0.2 * i) for i in range(14)}
 # A frame has the wanted width where a window of the browser has a least one; what it holds keeps its own policy.
-FRAME = """<body style="margin:0"><iframe style="border:0;width:{width}px;height:{height}px" srcdoc="{page}"></iframe>
+PLAIN = '<body style="margin:0"><iframe style="border:0;width:{width}px;height:{height}px" srcdoc="{page}"></iframe>'
+FRAME = (
+    PLAIN
+    + """
 <pre id="told"></pre><script>
 const frame = document.querySelector("iframe");
 const errors = [];
 frame.addEventListener("load", () => {{
-  const inside = frame.contentDocument;
-  frame.contentWindow.addEventListener("error", (e) => errors.push(e.message));
+  const inside = frame.contentDocument, view = frame.contentWindow;
+  view.addEventListener("error", (e) => errors.push(e.message));
+  inside.querySelectorAll("details").forEach((one) => {{ one.open = true; }});
   const wide = inside.documentElement.scrollWidth;
   const table = inside.querySelector("#table-experiment-one");
-  const column = [...table.tHead.rows[0].cells].findIndex((head) => head.textContent === "RMSE [m]");
-  const values = () => [...table.tBodies[0].rows].map((row) => Number(row.cells[column].dataset.sort));
+  const fits = table.parentElement.scrollWidth <= table.parentElement.clientWidth;
+  const column = [...table.tHead.rows[0].cells].findIndex((head) => head.textContent.startsWith("RMSE [m]"));
+  const rows = () => [...table.tBodies[0].rows].filter((row) => row.className !== "head");
+  const values = () => rows().map((row) => Number(row.cells[column].dataset.sort));
+  const button = table.tHead.rows[0].cells[column].querySelector("button");
   const before = values();
-  table.tHead.rows[0].cells[column].firstElementChild.click();
+  button.click();
   const rising = values();
-  table.tHead.rows[0].cells[column].firstElementChild.click();
-  document.getElementById("told").textContent = JSON.stringify({{ wide, before, rising, falling: values(), errors }});
+  button.click();
+  const falling = values(), sign = view.getComputedStyle(button, "::after").content;
+  const visible = () => [...table.querySelectorAll("[data-estimator]")].filter((row) => row.checkVisibility());
+  const all = visible().length;
+  inside.querySelector("#filters input").click();
+  const some = visible().length;
+  const first = visible()[0].cells[0].getBoundingClientRect().left;
+  table.parentElement.scrollLeft = 500;
+  const fixed = visible()[0].cells[0].getBoundingClientRect().left === first;
+  table.querySelector("tbody a.trials").click();
+  const drawn = inside.querySelectorAll("#pairs[open] circle").length;
+  const said = inside.querySelector("#pairs-said").textContent;
+  const ground = view.getComputedStyle(inside.body).backgroundColor;
+  document.getElementById("told").textContent = JSON.stringify(
+    {{ wide, fits, before, rising, falling, sign, all, some, fixed, drawn, said, ground, errors }});
 }});
 </script></body>"""
+)
 
 
 def chromium(*options, cwd):
@@ -64,25 +85,44 @@ def report(folder):
     return html_page.write(kept_from(rows, folder), load(), folder)
 
 
-@pytest.mark.parametrize("width", [400, 1400])
-def test_nothing_sticks_out_and_tables_sort(report, folder, width):
-    file = folder / f"frame{width}.html"
-    file.write_text(FRAME.format(width=width, height=9000, page=html.escape(report.read_text())))
-    dom = chromium("--virtual-time-budget=5000", "--dump-dom", file.as_uri(), cwd=folder)
+@pytest.mark.parametrize(("width", "dark"), [(400, False), (1400, True)])
+def test_nothing_sticks_out_and_tables_sort_filter_and_show_trials(report, folder, width, dark):
+    file = framed(report, folder, width, FRAME)
+    dom = chromium(*scheme(dark), "--virtual-time-budget=5000", "--dump-dom", file.as_uri(), cwd=folder)
     told = json.loads(html.unescape(re.search(r'<pre id="told">(.*?)</pre>', dom, re.DOTALL)[1]))
     assert told["errors"] == []
     assert told["wide"] <= width
-    assert told["rising"] == sorted(told["before"]) != told["before"]
-    assert told["falling"] == sorted(told["before"], reverse=True)
+    assert told["fits"] == (width == 1400)
+    assert told["fixed"]
+    assert told["rising"] == sorted(told["before"])
+    assert told["falling"] == sorted(told["before"], reverse=True) != told["before"]
+    assert "▼" in told["sign"]
+    assert told["some"] == told["all"] - 5  # one estimator in five scenarios
+    assert told["drawn"] == 8
+    assert "of 8 trials" in told["said"]
+    assert (told["ground"] == "rgb(255, 255, 255)") == (not dark)
 
 
-@pytest.mark.parametrize("width", [400, 1400])
-def test_it_can_be_looked_at(report, folder, width):
-    file = folder / f"frame{width}.html"
-    file.write_text(FRAME.format(width=width, height=9000, page=html.escape(report.read_text())))
-    picture = _kept(folder) / f"report-{width}.png"
-    chromium(f"--window-size={max(width, 500)},9000", f"--screenshot={picture}", file.as_uri(), cwd=folder)
+@pytest.mark.parametrize(("width", "dark"), [(400, False), (1024, False), (1400, False), (1400, True)])
+def test_it_can_be_looked_at(report, folder, width, dark):
+    file = framed(report, folder, width, PLAIN)
+    picture = _kept(folder) / f"report-{width}{'-dark' * dark}.png"
+    chromium(
+        *scheme(dark), f"--window-size={max(width, 500)},9000", f"--screenshot={picture}", file.as_uri(), cwd=folder
+    )
     assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def framed(report, folder, width, frame):
+    """A page of that width which holds the report."""
+    file = folder / f"frame{width}.html"
+    file.write_text(frame.format(width=width, height=9000, page=html.escape(report.read_text())))
+    return file
+
+
+def scheme(dark):
+    """What a browser is told of the colours that its user prefers."""
+    return [f"--blink-settings=preferredColorScheme={0 if dark else 1}"]
 
 
 def test_it_prints(report, folder):

@@ -74,7 +74,7 @@ def test_another_result_exits_1_and_says_by_how_much(report, tmp_path):
     assert [(again.scenario, again.estimator, again.trial) for again in bad] == [
         (one["scenario"], one["estimator"], one["trial"])
     ]
-    shifted = altered(report, tmp_path / "shifted", '"seed": 4, "source"', '"seed": 5, "source"')
+    shifted = altered(report, tmp_path / "shifted", '"seed":4,"source"', '"seed":5,"source"')
     done = told(shifted, "--trials", "1")
     assert done.returncode == 1, done.stdout + done.stderr
     assert "another stream; RMSE differs by" in done.stdout
