@@ -43,6 +43,7 @@ if _TYPE_CHECKING:
     from cooploc.estimators.plugins.tunable import tunable as tunable
     from cooploc.inspection import Inspection as Inspection
     from cooploc.inspection import inspect as inspect
+    from cooploc.paper_files import paper as paper
     from cooploc.plans import plan as plan
     from cooploc.run_tables import information as information
     from cooploc.run_tables import sensitivity as sensitivity
@@ -99,6 +100,7 @@ _HOME = {
     "runs": ("run_study", "load_run", "Results", "report", "compare_runs", "reproduce", "show"),
     "until_decided": ("run_until",),
     "inspection": ("inspect", "Inspection"),
+    "paper_files": ("paper",),
     "plans": ("plan",),
     "run_verdicts": ("verdicts", "readings"),
     "run_tables": ("information", "sensitivity"),
