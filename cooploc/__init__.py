@@ -67,6 +67,7 @@ if _TYPE_CHECKING:
     from cooploc.scenarios.stream import Stream as Stream
     from cooploc.scenarios.stream import Truth as Truth
     from cooploc.scenarios.studies.listing import studies as studies
+    from cooploc.sweeps import sweep as sweep
     from cooploc.tuned import Tuned as Tuned
     from cooploc.tuned import load_tuned as load_tuned
     from cooploc.tuned import tune as tune
@@ -104,6 +105,7 @@ _HOME = {
     "plans": ("plan",),
     "run_verdicts": ("verdicts", "readings"),
     "run_tables": ("information", "sensitivity"),
+    "sweeps": ("sweep",),
     "tuned": ("tune", "Tuned", "load_tuned"),
     "analysis.tuning.training_streams": ("training",),
     "scaffold": ("new_estimator",),
