@@ -31,7 +31,7 @@ def bibtex(estimators: Iterable[str], scenarios: Iterable[str] = ()) -> str:
     used = {key for name in names for key in keys(name)}
     used |= {key for key, source in sources().items() if families & set(source.get("scenarios", ()))}
     entries = [_entry(key, source) for key, source in sources().items() if key in used or key == "cooploc"]
-    missing = [f"% {name} is not built in: add its source\n" for name in names if name not in BUILTIN]
+    missing = [f"% {' '.join(name.split())} is not built in: add its source\n" for name in names if name not in BUILTIN]
     return "\n".join([*entries, *missing])
 
 
