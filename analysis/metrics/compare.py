@@ -77,7 +77,11 @@ def summarize(errors: pd.DataFrame) -> pd.DataFrame:
 
     """
     _demand_errors(errors)
-    cells = trial_means(errors)
+    return _summary(errors, trial_means(errors))
+
+
+def _summary(errors: pd.DataFrame, cells: dict[Cell, pd.DataFrame]) -> pd.DataFrame:
+    """As `summarize`, of trials whose means are known."""
     groups = errors.groupby(CELL, sort=False)
     return pd.DataFrame([_row(str(s), str(e), group, cells[str(s), str(e)]) for (s, e), group in groups])
 
@@ -136,14 +140,14 @@ def compare(
     if not margin > 0:
         raise BadInput(f"margin is {margin}; it must lie above 0, such as {MARGIN}")
     demand_same_streams(errors)
-    table = summarize(errors)
+    cells = trial_means(errors)
+    table = _summary(errors, cells)
     table["consistency"] = consistency(table)
     kinds = errors[CELL].assign(offline=offline(errors), centralised=errors["centralised"], bound=errors["bound"])
     for standing in ("centralised", "bound", "offline"):
         table[standing] = kinds.groupby(CELL, sort=False)[standing].any().to_numpy()
     known = errors if SENSES in errors else errors.assign(senses="")  # results of former versions lack it
     table[SENSES] = known.groupby(CELL, sort=False)[SENSES].first().fillna("").to_numpy()
-    cells = trial_means(errors)
     failed = {(row["scenario"], row["estimator"]): row["failed"] > 0 for row in table.to_dict("records")}
     rows = [_pair(cells, failed, (scenario, name), against[scenario], margin) for scenario, name in failed]
     pairs = pd.DataFrame(rows)
