@@ -2,16 +2,15 @@
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
 from cooploc.analysis.paper.fitted_table import DEFAULT
 from cooploc.analysis.paper.write import EXAMPLE, write
 from cooploc.estimators import split
-from cooploc.runs import kept
+from cooploc.runs import Results, kept
 
 
 def paper(
-    run: Any,
+    run: Results | str | Path,
     out: str | Path | None = None,
     columns: str | Iterable[str] = DEFAULT,
     scenarios: str | Iterable[str] = (),

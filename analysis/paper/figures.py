@@ -163,7 +163,7 @@ def _legend(made: Figure, axes: Any, names: list[str], known: Labels, columns: i
             handlelength=2.2,
             columnspacing=1.0,
             labelspacing=0.2,
-            borderpad=0.1,
+            borderpad=0.4,
         )
 
 

@@ -48,6 +48,8 @@ def save(made: Figure, path: Path) -> None:
     """Write a figure in every format; the same numbers give the same bytes."""
     with mpl.rc_context(LOOK), warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph .* missing")
+        made.draw_without_rendering()
+        made.set_layout_engine("none")  # it would be laid out again for each format, which takes longer than to draw
         for ending in FORMATS:
             dates = {"Date": None} if ending == "svg" else {"CreationDate": None, "Producer": None}
             made.savefig(path.with_suffix(f".{ending}"), metadata=dates)
