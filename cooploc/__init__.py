@@ -46,6 +46,7 @@ if _TYPE_CHECKING:
     from cooploc.estimators.plugins.tunable import tunable as tunable
     from cooploc.inspection import Inspection as Inspection
     from cooploc.inspection import inspect as inspect
+    from cooploc.paper_files import paper as paper
     from cooploc.plans import plan as plan
     from cooploc.run_tables import information as information
     from cooploc.run_tables import sensitivity as sensitivity
@@ -69,6 +70,7 @@ if _TYPE_CHECKING:
     from cooploc.scenarios.stream import Stream as Stream
     from cooploc.scenarios.stream import Truth as Truth
     from cooploc.scenarios.studies.listing import studies as studies
+    from cooploc.sweeps import sweep as sweep
     from cooploc.tuned import Tuned as Tuned
     from cooploc.tuned import load_tuned as load_tuned
     from cooploc.tuned import tune as tune
@@ -103,9 +105,11 @@ _HOME = {
     "runs": ("run_study", "load_run", "Results", "report", "compare_runs", "reproduce", "show"),
     "until_decided": ("run_until",),
     "inspection": ("inspect", "Inspection"),
+    "paper_files": ("paper",),
     "plans": ("plan",),
     "run_verdicts": ("verdicts", "readings"),
     "run_tables": ("information", "sensitivity"),
+    "sweeps": ("sweep",),
     "tuned": ("tune", "Tuned", "load_tuned"),
     "analysis.tuning.training_streams": ("training",),
     "scaffold": ("new_estimator",),

@@ -178,13 +178,28 @@ def new_estimator(
 @app.command()
 def report(
     folder: RunDirectory,
-    out: Annotated[Path | None, typer.Option("-o", "--out", help="directory [default: RUN/report]")] = None,
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", help="directory [default: RUN/report, or RUN/paper with --paper]")
+    ] = None,
     ledger: Claims = None,
+    paper: Annotated[
+        bool, typer.Option("--paper", help="instead of the page: figures (PDF, SVG), LaTeX tables and .bib for a paper")
+    ] = False,
+    columns: Annotated[
+        str | None, typer.Option(help="of the paper's tables, such as rmse,change,anees,bytes (which is the default)")
+    ] = None,
+    scenarios: Annotated[
+        str | None, typer.Option(help="comma-separated: the paper's figures and tables of these alone")
+    ] = None,
 ) -> None:
     """Write a run's report: an HTML page that needs no network, and its tables as LaTeX, Markdown and CSV."""
     from cooploc.terminal import finished_runs
 
-    finished_runs.report(cl.report(folder, out, ledger))
+    if not (paper or columns or scenarios):
+        finished_runs.report(cl.report(folder, out, ledger))
+        return
+    given = {"columns": columns, "scenarios": scenarios}
+    finished_runs.paper(cl.paper(folder, out, **{name: value for name, value in given.items() if value is not None}))
 
 
 @app.command()

@@ -2,7 +2,8 @@
 
 The comparison's non-cooperative baseline. With `anchor_reading="rssi"` it is the plain RSSI particle filter.
 
-Source: P. Parashar et al. 2020, as Latif & Parasuraman use it ("ARL").
+Source: R. Parashar, R. Parasuraman, "Particle filter based localization of access points using direction of arrival on
+mobile robots", VTC-Fall 2020, as Latif & Parasuraman use it ("ARL").
 """
 
 from dataclasses import dataclass

@@ -136,6 +136,9 @@ def simulate(
         BadInput: anything unknown, out of bounds, or missing; one line that says what to do.
 
     """
+    for key, value in overrides.items():
+        if isinstance(value, set | frozenset):
+            raise BadInput(f"{key} is a set of values, and a stream has one: cl.sweep runs estimators at each of them")
     told = {f"{ASSUMED}{key}": value for key, value in (assumed or {}).items()}
     return _resolved(label, *parse(label), data, overrides, told).simulate(trials, seed)
 

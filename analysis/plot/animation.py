@@ -16,6 +16,8 @@ from cooploc.scenarios.runner.run import Run
 from cooploc.scenarios.runner.trace import Trace
 from cooploc.scenarios.stream import Stream, Truth
 
+MOST = 400  # pictures, if no step is asked for
+RADIUS_95 = 2.4477  # of the 95 % ellipse, in standard deviations
 TRAIL = 30  # ticks of the past that stay visible
 HEARD, LOST = GREY, style.VERMILION
 
@@ -27,6 +29,7 @@ def animate(
     trial: int = 0,
     interval: float = 100.0,
     ax: Axes | None = None,
+    step: int | None = None,
 ) -> FuncAnimation:
     """Show one trial, tick by tick; in a notebook `HTML(animation.to_jshtml())`, in a file `animation.save("a.gif")`.
 
@@ -37,20 +40,28 @@ def animate(
         trial: its number.
         interval: between two ticks [ms].
         ax: where to draw; a new figure if None.
+        step: ticks from one picture to the next; where not given, so many that there are at most 400 pictures, as a
+            notebook cuts off what is longer than 20 MB.
 
     Raises:
-        BadInput: truth, run and stream do not belong together, or have no such trial.
+        BadInput: truth, run and stream do not belong together, or have no such trial; or step is below 1.
 
     """
+    if step is not None and step < 1:
+        raise BadInput(f"step is {step}; it must be at least 1")
     i = place(truth, run, trial)[0]
     if stream is not None and stream.hashes != run.hashes:
         raise BadInput(f"this stream ({stream.scenario}) is not the run's ({run.scenario}): simulate it again")
-    ax = _arena(ax or style.new_axes(6.4, 5.2), truth, stream)
+    made = ax is None
+    ax = _arena(ax or style.new_axes(6.8, 5.2), truth, stream)
+    _widen(ax, truth, list(run.traces.values()), i)
     team = _Team(ax, truth.x[i, :, :, :2], None if stream is None else stream.air.link[i])
     looks = style.session_looks(run.traces)
     beliefs = [_Belief(ax, name, trace, i, looks[name]) for name, trace in run.traces.items()]
     style.finish(ax, "x [m]", "y [m]", " ")
     style.legend(ax)
+    if made:
+        style.fit_height(ax)
 
     def draw(k: int) -> list[Any]:
         team.show(k)
@@ -59,7 +70,23 @@ def animate(
         style.note(ax, f"{run.scenario}, trial {trial}, tick {k}")
         return []
 
-    return FuncAnimation(ax.get_figure(True), draw, frames=truth.x.shape[1], interval=interval)  # type: ignore[arg-type]
+    ticks = truth.x.shape[1]
+    frames = range(0, ticks, step or -(-ticks // MOST))
+    return FuncAnimation(ax.get_figure(True), draw, frames=frames, interval=interval)  # type: ignore[arg-type]
+
+
+def _widen(ax: Axes, truth: Truth, traces: list[Trace], trial: int) -> None:
+    """Limits that hold every ellipse of every tick, as far as half an arena beyond the arena."""
+    low, high = truth.arena
+    most = (high - low) / 2
+    for trace in traces:
+        x, P = trace.x[trial, ..., :2], trace.P[trial]
+        reach = RADIUS_95 * np.sqrt(np.stack([P[..., 0, 0], P[..., 1, 1]], -1))
+        low = np.fmin(low, np.nanmin(x - reach, (0, 1)))
+        high = np.fmax(high, np.nanmax(x + reach, (0, 1)))
+    low, high = np.maximum(low, truth.arena[0] - most), np.minimum(high, truth.arena[1] + most)
+    (x0, x1), (y0, y1) = ax.get_xlim(), ax.get_ylim()
+    ax.set(xlim=(min(x0, low[0]), max(x1, high[0])), ylim=(min(y0, low[1]), max(y1, high[1])))
 
 
 class _Team:

@@ -33,6 +33,7 @@ def ellipses(truth: Truth, run: Run, trial: int = 0, tick: int = -1, ax: Axes | 
 
     """
     i, k = place(truth, run, trial, tick)
+    made = ax is None
     ax = ax or style.new_axes(7.2, 4.2)
     looks = style.session_looks(run.traces)
     for name, trace in run.traces.items():
@@ -46,6 +47,8 @@ def ellipses(truth: Truth, run: Run, trial: int = 0, tick: int = -1, ax: Axes | 
     ax.set_aspect("equal")
     style.finish(ax, "x [m]", "y [m]", f"{run.scenario}, trial {trial}, tick {k}: 95 % ellipses")
     style.legend(ax)
+    if made:
+        style.fit_height(ax)
     return ax
 
 

@@ -11,6 +11,7 @@ from cooploc.analysis.formats import counted
 from cooploc.analysis.plot import style
 from cooploc.analysis.plot.marks import drawable, marker, name_of, rmse_against, span
 from cooploc.analysis.plot.style import Look
+from cooploc.estimators.interface import Array
 
 ACROSS = 2  # panels side by side
 WIDTH, HEIGHT, LEGEND_ROW = 7.2, 2.5, 0.2  # of the figure, of a panel and of a line of the legend [in]
@@ -67,11 +68,19 @@ def _panel(ax: Axes, part: pd.DataFrame, looks: dict[str, Look], zero: float) ->
     ax.step(best["place"], best["rmse"], where="post", color=style.DARK, lw=1, zorder=1)
     style.logarithmic(ax.yaxis, *span(part, "rmse_low", "rmse_high", "rmse"))
     ax.set_xscale("log")
-    ticks = 10.0 ** np.arange(np.ceil(np.log10(2 * zero)), np.floor(np.log10(max(part["place"].max(), 10 * zero))) + 1)
+    ticks = _ticks(2 * zero, max(part["place"].max(), 10 * zero))
     ax.set_xticks([zero, *ticks], ["0", *(f"{tick:g}" for tick in ticks)])
     ax.xaxis.minorticks_off()
     trials = counted(int(part["trials"].min()), "trial")
     style.finish(ax, "bytes per robot and tick", "RMSE [m]", f"{part['scenario'].iloc[0]}, {trials}", grid="both")
+
+
+def _ticks(low: float, high: float) -> Array:
+    """Powers of ten from `low` to `high`; within two decades their double and fivefold, too."""
+    among = (1.0, 2.0, 5.0) if high < 100 * low else (1.0,)
+    powers = 10.0 ** np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1)
+    ticks = np.sort(np.outer(powers, among).ravel())
+    return ticks[(ticks >= low) & (ticks <= high)]
 
 
 def frontier(table: pd.DataFrame) -> pd.DataFrame:

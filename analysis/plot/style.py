@@ -104,6 +104,15 @@ def new_axes(width: float, height: float) -> Axes:
     return plt.subplots(figsize=(width, height), layout="constrained")[1]
 
 
+def fit_height(ax: Axes, beside: float = 2.4) -> None:
+    """The height of a figure whose axes have equal scales and `beside` which [in] a legend stands: no empty space."""
+    (x0, x1), (y0, y1) = ax.get_xlim(), ax.get_ylim()
+    figure = ax.get_figure(root=True)
+    if figure is not None:
+        width = figure.get_figwidth()
+        figure.set_figheight(min(9.0, max(2.6, (width - beside - 0.6) * (y1 - y0) / (x1 - x0) + 0.9)))
+
+
 def note(ax: Axes, text: str) -> None:
     """A line above a figure, in small print."""
     ax.set_title(text, loc="left", fontsize="small", color="0.35")

@@ -8,24 +8,39 @@ from cooploc.analysis.formats import counted
 from cooploc.analysis.metrics.consistency import CONSERVATIVE, OVER_CONFIDENT
 from cooploc.analysis.metrics.statistics import LEAST_TRIALS
 from cooploc.analysis.plot import style
-from cooploc.analysis.plot.marks import drawable, marker, name_of, rmse_against, rmse_at, span
+from cooploc.analysis.plot.marks import curve, drawable, marker, name_of, rmse_against, rmse_at, span
+from cooploc.analysis.plot.swept import by_column, by_label
 from cooploc.estimators.plugins.errors import BadInput
 
+LETTER = 0.09  # [in] that a letter of a tick is wide
+MOST_TICKS = 12  # of a sweep that are all named
 
-def rmse(errors: pd.DataFrame, ax: Axes | None = None) -> Axes:
-    """Position RMSE of every estimator in every scenario, with 95 % intervals over trials.
+
+def rmse(errors: pd.DataFrame, ax: Axes | None = None, over: str | None = None) -> Axes:
+    """Position RMSE of every estimator in every scenario, with 95 % intervals over trials; over a sweep as lines.
 
     Hollow markers are over-confident: their 95 % ellipses hold fewer true positions than they promise. Centralised
     estimators are grey.
 
     Args:
-        errors: from `cl.errors`, one row per (scenario, estimator, trial, robot).
+        errors: from `cl.errors`, one row per (scenario, estimator, trial, robot), or from `cl.sweep`.
         ax: where to draw; a new figure if None.
+        over: the column with the swept parameter. Where not given, three labels or more such as "packet-drop/drop=0.7"
+            that differ in their value alone are drawn as a sweep.
+
+    Raises:
+        BadInput: `over` is not a column of numbers, or several scenarios have the same one.
 
     """
     table = drawable(errors)
+    along = by_column(errors, table, over) if over else by_label(table)
+    if along is not None:
+        return _lines(along, ax)
     scenarios, estimators = (list(dict.fromkeys(table[column])) for column in ("scenario", "estimator"))
-    ax = ax or style.new_axes(min(14.0, max(6.5, 2.5 + 0.2 * len(scenarios) * (len(estimators) + 2))), 4.0)
+    width = min(14.0, max(6.5, 2.5 + 0.2 * len(scenarios) * (len(estimators) + 2)))
+    upright = _upright(scenarios, (width - 3.0) / len(scenarios))
+    longest = max(map(len, scenarios)) * 0.8 * LETTER if upright else 0.0
+    ax = ax or style.new_axes(width, _height(len(estimators)) + longest)
     place = dict(
         zip(estimators, np.linspace(-0.3, 0.3, len(estimators)) if len(estimators) > 1 else [0.0], strict=True)
     )
@@ -36,7 +51,10 @@ def rmse(errors: pd.DataFrame, ax: Axes | None = None) -> Axes:
     for row in table.drop_duplicates("estimator").to_dict("records"):
         solid = {**row, "consistency": ""}
         marker(ax, np.nan, np.nan, solid, looks[str(row["estimator"])], label=name_of(row))
-    ax.set_xticks(range(len(scenarios)), [_over_lines(label) for label in scenarios])
+    if upright:
+        ax.set_xticks(range(len(scenarios)), scenarios, rotation=90, fontsize="small")
+    else:
+        ax.set_xticks(range(len(scenarios)), [_over_lines(label) for label in scenarios])
     ax.set_xlim(-0.5, len(scenarios) - 0.5)
     for edge in range(1, len(scenarios)):
         ax.axvline(edge - 0.5, color=style.GRID, lw=1, zorder=0)
@@ -74,6 +92,36 @@ def tradeoff(errors: pd.DataFrame, ax: Axes | None = None) -> Axes:
     style.finish(ax, xlabel, "position RMSE [m]", f"{table['scenario'].iloc[0]}, {_trials(table)}", grid="both")
     style.legend(ax)
     return ax
+
+
+def _lines(table: pd.DataFrame, ax: Axes | None) -> Axes:
+    """RMSE over the value of a sweep, with bands."""
+    looks = style.session_looks(table["estimator"])
+    ax = ax or style.new_axes(6.5, _height(len(looks)))
+    for name, look in looks.items():
+        rows = table[(table["estimator"] == name) & table["rmse"].notna()].sort_values("value", kind="stable")
+        if len(rows):
+            curve(ax, rows, "value", look, 0.15, name_of(rows.iloc[0]))
+    style.logarithmic(ax.yaxis, *span(table, "rmse"))
+    values = sorted(set(table["value"]))
+    if len(values) <= MOST_TICKS:
+        ax.set_xticks(values, [f"{value:g}" for value in values])
+    broken = "; broken: over-confident" * bool((table["consistency"] == "over-confident").any())
+    above = f"{table['family'].iloc[0]}, {_trials(table)}{broken}"
+    style.finish(ax, table["parameter"].iloc[0], "position RMSE [m]", above, grid="both")
+    style.legend(ax)
+    return ax
+
+
+def _height(estimators: int) -> float:
+    """Of a figure [in] beside which a legend of so many entries stands."""
+    return max(4.0, 0.6 + 0.2 * estimators)
+
+
+def _upright(scenarios: list[str], room: float) -> bool:
+    """Whether the labels of scenarios are wider than their `room` [in], so that they would overlap."""
+    widest = max((len(line) for label in scenarios for line in _over_lines(label).split("\n")), default=0)
+    return widest * LETTER > room
 
 
 def _trials(table: pd.DataFrame) -> str:

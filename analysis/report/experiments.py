@@ -44,7 +44,7 @@ def experiment(name: str, plan: dict[str, list[str]], numbers: Numbers, counter:
     said = [] if only else [answer.lowest(found, part, numbers.results), answer.over_confident(part)]
     shown: list[Shown] = []
     changed: list[Table] = []
-    for (_, parameter), group in _groups(list(plan)).items():
+    for (_, parameter), group in groups(list(plan)).items():
         rows = part[part["scenario"].isin(group)]
         if parameter:
             changes = summaries.changes(group, dict.fromkeys(rows["estimator"]), numbers.results)
@@ -74,7 +74,7 @@ def ranked(rows: pd.DataFrame, results: TrialTable) -> tuple[dict[str, float], d
     return rank_groups(mse.dropna() if results.stopping is FIXED else mse, results.stopping)
 
 
-def _groups(labels: list[str]) -> dict[tuple[str, str], list[str]]:
+def groups(labels: list[str]) -> dict[tuple[str, str], list[str]]:
     """The scenarios by family and what they sweep; those of short sweeps together with those that sweep nothing."""
     found: dict[tuple[str, str], list[str]] = {}
     for label in labels:

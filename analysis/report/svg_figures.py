@@ -104,17 +104,23 @@ def against(part: pd.DataFrame, other: str, looks: Looks) -> str:
     part = part[part["rmse"].notna() & part[other].notna()]
 
     def draw(ax: Axes) -> None:
-        _anees(ax, part) if other == "anees" else _cost(ax, part, other)
-        for row in part.to_dict("records"):
-            rmse_against(ax, other, row, looks[row["estimator"]], _scale(other))
-        low, high = span(part, other)
-        if other == "anees" and low > 0:  # intervals of heavy tails span many powers of ten
-            ax.set_xlim(min(low / 1.4, 0.5), max(1.4 * high, 2.0))
-        logarithmic(ax.yaxis, *span(part, "rmse", "floor"))
-        ax.set(xlabel=NAMES[other], ylabel="position RMSE [m]", title=part["scenario"].iloc[0])
-        ax.grid(color=GRID, lw=0.8)
+        scatter(ax, part, other, looks)
+        ax.set_title(part["scenario"].iloc[0])
 
     return drawn(draw, PANEL, panel=True)
+
+
+def scatter(ax: Axes, part: pd.DataFrame, other: str, looks: Looks) -> None:
+    """RMSE of every estimator in one scenario against ANEES, bytes or seconds."""
+    _anees(ax, part) if other == "anees" else _cost(ax, part, other)
+    for row in part.to_dict("records"):
+        rmse_against(ax, other, row, looks[row["estimator"]], _scale(other))
+    low, high = span(part, other)
+    if other == "anees" and low > 0:  # intervals of heavy tails span many powers of ten
+        ax.set_xlim(min(low / 1.4, 0.5), max(1.4 * high, 2.0))
+    logarithmic(ax.yaxis, *span(part, "rmse", "floor"))
+    ax.set(xlabel=NAMES[other], ylabel="position RMSE [m]")
+    ax.grid(color=GRID, lw=0.8)
 
 
 def key(part: pd.DataFrame, looks: Looks, short: ShortNames = IN_FULL) -> str:

@@ -13,6 +13,17 @@ def report(page: Path) -> None:
     wide().print(f"report: {page}   tables: {page.parent / 'tables'}")
 
 
+def paper(example: Path) -> None:
+    """Say where a paper's figures and tables are, and how to look at them."""
+    folder = example.parent
+    counts = [
+        len(list((folder / name).glob(f"*.{ending}"))) for name, ending in (("figures", "pdf"), ("tables", "tex"))
+    ]
+    console = wide()
+    console.print(f"paper: {folder}   {counts[0]} figures, {counts[1]} tables, estimators.bib")
+    console.print(f"to see them all: cd {folder} && pdflatex {example.name} && bibtex {example.stem}")
+
+
 def verdicts(found: pd.DataFrame, ledger: Path | None) -> None:
     """Print the verdicts of a ledger on a run."""
     from cooploc.terminal import claim_verdicts

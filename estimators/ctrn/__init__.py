@@ -5,9 +5,9 @@ the sender (range or RSSI), but does not know how far the sender's belief depend
 finds the weight w that is safe whatever the correlation. Of the original we have only the abstract; these are our
 interpretations of it, one file each: moments.py, message.py and received.py.
 
-Sources: B. Wiktor, S. Rock, "Collaborative terrain relative navigation", ICRA 2020; for the relative form of covariance
-intersection, L. C. Carrillo-Arce et al., "Decentralized multi-robot cooperative localization using covariance
-intersection", IROS 2013.
+Sources: A. Wiktor, S. Rock, "Collaborative multi-robot localization in natural terrain", ICRA 2020; for the relative
+form of covariance intersection, L. C. Carrillo-Arce et al., "Decentralized multi-robot cooperative localization using
+covariance intersection", IROS 2013.
 """
 
 from dataclasses import dataclass

@@ -1,7 +1,7 @@
 """A robot's own particle filter on odometry and anchor RSSI: what ARL is, and what MRSL and CTRN build on.
 
-Source: Latif & Parasuraman, "Individual localization", eqs. (1)-(5); P. Parashar et al., "Particle filter based
-localization of access points using direction of arrival on mobile robots", 2020.
+Source: Latif & Parasuraman, "Individual localization", eqs. (1)-(5); R. Parashar, R. Parasuraman, "Particle filter
+based localization of access points using direction of arrival on mobile robots", VTC-Fall 2020.
 """
 
 from dataclasses import dataclass

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cooploc.estimators import is_builtin
-from cooploc.estimators.interface import Indices
+from cooploc.estimators.interface import Array, Indices
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.display import progress_bar
 from cooploc.scenarios.display.html import listed
@@ -19,7 +19,7 @@ from cooploc.scenarios.processes.workers import BUILTIN
 from cooploc.scenarios.runner.in_process import Foreign, demand_fit_there, traced_there
 from cooploc.scenarios.runner.named import demand_stream, named
 from cooploc.scenarios.runner.trace import Trace, demand_fit, trace, warm_up
-from cooploc.scenarios.stream import Stream
+from cooploc.scenarios.stream import Stream, Truth
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -38,6 +38,7 @@ class Run:
     traces: Mapping[str, Trace] = field(default_factory=dict)
     isolated: bool = True  # what is not built in ran in a process of its own
     unchecked: frozenset[str] = frozenset()  # names of what is not built in, and so was not checked
+    time: Array | None = None  # (T,) end of each tick [s]
 
     def __repr__(self) -> str:
         return f"Run({self.scenario!r}, {len(self.trial)} trials, {', '.join(self.traces)}{self._where()})"
@@ -51,17 +52,23 @@ class Run:
     def _where(self) -> str:
         return "" if self.isolated else ", all in one process"
 
-    def to_xarray(self) -> "Dataset":
-        """Every trace in one xarray.Dataset; `cooploc.scenarios.runner.to_xarray` says what it holds.
+    def to_xarray(self, truth: Truth | None = None) -> "Dataset":
+        """Every trace in one xarray.Dataset, with units, which `to_netcdf` writes to a file.
+
+        Variables: the estimates `x` and their covariances `P`, `messages`, `bytes` and `seconds` of computing; with the
+        truth also `truth` and `error`, the distance [m] of every estimate from it, nan where it is not known. The
+        coordinate `time` is in seconds.
+
+        Args:
+            truth: of the same stream as the run.
 
         Raises:
-            BadInput: the run has no estimators.
+            BadInput: the run has no estimators, or the truth is that of another stream.
 
         """
-        from cooploc.scenarios.runner.to_xarray import dataset  # xarray takes long to import
+        from cooploc.scenarios.runner.to_xarray import Played, dataset  # xarray takes long to import
 
-        attributes = {"scenario": self.scenario, "seed": self.seed, "hashes": list(self.hashes)}
-        return dataset(self.traces, self.trial, attributes)
+        return dataset(Played(self.scenario, self.seed, self.trial, self.hashes, self.time, self.traces), truth)
 
 
 def _cost(trace: Trace, unchecked: bool) -> tuple[str, ...]:
@@ -117,7 +124,7 @@ def run(estimators: Any, stream: Stream, jobs: int = 1, isolate: bool = True, ti
                 if name not in unchecked:
                     warm_up(name, one, stream)
                 traces[name] = trace(name, one, stream, advance=advance)
-    return Run(stream.scenario, stream.seed, stream.trial, stream.hashes, traces, isolate, unchecked)
+    return Run(stream.scenario, stream.seed, stream.trial, stream.hashes, traces, isolate, unchecked, stream.time)
 
 
 def _demand_possible(jobs: int, isolate: bool, time_limit: float) -> None:

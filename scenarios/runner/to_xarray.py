@@ -1,62 +1,96 @@
 """A run as an xarray.Dataset with labelled axes: everything that traces have, such as `x` with the axes `BELIEF`.
 
-    data = run.to_xarray()
-    data["x"].sel(estimator="arl", robot=0, axis="x").mean("trial").plot()
+    data = run.to_xarray(truth)
+    data["error"].sel(estimator="arl", robot=0).mean("trial").plot(x="time")
+    data.to_netcdf("run.nc")
 
 `P` has `axis` for its rows and `other_axis` for its columns. An estimator's notes are "note: NAME", nan where it has
-no note of that name.
+no note of that name. Every variable has `units` as CF writes them; where axes differ in theirs, the coordinate `unit`
+has that of each axis. What netCDF 3 cannot keep is written otherwise: a large seed as text, a flag as 0 or 1.
 """
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
 
-from cooploc.estimators.interface import Indices
+from cooploc.estimators.interface import Array, Indices
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.runner.trace import Trace
+from cooploc.scenarios.stream import Truth
 
-AXES = ("x", "y", "heading")
+AXES, UNITS = ("x", "y", "heading"), ("m", "m", "rad")
 BELIEF = ("estimator", "trial", "tick", "robot", "axis")
 COUNT = ("estimator", "trial", "robot")
+LARGEST = 2**31  # above which netCDF 3 has no whole numbers
 
 
-def dataset(traces_by_name: Mapping[str, Trace], trial: Indices, attributes: Mapping[str, Any]) -> xr.Dataset:
-    """Every trace of a run, by its estimator's name.
+class Played(NamedTuple):
+    """What of a run goes into a dataset."""
 
-    Args:
-        traces_by_name: on the same trials.
-        trial: their numbers (t,).
-        attributes: of the dataset.
+    scenario: str
+    seed: int
+    trial: Indices  # (t,)
+    hashes: tuple[str, ...]  # of the stream's trials
+    time: Array | None  # (T,) end of each tick [s]
+    traces: Mapping[str, Trace]
+
+
+def dataset(run: Played, truth: Truth | None = None) -> xr.Dataset:
+    """Every trace of a run, by its estimator's name; with the truth, the errors too.
 
     Raises:
-        BadInput: the run has no estimators.
+        BadInput: the run has no estimators, or the truth is that of another stream.
 
     """
-    traces = list(traces_by_name.values())
+    traces = list(run.traces.values())
     if not traces:
         raise BadInput("this run has no estimators, so there is nothing to put into a dataset: run some")
     _, ticks, robots, d = traces[0].x.shape
+    one_unit = d == 2
     variables = {
-        "x": (BELIEF, np.stack([t.x for t in traces]), {"long_name": "estimate", "units": "m, m, rad"}),
-        "P": ((*BELIEF, "other_axis"), np.stack([t.P for t in traces]), {"long_name": "its covariance"}),
-        "messages": (COUNT, np.stack([t.messages for t in traces]), {"long_name": "messages sent"}),
-        "bytes": (COUNT, np.stack([t.bytes for t in traces]), {"long_name": "bytes sent", "units": "B"}),
-        "seconds": ("estimator", [t.seconds for t in traces], {"long_name": "time taken", "units": "s"}),
-        "centralised": ("estimator", [t.centralised for t in traces], {"long_name": "all readings reach one computer"}),
-        "bound": ("estimator", [t.bound for t in traces], {"long_name": "bounds all other estimators"}),
-        **_notes(traces_by_name),
+        "x": (BELIEF, np.stack([t.x for t in traces]), _about("estimate", "m" if one_unit else "")),
+        "P": ((*BELIEF, "other_axis"), np.stack([t.P for t in traces]), _about("its covariance", "m2" * one_unit)),
+        "messages": (COUNT, np.stack([t.messages for t in traces]), _about("messages sent", "1")),
+        "bytes": (COUNT, np.stack([t.bytes for t in traces]), _about("bytes sent", "byte")),
+        "seconds": ("estimator", [t.seconds for t in traces], _about("computing time", "s")),
+        "centralised": ("estimator", [t.centralised for t in traces], _about("all readings reach one computer")),
+        "bound": ("estimator", [t.bound for t in traces], _about("bounds all other estimators")),
+        **_notes(run.traces),
+        **({} if truth is None else _errors(run, truth)),
     }
     coordinates = {
-        "estimator": list(traces_by_name),
-        "trial": trial,
+        "estimator": list(run.traces),
+        "trial": run.trial,
         "tick": np.arange(ticks),
         "robot": np.arange(robots),
         "axis": list(AXES[:d]),
         "other_axis": list(AXES[:d]),
+        "unit": ("axis", list(UNITS[:d]), _about("unit of an axis")),
+        "stream": ("trial", list(run.hashes), _about("hash of the trial's stream")),
+        **({} if run.time is None else {"time": ("tick", run.time, _about("end of the tick", "s"))}),
     }
-    return xr.Dataset(variables, coordinates, attributes)
+    seed = run.seed if run.seed < LARGEST else str(run.seed)
+    return xr.Dataset(variables, coordinates, {"scenario": run.scenario, "seed": seed})
+
+
+def _errors(run: Played, truth: Truth) -> Mapping[str, Any]:
+    """The truth, and how far each estimate is from it."""
+    if truth.origin != run.hashes:
+        raise BadInput(f"this truth ({truth.scenario}) is not the run's ({run.scenario}): simulate it again")
+    d = next(iter(run.traces.values())).x.shape[-1]
+    known = np.where(truth.valid[..., None], truth.x, np.nan)
+    known = np.concatenate([known, np.full((*known.shape[:-1], max(0, d - known.shape[-1])), np.nan)], -1)[..., :d]
+    far = [np.hypot(*np.moveaxis(trace.x[..., :2] - known[..., :2], -1, 0)) for trace in run.traces.values()]
+    return {
+        "truth": (BELIEF[1:], known, _about("true pose", "m" if d == 2 else "")),
+        "error": (BELIEF[:-1], np.stack(far), _about("distance of the estimate from the true position", "m")),
+    }
+
+
+def _about(name: str, units: str = "") -> dict[str, str]:
+    return {"long_name": name, "units": units} if units else {"long_name": name}
 
 
 def _notes(traces: Mapping[str, Trace]) -> Mapping[str, Any]:

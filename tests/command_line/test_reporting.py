@@ -42,6 +42,18 @@ def test_report_writes_a_page_and_its_tables_and_says_where(place):
     assert {f.suffix for f in (place / "out" / "tables").iterdir()} == {".tex", ".md", ".csv"}
 
 
+def test_report_for_a_paper_writes_figures_tables_and_references(place):
+    asked = ("--scenarios", "trajectory[ticks=6]", "--columns", "rmse,group")
+    done = cooploc("report", "one", "--paper", *asked, "-o", "paper", cwd=place)
+    assert done.returncode == 0, done.stderr
+    assert "paper: paper   " in done.stdout
+    assert "thrun2005" in (place / "paper" / "estimators.bib").read_text()
+    assert r"\input{tables/" in (place / "paper" / "example.tex").read_text()
+    wrong = cooploc("report", "one", "--columns", "rmse,anes", cwd=place)
+    assert (wrong.returncode, wrong.stderr.count("\n")) == (2, 1)
+    assert "did you mean 'anees'?" in wrong.stderr
+
+
 def test_verdicts_prints_the_verdicts_that_the_report_has(place):
     done = cooploc("verdicts", "one", "--ledger", "ledger.toml", cwd=place)
     assert done.returncode == 0, done.stderr

@@ -3,6 +3,7 @@
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+import xarray as xr
 
 import cooploc as cl
 from cooploc.analysis.plot.ellipses import shape
@@ -59,6 +60,25 @@ def test_a_dataset_names_every_axis(ran):
     assert data.attrs["scenario"] == run.scenario
 
 
+def test_a_dataset_with_the_truth_has_errors_seconds_and_units_and_goes_into_a_file(ran, tmp_path):
+    truth, stream, run = ran
+    data = run.to_xarray(truth)
+    data.to_netcdf(tmp_path / "run.nc")
+    again = xr.load_dataset(tmp_path / "run.nc")
+    xr.testing.assert_equal(again, data)
+    assert again.attrs == data.attrs == {"scenario": run.scenario, "seed": run.seed}
+    assert list(again["unit"].values) == ["m", "m", "rad"]
+    assert (again["error"].units, again["seconds"].units, again["time"].units) == ("m", "s", "s")
+    np.testing.assert_array_equal(again["time"], stream.time)
+    assert again["stream"].values.tolist() == list(run.hashes)
+    mean = again["error"].sel(estimator="ekf-local").mean("tick")
+    expected = cl.errors(truth, run).query("estimator == 'ekf-local'")["mean_error"]
+    np.testing.assert_allclose(mean.values.ravel(), expected)
+    other, _ = cl.simulate(run.scenario, trials=len(run.trial), seed=run.seed + 1)
+    with pytest.raises(cl.BadInput, match="simulate it again"):
+        run.to_xarray(other)
+
+
 def test_an_animation_shows_every_tick(ran, tmp_path):
     truth, stream, run = ran
     _, ax = plt.subplots()
@@ -70,6 +90,21 @@ def test_an_animation_shows_every_tick(ran, tmp_path):
     _, other = cl.simulate("camera/n=2", trials=2, seed=2, ticks=8)
     with pytest.raises(cl.BadInput, match="simulate it again"):
         cl.plot.animate(truth, run, other)
+    plt.close("all")
+
+
+def test_no_ellipse_of_an_animation_is_cut_off(ran):
+    truth, stream, run = ran
+    film = cl.plot.animate(truth, run, stream, step=3)
+    assert list(film.new_frame_seq()) == [0, 3, 6]
+    film._init_draw()  # else matplotlib warns that it was never drawn
+    ax = plt.gcf().axes[0]
+    for trace in run.traces.values():
+        reach = 2.4 * np.sqrt(trace.P[0, ..., 0, 0])
+        assert (trace.x[0, ..., 0] + reach).max() < ax.get_xlim()[1]
+        assert (trace.x[0, ..., 0] - reach).min() > ax.get_xlim()[0]
+    with pytest.raises(cl.BadInput, match="step is 0"):
+        cl.plot.animate(truth, run, step=0)
     plt.close("all")
 
 

@@ -1,0 +1,1 @@
+"""A run's figures, tables and references for a two-column paper in LaTeX."""

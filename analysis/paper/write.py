@@ -1,0 +1,158 @@
+"""Write what a run has for a paper: figures as PDF and SVG at one and two columns' width, tables, references."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from cooploc.analysis.claims.trial_table import TrialTable, collect
+from cooploc.analysis.execution.stored_run import Kept
+from cooploc.analysis.metrics.compare import compare
+from cooploc.analysis.metrics.crlb import floors
+from cooploc.analysis.metrics.decisions import with_decisions
+from cooploc.analysis.metrics.over_time import sweep
+from cooploc.analysis.metrics.stopping import ANYTIME, FIXED
+from cooploc.analysis.paper import figures, sizes
+from cooploc.analysis.paper.bibliography import bibtex
+from cooploc.analysis.paper.document import Included, document
+from cooploc.analysis.paper.labels import Labels, file_name, labels
+from cooploc.analysis.paper.tables import Placed, placed
+from cooploc.analysis.plot import style
+from cooploc.analysis.report import result_tables, summaries
+from cooploc.analysis.report.experiments import groups, ranked
+from cooploc.analysis.report.methods import FLOORED
+from cooploc.estimators.plugins.errors import BadInput, nearest
+
+EXAMPLE = "example.tex"
+OVER = (
+    "Position RMSE over {} in {}; bands: 95 % intervals over trials. Hollow: over-confident, broken lines: so at most "
+    "values; grey and dotted: centralised."
+)
+DOTS = "Position RMSE with 95 % intervals over trials. Hollow: over-confident; grey: centralised; dotted: the floor."
+AGAINST = "Position RMSE against {} in {}, with 95 % intervals over trials. Hollow: over-confident; grey: centralised."
+NAMES = {"anees": "ANEES (grey band: consistent)", "bytes": "bytes (broken: the Pareto front)"}
+NAMES["seconds"] = "time (broken: the Pareto front)"
+
+
+class Part(NamedTuple):
+    """One experiment: its rows of `compare` with floors, of the scenarios that are asked for."""
+
+    name: str
+    rows: pd.DataFrame
+    scenarios: list[str]
+    drawn: list[str]  # scenarios that sweep nothing and are drawn
+
+
+class Drawn(NamedTuple):
+    """A figure before it is saved."""
+
+    figure: Figure
+    included: Included
+
+
+def write(kept: Kept, out: Path, columns: Sequence[str], scenarios: Sequence[str] = ()) -> list[Path]:
+    """Write figures/, tables/, estimators.bib and a document that includes them all; returns the files.
+
+    Every sweep is drawn. Of scenarios that sweep nothing, `scenarios` are, or else the first, the middle and the last
+    of each experiment; the tables have all of them, or those of `scenarios`.
+
+    Raises:
+        BadInput: a scenario or a column is unknown, or the columns do not fit a page.
+
+    """
+    known = labels(kept.rows["estimator"])
+    stopping = ANYTIME if kept.looks else FIXED
+    results = collect(kept.rows, stopping)
+    parts = _parts(kept, scenarios)
+    shown = [one for part in parts for one in _tables(part, results, columns, known, kept)]
+    for name in ("figures", "tables"):
+        (out / name).mkdir(parents=True, exist_ok=True)
+    included = []
+    for part in parts:
+        for one in _figures(part, known):
+            sizes.save(one.figure, out / "figures" / one.included.name)
+            included.append(one.included)
+    texts = {f"tables/{one.name}.tex": one.latex for one in shown}
+    used = pd.concat([part.rows for part in parts])
+    texts["estimators.bib"] = bibtex(used["estimator"], used["scenario"])
+    texts[EXAMPLE] = document(f"cooploc: {kept.manifest['study']['name']}", included, shown)
+    for name, text in texts.items():
+        (out / name).write_text(text, encoding="utf-8")
+    drawn = [out / "figures" / f"{one.name}.{ending}" for one in included for ending in sizes.FORMATS]
+    return [*drawn, *(out / name for name in texts)]
+
+
+def _parts(kept: Kept, scenarios: Sequence[str]) -> list[Part]:
+    """The experiments with what is asked of them."""
+    there = list(dict.fromkeys(kept.rows["scenario"]))
+    for name in scenarios:
+        if name not in there:
+            raise BadInput(f"this run has no scenario {name!r}; {nearest(name, there)}")
+    table = compare(kept.rows, kept.baselines, full=True)
+    table = table if kept.comparisons is None else with_decisions(table, kept.comparisons)
+    parts = []
+    for name, plan in kept.experiments.items():
+        asked = [label for label in plan if not scenarios or label in scenarios]
+        single = [label for (_, parameter), found in groups(asked).items() if not parameter for label in found]
+        mine = [e in plan.get(s, ()) and s in asked for s, e in zip(table["scenario"], table["estimator"], strict=True)]
+        if asked:
+            parts.append(Part(name, table[mine], asked, single if scenarios else figures.three(single)))
+    every = [label for part in parts for label in (*part.drawn, *(s for s in part.scenarios if sweep(s)[1]))]
+    floor = floors(every, kept.manifest["seed"], FLOORED)
+    return [part._replace(rows=part.rows.assign(floor=part.rows["scenario"].map(floor))) for part in parts]
+
+
+def _tables(part: Part, results: TrialTable, columns: Sequence[str], known: Labels, kept: Kept) -> list[Placed]:
+    by_scenario = part.rows.groupby("scenario", sort=False)
+    asked = {"rank", "group"} & set(columns)
+    ranks = {str(label): ranked(rows, results) if asked else ({}, {}) for label, rows in by_scenario}
+    table = result_tables.results(file_name(part.name), part.rows, ranks, part.name)
+    found = summaries.standings(part.rows, results)
+    return placed(table.name, table, columns, known, found, _about(part.rows, kept))
+
+
+def _figures(part: Part, known: Labels) -> Iterator[Drawn]:
+    """Every figure of an experiment at both widths."""
+    looks = style.looks(part.rows["estimator"])
+    anchor = file_name(part.name)
+    for width in sizes.COLUMNS:
+        for (family, parameter), labels_ in groups(part.scenarios).items():
+            rows = part.rows[part.rows["scenario"].isin(labels_)]
+            if parameter and rows["rmse"].notna().any():
+                made = figures.over(rows, looks, known, width)
+                yield _named(made, [anchor, family, parameter], OVER.format(parameter, family), rows, known, width)
+        ended = part.rows[part.rows["rmse"].notna()]
+        single = [(label, ended[ended["scenario"] == label]) for label in part.drawn]
+        single = [(label, rows) for label, rows in single if len(rows)]
+        for together in _by(single, 1 if width == 1 else 3):
+            made = figures.dots([rows for _, rows in together], looks, known, width)
+            rows = pd.concat([rows for _, rows in together])
+            yield _named(made, [anchor, "rmse", together[0][0]], DOTS, rows, known, width)
+        swept = [label for label in part.scenarios if label not in {name for name, _ in single}]
+        for label in part.drawn or figures.three(swept):
+            rows = ended[ended["scenario"] == label]
+            for others in [figures.OTHERS] if width == 2 else [(other,) for other in figures.OTHERS]:
+                if len(rows):
+                    made = figures.against(rows, others, looks, known, width)
+                    said = AGAINST.format(", ".join(NAMES[other] for other in others), label)
+                    yield _named(made, [anchor, "-".join(others), label], said, rows, known, width)
+
+
+def _named(made: Figure, words: list[str], said: str, rows: pd.DataFrame, known: Labels, width: int) -> Drawn:
+    """A figure with its name, its caption and its legend."""
+    legend = known.legend(dict.fromkeys(rows["estimator"]))
+    name = f"{file_name(*words)}-{width}col"
+    return Drawn(made, Included(name, " ".join([said, *(f"{line}." for line in legend)]), width))
+
+
+def _by(found: list[tuple[str, pd.DataFrame]], number: int) -> Iterable[list[tuple[str, pd.DataFrame]]]:
+    return (found[i : i + number] for i in range(0, len(found), number))
+
+
+def _about(rows: pd.DataFrame, kept: Kept) -> str:
+    counts = np.unique(rows["trials"])
+    trials = f"{counts[0]}" if len(counts) == 1 else f"{counts[0]} to {counts[-1]}"
+    return f"n = {trials} trials a scenario, seed {kept.manifest['seed']}"

@@ -1,0 +1,138 @@
+"""What a paper takes from a run: figures of its columns' width, tables that fit, references that are true."""
+
+import re
+import shutil
+import subprocess
+import zlib
+
+import pandas as pd
+import pytest
+from made_runs import EVIL, kept_from, rows_of
+
+from cooploc.analysis.paper import bibliography, fitted_table, tables, write
+from cooploc.analysis.paper.labels import labels
+from cooploc.estimators import BUILTIN, make
+from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.plugins.listing import source_of
+
+LONG = "mrsl-rssi[particles=500,anchor_reading=rssi]"
+TEAM = {"arl": (1.0, 1.0), LONG: (0.5, 1.1), f"a/b/{EVIL}[x=1]": (0.8, 9.0), "ekf-joint": (0.2, 1.0)}
+COLUMNS = ("rmse", "change", "anees", "bytes")
+WIDE = ("rmse", "change", "anees", "coverage95", "bytes", "seconds")
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory):
+    labels_ = [f"packet-drop/drop={d}[ticks=8]" for d in (0, 0.5, 0.9)] + ["nlos[ticks=8]", f"{EVIL}/{'long,' * 30}"]
+    rows = pd.concat([rows_of(label, TEAM, bounds=("ekf-joint",)) for label in labels_], ignore_index=True)
+    return kept_from(rows, tmp_path_factory.mktemp("paper"), name=EVIL)
+
+
+@pytest.fixture(scope="module")
+def written(kept):
+    write.write(kept, kept.folder / "paper", COLUMNS)
+    return kept.folder / "paper"
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("pdflatex") is None, reason="no LaTeX is installed")
+def test_every_figure_and_table_fits_a_two_column_paper(written, kept):
+    more = write.write(kept, kept.folder / "wide", WIDE, ["nlos[ticks=8]"])
+    assert any(r"\begin{table*}" in file.read_text() for file in more if file.parent.name == "tables")
+    for folder in (written, kept.folder / "wide"):
+        command = ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", write.EXAMPLE]
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, errors="replace")
+        assert done.returncode == 0, done.stdout[-2000:]
+        assert re.findall(r"Overfull.*|Float too large.*|.*undefined on input.*", done.stdout) == []
+        for file in (folder / "figures").glob("*.pdf"):
+            assert f"<{file}" in done.stdout.replace("\n", "") or file.name in done.stdout.replace("\n", "")
+
+
+@pytest.mark.slow
+def test_figures_have_the_width_of_a_column_or_of_two_and_their_fonts_within(written):
+    files = sorted((written / "figures").glob("*.pdf"))
+    assert {file.stem for file in files} == {file.stem for file in (written / "figures").glob("*.svg")}
+    for file in files:
+        body = file.read_bytes()
+        left, _, right, _ = map(float, re.search(rb"/MediaBox \[ ([\d. ]+) \]", body)[1].split())
+        assert (right - left) / 72 == pytest.approx(3.48 if file.stem.endswith("1col") else 7.14, abs=0.01)
+        fonts = b"".join(_streams(body)) + body
+        assert b"/FontFile2" in fonts
+        assert b"/Type3" not in fonts
+        assert b"<text" not in file.with_suffix(".svg").read_bytes()
+
+
+def _streams(body):
+    """The packed parts of a PDF file that can be unpacked."""
+    for part in re.findall(rb"stream\r?\n(.*?)endstream", body, re.DOTALL):
+        try:
+            yield zlib.decompress(part)
+        except zlib.error:
+            continue
+
+
+@pytest.mark.slow
+def test_a_sweep_and_single_scenarios_are_drawn_and_the_tables_have_them_all(written):
+    names = {file.stem for file in (written / "figures").glob("*.pdf")}
+    assert "one-packet-drop-ticks-8-drop-1col" in names
+    assert {
+        "one-rmse-nlos-ticks-8-1col",
+        "one-anees-nlos-ticks-8-1col",
+        "one-anees-bytes-seconds-nlos-ticks-8-2col",
+    } <= names
+    latex = "".join(file.read_text() for file in (written / "tables").iterdir())
+    for word in (r"\toprule", r"\label{tab:one", r"\caption{", "mrsl-rssi {[}a{]}", "anchor", "RMSE {[}m{]}", "change"):
+        assert word in latex
+    assert latex.count("drop=0.9") == 1
+    assert latex.count(r"\textsuperscript{o}") > 1  # who is over-confident, and what that means
+    assert "seed 3" in latex
+
+
+def test_what_does_not_fit_or_is_unknown_is_said(kept):
+    with pytest.raises(BadInput, match="no column 'rsme'; did you mean 'rmse'"):
+        write.write(kept, kept.folder / "no", ["rsme"])
+    with pytest.raises(BadInput, match=r"no scenario 'nlos\[ticks=9\]'; did you mean 'nlos"):
+        write.write(kept, kept.folder / "no", COLUMNS, ["nlos[ticks=9]"])
+    many = [fitted_table.Quantity("head", ["1234567890"], ["[1234567890, 1234567890]"])] * 12
+    with pytest.raises(BadInput, match=r"a page 7\.14 in: choose fewer by --columns"):
+        fitted_table.layout(["name"], many)
+
+
+def test_a_table_takes_the_narrowest_layout_that_fits():
+    one = fitted_table.Quantity("RMSE [m]", ["0.123"], ["[0.110, 0.140]"])
+    layouts = [fitted_table.layout(["ekf-local [a]"], [one] * number) for number in (1, 4, 6, 8)]
+    assert [(how.columns, how.stacked) for how in layouts] == [(1, False), (1, True), (2, False), (2, True)]
+
+
+def test_equal_settings_have_equal_letters():
+    found = labels(["arl", "ekf-local[a=1,b=2]", "ekf-joint[a=1,b=2]", "ekf-joint[a=2]", "my/folder/file.py:Filter"])
+    assert list(found.short.values()) == ["arl", "ekf-local [a]", "ekf-joint [a]", "ekf-joint [b]", "file.py:Filter"]
+    assert found.legend(["arl", "ekf-local[a=1,b=2]"]) == ["[a] a=1, b=2"]
+
+
+@pytest.mark.parametrize("name", [name for name in BUILTIN if source_of(type(make(name)))])
+def test_the_bibliography_has_the_source_that_an_estimator_names(name):
+    told = source_of(type(make(name)))
+    first = bibliography.sources()[bibliography.keys(name)[0]]
+    assert str(first["year"]) in told
+    for author in first["author"].split(" and "):
+        family = re.sub(r"{\\\W(\w)}", r"\1", author.partition(",")[0])  # without accents
+        assert family in told, family
+    assert re.sub(r"[{}]", "", first["title"]).casefold() in told.casefold()
+
+
+def test_the_bibliography_of_a_run_holds_what_it_used_and_no_more():
+    found = bibliography.bibtex(["ekf-luft[gate=9]", "mine.py:Filter"], ["mrclam/all"])
+    assert re.findall(r"@\w+{(\w+),", found) == ["cooploc", "luft2018", "leung2011"]
+    assert "% mine.py:Filter is not built in: add its source" in found
+    assert found.count("{") == found.count("}")
+    known = {name for source in bibliography.sources().values() for name in source.get("estimators", ())}
+    assert known == {name for name in BUILTIN if name != "dead-reckoning"}
+
+
+def test_a_table_is_no_longer_than_a_page():
+    rows = [{"scenario": f"s{i // 20}", "estimator": str(i)} for i in range(200)]
+    how = fitted_table.Layout(1, True, 200.0)
+    chunks = tables.chunks(rows, how)
+    assert [row for chunk in chunks for row in chunk if isinstance(row, int)] == list(range(200))
+    assert max(sum(1 if isinstance(row, str) else 2 for row in chunk) for chunk in chunks) <= tables.LINES
