@@ -43,7 +43,7 @@ arena and with cameras, 2 trials of 30 ticks each; those that compute the same a
 certificate, with what it leaves out. RMSE [m] and processor time in microseconds for a robot and tick: 4 trials of
 `robots-1-3/n=3[ticks=60]`, as in the study `quick` but shorter, then a minute of five real robots (`mrclam/all`).
 filterpy and GTSAM are in the lock; the other libraries are tried where they are on PYTHONPATH. navlie is that of its
-repository, with pymlg of the same authors.
+repository, with pymlg of the same authors without its compiled part.
 
 """
 
