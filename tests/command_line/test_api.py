@@ -1,6 +1,7 @@
 """What a user types after `cl.`: the names that are shown, the lists, and whole studies from Python."""
 
 import ast
+import re
 import subprocess
 import sys
 from importlib import import_module
@@ -178,10 +179,15 @@ def test_verdicts_are_the_same_of_results_of_a_folder_and_of_rows(results, place
         cl.verdicts(3)
 
 
+def without_links(page):
+    return re.sub("</?a[ >][^<]*?>|</?a>", "", page.read_text("utf-8"))
+
+
 def test_a_report_is_written_and_its_trials_are_reproduced(results, place):
     page = cl.report(results)
     assert page == place / "run" / "report" / "index.html"
-    assert cl.report(place / "run", out=place / "elsewhere").read_bytes() == page.read_bytes()
+    elsewhere = cl.report(place / "run", out=place / "elsewhere")  # names the run's files, and does not link them
+    assert without_links(elsewhere) == without_links(page)
     found = cl.reproduce(page, trials=2)
     assert found.equal
     assert len(found.table) == 4

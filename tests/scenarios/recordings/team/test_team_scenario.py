@@ -271,6 +271,9 @@ class Told:
     def begin(self, *_):
         pass
 
+    def compiling(self):
+        pass
+
     def advance(self, *_):
         pass
 
