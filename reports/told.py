@@ -170,7 +170,10 @@ class Told:
 
 def claims() -> dict[str, dict[str, Any]]:
     """Of every claim of the paper: how many specifications there are, and how many of them have each verdict."""
-    table = pd.read_csv(Path(__file__).parent / "readings" / "map.csv", dtype={"claim": str})
+    path = Path(__file__).parent / "readings" / "map.csv"
+    if not path.exists():
+        raise BadInput(f"{path} is not there; python reports/readings.py RUN_DIR writes it")
+    table = pd.read_csv(path, dtype={"claim": str})
     return {row["claim"]: row for row in table.to_dict("records")}
 
 

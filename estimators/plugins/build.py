@@ -105,7 +105,7 @@ def _validated(name: str, make: Any, key: str, value: Any, default: Any) -> Any:
         return _adapter(make, key, kind).validate_python(value)
     except ValidationError as e:
         first = e.errors()[0]
-        where = (part for part in first["loc"] if part not in ("int", "float"))  # of a union, which nobody wrote
+        where = (part for part in first["loc"] if part not in ("int", "float"))  # of a union: no key that was given
         raise BadInput(f"estimator {name!r}, {first_reason([{**first, 'loc': (key, *where)}])}") from None
     except (PydanticUserError, NameError):  # an annotation that pydantic does not know
         return value

@@ -16,14 +16,14 @@ import numpy as np
 from cooploc import estimators, scenarios
 
 SIGNALS = signal.SIGINT, signal.SIGTERM, signal.SIGALRM
-PYTEST = "PYTEST_CURRENT_TEST"  # set by pytest itself
+PASSING = "PYTEST_CURRENT_TEST", "KMP_DUPLICATE_LIB_OK", "KMP_INIT_AT_FORK"  # of pytest; of imported libraries
 CHOSEN = {"backend", "backend_fallback"}  # of rcParams: pyplot fills them in when it is first imported
 
 
 def look():
     """What is global, by name; each entry by its own name, or its number in a list."""
     return {
-        "os.environ": {name: value for name, value in os.environ.items() if name != PYTEST},
+        "os.environ": {name: value for name, value in os.environ.items() if name not in PASSING},
         "the working directory": {"": os.getcwd()},
         "sys.argv": dict(enumerate(sys.argv)),
         "numpy's error state": np.geterr(),
