@@ -224,12 +224,12 @@ def compare(before: RunDirectory, after: Annotated[Path, typer.Argument(help="an
 
 @app.command()
 def reproduce(
-    page: Annotated[Path, typer.Argument(help="a report's directory or its page")],
-    trials: Annotated[int, typer.Option(min=1, help="how many of the report's trials to run again")] = 6,
+    page: Annotated[Path, typer.Argument(help="a run's directory, or a report's, or its page")],
+    trials: Annotated[int, typer.Option(min=1, help="how many of its trials to run again")] = 6,
     data: Recordings = None,
-    trust: Annotated[bool, typer.Option("--trust", help="run Python files that the report names")] = False,
+    trust: Annotated[bool, typer.Option("--trust", help="run Python files that it names")] = False,
 ) -> None:
-    """Run some of a report's trials again: exit code 0 where all are bit-equal, 1 where any differs."""
+    """Run some trials of a run or a report again: exit code 0 where all are bit-equal, 1 where any differs."""
     from cooploc.terminal import finished_runs
 
     found = cl.reproduce(page, trials, data, trust)

@@ -189,16 +189,16 @@ def compare_runs(before: Results | str | Path, after: Results | str | Path) -> R
 
 
 def reproduce(page: str | Path, trials: int = 6, data: str | Path | None = None, trust: bool = False) -> Reproduced:
-    """Run some of a report's trials again, and say which are bit-equal.
+    """Run some trials of a run or a report again, and say which are bit-equal.
 
     Args:
-        page: a report's directory or its page.
-        trials: how many, of those that the report embeds.
+        page: a run's directory, a report's, or its page.
+        trials: how many, of three of every scenario.
         data: the directory of recordings, for scenarios that need one.
-        trust: whether Python files that the report names may run. Nothing else that it holds is code.
+        trust: whether Python files that are named there may run. Nothing else there is code.
 
     Raises:
-        BadInput: it is not a report, none of its trials can be run here, or a file would run without `trust`.
+        BadInput: it is neither, none of its trials can be run here, or a file would run without `trust`.
 
     """
     if trials < 1:

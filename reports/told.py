@@ -177,6 +177,30 @@ def claims() -> dict[str, dict[str, Any]]:
     return {row["claim"]: row for row in table.to_dict("records")}
 
 
+def in_letter(claim: str, scenario: str, **instead: str) -> Number:
+    """What a claim comes to in the reading nearest to the paper's letter, with other choices in some dimensions.
+
+    Args:
+        claim: its number in the ledger.
+        scenario: one of its scenarios.
+        instead: choices by dimension, with "_" for a space: `direction_error="one angle, wrapped"`.
+
+    """
+    path = Path(__file__).parent / "readings" / "readings.csv"
+    table = pd.read_csv(path, dtype={"claim": str})
+    dimensions = list(table)[list(table).index("preset") + 1 :]
+    table[dimensions] = table[dimensions].astype("object").fillna("")  # where a dimension does not bear on the claim
+    of_claim = table[(table["claim"] == claim) & (table["scenario"] == scenario) & (table["definition"] == "change")]
+    letter = of_claim[of_claim["letter"].astype(bool)]
+    if letter.empty:
+        raise BadInput(f"{path}: claim {claim} has no {scenario!r} in the reading nearest to the letter")
+    wanted = {**letter.iloc[0][dimensions], **{name.replace("_", " "): choice for name, choice in instead.items()}}
+    found = of_claim[(of_claim[dimensions] == pd.Series(wanted)).all(axis=1)]
+    if found.empty:
+        raise BadInput(f"{path}: claim {claim} in {scenario!r} was not run with {instead}")
+    return Number(*found.iloc[0][["value", "low", "high"]].astype(float))
+
+
 def order_when_tuned(run: str | Path) -> dict[str, int]:
     """Of a tuned study: estimators, pairs of them in a scenario, and how many are significantly reversed by RMSE."""
     found = cl.load_tuned(run)

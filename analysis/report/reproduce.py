@@ -1,4 +1,4 @@
-"""A report can be checked: it embeds a sample of its trials, and how to run them again bit by bit."""
+"""A report can be checked: it embeds a sample of its trials, and how to run them again bit by bit. So can a run."""
 
 import hashlib
 import re
@@ -9,8 +9,9 @@ import numpy as np
 import pandas as pd
 
 from cooploc.analysis.execution.provenance import provenance
+from cooploc.analysis.execution.run_directory import FOLDERS
 from cooploc.analysis.execution.schemas import FORMAT, Newer, PageData, checked
-from cooploc.analysis.execution.stored_run import Kept
+from cooploc.analysis.execution.stored_run import Kept, read
 from cooploc.analysis.execution.task import Task, measure
 from cooploc.analysis.report.run_diff import other_versions
 from cooploc.analysis.report.tables import Table, numbers, words
@@ -58,19 +59,22 @@ def sample(kept: Kept) -> list[dict[str, Any]]:
 
 
 def load(path: Path) -> dict[str, Any]:
-    """What a report embeds: `manifest` and `sample`.
+    """What a report embeds, or a run would embed in its report: `manifest` and `sample`.
 
     Raises:
-        BadInput: it is not a report of cooploc, or was made by a newer version.
+        BadInput: it is neither a report nor a run of cooploc, or was made by a newer version.
 
     """
+    if (path / FOLDERS[0]).is_dir():
+        kept = read(path)
+        return {"manifest": kept.manifest, "sample": sample(kept)}
     file = path / PAGE if path.is_dir() else path
     try:
         page = file.read_text(encoding="utf-8") if file.is_file() else None
     except (OSError, UnicodeDecodeError):
         page = None
     if page is None:
-        raise BadInput(f"{file} cannot be read: name a report's directory or its page")
+        raise BadInput(f"{file} cannot be read: name a run's directory, a report's, or its page")
     found = re.search(r'<script type="application/json" id="manifest">(.*?)</script>', page, re.DOTALL)
     again = "make the report again with cooploc report"
     if not found:

@@ -61,6 +61,9 @@ def test_the_trials_of_a_report_come_out_bit_equal(report):
 
 def test_a_page_or_its_directory_is_accepted_and_equal_exits_0(report):
     assert reproduce.load(report) == reproduce.load(report / "index.html")
+    run = report.parent / "run"
+    assert reproduce.load(run)["sample"] == reproduce.load(report)["sample"]
+    assert cl.reproduce(run, trials=1).equal
     done = told(report, "--trials", "2")
     assert done.returncode == 0, done.stderr
     assert "4 of 4 results are bit-equal" in done.stdout
