@@ -35,9 +35,11 @@ def study(name: str, *options: str, data: str = "") -> Step:
     return Step(name, command, (data,) if data else ())
 
 
-def tuning(name: str, budget: str) -> Step:
+def tuning(name: str, budget: str, data: str = "") -> Step:
     """A tuning of a study, in the folder of its name."""
-    return Step(name, (*COOPLOC, "tune", name, "--budget", budget, "--jobs", "{jobs}", "--out", f"{{runs}}/{name}"))
+    given = ("--data", f"{{data}}/{data}") if data else ()
+    command = (*COOPLOC, "tune", name, "--budget", budget, "--jobs", "{jobs}", "--out", f"{{runs}}/{name}", *given)
+    return Step(name, command, (data,) if data else ())
 
 
 def script(name: str, *arguments: str, recordings: tuple[str, ...] = ()) -> Step:
@@ -62,18 +64,19 @@ STEPS = (
     study("sightings"), study("fixed-weights", "--seed", "7"), study("vague-start"), study("uwb"),
     study("mrclam", data="mrclam6"), study("wifi-priors", data="wifi-rssi"), study("fusion"),
     study("readings", "--trials", "24"), study("paper", "--until-decided"),
-    tuning("paper-fair", "120"),
+    tuning("paper-fair", "120"), tuning("paper-fair-mrclam", "120", data="mrclam6"),
     page("own-filter"), page("gbp"), page("sightings"), page("vague-start"), page("fixed-weights"),
     page("wifi", recordings=("wifi-rssi",)),
     Step("figures", (PYTHON, str(HERE / "small_figures.py"), "{runs}", str(HERE))),
     script("information", "{runs}/information"), script("sensitivity", "{runs}/sensitivity"),
-    script("readings", "{runs}/readings"), script("tuned", "{runs}/paper-fair"), script("audit", "40"),
+    script("readings", "{runs}/readings"), script("audit", "40"),
+    script("tuned", "{runs}/paper-fair", "{runs}/paper-fair-mrclam"),
     script("fusion", "{runs}/fusion", "{data}/mrclam6", recordings=("mrclam6",)),
     script("real_robots", "{data}", "{runs}/uwb", "{runs}/mrclam", recordings=("mrclam6", "wifi-rssi")),
     script("until_decided", "{runs}/paper", str(HERE)),
     Step("paper", (*COOPLOC, "report", "{runs}/paper", "-o", str(HERE / "paper"))),
     script("paper_figures", "{runs}/paper"),
-    page("paper", "paper/README.md"), page("first-sentences"),
+    page("paper", "paper/README.md"), page("first-sentences", "../README.md"),
     Step("summary.pdf", (PYTHON, str(HERE / "summary.py"), "{runs}", str(HERE / "paper"))),
 )  # fmt: skip
 

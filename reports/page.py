@@ -4,8 +4,10 @@ Run: python reports/page.py TEXT RUNS OUT [draft], as in `python reports/page.py
 is the folder of the run directories, each with the name of its study. A text takes its numbers from `told("STUDY")`
 (see told.py), and says what must hold for its words: `{{ shown(change.falls, "...") }}` writes nothing, and stops where
 the run shows something else, so that the sentence is written anew. A draft, of runs of few trials, only marks it.
+Where OUT has the lines `<!-- TEXT: ... -->` and `<!-- end of TEXT -->`, only what is between them is written.
 """
 
+import os
 import re
 import sys
 import textwrap
@@ -13,7 +15,7 @@ from functools import cache
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, TemplateError
-from told import Told, claims, order_when_tuned
+from told import Told, claims, in_letter, order_when_tuned, verdicts_then_and_now
 
 from cooploc.analysis.formats import listed
 from cooploc.estimators.plugins.errors import BadInput
@@ -41,13 +43,14 @@ def marked(holds: bool, what: str) -> str:
     return "" if holds else f"[NOT SHOWN: {what}] "
 
 
-def written(name: str, runs: str | Path, draft: bool = False) -> str:
+def written(name: str, runs: str | Path, draft: bool = False, links: str = "..") -> str:
     """A text with its numbers.
 
     Args:
         name: of a file in reports/text, with `.j2` or without `.md.j2`.
         runs: folder of the run directories.
         draft: whether a sentence that does not hold is marked, instead of refused.
+        links: how the folder of the reports is reached from the page, for what is included in several.
 
     Raises:
         BadInput: the runs have no such number, or do not show what a sentence says.
@@ -59,7 +62,16 @@ def written(name: str, runs: str | Path, draft: bool = False) -> str:
         keep_trailing_newline=True, autoescape=False,
     )  # fmt: skip
     tuned = cache(lambda study: order_when_tuned(Path(runs) / study))
-    texts.globals.update(told=told, tuned=tuned, claims=claims, shown=marked if draft else shown, listed=listed)
+    texts.globals.update(
+        links=links,
+        told=told,
+        tuned=tuned,
+        claims=claims,
+        in_letter=in_letter,
+        verdicts_then_and_now=verdicts_then_and_now,
+        shown=marked if draft else shown,
+        listed=listed,
+    )
     texts.filters.update(tex=tex)
     text = texts.get_template(name if name.endswith(".j2") else f"{name}.md.j2").render()
     return text if name.endswith(".tex.j2") else folded(text)
@@ -82,10 +94,19 @@ def _item(item: str) -> str:
     return WRAPPER.fill(" ".join(item.split()))
 
 
+def _between(page: Path, name: str, text: str) -> str:
+    """The page with a text between its marks; nothing where there are none."""
+    before = page.read_text(encoding="utf-8") if page.exists() else ""
+    marks = re.compile(rf"(<!-- {name}: [^\n]* -->\n).*?(\n<!-- end of {name} -->)", re.DOTALL)
+    return marks.sub(lambda found: f"{found[1]}{text}{found[2]}", before) if marks.search(before) else ""
+
+
 def main(name: str, runs: str, out: str, draft: str = "") -> int:
     """Write a page; where the runs do not bear it, one line that says so."""
+    links = Path(os.path.relpath(TEXTS.parent, Path(out).parent)).as_posix()
     try:
-        Path(out).write_text(written(name, runs, bool(draft)), encoding="utf-8")
+        text, page = written(name, runs, bool(draft), links), Path(out)
+        page.write_text(_between(page, name, text) or text, encoding="utf-8")
     except (BadInput, TemplateError) as error:
         print(f"reports/text/{name}: {error}", file=sys.stderr)
         return 1

@@ -201,8 +201,33 @@ def in_letter(claim: str, scenario: str, **instead: str) -> Number:
     return Number(*found.iloc[0][["value", "low", "high"]].astype(float))
 
 
-def order_when_tuned(run: str | Path) -> dict[str, int]:
-    """Of a tuned study: estimators, pairs of them in a scenario, and how many are significantly reversed by RMSE."""
+def verdicts_then_and_now() -> list[dict[str, str]]:
+    """Of every claim whose verdict in the preset the first study gave otherwise: `claim`, `says`, `then`, `now`.
+
+    Then and now are a verdict and what was found; the first study's are in reports/text/first-study.csv.
+    """
+    folder = Path(__file__).parent
+    then = pd.read_csv(folder / "text" / "first-study.csv", dtype=str, index_col="claim").fillna("")
+    table = pd.read_csv(folder / "paper" / "tables" / "verdicts.csv", dtype=str, index_col="claim").fillna("")
+    return [
+        {
+            "claim": str(claim),
+            "says": now["says"],
+            "then": f"{then.loc[claim, 'verdict']}: {then.loc[claim, 'found']}",
+            "now": f"{now['paper']}: {now['found']}",
+        }
+        for claim, now in table.iterrows()
+        if claim in then.index and now["paper"] != then.loc[claim, "verdict"]
+    ]
+
+
+def order_when_tuned(run: str | Path) -> dict[str, Any]:
+    """Of a tuned study: estimators, pairs of them in a scenario, and how many are significantly reversed by RMSE.
+
+    `at_most` is the upper end of Wilson's 95 % interval for their share.
+    """
     found = cl.load_tuned(run)
     pairs = found.order("rmse")
-    return {"estimators": len(found.tuned), "pairs": len(pairs), "reversed": int((pairs["became"] == "reversed").sum())}
+    turned = (pairs["became"] == "reversed").to_numpy(float)
+    most = percent(statistics.share(turned).high)  # as if pairs were independent
+    return {"estimators": len(found.tuned), "pairs": len(pairs), "reversed": int(turned.sum()), "at_most": most}

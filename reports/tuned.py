@@ -96,7 +96,7 @@ def main(run: str, real: str = "", out: str = "reports") -> None:
         chosen=chosen_table(found.history, found.tuned).markdown(),
         legend=LEGEND[0].upper() + LEGEND[1:],
         tables="\n".join(gains_table(str(name), part).markdown() for name, part in found.table.groupby("scenario")),
-        real=_recorded(real) if real else "",
+        real=_recorded(real) if real and Path(real).exists() else "",
     )
     (folder / "tuned.md").write_text(text, encoding="utf-8")
 
