@@ -34,8 +34,9 @@ def shown(holds: bool, what: str) -> str:
 
 
 def tex(text: object) -> str:
-    """For LaTeX: what has a meaning there, escaped."""
-    return "".join(f"\\{letter}" if letter in "%_&#$" else letter for letter in str(text))
+    """For LaTeX: what has a meaning there escaped, with minus signs and thin spaces."""
+    escaped = re.sub(r"([%_&#$])", r"\\\1", str(text)).replace(r" \%", r"\,\%")
+    return re.sub(r"(?<!\w)-(?=\d)", "$-$", escaped)
 
 
 def marked(holds: bool, what: str) -> str:

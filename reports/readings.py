@@ -48,7 +48,7 @@ def main(run: str, out: str = "reports/readings") -> None:
     found = found[~found["kind"].isin(TIMED)]
     shown = [*NUMBERS, *ledger.dimensions]
     found[shown].to_csv(folder / "readings.csv", index=False, float_format="%.4g")
-    keep(cl.plot.readings(found), folder / "map.svg")
+    keep(cl.plot.readings(found), folder / "map.svg", folder / "map.pdf")
     curves = [(claim, *curve(found, claim, folder)) for claim in dict.fromkeys(found["claim"])]
     trials = kept.rows.groupby("scenario")["trial"].nunique()
     counted = multiverse.shares(found)
@@ -64,11 +64,13 @@ def curve(found: pd.DataFrame, claim: str, folder: Path) -> tuple[str, str]:
     return name, str(found.loc[found["claim"] == claim, "says"].iloc[0])
 
 
-def keep(ax: Axes, path: Path) -> None:
-    """As SVG without a date, so that the same run gives the same file, or as PNG."""
+def keep(ax: Axes, *paths: Path) -> None:
+    """In files without a date, so that the same run gives the same file."""
     figure: Any = ax.figure
+    dates = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
     with mpl.rc_context({"svg.hashsalt": "cooploc"}):
-        figure.savefig(path, dpi=110, metadata={"Date": None} if path.suffix == ".svg" else None)
+        for path in paths:
+            figure.savefig(path, dpi=110, metadata=dates.get(path.suffix))
     plt.close(figure)
 
 

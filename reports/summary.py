@@ -1,6 +1,7 @@
 """Writes reports/paper/summary.pdf, two pages in LaTeX, from the runs and tables of the other reports.
 
-Run: python reports/summary.py RUNS [OUT [draft]]. It needs pdflatex: apt-get install texlive-latex-recommended.
+Run: python reports/summary.py RUNS [OUT [draft]]. It needs pdflatex and IEEEtran:
+apt-get install texlive-publishers.
 """
 
 import shutil
@@ -15,12 +16,12 @@ from cooploc.estimators.plugins.errors import BadInput
 
 
 def main(runs: str, out: str = "reports/paper", draft: str = "") -> None:
-    """Write the PDF beside the figures it holds."""
+    """Write the PDF."""
     if not (latex := shutil.which("pdflatex")):
-        raise BadInput("pdflatex is not there; apt-get install texlive-latex-recommended")
+        raise BadInput("pdflatex is not there; apt-get install texlive-publishers")
     with tempfile.TemporaryDirectory() as scratch:
         (Path(scratch) / "summary.tex").write_text(written("summary.tex.j2", runs, bool(draft)), encoding="utf-8")
-        shutil.copy(Path(out) / "claims.pdf", scratch)
+        shutil.copy(Path(out).parent / "readings" / "map.pdf", scratch)
         command = [latex, "-interaction=nonstopmode", "-halt-on-error", "summary.tex"]
         for _ in range(2):  # the second time with the numbers of the tables
             done = subprocess.run(command, cwd=scratch, capture_output=True, text=True, check=False)
