@@ -10,6 +10,8 @@ import numpy as np
 import pandas as pd
 
 import cooploc as cl
+from cooploc.analysis.formats import change as signed
+from cooploc.analysis.formats import interval
 from cooploc.analysis.metrics import crlb
 
 SEED = 1
@@ -71,7 +73,8 @@ def pair(said: str, scenario: str, of: str, than: str, trials: int) -> tuple[str
     truth, stream = cl.simulate(scenario, trials=trials, seed=SEED)
     table = cl.compare(cl.errors(truth, cl.run([of, than], stream)), baseline=than, full=True).set_index("estimator")
     one, other = table.loc[of], table.loc[than]
-    change = f"{one['change']:+.0%} ({one['change_low']:+.0%} to {one['change_high']:+.0%})"
+    ends = interval(lambda end: signed(end).removesuffix(" %"))(one["change_low"], one["change_high"])
+    change = f"{signed(one['change'])} ({ends})"
     return said, scenario, f"`{of}`", *figures(one), f"`{than}`", *figures(other), change
 
 
@@ -89,7 +92,7 @@ def floors(trials: int) -> str:
         rmse = cl.compare(cl.errors(truth, cl.run([name, "arl"], stream)), baseline="arl").set_index("estimator").rmse
         lines.append(
             f"- `{label}`: {now:.4f} m. Of the mean information over trials, as it was: {before:.4f} m "
-            f"({before / now - 1:+.0%}). `{name}` lies {rmse[name] / now - 1:+.0%} above the floor."
+            f"({signed(before / now - 1)}). `{name}` lies {signed(rmse[name] / now - 1)} above the floor."
         )
     return "\n".join(lines)
 

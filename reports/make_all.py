@@ -77,6 +77,7 @@ STEPS = (
     Step("paper", (*COOPLOC, "report", "{runs}/paper", "-o", str(HERE / "paper"))),
     script("paper_figures", "{runs}/paper"),
     page("paper", "paper/README.md"), page("first-sentences", "../README.md"),
+    script("reproduced", "{runs}", "{data}"),
     Step("summary.pdf", (PYTHON, str(HERE / "summary.py"), "{runs}", str(HERE / "paper"))),
 )  # fmt: skip
 

@@ -75,13 +75,12 @@ recording is one trial, so there are no intervals, and no difference can be call
 
 
 def main(run: str, real: str = "", out: str = "reports") -> None:
-    """Write the page, the README's table and the figures."""
+    """Write the page and the figures."""
     found = cl.load_tuned(run)
     folder, side = Path(out), side_by_side(found.table).markdown()
     with mpl.rc_context({"svg.hashsalt": "cooploc"}):
         cl.plot.tuning(found.history).figure.savefig(folder / "tuned-budget.png", dpi=150)
         cl.plot.tuned_parameters(found.history, SHOWN).figure.savefig(folder / "tuned-parameters.png", dpi=150)
-    (folder / "tuned-side-by-side.md").write_text(side, encoding="utf-8")
     text = TEXT.format(
         budget=found.record["budget"],
         training_seed=found.record["training_seed"],
