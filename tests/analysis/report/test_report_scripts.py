@@ -40,3 +40,14 @@ def test_a_page_is_written_with_its_sentences_and_its_figure(made):
     assert f"]({name}.png)" in page
     assert (folder / f"{name}.png").stat().st_size > 10_000
     assert "</svg>" in (folder / f"{name}.svg").read_text("utf-8")
+
+
+@pytest.mark.slow
+def test_the_audit_measures_pairs_and_floors():
+    audit = runpy.run_path(str(REPORTS / "audit.py"))
+    said, where, of, rmse, *_, change = audit["pair"]("a sentence", "robots-1-3/n=2[ticks=4]", "arl", "rssi-pf", 3)
+    assert (said, where, of) == ("a sentence", "robots-1-3/n=2[ticks=4]", "`arl`")
+    assert rmse.endswith(" m")
+    assert " % (" in change
+    single, team = (float(line.split(": ")[1].split(" m")[0]) for line in audit["floors"](2).splitlines())
+    assert 0 < team < single
