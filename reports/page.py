@@ -20,7 +20,8 @@ from told import Told, claims, in_letter, order_when_tuned, verdicts_then_and_no
 from cooploc.analysis.formats import listed
 from cooploc.estimators.plugins.errors import BadInput
 
-TEXTS = Path(__file__).parent / "text"
+REPORTS = Path(__file__).resolve().parent
+TEXTS = REPORTS / "text"
 AS_IT_IS = re.compile(r"[#|!`]|    ")  # begins a heading, a table, a figure, code
 ITEM = re.compile(r"(?:-|\d+\.) ")  # begins an item of a list
 WRAPPER = textwrap.TextWrapper(118, break_long_words=False, break_on_hyphens=False)
@@ -95,6 +96,11 @@ def _item(item: str) -> str:
     return WRAPPER.fill(" ".join(item.split()))
 
 
+def links_of(page: Path) -> str:
+    """How the folder of the reports is reached from a page."""
+    return Path(os.path.relpath(REPORTS, page.resolve().parent)).as_posix()
+
+
 def _between(page: Path, name: str, text: str) -> str:
     """The page with a text between its marks; nothing where there are none."""
     before = page.read_text(encoding="utf-8") if page.exists() else ""
@@ -104,9 +110,8 @@ def _between(page: Path, name: str, text: str) -> str:
 
 def main(name: str, runs: str, out: str, draft: str = "") -> int:
     """Write a page; where the runs do not bear it, one line that says so."""
-    links = Path(os.path.relpath(TEXTS.parent, Path(out).parent)).as_posix()
     try:
-        text, page = written(name, runs, bool(draft), links), Path(out)
+        text, page = written(name, runs, bool(draft), links_of(Path(out))), Path(out)
         page.write_text(_between(page, name, text) or text, encoding="utf-8")
     except (BadInput, TemplateError) as error:
         print(f"reports/text/{name}: {error}", file=sys.stderr)

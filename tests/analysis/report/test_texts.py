@@ -82,6 +82,22 @@ def test_a_sentence_that_the_run_does_not_bear_stops_the_page_with_one_line(text
     assert "[NOT SHOWN: it is small]" in (tmp_path / "out.md").read_text()
 
 
+def test_only_what_is_between_the_marks_of_a_page_is_written(texts, runs, tmp_path):
+    page = tmp_path / "README.md"
+    page.write_text("before\n<!-- true: how -->\nold\n\nold\n<!-- end of true -->\nafter\n", "utf-8")
+    assert texts.main("true", str(runs), str(page)) == 0
+    before, _, rest = page.read_text("utf-8").partition("<!-- true: how -->\n")
+    text, _, after = rest.partition("\n<!-- end of true -->")
+    assert (before, text, after) == ("before\n", texts.written("true", runs), "\nafter\n")
+
+
+def test_a_page_links_to_the_reports_from_where_it_is(texts, runs, tmp_path):
+    (tmp_path / "linked.md.j2").write_text("[fusion]({{ links }}/fusion.md)", "utf-8")
+    for page, path in (("README.md", "reports"), ("reports/paper/README.md", "..")):
+        text = texts.written("linked", runs, links=texts.links_of(REPORTS.parent / page))
+        assert text == f"[fusion]({path}/fusion.md)\n"
+
+
 def test_prose_is_folded_and_items_are_indented(texts, runs):
     lines = texts.written("true", runs).splitlines()
     assert lines[:2] == ["# A title", ""]

@@ -165,9 +165,7 @@ def test_a_call_is_limited_by_the_processor_time_that_it_uses_or_by_how_long_it_
 
     hanging = {busy: "took longer than 0.5 s of processor time", lambda: time.sleep(60): "did nothing for 0.5 s"}
     for function, said in hanging.items():
-        assert (
-            call("hung", lambda: 3) == 3
-        )  # or a new process's imports would count as well
+        assert call("hung", lambda: 3) == 3  # or a new process's imports would count as well
         with pytest.raises(ProcessHung, match=said):
             call("hung", function, processor_seconds=0.5)
     assert call("hung", lambda: 3, processor_seconds=5.0) == 3
