@@ -6,7 +6,7 @@ import sys
 from functools import partial
 
 import pytest
-from processes import inside
+from processes import HANGS, inside
 
 import cooploc as cl
 from cooploc.terminal import console
@@ -17,7 +17,7 @@ SMALL = 'trials = 6\nbaseline = "arl"\nscenarios = ["trajectory[ticks=10]"]\nest
 def cooploc(*arguments, cwd):
     """As it is installed, and as a user calls it; `inside` does the same without a process."""
     return subprocess.run(
-        [sys.executable, "-m", "cooploc", *arguments], capture_output=True, text=True, cwd=cwd, timeout=300
+        [sys.executable, "-m", "cooploc", *arguments], capture_output=True, text=True, cwd=cwd, timeout=HANGS
     )
 
 
@@ -107,7 +107,7 @@ def test_a_failing_estimator_exits_1_and_the_rest_is_kept(place):
         "main()\n"
     )
     command = [sys.executable, "-c", program, "run", "fails.toml", "--json"]
-    told = subprocess.run(command, capture_output=True, text=True, cwd=place, timeout=300)
+    told = subprocess.run(command, capture_output=True, text=True, cwd=place, timeout=HANGS)
     assert told.returncode == 1, told.stderr
     rows = {row["estimator"]: row for row in json.loads(told.stdout)}
     assert rows["ekf-local[anchor_reading=rssi]"]["failed"] == 6

@@ -1,6 +1,7 @@
 """Dead reckoning that knows its tick, its trials and its key: what estimators of tests are made of, honest itself."""
 
 import inspect
+import os
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +15,9 @@ from cooploc.estimators.interface import Array
 from cooploc.scenarios.stream import Stream
 
 LATE = 30  # ticks: longer than the small streams
-FILE = Path(tempfile.gettempdir()) / "cooploc-cheats"
+# Where cheats leave things for each other: in a folder of this process and of those that it starts.
+os.environ["COOPLOC_CHEATS"] = os.environ.get("COOPLOC_CHEATS") or tempfile.mkdtemp(prefix="cooploc-cheats-")
+FILE = Path(os.environ["COOPLOC_CHEATS"]) / "left"
 
 
 class Counting(NamedTuple):
