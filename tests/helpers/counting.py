@@ -15,9 +15,8 @@ from cooploc.estimators.interface import Array
 from cooploc.scenarios.stream import Stream
 
 LATE = 30  # ticks: longer than the small streams
-# Where cheats leave things for each other: in a folder of this process and of those that it starts.
-os.environ["COOPLOC_CHEATS"] = os.environ.get("COOPLOC_CHEATS") or tempfile.mkdtemp(prefix="cooploc-cheats-")
-FILE = Path(os.environ["COOPLOC_CHEATS"]) / "left"
+# What cheats leave for each other is of this process and of those that it starts: other tests may run beside it.
+FILE = Path(tempfile.gettempdir()) / os.environ.setdefault("COOPLOC_CHEATS", f"cooploc-cheats-{os.getpid()}-left")
 
 
 class Counting(NamedTuple):

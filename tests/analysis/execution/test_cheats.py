@@ -20,8 +20,8 @@ pytestmark = pytest.mark.slow
 def _fresh_process():
     yield
     end_all()
-    shutil.rmtree(FILE.parent)
-    FILE.parent.mkdir()
+    for left in FILE.parent.glob(f"{FILE.name}*"):
+        shutil.rmtree(left) if left.is_dir() else left.unlink()
 
 
 @pytest.mark.parametrize("name", catching.GALLERY)
