@@ -13,7 +13,7 @@ import typer
 import cooploc as cl
 from cooploc.terminal.inspect_command import inspect
 from cooploc.terminal.judge_command import judge
-from cooploc.terminal.options import Claims, Isolate, Jobs, Recordings, RunDirectory, StudyName
+from cooploc.terminal.options import Claims, Estimators, Isolate, Jobs, Recordings, RunDirectory, StudyName
 from cooploc.terminal.tune_command import tune
 from cooploc.terminal.visible import visible
 
@@ -68,9 +68,7 @@ def run(
     study: StudyName,
     trials: Annotated[int | None, typer.Option(help="trials per scenario")] = None,
     seed: Annotated[int | None, typer.Option(help="random seed")] = None,
-    estimators: Annotated[
-        str | None, typer.Option(help="comma-separated estimators to run instead of the study's")
-    ] = None,
+    estimators: Estimators = None,
     jobs: Jobs = 1,
     scheduler: Annotated[str | None, typer.Option(help="run on a Dask cluster: tcp://HOST:PORT")] = None,
     data: Recordings = None,
@@ -117,7 +115,7 @@ def plan(
     study: StudyName,
     difference: Annotated[float, typer.Option(help="change of RMSE to be shown; 0.1 is 10 %")] = 0.1,
     seed: Annotated[int | None, typer.Option(help="random seed")] = None,
-    estimators: Annotated[str | None, typer.Option(help="comma-separated estimators instead of the study's")] = None,
+    estimators: Estimators = None,
     jobs: Jobs = 1,
     data: Recordings = None,
     out: Annotated[Path | None, typer.Option(help="run directory [default: runs/STUDY-seedN]")] = None,

@@ -25,7 +25,7 @@ class RemoteScenario:
     settings: dict[str, Any]  # every parameter of the model, as JSON
 
     def trials(self, asked: int) -> int:
-        """How many trials a study has that asks for so many: a recording has its own number."""
+        """How many trials a study gets that asks for so many; a recording has a number of its own."""
         return self.count if self.recorded else asked
 
     def simulate(self, trials: int | Sequence[int], seed: int) -> tuple[Truth, Stream]:

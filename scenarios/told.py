@@ -1,11 +1,11 @@
-"""What may be said of any scenario's stream, in its label, beside the parameters of its world.
+"""Two options that the label of any scenario takes, besides the parameters of its world.
 
     trajectory[team_priors=true]         every robot is told the priors of all: the channel "team_prior"
     camera/n=3[short_ranges=refused]     no range below 0.2 m, nor a sighting with one, is in the stream
 
-Both are the same for every estimator, since they are in the stream; without them it is what it was, bit by bit. The
-shipped models refuse short ranges themselves, so estimates stay as they are where the stream refuses them; the bytes
-that a centralised estimator uploads do not.
+Both act on the stream, so they are the same for every estimator; a stream without them keeps its bits. The shipped
+models refuse short ranges themselves, so estimates are the same where the stream refuses them first; the bytes that
+a centralised estimator uploads are fewer.
 """
 
 from collections.abc import Mapping
@@ -21,7 +21,7 @@ from cooploc.scenarios.stream import Stream, Truth
 
 
 class Told(BaseModel):
-    """The two, with what is said where nothing is said."""
+    """The two options and their defaults."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -29,7 +29,7 @@ class Told(BaseModel):
     short_ranges: Literal["kept", "refused"] = "kept"
 
     def applied(self, truth: Truth, stream: Stream) -> tuple[Truth, Stream]:
-        """Truth and stream as they are with both."""
+        """Truth and stream with both options applied."""
         changed: dict[str, Array] = {}
         if self.short_ranges == "refused":
             changed |= _far(stream)
@@ -42,7 +42,7 @@ class Told(BaseModel):
 
 
 def divided(parameters: Mapping[str, Any], own: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The parameters of a model whose `own` fields these are, and those of `Told`."""
+    """Divide options into those of a model, whose fields are `own`, and those of `Told`."""
     told = {key: value for key, value in parameters.items() if key in Told.model_fields and key not in own}
     return {key: value for key, value in parameters.items() if key not in told}, told
 

@@ -15,6 +15,8 @@ from processes import stop_server
 from unchanged import changes, look, own_draws
 
 os.environ["MPLBACKEND"] = "agg"  # as the command line does, whichever test comes first
+for of_a_terminal in ("TERM", "COLUMNS", "LINES", "FORCE_COLOR", "NO_COLOR", "TTY_COMPATIBLE", "TTY_INTERACTIVE"):
+    os.environ.pop(of_a_terminal, None)  # what commands print is the same wherever the tests run
 settings.register_profile("repeatable", repeatable)
 settings.load_profile("repeatable")
 os.environ["COOPLOC_CACHE"] = ""  # no certificate of another run, nor of another test

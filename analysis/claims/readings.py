@@ -121,7 +121,7 @@ def covering(dimensions: Dimensions, seed: int = 0) -> list[Reading]:
 
 
 def estimator(label: str, reading: Reading, dimensions: Dimensions) -> str:
-    """The label of an estimator as a reading wants it; parameters that it does not have, or has so, are left out.
+    """The label of an estimator as a reading wants it; parameters that it lacks, or has already, are left out.
 
     Raises:
         BadInput: there is no such estimator, or the value does not fit.

@@ -32,7 +32,7 @@ _machine = ThisMachine(1, keep=True)  # of a worker
 
 
 class FarParts(NamedTuple):
-    """What a task came to on a worker, and what that worker's bits depend on."""
+    """The results of a task, the worker that computed them, and what the bits of its results depend on."""
 
     worker: str
     bits: dict[str, Any]
@@ -61,7 +61,7 @@ class DaskCluster(Pool):
         return super().compute([one for task in tasks for one in task.by_owner()])
 
     def parts(self, task: Task, future: "Future[Any]") -> list[MeasuredPart]:
-        """What a task came to, from a worker that gives the bits of this machine.
+        """The results of a task, from a worker that gives the same bits as this machine.
 
         Raises:
             BadInput: the worker is unlike this machine, or cannot run the task at all.
@@ -97,7 +97,7 @@ class DaskCluster(Pool):
     def _workers(self) -> int:
         try:
             return len(self._client.nthreads())
-        except Exception as e:  # whatever a connection may raise that is being lost
+        except Exception as e:  # whatever a connection raises while it is being lost
             raise BadInput(_gone(self._address)) from e
 
 
@@ -138,7 +138,7 @@ def _client(address: str) -> Any:
     if not re.fullmatch(r"\w+://.+:\d+", address):
         raise BadInput(f"cannot read the scheduler's address {address!r}; write it like tcp://10.0.0.1:8786")
     for name in ("distributed", "distributed.client", "distributed.utils", "tornado.application"):
-        logging.getLogger(name).setLevel(logging.CRITICAL)  # what it complains of is told in one line
+        logging.getLogger(name).setLevel(logging.CRITICAL)  # what they complain of is said in one line
     try:
         return distributed.Client(address, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError, TypeError) as e:
@@ -159,7 +159,7 @@ def _demand_same(client: Any, address: str) -> None:
 
 
 def demand_like(worker: str, theirs: dict[str, Any], mine: dict[str, Any]) -> None:
-    """Refuse what a worker of other versions, source or processor gives.
+    """Refuse the results of a worker that has other versions, another source or another processor.
 
     Raises:
         BadInput: it would give other bits than this machine; says what differs.

@@ -1,6 +1,7 @@
-"""The same trials in other surroundings: another process, hash seed, directory and date, and what was touched there.
+"""The same trials in other surroundings: another process, hash seed, directory and date.
 
-An honest estimator gives the same bits. Files that it reads are noted, and functions of this package that it replaced.
+An honest estimator gives the same bits there. The files that it reads are noted, and the functions of this package that
+it replaced.
 """
 
 import datetime
@@ -33,14 +34,15 @@ class Elsewhere(NamedTuple):
 
     played: list[Played]
     inputs: dict[str, str]  # hash of each file that it opened, by path
-    replaced: tuple[str, ...]  # functions of this package that are others now
+    replaced: tuple[str, ...]  # functions of this package that it replaced
 
 
 def play_elsewhere(one: Given) -> Elsewhere:
     """Play in this process, which must be a fresh one; directory and date are others than those of the run."""
-    import_module("cooploc.analysis.execution.walled")  # a plug-in may replace what measures it
+    # A plug-in may replace what measures it, or what a rival does: all of that is imported before.
+    import_module("cooploc.analysis.execution.walled")
     for name in BUILTIN:
-        make(name)  # or what a rival does
+        make(name)
     before = functions()
     path, known = absolute(one.label), set(sys.modules)
     play(one._replace(label=path, stream=one.stream.truncated(2)))  # compiled libraries must load first
@@ -53,11 +55,11 @@ def play_elsewhere(one: Given) -> Elsewhere:
 
 
 def _forget(label: str, loaded: set[str]) -> None:
-    """Let an estimator's own modules be imported again, with what they do as they are; libraries stay."""
+    """Forget an estimator's own modules, so that they are imported again in the other surroundings; libraries stay."""
     package, installed = module_of(parse(label)[0]).partition(".")[0], packages_distributions()
     for name in loaded:
         top, file = name.partition(".")[0], str(getattr(sys.modules[name], "__file__", None) or "")
-        library = top in installed or file.startswith((sys.prefix, sys.base_prefix))  # also one that lies elsewhere
+        library = top in installed or file.startswith((sys.prefix, sys.base_prefix))  # wherever it is installed
         own = top == package or not library
         if own and file.endswith(".py") and not name.startswith(OURS):
             del sys.modules[name]
@@ -65,7 +67,7 @@ def _forget(label: str, loaded: set[str]) -> None:
 
 @contextmanager
 def opened_files() -> Iterator[set[str]]:
-    """The files that are opened meanwhile, but for code, libraries and devices."""
+    """The files that are opened inside the block, without code, libraries and devices."""
     _listen()
     _opened.append(set())
     try:
@@ -91,7 +93,7 @@ def _codes(where: str, holder: Any) -> dict[str, Any]:
 
 
 def replaced(before: dict[str, Any]) -> set[str]:
-    """The functions that have another code than before, or none."""
+    """The functions whose code has changed since, or that are gone."""
     now = functions()
     return {name for name, code in before.items() if now.get(name) is not code}
 
@@ -141,7 +143,7 @@ def _note(event: str, arguments: tuple[Any, ...]) -> None:
 
 
 def hash_of(path: str) -> str:
-    """Empty where it is gone, as a temporary file is."""
+    """The hash of a file; empty where it is gone, as a temporary file is."""
     try:
         return hashlib.sha256(Path(path).read_bytes()).hexdigest()
     except OSError:

@@ -118,7 +118,7 @@ def _hash(files: Iterable[tuple[str, Path]]) -> str:
 def _commit() -> str | None:
     ask = ["git", "rev-parse", "HEAD"]
     try:
-        answer = subprocess.run(ask, cwd=ROOT, capture_output=True, text=True, timeout=5, check=True)
+        answer = subprocess.run(ask, cwd=ROOT, capture_output=True, text=True, timeout=60, check=True)
     except (OSError, subprocess.SubprocessError):
         return None
     return answer.stdout.strip()

@@ -16,7 +16,7 @@ MOST_JOBS = 1024
 def hired(
     jobs: int, scheduler: str | None, isolate: bool, say: Callable[[str], None], keep: bool = False
 ) -> Iterator[Workers]:
-    """Workers for a run; without `isolate`, this process is the only one; `keep`: plug-ins' processes wait for more.
+    """Workers for a run; without `isolate` it is this process alone; with `keep`, plug-ins' processes wait for more.
 
     Raises:
         BadInput: fewer than one job, no cluster at the address, or several processes that are to be one.

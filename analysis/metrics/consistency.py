@@ -13,7 +13,7 @@ COLLAPSED = 100.0  # ANEES of a trial whose errors are ten times as large as the
 # the errors ask for. Covariance intersection is conservative by right, and far from it: the smallest upper end of all
 # 1271 intervals in the study of the paper is 0.65 (ekf-ci).
 OVER_WIDE = 0.1
-DOUBTFUL = 2 * OVER_CONFIDENT  # an estimator not shown to be consistent, of a larger ANEES, does not qualify as best
+DOUBTFUL = 2 * OVER_CONFIDENT  # ANEES above which an estimator that is not shown consistent cannot be called best
 # Share of truths in the 95 % ellipses of Gaussian errors whose ANEES is OVER_CONFIDENT.
 LEAST_COVERAGE = float(stats.chi2.cdf(stats.chi2.ppf(0.95, 2) / OVER_CONFIDENT, 2))
 

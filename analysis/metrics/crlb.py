@@ -5,19 +5,19 @@
 over the whole team, J its information; a reading between two robots adds to both of their blocks and subtracts off the
 diagonal. The expectation is over the paths that a trial's prior and odometry allow, drawn by Monte Carlo, for the
 readings that were there and the packets that arrived. Each trial has a bound of its own, and the bounds are averaged:
-averaging the information over trials first would forget that each trial's prior mean is known, and put the floor
-too low, for one robot in the 6 m arena by a sixth. In a linear-Gaussian world it is the Kalman filter's covariance.
+averaging the information over trials first would forget that each trial's prior mean is known, and put the bound
+too low: by a sixth for one robot in the 6 m arena. In a linear-Gaussian world it is the Kalman filter's covariance.
 
 Source: P. Tichavsky, C. Muravchik, A. Nehorai, "Posterior Cramer-Rao bounds for discrete-time nonlinear filtering",
 IEEE Trans. Signal Processing 46(5), 1998, eq. (21), conditioned on the prior mean as in H. Van Trees, K. Bell, Z. Tian,
 "Detection, Estimation, and Modulation Theory, Part I", 2nd ed. 2013, sec. 4.3.
 
-Of the anchors an estimator may be given the raw readings, the gradient that is computed of them, or that gradient's
-angle alone. The floor of the latter two is that of an estimator which never sees what they were computed of. A Kalman
-filter that weighs each direction by its gradient's strength has seen the gradient, and only that one's floor holds.
+An estimator may be given the anchors' raw readings, the gradient that is computed from them, or that gradient's angle
+alone. The bound for the gradient, or for the angle, holds where the estimator sees nothing else of the anchors. A
+Kalman filter that weighs each direction by its gradient's strength sees the gradient: the angle's bound is not its own.
 
 Shadowing is the same in both directions of a pair of robots, but counted as if it were independent: the floor of
-`radio_rssi` is loose, but still a valid bound. That robots stay inside the arena is not used.
+`radio_rssi` is loose, but still a valid bound. No use is made of the fact that robots stay inside the arena.
 """
 
 from collections.abc import Callable, Collection, Iterable, Iterator
@@ -48,7 +48,7 @@ DERIVED: dict[str, Callable[[GradientDoa], Sensor]] = {  # channels that are mad
     "anchor_gradient": GradientReading,
     "anchor_doa": DirectionAlone,
 }
-SAMPLES = 128  # paths of a trial over which the expectation is taken: the floor is 0.2 % too high, with 32 of them 1 %
+SAMPLES = 128  # paths of a trial in the expectation: the floor is 0.2 % too high, and 1 % with 32 paths
 TRIALS = 20  # over which a floor is averaged, at most
 MOST_TICKS = 10_000  # of a scenario with a floor
 TOGETHER = 20_000  # robots of all paths and ticks whose readings are looked at together; their number changes no bit

@@ -50,7 +50,7 @@ class Decision(NamedTuple):
 def decide(
     rows: pd.DataFrame, baselines: Mapping[str, str], most: Mapping[str, int], margin: float = MARGIN
 ) -> list[Decision]:
-    """Every comparison at the look that decided it, or at the last one that all of its trials are there for.
+    """Every comparison at the look that decided it, or at the last look for which all its trials are there.
 
     Args:
         rows: of a run.

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 StudyName = Annotated[str, typer.Argument(help="name of a shipped study, or path of a study's TOML file")]
+Estimators = Annotated[str | None, typer.Option(help="comma-separated estimators, instead of the study's")]
 Jobs = Annotated[int, typer.Option(help="number of processes")]
 RunDirectory = Annotated[Path, typer.Argument(help="a run directory")]
 Recordings = Annotated[Path | None, typer.Option(help="directory of recordings")]

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 import cooploc as cl
-from cooploc.terminal.options import Isolate, Jobs, Recordings, StudyName
+from cooploc.terminal.options import Estimators, Isolate, Jobs, Recordings, StudyName
 
 
 class Objective(StrEnum):
@@ -20,9 +20,7 @@ class Objective(StrEnum):
 def tune(
     study: StudyName,
     budget: Annotated[int, typer.Option(help="training trials that each estimator may use")] = 100,
-    estimators: Annotated[
-        str | None, typer.Option(help="comma-separated estimators to tune instead of the study's")
-    ] = None,
+    estimators: Estimators = None,
     trials: Annotated[int | None, typer.Option(help="fresh trials per scenario, to compare on")] = None,
     seed: Annotated[int | None, typer.Option(help="random seed; that of training is derived from it")] = None,
     objective: Annotated[

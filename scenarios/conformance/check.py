@@ -2,7 +2,7 @@
 
     assert check_estimator(MyFilter()).passed
 
-`cooploc check NAME` prints the same report, and `parametrize` makes a pytest test of each check; `checks.py` holds the
+`cooploc check NAME` prints the same report, and `parametrize` makes a pytest test of each check; `checks.py` lists the
 checks. Modelled on scikit-learn's check_estimator and PettingZoo's API tests.
 """
 

@@ -1,7 +1,7 @@
-"""Processes of their own: whatever crashes, hangs, or changes its process there ends there.
+"""Processes for plug-ins and for several jobs: a crash, a hang or another working directory stays in them.
 
-Every owner has its own: a plug-in shares no process with another one, nor with built-in estimators. They are kept, so
-that a second call begins at once.
+Every owner has processes of its own: a plug-in shares none with another one, nor with built-in estimators. They are
+kept for the next call, which then begins at once.
 """
 
 import contextlib
@@ -26,7 +26,7 @@ from cooploc.scenarios.processes.outcome import Outcome, ProcessDied, ProcessHun
 
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
 QUIET = {"PYTHONFAULTHANDLER": ""}  # a crash is told in one line
-WORK = 0.05  # [s] of processor time: less is not work, but a process that looks around while it waits
+WORK = 0.05  # [s] of processor time that shows that a process works: one that waits uses a little, too
 IDLE = 600  # [s] after which an idle process ends
 BUILTIN, SESSION = "", "session"  # owners: built-in estimators, and what a user hands over in Python
 _pools: dict[tuple[int, str, int], tuple[Executor, Mapping[str, float]]] = {}
@@ -35,7 +35,7 @@ _pools: dict[tuple[int, str, int], tuple[Executor, Mapping[str, float]]] = {}
 def pool(owner: str, jobs: int = 1, environment: Mapping[str, str] | None = None) -> Executor:
     """An owner's processes: those of its last call, or new ones where a source file was edited since.
 
-    New ones have these environment variables too.
+    Where they are new, they get these environment variables in addition.
     """
     from loky import ProcessPoolExecutor
 
@@ -70,7 +70,7 @@ def call(
     seconds: float = float("inf"),
     processor_seconds: float = float("inf"),
 ) -> Any:
-    """What a function returns, called in a process of this owner; what it prints is printed here.
+    """Call a function in a process of this owner, and return what it returns; what it prints is printed here.
 
     Raises:
         ProcessDied: its process died.
@@ -85,7 +85,7 @@ def call(
 
 
 def _demand_within(owner: str, future: "Future[Outcome]", seconds: float) -> None:
-    """Wait for a call that may use so much processor time, or be idle for as long, however busy the machine is.
+    """Wait for a call that may use so much processor time [s], or be idle for as long; a busy machine costs it nothing.
 
     Raises:
         ProcessHung: it took longer; its processes are ended.
@@ -169,7 +169,7 @@ def begin_worker(parent: int) -> None:
 
 
 def _called(folder: str, path: list[str], files: dict[str, Path], sent: bytes) -> Outcome:
-    """What runs in the other process: in the folder where the parent is, which another call may have left.
+    """What runs in the other process: in the parent's directory, which an earlier call may have left.
 
     The Python files that the call refers to are loaded first.
     """

@@ -54,7 +54,7 @@ def read_text(path: Path, encoding: str) -> str:
 
 
 def parse_number(word: str) -> float:
-    """The number that a word is, inf where it is not one, or is too large for anything that can be measured."""
+    """A word as a number; inf where it is not a number, or is larger than anything that can be measured."""
     try:
         number = float(word)
     except ValueError:

@@ -36,7 +36,7 @@ def _side(p: Array, q: Array, x: Array) -> Array:
 
 
 def _boxes_meet(a: Array, b: Array, p: Array, q: Array) -> Mask:
-    """Collinear segments that do not overlap lie on each other's lines, but in boxes that do not meet."""
+    """Whether the boxes around two segments meet; those of collinear segments that do not overlap do not."""
     low, high = np.minimum(a, b), np.maximum(a, b)
     meet: Mask = np.all((low <= np.maximum(p, q)) & (high >= np.minimum(p, q)), axis=-1)
     return meet

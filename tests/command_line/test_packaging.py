@@ -71,7 +71,7 @@ def test_the_wheel_runs_in_an_empty_environment(built, tmp_path):
     pins = tmp_path / "pins.txt"
     pins.write_text("\n".join(re.findall(r"^[A-Za-z0-9._-]+==[^\\\n]+", LOCK, re.MULTILINE)))  # markers and all
     pip = [sys.executable, "-m", "pip", "--python", str(home / "bin" / "python"), "--disable-pip-version-check"]
-    install = [*pip, "install", "--quiet", "--no-compile", "--constraint", str(pins), str(built[1])]
+    install = [*pip, "install", "--quiet", "--no-compile", "--timeout", "60", "--constraint", str(pins), str(built[1])]
     done = subprocess.run(install, capture_output=True, text=True)
     if any(sign in done.stderr for sign in ("NewConnectionError", "NameResolutionError", "ConnectTimeoutError")):
         pytest.skip("no package index can be reached")

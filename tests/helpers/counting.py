@@ -1,6 +1,7 @@
 """Dead reckoning that knows its tick, its trials and its key: what estimators of tests are made of, honest itself."""
 
 import inspect
+import os
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +15,8 @@ from cooploc.estimators.interface import Array
 from cooploc.scenarios.stream import Stream
 
 LATE = 30  # ticks: longer than the small streams
-FILE = Path(tempfile.gettempdir()) / "cooploc-cheats"
+# What cheats leave for each other is of this process and of those that it starts: other tests may run beside it.
+FILE = Path(tempfile.gettempdir()) / os.environ.setdefault("COOPLOC_CHEATS", f"cooploc-cheats-{os.getpid()}-left")
 
 
 class Counting(NamedTuple):

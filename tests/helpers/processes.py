@@ -22,6 +22,7 @@ from unittest.mock import patch
 
 from cooploc.__main__ import main
 
+HANGS = 1200  # [s] on the clock, which nothing but a hang takes, however slow and busy the machine
 PLUGIN = '''
 import os, signal, time
 from dataclasses import dataclass
@@ -29,12 +30,13 @@ from cooploc.estimators.dead_reckoning import DeadReckoning
 
 
 @dataclass(frozen=True)
-class Slow(DeadReckoning):
-    """Takes its time."""
-    seconds: float = 0.05
+class Held(DeadReckoning):
+    """Waits as long as there is a file `hold` in its directory, and leaves one that is named by its process."""
 
     def predict(self, s, z):
-        time.sleep(self.seconds)
+        while os.path.exists("hold"):
+            open(f"held-{os.getpid()}", "w").close()
+            time.sleep(0.02)
         return super().predict(s, z)
 
 
@@ -66,7 +68,7 @@ def install(folder):
     info = folder / "trouble-1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: trouble\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text("[cooploc.estimators]\nslow = trouble:Slow\ntrouble = trouble:Trouble\n")
+    (info / "entry_points.txt").write_text("[cooploc.estimators]\nheld = trouble:Held\ntrouble = trouble:Trouble\n")
     return folder
 
 
@@ -115,7 +117,7 @@ class Forked:
     def kill(self):
         self._process.kill()
 
-    def communicate(self, timeout=300):
+    def communicate(self, timeout=HANGS):
         """What it said, when it has ended."""
         self._process.join(timeout)
         if self._process.exitcode is None:
@@ -160,19 +162,19 @@ def _begin(folder, arguments, environ, cwd, prepare):
     main()
 
 
-def start(*arguments, plugins, cwd):
+def start(*arguments, plugins, cwd, prepare=None):
     """Begin."""
-    return Forked(arguments, plugins, cwd)
+    return Forked(arguments, plugins, cwd, prepare)
 
 
 def finish(*arguments, plugins, cwd, prepare=None):
     """Run to the end."""
-    run = Forked(arguments, plugins, cwd, prepare)
+    run = start(*arguments, plugins=plugins, cwd=cwd, prepare=prepare)
     told, complaints = run.communicate()
     return subprocess.CompletedProcess(arguments, run.returncode, told, complaints)
 
 
-def until(condition, seconds=60):
+def until(condition, seconds=HANGS):
     """Wait for something to come true."""
     end = time.monotonic() + seconds
     while not condition():

@@ -1,12 +1,14 @@
 """A study on a real Dask cluster on this machine: the bits of a local run, also when a worker is killed."""
 
-import socket
+import json
 import subprocess
 import sys
 
 import psutil
 import pytest
 from processes import environment, finish, install, marks, parts, start, until
+
+from cooploc.analysis.execution import dask_cluster
 
 pytestmark = pytest.mark.slow
 pytest.importorskip("distributed", reason="needs Dask: pip install 'cooploc[cluster]'")
@@ -15,7 +17,7 @@ SMALL = """
 trials = 6
 baseline = "dead-reckoning"
 scenarios = ["robots-1-3/n={1..6}[ticks=12]"]
-estimators = ["dead-reckoning", "arl[particles=50]", "slow[seconds=0.05]"]
+estimators = ["dead-reckoning", "arl[particles=50]", "held"]
 """
 QUIET = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
 
@@ -29,14 +31,12 @@ class Cluster:
     """A scheduler and workers on this machine, started by Dask's own commands."""
 
     def __init__(self, folder, plugins):
-        with socket.socket() as free:
-            free.bind(("127.0.0.1", 0))
-            port = free.getsockname()[1]
-        self.address = f"tcp://127.0.0.1:{port}"
         self.options = {"cwd": folder, **QUIET}
         self.variables = environment(plugins)
         self.begun = []
-        self._begin("scheduler", "--host", "127.0.0.1", "--port", str(port))
+        self._begin("scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", "scheduler.json")
+        until((folder / "scheduler.json").exists)
+        self.address = json.loads((folder / "scheduler.json").read_text())["address"]
 
     def join(self, **variables):
         """One more worker, with these environment variables too."""
@@ -90,18 +90,26 @@ def local(tmp_path, plugins):
 
 
 def started(cluster, tmp_path, plugins):
-    """The study on the cluster, as soon as its first trials are done."""
-    run = start("run", "small.toml", "--out", "far", "--scheduler", cluster.address, plugins=plugins, cwd=tmp_path)
+    """The study on the cluster, as soon as its first trials are done; it does not end while there is a file `hold`."""
+    (tmp_path / "hold").touch()
+    arguments = ("run", "small.toml", "--out", "far", "--scheduler", cluster.address)
+    run = start(*arguments, plugins=plugins, cwd=tmp_path, prepare=be_patient)
     until(lambda: marks(tmp_path / "far") or run.poll() is not None)
     assert run.poll() is None
     return run
+
+
+def be_patient():
+    """Let a process wait for a scheduler on a busy machine."""
+    dask_cluster.PATIENCE = 600
 
 
 def test_a_cluster_gives_the_bits_of_a_local_run_though_a_worker_is_killed(cluster, local, tmp_path, plugins):
     victim, _ = cluster.join(), cluster.join()
     run = started(cluster, tmp_path, plugins)
     kill(victim)
-    _, told = run.communicate(timeout=200)
+    (tmp_path / "hold").unlink()
+    _, told = run.communicate()
     assert run.returncode == 0, told
     assert parts(tmp_path / "far") == local
 
@@ -113,12 +121,14 @@ def test_a_worker_of_other_bits_that_joins_late_ends_the_run_and_the_same_comman
     run = started(cluster, tmp_path, plugins)
     other = cluster.join(NUMBA_OPT="1")
     kill(first)  # all that is left goes to the other
-    _, told = run.communicate(timeout=200)
+    (tmp_path / "hold").unlink()
+    _, told = run.communicate()
     assert run.returncode == 2, told
     assert "has other instructions than this machine: use workers of one kind of processor" in told
     kill(other)
     cluster.join()
-    again = finish("run", "small.toml", "--out", "far", "--scheduler", cluster.address, plugins=plugins, cwd=tmp_path)
+    arguments = ("run", "small.toml", "--out", "far", "--scheduler", cluster.address)
+    again = finish(*arguments, plugins=plugins, cwd=tmp_path, prepare=be_patient)
     assert again.returncode == 0, again.stderr
     assert parts(tmp_path / "far") == local
 

@@ -1,5 +1,7 @@
 """What built-in estimators need is compiled before the trials begin: once for a version, by processes side by side."""
 
+from types import SimpleNamespace
+
 import pytest
 from processes import parts
 
@@ -11,7 +13,7 @@ from cooploc.analysis.execution.task import Task
 from cooploc.scenarios import resolve
 from cooploc.scenarios.studies.resolved_study import resolve_study
 from cooploc.scenarios.studies.study import Study
-from cooploc.terminal.progress import TerminalProgress
+from cooploc.terminal import progress
 
 LABELS = "dead-reckoning", "ekf-local", "ekf-local[gate=9]", "ekf-local[anchor_reading=rssi]", "ekf-joint"
 STUDY = Study(
@@ -93,13 +95,13 @@ def test_the_time_left_is_honest_within_a_factor_of_two_from_the_first_fifth_on(
     """Seconds of the parts of a `quick` run that was timed: what a part costs is far from its number of rows."""
     seconds = {"robots-1-3/n=1": 0.71, "robots-1-3/n=3": 1.0, "packet-drop/drop=0.7": 1.36}
     clock = [0.0]
-    monkeypatch.setattr("time.monotonic", lambda: clock[0])
+    monkeypatch.setattr(progress, "time", SimpleNamespace(monotonic=lambda: clock[0]))
     done = [(label, each) for label, each in seconds.items() for _ in range(7)]
     work = {label: part_work(resolve(label), 20) for label in seconds}
-    progress, total = TerminalProgress(), sum(seconds.values()) * 7
-    progress.begin(420, 0, 7 * sum(work.values()))
+    shown, total = progress.TerminalProgress(), sum(seconds.values()) * 7
+    shown.begin(420, 0, 7 * sum(work.values()))
     for label, each in done[:-1]:
         clock[0] += each
-        progress.advance(label, 20, 0, work[label])
+        shown.advance(label, 20, 0, work[label])
         if clock[0] > total / 5:
-            assert 0.5 < progress.seconds_left() / (total - clock[0]) < 2
+            assert 0.5 < shown.seconds_left() / (total - clock[0]) < 2

@@ -74,9 +74,7 @@ def failures(rows):
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_what_a_plug_in_does_to_its_process_costs_its_own_trials(place, jobs):
     names = ("dead-reckoning", *(f"bad.py:{name}" for name in SAID))
-    study = Study(
-        name="cells", trials=2, time_limit=2.0, baseline="dead-reckoning", scenarios=(WORLD,), estimators=names
-    )
+    study = Study(name="cells", trials=2, baseline="dead-reckoning", scenarios=(WORLD,), estimators=names)
     rows = execute(study, place / "run", jobs=jobs, check=False)
     alone = execute(study.with_options(only=("dead-reckoning",)), place / "alone")
     for name, said in SAID.items():
@@ -92,14 +90,14 @@ def test_a_scenario_that_hangs_costs_the_trial_where_it_does(place):
     study = Study(
         name="cells",
         trials=2,
-        time_limit=1.0,
+        time_limit=3.0,
         scenarios=("bad.py:hangs[ticks=3]",),
         estimators=("dead-reckoning", "ekf-local"),
     )
     rows = execute(study, place / "run")
     for _, mine in rows.groupby("estimator"):
         assert list(failures(mine)) == [1]
-        assert failures(mine)[1].startswith("TimeLimit: longer than the time limit of 1 s a trial (bad.py:")
+        assert failures(mine)[1].startswith("TimeLimit: longer than the time limit of 3 s a trial (bad.py:")
     again = execute(study, place / "run")
     assert failures(again) == failures(rows)
 

@@ -13,10 +13,12 @@ import psutil
 import pytest
 from processes import finish, install, marks, parts, start, table, until
 
+from cooploc.analysis.execution.run_directory import RunDir
+from cooploc.terminal import progress
+
 pytestmark = pytest.mark.slow
 SMALL = """
 trials = 6
-time_limit = 1.0
 baseline = "dead-reckoning"
 scenarios = ["robots-1-3/n={1..6}[ticks=12]"]
 estimators = ["dead-reckoning", "ekf-local", "arl[particles=50]"]
@@ -34,26 +36,31 @@ def place(tmp_path):
     return tmp_path
 
 
+@pytest.fixture
+def held(place):
+    """Here the estimator `held` waits until the file is gone."""
+    (place / "hold").touch()
+    return place
+
+
 def test_a_run_that_is_killed_again_and_again_ends_bit_identical(place, plugins):
     whole = finish("run", "small.toml", "--out", "whole", "--json", plugins=plugins, cwd=place)
     assert whole.returncode == 0, whole.stderr
     wanted, seen = parts(place / "whole"), {}
     moment = random.Random(5)
-    for attempt in range(60):
-        jobs = 1 + attempt % 2
-        run = start("run", "small.toml", "--out", "run", "--jobs", jobs, plugins=plugins, cwd=place)
+    for attempt in range(5):
+        command = ("run", "small.toml", "--out", "run", "--jobs", 1 + attempt % 2)
+        run = start(*command, plugins=plugins, cwd=place, prepare=partial(pause_after, len(seen) + 3))
         fresh = len(seen)
         until(lambda r=run, n=fresh: r.poll() is not None or len(marks(place / "run")) > n)
         time.sleep(moment.uniform(0, 0.1))
-        over = run.poll() is not None
-        (os.killpg if attempt % 3 else os.kill)(run.pid, signal.SIGKILL) if not over else None
+        assert run.poll() is None
+        (os.killpg if attempt % 3 else os.kill)(run.pid, signal.SIGKILL)
         run.communicate()
         now = marks(place / "run")
         assert {name: now[name] for name in seen} == seen
+        assert len(seen) < len(now) < len(wanted)
         seen = now
-        if over or len(now) == len(wanted):
-            break
-    assert attempt >= 3
     again = finish("run", "small.toml", "--out", "run", "--json", plugins=plugins, cwd=place)
     assert again.returncode == 0, again.stderr
     assert parts(place / "run") == wanted
@@ -65,19 +72,28 @@ def test_a_run_that_is_killed_again_and_again_ends_bit_identical(place, plugins)
     assert not list((place / "run").rglob("*.tmp"))
 
 
+def pause_after(parts):
+    """Let a process wait when there are so many: to be killed, however late a busy machine looks."""
+    write = RunDir.write
+
+    def watched(self, *arguments):
+        write(self, *arguments)
+        while len(marks(self.path)) >= parts:
+            time.sleep(0.02)
+
+    RunDir.write = watched
+
+
 @pytest.mark.parametrize("jobs", [1, 2])
-def test_ctrl_c_ends_within_two_seconds_and_says_how_to_go_on(place, plugins, jobs):
-    arguments = ("run", "small.toml", "--out", "run", "--estimators", "dead-reckoning,slow[seconds=0.2]")
-    run = start(*arguments, "--jobs", jobs, plugins=plugins, cwd=place)
-    until(lambda: marks(place / "run"))
-    began = time.monotonic()
+def test_ctrl_c_ends_a_call_that_would_take_for_ever_and_says_how_to_go_on(held, plugins, jobs):
+    arguments = ("run", "small.toml", "--out", "run", "--estimators", "dead-reckoning,held")
+    run = start(*arguments, "--jobs", jobs, plugins=plugins, cwd=held)
+    until(lambda: list(held.glob("held-*")))
     os.killpg(run.pid, signal.SIGINT)
-    _, told = run.communicate(timeout=30)
-    took = time.monotonic() - began
+    _, told = run.communicate()
     assert run.returncode == 130
     assert "the same command goes on from there" in told
     assert "Traceback" not in told
-    assert took < 2
     until(lambda: not [p for p in psutil.process_iter() if ran_by(p, run.pid)])
 
 
@@ -94,13 +110,14 @@ def ran_by(process, group):
     [
         ("raise", "RuntimeError: sensor on fire (trouble.py:"),
         ("nan", "estimate is not finite"),
-        ("sleep", "TimeLimit: longer than the time limit of 1 s a trial"),
-        ("spin", "TimeLimit: longer than the time limit of 1 s a trial"),
+        ("sleep", "TimeLimit: longer than the time limit of 2 s a trial"),
+        ("spin", "TimeLimit: longer than the time limit of 2 s a trial"),
     ],
 )
 def test_a_trial_that_fails_is_recorded_and_costs_no_other(place, plugins, jobs, does, said):
     arguments = ("--estimators", f"dead-reckoning,trouble[does={does}]", "--trials", 6, "--jobs", jobs, "--json")
-    (place / "small.toml").write_text(SMALL.replace("{1..6}", "1"))
+    limit = "time_limit = 2.0" if does in ("sleep", "spin") else ""
+    (place / "small.toml").write_text(limit + SMALL.replace("{1..6}", "1"))
     told = finish("run", "small.toml", "--out", "run", *arguments, plugins=plugins, cwd=place)
     assert told.returncode == 1, told.stderr
     rows = table(told)
@@ -126,31 +143,31 @@ def test_a_trial_that_kills_its_process_is_found_and_the_rest_goes_on(place, plu
     assert "the process that ran it died" in told.stderr
 
 
-def test_a_worker_that_is_killed_from_outside_is_replaced(place, plugins):
-    arguments = ("--estimators", "dead-reckoning,slow[seconds=0.01]", "--json")
-    whole = finish("run", "small.toml", "--out", "whole", *arguments, plugins=plugins, cwd=place)
-    run = start("run", "small.toml", "--out", "run", "--jobs", 2, *arguments, plugins=plugins, cwd=place)
-    until(lambda: marks(place / "run"))
-    workers = [p for p in psutil.Process(run.pid).children() if "loky" in " ".join(p.cmdline())]
-    victim = next(p for p in workers if "tracker" not in " ".join(p.cmdline()))
-    victim.kill()
-    _, told = run.communicate(timeout=120)
+def test_a_worker_that_is_killed_from_outside_is_replaced(held, plugins):
+    arguments = ("run", "small.toml", "--estimators", "dead-reckoning,held", "--json")
+    run = start(*arguments, "--out", "run", "--jobs", 2, plugins=plugins, cwd=held)
+    until(lambda: list(held.glob("held-*")))
+    victim = next(held.glob("held-*")).name.partition("-")[2]
+    os.kill(int(victim), signal.SIGKILL)
+    (held / "hold").unlink()
+    _, told = run.communicate()
     assert run.returncode == 0, told
-    assert parts(place / "run") == parts(place / "whole")
+    whole = finish(*arguments, "--out", "whole", plugins=plugins, cwd=held)
+    assert parts(held / "run") == parts(held / "whole")
     assert whole.returncode == 0
 
 
-def test_two_runs_into_one_directory_are_refused_until_the_first_is_gone(place, plugins):
-    arguments = ("run", "small.toml", "--out", "run", "--estimators", "dead-reckoning,slow[seconds=0.1]")
-    first = start(*arguments, plugins=plugins, cwd=place)
-    until(lambda: marks(place / "run"))
-    second = finish("run", "small.toml", "--out", "run", plugins=plugins, cwd=place)
+def test_two_runs_into_one_directory_are_refused_until_the_first_is_gone(held, plugins):
+    arguments = ("run", "small.toml", "--out", "run", "--estimators", "dead-reckoning,held")
+    first = start(*arguments, plugins=plugins, cwd=held)
+    until(lambda: marks(held / "run"))
+    second = finish("run", "small.toml", "--out", "run", plugins=plugins, cwd=held)
     assert second.returncode == 2
     assert "another run is writing to run: wait for it, or name another with --out" in second.stderr
     assert second.stderr.count("\n") == 1
     first.kill()
     first.communicate()
-    third = finish("run", "small.toml", "--out", "run", plugins=plugins, cwd=place)
+    third = finish("run", "small.toml", "--out", "run", plugins=plugins, cwd=held)
     assert third.returncode == 0, third.stderr
 
 
@@ -202,10 +219,16 @@ def test_show_says_what_is_missing_and_damaged(place, plugins):
 
 
 def test_progress_elsewhere_than_on_a_terminal_is_plain_lines(place, plugins):
-    arguments = ("--trials", 10, "--estimators", "trouble,slow[seconds=0.1]")
-    told = finish("run", "small.toml", "--out", "run", *arguments, plugins=plugins, cwd=place)
+    arguments = ("run", "small.toml", "--out", "run", "--trials", 10, "--estimators", "dead-reckoning,trouble")
+    told = finish(*arguments, plugins=plugins, cwd=place, prepare=say_every_part)
     assert told.returncode == 1
     lines = [line for line in told.stderr.splitlines() if " of 120 trials" in line]
-    what = r"\d+ of 120 trials, about .+ left, \d+ failed \(small · robots-1-3/n=\d\[ticks=12\] · "
+    assert len(lines) == 12
+    what = r"120 of 120 trials, about 0 s left, 12 failed \(small · robots-1-3/n=\d\[ticks=12\] · "
     assert re.match(what, lines[-1])
     assert "\x1b" not in told.stderr
+
+
+def say_every_part():
+    """Let a process say how far it is after each part, however soon that is."""
+    progress.LINE_EVERY = -1.0

@@ -68,7 +68,7 @@ frame.addEventListener("load", () => {{
 
 def chromium(*options, cwd):
     flags = ["--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", f"--user-data-dir={cwd / 'profile'}"]
-    done = subprocess.run([CHROMIUM, *flags, *options], capture_output=True, text=True, timeout=120)
+    done = subprocess.run([CHROMIUM, *flags, *options], capture_output=True, text=True, timeout=1200)
     assert done.returncode == 0, done.stderr
     return done.stdout
 

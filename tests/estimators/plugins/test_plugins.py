@@ -7,7 +7,7 @@ import subprocess
 import sys
 
 import pytest
-from processes import environment, finish
+from processes import HANGS, environment, finish
 
 import cooploc as cl
 from cooploc.scenarios.conformance.check import CHECKS
@@ -198,7 +198,7 @@ def test_an_instance_of_a_class_of_main_runs_in_two_processes(tmp_path, how):
     """As in a notebook, whose classes are in `__main__` and in no file: they travel by value."""
     (tmp_path / "script.py").write_text(NOTEBOOK)
     command = [sys.executable, *(("script.py",) if how == "script" else ("-c", NOTEBOOK))]
-    told = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300)
+    told = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=HANGS)
     assert told.stdout == "the same\n", told.stderr
 
 

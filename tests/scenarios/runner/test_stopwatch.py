@@ -16,13 +16,15 @@ def work(seconds):
 
 
 def test_work_counts_and_sleep_and_pauses_do_not():
+    began, worked = time.monotonic(), time.process_time()
     with Stopwatch() as clock:
         work(0.05)
         time.sleep(0.3)
         with clock.paused():
             work(0.3)
         work(0.05)
-    assert 0.1 <= clock.seconds < 0.3
+    assert 0.1 <= clock.seconds <= time.process_time() - worked - 0.3
+    assert clock.seconds <= time.monotonic() - began - 0.6
 
 
 def test_compilation_does_not_count_also_that_of_kernels_which_kernels_call():
@@ -44,7 +46,7 @@ def test_compilation_does_not_count_also_that_of_kernels_which_kernels_call():
     assert clock.seconds >= 0.02
 
 
-def test_a_first_run_costs_what_a_second_one_costs_though_a_kernel_is_new():
+def test_a_run_does_not_pay_for_a_kernel_that_is_new():
     @numba.njit
     def slow_to_compile(x):
         return (x + x[::-1]).sum() + (x * x).cumsum()[-1]
@@ -60,5 +62,6 @@ def test_a_first_run_costs_what_a_second_one_costs_though_a_kernel_is_new():
             return cl.make("dead-reckoning").predict(s, z)
 
     _, stream = cl.simulate("robots-1-3/n=1", trials=2, seed=1, ticks=30)
-    first, second = (cl.run({"new": New()}, stream, isolate=False).traces["new"].seconds for _ in range(2))
-    assert first < 20 * second
+    began = time.process_time()
+    first = cl.run({"new": New()}, stream, isolate=False).traces["new"].seconds
+    assert 0 < first < 0.5 * (time.process_time() - began)

@@ -1,0 +1,50 @@
+"""What a plug-in is written against: names that stay where they are, and readings that come in a fixed order."""
+
+import numpy as np
+import pytest
+
+from cooploc.estimators import interface
+from cooploc.estimators.interface import Mail, Senses, World
+from cooploc.estimators.models.motion import Displacement
+from cooploc.estimators.models.sensors import LogDistance, Range
+
+NAMES = (
+    "API HEADER TEAM_PRIOR TOO_NEAR_TO_RANGE Array Belief Estimator Indices Keys Mail Mask Motion OfflineEstimator "
+    "Rows S Senses Sensor Stacked TeamEstimator Traffic World"
+)
+
+
+@pytest.fixture
+def world():
+    """Two robots and two anchors."""
+    sensors = {f"{who}_range": Range() for who in ("radio", "anchor")}
+    sensors |= {f"{who}_rssi": LogDistance() for who in ("radio", "anchor")}
+    return World(2, 1.0, np.array([[0, 0], [6, 4]]), Displacement(), sensors, np.array([[0, 0], [6, 4]]))
+
+
+@pytest.fixture
+def tick():
+    """One row: it has an RSSI of the second anchor, ranges of both, and hears the second robot."""
+    nan = np.nan
+    extra = {"anchor_range": np.array([[3.0, 5.0]])}
+    rssi, nothing = np.array([[nan, -60.0]]), np.zeros((1, 0, 2))
+    senses = Senses(np.zeros((1, 2)), np.ones(1), rssi, nothing, nothing, extra)
+    return senses, Mail(np.array([[False, True]]), np.zeros((1, 2, 0)), rssi - 1, np.array([[nan, 2.0]]))
+
+
+def test_every_name_that_plug_ins_import_is_there():
+    assert set(NAMES.split()) <= set(vars(interface))
+    assert set(NAMES.split()) == set(interface.__all__)
+
+
+def test_readings_come_in_a_fixed_order_and_absent_ones_not_at_all(world, tick):
+    fixed = [(type(sensor).__name__, place.tolist(), z.item()) for sensor, place, z in world.fixed(tick[0])]
+    assert fixed == [("LogDistance", [6, 4], -60.0), ("Range", [0, 0], 3.0), ("Range", [6, 4], 5.0)]
+    relative = [(type(sensor).__name__, sender, z.item()) for sensor, sender, z in world.relative(*tick)]
+    assert relative == [("LogDistance", 1, -61.0), ("Range", 1, 2.0)]
+
+
+@pytest.mark.parametrize("name", ["arena", "anchors", "landmarks"])
+def test_nobody_writes_into_the_world(world, name):
+    with pytest.raises(ValueError, match="read-only"):
+        getattr(world, name)[...] = 1.0
