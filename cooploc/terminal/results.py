@@ -72,7 +72,8 @@ def show(found: pd.DataFrame, rows: pd.DataFrame, folder: Path, as_json: bool) -
     for line, _ in failures(rows):
         console.print(f"failed: {line}")
     picture = f"{folder / 'rmse.png'}" if (folder / "rmse.png").exists() else f"cooploc report {folder}"
-    console.print(f"picture: {picture}   table: {folder / 'table.csv'}   run: {folder}")
+    for line in (f"picture: {picture}", f"table, every column: {folder / 'table.csv'}", f"run: {folder}"):
+        console.print(line)
 
 
 def table(table: pd.DataFrame, rows: pd.DataFrame, as_json: bool) -> None:
