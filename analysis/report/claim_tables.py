@@ -117,7 +117,7 @@ def by_claim(table: Table, verdicts: pd.DataFrame, ledger: Ledger, readings: Map
 def overview(found: pd.DataFrame, verdicts: pd.DataFrame, ledger: Ledger) -> Table:
     """Claims by readings, with the numbers of the first."""
     columns = (
-        words("", "claim"),
+        words("claim"),
         words("the paper says", "says"),
         *(replace(words(head), right=True) for head in ("claimed", "found")),
         *(words("verdict" if name == BASE else str(name), str(name)) for name in found),

@@ -168,7 +168,7 @@ def best(found: list[Standing]) -> Table:
     """Who is best where."""
     columns = (
         words("scenario"),
-        words("", "standing"),
+        words("standing"),
         words("of those that qualify", "estimator"),
         *RMSE,
         *ANEES,

@@ -98,7 +98,7 @@ def table(table: pd.DataFrame, rows: pd.DataFrame, as_json: bool) -> None:
 def _legend(table: pd.DataFrame) -> list[str]:
     """What the words that appear in a table mean."""
     shown = _table("", table)
-    words = {column.head for column in shown.columns}
+    words = {column.head for column in shown.columns if any(column.text(row) for row in shown.rows)}
     remarks = " ".join(REMARK.text(row) for row in shown.rows)
     return [f"{word}: {text}" for word, text in MEANS.items() if word == "vs" or word in words or word in remarks]
 

@@ -79,7 +79,7 @@ def _head(console: Console, folder: Path, manifest: dict[str, Any]) -> None:
     study, versions = manifest["study"], manifest["versions"]
     trials = counted(study["trials"], "trial")
     console.print(f"{folder}: study {study['name']}, seed {manifest['seed']}, {trials}")
-    console.print(study["about"])
+    console.print(": ".join(filter(None, (study.get("title"), study["about"]))))
     commit = f", commit {manifest['commit'][:12]}" if manifest["commit"] else ""
     console.print(f"cooploc {versions['cooploc']}{commit}, Python {versions['python']}, on {manifest['cpu']}")
     console.print()
