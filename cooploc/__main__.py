@@ -56,10 +56,11 @@ def _command(e: BaseException) -> str:
 
 
 def _say(message: str, code: int) -> int:
-    from cooploc.terminal.visible import visible
+    from cooploc.terminal.console import wide
 
     with contextlib.suppress(OSError):
-        print("cooploc:", visible(" ".join(message.split())), file=sys.stderr, flush=True)
+        wide(stderr=True).print("cooploc:", " ".join(message.split()))
+        sys.stderr.flush()
     return code
 
 

@@ -15,13 +15,12 @@ from cooploc.terminal.inspect_command import inspect
 from cooploc.terminal.judge_command import judge
 from cooploc.terminal.options import Claims, Estimators, Isolate, Jobs, Recordings, RunDirectory, StudyName
 from cooploc.terminal.tune_command import tune
-from cooploc.terminal.visible import visible
 
 app = typer.Typer(
     name="cooploc",
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
-    context_settings={"help_option_names": ["-h", "--help"]},
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
 )
 
 
@@ -51,7 +50,7 @@ def list_(
     kind: Annotated[Kind | None, typer.Argument(help="one of the three lists")] = None,
     markdown: Annotated[bool, typer.Option("--markdown", help="print the documentation's table of estimators")] = False,
 ) -> None:
-    """List estimators, scenarios and studies, and plug-ins that could not be loaded."""
+    """List estimators, scenarios, studies, and broken plug-ins."""
     if markdown:
         from cooploc.catalogue import markdown as table
 
@@ -85,7 +84,7 @@ def run(
     ] = False,
     max_trials: Annotated[int | None, typer.Option(help="trials at which --until-decided ends [default: 1000]")] = None,
 ) -> None:
-    """Run a study, print its table, and keep results and picture in the run directory."""
+    """Run a study, print its table, keep results and picture."""
     from cooploc.terminal import results as printed
     from cooploc.until_decided import runner
 
@@ -121,7 +120,10 @@ def plan(
     out: Annotated[Path | None, typer.Option(help="run directory [default: runs/STUDY-seedN]")] = None,
     isolate: Isolate = True,
 ) -> None:
-    """Say from ten trials how many each comparison needs, at 80 % power, and how long they take here."""
+    """Say how many trials each comparison needs, and how long.
+
+    From a pilot of ten trials, at 80 % power.
+    """
     from cooploc.terminal import planned
 
     found = cl.plan(
@@ -139,7 +141,7 @@ def plan(
 
 @app.command()
 def show(folder: RunDirectory) -> None:
-    """Say what a run holds, what is missing, and what failed and why."""
+    """Say what a run holds, what is missing, what failed and why."""
     cl.show(folder)
 
 
@@ -153,9 +155,11 @@ def check(
     only: Annotated[str | None, typer.Option(help="the name of the one check to run, such as causality")] = None,
     isolate: Isolate = True,
 ) -> None:
-    """Check that an estimator cannot cheat and keeps to the interface."""
+    """Check that an estimator cannot cheat and keeps the rules."""
+    from cooploc.terminal import checked
+
     result = cl.check_estimator(estimator, seed=seed, isolate=isolate, time_limit=time_limit, only=only)
-    typer.echo(visible(result.table()))
+    checked.show(result)
     if result.count("failed") or not (only or result.ran):
         raise typer.Exit(1)
 
@@ -167,7 +171,10 @@ app.command()(judge)
 def new_estimator(
     name: Annotated[str, typer.Argument(help="small letters, digits and hyphens, such as my-filter")],
 ) -> None:
-    """Write a small package with an estimator that runs, its test, and what registers it."""
+    """Write a small package with an estimator that runs.
+
+    It has its test, and what registers it.
+    """
     for file in cl.new_estimator(name):
         typer.echo(file)
     typer.echo(f"next: pip install -e {name} && cooploc run quick --estimators mrsl-rssi,{name}")
@@ -190,7 +197,11 @@ def report(
         str | None, typer.Option(help="comma-separated: the paper's figures and tables of these alone")
     ] = None,
 ) -> None:
-    """Write a run's report: an HTML page that needs no network, and its tables as LaTeX, Markdown and CSV."""
+    """Write a run's report for the browser, or for a paper.
+
+    An HTML page that needs no network, and its tables as LaTeX, Markdown and CSV; with --paper, figures and tables that
+    fit its columns.
+    """
     from cooploc.terminal import finished_runs
 
     if not (paper or columns or scenarios):
@@ -202,7 +213,10 @@ def report(
 
 @app.command()
 def verdicts(folder: RunDirectory, ledger: Claims = None) -> None:
-    """Print which claims a run supports, contradicts or leaves open, and in how many readings of the paper."""
+    """Print which of a paper's claims a run supports.
+
+    Or contradicts, or leaves open; and in how many readings of the paper.
+    """
     from cooploc import run_verdicts
     from cooploc.terminal import finished_runs
 
@@ -213,7 +227,10 @@ def verdicts(folder: RunDirectory, ledger: Claims = None) -> None:
 
 @app.command()
 def compare(before: RunDirectory, after: Annotated[Path, typer.Argument(help="another run directory")]) -> None:
-    """Say what changed from one run to another, trial by trial where their streams are the same."""
+    """Say what changed from one run to another.
+
+    Trial by trial where their streams are the same.
+    """
     from cooploc.terminal import finished_runs
 
     found = cl.compare_runs(before, after)
@@ -227,7 +244,10 @@ def reproduce(
     data: Recordings = None,
     trust: Annotated[bool, typer.Option("--trust", help="run Python files that it names")] = False,
 ) -> None:
-    """Run some trials of a run or a report again: exit code 0 where all are bit-equal, 1 where any differs."""
+    """Run some trials of a run or a report again, and compare them.
+
+    Exit code 0 where all are bit-equal, 1 where any differs.
+    """
     from cooploc.terminal import finished_runs
 
     found = cl.reproduce(page, trials, data, trust)

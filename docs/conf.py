@@ -20,6 +20,8 @@ myst_heading_anchors = 3
 suppress_warnings = ["myst.header"]  # some notebooks begin with a second-level heading
 html_theme = "pydata_sphinx_theme"
 html_title = "cooploc"
+html_static_path = ["static"]
+html_css_files = ["tables.css"]
 html_show_sourcelink = False
 html_theme_options = {
     "show_toc_level": 2,
@@ -29,7 +31,8 @@ html_theme_options = {
 }
 napoleon_custom_sections = [(name, "params_style") for name in ("Columns", "More columns", "Optional members")]
 python_use_unqualified_type_names = True
-autodoc_typehints = "signature"
+autodoc_typehints = "description"  # beside each parameter's meaning, so that signatures can be read
+autodoc_typehints_description_target = "documented_params"
 autodoc_member_order = "bysource"
 
 write(Path(__file__).parent / "generated")

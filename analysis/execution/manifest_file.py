@@ -11,7 +11,13 @@ from cooploc.scenarios.sealed import Damaged, digest
 
 NAME = "manifest.json"
 LISTED = 8  # runs below a directory that is none, at most
-MUST_MATCH = ("seed", "data", "versions", "source", "instructions")
+MUST_MATCH = {  # of a run that goes on, and what is said where it differs
+    "seed": "another seed",
+    "data": "other recordings",
+    "versions": "other versions of the libraries",
+    "source": "another version of cooploc",
+    "instructions": "another kind of processor",
+}
 BEGUN = re.compile(r"\.lock|parts|receipts|\.manifest\.json\..*")  # all that is there before the first manifest
 REMEDY = "the command that began the run makes it again where all parts agree; else name another directory with --out"
 
@@ -70,9 +76,9 @@ def continued(folder: Path, found: dict[str, Any], asked: dict[str, Any]) -> dic
         BadInput: it has other settings.
 
     """
-    for key in MUST_MATCH:
+    for key, said in MUST_MATCH.items():
         if found.get(key) != asked[key]:
-            raise BadInput(f"{folder} holds a run with another {key}; name another directory with --out")
+            raise BadInput(f"{folder} holds a run with {said}; name another directory with --out")
     for path, hashed in asked["files"].items():
         if found["files"].get(path, hashed) != hashed:
             raise BadInput(f"{folder} holds results of another version of {path}; name another with --out")

@@ -107,7 +107,7 @@ def tabular(chosen: Sequence[Quantity], first: Sequence[str], rows: Sequence[int
 
 def text(cell: str) -> str:
     """A cell for LaTeX, with the sign of minus as it is set in formulas."""
-    return re.sub(r"(?<![\w}])-(?=[\d.\\])", "$-$", escaped(cell))
+    return "$-$".join(map(escaped, re.split(r"(?<!\w)-(?=[\d.∞])", cell)))
 
 
 def _texts(column: TableColumn, rows: list[Row]) -> list[str]:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
 
 from cooploc.analysis.metrics.certificate_line import refused
 from cooploc.analysis.metrics.compare import summarize
@@ -49,8 +50,8 @@ def _standing(row: Row) -> str:
 
 
 def colour_of(row: Row, look: Look) -> Any:
-    """Centralised estimators are grey, and so are those that are offline."""
-    return GREY if row["centralised"] else look.colour
+    """Centralised estimators are grey, in the shade that is theirs, and so are those that are offline."""
+    return GREY if row["centralised"] and len(set(to_rgb(look.colour))) > 1 else look.colour
 
 
 def _unlike_filters(row: Row) -> Any:

@@ -9,8 +9,10 @@ import pandas as pd
 from cooploc.analysis.claims import wording
 from cooploc.analysis.claims.ledger import BASE, Ledger
 from cooploc.analysis.claims.verdicts import DECIDED, JUDGED
-from cooploc.analysis.formats import count, p_value
+from cooploc.analysis.formats import count, counted, p_value
 from cooploc.analysis.report.tables import Table, numbers, words
+
+SHOWN = 3  # reasons why cases of a claim were not run
 
 
 def _yes_or_no(stands: bool, verdict: str) -> str:
@@ -19,7 +21,7 @@ def _yes_or_no(stands: bool, verdict: str) -> str:
 
 HOLM = (
     numbers("p (Holm)", "p_holm", "p", of=("p_holm",), form=p_value),
-    words("stands", "stands", of=("stands", "verdict"), form=_yes_or_no),
+    words("stands", "stands", of=("stands", "verdict"), form=_yes_or_no, under=True),
 )
 
 
@@ -43,22 +45,33 @@ def claims(verdicts: pd.DataFrame, paper: str) -> Table:
 
 
 def cases(part: pd.DataFrame) -> Table:
-    """The cases of one claim, for a terminal; variants that were not run are left out."""
+    """The cases of one claim that were run, for a terminal."""
+    found = part[part["verdict"] != "not run"]
+    readings = (words("reading", "variant"),) if found["variant"].nunique() > 1 else ()
     columns = (
-        words("reading", "variant"),
-        *map(words, ("scenario", "of", "than")),
+        words("scenario"),
+        *(words(head, under=True) for head in ("of", "than")),
+        *readings,
         numbers("claimed", "size", of=("size", "kind"), form=wording.number),
         numbers("found", "value", of=("value", "kind"), form=wording.number),
-        numbers("95 %", "low", "high", of=("low", "high", "kind"), form=wording.between),
+        numbers("95 %", "low", "high", of=("low", "high", "kind"), form=wording.between, under=True),
         numbers("trials", form=count),
         words("verdict", of=("decision",)),
+        words("", "otherwise", under=True),
+        words("", "remark", under=True),
         *HOLM,
-        words("", "otherwise"),
-        words("", "remark"),
     )
-    shown = part[(part["verdict"] != "not run") | (part["variant"] == part["variant"].iloc[0])]
-    rows = shown.assign(decision=[wording.verdict(row) for _, row in shown.iterrows()])
+    rows = found.assign(decision=[wording.verdict(row) for _, row in found.iterrows()])
     return Table("cases", "", columns, rows.drop_duplicates().to_dict("records"))
+
+
+def not_run(part: pd.DataFrame) -> str:
+    """How many cases of one claim, as the paper states it, were not run, and why; nothing where all were."""
+    stated = part[part["variant"] == part["variant"].iloc[0]]
+    reasons = stated.loc[stated["verdict"] == "not run", "remark"]
+    kinds = list(dict.fromkeys(reason.partition(";")[0] for reason in reasons))
+    more = f"; and {counted(len(kinds) - SHOWN, 'reason')} more" if len(kinds) > SHOWN else ""
+    return f"not run: {len(reasons)} of {counted(len(stated), 'case')}: {'; '.join(kinds[:SHOWN])}{more}" * bool(kinds)
 
 
 class ClaimSection(NamedTuple):
@@ -104,7 +117,7 @@ def by_claim(table: Table, verdicts: pd.DataFrame, ledger: Ledger, readings: Map
 def overview(found: pd.DataFrame, verdicts: pd.DataFrame, ledger: Ledger) -> Table:
     """Claims by readings, with the numbers of the first."""
     columns = (
-        words("", "claim"),
+        words("claim"),
         words("the paper says", "says"),
         *(replace(words(head), right=True) for head in ("claimed", "found")),
         *(words("verdict" if name == BASE else str(name), str(name)) for name in found),

@@ -7,7 +7,8 @@ from markupsafe import Markup
 from matplotlib.colors import to_hex
 from matplotlib.markers import MarkerStyle
 
-from cooploc.analysis.plot.style import GREY, Look
+from cooploc.analysis.plot.marks import colour_of
+from cooploc.analysis.plot.style import Look
 from cooploc.analysis.report.colours import variable
 
 
@@ -26,7 +27,7 @@ def marks(looks: Mapping[str, Look], centralised: set[str]) -> dict[str, Markup]
     number = {marker: i for i, marker in enumerate(dict.fromkeys(look.marker for look in looks.values()))}
     use = Markup('<svg class="mark" aria-hidden="true" style="color: {}"><use href="#marker-{}"/></svg>')
     return {
-        name: use.format(variable(to_hex(GREY if name in centralised else look.colour)), number[look.marker])
+        name: use.format(variable(to_hex(colour_of({"centralised": name in centralised}, look))), number[look.marker])
         for name, look in looks.items()
     }
 

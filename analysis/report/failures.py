@@ -4,17 +4,29 @@ from typing import NamedTuple
 
 import pandas as pd
 
+from cooploc.analysis.formats import counted
+
 SHOWN = 10  # trials that are named
+FEW = 3  # scenarios that are named
 
 
 def failures(rows: pd.DataFrame) -> list[tuple[str, str]]:
-    """Each different failure in a line with its trials, and where it was raised."""
+    """Each different failure of an estimator in a line with its trials, and where it was raised."""
     failed = rows[rows["failure"].notna()].drop_duplicates(["scenario", "estimator", "trial"])
     out = []
-    for (scenario, estimator, failure), part in failed.groupby(["scenario", "estimator", "failure"], sort=False):
-        trials = ", ".join(map(str, sorted(part["trial"])[:SHOWN])) + " ..." * (len(part) > SHOWN)
-        out.append((f"{scenario}, {estimator}, trial {trials}: {failure}", str(part["traceback"].iloc[0])))
+    for (estimator, failure), part in failed.groupby(["estimator", "failure"], sort=False):
+        out.append((f"{estimator}, {_where(part)}: {failure}", str(part["traceback"].iloc[0])))
     return out
+
+
+def _where(part: pd.DataFrame) -> str:
+    """The trials of one scenario, or how many there are in which scenarios."""
+    scenarios = list(dict.fromkeys(part["scenario"]))
+    if len(scenarios) == 1:
+        trials = ", ".join(map(str, sorted(part["trial"])[:SHOWN])) + " ..." * (len(part) > SHOWN)
+        return f"{scenarios[0]}, trial {trials}"
+    named = ", ".join(scenarios[:FEW]) + " ..." * (len(scenarios) > FEW)
+    return f"{counted(len(part), 'trial')} of {counted(len(scenarios), 'scenario')} ({named})"
 
 
 class FailureKind(NamedTuple):

@@ -56,7 +56,7 @@ def content(numbers: Numbers, ledger: Ledger) -> dict[str, Any]:
     tables += [one for each in experiments for one in each.tables]
     tables += [*about["scenarios"], *([about["events"]] if about["events"].rows else []), about["versions"]]
     return {
-        **_heading(kept.manifest),
+        **heading(kept.manifest),
         **about,
         "lowest": answer.lowest(found, table, numbers.results),
         "over_confident": answer.over_confident(table),
@@ -94,9 +94,12 @@ def _about(numbers: Numbers) -> dict[str, Any]:
     }
 
 
-def _heading(manifest: dict[str, Any]) -> dict[str, str]:
-    """The title that the user gave: the study's description, or its name where there is none."""
-    name, about = manifest["study"]["name"], manifest["study"].get("about", "")
+def heading(manifest: dict[str, Any]) -> dict[str, str]:
+    """The title that the user gave; where there is none the study's description, or its name where that is long."""
+    study = manifest["study"]
+    name, about = study["name"], study.get("about", "")
+    if study.get("title"):
+        return {"title": study["title"], "study": name, "about": about}
     short = 0 < len(about) <= LONGEST_TITLE
     return {"title": about if short else name, "study": name if short else "", "about": "" if short else about}
 

@@ -23,7 +23,14 @@ Ranks = dict[str, tuple[dict[str, float], dict[str, str]]]  # scenario -> mean r
 
 
 def remark(
-    estimator: str, certificate: str, consistency: str, centralised: bool, bound: bool, offline: bool, failed: int
+    estimator: str,
+    certificate: str,
+    consistency: str,
+    centralised: bool,
+    bound: bool,
+    offline: bool,
+    failed: int,
+    rmse: float,
 ) -> str:
     """What a reader of a result must know."""
     remarks = [standing(estimator)] if standing(estimator) else []
@@ -31,7 +38,8 @@ def remark(
     remarks += [SAID[consistency]] if consistency in SAID else []
     remarks += ["offline, not ranked"] if offline else ["bound"] if bound else ["centralised"] * centralised
     remarks += ["bytes as declared"] * (not centralised and declares_bytes(estimator))
-    return ", ".join(remarks + ([f"{failed} failed, numbers of the other trials"] if failed else []))
+    lost = "every trial failed" if np.isnan(rmse) else f"{failed} failed, numbers of the other trials"
+    return ", ".join(remarks + [lost] * (failed > 0))
 
 
 def decided(verdict: str, look: int, trials: int) -> str:
@@ -60,7 +68,7 @@ OTHER = ("estimator", "baseline")
 REMARK = words(
     "remark",
     *("consistency", "centralised", "bound", "offline", "failed", "baseline", "stream"),
-    of=("estimator", "certificate", "consistency", "centralised", "bound", "offline", "failed"),
+    of=("estimator", "certificate", "consistency", "centralised", "bound", "offline", "failed", "rmse"),
     form=remark,
     under=True,
 )
@@ -68,7 +76,7 @@ RESULTS = (
     words("scenario"),
     words("estimator"),
     REMARK,
-    words("senses", spare=8),
+    words("senses", under=True),
     words("checks", "certificate", form=mark),
     *RMSE,
     numbers("median", "rmse_median", form=metres, detail=True),
@@ -160,7 +168,7 @@ def best(found: list[Standing]) -> Table:
     """Who is best where."""
     columns = (
         words("scenario"),
-        words("", "standing"),
+        words("standing"),
         words("of those that qualify", "estimator"),
         *RMSE,
         *ANEES,

@@ -115,13 +115,19 @@ def table(found: pd.DataFrame) -> Table:
     """The changes for people and programs."""
     columns = (
         words("scenario"),
-        words("estimator"),
-        *_before_after("RMSE {} [m]", "rmse", metres),
+        words("estimator", under=True),
+        *_before_after("RMSE [m]", "rmse", metres),
         numbers("change", of=("same", "change"), form=lambda same, share: "0 %" if same else change(share)),
-        numbers("95 %", *ENDS, of=("same", *ENDS), form=lambda same, *ends: "" if same else interval(change)(*ends)),
-        *_before_after("ANEES {}", "anees", ratio),
-        *_before_after("bytes {}", "bytes", count),
-        *_before_after("µs {}", "seconds", microseconds),
+        numbers(
+            "95 %",
+            *ENDS,
+            of=("same", *ENDS),
+            form=lambda same, *ends: "" if same else interval(change)(*ends),
+            under=True,
+        ),
+        *_before_after("ANEES", "anees", ratio),
+        *_before_after("bytes", "bytes", count, spare=1),
+        *_before_after("µs", "seconds", microseconds, spare=2),
         numbers("trials", form=count),
         words("", "pairing", "equal", "failed_a", "failed_b", of=("same", "pairing", *FAILED), form=_remark),
     )
@@ -129,8 +135,9 @@ def table(found: pd.DataFrame) -> Table:
     return Table("changes", "What changed", columns, rows)
 
 
-def _before_after(head: str, key: str, form: Format) -> tuple[TableColumn, TableColumn]:
-    return numbers(head.format("before"), f"{key}_a", form=form), numbers("after", f"{key}_b", form=form)
+def _before_after(head: str, key: str, form: Format, spare: int = 0) -> tuple[TableColumn, TableColumn]:
+    before = numbers(f"{head}\nbefore", f"{key}_a", form=form, spare=spare)
+    return before, numbers(f"{head}\nafter", f"{key}_b", form=form, under=True, spare=spare)
 
 
 def _remark(same: bool, pairing: str, before: float, after: float) -> str:

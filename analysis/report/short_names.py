@@ -1,7 +1,8 @@
 """Short labels for long configured estimators, on the page alone: files keep the labels in full.
 
-A configuration that the study names ("raw" for "anchor_reading=rssi") is written with that name, `ekf-local[raw]`; any
-other one that is longer than `LONGEST` gets a number, `mrsl-rssi[#2]`. The page's list of estimators is the legend.
+A configuration that the study names ("raw" for "anchor_reading=rssi") is written with that name, `ekf-local[raw]`. Of
+others that are longer than `LONGEST`, the one that is its method's best is `mrsl-rssi[best]`, and the rest get numbers,
+`mrsl-rssi[#2]`. The page's list of estimators is the legend.
 """
 
 import re
@@ -9,7 +10,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
-LONGEST = 22  # characters that fit into a column
+from cooploc.estimators.plugins.configurations import standing
+
+LONGEST = 24  # characters that fit into a column
 
 
 @dataclass(frozen=True)
@@ -46,7 +49,8 @@ def short_names(labels: Iterable[str], variants: Mapping[str, str]) -> ShortName
         name = named.get(_sorted(inside.removesuffix("]")), "")
         if not name and len(label) <= LONGEST:
             continue
-        short = f"{method}[{name or f'#{count[method]}'}]"
+        best = "best" * (standing(label) == "at its best")
+        short = f"{method}[{name or best or f'#{count[method]}'}]"
         if len(short) < len(label) and short not in taken:
             known[label] = short
             taken.add(short)

@@ -4,6 +4,7 @@ Every estimator keeps its look throughout (`cooploc.analysis.plot.style`). Broke
 """
 
 from functools import partial
+from math import ceil
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ TOGETHER = 6  # estimators that can still be distinguished in one panel
 KEY = 0.16  # [in] of a line of a panel's key
 LETTER = 0.075  # [in] of a label, on average
 TITLE = 44  # characters that a panel is wide
+IN_A_COLUMN = 8  # estimators of a legend
 MOST = 24  # estimators of an overview
 IN_FULL = ShortNames({})
 NAMES = {"anees": "ANEES (1 is consistent)", "bytes": "bytes per robot and tick", "seconds": "µs per robot and tick"}
@@ -127,6 +129,8 @@ def key(part: pd.DataFrame, looks: Looks, short: ShortNames = IN_FULL) -> str:
     """The legend of the figures that name no estimators."""
     once = part.drop_duplicates("estimator").set_index("estimator", drop=False).to_dict("index")
     names = [name for name in looks if name in once]
+    longest = max((len(name_of(once[name], short.of(name))) for name in names), default=0)
+    columns = 2 if len(names) > IN_A_COLUMN and 2 * (LETTER * longest + 0.4) <= PANEL[0] else 1
 
     def draw(ax: Axes) -> None:
         for name in names:
@@ -141,9 +145,10 @@ def key(part: pd.DataFrame, looks: Looks, short: ShortNames = IN_FULL) -> str:
                 label=name_of(row, short.of(name)),
             )
         ax.axis("off")
-        ax.legend(frameon=False, loc="upper left", fontsize=8, title="estimators (hollow: over-confident)")
+        title = "estimators (hollow: over-confident)"
+        ax.legend(frameon=False, loc="upper left", fontsize=8, ncols=columns, title=title)
 
-    return drawn(draw, (PANEL[0], 0.5 + 0.18 * len(names)))
+    return drawn(draw, (PANEL[0], 0.5 + 0.18 * ceil(len(names) / columns)))
 
 
 def _panel(ax: Axes, part: pd.DataFrame, names: list[str], looks: Looks, short: ShortNames) -> None:

@@ -8,8 +8,9 @@ from rich.measure import Measurement
 from rich.table import Table as RichTable
 from rich.text import Text
 
+from cooploc.analysis.report.wrapped_cell import WrappedCell
+
 ANY_WIDTH = 100_000
-MORE = "the tables of a report and the CSV file have them"
 
 
 class Shown(NamedTuple):
@@ -37,7 +38,8 @@ class TerminalTable:
         drawn, lacking = self._fitted(console, options)
         yield drawn
         if lacking:
-            yield Text(f" not shown at this width: {', '.join(lacking)}; {MORE}", style="dim")
+            names = ", ".join(dict.fromkeys(lacking))
+            yield Text(f" not shown at this width: {names}", style="dim")
 
     def _fitted(self, console: Console, options: ConsoleOptions) -> tuple[RichTable, list[str]]:
         """The table in the widest layout that fits; in the narrowest, long cells are broken."""
@@ -55,7 +57,7 @@ class TerminalTable:
         yield _stacked(left), []
         for column in sorted((c for c in self.columns if c.spare), key=lambda c: -c.spare):
             left.remove(column)
-            out.append(column.head)
+            out.append(column.head.partition("\n")[0])
             yield _stacked(left), out[:]
 
     def _drawn(self, columns: Sequence[Shown], wrap: bool) -> RichTable:
@@ -65,11 +67,12 @@ class TerminalTable:
                 column.head,
                 justify="right" if column.right else "left",
                 no_wrap=column.right or not wrap,
-                overflow="fold",
             )
+        right = [column.right for column in columns]
         for i, first in enumerate(self.styles):
             lines = zip(*(column.lines[i] for column in columns), strict=True)
-            for cells, style in zip(lines, (first, "dim"), strict=False):
+            for texts, style in zip(lines, (first, "dim"), strict=False):
+                cells = (t if r or not wrap else WrappedCell(t) for t, r in zip(texts, right, strict=True))
                 out.add_row(*cells, style=style)
         return out
 
@@ -80,6 +83,8 @@ def _stacked(columns: Sequence[Shown]) -> list[Shown]:
     for column in columns:
         if column.under and out and len(out[-1].lines[0]) == 1:
             out[-1] = _over(out[-1], column)
+        elif column.under and out and not (column.right or out[-1].right):
+            out[-1] = _beside(out[-1], column)
         else:
             out.append(column)
     deep = max((len(column.lines[0]) for column in out), default=1)
@@ -91,4 +96,14 @@ def _over(top: Shown, under: Shown | None) -> Shown:
     if under is None:
         return top._replace(lines=[(*cell, "") for cell in top.lines])
     cells = zip(top.lines, under.lines, strict=True)
-    return top._replace(head=f"{top.head}\n{under.head}", lines=[(*a, *b) for a, b in cells])
+    head = under.head.removeprefix(top.head.partition("\n")[0] + "\n")  # what both begin with is said once
+    return top._replace(head=f"{top.head}\n{head}", lines=[(*a, *b) for a, b in cells])
+
+
+def _beside(column: Shown, more: Shown) -> Shown:
+    """A column whose second line also says what another one does."""
+    cells = zip(column.lines, more.lines, strict=True)
+    lines: list[tuple[str, ...]] = [
+        (first, "; ".join(filter(None, (second, said)))) for (first, second), (said,) in cells
+    ]
+    return column._replace(head="; ".join(filter(None, (column.head, more.head))), lines=lines)

@@ -1,11 +1,13 @@
 """The verdicts of a ledger: a table for every claim, then the readings, what numbers mean, how many may be false."""
 
 import pandas as pd
+from rich.console import Console
 
 from cooploc.analysis.claims import family
 from cooploc.analysis.claims.ledger import Ledger
 from cooploc.analysis.claims.multiverse import shares
-from cooploc.analysis.report.claim_tables import called, cases, over_readings
+from cooploc.analysis.formats import listed
+from cooploc.analysis.report.claim_tables import called, cases, not_run, over_readings
 from cooploc.terminal.console import wide
 
 LEGEND = (
@@ -31,21 +33,35 @@ def show(verdicts: pd.DataFrame, ledger: Ledger) -> None:
         ledger: its ledger.
 
     """
-    console = wide()
+    console, skipped = wide(), []
     console.print(ledger.paper)
     for claim, part in verdicts.groupby("claim", sort=False):
-        says, where, left_open, readings = part[["says", "where", "open", "map"]].iloc[0]
-        console.print(f"\n{claim}. {called(says, where)}", style="bold")
-        console.print(cases(part).terminal(style=lambda row: STYLES.get(row["verdict"], "dim")))
-        if left_open:
-            console.print(f" open: {left_open}", style="dim")
-        if readings:
-            console.print(f" over all readings: {readings}")
+        if (part["verdict"] == "not run").all():
+            skipped.append(str(claim))
+        else:
+            _claim(console, str(claim), part)
     console.print()
+    if skipped:
+        console.print(f"Not run at all, as this run lacks their scenarios or estimators: claims {listed(skipped)}")
+    ran = set(verdicts.loc[verdicts["verdict"] != "not run", "variant"])
     for name, variant in ledger.variants.items():
-        console.print(f"{name}: {variant.about}", style="dim")
+        if name in ran:
+            console.print(f"{name}: {variant.about}", style="dim")
     console.print(LEGEND, style="dim")
     console.print(str(family.of(verdicts)))
+
+
+def _claim(console: Console, claim: str, part: pd.DataFrame) -> None:
+    """Print one claim: what was run of it, what was not, and what the paper leaves open."""
+    says, where, left_open, readings = part[["says", "where", "open", "map"]].iloc[0]
+    console.print(f"\n{claim}. {called(says, where)}", style="bold")
+    console.print(cases(part).terminal(style=lambda row: STYLES.get(row["verdict"], "dim")))
+    if lacking := not_run(part):
+        console.print(f" {lacking}", style="dim")
+    if left_open:
+        console.print(f" open: {left_open}", style="dim")
+    if readings:
+        console.print(f" over all readings: {readings}")
 
 
 def show_readings(found: pd.DataFrame) -> None:

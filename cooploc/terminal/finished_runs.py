@@ -5,23 +5,26 @@ from pathlib import Path
 import pandas as pd
 
 from cooploc.analysis.claims import ledger as ledgers
+from cooploc.analysis.formats import counted
 from cooploc.terminal.console import wide
 
 
 def report(page: Path) -> None:
     """Say where a report is."""
-    wide().print(f"report: {page}   tables: {page.parent / 'tables'}")
+    wide().print(f"report: {page}\ntables: {page.parent / 'tables'}")
 
 
 def paper(example: Path) -> None:
     """Say where a paper's figures and tables are, and how to look at them."""
     folder = example.parent
-    counts = [
-        len(list((folder / name).glob(f"*.{ending}"))) for name, ending in (("figures", "pdf"), ("tables", "tex"))
-    ]
+    figures, tables = (
+        counted(len(list((folder / name).glob(f"*.{ending}"))), name.removesuffix("s"))
+        for name, ending in (("figures", "pdf"), ("tables", "tex"))
+    )
     console = wide()
-    console.print(f"paper: {folder}   {counts[0]} figures, {counts[1]} tables, estimators.bib")
-    console.print(f"to see them all: cd {folder} && pdflatex {example.name} && bibtex {example.stem}")
+    console.print(f"paper: {folder}\nin it: {figures}, {tables}, estimators.bib")
+    latex = f"pdflatex {example.stem}"
+    console.print(f"to see them all: cd {folder} && {latex} && bibtex {example.stem} && {latex} && {latex}")
 
 
 def verdicts(found: pd.DataFrame, ledger: Path | None) -> None:

@@ -14,7 +14,10 @@ def inspect(
     run: Annotated[str, typer.Option(help="which recording of several [default: the first]")] = "",
     force: Annotated[bool, typer.Option("--force", help="guess again, and replace a log.toml that is there")] = False,
 ) -> None:
-    """Look at a recording of robots: what is in it, what is odd about it; sketch it, and write a log.toml that runs."""
+    """Look at a recording of robots, and draft its log.toml.
+
+    Says what is in it and what is odd about it, sketches it, and writes a log.toml that runs.
+    """
     from cooploc.terminal import inspection
 
     found = cl.inspect(path, run, again=force)

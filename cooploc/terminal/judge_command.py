@@ -18,7 +18,10 @@ def judge(
     offline: Annotated[bool, typer.Option("--offline", help="they saw later readings, as smoothers do")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="print the table as JSON alone")] = False,
 ) -> None:
-    """Judge trajectories that were computed elsewhere, from TUM files, with the truth of a stream."""
+    """Judge trajectories computed elsewhere, from TUM files.
+
+    With the truth of a stream.
+    """
     from cooploc.judged import judged
     from cooploc.terminal import results
 

@@ -6,8 +6,9 @@ import pandas as pd
 
 from cooploc.analysis.formats import duration
 from cooploc.analysis.report.tables import Table, words
-from cooploc.terminal.console import PlainConsole
+from cooploc.terminal.console import wide
 
+USES = "uses: a|b is the first of the two that a scenario has; a? is used where it is there"
 HINDSIGHT = "with hindsight, from Python alone: cl.Smoother(), offline: neither ranked nor best"
 HEADS = {
     "estimators": (
@@ -24,12 +25,13 @@ def show(kind: str, listed: pd.DataFrame) -> None:
     """Print the table of `cl.estimators()`, `cl.scenarios()` or `cl.studies()`, then plug-ins that cannot be used."""
     broken = listed["problem"] != "" if "problem" in listed else pd.Series(False, listed.index)
     rows = [_row(row) for row in listed[~broken].to_dict("records")]
-    console = PlainConsole()
+    console = wide()
     console.print(Table(kind, kind, HEADS[kind], rows).terminal(wrap=True))
     for row in listed[broken].to_dict("records"):
-        console.print(f"  {row['name']}: not usable, {row['problem']}", soft_wrap=True)
+        console.print(f"  {row['name']}: not usable, {row['problem']}")
     if kind == "estimators":
-        console.print(f"  {HINDSIGHT}", soft_wrap=True)
+        for line in (USES, HINDSIGHT):
+            console.print(f"  {line}")
     console.print()
 
 

@@ -6,7 +6,7 @@ import time
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from cooploc.analysis.formats import duration
-from cooploc.terminal.console import PlainConsole
+from cooploc.terminal.console import wide
 from cooploc.terminal.visible import visible
 
 LINE_EVERY = 5.0  # [s]
@@ -20,7 +20,7 @@ class TerminalProgress:
         self.total, self.done, self.failed = 0, 0, 0
         self._todo, self._spent = 0.0, 0.0
         self._began = self._said = time.monotonic()
-        self._console = PlainConsole(stderr=True)
+        self._console = wide(stderr=True)
         columns = (BarColumn(bar_width=16), MofNCompleteColumn(), TextColumn("trials{task.description}", markup=False))
         self._bar = Progress(*columns, console=self._console, transient=True) if self._console.is_terminal else None
 
@@ -61,7 +61,7 @@ class TerminalProgress:
 
     def say(self, line: str) -> None:
         """Print something that the user should know, above the bar."""
-        self._console.print(line, soft_wrap=True)
+        self._console.print(line)
 
     def seconds_left(self) -> float | None:
         """An estimate by the work that is done and to do; None before there is enough of it."""

@@ -72,7 +72,8 @@ def show(found: pd.DataFrame, rows: pd.DataFrame, folder: Path, as_json: bool) -
     for line, _ in failures(rows):
         console.print(f"failed: {line}")
     picture = f"{folder / 'rmse.png'}" if (folder / "rmse.png").exists() else f"cooploc report {folder}"
-    console.print(f"picture: {picture}   table: {folder / 'table.csv'}   run: {folder}")
+    for line in (f"picture: {picture}", f"table, every column: {folder / 'table.csv'}", f"run: {folder}"):
+        console.print(line)
 
 
 def table(table: pd.DataFrame, rows: pd.DataFrame, as_json: bool) -> None:
@@ -97,7 +98,7 @@ def table(table: pd.DataFrame, rows: pd.DataFrame, as_json: bool) -> None:
 def _legend(table: pd.DataFrame) -> list[str]:
     """What the words that appear in a table mean."""
     shown = _table("", table)
-    words = {column.head for column in shown.columns}
+    words = {column.head for column in shown.columns if any(column.text(row) for row in shown.rows)}
     remarks = " ".join(REMARK.text(row) for row in shown.rows)
     return [f"{word}: {text}" for word, text in MEANS.items() if word == "vs" or word in words or word in remarks]
 

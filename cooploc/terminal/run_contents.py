@@ -19,6 +19,8 @@ from cooploc.terminal.console import wide
 from cooploc.terminal.decided import state
 from cooploc.terminal.results import ONE_PROCESS
 
+FRAMES = 3  # of a traceback
+CONTINUED = "During handling of the above exception, another exception occurred:"
 COLUMNS = (
     words("experiment"),
     words("scenario"),
@@ -56,7 +58,8 @@ def show(folder: Path) -> None:
             verdict = verdicts.get((scenario, estimator), {"verdict": "", "look": 0})
             rows.append({**verdict, **row, "experiment": cell["experiment"], "checks": line(estimator, certificates)})
             failed += [lost] if len(lost) else []
-    shown = COLUMNS if decisions else tuple(column for column in COLUMNS if column.head != "decided")
+    hidden = ["decided"] * (not decisions) + ["experiment"] * (len({row["experiment"] for row in rows}) == 1)
+    shown = tuple(column for column in COLUMNS if column.head not in hidden)
     console.print(Table("contents", "", shown, rows).terminal())
     if decisions:
         console.print(state(folder, decisions))
@@ -67,7 +70,7 @@ def show(folder: Path) -> None:
         console.print(ONE_PROCESS)
     for found, traceback in failures(pd.concat(failed)) if failed else []:
         console.print(f"\nfailed: {found}")
-        console.print(traceback, style="dim")
+        console.print(_end_of(traceback), style="dim", soft_wrap=True)
     if not failed:
         console.print("\nnothing failed")
 
@@ -76,7 +79,7 @@ def _head(console: Console, folder: Path, manifest: dict[str, Any]) -> None:
     study, versions = manifest["study"], manifest["versions"]
     trials = counted(study["trials"], "trial")
     console.print(f"{folder}: study {study['name']}, seed {manifest['seed']}, {trials}")
-    console.print(study["about"])
+    console.print(": ".join(filter(None, (study.get("title"), study["about"]))))
     commit = f", commit {manifest['commit'][:12]}" if manifest["commit"] else ""
     console.print(f"cooploc {versions['cooploc']}{commit}, Python {versions['python']}, on {manifest['cpu']}")
     console.print()
@@ -101,6 +104,14 @@ def _contents(directory: RunDir, scenario: str, estimator: str, asked: int) -> t
     return {"scenario": scenario, "estimator": estimator, **counts, "remark": ", ".join(remarks)}, failed
 
 
+def _end_of(traceback: str) -> str:
+    """The last frames of the last exception of a traceback, and its message."""
+    last = traceback.rpartition(CONTINUED)[2].strip("\n")
+    head, *frames = last.split("\n  File ")
+    shown = frames[-FRAMES:]
+    return "\n  File ".join([head + "\n  ..." * (len(frames) > FRAMES), *shown])
+
+
 def _certificates(console: Console, certificates: dict[str, Any]) -> None:
     """What was found of every estimator that is not built in, and every check that it failed."""
     for label, certificate in certificates.items():
@@ -108,7 +119,9 @@ def _certificates(console: Console, certificates: dict[str, Any]) -> None:
         alike: dict[str, list[str]] = {}
         for check in certificate["checks"]:
             if check["status"] != "passed":
-                smallest = f"; smallest example: {check['example']}" if check["example"] else ""
-                alike.setdefault(f"{check['status']}: {check['detail']}{smallest}", []).append(check["check"])
+                said = check["detail"] in certificate["found"] and check["example"]
+                smallest = f"smallest example: {check['example']}" if check["example"] else ""
+                found = smallest if said else "; ".join(filter(None, (check["detail"], smallest)))
+                alike.setdefault(f"{check['status']}: {found}", []).append(check["check"])
         for found, checks in alike.items():
             console.print(f"  {', '.join(checks)} {found}", style="dim")

@@ -32,7 +32,10 @@ def tune(
     check: Annotated[bool, typer.Option(help="check estimators that are not built in before they are compared")] = True,
     isolate: Isolate = True,
 ) -> None:
-    """Tune every estimator with one budget, and compare it as published and tuned, on streams not tuned on."""
+    """Tune all estimators with one budget, and compare them.
+
+    As published and tuned, on streams that were not tuned on.
+    """
     from cooploc.terminal import tuning
 
     found = cl.tune(
@@ -50,6 +53,6 @@ def tune(
     )
     orders = {"RMSE": found.order("rmse"), "NLL": found.order("nll")}
     tuning.show(found.history, found.table, orders, found.record)
-    typer.echo(f"study: {found.study}   next: cooploc run {found.study}   tables and figures: {found.folder}")
+    typer.echo(f"tables and figures: {found.folder}\nstudy: {found.study}\nnext: cooploc run {found.study}")
     if found.rows["failure"].notna().any():
         raise typer.Exit(1)

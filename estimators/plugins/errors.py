@@ -16,7 +16,7 @@ class BadInput(ValueError):
 def nearest(name: str, known: list[str]) -> str:
     """The end of an error message: the nearest known name, or all of them."""
     close = get_close_matches(name, known, n=1, cutoff=0.5)
-    return f"did you mean {close[0]!r}?" if close else f"known are {', '.join(known)}"
+    return f"did you mean {close[0]!r}?" if close else f"known are {', '.join(known)}" if known else "it has none"
 
 
 def first_reason(errors: list[Any]) -> str:

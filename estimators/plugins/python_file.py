@@ -5,6 +5,7 @@ classes, and an edited file gives new ones. Paths stay as written, relative to t
 its workers share. What is sent to another process names the files that it needs, and these are loaded there first.
 """
 
+import ast
 import hashlib
 import sys
 from importlib.util import module_from_spec, spec_from_loader
@@ -40,10 +41,21 @@ def found_in_file(name: str) -> Any:
     """
     file, _, attribute = name.rpartition(":")
     module = _imported(Path(file))
-    public = [known for known in vars(module) if not known.startswith("_")]
     if not hasattr(module, attribute):
-        raise BadInput(f"{file} has no {attribute!r}; {nearest(attribute, public)}")
+        raise BadInput(f"{file} has no {attribute!r}; {nearest(attribute, _own(module, Path(file).read_bytes()))}")
     return getattr(module, attribute)
+
+
+def _own(module: ModuleType, source: bytes) -> list[str]:
+    """The public classes, functions and objects that a file defines: neither what it imports, nor plain constants."""
+    names = []
+    for node in ast.parse(source).body:
+        if isinstance(node, ast.ClassDef | ast.FunctionDef):
+            names.append(node.name)
+        elif isinstance(node, ast.Assign):
+            targets = [target.id for target in node.targets if isinstance(target, ast.Name)]
+            names += [name for name in targets if type(getattr(module, name, None)).__module__ != "builtins"]
+    return [name for name in names if not name.startswith("_")]
 
 
 def needed(sent: bytes) -> dict[str, Path]:

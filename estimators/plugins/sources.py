@@ -15,7 +15,7 @@ Named = tuple[str, Path]  # a file, and what it is called in a hash
 def helpers_of(file: Path) -> list[Named]:
     """The modules and packages that a Python file imports from its own folder, and those that these import from there.
 
-    Only `import` statements count, wherever they stand.
+    Only `import` statements count, wherever they stand. `cooploc` is the one that runs, also in its own source folder.
     """
     found: dict[str, Path] = {}
     waiting = [file]
@@ -52,7 +52,7 @@ def distributions(files: Iterable[Path]) -> dict[str, str]:
     """The installed distributions that Python files import, with their versions; but for cooploc itself."""
     names = {name for file in files if file.suffix == ".py" for name in _imported(file)}
     found = {one for name in names for one in _providers(tuple(sys.path)).get(name, ())}
-    return {name: version(name) for name in sorted(found - {"cooploc"})}
+    return {name: version(name) for name in sorted(found)}
 
 
 @cache
@@ -79,7 +79,7 @@ def _imported(file: Path) -> set[str]:
             names |= {alias.name.partition(".")[0] for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
             names.add(node.module.partition(".")[0])
-    return names - sys.stdlib_module_names
+    return names - sys.stdlib_module_names - {"cooploc"}
 
 
 def _modules(folder: Path, name: str) -> list[Path]:

@@ -59,7 +59,7 @@ class Report:
         """How many checks ran, passed, failed and were skipped."""
         parts = [f"{self.count('passed')} passed"]
         parts += [f"{self.count(status)} {status}" for status in ("failed", "skipped") if self.count(status)]
-        return f"{self.name}: {self.ran} checks ran; {', '.join(parts)}"
+        return f"{self.name}: {self.ran} check{'s' * (self.ran != 1)} ran; {', '.join(parts)}"
 
     def __repr__(self) -> str:
         return f"Report({self.summary()!r})"

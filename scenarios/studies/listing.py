@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 def studies() -> "DataFrame":
     """One row per study that is shipped.
 
-    Columns: `name`; `about`, what it asks; `minutes`, how long it takes on two cores, nan where that depends on your
-    data; `source`, the papers or data sets that its scenarios come from.
+    Columns: `name`; `about`, its title and what it asks; `minutes`, how long it takes on two cores, nan where that
+    depends on your data; `source`, the papers or data sets that its scenarios come from.
     """
     from pandas import DataFrame
 
@@ -24,5 +24,6 @@ def studies() -> "DataFrame":
         families = dict.fromkeys(re.split(r"[/\[]", cell.scenario)[0] for cell in one.cells())
         sources = dict.fromkeys(source_of(registry.family(name).model_class(name)) for name in families)
         told = "; ".join(filter(None, sources))
-        rows.append({"name": one.name, "about": one.about, "minutes": one.minutes, "source": told})
+        about = ": ".join(filter(None, (one.title, one.about)))
+        rows.append({"name": one.name, "about": about, "minutes": one.minutes, "source": told})
     return DataFrame(rows, columns=["name", "about", "minutes", "source"]).astype({"minutes": float})

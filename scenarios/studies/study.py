@@ -1,5 +1,6 @@
 """A study: scenarios x configured estimators x trials, written in a TOML file.
 
+    title = "How it is called"                         # of its report's page; none: what it asks
     about = "what it asks"
     trials = 100
     baseline = "arl"                                   # what every estimator is compared with
@@ -63,6 +64,7 @@ class Study(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     name: Annotated[str, Field(min_length=1, max_length=200)]
+    title: Annotated[str, Field(max_length=130)] = ""  # of its report's page; none: what it is about
     about: str = ""
     minutes: Annotated[float, Field(gt=0)] | None = None  # about how long it takes as shipped, on two cores
     trials: Trials = 100

@@ -46,7 +46,7 @@ def test_report_for_a_paper_writes_figures_tables_and_references(place):
     asked = ("--scenarios", "trajectory[ticks=6]", "--columns", "rmse,group")
     done = cooploc("report", "one", "--paper", *asked, "-o", "paper", cwd=place)
     assert done.returncode == 0, done.stderr
-    assert "paper: paper   " in done.stdout
+    assert "paper: paper\nin it: 6 figures, 1 table, " in done.stdout
     assert "thrun2005" in (place / "paper" / "estimators.bib").read_text()
     assert r"\input{tables/" in (place / "paper" / "example.tex").read_text()
     wrong = cooploc("report", "one", "--columns", "rmse,anes", cwd=place)

@@ -605,7 +605,7 @@ def test_a_change_that_rounds_to_nothing_has_no_sign():
     assert "is 0.00 % lower than that of b (95 % interval -0.01 % to 0.00 %" in said(-1e-6, -1e-4, 1e-6)
 
 
-def test_the_table_shows_every_case_and_leaves_out_variants_that_were_not_run(capsys):
+def test_what_was_run_of_a_claim_is_shown_and_what_was_not_is_counted(capsys):
     made = load()
     found = cl.verdicts(errors({"robots-1-3/n=3": {"mrsl-rssi": 0.5, "arl": 1.0}}), made)
     assert list(found.columns) == [*COLUMNS, "map", "sentence"]
@@ -614,5 +614,6 @@ def test_the_table_shows_every_case_and_leaves_out_variants_that_were_not_run(ca
     show(found, made)
     told = capsys.readouterr().out
     assert "Direction only" in told
-    assert "no rows of ctrn[weights=exact] in robots-1-3/n=3" in told
-    assert "hardware: robots" not in told
+    assert "not run: 2 of 3 cases: no rows of scenario robots-1-3/n=2; no rows of scenario scalability/n=11\n" in told
+    assert "Not run at all, as this run lacks their scenarios or estimators: claims 2, 3, " in told
+    assert "hardware: " not in told

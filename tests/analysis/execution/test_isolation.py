@@ -126,5 +126,5 @@ def test_a_directory_of_another_processor_is_not_continued(place):
     manifest = RunDir(place / "run").manifest
     manifest["instructions"]["numpy"] = "SSE2"
     RunDir(place / "run").write_manifest(manifest)
-    with pytest.raises(ValueError, match="holds a run with another instructions"):
+    with pytest.raises(ValueError, match="holds a run with another kind of processor"):
         execute(study, place / "run")

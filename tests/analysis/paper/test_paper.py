@@ -136,3 +136,11 @@ def test_a_table_is_no_longer_than_a_page():
     chunks = tables.chunks(rows, how)
     assert [row for chunk in chunks for row in chunk if isinstance(row, int)] == list(range(200))
     assert max(sum(1 if isinstance(row, str) else 2 for row in chunk) for chunk in chunks) <= tables.LINES
+
+
+@pytest.mark.parametrize(
+    ("cell", "written"),
+    [("[-67, -50]", "{[}$-$67, $-$50{]}"), ("-14", "$-$14"), ("robots-1-3/n=1", r"robots-1-3/n=1"), ("2e-05", "2e-05")],
+)
+def test_a_negative_number_has_the_minus_of_formulas_wherever_it_stands(cell, written):
+    assert fitted_table.text(cell).replace(r"\allowbreak{}", "") == written

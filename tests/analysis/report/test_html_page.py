@@ -82,7 +82,7 @@ def test_claims_are_all_marked_where_the_run_touches_one(tmp_path):
 def test_a_sweep_is_drawn_as_lines_and_said_with_intervals(written):
     source = (written / "index.html").read_text()
     assert "Position RMSE over drop" in source
-    assert "RMSE from drop = 0 to 0.9 (95 % intervals, unadjusted)" in source
+    assert "RMSE from drop = 0 to 0.9 (95\u00a0% intervals, unadjusted)" in source
     for word in (
         "seed 3",
         "t test of the change against the baseline",
@@ -176,7 +176,7 @@ def test_of_many_estimators_a_sweep_gives_the_range_and_its_table_all_numbers(tm
     rows = pd.concat([rows_of(f"packet-drop/drop={d}", names) for d in (0, 1, 2)], ignore_index=True)
     rows["mse"] *= np.where(rows["scenario"].str.endswith("2"), 4.0, 1.0)
     source = html_page.write(kept_from(rows, tmp_path), load(), tmp_path).read_text()
-    assert "it grows for 14 estimators (by 100 % to 100 %)." in source
+    assert "it grows for 14 estimators (by 100\u00a0% to 100\u00a0%)." in source
     assert len(pd.read_csv(tmp_path / "tables" / "experiment-one-sweep1.csv")) == 14
 
 

@@ -14,9 +14,9 @@ from cooploc.analysis.claims.trial_table import collect
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.plot import style
 from cooploc.analysis.report import answer, citation, colours, estimator_marks, run_files, summaries, svg, trial_files
-from cooploc.analysis.report.failures import failure_kinds
+from cooploc.analysis.report.failures import failure_kinds, failures
 from cooploc.analysis.report.introductions import introductions
-from cooploc.analysis.report.page_content import numbers_of
+from cooploc.analysis.report.page_content import LONGEST_TITLE, heading, numbers_of
 from cooploc.analysis.report.parameter_meanings import MEANINGS
 from cooploc.analysis.report.scenario_tables import scenario_tables, written
 from cooploc.estimators import BUILTIN, make
@@ -121,6 +121,34 @@ def test_failures_that_repeat_are_counted_whatever_numbers_they_hold():
     assert (first.message, first.trials) == ("ValueError: nan at tick 0", 3)
     assert first.where == [("nlos", "a", 2), ("nlos", "b", 1)]
     assert second.trials == 1
+
+
+def test_a_failure_of_one_estimator_in_many_scenarios_is_one_line():
+    made = [rows_of(f"nlos/n={n}", {"a": (1.0, 1.0), "b": (1.0, 1.0)}, trials=3, failed=("b",)) for n in (1, 2)]
+    ((line, _),) = failures(pd.concat(made))
+    assert line.startswith("b, 2 trials of 2 scenarios (nlos/n=1, nlos/n=2): ")
+
+
+@pytest.mark.parametrize(
+    ("study", "title", "below"),
+    [
+        ({"title": "Lost packets", "about": "When do they matter?"}, "Lost packets", "When do they matter?"),
+        ({"title": "", "about": "When do they matter?"}, "When do they matter?", ""),
+        ({"about": "word " * LONGEST_TITLE}, "mine", "word " * LONGEST_TITLE),
+    ],
+)
+def test_a_page_is_called_as_the_user_says_else_what_its_study_is_about_or_the_studys_name(study, title, below):
+    found = heading({"study": {"name": "mine", **study}})
+    assert (found["title"], found["about"]) == (title, below)
+
+
+def test_two_centralised_configurations_are_two_shades_of_grey():
+    looks = style.looks(["ekf-joint", "ekf-joint[anchor_reading=rssi]"])
+    one, other = estimator_marks.marks(looks, set(looks)).values()
+    assert one != other
+    assert all(
+        len(set(colour)) == 1 for colour in (re.findall("..", hue) for hue in re.findall(r"--c(\w{6})", one + other))
+    )
 
 
 def test_estimators_are_introduced_once_with_their_configurations_and_no_foreign_code_runs(tmp_path):

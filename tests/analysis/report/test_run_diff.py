@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from made_runs import kept_from, rows_of
+from rich.console import Console
 
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.report import run_diff
@@ -98,3 +99,15 @@ def test_settings_that_differ_are_named(tmp_path):
     assert settings(a, b) == ["seed: 3 before, 9 after", "cooploc: 0 before, 1 after"]
     c = b._replace(manifest={**a.manifest, "scenarios": {"nlos": {"ticks": 11}}})
     assert settings(a, c) == ["nlos: its parameters differ"]
+
+
+def test_a_narrow_terminal_names_scenario_and_estimator_of_every_change(tmp_path):
+    found = changes(*pair(tmp_path, lambda rows: rows.assign(mse=rows["mse"] * 1.1)))
+    long = found.assign(estimator=["ekf-joint[anchor_reading=rssi]", "ekf-local[anchor_reading=rssi]"])
+    console = Console(width=80, markup=False)
+    with console.capture() as captured:
+        console.print(table(long).terminal())
+    lines = captured.get().splitlines()
+    assert max(map(len, lines)) <= 80
+    assert sum(line.startswith(" nlos") for line in lines) == 2
+    assert all(any(line.startswith(f" {name}") for line in lines) for name in ("ekf-joint", "ekf-local"))

@@ -2,20 +2,26 @@
 
 from cooploc.analysis.report.short_names import LONGEST, short_names
 
-LONG = "mrsl-rssi[density=exact,M=1,K=1]"
+LONG = "mrsl-rssi[density=exact,M=1,K=3]"
 
 
 def test_a_configuration_has_the_name_that_the_study_gave_it_in_whatever_order_it_is_written():
-    names = short_names([LONG], {"consistent": "K=1, density=exact,M=1"})
+    names = short_names([LONG], {"consistent": "K=3, density=exact,M=1"})
     assert names.of(LONG) == "mrsl-rssi[consistent]"
 
 
 def test_other_long_labels_get_a_number_and_short_ones_stay():
-    names = short_names(["arl", "arl[K=1]", LONG, LONG.replace("K=1", "K=2")], {})
+    names = short_names(["arl", "arl[K=1]", LONG, LONG.replace("K=3", "K=2")], {})
     assert len("arl[K=1]") <= LONGEST < len(LONG)
     assert names.of("arl[K=1]") == "arl[K=1]"
     assert names.of(LONG) == "mrsl-rssi[#1]"
-    assert names.of(LONG.replace("K=1", "K=2")) == "mrsl-rssi[#2]"
+    assert names.of(LONG.replace("K=3", "K=2")) == "mrsl-rssi[#2]"
+
+
+def test_the_configuration_that_is_its_methods_best_is_called_so():
+    names = short_names(["arl[density=exact,M=1,K=1]", "arl[density=exact,M=1,K=2]"], {})
+    assert names.of("arl[density=exact,M=1,K=1]") == "arl[best]"
+    assert names.of("arl[density=exact,M=1,K=2]") == "arl[#2]"
 
 
 def test_two_estimators_never_share_a_label():
@@ -25,6 +31,6 @@ def test_two_estimators_never_share_a_label():
 
 
 def test_labels_within_a_sentence_are_replaced_longest_first():
-    labels = [LONG, LONG.replace("K=1", "K=10")]
+    labels = [LONG, LONG.replace("K=3", "K=30")]
     names = short_names(labels, {})
     assert names.within(f"{labels[1]} ties with {labels[0]}.") == "mrsl-rssi[#2] ties with mrsl-rssi[#1]."

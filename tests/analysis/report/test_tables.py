@@ -21,6 +21,7 @@ from cooploc.analysis.formats import (
     ratio,
 )  # fmt: skip
 from cooploc.analysis.report.tables import Table, numbers, words
+from cooploc.analysis.report.wrapped_cell import broken
 
 COLUMNS = (
     words("who", "name"),
@@ -81,3 +82,33 @@ def test_a_long_table_runs_over_pages_in_latex():
 )  # fmt: skip
 def test_each_kind_of_number_is_written_in_one_way(written, expected):
     assert written == expected
+
+
+@pytest.mark.parametrize("width", [12, 24, 40])
+def test_a_name_that_is_too_long_for_its_cell_is_broken_at_its_marks(width):
+    lines = broken("ekf-ci[anchor_reading=any,reading=any] in robots-1-3/n=3", width)
+    assert "".join(lines).replace(" ", "") == "ekf-ci[anchor_reading=any,reading=any]inrobots-1-3/n=3"
+    assert all(len(line) <= width for line in lines)
+    assert "ekf-ci" in lines or width > 12
+    assert lines[-1].endswith("robots-1-3/n=3") or width < 24
+
+
+def test_in_a_narrow_terminal_what_belongs_under_a_column_is_a_second_line_of_it():
+    columns = (COLUMNS[0], words("mark", under=True), words("more", under=True), *COLUMNS[1:])
+    table = Table("t", "", columns, [{**row, "more": "z"} for row in ROWS])
+    console = Console(width=36)
+    with console.capture() as captured:
+        console.print(table.terminal())
+    lines = [line.split() for line in captured.get().splitlines()]
+    assert ["x<y;", "z"] in lines
+    assert ["mark;", "more", "RMSE", "95", "%"] in lines
+    assert lines.count(["z"]) == 1
+
+
+def test_a_column_that_is_left_out_is_named_once_for_itself_and_what_is_under_it():
+    pair = numbers("cost\nbefore", "rmse", form=metres, spare=1), numbers("cost\nafter", "rmse", form=metres, spare=1)
+    table = Table("t", "", (*COLUMNS, *pair), ROWS)
+    console = Console(width=40)
+    with console.capture() as captured:
+        console.print(table.terminal())
+    assert "not shown at this width: cost\n" in captured.get()

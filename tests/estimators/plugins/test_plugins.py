@@ -50,6 +50,17 @@ def test_an_estimator_in_a_file_is_made_by_its_path(place):
         cl.make(f"{file}:Mine[scales=2]")
 
 
+def test_an_unknown_name_of_a_file_is_answered_with_those_that_it_defines(place):
+    with pytest.raises(cl.BadInput, match=r"mine.py has no 'Wrong'; known are Mine, Plain, mine$"):
+        cl.make(f"{place / 'mine.py'}:Wrong")
+
+
+def test_a_file_may_lie_in_the_source_folder_of_cooploc(place):
+    (place / "cooploc").mkdir()
+    (place / "cooploc" / "__init__.py").write_text("raise ImportError('the installed one is meant')\n")
+    assert cl.make(f"{place / 'mine.py'}:Mine").scale == 1.0
+
+
 def test_an_edited_file_is_loaded_anew(place):
     file = place / "mine.py"
     before = cl.make(f"{file}:Mine")

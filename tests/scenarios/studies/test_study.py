@@ -128,3 +128,13 @@ def test_options_choose_among_the_estimators_and_add_others_everywhere(tmp_path)
         ("rssi-pf", "ekf-local", "ekf-joint"),
     ]
     assert [cell.baseline for cell in chosen] == ["ekf-local", "rssi-pf"]
+
+
+def test_a_title_stands_before_what_a_study_asks_and_a_long_one_is_refused(tmp_path, monkeypatch):
+    file = tmp_path / "mine.toml"
+    file.write_text('title = "Lost packets"\nabout = "When?"\nscenarios = ["trajectory"]\nestimators = ["arl"]\n')
+    monkeypatch.setattr(study, "names", lambda: [str(file)])
+    assert list(cl.studies()["about"]) == ["Lost packets: When?"]
+    file.write_text(file.read_text().replace("Lost packets", "Lost packets " * 20))
+    with pytest.raises(cl.BadInput, match="title: String should have at most 130 characters"):
+        study.load(str(file))
