@@ -80,7 +80,7 @@ def test_compare_says_what_changed_and_whether_it_is_paired(place):
         (["report", "one", "--ledger", "small.toml"], "there is no key 'trials' in a ledger"),
         (["verdicts", "nowhere"], "nowhere holds no run"),
         (["compare", "one", "nowhere"], "nowhere holds no run"),
-        (["reproduce", "one"], "cannot be read"),
+        (["reproduce", "nowhere"], "cannot be read"),
         (["reproduce", "one", "--trials", "0"], "--trials"),
     ],
 )
