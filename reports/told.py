@@ -16,6 +16,7 @@ from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.compare import summarize
 from cooploc.analysis.metrics.consistency import consistency
 from cooploc.analysis.metrics.pooling import trial_means
+from cooploc.analysis.report.csv_text import read_csv_text
 from cooploc.estimators import nearest
 from cooploc.estimators.plugins.errors import BadInput
 
@@ -207,8 +208,8 @@ def verdicts_then_and_now() -> list[dict[str, str]]:
     Then and now are a verdict and what was found; the first study's are in reports/text/first-study.csv.
     """
     folder = Path(__file__).parent
-    then = pd.read_csv(folder / "text" / "first-study.csv", dtype=str, index_col="claim").fillna("")
-    table = pd.read_csv(folder / "paper" / "tables" / "verdicts.csv", dtype=str, index_col="claim").fillna("")
+    then = pd.read_csv(folder / "text" / "first-study.csv", index_col="claim")
+    table = read_csv_text((folder / "paper" / "tables" / "verdicts.csv").read_text("utf-8")).set_index("claim")
     return [
         {
             "claim": str(claim),
