@@ -5,7 +5,7 @@ VENV ?= .venv$(patsubst -3.11,,$(patsubst python%,-%,$(notdir $(PYTHON))))
 BIN := $(VENV)/bin
 PARALLEL := -n 2 --dist worksteal
 
-.PHONY: demo test quick-test docs lint types floors units hooks looks bench speed prove accuse findings reliability alike \
+.PHONY: demo test quick-test docs lint types floors units hooks looks bench prove accuse findings reliability alike \
   oddities truth peers reports lock clean
 .DELETE_ON_ERROR:
 
@@ -37,12 +37,7 @@ looks: $(VENV)/.ready  ## a report in a real browser, at 400 and 1400 pixels and
 	command -v chromium >/dev/null || { apt-get update -qq && apt-get install -y -qq chromium; }
 	LOOKS=build/looks $(BIN)/pytest tests/analysis/report/test_looks.py
 
-bench: $(VENV)/.ready  ## speed, as ratios to a reference in the same run
-	$(BIN)/python benchmarks/table.py
-	$(BIN)/python benchmarks/ekf_engines.py
-	$(BIN)/python benchmarks/speed.py
-
-speed: $(VENV)/.ready  ## what speed was aimed at and what is reached; keeps its report
+bench: $(VENV)/.ready  ## what speed was aimed at and what is reached, beside a reference; ten minutes; keeps its report
 	$(BIN)/python benchmarks/speed.py reports/speed.md
 
 prove: $(VENV)/.ready  ## how often intervals and verdicts are right, by simulation; keeps its report

@@ -3,8 +3,8 @@
 Run: python benchmarks/growth.py [figure.png] [rounds]. Robots spread over an area that grows with the team, so that
 each hears about eight others however many there are: what grows faster than the team does so because of the team, not
 of its neighbours. Seconds are the processor's, of one estimator on a stream that is there already (`estimate`) and of
-making that stream (`simulate`), the median over the rounds; memory is what numpy has allocated at most, by tracemalloc,
-for both. A slope is fitted to the larger half; 1 is linear.
+making that stream (`simulate`), in each round; memory is what numpy has allocated at most, by tracemalloc, for both,
+once. A slope is fitted to the larger half; 1 is linear.
 """
 
 import sys
@@ -31,14 +31,14 @@ SPACING, HEARS = 6.0, 10.0  # [m] between robots, about; and how far they hear
 
 
 class Cost(NamedTuple):
-    """What one size of a study costs."""
+    """What one size of a study costs, in each round."""
 
-    simulate: float  # [s]
-    estimate: float  # [s]
-    memory: float  # [MB]
+    simulate: Any  # (rounds,) [s]
+    estimate: Any  # (rounds,) [s]
+    memory: Any  # (1,) [MB]
 
 
-def once(size: dict[str, int], measured: bool) -> Cost:
+def once(size: dict[str, int], measured: bool) -> tuple[float, float, float]:
     """One run; its memory is only `measured` on request, as that takes time."""
     estimator = cl.make(ESTIMATOR.format(**size))
     world = {"robots": size["robots"], "ticks": size["ticks"], "side": SPACING * size["robots"] ** 0.5}
@@ -49,7 +49,7 @@ def once(size: dict[str, int], measured: bool) -> Cost:
     estimate = trace("growth", estimator, stream).seconds
     memory = tracemalloc.get_traced_memory()[1] / 1e6 if measured else np.nan
     tracemalloc.stop() if measured else None
-    return Cost(made, estimate, memory)
+    return made, estimate, memory
 
 
 def grown(what: str, rounds: int) -> list[Cost]:
@@ -57,15 +57,15 @@ def grown(what: str, rounds: int) -> list[Cost]:
     costs = []
     for value in SIZES[what]:
         size = {**BASE, **({"trials": 1} if what == "robots" else {}), what: value}
-        times = np.median([once(size, measured=False)[:2] for _ in range(rounds)], 0)
-        costs.append(Cost(*times.tolist(), once(size, measured=True).memory))
+        times = np.array([once(size, measured=False)[:2] for _ in range(rounds)])
+        costs.append(Cost(*times.T, np.array([once(size, measured=True)[2]])))
     return costs
 
 
-def slope(what: str, values: Any) -> float:
-    """Of the larger half."""
-    half = len(values) // 2
-    return float(linregress(np.log(SIZES[what][half:]), np.log(values[half:])).slope)
+def slopes(what: str, values: Any) -> Any:
+    """Of the larger half of the sizes, in each round (rounds,), of values (sizes, rounds)."""
+    half, rounds = len(values) // 2, np.array(values).T
+    return np.array([linregress(np.log(SIZES[what][half:]), np.log(one[half:])).slope for one in rounds])
 
 
 def all_grown(rounds: int) -> Iterator[tuple[str, list[Cost]]]:
@@ -86,7 +86,8 @@ def draw(found: dict[str, list[Cost]], path: str) -> None:
     for (what, costs), (above, below) in zip(found.items(), axes.T, strict=True):
         for name, axis in (("simulate", above), ("estimate", above), ("memory", below)):
             values = [getattr(cost, name) for cost in costs]
-            axis.loglog(SIZES[what], values, "o-", label=f"{name}, slope {slope(what, values):.2f}")
+            label = f"{name}, slope {np.median(slopes(what, values)):.2f}"
+            axis.loglog(SIZES[what], np.median(values, 1), "o-", label=label)
         for axis in (above, below):
             axis.legend(frameon=False)
             axis.spines[["top", "right"]].set_visible(False)
@@ -104,8 +105,9 @@ def main(path: str = "", rounds: int = 3) -> None:
         found[what] = costs
         print(f"{what:>10}{'simulate [s]':>16}{'estimate [s]':>16}{'memory [MB]':>16}")
         for value, cost in zip(SIZES[what], costs, strict=True):
-            print(f"{value:>10}{cost.simulate:>16.3f}{cost.estimate:>16.3f}{cost.memory:>16.1f}", flush=True)
-        print("     slope" + "".join(f"{slope(what, values):>16.2f}" for values in zip(*costs, strict=True)))
+            print(f"{value:>10}" + "".join(f"{np.median(part):>16.3f}" for part in cost), flush=True)
+        fitted = (np.median(slopes(what, values)) for values in zip(*costs, strict=True))
+        print("     slope" + "".join(f"{one:>16.2f}" for one in fitted))
     if path:
         draw(found, path)
 

@@ -18,7 +18,7 @@ from cooploc.estimators.interface import Belief, Traffic
 from cooploc.estimators.models.gradient_doa import gradient_doa
 
 PLAIN = {"iterations": 1, "second_order": False, "update": "sequential", "anchor_reading": "doa-constant"}
-CASES = ((10, 100, 100, 2, 60), (50, 10, 10, 1, 200))  # robots, ticks, trials, the loop's, aim
+CASES = ((10, 100, 100, 2, 80), (50, 10, 10, 1, 200))  # robots, ticks, trials, the loop's, aim
 EQUAL = 1e-7  # [m] within which the plain mode and the loop must agree
 
 

@@ -1,7 +1,8 @@
 """The particle filter in double and in single precision: beside the leanest loop, beside each other, and their errors.
 
 Run: python benchmarks/precision.py [rounds]. The work, the teams and the streams are those of `particle_filter.py`; the
-loop is that of `lean_filter.py`. All take turns in one process; processor time.
+loop is that of `lean_filter.py`, and beside it is the older one of `particle_filter.py`. All take turns in one process;
+processor time.
 
 Particles that resampling chooses differently after a rounding part two runs of one filter as another seed would, so
 that errors differ by chance; the interval says how much is chance.
@@ -13,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from lean_filter import lean_loop
-from particle_filter import CASES, OURS, Case, seconds, world
+from particle_filter import CASES, OURS, Case, filterpy_loop, seconds, world
 
 import cooploc as cl
 
@@ -30,6 +31,7 @@ class Ratio(NamedTuple):
     values: Any  # (rounds,)
     aim: float
     at_most: bool
+    older: Any = None  # (rounds,)  the same against the older loop
 
 
 def raced(case: Case, rounds: int) -> Iterator[Ratio]:
@@ -37,18 +39,22 @@ def raced(case: Case, rounds: int) -> Iterator[Ratio]:
     _, stream = world(case)
     ours = {kind: {"ours": cl.make(OURS[:-1] + f",precision={kind}]")} for kind in ("double", "single")}
     trials, ticks = case.filterpy
-    taken: dict[str, list[float]] = {"double": [], "single": [], "loop": []}
+    taken: dict[str, list[float]] = {"double": [], "single": [], "lean": [], "older": []}
+    loops = {"lean": lean_loop, "older": filterpy_loop}
     for one in ours.values():
         cl.run(one, stream)
     for _ in range(rounds):
         for kind, one in ours.items():
             spent, _ = seconds(lambda one=one: cl.run(one, stream, jobs=1))  # type: ignore[misc]
             taken[kind].append(spent / (case.trials * case.ticks))
-        taken["loop"].append(seconds(lambda: lean_loop(stream, trials, ticks))[0] / (trials * ticks))
-    double, single, loop = (np.array(each) for each in taken.values())
+        for name, loop in loops.items():
+            spent, _ = seconds(lambda loop=loop: loop(stream, trials, ticks))  # type: ignore[misc]
+            taken[name].append(spent / (trials * ticks))
+    double, single, lean, older = (np.array(each) for each in taken.values())
     team = f"{case.robots} robots"
     for kind, mine, aim in zip(ours, (double, single), AIMS[case.robots], strict=True):
-        yield Ratio(f"lean filterpy loop / mrsl-rssi in {kind} precision, {team}", loop / mine, aim, False)
+        what = f"lean filterpy loop / mrsl-rssi in {kind} precision, {team}"
+        yield Ratio(what, lean / mine, aim, False, older / mine)
     if case.robots >= LARGE:
         yield Ratio(f"double / single precision, {team}", double / single, TWICE, False)
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from commands import spent
 
 import cooploc as cl
 from cooploc.estimators.dead_reckoning import DeadReckoning
@@ -30,6 +31,7 @@ class Cost(NamedTuple):
     name: str
     microseconds: Any  # (rounds,)
     times: Any  # (rounds,)
+    twin: Any  # (rounds,)  microseconds of the twin
 
 
 class Nothing(DeadReckoning):
@@ -53,6 +55,7 @@ def costs(stream: Stream, rounds: int) -> list[Cost]:
         warm_up("warm", estimator, stream)
     taken: dict[str, list[float]] = {name: [] for name in ours}
     times: dict[str, list[float]] = {name: [] for name in ours}
+    slower: dict[str, list[float]] = {name: [] for name in ours}
     for _ in range(rounds):
         for name, estimator in ours.items():
             mine = trace(name, estimator, long)
@@ -60,9 +63,16 @@ def costs(stream: Stream, rounds: int) -> list[Cost]:
             if name in twins:
                 brief, theirs = trace(name, estimator, short), trace(name, twins[name], short)
                 times[name].append(theirs.seconds / brief.seconds)
+                slower[name].append(1e6 * theirs.seconds / (FEW * stream.robots))
                 if (off := float(np.abs(theirs.x[..., :2] - brief.x[..., :2]).max())) > EQUAL:
                     raise RuntimeError(f"the engines of {name} differ by {off:.1e} m")
-    return [Cost(name, np.array(taken[name]), np.array(times[name])) for name in ours]
+    return [Cost(name, *(np.array(found[name]) for found in (taken, times, slower))) for name in ours]
+
+
+def command_seconds() -> float:
+    """Processor seconds of `cooploc run mrclam` of the seven filters: three scenarios of all ticks, one process."""
+    names = ",".join(f"ekf-{name}" for name in FILTERS)
+    return spent("run", "mrclam", "--estimators", names, "--data", str(DATA), "--jobs", "1").processor
 
 
 def main(rounds: int = 5) -> None:

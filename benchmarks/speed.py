@@ -1,7 +1,7 @@
 """What speed was aimed at and what is reached: `reports/speed.md`, every line with its median, range and aim.
 
 Run: python benchmarks/speed.py [report] [rounds]. Processor time; what is compared is measured turn by turn in one
-process. Stone Soup, processes and commands are in `table.py`, which `make bench` prints too.
+process, so that others on the machine slow both. Every part is a program of its own, too: `ls benchmarks`.
 """
 
 import json
@@ -13,12 +13,14 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import commands
 import growth
 import intersection
 import joint_ekf
 import numpy as np
 import precision
 import recording
+import scaling
 
 from cooploc.analysis.execution.provenance import provenance
 from cooploc.estimators.covariance_intersection.weights import relative_weights, weights
@@ -31,15 +33,23 @@ print(json.dumps([cl.run("ekf-local", stream).traces["ekf-local"].seconds for _ 
 
 HEAD = """# Speed
 
-What `make speed` measured, in processor time, each ratio of two things that ran turn by turn in one process. "short by"
-is how far the median is from the aim of `benchmarks/`, as a factor; empty where the aim is met.
+What `make bench` measured, in processor time, each ratio of two things that ran turn by turn in one process. "short by"
+is how far the median is from the aim, as a factor; empty where the aim is met. "older" is the median of the same
+against the reference that was used before; of cvxpy, that of `Problem.solve`; of a recording's filter, that of its twin
+with `engine="filterpy"`.
 
 {machine}
 
-| | median | range | aim | short by |
-| --- | ---: | ---: | ---: | ---: |
+| | median | range | aim | short by | older |
+| --- | ---: | ---: | ---: | ---: | ---: |
 """
 
+# The one aim that is not measured here; by whom it is run writes what it took.
+PAPER = """
+The study `paper` with its hundred trials takes longer than all of this and is run apart: `cooploc run paper --jobs 2
+--out RUN`, aims 30 minutes and 2 GiB, then `cooploc report RUN`, aims 60 s and 1 GiB. It took 63 minutes before the
+latest changes.
+"""
 
 STRAIGHT = 1.1  # a slope that counts as linear
 GROWTH = Path(__file__).parents[1] / "reports" / "speed" / "growth.png"
@@ -52,6 +62,7 @@ class Line(NamedTuple):
     values: Any  # (rounds,)
     aim: float
     at_most: bool  # else at least
+    older: Any = None  # (rounds,)  against an older reference
 
     def row(self) -> str:
         """The line as a row of the table."""
@@ -59,7 +70,14 @@ class Line(NamedTuple):
         short = median / self.aim if self.at_most else self.aim / median
         aim = f"{'at most' if self.at_most else 'at least'} {self.aim:g}"
         spread = f"{np.min(self.values):.3g} to {np.max(self.values):.3g}"
-        return f"| {self.what} | {median:.3g} | {spread} | {aim} | {f'{short:.2g} x' if short > 1 else ''} |\n"
+        older = "" if self.older is None or np.size(self.older) == 0 else f"{np.median(self.older):.3g}"
+        by = f"{short:.2f} x" if short > 1 else ""
+        return f"| {self.what} | {median:.3g} | {spread} | {aim} | {by} | {older} |\n"
+
+
+def particles(rounds: int) -> Iterator[Line]:
+    """Particle filters in both precisions."""
+    yield from (Line(*ratio) for ratio in precision.ratios(rounds))
 
 
 def weighing(rounds: int) -> Iterator[Line]:
@@ -72,10 +90,7 @@ def weighing(rounds: int) -> Iterator[Line]:
             "alone": (lambda P=P: weights(P, "trace", "cvxpy", intersection.ALONE), intersection.FUSIONS, 3),
         }
         times = intersection.race(contenders, rounds)
-        yield Line(f"cvxpy, {m} sources, alone [µs a fusion]", 1e6 * times["alone"], 150, True)
-        yield Line(
-            f"`Problem.solve` with parameters / the same, {m} sources", times["asked"] / times["alone"], 8, False
-        )
+        yield Line(f"cvxpy, {m} sources, alone [µs a fusion]", 1e6 * times["alone"], 150, True, 1e6 * times["asked"])
     rng = np.random.default_rng(2)
     P, H, groups = a[:, 0] @ a[:, 0].mT + 0.1 * np.eye(2), rng.normal(size=(len(a), 1, 2)), intersection.ALONE
     contenders = {
@@ -85,12 +100,18 @@ def weighing(rounds: int) -> Iterator[Line]:
 
 
 def recorded(rounds: int) -> Iterator[Line]:
-    """Every EKF on a recording."""
+    """Every EKF on a recording, alone and by the command."""
     what, stream = recording.recorded()
-    for cost in recording.costs(stream, rounds):
-        yield Line(f"{what}, {cost.name} [µs per robot and tick]", cost.microseconds, 20, True)
+    costs = recording.costs(stream, rounds)
+    for cost in costs:
+        yield Line(f"{what}, {cost.name} [µs per robot and tick]", cost.microseconds, 20, True, cost.twin)
         if cost.times.size:
             yield Line(f"its engine=filterpy twin / {cost.name}", cost.times, 10, False)
+    ours, twins = (sum(cost[k] for cost in costs if cost.times.size) for k in (1, 3))
+    yield Line("all twins together / all seven filters together", twins / ours, 10, False)
+    if recording.DATA.is_dir():
+        seconds = np.array([recording.command_seconds() for _ in range(min(rounds, 2))])
+        yield Line("`cooploc run mrclam` of the seven [s of processor time]", seconds, 60, True)
 
 
 def joint(rounds: int) -> Iterator[Line]:
@@ -99,22 +120,24 @@ def joint(rounds: int) -> Iterator[Line]:
         yield Line(row["what"], np.array([row["low"], row["ratio"], row["high"]]), row["target"], False)
 
 
-def particles(rounds: int) -> Iterator[Line]:
-    """Particle filters in both precisions."""
-    yield from (Line(*ratio) for ratio in precision.ratios(rounds))
-
-
 def growing(rounds: int) -> Iterator[Line]:
     """Slopes of cost, on logarithmic axes."""
     found = dict(growth.all_grown(rounds))
     growth.draw(found, str(GROWTH))
     for what, costs in found.items():
         for counted, values in zip(growth.Cost._fields, zip(*costs, strict=True), strict=True):
-            yield Line(f"slope of {counted} against {what}", np.array([growth.slope(what, values)]), STRAIGHT, True)
+            yield Line(f"slope of {counted} against {what}", growth.slopes(what, values), STRAIGHT, True)
+    for row in scaling.rows(rounds):
+        yield Line(row["what"], np.array([row["low"], row["ratio"], row["high"]]), STRAIGHT, True)
 
 
 def first(rounds: int) -> Iterator[Line]:
-    """What `cl.run` says of its first run, with nothing compiled, and of its second."""
+    """What a user waits for before anything is computed, and what `cl.run` says of a first and of a second run."""
+    yield Line("`cooploc --help` [s]", np.array([commands.spent("--help").processor for _ in range(rounds)]), 0.5, True)
+    quick = np.array([commands.spent("run", "quick", "--jobs", "2") for _ in range(rounds)])
+    yield Line("`cooploc run quick`, kernels compiled [s on two processors]", quick[:, 1] / 2, 10, True)
+    compiling = np.array([commands.compiling()])
+    yield Line("compiling what `quick` needs [s on two processors]", compiling[:, 1] / 2, 8, True)
     ratios = []
     for _ in range(min(rounds, 2)):  # each compiles everything again
         with tempfile.TemporaryDirectory() as empty:
@@ -127,13 +150,14 @@ def first(rounds: int) -> Iterator[Line]:
     yield Line("time of a first `cl.run` of ekf-local, nothing compiled / a second", np.array(ratios), 2, True)
 
 
-def main(report: str = "", rounds: int = 5) -> None:
+def main(report: str = "", rounds: int = 3) -> None:
     """Print each line as soon as it is measured, and write the report."""
     made = provenance()
     versions = ", ".join(
         f"{name} {made['versions'][name]}" for name in ("python", "numpy", "numba", "scipy", "filterpy")
     )
-    text = HEAD.format(machine=f"{made['cpu']}; {versions}; {rounds} rounds.")
+    busy = f"{os.getloadavg()[0]:.0f} processes wanted its {os.cpu_count()} processors when this began"
+    text = HEAD.format(machine=f"{made['cpu']}; {versions}; {rounds} rounds; {busy}.")
     print(text, end="")
     for part in (particles, weighing, recorded, joint, growing, first):
         for line in part(rounds):
@@ -141,7 +165,7 @@ def main(report: str = "", rounds: int = 5) -> None:
             print(line.row(), end="", flush=True)
     if report:
         notes = Path(report).with_name("speed_notes.md").read_text()
-        Path(report).write_text(f"{text}\n{notes}")
+        Path(report).write_text(f"{text}{PAPER}\n{notes}")
 
 
 if __name__ == "__main__":

@@ -28,7 +28,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from cooploc.estimators.covariance_intersection.weights import relative_weights
-from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, World
+from cooploc.estimators.interface import Array, Belief, Indices, Mail, Rows, Senses, World
 from cooploc.estimators.kalman.messages import Message
 from cooploc.estimators.kalman.own_filter import OwnFilter
 from cooploc.estimators.kalman.team_readings import PairReading, received
@@ -110,21 +110,34 @@ class EkfCi(OwnFilter):
 
     def _intersect(self, s: State, relation: Relation) -> State:
         """x' = x + K y,  P' = (I - K H) P/w  with  K = P/w H' (H P/w H' + H_j P_j/(1-w) H_j' + R)^-1."""
-        y, H, H_j, P_j, R = relation
-        use: Mask = np.asarray(~(np.isnan(y).any(-1) | np.isnan(P_j).any((-2, -1))))
-        # Gated by the S of independent robots, twice as wide: a true reading passes whatever the correlation.
-        plain = H @ s.P @ H.mT + H_j @ P_j @ H_j.mT + R
-        safe = np.where(use[:, None, None], plain, np.eye(y.shape[-1]))
-        use &= distance(np.where(use[:, None], y, 0.0), safe) <= 2 * self.gate
-        if not use.any():
+        rows, x, P, (y, H, H_j, P_j, R) = self._within_gate(s, relation)
+        if rows.size == 0:
             return s
-        w = np.ones(len(y))
-        unit = np.where(np.arange(s.x.shape[-1]) < 2, 1.0, self.lever)  # of the state in the criterion
-        parts = (s.P[use] * unit[:, None] * unit, P_j[use], H[use] / unit, H_j[use], R)
-        block = 2 if self.over == "position" else s.x.shape[-1]
-        w[use] = relative_weights(*parts, self.criterion, self.weights, block, s.group[use])
-        after = inflated_update(Belief(s.x, s.P), *relation, w, ENGINES[self.engine].update)
-        return s._replace(x=after.x, P=after.P)
+        scaled = P, H
+        if self.lever != 1.0:  # the unit of the state in the criterion
+            unit = np.where(np.arange(x.shape[-1]) < 2, 1.0, self.lever)
+            scaled = P * unit[:, None] * unit, H / unit
+        block = 2 if self.over == "position" else x.shape[-1]
+        parts = scaled[0], P_j, scaled[1], H_j, R
+        w = relative_weights(*parts, self.criterion, self.weights, block, s.group[rows])
+        after = inflated_update(Belief(x, P), y, H, H_j, P_j, R, w, ENGINES[self.engine].update)
+        x, P = s.x.copy(), s.P.copy()
+        x[rows], P[rows] = after
+        return s._replace(x=x, P=P)
+
+    def _within_gate(self, s: State, relation: Relation) -> tuple[Indices, Array, Array, Relation]:
+        """The rows that use their reading, with their x, P and relation.
+
+        Gated by the S of independent robots, twice as wide: a true reading passes whatever the correlation.
+        """
+        y, H, H_j, P_j, R = relation
+        rows = np.flatnonzero(~(np.isnan(y).any(-1) | np.isnan(P_j).any((-2, -1))))
+        x, P, y, H, H_j, P_j = (part[rows] for part in (s.x, s.P, y, H, H_j, P_j))
+        near = distance(y, H @ P @ H.mT + H_j @ P_j @ H_j.mT + R) <= 2 * self.gate
+        if not near.all():
+            rows = rows[near]
+            x, P, y, H, H_j, P_j = (part[near] for part in (x, P, y, H, H_j, P_j))
+        return rows, x, P, Relation(y, H, H_j, P_j, R)
 
 
 def _where_i_am(x: Array, x_j: Array, P_j: Array, pair: PairReading) -> Relation:

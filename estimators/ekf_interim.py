@@ -24,17 +24,19 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from cooploc.estimators.compiled.jit import readable
-from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Traffic, World
+from cooploc.estimators.interface import HEADER, Array, Belief, Mail, Mask, Rows, Senses, Traffic, World
 from cooploc.estimators.kalman.decoupled_kernels import RUNAWAY, Decoupled, TeamReading, master
 from cooploc.estimators.kalman.joint_update import block_diagonal, definite, dense, square
+from cooploc.estimators.kalman.landmark_kernels import update_decoupled
 from cooploc.estimators.kalman.linearised import innovation
 from cooploc.estimators.kalman.messages import count, no_traffic
-from cooploc.estimators.kalman.own_steps import moved
+from cooploc.estimators.kalman.own_steps import camera_alone, moved, sightings
 from cooploc.estimators.kalman.settings import TeamSettings
 from cooploc.estimators.kalman.team_readings import linearise, pairs
 from cooploc.estimators.kalman.update import ENGINES, distance, present, symmetric
 from cooploc.estimators.models.anchor_readings import fixed
 from cooploc.estimators.models.angles import wrap_heading
+from cooploc.estimators.models.sensors import Sighting
 
 At = Mapping[int, Array]  # a Jacobian (t, k, d) by robot
 
@@ -83,7 +85,9 @@ class EkfInterim(TeamSettings):
         d = s.x.shape[-1]
         sent = no_traffic(s.x)
         s = s._replace(x=s.x.copy(), P=s.P.copy(), Pi=s.Pi.copy())  # every reading writes into these
-        for sensor, place, reading in fixed(s.world, z, self.anchor_reading):
+        if camera := camera_alone(self, s.world):
+            sent = self._sighted(s, z, air, camera)
+        for sensor, place, reading in () if camera else fixed(s.world, z, self.anchor_reading):
             for a in np.flatnonzero(~np.isnan(reading).all((0, 2))).tolist():
                 y, H, _ = innovation(sensor, s.x[:, a], place, reading[:, a])
                 used = self._master(s, a, y, {a: H}, sensor.R, air.heard[:, :, a])
@@ -101,6 +105,13 @@ class EkfInterim(TeamSettings):
     def estimate(self, s: State) -> Belief:
         return Belief(wrap_heading(s.x), s.P)
 
+    def _sighted(self, s: State, z: Senses, air: Mail, camera: Sighting) -> Traffic:
+        """The updates by all landmarks in one compiled loop, in place, and what their masters sent."""
+        made, seen = np.zeros(s.x.shape[:2]), sightings(s.world, z.landmark, camera, self.gate)
+        update_decoupled(Decoupled(s.x, s.P, s.Phi, s.Pi), seen, readable(air.heard), made)
+        made = made * (s.world.robots > 1)
+        return Traffic(made, made * (8.0 * (1 + 2 * (1 + 2 * s.x.shape[-1])) + HEADER))
+
     def _master(self, s: State, a: int, y: Array, at: At, R: Array, heard: Mask) -> Mask:
         """Master a's update, in its memory and in that of the robots that `heard` it (t, n); which trials used it (t,).
 
@@ -108,9 +119,8 @@ class EkfInterim(TeamSettings):
         """
         if self.engine == "filterpy":
             return self._master_by_filterpy(s, a, y, at, R, heard)
-        reading = TeamReading(readable(y), readable(np.stack(list(at.values()), 1)), readable(R))
-        team = Decoupled(s.x, s.P, readable(s.Phi), s.Pi)
-        used: Mask = master(team, a, np.array(list(at)), reading, readable(heard), self.gate)
+        reading = TeamReading(y.copy(), np.stack(list(at.values()), 1), R)
+        used: Mask = master(Decoupled(s.x, s.P, s.Phi, s.Pi), a, np.array(list(at)), reading, heard.copy(), self.gate)
         return used
 
     def _master_by_filterpy(self, s: State, a: int, y: Array, at: At, R: Array, heard: Mask) -> Mask:

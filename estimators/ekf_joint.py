@@ -24,8 +24,9 @@ from typing import ClassVar, Literal, NamedTuple
 import numpy as np
 
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Sensor, Traffic, World
-from cooploc.estimators.kalman.information_kernels import Ranging, Readings
+from cooploc.estimators.kalman.information_kernels import Ranging, Readings, tally
 from cooploc.estimators.kalman.joint_update import (
+    anywhere,
     block_diagonal,
     dense,
     direction_by_direction,
@@ -45,9 +46,11 @@ from cooploc.estimators.kalman.joint_update import (
     stacked,
     widened,
 )
+from cooploc.estimators.kalman.landmark_kernels import update_joint
 from cooploc.estimators.kalman.linearised import innovation
 from cooploc.estimators.kalman.messages import no_traffic
 from cooploc.estimators.kalman.mixed_team import MixedTeamSettings
+from cooploc.estimators.kalman.own_steps import camera_alone, sightings
 from cooploc.estimators.kalman.team_readings import curvature, linearise
 from cooploc.estimators.kalman.update import ENGINES
 from cooploc.estimators.models.anchor_readings import fixed
@@ -110,6 +113,11 @@ class EkfJoint(MixedTeamSettings):
         return s._replace(x=x, P=joint[1].reshape(s.P.shape))
 
     def correct(self, s: State, z: Senses) -> State:
+        camera = camera_alone(self, s.world)
+        if camera and self.update == "batch" and camera.sigma_range and camera.sigma_bearing:
+            x, P, refused = s.x.copy(), square(s.P.copy()), s.refused.copy()
+            update_joint(x, P, refused, sightings(s.world, z.landmark, camera, self.gate), FORGET)
+            return _with(s, x, P)._replace(refused=refused)
         for sensor, place, reading in fixed(s.world, z, self.anchor_reading):
             if self.update == "batch":
                 s = self._fixed_together(s, sensor, place, reading)
@@ -131,7 +139,7 @@ class EkfJoint(MixedTeamSettings):
         return s, no_traffic(s.x)
 
     def estimate(self, s: State) -> Belief:
-        return Belief(wrap_heading(s.x), np.stack([s.P[:, i, :, i] for i in range(s.x.shape[1])], 1))
+        return Belief(wrap_heading(s.x), np.ascontiguousarray(s.P.diagonal(axis1=1, axis2=3).transpose(0, 3, 1, 2)))
 
     def _fixed_together(self, s: State, sensor: Sensor, place: Array, reading: Array) -> State:
         """Every robot's reading (t, n, k) of one fixed thing, linearised and gated before any of them is used."""
@@ -143,7 +151,7 @@ class EkfJoint(MixedTeamSettings):
             after = _with(s, *scalar_by_scalar(s.x, square(s.P), use[:, :, 0], y, H, sensor.R))
         else:
             after = self._add(s, use, readings)
-        return _tallied(after, ~np.isnan(d2), d2 > self.gate)
+        return _tallied(after, d2, self.gate, False)
 
     def _together(self, s: State, sensor: Sensor, readings: Array) -> State:
         """Gauss-Newton on all readings (t, n, n, k): P' = (P^-1 + H'R^-1 H)^-1,  x' = x + P' H'R^-1 (y + H (x^ - x)).
@@ -153,37 +161,31 @@ class EkfJoint(MixedTeamSettings):
         if self.engine == "batched" and isinstance(sensor, Range):
             how = Ranging(sensor.R.item(), self.gate, self.second_order, self.iterations)
             x, P, d2 = ranges_together(s.x, square(s.P), readings[..., 0], how)
-            return self._counted(_with(s, x, P), d2)
+            return _tallied(_with(s, x, P), d2, self.gate, True)
         shift, extra = np.zeros(1), np.zeros((1, 1))
-        if self.second_order:
+        if self.second_order and hasattr(sensor, "curvature"):
             D = spread(square(s.P), s.x.shape[-1])
             shift, extra = curvature(sensor, s.x[:, :, None], s.x[:, None], D)
         R, at = sensor.R + extra, s
         for k in range(self.iterations):
             y, H_i, H_j = linearise(sensor, at.x[:, :, None], at.x[:, None], readings)
-            back = (at.x - s.x)[..., None]
-            y = y - shift + (H_i @ back[:, :, None] + H_j @ back[:, None])[..., 0]
+            y = y - shift
+            if k > 0:
+                back = (at.x - s.x)[..., None]
+                y = y + (H_i @ back[:, :, None] + H_j @ back[:, None])[..., 0]
             linear = readings_of(y, H_i, H_j, R)
             if k == 0:
                 d2 = distances(square(s.P), linear)
             at = self._add(s, d2 <= self.gate, linear, last=k == self.iterations - 1)
-        return self._counted(at, d2)
-
-    def _counted(self, s: State, d2: Array) -> State:
-        """A reading of j by i (t, n, n) counts for both robots."""
-        both = np.stack([~np.isnan(d2), d2 > self.gate])
-        return _tallied(s, *np.concatenate([both, both.swapaxes(2, 3)], -1))
+        return _tallied(at, d2, self.gate, True)
 
     def _restarted(self, s: State) -> State:
-        """The most refused robot of a trial, if lost: x = the arena's middle, P_ii of a uniform density, P_ij = 0."""
-        lost = (s.refused > self.lost) & (np.arange(s.world.robots) == s.refused.argmax(1)[:, None])
+        """The most refused robot of a trial, if lost, may be anywhere in the arena."""
+        lost = s.refused > self.lost
         if not lost.any():
             return s
-        (low, high), d = s.world.arena, s.x.shape[-1]
-        x = np.where(lost[..., None] & (np.arange(d) < 2), np.append((low + high) / 2, 0.0)[:d], s.x)
-        anywhere = np.diag(np.append((high - low) ** 2 / 12, np.pi**2 / 3)[:d])
-        P = np.where(lost[:, :, None, None, None] | lost[:, None, None, :, None], 0.0, s.P)
-        P += block_diagonal(np.where(lost[..., None, None], anywhere, 0.0))
+        lost &= np.arange(s.world.robots) == s.refused.argmax(1)[:, None]
+        x, P = anywhere(s.x, s.P, lost, s.world.arena)
         return s._replace(x=x, P=P, refused=np.where(lost, 0.0, s.refused))
 
     def _one_by_one(self, s: State, z: Senses, air: Mail) -> State:
@@ -243,8 +245,7 @@ def _with(s: State, x: Array, P: Array) -> State:
     return s._replace(x=x.reshape(s.x.shape), P=P.reshape(s.P.shape))
 
 
-def _tallied(s: State, made: Mask, refused: Mask) -> State:
-    """The average with one more share: of the readings (t, n, m) of each robot, those that were refused."""
-    count = made.sum(-1)
-    share = refused.sum(-1) / np.maximum(count, 1)
-    return s._replace(refused=np.where(count > 0, s.refused + FORGET * (share - s.refused), s.refused))
+def _tallied(s: State, d2: Array, gate: float, between: bool) -> State:
+    """The average with one more share: of each robot's readings (t, n, m), those that the gate refused."""
+    tally(d2, gate, between, FORGET, refused := s.refused.copy())
+    return s._replace(refused=refused)

@@ -27,10 +27,10 @@ import numpy as np
 
 from cooploc.estimators.compiled.jit import readable
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, World
-from cooploc.estimators.kalman import split_kernels
+from cooploc.estimators.kalman import landmark_kernels, split_kernels
 from cooploc.estimators.kalman.linearised import innovation
 from cooploc.estimators.kalman.messages import Message
-from cooploc.estimators.kalman.own_steps import moved
+from cooploc.estimators.kalman.own_steps import camera_alone, moved, sightings
 from cooploc.estimators.kalman.settings import TeamSettings
 from cooploc.estimators.kalman.team_readings import PairReading, received
 from cooploc.estimators.kalman.update import ENGINES, symmetric
@@ -73,6 +73,11 @@ class EkfSplitCi(TeamSettings):
 
     def correct(self, s: State, z: Senses) -> State:
         """Kalman update by an independent reading: Pd' = (I - K H) Pd (I - K H)', the rest of P' is Pi'."""
+        if camera := camera_alone(self, s.world):
+            x, Pd, Pi = s.x.copy(), s.Pd.copy(), s.Pi.copy()
+            seen = sightings(s.world, z.landmark[None], camera, self.gate)
+            landmark_kernels.update_split(x[None], Pd[None], Pi[None], seen)
+            return s._replace(x=x, Pd=Pd, Pi=Pi)
         for sensor, place, reading in fixed(s.world, z, self.anchor_reading):
             y, H, _ = innovation(sensor, s.x, place, reading)
             nothing = np.zeros((*y.shape, y.shape[-1]))
@@ -104,6 +109,10 @@ class EkfSplitCi(TeamSettings):
             Pd_j, Pi_j = np.where(again, Pd_j + Pi_j, Pd_j), np.where(again, 0.0, Pi_j)
         y, H, H_j = pair.linearise(s.x, x_j)
         Rd, Ri = H_j @ Pd_j @ H_j.mT, H_j @ Pi_j @ H_j.mT + pair.sensor.R
+        if self.engine == "batched":
+            x, Pd, Pi, used = s.x.copy(), s.Pd.copy(), s.Pi.copy(), np.empty(len(y), bool)
+            split_kernels.cooperate(x, Pd, Pi, (y, H, Rd, Ri), self.gate, self.form == "literal", used)
+            return s._replace(x=x, Pd=Pd, Pi=Pi), used
         there = np.asarray(~(np.isnan(y).any(-1) | np.isnan(Rd).any((1, 2))))
         y, H, Rd = (np.where(there.reshape(-1, *[1] * (a.ndim - 1)), a, 0.0) for a in (y, H, Rd))
         Ri = np.where(there[:, None, None], Ri, np.eye(y.shape[-1]))

@@ -42,7 +42,13 @@ SHARED = (
     "covariance_intersection/scalar_readings",
     "covariance_intersection/newton",
     "covariance_intersection/small_matrices",
+    "kalman/decoupled_kernels",
+    "kalman/information_kernels",
     "kalman/matrix_kernels",
+    "kalman/row_kernels",
+    "kalman/sequential_kernels",
+    "kalman/split_kernels",
+    "models/angles",
     "models/sensors",
     "particle/link_kernels",
     "particle/resampling",
@@ -87,9 +93,22 @@ def _in_turn(compiles: Callable[..., Any], place: Path) -> Callable[..., Any]:
 
 def readable(array: NDArray[Scalar]) -> NDArray[Scalar]:
     """The array as kernels take it: contiguous and read-only, so that each kernel is compiled for one type."""
-    view = np.ascontiguousarray(array).view()
-    view.flags.writeable = False
+    array = np.ascontiguousarray(array)
+    if not array.flags.writeable:
+        return array
+    view = array.view()
+    view.setflags(write=False)
     return view
+
+
+def spread_out(array: NDArray[Scalar], shape: tuple[int, ...]) -> NDArray[Scalar]:
+    """`readable` of an array that broadcasts to this shape; np.broadcast_to takes ten times as long for a few rows."""
+    if array.shape == shape:
+        return readable(array)
+    whole = np.empty(shape, array.dtype)
+    whole[...] = array
+    whole.setflags(write=False)
+    return whole
 
 
 @intrinsic

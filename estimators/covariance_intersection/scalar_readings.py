@@ -27,8 +27,9 @@ STEPS = 100  # never needed: 11 were the most where variances lay ten decades ap
 
 def scalar(H: Array, block: int) -> Mask:
     """Readings (K,) with Jacobian H (K, k, d) that this file is for: one number, a function of the position alone."""
-    one = H.shape[1] == 1 and block == 2 <= H.shape[2]
-    return np.asarray(one & ~H[..., 2:].any((1, 2)))
+    if not (H.shape[1] == 1 and block == 2 <= H.shape[2]):
+        return np.zeros(len(H), bool)
+    return np.asarray(~H[..., 2:].any((1, 2)))
 
 
 def weights(P: Array, H: Array, q: Array, R: Array, criterion: str) -> tuple[Array, Array]:

@@ -12,6 +12,7 @@ from cooploc.estimators.interface import Array, Indices, Mask
 from cooploc.estimators.plugins.errors import BadInput
 
 Solver = Literal["cvxpy", "exact"]
+SOLVERS = get_args(Solver)
 
 TRUSTED = 3e-7  # the gap up to which cvxpy's weights are taken: a determinant is then within 1e-6 up to d = 3
 
@@ -33,7 +34,7 @@ def solve(z: Whitened, best: Solution, solver: str) -> Solution:
         BadInput: there is no such solver.
 
     """
-    if solver not in get_args(Solver):
+    if solver not in SOLVERS:
         raise BadInput(f"there is no solver {solver!r} of covariance intersection; known are cvxpy, exact")
     return best if solver == "exact" else _by_cvxpy(z, best)
 

@@ -4,6 +4,7 @@ from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
+from cooploc.estimators.compiled.jit import readable
 from cooploc.estimators.covariance_intersection import whitening
 from cooploc.estimators.covariance_intersection.whitening import Whitened
 from cooploc.estimators.interface import Array, Indices, Mask
@@ -11,6 +12,7 @@ from cooploc.estimators.kalman.update import symmetric
 from cooploc.estimators.plugins.errors import BadInput
 
 Criterion = Literal["det", "trace"]
+CRITERIA = get_args(Criterion)
 
 FAULTS = {
     whitening.INFINITE: "has some infinite entries; give a large finite variance, or only infinite ones if unknown",
@@ -36,7 +38,7 @@ def whitened(terms: Terms, block: int, criterion: str, fusion: Indices, groups: 
         BadInput: the criterion does not exist, or double precision cannot compare the covariances.
 
     """
-    if criterion not in get_args(Criterion):
+    if criterion not in CRITERIA:
         raise BadInput(f"there is no criterion {criterion!r} of covariance intersection; known are det, trace")
     V, mix, present, sigma = terms
     B, C, fault = np.empty_like(V), np.empty((len(V), *V.shape[2:])), np.zeros((len(V), 2), np.int64)
@@ -65,10 +67,13 @@ def relative_terms(P_i: Array, H_i: Array, U: Array, R: Array, fusion: Indices) 
     U = H_j P_j H_j' and R are diagonal in common coordinates, sigma and 1 - sigma, in which U / v + R is inverted entry
     by entry: n = v / (sigma + (1 - sigma) v).
     """
-    least = np.linalg.eigvalsh(R)
-    wrong = np.flatnonzero(least[:, 0] < -1e-12 * np.abs(least[:, -1]))
-    if wrong.size:
-        raise BadInput(f"the noise R of fusion {fusion[wrong[0]]} has a negative eigenvalue; it must be a covariance")
+    if not whitening.diagonal(readable(R)):
+        least = np.linalg.eigvalsh(R)
+        wrong = np.flatnonzero(least[:, 0] < -1e-12 * np.abs(least[:, -1]))
+        if wrong.size:
+            raise BadInput(
+                f"the noise R of fusion {fusion[wrong[0]]} has a negative eigenvalue; it must be a covariance"
+            )
     V = roots(P_i[:, None], "P_i of fusion {f}", fusion)[0]
     L = roots((U + R)[:, None], "H_j P_j H_j' + R of fusion {f}", fusion)[0][:, 0]
     L = L / np.sqrt((L @ (U + R) @ L.mT)[:, :1, :1])
@@ -76,13 +81,13 @@ def relative_terms(P_i: Array, H_i: Array, U: Array, R: Array, fusion: Indices) 
     scale = np.sqrt(P_i.diagonal(axis1=1, axis2=2).max(-1, initial=0.0))
     h = np.zeros((*H_i.shape[:2], *P_i.shape[1:]))
     h[:, :, 0] = scale[:, None, None] * (axes.mT @ L @ H_i)
-    sigma = np.clip(sigma, 1e-15, 1.0)
+    sigma = np.minimum(np.maximum(sigma, 1e-15), 1.0)
     mix = np.concatenate([np.full((len(P_i), 1), 0.5), 1 / (1 + sigma)], 1)  # the information at w = 1/2
     return Terms(np.concatenate([V, h], 1), mix, np.ones(mix.shape, bool), sigma)
 
 
 def _refuse(fault: Indices, name: str, fusion: Indices) -> None:
-    wrong = np.flatnonzero(fault[:, 0])
-    if wrong.size:
-        f, (what, k) = wrong[0], fault[wrong[0]]
+    if fault.any():
+        f = fault[:, 0].nonzero()[0][0]
+        what, k = fault[f]
         raise BadInput(f"{name.format(f=fusion[f], k=k)} {FAULTS[int(what)]}")

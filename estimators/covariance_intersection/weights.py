@@ -33,9 +33,11 @@ optimization of covariance intersection for low-dimensional matrices", FUSION 20
 
 import numpy as np
 
+from cooploc.estimators.compiled.jit import readable, spread_out
 from cooploc.estimators.covariance_intersection import scalar_readings, solvers
 from cooploc.estimators.covariance_intersection.solvers import Solution, Solver
 from cooploc.estimators.covariance_intersection.sources import Criterion, Terms, relative_terms, roots, whitened
+from cooploc.estimators.covariance_intersection.whitening import complete
 from cooploc.estimators.interface import Array, Indices
 from cooploc.estimators.kalman.update import symmetric
 from cooploc.estimators.plugins.errors import BadInput
@@ -129,21 +131,23 @@ def solve_relative(
     (every variance infinite), and where the reading cannot help. `groups` and errors are as in `solve`.
     """
     P_i, P_j = np.array(P_i, float, order="C"), np.array(P_j, float, order="C")
-    R = np.broadcast_to(R, (len(P_i), H_i.shape[1], H_i.shape[1]))
+    R = spread_out(np.asarray(R, float), (len(P_i), H_i.shape[1], H_i.shape[1]))
     if not 1 <= block <= P_i.shape[-1]:
         raise BadInput(f"the criterion is about the first {block} states; there are {P_i.shape[-1]}")
     if np.isinf(P_i).any():
         raise BadInput("one's own covariance has infinite entries; give a large finite variance")
     found = Solution(np.ones(len(P_i)), np.zeros(len(P_i)), np.zeros(len(P_i), bool))
     present = roots(P_j[:, None], "P_j of fusion {f}", np.arange(len(P_j)))[1][:, 0]
-    rows = np.flatnonzero(present & ~np.logical_or.reduce([np.isnan(a).any((1, 2)) for a in (P_i, H_i, H_j, R)]))
+    complete((readable(P_i), readable(H_i), readable(H_j), R), present)
+    (rows,) = present.nonzero()
     if rows.size == 0 or R.shape[-1] == 0:
         return found
     P, H, R, U = P_i[rows], H_i[rows], R[rows], symmetric(H_j @ P_j @ H_j.mT)[rows]
     groups = None if groups is None else np.asarray(groups)[rows]
     z = whitened(relative_terms(P, H, U, R, rows), block, criterion, rows, groups)
     best, easy = solvers.exact(z), scalar_readings.scalar(H, block)
-    best.w[easy, 0], best.gap[easy] = scalar_readings.weights(P[easy], H[easy], U[easy], R[easy], criterion)
+    if easy.any():
+        best.w[easy, 0], best.gap[easy] = scalar_readings.weights(P[easy], H[easy], U[easy], R[easy], criterion)
     part = solvers.solve(z, best, solver)
     found.w[rows], found.gap[rows], found.fallback[rows] = part.w[:, 0], part.gap, part.fallback
     return found

@@ -109,6 +109,27 @@ def roots(P, V, present, fault, axes):
                     V[f, k, i, j] *= c
 
 
+@strict_kernel
+def complete(parts, there):
+    """Clear the rows of `there` (K,) in which anything of some arrays (K, a, b) is nan."""
+    for array in parts:
+        for f in range(len(array)):
+            for i in range(array.shape[1]):
+                for j in range(array.shape[2]):
+                    there[f] = there[f] and not np.isnan(array[f, i, j])
+
+
+@strict_kernel
+def diagonal(R):
+    """Whether all of R (K, k, k) are diagonal, with no entry below zero."""
+    for f in range(len(R)):
+        for i in range(R.shape[1]):
+            for j in range(R.shape[1]):
+                if not (R[f, i, j] >= 0.0 if i == j else R[f, i, j] == 0.0):
+                    return False
+    return True
+
+
 @strict_inlined
 def _orthogonalise(A, M, axes):
     """A = Q U' for the rows (n, d) of A, which becomes Q; False where its columns are dependent.

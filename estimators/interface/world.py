@@ -118,8 +118,8 @@ class World:
 
 def _present(readings: Array, things: int) -> Iterator[tuple[int, Array]]:
     """The number of each thing that any row has a reading (..., k) of, and these, from readings (..., things, k)."""
-    there = np.asarray(~np.isnan(readings).all((*range(readings.ndim - 2), -1)))
-    return ((int(i), readings[..., i, :]) for i in np.flatnonzero(there[:things]))
+    absent = np.logical_and.reduce(np.isnan(readings), (*range(readings.ndim - 2), -1))
+    return ((i, readings[..., i, :]) for i in (~absent[:things]).nonzero()[0].tolist())
 
 
 class Stacked(NamedTuple):

@@ -164,3 +164,23 @@ def join_ranges(x: Array, P: Array, z: Array, how: Ranging, d2: Array) -> None:
                 C = np.linalg.solve(A, P[s])
                 P[s] = (C + C.T) / 2
                 x[s] = (before + P[s] @ eta).reshape(n, d)
+
+
+@strict_kernel
+def tally(d2, gate, between, forget, share):
+    """Move each robot's average `share` (t, n) of refused readings by this tick's, d2 (t, n, m), nan where absent.
+
+    `between` robots, a reading of j by i counts for both.
+    """
+    t, n, m = d2.shape
+    for s in range(t):
+        for i in range(n):
+            count, refused = 0, 0
+            for j in range(m):
+                count += not np.isnan(d2[s, i, j])
+                refused += d2[s, i, j] > gate
+                if between:
+                    count += not np.isnan(d2[s, j, i])
+                    refused += d2[s, j, i] > gate
+            if count:
+                share[s, i] += forget * (refused / count - share[s, i])

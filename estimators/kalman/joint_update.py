@@ -63,6 +63,15 @@ def driven(P: Array, F: Array, Q: Array) -> Array:
     return out
 
 
+def anywhere(x: Array, P: Array, lost: Mask, arena: Array) -> tuple[Array, Array]:
+    """x (t, n, d) in the arena's middle, P_ii of a uniform density, P_ij = 0 of (t, n, d, n, d) for robots `lost`."""
+    (low, high), d = arena, x.shape[-1]
+    x = np.where(lost[..., None] & (np.arange(d) < 2), np.append((low + high) / 2, 0.0)[:d], x)
+    uniform = np.diag(np.append((high - low) ** 2 / 12, np.pi**2 / 3)[:d])
+    P = np.where(lost[:, :, None, None, None] | lost[:, None, None, :, None], 0.0, P)
+    return x, P + block_diagonal(np.where(lost[..., None, None], uniform, 0.0))
+
+
 def spread(P: Array, d: int) -> Array:
     """Covariance (t, n, n, 2, 2) of every difference of two positions, from P (t, n d, n d)."""
     blocks = P.reshape(len(P), P.shape[1] // d, d, -1, d)[:, :, :2, :, :2].swapaxes(2, 3)  # (t, n, n, 2, 2)

@@ -17,29 +17,33 @@ class Message(NamedTuple):
 
     def pack(self) -> Array:
         """The packet (..., m): x, the upper triangle of each covariance, the sightings."""
-        i, j = _triangle(self.x.shape[-1])
-        sightings = self.sightings.reshape(*self.x.shape[:-1], 2 * self.sightings.shape[-2])
-        return np.concatenate([self.x, *(P[..., i, j] for P in self.P), sightings], -1)
+        lead, d = self.x.shape[:-1], self.x.shape[-1]
+        upper = (P.reshape(*lead, d * d).take(_triangle(d), -1) for P in self.P)
+        return np.concatenate([self.x, *upper, self.sightings.reshape(*lead, 2 * self.sightings.shape[-2])], -1)
 
     @classmethod
     def unpack(cls, packets: Array, d: int, parts: int = 1) -> Self:
         """The messages in packets (..., m) of a state of d numbers and a covariance in `parts`."""
-        i, j = _triangle(d)
-        covariances = []
-        for begin in range(d, d + parts * len(i), len(i)):
-            P = np.empty((*packets.shape[:-1], d, d))
-            P[..., i, j] = P[..., j, i] = packets[..., begin : begin + len(i)]
-            covariances.append(P)
-        x, sightings = packets[..., :d], packets[..., d + parts * len(i) :]
+        where, size = _square(d), d * (d + 1) // 2
+        covariances = [packets.take(where + d + part * size, -1) for part in range(parts)]
+        x, sightings = packets[..., :d], packets[..., d + parts * size :]
         pairs = sightings.reshape(*packets.shape[:-1], sightings.shape[-1] // 2, 2)
         return cls(x, tuple(covariances), pairs)
 
 
 @lru_cache
-def _triangle(d: int) -> tuple[Indices, Indices]:
-    """Rows and columns of the upper triangle of a (d, d) matrix."""
+def _triangle(d: int) -> Indices:
+    """Where the upper triangle of a (d, d) matrix is among its d^2 numbers."""
     i, j = np.triu_indices(d)
-    return i, j
+    return i * d + j
+
+
+@lru_cache
+def _square(d: int) -> Indices:
+    """Which of the triangle's numbers is each entry of a (d, d) matrix."""
+    which, triangle = np.empty((d, d), np.int64), np.triu_indices(d)
+    which[triangle] = which.T[triangle] = np.arange(len(triangle[0]))
+    return which
 
 
 def no_traffic(x: Array) -> Traffic:

@@ -9,20 +9,14 @@ import numpy as np
 
 from cooploc.estimators.compiled.jit import strict_kernel
 from cooploc.estimators.kalman.matrix_kernels import joseph, solve
+from cooploc.estimators.models.angles import wrapped
 from cooploc.estimators.models.sensors import NEAR, TOO_NEAR_TO_RANGE
 
 RANGE, RSSI, SIGHTING = range(3)  # kinds of readings between a pose and a place
 
 
 @strict_kernel
-def _wrapped(angle):
-    """The angle in (-pi, pi]."""
-    inside = np.pi - (np.pi - angle) % (2 * np.pi)
-    return np.pi if inside <= -np.pi else inside
-
-
-@strict_kernel
-def _absorb(x, P, y, H, R, gate, S, B, A):
+def absorb_row(x, P, y, H, R, gate, S, B, A):
     """Update x (d,), P (d, d) in place by y (k,), H (k, d), R (k, k), unless the gate refuses it.
 
     Scratch: S (k, k), B (k, d + 1) for S^-1 [H P, y], A (d, d).
@@ -52,7 +46,7 @@ def _absorb(x, P, y, H, R, gate, S, B, A):
 
 
 @strict_kernel
-def _known(y, H, R):
+def is_known(y, H, R):
     """Whether nothing of a reading is nan."""
     for i in range(len(y)):
         if np.isnan(y[i]):
@@ -72,8 +66,8 @@ def update(x, P, y, H, R, gate):
     d, k = H.shape[2], H.shape[1]
     S, B, A = np.empty((k, k)), np.empty((k, d + 1)), np.empty((d, d))
     for r in range(len(x)):
-        if _known(y[r], H[r], R[r]):
-            _absorb(x[r], P[r], y[r], H[r], R[r], gate, S, B, A)
+        if is_known(y[r], H[r], R[r]):
+            absorb_row(x[r], P[r], y[r], H[r], R[r], gate, S, B, A)
 
 
 @strict_kernel
@@ -110,7 +104,7 @@ def drive(x, u, dt, variances, out, F, Q):
         arc = 0.0 if np.isnan(u[r, 0]) else u[r, 0] * dt[r]
         turn = 0.0 if np.isnan(u[r, 1]) else u[r, 1] * dt[r]
         c, s = np.cos(x[r, 2] + turn / 2), np.sin(x[r, 2] + turn / 2)
-        out[r, 0], out[r, 1], out[r, 2] = x[r, 0] + arc * c, x[r, 1] + arc * s, _wrapped(x[r, 2] + turn)
+        out[r, 0], out[r, 1], out[r, 2] = x[r, 0] + arc * c, x[r, 1] + arc * s, wrapped(x[r, 2] + turn)
         along, across = variances[0] * dt[r], variances[1] * dt[r]
         G = ((c, -arc * s / 2), (s, arc * c / 2), (0.0, 1.0))
         for a in range(3):
@@ -121,7 +115,15 @@ def drive(x, u, dt, variances, out, F, Q):
 
 
 @strict_kernel
-def _linearise(kind, A, slope, x, q, z, y, H):
+def drive_and_widen(x, u, dt, variances, P, out, P1, F):
+    """`drive`, then `widen` P (r, 3, 3) into P1."""
+    Q = np.empty(F.shape)
+    drive(x, u, dt, variances, out, F, Q)
+    widen(P, F.reshape(-1, 1, 3, 3), Q.reshape(-1, 1, 3, 3), P1)
+
+
+@strict_kernel
+def linearise_row(kind, A, slope, x, q, z, y, H):
     """`innovation` of Range, LogDistance (A, slope = 10 eta / ln 10) and Sighting: y (k,), and H (k, d) by the pose x.
 
     By the place q the Jacobian is -H of the position.
@@ -141,7 +143,7 @@ def _linearise(kind, A, slope, x, q, z, y, H):
     H[0, 0], H[0, 1] = east / near, north / near
     if kind == SIGHTING:
         heading = x[2] if len(x) > 2 else 0.0
-        y[1] = _wrapped(z[1] - (np.arctan2(-north, -east) - heading))
+        y[1] = wrapped(z[1] - (np.arctan2(-north, -east) - heading))
         H[1, 0], H[1, 1] = -north / near**2, east / near**2
         if len(x) > 2:
             H[1, 2] = -1.0
@@ -149,9 +151,9 @@ def _linearise(kind, A, slope, x, q, z, y, H):
 
 @strict_kernel
 def relate(kind, A, slope, x, q, z, y, H):
-    """`innovation` of rows: poses x (r, d), places q (r, 2), readings z (r, k)."""
+    """`innovation` of rows: poses x (r, d), places q (r, 2) or one for all (1, 2), readings z (r, k)."""
     for r in range(len(x)):
-        _linearise(kind, A, slope, x[r], q[r], z[r], y[r], H[r])
+        linearise_row(kind, A, slope, x[r], q[r if len(q) > 1 else 0], z[r], y[r], H[r])
 
 
 @strict_kernel
@@ -163,6 +165,6 @@ def sight(x, P, places, z, R, gate):
     for r in range(len(x)):
         for m in range(len(places)):
             if not (np.isnan(z[r, m, 0]) or np.isnan(z[r, m, 1]) or z[r, m, 0] < TOO_NEAR_TO_RANGE):
-                _linearise(SIGHTING, 0.0, 0.0, x[r], places[m], z[r, m], y, H)
-                if _known(y, H, R):
-                    _absorb(x[r], P[r], y, H, R, gate, S, B, A)
+                linearise_row(SIGHTING, 0.0, 0.0, x[r], places[m], z[r, m], y, H)
+                if is_known(y, H, R):
+                    absorb_row(x[r], P[r], y, H, R, gate, S, B, A)

@@ -33,7 +33,7 @@ def received(world: World, z: Senses, mail: Mail, sightings: Array, robot: Indic
     camera = world.sensors.get("sighting")
     if camera is not None and sightings.shape[2]:
         of_it = sightings[np.arange(len(robot)), :, robot]  # (r, sender, 2)
-        for j in np.flatnonzero(~np.isnan(of_it).all((0, 2))).tolist():
+        for j in (~np.logical_and.reduce(np.isnan(of_it), (0, 2))).nonzero()[0].tolist():
             yield PairReading(camera, j, of_it[:, j], by_sender=True)
 
 
@@ -62,7 +62,7 @@ def linearise(sensor: Sensor, x_i: Array, x_j: Array, reading: Array) -> tuple[A
     if isinstance(sensor, Orientation):
         return sensor.between(x_i, x_j, reading)
     y, H, Hq = innovation(sensor, x_i, x_j[..., :2], reading)
-    H_j = np.zeros_like(H)
+    H_j = np.zeros(H.shape)
     H_j[..., :2] = Hq
     return y, H, H_j
 

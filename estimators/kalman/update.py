@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 
-from cooploc.estimators.compiled.jit import readable
+from cooploc.estimators.compiled.jit import readable, spread_out
 from cooploc.estimators.interface import Array, Belief, Mask
 from cooploc.estimators.kalman import row_kernels
 
@@ -121,9 +121,7 @@ def _row_update(x: Array, P: Array, y: Array, H: Array, R: Array, gate: float) -
 
 def _rows(part: Array, shape: tuple[int, ...]) -> Array:
     """An array that broadcasts to (..., a, b) as rows (r, a, b)."""
-    if part.shape != shape:
-        part = np.broadcast_to(part, shape)
-    return readable(part).reshape(-1, *shape[-2:])
+    return spread_out(part, shape).reshape(-1, *shape[-2:])
 
 
 def _filterpy_predict(x: Array, P: Array, F: Array, Q: Array) -> tuple[Array, Array]:

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from cooploc.estimators.compiled.jit import strict_kernel
 from cooploc.estimators.interface import Array
 
 
@@ -16,8 +17,24 @@ def wrap_heading(x: Array) -> Array:
     if x.shape[-1] < 3:
         return x
     x = x.copy()
-    x[..., 2] = wrap(x[..., 2])
+    if x.dtype == np.float64:
+        _wrap_headings(x.reshape(-1, x.shape[-1]))
+    else:
+        x[..., 2] = wrap(x[..., 2])
     return x
+
+
+@strict_kernel
+def wrapped(angle: float) -> float:
+    """`wrap` of one number."""
+    inside = np.pi - (np.pi - angle) % (2 * np.pi)
+    return np.pi if inside <= -np.pi else inside
+
+
+@strict_kernel
+def _wrap_headings(x: Array) -> None:
+    for r in range(len(x)):
+        x[r, 2] = wrapped(x[r, 2])
 
 
 def circular_mean(angle: Array, weight: Array) -> Array:

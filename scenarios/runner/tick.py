@@ -1,5 +1,6 @@
 """One estimator's ticks: what it is given, the calls of its methods in their order, and the mail that is carried."""
 
+from functools import cached_property
 from typing import Any, ClassVar, Protocol, cast
 
 import numpy as np
@@ -41,17 +42,18 @@ class _Drive:
         self, name: str, estimator: Any, stream: Stream, watch: Watcher | None, rows: Rows | None = None
     ) -> None:
         self.name, self.estimator, self.stream = name, estimator, stream
-        self.watch: Watcher = watch or (lambda method, tick, arguments, call: call(*arguments))
+        self.watch = watch
         self.shape = stream.senses.dt.shape[0], stream.robots
         self.rows = rows or seeds.rows(stream.seed, stream.trial, stream.robots)
         self.centralised = traits(estimator).centralised
         self.state: Any = None
-        self.hidden = np.full((len(stream.trial), stream.robots, stream.robots), np.nan)
+        self.hidden = _frozen(np.full((len(stream.trial), stream.robots, stream.robots), np.nan))
 
     def call(self, method: str, tick: int, *arguments: Any) -> Any:
         try:
             with shut:
-                returned = self.watch(method, tick, arguments, getattr(self.estimator, method))
+                call = getattr(self.estimator, method)
+                returned = self.watch(method, tick, arguments, call) if self.watch else call(*arguments)
         except Forbidden as e:
             raise EstimatorError(f"{self.name}: {method}() {e}") from None
         if returned is None:
@@ -86,7 +88,8 @@ class _Drive:
 
     def _at(self, a: Array, k: int, flat: bool) -> Array:
         tick = a[:, k]
-        return cast(Array, _frozen(tick.reshape(len(tick) * self.stream.robots, *tick.shape[2:]) if flat else tick))
+        t, n, *of_one = tick.shape
+        return cast(Array, _frozen(tick, (t * n, *of_one) if flat else tick.shape))
 
     def _pairs(self, a: Array) -> Array:
         """A hidden radio channel reads nan everywhere."""
@@ -132,9 +135,18 @@ class Robots(_Drive):
                 f"{self.name}: send() returned shape {sent.shape} at tick {k}, not ({t * n}, m) or ({t * n}, {n}, m)"
             )
         sent = sent if np.issubdtype(sent.dtype, np.floating) else sent.astype(float)
+        if sent.shape[-1] == 0 and sent.dtype == float:
+            return self.silence
         awake = self.stream.senses.dt[:, k] > 0  # a robot that is asleep sends nothing
         mail = deliver(sent, n, link, rssi, distance)
         return Mail(*(_frozen(a) for a in mail)), count(sent, awake.reshape(t, n))
+
+    @cached_property
+    def silence(self) -> tuple[Mail, Traffic]:
+        """What `carry` returns in every tick of an estimator that never transmits."""
+        (t, n), sent = self.shape, np.empty((len(self.rows.key), 0))
+        mail = deliver(sent, n, np.zeros((t, n, n), bool), self.hidden, self.hidden)
+        return Mail(*(_frozen(a) for a in mail)), count(sent, np.ones((t, n), bool))
 
 
 class Team(_Drive):
@@ -151,8 +163,8 @@ class Team(_Drive):
         z = self.senses(k, flat=False)
         link, rssi, distance = self.air(k)
         t, n = self.shape
-        heard = (a if a is self.hidden else np.where(link, a, np.nan) for a in (rssi, distance))
-        air = Mail(*(_frozen(a) for a in (link, np.empty((t, n, n, 0)), *heard)))
+        heard = (a if a is self.hidden else _frozen(np.where(link, a, np.nan)) for a in (rssi, distance))
+        air = Mail(_frozen(link), _frozen(np.empty((t, n, n, 0))), *heard)
         self.state = self.call("predict", k, self.state, z)
         self.state = self.call("correct", k, self.state, z)
         self.state, traffic = self.call("exchange", k, self.state, z, air)
@@ -182,6 +194,6 @@ class Offline(_Drive):
         return Belief(*(a[:, k] for a in self.state)), Traffic(*(a[:, k] for a in self.uplink))
 
 
-def _frozen(a: Any) -> Any:
+def _frozen(a: Any, shape: tuple[int, ...] | None = None) -> Any:
     """A copy that cannot be written to, nor lead back to what it was cut from: other channels, trials and ticks."""
-    return np.frombuffer(np.ascontiguousarray(a).tobytes(), a.dtype).reshape(a.shape)
+    return np.ndarray(a.shape if shape is None else shape, a.dtype, a.tobytes())
