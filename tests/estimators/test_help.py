@@ -13,7 +13,7 @@ from cooploc.estimators import BUILTIN
 
 def described(name, parameter):
     """What help says after `parameter:`, up to the next parameter or an empty line."""
-    shown = plain(render_doc(cl.make(name))).replace(" |  ", "")
+    shown = plain(render_doc(cl.make(name))).partition(") -> None")[2].replace(" |  ", "")  # without the signature
     found = re.search(rf"^ +{parameter}: (.+?)(?=\n +\w+: |\n *\|? *\n)", shown, re.DOTALL | re.MULTILINE)
     return found[1] if found else ""
 

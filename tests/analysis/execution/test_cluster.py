@@ -74,7 +74,7 @@ def workers(address):
     from distributed import Client
 
     try:
-        with Client(address, timeout=2, set_as_default=False) as client:
+        with Client(address, timeout=60, set_as_default=False) as client:
             return {worker["name"] for worker in client.scheduler_info(n_workers=-1)["workers"].values()}
     except OSError:
         return set()

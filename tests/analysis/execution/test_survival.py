@@ -90,7 +90,7 @@ def test_ctrl_c_ends_a_call_that_would_take_for_ever_and_says_how_to_go_on(held,
     run = start(*arguments, "--jobs", jobs, plugins=plugins, cwd=held)
     until(lambda: list(held.glob("held-*")))
     os.killpg(run.pid, signal.SIGINT)
-    _, told = run.communicate()
+    _, told = run.communicate(timeout=300)  # half of the time that the call may take
     assert run.returncode == 130
     assert "the same command goes on from there" in told
     assert "Traceback" not in told

@@ -1,6 +1,7 @@
 """Tables over trials: pooling, pairing, flags, refusals."""
 
 import re
+from inspect import getdoc
 
 import numpy as np
 import pandas as pd
@@ -112,9 +113,9 @@ def test_what_is_no_table_of_errors_is_refused_with_what_it_should_be():
 
 def documented(function, head):
     """The names of the columns below a head of a docstring, as they stand there."""
-    block = function.__doc__.split(f"{head}:\n")[1].split("\n\n")[0]
-    heads = re.findall(r"^ {8}(\w[\w, ]*?)(?: \[.*?\])?: \w", block, re.MULTILINE)
-    assert len(heads) == len(re.findall(r"^ {8}\S", block, re.MULTILINE))
+    block = getdoc(function).split(f"{head}:\n")[1].split("\n\n")[0]
+    heads = re.findall(r"^ {4}(\w[\w, ]*?)(?: \[.*?\])?: \w", block, re.MULTILINE)
+    assert len(heads) == len(re.findall(r"^ {4}\S", block, re.MULTILINE))
     return [name for line in heads for name in line.split(", ")]
 
 
