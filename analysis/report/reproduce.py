@@ -140,10 +140,10 @@ def table(found: list[Again]) -> Table:
     """One row per trial and estimator."""
     columns = (
         words("scenario"),
+        words("estimator", under=True),
         numbers("trial"),
-        words("estimator"),
         numbers("RMSE then [m]", "before", form=_exact),
-        numbers("now [m]", "after", form=_exact),
+        numbers("now [m]", "after", form=_exact, under=True),
         words("", "equal", "remark", of=("remark",)),
     )
     return Table("reproduced", "Trials that were run again", columns, [one._asdict() for one in found])

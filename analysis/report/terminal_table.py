@@ -55,9 +55,10 @@ class TerminalTable:
         yield self.columns, []
         left, out = list(self.columns), []
         yield _stacked(left), []
-        for column in sorted((c for c in self.columns if c.spare), key=lambda c: -c.spare):
-            left.remove(column)
-            out.append(column.head.partition("\n")[0])
+        for spare in sorted({c.spare for c in self.columns if c.spare}, reverse=True):
+            dropped = [c for c in left if c.spare == spare]
+            left = [c for c in left if c.spare != spare]
+            out += [c.head.partition("\n")[0] for c in dropped if not c.under or len(dropped) == 1]
             yield _stacked(left), out[:]
 
     def _drawn(self, columns: Sequence[Shown], wrap: bool) -> RichTable:
