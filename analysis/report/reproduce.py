@@ -133,7 +133,11 @@ def differences(embedded: dict[str, Any]) -> list[str]:
     """What differs between this machine and the one where the report was made."""
     then, here = embedded["manifest"], provenance()
     unlike = [f"{name} {before} there, {now} here" for name, before, now in other_versions(then, here)]
-    return unlike + [f"{what} differs" for what in ("source", "cpu") if then.get(what) != here[what]]
+    unlike += [f"{what} differs" for what in ("source", "cpu") if then.get(what) != here[what]]
+    used = then.get("instructions", {})  # which earlier versions did not note
+    return unlike + [
+        f"{name} uses other instructions" for name, now in here["instructions"].items() if used.get(name, now) != now
+    ]
 
 
 def table(found: list[Again]) -> Table:

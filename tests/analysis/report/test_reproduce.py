@@ -57,6 +57,8 @@ def test_the_trials_of_a_report_come_out_bit_equal(report):
     assert [one.remark for one in found] == ["bit-equal"] * 8
     assert {one.scenario for one in reproduce.rerun(embedded, trials=2)} == set(STUDY.scenarios)
     assert reproduce.differences(embedded) == []
+    embedded["manifest"]["instructions"]["blas"] = "openblas Prescott"
+    assert reproduce.differences(embedded) == ["blas uses other instructions"]
 
 
 def test_a_page_or_its_directory_is_accepted_and_equal_exits_0(report):
