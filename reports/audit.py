@@ -47,8 +47,9 @@ TEXT = """# What an audit found, measured again
 
 An audit of the first hundred-trial study named nine faults of its conclusions. Here its numbers are measured again:
 {trials} trials, seed {seed}, the `paper` preset; changes of the RMSE with 95 % intervals over paired trials, negative
-where the first of the two is better. ANEES is 1 where a covariance is consistent; beside its mean, which one collapsed
-cloud decides, stands the median.
+where the first of the two errs less. *What was said* is the audit's wording: where an interval holds 0, neither a lead
+nor equality is shown. The last row tries one estimator, not all. ANEES is 1 where a covariance is consistent; beside
+its mean, which one collapsed cloud can decide, stands the median.
 
 {pairs}
 

@@ -29,6 +29,8 @@ compass. Hollow markers, and broken lines: over-confident. Grey: centralised.
 
 {sentences}
 
+- *Most* and *least*: by the ratio of an estimator's largest RMSE to its smallest one, which has no interval. *Beats*
+  and *loses*: by the paired interval at each value, one at a time, without a correction for their number.
 - *Floor*: it averages the information over all places that the prior allows, also those beside an anchor, and does not
   know that robots stay inside. For a vague prior it is therefore loose, and may fall as the prior widens.
 - *Duration* counts all ticks from the first: a longer run has more of them after the prior is forgotten.
@@ -36,7 +38,7 @@ compass. Hollow markers, and broken lines: over-confident. Grey: centralised.
   and `ctrn` read a direction of the anchors, `rssi-pf` the raw values.
 - *No compass* (`no-compass`): wheeled robots, a state of position and heading, odometry of speed (sd 0.02 m/s) and
   turn rate (sd 0.1 rad/s). A heading of sd 1.8 rad is unknown. Every estimator runs there. Where an interval is wide,
-  a few trials that diverged decide the RMSE.
+  a few trials may bear most of the squared error.
 """
 
 
