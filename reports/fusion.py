@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 import cooploc as cl
-from cooploc.analysis.formats import change, count, interval, metres, percent, ratio
+from cooploc.analysis.formats import change, count, interval, listed, metres, percent, ratio
 from cooploc.analysis.metrics.consistency import OVER_CONFIDENT
 from cooploc.analysis.metrics.statistics import mean_of_positive
 from cooploc.analysis.plot.pareto import frontier
@@ -34,17 +34,19 @@ TEXT = """# Which rules of fusion are consistent, and at which price
     cooploc run fusion --out RUN_DIR
     python reports/fusion.py RUN_DIR DATA      # this page; DATA is an MRCLAM recording
 
-All filters have the same readings: odometry, a direction of arrival from the four anchors with the variance of its
-gradient, and a range to every teammate whose packet arrives. They differ in what they send and in how they use it.
-Particle filters use each direction once, with its exact density (`density=exact,M=1,K=1`); `ctrn` is
-`ctrn[fusion=received,weights=exact]`, and `gbp` is `gbp[anchor_reading=doa]`. The 6 m world of the `paper` preset;
-{trials} trials, seed {seed}, 95 % intervals over trials.
+All filters have the same sensors: odometry, a direction of arrival from the four anchors, and a range to every teammate
+whose packet arrives, which `ekf-local` leaves out. They differ in what they send and in how they use it; Kalman filters
+also weigh a direction by the strength of its gradient, which particle filters do not use. Particle filters use each
+direction once, with its exact density (`density=exact,M=1,K=1`); `ctrn` is `ctrn[fusion=received,weights=exact]`, and
+`gbp` is `gbp[anchor_reading=doa]`. The 6 m world of the `paper` preset; {trials} trials, seed {seed}, 95 % intervals
+over trials.
 
 ![RMSE over bytes of every rule, at three, ten and fifty robots, with every packet and with 70 % lost](fusion.png)
 
 Hollow markers are over-confident: the interval of ANEES lies above 1.5, or that of the coverage of the 95 % ellipse
 below the 86 % that goes with it. The frontier joins the rules that no other one beats in both error and bytes, of those
-that are not over-confident. Grey: all readings reach one computer, whose bytes are those of the readings.
+that are not shown to be over-confident; it is drawn by the values alone, without a test between
+neighbours. Grey: all readings reach one computer, whose bytes are those of the readings.
 
 ## What was found
 
@@ -52,8 +54,8 @@ that are not over-confident. Grey: all readings reach one computer, whose bytes 
 
 ## Consistency
 
-*Consistent* is said where the whole interval of ANEES lies between 0.67 and 1.5; *not shown* where it holds one of
-these limits.
+*Consistent* is said where the whole interval of ANEES lies between 0.67 and 1.5, *conservative* where it lies below
+0.67, *over-wide* where it lies below 0.1; *not shown* where it holds one of the first two limits.
 
 {consistency}
 
@@ -65,7 +67,7 @@ these limits.
 
 UTIAS MRCLAM, all, one or none of the robots see landmarks. One recording is one trial, which has no interval; here its
 {seconds:.0f} s are cut into {pieces} pieces of {piece:.0f} s, and intervals are over pieces. These follow one another
-and are not independent, so the intervals are somewhat too narrow. Errors are of the pose's position, ANEES (pose) of
+and are not independent, so the intervals may be too narrow. Errors are of the pose's position, ANEES (pose) of
 position and heading.
 
 {mrclam}
@@ -114,7 +116,7 @@ def recorded(data: str, names: tuple[str, ...] = REAL) -> pd.DataFrame:
     for view in ("all", "one", "none"):
         truth, stream = cl.simulate(f"mrclam/{view}", data=data)
         run = cl.run(names, stream)
-        place = np.floor(stream.time / PIECE)
+        place = np.floor((stream.time - stream.time[0]) / PIECE)
         pieces = [np.flatnonzero(place == k) for k in np.unique(place)]
         whole = [ticks for ticks in pieces if truth.valid[0, ticks].any()]
         for k, ticks in enumerate(whole):
@@ -152,12 +154,14 @@ def _standings(table: pd.DataFrame) -> list[str]:
     wide = [name for name, found in flags.items() if set(found) <= {"conservative", "over-wide"}]
     never = [name for name, number in over.items() if not number]
     always = [name for name, number in over.items() if number == len(flags[name])]
-    some = [f"`{name}` ({number} of {worlds})" for name, number in over.items() if 0 < number < len(flags[name])]
+    some = [f"`{n}` ({number} of {len(flags[n])})" for n, number in over.items() if 0 < number < len(flags[n])]
+    fewer = [f"`{name}` ran in {len(found)}" for name, found in flags.items() if len(found) < worlds]
     return [
-        f"**Over-confident in none of the {worlds} worlds**: {_names(never)}.",
+        f"**Over-confidence is shown in none of the {worlds} worlds**: {_names(never)}.",
         f"**In some of them**: {', '.join(some) or 'no rule'}.",
         f"**In every one**: {_names(always)}.",
-        f"**Conservative in every one**, so that they throw away what they know: {_names(wide)}.",
+        f"**Conservative in every one**: {_names(wide)}.",
+        *([f"Of the {worlds} worlds, {listed(fewer)}."] if fewer else []),
     ]
 
 
@@ -165,7 +169,7 @@ def _frontiers(table: pd.DataFrame) -> list[str]:
     said = []
     for scenario, rows in table.groupby("scenario", sort=False):
         bought = [
-            f"`{row['estimator']}` {_changed(row)} for {count(row['bytes'])} bytes"
+            f"`{row['estimator']}` {_changed(row)} for {_bytes(row['bytes'])}"
             for row in frontier(rows).to_dict("records")
             if row["bytes"] > 0
         ]
@@ -182,7 +186,7 @@ def _losses(table: pd.DataFrame) -> list[str]:
         for rows in (won[~won["lossy"]], won[won["lossy"]], table[table["lossy"]])
     )
     gone = [f"`{name}` at {robots} robots" for name, robots in sorted((before - after) & known)]
-    return [f"A gain that 70 % loss takes away (its interval then holds 0): {', '.join(gone) or 'none'}."]
+    return [f"A gain that is shown with every packet, and not with 70 % of them lost: {', '.join(gone) or 'none'}."]
 
 
 def _on_real_robots(real: pd.DataFrame) -> list[str]:
@@ -196,7 +200,11 @@ def _on_real_robots(real: pd.DataFrame) -> list[str]:
             f"*{scenario}*: the interval of ANEES (pose) lies above {OVER_CONFIDENT} for {over.sum()} of {len(rows)} "
             f"filters, all but {but}; `{BASELINE}` alone has {ratio(alone['pose_nees'])}."
         )
-    return ["On real robots, whose models are not true:\n    - " + "\n    - ".join(said)]
+    return ["On real robots:\n    - " + "\n    - ".join(said)]
+
+
+def _bytes(number: float) -> str:
+    return f"{count(number)} byte{'' if count(number) == '1' else 's'}"
 
 
 def _changed(row: dict) -> str:

@@ -37,9 +37,10 @@ made of derived readings.
 
 A floor is the posterior Cramer-Rao bound of an estimator that is given odometry and the readings of its cell, and
 never sees what they were computed of. In the row of the direction it is given angles alone. Kalman filters there
-weigh each angle by its gradient's strength, so that the floor of the row below is the one that holds for them. The floor counts
-the two RSSI readings of a pair as independent; they share their shadowing, so it is loose there, and still a bound.
-It bounds the mean over all trials that could be: over those that were run an error may lie below it by chance.
+weigh each angle by its gradient's strength, so that the floor of the row below is the one that holds for them. The
+floor counts the two RSSI readings of a pair as independent; they share their shadowing, so it is loose there, and still
+a bound. It bounds the mean over all trials that could be: over those that were run an error may lie below it by
+chance.
 
 ## What cooperation buys in each row
 
