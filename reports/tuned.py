@@ -24,7 +24,7 @@ Every estimator used at most {budget} training trials, of streams whose seed ({t
 the comparison ({seed}); none of the {streams} training streams is a reported one. Tuned are the parameters that an
 estimator declares, by mean negative log-likelihood with a robust cap; what all are told alike, and which readings a
 method uses, is not. One configuration serves all four worlds. An estimator leaves its published configuration only
-where paired differences on the training streams show another one to be better.
+where paired differences on the training streams show another one to score better.
 
 ## The answer
 
@@ -33,7 +33,7 @@ where paired differences on the training streams show another one to be better.
 - {bought}
 - {moved}
 
-In each world:
+In each world, by the errors alone, without a test of who is first:
 
 {scenarios}
 
@@ -43,8 +43,8 @@ In each world:
 
 ![What each parameter of one estimator did](tuned-parameters.png)
 
-Filled marks ran all rounds; hollow ones were stopped early, as their paired differences showed them to be worse. The
-cross is the configuration as published, the circle the one that was chosen.
+Filled marks ran all rounds; hollow ones were stopped early, where paired differences on the training streams showed
+them to be worse. The cross is the configuration as published, the circle the one that was chosen.
 
 ## What was chosen
 

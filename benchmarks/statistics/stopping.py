@@ -228,10 +228,10 @@ run stops. The {len(OFTEN)} looks come after every tenth more trials. A rate in 
 than three standard errors; rows in brackets are for comparison.
 
 Worlds as above, and rarely diverging: lognormal, and one trial of a hundred errs twentyfold, of each estimator on its
-own. Two that diverge equally often are not called different. Where only one of two diverges, or where the level of an
-RMSE is asked for, four fifths of the truth are in trials that a short run has not seen: nothing can tell, and for these
-two rows nothing is promised. Tables print the share of such trials with its interval, which reaches to 16 % where 20
-trials show none.
+own. Two that diverge equally often are called different no more often than promised. Where only one of two diverges, or
+where the level of an RMSE is asked for, four fifths of the truth are in trials that a short run has not seen: nothing
+can tell, and for these two rows nothing is promised. Tables print the share of such trials with its interval, which
+reaches to 16 % where 20 trials show none.
 """
 POWER = """
 What stopping costs and saves: a comparison whose RMSE is smaller by so much, in how many runs it is called better or a
