@@ -11,7 +11,11 @@ from collections import Counter
 from collections.abc import Collection
 from pathlib import Path
 
+import numpy as np
+
 from cooploc.analysis.execution.provenance import provenance
+from cooploc.analysis.formats import percent
+from cooploc.analysis.metrics.statistics import share
 from cooploc.estimators import BUILTIN, make
 from cooploc.scenarios.conformance.check import check_estimator
 from cooploc.scenarios.conformance.report import Report
@@ -39,7 +43,8 @@ def report(found: dict[str, list[Report]], seconds: Counter[str], before: str = 
         each = seconds[name] / len(reports)
         rows[name] = f"| `{name}` | {len(reports)} | {ran} | {skipped} | {failed} | {each:.1f} |"
     lines += [rows[name] for name in dict.fromkeys([*BUILTIN, *rows]) if name in rows]
-    return "\n".join([*lines, "", *_accusations(found, before)]) + "\n"
+    fewest = min(int(row.split("|")[2]) for row in rows.values())
+    return "\n".join([*lines, "", *(_accusations(found, before) or _none(fewest))]) + "\n"
 
 
 _OTHER = ("skipped", "failed")
@@ -60,7 +65,16 @@ def _accusations(found: dict[str, list[Report]], before: str) -> list[str]:
         for result in one.results
         if result.status == "failed"
     ]
-    return told or ["No estimator was accused."]
+    return told
+
+
+def _none(seeds: int) -> list[str]:
+    """That there was no accusation, and what so many seeds leave open."""
+    most = percent(share(np.zeros(seeds)).high)
+    return [
+        f"No estimator was accused. With {seeds} seeds of each, accusations in up to {most} of the seeds are not",
+        "excluded (Wilson, 95 %).",
+    ]
 
 
 def main(out: str, seeds: str = str(SEEDS), *names: str) -> int:

@@ -15,7 +15,7 @@ from scipy.stats import binomtest
 
 from cooploc.scenarios.recordings.inspect.looks import findings
 
-HEAD = """# What `cooploc inspect` finds, and what it imagines
+HEAD = """# What `cooploc inspect` finds, and what it reports though it is not there
 
 Recordings of cooploc's own worlds: `camera` (60 s of wheeled robots that see landmarks and each other), `no-compass`
 (300 s of wheeled robots with ranges and signal strength), `trajectory` (300 s of robots with a compass). A finding is

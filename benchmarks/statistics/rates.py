@@ -473,9 +473,9 @@ Worlds whose truth is known, {REPEATS} repetitions a rate (a quarter of them for
 verdicts), at {", ".join(map(str, TRIALS))} trials. Mean squared errors of a trial are normal (standard deviation a
 seventh of the mean), lognormal (skewed: 0.5 in the logarithm) or heavy-tailed (|t| of three degrees of freedom, without
 a third moment); what is hard for one estimator in a trial is hard for all. A rate in **bold** misses the promise by
-more than three standard errors. One that is not bold may still lie beyond it, by up to {slack(REPEATS):.3f} in the tables of
-coverage and flags, {slack(REPEATS // 4):.3f} in the others. The promises are made for normal and lognormal errors; heavy tails show
-what happens beyond them.
+more than three standard errors. One that is not bold may still lie beyond it, by up to
+{slack(REPEATS):.3f} in the tables of coverage and flags, {slack(REPEATS // 4):.3f} in the others. The promises are made
+for normal and lognormal errors; heavy tails show what happens beyond them.
 """
 
 if __name__ == "__main__":

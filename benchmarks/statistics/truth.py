@@ -1,4 +1,4 @@
-"""What was tried to get past the checks, what caught it, what still passes and why.
+"""What was tried to get past the checks, what caught it, what is known to pass and why.
 
 Run: python benchmarks/statistics/truth.py REPORT. Exit code 1 where something is not caught that should be, or where
 the comparison of seeds accuses more honest estimators than it may.
@@ -40,7 +40,7 @@ PASSES = (
     ("Undoing the guard, or asking from another thread, process or native library", "the audit hook sees what Python"
      " does in the thread that runs the estimator; its own variables are Python's, too"),
     ("Knowing the seed and gaining little by it", "the comparison of seeds sees what a dozen trials each can show:"
-     " errors that are a tenth smaller pass"),
+     " errors that are slightly smaller pass"),
     ("The team's own bytes", "where one object holds the whole team, the runner carries no packets; tables say that"
      " bytes are as declared"),
     ("A plug-in scenario, a recording, --no-isolate, --no-check", "its code makes the truth in the estimator's process;"
@@ -79,7 +79,7 @@ def report(found: dict[str, Any], falsely: dict[str, float]) -> str:
     """The tables."""
     made, caught = provenance(), sum(one.caught for one in found.values())
     lines = [
-        "# What was tried, what caught it, and what still passes",
+        "# What was tried, what caught it, and what is known to pass",
         "",
         "Accidents and cheap deceptions (tests/helpers/cheats) that small streams do not show, each against the",
         "check that is meant for it. Those that small streams do show are in tests/helpers/broken.py.",
@@ -106,7 +106,7 @@ def report(found: dict[str, Any], falsely: dict[str, float]) -> str:
         "| --- | ---: |",
         *(f"| `{name}` | {share:.5f} |" for name, share in falsely.items()),
     ]
-    lines += ["", "## What still passes, and why", "", "| what | why |", "| --- | --- |"]
+    lines += ["", "## What is known to pass, and why", "", "| what | why |", "| --- | --- |"]
     return "\n".join([*lines, *(f"| {what} | {why} |" for what, why in PASSES)]) + "\n"
 
 

@@ -182,8 +182,9 @@ def report(found: dict[Case, list[dict[str, Any]]]) -> str:
         "\n*moved*: copies that left the configuration as published; *configurations*: how many different ones five",
         "copies end with; *gain*: what tuning bought of the mean score on fresh streams. Copies that differ in their",
         "names alone are given the same candidates in the same order, and end bit-equal. With random numbers of their",
-        "own they see other scores, and may choose others. The last row is harder than what `cooploc tune` does,",
-        "which gives all the same sampler seed: there the luck of the search itself is part of the difference.\n",
+        "own they see other scores, and may choose others. The last row differs from what `cooploc tune` does,",
+        "which gives all the same sampler seed: there the luck of the search itself is part of the difference. Where",
+        "an interval reaches above 5 %, the promise is not shown to hold; that it is broken is not shown either.\n",
     ]
     return "\n".join(lines)
 
