@@ -47,8 +47,8 @@ def _of_scenario(scenario: str, part: pd.DataFrame) -> str:
         return f"`{scenario}`: fewer than two estimators without failed trials."
     tau = stats.kendalltau(whole["rmse_published"], whole["rmse_tuned"]).statistic
     first, then = (whole.sort_values(f"rmse_{which}").to_dict("records")[0] for which in ("published", "tuned"))
-    same = "and tuned, too" if first["estimator"] == then["estimator"] else f"tuned it is `{then['estimator']}`"
+    same = "and when tuned" if first["estimator"] == then["estimator"] else f"tuned it is `{then['estimator']}`"
     return (
-        f"`{scenario}`: the smallest RMSE as published has `{first['estimator']}` ({metres(first['rmse_published'])} "
+        f"`{scenario}`: `{first['estimator']}` has the smallest RMSE as published ({metres(first['rmse_published'])} "
         f"m), {same} ({metres(then['rmse_tuned'])} m); Kendall's tau between the two orders is {fixed(tau, 2)}."
     )

@@ -47,7 +47,7 @@ def main(report: str = "", rounds: str = "3") -> None:
             "## The price of isolation",
             "",
             f"`quick` with one plug-in, medians of {rounds} runs of each kind, in seconds of the processor,",
-            "all processes together. The start is what a run of one trial takes more: imports, and loading of kernels.",
+            "all processes together. The start is what a run of one trial takes more when it is isolated.",
             "",
             "| | |",
             "| --- | ---: |",
