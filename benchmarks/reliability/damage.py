@@ -178,8 +178,8 @@ def deaths(folder: Path) -> str:
         if done or code == 0:
             break
     return (
-        f"killed before each of the {number} file operations up to the first part, {went_on} runs went on when they were "
-        "started again, and left nothing behind"
+        f"killed before each of the {number} file operations up to the first part, {went_on} runs went on when they "
+        "were started again, and left nothing behind"
     )
 
 

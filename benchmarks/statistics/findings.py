@@ -19,8 +19,9 @@ HEAD = """# What `cooploc inspect` finds, and what it reports though it is not t
 
 Recordings of cooploc's own worlds: `camera` (60 s of wheeled robots that see landmarks and each other), `no-compass`
 (300 s of wheeled robots with ranges and signal strength), `trajectory` (300 s of robots with a compass). A finding is
-false where nothing was done to the recording, or where it is of another kind or robot than what was done. Made by
-`make findings`; intervals are 95 %, Clopper and Pearson.
+false where nothing was done to the recording, or where it is of another kind or robot than what was done. *Named*:
+teams whose findings have what was done, of the right robot. Made by `make findings`; intervals are 95 %, Clopper and
+Pearson.
 
 | what was done | teams | named | other findings |
 | --- | ---: | ---: | --- |

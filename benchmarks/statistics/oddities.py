@@ -23,6 +23,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests" / "helpers"
 honest = import_module("honest")
 SEEDS = 20
 WORLD = "robots-1-3/n=5[drop=0.3,ticks=120]"
+TITLE = "# Is an honest estimator with unusual habits ever accused?"
 ABOUT = (
     "Honest estimators with unusual habits (tests/helpers/honest.py), by every check of `cooploc check` and by those\n"
     f"of a certificate on `{WORLD}`. Made by `make oddities`."
@@ -47,9 +48,9 @@ def main(out: str, seeds: int = SEEDS) -> int:
             began = time.process_time()
             found[cls.__name__].append(checked(cls, seed))
             seconds[cls.__name__] += time.process_time() - began
-        title, _, rest = report(found, seconds).partition("\n\n")
+        _, _, rest = report(found, seconds).partition("\n\n")
         table = rest[rest.index("\n\n") :]
-        Path(out).write_text(f"{title}\n\n{ABOUT}{table}", encoding="utf-8")
+        Path(out).write_text(f"{TITLE}\n\n{ABOUT}{table}", encoding="utf-8")
         print(f"{seed + 1} of {seeds} seeds", file=sys.stderr, flush=True)
     return int(any(r.count("failed") for reports in found.values() for r in reports))
 
