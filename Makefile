@@ -62,7 +62,7 @@ alike: $(VENV)/.ready  ## are copies of one estimator, each tuned alike, called 
 oddities: $(VENV)/.ready  ## and one with unusual habits? keeps its report after every seed
 	$(BIN)/python benchmarks/statistics/oddities.py reports/oddities.md 20
 
-truth: $(VENV)/.ready  ## what was tried to get past the checks, what caught it, what still passes; keeps its report
+truth: $(VENV)/.ready  ## what was tried to get past the checks, what caught it, what is known to pass; keeps its report
 	$(BIN)/python benchmarks/statistics/truth.py reports/truth.md
 
 $(VENV)/.ready: requirements.lock pyproject.toml

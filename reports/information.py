@@ -22,21 +22,21 @@ TEXT = """# What readings are worth, and what cooperation buys
     cooploc run information --out RUN_DIR
     python reports/information.py RUN_DIR      # this page, made of the run alone
 
-Every robot reads something of the four anchors (nothing, the direction of arrival, the gradient that it is computed
-of, or the four raw readings) and something of its teammates (nothing, the RSSI of their packets, or ranges). What
+Every robot reads something of the four anchors (nothing, the direction of arrival, the gradient from which it is
+computed, or the four raw readings) and something of its teammates (nothing, the RSSI of their packets, or ranges). What
 cooperation buys is the difference inside one row: the same filter with the same own readings, with and without
 teammates, on the same streams. A comparison of methods that read different things compares readings and fusion at
 once.
 
 The 6 m world of the `paper` preset; {trials} trials, seed {seed}, 95 % intervals over trials. Particle filters use
 each direction once, with its exact density (`density=exact,M=1,K=1`); `ctrn` is the covariance intersection of
-particle filters, `ekf-ci` that of Kalman filters. The bound (`map-joint`) uses the cell's readings alone; it is not
-made of derived readings.
+particle filters, `ekf-ci` that of Kalman filters. The bound (`map-joint`) uses the cell's readings alone; there is
+none of derived readings, direction and gradient.
 
 ![RMSE of every rule of fusion by own reading, team and reading between robots](information.png)
 
 A floor is the posterior Cramer-Rao bound of an estimator that is given odometry and the readings of its cell, and
-never sees what they were computed of. In the row of the direction it is given angles alone. Kalman filters there
+never sees what they were computed from. In the row of the direction it is given angles alone. Kalman filters there
 weigh each angle by its gradient's strength, so that the floor of the row below is the one that holds for them. The
 floor counts the two RSSI readings of a pair as independent; they share their shadowing, so it is loose there, and still
 a bound. It bounds the mean over all trials that could be: over those that were run an error may lie below it by
