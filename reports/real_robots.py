@@ -18,16 +18,15 @@ import numpy as np
 import pandas as pd
 
 import cooploc as cl
-from cooploc.analysis.formats import change
+from cooploc.analysis.formats import change, metres
 from cooploc.scenarios import resolve
 from cooploc.scenarios.recordings.team.residuals import Part, residuals
 from cooploc.scenarios.recordings.team.sampling import Gaps, span
 from cooploc.scenarios.studies.study import load
 
 BAGS = {"two-robots": "two turtlebots, one radio pair, 45 s", "four-robots": "four turtlebots, six radio pairs, 17 s"}
-QUANTILES = [0.05, 0.5, 0.95]
 OLD, NEW = "wifi/all", "wifi/all[robust=true]"
-LATE, GATED = "uwb/removed[outliers=0.4]", ("ekf-joint", "iekf-joint", "ukf-joint", "mrsl-distance")
+LATE, FOUR = "uwb/removed[outliers=0.4]", ("ekf-joint", "iekf-joint", "ukf-joint", "mrsl-distance")
 WIFI = ["dead-reckoning", "ekf-local", "ekf-local[anchor_reading=rssi]", "rssi-pf"]
 
 
@@ -49,7 +48,7 @@ def ranges(label: str, data: Path) -> pd.DataFrame:
     rows = []
     for link in np.unique(found.link):
         one = error[found.link == link]
-        low, middle, high = np.quantile(one, QUANTILES)
+        low, middle, high = np.quantile(one, [0.05, 0.5, 0.95])
         pair = " - ".join(robots[i] for i in divmod(int(link), len(robots)))
         rows.append({"pair": pair, "readings": len(one), "bias (median) [m]": f"{middle:.2f}",
                      "spread [m]": f"{one.std():.2f}", "5 % to 95 % [m]": f"{low:.2f} to {high:.2f}"})  # fmt: skip
@@ -92,18 +91,12 @@ def bags(data: Path, out: Path) -> dict[str, str]:
             judged.append(errors_of(["log/all", "log/all[bias=none]"], copy))
             parts.append(BAG.format(
                 name=name, about=about, ranges=pipe(pairs[-1]), errors=pipe(judged[-1]),
-                findings="\n".join(
-                    f"- {row['fact'].replace(f'{place}/', '')} ({row['sure']})"
-                    for row in found.findings.to_dict("records")
-                ),
+                findings="\n".join(f"- {one.fact.replace(f'{place}/', '')} ({one.sure})"
+                                   for one in found.findings.itertuples()),
             ))  # fmt: skip
     every = pd.concat(pairs)
-    return {
-        "bags": "\n".join(parts),
-        "bias": spread_of(every["bias (median) [m]"]),
-        "spread": spread_of(every["spread [m]"]),
-        **against_dead_reckoning(judged),
-    }
+    pair = {"bias": spread_of(every["bias (median) [m]"]), "spread": spread_of(every["spread [m]"])}
+    return {"bags": "\n".join(parts), **pair, **against_dead_reckoning(judged)}
 
 
 def spread_of(written: pd.Series) -> str:
@@ -152,22 +145,16 @@ def told(table: pd.DataFrame) -> dict[str, str]:
     at = table.set_index(["scenario", "estimator"])
     said = []
     for scenario, word in (("uwb/raw", "raw ranges"), ("uwb/removed", "the mean bias removed")):
-        row = at.loc[(scenario, "ekf-joint")]
-        low, high = row["change_low"], row["change_high"]
-        said.append(f"with {word} by {change(row['change'])} ({change(low)} to {change(high)})")
-    late = [f"`{name}` from {error(at.loc[('uwb/removed', name)])} to {error(at.loc[(LATE, name)])}" for name in GATED]
+        by, low, high = at.loc[(scenario, "ekf-joint"), ["change", "change_low", "change_high"]].map(change)
+        said.append(f"with {word} by {by} ({low} to {high})")
+    late = [f"`{name}` from {ends(at.loc[('uwb/removed', name)])} to {ends(at.loc[(LATE, name)])}" for name in FOUR]
     sentence = f"`ekf-joint` differs from `ekf-local`, which uses no ranges, {', '.join(said)}."
     return {"sentences": sentence, "late": ", ".join(late)}
 
 
-def error(row: pd.Series) -> str:
+def ends(row: pd.Series) -> str:
     """An RMSE with its interval."""
     return f"{row['rmse']:.2f} m ({row['rmse_low']:.2f} to {row['rmse_high']:.2f})"
-
-
-def metres(value: float) -> str:
-    """An error."""
-    return f"{value:.3f}"
 
 
 def brackets(value: float) -> str:
