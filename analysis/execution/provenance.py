@@ -11,6 +11,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from cooploc import estimators as estimator_names
 from cooploc import scenarios as scenario_names
 from cooploc.estimators.plugins.artifacts import artifacts_of, trained_on
@@ -134,9 +136,8 @@ def instructions() -> dict[str, str]:
     config: Any = import_module("numba.core.config")  # its values come from the environment
     compiler = config.CPU_NAME or binding.get_host_cpu_name()
     features = config.CPU_FEATURES or binding.get_host_cpu_features().flatten()
-    blas = {
-        f"{one['internal_api']} {one.get('architecture')}" for one in threadpool_info() if one["user_api"] == "blas"
-    }
+    loaded = [one for one in threadpool_info() if one["user_api"] == "blas" and _is_ours(Path(one["filepath"]))]
+    blas = {f"{one['internal_api']} {one.get('architecture')}" for one in loaded}
     return {
         "machine": platform.machine(),
         "numpy": " ".join(sorted(name for name, there in __cpu_features__.items() if there)),
@@ -144,6 +145,13 @@ def instructions() -> dict[str, str]:
         "blas": ", ".join(sorted(blas)),
         "jit": "off" if config.DISABLE_JIT else "on",
     }
+
+
+def _is_ours(library: Path) -> bool:
+    """Whether a BLAS is that of numpy or scipy: a package imported meanwhile, as cvxpy's solvers, may bring another."""
+    packages = Path(np.__file__).parents[1]
+    brought_by = library.relative_to(packages).parts[0] if library.is_relative_to(packages) else "numpy"
+    return brought_by.split(".")[0] in ("numpy", "scipy")
 
 
 def _digest(text: str) -> str:

@@ -39,7 +39,7 @@ def remark(
     remarks += ["offline, not ranked"] if offline else ["bound"] if bound else ["centralised"] * centralised
     remarks += ["bytes as declared"] * (not centralised and declares_bytes(estimator))
     lost = "every trial failed" if np.isnan(rmse) else f"{failed} failed, numbers of the other trials"
-    return ", ".join(remarks + [lost] * (failed > 0))
+    return ", ".join(remarks + [lost] * int(failed > 0))
 
 
 def decided(verdict: str, look: int, trials: int) -> str:

@@ -2,6 +2,10 @@
 
 import sys
 from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+import threadpoolctl
 
 from cooploc.analysis.execution.provenance import files, imports, instructions
 from cooploc.estimators import configure
@@ -42,6 +46,17 @@ def test_a_package_is_found_without_being_imported(tmp_path, monkeypatch):
     assert [name for name, _ in of_module("lonely")] == ["lonely.py"]
     assert of_module("nowhere.at.all") == []
     assert not {"spaced.inner", "lonely"} & set(sys.modules)
+
+
+def test_a_package_that_brings_its_own_blas_changes_nothing(monkeypatch):
+    before = instructions()["blas"]
+    bundled = Path(np.__file__).parents[1] / "scs.libs" / "libopenblas.so"
+    theirs = {"user_api": "blas", "internal_api": "openblas", "architecture": "Barcelona", "filepath": str(bundled)}
+    loaded = threadpoolctl.threadpool_info()
+    monkeypatch.setattr(threadpoolctl, "threadpool_info", lambda: [*loaded, theirs])
+    assert instructions()["blas"] == before
+    monkeypatch.setattr(threadpoolctl, "threadpool_info", lambda: [theirs | {"filepath": "/usr/lib/libopenblas.so"}])
+    assert instructions()["blas"] == "openblas Barcelona"
 
 
 def test_the_instructions_name_what_the_libraries_use(monkeypatch):
