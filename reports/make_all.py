@@ -60,7 +60,7 @@ def bench(name: str, *arguments: str) -> Step:
 
 
 STEPS = (
-    study("own-filter"), study("information"), study("sensitivity"), study("reasons"), study("gbp"),
+    study("quick"), study("own-filter"), study("information"), study("sensitivity"), study("reasons"), study("gbp"),
     study("sightings"), study("fixed-weights", "--seed", "7"), study("vague-start"), study("uwb"),
     study("mrclam", data="mrclam6"), study("wifi-priors", data="wifi-rssi"), study("fusion"),
     study("readings", "--trials", "24"), study("paper", "--until-decided"),

@@ -17,6 +17,7 @@ import cooploc as cl
 
 mpl.use("agg")
 FIGURES: dict[str, tuple[str, Callable[[pd.DataFrame], Axes]]] = {
+    "quick.png": ("quick", cl.plot.rmse),
     "own-filter.png": ("own-filter", cl.plot.tradeoff),
     "wifi.png": ("wifi-priors", cl.plot.rmse),
 }
@@ -29,7 +30,7 @@ def main(runs: str, out: str = "reports") -> None:
             print(f"{name}: {Path(runs) / study} is not there; cooploc run {study} --out {Path(runs) / study}")
             continue
         figure: Any = draw(cl.load_run(Path(runs) / study).rows).figure
-        figure.savefig(Path(out) / name, dpi=110)
+        figure.savefig(Path(out) / name, dpi=160)
 
 
 if __name__ == "__main__":
