@@ -63,7 +63,7 @@ STEPS = (
     study("quick"), study("own-filter"), study("information"), study("sensitivity"), study("reasons"), study("gbp"),
     study("sightings"), study("fixed-weights", "--seed", "7"), study("vague-start"), study("uwb"),
     study("mrclam", data="mrclam6"), study("wifi-priors", data="wifi-rssi"), study("fusion"),
-    study("readings", "--trials", "24"), study("paper", "--until-decided"),
+    study("readings", "--trials", "24"), study("paper", "--until-decided", "--max-trials", "160"),
     tuning("paper-fair", "120"), tuning("paper-fair-mrclam", "120", data="mrclam6"),
     page("own-filter"), page("gbp"), page("sightings"), page("vague-start"), page("fixed-weights"),
     page("wifi", recordings=("wifi-rssi",)),

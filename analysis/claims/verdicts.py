@@ -186,7 +186,7 @@ def _failed(name: str, case: Case, table: TrialTable) -> int:
 
 
 def _about_interval(claim: Claim, found: Finding) -> list[str]:
-    """Why there is no interval, or what it decides though the verdict leaves it open."""
+    """Why an interval is missing; or, of a verdict that is left open, what its interval alone would say."""
     low, high = found.interval.low, found.interval.high
     if np.isnan(low):
         few = found.trials < statistics.LEAST_TRIALS
