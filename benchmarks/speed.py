@@ -44,13 +44,6 @@ with `engine="filterpy"`.
 | --- | ---: | ---: | ---: | ---: | ---: |
 """
 
-# The one aim that is not measured here; by whom it is run writes what it took.
-PAPER = """
-The study `paper` with its hundred trials takes longer than all of this and is run apart: `cooploc run paper --jobs 2
---out RUN`, aims 30 minutes and 2 GiB, then `cooploc report RUN`, aims 60 s and 1 GiB. It took 63 minutes before the
-latest changes.
-"""
-
 STRAIGHT = 1.1  # a slope that counts as linear
 GROWTH = Path(__file__).parents[1] / "reports" / "speed" / "growth.png"
 
@@ -165,7 +158,7 @@ def main(report: str = "", rounds: int = 3) -> None:
             print(line.row(), end="", flush=True)
     if report:
         notes = Path(report).with_name("speed_notes.md").read_text()
-        Path(report).write_text(f"{text}{PAPER}\n{notes}")
+        Path(report).write_text(f"{text}\n{notes}")
 
 
 if __name__ == "__main__":

@@ -34,3 +34,11 @@ def test_the_numbers_of_the_readme_are_those_of_the_map():
     second = r"its\s+second,[^,]*,\s+in\s+(\d+)\s+and\s+\d+\s+of\s+(\d+)"
     for claim, said in (("1", first), ("2", second)):
         assert " of ".join(re.search(said, readme).groups()) in rows[claim]
+
+
+def test_the_speeds_of_the_readme_are_those_of_the_report():
+    root = PAGE.parents[2]
+    readme, report = ((root / file).read_text("utf-8") for file in ("README.md", "reports/speed.md"))
+    said = re.findall(r"([\d.]+) \(([\d.]+ to [\d.]+)\)", readme[readme.index("## Speed") :])
+    assert said
+    assert all(f"| {median} | {spread} |" in report for median, spread in said)
