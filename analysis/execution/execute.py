@@ -13,9 +13,10 @@ from cooploc.analysis.execution.compilation import compile_kernels
 from cooploc.analysis.execution.fit import demand_fit, without_misfits
 from cooploc.analysis.execution.local_workers import ThisMachine
 from cooploc.analysis.execution.memory import demand_memory
-from cooploc.analysis.execution.plan import Plan, make_plan, part_work
+from cooploc.analysis.execution.plan import Plan, make_plan
 from cooploc.analysis.execution.pool import Workers
 from cooploc.analysis.execution.provenance import files, fingerprint, imports, provenance
+from cooploc.analysis.execution.remaining import Remaining
 from cooploc.analysis.execution.repeated import run_again, study_worlds
 from cooploc.analysis.execution.run_directory import FORMAT, Piece, RunDir
 from cooploc.analysis.execution.task import MeasuredPart
@@ -36,11 +37,11 @@ class Progress(Protocol):
     def compiling(self) -> None:
         """Kernels are compiled, once on this machine, before the trials begin."""
 
-    def begin(self, trials: int, found: int, work: float) -> None:
-        """How many (estimator, trial) pairs there are in all, how many are there already, and how much work is left."""
+    def begin(self, trials: int, found: int) -> None:
+        """How many (estimator, trial) pairs there are in all, and how many of them already."""
 
-    def advance(self, what: str, trials: int, failed: int, work: float) -> None:
-        """A part is done."""
+    def advance(self, what: str, trials: int, failed: int, share: float) -> None:
+        """A part is done; and the share of the processor time that is spent by now."""
 
     def say(self, line: str) -> None:
         """Something that the user should know."""
@@ -52,10 +53,10 @@ class Quiet:
     def compiling(self) -> None:
         """Nothing."""
 
-    def begin(self, trials: int, found: int, work: float) -> None:
+    def begin(self, trials: int, found: int) -> None:
         """Nothing."""
 
-    def advance(self, what: str, trials: int, failed: int, work: float) -> None:
+    def advance(self, what: str, trials: int, failed: int, share: float) -> None:
         """Nothing."""
 
     def say(self, line: str) -> None:
@@ -187,19 +188,19 @@ def _compute(plan: Plan, asked: ResolvedStudy, directory: RunDir, workers: Worke
     if isinstance(workers, ThisMachine):
         compile_kernels(plan.tasks, workers.jobs, watcher.compiling)
     todo = sum(len(task.trials) * len(task.estimators) for task in plan.tasks)
-    left = sum(len(task.estimators) * part_work(task.scenario, len(task.trials)) for task in plan.tasks)
-    watcher.begin(plan.trials, plan.trials - todo, left)
-    cells = {cell.scenario.label: cell for cell in asked.cells}
+    watcher.begin(plan.trials, plan.trials - todo)
+    cells, remaining = {cell.scenario.label: cell for cell in asked.cells}, Remaining(plan.tasks)
     for part in workers.compute(plan.tasks):
         directory.write(part.piece, part.frame, part.seconds)
-        _advance(part, cells[part.piece.scenario], watcher)
+        cell = cells[part.piece.scenario]
+        _advance(part, cell, remaining.share_after(part, cell.scenario), watcher)
 
 
-def _advance(part: MeasuredPart, cell: ResolvedCell, watcher: Progress) -> None:
+def _advance(part: MeasuredPart, cell: ResolvedCell, share: float, watcher: Progress) -> None:
     scenario, estimator, trials = part.piece
     failed = part.frame.loc[part.frame["failure"].notna(), "trial"].nunique()
     where = scenario if scenario.startswith(cell.experiment) else f"{cell.experiment} · {scenario}"
-    watcher.advance(f"{where} · {estimator}", len(trials), failed, part_work(cell.scenario, len(trials)))
+    watcher.advance(f"{where} · {estimator}", len(trials), failed, share)
 
 
 def _rows(asked: ResolvedStudy, directory: RunDir, pieces: list[Piece]) -> pd.DataFrame:

@@ -16,7 +16,6 @@ from cooploc.scenarios.studies.resolved_study import ResolvedStudy
 CHUNK_BYTES = 64e6  # of readings between robots, the largest arrays of a stream
 CHUNK_ROWS = 200  # (trial, robot): enough that numpy's cost per call no longer counts, few enough to lose in a crash
 CHUNK_TRIALS = 10, 50  # at least, unless the bytes forbid it, and at most
-PART = 3000.0  # the work of a part however few its trials are, in the unit of `work`: numpy's cost per call
 
 
 class Plan(NamedTuple):
@@ -52,19 +51,6 @@ def make_plan(study: ResolvedStudy, directory: RunDir, retry: Retry | None = "lo
             lacking = tuple(one for one in cell.estimators if one.label in gaps[gap])
             tasks.append(Task(cell.scenario, gap, study.study.seed, lacking, limit))
     return Plan(sum(sum(cell.trials.values()) for cell in study.cells), intact, damaged, failed, tasks)
-
-
-def work(scenario: ResolvedScenario | RemoteScenario) -> float:
-    """About how long a trial takes, relative to other scenarios: robots x (what is fixed + neighbours).
-
-    A robot alone costs as much as hearing some forty neighbours (reports/speed.md).
-    """
-    return float(scenario.robots * (40 + scenario.robots))
-
-
-def part_work(scenario: ResolvedScenario | RemoteScenario, trials: int) -> float:
-    """About how long an estimator takes for one part."""
-    return PART + trials * work(scenario)
 
 
 def _gaps(held: list[range], count: int, size: int) -> Iterator[range]:

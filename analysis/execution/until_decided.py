@@ -102,13 +102,13 @@ class _Looking:
         self._shown, self._state = shown, ""
         self.compiling = shown.compiling
 
-    def begin(self, trials: int, found: int, work: float) -> None:
+    def begin(self, trials: int, found: int) -> None:
         """Of the trials of a look; those of earlier looks are not counted again."""
-        self._shown.begin(trials - found if self._state else trials, 0 if self._state else found, work)
+        self._shown.begin(trials - found if self._state else trials, 0 if self._state else found)
 
-    def advance(self, what: str, trials: int, failed: int, work: float) -> None:
+    def advance(self, what: str, trials: int, failed: int, share: float) -> None:
         """A part, after what is decided."""
-        self._shown.advance(f"{self._state}{what}", trials, failed, work)
+        self._shown.advance(f"{self._state}{what}", trials, failed, share)
 
     def say(self, line: str) -> None:
         """Pass it on."""

@@ -169,15 +169,16 @@ class _Counted:
     """Passes on progress as one count for all steps of a search."""
 
     def __init__(self, watcher: Progress, total: int) -> None:
-        self._watcher, self._total, self._begun = watcher, total, False
+        self._watcher, self._total, self._done, self._begun = watcher, total, 0, False
         self.say, self.compiling = watcher.say, watcher.compiling
 
-    def begin(self, trials: int, found: int, work: float) -> None:
+    def begin(self, trials: int, found: int) -> None:
         """The whole budget, once."""
         if not self._begun:
-            self._watcher.begin(self._total, 0, float(self._total))
+            self._watcher.begin(self._total, 0)
         self._begun = True
 
-    def advance(self, what: str, trials: int, failed: int, work: float) -> None:
+    def advance(self, what: str, trials: int, failed: int, share: float) -> None:
         """A part is done."""
-        self._watcher.advance(what, trials, failed, float(trials))
+        self._done += trials
+        self._watcher.advance(what, trials, failed, min(1.0, self._done / self._total))

@@ -10,7 +10,7 @@ from cooploc.terminal.console import wide
 from cooploc.terminal.visible import visible
 
 LINE_EVERY = 5.0  # [s]
-ENOUGH = 0.02  # of the work, before which the time left cannot be estimated
+ENOUGH = 0.02  # of the processor time, before which the time left cannot be estimated
 
 
 class TerminalProgress:
@@ -18,7 +18,7 @@ class TerminalProgress:
 
     def __init__(self) -> None:
         self.total, self.done, self.failed = 0, 0, 0
-        self._todo, self._spent = 0.0, 0.0
+        self._share = 0.0  # of the processor time
         self._began = self._said = time.monotonic()
         self._console = wide(stderr=True)
         columns = (BarColumn(bar_width=16), MofNCompleteColumn(), TextColumn("trials{task.description}", markup=False))
@@ -39,18 +39,18 @@ class TerminalProgress:
         if self._bar:
             self._bar.update(self._task, description=", compiling, once")
 
-    def begin(self, trials: int, found: int, work: float) -> None:
-        """Start: (estimator, trial) pairs in all, those found on disk already, and the work to do."""
-        self.total, self.done, self._todo, self._spent = trials, found, work, 0.0
+    def begin(self, trials: int, found: int) -> None:
+        """Start: (estimator, trial) pairs in all, and those found on disk already."""
+        self.total, self.done, self._share = trials, found, 0.0
         self._began = self._said = time.monotonic()
         if self._bar:
             self._bar.update(self._task, total=trials, completed=found, description="")
         if found:
             self.say(f"{found} of {trials} trials are on disk already")
 
-    def advance(self, what: str, trials: int, failed: int, work: float) -> None:
-        """Take note of a finished part."""
-        self.done, self.failed, self._spent = self.done + trials, self.failed + failed, self._spent + work
+    def advance(self, what: str, trials: int, failed: int, share: float) -> None:
+        """Take note of a finished part, and of the share of the processor time that is spent by now."""
+        self.done, self.failed, self._share = self.done + trials, self.failed + failed, share
         trouble = f", {self.failed} failed" if self.failed else ""
         text = f"{self._left()}{trouble} ({visible(what)})"
         if self._bar:
@@ -64,8 +64,8 @@ class TerminalProgress:
         self._console.print(line)
 
     def seconds_left(self) -> float | None:
-        """An estimate by the work that is done and to do; None before there is enough of it."""
-        share = self._spent / self._todo if self._todo else 1.0
+        """An estimate by the share that is spent; None before there is enough of it."""
+        share = self._share
         return None if share < ENOUGH else (time.monotonic() - self._began) * (1 - share) / share
 
     def _left(self) -> str:

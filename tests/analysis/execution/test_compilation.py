@@ -1,19 +1,14 @@
 """What built-in estimators need is compiled before the trials begin: once for a version, by processes side by side."""
 
-from types import SimpleNamespace
-
 import pytest
 from processes import parts
 
 from cooploc.analysis.execution import compilation
 from cooploc.analysis.execution.compilation import compile_kernels
 from cooploc.analysis.execution.execute import Quiet, execute
-from cooploc.analysis.execution.plan import part_work
 from cooploc.analysis.execution.task import Task
-from cooploc.scenarios import resolve
 from cooploc.scenarios.studies.resolved_study import resolve_study
 from cooploc.scenarios.studies.study import Study
-from cooploc.terminal import progress
 
 LABELS = "dead-reckoning", "ekf-local", "ekf-local[gate=9]", "ekf-local[anchor_reading=rssi]", "ekf-joint"
 STUDY = Study(
@@ -30,7 +25,7 @@ class Order(Quiet):
     def compiling(self):
         self.calls.append("compiling")
 
-    def begin(self, trials, found, work):
+    def begin(self, trials, found):
         self.calls.append("begin")
 
 
@@ -89,19 +84,3 @@ def test_two_processes_compile_and_the_rows_are_those_of_one(tmp_path, monkeypat
     assert len(list((tmp_path / "kept").iterdir())) == 4
     execute(STUDY, tmp_path / "two")  # nothing is left to compile
     assert parts(tmp_path / "one") == parts(tmp_path / "two")
-
-
-def test_the_time_left_is_honest_within_a_factor_of_two_from_the_first_fifth_on(monkeypatch):
-    """Seconds of the parts of a `quick` run that was timed: what a part costs is far from its number of rows."""
-    seconds = {"robots-1-3/n=1": 0.71, "robots-1-3/n=3": 1.0, "packet-drop/drop=0.7": 1.36}
-    clock = [0.0]
-    monkeypatch.setattr(progress, "time", SimpleNamespace(monotonic=lambda: clock[0]))
-    done = [(label, each) for label, each in seconds.items() for _ in range(7)]
-    work = {label: part_work(resolve(label), 20) for label in seconds}
-    shown, total = progress.TerminalProgress(), sum(seconds.values()) * 7
-    shown.begin(420, 0, 7 * sum(work.values()))
-    for label, each in done[:-1]:
-        clock[0] += each
-        shown.advance(label, 20, 0, work[label])
-        if clock[0] > total / 5:
-            assert 0.5 < shown.seconds_left() / (total - clock[0]) < 2

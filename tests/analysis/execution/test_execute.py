@@ -44,10 +44,10 @@ class Told(Quiet):
     def __init__(self):
         self.computed, self.said, self.began = [], [], None
 
-    def begin(self, trials, found, work):
+    def begin(self, trials, found):
         self.began = trials, found
 
-    def advance(self, what, trials, failed, work):
+    def advance(self, what, trials, failed, share):
         self.computed.append((what, trials))
 
     def say(self, line):

@@ -62,7 +62,7 @@ class Told(Quiet):
     def __init__(self):
         self.done = []
 
-    def advance(self, what, trials, failed, work):
+    def advance(self, what, trials, failed, share):
         self.done.append((what.rpartition(" ")[2], trials, failed))
 
 
@@ -105,8 +105,8 @@ def test_a_part_that_vanishes_while_others_are_computed_is_computed_again(tmp_pa
     class Thief(Told):
         stolen = False
 
-        def advance(self, what, trials, failed, work):
-            super().advance(what, trials, failed, work)
+        def advance(self, what, trials, failed, share):
+            super().advance(what, trials, failed, share)
             if not self.stolen:
                 self.stolen = True
                 next((tmp_path / "run" / "parts").glob("*.parquet")).unlink()
@@ -119,7 +119,7 @@ def test_a_part_that_vanishes_while_others_are_computed_is_computed_again(tmp_pa
 
 def test_parts_that_vanish_again_and_again_are_named(tmp_path, run):
     class Thief(Told):
-        def advance(self, what, trials, failed, work):
+        def advance(self, what, trials, failed, share):
             for part in (tmp_path / "run" / "parts").glob("*dead-reckoning*.parquet"):
                 part.unlink()
 

@@ -35,7 +35,7 @@ class Told(Quiet):
     def __init__(self, parts=None):
         self.said, self.left = [], parts
 
-    def advance(self, what, trials, failed, work):
+    def advance(self, what, trials, failed, share):
         if self.left is not None:
             self.left -= 1
             if self.left == 0:

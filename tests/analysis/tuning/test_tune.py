@@ -58,7 +58,7 @@ class Interrupted(Quiet):
     def __init__(self, parts):
         self.left = parts
 
-    def advance(self, what, trials, failed, work):
+    def advance(self, what, trials, failed, share):
         self.left -= 1
         if not self.left:
             raise KeyboardInterrupt
