@@ -94,6 +94,11 @@ class Told:
         return f"{max(numbers):,}" if min(numbers) == max(numbers) else f"{min(numbers):,} to {max(numbers):,}"
 
     @property
+    def looks(self) -> list[int]:
+        """Numbers of trials after which a run until decided looked; of another run, that of all its trials."""
+        return list(self.stored.looks) or [max(rows["trial"].nunique() for rows in self._of.values())]
+
+    @property
     def scenarios(self) -> list[str]:
         """Labels of scenarios, in the study's order."""
         return list(dict.fromkeys(scenario for scenario, _ in self._of))
