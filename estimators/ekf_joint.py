@@ -83,8 +83,7 @@ class EkfJoint(MixedTeamSettings):
         iterations: how often a tick's relative readings are linearised; below 1 raises ValueError.
         second_order: whether the mean shift and the variance of a range's second-order term are taken into account.
         update: "batch", a tick's readings together, or "sequential", one by one.
-        lost: average share (0 to 1) of refused readings beyond which a robot starts again anywhere in the arena; 1:
-            never. With update="batch" only.
+        lost: average share of refused readings beyond which a robot starts again; 1: never. With update="batch" only.
 
     """
 

@@ -13,7 +13,8 @@ from cooploc.analysis.metrics import certificate_line, outliers
 from cooploc.analysis.metrics.pooling import notes, succeeded
 from cooploc.analysis.report.csv_text import csv_text
 from cooploc.analysis.report.failures import failures
-from cooploc.analysis.report.result_tables import DECIDED, REMARK, RESULTS, STOPPED, versus
+from cooploc.analysis.report.result_columns import DECIDED, REMARK, RESULTS
+from cooploc.analysis.report.result_tables import STOPPED, versus
 from cooploc.analysis.report.tables import Table, numbers
 from cooploc.terminal.console import wide
 

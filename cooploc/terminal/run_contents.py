@@ -12,7 +12,7 @@ from cooploc.analysis.execution.run_directory import Piece, RunDir
 from cooploc.analysis.formats import counted
 from cooploc.analysis.metrics.certificate_line import mark
 from cooploc.analysis.report.failures import failures
-from cooploc.analysis.report.result_tables import decided
+from cooploc.analysis.report.result_columns import decided
 from cooploc.analysis.report.tables import Table, numbers, words
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.terminal.console import wide

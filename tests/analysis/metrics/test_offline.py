@@ -10,7 +10,7 @@ from cooploc.analysis.execution.execute import execute
 from cooploc.analysis.metrics.ranking import disqualified
 from cooploc.analysis.plot.marks import drawable, name_of
 from cooploc.analysis.report import experiments, summaries
-from cooploc.analysis.report.result_tables import RESULTS
+from cooploc.analysis.report.result_columns import RESULTS
 from cooploc.estimators.interface import Belief
 from cooploc.scenarios.studies.study import Study
 
