@@ -53,17 +53,13 @@ def page(name: str, out: str = "", recordings: tuple[str, ...] = ()) -> Step:
     return Step(out, (PYTHON, str(HERE / "page.py"), name, "{runs}", str(HERE / out)), recordings)
 
 
-def bench(name: str, *arguments: str) -> Step:
-    """A page of a benchmark."""
-    out = HERE / f"{Path(name).stem}.md"
-    return Step(out.name, (PYTHON, str(HERE.parent / "benchmarks" / f"{name}.py"), str(out), *arguments))
-
-
 STEPS = (
     study("quick"), study("own-filter"), study("information"), study("sensitivity"), study("reasons"), study("gbp"),
     study("sightings"), study("fixed-weights", "--seed", "7"), study("vague-start"), study("uwb"),
     study("mrclam", data="mrclam6"), study("wifi-priors", data="wifi-rssi"), study("fusion"),
     study("readings", "--trials", "24"), study("paper", "--until-decided", "--max-trials", "160"),
+    Step("without-scalability", (*COOPLOC, "run", str(HERE / "without-scalability.toml"), "--until-decided", "--jobs",
+                                 "{jobs}", "--out", "{runs}/without-scalability")),
     tuning("paper-fair", "120"), tuning("paper-fair-mrclam", "120", data="mrclam6"),
     page("own-filter"), page("gbp"), page("sightings"), page("vague-start"), page("fixed-weights"),
     page("wifi", recordings=("wifi-rssi",)),
@@ -73,7 +69,7 @@ STEPS = (
     script("tuned", "{runs}/paper-fair", "{runs}/paper-fair-mrclam"),
     script("fusion", "{runs}/fusion", "{data}/mrclam6", recordings=("mrclam6",)),
     script("real_robots", "{data}", "{runs}/uwb", "{runs}/mrclam", recordings=("mrclam6", "wifi-rssi")),
-    script("until_decided", "{runs}/paper", str(HERE)),
+    script("until_decided", "{runs}/paper", "{runs}/without-scalability", str(HERE)),
     Step("paper", (*COOPLOC, "report", "{runs}/paper", "-o", str(HERE / "paper"))),
     script("paper_figures", "{runs}/paper"),
     page("paper", "paper/README.md"), page("first-sentences", "../README.md"),
