@@ -24,11 +24,12 @@ def read_rows(file: Path, scenario: str, estimator: str, trials: range) -> pd.Da
 
     """
     try:
-        described = pq.read_metadata(file)
-        size = sum(described.row_group(i).total_byte_size for i in range(described.num_row_groups))
-        if described.num_rows > MOST_ROWS or size > MOST_BYTES:
-            raise ValueError(f"{described.num_rows} rows and {size} bytes, more than any part has")
-        frame = pd.read_parquet(file)
+        with pq.ParquetFile(file) as part:
+            described = part.metadata
+            size = sum(described.row_group(i).total_byte_size for i in range(described.num_row_groups))
+            if described.num_rows > MOST_ROWS or size > MOST_BYTES:
+                raise ValueError(f"{described.num_rows} rows and {size} bytes, more than any part has")
+            frame: pd.DataFrame = part.read(use_threads=False).to_pandas()  # small: threads take longer to start
         if "centralised" not in frame and "bound" in frame:  # of an earlier version
             frame = frame.assign(centralised=frame["bound"])
         _demand_columns(frame)
@@ -59,7 +60,7 @@ def _demand_columns(frame: pd.DataFrame) -> None:
 
 def _fits(column: "pd.Series[Any]", name: str) -> bool:
     if name in TEXT:
-        return all(isinstance(value, str) for value in column.dropna().unique())
+        return column.dtype == "str" or all(isinstance(value, str) for value in column.dropna().unique())
     kinds = {**dict.fromkeys(WHOLE, "iu"), **dict.fromkeys(FLAGS, "b")}.get(name, "fiub")
     absent = column.dtype == object and bool(column.isna().all())  # of a part where every trial failed
     return absent or column.dtype.kind in kinds

@@ -4,7 +4,7 @@ import hashlib
 import re
 from typing import NamedTuple
 
-PART = re.compile(r".+--[0-9a-f]{8}--(\d{5,9})-(\d{5,9})\.(?:parquet|json)")
+PART = re.compile(r"(.+--[0-9a-f]{8}--)(\d{5,9})-(\d{5,9})\.(?:parquet|json)")
 MOST_TRIALS = 10_000  # of one part, which is a chunk of at most fifty
 
 
@@ -31,5 +31,11 @@ class Piece(NamedTuple):
 def trials_of(name: str) -> range:
     """The trials in the name of a part's file; empty where it is not one."""
     match = PART.fullmatch(name)
-    trials = range(int(match[1]), int(match[2])) if match else range(0)
+    trials = range(int(match[2]), int(match[3])) if match else range(0)
     return trials if len(trials) <= MOST_TRIALS else range(0)
+
+
+def stem_of(name: str) -> str:
+    """The name of a part's file without its trials, as `Piece.stem`; empty where it is not one."""
+    match = PART.fullmatch(name)
+    return match[1] if match else ""

@@ -26,7 +26,7 @@ from cooploc.analysis.execution.manifest_file import (
 )
 from cooploc.analysis.execution.part_file import failures, read_rows
 from cooploc.analysis.execution.piece import Piece as Piece
-from cooploc.analysis.execution.piece import trials_of
+from cooploc.analysis.execution.piece import stem_of, trials_of
 from cooploc.analysis.execution.schemas import FORMAT as FORMAT
 from cooploc.analysis.execution.schemas import Newer, OldReceipt, Receipt, checked
 from cooploc.estimators.plugins.errors import BadInput
@@ -48,7 +48,8 @@ class RunDir:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._known: dict[str, Any] = {}  # the manifest that is there, once it was read
-        self._seen: dict[Piece, tuple[int, int]] = {}  # intact parts, by what changes with their files
+        self._seen: dict[Piece, tuple[tuple[int, int], float]] = {}  # of intact parts: `_state`, and their seconds
+        self._listed: tuple[int, dict[str, list[range]]] = (0, {})  # when parts were listed; of each stem the trials
 
     @property
     def manifest(self) -> dict[str, Any]:
@@ -157,7 +158,8 @@ class RunDir:
             replace(self._receipt_path(piece), lambda temporary: temporary.write_text(receipt, encoding="utf-8"))
 
         replace(self._part_path(piece), write)
-        self._seen[piece] = self._state(piece)
+        self._seen[piece] = self._state(piece), seconds
+        self._listed = (0, {})
 
     def pieces(self, scenario: str, estimator: str, count: int) -> Pieces:
         """What there is of the trials below `count`; each part is read once, to compare it with its checksum."""
@@ -177,7 +179,7 @@ class RunDir:
         """Whether a part is there, is what was written, and was computed as the manifest says."""
         try:
             state = self._state(piece)
-            if self._seen.get(piece) == state:
+            if piece in self._seen and self._seen[piece][0] == state:
                 return True
             receipt = self._receipt(piece)
             same: bool = _checksum(self._part_path(piece)) == receipt.get("sha256")
@@ -185,7 +187,7 @@ class RunDir:
         except OSError:
             return False
         if same:
-            self._seen[piece] = state
+            self._seen[piece] = state, float(receipt["seconds"])
         return same
 
     def read(self, piece: Piece) -> pd.DataFrame:
@@ -195,7 +197,9 @@ class RunDir:
             BadInput: it holds something else, though it has a receipt.
 
         """
-        return read_rows(self._part_path(piece), *piece).assign(seconds=float(self._receipt(piece)["seconds"]))
+        frame = read_rows(self._part_path(piece), *piece)
+        known = self._seen.get(piece)
+        return frame.assign(seconds=known[1] if known else float(self._receipt(piece)["seconds"]))
 
     def failures(self, piece: Piece) -> list[str]:
         """Why trials of an intact part failed, each reason once."""
@@ -204,9 +208,20 @@ class RunDir:
 
     def held(self, scenario: str, estimator: str) -> list[range]:
         """The trials whose parts are there, whole or not, by their files' names."""
-        stem = Piece(scenario, estimator, range(0)).stem
-        found = (trials_of(file.name) for file in self.path.glob(f"parts/{stem}*.parquet"))
-        return sorted((trials for trials in found if trials), key=lambda trials: (trials.start, trials.stop))
+        found = self._parts().get(Piece(scenario, estimator, range(0)).stem, [])
+        return sorted(found, key=lambda trials: (trials.start, trials.stop))
+
+    def _parts(self) -> dict[str, list[range]]:
+        """Of each stem of a name the trials whose parts are there; listed anew where the folder has changed."""
+        folder = self.path / "parts"
+        changed = folder.stat().st_mtime_ns if folder.is_dir() else 0
+        if self._listed[0] != changed or not changed:
+            found: dict[str, list[range]] = {}
+            for name in self._files("parts"):
+                if name.endswith(".parquet") and (trials := trials_of(name)):
+                    found.setdefault(stem_of(name), []).append(trials)
+            self._listed = changed, found
+        return self._listed[1]
 
     def _settings(self, piece: Piece) -> str:
         self._known = self._known or self.manifest
