@@ -213,13 +213,13 @@ def verdicts_then_and_now() -> list[dict[str, str]]:
     Then and now are a verdict and what was found; the first study's are in reports/text/first-study.csv.
     """
     folder = Path(__file__).parent
-    then = pd.read_csv(folder / "text" / "first-study.csv", index_col="claim")
+    then = pd.read_csv(folder / "text" / "first-study.csv", index_col="claim", keep_default_na=False)
     table = read_csv_text((folder / "paper" / "tables" / "verdicts.csv").read_text("utf-8")).set_index("claim")
     return [
         {
             "claim": str(claim),
             "says": now["says"],
-            "then": f"{then.loc[claim, 'verdict']}: {then.loc[claim, 'found']}",
+            "then": ": ".join(filter(None, then.loc[claim, ["verdict", "found"]])),
             "now": f"{now['paper']}: {now['found']}",
         }
         for claim, now in table.iterrows()
