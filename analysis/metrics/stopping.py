@@ -90,14 +90,19 @@ def p_above(a: Array, b: Array, factor: float) -> float:
     log, value = _log_ratio(a, b), float(np.log(factor)) / 2
     if log.low == log.high:
         return float(log.value < value)
-    return float(np.minimum(1.0, 1 / sequences.one_sided_e_value(*_t(log, len(a), value))))
+    return _p(sequences.one_sided_e_value(*_t(log, len(a), value)))
 
 
 def p_of_mean(interval: Interval, n: int, value: float) -> float:
     """Two-sided p against a true value, of a sequence over n trials: 1 / e, and 0 where no spread is left."""
     if interval.low == interval.high:
         return 0.0
-    return float(np.minimum(1.0, 1 / sequences.e_value(*_t(interval, n, value))))
+    return _p(sequences.e_value(*_t(interval, n, value)))
+
+
+def _p(e: float) -> float:
+    """1 / e, at most 1; nan where there is no e-value, and 1 where so much speaks for the opposite that e is 0."""
+    return float(1 / np.maximum(1.0, e))
 
 
 def equal(a: Array, b: Array, margin: float) -> bool:

@@ -70,6 +70,12 @@ def test_the_one_sided_p_is_small_on_its_side_alone():
     assert stopping.ANYTIME.p_above(b, a, 1.0) == 1.0
 
 
+@pytest.mark.parametrize("n", [10, 640, 1000])
+def test_a_p_value_is_1_where_everything_speaks_for_the_opposite(rng, n):
+    a, b = rng.lognormal(0, 0.01, n), rng.lognormal(-5, 0.01, n)  # so much that the e-value is 0 of many trials
+    assert stopping.ANYTIME.p_above(a, b, 1.0) == 1.0
+
+
 def test_trials_count_for_less_where_a_few_decide_the_mean():
     alike = np.ones((50, 2))
     decided = alike.copy()
