@@ -65,6 +65,7 @@ STEPS = (
     page("own-filter"), page("gbp"), page("sightings"), page("vague-start"), page("fixed-weights"),
     page("wifi", recordings=("wifi-rssi",)),
     Step("figures", (PYTHON, str(HERE / "small_figures.py"), "{runs}", str(HERE))),
+    Step("truth.md", (PYTHON, str(HERE.parent / "benchmarks" / "statistics" / "truth.py"), str(HERE / "truth.md"))),
     script("information", "{runs}/information"), script("sensitivity", "{runs}/sensitivity"),
     script("readings", "{runs}/readings"), script("audit", "40"),
     script("tuned", "{runs}/paper-fair", "{runs}/paper-fair-mrclam"),
