@@ -17,7 +17,6 @@ from rich.console import Console
 from rich.table import Table
 
 HERE = Path(__file__).resolve().parent
-TRIALS_FAILED = 1  # exit code of `cooploc run` where it ended, and the table says which trials did not
 PYTHON, COOPLOC = sys.executable, (sys.executable, "-m", "cooploc")
 
 
@@ -107,11 +106,16 @@ def _made(step: Step, asked: Namespace, table: Table) -> str:
         table.add_row(step.name, "", f"left out: {asked.data / absent[0]} is not there")
         return "left out"
     print(f"== {step.name}", file=sys.stderr, flush=True)
-    began = time.monotonic()
+    began, at = time.monotonic(), time.time()
     code = subprocess.run(_command(step, asked), check=False, env={**os.environ, "PYTHONWARNINGS": "ignore"}).returncode
-    how = "" if not code else "with trials that failed" if code == TRIALS_FAILED and "run" in step.command else "failed"
-    table.add_row(step.name, f"{(time.monotonic() - began) / 60:.1f}", how)
-    return how
+    ended = "failed" if code else ""
+    written = (
+        asked.runs / step.name / "table.csv"
+    )  # the last file of a run; a crash ends with the same code and no table
+    if code == 1 and "run" in step.command and written.exists() and written.stat().st_mtime >= at:
+        ended = "with trials that failed"
+    table.add_row(step.name, f"{(time.monotonic() - began) / 60:.1f}", ended)
+    return ended
 
 
 def _command(step: Step, asked: Namespace) -> list[str]:

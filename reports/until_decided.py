@@ -11,6 +11,7 @@ from cooploc.analysis.claims import at_looks
 from cooploc.analysis.claims.ledger import load
 from cooploc.analysis.claims.verdicts import DECIDED, judge
 from cooploc.analysis.execution.stored_run import Kept
+from cooploc.analysis.formats import percent
 from cooploc.runs import kept
 
 USUAL = 100  # trials of a study as shipped
@@ -48,7 +49,7 @@ def counted(stored: Kept) -> dict[str, int | str]:
     return {
         "study": stored.manifest["study"]["name"],
         "trials": sum(asked),
-        "share": f"{sum(asked) / len(asked) / decisions['look']:.0%}",
+        "share": percent(sum(asked) / len(asked) / decisions["look"]),
         "last look": decisions["look"],
         "comparisons decided": _of([one["verdict"] != "open" for one in decisions["comparison"]]),
         "claims decided": _of(settled),
@@ -65,7 +66,7 @@ def main(*given: str) -> None:
     lines = [f"| {' | '.join(HEADS)} |", "|---" * len(HEADS) + "|"]
     lines += [f"| {' | '.join(str(row[head]) for head in HEADS)} |" for row in found]
     sentences = "\n".join(
-        f"- `{row['study']}`: of {row[HEADS[-3]]} rows that {USUAL} trials leave open, {row[HEADS[-2]]} are settled "
+        f"- `{row['study']}`: of {row[HEADS[-3]]} rows that {USUAL} trials leave open, {row[HEADS[-2]]} are settled\n  "
         f"with {row['share']} of the trials; one look at all of them would settle {row[HEADS[-1]]} of the others."
         for row in found
     )

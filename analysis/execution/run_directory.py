@@ -212,7 +212,7 @@ class RunDir:
         return sorted(found, key=lambda trials: (trials.start, trials.stop))
 
     def _parts(self) -> dict[str, list[range]]:
-        """Of each stem of a name the trials whose parts are there; listed anew where the folder has changed."""
+        """The trials of the parts on disk, by the stem of their names; the folder is listed again when it changes."""
         folder = self.path / "parts"
         changed = folder.stat().st_mtime_ns if folder.is_dir() else 0
         if self._listed[0] != changed or not changed:

@@ -101,7 +101,7 @@ def p_of_mean(interval: Interval, n: int, value: float) -> float:
 
 
 def _p(e: float) -> float:
-    """1 / e, at most 1; nan where there is no e-value, and 1 where so much speaks for the opposite that e is 0."""
+    """1 / e, at most 1; nan where e is nan. Where data speak strongly for the opposite, e is rounded to 0."""
     return float(1 / np.maximum(1.0, e))
 
 

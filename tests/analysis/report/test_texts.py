@@ -4,8 +4,10 @@ import importlib
 import re
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
+from rich.table import Table
 
 import cooploc as cl
 from cooploc.estimators.plugins.errors import BadInput
@@ -122,3 +124,15 @@ def test_every_study_that_is_run_is_shipped_or_a_file_beside_its_page(scripts):
     shipped = set(cl.studies()["name"])
     runs = [step.command[step.command.index("run") + 1] for step in scripts["make_all"].STEPS if "run" in step.command]
     assert all(run in shipped or Path(run).is_file() for run in runs)
+
+
+@pytest.mark.parametrize(
+    ("writes", "ended"), [("pass", "failed"), ("open(sys.argv[2], 'w')", "with trials that failed")]
+)
+def test_a_run_that_crashed_is_not_one_whose_trials_failed(scripts, tmp_path, writes, ended):
+    (tmp_path / "mine").mkdir()
+    code = f"import sys; {writes}; sys.exit(1)"  # both end with 1
+    command = (sys.executable, "-c", code, "run", str(tmp_path / "mine" / "table.csv"))
+    asked = SimpleNamespace(runs=tmp_path, data=tmp_path, jobs="1", trials="")
+    table = Table("step", "minutes", "")
+    assert scripts["make_all"]._made(scripts["make_all"].Step("mine", command), asked, table) == ended
