@@ -2,7 +2,8 @@
 
 Run: python reports/make_all.py [--runs DIR] [--data DIR] [--jobs N] [--only NAME,NAME] [--trials N], or `make reports`.
 Runs are kept in `--runs` and go on where they were ended; pages are always written again. What needs recordings is left
-out where there are none. Ends with a table of what was made, in which time; exit code 1 where a step failed.
+out where there are none. A run has all processes; then pages are made, as many at a time as there are processes. Ends
+with a table of what was made, in which time; exit code 1 where a step failed.
 """
 
 import os
@@ -10,6 +11,7 @@ import subprocess
 import sys
 import time
 from argparse import ArgumentParser, Namespace
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
@@ -53,30 +55,36 @@ def page(name: str, out: str = "", recordings: tuple[str, ...] = ()) -> Step:
     return Step(out, (PYTHON, str(HERE / "page.py"), name, "{runs}", str(HERE / out)), recordings)
 
 
-STEPS = (
+RUNS = (
     study("quick"), study("own-filter"), study("information"), study("sensitivity"), study("reasons"), study("gbp"),
     study("sightings"), study("fixed-weights", "--seed", "7"), study("vague-start"), study("uwb"),
     study("mrclam", data="mrclam6"), study("wifi-priors", data="wifi-rssi"), study("fusion"),
-    study("readings", "--trials", "24"), study("paper", "--until-decided", "--max-trials", "160"),
+    study("readings", "--trials", "24"), study("paper"),
     Step("without-scalability", (*COOPLOC, "run", str(HERE / "without-scalability.toml"), "--until-decided", "--jobs",
                                  "{jobs}", "--out", "{runs}/without-scalability")),
     tuning("paper-fair", "120"), tuning("paper-fair-mrclam", "120", data="mrclam6"),
+)  # fmt: skip
+PAGES = (  # the longest first
+    script("reproduced", "{runs}", "{data}"),
+    script("paper_figures", "{runs}/paper"),
+    Step("paper", (*COOPLOC, "report", "{runs}/paper", "-o", str(HERE / "paper"))),
+    script("fusion", "{runs}/fusion", "{data}/mrclam6", recordings=("mrclam6",)),
+    script("until_decided", "{runs}/without-scalability", str(HERE)),
+    script("readings", "{runs}/readings"),
+    script("information", "{runs}/information"), script("sensitivity", "{runs}/sensitivity"), script("audit", "40"),
+    script("tuned", "{runs}/paper-fair", "{runs}/paper-fair-mrclam"),
+    script("real_robots", "{data}", "{runs}/uwb", "{runs}/mrclam", recordings=("mrclam6", "wifi-rssi")),
+    Step("truth.md", (PYTHON, str(HERE.parent / "benchmarks" / "statistics" / "truth.py"), str(HERE / "truth.md"))),
     page("own-filter"), page("gbp"), page("sightings"), page("vague-start"), page("fixed-weights"),
     page("wifi", recordings=("wifi-rssi",)),
     Step("figures", (PYTHON, str(HERE / "small_figures.py"), "{runs}", str(HERE))),
-    Step("truth.md", (PYTHON, str(HERE.parent / "benchmarks" / "statistics" / "truth.py"), str(HERE / "truth.md"))),
-    script("information", "{runs}/information"), script("sensitivity", "{runs}/sensitivity"),
-    script("readings", "{runs}/readings"), script("audit", "40"),
-    script("tuned", "{runs}/paper-fair", "{runs}/paper-fair-mrclam"),
-    script("fusion", "{runs}/fusion", "{data}/mrclam6", recordings=("mrclam6",)),
-    script("real_robots", "{data}", "{runs}/uwb", "{runs}/mrclam", recordings=("mrclam6", "wifi-rssi")),
-    script("until_decided", "{runs}/paper", "{runs}/without-scalability", str(HERE)),
-    Step("paper", (*COOPLOC, "report", "{runs}/paper", "-o", str(HERE / "paper"))),
-    script("paper_figures", "{runs}/paper"),
-    page("paper", "paper/README.md"), page("first-sentences", "../README.md"),
-    script("reproduced", "{runs}", "{data}"),
-    Step("summary.pdf", (PYTHON, str(HERE / "summary.py"), "{runs}", str(HERE / "paper"))),
 )  # fmt: skip
+LAST = (  # with numbers and a figure of other pages
+    page("paper", "paper/README.md"),
+    Step("summary.pdf", (PYTHON, str(HERE / "summary.py"), "{runs}", str(HERE / "paper"))),
+    page("first-sentences", "../README.md"),
+)
+STEPS = (*RUNS, *PAGES, *LAST)
 
 
 def main() -> int:
@@ -85,7 +93,7 @@ def main() -> int:
     parser.add_argument("--runs", type=Path, default=HERE.parent / "build" / "reports", help="folder of the runs")
     recordings = os.environ.get("COOPLOC_DATA", "../shared/data")
     parser.add_argument("--data", type=Path, default=recordings, help="folder of the recordings")
-    parser.add_argument("--jobs", default="2", help="number of processes of a run")
+    parser.add_argument("--jobs", type=int, default=2, help="number of processes of a run")
     parser.add_argument("--only", default="", help="names of steps, separated by commas")
     parser.add_argument("--trials", default="", help="of every run, for a try")
     asked = parser.parse_args()
@@ -94,28 +102,27 @@ def main() -> int:
         parser.error(f"no step {sorted(unknown)[0]!r}; there are {', '.join(step.name for step in STEPS)}")
     asked.runs.mkdir(parents=True, exist_ok=True)
     table = Table("step", "minutes", "", title="What was made")
-    ended = [_made(step, asked, table) for step in STEPS if step.name in wanted]
+    for steps, at_once in ((RUNS, 1), (PAGES, asked.jobs), (LAST, asked.jobs)):
+        with ThreadPoolExecutor(at_once) as pool:
+            for row in pool.map(lambda step: _made(step, asked), (step for step in steps if step.name in wanted)):
+                table.add_row(*row)
     Console().print(table)
-    return int("failed" in ended)
+    return int("failed" in table.columns[-1].cells)
 
 
-def _made(step: Step, asked: Namespace, table: Table) -> str:
-    """Run a step, and say how it ended."""
+def _made(step: Step, asked: Namespace) -> tuple[str, str, str]:
+    """Run a step: its name, the minutes that it took, and how it ended."""
     absent = [name for name in step.recordings if not (asked.data / name).exists()]
     if absent:
-        table.add_row(step.name, "", f"left out: {asked.data / absent[0]} is not there")
-        return "left out"
+        return step.name, "", f"left out: {asked.data / absent[0]} is not there"
     print(f"== {step.name}", file=sys.stderr, flush=True)
     began, at = time.monotonic(), time.time()
     code = subprocess.run(_command(step, asked), check=False, env={**os.environ, "PYTHONWARNINGS": "ignore"}).returncode
     ended = "failed" if code else ""
-    written = (
-        asked.runs / step.name / "table.csv"
-    )  # the last file of a run; a crash ends with the same code and no table
-    if code == 1 and "run" in step.command and written.exists() and written.stat().st_mtime >= at:
+    last = asked.runs / step.name / "table.csv"  # that a run writes; a crash ends with the same code and without it
+    if code == 1 and "run" in step.command and last.exists() and last.stat().st_mtime >= at:
         ended = "with trials that failed"
-    table.add_row(step.name, f"{(time.monotonic() - began) / 60:.1f}", ended)
-    return ended
+    return step.name, f"{(time.monotonic() - began) / 60:.1f}", ended
 
 
 def _command(step: Step, asked: Namespace) -> list[str]:

@@ -17,11 +17,10 @@ from cooploc.runs import kept
 USUAL = 100  # trials of a study as shipped
 TEXT = """# What a run until decided settles
 
-    cooploc run paper --until-decided --max-trials 160 --out RUNS/paper
     cooploc run reports/without-scalability.toml --until-decided --out RUNS/without-scalability
-    python reports/until_decided.py RUNS/paper RUNS/without-scalability reports
+    python reports/until_decided.py RUNS/without-scalability reports
 
-The study of the seed paper, and the same without its sweep of the team's size, which takes nine tenths of the time.
+The study of the seed paper without its sweep of the team's size, which takes nine tenths of the time.
 *Trials*: of all scenarios and estimators, and as a share of a run that gives each as many as the last look has.
 *Comparisons*: with the baseline of a scenario. *Claims*: rows of the ledger, without those about computing time.
 *Undecided after {usual}*: rows that the 95 % intervals over {usual} trials leave undecided; then how many of these the

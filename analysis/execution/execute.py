@@ -208,15 +208,13 @@ def _rows(asked: ResolvedStudy, directory: RunDir, pieces: list[Piece]) -> pd.Da
     of: dict[tuple[str, str], list[Piece]] = {}
     for piece in sorted(pieces, key=lambda one: one.trials.start):
         of.setdefault((piece.scenario, piece.estimator), []).append(piece)
-    frames = []
-    for cell in asked.cells:
-        for estimator in asked.estimators:
-            for piece in of.get((cell.scenario.label, estimator.label), ()):
-                frame = directory.read(piece)
-                wanted = frame["trial"] < cell.trials[estimator.label]
-                frames.append(frame[wanted].sort_values(["trial", "robot"], kind="stable"))
-    certificates = directory.manifest["certificates"]
-    return with_lines(pd.concat(frames, ignore_index=True), certificates, asked.estimators)
+    ordered = [
+        (piece, cell.trials[estimator.label])
+        for cell in asked.cells
+        for estimator in asked.estimators
+        for piece in of.get((cell.scenario.label, estimator.label), ())
+    ]
+    return with_lines(directory.rows(ordered), directory.manifest["certificates"], asked.estimators)
 
 
 def _note_streams(directory: RunDir, rows: pd.DataFrame) -> None:

@@ -7,12 +7,14 @@ measured, which is not bit-identical. Every JSON file has a checksum of its own 
 
 import hashlib
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import pandas as pd
+import pyarrow as pa
+import pyarrow.compute as pc
 from filelock import FileLock, Timeout
 
 from cooploc.analysis.execution.atomic_file import remove_temporary, replace
@@ -24,7 +26,7 @@ from cooploc.analysis.execution.manifest_file import (
     refuse_foreign,
     settings,
 )
-from cooploc.analysis.execution.part_file import failures, read_rows
+from cooploc.analysis.execution.part_file import failures, read_part, together
 from cooploc.analysis.execution.piece import Piece as Piece
 from cooploc.analysis.execution.piece import stem_of, trials_of
 from cooploc.analysis.execution.schemas import FORMAT as FORMAT
@@ -191,15 +193,24 @@ class RunDir:
         return same
 
     def read(self, piece: Piece) -> pd.DataFrame:
-        """An intact part, with its seconds.
+        """An intact part, with its seconds, by trial and robot.
 
         Raises:
             BadInput: it holds something else, though it has a receipt.
 
         """
-        frame = read_rows(self._part_path(piece), *piece)
+        return self.rows([(piece, piece.trials.stop)])
+
+    def rows(self, pieces: Iterable[tuple[Piece, int]]) -> pd.DataFrame:
+        """As `read`, of many parts one after the other; of each the trials below a number."""
+        return together(self._part(piece, below) for piece, below in pieces)
+
+    def _part(self, piece: Piece, below: int) -> pa.Table:
+        part = read_part(self._part_path(piece), *piece)
         known = self._seen.get(piece)
-        return frame.assign(seconds=known[1] if known else float(self._receipt(piece)["seconds"]))
+        seconds = known[1] if known else float(self._receipt(piece)["seconds"])
+        part = part.append_column("seconds", pa.repeat(seconds, len(part)))
+        return part if piece.trials.stop <= below else part.filter(pc.field("trial") < below)
 
     def failures(self, piece: Piece) -> list[str]:
         """Why trials of an intact part failed, each reason once."""

@@ -77,21 +77,15 @@ def read(folder: Path) -> Kept:
     manifest = directory.manifest
     if not manifest:
         raise BadInput(f"{folder} holds no run: name the directory that cooploc run wrote")
-    frames: list[pd.DataFrame] = []
+    parts: list[tuple[Piece, int]] = []
     gaps: dict[tuple[str, str], int] = {}
     for scenario, cell in manifest["cells"].items():
         for estimator, asked in cell["estimators"].items():
-            parts = [_part(directory, piece, asked) for piece in directory.pieces(scenario, estimator, asked).intact]
-            missing = asked - sum(part["trial"].nunique() for part in parts)
+            there = directory.pieces(scenario, estimator, asked).intact
+            missing = asked - sum(min(piece.trials.stop, asked) - piece.trials.start for piece in there)
             gaps |= {(scenario, estimator): missing} if missing else {}
-            frames += parts
-    if not frames:
+            parts += [(piece, asked) for piece in there]
+    if not parts:
         raise BadInput(f"{folder} holds no results yet: continue it with cooploc run --out {folder}")
-    rows = with_lines(pd.concat(frames, ignore_index=True), manifest.get("certificates", {}))
+    rows = with_lines(directory.rows(parts), manifest.get("certificates", {}))
     return Kept(folder, manifest, rows, gaps, tuple(directory.foreign()), read_decisions(folder))
-
-
-def _part(directory: RunDir, piece: Piece, asked: int) -> pd.DataFrame:
-    """The rows of the trials below `asked`, by trial."""
-    frame = directory.read(piece)
-    return frame[frame["trial"] < asked].sort_values(["trial", "robot"], kind="stable")
