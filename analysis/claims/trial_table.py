@@ -140,7 +140,7 @@ def collect(rows: pd.DataFrame, stopping: Stopping = FIXED) -> TrialTable:
 
 def _refused(rows: pd.DataFrame) -> "pd.Series[bool]":
     lines = rows["certificate"] if "certificate" in rows else pd.Series("", rows.index)
-    return lines.fillna("").map(refused).astype(bool)
+    return lines.isin([line for line in lines.dropna().unique() if refused(line)])
 
 
 def _labels(names: Iterable[Any]) -> set[str]:

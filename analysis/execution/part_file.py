@@ -72,14 +72,15 @@ def failures(file: Path) -> pd.DataFrame:
 
 
 def _demand_columns(table: pa.Table) -> None:
-    missing = [name for name in (*COLUMNS, *FAILURE) if name not in table.column_names and name != "seconds"]
+    columns = dict(zip(table.column_names, table.columns, strict=True))
+    missing = [name for name in (*COLUMNS, *FAILURE) if name not in columns and name != "seconds"]
     if missing:
         raise ValueError(f"it has no column {missing[0]!r}")
-    if len(set(table.column_names)) < table.num_columns:
+    if len(columns) < table.num_columns:
         raise ValueError("it has a column twice")
-    for name in table.column_names:
-        if not _fits(table[name], name):
-            raise ValueError(f"its column {name!r} is {table[name].type}")
+    for name, column in columns.items():
+        if not _fits(column, name):
+            raise ValueError(f"its column {name!r} is {column.type}")
 
 
 def _fits(column: pa.ChunkedArray, name: str) -> bool:
@@ -87,12 +88,12 @@ def _fits(column: pa.ChunkedArray, name: str) -> bool:
     if pa.types.is_null(kind):  # of a part where every trial failed
         return name not in WHOLE
     if name in TEXT:
-        return pa.types.is_string(kind) or pa.types.is_large_string(kind)
+        return bool(pa.types.is_string(kind) or pa.types.is_large_string(kind))
     if name in WHOLE:
-        return pa.types.is_integer(kind) and whole
+        return bool(pa.types.is_integer(kind) and whole)
     if name in FLAGS or pa.types.is_boolean(kind):
-        return pa.types.is_boolean(kind) and whole
-    return pa.types.is_floating(kind) or pa.types.is_integer(kind)
+        return bool(pa.types.is_boolean(kind) and whole)
+    return bool(pa.types.is_floating(kind) or pa.types.is_integer(kind))
 
 
 def _demand_rows(table: pa.Table, scenario: str, estimator: str, trials: range) -> pa.Table:

@@ -162,7 +162,7 @@ def _demand_errors(errors: object) -> None:
 
 def _baselines(errors: pd.DataFrame, baseline: str | Mapping[str, str]) -> Mapping[str, str]:
     """The baseline of every scenario."""
-    known, scenarios = list(dict.fromkeys(errors["estimator"])), list(dict.fromkeys(errors["scenario"]))
+    known, scenarios = list(errors["estimator"].unique()), list(errors["scenario"].unique())
     against = baseline if isinstance(baseline, Mapping) else dict.fromkeys(scenarios, baseline)
     for scenario in scenarios:
         if scenario not in against:

@@ -203,11 +203,16 @@ def _derived(stream: Stream, z: Senses, channels: Collection[str]) -> Iterator[t
 
 def _weighed(A: Array, B: Array, R: Array, y: Array) -> Array:
     """The mean over paths of A' R^-1 B (t, k, n, 2, 2) where the reading is there."""
-    there = np.isfinite(y.sum(-1))[..., None, None]
-    B = np.broadcast_to(np.linalg.inv(R) @ B, B.shape)
-    # Products of 2 x 1 by 1 x 2 matrices: numpy's stacked @ is ten times slower.
-    products = np.where(there, (A[..., :, None] * B[..., None, :]).sum(-3), 0.0)
-    return np.asarray(products.mean(1))
+    there, weight = np.isfinite(y.sum(-1)), np.linalg.inv(R)
+    # Entry by entry: numpy's products of stacks of matrices this small are several times slower.
+    B = weight @ B if weight.shape[-1] > 1 else weight * B
+
+    def entry(i: int, j: int) -> Array:
+        product = sum(A[..., r, i] * B[..., r, j] for r in range(A.shape[-2]))
+        mean: Array = np.where(there, product, 0.0).mean(1)
+        return mean
+
+    return np.stack([np.stack([entry(i, j) for j in (0, 1)], -1) for i in (0, 1)], -2)
 
 
 def _blocks(P: Array) -> Array:

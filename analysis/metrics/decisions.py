@@ -89,8 +89,8 @@ def _by_trial(rows: pd.DataFrame) -> dict[tuple[str, str], Array]:
     ran = rows.drop_duplicates(keys).set_index(keys).index
     mse = weighted_means(succeeded(rows), keys, ["mse"]).reindex(ran).reset_index().sort_values("trial")
     parts = {(str(s), str(e)): part for (s, e), part in mse.groupby(keys[:2], sort=False)}
-    order = dict.fromkeys((str(s), str(e)) for s, e in zip(rows["scenario"], rows["estimator"], strict=True))
-    return {key: _without_gaps(parts[key]) for key in order}
+    order = rows[keys[:2]].drop_duplicates().itertuples(index=False, name=None)
+    return {(str(s), str(e)): _without_gaps(parts[str(s), str(e)]) for s, e in order}
 
 
 def _without_gaps(part: pd.DataFrame) -> Array:

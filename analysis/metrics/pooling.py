@@ -69,8 +69,9 @@ def weighted_means(errors: pd.DataFrame, keys: list[str], columns: list[str]) ->
 
 def _of_trials(ended: pd.DataFrame) -> pd.DataFrame:
     """One row per trial of every cell; index: scenario, estimator, trial."""
-    ended = ended.reindex(columns=list(dict.fromkeys([*ended, *SCORES])))  # runs of former versions have no scores
-    out = weighted_means(ended, TRIAL, ["mse", "anees", "coverage95", "mean_error", *SCORES])
+    scores = [name for name in SCORES if name in ended]  # runs of former versions have none
+    out = weighted_means(ended, TRIAL, ["mse", "anees", "coverage95", "mean_error", *scores])
+    out = out.reindex(columns=[*out, *(name for name in SCORES if name not in scores)])
     of_robots = ["diverged", "median_error", "final_error", "max_error"]
     groups = ended.groupby(TRIAL, sort=False)
     out[of_robots] = groups[of_robots].mean()

@@ -63,7 +63,7 @@ def write(kept: Kept, out: Path, columns: Sequence[str], scenarios: Sequence[str
         BadInput: a scenario or a column is unknown, or the columns do not fit a page.
 
     """
-    known = labels(kept.rows["estimator"])
+    known = labels(kept.rows["estimator"].unique())
     stopping = ANYTIME if kept.looks else FIXED
     results = collect(kept.rows, stopping)
     parts = _parts(kept, scenarios)
@@ -87,7 +87,7 @@ def write(kept: Kept, out: Path, columns: Sequence[str], scenarios: Sequence[str
 
 def _parts(kept: Kept, scenarios: Sequence[str]) -> list[Part]:
     """The experiments with what is asked of them."""
-    there = list(dict.fromkeys(kept.rows["scenario"]))
+    there = list(kept.rows["scenario"].unique())
     for name in scenarios:
         if name not in there:
             raise BadInput(f"this run has no scenario {name!r}; {nearest(name, there)}")
@@ -116,7 +116,7 @@ def _tables(part: Part, results: TrialTable, columns: Sequence[str], known: Labe
 
 def _figures(part: Part, known: Labels) -> Iterator[Drawn]:
     """Every figure of an experiment at both widths."""
-    looks = style.looks(part.rows["estimator"])
+    looks = style.looks(part.rows["estimator"].unique())
     anchor = file_name(part.name)
     for width in sizes.COLUMNS:
         for (family, parameter), labels_ in groups(part.scenarios).items():

@@ -3,6 +3,7 @@
 Only built-in classes are looked at: to write a report runs no code that a run names.
 """
 
+from collections.abc import Iterable
 from dataclasses import fields
 from typing import Any, NamedTuple
 
@@ -38,7 +39,7 @@ class Introduction(NamedTuple):
 
 def introductions(rows: pd.DataFrame, certificates: dict[str, Any]) -> list[Introduction]:
     """One per method, in the order in which they ran."""
-    anchors = anchors_of(rows["estimator"])
+    anchors = anchors_of(rows["estimator"].unique())
     methods: dict[str, list[str]] = {}
     for label in anchors:
         methods.setdefault(label.partition("[")[0], []).append(label)
@@ -48,9 +49,9 @@ def introductions(rows: pd.DataFrame, certificates: dict[str, Any]) -> list[Intr
     ]
 
 
-def anchors_of(estimators: "pd.Series[Any]") -> dict[str, str]:
+def anchors_of(estimators: Iterable[Any]) -> dict[str, str]:
     """Where each estimator is introduced."""
-    return {str(label): f"estimator-{i}" for i, label in enumerate(dict.fromkeys(estimators), 1)}
+    return {str(label): f"estimator-{i}" for i, label in enumerate(estimators, 1)}
 
 
 def _method(
@@ -60,7 +61,7 @@ def _method(
     cls = type(made)
     foreign = next((certificates[label]["found"] for label in labels if label in certificates), "")
     about = (cls.__doc__ or "").strip().partition("\n")[0] if made is not None else _foreign(foreign)
-    senses = dict.fromkeys(rows[SENSES].dropna()) if SENSES in rows else {}
+    senses: Iterable[Any] = rows[SENSES].dropna().unique() if SENSES in rows else ()
     return Introduction(
         name,
         about,

@@ -37,9 +37,10 @@ def numbers_of(kept: Kept) -> Numbers:
     table = table if kept.comparisons is None else with_decisions(table, kept.comparisons)
     lowest = floors(table["scenario"], kept.manifest["seed"], FLOORED, FLOOR_PATHS, FLOOR_TRIALS)
     table["floor"] = table["scenario"].map(lowest)
-    names = short_names(kept.rows["estimator"], kept.manifest["study"].get("variants", {}))
+    estimators = [str(name) for name in kept.rows["estimator"].unique()]
+    names = short_names(estimators, kept.manifest["study"].get("variants", {}))
     results = collect(kept.rows, ANYTIME if kept.looks else FIXED)
-    return Numbers(kept, table, results, style.looks(kept.rows["estimator"]), names)
+    return Numbers(kept, table, results, style.looks(estimators), names)
 
 
 def content(numbers: Numbers, ledger: Ledger) -> dict[str, Any]:
@@ -117,7 +118,7 @@ def _wording(numbers: Numbers) -> Wording:
     return Wording(
         numbers.names,
         estimator_marks.marks(numbers.looks, central),
-        anchors_of(rows["estimator"]),
+        anchors_of(rows["estimator"].unique()),
         addresses(list(dict.fromkeys(ended["scenario"]))),
     )
 
