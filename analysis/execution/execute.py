@@ -23,12 +23,14 @@ from cooploc.analysis.execution.task import MeasuredPart
 from cooploc.analysis.execution.workers import hired
 from cooploc.analysis.formats import counted
 from cooploc.estimators.plugins.errors import BadInput
+from cooploc.scenarios.processes.workers import BUILTIN, end
 from cooploc.scenarios.remote import RemoteScenario
 from cooploc.scenarios.resolved import ResolvedScenario
 from cooploc.scenarios.studies.resolved_study import ResolvedCell, ResolvedStudy, resolve_study
 from cooploc.scenarios.studies.study import Study
 
 ROUNDS = 3  # of planning and computing, as long as parts vanish meanwhile
+MANY = 2000  # parts of a run whose rows need the memory that idle processes hold
 
 
 class Progress(Protocol):
@@ -116,6 +118,8 @@ def execute(
         pieces = completed(asked, directory, workers, retry_failed, watcher)
         if check and isolate:
             run_again(directory, asked, pieces, watcher.say)
+        if len(pieces) > MANY:  # else they wait for the next run
+            end(BUILTIN)
         rows = _rows(asked, directory, pieces)
         _note_streams(directory, rows)
     return rows

@@ -20,7 +20,7 @@ def events(rows: pd.DataFrame) -> Table:
     for key in (str(name) for name in rows if str(name).startswith(NOTE)):
         event = key.removeprefix(NOTE)
         how = "max" if event.startswith("largest") else "sum"
-        known = rows[rows[key].notna()]
+        known = rows.loc[rows[key].notna(), ["scenario", "estimator", key]]
         for estimator, part in known.groupby("estimator", sort=False):
             each = part.groupby("scenario", sort=False)[key].agg(how)
             some = each[each != 0]

@@ -15,6 +15,8 @@ from cooploc.estimators.plugins.configurations import standing
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.estimators.plugins.listing import source_of
 
+READ = "estimator", "messages", "centralised", "bound", "offline", SENSES
+
 
 class Configuration(NamedTuple):
     """One configuration of a method, as it ran."""
@@ -40,6 +42,7 @@ class Introduction(NamedTuple):
 def introductions(rows: pd.DataFrame, certificates: dict[str, Any]) -> list[Introduction]:
     """One per method, in the order in which they ran."""
     anchors = anchors_of(rows["estimator"].unique())
+    rows = rows[[name for name in READ if name in rows]]  # a method's rows are copied
     methods: dict[str, list[str]] = {}
     for label in anchors:
         methods.setdefault(label.partition("[")[0], []).append(label)

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 Scalar = TypeVar("Scalar", bound=np.generic)
 
 STRICT: dict[str, Any] = {"error_model": "numpy"}  # every operation as written: nan and infinity keep their meaning
-# Not the full fastmath: it deletes tests for nan.
+# Not the full fastmath: it deletes tests for nan. In such a loop a square is written x * x: numba compiles a power once
+# in a process, as the first function wants it that has one, and bits would depend on which that is.
 FAST: dict[str, Any] = {**STRICT, "fastmath": {"reassoc", "nsz", "arcp", "contract", "afn"}}
 
 # Only Python and C need wrappers around a function, which take a fifth of the time that compiling takes.

@@ -131,8 +131,9 @@ def _note(kind, links, count, box, link, sensor):
     qx, qy, lost, xx, xy, yy = link
     half_x, half_y = (east - west) / 2, (north - south) / 2
     dx, dy = abs((west + east) / 2 - qx), abs((south + north) / 2 - qy)
-    largest = (dx + half_x) ** 2 + (dy + half_y) ** 2  # nan where a particle is, and then the link counts as near
-    least = max(dx - half_x, 0.0) ** 2 + max(dy - half_y, 0.0) ** 2
+    far_x, far_y, near_x, near_y = dx + half_x, dy + half_y, max(dx - half_x, 0.0), max(dy - half_y, 0.0)
+    largest = far_x * far_x + far_y * far_y  # nan where a particle is, and then the link counts as near
+    least = near_x * near_x + near_y * near_y
     middle = (least + largest) / 2
     if least > NEAR**2 and largest - least <= 2 * COMPACT * middle:
         k, ln_D = far, ln(middle)

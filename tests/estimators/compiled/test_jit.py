@@ -1,5 +1,6 @@
 """Kernels are kept on disk, and compiled again when a file that they are made of has changed."""
 
+import ast
 import os
 import re
 import subprocess
@@ -40,3 +41,25 @@ def test_every_file_whose_functions_are_inlined_elsewhere_is_listed_as_shared():
     files = [f for f in ROOM.rglob("*.py") if inlined_elsewhere.search(f.read_text())]
     assert len(files) > 5
     assert {f.relative_to(ROOM).with_suffix("").as_posix() for f in files} <= set(SHARED)
+
+
+def powers(source):
+    """Of loops with fast mathematics: powers of what is no constant."""
+    fast = [
+        function
+        for function in ast.walk(ast.parse(source))
+        if isinstance(function, ast.FunctionDef)
+        and {"kernel", "inlined"} & set(map(ast.unparse, function.decorator_list))
+    ]
+    found = [one for function in fast for one in ast.walk(function) if isinstance(one, ast.BinOp)]
+    bases = [ast.unparse(one.left) for one in found if isinstance(one.op, ast.Pow)]
+    return [base for base in bases if not re.fullmatch(r"[A-Z_]+|[0-9.]+", base)]
+
+
+def test_no_bit_depends_on_which_kernel_was_compiled_first():
+    """numba keeps one function for `x ** 2` in a process, as the first kernel that has one wants it, fast or strict."""
+    assert powers("@inlined\ndef f(x):\n    return (x - 1) ** 2 + NEAR**2") == ["x - 1"]
+    left = {file.name: powers(file.read_text()) for file in ROOM.rglob("*.py")}
+    assert {name: bases for name, bases in left.items() if bases} == {
+        "particle_kernels.py": ["n"]
+    }  # n ** (-1 / 6), of libm
