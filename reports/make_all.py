@@ -49,13 +49,18 @@ def script(name: str, *arguments: str, recordings: tuple[str, ...] = ()) -> Step
     return Step(f"{name}.md", (PYTHON, str(HERE / f"{name}.py"), *arguments), recordings)
 
 
+def simulated(name: str, page: str) -> Step:
+    """A proof by simulation, with a script in benchmarks/statistics."""
+    return Step(name, (PYTHON, str(HERE.parent / "benchmarks" / "statistics" / f"{name}.py"), str(HERE / page)))
+
+
 def page(name: str, out: str = "", recordings: tuple[str, ...] = ()) -> Step:
     """A page made of a text."""
     out = out or f"{name}.md"
     return Step(out, (PYTHON, str(HERE / "page.py"), name, "{runs}", str(HERE / out)), recordings)
 
 
-RUNS = (
+RUNS = (  # with all processes
     study("quick"), study("own-filter"), study("information"), study("sensitivity"), study("reasons"), study("gbp"),
     study("sightings"), study("fixed-weights", "--seed", "7"), study("vague-start"), study("uwb"),
     study("mrclam", data="mrclam6"), study("wifi-priors", data="wifi-rssi"), study("fusion"),
@@ -63,6 +68,7 @@ RUNS = (
     Step("without-scalability", (*COOPLOC, "run", str(HERE / "without-scalability.toml"), "--until-decided", "--jobs",
                                  "{jobs}", "--out", "{runs}/without-scalability")),
     tuning("paper-fair", "120"), tuning("paper-fair-mrclam", "120", data="mrclam6"),
+    simulated("rates", "statistics.md"), simulated("stopping", "statistics.md"),
 )  # fmt: skip
 PAGES = (  # the longest first
     script("reproduced", "{runs}", "{data}"),
@@ -74,7 +80,7 @@ PAGES = (  # the longest first
     script("information", "{runs}/information"), script("sensitivity", "{runs}/sensitivity"), script("audit", "40"),
     script("tuned", "{runs}/paper-fair", "{runs}/paper-fair-mrclam"),
     script("real_robots", "{data}", "{runs}/uwb", "{runs}/mrclam", recordings=("mrclam6", "wifi-rssi")),
-    Step("truth.md", (PYTHON, str(HERE.parent / "benchmarks" / "statistics" / "truth.py"), str(HERE / "truth.md"))),
+    simulated("truth", "truth.md"),
     page("own-filter"), page("gbp"), page("sightings"), page("vague-start"), page("fixed-weights"),
     page("wifi", recordings=("wifi-rssi",)),
     Step("figures", (PYTHON, str(HERE / "small_figures.py"), "{runs}", str(HERE))),
