@@ -13,12 +13,15 @@ import pytest
 
 import cooploc as cl
 from cooploc import estimators
+from cooploc.analysis.execution import execute as execution
 from cooploc.analysis.execution import plan, run_directory
 from cooploc.analysis.execution.execute import Quiet, execute
 from cooploc.analysis.execution.run_directory import Piece, RunDir
 from cooploc.analysis.execution.task import Task, measure
 from cooploc.estimators.dead_reckoning import DeadReckoning
 from cooploc.estimators.plugins import labels
+from cooploc.scenarios.processes import workers
+from cooploc.scenarios.processes.workers import BUILTIN, end_all
 from cooploc.scenarios.studies.resolved_study import resolve_study
 from cooploc.scenarios.studies.study import Study
 
@@ -69,6 +72,23 @@ def test_two_processes_give_the_bits_of_one(finished, tmp_path):
     again = execute(STUDY, tmp_path / "two", jobs=2)
     assert parts(tmp_path / "two") == parts(folder)
     pd.testing.assert_frame_equal(again.drop(columns="seconds"), rows.drop(columns="seconds"))
+
+
+def test_processes_of_a_large_run_end_before_its_rows_are_read(tmp_path, monkeypatch):
+    """And those of a small one wait for the next."""
+
+    def alive():
+        return [owner for _, owner, _ in workers._pools]
+
+    end_all()
+    execute(STUDY, tmp_path / "small", jobs=2)
+    assert BUILTIN in alive()
+    monkeypatch.setattr(execution, "MANY", 3)
+    seen = []
+    monkeypatch.setattr(execution, "_rows", lambda *_: seen.extend(alive()))
+    monkeypatch.setattr(execution, "_note_streams", lambda *_: None)
+    execute(STUDY, tmp_path / "small", jobs=2)
+    assert BUILTIN not in seen
 
 
 def test_rows_are_those_of_the_library_calls(finished):
