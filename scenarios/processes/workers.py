@@ -13,7 +13,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from concurrent.futures import BrokenExecutor, Executor, Future, wait
 from multiprocessing.util import Finalize
 from pathlib import Path
@@ -47,7 +47,19 @@ def pool(owner: str, jobs: int = 1, environment: Mapping[str, str] | None = None
         begin = {"initializer": begin_worker, "initargs": (os.getpid(),)}
         variables = {**ONE_THREAD, **QUIET, **(environment or {})}
         _pools[key] = ProcessPoolExecutor(jobs, timeout=IDLE, env=variables, **begin), now
+        with _no_interrupt():
+            _pools[key][0].submit(int)  # starts them
     return _pools[key][0]
+
+
+@contextlib.contextmanager
+def _no_interrupt() -> Iterator[None]:
+    """Processes that are started here never see Ctrl-C, not even as they import; in this one it waits until then."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def end(owner: str) -> None:

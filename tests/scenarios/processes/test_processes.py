@@ -199,3 +199,11 @@ def test_a_call_is_limited_by_the_processor_time_that_it_uses_or_by_how_long_it_
         with pytest.raises(ProcessHung, match=said):
             call("hung", function, processor_seconds=1.0)
     assert call("hung", lambda: 3, processor_seconds=600.0) == 3
+
+
+def test_ctrl_c_reaches_no_process_while_it_starts():
+    """Else one that imports prints a traceback before it can be told to leave Ctrl-C alone."""
+    held_back = call("mine", signal.pthread_sigmask, signal.SIG_BLOCK, [])
+    end("mine")
+    assert signal.SIGINT in held_back
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
