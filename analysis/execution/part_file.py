@@ -10,7 +10,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from cooploc.analysis.metrics.errors import COLUMNS
+from cooploc.analysis.metrics.errors import COLUMNS, NOTE
 from cooploc.estimators.plugins.errors import BadInput
 
 FAILURE = ("failure", "traceback")
@@ -38,7 +38,7 @@ def read_part(file: Path, scenario: str, estimator: str, trials: range) -> pa.Ta
         if "centralised" not in table.column_names and "bound" in table.column_names:  # of an earlier version
             table = table.append_column("centralised", table["bound"])
         _demand_columns(table)
-        return _encoded(_demand_rows(table, scenario, estimator, trials))
+        return _plain(_demand_rows(table, scenario, estimator, trials))
     except OSError as e:
         if e.filename is None:  # pyarrow's word for a file that is not parquet
             raise _not_a_part(file, e) from None
@@ -51,11 +51,21 @@ def together(parts: Iterable[pa.Table]) -> pd.DataFrame:
     """The rows of parts, one after the other; nan where one has not the columns of another.
 
     They stay pyarrow's until they are all there: frames of twelve thousand parts take minutes, and twice the memory.
+
+    Raises:
+        BadInput: a column is of another kind in another part.
+
     """
     joined, remaining = [], iter(parts)
-    while some := list(islice(remaining, AT_ONCE)):  # a part's description takes more memory than its rows
-        joined.append(_joined(some).combine_chunks())
-    table = _joined(joined).unify_dictionaries()
+    try:
+        while some := list(islice(remaining, AT_ONCE)):  # a part's description takes more memory than its rows
+            joined.append(_joined(some).combine_chunks())
+        table = _joined(joined).unify_dictionaries()
+    except pa.ArrowException as e:
+        reason = " ".join(str(e).split())[:200]
+        raise BadInput(
+            f"parts do not fit together ({reason}): remove those of one estimator, and run it again"
+        ) from None
     del joined, some
     frame: pd.DataFrame = table.to_pandas(self_destruct=True, split_blocks=True)
     return frame.astype({name: "str" for name, kind in frame.dtypes.items() if kind == "category"})
@@ -113,12 +123,15 @@ def _demand_rows(table: pa.Table, scenario: str, estimator: str, trials: range) 
     return table if (np.diff(order) > 0).all() else table.take(order)
 
 
-def _encoded(table: pa.Table) -> pa.Table:
-    """With every text once, for one stands in a thousand rows."""
+def _plain(table: pa.Table) -> pa.Table:
+    """With every text once, for one stands in a thousand rows; a note that says yes or no as 1 or 0, as others do."""
     for i, name in enumerate(table.column_names):
-        if name in TEXT and not pa.types.is_null(table[name].type):
+        kind = table[name].type
+        if name in TEXT and not pa.types.is_null(kind):
             table = table.set_column(i, name, table[name].dictionary_encode())
-    return table
+        elif name.startswith(NOTE) and pa.types.is_boolean(kind):
+            table = table.set_column(i, name, table[name].cast(pa.float64()))
+    return table.drop_columns(["seconds"]) if "seconds" in table.column_names else table
 
 
 def _not_a_part(file: Path, why: Exception) -> BadInput:

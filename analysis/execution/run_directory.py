@@ -18,6 +18,7 @@ import pyarrow.compute as pc
 from filelock import FileLock, Timeout
 
 from cooploc.analysis.execution.atomic_file import remove_temporary, replace
+from cooploc.analysis.execution.listed_parts import ListedParts, file_names
 from cooploc.analysis.execution.manifest_file import (
     NAME,
     DamagedManifest,
@@ -28,7 +29,7 @@ from cooploc.analysis.execution.manifest_file import (
 )
 from cooploc.analysis.execution.part_file import failures, read_part, together
 from cooploc.analysis.execution.piece import Piece as Piece
-from cooploc.analysis.execution.piece import stem_of, trials_of
+from cooploc.analysis.execution.piece import trials_of
 from cooploc.analysis.execution.schemas import FORMAT as FORMAT
 from cooploc.analysis.execution.schemas import Newer, OldReceipt, Receipt, checked
 from cooploc.estimators.plugins.errors import BadInput
@@ -51,7 +52,7 @@ class RunDir:
         self.path = path
         self._known: dict[str, Any] = {}  # the manifest that is there, once it was read
         self._seen: dict[Piece, tuple[tuple[int, int], float]] = {}  # of intact parts: `_state`, and their seconds
-        self._listed: tuple[int, dict[str, list[range]]] = (0, {})  # when parts were listed; of each stem the trials
+        self._listed = ListedParts(path / "parts")
 
     @property
     def manifest(self) -> dict[str, Any]:
@@ -114,15 +115,9 @@ class RunDir:
         return [
             f"{self.path / folder / name} is not of this run, and ignored"
             for folder in FOLDERS
-            for name in self._files(folder)
+            for name in file_names(self.path / folder)
             if not trials_of(name)
         ]
-
-    def _files(self, folder: str) -> list[str]:
-        """The names of the files of a folder, but for those that are being written."""
-        there = self.path / folder
-        names = (file.name for file in there.iterdir()) if there.is_dir() else ()
-        return sorted(name for name in names if not (name.startswith(".") and name.endswith(".tmp")))
 
     def _demand_agreement(self, asked: dict[str, Any], damaged: DamagedManifest) -> None:
         """Refuse a damaged manifest unless there are parts, and each that is asked for was computed as it is now."""
@@ -161,7 +156,7 @@ class RunDir:
 
         replace(self._part_path(piece), write)
         self._seen[piece] = self._state(piece), seconds
-        self._listed = (0, {})
+        self._listed.forget()
 
     def pieces(self, scenario: str, estimator: str, count: int) -> Pieces:
         """What there is of the trials below `count`; each part is read once, to compare it with its checksum."""
@@ -219,20 +214,7 @@ class RunDir:
 
     def held(self, scenario: str, estimator: str) -> list[range]:
         """The trials whose parts are there, whole or not, by their files' names."""
-        found = self._parts().get(Piece(scenario, estimator, range(0)).stem, [])
-        return sorted(found, key=lambda trials: (trials.start, trials.stop))
-
-    def _parts(self) -> dict[str, list[range]]:
-        """The trials of the parts on disk, by the stem of their names; the folder is listed again when it changes."""
-        folder = self.path / "parts"
-        changed = folder.stat().st_mtime_ns if folder.is_dir() else 0
-        if self._listed[0] != changed or not changed:
-            found: dict[str, list[range]] = {}
-            for name in self._files("parts"):
-                if name.endswith(".parquet") and (trials := trials_of(name)):
-                    found.setdefault(stem_of(name), []).append(trials)
-            self._listed = changed, found
-        return self._listed[1]
+        return self._listed.of(Piece(scenario, estimator, range(0)).stem)
 
     def _settings(self, piece: Piece) -> str:
         self._known = self._known or self.manifest

@@ -32,8 +32,8 @@ def quantile(n: float) -> float:
     return float(special.stdtrit(n - 1, (1 + LEVEL) / 2))
 
 
-def worth(values: Array) -> float:
-    """The number of trials without skew that positive `values` (k,) are worth to a t interval: k, or fewer.
+def trials_without_skew(values: Array) -> float:
+    """How many trials without skew tell as much of a t interval as positive `values` (k,): k, or fewer.
 
     Their variance is itself estimated, and the worse the more they are skewed: its degrees of freedom are
     2 / (excess kurtosis / k + 2 / (k - 1)) (Satterthwaite 1946), about (k - 1) / (1 + 3 CV^2) for gamma values, whose
@@ -49,13 +49,12 @@ def worth(values: Array) -> float:
 def mean_of_positive(values: Array, reach: Quantile | None = None) -> Interval:
     """The mean of positive, skewed values, such as squared errors: jackknife on the logarithm of the mean.
 
-    The t quantile is that over as many trials as they are `worth`. Over lognormal and gamma values its coverage is
-    nearer to the nominal one than that of the t interval (measured in `reports/statistics.md`), and it never reaches
-    below zero.
+    The t quantile is that over `trials_without_skew`. Over lognormal and gamma values its coverage is nearer to the
+    nominal one than that of the t interval (measured in `reports/statistics.md`), and it never reaches below zero.
     """
     values = np.asarray(values)
     mean = float(np.mean(values)) if len(values) else np.nan
-    log = log_contrast(values[:, None], np.ones(1), reach or (lambda _: quantile(worth(values))))
+    log = log_contrast(values[:, None], np.ones(1), reach or (lambda _: quantile(trials_without_skew(values))))
     return Interval(mean, float(np.exp(log.low)), float(np.exp(log.high)))
 
 

@@ -47,6 +47,22 @@ def test_many_parts_are_put_together_as_pandas_would(tmp_path):
     pd.testing.assert_frame_equal(found, wanted, check_exact=True)
 
 
+def test_seconds_that_stand_in_the_file_do_not_count(tmp_path):
+    assert "seconds" not in part(tmp_path, rows(seconds=1.0)).column_names
+
+
+def test_a_note_may_be_yes_or_no_in_one_part_and_a_number_in_another(tmp_path):
+    some = part(tmp_path, rows(**{"note: late": [True, False, True, False]}))
+    more = part(tmp_path, rows(**{"note: late": [0.5, 2.0, 0.0, 1.0]}))
+    assert together([some, more])["note: late"].tolist() == [1.0, 0.0, 1.0, 0.0, 0.5, 2.0, 0.0, 1.0]
+
+
+def test_parts_that_do_not_fit_together_are_one_line(tmp_path):
+    numbers, flags = rows(extra=1.0), rows(extra=[True, False, True, False])
+    with pytest.raises(BadInput, match=r"do not fit together .*bool.*: remove"):
+        together([part(tmp_path, numbers), part(tmp_path, flags)])
+
+
 @pytest.mark.parametrize(
     ("changes", "why"),
     [

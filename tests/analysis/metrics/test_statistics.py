@@ -19,7 +19,7 @@ from cooploc.analysis.metrics.statistics import (
     p_of_mean,
     share,
     signed_rank,
-    worth,
+    trials_without_skew,
 )
 from cooploc.analysis.metrics.trials_needed import trials_for_width, trials_to_exclude
 
@@ -42,10 +42,10 @@ def test_interval_of_a_positive_mean_covers(trials, spread):
 
 def test_skewed_trials_are_worth_fewer():
     even, skewed = np.full(10, 2.0), np.r_[np.full(9, 1.0), 100.0]
-    assert worth(even) == 10
-    assert worth(skewed) == 5  # never below
+    assert trials_without_skew(even) == 10
+    assert trials_without_skew(skewed) == 5  # never below
     # gamma values of shape 1: 1 / (1 + 3) of the degrees of freedom
-    assert worth(np.random.default_rng(0).exponential(size=100_000)) == pytest.approx(25_000, rel=0.03)
+    assert trials_without_skew(np.random.default_rng(0).exponential(size=100_000)) == pytest.approx(25_000, rel=0.03)
 
 
 def test_interval_of_a_positive_mean_beats_the_t_interval_on_skewed_values():

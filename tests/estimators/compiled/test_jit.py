@@ -44,7 +44,7 @@ def test_every_file_whose_functions_are_inlined_elsewhere_is_listed_as_shared():
 
 
 def powers(source):
-    """Of loops with fast mathematics: powers of what is no constant."""
+    """The bases of the powers in loops with fast mathematics, but for constants."""
     fast = [
         function
         for function in ast.walk(ast.parse(source))
