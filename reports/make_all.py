@@ -2,8 +2,9 @@
 
 Run: python reports/make_all.py [--runs DIR] [--data DIR] [--jobs N] [--only NAME,NAME] [--trials N], or `make reports`.
 Runs are kept in `--runs` and go on where they were ended; pages are always written again. What needs recordings is left
-out where there are none. A run has all processes; then pages are made, as many at a time as there are processes. Ends
-with a table of what was made, in which time; exit code 1 where a step failed.
+out where there are none. Speed is measured first, alone; then two runs at a time share the processes; then pages are
+made, as many at a time as there are processes. What a step prints is kept in `--runs`/logs. Ends with a table of what
+was made, in which time; exit code 1 where a step failed.
 """
 
 import os
@@ -19,6 +20,7 @@ from rich.console import Console
 from rich.table import Table
 
 HERE = Path(__file__).resolve().parent
+BENCHMARKS = HERE.parent / "benchmarks"
 PYTHON, COOPLOC = sys.executable, (sys.executable, "-m", "cooploc")
 
 
@@ -51,7 +53,13 @@ def script(name: str, *arguments: str, recordings: tuple[str, ...] = ()) -> Step
 
 def simulated(name: str, page: str) -> Step:
     """A proof by simulation, with a script in benchmarks/statistics."""
-    return Step(name, (PYTHON, str(HERE.parent / "benchmarks" / "statistics" / f"{name}.py"), str(HERE / page)))
+    return Step(name, (PYTHON, str(BENCHMARKS / "statistics" / f"{name}.py"), str(HERE / page)))
+
+
+def harmed(name: str, *arguments: str) -> Step:
+    """A section of the page on reliability, with a script in benchmarks/reliability."""
+    script = str(BENCHMARKS / "reliability" / f"{name}.py")
+    return Step(" ".join((name, *arguments)), (PYTHON, script, str(HERE / "reliability.md"), *arguments))
 
 
 def page(name: str, out: str = "", recordings: tuple[str, ...] = ()) -> Step:
@@ -60,18 +68,20 @@ def page(name: str, out: str = "", recordings: tuple[str, ...] = ()) -> Step:
     return Step(out, (PYTHON, str(HERE / "page.py"), name, "{runs}", str(HERE / out)), recordings)
 
 
-RUNS = (  # with all processes
-    study("quick"), study("own-filter"), study("information"), study("sensitivity"), study("reasons"), study("gbp"),
-    study("sightings"), study("fixed-weights", "--seed", "7"), study("vague-start"), study("uwb"),
-    study("mrclam", data="mrclam6"), study("wifi-priors", data="wifi-rssi"), study("fusion"),
-    study("readings", "--trials", "24"), study("paper"),
+ALONE = (Step("speed.md", (PYTHON, str(BENCHMARKS / "speed.py"), str(HERE / "speed.md"))),)  # on an idle machine
+RUNS = (  # the longest first
+    study("paper"),
     Step("without-scalability", (*COOPLOC, "run", str(HERE / "without-scalability.toml"), "--until-decided", "--jobs",
                                  "{jobs}", "--out", "{runs}/without-scalability")),
+    study("readings", "--trials", "24"), study("fusion"),
     tuning("paper-fair", "120"), tuning("paper-fair-mrclam", "120", data="mrclam6"),
-    simulated("rates", "statistics.md"), simulated("stopping", "statistics.md"),
+    simulated("rates", "statistics.md"), study("reasons"), study("information"), study("sensitivity"), study("gbp"),
+    study("mrclam", data="mrclam6"), study("sightings"), study("fixed-weights", "--seed", "7"), study("vague-start"),
+    study("uwb"), study("wifi-priors", data="wifi-rssi"), study("own-filter"), study("quick"),
 )  # fmt: skip
 PAGES = (  # the longest first
-    script("reproduced", "{runs}", "{data}"),
+    harmed("crash_matrix", "jobs 2"), harmed("crash_matrix", "Dask"), harmed("crash_matrix", "jobs 1"),
+    script("reproduced", "{runs}", "{data}"), harmed("damage"), harmed("isolation_price"), harmed("report_size"),
     script("paper_figures", "{runs}/paper"),
     Step("paper", (*COOPLOC, "report", "{runs}/paper", "-o", str(HERE / "paper"))),
     script("fusion", "{runs}/fusion", "{data}/mrclam6", recordings=("mrclam6",)),
@@ -80,7 +90,7 @@ PAGES = (  # the longest first
     script("information", "{runs}/information"), script("sensitivity", "{runs}/sensitivity"), script("audit", "40"),
     script("tuned", "{runs}/paper-fair", "{runs}/paper-fair-mrclam"),
     script("real_robots", "{data}", "{runs}/uwb", "{runs}/mrclam", recordings=("mrclam6", "wifi-rssi")),
-    simulated("truth", "truth.md"),
+    simulated("truth", "truth.md"), simulated("stopping", "statistics.md"),
     page("own-filter"), page("gbp"), page("sightings"), page("vague-start"), page("fixed-weights"),
     page("wifi", recordings=("wifi-rssi",)),
     Step("figures", (PYTHON, str(HERE / "small_figures.py"), "{runs}", str(HERE))),
@@ -89,8 +99,9 @@ LAST = (  # with numbers and a figure of other pages
     page("paper", "paper/README.md"),
     Step("summary.pdf", (PYTHON, str(HERE / "summary.py"), "{runs}", str(HERE / "paper"))),
     page("first-sentences", "../README.md"),
+    page("speeds", "../README.md"),
 )
-STEPS = (*RUNS, *PAGES, *LAST)
+STEPS = (*ALONE, *RUNS, *PAGES, *LAST)
 
 
 def main() -> int:
@@ -108,32 +119,45 @@ def main() -> int:
         parser.error(f"no step {sorted(unknown)[0]!r}; there are {', '.join(step.name for step in STEPS)}")
     asked.runs.mkdir(parents=True, exist_ok=True)
     table = Table("step", "minutes", "", title="What was made")
-    for steps, at_once in ((RUNS, 1), (PAGES, asked.jobs), (LAST, asked.jobs)):
+    lanes = min(2, asked.jobs)
+    groups = ((ALONE, 1, 1), (RUNS, lanes, asked.jobs // lanes), (PAGES, asked.jobs, 1), (LAST, 1, 1))
+    for steps, at_once, jobs in groups:
         with ThreadPoolExecutor(at_once) as pool:
-            for row in pool.map(lambda step: _made(step, asked), (step for step in steps if step.name in wanted)):
+            chosen = [step for step in steps if step.name in wanted]
+            for row in pool.map(lambda step, jobs=jobs: _made(step, asked, jobs), chosen):
                 table.add_row(*row)
     Console().print(table)
     return int("failed" in table.columns[-1].cells)
 
 
-def _made(step: Step, asked: Namespace) -> tuple[str, str, str]:
-    """Run a step: its name, the minutes that it took, and how it ended."""
+def _made(step: Step, asked: Namespace, jobs: int) -> tuple[str, str, str]:
+    """Run a step with so many processes: its name, the minutes that it took, and how it ended."""
     absent = [name for name in step.recordings if not (asked.data / name).exists()]
     if absent:
         return step.name, "", f"left out: {asked.data / absent[0]} is not there"
-    print(f"== {step.name}", file=sys.stderr, flush=True)
+    log = asked.runs / "logs" / f"{step.name.strip('./').replace('/', '-')}.txt"
+    log.parent.mkdir(parents=True, exist_ok=True)
+    _say(f"{step.name} begins; what it prints is in {log}")
     began, at = time.monotonic(), time.time()
-    code = subprocess.run(_command(step, asked), check=False, env={**os.environ, "PYTHONWARNINGS": "ignore"}).returncode
+    with log.open("w", encoding="utf-8") as out:
+        command, quiet = _command(step, asked, jobs), {**os.environ, "PYTHONWARNINGS": "ignore"}
+        code = subprocess.run(command, check=False, env=quiet, stdout=out, stderr=out).returncode
     ended = "failed" if code else ""
     last = asked.runs / step.name / "table.csv"  # that a run writes; a crash ends with the same code and without it
     if code == 1 and "run" in step.command and last.exists() and last.stat().st_mtime >= at:
         ended = "with trials that failed"
-    return step.name, f"{(time.monotonic() - began) / 60:.1f}", ended
+    minutes = f"{(time.monotonic() - began) / 60:.1f}"
+    _say(f"{step.name} took {minutes} minutes" + (f" and ended: {ended}, see {log}" if ended else ""))
+    return step.name, minutes, ended
 
 
-def _command(step: Step, asked: Namespace) -> list[str]:
+def _say(what: str) -> None:
+    print(f"{time.strftime('%H:%M')} {what}", file=sys.stderr, flush=True)
+
+
+def _command(step: Step, asked: Namespace, jobs: int) -> list[str]:
     """With what is asked for in its places."""
-    places = {"runs": asked.runs, "data": asked.data, "jobs": asked.jobs}
+    places = {"runs": asked.runs, "data": asked.data, "jobs": jobs}
     command = [part.format(**places) for part in step.command if part != "{trials}"]
     return [*command, "--trials", asked.trials] if asked.trials and "{trials}" in step.command else command
 

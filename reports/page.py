@@ -15,7 +15,7 @@ from functools import cache
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, TemplateError
-from told import Told, claims, in_letter, order_when_tuned, verdicts_then_and_now
+from told import Told, claims, in_letter, order_when_tuned, speed, verdicts_then_and_now
 
 from cooploc.analysis.formats import listed
 from cooploc.estimators.plugins.errors import BadInput
@@ -70,6 +70,7 @@ def written(name: str, runs: str | Path, draft: bool = False, links: str = "..")
         tuned=tuned,
         claims=claims,
         in_letter=in_letter,
+        speed=speed,
         verdicts_then_and_now=verdicts_then_and_now,
         shown=marked if draft else shown,
         listed=listed,
