@@ -39,6 +39,8 @@ looks: $(VENV)/.ready  ## a report in a real browser, at 400 and 1400 pixels and
 
 bench: $(VENV)/.ready  ## what speed was aimed at and what is reached, beside a reference; ten minutes; keeps its report
 	$(BIN)/python benchmarks/speed.py reports/speed.md
+	$(BIN)/python reports/page.py speed-notes build reports/speed.md
+	$(BIN)/python reports/page.py speeds build README.md
 
 prove: $(VENV)/.ready  ## how often intervals and verdicts are right, by simulation; keeps its report
 	$(BIN)/python benchmarks/statistics/rates.py reports/statistics.md

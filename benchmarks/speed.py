@@ -157,8 +157,8 @@ def main(report: str = "", rounds: int = 3) -> None:
             text += line.row()
             print(line.row(), end="", flush=True)
     if report:
-        notes = Path(report).with_name("speed_notes.md").read_text()
-        Path(report).write_text(f"{text}\n{notes}")
+        _, mark, notes = Path(report).read_text().partition("<!-- speed-notes: ")  # reports/page.py writes them anew
+        Path(report).write_text(f"{text}\n{mark}{notes}")
 
 
 if __name__ == "__main__":

@@ -100,6 +100,7 @@ LAST = (  # with numbers and a figure of other pages
     Step("summary.pdf", (PYTHON, str(HERE / "summary.py"), "{runs}", str(HERE / "paper"))),
     page("first-sentences", "../README.md"),
     page("speeds", "../README.md"),
+    Step("speed-notes", (PYTHON, str(HERE / "page.py"), "speed-notes", "{runs}", str(HERE / "speed.md"))),
 )
 STEPS = (*ALONE, *RUNS, *PAGES, *LAST)
 
