@@ -15,7 +15,8 @@ from functools import cache
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, TemplateError
-from told import Told, claims, in_letter, order_when_tuned, speed, verdicts_then_and_now
+from speeds import measured_on, speed
+from told import Told, claims, in_letter, order_when_tuned, verdicts_then_and_now
 
 from cooploc.analysis.formats import listed
 from cooploc.estimators.plugins.errors import BadInput
@@ -71,6 +72,7 @@ def written(name: str, runs: str | Path, draft: bool = False, links: str = "..")
         claims=claims,
         in_letter=in_letter,
         speed=speed,
+        measured_on=measured_on,
         verdicts_then_and_now=verdicts_then_and_now,
         shown=marked if draft else shown,
         listed=listed,

@@ -183,16 +183,6 @@ def claims() -> dict[str, dict[str, Any]]:
     return {row["claim"]: row for row in table.to_dict("records")}
 
 
-def speed(what: str, decimals: int | None = None) -> str:
-    """A line of reports/speed.md: its median and range, or its median alone with so many decimals."""
-    path = Path(__file__).parent / "speed.md"
-    for line in path.read_text(encoding="utf-8").splitlines():
-        if line.startswith(f"| {what} | "):
-            median, spread = line.removeprefix(f"| {what} | ").split(" | ")[:2]
-            return f"{median} ({spread})" if decimals is None else f"{float(median):.{decimals}f}"
-    raise BadInput(f"{path} has no line {what!r}; make bench writes it")
-
-
 def in_letter(claim: str, scenario: str, **instead: str) -> Number:
     """What a claim comes to in the reading nearest to the paper's letter, with other choices in some dimensions.
 
