@@ -63,9 +63,10 @@ def harmed(name: str, *arguments: str) -> Step:
 
 
 def page(name: str, out: str = "", recordings: tuple[str, ...] = ()) -> Step:
-    """A page made of a text."""
+    """A page made of a text, or the part of the README that is."""
     out = out or f"{name}.md"
-    return Step(out, (PYTHON, str(HERE / "page.py"), name, "{runs}", str(HERE / out)), recordings)
+    command = (PYTHON, str(HERE / "page.py"), name, "{runs}", str(HERE / out))
+    return Step(name if out == "../README.md" else out, command, recordings)
 
 
 ALONE = (Step("speed.md", (PYTHON, str(BENCHMARKS / "speed.py"), str(HERE / "speed.md"))),)  # on an idle machine
@@ -83,7 +84,7 @@ PAGES = (  # the longest first
     harmed("crash_matrix", "jobs 2"), harmed("crash_matrix", "Dask"), harmed("crash_matrix", "jobs 1"),
     script("reproduced", "{runs}", "{data}"), harmed("damage"), harmed("isolation_price"), harmed("report_size"),
     script("paper_figures", "{runs}/paper"),
-    Step("paper", (*COOPLOC, "report", "{runs}/paper", "-o", str(HERE / "paper"))),
+    Step("paper/index.html", (*COOPLOC, "report", "{runs}/paper", "-o", str(HERE / "paper"))),
     script("fusion", "{runs}/fusion", "{data}/mrclam6", recordings=("mrclam6",)),
     script("until_decided", "{runs}/without-scalability", str(HERE)),
     script("readings", "{runs}/readings"),
@@ -136,7 +137,7 @@ def _made(step: Step, asked: Namespace, jobs: int) -> tuple[str, str, str]:
     absent = [name for name in step.recordings if not (asked.data / name).exists()]
     if absent:
         return step.name, "", f"left out: {asked.data / absent[0]} is not there"
-    log = asked.runs / "logs" / f"{step.name.strip('./').replace('/', '-')}.txt"
+    log = asked.runs / "logs" / f"{step.name.replace('/', '-')}.txt"
     log.parent.mkdir(parents=True, exist_ok=True)
     _say(f"{step.name} begins; what it prints is in {log}")
     began, at = time.monotonic(), time.time()

@@ -119,6 +119,11 @@ def test_every_run_of_a_text_is_made_before_its_page(scripts, text):
     assert len(pages) == 1
 
 
+def test_no_two_steps_have_one_name(scripts):
+    names = [step.name for step in scripts["make_all"].STEPS]
+    assert len(names) == len(set(names))
+
+
 def test_every_study_that_is_run_is_shipped_or_a_file_beside_its_page(scripts):
     shipped = set(cl.studies()["name"])
     runs = [step.command[step.command.index("run") + 1] for step in scripts["make_all"].STEPS if "run" in step.command]
