@@ -465,7 +465,9 @@ def main() -> int:
     kept = "None is missed by more than three standard errors."
     report.lines += [f"- missed: {line}" for line in report.broken] or [kept]
     text = "\n".join(report.lines) + "\n"
-    Path(sys.argv[1]).write_text(text, encoding="utf-8")
+    page = Path(sys.argv[1])
+    _, mark, rest = (page.read_text(encoding="utf-8") if page.exists() else "").partition("\n<!-- stopping -->")
+    page.write_text(text + mark + rest, encoding="utf-8")  # stopping.py writes the rest
     print(text)
     print(f"{time.perf_counter() - began:.0f} s")
     return 1 if report.broken else 0
