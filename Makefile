@@ -52,7 +52,7 @@ accuse: $(VENV)/.ready  ## is an honest estimator ever accused? an hour; keeps i
 findings: $(VENV)/.ready  ## how often `cooploc inspect` names what is wrong, and what is not; half an hour
 	PYTHONPATH=tests/helpers $(BIN)/python benchmarks/statistics/findings.py reports/findings.md 100
 
-reliability: $(VENV)/.ready  ## what a plug-in's crash, damage, death and isolation cost; an hour; keeps its report
+reliability: $(VENV)/.ready  ## what a plug-in's crash, damage, death and isolation cost; ten minutes; keeps its report
 	$(BIN)/python benchmarks/reliability/crash_matrix.py reports/reliability.md
 	$(BIN)/python benchmarks/reliability/damage.py reports/reliability.md
 	$(BIN)/python benchmarks/reliability/report_size.py reports/reliability.md
@@ -83,7 +83,7 @@ docs: .venv-docs/.ready  ## the documentation site, in build/docs; needs no netw
 	.venv-docs/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 	touch $@
 
-reports: $(VENV)/.ready  ## every study and every page of reports/ anew, hours; goes on where it was ended
+reports: $(VENV)/.ready  ## every study and page of reports/ anew, two hours and more; goes on where it was ended
 	$(BIN)/python reports/make_all.py --data $(or $(COOPLOC_DATA),../shared/data)
 
 peers: $(VENV)/.ready  ## other people's filters as plug-ins: glue, agreement, checks, error, cost; keeps its report
