@@ -37,7 +37,7 @@ looks: $(VENV)/.ready  ## a report in a real browser, at 400 and 1400 pixels and
 	command -v chromium >/dev/null || { apt-get update -qq && apt-get install -y -qq chromium; }
 	LOOKS=build/looks $(BIN)/pytest tests/analysis/report/test_looks.py
 
-bench: $(VENV)/.ready  ## what speed was aimed at and what is reached, beside a reference; ten minutes; keeps its report
+bench: $(VENV)/.ready  ## what speed was aimed at and what is reached, beside a reference; five minutes; keeps its report
 	$(BIN)/python benchmarks/speed.py reports/speed.md
 	$(BIN)/python reports/page.py speed-notes build reports/speed.md
 	$(BIN)/python reports/page.py speeds build README.md
@@ -83,7 +83,7 @@ docs: .venv-docs/.ready  ## the documentation site, in build/docs; needs no netw
 	.venv-docs/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 	touch $@
 
-reports: $(VENV)/.ready  ## every study and page of reports/ anew, two hours and more; goes on where it was ended
+reports: $(VENV)/.ready  ## every study and page of reports/ again, two hours and more; goes on where it was ended
 	$(BIN)/python reports/make_all.py --data $(or $(COOPLOC_DATA),../shared/data)
 
 peers: $(VENV)/.ready  ## other people's filters as plug-ins: glue, agreement, checks, error, cost; keeps its report

@@ -31,6 +31,8 @@ _, stream = cl.simulate("trajectory", trials=5, seed=1, ticks=50)
 print(json.dumps([cl.run("ekf-local", stream).traces["ekf-local"].seconds for _ in range(2)]))
 """
 
+NOTES = "<!-- speed-notes: "  # what reports/page.py writes from here on
+NO_NOTES = "python reports/page.py speed-notes RUNS reports/speed.md -->\n\n<!-- end of speed-notes -->\n"
 HEAD = """# Speed
 
 What `make bench` measured, in processor time, each ratio of two things that ran turn by turn in one process. "short by"
@@ -157,8 +159,9 @@ def main(report: str = "", rounds: int = 3) -> None:
             text += line.row()
             print(line.row(), end="", flush=True)
     if report:
-        _, mark, notes = Path(report).read_text().partition("<!-- speed-notes: ")  # reports/page.py writes them anew
-        Path(report).write_text(f"{text}\n{mark}{notes}")
+        page = Path(report)
+        _, mark, rest = (page.read_text(encoding="utf-8") if page.exists() else "").partition(NOTES)
+        page.write_text(f"{text}\n{NOTES}{rest if mark else NO_NOTES}", encoding="utf-8")
 
 
 if __name__ == "__main__":

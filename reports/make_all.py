@@ -56,7 +56,7 @@ def simulated(name: str, page: str) -> Step:
     return Step(name, (PYTHON, str(BENCHMARKS / "statistics" / f"{name}.py"), str(HERE / page)))
 
 
-def harmed(name: str, *arguments: str) -> Step:
+def reliability(name: str, *arguments: str) -> Step:
     """A section of the page on reliability, with a script in benchmarks/reliability."""
     script = str(BENCHMARKS / "reliability" / f"{name}.py")
     return Step(" ".join((name, *arguments)), (PYTHON, script, str(HERE / "reliability.md"), *arguments))
@@ -81,9 +81,9 @@ RUNS = (  # the longest first
     study("uwb"), study("wifi-priors", data="wifi-rssi"), study("own-filter"), study("quick"),
 )  # fmt: skip
 PAGES = (  # the longest first
-    harmed("crash_matrix", "jobs 2"), harmed("crash_matrix", "Dask"), harmed("crash_matrix", "jobs 1"),
-    script("reproduced", "{runs}", "{data}"), harmed("damage"), harmed("isolation_price"), harmed("report_size"),
-    script("paper_figures", "{runs}/paper"),
+    reliability("crash_matrix", "jobs 2"), reliability("crash_matrix", "Dask"), reliability("crash_matrix", "jobs 1"),
+    script("reproduced", "{runs}", "{data}"), reliability("damage"),
+    reliability("isolation_price"), reliability("report_size"), script("paper_figures", "{runs}/paper"),
     Step("paper/index.html", (*COOPLOC, "report", "{runs}/paper", "-o", str(HERE / "paper"))),
     script("fusion", "{runs}/fusion", "{data}/mrclam6", recordings=("mrclam6",)),
     script("until_decided", "{runs}/without-scalability", str(HERE)),
@@ -116,6 +116,8 @@ def main() -> int:
     parser.add_argument("--only", default="", help="names of steps, separated by commas")
     parser.add_argument("--trials", default="", help="of every run, for a try")
     asked = parser.parse_args()
+    if asked.jobs < 1:
+        parser.error(f"--jobs is {asked.jobs}; it must be at least 1")
     wanted = set(asked.only.split(",")) if asked.only else {step.name for step in STEPS}
     if unknown := wanted - {step.name for step in STEPS}:
         parser.error(f"no step {sorted(unknown)[0]!r}; there are {', '.join(step.name for step in STEPS)}")

@@ -3,7 +3,7 @@
 Run: python reports/page.py TEXT RUNS OUT [draft], as in `python reports/page.py gbp build/reports reports/gbp.md`. RUNS
 is the folder of the run directories, each with the name of its study. A text takes its numbers from `told("STUDY")`
 (see told.py), and says what must hold for its words: `{{ shown(change.falls, "...") }}` writes nothing, and stops where
-the run shows something else, so that the sentence is written anew. A draft, of runs of few trials, only marks it.
+the run shows something else, so that the sentence is rewritten. A draft, of runs of few trials, only marks it.
 Where OUT has the lines `<!-- TEXT: ... -->` and `<!-- end of TEXT -->`, only what is between them is written.
 """
 
@@ -31,7 +31,7 @@ WRAPPER = textwrap.TextWrapper(118, break_long_words=False, break_on_hyphens=Fal
 def shown(holds: bool, what: str) -> str:
     """Nothing, where it holds."""
     if not holds:
-        raise BadInput(f"the runs do not show that {what}; write the sentence anew in reports/text")
+        raise BadInput(f"the runs do not show that {what}; rewrite the sentence in reports/text")
     return ""
 
 

@@ -77,7 +77,7 @@ def test_a_sentence_that_the_run_does_not_bear_stops_the_page_with_one_line(text
     assert texts.main("false", str(runs), str(tmp_path / "out.md")) == 1
     assert not (tmp_path / "out.md").exists()
     assert capsys.readouterr().err.splitlines() == [
-        "reports/text/false: the runs do not show that it is small; write the sentence anew in reports/text"
+        "reports/text/false: the runs do not show that it is small; rewrite the sentence in reports/text"
     ]
     assert texts.main("false", str(runs), str(tmp_path / "out.md"), "draft") == 0
     assert "[NOT SHOWN: it is small]" in (tmp_path / "out.md").read_text()
