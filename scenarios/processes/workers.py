@@ -13,6 +13,7 @@ import signal
 import sys
 import threading
 import time
+import warnings
 from collections.abc import Callable, Collection, Iterator, Mapping
 from concurrent.futures import BrokenExecutor, Executor, Future, wait
 from multiprocessing.util import Finalize
@@ -26,6 +27,7 @@ from cooploc.scenarios.processes.outcome import Outcome, ProcessDied, ProcessHun
 
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
 QUIET = {"PYTHONFAULTHANDLER": ""}  # a crash is told in one line
+GROWTH = {"LOKY_MAX_MEMORY_LEAK_SIZE": "1e9"}  # [B] after which loky replaces a process between two calls
 WORK = 0.05  # [s] of processor time that shows that a process works: one that waits uses a little, too
 IDLE = 600  # [s] after which an idle process ends
 BUILTIN, SESSION = "", "session"  # owners: built-in estimators, and what a user hands over in Python
@@ -45,7 +47,7 @@ def pool(owner: str, jobs: int = 1, environment: Mapping[str, str] | None = None
     if key not in _pools:
         Finalize(None, end_all, exitpriority=100)  # else a process that was itself forked would wait for them
         begin = {"initializer": begin_worker, "initargs": (os.getpid(),)}
-        variables = {**ONE_THREAD, **QUIET, **(environment or {})}
+        variables = {**ONE_THREAD, **QUIET, **GROWTH, **(environment or {})}
         _pools[key] = ProcessPoolExecutor(jobs, timeout=IDLE, env=variables, **begin), now
         with _no_interrupt():
             _pools[key][0].submit(int)  # starts them
@@ -133,6 +135,8 @@ def used(owner: str) -> float:
 
 def submit(owner: str, jobs: int, function: Callable[..., Any], *arguments: Any) -> "Future[Outcome]":
     """Begin a call in one of an owner's processes."""
+    # loky warns in a thread that serves all calls: where warnings are errors, they would all be lost
+    warnings.filterwarnings("ignore", "A worker (stopped|was restarted) while some jobs were given", UserWarning)
     sent = cloudpickle.dumps((function, arguments))  # a worker reads it where an error can be caught
     return pool(owner, jobs).submit(_called, os.getcwd(), sys.path, needed(sent), sent)
 

@@ -16,7 +16,7 @@ from cooploc.estimators.plugins.errors import one_line
 from cooploc.scenarios.processes import time_limit, workers
 from cooploc.scenarios.processes.outcome import ProcessDied, ProcessHung, Raised, WorkerError
 from cooploc.scenarios.processes.time_limit import Limit, TimeLimit, within
-from cooploc.scenarios.processes.workers import call, end
+from cooploc.scenarios.processes.workers import call, end, received, submit
 from cooploc.scenarios.runner.trace import trace
 
 HERE = False  # no process may be ended here
@@ -199,6 +199,22 @@ def test_a_call_is_limited_by_the_processor_time_that_it_uses_or_by_how_long_it_
         with pytest.raises(ProcessHung, match=said):
             call("hung", function, processor_seconds=1.0)
     assert call("hung", lambda: 3, processor_seconds=600.0) == 3
+
+
+def test_a_process_that_grew_is_replaced_between_two_calls_and_none_is_lost(monkeypatch):
+    """As it is where warnings are errors, as they are here: loky warns in the thread that serves all calls."""
+    pytest.importorskip("psutil", reason="without psutil, loky does not look at memory")
+    monkeypatch.setitem(workers.GROWTH, "LOKY_MAX_MEMORY_LEAK_SIZE", "1e6")
+
+    def grow():
+        cl.grown = b"x" * 50_000_000
+        time.sleep(1.2)  # loky looks once a second
+        return os.getpid()
+
+    end("growing")
+    first, second = [received("growing", future) for future in [submit("growing", 1, grow) for _ in range(2)]]
+    end("growing")
+    assert first != second
 
 
 def test_ctrl_c_reaches_no_process_while_it_starts():
