@@ -2,8 +2,8 @@
 
 Run: python reports/make_all.py [--runs DIR] [--data DIR] [--jobs N] [--only NAME,NAME] [--trials N], or `make reports`.
 Runs are kept in `--runs` and go on where they were ended; pages are always written again. What needs recordings is left
-out where there are none. Speed is measured first, alone; then two runs at a time share the processes; then pages are
-made, as many at a time as there are processes. What a step prints is kept in `--runs`/logs. Ends with a table of what
+out where there are none. Speed is measured first, alone; then two runs or pages at a time share the processes; then
+what takes numbers from other pages is made. What a step prints is kept in `--runs`/logs. Ends with a table of what
 was made, in which time; exit code 1 where a step failed.
 """
 
@@ -12,9 +12,10 @@ import subprocess
 import sys
 import time
 from argparse import ArgumentParser, Namespace
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Sequence
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from rich.console import Console
 from rich.table import Table
@@ -30,6 +31,14 @@ class Step(NamedTuple):
     name: str
     command: tuple[str, ...]
     recordings: tuple[str, ...] = ()  # folders or files below the data that it needs
+    after: tuple[str, ...] = ()  # steps that it waits for, beside the runs that its command names
+
+    def waits_for(self) -> set[str]:
+        """Names of the steps that are to be made before it."""
+        if "{runs}" in self.command:
+            return {step.name for step in RUNS}
+        named = {part.removeprefix("{runs}/") for part in self.command if part.startswith("{runs}/")}
+        return {*named, *self.after} - {self.name}
 
 
 def study(name: str, *options: str, data: str = "") -> Step:
@@ -72,29 +81,29 @@ def page(name: str, out: str = "", recordings: tuple[str, ...] = ()) -> Step:
 ALONE = (Step("speed.md", (PYTHON, str(BENCHMARKS / "speed.py"), str(HERE / "speed.md"))),)  # on an idle machine
 RUNS = (  # the longest first
     study("paper"),
-    Step("without-scalability", (*COOPLOC, "run", str(HERE / "without-scalability.toml"), "--until-decided", "--jobs",
-                                 "{jobs}", "--out", "{runs}/without-scalability")),
+    Step("without-scalability", (*COOPLOC, "run", str(HERE / "without-scalability.toml"), "--until-decided",
+                                 "--max-trials", "320", "--jobs", "{jobs}", "--out", "{runs}/without-scalability")),
     study("readings", "--trials", "24"), study("fusion"),
     tuning("paper-fair", "120"), tuning("paper-fair-mrclam", "120", data="mrclam6"),
     simulated("rates", "statistics.md"), study("reasons"), study("information"), study("sensitivity"), study("gbp"),
     study("mrclam", data="mrclam6"), study("sightings"), study("fixed-weights", "--seed", "7"), study("vague-start"),
     study("uwb"), study("wifi-priors", data="wifi-rssi"), study("own-filter"), study("quick"),
 )  # fmt: skip
-PAGES = (  # the longest first
+PAGES = (  # those that wait for the study `paper` last; of the others the longest first
     reliability("crash_matrix", "jobs 2"), reliability("crash_matrix", "Dask"), reliability("crash_matrix", "jobs 1"),
-    script("reproduced", "{runs}", "{data}"), reliability("damage"),
-    reliability("isolation_price"), reliability("report_size"), script("paper_figures", "{runs}/paper"),
-    Step("paper/index.html", (*COOPLOC, "report", "{runs}/paper", "-o", str(HERE / "paper"))),
     script("fusion", "{runs}/fusion", "{data}/mrclam6", recordings=("mrclam6",)),
+    reliability("damage"), reliability("isolation_price"), reliability("report_size"),
+    simulated("truth", "truth.md"), simulated("stopping", "statistics.md")._replace(after=("rates",)),
     script("until_decided", "{runs}/without-scalability", str(HERE)),
     script("readings", "{runs}/readings"),
     script("information", "{runs}/information"), script("sensitivity", "{runs}/sensitivity"), script("audit", "40"),
     script("tuned", "{runs}/paper-fair", "{runs}/paper-fair-mrclam"),
     script("real_robots", "{data}", "{runs}/uwb", "{runs}/mrclam", recordings=("mrclam6", "wifi-rssi")),
-    simulated("truth", "truth.md"), simulated("stopping", "statistics.md"),
     page("own-filter"), page("gbp"), page("sightings"), page("vague-start"), page("fixed-weights"),
     page("wifi", recordings=("wifi-rssi",)),
     Step("figures", (PYTHON, str(HERE / "small_figures.py"), "{runs}", str(HERE))),
+    script("reproduced", "{runs}", "{data}"), script("paper_figures", "{runs}/paper"),
+    Step("paper/index.html", (*COOPLOC, "report", "{runs}/paper", "-o", str(HERE / "paper"))),
 )  # fmt: skip
 LAST = (  # with numbers and a figure of other pages
     page("paper", "paper/README.md"),
@@ -124,18 +133,24 @@ def main() -> int:
     asked.runs.mkdir(parents=True, exist_ok=True)
     table = Table("step", "minutes", "", title="What was made")
     lanes = min(2, asked.jobs)
-    groups = ((ALONE, 1, 1), (RUNS, lanes, asked.jobs // lanes), (PAGES, asked.jobs, 1), (LAST, 1, 1))
-    for steps, at_once, jobs in groups:
+    for steps, at_once in ((ALONE, 1), ((*RUNS, *PAGES), lanes), (LAST, 1)):
+        begun: dict[str, Future[tuple[str, str, str]]] = {}
         with ThreadPoolExecutor(at_once) as pool:
-            chosen = [step for step in steps if step.name in wanted]
-            for row in pool.map(lambda step, jobs=jobs: _made(step, asked, jobs), chosen):
-                table.add_row(*row)
+            for step in (one for one in steps if one.name in wanted):
+                before = [begun[name] for name in step.waits_for() if name in begun]
+                begun[step.name] = pool.submit(_made, step, asked, asked.jobs // at_once, before)
+        for row in begun.values():
+            table.add_row(*row.result())
     Console().print(table)
     return int("failed" in table.columns[-1].cells)
 
 
-def _made(step: Step, asked: Namespace, jobs: int) -> tuple[str, str, str]:
-    """Run a step with so many processes: its name, the minutes that it took, and how it ended."""
+def _made(step: Step, asked: Namespace, jobs: int, before: Sequence["Future[Any]"] = ()) -> tuple[str, str, str]:
+    """Run a step with so many processes after others: its name, the minutes that it took, and how it ended.
+
+    What it waits for was begun before it, so that no two wait for each other.
+    """
+    wait(before)
     absent = [name for name in step.recordings if not (asked.data / name).exists()]
     if absent:
         return step.name, "", f"left out: {asked.data / absent[0]} is not there"

@@ -17,7 +17,7 @@ from cooploc.runs import kept
 USUAL = 100  # trials of a study as shipped
 TEXT = """# What a run until decided settles
 
-    cooploc run reports/without-scalability.toml --until-decided --out RUNS/without-scalability
+    cooploc run reports/without-scalability.toml --until-decided --max-trials 320 --out RUNS/without-scalability
     python reports/until_decided.py RUNS/without-scalability reports
 
 The study of the seed paper without its sweep of the team's size, which takes nine tenths of the time.

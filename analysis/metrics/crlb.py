@@ -203,7 +203,7 @@ def _derived(stream: Stream, z: Senses, channels: Collection[str]) -> Iterator[t
 
 def _weighed(A: Array, B: Array, R: Array, y: Array) -> Array:
     """The mean over paths of A' R^-1 B (t, k, n, 2, 2) where the reading is there."""
-    there, weight = np.isfinite(y.sum(-1)), np.linalg.inv(R)
+    there, weight = np.isfinite(y.sum(-1)), np.linalg.inv(R) if len(R) > 1 else 1 / R
     # Entry by entry: numpy's products of stacks of matrices this small are several times slower.
     B = weight @ B if weight.shape[-1] > 1 else weight * B
 

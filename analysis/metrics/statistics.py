@@ -183,7 +183,7 @@ def p_above(a: Array, b: Array, factor: float) -> float:
         return np.nan
     if np.ptp(d) <= 1e-12 * np.abs(a).max():
         return float(d[0] < 0)
-    return float(stats.ttest_1samp(d, 0, alternative="greater").pvalue)
+    return float(special.stdtr(len(d) - 1, -_t(d)))
 
 
 def p_of_difference(a: Array, b: Array) -> float:
@@ -207,18 +207,24 @@ def p_of_change(a: Array, b: Array, value: float) -> float:
         return np.nan
     if np.ptp(d) <= 1e-12 * np.abs(a).max():
         return 0.0
-    return float(stats.ttest_1samp(d, 0).pvalue)
+    return float(2 * special.stdtr(len(d) - 1, -abs(_t(d))))
+
+
+def _t(d: Array) -> float:
+    """Student's t of the mean of `d` (k,); `scipy.stats.ttest_1samp` takes thirty times as long for its arguments."""
+    return float(d.mean() / np.sqrt(d.var(ddof=1) / len(d)))
 
 
 def p_of_mean(interval: Interval, n: int, value: float) -> float:
-    """Two-sided p against a true value, of a t interval over n trials: `mean`, or `log_contrast` on its own scale.
+    """Two-sided p against a true value, of a t interval over n trials: 0.05 at either end, 0 where no spread is left.
 
-    It is 0.05 at either end of the interval, and 0 where no spread is left.
+    The interval of `mean`, or of `log_contrast` on its own scale.
     """
     half = interval.high - interval.value
     if np.isnan(half):
         return np.nan
-    return float(2 * stats.t.sf(abs(interval.value - value) / half * quantile(n), n - 1)) if half > 0 else 0.0
+    t = abs(interval.value - value) / half * quantile(n) if half > 0 else np.inf
+    return float(2 * special.stdtr(n - 1, -t))
 
 
 def expected_false(p: Array) -> float:
