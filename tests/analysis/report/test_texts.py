@@ -124,6 +124,20 @@ def test_no_two_steps_have_one_name(scripts):
     assert len(names) == len(set(names))
 
 
+def test_a_page_is_made_after_its_runs_though_the_steps_share_processes(scripts, monkeypatch, tmp_path):
+    make_all = scripts["make_all"]
+    names = [step.name for step in make_all.STEPS]
+    for step in make_all.STEPS:  # else two could wait for each other
+        assert all(names.index(other) < names.index(step.name) for other in step.waits_for())
+    run = (sys.executable, "-c", "import sys, time; time.sleep(0.5); open(sys.argv[1], 'w')", "{runs}/mine")
+    page = (sys.executable, "-c", "import sys; open(sys.argv[1])", "{runs}/mine")
+    groups = {"ALONE": (), "RUNS": (make_all.Step("mine", run),), "PAGES": (make_all.Step("page", page),), "LAST": ()}
+    for group, steps in {**groups, "STEPS": (*groups["RUNS"], *groups["PAGES"])}.items():
+        monkeypatch.setattr(make_all, group, steps)
+    monkeypatch.setattr(sys, "argv", ["make_all.py", "--runs", str(tmp_path)])
+    assert make_all.main() == 0
+
+
 def test_every_study_that_is_run_is_shipped_or_a_file_beside_its_page(scripts):
     shipped = set(cl.studies()["name"])
     runs = [step.command[step.command.index("run") + 1] for step in scripts["make_all"].STEPS if "run" in step.command]
