@@ -83,7 +83,7 @@ docs: .venv-docs/.ready  ## the documentation site, in build/docs; needs no netw
 	.venv-docs/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 	touch $@
 
-reports: $(VENV)/.ready  ## every study and page of reports/ again, two hours and more; goes on where it was ended
+reports: $(VENV)/.ready  ## every study and page of reports/ again, two hours; goes on where it was ended
 	$(BIN)/python reports/make_all.py --data $(or $(COOPLOC_DATA),../shared/data)
 
 peers: $(VENV)/.ready  ## other people's filters as plug-ins: glue, agreement, checks, error, cost; keeps its report
