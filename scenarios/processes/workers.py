@@ -16,6 +16,7 @@ import time
 import warnings
 from collections.abc import Callable, Collection, Iterator, Mapping
 from concurrent.futures import BrokenExecutor, Executor, Future, wait
+from multiprocessing import resource_tracker
 from multiprocessing.util import Finalize
 from pathlib import Path
 from typing import Any
@@ -49,6 +50,7 @@ def pool(owner: str, jobs: int = 1, environment: Mapping[str, str] | None = None
         begin = {"initializer": begin_worker, "initargs": (os.getpid(),)}
         variables = {**ONE_THREAD, **QUIET, **GROWTH, **(environment or {})}
         _pools[key] = ProcessPoolExecutor(jobs, timeout=IDLE, env=variables, **begin), now
+        resource_tracker.ensure_running()  # loky needs it; as it starts, it lets Ctrl-C in again
         with _no_interrupt():
             _pools[key][0].submit(int)  # starts them
     return _pools[key][0]
