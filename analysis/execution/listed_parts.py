@@ -6,7 +6,7 @@ from cooploc.analysis.execution.piece import stem_of, trials_of
 
 
 def file_names(folder: Path) -> list[str]:
-    """The names of a folder's files, without those that are being written; empty where there is no folder."""
+    """Names of the finished files of a folder; empty where there is no folder."""
     names = (file.name for file in folder.iterdir()) if folder.is_dir() else ()
     return sorted(name for name in names if not (name.startswith(".") and name.endswith(".tmp")))
 
