@@ -35,7 +35,7 @@ def rows(robots: int, rounds: int) -> list[str]:
     made = {name: cl.make(f"{FOLDER}/{name}") for name in NAMES}
     given = {name: few if name == NAMES[0] else stream for name in NAMES}
     for name in NAMES:
-        cl.run(made[name], given[name].truncated(2), isolate=False)  # import, compile
+        cl.run(made[name], given[name].first_ticks(2), isolate=False)  # import, compile
     taken = [{name: microseconds(made[name], given[name]) for name in NAMES} for _ in range(rounds)]
     lines = []
     for name in NAMES:

@@ -130,7 +130,7 @@ def rows(rounds: int = 3) -> list[dict[str, Any]]:
     for robots, ticks, trials, few, aim in CASES:
         _, stream = cl.simulate(f"scalability/n={robots}", trials=trials, seed=1, ticks=ticks)
         ours = {"plain": cl.make("ekf-joint", gate=np.inf, **PLAIN), "default": cl.make("ekf-joint")}
-        cl.run({"filterpy": Filterpy(), **ours}, stream.select(slice(0, 1)).truncated(1), isolate=False)  # import
+        cl.run({"filterpy": Filterpy(), **ours}, stream.select(slice(0, 1)).first_ticks(1), isolate=False)  # import
         ratios: dict[str, list[float]] = {name: [] for name in ours}
         for _ in range(rounds):
             theirs, loop = per_tick("filterpy", Filterpy(), stream.select(slice(0, few)))

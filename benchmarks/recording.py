@@ -50,7 +50,7 @@ def recorded() -> tuple[str, Stream]:
 def costs(stream: Stream, rounds: int) -> list[Cost]:
     ours: dict[str, Any] = {"nothing": Nothing(), **{f"ekf-{name}": cl.make(f"ekf-{name}") for name in FILTERS}}
     twins = {name: cl.make(name, engine="filterpy") for name in ours if name != "nothing"}
-    long, short = stream.truncated(TICKS), stream.truncated(FEW)
+    long, short = stream.first_ticks(TICKS), stream.first_ticks(FEW)
     for estimator in (*ours.values(), *twins.values()):
         warm_up("warm", estimator, stream)
     taken: dict[str, list[float]] = {name: [] for name in ours}

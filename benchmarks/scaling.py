@@ -28,7 +28,7 @@ def measure(name: str, neighbours: int, rounds: int) -> dict[str, Any]:
     trials = max(1, ROWS // n)
     _, stream = cl.simulate(f"scalability/n={n}", trials=trials, seed=1, ticks=TICKS)
     mine, ticks = {name: cl.make(name)}, trials * n * TICKS
-    cl.run(mine, stream.truncated(1))
+    cl.run(mine, stream.first_ticks(1))
     seconds = []
     for _ in range(rounds):
         start = process_time()

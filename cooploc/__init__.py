@@ -62,14 +62,14 @@ if _TYPE_CHECKING:
     from cooploc.scaffold import new_estimator as new_estimator
     from cooploc.scenarios import simulate as simulate
     from cooploc.scenarios.conformance.check import check_estimator as check_estimator
-    from cooploc.scenarios.runner.channels import IncompatibleEstimator as IncompatibleEstimator
     from cooploc.scenarios.runner.run import Run as Run
     from cooploc.scenarios.runner.run import run as run
     from cooploc.scenarios.runner.tick import EstimatorError as EstimatorError
+    from cooploc.scenarios.runner.tick import IncompatibleEstimator as IncompatibleEstimator
     from cooploc.scenarios.runner.trace import Trace as Trace
     from cooploc.scenarios.stream import Stream as Stream
     from cooploc.scenarios.stream import Truth as Truth
-    from cooploc.scenarios.studies.listing import studies as studies
+    from cooploc.scenarios.studies.study import studies as studies
     from cooploc.sweeps import sweep as sweep
     from cooploc.tuned import Tuned as Tuned
     from cooploc.tuned import load_tuned as load_tuned

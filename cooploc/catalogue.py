@@ -5,7 +5,7 @@ from typing import Any
 from cooploc.estimators import BUILTIN, make
 from cooploc.estimators.plugins.listing import listing
 from cooploc.scenarios import simulate
-from cooploc.scenarios.runner.channels import IncompatibleEstimator
+from cooploc.scenarios.runner.tick import IncompatibleEstimator
 from cooploc.scenarios.runner.trace import trace
 
 # What each sends, and what theory says of its covariance; what runs say of it stands in every table of results.

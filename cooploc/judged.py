@@ -12,9 +12,9 @@ from cooploc.estimators import split
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.estimators.plugins.labels import parse
 from cooploc.scenarios import BUILTIN, simulate
-from cooploc.scenarios.resolved import divided
 from cooploc.scenarios.runner.run import run
 from cooploc.scenarios.runner.trace import Trace
+from cooploc.scenarios.scenario import split_family
 from cooploc.scenarios.stream import Stream, Truth
 
 
@@ -60,7 +60,7 @@ def with_truth(
     if trials is not None or seed is not None:
         raise BadInput(f"{source} is a file, which says its trials and its seed itself: leave --trials and --seed out")
     stream = Stream.load(source)
-    if divided(parse(stream.scenario)[0])[0] not in BUILTIN:
+    if split_family(parse(stream.scenario)[0])[0] not in BUILTIN:
         raise BadInput(
             f"{source} is of {stream.scenario!r}, which is not built in, and its code does not run by the name in a "
             "file: use cl.judge(truth, stream, ...)"

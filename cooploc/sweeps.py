@@ -11,8 +11,8 @@ import pandas as pd
 from cooploc.analysis.metrics.errors import errors
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios import family, simulate
-from cooploc.scenarios.resolved import divided
 from cooploc.scenarios.runner.run import run
+from cooploc.scenarios.scenario import split_family
 
 
 def sweep(
@@ -73,7 +73,7 @@ def _values(name: str, given: Iterable[Any]) -> list[Any]:
 def _labelled(scenario: str, parameters: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
     """The label with the parameter that its family sweeps, as studies write it, and all others as overrides."""
     path, bracket, options = scenario.partition("[")
-    name, which = divided(path)
+    name, which = split_family(path)
     words = family(name).sweep
     first = next((key for key in parameters if key in words), None)
     if which or first is None:

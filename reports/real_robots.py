@@ -69,7 +69,7 @@ def errors_of(labels: list[str], data: Path) -> pd.DataFrame:
 def fits(estimator: str, stream: cl.Stream) -> bool:
     """Whether the recording has the channels that an estimator needs."""
     try:
-        cl.run([estimator], stream.truncated(1))
+        cl.run([estimator], stream.first_ticks(1))
     except cl.IncompatibleEstimator:
         return False
     return True

@@ -2,7 +2,7 @@
 
 A scenario is one world with a fixed team. Its label carries what is swept, `packet-drop/drop=0.7`, and any other
 parameter in brackets, `trajectory[ticks=50]`; in `trajectory[assumed.eta=2]` the team assumes another value than the
-true one, and `told` has what may be said of any scenario's stream. To add a family: write a model like
+true one; `scenario.py` lists the options of any label. To add a family: write a model like
 `worlds/camera_arena.py`, and give it an entry in `BUILTIN`. From outside, register a `Family` under the entry-point
 group `cooploc.scenarios`, or name one in a file, `path.py:NAME`, where a label begins with a name.
 """
@@ -16,16 +16,17 @@ from cooploc.estimators.plugins.callable_package import CallablePackage
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.estimators.plugins.guard import forbid
 from cooploc.estimators.plugins.labels import parse
+from cooploc.estimators.plugins.listing import source_of
 from cooploc.estimators.plugins.registry import Registry
-from cooploc.scenarios.interface import Family as Family
 from cooploc.scenarios.remote import RemoteScenario, described
-from cooploc.scenarios.resolved import ResolvedScenario, build, divided
+from cooploc.scenarios.scenario import Family as Family
+from cooploc.scenarios.scenario import ResolvedScenario, build_scenario, split_family
 from cooploc.scenarios.stream import Stream, Truth
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-PAPER = "cooploc.scenarios.worlds.radio_arena:Paper"
+PAPER = "cooploc.scenarios.worlds.radio:Paper"
 WALLS = ((2.0, 1.0, 2.0, 3.5), (3.5, 4.0, 5.0, 4.0))
 # What the real logs look like: 4.4 dB and lag-1 correlation 0.55 in all, of which 1 dB and the rounding are white.
 HARDWARE = {"eta": 1.4, "shadowing": 4.275, "shadow_correlation": 0.583, "rounding": 1.0}
@@ -72,13 +73,13 @@ BUILTIN: dict[str, Family] = {
     ),
     "uwb": Family(
         "three robots whose ranges err as real ultra-wide-band radios do; outliers: share of late signals",
-        "cooploc.scenarios.worlds.uwb_arena:UwbArena",
+        "cooploc.scenarios.worlds.uwb:UwbArena",
         sweep={"n": "robots", "outliers": "outliers"},
         variants={word: {"bias": word} for word in ("raw", "removed")},
     ),
     "camera": Family(
         "simulated wheeled robots that see landmarks and each other",
-        "cooploc.scenarios.worlds.camera_arena:Camera",
+        "cooploc.scenarios.worlds.camera:Camera",
         sweep={"n": "robots"},
     ),
     "mrclam": Family(
@@ -126,7 +127,7 @@ def simulate(
         seed: random seed; every random number depends on it, on the trial and on nothing else.
         assumed: parameters that the team assumes instead of the true ones, {"eta": 2.0}; the readings stay
             bit-identical. As the overrides, they become part of the label, "trajectory[assumed.eta=2]", and so of the
-            stream's hash: what was told otherwise shares no row of a table.
+            stream's hash: rows with other assumptions are not paired.
         data: the directory of a recording.
         overrides: parameters of the scenario; they become part of its label. Every scenario has `team_priors=True`,
             which tells every robot everyone's prior (the channel "team_prior", `cl.priors_of`), and
@@ -139,8 +140,8 @@ def simulate(
     for key, value in overrides.items():
         if isinstance(value, set | frozenset):
             raise BadInput(f"{key} is a set of values, and a stream has one: cl.sweep runs estimators at each of them")
-    told = {f"{ASSUMED}{key}": value for key, value in (assumed or {}).items()}
-    return _resolved(label, *parse(label), data, overrides, told).simulate(trials, seed)
+    other = {f"{ASSUMED}{key}": value for key, value in (assumed or {}).items()}
+    return _resolve(label, *parse(label), data, overrides, other).simulate(trials, seed)
 
 
 def resolve_isolated(label: str, data: str | Path | None = None) -> ResolvedScenario | RemoteScenario:
@@ -151,12 +152,12 @@ def resolve_isolated(label: str, data: str | Path | None = None) -> ResolvedScen
 
     """
     path, written = parse(label)
-    name, _ = divided(path)
+    name, _ = split_family(path)
     if name not in BUILTIN:
         module_of(name)  # an unknown name is refused here
         forbid(*([] if data is None else [data]))
         return described(label, None if data is None else Path(data))
-    return _resolved(label, path, written, data, {})
+    return _resolve(label, path, written, data, {})
 
 
 def resolve(label: str, data: str | Path | None = None, **overrides: Any) -> ResolvedScenario:
@@ -166,33 +167,33 @@ def resolve(label: str, data: str | Path | None = None, **overrides: Any) -> Res
         BadInput: an unknown scenario, variant or parameter, a value that does not fit, or a recording without `data`.
 
     """
-    return _resolved(label, *parse(label), data, overrides)
+    return _resolve(label, *parse(label), data, overrides)
 
 
-def _resolved(
+def _resolve(
     label: str,
     path: str,
     written: Mapping[str, str],
     data: str | Path | None,
     overrides: Mapping[str, Any],
-    told: Mapping[str, Any] | None = None,
+    assumptions: Mapping[str, Any] | None = None,
 ) -> ResolvedScenario:
-    """As `resolve`; `told` is what the team assumes, with `ASSUMED` before each key."""
-    told = told or {}
-    name, which = divided(path)
+    """As `resolve`; the keys of `assumptions`, what the team assumes, begin with `ASSUMED`."""
+    assumptions = assumptions or {}
+    name, which = split_family(path)
     found = family(name)
     own = {key: value for key, value in written.items() if not key.startswith(ASSUMED)}
-    assumed = {key.removeprefix(ASSUMED): value for key, value in {**written, **told}.items() if key not in own}
-    parameters = {**found.base, **found.chosen(name, which), **own, **overrides}
-    if overrides or told:
-        shown = {**written, **overrides, **{key: _short(value) for key, value in told.items()}}
+    assumed = {key.removeprefix(ASSUMED): value for key, value in {**written, **assumptions}.items() if key not in own}
+    parameters = {**found.base, **found.parameters_of(name, which), **own, **overrides}
+    if overrides or assumptions:
+        shown = {**written, **overrides, **{key: _short(value) for key, value in assumptions.items()}}
         label = f"{path}[{','.join(f'{key}={shown[key]}' for key in sorted(shown))}]"
     if found.recorded:
         if data is None:
             raise BadInput(f"scenario {label!r} is a recording; say where it is with data= (or --data DIR)")
         parameters["data"] = Path(data)
         forbid(data)
-    return build(label, name, found, parameters, assumed)
+    return build_scenario(label, name, found, parameters, assumed)
 
 
 def _short(value: Any) -> str:
@@ -227,10 +228,36 @@ def _unusable(name: str) -> str:
 
 
 def table() -> "DataFrame":
-    """What `cl.scenarios()` returns: one row per family of scenarios."""
-    from cooploc.scenarios.listing import listing
+    """Return the table of `cl.scenarios()`: one row per family of scenarios, the built-in ones first.
 
-    return listing()
+    Columns: `name`; `about`, in a sentence; `labels`, how its members are written; `parameters`, what can be set in
+    brackets or by keyword; `source`, the paper or data set; `problem`, why a plug-in cannot be used, else empty.
+    """
+    from pandas import DataFrame
+
+    problems = plugin_errors()
+    rows = [_row(name) for name in names() if name not in problems]
+    rows += [{"name": name, "problem": reason} for name, reason in problems.items()]
+    empty = dict.fromkeys(("name", "about", "labels", "parameters", "source", "problem"), "")
+    return DataFrame([{**empty, **row} for row in rows])
+
+
+def _row(name: str) -> dict[str, Any]:
+    known = family(name)
+    model = known.model_class(name)
+    return {
+        "name": name,
+        "about": known.about,
+        "labels": ", ".join(_labels(name, known)),
+        "parameters": ", ".join(field for field in model.model_fields if field != "data"),
+        "source": source_of(model),
+    }
+
+
+def _labels(name: str, known: Family) -> list[str]:
+    """The name alone where it stands for one scenario; else the name with each thing that can follow it."""
+    swept = [f"{name}/{key}=…" for key in known.sweep] + [f"{name}/{word}" for word in known.variants]
+    return [*swept, *([f"{name}/{known.word.upper()}"] if known.word else [])] or [name]
 
 
 sys.modules[__name__].__class__ = CallablePackage

@@ -16,7 +16,7 @@ from cooploc.estimators.plugins.guard import SIMULATED
 
 
 class Purpose(IntEnum):
-    """What a trial's random numbers are for."""
+    """The purposes of a trial's random numbers."""
 
     TRUTH = 0
     SENSORS = 1

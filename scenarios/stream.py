@@ -15,12 +15,12 @@ import numpy as np
 from cooploc.estimators.interface import Array, Belief, Indices, Mask, Senses, World
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios import stream_file
-from cooploc.scenarios.display.html import facts
+from cooploc.scenarios.display import facts_table
 from cooploc.scenarios.stream_hash import assumptions, hash_of_trial, hash_of_trials
 
 
 class Air(NamedTuple):
-    """What the radio did in every tick, (trial, tick, receiver, sender)."""
+    """Links, signal strengths and ranges between robots in every tick, (trial, tick, receiver, sender)."""
 
     link: Mask  # True where a packet would arrive
     rssi: Array  # [dBm]
@@ -29,7 +29,7 @@ class Air(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """Where the robots really were. No estimator ever sees it."""
+    """The true path of every robot, which no estimator ever sees."""
 
     scenario: str
     trial: Indices  # (t,)
@@ -77,7 +77,7 @@ class Stream:
 
     def _repr_html_(self) -> str:
         links = self.air.link.sum() / max(1, self.air.link[..., 0].size * (self.robots - 1))
-        return facts(
+        return facts_table(
             f"stream of {self.scenario}, seed {self.seed}",
             (
                 ("trials", len(self.trial)),
@@ -107,8 +107,8 @@ class Stream:
 
         Not over the world: a stream without a label of its assumptions is that of its readings.
         """
-        arrays, told = self.arrays(), assumptions(self.scenario)
-        return tuple(hash_of_trial(arrays, i, told) for i in range(len(self.trial)))
+        arrays, assumed = self.arrays(), assumptions(self.scenario)
+        return tuple(hash_of_trial(arrays, i, assumed) for i in range(len(self.trial)))
 
     @cached_property
     def hash(self) -> str:
@@ -130,8 +130,8 @@ class Stream:
         chosen = self.map(lambda array: array[trials])
         return replace(chosen, trial=self.trial[trials])
 
-    def truncated(self, ticks: int) -> "Stream":
-        """The first ticks alone."""
+    def first_ticks(self, ticks: int) -> "Stream":
+        """Return the stream of the first ticks only."""
         arrays = {name: a if name.startswith("prior") else a[:, :ticks] for name, a in self.arrays().items()}
         return replace(self.with_arrays(arrays), time=self.time[:ticks])
 
@@ -165,7 +165,7 @@ class Stream:
         """
         header, arrays = stream_file.read(Path(path))
         try:
-            stream = cls._assembled(header, arrays)
+            stream = cls._from_arrays(header, arrays)
             stated = list(zip(header["hashes"], stream.hashes, strict=True))
         except BadInput:
             raise
@@ -181,7 +181,7 @@ class Stream:
         return stream
 
     @classmethod
-    def _assembled(cls, header: dict[str, Any], arrays: dict[str, Any]) -> "Stream":
+    def _from_arrays(cls, header: dict[str, Any], arrays: dict[str, Any]) -> "Stream":
         return cls(
             scenario=header["scenario"],
             seed=header["seed"],

@@ -48,10 +48,10 @@ def write(path: Path, header: Mapping[str, Any], world: World, arrays: Mapping[s
         "robots": world.robots,
         "tick": world.tick,
         "t0": world.t0,
-        "motion": _described(world.motion),
-        "sensors": {channel: _described(sensor) for channel, sensor in world.sensors.items()},
+        "motion": _describe(world.motion),
+        "sensors": {channel: _describe(sensor) for channel, sensor in world.sensors.items()},
         **header,
-        "digests": {name: _digest(array) for name, array in {**places, **arrays}.items() if _unhashed(name)},
+        "digests": {name: _digest(array) for name, array in {**places, **arrays}.items() if _needs_digest(name)},
     }
     encoded = np.frombuffer(json.dumps(seal(described), indent=1).encode(), np.uint8)
     with path.open("wb") as file:
@@ -91,8 +91,8 @@ def read(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     return header, arrays
 
 
-def _unhashed(name: str) -> bool:
-    """Whether the hashes of the trials say nothing of an array."""
+def _needs_digest(name: str) -> bool:
+    """True for an array that the hashes of the trials leave out."""
     return name in (*PLACES, "trial", "time")
 
 
@@ -124,7 +124,7 @@ def world_of(header: Mapping[str, Any], arrays: Mapping[str, Any]) -> World:
     )
 
 
-def _described(model: Any) -> dict[str, Any]:
+def _describe(model: Any) -> dict[str, Any]:
     name = type(model).__name__
     known: object = MODELS.get(name)
     if known is not type(model):

@@ -9,8 +9,8 @@ import numpy as np
 from cooploc.estimators.interface import Array
 
 
-def hash_of_trial(arrays: Mapping[str, Array], i: int, told: str = "") -> str:
-    """SHA-256 over the names, shapes and canonical little-endian values of row `i` of every array, and over `told`."""
+def hash_of_trial(arrays: Mapping[str, Array], i: int, assumed: str = "") -> str:
+    """Return SHA-256 over names, shapes and little-endian values of row `i` of every array, and over `assumed`."""
     digest = hashlib.sha256()
     for name, array in arrays.items():
         one = np.ascontiguousarray(array[i])
@@ -19,12 +19,12 @@ def hash_of_trial(arrays: Mapping[str, Array], i: int, told: str = "") -> str:
             one[np.isnan(one)] = np.nan  # one nan, whatever its bits
         digest.update(f"{name} {one.dtype.str} {one.shape};".encode())
         digest.update(one.data)
-    digest.update(told.encode())
+    digest.update(assumed.encode())
     return digest.hexdigest()
 
 
 def assumptions(label: str) -> str:
-    """What the team of a scenario assumes instead of the truth, from its label, however that is written."""
+    """Return the assumptions in a scenario's label that differ from the truth, in one form."""
     found = re.findall(r"[\[,]\s*(assumed\.[^=,\]]+?)\s*=\s*([^,\]]+)", label)
     return ";".join(sorted(f"{key}={_number(value.strip())}" for key, value in found))
 

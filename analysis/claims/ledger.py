@@ -30,7 +30,7 @@ from cooploc.analysis.claims.kinds import KINDS, RELATIVE
 from cooploc.analysis.claims.readings import Choice, Dimension
 from cooploc.estimators import nearest
 from cooploc.estimators.plugins.errors import BadInput
-from cooploc.scenarios.display.html import listed
+from cooploc.scenarios.display import list_table
 
 BASE = "paper"  # the variant without substitutions
 ALWAYS = {"id", "says", "where", "quote", "kind", "open"}  # keys of every kind
@@ -60,7 +60,7 @@ class Ledger(BaseModel):
         return f"Ledger({self.paper!r}, {len(self.claims)} claims, {len(self.variants)} variants)"
 
     def _repr_html_(self) -> str:
-        return listed(("claim", "says", "where"), self.paper, [(c.id, c.says, c.where) for c in self.claims])
+        return list_table(("claim", "says", "where"), self.paper, [(c.id, c.says, c.where) for c in self.claims])
 
 
 def load(path: str | Path | None = None) -> Ledger:

@@ -45,7 +45,7 @@ def play_elsewhere(one: Given) -> Elsewhere:
         make(name)
     before = functions()
     path, known = absolute(one.label), set(sys.modules)
-    play(one._replace(label=path, stream=one.stream.truncated(2)))  # compiled libraries must load first
+    play(one._replace(label=path, stream=one.stream.first_ticks(2)))  # compiled libraries must load first
     _forget(path, set(sys.modules) - known)
     with tempfile.TemporaryDirectory() as folder, opened_files() as files, another_date():
         with chdir(folder):

@@ -10,7 +10,7 @@ import pandas as pd
 
 from cooploc.analysis.execution.certificates import renewed, with_lines
 from cooploc.analysis.execution.compilation import compile_kernels
-from cooploc.analysis.execution.fit import demand_fit, without_misfits
+from cooploc.analysis.execution.fit import require_fit, without_misfits
 from cooploc.analysis.execution.local_workers import ThisMachine
 from cooploc.analysis.execution.memory import demand_memory
 from cooploc.analysis.execution.plan import Plan, make_plan
@@ -25,9 +25,8 @@ from cooploc.analysis.formats import counted
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.processes.workers import BUILTIN, end
 from cooploc.scenarios.remote import RemoteScenario
-from cooploc.scenarios.resolved import ResolvedScenario
-from cooploc.scenarios.studies.resolved_study import ResolvedCell, ResolvedStudy, resolve_study
-from cooploc.scenarios.studies.study import Study
+from cooploc.scenarios.scenario import ResolvedScenario
+from cooploc.scenarios.studies.study import ResolvedCell, ResolvedStudy, Study, resolve_study
 
 ROUNDS = 3  # of planning and computing, as long as parts vanish meanwhile
 MANY = 2000  # parts of a run whose rows need the memory that idle processes hold
@@ -108,7 +107,7 @@ def execute(
     memory = demand_memory(asked, jobs)
     directory = RunDir(out)
     with hired(jobs, scheduler, isolate, watcher.say) as workers, ExitStack() as held:
-        demand_fit(asked, isolate)
+        require_fit(asked, isolate)
         held.enter_context(directory.locked())
         manifest = manifest_of(asked)
         said = [f"{label}, {line}" for label, lines in manifest["recordings"].items() for line in lines]

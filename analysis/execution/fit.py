@@ -14,14 +14,14 @@ from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios import BUILTIN, resolve
 from cooploc.scenarios.processes.time_limit import Limit, within
 from cooploc.scenarios.processes.workers import call, end
-from cooploc.scenarios.resolved import ResolvedScenario
-from cooploc.scenarios.runner.channels import IncompatibleEstimator
-from cooploc.scenarios.runner.trace import demand_fit as demand_begin
+from cooploc.scenarios.runner.tick import IncompatibleEstimator
+from cooploc.scenarios.runner.trace import require_fit as demand_begin
+from cooploc.scenarios.scenario import ResolvedScenario
 from cooploc.scenarios.stream import Stream
-from cooploc.scenarios.studies.resolved_study import ResolvedStudy
+from cooploc.scenarios.studies.study import ResolvedStudy
 
 
-def demand_fit(asked: ResolvedStudy, isolate: bool) -> None:
+def require_fit(asked: ResolvedStudy, isolate: bool) -> None:
     """Try the first tick of every scenario and estimator; with `isolate`, what is not built in where it will run.
 
     There a crash refuses nothing: it is a failure of the trials that crash.

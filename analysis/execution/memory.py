@@ -2,7 +2,7 @@
 
 from cooploc.analysis.execution.plan import chunk_size
 from cooploc.scenarios.memory import demand, gigabytes, needed
-from cooploc.scenarios.studies.resolved_study import ResolvedStudy
+from cooploc.scenarios.studies.study import ResolvedStudy
 
 WORTH_SAYING = 1e9  # bytes
 

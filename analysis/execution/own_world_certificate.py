@@ -19,7 +19,7 @@ from cooploc.scenarios.conformance.compare import CheckFailed, RunRecord, requir
 from cooploc.scenarios.conformance.own_worlds import OWN, OwnWorld, outcome
 from cooploc.scenarios.processes.outcome import WorkerError
 from cooploc.scenarios.processes.workers import call, end, pool, used
-from cooploc.scenarios.resolved import ResolvedScenario
+from cooploc.scenarios.scenario import ResolvedScenario
 from cooploc.scenarios.stream import Stream, Truth
 
 NAMES = (*OWN, "surroundings", "own-functions", "results-on-disk", "secret-seed")

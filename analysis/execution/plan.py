@@ -10,8 +10,8 @@ from cooploc.analysis.execution.retries import Retry, worth_it
 from cooploc.analysis.execution.run_directory import Piece, RunDir
 from cooploc.analysis.execution.task import Task
 from cooploc.scenarios.remote import RemoteScenario
-from cooploc.scenarios.resolved import ResolvedScenario
-from cooploc.scenarios.studies.resolved_study import ResolvedStudy
+from cooploc.scenarios.scenario import ResolvedScenario
+from cooploc.scenarios.studies.study import ResolvedStudy
 
 CHUNK_BYTES = 64e6  # of readings between robots, the largest arrays of a stream
 CHUNK_ROWS = 200  # (trial, robot): enough that numpy's cost per call no longer counts, few enough to lose in a crash

@@ -15,8 +15,8 @@ from cooploc.estimators import make
 from cooploc.estimators.interface import Rows
 from cooploc.estimators.plugins.guard import forbid
 from cooploc.scenarios.processes.time_limit import Limit, within
-from cooploc.scenarios.runner.seedless import Seedless
-from cooploc.scenarios.runner.trace import Trace, demand_fit, trace
+from cooploc.scenarios.runner.run import Seedless
+from cooploc.scenarios.runner.trace import Trace, require_fit, trace
 from cooploc.scenarios.stream import Stream
 
 
@@ -43,12 +43,12 @@ def begin(one: Given) -> None:
     """Refuse an estimator that cannot run on such a stream at all.
 
     Raises:
-        BadInput: it cannot be made, or `demand_fit` refuses it.
+        BadInput: it cannot be made, or `require_fit` refuses it.
 
     """
     forbid(*one.folders)
     with within(Limit(one.seconds, end_process=True)), chdir(Path.cwd()):
-        demand_fit(one.label, make(one.label), one.stream)
+        require_fit(one.label, make(one.label), one.stream)
 
 
 def made(label: str, seconds: float) -> None:
@@ -60,7 +60,7 @@ def made(label: str, seconds: float) -> None:
 def play(one: Given) -> list[Played]:
     """Run an estimator on a stream, in a process that may be ended; trials that fail together run again, each alone."""
     forbid(*one.folders)
-    short = one._replace(stream=one.stream.truncated(2))
+    short = one._replace(stream=one.stream.first_ticks(2))
     with suppress(*THERE):  # imports and compiles before the clock runs; an error occurs again below
         _traced(short, slice(0, 1))
     return list(_played(one, slice(0, len(one.stream.trial))))

@@ -20,7 +20,7 @@ from cooploc.estimators.plugins.build import ConfiguredEstimator
 from cooploc.estimators.plugins.python_file import is_file
 from cooploc.estimators.plugins.sources import Named, distributions, helpers_of, of_module, tree
 from cooploc.scenarios.remote import RemoteScenario
-from cooploc.scenarios.resolved import ResolvedScenario
+from cooploc.scenarios.scenario import ResolvedScenario
 
 PACKAGES = ("cooploc", "filterpy", "numpy", "scipy", "numba", "pandas", "pyarrow")
 ROOT = Path(__file__).resolve().parents[2]

@@ -6,7 +6,7 @@ from math import isfinite
 
 from cooploc.analysis.execution.task import MeasuredPart, Task
 from cooploc.scenarios.remote import RemoteScenario
-from cooploc.scenarios.resolved import ResolvedScenario
+from cooploc.scenarios.scenario import ResolvedScenario
 
 PART = 3000.0  # what a tick of a part costs however few its trials are, in the unit of `work`: numpy's cost per call
 

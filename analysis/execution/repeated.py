@@ -19,8 +19,8 @@ from cooploc.estimators.plugins.build import ConfiguredEstimator
 from cooploc.scenarios import BUILTIN
 from cooploc.scenarios.processes.outcome import WorkerError
 from cooploc.scenarios.processes.workers import end
-from cooploc.scenarios.resolved import ResolvedScenario
-from cooploc.scenarios.studies.resolved_study import ResolvedStudy
+from cooploc.scenarios.scenario import ResolvedScenario
+from cooploc.scenarios.studies.study import ResolvedStudy
 
 NAME = "reproduction"
 TRIALS = 3  # of each estimator

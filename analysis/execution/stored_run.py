@@ -61,7 +61,7 @@ class Kept(NamedTuple):
 def _planned(study: Study) -> dict[str, dict[str, list[str]]]:
     """The estimators of each scenario of each experiment."""
     found: dict[str, dict[str, list[str]]] = {}
-    for cell in study.expanded():
+    for cell in study.expand_blocks():
         found.setdefault(cell.experiment, {}).setdefault(cell.scenario, []).extend(cell.estimators)
     return found
 

@@ -19,9 +19,9 @@ from cooploc.scenarios import BUILTIN, resolve
 from cooploc.scenarios.processes.time_limit import Limit, within
 from cooploc.scenarios.processes.workers import call, end
 from cooploc.scenarios.remote import RemoteScenario
-from cooploc.scenarios.resolved import ResolvedScenario
 from cooploc.scenarios.runner.run import Run
 from cooploc.scenarios.runner.trace import trace
+from cooploc.scenarios.scenario import ResolvedScenario
 from cooploc.scenarios.stream import Stream, Truth
 
 FAILURE = ("failure", "traceback")  # why a trial has no result, in a line and in full; missing where it has one
@@ -162,7 +162,7 @@ def _piece(task: Task, estimator: ConfiguredEstimator) -> Piece:
 
 def _warm_up(estimator: ConfiguredEstimator, stream: Stream, limit: Limit, caught: Caught) -> None:
     """Import and compile before the clock runs; an error here occurs again in the run, and is recorded there."""
-    short = stream.select(slice(0, 1)).truncated(2)
+    short = stream.select(slice(0, 1)).first_ticks(2)
     with suppress(*caught), within(limit), chdir(Path.cwd()):
         trace(estimator.label, make(estimator), short)
 

@@ -10,8 +10,7 @@ from cooploc.analysis.execution.played import Given, Played
 from cooploc.analysis.execution.task import FAILURE, failed_rows
 from cooploc.analysis.metrics.errors import errors
 from cooploc.estimators.plugins.guard import forbidden
-from cooploc.scenarios.runner.run import Run
-from cooploc.scenarios.runner.seedless import Seedless
+from cooploc.scenarios.runner.run import Run, Seedless
 from cooploc.scenarios.stream import Stream, Truth
 
 

@@ -39,9 +39,9 @@ from cooploc.estimators.plugins.errors import BadInput
 from cooploc.estimators.plugins.labels import parse
 from cooploc.estimators.plugins.python_file import is_file
 from cooploc.scenarios import resolve, simulate
-from cooploc.scenarios.resolved import divided
+from cooploc.scenarios.scenario import split_family
 from cooploc.scenarios.stream import Stream
-from cooploc.scenarios.worlds.radio_arena import Paper
+from cooploc.scenarios.worlds.radio import Paper
 
 CHANNELS = ("anchor_rssi", "radio_rssi", "radio_range")
 DERIVED: dict[str, Callable[[GradientDoa], Sensor]] = {  # channels that are made of anchor_rssi
@@ -72,7 +72,7 @@ def pooled_floor(
 ) -> float:
     """As `floors`, of one scenario and for an estimator that uses these channels."""
     try:
-        if is_file(divided(parse(label)[0])[0]):  # code that may come from somebody else: a table runs none
+        if is_file(split_family(parse(label)[0])[0]):  # code that may come from somebody else: a table runs none
             return np.nan
         resolved = resolve(label)
         robots = resolved.robots

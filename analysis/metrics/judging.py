@@ -12,7 +12,7 @@ from cooploc.analysis.metrics.tum_reading import from_tum
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.runner.run import Run
 from cooploc.scenarios.runner.tick import EstimatorError
-from cooploc.scenarios.runner.trace import Trace, demand_covariances
+from cooploc.scenarios.runner.trace import Trace, require_covariances
 from cooploc.scenarios.stream import Stream, Truth
 
 ELSEWHERE = "not checked: computed elsewhere"  # the certificate of each
@@ -85,6 +85,6 @@ def _demand_fit(name: str, trace: Trace, stream: Stream) -> None:
             raise BadInput(f"{name}: the {what} of {where} is not finite; every tick needs one")
     if "covariance" in told:
         try:
-            demand_covariances(name, stream, trace.P)
+            require_covariances(name, stream, trace.P)
         except EstimatorError as e:
             raise BadInput(f"{e}; leave P out where there is none") from None

@@ -12,9 +12,9 @@ from cooploc.analysis.plot import style
 from cooploc.analysis.plot.style import DARK, GREY
 from cooploc.estimators.interface import Array
 from cooploc.scenarios import resolve
-from cooploc.scenarios.resolved import ResolvedScenario
+from cooploc.scenarios.scenario import ResolvedScenario
 from cooploc.scenarios.stream import Stream
-from cooploc.scenarios.worlds.radio_channel import Scene
+from cooploc.scenarios.worlds.radio import Scene
 
 BLOCKED = style.VERMILION
 ROBOTS = (style.BLUE, style.ORANGE, style.GREEN, style.PURPLE, style.BROWN, style.SKY)

@@ -19,7 +19,7 @@ from cooploc.estimators import configure, make, parse
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.estimators.plugins.python_file import is_file
 from cooploc.scenarios import resolve
-from cooploc.scenarios.resolved import divided
+from cooploc.scenarios.scenario import split_family
 from cooploc.scenarios.sealed import Damaged, seal
 
 PAGE = "index.html"
@@ -124,7 +124,7 @@ def rerun(embedded: dict[str, Any], trials: int, data: Path | None = None, trust
 
 def _files(drawn: dict[tuple[str, int], list[dict[str, Any]]]) -> list[str]:
     """The Python files that scenarios and estimators name."""
-    scenarios = [divided(parse(scenario)[0])[0] for scenario, _ in drawn]
+    scenarios = [split_family(parse(scenario)[0])[0] for scenario, _ in drawn]
     estimators = [parse(one["estimator"])[0] for wanted in drawn.values() for one in wanted]
     return list(dict.fromkeys(name.rpartition(":")[0] for name in (*scenarios, *estimators) if is_file(name)))
 

@@ -18,7 +18,7 @@ from cooploc.analysis.tuning.objective import trial_scores
 from cooploc.analysis.tuning.race import Item
 from cooploc.analysis.tuning.training import Resolved
 from cooploc.estimators import configure
-from cooploc.scenarios.studies.resolved_study import ResolvedCell, ResolvedStudy
+from cooploc.scenarios.studies.study import ResolvedCell, ResolvedStudy
 
 Pairs = Iterable[tuple[str, Item]]  # a configuration's label, and a trial
 

@@ -17,9 +17,9 @@ from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios import resolve, resolve_isolated
 from cooploc.scenarios.processes.workers import call, end
 from cooploc.scenarios.remote import RemoteScenario
-from cooploc.scenarios.resolved import ResolvedScenario
+from cooploc.scenarios.scenario import ResolvedScenario
 from cooploc.scenarios.stream import Stream
-from cooploc.scenarios.studies.resolved_study import ResolvedCell
+from cooploc.scenarios.studies.study import ResolvedCell
 
 Resolved = ResolvedScenario | RemoteScenario
 LIMIT = 600.0  # [s] to read a recording that is not built in

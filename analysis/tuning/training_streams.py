@@ -7,7 +7,7 @@ from cooploc.analysis.tuning.training import derived_seed
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.estimators.plugins.labels import parse
 from cooploc.scenarios import family, simulate
-from cooploc.scenarios.resolved import divided
+from cooploc.scenarios.scenario import split_family
 from cooploc.scenarios.stream import Stream, Truth
 
 
@@ -35,7 +35,7 @@ def training(
         BadInput: it is a recording, of which other parts would be judged; or as `simulate`.
 
     """
-    if family(divided(parse(label)[0])[0]).recorded:
+    if family(split_family(parse(label)[0])[0]).recorded:
         raise BadInput(
             f"{label!r} is a recording, which is the same under every seed: learn from another run, by cl.simulate, "
             "and judge on this one"

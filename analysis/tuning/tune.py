@@ -10,7 +10,7 @@ import pandas as pd
 
 from cooploc.analysis.execution.atomic_file import replace
 from cooploc.analysis.execution.execute import Progress, Quiet, execute
-from cooploc.analysis.execution.fit import demand_fit
+from cooploc.analysis.execution.fit import require_fit
 from cooploc.analysis.execution.run_directory import RunDir
 from cooploc.analysis.execution.workers import hired
 from cooploc.analysis.tuning.evaluations import Evaluations
@@ -23,8 +23,7 @@ from cooploc.analysis.tuning.study_file import as_toml, tuned_study
 from cooploc.analysis.tuning.tables import Tuned, gains, history
 from cooploc.analysis.tuning.training import TrainingLane, demand_apart, derived_seed, lanes
 from cooploc.estimators.plugins.errors import BadInput, nearest
-from cooploc.scenarios.studies.resolved_study import ResolvedStudy, resolve_study
-from cooploc.scenarios.studies.study import Study
+from cooploc.scenarios.studies.study import ResolvedStudy, Study, resolve_study
 
 MOST_BUDGET = 1_000_000
 FILE = "tuned.toml"
@@ -102,7 +101,7 @@ def _searched(study: Study, out: Path, budget: int, objective: str, options: Opt
         seed = derived_seed(study.seed, "training")
         own = lanes(asked.cells, study.training, options.data, options.isolate)
         training = asked._replace(study=study.model_copy(update={"seed": seed}), cells=())
-        demand_fit(asked._replace(study=training.study), options.isolate)
+        require_fit(asked._replace(study=training.study), options.isolate)
         scenarios = {one.label: one for lane in own.values() for one in lane.scenarios}
         counted = _Counted(watcher, budget * len(asked.estimators))
         evaluations = Evaluations(training, scenarios, directory, workers, counted, objective)

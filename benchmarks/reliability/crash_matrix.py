@@ -72,7 +72,7 @@ class Cell(DeadReckoning):
 """
 SCENARIO = """
 from cooploc.scenarios import Family
-from cooploc.scenarios.worlds.radio_arena import Paper
+from cooploc.scenarios.worlds.radio import Paper
 
 def trouble():
     {does}

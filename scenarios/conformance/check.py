@@ -20,7 +20,7 @@ from cooploc.scenarios.conformance.harness import Harness, one_line, raised_by
 from cooploc.scenarios.conformance.report import Report, Result, sentences
 from cooploc.scenarios.processes.outcome import WorkerError
 from cooploc.scenarios.processes.workers import SESSION, call
-from cooploc.scenarios.runner.named import instance, label
+from cooploc.scenarios.runner.run import label_of, make_instance
 
 SMALLER = ((1, 2), (1, 4), (1, 8), (2, 4))  # (trials, ticks) of smaller counterexamples, in the order tried
 FIRST = {  # checks without which no other one means anything, and why
@@ -67,9 +67,9 @@ def check_estimator(
     try:
         return checked_there(SESSION, estimator, name, seed, time_limit, only)
     except WorkerError as e:
-        return _ended(name or label(estimator), seed, str(e))
+        return _ended(name or label_of(estimator), seed, str(e))
     except MemoryError as e:
-        return _ended(name or label(estimator), seed, one_line(e))
+        return _ended(name or label_of(estimator), seed, one_line(e))
 
 
 def checked_there(
@@ -97,7 +97,7 @@ def _ended(name: str, seed: int, why: str) -> Report:
 
 def checked_here(estimator: Any, name: str | None, seed: int, only: str | None = None) -> Report:
     """The report of checks in this process; on a terminal it is said which one runs."""
-    harness, results, reason = Harness(name or label(estimator), instance(estimator), seed), list[Result](), ""
+    harness, results, reason = Harness(name or label_of(estimator), make_instance(estimator), seed), list[Result](), ""
     chosen = [check for check in CHECKS if only in (None, check.name)]
     for k, check in enumerate(chosen):
         _say(f"check {k + 1} of {len(chosen)}: {check.name}")

@@ -18,8 +18,14 @@ from cooploc.estimators.plugins.traits import Traits, traits
 from cooploc.scenarios import simulate
 from cooploc.scenarios.conformance.compare import CheckFailed, RunRecord, require_equal
 from cooploc.scenarios.conformance.perturb import deep_copy, drop_readings
-from cooploc.scenarios.runner.channels import SENSED, IncompatibleEstimator, selected, visible
-from cooploc.scenarios.runner.tick import EstimatorError, Watcher
+from cooploc.scenarios.runner.tick import (
+    SENSED,
+    EstimatorError,
+    IncompatibleEstimator,
+    Watcher,
+    select_channels,
+    visible,
+)
 from cooploc.scenarios.runner.trace import trace
 from cooploc.scenarios.stream import Stream, Truth
 
@@ -93,7 +99,7 @@ class Harness:
 
     def channels(self, stream: Stream) -> set[str]:
         """The channels of a stream that its declaration selects."""
-        return selected(self.name, tuple(self.estimator.uses), stream)
+        return select_channels(self.name, tuple(self.estimator.uses), stream)
 
     def array(self, channel: str) -> str:
         """The name that a channel's readings have in `Stream.arrays`."""

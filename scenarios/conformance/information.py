@@ -70,4 +70,4 @@ def _require_future_ignored(harness: Harness, stream: Stream, base: RunRecord, k
         other = perturb.perturb_readings(stream, mode, harness.rng, since=k + 1)
         other = perturb.perturb_links(other, mode, harness.rng, k + 1)
         harness.require_same(base, other, f"readings and links after tick {k} were {mode}", ticks=k + 1)
-    harness.require_same(base, stream.truncated(k + 1), f"the stream ended after tick {k}")
+    harness.require_same(base, stream.first_ticks(k + 1), f"the stream ended after tick {k}")

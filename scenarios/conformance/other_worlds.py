@@ -9,7 +9,7 @@ from cooploc.scenarios import simulate
 from cooploc.scenarios.conformance.compare import CheckSkipped, RunRecord
 from cooploc.scenarios.conformance.harness import Harness
 from cooploc.scenarios.conformance.numerics import require_covariance
-from cooploc.scenarios.runner.channels import IncompatibleEstimator, visible
+from cooploc.scenarios.runner.tick import IncompatibleEstimator, visible
 from cooploc.scenarios.stream import Stream
 
 # label -> what differs from it, and what it is called
@@ -49,7 +49,7 @@ def _require_sound(harness: Harness, stream: Stream, where: str) -> None:
     half = len(stream.time) // 2
     if not harness.traits.offline:  # which sees later readings by definition
         ended = f"the stream ended after tick {half - 1} and {where}"
-        harness.require_same(base, stream.truncated(half), ended, ticks=half)
+        harness.require_same(base, stream.first_ticks(half), ended, ticks=half)
     alone = stream.select([1])
     harness.require_same(_second(base, alone), alone, f"the second trial was alone and {where}")
 

@@ -76,7 +76,7 @@ class OwnWorld:
         if self.base.trace.offline:
             raise CheckSkipped("it is offline: it sees later readings by definition")
         k = self.tick
-        self.require(self.stream.truncated(k), f"the stream ended before tick {k}", ticks=k)
+        self.require(self.stream.first_ticks(k), f"the stream ended before tick {k}", ticks=k)
         for mode in perturb.MODES:
             other = perturb.perturb_readings(self.stream, mode, self.rng, since=k)
             other = perturb.perturb_links(other, mode, self.rng, k)

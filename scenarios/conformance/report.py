@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from cooploc.scenarios.display.html import listed
+from cooploc.scenarios.display import list_table
 
 Status = Literal["passed", "failed", "skipped"]
 
@@ -66,7 +66,7 @@ class Report:
 
     def _repr_html_(self) -> str:
         rows = [(r.check, r.status, "; ".join(sentences(r))) for r in self.results]
-        return listed(("check", "result", "what was found"), self.summary(), rows)
+        return list_table(("check", "result", "what was found"), self.summary(), rows)
 
 
 def sentences(result: Result) -> list[str]:

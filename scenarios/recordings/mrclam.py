@@ -22,7 +22,7 @@ from cooploc.scenarios.recordings.mrclam_files import DataSet, read_data_set, un
 from cooploc.scenarios.recordings.resampling import interpolate, mean_held
 from cooploc.scenarios.recordings.text_tables import Table
 from cooploc.scenarios.stream import Air, Stream, Truth
-from cooploc.scenarios.worlds.radio_arena import Positive
+from cooploc.scenarios.worlds.radio import Positive
 
 MARGIN = 2.0  # [m] around the landmarks: the arena must not be taken from the truth
 

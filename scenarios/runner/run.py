@@ -4,26 +4,38 @@ Every estimator gets the same arrays, read-only, and loses the same packets. The
 """
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+import time
+from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import as_completed
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from cooploc.estimators import is_builtin
-from cooploc.estimators.interface import Array, Indices
-from cooploc.estimators.plugins.errors import BadInput
-from cooploc.scenarios.display import progress_bar
-from cooploc.scenarios.display.html import listed
-from cooploc.scenarios.processes.workers import BUILTIN
-from cooploc.scenarios.runner.in_process import Foreign, demand_fit_there, traced_there
-from cooploc.scenarios.runner.named import demand_stream, named
-from cooploc.scenarios.runner.trace import Trace, demand_fit, trace, warm_up
+from cooploc.estimators import is_builtin, make, split
+from cooploc.estimators.interface import Array, Indices, Rows
+from cooploc.estimators.lifting.lift import Lift
+from cooploc.estimators.plugins.errors import BadInput, message
+from cooploc.estimators.plugins.guard import forbid, forbidden
+from cooploc.estimators.plugins.lifted import is_plain, lifted
+from cooploc.scenarios import display, seeds
+from cooploc.scenarios.display import Advance, list_table
+from cooploc.scenarios.processes.outcome import ProcessDied, WorkerError
+from cooploc.scenarios.processes.time_limit import Limit, TimeLimit, within
+from cooploc.scenarios.processes.workers import BUILTIN, SESSION, call, end, received, submit
+from cooploc.scenarios.runner.tick import EstimatorError
+from cooploc.scenarios.runner.trace import Trace, require_fit, trace, warm_up
 from cooploc.scenarios.stream import Stream, Truth
 
 if TYPE_CHECKING:
     from xarray import Dataset
 
+T = TypeVar("T")
+ROBOT = ("init", "predict", "correct", "send", "fuse", "estimate")
+TEAM = ("init", "predict", "correct", "exchange", "estimate")
+OFFLINE = ("smooth",)
+LIFT = "a filter written for one robot is lifted by cl.PerRobot, one for a whole team by cl.PerTeam"
+ORDER = "write cl.run(estimators, stream)"
 TIME_LIMIT = 600.0  # [s] for one estimator on one trial
 
 
@@ -41,13 +53,13 @@ class Run:
     time: Array | None = None  # (T,) end of each tick [s]
 
     def __repr__(self) -> str:
-        return f"Run({self.scenario!r}, {len(self.trial)} trials, {', '.join(self.traces)}{self._where()})"
+        return f"Run({self.scenario!r}, {len(self.trial)} trials, {', '.join(self.traces)}{self._place()})"
 
     def _repr_html_(self) -> str:
         header = ("estimator", "messages per robot and tick", "bytes", "µs", "standing")
-        title = f"run of {self.scenario}, seed {self.seed}, {len(self.trial)} trials{self._where()}"
+        title = f"run of {self.scenario}, seed {self.seed}, {len(self.trial)} trials{self._place()}"
         rows = [(name, *_cost(trace, name in self.unchecked)) for name, trace in self.traces.items()]
-        return listed(header, title, rows)
+        return list_table(header, title, rows)
 
     def _where(self) -> str:
         return "" if self.isolated else ", all in one process"
@@ -103,23 +115,25 @@ def run(estimators: Any, stream: Stream, jobs: int = 1, isolate: bool = True, ti
             ended its process.
 
     """
-    _demand_possible(jobs, isolate, time_limit)
-    given = named(estimators, isolate)
-    demand_stream(stream)
-    first = stream.select(slice(0, 1)).truncated(1)
+    _require_possible(jobs, isolate, time_limit)
+    given = estimators_by_name(estimators, isolate)
+    require_stream(stream)
+    first = stream.select(slice(0, 1)).first_ticks(1)
     unchecked = frozenset(name for name, one in given.items() if not is_builtin(one))
     foreign = unchecked if isolate else frozenset()
     for name, one in given.items():
-        demand_fit_there(Foreign(name, one, time_limit), first) if name in foreign else demand_fit(name, one, first)
+        require_fit_in_process(PluginJob(name, one, time_limit), first) if name in foreign else require_fit(
+            name, one, first
+        )
     parts = np.array_split(np.arange(len(stream.trial)), min(jobs, len(stream.trial)))
     chunks = [stream.select(slice(int(part[0]), int(part[-1]) + 1)) for part in parts] if len(parts) > 1 else [stream]
-    with progress_bar.bar(stream.senses.dt.shape[1] * len(chunks) * len(given)) as advance:
+    with display.bar(stream.senses.dt.shape[1] * len(chunks) * len(given)) as advance:
         traces = {}
         for name, one in given.items():
             if name in foreign:
-                traces[name] = traced_there(Foreign(name, one, time_limit), chunks, advance)
+                traces[name] = trace_in_process(PluginJob(name, one, time_limit), chunks, advance)
             elif len(chunks) > 1:
-                traces[name] = traced_there(Foreign(name, one, math.inf, BUILTIN), chunks, advance)
+                traces[name] = trace_in_process(PluginJob(name, one, math.inf, BUILTIN), chunks, advance)
             else:
                 if name not in unchecked:
                     warm_up(name, one, stream)
@@ -127,10 +141,231 @@ def run(estimators: Any, stream: Stream, jobs: int = 1, isolate: bool = True, ti
     return Run(stream.scenario, stream.seed, stream.trial, stream.hashes, traces, isolate, unchecked, stream.time)
 
 
-def _demand_possible(jobs: int, isolate: bool, time_limit: float) -> None:
+def _require_possible(jobs: int, isolate: bool, time_limit: float) -> None:
     if jobs < 1:
         raise BadInput(f"jobs is {jobs}; it must be at least 1")
     if jobs > 1 and not isolate:
         raise BadInput(f"isolate=False keeps everything in one process, and jobs is {jobs}: leave one of them out")
     if not time_limit > 0:
         raise BadInput(f"time_limit is {time_limit}; it must be more than 0 s, or math.inf")
+
+
+# What may be given as estimators.
+
+
+def estimators_by_name(estimators: Any, isolate: bool = False) -> dict[str, Any]:
+    """Instances by name; with `isolate`, a name or class that is not built in stays one, for a process of its own.
+
+    Args:
+        estimators: a name, configured or not ("arl", "mrsl-rssi[particles=500]", "path.py:Name"), several of them
+            separated by commas, a class that needs no arguments, an instance, a list of these, or a mapping of your own
+            names to these.
+
+    Raises:
+        BadInput: one of them is not an estimator, or two have the same name.
+
+    """
+    if isinstance(estimators, Stream | Truth):
+        raise BadInput(f"the first argument is a {type(estimators).__name__}, not estimators: {ORDER}")
+    if isinstance(estimators, Mapping):
+        return {str(name): make_estimator(one, f"{name!r}", isolate) for name, one in estimators.items()}
+    found: dict[str, Any] = {}
+    for one in _as_list(estimators):
+        name = label_of(one)
+        if name in found:
+            raise BadInput(f"two estimators are called {name!r}: give them names, {{{name!r}: ..., 'other': ...}}")
+        found[name] = make_estimator(one, "one of the estimators", isolate)
+    return found
+
+
+def require_stream(stream: Any) -> None:
+    """Refuse what is not a stream.
+
+    Raises:
+        BadInput: it is the truth, or both, or something else.
+
+    """
+    if not isinstance(stream, Stream):
+        raise BadInput(
+            f"the second argument is a {type(stream).__name__}, not a Stream: write truth, stream = cl.simulate(...), "
+            f"then cl.run(estimators, stream)"
+        )
+
+
+def label_of(estimator: Any) -> str:
+    """Return the name of an estimator that was given without one."""
+    if isinstance(estimator, str):
+        return estimator
+    if isinstance(estimator, Lift):
+        return estimator.label
+    return estimator.__name__ if isinstance(estimator, type) else type(estimator).__name__
+
+
+def make_instance(estimator: Any) -> Any:
+    """Make an estimator of a name or of a class; return an instance as it is.
+
+    Raises:
+        BadInput: an unknown name, or a class that needs arguments.
+
+    """
+    if isinstance(estimator, str):
+        return make(estimator)
+    if not isinstance(estimator, type):
+        return estimator
+    name = estimator.__name__
+    if is_plain(estimator):
+        return lifted(name, estimator)
+    try:
+        return estimator()
+    except (Exception, SystemExit, GeneratorExit) as e:  # a constructor may fail in any way
+        remedy = f"pass an instance, {name}(...)" if hasattr(estimator, "init") else LIFT
+        raise BadInput(f"{name} cannot be made without arguments ({message(e)}): {remedy}") from e
+
+
+def make_estimator(given: Any, where: str, isolate: bool = False) -> Any:
+    """Make an instance that has an estimator's methods; with `isolate`, a name or class that is not built in stays one.
+
+    Raises:
+        BadInput: it is not an estimator.
+
+    """
+    if isolate and isinstance(given, str | type) and not is_builtin(given):
+        return given
+    made = make_instance(given)
+    whole = OFFLINE if getattr(made, "offline", False) else TEAM if hasattr(made, "exchange") else ROBOT
+    missing = [method for method in whole if not hasattr(made, method)]
+    if missing == list(ROBOT):
+        raise BadInput(
+            f"{where} is of type {type(made).__name__}, not an estimator: give a name, a class or an instance"
+        )
+    if missing:
+        lacking = ", ".join(f"{method}()" for method in missing)
+        raise BadInput(f"estimator {type(made).__name__} lacks {lacking}: help(cl.Estimator) says what to do; {LIFT}")
+    return made
+
+
+def _as_list(estimators: Any) -> Iterable[Any]:
+    if isinstance(estimators, str):
+        return split(estimators)
+    several = isinstance(estimators, Iterable) and not isinstance(estimators, type)
+    several = several and not any(hasattr(estimators, method) for method in ("init", "smooth"))
+    return estimators if several else [estimators]
+
+
+# Estimators in processes of their own.
+
+
+class Seedless(NamedTuple):
+    """A stream that does not say its seed, and the rows that the seed makes."""
+
+    stream: Stream
+    rows: Rows
+
+    @classmethod
+    def of(cls, stream: Stream) -> "Seedless":
+        """The same readings."""
+        return cls(replace(stream, seed=0, notes={}), seeds.rows(stream.seed, stream.trial, stream.robots))
+
+    def select(self, trials: slice) -> "Seedless":
+        """Consecutive trials of it."""
+        n = self.stream.robots
+        mine = slice(trials.start * n, trials.stop * n)
+        rows = Rows(self.rows.trial[mine], self.rows.robot[mine], self.rows.key[mine])
+        return Seedless(self.stream.select(trials), rows)
+
+
+class PluginJob(NamedTuple):
+    """An estimator on its way to another process."""
+
+    name: str
+    given: Any  # an instance, a class or a name
+    seconds: float  # for each trial; beyond it, it is ended
+    owner: str = SESSION
+
+
+def require_fit_in_process(one: PluginJob, stream: Stream) -> None:
+    """As `require_fit`, in its process.
+
+    Raises:
+        BadInput: it is not an estimator, or cannot run on such a stream.
+        EstimatorError: it cannot even begin.
+
+    """
+    _with_name(one, lambda: call(one.owner, _require_fit, one, Seedless.of(stream).stream, forbidden()))
+
+
+def trace_in_process(one: PluginJob, chunks: list[Stream], advance: Advance | None) -> Trace:
+    """As `trace`, of all chunks, a process for each.
+
+    Raises:
+        EstimatorError: it broke the interface, took too long, or ended its process.
+
+    """
+
+    def collect() -> Trace:
+        futures = [
+            submit(one.owner, len(chunks), _trace_chunk, one, Seedless.of(chunk), forbidden()) for chunk in chunks
+        ]
+        try:
+            for future in as_completed(futures):
+                future.exception()
+                if advance:
+                    advance(one.name, chunks[0].senses.dt.shape[1])
+            return _concatenate([received(one.owner, future) for future in futures])
+        except KeyboardInterrupt:
+            end(one.owner)
+            raise
+
+    return _with_name(one, collect)
+
+
+def _with_name(one: PluginJob, work: Callable[[], T]) -> T:
+    """Return the result of `work`; an error names the estimator."""
+    began = time.monotonic()
+    try:
+        return work()
+    except ProcessDied as e:
+        late = "exit code 1)" in str(e) and time.monotonic() - began > one.seconds  # as its own timer ends it
+        why = f"longer than the time limit of {one.seconds:g} s a trial; its process was ended" if late else str(e)
+        raise EstimatorError(f"{one.name}: {why}") from e
+    except WorkerError as e:
+        raise EstimatorError(f"{one.name}: {e}") from e.__cause__
+
+
+def _require_fit(one: PluginJob, stream: Stream, folders: tuple[str, ...]) -> None:
+    forbid(*folders)
+    with within(Limit(one.seconds, end_process=True)):
+        require_fit(one.name, make_estimator(one.given, one.name), stream)
+
+
+def _trace_chunk(one: PluginJob, given: Seedless, folders: tuple[str, ...]) -> Trace:
+    forbid(*folders)
+    limit = Limit(one.seconds, end_process=True)
+    with within(limit):
+        made = make_estimator(one.given, one.name)
+    return _trace_within_limit(one.name, made, given, limit)
+
+
+def _trace_within_limit(name: str, made: Any, given: Seedless, limit: Limit) -> Trace:
+    """A trace; trials that are late in company run again, each alone."""
+    trials, ticks = given.stream.senses.dt.shape[:2]
+    try:
+        with within(limit, trials, ticks) as watch:
+            return trace(name, made, given.stream, watch, rows=given.rows)
+    except TimeLimit:
+        if trials == 1:
+            raise
+        return _concatenate(
+            [_trace_within_limit(name, made, given.select(slice(i, i + 1)), limit) for i in range(trials)]
+        )
+
+
+def _concatenate(traces: list[Trace]) -> Trace:
+    if len(traces) == 1:
+        return traces[0]
+    parts: dict[str, Any] = {
+        f: np.concatenate([getattr(t, f) for t in traces]) for f in ("x", "P", "messages", "bytes")
+    }
+    notes = {name: np.concatenate([t.notes[name] for t in traces]) for name in traces[0].notes}
+    seconds = sum(t.seconds for t in traces)
+    return replace(traces[0], **parts, seconds=seconds, notes=notes)

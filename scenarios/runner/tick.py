@@ -1,17 +1,159 @@
-"""One estimator's ticks: what it is given, the calls of its methods in their order, and the mail that is carried."""
+"""One estimator's ticks: the channels it may read, the calls of its methods in their order, and its mail.
 
+An estimator's `uses` selects its channels; everything else is hidden from it, so the declaration is enforced.
+"""
+
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, ClassVar, Protocol, cast
 
+import numba
 import numpy as np
 
-from cooploc.estimators.interface import HEADER, TEAM_PRIOR, Array, Belief, Mail, Rows, Senses, Traffic, World
+from cooploc.estimators.compiled.jit import readable
+from cooploc.estimators.interface import HEADER, TEAM_PRIOR, Array, Belief, Mail, Mask, Rows, Senses, Traffic, World
+from cooploc.estimators.plugins.errors import BadInput
 from cooploc.estimators.plugins.guard import Forbidden, shut
-from cooploc.estimators.plugins.traits import traits
+from cooploc.estimators.plugins.traits import traits, wrong_version
 from cooploc.scenarios import seeds
-from cooploc.scenarios.runner.channels import SENSED
-from cooploc.scenarios.runner.network import count, deliver
 from cooploc.scenarios.stream import Stream
+
+WORDS = {
+    "anchor_rssi": "RSSI",
+    "anchor_range": "anchor ranges",
+    "landmark": "landmarks",
+    "sighting": "sightings",
+    "radio_rssi": "team RSSI",
+    "radio_range": "team ranges",
+    TEAM_PRIOR: "team priors",
+}
+DERIVED = {"doa": "DOA", "doa-constant": "DOA", "gradient": "gradient"}  # by the parameter `anchor_reading`
+SENSED = ("odometry", "anchor_rssi", "landmark", "sighting")
+
+
+class IncompatibleEstimator(BadInput):
+    """An estimator that cannot run on a stream, with the reason."""
+
+
+def visible(name: str, estimator: Any, stream: Stream) -> Stream:
+    """The stream with everything hidden that the estimator does not declare.
+
+    Raises:
+        IncompatibleEstimator: it declares a channel that the stream lacks, or another version of the interface.
+
+    """
+    if reason := wrong_version(estimator):
+        raise IncompatibleEstimator(f"{name} cannot run: {reason}")
+    used = select_channels(name, tuple(estimator.uses), stream)
+    senses = stream.senses
+    shown = senses._replace(
+        **{c: getattr(senses, c) if c in used else getattr(senses, c)[:, :, :, :0] for c in SENSED},
+        extra={c: a for c, a in senses.extra.items() if c in used},
+    )
+    air = stream.air
+    air = air._replace(
+        **{c: getattr(air, c) if f"radio_{c}" in used else getattr(air, c)[..., :0] for c in ("rssi", "range")}
+    )
+    sensors = {c: s for c, s in stream.world.sensors.items() if c in used}
+    return replace(stream, senses=shown, air=air, world=replace(stream.world, sensors=sensors))
+
+
+def senses(estimator: Any, stream: Stream) -> str:
+    """Name the channels that an estimator reads beside odometry: "DOA, team ranges"."""
+    used = select_channels("", tuple(estimator.uses), stream)
+    own = DERIVED.get(str(getattr(estimator, "anchor_reading", "")), WORDS["anchor_rssi"])
+    words = {**WORDS, "anchor_rssi": own} | {channel: channel for channel in sorted(used) if channel not in WORDS}
+    found = [word for channel, word in words.items() if channel in used and channel != "odometry"]
+    return ", ".join(found) or "odometry"
+
+
+def select_channels(name: str, uses: tuple[str, ...], stream: Stream) -> set[str]:
+    """The channels that a declaration selects: "a|b" the first that exists, "a?" if it exists.
+
+    Raises:
+        IncompatibleEstimator: the stream lacks one that is needed.
+
+    """
+    has, used = stream.channels(), set()
+    for wish in uses:
+        options = wish.rstrip("?").split("|")
+        found = next((channel for channel in options if channel in has), None)
+        if found is not None:
+            used.add(found)
+        elif not wish.endswith("?"):
+            needed = " or ".join(repr(channel) for channel in options)
+            there = ", ".join(sorted(has))
+            raise IncompatibleEstimator(f"{name} needs channel {needed}; scenario {stream.scenario!r} has {there}")
+    return used
+
+
+# Mail: compiled, since every tick delivers and counts it.
+
+
+def deliver(sent: Array, robots: int, link: Mask, rssi: Array, distance: Array) -> Mail:
+    """Deliver packets over the links that hold; a packet of nan only is silence.
+
+    Args:
+        sent: (t n, m) for everyone, or (t n, n, m) with axis 1 the addressee.
+        robots: n.
+        link: (t, n, n) with axis 1 the receiver, as in what follows.
+        rssi: (t, n, n) [dBm]
+        distance: (t, n, n) [m]
+
+    """
+    t, n, m = len(link), robots, sent.shape[-1]
+    if sent.dtype == np.float16:  # which numba cannot read
+        mail = deliver(sent.astype(np.float32), robots, link, rssi, distance)
+        return mail._replace(packets=mail.packets.astype(np.float16))
+    heard, packets = np.empty((t, n, n), bool), np.empty((t, n, n, m), sent.dtype)
+    signal, away = np.empty((t, n, n)), np.empty((t, n, n))
+    wire = readable(sent.reshape(t, n, -1, m) if m else np.empty((t, n, 1, 0)))
+    _deliver(wire, readable(link), readable(rssi), readable(distance), heard, packets, signal, away)
+    return Mail(*(a.reshape(t * n, *a.shape[2:]) for a in (heard, packets, signal, away)))  # type: ignore[arg-type]
+
+
+def count(sent: Array, awake: Mask) -> Traffic:
+    """Messages and bytes of what the robots `awake` (t, n) sent, whether it arrives or not; none to oneself."""
+    t, n = awake.shape
+    messages, size = np.zeros((t, n)), np.zeros((t, n))
+    if sent.shape[-1]:
+        wire = readable(sent.astype(float, copy=False).reshape(t, n, -1, sent.shape[-1]))
+        _count(wire, readable(awake), sent.ndim == 3, sent.itemsize, messages, size)
+    return Traffic(messages, size)
+
+
+@numba.njit(cache=True)
+def _deliver(wire, link, rssi, distance, heard, packets, signal, away):
+    t, n, addressees, m = wire.shape
+    for s in range(t):
+        for i in range(n):
+            for j in range(n):
+                to, said = min(i, addressees - 1), False
+                for c in range(m):
+                    said |= not np.isnan(wire[s, j, to, c])
+                heard[s, i, j] = hears = link[s, i, j] and said
+                signal[s, i, j] = rssi[s, i, j] if hears else np.nan
+                away[s, i, j] = distance[s, i, j] if hears else np.nan
+                for c in range(m):
+                    number = wire[s, j, to, c]
+                    packets[s, i, j, c] = number if hears and not np.isnan(number) else np.nan
+
+
+@numba.njit(cache=True)
+def _count(wire, awake, addressed, itemsize, messages, size):
+    t, n, addressees, m = wire.shape
+    for s in range(t):
+        for j in range(n):
+            for to in range(addressees):
+                numbers = 0
+                for c in range(m):
+                    numbers += not np.isnan(wire[s, j, to, c])
+                if numbers and awake[s, j] and not (addressed and to == j):
+                    messages[s, j] += 1
+                    size[s, j] += numbers * itemsize + HEADER
+
+
+# The ticks.
 
 
 class EstimatorError(RuntimeError):
@@ -27,14 +169,14 @@ class Watcher(Protocol):
 def drive(
     name: str, estimator: Any, stream: Stream, watch: Watcher | None = None, rows: Rows | None = None
 ) -> "Robots | Team | Offline":
-    """What runs an estimator tick by tick on what it may see of a stream: first `start`, then `tick` by number."""
+    """Return the object that runs an estimator tick by tick: call `start` first, then `tick` by number."""
     about = traits(estimator)
     kind = Offline if about.offline else Team if about.team else Robots
     return kind(name, estimator, stream, watch, rows)
 
 
 class _Drive:
-    """What both kinds of estimators need of a tick."""
+    """The part of a tick that all kinds of estimators share."""
 
     team: ClassVar[bool]
 
@@ -72,13 +214,13 @@ class _Drive:
         return air.link[:, k], rssi, distance
 
     def beginning(self) -> tuple[Belief, World, Rows]:
-        """What a team knows before tick 0."""
+        """Return the prior, the world and the rows: all that a team knows before tick 0."""
         t, n = self.shape
         rows = Rows(*(_frozen(a.reshape(t, n, *a.shape[1:])) for a in self.rows))
         return Belief(*(_frozen(a) for a in self.stream.prior)), self.stream.world, rows
 
     def all_readings(self) -> Traffic:
-        """What a centralised estimator's robots must send to its computer: the finite readings it uses."""
+        """Return the traffic of a centralised estimator: the finite readings that its robots upload."""
         senses, air = self.stream.senses, self.stream.air
         heard = (np.isfinite(a) & air.link for a in (air.rssi, air.range) if a.shape[-1])
         read = {c: a for c, a in senses.extra.items() if c != TEAM_PRIOR}  # which all are told in advance
@@ -143,7 +285,7 @@ class Robots(_Drive):
 
     @cached_property
     def silence(self) -> tuple[Mail, Traffic]:
-        """What `carry` returns in every tick of an estimator that never transmits."""
+        """Mail and traffic of an estimator that never transmits, the same in every tick."""
         (t, n), sent = self.shape, np.empty((len(self.rows.key), 0))
         mail = deliver(sent, n, np.zeros((t, n, n), bool), self.hidden, self.hidden)
         return Mail(*(_frozen(a) for a in mail)), count(sent, np.ones((t, n), bool))

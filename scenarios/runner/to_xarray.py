@@ -26,8 +26,8 @@ COUNT = ("estimator", "trial", "robot")
 LARGEST = 2**31  # above which netCDF 3 has no whole numbers
 
 
-class Played(NamedTuple):
-    """What of a run goes into a dataset."""
+class RunData(NamedTuple):
+    """The parts of a run that go into a dataset."""
 
     scenario: str
     seed: int
@@ -37,7 +37,7 @@ class Played(NamedTuple):
     traces: Mapping[str, Trace]
 
 
-def dataset(run: Played, truth: Truth | None = None) -> xr.Dataset:
+def dataset(run: RunData, truth: Truth | None = None) -> xr.Dataset:
     """Every trace of a run, by its estimator's name; with the truth, the errors too.
 
     Raises:
@@ -75,7 +75,7 @@ def dataset(run: Played, truth: Truth | None = None) -> xr.Dataset:
     return xr.Dataset(variables, coordinates, {"scenario": run.scenario, "seed": seed})
 
 
-def _errors(run: Played, truth: Truth) -> Mapping[str, Any]:
+def _errors(run: RunData, truth: Truth) -> Mapping[str, Any]:
     """The truth, and how far each estimate is from it."""
     if truth.origin != run.hashes:
         raise BadInput(f"this truth ({truth.scenario}) is not the run's ({run.scenario}): simulate it again")
@@ -94,7 +94,7 @@ def _about(name: str, units: str = "") -> dict[str, str]:
 
 
 def _notes(traces: Mapping[str, Trace]) -> Mapping[str, Any]:
-    """What estimators counted."""
+    """Return the counts that estimators kept, by name."""
     names = dict.fromkeys(name for trace in traces.values() for name in trace.notes)
     absent = np.full_like(next(iter(traces.values())).messages, np.nan)
     return {

@@ -1,23 +1,66 @@
-"""One estimator on one stream: what it believed at every tick, and what that cost."""
+"""Run one estimator on one stream: what it believed at every tick, and what that cost."""
 
 import sys
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any
+from time import process_time
+from types import TracebackType
+from typing import Any, Self
 
 import numpy as np
+from numba.core import event
 from threadpoolctl import ThreadpoolController
 
 from cooploc.estimators.interface import Array, Rows
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.estimators.plugins.traits import traits
-from cooploc.scenarios.display.progress_bar import Advance
-from cooploc.scenarios.runner.channels import IncompatibleEstimator, senses, visible
-from cooploc.scenarios.runner.stopwatch import Stopwatch
-from cooploc.scenarios.runner.tick import EstimatorError, Watcher, drive
+from cooploc.scenarios.display import Advance
+from cooploc.scenarios.runner.tick import EstimatorError, IncompatibleEstimator, Watcher, drive, senses, visible
 from cooploc.scenarios.stream import Stream
+
+COMPILING = "numba:compiler_lock"  # numba's event around compiling a kernel, or reading it from disk
+
+
+class Stopwatch(event.Listener):
+    """Seconds of this process's processor time between `with` and its end, without pauses and compilation."""
+
+    def __init__(self) -> None:
+        self.seconds = 0.0
+        self._began = 0.0
+        self._stopped = 0  # how often: one kernel compiles the kernels that it calls
+
+    def __enter__(self) -> Self:
+        event.register(COMPILING, self)
+        self._began = process_time()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
+    ) -> None:
+        event.unregister(COMPILING, self)
+        self.seconds += process_time() - self._began
+
+    @contextmanager
+    def pause(self) -> Iterator[None]:
+        """Leave out the time until the end of this block."""
+        self.on_start(None)
+        try:
+            yield
+        finally:
+            self.on_end(None)
+
+    def on_start(self, event: Any) -> None:
+        if self._stopped == 0:
+            self.seconds += process_time() - self._began
+        self._stopped += 1
+
+    def on_end(self, event: Any) -> None:
+        self._stopped -= 1
+        if self._stopped == 0:
+            self._began = process_time()
+
 
 ROUNDING = 1e-9  # asymmetry and negative variance that are allowed, relative to the covariance's largest entry
 
@@ -26,7 +69,7 @@ NOTHING = 1e-200  # a smaller covariance is zero: subnormal numbers have too few
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """What one estimator believed at every tick, and what it cost."""
+    """The beliefs of one estimator at every tick, and their cost."""
 
     x: Array  # (t, T, n, d)
     P: Array  # (t, T, n, d, d)
@@ -82,16 +125,25 @@ def trace(
             messages += traffic.messages
             sent += traffic.bytes
             if advance:
-                with clock.paused():
+                with clock.pause():
                     advance(name, 1)
-    _demand_finite(name, stream, x, P)
+    _require_finite(name, stream, x, P)
     if not any_covariance:
-        demand_covariances(name, stream, P)
+        require_covariances(name, stream, P)
     about = traits(estimator)
     notes = {what: np.asarray(values, float).reshape(t, n) for what, values in about.notes(running.state).items()}
-    told = senses(estimator, stream)
     kind = {"bound": about.bound, "centralised": about.centralised, "offline": about.offline}
-    return Trace(x, P, messages, sent, clock.seconds, notes=notes, senses=told, trained_on=about.trained_on, **kind)
+    return Trace(
+        x,
+        P,
+        messages,
+        sent,
+        clock.seconds,
+        notes=notes,
+        senses=senses(estimator, stream),
+        trained_on=about.trained_on,
+        **kind,
+    )
 
 
 @lru_cache(maxsize=1)
@@ -100,7 +152,7 @@ def _thread_pools(modules: int) -> ThreadpoolController:
     return ThreadpoolController()
 
 
-def demand_fit(name: str, estimator: Any, stream: Stream) -> None:
+def require_fit(name: str, estimator: Any, stream: Stream) -> None:
     """Refuse an estimator that cannot run on such a stream at all.
 
     Raises:
@@ -119,10 +171,10 @@ def demand_fit(name: str, estimator: Any, stream: Stream) -> None:
 def warm_up(name: str, estimator: Any, stream: Stream) -> None:
     """Two ticks of one trial, so that what an estimator imports and compiles is there before its time is taken."""
     with suppress(Exception):  # it occurs again in the run
-        trace(name, estimator, stream.select(slice(0, 1)).truncated(2))
+        trace(name, estimator, stream.select(slice(0, 1)).first_ticks(2))
 
 
-def _demand_finite(name: str, stream: Stream, x: Array, P: Array) -> None:
+def _require_finite(name: str, stream: Stream, x: Array, P: Array) -> None:
     bad = ~(np.isfinite(x).all(-1) & np.isfinite(P).all((-2, -1)))
     if bad.any():
         i, k, robot = np.argwhere(bad)[0]
@@ -131,7 +183,7 @@ def _demand_finite(name: str, stream: Stream, x: Array, P: Array) -> None:
         )
 
 
-def demand_covariances(name: str, stream: Stream, P: Array) -> None:
+def require_covariances(name: str, stream: Stream, P: Array) -> None:
     """Refuse an invalid covariance at any tick, robot and trial: a negative variance would count as consistent.
 
     Raises:

@@ -4,7 +4,7 @@
     about = "what it asks"
     trials = 100
     baseline = "arl"                                   # what every estimator is compared with
-    scenarios = ["packet-drop/drop={0,0.5,0.9}"]       # `sweep.py` says what braces and variants are
+    scenarios = ["packet-drop/drop={0,0.5,0.9}"]
     estimators = ["arl", "mrsl-rssi[particles={50,200}]", "mrsl-rssi[consistent]"]
     variants = { consistent = "density=exact,M=1,K=1" }
 
@@ -12,23 +12,104 @@
     scenarios = ["scalability/n=50"]
     estimators = ["arl"]
 
-A study that includes others by name runs everything that they have.
-
     [training]                                         # what `cooploc tune` uses instead of a recording that is judged
     "mrclam/none[start=300]" = ["mrclam/none[duration=300]"]
+
+Braces sweep a parameter, as in a shell: a list, or first..last or first..last..step, both ends included. A word in
+brackets that is not name=value is a variant: overrides to which the study gives a name. A study that includes others by
+name runs everything that they have.
 """
 
 import re
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from decimal import Decimal, InvalidOperation
 from importlib.resources import files
+from itertools import product
+from math import prod
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from cooploc import scenarios as registry
+from cooploc.estimators import configure
+from cooploc.estimators.plugins.build import ConfiguredEstimator
 from cooploc.estimators.plugins.errors import BadInput, first_reason, nearest
-from cooploc.scenarios.studies.sweep import MOST_LABELS, expand, named
+from cooploc.estimators.plugins.listing import source_of
+from cooploc.scenarios import resolve, resolve_isolated
+from cooploc.scenarios.remote import RemoteScenario
+from cooploc.scenarios.scenario import ResolvedScenario
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+
+MOST_LABELS = 10_000  # for which one label may stand
+LARGEST = 30  # powers of ten of a number in a range
+
+
+def expand(label: str, variants: Mapping[str, str]) -> list[str]:
+    """Every label that a swept one stands for, in order; the rightmost braces change fastest.
+
+    Raises:
+        BadInput: braces or a range that cannot be read, that stand for too many labels, or a variant that the study
+            does not have.
+
+    """
+    texts, swept = (re.split(r"\{([^{}]*)\}", label)[i::2] for i in (0, 1))
+    if any("{" in text for text in texts):
+        raise BadInput(f"cannot read {label!r}: write a sweep like drop={{0,0.5}} or n={{1..9..2}}")
+    if any("}" in text for text in texts):
+        raise BadInput(f"cannot read {label!r}: a brace is closed that was not opened")
+    values = [_swept_values(inside, label) for inside in swept]
+    if (count := prod(map(len, values))) > MOST_LABELS:
+        raise BadInput(f"{label!r} stands for {count} labels, and at most {MOST_LABELS} are allowed: sweep fewer")
+    filled = ("".join(map("".join, zip(texts, (*chosen, ""), strict=True))) for chosen in product(*values))
+    return [write_out_variants(each, variants) for each in filled]
+
+
+def write_out_variants(label: str, variants: Mapping[str, str]) -> str:
+    """The label with its variants written out.
+
+    Raises:
+        BadInput: the study has no variant of that name.
+
+    """
+    match = re.fullmatch(r"([^\[\]]*)\[([^\[\]]*)\]", label)
+    if match is None:
+        return label
+    written = [_variant_text(item.strip(), label, variants) for item in match[2].split(",")]
+    return f"{match[1]}[{','.join(written)}]"
+
+
+def _variant_text(item: str, label: str, variants: Mapping[str, str]) -> str:
+    if "=" in item:
+        return item
+    if item not in variants:
+        known = nearest(item, list(variants)) if variants else "give it in the study's [variants]"
+        raise BadInput(f"{label!r}: {item!r} is neither name=value nor a variant of the study; {known}")
+    return variants[item]
+
+
+def _swept_values(inside: str, label: str) -> list[str]:
+    if ".." not in inside:
+        return [value.strip() for value in inside.split(",")]
+    try:
+        first, last, *step = (Decimal(part) for part in inside.split(".."))
+        (by,) = step or [Decimal(1)]
+    except (InvalidOperation, ValueError):
+        raise BadInput(f"cannot read {{{inside}}} in {label!r}: write first..last or first..last..step") from None
+    for number in (first, last, by):
+        if not number.is_finite() or abs(number.adjusted()) > LARGEST:
+            raise BadInput(f"{{{inside}}} in {label!r}: {number} must be a number from 1e-{LARGEST} to 1e{LARGEST}")
+    if by <= 0 or last < first:
+        raise BadInput(f"{{{inside}}} in {label!r} holds nothing: it must rise, by a step above 0")
+    if (last - first) / by >= MOST_LABELS:
+        count = f"{(last - first) / by + 1:.0f}" if last / by < 10**12 else f"about {(last - first) / by:.0e}"
+        raise BadInput(f"{{{inside}}} in {label!r} holds {count} values, and at most {MOST_LABELS} are allowed")
+    return [f"{(first + k * by).normalize():f}" for k in range(int((last - first) / by) + 1)]
+
 
 Labels = tuple[str, ...]
 Trials = Annotated[int, Field(strict=True, ge=1, le=1_000_000)]
@@ -50,7 +131,7 @@ class Block(BaseModel):
 
 
 class StudyCell(NamedTuple):
-    """What a study does with one scenario, as labels."""
+    """One scenario of a study with its estimators, as labels."""
 
     experiment: str
     scenario: str
@@ -59,7 +140,7 @@ class StudyCell(NamedTuple):
 
 
 class Study(BaseModel):
-    """What a study file says."""
+    """The content of a study file."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -91,7 +172,7 @@ class Study(BaseModel):
 
         """
         given = {key: value for key, value in options.items() if value is not None}
-        return _validated({**self.model_dump(), **given}, f"study {self.name!r}")
+        return _validate({**self.model_dump(), **given}, f"study {self.name!r}")
 
     @property
     def folder_name(self) -> str:
@@ -101,9 +182,9 @@ class Study(BaseModel):
     def blocks(self) -> list[Block]:
         """Its own scenarios with their estimators, then the others."""
         own = [Block(scenarios=self.scenarios, estimators=self.estimators)] if self.scenarios else []
-        return [self._filled(block) for block in (*own, *self.also)]
+        return [self._with_defaults(block) for block in (*own, *self.also)]
 
-    def expanded(self) -> Iterator[StudyCell]:
+    def expand_blocks(self) -> Iterator[StudyCell]:
         """Every block's scenarios, in order; one that several blocks have, several times."""
         for block in self.blocks():
             estimators = tuple(self._labels(block.estimators, block.variants))
@@ -117,7 +198,7 @@ class Study(BaseModel):
                 yield StudyCell(block.experiment, scenario, estimators, block.baseline)
 
     def _labels(self, labels: Labels, variants: dict[str, str]) -> list[str]:
-        """What labels stand for, in order."""
+        """Return the labels that swept labels stand for, in order."""
         found: list[str] = []
         for label in labels:
             found += expand(label, variants)
@@ -133,7 +214,7 @@ class Study(BaseModel):
 
         """
         found: dict[str, StudyCell] = {}
-        for new in self.expanded():
+        for new in self.expand_blocks():
             cell = found.get(new.scenario, new)
             estimators = tuple(dict.fromkeys((*cell.estimators, *new.estimators)))
             found[new.scenario] = cell._replace(estimators=estimators)
@@ -143,23 +224,24 @@ class Study(BaseModel):
                     f"study {self.name!r} compares with {cell.baseline!r}, which is not one of its estimators on "
                     f"{cell.scenario!r}: add it there"
                 )
-        return self._chosen(list(found.values()))
+        return self._only_chosen(list(found.values()))
 
     def baselines(self) -> dict[str, str]:
-        """What each scenario's estimators are compared with."""
+        """Return the baseline of each scenario."""
         return {cell.scenario: cell.baseline for cell in self.cells()}
 
-    def _filled(self, block: Block) -> Block:
+    def _with_defaults(self, block: Block) -> Block:
         variants = {**self.variants, **block.variants}
         return Block(
             scenarios=block.scenarios,
             estimators=block.estimators,
-            baseline=named(block.baseline or self.baseline, variants) or expand(block.estimators[0], variants)[0],
+            baseline=write_out_variants(block.baseline or self.baseline, variants)
+            or expand(block.estimators[0], variants)[0],
             experiment=block.experiment or self.name,
             variants=variants,
         )
 
-    def _chosen(self, cells: list[StudyCell]) -> list[StudyCell]:
+    def _only_chosen(self, cells: list[StudyCell]) -> list[StudyCell]:
         """The cells with the estimators of `only`."""
         if not self.only:
             return cells
@@ -203,7 +285,7 @@ def _load(which: str, including: tuple[str, ...]) -> Study:
         raise BadInput(f"{which} is not a TOML file: {e}") from None
     except RecursionError:
         raise BadInput(f"{which} is not a study: its arrays are nested too deeply") from None
-    study = _validated({"name": path.name.removesuffix(".toml"), **content}, which)
+    study = _validate({"name": path.name.removesuffix(".toml"), **content}, which)
     others = [_load(other, (*including, which)) for other in study.include]
     also = (*study.also, *(block for other in others for block in other.blocks()))
     training = {key: value for other in (*others, study) for key, value in other.training.items()}
@@ -227,7 +309,7 @@ def _path(which: str) -> Any:
     return files(__package__) / f"{which}.toml"
 
 
-def _validated(content: dict[str, Any], where: str) -> Study:
+def _validate(content: dict[str, Any], where: str) -> Study:
     _demand_known(content, Study, "a study", where)
     also = content.get("also")
     for block in also if isinstance(also, list) else ():  # anything else is refused below
@@ -247,3 +329,87 @@ def _demand_known(content: Any, model: type[BaseModel], what: str, where: str) -
     for key in content if isinstance(content, dict) else ():
         if key not in model.model_fields:
             raise BadInput(f"{where}: there is no key {key!r} in {what}; {nearest(key, list(model.model_fields))}")
+
+
+# A study with every label read, before anything runs.
+
+MOST_TRIALS = 100_000_000  # of all scenarios and estimators together
+
+
+class ResolvedCell(NamedTuple):
+    """One scenario of a study with its estimators and trials."""
+
+    experiment: str
+    scenario: ResolvedScenario | RemoteScenario
+    trials: Mapping[str, int]  # by the label of an estimator
+    estimators: tuple[ConfiguredEstimator, ...]
+    baseline: str  # the label of one of them
+
+    @property
+    def most(self) -> int:
+        """Trials of the estimator that has most."""
+        return max(self.trials.values())
+
+
+class ResolvedStudy(NamedTuple):
+    """Everything that is to run."""
+
+    study: Study
+    data: Path | None  # the directory of recordings
+    cells: tuple[ResolvedCell, ...]
+
+    @property
+    def estimators(self) -> list[ConfiguredEstimator]:
+        """All estimators, each once, in the order in which scenarios name them."""
+        return list({one.label: one for cell in self.cells for one in cell.estimators}.values())
+
+    def with_trials(self, counts: Mapping[tuple[str, str], int]) -> "ResolvedStudy":
+        """The same with these numbers of trials, by the labels of scenario and estimator; none above its own."""
+        cells = []
+        for cell in self.cells:
+            asked = {name: min(counts[cell.scenario.label, name], n) for name, n in cell.trials.items()}
+            cells.append(cell._replace(trials=asked))
+        return self._replace(cells=tuple(cells))
+
+
+def resolve_study(study: Study, data: Path | None = None, isolate: bool = True) -> ResolvedStudy:
+    """Read every label of a study; with `isolate`, scenarios that are not built in are imported elsewhere.
+
+    Raises:
+        BadInput: a label that cannot be read, a scenario or a parameter of one that does not exist, or a recording
+            without `data`.
+
+    """
+    cells = study.cells()
+    total = study.trials * sum(len(cell.estimators) for cell in cells)
+    if total > MOST_TRIALS:
+        raise BadInput(f"study {study.name!r} asks for {total} trials in all, and at most {MOST_TRIALS} are allowed")
+    known = {label: configure(label) for label in dict.fromkeys(name for cell in cells for name in cell.estimators)}
+    found = []
+    for cell in cells:
+        scenario = (resolve_isolated if isolate else resolve)(cell.scenario, data)
+        estimators = tuple(known[label] for label in cell.estimators)
+        trials = dict.fromkeys(cell.estimators, scenario.trials(study.trials))
+        found.append(ResolvedCell(cell.experiment, scenario, trials, estimators, cell.baseline))
+    return ResolvedStudy(study, data, tuple(found))
+
+
+# The list of shipped studies.
+
+
+def studies() -> "DataFrame":
+    """One row per study that is shipped.
+
+    Columns: `name`; `about`, its title and what it asks; `minutes`, how long it takes on two cores, nan where that
+    depends on your data; `source`, the papers or data sets that its scenarios come from.
+    """
+    from pandas import DataFrame
+
+    rows = []
+    for one in (load(name) for name in names()):
+        families = dict.fromkeys(re.split(r"[/\[]", cell.scenario)[0] for cell in one.cells())
+        sources = dict.fromkeys(source_of(registry.family(name).model_class(name)) for name in families)
+        told = "; ".join(filter(None, sources))
+        about = ": ".join(filter(None, (one.title, one.about)))
+        rows.append({"name": one.name, "about": about, "minutes": one.minutes, "source": told})
+    return DataFrame(rows, columns=["name", "about", "minutes", "source"]).astype({"minutes": float})

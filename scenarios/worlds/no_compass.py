@@ -15,7 +15,7 @@ from cooploc.estimators.models.angles import wrap_heading
 from cooploc.estimators.models.motion import Unicycle
 from cooploc.scenarios.seeds import Purpose, generator
 from cooploc.scenarios.stream import Air, Stream, Truth
-from cooploc.scenarios.worlds.radio_arena import Paper, Positive, Share, Sigma
+from cooploc.scenarios.worlds.radio import Paper, Positive, Share, Sigma
 
 
 class NoCompass(BaseModel):
@@ -46,7 +46,7 @@ class NoCompass(BaseModel):
         return Paper(**{name: getattr(self, name) for name in shared - {"turn"}}, step=self.speed * self.tick)
 
     def world(self) -> World:
-        """What the team knows of this world in advance."""
+        """Return this world as the team knows it in advance."""
         arena = self.radio.world()
         return World(
             robots=self.robots,

@@ -11,8 +11,7 @@ from cooploc.estimators import make, names
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.runs import run_study
 from cooploc.scenarios import resolve
-from cooploc.scenarios.studies.resolved_study import resolve_study
-from cooploc.scenarios.studies.study import Study, load
+from cooploc.scenarios.studies.study import Study, load, resolve_study
 
 NAMES = st.sampled_from(
     [*(n for n in names() if n != "cvxpy"), "arll", "x.py", "../x.py:Name", "", " ", "=1+1", "\x1b[2J"]

@@ -24,7 +24,7 @@ from cooploc.scenarios.recordings.logs.models import AssumedModels
 from cooploc.scenarios.recordings.logs.run import LogRun
 from cooploc.scenarios.recordings.logs.schema import Model, Prior
 from cooploc.scenarios.stream import Air, Stream, Truth
-from cooploc.scenarios.worlds.radio_arena import Positive
+from cooploc.scenarios.worlds.radio import Positive
 
 
 class Log(BaseModel):

@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.recordings.logs.columns import Angle, Metres, Number, Power, Seconds, Speed, Strict, TurnRate
 from cooploc.scenarios.recordings.logs.toml_errors import parse
-from cooploc.scenarios.worlds.radio_arena import Positive
+from cooploc.scenarios.worlds.radio import Positive
 
 NAME = "log.toml"  # of the description in a directory of logs
 Place = tuple[float, float]  # [m]

@@ -30,7 +30,7 @@ from cooploc.scenarios.recordings.team.sampling import Gaps, Grid
 from cooploc.scenarios.recordings.team.sensed import sensed
 from cooploc.scenarios.recordings.team.team_log import TeamLog
 from cooploc.scenarios.stream import Stream, Truth
-from cooploc.scenarios.worlds.radio_arena import Positive
+from cooploc.scenarios.worlds.radio import Positive
 
 MARGIN = 2.0  # [m] around all fixed things: the arena must not be taken from the truth
 

@@ -54,7 +54,7 @@ from cooploc.scenarios.recordings.team.schema_tables import Rssi as Rssi
 from cooploc.scenarios.recordings.team.schema_tables import Several as Several
 from cooploc.scenarios.recordings.team.schema_tables import Sightings as Sightings
 from cooploc.scenarios.recordings.team.schema_tables import Source as Source
-from cooploc.scenarios.worlds.radio_arena import Positive
+from cooploc.scenarios.worlds.radio import Positive
 
 NAME = "log.toml"
 EXAMPLE = "cooploc inspect DIR writes such a file"

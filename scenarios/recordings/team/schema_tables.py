@@ -17,7 +17,7 @@ from cooploc.scenarios.recordings.logs.columns import (
     Strict,
     TurnRate,
 )
-from cooploc.scenarios.worlds.radio_arena import Positive
+from cooploc.scenarios.worlds.radio import Positive
 
 Place = tuple[float, float]  # [m]
 Name = Annotated[str, Field(pattern=r"^[^\s,/{}\[\]]+$", max_length=60)]

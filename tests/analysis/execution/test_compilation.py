@@ -7,8 +7,7 @@ from cooploc.analysis.execution import compilation
 from cooploc.analysis.execution.compilation import compile_kernels
 from cooploc.analysis.execution.execute import Quiet, execute
 from cooploc.analysis.execution.task import Task
-from cooploc.scenarios.studies.resolved_study import resolve_study
-from cooploc.scenarios.studies.study import Study
+from cooploc.scenarios.studies.study import Study, resolve_study
 
 LABELS = "dead-reckoning", "ekf-local", "ekf-local[gate=9]", "ekf-local[anchor_reading=rssi]", "ekf-joint"
 STUDY = Study(

@@ -22,8 +22,7 @@ from cooploc.estimators.dead_reckoning import DeadReckoning
 from cooploc.estimators.plugins import labels
 from cooploc.scenarios.processes import workers
 from cooploc.scenarios.processes.workers import BUILTIN, end_all
-from cooploc.scenarios.studies.resolved_study import resolve_study
-from cooploc.scenarios.studies.study import Study
+from cooploc.scenarios.studies.study import Study, resolve_study
 
 STUDY = Study(
     name="small",

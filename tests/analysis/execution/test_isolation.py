@@ -15,7 +15,7 @@ FILE = """
 import ctypes, os, resource, sys, time
 from cooploc.estimators.dead_reckoning import DeadReckoning
 from cooploc.scenarios import Family
-from cooploc.scenarios.worlds.radio_arena import Paper
+from cooploc.scenarios.worlds.radio import Paper
 
 class Segfaults(DeadReckoning):
     def init(self, prior, world, rows):

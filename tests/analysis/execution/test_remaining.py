@@ -9,8 +9,7 @@ import pytest
 from cooploc.analysis.execution.piece import Piece
 from cooploc.analysis.execution.remaining import Remaining
 from cooploc.analysis.execution.task import MeasuredPart, Task
-from cooploc.scenarios.studies.resolved_study import resolve_study
-from cooploc.scenarios.studies.study import Study
+from cooploc.scenarios.studies.study import Study, resolve_study
 from cooploc.terminal import progress
 
 QUICK = {"robots-1-3/n=1": 0.71, "robots-1-3/n=3": 1.0, "packet-drop/drop=0.7": 1.36}  # [s] of a part that was timed

@@ -10,8 +10,7 @@ import cooploc as cl
 from cooploc.analysis.tuning.training import demand_apart, derived_seed, lanes, overlap
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.studies import study
-from cooploc.scenarios.studies.resolved_study import resolve_study
-from cooploc.scenarios.studies.study import Study
+from cooploc.scenarios.studies.study import Study, resolve_study
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ import cooploc as cl
 from cooploc.analysis.execution.execute import Quiet
 from cooploc.analysis.tuning.tune import Options, tune
 from cooploc.estimators.plugins.errors import BadInput
-from cooploc.scenarios.resolved import ResolvedScenario
+from cooploc.scenarios.scenario import ResolvedScenario
 from cooploc.scenarios.studies.study import Study, load
 
 STUDY = Study(

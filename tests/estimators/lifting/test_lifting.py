@@ -12,7 +12,7 @@ from cooploc.estimators.interface import Mail, Senses
 from cooploc.estimators.lifting.handed import mail_of, senses_of
 from cooploc.estimators.plugins.tunable import declared
 from cooploc.scenarios.runner.trace import trace
-from cooploc.scenarios.studies.sweep import expand
+from cooploc.scenarios.studies.study import expand
 
 FILE = """
 import random

@@ -82,7 +82,7 @@ def test_particles_are_kept_in_single_precision(name, radio):
             kept.append((own.x.dtype, own.logw.dtype))
         return returned
 
-    trace(name, estimator, stream.truncated(3), watch)
+    trace(name, estimator, stream.first_ticks(3), watch)
     assert set(kept) == {(np.dtype(np.float32), np.dtype(np.float32))}
 
 

@@ -136,7 +136,7 @@ def test_a_written_package_is_installed_listed_and_tested(tmp_path):
 
 WORLD = """
 from cooploc.scenarios import Family
-from cooploc.scenarios.worlds.radio_arena import Paper
+from cooploc.scenarios.worlds.radio import Paper
 
 class Windy(Paper):
     wind: float = 0.0

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import cooploc as cl
-from cooploc.scenarios.display import progress_bar
+from cooploc.scenarios import display
 
 
 class Handle:
@@ -30,8 +30,8 @@ def shown(monkeypatch):
     shell = SimpleNamespace(kernel=object())
     monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: shell))
     monkeypatch.setitem(sys.modules, "IPython.display", SimpleNamespace(display=display))
-    monkeypatch.setattr(progress_bar, "PATIENCE", 0.0)
-    monkeypatch.setattr(progress_bar, "EVERY", 0.0)
+    monkeypatch.setattr(display, "PATIENCE", 0.0)
+    monkeypatch.setattr(display, "EVERY", 0.0)
     return pictures
 
 
@@ -68,7 +68,7 @@ def test_bits_do_not_depend_on_the_bar_and_nothing_is_shown_elsewhere(shown, mon
 
 
 def test_a_short_run_shows_nothing(shown, monkeypatch):
-    monkeypatch.setattr(progress_bar, "PATIENCE", 60.0)
+    monkeypatch.setattr(display, "PATIENCE", 60.0)
     _, stream = cl.simulate("trajectory", trials=1, ticks=3, seed=1)
     cl.run(team(), stream)
     assert shown == []

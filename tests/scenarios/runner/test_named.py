@@ -7,7 +7,7 @@ import pytest
 import cooploc as cl
 from cooploc.estimators.dead_reckoning import DeadReckoning
 from cooploc.estimators.ekf_local import EkfLocal
-from cooploc.scenarios.runner.named import named
+from cooploc.scenarios.runner.run import estimators_by_name
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ def stream():
     ],
 )
 def test_names_classes_instances_lists_and_mappings_become_instances(given, names):
-    found = named(given)
+    found = estimators_by_name(given)
     assert list(found) == names
     assert all(made.api == 1 and not isinstance(made, type) for made in found.values())
 

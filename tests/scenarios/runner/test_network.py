@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cooploc.scenarios.runner.network import HEADER, count, deliver
+from cooploc.scenarios.runner.tick import HEADER, count, deliver
 
 
 def reference(sent, n, link, rssi, distance, awake):

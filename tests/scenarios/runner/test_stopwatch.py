@@ -5,7 +5,7 @@ import time
 import numba
 
 import cooploc as cl
-from cooploc.scenarios.runner.stopwatch import Stopwatch
+from cooploc.scenarios.runner.trace import Stopwatch
 
 
 def work(seconds):

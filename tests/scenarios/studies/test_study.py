@@ -5,7 +5,7 @@ import pytest
 import cooploc as cl
 from cooploc import scenarios
 from cooploc.scenarios.studies import study
-from cooploc.scenarios.studies.sweep import expand
+from cooploc.scenarios.studies.study import expand
 
 
 @pytest.mark.parametrize("name", study.names())

@@ -5,7 +5,7 @@ import shapely
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from cooploc.scenarios.worlds.line_of_sight import bodies_between, walls_between
+from cooploc.scenarios.worlds.radio import bodies_between, walls_between
 
 A, B = np.random.default_rng(0).uniform(0, 6, (2, 500, 2))
 WALLS = np.random.default_rng(1).uniform(0, 6, (7, 2, 2))

@@ -9,7 +9,7 @@ from oracles import corners, log_distance
 from cooploc.estimators import make
 from cooploc.scenarios import family, names, resolve, seeds, simulate
 from cooploc.scenarios.runner.trace import trace
-from cooploc.scenarios.worlds import blocks
+from cooploc.scenarios.worlds import radio
 
 MANY = 60  # trials of 200 ticks
 
@@ -48,7 +48,7 @@ def equal_bits(one, other):
 def test_readings_drawn_a_few_ticks_at_a_time_are_the_same(label, monkeypatch):
     """A large team is drawn in blocks of ticks, which must not show."""
     _, whole = simulate(label, trials=1, seed=3, ticks=23, drop=0.3)
-    monkeypatch.setattr(blocks, "PAIRS", 60)
+    monkeypatch.setattr(radio, "PAIRS", 60)
     _, parts = simulate(label, trials=1, seed=3, ticks=23, drop=0.3)
     equal_bits(whole, parts)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cooploc.scenarios import simulate
-from cooploc.scenarios.worlds.uwb_arena import recorded, residual, spread
+from cooploc.scenarios.worlds.uwb import recorded, residual, spread
 
 # Of another recording of the same two robots, seven minutes before (benchmarks/uwb_residuals.py prints them).
 LEVELS = [0.05, 0.1, 0.25, 0.75, 0.9, 0.95]

@@ -9,8 +9,8 @@ import pytest
 import cooploc as cl
 from cooploc import scenarios
 from cooploc.scenarios.seeds import Purpose, generator
-from cooploc.scenarios.worlds import duty_cycle, radio_channel
-from cooploc.scenarios.worlds.radio_arena import Paper
+from cooploc.scenarios.worlds import radio
+from cooploc.scenarios.worlds.radio import Paper
 
 SIMULATED = [
     *(
@@ -112,7 +112,7 @@ def test_ranges_are_biased_only_without_line_of_sight():
 def test_a_team_blocks_the_links_of_third_robots_but_not_its_own():
     """Three robots in a row: only the outer pair, and what lies behind a teammate, is blocked."""
     path = np.array([[[1.0, 1.0], [3.0, 1.0], [5.0, 1.0]]])
-    scene = radio_channel.scene(
+    scene = radio.find_blockers(
         path, np.array([[0.0, 1.0]]), np.zeros((0, 2, 2)), np.zeros((1, 0, 2)), 0.2, robots_block=True
     )
     np.testing.assert_array_equal(scene.robot_blockers[0], [[0, 0, 1], [0, 0, 0], [1, 0, 0]])
@@ -216,7 +216,7 @@ def test_a_direction_of_arrival_without_four_corners_is_refused_before_anything_
 
 
 def test_robots_wake_at_their_rate_evenly_and_by_phase():
-    woke = duty_cycle.awake(400, np.array([1.0, 0.5, 0.5, 0.3]), np.array([0.0, 0.0, 0.5, 0.0]))
+    woke = radio.wake_mask(400, np.array([1.0, 0.5, 0.5, 0.3]), np.array([0.0, 0.0, 0.5, 0.0]))
     np.testing.assert_allclose(woke.mean(0), [1, 0.5, 0.5, 0.3], atol=0.003)
     assert (woke[:, 1] ^ woke[:, 2]).all()  # half a phase apart: they take turns
     gaps = np.diff(np.flatnonzero(woke[:, 3]))

@@ -16,7 +16,7 @@ from cooploc.estimators.models.motion import Unicycle
 from cooploc.estimators.models.sensors import Orientation, Sighting
 from cooploc.scenarios.seeds import Purpose, generator
 from cooploc.scenarios.stream import Air, Stream, Truth
-from cooploc.scenarios.worlds.radio_arena import Number, Positive, Robots, Sigma, Ticks
+from cooploc.scenarios.worlds.radio import Number, Positive, Robots, Sigma, Ticks
 
 
 class Camera(BaseModel):
@@ -44,7 +44,7 @@ class Camera(BaseModel):
     drop: Annotated[float, Field(ge=0, le=1)] = 0.0
 
     def world(self) -> World:
-        """What the team knows of this world in advance."""
+        """Return this world as the team knows it in advance."""
         L, seen = self.side, Sighting(self.sigma_range, self.sigma_bearing)
         headings = {"orientation": Orientation(self.sigma_orientation)} if self.sigma_orientation else {}
         return World(

@@ -20,8 +20,7 @@ from scipy.special import ndtr
 from cooploc.estimators.interface import Array, World
 from cooploc.estimators.models.sensors import Range
 from cooploc.scenarios.seeds import Purpose, generator
-from cooploc.scenarios.worlds.radio_arena import Paper, Positive, Share, Sigma, Signed
-from cooploc.scenarios.worlds.radio_channel import Scene, correlated
+from cooploc.scenarios.worlds.radio import Paper, Positive, Scene, Share, Sigma, Signed, add_memory
 
 REMEMBERED = 0.68  # share of the residual's variance that has a memory; the rest is white
 LASTS = 1.5  # [s] the time constant of that memory
@@ -39,9 +38,9 @@ class UwbArena(Paper):
     lost: Share = 0.0  # share of readings that are absent
 
     def world(self) -> World:
-        """What the team knows: sigma of ranges is `range_sigma`, or where the mean bias is removed that of the rest."""
+        """Return the team's world; where the mean bias is removed, the sigma of ranges is that of the rest."""
         world = super().world()
-        left = np.hypot(self.range_bias_sd, spread()) if self.bias == "removed" else self.range_sigma
+        left = np.hypot(self.range_bias_sd, residual_sd()) if self.bias == "removed" else self.range_sigma
         return World(**{**vars(world), "sensors": {**world.sensors, "radio_range": Range(float(left))}})
 
     @property
@@ -51,7 +50,7 @@ class UwbArena(Paper):
     def _ranges(self, rng: np.random.Generator, d: Array, scene: Scene, seed: int, trial: int) -> Array:
         rng = generator(seed, trial, Purpose.UWB)
         bias = rng.normal(self.range_bias, self.range_bias_sd, d.shape[1:])
-        memory = correlated(rng.normal(size=d.shape), float(np.exp(-self.tick / LASTS)))
+        memory = add_memory(rng.normal(size=d.shape), float(np.exp(-self.tick / LASTS)))
         standard = REMEMBERED**0.5 * memory + (1 - REMEMBERED) ** 0.5 * rng.normal(size=d.shape)
         late = np.where(rng.uniform(size=d.shape) < self.outliers, rng.exponential(self.outlier_mean, d.shape), 0.0)
         absent = rng.uniform(size=d.shape) < self.lost
@@ -62,19 +61,19 @@ class UwbArena(Paper):
 
 def residual(standard: Array) -> Array:
     """Residuals [m] with the recorded distribution, from standard normal numbers of any shape."""
-    levels, quantiles = recorded()
+    levels, quantiles = residual_quantiles()
     return np.interp(ndtr(standard), levels, quantiles)
 
 
-def spread() -> float:
+def residual_sd() -> float:
     """The standard deviation of the recorded residuals [m]."""
-    levels, quantiles = recorded()
+    levels, quantiles = residual_quantiles()
     share = np.linspace(0.0005, 0.9995, 1000)
     return float(np.std(np.interp(share, levels, quantiles)))
 
 
 @cache
-def recorded() -> tuple[Array, Array]:
+def residual_quantiles() -> tuple[Array, Array]:
     """Levels in [0, 1] and quantiles [m] of the recorded residuals, whose mean is zero."""
     table = tomllib.loads((files(__package__) / "uwb_residuals.toml").read_text(encoding="utf-8"))
     return np.array(table["levels"]), np.array(table["quantiles"])

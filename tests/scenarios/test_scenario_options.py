@@ -99,8 +99,8 @@ def test_a_sighting_with_a_short_range_is_absent_with_its_bearing():
     truth, stream = cl.simulate("camera/n=3", trials=1, seed=2, ticks=20)
     z = stream.senses.landmark.copy()
     z[0, 3, 1, 0] = 0.1, 0.5
-    told = resolve("camera/n=3[short_ranges=refused]").told
-    _, found = told.applied(truth, stream.with_arrays({"senses.landmark": z}))
+    options = resolve("camera/n=3[short_ranges=refused]").options
+    _, found = options.apply(truth, stream.with_arrays({"senses.landmark": z}))
     assert np.isnan(found.senses.landmark[0, 3, 1, 0]).all()
     np.testing.assert_array_equal(found.senses.landmark[0, 4:], stream.senses.landmark[0, 4:])
 

@@ -1,14 +1,31 @@
-"""The progress of a run in a notebook: a bar, what runs now, and about how long the rest takes.
+"""Tables and a progress bar for notebooks, in HTML with everything escaped.
 
-It needs nothing but the IPython that every notebook has. Elsewhere, and in the first second, nothing is shown.
+The bar needs only the IPython that every notebook has. Elsewhere, and in the first second, nothing is shown.
 """
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from html import escape
 from time import monotonic
 from typing import Any
+
+
+def facts_table(title: str, rows: Iterable[tuple[str, object]]) -> str:
+    """A caption and lines of (what, value)."""
+    body = "".join(
+        f'<tr><th style="text-align:left">{escape(what)}</th><td style="text-align:left">{escape(str(value))}</td></tr>'
+        for what, value in rows
+    )
+    return f'<table><caption style="text-align:left">{escape(title)}</caption>{body}</table>'
+
+
+def list_table(header: tuple[str, ...], title: str, rows: Iterable[tuple[object, ...]]) -> str:
+    """A caption, and lines under a header."""
+    head = "".join(f"<th>{escape(name)}</th>" for name in header)
+    body = "".join(f"<tr>{''.join(f'<td>{escape(str(cell))}</td>' for cell in row)}</tr>" for row in rows)
+    return f'<table><caption style="text-align:left">{escape(title)}</caption><tr>{head}</tr>{body}</table>'
+
 
 PATIENCE = 1.0  # [s] before anything is shown
 EVERY = 0.2  # [s] between two pictures of the bar
@@ -42,7 +59,7 @@ class _Bar:
         now = monotonic()
         if now >= self._next:
             self._next = now + EVERY
-            self._show(_drawn(what, self._done, self._total, now - self._began))
+            self._show(_progress_html(what, self._done, self._total, now - self._began))
 
     def close(self) -> None:
         """Leave nothing behind."""
@@ -57,7 +74,7 @@ class _Bar:
             self._handle.update(data, raw=True)
 
 
-def _drawn(what: str, done: int, total: int, seconds: float) -> str:
+def _progress_html(what: str, done: int, total: int, seconds: float) -> str:
     left = seconds * (total - done) / done
     rest = f"{left:.0f} s" if left < 90 else f"{left / 60:.0f} min"
     return f'<progress value="{done}" max="{total}"></progress> {escape(what)}, about {rest} left'

@@ -1,1 +1,0 @@
-"""How streams and runs look in a notebook."""

@@ -1,0 +1,332 @@
+"""A scenario: a world with its parameters, the family that it belongs to, and the object that its label stands for.
+
+A model is a pydantic class of parameters that satisfies `Scenario`. Simulated ones have a size, `SimulatedScenario`;
+recordings with several trials satisfy `RecordedScenario`, and those that say what was fitted `ExplainedScenario`. A
+label is read once, into a `ResolvedScenario`, which is passed on instead.
+
+The label of any scenario takes two options besides the parameters of its world. Both act on the stream, so they are the
+same for every estimator, and a stream without them keeps its bits:
+
+    trajectory[team_priors=true]         every robot knows the priors of all: the channel "team_prior"
+    camera/n=3[short_ranges=refused]     ranges below 0.2 m, and sightings with one, are left out of the stream
+
+The shipped models refuse short ranges themselves, so estimates are the same where the stream refuses them first; the
+bytes that a centralised estimator uploads are fewer.
+"""
+
+import re
+import reprlib
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import islice
+from operator import index
+from pathlib import Path
+from typing import Any, Literal, Protocol, runtime_checkable
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from cooploc.estimators.interface import TEAM_PRIOR, Array, World
+from cooploc.estimators.lifting.handed import without_short
+from cooploc.estimators.plugins.errors import BadInput, first_reason, nearest
+from cooploc.estimators.plugins.guard import SIMULATED
+from cooploc.estimators.plugins.registry import loaded
+from cooploc.scenarios import memory
+from cooploc.scenarios.stream import Stream, Truth
+
+
+class Scenario(Protocol):
+    """A world with its parameters."""
+
+    def world(self) -> World:
+        """Return the world as the team knows it in advance."""
+        ...
+
+    def simulate(self, label: str, trials: Sequence[int], seed: int, world: World) -> tuple[Truth, Stream]:
+        """Truth and stream of these trials, where the team assumes `world`, which may differ from the true one."""
+        ...
+
+    def model_dump(self, *, mode: str = ..., exclude: set[str] = ...) -> dict[str, Any]: ...
+
+
+@runtime_checkable
+class SimulatedScenario(Scenario, Protocol):
+    """A scenario whose size is known before it runs."""
+
+    @property
+    def robots(self) -> int: ...
+
+    @property
+    def ticks(self) -> int: ...
+
+
+@runtime_checkable
+class RecordedScenario(Scenario, Protocol):
+    """Several recordings, each a trial with a world of its own."""
+
+    def count(self) -> int:
+        """Return the number of trials."""
+        ...
+
+    def at(self, trials: Sequence[int]) -> Scenario:
+        """The recording of these trials.
+
+        Raises:
+            BadInput: there are not such trials, or they are not of one recording.
+
+        """
+        ...
+
+
+@runtime_checkable
+class ExplainedScenario(Scenario, Protocol):
+    """Recordings whose models were fitted."""
+
+    def explained(self) -> list[str]:
+        """Return sentences for the report: which models were fitted on which runs, what was dropped while reading."""
+        ...
+
+
+@dataclass(frozen=True)
+class Family:
+    """Scenarios that differ in one thing."""
+
+    about: str
+    model: str | type  # "module:Class", or the class
+    base: Mapping[str, Any] = field(default_factory=dict)  # parameters that differ from the class's defaults
+    sweep: Mapping[str, str] = field(default_factory=dict)  # the label's short name -> parameter
+    variants: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # the label's word -> parameters
+    recorded: bool = False  # needs a directory of recordings; has one trial, unless it is a `RecordedScenario`
+    by_data: str = ""  # "module:function" that says the model for a directory of recordings, where it has several
+    word: str = ""  # the parameter that any other word of the label stands for, such as a run's name
+
+    def parameters_of(self, name: str, which: str) -> Mapping[str, Any]:
+        """Return the parameters that `which`, the part of a label behind its slash, stands for.
+
+        Raises:
+            BadInput: the family `name` has no such variant or sweep.
+
+        """
+        if not which:
+            return {}
+        if which in self.variants:
+            return self.variants[which]
+        key, equals, value = which.partition("=")
+        if equals and key in self.sweep:
+            return {self.sweep[key]: value}
+        if self.word:
+            return {self.word: which}
+        known = [*self.variants, *(f"{key}=..." for key in self.sweep)]
+        raise BadInput(f"scenario {name!r} has no {which!r}; known are {', '.join(known) or 'none'}")
+
+    def model_class(self, name: str, data: Path | None = None) -> Any:
+        """The class of parameters; that of the recordings in the directory `data`, where the family has several.
+
+        Raises:
+            BadInput: it cannot be imported, or is not a pydantic model; or `data` cannot be read.
+
+        """
+        cls: Any = self.model
+        if self.by_data and data is not None:
+            cls = loaded(self.by_data, f"what chooses the model of scenario {name!r}")(data)
+        if isinstance(cls, str):
+            cls = loaded(cls, f"the model {cls} of scenario {name!r}")
+        if not hasattr(cls, "model_fields"):
+            raise BadInput(f"the model of scenario {name!r} is {cls!r}; it must be a pydantic model")
+        return cls
+
+
+class StreamOptions(BaseModel):
+    """Two options of any label that act on its stream."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    team_priors: bool = False
+    short_ranges: Literal["kept", "refused"] = "kept"
+
+    def apply(self, truth: Truth, stream: Stream) -> tuple[Truth, Stream]:
+        """Return truth and stream with both options applied."""
+        changed: dict[str, Array] = {}
+        if self.short_ranges == "refused":
+            changed |= _without_short_ranges(stream)
+        if self.team_priors:
+            changed[f"extra.{TEAM_PRIOR}"] = _team_priors(stream)
+        if not changed:
+            return truth, stream
+        stream = stream.with_arrays(changed)
+        return replace(truth, origin=stream.hashes), stream
+
+
+def split_options(parameters: Mapping[str, Any], own: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Divide options into those of a model, whose fields are `own`, and those of `StreamOptions`."""
+    options = {key: value for key, value in parameters.items() if key in StreamOptions.model_fields and key not in own}
+    return {key: value for key, value in parameters.items() if key not in options}, options
+
+
+def _team_priors(stream: Stream) -> Array:
+    """(t, T, n, n, d + d d): of each robot, in every tick, everyone's prior x and P; one copy for all ticks."""
+    x, P = stream.prior
+    flat = np.concatenate([x, P.reshape(*x.shape[:-1], -1)], -1)[:, None, None]
+    shape = len(x), len(stream.time), stream.robots, *flat.shape[-2:]
+    return np.broadcast_to(flat, shape)
+
+
+def _without_short_ranges(stream: Stream) -> dict[str, Array]:
+    arrays = stream.arrays()
+    found = {f"senses.{name}": arrays[f"senses.{name}"] for name in ("landmark", "sighting")}
+    found = {name: without_short(a, a[..., :1]) for name, a in found.items()}
+    ranges = {name: arrays[name] for name in ("air.range", "extra.anchor_range") if name in arrays}
+    return found | {name: without_short(a, a) for name, a in ranges.items()}
+
+
+MOST_TRIALS = 1_000_000  # of one call
+
+
+@dataclass(frozen=True, eq=False)
+class ResolvedScenario:
+    """A scenario as an object. It holds an instance of the family's model: send its label to another process."""
+
+    label: str  # as written, with overrides in brackets
+    name: str  # of the family
+    family: Family
+    parameters: Mapping[str, Any]  # those that differ from the model's defaults
+    model: Scenario
+    assumed: Mapping[str, Any] = field(default_factory=dict)  # what the team assumes instead of true parameters
+    options: StreamOptions = field(default_factory=StreamOptions)
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Every parameter of the model, as JSON, and what else is said of the stream."""
+        return {
+            **self.model.model_dump(mode="json", exclude={"data"}),
+            **self.options.model_dump(exclude_defaults=True),
+        }
+
+    @property
+    def recorded(self) -> bool:
+        """True for a recording, which is the same for any seed."""
+        return self.family.recorded
+
+    @property
+    def data(self) -> Path | None:
+        """The directory of a recording."""
+        return self.parameters["data"] if self.recorded else None
+
+    @property
+    def robots(self) -> int:
+        """Number of robots simulated; 1 for a recording, whose files are not read for this."""
+        return self.model.robots if isinstance(self.model, SimulatedScenario) else 1
+
+    @property
+    def ticks(self) -> int:
+        """Number of ticks simulated; 1 for a recording, as for `robots`."""
+        return self.model.ticks if isinstance(self.model, SimulatedScenario) else 1
+
+    def trials(self, asked: int) -> int:
+        """Return the number of trials of a study that asks for `asked`: a recording has its own number."""
+        if not self.recorded:
+            return asked
+        return self.model.count() if isinstance(self.model, RecordedScenario) else 1
+
+    def explained(self) -> list[str]:
+        """Return sentences on fitted models and on what was dropped while reading; empty for simulated worlds."""
+        return self.model.explained() if isinstance(self.model, ExplainedScenario) else []
+
+    def first_tick(self) -> "ResolvedScenario":
+        """The same scenario with one tick, where its length can be chosen."""
+        simulated = not self.recorded and isinstance(self.model, SimulatedScenario)
+        return self._with_parameters({"ticks": 1}) if simulated else self
+
+    def simulate(self, trials: int | Sequence[int], seed: int) -> tuple[Truth, Stream]:
+        """Truth and stream of some trials; `scenarios.simulate` says more.
+
+        Raises:
+            BadInput: trials or a seed that cannot be, or assumed parameters that would change the readings' shape.
+
+        """
+        sys.audit(SIMULATED, self.label)
+        numbers, seed = _trial_numbers(trials), _whole_number(seed, "seed")
+        model = self._of(numbers)
+        memory.demand(self.label, self.robots, self.ticks, len(numbers), getattr(model, "at_once", None))
+        world = self._assumed_world(model.world(), numbers) if self.assumed else model.world()
+        return self.options.apply(*model.simulate(self.label, numbers, seed, world))
+
+    def _of(self, trials: Sequence[int]) -> Scenario:
+        """The model of these trials; each recording of several has its own."""
+        return self.model.at(trials) if isinstance(self.model, RecordedScenario) else self.model
+
+    def _assumed_world(self, true: World, trials: Sequence[int]) -> World:
+        """The world of other parameters, which must have the same shape and clock as the true one."""
+        world = self._with_parameters(self.assumed)._of(trials).world()
+        for what in ("robots", "tick", "t0", "arena", "anchors", "landmarks"):
+            if not np.array_equal(getattr(world, what), getattr(true, what)):
+                raise BadInput(
+                    f"assumed={dict(self.assumed)!r} would change the world's {what}: make it an override instead"
+                )
+        return world
+
+    def _with_parameters(self, parameters: Mapping[str, Any]) -> "ResolvedScenario":
+        return build_scenario(self.label, self.name, self.family, {**self.parameters, **parameters}, self.assumed)
+
+
+def build_scenario(
+    label: str, name: str, family: Family, parameters: Mapping[str, Any], assumed: Mapping[str, Any]
+) -> ResolvedScenario:
+    """A family's scenario with these parameters, whose team assumes other values of some.
+
+    Raises:
+        BadInput: an unknown parameter, or a value that does not fit.
+
+    """
+    cls = family.model_class(name, parameters.get("data") if family.recorded else None)
+    own, said = split_options(parameters, cls.model_fields)
+    for key in own:
+        if key not in cls.model_fields:
+            known = [*cls.model_fields, *StreamOptions.model_fields]
+            raise BadInput(f"scenario {name!r} has no parameter {key!r}; {nearest(key, known)}")
+    if misplaced := split_options(assumed, cls.model_fields)[1]:
+        key = next(iter(misplaced))
+        raise BadInput(
+            f"scenario {label!r}: {key} is of the stream, so it cannot be assumed: write {key}={misplaced[key]}"
+        )
+    try:
+        return ResolvedScenario(label, name, family, parameters, cls(**own), assumed, StreamOptions(**said))
+    except ValidationError as e:
+        raise BadInput(f"scenario {label!r}, {first_reason(e.errors())}") from None
+
+
+def split_family(path: str) -> tuple[str, str]:
+    """The family's name and the part behind the slash, of a label without brackets; a file's path may hold slashes."""
+    if path.endswith(".py"):
+        return path, ""  # refused by `is_file`, with the remedy
+    in_file = re.fullmatch(r"(.+\.py:[^/]*)/?(.*)", path)
+    if in_file:
+        return in_file[1], in_file[2]
+    name, _, which = path.partition("/")
+    return name, which
+
+
+def _trial_numbers(trials: Any) -> list[int]:
+    """The trials' numbers, each once."""
+    if isinstance(trials, Iterable):
+        numbers = [_whole_number(k, "one of the trials") for k in islice(trials, MOST_TRIALS + 1)]
+    else:
+        numbers = list(range(min(_whole_number(trials, "trials"), MOST_TRIALS + 1)))
+    if len(numbers) > MOST_TRIALS:
+        raise BadInput(f"trials is {reprlib.repr(trials)}; at most {MOST_TRIALS} can be simulated at once")
+    if not numbers:
+        raise BadInput(f"trials is {trials!r}; it must be at least 1")
+    if len(set(numbers)) < len(numbers):
+        raise BadInput(f"trials is {trials!r}; name each trial once, or copies would count as independent")
+    return numbers
+
+
+def _whole_number(value: Any, what: str) -> int:
+    try:
+        number = index(value)
+    except TypeError:
+        raise BadInput(f"{what} is {value!r}; it must be a whole number") from None
+    if number < 0:
+        raise BadInput(f"{what} is {number}; it must not be negative")
+    return number

@@ -1,0 +1,419 @@
+"""The simulated world of Latif & Parasuraman: robots on random walks in a square with radio nodes on its rim.
+
+The defaults are those of the paper or of its authors' code; comments give the reasons. Every random number of a trial
+comes from that trial's own generators, so a trial is the same whatever else is simulated with it, and robots walk the
+same paths with or without walls, drops or sleep.
+
+Source: E. Latif, R. Parasuraman, "Multi-Robot Synergistic Localization in Dynamic Environments", 2022.
+"""
+
+from collections.abc import Sequence
+from copy import deepcopy
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from cooploc.estimators.interface import Array, Belief, Indices, Mask, Senses, World
+from cooploc.estimators.models.motion import Displacement
+from cooploc.estimators.models.sensors import NEAR, LogDistance, Range
+from cooploc.scenarios.seeds import Purpose, generator
+from cooploc.scenarios.stream import Air, Stream, Truth
+
+# Lines of sight: walls are segments, bodies are discs.
+
+
+def walls_between(a: Array, b: Array, walls: Array) -> Indices:
+    """Count the walls (w, 2, 2) that each line of sight a (..., 2) to b (..., 2) crosses; touching counts.
+
+    Two segments cross where each one's ends lie on different sides of the other, or on it.
+    """
+    count = np.zeros(np.broadcast_shapes(a.shape, b.shape)[:-1], np.int64)
+    for p, q in walls:
+        across = (turn_sign(p, q, a) * turn_sign(p, q, b) <= 0) & (turn_sign(a, b, p) * turn_sign(a, b, q) <= 0)
+        count += across & boxes_meet(a, b, p, q)
+    return count
+
+
+def bodies_between(a: Array, b: Array, centre: Array, radius: float) -> Mask:
+    """Which bodies (..., m, 2) each line of sight a (..., 2) to b (..., 2) touches: a mask (..., m)."""
+    a, b = a[..., None, :], b[..., None, :]
+    along = b - a
+    length2 = np.maximum((along**2).sum(-1), np.finfo(float).tiny)
+    share = np.clip(((centre - a) * along).sum(-1) / length2, 0.0, 1.0)
+    nearest = a + share[..., None] * along
+    touched: Mask = np.asarray(((centre - nearest) ** 2).sum(-1) <= radius**2)
+    return touched
+
+
+def turn_sign(p: Array, q: Array, x: Array) -> Array:
+    """Sign of the turn p, q, x: which side of the line through p and q the point x lies on."""
+    u, v = q - p, x - p
+    side: Array = np.sign(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])
+    return side
+
+
+def boxes_meet(a: Array, b: Array, p: Array, q: Array) -> Mask:
+    """True where the boxes around two segments meet; those of collinear segments that do not overlap do not."""
+    low, high = np.minimum(a, b), np.maximum(a, b)
+    meet: Mask = np.all((low <= np.maximum(p, q)) & (high >= np.minimum(p, q)), axis=-1)
+    return meet
+
+
+# Radio: path loss, shadowing with memory, and what blocks a link.
+
+
+class Scene(NamedTuple):
+    """One trial's true surroundings: what blocks which link. Estimators never see it."""
+
+    walls: Array  # (w, 2, 2) [m]
+    obstacles: Array  # (T, m, 2) [m]
+    radius: float  # of obstacles, and of robots that block [m]
+    anchor_blockers: Indices  # (T, n, a) things between a robot and an anchor
+    robot_blockers: Indices  # (T, n, n) things between two robots
+
+
+def find_blockers(
+    path: Array, anchors: Array, walls: Array, obstacles: Array, radius: float, robots_block: bool
+) -> Scene:
+    """Count what stands between robots (T, n, 2), anchors (a, 2) and each other."""
+    here, teammate = path[:, :, None], path[:, None]
+    to_anchors, to_robots = walls_between(here, anchors, walls), walls_between(here, teammate, walls)
+    if obstacles.shape[1]:
+        bodies = obstacles[:, None, None]
+        to_anchors = to_anchors + bodies_between(here, anchors, bodies, radius).sum(-1)
+        to_robots = to_robots + bodies_between(here, teammate, bodies, radius).sum(-1)
+    if robots_block:
+        n = path.shape[1]
+        own = np.eye(n, dtype=bool)
+        third = ~(own[:, None] | own[None])  # (n, n, n): neither the one nor the other
+        bodies = path[:, None, None]
+        to_anchors = to_anchors + (bodies_between(here, anchors, bodies, radius) & ~own[:, None]).sum(-1)
+        to_robots = to_robots + (bodies_between(here, teammate, bodies, radius) & third).sum(-1)
+    return Scene(walls, obstacles, radius, to_anchors, to_robots)
+
+
+def add_memory(white: Array, correlation: float) -> Array:
+    """White noise (T, ...) to a stationary AR(1) process of the same variance and this lag-1 correlation."""
+    if correlation == 0:
+        return white
+    out, fresh = white.copy(), np.sqrt(1 - correlation**2)
+    for k in range(1, len(white)):
+        out[k] = correlation * out[k - 1] + fresh * white[k]
+    return out
+
+
+def round_to_unit(reading: Array, unit: float) -> Array:
+    """Readings in whole multiples of `unit`; 0 leaves them as they are."""
+    return np.round(reading / unit) * unit if unit else reading
+
+
+def distance(a: Array, b: Array) -> Array:
+    """Euclidean distance of places (..., 2): by components, as numpy is slow at a sum over two."""
+    dx, dy = a[..., 0] - b[..., 0], a[..., 1] - b[..., 1]
+    d: Array = np.sqrt(dx**2 + dy**2)
+    return d
+
+
+# Random walks in a square, reflected at its sides.
+
+
+class Steps(NamedTuple):
+    """The steps of n bodies over T ticks."""
+
+    start: Array  # (n, 2) [m]
+    heading: Array  # (n,) [rad] before the first tick
+    length: Array  # (T, n) [m]
+    turn: Array  # (T, n) [rad]
+
+
+def draw_steps(rng: np.random.Generator, ticks: int, n: int, side: float, step: float, turn: float) -> Steps:
+    """Uniform starts and headings, lengths of 0.5 to 1.5 `step`, normal turns of sd `turn`."""
+    return Steps(
+        rng.uniform(0, side, (n, 2)),
+        rng.uniform(-np.pi, np.pi, n),
+        step * rng.uniform(0.5, 1.5, (ticks, n)),
+        rng.normal(0, turn, (ticks, n)),
+    )
+
+
+def reflected_walk(draws: list[Steps], side: float) -> tuple[Array, Array]:
+    """Starts (t, n, 2) and positions (t, T, n, 2) of several trials' walks."""
+    start, heading, length, turn = (np.stack(part) for part in zip(*draws, strict=True))
+    x, path = start, np.empty((*length.shape, 2))
+    for k in range(length.shape[1] if path.size else 0):  # most worlds have no obstacles
+        heading = heading + turn[:, k]
+        x = x + length[:, k, :, None] * np.stack([np.cos(heading), np.sin(heading)], -1)
+        out = (x < 0) | (x > side)
+        x = side - np.abs(side - np.abs(x))
+        heading = np.where(out[..., 0], np.pi - heading, heading)
+        heading = np.where(out[..., 1], -heading, heading)
+        path[:, k] = x
+    return start, path
+
+
+# Robots that sleep sense and send nothing; the next odometry and `dt` cover the time since the last waking.
+
+
+def wake_mask(ticks: int, rate: Array, phase: Array) -> Mask:
+    """Return the ticks in which each robot is awake (T, n).
+
+    A robot of rate f wakes f times a tick on average, evenly, shifted by its phase.
+    """
+    k = np.arange(ticks + 1)[:, None]
+    count = np.floor(k * rate + phase + 1e-9)
+    woke: Mask = count[1:] > count[:-1]
+    return woke
+
+
+def ticks_since_waking(wake: Mask) -> Array:
+    """Ticks covered (T, n) by a waking robot's odometry, 0 for one that sleeps."""
+    k = np.arange(1, len(wake) + 1)[:, None]
+    last = np.maximum.accumulate(np.where(wake, k, 0), axis=0)
+    before = np.vstack([np.zeros_like(last[:1]), last[:-1]])
+    return np.where(wake, k - before, 0).astype(float)
+
+
+def sum_between_wakings(odometry: Array, wake: Mask) -> Array:
+    """Per-tick displacements (T, n, 2) summed over what each waking covers; nan while asleep."""
+    if wake.all():
+        return odometry
+    total = np.cumsum(odometry, axis=0)
+    covered = ticks_since_waking(wake).astype(int)
+    k = np.arange(len(wake))[:, None]
+    start = k - covered  # the last waking, -1 before the first
+    before = np.where((start >= 0)[..., None], total[np.maximum(start, 0), np.arange(wake.shape[1])], 0.0)
+    return np.where(wake[..., None], total - before, np.nan)
+
+
+# Large teams: pairs of robots are drawn some ticks at a time, so that they fit into memory.
+
+PAIRS = 4_000_000  # of robots, times ticks, at a time
+
+
+def block_length(total: int, robots: int) -> int:
+    """Return the number of ticks drawn at a time: all of a small team, at least one."""
+    return min(total, max(1, PAIRS // robots**2))
+
+
+def split_generator(rng: np.random.Generator, count: int, streams: int) -> list[np.random.Generator]:
+    """Generators that stand where `rng` does, after `count` normal numbers, after twice as many, and so on."""
+    made = [rng]
+    for _ in range(streams - 1):
+        later = deepcopy(made[-1])
+        for start in range(0, count, PAIRS):
+            later.standard_normal(min(PAIRS, count - start))
+        made.append(later)
+    return made
+
+
+def stack_trials(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    """The parts along a new first axis; of one part no copy."""
+    return np.stack(parts) if len(parts) > 1 else parts[0][None]
+
+
+# The world.
+
+Finite: dict[str, Any] = {"allow_inf_nan": False}
+LARGEST = 1e6  # of any number below, in its unit
+Positive = Annotated[float, Field(gt=0, le=LARGEST, **Finite)]
+Sigma = Annotated[float, Field(ge=0, le=LARGEST, **Finite)]
+Signed = Annotated[float, Field(ge=-LARGEST, le=LARGEST, **Finite)]
+Robots = Annotated[int, Field(ge=1, le=10_000)]
+Ticks = Annotated[int, Field(ge=1, le=10_000_000)]
+AtLeastOne = Annotated[int, Field(ge=1, le=10_000)]
+Number = Annotated[int, Field(ge=0, le=10_000)]
+Share = Annotated[float, Field(ge=0, le=1)]
+
+
+class Paper(BaseModel):
+    """Parameters of the world. All lengths in m, times in s, powers in dB."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    robots: Robots = 3
+    ticks: Ticks = 200
+    tick: Positive = 1.0  # 1 Hz, as the authors' robot reports
+    side: Positive = 6.0
+    anchors: AtLeastOne = 4  # evenly along the rim from (0, 0); four stand on the corners
+    step: Positive = 0.1  # mean path per tick; their robot moves at 0.05 to 0.15 m/s
+    turn: Sigma = 0.5  # [rad] sd of the change of direction per tick
+    odometry_sigma: Sigma = 0.02  # per axis and tick
+    prior_sigma: Sigma = 0.5  # per axis, of the initial position
+
+    A: Signed = -40.0  # [dBm] at 1 m, the authors' code
+    eta: Positive = 3.0  # path-loss exponent, the authors' code
+    shadowing: Sigma = 2.0  # their value; here independent per anchor link and reciprocal per pair of robots
+    shadow_correlation: Annotated[float, Field(ge=0, lt=1)] = 0.0  # of shadowing, from tick to tick
+    fast: Sigma = 1.0  # fast noise, independent per reading
+    rounding: Sigma = 0.0  # readings are whole multiples of this
+    range_sigma: Positive = 0.1  # ultra-wide-band class
+    samples: AtLeastOne = 1  # readings of each anchor in a tick that are averaged (their Algorithm 1)
+
+    walls: tuple[tuple[Signed, Signed, Signed, Signed], ...] = ()  # x1, y1, x2, y2
+    obstacles: Number = 0  # wandering bodies, not robots of the team
+    body_radius: Positive = 0.2
+    body_blocking: bool = False  # robots of the team stand in the way too
+    attenuation: Sigma = 10.0  # per thing in the way, their value
+    nlos_range_bias: Sigma = 0.0  # added to ranges with something in the way
+
+    drop: Share = 0.0  # share of robot-to-robot packets that are lost
+    radio_range: Annotated[float, Field(gt=0)] = np.inf  # nothing is heard beyond
+    rate: tuple[Annotated[float, Field(gt=0, le=1)], ...] = (1.0,)  # wakings per tick of each robot, repeated
+    phase: tuple[Annotated[float, Field(ge=0, lt=1)], ...] = (0.0,)  # of each robot, repeated
+
+    @property
+    def at_once(self) -> int:
+        """Number of ticks whose pairs of robots are drawn together: all where noise has a memory."""
+        return self.ticks if self.shadow_correlation else block_length(self.ticks, self.robots)
+
+    @model_validator(mode="after")
+    def _steps_fit(self) -> "Paper":
+        if 1.5 * self.step > self.side:
+            raise ValueError(f"a step of {self.step} m leaves an arena of {self.side} m: make step at most side / 1.5")
+        return self
+
+    def world(self) -> World:
+        """Return this world as the team knows it in advance."""
+        L, quantum = self.side, self.rounding**2 / 12
+        heard = LogDistance(self.A, self.eta, float(np.sqrt(self.shadowing**2 + self.fast**2 + quantum)))
+        averaged = float(np.sqrt(self.shadowing**2 + self.fast**2 / self.samples + quantum))
+        return World(
+            robots=self.robots,
+            tick=self.tick,
+            arena=np.array([[0, 0], [L, L]], float),
+            motion=Displacement(self.odometry_sigma, self.tick),
+            sensors={
+                "anchor_rssi": LogDistance(self.A, self.eta, averaged),
+                "radio_rssi": heard,
+                "radio_range": Range(self.range_sigma),
+            },
+            anchors=self.places(),
+        )
+
+    def places(self) -> Array:
+        """Anchors (a, 2): N1 .. N4 are (0,0) (0,L) (L,L) (L,0), the order that fits both gradient equations."""
+        along = 4 * np.arange(self.anchors) / self.anchors
+        corner = np.array([[0, 0], [0, 1], [1, 1], [1, 0], [0, 0]])
+        k = along.astype(int)
+        places: Array = self.side * (corner[k] + (along - k)[:, None] * (corner[k + 1] - corner[k]))
+        return places
+
+    def simulate(self, label: str, trials: Sequence[int], seed: int, world: World) -> tuple[Truth, Stream]:
+        """Truth and stream of these trials; `world` is what the team assumes, which may differ from `world()`."""
+        start, path = self._walk(seed, trials)
+        wake = self._awake()
+        trial = np.array(trials, np.int64)
+        sensed = [self.sense(seed, k, start[i], path[i], wake) for i, k in enumerate(trials)]
+        odometry, anchor, link, rssi, ranged, prior = (stack_trials(part) for part in zip(*sensed, strict=True))
+        t, T, n, _ = path.shape
+        nothing = np.empty((t, T, n, 0, 2))
+        dt = np.broadcast_to(self.tick * ticks_since_waking(wake), (t, T, n)).copy()
+        stream = Stream(
+            scenario=label,
+            seed=seed,
+            trial=trial,
+            time=self.tick * np.arange(1, T + 1),
+            world=world,
+            prior=Belief(prior, np.broadcast_to(self.prior_sigma**2 * np.eye(2), (t, n, 2, 2)).copy()),
+            senses=Senses(odometry, dt, anchor, nothing, nothing, {}),
+            air=Air(link, rssi, ranged),
+            notes={
+                "world": type(self).__name__,
+                "parameters": self.model_dump(mode="json"),
+                "prior": "true start + noise of prior_sigma per axis",
+            },
+        )
+        valid = np.broadcast_to(wake, (t, T, n)).copy()
+        return Truth(label, trial, path, valid, self.world().arena, stream.hashes), stream
+
+    def scene(self, seed: int, trial: int, path: Array) -> Scene:
+        """Return walls, obstacles and blocked links of one trial whose robots take this path (T, n, 2)."""
+        rng = generator(seed, trial, Purpose.OBSTACLES)
+        steps = draw_steps(rng, self.ticks, self.obstacles, self.side, self.step, self.turn)
+        _, bodies = reflected_walk([steps], self.side)
+        walls = np.array(self.walls, float).reshape(-1, 2, 2)
+        return find_blockers(path, self.places(), walls, bodies[0], self.body_radius, self.body_blocking)
+
+    def _walk(self, seed: int, trials: Sequence[int]) -> tuple[Array, Array]:
+        draw = (self.ticks, self.robots, self.side, self.step, self.turn)
+        return reflected_walk([draw_steps(generator(seed, k, Purpose.TRUTH), *draw) for k in trials], self.side)
+
+    def _awake(self) -> Mask:
+        rate, phase = (np.resize(np.array(each), self.robots) for each in (self.rate, self.phase))
+        return wake_mask(self.ticks, rate, phase)
+
+    def sense(self, seed: int, trial: int, start: Array, path: Array, wake: Mask) -> "TrialReadings":
+        """One trial's readings of its true path (T, n, 2), which begins at `start` (n, 2)."""
+        rng = generator(seed, trial, Purpose.SENSORS)
+        scene = self.scene(seed, trial, path)
+        prior = start + rng.normal(0, self.prior_sigma, start.shape)
+        moves = np.diff(path, axis=0, prepend=start[None])
+        odometry = sum_between_wakings(moves + rng.normal(0, self.odometry_sigma, moves.shape), wake)
+        anchor = self._anchor_rssi(rng, path, moves, scene)
+        link, rssi, ranged = self._between_robots(rng, path, wake, scene, seed, trial)
+        sensed = wake[..., None] & (distance(path[:, :, None], self.places()) <= self.radio_range)
+        return TrialReadings(odometry, np.where(sensed, anchor, np.nan), link, rssi, ranged, prior)
+
+    def _between_robots(
+        self, rng: np.random.Generator, path: Array, wake: Mask, scene: Scene, seed: int, trial: int
+    ) -> tuple[Mask, Array, Array]:
+        """Draw link, RSSI and range between robots (T, receiver, sender), some ticks at a time.
+
+        Of a large team all ticks at once would not fit into memory. The numbers drawn are the same: shadowing of all
+        ticks comes first, then fast noise, then ranges, each from where the generator stands by then.
+        """
+        T, n = path.shape[:2]
+        block = min(T, self.at_once)
+        rngs = (rng, rng, rng) if block == T else split_generator(rng, T * n * n, 3)
+        network, others = generator(seed, trial, Purpose.NETWORK), ~np.eye(n, dtype=bool)
+        link, rssi, ranged = np.empty((T, n, n), bool), np.empty((T, n, n)), np.empty((T, n, n))
+        for k in range(0, T, block):
+            now = slice(k, k + block)
+            d = distance(path[now, :, None], path[now, None])
+            seen, near = scene._replace(robot_blockers=scene.robot_blockers[now]), d <= self.radio_range
+            rssi[now] = np.where(near & others, self._robot_rssi(rngs[0], rngs[1], d, seen), np.nan)
+            ranged[now] = np.where(near & others, self._ranges(rngs[2], d, seen, seed, trial), np.nan)
+            link[now] = self._links(network, len(d)) & near & wake[now, :, None] & wake[now, None]
+        return link, rssi, ranged
+
+    def _anchor_rssi(self, rng: np.random.Generator, path: Array, moves: Array, scene: Scene) -> Array:
+        """(T, n, a), each the mean of `samples` readings spread over the tick's path."""
+        shape = scene.anchor_blockers.shape
+        back = 1 - (np.arange(self.samples) + 1) / self.samples
+        where = path - back[:, None, None, None] * moves
+        clear = self._rssi(distance(where[:, :, :, None], self.places())).mean(0)
+        shadow = add_memory(rng.normal(0, self.shadowing, shape), self.shadow_correlation)
+        fast = rng.normal(0, self.fast, (self.samples, *shape)).mean(0)
+        return round_to_unit(clear + shadow + fast - self.attenuation * scene.anchor_blockers, self.rounding)
+
+    def _robot_rssi(self, slow: np.random.Generator, fast: np.random.Generator, d: Array, scene: Scene) -> Array:
+        """(T, receiver, sender); shadowing, drawn by `slow`, is the same in both directions."""
+        shadow = add_memory(np.triu(slow.normal(0, self.shadowing, d.shape), 1), self.shadow_correlation)
+        both = self._rssi(d) + shadow + shadow.transpose(0, 2, 1) - self.attenuation * scene.robot_blockers
+        return round_to_unit(both + fast.normal(0, self.fast, d.shape), self.rounding)
+
+    def _ranges(self, rng: np.random.Generator, d: Array, scene: Scene, seed: int, trial: int) -> Array:
+        """(T, receiver, sender), at true distances d; other worlds draw from generators of `seed` and `trial`."""
+        return d + rng.normal(0, self.range_sigma, d.shape) + self.nlos_range_bias * (scene.robot_blockers > 0)
+
+    def _rssi(self, d: Array) -> Array:
+        return self.A - 10 * self.eta * np.log10(np.maximum(d, NEAR))
+
+    def _links(self, rng: np.random.Generator, ticks: int) -> Mask:
+        """(T, receiver, sender), True where a packet gets through, in so many more ticks."""
+        n = self.robots
+        link: Mask = rng.uniform(size=(ticks, n, n)) >= self.drop
+        return link & ~np.eye(n, dtype=bool)
+
+
+class TrialReadings(NamedTuple):
+    """The readings of one trial, with the tick first."""
+
+    odometry: Array  # (T, n, 2)
+    anchor_rssi: Array  # (T, n, a)
+    link: Mask  # (T, n, n)
+    rssi: Array  # (T, n, n)
+    range: Array  # (T, n, n)
+    prior: Array  # (n, 2)
