@@ -79,53 +79,76 @@ if _TYPE_CHECKING:
     estimators: _CallablePackage
     scenarios: _CallablePackage
 
-# module -> the names that users call; a module without names is one itself
+# name -> the module that it is imported from, when it is first used
 _HOME = {
-    "scenarios": ("simulate",),
-    "scenarios.stream": ("Stream", "Truth"),
-    "scenarios.runner.run": ("run", "Run"),
-    "scenarios.runner.tick": ("EstimatorError",),
-    "scenarios.runner.trace": ("Trace",),
-    "scenarios.runner.channels": ("IncompatibleEstimator",),
-    "scenarios.conformance.check": ("check_estimator",),
-    "scenarios.studies.listing": ("studies",),
-    "estimators": ("make",),
-    "estimators.interface": ("Belief", "Estimator", "Mail", "Rows", "Senses", "TeamEstimator", "Traffic", "World"),
-    "estimators.lifting.functions": ("motion_of", "priors_of", "readings_of"),
-    "estimators.models.layout": ("Layout",),
-    "estimators.per_robot": ("PerRobot",),
-    "estimators.per_team": ("PerTeam",),
-    "estimators.plugins.errors": ("BadInput",),
-    "analysis.metrics.errors": ("errors",),
-    "analysis.metrics.compare": ("compare", "summarize"),
-    "analysis.metrics.judging": ("judge",),
-    "analysis.metrics.smoother": ("smoother", "Smoother"),
-    "analysis.metrics.tum": ("to_tum",),
-    "estimators.plugins.tunable": ("tunable",),
-    "runs": ("run_study", "load_run", "Results", "report", "compare_runs", "reproduce", "show"),
-    "until_decided": ("run_until",),
-    "inspection": ("inspect", "Inspection"),
-    "paper_files": ("paper",),
-    "plans": ("plan",),
-    "run_verdicts": ("verdicts", "readings"),
-    "run_tables": ("information", "sensitivity"),
-    "sweeps": ("sweep",),
-    "tuned": ("tune", "Tuned", "load_tuned"),
-    "analysis.tuning.training_streams": ("training",),
-    "scaffold": ("new_estimator",),
+    "simulate": "cooploc.scenarios",
+    "Stream": "cooploc.scenarios.stream",
+    "Truth": "cooploc.scenarios.stream",
+    "run": "cooploc.scenarios.runner.run",
+    "Run": "cooploc.scenarios.runner.run",
+    "EstimatorError": "cooploc.scenarios.runner.tick",
+    "Trace": "cooploc.scenarios.runner.trace",
+    "IncompatibleEstimator": "cooploc.scenarios.runner.tick",
+    "check_estimator": "cooploc.scenarios.conformance.check",
+    "studies": "cooploc.scenarios.studies.study",
+    "make": "cooploc.estimators",
+    "Belief": "cooploc.estimators.interface",
+    "Estimator": "cooploc.estimators.interface",
+    "Mail": "cooploc.estimators.interface",
+    "Rows": "cooploc.estimators.interface",
+    "Senses": "cooploc.estimators.interface",
+    "TeamEstimator": "cooploc.estimators.interface",
+    "Traffic": "cooploc.estimators.interface",
+    "World": "cooploc.estimators.interface",
+    "motion_of": "cooploc.estimators.lifting.functions",
+    "priors_of": "cooploc.estimators.lifting.functions",
+    "readings_of": "cooploc.estimators.lifting.functions",
+    "Layout": "cooploc.estimators.models.layout",
+    "PerRobot": "cooploc.estimators.per_robot",
+    "PerTeam": "cooploc.estimators.per_team",
+    "BadInput": "cooploc.estimators.plugins.errors",
+    "errors": "cooploc.analysis.metrics.errors",
+    "compare": "cooploc.analysis.metrics.compare",
+    "summarize": "cooploc.analysis.metrics.compare",
+    "judge": "cooploc.analysis.metrics.judging",
+    "smoother": "cooploc.analysis.metrics.smoother",
+    "Smoother": "cooploc.analysis.metrics.smoother",
+    "to_tum": "cooploc.analysis.metrics.tum",
+    "tunable": "cooploc.estimators.plugins.tunable",
+    "run_study": "cooploc.runs",
+    "load_run": "cooploc.runs",
+    "Results": "cooploc.runs",
+    "report": "cooploc.runs",
+    "compare_runs": "cooploc.runs",
+    "reproduce": "cooploc.runs",
+    "show": "cooploc.runs",
+    "run_until": "cooploc.until_decided",
+    "inspect": "cooploc.inspection",
+    "Inspection": "cooploc.inspection",
+    "paper": "cooploc.paper_files",
+    "plan": "cooploc.plans",
+    "verdicts": "cooploc.run_verdicts",
+    "readings": "cooploc.run_verdicts",
+    "information": "cooploc.run_tables",
+    "sensitivity": "cooploc.run_tables",
+    "sweep": "cooploc.sweeps",
+    "tune": "cooploc.tuned",
+    "Tuned": "cooploc.tuned",
+    "load_tuned": "cooploc.tuned",
+    "training": "cooploc.analysis.tuning.training_streams",
+    "new_estimator": "cooploc.scaffold",
 }
-_MODULES = {"estimators": "estimators", "scenarios": "scenarios", "plot": "analysis.plot"}
-_PLACES = {name: module for module, names in _HOME.items() for name in names}
+_MODULES = {"estimators": "cooploc.estimators", "scenarios": "cooploc.scenarios", "plot": "cooploc.analysis.plot"}
 
-__all__ = [*_PLACES, *_MODULES]  # noqa: PLE0604 (strings, as the mappings say)
+__all__ = [*_HOME, *_MODULES]  # noqa: PLE0604 (strings, as the mappings say)
 __version__ = _version("cooploc")
 
 
 def __getattr__(name: str) -> _Any:
     if name in _MODULES:
-        found = _import_module(f"cooploc.{_MODULES[name]}")
-    elif name in _PLACES:
-        found = getattr(_import_module(f"cooploc.{_PLACES[name]}"), name)
+        found = _import_module(_MODULES[name])
+    elif name in _HOME:
+        found = getattr(_import_module(_HOME[name]), name)
     else:
         raise AttributeError(f"module 'cooploc' has no attribute {name!r}")
     globals()[name] = found

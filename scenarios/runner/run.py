@@ -61,7 +61,7 @@ class Run:
         rows = [(name, *_cost(trace, name in self.unchecked)) for name, trace in self.traces.items()]
         return list_table(header, title, rows)
 
-    def _where(self) -> str:
+    def _place(self) -> str:
         return "" if self.isolated else ", all in one process"
 
     def to_xarray(self, truth: Truth | None = None) -> "Dataset":
@@ -78,9 +78,9 @@ class Run:
             BadInput: the run has no estimators, or the truth is that of another stream.
 
         """
-        from cooploc.scenarios.runner.to_xarray import Played, dataset  # xarray takes long to import
+        from cooploc.scenarios.runner.to_xarray import RunData, dataset  # xarray takes long to import
 
-        return dataset(Played(self.scenario, self.seed, self.trial, self.hashes, self.time, self.traces), truth)
+        return dataset(RunData(self.scenario, self.seed, self.trial, self.hashes, self.time, self.traces), truth)
 
 
 def _cost(trace: Trace, unchecked: bool) -> tuple[str, ...]:

@@ -110,7 +110,7 @@ def test_a_sighting_with_a_short_range_is_absent_with_its_bearing():
     [
         ("trajectory[short_ranges=gone]", "short_ranges: Input should be 'kept' or 'refused'"),
         ("trajectory[team_prior=true]", "no parameter 'team_prior'; did you mean 'team_priors'"),
-        ("trajectory[assumed.team_priors=true]", "is of the stream, so nobody assumes it: write team_priors=true"),
+        ("trajectory[assumed.team_priors=true]", "is of the stream, so it cannot be assumed: write team_priors=true"),
     ],
 )
 def test_what_cannot_be_said_is_refused_in_one_line(label, words):

@@ -23,13 +23,13 @@ def shown(monkeypatch):
     """What a notebook shows, in turn."""
     pictures = []
 
-    def display(data, raw, display_id):
+    def show(data, raw, display_id):
         pictures.append(data["text/html"])
         return Handle(pictures)
 
     shell = SimpleNamespace(kernel=object())
     monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: shell))
-    monkeypatch.setitem(sys.modules, "IPython.display", SimpleNamespace(display=display))
+    monkeypatch.setitem(sys.modules, "IPython.display", SimpleNamespace(display=show))
     monkeypatch.setattr(display, "PATIENCE", 0.0)
     monkeypatch.setattr(display, "EVERY", 0.0)
     return pictures

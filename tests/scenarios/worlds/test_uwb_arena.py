@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cooploc.scenarios import simulate
-from cooploc.scenarios.worlds.uwb import recorded, residual, spread
+from cooploc.scenarios.worlds.uwb import residual, residual_quantiles, residual_sd
 
 # Of another recording of the same two robots, seven minutes before (benchmarks/uwb_residuals.py prints them).
 LEVELS = [0.05, 0.1, 0.25, 0.75, 0.9, 0.95]
@@ -31,10 +31,10 @@ def test_the_spread_around_a_pairs_median_is_that_of_another_recording_within_a_
 
 
 def test_the_recorded_residuals_have_no_mean_and_the_spread_that_the_team_is_told() -> None:
-    levels, quantiles = recorded()
+    levels, quantiles = residual_quantiles()
     assert abs(np.trapezoid(quantiles, levels)) < 1e-3
     drawn = residual(np.random.default_rng(1).normal(size=100_000))
-    assert drawn.std() == pytest.approx(spread(), rel=0.02)
+    assert drawn.std() == pytest.approx(residual_sd(), rel=0.02)
 
 
 def test_each_pair_has_a_bias_of_its_own_that_lasts_for_a_trial() -> None:
