@@ -9,13 +9,6 @@ import cooploc as cl
 from cooploc.scenarios import BUILTIN, Family, resolve
 
 
-def test_a_simulated_scenario_knows_its_size():
-    found = resolve("scalability/n=7[ticks=12]")
-    assert (found.robots, found.ticks, found.trials(30), found.recorded) == (7, 12, 30, False)
-    assert (found.first_tick().ticks, found.first_tick().robots) == (1, 7)
-    assert resolve("trajectory", ticks=4).label == "trajectory[ticks=4]"
-
-
 def test_a_recording_has_its_own_number_of_trials_and_needs_its_data(tmp_path):
     with pytest.raises(cl.BadInput, match="is a recording; say where it is"):
         resolve("mrclam/all")
@@ -65,13 +58,6 @@ def test_an_assumption_has_one_hash_however_it_is_written(written):
     assert cl.simulate("trajectory", ticks=2, assumed={"eta": 2.1})[1].hash != given.hash
 
 
-def test_a_stream_of_wrong_assumptions_is_kept_in_a_file_with_its_hash(tmp_path):
-    _, stream = cl.simulate("trajectory", ticks=2, assumed={"eta": 2.5})
-    stream.save(tmp_path / "stream")
-    loaded = cl.Stream.load(tmp_path / "stream")
-    assert (loaded.hash, loaded.scenario) == (stream.hash, "trajectory[assumed.eta=2.5,ticks=2]")
-
-
 def test_rivals_that_are_told_different_things_share_no_row_of_a_table():
     found = []
     for name, assumed in {"right": None, "wrong": {"eta": 2.0}}.items():
@@ -81,10 +67,3 @@ def test_rivals_that_are_told_different_things_share_no_row_of_a_table():
     assert table.groupby("scenario")["estimator"].unique().map(list).tolist() == [["wrong"], ["right"]]
     with pytest.raises(cl.BadInput, match="estimators ran on different streams"):
         cl.compare(table.assign(scenario="trajectory"), baseline="right")
-
-
-def test_only_what_leaves_the_readings_alone_may_be_assumed():
-    with pytest.raises(cl.BadInput, match="would change the world's robots"):
-        cl.simulate("trajectory[assumed.robots=2]")
-    with pytest.raises(cl.BadInput, match="scenario 'trajectory' has no parameter 'etaa'"):
-        cl.simulate("trajectory[assumed.etaa=2]")

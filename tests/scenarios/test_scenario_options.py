@@ -95,16 +95,6 @@ def test_short_ranges_are_refused_for_all_alike_and_shipped_models_refused_them_
     assert len(cl.errors(truth, cl.run("dead-reckoning", refused))) == 9
 
 
-def test_a_sighting_with_a_short_range_is_absent_with_its_bearing():
-    truth, stream = cl.simulate("camera/n=3", trials=1, seed=2, ticks=20)
-    z = stream.senses.landmark.copy()
-    z[0, 3, 1, 0] = 0.1, 0.5
-    options = resolve("camera/n=3[short_ranges=refused]").options
-    _, found = options.apply(truth, stream.with_arrays({"senses.landmark": z}))
-    assert np.isnan(found.senses.landmark[0, 3, 1, 0]).all()
-    np.testing.assert_array_equal(found.senses.landmark[0, 4:], stream.senses.landmark[0, 4:])
-
-
 @pytest.mark.parametrize(
     ("label", "words"),
     [
@@ -116,8 +106,3 @@ def test_a_sighting_with_a_short_range_is_absent_with_its_bearing():
 def test_what_cannot_be_said_is_refused_in_one_line(label, words):
     with pytest.raises(cl.BadInput, match=words):
         resolve(label)
-
-
-def test_settings_of_other_scenarios_are_what_they_were():
-    assert not {"team_priors", "short_ranges"} & set(resolve("trajectory").settings)
-    assert resolve("trajectory[team_priors=true]").settings["team_priors"] is True

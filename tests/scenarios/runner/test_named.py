@@ -63,12 +63,6 @@ def test_names_classes_instances_lists_and_mappings_become_instances(given, name
     assert all(made.api == 1 and not isinstance(made, type) for made in found.values())
 
 
-def test_names_give_the_same_run_as_instances(stream):
-    one = cl.run(["ekf-local[gate=9]"], stream).traces["ekf-local[gate=9]"]
-    other = cl.run({"a": cl.make("ekf-local", gate=9.0)}, stream).traces["a"]
-    assert (one.x == other.x).all()
-
-
 @pytest.mark.parametrize(
     ("given", "said"),
     [
@@ -114,8 +108,3 @@ def test_a_forgotten_return_is_named_with_its_method_and_tick(stream, method):
         cl.EstimatorError, match=rf"^mine: {method}\(\) returned None {when}: did you forget its return"
     ):
         cl.run({"mine": Forgetful(forgets=method)}, stream)
-
-
-def test_a_name_and_a_class_are_checked_like_an_instance():
-    assert cl.check_estimator("dead-reckoning").name == "dead-reckoning"
-    assert cl.check_estimator(DeadReckoning).passed
