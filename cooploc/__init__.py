@@ -21,11 +21,22 @@ if _TYPE_CHECKING:
     from cooploc.analysis.metrics.compare import compare as compare
     from cooploc.analysis.metrics.compare import summarize as summarize
     from cooploc.analysis.metrics.errors import errors as errors
-    from cooploc.analysis.metrics.judging import judge as judge
+    from cooploc.analysis.metrics.external import judge as judge
+    from cooploc.analysis.metrics.external import to_tum as to_tum
     from cooploc.analysis.metrics.smoother import Smoother as Smoother
     from cooploc.analysis.metrics.smoother import smoother as smoother
-    from cooploc.analysis.metrics.tum import to_tum as to_tum
-    from cooploc.analysis.tuning.training_streams import training as training
+    from cooploc.analysis.tuning.search import training as training
+    from cooploc.api_runs import information as information
+    from cooploc.api_runs import paper as paper
+    from cooploc.api_runs import readings as readings
+    from cooploc.api_runs import sensitivity as sensitivity
+    from cooploc.api_runs import verdicts as verdicts
+    from cooploc.api_studies import Tuned as Tuned
+    from cooploc.api_studies import load_tuned as load_tuned
+    from cooploc.api_studies import plan as plan
+    from cooploc.api_studies import run_until as run_until
+    from cooploc.api_studies import sweep as sweep
+    from cooploc.api_studies import tune as tune
     from cooploc.estimators import make as make
     from cooploc.estimators.interface import Belief as Belief
     from cooploc.estimators.interface import Estimator as Estimator
@@ -46,12 +57,6 @@ if _TYPE_CHECKING:
     from cooploc.estimators.plugins.tunable import tunable as tunable
     from cooploc.inspection import Inspection as Inspection
     from cooploc.inspection import inspect as inspect
-    from cooploc.paper_files import paper as paper
-    from cooploc.plans import plan as plan
-    from cooploc.run_tables import information as information
-    from cooploc.run_tables import sensitivity as sensitivity
-    from cooploc.run_verdicts import readings as readings
-    from cooploc.run_verdicts import verdicts as verdicts
     from cooploc.runs import Results as Results
     from cooploc.runs import compare_runs as compare_runs
     from cooploc.runs import load_run as load_run
@@ -70,11 +75,6 @@ if _TYPE_CHECKING:
     from cooploc.scenarios.stream import Stream as Stream
     from cooploc.scenarios.stream import Truth as Truth
     from cooploc.scenarios.studies.study import studies as studies
-    from cooploc.sweeps import sweep as sweep
-    from cooploc.tuned import Tuned as Tuned
-    from cooploc.tuned import load_tuned as load_tuned
-    from cooploc.tuned import tune as tune
-    from cooploc.until_decided import run_until as run_until
 
     estimators: _CallablePackage
     scenarios: _CallablePackage
@@ -110,10 +110,10 @@ _HOME = {
     "errors": "cooploc.analysis.metrics.errors",
     "compare": "cooploc.analysis.metrics.compare",
     "summarize": "cooploc.analysis.metrics.compare",
-    "judge": "cooploc.analysis.metrics.judging",
+    "judge": "cooploc.analysis.metrics.external",
     "smoother": "cooploc.analysis.metrics.smoother",
     "Smoother": "cooploc.analysis.metrics.smoother",
-    "to_tum": "cooploc.analysis.metrics.tum",
+    "to_tum": "cooploc.analysis.metrics.external",
     "tunable": "cooploc.estimators.plugins.tunable",
     "run_study": "cooploc.runs",
     "load_run": "cooploc.runs",
@@ -122,20 +122,20 @@ _HOME = {
     "compare_runs": "cooploc.runs",
     "reproduce": "cooploc.runs",
     "show": "cooploc.runs",
-    "run_until": "cooploc.until_decided",
+    "run_until": "cooploc.api_studies",
     "inspect": "cooploc.inspection",
     "Inspection": "cooploc.inspection",
-    "paper": "cooploc.paper_files",
-    "plan": "cooploc.plans",
-    "verdicts": "cooploc.run_verdicts",
-    "readings": "cooploc.run_verdicts",
-    "information": "cooploc.run_tables",
-    "sensitivity": "cooploc.run_tables",
-    "sweep": "cooploc.sweeps",
-    "tune": "cooploc.tuned",
-    "Tuned": "cooploc.tuned",
-    "load_tuned": "cooploc.tuned",
-    "training": "cooploc.analysis.tuning.training_streams",
+    "paper": "cooploc.api_runs",
+    "plan": "cooploc.api_studies",
+    "verdicts": "cooploc.api_runs",
+    "readings": "cooploc.api_runs",
+    "information": "cooploc.api_runs",
+    "sensitivity": "cooploc.api_runs",
+    "sweep": "cooploc.api_studies",
+    "tune": "cooploc.api_studies",
+    "Tuned": "cooploc.api_studies",
+    "load_tuned": "cooploc.api_studies",
+    "training": "cooploc.analysis.tuning.search",
     "new_estimator": "cooploc.scaffold",
 }
 _MODULES = {"estimators": "cooploc.estimators", "scenarios": "cooploc.scenarios", "plot": "cooploc.analysis.plot"}

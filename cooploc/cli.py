@@ -86,10 +86,10 @@ def run(
     max_trials: Annotated[int | None, typer.Option(help="trials at which --until-decided ends [default: 1000]")] = None,
 ) -> None:
     """Run a study, print its table, keep results and picture."""
+    from cooploc.api_studies import choose_runner
     from cooploc.terminal import results as printed
-    from cooploc.until_decided import runner
 
-    results = runner(until_decided, trials, max_trials)(
+    results = choose_runner(until_decided, trials, max_trials)(
         study,
         seed=seed,
         estimators=estimators,
@@ -189,10 +189,10 @@ def verdicts(folder: RunDirectory, ledger: Claims = None) -> None:
 
     Or contradicts, or leaves open; and in how many readings of the paper.
     """
-    from cooploc import run_verdicts
+    from cooploc import api_runs
     from cooploc.terminal import finished_runs
 
-    found, mapped = run_verdicts.verdicts_and_readings(folder, ledger)
+    found, mapped = api_runs.verdicts_and_readings(folder, ledger)
     finished_runs.verdicts(found, ledger)
     finished_runs.readings(mapped)
 

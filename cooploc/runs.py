@@ -15,7 +15,7 @@ from cooploc.analysis.execution.decisions_file import comparisons, looks_taken, 
 from cooploc.analysis.execution.execute import execute
 from cooploc.analysis.execution.stored_run import Kept, read
 from cooploc.analysis.metrics.compare import compare
-from cooploc.analysis.metrics.decisions import with_decisions
+from cooploc.analysis.metrics.sequential import with_decisions
 from cooploc.analysis.report import html_page, run_diff
 from cooploc.analysis.report import reproduce as again
 from cooploc.estimators import split

@@ -20,8 +20,8 @@ from cooploc.analysis.claims.ledger import BASE, load
 from cooploc.analysis.execution.stored_run import read
 from cooploc.analysis.metrics.consistency import CONSERVATIVE, OVER_CONFIDENT
 from cooploc.analysis.metrics.crlb import floors
-from cooploc.analysis.metrics.over_time import over_time, swept
-from cooploc.analysis.metrics.pooling import stream_hash
+from cooploc.analysis.metrics.curves import over_time, swept
+from cooploc.analysis.metrics.errors import stream_hash
 from cooploc.analysis.metrics.smoother import LABEL as HINDSIGHT
 from cooploc.analysis.plot import style
 from cooploc.analysis.plot.ellipses import ellipse

@@ -14,8 +14,8 @@ from matplotlib.axes import Axes
 
 import cooploc as cl
 from cooploc.analysis.claims import multiverse
+from cooploc.analysis.claims.interpretations import Dimensions, design
 from cooploc.analysis.claims.ledger import Ledger, load
-from cooploc.analysis.claims.readings import Dimensions, design
 from cooploc.analysis.claims.verdicts import DECIDED
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.report.claim_tables import over_readings

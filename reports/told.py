@@ -15,7 +15,7 @@ from cooploc.analysis.formats import change as signed
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.compare import summarize
 from cooploc.analysis.metrics.consistency import consistency
-from cooploc.analysis.metrics.pooling import trial_means
+from cooploc.analysis.metrics.errors import trial_means
 from cooploc.analysis.report.csv_text import read_csv_text
 from cooploc.estimators import nearest
 from cooploc.estimators.plugins.errors import BadInput

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from cooploc.analysis.claims import at_looks
+from cooploc.analysis.claims import verdicts
 from cooploc.analysis.claims.ledger import load
 from cooploc.analysis.claims.verdicts import DECIDED, judge
 from cooploc.analysis.execution.stored_run import Kept
@@ -39,8 +39,8 @@ def counted(stored: Kept) -> dict[str, int | str]:
     ledger, rows = load(), stored.rows
     decisions = stored.decisions or {}
     asked = [n for cell in stored.manifest["cells"].values() for n in cell["estimators"].values()]
-    found = at_looks.judge_at_looks(ledger, rows, stored.looks)
-    lasting = at_looks.lasting(ledger, found)
+    found = verdicts.judge_at_looks(ledger, rows, stored.looks)
+    lasting = verdicts.lasting(ledger, found)
     usual, all_ = (judge(ledger, rows[rows["trial"] < n])["verdict"].reindex(lasting.index) for n in (USUAL, 10**9))
     settled = lasting["verdict"].isin(DECIDED)
     # a row whose trials ended before had been settled by then

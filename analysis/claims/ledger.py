@@ -24,10 +24,9 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, Field, ValidationError
 
-from cooploc.analysis.claims import dimension_checks
-from cooploc.analysis.claims.claim import STRICT, Claim
-from cooploc.analysis.claims.kinds import KINDS, RELATIVE
-from cooploc.analysis.claims.readings import Choice, Dimension
+from cooploc.analysis.claims import interpretations
+from cooploc.analysis.claims.interpretations import Choice, Dimension
+from cooploc.analysis.claims.kinds import KINDS, RELATIVE, STRICT, Claim
 from cooploc.estimators import nearest
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.display import list_table
@@ -175,5 +174,5 @@ def _demand_sense(ledger: Ledger, where: str) -> None:
             raise BadInput(f"{who}: size {claim.size} is not beyond margin {claim.margin}: make margin smaller")
     if BASE in ledger.variants:
         raise BadInput(f"{where}: a variant cannot be called {BASE!r}, as the claims as they stand are: rename it")
-    if wrong := dimension_checks.refusal(ledger.dimensions, ledger.claims):
+    if wrong := interpretations.refusal(ledger.dimensions, ledger.claims):
         raise BadInput(f"{where}, {wrong}")

@@ -1,30 +1,118 @@
-"""A ledger judged over the readings that its paper allows: for every claim not one verdict but a map of them.
+"""What the specifications in which a claim holds have in common, in one sentence."""
 
-A *specification* of a claim is one of its cases (estimators, scenario, definition of the size) in one reading. Readings
-that differ only in what does not touch the case's estimators and scenarios are one specification, counted once. What is
-said of a claim is how many of its specifications support it, and which choices these have in common.
-
-Sources: U. Simonsohn, J. Simmons, L. Nelson, "Specification curve analysis", Nature Human Behaviour 4, 2020;
-S. Steegen et al., "Increasing transparency through a multiverse analysis", 2016.
-"""
-
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import pandas as pd
 
-from cooploc.analysis.claims import readings
-from cooploc.analysis.claims.claim import Case, Claim
-from cooploc.analysis.claims.common_choices import sentence
-from cooploc.analysis.claims.kinds import KINDS, cases, definitions
-from cooploc.analysis.claims.ledger import Ledger
-from cooploc.analysis.claims.readings import Dimensions, Reading
+from cooploc.analysis.claims import interpretations
+from cooploc.analysis.claims.interpretations import Dimensions, Reading
+from cooploc.analysis.claims.kinds import KINDS, Case, Claim, cases, definitions
+from cooploc.analysis.claims.ledger import Ledger, load
 from cooploc.analysis.claims.trial_table import collect
-from cooploc.analysis.claims.verdicts import COLUMNS, JUDGED, judged
-from cooploc.analysis.metrics.pooling import demand_same_streams
-from cooploc.analysis.metrics.stopping import FIXED, Stopping
+from cooploc.analysis.claims.verdicts import COLUMNS, JUDGED, judge_claim
+from cooploc.analysis.metrics.errors import demand_same_streams
+from cooploc.analysis.metrics.sequential import FIXED, Stopping
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.estimators.plugins.labels import parse
+
+# besides the dimensions of the readings, in what specifications differ
+WORDS = {"scenario": "in {}", "of": "of {}", "than": "against {}", "definition": "read as a {}"}
+MOST = 2  # conditions that a sentence names
+LEAST = 0.1  # share of the other specifications that a condition must exclude to be worth naming
+
+
+class Condition(NamedTuple):
+    """Choices that all of some specifications have, and not all others."""
+
+    name: str
+    choices: tuple[str, ...]
+    without: tuple[str, ...] = ()  # the choices that others have
+
+    def met(self, part: pd.DataFrame) -> "pd.Series[bool]":
+        """Where it is met; one that makes no difference to a specification does not exclude it."""
+        return part[self.name].isin((*self.choices, ""))
+
+    def __str__(self) -> str:
+        few = bool(self.without) and len(self.without) < len(self.choices)
+        *most, last = self.without if few else self.choices
+        listed = "any but " * few + (f"{', '.join(most)} or {last}" if most else last)
+        return WORDS.get(self.name, f"with {self.name} = {{}}").format(listed)
+
+
+def shared_assumptions(part: pd.DataFrame, dimensions: list[str]) -> str:
+    """In how many specifications a claim holds, and which choices these have in common, or all others.
+
+    Args:
+        part: specifications of one claim, from `multiverse.judge`.
+        dimensions: the columns of choices to be named.
+
+    """
+    holds = part["verdict"] == "supported"
+    n, k = len(part), int(holds.sum())
+    if k == n:
+        return f"holds in all {n} specifications" if n > 1 else "holds in the only specification that was run"
+    if k == 0:
+        direction, open_ = (int((part["verdict"] == name).sum()) for name in ("direction only", "undecided"))
+        if open_ == n:
+            return f"left open in all {n} specifications"
+        return f"holds in 0 of {n} specifications" + f"; its direction alone in {direction}" * (direction > 0)
+    counted = f"holds in {k} of {n} specifications"
+    if 2 * k > n:
+        return counted + _conditions_text("the others are", part, ~holds, dimensions)
+    return counted + _conditions_text("all of them" if k > 1 else "the one", part, holds, dimensions)
+
+
+def conditions(part: pd.DataFrame, chosen: "pd.Series[bool]", names: list[str]) -> list[Condition]:
+    """Few conditions that all chosen specifications meet and that exclude as many others as possible, best first."""
+    found: list[Condition] = []
+    others = part[~chosen]
+    for _ in range(MOST):
+        each = [_shared(part, chosen, name) for name in names]
+        excluded = {one: int((~one.met(others)).sum()) for one in each if "" not in one.choices}
+        best = max(excluded, key=lambda one: excluded[one], default=None)
+        if best is None or not excluded[best] > LEAST * len(others):
+            break
+        found.append(best)
+        others = others[best.met(others)]
+    return found
+
+
+def _shared(part: pd.DataFrame, chosen: "pd.Series[bool]", name: str) -> Condition:
+    choices = tuple(dict.fromkeys(part.loc[chosen, name]))
+    return Condition(name, choices, tuple(x for x in dict.fromkeys(part[name]) if x and x not in choices))
+
+
+def _conditions_text(who: str, part: pd.DataFrame, chosen: "pd.Series[bool]", dimensions: list[str]) -> str:
+    """The conditions of the chosen specifications, and how many meet them without being chosen."""
+    found = conditions(part, chosen, [*dimensions, *WORDS])
+    if not found:
+        return _most_often(part, [*dimensions, *WORDS])
+    met = pd.concat([one.met(part) for one in found], axis=1).all(axis=1)
+    more = f" ({int(chosen.sum())} of {int(met.sum())} such)" if met.sum() > chosen.sum() else ""
+    return f": {who} {' and '.join(map(str, found))}{more}"
+
+
+def _most_often(part: pd.DataFrame, names: list[str]) -> str:
+    """The choice with which a claim holds most often, where no choice is needed for it."""
+    holds = (part["verdict"] == "supported").astype(float)
+    rates = {(name, x): holds[part[name] == x] for name in names for x in part[name].unique() if x}
+    (name, choice), best = max(rates.items(), key=lambda each: each[1].mean())
+    if best.mean() < holds.mean() + LEAST:
+        return ", whatever is chosen"
+    return f"; most often {Condition(name, (choice,))} ({best.sum():.0f} of {len(best)})"
+
+
+# A ledger judged over the readings that its paper allows: for every claim not one verdict but a map of them.
+#
+# A *specification* of a claim is one of its cases (estimators, scenario, definition of the size) in one reading.
+# Readings
+# that differ only in what does not touch the case's estimators and scenarios are one specification, counted once.
+# What is
+# said of a claim is how many of its specifications support it, and which choices these have in common.
+#
+# Sources: U. Simonsohn, J. Simmons, L. Nelson, "Specification curve analysis", Nature Human Behaviour 4, 2020;
+# S. Steegen et al., "Increasing transparency through a multiverse analysis", 2016.
 
 ADDED = {
     "readings": "how many readings of the design come down to this specification",
@@ -62,21 +150,21 @@ def judge(ledger: Ledger, rows: pd.DataFrame, stopping: Stopping = FIXED) -> pd.
     if taken := [name for name in ledger.dimensions if name in (*COLUMNS, *ADDED)]:
         raise BadInput(f"dimension {taken[0]!r} is named like a column of the verdicts: rename it in the ledger")
     demand_same_streams(rows)
-    table, design = collect(rows, stopping), readings.design(ledger.dimensions)
-    preset, letter = (design.index(end(ledger.dimensions)) for end in (readings.preset, readings.letter))
+    table, design = collect(rows, stopping), interpretations.design(ledger.dimensions)
+    preset, letter = (design.index(end(ledger.dimensions)) for end in (interpretations.preset, interpretations.letter))
     out: list[dict[str, Any]] = []
     for claim in ledger.claims:
-        for case in _defined(claim) if KINDS[claim.kind].judge else ():
+        for case in _cases_by_definition(claim) if KINDS[claim.kind].judge else ():
             asked = specifications(case, design, ledger.dimensions)
-            for one, row in zip(asked, judged(claim, table, [one.case for one in asked]), strict=True):
+            for one, row in zip(asked, judge_claim(claim, table, [one.case for one in asked]), strict=True):
                 if row["verdict"] in JUDGED:
                     ends = {"letter": letter in one.readings, "preset": preset in one.readings}
-                    named = _named(row, case, one.case)
+                    named = _name_as_ledger(row, case, one.case)
                     out.append({**row, **named, "readings": len(one.readings), **ends, **one.choices})
     return pd.DataFrame(out, columns=[*SHOWN, *ledger.dimensions])
 
 
-def _defined(claim: Claim) -> list[Case]:
+def _cases_by_definition(claim: Claim) -> list[Case]:
     """The cases of a claim by every definition of its size, for a definition is a reading of the paper, too."""
     return [case._replace(definition=name) for case in cases(claim) for name in definitions(claim)]
 
@@ -88,27 +176,27 @@ def dimensions_of(found: pd.DataFrame) -> list[str]:
 
 def specifications(case: Case, design: Sequence[Reading], dimensions: Dimensions) -> list[Specification]:
     """The case in every reading; readings that lead to the same estimators and scenarios are one specification."""
-    preset = readings.preset(dimensions)
+    preset = interpretations.preset(dimensions)
     matters = {
         name
         for name, one in dimensions.items()
-        if any(substituted(case, {**preset, name: choice}, dimensions) != case for choice in one.choices)
+        if any(substitute(case, {**preset, name: choice}, dimensions) != case for choice in one.choices)
     }
     found: dict[Case, Specification] = {}
     for number, reading in enumerate(design):
-        shown = matters - readings.settled(reading, dimensions)
+        shown = matters - interpretations.settled(reading, dimensions)
         choices = {name: choice if name in shown else "" for name, choice in reading.items()}
-        read = substituted(case, reading, dimensions)
+        read = substitute(case, reading, dimensions)
         found.setdefault(read, Specification(read, choices, [])).readings.append(number)
     return list(found.values())
 
 
-def substituted(case: Case, reading: Reading, dimensions: Dimensions) -> Case:
+def substitute(case: Case, reading: Reading, dimensions: Dimensions) -> Case:
     """The case as a reading wants it, in every estimator and scenario alike."""
     return case._replace(
-        of=readings.estimator(case.of, reading, dimensions),
-        than=tuple(readings.estimator(label, reading, dimensions) for label in case.than),
-        scenarios=tuple(readings.scenario(label, reading, dimensions) for label in case.scenarios),
+        of=interpretations.estimator(case.of, reading, dimensions),
+        than=tuple(interpretations.estimator(label, reading, dimensions) for label in case.than),
+        scenarios=tuple(interpretations.scenario(label, reading, dimensions) for label in case.scenarios),
     )
 
 
@@ -128,9 +216,9 @@ def shares(found: pd.DataFrame) -> pd.DataFrame:
                 "scenarios": ", ".join(dict.fromkeys(part["scenario"])),
                 "specifications": len(part),
                 **{verdict: int(counts.get(verdict, 0)) for verdict in JUDGED},
-                **{end: _counted(part.loc[part[end], "verdict"]) for end in ("letter", "preset")},
+                **{end: _count_verdicts(part.loc[part[end], "verdict"]) for end in ("letter", "preset")},
                 "dimensions": ", ".join(dimensions),
-                "sentence": sentence(part, dimensions),
+                "sentence": shared_assumptions(part, dimensions),
             }
         )
     columns = ("claim", "says", "scenarios", "specifications", *JUDGED, "letter", "preset", "dimensions", "sentence")
@@ -149,7 +237,7 @@ def sentences(found: pd.DataFrame) -> dict[str, str]:
     return {row["claim"]: f"{row['sentence']} (cl.readings)" for row in rows}
 
 
-def _named(row: dict[str, Any], case: Case, read: Case) -> dict[str, str]:
+def _name_as_ledger(row: dict[str, Any], case: Case, read: Case) -> dict[str, str]:
     """Estimators and scenarios of a row by the ledger's labels, which are the same in every reading."""
     than = dict(zip((*read.than, ", ".join(read.than)), (*case.than, ", ".join(case.than)), strict=True))
     kept = {key for label in case.scenarios for key in parse(label)[1]}
@@ -164,8 +252,56 @@ def _without(label: str, kept: set[str]) -> str:
     return path + (f"[{left}]" if left else "")
 
 
-def _counted(found: "pd.Series[str]") -> str:
+def _count_verdicts(found: "pd.Series[str]") -> str:
     """Verdicts with their counts, "2 supported, 1 undecided"; of one kind, the verdict alone."""
     counts = found.value_counts()
     ordered = [name for name in JUDGED if name in counts.index]
     return ordered[0] if len(ordered) == 1 else ", ".join(f"{counts[name]} {name}" for name in ordered)
+
+
+# The study that runs every reading of a ledger, as a TOML file: `python -m cooploc.analysis.claims.multiverse`.
+
+SCENARIOS = (
+    "robots-1-3/n=2",
+    "robots-1-3/n=3",
+    "scalability/n=1",
+    "scalability/n=11",
+    "nlos",
+    "nlos/bias=0.5",
+    "packet-drop/drop=0",
+    "packet-drop/drop=0.7",
+    "arena-60m/sd=0.5",
+    "arena-60m/sd=1.8",
+    "arena-60m/sd=5",
+)
+ESTIMATORS = ("arl", "mrsl-rssi", "mrsl-distance", "ctrn[weights=exact]")
+STUDY_HEAD = """# Written by `python -m cooploc.analysis.claims.multiverse`; a test compares it with the ledger.
+about = "Every reading of the paper that is run: {count}, each applied to every method alike"
+minutes = {minutes}
+trials = 50
+"""
+MINUTES = 35
+
+
+def readings_study(ledger: Ledger) -> str:
+    """The text of the study: for each reading its scenarios and estimators; what two readings share stands once."""
+    design = interpretations.design(ledger.dimensions)
+    wanted: dict[str, dict[str, None]] = {}
+    for reading in design:
+        labels = [interpretations.estimator(label, reading, ledger.dimensions) for label in ESTIMATORS]
+        for scenario in SCENARIOS:
+            where = interpretations.scenario(scenario, reading, ledger.dimensions)
+            wanted.setdefault(where, {}).update(dict.fromkeys(labels))
+    alike: dict[tuple[str, ...], list[str]] = {}
+    for where, names in wanted.items():
+        alike.setdefault(tuple(names), []).append(where)
+    blocks = [f"scenarios = {_toml_list(where)}\nestimators = {_toml_list(names)}\n" for names, where in alike.items()]
+    return STUDY_HEAD.format(count=len(design), minutes=MINUTES) + "\n[[also]]\n".join(blocks)
+
+
+def _toml_list(labels: Iterable[str]) -> str:
+    return "[\n" + "".join(f'    "{label}",\n' for label in labels) + "]"
+
+
+if __name__ == "__main__":
+    print(readings_study(load()), end="")

@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from cooploc.analysis.metrics.certificate_line import refused
-from cooploc.analysis.metrics.over_time import sweep
-from cooploc.analysis.metrics.pooling import succeeded, weighted_means
-from cooploc.analysis.metrics.stopping import FIXED, Stopping
+from cooploc.analysis.metrics import ranking
+from cooploc.analysis.metrics.curves import sweep
+from cooploc.analysis.metrics.errors import drop_failed, weighted_means
+from cooploc.analysis.metrics.sequential import FIXED, Stopping
 from cooploc.estimators import nearest, parse
 from cooploc.estimators.interface import Array
 from cooploc.estimators.plugins.build import RENAMED
@@ -126,7 +126,7 @@ class TrialTable(NamedTuple):
 def collect(rows: pd.DataFrame, stopping: Stopping = FIXED) -> TrialTable:
     """The table of the rows of a run or of `errors`."""
     rows = rows.reset_index(drop=True)
-    keys, ended = ["scenario", "estimator", "trial"], succeeded(rows)
+    keys, ended = ["scenario", "estimator", "trial"], drop_failed(rows)
     trials = weighted_means(ended, keys, ["mse", "anees", "coverage95"])
     trials[["seconds", "robots"]] = ended.groupby(keys, sort=False)[["seconds", "robots"]].first()
     parts = trials.groupby(level=["scenario", "estimator"], sort=False)
@@ -140,7 +140,7 @@ def collect(rows: pd.DataFrame, stopping: Stopping = FIXED) -> TrialTable:
 
 def _refused(rows: pd.DataFrame) -> "pd.Series[bool]":
     lines = rows["certificate"] if "certificate" in rows else pd.Series("", rows.index)
-    return lines.isin([line for line in lines.dropna().unique() if refused(line)])
+    return lines.isin([line for line in lines.dropna().unique() if ranking.is_refused(line)])
 
 
 def _labels(names: Iterable[Any]) -> set[str]:

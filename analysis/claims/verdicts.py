@@ -28,23 +28,23 @@ column `definition` names; `otherwise` says what the same interval means by the 
 the paper: it is counted in the map over readings (`multiverse`), and not here.
 """
 
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import product
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from cooploc.analysis.claims.claim import Case, Claim, claimed
-from cooploc.analysis.claims.kinds import KINDS, RELATIVE, Judge, cases, definitions
+from cooploc.analysis.claims.kinds import KINDS, RELATIVE, Case, Claim, Finding, Judge, cases, claimed_size, definitions
 from cooploc.analysis.claims.ledger import Ledger, variants
 from cooploc.analysis.claims.ledger import load as load
-from cooploc.analysis.claims.trial_table import Missing, TrialTable, collect
-from cooploc.analysis.claims.zones import Finding
-from cooploc.analysis.formats import change, counted
-from cooploc.analysis.metrics import outliers, statistics
+from cooploc.analysis.claims.trial_table import Missing, TrialTable, canonical, collect
+from cooploc.analysis.formats import change, counted, fixed, interval, ratio
+from cooploc.analysis.metrics import statistics
+from cooploc.analysis.metrics.compare import FAR, mark_outliers
 from cooploc.analysis.metrics.consistency import flag
-from cooploc.analysis.metrics.pooling import demand_same_streams
-from cooploc.analysis.metrics.stopping import FIXED, Stopping
+from cooploc.analysis.metrics.errors import demand_same_streams
+from cooploc.analysis.metrics.sequential import ANYTIME, FIXED, Stopping
 
 VERDICTS = ("supported", "direction only", "flat", "contradicted", "undecided", "not testable", "not run")
 DECIDED, JUDGED = VERDICTS[:4], VERDICTS[:5]
@@ -94,19 +94,19 @@ def judge(ledger: Ledger, rows: pd.DataFrame, stopping: Stopping = FIXED) -> pd.
     out = []
     for claim in ledger.claims:
         for variant, read in variants(claim, ledger):
-            out += [{"variant": variant, "look": 0, **row} for row in judged(read, table)]
-    return adjusted(pd.DataFrame(out, columns=list(COLUMNS)))
+            out += [{"variant": variant, "look": 0, **row} for row in judge_claim(read, table)]
+    return adjust(pd.DataFrame(out, columns=list(COLUMNS)))
 
 
-def adjusted(found: pd.DataFrame) -> pd.DataFrame:
+def adjust(found: pd.DataFrame) -> pd.DataFrame:
     """With p adjusted over all cases, each counted once in however many variants, and whether their verdicts stand."""
-    p = found["p"].where(once(found)).to_numpy(float)
+    p = found["p"].where(first_of_case(found)).to_numpy(float)
     known = found.assign(p_holm=statistics.holm(p)).groupby(CASE, sort=False, dropna=False)["p_holm"]
     p_holm = known.transform("first")
     return found.assign(p_holm=p_holm, stands=found["verdict"].isin(DECIDED) & (p_holm <= 1 - statistics.LEVEL))
 
 
-def once(found: pd.DataFrame) -> "pd.Series[bool]":
+def first_of_case(found: pd.DataFrame) -> "pd.Series[bool]":
     """False for a case that stands above already, in another variant that leaves it as it is."""
     return ~found.duplicated(CASE)
 
@@ -125,27 +125,27 @@ def overview(verdicts: pd.DataFrame) -> pd.DataFrame:
     return cells.reindex(index=order[0], columns=[name for name in order[1] if name in cells]).fillna("")
 
 
-def judged(claim: Claim, table: TrialTable, asked: Iterable[Case] | None = None) -> list[dict[str, object]]:
+def judge_claim(claim: Claim, table: TrialTable, asked: Iterable[Case] | None = None) -> list[dict[str, object]]:
     """A row for every case of a claim, with what other definitions of its size make of it; or for those asked."""
     about = {"claim": claim.id, "open": "; ".join(claim.open), **claim.model_dump(include={"says", "where", "kind"})}
     judge = KINDS[claim.kind].judge
     if judge is None:
         return [{**about, "verdict": "not testable", "otherwise": "", "remark": claim.why}]
     if asked is not None:
-        return [{**about, **_found(judge, case, claim, table)} for case in asked]
+        return [{**about, **_judge_case(judge, case, claim, table)} for case in asked]
     out = []
     for case in cases(claim):
-        first, *others = (_found(judge, case._replace(definition=d), claim, table) for d in definitions(claim))
-        out.append({**about, **first, "otherwise": "; ".join(_otherwise(row) for row in others)})
+        first, *others = (_judge_case(judge, case._replace(definition=d), claim, table) for d in definitions(claim))
+        out.append({**about, **first, "otherwise": "; ".join(_other_definition(row) for row in others)})
     return out
 
 
-def _otherwise(row: dict[str, Any]) -> str:
+def _other_definition(row: dict[str, Any]) -> str:
     return f"as a {row['definition']} ({change(row['size'])}): {row['verdict']}" if row["verdict"] in JUDGED else ""
 
 
-def _found(judge: Judge, case: Case, claim: Claim, table: TrialTable) -> dict[str, Any]:
-    size = claimed(claim, case.definition)
+def _judge_case(judge: Judge, case: Case, claim: Claim, table: TrialTable) -> dict[str, Any]:
+    size = claimed_size(claim, case.definition)
     asked = {"of": case.of, "than": ", ".join(case.than), "definition": case.definition, "size": size}
     try:
         scenarios = tuple(dict.fromkeys(s for label in case.scenarios for s in table.matching(label)))
@@ -153,7 +153,7 @@ def _found(judge: Judge, case: Case, claim: Claim, table: TrialTable) -> dict[st
         found = judge(case, claim, table)
     except Missing as e:
         return {**asked, "scenario": ", ".join(case.scenarios), "verdict": "not run", "remark": str(e)}
-    found, doubt = _without_failures(case, claim, table, found)
+    found, doubt = _undecide_failures(case, claim, table, found)
     return {
         **asked,
         "scenario": found.scenario or " to ".join(dict.fromkeys((scenarios[0], scenarios[-1]))),
@@ -167,9 +167,9 @@ def _found(judge: Judge, case: Case, claim: Claim, table: TrialTable) -> dict[st
     }
 
 
-def _without_failures(case: Case, claim: Claim, table: TrialTable, found: Finding) -> tuple[Finding, list[str]]:
+def _undecide_failures(case: Case, claim: Claim, table: TrialTable, found: Finding) -> tuple[Finding, list[str]]:
     """The finding, undecided where failures stand behind it, and why."""
-    lost = [name for name in dict.fromkeys((case.of, *case.than)) if _failed(name, case, table)]
+    lost = [name for name in dict.fromkeys((case.of, *case.than)) if _count_failures(name, case, table)]
     upwards = claim.size is not None and claim.size > 0 and claim.kind in RELATIVE
     favoured = {case.of} if upwards else set(case.than)  # by a contradiction
     if found.verdict == "contradicted":
@@ -180,7 +180,7 @@ def _without_failures(case: Case, claim: Claim, table: TrialTable, found: Findin
     return found._replace(verdict="undecided", needed=np.nan, p=1.0), why
 
 
-def _failed(name: str, case: Case, table: TrialTable) -> int:
+def _count_failures(name: str, case: Case, table: TrialTable) -> int:
     """In how many trials of a case an estimator failed; one that failed a check counts as one."""
     return sum(table.failed((scenario, name)) for scenario in case.scenarios) + table.is_refused(name)
 
@@ -210,16 +210,224 @@ def _about_estimators(case: Case, table: TrialTable) -> list[str]:
         failed = sum(table.failed(key) for key in keys)
         out += [f"{counted(failed, 'trial')} of {name} failed"] if failed else []
         out += [f"{name} failed a check"] if table.is_refused(name) else []
-        far = int(sum(outliers.far(table.mse(key)[:, 0]).sum() for key in keys))
+        far = int(sum(mark_outliers(table.mse(key)[:, 0]).sum() for key in keys))
         out += [f"{counted(far, 'trial')} of {name} {_outlying(far)}"] if far else []
         out += [f"{name} is centralised"] if table.is_centralised(name) else []
     return out
 
 
 def _outlying(far: int) -> str:
-    return f"{'errs' if far == 1 else 'err'} {outliers.FAR:g} times as much as the median one: intervals are too narrow"
+    return f"{'errs' if far == 1 else 'err'} {FAR:g} times as much as the median one: intervals are too narrow"
 
 
 def _flag(table: TrialTable, key: tuple[str, str]) -> str:
     anees, coverage = table.anees(key), table.coverage(key)
     return flag(len(anees), statistics.mean_of_positive(anees), statistics.mean(coverage))
+
+
+# A ledger's verdicts in a run that stops when they are decided: each case keeps the verdict of its first look.
+#
+# Verdicts come from confidence sequences (`stopping.ANYTIME`), so that each, taken alone, is false in at most one of
+# twenty runs, whatever look it was reached at. `p` is 1 / e, and Holm's correction holds for it as for any other p.
+#
+# Claims about computing time are judged as well, and never make a run go on: a clock does not repeat itself.
+
+TIMED = ("time", "slope", "cost")  # kinds of claims about computing time
+
+
+def judge_at_look(ledger: Ledger, rows: pd.DataFrame, n: int, before: pd.DataFrame | None = None) -> pd.DataFrame:
+    """The verdicts of `verdicts.judge` over the trials below n, with `look`; what was decided before stays.
+
+    Args:
+        ledger: from `load`.
+        rows: of a run.
+        n: trials of this look.
+        before: what this gave at the look before.
+
+    Raises:
+        BadInput: estimators of one scenario ran on different streams.
+
+    """
+    now = judge(ledger, rows[rows["trial"] < n], ANYTIME)
+    now["look"] = now["verdict"].isin(JUDGED) * n
+    if before is None:
+        return now
+    decided = before["verdict"].isin(DECIDED)
+    return adjust(pd.concat([before[decided], now[~decided]]).sort_index())
+
+
+def judge_at_looks(ledger: Ledger, rows: pd.DataFrame, at: Sequence[int]) -> pd.DataFrame:
+    """The verdicts after all of these looks, one at least."""
+    found = judge_at_look(ledger, rows, at[0])
+    for n in at[1:]:
+        found = judge_at_look(ledger, rows, n, found)
+    return found
+
+
+def judge_run(ledger: Ledger, rows: pd.DataFrame, at: Sequence[int]) -> pd.DataFrame:
+    """The verdicts on a run: at these looks, or at the end where there were none."""
+    return judge_at_looks(ledger, rows, at) if at else judge(ledger, rows)
+
+
+def lasting(ledger: Ledger, found: pd.DataFrame) -> pd.DataFrame:
+    """The judged rows that are not about computing time."""
+    timed = [claim.id for claim in ledger.claims if claim.kind in TIMED]
+    return found[found["verdict"].isin(JUDGED) & ~found["claim"].isin(timed)]
+
+
+def open_cells(ledger: Ledger, rows: pd.DataFrame, found: pd.DataFrame) -> set[tuple[str, str]]:
+    """The (scenario, estimator) whose further trials may decide a claim, by their labels in the run."""
+    table = collect(rows)
+    pairs = rows[["scenario", "estimator"]].drop_duplicates().itertuples(index=False)
+    called = {(canonical(s), canonical(e)): (str(s), str(e)) for s, e in pairs}
+    still = found["verdict"].eq("undecided") & ~found["remark"].fillna("").str.startswith(WOULD_BE)
+    going = still & found.index.isin(lasting(ledger, found).index)
+    asked = [cell for case, is_open in zip(_questions(ledger), going, strict=True) if is_open and case
+             for cell in _cells(case, table)]  # fmt: skip
+    return {called[cell] for cell in asked}
+
+
+def _questions(ledger: Ledger) -> Iterator[Case | None]:
+    """The cases in the order of the rows of `judge`; None for a claim that cannot be tested."""
+    for claim in ledger.claims:
+        for _, read in variants(claim, ledger):
+            yield from cases(read) if KINDS[claim.kind].judge else [None]
+
+
+def _cells(case: Case, table: TrialTable) -> list[tuple[str, str]]:
+    try:
+        scenarios = [s for label in case.scenarios for s in table.matching(label)]
+    except Missing:
+        return []
+    return [(canonical(s), canonical(e)) for s, e in product(scenarios, (case.of, *case.than))]
+
+
+# A ledger's verdicts as a family of tests: how many are decided, how many stand, how many are expected to be false.
+
+
+class Family(NamedTuple):
+    """The verdicts of a ledger as a family of tests."""
+
+    judged: int  # cases
+    decided: int
+    stand: int  # decided, and by Holm over all judged cases too
+    at_most: float  # decided ones expected to be false if every truth lay at the edge of a zone
+    expected: float  # decided ones expected to be false, by `statistics.expected_false`
+
+    def __str__(self) -> str:
+        if not self.decided:
+            return f"Of {counted(self.judged, 'judged case')} none is decided."
+        return (
+            f"Of {counted(self.judged, 'judged case')} {self.decided} are decided, and {self.stand} of these stand "
+            f"after Holm's correction over all. Of the {self.decided} about {self.expected:.1f} are expected to be "
+            f"false, judging by how many p-values lie above one half, and {self.at_most:.1f} at most."
+        )
+
+
+def family_of(verdicts: pd.DataFrame) -> Family:
+    """How many verdicts of `judge` are decided, stand after correction over all, and are expected to be false.
+
+    At 5 % a case, 5 % of the judged ones are decided wrongly where every truth lies at the edge of its zone, and fewer
+    elsewhere; where a truth lies far from the edge, a false verdict is next to impossible. A case that several variants
+    share counts once.
+    """
+    verdicts = verdicts[first_of_case(verdicts)]
+    p = verdicts["p"].to_numpy(float)
+    decided, judged = int(verdicts["verdict"].isin(DECIDED).sum()), int((~np.isnan(p)).sum())
+    at_most = min((1 - statistics.LEVEL) * judged, float(decided))
+    expected = min(statistics.expected_false(p), at_most)
+    return Family(judged, decided, int(verdicts["stands"].sum()), at_most, expected)
+
+
+# Verdicts in words: sentences made from the numbers alone.
+
+# kind -> what is said of a number above 0, and of one below; {} is its size without a sign
+WORDS = {
+    "change": (
+        "the RMSE of {of} is {} higher than that of {than}",
+        "the RMSE of {of} is {} lower than that of {than}",
+    ),
+    "trend": ("the RMSE of {of} grows by {}", "the RMSE of {of} falls by {}"),
+    "all": (
+        "the worst case: the RMSE of {of} is {} higher than that of {than}",
+        "the narrowest case: the RMSE of {of} is {} lower than that of {than}",
+    ),
+    "same": ("the largest change: the RMSE of {of} grows by {}", "the largest change: the RMSE of {of} falls by {}"),
+    "growth": (
+        "the RMSE of {of} grows by {} for each further unit of what is swept",
+        "the RMSE of {of} falls by {} for each further unit of what is swept",
+    ),
+    "interaction": (
+        "the RMSE of {of} grows by a factor {} larger than that of {than}",
+        "the RMSE of {of} grows by a factor {} smaller than that of {than}",
+    ),
+    "level": ("the RMSE of {of} is {}",) * 2,
+    "time": ("the computing time of {of} per robot and tick is {}",) * 2,
+    "consistency": ("the ANEES of {of} is {}",) * 2,
+    "slope": ("the seconds of {of} per robot and tick grow with the number of robots to the power {}",) * 2,
+    "cost": ("{of} takes {} more time than {than}", "{of} takes {} less time than {than}"),
+}
+MANY = 100_000  # trials; a plan for more of them is useless
+UNITS = {"level": " m", "slope": "", "consistency": "", "time": " s"}  # all others are relative changes
+PARTS = {"slope": "sizes", "cost": "parts of the run", "time": "parts of the run"}  # that a number is over; else trials
+
+
+def verdict_sentence(row: "pd.Series[Any]") -> str:
+    """One verdict in words."""
+    if row["verdict"] == "not testable":
+        return f"Not testable: {row['remark']}."
+    if row["verdict"] == "not run":
+        return f"Not run: {row['remark']}."
+    where, n = row["scenario"], f"{row['trials']:.0f}"
+    kind, value, low, high = str(row["kind"]), float(row["value"]), float(row["low"]), float(row["high"])
+    if value == low == high == 0:
+        same = f"equals that of {row['than']}" if row["than"] else "stays the same"
+        return f"{where}: the RMSE of {row['of']} {same} in each of {n} trials. {verdict_text(row)}."
+    if np.isnan(value):
+        return f"{where}: an RMSE of 0 leaves no number to give ({n} trials). {verdict_text(row)}."
+    said = WORDS[kind][value < 0].format(number_text(value, kind).lstrip("+-"), of=row["of"], than=row["than"])
+    size, by_ratio = float(row["size"]), ", as a ratio of errors" * (row["definition"] == "ratio")
+    claimed = f" Claimed{by_ratio}: {number_text(size, kind)}." if size == size else ""
+    counted = PARTS.get(kind, "trials")
+    ends = "no 95 % interval" if np.isnan(low) else f"95 % interval {interval_text(low, high, kind)}"
+    otherwise = f" Read {row['otherwise']}." if row.get("otherwise") else ""
+    return f"{where}: {said} ({ends}, {n} {counted}).{claimed} {verdict_text(row)}.{otherwise}"
+
+
+def span_text(part: pd.DataFrame) -> tuple[str, str]:
+    """What is claimed, and the numbers found in the cases of one claim and reading: from the least to the largest.
+
+    Of a single case its interval is given.
+    """
+    part = part[part["value"].notna()]
+    if part.empty:
+        return "", ""
+    kind, claimed = str(part["kind"].iloc[0]), number_text(float(part["size"].iloc[0]), str(part["kind"].iloc[0]))
+    values = [number_text(float(value), kind) for value in (part["value"].min(), part["value"].max())]
+    if len(part) == 1 and part["low"].notna().all():
+        return claimed, f"{values[0]} ({interval_text(float(part['low'].iloc[0]), float(part['high'].iloc[0]), kind)})"
+    return claimed, " to ".join(dict.fromkeys(values))
+
+
+def verdict_text(row: "pd.Series[Any]") -> str:
+    """A verdict, the look at which a run reached it, and how many trials would decide an undecided one."""
+    needed = float(row["needed"])
+    if row["verdict"] != "undecided":
+        return str(row["verdict"]).capitalize() + (f" at n = {row['look']:.0f}" if row.get("look", 0) > 0 else "")
+    if not needed < MANY:
+        return "Undecided" if needed != needed else f"Undecided; more than {MANY} trials would decide"
+    return f"Undecided; about {needed:.0f} trials would decide"
+
+
+def number_text(value: float, kind: str) -> str:
+    """The number that a kind of claim is about, with its unit; a change has its sign."""
+    if kind == "time":
+        return f"{fixed(1e3 * value, 2)} ms" if value == value else ""
+    if kind in UNITS:
+        return ratio(value) + (UNITS[kind] if value == value else "")
+    return change(value)
+
+
+def interval_text(low: float, high: float, kind: str) -> str:
+    """Both ends of its 95 % interval; nothing where there is none."""
+    return interval(lambda end: number_text(end, kind))(low, high) if np.isfinite(low) else ""

@@ -17,7 +17,8 @@ from cooploc.analysis.execution import shared_certificates
 from cooploc.analysis.execution.elsewhere import absolute, hash_of
 from cooploc.analysis.execution.own_world_certificate import World, certified
 from cooploc.analysis.execution.provenance import files, imports, training_of
-from cooploc.analysis.metrics.certificate_line import TRAINED, mark
+from cooploc.analysis.metrics.errors import TRAINED
+from cooploc.analysis.metrics.ranking import short_certificate
 from cooploc.estimators import configure
 from cooploc.estimators.plugins.build import ConfiguredEstimator
 from cooploc.estimators.plugins.errors import one_line
@@ -73,7 +74,10 @@ def _shared(label: str, known: dict[str, Any], worlds: Worlds, say: Callable[[st
     forbid(*filter(None, [shared_certificates.folder()]))  # no estimator writes its own
     there = shared_certificates.found(key, say)
     if there is not None and valid(there, known["source"]):
-        say(f"{label}: {mark(_line(there))}, as in another run; its file and this study's worlds are the same")
+        say(
+            f"{label}: {short_certificate(_line(there))}, as in another run; "
+            "its file and this study's worlds are the same"
+        )
         return there
     made = _made(label, known, worlds, True, say)
     shared_certificates.keep(key, label, made, say)
@@ -85,7 +89,7 @@ def _made(
 ) -> dict[str, Any]:
     say(f"checking {label}, as it is not built in: seconds to minutes (--no-check leaves it out)")
     found = certify(label, worlds=worlds) if isolate else _checked(label, checked_here)
-    say(f"{label}: {mark(_line(found))}")
+    say(f"{label}: {short_certificate(_line(found))}")
     return {**found, **known}
 
 

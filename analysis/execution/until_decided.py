@@ -13,7 +13,7 @@ import pandas as pd
 from cooploc.analysis.execution.decisions_file import write_decisions
 from cooploc.analysis.execution.execute import Progress, Quiet, execute
 from cooploc.analysis.formats import counted, duration
-from cooploc.analysis.metrics.decisions import OPEN, decide, looks
+from cooploc.analysis.metrics.sequential import OPEN, decide, looks
 from cooploc.scenarios.studies.study import Study, resolve_study
 
 Cell = tuple[str, str]  # labels of a scenario and an estimator

@@ -1,4 +1,10 @@
-"""Which estimators qualify as best, mean ranks and groups over trials, and the Pareto front of accuracy and cost."""
+"""What the one line of a certificate means.
+
+"passed: 16 checks", "passed: 15 of 16 checks; axes: why", "failed: causality: why", "unchecked: why"; each may end with
+"; trained on: what".
+
+An empty line stands for a built-in estimator.
+"""
 
 from collections.abc import Mapping
 from itertools import combinations
@@ -8,15 +14,65 @@ import numpy as np
 import pandas as pd
 
 from cooploc.analysis.metrics import statistics
-from cooploc.analysis.metrics.certificate_line import failed_check, refused
 from cooploc.analysis.metrics.consistency import DOUBTFUL
-from cooploc.analysis.metrics.stopping import FIXED, Stopping
+from cooploc.analysis.metrics.errors import TRAINED
+from cooploc.analysis.metrics.sequential import FIXED, Stopping
 from cooploc.estimators.interface import Array, Mask
+
+DECLARED = "bytes are as declared"
+
+
+def is_refused(line: str) -> bool:
+    """Whether a certificate's line excludes an estimator from the ranking."""
+    return line.startswith("failed")
+
+
+def failed_check(line: str) -> str:
+    """The name of the check that a refused estimator failed."""
+    return line.partition(": ")[2].partition(":")[0]
+
+
+def short_certificate(line: str) -> str:
+    """A certificate's line in a few words: "✓ 16 checks", "✓ 15 of 16 checks; axes", "✗ causality", "unchecked"."""
+    line, _, learned = line.partition(TRAINED)
+    status, _, found = line.partition(": ")
+    count, *exempt = found.split("; ")
+    passed = "; ".join([f"✓ {count}", *filter(None, (_brief(one) for one in exempt))])
+    said = {"passed": passed, "failed": f"✗ {failed_check(line)}"}.get(status, status)
+    return f"{said}; trained on {learned}" if learned else said
+
+
+def certificate_remarks(table: pd.DataFrame) -> list[str]:
+    """A sentence on each estimator in a table of `compare` that did not pass its checks."""
+    once = table.drop_duplicates("estimator")
+    lines = zip(once["estimator"], once["certificate"], strict=True)
+    return [_remark(name, line) for name, line in lines if line and not _whole(line)]
+
+
+def _whole(line: str) -> bool:
+    """Whether every check passed without an exemption."""
+    return line.startswith("passed") and "; " not in line
+
+
+def _brief(exemption: str) -> str:
+    """The name of what is exempt; of a team whose traffic the runner does not carry, what that means."""
+    name, _, why = exemption.partition(": ")
+    return DECLARED if why.endswith(DECLARED) else name if why else ""
+
+
+def _remark(name: str, line: str) -> str:
+    status, _, found = line.partition(": ")
+    if status == "passed":
+        return f"{name} passed {found}"
+    return f"{name} failed a check and is not ranked: {found}" if status == "failed" else f"{name} is {status}: {found}"
+
+
+# Which estimators qualify as best, mean ranks and groups over trials, and the Pareto front of accuracy and cost.
 
 ALPHA = 1 - statistics.LEVEL
 
 
-def disqualified(row: Mapping[Any, Any]) -> list[str]:
+def disqualifications(row: Mapping[Any, Any]) -> list[str]:
     """Why an estimator does not qualify as best in a scenario, from its row of `compare`; empty where it does.
 
     To qualify it must have passed its checks, be distributed, have seen no reading before its time, have failed in no
@@ -25,7 +81,7 @@ def disqualified(row: Mapping[Any, Any]) -> list[str]:
     """
     flag, offline = row["consistency"], bool(row.get("offline", False))
     reasons = {
-        f"failed the check {failed_check(row['certificate'])}": refused(row["certificate"]),
+        f"failed the check {failed_check(row['certificate'])}": is_refused(row["certificate"]),
         "a bound": bool(row["bound"]),
         "offline": offline,
         "centralised": bool(row["centralised"] and not row["bound"] and not offline),
@@ -77,7 +133,7 @@ def _shared(pair: Array) -> Array:
     return both
 
 
-def front(rmse: Array, cost: Array) -> Mask:
+def pareto_front(rmse: Array, cost: Array) -> Mask:
     """The Pareto front (k,): True where no other is as good in both RMSE and cost and better in one; False at a nan."""
     known = np.isfinite(rmse) & np.isfinite(cost)
     no_worse = (rmse <= rmse[:, None]) & (cost <= cost[:, None]) & known  # (i, j): j is no worse than i

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator
 
-from cooploc.analysis.metrics.over_time import swept
+from cooploc.analysis.metrics.curves import swept
 from cooploc.analysis.paper.labels import Labels, over_lines
 from cooploc.analysis.paper.sizes import COLUMNS, TALLEST, figure, width
 from cooploc.analysis.plot.marks import colour_of, curve, rmse_at, span

@@ -12,9 +12,8 @@ from cooploc.analysis.claims.trial_table import TrialTable, collect
 from cooploc.analysis.execution.stored_run import Kept
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.crlb import floors
-from cooploc.analysis.metrics.decisions import with_decisions
-from cooploc.analysis.metrics.over_time import sweep
-from cooploc.analysis.metrics.stopping import ANYTIME, FIXED
+from cooploc.analysis.metrics.curves import sweep
+from cooploc.analysis.metrics.sequential import ANYTIME, FIXED, with_decisions
 from cooploc.analysis.paper import figures, sizes
 from cooploc.analysis.paper.bibliography import bibtex
 from cooploc.analysis.paper.document import Included, document

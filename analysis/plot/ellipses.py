@@ -7,8 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Ellipse
 
 from cooploc.analysis.formats import counted
+from cooploc.analysis.metrics.curves import over_time
 from cooploc.analysis.metrics.errors import INSIDE_95, demand_same
-from cooploc.analysis.metrics.over_time import over_time
 from cooploc.analysis.metrics.statistics import LEAST_TRIALS
 from cooploc.analysis.plot import style
 from cooploc.analysis.plot.marks import span

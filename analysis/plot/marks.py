@@ -11,10 +11,10 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 
-from cooploc.analysis.metrics.certificate_line import refused
 from cooploc.analysis.metrics.compare import summarize
 from cooploc.analysis.metrics.consistency import consistency
-from cooploc.analysis.metrics.pooling import offline
+from cooploc.analysis.metrics.errors import is_offline
+from cooploc.analysis.metrics.ranking import is_refused
 from cooploc.analysis.plot.style import BROKEN, DOTTED, GREY, OFFLINE, Look, band
 
 Row = Mapping[Any, Any] | pd.Series
@@ -24,7 +24,7 @@ UNRANKED = " (failed a check)"
 def drawable(errors: pd.DataFrame) -> pd.DataFrame:
     """The table of `summarize` with what decides how a row is drawn: `consistency`, `centralised` and `bound`."""
     standing = (
-        errors.assign(offline=offline(errors))
+        errors.assign(offline=is_offline(errors))
         .groupby(["scenario", "estimator"], sort=False)[["centralised", "bound", "offline"]]
         .any()
     )
@@ -40,7 +40,7 @@ def drawable(errors: pd.DataFrame) -> pd.DataFrame:
 def name_of(row: Row, name: str = "") -> str:
     """An estimator's name, or another one, and what keeps it from being ranked."""
     name = (name or str(row["estimator"])) + _standing(row)
-    return name + UNRANKED * refused(row["certificate"])
+    return name + UNRANKED * is_refused(row["certificate"])
 
 
 def _standing(row: Row) -> str:

@@ -11,7 +11,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from cooploc.analysis.claims.multiverse import dimensions_of
-from cooploc.analysis.claims.wording import UNITS
+from cooploc.analysis.claims.verdicts import UNITS
 from cooploc.analysis.plot import style
 from cooploc.analysis.plot.claims_forest import CLAIMED, LOOKS
 from cooploc.estimators.plugins.errors import BadInput

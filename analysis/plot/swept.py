@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from cooploc.analysis.metrics.over_time import swept
+from cooploc.analysis.metrics.curves import swept
 from cooploc.estimators.plugins.errors import BadInput, nearest
 
 LEAST = 3  # values from which a sweep is drawn as lines without being asked for

@@ -4,11 +4,11 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from cooploc.analysis.claims import at_looks, family, multiverse, verdicts
+from cooploc.analysis.claims import multiverse, verdicts
 from cooploc.analysis.claims.ledger import BASE, Ledger, load
 from cooploc.analysis.execution.stored_run import Kept
 from cooploc.analysis.formats import counted
-from cooploc.analysis.metrics.stopping import ANYTIME, FIXED
+from cooploc.analysis.metrics.sequential import ANYTIME, FIXED
 from cooploc.analysis.report import claim_tables
 from cooploc.analysis.report.tables import Table
 
@@ -37,7 +37,7 @@ class ClaimsShown(NamedTuple):
 
 def claims_shown(kept: Kept, ledger: Ledger) -> ClaimsShown | None:
     """The section on claims; None where the run touches no claim of the ledger that is shipped."""
-    judged = at_looks.judged(ledger, kept.rows, kept.looks)
+    judged = verdicts.judge_run(ledger, kept.rows, kept.looks)
     touched = judged["verdict"].isin(verdicts.JUDGED).any()
     if not touched and ledger == load():
         return None
@@ -50,7 +50,7 @@ def claims_shown(kept: Kept, ledger: Ledger) -> ClaimsShown | None:
         claim_tables.overview(verdicts.overview(judged), judged, ledger),
         [one for one in sections if one.run],
         [one for one in sections if not one.run],
-        str(family.of(judged)),
+        str(verdicts.family_of(judged)),
         table,
     )
 

@@ -6,9 +6,16 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from cooploc.analysis.claims import wording
 from cooploc.analysis.claims.ledger import BASE, Ledger
-from cooploc.analysis.claims.verdicts import DECIDED, JUDGED
+from cooploc.analysis.claims.verdicts import (
+    DECIDED,
+    JUDGED,
+    interval_text,
+    number_text,
+    span_text,
+    verdict_sentence,
+    verdict_text,
+)
 from cooploc.analysis.formats import count, counted, p_value
 from cooploc.analysis.report.tables import Table, numbers, words
 
@@ -39,7 +46,7 @@ def claims(verdicts: pd.DataFrame, paper: str) -> Table:
         words("left open by the paper", "open"),
     )
     shown = _shown(verdicts)
-    rows = shown.assign(sentence=[wording.sentence(row) for _, row in shown.iterrows()]).to_dict("records")
+    rows = shown.assign(sentence=[verdict_sentence(row) for _, row in shown.iterrows()]).to_dict("records")
     marks = {"data-claim": "claim", "data-verdict": "verdict"}
     return Table("claims", f"Verdicts on the claims of {paper}", columns, rows, marks)
 
@@ -52,16 +59,16 @@ def cases(part: pd.DataFrame) -> Table:
         words("scenario"),
         *(words(head, under=True) for head in ("of", "than")),
         *readings,
-        numbers("claimed", "size", of=("size", "kind"), form=wording.number),
-        numbers("found", "value", of=("value", "kind"), form=wording.number),
-        numbers("95 %", "low", "high", of=("low", "high", "kind"), form=wording.between, under=True),
+        numbers("claimed", "size", of=("size", "kind"), form=number_text),
+        numbers("found", "value", of=("value", "kind"), form=number_text),
+        numbers("95 %", "low", "high", of=("low", "high", "kind"), form=interval_text, under=True),
         numbers("trials", form=count),
         words("verdict", of=("decision",)),
         words("", "otherwise", under=True),
         words("", "remark", under=True),
         *HOLM,
     )
-    rows = found.assign(decision=[wording.verdict(row) for _, row in found.iterrows()])
+    rows = found.assign(decision=[verdict_text(row) for _, row in found.iterrows()])
     return Table("cases", "", columns, rows.drop_duplicates().to_dict("records"))
 
 
@@ -123,7 +130,7 @@ def overview(found: pd.DataFrame, verdicts: pd.DataFrame, ledger: Ledger) -> Tab
         *(words("verdict" if name == BASE else str(name), str(name)) for name in found),
     )
     says = {claim.id: claim.says for claim in ledger.claims}
-    spans = {c: wording.span(part) for c, part in verdicts[verdicts["variant"] == BASE].groupby("claim", sort=False)}
+    spans = {c: span_text(part) for c, part in verdicts[verdicts["variant"] == BASE].groupby("claim", sort=False)}
     rows = []
     for claim, verdict in found.to_dict("index").items():
         claimed, value = spans.get(str(claim), ("", ""))

@@ -9,11 +9,10 @@ from typing import NamedTuple
 import pandas as pd
 
 from cooploc.analysis.claims.trial_table import TrialTable
-from cooploc.analysis.metrics.certificate_line import refused
-from cooploc.analysis.metrics.over_time import sweep
-from cooploc.analysis.metrics.ranking import rank_groups
+from cooploc.analysis.metrics.curves import sweep
+from cooploc.analysis.metrics.ranking import is_refused, rank_groups
+from cooploc.analysis.metrics.sequential import FIXED
 from cooploc.analysis.metrics.statistics import LEAST_TRIALS
-from cooploc.analysis.metrics.stopping import FIXED
 from cooploc.analysis.report import answer, page_figures, result_tables, summaries
 from cooploc.analysis.report.page_figures import Shown
 from cooploc.analysis.report.run_numbers import Numbers
@@ -67,7 +66,7 @@ def ranked(rows: pd.DataFrame, results: TrialTable) -> tuple[dict[str, float], d
     ranked with filters.
     """
     ended = rows["rmse"].notna() & (rows["failed"] == 0) & ~rows["offline"]
-    names = list(rows.loc[ended & ~rows["certificate"].map(refused).astype(bool), "estimator"])
+    names = list(rows.loc[ended & ~rows["certificate"].map(is_refused).astype(bool), "estimator"])
     if not names:
         return {}, {}
     mse = results.errors(rows["scenario"].iloc[0], names)

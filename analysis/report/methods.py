@@ -1,6 +1,6 @@
 """What a report says of its methods, term by term."""
 
-from cooploc.analysis.metrics import outliers
+from cooploc.analysis.metrics.compare import FAR
 from cooploc.analysis.report.result_tables import STOPPED
 
 FLOORED = 20  # robots: the floor of larger teams takes seconds for each scenario
@@ -28,7 +28,7 @@ METHODS = (
      "are of its other trials, so they are not of the same trials as those beside them: it is not ranked, is never "
      "best, no difference in its favour is significant, and no claim about it is supported."),
     ("Median, outlying",
-     f"Of the trials' RMSE; outlying: share of trials above {outliers.FAR:g} times that median, with Wilson's "
+     f"Of the trials' RMSE; outlying: share of trials above {FAR:g} times that median, with Wilson's "
      "interval. An interval of the RMSE cannot hold what no trial has shown: where one trial of a hundred diverges "
      "twentyfold, it misses the truth in most runs of 20 trials."),
     ("NLL, ellipse",

@@ -7,11 +7,10 @@ from typing import Any
 from cooploc.analysis.claims.ledger import Ledger
 from cooploc.analysis.claims.trial_table import collect
 from cooploc.analysis.execution.stored_run import Kept
-from cooploc.analysis.metrics import certificate_line, outliers
-from cooploc.analysis.metrics.compare import compare
+from cooploc.analysis.metrics import ranking
+from cooploc.analysis.metrics.compare import compare, outlier_warnings
 from cooploc.analysis.metrics.crlb import floors
-from cooploc.analysis.metrics.decisions import with_decisions
-from cooploc.analysis.metrics.stopping import ANYTIME, FIXED
+from cooploc.analysis.metrics.sequential import ANYTIME, FIXED, with_decisions
 from cooploc.analysis.plot import style
 from cooploc.analysis.report import answer, citation, estimator_marks, page_figures, result_tables, summaries
 from cooploc.analysis.report.claim_section import claims_shown
@@ -84,7 +83,7 @@ def _about(numbers: Numbers) -> dict[str, Any]:
         "fitted": manifest.get("recordings") or {},
         "missing": [f"{s}, {e}: {n} of the planned trials are missing" for (s, e), n in kept.gaps.items()]
         + [*kept.ignored],
-        "remarks": [*certificate_line.remarks(table), *outliers.warnings(table)],
+        "remarks": [*ranking.certificate_remarks(table), *outlier_warnings(table)],
         "failures": failure_kinds(kept.rows),
         "events": events(kept.rows),
         "methods": methods(bool(kept.looks)),

@@ -8,7 +8,7 @@ import pandas as pd
 from markupsafe import Markup
 
 from cooploc.analysis.formats import counted
-from cooploc.analysis.metrics.over_time import sweep
+from cooploc.analysis.metrics.curves import sweep
 from cooploc.analysis.report import svg, svg_figures
 from cooploc.analysis.report.run_numbers import Numbers
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from cooploc.analysis.formats import change, count, fixed, interval, metres, microseconds, p_value, percent, ratio
-from cooploc.analysis.metrics.certificate_line import mark, refused
+from cooploc.analysis.metrics.ranking import is_refused, short_certificate
 from cooploc.analysis.report.tables import numbers, words
 from cooploc.estimators.plugins.configurations import declares_bytes, standing
 
@@ -24,7 +24,7 @@ def remark(
 ) -> str:
     """What a reader of a result must know."""
     remarks = [standing(estimator)] if standing(estimator) else []
-    remarks += ["not ranked"] if refused(certificate) else []
+    remarks += ["not ranked"] if is_refused(certificate) else []
     remarks += [SAID[consistency]] if consistency in SAID else []
     remarks += ["offline, not ranked"] if offline else ["bound"] if bound else ["centralised"] * centralised
     remarks += ["bytes as declared"] * (not centralised and declares_bytes(estimator))
@@ -68,7 +68,7 @@ RESULTS = (
     words("estimator"),
     REMARK,
     words("senses", under=True),
-    words("checks", "certificate", form=mark),
+    words("checks", "certificate", form=short_certificate),
     *RMSE,
     numbers("median", "rmse_median", form=metres, detail=True),
     numbers("outlying", form=percents(0), detail=True),

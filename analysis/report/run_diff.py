@@ -10,7 +10,7 @@ from cooploc.analysis.formats import Format, change, count, interval, metres, mi
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.compare import summarize
 from cooploc.analysis.metrics.consistency import consistency
-from cooploc.analysis.metrics.pooling import trial_means
+from cooploc.analysis.metrics.errors import trial_means
 from cooploc.analysis.metrics.statistics import Interval
 from cooploc.analysis.report.tables import Table, TableColumn, numbers, words
 

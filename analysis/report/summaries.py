@@ -18,9 +18,9 @@ from cooploc.analysis.formats import change, counted, interval, listed, metres, 
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.compare import MARGIN
 from cooploc.analysis.metrics.consistency import OVER_CONFIDENT
-from cooploc.analysis.metrics.over_time import sweep
-from cooploc.analysis.metrics.ranking import disqualified
-from cooploc.analysis.metrics.stopping import FIXED, Stopping
+from cooploc.analysis.metrics.curves import sweep
+from cooploc.analysis.metrics.ranking import disqualifications
+from cooploc.analysis.metrics.sequential import FIXED, Stopping
 
 FEW = 6  # estimators; a sentence gives the number of each, of more only their range, of twice as many no names
 
@@ -96,7 +96,9 @@ def _standing(scenario: str, part: pd.DataFrame, results: TrialTable) -> Standin
 def why(row: dict[Any, Any]) -> str:
     """Why an estimator does not qualify as best, with its ANEES where that is the reason; empty where it qualifies."""
     anees = f", ANEES {ratio(row['anees'])}"
-    return ", ".join(reason + anees * reason.endswith(("over-confident", "over-wide")) for reason in disqualified(row))
+    return ", ".join(
+        reason + anees * reason.endswith(("over-confident", "over-wide")) for reason in disqualifications(row)
+    )
 
 
 def _named(lost: pd.DataFrame) -> tuple[str, ...]:

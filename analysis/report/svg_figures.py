@@ -12,10 +12,9 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter
 
-from cooploc.analysis.metrics.certificate_line import refused
 from cooploc.analysis.metrics.consistency import CONSERVATIVE, OVER_CONFIDENT
-from cooploc.analysis.metrics.over_time import swept
-from cooploc.analysis.metrics.ranking import front
+from cooploc.analysis.metrics.curves import swept
+from cooploc.analysis.metrics.ranking import is_refused, pareto_front
 from cooploc.analysis.plot.marks import UNRANKED, colour_of, curve, marker, name_of, rmse_against, rmse_at, span
 from cooploc.analysis.plot.style import BAND, BROKEN, DARK, DOTTED, GRID, Look, logarithmic
 from cooploc.analysis.report.short_names import ShortNames
@@ -84,7 +83,7 @@ def overview(table: pd.DataFrame, looks: Looks, names: ShortNames = IN_FULL) -> 
 def dots(part: pd.DataFrame, looks: Looks, names: ShortNames = IN_FULL) -> str:
     """RMSE of every estimator in one scenario with its interval, smallest on top."""
     part = part[part["rmse"].notna()].sort_values("rmse", ascending=False, kind="stable")
-    said = part["estimator"].map(names.of) + np.where(part["certificate"].map(refused), UNRANKED, "")
+    said = part["estimator"].map(names.of) + np.where(part["certificate"].map(is_refused), UNRANKED, "")
 
     def draw(ax: Axes) -> None:
         for y, row in enumerate(part.to_dict("records")):
@@ -204,8 +203,8 @@ def _anees(ax: Axes, part: pd.DataFrame) -> None:
 
 def _cost(ax: Axes, part: pd.DataFrame, other: str) -> None:
     """The axis of a cost, and the Pareto front of those that can be had."""
-    out = part["certificate"].map(refused).astype(bool) | part["centralised"].astype(bool)
-    best = part[front(part["rmse"].where(~out).to_numpy(float), part[other].to_numpy(float))].sort_values(other)
+    out = part["certificate"].map(is_refused).astype(bool) | part["centralised"].astype(bool)
+    best = part[pareto_front(part["rmse"].where(~out).to_numpy(float), part[other].to_numpy(float))].sort_values(other)
     if len(best):
         ax.step(_scale(other) * best[other], best["rmse"], where="post", color="0.3", lw=1, ls=BROKEN, zorder=1)
     if other == "seconds":

@@ -15,7 +15,7 @@ import numpy as np
 
 import cooploc as cl
 from cooploc.analysis.execution.stored_run import read
-from cooploc.analysis.metrics.certificate_line import mark
+from cooploc.analysis.metrics.ranking import short_certificate
 from cooploc.scenarios.runner.trace import trace
 
 HERE = Path(__file__).parent
@@ -115,7 +115,7 @@ def rows(found: list[Peer], data: Path | None) -> list[list[str]]:
     made = []
     for one in (ours, *found):
         certificate = certificates.get(one.label)
-        checks = mark(f"{certificate['status']}: {certificate['found']}") if certificate else "built in"
+        checks = short_certificate(f"{certificate['status']}: {certificate['found']}") if certificate else "built in"
         mine = [table.loc[(world, one.label)] for world in worlds]
         numbers = [f"{row['rmse']:.3f}" for row in mine] + [f"{1e6 * row['seconds']:.0f}" for row in mine[:1]]
         made.append([f"`{Path(one.label).name}`", str(one.glue or ""), one.apart, checks, *numbers])

@@ -18,11 +18,10 @@ import pandas as pd
 from joblib import Parallel, delayed
 from scipy import stats
 
-from cooploc.analysis.claims.claim import Claim
-from cooploc.analysis.claims.kinds import KINDS, cases
+from cooploc.analysis.claims.kinds import FALLS, KINDS, Claim, cases, decide
 from cooploc.analysis.claims.trial_table import TrialTable
-from cooploc.analysis.claims.zones import FALLS, decide
-from cooploc.analysis.metrics import outliers, statistics
+from cooploc.analysis.metrics import statistics
+from cooploc.analysis.metrics.compare import mark_outliers
 from cooploc.analysis.metrics.consistency import flag
 from cooploc.analysis.metrics.ranking import letters
 
@@ -178,7 +177,7 @@ def rare(n: int) -> tuple[float, float, float]:
     values = lognormal(rng, (REPEATS, n, 1))[..., 0] * np.where(rng.uniform(size=(REPEATS, n)) < 0.01, 400.0, 1.0)
     truth = 0.99 + 0.01 * 400.0
     held = np.array([low <= truth <= high for _, low, high in map(statistics.mean_of_positive, values)])
-    warned = np.array([outliers.far(v).any() for v in values])
+    warned = np.array([mark_outliers(v).any() for v in values])
     return float(held.mean()), float(warned.mean()), float(held[~warned].mean()) if (~warned).any() else 1.0
 
 

@@ -13,13 +13,13 @@ from pathlib import Path
 import numpy as np
 from rates import heavy, lognormal, normal
 
-from cooploc.analysis.metrics import sequences, statistics, stopping
-from cooploc.analysis.metrics.decisions import MARGIN, looks
+from cooploc.analysis.metrics import sequential, statistics
+from cooploc.analysis.metrics.sequential import TIE_MARGIN, looks
 
 REPEATS, MOST, AT_ONCE = 2000, 1000, 250
 LOOKS = looks(MOST)  # those of `cooploc run --until-decided`
 OFTEN = sorted({*LOOKS, *np.geomspace(LOOKS[0], MOST, 50).astype(int).tolist()})
-HALVES = stopping.HALVES
+HALVES = sequential.HALVES
 EFFECTS = 0.0, 0.01, 0.02, 0.05, 0.1, 0.2
 START = "<!-- stopping -->"
 
@@ -44,7 +44,7 @@ def logs(values: np.ndarray, weights: np.ndarray, at: list[int]) -> Paths:
         left = (np.log((total[:, None] - seen) / (n - 1)) * weights).sum(-1)
         numbers.append((np.log(total / n) * weights).sum(-1))
         errors.append(np.sqrt((n - 1) / n * ((left - left.mean(1, keepdims=True)) ** 2).sum(1)))
-        effective.append(np.minimum(n, stopping.WORTH * (total**2 / (seen**2).sum(1)).min(1)))
+        effective.append(np.minimum(n, sequential.WORTH * (total**2 / (seen**2).sum(1)).min(1)))
     return np.stack(numbers, 1), np.stack(errors, 1), np.stack(effective, 1)
 
 
@@ -58,7 +58,7 @@ def means(values: np.ndarray, at: list[int]) -> Paths:
 def ends(paths: Paths) -> tuple[np.ndarray, np.ndarray]:
     """Lower and upper ends of the sequences (repetition, look); infinite where there is none."""
     number, error, trials = paths
-    half = np.array([sequences.boundary(n) for n in trials.ravel()]).reshape(trials.shape) * error
+    half = np.array([sequential.boundary(n) for n in trials.ravel()]).reshape(trials.shape) * error
     half = np.where(np.isnan(half), np.inf, half)
     return number - half, number + half
 
@@ -99,9 +99,9 @@ def unlike(rng: np.random.Generator, draw: Draw) -> np.ndarray:
 
 def tie(rng: np.random.Generator, draw: Draw) -> np.ndarray:
     """A tie, where the one is worse by just the margin."""
-    pairs = draw(rng, (AT_ONCE, MOST, 2)) * [1.0, (1 + MARGIN) ** 2]
+    pairs = draw(rng, (AT_ONCE, MOST, 2)) * [1.0, (1 + TIE_MARGIN) ** 2]
     low, high = ends(logs(pairs, HALVES, OFTEN))
-    return (low >= -np.log1p(MARGIN)) & (high <= np.log1p(MARGIN))
+    return (low >= -np.log1p(TIE_MARGIN)) & (high <= np.log1p(TIE_MARGIN))
 
 
 def level(rng: np.random.Generator, draw: Draw) -> np.ndarray:
@@ -125,7 +125,7 @@ ROWS = {
     f"called different, at any of {len(LOOKS)} looks; they are equal": (different_at_looks, LOOKS),
     "(the same by the 95 % interval for one look)": (different_by_t, LOOKS),
     f"difference of RMSE, {len(OFTEN)} looks; they are equal": (difference, OFTEN),
-    f"called a tie within {MARGIN:.0%}, {len(OFTEN)} looks; it is {MARGIN:.0%} worse": (tie, OFTEN),
+    f"called a tie within {TIE_MARGIN:.0%}, {len(OFTEN)} looks; it is {TIE_MARGIN:.0%} worse": (tie, OFTEN),
     f"loses more or less, {len(OFTEN)} looks; it loses as much": (interaction, OFTEN),
     f"called different, {len(LOOKS)} looks; equal RMSE, the other hardly varies": (unlike, LOOKS),
     f"at most 1 m or above, {len(LOOKS)} looks; it is 1 m": (level, LOOKS),
@@ -165,10 +165,10 @@ def power(world: str, effect: float) -> dict[str, float]:
     for _ in range(REPEATS // AT_ONCE):
         paths = logs(WORLDS[world](rng, (AT_ONCE, MOST, 2)) * [1.0, (1 - effect) ** 2], HALVES, LOOKS)
         low, high = ends(paths)
-        tied = (low >= -np.log1p(MARGIN)) & (high <= np.log1p(MARGIN))
+        tied = (low >= -np.log1p(TIE_MARGIN)) & (high <= np.log1p(TIE_MARGIN))
         decided.append(np.stack([high < 0, low > 0, tied]))
         low, high = ends_of_one_look(paths, LOOKS)
-        fixed.append((high < 0) | (low >= -np.log1p(MARGIN)) & (high <= np.log1p(MARGIN)))
+        fixed.append((high < 0) | (low >= -np.log1p(TIE_MARGIN)) & (high <= np.log1p(TIE_MARGIN)))
     any_, by_t = np.concatenate(decided, 1), np.concatenate(fixed)
     done = any_.any(0)
     first = np.where(done.any(1), done.argmax(1), len(LOOKS) - 1)
@@ -201,7 +201,7 @@ def same_as_the_code() -> None:
     low, high = (np.where(np.isinf(end), np.nan, end) for end in (low, high))
     for i, pair in enumerate(pairs):
         for k, n in enumerate(LOOKS):
-            found = stopping.ANYTIME.change(*pair[:n].T)
+            found = sequential.ANYTIME.change(*pair[:n].T)
             assert np.allclose(found[1:], np.expm1([low[i, k], high[i, k]]), equal_nan=True), (i, n, found)
 
 

@@ -16,12 +16,19 @@ import pandas as pd
 
 import cooploc as cl
 from cooploc.analysis.metrics.statistics import Z
-from cooploc.analysis.tuning.objective import capped, trial_scores
-from cooploc.analysis.tuning.order import order
-from cooploc.analysis.tuning.race import Item, Wanted, full_rounds, race
-from cooploc.analysis.tuning.sampler import Sampler
-from cooploc.analysis.tuning.space import Space, space_of
-from cooploc.analysis.tuning.training import derived_seed
+from cooploc.analysis.tuning.search import (
+    Item,
+    Sampler,
+    Space,
+    Wanted,
+    cap_score,
+    derived_seed,
+    full_rounds,
+    race,
+    space_of,
+    trial_scores,
+)
+from cooploc.analysis.tuning.tables import order
 from cooploc.estimators import configure
 from cooploc.estimators.arl import Arl
 from cooploc.estimators.interface import Array, Belief, Rows, World
@@ -88,7 +95,7 @@ class Player:
         found = trace(label, copy_of(label, salt), stream)
         e, P = (found.x - truth.x)[:, :, 0, :2], found.P[:, :, 0, :2, :2]
         nees = (e * np.linalg.solve(P, e[..., None])[..., 0]).sum(-1)
-        return capped((np.log(2 * np.pi) + (np.linalg.slogdet(P).logabsdet + nees) / 2).mean(-1))
+        return cap_score((np.log(2 * np.pi) + (np.linalg.slogdet(P).logabsdet + nees) / 2).mean(-1))
 
     def rows(self, copies: dict[str, tuple[str, int]], trials: list[int]) -> pd.DataFrame:
         """The errors of configurations, each a label and a salt, by a name of theirs."""

@@ -3,9 +3,9 @@
 import pandas as pd
 from rich.console import Console
 
-from cooploc.analysis.claims import family
 from cooploc.analysis.claims.ledger import Ledger
 from cooploc.analysis.claims.multiverse import shares
+from cooploc.analysis.claims.verdicts import family_of
 from cooploc.analysis.formats import listed
 from cooploc.analysis.report.claim_tables import called, cases, not_run, over_readings
 from cooploc.terminal.console import wide
@@ -48,7 +48,7 @@ def show(verdicts: pd.DataFrame, ledger: Ledger) -> None:
         if name in ran:
             console.print(f"{name}: {variant.about}", style="dim")
     console.print(LEGEND, style="dim")
-    console.print(str(family.of(verdicts)))
+    console.print(str(family_of(verdicts)))
 
 
 def _claim(console: Console, claim: str, part: pd.DataFrame) -> None:

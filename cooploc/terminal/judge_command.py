@@ -22,8 +22,8 @@ def judge(
 
     With the truth of a stream.
     """
-    from cooploc.judged import judged
+    from cooploc.analysis.metrics.external import evaluate_external
     from cooploc.terminal import results
 
-    rows, table = judged(stream, tum, estimators, offline, trials=trials, seed=seed, data=data)
+    rows, table = evaluate_external(stream, tum, estimators, offline, trials=trials, seed=seed, data=data)
     results.table(table, rows, as_json)

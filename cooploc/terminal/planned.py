@@ -3,7 +3,7 @@
 import pandas as pd
 
 from cooploc.analysis.formats import change, count, duration
-from cooploc.analysis.metrics.trials_needed import PILOT, minutes
+from cooploc.analysis.metrics.sequential import PILOT, minutes
 from cooploc.analysis.report.tables import Table, numbers, words
 from cooploc.terminal.console import wide
 

@@ -9,8 +9,9 @@ import pandas as pd
 
 from cooploc.analysis.execution.run_directory import RunDir
 from cooploc.analysis.formats import counted
-from cooploc.analysis.metrics import certificate_line, outliers
-from cooploc.analysis.metrics.pooling import notes, succeeded
+from cooploc.analysis.metrics import ranking
+from cooploc.analysis.metrics.compare import outlier_warnings
+from cooploc.analysis.metrics.errors import drop_failed, note_lines
 from cooploc.analysis.report.csv_text import csv_text
 from cooploc.analysis.report.failures import failures
 from cooploc.analysis.report.result_columns import DECIDED, REMARK, RESULTS
@@ -53,7 +54,7 @@ IN_ONE_PICTURE = 12  # scenarios; `cooploc report` draws one of each experiment
 def keep(table: pd.DataFrame, rows: pd.DataFrame, folder: Path) -> None:
     """Write the table of `compare` as `table.csv`, and `rmse.png` where any trial ended and it can be read."""
     (folder / "table.csv").write_text(csv_text(table), encoding="utf-8")
-    ended = succeeded(rows)
+    ended = drop_failed(rows)
     if len(ended) and table["scenario"].nunique() <= IN_ONE_PICTURE:
         import matplotlib.pyplot as plt
 
@@ -90,9 +91,9 @@ def table(table: pd.DataFrame, rows: pd.DataFrame, as_json: bool) -> None:
             console.print(line, style="dim")
         if "look" in table:
             console.print(STOPPED, style="dim")
-        for line in notes(rows):
+        for line in note_lines(rows):
             console.print(line)
-    for line in (*certificate_line.remarks(table), *outliers.warnings(table)):
+    for line in (*ranking.certificate_remarks(table), *outlier_warnings(table)):
         console.print(line)
 
 

@@ -10,7 +10,7 @@ from cooploc.analysis.execution.certificates import line
 from cooploc.analysis.execution.decisions_file import read_decisions
 from cooploc.analysis.execution.run_directory import Piece, RunDir
 from cooploc.analysis.formats import counted
-from cooploc.analysis.metrics.certificate_line import mark
+from cooploc.analysis.metrics.ranking import short_certificate
 from cooploc.analysis.report.failures import failures
 from cooploc.analysis.report.result_columns import decided
 from cooploc.analysis.report.tables import Table, numbers, words
@@ -25,7 +25,7 @@ COLUMNS = (
     words("experiment"),
     words("scenario"),
     words("estimator"),
-    words("checks", form=mark),
+    words("checks", form=short_certificate),
     numbers("trials"),
     numbers("failed", form=lambda failed: str(failed or "")),
     words("decided", of=("verdict", "look", "trials_there"), form=decided),

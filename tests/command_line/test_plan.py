@@ -6,8 +6,8 @@ from scipy import stats
 from typer.testing import CliRunner
 
 import cooploc as cl
-from cooploc.analysis.metrics import statistics, stopping, trials_needed
-from cooploc.analysis.metrics.trials_needed import minutes
+from cooploc.analysis.metrics import sequential, statistics
+from cooploc.analysis.metrics.sequential import minutes
 from cooploc.cli import app
 
 STUDY = """
@@ -56,7 +56,7 @@ def test_a_difference_of_nothing_is_refused(folder):
 def test_the_planned_number_until_decided_decides_four_of_five(folder):
     """Normal differences of a known spread, looked at once at the planned number: any look only adds power."""
     exact = statistics.Interval(0.0, *(np.array([-1, 1]) * statistics.quantile(30) / np.sqrt(30)))
-    n = int(trials_needed.trials_until_decided(exact, 30, 0.5))
+    n = int(sequential.trials_until_decided(exact, 30, 0.5))
     d = stats.norm(0.5).rvs((2000, n), random_state=1)
-    decided = np.mean([stopping.ANYTIME.mean(one).low > 0 for one in d])
+    decided = np.mean([sequential.ANYTIME.mean(one).low > 0 for one in d])
     assert 0.75 < decided < 0.9

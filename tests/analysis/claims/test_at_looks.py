@@ -5,8 +5,8 @@ import pandas as pd
 import pytest
 from made_runs import rows_of
 
-from cooploc.analysis.claims import at_looks, ledger, verdicts, wording
-from cooploc.analysis.metrics import stopping
+from cooploc.analysis.claims import ledger, verdicts
+from cooploc.analysis.metrics import sequential
 
 CLAIMS = [
     {"id": "1", "says": "better", "kind": "change", "of": "mine", "than": "base", "scenarios": "s"},
@@ -31,39 +31,39 @@ def of(found, claim):
 
 
 def test_a_verdict_keeps_the_look_that_reached_it(rows):
-    found = at_looks.judge_at_looks(LEDGER, rows, [10, 20, 40])
+    found = verdicts.judge_at_looks(LEDGER, rows, [10, 20, 40])
     one = of(found, "1")
     assert (one["verdict"], one["look"], one["trials"]) == ("supported", 10, 10)
-    assert wording.verdict(one) == "Supported at n = 10"
+    assert verdicts.verdict_text(one) == "Supported at n = 10"
     assert of(found, "3")["look"] == of(found, "4")["look"] == 0
 
 
 def test_looks_one_by_one_say_what_looks_at_once_say(rows):
     step = None
     for n in (10, 20, 40):
-        step = at_looks.judge_at(LEDGER, rows, n, step)
-    pd.testing.assert_frame_equal(step, at_looks.judge_at_looks(LEDGER, rows, [10, 20, 40]))
+        step = verdicts.judge_at_look(LEDGER, rows, n, step)
+    pd.testing.assert_frame_equal(step, verdicts.judge_at_looks(LEDGER, rows, [10, 20, 40]))
 
 
 def test_what_is_open_keeps_its_cells_going_and_time_never_does(rows):
     equal = rows.assign(mse=np.exp(np.random.default_rng(8).normal(0, 0.3, 80)))
-    found = at_looks.judge_at(LEDGER, equal, 10)
+    found = verdicts.judge_at_look(LEDGER, equal, 10)
     assert of(found, "1")["verdict"] == "undecided"
-    assert at_looks.open_cells(LEDGER, equal, found) == {("s", "mine"), ("s", "base")}
-    assert list(at_looks.lasting(LEDGER, found)["claim"]) == ["1"]
-    decided = at_looks.judge_at(LEDGER, rows, 10)
-    assert at_looks.open_cells(LEDGER, rows, decided) == set()
+    assert verdicts.open_cells(LEDGER, equal, found) == {("s", "mine"), ("s", "base")}
+    assert list(verdicts.lasting(LEDGER, found)["claim"]) == ["1"]
+    decided = verdicts.judge_at_look(LEDGER, rows, 10)
+    assert verdicts.open_cells(LEDGER, rows, decided) == set()
 
 
 def test_a_case_that_failures_leave_undecided_keeps_nothing_going(rows):
     rows.loc[rows["estimator"].eq("mine") & rows["trial"].eq(3), "failure"] = "RuntimeError: lost"
-    found = at_looks.judge_at(LEDGER, rows, 10)
+    found = verdicts.judge_at_look(LEDGER, rows, 10)
     assert of(found, "1")["verdict"] == "undecided"
-    assert at_looks.open_cells(LEDGER, rows, found) == set()
+    assert verdicts.open_cells(LEDGER, rows, found) == set()
 
 
 def test_a_run_of_a_fixed_number_of_trials_is_judged_as_ever(rows):
-    fixed = at_looks.judged(LEDGER, rows, [])
+    fixed = verdicts.judge_run(LEDGER, rows, [])
     pd.testing.assert_frame_equal(fixed, verdicts.judge(LEDGER, rows))
 
 
@@ -86,6 +86,6 @@ def test_every_kind_asks_more_of_a_sequence_than_of_one_look(kind):
     made["anees"], made["coverage95"] = rng.uniform(0.5, 2.0, len(made)), rng.uniform(0.8, 1.0, len(made))
     claim = {"id": "1", "says": "so", "kind": kind, "of": "mine", **keys[kind]}
     asked = ledger.read({"paper": "P", "claims": [claim]}, "here")
-    once, ever = (verdicts.judge(asked, made, how).iloc[0] for how in (stopping.FIXED, stopping.ANYTIME))
+    once, ever = (verdicts.judge(asked, made, how).iloc[0] for how in (sequential.FIXED, sequential.ANYTIME))
     assert ever["value"] == pytest.approx(once["value"])
     assert ever["high"] - ever["low"] > once["high"] - once["low"]

@@ -12,8 +12,7 @@ import cooploc as cl
 from cooploc.analysis.claims.kinds import KINDS
 from cooploc.analysis.claims.ledger import load, read, variants
 from cooploc.analysis.claims.trial_table import canonical
-from cooploc.analysis.claims.verdicts import COLUMNS, VERDICTS, judge, overview
-from cooploc.analysis.claims.wording import WORDS, sentence
+from cooploc.analysis.claims.verdicts import COLUMNS, VERDICTS, WORDS, judge, overview, verdict_sentence
 from cooploc.estimators import make
 from cooploc.scenarios import resolve
 from cooploc.terminal.claim_verdicts import show
@@ -104,7 +103,7 @@ def test_one_interval_has_one_verdict_and_says_what_the_other_definition_makes_o
     (row,) = table.to_dict("records")
     assert (row["verdict"], row["definition"], row["otherwise"]) == (expected, definitions[0], otherwise)
     assert (row["value"], row["size"]) == (pytest.approx(-0.4, abs=0.05), pytest.approx(size))
-    assert (f"Read {otherwise}." in sentence(table.iloc[0])) == bool(otherwise)
+    assert (f"Read {otherwise}." in verdict_sentence(table.iloc[0])) == bool(otherwise)
 
 
 @pytest.mark.parametrize(("size", "direction"), [(-0.3, 0.72), (0.5, 1.48)])
@@ -257,7 +256,7 @@ def test_real_time_is_judged_by_the_seconds_of_a_robots_tick(seconds, expected):
     table["seconds"] += 1e-6 * table["trial"]  # every trial is a part of the run
     found = verdict(table, kind="time", of="a", scenarios="s", size=1.0)
     assert (found["verdict"], found["trials"]) == (expected, 8)
-    assert f"{found['value'] * 1e3:.0f}" in sentence(found).replace(".00 ms", " ms")
+    assert f"{found['value'] * 1e3:.0f}" in verdict_sentence(found).replace(".00 ms", " ms")
 
 
 @pytest.mark.parametrize(("b", "expected"), [(1.1, "supported"), (4.0, "contradicted"), (2.0, "undecided")])
@@ -563,20 +562,20 @@ def test_a_sentence_says_what_the_numbers_say():
     table = errors({"s": {"a": 1.5, "b": 1.0}}, rng=np.random.default_rng(2))
     found = judge(ledger(**{**CHANGE, "size": -0.4}), table).iloc[0]
     low, high = (f"{100 * found[end]:+.0f} %" for end in ("low", "high"))
-    assert sentence(found) == (
+    assert verdict_sentence(found) == (
         f"s: the RMSE of a is {100 * found['value']:.0f} % higher than that of b (95 % interval {low} to {high}, "
         "40 trials). Claimed: -40 %. Contradicted."
     )
     equal = judge(ledger(**CHANGE), pd.concat([table[table["estimator"] == "b"].assign(estimator=e) for e in "ab"]))
-    assert sentence(equal.iloc[0]) == "s: the RMSE of a equals that of b in each of 40 trials. Contradicted."
+    assert verdict_sentence(equal.iloc[0]) == "s: the RMSE of a equals that of b in each of 40 trials. Contradicted."
     missing = judge(ledger(**{**CHANGE, "than": "zz"}), table).iloc[0]
-    assert sentence(missing).startswith("Not run: no rows of zz in s")
+    assert verdict_sentence(missing).startswith("Not run: no rows of zz in s")
 
 
 def said(value, low, high, definition="change", **more):
     row = {"scenario": "s", "of": "a", "than": "b", "kind": "change", "definition": definition, "size": np.nan}
     row |= {"value": value, "low": low, "high": high, "trials": 9, "needed": np.nan, "verdict": "undecided"}
-    return sentence(pd.Series(row | more))
+    return verdict_sentence(pd.Series(row | more))
 
 
 def test_a_number_without_an_interval_is_said_to_have_none():
@@ -592,7 +591,7 @@ def test_a_change_from_an_error_of_zero_is_not_put_into_numbers():
     zero = errors({"s": {"a": 1.0, "b": 1.0}}).assign(mse=lambda t: t["mse"].where(t["estimator"] == "a", 0.0))
     (found,) = judge(ledger(**CHANGE), zero).to_dict("records")
     assert np.isnan(found["value"])
-    assert "an RMSE of 0 leaves no number to give (40 trials)" in sentence(pd.Series(found))
+    assert "an RMSE of 0 leaves no number to give (40 trials)" in verdict_sentence(pd.Series(found))
 
 
 def test_nearly_all_is_not_rounded_to_all():
@@ -610,7 +609,7 @@ def test_what_was_run_of_a_claim_is_shown_and_what_was_not_is_counted(capsys):
     found = cl.verdicts(errors({"robots-1-3/n=3": {"mrsl-rssi": 0.5, "arl": 1.0}}), made)
     assert list(found.columns) == [*COLUMNS, "map", "sentence"]
     assert set(found["verdict"]) <= set(VERDICTS)
-    assert [sentence(row) for _, row in found.iterrows()]
+    assert [verdict_sentence(row) for _, row in found.iterrows()]
     show(found, made)
     told = capsys.readouterr().out
     assert "Direction only" in told

@@ -7,10 +7,10 @@ import pandas as pd
 import pytest
 from made_errors import rows
 
-from cooploc.analysis.claims import family
+from cooploc.analysis.claims import verdicts
+from cooploc.analysis.claims.kinds import FALLS, decide
 from cooploc.analysis.claims.ledger import read
-from cooploc.analysis.claims.verdicts import DECIDED, JUDGED, adjusted, judge
-from cooploc.analysis.claims.zones import FALLS, decide
+from cooploc.analysis.claims.verdicts import DECIDED, JUDGED, adjust, judge
 from cooploc.analysis.metrics.statistics import change, holm, p_of_change
 
 SCENARIOS = [f"s/n={k}" for k in range(40)]
@@ -65,7 +65,7 @@ def test_what_stands_is_decided_after_holm_over_all_rows_of_the_ledger():
     found = judge(ledger(**claims), run(rng, np.linspace(0.7, 1.0, 40)))
     np.testing.assert_allclose(found["p_holm"], holm(found["p"].to_numpy()))
     assert (found["stands"] == (found["p_holm"] <= 0.05)).all()
-    counted = family.of(found)
+    counted = verdicts.family_of(found)
     assert counted.judged == 80
     assert 0 < counted.stand < counted.decided < 80
     assert counted.at_most == pytest.approx(4.0)
@@ -78,7 +78,7 @@ def test_a_case_that_a_variant_leaves_as_it_is_counts_once():
     table = run(np.random.default_rng(5), [0.9, 0.8, 0.7, 0.95, 1.0], labels=SCENARIOS[:5])
     others = [table[table["estimator"] == "b"].assign(estimator=name, mse=lambda t: 1.1 * t["mse"]) for name in "cd"]
     found = judge(read({"paper": "p", "claims": [claim], "variants": variant}, "l"), pd.concat([table, *others]))
-    assert (len(found), family.of(found).judged) == (20, 15)
+    assert (len(found), verdicts.family_of(found).judged) == (20, 15)
     alike = found[found["than"] == "b"].sort_values(["scenario", "variant"])["p_holm"].to_numpy().reshape(5, 2)
     np.testing.assert_array_equal(alike[:, 0], alike[:, 1])
     different = found.drop_duplicates(["scenario", "of", "than"])
@@ -89,9 +89,9 @@ def test_what_was_not_judged_is_not_in_the_family():
     missing = {"id": "1", "says": "x", "kind": "change", "of": "a", "than": "zz", "scenarios": "s/n=0"}
     made = read({"paper": "p", "claims": [missing, {"id": "2", "says": "x", "kind": "untestable", "why": "x"}]}, "l")
     found = judge(made, run(np.random.default_rng(3), [1.0], labels=SCENARIOS[:1]))
-    assert family.of(found) == (0, 0, 0, 0.0, 0.0)
+    assert verdicts.family_of(found) == (0, 0, 0, 0.0, 0.0)
     assert not found["stands"].any()
-    assert "none is decided" in str(family.of(found))
+    assert "none is decided" in str(verdicts.family_of(found))
 
 
 def judged_changes(rng, levels, trials=20):
@@ -102,7 +102,7 @@ def judged_changes(rng, levels, trials=20):
         a, b = (hard * rng.lognormal(0, 0.3, (trials, 2)) * [1.0, level**2]).T
         one = decide(change(a, b), trials, FALLS, partial(p_of_change, a, b))
         found.append({"verdict": one.verdict, "p": one.p})
-    return adjusted(
+    return adjust(
         pd.DataFrame(found).assign(claim="1", scenario=SCENARIOS[: len(found)], of="", than="", definition="")
     )
 
@@ -117,7 +117,7 @@ def test_holm_bounds_the_chance_of_any_false_verdict_and_the_number_of_false_one
         false = found["verdict"].isin(DECIDED) & (found.index < half)
         wrong.append(false.sum())
         standing.append((false & found["stands"]).any())
-        foreseen.append(family.of(found).expected)
+        foreseen.append(verdicts.family_of(found).expected)
     assert np.mean(standing) < 0.05 + 3 * np.sqrt(0.05 * 0.95 / repeats)
     assert np.mean(wrong) < np.mean(foreseen) + 3 * np.std(wrong) / np.sqrt(repeats)
     assert np.mean(foreseen) < 0.05 * 2 * half  # fewer than if every truth lay at an edge

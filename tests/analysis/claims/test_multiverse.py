@@ -6,9 +6,9 @@ import pytest
 from made_errors import rows
 
 import cooploc as cl
-from cooploc.analysis.claims import multiverse, readings
-from cooploc.analysis.claims.common_choices import sentence
+from cooploc.analysis.claims import interpretations, multiverse
 from cooploc.analysis.claims.ledger import read
+from cooploc.analysis.claims.multiverse import shared_assumptions
 from cooploc.terminal.finished_runs import readings as show
 
 CLAIM = {"id": "1", "says": "better", "kind": "change", "of": "mrsl-rssi", "than": "arl", "scenarios": "nlos"}
@@ -50,11 +50,11 @@ def ledger(dimensions=ALL, **claim):
 def made(asked, level, labels=("arl", "mrsl-rssi", "ctrn"), scenarios=("nlos",), trials=20):
     """Rows of all readings of a ledger; `level` gives the RMSE from an estimator's label and its reading."""
     noise, cells = np.random.default_rng(0), {}
-    for one in readings.design(asked.dimensions):
+    for one in interpretations.design(asked.dimensions):
         for where in scenarios:
             for label in labels:
-                scenario = readings.scenario(where, one, asked.dimensions)
-                cells[scenario, readings.estimator(label, one, asked.dimensions)] = level(label, one)
+                scenario = interpretations.scenario(where, one, asked.dimensions)
+                cells[scenario, interpretations.estimator(label, one, asked.dimensions)] = level(label, one)
     hard = {scenario: noise.lognormal(0, 0.3, (trials, 1)) for scenario, _ in cells}
     frames = [
         rows(name, rmse**2 * hard[scenario] * noise.lognormal(0, 0.05, (trials, 1)), scenario=scenario, stream=scenario)
@@ -83,8 +83,8 @@ def test_equal_specifications_count_once_and_say_which_dimensions_matter():
     asked = ledger()
     found = cl.readings(made(asked, better_in_a_box), asked)
     case = multiverse.cases(asked.claims[0])[0]
-    design = readings.design(asked.dimensions)
-    labels = {multiverse.substituted(case, one, asked.dimensions) for one in design}
+    design = interpretations.design(asked.dimensions)
+    labels = {multiverse.substitute(case, one, asked.dimensions) for one in design}
     assert len(found) == len(labels) < len(design)
     assert found["readings"].sum() == len(design)
     assert set(found["fusion"]) == {""}  # neither MRSL nor ARL has one
@@ -144,7 +144,7 @@ def test_a_ledger_without_dimensions_has_one_reading():
     asked = ledger({})
     found = cl.readings(made(asked, lambda label, _: 0.5 if label == "mrsl-rssi" else 1.0), asked)
     assert found[["verdict", "letter", "preset"]].to_numpy().tolist() == [["supported", True, True]]
-    assert sentence(found, []) == "holds in the only specification that was run"
+    assert shared_assumptions(found, []) == "holds in the only specification that was run"
 
 
 def specifications(**columns):
@@ -186,7 +186,7 @@ def specifications(**columns):
 )
 def test_the_sentence_names_the_choices_that_set_the_holding_ones_apart(columns, said):
     part = specifications(**{name: list(values) for name, values in columns.items()})
-    assert sentence(part, [name for name in ("a", "b") if name in columns]) == said
+    assert shared_assumptions(part, [name for name in ("a", "b") if name in columns]) == said
 
 
 def test_the_command_prints_the_map_where_more_than_the_preset_was_run(capsys):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import cooploc as cl
-from cooploc.analysis.claims import readings, readings_study
+from cooploc.analysis.claims import interpretations, multiverse
 from cooploc.analysis.claims.ledger import load, read
 from cooploc.estimators import make
 from cooploc.scenarios.studies.study import load as load_study
@@ -18,7 +18,7 @@ WEIGHTS = {"ctrn": {"weights": "exact", "audit": 0.0}}
 
 
 def reading(**chosen):
-    return {**readings.preset(DIMENSIONS), **chosen}
+    return {**interpretations.preset(DIMENSIONS), **chosen}
 
 
 def pairs(rows):
@@ -26,7 +26,9 @@ def pairs(rows):
     return {
         pair
         for row in rows
-        for pair in combinations([(n, c) for n, c in row.items() if n not in readings.settled(row, DIMENSIONS)], 2)
+        for pair in combinations(
+            [(n, c) for n, c in row.items() if n not in interpretations.settled(row, DIMENSIONS)], 2
+        )
     }
 
 
@@ -37,25 +39,29 @@ def test_every_possible_pair_of_choices_stands_in_the_covering_array():
         for x, y in product(DIMENSIONS[a].choices, DIMENSIONS[b].choices)
         if b not in DIMENSIONS[a].choices[x].settles and a not in DIMENSIONS[b].choices[y].settles
     }
-    rows = readings.covering(DIMENSIONS)
+    rows = interpretations.covering(DIMENSIONS)
     assert pairs(rows) == every
     assert len(rows) <= 25  # of 124,416 combinations
-    assert pairs(readings.design(DIMENSIONS)) == every
+    assert pairs(interpretations.design(DIMENSIONS)) == every
 
 
 def test_the_design_holds_both_ends_and_all_main_effects_each_once():
-    design = readings.design(DIMENSIONS)
-    preset, letter = readings.preset(DIMENSIONS), readings.letter(DIMENSIONS)
+    design = interpretations.design(DIMENSIONS)
+    preset, letter = interpretations.preset(DIMENSIONS), interpretations.letter(DIMENSIONS)
     assert design[:2] == [preset, letter]
     for end in (preset, letter):
         for name, dimension in DIMENSIONS.items():
             for choice in dimension.choices:
-                assert readings.canonical({**end, name: choice}, DIMENSIONS) in design
+                assert interpretations.canonical({**end, name: choice}, DIMENSIONS) in design
     assert len({tuple(row.items()) for row in design}) == len(design)
 
 
 def test_the_design_is_the_same_for_a_seed():
-    assert readings.design(DIMENSIONS, 3) == readings.design(DIMENSIONS, 3) != readings.design(DIMENSIONS, 4)
+    assert (
+        interpretations.design(DIMENSIONS, 3)
+        == interpretations.design(DIMENSIONS, 3)
+        != interpretations.design(DIMENSIONS, 4)
+    )
 
 
 @pytest.mark.parametrize("label", PARTICLE)
@@ -64,13 +70,15 @@ def test_a_reading_is_applied_to_every_method_that_has_the_parameter(label):
         for choice, one in dimension.choices.items():
             about = not dimension.only or label in dimension.only
             wanted = {key: value for key, value in one.estimators.items() if about and hasattr(make(label), key)}
-            assert make(readings.estimator(label, reading(**{name: choice}), DIMENSIONS)) == make(label, **wanted)
+            assert make(interpretations.estimator(label, reading(**{name: choice}), DIMENSIONS)) == make(
+                label, **wanted
+            )
 
 
 def test_what_all_particle_filters_share_no_method_is_spared():
     """The audit found CTRN read more kindly than MRSL."""
-    letter = readings.letter(DIMENSIONS)
-    made = [make(readings.estimator(label, letter, DIMENSIONS)) for label in PARTICLE]
+    letter = interpretations.letter(DIMENSIONS)
+    made = [make(interpretations.estimator(label, letter, DIMENSIONS)) for label in PARTICLE]
     for one in made:
         assert (one.proposal, one.box, one.temper, one.point) == ("box", 0.5, False, "max")
     assert [getattr(one, "neighbours", "") for one in made] == ["", "exact", "exact", ""]
@@ -79,19 +87,19 @@ def test_what_all_particle_filters_share_no_method_is_spared():
 
 def test_only_keeps_a_dimension_from_other_methods_and_worlds():
     rssi = reading(**{"CTRN measures": "RSSI"})
-    assert readings.estimator("ctrn[weights=exact]", rssi, DIMENSIONS) == "ctrn[reading=rssi,weights=exact]"
-    assert readings.estimator("mrsl-distance", rssi, DIMENSIONS) == "mrsl-distance"
+    assert interpretations.estimator("ctrn[weights=exact]", rssi, DIMENSIONS) == "ctrn[reading=rssi,weights=exact]"
+    assert interpretations.estimator("mrsl-distance", rssi, DIMENSIONS) == "mrsl-distance"
     wide = reading(prior="1 m")
-    assert readings.scenario("nlos/bias=0.5", wide, DIMENSIONS) == "nlos/bias=0.5[prior_sigma=1.0]"
-    assert readings.scenario("scalability/n={2..9}", wide, DIMENSIONS) == "scalability/n={2..9}[prior_sigma=1.0]"
-    assert readings.scenario("arena-60m/sd=5", wide, DIMENSIONS) == "arena-60m/sd=5"
+    assert interpretations.scenario("nlos/bias=0.5", wide, DIMENSIONS) == "nlos/bias=0.5[prior_sigma=1.0]"
+    assert interpretations.scenario("scalability/n={2..9}", wide, DIMENSIONS) == "scalability/n={2..9}[prior_sigma=1.0]"
+    assert interpretations.scenario("arena-60m/sd=5", wide, DIMENSIONS) == "arena-60m/sd=5"
 
 
 def test_what_a_label_says_already_stays_and_is_not_said_twice():
     raw = reading(anchors="RSSI")
-    assert readings.estimator("rssi-pf", raw, DIMENSIONS) == "rssi-pf"
-    assert readings.estimator("arl[own=doa]", raw, DIMENSIONS) == "arl[own=doa]"
-    half = readings.estimator("arl", reading(sampling="box of 0.5 m"), DIMENSIONS)
+    assert interpretations.estimator("rssi-pf", raw, DIMENSIONS) == "rssi-pf"
+    assert interpretations.estimator("arl[own=doa]", raw, DIMENSIONS) == "arl[own=doa]"
+    half = interpretations.estimator("arl", reading(sampling="box of 0.5 m"), DIMENSIONS)
     assert half == "arl[proposal=box]"  # 0.5 m is the default
 
 
@@ -121,15 +129,15 @@ def estimates(estimator, stream):
 
 def test_the_study_is_the_one_that_the_ledger_asks_for():
     shipped = (files("cooploc.scenarios.studies") / "readings.toml").read_text("utf-8")
-    assert shipped == readings_study.study(load()), "python -m cooploc.analysis.claims.readings_study > the file"
+    assert shipped == multiverse.readings_study(load()), "python -m cooploc.analysis.claims.multiverse > the file"
 
 
 def test_the_study_runs_all_that_a_reading_needs():
     cells = {cell.scenario: cell.estimators for cell in load_study("readings").cells()}
-    for one in readings.design(DIMENSIONS):
-        for scenario in readings_study.SCENARIOS:
-            here = cells[readings.scenario(scenario, one, DIMENSIONS)]
-            assert {readings.estimator(e, one, DIMENSIONS) for e in readings_study.ESTIMATORS} <= set(here)
+    for one in interpretations.design(DIMENSIONS):
+        for scenario in multiverse.SCENARIOS:
+            here = cells[interpretations.scenario(scenario, one, DIMENSIONS)]
+            assert {interpretations.estimator(e, one, DIMENSIONS) for e in multiverse.ESTIMATORS} <= set(here)
 
 
 # ---------------------------------------------------------------- bad dimensions

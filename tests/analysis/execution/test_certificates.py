@@ -19,9 +19,9 @@ from cooploc.analysis.execution.certificates import certify, line, with_lines
 from cooploc.analysis.execution.execute import Quiet, execute
 from cooploc.analysis.execution.own_world_certificate import NAMES
 from cooploc.analysis.execution.stored_run import read
-from cooploc.analysis.metrics import certificate_line
-from cooploc.analysis.metrics.certificate_line import mark
+from cooploc.analysis.metrics import ranking
 from cooploc.analysis.metrics.compare import compare
+from cooploc.analysis.metrics.ranking import short_certificate
 from cooploc.analysis.report import html_page, summaries
 from cooploc.scenarios.conformance.check import CHECKS, checked_here
 from cooploc.scenarios.processes.workers import call
@@ -261,7 +261,7 @@ def test_nobody_is_called_best_who_failed_a_check_and_who_is_unchecked_is_said_t
     assert summaries.sentence(found).endswith(
         "but does not qualify: b (failed the check causality). a was not checked."
     )
-    assert certificate_line.remarks(table) == [
+    assert ranking.certificate_remarks(table) == [
         "a is unchecked: by request",
         "b failed a check and is not ranked: causality: it peeks",
     ]
@@ -280,10 +280,12 @@ def test_what_a_check_found_is_escaped_in_the_page(tmp_path):
 
 
 def test_a_certificate_is_a_line_and_a_mark():
-    assert mark("passed: 14 of 16 checks; mail-replay: a team: its bytes are as declared; axes: of sigma points") == (
-        "✓ 14 of 16 checks; bytes are as declared; axes"
-    )
-    assert [mark(t) for t in ("", "passed: 16 checks", "failed: causality: far: too", "unchecked: why")] == [
+    assert short_certificate(
+        "passed: 14 of 16 checks; mail-replay: a team: its bytes are as declared; axes: of sigma points"
+    ) == ("✓ 14 of 16 checks; bytes are as declared; axes")
+    assert [
+        short_certificate(t) for t in ("", "passed: 16 checks", "failed: causality: far: too", "unchecked: why")
+    ] == [
         "",
         "✓ 16 checks",
         "✗ causality",

@@ -10,11 +10,10 @@ from made_errors import BASE, rows
 from statsmodels.stats.proportion import proportion_confint
 
 import cooploc as cl
-from cooploc.analysis.metrics import outliers
-from cooploc.analysis.metrics.compare import SHORT, SUMMARY, compare, summarize
+from cooploc.analysis.metrics.compare import SHORT, SUMMARY, compare, outlier_warnings, summarize
 from cooploc.analysis.metrics.consistency import COLLAPSED
 from cooploc.analysis.metrics.consistency import flag as flag_of
-from cooploc.analysis.metrics.pooling import trial_means
+from cooploc.analysis.metrics.errors import trial_means
 from cooploc.analysis.metrics.statistics import Interval, signed_rank
 from cooploc.analysis.plot.summary import rmse
 from cooploc.terminal.results import records
@@ -255,10 +254,10 @@ def test_a_trial_that_diverges_is_warned_of_and_stands_beside_the_median():
     calm = summarize(rows("a", base))
     base[7] *= 20**2
     row = summarize(rows("a", base)).iloc[0]
-    assert outliers.warnings(calm) == []
+    assert outlier_warnings(calm) == []
     assert (row["outlying"], row["rmse_median"]) == (pytest.approx(0.01), pytest.approx(1.0, abs=0.01))
     assert 0 < row["outlying_low"] < 0.01 < row["outlying_high"] < 0.06
-    (said,) = outliers.warnings(summarize(rows("a", base)))
+    (said,) = outlier_warnings(summarize(rows("a", base)))
     assert said.startswith("s, a: 1 of 100 trials (")
     assert "median trial, 1.001 m; they decide the RMSE, 2.156 m" in said
 

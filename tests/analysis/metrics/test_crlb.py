@@ -5,8 +5,7 @@ import pytest
 from oracles import dense_posterior, linear_team, slope
 
 import cooploc as cl
-from cooploc.analysis.metrics.crlb import SAMPLES, covariances, floor, floors, why_not
-from cooploc.analysis.metrics.direction_information import DirectionAlone
+from cooploc.analysis.metrics.crlb import SAMPLES, DirectionAlone, covariances, floor, floors, why_not
 from cooploc.estimators.models.gradient_doa import gradient_doa
 
 CHANNELS = ("anchor_rssi", "radio_range")

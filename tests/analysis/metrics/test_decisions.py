@@ -6,7 +6,7 @@ import pytest
 from made_runs import rows_of
 
 from cooploc.analysis.metrics.compare import compare
-from cooploc.analysis.metrics.decisions import decide, looks, with_decisions
+from cooploc.analysis.metrics.sequential import decide, looks, with_decisions
 
 
 def made(base, **others):

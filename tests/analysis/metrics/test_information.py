@@ -7,8 +7,8 @@ import pytest
 from made_errors import rows
 
 import cooploc as cl
-from cooploc.analysis.metrics import information as module
-from cooploc.analysis.metrics.information import Cell, cell, information
+from cooploc.analysis.metrics import run_tables as module
+from cooploc.analysis.metrics.run_tables import MatrixCell, information, matrix_cell
 from cooploc.scenarios.studies import study
 
 MSE = np.random.default_rng(3).lognormal(-3, 0.3, (12, 3))
@@ -17,13 +17,13 @@ MSE = np.random.default_rng(3).lognormal(-3, 0.3, (12, 3))
 @pytest.mark.parametrize(
     ("estimator", "robots", "where"),
     [
-        ("arl", 3, Cell("doa", "none", "alone", "particles")),
-        ("rssi-pf", 1, Cell("rssi", "none", "alone", "particles")),
-        ("mrsl-distance[anchor_reading=none]", 3, Cell("none", "range", "product", "particles")),
-        ("ctrn[reading=rssi]", 10, Cell("doa", "rssi", "intersection", "particles")),
-        ("ekf-ci[anchor_reading=gradient]", 3, Cell("gradient", "range", "intersection", "Kalman")),
-        ("ekf-joint[reading=rssi]", 3, Cell("doa", "rssi", "centralised", "Kalman")),
-        ("map-joint[reading=none]", 1, Cell("rssi", "none", "bound", "MAP")),
+        ("arl", 3, MatrixCell("doa", "none", "alone", "particles")),
+        ("rssi-pf", 1, MatrixCell("rssi", "none", "alone", "particles")),
+        ("mrsl-distance[anchor_reading=none]", 3, MatrixCell("none", "range", "product", "particles")),
+        ("ctrn[reading=rssi]", 10, MatrixCell("doa", "rssi", "intersection", "particles")),
+        ("ekf-ci[anchor_reading=gradient]", 3, MatrixCell("gradient", "range", "intersection", "Kalman")),
+        ("ekf-joint[reading=rssi]", 3, MatrixCell("doa", "rssi", "centralised", "Kalman")),
+        ("map-joint[reading=none]", 1, MatrixCell("rssi", "none", "bound", "MAP")),
         ("mrsl-rssi", 1, None),
         ("map-joint", 3, None),
         ("ekf-joint[anchor_reading=doa-constant]", 3, None),
@@ -31,12 +31,12 @@ MSE = np.random.default_rng(3).lognormal(-3, 0.3, (12, 3))
     ],
 )
 def test_an_estimator_stands_where_its_readings_put_it(estimator, robots, where):
-    assert cell(estimator, robots) == where
+    assert matrix_cell(estimator, robots) == where
 
 
 def test_the_shipped_study_fills_every_cell_and_no_cell_twice():
     cells = [
-        (one.scenario, cell(label, 1 if one.scenario.endswith("=1") else 3))
+        (one.scenario, matrix_cell(label, 1 if one.scenario.endswith("=1") else 3))
         for one in study.load("information").cells()
         for label in one.estimators
     ]

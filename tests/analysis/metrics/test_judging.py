@@ -9,8 +9,7 @@ import pytest
 from processes import inside
 
 import cooploc as cl
-from cooploc.analysis.metrics.judging import ELSEWHERE
-from cooploc.analysis.metrics.tum_reading import from_tum
+from cooploc.analysis.metrics.external import ELSEWHERE, from_tum
 
 LABEL = "robots-1-3/n=2[ticks=6]"
 

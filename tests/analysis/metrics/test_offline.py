@@ -7,7 +7,7 @@ import pytest
 import cooploc as cl
 from cooploc.analysis.claims.trial_table import collect
 from cooploc.analysis.execution.execute import execute
-from cooploc.analysis.metrics.ranking import disqualified
+from cooploc.analysis.metrics.ranking import disqualifications
 from cooploc.analysis.plot.marks import drawable, name_of
 from cooploc.analysis.report import experiments, summaries
 from cooploc.analysis.report.result_columns import RESULTS
@@ -68,7 +68,7 @@ def test_it_is_given_all_ticks_of_what_it_declares_and_its_beliefs_are_kept(stre
 def test_it_is_not_ranked_never_best_and_said_to_be_offline(errors):
     table = cl.compare(errors, "filter", full=True)
     row = table.set_index("estimator").loc["hindsight"]
-    assert disqualified(row)[0] == "offline"
+    assert disqualifications(row)[0] == "offline"
     ranks, letters = experiments.ranked(table, collect(errors))
     assert set(ranks) == {"filter"}
     assert "hindsight" not in letters

@@ -6,7 +6,7 @@ import pytest
 
 import cooploc as cl
 from cooploc.analysis.metrics.consistency import band
-from cooploc.analysis.metrics.over_time import over_time, sweep, swept
+from cooploc.analysis.metrics.curves import over_time, sweep, swept
 
 LABEL = "robots-1-3/n=3[ticks=6]"
 

@@ -4,9 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cooploc.analysis.metrics.decisions import looks
-from cooploc.analysis.metrics.ranking import disqualified, front, letters, rank_groups
-from cooploc.analysis.metrics.stopping import ANYTIME, FIXED
+from cooploc.analysis.metrics.ranking import disqualifications, letters, pareto_front, rank_groups
+from cooploc.analysis.metrics.sequential import ANYTIME, FIXED, looks
 
 HARD = np.random.default_rng(1).lognormal(0, 0.4, 12)
 GOOD = {"certificate": "", "centralised": False, "bound": False, "consistency": "consistent", "anees": 1.0, "failed": 0}
@@ -35,7 +34,7 @@ def errors(**factors):
     ],
 )
 def test_an_estimator_qualifies_as_best_unless_there_is_a_reason(change, reasons):
-    assert disqualified(GOOD | change) == reasons
+    assert disqualifications(GOOD | change) == reasons
 
 
 def test_ranks_are_means_over_trials():
@@ -89,4 +88,4 @@ def test_letters_of_a_run_until_decided_take_the_trials_that_two_have_and_there_
 def test_the_front_is_what_nothing_beats_in_both():
     error = np.array([3.0, 2.0, 2.5, 1.0, 1.0, 0.5])
     cost = np.array([1.0, 2.0, 3.0, 4.0, 4.0, np.nan])
-    assert front(error, cost).tolist() == [True, True, False, True, True, False]
+    assert pareto_front(error, cost).tolist() == [True, True, False, True, True, False]

@@ -7,7 +7,7 @@ import pytest
 from made_errors import rows
 
 import cooploc as cl
-from cooploc.analysis.metrics.sensitivity import Sweep, preset, sensitivity, sweep
+from cooploc.analysis.metrics.run_tables import Sweep, parse_sweep, preset_value, sensitivity
 from cooploc.scenarios.studies import study
 
 MSE = np.random.default_rng(4).lognormal(-3, 0.3, (8, 2))
@@ -26,13 +26,13 @@ MSE = np.random.default_rng(4).lognormal(-3, 0.3, (8, 2))
     ],
 )
 def test_what_is_swept_is_read_from_the_labels(scenario, estimator, found):
-    assert sweep(scenario, estimator) == found
+    assert parse_sweep(scenario, estimator) == found
 
 
 def test_every_cell_of_the_shipped_study_sweeps_something_and_has_a_preset():
     for cell in study.load("sensitivity").cells():
         for estimator in cell.estimators:
-            assert np.isfinite(preset(sweep(cell.scenario, estimator)))
+            assert np.isfinite(preset_value(parse_sweep(cell.scenario, estimator)))
 
 
 @pytest.fixture

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from cooploc.analysis.metrics.sequential import trials_for_width, trials_to_exclude
 from cooploc.analysis.metrics.statistics import (
     Interval,
     change,
@@ -21,7 +22,6 @@ from cooploc.analysis.metrics.statistics import (
     signed_rank,
     trials_without_skew,
 )
-from cooploc.analysis.metrics.trials_needed import trials_for_width, trials_to_exclude
 
 REPEATS = 1500
 # Binomial standard error of a coverage near 0.95 over REPEATS: 0.0056.

@@ -3,7 +3,7 @@
 import pandas as pd
 import pytest
 
-from cooploc.analysis.metrics.information import COLUMNS
+from cooploc.analysis.metrics.run_tables import INFORMATION_COLUMNS
 from cooploc.analysis.report.cooperation import effect, heading, sentences
 
 ROWS = (
@@ -22,7 +22,7 @@ ROWS = (
 def table():
     names = [*("own", "between", "robots", "fusion", "filter", "rmse", "floor", "anees", "consistency")]
     frame = pd.DataFrame(ROWS, columns=[*names, "change", "change_low", "change_high"])
-    return frame.assign(trials=40).reindex(columns=list(COLUMNS)).infer_objects()
+    return frame.assign(trials=40).reindex(columns=list(INFORMATION_COLUMNS)).infer_objects()
 
 
 def test_every_row_of_a_team_is_said_with_its_numbers(table):

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 import cooploc as cl
-from cooploc.analysis.tuning.objective import CAP, LARGEST, capped, trial_scores
+from cooploc.analysis.tuning.search import CAP, LARGEST, cap_score, trial_scores
 from cooploc.estimators.plugins.errors import BadInput
 
 
@@ -16,11 +16,11 @@ def rows(**columns):
 
 def test_the_cap_keeps_the_order_and_takes_the_weight():
     nll = np.array([-5.0, 0.0, CAP, CAP + 1, 1e3, 1e5, np.inf])
-    found = capped(nll)
+    found = cap_score(nll)
     np.testing.assert_array_equal(found[:3], nll[:3])
     assert (np.diff(found) > 0).all()
     assert found[-1] < CAP + 15
-    assert capped(np.array([np.nan]))[0] == capped(np.array([LARGEST]))[0]
+    assert cap_score(np.array([np.nan]))[0] == cap_score(np.array([LARGEST]))[0]
 
 
 def test_a_trial_s_score_is_the_mean_over_its_robots():

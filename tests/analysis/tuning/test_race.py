@@ -5,10 +5,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from cooploc.analysis.tuning.race import Item, full_rounds, race
-from cooploc.analysis.tuning.sampler import Sampler
-from cooploc.analysis.tuning.search import Competitor, search
-from cooploc.analysis.tuning.space import Space, space_of
+from cooploc.analysis.tuning.search import Competitor, Item, Sampler, Space, full_rounds, race, search, space_of
 from cooploc.estimators import configure
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.estimators.plugins.labels import parse

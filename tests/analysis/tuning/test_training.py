@@ -7,7 +7,7 @@ import pytest
 from made_logs import describe, lines, write
 
 import cooploc as cl
-from cooploc.analysis.tuning.training import demand_apart, derived_seed, lanes, overlap
+from cooploc.analysis.tuning.search import demand_apart, derived_seed, lanes, overlap
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.studies import study
 from cooploc.scenarios.studies.study import Study, resolve_study

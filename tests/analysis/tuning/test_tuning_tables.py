@@ -9,8 +9,8 @@ import cooploc as cl
 from cooploc.analysis.plot import tuned_parameters, tuning
 from cooploc.analysis.report.tuning_sentences import bought, by_scenario, most_moved
 from cooploc.analysis.report.tuning_tables import gains_table, order_sentence, side_by_side
-from cooploc.analysis.tuning.order import order
-from cooploc.analysis.tuning.study_file import as_toml, tuned_study
+from cooploc.analysis.tuning.tables import order
+from cooploc.analysis.tuning.tune import as_toml, tuned_study
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.studies.study import Study, load
 

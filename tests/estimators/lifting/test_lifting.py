@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import cooploc as cl
-from cooploc.analysis.tuning.space import space_of
+from cooploc.analysis.tuning.search import space_of
 from cooploc.estimators.interface import Mail, Senses
 from cooploc.estimators.lifting.handed import mail_of, senses_of
 from cooploc.estimators.plugins.tunable import declared

@@ -8,8 +8,8 @@ from cooploc.analysis.execution.execute import execute
 from cooploc.analysis.execution.provenance import files, training_of
 from cooploc.analysis.execution.run_directory import RunDir
 from cooploc.analysis.execution.stored_run import read
-from cooploc.analysis.metrics.certificate_line import mark
-from cooploc.analysis.tuning.training import derived_seed
+from cooploc.analysis.metrics.ranking import short_certificate
+from cooploc.analysis.tuning.search import derived_seed
 from cooploc.estimators import configure
 from cooploc.scenarios.studies.study import Study
 
@@ -68,8 +68,8 @@ def test_a_run_says_it_and_is_not_continued_with_other_weights(plugin, tmp_path)
     study = Study(name="s", trials=2, scenarios=("robots-1-3/n=1[ticks=3]",), estimators=(label, f"{plugin}:Plain"))
     execute(study, tmp_path / "run", check=False)
     lines = read(tmp_path / "run").rows.groupby("estimator")["certificate"].first()
-    assert mark(lines[label]) == "unchecked; trained on nlos, 5 trials, no more"
-    assert mark(lines[f"{plugin}:Plain"]) == "unchecked"
+    assert short_certificate(lines[label]) == "unchecked; trained on nlos, 5 trials, no more"
+    assert short_certificate(lines[f"{plugin}:Plain"]) == "unchecked"
     assert RunDir(tmp_path / "run").manifest["certificates"][label]["trained_on"]
     np.savez(plugin.with_name("weights.npz"), shift=0.5)
     with pytest.raises(cl.BadInput, match=r"mine\.py"):
@@ -85,7 +85,7 @@ def test_a_run_says_it_and_is_not_continued_with_other_weights(plugin, tmp_path)
     ],
 )
 def test_a_certificate_in_a_few_words_says_it(line, said):
-    assert mark(line) == said
+    assert short_certificate(line) == said
 
 
 def test_training_streams_are_of_the_seed_that_tuning_uses_and_never_of_the_study():

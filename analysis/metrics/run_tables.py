@@ -10,9 +10,10 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from cooploc.analysis.metrics.compare import compare
-from cooploc.analysis.metrics.crlb import pooled_floor
-from cooploc.estimators import configure, make
+from cooploc.analysis.metrics.crlb import floors, pooled_floor
+from cooploc.estimators import configure, make, parse
 from cooploc.estimators.plugins.errors import BadInput
+from cooploc.scenarios import ASSUMED, resolve
 
 OWN = {"none": (), "doa": ("anchor_doa",), "gradient": ("anchor_gradient",), "rssi": ("anchor_rssi",)}
 BETWEEN = {"none": (), "rssi": ("radio_rssi",), "range": ("radio_range",)}
@@ -27,14 +28,14 @@ RULES = {  # method -> how it fuses, and the filter that it builds on
     "ekf-joint": ("centralised", "Kalman"),
     "map-joint": ("bound", "MAP"),
 }
-COLUMNS = (
+INFORMATION_COLUMNS = (
     *("own", "between", "robots", "fusion", "filter", "estimator", "scenario", "trials"),
     *("rmse", "rmse_low", "rmse_high", "floor", "anees", "anees_low", "anees_high", "consistency"),
     *("centralised", "bound", "certificate", "change", "change_low", "change_high"),
 )
 
 
-class Cell(NamedTuple):
+class MatrixCell(NamedTuple):
     """Where an estimator stands in the matrix."""
 
     own: str  # a key of OWN
@@ -43,7 +44,7 @@ class Cell(NamedTuple):
     filter: str  # particles, Kalman or MAP
 
 
-def cell(estimator: str, robots: int) -> Cell | None:
+def matrix_cell(estimator: str, robots: int) -> MatrixCell | None:
     """The cell of an estimator in a team of so many robots; None where it has none."""
     name = configure(estimator).name
     if name not in RULES:
@@ -52,7 +53,7 @@ def cell(estimator: str, robots: int) -> Cell | None:
     own, between = made.anchor_reading, getattr(made, "reading", "none")
     if own not in OWN or between not in BETWEEN or (robots == 1 and between != "none"):
         return None
-    return Cell(own, between, fusion, kind)
+    return MatrixCell(own, between, fusion, kind)
 
 
 def information(errors: pd.DataFrame, seed: int) -> pd.DataFrame:
@@ -81,7 +82,7 @@ def information(errors: pd.DataFrame, seed: int) -> pd.DataFrame:
 
     """
     pairs = errors.drop_duplicates(["scenario", "estimator"])[["scenario", "estimator", "robots"]].to_dict("records")
-    cells = {(row["scenario"], row["estimator"]): cell(row["estimator"], row["robots"]) for row in pairs}
+    cells = {(row["scenario"], row["estimator"]): matrix_cell(row["estimator"], row["robots"]) for row in pairs}
     keys = pd.Series(list(zip(errors["scenario"], errors["estimator"], strict=True)), index=errors.index)
     found = [(key, where) for key, where in cells.items() if where is not None]
     if not found:
@@ -93,14 +94,14 @@ def information(errors: pd.DataFrame, seed: int) -> pd.DataFrame:
         parts.append(_against_alone(errors[keys.isin(mine)], {key[1]: where for key, where in mine.items()}))
     table = pd.concat(parts, ignore_index=True)
     table["floor"] = [_floor(row, seed) for row in table.to_dict("records")]
-    return _sorted(table)[list(COLUMNS)]
+    return _sorted(table)[list(INFORMATION_COLUMNS)]
 
 
-def _against_alone(rows: pd.DataFrame, cells: dict[str, Cell]) -> pd.DataFrame:
+def _against_alone(rows: pd.DataFrame, cells: dict[str, MatrixCell]) -> pd.DataFrame:
     """The rows of one scenario, own reading and filter; changes against the one without teammates."""
     alone = [name for name, where in cells.items() if where.between == "none"]
     table = compare(rows, alone[0] if alone else next(iter(cells)), full=True)
-    placed = pd.DataFrame([cells[name] for name in table["estimator"]], columns=Cell._fields, index=table.index)
+    placed = pd.DataFrame([cells[name] for name in table["estimator"]], columns=MatrixCell._fields, index=table.index)
     nothing = (placed["between"] == "none") | (not alone)
     table[["change", "change_low", "change_high"]] = table[["change", "change_low", "change_high"]].mask(nothing)
     return pd.concat([placed, table], axis=1)
@@ -118,3 +119,97 @@ def _sorted(table: pd.DataFrame) -> pd.DataFrame:
         by[name] = pd.Categorical(table[name], list(dict.fromkeys(rule[k] for rule in RULES.values())))
     order = by.sort_values([str(name) for name in by], kind="stable").index
     return table.loc[order].reset_index(drop=True)
+
+
+# How results depend on what is swept: one panel per parameter, of a scenario or of the estimators.
+
+OF_ESTIMATORS = "particles"  # the parameter of estimators that makes a panel
+SENSITIVITY_COLUMNS = (
+    *("parameter", "value", "preset", "estimator", "scenario", "robots", "trials", "rmse", "rmse_low", "rmse_high"),
+    *("floor", "anees", "anees_low", "anees_high", "consistency", "centralised", "bound", "certificate"),
+    *("change", "change_low", "change_high"),
+)
+
+
+class Sweep(NamedTuple):
+    """Where a row of a run stands."""
+
+    scenario: str  # without what is swept
+    parameter: str
+    value: float
+    estimator: str  # without what is swept
+
+
+def parse_sweep(scenario: str, estimator: str) -> Sweep | None:
+    """What a row of a run sweeps: the one number in brackets of its scenario, or `particles` of its estimator."""
+    path, written = parse(scenario)
+    if len(written) == 1:
+        ((parameter, value),) = written.items()
+        return Sweep(path, parameter, float(value), estimator) if _is_number(value) else None
+    name, parameters = parse(estimator)
+    if written or OF_ESTIMATORS not in parameters:
+        return None
+    value = parameters.pop(OF_ESTIMATORS)
+    rest = ",".join(f"{key}={each}" for key, each in parameters.items())
+    return Sweep(path, OF_ESTIMATORS, float(value), f"{name}[{rest}]" if rest else name)
+
+
+def sensitivity(errors: pd.DataFrame, seed: int, baseline: str = "arl") -> pd.DataFrame:
+    """One row per swept parameter, value and estimator; parameters in the order of the run.
+
+    Columns:
+        parameter: what is swept, of the scenario ("prior_sigma"; "assumed.eta" is what the team assumes of eta) or of
+            the estimators ("particles")
+        value: that of the parameter
+        preset: the parameter's value where it is not swept
+        estimator, scenario: without what is swept
+        robots, trials, rmse, rmse_low, rmse_high, anees, anees_low, anees_high, consistency, centralised, bound,
+            certificate: as of `compare`
+        floor [m]: the Cramer-Rao floor of all readings, over at most 20 trials; nan where none holds
+        change: RMSE / the baseline's RMSE at the same value - 1
+        change_low, change_high: its 95 % interval (Fieller), over paired trials
+
+    Args:
+        errors: the rows of a run.
+        seed: of the run, whose streams the floors are of.
+        baseline: the estimator that others are compared with.
+
+    Raises:
+        BadInput: nothing is swept, or the baseline was not run at some value.
+
+    """
+    pairs = errors.drop_duplicates(["scenario", "estimator"])[["scenario", "estimator"]].to_dict("records")
+    found = {(row["scenario"], row["estimator"]): parse_sweep(row["scenario"], row["estimator"]) for row in pairs}
+    keys = list(zip(errors["scenario"], errors["estimator"], strict=True))
+    parts = []
+    for label, parameter, value in dict.fromkeys((key[0], s.parameter, s.value) for key, s in found.items() if s):
+        mine = {k: s for k, s in found.items() if s and (k[0], s.parameter, s.value) == (label, parameter, value)}
+        where, rows = next(iter(mine.values())), errors[[key in mine for key in keys]]
+        rows = rows.assign(estimator=[mine[label, name].estimator for name in rows["estimator"]])
+        table = compare(rows, baseline, full=True)
+        swept: dict[str, Any] = {
+            "parameter": parameter,
+            "value": value,
+            "preset": preset_value(where),
+            "floor": floors([label], seed)[label],
+        }
+        parts.append(table.assign(scenario=where.scenario, **swept))
+    if not parts:
+        raise BadInput("nothing is swept here: no scenario has one number in brackets; run the study sensitivity")
+    return pd.concat(parts, ignore_index=True)[list(SENSITIVITY_COLUMNS)]
+
+
+def preset_value(where: Sweep) -> float:
+    """The value of the parameter where it is not swept."""
+    if where.parameter == OF_ESTIMATORS:
+        return float(getattr(make(where.estimator), OF_ESTIMATORS))
+    model: Any = resolve(where.scenario).model
+    return float(getattr(model, where.parameter.removeprefix(ASSUMED)))
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,388 @@
+"""Confidence sequences: intervals and tests that hold at every number of trials at once, however one stops.
+
+A 95 % interval that is looked at again and again misses the truth sooner or later. These miss it, at any of all looks
+from the second trial on, in at most 5 % of runs. They take the t statistic of n differences d, as the t test does:
+
+    t = mean(d) / (s / sqrt(n)),   R = t^2 / (n - 1 + t^2)
+    e(n) = sqrt(c^2 / (n + c^2)) (1 - R n / (n + c^2))^(-n/2)
+
+e is the likelihood ratio of "mean(d) / sigma is drawn from N(0, 1 / c^2)" to "mean(d) = 0", any sigma. Where the mean
+is 0 its expectation is 1 at every n, and it ever reaches 1 / alpha with probability alpha at most (Ville 1939). The
+values theta for which the differences d - theta do not reach it are the sequence: mean(d) -+ b(n) s / sqrt(n).
+
+Exact for normal differences at every n. For others it is asymptotic, as the t interval is; `reports/statistics.md`
+measures both. Sources: T. L. Lai, "On confidence sequences", Annals of Statistics 4, 1976; H. Wang, A. Ramdas,
+"Anytime-valid t-tests and confidence sequences for Gaussian means with unknown variance", Sequential Analysis 44, 2025
+(Gaussian mixture; derived here again from the right Haar prior on sigma); I. Waudby-Smith et al., "Time-uniform central
+limit theory and asymptotic confidence sequences", Annals of Statistics 52, 2024.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+
+from cooploc.analysis.metrics import statistics
+from cooploc.analysis.metrics.errors import drop_failed, weighted_means
+from cooploc.analysis.metrics.statistics import LEAST_TRIALS, Interval, Z, holm, quantile
+from cooploc.estimators.interface import Array
+
+C2 = 4.0  # c^2: an effect of half a standard deviation is expected; b is smallest near 70 trials
+ALPHA = 0.05
+LARGEST = 700.0  # logarithm of an e-value, beyond which none is told from another
+
+
+def boundary(n: float) -> float:
+    """b(n): how many standard errors the sequence reaches to either side; nan where it is unbounded (n < 7).
+
+    n may be an effective number of trials.
+
+    b^2 = (n - 1) (K - 1) / (1 - K c^2 / (n + c^2)),  K = ((n + c^2) / (c^2 alpha^2))^(1/n).
+    """
+    K = ((n + C2) / (C2 * ALPHA**2)) ** (1 / n)
+    bounded = 1 - K * C2 / (n + C2)
+    return float(np.sqrt((n - 1) * (K - 1) / bounded)) if bounded > 0 else np.nan
+
+
+def e_value(t: float, n: int) -> float:
+    """e(n) of a t statistic over n trials: evidence against a mean of 0; its inverse is a p-value at any stopping.
+
+    Values of e of independent comparisons multiply, those of dependent ones may be averaged.
+    """
+    return float(np.exp(np.minimum(_log_e(t, n), LARGEST)))
+
+
+def one_sided_e_value(t: float, n: int) -> float:
+    """The same against a mean of at most 0: its prior is the positive half of the normal one.
+
+    2 e P(effect > 0 | d), and the posterior of the effect is one of Student's t with n degrees of freedom.
+    """
+    R = _explained(t, n)
+    S = np.sign(t) * np.sqrt(R * n)  # sum of d, over the root of the sum of d^2; nan where there is no sequence
+    positive = stats.t.cdf(np.sqrt(n) * S / np.sqrt((n + C2) * (1 - R * n / (n + C2))), n)
+    return float(2 * positive * np.exp(np.minimum(_log_e(t, n), LARGEST)))
+
+
+def _log_e(t: float, n: int) -> float:
+    return float(0.5 * np.log(C2 / (n + C2)) - n / 2 * np.log1p(-_explained(t, n) * n / (n + C2)))
+
+
+def _explained(t: float, n: int) -> float:
+    """R: the share of the sum of d^2 that the mean explains; 1 where d has no spread, nan where there is no t."""
+    return 1.0 if np.isinf(t) else t * t / (n - 1 + t * t)
+
+
+# Two ways to judge a run: its number of trials was fixed before, or it may have stopped at any look at its results.
+#
+# `FIXED` is what tables and reports use: t intervals, and Fieller's for a relative change. `ANYTIME` is for runs that
+# stop when their questions are decided: confidence sequences (`sequences`) of means, and of logarithms of means by the
+# jackknife, a relative change of RMSE among them. Either way a p-value is at most 0.05 where the interval excludes a
+# value, and nowhere else.
+#
+# The jackknife takes a mean for nearly normal, which it is not where a few trials decide it: of errors of which one
+# in a
+# hundred is twentyfold, two equals would be called different in 20 % of runs. The sequences are therefore as wide as
+# over
+# the effective number of trials, (sum v)^2 / sum v^2 (Kish 1965) of the mean where it is smallest, times 1.5: all
+# trials
+# where their standard deviation is up to 0.7 of the mean, and four or five where three of a hundred decide. There is
+# none
+# below seven. The factor is the largest of 1, 1.5, 2 and 3 that keeps false decisions below 5 % in all worlds of
+# `reports/statistics.md`.
+
+WORTH = 1.5  # trials that an effective one counts for
+HALVES = np.array([-0.5, 0.5])  # of the logarithms of two mean squared errors: that of the ratio of their RMSE
+
+
+class Stopping(NamedTuple):
+    """Intervals and tests, as functions of trials."""
+
+    mean: Callable[[Array], Interval]
+    mean_of_positive: Callable[[Array], Interval]
+    log_contrast: Callable[[Array, Array], Interval]  # of values (trial, j) and weights (j,)
+    change: Callable[[Array, Array], Interval]  # of RMSE, from squared errors (k,) before and after
+    p_of_change: Callable[[Array, Array, float], float]  # two-sided, against a true change
+    p_above: Callable[[Array, Array, float], float]  # one-sided, against mean b <= factor x mean a
+    p_of_mean: Callable[[Interval, int, float], float]  # two-sided, of an interval symmetric about its value
+    equal: Callable[[Array, Array, float], bool]  # whether two RMSE tie within a margin, from squared errors
+
+    def p_of_difference(self, a: Array, b: Array) -> float:
+        """Two-sided p against equal RMSE; 1 for equals, nan where there is no interval."""
+        if np.isnan(self.change(a, b).low):
+            return np.nan
+        return 1.0 if np.array_equal(a, b) else self.p_of_change(a, b, 0.0)
+
+
+def effective(values: Array) -> float:
+    """The number of trials that a sequence over positive `values` (trial, j) counts, as above."""
+    kish = (values.sum(0) ** 2 / (values**2).sum(0)).min()
+    return float(np.minimum(len(values), WORTH * kish))
+
+
+def mean(d: Array) -> Interval:
+    """The mean of `d` (k,) over trials with its confidence sequence."""
+    return statistics.mean(d, boundary)
+
+
+def mean_of_positive(values: Array) -> Interval:
+    """The mean of positive values (k,) with its confidence sequence."""
+    return statistics.mean_of_positive(values, lambda _: boundary(effective(values[:, None])))
+
+
+def log_contrast(values: Array, weights: Array) -> Interval:
+    """sum_j weights_j log mean_j over trials of positive `values` (trial, j), with its confidence sequence."""
+    return statistics.log_contrast(values, weights, lambda _: boundary(effective(values)))
+
+
+def change(a: Array, b: Array) -> Interval:
+    """sqrt(mean b / mean a) - 1 with its confidence sequence, of squared errors `a`, `b` (k,) over paired trials."""
+    return Interval(*(float(np.expm1(end)) for end in _log_ratio(a, b)))
+
+
+def p_of_change(a: Array, b: Array, value: float) -> float:
+    """Two-sided p against a true change of `value`, valid at any stopping."""
+    return p_of_mean(_log_ratio(a, b), len(a), float(np.log1p(value)))
+
+
+def e_of_change(a: Array, b: Array, value: float = 0.0) -> float:
+    """The e-value against a true change of `value`: where it is true, 20 is reached, ever, in at most 5 % of runs.
+
+    Over A/A comparisons, of two that should be the same, its mean stays at 1. nan where there is no sequence.
+    """
+    return e_value(*_t(_log_ratio(a, b), len(a), float(np.log1p(value))))
+
+
+def p_above(a: Array, b: Array, factor: float) -> float:
+    """One-sided p against mean b <= `factor` times mean a, valid at any stopping; as `statistics.p_above`."""
+    log, value = _log_ratio(a, b), float(np.log(factor)) / 2
+    if log.low == log.high:
+        return float(log.value < value)
+    return _p(one_sided_e_value(*_t(log, len(a), value)))
+
+
+def p_of_mean(interval: Interval, n: int, value: float) -> float:
+    """Two-sided p against a true value, of a sequence over n trials: 1 / e, and 0 where no spread is left."""
+    if interval.low == interval.high:
+        return 0.0
+    return _p(e_value(*_t(interval, n, value)))
+
+
+def _p(e: float) -> float:
+    """1 / e, at most 1; nan where e is nan. Where data speak strongly for the opposite, e is rounded to 0."""
+    return float(1 / np.maximum(1.0, e))
+
+
+def equal(a: Array, b: Array, margin: float) -> bool:
+    """Whether the sequence of the change of RMSE lies within 1/(1 + margin) .. 1 + margin."""
+    return within(change(a, b), margin)
+
+
+def within(found: Interval, margin: float) -> bool:
+    """Whether a change of RMSE lies within 1/(1 + margin) .. 1 + margin."""
+    return -margin / (1 + margin) <= found.low and found.high <= margin
+
+
+def _log_ratio(a: Array, b: Array) -> Interval:
+    """The logarithm of the ratio of the RMSE of b to that of a, with its sequence."""
+    return log_contrast(np.stack([a, b], 1), HALVES)
+
+
+def _t(interval: Interval, n: int, value: float) -> tuple[float, int]:
+    """How far a sequence's number is above a value, in ends of the sequence, as a t statistic over n trials."""
+    half, above = interval.high - interval.value, interval.value - value
+    if half == 0:
+        return (float(np.copysign(np.inf, above)) if above else 0.0), n
+    return above / half * boundary(n), n
+
+
+FIXED = Stopping(
+    statistics.mean,
+    statistics.mean_of_positive,
+    statistics.log_contrast,
+    statistics.change,
+    statistics.p_of_change,
+    statistics.p_above,
+    statistics.p_of_mean,
+    lambda a, b, margin: statistics.equivalence(a, b, margin) < ALPHA,
+)
+ANYTIME = Stopping(mean, mean_of_positive, log_contrast, change, p_of_change, p_above, p_of_mean, equal)
+
+
+# Which comparisons of a run are decided, at which look: what `cooploc run --until-decided` goes by.
+#
+# A comparison is one estimator with its scenario's baseline, on the same streams. At a look after n trials it is
+# decided
+# by the confidence sequence of the relative change of RMSE (`stopping.ANYTIME`): better or worse where it excludes 0,
+# else a tie where it lies within the margin. Looks count trials by their number, never by when they finished: decisions
+# depend on nothing but the study, the seed and the looks.
+#
+# No estimator gains by failing: where the sequence would call it better, or a tie, and it failed in a trial, the
+# comparison is *failed*, for no further trial can change that.
+
+FIRST = 10  # trials at the first look; each later one doubles them
+TIE_MARGIN = 0.05
+OPEN, FAILED = "open", "failed"
+
+
+def looks(most: int) -> list[int]:
+    """Numbers of trials after which a run of at most so many is looked at: 10, 20, 40, ..., and the last one."""
+    out = [min(FIRST, most)]
+    while out[-1] < most:
+        out.append(min(2 * out[-1], most))
+    return out
+
+
+class Decision(NamedTuple):
+    """One comparison at its last look."""
+
+    scenario: str
+    estimator: str
+    baseline: str
+    verdict: str = OPEN  # or better, worse, tie, failed
+    look: int = 0  # trials after which it was decided, or was last looked at
+    change: float = np.nan  # of RMSE, against the baseline's
+    low: float = np.nan  # its confidence sequence
+    high: float = np.nan
+    e: float = np.nan  # e-value against equal RMSE; of equals, 20 is reached in 5 % of runs at most
+
+
+def decide(
+    rows: pd.DataFrame, baselines: Mapping[str, str], most: Mapping[str, int], margin: float = TIE_MARGIN
+) -> list[Decision]:
+    """Every comparison at the look that decided it, or at the last look for which all its trials are there.
+
+    Args:
+        rows: of a run.
+        baselines: by scenario.
+        most: trials of the last look, by scenario.
+        margin: the share of RMSE by which two may differ and still tie.
+
+    """
+    cells = _by_trial(rows)
+    return [
+        _first(Decision(scenario, name, baselines[scenario]), cells[scenario, baselines[scenario]], mse, at, margin)
+        for (scenario, name), mse in cells.items()
+        if name != baselines[scenario] and (at := looks(most[scenario]))
+    ]
+
+
+def with_decisions(table: pd.DataFrame, found: pd.DataFrame) -> pd.DataFrame:
+    """The table of `compare(..., full=True)` with what was decided of each row, in place of tests of a fixed n.
+
+    Columns:
+        verdict, look: as of `Decision`; empty and 0 for a baseline
+        p, p_holm: 1 / e, which is valid at any stopping, 1 where it rests on failures; p_holm by Holm over all rows
+        p_equal, p_equal_holm: nan, for a tie is a verdict here
+    """
+    cell = ["scenario", "estimator"]
+    joined = table[cell].merge(found[[*cell, "verdict", "look", "e"]], how="left", on=cell)
+    p = np.minimum(1.0, 1 / joined["e"].to_numpy(float))
+    p = np.where(joined["verdict"] == FAILED, 1.0, p)
+    verdict, look = joined["verdict"].fillna("").to_numpy(), joined["look"].fillna(0).astype(int).to_numpy()
+    return table.assign(verdict=verdict, look=look, p=p, p_holm=holm(p), p_equal=np.nan, p_equal_holm=np.nan)
+
+
+def _by_trial(rows: pd.DataFrame) -> dict[tuple[str, str], Array]:
+    """Mean squared errors [m^2] of trials 0, 1, ... up to the first that is not there; nan where a trial failed."""
+    keys = ["scenario", "estimator", "trial"]
+    ran = rows.drop_duplicates(keys).set_index(keys).index
+    mse = weighted_means(drop_failed(rows), keys, ["mse"]).reindex(ran).reset_index().sort_values("trial")
+    parts = {(str(s), str(e)): part for (s, e), part in mse.groupby(keys[:2], sort=False)}
+    order = rows[keys[:2]].drop_duplicates().itertuples(index=False, name=None)
+    return {(str(s), str(e)): _without_gaps(parts[str(s), str(e)]) for s, e in order}
+
+
+def _without_gaps(part: pd.DataFrame) -> Array:
+    values: Array = part["mse"].to_numpy(float)[part["trial"].to_numpy() == np.arange(len(part))]
+    return values
+
+
+def _first(found: Decision, base: Array, mine: Array, at: list[int], margin: float) -> Decision:
+    for n in at:
+        if found.verdict == OPEN and n <= min(len(base), len(mine)):
+            found = _at(found._replace(look=n), base[:n], mine[:n], margin)
+    return found
+
+
+def _at(found: Decision, base: Array, mine: Array, margin: float) -> Decision:
+    """What a look at squared errors (n,) says; nan: failed."""
+    both = ~np.isnan(base) & ~np.isnan(mine)
+    a, b = base[both], mine[both]
+    change = ANYTIME.change(a, b)
+    verdict = _verdict(change, margin)
+    favoured = {"better": (mine,), "worse": (base,), "tie": (base, mine)}.get(verdict, ())
+    if any(np.isnan(one).any() for one in favoured):
+        verdict = FAILED
+    e = e_of_change(a, b) if len(a) else np.nan
+    return found._replace(verdict=verdict, change=change.value, low=change.low, high=change.high, e=e)
+
+
+def _verdict(change: Interval, margin: float) -> str:
+    if change.high < 0:
+        return "better"
+    if change.low > 0:
+        return "worse"
+    return "tie" if within(change, margin) else OPEN
+
+
+# How many trials a comparison needs: for an interval of a width, or to exclude a value.
+
+PILOT = 10  # trials from which a study is planned
+ROUNDS = 8  # of n = f(b(n))
+POWER = float(stats.norm.ppf(0.8))  # a planned number of trials succeeds in 4 of 5 repetitions
+
+
+def trials_for_width(interval: Interval, n: int, half: float) -> float:
+    """Trials at which an interval over n of them would be `half` wide to either side; nan without one.
+
+    From n = (z s / h)^2 + (z^2 + 1) / 2, the second term for the t quantile.
+    """
+    return _trials((Z * _spread(interval, n) / half) ** 2 + (Z * Z + 1) / 2)
+
+
+def trials_to_exclude(interval: Interval, n: int, distance: float) -> float:
+    """Trials whose interval would, in 4 of 5 repetitions, exclude a value this far away; nan without one.
+
+    From n = ((z + z_0.8) s / distance)^2 + z^2 / 2 (Guenther 1981).
+    """
+    if not distance > 0:
+        return np.nan
+    return _trials(((Z + POWER) * _spread(interval, n) / distance) ** 2 + Z * Z / 2)
+
+
+def trials_until_decided(interval: Interval, n: int, distance: float) -> float:
+    """As `trials_to_exclude`, by a confidence sequence instead of one look; nan without an interval.
+
+    n = ((b(n) + z_0.8) s / distance)^2, from above: b hardly depends on n.
+    """
+    if not distance > 0:
+        return np.nan
+    needed = 10 * trials_to_exclude(interval, n, distance)
+    for _ in range(ROUNDS if np.isfinite(needed) else 0):
+        needed = ((boundary(needed) + POWER) * _spread(interval, n) / distance) ** 2
+        needed = max(needed, float(FIRST))
+    return _trials(needed)
+
+
+def minutes(found: pd.DataFrame, column: str, jobs: int = 1) -> float:
+    """How long the estimators of a plan take [min] for the trials of `trials` or `until_decided`, without streams.
+
+    A baseline runs as often as the comparison that needs most in its scenario; one whose need is unknown does not
+    count.
+    """
+    needed = found[column].fillna(0.0)
+    own = (needed * found["seconds"]).sum()
+    base = (needed * found["baseline_seconds"]).groupby(found["scenario"]).max().sum()
+    return float(own + base) / 60 / jobs
+
+
+def _spread(interval: Interval, n: int) -> float:
+    """The standard deviation of one trial's share in an interval over n, by its wider side."""
+    half = max(interval.value - interval.low, interval.high - interval.value)
+    return half * np.sqrt(n) / quantile(n) if n >= LEAST_TRIALS else np.nan
+
+
+def _trials(needed: float) -> float:
+    return float(max(np.ceil(needed), LEAST_TRIALS)) if np.isfinite(needed) else np.nan
