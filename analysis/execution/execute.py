@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
-from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -17,7 +16,6 @@ from cooploc.analysis.execution.plan import Plan, make_plan
 from cooploc.analysis.execution.pool import Workers
 from cooploc.analysis.execution.provenance import files, fingerprint, imports, provenance
 from cooploc.analysis.execution.remaining import Remaining
-from cooploc.analysis.execution.repeated import run_again, study_worlds
 from cooploc.analysis.execution.run_directory import FORMAT, Piece, RunDir
 from cooploc.analysis.execution.task import MeasuredPart
 from cooploc.analysis.execution.workers import hired
@@ -115,8 +113,6 @@ def execute(
             watcher.say(line)
         _certify(directory, asked, check, isolate, watcher)
         pieces = completed(asked, directory, workers, retry_failed, watcher)
-        if check and isolate:
-            run_again(directory, asked, pieces, watcher.say)
         if len(pieces) > MANY:  # else they wait for the next run
             end(BUILTIN)
         rows = _rows(asked, directory, pieces)
@@ -156,8 +152,7 @@ def _as_json(cell: ResolvedCell) -> dict[str, Any]:
 def _certify(directory: RunDir, asked: ResolvedStudy, check: bool, isolate: bool, watcher: Progress) -> None:
     """Write each certificate as soon as it is made; a run goes on after a check that failed."""
     manifest = directory.manifest
-    worlds = partial(study_worlds, asked)
-    for label, found in renewed(asked.estimators, manifest["certificates"], check, watcher.say, isolate, worlds):
+    for label, found in renewed(asked.estimators, manifest["certificates"], check, watcher.say, isolate):
         manifest["certificates"][label] = found
         directory.write_manifest(manifest)
 

@@ -13,7 +13,6 @@ import numpy as np
 from cooploc.analysis.execution.failures import THERE, full_text, line_of
 from cooploc.estimators import make
 from cooploc.estimators.interface import Rows
-from cooploc.estimators.plugins.guard import forbid
 from cooploc.scenarios.processes.time_limit import Limit, within
 from cooploc.scenarios.runner.run import Seedless
 from cooploc.scenarios.runner.trace import Trace, require_fit, trace
@@ -27,7 +26,6 @@ class Given(NamedTuple):
     stream: Stream  # without its seed
     rows: Rows  # of its trials, as the seed makes them
     seconds: float  # for each trial
-    folders: tuple[str, ...] = ()  # of recordings, which it may not open
 
 
 class Played(NamedTuple):
@@ -46,7 +44,6 @@ def begin(one: Given) -> None:
         BadInput: it cannot be made, or `require_fit` refuses it.
 
     """
-    forbid(*one.folders)
     with within(Limit(one.seconds, end_process=True)), chdir(Path.cwd()):
         require_fit(one.label, make(one.label), one.stream)
 
@@ -59,7 +56,6 @@ def made(label: str, seconds: float) -> None:
 
 def play(one: Given) -> list[Played]:
     """Run an estimator on a stream, in a process that may be ended; trials that fail together run again, each alone."""
-    forbid(*one.folders)
     short = one._replace(stream=one.stream.first_ticks(2))
     with suppress(*THERE):  # imports and compiles before the clock runs; an error occurs again below
         _traced(short, slice(0, 1))

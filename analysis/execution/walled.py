@@ -9,14 +9,13 @@ from cooploc.analysis.execution.failures import full_text, line_of
 from cooploc.analysis.execution.played import Given, Played
 from cooploc.analysis.execution.task import FAILURE, failed_rows
 from cooploc.analysis.metrics.errors import errors
-from cooploc.estimators.plugins.guard import forbidden
 from cooploc.scenarios.runner.run import Run, Seedless
 from cooploc.scenarios.stream import Stream, Truth
 
 
 def given(label: str, stream: Stream, seconds: float) -> Given:
     """What a plug-in's process is told of a stream."""
-    return Given(label, *Seedless.of(stream), seconds, forbidden())
+    return Given(label, *Seedless.of(stream), seconds)
 
 
 def measured_here(label: str, truth: Truth, stream: Stream, played: list[Played]) -> pd.DataFrame:

@@ -16,7 +16,6 @@ from cooploc.estimators import is_builtin, make, split
 from cooploc.estimators.interface import Array, Indices, Rows
 from cooploc.estimators.lifting.lift import Lift
 from cooploc.estimators.plugins.errors import BadInput, message
-from cooploc.estimators.plugins.guard import forbid, forbidden
 from cooploc.estimators.plugins.lifted import is_plain, lifted
 from cooploc.scenarios import display, seeds
 from cooploc.scenarios.display import Advance, list_table
@@ -291,7 +290,7 @@ def require_fit_in_process(one: PluginJob, stream: Stream) -> None:
         EstimatorError: it cannot even begin.
 
     """
-    _with_name(one, lambda: call(one.owner, _require_fit, one, Seedless.of(stream).stream, forbidden()))
+    _with_name(one, lambda: call(one.owner, _require_fit, one, Seedless.of(stream).stream))
 
 
 def trace_in_process(one: PluginJob, chunks: list[Stream], advance: Advance | None) -> Trace:
@@ -303,9 +302,7 @@ def trace_in_process(one: PluginJob, chunks: list[Stream], advance: Advance | No
     """
 
     def collect() -> Trace:
-        futures = [
-            submit(one.owner, len(chunks), _trace_chunk, one, Seedless.of(chunk), forbidden()) for chunk in chunks
-        ]
+        futures = [submit(one.owner, len(chunks), _trace_chunk, one, Seedless.of(chunk)) for chunk in chunks]
         try:
             for future in as_completed(futures):
                 future.exception()
@@ -332,14 +329,12 @@ def _with_name(one: PluginJob, work: Callable[[], T]) -> T:
         raise EstimatorError(f"{one.name}: {e}") from e.__cause__
 
 
-def _require_fit(one: PluginJob, stream: Stream, folders: tuple[str, ...]) -> None:
-    forbid(*folders)
+def _require_fit(one: PluginJob, stream: Stream) -> None:
     with within(Limit(one.seconds, end_process=True)):
         require_fit(one.name, make_estimator(one.given, one.name), stream)
 
 
-def _trace_chunk(one: PluginJob, given: Seedless, folders: tuple[str, ...]) -> Trace:
-    forbid(*folders)
+def _trace_chunk(one: PluginJob, given: Seedless) -> Trace:
     limit = Limit(one.seconds, end_process=True)
     with within(limit):
         made = make_estimator(one.given, one.name)

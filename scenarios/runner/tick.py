@@ -13,7 +13,6 @@ import numpy as np
 from cooploc.estimators.compiled.jit import readable
 from cooploc.estimators.interface import HEADER, TEAM_PRIOR, Array, Belief, Mail, Mask, Rows, Senses, Traffic, World
 from cooploc.estimators.plugins.errors import BadInput
-from cooploc.estimators.plugins.guard import Forbidden, shut
 from cooploc.estimators.plugins.traits import traits, wrong_version
 from cooploc.scenarios import seeds
 from cooploc.scenarios.stream import Stream
@@ -192,12 +191,8 @@ class _Drive:
         self.hidden = _frozen(np.full((len(stream.trial), stream.robots, stream.robots), np.nan))
 
     def call(self, method: str, tick: int, *arguments: Any) -> Any:
-        try:
-            with shut:
-                call = getattr(self.estimator, method)
-                returned = self.watch(method, tick, arguments, call) if self.watch else call(*arguments)
-        except Forbidden as e:
-            raise EstimatorError(f"{self.name}: {method}() {e}") from None
+        call = getattr(self.estimator, method)
+        returned = self.watch(method, tick, arguments, call) if self.watch else call(*arguments)
         if returned is None:
             when = f"at tick {tick}" if tick >= 0 else "before tick 0"
             raise EstimatorError(f"{self.name}: {method}() returned None {when}: did you forget its return?")

@@ -16,7 +16,6 @@ from cooploc.estimators.models.motion import Displacement, Unicycle
 from cooploc.estimators.models.sensors import Bearing, LogDistance, Range, Sighting
 from cooploc.scenarios import simulate
 from cooploc.scenarios.runner.run import run
-from cooploc.scenarios.sealed import seal
 from cooploc.scenarios.stream import Stream, chunks, concatenate
 from cooploc.scenarios.stream_file import FORMAT
 
@@ -48,8 +47,6 @@ def rewritten(path, change):
         arrays = {name: file[name] for name in file.files}
     header = json.loads(arrays.pop("header").tobytes())
     change(header, arrays)
-    header.pop("checksum")
-    header = seal(header)
     header = np.frombuffer(json.dumps(header).encode(), np.uint8)
     with path.open("wb") as file:
         np.savez_compressed(file, header=header, **arrays)

@@ -95,18 +95,9 @@ def test_training_streams_are_of_the_seed_that_tuning_uses_and_never_of_the_stud
     assert not set(stream.hashes) & set(judged.hashes)
 
 
-def test_training_on_a_recording_and_while_an_estimator_runs_is_refused():
+def test_training_on_a_recording_is_refused():
     with pytest.raises(cl.BadInput, match="is a recording"):
         cl.training("mrclam/all")
-
-    class Trains(type(cl.make("dead-reckoning"))):
-        def init(self, prior, world, rows):
-            cl.training("nlos[ticks=3]", 1)
-            return super().init(prior, world, rows)
-
-    _, stream = cl.simulate("nlos[ticks=3]")
-    with pytest.raises(cl.EstimatorError, match=r"init\(\) simulated"):
-        cl.run({"mine": Trains()}, stream, isolate=False)
 
 
 class Learned:
