@@ -25,14 +25,14 @@ if _TYPE_CHECKING:
     from cooploc.analysis.metrics.external import to_tum as to_tum
     from cooploc.analysis.metrics.smoother import Smoother as Smoother
     from cooploc.analysis.metrics.smoother import smoother as smoother
-    from cooploc.analysis.tuning.search import training as training
+    from cooploc.analysis.tuning.tune import Tuned as Tuned
+    from cooploc.analysis.tuning.tune import load_tuned as load_tuned
+    from cooploc.analysis.tuning.tune import training as training
     from cooploc.api_runs import information as information
     from cooploc.api_runs import paper as paper
     from cooploc.api_runs import readings as readings
     from cooploc.api_runs import sensitivity as sensitivity
     from cooploc.api_runs import verdicts as verdicts
-    from cooploc.api_studies import Tuned as Tuned
-    from cooploc.api_studies import load_tuned as load_tuned
     from cooploc.api_studies import plan as plan
     from cooploc.api_studies import run_until as run_until
     from cooploc.api_studies import sweep as sweep
@@ -133,9 +133,9 @@ _HOME = {
     "sensitivity": "cooploc.api_runs",
     "sweep": "cooploc.api_studies",
     "tune": "cooploc.api_studies",
-    "Tuned": "cooploc.api_studies",
-    "load_tuned": "cooploc.api_studies",
-    "training": "cooploc.analysis.tuning.search",
+    "Tuned": "cooploc.analysis.tuning.tune",
+    "load_tuned": "cooploc.analysis.tuning.tune",
+    "training": "cooploc.analysis.tuning.tune",
     "new_estimator": "cooploc.scaffold",
 }
 _MODULES = {"estimators": "cooploc.estimators", "scenarios": "cooploc.scenarios", "plot": "cooploc.analysis.plot"}

@@ -1,4 +1,4 @@
-"""What a run says of a paper's claims, from Python: `verdicts` and `readings`."""
+"""A run's results from Python: verdicts on a paper's claims, what readings are worth, what results depend on, LaTeX."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -6,11 +6,10 @@ from typing import Any
 
 import pandas as pd
 
-from cooploc.analysis.claims import ledger as ledgers
 from cooploc.analysis.claims import multiverse
+from cooploc.analysis.claims.ledger import Ledger
 from cooploc.analysis.claims.verdicts import judge_run, verdict_sentence
-from cooploc.analysis.metrics import run_tables as matrix
-from cooploc.analysis.metrics import run_tables as sweeps
+from cooploc.analysis.metrics import run_tables
 from cooploc.analysis.metrics.sequential import ANYTIME, FIXED
 from cooploc.analysis.paper.fitted_table import DEFAULT
 from cooploc.analysis.paper.write import EXAMPLE, write
@@ -18,10 +17,8 @@ from cooploc.estimators import split
 from cooploc.runs import Results, kept, ledger_of, looks_of, rows_of
 
 
-def verdicts(
-    run: Results | str | Path | pd.DataFrame, ledger: ledgers.Ledger | str | Path | None = None
-) -> pd.DataFrame:
-    """Which claims of a paper a run supports, contradicts or leaves open: one row per claim, reading and case.
+def verdicts(run: Results | str | Path | pd.DataFrame, ledger: Ledger | str | Path | None = None) -> pd.DataFrame:
+    """Judge the claims of a paper by a run: one row per claim, variant and case.
 
     `cooploc.analysis.claims.verdicts.COLUMNS` says what the columns mean; `map` says in how many readings of the paper
     the claim holds, where more than one was run; `sentence` is each row in words. Of a run until decided, verdicts are
@@ -38,19 +35,8 @@ def verdicts(
     return verdicts_and_readings(run, ledger)[0]
 
 
-def verdicts_and_readings(run: Any, ledger: Any = None) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """What `verdicts` and `readings` return, computed once."""
-    asked, rows, looks = ledger_of(ledger), rows_of(run), looks_of(run)
-    found, mapped = judge_run(asked, rows, looks), multiverse.judge(asked, rows, ANYTIME if looks else FIXED)
-    maps = multiverse.sentences(mapped)
-    said = [verdict_sentence(row) for _, row in found.iterrows()]
-    return found.assign(map=[maps.get(claim, "") for claim in found["claim"]], sentence=said), mapped
-
-
-def readings(
-    run: Results | str | Path | pd.DataFrame, ledger: ledgers.Ledger | str | Path | None = None
-) -> pd.DataFrame:
-    """The verdicts on a paper's claims in every reading of it that was run: one row per claim and specification.
+def readings(run: Results | str | Path | pd.DataFrame, ledger: Ledger | str | Path | None = None) -> pd.DataFrame:
+    """Judge the claims of a paper in every reading of it that was run: one row per claim and specification.
 
     `cooploc.analysis.claims.multiverse.judge` says what the columns mean, and `shares` counts the rows by claim;
     `cl.plot.readings` and `cl.plot.specification_curve` draw them. The study `readings` runs all readings.
@@ -66,11 +52,16 @@ def readings(
     return multiverse.judge(ledger_of(ledger), rows_of(run), ANYTIME if looks_of(run) else FIXED)
 
 
-# Tables made of a whole run: what readings are worth, and what results depend on.
+def verdicts_and_readings(run: Any, ledger: Any = None) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Return what `verdicts` and `readings` return, computed once."""
+    found, mapped = judge_run(ledger_of(ledger), rows_of(run), looks_of(run)), readings(run, ledger)
+    maps = multiverse.sentences(mapped)
+    said = [verdict_sentence(row) for _, row in found.iterrows()]
+    return found.assign(map=[maps.get(claim, "") for claim in found["claim"]], sentence=said), mapped
 
 
 def information(run: Results | str | Path) -> pd.DataFrame:
-    """What readings are worth: own ones by those between robots, for every rule of fusion, with each cell's floor.
+    """Return what readings are worth: own ones by those between robots, for every rule of fusion, with their floors.
 
     `cooploc.analysis.metrics.run_tables.information` says what the columns mean; `cl.plot.information` draws them. The
     study `information` runs all cells. The floors of ten robots take a minute or two.
@@ -83,11 +74,11 @@ def information(run: Results | str | Path) -> pd.DataFrame:
 
     """
     stored = kept(run)
-    return matrix.information(stored.rows, stored.manifest["seed"])
+    return run_tables.information(stored.rows, stored.manifest["seed"])
 
 
 def sensitivity(run: Results | str | Path, baseline: str = "arl") -> pd.DataFrame:
-    """How errors depend on each parameter that a run sweeps, with the floor where it exists.
+    """Return how errors depend on each parameter that a run sweeps, with the floor where it exists.
 
     `cooploc.analysis.metrics.run_tables.sensitivity` says what the columns mean; `cl.plot.sensitivity` draws them. The
     study `sensitivity` is such a run. Its floors take a few minutes.
@@ -101,10 +92,7 @@ def sensitivity(run: Results | str | Path, baseline: str = "arl") -> pd.DataFram
 
     """
     stored = kept(run)
-    return sweeps.sensitivity(stored.rows, stored.manifest["seed"], baseline)
-
-
-# What a run has for a paper in LaTeX: `cl.paper`, and `cooploc report --paper`.
+    return run_tables.sensitivity(stored.rows, stored.manifest["seed"], baseline)
 
 
 def paper(
@@ -113,7 +101,7 @@ def paper(
     columns: str | Iterable[str] = DEFAULT,
     scenarios: str | Iterable[str] = (),
 ) -> Path:
-    """Write a run's figures, tables and references for a two-column paper; returns the path of an example document.
+    """Write a run's figures, tables and references for a two-column paper; return the path of an example document.
 
     `figures/` has every figure as PDF and SVG, one column wide (3.5 in) and two (7.16 in), with text of 8 pt and
     embedded fonts; `tables/` LaTeX tables that fit, with caption, label and notes; `estimators.bib` the sources of what
@@ -134,9 +122,6 @@ def paper(
     """
     stored = kept(run)
     folder = stored.folder / "paper" if out is None else Path(out)
-    write(stored, folder, _names(columns), _names(scenarios))
+    names = [split(given) if isinstance(given, str) else list(given) for given in (columns, scenarios)]
+    write(stored, folder, *names)
     return folder / EXAMPLE
-
-
-def _names(given: str | Iterable[str]) -> list[str]:
-    return split(given) if isinstance(given, str) else list(given)

@@ -1,8 +1,7 @@
-"""How many trials a study needs, and how long they take here: `plan`, from a pilot of ten trials."""
+"""Studies from Python beyond `run_study`: run until decided, plan, sweep, tune."""
 
 import re
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -13,16 +12,13 @@ import pandas as pd
 
 from cooploc.analysis.claims.ledger import Ledger
 from cooploc.analysis.claims.verdicts import judge_at_look, lasting, open_cells
-from cooploc.analysis.execution.stored_run import read
 from cooploc.analysis.execution.until_decided import Answers, run_until_decided, trial_seconds
 from cooploc.analysis.metrics.errors import errors
 from cooploc.analysis.metrics.sequential import PILOT, trials_to_exclude, trials_until_decided
 from cooploc.analysis.metrics.statistics import Interval
-from cooploc.analysis.report.csv_text import csv_text, read_csv_text
-from cooploc.analysis.tuning import tables as orders
 from cooploc.analysis.tuning.tables import VALUE
-from cooploc.analysis.tuning.tune import FILE, Options, Tuning, read_record, write_record
-from cooploc.analysis.tuning.tune import tune as search_and_compare
+from cooploc.analysis.tuning.tune import Tuned
+from cooploc.analysis.tuning.tune import tune as tune_study
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.run_options import How
 from cooploc.runs import Results, ledger_of, prepared, ran, run_study
@@ -31,10 +27,75 @@ from cooploc.scenarios.runner.run import run
 from cooploc.scenarios.scenario import split_family
 from cooploc.terminal.progress import TerminalProgress
 
+MOST_TRIALS = 1000  # of what stays open in a run until decided
 DIFFERENCE = 0.1
-PLAN_COLUMNS = (
-    *("scenario", "estimator", "baseline", "change", "trials", "until_decided", "seconds", "baseline_seconds"),
-)
+
+
+def run_until(
+    study: str | Path,
+    *,
+    max_trials: int = MOST_TRIALS,
+    ledger: Ledger | str | Path | None = None,
+    **how: Unpack[How],
+) -> Results:
+    """Run a study until its comparisons and claims are decided, as `cooploc run --until-decided` does.
+
+    Trials come in blocks, up to 10, 20, 40, ... of each scenario. After each, every comparison with the scenario's
+    baseline is looked at by a confidence sequence, which holds however one stops: it is decided where the change of
+    RMSE is not 0, or lies within 5 % (a tie). So is every claim of the ledger whose estimators and scenarios the study
+    has, but for claims about computing time. What is decided stops, what is open goes on.
+
+    Sizes keep the intervals of a fixed number of trials, and are marked where a row stopped early, for stopping makes
+    them a little too large. Verdicts come from the sequences.
+
+    Args:
+        study: as of `run_study`.
+        max_trials: trials at which what is still open ends.
+        ledger: the TOML file of the claims; without it, those of Latif & Parasuraman (2022).
+        how: seed, estimators, jobs, scheduler, data, out, check, retry_failed, isolate: as of `run_study`.
+
+    Raises:
+        BadInput: the study cannot be run as it stands; nothing was computed.
+        OSError: a file could not be written; what was finished is kept.
+
+    """
+    begin = partial(run_until_decided, ask=[_OpenClaims(ledger_of(ledger))])
+    return ran(begin, study, max_trials, decided=True, **how)
+
+
+class _OpenClaims:
+    """Asks at every look which claims of a ledger are decided."""
+
+    COLUMNS = ("claim", "variant", "scenario", "of", "than", "verdict", "look")
+
+    def __init__(self, ledger: Ledger) -> None:
+        self._ledger = ledger
+        self._found: pd.DataFrame | None = None
+
+    def __call__(self, rows: pd.DataFrame, n: int) -> Answers:
+        """Judge by the trials below n."""
+        self._found = found = judge_at_look(self._ledger, rows, n, self._found)
+        judged = lasting(self._ledger, found)
+        still = int((judged["verdict"] == "undecided").sum())
+        cells = frozenset(open_cells(self._ledger, rows, found))
+        records = [dict(row) for _, row in judged[list(self.COLUMNS)].fillna("").iterrows()]
+        return Answers("claim", cells, len(judged) - still, still, records)
+
+
+def choose_runner(until_decided: bool, trials: int | None, max_trials: int | None) -> Callable[..., Results]:
+    """Return `run_until` or `run_study` with its number of trials, as the options of the command say.
+
+    Raises:
+        BadInput: the number of the other one was given.
+
+    """
+    if until_decided and trials is not None:
+        raise BadInput("--trials is for a fixed number: with --until-decided, give --max-trials")
+    if not until_decided and max_trials is not None:
+        raise BadInput("--max-trials is given without --until-decided: add it, or give --trials")
+    if until_decided:
+        return partial(run_until, max_trials=MOST_TRIALS if max_trials is None else max_trials)
+    return partial(run_study, trials=trials)
 
 
 def plan(
@@ -48,7 +109,7 @@ def plan(
     out: str | Path | None = None,
     isolate: bool = True,
 ) -> pd.DataFrame:
-    """How many trials each comparison with its baseline needs to show a difference in four of five runs (80 % power).
+    """Plan how many trials each comparison needs to show a difference in four of five runs (80 % power).
 
     Runs ten trials of the study, which its run directory keeps: a run of the study goes on from there. Ten trials know
     a spread to about a quarter, so the numbers of trials are right to about a factor of two.
@@ -59,7 +120,7 @@ def plan(
         trials: for one look, with the 95 % interval, to exclude a change of 0 where it is `difference`
         until_decided: the same with `cooploc run --until-decided`; a change that is twice as large needs a quarter
         seconds, baseline_seconds: computing time of one trial of each [s] on one process, without its stream;
-            `analysis.metrics.trials_needed.minutes` adds them up
+            `analysis.metrics.sequential.minutes` adds them up
 
     Args:
         study: a shipped study, or the path of a study's TOML file.
@@ -74,27 +135,21 @@ def plan(
         raise BadInput(f"difference is {difference}; it must lie above 0, such as {DIFFERENCE} for 10 %")
     options: dict[str, Any] = {"seed": seed, "estimators": estimators, "jobs": jobs, "data": data, "out": out}
     pilot = run_study(study, trials=PILOT, isolate=isolate, **options)
-    cost = trial_seconds(pilot.rows)
-    others = pilot.table[pilot.table["estimator"] != pilot.table["baseline"]]
-    return pd.DataFrame(
-        [_plan_row(row, cost, difference) for row in others.to_dict("records")], columns=list(PLAN_COLUMNS)
-    )
-
-
-def _plan_row(row: dict[Any, Any], cost: "pd.Series[float]", difference: float) -> dict[str, object]:
-    log = Interval(*np.log1p([row["change"], row["change_low"], row["change_high"]]))
-    distance = float(np.log1p(difference))
-    named = {key: row[key] for key in ("scenario", "estimator", "baseline", "change")}
-    return {
-        **named,
-        "trials": trials_to_exclude(log, row["pairs"], distance),
-        "until_decided": trials_until_decided(log, row["pairs"], distance),
-        "seconds": cost[row["scenario"], row["estimator"]],
-        "baseline_seconds": cost[row["scenario"], row["baseline"]],
-    }
-
-
-# Sweeps from Python: one table of errors over several values of a scenario's parameters.
+    cost, distance = trial_seconds(pilot.rows), float(np.log1p(difference))
+    found = []
+    for row in pilot.table[pilot.table["estimator"] != pilot.table["baseline"]].to_dict("records"):
+        log = Interval(*np.log1p([row["change"], row["change_low"], row["change_high"]]))
+        found.append(
+            {
+                **{key: row[key] for key in ("scenario", "estimator", "baseline", "change")},
+                "trials": trials_to_exclude(log, row["pairs"], distance),
+                "until_decided": trials_until_decided(log, row["pairs"], distance),
+                "seconds": cost[row["scenario"], row["estimator"]],
+                "baseline_seconds": cost[row["scenario"], row["baseline"]],
+            }
+        )
+    columns = ["scenario", "estimator", "baseline", "change", "trials", "until_decided", "seconds", "baseline_seconds"]
+    return pd.DataFrame(found, columns=columns)
 
 
 def sweep(
@@ -107,7 +162,7 @@ def sweep(
     data: str | Path | None = None,
     **parameters: Any,
 ) -> pd.DataFrame:
-    """The errors of estimators over a sweep, such as `cl.sweep("packet-drop", ["arl", "ctrn"], drop={0, 0.5, 0.9})`.
+    """Return the errors of estimators over a sweep: `cl.sweep("packet-drop", ["arl", "ctrn"], drop={0, 0.5, 0.9})`.
 
     Every parameter of which a set, a list, a range or an array is given takes each of these values; of several, all
     combinations are run. Trials are paired over the sweep, too: they start from the same random numbers.
@@ -127,7 +182,8 @@ def sweep(
         BadInput: nothing is swept, a sweep is empty, or a parameter is unknown.
 
     """
-    swept = {name: _values(name, value) for name, value in parameters.items() if _several(value)}
+    several = (set, frozenset, list, range, np.ndarray)
+    swept = {name: _values(name, value) for name, value in parameters.items() if isinstance(value, several)}
     if not swept:
         raise BadInput("nothing is swept: give several values of a parameter, such as drop={0, 0.5}")
     fixed = {name: value for name, value in parameters.items() if name not in swept}
@@ -141,10 +197,6 @@ def sweep(
     return pd.concat(tables, ignore_index=True)
 
 
-def _several(value: Any) -> bool:
-    return isinstance(value, set | frozenset | list | range | np.ndarray)
-
-
 def _values(name: str, given: Iterable[Any]) -> list[Any]:
     values = [value.item() if isinstance(value, np.generic) else value for value in given]
     if not values:
@@ -153,44 +205,13 @@ def _values(name: str, given: Iterable[Any]) -> list[Any]:
 
 
 def _label_with(scenario: str, parameters: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
-    """The label with the parameter that its family sweeps, as studies write it, and all others as overrides."""
+    """Return the label with the parameter that its family sweeps, as studies write it, and all others as overrides."""
     path, bracket, options = scenario.partition("[")
     name, which = split_family(path)
     words = family(name).sweep
-    first = next((key for key in parameters if key in words), None)
-    if which or first is None:
-        return scenario, {words.get(key, key): value for key, value in parameters.items()}
+    first = next((key for key in parameters if key in words and not which), None)
     others = {words.get(key, key): value for key, value in parameters.items() if key != first}
-    return f"{path}/{first}={parameters[first]}{bracket}{options}", others
-
-
-# `cl.tune`: every estimator of a study with the same budget of tuning, as published and tuned side by side.
-
-TABLES = "history.csv", "published-and-tuned.csv"
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Tuned:
-    """What a tuning found, and the directory that holds it."""
-
-    folder: Path
-    history: pd.DataFrame  # one row per configuration that was tried
-    table: pd.DataFrame  # one row per scenario and estimator, as published and tuned on fresh streams
-    rows: pd.DataFrame  # as `cl.errors`, of the fresh streams
-    tuned: dict[str, str]  # the tuned label of every estimator
-    record: dict[str, Any]  # budget, seeds, hashes of the streams that tuning used
-
-    @property
-    def study(self) -> Path:
-        """The study file with the tuned configurations, for `cooploc run`."""
-        return self.folder / FILE
-
-    def order(self, by: str = "rmse") -> pd.DataFrame:
-        """Whether the order of every pair of estimators changes; `analysis.tuning.order.order` names the columns."""
-        return orders.order(self.rows, self.tuned, by)
-
-    def __repr__(self) -> str:
-        return f"Tuned({str(self.folder)!r}, {len(self.tuned)} estimators, budget {self.record['budget']})"
+    return (scenario if first is None else f"{path}/{first}={parameters[first]}{bracket}{options}"), others
 
 
 def tune(
@@ -230,34 +251,17 @@ def tune(
 
     """
     asked, folder = prepared(study, trials, seed, estimators, out, suffix="-tuned")
-    options = Options(None if data is None else Path(data), jobs, check, isolate)
+    where = None if data is None else Path(data)
     with TerminalProgress() as progress:
-        found = search_and_compare(asked, folder, budget, objective, options, progress)
-    return _keep_tuned(folder, found)
+        found = tune_study(
+            asked, folder, budget, objective, data=where, jobs=jobs, check=check, isolate=isolate, progress=progress
+        )
+    _draw_tuning(folder, found.history)
+    return found
 
 
-def load_tuned(folder: str | Path) -> Tuned:
-    """What a finished tuning left in its directory.
-
-    Raises:
-        BadInput: it is not the directory of a tuning, one that has not finished, or one whose files are damaged.
-
-    """
-    where = Path(folder)
-    record, texts = read_record(where, TABLES)
-    history, table = (read_csv_text(texts[name]) for name in TABLES)
-    return Tuned(where, history, table, read(where / "fresh").rows, record["tuned"], record)
-
-
-def _keep_tuned(folder: Path, found: Tuning) -> Tuned:
-    tables = map(csv_text, (found.history, found.gains))
-    write_record(folder, found.record, dict(zip(TABLES, tables, strict=True)))
-    _draw(folder, found.history)
-    return Tuned(folder, found.history, found.gains, found.rows, found.tuned, found.record)
-
-
-def _draw(folder: Path, history: pd.DataFrame) -> None:
-    """The score against the budget, and of every estimator that has parameters, what each of them did."""
+def _draw_tuning(folder: Path, history: pd.DataFrame) -> None:
+    """Draw the score against the budget, and of every estimator that has parameters, what each of them did."""
     import matplotlib.pyplot as plt
 
     from cooploc.analysis.plot import tuned_parameters, tuning
@@ -265,81 +269,9 @@ def _draw(folder: Path, history: pd.DataFrame) -> None:
     drawn = {"score-against-budget": tuning(history)}
     for name, part in history.groupby("estimator", sort=False):
         if part.filter(like=VALUE).notna().any(axis=None):
-            drawn[f"parameters-{re.sub(r'[^A-Za-z0-9.=]+', '-', str(name)).strip('-')}"] = tuned_parameters(
-                history, str(name)
-            )
+            safe = re.sub(r"[^A-Za-z0-9.=]+", "-", str(name)).strip("-")
+            drawn[f"parameters-{safe}"] = tuned_parameters(history, str(name))
     for name, ax in drawn.items():
         figure: Any = ax.figure
         figure.savefig(folder / f"{name}.png", dpi=130)
         plt.close(figure)
-
-
-# Run a study until its questions are decided: `run_until`.
-
-MOST = 1000  # trials of what stays open
-KEPT = ["claim", "variant", "scenario", "of", "than", "verdict", "look"]
-
-
-def run_until(
-    study: str | Path,
-    *,
-    max_trials: int = MOST,
-    ledger: Ledger | str | Path | None = None,
-    **how: Unpack[How],
-) -> Results:
-    """Run a study until its comparisons and claims are decided, as `cooploc run --until-decided` does.
-
-    Trials come in blocks, up to 10, 20, 40, ... of each scenario. After each, every comparison with the scenario's
-    baseline is looked at by a confidence sequence, which holds however one stops: it is decided where the change of
-    RMSE is not 0, or lies within 5 % (a tie). So is every claim of the ledger whose estimators and scenarios the study
-    has, but for claims about computing time. What is decided stops, what is open goes on.
-
-    Sizes keep the intervals of a fixed number of trials, and are marked where a row stopped early, for stopping makes
-    them a little too large. Verdicts come from the sequences.
-
-    Args:
-        study: as of `run_study`.
-        max_trials: trials at which what is still open ends.
-        ledger: the TOML file of the claims; without it, those of Latif & Parasuraman (2022).
-        how: seed, estimators, jobs, scheduler, data, out, check, retry_failed, isolate: as of `run_study`.
-
-    Raises:
-        BadInput: the study cannot be run as it stands; nothing was computed.
-        OSError: a file could not be written; what was finished is kept.
-
-    """
-    begin = partial(run_until_decided, ask=[Claims(ledger_of(ledger))])
-    return ran(begin, study, max_trials, decided=True, **how)
-
-
-def choose_runner(until_decided: bool, trials: int | None, max_trials: int | None) -> Callable[..., Results]:
-    """`run_until` or `run_study` with its number of trials, as the options of the command say.
-
-    Raises:
-        BadInput: the number of the other one was given.
-
-    """
-    if until_decided and trials is not None:
-        raise BadInput("--trials is for a fixed number: with --until-decided, give --max-trials")
-    if not until_decided and max_trials is not None:
-        raise BadInput("--max-trials is given without --until-decided: add it, or give --trials")
-    if until_decided:
-        return partial(run_until, max_trials=MOST if max_trials is None else max_trials)
-    return partial(run_study, trials=trials)
-
-
-class Claims:
-    """Asks at every look which claims of a ledger are decided."""
-
-    def __init__(self, ledger: Ledger) -> None:
-        self._ledger = ledger
-        self._found: pd.DataFrame | None = None
-
-    def __call__(self, rows: pd.DataFrame, n: int) -> Answers:
-        """What the trials below n say."""
-        self._found = found = judge_at_look(self._ledger, rows, n, self._found)
-        judged = lasting(self._ledger, found)
-        still = int((judged["verdict"] == "undecided").sum())
-        cells = frozenset(open_cells(self._ledger, rows, found))
-        records = [{key: row[key] for key in KEPT} for _, row in judged[KEPT].fillna("").iterrows()]
-        return Answers("claim", cells, len(judged) - still, still, records)

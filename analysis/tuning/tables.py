@@ -1,8 +1,8 @@
-"""Tables of a tuning: every configuration that was tried, and every estimator as published and tuned, paired."""
+"""Tables of a tuning: what was tried, what tuning changed on fresh streams, and whether it changed the order."""
 
 from collections.abc import Mapping, Sequence
 from itertools import combinations
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -10,49 +10,32 @@ import pandas as pd
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.errors import drop_failed, weighted_means
-from cooploc.analysis.tuning.search import Competitor, Entrant, Finish, TrainingLane, trial_scores
-from cooploc.estimators.interface import Array
+from cooploc.analysis.tuning.search import Entrant, Finish, trial_scores
 from cooploc.estimators.plugins.labels import parse
 
 VALUE = "value: "  # before a parameter's name: columns of `history`
 SHOWN = ("rmse", "nll", "anees", "consistency", "coverage95", "failed")
+SIDES = ("published", "tuned")
+SIGNIFICANCE = 0.05
 
 
-class Tuned(NamedTuple):
-    """One estimator's race and where it led."""
-
-    competitor: Competitor
-    finish: Finish
-
-    @property
-    def published(self) -> str:
-        """Its label as the study has it."""
-        return self.competitor.space.published.label
-
-    @property
-    def best(self) -> str:
-        """The label of the configuration that won."""
-        return self.finish.best.label
-
-
-def history(tuned: Sequence[Tuned]) -> pd.DataFrame:
-    """One row per configuration that was tried, in the order in which it entered.
+def history(finishes: Sequence[Finish]) -> pd.DataFrame:
+    """Return one row per configuration that was tried, in the order in which it entered.
 
     Columns: `estimator`, `number`, `label`; `state`, "finished", or "stopped" as hopeless; `rounds`; `trials` that it
     used; `spent`, those of its estimator until then; `score`, its mean over its rounds; `gain`, how much smaller that
     is than the published one's on the same rounds; `best`, whether it was the best until then; and "value: NAME" for
     every parameter.
     """
-    return pd.DataFrame([_history_row(one, entrant) for one in tuned for entrant in one.finish.entrants])
+    return pd.DataFrame([_history_row(finish, entrant) for finish in finishes for entrant in finish.entrants])
 
 
-def _history_row(one: Tuned, entrant: Entrant) -> dict[str, Any]:
-    lanes, published = one.competitor.lanes, one.finish.entrants[0]
+def _history_row(finish: Finish, entrant: Entrant) -> dict[str, Any]:
+    lanes, published = finish.lanes, finish.entrants[0]
     score = entrant.mean(lanes, entrant.rounds)
     written = parse(entrant.label)[1]
-    values = {f"{VALUE}{key}": written.get(key, each.default) for key, each in one.competitor.space.parameters.items()}
     return {
-        "estimator": one.published,
+        "estimator": finish.published,
         "number": entrant.number,
         "label": entrant.label,
         "state": entrant.state,
@@ -62,12 +45,12 @@ def _history_row(one: Tuned, entrant: Entrant) -> dict[str, Any]:
         "score": score,
         "gain": published.mean(lanes, entrant.rounds) - score,
         "best": entrant.best,
-        **values,
+        **{f"{VALUE}{key}": written.get(key, one.default) for key, one in finish.space.parameters.items()},
     }
 
 
-def gains(rows: pd.DataFrame, tuned: Sequence[Tuned], objective: str) -> pd.DataFrame:
-    """One row per scenario and estimator: as published and as tuned on the same fresh streams.
+def gains(rows: pd.DataFrame, finishes: Sequence[Finish], objective: str) -> pd.DataFrame:
+    """Return one row per scenario and estimator: as published and as tuned on the same fresh streams.
 
     Columns:
         scenario, estimator: as the study has it; tuned: the label of the tuned configuration
@@ -82,64 +65,53 @@ def gains(rows: pd.DataFrame, tuned: Sequence[Tuned], objective: str) -> pd.Data
 
     Args:
         rows: of the run on fresh streams, with both configurations of every estimator.
-        tuned: the races.
+        finishes: of the races.
         objective: what was made small.
 
     """
-    of = {one.published: one for one in tuned}
-    found = [
-        _compare_pair(part[part["estimator"].isin({one.published, one.best})], str(scenario), one, objective)
-        for scenario, part in rows.groupby("scenario", sort=False)
-        for one in (of[name] for name in part["estimator"].unique() if name in of)
-    ]
-    table = pd.DataFrame(found)
+    of = {one.published: one for one in finishes}
+    table = pd.DataFrame(
+        [
+            _compare_pair(part[part["estimator"].isin({name, of[name].best.label})], str(scenario), of[name], objective)
+            for scenario, part in rows.groupby("scenario", sort=False)
+            for name in part["estimator"].unique()
+            if name in of
+        ]
+    )
     table["p_holm"] = statistics.holm(table["p"].to_numpy(float))
-    for which in ("published", "tuned"):
+    for which in SIDES:
         ranked = table[f"rmse_{which}"].where(table[f"failed_{which}"] == 0)
         table[f"rank_{which}"] = ranked.groupby(table["scenario"]).rank(method="min")
     return table.drop(columns="p")
 
 
-def _compare_pair(rows: pd.DataFrame, scenario: str, one: Tuned, objective: str) -> dict[str, Any]:
-    both = compare(rows, baseline=one.published, full=True)
-    records = {row["estimator"]: row for row in both.to_dict("records")}
-    before, after = records[one.published], records[one.best]
-    known = {f"{name}_{which}": row[name] for name in SHOWN for which, row in (("published", before), ("tuned", after))}
+def _compare_pair(rows: pd.DataFrame, scenario: str, finish: Finish, objective: str) -> dict[str, Any]:
+    published, best = finish.published, finish.best.label
+    records = {row["estimator"]: row for row in compare(rows, baseline=published, full=True).to_dict("records")}
+    before, after = records[published], records[best]
     scores = {label: trial_scores(part, objective) for label, part in rows.groupby("estimator")}
-    fresh = statistics.mean(np.asarray(scores[one.published] - scores[one.best], float))
-    same = one.best == one.published
+    fresh = statistics.mean(np.asarray(scores[published] - scores[best], float))
+    lane, rounds = [one for one in finish.lanes if one.judged == scenario], finish.rounds
+    same = best == published
     return {
         "scenario": scenario,
-        "estimator": one.published,
-        "tuned": one.best,
+        "estimator": published,
+        "tuned": best,
         "trials": int(before["trials"]),
-        **known,
-        "score_published": scores[one.published].mean(),
-        "score_tuned": scores[one.best].mean(),
+        **{f"{name}_{which}": row[name] for name in SHOWN for which, row in zip(SIDES, (before, after), strict=True)},
+        "score_published": scores[published].mean(),
+        "score_tuned": scores[best].mean(),
         **{name: 0.0 if same else after[name] for name in ("change", "change_low", "change_high")},
         "p": np.nan if same else after["p"],
-        "training_gain": _training_gain(one, scenario),
+        "training_gain": finish.entrants[0].mean(lane, rounds) - finish.best.mean(lane, rounds) if lane else np.nan,
         "fresh_gain": fresh.value,
         "fresh_gain_low": fresh.low,
         "fresh_gain_high": fresh.high,
     }
 
 
-def _training_gain(one: Tuned, scenario: str) -> float:
-    own = {lane.judged: lane for lane in one.competitor.lanes if isinstance(lane, TrainingLane)}
-    if scenario not in own:
-        return float("nan")
-    lane, finish = [own[scenario]], one.finish
-    return finish.entrants[0].mean(lane, finish.rounds) - finish.best.mean(lane, finish.rounds)
-
-
-# Does the order of estimators change when each is tuned? Every pair, on the same fresh streams, before and after.
-
-SIGNIFICANCE = 0.05
-
-
 def order(rows: pd.DataFrame, tuned: Mapping[str, str], by: str = "rmse") -> pd.DataFrame:
-    """One row per scenario and pair of estimators of which no trial failed, as published and as tuned.
+    """Return one row per scenario and pair of estimators of which no trial failed, as published and as tuned.
 
     Columns: `scenario`, `a`, `b`: labels as published; `published`, `tuned`: the one with the smaller mean error, or
     empty where the difference is not significant (Holm over all pairs of all scenarios, in each of the two alone);
@@ -150,59 +122,41 @@ def order(rows: pd.DataFrame, tuned: Mapping[str, str], by: str = "rmse") -> pd.
     Args:
         rows: of the run on fresh streams.
         tuned: the tuned label of every estimator, by its label as published.
-        by: "rmse", or "nll", the capped score of `objective`.
+        by: "rmse", or "nll", the capped score of `search.trial_scores`.
 
     """
-    found = []
+    found: list[dict[str, Any]] = []
     for scenario, part in rows.groupby("scenario", sort=False):
-        every = {str(label): _values(own, by) for label, own in part.groupby("estimator", sort=False)}
-        values = {label: own for label, own in every.items() if own is not None}
+        values = {
+            str(label): weighted_means(own, ["trial"], ["mse"])["mse"] if by == "rmse" else trial_scores(own, by)
+            for label, own in part.groupby("estimator", sort=False)
+            if len(drop_failed(own)) == len(own)
+        }
         there = [label for label in tuned if label in values and tuned[label] in values]
         for a, b in combinations(there, 2):
-            sides = {"published": (a, b), "tuned": (tuned[a], tuned[b])}
-            pairs = {which: _common_trials(values[one], values[other]) for which, (one, other) in sides.items()}
-            found.append({"scenario": scenario, "a": a, "b": b, **_compare_sides(pairs, a, b, by)})
-    table = pd.DataFrame(found, columns=["scenario", "a", "b", *_columns()])
-    for which in ("published", "tuned"):
+            row: dict[str, Any] = {"scenario": scenario, "a": a, "b": b}
+            for which, (one, other) in zip(SIDES, ((a, b), (tuned[a], tuned[b])), strict=True):
+                both = pd.concat([values[one], values[other]], axis=1, join="inner").dropna().to_numpy(float)
+                x, y = both[:, 0], both[:, 1]
+                enough = len(x) >= statistics.LEAST_TRIALS and not np.array_equal(x, y)
+                row[f"smaller_{which}"] = "" if not len(x) or x.mean() == y.mean() else a if x.mean() < y.mean() else b
+                row[f"p_{which}"] = _p_value(x, y, by) if enough else np.nan
+            found.append(row)
+    columns = [f"{what}_{which}" for which in SIDES for what in ("smaller", "p")]
+    table = pd.DataFrame(found, columns=["scenario", "a", "b", *columns])
+    for which in SIDES:
         adjusted = statistics.holm(table.pop(f"p_{which}").to_numpy(float))
         table[which] = table[f"smaller_{which}"].where(adjusted < SIGNIFICANCE, "")
-    table["became"] = [_became(p, t) for p, t in zip(table["published"], table["tuned"], strict=True)]
+    table["became"] = [_outcome(p, t) for p, t in zip(table["published"], table["tuned"], strict=True)]
     return table
 
 
-def _columns() -> list[str]:
-    return [f"{what}_{which}" for which in ("published", "tuned") for what in ("smaller", "p")]
-
-
-def _values(rows: pd.DataFrame, by: str) -> "pd.Series[float] | None":
-    """A value for each trial; None where one failed."""
-    ended = drop_failed(rows)
-    if len(ended) < len(rows):
-        return None
-    return weighted_means(rows, ["trial"], ["mse"])["mse"] if by == "rmse" else trial_scores(rows, by)
-
-
-def _common_trials(one: "pd.Series[float]", other: "pd.Series[float]") -> tuple[Array, Array]:
-    """The two's values in the trials of both."""
-    joined = pd.concat([one, other], axis=1, join="inner").dropna().to_numpy(float)
-    return joined[:, 0], joined[:, 1]
-
-
-def _compare_sides(pairs: Mapping[str, tuple[Array, Array]], a: str, b: str, by: str) -> dict[str, object]:
-    found: dict[str, object] = {}
-    for which, (x, y) in pairs.items():
-        enough = len(x) >= statistics.LEAST_TRIALS and not np.array_equal(x, y)
-        found[f"smaller_{which}"] = "" if not len(x) or x.mean() == y.mean() else a if x.mean() < y.mean() else b
-        found[f"p_{which}"] = _p_value(x, y, by) if enough else np.nan
-    return found
-
-
-def _p_value(x: Array, y: Array, by: str) -> float:
-    """p against equal RMSE, by Fieller's interval; against equal mean scores, which may be negative, by the t test."""
+def _p_value(x: Any, y: Any, by: str) -> float:
+    """Return p against equal RMSE, by Fieller's interval; against equal mean scores, maybe negative, by the t test."""
     return statistics.p_of_difference(x, y) if by == "rmse" else statistics.p_of_mean(statistics.mean(y - x), len(x), 0)
 
 
-def _became(published: str, tuned: str) -> str:
+def _outcome(published: str, tuned: str) -> str:
     if published and tuned:
         return "kept" if published == tuned else "reversed"
     return "vanished" if published else "appeared" if tuned else "open"

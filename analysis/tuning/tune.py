@@ -1,20 +1,25 @@
-"""Scores of configurations on training trials, each computed once and kept in a run directory.
+"""Tune every estimator of a study alike, then run it as published and as tuned on the study's own streams.
 
-A part is one configuration on one scenario's trials, as in any run; so an interrupted search goes on, and gives the
-same proposals again because it is told the same scores.
+The streams that estimators are tuned on never meet those that results are reported of. Simulated ones come from a seed
+of their own, a hash of the study's seed that does not lead back to it. A recording has no seed: the study says in
+`training` on which other recordings, or other parts of one, it is tuned, and a part that overlaps with what is judged
+is refused.
+
+The directory of a tuning holds two run directories, `training` of the search and `fresh` of the comparison; the study
+with the tuned configurations; and the tables. The same call goes on with what is there: a search that is repeated is
+told the same scores, so that it makes the same proposals and computes nothing twice.
 """
 
 import hashlib
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Any
 
+import numpy as np
 import pandas as pd
-from pydantic import BaseModel, ConfigDict, Field, StrictStr
 
 from cooploc.analysis.execution.atomic_file import replace
 from cooploc.analysis.execution.execute import Progress, Quiet, completed, execute, manifest_of
@@ -22,36 +27,197 @@ from cooploc.analysis.execution.fit import require_fit
 from cooploc.analysis.execution.piece import Piece
 from cooploc.analysis.execution.pool import Workers
 from cooploc.analysis.execution.run_directory import RunDir
-from cooploc.analysis.execution.schemas import FORMAT, Count, Digest, Newer, checked
+from cooploc.analysis.execution.stored_run import read
 from cooploc.analysis.execution.workers import hired
-from cooploc.analysis.tuning.search import (
-    OBJECTIVES,
-    Competitor,
-    Item,
-    Resolved,
-    TrainingLane,
-    demand_apart,
-    derived_seed,
-    lanes,
-    search,
-    space_of,
-    trial_scores,
-)
-from cooploc.analysis.tuning.tables import Tuned, gains, history
+from cooploc.analysis.tuning.search import OBJECTIVES, Item, Lane, Space, search, space_of, trial_scores
+from cooploc.analysis.tuning.tables import gains, history, order
 from cooploc.estimators import configure
 from cooploc.estimators.plugins.errors import BadInput, nearest
-from cooploc.scenarios.sealed import Damaged, seal
-from cooploc.scenarios.studies.study import Block, ResolvedCell, ResolvedStudy, Seed, Study, StudyCell, resolve_study
+from cooploc.estimators.plugins.labels import parse
+from cooploc.scenarios import family, resolve, resolve_isolated, simulate
+from cooploc.scenarios.processes.workers import call, end
+from cooploc.scenarios.remote import RemoteScenario
+from cooploc.scenarios.scenario import ResolvedScenario, split_family
+from cooploc.scenarios.stream import Stream, Truth
+from cooploc.scenarios.studies.study import Block, ResolvedCell, ResolvedStudy, Study, StudyCell, resolve_study
 
-Pairs = Iterable[tuple[str, Item]]  # a configuration's label, and a trial
+MOST_BUDGET = 1_000_000
+STUDY_FILE, RECORD_FILE = "tuned.toml", "tuning.json"
+HISTORY_FILE, TABLE_FILE = "history.csv", "published-and-tuned.csv"
+READ_LIMIT = 600.0  # [s] to read a recording that is not built in
+STUDY_HEAD = """# Made by cooploc tune: every estimator as it was tuned, on streams of a seed that no run may have.
+about = {about}
+trials = {trials}
+seed = {seed}
+time_limit = {time_limit}
+tuned_with = {tuned_with}
+"""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Tuned:
+    """The result of a tuning, and the directory that holds it."""
+
+    folder: Path
+    history: pd.DataFrame  # one row per configuration that was tried, as of `tables.history`
+    table: pd.DataFrame  # one row per scenario and estimator, as published and tuned, as of `tables.gains`
+    rows: pd.DataFrame  # as `cl.errors`, of the fresh streams
+    tuned: dict[str, str]  # the tuned label of every estimator
+    record: dict[str, Any]  # budget, seeds, hashes of the streams that tuning used
+
+    @property
+    def study(self) -> Path:
+        """The study file with the tuned configurations, for `cooploc run`."""
+        return self.folder / STUDY_FILE
+
+    def order(self, by: str = "rmse") -> pd.DataFrame:
+        """Compare every pair of estimators as published and as tuned, as of `analysis.tuning.tables.order`."""
+        return order(self.rows, self.tuned, by)
+
+    def __repr__(self) -> str:
+        return f"Tuned({str(self.folder)!r}, {len(self.tuned)} estimators, budget {self.record['budget']})"
+
+
+def tune(
+    study: Study,
+    out: Path,
+    budget: int,
+    objective: str = "nll",
+    *,
+    data: Path | None = None,
+    jobs: int = 1,
+    check: bool = True,
+    isolate: bool = True,
+    progress: Progress | None = None,
+) -> Tuned:
+    """Tune, compare on fresh streams, and keep everything in `out`; what is there already is not computed again.
+
+    Args:
+        study: what is to be compared.
+        out: the directory.
+        budget: training trials that each estimator may use.
+        objective: "nll" or "rmse", as of `search`.
+        data: the directory of recordings.
+        jobs: processes; their number changes no bit.
+        check: whether estimators that are not built in are checked before they are compared.
+        isolate: False keeps everything in this process, for a debugger.
+        progress: called for every part.
+
+    Raises:
+        BadInput: something cannot be tuned as it stands; nothing was computed.
+
+    """
+    if not 1 <= budget <= MOST_BUDGET:
+        raise BadInput(f"budget is {budget}; it must be at least 1 trial, and at most {MOST_BUDGET}")
+    if objective not in OBJECTIVES:
+        raise BadInput(f"there is no objective {objective!r}; {nearest(objective, list(OBJECTIVES))}")
+    if out.exists() and not (out / "training").is_dir() and (not out.is_dir() or any(out.iterdir())):
+        raise BadInput(f"{out} exists and is not the directory of a tuning; name another with --out")
+    watcher = progress or Quiet()
+    seed = derived_seed(study.seed, "training")
+    directory = RunDir(out / "training")
+    with hired(jobs, None, isolate, watcher.say, keep=True) as workers, directory.locked():
+        (out / RECORD_FILE).unlink(missing_ok=True)
+        asked = resolve_study(study, data, isolate)
+        own = lanes(asked.cells, study.training, data, isolate)
+        training = asked._replace(study=study.model_copy(update={"seed": seed}), cells=())
+        require_fit(asked._replace(study=training.study), isolate)
+        scenarios = {one.label: one for lane in own.values() for one in lane.scenarios}
+        counted = _BudgetProgress(watcher, budget * len(asked.estimators))
+        evaluations = Evaluations(training, scenarios, directory, workers, counted, objective)
+        competitors = _competitors(asked, own, isolate)
+        finishes = search(competitors, budget, derived_seed(study.seed, "sampler"), evaluations.compute)
+    tuned = {one.label: one.label for one in asked.estimators} | {one.published: one.best.label for one in finishes}
+    _write(out / STUDY_FILE, as_toml(tuned_study(study, study.cells(), tuned, seed, both=False)))
+    both = tuned_study(study, study.cells(), tuned, seed, both=True)
+    rows = execute(both, out / "fresh", data=data, jobs=jobs, check=check, isolate=isolate, progress=watcher)
+    require_apart(seed, study.seed, evaluations.streams.values(), rows["stream"].dropna())
+    record = {
+        "study": study.model_dump(mode="json"),
+        "budget": budget,
+        "objective": objective,
+        "optuna": version("optuna"),
+        "seed": study.seed,
+        "training_seed": seed,
+        "spent": {one.published: one.spent for one in finishes},
+        "spaces": {
+            one.published: {name: each._asdict() for name, each in one.space.parameters.items()} for one in finishes
+        },
+        "streams": {f"{item.scenario}, trial {item.trial}": digest for item, digest in evaluations.streams.items()},
+        "tuned": tuned,
+    }
+    found = Tuned(out, history(finishes), gains(rows, finishes, objective), rows, tuned, record)
+    _write(out / HISTORY_FILE, found.history.to_csv(index=False, lineterminator="\n"))
+    _write(out / TABLE_FILE, found.table.to_csv(index=False, lineterminator="\n"))
+    _write(out / RECORD_FILE, json.dumps(record, indent=1) + "\n")  # last, as it says that all is there
+    return found
+
+
+def load_tuned(folder: str | Path) -> Tuned:
+    """Load what a finished tuning left in its directory.
+
+    Raises:
+        BadInput: it is not the directory of a tuning, one that has not finished, or one whose files are damaged.
+
+    """
+    where = Path(folder)
+    if not (where / RECORD_FILE).is_file():
+        raise BadInput(
+            f"{folder} holds no finished tuning: name the directory that cooploc tune wrote, or run it again"
+        )
+    try:
+        record = json.loads((where / RECORD_FILE).read_text(encoding="utf-8"))
+        tried, table = (pd.read_csv(where / name) for name in (HISTORY_FILE, TABLE_FILE))
+        return Tuned(where, tried, table, read(where / "fresh").rows, record["tuned"], record)
+    except (OSError, ValueError, LookupError, TypeError) as e:
+        raise BadInput(f"{folder} is damaged ({e}); the cooploc tune that wrote it writes it again") from None
+
+
+def _write(file: Path, text: str) -> None:
+    replace(file, lambda temporary: temporary.write_bytes(text.encode()))
+
+
+def _competitors(asked: ResolvedStudy, own: Mapping[str, Lane], isolate: bool) -> list[tuple[Space, Sequence[Lane]]]:
+    """Return the estimators that are on some scenario that can be trained on, in the study's order."""
+    found: list[tuple[Space, Sequence[Lane]]] = []
+    for one in asked.estimators:
+        labels = [cell.scenario.label for cell in asked.cells if one in cell.estimators]
+        mine = [own[label] for label in labels if label in own]
+        if mine:
+            found.append((space_of(one.label, isolate), mine))
+    if not found:
+        raise BadInput(f"study {asked.study.name!r} has no scenario that estimators may be tuned on: see its training")
+    return found
+
+
+class _BudgetProgress:
+    """Passes on progress as one count for all steps of a search."""
+
+    def __init__(self, watcher: Progress, total: int) -> None:
+        self._watcher, self._total, self._done, self._begun = watcher, total, 0, False
+        self.say, self.compiling = watcher.say, watcher.compiling
+
+    def begin(self, trials: int, found: int) -> None:
+        """Announce the whole budget, once."""
+        if not self._begun:
+            self._watcher.begin(self._total, 0)
+        self._begun = True
+
+    def advance(self, what: str, trials: int, failed: int, share: float) -> None:
+        """Count a part that is done."""
+        self._done += trials
+        self._watcher.advance(what, trials, failed, min(1.0, self._done / self._total))
 
 
 @dataclass
 class Evaluations:
-    """Computes what is asked for and not there yet."""
+    """Scores of configurations on training trials, each computed once and kept in a run directory.
+
+    A part is one configuration on one scenario's trials, as in any run.
+    """
 
     training: ResolvedStudy  # its study has the training seed; cells are added as they are asked for
-    scenarios: Mapping[str, Resolved]
+    scenarios: Mapping[str, ResolvedScenario | RemoteScenario]
     directory: RunDir
     workers: Workers
     watcher: Progress
@@ -59,8 +225,8 @@ class Evaluations:
     scores: dict[tuple[str, Item], float] = field(default_factory=dict)
     streams: dict[Item, str] = field(default_factory=dict)  # hashes of what tuning has seen
 
-    def compute(self, pairs: Pairs) -> dict[tuple[str, Item], float]:
-        """The scores of these configurations on these trials."""
+    def compute(self, pairs: Iterable[tuple[str, Item]]) -> dict[tuple[str, Item], float]:
+        """Return the scores of these configurations, by their labels, on these trials."""
         pairs = list(pairs)
         if cells := self._cells([pair for pair in pairs if pair not in self.scores]):
             asked = self.training._replace(cells=tuple(cells))
@@ -70,16 +236,14 @@ class Evaluations:
         return {pair: self.scores[pair] for pair in pairs}
 
     def _cells(self, pairs: Sequence[tuple[str, Item]]) -> list[ResolvedCell]:
-        """A cell for every scenario, with as many trials of each configuration as it needs."""
+        """Return a cell for every scenario, with as many trials of each configuration as it needs."""
         upto: dict[str, dict[str, int]] = {}
         for label, item in pairs:
             of = upto.setdefault(item.scenario, {})
             of[label] = max(of.get(label, 0), item.trial + 1)
         return [
-            ResolvedCell(
-                "training", self.scenarios[scenario], trials, tuple(map(configure, trials)), next(iter(trials))
-            )
-            for scenario, trials in upto.items()
+            ResolvedCell("training", self.scenarios[label], trials, tuple(map(configure, trials)), next(iter(trials)))
+            for label, trials in upto.items()
         ]
 
     def _keep(self, piece: Piece) -> None:
@@ -90,97 +254,134 @@ class Evaluations:
         self.streams |= {Item(piece.scenario, int(str(trial))): str(found) for trial, found in hashes.items()}
 
 
-# `tuning.json`: what a reader needs to repeat a tuning, with a checksum of itself and of the tables beside it.
-
-RECORD = "tuning.json"
+# ---- the split of streams
 
 
-class Record(BaseModel):
-    """What was asked, with which seeds, and what was found."""
-
-    model_config = ConfigDict(extra="forbid")
-
-    format: Annotated[int, Field(strict=True, ge=FORMAT)]
-    study: Study
-    budget: Count
-    objective: StrictStr
-    optuna: StrictStr
-    seed: Seed
-    training_seed: Seed
-    spent: dict[StrictStr, Count]  # training trials that each estimator used
-    spaces: dict[StrictStr, dict[StrictStr, dict[StrictStr, Any]]]  # the parameters of each, with their bounds
-    streams: dict[StrictStr, StrictStr]  # hashes of the streams that tuning used
-    tuned: dict[StrictStr, StrictStr]  # the tuned label of every label of the study
-    tables: dict[StrictStr, Digest]  # of each file that was written beside it; none before the comparison ended
+def derived_seed(seed: int, purpose: str) -> int:
+    """Return a seed below 2^63 that does not lead back to `seed`, and differs from it."""
+    for attempt in range(100):
+        text = f"{seed}/{purpose}/{attempt}".encode()
+        found = int.from_bytes(hashlib.blake2b(text, digest_size=8, person=b"cooploc tuning").digest(), "little") >> 1
+        if found != seed:
+            return found
+    raise AssertionError("a hash gave the same number a hundred times")
 
 
-def write_record(folder: Path, found: Mapping[str, Any], tables: Mapping[str, str] | None = None) -> None:
-    """Write the tables, by file name, then the record that vouches for them; each file is whole or not there."""
-    texts = tables or {}
-    for name, text in texts.items():
-        _write(folder / name, text)
-    digests = {name: _digest(text.encode()) for name, text in texts.items()}
-    _write(folder / RECORD, json.dumps(seal({"format": FORMAT, **found, "tables": digests}), indent=1) + "\n")
+def training(
+    label: str,
+    trials: int | Sequence[int] = 100,
+    *,
+    seed: int = 0,
+    assumed: Mapping[str, Any] | None = None,
+    **overrides: Any,
+) -> tuple[Truth, Stream]:
+    """Simulate the truth and the stream of a scenario to learn from: models, networks, tables.
 
+    The seed is a hash of `seed`, as in `cl.tune`: it does not lead back, and no study is run under it. What an
+    estimator learned belongs into a file beside it that its class names in `artifacts`; while the estimator runs, this
+    function is refused, as is every other way to the truth.
 
-def read_record(folder: Path, tables: tuple[str, ...]) -> tuple[dict[str, Any], dict[str, str]]:
-    """The record, and the tables' texts by file name.
+    Args:
+        label: a simulated scenario, such as "nlos".
+        trials: how many, or their numbers.
+        seed: of the experiment; the streams of two seeds have nothing in common.
+        assumed, overrides: as of `simulate`.
 
     Raises:
-        BadInput: the tuning has not finished, or a file is not what was written.
+        BadInput: it is a recording, of which other parts would be judged; or as `simulate`.
 
     """
-    for name in (RECORD, *tables):
-        if not (folder / name).is_file():
-            raise _unfinished_error(folder)
-    record = _checked_record(folder / RECORD)
-    if not set(tables) <= set(record["tables"]):
-        raise _unfinished_error(folder)
+    if family(split_family(parse(label)[0])[0]).recorded:
+        raise BadInput(
+            f"{label!r} is a recording, which is the same under every seed: learn from another run, by cl.simulate, "
+            "and judge on this one"
+        )
+    return simulate(label, trials=trials, seed=derived_seed(seed, "training"), assumed=assumed, **overrides)
+
+
+def lanes(
+    cells: Iterable[ResolvedCell], training: dict[str, tuple[str, ...]], data: Path | None, isolate: bool
+) -> dict[str, Lane]:
+    """Return the lane of every judged scenario; one whose `training` is empty has none, and is only judged.
+
+    Raises:
+        BadInput: a recording of which the study does not say on which other it is tuned, or one that overlaps with it.
+
+    """
+    judged = {cell.scenario.label: cell.scenario for cell in cells}
+    if unknown := [label for label in training if label not in judged]:
+        raise BadInput(f"training names {unknown[0]!r}, which is not a scenario of the study; leave it out")
+    make = resolve_isolated if isolate else resolve
     found = {}
-    for name in tables:
-        content = (folder / name).read_bytes()
-        if _digest(content) != record["tables"][name]:
-            raise _damage_error(folder / name, f"it is not what {RECORD} vouches for")
-        found[name] = content.decode()
-    return {key: value for key, value in record.items() if key not in ("format", "tables")}, found
+    for label, scenario in judged.items():
+        if scenario.recorded and label not in training:
+            raise BadInput(
+                f"scenario {label!r} is a recording, and tuning on the run that is judged is refused: say in the "
+                f'study on which other it is tuned, training = {{ "{label}" = ["..."] }}, or [] for none'
+            )
+        own = tuple(make(one, data) for one in training[label]) if label in training else (scenario,)
+        if own:
+            found[label] = Lane(label, own)
+    reported = [(one.label, stream) for one in judged.values() if one.recorded for stream in _recordings(one)]
+    trained = {one.label: one for lane in found.values() for one in lane.scenarios if one.recorded and reported}
+    for one in trained.values():
+        for stream in _recordings(one):
+            for label, other in reported:
+                if overlap(stream, other):
+                    raise BadInput(
+                        f"training on {one.label!r} would use readings of {label!r}, which is judged: choose another "
+                        "run, or parts of it that do not overlap"
+                    )
+    return found
 
 
-def _checked_record(file: Path) -> dict[str, Any]:
-    try:
-        return checked(file.read_bytes(), Record)
-    except (Damaged, Newer) as e:
-        raise _damage_error(file, str(e)) from None
+def _recordings(scenario: ResolvedScenario | RemoteScenario) -> list[Stream]:
+    """Return its trials, each a stream; what is not built in is read by a process of its own."""
+    trials = range(scenario.trials(1))
+    if isinstance(scenario, ResolvedScenario):
+        return [scenario.simulate([trial], 0)[1] for trial in trials]
+    owner = f"simulate {scenario.name}"
+    found = [call(owner, scenario.simulate, [trial], 0, seconds=READ_LIMIT)[1] for trial in trials]
+    end(owner)
+    return found
 
 
-def _damage_error(file: Path, why: str) -> BadInput:
-    return BadInput(f"{file} is damaged: {why}; the cooploc tune that wrote it writes it again")
+def overlap(a: Stream, b: Stream) -> bool:
+    """Return whether two streams are parts of one recording that share any time, or hold the same readings.
+
+    A recording that does not say its name counts as the same.
+    """
+    rssi, others = a.senses.anchor_rssi, b.senses.anchor_rssi
+    if set(a.hashes) & set(b.hashes) or (rssi.size and np.array_equal(rssi, others, equal_nan=True)):
+        return True
+    one, other = (stream.notes.get("recording") for stream in (a, b))
+    if one is not None and other is not None and one != other:
+        return False
+    starts = [float(stream.time[0] - stream.senses.dt[0, 0].max()) for stream in (a, b)]
+    ends = [float(stream.time[-1]) for stream in (a, b)]
+    return max(starts) < min(ends) - 1e-6
 
 
-def _unfinished_error(folder: Path) -> BadInput:
-    return BadInput(f"{folder} holds no finished tuning: name the directory that cooploc tune wrote, or run it again")
+def require_apart(training_seed: int, seed: int, trained: Iterable[str], reported: Iterable[str]) -> None:
+    """Refuse results of which tuning saw a stream.
+
+    Raises:
+        BadInput: the seeds are equal, or a hash of a stream is in both.
+
+    """
+    met = set(trained) & set(reported)
+    if training_seed == seed or met:
+        raise BadInput(
+            f"tuning has seen {len(met)} of the reported streams (training seed {training_seed}, seed {seed}): "
+            "choose another seed"
+        )
 
 
-def _digest(content: bytes) -> str:
-    return hashlib.sha256(content).hexdigest()
-
-
-def _write(file: Path, text: str) -> None:
-    replace(file, lambda temporary: temporary.write_bytes(text.encode()))
-
-
-# A study with the tuned configurations, as an object and as the TOML file that `cooploc run` accepts.
-
-STUDY_HEAD = """# Made by cooploc tune: every estimator as it was tuned, on streams of a seed that no run may have.
-about = {about}
-trials = {trials}
-seed = {seed}
-time_limit = {time_limit}
-tuned_with = {tuned_with}
-"""
+# ---- the study with the tuned configurations
 
 
 def tuned_study(study: Study, cells: list[StudyCell], tuned: Mapping[str, str], seed: int, both: bool) -> Study:
-    """The study with the tuned label of every estimator; `both`: beside its own label."""
+    """Return the study with the tuned label of every estimator; `both`: beside its own label."""
     blocks: dict[tuple[str, tuple[str, ...], str], list[str]] = {}
     for cell in cells:
         labels = [name for label in cell.estimators for name in ((label, tuned[label]) if both else (tuned[label],))]
@@ -190,6 +391,7 @@ def tuned_study(study: Study, cells: list[StudyCell], tuned: Mapping[str, str], 
         Block(scenarios=tuple(scenarios), estimators=labels, baseline=baseline, experiment=experiment)
         for (experiment, labels, baseline), scenarios in blocks.items()
     )
+    name = f"{study.name}-{'published-and-tuned' if both else 'tuned'}"
     emptied: dict[str, Any] = {
         "scenarios": (),
         "estimators": (),
@@ -198,185 +400,24 @@ def tuned_study(study: Study, cells: list[StudyCell], tuned: Mapping[str, str], 
         "only": (),
         "minutes": None,
     }
-    name = f"{study.name}-{'published-and-tuned' if both else 'tuned'}"
     return study.model_copy(update={**emptied, "name": name, "also": also, "tuned_with": seed})
 
 
 def as_toml(study: Study) -> str:
-    """The file's text. A JSON string of printable characters is a TOML string of the same meaning."""
+    """Return the text of a study's file. A JSON string of printable characters is a TOML string of the same meaning."""
     known = study.model_dump()
     text = STUDY_HEAD.format(
-        **{key: _text(known[key]) for key in ("about", "trials", "seed", "time_limit", "tuned_with")}
+        **{key: _toml(known[key]) for key in ("about", "trials", "seed", "time_limit", "tuned_with")}
     )
     for block in study.also:
-        lines = {key: _text(value) for key, value in block.model_dump().items() if value}
+        lines = {key: _toml(value) for key, value in block.model_dump().items() if value}
         text += "\n[[also]]\n" + "".join(f"{key} = {value}\n" for key, value in lines.items())
     if study.training:
-        text += "\n[training]\n" + "".join(f"{_text(key)} = {_text(value)}\n" for key, value in study.training.items())
+        text += "\n[training]\n" + "".join(f"{_toml(key)} = {_toml(value)}\n" for key, value in study.training.items())
     return text
 
 
-def _text(value: object) -> str:
+def _toml(value: object) -> str:
     if isinstance(value, list | tuple):
-        return "[\n" + "".join(f"    {_text(one)},\n" for one in value) + "]" if value else "[]"
+        return "[\n" + "".join(f"    {_toml(one)},\n" for one in value) + "]" if value else "[]"
     return json.dumps(value, ensure_ascii=False)
-
-
-# Tune every estimator of a study alike, then run it as published and as tuned on the study's own streams.
-
-MOST_BUDGET = 1_000_000
-FILE = "tuned.toml"
-
-
-class Tuning(NamedTuple):
-    """What a tuning found."""
-
-    study: Study  # with the tuned configurations
-    history: pd.DataFrame  # as `tables.history`
-    gains: pd.DataFrame  # as `tables.gains`
-    rows: pd.DataFrame  # of the run on fresh streams, of both configurations
-    tuned: dict[str, str]  # the tuned label of every label of the study
-    record: dict[str, Any]  # seeds, budget, streams
-
-
-class Options(NamedTuple):
-    """How it runs; nothing of it changes a bit."""
-
-    data: Path | None = None
-    jobs: int = 1
-    check: bool = True
-    isolate: bool = True
-
-
-def tune(
-    study: Study,
-    out: Path,
-    budget: int,
-    objective: str = "nll",
-    options: Options = Options(),  # noqa: B008 (frozen)
-    progress: Progress | None = None,
-) -> Tuning:
-    """Tune, compare on fresh streams, and keep everything in `out`; what is there already is not computed again.
-
-    Args:
-        study: what is to be compared.
-        out: the directory; `training` in it is the run directory of the search, `fresh` that of the comparison.
-        budget: training trials that each estimator may use.
-        objective: "nll" or "rmse", as of `objective`.
-        options: where it runs.
-        progress: called for every part.
-
-    Raises:
-        BadInput: something cannot be tuned as it stands; nothing was computed.
-
-    """
-    _demand(budget, objective)
-    watcher = progress or Quiet()
-    found = _search_all(study, out, budget, objective, options, watcher)
-    labels = {one.label: one.label for one in found.asked.estimators} | {one.published: one.best for one in found.tuned}
-    record = {**_record_of(study, budget, objective, found), "tuned": labels}
-    chosen, both = (tuned_study(study, study.cells(), labels, found.seed, both=both) for both in (False, True))
-    write_record(out, record)
-    replace(out / FILE, lambda file: file.write_text(as_toml(chosen), encoding="utf-8"))
-    rows = _fresh(both, out / "fresh", options, watcher)
-    demand_apart(found.seed, study.seed, found.streams.values(), rows["stream"].dropna())
-    return Tuning(chosen, history(found.tuned), gains(rows, found.tuned, objective), rows, labels, record)
-
-
-class _Found(NamedTuple):
-    """What the search found."""
-
-    asked: ResolvedStudy
-    tuned: list[Tuned]
-    seed: int  # of the training streams
-    streams: dict[Item, str]  # hashes of what it saw
-
-
-def _search_all(study: Study, out: Path, budget: int, objective: str, options: Options, watcher: Progress) -> _Found:
-    """The races of all estimators, whose evaluations are kept in `out`."""
-    hands = hired(options.jobs, None, options.isolate, watcher.say, keep=True)
-    with hands as workers, _open_training(out) as directory:
-        asked = resolve_study(study, options.data, options.isolate)
-        seed = derived_seed(study.seed, "training")
-        own = lanes(asked.cells, study.training, options.data, options.isolate)
-        training = asked._replace(study=study.model_copy(update={"seed": seed}), cells=())
-        require_fit(asked._replace(study=training.study), options.isolate)
-        scenarios = {one.label: one for lane in own.values() for one in lane.scenarios}
-        counted = _Counted(watcher, budget * len(asked.estimators))
-        evaluations = Evaluations(training, scenarios, directory, workers, counted, objective)
-        competitors = _competitors(asked, own, options.isolate)
-        finishes = search(competitors, budget, derived_seed(study.seed, "sampler"), evaluations.compute)
-    tuned = [Tuned(one, finish) for one, finish in zip(competitors, finishes, strict=True)]
-    return _Found(asked, tuned, seed, evaluations.streams)
-
-
-def _fresh(both: Study, out: Path, how: Options, watcher: Progress) -> pd.DataFrame:
-    return execute(both, out, data=how.data, jobs=how.jobs, check=how.check, isolate=how.isolate, progress=watcher)
-
-
-def _demand(budget: int, objective: str) -> None:
-    if not 1 <= budget <= MOST_BUDGET:
-        raise BadInput(f"budget is {budget}; it must be at least 1 trial, and at most {MOST_BUDGET}")
-    if objective not in OBJECTIVES:
-        raise BadInput(f"there is no objective {objective!r}; {nearest(objective, list(OBJECTIVES))}")
-
-
-@contextmanager
-def _open_training(out: Path) -> Iterator[RunDir]:
-    """The run directory of the search, locked."""
-    if out.exists() and not (out / "training").is_dir() and (not out.is_dir() or any(out.iterdir())):
-        raise BadInput(f"{out} exists and is not the directory of a tuning; name another with --out")
-    directory = RunDir(out / "training")
-    with directory.locked():
-        yield directory
-
-
-def _competitors(asked: ResolvedStudy, own: dict[str, TrainingLane], isolate: bool) -> list[Competitor]:
-    """The estimators that are on some scenario that can be trained on, in the study's order."""
-    found = []
-    for one in asked.estimators:
-        labels = [cell.scenario.label for cell in asked.cells if one in cell.estimators]
-        mine = [own[label] for label in labels if label in own]
-        if mine:
-            found.append(Competitor(space_of(one.label, isolate), mine))
-    if not found:
-        raise BadInput(f"study {asked.study.name!r} has no scenario that estimators may be tuned on: see its training")
-    return found
-
-
-def _record_of(study: Study, budget: int, objective: str, found: _Found) -> dict[str, Any]:
-    """What a reader needs to repeat it, and to see that no reported stream was used."""
-    return {
-        "study": study.model_dump(mode="json"),
-        "budget": budget,
-        "objective": objective,
-        "optuna": version("optuna"),
-        "seed": study.seed,
-        "training_seed": found.seed,
-        "spent": {one.published: one.finish.spent for one in found.tuned},
-        "spaces": {one.published: _space(one) for one in found.tuned},
-        "streams": {f"{item.scenario}, trial {item.trial}": hashed for item, hashed in found.streams.items()},
-    }
-
-
-def _space(one: Tuned) -> dict[str, Any]:
-    return {name: each._asdict() for name, each in one.competitor.space.parameters.items()}
-
-
-class _Counted:
-    """Passes on progress as one count for all steps of a search."""
-
-    def __init__(self, watcher: Progress, total: int) -> None:
-        self._watcher, self._total, self._done, self._begun = watcher, total, 0, False
-        self.say, self.compiling = watcher.say, watcher.compiling
-
-    def begin(self, trials: int, found: int) -> None:
-        """The whole budget, once."""
-        if not self._begun:
-            self._watcher.begin(self._total, 0)
-        self._begun = True
-
-    def advance(self, what: str, trials: int, failed: int, share: float) -> None:
-        """A part is done."""
-        self._done += trials
-        self._watcher.advance(what, trials, failed, min(1.0, self._done / self._total))

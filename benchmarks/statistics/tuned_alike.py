@@ -22,13 +22,13 @@ from cooploc.analysis.tuning.search import (
     Space,
     Wanted,
     cap_score,
-    derived_seed,
     full_rounds,
     race,
     space_of,
     trial_scores,
 )
 from cooploc.analysis.tuning.tables import order
+from cooploc.analysis.tuning.tune import derived_seed
 from cooploc.estimators import configure
 from cooploc.estimators.arl import Arl
 from cooploc.estimators.interface import Array, Belief, Rows, World

@@ -79,7 +79,7 @@ def test_the_report_says_so_too(run, tmp_path):
 
 @pytest.mark.slow
 def test_a_page_says_what_runs_settled(run, tmp_path):
-    script = Path(__file__).resolve().parents[2] / "reports" / "api_studies.py"
+    script = Path(__file__).resolve().parents[2] / "reports/until_decided.py"
     runpy.run_path(str(script))["main"](str(run[0] / "run"), str(tmp_path))
     assert "| small | 50 | 83 % | 20 | 1 of 2 |" in (tmp_path / "until_decided.md").read_text("utf-8")
 

@@ -9,7 +9,7 @@ from cooploc.analysis.execution.provenance import files, training_of
 from cooploc.analysis.execution.run_directory import RunDir
 from cooploc.analysis.execution.stored_run import read
 from cooploc.analysis.metrics.ranking import short_certificate
-from cooploc.analysis.tuning.search import derived_seed
+from cooploc.analysis.tuning.tune import derived_seed
 from cooploc.estimators import configure
 from cooploc.scenarios.studies.study import Study
 

@@ -1,15 +1,72 @@
-"""The race: one budget, the same streams for all, the hopeless stopped early, and only what is shown better chosen."""
+"""The search: scores that are robust and proper, one budget, the same streams for all, what is shown better chosen."""
 
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 import pytest
 
-from cooploc.analysis.tuning.search import Competitor, Item, Sampler, Space, full_rounds, race, search, space_of
+import cooploc as cl
+from cooploc.analysis.tuning.search import (
+    CAP,
+    LARGEST,
+    Item,
+    Sampler,
+    Space,
+    cap_score,
+    full_rounds,
+    race,
+    search,
+    space_of,
+    trial_scores,
+)
 from cooploc.estimators import configure
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.estimators.plugins.labels import parse
 from cooploc.estimators.plugins.tunable import Tunable
+
+
+def rows(**columns):
+    table = {"trial": [0, 0, 1, 1], "ticks": [10, 10, 10, 10], "nll": [1.0, 2.0, 3.0, 4.0], "mse": [1.0] * 4}
+    return pd.DataFrame({**table, "failure": [None] * 4, **columns})
+
+
+def test_the_cap_keeps_the_order_and_takes_the_weight():
+    nll = np.array([-5.0, 0.0, CAP, CAP + 1, 1e3, 1e5, np.inf])
+    found = cap_score(nll)
+    np.testing.assert_array_equal(found[:3], nll[:3])
+    assert (np.diff(found) > 0).all()
+    assert found[-1] < CAP + 15
+    assert cap_score(np.array([np.nan]))[0] == cap_score(np.array([LARGEST]))[0]
+
+
+def test_a_trial_s_score_is_the_mean_over_its_robots():
+    assert trial_scores(rows(), "nll").tolist() == [1.5, 3.5]
+    assert trial_scores(rows(mse=[4.0, 4.0, 1.0, 1.0]), "rmse").tolist() == pytest.approx([np.log(2), 0.0])
+
+
+@pytest.mark.parametrize("objective", ["nll", "rmse"])
+def test_a_trial_that_failed_is_worse_than_any_other(objective):
+    table = rows(
+        failure=["it raised", "it raised", None, None], nll=[np.nan, np.nan, 1e5, 1e5], ticks=[np.nan] * 2 + [9] * 2
+    )
+    scores = trial_scores(table, objective)
+    assert scores[0] > scores[1]
+    assert np.isfinite(scores).all()
+
+
+def test_claiming_to_be_surer_does_not_pay_by_likelihood_and_is_not_seen_by_rmse():
+    truth, stream = cl.simulate("robots-1-3/n=1[ticks=60]", trials=6, seed=2)
+    names = ["ekf-local[anchor_reading=rssi]", "ekf-local[anchor_reading=rssi,inflation=0.2]"]
+    table = cl.errors(truth, cl.run(names, stream)).assign(failure=None)
+    nll = [trial_scores(table[table["estimator"] == name], "nll").mean() for name in names]
+    assert nll[0] + 0.5 < nll[1]
+
+
+def test_an_objective_that_there_is_not_is_refused_with_the_nearest():
+    with pytest.raises(BadInput, match="nll"):
+        trial_scores(rows(), "nnl")
+
 
 GATE = {"gate": Tunable(10.0, 1.0, 100.0, log=True)}
 
@@ -45,7 +102,7 @@ def finished(budget, score, lanes=LANES, parameters=GATE, seed=1):
     def compute(pairs):
         return {(label, item): score(label, item) for label, item in pairs}
 
-    return search([Competitor(space(parameters), lanes)], budget, seed, compute)[0]
+    return search([(space(parameters), lanes)], budget, seed, compute)[0]
 
 
 def steep(label, item):
@@ -61,7 +118,7 @@ def test_no_trial_is_run_twice_and_all_of_them_count_in_the_budget(budget):
         asked.extend(pairs := list(pairs))
         return {pair: steep(*pair) for pair in pairs}
 
-    finish = search([Competitor(space(), LANES)], budget, 1, compute)[0]
+    finish = search([(space(), LANES)], budget, 1, compute)[0]
     assert len(asked) == len(set(asked)) == finish.spent <= budget
     assert budget - finish.spent < full_rounds(budget, 2) * 2
 
@@ -106,20 +163,6 @@ def test_a_recording_that_is_used_up_costs_nothing_more():
     assert len(finish.entrants[0].scores) == 2
 
 
-def test_copies_of_one_estimator_try_the_same_configurations_whatever_they_are_called():
-    names = "ekf-local", "ekf-naive", "ekf-ci"
-    seen = {name: [] for name in names}
-
-    def compute(pairs):
-        for label, item in pairs:
-            seen[parse(label)[0]].append((parse(label)[1], item))
-        return {(label, item): steep(label.replace(parse(label)[0], "x"), item) for label, item in pairs}
-
-    finishes = search([Competitor(space(label=name), LANES) for name in names], 80, 5, compute)
-    assert seen["ekf-local"] == seen["ekf-naive"] == seen["ekf-ci"]
-    assert len({finish.best.number for finish in finishes}) == 1
-
-
 def test_a_budget_that_does_not_suffice_for_one_trial_of_every_scenario_is_refused():
     with pytest.raises(BadInput, match="give at least --budget 2"):
         finished(1, steep)
@@ -130,11 +173,6 @@ def test_what_a_label_states_is_not_tuned():
     assert "gate" not in space_of("ekf-local[gate=5]").parameters
     assert space_of("ekf-local[gate=5]").label({"inflation": 2.0}) == "ekf-local[gate=5,inflation=2]"
     assert space_of("dead-reckoning").parameters == {}
-
-
-def test_the_direction_s_parameters_are_tuned_only_where_the_direction_is_used():
-    assert "K" in space_of("arl").parameters
-    assert list(space_of("rssi-pf").parameters) == ["inflation"]
 
 
 def test_the_race_begins_with_the_configuration_as_published_and_learns_from_what_it_is_told():
