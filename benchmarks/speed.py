@@ -1,36 +1,34 @@
 """What speed was aimed at and what is reached: `reports/speed.md`, every line with its median, range and aim.
 
-Run: python benchmarks/speed.py [report] [rounds]. Processor time; what is compared is measured turn by turn in one
-process, so that others on the machine slow both. Every part is a program of its own, too: `ls benchmarks`.
+Run: python benchmarks/speed.py [REPORT [ROUNDS]]. Processor time; what is compared is measured turn by turn in one
+process, so that others on the machine slow both. The references are in reference_loops.py.
 """
 
 import json
 import os
+import resource
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+import tracemalloc
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
+from time import process_time
 from typing import Any, NamedTuple
 
-import commands
-import growth
-import intersection
-import joint_ekf
+import matplotlib as mpl
 import numpy as np
-import precision
-import recording
-import scaling
+from reference_loops import Filterpy, filterpy_loop, lean_loop, make_asker
+from scipy.stats import linregress, t
 
+import cooploc as cl
 from cooploc.analysis.execution.provenance import provenance
 from cooploc.estimators.covariance_intersection.weights import relative_weights, weights
+from cooploc.estimators.dead_reckoning import DeadReckoning
+from cooploc.scenarios.runner.trace import trace, warm_up
 
-FIRST_AND_SECOND = """
-import json, cooploc as cl
-_, stream = cl.simulate("trajectory", trials=5, seed=1, ticks=50)
-print(json.dumps([cl.run("ekf-local", stream).traces["ekf-local"].seconds for _ in range(2)]))
-"""
-
+REPORTS = Path(__file__).resolve().parents[1] / "reports"
 NOTES = "<!-- speed-notes: "  # what reports/page.py writes from here on
 NO_NOTES = "python reports/page.py speed-notes RUNS reports/speed.md -->\n\n<!-- end of speed-notes -->\n"
 HEAD = """# Speed
@@ -45,9 +43,7 @@ with `engine="filterpy"`.
 | | median | range | aim | short by | older |
 | --- | ---: | ---: | ---: | ---: | ---: |
 """
-
-STRAIGHT = 1.1  # a slope that counts as linear
-GROWTH = Path(__file__).parents[1] / "reports" / "speed" / "growth.png"
+EQUAL = 1e-7  # [m] within which a filter and its reference must agree
 
 
 class Line(NamedTuple):
@@ -60,7 +56,7 @@ class Line(NamedTuple):
     older: Any = None  # (rounds,)  against an older reference
 
     def row(self) -> str:
-        """The line as a row of the table."""
+        """Return the line as a row of the table."""
         median = float(np.median(self.values))
         short = median / self.aim if self.at_most else self.aim / median
         aim = f"{'at most' if self.at_most else 'at least'} {self.aim:g}"
@@ -70,91 +66,343 @@ class Line(NamedTuple):
         return f"| {self.what} | {median:.3g} | {spread} | {aim} | {by} | {older} |\n"
 
 
+def seconds(work: Callable[[], object]) -> float:
+    """Return the processor time of this process."""
+    start = process_time()
+    work()
+    return process_time() - start
+
+
+# ---------------------------------------------------------------------------------------------- particle filters
+
+OURS = "mrsl-rssi[anchor_reading=rssi,particles=500,precision={}]"
+# robots, trials, ticks, the loop's trials and ticks, aims in double and in single precision
+TEAMS = ((3, 100, 100, 2, 50, 25, 40), (10, 100, 20, 1, 20, 30, 40), (100, 4, 10, 1, 1, 40, 50))
+TWICE, LARGE = 1.8, 10  # single over double, in teams this large
+TRIALS, SAME = 1500, 0.1  # [%] by which the errors of both precisions may differ
+ERRING = "mrsl-rssi[anchor_reading=rssi,{}]", "mrsl-rssi[{}]", "arl[{}]"
+
+
 def particles(rounds: int) -> Iterator[Line]:
-    """Particle filters in both precisions."""
-    yield from (Line(*ratio) for ratio in precision.ratios(rounds))
+    """Measure particle filters in both precisions, beside the loops and beside each other."""
+    for robots, trials, ticks, few, brief, *aims in TEAMS:
+        _, stream = cl.simulate(f"scalability/n={robots}", trials=trials, seed=1, ticks=ticks)
+        ours = {kind: {"ours": cl.make(OURS.format(kind))} for kind in ("double", "single")}
+        work: dict[str, tuple[Callable[[], object], int]] = {
+            **{kind: (partial(cl.run, one, stream, jobs=1), trials * ticks) for kind, one in ours.items()},
+            "lean": (partial(lean_loop, stream, few, brief), few * brief),
+            "older": (partial(filterpy_loop, stream, few, brief), few * brief),
+        }
+        for one in ours.values():
+            cl.run(one, stream)
+        taken = np.array([[seconds(function) / size for function, size in work.values()] for _ in range(rounds)])
+        double, single, lean, older = taken.T
+        for kind, mine, aim in zip(ours, (double, single), aims, strict=True):
+            what = f"lean filterpy loop / mrsl-rssi in {kind} precision, {robots} robots"
+            yield Line(what, lean / mine, aim, False, older / mine)
+        if robots >= LARGE:
+            yield Line(f"double / single precision, {robots} robots", double / single, TWICE, False)
+    yield from rounding()
+
+
+def rounding() -> Iterator[Line]:
+    """Measure by how much the RMSE of single precision is larger, in percent: lower end, mean, upper end.
+
+    Particles that resampling chooses differently after a rounding part two runs of one filter as another seed would, so
+    that errors differ by chance; the interval says how much is chance.
+    """
+    truth, stream = cl.simulate("trajectory", trials=TRIALS, seed=1)
+    for name in ERRING:
+        run = cl.run({kind: cl.make(name.format(f"precision={kind}")) for kind in ("double", "single")}, stream)
+        rmse = {kind: np.sqrt(((one.x - truth.x) ** 2).sum(-1).mean((1, 2))) for kind, one in run.traces.items()}
+        apart, scale = rmse["single"] - rmse["double"], rmse["double"].mean() / 100
+        half = 1.96 * apart.std(ddof=1) / np.sqrt(TRIALS)
+        label = name.replace(",{}", "").replace("[{}]", "")
+        values = (apart.mean() + half * np.array([-1, 0, 1])) / scale
+        yield Line(f"RMSE of {label}, single less double [%], 95 % interval", values, SAME, True)
+
+
+# ---------------------------------------------------------------------------------------------- weights by cvxpy
+
+FUSIONS, FRESH = 100, 10  # all, and those that the slow contender solves in a round
+ALONE = np.arange(FUSIONS)  # each fusion a group of its own
 
 
 def weighing(rounds: int) -> Iterator[Line]:
-    """The weights of covariance intersection by cvxpy, each fusion a program of its own, as CTRN takes them."""
+    """Measure the weights of covariance intersection by cvxpy, each fusion a program of its own, as CTRN takes them."""
     for m in (2, 5):
-        a = np.random.default_rng(1).normal(size=(intersection.FUSIONS, m, 2, 2))
-        P, ask = a @ a.mT + 0.1 * np.eye(2), intersection.asker(m, "trace")
-        contenders: dict[str, Any] = {
-            "asked": (lambda P=P, ask=ask: [ask(p) for p in P[: intersection.FRESH]], intersection.FRESH, 1),
-            "alone": (lambda P=P: weights(P, "trace", "cvxpy", intersection.ALONE), intersection.FUSIONS, 3),
-        }
-        times = intersection.race(contenders, rounds)
-        yield Line(f"cvxpy, {m} sources, alone [µs a fusion]", 1e6 * times["alone"], 150, True, 1e6 * times["asked"])
+        a = np.random.default_rng(1).normal(size=(FUSIONS, m, 2, 2))
+        P, ask = a @ a.mT + 0.1 * np.eye(2), make_asker(m, "trace")
+        asked = (lambda P=P, ask=ask: [ask(p) for p in P[:FRESH]], FRESH, 1)
+        alone = (lambda P=P: weights(P, "trace", "cvxpy", ALONE), FUSIONS, 3)
+        slow, fast = race([asked, alone], rounds)
+        yield Line(f"cvxpy, {m} sources, alone [µs a fusion]", 1e6 * fast, 150, True, 1e6 * slow)
     rng = np.random.default_rng(2)
-    P, H, groups = a[:, 0] @ a[:, 0].mT + 0.1 * np.eye(2), rng.normal(size=(len(a), 1, 2)), intersection.ALONE
-    contenders = {
-        "alone": (lambda: relative_weights(P, 0.05 * P, H, -H, np.eye(1), "trace", "cvxpy", 2, groups), len(P), 3)
-    }
-    yield Line("cvxpy, a range, alone [µs a fusion]", 1e6 * intersection.race(contenders, rounds)["alone"], 150, True)
+    P, H = a[:, 0] @ a[:, 0].mT + 0.1 * np.eye(2), rng.normal(size=(len(a), 1, 2))
+    ranged = (lambda: relative_weights(P, 0.05 * P, H, -H, np.eye(1), "trace", "cvxpy", 2, ALONE), len(P), 3)
+    yield Line("cvxpy, a range, alone [µs a fusion]", 1e6 * race([ranged], rounds)[0], 150, True)
+
+
+def race(contenders: list[tuple[Callable[[], object], int, int]], rounds: int) -> Any:
+    """Return seconds per fusion (contender, round) of each (function, fusions, repeat), after a round to compile."""
+    for function, _, _ in contenders:
+        function()
+    return np.array(
+        [
+            [seconds(lambda f=f, k=repeat: [f() for _ in range(k)]) / repeat / n for f, n, repeat in contenders]
+            for _ in range(rounds)
+        ]
+    ).T
+
+
+# ---------------------------------------------------------------------------------------------- EKFs
+
+DATA = Path(os.environ.get("COOPLOC_DATA", Path(__file__).parents[2] / "shared" / "data")) / "mrclam6"
+FILTERS = tuple(f"ekf-{name}" for name in ("local", "naive", "ci", "split-ci", "luft", "interim", "joint"))
+TICKS, FEW = 1500, 300  # the filters', and the twins'
+
+
+class Nothing(DeadReckoning):
+    """Stays where it started: the runner's own time."""
+
+    def predict(self, s: Any, z: Any) -> Any:
+        return s
 
 
 def recorded(rounds: int) -> Iterator[Line]:
-    """Every EKF on a recording, alone and by the command."""
-    what, stream = recording.recorded()
-    costs = recording.costs(stream, rounds)
-    for cost in costs:
-        yield Line(f"{what}, {cost.name} [µs per robot and tick]", cost.microseconds, 20, True, cost.twin)
-        if cost.times.size:
-            yield Line(f"its engine=filterpy twin / {cost.name}", cost.times, 10, False)
-    ours, twins = (sum(cost[k] for cost in costs if cost.times.size) for k in (1, 3))
-    yield Line("all twins together / all seven filters together", twins / ours, 10, False)
-    if recording.DATA.is_dir():
-        seconds = np.array([recording.command_seconds() for _ in range(min(rounds, 2))])
-        yield Line("`cooploc run mrclam` of the seven [s of processor time]", seconds, 60, True)
+    """Measure every EKF on a recording, beside its engine="filterpy" twin, and by the command."""
+    there = DATA.is_dir()
+    what = "MRCLAM 6" if there else "camera/n=5"
+    given: Any = {"data": str(DATA)} if there else {"trials": 1, "seed": 1, "ticks": TICKS}
+    _, stream = cl.simulate("mrclam/all" if there else what, **given)
+    long, short = stream.truncated(TICKS), stream.truncated(FEW)
+    ours: dict[str, Any] = {"nothing": Nothing(), **{name: cl.make(name) for name in FILTERS}}
+    twins = {name: cl.make(name, engine="filterpy") for name in FILTERS}
+    for estimator in (*ours.values(), *twins.values()):
+        warm_up("warm", estimator, stream)
+    mine: dict[str, list[float]] = {name: [] for name in ours}
+    ratio: dict[str, list[float]] = {name: [] for name in twins}
+    theirs: dict[str, list[float]] = {name: [] for name in twins}
+    for _ in range(rounds):
+        for name, estimator in ours.items():
+            mine[name].append(1e6 * trace(name, estimator, long).seconds / (TICKS * stream.robots))
+            if name in twins:
+                brief, other = trace(name, estimator, short), trace(name, twins[name], short)
+                ratio[name].append(other.seconds / brief.seconds)
+                theirs[name].append(1e6 * other.seconds / (FEW * stream.robots))
+                demand_equal(f"the engines of {name}", other.x[..., :2], brief.x[..., :2])
+    for name in ours:
+        yield Line(f"{what}, {name} [µs per robot and tick]", mine[name], 20, True, theirs.get(name))
+        if name in twins:
+            yield Line(f"its engine=filterpy twin / {name}", ratio[name], 10, False)
+    together = np.sum(list(theirs.values()), 0) / np.sum([mine[name] for name in twins], 0)
+    yield Line("all twins together / all seven filters together", together, 10, False)
+    if there:
+        command = ("run", "mrclam", "--estimators", ",".join(FILTERS), "--data", str(DATA), "--jobs", "1")
+        spent = [command_seconds(*command) for _ in range(min(rounds, 2))]
+        yield Line("`cooploc run mrclam` of the seven [s of processor time]", spent, 60, True)
+
+
+PLAIN = {"iterations": 1, "second_order": False, "update": "sequential", "anchor_reading": "doa-constant"}
+JOINT = ((10, 100, 100, 2, 80), (50, 10, 10, 1, 200))  # robots, ticks, trials, the loop's, aim
 
 
 def joint(rounds: int) -> Iterator[Line]:
-    """The joint EKF beside a filterpy loop."""
-    for row in joint_ekf.rows(rounds):
-        yield Line(row["what"], np.array([row["low"], row["ratio"], row["high"]]), row["target"], False)
+    """Measure the joint EKF beside a filterpy loop.
+
+    The estimates of the plain mode equal the loop's; the default uses a tick's readings together, three times: other
+    work.
+    """
+    for robots, ticks, trials, few, aim in JOINT:
+        _, stream = cl.simulate(f"scalability/n={robots}", trials=trials, seed=1, ticks=ticks)
+        ours = {"plain": cl.make("ekf-joint", gate=np.inf, **PLAIN), "default": cl.make("ekf-joint")}
+        cl.run({"filterpy": Filterpy(), **ours}, stream.select(slice(0, 1)).truncated(1), isolate=False)  # import
+        ratios: dict[str, list[float]] = {name: [] for name in ours}
+        for _ in range(rounds):
+            theirs, loop = per_tick("filterpy", Filterpy(), stream.select(slice(0, few)))
+            for name, estimator in ours.items():
+                mine, x = per_tick(name, estimator, stream)
+                ratios[name].append(theirs / mine)
+                if name == "plain":
+                    demand_equal(f"the plain mode and the loop at {robots} robots", x[:few], loop)
+        for name, ratio in ratios.items():
+            what = f"filterpy / ekf-joint, {name}, {robots} robots, {trials}x{ticks} (its {few}x{ticks})"
+            yield Line(what, ratio, aim, False)
+
+
+def per_tick(name: str, estimator: Any, stream: Any) -> tuple[float, Any]:
+    """Return processor seconds per trial and tick, and positions."""
+    found = cl.run({name: estimator}, stream, isolate=False).traces[name]
+    return found.seconds / (found.x.shape[0] * found.x.shape[1]), found.x
+
+
+def demand_equal(what: str, x: Any, y: Any) -> None:
+    """Raise where two estimates are not equal to rounding."""
+    if (off := float(np.abs(x - y).max())) > EQUAL:
+        raise RuntimeError(f"{what} differ by {off:.1e} m")
+
+
+# ---------------------------------------------------------------------------------------------- growth
+
+GROWING = "mrsl-distance[anchor_reading=rssi,particles={particles}]"
+BASE = {"robots": 10, "ticks": 20, "trials": 4, "particles": 200}
+SIZES = {
+    "robots": (1, 3, 10, 30, 100, 300, 1000),
+    "ticks": (20, 60, 200, 600, 2000),
+    "trials": (3, 10, 30, 100),
+    "particles": (100, 300, 1000, 3000, 10_000, 30_000),
+}
+SPACING, HEARS = 6.0, 10.0  # [m] between robots, about; and how far they hear
+STRAIGHT = 1.1  # a slope that counts as linear
+Costs = dict[str, Any]  # "simulate", "estimate" [s] and "memory" [MB] -> (sizes, rounds)
 
 
 def growing(rounds: int) -> Iterator[Line]:
-    """Slopes of cost, on logarithmic axes."""
-    found = dict(growth.all_grown(rounds))
-    growth.draw(found, str(GROWTH))
+    """Measure slopes of cost on logarithmic axes, over the larger half of the sizes; 1 is linear.
+
+    Robots spread over an area that grows with the team, so that each hears about eight others however many there are.
+    """
+    _, stream = cl.simulate("trajectory", trials=1, seed=1, ticks=2)
+    warm_up("growth", cl.make(GROWING.format(particles=200)), stream)
+    found = {what: grown(what, rounds) for what in SIZES}
+    draw(found, REPORTS / "speed-growth.png")
     for what, costs in found.items():
-        for counted, values in zip(growth.Cost._fields, zip(*costs, strict=True), strict=True):
-            yield Line(f"slope of {counted} against {what}", growth.slopes(what, values), STRAIGHT, True)
-    for row in scaling.rows(rounds):
-        yield Line(row["what"], np.array([row["low"], row["ratio"], row["high"]]), STRAIGHT, True)
+        for counted, values in costs.items():
+            yield Line(f"slope of {counted} against {what}", slopes(what, values), STRAIGHT, True)
+    yield from by_neighbours(rounds)
 
 
-def first(rounds: int) -> Iterator[Line]:
-    """What a user waits for before anything is computed, and what `cl.run` says of a first and of a second run."""
-    yield Line("`cooploc --help` [s]", np.array([commands.spent("--help").processor for _ in range(rounds)]), 0.5, True)
-    quick = np.array([commands.spent("run", "quick", "--jobs", "2") for _ in range(rounds)])
-    yield Line("`cooploc run quick`, kernels compiled [s on two processors]", quick[:, 1] / 2, 10, True)
-    compiling = np.array([commands.compiling()])
-    yield Line("compiling what `quick` needs [s on two processors]", compiling[:, 1] / 2, 8, True)
+def grown(what: str, rounds: int) -> Costs:
+    """Return the cost of every size of what grows; memory is measured once, as that takes time."""
+    sizes = [{**BASE, **({"trials": 1} if what == "robots" else {}), what: value} for value in SIZES[what]]
+    times = np.array([[once(size)[:2] for _ in range(rounds)] for size in sizes])
+    memory = np.array([[once(size, measured=True)[2]] for size in sizes])
+    return {"simulate": times[..., 0], "estimate": times[..., 1], "memory": memory}
+
+
+def once(size: dict[str, int], measured: bool = False) -> tuple[float, float, float]:
+    """Return seconds to make a stream and to run on it, and what numpy had allocated at most [MB]."""
+    estimator = cl.make(GROWING.format(**size))
+    world = {"robots": size["robots"], "ticks": size["ticks"], "side": SPACING * size["robots"] ** 0.5}
+    if measured:
+        tracemalloc.start()
+    start = process_time()
+    _, stream = cl.simulate("trajectory", trials=size["trials"], seed=1, radio_range=HEARS, **world)
+    made = process_time() - start
+    estimate = trace("growth", estimator, stream).seconds
+    memory = tracemalloc.get_traced_memory()[1] / 1e6
+    tracemalloc.stop()
+    return made, estimate, memory
+
+
+def slopes(what: str, values: Any) -> Any:
+    """Return the slope over the larger half of the sizes in each round (rounds,)."""
+    half = len(values) // 2
+    return np.array([linregress(np.log(SIZES[what][half:]), np.log(one[half:])).slope for one in values.T])
+
+
+def draw(found: dict[str, Costs], path: Path) -> None:
+    """Draw one column for each thing that grows: seconds above, memory below."""
+    mpl.use("agg")
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(2, len(found), figsize=(12, 6), sharex="col", sharey="row", layout="constrained")
+    for (what, costs), (above, below) in zip(found.items(), axes.T, strict=True):
+        for name, values in costs.items():
+            label = f"{name}, slope {np.median(slopes(what, values)):.2f}"
+            ax = below if name == "memory" else above
+            ax.loglog(SIZES[what], np.median(values, 1), "o-", label=label)
+        for ax in (above, below):
+            ax.legend(frameon=False)
+            ax.spines[["top", "right"]].set_visible(False)
+        below.set_xlabel(what)
+    axes[0, 0].set_ylabel("processor seconds")
+    axes[1, 0].set_ylabel("memory [MB]")
+    others = ", ".join(f"{value} {name}" for name, value in BASE.items())
+    figure.suptitle(f"mrsl-distance, eight neighbours; where not on the axis: {others} (one trial on the first)")
+    figure.savefig(path, dpi=110)
+
+
+NEIGHBOURS = (19, 39, 69, 99)
+HEARING = ("arl", "mrsl-rssi", "mrsl-distance", "ctrn[weights=exact,audit=0]")
+ROWS, SHORT = 400, 5  # robots times trials, about; ticks
+
+
+def by_neighbours(rounds: int) -> Iterator[Line]:
+    """Measure how seconds, and links evaluated, of a robot and tick grow where every robot hears every other."""
+    for name in HEARING:
+        table = np.array([per_robot(name, k, rounds) for k in NEIGHBOURS])
+        for counted, values in zip(("seconds", "links"), table.T, strict=True):
+            if values.all():
+                fit = linregress(np.log(NEIGHBOURS), np.log(values))
+                half = t.ppf(0.975, len(NEIGHBOURS) - 2) * fit.stderr
+                what = f"slope of {counted}, {name}, {NEIGHBOURS[0]} to {NEIGHBOURS[-1]} neighbours (at most)"
+                yield Line(what, fit.slope + half * np.array([-1, 0, 1]), STRAIGHT, True)
+
+
+def per_robot(name: str, neighbours: int, rounds: int) -> tuple[float, float]:
+    """Return median seconds, and links that are evaluated, per robot and tick."""
+    n = neighbours + 1
+    _, stream = cl.simulate(f"scalability/n={n}", trials=max(1, ROWS // n), seed=1, ticks=SHORT)
+    mine, rows = {name: cl.make(name)}, stream.senses.dt.size
+    cl.run(mine, stream.truncated(1))
+    taken = [seconds(partial(cl.run, mine, stream, jobs=1)) for _ in range(rounds)]
+    messages = cl.run(mine, stream).traces[name].messages
+    return float(np.median(taken)) / rows, stream.air.link.sum() / rows if messages.any() else 0.0
+
+
+# ---------------------------------------------------------------------------------------------- commands
+
+FIRST_AND_SECOND = """
+import json, cooploc as cl
+_, stream = cl.simulate("trajectory", trials=5, seed=1, ticks=50)
+print(json.dumps([cl.run("ekf-local", stream).traces["ekf-local"].seconds for _ in range(2)]))
+"""
+
+
+def waiting(rounds: int) -> Iterator[Line]:
+    """Measure what a user waits for before anything is computed, and what is compiled once."""
+    yield Line("`cooploc --help` [s]", [command_seconds("--help") for _ in range(rounds)], 0.5, True)
+    quick = np.array([command_seconds("run", "quick", "--jobs", "2") for _ in range(rounds)])
+    yield Line("`cooploc run quick`, kernels compiled [s on two processors]", quick / 2, 10, True)
+    with tempfile.TemporaryDirectory() as empty:
+        cold, warm = (command_seconds("run", "quick", "--jobs", "2", cache=empty) for _ in range(2))
+    yield Line("compiling what `quick` needs [s on two processors]", [(cold - warm) / 2], 8, True)
     ratios = []
     for _ in range(min(rounds, 2)):  # each compiles everything again
         with tempfile.TemporaryDirectory() as empty:
-            alone = {**os.environ, "NUMBA_CACHE_DIR": empty}
-            told = subprocess.run(
-                [sys.executable, "-c", FIRST_AND_SECOND], env=alone, stdout=subprocess.PIPE, check=True
-            )
-        one, two = json.loads(told.stdout)
+            environment = {**os.environ, "NUMBA_CACHE_DIR": empty}
+            command = [sys.executable, "-c", FIRST_AND_SECOND]
+            done = subprocess.run(command, env=environment, stdout=subprocess.PIPE, check=True)
+        one, two = json.loads(done.stdout)
         ratios.append(one / two)
-    yield Line("time of a first `cl.run` of ekf-local, nothing compiled / a second", np.array(ratios), 2, True)
+    yield Line("time of a first `cl.run` of ekf-local, nothing compiled / a second", ratios, 2, True)
+
+
+def command_seconds(*arguments: str, cache: str = "") -> float:
+    """Return the processor seconds of `cooploc` with these arguments, of all its processes.
+
+    A run's directory is thrown away; kernels are kept in `cache`.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        place = ["--out", f"{folder}/run"] if arguments[0] == "run" else []
+        command = [sys.executable, "-m", "cooploc", *arguments, *place]
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        environment = {**os.environ, **({"NUMBA_CACHE_DIR": cache} if cache else {})}
+        subprocess.run(command, check=True, capture_output=True, env=environment)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
 def main(report: str = "", rounds: int = 3) -> None:
     """Print each line as soon as it is measured, and write the report."""
     made = provenance()
-    versions = ", ".join(
-        f"{name} {made['versions'][name]}" for name in ("python", "numpy", "numba", "scipy", "filterpy")
-    )
+    names = ("python", "numpy", "numba", "scipy", "filterpy")
+    versions = ", ".join(f"{name} {made['versions'][name]}" for name in names)
     busy = f"{os.getloadavg()[0]:.0f} processes wanted its {os.cpu_count()} processors when this began"
     text = HEAD.format(machine=f"{made['cpu']}; {versions}; {rounds} rounds; {busy}.")
     print(text, end="")
-    for part in (particles, weighing, recorded, joint, growing, first):
+    for part in (particles, weighing, recorded, joint, growing, waiting):
         for line in part(rounds):
             text += line.row()
             print(line.row(), end="", flush=True)

@@ -1,4 +1,4 @@
-"""Pages that the code writes: the commands, the lists, the notebooks, the figures of the reports."""
+"""Pages that the code writes: the commands, the lists, the notebooks, the reports and their figures."""
 
 import re
 import shutil

@@ -28,7 +28,7 @@ class EkfHmd(BroadcastBelief):
     Parameters:
         weight: of the robot's own density in the mean, between 0 and 1. One mean is taken per teammate, one after the
             other, and with 0.5 many of them leave little of the own density: of ten robots, 0.8 has three quarters of
-            the error that 0.5 has (`reports/fixed-weights.md`).
+            the error that 0.5 has (`reports/fusion.md`).
     """
 
     weight: float = 0.5

@@ -30,7 +30,7 @@ class EkfIci(BroadcastBelief):
     Parameters:
         form: the weight w of a fusion: "trace", the one of least trace, as published; "fixed", always 1 - weight.
         weight: of the robot's own belief, between 0 and 1, where it is fixed. The default is near the best for teams of
-            3 to 10 robots (`reports/fixed-weights.md`).
+            3 to 10 robots (`reports/fusion.md`).
     """
 
     form: Literal["trace", "fixed"] = "trace"

@@ -1,14 +1,12 @@
-"""Writes reports/fusion.md, and its figure as PNG and SVG, from a run of the study `fusion` and from MRCLAM.
+"""What reports/text/fusion.md.j2 takes from a run of the study `fusion` and from MRCLAM, and its figure.
 
-Run: python reports/fusion.py RUN_DIR DATA [OUT], where DATA is the folder of an MRCLAM recording. The recording is run
-here, in a minute or two, to be cut into pieces.
+The recording is run here, in a minute or two, to be cut into pieces.
 """
 
-import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 import pandas as pd
 
@@ -16,11 +14,11 @@ import cooploc as cl
 from cooploc.analysis.formats import change, count, interval, listed, metres, percent, ratio
 from cooploc.analysis.metrics.consistency import OVER_CONFIDENT
 from cooploc.analysis.metrics.statistics import mean_of_positive
+from cooploc.analysis.plot import style
 from cooploc.analysis.plot.pareto import frontier
 from cooploc.analysis.report.tables import Table, estimates, numbers, words
 from cooploc.runs import kept
 
-mpl.use("agg")
 BASELINE = "ekf-local"
 PIECE = 63.0  # [s] of the recording, whose 756 s make twelve
 SHORT = {r"\[density=exact,M=1,K=1.*\]": "", r"\[anchor_reading=doa\]": ""}
@@ -29,89 +27,30 @@ REAL = (
     *("ekf-ici[form=fixed]", "ekf-hmd", "ekf-hmd[weight=0.8]", "ekf-gs-ci", "ekf-luft", "ekf-interim", "gbp"),
     *("ekf-joint", "iekf-joint", "ukf-joint"),
 )
-TEXT = """# Which rules of fusion are consistent, and at which price
-
-    cooploc run fusion --out RUN_DIR
-    python reports/fusion.py RUN_DIR DATA      # this page; DATA is an MRCLAM recording
-
-All filters have the same sensors: odometry, a direction of arrival from the four anchors, and a range to every teammate
-whose packet arrives, which `ekf-local` leaves out. They differ in what they send and in how they use it; Kalman filters
-also weigh a direction by the strength of its gradient, which particle filters do not use. Particle filters use each
-direction once, with its exact density (`density=exact,M=1,K=1`); `ctrn` is `ctrn[fusion=received,weights=exact]`, and
-`gbp` is `gbp[anchor_reading=doa]`. The 6 m world of the `paper` preset; {trials} trials, seed {seed}, 95 % intervals
-over trials.
-
-![RMSE over bytes of every rule, at three, ten and fifty robots, with every packet and with 70 % lost](fusion.png)
-
-Hollow markers are over-confident: the interval of ANEES lies above 1.5, or that of the coverage of the 95 % ellipse
-below the 86 % that goes with it. The frontier joins the rules that no other one beats in both error and bytes, of those
-that are not shown to be over-confident; it is drawn by the values alone, without a test between
-neighbours. Grey: all readings reach one computer, whose bytes are those of the readings.
-
-## What was found
-
-{sentences}
-
-## Consistency
-
-*Consistent* is said where the whole interval of ANEES lies between 0.67 and 1.5, *conservative* where it lies below
-0.67, *over-wide* where it lies below 0.1; *not shown* where it holds one of the first two limits.
-
-{consistency}
-
-## All numbers
-
-{numbers}
-
-## Five real robots
-
-UTIAS MRCLAM, all, one or none of the robots see landmarks. One recording is one trial, which has no interval; here its
-{seconds:.0f} s are cut into {pieces} pieces of {piece:.0f} s, and intervals are over pieces. These follow one another
-and are not independent, so the intervals may be too narrow. Errors are of the pose's position, ANEES (pose) of
-position and heading.
-
-{mrclam}
-
-## More
-
-- [fixed-weights.md](fixed-weights.md): weights that somebody has to choose, of `ekf-ici[form=fixed]` and `ekf-hmd`.
-- [vague-start.md](vague-start.md): how many robots the joint filter loses where they hardly know where they start.
-- [gbp.md](gbp.md): Gaussian belief propagation; [sightings.md](sightings.md): what of a teammate is worth using.
-- [speed.md](speed.md): what the filters cost.
-"""
 
 
-def main(run: str, data: str, out: str = "reports") -> None:
-    """Write the page and the figure."""
-    stored = cl.load_run(run)
-    errors = shortened(stored.rows)
-    figure = cl.plot.pareto(errors).figure
-    with mpl.rc_context({"svg.hashsalt": "cooploc"}):
-        figure.savefig(Path(out) / "fusion.png", dpi=150)
-        figure.savefig(Path(out) / "fusion.svg", metadata={"Date": None})
+def values(runs: Path, out: Path, data: Path) -> dict[str, Any]:
+    """Return the words of the text, and draw its figure."""
+    stored = cl.load_run(runs / "fusion")
+    errors = stored.rows.assign(estimator=stored.rows["estimator"].replace(SHORT, regex=True))
+    style.save(cl.plot.pareto(errors), out / "fusion.svg")
     table = cl.compare(errors, baseline=BASELINE, full=True)
-    real = recorded(data)
-    text = TEXT.format(
-        trials=table["trials"].max(),
-        seed=kept(stored).manifest["seed"],
-        sentences="\n".join(f"- {text}" for text in [*sentences(table), *_on_real_robots(real)]),
-        consistency=_consistency(table).markdown(),
-        numbers=_numbers(table, "rules").markdown(),
-        mrclam=_numbers(real, "mrclam", pose=True).markdown(),
-        seconds=PIECE * real["trials"].max(),
-        pieces=real["trials"].max(),
-        piece=PIECE,
-    )
-    (Path(out) / "fusion.md").write_text(text, encoding="utf-8")
+    real = over_pieces(data / "mrclam6")
+    return {
+        "trials": table["trials"].max(),
+        "seed": kept(stored).manifest["seed"],
+        "sentences": "\n".join(f"- {text}" for text in [*sentences(table), *_on_real_robots(real)]),
+        "consistency": _consistency(table).markdown(),
+        "numbers": _numbers(table, "rules").markdown(),
+        "mrclam": _numbers(real, "mrclam", pose=True).markdown(),
+        "seconds": f"{PIECE * real['trials'].max():.0f}",
+        "pieces": real["trials"].max(),
+        "piece": f"{PIECE:.0f}",
+    }
 
 
-def shortened(errors: pd.DataFrame) -> pd.DataFrame:
-    """The same with short names of the particle filters; the page says once what they leave out."""
-    return errors.assign(estimator=errors["estimator"].replace(SHORT, regex=True))
-
-
-def recorded(data: str, names: tuple[str, ...] = REAL) -> pd.DataFrame:
-    """As `compare`, over pieces of the recording; with `pose_nees` and the ends of its interval."""
+def over_pieces(data: Path, names: tuple[str, ...] = REAL) -> pd.DataFrame:
+    """Return what `compare` says over pieces of the recording, with `pose_nees` and the ends of its interval."""
     found = []
     for view in ("all", "one", "none"):
         truth, stream = cl.simulate(f"mrclam/{view}", data=data)
@@ -129,7 +68,7 @@ def recorded(data: str, names: tuple[str, ...] = REAL) -> pd.DataFrame:
 
 
 def piece_of(truth: cl.Truth, run: cl.Run, k: int, ticks: np.ndarray) -> pd.DataFrame:
-    """The errors within some ticks, as those of a trial of its own."""
+    """Return the errors within some ticks, as those of a trial of its own."""
     mask = np.zeros(truth.valid.shape, bool)
     mask[:, ticks] = True
     frame = cl.errors(replace(truth, valid=truth.valid & mask), run)
@@ -142,7 +81,7 @@ def _mean_with_ends(values: pd.Series) -> pd.Series:
 
 
 def sentences(table: pd.DataFrame) -> list[str]:
-    """Who is consistent in which share of the worlds, what the frontier costs, and what losing packets does."""
+    """Say which rules are consistent in how many worlds, what the frontier costs, and what losing packets does."""
     decentral = table[~table["centralised"].astype(bool) & (table["bytes"] > 0)]
     return [*_standings(decentral), *_frontiers(table), *_losses(table)]
 
@@ -178,7 +117,7 @@ def _frontiers(table: pd.DataFrame) -> list[str]:
 
 
 def _losses(table: pd.DataFrame) -> list[str]:
-    """Whose interval against the baseline holds 0 with 70 % of the packets lost, though it did not without."""
+    """Say which gains are shown with every packet, and not with 70 % of them lost."""
     table = table.assign(lossy=table["scenario"].str.contains("drop=0.7"))
     won = table[table["change_high"] < 0]
     before, after, known = (
@@ -190,7 +129,7 @@ def _losses(table: pd.DataFrame) -> list[str]:
 
 
 def _on_real_robots(real: pd.DataFrame) -> list[str]:
-    """Whose pose is over-confident on the recording, and whether the robot's own filter is."""
+    """Say for how many filters the pose is over-confident on the recording."""
     said = []
     for scenario, rows in real.groupby("scenario", sort=False):
         over = rows["pose_nees_low"] > OVER_CONFIDENT
@@ -243,7 +182,3 @@ def _numbers(table: pd.DataFrame, name: str, pose: bool = False) -> Table:
         numbers("bytes", "bytes", form=count),
     )
     return Table(name, "Means with 95 % intervals; bytes per robot and tick.", columns, table.to_dict("records"))
-
-
-if __name__ == "__main__":
-    main(*sys.argv[1:])

@@ -1,126 +1,167 @@
 """Writes a page of a text in reports/text and of runs, so that no number of it is typed by hand.
 
-Run: python reports/page.py TEXT RUNS OUT [draft], as in `python reports/page.py gbp build/reports reports/gbp.md`. RUNS
-is the folder of the run directories, each with the name of its study. A text takes its numbers from `told("STUDY")`
-(see told.py), and says what must hold for its words: `{{ shown(change.falls, "...") }}` writes nothing, and stops where
-the run shows something else, so that the sentence is rewritten. A draft, of runs of few trials, only marks it.
-Where OUT has the lines `<!-- TEXT: ... -->` and `<!-- end of TEXT -->`, only what is between them is written.
+Run: python reports/page.py TEXT RUNS OUT [--data DIR] [--draft], as in
+`python reports/page.py fusion build/reports reports/fusion.md`. RUNS is the folder of the run directories, each with
+the name of its study. A text takes its numbers from `study("NAME")` (study_numbers.py), and from the module of its own
+name, which also draws the page's figures. It says what must hold for its words:
+`{{ require(change.falls, "...") }}` writes nothing, and stops where the run shows something else, so that the sentence
+is rewritten. A draft, of runs of few trials, only marks it. Where OUT has the lines `<!-- TEXT: ... -->` and
+`<!-- end of TEXT -->`, only what is between them is written. A text of LaTeX becomes a PDF, which needs pdflatex and
+IEEEtran: apt-get install texlive-publishers.
 """
 
 import os
 import re
+import shutil
+import subprocess
 import sys
+import tempfile
 import textwrap
+from argparse import ArgumentParser
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 
+import matplotlib as mpl
+import study_numbers
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, TemplateError
-from speeds import measured_on, speed
-from told import Told, claims, in_letter, order_when_tuned, verdicts_then_and_now
 
 from cooploc.analysis.formats import listed
 from cooploc.estimators.plugins.errors import BadInput
 
 REPORTS = Path(__file__).resolve().parent
 TEXTS = REPORTS / "text"
-AS_IT_IS = re.compile(r"[#|!`]|    ")  # begins a heading, a table, a figure, code
-ITEM = re.compile(r"(?:-|\d+\.) ")  # begins an item of a list
+MODULES = {"fusion", "information", "paper", "readings", "real-robots", "tuned"}  # texts with a module of their name
+NOT_PROSE = re.compile(r"[#|!`<]|    ")  # begins a heading, a table, a figure, a mark, code
+ITEM = re.compile(r" *(?:-|\d+\.) ")  # begins an item of a list
 WRAPPER = textwrap.TextWrapper(118, break_long_words=False, break_on_hyphens=False)
 
 
-def shown(holds: bool, what: str) -> str:
-    """Nothing, where it holds."""
+def require(holds: bool, what: str) -> str:
+    """Return nothing where it holds, and stop the page elsewhere."""
     if not holds:
         raise BadInput(f"the runs do not show that {what}; rewrite the sentence in reports/text")
     return ""
 
 
-def tex(text: object) -> str:
-    """For LaTeX: what has a meaning there escaped, with minus signs and thin spaces."""
+def mark(holds: bool, what: str) -> str:
+    """Return a mark where it does not hold."""
+    return "" if holds else f"[NOT SHOWN: {what}] "
+
+
+def escape_tex(text: object) -> str:
+    """Return a text for LaTeX: what has a meaning there escaped, with minus signs and thin spaces."""
     escaped = re.sub(r"([%_&#$])", r"\\\1", str(text)).replace(r" \%", r"\,\%")
     return re.sub(r"(?<!\w)-(?=\d)", "$-$", escaped)
 
 
-def marked(holds: bool, what: str) -> str:
-    """A mark, where it does not hold."""
-    return "" if holds else f"[NOT SHOWN: {what}] "
-
-
-def written(name: str, runs: str | Path, draft: bool = False, links: str = "..") -> str:
-    """A text with its numbers.
+def render(name: str, runs: str | Path, out: str | Path = "page.md", data: str = "", draft: bool = False) -> str:
+    """Return a text with its numbers, and draw its figures beside `out`.
 
     Args:
         name: of a file in reports/text, with `.j2` or without `.md.j2`.
         runs: folder of the run directories.
+        out: the page, from which links to other reports lead.
+        data: folder of the recordings.
         draft: whether a sentence that does not hold is marked, instead of refused.
-        links: how the folder of the reports is reached from the page, for what is included in several.
 
     Raises:
         BadInput: the runs have no such number, or do not show what a sentence says.
 
     """
-    told = cache(lambda study: Told(Path(runs) / study))
+    runs, out = Path(runs), Path(out)
     texts = Environment(
         loader=FileSystemLoader(TEXTS), undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
         keep_trailing_newline=True, autoescape=False,
     )  # fmt: skip
-    tuned = cache(lambda study: order_when_tuned(Path(runs) / study))
     texts.globals.update(
-        links=links,
-        told=told,
-        tuned=tuned,
-        claims=claims,
-        in_letter=in_letter,
-        speed=speed,
-        measured_on=measured_on,
-        verdicts_then_and_now=verdicts_then_and_now,
-        shown=marked if draft else shown,
+        {name: getattr(study_numbers, name) for name in ("claims", "in_letter", "speed", "measured_on")},
+        links=links_from(out),
+        study=cache(lambda study: study_numbers.StudyRun(runs / study)),
+        tuned=cache(lambda study: study_numbers.order_when_tuned(runs / study)),
+        decided_by_more_trials=lambda study: study_numbers.decided_by_more_trials(runs / study),
+        kept=lambda section: section_of(out, section),
+        require=mark if draft else require,
         listed=listed,
     )
-    texts.filters.update(tex=tex)
-    text = texts.get_template(name if name.endswith(".j2") else f"{name}.md.j2").render()
-    return text if name.endswith(".tex.j2") else folded(text)
+    texts.filters.update(tex=escape_tex)
+    values = import_module(name.replace("-", "_")).values(runs, out.parent, Path(data)) if name in MODULES else {}
+    text = texts.get_template(name if name.endswith(".j2") else f"{name}.md.j2").render(values)
+    return text if name.endswith(".tex.j2") else fold(text)
 
 
-def folded(text: str) -> str:
-    """With paragraphs and items of lists folded at 120 letters; tables, code, headings and figures stay."""
-    blocks = re.split(r"\n\s*\n", re.sub(r" +$", "", text.strip("\n"), flags=re.MULTILINE))
-    return "\n\n".join(block if AS_IT_IS.match(block) else _paragraph(block) for block in blocks) + "\n"
+def fold(text: str) -> str:
+    """Return paragraphs and items of lists folded at 118 letters; tables, code, headings and figures stay."""
+    blocks = re.split(r"\n\s*?\n(?:\s*\n)*", re.sub(r" +$", "", text.strip("\n"), flags=re.MULTILINE))
+    return "\n\n".join(block if NOT_PROSE.match(block) else _fold_block(block) for block in blocks) + "\n"
 
 
-def _paragraph(block: str) -> str:
-    return "\n".join(_item(item) for item in re.split(rf"\n(?={ITEM.pattern})", block))
+def _fold_block(block: str) -> str:
+    """Return a paragraph or a list folded; what follows an item's first line stands below its first word."""
+    folded = []
+    for item in re.split(rf"\n(?={ITEM.pattern})", block):
+        head = ITEM.match(item)
+        WRAPPER.initial_indent = head[0] if head else ""
+        WRAPPER.subsequent_indent = " " * len(WRAPPER.initial_indent)
+        folded.append(WRAPPER.fill(" ".join(item.removeprefix(WRAPPER.initial_indent).split())))
+    return "\n".join(folded)
 
 
-def _item(item: str) -> str:
-    """Folded, with what follows its first line below its first word."""
-    mark = ITEM.match(item)
-    WRAPPER.subsequent_indent = " " * len(mark[0]) if mark else ""
-    return WRAPPER.fill(" ".join(item.split()))
-
-
-def links_of(page: Path) -> str:
-    """How the folder of the reports is reached from a page."""
+def links_from(page: Path) -> str:
+    """Return how the folder of the reports is reached from a page."""
     return Path(os.path.relpath(REPORTS, page.resolve().parent)).as_posix()
 
 
-def _between(page: Path, name: str, text: str) -> str:
-    """The page with a text between its marks; nothing where there are none."""
+def section_of(page: Path, name: str) -> str:
+    """Return a page's section between its marks, which another command writes; empty marks where there is none."""
+    text = page.read_text(encoding="utf-8") if page.exists() else ""
+    found = re.search(rf"<!-- {name} -->\n.*?<!-- end of {name} -->", text, re.DOTALL)
+    return found[0] if found else f"<!-- {name} -->\n<!-- end of {name} -->"
+
+
+def _between_marks(page: Path, name: str, text: str) -> str:
+    """Return the page with a text between its marks; nothing where there are none."""
     before = page.read_text(encoding="utf-8") if page.exists() else ""
     marks = re.compile(rf"(<!-- {name}: [^\n]* -->\n).*?(\n<!-- end of {name} -->)", re.DOTALL)
     return marks.sub(lambda found: f"{found[1]}{text}{found[2]}", before) if marks.search(before) else ""
 
 
-def main(name: str, runs: str, out: str, draft: str = "") -> int:
+def write_pdf(text: str, out: Path) -> None:
+    """Write a PDF of LaTeX, with the map of the readings as its figure."""
+    if not (latex := shutil.which("pdflatex")):
+        raise BadInput("pdflatex is not there; apt-get install texlive-publishers")
+    with tempfile.TemporaryDirectory() as scratch:
+        (Path(scratch) / "page.tex").write_text(text, encoding="utf-8")
+        import_module("readings").draw_map(Path(scratch) / "map.pdf")
+        command = [latex, "-interaction=nonstopmode", "-halt-on-error", "page.tex"]
+        for _ in range(2):  # the second time with the numbers of the tables
+            done = subprocess.run(command, cwd=scratch, capture_output=True, text=True, check=False)
+        if done.returncode:
+            lines = [line for line in done.stdout.splitlines() if line.startswith("!")]
+            raise BadInput(f"pdflatex ended with {done.returncode}: {lines[:1]}; correct the text")
+        shutil.copy(Path(scratch) / "page.pdf", out)
+
+
+def main(arguments: list[str] | None = None) -> int:
     """Write a page; where the runs do not bear it, one line that says so."""
+    mpl.use("agg")
+    parser = ArgumentParser(description=(__doc__ or "").split("\n")[0])
+    for name in ("text", "runs", "out"):
+        parser.add_argument(name)
+    parser.add_argument("--data", default=os.environ.get("COOPLOC_DATA", "../shared/data"), help="folder of recordings")
+    parser.add_argument("--draft", action="store_true", help="mark what the runs do not show")
+    asked = parser.parse_args(arguments)
     try:
-        text, page = written(name, runs, bool(draft), links_of(Path(out))), Path(out)
-        page.write_text(_between(page, name, text) or text, encoding="utf-8")
+        text, page = render(asked.text, asked.runs, asked.out, asked.data, asked.draft), Path(asked.out)
+        if page.suffix == ".pdf":
+            write_pdf(text, page)
+        else:
+            page.write_text(_between_marks(page, asked.text, text) or text, encoding="utf-8")
     except (BadInput, TemplateError) as error:
-        print(f"reports/text/{name}: {error}", file=sys.stderr)
+        print(f"reports/text/{asked.text}: {error}", file=sys.stderr)
         return 1
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main(*sys.argv[1:]))
+    sys.exit(main())

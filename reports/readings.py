@@ -1,120 +1,83 @@
-"""Writes reports/readings from a run of the study `readings`: the map, a curve for each claim, tables, a README.
+"""What reports/text/readings.md.j2 takes from a run of the study `readings`: tables, a map, and curves."""
 
-Run: python reports/readings.py RUN_DIR [OUT].
-"""
-
-import sys
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 import matplotlib.pyplot as plt
 import pandas as pd
-from matplotlib.axes import Axes
+from matplotlib.backends.backend_pdf import PdfPages
 
 import cooploc as cl
 from cooploc.analysis.claims import multiverse
-from cooploc.analysis.claims.interpretations import Dimensions, design
-from cooploc.analysis.claims.ledger import Ledger, load
+from cooploc.analysis.claims.claim import claimed
+from cooploc.analysis.claims.ledger import load
+from cooploc.analysis.claims.readings import Dimensions, design
 from cooploc.analysis.claims.verdicts import DECIDED
 from cooploc.analysis.metrics import statistics
+from cooploc.analysis.plot import style
 from cooploc.analysis.report.claim_tables import over_readings
 
-mpl.use("agg")
+FOLDER = Path(__file__).resolve().parent / "readings"
 TIMED = "cost", "time"  # kinds of claims that need the times of a quiet machine, in many parts
-LEFT = "direction only", "contradicted", "undecided"
-MAP = ["claim", "says", "supported", "specifications", *LEFT, "letter", "preset"]
-NUMBERS = [
-    "claim",
-    "scenario",
-    "of",
-    "than",
-    "definition",
-    "value",
-    "low",
-    "high",
-    "trials",
-    "verdict",
-    "letter",
-    "preset",
-]
+MAP = "claim", "says", "supported", "specifications", "direction only", "contradicted", "undecided", "letter", "preset"
+NUMBERS = (
+    "claim", "scenario", "of", "than", "definition", "value", "low", "high", "trials",
+    "verdict", "letter", "preset",
+)  # fmt: skip
 
 
-def main(run: str, out: str = "reports/readings") -> None:
-    """Write everything."""
-    kept, ledger, folder = cl.load_run(run), load(), Path(out)
-    folder.mkdir(parents=True, exist_ok=True)
-    found = cl.readings(kept)
+def values(runs: Path, out: Path, data: Path) -> dict[str, Any]:
+    """Return the words of the text, and write its tables and figures."""
+    run, ledger = cl.load_run(runs / "readings"), load()
+    found = cl.readings(run)
     found = found[~found["kind"].isin(TIMED)]
-    shown = [*NUMBERS, *ledger.dimensions]
-    found[shown].to_csv(folder / "readings.csv", index=False, float_format="%.4g")
-    keep(cl.plot.readings(found), folder / "map.svg", folder / "map.pdf")
-    curves = [(claim, *curve(found, claim, folder)) for claim in dict.fromkeys(found["claim"])]
-    trials = kept.rows.groupby("scenario")["trial"].nunique()
+    found[[*NUMBERS, *ledger.dimensions]].to_csv(out / "readings.csv", index=False, float_format="%.4g")
     counted = multiverse.shares(found)
-    counted[MAP].to_csv(folder / "map.csv", index=False)
-    (folder / "map.md").write_text(short(counted), encoding="utf-8")
-    (folder / "README.md").write_text(page(found, ledger, curves, int(trials.min())), encoding="utf-8")
+    counted[list(MAP)].to_csv(out / "map.csv", index=False)
+    style.save(cl.plot.readings(found), out / "map.svg")
+    draw_curves(found, out / "curves.pdf")
+    return {
+        "paper": ledger.paper,
+        "readings": len(design(ledger.dimensions)),
+        "trials": int(run.rows.groupby("scenario")["trial"].nunique().min()),
+        "choices": _choices(ledger.dimensions),
+        "family": _family(found),
+        "table": over_readings(counted).markdown().rstrip(),
+        "sentences": "\n".join(
+            f"- **{row['claim']}.** {row['says']}: {row['sentence']}." for row in counted.to_dict("records")
+        ),
+    }
 
 
-def curve(found: pd.DataFrame, claim: str, folder: Path) -> tuple[str, str]:
-    """The file of a claim's curve, and the claim in words."""
-    name = f"claim-{claim}.png"
-    keep(cl.plot.specification_curve(found, claim), folder / name)
-    return name, str(found.loc[found["claim"] == claim, "says"].iloc[0])
+def draw_map(path: Path) -> None:
+    """Draw the map of the numbers that stand in readings.csv."""
+    style.save(cl.plot.readings(stored_readings()), path)
 
 
-def keep(ax: Axes, *paths: Path) -> None:
-    """In files without a date, so that the same run gives the same file."""
-    figure: Any = ax.figure
-    dates = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
-    with mpl.rc_context({"svg.hashsalt": "cooploc"}):
-        for path in paths:
-            figure.savefig(path, dpi=110, metadata=dates.get(path.suffix))
-    plt.close(figure)
-
-
-def page(found: pd.DataFrame, ledger: Ledger, curves: list[tuple[str, str, str]], trials: int) -> str:
-    """The README of the folder."""
-    counted = multiverse.shares(found)
-    lines = [
-        "# The paper's claims over its readings",
-        "",
-        f"{ledger.paper}.",
-        "",
-        "The paper leaves much open. Below, each sentence that can be read in several ways, and the choices that were "
-        f"run: {len(design(ledger.dimensions))} readings in all, each applied to every method alike, on the same "
-        f"{trials} streams per scenario. Main effects and chosen pairs were run, not all combinations. "
-        "A specification is one case of a claim (scenario, estimators, definition of the size) in one reading; "
-        "readings that come down to the same are one specification. Claims about time (17, 23) are not on the map: a "
-        "run of so few trials has too few parts for an interval of their times.",
-        "",
-        *choices(ledger.dimensions),
-        "",
-        "![Each claim that names a size: what was found in every specification](map.svg)",
-        "",
-        "*Each mark is one specification; the triangle above is the reading nearest to the paper's letter, the one "
-        "below is our preset. At the right: how many specifications support the claim.*",
-        "",
-        "## In numbers",
-        "",
-        family(found),
-        "",
-        over_readings(counted).markdown().rstrip(),
-        "",
-        *(f"- **{row['claim']}.** {row['says']}: {row['sentence']}." for row in counted.to_dict("records")),
-        "",
-        "## Every claim as a curve",
-        "",
-        "Sorted effects with 95 % intervals; the choices of each below. All numbers: [readings.csv](readings.csv).",
-        "",
-        *(f"![Claim {claim}: {says}]({name})\n" for claim, name, says in curves),
+def stored_readings() -> pd.DataFrame:
+    """Return the table of readings.csv, with what the ledger says of its claims."""
+    claims = {claim.id: claim for claim in load().claims}
+    table = pd.read_csv(FOLDER / "readings.csv", dtype={"claim": str})
+    words = ["than", "definition", *load().dimensions]
+    table[words] = table[words].astype("object").fillna("")
+    sizes = [
+        claimed(claims[one], definition) for one, definition in zip(table["claim"], table["definition"], strict=True)
     ]
-    return "\n".join(lines).rstrip() + "\n"
+    says, kind = ([getattr(claims[one], name) for one in table["claim"]] for name in ("says", "kind"))
+    return table.assign(says=says, kind=kind, size=sizes)
 
 
-def family(found: pd.DataFrame) -> str:
-    """How many specifications are decided, how many of these stand as a family, how many are expected to be false."""
+def draw_curves(found: pd.DataFrame, path: Path) -> None:
+    """Draw a curve for each claim, one a page."""
+    with PdfPages(path, metadata={"CreationDate": None}) as pdf:
+        for claim in dict.fromkeys(found["claim"]):
+            figure: Any = cl.plot.specification_curve(found, claim).figure
+            pdf.savefig(figure)
+            plt.close(figure)
+
+
+def _family(found: pd.DataFrame) -> str:
+    """Say how many specifications are decided, stand as a family, and are expected to be false."""
     p, decided = found["p"].to_numpy(float), found["verdict"].isin(DECIDED)
     stand = int((decided & (statistics.holm(p) < 1 - statistics.LEVEL)).sum())
     return (
@@ -123,25 +86,10 @@ def family(found: pd.DataFrame) -> str:
     )
 
 
-def short(counted: pd.DataFrame) -> str:
-    """The map as a table."""
-    rows = ["|  | the paper says | holds in | direction only | contradicted in | open | letter | preset |"]
-    rows.append("| --- | --- | ---: | ---: | ---: | ---: | --- | --- |")
-    for row in counted.to_dict("records"):
-        numbers = (f"{row['supported']} of {row['specifications']}", *(str(row[name]) for name in LEFT))
-        rows.append(f"| {row['claim']} | {row['says']} | {' | '.join(numbers)} | {row['letter']} | {row['preset']} |")
-    return "\n".join(rows) + "\n"
-
-
-def choices(dimensions: Dimensions) -> list[str]:
-    """A table of the dimensions, the paper's sentence and the choices; the letter's in bold."""
+def _choices(dimensions: Dimensions) -> str:
+    """Return a table of the dimensions, the paper's sentence and the choices; the letter's in bold."""
     rows = ["| dimension | the paper | choices (**nearest to the letter**, first: our preset) |", "| --- | --- | --- |"]
     for name, one in dimensions.items():
         named = [f"**{choice}**" if choice == one.letter else choice for choice in one.choices]
-        says = one.says.replace("|", "\\|")
-        rows.append(f"| {name} | {says} | {', '.join(named)} |")
-    return rows
-
-
-if __name__ == "__main__":
-    main(*sys.argv[1:])
+        rows.append(f"| {name} | {one.says.replace('|', chr(92) + '|')} | {', '.join(named)} |")
+    return "\n".join(rows)

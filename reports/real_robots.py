@@ -1,24 +1,20 @@
-"""Writes reports/real-robots.md: every recording, what its sensors were off by, and what cooperation bought.
+"""What reports/text/real-robots.md.j2 takes from recordings: what sensors were off by, and what cooperation bought.
 
-Run: python reports/real_robots.py DATA UWB_RUN MRCLAM_RUN [OUT]. DATA holds uwb-tiers, wifi-rssi and mrclam6; the runs
-are those of the studies `uwb` and `mrclam`.
+The folder of the recordings holds uwb-tiers, wifi-rssi and mrclam6; the runs are those of the studies `uwb`, `mrclam`
+and `wifi-priors`.
 """
 
 import shutil
-import sys
 import tempfile
 from pathlib import Path
+from typing import Any
 
-import matplotlib
-
-matplotlib.use("agg")
-
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
 import cooploc as cl
 from cooploc.analysis.formats import change, metres
+from cooploc.analysis.plot import style
 from cooploc.scenarios import resolve
 from cooploc.scenarios.recordings.team.residuals import Part, residuals
 from cooploc.scenarios.recordings.team.sampling import Gaps, span
@@ -75,9 +71,24 @@ def fits(estimator: str, stream: cl.Stream) -> bool:
     return True
 
 
-def bags(data: Path, out: Path) -> dict[str, str]:
-    """Every bag: inspected, described, judged; and what their tables have in common."""
-    parts, pairs, judged = [], [], []
+def values(runs: Path, out: Path, data: Path) -> dict[str, Any]:
+    """Return the words of the text, and draw its figures."""
+    folder = out / "real-robots"
+    folder.mkdir(exist_ok=True)
+    for name, study in (("mrclam", "mrclam"), ("wifi", "wifi-priors")):
+        style.save(cl.plot.rmse(cl.load_run(runs / study).rows), folder / f"{name}.png")
+    return {
+        **bags(data, folder),
+        **uwb_sentences(cl.load_run(runs / "uwb").table),
+        "uwb": by_scenario(runs / "uwb", ("rmse", "anees_median")),
+        "mrclam": by_scenario(runs / "mrclam", ("rmse", "anees")),
+        "wifi": wifi(data),
+    }
+
+
+def bags(data: Path, out: Path) -> dict[str, Any]:
+    """Return what every bag shows, and what their tables have in common."""
+    sections, pairs, judged = [], [], []
     with tempfile.TemporaryDirectory() as place:
         for name, about in BAGS.items():
             copy = Path(place) / name
@@ -85,18 +96,15 @@ def bags(data: Path, out: Path) -> dict[str, str]:
             found = cl.inspect(copy)
             found.write()
             shutil.copy(copy / "inspect.png", out / f"{name}.png")
-            cl.plot.residuals("log/all", copy).figure.savefig(out / f"{name}-residuals.png", dpi=130)
-            plt.close("all")
+            style.save(cl.plot.residuals("log/all", copy), out / f"{name}-residuals.png", dpi=130)
             pairs.append(ranges("log/all", copy))
             judged.append(errors_of(["log/all", "log/all[bias=none]"], copy))
-            parts.append(BAG.format(
-                name=name, about=about, ranges=pipe(pairs[-1]), errors=pipe(judged[-1]),
-                findings="\n".join(f"- {one.fact.replace(f'{place}/', '')} ({one.sure})"
-                                   for one in found.findings.itertuples()),
-            ))  # fmt: skip
+            facts = [f"- {one.fact.replace(f'{place}/', '')} ({one.sure})" for one in found.findings.itertuples()]
+            tables = {"ranges": pipe(pairs[-1]), "errors": pipe(judged[-1]), "findings": "\n".join(facts)}
+            sections.append({"name": name, "about": about, **tables})
     every = pd.concat(pairs)
     pair = {"bias": spread_of(every["bias (median) [m]"]), "spread": spread_of(every["spread [m]"])}
-    return {"bags": "\n".join(parts), **pair, **against_dead_reckoning(judged)}
+    return {"bags": sections, **pair, **against_dead_reckoning(judged)}
 
 
 def spread_of(written: pd.Series) -> str:
@@ -131,8 +139,8 @@ def wifi(data: Path) -> str:
     return pipe(pd.DataFrame(rows))
 
 
-def stored(run: str, numbers: tuple[str, ...]) -> str:
-    """A run's RMSE [m] and consistency, a column for each scenario."""
+def by_scenario(run: Path, numbers: tuple[str, ...]) -> str:
+    """Return a run's RMSE [m] and consistency, a column for each scenario."""
     table = cl.load_run(run).table
     table["text"] = [" ".join(form(row[name]) for name, form in zip(numbers, (metres, brackets), strict=True))
                      for row in table.to_dict("records")]  # fmt: skip
@@ -140,7 +148,7 @@ def stored(run: str, numbers: tuple[str, ...]) -> str:
     return pipe(wide.reindex(table["estimator"].unique()).reset_index())
 
 
-def told(table: pd.DataFrame) -> dict[str, str]:
+def uwb_sentences(table: pd.DataFrame) -> dict[str, str]:
     """The sentences on the simulated world, from its table."""
     at = table.set_index(["scenario", "estimator"])
     said = []
@@ -160,90 +168,3 @@ def ends(row: pd.Series) -> str:
 def brackets(value: float) -> str:
     """A consistency figure beside it."""
     return f"({value:.2g})" if value < 1000 else "(> 1000)"
-
-
-def main(data: str, uwb: str, mrclam: str, out: str = "reports") -> None:
-    """Write the page and its figures."""
-    folder = Path(out) / "real-robots"
-    folder.mkdir(exist_ok=True)
-    shutil.copy(Path(mrclam) / "rmse.png", folder / "mrclam.png")
-    page = PAGE.format(
-        **bags(Path(data), folder),
-        uwb=stored(uwb, ("rmse", "anees_median")),
-        **told(cl.load_run(uwb).table),
-        mrclam=stored(mrclam, ("rmse", "anees")),
-        wifi=wifi(Path(data)),
-    )
-    (Path(out) / "real-robots.md").write_text(page, encoding="utf-8")
-
-
-BAG = """### {name}: {about}
-
-{findings}
-
-![Tracks, who measured whom, and what was recorded when](real-robots/{name}.png)
-
-Ranges less the distances of motion capture:
-
-{ranges}
-
-![Residuals after the fitted model, where it was fitted and where it is judged](real-robots/{name}-residuals.png)
-
-RMSE [m], ANEES in brackets; models fitted on the first third, judged on the rest; `bias=none`: raw ranges:
-
-{errors}
-"""
-
-PAGE = """# Real robots
-
-    cooploc inspect BAG                                       # looks, and writes a log.toml
-    cooploc run log --data BAG
-    cooploc run mrclam --data DATA/mrclam6
-    cooploc run wifi --data DATA/wifi-rssi
-    cooploc run uwb                                           # the simulated world with the recorded errors
-    python reports/real_robots.py DATA UWB_RUN MRCLAM_RUN     # this page
-
-What stands in the tables below:
-
-- Ultra-wide-band ranges are too long by a bias of each pair, {bias} m here (medians), with a spread of {spread} m.
-- In these two short bags robots are told where they start, some stand still, and the RMSE of dead reckoning is
-  {dead} m. To the millimetre, {less} errs less. Each is one run, so there are no intervals.
-- In a simulated world with the recorded errors, where all robots drive,
-  {sentences}
-- Late signals: from none to 40 % of them the error goes, of {late}.
-  The three joint filters have a gate for such readings and `mrsl-distance` has none; what the gate does was not varied.
-  Where an interval is wide, a few trials may bear most of the squared error.
-- WiFi: a robust fit makes the errors of some runs smaller and of others larger; it is not the default there.
-
-## Ultra-wide-band ranges (TIERS/uwb-cooperative-mrs-localization)
-
-{bags}
-## A world with these errors
-
-`uwb`: the 6 m radio arena with three robots, whose ranges have the recorded residuals and biases; *removed*: the mean
-bias over pairs is taken off, and 5 to 40 % of the ranges are late by 0.5 m on average. RMSE [m], in brackets the median
-ANEES; 20 trials, seed 1.
-
-{uwb}
-
-## MRCLAM, five robots
-
-All, one or none of the robots use landmarks; one recording, so no intervals (reports/fusion.md has them over pieces).
-RMSE [m], ANEES in brackets.
-
-![RMSE of every filter, with all, one and none of the robots using landmarks](real-robots/mrclam.png)
-
-{mrclam}
-
-## WiFi, one robot, eleven runs
-
-RMSE [m] of every run, with the models fitted on the other runs of its set-up by least squares, as `wifi` does by
-default, and robustly (`robust=true`, Huber's loss).
-
-![RMSE of six estimators under four priors, with intervals; reports/wifi.md has its table](wifi.png)
-
-{wifi}
-"""
-
-if __name__ == "__main__":
-    main(*sys.argv[1:])

@@ -2,7 +2,7 @@
 
 from cooploc.analysis.plot.animation import animate
 from cooploc.analysis.plot.claims_forest import claims
-from cooploc.analysis.plot.ellipses import anees, ellipses
+from cooploc.analysis.plot.ellipses import anees, ellipses, error_over_time, trajectories
 from cooploc.analysis.plot.information_matrix import information
 from cooploc.analysis.plot.pareto import pareto
 from cooploc.analysis.plot.readings_map import readings
@@ -18,6 +18,7 @@ __all__ = [
     "animate",
     "claims",
     "ellipses",
+    "error_over_time",
     "information",
     "pareto",
     "readings",
@@ -26,6 +27,7 @@ __all__ = [
     "sensitivity",
     "specification_curve",
     "tradeoff",
+    "trajectories",
     "tuned_parameters",
     "tuning",
     "world",

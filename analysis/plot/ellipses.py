@@ -1,8 +1,10 @@
 """What estimators believed beside what was true: 95 % ellipses in one tick, and ANEES over the ticks."""
 
-from typing import Any
+from typing import Any, cast
 
+import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.patches import Ellipse
 
@@ -52,6 +54,62 @@ def ellipses(truth: Truth, run: Run, trial: int = 0, tick: int = -1, ax: Axes | 
     return ax
 
 
+def trajectories(truth: Truth, run: Run, trial: int = 0, robot: int = 0) -> Axes:
+    """One robot's true path and its estimate by each estimator, with the 95 % ellipse of every tenth tick.
+
+    Args:
+        truth: of the same stream as the run.
+        run: from `run`.
+        trial: its number.
+        robot: its number.
+
+    Returns:
+        The axes of the first estimator; each has its own.
+
+    Raises:
+        BadInput: truth and run are of different streams, or have no such trial.
+
+    """
+    i = place(truth, run, trial)[0]
+    across = min(2, len(run.traces))
+    down = -(-len(run.traces) // across)
+    size = 3.7 * across, 3.7 * down
+    _, axes = plt.subplots(down, across, figsize=size, layout="constrained", sharex=True, sharey=True, squeeze=False)
+    looks = style.session_looks(run.traces)
+    for ax, (name, trace) in zip(axes.flat, run.traces.items(), strict=False):
+        x, P = trace.x[i, :, robot], trace.P[i, :, robot]
+        ax.plot(*truth.x[i, :, robot, :2].T, color="black", lw=1.2, label="truth")
+        ax.plot(*x[:, :2].T, color=looks[name].colour, lw=1.0, ls="--", label="estimate")
+        for k in range(9, len(x), 10):
+            ax.add_patch(ellipse(x[k], P[k], ec=looks[name].colour, lw=0.7))
+        ax.set_aspect("equal")
+        style.finish(ax, "x [m]", "y [m]", name)
+    for ax in axes.flat[len(run.traces) :]:
+        ax.remove()
+    axes[0, 0].legend(frameon=False, fontsize="small")
+    return cast(Axes, axes[0, 0])
+
+
+def error_over_time(truth: Truth, run: Run, ax: Axes | None = None) -> Axes:
+    """Position RMSE over the ticks, with 95 % intervals over trials from 5 on.
+
+    Args:
+        truth: of the same stream as the run.
+        run: from `run`.
+        ax: where to draw; a new figure if None.
+
+    Raises:
+        BadInput: truth and run are of different streams.
+
+    """
+    ax = ax or style.new_axes(7.0, 3.6)
+    _curves(ax, run, over_time(truth, run), "rmse")
+    ax.set_ylim(0)
+    style.finish(ax, "tick", "position RMSE [m]", _note(run), grid="y")
+    style.legend(ax)
+    return ax
+
+
 def anees(truth: Truth, run: Run, ax: Axes | None = None) -> Axes:
     """ANEES over the ticks, with 95 % intervals over trials from 5 on.
 
@@ -72,19 +130,27 @@ def anees(truth: Truth, run: Run, ax: Axes | None = None) -> Axes:
     band = table.groupby("tick")[["band_low", "band_high"]].mean()
     ax.fill_between(band.index, band["band_low"], band["band_high"], color="0.9", lw=0, zorder=0)
     ax.axhline(1.0, color="0.5", lw=1, zorder=1)
-    looks = style.session_looks(run.traces)
-    for name, rows in table.groupby("estimator", sort=False):
-        colour, _, line = looks[str(name)]
-        style.band(ax, rows["tick"], rows["anees_low"], rows["anees_high"], colour)
-        ax.plot(rows["tick"], rows["anees"], color=colour, ls=line, lw=1.6, label=name)
+    _curves(ax, run, table, "anees")
     low, high = span(table, "anees", "band_low", "band_high")
     style.logarithmic(ax.yaxis, low, high)
     ax.set_ylim(low / 1.4, 1.4 * high)
-    intervals = ", 95 % intervals" * (len(run.trial) >= LEAST_TRIALS)
-    note = f"{run.scenario}, {counted(len(run.trial), 'trial')}{intervals}"
-    style.finish(ax, "tick", "ANEES (1 is consistent)", note)
+    style.finish(ax, "tick", "ANEES (1 is consistent)", _note(run))
     style.legend(ax)
     return ax
+
+
+def _curves(ax: Axes, run: Run, table: pd.DataFrame, what: str) -> None:
+    """A line over the ticks for each estimator, with its band."""
+    looks = style.session_looks(run.traces)
+    for name, rows in table.groupby("estimator", sort=False):
+        colour, _, line = looks[str(name)]
+        style.band(ax, rows["tick"], rows[f"{what}_low"], rows[f"{what}_high"], colour)
+        ax.plot(rows["tick"], rows[what], color=colour, ls=line, lw=1.6, label=name)
+
+
+def _note(run: Run) -> str:
+    intervals = ", 95 % intervals" * (len(run.trial) >= LEAST_TRIALS)
+    return f"{run.scenario}, {counted(len(run.trial), 'trial')}{intervals}"
 
 
 def place(truth: Truth, run: Run, trial: int, tick: int = -1) -> tuple[int, int]:

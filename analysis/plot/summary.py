@@ -1,5 +1,7 @@
 """RMSE of every estimator, and its RMSE against its consistency, with intervals over trials."""
 
+from collections.abc import Mapping
+
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -16,7 +18,12 @@ LETTER = 0.09  # [in] that a letter of a tick is wide
 MOST_TICKS = 12  # of a sweep that are all named
 
 
-def rmse(errors: pd.DataFrame, ax: Axes | None = None, over: str | None = None) -> Axes:
+def rmse(
+    errors: pd.DataFrame,
+    ax: Axes | None = None,
+    over: str | None = None,
+    floors: Mapping[str, float] | None = None,
+) -> Axes:
     """Position RMSE of every estimator in every scenario, with 95 % intervals over trials; over a sweep as lines.
 
     Hollow markers are over-confident: their 95 % ellipses hold fewer true positions than they promise. Centralised
@@ -27,12 +34,14 @@ def rmse(errors: pd.DataFrame, ax: Axes | None = None, over: str | None = None) 
         ax: where to draw; a new figure if None.
         over: the column with the swept parameter. Where not given, three labels or more such as "packet-drop/drop=0.7"
             that differ in their value alone are drawn as a sweep.
+        floors: a bound below every scenario's error [m], by its label, drawn as a dotted line.
 
     Raises:
         BadInput: `over` is not a column of numbers, or several scenarios have the same one.
 
     """
     table = drawable(errors)
+    table["floor"] = table["scenario"].map(dict(floors or {}))
     along = by_column(errors, table, over) if over else by_label(table)
     if along is not None:
         return _lines(along, ax)
@@ -56,9 +65,11 @@ def rmse(errors: pd.DataFrame, ax: Axes | None = None, over: str | None = None) 
     else:
         ax.set_xticks(range(len(scenarios)), [_over_lines(label) for label in scenarios])
     ax.set_xlim(-0.5, len(scenarios) - 0.5)
+    lowest = table.groupby("scenario")["floor"].first().reindex(scenarios).to_numpy(float)
+    ax.hlines(lowest, np.arange(len(scenarios)) - 0.4, np.arange(len(scenarios)) + 0.4, color="black", ls=style.DOTTED)
     for edge in range(1, len(scenarios)):
         ax.axvline(edge - 0.5, color=style.GRID, lw=1, zorder=0)
-    style.logarithmic(ax.yaxis, *span(table, "rmse"))
+    style.logarithmic(ax.yaxis, *span(table, "rmse", "floor"))
     hollow = "; hollow: over-confident" * bool((table["consistency"] == "over-confident").any())
     style.finish(ax, "", "position RMSE [m]", _trials(table) + hollow, grid="y")
     style.legend(ax)
@@ -102,7 +113,10 @@ def _lines(table: pd.DataFrame, ax: Axes | None) -> Axes:
         rows = table[(table["estimator"] == name) & table["rmse"].notna()].sort_values("value", kind="stable")
         if len(rows):
             curve(ax, rows, "value", look, 0.15, name_of(rows.iloc[0]))
-    style.logarithmic(ax.yaxis, *span(table, "rmse"))
+    if table["floor"].notna().any():
+        floor = table.groupby("value")["floor"].first()
+        ax.plot(floor.index, floor, color="black", ls=style.DOTTED, lw=1.2, label="floor")
+    style.logarithmic(ax.yaxis, *span(table, "rmse", "floor"))
     values = sorted(set(table["value"]))
     if len(values) <= MOST_TICKS:
         ax.set_xticks(values, [f"{value:g}" for value in values])

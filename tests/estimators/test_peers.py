@@ -19,7 +19,6 @@ SAME = (
     f"{FILTERPY}:SquareRoot",
     "jax_ekf.py:JaxEkf",
     "stone_soup.py:StoneSoupEkf",
-    "navlie_ekf.py:NavlieEkf",
 )
 CLOSE = (
     *(f"{FILTERPY}:{name}" for name in ("Fading", "HInfinity", "Imm", "Mmae", "Ukf", "Ckf", "Enkf")),
@@ -27,7 +26,6 @@ CLOSE = (
     "own_loops.py:Euler",
     "sklearn_regression.py:SklearnRegression",
     "stone_soup.py:StoneSoupParticles",
-    "particles_filter.py:Bootstrap",
 )
 WORLDS = ("robots-1-3/n=3", "camera/n=3")
 LOCKED = (*SAME[:2], *CLOSE[:9])  # whose library is in the lock

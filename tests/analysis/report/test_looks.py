@@ -1,6 +1,6 @@
 """The report in a real browser, by day and by night: nothing sticks out, tables sort and filter, and it prints.
 
-`make looks` installs Debian's Chromium, runs this, and leaves the pictures in build/looks for a person to look at.
+With LOOKS=build/looks in the environment it leaves the pictures there, for a person to look at.
 """
 
 import html
@@ -21,7 +21,7 @@ from cooploc.analysis.report import html_page
 CHROMIUM = shutil.which("chromium")
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.skipif(CHROMIUM is None, reason="no chromium is installed: make looks installs it"),
+    pytest.mark.skipif(CHROMIUM is None, reason="no chromium is installed: apt-get install chromium"),
 ]
 MANY = {f"estimator-{i}[particles={100 * i},own=rssi]": (0.3 + 0.05 * i, 0.6 + 0.2 * i) for i in range(14)}
 # A frame has the wanted width where a window of the browser has a least one; what it holds keeps its own policy.

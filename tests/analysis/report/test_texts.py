@@ -1,8 +1,9 @@
-"""The texts of reports/text, and the numbers that runs put into them."""
+"""The texts of reports/text, the numbers that runs put into them, and the steps that make both."""
 
 import importlib
 import re
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -14,10 +15,10 @@ from cooploc.estimators.plugins.errors import BadInput
 REPORTS = Path(__file__).resolve().parents[3] / "reports"
 TEXTS = sorted((REPORTS / "text").glob("*.j2"))
 WHERE = "robots-1-3/n=2[ticks=4]"
-TEXT = f"""{{% set error = told("short").rmse("arl", "{WHERE}") %}}
+TEXT = f"""{{% set error = study("short").rmse("arl", "{WHERE}") %}}
 # A title
 
-{{{{ shown(error.value < LIMIT, "it is small") -}}}}
+{{{{ require(error.value < LIMIT, "it is small") -}}}}
 - Words that
 are {{{{ error.alone }}}} {"long " * 40}
 """
@@ -26,7 +27,7 @@ are {{{{ error.alone }}}} {"long " * 40}
 @pytest.fixture(scope="module")
 def scripts():
     sys.path.insert(0, str(REPORTS))
-    yield {name: importlib.import_module(name) for name in ("told", "page", "make_all")}
+    yield {name: importlib.import_module(name) for name in ("study_numbers", "page", "make_all")}
     sys.path.remove(str(REPORTS))
 
 
@@ -39,30 +40,30 @@ def runs(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def told(scripts, runs):
-    return scripts["told"].Told(runs / "short")
+def run(scripts, runs):
+    return scripts["study_numbers"].StudyRun(runs / "short")
 
 
-def test_numbers_are_those_of_compare(told):
-    table = cl.compare(told.stored.rows, baseline="arl").set_index("estimator")
-    change, rmse = told.change("rssi-pf", "arl", WHERE), told.rmse("arl", WHERE)
+def test_numbers_are_those_of_compare(run):
+    table = cl.compare(run.stored.rows, baseline="arl").set_index("estimator")
+    change, rmse = run.change("rssi-pf", "arl", WHERE), run.rmse("arl", WHERE)
     assert change[:3] == tuple(table.loc["rssi-pf", ["change", "change_low", "change_high"]])
     assert rmse[:3] == tuple(table.loc["arl", ["rmse", "rmse_low", "rmse_high"]])
-    assert told.trials == "6"
+    assert run.trials == "6"
 
 
 def test_a_number_is_written_with_its_interval(scripts):
-    number = scripts["told"].Number(-0.204, -0.26, -0.138)
+    number = scripts["study_numbers"].Number(-0.204, -0.26, -0.138)
     assert str(number) == "-20 % (-26 to -14)"
     assert number.inside == "-20 %, -26 to -14"
     assert (number.falls, number.rises, number.open) == (True, False, False)
 
 
-def test_what_was_not_run_is_named_with_the_nearest_that_was(told):
+def test_what_was_not_run_is_named_with_the_nearest_that_was(run):
     with pytest.raises(BadInput, match=r"no 'alr' in .*did you mean 'arl'"):
-        told.rmse("alr", WHERE)
+        run.rmse("alr", WHERE)
     with pytest.raises(BadInput, match="no scenario 'nlos'"):
-        told.change("arl", "rssi-pf", "nlos")
+        run.change("arl", "rssi-pf", "nlos")
 
 
 @pytest.fixture
@@ -74,33 +75,33 @@ def texts(scripts, tmp_path, monkeypatch):
 
 
 def test_a_sentence_that_the_run_does_not_bear_stops_the_page_with_one_line(texts, runs, tmp_path, capsys):
-    assert texts.main("false", str(runs), str(tmp_path / "out.md")) == 1
+    assert texts.main(["false", str(runs), str(tmp_path / "out.md")]) == 1
     assert not (tmp_path / "out.md").exists()
     assert capsys.readouterr().err.splitlines() == [
         "reports/text/false: the runs do not show that it is small; rewrite the sentence in reports/text"
     ]
-    assert texts.main("false", str(runs), str(tmp_path / "out.md"), "draft") == 0
+    assert texts.main(["false", str(runs), str(tmp_path / "out.md"), "--draft"]) == 0
     assert "[NOT SHOWN: it is small]" in (tmp_path / "out.md").read_text()
 
 
 def test_only_what_is_between_the_marks_of_a_page_is_written(texts, runs, tmp_path):
     page = tmp_path / "README.md"
     page.write_text("before\n<!-- true: how -->\nold\n\nold\n<!-- end of true -->\nafter\n", "utf-8")
-    assert texts.main("true", str(runs), str(page)) == 0
+    assert texts.main(["true", str(runs), str(page)]) == 0
     before, _, rest = page.read_text("utf-8").partition("<!-- true: how -->\n")
     text, _, after = rest.partition("\n<!-- end of true -->")
-    assert (before, text, after) == ("before\n", texts.written("true", runs), "\nafter\n")
+    assert (before, text, after) == ("before\n", texts.render("true", runs), "\nafter\n")
 
 
 def test_a_page_links_to_the_reports_from_where_it_is(texts, runs, tmp_path):
     (tmp_path / "linked.md.j2").write_text("[fusion]({{ links }}/fusion.md)", "utf-8")
     for page, path in (("README.md", "reports"), ("reports/paper/README.md", "..")):
-        text = texts.written("linked", runs, links=texts.links_of(REPORTS.parent / page))
+        text = texts.render("linked", runs, REPORTS.parent / page)
         assert text == f"[fusion]({path}/fusion.md)\n"
 
 
 def test_prose_is_folded_and_items_are_indented(texts, runs):
-    lines = texts.written("true", runs).splitlines()
+    lines = texts.render("true", runs).splitlines()
     assert lines[:2] == ["# A title", ""]
     assert lines[2].startswith("- Words that are ")
     assert all(line.startswith("  long") for line in lines[3:])
@@ -109,14 +110,12 @@ def test_prose_is_folded_and_items_are_indented(texts, runs):
 
 @pytest.mark.parametrize("text", TEXTS, ids=lambda path: path.name)
 def test_every_run_of_a_text_is_made_before_its_page(scripts, text):
-    steps = [step.name for step in scripts["make_all"].STEPS]
-    name = text.name.split(".")[0]
-    makers = {name, str(REPORTS / f"{name}.py")}
-    pages = [step for step in scripts["make_all"].STEPS if makers & set(step.command[1:3])]
-    asked = set(re.findall(r'(?:told|tuned)\("([^"]+)"\)', text.read_text("utf-8")))
-    assert asked or name.startswith("speed")  # of which no run is asked
-    assert all(steps.index(run) < steps.index(page.name) for page in pages for run in asked)
-    assert len(pages) == 1
+    steps = {step.name: step for step in scripts["make_all"].STEPS}
+    name = text.name if text.name.endswith(".tex.j2") else text.name.removesuffix(".md.j2")
+    (page,) = [step for step in steps.values() if step.command[2:3] == (name,)]
+    asked = set(re.findall(r'(?:study|tuned|decided_by_more_trials)\("([^"]+)"\)', text.read_text("utf-8")))
+    assert asked <= set(page.after)
+    assert set(page.after) <= set(steps)
 
 
 def test_no_two_steps_have_one_name(scripts):
@@ -128,10 +127,15 @@ def test_a_page_is_made_after_its_runs_though_the_steps_share_processes(scripts,
     make_all = scripts["make_all"]
     names = [step.name for step in make_all.STEPS]
     for step in make_all.STEPS:  # else two could wait for each other
-        assert all(names.index(other) < names.index(step.name) for other in step.waits_for())
+        assert all(names.index(other) < names.index(step.name) for other in step.after)
     run = (sys.executable, "-c", "import sys, time; time.sleep(0.5); open(sys.argv[1], 'w')", "{runs}/mine")
     page = (sys.executable, "-c", "import sys; open(sys.argv[1])", "{runs}/mine")
-    groups = {"ALONE": (), "RUNS": (make_all.Step("mine", run),), "PAGES": (make_all.Step("page", page),), "LAST": ()}
+    groups = {
+        "ALONE": (),
+        "RUNS": (make_all.Step("mine", run),),
+        "PAGES": (make_all.Step("page", page, after=("mine",)),),
+        "LAST": (),
+    }
     for group, steps in {**groups, "STEPS": (*groups["RUNS"], *groups["PAGES"])}.items():
         monkeypatch.setattr(make_all, group, steps)
     monkeypatch.setattr(sys, "argv", ["make_all.py", "--runs", str(tmp_path)])
@@ -152,4 +156,29 @@ def test_a_run_that_crashed_is_not_one_whose_trials_failed(scripts, tmp_path, wr
     code = f"import sys; {writes}; sys.exit(1)"  # both end with 1
     command = (sys.executable, "-c", code, "run", str(tmp_path / "mine" / "table.csv"))
     asked = SimpleNamespace(runs=tmp_path, data=tmp_path, trials="")
-    assert scripts["make_all"]._made(scripts["make_all"].Step("mine", command), asked, 1)[-1] == ended
+    assert scripts["make_all"].run_step(scripts["make_all"].Step("mine", command), asked, 1)[-1] == ended
+
+
+@pytest.mark.slow
+def test_a_page_of_a_module_is_written_with_its_sentences_and_its_figures(scripts, tmp_path):
+    worlds = {"information": '"scalability/n={1,2}[ticks=6]"', "sensitivity": '"robots-1-3/n=2[ticks={4,8}]"'}
+    for name, scenarios in worlds.items():
+        study = f'trials = 6\nscenarios = [{scenarios}]\nestimators = ["arl", "ekf-local"]\n'
+        (tmp_path / f"{name}.toml").write_text(study)
+        cl.run_study(tmp_path / f"{name}.toml", out=tmp_path / name)
+    found = importlib.import_module("information").values(tmp_path, tmp_path, tmp_path)
+    assert "By paired intervals, " in found["sensitivity"]["sentences"]
+    assert (found["trials"], found["seed"]) == (6, 1)
+    for name in worlds:
+        assert "</svg>" in (tmp_path / f"{name}.svg").read_text("utf-8")
+
+
+def test_a_section_replaces_itself_alone_though_several_are_written_at_once(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(str(REPORTS.parent / "benchmarks"))
+    put = importlib.import_module("reliability").put
+    page, names = tmp_path / "reliability.md", [f"section {k}" for k in range(20)]
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(lambda name: put(page, name, f"text of {name}"), names * 5))
+    text = page.read_text("utf-8")
+    assert text.startswith("# Reliability\n")
+    assert all(text.count(f"<!-- {name} -->\ntext of {name}\n<!-- end of {name} -->") == 1 for name in names)

@@ -6,7 +6,7 @@ import pytest
 from cooploc.scenarios import simulate
 from cooploc.scenarios.worlds.uwb import residual, residual_quantiles, residual_sd
 
-# Of another recording of the same two robots, seven minutes before (benchmarks/uwb_residuals.py prints them).
+# Of another recording of the same two robots, seven minutes before from a recording in uwb-tiers.
 LEVELS = [0.05, 0.1, 0.25, 0.75, 0.9, 0.95]
 OTHER = [-0.1087, -0.0861, -0.0473, 0.0366, 0.0701, 0.0882]  # [m] around its median
 

@@ -1,0 +1,269 @@
+"""The reference loops that speed is measured against, as a user of filterpy or of cvxpy writes them.
+
+`lean_loop` and `filterpy_loop` do the work of `mrsl-rssi[anchor_reading=rssi,particles=500]`: predict, four anchors,
+every neighbour with its variance, systematic resampling below half the effective sample size, Liu and West's jitter.
+The lean one is what a good numpy user writes around filterpy's resampling: x and y apart, squared distances, a
+logarithm for a link's distance and one for its variance, and no product of matrices in the loops. `Loop` is one
+ExtendedKalmanFilter over the whole team, updated by one scalar reading after the other; `Filterpy` gives the runner
+such a loop for each trial. `make_asker` is one cvxpy problem of covariance intersection whose numbers change, solved by
+`Problem.solve`.
+"""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import cvxpy as cp
+import numpy as np
+from filterpy.kalman import ExtendedKalmanFilter
+from filterpy.monte_carlo import systematic_resample
+
+from cooploc.estimators.interface import Belief, Traffic
+from cooploc.estimators.models.gradient_doa import gradient_doa
+
+N = 500  # particles
+H = 0.3 * N ** (-1 / 6)
+NEAR = 0.1
+
+
+def lean_loop(stream: Any, trials: int, ticks: int) -> Any:
+    """Positions (trials, ticks, n, 2) of the first trials and ticks of a stream."""
+    rng, told, n = np.random.default_rng(0), stream.world, stream.robots
+    odometry, anchor_rssi, rssi = stream.senses.odometry, stream.senses.anchor_rssi, stream.air.rssi
+    anchor, radio, sigma = told.sensors["anchor_rssi"], told.sensors["radio_rssi"], told.motion.sigma
+    out = np.empty((trials, ticks, n, 2))
+    for t in range(trials):
+        spread = np.linalg.cholesky(stream.prior.P[t])
+        x = [stream.prior.x[t, i][:, None] + spread[i] @ rng.standard_normal((2, N)) for i in range(n)]
+        w = [np.full(N, 1 / N) for _ in range(n)]
+        for k in range(ticks):
+            said = []
+            for i in range(n):
+                x[i] += odometry[t, k, i][:, None] + sigma * rng.standard_normal((2, N))
+                log_likelihood = np.zeros(N)
+                for a, q in enumerate(told.anchors):
+                    y = missed(anchor, x[i], q, anchor_rssi[t, k, i, a])[0]
+                    log_likelihood -= y * y
+                w[i] = reweighed(w[i], log_likelihood / (2 * anchor.sigma**2))
+                said.append(moments(x[i], w[i]))
+            for i in range(n):
+                w[i] = reweighed(w[i], heard(radio, x[i], said, rssi[t, k, i], stream.air.link[t, k, i]))
+                mx, my, xx, xy, yy = moments(x[i], w[i])
+                out[t, k, i] = mx, my
+                if 1 / (w[i] @ w[i]) < N / 2:
+                    mean, L = np.array([[mx], [my]]), np.linalg.cholesky([[xx, xy], [xy, yy]])
+                    chosen = x[i][:, systematic_resample(w[i])]
+                    x[i] = mean + np.sqrt(1 - H**2) * (chosen - mean) + H * (L @ rng.standard_normal((2, N)))
+                    w[i] = np.full(N, 1 / N)
+    return out
+
+
+def missed(sensor: Any, x: Any, q: Any, z: float) -> tuple[Any, Any, Any, Any]:
+    """A reading less what each particle expects, east and north of the place, and the squared distance."""
+    dx, dy = x[0] - q[0], x[1] - q[1]
+    D = np.maximum(dx * dx + dy * dy, NEAR**2)
+    return (z - sensor.A) + (5 * sensor.eta / np.log(10)) * np.log(D), dx, dy, D
+
+
+def heard(sensor: Any, x: Any, said: Any, z: Any, link: Any) -> Any:
+    """The log-likelihood of all links, with the variance that the sender's position adds."""
+    total, gain = np.zeros(N), (10 * sensor.eta / np.log(10)) ** 2
+    for j in np.flatnonzero(link):
+        mx, my, xx, xy, yy = said[j]
+        y, dx, dy, D = missed(sensor, x, (mx, my), z[j])
+        v = sensor.sigma**2 + gain * (dx * (xx * dx + 2 * xy * dy) + yy * dy * dy) / (D * D)
+        total -= y * y / v + np.log(v)
+    return total / 2
+
+
+def reweighed(w: Any, log_likelihood: Any) -> Any:
+    w = w * np.exp(log_likelihood - log_likelihood.max())
+    return w / w.sum()
+
+
+def moments(x: Any, w: Any) -> tuple[float, float, float, float, float]:
+    mx, my = x @ w
+    dx, dy = x[0] - mx, x[1] - my
+    return mx, my, (w * dx) @ dx, (w * dx) @ dy, (w * dy) @ dy
+
+
+def filterpy_loop(stream: Any, trials: int, ticks: int) -> Any:
+    """Positions (trials, ticks, n, 2) as a user of filterpy gets them: numpy over particles, loops over the rest."""
+    rng, told, n = np.random.default_rng(0), stream.world, stream.robots
+    odometry, anchor_rssi, rssi = stream.senses.odometry, stream.senses.anchor_rssi, stream.air.rssi
+    anchor, radio, sigma = told.sensors["anchor_rssi"], told.sensors["radio_rssi"], told.motion.sigma
+    out = np.empty((trials, ticks, n, 2))
+    for t in range(trials):
+        spread = np.linalg.cholesky(stream.prior.P[t])
+        x = [stream.prior.x[t, i] + rng.standard_normal((N, 2)) @ spread[i].T for i in range(n)]
+        w = [np.full(N, 1 / N) for _ in range(n)]
+        for k in range(ticks):
+            said = []
+            for i in range(n):
+                x[i] = x[i] + odometry[t, k, i] + sigma * rng.standard_normal((N, 2))
+                log_likelihood = np.zeros(N)
+                for a, q in enumerate(told.anchors):
+                    d = np.maximum(np.linalg.norm(x[i] - q, axis=1), NEAR)
+                    y = anchor_rssi[t, k, i, a] - (anchor.A - 10 * anchor.eta * np.log10(d))
+                    log_likelihood -= y**2 / (2 * anchor.sigma**2)
+                w[i] = reweighed(w[i], log_likelihood)
+                said.append(mean_and_covariance(x[i], w[i]))
+            for i in range(n):
+                log_likelihood = np.zeros(N)
+                for j in range(n):
+                    if j == i or not stream.air.link[t, k, i, j]:
+                        continue
+                    mean, P = said[j]
+                    delta = x[i] - mean
+                    d = np.maximum(np.linalg.norm(delta, axis=1), NEAR)
+                    J = np.where(d > NEAR, -10 * radio.eta / np.log(10) / d**2, 0.0)[:, None] * delta
+                    v = radio.sigma**2 + ((J @ P) * J).sum(1)
+                    y = rssi[t, k, i, j] - (radio.A - 10 * radio.eta * np.log10(d))
+                    log_likelihood -= y**2 / (2 * v) + np.log(v) / 2
+                w[i] = reweighed(w[i], log_likelihood)
+                mean, P = mean_and_covariance(x[i], w[i])
+                out[t, k, i] = mean
+                if 1 / (w[i] ** 2).sum() < N / 2:
+                    chosen = x[i][systematic_resample(w[i])]
+                    jitter = rng.standard_normal((N, 2)) @ np.linalg.cholesky(P).T
+                    x[i] = mean + np.sqrt(1 - H**2) * (chosen - mean) + H * jitter
+                    w[i] = np.full(N, 1 / N)
+    return out
+
+
+def mean_and_covariance(x: Any, w: Any) -> tuple[Any, Any]:
+    mean = w @ x
+    return mean, (x - mean).T @ ((x - mean) * w[:, None])
+
+
+class Loop:
+    """One trial's filter. Compass frame, four corner nodes read as one direction, ranges between robots."""
+
+    def __init__(self, x: Any, P: Any, world: Any) -> None:
+        self.n, (a, b) = len(x), world.arena[1]
+        self.nodes = [(0.0, 0.0), (0.0, b), (a, b), (a, 0.0)]
+        self.sides = 2 * a, 2 * b
+        self.slope = 5 * world.sensors["anchor_rssi"].eta / math.log(10)  # dB per unit of ln d^2
+        self.doa_R = np.eye(1) * gradient_doa(world).sigma ** 2
+        self.range_R = world.sensors["radio_range"].R
+        self.ekf = ExtendedKalmanFilter(2 * self.n, 1, 2 * self.n)
+        self.ekf.x, self.ekf.B = x.ravel().copy(), np.eye(2 * self.n)
+        self.ekf.P = np.zeros((2 * self.n, 2 * self.n))
+        for i in range(self.n):
+            self.ekf.P[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = P[i]
+        self.Q = np.eye(2 * self.n) * world.motion.sigma**2 / world.motion.tick
+
+    def predict(self, moves: Any, dt: float) -> None:
+        self.ekf.Q = self.Q * dt
+        self.ekf.predict(moves.ravel())
+
+    def direct(self, i: int, S: Any) -> None:
+        """Update by the direction of the gradient of four readings S."""
+        gx, gy = self.gradient(S)
+        z = math.atan2(gy, gx)
+        self.update(z, lambda x: self.direction(x, i), self.doa_R, turned)
+
+    def measure(self, i: int, j: int, z: float) -> None:
+        """Update by a range from i to j."""
+        self.update(z, lambda x: self.distance(x, i, j), self.range_R, np.subtract)
+
+    def update(self, z: float, model: Any, R: Any, residual: Any) -> None:
+        h, H = model(self.ekf.x)
+        self.ekf.update(np.array([z]), lambda _: H, lambda _: h, R=R, residual=residual)
+
+    def gradient(self, S: Any) -> tuple[float, float]:
+        return (S[2] - S[1] + S[3] - S[0]) / self.sides[0], (S[2] - S[3] + S[1] - S[0]) / self.sides[1]
+
+    def direction(self, x: Any, i: int) -> tuple[Any, Any]:
+        px, py = float(x[2 * i]), float(x[2 * i + 1])
+        offsets = [(px - qx, py - qy) for qx, qy in self.nodes]
+        squares = [max(dx * dx + dy * dy, 0.01) for dx, dy in offsets]
+        gx, gy = self.gradient([-self.slope * math.log(d2) for d2 in squares])
+        far = [d2 > 0.01 for d2 in squares]
+        by_x, by_y = (
+            self.gradient([-2 * self.slope * o[k] / d2 * f for o, d2, f in zip(offsets, squares, far, strict=True)])
+            for k in (0, 1)
+        )
+        strength = max(gx * gx + gy * gy, 0.01)
+        H = np.zeros((1, 2 * self.n))
+        H[0, 2 * i] = (gx * by_x[1] - gy * by_x[0]) / strength
+        H[0, 2 * i + 1] = (gx * by_y[1] - gy * by_y[0]) / strength
+        return np.array([math.atan2(gy, gx)]), H
+
+    def distance(self, x: Any, i: int, j: int) -> tuple[Any, Any]:
+        dx, dy = float(x[2 * i] - x[2 * j]), float(x[2 * i + 1] - x[2 * j + 1])
+        d = math.hypot(dx, dy)
+        H, near = np.zeros((1, 2 * self.n)), max(d, 0.1)
+        H[0, 2 * i], H[0, 2 * i + 1], H[0, 2 * j], H[0, 2 * j + 1] = dx / near, dy / near, -dx / near, -dy / near
+        return np.array([d]), H
+
+
+def turned(a: Any, b: Any) -> Any:
+    return (a - b + np.pi) % (2 * np.pi) - np.pi
+
+
+class Filterpy:
+    """The loops of all trials, as the runner wants them."""
+
+    api, bound, mutable = 1, True, True
+    uses = ("odometry", "anchor_rssi", "radio_range")
+
+    def init(self, prior: Any, world: Any, rows: Any) -> list[Loop]:
+        return [Loop(x, P, world) for x, P in zip(*prior, strict=True)]
+
+    def predict(self, s: list[Loop], z: Any) -> list[Loop]:
+        for t, loop in enumerate(s):
+            loop.predict(z.odometry[t], z.dt[t, 0])
+        return s
+
+    def correct(self, s: list[Loop], z: Any) -> list[Loop]:
+        for loop, readings in zip(s, z.anchor_rssi.tolist(), strict=True):
+            for i, S in enumerate(readings):
+                loop.direct(i, S)
+        return s
+
+    def exchange(self, s: list[Loop], z: Any, air: Any) -> tuple[list[Loop], Any]:
+        for loop, ranges in zip(s, air.range.tolist(), strict=True):
+            for j in range(loop.n):
+                for i in range(loop.n):
+                    if ranges[i][j] >= 0.2:  # absent is nan
+                        loop.measure(i, j, ranges[i][j])
+        nothing = np.zeros((len(s), s[0].n))
+        return s, Traffic(nothing, nothing)
+
+    def estimate(self, s: list[Loop]) -> Any:
+        n = s[0].n
+        x = np.stack([loop.ekf.x.reshape(n, 2) for loop in s])
+        P = np.stack([np.einsum("iaib->iab", loop.ekf.P.reshape(n, 2, n, 2)) for loop in s])
+        return Belief(x, P)
+
+
+def entries(P: Any) -> Any:
+    """Three rows (3, m): what the information of each source has at 11, 12 and 22, in the unit of their mean trace."""
+    A = np.linalg.inv(P)
+    return A[:, (0, 0, 1), (0, 1, 1)].T / np.trace(A.mean(0))
+
+
+def cone_problem(A: Any, criterion: str) -> Any:
+    """The problem, and its weights, of numbers or parameters A (3, m)."""
+    w, t = cp.Variable(A.shape[1], nonneg=True), cp.Variable()
+    a, b, c = A[0] @ w, A[1] @ w, A[2] @ w
+    if criterion == "det":
+        aim, inside = t, cp.SOC(a + c, cp.hstack([2 * b, 2 * t, a - c]))
+    else:
+        u, v = (a + c) / 2, (a - c) / 2
+        aim, inside = u - t, cp.SOC(u + t, cp.hstack([2 * v, 2 * b, u - t]))
+    return cp.Problem(cp.Maximize(aim), [inside, cp.sum(w) == 1]), w
+
+
+def make_asker(m: int, criterion: str) -> Callable[[Any], Any]:
+    """Return a function that solves one problem of which only the numbers change."""
+    A = cp.Parameter((3, m))
+    problem, w = cone_problem(A, criterion)
+
+    def ask(P: Any) -> Any:
+        A.value = entries(P)
+        problem.solve(solver="CLARABEL", warm_start=False)
+        return w.value
+
+    return ask

@@ -1,0 +1,262 @@
+"""Numbers of a run as words of a text, each with its 95 % interval, by the functions that make the tables."""
+
+from collections.abc import Iterable
+from itertools import product
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+import cooploc as cl
+from cooploc.analysis.claims import at_looks
+from cooploc.analysis.claims.ledger import load
+from cooploc.analysis.claims.verdicts import DECIDED, judge
+from cooploc.analysis.execution.stored_run import read
+from cooploc.analysis.formats import Format, count, interval, metres, percent, ratio
+from cooploc.analysis.formats import change as signed
+from cooploc.analysis.metrics import statistics
+from cooploc.analysis.metrics.compare import summarize
+from cooploc.analysis.metrics.consistency import consistency
+from cooploc.analysis.metrics.pooling import trial_means
+from cooploc.estimators import nearest
+from cooploc.estimators.plugins.errors import BadInput
+
+REPORTS = Path(__file__).resolve().parent
+USUAL = 100  # trials of a study as shipped
+Cell = tuple[str, str]  # labels of a scenario and an estimator
+
+
+class Number(NamedTuple):
+    """A number, its 95 % interval, and how both are written."""
+
+    value: float
+    low: float
+    high: float
+    form: Format = signed
+    unit: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.alone} ({self.ends})" if self.ends else self.alone
+
+    @property
+    def inside(self) -> str:
+        """Return the number with its interval, for use in brackets."""
+        return f"{self.alone}, {self.ends}" if self.ends else self.alone
+
+    @property
+    def ends(self) -> str:
+        """Return the ends of its interval; nothing where there is none."""
+        return interval(lambda end: self.form(end).removesuffix(" %"))(self.low, self.high)
+
+    @property
+    def alone(self) -> str:
+        """Return the number without its interval."""
+        return f"{self.form(self.value)}{self.unit}"
+
+    @property
+    def falls(self) -> bool:
+        """Whether the whole interval of a change lies below 0."""
+        return self.high < 0
+
+    @property
+    def rises(self) -> bool:
+        """Whether the whole interval of a change lies above 0."""
+        return self.low > 0
+
+    @property
+    def open(self) -> bool:
+        """Whether the interval of a change holds 0."""
+        return not self.falls and not self.rises
+
+
+class StudyRun:
+    """A run directory, whose numbers are asked for by estimator and scenario.
+
+    Raises:
+        BadInput: there is no such run; of a number, that the run has no such scenario or estimator.
+
+    """
+
+    def __init__(self, run: str | Path) -> None:
+        self.stored = read(Path(run))
+        self._of = dict(list(self.stored.rows.groupby(["scenario", "estimator"], sort=False)))
+        self._trials: dict[Cell, pd.DataFrame] = {}
+
+    @property
+    def seed(self) -> int:
+        """Return the run's seed."""
+        return int(self.stored.manifest["seed"])
+
+    @property
+    def trials(self) -> str:
+        """Return the trials of a scenario and estimator: "100", or "10 to 640" of a run until decided."""
+        numbers = [rows["trial"].nunique() for rows in self._of.values()]
+        return f"{max(numbers):,}" if min(numbers) == max(numbers) else f"{min(numbers):,} to {max(numbers):,}"
+
+    @property
+    def scenarios(self) -> list[str]:
+        """Return the labels of scenarios, in the study's order."""
+        return list(dict.fromkeys(scenario for scenario, _ in self._of))
+
+    @property
+    def estimators(self) -> list[str]:
+        """Return the labels of estimators, in the study's order."""
+        return list(dict.fromkeys(estimator for _, estimator in self._of))
+
+    def has(self, estimator: str, scenario: str) -> bool:
+        """Whether the two were run together."""
+        return (scenario, estimator) in self._of
+
+    def rmse(self, estimator: str, scenario: str) -> Number:
+        """Return the position RMSE [m]."""
+        return self._number("rmse", estimator, scenario, metres, " m")
+
+    def anees(self, estimator: str, scenario: str) -> Number:
+        """Return position NEES / 2; 1 is consistent."""
+        return self._number("anees", estimator, scenario, ratio)
+
+    def coverage(self, estimator: str, scenario: str) -> Number:
+        """Return the share of true positions inside the 95 % ellipse."""
+        return self._number("coverage95", estimator, scenario, percent)
+
+    def diverged(self, estimator: str, scenario: str) -> Number:
+        """Return the share of robots, over trials, that diverged, as of `summarize`."""
+        return self._number("diverged", estimator, scenario, percent)
+
+    def over_confident(self, estimators: Iterable[str], scenarios: Iterable[str]) -> int:
+        """Return in how many cells of these the covariance is too small, by the interval of ANEES or of coverage."""
+        cells = [self._row(name, label) for name, label in product(estimators, scenarios)]
+        return int((consistency(pd.DataFrame(cells)) == "over-confident").sum())
+
+    def bytes(self, estimator: str, scenario: str) -> str:
+        """Return the bytes sent per robot and tick."""
+        return count(self._row(estimator, scenario)["bytes"])
+
+    def change(self, of: str, than: str, scenario: str) -> Number:
+        """Return by how much the RMSE of one estimator differs from another's on the same streams (Fieller)."""
+        return self._from_to((scenario, than), (scenario, of))
+
+    def trend(self, of: str, first: str, later: str) -> Number:
+        """Return by how much an estimator's RMSE changes between scenarios, trials paired by their number."""
+        return self._from_to((first, of), (later, of))
+
+    def _from_to(self, before: Cell, after: Cell) -> Number:
+        both = pd.concat([self._means(*one)["mse"] for one in (before, after)], axis=1, join="inner").dropna()
+        return Number(*statistics.change(*both.to_numpy(float).T))
+
+    def _means(self, scenario: str, estimator: str) -> pd.DataFrame:
+        """Return the means of every trial."""
+        cell = scenario, estimator
+        if cell not in self._trials:
+            self._trials[cell] = trial_means(self._rows(estimator, scenario))[cell]
+        return self._trials[cell]
+
+    def _rows(self, estimator: str, scenario: str) -> pd.DataFrame:
+        folder = self.stored.folder
+        if scenario not in self.scenarios:
+            raise BadInput(f"{folder}: no scenario {scenario!r}; {nearest(scenario, self.scenarios)}")
+        if not self.has(estimator, scenario):
+            known = [name for label, name in self._of if label == scenario]
+            raise BadInput(f"{folder}: no {estimator!r} in {scenario!r}; {nearest(estimator, known)}")
+        return self._of[scenario, estimator]
+
+    def _row(self, estimator: str, scenario: str) -> pd.Series:
+        return summarize(self._rows(estimator, scenario)).iloc[0]
+
+    def _number(self, column: str, estimator: str, scenario: str, form: Format, unit: str = "") -> Number:
+        row = self._row(estimator, scenario)
+        low, high = (row.get(f"{column}_{end}", np.nan) for end in ("low", "high"))
+        return Number(row[column], low, high, form, unit)
+
+
+def decided_by_more_trials(run: str | Path) -> dict[str, int | str]:
+    """Return what a run until decided settles of what the usual number of trials leaves open.
+
+    `open` cases of claims are undecided after the usual trials, of which it settles `settled`, with a `share` of the
+    trials of a run that gives every scenario and estimator as many as its last look has. `more`: how many of the others
+    one look at all of its trials would settle.
+    """
+    stored, ledger = read(Path(run)), load()
+    rows, decisions = stored.rows, stored.decisions or {}
+    asked = [n for cell in stored.manifest["cells"].values() for n in cell["estimators"].values()]
+    lasting = at_looks.lasting(ledger, at_looks.judge_at_looks(ledger, rows, stored.looks))
+    usual, all_ = (judge(ledger, rows[rows["trial"] < n])["verdict"].reindex(lasting.index) for n in (USUAL, 10**9))
+    settled = lasting["verdict"].isin(DECIDED)
+    late = (usual == "undecided") & ~(settled & (lasting["look"] < USUAL))  # not settled before
+    compared = [one["verdict"] != "open" for one in decisions["comparison"]]
+    return {
+        "share": percent(sum(asked) / len(asked) / decisions["look"]),
+        "comparisons": f"{sum(compared)} of {len(compared)}",
+        "claims": f"{int(settled.sum())} of {len(settled)}",
+        "open": int(late.sum()),
+        "settled": int((late & settled).sum()),
+        "more": int((late & ~settled & all_.isin(DECIDED)).sum()),
+    }
+
+
+def order_when_tuned(run: str | Path) -> dict[str, Any]:
+    """Return the estimators of a tuned study, pairs of them in a scenario, and how many are reversed by RMSE.
+
+    `at_most` is the upper end of Wilson's 95 % interval for their share, as if pairs were independent.
+    """
+    found = cl.load_tuned(run)
+    pairs = found.order("rmse")
+    turned = (pairs["became"] == "reversed").to_numpy(float)
+    most = percent(statistics.share(turned).high)
+    return {"estimators": len(found.tuned), "pairs": len(pairs), "reversed": int(turned.sum()), "at_most": most}
+
+
+def claims() -> dict[str, dict[str, Any]]:
+    """Return of every claim of the paper how many specifications there are, and how many have each verdict."""
+    table = pd.read_csv(_of_readings("map.csv"), dtype={"claim": str})
+    return {row["claim"]: row for row in table.to_dict("records")}
+
+
+def in_letter(claim: str, scenario: str, **instead: str) -> Number:
+    """Return what a claim comes to in the reading nearest to the paper's letter.
+
+    Args:
+        claim: its number in the ledger.
+        scenario: one of its scenarios.
+        instead: other choices by dimension, with "_" for a space: `direction_error="one angle, wrapped"`.
+
+    """
+    path = _of_readings("readings.csv")
+    table = pd.read_csv(path, dtype={"claim": str})
+    dimensions = list(table)[list(table).index("preset") + 1 :]
+    table[dimensions] = table[dimensions].astype("object").fillna("")  # where a dimension does not bear on the claim
+    of_claim = table[(table["claim"] == claim) & (table["scenario"] == scenario) & (table["definition"] == "change")]
+    letter = of_claim[of_claim["letter"].astype(bool)]
+    if letter.empty:
+        raise BadInput(f"{path}: claim {claim} has no {scenario!r} in the reading nearest to the letter")
+    wanted = {**letter.iloc[0][dimensions], **{name.replace("_", " "): choice for name, choice in instead.items()}}
+    found = of_claim[(of_claim[dimensions] == pd.Series(wanted)).all(axis=1)]
+    if found.empty:
+        raise BadInput(f"{path}: claim {claim} in {scenario!r} was not run with {instead}")
+    return Number(*found.iloc[0][["value", "low", "high"]].astype(float))
+
+
+def speed(what: str, decimals: int | None = None) -> str:
+    """Return of a line of reports/speed.md its median and range, or its median alone with so many decimals."""
+    for line in (REPORTS / "speed.md").read_text(encoding="utf-8").splitlines():
+        if line.startswith(f"| {what} | "):
+            median, spread = line.removeprefix(f"| {what} | ").split(" | ")[:2]
+            return f"{median} ({spread})" if decimals is None else f"{float(median):.{decimals}f}"
+    raise BadInput(f"reports/speed.md has no line {what!r}; make bench writes it")
+
+
+def measured_on() -> str:
+    """Return the processor of reports/speed.md, and the versions of what computes."""
+    for line in (REPORTS / "speed.md").read_text(encoding="utf-8").splitlines():
+        if " rounds; " in line:
+            processor, versions, *_ = line.split("; ")
+            return f"{processor}; {versions}"
+    raise BadInput("reports/speed.md does not say where it was measured; make bench writes it")
+
+
+def _of_readings(name: str) -> Path:
+    path = REPORTS / "readings" / name
+    if not path.exists():
+        raise BadInput(f"{path} is not there; python reports/page.py readings RUNS reports/readings/README.md makes it")
+    return path
