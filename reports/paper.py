@@ -15,7 +15,7 @@ from cooploc.analysis.claims import verdicts
 from cooploc.analysis.claims.ledger import BASE, load
 from cooploc.analysis.execution.stored_run import read
 from cooploc.analysis.metrics.crlb import floors
-from cooploc.analysis.metrics.pooling import stream_hash
+from cooploc.analysis.metrics.errors import stream_hash
 from cooploc.analysis.plot import style
 from cooploc.analysis.report import claim_tables
 

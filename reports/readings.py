@@ -9,9 +9,9 @@ from matplotlib.backends.backend_pdf import PdfPages
 
 import cooploc as cl
 from cooploc.analysis.claims import multiverse
-from cooploc.analysis.claims.claim import claimed
+from cooploc.analysis.claims.interpretations import Dimensions, design
+from cooploc.analysis.claims.kinds import claimed_size
 from cooploc.analysis.claims.ledger import load
-from cooploc.analysis.claims.readings import Dimensions, design
 from cooploc.analysis.claims.verdicts import DECIDED
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.plot import style
@@ -61,7 +61,8 @@ def stored_readings() -> pd.DataFrame:
     words = ["than", "definition", *load().dimensions]
     table[words] = table[words].astype("object").fillna("")
     sizes = [
-        claimed(claims[one], definition) for one, definition in zip(table["claim"], table["definition"], strict=True)
+        claimed_size(claims[one], definition)
+        for one, definition in zip(table["claim"], table["definition"], strict=True)
     ]
     says, kind = ([getattr(claims[one], name) for one in table["claim"]] for name in ("says", "kind"))
     return table.assign(says=says, kind=kind, size=sizes)

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 import cooploc as cl
-from cooploc.analysis.claims import at_looks
+from cooploc.analysis.claims import verdicts
 from cooploc.analysis.claims.ledger import load
 from cooploc.analysis.claims.verdicts import DECIDED, judge
 from cooploc.analysis.execution.stored_run import read
@@ -18,7 +18,7 @@ from cooploc.analysis.formats import change as signed
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.compare import summarize
 from cooploc.analysis.metrics.consistency import consistency
-from cooploc.analysis.metrics.pooling import trial_means
+from cooploc.analysis.metrics.errors import trial_means
 from cooploc.estimators import nearest
 from cooploc.estimators.plugins.errors import BadInput
 
@@ -180,7 +180,7 @@ def decided_by_more_trials(run: str | Path) -> dict[str, int | str]:
     stored, ledger = read(Path(run)), load()
     rows, decisions = stored.rows, stored.decisions or {}
     asked = [n for cell in stored.manifest["cells"].values() for n in cell["estimators"].values()]
-    lasting = at_looks.lasting(ledger, at_looks.judge_at_looks(ledger, rows, stored.looks))
+    lasting = verdicts.lasting(ledger, verdicts.judge_at_looks(ledger, rows, stored.looks))
     usual, all_ = (judge(ledger, rows[rows["trial"] < n])["verdict"].reindex(lasting.index) for n in (USUAL, 10**9))
     settled = lasting["verdict"].isin(DECIDED)
     late = (usual == "undecided") & ~(settled & (lasting["look"] < USUAL))  # not settled before
