@@ -11,8 +11,7 @@ Perspectives on Psychological Science 11(5), 2016; D. Cohen et al., "The AETG sy
 combinatorial design", IEEE Trans. Software Engineering 23(7), 1997 (the greedy covering array).
 """
 
-from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from functools import cache
 from itertools import combinations, product
@@ -61,44 +60,47 @@ class Dimension(BaseModel):
 
 
 Dimensions = Mapping[str, Dimension]
-Reading = dict[str, str]  # dimension -> choice
+Interpretation = dict[str, str]  # dimension -> choice
 Row = dict[int, int]  # the same by their numbers
 Pair = tuple[tuple[int, int], tuple[int, int]]  # two choices: number of the dimension, number of the choice in it
 Off = list[list[list[int]]]  # dimension, choice -> dimensions that it settles
 
 
-def preset(dimensions: Dimensions) -> Reading:
-    """The first choice everywhere."""
+# ---- the design
+
+
+def preset(dimensions: Dimensions) -> Interpretation:
+    """Return the first choice everywhere."""
     return {name: next(iter(one.choices)) for name, one in dimensions.items()}
 
 
-def letter(dimensions: Dimensions) -> Reading:
-    """The choice nearest to the paper's letter everywhere."""
+def letter(dimensions: Dimensions) -> Interpretation:
+    """Return the choice nearest to the paper's letter everywhere."""
     return canonical({name: one.letter for name, one in dimensions.items()}, dimensions)
 
 
-def settled(reading: Reading, dimensions: Dimensions) -> set[str]:
-    """The dimensions that make no difference because of what is chosen in others."""
+def settled_by(reading: Interpretation, dimensions: Dimensions) -> set[str]:
+    """Return the dimensions that make no difference because of what is chosen in others."""
     return {name for dimension, choice in reading.items() for name in dimensions[dimension].choices[choice].settles}
 
 
-def canonical(reading: Reading, dimensions: Dimensions) -> Reading:
-    """The reading with the preset's choice wherever the choice makes no difference."""
-    without = settled(reading, dimensions)
+def canonical(reading: Interpretation, dimensions: Dimensions) -> Interpretation:
+    """Return the reading with the preset's choice wherever the choice makes no difference."""
+    without = settled_by(reading, dimensions)
     first = preset(dimensions)
     return {name: first[name] if name in without else choice for name, choice in reading.items()}
 
 
-def design(dimensions: Dimensions, seed: int = 0) -> list[Reading]:
-    """The readings that are run, each once: preset, letter, main effects around both, and a covering array."""
+def design(dimensions: Dimensions, seed: int = 0) -> list[Interpretation]:
+    """Return the readings that are run, each once: preset, letter, main effects around both, and a covering array."""
     ends = [preset(dimensions), letter(dimensions)]
     effects = [{**end, name: choice} for end in ends for name, one in dimensions.items() for choice in one.choices]
     rows = [canonical(row, dimensions) for row in (*ends, *effects, *covering(dimensions, seed))]
     return [dict(row) for row in dict.fromkeys(tuple(reading.items()) for reading in rows)]
 
 
-def covering(dimensions: Dimensions, seed: int = 0) -> list[Reading]:
-    """Readings in which every possible pair of choices stands at least once; greedy, the same for a seed.
+def covering(dimensions: Dimensions, seed: int = 0) -> list[Interpretation]:
+    """Return readings in which every possible pair of choices stands at least once; greedy, the same for a seed.
 
     A pair is impossible where one of the two choices settles the other's dimension.
     """
@@ -112,19 +114,36 @@ def covering(dimensions: Dimensions, seed: int = 0) -> list[Reading]:
         for x, y in product(range(len(levels[a])), range(len(levels[b])))
         if b not in off[a][x] and a not in off[b][y]
     }
-    rows: list[Reading] = []
+    rows: list[Interpretation] = []
     while open_pairs:
         first = min(open_pairs)
         presets = dict(enumerate([0] * len(names))) | dict(first)  # these settle nothing, so that the search ends
-        tries = [presets, *(_filled(dict(first), levels, off, open_pairs, rng) for _ in range(CANDIDATES))]
+        tries = [presets, *(_fill_row(dict(first), levels, off, open_pairs, rng) for _ in range(CANDIDATES))]
         best = max(tries, key=lambda row: (first in _pairs(row, off), len(open_pairs & _pairs(row, off))))
         open_pairs -= _pairs(best, off)
         rows.append({name: each[best[k]] for k, (name, each) in enumerate(zip(names, levels, strict=True))})
     return rows
 
 
-def estimator(label: str, reading: Reading, dimensions: Dimensions) -> str:
-    """The label of an estimator as a reading wants it; parameters that it lacks, or has already, are left out.
+def _fill_row(row: Row, levels: list[list[str]], off: Off, open_pairs: set[Pair], rng: np.random.Generator) -> Row:
+    """Return the row with a choice in every dimension, each the one that covers most open pairs with those before."""
+    for k in rng.permutation([k for k in range(len(levels)) if k not in row]).tolist():
+        tries = [{**row, k: x} for x in rng.permutation(len(levels[k])).tolist()]
+        row = max(tries, key=lambda row: len(open_pairs & _pairs(row, off)))
+    return row
+
+
+def _pairs(row: Row, off: Off) -> set[Pair]:
+    """Return the pairs of choices that stand in a row, without dimensions that others settle."""
+    without = {name for k, x in row.items() for name in off[k][x]}
+    return set(combinations(sorted((k, x) for k, x in row.items() if k not in without), 2))
+
+
+# ---- labels under a reading
+
+
+def estimator(label: str, reading: Interpretation, dimensions: Dimensions) -> str:
+    """Return the label of an estimator under a reading; parameters that it lacks, or has already, are left out.
 
     Raises:
         BadInput: there is no such estimator, or the value does not fit.
@@ -133,26 +152,25 @@ def estimator(label: str, reading: Reading, dimensions: Dimensions) -> str:
     name, options = parse(label)
     written = {RENAMED.get(key, key): value for key, value in options.items()}
     wanted = _parameters(reading, dimensions, name, "estimators")
-    changed = {key: value for key, value in wanted if key not in written and changes(label, key, value)}
+    changed = {key: value for key, value in wanted if key not in written and _changes(label, key, value)}
     return _label(name, {**changed, **written}) if changed else label
 
 
-def scenario(label: str, reading: Reading, dimensions: Dimensions) -> str:
-    """The label of a scenario as a reading wants it; what the label says already stays."""
+def scenario(label: str, reading: Interpretation, dimensions: Dimensions) -> str:
+    """Return the label of a scenario under a reading; what the label says already stays."""
     path, written = parse(label)
-    wanted = dict(_parameters(reading, dimensions, path.partition("/")[0], "scenarios"))
+    wanted = dict(_parameters(reading, dimensions, _family(label), "scenarios"))
     return _label(path, {**wanted, **written})
 
 
 @cache
-def changes(label: str, key: str, value: str) -> bool:
-    """Whether an estimator has a parameter, and another value of it."""
+def _changes(label: str, key: str, value: str) -> bool:
+    """Return whether an estimator has a parameter, and another value of it."""
     before = make(label)
-    return key in parameters(before) and bool(make(label, **{key: value}) != before)
+    return key in _parameter_names(before) and bool(make(label, **{key: value}) != before)
 
 
-def parameters(estimator: Any) -> list[str]:
-    """The names of an estimator's parameters."""
+def _parameter_names(estimator: Any) -> list[str]:
     return [each.name for each in fields(estimator) if each.init] if is_dataclass(estimator) else []
 
 
@@ -160,36 +178,26 @@ def _label(path: str, options: Mapping[str, str]) -> str:
     return path + (f"[{','.join(f'{key}={options[key]}' for key in sorted(options))}]" if options else "")
 
 
-def _parameters(reading: Reading, dimensions: Dimensions, name: str, of: str) -> Iterator[tuple[str, str]]:
+def _parameters(reading: Interpretation, dimensions: Dimensions, name: str, of: str) -> Iterator[tuple[str, str]]:
     for dimension, choice in reading.items():
-        if concerns(dimensions[dimension], name):
+        if _concerns(dimensions[dimension], name):
             yield from getattr(dimensions[dimension].choices[choice], of).items()
 
 
-def concerns(dimension: Dimension, name: str) -> bool:
-    """Whether a dimension is about an estimator, or about a family of scenarios."""
+def _concerns(dimension: Dimension, name: str) -> bool:
+    """Return whether a dimension is about an estimator, or about a family of scenarios."""
     return not dimension.only or name in dimension.only
 
 
-def _filled(row: Row, levels: list[list[str]], off: Off, open_pairs: set[Pair], rng: np.random.Generator) -> Row:
-    """The row with a choice in every dimension, each the one that covers most open pairs with those before it."""
-    for k in rng.permutation([k for k in range(len(levels)) if k not in row]).tolist():
-        tries = [{**row, k: x} for x in rng.permutation(len(levels[k])).tolist()]
-        row = max(tries, key=lambda row: len(open_pairs & _pairs(row, off)))
-    return row
+def _family(label: str) -> str:
+    return parse(label)[0].partition("/")[0]
 
 
-def _pairs(row: Row, off: Off) -> set[Pair]:
-    """The pairs of choices that stand in a row, without dimensions that others settle."""
-    without = {name for k, x in row.items() for name in off[k][x]}
-    return set(combinations(sorted((k, x) for k, x in row.items() if k not in without), 2))
+# ---- what is wrong with the dimensions of a ledger
 
 
-# What is wrong with the dimensions of a ledger, found before anything is judged by them.
-
-
-def refusal(dimensions: Dimensions, claims: Sequence[Claim]) -> str:
-    """The first thing that is wrong, with its place; empty where all is well.
+def find_error(dimensions: Dimensions, claims: Sequence[Claim]) -> str:
+    """Return the first thing that is wrong with the dimensions of a ledger, with its place; empty where all is well.
 
     Args:
         dimensions: of the ledger.
@@ -198,81 +206,62 @@ def refusal(dimensions: Dimensions, claims: Sequence[Claim]) -> str:
     """
     estimators = list(dict.fromkeys(name for claim in claims for name in (*claim.of, *claim.than)))
     scenarios = list(dict.fromkeys(label for claim in claims for label in claim.scenarios))
-    for name, dimension in dimensions.items():
-        found = [*_settles(name, dimension, dimensions), *_about(dimension, estimators, scenarios)]
-        found += [
-            f"choice {choice!r}: {why}"
-            for choice, one in dimension.choices.items()
-            for why in (*_estimators(dimension, one, estimators), *_scenarios(dimension, one, scenarios))
-        ]
-        if found:
-            return f"dimension {name!r}: {found[0]}"
-    return _set_twice(dimensions)
-
-
-def _settles(name: str, dimension: Dimension, dimensions: Dimensions) -> Iterator[str]:
-    for choice, one in dimension.choices.items():
-        for other in one.settles:
-            if other == name:
-                yield f"choice {choice!r}: it cannot settle its own dimension: leave it out of settles"
-            elif other not in dimensions:
-                yield f"choice {choice!r}: it settles {other!r}, not a dimension; {nearest(other, list(dimensions))}"
-
-
-def _about(dimension: Dimension, estimators: Sequence[str], scenarios: Sequence[str]) -> Iterator[str]:
     known = list(dict.fromkeys([*(parse(e)[0] for e in estimators), *(_family(s) for s in scenarios)]))
-    for name in dimension.only:
-        if name not in known:
-            yield f"only: the claims name no estimator or family of scenarios {name!r}; {nearest(name, known)}"
-
-
-def _estimators(dimension: Dimension, choice: Choice, labels: Sequence[str]) -> Iterator[str]:
-    """Parameters that no estimator has, and values that do not fit."""
-    about = [label for label in labels if concerns(dimension, parse(label)[0]) and _made(label) is not None]
-    known = {key for label in about for key in parameters(_made(label))}
-    for key, value in choice.estimators.items():
-        if about and key not in known:
-            yield f"no estimator that it is about has a parameter {key!r}; {nearest(key, sorted(known))}"
-        for label in about:
-            if key in parameters(_made(label)):
-                yield from _refused(make, label, key, value)
-
-
-def _scenarios(dimension: Dimension, choice: Choice, labels: Sequence[str]) -> Iterator[str]:
-    """Parameters that a scenario does not have, and values that do not fit."""
-    for label in labels if choice.scenarios else ():
-        before, brace, rest = label.partition("{")
-        one = before + rest.partition("..")[0] + rest.partition("}")[2] if brace else label
-        if concerns(dimension, _family(label)) and not [*_refused(resolve, one)]:
-            for key, value in choice.scenarios.items():
-                if key not in parse(label)[1]:
-                    yield from _refused(resolve, one, key, value)
-
-
-def _refused(what: Any, label: str, key: str = "", value: str = "") -> Iterator[str]:
-    try:
-        what(label, **({key: value} if key else {}))
-    except BadInput as e:
-        yield str(e)
-
-
-def _made(label: str) -> Any:
-    """An estimator; None where it is not installed, as of a plug-in on another machine."""
-    return None if [*_refused(make, label)] else make(label)
-
-
-def _set_twice(dimensions: Dimensions) -> str:
-    """A parameter must not be set by two dimensions, for one of them would win unseen."""
-    for kind in ("estimators", "scenarios"):
-        keys = {name: {k for c in one.choices.values() for k in getattr(c, kind)} for name, one in dimensions.items()}
-        for key, count in Counter(key for each in keys.values() for key in each).items():
-            both = [name for name in keys if key in keys[name]]
-            only = [dimensions[name].only for name in both]
-            apart = all(only) and len({name for each in only for name in each}) == sum(map(len, only))
-            if count > 1 and not apart:
-                return f"dimensions {' and '.join(map(repr, both))} both set {key!r} of {kind}: leave it to one of them"
+    for name, dimension in dimensions.items():
+        for missing in [one for one in dimension.only if one not in known]:
+            return (
+                f"dimension {name!r}: only: the claims name no estimator or family of scenarios {missing!r}; "
+                f"{nearest(missing, known)}"
+            )
+        for choice, one in dimension.choices.items():
+            for why in (
+                *_settling_errors(name, one, dimensions),
+                *_estimator_errors(dimension, one, estimators),
+                *_scenario_errors(dimension, one, scenarios),
+            ):
+                return f"dimension {name!r}: choice {choice!r}: {why}"
+    for (a, left), (b, right) in combinations(dimensions.items(), 2):
+        apart = left.only and right.only and not set(left.only) & set(right.only)
+        for kind in () if apart else ("estimators", "scenarios"):
+            first, second = ({key for c in d.choices.values() for key in getattr(c, kind)} for d in (left, right))
+            for key in sorted(first & second):  # one of the two would win unseen
+                return f"dimensions {a!r} and {b!r} both set {key!r} of {kind}: leave it to one of them"
     return ""
 
 
-def _family(label: str) -> str:
-    return parse(label)[0].partition("/")[0]
+def _settling_errors(name: str, choice: Choice, dimensions: Dimensions) -> Iterator[str]:
+    for other in choice.settles:
+        if other == name:
+            yield "it cannot settle its own dimension: leave it out of settles"
+        elif other not in dimensions:
+            yield f"it settles {other!r}, not a dimension; {nearest(other, list(dimensions))}"
+
+
+def _estimator_errors(dimension: Dimension, choice: Choice, labels: Sequence[str]) -> Iterator[str]:
+    """Yield parameters that no estimator has, and values that do not fit."""
+    about = [label for label in labels if _concerns(dimension, parse(label)[0]) and not _refusal(make, label)]
+    names = {label: _parameter_names(make(label)) for label in about}  # without plug-ins of another machine
+    known = sorted({key for each in names.values() for key in each})
+    for key, value in choice.estimators.items():
+        if about and key not in known:
+            yield f"no estimator that it is about has a parameter {key!r}; {nearest(key, known)}"
+        yield from filter(None, (_refusal(make, label, **{key: value}) for label in about if key in names[label]))
+
+
+def _scenario_errors(dimension: Dimension, choice: Choice, labels: Sequence[str]) -> Iterator[str]:
+    """Yield parameters that a scenario does not have, and values that do not fit."""
+    for label in labels if choice.scenarios else ():
+        before, brace, rest = label.partition("{")
+        one = before + rest.partition("..")[0] + rest.partition("}")[2] if brace else label
+        if _concerns(dimension, _family(label)) and not _refusal(resolve, one):
+            wanted = {key: value for key, value in choice.scenarios.items() if key not in parse(label)[1]}
+            yield from filter(None, (_refusal(resolve, one, **{key: value}) for key, value in wanted.items()))
+
+
+def _refusal(build: Callable[..., Any], label: str, **options: str) -> str:
+    """Return why a label cannot be built; empty where it can."""
+    try:
+        build(label, **options)
+    except BadInput as e:
+        return str(e)
+    return ""

@@ -1,4 +1,16 @@
-"""One claim of a paper, as a ledger states it, and the questions that it comes down to."""
+"""The kinds of claims: the keys that each takes in a ledger, how a case of it is judged, and its words.
+
+A claim comes down to one number with an interval over trials. Its verdict is the first whose zone of numbers holds the
+whole interval, both ends included; without one it is undecided. Its p is that of the nearer end of its zone, by the
+test that the interval inverts: at most 0.05 where it is decided. The p of an undecided case is that of the zone which
+holds its number.
+
+A change is relative, b/a - 1: negative where the error, or the time, is smaller. Trials of two scenarios are paired by
+their number: pairs are independent of each other whether or not the two of a pair are correlated (scenarios of one seed
+share some of their random numbers), so this is right in either case.
+
+To add a kind, write a function from a case to its `Finding` and list it in `KINDS`.
+"""
 
 from collections.abc import Callable, Sequence
 from collections.abc import Set as AbstractSet
@@ -11,18 +23,23 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 from scipy import stats
 
 from cooploc.analysis.claims.trial_table import Key, Missing, TrialTable
-from cooploc.analysis.metrics import sequential, statistics
+from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.consistency import LEAST_COVERAGE, OVER_CONFIDENT
-from cooploc.analysis.metrics.sequential import FIXED, Stopping
+from cooploc.analysis.metrics.sequential import FIXED, Stopping, trials_to_exclude
 from cooploc.analysis.metrics.statistics import Interval
 from cooploc.estimators.interface import Array
 
 Labels = Annotated[tuple[str, ...], BeforeValidator(lambda given: (given,) if isinstance(given, str) else given)]
 STRICT = ConfigDict(frozen=True, extra="forbid")
+Zones = tuple[tuple[str, float, float], ...]  # verdict, from, to
+PValue = Callable[[float], float]  # two-sided p against a true value
+FALLS: Zones = (("contradicted", 0.0, np.inf), ("supported", -np.inf, 0.0))  # no difference at all contradicts
+GROWS: Zones = (("contradicted", -np.inf, 0.0), ("supported", 0.0, np.inf))
+ALPHA = (1 - statistics.LEVEL) / 2  # one-sided, as an end of the interval
 
 
 class Claim(BaseModel):
-    """One claim; `kinds.KINDS` says which keys its kind takes."""
+    """One claim of a paper, as a ledger states it; `KINDS` says which keys its kind takes."""
 
     model_config = STRICT
 
@@ -35,7 +52,7 @@ class Claim(BaseModel):
     than: Labels = ()  # estimators they are compared with
     scenarios: Labels = ()
     size: float | None = None  # of a change: -0.66 is 66 % less, 0.5 is 50 % more; of a level [m]; of a slope
-    margin: Annotated[float, Field(gt=0)] = 0.05  # the size is met up to this; what is the same lies within it
+    margin: Annotated[float, Field(gt=0)] = 0.05  # the size is met up to this; equal numbers lie within it
     # how a size of -0.66 can be read: as the change b/a - 1, or as the ratio a/b - 1; it is judged by the first
     definitions: Annotated[tuple[Literal["change", "ratio"], ...], Field(min_length=1)] = ("change", "ratio")
     open: tuple[str, ...] = ()  # conditions that the paper leaves open
@@ -51,32 +68,6 @@ class Case(NamedTuple):
     definition: str = ""  # of the size: change or ratio
 
 
-def claimed_size(claim: Claim, definition: str) -> float:
-    """The size of a claim; one that is a ratio, such as "66 % better" for a/b = 1.66, as the change b/a - 1."""
-    size = np.nan if claim.size is None else claim.size
-    return as_change(size) if definition == "ratio" else size
-
-
-def as_change(ratio: float) -> float:
-    """A change by `ratio` that is meant as the ratio a/b - 1, with its sign turned round, as b/a - 1."""
-    return 1 / (1 - ratio) - 1
-
-
-# From an interval to a verdict: zones of numbers, and how many more trials would decide.
-#
-# The verdict is the first whose zone holds the whole interval, both ends included; without one it is undecided. Its p
-# is
-# that of the nearer end of its zone, by the test that the interval inverts: at most 0.05 where it is decided. The p
-# of an
-# undecided case is that of the zone which holds its number.
-
-Zones = tuple[tuple[str, float, float], ...]  # verdict, from, to
-PValue = Callable[[float], float]  # two-sided p against a true value
-FALLS: Zones = (("contradicted", 0.0, np.inf), ("supported", -np.inf, 0.0))  # no difference at all contradicts
-GROWS: Zones = (("contradicted", -np.inf, 0.0), ("supported", 0.0, np.inf))
-ALPHA = (1 - statistics.LEVEL) / 2  # one-sided, as an end of the interval
-
-
 class Finding(NamedTuple):
     """A case's number and verdict."""
 
@@ -89,30 +80,33 @@ class Finding(NamedTuple):
     than: str = ""
 
 
-def zones_of_size(size: float, least: float) -> Zones:
-    """The zones of a claimed change: supported up to `least`, direction only between nothing and `size`."""
-    if size > 0:
-        return ("contradicted", -np.inf, 0.0), ("supported", least, np.inf), ("direction only", 0.0, size)
-    return ("contradicted", 0.0, np.inf), ("supported", -np.inf, least), ("direction only", size, 0.0)
-
-
-def or_flat(zones: Zones, limit: float) -> Zones:
-    """These zones, but flat within a limit to either side of 0, whether or not the number differs from 0."""
-    return ("flat", -limit, limit), *zones
+# ---- from an interval to a verdict
 
 
 def at_most(limit: float) -> Zones:
-    """The zones of a number that is claimed not to be above a limit."""
+    """Return the zones of a number that is claimed not to be above a limit."""
     return ("supported", -np.inf, limit), ("contradicted", limit, np.inf)
 
 
-def at_least(limit: float) -> Zones:
-    """The zones of a number that is claimed not to be below a limit."""
-    return ("supported", limit, np.inf), ("contradicted", -np.inf, limit)
+def decide(interval: Interval, n: int, zones: Zones, test: PValue) -> Finding:
+    """Return the verdict on an interval over n trials, with its p by the test that the interval inverts."""
+    for verdict, low, high in zones:
+        if low <= interval.low and interval.high <= high:
+            return Finding(interval, n, verdict, np.nan, _p_of_zone(low, high, test))
+    value = interval.value
+    around = [(low, high) for _, low, high in zones if low <= value <= high]
+    needed = [trials_to_exclude(interval, n, min(value - low, high - value)) for low, high in around]
+    p = np.nan if np.isnan(interval.low) else min(_p_of_zone(low, high, test) for low, high in around)
+    return Finding(interval, n, "undecided", min((v for v in needed if np.isfinite(v)), default=np.nan), p)
+
+
+def _p_of_zone(low: float, high: float, test: PValue) -> float:
+    """Return p of a zone that holds the number: both of its ends must be excluded (Berger 1982)."""
+    return max((test(end) for end in (low, high) if np.isfinite(end)), default=0.0)
 
 
 def decide_both(first: Finding, second: Finding) -> Finding:
-    """Supported where both are; contradicted where one is, after Holm over the two. The number is the first's."""
+    """Return supported where both are; contradicted where one is, after Holm over both. The number is the first's."""
     against = np.array([f.p if f.verdict == "contradicted" else np.nan for f in (first, second)])
     refuted = float(np.fmin.reduce(2 * against))
     if refuted <= 1 - statistics.LEVEL:
@@ -123,27 +117,10 @@ def decide_both(first: Finding, second: Finding) -> Finding:
     return first._replace(verdict="undecided", p=float(np.fmin(for_both, refuted)))
 
 
-def decide(interval: Interval, n: int, zones: Zones, test: PValue) -> Finding:
-    """The verdict on an interval over n trials, and its p by the test that the interval inverts."""
-    for verdict, low, high in zones:
-        if low <= interval.low and interval.high <= high:
-            return Finding(interval, n, verdict, np.nan, _p_of_zone(low, high, test))
-    value = interval.value
-    around = [(low, high) for _, low, high in zones if low <= value <= high]
-    needed = [sequential.trials_to_exclude(interval, n, min(value - low, high - value)) for low, high in around]
-    p = np.nan if np.isnan(interval.low) else min(_p_of_zone(low, high, test) for low, high in around)
-    return Finding(interval, n, "undecided", min((v for v in needed if np.isfinite(v)), default=np.nan), p)
-
-
-def _p_of_zone(low: float, high: float, test: PValue) -> float:
-    """Of a zone that holds the number: both of its ends must be excluded (Berger 1982)."""
-    return max((test(end) for end in (low, high) if np.isfinite(end)), default=0.0)
-
-
 def decide_all(
     pairs: list[Array], labels: list[tuple[str, str]], zones: Zones, p: list[float], stopping: Stopping = FIXED
 ) -> Finding:
-    """The verdict on several changes at once: supported where each is; contradicted where one is, after Holm over all.
+    """Return the verdict on several changes: supported where each is; contradicted where one is, after Holm over all.
 
     Args:
         pairs: squared errors (trial, 2) of each case, before and after.
@@ -162,64 +139,69 @@ def decide_all(
     refuted = bool((adjusted < ALPHA).any())
     worst = int(np.nanargmin(adjusted)) if refuted else int(np.argmin(np.nan_to_num(room, nan=-np.inf)))
     scenario, than = labels[worst]
-    needed = np.nan
-    for_all, against = _p_of_all(found, low, high), float(np.minimum(1.0, 2 * np.fmin.reduce(adjusted)))
+    needed, outside = np.nan, [f for f in found if not low <= f.interval.value <= high]
+    for_all = float(np.max([1.0 if f in outside else f.p for f in found]))  # nan without an interval
+    against = float(np.minimum(1.0, 2 * np.fmin.reduce(adjusted)))
     if all(f.verdict == "supported" for f in found):
         verdict, chance = "supported", for_all
     elif refuted:
         verdict, chance = "contradicted", against
-    else:
-        verdict, chance, needed = "undecided", float(np.fmin(for_all, against)), _needed(found, low, high)
+    else:  # trials until one case is decided against the claim, or all are for it
+        verdict, chance = "undecided", float(np.fmin(for_all, against))
+        each = np.array([f.needed if f.verdict == "undecided" else f.trials for f in outside or found], float)
+        needed = float(np.fmin.reduce(each)) if outside else float(each.max())
     return found[worst]._replace(verdict=verdict, needed=needed, p=chance, scenario=scenario, than=than)
 
 
-def _p_of_all(found: list[Finding], low: float, high: float) -> float:
-    """That every case is in the zone: the largest p; 1 where the number of one is outside; nan without an interval."""
-    return float(np.max([f.p if low <= f.interval.value <= high else 1.0 for f in found]))
+# ---- how a case of each kind is judged
 
 
-def _needed(found: list[Finding], low: float, high: float) -> float:
-    """Trials until one case is decided against the claim, or all are for it."""
-    outside = [f for f in found if not low <= f.interval.value <= high]
-    needed = np.array([f.needed if f.verdict == "undecided" else f.trials for f in outside or found], float)
-    if not outside:
-        return float(needed.max())
-    return float(np.nanmin(needed)) if np.isfinite(needed).any() else np.nan
+def claimed_size(claim: Claim, definition: str) -> float:
+    """Return the size of a claim; one that is a ratio, such as "66 % better" for a/b = 1.66, as the change b/a - 1."""
+    size = np.nan if claim.size is None else claim.size
+    return _as_change(size) if definition == "ratio" else size
 
 
-# How a case of each kind of claim is judged: functions from a case to its `Finding`; `kinds.KINDS` lists them.
-#
-# A change is relative, b/a - 1: negative where the error, or the time, is smaller. Trials of two scenarios are paired
-# by
-# their number: pairs are independent of each other whether or not the two of a pair are correlated (scenarios of one
-# seed
-# share some of their random numbers), so this is right in either case.
+def _as_change(ratio: float) -> float:
+    """Return a change by `ratio` that is meant as the ratio a/b - 1, with its sign turned round, as b/a - 1."""
+    return 1 / (1 - ratio) - 1
 
 
-def judge_change(case: Case, claim: Claim, table: TrialTable) -> Finding:
-    """By how much the RMSE of `of` differs from that of `than` in a scenario (Fieller).
+def _zones_of_size(case: Case, claim: Claim) -> Zones:
+    """Return the zones of a claimed change: supported beyond its margin, direction only between nothing and its size.
 
     Of a size below 0: supported below size + margin; direction only between size and 0; contradicted above 0. Of a size
     above 0 the mirror image. Without a size: supported below 0; contradicted above.
     """
+    if claim.size is None:
+        return FALLS
+    least = claim.size - float(np.copysign(claim.margin, claim.size))
+    size, least = claimed_size(claim, case.definition), _as_change(least) if case.definition == "ratio" else least
+    if size > 0:
+        return ("contradicted", -np.inf, 0.0), ("supported", least, np.inf), ("direction only", 0.0, size)
+    return ("contradicted", 0.0, np.inf), ("supported", -np.inf, least), ("direction only", size, 0.0)
+
+
+def judge_change(case: Case, claim: Claim, table: TrialTable) -> Finding:
+    """Judge by how much the RMSE of `of` differs from that of `than` in a scenario."""
     (scenario,), (than,) = case.scenarios, case.than
-    return _judge_pair(table, (scenario, than), (scenario, case.of), zones_of_claim(case, claim))
+    return _judge_pair(table, (scenario, than), (scenario, case.of), _zones_of_size(case, claim))
 
 
 def judge_trend(case: Case, claim: Claim, table: TrialTable) -> Finding:
-    """By how much the RMSE of `of` changes from the first scenario to each later one; zones as of a change."""
+    """Judge by how much the RMSE of `of` changes from the first scenario to a later one."""
     first, later = case.scenarios
-    return _judge_pair(table, (first, case.of), (later, case.of), zones_of_claim(case, claim))
+    return _judge_pair(table, (first, case.of), (later, case.of), _zones_of_size(case, claim))
 
 
 def _judge_pair(table: TrialTable, before: Key, after: Key, zones: Zones) -> Finding:
-    """The change of RMSE from one (scenario, estimator) to another."""
+    """Judge the change of RMSE from one (scenario, estimator) to another."""
     a, b = table.mse(before, after).T
     return decide(table.stopping.change(a, b), len(a), zones, partial(table.stopping.p_of_change, a, b))
 
 
 def judge_all(case: Case, claim: Claim, table: TrialTable) -> Finding:
-    """`of` is better than every `than` in every scenario. The number is the weakest case.
+    """Judge whether `of` is better than every `than` in every scenario. The number is the weakest case.
 
     Supported where every change is below 0, an intersection-union test that needs no adjustment (Berger 1982);
     contradicted where one of them is above 0 after Holm over all of them.
@@ -231,7 +213,7 @@ def judge_all(case: Case, claim: Claim, table: TrialTable) -> Finding:
 
 
 def judge_same(case: Case, claim: Claim, table: TrialTable) -> Finding:
-    """From the first scenario to every later one the RMSE changes by less than a factor 1 + margin.
+    """Judge whether from the first scenario to every later one the RMSE changes by less than a factor 1 + margin.
 
     Supported where all intervals lie within; contradicted where one lies outside after Holm. Each is compared with the
     first and not with the one before, for small steps may add up. The number is the largest change.
@@ -248,7 +230,7 @@ def judge_same(case: Case, claim: Claim, table: TrialTable) -> Finding:
 
 
 def judge_growth(case: Case, claim: Claim, table: TrialTable) -> Finding:
-    """By how much the RMSE grows per unit of what is swept, from the slope of its logarithm (jackknife).
+    """Judge by how much the RMSE grows per unit of what is swept, from the slope of its logarithm (jackknife).
 
     Flat where the change over the whole sweep lies within a factor 1 + margin (two one-sided tests, Schuirmann 1987),
     whether or not it differs from nothing; else supported above 0, contradicted below 0.
@@ -260,11 +242,11 @@ def judge_growth(case: Case, claim: Claim, table: TrialTable) -> Finding:
     away = x - x.mean()
     slope = table.stopping.log_contrast(values, away / (away**2).sum() / 2)
     limit = float(np.log1p(claim.margin) / np.ptp(x))
-    return _decide_log(slope, len(values), or_flat(GROWS, limit), table)
+    return _decide_log(slope, len(values), (("flat", -limit, limit), *GROWS), table)
 
 
 def judge_interaction(case: Case, claim: Claim, table: TrialTable) -> Finding:
-    """The error of `of` grows by a larger factor than that of `than`, from the first scenario to each later one.
+    """Judge whether the error of `of` grows by a larger factor than that of `than`, from the first scenario to a later.
 
     Jackknife on the ratio of ratios, minus 1: supported above 0; contradicted below 0.
     """
@@ -275,7 +257,7 @@ def judge_interaction(case: Case, claim: Claim, table: TrialTable) -> Finding:
 
 
 def judge_level(case: Case, claim: Claim, table: TrialTable) -> Finding:
-    """RMSE [m]: supported up to size; contradicted above."""
+    """Judge the RMSE [m]: supported up to size; contradicted above."""
     (scenario,) = case.scenarios
     values = table.mse((scenario, case.of))[:, 0]
     rmse = Interval(*(float(np.sqrt(end)) for end in table.stopping.mean_of_positive(values)))
@@ -283,7 +265,7 @@ def judge_level(case: Case, claim: Claim, table: TrialTable) -> Finding:
 
 
 def judge_time(case: Case, claim: Claim, table: TrialTable) -> Finding:
-    """Seconds per robot and tick, the mean over parts of the run: supported up to size; contradicted above."""
+    """Judge seconds per robot and tick, the mean over parts of the run: supported up to size; contradicted above."""
     (scenario,) = case.scenarios
     seconds = table.seconds((scenario, case.of))[:, 0]
     mean = table.stopping.mean_of_positive(seconds)
@@ -292,7 +274,7 @@ def judge_time(case: Case, claim: Claim, table: TrialTable) -> Finding:
 
 
 def judge_consistency(case: Case, claim: Claim, table: TrialTable) -> Finding:
-    """The covariance is not too small: ANEES is at most 1.5, and the 95 % ellipse holds the truth as often as then.
+    """Judge whether ANEES is at most 1.5, and the 95 % ellipse holds the truth as often as then.
 
     Supported where both intervals lie within; contradicted where one lies outside after Holm over the two. The number
     is the ANEES; where a few collapsed trials make its interval useless, coverage may decide.
@@ -304,12 +286,12 @@ def judge_consistency(case: Case, claim: Claim, table: TrialTable) -> Finding:
     test, mean = table.stopping.p_of_mean, table.stopping.mean_of_positive(values)
     anees = _decide_positive(mean, len(values), at_most(OVER_CONFIDENT), table)
     covered = table.stopping.mean(inside)
-    share = decide(covered, len(inside), at_least(LEAST_COVERAGE), partial(test, covered, len(inside)))
-    return decide_both(anees, share)
+    at_least: Zones = ("supported", LEAST_COVERAGE, np.inf), ("contradicted", -np.inf, LEAST_COVERAGE)
+    return decide_both(anees, decide(covered, len(inside), at_least, partial(test, covered, len(inside))))
 
 
 def judge_slope(case: Case, claim: Claim, table: TrialTable) -> Finding:
-    """Exponent of seconds per robot and tick over the number of robots, least squares over the scenarios.
+    """Judge the exponent of seconds per robot and tick over the number of robots, least squares over the scenarios.
 
     Supported up to size + margin; contradicted above. Trials are sizes of the team here.
     """
@@ -329,7 +311,7 @@ def judge_slope(case: Case, claim: Claim, table: TrialTable) -> Finding:
 
 
 def judge_cost(case: Case, claim: Claim, table: TrialTable) -> Finding:
-    """By how much the time of `of` differs from that of `than`; zones as of a change.
+    """Judge by how much the time of `of` differs from that of `than`; zones as of a change.
 
     Here a trial is not the unit but a part of the run, the trials whose time was taken together.
     """
@@ -337,64 +319,52 @@ def judge_cost(case: Case, claim: Claim, table: TrialTable) -> Finding:
     logs = np.log(table.seconds((scenario, case.of), (scenario, than)))
     interval = table.stopping.mean(logs[:, 0] - logs[:, 1])
     test = partial(table.stopping.p_of_mean, interval, len(logs))
-    found = decide(
-        _relative(interval), len(logs), zones_of_claim(case, claim), lambda value: test(float(np.log1p(value)))
-    )
+    zones = _zones_of_size(case, claim)
+    found = decide(_relative(interval), len(logs), zones, lambda value: test(float(np.log1p(value))))
     return found._replace(needed=found.needed * table.trials((scenario, case.of)) / len(logs))
 
 
 def _decide_log(logs: Interval, n: int, zones: Zones, table: TrialTable) -> Finding:
-    """The verdict on a difference of logarithms, which is then written as a relative change."""
+    """Return the verdict on a difference of logarithms, which is then written as a relative change."""
     found = decide(logs, n, zones, partial(table.stopping.p_of_mean, logs, n))
     return found._replace(interval=_relative(found.interval))
 
 
 def _decide_positive(interval: Interval, n: int, zones: Zones, table: TrialTable) -> Finding:
-    """The verdict on a positive number whose interval is symmetric in its logarithm."""
+    """Return the verdict on a positive number whose interval is symmetric in its logarithm."""
     logs = Interval(*np.log(interval))
     return decide(interval, n, zones, lambda value: table.stopping.p_of_mean(logs, n, float(np.log(value))))
 
 
 def _relative(logs: Interval) -> Interval:
-    """From a difference of logarithms to a relative change."""
+    """Return the relative change of a difference of logarithms."""
     return Interval(*(float(np.expm1(end)) for end in logs))
 
 
-def zones_of_claim(case: Case, claim: Claim) -> Zones:
-    """Return the zones of a claimed change."""
-    if claim.size is None:
-        return FALLS
-    least = claim.size - float(np.copysign(claim.margin, claim.size))
-    return zones_of_size(
-        claimed_size(claim, case.definition), as_change(least) if case.definition == "ratio" else least
-    )
-
-
-# The kinds of claims: which keys one takes in a ledger, and which cases it comes down to.
-#
-# To add a kind, write a function from a case to its `Finding` in `judges.py` and list it in `KINDS` (and its words in
-# `wording.WORDS`).
-
-Judge = Callable[[Case, Claim, TrialTable], Finding]
+# ---- the kinds
 
 
 class Kind(NamedTuple):
-    """How a kind of claim is written and judged."""
+    """A kind of claim: its judge, its keys in a ledger, and its words."""
 
-    judge: Judge | None  # None: it cannot be tested
+    judge: Callable[[Case, Claim, TrialTable], Finding] | None  # None: it cannot be tested
     scenarios: str  # of a case: "each" one, the first with each "later" one, or "all" (a range is possible)
     needs: AbstractSet[str]  # keys in the ledger
     may: AbstractSet[str] = frozenset()
+    grows: str = ""  # words for a number above 0; {} is its size without a sign
+    falls: str = ""  # words for one below; empty: the same
+    unit: str | None = None  # None: a relative change
+    over: str = "trials"  # what the number is a mean over
 
 
 def definitions(claim: Claim) -> Sequence[str]:
-    """How the size of a claim can be read, the one that it is judged by first; none without a size."""
+    """Return the ways to read the size of a claim, the one that it is judged by first; none without a size."""
     sized = "definitions" in KINDS[claim.kind].may and claim.size is not None
     return claim.definitions if sized else ("",)
 
 
 def cases(claim: Claim) -> list[Case]:
-    """The questions that a claim comes down to, each on its own, by the first definition of its size."""
+    """Return the questions that a claim comes down to, each on its own, by the first definition of its size."""
     one_by_one: Sequence[tuple[str, ...]] = [(name,) for name in claim.than] or [()]
     where: dict[str, Sequence[tuple[str, ...]]] = {
         "each": [(label,) for label in claim.scenarios],
@@ -409,18 +379,50 @@ def cases(claim: Claim) -> list[Case]:
 
 
 RELATIVE = ("change", "trend", "cost")  # kinds whose size is a relative change
+TIMED = ("time", "slope", "cost")  # kinds of claims about computing time
 _SIZED = {"size", "margin"}
+_PARTS = "parts of the run"
 KINDS = {
-    "change": Kind(judge_change, "each", {"of", "than", "scenarios"}, {*_SIZED, "definitions"}),
-    "trend": Kind(judge_trend, "later", {"of", "scenarios"}, {*_SIZED, "definitions"}),
-    "all": Kind(judge_all, "all", {"of", "than", "scenarios"}),
-    "same": Kind(judge_same, "all", {"of", "scenarios", "margin"}),
-    "growth": Kind(judge_growth, "all", {"of", "scenarios"}, {"margin"}),
-    "interaction": Kind(judge_interaction, "later", {"of", "than", "scenarios"}),
-    "level": Kind(judge_level, "each", {"of", "scenarios", "size"}),
-    "time": Kind(judge_time, "each", {"of", "scenarios", "size"}),
-    "consistency": Kind(judge_consistency, "each", {"of", "scenarios"}),
-    "slope": Kind(judge_slope, "all", {"of", "scenarios", "size"}, {"margin"}),
-    "cost": Kind(judge_cost, "each", {"of", "than", "scenarios"}, _SIZED),
+    "change": Kind(
+        judge_change, "each", {"of", "than", "scenarios"}, {*_SIZED, "definitions"},
+        "the RMSE of {of} is {} higher than that of {than}", "the RMSE of {of} is {} lower than that of {than}",
+    ),
+    "trend": Kind(
+        judge_trend, "later", {"of", "scenarios"}, {*_SIZED, "definitions"},
+        "the RMSE of {of} grows by {}", "the RMSE of {of} falls by {}",
+    ),
+    "all": Kind(
+        judge_all, "all", {"of", "than", "scenarios"}, set(),
+        "the worst case: the RMSE of {of} is {} higher than that of {than}",
+        "the narrowest case: the RMSE of {of} is {} lower than that of {than}",
+    ),
+    "same": Kind(
+        judge_same, "all", {"of", "scenarios", "margin"}, set(),
+        "the largest change: the RMSE of {of} grows by {}", "the largest change: the RMSE of {of} falls by {}",
+    ),
+    "growth": Kind(
+        judge_growth, "all", {"of", "scenarios"}, {"margin"},
+        "the RMSE of {of} grows by {} for each further unit of what is swept",
+        "the RMSE of {of} falls by {} for each further unit of what is swept",
+    ),
+    "interaction": Kind(
+        judge_interaction, "later", {"of", "than", "scenarios"}, set(),
+        "the RMSE of {of} grows by a factor {} larger than that of {than}",
+        "the RMSE of {of} grows by a factor {} smaller than that of {than}",
+    ),
+    "level": Kind(judge_level, "each", {"of", "scenarios", "size"}, set(), "the RMSE of {of} is {}", unit=" m"),
+    "time": Kind(
+        judge_time, "each", {"of", "scenarios", "size"}, set(),
+        "the computing time of {of} per robot and tick is {}", unit=" ms", over=_PARTS,
+    ),
+    "consistency": Kind(judge_consistency, "each", {"of", "scenarios"}, set(), "the ANEES of {of} is {}", unit=""),
+    "slope": Kind(
+        judge_slope, "all", {"of", "scenarios", "size"}, {"margin"},
+        "the seconds of {of} per robot and tick grow with the number of robots to the power {}", unit="", over="sizes",
+    ),
+    "cost": Kind(
+        judge_cost, "each", {"of", "than", "scenarios"}, _SIZED,
+        "{of} takes {} more time than {than}", "{of} takes {} less time than {than}", over=_PARTS,
+    ),
     "untestable": Kind(None, "each", {"why"}),
-}
+}  # fmt: skip

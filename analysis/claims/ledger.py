@@ -24,8 +24,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, Field, ValidationError
 
-from cooploc.analysis.claims import interpretations
-from cooploc.analysis.claims.interpretations import Choice, Dimension
+from cooploc.analysis.claims.interpretations import Choice, Dimension, find_error
 from cooploc.analysis.claims.kinds import KINDS, RELATIVE, STRICT, Claim
 from cooploc.estimators import nearest
 from cooploc.estimators.plugins.errors import BadInput
@@ -46,7 +45,7 @@ class Variant(BaseModel):
 
 
 class Ledger(BaseModel):
-    """What a ledger's file says."""
+    """A ledger's file."""
 
     model_config = STRICT
 
@@ -63,7 +62,7 @@ class Ledger(BaseModel):
 
 
 def load(path: str | Path | None = None) -> Ledger:
-    """The ledger of a TOML file; without a path, that of Latif & Parasuraman (2022).
+    """Read the ledger of a TOML file; without a path, that of Latif & Parasuraman (2022).
 
     Raises:
         BadInput: there is no such file, or it is not a ledger; names the claim and the key.
@@ -80,41 +79,36 @@ def load(path: str | Path | None = None) -> Ledger:
 
 
 def read(content: dict[str, Any], where: str) -> Ledger:
-    """A ledger from what its file holds.
+    """Return the ledger that the content of a file describes.
 
     Raises:
         BadInput: an unknown key, a value that does not fit, or a key that the claim's kind needs or does not use.
 
     """
-    _demand_known(content, Ledger, where, "a ledger")
-    for claim in _listed(content.get("claims", []), where):
-        _demand_known(claim, Claim, f"{where}, claim {claim.get('id', '?')!r}", "a claim")
-        _demand_kind(claim, where)
-    for name, variant in _tables(content, "variants").items():
-        _demand_known(variant, Variant, f"{where}, variant {name!r}", "a variant")
-    for name, dimension in _tables(content, "dimensions").items():
-        _demand_known(dimension, Dimension, f"{where}, dimension {name!r}", "a dimension")
-        for choice, parameters in _tables(dimension, "choices").items():
-            _demand_known(parameters, Choice, f"{where}, dimension {name!r}, choice {choice!r}", "a choice")
     try:
         ledger = Ledger(**content)
     except ValidationError as e:
-        first = e.errors()[0]
-        raise BadInput(f"{where}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
-    _demand_sense(ledger, where)
+        raise BadInput(f"{where}{_explain(e, content)}") from None
+    names = [claim.id for claim in ledger.claims]
+    for claim in ledger.claims:
+        if wrong := _error_of_claim(claim, names.count(claim.id)):
+            raise BadInput(f"{where}, claim {claim.id!r}: {wrong}")
+    if BASE in ledger.variants:
+        raise BadInput(f"{where}: a variant cannot be called {BASE!r}, as the claims as they stand are: rename it")
+    if wrong := find_error(ledger.dimensions, ledger.claims):
+        raise BadInput(f"{where}, {wrong}")
     return ledger
 
 
 def variants(claim: Claim, ledger: Ledger) -> list[tuple[str, Claim]]:
-    """The claim as it stands, and again for every variant that changes it.
+    """Return the claim as it stands, and again for every variant that changes it.
 
     A variant replaces all of a claim's scenarios or none, for a comparison between two kinds of worlds would say
     nothing about either; of its estimators it replaces those it names.
     """
     out = [(BASE, claim)]
     for name, variant in ledger.variants.items():
-        known = all(label in variant.scenarios for label in claim.scenarios)
-        if variant.scenarios and not known:
+        if variant.scenarios and not all(label in variant.scenarios for label in claim.scenarios):
             continue
         changes = {
             "of": tuple(variant.estimators.get(label, label) for label in claim.of),
@@ -126,53 +120,39 @@ def variants(claim: Claim, ledger: Ledger) -> list[tuple[str, Claim]]:
     return out
 
 
-def _listed(claims: Any, where: str) -> list[dict[str, Any]]:
-    if not (isinstance(claims, list) and all(isinstance(claim, dict) for claim in claims)):
-        raise BadInput(f"{where}: claims must be a list of tables: write [[claims]]")
-    return claims
+def _explain(e: ValidationError, content: dict[str, Any]) -> str:
+    """Return the place and the reason of the first thing that does not fit, with the nearest key of an unknown one."""
+    found = e.errors()
+    first = next((one for one in found if one["type"] == "extra_forbidden"), found[0])
+    place, key = list(first["loc"]), str(first["loc"][-1])
+    if place[0] == "claims" and len(place) > 1 and isinstance(place[1], int):
+        given = content["claims"][place[1]]
+        place[:2] = [f"claim {given.get('id', '?')!r}" if isinstance(given, dict) else f"claim {place[1]}"]
+    if first["type"] == "extra_forbidden":
+        models: dict[Any, type[BaseModel]] = {"claims": Claim, "variants": Variant, "dimensions": Dimension}
+        known = list((Choice if "choices" in place else models.get(first["loc"][0], Ledger)).model_fields)
+        return f", {', '.join(map(str, place[:-1])) or 'ledger'}: there is no key {key!r}; {nearest(key, known)}"
+    return f": {'.'.join(map(str, place))}: {first['msg']}"
 
 
-def _tables(given: Any, key: str) -> dict[str, Any]:
-    """The tables under a key; nothing where it is something else, which the model refuses."""
-    found = given.get(key) if isinstance(given, dict) else None
-    return found if isinstance(found, dict) else {}
-
-
-def _demand_known(given: Any, model: type[BaseModel], where: str, what: str) -> None:
-    for key in given if isinstance(given, dict) else ():
-        if key not in model.model_fields:
-            raise BadInput(f"{where}: there is no key {key!r} in {what}; {nearest(key, list(model.model_fields))}")
-
-
-def _demand_kind(claim: dict[str, Any], where: str) -> None:
-    """The keys of a claim are those of its kind."""
-    who, kind = f"{where}, claim {claim.get('id', '?')!r}", claim.get("kind")
-    if kind is None:
-        raise BadInput(f"{who}: has no kind; known are {', '.join(KINDS)}")
-    if kind not in KINDS:
-        raise BadInput(f"{who}: there is no kind {kind!r}; {nearest(str(kind), list(KINDS))}")
-    needs, may = KINDS[kind].needs, KINDS[kind].may
-    for key in sorted(needs - set(claim)):
-        raise BadInput(f"{who}: kind {kind!r} needs {key!r}: add it")
-    for key in sorted(set(claim) - needs - may - ALWAYS):
-        raise BadInput(f"{who}: kind {kind!r} does not use {key!r}; it takes {', '.join(sorted(needs | may))}")
-
-
-def _demand_sense(ledger: Ledger, where: str) -> None:
-    names = [claim.id for claim in ledger.claims]
-    for claim in ledger.claims:
-        who = f"{where}, claim {claim.id!r}"
-        if names.count(claim.id) > 1:
-            raise BadInput(f"{who}: there are two claims of that id: give each its own")
-        kind = KINDS[claim.kind]
-        if kind.scenarios == "later" and len(claim.scenarios) < 2:
-            raise BadInput(f"{who}: kind {claim.kind!r} needs at least 2 scenarios: add some")
-        ranges = [label for label in claim.scenarios if "{" in label]
-        if ranges and kind.scenarios != "all":
-            raise BadInput(f"{who}: kind {claim.kind!r} takes no range like {ranges[0]!r}: list the scenarios")
-        if claim.kind in RELATIVE and claim.size is not None and abs(claim.size) <= claim.margin:
-            raise BadInput(f"{who}: size {claim.size} is not beyond margin {claim.margin}: make margin smaller")
-    if BASE in ledger.variants:
-        raise BadInput(f"{where}: a variant cannot be called {BASE!r}, as the claims as they stand are: rename it")
-    if wrong := interpretations.refusal(ledger.dimensions, ledger.claims):
-        raise BadInput(f"{where}, {wrong}")
+def _error_of_claim(claim: Claim, alike: int) -> str:
+    """Return the first thing that is wrong with the keys of a claim; empty where all is well."""
+    if claim.kind not in KINDS:
+        return f"there is no kind {claim.kind!r}; {nearest(claim.kind, list(KINDS))}"
+    kind, given = KINDS[claim.kind], claim.model_fields_set
+    ranges = [label for label in claim.scenarios if "{" in label]
+    small = claim.kind in RELATIVE and claim.size is not None and abs(claim.size) <= claim.margin
+    reasons = {
+        **{f"kind {claim.kind!r} needs {key!r}: add it": True for key in sorted(kind.needs - given)},
+        **{
+            f"kind {claim.kind!r} does not use {key!r}; it takes {', '.join(sorted(kind.needs | kind.may))}": True
+            for key in sorted(given - kind.needs - kind.may - ALWAYS)
+        },
+        "there are two claims of that id: give each its own": alike > 1,
+        f"kind {claim.kind!r} needs at least 2 scenarios: add some": kind.scenarios == "later"
+        and len(claim.scenarios) < 2,
+        f"kind {claim.kind!r} takes no range like {(ranges or [''])[0]!r}: list the scenarios": bool(ranges)
+        and kind.scenarios != "all",
+        f"size {claim.size} is not beyond margin {claim.margin}: make margin smaller": small,
+    }
+    return next((reason for reason, holds in reasons.items() if holds), "")

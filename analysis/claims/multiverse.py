@@ -1,4 +1,14 @@
-"""What the specifications in which a claim holds have in common, in one sentence."""
+"""A ledger judged over the readings that its paper allows: for every claim not one verdict but a map of them.
+
+A *specification* of a claim is one of its cases (estimators, scenario, definition of the size) in one reading. Readings
+that differ only in what does not touch the case's estimators and scenarios are one specification, counted once. What is
+said of a claim is how many of its specifications support it, and which choices these have in common.
+
+`python -m cooploc.analysis.claims.multiverse` writes the study that runs every reading of the shipped ledger.
+
+Sources: U. Simonsohn, J. Simmons, L. Nelson, "Specification curve analysis", Nature Human Behaviour 4, 2020;
+S. Steegen et al., "Increasing transparency through a multiverse analysis", 2016.
+"""
 
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
@@ -6,113 +16,15 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from cooploc.analysis.claims import interpretations
-from cooploc.analysis.claims.interpretations import Dimensions, Reading
-from cooploc.analysis.claims.kinds import KINDS, Case, Claim, cases, definitions
+from cooploc.analysis.claims.interpretations import Dimensions, Interpretation
+from cooploc.analysis.claims.kinds import KINDS, Case, cases, definitions
 from cooploc.analysis.claims.ledger import Ledger, load
 from cooploc.analysis.claims.trial_table import collect
-from cooploc.analysis.claims.verdicts import COLUMNS, JUDGED, judge_claim
+from cooploc.analysis.claims.verdicts import COLUMNS, JUDGED, judge_claim, tally
 from cooploc.analysis.metrics.errors import demand_same_streams
 from cooploc.analysis.metrics.sequential import FIXED, Stopping
 from cooploc.estimators.plugins.errors import BadInput
 from cooploc.estimators.plugins.labels import parse
-
-# besides the dimensions of the readings, in what specifications differ
-WORDS = {"scenario": "in {}", "of": "of {}", "than": "against {}", "definition": "read as a {}"}
-MOST = 2  # conditions that a sentence names
-LEAST = 0.1  # share of the other specifications that a condition must exclude to be worth naming
-
-
-class Condition(NamedTuple):
-    """Choices that all of some specifications have, and not all others."""
-
-    name: str
-    choices: tuple[str, ...]
-    without: tuple[str, ...] = ()  # the choices that others have
-
-    def met(self, part: pd.DataFrame) -> "pd.Series[bool]":
-        """Where it is met; one that makes no difference to a specification does not exclude it."""
-        return part[self.name].isin((*self.choices, ""))
-
-    def __str__(self) -> str:
-        few = bool(self.without) and len(self.without) < len(self.choices)
-        *most, last = self.without if few else self.choices
-        listed = "any but " * few + (f"{', '.join(most)} or {last}" if most else last)
-        return WORDS.get(self.name, f"with {self.name} = {{}}").format(listed)
-
-
-def shared_assumptions(part: pd.DataFrame, dimensions: list[str]) -> str:
-    """In how many specifications a claim holds, and which choices these have in common, or all others.
-
-    Args:
-        part: specifications of one claim, from `multiverse.judge`.
-        dimensions: the columns of choices to be named.
-
-    """
-    holds = part["verdict"] == "supported"
-    n, k = len(part), int(holds.sum())
-    if k == n:
-        return f"holds in all {n} specifications" if n > 1 else "holds in the only specification that was run"
-    if k == 0:
-        direction, open_ = (int((part["verdict"] == name).sum()) for name in ("direction only", "undecided"))
-        if open_ == n:
-            return f"left open in all {n} specifications"
-        return f"holds in 0 of {n} specifications" + f"; its direction alone in {direction}" * (direction > 0)
-    counted = f"holds in {k} of {n} specifications"
-    if 2 * k > n:
-        return counted + _conditions_text("the others are", part, ~holds, dimensions)
-    return counted + _conditions_text("all of them" if k > 1 else "the one", part, holds, dimensions)
-
-
-def conditions(part: pd.DataFrame, chosen: "pd.Series[bool]", names: list[str]) -> list[Condition]:
-    """Few conditions that all chosen specifications meet and that exclude as many others as possible, best first."""
-    found: list[Condition] = []
-    others = part[~chosen]
-    for _ in range(MOST):
-        each = [_shared(part, chosen, name) for name in names]
-        excluded = {one: int((~one.met(others)).sum()) for one in each if "" not in one.choices}
-        best = max(excluded, key=lambda one: excluded[one], default=None)
-        if best is None or not excluded[best] > LEAST * len(others):
-            break
-        found.append(best)
-        others = others[best.met(others)]
-    return found
-
-
-def _shared(part: pd.DataFrame, chosen: "pd.Series[bool]", name: str) -> Condition:
-    choices = tuple(dict.fromkeys(part.loc[chosen, name]))
-    return Condition(name, choices, tuple(x for x in dict.fromkeys(part[name]) if x and x not in choices))
-
-
-def _conditions_text(who: str, part: pd.DataFrame, chosen: "pd.Series[bool]", dimensions: list[str]) -> str:
-    """The conditions of the chosen specifications, and how many meet them without being chosen."""
-    found = conditions(part, chosen, [*dimensions, *WORDS])
-    if not found:
-        return _most_often(part, [*dimensions, *WORDS])
-    met = pd.concat([one.met(part) for one in found], axis=1).all(axis=1)
-    more = f" ({int(chosen.sum())} of {int(met.sum())} such)" if met.sum() > chosen.sum() else ""
-    return f": {who} {' and '.join(map(str, found))}{more}"
-
-
-def _most_often(part: pd.DataFrame, names: list[str]) -> str:
-    """The choice with which a claim holds most often, where no choice is needed for it."""
-    holds = (part["verdict"] == "supported").astype(float)
-    rates = {(name, x): holds[part[name] == x] for name in names for x in part[name].unique() if x}
-    (name, choice), best = max(rates.items(), key=lambda each: each[1].mean())
-    if best.mean() < holds.mean() + LEAST:
-        return ", whatever is chosen"
-    return f"; most often {Condition(name, (choice,))} ({best.sum():.0f} of {len(best)})"
-
-
-# A ledger judged over the readings that its paper allows: for every claim not one verdict but a map of them.
-#
-# A *specification* of a claim is one of its cases (estimators, scenario, definition of the size) in one reading.
-# Readings
-# that differ only in what does not touch the case's estimators and scenarios are one specification, counted once.
-# What is
-# said of a claim is how many of its specifications support it, and which choices these have in common.
-#
-# Sources: U. Simonsohn, J. Simmons, L. Nelson, "Specification curve analysis", Nature Human Behaviour 4, 2020;
-# S. Steegen et al., "Increasing transparency through a multiverse analysis", 2016.
 
 ADDED = {
     "readings": "how many readings of the design come down to this specification",
@@ -132,7 +44,7 @@ class Specification(NamedTuple):
 
 
 def judge(ledger: Ledger, rows: pd.DataFrame, stopping: Stopping = FIXED) -> pd.DataFrame:
-    """One row per claim and specification that was run.
+    """Return one row per claim and specification that was run.
 
     Columns are those of `verdicts.judge` without those of `OF_LEDGERS`; those of `ADDED`; and one for every dimension,
     with the choice, or empty where no choice in it makes a difference to this specification. Estimators and scenarios
@@ -147,35 +59,32 @@ def judge(ledger: Ledger, rows: pd.DataFrame, stopping: Stopping = FIXED) -> pd.
         BadInput: estimators of one scenario ran on different streams, or a dimension is named like a column.
 
     """
-    if taken := [name for name in ledger.dimensions if name in (*COLUMNS, *ADDED)]:
+    dimensions = ledger.dimensions
+    if taken := [name for name in dimensions if name in (*COLUMNS, *ADDED)]:
         raise BadInput(f"dimension {taken[0]!r} is named like a column of the verdicts: rename it in the ledger")
     demand_same_streams(rows)
-    table, design = collect(rows, stopping), interpretations.design(ledger.dimensions)
-    preset, letter = (design.index(end(ledger.dimensions)) for end in (interpretations.preset, interpretations.letter))
+    table, design = collect(rows, stopping), interpretations.design(dimensions)
+    preset, letter = (design.index(end(dimensions)) for end in (interpretations.preset, interpretations.letter))
     out: list[dict[str, Any]] = []
     for claim in ledger.claims:
-        for case in _cases_by_definition(claim) if KINDS[claim.kind].judge else ():
-            asked = specifications(case, design, ledger.dimensions)
+        one_by_one = cases(claim) if KINDS[claim.kind].judge else []
+        for case in [one._replace(definition=name) for one in one_by_one for name in definitions(claim)]:
+            asked = specifications(case, design, dimensions)
             for one, row in zip(asked, judge_claim(claim, table, [one.case for one in asked]), strict=True):
                 if row["verdict"] in JUDGED:
                     ends = {"letter": letter in one.readings, "preset": preset in one.readings}
                     named = _name_as_ledger(row, case, one.case)
                     out.append({**row, **named, "readings": len(one.readings), **ends, **one.choices})
-    return pd.DataFrame(out, columns=[*SHOWN, *ledger.dimensions])
-
-
-def _cases_by_definition(claim: Claim) -> list[Case]:
-    """The cases of a claim by every definition of its size, for a definition is a reading of the paper, too."""
-    return [case._replace(definition=name) for case in cases(claim) for name in definitions(claim)]
+    return pd.DataFrame(out, columns=[*SHOWN, *dimensions])
 
 
 def dimensions_of(found: pd.DataFrame) -> list[str]:
-    """The dimensions that make a difference to some of these specifications."""
+    """Return the dimensions that make a difference to some of these specifications."""
     return [name for name in found.columns if name not in SHOWN and (found[name] != "").any()]
 
 
-def specifications(case: Case, design: Sequence[Reading], dimensions: Dimensions) -> list[Specification]:
-    """The case in every reading; readings that lead to the same estimators and scenarios are one specification."""
+def specifications(case: Case, design: Sequence[Interpretation], dimensions: Dimensions) -> list[Specification]:
+    """Return the case in every reading; readings of the same estimators and scenarios are one specification."""
     preset = interpretations.preset(dimensions)
     matters = {
         name
@@ -184,15 +93,15 @@ def specifications(case: Case, design: Sequence[Reading], dimensions: Dimensions
     }
     found: dict[Case, Specification] = {}
     for number, reading in enumerate(design):
-        shown = matters - interpretations.settled(reading, dimensions)
+        shown = matters - interpretations.settled_by(reading, dimensions)
         choices = {name: choice if name in shown else "" for name, choice in reading.items()}
         read = substitute(case, reading, dimensions)
         found.setdefault(read, Specification(read, choices, [])).readings.append(number)
     return list(found.values())
 
 
-def substitute(case: Case, reading: Reading, dimensions: Dimensions) -> Case:
-    """The case as a reading wants it, in every estimator and scenario alike."""
+def substitute(case: Case, reading: Interpretation, dimensions: Dimensions) -> Case:
+    """Return the case under a reading, in every estimator and scenario alike."""
     return case._replace(
         of=interpretations.estimator(case.of, reading, dimensions),
         than=tuple(interpretations.estimator(label, reading, dimensions) for label in case.than),
@@ -200,8 +109,23 @@ def substitute(case: Case, reading: Reading, dimensions: Dimensions) -> Case:
     )
 
 
+def _name_as_ledger(row: dict[str, Any], case: Case, read: Case) -> dict[str, str]:
+    """Return estimators and scenarios of a row by the ledger's labels, which are the same in every reading."""
+    than = dict(zip((*read.than, ", ".join(read.than)), (*case.than, ", ".join(case.than)), strict=True))
+    kept = {key for label in case.scenarios for key in parse(label)[1]}
+    where = []
+    for label in row["scenario"].split(" to "):
+        path, options = parse(label)
+        left = ",".join(f"{key}={value}" for key, value in options.items() if key in kept)
+        where.append(path + (f"[{left}]" if left else ""))
+    return {"of": case.of, "than": than.get(row["than"], row["than"]), "scenario": " to ".join(where)}
+
+
+# ---- how many specifications support a claim, and what these have in common
+
+
 def shares(found: pd.DataFrame) -> pd.DataFrame:
-    """One row per claim: how many specifications there are, how many have each verdict, and a sentence.
+    """Return one row per claim: how many specifications there are, how many have each verdict, and a sentence.
 
     Columns: `claim`, `says`, `scenarios`, `specifications`; one for each verdict; `letter` and `preset`, the verdicts
     in these readings; `dimensions` that make a difference to the claim; and `sentence`.
@@ -216,7 +140,7 @@ def shares(found: pd.DataFrame) -> pd.DataFrame:
                 "scenarios": ", ".join(dict.fromkeys(part["scenario"])),
                 "specifications": len(part),
                 **{verdict: int(counts.get(verdict, 0)) for verdict in JUDGED},
-                **{end: _count_verdicts(part.loc[part[end], "verdict"]) for end in ("letter", "preset")},
+                **{end: tally(part.loc[part[end], "verdict"]) for end in ("letter", "preset")},
                 "dimensions": ", ".join(dimensions),
                 "sentence": shared_assumptions(part, dimensions),
             }
@@ -226,7 +150,7 @@ def shares(found: pd.DataFrame) -> pd.DataFrame:
 
 
 def sentences(found: pd.DataFrame) -> dict[str, str]:
-    """Of every claim of which more than the preset's reading was run: in how many readings it holds.
+    """Return, of every claim of which more than the preset's reading was run, in how many readings it holds.
 
     Args:
         found: from `judge`.
@@ -237,66 +161,113 @@ def sentences(found: pd.DataFrame) -> dict[str, str]:
     return {row["claim"]: f"{row['sentence']} (cl.readings)" for row in rows}
 
 
-def _name_as_ledger(row: dict[str, Any], case: Case, read: Case) -> dict[str, str]:
-    """Estimators and scenarios of a row by the ledger's labels, which are the same in every reading."""
-    than = dict(zip((*read.than, ", ".join(read.than)), (*case.than, ", ".join(case.than)), strict=True))
-    kept = {key for label in case.scenarios for key in parse(label)[1]}
-    where = " to ".join(_without(label, kept) for label in row["scenario"].split(" to "))
-    return {"of": case.of, "than": than.get(row["than"], row["than"]), "scenario": where}
+# besides the dimensions of the readings, in what specifications differ
+WORDS = {"scenario": "in {}", "of": "of {}", "than": "against {}", "definition": "read as a {}"}
+MOST = 2  # conditions that a sentence names
+LEAST = 0.1  # share of the other specifications that a condition must exclude to be worth naming
 
 
-def _without(label: str, kept: set[str]) -> str:
-    """A scenario's label with no other options than these."""
-    path, options = parse(label)
-    left = ",".join(f"{key}={value}" for key, value in options.items() if key in kept)
-    return path + (f"[{left}]" if left else "")
+class Condition(NamedTuple):
+    """Choices that all of some specifications have, and not all others."""
+
+    name: str
+    choices: tuple[str, ...]
+    without: tuple[str, ...] = ()  # the choices that others have
+
+    def met(self, part: pd.DataFrame) -> "pd.Series[bool]":
+        """Return where it is met; one that makes no difference to a specification does not exclude it."""
+        return part[self.name].isin((*self.choices, ""))
+
+    def __str__(self) -> str:
+        few = bool(self.without) and len(self.without) < len(self.choices)
+        *most, last = self.without if few else self.choices
+        listed = "any but " * few + (f"{', '.join(most)} or {last}" if most else last)
+        return WORDS.get(self.name, f"with {self.name} = {{}}").format(listed)
 
 
-def _count_verdicts(found: "pd.Series[str]") -> str:
-    """Verdicts with their counts, "2 supported, 1 undecided"; of one kind, the verdict alone."""
-    counts = found.value_counts()
-    ordered = [name for name in JUDGED if name in counts.index]
-    return ordered[0] if len(ordered) == 1 else ", ".join(f"{counts[name]} {name}" for name in ordered)
+def shared_assumptions(part: pd.DataFrame, dimensions: list[str]) -> str:
+    """Return in how many specifications a claim holds, and which choices these have in common, or all others.
+
+    Args:
+        part: specifications of one claim, from `judge`.
+        dimensions: the columns of choices to be named.
+
+    """
+    holds = part["verdict"] == "supported"
+    n, k = len(part), int(holds.sum())
+    if k == n:
+        return f"holds in all {n} specifications" if n > 1 else "holds in the only specification that was run"
+    if k == 0:
+        direction, open_ = (int((part["verdict"] == name).sum()) for name in ("direction only", "undecided"))
+        if open_ == n:
+            return f"left open in all {n} specifications"
+        return f"holds in 0 of {n} specifications" + f"; its direction alone in {direction}" * (direction > 0)
+    who, chosen = ("the others are", ~holds) if 2 * k > n else ("all of them" if k > 1 else "the one", holds)
+    names = [*dimensions, *WORDS]
+    found = conditions(part, chosen, names)
+    if not found:
+        return f"holds in {k} of {n} specifications{_most_often(part, names)}"
+    met = int(pd.concat([one.met(part) for one in found], axis=1).all(axis=1).sum())
+    more = f" ({int(chosen.sum())} of {met} such)" if met > chosen.sum() else ""
+    return f"holds in {k} of {n} specifications: {who} {' and '.join(map(str, found))}{more}"
 
 
-# The study that runs every reading of a ledger, as a TOML file: `python -m cooploc.analysis.claims.multiverse`.
+def conditions(part: pd.DataFrame, chosen: "pd.Series[bool]", names: list[str]) -> list[Condition]:
+    """Return few conditions that all chosen specifications meet and that exclude most others, best first."""
+    found: list[Condition] = []
+    others = part[~chosen]
+    each = []
+    for name in names:
+        choices = tuple(dict.fromkeys(part.loc[chosen, name]))
+        each.append(Condition(name, choices, tuple(x for x in dict.fromkeys(part[name]) if x and x not in choices)))
+    for _ in range(MOST):
+        excluded = {one: int((~one.met(others)).sum()) for one in each if "" not in one.choices}
+        best = max(excluded, key=lambda one: excluded[one], default=None)
+        if best is None or not excluded[best] > LEAST * len(others):
+            break
+        found.append(best)
+        others = others[best.met(others)]
+    return found
+
+
+def _most_often(part: pd.DataFrame, names: list[str]) -> str:
+    """Return the choice with which a claim holds most often, where no choice is needed for it."""
+    holds = (part["verdict"] == "supported").astype(float)
+    rates = {(name, x): holds[part[name] == x] for name in names for x in part[name].unique() if x}
+    (name, choice), best = max(rates.items(), key=lambda each: each[1].mean())
+    if best.mean() < holds.mean() + LEAST:
+        return ", whatever is chosen"
+    return f"; most often {Condition(name, (choice,))} ({best.sum():.0f} of {len(best)})"
+
+
+# ---- the study that runs every reading of a ledger
 
 SCENARIOS = (
-    "robots-1-3/n=2",
-    "robots-1-3/n=3",
-    "scalability/n=1",
-    "scalability/n=11",
-    "nlos",
-    "nlos/bias=0.5",
-    "packet-drop/drop=0",
-    "packet-drop/drop=0.7",
-    "arena-60m/sd=0.5",
-    "arena-60m/sd=1.8",
-    "arena-60m/sd=5",
+    *("robots-1-3/n=2", "robots-1-3/n=3", "scalability/n=1", "scalability/n=11", "nlos", "nlos/bias=0.5"),
+    *("packet-drop/drop=0", "packet-drop/drop=0.7", "arena-60m/sd=0.5", "arena-60m/sd=1.8", "arena-60m/sd=5"),
 )
 ESTIMATORS = ("arl", "mrsl-rssi", "mrsl-distance", "ctrn[weights=exact]")
 STUDY_HEAD = """# Written by `python -m cooploc.analysis.claims.multiverse`; a test compares it with the ledger.
 about = "Every reading of the paper that is run: {count}, each applied to every method alike"
-minutes = {minutes}
+minutes = 35
 trials = 50
 """
-MINUTES = 35
 
 
 def readings_study(ledger: Ledger) -> str:
-    """The text of the study: for each reading its scenarios and estimators; what two readings share stands once."""
-    design = interpretations.design(ledger.dimensions)
+    """Return the text of the study: for each reading its scenarios and estimators; what two readings share is once."""
+    design, dimensions = interpretations.design(ledger.dimensions), ledger.dimensions
     wanted: dict[str, dict[str, None]] = {}
     for reading in design:
-        labels = [interpretations.estimator(label, reading, ledger.dimensions) for label in ESTIMATORS]
+        labels = [interpretations.estimator(label, reading, dimensions) for label in ESTIMATORS]
         for scenario in SCENARIOS:
-            where = interpretations.scenario(scenario, reading, ledger.dimensions)
+            where = interpretations.scenario(scenario, reading, dimensions)
             wanted.setdefault(where, {}).update(dict.fromkeys(labels))
     alike: dict[tuple[str, ...], list[str]] = {}
     for where, names in wanted.items():
         alike.setdefault(tuple(names), []).append(where)
     blocks = [f"scenarios = {_toml_list(where)}\nestimators = {_toml_list(names)}\n" for names, where in alike.items()]
-    return STUDY_HEAD.format(count=len(design), minutes=MINUTES) + "\n[[also]]\n".join(blocks)
+    return STUDY_HEAD.format(count=len(design)) + "\n[[also]]\n".join(blocks)
 
 
 def _toml_list(labels: Iterable[str]) -> str:

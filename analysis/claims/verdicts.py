@@ -21,11 +21,16 @@ not fail; it is undecided then, with a p of 1.
 A ledger asks many questions at once, so that some verdicts are wrong by chance. `p` is the p-value of a verdict, by the
 test that its interval inverts: at most 0.05 where it is decided. `p_holm` is adjusted over all cases that were judged,
 in all variants, and a verdict *stands* where it is at most 0.05 still: the chance that any standing verdict is false is
-5 % at most (Holm 1979). `family.of` counts them, and says how many of the decided ones are expected to be false.
+5 % at most (Holm 1979). `family_of` counts them, and says how many of the decided ones are expected to be false.
 
 A size that the paper's words leave open, such as "66 % more accurate", is judged once, by the definition that the
 column `definition` names; `otherwise` says what the same interval means by the other one, which is another reading of
 the paper: it is counted in the map over readings (`multiverse`), and not here.
+
+In a run that stops when its questions are decided, verdicts come from confidence sequences (`sequential.ANYTIME`), and
+each case keeps the verdict of its first look: taken alone, each is false in at most one of twenty runs, whatever look
+it was reached at. Claims about computing time are judged as well, and never make a run go on: a clock does not repeat
+itself.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -35,11 +40,20 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from cooploc.analysis.claims.kinds import KINDS, RELATIVE, Case, Claim, Finding, Judge, cases, claimed_size, definitions
+from cooploc.analysis.claims.kinds import (
+    KINDS,
+    RELATIVE,
+    TIMED,
+    Case,
+    Claim,
+    Finding,
+    cases,
+    claimed_size,
+    definitions,
+)
 from cooploc.analysis.claims.ledger import Ledger, variants
-from cooploc.analysis.claims.ledger import load as load
 from cooploc.analysis.claims.trial_table import Missing, TrialTable, canonical, collect
-from cooploc.analysis.formats import change, counted, fixed, interval, ratio
+from cooploc.analysis.formats import change, counted, interval, ratio
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.compare import FAR, mark_outliers
 from cooploc.analysis.metrics.consistency import flag
@@ -50,6 +64,7 @@ VERDICTS = ("supported", "direction only", "flat", "contradicted", "undecided", 
 DECIDED, JUDGED = VERDICTS[:4], VERDICTS[:5]
 WOULD_BE = "it would be "  # begins the remark of a case that failures leave undecided
 CASE = ["claim", "scenario", "of", "than", "definition"]  # what makes a case of a ledger
+MANY = 100_000  # trials; a plan for more of them is useless
 COLUMNS = {
     "claim": "its id in the ledger",
     "says": "the claim, in the ledger's words",
@@ -78,12 +93,12 @@ COLUMNS = {
 
 
 def judge(ledger: Ledger, rows: pd.DataFrame, stopping: Stopping = FIXED) -> pd.DataFrame:
-    """One row per claim, variant and case, with `COLUMNS`.
+    """Return one row per claim, variant and case, with `COLUMNS`.
 
     Args:
         ledger: from `load`.
         rows: from `errors` or a run directory.
-        stopping: whether the number of trials was fixed before, or may depend on results (`at_looks`).
+        stopping: whether the number of trials was fixed before, or may depend on results.
 
     Raises:
         BadInput: estimators of one scenario ran on different streams.
@@ -99,7 +114,7 @@ def judge(ledger: Ledger, rows: pd.DataFrame, stopping: Stopping = FIXED) -> pd.
 
 
 def adjust(found: pd.DataFrame) -> pd.DataFrame:
-    """With p adjusted over all cases, each counted once in however many variants, and whether their verdicts stand."""
+    """Add p adjusted over all cases, each counted once in however many variants, and whether their verdicts stand."""
     p = found["p"].where(first_of_case(found)).to_numpy(float)
     known = found.assign(p_holm=statistics.holm(p)).groupby(CASE, sort=False, dropna=False)["p_holm"]
     p_holm = known.transform("first")
@@ -107,50 +122,51 @@ def adjust(found: pd.DataFrame) -> pd.DataFrame:
 
 
 def first_of_case(found: pd.DataFrame) -> "pd.Series[bool]":
-    """False for a case that stands above already, in another variant that leaves it as it is."""
+    """Return False for a case that stands above already, in another variant that leaves it as it is."""
     return ~found.duplicated(CASE)
 
 
 def overview(verdicts: pd.DataFrame) -> pd.DataFrame:
-    """Claims x variants: the verdicts in each, with their counts where they differ; empty where nothing was run."""
+    """Return claims x variants: the verdicts in each, with counts where they differ; empty where nothing was run."""
     run = verdicts[verdicts["verdict"] != "not run"]
-
-    def tally(found: "pd.Series[str]") -> str:
-        counts = found.value_counts()
-        ordered = [name for name in VERDICTS if name in counts.index]
-        return ordered[0] if len(ordered) == 1 else ", ".join(f"{counts[name]} {name}" for name in ordered)
-
     cells = run.groupby(["claim", "variant"], sort=False)["verdict"].agg(tally).unstack("variant")
     order = [list(dict.fromkeys(verdicts[column])) for column in ("claim", "variant")]
     return cells.reindex(index=order[0], columns=[name for name in order[1] if name in cells]).fillna("")
 
 
+def tally(found: "pd.Series[str]") -> str:
+    """Return verdicts with their counts, "2 supported, 1 undecided"; of one kind, the verdict alone."""
+    counts = found.value_counts()
+    ordered = [name for name in VERDICTS if name in counts.index]
+    return ordered[0] if len(ordered) == 1 else ", ".join(f"{counts[name]} {name}" for name in ordered)
+
+
 def judge_claim(claim: Claim, table: TrialTable, asked: Iterable[Case] | None = None) -> list[dict[str, object]]:
-    """A row for every case of a claim, with what other definitions of its size make of it; or for those asked."""
+    """Return a row for every case of a claim, with its verdict by other definitions of its size; or for those asked."""
     about = {"claim": claim.id, "open": "; ".join(claim.open), **claim.model_dump(include={"says", "where", "kind"})}
-    judge = KINDS[claim.kind].judge
-    if judge is None:
+    if KINDS[claim.kind].judge is None:
         return [{**about, "verdict": "not testable", "otherwise": "", "remark": claim.why}]
     if asked is not None:
-        return [{**about, **_judge_case(judge, case, claim, table)} for case in asked]
+        return [{**about, **_judge_case(case, claim, table)} for case in asked]
     out = []
     for case in cases(claim):
-        first, *others = (_judge_case(judge, case._replace(definition=d), claim, table) for d in definitions(claim))
-        out.append({**about, **first, "otherwise": "; ".join(_other_definition(row) for row in others)})
+        first, *others = (_judge_case(case._replace(definition=d), claim, table) for d in definitions(claim))
+        said = (
+            f"as a {row['definition']} ({change(row['size'])}): {row['verdict']}" if row["verdict"] in JUDGED else ""
+            for row in others
+        )
+        out.append({**about, **first, "otherwise": "; ".join(said)})
     return out
 
 
-def _other_definition(row: dict[str, Any]) -> str:
-    return f"as a {row['definition']} ({change(row['size'])}): {row['verdict']}" if row["verdict"] in JUDGED else ""
-
-
-def _judge_case(judge: Judge, case: Case, claim: Claim, table: TrialTable) -> dict[str, Any]:
-    size = claimed_size(claim, case.definition)
+def _judge_case(case: Case, claim: Claim, table: TrialTable) -> dict[str, Any]:
+    size, judge_kind = claimed_size(claim, case.definition), KINDS[claim.kind].judge
     asked = {"of": case.of, "than": ", ".join(case.than), "definition": case.definition, "size": size}
     try:
         scenarios = tuple(dict.fromkeys(s for label in case.scenarios for s in table.matching(label)))
         case = case._replace(scenarios=scenarios)
-        found = judge(case, claim, table)
+        assert judge_kind is not None
+        found = judge_kind(case, claim, table)
     except Missing as e:
         return {**asked, "scenario": ", ".join(case.scenarios), "verdict": "not run", "remark": str(e)}
     found, doubt = _undecide_failures(case, claim, table, found)
@@ -168,8 +184,9 @@ def _judge_case(judge: Judge, case: Case, claim: Claim, table: TrialTable) -> di
 
 
 def _undecide_failures(case: Case, claim: Claim, table: TrialTable, found: Finding) -> tuple[Finding, list[str]]:
-    """The finding, undecided where failures stand behind it, and why."""
-    lost = [name for name in dict.fromkeys((case.of, *case.than)) if _count_failures(name, case, table)]
+    """Return the finding, undecided where failures stand behind it, and why."""
+    names = dict.fromkeys((case.of, *case.than))
+    lost = [n for n in names if table.is_refused(n) or any(table.failed((s, n)) for s in case.scenarios)]
     upwards = claim.size is not None and claim.size > 0 and claim.kind in RELATIVE
     favoured = {case.of} if upwards else set(case.than)  # by a contradiction
     if found.verdict == "contradicted":
@@ -180,13 +197,8 @@ def _undecide_failures(case: Case, claim: Claim, table: TrialTable, found: Findi
     return found._replace(verdict="undecided", needed=np.nan, p=1.0), why
 
 
-def _count_failures(name: str, case: Case, table: TrialTable) -> int:
-    """In how many trials of a case an estimator failed; one that failed a check counts as one."""
-    return sum(table.failed((scenario, name)) for scenario in case.scenarios) + table.is_refused(name)
-
-
 def _about_interval(claim: Claim, found: Finding) -> list[str]:
-    """Why an interval is missing; or, of a verdict that is left open, what its interval alone would say."""
+    """Return why an interval is missing; or, of a verdict that is left open, what its interval alone would say."""
     low, high = found.interval.low, found.interval.high
     if np.isnan(low):
         few = found.trials < statistics.LEAST_TRIALS
@@ -200,7 +212,7 @@ def _about_interval(claim: Claim, found: Finding) -> list[str]:
 
 
 def _about_estimators(case: Case, table: TrialTable) -> list[str]:
-    """Which of a case's estimators are over-confident or too wide, failed, are centralised, or rarely diverge."""
+    """Return which of a case's estimators are over-confident, too wide, failed, are centralised, or rarely diverge."""
     out = []
     for name in dict.fromkeys((case.of, *case.than)):
         keys = [(scenario, name) for scenario in case.scenarios]
@@ -211,13 +223,10 @@ def _about_estimators(case: Case, table: TrialTable) -> list[str]:
         out += [f"{counted(failed, 'trial')} of {name} failed"] if failed else []
         out += [f"{name} failed a check"] if table.is_refused(name) else []
         far = int(sum(mark_outliers(table.mse(key)[:, 0]).sum() for key in keys))
-        out += [f"{counted(far, 'trial')} of {name} {_outlying(far)}"] if far else []
+        errs = f"{'errs' if far == 1 else 'err'} {FAR:g} times as much as the median one: intervals are too narrow"
+        out += [f"{counted(far, 'trial')} of {name} {errs}"] if far else []
         out += [f"{name} is centralised"] if table.is_centralised(name) else []
     return out
-
-
-def _outlying(far: int) -> str:
-    return f"{'errs' if far == 1 else 'err'} {FAR:g} times as much as the median one: intervals are too narrow"
 
 
 def _flag(table: TrialTable, key: tuple[str, str]) -> str:
@@ -225,24 +234,28 @@ def _flag(table: TrialTable, key: tuple[str, str]) -> str:
     return flag(len(anees), statistics.mean_of_positive(anees), statistics.mean(coverage))
 
 
-# A ledger's verdicts in a run that stops when they are decided: each case keeps the verdict of its first look.
-#
-# Verdicts come from confidence sequences (`stopping.ANYTIME`), so that each, taken alone, is false in at most one of
-# twenty runs, whatever look it was reached at. `p` is 1 / e, and Holm's correction holds for it as for any other p.
-#
-# Claims about computing time are judged as well, and never make a run go on: a clock does not repeat itself.
+# ---- a run that stops when its questions are decided
 
-TIMED = ("time", "slope", "cost")  # kinds of claims about computing time
+
+def judge_run(ledger: Ledger, rows: pd.DataFrame, at: Sequence[int]) -> pd.DataFrame:
+    """Return the verdicts on a run: after all of these looks, or at the end where there were none."""
+    if not at:
+        return judge(ledger, rows)
+    found = None
+    for n in at:
+        found = judge_at_look(ledger, rows, n, found)
+    assert found is not None
+    return found
 
 
 def judge_at_look(ledger: Ledger, rows: pd.DataFrame, n: int, before: pd.DataFrame | None = None) -> pd.DataFrame:
-    """The verdicts of `verdicts.judge` over the trials below n, with `look`; what was decided before stays.
+    """Return the verdicts of `judge` over the trials below n, with `look`; what was decided before stays.
 
     Args:
         ledger: from `load`.
         rows: of a run.
         n: trials of this look.
-        before: what this gave at the look before.
+        before: the verdicts at the look before.
 
     Raises:
         BadInput: estimators of one scenario ran on different streams.
@@ -256,39 +269,25 @@ def judge_at_look(ledger: Ledger, rows: pd.DataFrame, n: int, before: pd.DataFra
     return adjust(pd.concat([before[decided], now[~decided]]).sort_index())
 
 
-def judge_at_looks(ledger: Ledger, rows: pd.DataFrame, at: Sequence[int]) -> pd.DataFrame:
-    """The verdicts after all of these looks, one at least."""
-    found = judge_at_look(ledger, rows, at[0])
-    for n in at[1:]:
-        found = judge_at_look(ledger, rows, n, found)
-    return found
-
-
-def judge_run(ledger: Ledger, rows: pd.DataFrame, at: Sequence[int]) -> pd.DataFrame:
-    """The verdicts on a run: at these looks, or at the end where there were none."""
-    return judge_at_looks(ledger, rows, at) if at else judge(ledger, rows)
-
-
 def lasting(ledger: Ledger, found: pd.DataFrame) -> pd.DataFrame:
-    """The judged rows that are not about computing time."""
+    """Return the judged rows that are not about computing time."""
     timed = [claim.id for claim in ledger.claims if claim.kind in TIMED]
     return found[found["verdict"].isin(JUDGED) & ~found["claim"].isin(timed)]
 
 
 def open_cells(ledger: Ledger, rows: pd.DataFrame, found: pd.DataFrame) -> set[tuple[str, str]]:
-    """The (scenario, estimator) whose further trials may decide a claim, by their labels in the run."""
+    """Return the (scenario, estimator) whose further trials may decide a claim, by their labels in the run."""
     table = collect(rows)
     pairs = rows[["scenario", "estimator"]].drop_duplicates().itertuples(index=False)
     called = {(canonical(s), canonical(e)): (str(s), str(e)) for s, e in pairs}
     still = found["verdict"].eq("undecided") & ~found["remark"].fillna("").str.startswith(WOULD_BE)
     going = still & found.index.isin(lasting(ledger, found).index)
-    asked = [cell for case, is_open in zip(_questions(ledger), going, strict=True) if is_open and case
-             for cell in _cells(case, table)]  # fmt: skip
-    return {called[cell] for cell in asked}
+    asked = [case for case, is_open in zip(_questions(ledger), going, strict=True) if is_open and case]
+    return {called[cell] for case in asked for cell in _cells(case, table)}
 
 
 def _questions(ledger: Ledger) -> Iterator[Case | None]:
-    """The cases in the order of the rows of `judge`; None for a claim that cannot be tested."""
+    """Yield the cases in the order of the rows of `judge`; None for a claim that cannot be tested."""
     for claim in ledger.claims:
         for _, read in variants(claim, ledger):
             yield from cases(read) if KINDS[claim.kind].judge else [None]
@@ -302,7 +301,7 @@ def _cells(case: Case, table: TrialTable) -> list[tuple[str, str]]:
     return [(canonical(s), canonical(e)) for s, e in product(scenarios, (case.of, *case.than))]
 
 
-# A ledger's verdicts as a family of tests: how many are decided, how many stand, how many are expected to be false.
+# ---- the verdicts as a family of tests
 
 
 class Family(NamedTuple):
@@ -325,7 +324,7 @@ class Family(NamedTuple):
 
 
 def family_of(verdicts: pd.DataFrame) -> Family:
-    """How many verdicts of `judge` are decided, stand after correction over all, and are expected to be false.
+    """Count how many verdicts of `judge` are decided, stand after correction over all, and are expected to be false.
 
     At 5 % a case, 5 % of the judged ones are decided wrongly where every truth lies at the edge of its zone, and fewer
     elsewhere; where a truth lies far from the edge, a false verdict is next to impossible. A case that several variants
@@ -339,45 +338,13 @@ def family_of(verdicts: pd.DataFrame) -> Family:
     return Family(judged, decided, int(verdicts["stands"].sum()), at_most, expected)
 
 
-# Verdicts in words: sentences made from the numbers alone.
-
-# kind -> what is said of a number above 0, and of one below; {} is its size without a sign
-WORDS = {
-    "change": (
-        "the RMSE of {of} is {} higher than that of {than}",
-        "the RMSE of {of} is {} lower than that of {than}",
-    ),
-    "trend": ("the RMSE of {of} grows by {}", "the RMSE of {of} falls by {}"),
-    "all": (
-        "the worst case: the RMSE of {of} is {} higher than that of {than}",
-        "the narrowest case: the RMSE of {of} is {} lower than that of {than}",
-    ),
-    "same": ("the largest change: the RMSE of {of} grows by {}", "the largest change: the RMSE of {of} falls by {}"),
-    "growth": (
-        "the RMSE of {of} grows by {} for each further unit of what is swept",
-        "the RMSE of {of} falls by {} for each further unit of what is swept",
-    ),
-    "interaction": (
-        "the RMSE of {of} grows by a factor {} larger than that of {than}",
-        "the RMSE of {of} grows by a factor {} smaller than that of {than}",
-    ),
-    "level": ("the RMSE of {of} is {}",) * 2,
-    "time": ("the computing time of {of} per robot and tick is {}",) * 2,
-    "consistency": ("the ANEES of {of} is {}",) * 2,
-    "slope": ("the seconds of {of} per robot and tick grow with the number of robots to the power {}",) * 2,
-    "cost": ("{of} takes {} more time than {than}", "{of} takes {} less time than {than}"),
-}
-MANY = 100_000  # trials; a plan for more of them is useless
-UNITS = {"level": " m", "slope": "", "consistency": "", "time": " s"}  # all others are relative changes
-PARTS = {"slope": "sizes", "cost": "parts of the run", "time": "parts of the run"}  # that a number is over; else trials
+# ---- verdicts in words, from the numbers alone
 
 
 def verdict_sentence(row: "pd.Series[Any]") -> str:
-    """One verdict in words."""
-    if row["verdict"] == "not testable":
-        return f"Not testable: {row['remark']}."
-    if row["verdict"] == "not run":
-        return f"Not run: {row['remark']}."
+    """Return one verdict in words."""
+    if row["verdict"] in ("not testable", "not run"):
+        return f"{row['verdict'].capitalize()}: {row['remark']}."
     where, n = row["scenario"], f"{row['trials']:.0f}"
     kind, value, low, high = str(row["kind"]), float(row["value"]), float(row["low"]), float(row["high"])
     if value == low == high == 0:
@@ -385,32 +352,33 @@ def verdict_sentence(row: "pd.Series[Any]") -> str:
         return f"{where}: the RMSE of {row['of']} {same} in each of {n} trials. {verdict_text(row)}."
     if np.isnan(value):
         return f"{where}: an RMSE of 0 leaves no number to give ({n} trials). {verdict_text(row)}."
-    said = WORDS[kind][value < 0].format(number_text(value, kind).lstrip("+-"), of=row["of"], than=row["than"])
+    words = (value < 0 and KINDS[kind].falls) or KINDS[kind].grows
+    said = words.format(number_text(value, kind).lstrip("+-"), of=row["of"], than=row["than"])
     size, by_ratio = float(row["size"]), ", as a ratio of errors" * (row["definition"] == "ratio")
     claimed = f" Claimed{by_ratio}: {number_text(size, kind)}." if size == size else ""
-    counted = PARTS.get(kind, "trials")
     ends = "no 95 % interval" if np.isnan(low) else f"95 % interval {interval_text(low, high, kind)}"
     otherwise = f" Read {row['otherwise']}." if row.get("otherwise") else ""
-    return f"{where}: {said} ({ends}, {n} {counted}).{claimed} {verdict_text(row)}.{otherwise}"
+    return f"{where}: {said} ({ends}, {n} {KINDS[kind].over}).{claimed} {verdict_text(row)}.{otherwise}"
 
 
 def span_text(part: pd.DataFrame) -> tuple[str, str]:
-    """What is claimed, and the numbers found in the cases of one claim and reading: from the least to the largest.
+    """Return the size that is claimed, and the numbers found in the cases of one claim, from the least to the largest.
 
     Of a single case its interval is given.
     """
     part = part[part["value"].notna()]
     if part.empty:
         return "", ""
-    kind, claimed = str(part["kind"].iloc[0]), number_text(float(part["size"].iloc[0]), str(part["kind"].iloc[0]))
+    first, kind = part.iloc[0], str(part["kind"].iloc[0])
+    claimed = number_text(float(first["size"]), kind)
     values = [number_text(float(value), kind) for value in (part["value"].min(), part["value"].max())]
     if len(part) == 1 and part["low"].notna().all():
-        return claimed, f"{values[0]} ({interval_text(float(part['low'].iloc[0]), float(part['high'].iloc[0]), kind)})"
+        return claimed, f"{values[0]} ({interval_text(float(first['low']), float(first['high']), kind)})"
     return claimed, " to ".join(dict.fromkeys(values))
 
 
 def verdict_text(row: "pd.Series[Any]") -> str:
-    """A verdict, the look at which a run reached it, and how many trials would decide an undecided one."""
+    """Return a verdict, the look at which a run reached it, and how many trials would decide an undecided one."""
     needed = float(row["needed"])
     if row["verdict"] != "undecided":
         return str(row["verdict"]).capitalize() + (f" at n = {row['look']:.0f}" if row.get("look", 0) > 0 else "")
@@ -420,14 +388,13 @@ def verdict_text(row: "pd.Series[Any]") -> str:
 
 
 def number_text(value: float, kind: str) -> str:
-    """The number that a kind of claim is about, with its unit; a change has its sign."""
-    if kind == "time":
-        return f"{fixed(1e3 * value, 2)} ms" if value == value else ""
-    if kind in UNITS:
-        return ratio(value) + (UNITS[kind] if value == value else "")
-    return change(value)
+    """Return the number that a kind of claim is about, with its unit; a change has its sign."""
+    unit = KINDS[kind].unit
+    if unit is None:
+        return change(value)
+    return ratio(1e3 * value if unit == " ms" else value) + unit if value == value else ""
 
 
 def interval_text(low: float, high: float, kind: str) -> str:
-    """Both ends of its 95 % interval; nothing where there is none."""
+    """Return both ends of its 95 % interval; nothing where there is none."""
     return interval(lambda end: number_text(end, kind))(low, high) if np.isfinite(low) else ""

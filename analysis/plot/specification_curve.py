@@ -10,8 +10,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
+from cooploc.analysis.claims.kinds import KINDS
 from cooploc.analysis.claims.multiverse import dimensions_of
-from cooploc.analysis.claims.verdicts import UNITS
 from cooploc.analysis.plot import style
 from cooploc.analysis.plot.claims_forest import CLAIMED, LOOKS
 from cooploc.estimators.plugins.errors import BadInput
@@ -59,7 +59,7 @@ def specification_curve(found: pd.DataFrame, claim: str, definition: str = "") -
 
 def _effects(ax: Axes, part: pd.DataFrame) -> None:
     kind, x = str(part["kind"].iloc[0]), np.arange(len(part))
-    unit = 1.0 if kind in UNITS else 100.0
+    unit = 100.0 if KINDS[kind].unit is None else 1.0
     value, low, high = (unit * part[name].to_numpy(float) for name in ("value", "low", "high"))
     if kind == "consistency":  # collapsed clouds have an ANEES of any size
         value, low, high = (np.clip(number, *ANEES) for number in (value, low, high))
@@ -72,7 +72,7 @@ def _effects(ax: Axes, part: pd.DataFrame) -> None:
             ax.plot(x[some], value[some], marker, ls="", mec=colour, mfc=face, ms=_size(len(part)), label=label)
     for size in part["size"].dropna().unique():
         ax.axhline(unit * size, color=CLAIMED, lw=1.5, ls=style.BROKEN, label="claimed", zorder=0)
-    if kind not in UNITS:
+    if KINDS[kind].unit is None:
         ax.axhline(0, color="0.6", lw=0.8, zorder=0)
     _limit(ax, value, low, high)
     _mark_ends(ax, part)

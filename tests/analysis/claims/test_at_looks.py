@@ -31,7 +31,7 @@ def of(found, claim):
 
 
 def test_a_verdict_keeps_the_look_that_reached_it(rows):
-    found = verdicts.judge_at_looks(LEDGER, rows, [10, 20, 40])
+    found = verdicts.judge_run(LEDGER, rows, [10, 20, 40])
     one = of(found, "1")
     assert (one["verdict"], one["look"], one["trials"]) == ("supported", 10, 10)
     assert verdicts.verdict_text(one) == "Supported at n = 10"
@@ -42,7 +42,7 @@ def test_looks_one_by_one_say_what_looks_at_once_say(rows):
     step = None
     for n in (10, 20, 40):
         step = verdicts.judge_at_look(LEDGER, rows, n, step)
-    pd.testing.assert_frame_equal(step, verdicts.judge_at_looks(LEDGER, rows, [10, 20, 40]))
+    pd.testing.assert_frame_equal(step, verdicts.judge_run(LEDGER, rows, [10, 20, 40]))
 
 
 def test_what_is_open_keeps_its_cells_going_and_time_never_does(rows):

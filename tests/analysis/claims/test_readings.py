@@ -27,7 +27,7 @@ def pairs(rows):
         pair
         for row in rows
         for pair in combinations(
-            [(n, c) for n, c in row.items() if n not in interpretations.settled(row, DIMENSIONS)], 2
+            [(n, c) for n, c in row.items() if n not in interpretations.settled_by(row, DIMENSIONS)], 2
         )
     }
 
@@ -159,7 +159,7 @@ def choosing(**b):
     [
         (
             {"d": {**GOOD, "leter": "a"}},
-            "dimension 'd': there is no key 'leter' in a dimension; did you mean 'letter'?",
+            "there is no key 'leter'; did you mean 'letter'?",
         ),
         ({"d": {**GOOD, "letter": "c"}}, "letter is 'c'; it must be one of a, b"),
         ({"d": {"says": "x", "letter": "a", "choices": {"a": {}}}}, "dimensions.d.choices"),
@@ -167,7 +167,7 @@ def choosing(**b):
         ({"d": 3}, "dimensions.d"),
         (3, "dimensions"),
         ({"d": {**GOOD, "choices": {"a": {"estimators": {"K": "1"}}, "b": {}}}}, "'a' is its first choice"),
-        (choosing(estimator={}), "choice 'b': there is no key 'estimator' in a choice; did you mean 'estimators'?"),
+        (choosing(estimator={}), "there is no key 'estimator'; did you mean 'estimators'?"),
         (choosing(estimators={"particls": "9"}), "has a parameter 'particls'; did you mean 'particles'?"),
         (choosing(estimators={"K": "many"}), "choice 'b': estimator 'arl', K: "),
         (choosing(scenarios={"prior": "1"}), "choice 'b': "),
