@@ -19,7 +19,7 @@ from filterpy.kalman import ExtendedKalmanFilter
 from filterpy.monte_carlo import systematic_resample
 
 from cooploc.estimators.interface import Belief, Traffic
-from cooploc.estimators.models.gradient_doa import gradient_doa
+from cooploc.estimators.models import gradient_doa
 
 N = 500  # particles
 H = 0.3 * N ** (-1 / 6)

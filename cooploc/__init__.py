@@ -38,6 +38,12 @@ if _TYPE_CHECKING:
     from cooploc.api_studies import sweep as sweep
     from cooploc.api_studies import tune as tune
     from cooploc.estimators import make as make
+    from cooploc.estimators.adapters import PerRobot as PerRobot
+    from cooploc.estimators.adapters import PerTeam as PerTeam
+    from cooploc.estimators.adapters import motion_of as motion_of
+    from cooploc.estimators.adapters import priors_of as priors_of
+    from cooploc.estimators.adapters import readings_of as readings_of
+    from cooploc.estimators.errors import BadInput as BadInput
     from cooploc.estimators.interface import Belief as Belief
     from cooploc.estimators.interface import Estimator as Estimator
     from cooploc.estimators.interface import Mail as Mail
@@ -46,15 +52,9 @@ if _TYPE_CHECKING:
     from cooploc.estimators.interface import TeamEstimator as TeamEstimator
     from cooploc.estimators.interface import Traffic as Traffic
     from cooploc.estimators.interface import World as World
-    from cooploc.estimators.lifting.functions import motion_of as motion_of
-    from cooploc.estimators.lifting.functions import priors_of as priors_of
-    from cooploc.estimators.lifting.functions import readings_of as readings_of
-    from cooploc.estimators.models.layout import Layout as Layout
-    from cooploc.estimators.per_robot import PerRobot as PerRobot
-    from cooploc.estimators.per_team import PerTeam as PerTeam
-    from cooploc.estimators.plugins.callable_package import CallablePackage as _CallablePackage
-    from cooploc.estimators.plugins.errors import BadInput as BadInput
-    from cooploc.estimators.plugins.tunable import tunable as tunable
+    from cooploc.estimators.model_functions import Layout as Layout
+    from cooploc.estimators.registry import CallablePackage as _CallablePackage
+    from cooploc.estimators.tunable import tunable as tunable
     from cooploc.inspection import Inspection as Inspection
     from cooploc.inspection import inspect as inspect
     from cooploc.runs import Results as Results
@@ -100,13 +100,13 @@ _HOME = {
     "TeamEstimator": "cooploc.estimators.interface",
     "Traffic": "cooploc.estimators.interface",
     "World": "cooploc.estimators.interface",
-    "motion_of": "cooploc.estimators.lifting.functions",
-    "priors_of": "cooploc.estimators.lifting.functions",
-    "readings_of": "cooploc.estimators.lifting.functions",
-    "Layout": "cooploc.estimators.models.layout",
-    "PerRobot": "cooploc.estimators.per_robot",
-    "PerTeam": "cooploc.estimators.per_team",
-    "BadInput": "cooploc.estimators.plugins.errors",
+    "motion_of": "cooploc.estimators.adapters",
+    "priors_of": "cooploc.estimators.adapters",
+    "readings_of": "cooploc.estimators.adapters",
+    "Layout": "cooploc.estimators.model_functions",
+    "PerRobot": "cooploc.estimators.adapters",
+    "PerTeam": "cooploc.estimators.adapters",
+    "BadInput": "cooploc.estimators.errors",
     "errors": "cooploc.analysis.metrics.errors",
     "compare": "cooploc.analysis.metrics.compare",
     "summarize": "cooploc.analysis.metrics.compare",
@@ -114,7 +114,7 @@ _HOME = {
     "smoother": "cooploc.analysis.metrics.smoother",
     "Smoother": "cooploc.analysis.metrics.smoother",
     "to_tum": "cooploc.analysis.metrics.external",
-    "tunable": "cooploc.estimators.plugins.tunable",
+    "tunable": "cooploc.estimators.tunable",
     "run_study": "cooploc.runs",
     "load_run": "cooploc.runs",
     "Results": "cooploc.runs",

@@ -32,7 +32,7 @@ def main() -> None:
 
 def _explained(e: BaseException) -> str | None:
     """One line for what the user can fix; None for bugs of ours, which keep their traceback."""
-    from cooploc.estimators.plugins.errors import BadInput
+    from cooploc.estimators.errors import BadInput
 
     if isinstance(e, BadInput):
         return str(e)

@@ -19,7 +19,7 @@ from cooploc.analysis.metrics.statistics import Interval
 from cooploc.analysis.tuning.tables import VALUE
 from cooploc.analysis.tuning.tune import Tuned
 from cooploc.analysis.tuning.tune import tune as tune_study
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.run_options import How
 from cooploc.runs import Results, ledger_of, prepared, ran, run_study
 from cooploc.scenarios import family, simulate

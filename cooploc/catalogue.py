@@ -3,7 +3,7 @@
 from typing import Any
 
 from cooploc.estimators import BUILTIN, make
-from cooploc.estimators.plugins.listing import listing
+from cooploc.estimators.listing import listing
 from cooploc.scenarios import simulate
 from cooploc.scenarios.runner.tick import IncompatibleEstimator
 from cooploc.scenarios.runner.trace import trace

@@ -7,7 +7,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from cooploc.analysis.execution import atomic_file
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.inspect.finding import Finding
 from cooploc.scenarios.recordings.inspect.inspection import Inspected, inspect_recording
 from cooploc.scenarios.recordings.inspect.series_table import SeriesRow

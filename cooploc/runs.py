@@ -19,7 +19,7 @@ from cooploc.analysis.metrics.sequential import with_decisions
 from cooploc.analysis.report import html_page, run_diff
 from cooploc.analysis.report import reproduce as again
 from cooploc.estimators import split
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.run_options import How
 from cooploc.scenarios.studies.study import Study, load
 from cooploc.terminal import results as printed

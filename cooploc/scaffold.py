@@ -7,7 +7,7 @@ from pathlib import Path
 from jinja2 import Template
 
 from cooploc.estimators import BUILTIN
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 
 
 def new_estimator(name: str, folder: str | Path | None = None) -> list[Path]:

@@ -7,14 +7,12 @@ register a class under the entry-point group `cooploc.estimators`, or pass an in
 import sys
 from typing import TYPE_CHECKING, Any
 
-from cooploc.estimators.plugins.build import ConfiguredEstimator, build
-from cooploc.estimators.plugins.callable_package import CallablePackage
-from cooploc.estimators.plugins.errors import BadInput
-from cooploc.estimators.plugins.errors import nearest as nearest
-from cooploc.estimators.plugins.labels import parse as parse
-from cooploc.estimators.plugins.labels import split as split
-from cooploc.estimators.plugins.registry import Registry, loaded
-from cooploc.estimators.plugins.traits import refusal
+from cooploc.estimators.building import ConfiguredEstimator, build
+from cooploc.estimators.errors import BadInput
+from cooploc.estimators.errors import nearest as nearest
+from cooploc.estimators.registry import CallablePackage, Registry, loaded, refusal
+from cooploc.estimators.registry import parse as parse
+from cooploc.estimators.registry import split as split
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -106,7 +104,7 @@ def _unusable(name: str) -> str:
 
 def table() -> "DataFrame":
     """What `cl.estimators()` returns: one row per estimator."""
-    from cooploc.estimators.plugins.listing import listing
+    from cooploc.estimators.listing import listing
 
     return listing()
 

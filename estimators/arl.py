@@ -11,30 +11,30 @@ from typing import ClassVar
 
 import numpy as np
 
+from cooploc.estimators import particles
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
-from cooploc.estimators.particle import own_filter
 
 
 @dataclass(frozen=True)
-class Arl(own_filter.Settings):
+class Arl(particles.ParticleSettings):
     """Particle filter on own readings; sends nothing."""
 
     api: ClassVar[int] = 1
 
-    def init(self, prior: Belief, world: World, rows: Rows) -> own_filter.FilterState:
-        return own_filter.init(self, prior, world, rows)
+    def init(self, prior: Belief, world: World, rows: Rows) -> particles.FilterState:
+        return particles.init_single(self, prior, world, rows)
 
-    def predict(self, s: own_filter.FilterState, z: Senses) -> own_filter.FilterState:
-        return own_filter.predict(self, s, z)
+    def predict(self, s: particles.FilterState, z: Senses) -> particles.FilterState:
+        return particles.predict_single(self, s, z)
 
-    def correct(self, s: own_filter.FilterState, z: Senses) -> own_filter.FilterState:
-        return own_filter.correct(self, s, z, sends=False)
+    def correct(self, s: particles.FilterState, z: Senses) -> particles.FilterState:
+        return particles.correct_single(self, s, z, sends=False)
 
-    def send(self, s: own_filter.FilterState, z: Senses) -> Array:
+    def send(self, s: particles.FilterState, z: Senses) -> Array:
         return np.empty((len(s.x), 0))
 
-    def fuse(self, s: own_filter.FilterState, z: Senses, mail: Mail) -> own_filter.FilterState:
-        return own_filter.finish(self, s)
+    def fuse(self, s: particles.FilterState, z: Senses, mail: Mail) -> particles.FilterState:
+        return particles.resample_and_estimate(self, s)
 
-    def estimate(self, s: own_filter.FilterState) -> Belief:
+    def estimate(self, s: particles.FilterState) -> Belief:
         return s.belief

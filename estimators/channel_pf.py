@@ -29,20 +29,11 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
+from cooploc.estimators import particles
+from cooploc.estimators.channel_filter import Gaussian, Information, Reading, definite, gained, joined, news, read
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Rows, Senses, Sensor, World
-from cooploc.estimators.kalman.channel_filter import (
-    Gaussian,
-    Information,
-    Reading,
-    definite,
-    gained,
-    joined,
-    news,
-    read,
-)
-from cooploc.estimators.kalman.team_readings import curvature
-from cooploc.estimators.particle import own_filter, team_filter
-from cooploc.estimators.particle.packet import pack, unpack
+from cooploc.estimators.kalman import curvature
+from cooploc.estimators.particle_likelihood import pack, unpack
 
 VAGUE = 1e3  # sides of the arena: the standard deviation of a channel over which nothing was said
 
@@ -50,14 +41,14 @@ VAGUE = 1e3  # sides of the arena: the standard deviation of a channel over whic
 class State(NamedTuple):
     """What one robot remembers."""
 
-    own: own_filter.FilterState
+    own: particles.FilterState
     channel: Belief  # x (r, n, 4), P (r, n, 4, 4)  of its own position and each teammate's
     moved: Belief  # x (r, 2), P (r, 2, 2)  by odometry so far, and the noise of that
     heard: Array  # (r, n, 5)  what each teammate said of `moved` in its last packet
 
 
 @dataclass(frozen=True)
-class ChannelPf(team_filter.TeamSettings):
+class ChannelPf(particles.TeamParticleSettings):
     """Particle filter on own readings; Gaussians are exchanged, less what each link has carried before.
 
     Args:
@@ -71,7 +62,7 @@ class ChannelPf(team_filter.TeamSettings):
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         r, n = len(prior.x), world.robots
-        own = team_filter.init(self, prior, world, rows)
+        own = particles.init_team(self, prior, world, rows)
         return State(own, _nothing(prior, world), Belief(np.zeros((r, 2)), np.zeros((r, 2, 2))), np.zeros((r, n, 5)))
 
     def predict(self, s: State, z: Senses) -> State:
@@ -85,29 +76,29 @@ class ChannelPf(team_filter.TeamSettings):
         channel.x[..., :2] += step[:, None]
         channel.P[..., :2, :2] += Q[:, None]
         moved = Belief(s.moved.x + step, s.moved.P + Q)
-        return s._replace(own=team_filter.predict(self, s.own, z), channel=channel, moved=moved)
+        return s._replace(own=particles.predict_team(self, s.own, z), channel=channel, moved=moved)
 
     def correct(self, s: State, z: Senses) -> State:
-        return s._replace(own=team_filter.correct(self, s.own, z))
+        return s._replace(own=particles.correct_team(self, s.own, z))
 
     def send(self, s: State, z: Senses) -> Array:
         """x, y, P_xx, P_xy, P_yy of the belief, then of its odometry: ten numbers. Silence without a covariance."""
-        packet = np.concatenate([pack(own_filter.to_send(s.own)), pack(s.moved)], -1)
-        regular = definite(own_filter.to_send(s.own).P[:, :2, :2])
+        packet = np.concatenate([pack(particles.belief_to_send(s.own)), pack(s.moved)], -1)
+        regular = definite(particles.belief_to_send(s.own).P[:, :2, :2])
         return np.where(regular[:, None], packet, np.nan)
 
     def fuse(self, s: State, z: Senses, mail: Mail) -> State:
         """Every link by itself, from the belief before this tick's packets; the particles by what all have gained."""
-        sensor, readings = team_filter.readings(s.own.world, z, mail)
-        belief = own_filter.to_send(s.own)
+        sensor, readings = particles.team_readings(s.own.world, z, mail)
+        belief = particles.belief_to_send(s.own)
         present = ~np.isnan(mail.packets[..., 0]) & ~np.isnan(readings).any(-1)
         i, j = np.argwhere(present & definite(belief.P[:, :2, :2])[:, None]).astype(np.int64).T
         if not len(i):
-            return s._replace(own=own_filter.finish(self, s.own))
+            return s._replace(own=particles.resample_and_estimate(self, s.own))
         packets = mail.packets[i, j]
         before, mine = _caught_up(s, packets, i, j), Belief(belief.x[i], belief.P[i])
         after, gain = _exchanged(sensor, before, mine, Gaussian(*unpack(packets[:, :5])), readings[i, j])
-        own = own_filter.finish(self, s.own._replace(logw=_weigh(s.own, belief.x, gain, i)))
+        own = particles.resample_and_estimate(self, s.own._replace(logw=_weigh(s.own, belief.x, gain, i)))
         if not self.subtract:
             return s._replace(own=own)
         x, P, heard = s.channel.x.copy(), s.channel.P.copy(), s.heard.copy()
@@ -161,7 +152,7 @@ def _linearised(sensor: Sensor, both: Gaussian, mine: Belief, z: Array) -> Readi
     return Reading(y - shift, np.concatenate([H[..., :2], Hq], -1), np.broadcast_to(R, (*y.shape, y.shape[-1])))
 
 
-def _weigh(own: own_filter.FilterState, about: Array, gain: Information, i: Indices) -> Array:
+def _weigh(own: particles.FilterState, about: Array, gain: Information, i: Indices) -> Array:
     """logw + sum over links of eta' e - e' Y e / 2, with e (r, N, 2) the particles about the robot's mean."""
     eta, Y = np.zeros((len(own.x), 2)), np.zeros((len(own.x), 2, 2))
     np.add.at(eta, i, gain.eta)

@@ -24,21 +24,21 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
+from cooploc.estimators import mixtures, particles, random_numbers
+from cooploc.estimators.errors import require
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
-from cooploc.estimators.particle import draws, mixtures, own_filter, team_filter
-from cooploc.estimators.particle.kernel_density import density, sample
-from cooploc.estimators.plugins.bounds import require
+from cooploc.estimators.mixtures import density, sample
 
 
 class State(NamedTuple):
     """What one robot remembers."""
 
-    own: own_filter.FilterState
+    own: particles.FilterState
     travelled: Array  # (r, n)  since a detection of each teammate was used [m]; inf before the first
 
 
 @dataclass(frozen=True)
-class Cmrl(team_filter.TeamSettings):
+class Cmrl(particles.TeamParticleSettings):
     """Particle filter on own readings, multiplied with a density of each teammate once per meeting.
 
     Args:
@@ -57,32 +57,32 @@ class Cmrl(team_filter.TeamSettings):
         require(self, samples=(2, 10_000), apart=(0, 1e9))
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        return State(team_filter.init(self, prior, world, rows), np.full((len(prior.x), world.robots), np.inf))
+        return State(particles.init_team(self, prior, world, rows), np.full((len(prior.x), world.robots), np.inf))
 
     def predict(self, s: State, z: Senses) -> State:
         """Move the particles, and count the distance."""
         x = s.own.belief.x
         after, _, _ = s.own.world.motion.move(x, z.odometry, z.dt)
         step = np.hypot(after[:, 0] - x[:, 0], after[:, 1] - x[:, 1])
-        return State(team_filter.predict(self, s.own, z), s.travelled + step[:, None])
+        return State(particles.predict_team(self, s.own, z), s.travelled + step[:, None])
 
     def correct(self, s: State, z: Senses) -> State:
-        return s._replace(own=team_filter.correct(self, s.own, z))
+        return s._replace(own=particles.correct_team(self, s.own, z))
 
     def send(self, s: State, z: Senses) -> Array:
         """The kernel's P_xx, P_xy, P_yy, then x, y of each sample: 3 + 2 S numbers."""
-        u = draws.uniforms(s.own.key, s.own.tick, draws.SAMPLE, 1)[:, 0, 0]
+        u = random_numbers.further_uniforms(s.own.key, s.own.tick, random_numbers.SAMPLE, 1)[:, 0, 0]
         return sample(s.own.x, s.own.logw, u, self.samples)
 
     def fuse(self, s: State, z: Senses, mail: Mail) -> State:
         """w_i *= sum_s N(z - h(x_i, x_s); 0, R + J H J') / S, for each teammate that is due."""
-        sensor, readings = team_filter.readings(s.own.world, z, mail)
+        sensor, readings = particles.team_readings(s.own.world, z, mail)
         due = s.travelled >= self.apart
         readings = np.where(due[..., None], readings, np.nan)
         sent = density(mail.packets)
         used = ~np.isnan(readings).any(-1) & ~np.isnan(sent.w).all(-1)
         logw = mixtures.weigh(sensor, sent, readings, s.own.x, s.own.logw)
-        return State(own_filter.finish(self, s.own._replace(logw=logw)), np.where(used, 0.0, s.travelled))
+        return State(particles.resample_and_estimate(self, s.own._replace(logw=logw)), np.where(used, 0.0, s.travelled))
 
     def estimate(self, s: State) -> Belief:
         return s.own.belief

@@ -6,8 +6,8 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
-from cooploc.estimators.kalman.update import symmetric
-from cooploc.estimators.models.angles import wrap_heading
+from cooploc.estimators.kalman import symmetric
+from cooploc.estimators.models import wrap_heading
 
 
 class State(NamedTuple):

@@ -27,14 +27,11 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from cooploc.estimators.covariance_intersection.weights import relative_weights
+from cooploc.estimators.covariance_intersection import relative_weights
+from cooploc.estimators.errors import require
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Rows, Senses, World
-from cooploc.estimators.kalman.messages import Message
-from cooploc.estimators.kalman.own_filter import OwnFilter
-from cooploc.estimators.kalman.team_readings import PairReading, received
-from cooploc.estimators.kalman.update import ENGINES, distance, inflated_update
-from cooploc.estimators.plugins.bounds import require
-from cooploc.estimators.plugins.tunable import tunable
+from cooploc.estimators.kalman import ENGINES, Message, OwnFilter, PairReading, distance, inflated_update, received
+from cooploc.estimators.tunable import tunable
 
 EXACT = 1e-9 * np.eye(2)  # [m^2] noise of a position that is all belief and no reading
 

@@ -20,12 +20,10 @@ from typing import NamedTuple
 import numpy as np
 
 from cooploc.estimators import ekf_ci
+from cooploc.estimators.errors import require
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, World
-from cooploc.estimators.kalman.linearised import move
-from cooploc.estimators.kalman.settings import TeamSettings
-from cooploc.estimators.kalman.update import symmetric
-from cooploc.estimators.models.angles import wrap_heading
-from cooploc.estimators.plugins.bounds import require
+from cooploc.estimators.kalman import TeamSettings, move, symmetric
+from cooploc.estimators.models import wrap_heading
 
 
 class State(NamedTuple):

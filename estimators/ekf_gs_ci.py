@@ -25,14 +25,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cooploc.estimators.errors import require
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Rows, Senses, World
-from cooploc.estimators.kalman.linearised import innovation, move
-from cooploc.estimators.kalman.messages import Message
-from cooploc.estimators.kalman.settings import TeamSettings
-from cooploc.estimators.kalman.update import ENGINES, conditioned, symmetric
-from cooploc.estimators.models.anchor_readings import fixed
-from cooploc.estimators.models.angles import wrap_heading
-from cooploc.estimators.plugins.bounds import require
+from cooploc.estimators.kalman import ENGINES, Message, TeamSettings, conditioned, innovation, move, symmetric
+from cooploc.estimators.models import fixed, wrap_heading
 
 
 class State(NamedTuple):

@@ -15,10 +15,10 @@ density", arXiv 2412.06716, 2024. Its use with a reading of part of the state is
 
 from dataclasses import dataclass
 
-from cooploc.estimators.covariance_intersection.inverse import combined, harmonic_mean
+from cooploc.estimators.errors import require
 from cooploc.estimators.interface import Array
-from cooploc.estimators.kalman.broadcast_belief import BroadcastBelief
-from cooploc.estimators.plugins.bounds import require
+from cooploc.estimators.inverse_covariance_intersection import combined, harmonic_mean
+from cooploc.estimators.kalman import BroadcastBelief
 
 
 @dataclass(frozen=True)

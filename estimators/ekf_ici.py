@@ -17,10 +17,10 @@ intersection", Automatica 79, 2017. Its use with a reading of part of the state 
 from dataclasses import dataclass
 from typing import Literal
 
-from cooploc.estimators.covariance_intersection.inverse import combined, inverse_intersection, weighed_intersection
+from cooploc.estimators.errors import require
 from cooploc.estimators.interface import Array
-from cooploc.estimators.kalman.broadcast_belief import BroadcastBelief
-from cooploc.estimators.plugins.bounds import require
+from cooploc.estimators.inverse_covariance_intersection import combined, inverse_intersection, weighed_intersection
+from cooploc.estimators.kalman import BroadcastBelief
 
 
 @dataclass(frozen=True)

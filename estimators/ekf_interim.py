@@ -23,20 +23,26 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from cooploc.estimators.compiled.jit import readable
+from cooploc.estimators.compiled import readable
 from cooploc.estimators.interface import HEADER, Array, Belief, Mail, Mask, Rows, Senses, Traffic, World
-from cooploc.estimators.kalman.decoupled_kernels import RUNAWAY, Decoupled, TeamReading, master
-from cooploc.estimators.kalman.joint_update import block_diagonal, definite, dense, square
-from cooploc.estimators.kalman.landmark_kernels import update_decoupled
-from cooploc.estimators.kalman.linearised import innovation
-from cooploc.estimators.kalman.messages import count, no_traffic
-from cooploc.estimators.kalman.own_steps import camera_alone, moved, sightings
-from cooploc.estimators.kalman.settings import TeamSettings
-from cooploc.estimators.kalman.team_readings import linearise, pairs
-from cooploc.estimators.kalman.update import ENGINES, distance, present, symmetric
-from cooploc.estimators.models.anchor_readings import fixed
-from cooploc.estimators.models.angles import wrap_heading
-from cooploc.estimators.models.sensors import Sighting
+from cooploc.estimators.joint_gaussian import block_diagonal, definite, dense, square
+from cooploc.estimators.joint_kernels import RUNAWAY, Decoupled, TeamReading, master, update_decoupled
+from cooploc.estimators.kalman import (
+    ENGINES,
+    TeamSettings,
+    camera_alone,
+    count,
+    distance,
+    innovation,
+    linearise,
+    moved,
+    no_traffic,
+    pairs,
+    present,
+    sightings,
+    symmetric,
+)
+from cooploc.estimators.models import Sighting, fixed, wrap_heading
 
 At = Mapping[int, Array]  # a Jacobian (t, k, d) by robot
 

@@ -23,9 +23,10 @@ from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 
+from cooploc.estimators.errors import require
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Sensor, Traffic, World
-from cooploc.estimators.kalman.information_kernels import Ranging, Readings, tally
-from cooploc.estimators.kalman.joint_update import (
+from cooploc.estimators.joint_gaussian import (
+    MixedTeamSettings,
     anywhere,
     block_diagonal,
     dense,
@@ -46,20 +47,10 @@ from cooploc.estimators.kalman.joint_update import (
     stacked,
     widened,
 )
-from cooploc.estimators.kalman.landmark_kernels import update_joint
-from cooploc.estimators.kalman.linearised import innovation
-from cooploc.estimators.kalman.messages import no_traffic
-from cooploc.estimators.kalman.mixed_team import MixedTeamSettings
-from cooploc.estimators.kalman.own_steps import camera_alone, sightings
-from cooploc.estimators.kalman.team_readings import curvature, linearise
-from cooploc.estimators.kalman.update import ENGINES
-from cooploc.estimators.models.anchor_readings import fixed
-from cooploc.estimators.models.angles import wrap_heading
-from cooploc.estimators.models.gradient_doa import GradientDoa
-from cooploc.estimators.models.motion import Displacement
-from cooploc.estimators.models.sensors import Range
-from cooploc.estimators.plugins.bounds import require
-from cooploc.estimators.plugins.tunable import tunable
+from cooploc.estimators.joint_kernels import Ranging, Readings, tally, update_joint
+from cooploc.estimators.kalman import ENGINES, camera_alone, curvature, innovation, linearise, no_traffic, sightings
+from cooploc.estimators.models import Displacement, GradientDoa, Range, fixed, wrap_heading
+from cooploc.estimators.tunable import tunable
 
 # Weight of the latest readings in the average share of refused ones: 23 refused in a row make a robot lost. On MRCLAM,
 # where a camera may confuse two landmarks for a second, the average rises to 0.37; with a weight of 0.1, to 0.72.

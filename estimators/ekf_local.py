@@ -9,9 +9,8 @@ import numpy as np
 
 from cooploc.estimators.dead_reckoning import State
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
-from cooploc.estimators.kalman.own_steps import corrected, moved
-from cooploc.estimators.kalman.settings import Settings
-from cooploc.estimators.models.angles import wrap_heading
+from cooploc.estimators.kalman import Settings, corrected, moved
+from cooploc.estimators.models import wrap_heading
 
 
 @dataclass(frozen=True)

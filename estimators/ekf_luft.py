@@ -19,13 +19,19 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Traffic, World
-from cooploc.estimators.kalman.factor_kernels import LIMIT, Factored, PairUpdate, meet
-from cooploc.estimators.kalman.messages import count, no_traffic
-from cooploc.estimators.kalman.own_steps import corrected, moved
-from cooploc.estimators.kalman.settings import TeamSettings
-from cooploc.estimators.kalman.team_readings import linearise, pairs
-from cooploc.estimators.kalman.update import ENGINES, Update
-from cooploc.estimators.models.angles import wrap_heading
+from cooploc.estimators.joint_kernels import LIMIT, Factored, PairUpdate, meet
+from cooploc.estimators.kalman import (
+    ENGINES,
+    TeamSettings,
+    Update,
+    corrected,
+    count,
+    linearise,
+    moved,
+    no_traffic,
+    pairs,
+)
+from cooploc.estimators.models import wrap_heading
 
 
 class State(NamedTuple):

@@ -11,8 +11,7 @@ A. Howard, M. Mataric, G. Sukhatme, "Putting the 'I' in 'team'", ICRA 2003, on s
 from dataclasses import dataclass
 
 from cooploc.estimators.interface import Array
-from cooploc.estimators.kalman.broadcast_belief import BroadcastBelief
-from cooploc.estimators.kalman.update import ENGINES
+from cooploc.estimators.kalman import ENGINES, BroadcastBelief
 
 
 @dataclass(frozen=True)

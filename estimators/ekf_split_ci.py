@@ -25,17 +25,22 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from cooploc.estimators.compiled.jit import readable
+from cooploc.estimators import joint_kernels
+from cooploc.estimators.compiled import readable
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, World
-from cooploc.estimators.kalman import landmark_kernels, split_kernels
-from cooploc.estimators.kalman.linearised import innovation
-from cooploc.estimators.kalman.messages import Message
-from cooploc.estimators.kalman.own_steps import camera_alone, moved, sightings
-from cooploc.estimators.kalman.settings import TeamSettings
-from cooploc.estimators.kalman.team_readings import PairReading, received
-from cooploc.estimators.kalman.update import ENGINES, symmetric
-from cooploc.estimators.models.anchor_readings import fixed
-from cooploc.estimators.models.angles import wrap_heading
+from cooploc.estimators.kalman import (
+    ENGINES,
+    Message,
+    PairReading,
+    TeamSettings,
+    camera_alone,
+    innovation,
+    moved,
+    received,
+    sightings,
+    symmetric,
+)
+from cooploc.estimators.models import fixed, wrap_heading
 
 
 class State(NamedTuple):
@@ -76,7 +81,7 @@ class EkfSplitCi(TeamSettings):
         if camera := camera_alone(self, s.world):
             x, Pd, Pi = s.x.copy(), s.Pd.copy(), s.Pi.copy()
             seen = sightings(s.world, z.landmark[None], camera, self.gate)
-            landmark_kernels.update_split(x[None], Pd[None], Pi[None], seen)
+            joint_kernels.update_split(x[None], Pd[None], Pi[None], seen)
             return s._replace(x=x, Pd=Pd, Pi=Pi)
         for sensor, place, reading in fixed(s.world, z, self.anchor_reading):
             y, H, _ = innovation(sensor, s.x, place, reading)
@@ -111,14 +116,14 @@ class EkfSplitCi(TeamSettings):
         Rd, Ri = H_j @ Pd_j @ H_j.mT, H_j @ Pi_j @ H_j.mT + pair.sensor.R
         if self.engine == "batched":
             x, Pd, Pi, used = s.x.copy(), s.Pd.copy(), s.Pi.copy(), np.empty(len(y), bool)
-            split_kernels.cooperate(x, Pd, Pi, (y, H, Rd, Ri), self.gate, self.form == "literal", used)
+            joint_kernels.cooperate(x, Pd, Pi, (y, H, Rd, Ri), self.gate, self.form == "literal", used)
             return s._replace(x=x, Pd=Pd, Pi=Pi), used
         there = np.asarray(~(np.isnan(y).any(-1) | np.isnan(Rd).any((1, 2))))
         y, H, Rd = (np.where(there.reshape(-1, *[1] * (a.ndim - 1)), a, 0.0) for a in (y, H, Rd))
         Ri = np.where(there[:, None, None], Ri, np.eye(y.shape[-1]))
         w, helps = np.empty(len(y)), np.empty(len(y), bool)
         parts = (readable(part) for part in (s.Pd, s.Pi, H, Rd, Ri, there))
-        split_kernels.least_trace(*parts, w, helps)
+        joint_kernels.least_trace(*parts, w, helps)
         return self._update(s, np.where(helps[:, None], y, np.nan), H, Rd, Ri, w, received=True)
 
     def _update(
@@ -139,5 +144,5 @@ class EkfSplitCi(TeamSettings):
             np.empty(len(x), bool),
         )
         parts = (readable(part) for part in (P, Pd, s.Pi, H, Rd, Ri))
-        split_kernels.split(*parts, keep, new_d, new_i, used)
+        joint_kernels.split(*parts, keep, new_d, new_i, used)
         return s._replace(x=x, Pd=new_d, Pi=new_i), used

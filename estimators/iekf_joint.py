@@ -22,8 +22,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, Traffic, World
-from cooploc.estimators.kalman.information_kernels import Readings
-from cooploc.estimators.kalman.joint_update import (
+from cooploc.estimators.joint_gaussian import (
     block_diagonal,
     distances,
     driven,
@@ -34,13 +33,9 @@ from cooploc.estimators.kalman.joint_update import (
     square,
     stacked,
 )
-from cooploc.estimators.kalman.linearised import innovation, move
-from cooploc.estimators.kalman.messages import no_traffic
-from cooploc.estimators.kalman.settings import TeamSettings
-from cooploc.estimators.kalman.team_readings import linearise, table
-from cooploc.estimators.kalman.update import ENGINES
-from cooploc.estimators.models.anchor_readings import fixed
-from cooploc.estimators.models.angles import wrap_heading
+from cooploc.estimators.joint_kernels import Readings
+from cooploc.estimators.kalman import ENGINES, TeamSettings, innovation, linearise, move, no_traffic, table
+from cooploc.estimators.models import fixed, wrap_heading
 
 
 class State(NamedTuple):

@@ -16,11 +16,11 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
+from cooploc.estimators.errors import require
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Traffic, World
-from cooploc.estimators.kalman.messages import no_traffic
-from cooploc.estimators.kalman.sliding_window import Window, cost, elsewhere, empty, heard, moved, shortened, smoothed
-from cooploc.estimators.models.angles import wrap_heading
-from cooploc.estimators.plugins.bounds import require
+from cooploc.estimators.kalman import no_traffic
+from cooploc.estimators.kalman_window import Window, cost, elsewhere, empty, heard, moved, shortened, smoothed
+from cooploc.estimators.models import wrap_heading
 
 
 @dataclass(frozen=True)

@@ -12,14 +12,13 @@ Source: E. Latif, R. Parasuraman, "Multi-Robot Synergistic Localization in Dynam
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
+from cooploc.estimators import particles
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
-from cooploc.estimators.particle import own_filter, past_packets
-from cooploc.estimators.particle.likelihood import ReceivedPackets
-from cooploc.estimators.particle.packet import pack
+from cooploc.estimators.particle_likelihood import ReceivedPackets, pack
 
 
 @dataclass(frozen=True)
-class Mrsl(own_filter.Settings):
+class Mrsl(particles.ParticleSettings):
     """Particle filter on own readings, Bayes product with received beliefs.
 
     Args:
@@ -45,22 +44,22 @@ class Mrsl(own_filter.Settings):
         """Whether more than the newest reading of a teammate is used."""
         return self.neighbour_samples == "M" and self.M > 1
 
-    def init(self, prior: Belief, world: World, rows: Rows) -> own_filter.FilterState:
-        s = own_filter.init(self, prior, world, rows)
-        return s._replace(past=past_packets.empty(len(prior.x), world.robots, self.M)) if self.several else s
+    def init(self, prior: Belief, world: World, rows: Rows) -> particles.FilterState:
+        s = particles.init_single(self, prior, world, rows)
+        return s._replace(past=particles.no_past_packets(len(prior.x), world.robots, self.M)) if self.several else s
 
-    def predict(self, s: own_filter.FilterState, z: Senses) -> own_filter.FilterState:
-        s = own_filter.predict(self, s, z)
-        return s._replace(past=past_packets.moved(s.past, s.world.motion, z)) if self.several else s
+    def predict(self, s: particles.FilterState, z: Senses) -> particles.FilterState:
+        s = particles.predict_single(self, s, z)
+        return s._replace(past=particles.shift_past_packets(s.past, s.world.motion, z)) if self.several else s
 
-    def correct(self, s: own_filter.FilterState, z: Senses) -> own_filter.FilterState:
-        return own_filter.correct(self, s, z)
+    def correct(self, s: particles.FilterState, z: Senses) -> particles.FilterState:
+        return particles.correct_single(self, s, z)
 
-    def send(self, s: own_filter.FilterState, z: Senses) -> Array:
+    def send(self, s: particles.FilterState, z: Senses) -> Array:
         """x, y, and the position covariance's P_xx, P_xy, P_yy: five numbers."""
-        return pack(own_filter.to_send(s))
+        return pack(particles.belief_to_send(s))
 
-    def fuse(self, s: own_filter.FilterState, z: Senses, mail: Mail) -> own_filter.FilterState:
+    def fuse(self, s: particles.FilterState, z: Senses, mail: Mail) -> particles.FilterState:
         """w_i = P_l(q_i) prod_j integral P(r_j | x_i, x_j) N(x_j; received) dx_j  (8), variance sigma^2 + J P_j J'.
 
         With neighbour_samples="M", P(r_j | x_i, x_j) is a product over the last M packets of sender j.
@@ -68,10 +67,10 @@ class Mrsl(own_filter.Settings):
         sensor, readings = s.world.sensors[f"radio_{self.reading}"], getattr(mail, self.reading)
         heard = ReceivedPackets(sensor, mail.packets, readings, self.neighbours == "integrate")
         if not self.several:
-            return own_filter.finish(self, s, heard)
-        past = past_packets.received(s.past, heard)
-        logw = past_packets.weigh(past, heard, s.world.motion, s.x, s.logw, self.power)
-        return own_filter.finish(self, s._replace(past=past, logw=logw))
+            return particles.resample_and_estimate(self, s, heard)
+        past = particles.keep_received(s.past, heard)
+        logw = particles.weigh_past_packets(past, heard, s.world.motion, s.x, s.logw, self.power)
+        return particles.resample_and_estimate(self, s._replace(past=past, logw=logw))
 
-    def estimate(self, s: own_filter.FilterState) -> Belief:
+    def estimate(self, s: particles.FilterState) -> Belief:
         return s.belief

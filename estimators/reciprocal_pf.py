@@ -24,19 +24,19 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
+from cooploc.estimators import detections, mixtures, particles, random_numbers
+from cooploc.estimators.errors import require
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Sensor, World
-from cooploc.estimators.particle import detection, draws, mixtures, own_filter, team_filter
-from cooploc.estimators.particle.clusters import clusters
-from cooploc.estimators.particle.resampling import systematic
-from cooploc.estimators.particle.steps import poor, renew, summary, weights
-from cooploc.estimators.plugins.bounds import require
+from cooploc.estimators.mixtures import clusters
+from cooploc.estimators.particle_kernels import systematic
+from cooploc.estimators.particles import poor, resample, summary, weights
 
 TINY = 1e-300  # a weight that is 0 to all others
 FAR = 1e3  # sides of the arena
 
 
 @dataclass(frozen=True)
-class ReciprocalPf(team_filter.TeamSettings):
+class ReciprocalPf(particles.TeamParticleSettings):
     """Particle filter on own readings; clusters of particles are exchanged, and particles drawn from detections.
 
     Args:
@@ -56,32 +56,32 @@ class ReciprocalPf(team_filter.TeamSettings):
         super().__post_init__()
         require(self, alpha=(0, 1), clusters=(1, 100))
 
-    def init(self, prior: Belief, world: World, rows: Rows) -> own_filter.FilterState:
+    def init(self, prior: Belief, world: World, rows: Rows) -> particles.FilterState:
         for channel in ("sighting", "radio_rssi", "radio_range"):
             if self.alpha and channel in world.sensors:
-                detection.require_inverse(world.sensors[channel])
-        return team_filter.init(self, prior, world, rows)
+                detections.require_inverse(world.sensors[channel])
+        return particles.init_team(self, prior, world, rows)
 
-    def predict(self, s: own_filter.FilterState, z: Senses) -> own_filter.FilterState:
-        return team_filter.predict(self, s, z)
+    def predict(self, s: particles.FilterState, z: Senses) -> particles.FilterState:
+        return particles.predict_team(self, s, z)
 
-    def correct(self, s: own_filter.FilterState, z: Senses) -> own_filter.FilterState:
-        return team_filter.correct(self, s, z)
+    def correct(self, s: particles.FilterState, z: Senses) -> particles.FilterState:
+        return particles.correct_team(self, s, z)
 
-    def send(self, s: own_filter.FilterState, z: Senses) -> Array:
+    def send(self, s: particles.FilterState, z: Senses) -> Array:
         """w, x, y, P_xx, P_xy, P_yy of each cluster: six numbers for each that has particles."""
         return clusters(s.x, weights(s.logw), self.clusters).pack()
 
-    def fuse(self, s: own_filter.FilterState, z: Senses, mail: Mail) -> own_filter.FilterState:
+    def fuse(self, s: particles.FilterState, z: Senses, mail: Mail) -> particles.FilterState:
         """w_i *= prod_j p(z_j | x_i, clusters of j); then x_i ~ p(x | z_j, clusters of j) with probability alpha."""
-        sensor, readings = team_filter.readings(s.world, z, mail)
+        sensor, readings = particles.team_readings(s.world, z, mail)
         sent = mixtures.unpack(mail.packets)
         logw = mixtures.weigh(sensor, sent, readings, s.x, s.logw)
-        s = own_filter.finish(self, s._replace(logw=logw))
-        heard: Mask = np.asarray(detection.usable(sent, readings).any(-1))
+        s = particles.resample_and_estimate(self, s._replace(logw=logw))
+        heard: Mask = np.asarray(detections.usable(sent, readings).any(-1))
         return self._drawn_again(s, sensor, sent, readings, heard) if self.alpha and heard.any() else s
 
-    def estimate(self, s: own_filter.FilterState) -> Belief:
+    def estimate(self, s: particles.FilterState) -> Belief:
         return s.belief
 
     @staticmethod
@@ -92,16 +92,18 @@ class ReciprocalPf(team_filter.TeamSettings):
         return near
 
     def _drawn_again(
-        self, s: own_filter.FilterState, sensor: Sensor, sent: mixtures.Mixture, readings: Array, heard: Mask
-    ) -> own_filter.FilterState:
+        self, s: particles.FilterState, sensor: Sensor, sent: mixtures.Mixture, readings: Array, heard: Mask
+    ) -> particles.FilterState:
         """Particles of the rows that `heard`, each drawn from a detection with probability alpha."""
-        N, (old, logw) = s.x.shape[1], renew(s.x, s.logw, s.key, s.tick)
+        N, (old, logw) = s.x.shape[1], resample(s.x, s.logw, s.key, s.tick)
         w = weights(logw)
-        u = draws.uniforms(s.key, s.tick, draws.ANCESTOR, 1)[:, 0, 0]
+        u = random_numbers.further_uniforms(s.key, s.tick, random_numbers.ANCESTOR, 1)[:, 0, 0]
         resampled = np.take_along_axis(old, systematic(w, u)[..., None], 1)
         heading = resampled[..., 2] if resampled.shape[-1] > 2 else np.zeros(w.shape)
-        again = heard[:, None] & (draws.uniforms(s.key, s.tick, draws.SHARE, N)[..., 0] < self.alpha)
-        drawn = detection.places(sensor, sent, readings, again, heading, s.key, s.tick)
+        again = heard[:, None] & (
+            random_numbers.further_uniforms(s.key, s.tick, random_numbers.SHARE, N)[..., 0] < self.alpha
+        )
+        drawn = detections.places(sensor, sent, readings, again, heading, s.key, s.tick)
         x, logw = np.where(again[..., None], resampled, old), np.log(np.where(again, 1 / N, np.maximum(w, TINY)))
         x[again, :2] = np.where(self._near(s.world, drawn), drawn, x[again, :2])
         belief = summary(x, logw) if self.report == "after" else s.belief
@@ -113,4 +115,4 @@ class ReciprocalPf(team_filter.TeamSettings):
                 np.where(heard[:, None], belief.x, s.belief.x), np.where(heard[:, None, None], belief.P, s.belief.P)
             ),
         )
-        return own_filter.rounded(self, s)
+        return particles.round_to_single(self, s)

@@ -16,18 +16,12 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from cooploc.estimators.errors import require
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Sensor, Traffic, World
-from cooploc.estimators.kalman.joint_update import block_diagonal, definite, square
-from cooploc.estimators.kalman.messages import no_traffic
-from cooploc.estimators.kalman.settings import TeamSettings
-from cooploc.estimators.kalman.team_readings import pairs
-from cooploc.estimators.kalman.update import distance, symmetric
-from cooploc.estimators.models.anchor_readings import WeightedDoa, fixed
-from cooploc.estimators.models.angles import wrap, wrap_heading
-from cooploc.estimators.models.gradient_doa import GradientDoa
-from cooploc.estimators.models.sensors import Bearing, Sighting
-from cooploc.estimators.plugins.bounds import require
-from cooploc.estimators.plugins.tunable import tunable
+from cooploc.estimators.joint_gaussian import block_diagonal, definite, square
+from cooploc.estimators.kalman import TeamSettings, distance, no_traffic, pairs, symmetric
+from cooploc.estimators.models import Bearing, GradientDoa, Sighting, WeightedDoa, fixed, wrap, wrap_heading
+from cooploc.estimators.tunable import tunable
 
 Points = Callable[[Array, slice], Array]  # of sigma points (t, s, .., d) of these trials: moved, or what they read
 

@@ -12,7 +12,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from cooploc import Belief
-from cooploc.estimators.kalman.update import kalman
+from cooploc.estimators.kalman import kalman
 
 WEIGHTS = (0.5, 0.75, 0.9)
 

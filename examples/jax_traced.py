@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from cooploc import Belief
-from cooploc.estimators.models.traceable import innovation
+from cooploc.estimators.model_functions import innovation
 
 jax.config.update("jax_enable_x64", True)
 WEIGHTS = (0.5, 0.75, 0.9)

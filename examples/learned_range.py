@@ -22,7 +22,7 @@ import numpy as np
 
 import cooploc as cl
 from cooploc.estimators.ekf_local import EkfLocal
-from cooploc.estimators.models.inflation import inflated
+from cooploc.estimators.models import inflate
 
 FILE = Path(__file__).with_name("learned_range.npz")
 NEAR = 0.1  # [m] shorter ranges count as this
@@ -69,7 +69,7 @@ class LearnedRange(EkfLocal):
         with np.load(FILE) as found:
             learned = LearnedSignal(*(tuple(found[name].tolist()) for name in ("mean", "log_variance")))
         sensors = {**world.sensors, "anchor_rssi": learned}
-        return inflated(cl.World(**{**vars(world), "sensors": sensors}), self.inflation)
+        return inflate(cl.World(**{**vars(world), "sensors": sensors}), self.inflation)
 
 
 def learn(trials=100):

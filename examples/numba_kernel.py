@@ -14,7 +14,7 @@ import numba
 import numpy as np
 
 from cooploc import Belief
-from cooploc.estimators.models.sensors import NEAR, TOO_NEAR_TO_RANGE
+from cooploc.estimators.models import NEAR, TOO_NEAR_TO_RANGE
 
 WEIGHTS = np.array([0.5, 0.75, 0.9])
 FAST = {"nopython": True}

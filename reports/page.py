@@ -27,7 +27,7 @@ import study_numbers
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, TemplateError
 
 from cooploc.analysis.formats import listed
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 
 REPORTS = Path(__file__).resolve().parent
 TEXTS = REPORTS / "text"

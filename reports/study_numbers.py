@@ -20,7 +20,7 @@ from cooploc.analysis.metrics.compare import summarize
 from cooploc.analysis.metrics.consistency import consistency
 from cooploc.analysis.metrics.errors import trial_means
 from cooploc.estimators import nearest
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 
 REPORTS = Path(__file__).resolve().parent
 USUAL = 100  # trials of a study as shipped

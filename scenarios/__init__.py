@@ -12,11 +12,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cooploc.estimators.plugins.callable_package import CallablePackage
-from cooploc.estimators.plugins.errors import BadInput
-from cooploc.estimators.plugins.labels import parse
-from cooploc.estimators.plugins.listing import source_of
-from cooploc.estimators.plugins.registry import Registry
+from cooploc.estimators.errors import BadInput
+from cooploc.estimators.registry import CallablePackage, Registry, parse, source_of
 from cooploc.scenarios.remote import RemoteScenario, described
 from cooploc.scenarios.scenario import Family as Family
 from cooploc.scenarios.scenario import ResolvedScenario, build_scenario, split_family

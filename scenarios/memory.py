@@ -3,7 +3,7 @@
 import os
 from pathlib import Path
 
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 
 KEPT, DRAWN = 34, 80  # bytes per tick and pair of robots: of every trial, and more while one is drawn (measured)
 ONE = 28  # in place of KEPT where there is one trial, which is not copied; hashing takes half of it

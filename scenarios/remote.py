@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.processes.outcome import WorkerError
 from cooploc.scenarios.processes.workers import call, end
 from cooploc.scenarios.stream import Stream, Truth

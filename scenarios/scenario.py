@@ -26,10 +26,10 @@ from typing import Any, Literal, Protocol, runtime_checkable
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from cooploc.estimators.adapters import without_short
+from cooploc.estimators.errors import BadInput, first_reason, nearest
 from cooploc.estimators.interface import TEAM_PRIOR, Array, World
-from cooploc.estimators.lifting.handed import without_short
-from cooploc.estimators.plugins.errors import BadInput, first_reason, nearest
-from cooploc.estimators.plugins.registry import loaded
+from cooploc.estimators.registry import loaded
 from cooploc.scenarios import memory
 from cooploc.scenarios.stream import Stream, Truth
 

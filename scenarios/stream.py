@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Belief, Indices, Mask, Senses, World
-from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios import stream_file
 from cooploc.scenarios.display import facts_table
 from cooploc.scenarios.stream_hash import assumptions, hash_of_trial, hash_of_trials

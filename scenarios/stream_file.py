@@ -9,22 +9,22 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter
 
+from cooploc.estimators import models
+from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import World
-from cooploc.estimators.models import gradient_doa, motion, sensors
-from cooploc.estimators.plugins.errors import BadInput
 
 FORMAT = 3  # 2 had a checksum in its header
 PLACES = ("arena", "anchors", "landmarks")  # what a world has as arrays
 MODELS: dict[str, type[Any]] = {
     cls.__name__: cls
     for cls in (
-        motion.Displacement,
-        motion.Unicycle,
-        sensors.LogDistance,
-        sensors.Range,
-        sensors.Bearing,
-        sensors.Sighting,
-        gradient_doa.GradientDoa,
+        models.Displacement,
+        models.Unicycle,
+        models.LogDistance,
+        models.Range,
+        models.Bearing,
+        models.Sighting,
+        models.GradientDoa,
     )
 }
 

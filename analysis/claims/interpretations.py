@@ -22,8 +22,8 @@ from pydantic import BaseModel, Field, model_validator
 
 from cooploc.analysis.claims.kinds import STRICT, Claim, Labels
 from cooploc.estimators import make, nearest, parse
-from cooploc.estimators.plugins.build import RENAMED
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.building import RENAMED
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios import resolve
 
 CANDIDATES = 20  # rows that the greedy search tries before it takes one

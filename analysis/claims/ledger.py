@@ -27,7 +27,7 @@ from pydantic import BaseModel, Field, ValidationError
 from cooploc.analysis.claims.interpretations import Choice, Dimension, find_error
 from cooploc.analysis.claims.kinds import KINDS, RELATIVE, STRICT, Claim
 from cooploc.estimators import nearest
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.display import list_table
 
 BASE = "paper"  # the variant without substitutions

@@ -23,8 +23,8 @@ from cooploc.analysis.claims.trial_table import collect
 from cooploc.analysis.claims.verdicts import COLUMNS, JUDGED, judge_claim, tally
 from cooploc.analysis.metrics.errors import demand_same_streams
 from cooploc.analysis.metrics.sequential import FIXED, Stopping
-from cooploc.estimators.plugins.errors import BadInput
-from cooploc.estimators.plugins.labels import parse
+from cooploc.estimators.errors import BadInput
+from cooploc.estimators.registry import parse
 
 ADDED = {
     "readings": "how many readings of the design come down to this specification",

@@ -15,8 +15,8 @@ from cooploc.analysis.metrics.curves import sweep
 from cooploc.analysis.metrics.errors import drop_failed, weighted_means
 from cooploc.analysis.metrics.sequential import FIXED, Stopping
 from cooploc.estimators import nearest, parse
+from cooploc.estimators.building import RENAMED
 from cooploc.estimators.interface import Array
-from cooploc.estimators.plugins.build import RENAMED
 
 Key = tuple[str, str]  # labels of a scenario and an estimator
 

@@ -15,8 +15,8 @@ from cooploc.analysis.execution.provenance import files, imports, training_of
 from cooploc.analysis.metrics.errors import TRAINED
 from cooploc.analysis.metrics.ranking import short_certificate
 from cooploc.estimators import configure
-from cooploc.estimators.plugins.build import ConfiguredEstimator
-from cooploc.estimators.plugins.errors import BadInput, one_line
+from cooploc.estimators.building import ConfiguredEstimator
+from cooploc.estimators.errors import BadInput, one_line
 from cooploc.scenarios.conformance.check import check_estimator
 from cooploc.scenarios.conformance.report import Report
 

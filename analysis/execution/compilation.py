@@ -17,9 +17,9 @@ import numpy as np
 from cooploc.analysis.execution.provenance import bits
 from cooploc.analysis.execution.task import Task
 from cooploc.estimators import make
-from cooploc.estimators.compiled.jit import kept_at
-from cooploc.estimators.kalman.matrix_kernels import whiten
-from cooploc.estimators.plugins.build import ConfiguredEstimator
+from cooploc.estimators.building import ConfiguredEstimator
+from cooploc.estimators.compiled import kept_at
+from cooploc.estimators.kalman_kernels import whiten
 from cooploc.scenarios import BUILTIN as SCENARIOS
 from cooploc.scenarios.processes.workers import BUILTIN, end, pool
 from cooploc.scenarios.runner.trace import warm_up

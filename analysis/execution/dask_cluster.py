@@ -16,7 +16,7 @@ from cooploc.analysis.execution.local_workers import ThisMachine
 from cooploc.analysis.execution.pool import Pool
 from cooploc.analysis.execution.provenance import bits
 from cooploc.analysis.execution.task import MeasuredPart, Task, measure
-from cooploc.estimators.plugins.errors import BadInput, one_line
+from cooploc.estimators.errors import BadInput, one_line
 from cooploc.scenarios.processes.workers import end_all
 
 PATIENCE = 5  # [s] for the scheduler to answer

@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, StrictStr
 from cooploc.analysis.execution.atomic_file import replace
 from cooploc.analysis.execution.schemas import FORMAT, Count, Newer, checked
 from cooploc.analysis.metrics.sequential import looks
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.sealed import Damaged, seal
 
 NAME = "decisions.json"

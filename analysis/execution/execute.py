@@ -20,7 +20,7 @@ from cooploc.analysis.execution.run_directory import FORMAT, Piece, RunDir
 from cooploc.analysis.execution.task import MeasuredPart
 from cooploc.analysis.execution.workers import hired
 from cooploc.analysis.formats import counted
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.processes.workers import BUILTIN, end
 from cooploc.scenarios.remote import RemoteScenario
 from cooploc.scenarios.scenario import ResolvedScenario

@@ -3,7 +3,7 @@
 import traceback
 from pathlib import Path
 
-from cooploc.estimators.plugins.errors import one_line
+from cooploc.estimators.errors import one_line
 from cooploc.scenarios.processes.time_limit import TimeLimit
 
 # In a worker, which Ctrl-C does not reach, anything.

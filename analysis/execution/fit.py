@@ -10,7 +10,7 @@ from cooploc.analysis.execution.played import begin
 from cooploc.analysis.execution.task import Task
 from cooploc.analysis.execution.walled import given
 from cooploc.estimators import make, module_of
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios import BUILTIN, resolve
 from cooploc.scenarios.processes.time_limit import Limit, within
 from cooploc.scenarios.processes.workers import call, end

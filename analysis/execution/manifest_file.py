@@ -6,7 +6,7 @@ from typing import Any
 
 from cooploc.analysis.execution.piece import Piece, trials_of
 from cooploc.analysis.execution.schemas import Manifest, Newer, checked
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.sealed import Damaged, digest
 
 NAME = "manifest.json"

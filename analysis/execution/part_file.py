@@ -11,7 +11,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from cooploc.analysis.metrics.errors import COLUMNS, NOTE
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 
 FAILURE = ("failure", "traceback")
 TEXT = ("scenario", "estimator", "stream", "senses", *FAILURE)

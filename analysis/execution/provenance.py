@@ -15,10 +15,9 @@ import numpy as np
 
 from cooploc import estimators as estimator_names
 from cooploc import scenarios as scenario_names
-from cooploc.estimators.plugins.artifacts import artifacts_of, trained_on
-from cooploc.estimators.plugins.build import ConfiguredEstimator
-from cooploc.estimators.plugins.python_file import is_file
-from cooploc.estimators.plugins.sources import Named, distributions, helpers_of, of_module, tree
+from cooploc.estimators.building import ConfiguredEstimator
+from cooploc.estimators.plugin_files import Named, artifacts_of, distributions, helpers_of, of_module, trained_on, tree
+from cooploc.estimators.registry import is_file
 from cooploc.scenarios.remote import RemoteScenario
 from cooploc.scenarios.scenario import ResolvedScenario
 

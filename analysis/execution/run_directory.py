@@ -32,7 +32,7 @@ from cooploc.analysis.execution.piece import Piece as Piece
 from cooploc.analysis.execution.piece import trials_of
 from cooploc.analysis.execution.schemas import FORMAT as FORMAT
 from cooploc.analysis.execution.schemas import Newer, OldReceipt, Receipt, checked
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.sealed import Damaged, seal
 
 FOLDERS = ("parts", "receipts")

@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, StrictStr, ValidationError
 
-from cooploc.estimators.plugins.errors import first_reason
+from cooploc.estimators.errors import first_reason
 from cooploc.scenarios.sealed import SEALED, Damaged, parsed, unsealed
 from cooploc.scenarios.studies.study import Seed, Study, Trials
 

@@ -8,7 +8,7 @@ import pandas as pd
 from cooploc.analysis.execution.certificates import with_lines
 from cooploc.analysis.execution.decisions_file import comparisons, looks_taken, read_decisions
 from cooploc.analysis.execution.run_directory import Piece, RunDir
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.studies.study import Study
 
 

@@ -13,8 +13,8 @@ from cooploc.analysis.execution.failures import HERE, THERE, Caught, full_text, 
 from cooploc.analysis.execution.run_directory import Piece
 from cooploc.analysis.metrics.errors import COLUMNS, errors
 from cooploc.estimators import configure, make
-from cooploc.estimators.plugins.build import ConfiguredEstimator
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.building import ConfiguredEstimator
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios import BUILTIN, resolve
 from cooploc.scenarios.processes.time_limit import Limit, within
 from cooploc.scenarios.processes.workers import call, end

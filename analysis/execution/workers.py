@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from cooploc.analysis.execution.dask_cluster import connected
 from cooploc.analysis.execution.local_workers import ThisMachine, ThisProcess
 from cooploc.analysis.execution.pool import Workers
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.processes.workers import BUILTIN, SESSION, end_all
 
 MOST_JOBS = 1024

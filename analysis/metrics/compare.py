@@ -21,8 +21,8 @@ from cooploc.analysis.metrics.errors import (
     trial_means,
 )
 from cooploc.estimators import nearest
+from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array
-from cooploc.estimators.plugins.errors import BadInput
 
 # Trials that are far worse than the others: the interval of an RMSE does not hold what it has hardly seen.
 #

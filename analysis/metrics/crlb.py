@@ -21,14 +21,12 @@ from scipy.special import erfcx
 from scipy.stats import qmc
 from threadpoolctl import threadpool_limits
 
+from cooploc.estimators import models
+from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Mail, Senses, Sensor
-from cooploc.estimators.kalman.update import root
-from cooploc.estimators.models.anchor_readings import NOWHERE, GradientReading
-from cooploc.estimators.models.gradient_doa import GradientDoa, gradient_doa
-from cooploc.estimators.models.motion import Displacement
-from cooploc.estimators.plugins.errors import BadInput
-from cooploc.estimators.plugins.labels import parse
-from cooploc.estimators.plugins.python_file import is_file
+from cooploc.estimators.kalman import root
+from cooploc.estimators.models import NOWHERE, Displacement, GradientDoa, GradientReading
+from cooploc.estimators.registry import is_file, parse
 from cooploc.scenarios import resolve, simulate
 from cooploc.scenarios.scenario import split_family
 from cooploc.scenarios.stream import Stream
@@ -261,7 +259,7 @@ def _derived(stream: Stream, z: Senses, channels: Collection[str]) -> Iterator[t
     """What is made of the anchors' readings, as `World.fixed`."""
     for channel, made in DERIVED.items():
         if channel in channels:
-            doa = gradient_doa(stream.world)
+            doa = models(stream.world)
             yield made(doa), NOWHERE, doa.gradient(z.anchor_rssi)
 
 

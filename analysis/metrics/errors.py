@@ -10,8 +10,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Mask
-from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.runner.run import Run
 from cooploc.scenarios.runner.trace import Trace
 from cooploc.scenarios.stream import Truth

@@ -15,9 +15,9 @@ import pandas as pd
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.errors import demand_same, errors
 from cooploc.estimators import split
+from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Mask
-from cooploc.estimators.plugins.errors import BadInput
-from cooploc.estimators.plugins.labels import parse
+from cooploc.estimators.registry import parse
 from cooploc.scenarios import BUILTIN, simulate
 from cooploc.scenarios.recordings.text_tables import Table, read_table
 from cooploc.scenarios.runner.run import Run, run

@@ -12,7 +12,7 @@ import pandas as pd
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.crlb import floors, pooled_floor
 from cooploc.estimators import configure, make, parse
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios import ASSUMED, resolve
 
 OWN = {"none": (), "doa": ("anchor_doa",), "gradient": ("anchor_gradient",), "rssi": ("anchor_rssi",)}

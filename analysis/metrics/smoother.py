@@ -15,8 +15,8 @@ import numpy as np
 
 from cooploc.estimators import make
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
-from cooploc.estimators.kalman.sliding_window import Window, cost, empty, information, smooth, smoothed
-from cooploc.estimators.models.angles import wrap_heading
+from cooploc.estimators.kalman_window import Window, cost, empty, information, smooth, smoothed
+from cooploc.estimators.models import wrap_heading
 from cooploc.scenarios.runner.trace import trace
 from cooploc.scenarios.stream import Stream
 

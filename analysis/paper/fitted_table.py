@@ -11,7 +11,7 @@ from typing import NamedTuple
 from cooploc.analysis.paper.sizes import COLUMNS, SMALL, width
 from cooploc.analysis.report.latex import escaped
 from cooploc.analysis.report.tables import Row, Table, TableColumn
-from cooploc.estimators.plugins.errors import BadInput, nearest
+from cooploc.estimators.errors import BadInput, nearest
 
 DEFAULT = ("rmse", "change", "anees", "bytes")
 HEADS = {"change": "change", "bytes": "bytes", "seconds": "time [µs]", "estimator": "estimator"}

@@ -23,7 +23,7 @@ from cooploc.analysis.plot import style
 from cooploc.analysis.report import result_tables, summaries
 from cooploc.analysis.report.experiments import groups, ranked
 from cooploc.analysis.report.methods import FLOORED
-from cooploc.estimators.plugins.errors import BadInput, nearest
+from cooploc.estimators.errors import BadInput, nearest
 
 EXAMPLE = "example.tex"
 OVER = (

@@ -10,8 +10,8 @@ from matplotlib.collections import EllipseCollection, LineCollection
 from cooploc.analysis.plot import style
 from cooploc.analysis.plot.ellipses import place, shape
 from cooploc.analysis.plot.style import DARK, GREY, Look
+from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array
-from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.runner.run import Run
 from cooploc.scenarios.runner.trace import Trace
 from cooploc.scenarios.stream import Stream, Truth

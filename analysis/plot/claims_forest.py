@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from cooploc.analysis.claims.kinds import RELATIVE
 from cooploc.analysis.claims.ledger import BASE
 from cooploc.analysis.plot import style
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 
 # verdict -> colour, marker and filling, apart in grey print too
 LOOKS = {

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from cooploc.analysis.claims.kinds import RELATIVE
 from cooploc.analysis.plot import style
 from cooploc.analysis.plot.claims_forest import CLAIMED, LOOKS
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 
 # verdict -> the part of a row's height that its marks take, so that grey print tells them apart
 HEIGHTS = {

@@ -7,7 +7,7 @@ import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
 
 from cooploc.analysis.plot import style
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios import resolve
 from cooploc.scenarios.recordings.team.leftover import Leftover
 from cooploc.scenarios.recordings.team.scenario import TeamScenario

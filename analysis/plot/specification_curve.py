@@ -14,7 +14,7 @@ from cooploc.analysis.claims.kinds import KINDS
 from cooploc.analysis.claims.multiverse import dimensions_of
 from cooploc.analysis.plot import style
 from cooploc.analysis.plot.claims_forest import CLAIMED, LOOKS
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 
 CASE = {"scenario": "scenario", "of": "estimator", "than": "against"}  # column -> head of its rows
 ENDS = {"letter": "0.1", "preset": "0.5"}  # column -> colour of its lines

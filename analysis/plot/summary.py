@@ -12,7 +12,7 @@ from cooploc.analysis.metrics.statistics import LEAST_TRIALS
 from cooploc.analysis.plot import style
 from cooploc.analysis.plot.marks import curve, drawable, marker, name_of, rmse_against, rmse_at, span
 from cooploc.analysis.plot.swept import by_column, by_label
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 
 LETTER = 0.09  # [in] that a letter of a tick is wide
 MOST_TICKS = 12  # of a sweep that are all named

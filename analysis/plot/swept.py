@@ -3,7 +3,7 @@
 import pandas as pd
 
 from cooploc.analysis.metrics.curves import swept
-from cooploc.estimators.plugins.errors import BadInput, nearest
+from cooploc.estimators.errors import BadInput, nearest
 
 LEAST = 3  # values from which a sweep is drawn as lines without being asked for
 

@@ -7,7 +7,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from cooploc.analysis.plot import style
-from cooploc.estimators.plugins.errors import BadInput, nearest
+from cooploc.estimators.errors import BadInput, nearest
 
 VALUE = "value: "  # before a parameter's name in the columns of `cl.tune(...).history`
 ACROSS, WIDTH, HEIGHT = 3, 3.0, 2.4  # panels in a row, and the size of each [in]

@@ -11,9 +11,9 @@ import pandas as pd
 
 from cooploc.analysis.metrics.errors import SENSES
 from cooploc.estimators import configure, make
-from cooploc.estimators.plugins.configurations import standing
-from cooploc.estimators.plugins.errors import BadInput
-from cooploc.estimators.plugins.listing import source_of
+from cooploc.estimators.errors import BadInput
+from cooploc.estimators.listing import standing
+from cooploc.estimators.registry import source_of
 
 READ = "estimator", "messages", "centralised", "bound", "offline", SENSES
 

@@ -16,8 +16,8 @@ from cooploc.analysis.execution.task import Task, measure
 from cooploc.analysis.report.run_diff import other_versions
 from cooploc.analysis.report.tables import Table, numbers, words
 from cooploc.estimators import configure, make, parse
-from cooploc.estimators.plugins.errors import BadInput
-from cooploc.estimators.plugins.python_file import is_file
+from cooploc.estimators.errors import BadInput
+from cooploc.estimators.registry import is_file
 from cooploc.scenarios import resolve
 from cooploc.scenarios.scenario import split_family
 from cooploc.scenarios.sealed import Damaged, seal

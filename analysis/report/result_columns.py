@@ -7,7 +7,7 @@ import numpy as np
 from cooploc.analysis.formats import change, count, fixed, interval, metres, microseconds, p_value, percent, ratio
 from cooploc.analysis.metrics.ranking import is_refused, short_certificate
 from cooploc.analysis.report.tables import numbers, words
-from cooploc.estimators.plugins.configurations import declares_bytes, standing
+from cooploc.estimators.listing import declares_bytes, standing
 
 SAID = {flag: flag for flag in ("over-confident", "over-wide", "conservative")} | {"not shown": "consistency not shown"}
 

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
-from cooploc.estimators.plugins.configurations import standing
+from cooploc.estimators.listing import standing
 
 LONGEST = 24  # characters that fit into a column
 

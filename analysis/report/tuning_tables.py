@@ -5,7 +5,7 @@ import pandas as pd
 
 from cooploc.analysis.formats import change, count, fixed, interval, metres, p_value, ratio
 from cooploc.analysis.report.tables import Table, numbers, words
-from cooploc.estimators.plugins.labels import parse
+from cooploc.estimators.registry import parse
 
 
 def gain(value: float) -> str:

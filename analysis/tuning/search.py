@@ -27,10 +27,10 @@ import pandas as pd
 from scipy import stats
 
 from cooploc.estimators import configure, make
+from cooploc.estimators.building import ConfiguredEstimator
+from cooploc.estimators.errors import BadInput, nearest
 from cooploc.estimators.interface import Array
-from cooploc.estimators.plugins.build import ConfiguredEstimator
-from cooploc.estimators.plugins.errors import BadInput, nearest
-from cooploc.estimators.plugins.tunable import Tunable, Value, declared
+from cooploc.estimators.tunable import Tunable, Value, declared
 from cooploc.scenarios.processes.outcome import WorkerError
 from cooploc.scenarios.processes.workers import call
 from cooploc.scenarios.remote import RemoteScenario

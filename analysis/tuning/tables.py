@@ -11,7 +11,7 @@ from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.errors import drop_failed, weighted_means
 from cooploc.analysis.tuning.search import Entrant, Finish, trial_scores
-from cooploc.estimators.plugins.labels import parse
+from cooploc.estimators.registry import parse
 
 VALUE = "value: "  # before a parameter's name: columns of `history`
 SHOWN = ("rmse", "nll", "anees", "consistency", "coverage95", "failed")

@@ -32,8 +32,8 @@ from cooploc.analysis.execution.workers import hired
 from cooploc.analysis.tuning.search import OBJECTIVES, Item, Lane, Space, search, space_of, trial_scores
 from cooploc.analysis.tuning.tables import gains, history, order
 from cooploc.estimators import configure
-from cooploc.estimators.plugins.errors import BadInput, nearest
-from cooploc.estimators.plugins.labels import parse
+from cooploc.estimators.errors import BadInput, nearest
+from cooploc.estimators.registry import parse
 from cooploc.scenarios import family, resolve, resolve_isolated, simulate
 from cooploc.scenarios.processes.workers import call, end
 from cooploc.scenarios.remote import RemoteScenario

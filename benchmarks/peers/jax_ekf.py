@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import cooploc as cl
-from cooploc.estimators.models.traceable import innovation
+from cooploc.estimators.model_functions import innovation
 
 jax.config.update("jax_enable_x64", True)
 

@@ -29,10 +29,9 @@ from cooploc.analysis.tuning.search import (
 )
 from cooploc.analysis.tuning.tables import order
 from cooploc.analysis.tuning.tune import derived_seed
-from cooploc.estimators import configure
+from cooploc.estimators import configure, particles
 from cooploc.estimators.arl import Arl
 from cooploc.estimators.interface import Array, Belief, Rows, World
-from cooploc.estimators.particle import own_filter
 from cooploc.scenarios.runner.trace import trace
 
 COPIES, BUDGET, FRESH, LEVEL = 5, 60, 20, 0.05
@@ -46,7 +45,7 @@ class Copy(Arl):
 
     salt: int = 0
 
-    def init(self, prior: Belief, world: World, rows: Rows) -> own_filter.FilterState:
+    def init(self, prior: Belief, world: World, rows: Rows) -> particles.FilterState:
         return super().init(prior, world, rows._replace(key=rows.key ^ np.uint32(self.salt * 0x9E3779B1 % 2**32)))
 
 

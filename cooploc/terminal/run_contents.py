@@ -14,7 +14,7 @@ from cooploc.analysis.metrics.ranking import short_certificate
 from cooploc.analysis.report.failures import failures
 from cooploc.analysis.report.result_columns import decided
 from cooploc.analysis.report.tables import Table, numbers, words
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.terminal.console import wide
 from cooploc.terminal.decided import state
 from cooploc.terminal.results import ONE_PROCESS

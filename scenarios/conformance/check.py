@@ -13,7 +13,7 @@ from functools import cache, partial
 from typing import Any
 
 from cooploc.estimators import is_builtin
-from cooploc.estimators.plugins.errors import BadInput, nearest
+from cooploc.estimators.errors import BadInput, nearest
 from cooploc.scenarios.conformance.checks import CHECKS, Check
 from cooploc.scenarios.conformance.compare import CheckFailed, CheckSkipped
 from cooploc.scenarios.conformance.harness import Harness, one_line, raised_by

@@ -10,8 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from cooploc.estimators.interface import Array, Belief, Mask, World
-from cooploc.estimators.models.angles import wrap, wrap_heading
-from cooploc.estimators.models.motion import Displacement, Unicycle
+from cooploc.estimators.models import Displacement, Unicycle, wrap, wrap_heading
 from cooploc.scenarios.conformance.compare import CheckFailed, CheckSkipped, earliest, place
 from cooploc.scenarios.conformance.harness import Harness
 from cooploc.scenarios.stream import Stream

@@ -12,9 +12,9 @@ from typing import Any
 import cloudpickle
 import numpy as np
 
+from cooploc.estimators import errors
 from cooploc.estimators.interface import Array, Mask
-from cooploc.estimators.plugins import errors
-from cooploc.estimators.plugins.traits import Traits, traits
+from cooploc.estimators.registry import Traits, traits
 from cooploc.scenarios import simulate
 from cooploc.scenarios.conformance.compare import CheckFailed, RunRecord, require_equal
 from cooploc.scenarios.conformance.perturb import deep_copy, drop_readings

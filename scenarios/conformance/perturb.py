@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from cooploc.estimators.interface import Array, Mask
-from cooploc.estimators.models.angles import wrap, wrap_heading
+from cooploc.estimators.models import wrap, wrap_heading
 from cooploc.scenarios.stream import Air, Stream
 
 Mode = Literal["perturbed", "hidden"]

@@ -7,7 +7,7 @@ import pickle
 import traceback
 from typing import NamedTuple
 
-from cooploc.estimators.plugins.errors import one_line
+from cooploc.estimators.errors import one_line
 
 
 class WorkerError(RuntimeError):

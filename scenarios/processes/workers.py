@@ -23,7 +23,7 @@ from typing import Any
 
 import cloudpickle
 
-from cooploc.estimators.plugins.python_file import load, needed
+from cooploc.estimators.registry import load, needed
 from cooploc.scenarios.processes.outcome import Outcome, ProcessDied, ProcessHung, Raised
 
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")

@@ -13,11 +13,9 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
+from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Belief, Mask, Senses, World
-from cooploc.estimators.models.angles import wrap_heading
-from cooploc.estimators.models.motion import Unicycle
-from cooploc.estimators.models.sensors import Sighting
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.models import Sighting, Unicycle, wrap_heading
 from cooploc.scenarios.recordings.mrclam_files import DataSet, read_data_set, unknown_barcodes
 from cooploc.scenarios.recordings.resampling import interpolate, mean_held
 from cooploc.scenarios.recordings.text_tables import Table

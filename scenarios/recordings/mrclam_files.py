@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array
-from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.recordings.text_tables import Table, read_table, require_unique, require_whole, sort_by_time
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 
 
 def asked(data: Path, run: str, names: Sequence[str], trials: Sequence[int]) -> str:

@@ -10,8 +10,8 @@ from typing import NamedTuple, NoReturn
 
 import numpy as np
 
+from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Indices
-from cooploc.estimators.plugins.errors import BadInput
 
 LARGEST = 1e30  # of a number in a recording; stamps in ns have nineteen digits
 MAX_STEP_BACK = 0.5  # [s] stamps that step back by less (MRCLAM 9: by 0.1 s) are sorted; by more, the file is refused

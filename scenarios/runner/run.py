@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 import numpy as np
 
 from cooploc.estimators import is_builtin, make, split
+from cooploc.estimators.adapters import Lift
+from cooploc.estimators.building import is_plain, lifted
+from cooploc.estimators.errors import BadInput, message
 from cooploc.estimators.interface import Array, Indices, Rows
-from cooploc.estimators.lifting.lift import Lift
-from cooploc.estimators.plugins.errors import BadInput, message
-from cooploc.estimators.plugins.lifted import is_plain, lifted
 from cooploc.scenarios import display, seeds
 from cooploc.scenarios.display import Advance, list_table
 from cooploc.scenarios.processes.outcome import ProcessDied, WorkerError

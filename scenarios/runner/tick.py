@@ -10,10 +10,10 @@ from typing import Any, ClassVar, Protocol, cast
 import numba
 import numpy as np
 
-from cooploc.estimators.compiled.jit import readable
+from cooploc.estimators.compiled import readable
+from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import HEADER, TEAM_PRIOR, Array, Belief, Mail, Mask, Rows, Senses, Traffic, World
-from cooploc.estimators.plugins.errors import BadInput
-from cooploc.estimators.plugins.traits import traits, wrong_version
+from cooploc.estimators.registry import traits, wrong_version
 from cooploc.scenarios import seeds
 from cooploc.scenarios.stream import Stream
 

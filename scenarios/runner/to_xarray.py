@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
+from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Indices
-from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.runner.trace import Trace
 from cooploc.scenarios.stream import Truth
 

@@ -13,9 +13,9 @@ import numpy as np
 from numba.core import event
 from threadpoolctl import ThreadpoolController
 
+from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Rows
-from cooploc.estimators.plugins.errors import BadInput
-from cooploc.estimators.plugins.traits import traits
+from cooploc.estimators.registry import traits
 from cooploc.scenarios.display import Advance
 from cooploc.scenarios.runner.tick import EstimatorError, IncompatibleEstimator, Watcher, drive, senses, visible
 from cooploc.scenarios.stream import Stream

@@ -34,9 +34,9 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from cooploc import scenarios as registry
 from cooploc.estimators import configure
-from cooploc.estimators.plugins.build import ConfiguredEstimator
-from cooploc.estimators.plugins.errors import BadInput, first_reason, nearest
-from cooploc.estimators.plugins.listing import source_of
+from cooploc.estimators.building import ConfiguredEstimator
+from cooploc.estimators.errors import BadInput, first_reason, nearest
+from cooploc.estimators.registry import source_of
 from cooploc.scenarios import resolve, resolve_isolated
 from cooploc.scenarios.remote import RemoteScenario
 from cooploc.scenarios.scenario import ResolvedScenario

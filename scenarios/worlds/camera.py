@@ -11,9 +11,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from cooploc.estimators.interface import Array, Belief, Senses, World
-from cooploc.estimators.models.angles import wrap, wrap_heading
-from cooploc.estimators.models.motion import Unicycle
-from cooploc.estimators.models.sensors import Orientation, Sighting
+from cooploc.estimators.models import Orientation, Sighting, Unicycle, wrap, wrap_heading
 from cooploc.scenarios.seeds import Purpose, generator
 from cooploc.scenarios.stream import Air, Stream, Truth
 from cooploc.scenarios.worlds.radio import Number, Positive, Robots, Sigma, Ticks

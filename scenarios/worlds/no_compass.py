@@ -11,8 +11,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from cooploc.estimators.interface import Array, Belief, Senses, World
-from cooploc.estimators.models.angles import wrap_heading
-from cooploc.estimators.models.motion import Unicycle
+from cooploc.estimators.models import Unicycle, wrap_heading
 from cooploc.scenarios.seeds import Purpose, generator
 from cooploc.scenarios.stream import Air, Stream, Truth
 from cooploc.scenarios.worlds.radio import Paper, Positive, Share, Sigma

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from cooploc.estimators.interface import Array, Belief, Indices, Mask, Senses, World
-from cooploc.estimators.models.motion import Displacement
-from cooploc.estimators.models.sensors import NEAR, LogDistance, Range
+from cooploc.estimators.models import NEAR, Displacement, LogDistance, Range
 from cooploc.scenarios.seeds import Purpose, generator
 from cooploc.scenarios.stream import Air, Stream, Truth
 

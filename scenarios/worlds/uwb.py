@@ -18,7 +18,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from cooploc.estimators.interface import Array, World
-from cooploc.estimators.models.sensors import Range
+from cooploc.estimators.models import Range
 from cooploc.scenarios.seeds import Purpose, generator
 from cooploc.scenarios.worlds.radio import Paper, Positive, Scene, Share, Sigma, Signed, add_memory
 

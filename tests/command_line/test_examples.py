@@ -9,7 +9,7 @@ import pytest
 import cooploc as cl
 from cooploc.estimators import make
 from cooploc.estimators.interface import Belief, Senses
-from cooploc.estimators.models.sensors import LogDistance
+from cooploc.estimators.models import LogDistance
 from cooploc.scenarios import simulate
 from cooploc.scenarios.conformance.check import CHECKS, check_estimator
 from cooploc.scenarios.conformance.perturb import drop_readings

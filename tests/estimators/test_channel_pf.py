@@ -5,10 +5,10 @@ import pytest
 from oracles import dense_posterior, linear_team
 
 from cooploc.estimators import make
+from cooploc.estimators.channel_filter import Gaussian
 from cooploc.estimators.channel_pf import _linearised
 from cooploc.estimators.interface import Belief
-from cooploc.estimators.kalman.channel_filter import Gaussian
-from cooploc.estimators.models.sensors import Range, Sighting
+from cooploc.estimators.models import Range, Sighting
 from cooploc.scenarios import simulate
 from cooploc.scenarios.runner.run import run
 from cooploc.scenarios.runner.trace import trace

@@ -8,10 +8,9 @@ from oracles import log_distance
 
 from cooploc.estimators import make
 from cooploc.estimators.interface import Belief, Mail, Rows, Senses, World
-from cooploc.estimators.models.motion import Displacement
-from cooploc.estimators.models.sensors import LogDistance, Range
-from cooploc.estimators.particle.kernel_density import density, sample
-from cooploc.estimators.particle.steps import summary, weights
+from cooploc.estimators.mixtures import density, sample
+from cooploc.estimators.models import Displacement, LogDistance, Range
+from cooploc.estimators.particles import summary, weights
 from cooploc.scenarios import simulate
 from cooploc.scenarios.runner.run import run
 

@@ -8,7 +8,7 @@ from oracles import covariances, is_covariance, linear_team
 
 from cooploc.estimators.ekf_gs_ci import EkfGsCi, State
 from cooploc.estimators.ekf_luft import EkfLuft
-from cooploc.estimators.kalman.messages import Message
+from cooploc.estimators.kalman import Message
 from cooploc.scenarios import simulate
 from cooploc.scenarios.runner.trace import trace
 

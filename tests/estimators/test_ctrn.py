@@ -5,15 +5,12 @@ import pytest
 from oracles import covariances
 
 import cooploc as cl
-from cooploc.estimators.ctrn import moments as by_moments
-from cooploc.estimators.ctrn.intersection import where_definite
-from cooploc.estimators.ctrn.message import log_density
-from cooploc.estimators.ctrn.moments import follow
+from cooploc.estimators import ctrn as by_moments
+from cooploc.estimators.ctrn import follow, log_density, where_definite
+from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Belief, Mail, Rows, Senses, World
-from cooploc.estimators.models.motion import Displacement
-from cooploc.estimators.models.sensors import LogDistance, Range
-from cooploc.estimators.particle.steps import moments, weights
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.models import Displacement, LogDistance, Range
+from cooploc.estimators.particles import moments, weights
 from cooploc.scenarios.runner.trace import trace
 
 FUSIONS = ["moments", "message", "received"]

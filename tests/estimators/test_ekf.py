@@ -11,7 +11,7 @@ from cooploc.estimators import make
 from cooploc.estimators.ekf_joint import EkfJoint, State
 from cooploc.estimators.ekf_local import EkfLocal
 from cooploc.estimators.interface import Mail, Senses
-from cooploc.estimators.models.sensors import Range
+from cooploc.estimators.models import Range
 from cooploc.scenarios import simulate
 from cooploc.scenarios.runner.run import run
 from cooploc.scenarios.runner.trace import trace

@@ -18,7 +18,7 @@ from cooploc.estimators.ekf_local import EkfLocal
 from cooploc.estimators.ekf_luft import EkfLuft
 from cooploc.estimators.ekf_naive import EkfNaive
 from cooploc.estimators.ekf_split_ci import EkfSplitCi
-from cooploc.estimators.models.sensors import LogDistance, Range
+from cooploc.estimators.models import LogDistance, Range
 from cooploc.estimators.ukf_joint import UkfJoint
 from cooploc.scenarios import simulate
 from cooploc.scenarios.runner.run import run

@@ -10,18 +10,18 @@ from scipy.integrate import quad
 from scipy.linalg import block_diag
 from scipy.optimize import brentq, minimize_scalar
 
-from cooploc.estimators.covariance_intersection.inverse import (
-    combined,
-    harmonic_mean,
-    inverse_intersection,
-    weighed_intersection,
-)
-from cooploc.estimators.covariance_intersection.weights import relative_weights
+from cooploc.estimators.covariance_intersection import relative_weights
 from cooploc.estimators.ekf_ci import EkfCi
 from cooploc.estimators.ekf_event_ci import EkfEventCi, divergence
 from cooploc.estimators.ekf_hmd import EkfHmd
 from cooploc.estimators.ekf_ici import EkfIci
 from cooploc.estimators.interface import Belief
+from cooploc.estimators.inverse_covariance_intersection import (
+    combined,
+    harmonic_mean,
+    inverse_intersection,
+    weighed_intersection,
+)
 from cooploc.scenarios import simulate
 from cooploc.scenarios.runner.run import run
 from cooploc.scenarios.runner.trace import trace

@@ -7,8 +7,7 @@ import pytest
 from oracles import dense_posterior, linear_team
 
 import cooploc as cl
-from cooploc.estimators.gbp.factors import Gaussian, Information, weighed
-from cooploc.estimators.gbp.messages import Packet
+from cooploc.estimators.gbp import Gaussian, Information, Packet, weighed
 from cooploc.scenarios.runner.tick import drive
 
 TICKS = 6

@@ -8,8 +8,8 @@ from oracles import slope
 from scipy.linalg import block_diag, expm, logm
 
 import cooploc as cl
-from cooploc.estimators.kalman.update import kalman
-from cooploc.estimators.models.motion import Unicycle
+from cooploc.estimators.kalman import kalman
+from cooploc.estimators.models import Unicycle
 from cooploc.scenarios.runner.tick import drive
 
 PLAIN = "ekf-joint[iterations=1,second_order=false,lost=1]"

@@ -10,8 +10,7 @@ from oracles import Grid, arrival, arrival_error, corners, gradient, log_distanc
 
 from cooploc.estimators import make
 from cooploc.estimators.interface import Belief, Mail, Rows, Senses, World
-from cooploc.estimators.models.motion import Displacement, Unicycle
-from cooploc.estimators.models.sensors import LogDistance
+from cooploc.estimators.models import Displacement, LogDistance, Unicycle
 from cooploc.scenarios import simulate
 from cooploc.scenarios.runner.run import run
 from cooploc.scenarios.runner.trace import trace

@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 
 from cooploc.estimators import make
+from cooploc.estimators.detections import places
+from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Belief, Mail, Rows, Senses, World
-from cooploc.estimators.models.motion import Displacement
-from cooploc.estimators.models.sensors import LogDistance, Range, Sighting
-from cooploc.estimators.particle.detection import places
-from cooploc.estimators.particle.mixtures import Mixture
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.mixtures import Mixture
+from cooploc.estimators.models import Displacement, LogDistance, Range, Sighting
 from cooploc.scenarios import simulate
 from cooploc.scenarios.runner.run import run
 

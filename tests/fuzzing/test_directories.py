@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from cooploc.analysis.execution.execute import execute
 from cooploc.analysis.execution.stored_run import read
 from cooploc.analysis.report import reproduce, run_diff
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.sealed import seal
 from cooploc.scenarios.studies.study import Study
 

@@ -8,7 +8,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from cooploc.estimators import make, names
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.runs import run_study
 from cooploc.scenarios import resolve
 from cooploc.scenarios.studies.study import Study, load, resolve_study

@@ -7,7 +7,7 @@ from attempts import attempted
 from made_team import DESCRIPTION, describe, write
 
 import cooploc as cl
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 
 SHORT = DESCRIPTION.replace("seconds = 60.0", "seconds = 4.0")
 ANCHORS = "[anchors]\nplaces = { north = [1, 2] }\n[fit]"

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from made_bags import KINDS, made_bag
 
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.team import bags, mrclam, pyfg, schema
 from cooploc.scenarios.recordings.team.team_log import TeamLog
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 from processes import inside
 
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 
 HANGS = 120  # [s] of the processor, which nothing but a hang uses, however slow the machine
 WAITS = 1200  # [s] on the clock: a hang that waits

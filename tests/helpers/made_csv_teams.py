@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cooploc.estimators.models.motion import Unicycle
+from cooploc.estimators.models import Unicycle
 
 EPOCH = 1_700_000_000.0
 SECONDS = 120

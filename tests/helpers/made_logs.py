@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cooploc.estimators.models.motion import Unicycle
+from cooploc.estimators.models import Unicycle
 
 EPOCH, TICKS = 1652463552, 60
 ANCHORS = np.array([[0.0, 0.0], [0.0, 3.0], [4.0, 3.0], [4.0, 0.0]])

@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cooploc.estimators.models.angles import wrap
-from cooploc.estimators.models.motion import Unicycle
+from cooploc.estimators.models import Unicycle, wrap
 
 ROBOTS = ("red", "blue")
 ARENA = ((0.0, 0.0), (8.0, 6.0))

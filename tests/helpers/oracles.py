@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import HealthCheck, settings
 
 from cooploc.estimators.interface import Belief, Senses, World
-from cooploc.estimators.models.motion import Displacement
+from cooploc.estimators.models import Displacement
 from cooploc.scenarios.stream import Air, Stream
 
 # Random examples that are the same in every run.

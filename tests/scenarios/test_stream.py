@@ -11,9 +11,7 @@ from hypothesis import strategies as st
 from oracles import repeatable
 
 from cooploc.estimators import make
-from cooploc.estimators.models.gradient_doa import GradientDoa
-from cooploc.estimators.models.motion import Displacement, Unicycle
-from cooploc.estimators.models.sensors import Bearing, LogDistance, Range, Sighting
+from cooploc.estimators.models import Bearing, Displacement, GradientDoa, LogDistance, Range, Sighting, Unicycle
 from cooploc.scenarios import simulate
 from cooploc.scenarios.runner.run import run
 from cooploc.scenarios.stream import Stream, chunks, concatenate

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.inspect.names import ODOMETRY, words_of
 from cooploc.scenarios.recordings.inspect.toml_text import Entry, Table
 from cooploc.scenarios.recordings.team.bag_topics import TopicSeries

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.inspect.csv_folder import csv_files, has_stamps, relative, text_files
 from cooploc.scenarios.recordings.inspect.csv_look import CsvLook
 from cooploc.scenarios.recordings.inspect.csv_tables import files_of, names_in, table_of

@@ -4,7 +4,7 @@ from collections import Counter
 from pathlib import Path
 from typing import NamedTuple
 
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.inspect.csv_look import ENDINGS, CsvLook, look_at_csv
 from cooploc.scenarios.recordings.inspect.guesses import Guess, guesses
 

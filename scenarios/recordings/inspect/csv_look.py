@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array
-from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.recordings.text_tables import parse_number, read_text
 
 DELIMITERS = (",", ";", "\t", "|", " ")

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cooploc.estimators.interface import Array
-from cooploc.estimators.models.angles import wrap
+from cooploc.estimators.models import wrap
 from cooploc.scenarios.recordings.inspect.corrected import moves, truth_of, with_odometry, with_truth
 from cooploc.scenarios.recordings.inspect.finding import Change, Finding, Looked, Sure
 from cooploc.scenarios.recordings.inspect.placement import shift_that_fits

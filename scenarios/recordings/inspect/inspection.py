@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cooploc.estimators.errors import BadInput, nearest
 from cooploc.estimators.interface import Array
-from cooploc.estimators.plugins.errors import BadInput, nearest
 from cooploc.scenarios.recordings.inspect.csv_folder import csv_files
 from cooploc.scenarios.recordings.inspect.draft import Draft, columns_of, draft_of
 from cooploc.scenarios.recordings.inspect.finding import Finding

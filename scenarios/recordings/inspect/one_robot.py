@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from cooploc.estimators.errors import BadInput, nearest
 from cooploc.estimators.interface import Array
-from cooploc.estimators.plugins.errors import BadInput, nearest
 from cooploc.scenarios.recordings.inspect.csv_look import CsvLook
 from cooploc.scenarios.recordings.inspect.guesses import Guess
 from cooploc.scenarios.recordings.inspect.tables import Part, parts_of

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import NamedTuple
 
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.inspect.csv_look import ENDINGS
 
 BAGS = (".db3", ".mcap", ".bag")

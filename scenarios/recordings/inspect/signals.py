@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.stats import theilslopes
 
-from cooploc.estimators.models.angles import wrap
+from cooploc.estimators.models import wrap
 from cooploc.scenarios.recordings.inspect.corrected import scaled, with_readings
 from cooploc.scenarios.recordings.inspect.finding import Change, Finding, Looked
 from cooploc.scenarios.recordings.inspect.geometry import geometry

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from cooploc.estimators import nearest
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.text_tables import Table, parse_number, read_text
 
 

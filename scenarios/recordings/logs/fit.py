@@ -11,8 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cooploc.estimators.interface import Array
-from cooploc.estimators.models.angles import wrap
-from cooploc.estimators.models.sensors import NEAR
+from cooploc.estimators.models import NEAR, wrap
 from cooploc.scenarios.recordings.logs.run import LogRun
 from cooploc.scenarios.recordings.robust import huber
 

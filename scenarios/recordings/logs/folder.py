@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array
-from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.recordings.logs import schema
 from cooploc.scenarios.recordings.logs.run import LogRun, read_run
 from cooploc.scenarios.recordings.logs.schema import Description

@@ -5,11 +5,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Belief, Motion, Sensor
-from cooploc.estimators.models.angles import wrap
-from cooploc.estimators.models.motion import Displacement, Unicycle
-from cooploc.estimators.models.sensors import LogDistance
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.models import Displacement, LogDistance, Unicycle, wrap
 from cooploc.scenarios.recordings.logs import fit
 from cooploc.scenarios.recordings.logs.folder import LogFolder
 from cooploc.scenarios.recordings.logs.run import LogRun

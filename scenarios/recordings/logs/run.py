@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Mask
-from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.recordings.logs.columns import LogColumn
 from cooploc.scenarios.recordings.logs.csv_table import read_csv
 from cooploc.scenarios.recordings.logs.schema import Description

@@ -15,8 +15,8 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from cooploc.estimators import nearest
+from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Mask, Senses, World
-from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.recordings import one_run
 from cooploc.scenarios.recordings.logs import models
 from cooploc.scenarios.recordings.logs.folder import ALL, LogFolder, read_folder

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.logs.columns import Angle, Metres, Number, Power, Seconds, Speed, Strict, TurnRate
 from cooploc.scenarios.recordings.logs.toml_errors import parse
 from cooploc.scenarios.worlds.radio import Positive

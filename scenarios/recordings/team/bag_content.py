@@ -4,7 +4,7 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.team.bag_files import Bag, bag_paths, opened, storage_files, write_ahead_log
 from cooploc.scenarios.recordings.team.messages import KINDS, Row, stamp_of
 from cooploc.scenarios.recordings.team.salvage import salvaged

@@ -17,7 +17,7 @@ from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 from ruamel.yaml import YAML
 
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 
 ENDINGS = (".bag", ".db3", ".mcap")
 Message = tuple[str, int, bytes]  # topic, time of receipt [ns], content

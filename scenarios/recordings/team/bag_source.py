@@ -5,8 +5,8 @@ from itertools import product
 
 import numpy as np
 
+from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array
-from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.recordings.logs.columns import UNITS
 from cooploc.scenarios.recordings.team import schema
 from cooploc.scenarios.recordings.team.bag_topics import TopicSeries

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cooploc.estimators.errors import BadInput, nearest
 from cooploc.estimators.interface import Array, Indices
-from cooploc.estimators.plugins.errors import BadInput, nearest
 from cooploc.scenarios.recordings.team.bag_content import Content, Topic, read_content
 from cooploc.scenarios.recordings.team.messages import KINDS
 from cooploc.scenarios.recordings.text_tables import LARGEST

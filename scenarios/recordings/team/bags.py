@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.team import schema
 from cooploc.scenarios.recordings.team.bag_files import ENDINGS
 from cooploc.scenarios.recordings.team.bag_source import columns_of, topics_of, values_of

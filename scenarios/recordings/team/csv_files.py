@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.logs.columns import LogColumn
 from cooploc.scenarios.recordings.team import schema
 from cooploc.scenarios.recordings.team.channels import Measured, divided

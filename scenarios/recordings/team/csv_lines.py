@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Indices
-from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.recordings.logs.csv_table import fields_of, find_column, parse_field
 from cooploc.scenarios.recordings.text_tables import read_text
 

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array
-from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.recordings.logs.columns import LogColumn
 from cooploc.scenarios.recordings.team.channels import Measured
 from cooploc.scenarios.recordings.team.csv_lines import Lines, read_lines

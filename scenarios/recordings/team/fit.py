@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cooploc.estimators.interface import Array
-from cooploc.estimators.models.sensors import NEAR
+from cooploc.estimators.models import NEAR
 from cooploc.scenarios.recordings.logs import fit as single
 from cooploc.scenarios.recordings.logs.run import LogRun
 from cooploc.scenarios.recordings.robust import huber

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from cooploc.estimators import nearest
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.team import schema
 from cooploc.scenarios.recordings.team.readers import Reader, reader
 from cooploc.scenarios.recordings.team.schema import TeamDescription

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cooploc.estimators.interface import Array
-from cooploc.estimators.models.sensors import NEAR, LogDistance, Range, Sighting
+from cooploc.estimators.models import NEAR, LogDistance, Range, Sighting
 from cooploc.scenarios.recordings.team.models import SENSED, How, TeamModels
 from cooploc.scenarios.recordings.team.residuals import Part, residuals
 from cooploc.scenarios.recordings.team.team_log import Channel, TeamLog

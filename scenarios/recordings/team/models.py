@@ -5,10 +5,9 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Motion, Sensor
-from cooploc.estimators.models.motion import Displacement, Unicycle
-from cooploc.estimators.models.sensors import LogDistance, Range, Sighting
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.models import Displacement, LogDistance, Range, Sighting, Unicycle
 from cooploc.scenarios.recordings.team import fit
 from cooploc.scenarios.recordings.team.residuals import Part, Residuals, residuals
 from cooploc.scenarios.recordings.team.sampling import Gaps

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.mrclam_files import DataSet, read_data_set
 from cooploc.scenarios.recordings.team.channels import Measured, divided
 from cooploc.scenarios.recordings.team.schema import TeamDescription

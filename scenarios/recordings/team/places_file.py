@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.team import schema
 from cooploc.scenarios.recordings.team.csv_lines import read_lines
 from cooploc.scenarios.recordings.team.team_log import Places

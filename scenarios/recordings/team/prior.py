@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Belief
-from cooploc.estimators.models.angles import wrap
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.models import wrap
 from cooploc.scenarios.recordings.logs.models import UNKNOWN, first_course
 from cooploc.scenarios.recordings.team.schema import Prior
 from cooploc.scenarios.recordings.team.team_log import TeamLog

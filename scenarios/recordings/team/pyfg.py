@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from cooploc.estimators.models.angles import wrap
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
+from cooploc.estimators.models import wrap
 from cooploc.scenarios.recordings.team.pyfg_lines import Edge, Graph, read_graph
 from cooploc.scenarios.recordings.team.schema import TeamDescription
 from cooploc.scenarios.recordings.team.team_log import Channel, Places, Readings, Series, TeamLog

@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.text_tables import LARGEST, parse_number, read_text
 
 POSE_NAME = re.compile(r"([A-Za-z]+)(\d{1,9})")

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from cooploc.estimators.plugins.registry import loaded
+from cooploc.estimators.registry import loaded
 from cooploc.scenarios.recordings.team.schema import TeamDescription
 from cooploc.scenarios.recordings.team.team_log import TeamLog
 

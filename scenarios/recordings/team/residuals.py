@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cooploc.estimators.interface import Array, Indices
-from cooploc.estimators.models.angles import wrap
+from cooploc.estimators.models import wrap
 from cooploc.scenarios.recordings.logs.fit import MOVING
 from cooploc.scenarios.recordings.logs.run import LogRun
 from cooploc.scenarios.recordings.team.sampling import Gaps, Grid, bearing, odometry, poses

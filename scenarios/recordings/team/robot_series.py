@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.team.schema import GroundTruth
 from cooploc.scenarios.recordings.team.team_log import Series
 from cooploc.scenarios.recordings.team.truth_frame import true_poses

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
 
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.team.bag_files import Bag, Index, Message, read_index, write_ahead_log
 from cooploc.scenarios.recordings.team.found import Buffer, Found, decode_ros1, decode_ros2
 from cooploc.scenarios.recordings.team.salvage_mcap import scan_mcap

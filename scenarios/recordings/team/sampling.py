@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Indices, Mask
-from cooploc.estimators.models.angles import wrap, wrap_heading
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.models import wrap, wrap_heading
 from cooploc.scenarios.recordings.resampling import interpolate, mean_held
 from cooploc.scenarios.recordings.team.team_log import OdometryKind, Readings, Series, TeamLog
 

@@ -17,8 +17,8 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 from pydantic import Field
 
+from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Mask, Senses, World
-from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.recordings import one_run
 from cooploc.scenarios.recordings.team import sampling, schema
 from cooploc.scenarios.recordings.team.folder import ALL, TeamFolder

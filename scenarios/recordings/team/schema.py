@@ -39,7 +39,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.logs.columns import Strict
 from cooploc.scenarios.recordings.logs.toml_errors import parse
 from cooploc.scenarios.recordings.team.schema_tables import COLUMNS as COLUMNS

@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array
-from cooploc.estimators.plugins.errors import BadInput
 from cooploc.scenarios.recordings.team.team_log import Series
 from cooploc.scenarios.recordings.text_tables import MAX_STEP_BACK
 

@@ -10,7 +10,7 @@ import pytest
 from cooploc.analysis.execution import dask_cluster
 from cooploc.analysis.execution.dask_cluster import DaskCluster, FarParts
 from cooploc.analysis.execution.provenance import bits
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 
 pytest.importorskip("distributed", reason="needs Dask: pip install 'cooploc[cluster]'")
 ADDRESS = "tcp://10.0.0.1:8786"

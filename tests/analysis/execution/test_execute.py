@@ -18,8 +18,8 @@ from cooploc.analysis.execution import plan, run_directory
 from cooploc.analysis.execution.execute import Quiet, execute
 from cooploc.analysis.execution.run_directory import Piece, RunDir
 from cooploc.analysis.execution.task import Task, measure
+from cooploc.estimators import registry
 from cooploc.estimators.dead_reckoning import DeadReckoning
-from cooploc.estimators.plugins import labels
 from cooploc.scenarios.processes import workers
 from cooploc.scenarios.processes.workers import BUILTIN, end_all
 from cooploc.scenarios.studies.study import Study, resolve_study
@@ -245,7 +245,7 @@ def test_a_label_is_read_once_and_a_part_is_hashed_once(finished, tmp_path, monk
     parts_[0].unlink()
     parts_[1].write_bytes(parts_[1].read_bytes()[:-7])
     labels_read, parts_hashed = Counter(), Counter()
-    counted(monkeypatch, labels, "LABEL", lambda text: labels_read.update([text]))
+    counted(monkeypatch, registry, "LABEL", lambda text: labels_read.update([text]))
     counted(monkeypatch, run_directory, "_checksum", lambda file: parts_hashed.update([file.name.split(".parquet")[0]]))
     execute(STUDY, tmp_path / "run")
     assert labels_read == Counter([*STUDY.scenarios, *STUDY.estimators])

@@ -6,7 +6,7 @@ import pytest
 
 from cooploc.analysis.execution.part_file import AT_ONCE, read_part, together
 from cooploc.analysis.metrics.errors import COLUMNS
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 
 TEXT = {"scenario": "here", "estimator": "mine", "stream": "a1", "senses": "odometry"}
 TRIALS, ROBOTS = range(3, 5), 2

@@ -8,7 +8,7 @@ from cooploc.analysis.execution import plan
 from cooploc.analysis.execution.decisions_file import read_decisions
 from cooploc.analysis.execution.execute import Quiet, execute
 from cooploc.analysis.execution.until_decided import Answers, run_until_decided
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.studies.study import Study
 
 WORLD = "trajectory[ticks=12]"

@@ -18,7 +18,7 @@ LABEL = "robots-1-3/n=2[ticks=12]"
 PLUGIN = """
 import numpy as np
 from cooploc import Belief
-from cooploc.estimators.models.angles import wrap_heading
+from cooploc.estimators.models import wrap_heading
 
 class Adds:
     api, offline, uses = 1, True, ("odometry",)

@@ -12,8 +12,8 @@ from made_runs import EVIL, kept_from, rows_of
 from cooploc.analysis.paper import bibliography, fitted_table, tables, write
 from cooploc.analysis.paper.labels import labels
 from cooploc.estimators import BUILTIN, make
-from cooploc.estimators.plugins.errors import BadInput
-from cooploc.estimators.plugins.listing import source_of
+from cooploc.estimators.errors import BadInput
+from cooploc.estimators.registry import source_of
 
 LONG = "mrsl-rssi[particles=500,anchor_reading=rssi]"
 TEAM = {"arl": (1.0, 1.0), LONG: (0.5, 1.1), f"a/b/{EVIL}[x=1]": (0.8, 9.0), "ekf-joint": (0.2, 1.0)}

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import pytest
 
 import cooploc as cl
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 
 REPORTS = Path(__file__).resolve().parents[3] / "reports"
 TEXTS = sorted((REPORTS / "text").glob("*.j2"))

@@ -21,9 +21,9 @@ from cooploc.analysis.tuning.search import (
     trial_scores,
 )
 from cooploc.estimators import configure
-from cooploc.estimators.plugins.errors import BadInput
-from cooploc.estimators.plugins.labels import parse
-from cooploc.estimators.plugins.tunable import Tunable
+from cooploc.estimators.errors import BadInput
+from cooploc.estimators.registry import parse
+from cooploc.estimators.tunable import Tunable
 
 
 def rows(**columns):

@@ -24,7 +24,7 @@ from cooploc.analysis.tuning.tune import (
     tune,
     tuned_study,
 )
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.scenario import ResolvedScenario
 from cooploc.scenarios.studies.study import Study, load, resolve_study
 

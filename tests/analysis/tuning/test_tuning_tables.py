@@ -8,7 +8,7 @@ import pytest
 from cooploc.analysis.plot import tuned_parameters, tuning
 from cooploc.analysis.report.tuning_sentences import bought, by_scenario, most_moved
 from cooploc.analysis.report.tuning_tables import side_by_side
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 
 NAMES = "a", "b", "c"
 

@@ -7,9 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from oracles import repeatable
 
-from cooploc.estimators.compiled import elementary_functions
-from cooploc.estimators.compiled.formats import ordered
-from cooploc.estimators.compiled.jit import FAST, wide
+from cooploc.estimators import compiled
+from cooploc.estimators.compiled import FAST, ordered, wide
 
 
 def over(function, arguments):
@@ -26,17 +25,17 @@ def over(function, arguments):
 
 @numba.njit(**FAST)
 def log(x, _):
-    return elementary_functions.log(x)
+    return compiled.log(x)
 
 
 @numba.njit(**FAST)
 def ln(x, _):
-    return elementary_functions.ln(x)
+    return compiled.ln(x)
 
 
 @numba.njit(**FAST)
 def log1p(x, _):
-    return elementary_functions.log1p_compact(x)
+    return compiled.log1p_compact(x)
 
 
 @numba.njit(**FAST)
@@ -53,22 +52,22 @@ def back(x, _):
 
 @numba.njit(**FAST)
 def exp(x, _):
-    return elementary_functions.exp(x)
+    return compiled.exp(x)
 
 
 @numba.njit(**FAST)
 def cosine(x, _):
-    return elementary_functions.quarter(x)[0]
+    return compiled.quarter(x)[0]
 
 
 @numba.njit(**FAST)
 def sine(x, _):
-    return elementary_functions.quarter(x)[1]
+    return compiled.quarter(x)[1]
 
 
 @numba.njit(**FAST)
 def arc(y, x):
-    return elementary_functions.arc(y, x)
+    return compiled.arc(y, x)
 
 
 LOOPS = {f.__name__: over(f, None) for f in (log, ln, log1p, order, back, exp, cosine, sine, arc)}
@@ -96,7 +95,7 @@ def test_logarithm_in_fewer_steps(x):
     assert at("ln", x) == pytest.approx(np.log(x), rel=5e-13, abs=5e-13)
 
 
-@given(st.floats(-elementary_functions.COMPACT, elementary_functions.COMPACT))
+@given(st.floats(-compiled.COMPACT, compiled.COMPACT))
 @repeatable
 def test_logarithm_near_the_middle_of_a_compact_cloud(t):
     assert at("log1p", t) == pytest.approx(np.log1p(t), abs=5e-13)
@@ -150,7 +149,7 @@ def test_arc_is_the_size_of_arctan2(y, x):
 SPANS = {  # arguments, the function, and the error that is stated: absolute, and of the result
     "log": ((1e-30, 1e30), np.log, 2e-7, 2e-7),
     "ln": ((1e-30, 1e30), np.log, 2e-7, 2e-7),
-    "log1p": ((-elementary_functions.COMPACT, elementary_functions.COMPACT), np.log1p, 1e-7, 0),
+    "log1p": ((-compiled.COMPACT, compiled.COMPACT), np.log1p, 1e-7, 0),
     "exp": ((-87, 80), np.exp, 0, 2e-5),
     "cosine": ((-np.pi / 4, np.pi / 4), np.cos, 2e-7, 0),
     "sine": ((-np.pi / 4, np.pi / 4), np.sin, 2e-7, 0),

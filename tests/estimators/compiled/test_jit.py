@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import cooploc.estimators
-from cooploc.estimators.compiled.jit import SHARED
+from cooploc.estimators.compiled import SHARED
 
 ROOM = Path(cooploc.estimators.__file__).parent
 

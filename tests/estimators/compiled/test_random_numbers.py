@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from oracles import repeatable
 from scipy.stats import kstest
 
-from cooploc.estimators.compiled import random_numbers
+from cooploc.estimators import random_numbers
 
 KEY = np.array([[0x13198A2E, 0x03707344]], np.uint32)
 WORD = 2.0**-32

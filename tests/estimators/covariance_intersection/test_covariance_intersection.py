@@ -15,17 +15,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from oracles import repeatable
 
-from cooploc.estimators.covariance_intersection import canonical, cone_program
-from cooploc.estimators.covariance_intersection.weights import (
-    intersect,
-    relative_weights,
-    solve,
-    solve_relative,
-    weights,
-)
+from cooploc.estimators import covariance_intersection, covariance_intersection_cvxpy
+from cooploc.estimators.covariance_intersection import intersect, relative_weights, solve, solve_relative
+from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Belief
-from cooploc.estimators.kalman.update import inflated_update
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.kalman import inflated_update
 
 CRITERIA = pytest.mark.parametrize("criterion", ["det", "trace"])
 SOLVERS = pytest.mark.parametrize("solver", ["exact", "cvxpy"])
@@ -175,7 +169,7 @@ def relation(rng, K, k=1, d=2, e=2, family=ordinary):
 def test_the_classic_pair(solver, criterion):
     """science.md: diag(1, 4) with diag(4, 1) gives w = 1/2, P = 1.6 I."""
     P = np.array([[np.diag([1.0, 4.0]), np.diag([4.0, 1.0])]])
-    w = weights(P, criterion, solver)
+    w = covariance_intersection(P, criterion, solver)
     np.testing.assert_allclose(w, 0.5, atol=1e-7)
     x, Q = intersect(np.array([[[1.0, 0.0], [0.0, 1.0]]]), P, w)
     np.testing.assert_allclose(Q[0], 1.6 * np.eye(2), atol=1e-12)
@@ -211,7 +205,7 @@ def test_no_way_to_any_source_leads_down(family, m, d, criterion):
     rng = np.random.default_rng(2)
     P = family(rng, 100, m, d)
     A, t = inverse(P), 1e-9
-    w = weights(P, criterion, "exact")[:, None].astype(Long)
+    w = covariance_intersection(P, criterion, "exact")[:, None].astype(Long)
     here = fused(A, w, criterion)
     there = fused(A, w + t * (np.eye(m, dtype=Long) - w), criterion)
     assert ((there - here) / here / t).min() >= -1e-6
@@ -225,7 +219,7 @@ def test_no_exchange_of_weight_between_two_sources_gains(family, m, d, criterion
     rng = np.random.default_rng(3)
     P = family(rng, 20, m, d)
     A = inverse(P)
-    found = weights(P, criterion, "exact").astype(Long)
+    found = covariance_intersection(P, criterion, "exact").astype(Long)
     value = fused(A, found[:, None], criterion)[:, 0]
     for start, sweeps in ((found, 1), (np.full_like(found, 1 / Long(m)), 4)):
         _, least = exchanged(A, start, criterion, sweeps)
@@ -254,12 +248,12 @@ def test_cvxpy_and_exact_agree(family, m, d, K, criterion):
 def test_equal_sources_share_equally(m, solver, criterion):
     rng = np.random.default_rng(4)
     P = equal(rng, 20, m, 2)
-    np.testing.assert_allclose(weights(P, criterion, solver), 1 / m, rtol=1e-12)
+    np.testing.assert_allclose(covariance_intersection(P, criterion, solver), 1 / m, rtol=1e-12)
     _, Q = intersect(rng.normal(size=(20, m, 2)), P, np.full((20, m), 1 / m))
     np.testing.assert_allclose(Q, P[:, 0], rtol=1e-12)
     two = np.concatenate([ordinary(rng, 20, 2, 2), np.zeros((20, m, 2, 2))], 1)
     two[:, 2:] = two[:, :1]  # the first source m + 1 times
-    w = weights(two, criterion, solver)
+    w = covariance_intersection(two, criterion, solver)
     np.testing.assert_array_equal(w[:, 2:], np.repeat(w[:, :1], m, 1))
 
 
@@ -267,7 +261,7 @@ def test_equal_sources_share_equally(m, solver, criterion):
 @CRITERIA
 def test_of_nested_covariances_the_least_is_best(solver, criterion):
     P = np.array([[np.eye(2), 4 * np.eye(2)], [np.diag([5.0, 3.0]), np.diag([5.0, 2.0])]])
-    np.testing.assert_allclose(weights(P, criterion, solver), [[1, 0], [0, 1]], atol=1e-6)
+    np.testing.assert_allclose(covariance_intersection(P, criterion, solver), [[1, 0], [0, 1]], atol=1e-6)
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 6), st.integers(1, 3), st.sampled_from(FAMILIES), st.booleans())
@@ -285,9 +279,11 @@ def test_weights_are_shares_certified_and_follow_their_sources(seed, m, d, famil
     assert found.gap.max() <= 1e-9
     order = rng.permutation(m)
     if family is ordinary and d > 1:
-        np.testing.assert_allclose(weights(P[:, order], criterion, "exact"), found.w[:, order], atol=1e-4)
+        np.testing.assert_allclose(
+            covariance_intersection(P[:, order], criterion, "exact"), found.w[:, order], atol=1e-4
+        )
     power = 2.0 ** rng.integers(-20, 20)
-    np.testing.assert_array_equal(weights(power * P, criterion, "exact"), found.w)
+    np.testing.assert_array_equal(covariance_intersection(power * P, criterion, "exact"), found.w)
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(2, 4))
@@ -295,9 +291,9 @@ def test_weights_are_shares_certified_and_follow_their_sources(seed, m, d, famil
 def test_cvxpys_weights_follow_their_sources(seed, m):
     rng = np.random.default_rng(seed)
     P, order = ordinary(rng, 4, m, 2), rng.permutation(m)
-    np.testing.assert_allclose(weights(P[:, order]), weights(P)[:, order], atol=1e-3)
+    np.testing.assert_allclose(covariance_intersection(P[:, order]), covariance_intersection(P)[:, order], atol=1e-3)
     rows = rng.permutation(4)
-    np.testing.assert_array_equal(weights(P[rows]), weights(P)[rows])
+    np.testing.assert_array_equal(covariance_intersection(P[rows]), covariance_intersection(P)[rows])
 
 
 # ---------------------------------------------------------------- what may be missing or wrong
@@ -320,7 +316,7 @@ def test_absent_sources_weigh_nothing(solver):
     assert w[3].tolist() == [0, 0, 1]
     assert w[4].tolist() == [0, 0, 0]
     assert found.gap[[3, 4]].tolist() == [0, 0]
-    np.testing.assert_allclose(w[:3][:, [0, 2]], weights(P[:3][:, [0, 2]], solver=solver), atol=1e-5)
+    np.testing.assert_allclose(w[:3][:, [0, 2]], covariance_intersection(P[:3][:, [0, 2]], solver=solver), atol=1e-5)
     x, Q = intersect(rng.normal(size=(6, 3, 2)), P, w)
     assert np.isnan(x[4]).all()
     assert np.isnan(Q[4]).all()
@@ -340,17 +336,17 @@ def test_what_is_no_covariance_is_named(solver, what, bad):
     P = ordinary(np.random.default_rng(6), 9, 4, 2)
     P[7, 2] = bad
     with pytest.raises(BadInput, match=f"source 2 of fusion 7.*{what}"):
-        weights(P, solver=solver)
+        covariance_intersection(P, solver=solver)
 
 
 @SOLVERS
 @pytest.mark.parametrize("exponent", [-300, -150, -20, 20, 150, 300])
 def test_enormous_and_tiny_covariances_are_solved_or_refused(solver, exponent):
     P = ordinary(np.random.default_rng(7), 5, 3, 2)
-    want = weights(P, solver="exact")
-    np.testing.assert_allclose(weights(P * 10.0**exponent, solver=solver), want, atol=1e-4)
+    want = covariance_intersection(P, solver="exact")
+    np.testing.assert_allclose(covariance_intersection(P * 10.0**exponent, solver=solver), want, atol=1e-4)
     P[:, 0] *= 10.0**exponent
-    w = weights(P, solver=solver)
+    w = covariance_intersection(P, solver=solver)
     np.testing.assert_allclose(w[:, 0], exponent < 0, atol=1e-6)
 
 
@@ -365,14 +361,16 @@ def test_enormous_and_tiny_covariances_are_solved_or_refused(solver, exponent):
 )
 def test_wrong_arguments_are_named(arguments, message):
     with pytest.raises(BadInput, match=message):
-        weights(**{"P": ordinary(np.random.default_rng(8), 2, 2, 2), **arguments})
+        covariance_intersection(**{"P": ordinary(np.random.default_rng(8), 2, 2, 2), **arguments})
 
 
 @SOLVERS
 def test_nothing_to_fuse(solver):
-    assert weights(np.empty((0, 3, 2, 2)), solver=solver).shape == (0, 3)
-    assert weights(np.empty((4, 0, 2, 2)), solver=solver).shape == (4, 0)
-    np.testing.assert_array_equal(weights(ordinary(np.random.default_rng(9), 5, 1, 2), solver=solver), np.ones((5, 1)))
+    assert covariance_intersection(np.empty((0, 3, 2, 2)), solver=solver).shape == (0, 3)
+    assert covariance_intersection(np.empty((4, 0, 2, 2)), solver=solver).shape == (4, 0)
+    np.testing.assert_array_equal(
+        covariance_intersection(ordinary(np.random.default_rng(9), 5, 1, 2), solver=solver), np.ones((5, 1))
+    )
 
 
 def test_inputs_are_never_written_to():
@@ -381,7 +379,7 @@ def test_inputs_are_never_written_to():
     for a in (P, *problem):
         a.flags.writeable = False
     for solver in ("exact", "cvxpy"):
-        weights(P, solver=solver)
+        covariance_intersection(P, solver=solver)
         relative_weights(*problem, solver=solver)
 
 
@@ -410,7 +408,7 @@ def test_cvxpys_bits_depend_on_the_group_alone(relative):
     rng = np.random.default_rng(12)
     group = rng.integers(0, 5, 150)
     problem = relation(rng, 150) if relative else (ordinary(rng, 150, 3, 2),)
-    function = relative_weights if relative else weights
+    function = relative_weights if relative else covariance_intersection
     everything = function(*problem, groups=group)
     for g in range(5):
         rows = rng.permutation(np.flatnonzero(group == g))
@@ -419,27 +417,29 @@ def test_cvxpys_bits_depend_on_the_group_alone(relative):
 
 def test_no_stack_is_too_long(monkeypatch):
     sizes = []
-    solve_one = canonical.Stack.solve
+    solve_one = covariance_intersection_cvxpy.Stack.solve
     monkeypatch.setattr(
-        canonical.Stack, "solve", lambda *arguments: sizes.append(len(arguments[1])) or solve_one(*arguments)
+        covariance_intersection_cvxpy.Stack,
+        "solve",
+        lambda *arguments: sizes.append(len(arguments[1])) or solve_one(*arguments),
     )
     rng = np.random.default_rng(13)
     P = ordinary(rng, 300, 2, 2)
     P[:20, 0] = np.nan  # nothing to choose: not in any program
-    weights(P, groups=np.arange(300) // 290)
+    covariance_intersection(P, groups=np.arange(300) // 290)
     assert sorted(sizes) == [10, 14, 128, 128]
     sizes.clear()
-    weights(ordinary(rng, 3, 2, 3))
+    covariance_intersection(ordinary(rng, 3, 2, 3))
     assert sizes == [1, 1, 1]
 
 
 def test_a_program_is_canonicalised_once_whatever_the_number_of_fusions():
-    programs = cone_program._program
+    programs = covariance_intersection_cvxpy._program
     P = ordinary(np.random.default_rng(14), 200, 4, 2)
-    weights(P[:100])
+    covariance_intersection(P[:100])
     before = programs.cache_info()
-    weights(P[100:])
-    weights(P[:7], groups=np.arange(7))
+    covariance_intersection(P[100:])
+    covariance_intersection(P[:7], groups=np.arange(7))
     after = programs.cache_info()
     assert (after.misses, after.hits) == (before.misses, before.hits + 2)
 
@@ -448,17 +448,17 @@ def test_a_fusion_that_cvxpy_fails_on_is_named_and_counted(monkeypatch, caplog):
     P = ordinary(np.random.default_rng(15), 30, 3, 2)
     P[3, :2] = np.nan
     P[17] = [np.eye(2), np.diag([1.0, 7.0]), np.diag([7.0, 1.0])]  # the only one without correlations
-    solve_all = cone_program.solve
+    solve_all = covariance_intersection_cvxpy.solve
 
     def fails(z, groups):
         w = solve_all(z, groups)
         w[(z.B[:, :, 0, 1] == 0).all(1)] = np.nan
         return w
 
-    monkeypatch.setattr(cone_program, "solve", fails)
+    monkeypatch.setattr(covariance_intersection_cvxpy, "solve", fails)
     with caplog.at_level(logging.WARNING, "cooploc"):
         found = solve(P)
-    exact = weights(P, solver="exact")
+    exact = covariance_intersection(P, solver="exact")
     assert np.flatnonzero(found.fallback).tolist() == [17]
     assert "fusions [17]" in caplog.text
     np.testing.assert_array_equal(found.w[17], exact[17])
@@ -470,7 +470,7 @@ def test_a_solver_that_raises_is_no_crash(monkeypatch, relative, caplog):
     def fails(*_):
         raise RuntimeError("no")
 
-    monkeypatch.setattr(canonical.Stack, "solve", fails)
+    monkeypatch.setattr(covariance_intersection_cvxpy.Stack, "solve", fails)
     rng = np.random.default_rng(16)
     problem, function = (relation(rng, 5), solve_relative) if relative else ((ordinary(rng, 5, 3, 2),), solve)
     found = function(*problem)
@@ -479,14 +479,14 @@ def test_a_solver_that_raises_is_no_crash(monkeypatch, relative, caplog):
 
 
 def test_a_wrong_answer_of_the_solver_is_found_out(monkeypatch, caplog):
-    monkeypatch.setattr(cone_program, "solve", lambda z, _: np.full(z.B.shape[:2], 1 / 3))
+    monkeypatch.setattr(covariance_intersection_cvxpy, "solve", lambda z, _: np.full(z.B.shape[:2], 1 / 3))
     found = solve(ordinary(np.random.default_rng(17), 50, 3, 2))
     assert found.fallback.mean() > 0.9
     assert found.gap.max() <= 1e-6
 
 
 def test_cvxpy_is_imported_late():
-    code = "import sys, cooploc.estimators.covariance_intersection.weights; print('cvxpy' in sys.modules)"
+    code = "import sys, cooploc.estimators.covariance_intersection; print('cvxpy' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "False\n"
 
 
@@ -655,7 +655,7 @@ def test_no_correlation_makes_the_fused_covariance_optimistic(m, solver, criteri
     """Linear and Gaussian, 3 000 admissible correlations of the sources: errors e_k = L_k V_k' z, V_k orthonormal."""
     rng = np.random.default_rng(22)
     P = ordinary(rng, 3, m, 2)
-    w = weights(P, criterion, solver)
+    w = covariance_intersection(P, criterion, solver)
     _, Q = intersect(np.zeros((3, m, 2)), P, w)
     for n in range(3):
         K = Q[n] @ (w[n, :, None, None] * np.linalg.inv(P[n]))

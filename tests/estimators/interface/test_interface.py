@@ -5,8 +5,7 @@ import pytest
 
 from cooploc.estimators import interface
 from cooploc.estimators.interface import Mail, Senses, World
-from cooploc.estimators.models.motion import Displacement
-from cooploc.estimators.models.sensors import LogDistance, Range
+from cooploc.estimators.models import Displacement, LogDistance, Range
 
 NAMES = (
     "API HEADER TEAM_PRIOR TOO_NEAR_TO_RANGE Array Belief Estimator Indices Keys Mail Mask Motion OfflineEstimator "

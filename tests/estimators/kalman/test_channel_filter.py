@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from oracles import covariances, is_covariance
 
-from cooploc.estimators.kalman.channel_filter import Gaussian, Reading, definite, gained, joined, news, read
+from cooploc.estimators.channel_filter import Gaussian, Reading, definite, gained, joined, news, read
 
 VAGUE = 1e6
 

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from oracles import covariances
 
-from cooploc.estimators import ekf_joint
-from cooploc.estimators.compiled import jit
+from cooploc.estimators import compiled, ekf_joint, kalman_kernels
 from cooploc.estimators.ekf_interim import EkfInterim
 from cooploc.estimators.ekf_interim import State as InterimState
 from cooploc.estimators.ekf_joint import EkfJoint
@@ -16,9 +15,7 @@ from cooploc.estimators.ekf_luft import State as LuftState
 from cooploc.estimators.ekf_luft import _possible, met
 from cooploc.estimators.ekf_split_ci import EkfSplitCi
 from cooploc.estimators.ekf_split_ci import State as SplitState
-from cooploc.estimators.kalman import matrix_kernels
-from cooploc.estimators.kalman.factor_kernels import LIMIT, Factored, PairUpdate, meet
-from cooploc.estimators.kalman.joint_update import (
+from cooploc.estimators.joint_gaussian import (
     definite,
     direction_by_direction,
     information,
@@ -30,11 +27,9 @@ from cooploc.estimators.kalman.joint_update import (
     sparse_update,
     widened,
 )
-from cooploc.estimators.kalman.split_kernels import least_trace
-from cooploc.estimators.kalman.team_readings import linearise
-from cooploc.estimators.kalman.update import kalman
-from cooploc.estimators.models.gradient_doa import GradientDoa
-from cooploc.estimators.models.sensors import LogDistance, Range
+from cooploc.estimators.joint_kernels import LIMIT, Factored, PairUpdate, least_trace, meet
+from cooploc.estimators.kalman import kalman, linearise
+from cooploc.estimators.models import GradientDoa, LogDistance, Range
 from cooploc.scenarios import simulate
 from cooploc.scenarios.runner.trace import trace
 
@@ -271,7 +266,7 @@ def test_luft_cuts_an_impossible_cross_term_and_leaves_a_possible_one():
 
 def test_every_file_that_kernels_are_made_of_makes_them_compile_again():
     """A kernel's own file does; so must those from which it takes functions and constants."""
-    for path in Path(matrix_kernels.__file__).parent.glob("*_kernels.py"):
+    for path in Path(kalman_kernels.__file__).parent.glob("*_kernels.py"):
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.ImportFrom) and "cooploc" in node.module and "interface" not in node.module:
-                assert "/".join(node.module.split(".")[-2:]) in jit.SHARED
+                assert "/".join(node.module.split(".")[-2:]) in compiled.SHARED

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from oracles import covariances
 
-from cooploc.estimators.kalman.messages import Message, count, no_traffic
+from cooploc.estimators.kalman import Message, count, no_traffic
 
 
 @pytest.mark.parametrize("teammates", [0, 4])

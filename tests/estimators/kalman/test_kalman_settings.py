@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cooploc.estimators import BUILTIN, make
-from cooploc.estimators.kalman.settings import Settings, TeamSettings
+from cooploc.estimators.kalman import Settings, TeamSettings
 from cooploc.scenarios import simulate
 from cooploc.scenarios.runner.run import run
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from oracles import covariances, is_covariance, repeatable
 
-from cooploc.estimators.kalman.update import ENGINES, distance, kalman, present, symmetric
+from cooploc.estimators.kalman import ENGINES, distance, kalman, present, symmetric
 
 SIZES = pytest.mark.parametrize(("d", "k"), [(2, 1), (2, 2), (3, 1), (3, 2), (6, 2)])
 

@@ -5,7 +5,7 @@ import pytest
 
 import cooploc as cl
 from cooploc.estimators import ekf_interim, ekf_joint, ekf_split_ci
-from cooploc.estimators.compiled.jit import spread_out
+from cooploc.estimators.compiled import spread_out
 from cooploc.scenarios.runner.trace import trace
 
 

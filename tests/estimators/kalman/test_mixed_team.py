@@ -7,7 +7,7 @@ import pytest
 from oracles import slope
 
 import cooploc as cl
-from cooploc.estimators.models.sensors import Orientation
+from cooploc.estimators.models import Orientation
 
 WORLD = "camera/n=3[ticks=40,sigma_orientation=0.1,without_odometry=1]"
 OPTIONS = [

@@ -5,13 +5,9 @@ import pytest
 from oracles import covariances
 
 from cooploc.estimators.interface import Senses
-from cooploc.estimators.kalman.joint_update import block_diagonal, driven, square
-from cooploc.estimators.kalman.linearised import innovation, move
-from cooploc.estimators.kalman.own_steps import corrected
-from cooploc.estimators.kalman.settings import Settings
-from cooploc.estimators.kalman.update import ENGINES, kalman, predict
-from cooploc.estimators.models.motion import Displacement, Unicycle
-from cooploc.estimators.models.sensors import Bearing, LogDistance, Range, Sighting
+from cooploc.estimators.joint_gaussian import block_diagonal, driven, square
+from cooploc.estimators.kalman import ENGINES, Settings, corrected, innovation, kalman, move, predict
+from cooploc.estimators.models import Bearing, Displacement, LogDistance, Range, Sighting, Unicycle
 from cooploc.scenarios import simulate
 
 ROWS = 40

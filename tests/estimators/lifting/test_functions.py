@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import cooploc as cl
-from cooploc.estimators.lifting.handed import senses_of
+from cooploc.estimators.adapters import senses_of
 
 LABELS = ("robots-1-3/n=2", "camera/n=2", "no-compass/n=2")
 

@@ -8,9 +8,9 @@ import pytest
 
 import cooploc as cl
 from cooploc.analysis.tuning.search import space_of
+from cooploc.estimators.adapters import mail_of, senses_of
 from cooploc.estimators.interface import Mail, Senses
-from cooploc.estimators.lifting.handed import mail_of, senses_of
-from cooploc.estimators.plugins.tunable import declared
+from cooploc.estimators.tunable import declared
 from cooploc.scenarios.runner.trace import trace
 from cooploc.scenarios.studies.study import expand
 

@@ -7,9 +7,9 @@ import pytest
 from filterpy.kalman import ExtendedKalmanFilter
 
 from cooploc.estimators import make
+from cooploc.estimators.adapters import PerRobot
 from cooploc.estimators.dead_reckoning import DeadReckoning
 from cooploc.estimators.interface import Belief
-from cooploc.estimators.per_robot import PerRobot
 from cooploc.scenarios import simulate
 from cooploc.scenarios.conformance.check import CHECKS, check_estimator
 from cooploc.scenarios.conformance.perturb import drop_readings

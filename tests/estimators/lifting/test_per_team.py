@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import cooploc as cl
+from cooploc.estimators.adapters import Radio
 from cooploc.estimators.interface import Mail, Senses
-from cooploc.estimators.lifting.radio import Radio
 from cooploc.scenarios.conformance.check import check_estimator
 from cooploc.scenarios.runner.trace import trace
 

@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from cooploc.estimators.adapters import believed
 from cooploc.estimators.interface import Belief
-from cooploc.estimators.lifting.returned import believed
 
 
 def of(x, P):

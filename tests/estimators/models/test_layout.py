@@ -5,7 +5,7 @@ import pytest
 
 import cooploc as cl
 from cooploc.estimators.interface import Belief, Mail, Senses
-from cooploc.estimators.kalman.update import kalman
+from cooploc.estimators.kalman import kalman
 
 CASES = [("robots-1-3/n=3", None, 4), ("camera/n=3", 4, 5)]
 

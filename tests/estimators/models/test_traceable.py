@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 import cooploc as cl
-from cooploc.estimators.models.motion import Displacement, Unicycle
-from cooploc.estimators.models.sensors import Bearing, LogDistance, Orientation, Range, Sighting
-from cooploc.estimators.models.traceable import expect, innovation, moved, wrap
+from cooploc.estimators.model_functions import expect, innovation, move, wrap
+from cooploc.estimators.models import Bearing, Displacement, LogDistance, Orientation, Range, Sighting, Unicycle
 
 SENSORS = (LogDistance(), Range(), Bearing(), Sighting())
 
@@ -45,7 +44,7 @@ def test_innovations_are_those_of_the_model(xp, sensor, d, rng):
 def test_moves_are_those_of_the_model(xp, motion, d, rng):
     x, u, dt = rng.normal(0, 2, (20, d)), rng.normal(0, 1, (20, 2)), rng.uniform(0, 1, 20)
     u[3] = np.nan
-    found = np.asarray(moved(xp, motion, xp.asarray(x), xp.asarray(u), xp.asarray(dt)))
+    found = np.asarray(move(xp, motion, xp.asarray(x), xp.asarray(u), xp.asarray(dt)))
     expected = motion.move(x, u, dt)[0]
     np.testing.assert_allclose(found[:, :2], expected[:, :2], atol=1e-12)
     np.testing.assert_allclose(np.exp(1j * found[:, 2:]), np.exp(1j * expected[:, 2:]), atol=1e-12)
@@ -57,7 +56,7 @@ def test_every_model_of_a_simulated_world_has_a_form(label):
     x, q = stream.prior.x[0, 0], np.ones(2)
     for sensor in stream.world.sensors.values():
         np.testing.assert_allclose(expect(np, sensor, x, q), sensor.expect(x, q), atol=1e-10)
-    assert np.isfinite(moved(np, stream.world.motion, x, stream.senses.odometry[0, 0, 0], 1.0)).all()
+    assert np.isfinite(move(np, stream.world.motion, x, stream.senses.odometry[0, 0, 0], 1.0)).all()
 
 
 def test_slopes_that_jax_takes_are_those_of_the_model(rng):
@@ -72,4 +71,4 @@ def test_a_model_without_a_form_is_named():
     with pytest.raises(TypeError, match="Orientation has no traceable form; known are LogDistance, Range"):
         expect(np, Orientation(), np.zeros(3), np.zeros(2))
     with pytest.raises(TypeError, match="object has no traceable form; known are Displacement"):
-        moved(np, object(), np.zeros(3), np.zeros(2), 1.0)
+        move(np, object(), np.zeros(3), np.zeros(2), 1.0)

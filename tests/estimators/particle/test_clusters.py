@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from cooploc.estimators.particle.clusters import clusters
-from cooploc.estimators.particle.steps import moments
+from cooploc.estimators.mixtures import clusters
+from cooploc.estimators.particles import moments
 
 
 def reference(x, w, K):

@@ -5,13 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from cooploc.estimators.compiled import random_numbers
+from cooploc.estimators import particle_likelihood, particles, random_numbers
 from cooploc.estimators.interface import Belief, Senses
-from cooploc.estimators.models.gradient_doa import GradientDoa
-from cooploc.estimators.models.motion import Displacement, Unicycle
-from cooploc.estimators.models.sensors import LogDistance, Range
-from cooploc.estimators.particle import likelihood, steps
-from cooploc.estimators.particle.likelihood import ReceivedPackets
+from cooploc.estimators.models import Displacement, GradientDoa, LogDistance, Range, Unicycle
+from cooploc.estimators.particle_likelihood import ReceivedPackets
 
 ROWS, SIDE = 5, 6.0
 sizes = pytest.mark.parametrize("n", [2, 500, 1100])  # fewer than a vector, a common number, more
@@ -54,7 +51,7 @@ def test_teammates_are_the_sensors_own_numpy(sensor, integrate, side, d, team, n
     told = heard(sensor, team, integrate)
     if team and side == SIDE:
         x[:, 0, :2] = np.nan_to_num(told.packets[:, 0, :2], nan=1.0) + np.array([0.03, 0.02])
-    assert_close(likelihood.teammates(told, x, logw), likelihood.teammates_reference(told, x, logw))
+    assert_close(particle_likelihood.teammates(told, x, logw), particle_likelihood.teammates_reference(told, x, logw))
 
 
 @sizes
@@ -68,7 +65,7 @@ def test_anchors_are_the_sensors_own_numpy(side, d, team, n):
     fixed = [(sensor, rng.uniform(0, SIDE, 2), z[:, a, None]) for a in range(team)]
     if fixed and side == SIDE:
         x[0, 0, :2] = fixed[0][1] + 0.02
-    assert_close(likelihood.anchors(fixed, x, logw), likelihood.anchors_reference(fixed, x, logw))
+    assert_close(particle_likelihood.anchors(fixed, x, logw), particle_likelihood.anchors_reference(fixed, x, logw))
 
 
 @sizes
@@ -81,7 +78,7 @@ def test_window_is_the_density_in_numpy(form, motion, n):
     doa = GradientDoa(LogDistance(), (1.0, -2.0), (6.0, 4.0))
     angles = np.where(rng.uniform(size=(ROWS, 4)) < 0.3, np.nan, rng.uniform(-np.pi, np.pi, (ROWS, 4)))
     told = doa, motion, x, logw, angles, rng.normal(0, 0.3, (ROWS, 4, 2)), form, 0.2
-    assert_close(likelihood.window(*told), likelihood.window_reference(*told))
+    assert_close(particle_likelihood.window(*told), particle_likelihood.window_reference(*told))
 
 
 @dataclass(frozen=True)
@@ -96,10 +93,10 @@ def test_plugin_sensors_are_asked_themselves():
     x, logw = cloud(50)
     told = heard(Plugin(), 3, absent=0.0)
     raised = told._replace(sensor=LogDistance(), readings=told.readings - 7.0)
-    assert_close(likelihood.teammates(told, x, logw), likelihood.teammates(raised, x, logw))
+    assert_close(particle_likelihood.teammates(told, x, logw), particle_likelihood.teammates(raised, x, logw))
     z = np.full((ROWS, 1), -50.0)
     one, other = ([(s, np.ones(2), reading)] for s, reading in ((Plugin(), z), (LogDistance(), z - 7.0)))
-    assert_close(likelihood.anchors(one, x, logw), likelihood.anchors(other, x, logw))
+    assert_close(particle_likelihood.anchors(one, x, logw), particle_likelihood.anchors(other, x, logw))
 
 
 @pytest.mark.parametrize("sensor", [LogDistance(), Range()], ids=str)
@@ -107,7 +104,7 @@ def test_what_was_not_heard_leaves_every_bit(sensor):
     x, logw = cloud(700)
     told = heard(sensor, 3, absent=0.0)
     told.readings[1:3] = np.nan
-    got = likelihood.teammates(told, x, logw)
+    got = particle_likelihood.teammates(told, x, logw)
     np.testing.assert_array_equal(got[1:3], logw[1:3])
     assert (got[[0, 3, 4]] != logw[[0, 3, 4]]).all()
 
@@ -116,7 +113,7 @@ def test_ranges_too_short_are_refused():
     x, logw = cloud(50)
     told = heard(Range(), 1, absent=0.0)
     told.readings[:] = 0.19
-    np.testing.assert_array_equal(likelihood.teammates(told, x, logw), logw)
+    np.testing.assert_array_equal(particle_likelihood.teammates(told, x, logw), logw)
 
 
 @pytest.mark.parametrize("away", [0.0, 2e4, 5e6])
@@ -125,9 +122,9 @@ def test_products_over_many_links_neither_overflow_nor_vanish(away):
     x, logw = cloud(50, side=0.4)
     told = heard(LogDistance(sigma=1e-3), 29, absent=0.0)
     told.packets[..., :2] = x[:, :1] + away + 1e-3
-    got = likelihood.teammates(told, x, logw)
+    got = particle_likelihood.teammates(told, x, logw)
     assert np.isfinite(got).all()
-    np.testing.assert_allclose(got, likelihood.teammates_reference(told, x, logw), rtol=1e-11)
+    np.testing.assert_allclose(got, particle_likelihood.teammates_reference(told, x, logw), rtol=1e-11)
 
 
 def test_a_cloud_with_nan_is_weighed_where_it_is_not():
@@ -135,7 +132,7 @@ def test_a_cloud_with_nan_is_weighed_where_it_is_not():
     x, logw = cloud(300, side=0.4)
     told = heard(LogDistance(), 11)
     x[1, 7] = np.nan
-    got, want = likelihood.teammates(told, x, logw), likelihood.teammates_reference(told, x, logw)
+    got, want = particle_likelihood.teammates(told, x, logw), particle_likelihood.teammates_reference(told, x, logw)
     assert_close(np.delete(got[1], 7), np.delete(want[1], 7))
     assert np.isnan(got[1, 7])
 
@@ -154,13 +151,13 @@ def test_bits_do_not_depend_on_the_rows_beside(team):
     told, key = heard(LogDistance(), team), np.arange(2 * ROWS, dtype=np.uint32).reshape(-1, 2)
     z, due = senses(np.ones((ROWS, 2)), np.ones(ROWS)), np.array([True, False, True, True, False])
     fixed = [(LogDistance(), np.zeros(2), np.full((ROWS, 1), -50.0))]
-    concluded, advanced = steps.conclude(x, logw, told), advance(x, logw, due, z, key, fixed)
+    concluded, advanced = particles.posterior_summary(x, logw, told), advance(x, logw, due, z, key, fixed)
     for r in range(ROWS):
         row = slice(r, r + 1)
         mine = told._replace(packets=told.packets[row], readings=told.readings[row])
         here = [(LogDistance(), np.zeros(2), np.full((1, 1), -50.0))]
         again = advance(x[row], logw[row], due[row], senses(z.odometry[row], z.dt[row]), key[row], here)
-        for alone, together in ((steps.conclude(x[row], logw[row], mine), concluded), (again, advanced)):
+        for alone, together in ((particles.posterior_summary(x[row], logw[row], mine), concluded), (again, advanced)):
             for a, b in zip(flat(alone), flat(together), strict=True):
                 np.testing.assert_array_equal(a[0], b[r])
 
@@ -170,7 +167,7 @@ def flat(found):
 
 
 def advance(x, logw, due, z, key, fixed=(), motion=None):
-    return steps.advance(motion or Displacement(0.3, 0.5), x, logw, due, z, key, 9, fixed, sends=True)
+    return particles.advance(motion or Displacement(0.3, 0.5), x, logw, due, z, key, 9, fixed, sends=True)
 
 
 @sizes
@@ -181,13 +178,13 @@ def test_conclusion_is_moments_in_numpy_and_says_which_rows_are_poor(n, team):
     logw[1] *= 1e-3
     logw[2] = -np.inf  # starts again
     told = heard(LogDistance(sigma=30.0), team)
-    weighed = likelihood.teammates_reference(told, x, logw)
-    belief, logw_new, due = steps.conclude(x, logw, told)
-    w = steps.weights(weighed)
-    for a, b in zip((*belief, *steps.summary(x, weighed)), (*steps.moments(x, w),) * 2, strict=True):
+    weighed = particle_likelihood.teammates_reference(told, x, logw)
+    belief, logw_new, due = particles.posterior_summary(x, logw, told)
+    w = particles.weights(weighed)
+    for a, b in zip((*belief, *particles.summary(x, weighed)), (*particles.moments(x, w),) * 2, strict=True):
         assert_close(a, b)
-    assert_close(logw_new, steps.restarted(weighed))
-    np.testing.assert_array_equal(due, steps.poor(w))
+    assert_close(logw_new, particles.restart_weights(weighed))
+    np.testing.assert_array_equal(due, particles.poor(w))
     if n > 2:
         assert due[0]
         assert not due[1:3].any()
@@ -206,23 +203,25 @@ def test_advance_is_renewal_motion_and_anchors_in_numpy(side, team, n):
     z = np.where(rng.uniform(size=(ROWS, team)) < 0.3, np.nan, rng.normal(-50, 5, (ROWS, team)))
     sensor = LogDistance(-35.0, 2.5, 30.0)
     fixed = [(sensor, rng.uniform(0, SIDE, 2), z[:, a, None]) for a in range(team)]
-    due = steps.poor(steps.weights(logw))
+    due = particles.poor(particles.weights(logw))
     new, weighed, told = advance(x, logw, due, senses(u, dt), key, fixed, motion)
-    there, flat = steps.renew(x, logw, key, 8)
+    there, flat = particles.resample(x, logw, key, 8)
     noise = random_numbers.normals_reference(key, 9, random_numbers.MOVE, n)
     there = motion.sample(there, u[:, None], dt[:, None], noise)
     assert_close(new, there)
-    np.testing.assert_allclose(weighed, likelihood.anchors_reference(fixed, there, flat), rtol=1e-11, atol=1e-10)
-    for a, b in zip(told, steps.moments(new, steps.weights(weighed)), strict=True):
+    np.testing.assert_allclose(
+        weighed, particle_likelihood.anchors_reference(fixed, there, flat), rtol=1e-11, atol=1e-10
+    )
+    for a, b in zip(told, particles.moments(new, particles.weights(weighed)), strict=True):
         assert_close(a, b)
 
 
 def test_a_pass_over_rows_with_nan_is_nan_there_alone():
     x, logw = cloud(300)
     key, z, due = np.zeros((ROWS, 2), np.uint32), senses(np.zeros((ROWS, 2)), np.ones(ROWS)), np.ones(ROWS, bool)
-    clean = steps.conclude(x, logw), advance(x, logw, due, z, key)[:2]
+    clean = particles.posterior_summary(x, logw), advance(x, logw, due, z, key)[:2]
     x[1, 4], logw[2, 7] = np.nan, np.nan
-    dirty = steps.conclude(x, logw), advance(x, logw, due, z, key)[:2]
+    dirty = particles.posterior_summary(x, logw), advance(x, logw, due, z, key)[:2]
     for r in (1, 2):
         assert np.isnan(dirty[0][0].x[r]).any()
         assert np.isnan(dirty[1][0][r]).any()
@@ -242,7 +241,7 @@ def test_the_gradients_loop_is_its_density_in_numpy(d, n):
     doa = GradientDoa(LogDistance(-35.0, 2.5, 3.0), (1.0, -2.0), (6.0, 4.0))
     g = np.random.default_rng(3).normal(0, 2, (ROWS, 2))
     g[2, 0], g[3] = np.nan, np.nan
-    got = likelihood.gradient(doa, x, logw, g)
+    got = particle_likelihood.gradient(doa, x, logw, g)
     there = [0, 1, 4]
     assert_close(got[there], logw[there] + doa.log_gradient(x, g[:, None])[there])
     np.testing.assert_array_equal(got[2:4], logw[2:4])
@@ -253,7 +252,7 @@ def test_the_gradient_of_a_plugin_sensor_is_asked_of_the_sensor():
     doa = GradientDoa(Steeper(), (0.0, 0.0), (6.0, 6.0))
     g = np.random.default_rng(4).normal(0, 2, (ROWS, 2))
     g[1] = np.nan
-    got = likelihood.gradient(doa, x, logw, g)
+    got = particle_likelihood.gradient(doa, x, logw, g)
     plain = GradientDoa(LogDistance(), (0.0, 0.0), (6.0, 6.0))
     mean = 2 * plain.expect(x)
     want = logw - 0.5 * (((g[:, None] - mean) * 6 / doa.rssi.sigma) ** 2).sum(-1)

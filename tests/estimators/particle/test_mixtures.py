@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from cooploc.estimators.models.sensors import Bearing, LogDistance, Range, Sighting
-from cooploc.estimators.particle.mixtures import Mixture, log_density, unpack, weigh, weigh_reference
+from cooploc.estimators.mixtures import Mixture, unpack, weigh, weigh_reference
+from cooploc.estimators.models import Bearing, LogDistance, Range, Sighting
+from cooploc.estimators.particle_likelihood import log_density
 
 
 def mixtures(rng, r, n, K, sd=0.3):

@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from oracles import covariances, is_covariance, repeatable
 
-from cooploc.estimators.compiled import random_numbers
+from cooploc.estimators import random_numbers
 from cooploc.estimators.interface import Belief
-from cooploc.estimators.particle.steps import mean, moments, renew, spread, weights
+from cooploc.estimators.particles import mean, moments, resample, sample_prior, weights
 
 KEY = np.array([[1, 2], [3, 4], [5, 6], [7, 8]], np.uint32)
 wide = pytest.mark.parametrize("d", [2, 3])
@@ -40,7 +40,7 @@ def test_spread_draws_from_the_prior(d):
     P = covariances(np.random.default_rng(0), 4, d=d) * 0.05
     prior = Belief(np.random.default_rng(1).normal(size=(4, d)), P)
     n = 200_000
-    x = spread(prior, KEY, n)
+    x = sample_prior(prior, KEY, n)
     assert x.shape == (4, n, d)
     for r in range(4):
         standard_error = np.sqrt(np.diag(P[r]) / n)
@@ -60,14 +60,14 @@ def test_spread_draws_from_the_prior(d):
     ids=["certain", "no y", "y alone", "one direction"],
 )
 def test_spread_takes_a_singular_covariance(P):
-    x = spread(Belief(np.array([[1.0, 2.0, 0.3]]), P[None]), KEY[:1], 50_000)[0]
+    x = sample_prior(Belief(np.array([[1.0, 2.0, 0.3]]), P[None]), KEY[:1], 50_000)[0]
     assert np.isfinite(x).all()
     np.testing.assert_allclose(np.cov(x.T), P, atol=0.005)
     np.testing.assert_allclose(x[:, np.diag(P) == 0], np.broadcast_to([1.0, 2.0, 0.3], x.shape)[:, np.diag(P) == 0])
 
 
 def test_spread_wraps_headings():
-    x = spread(Belief(np.array([[0, 0, np.pi]]), 0.1 * np.eye(3)[None]), KEY[:1], 5000)[0, :, 2]
+    x = sample_prior(Belief(np.array([[0, 0, np.pi]]), 0.1 * np.eye(3)[None]), KEY[:1], 5000)[0, :, 2]
     assert (np.abs(x) <= np.pi).all()
     assert 0.4 < (x < 0).mean() < 0.6
     assert np.abs(np.angle(np.exp(1j * x).mean() / -1)) < 0.02
@@ -103,7 +103,7 @@ def test_a_row_that_started_again_can_be_weighed_again():
     x, _ = cloud(np.random.default_rng(2), 2, n=50)
     logw = np.full((4, 50), -np.inf)
     logw[1] = 0.0
-    kept, logw = renew(x, logw, KEY, 1)
+    kept, logw = resample(x, logw, KEY, 1)
     np.testing.assert_array_equal(kept, x)
     assert np.isfinite(logw).all()
 
@@ -116,9 +116,11 @@ def test_absent_weights_stay_absent_and_in_their_row():
 
 def test_nan_particles_propagate_and_leave_the_other_rows_alone():
     x, logw = cloud(np.random.default_rng(3), 3)
-    clean = renew(x, logw, KEY, 1), moments(x, weights(logw))
+    clean = resample(x, logw, KEY, 1), moments(x, weights(logw))
     x[1, 0], logw[2, 5] = np.nan, np.nan
-    for dirty, whole in zip((*renew(x, logw, KEY, 1), *moments(x, weights(logw))), (*clean[0], *clean[1]), strict=True):
+    for dirty, whole in zip(
+        (*resample(x, logw, KEY, 1), *moments(x, weights(logw))), (*clean[0], *clean[1]), strict=True
+    ):
         for r in (0, 3):
             np.testing.assert_array_equal(dirty[r], whole[r])
     belief = moments(x, weights(logw))
@@ -159,7 +161,7 @@ def test_renewal_keeps_mean_and_covariance(d, heading):
     n = 60_000
     x, logw = cloud(np.random.default_rng(6), d, n, heading)
     before = moments(x, weights(logw))
-    new, equal = renew(x, logw, KEY, 3)
+    new, equal = resample(x, logw, KEY, 3)
     np.testing.assert_array_equal(equal, 0)
     after = moments(new, weights(equal))
     sd = np.sqrt(np.diagonal(before.P, axis1=-2, axis2=-1))
@@ -176,7 +178,9 @@ def test_renewal_is_unbiased_for_few_particles():
     n, ticks = 40, 4000
     x, logw = cloud(np.random.default_rng(7), 2, n)
     before = moments(x, weights(logw))
-    kept = [moments(*(a if i == 0 else weights(a) for i, a in enumerate(renew(x, logw, KEY, k)))) for k in range(ticks)]
+    kept = [
+        moments(*(a if i == 0 else weights(a) for i, a in enumerate(resample(x, logw, KEY, k)))) for k in range(ticks)
+    ]
     h2 = 0.09 * n ** (-1 / 3)
     for r in range(4):
         sd = np.sqrt(np.diag(before.P[r]))
@@ -189,7 +193,7 @@ def test_renewal_is_unbiased_for_few_particles():
 
 def test_renewal_moves_every_particle_off_its_ancestor():
     x, logw = cloud(np.random.default_rng(8), 2)
-    new, _ = renew(x, logw, KEY, 3)
+    new, _ = resample(x, logw, KEY, 3)
     assert len(np.unique(new[0], axis=0)) == 400
 
 
@@ -197,7 +201,7 @@ def test_renewal_moves_every_particle_off_its_ancestor():
 def test_rows_that_are_rich_enough_keep_every_bit(d):
     x, logw = cloud(np.random.default_rng(9), d)
     logw[1], logw[3] = 0.1 * np.sin(np.arange(400)), 0.0
-    new, renewed = renew(x, logw, KEY, 2)
+    new, renewed = resample(x, logw, KEY, 2)
     for r in (1, 3):
         np.testing.assert_array_equal(new[r], x[r])
         np.testing.assert_array_equal(renewed[r], logw[r])
@@ -212,7 +216,7 @@ def test_renewal_is_due_below_half_the_particles():
     logw = np.full((2, n), -np.inf)
     logw[0, :51] = 0.0
     logw[1, :49] = 0.0
-    new, _ = renew(x, logw, KEY[:2], 1)
+    new, _ = resample(x, logw, KEY[:2], 1)
     np.testing.assert_array_equal(new[0], x[0])
     assert (new[1] != x[1]).all()
 
@@ -223,7 +227,7 @@ def test_renewal_never_writes_to_its_input():
     for a in (x, logw):
         a.flags.writeable = False
     before = x.copy(), logw.copy()
-    renew(x, logw, KEY, 1)
+    resample(x, logw, KEY, 1)
     np.testing.assert_array_equal(x, before[0])
     np.testing.assert_array_equal(logw, before[1])
 
@@ -232,9 +236,9 @@ def test_renewal_never_writes_to_its_input():
 def test_renewal_of_a_row_does_not_depend_on_the_others(d):
     x, logw = cloud(np.random.default_rng(12), d)
     logw[1] = 0.0
-    together = renew(x, logw, KEY, 5)
+    together = resample(x, logw, KEY, 5)
     for r in range(4):
-        alone = renew(x[r : r + 1], logw[r : r + 1], KEY[r : r + 1], 5)
+        alone = resample(x[r : r + 1], logw[r : r + 1], KEY[r : r + 1], 5)
         for a, b in zip(alone, together, strict=True):
             np.testing.assert_array_equal(a[0], b[r])
 
@@ -242,7 +246,7 @@ def test_renewal_of_a_row_does_not_depend_on_the_others(d):
 def test_renewal_differs_from_tick_to_tick_and_from_key_to_key():
     x, logw = cloud(np.random.default_rng(13), 2)
     x[:], logw[:] = x[0], logw[0]
-    (now, _), (later, _) = renew(x, logw, KEY, 5), renew(x, logw, KEY, 6)
+    (now, _), (later, _) = resample(x, logw, KEY, 5), resample(x, logw, KEY, 6)
     assert (now != later).all()
     assert (now[0] != now[1]).all()
 
@@ -256,7 +260,7 @@ def test_renewal_takes_a_singular_cloud(flat):
     x, logw = cloud(np.random.default_rng(14), 3)
     x[..., flat] = [1.0, 2.0, 3.0][flat[0]]
     logw = logw + np.linspace(0, 50, 400)
-    new, _ = renew(x, logw, KEY, 1)
+    new, _ = resample(x, logw, KEY, 1)
     assert np.isfinite(new).all()
     np.testing.assert_allclose(new[..., flat], x[..., flat], atol=1e-7)
 
@@ -264,7 +268,7 @@ def test_renewal_takes_a_singular_cloud(flat):
 def test_renewal_across_pi_does_not_shrink_through_zero():
     """A mean of raw headings near pi would be near 0, and the shrinkage would drag every particle round the circle."""
     x, logw = cloud(np.random.default_rng(15), 3, n=5000, heading=np.pi)
-    new, _ = renew(x, logw, KEY, 1)
+    new, _ = resample(x, logw, KEY, 1)
     assert (np.abs(new[..., 2]) <= np.pi).all()
     assert (np.abs(new[..., 2]) > np.pi - 2).all()
     assert random_numbers.PURPOSES >= 7

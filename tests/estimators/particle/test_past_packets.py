@@ -5,11 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from cooploc.estimators import particles
 from cooploc.estimators.interface import Senses
-from cooploc.estimators.models.motion import Displacement, Unicycle
-from cooploc.estimators.models.sensors import LogDistance, Range
-from cooploc.estimators.particle import past_packets
-from cooploc.estimators.particle.likelihood import ReceivedPackets, teammates
+from cooploc.estimators.models import Displacement, LogDistance, Range, Unicycle
+from cooploc.estimators.particle_likelihood import ReceivedPackets, teammates
 
 ROWS, SENDERS, SAMPLES = 3, 4, 3
 
@@ -30,12 +29,12 @@ def senses(u):
 def driven(sensor, motion, ticks=7, seed=0):
     """A memory after some ticks, and by (row, sender) what it should hold: newest first, with the moves since."""
     rng = np.random.default_rng(seed)
-    past, told = past_packets.empty(ROWS, SENDERS, SAMPLES), {}
+    past, told = particles.no_past_packets(ROWS, SENDERS, SAMPLES), {}
     for _ in range(ticks):
         z = senses(rng.normal(0, 0.3, (ROWS, 2)))
-        past = past_packets.moved(past, motion, z)
+        past = particles.shift_past_packets(past, motion, z)
         heard = packets(rng, sensor)
-        past = past_packets.received(past, heard)
+        past = particles.keep_received(past, heard)
         for r in range(ROWS):
             for j in range(SENDERS):
                 before = [(since + z.odometry[r], *rest) for since, *rest in told.get((r, j), [])]
@@ -64,7 +63,7 @@ def test_the_weight_is_the_product_over_the_packets_of_the_senders_heard(sensor)
         for since, reading, packet in received if np.isfinite(heard.readings[r, j]) else []:
             one = ReceivedPackets(sensor, packet[None, None], np.array([[reading]]), True)
             want[r] += 0.25 * teammates(one, x[r : r + 1] - since, np.zeros((1, 40)))[0]
-    got = past_packets.weigh(past, heard, Displacement(), x, logw, 0.25)
+    got = particles.weigh_past_packets(past, heard, Displacement(), x, logw, 0.25)
     np.testing.assert_allclose(got, want, rtol=1e-10, atol=1e-10)
     assert 0 < np.isfinite(heard.readings).sum() < ROWS * SENDERS
 
@@ -81,7 +80,7 @@ def test_without_a_loop_the_weights_are_the_same(motion):
     rng = np.random.default_rng(2)
     x, logw = rng.uniform(0, 3, (ROWS, 40, d)), rng.normal(size=(ROWS, 40))
     one, other = (
-        past_packets.weigh(past, heard._replace(sensor=sensor), motion, x, logw, 1.0)
+        particles.weigh_past_packets(past, heard._replace(sensor=sensor), motion, x, logw, 1.0)
         for sensor in (LogDistance(), Plugin())
     )
     np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-10)
@@ -91,10 +90,11 @@ def test_without_a_loop_the_weights_are_the_same(motion):
 def test_one_sample_is_the_newest_packet():
     rng = np.random.default_rng(3)
     x, logw = rng.uniform(0, 6, (ROWS, 40, 2)), rng.normal(size=(ROWS, 40))
-    past = past_packets.empty(ROWS, SENDERS, 1)
+    past = particles.no_past_packets(ROWS, SENDERS, 1)
     for _ in range(3):
-        past = past_packets.received(
-            past_packets.moved(past, Displacement(), senses(np.ones((ROWS, 2)))), heard := packets(rng, Range())
+        past = particles.keep_received(
+            particles.shift_past_packets(past, Displacement(), senses(np.ones((ROWS, 2)))),
+            heard := packets(rng, Range()),
         )
-    got = past_packets.weigh(past, heard, Displacement(), x, logw, 1.0)
+    got = particles.weigh_past_packets(past, heard, Displacement(), x, logw, 1.0)
     np.testing.assert_allclose(got, teammates(heard, x, logw), rtol=1e-12, atol=1e-12)

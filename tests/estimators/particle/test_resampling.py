@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from oracles import repeatable
 
-from cooploc.estimators.particle.resampling import systematic
+from cooploc.estimators.particle_kernels import systematic
 
 weights = st.lists(st.floats(0, 1), min_size=2, max_size=40).filter(lambda w: sum(w) > 1e-3)
 uniform = st.floats(0, 1, exclude_max=True)

@@ -3,13 +3,11 @@
 import numpy as np
 import pytest
 
-from cooploc.estimators import make
-from cooploc.estimators.compiled import random_numbers
+from cooploc.estimators import make, particle_likelihood, particles, random_numbers
+from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Belief, Rows
-from cooploc.estimators.models.sensors import LogDistance, Range
-from cooploc.estimators.particle import likelihood, steps
-from cooploc.estimators.particle.likelihood import ReceivedPackets
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.models import LogDistance, Range
+from cooploc.estimators.particle_likelihood import ReceivedPackets
 from cooploc.scenarios import simulate
 from cooploc.scenarios.runner.trace import trace
 
@@ -98,7 +96,7 @@ def test_eight_links_at_once_neither_overflow_nor_vanish(sensor, variance, side)
     for j in range(19):
         z[:, j] = sensor.expect(x.mean(1), q[:, j])[:, 0] + rng.normal(0, np.sqrt(sensor.R[0, 0]), 2)
     heard = ReceivedPackets(sensor, np.concatenate([q, np.tile([variance, 0, variance], (2, 19, 1))], -1), z, True)
-    one, two = (likelihood.teammates(heard, x.astype(t), logw.astype(t)) for t in (np.float64, np.float32))
+    one, two = (particle_likelihood.teammates(heard, x.astype(t), logw.astype(t)) for t in (np.float64, np.float32))
     one, two = (each - each[:, :1] for each in (one, two.astype(float)))
     assert np.isfinite(two).all()
     if variance < 1e30:
@@ -107,7 +105,7 @@ def test_eight_links_at_once_neither_overflow_nor_vanish(sensor, variance, side)
 
 def test_normals_are_those_of_double_precision():
     x = np.zeros((2, 1000, 2), np.float32)
-    moved = steps.advance(*moving(x))[0]
+    moved = particles.advance(*moving(x))[0]
     np.testing.assert_allclose(moved, random_numbers.normals(KEY, 7, random_numbers.MOVE, 1000), atol=2e-5)
 
 
@@ -122,7 +120,7 @@ def moving(x):
 def test_a_cloud_on_a_line_has_a_covariance(direction):
     along = np.random.default_rng(1).normal(0, 3, (5, 200, 1))
     x = (7.0 + along * direction).astype(np.float32)
-    P = steps.summary(x, np.zeros((5, 200), np.float32)).P
+    P = particles.summary(x, np.zeros((5, 200), np.float32)).P
     assert (np.linalg.eigvalsh(P)[:, 0] >= -1e-12 * P.max()).all()
 
 

@@ -3,8 +3,7 @@
 import pytest
 
 from cooploc.estimators import BUILTIN, make
-from cooploc.estimators.plugins.configurations import KNOWN, configurations, standing
-from cooploc.estimators.plugins.listing import listing
+from cooploc.estimators.listing import KNOWN, configurations, listing, standing
 
 
 def test_every_configuration_can_be_made_and_is_of_its_method():

@@ -7,8 +7,8 @@ import pytest
 
 import cooploc as cl
 from cooploc import estimators, scenarios
+from cooploc.estimators import registry
 from cooploc.estimators.arl import Arl
-from cooploc.estimators.plugins import registry
 
 
 @pytest.mark.parametrize("name", list(estimators.BUILTIN))

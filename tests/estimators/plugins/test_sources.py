@@ -9,7 +9,7 @@ import threadpoolctl
 
 from cooploc.analysis.execution.provenance import files, imports, instructions
 from cooploc.estimators import configure
-from cooploc.estimators.plugins.sources import helpers_of, of_module
+from cooploc.estimators.plugin_files import helpers_of, of_module
 
 
 def write(folder, **texts):

@@ -7,7 +7,7 @@ import numpy as np
 import cooploc as cl
 from cooploc.estimators import make
 from cooploc.estimators.ekf_joint import EkfJoint
-from cooploc.estimators.plugins.traits import refusal, traits
+from cooploc.estimators.registry import refusal, traits
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import pytest
 
 import cooploc as cl
 from cooploc.estimators import BUILTIN
-from cooploc.estimators.plugins.tunable import declared, tunable
+from cooploc.estimators.tunable import declared, tunable
 
 
 def other_values(one):

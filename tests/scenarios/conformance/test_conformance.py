@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from cooploc.estimators import BUILTIN, make
+from cooploc.estimators.adapters import PerRobot
+from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Belief
-from cooploc.estimators.per_robot import PerRobot
-from cooploc.estimators.plugins.errors import BadInput
-from cooploc.estimators.plugins.traits import traits
+from cooploc.estimators.registry import traits
 from cooploc.scenarios import simulate
 from cooploc.scenarios.conformance.check import CHECKS, Check, check_estimator, run_check
 from cooploc.scenarios.conformance.compare import by

@@ -12,7 +12,7 @@ import pytest
 import cooploc as cl
 from cooploc.estimators import make
 from cooploc.estimators.dead_reckoning import DeadReckoning
-from cooploc.estimators.plugins.errors import one_line
+from cooploc.estimators.errors import one_line
 from cooploc.scenarios.processes import time_limit, workers
 from cooploc.scenarios.processes.outcome import ProcessDied, ProcessHung, Raised, WorkerError
 from cooploc.scenarios.processes.time_limit import Limit, TimeLimit, within

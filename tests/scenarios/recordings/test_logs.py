@@ -29,10 +29,8 @@ from cooploc import scenarios
 from cooploc.analysis.execution.execute import execute
 from cooploc.analysis.metrics.errors import errors
 from cooploc.estimators import make
-from cooploc.estimators.models.angles import wrap
-from cooploc.estimators.models.motion import Displacement, Unicycle
-from cooploc.estimators.models.sensors import LogDistance
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
+from cooploc.estimators.models import Displacement, LogDistance, Unicycle, wrap
 from cooploc.scenarios.recordings.logs import schema
 from cooploc.scenarios.recordings.logs.scenario import Log
 from cooploc.scenarios.runner.run import run

@@ -9,7 +9,7 @@ import pytest
 
 from cooploc import scenarios
 from cooploc.estimators import make
-from cooploc.estimators.models.angles import wrap
+from cooploc.estimators.models import wrap
 from cooploc.scenarios.recordings.mrclam import Mrclam
 from cooploc.scenarios.recordings.resampling import interpolate, mean_held
 from cooploc.scenarios.runner.run import run

@@ -5,8 +5,7 @@ import pytest
 
 import cooploc as cl
 from cooploc.estimators import BUILTIN
-from cooploc.estimators.models.angles import wrap
-from cooploc.estimators.models.motion import Unicycle
+from cooploc.estimators.models import Unicycle, wrap
 
 
 @pytest.fixture(scope="module")

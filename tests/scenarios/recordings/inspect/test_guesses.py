@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.inspect.csv_look import look_at_csv
 from cooploc.scenarios.recordings.inspect.guesses import guesses
 from cooploc.scenarios.recordings.inspect.names import named

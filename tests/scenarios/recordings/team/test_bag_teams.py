@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from made_bags import KINDS, made_bag
 
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.team import bags, schema
 
 DATA = Path(os.environ.get("COOPLOC_DATA", "../shared/data"))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from made_bags import KINDS, RATE, START, TOPICS, made_bag
 
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.team.bags import read_series, read_topics, topics
 
 NUMBERS = [topic for topic in TOPICS if topic != "/chatter"]

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.team.bags import read_topics, topics
 from cooploc.scenarios.recordings.team.nodes import NodeRanges, assign
 from cooploc.scenarios.recordings.team.team_log import Series

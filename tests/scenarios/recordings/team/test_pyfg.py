@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.team.pyfg import read_pyfg
 
 COV = "0.01 0 0 0.01 0 0.001"

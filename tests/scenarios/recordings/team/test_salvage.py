@@ -9,7 +9,7 @@ import pytest
 from made_bags import KINDS, TOPICS, made_bag
 from rosbags.typesys import Stores, get_typestore
 
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.team.bags import read_topics, topics
 from cooploc.scenarios.recordings.team.found import decode_ros2
 

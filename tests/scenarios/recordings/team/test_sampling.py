@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from made_team import TICK, drive
 
-from cooploc.estimators.models.angles import wrap
-from cooploc.estimators.models.motion import Unicycle
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
+from cooploc.estimators.models import Unicycle, wrap
 from cooploc.scenarios.recordings.team import sampling
 from cooploc.scenarios.recordings.team.sampling import Grid
 from cooploc.scenarios.recordings.team.team_log import Places, Readings, Series, TeamLog

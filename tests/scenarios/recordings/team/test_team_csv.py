@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from made_team import ANCHORS, BIAS, DESCRIPTION, EPOCH, ROBOTS, describe, poses_at, write
 
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.team import csv_files, schema
 
 UWB = DESCRIPTION[DESCRIPTION.index("[ranges]") : DESCRIPTION.index("[fit]")]

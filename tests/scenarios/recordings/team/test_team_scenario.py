@@ -24,11 +24,9 @@ from processes import inside
 
 import cooploc as cl
 from cooploc.analysis.execution.execute import execute
+from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Belief, Senses, World
-from cooploc.estimators.models.angles import wrap
-from cooploc.estimators.models.motion import Unicycle
-from cooploc.estimators.models.sensors import Range
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.models import Range, Unicycle, wrap
 from cooploc.scenarios import resolve
 from cooploc.scenarios.stream import Air, Stream
 from cooploc.scenarios.studies.study import load

@@ -1,0 +1,392 @@
+"""What numba compiles: how loops are compiled and kept, number formats, elementary functions, row buffers."""
+
+import hashlib
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
+from functools import reduce
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+import numba
+import numpy as np
+from filelock import FileLock
+from numba import types
+from numba.extending import intrinsic as untyped_intrinsic
+from numba.extending import overload
+from numpy.polynomial import Chebyshev, Polynomial
+from numpy.typing import NDArray
+
+from cooploc.estimators.interface import Array
+
+# How loops are compiled: `kernel` and `inlined` by numba, `intrinsic` in LLVM, and arrays as kernels take them.
+#
+# A kernel is kept on disk, and compiled again when its source changes. numba by itself looks at the kernel's own file
+# only; here the files that kernels take functions and constants from count too (`SHARED`).
+
+Scalar = TypeVar("Scalar", bound=np.generic)
+
+STRICT: dict[str, Any] = {"error_model": "numpy"}  # every operation as written: nan and infinity keep their meaning
+# Not the full fastmath: it deletes tests for nan. In such a loop a square is written x * x: numba compiles a power once
+# in a process, as the first function wants it that has one, and bits would depend on which that is.
+FAST: dict[str, Any] = {**STRICT, "fastmath": {"reassoc", "nsz", "arcp", "contract", "afn"}}
+
+# Only Python and C need wrappers around a function, which take a fifth of the time that compiling takes.
+KEPT: dict[str, Any] = {"cache": True, "no_cfunc_wrapper": True}
+INSIDE: dict[str, Any] = {"forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
+# A function inside a loop: inlined, because a call would keep the loop from being vectorised. Kernels alone call it.
+inlined: Any = numba.njit(**INSIDE, **FAST)
+strict_inlined: Any = numba.njit(**INSIDE, **STRICT)
+intrinsic: Any = untyped_intrinsic
+
+# A kernel that is kept on disk is compiled again when one of these changes: they hold what kernels call.
+SHARED = (
+    "compiled",
+    "random_numbers",
+    "models",
+    "covariance_intersection_kernels",
+    "joint_kernels",
+    "kalman_kernels",
+    "particle_kernels",
+)
+SOURCES = [(Path(__file__).parent / f"{name}.py").read_bytes() for name in SHARED]
+
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """Compile a loop when it is first called, with fast mathematics, and keep it on disk until its source changes."""
+    return _kept_on_disk(function, FAST)
+
+
+def strict_kernel(function: Callable[..., Any]) -> Any:
+    """`kernel` without fast mathematics: every operation as written."""
+    return _kept_on_disk(function, STRICT)
+
+
+def _kept_on_disk(function: Callable[..., Any], options: dict[str, Any]) -> Any:
+    compiled = numba.njit(**KEPT, **options)(function)
+    file = Path(function.__code__.co_filename)
+    compiled._cache._cache_file._source_stamp = hashlib.sha256(b"".join([*SOURCES, file.read_bytes()])).hexdigest()
+    compiled.compile = _in_turn(compiled.compile, kept_at(compiled) / f"{file.stem}.{function.__name__}.lock")
+    return compiled
+
+
+def kept_at(compiled: Any) -> Path:
+    """The directory on disk that holds a kernel."""
+    return Path(compiled._cache.cache_path)
+
+
+def _in_turn(compiles: Callable[..., Any], place: Path) -> Callable[..., Any]:
+    """Of two processes that need a kernel, the second waits for the first, and finds it on disk."""
+
+    def compile_in_turn(signature: Any) -> Any:
+        with ExitStack() as held:
+            with suppress(OSError):  # a place that cannot be written, where nothing is kept either
+                held.enter_context(FileLock(place, is_singleton=True, thread_local=False))
+            return compiles(signature)
+
+    return compile_in_turn
+
+
+def readable(array: NDArray[Scalar]) -> NDArray[Scalar]:
+    """The array as kernels take it: contiguous and read-only, so that each kernel is compiled for one type."""
+    array = np.ascontiguousarray(array)
+    if not array.flags.writeable:
+        return array
+    view = array.view()
+    view.setflags(write=False)
+    return view
+
+
+def spread_out(array: NDArray[Scalar], shape: tuple[int, ...]) -> NDArray[Scalar]:
+    """`readable` of an array that broadcasts to this shape; np.broadcast_to takes ten times as long for a few rows."""
+    if array.shape == shape:
+        return readable(array)
+    whole = np.empty(shape, array.dtype)
+    whole[...] = array
+    whole.setflags(write=False)
+    return whole
+
+
+@intrinsic
+def wide(context: Any) -> Any:
+    """Ask LLVM for 512-bit vectors in the calling function where the processor has them; its default is 256."""
+
+    def generate(target: Any, builder: Any, signature: Any, a: Any) -> Any:
+        set.add(builder.function.attributes, '"prefer-vector-width"="512"')  # llvmlite knows no attributes with a value
+        return target.get_dummy_value()
+
+    return types.none(), generate
+
+
+# Double and single precision: what loops must know of the bits of a number, and functions that exist for both.
+#
+# A kernel is written once. numba compiles it for the type of the arrays that it is given, and a function that is marked
+# `by_format` for the type of its first argument. A constant in a loop over single numbers is written `real(0.5)`, with
+# `real` the type of the array, `X.dtype.type`: as a plain 0.5 it would make everything that it meets double.
+
+FUSED = ("contract",)
+
+
+class Format(NamedTuple):
+    """How a number is kept."""
+
+    real: Any  # numpy's type of it
+    word: Any  # numpy's type of an integer of as many bits
+    mantissa: int  # bits
+    bias: int  # of the exponent
+
+    @property
+    def one(self) -> int:
+        """The bits of 1."""
+        return self.bias << self.mantissa
+
+    def bits(self, x: float) -> int:
+        """The bits of a constant."""
+        return int(np.array(x, self.real).view(self.word))
+
+
+DOUBLE = Format(np.float64, np.int64, 52, 1023)
+SINGLE = Format(np.float32, np.int32, 23, 127)
+WORDS: Any = {types.float64: types.int64, types.float32: types.int32}
+FLOATS: Any = {word: real for real, word in WORDS.items()}
+
+
+def by_format(make: Callable[[Format], Callable[..., Any]]) -> Any:
+    """A function for loops that `make` writes for either format; its first argument says which is meant."""
+    versions = {types.float64: make(DOUBLE), types.float32: make(SINGLE)}
+
+    def chosen(*arguments: Any) -> Any:
+        raise NotImplementedError("this function is called by compiled loops only")
+
+    options: Any = {"forceinline": True, **FAST}
+    overload(chosen, strict=False, jit_options=options)(lambda *kinds: versions.get(kinds[0]))
+    return chosen
+
+
+def _bitcast(target: Any, builder: Any, signature: Any, a: Any) -> Any:
+    return builder.bitcast(a[0], target.get_value_type(signature.return_type))
+
+
+@intrinsic
+def bits(context: Any, x: Any) -> Any:
+    """The bits of a number as an integer."""
+    return WORDS[x](x), _bitcast
+
+
+@intrinsic
+def from_bits(context: Any, x: Any) -> Any:
+    """The number with these bits."""
+    return FLOATS[x](x), _bitcast
+
+
+@intrinsic
+def ordered(context: Any, x: Any) -> Any:
+    """The bits of a number as an integer that is ordered as numbers are, which LLVM can sort in vectors; or back."""
+
+    def generate(target: Any, builder: Any, signature: Any, a: Any) -> Any:
+        word = target.get_value_type(WORDS.get(x, x))
+        b = builder.bitcast(a[0], word)
+        turned = builder.xor(b, builder.lshr(builder.ashr(b, word(word.width - 1)), word(1)))
+        return builder.bitcast(turned, target.get_value_type(signature.return_type))
+
+    return (WORDS.get(x) or FLOATS[x])(x), generate
+
+
+@intrinsic
+def is_single(context: Any, x: Any) -> Any:
+    """Whether a number is single: known when the loop is compiled."""
+    return types.boolean(x), lambda target, builder, *_: target.get_constant(types.boolean, x == types.float32)
+
+
+def odd(function: Callable[[Array], Array]) -> Callable[[Array], Array]:
+    """f(x) / x as a function of x^2."""
+    return lambda square: function(np.sqrt(square)) / np.sqrt(square)
+
+
+def polynomial(
+    f: Format,
+    function: Callable[[Array], Array],
+    degrees: tuple[int, int],
+    span: tuple[float, float],
+    shift: float = 0.0,
+) -> Any:
+    """A polynomial close to `function` on a span, plus `shift`: pairs of terms, by Horner's rule in x^2.
+
+    Args:
+        f: the format.
+        function: what is approximated.
+        degrees: of the polynomial in double and in single precision.
+        span: the lowest and the highest argument.
+        shift: added to the polynomial.
+
+    """
+    degree = degrees[f is SINGLE]
+    fitted = Chebyshev.interpolate(function, degree, span).convert(kind=Polynomial).coef
+    coefficients = [float(fitted[0] + shift), *fitted[1:].tolist()]
+    kind = types.float32 if f is SINGLE else types.float64
+
+    def generate(target: Any, builder: Any, signature: Any, a: Any) -> Any:
+        def fused(a: Any, b: Any, c: Any) -> Any:
+            return builder.fadd(builder.fmul(a, b, flags=FUSED), c, flags=FUSED)
+
+        x, (*terms,) = a[0], map(target.get_value_type(kind), map(float, map(f.real, coefficients)))
+        square = builder.fmul(x, x)
+        pairs = [fused(terms[i + 1], x, terms[i]) if i + 1 < len(terms) else terms[i] for i in range(0, len(terms), 2)]
+        return reduce(lambda total, pair: fused(total, square, pair), reversed(pairs))
+
+    return intrinsic(lambda context, x: (kind(kind), generate))
+
+
+# Logarithm, exponential, sine and arctangent as polynomials without branches, so that LLVM can vectorise their loops.
+#
+# numba calls the C library once per number otherwise. Arguments are assumed finite: a nan gives any number in `log`,
+# and stays nan in `exp`. Coefficients are Chebyshev interpolants, whose error is within a small factor of the best
+# one's; tests/estimators/test_elementary_functions.py checks the error that every function states, of double
+# and of single numbers.
+
+LN2 = float(np.log(2.0))
+COMPACT = 1 / 4  # how far a compact cloud reaches from the middle of its squared distances, as a share of that
+EIGHTH = float(np.tan(np.pi / 8))
+
+
+def _log(f):
+    series = polynomial(f, lambda t: np.log1p(t) / t, (14, 7), (0.5**0.5 - 1, 2**0.5 - 1))
+    sqrt_half, mantissa, word, real, one, ln2 = f.bits(0.5**0.5), f.mantissa, f.word, f.real, f.real(1), f.real(LN2)
+
+    def log(x):
+        b = bits(x)
+        e = word(b - sqrt_half) >> mantissa
+        t = from_bits(word(b - (e << mantissa))) - one
+        return real(e) * ln2 + t * series(t)
+
+    return log
+
+
+def _ln(f):
+    if f is SINGLE:
+        return _log(f)  # whose error vanishes at 1, where variances are
+    series = polynomial(f, lambda t: np.log(1.5 + t), (15, 0), (-0.5, 0.5), -f.bias * LN2)
+    fraction, one, mantissa = (1 << f.mantissa) - 1, f.one, f.mantissa
+
+    def ln(x):
+        b = bits(x)
+        t = from_bits((b & fraction) | one) - 1.5
+        return (b >> mantissa) * LN2 + series(t)
+
+    return ln
+
+
+def _log1p_compact(f):
+    series = polynomial(f, np.log1p, (12, 7), (-COMPACT, COMPACT))
+
+    def log1p_compact(t):
+        return series(t)
+
+    return log1p_compact
+
+
+def _exp(f):
+    series = polynomial(f, np.exp, (10, 5), (-LN2 / 2, LN2 / 2))
+    rounder = 1.5 * 2.0**f.mantissa  # a number this large has no fraction: adding it rounds
+    lowest, rounded, ln2, inverse = f.real(-708.0 if f.bias > 127 else -87.0), f.bits(rounder), f.real(LN2), 1 / LN2
+    zero, rounder, inverse, (real, word, mantissa, bias) = f.real(0), f.real(rounder), f.real(inverse), f
+
+    def exp(x):
+        k = word(bits(x * inverse + rounder) - rounded)
+        return zero if x < lowest else series(x - real(k) * ln2) * from_bits(word((k + bias) << mantissa))
+
+    return exp
+
+
+def _quarter(f):
+    square = 0.0, (np.pi / 4) ** 2
+    sine = polynomial(f, odd(np.sin), (5, 3), square)
+    cosine = polynomial(f, lambda s: np.cos(np.sqrt(s)), (6, 3), square)
+
+    def quarter(r):
+        s = r * r
+        return cosine(s), r * sine(s)
+
+    return quarter
+
+
+def _arc(f):
+    series = polynomial(f, odd(np.arctan), (9, 4), (0.0, EIGHTH**2))
+    pi, half, eighth, least = (
+        f.real(np.pi),
+        f.real(np.pi / 2),
+        f.real(EIGHTH),
+        f.real(1e-300 if f.bias > 127 else 1e-30),
+    )
+    zero, quarter = f.real(0), f.real(np.pi / 4)
+
+    def arc(y, x):
+        y, a = abs(y), abs(x)
+        small, large = min(y, a), max(y, a)
+        beyond = small > eighth * large  # then arctan(t) = pi/4 + arctan((t - 1) / (t + 1))
+        t = (small - large if beyond else small) / max(small + large if beyond else large, least)
+        angle = (quarter if beyond else zero) + t * series(t * t)
+        angle = half - angle if y > a else angle
+        return pi - angle if x < zero else angle
+
+    return arc
+
+
+# In double and in single precision:
+log = by_format(_log)  # ln x of normal x > 0, x = 2^e (1 + t), 1 + t in [sqrt(1/2), sqrt(2)); error below 3e-13 or 2e-7
+ln = by_format(_ln)  # the same in fewer steps; error below 5e-13, or as of `log`, of 1 + |ln x|
+log1p_compact = by_format(_log1p_compact)  # ln (1 + t) for |t| <= COMPACT, error below 5e-13 or 1e-7
+exp = by_format(_exp)  # e^x, 0 below -708 or -87; relative error below 1e-12 or 2e-7 of 1 + |x|
+quarter = by_format(_quarter)  # cos r and sin r for |r| <= pi/4, errors below 1e-13 or 2e-7
+arc = by_format(_arc)  # |arctan2(y, x)| in [0, pi], 0 at the origin; error below 1e-12 or 1e-6
+
+
+@inlined
+def turned(k, c, s):
+    """(c, s) turned by k right angles."""
+    swap, left, down = k & 1, ((k + 1) & 2) != 0, (k & 2) != 0
+    a, b = (s if swap else c), (c if swap else s)
+    return (-a if left else a), (-b if down else b)
+
+
+# Buffers for one row of an array, where compiled loops work on it: whole vectors that stay in the first cache.
+
+
+@inlined
+def load(rows, r, out):
+    """Row r into a buffer, filled up with its first entry. A view of the row would cost the counting of a reference."""
+    wide()
+    for i in range(rows.shape[1]):
+        out[i] = rows[r, i]
+    fill(out, rows.shape[1], rows[r, 0])
+
+
+@inlined
+def fill(out, first, value):
+    """The value into a buffer from `first` on."""
+    for i in range(first, len(out)):
+        out[np.uint64(i)] = value
+
+
+@inlined
+def store(values, rows, r):
+    """A buffer into row r."""
+    wide()
+    for i in range(rows.shape[1]):
+        rows[r, i] = values[i]
+
+
+@inlined
+def row_buffer(rows):
+    """A buffer for one of these rows, in whole vectors: a remainder would be computed number by number."""
+    return np.empty((rows.shape[1] + 15) // 16 * 16, rows.dtype)
+
+
+@inlined
+def extent(values):
+    """The smallest and the largest of a row."""
+    wide()
+    low = high = ordered(values[0])
+    for i in range(len(values)):
+        low, high = min(low, ordered(values[i])), max(high, ordered(values[i]))
+    return ordered(low), ordered(high)

@@ -1,1 +1,0 @@
-"""What numba compiles: vectorisable elementary functions, random numbers, row buffers."""

@@ -1,1 +1,0 @@
-"""Covariance intersection: the weights of least trace or determinant, exact and by cvxpy."""

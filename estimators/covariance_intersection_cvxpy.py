@@ -1,0 +1,262 @@
+"""A cvxpy problem as the solver takes it, canonicalised once: afterwards only its numbers change.
+
+cvxpy brings a problem into the form  min q'x  s.t.  b - A x in a product of cones.  In a disciplined parametrised
+problem (DPP) the entries of A and b are affine in the parameters theta. So they are read off once, at theta = 0 and at
+each unit vector, and every other theta costs a product with a sparse matrix, and the solver's own time: cvxpy's way
+from a problem to its solver takes twenty times as long as the solver does.
+
+Source of DPP: A. Agrawal et al., "Differentiable convex optimization layers", NeurIPS 2019.
+"""
+
+from collections.abc import Iterator
+from contextlib import suppress
+from functools import cache, lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.sparse import csc_array, csr_array
+
+from cooploc.estimators.covariance_intersection_kernels import Whitened
+from cooploc.estimators.interface import Array, Indices
+
+
+class Canonical(NamedTuple):
+    """min q'x  s.t.  b - A x in the cones, of n variables, l rows and p parameters."""
+
+    q: Array  # (n,)
+    rows: Indices  # (nonzeros,)  of A, column by column
+    starts: Indices  # (n + 1,)  where each column starts
+    fixed: Array  # (nonzeros + l,)  the entries of A, then b, at theta = 0
+    slope: Any  # (nonzeros + l, p)  sparse: what each parameter adds to them
+    cones: list[Any]
+
+    def numbers(self, theta: Array) -> tuple[Array, Array]:
+        """The entries of A (K, nonzeros) and b (K, l) for parameters theta (K, p)."""
+        both = (self.slope @ theta.T).T + self.fixed
+        return both[:, : len(self.rows)], both[:, len(self.rows) :]
+
+    def stacked(self, K: int) -> "Stack":
+        """The sum of K such problems, one after the other, without their numbers."""
+        n, b = len(self.q), len(self.fixed) - len(self.rows)
+        copy = np.arange(K)[:, None]
+        starts = np.append(self.starts[:-1] + copy * len(self.rows), K * len(self.rows))
+        pattern = np.zeros(K * len(self.rows)), (self.rows + b * copy).ravel(), starts
+        nothing = csc_array((K * n, K * n))
+        return Stack(np.tile(self.q, K), nothing, csc_array(pattern, shape=(K * b, K * n)), self.cones * K)
+
+
+class Stack(NamedTuple):
+    """K problems as one."""
+
+    q: Array  # (K n,)
+    P: Any  # (K n, K n)  sparse: the quadratic objective that Clarabel asks for; zero
+    A: Any  # (K l, K n)  sparse
+    cones: list[Any]
+
+    def solve(self, A: Array, b: Array, settings: Any) -> Array:
+        """What the solver ends with, x (K, n), for the numbers A (K, nonzeros) and b (K, l)."""
+        import clarabel
+
+        self.A.data = A.ravel()
+        solver = clarabel.DefaultSolver(self.P, self.q, self.A, b.ravel(), self.cones, settings)
+        return np.reshape(solver.solve().x, (len(A), -1))
+
+
+def canonical(problem: Any, theta: Any) -> Canonical:
+    """The canonical form of a cvxpy problem with one parameter, the vector theta.
+
+    Raises:
+        ValueError: the problem is not DPP, or has a quadratic objective: its form is not affine in theta.
+
+    """
+    from cvxpy.reductions.solvers.conic_solvers.clarabel_conif import dims_to_solver_cones
+
+    if not problem.is_dpp():
+        raise ValueError("the problem is not affine in its parameter; write it by cvxpy's DPP rules")
+
+    def form(value: Array) -> tuple[dict[str, Any], Array]:
+        theta.value = value
+        data, _, _ = problem.get_problem_data("CLARABEL")
+        return data, np.append(data["A"].data, data["b"])
+
+    data, fixed = form(np.zeros(theta.size))
+    if "P" in data:
+        raise ValueError("the problem has a quadratic objective; write it as a linear one with a cone")
+    slope = np.stack([form(unit)[1] - fixed for unit in np.eye(theta.size)], 1)
+    return Canonical(
+        data["c"], data["A"].indices, data["A"].indptr, fixed, csr_array(slope), dims_to_solver_cones(data["dims"])
+    )
+
+
+# The weights of covariance intersection by cvxpy and Clarabel: cone programs, canonicalised once for each shape.
+#
+# With d = 2 a fusion is a second-order cone program. In the whitened coordinates, and because Y(w) scales with
+# w, the most information from weights that sum to one is the least sum of weights that reach a given information:
+#
+#     min sum w   s.t.   w >= 0,   X = Y(w) - C,   ||(2 X_12, 2 gamma, X_11 - X_22)|| <= X_11 + X_22,
+#
+# that is X >= 0 with det X >= gamma^2. The determinant has C = 0, gamma = 1: det Y >= 1. The trace has gamma^2 = det C:
+# det Y >= tr(adj(C) Y), which is tr(C Y^-1) <= 1. The fusions of one group are one program, the sum of theirs. In other
+# dimensions cvxpy's log_det and matrix_frac (which is tr_inv with C) take one fusion at a time.
+#
+# A relative measurement adds to B_0, one's own, of weight w, terms n_k B_k with n_k = v / (sigma_k + (1 - sigma_k) v)
+# at w + v = 1. That is n_k = v + (1 - sigma_k) h_k with the harmonic mean h_k = w v / (sigma_k w + v), and a cone for
+# h_k:
+#
+#     x y >= sigma h^2  with  x = w - h,  y = v - sigma h,   that is   ||(2 sqrt(sigma) h, x - y)|| <= x + y.
+#
+# So it is a program of the terms B_0 (w), sum B_k (v) and (1 - sigma_k) B_k (h_k), in which only w + v is minimised.
+#
+# The solver couples the fusions of one program in their last bits. So a program never holds fusions of two groups,
+# never starts from an earlier solution, and lists its fusions in an order that only their values give.
+
+STACK = 128  # fusions in one program, at most: the time of each grows slowly with their number
+TOLERANCE = 1e-10
+SETTINGS = {
+    "verbose": False,
+    "tol_gap_abs": TOLERANCE,
+    "tol_gap_rel": TOLERANCE,
+    "tol_feas": TOLERANCE,
+    "iterative_refinement_enable": False,  # a third of the time, and no more accurate in these coordinates
+}
+
+
+class Shape(NamedTuple):
+    """What the numbers of a fusion do not change."""
+
+    m: int  # terms
+    k: int  # of them are of a relative measurement
+    d: int
+    block: int
+    trace: bool
+
+    @property
+    def cone(self) -> bool:
+        """Whether it is a second-order cone program."""
+        return self.d == self.block == 2
+
+
+def solve(z: Whitened, groups: Indices) -> Array:
+    """Weights (K, m), or own weights (K, 1) of the relative form, for the caller to check; nan where there are none."""
+    B = _terms(z)
+    shape = Shape(B.shape[1], z.sigma.shape[1], B.shape[-1], z.block, z.trace)
+    program, most = _program(shape), STACK if shape.cone else 1
+    A, b = program.numbers(_cone_numbers(B, z) if shape.cone else _matrix_numbers(B, z))
+    x, stacked = np.full((len(B), len(program.q)), np.nan), cache(program.stacked)
+    for rows in _stacks(z, groups, most):
+        with suppress(Exception):  # a solver may raise anything; the exact weights are used then
+            x[rows] = stacked(len(rows)).solve(A[rows], b[rows], _settings())
+    return _weights(shape, x)
+
+
+def _stacks(z: Whitened, groups: Indices, most: int) -> Iterator[Indices]:
+    """The fusions of one program after another: of one group, at most so many, in the order of their values."""
+    order = np.lexsort((*z.sigma.T, *z.C.T.reshape(-1, len(z.C)), *z.B.T.reshape(-1, len(z.B)), groups))
+    for group in np.split(order, np.flatnonzero(np.diff(groups[order])) + 1):
+        yield from (group[i : i + most] for i in range(0, len(group), most))
+
+
+def _weights(shape: Shape, x: Array) -> Array:
+    """Weights (K, m), or own weights (K, 1), of the minimisers x (K, n), which begin with c of `_shares`."""
+    total = sum(x[:, i] for i in range(2 if shape.k else shape.m))  # in order, for the bits
+    with np.errstate(divide="ignore", invalid="ignore"):  # a failed solver's x may be anything
+        w: Array = x[:, : 1 if shape.k else shape.m] / np.asarray(total)[:, None]
+    return np.clip(w, 0.0, 1.0)
+
+
+def _terms(z: Whitened) -> Array:
+    """The matrices that the variables multiply (K, m, d, d)."""
+    if not z.sigma.shape[1]:
+        return z.B
+    return np.concatenate(
+        [z.B[:, :1], z.B[:, 1:].sum(1, keepdims=True), (1 - z.sigma)[..., None, None] * z.B[:, 1:]], 1
+    )
+
+
+@lru_cache
+def _program(shape: Shape) -> Canonical:
+    """The program of one fusion."""
+    return _cone_program(shape) if shape.cone else _matrix_program(shape)
+
+
+@lru_cache
+def _settings() -> Any:
+    import clarabel
+
+    settings = clarabel.DefaultSettings()
+    for name, value in SETTINGS.items():
+        setattr(settings, name, value)
+    return settings
+
+
+def _cone_numbers(B: Array, z: Whitened) -> Array:
+    """The parameters (K, p) of `_cone_program`: B_11 of each term, B_12, B_22, C_11, C_12, C_22, gamma, sigma, root."""
+    C = z.C if z.trace else np.zeros_like(z.C)
+    C11, C12, C22 = entries = C[:, 0, 0], C[:, 0, 1], C[:, 1, 1]
+    gamma = np.sqrt(np.maximum(C11 * C22 - C12**2, 0.0)) if z.trace else np.ones(len(C))
+    return np.column_stack([B[..., 0, 0], B[..., 0, 1], B[..., 1, 1], *entries, gamma, z.sigma, np.sqrt(z.sigma)])
+
+
+def _cone_program(shape: Shape) -> Canonical:
+    """The second-order cone program; d = 2."""
+    cp, m = _cvxpy(), shape.m
+    theta = cp.Parameter(3 * m + 4 + 2 * shape.k)
+    c, constraints = _shares(shape, theta[3 * m + 4 :])
+    X11, X12, X22 = (theta[i * m : (i + 1) * m] @ c - theta[3 * m + i] for i in range(3))
+    constraints.append(cp.SOC(X11 + X22, cp.hstack([2 * X12, 2 * theta[3 * m + 3], X11 - X22])))
+    return canonical(cp.Problem(_least(shape, c), constraints), theta)
+
+
+def _matrix_numbers(B: Array, z: Whitened) -> Array:
+    """The parameters (K, p) of `_matrix_program`: B's upper triangles less half their diagonals, F, sigma, root."""
+    K, d = len(B), B.shape[-1]
+    triangles = (B * (1 - np.eye(d) / 2))[(..., *np.triu_indices(d))].reshape(K, -1)
+    scale, axes = np.linalg.eigh(z.C[:, : z.block, : z.block])
+    F = (axes * np.sqrt(np.maximum(scale, 0.0))[:, None]).reshape(K, -1)
+    return np.column_stack([triangles, *[F] * z.trace, z.sigma, np.sqrt(z.sigma)])
+
+
+def _matrix_program(shape: Shape) -> Canonical:
+    """Any dimension. X is Y, or what a block of it keeps when the other states are marginalised out."""
+    cp, m, d, block = _cvxpy(), shape.m, shape.d, shape.block
+    entries = d * (d + 1) // 2
+    size = m * entries + shape.trace * block**2
+    theta = cp.Parameter(size + 2 * shape.k)
+    c, constraints = _shares(shape, theta[size:])
+    halves = [cp.vec_to_upper_tri(theta[i * entries : (i + 1) * entries]) for i in range(m)]
+    X = Y = sum(c[i] * (halves[i] + halves[i].T) for i in range(m))
+    if block < d:
+        X = cp.Variable((block, block), symmetric=True)
+        E = np.eye(d)[:, :block]
+        constraints.append(Y - E @ X @ E.T >> 0)
+    if shape.trace:
+        F = cp.reshape(theta[m * entries : size], (block, block), order="C")
+        constraints.append(cp.matrix_frac(F, X) <= 1)
+    else:
+        constraints.append(cp.log_det(X) >= 0)
+    return canonical(cp.Problem(_least(shape, c), constraints), theta)
+
+
+def _shares(shape: Shape, ratios: Any) -> tuple[Any, list[Any]]:
+    """The variables c (m,), w or w, v, h_1 .. h_k, and their cones; `ratios` (2 k,) are sigma and its root."""
+    cp = _cvxpy()
+    c = cp.Variable(shape.m)
+    constraints = [c >= 0]
+    for i in range(shape.k):
+        h, sigma, root = c[2 + i], ratios[i], ratios[shape.k + i]
+        x, y = c[0] - h, c[1] - sigma * h
+        constraints.append(cp.SOC(x + y, cp.hstack([2 * root * h, x - y])))
+    return c, constraints
+
+
+def _least(shape: Shape, c: Any) -> Any:
+    """What is minimised: sum w, or w + v."""
+    cp = _cvxpy()
+    return cp.Minimize(cp.sum(c[:2] if shape.k else c))
+
+
+def _cvxpy() -> Any:
+    """Imported late, because it takes a second; its atoms are not visible to type checkers."""
+    import cvxpy
+
+    return cvxpy

@@ -1,0 +1,545 @@
+"""Collaborative terrain-relative navigation (CTRN): particle filters whose beliefs meet by covariance intersection.
+
+Each robot runs its own particle filter and broadcasts mean and covariance. A robot that hears a packet has a reading
+of the sender (range or RSSI), but does not know how far the sender's belief depends on its own: covariance
+intersection finds the weight w that is safe whatever the correlation. Of the original we have only the abstract;
+these are our interpretations of it: `fusion="moments"`, `"message"` and
+`"received"`.
+
+Sources: A. Wiktor, S. Rock, "Collaborative multi-robot localization in natural terrain", ICRA 2020; for the relative
+form of covariance intersection, L. C. Carrillo-Arce et al., "Decentralized multi-robot cooperative localization using
+covariance intersection", IROS 2013.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal, NamedTuple
+
+import numpy as np
+
+from cooploc.estimators import particles, random_numbers
+from cooploc.estimators.compiled import inlined, kernel, readable, wide
+from cooploc.estimators.covariance_intersection import solve_relative
+from cooploc.estimators.covariance_intersection_kernels import PIVOT, weight_equation, weight_root
+from cooploc.estimators.errors import require
+from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, Sensor, World
+from cooploc.estimators.kalman import inflated_update, symmetric
+from cooploc.estimators.models import NEAR, TOO_NEAR_TO_RANGE, LogDistance, Range, wrap_heading
+from cooploc.estimators.particle_likelihood import log_normal, pack, unpack
+from cooploc.estimators.particles import offset, summary
+from cooploc.estimators.tunable import tunable
+
+
+@dataclass(frozen=True)
+class CtrnSettings(particles.ParticleSettings):
+    """Parameters of CTRN: those of a robot's own filter, and those of the fusion."""
+
+    reading: Literal["rssi", "range"] = "range"
+    fusion: Literal["moments", "message", "received"] = "moments"
+    weights: Literal["cvxpy", "exact"] = "cvxpy"
+    criterion: Literal["trace", "det"] = tunable("trace", choices=("trace", "det"))
+    audit: float = 1e-3
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require(self, audit=(0, 1))
+
+
+class Counts(NamedTuple):
+    """The fusions of each robot, counted (r,)."""
+
+    fusions: Array
+    fallbacks: Array  # cvxpy failed and the exact weight was used
+
+
+class Sample(NamedTuple):
+    """Fusions that were recorded, to be solved again by another method."""
+
+    row: Indices  # (k,)
+    w: Array  # (k,)
+    P: Array  # (k, d, d)  own
+    P_j: Array  # (k, 2, 2)  the sender's
+    H: Array  # (k, 1, d)
+    H_j: Array  # (k, 1, 2)
+    R: Array  # (k, 1, 1)
+
+    def take(self, which: Any) -> "Sample":
+        """Some of them."""
+        return Sample(*(each[which] for each in self))
+
+    def joined(self, more: "Sample") -> "Sample":
+        """These, then more."""
+        return Sample(*(np.concatenate(both) for both in zip(self, more, strict=True))) if len(more.row) else self
+
+
+def empty_sample(k: int, d: int) -> Sample:
+    """Arrays for k fusions of a state of width d."""
+    shapes = (d, d), (2, 2), (1, d), (1, 2), (1, 1)
+    return Sample(np.zeros(k, np.int64), np.zeros(k), *(np.zeros((k, *shape)) for shape in shapes))
+
+
+class State(NamedTuple):
+    """What one robot remembers."""
+
+    own: particles.FilterState
+    solver_group: (
+        Indices  # (r,)  rows are solved separately, so that no result depends on another robot in its last bits
+    )
+    received: Belief  # x (r, n, 2), P (r, n, 2, 2)  own position by each sender's packets alone, nan before the first
+    belief: Belief
+    counts: Counts
+    sample: Sample  # exact fusions that cvxpy solves again for the notes
+
+
+class Reading(NamedTuple):
+    """A reading of one sender, and the belief that the sender transmitted."""
+
+    sensor: Sensor
+    sender: int
+    z: Array  # (r, 1)  nan where nothing was heard
+    x_j: Array  # (r, 2)  the sender's position
+    P_j: Array  # (r, 2, 2)  its covariance
+
+
+def readings(s: State, z: Senses, mail: Mail) -> Iterator[Reading]:
+    """The readings of all senders, one after the other."""
+    for sensor, sender, reading in s.own.world.relative(z, mail):
+        yield Reading(sensor, sender, reading, *unpack(mail.packets[:, sender]))
+
+
+# Which exact fusions are solved again by cvxpy, and how far the two weights differ.
+#
+# A random share of the fusions is recorded as they happen; a fusion is drawn by its row's key, the tick and the sender.
+
+
+def draw_sample(p: CtrnSettings, s: State, readings: Array) -> Mask:
+    """Which fusions (r, n) of this tick are recorded, among the readings (r, n) that are not nan."""
+    chosen, counter = np.zeros(readings.shape, bool), s.own.tick * random_numbers.PURPOSES + random_numbers.AUDIT
+    _draw(readable(s.own.key), counter, p.audit, readable(readings), chosen)
+    return chosen
+
+
+@kernel
+def _draw(key, counter, share, readings, chosen):
+    for r in range(chosen.shape[0]):
+        for j in range(chosen.shape[1]):
+            if not np.isnan(readings[r, j]):
+                u, _ = random_numbers.uniform_pair(np.int64(key[r, 0]), np.int64(key[r, 1]), counter, j)
+                chosen[r, j] = u < share
+
+
+def weight_differences(p: CtrnSettings, s: State) -> dict[str, Array]:
+    """How many fusions of each row cvxpy solved again, those of a trial together, and the largest difference."""
+    row, w, P, P_j, H, H_j, R = s.sample
+    trial = s.solver_group[row] // s.own.world.robots
+    again = solve_relative(P, P_j, H, H_j, R, p.criterion, "cvxpy", groups=trial).w
+    largest = np.zeros(len(s.solver_group))
+    np.maximum.at(largest, row, np.abs(again - w))
+    solved = np.bincount(row, minlength=len(largest)).astype(float)
+    return {"solved again by cvxpy": solved, "largest difference of a weight": largest}
+
+
+# The compiled loop of `fusion="moments"`: covariance intersection with one sender after the other, each row by itself.
+#
+# As `step_by_step` states it: linearise at the belief so far, weigh, update in Joseph's form.
+
+COLLAPSED = 1e-12  # smallest eigenvalue over the trace of a covariance that is not inverted any more
+
+
+class Model(NamedTuple):
+    """The sensor of a chain."""
+
+    ranged: bool  # else RSSI
+    A: float  # [dBm] RSSI at 1 m
+    slope: float  # [dB] RSSI lost per unit of ln d
+    R: float  # variance of a reading [m^2] or [dB^2]
+
+
+class Links(NamedTuple):
+    """What was heard."""
+
+    packets: Array  # (r, n, 5)  x, y, P_xx, P_xy, P_yy of each sender, nan where nothing was heard
+    readings: Array  # (r, n) [m] or [dBm]
+    recorded: Mask  # (r, n)  fusions that are written into the sample
+
+
+def chain(
+    belief: Belief, sensor: Sensor, packets: Array, readings: Array, criterion: str, recorded: Mask
+) -> tuple[Belief, Array, Sample] | None:
+    """Beliefs after one sender's reading after the other, how many were fused (r,), and a sample of the fusions.
+
+    Args:
+        belief: x (r, d), P (r, d, d).
+        sensor: a Range or a LogDistance.
+        packets: x, y, P_xx, P_xy, P_yy of each sender (r, n, 5), nan where nothing was heard.
+        readings: (r, n) [m] or [dBm].
+        criterion: "trace" or "det" of the position's covariance.
+        recorded: which fusions (r, n) the sample is to hold.
+
+    Returns:
+        None where a packet is not a covariance: `solve_relative` names what is wrong with it.
+
+    """
+    d = belief.x.shape[-1]
+    after, fusions = Belief(belief.x.copy(), belief.P.copy()), np.zeros(len(belief.x))
+    sample = empty_sample(int(recorded.sum()), d)
+    sample.R[:] = sensor.R
+    A, slope = (sensor.A, 10 * sensor.eta / np.log(10)) if isinstance(sensor, LogDistance) else (0.0, 0.0)
+    model = Model(isinstance(sensor, Range), A, slope, float(sensor.R[0, 0]))
+    links = Links(readable(packets), readable(readings), readable(recorded))
+    used = _chain(tuple(links), tuple(model), criterion == "trace", tuple(after), fusions, sample, (0,) * d)
+    return None if used < 0 else (after, fusions, sample.take(slice(used)))
+
+
+@inlined
+def _invertible(P, axes):
+    """Whether P's smallest eigenvalue is above COLLAPSED times its trace: the pivots of P less that are positive."""
+    trace = P[0, 0] + P[1, 1] + (P[2, 2] if len(axes) == 3 else 0.0)
+    least = COLLAPSED * max(trace, np.finfo(np.float64).tiny)
+    first, ratio = P[0, 0] - least, P[1, 0] / (P[0, 0] - least)
+    second = P[1, 1] - least - ratio * P[1, 0]
+    invertible = first > 0.0 and second > 0.0
+    if len(axes) == 3 and invertible:
+        rest = P[2, 1] - ratio * P[2, 0]
+        invertible = P[2, 2] - least - P[2, 0] * P[2, 0] / first - rest * rest / second > 0.0
+    return invertible
+
+
+@inlined
+def _definite(xx, xy, yy):
+    """Whether a packet's covariance is positive definite by more than rounding."""
+    return np.isfinite(xx) and yy > 0.0 and np.isfinite(yy) and xx - xy / yy * xy > PIVOT * xx
+
+
+@inlined
+def _linearise(model, dx, dy, z):
+    """The innovation of a range or an RSSI and its position Jacobian at the offset (dx, dy); nan where refused."""
+    ranged, A, slope, _ = model
+    D = dx * dx + dy * dy
+    if ranged:
+        d = np.sqrt(D)
+        y = np.nan if z < TOO_NEAR_TO_RANGE else z - d
+        return y, dx / max(d, NEAR), dy / max(d, NEAR)
+    y, steep = z - A + 0.5 * slope * np.log(max(D, NEAR**2)), -slope / max(D, NEAR**2) if D > NEAR**2 else 0.0
+    return (y if D >= 0.0 else np.nan), steep * dx, steep * dy
+
+
+@inlined
+def _update(x, P, y, ux, uy, N, w, M, K, axes):
+    """x + K y and (I - K H) P/w (I - K H)' + K N K', symmetric; M (3, 3) and K (3,) are scratch."""
+    for i in range(len(axes)):
+        K[i] = (P[i, 0] * ux + P[i, 1] * uy) / w
+    S = K[0] * ux + K[1] * uy + N
+    for i in range(len(axes)):
+        for j in range(len(axes)):
+            M[i, j] = P[i, j] / w - K[i] / S * K[j]
+    for i in range(len(axes)):
+        K[i] /= S
+        x[i] += K[i] * y
+    for i in range(len(axes)):
+        for j in range(i + 1):
+            ij = M[i, j] - (M[i, 0] * ux + M[i, 1] * uy) * K[j]
+            ji = M[j, i] - (M[j, 0] * ux + M[j, 1] * uy) * K[i]
+            P[i, j] = P[j, i] = 0.5 * (ij + ji) + N * K[i] * K[j]
+
+
+@inlined
+def _record(f, sample, r, w, own, packet, ux, uy, axes):
+    """Write fusion number f into the sample."""
+    P, P_j, H, H_j = sample.P, sample.P_j, sample.H, sample.H_j
+    sample.row[f], sample.w[f] = r, w
+    H[f, 0, 0], H[f, 0, 1], H_j[f, 0, 0], H_j[f, 0, 1] = ux, uy, -ux, -uy
+    P_j[f, 0, 0], P_j[f, 0, 1], P_j[f, 1, 0], P_j[f, 1, 1] = packet[2], packet[3], packet[3], packet[4]
+    for i in range(len(axes)):
+        for j in range(len(axes)):
+            P[f, i, j] = own[i, j]
+
+
+@kernel
+def _chain(links, model, trace, belief, fusions, sample, axes):
+    """Update the belief by all readings; how many fusions were recorded, -1 where a packet is not a covariance."""
+    (x, P), (packets, readings, recorded) = belief, links
+    M, K, used, R = np.empty((3, 3)), np.empty(3), 0, model[3]
+    for r in range(len(x)):
+        invertible = _invertible(P[r], axes)
+        for j in range(readings.shape[1]):
+            packet = packets[r, j]
+            y, ux, uy = _linearise(model, x[r, 0] - packet[0], x[r, 1] - packet[1], readings[r, j])
+            xx, xy, yy = packet[2], packet[3], packet[4]
+            if not invertible or np.isnan(y) or np.isnan(xx) or np.isnan(xy) or np.isnan(yy):
+                continue
+            fusions[r] += 1
+            v = 0.0
+            if not (xx == np.inf and yy == np.inf):  # else the sender knows nothing
+                q = ux * (ux * xx + uy * xy) + uy * (ux * xy + uy * yy)
+                if not (_definite(xx, xy, yy) and q + R > 0.0):
+                    return -1
+                v = weight_root(*weight_equation(P[r, 0, 0], P[r, 0, 1], P[r, 1, 1], ux, uy, q, R, trace))
+            if recorded[r, j]:
+                _record(used, sample, r, 1 - v, P[r], packet, ux, uy, axes)
+                used += 1
+            if v > 0.0:
+                _update(x[r], P[r], y, ux, uy, q / v + R, 1 - v, M, K, axes)
+                invertible = _invertible(P[r], axes)
+    return used
+
+
+# Covariance intersection of a belief with one reading of one sender.
+
+
+def intersect(p: CtrnSettings, s: State, belief: Belief, reading: Reading, at: Array) -> tuple[Belief, Array, State]:
+    """The belief after one reading, linearised at `at`, the weight w (r,), and the state with the fusions counted.
+
+    x' = x + K y,  P' = (I - K H) P/w  with  K = P/w H' (H P/w H' + H_j P_j/(1-w) H_j' + R)^-1;  w = 1: unchanged.
+    """
+    sensor, sender, z, x_j, P_j = reading
+    y, H, H_j = sensor.innovation(at, x_j, z)
+    y = y + (H @ (at - belief.x)[..., None])[..., 0]
+    use = np.flatnonzero(~np.isnan(y).any(-1) & ~np.isnan(P_j).any((-2, -1)) & invertible(belief.P))
+    w = np.ones(len(y))
+    if use.size:
+        R = np.broadcast_to(sensor.R, (use.size, *sensor.R.shape))
+        parts = belief.P[use], P_j[use], H[use], H_j[use], R
+        found = solve_relative(*parts, p.criterion, p.weights, groups=s.solver_group[use])
+        w[use] = found.w
+        fused, failed = np.zeros((2, len(w)))
+        fused[use], failed[use] = 1.0, found.fallback
+        s = add_counts(s, fused, failed)
+        if p.weights == "exact":
+            chosen = draw_sample(p, s, np.zeros((len(w), sender + 1)))[use, sender]
+            s = s._replace(sample=s.sample.joined(Sample(use, found.w, *parts).take(chosen)))
+    return inflated_update(belief, y, H, H_j, P_j, sensor.R, w), w, s
+
+
+def add_counts(s: State, fusions: Array, fallbacks: Array) -> State:
+    """The state with so many more fusions and fallbacks (r,)."""
+    return s._replace(counts=Counts(s.counts.fusions + fusions, s.counts.fallbacks + fallbacks))
+
+
+def invertible(P: Array) -> Mask:
+    """Rows whose covariance can be inverted (r,): particles may have collapsed into one point."""
+    trace = np.trace(P, axis1=-2, axis2=-1)
+    ok: Mask = np.linalg.eigvalsh(P)[:, 0] > COLLAPSED * np.maximum(trace, np.finfo(float).tiny)
+    return ok
+
+
+def where_definite(packets: Array) -> Array:
+    """Packets (r, 5), nan where the covariance is singular by more than rounding."""
+    xx, xy, yy = packets[:, 2:].T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        definite = (yy > 0) & (xx - xy / yy * xy > PIVOT * xx)
+    return np.where(definite[:, None], packets, np.nan)
+
+
+# CTRN, fusion="message": the particles' own density is flattened to the power w, then weighed by the reading.
+#
+# With p the Gaussian of the particles, covariance intersection multiplies their weights by
+#
+#     p(x)^(w - 1)  N(y(x); 0, R + J P_j J' / (1 - w)),
+#
+# the reading's likelihood with the sender's covariance inflated. The weights change; the particles stay where they are.
+
+
+def fuse_by_message(p: CtrnSettings, s: State, z: Senses, mail: Mail) -> State:
+    """log w_i += (w - 1) log p(x_i) + log N(y(x_i); 0, R + J P_j J' / (1 - w)), one sender after the other."""
+    x, logw = s.own.x, s.own.logw
+    for reading in readings(s, z, mail):
+        belief = summary(x, logw)
+        _, w, s = intersect(p, s, belief, reading, belief.x)
+        y, _, J = reading.sensor.innovation(x, reading.x_j[:, None], reading.z[:, None])
+        J, rest = J[..., 0, :], np.where(w < 1, 1 - w, np.nan)[:, None]
+        v = reading.sensor.R[0, 0] + ((J @ reading.P_j) * J).sum(-1) / rest
+        P = np.where((w < 1)[:, None, None], belief.P, np.eye(x.shape[-1]))  # a collapsed one is not inverted
+        flat = (w - 1)[:, None] * log_density(x, belief._replace(P=P))
+        logw = np.where(w[:, None] < 1, logw + flat + log_normal(y[..., 0], v), logw)
+    return s._replace(own=s.own._replace(logw=logw))
+
+
+def log_density(x: Array, belief: Belief) -> Array:
+    """log N(x; belief) of particles (r, N, d) up to a constant."""
+    e = offset(x, belief.x)
+    d2: Array = (e * np.linalg.solve(belief.P[:, None], e[..., None])[..., 0]).sum(-1)
+    return -0.5 * d2
+
+
+# CTRN, fusion="moments": the particles' Gaussian is fused with the sender's, and the particles follow.
+#
+# The two Gaussians are inflated to P_i/w and P_j/(1-w), the reading updates the joint, and the particles move by the
+# affine map that gives them the new mean and covariance.
+
+
+def fuse_by_moments(p: CtrnSettings, s: State, z: Senses, mail: Mail) -> State:
+    """Fuse with one sender after the other, then move the particles to the mean and covariance that result."""
+    before = particles.belief_to_send(s.own)
+    after, s = all_senders(p, s, before, z, mail)
+    return s._replace(own=s.own._replace(x=follow(s.own.x, before, after)))
+
+
+def all_senders(p: CtrnSettings, s: State, before: Belief, z: Senses, mail: Mail) -> tuple[Belief, State]:
+    """The belief after all senders: by the compiled loop where there is one for the sensor, else step by step."""
+    sensor = s.own.world.sensors[f"radio_{p.reading}"]
+    if p.weights == "exact" and type(sensor) in (LogDistance, Range):
+        z_j = getattr(mail, p.reading)
+        done = chain(before, sensor, mail.packets, z_j, p.criterion, draw_sample(p, s, z_j))
+        if done is not None:
+            after, fusions, sample = done
+            return after, add_counts(s._replace(sample=s.sample.joined(sample)), fusions, np.zeros_like(fusions))
+    return step_by_step(p, s, before, z, mail)
+
+
+def step_by_step(p: CtrnSettings, s: State, before: Belief, z: Senses, mail: Mail) -> tuple[Belief, State]:
+    """The belief after all senders, each linearised at the belief that the last one left."""
+    after = before
+    for reading in readings(s, z, mail):
+        after, _, s = intersect(p, s, after, reading, after.x)
+    return after, s
+
+
+def follow(x: Array, before: Belief, after: Belief) -> Array:
+    """Particles x (r, N, d) under the affine map that takes the moments `before` to `after`; unmoved where equal."""
+    moved = (before.x != after.x).any(-1) | (before.P != after.P).any((-2, -1))
+    if not moved.any():
+        return x
+    if x.shape[-1] == 2:
+        out = np.empty_like(x, order="C")
+        _follow(readable(x.reshape(len(x), -1)), moved, *before, *after, out.reshape(len(x), -1))
+        return out
+    L0, L1 = np.linalg.cholesky(before.P[moved]), np.linalg.cholesky(after.P[moved])
+    A = np.linalg.solve(L0.mT, L1.mT)  # row vectors: e' = e A
+    out = x.copy()
+    out[moved] = wrap_heading(after.x[moved, None] + offset(x[moved], before.x[moved]) @ A)
+    return out
+
+
+@kernel
+def _follow(x, moved, m0, P0, m1, P1, out):
+    """m1 + L1 L0^-1 (x - m0), with L0 and L1 the lower triangular roots of P0 and P1."""
+    wide()
+    for r in range(len(x)):
+        if not moved[r]:
+            out[r] = x[r]
+            continue
+        a0, a1 = np.sqrt(P0[r, 0, 0]), np.sqrt(P1[r, 0, 0])
+        b0, b1 = P0[r, 1, 0] / a0, P1[r, 1, 0] / a1
+        c0, c1 = np.sqrt(P0[r, 1, 1] - b0 * b0), np.sqrt(P1[r, 1, 1] - b1 * b1)
+        a, c = a1 / a0, c1 / c0
+        b = (b1 - c * b0) / a0
+        east, north = m1[r, 0] - a * m0[r, 0], m1[r, 1] - b * m0[r, 0] - c * m0[r, 1]
+        for i in range(x.shape[1] // 2):
+            dx, dy = x[r, 2 * i], x[r, 2 * i + 1]
+            out[r, 2 * i] = east + a * dx
+            out[r, 2 * i + 1] = north + (b * dx + c * dy)
+
+
+# CTRN, fusion="received": one Gaussian per sender, added to the robot's own belief and never fed back.
+#
+# What a sender's packets say of the robot's position is held in a Gaussian of its own. A new packet is fused with it by
+# covariance intersection, because packets of one sender repeat each other. The estimate is the product of the robot's
+# own belief with these Gaussians; neither the particles nor the packets that the robot sends ever contain them.
+
+VAGUE = 10.0  # sides of the arena: the standard deviation of a belief that knows nothing yet
+
+
+def vague_belief(rows: int, senders: int) -> Belief:
+    """Nothing received from any sender yet: x (r, n, 2), P (r, n, 2, 2) of nan."""
+    return Belief(np.full((rows, senders, 2), np.nan), np.full((rows, senders, 2, 2), np.nan))
+
+
+def predict_received(s: State, z: Senses, before: Array) -> State:
+    """x' = x + (f(m, u) - m), P' = P + Q for every sender, with m (r, d) the robot's estimate before it moved."""
+    after, _, Q = s.own.world.motion.move(before, z.odometry, z.dt)
+    step = (after - before)[:, None, :2]
+    return s._replace(received=Belief(s.received.x + step, s.received.P + Q[:, None, :2, :2]))
+
+
+def fuse_received(p: CtrnSettings, s: State, z: Senses, mail: Mail) -> State:
+    """Intersect the Gaussian of a sender's earlier packets with its new one, linearised at the robot's own belief."""
+    at = summary(s.own.x, s.own.logw).x[:, :2]
+    x, P = s.received.x.copy(), s.received.P.copy()
+    arena = s.own.world.arena
+    vague = (VAGUE * np.max(arena[1] - arena[0])) ** 2 * np.eye(2)
+    for reading in readings(s, z, mail):
+        j = reading.sender
+        first = np.isnan(x[:, j])
+        before = Belief(np.where(first, at, x[:, j]), np.where(first[..., None], vague, P[:, j]))
+        after, w, s = intersect(p, s, before, reading, at)
+        unused = first & (w == 1)[:, None]
+        x[:, j] = np.where(unused, np.nan, after.x)
+        P[:, j] = np.where(unused[..., None], np.nan, after.P)
+    return s._replace(received=Belief(x, P))
+
+
+def combine(own: Belief, received: Belief) -> Belief:
+    """The product of independent Gaussians: the own belief, and the position by each sender's packets."""
+    present = ~np.isnan(received.x[..., 0])
+    use = present.any(-1) & invertible(own.P)
+    if not use.any():
+        return own
+    x, P = own.x.copy(), own.P.copy()
+    lift = np.eye(x.shape[-1])[:, :2]
+    present, x_j, P_j = (a[use] for a in (present, *received))
+    there = present[..., None, None]
+    information = np.where(there, np.linalg.inv(np.where(there, P_j, np.eye(2))), 0.0)
+    gap = np.where(present[..., None], x_j - x[use, None, :2], 0.0)
+    P[use] = symmetric(np.linalg.inv(np.linalg.inv(P[use]) + lift @ information.sum(1) @ lift.T))
+    pull = lift @ (information @ gap[..., None]).sum(1)
+    x[use] = x[use] + (P[use] @ pull)[..., 0]
+    return Belief(x, P)
+
+
+FUSE = {"moments": fuse_by_moments, "message": fuse_by_message, "received": fuse_received}
+
+
+@dataclass(frozen=True)
+class Ctrn(CtrnSettings):
+    """Particle filter on own readings, covariance intersection with received beliefs.
+
+    Args:
+        reading: what is measured of a packet: "rssi" [dBm] or "range" [m].
+        fusion: "moments", "message" or "received", a file each.
+        weights: "cvxpy" solves a cone program for the weights, "exact" a closed form or Newton's method.
+        criterion: what the weights minimise: "trace" [m^2] or "det" [m^4] of the position's covariance.
+        audit: with weights="exact", the share of fusions, in [0, 1], that cvxpy solves again; see `notes`.
+
+    """
+
+    api: ClassVar[int] = 1
+
+    @property
+    def uses(self) -> tuple[str, ...]:
+        return (*super().uses, f"radio_{self.reading}")
+
+    def init(self, prior: Belief, world: World, rows: Rows) -> State:
+        senders, d = (world.robots, 2) if self.fusion == "received" else (0, prior.x.shape[-1])
+        solver_group, counts = rows.trial * world.robots + rows.robot, Counts(*np.zeros((2, len(prior.x))))
+        own = particles.init_single(self, prior, world, rows)
+        nothing = vague_belief(len(prior.x), senders)
+        return State(own, solver_group, nothing, prior, counts, empty_sample(0, d))
+
+    def predict(self, s: State, z: Senses) -> State:
+        s, before = s._replace(own=particles.predict_single(self, s.own, z)), s.own.belief.x
+        return predict_received(s, z, before) if self.fusion == "received" else s
+
+    def correct(self, s: State, z: Senses) -> State:
+        return s._replace(own=particles.correct_single(self, s.own, z))
+
+    def send(self, s: State, z: Senses) -> Array:
+        """x, y, and the position covariance's P_xx, P_xy, P_yy: five numbers. Nothing received is sent on.
+
+        A robot whose particles have collapsed onto a line or a point has no covariance to send: silence.
+        """
+        return where_definite(pack(particles.belief_to_send(s.own)))
+
+    def fuse(self, s: State, z: Senses, mail: Mail) -> State:
+        s = FUSE[self.fusion](self, s, z, mail)
+        own = particles.resample_and_estimate(self, s.own)
+        belief = combine(own.belief, s.received) if self.fusion == "received" else own.belief
+        return s._replace(own=own, belief=belief)
+
+    def estimate(self, s: State) -> Belief:
+        return s.belief
+
+    def notes(self, s: State) -> dict[str, Array]:
+        """How many fusions there were, and how far the exact weights lie from cvxpy's where both were computed."""
+        notes = {"fusions": s.counts.fusions, "fallbacks": s.counts.fallbacks}
+        return notes | weight_differences(self, s) if self.weights == "exact" else notes

@@ -1,0 +1,336 @@
+"""What one tick holds, as arrays: what is sensed, what is heard, what is believed, and what was sent."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import ClassVar, NamedTuple, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+API = 1  # the version of this interface
+HEADER = 8  # bytes of a packet in addition to its payload
+
+TOO_NEAR_TO_RANGE = 0.2  # [m] a range reading below this says nothing about direction and is refused
+TEAM_PRIOR = "team_prior"  # the channel of a scenario that tells everyone's prior, x and P (r, n, d + d d)
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Indices = NDArray[np.int64]
+Keys = NDArray[np.uint32]
+
+
+class Belief(NamedTuple):
+    """A Gaussian per row: what an estimator is given before tick 0, and what it returns after every tick."""
+
+    x: Array  # (r, d)     x [m], y [m], and heading [rad] where d = 3
+    P: Array  # (r, d, d)  its covariance
+
+
+class Rows(NamedTuple):
+    """Who each row is. Identity and randomness come from here, never from a row's position."""
+
+    trial: Indices  # (r,)
+    robot: Indices  # (r,)  0 .. n-1
+    key: Keys  # (r, 2)  seeds a counter-based generator; the same for every estimator
+
+
+class Senses(NamedTuple):
+    """What the robots sensed in one tick."""
+
+    odometry: Array  # (r, k)     Displacement: dx, dy [m]; Unicycle: v [m/s], omega [rad/s]
+    dt: Array  # (r,)       what the odometry covers [s]
+    anchor_rssi: Array  # (r, a)     [dBm]
+    landmark: Array  # (r, l, 2)  range [m], bearing [rad]
+    sighting: Array  # (r, n, 2)  of teammates: range [m], bearing [rad]
+    extra: Mapping[str, Array]  # anchor_range (r, a) [m], team_prior, and channels of plug-in scenarios, (r, ...)
+
+
+class Mail(NamedTuple):
+    """What reached each row in one tick. Axis 1 is the sender; radio readings exist only where something was heard."""
+
+    heard: Mask  # (r, n)
+    packets: Array  # (r, n, m)  nan where nothing was heard
+    rssi: Array  # (r, n)     of the packet's own signal [dBm]
+    range: Array  # (r, n)     from the same exchange [m]
+
+
+class Traffic(NamedTuple):
+    """What each robot put on the air in one tick."""
+
+    messages: Array  # (trial, n)
+    bytes: Array  # (trial, n)
+
+
+# What a team knows in advance: anchors, landmarks, and the models of motion and sensors that it assumes.
+
+
+class Motion(Protocol):
+    """How odometry moves a state. Shapes broadcast: x (..., d), u (..., k), dt (...)."""
+
+    def move(self, x: Array, u: Array, dt: Array) -> tuple[Array, Array, Array]:
+        """x', F = dx'/dx (..., d, d), Q (..., d, d)."""
+        ...
+
+    def input_noise(self, x: Array, u: Array, dt: Array) -> tuple[Array, Array]:
+        """G = dx'/du (..., d, k) and the covariance W (..., k, k) of the odometry u's error: Q = G W G'."""
+        ...
+
+    def sample(self, x: Array, u: Array, dt: Array, noise: Array) -> Array:
+        """x' with the odometry's error drawn: `noise` (..., 2) is standard normal."""
+        ...
+
+    def retrace(self, trail: Array, u: Array, dt: Array) -> Array:
+        """`trail` (..., M, 2): where past positions lie as seen from the robot's pose, after one more move."""
+        ...
+
+    def place(self, x: Array, trail: Array) -> Array:
+        """The positions (..., 2) in the world of a trail point (..., 2) seen from poses x (..., d)."""
+        ...
+
+
+class Sensor(Protocol):
+    """What a reading says about a state. x (..., d), a place q (..., 2), a reading z (..., k).
+
+    Those of `world.sensors` have `expect(x, q)` too, the mean reading (..., k), for filters that need no slopes.
+    """
+
+    @property
+    def R(self) -> Array:
+        """The reading's noise covariance (k, k)."""
+        ...
+
+    def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
+        """y = z - h(x, q) (..., k) with angles wrapped, H = dh/dx (..., k, d), Hq = dh/dq (..., k, 2)."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """What the team knows in advance, the same for every estimator. Its models are assumed ones, not the truth."""
+
+    robots: int
+    tick: float  # [s]
+    arena: Array  # (2, 2)  lower left and upper right corner [m]
+    motion: Motion
+    sensors: Mapping[str, Sensor]  # by channel
+    anchors: Array = field(default_factory=lambda: np.zeros((0, 2)))  # (a, 2) [m]
+    landmarks: Array = field(default_factory=lambda: np.zeros((0, 2)))  # (l, 2) [m]
+    t0: float = 0.0  # time of the prior [s]
+
+    def __post_init__(self) -> None:
+        for name in ("arena", "anchors", "landmarks"):
+            array = np.array(getattr(self, name), float)
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+
+    def fixed(self, z: Senses) -> Iterator[tuple[Sensor, Array, Array]]:
+        """Readings of fixed things as (sensor, place (2,), reading (r, k)), anchors first; absent ones are left out."""
+        for sensor, places, readings in self._of_fixed(z):
+            yield from ((sensor, places[i], one) for i, one in _present(readings, len(places)))
+
+    def relative(self, z: Senses, mail: Mail) -> Iterator[tuple[Sensor, int, Array]]:
+        """Readings of teammates as (sensor, sender, reading (r, k)): sightings, then radio RSSI, then radio range."""
+        for sensor, readings in self._of_mates(z, mail):
+            yield from ((sensor, j, one) for j, one in _present(readings, self.robots))
+
+    def stacked(self, x: Array, z: Senses, mail: Mail | None = None, mates: Belief | None = None) -> "Stacked":
+        """All readings of a tick as one vector, linearised at x (..., d): for filters that update once a tick.
+
+        Its length is the same in every tick: what `fixed` has, and with `mail` and `mates`, what is believed of the
+        teammates (x (..., n, d), P (..., n, d, d)), what `relative` has. y is nan where a reading is absent or refused:
+        use the rows where it is finite. The mates' covariance is added to R as if it were independent of the own; a
+        filter that fuses beliefs received again and again must not rely on that.
+        """
+        parts = []
+        for sensor, places, readings in self._of_fixed(z):
+            for i, q in enumerate(places):
+                parts.append((*sensor.innovation(x, q, readings[..., i, :])[:2], sensor.R))
+        if mail is not None and mates is not None:
+            for sensor, readings in self._of_mates(z, mail):
+                for j in range(self.robots):
+                    y, H, Hq = sensor.innovation(x, mates.x[..., j, :2], readings[..., j, :])
+                    parts.append((y, H, sensor.R + Hq @ mates.P[..., j, :2, :2] @ Hq.mT))
+        return _stacked(x, parts)
+
+    def _of_fixed(self, z: Senses) -> Iterator[tuple[Sensor, Array, Array]]:
+        """Every channel of fixed things: sensor, places (m, 2), readings (r, m, k)."""
+        rssi, sighted, ranged = (self.sensors.get(name) for name in ("anchor_rssi", "landmark", "anchor_range"))
+        if rssi is not None:
+            yield rssi, self.anchors, z.anchor_rssi[..., None]
+        if sighted is not None:
+            yield sighted, self.landmarks, z.landmark
+        if ranged is not None:
+            yield ranged, self.anchors, z.extra["anchor_range"][..., None]
+
+    def _of_mates(self, z: Senses, mail: Mail) -> Iterator[tuple[Sensor, Array]]:
+        """Every channel of teammates: sensor, readings (r, n, k)."""
+        channels = {"sighting": z.sighting, "radio_rssi": mail.rssi[..., None], "radio_range": mail.range[..., None]}
+        for channel, readings in channels.items():
+            sensor = self.sensors.get(channel)
+            if sensor is not None:
+                yield sensor, readings
+
+
+def _present(readings: Array, things: int) -> Iterator[tuple[int, Array]]:
+    """The number of each thing that any row has a reading (..., k) of, and these, from readings (..., things, k)."""
+    absent = np.logical_and.reduce(np.isnan(readings), (*range(readings.ndim - 2), -1))
+    return ((i, readings[..., i, :]) for i in (~absent[:things]).nonzero()[0].tolist())
+
+
+class Stacked(NamedTuple):
+    """All readings of one tick as one vector."""
+
+    y: Array  # (..., m) innovation, nan where absent
+    H: Array  # (..., m, d)
+    R: Array  # (..., m, m)
+
+
+def _stacked(x: Array, parts: list[tuple[Array, Array, Array]]) -> Stacked:
+    lead, d = x.shape[:-1], x.shape[-1]
+    y = np.concatenate([np.zeros((*lead, 0)), *(part[0] for part in parts)], -1)
+    H = np.concatenate([np.zeros((*lead, 0, d)), *(part[1] for part in parts)], -2)
+    R, at = np.zeros((*lead, y.shape[-1], y.shape[-1])), 0
+    for _, _, block in parts:
+        k = block.shape[-1]
+        R[..., at : at + k, at : at + k] = block
+        at += k
+    return Stacked(y, H, R)
+
+
+# What an estimator must have: one that a robot runs, one that holds the whole team, and one with hindsight.
+
+S = TypeVar("S")
+
+
+class Estimator(Protocol[S]):
+    """What one robot runs.
+
+    `uses` names the channels in order: Senses fields, `radio_rssi`, `radio_range`, or keys of `extra`. "a|b" takes
+    the first that the stream has, "a?" is optional. The runner hides everything else, so the declaration is enforced.
+
+    Optional members:
+        notes: a method `notes(s)` -> {name: (r,)}, what the estimator counted, shown under the table; values of several
+            trials are added, or their maximum is taken where the name begins with "largest".
+        axes: a string, why its estimates do not turn with the world, for the check of equivariance.
+        own_motion: a string, why it does not move as dead reckoning does where it has odometry alone, for the check of
+            silence.
+        mutable: True where its state changes in place; the check that inputs stay unchanged then leaves the state out.
+    """
+
+    api: ClassVar[int]
+
+    @property
+    def uses(self) -> tuple[str, ...]: ...
+
+    def init(self, prior: Belief, world: World, rows: Rows) -> S:
+        """The state before tick 0."""
+        ...
+
+    def predict(self, s: S, z: Senses) -> S:
+        """Move by odometry."""
+        ...
+
+    def correct(self, s: S, z: Senses) -> S:
+        """Use readings of fixed things: anchors, landmarks."""
+        ...
+
+    def send(self, s: S, z: Senses) -> Array:
+        """What to transmit: (r, m) for everyone, or (r, n, m) with axis 1 the addressee. All-nan is silence."""
+        ...
+
+    def fuse(self, s: S, z: Senses, mail: Mail) -> S:
+        """Use what was heard. Called in every tick, also where nothing was heard."""
+        ...
+
+    def estimate(self, s: S) -> Belief:
+        """The belief that is compared with the truth: x (r, d), P (r, d, d), position first."""
+        ...
+
+
+class TeamEstimator(Protocol[S]):
+    """An estimator that holds the whole team: every array is (trial, n, ...). It has neither `send` nor `fuse`.
+
+    `bound` marks one that uses all readings of all robots as well as any estimator could. The optional members are
+    those of `Estimator`, and `centralised: bool`, true for one whose readings all reach one computer, and so for every
+    bound; such a one is shown beside distributed estimators and not ranked among them.
+    """
+
+    api: ClassVar[int]
+    bound: ClassVar[bool]
+
+    @property
+    def uses(self) -> tuple[str, ...]: ...
+
+    def init(self, prior: Belief, world: World, rows: Rows) -> S: ...
+
+    def predict(self, s: S, z: Senses) -> S: ...
+
+    def correct(self, s: S, z: Senses) -> S: ...
+
+    def exchange(self, s: S, z: Senses, air: Mail) -> tuple[S, Traffic]:
+        """Use readings between robots, (trial, n, n) with axis 1 the receiver, and say what was sent.
+
+        `air` has no packets. A centralised one returns zero Traffic: the runner counts what its robots must upload.
+        """
+        ...
+
+    def estimate(self, s: S) -> Belief: ...
+
+
+class OfflineEstimator(Protocol):
+    """An estimator with hindsight: it is given the readings of all robots and ticks at once, such as a smoother.
+
+    No robot could run it: tables and figures show it as a kind of its own, not ranked and never best. It has `api`,
+    `uses`, the optional members of `Estimator`, and nothing but:
+    """
+
+    api: ClassVar[int]
+    offline: ClassVar[bool]  # True
+
+    @property
+    def uses(self) -> tuple[str, ...]: ...
+
+    def smooth(self, prior: Belief, world: World, rows: Rows, z: Senses, air: Mail) -> Belief:
+        """Beliefs x (t, T, n, d), P (t, T, n, d, d) of every trial, tick and robot.
+
+        The prior, before tick 0, and rows are (t, n, ...), as of a team; senses (t, T, n, ...); `air` has `heard`,
+        `rssi` and `range` (t, T, n, n), axis 2 the receiver, and no packets.
+        """
+        ...
+
+
+# A robot's tick: what an estimator knows in advance, what it senses, and what it receives over the air.
+#
+# One leading axis `r` holds (trial, robot) rows, trial-major, so an estimator is written once for one robot and runs
+# for all of them. Robots meet only through mail, which the runner carries. An estimator is a frozen dataclass of
+# parameters with pure methods; its state is a NamedTuple of arrays, plus `world` and scalars that all rows share.
+#
+# The order of a tick is predict, correct, send, carry, fuse, estimate. Odometry of tick k covers (k-1, k], readings are
+# taken at k, and the estimate after `fuse` is compared with the truth at k; the prior is the belief before tick 0.
+#
+# nan means absent (not sensed, not heard), width 0 means that the channel does not exist. SI units; x points east, y
+# north, headings are counter-clockwise from x in (-pi, pi].
+
+__all__ = [
+    "API",
+    "HEADER",
+    "TEAM_PRIOR",
+    "TOO_NEAR_TO_RANGE",
+    "Array",
+    "Belief",
+    "Estimator",
+    "Indices",
+    "Keys",
+    "Mail",
+    "Mask",
+    "Motion",
+    "OfflineEstimator",
+    "Rows",
+    "S",
+    "Senses",
+    "Sensor",
+    "Stacked",
+    "TeamEstimator",
+    "Traffic",
+    "World",
+]

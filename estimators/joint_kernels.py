@@ -1,0 +1,662 @@
+"""The compiled loops over a whole team: joint covariances, decoupled cross terms, split covariances, factors."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cooploc.estimators.compiled import strict_kernel
+from cooploc.estimators.interface import Array, Mask
+from cooploc.estimators.kalman_kernels import (
+    SIGHTING,
+    absorb_row,
+    add_scalars,
+    fill_product,
+    fill_square,
+    fill_sum,
+    is_known,
+    joseph,
+    linearise_row,
+    solve,
+    whiten,
+)
+from cooploc.estimators.models import NEAR, TOO_NEAR_TO_RANGE
+
+
+class Readings(NamedTuple):
+    """Linearised readings of robot j by robot i; of fixed things m is 1 instead of n, and H_j is 0."""
+
+    y: Array  # (t, n, m, k)  nan where absent
+    H_i: Array  # (t, n, m, k, d)
+    H_j: Array  # (t, n, m, k, d)
+    R: Array  # (t, n, m, k, k)
+
+
+class Ranging(NamedTuple):
+    """How ranges are used together."""
+
+    variance: float  # [m^2]
+    gate: float  # squared Mahalanobis distance beyond which a range is refused
+    second_order: bool
+    iterations: int
+
+
+class Gated(NamedTuple):
+    """Of each range (n, n) the gate's distance, and what the second order adds to its mean and to its variance."""
+
+    d2: Array
+    shift: Array  # [m]
+    noise: Array  # [m^2]  with the range's own variance
+
+
+@strict_kernel
+def beside(H_i: Array, H_j: Array, s: int, i: int, j: int, out: Array) -> None:
+    """(H_i, H_j) of one reading, element by element: in compiled code a slice costs more than the numbers in it."""
+    d = H_i.shape[4]
+    for c in range(H_i.shape[3]):
+        for a in range(d):
+            out[c, a], out[c, d + a] = H_i[s, i, j, c, a], H_j[s, i, j, c, a]
+
+
+@strict_kernel
+def fill_distances(P: Array, readings: Readings, out: Array) -> None:
+    """S = H_i P_ii H_i' + H_i P_ij H_j' + H_j P_ji H_i' + H_j P_jj H_j' + R, then y' S^-1 y."""
+    y, H_i, H_j, R = readings  # once: in a loop, each look into a tuple of arrays counts a reference
+    t, n, others, k, d = H_i.shape
+    H, PH, S, e = np.empty((k, 2 * d)), np.empty((2 * d, k)), np.empty((k, k)), np.empty((k, 1))
+    for s in range(t):
+        for i in range(n):
+            for j in range(others):
+                if np.isnan(y[s, i, j, 0]):
+                    continue
+                beside(H_i, H_j, s, i, j, H)
+                for a in range(2 * d):
+                    row = i * d + a if a < d else (j - 1) * d + a
+                    for c in range(k):
+                        PH[a, c] = 0.0
+                        for m in range(d):
+                            PH[a, c] += P[s, row, i * d + m] * H[c, m] + P[s, row, j * d + m] * H[c, d + m]
+                for c in range(k):
+                    e[c, 0] = y[s, i, j, c]
+                    for b in range(k):
+                        S[c, b] = R[s, i, j, c, b]
+                        for a in range(2 * d):
+                            S[c, b] += H[c, a] * PH[a, b]
+                whiten(S, e)
+                out[s, i, j] = 0.0
+                for c in range(k):
+                    out[s, i, j] += e[c, 0] ** 2
+
+
+@strict_kernel
+def add_information(use: Mask, readings: Readings, eta: Array, Lambda: Array) -> None:
+    """With R = C C', add the outer products of C^-1 (H_i, H_j, y) to the blocks of i and j."""
+    y, H_i, H_j, R = readings
+    t, n, others, k, d = H_i.shape
+    B, C, at = np.empty((k, 2 * d + 1)), np.empty((k, k)), np.empty(2 * d, np.int64)
+    for s in range(t):
+        for i in range(n):
+            for j in range(others):
+                if use[s, i, j]:
+                    beside(H_i, H_j, s, i, j, B)
+                    for c in range(k):
+                        B[c, 2 * d] = y[s, i, j, c]
+                        for b in range(k):
+                            C[c, b] = R[s, i, j, c, b]
+                    whiten(C, B)
+                    for a in range(d):
+                        at[a], at[d + a] = i * d + a, j * d + a
+                    for c in range(k):
+                        for a in range(2 * d):
+                            eta[s, at[a]] += B[c, a] * B[c, 2 * d]
+                            for m in range(2 * d):
+                                Lambda[s, at[a], at[m]] += B[c, a] * B[c, m]
+
+
+@strict_kernel
+def range_of(at: Array, i: int, j: int) -> tuple[float, float, float]:
+    """|x_i - x_j| and its derivative by x_i."""
+    away = np.sqrt((at[i] - at[j]) ** 2 + (at[i + 1] - at[j + 1]) ** 2)
+    return away, (at[i] - at[j]) / max(away, NEAR), (at[i + 1] - at[j + 1]) / max(away, NEAR)
+
+
+@strict_kernel
+def gate_ranges(x: Array, C: Array, z: Array, how: Ranging, out: Gated) -> None:
+    """The squared Mahalanobis distance of every range, and the terms of its second order."""
+    d2, shift, noise = out
+    n = len(z)
+    d = len(x) // n
+    for p in range(n):
+        for q in range(n):
+            if p != q and z[p, q] >= TOO_NEAR_TO_RANGE:
+                i, j = p * d, q * d
+                away, u, v = range_of(x, i, j)
+                xx = C[i, i] + C[j, j] - 2 * C[i, j]
+                xy = C[i, i + 1] + C[j, j + 1] - C[i, j + 1] - C[j, i + 1]
+                yy = C[i + 1, i + 1] + C[j + 1, j + 1] - 2 * C[i + 1, j + 1]
+                shift[p, q], noise[p, q] = 0.0, how.variance
+                if how.second_order:
+                    far = max(away, TOO_NEAR_TO_RANGE)
+                    a, b = (x[j + 1] - x[i + 1]) / far, (x[i] - x[j]) / far
+                    across = (a * a * xx + 2 * a * b * xy + b * b * yy) / far
+                    shift[p, q], noise[p, q] = across / 2, how.variance + across**2 / 2
+                y = z[p, q] - away - shift[p, q]
+                d2[p, q] = y * y / (noise[p, q] + u * u * xx + 2 * u * v * xy + v * v * yy)
+
+
+@strict_kernel
+def join_ranges(x: Array, P: Array, z: Array, how: Ranging, d2: Array) -> None:
+    """x' = x + (P^-1 + H'R^-1 H)^-1 H'R^-1 (y + H (x^ - x)),  P' = (P^-1 + H'R^-1 H)^-1."""
+    t, n, d = x.shape
+    shift, noise, one = np.empty((n, n)), np.empty((n, n)), np.eye(n * d)
+    for s in range(t):
+        before, at = x[s].copy().reshape(-1), x[s].copy().reshape(-1)
+        gate_ranges(before, P[s], z[s], how, Gated(d2[s], shift, noise))
+        for k in range(how.iterations):
+            eta, Lambda = np.zeros(n * d), np.zeros((n * d, n * d))
+            for p in range(n):
+                for q in range(n):
+                    if d2[s, p, q] <= how.gate:
+                        i, j = p * d, q * d
+                        away, u, v = range_of(at, i, j)
+                        y = z[s, p, q] - away - shift[p, q] + u * (at[i] - before[i] - at[j] + before[j])
+                        y += v * (at[i + 1] - before[i + 1] - at[j + 1] + before[j + 1])
+                        for c, h in ((0, u), (1, v)):
+                            g = h / noise[p, q]
+                            eta[i + c] += g * y
+                            eta[j + c] -= g * y
+                            for b, f in ((0, u), (1, v)):
+                                Lambda[i + c, i + b] += g * f
+                                Lambda[j + c, j + b] += g * f
+                                Lambda[i + c, j + b] -= g * f
+                                Lambda[j + c, i + b] -= g * f
+            A = one + P[s] @ Lambda
+            if k + 1 < how.iterations:
+                at = before + np.linalg.solve(A, P[s] @ eta)
+            else:
+                C = np.linalg.solve(A, P[s])
+                P[s] = (C + C.T) / 2
+                x[s] = (before + P[s] @ eta).reshape(n, d)
+
+
+@strict_kernel
+def tally(d2, gate, between, forget, share):
+    """Move each robot's average `share` (t, n) of refused readings by this tick's, d2 (t, n, m), nan where absent.
+
+    `between` robots, a reading of j by i counts for both.
+    """
+    t, n, m = d2.shape
+    for s in range(t):
+        for i in range(n):
+            count, refused = 0, 0
+            for j in range(m):
+                count += not np.isnan(d2[s, i, j])
+                refused += d2[s, i, j] > gate
+                if between:
+                    count += not np.isnan(d2[s, j, i])
+                    refused += d2[s, j, i] > gate
+            if count:
+                share[s, i] += forget * (refused / count - share[s, i])
+
+
+RUNAWAY = 1e6  # a larger factor Gamma cannot come from covariances in metres; refusing it keeps stale copies finite
+
+
+class Decoupled(NamedTuple):
+    """A team's beliefs with P_ij = Phi_i Pi_ij Phi_j'."""
+
+    x: Array  # (t, n, d)
+    P: Array  # (t, n, d, d)
+    Phi: Array  # (t, n, d, d)
+    Pi: Array  # (t, n, n, d, n, d)  axis 1 is the robot that keeps this copy
+
+
+class TeamReading(NamedTuple):
+    """A linearised reading of some robots."""
+
+    y: Array  # (t, k)  nan where absent
+    H: Array  # (t, m, k, d)  by each of the m robots
+    R: Array  # (k, k)
+
+
+@strict_kernel
+def _covariance(P, Phi, Pi, at, H, A, cross):
+    """Cov(x_m, reading) = sum_j P_mj H_j' (m, d, k) of the robots `at`, by the master's copy Pi (n, d, n, d).
+
+    Scratch: A (2, d, d).
+    """
+    d, k = P.shape[1], H.shape[1]
+    for m in range(len(at)):
+        fill_product(P[at[m]], H[m].T, cross[m])
+        for j in range(len(at)):
+            if j != m:
+                fill_product(Phi[at[m]], Pi[at[m], :, at[j]], A[0])
+                fill_product(A[0], Phi[at[j]].T, A[1])
+                for a in range(d):
+                    for q in range(k):
+                        for c in range(d):
+                            cross[m, a, q] += A[1, a, c] * H[j, q, c]
+
+
+@strict_kernel
+def _whitened(Phi, at, y, H, R, cross, S, A, B):
+    """C^-1 y, C^-1 H_m Phi_m and C^-1 (Phi_m^-1 cross_m)' into B (k, 1 + 2 m d), S = C C'; whether S is definite."""
+    k, d, rest = len(y), Phi.shape[1], 1 + len(at) * Phi.shape[1]
+    fill_sum(1.0, R, 0.0, R, S)
+    for m in range(len(at)):
+        for q in range(k):
+            for p in range(k):
+                for c in range(d):
+                    S[q, p] += H[m, q, c] * cross[m, c, p]
+        fill_product(H[m], Phi[at[m]], B[:, 1 + m * d : 1 + (m + 1) * d])
+        fill_sum(1.0, Phi[at[m]], 0.0, Phi[at[m]], A[0])
+        solve(A[0], cross[m])
+        for q in range(k):
+            for c in range(d):
+                B[q, rest + m * d + c] = cross[m, c, q]
+    for q in range(k):
+        B[q, 0] = y[q]
+        for p in range(q):
+            S[q, p] = S[p, q] = (S[q, p] + S[p, q]) / 2
+    whiten(S, B)
+    return S[k - 1, k - 1] > 0
+
+
+@strict_kernel
+def _gathered(Pi, at, B, Gamma):
+    """Gamma (k, n d), transposed, of a robot with the copy Pi (n d, n d); says whether it has run away."""
+    k, d, size = len(B), (B.shape[1] - 1) // (2 * len(at)), Pi.shape[1]
+    for m in range(len(at)):
+        for q in range(k):
+            for c in range(d):
+                w, row, first = B[q, 1 + m * d + c], Pi[at[m] * d + c], m == 0 and c == 0
+                for b in range(size):
+                    Gamma[q, b] = w * row[b] + (0.0 if first else Gamma[q, b])
+    for m in range(len(at)):  # as the master broadcast them
+        for q in range(k):
+            for c in range(d):
+                Gamma[q, at[m] * d + c] = B[q, 1 + (len(at) + m) * d + c]
+    for b in range(size):
+        total = 0.0
+        for q in range(k):
+            total += Gamma[q, b] ** 2
+        if not total < RUNAWAY**2:
+            return True
+    return False
+
+
+@strict_kernel
+def _shrunk(P, mine, A, nothing, out):
+    """P - mine mine' into out; whether it is positive definite."""
+    fill_square(mine, A)
+    for a in range(len(P)):
+        for b in range(len(P)):
+            out[a, b] = A[a, b] = P[a, b] - A[a, b]
+    whiten(A, nothing)
+    return A[len(P) - 1, len(P) - 1] > 0
+
+
+@strict_kernel
+def _subtract(Pi, Gamma):
+    """Pi (n d, n d) -= Gamma' Gamma, row by row: the copy of a large team fills a cache."""
+    for b in range(len(Pi)):
+        row = Pi[b]
+        for q in range(len(Gamma)):
+            g, other = Gamma[q, b], Gamma[q]
+            for c in range(len(Pi)):
+                row[c] -= g * other[c]
+
+
+@strict_kernel
+def master(team, a, at, reading, heard, gate):
+    """Robot a's update by a reading of the robots `at`, in its memory and in that of those who `heard` it (t, n).
+
+    In place; says which trials used it (t,). With S = C C',
+
+        Gamma_m = Phi_m^-1 Cov(x_m, reading) C'^-1,  dx_i = Phi_i Gamma_i C^-1 y,  dP_i = Phi_i Gamma_i Gamma_i' Phi_i',
+        dPi_jl = Gamma_j Gamma_l'.
+    """
+    (x, P, Phi, Pi), (y, H, R) = team, reading
+    (t, n, d), k, nothing = x.shape, y.shape[1], np.empty((x.shape[2], 0))
+    used, sound, new = np.zeros(t, np.bool_), np.empty(n, np.bool_), np.empty((n, d, d))
+    Gamma, mine = np.empty((n, k, n * d)), np.empty((n, d, k))
+    A, S, cross = np.empty((2, d, d)), np.empty((k, k)), np.empty((len(at), d, k))
+    B = np.empty((k, 1 + 2 * len(at) * d))
+    for s in range(t):
+        _covariance(P[s], Phi[s], Pi[s, a], at, H[s], A, cross)
+        definite, far = _whitened(Phi[s], at, y[s], H[s], R, cross, S, A, B), 0.0
+        for q in range(k):
+            far += B[q, 0] ** 2
+        if not (definite and far <= gate):  # nor where anything is absent: nan
+            continue
+        for i in range(n):
+            runaway = _gathered(Pi[s, i].reshape(n * d, n * d), at, B, Gamma[i])
+            fill_product(Phi[s, i], Gamma[i, :, i * d : i * d + d].T, mine[i])
+            sound[i] = _shrunk(P[s, i], mine[i], A[0], nothing, new[i]) and not runaway
+        used[s] = True
+        for m in at:
+            used[s] = used[s] and sound[m]
+        for i in range(n):
+            if used[s] and sound[i] and (heard[s, i] or i == a):
+                fill_sum(1.0, new[i], 0.0, new[i], P[s, i])
+                for c in range(d):
+                    for q in range(k):
+                        x[s, i, c] += mine[i, c, q] * B[q, 0]
+                _subtract(Pi[s, i].reshape(n * d, n * d), Gamma[i])
+    return used
+
+
+ROUNDS, POINTS = 4, 11  # of the search for w, each round ten times finer
+REACH = 8.0  # largest |logit w| that is tried
+
+
+@strict_kernel
+def _log_det(u, A, v, B, C, nothing):
+    """ln det (u A + v B) of a positive definite matrix, else nan; C is scratch."""
+    fill_sum(u, A, v, B, C)
+    whiten(C, nothing)
+    total = 0.0
+    for a in range(len(C)):
+        total += 2 * np.log(C[a, a])
+    return total
+
+
+@strict_kernel
+def _spread(P, H, U, S):
+    """P H' into U (d, k), H P H' into S (k, k)."""
+    for a in range(len(P)):
+        for i in range(len(H)):
+            U[a, i] = 0.0
+            for c in range(len(P)):
+                U[a, i] += P[a, c] * H[i, c]
+    fill_product(H, U, S)
+
+
+@strict_kernel
+def _trace(U, S, Rd, td, ti, w, C, B):
+    """tr P'_xy = tr P1 - tr(M S^-1 M'), by S = C C' and C^-1 M' in B (k, 2); U and S have the parts d and i."""
+    for i in range(len(C)):
+        for j in range(len(C)):
+            C[i, j] = S[0, i, j] / w + S[1, i, j] + Rd[i, j] / (1 - w)
+        for a in range(2):
+            B[i, a] = U[0, a, i] / w + U[1, a, i]
+    whiten(C, B)
+    total = td / w + ti
+    for i in range(len(C)):
+        total -= B[i, 0] * B[i, 0] + B[i, 1] * B[i, 1]
+    return total
+
+
+@strict_kernel
+def _scratch(k, d):
+    """Scratch of `_least`, allocated once for all rows."""
+    of_reading = np.empty((2, d, k)), np.empty((2, k, k)), np.empty((k, k)), np.empty((k, 2))
+    return *of_reading, np.empty((d, d)), np.empty((d, 0)), np.empty((k, 0))
+
+
+@strict_kernel
+def _least(Pd, Pi, H, Rd, Ri, scratch):
+    """`least_trace` of one row: the weight, and whether it helps."""
+    U, S, C, B, A, nothing, no_columns = scratch
+    _spread(Pd, H, U[0], S[0])
+    _spread(Pi, H, U[1], S[1])
+    fill_sum(1.0, S[1], 1.0, Ri, S[1])
+    td, ti = Pd[0, 0] + Pd[1, 1], Pi[0, 0] + Pi[1, 1]
+    middle, reach, least, w = 0.0, REACH, np.inf, 0.5
+    for _ in range(ROUNDS):
+        least, best = np.inf, middle
+        for p in range(POINTS):
+            v = middle + (p * (2 * reach / (POINTS - 1)) - reach)
+            u = 1 / (1 + np.exp(-v))
+            trace = _trace(U, S, Rd, td, ti, u, C, B)
+            if trace < least:
+                least, best, w = trace, v, u
+        middle, reach = best, reach / ((POINTS - 1) / 2)
+    gained = _log_det(1 / (1 - w), Rd, 1.0, Ri, C, no_columns)  # det P' = det P1 det R / det S
+    fill_sum(1.0, S[1], 1 / (1 - w), Rd, S[1])
+    gained -= _log_det(1 / w, S[0], 1.0, S[1], C, no_columns)
+    gained += _log_det(1 / w, Pd, 1.0, Pi, A, nothing) - _log_det(1.0, Pd, 1.0, Pi, A, nothing)
+    return w, least < td + ti and gained < 0
+
+
+@strict_kernel
+def least_trace(Pd, Pi, H, Rd, Ri, there, weights, helps):
+    """The weight w (r,) of least tr P'_xy of rows that are `there`, searched on a grid of logit w; whether it helps.
+
+    tr P' = tr P1 - tr(M S^-1 M') with P1 = Pd / w + Pi, M = (P1 H')_xy and S = H P1 H' + Rd / (1 - w) + Ri.
+    """
+    scratch = _scratch(H.shape[1], H.shape[2])
+    for r in range(len(Pd)):
+        weights[r], helps[r] = 0.5, False
+        if there[r]:
+            weights[r], helps[r] = _least(Pd[r], Pi[r], H[r], Rd[r], Ri[r], scratch)
+
+
+@strict_kernel
+def split_row(P, Pd, Pi, H, Rd, Ri, keep, new_d, new_i, A, K, R):
+    """`split` of one row, and whether it used its reading; new_d may be Pd, new_i Pi.
+
+    Scratch: A (d, d), K (k, d), R (k, k).
+    """
+    d, used = len(P), False
+    for a in range(d):
+        for b in range(d):
+            used = used or Pd[a, b] + Pi[a, b] != P[a, b]
+    if used:
+        fill_product(H, P, K)
+        fill_sum(1.0, Rd, 1.0, Ri, R)
+        solve(R, K)
+        fill_sum(1.0, Rd, 0.0 if keep else 1.0, Ri, R)
+        joseph(Pd, H, K, R, A, new_d)
+        fill_sum(0.0, Rd, 1.0 if keep else 0.0, Ri, R)
+        joseph(Pi, H, K, R, A, new_i)
+    return used
+
+
+@strict_kernel
+def split(P, Pd, Pi, H, Rd, Ri, keep, new_d, new_i, used):
+    """The parts of P' into new_d and new_i (r, d, d) of the rows that used their reading: those with P' other than P1.
+
+    With K = P' H' R^-1 and the inflated Pd and Rd: Pd' = (I - K H) Pd (I - K H)' + K Rd K',  Pi' = (I - K H) Pi
+    (I - K H)' + K Ri K'; K Ri K' goes to Pd' unless Pi is to `keep` it.
+    """
+    k, d = H.shape[1], H.shape[2]
+    A, K, R = np.empty((d, d)), np.empty((k, d)), np.empty((k, k))
+    for r in range(len(P)):
+        used[r] = split_row(P[r], Pd[r], Pi[r], H[r], Rd[r], Ri[r], keep, new_d[r], new_i[r], A, K, R)
+
+
+@strict_kernel
+def cooperate(x, Pd, Pi, reading, gate, keep, used):
+    """`EkfSplitCi._cooperate` in place, x (r, d), Pd and Pi (r, d, d), and which rows `used` (r,) their reading.
+
+    `reading` is y (r, k), H (r, k, d), and of its noise Rd and Ri (r, k, k); absent where anything is nan.
+    """
+    y, H, Rd, Ri = reading
+    k, d = H.shape[1], H.shape[2]
+    scratch, K, T = _scratch(k, d), np.empty((k, d)), np.empty((k, k))
+    S, B, A, P = np.empty((k, k)), np.empty((k, d + 1)), np.empty((d, d)), np.empty((d, d))
+    wide_d, wide_R, N = np.empty((d, d)), np.empty((k, k)), np.empty((k, k))
+    for r in range(len(x)):
+        used[r] = False
+        if not (is_known(y[r], H[r], Rd[r]) and is_known(y[r], H[r], Ri[r])):
+            continue
+        w, helps = _least(Pd[r], Pi[r], H[r], Rd[r], Ri[r], scratch)
+        if helps:
+            for a in range(d):
+                for b in range(d):
+                    wide_d[a, b] = Pd[r, a, b] / w
+                    P[a, b] = wide_d[a, b] + Pi[r, a, b]
+            for a in range(k):
+                for b in range(k):
+                    wide_R[a, b] = Rd[r, a, b] / (1 - w)
+                    N[a, b] = wide_R[a, b] + Ri[r, a, b]
+            absorb_row(x[r], P, y[r], H[r], N, gate, S, B, A)
+            used[r] = split_row(P, wide_d, Pi[r], H[r], wide_R, Ri[r], keep, Pd[r], Pi[r], A, K, T)
+
+
+LIMIT = 1 - 1e-9  # largest correlation of any two combinations of two robots' states
+
+
+class Factored(NamedTuple):
+    """A team's beliefs with P_ij = sigma_ij sigma_ji'."""
+
+    x: Array  # (t, n, d)
+    P: Array  # (t, n, d, d)
+    sigma: Array  # (t, n, n, d, d)  axis 1 is the robot that keeps it; the diagonal is not used
+
+
+class PairUpdate(NamedTuple):
+    """A linearised reading between two robots."""
+
+    y: Array  # (t, k)  nan where absent
+    H: Array  # (t, k, 2 d)
+    R: Array  # (k, k)
+
+
+@strict_kernel
+def possible(A: Array, B: Array, C: Array) -> Array:
+    """The cross term C (d, d) of covariances A and B, its canonical correlations cut to `LIMIT`.
+
+    They are the singular values of M = B^-1/2 C' A^-1/2', needed only where LIMIT^2 I - M' M is not definite.
+    """
+    half, M = C.copy(), np.empty_like(C)
+    whiten(A.copy(), half)
+    M[:] = half.T
+    whiten(B.copy(), M)
+    room = LIMIT**2 * np.eye(len(C)) - M.T @ M
+    whiten(room, np.empty((len(C), 0)))
+    if room[-1, -1] > 0:  # nan if an earlier pivot was not
+        return C
+    u, correlation, v = np.linalg.svd(M)
+    cut = np.linalg.cholesky(B) @ (u * np.minimum(correlation, LIMIT)) @ v @ np.linalg.cholesky(A).T
+    return np.ascontiguousarray(cut.T)
+
+
+@strict_kernel
+def carry(x: Array, P: Array, sigma: Array, step: Array, P1: Array) -> None:
+    """x += step,  sigma_k = P' P^-1 sigma_k for the cross terms with all others,  P = P'."""
+    factor = np.linalg.solve(P, np.ascontiguousarray(P1)).T
+    x += step
+    P[:] = P1
+    for k in range(len(sigma)):
+        sigma[k] = factor @ sigma[k]
+
+
+@strict_kernel
+def meet(team: Factored, pair: tuple[int, int], reading: PairUpdate, gate: float) -> Mask:
+    """Joint update of a pair of robots in place; says which trials used the reading (t,)."""
+    (t, _, d), (i, j), (x, P, sigma) = team.x.shape, pair, team
+    used = np.zeros(t, np.bool_)
+    J, one = np.empty((2 * d, 2 * d)), np.eye(2 * d)
+    for s in range(t):
+        y, H, R = reading.y[s], reading.H[s], reading.R
+        if np.isnan(y).any() or np.isnan(H).any():
+            continue
+        J[:d, :d], J[d:, d:] = P[s, i], P[s, j]
+        J[:d, d:] = possible(P[s, i], P[s, j], sigma[s, i, j] @ sigma[s, j, i].T)
+        J[d:, :d] = J[:d, d:].T
+        S = H @ J @ H.T + R
+        if y @ np.linalg.solve(S, y) <= gate:
+            used[s] = True
+            K = np.linalg.solve(S, H @ J).T
+            rest, step = one - K @ H, K @ y
+            J1 = rest @ J @ rest.T + K @ R @ K.T
+            J1 = (J1 + J1.T) / 2
+            carry(x[s, i], P[s, i], sigma[s, i], step[:d], J1[:d, :d])
+            carry(x[s, j], P[s, j], sigma[s, j], step[d:], J1[d:, d:])
+            sigma[s, i, j], sigma[s, j, i] = J1[:d, d:], np.eye(d)
+    return used
+
+
+class Sightings(NamedTuple):
+    """What a team sees of its landmarks in a tick."""
+
+    places: Array  # (l, 2) [m]
+    z: Array  # (t, n, l, 2)  range [m], bearing [rad]; nan where absent
+    R: Array  # (2, 2)
+    gate: float  # squared Mahalanobis distance beyond which one is refused
+
+
+@strict_kernel
+def _seen(z, s, i, m):
+    """Whether robot i of trial s has any number of landmark m."""
+    return not (np.isnan(z[s, i, m, 0]) and np.isnan(z[s, i, m, 1]))
+
+
+@strict_kernel
+def update_split(x, Pd, Pi, seen):
+    """`EkfSplitCi.correct` in place: x (t, n, d), Pd and Pi (t, n, d, d); all of a landmark's update goes to Pi."""
+    places, z, R, gate = seen
+    t, n, d = x.shape
+    k = 2
+    S, B, A, K, T = np.empty((k, k)), np.empty((k, d + 1)), np.empty((d, d)), np.empty((k, d)), np.empty((k, k))
+    y, H, P, nothing = np.empty(k), np.empty((k, d)), np.empty((d, d)), np.zeros((k, k))
+    for s in range(t):
+        for i in range(n):
+            for m in range(len(places)):
+                if not _seen(z, s, i, m):
+                    continue
+                linearise_row(SIGHTING, 0.0, 0.0, x[s, i], places[m], z[s, i, m], y, H)
+                if not is_known(y, H, R):
+                    continue
+                for a in range(d):
+                    for b in range(d):
+                        P[a, b] = Pd[s, i, a, b] + Pi[s, i, a, b]
+                absorb_row(x[s, i], P, y, H, R, gate, S, B, A)
+                split_row(P, Pd[s, i], Pi[s, i], H, nothing, R, True, Pd[s, i], Pi[s, i], A, K, T)
+
+
+@strict_kernel
+def update_joint(x, P, refused, seen, forget):
+    """`EkfJoint._fixed_together` in place: x (t, n, d), P (t, n d, n d), and the share of `refused` readings (t, n)."""
+    places, z, R, gate = seen
+    t, n, d = x.shape
+    k, variances = 2, np.array([R[0, 0], R[1, 1]])
+    y, H, nothing = np.empty((t, n, k)), np.empty((t, n, k, d)), np.zeros((t, n, 1, k, d))
+    noise, d2, use = np.empty((t, n, 1, k, k)), np.empty((t, n, 1)), np.empty((t, n), np.bool_)
+    for s in range(t):
+        for i in range(n):
+            for a in range(k):
+                for b in range(k):
+                    noise[s, i, 0, a, b] = R[a, b]
+    for m in range(len(places)):
+        some = False
+        for s in range(t):
+            for i in range(n):
+                some = some or _seen(z, s, i, m)
+        if not some:
+            continue
+        for s in range(t):
+            for i in range(n):
+                linearise_row(SIGHTING, 0.0, 0.0, x[s, i], places[m], z[s, i, m], y[s, i], H[s, i])
+                d2[s, i, 0] = np.nan
+        fill_distances(P, Readings(y.reshape(t, n, 1, k), H.reshape(t, n, 1, k, d), nothing, noise), d2)
+        for s in range(t):
+            for i in range(n):
+                use[s, i] = d2[s, i, 0] <= gate
+        add_scalars(x, P, use, y, H, variances)
+        tally(d2, gate, False, forget, refused)
+
+
+@strict_kernel
+def update_decoupled(team, seen, heard, used):
+    """The masters' updates of `EkfInterim.exchange` in place, and how many each robot made, into `used` (t, n)."""
+    places, z, R, gate = seen
+    x = team.x
+    (t, n, d), k = x.shape, 2
+    y, H, hears, at = np.empty((t, k)), np.empty((t, 1, k, d)), np.empty((t, n), np.bool_), np.empty(1, np.int64)
+    for m in range(len(places)):
+        for a in range(n):
+            some = False
+            for s in range(t):
+                some = some or _seen(z, s, a, m)
+            if not some:
+                continue
+            at[0] = a
+            for s in range(t):
+                linearise_row(SIGHTING, 0.0, 0.0, x[s, a], places[m], z[s, a, m], y[s], H[s, 0])
+                for i in range(n):
+                    hears[s, i] = heard[s, i, a]
+            took = master(team, a, at, TeamReading(y, H, R), hears, gate)
+            for s in range(t):
+                used[s, a] += took[s]

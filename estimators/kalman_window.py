@@ -1,0 +1,234 @@
+"""A sliding window over a team's last states: its log-posterior, its Kalman smoother, and a second place to start.
+
+Everything is linearised at the window's own states; the past before the window is one Gaussian. Radio is reciprocal:
+shadowing is the same in both directions of a pair, so that a tick's two RSSI readings count as one.
+
+Sources: B. Bell, "The iterated Kalman smoother as a Gauss-Newton method", SIAM J. Optimization 4(3), 1994; A. Bryson,
+M. Frazier, "Smoothing for linear and nonlinear dynamic systems", TDR 63-119, Wright-Patterson AFB, 1963 (the way back).
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cooploc.estimators.interface import Array, Belief, Mail, Senses, World
+from cooploc.estimators.joint_gaussian import block_diagonal, flat, square
+from cooploc.estimators.kalman import root, symmetric
+from cooploc.estimators.models import wrap_heading
+
+READINGS = Senses._fields[:-1]  # arrays; `extra` is not used
+
+
+class Window(NamedTuple):
+    """The team's last l states, oldest first, and everything that was read in them."""
+
+    x: Array  # (t, l, n, d)  most probable states
+    P: Array  # (t, n d, n d)  covariance of the newest
+    past: Belief  # x (t, n d), P (t, n d, n d)  of the state before the window, from the readings up to then
+    at: Array  # (t, n, d)  where the past was linearised
+    young: bool  # nothing has left the window yet
+    z: Senses  # (t, l, n, ...)
+    air: Mail  # (t, l, n, n)
+    world: World
+
+    @property
+    def last(self) -> Array:
+        """The newest states (t, n, d)."""
+        return self.x[:, -1] if self.x.shape[1] else self.at
+
+
+def empty(prior: Belief, world: World) -> Window:
+    """The window before tick 0."""
+    t, n, d = prior.x.shape
+    past = Belief(flat(prior.x), square(block_diagonal(prior.P)))
+    none = np.empty((t, 0))
+    z, air = Senses(none, none, none, none, none, {}), Mail(none.astype(bool), none, none, none)
+    return Window(np.empty((t, 0, n, d)), past.P, past, prior.x, True, z, air, world)
+
+
+def moved(s: Window, z: Senses) -> Window:
+    """With a new state x' = f(x, u) at its end, and what was sensed there."""
+    newest, _, _ = s.world.motion.move(s.last, z.odometry, z.dt)
+    z = s.z._replace(**{name: _appended(getattr(s.z, name), getattr(z, name)) for name in READINGS})
+    return s._replace(x=_appended(s.x, newest), z=z)
+
+
+def heard(s: Window, air: Mail) -> Window:
+    """With what was heard at its newest state."""
+    return s._replace(air=Mail(*map(_appended, s.air, air)))
+
+
+def shortened(s: Window, oldest: Belief) -> Window:
+    """Without its oldest state, whose belief becomes the past."""
+    z = s.z._replace(**{name: getattr(s.z, name)[:, 1:] for name in READINGS})
+    air = s.air._replace(**{name: getattr(s.air, name)[:, 1:] for name in Mail._fields})
+    return s._replace(x=s.x[:, 1:], z=z, air=air, past=oldest, at=s.x[:, 0], young=False)
+
+
+def cost(s: Window) -> Array:
+    """-2 log of the posterior density of the window's states (t,), up to a constant."""
+    _, x_moved, F, Q = _linearised(s)
+    off = wrap_heading(s.x - x_moved).reshape(*s.x.shape[:2], -1)
+    first = off[:, 0] - _times(F[:, 0], _turned(s.past.x, flat(s.at), s.x.shape[-1]))
+    total = _squared(first, _pseudo_inverse(F[:, 0] @ s.past.P @ F[:, 0].mT + Q[:, 0]))
+    total = total + _squared(off[:, 1:], _pseudo_inverse(Q[:, 1:])).sum(1)
+    for sensor, place, reading in s.world.fixed(s.z):
+        y, _, _ = sensor.innovation(s.x, place, reading)
+        total = total + np.nansum(_squared(y, _inverse(sensor.R)), (1, 2))
+    for sensor, j, reading in s.world.relative(s.z, _reciprocal(s.air)):
+        y, _, _ = sensor.innovation(s.x, s.x[:, :, j, None, :2], reading)
+        total = total + np.nansum(_squared(y, _inverse(sensor.R)), (1, 2))
+    return np.asarray(total)
+
+
+def elsewhere(s: Window) -> Window:
+    """The window with each robot's track shifted, by up to 3 sigma of its start, to where its own readings fit best."""
+    t, n, d = s.at.shape
+    P = np.stack([s.past.P.reshape(t, n, d, n, d)[:, i, :2, i, :2] for i in range(n)], 1)
+    grid = np.stack(np.meshgrid(*[np.linspace(-3, 3, 13)] * 2, indexing="ij"), -1).reshape(-1, 1, 1, 2)
+    shift = _times(root(P), grid)  # (g, t, n, 2)
+    x = np.broadcast_to(s.x, (len(grid), *s.x.shape)).copy()
+    x[..., :2] += shift[:, :, None]
+    total = np.broadcast_to((grid**2).sum(-1), (len(grid), t, n)).copy()
+    for sensor, place, reading in s.world.fixed(s.z):
+        y, _, _ = sensor.innovation(x, place, reading)
+        total += np.nansum(_squared(y, _inverse(sensor.R)), 2)
+    best = total.argmin(0)
+    x = s.x.copy()
+    x[..., :2] += np.take_along_axis(shift, best[None, ..., None], 0)[0][:, None]
+    return s._replace(x=x)
+
+
+class Pass(NamedTuple):
+    """What one Kalman smoother over a window found."""
+
+    x: Array  # (t, l, n, d)  the new states
+    filtered: list[Belief]  # of each state from the readings up to it: x (t, n d), P (t, n d, n d)
+    F: Array  # (t, l, n d, n d)
+    weights: list[Array]  # A (t, n d, n d) of each state
+    Lambda: Array  # (t, l, n d, n d)  information of each state's readings
+
+    @property
+    def P(self) -> Array:
+        """Covariance (t, l, n d, n d) of every state, given all readings of the window.
+
+        P = P_f - P_f M P_f,  M = F' M' F of the next state,  M' = A (Lambda + M A').
+        """
+        P, M = [], np.zeros_like(self.filtered[-1].P)
+        for k in reversed(range(len(self.filtered))):
+            P_f, A = self.filtered[k].P, self.weights[k]
+            P.append(symmetric(P_f - P_f @ M @ P_f))
+            M = self.F[:, k].mT @ symmetric(A @ (self.Lambda[:, k] + M @ A.mT)) @ self.F[:, k]
+        return np.stack(P[::-1], 1)
+
+
+def smoothed(s: Window) -> tuple[Array, list[Belief]]:
+    """One Kalman smoother over the window, linearised at s.x: the new states (t, l, n, d), and the filter's beliefs."""
+    once = smooth(s, *information(s.world, s.x, s.z, s.air))
+    return once.x, once.filtered
+
+
+def smooth(s: Window, eta: Array, Lambda: Array) -> Pass:
+    """A smoother by readings of eta = sum H'R^-1 y (t, l, n d), Lambda = sum H'R^-1 H (t, l, n d, n d), taken at s.x.
+
+    Forth:  A = (I + Lambda P_p)^-1,  P = P_p A,  x_f = x_p + P g,  g = eta + Lambda (s.x - x_p).
+    Back:   x = x_f + P F' l',  l = A (g + F' l').  P_p is not inverted: it may be singular where a robot is certain.
+    """
+    length, d = s.x.shape[1], s.x.shape[-1]
+    at, x_moved, F, Q = _linearised(s)
+    belief, filtered, pulls, weights = s.past, [], [], []
+    for k in range(length):
+        mean = flat(x_moved[:, k]) + _times(F[:, k], _turned(belief.x, flat(at[:, k]), d))
+        P = symmetric(F[:, k] @ belief.P @ F[:, k].mT + Q[:, k])
+        weights.append(_inverse(np.eye(P.shape[-1]) + Lambda[:, k] @ P))
+        pulls.append(eta[:, k] + _times(Lambda[:, k], _turned(flat(s.x[:, k]), mean, d)))
+        P = symmetric(P @ weights[k])
+        belief = Belief(mean + _times(P, pulls[k]), P)
+        filtered.append(belief)
+    x, later = [], np.zeros_like(belief.x)  # F' l' of the next state
+    for k in reversed(range(length)):
+        x.append(filtered[k].x + _times(filtered[k].P, later))
+        later = _times(F[:, k].mT, _times(weights[k], pulls[k] + later))
+    return Pass(np.stack(x[::-1], 1).reshape(s.x.shape), filtered, F, weights, Lambda)
+
+
+def _linearised(s: Window) -> tuple[Array, Array, Array, Array]:
+    """The states before each move (t, l, n, d), those after it, F and Q of the whole team (t, l, n d, n d)."""
+    t, length, n, d = s.x.shape
+    at = np.concatenate([s.at[:, None], s.x[:, :-1]], 1)
+    x_moved, F, Q = s.world.motion.move(at, s.z.odometry, s.z.dt)
+    F, Q = (square(block_diagonal(a.reshape(-1, n, d, d))).reshape(t, length, n * d, n * d) for a in (F, Q))
+    return at, x_moved, F, Q
+
+
+def _turned(a: Array, b: Array, d: int) -> Array:
+    """a - b of flat states (t, n d), headings wrapped."""
+    return flat(wrap_heading((a - b).reshape(len(a), -1, d)))
+
+
+def information(world: World, x: Array, z: Senses, air: Mail) -> tuple[Array, Array]:
+    """eta = sum H'R^-1 y (t, l, n d) and Lambda = sum H'R^-1 H (t, l, n d, n d) of all readings, linearised at x."""
+    t, length, n, d = x.shape
+    eta, Lambda = np.zeros(x.shape), np.zeros((t, length, n, d, n, d))
+    own = np.arange(n)
+    for sensor, place, reading in world.fixed(z):
+        y, H, _ = sensor.innovation(x, place, reading)
+        y, W = _weighed(y, sensor.R, H)
+        eta += _times(W, y)
+        Lambda[:, :, own, :, own] += np.moveaxis(W @ H, 2, 0)
+    for sensor, j, reading in world.relative(z, _reciprocal(air)):
+        y, H, Hq = sensor.innovation(x, x[:, :, j, None, :2], reading)
+        H_j = np.concatenate([Hq, np.zeros((*Hq.shape[:-1], d - 2))], -1)
+        y, W, W_j = _weighed(y, sensor.R, H, H_j)
+        eta += _times(W, y)
+        eta[:, :, j] += _times(W_j, y).sum(2)
+        Lambda[:, :, own, :, own] += np.moveaxis(W @ H, 2, 0)
+        Lambda[:, :, j, :, j] += (W_j @ H_j).sum(2)
+        between = W @ H_j  # (t, l, n, d, d)
+        Lambda[:, :, :, :, j] += between
+        Lambda[:, :, j] += between.transpose(0, 1, 4, 2, 3)
+    return eta.reshape(t, length, n * d), Lambda.reshape(t, length, n * d, n * d)
+
+
+def _weighed(y: Array, R: Array, *Hs: Array) -> list[Array]:
+    """The innovation y (..., k) and H' R^-1 (..., d, k) of each Jacobian, 0 where there is no reading."""
+    there, weight = np.asarray(~np.isnan(y).any(-1)), _inverse(R)
+    return [np.where(there[..., None], y, 0.0), *(np.where(there[..., None, None], H.mT @ weight, 0.0) for H in Hs)]
+
+
+def _reciprocal(air: Mail) -> Mail:
+    """Each pair's RSSI once: the mean of both directions, held by the robot of the smaller number."""
+    if not air.rssi.shape[-1]:
+        return air
+    both = np.stack([air.rssi, air.rssi.swapaxes(-1, -2)])
+    count = (~np.isnan(both)).sum(0)
+    mean = np.where(count > 0, np.nansum(both, 0) / np.maximum(count, 1), np.nan)
+    n = mean.shape[-1]
+    return air._replace(rssi=np.where(np.triu(np.ones((n, n), bool), 1), mean, np.nan))
+
+
+def _appended(window: Any, newest: Any) -> Any:
+    """A window (t, l, ...) with one more entry at its end; an empty one takes the entry's shape."""
+    return np.concatenate([window, newest[:, None]], 1) if window.shape[1] else newest[:, None].copy()
+
+
+def _squared(y: Array, information: Array) -> Array:
+    """y' M y of vectors (..., k)."""
+    squared: Array = (y * _times(information, y)).sum(-1)
+    return squared
+
+
+def _pseudo_inverse(A: Array) -> Array:
+    """Of each matrix (..., k, k); a robot that sleeps moves without noise."""
+    return np.asarray(np.linalg.pinv(A), float)
+
+
+def _inverse(A: Array) -> Array:
+    """Of each matrix (..., k, k)."""
+    return np.asarray(np.linalg.inv(A), float)
+
+
+def _times(A: Array, x: Array) -> Array:
+    """A x of matrices (..., m, k) and vectors (..., k)."""
+    product: Array = (A @ x[..., None])[..., 0]
+    return product

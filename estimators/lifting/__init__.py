@@ -1,1 +1,0 @@
-"""What `PerRobot` and `PerTeam` share: a plain class's parameters, random numbers, radio; a tick as functions."""

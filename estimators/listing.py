@@ -1,0 +1,106 @@
+"""The table of estimators, `cl.estimators()`, and the configurations of each method as published and at its best.
+
+*As published*: what the paper describes, with the paper's own readings; what its words leave open is read as in the
+presets of the studies. *At its best*: the configuration of the same method, with the same readings (the direction of
+arrival from nodes; RSSI or range from teammates), that had the smallest error of those tried in 40 trials of
+`robots-1-3/n=3` and `packet-drop/drop=0.7`. Methods that are not listed have one configuration, which is both.
+"""
+
+from dataclasses import replace
+from functools import cache
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from cooploc.estimators import configure, make, names, plugin_errors
+from cooploc.estimators.errors import BadInput
+from cooploc.estimators.registry import parse, source_of, traits
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+
+ONCE = "density=exact,M=1,K=1"  # every direction is used once, with its exact density
+HOW = ("engine", "weights")  # parameters of how a result is computed, not of what it is
+
+
+class Configurations(NamedTuple):
+    """The labels of a method's two configurations."""
+
+    published: str
+    best: str
+
+
+KNOWN = {
+    "arl": Configurations("arl", f"arl[{ONCE}]"),
+    "mrsl-rssi": Configurations("mrsl-rssi", f"mrsl-rssi[{ONCE}]"),
+    "mrsl-distance": Configurations("mrsl-distance", f"mrsl-distance[{ONCE}]"),
+    "cmrl": Configurations("cmrl", f"cmrl[{ONCE},apart=1]"),
+    "reciprocal-pf": Configurations("reciprocal-pf", f"reciprocal-pf[{ONCE},report=before]"),
+    "channel-pf": Configurations("channel-pf", f"channel-pf[{ONCE}]"),
+    # received beliefs are nearest to the paper's words on it; the default fuses moments
+    "ctrn": Configurations("ctrn[fusion=received]", f"ctrn[{ONCE},fusion=received]"),
+}
+
+
+def configurations(name: str) -> Configurations:
+    """Those of a method by its name."""
+    return KNOWN.get(name, Configurations(name, name))
+
+
+@cache
+def standing(label: str) -> str:
+    """ "as published" or "at its best"; empty for any other configuration, and for methods that have only one."""
+    try:
+        name, _ = parse(label)
+        made = make(label) if name in KNOWN else None
+    except BadInput:
+        return ""
+    if made is None:
+        return ""
+    found = configurations(name)
+    words = {"as published": found.published, "at its best": found.best}
+    return next((word for word, other in words.items() if _alike(made, make(other))), "")
+
+
+@cache
+def declares_bytes(label: str) -> bool:
+    """Whether a built-in estimator holds the whole team and states its own traffic, which the runner does not carry."""
+    try:
+        asked = configure(label)
+        return asked.builtin and traits(make(asked)).team
+    except BadInput:
+        return False
+
+
+def _alike(made: Any, other: Any) -> bool:
+    same = {key: getattr(other, key) for key in HOW if hasattr(other, key)}
+    return bool(replace(made, **same) == other)
+
+
+def listing() -> "DataFrame":
+    """One row per estimator, the built-in ones first.
+
+    Columns: `name`; `about`, in a sentence; `uses`, the channels it needs; `centralised`, whether all readings reach
+    one computer; `bound`, whether it bounds all others; `offline`, whether it sees later readings too; `published` and
+    `best`, its configurations as published and at its best (see `plugins.configurations`); `source`, the paper;
+    `problem`, why a plug-in cannot be used, empty where it can.
+    """
+    from pandas import DataFrame
+
+    problems = plugin_errors()
+    rows = [_row(name, make(name)) for name in names() if name not in problems]
+    empty = {"name": "", "about": "", "uses": "", "centralised": False, "bound": False, "offline": False}
+    empty |= {"published": "", "best": "", "source": "", "problem": ""}
+    rows += [{"name": name, "problem": reason} for name, reason in problems.items()]
+    return DataFrame([{**empty, **row} for row in rows])
+
+
+def _row(name: str, made: Any) -> dict[str, Any]:
+    about = (type(made).__doc__ or "").strip().partition("\n")[0]
+    has = traits(made)
+    known = {
+        "centralised": has.centralised,
+        "bound": has.bound,
+        "offline": has.offline,
+        "source": source_of(type(made)),
+    }
+    return {"name": name, "about": about, "uses": ", ".join(made.uses), **configurations(name)._asdict(), **known}

@@ -1,0 +1,619 @@
+"""Models of the world as the team assumes it: motion, sensors, angles, the direction of arrival.
+
+Sensors and motions read the width d of a state x (2: a robot with a compass, 3: with a heading of its own), accept any
+leading axes, and are immutable. Angles live in (-pi, pi] and are never averaged or subtracted raw.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields, is_dataclass, replace
+from functools import lru_cache
+from typing import Any, Literal
+
+import numpy as np
+
+from cooploc.estimators.compiled import strict_kernel
+from cooploc.estimators.errors import BadInput
+from cooploc.estimators.interface import TOO_NEAR_TO_RANGE as TOO_NEAR_TO_RANGE
+from cooploc.estimators.interface import Array, Senses, Sensor, World
+
+
+def wrap(angle: Array) -> Array:
+    """The same angle in (-pi, pi] [rad], any shape; nan stays nan."""
+    wrapped = np.pi - np.mod(np.pi - angle, 2 * np.pi)
+    return np.where(wrapped <= -np.pi, np.pi, wrapped)  # rounding may land on the open end
+
+
+def wrap_heading(x: Array) -> Array:
+    """States (..., d) with the heading, where there is one (d = 3), wrapped."""
+    if x.shape[-1] < 3:
+        return x
+    x = x.copy()
+    if x.dtype == np.float64:
+        _wrap_headings(x.reshape(-1, x.shape[-1]))
+    else:
+        x[..., 2] = wrap(x[..., 2])
+    return x
+
+
+@strict_kernel
+def wrap_angle(angle: float) -> float:
+    """`wrap` of one number."""
+    inside = np.pi - (np.pi - angle) % (2 * np.pi)
+    return np.pi if inside <= -np.pi else inside
+
+
+@strict_kernel
+def _wrap_headings(x: Array) -> None:
+    for r in range(len(x)):
+        x[r, 2] = wrap_angle(x[r, 2])
+
+
+def circular_mean(angle: Array, weight: Array) -> Array:
+    """Weighted mean direction over the last axis [rad]: the angle of the sum of unit vectors."""
+    mean: Array = np.arctan2((weight * np.sin(angle)).sum(-1), (weight * np.cos(angle)).sum(-1))
+    return mean
+
+
+# Sensor models, each with its Jacobians and its noise.
+#
+# They read the state's width d from x (2: a robot with a compass, 3: with a heading of its own), accept any leading
+# axes, and are immutable.
+
+NEAR = 0.1  # [m] distances in a logarithm or a quotient are clamped here
+
+
+@dataclass(frozen=True)
+class LogDistance:
+    """Received signal strength, log-distance path loss: z = A - 10 eta log10 d  [dBm], d >= 0.1 m.
+
+    Source: Latif & Parasuraman, the equation of RSSI_m.
+    """
+
+    A: float = -40.0  # [dBm] at 1 m
+    eta: float = 3.0  # path-loss exponent
+    sigma: float = 5**0.5  # [dB] shadowing and fast noise together
+
+    @property
+    def R(self) -> Array:
+        return np.array([[self.sigma**2]])
+
+    def level(self, x: Array, q: Array) -> Array:
+        """The mean reading (...) [dBm]."""
+        d2 = (x[..., 0] - q[..., 0]) ** 2 + (x[..., 1] - q[..., 1]) ** 2
+        return self.A - 5 * self.eta * np.log10(np.maximum(d2, NEAR**2))
+
+    def slope(self, x: Array, q: Array) -> Array:
+        """d level / d position (..., 2) [dB/m]; zero inside the clamp."""
+        east, north = x[..., 0] - q[..., 0], x[..., 1] - q[..., 1]
+        d2 = east**2 + north**2
+        far, clamped, fall = d2 > NEAR**2, np.maximum(d2, NEAR**2), -10 * self.eta / np.log(10)
+        return np.stack([np.where(far, fall * away / clamped, 0.0) for away in (east, north)], -1)
+
+    def expect(self, x: Array, q: Array) -> Array:
+        """The mean reading (..., 1) [dBm]."""
+        return self.level(x, q)[..., None]
+
+    def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
+        g = self.slope(x, q)
+        return z - self.expect(x, q), _widen(g[..., None, :], x), -g[..., None, :]
+
+
+@dataclass(frozen=True)
+class Range:
+    """Distance to a place [m]. Readings below 0.2 m are refused (nan)."""
+
+    sigma: float = 0.1  # [m]
+
+    @property
+    def R(self) -> Array:
+        return np.array([[self.sigma**2]])
+
+    def expect(self, x: Array, q: Array) -> Array:
+        """The distance (..., 1) [m]."""
+        return _offset(x, q)[1]
+
+    def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
+        delta, d = _offset(x, q)
+        u = delta / np.maximum(d, NEAR)
+        y = np.where(z < TOO_NEAR_TO_RANGE, np.nan, z - d)
+        return y, _widen(u[..., None, :], x), -u[..., None, :]
+
+    def curvature(self, x: Array, q: Array, D: Array) -> tuple[Array, Array]:
+        """Second-order mean shift (..., 1) and extra variance (..., 1, 1) when x - q has covariance D (..., 2, 2).
+
+        With M = (I - u u')/d the Hessian of the distance: tr(M D)/2 and tr(M D M D)/2
+        (Bar-Shalom, Li & Kirubarajan 2001, eq. 10.3.3).
+        """
+        delta, d = _offset(x, q)
+        d = np.maximum(d, TOO_NEAR_TO_RANGE)
+        t = np.stack([-delta[..., 1], delta[..., 0]], -1) / d
+        across = (t * (D @ t[..., None])[..., 0]).sum(-1, keepdims=True) / d
+        return across / 2, (across**2 / 2)[..., None]
+
+
+@dataclass(frozen=True)
+class Bearing:
+    """Direction of a place [rad], relative to the heading where the state has one, else to the x axis."""
+
+    sigma: float = 0.02  # [rad]
+
+    @property
+    def R(self) -> Array:
+        return np.array([[self.sigma**2]])
+
+    def expect(self, x: Array, q: Array) -> Array:
+        """The direction (..., 1) in (-pi, pi] [rad]."""
+        delta, _ = _offset(x, q)
+        heading = x[..., 2:3] if x.shape[-1] > 2 else 0.0
+        return wrap(np.arctan2(-delta[..., 1:], -delta[..., :1]) - heading)
+
+    def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
+        delta, d = _offset(x, q)
+        heading = x[..., 2:3] if x.shape[-1] > 2 else 0.0
+        y = wrap(z - (np.arctan2(-delta[..., 1:], -delta[..., :1]) - heading))
+        g = np.stack([-delta[..., 1], delta[..., 0]], -1) / np.maximum(d, NEAR) ** 2
+        H = _widen(g[..., None, :], x)
+        if x.shape[-1] > 2:
+            H[..., 0, 2] = -1.0
+        return y, H, -g[..., None, :]
+
+
+@dataclass(frozen=True)
+class Sighting:
+    """A camera's range [m] and bearing [rad] of one thing: one vector, gated once."""
+
+    sigma_range: float = 0.15
+    sigma_bearing: float = 0.02
+
+    @property
+    def R(self) -> Array:
+        return np.array([[self.sigma_range**2, 0.0], [0.0, self.sigma_bearing**2]])
+
+    def expect(self, x: Array, q: Array) -> Array:
+        """Distance [m] and direction in (-pi, pi] [rad], (..., 2)."""
+        return np.concatenate([Range().expect(x, q), Bearing().expect(x, q)], -1)
+
+    def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
+        parts = (
+            Range(self.sigma_range).innovation(x, q, z[..., :1]),
+            Bearing(self.sigma_bearing).innovation(x, q, z[..., 1:]),
+        )
+        (y0, H0, Hq0), (y1, H1, Hq1) = parts
+        return np.concatenate([y0, y1], -1), np.concatenate([H0, H1], -2), np.concatenate([Hq0, Hq1], -2)
+
+
+@dataclass(frozen=True)
+class Orientation:
+    """A teammate's heading relative to the own [rad]; both states have headings."""
+
+    sigma: float = 0.05  # [rad]
+
+    @property
+    def R(self) -> Array:
+        return np.array([[self.sigma**2]])
+
+    def expect(self, x: Array, q: Array) -> Array:
+        """The heading (..., 1) in (-pi, pi] [rad] of a thing that faces along the x axis, relative to the own."""
+        return wrap(-x[..., 2:3])
+
+    def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
+        """Of a thing that faces along the x axis, which a place `q` does not change: y = wrap(z + heading)."""
+        H = np.zeros((*z.shape, x.shape[-1]))
+        H[..., 2] = -1.0
+        return wrap(z + x[..., 2:]), H, np.zeros((*z.shape, 2))
+
+    def between(self, x: Array, x_j: Array, z: Array) -> tuple[Array, Array, Array]:
+        """y = wrap(z - (heading_j - heading)), H and H_j (..., 1, 3) for a teammate at x_j (..., 3)."""
+        y, H, _ = self.innovation(x, x_j[..., :2], z - x_j[..., 2:])
+        return y, H, -H
+
+
+def _offset(x: Array, q: Array) -> tuple[Array, Array]:
+    delta = x[..., :2] - q
+    return delta, np.sqrt((delta**2).sum(-1, keepdims=True))
+
+
+def _widen(H: Array, x: Array) -> Array:
+    """Position Jacobian (..., k, 2) to (..., k, d)."""
+    return np.concatenate([H, np.zeros((*H.shape[:-1], x.shape[-1] - 2))], -1)
+
+
+# Motion models, each with its Jacobian and its noise.
+#
+# They read the state's width d from x (2: a robot with a compass, 3: with a heading of its own), accept any leading
+# axes, and are immutable. The variance is proportional to dt; sigmas are quoted at the stated `tick`.
+
+
+@dataclass(frozen=True)
+class Displacement:
+    """Odometry in a compass frame: u = (dx, dy) [m] with independent Gaussian errors."""
+
+    sigma: float = 0.02  # [m] per axis and `tick`
+    tick: float = 1.0  # [s]
+
+    def move(self, x: Array, u: Array, dt: Array) -> tuple[Array, Array, Array]:
+        """x' = x + u,  F = I,  Q = sigma^2 dt/tick I on the position."""
+        d = x.shape[-1]
+        moved = _add_position(x, _known(u))
+        on_position = np.diag(np.arange(d) < 2).astype(float)
+        Q = self._variance(dt)[..., None, None] * on_position
+        shape = (*moved.shape, d)
+        return moved, np.broadcast_to(np.eye(d), shape), np.broadcast_to(Q, shape)
+
+    def input_noise(self, x: Array, u: Array, dt: Array) -> tuple[Array, Array]:
+        """G = (I, 0)' (..., d, 2),  W = sigma^2 dt/tick I (..., 2, 2)."""
+        d, lead = x.shape[-1], np.broadcast_shapes(x.shape[:-1], u.shape[:-1])
+        W = self._variance(dt)[..., None, None] * np.eye(2)
+        return np.broadcast_to(np.eye(d, 2), (*lead, d, 2)), np.broadcast_to(W, (*lead, 2, 2))
+
+    def sample(self, x: Array, u: Array, dt: Array, noise: Array) -> Array:
+        return _add_position(x, _known(u) + np.sqrt(self._variance(dt))[..., None] * noise)
+
+    def retrace(self, trail: Array, u: Array, dt: Array) -> Array:
+        return trail - _known(u)[..., None, :]
+
+    def place(self, x: Array, trail: Array) -> Array:
+        return x[..., :2] + trail
+
+    def _variance(self, dt: Array) -> Array:
+        return np.asarray(self.sigma**2 / self.tick * np.asarray(dt))
+
+
+@dataclass(frozen=True)
+class Unicycle:
+    """Odometry of a wheeled robot: u = (v [m/s], omega [rad/s]) with independent Gaussian errors."""
+
+    sigma_v: float = 0.04  # [m/s] at `tick`
+    sigma_omega: float = 0.15  # [rad/s] at `tick`
+    tick: float = 0.1  # [s]
+
+    def move(self, x: Array, u: Array, dt: Array) -> tuple[Array, Array, Array]:
+        """x' = x + v dt (cos a, sin a), heading' = heading + omega dt, with a = heading + omega dt / 2.
+
+        Q = G diag(sigma_v^2, sigma_omega^2) G' tick dt, G = d(move)/d(v dt, omega dt): the random-walk form, so that
+        the variance of many short moves equals that of one long move.
+        """
+        u, dt = _known(u), np.asarray(dt)
+        arc, turn = u[..., 0] * dt, u[..., 1] * dt
+        a = x[..., 2] + turn / 2
+        c, s = np.cos(a), np.sin(a)
+        zero, one = np.zeros_like(a), np.ones_like(a)
+        F = _matrix([[one, zero, -arc * s], [zero, one, arc * c], [zero, zero, one]])
+        G = _matrix([[c, -arc * s / 2], [s, arc * c / 2], [zero, one]])
+        W = np.array([self.sigma_v**2, self.sigma_omega**2]) * self.tick
+        Q = (G * (W * dt[..., None])[..., None, :]) @ G.mT
+        return self._step(x, arc, turn), F, Q
+
+    def input_noise(self, x: Array, u: Array, dt: Array) -> tuple[Array, Array]:
+        """G as in `move`, times dt (..., 3, 2),  W = diag(sigma_v^2, sigma_omega^2) tick/dt (..., 2, 2).
+
+        W is 0 where dt is 0.
+        """
+        u, dt = _known(u), np.asarray(dt)
+        arc, a = u[..., 0] * dt, x[..., 2] + u[..., 1] * dt / 2
+        c, s, zero = np.cos(a), np.sin(a), np.zeros_like(a)
+        G = _matrix([[c, -arc * s / 2], [s, arc * c / 2], [zero, zero + 1]]) * dt[..., None, None]
+        rate = np.divide(self.tick, dt, out=np.zeros(dt.shape), where=dt > 0)
+        W = np.diag([self.sigma_v**2, self.sigma_omega**2]) * rate[..., None, None]
+        return G, np.broadcast_to(W, (*G.shape[:-2], 2, 2))
+
+    def sample(self, x: Array, u: Array, dt: Array, noise: Array) -> Array:
+        u, dt = _known(u), np.asarray(dt)
+        spread = np.array([self.sigma_v, self.sigma_omega]) * np.sqrt(self.tick * dt)[..., None]
+        move = u * dt[..., None] + spread * noise
+        return self._step(x, move[..., 0], move[..., 1])
+
+    def retrace(self, trail: Array, u: Array, dt: Array) -> Array:
+        u, dt = _known(u), np.asarray(dt)
+        turn = u[..., 1] * dt
+        along = np.stack([np.cos(turn / 2), np.sin(turn / 2)], -1) * (u[..., 0] * dt)[..., None]
+        return _rotate(trail - along[..., None, :], -turn[..., None])
+
+    def place(self, x: Array, trail: Array) -> Array:
+        return x[..., :2] + _rotate(trail, x[..., 2])
+
+    @staticmethod
+    def _step(x: Array, arc: Array, turn: Array) -> Array:
+        a = x[..., 2] + turn / 2
+        return np.stack([x[..., 0] + arc * np.cos(a), x[..., 1] + arc * np.sin(a), wrap(x[..., 2] + turn)], -1)
+
+
+def _known(u: Array) -> Array:
+    """Absent odometry says: did not move."""
+    return np.where(np.isnan(u), 0.0, u)
+
+
+def _add_position(x: Array, step: Array) -> Array:
+    position = x[..., :2] + step
+    return np.concatenate([position, np.broadcast_to(x[..., 2:], (*position.shape[:-1], x.shape[-1] - 2))], -1)
+
+
+def _matrix(rows: list[list[Array]]) -> Array:
+    return np.stack([np.stack(row, -1) for row in rows], -2)
+
+
+def _rotate(v: Array, angle: Array) -> Array:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.stack([c * v[..., 0] - s * v[..., 1], s * v[..., 0] + c * v[..., 1]], -1)
+
+
+# Direction of arrival from the gradient of four corner readings.
+#
+# The gradient of the signal strength over the arena, by central differences between the corner nodes, points along the
+# direction of the robot. Its noise is Gaussian in the gradient, not in the angle: near the centre the gradient vanishes
+# and the angle says nothing (RMS error 79 deg within 0.5 m, 7 deg beyond 3 m). Hence several densities: the paper's
+# Gaussian of constant sigma, whose error can be read in three ways, the exact projected normal, and that of the
+# gradient.
+#
+# Sources: Latif & Parasuraman, eqs. (1)-(4); R. Parasuraman et al., "Spatial sampling strategy for a 3D sound source
+# localization sensor network using RSSI", 2013 (the central differences); K. V. Mardia, "Statistics of Directional
+# Data", 1972, sec. 3.4.7 (the projected, or offset, normal).
+
+
+@dataclass(frozen=True)
+class GradientDoa:
+    """The DOA reading of a robot among four nodes at (0, 0), (0, b), (a, b), (a, 0), shifted by `corner`."""
+
+    rssi: LogDistance
+    corner: tuple[float, float]  # N1 [m]
+    sides: tuple[float, float]  # Delta_X, Delta_Y [m]
+
+    @property
+    def anchors(self) -> Array:
+        """N1 .. N4 (4, 2) [m]."""
+        a, b = self.sides
+        corners: Array = np.array(self.corner) + np.array([[0, 0], [0, b], [a, b], [a, 0]])
+        return corners
+
+    @property
+    def sigma(self) -> float:
+        """RMS angle error [rad] over the arena under the noise model: computed, not tuned."""
+        return _rms_error(self.rssi.eta, self.rssi.sigma, self.sides)
+
+    @property
+    def R(self) -> Array:
+        return np.array([[self.sigma**2]])
+
+    def gradient(self, S: Array) -> Array:
+        """g (..., 2) [dB/m] from readings S (..., 4).
+
+        g_x = (S_3 - S_2 + S_4 - S_1) / (2 Delta_X)  (1),   g_y = (S_3 - S_4 + S_2 - S_1) / (2 Delta_Y)  (2)
+        """
+        a, b = self.sides
+        gx = (S[..., 2] - S[..., 1] + S[..., 3] - S[..., 0]) / (2 * a)
+        gy = (S[..., 2] - S[..., 3] + S[..., 1] - S[..., 0]) / (2 * b)
+        return np.stack([gx, gy], -1)
+
+    def measure(self, S: Array) -> Array:
+        """DOA = arctan2(g_y, g_x) (...) [rad]  (3), where the paper writes arctan and so loses the half plane."""
+        return _angle(self.gradient(S))
+
+    def expect(self, x: Array) -> Array:
+        """The gradient (..., 2) that the path-loss model gives at x (..., d): removes the gradient's own bias."""
+        return self.gradient(np.moveaxis(self.rssi.level(x, self._beside(x)), 0, -1))
+
+    def _beside(self, x: Array) -> Array:
+        """The nodes (4, 1 .., 2) on an axis before those of x: numpy's inner loops stay long."""
+        return self.anchors.reshape(4, *[1] * (x.ndim - 1), 2)
+
+    def bearing(self, x: Array) -> Array:
+        """ADOA (...) [rad]: the direction of the expected gradient."""
+        return _angle(self.expect(x))
+
+    def slope(self, x: Array) -> Array:
+        """d expect / d position (..., 2 of position, 2 of gradient) [dB/m^2]."""
+        return self.gradient(np.moveaxis(self.rssi.slope(x, self._beside(x)), 0, -1))
+
+    def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
+        """The constant-sigma form; `q` is not used. d angle = (g_x dg_y - g_y dg_x) / |g|^2."""
+        g, dg = self.expect(x), self.slope(x)
+        strength = np.maximum((g**2).sum(-1), NEAR**2)[..., None]
+        slope = (g[..., :1] * dg[..., 1] - g[..., 1:] * dg[..., 0]) / strength
+        H = np.concatenate([slope, np.zeros((*slope.shape[:-1], x.shape[-1] - 2))], -1)[..., None, :]
+        y = wrap(z - np.arctan2(g[..., 1:], g[..., :1]))
+        return y, H, np.zeros((*H.shape[:-1], 2))
+
+    def log_constant(self, x: Array, angle: Array) -> Array:
+        """log N(wrap(ADOA(x) - DOA); 0, sigma^2) up to a constant  (eq. 5 of the paper)."""
+        return -0.5 * (wrap(self.bearing(x) - angle) / self.sigma) ** 2
+
+    def log_sum(self, x: Array, angle: Array) -> Array:
+        """log N(err; 0, sigma^2) up to a constant, err = sum_j (ADOA_j - DOA_j), signed and not wrapped  (eqs. 4, 5).
+
+        "The error between actual DOA (ADOA) for all wireless sensors at a potential candidate position [...] to the
+        perceived DOA values for each sensor". Only one DOA is perceived, that of eq. (3), "concerning the WSN's
+        center": here ADOA is the same angle at the candidate, and every node repeats both.
+        """
+        err = len(self.anchors) * (self.bearing(x) - angle)
+        density: Array = -0.5 * (err / self.sigma) ** 2
+        return density
+
+    def log_corners(self, x: Array, angle: Array) -> Array:
+        """`log_sum` with ADOA_j the direction of x seen from node j, in (-pi, pi].
+
+        Directions of the nodes seen from x have the same sum. It is smallest far outside the arena, where all nodes lie
+        in one direction.
+        """
+        away = x[..., :2] - self._beside(x)
+        err = np.arctan2(away[..., 1], away[..., 0]).sum(0) - len(self.anchors) * angle
+        density: Array = -0.5 * (err / self.sigma) ** 2
+        return density
+
+    def log_gradient(self, x: Array, g: Array) -> Array:
+        """log N(g - g(x); 0, sigma^2 diag(1/a^2, 1/b^2)) up to a constant, for a measured gradient g (..., 2)."""
+        whitened = (g - self.expect(x)) * np.array(self.sides) / self.rssi.sigma
+        density: Array = -0.5 * (whitened**2).sum(-1)
+        return density
+
+    def log_exact(self, x: Array, angle: Array) -> Array:
+        """log of the projected normal density of the angle, for a gradient g ~ N(g(x), sigma^2 diag(1/a^2, 1/b^2))."""
+        a, b = self.sides
+        mu = self.expect(x) * np.array([a, b]) / self.rssi.sigma  # whitened
+        u = np.stack([np.cos(angle) * a, np.sin(angle) * b], -1) / self.rssi.sigma
+        A = (u**2).sum(-1)
+        t = (u * mu).sum(-1) / np.sqrt(A)
+        density: Array = np.log(a * b / self.rssi.sigma**2 / (2 * np.pi * A)) - 0.5 * (mu**2).sum(-1) + _log_tail(t)
+        return density
+
+
+def gradient_doa(world: World) -> GradientDoa:
+    """The DOA sensor of a world.
+
+    Raises:
+        BadInput: the world's anchors are not four corners in the order (0,0) (0,b) (a,b) (a,0).
+
+    """
+    rssi, anchors = world.sensors["anchor_rssi"], world.anchors
+    if isinstance(rssi, LogDistance) and anchors.shape == (4, 2):
+        (ax, ay), (bx, by) = anchors[0].tolist(), anchors[2].tolist()
+        doa = GradientDoa(rssi, (ax, ay), (bx - ax, by - ay))
+        if min(doa.sides) > 0 and np.abs(doa.anchors - anchors).max() < 1e-6 * min(doa.sides):
+            return doa
+    raise BadInput(
+        f"a gradient DOA needs four corner anchors in the order (0,0) (0,b) (a,b) (a,0) and a LogDistance sensor; this "
+        f"world has {len(anchors)} anchors and {type(rssi).__name__}: use anchor_reading='rssi' there"
+    )
+
+
+def _log_tail(t: Array) -> Array:
+    """log(1 + t Phi(t) / phi(t)), in the form that neither overflows above 0 nor cancels below."""
+    from scipy.special import erfcx, log_ndtr  # late, as every process of a plug-in would wait for it
+
+    below = 1 + t * np.sqrt(np.pi / 2) * erfcx(-np.minimum(t, 0.0) / np.sqrt(2))
+    positive = np.maximum(t, np.finfo(float).tiny)
+    above = np.log(positive) + log_ndtr(positive) + 0.5 * positive**2 + 0.5 * np.log(2 * np.pi)
+    log_sum = np.maximum(above, 0.0) + np.log1p(np.exp(-np.abs(above)))  # of 1 and exp(above); lets nan pass quietly
+    tail: Array = np.where(t > 0, log_sum, np.log(np.maximum(below, np.finfo(float).tiny)))
+    return tail
+
+
+def _angle(g: Array) -> Array:
+    angle: Array = np.arctan2(g[..., 1], g[..., 0])
+    return angle
+
+
+@lru_cache(maxsize=64)
+def _rms_error(eta: float, sigma: float, sides: tuple[float, float], grid: int = 40, angles: int = 360) -> float:
+    """sqrt E[(DOA - ADOA)^2], by quadrature of the exact density over a grid of positions."""
+    doa = GradientDoa(LogDistance(eta=eta, sigma=sigma), (0.0, 0.0), sides)
+    cell = (np.arange(grid) + 0.5) / grid
+    x = np.stack(np.meshgrid(cell * sides[0], cell * sides[1], indexing="ij"), -1).reshape(-1, 1, 2)
+    angle = (np.arange(angles) + 0.5) / angles * 2 * np.pi - np.pi
+    density = np.exp(doa.log_exact(x, angle))
+    error = wrap(angle - doa.bearing(x))
+    return float(np.sqrt((error**2 * density).sum() / density.sum()))
+
+
+# What a Kalman filter makes of the four corner anchors: a direction, the gradient it comes from, or raw readings.
+#
+# The gradient g of the signal strength is measured with independent Gaussian errors of standard deviation sigma/a and
+# sigma/b [dB/m], a and b the sides of the arena. So the variance of its direction is known: with u = (a g_x, b
+# g_y)/sigma measured and m expected, the angle between them has, given the length |u|, a von Mises density of
+# concentration |u||m|, and a variance near 1/(|u||m|). Near the centre, where the gradient vanishes, that is large, and
+# the reading counts little; a constant variance counts it too much there, and too little near the walls.
+#
+# Source: K. V. Mardia, P. E. Jupp, "Directional Statistics", 2000, sec. 3.5.4 (the angle of a Gaussian vector, given
+# its length, is von Mises).
+
+AnchorReading = Literal["doa", "gradient", "rssi", "doa-constant", "none", "any"]
+RAW = ("rssi", "any")  # readings as they are: of anchors in dBm; or of whatever fixed things there are
+NOWHERE = np.zeros(2)  # a direction of arrival has no place of its own
+WEAKEST = 1e-9  # concentrations are clamped here
+
+
+@dataclass(frozen=True)
+class WeightedDoa:
+    """The direction of a measured gradient (..., 2), in units of its own standard deviation."""
+
+    doa: GradientDoa
+
+    @property
+    def R(self) -> Array:
+        return np.eye(1)
+
+    def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
+        """sqrt(kappa) wrap(angle u - angle m), and its slopes with kappa held; `q` is not used."""
+        u, m, root = self._whitened(x, z)
+        dm = self.doa.slope(x) * self._scale
+        length2 = np.maximum((m**2).sum(-1, keepdims=True), NEAR**2)
+        turn = (m[..., :1] * dm[..., 1] - m[..., 1:] * dm[..., 0]) / length2
+        y = wrap(np.arctan2(u[..., 1:], u[..., :1]) - np.arctan2(m[..., 1:], m[..., :1]))
+        H = _widened((root * turn)[..., None, :], x)
+        return root * y, H, np.zeros((*H.shape[:-1], 2))
+
+    def at(self, x: Array, z: Array) -> tuple[Array, Array]:
+        """The angle (..., 1) [rad] of a gradient z and its variance (..., 1, 1) [rad^2] for a robot at x."""
+        _, _, root = self._whitened(x, z)
+        return np.arctan2(z[..., 1:], z[..., :1]), (root**-2)[..., None]
+
+    @property
+    def _scale(self) -> Array:
+        return np.array(self.doa.sides) / self.doa.rssi.sigma
+
+    def _whitened(self, x: Array, z: Array) -> tuple[Array, Array, Array]:
+        """u, m and sqrt(kappa) (..., 1), kappa = |u||m|."""
+        u, m = z * self._scale, self.doa.expect(x) * self._scale
+        kappa = np.sqrt((u**2).sum(-1, keepdims=True) * (m**2).sum(-1, keepdims=True))
+        return u, m, np.sqrt(np.maximum(kappa, WEAKEST))
+
+
+@dataclass(frozen=True)
+class GradientReading:
+    """The measured gradient (..., 2) [dB/m] itself: direction and strength."""
+
+    doa: GradientDoa
+
+    @property
+    def R(self) -> Array:
+        return np.diag((self.doa.rssi.sigma / np.array(self.doa.sides)) ** 2)
+
+    def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
+        """z - g(x) and its slopes; `q` is not used."""
+        H = _widened(self.doa.slope(x).mT, x)
+        return z - self.doa.expect(x), H, np.zeros((*H.shape[:-1], 2))
+
+
+def fixed(world: World, z: Senses, reading: AnchorReading) -> Iterator[tuple[Sensor, Array, Array]]:
+    """`world.fixed`, with the four anchor readings replaced by what `reading` says is made of them; "none": nothing."""
+    if reading == "none":
+        return
+    if reading in RAW or z.anchor_rssi.shape[-1] == 0:
+        yield from world.fixed(z)
+        return
+    doa = gradient_doa(world)
+    gradient = doa.gradient(z.anchor_rssi)
+    if np.isnan(gradient).all():
+        return
+    if reading == "doa-constant":
+        yield doa, NOWHERE, doa.measure(z.anchor_rssi)[..., None]
+    else:
+        yield (WeightedDoa if reading == "doa" else GradientReading)(doa), NOWHERE, gradient
+
+
+def _widened(H: Array, x: Array) -> Array:
+    """Position Jacobian (..., k, 2) to (..., k, d)."""
+    return np.concatenate([H, np.zeros((*H.shape[:-1], x.shape[-1] - 2))], -1)
+
+
+# Readings that an estimator trusts less, or more, than it is told: the first thing that a user of a filter tunes.
+
+LEAST, MOST = 0.01, 100.0
+
+
+def inflate(world: World, factor: float) -> World:
+    """The world with every sensor's standard deviations multiplied by `factor`; at 1 it is the same object.
+
+    What is told to the team stays as it is: this is one estimator's choice. A sensor that is not built in is inflated
+    where it is a dataclass with fields whose names begin with "sigma".
+    """
+    if factor == 1:
+        return world
+    sensors: Mapping[str, Sensor] = {name: _inflate_sensor(one, factor) for name, one in world.sensors.items()}
+    return replace(world, sensors=sensors)
+
+
+def _inflate_sensor(sensor: Any, factor: float) -> Any:
+    if not is_dataclass(sensor) or isinstance(sensor, type):
+        return sensor
+    sigmas = [one.name for one in fields(sensor) if one.init and one.name.startswith("sigma")]
+    return replace(sensor, **{name: factor * getattr(sensor, name) for name in sigmas})

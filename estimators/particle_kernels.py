@@ -1,0 +1,635 @@
+"""The compiled loops of the particle filters: resampling, likelihoods over links and directions, a tick of a row."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cooploc.estimators import random_numbers
+from cooploc.estimators.compiled import (
+    COMPACT,
+    arc,
+    exp,
+    extent,
+    fill,
+    inlined,
+    is_single,
+    kernel,
+    ln,
+    load,
+    log,
+    log1p_compact,
+    ordered,
+    readable,
+    row_buffer,
+    store,
+    wide,
+)
+from cooploc.estimators.interface import Array, Indices, Keys, Mask
+from cooploc.estimators.models import NEAR, TOO_NEAR_TO_RANGE
+
+FRACTION = 40  # bits behind the point of an expected count
+
+
+def systematic(w: Array, u: Array) -> Indices:
+    """The ancestors (r, n) of all places, for weights w (r, n) that sum to one and one uniform u (r,) per row."""
+    out = np.empty(w.shape, np.int64)
+    _fill_ancestors(readable(w), readable(u), out)
+    return out
+
+
+@inlined
+def mark_ancestors(w, total, u, count, out):
+    """Systematic resampling of one row without branches, for weights w (n,) that sum to `total`.
+
+    Particle j takes the places from ceil(n C_j-1 - u) on, C the cumulative weights in fixed point. Each writes its
+    number at its first place, over an earlier one that takes none. A running maximum of `out` (n + 1,) then is the
+    ancestor of every place; its last entry is for particles that take no place. `count` (n,) is scratch.
+    """
+    wide()
+    n = len(count)
+    scale = n / total * 2.0**FRACTION
+    for j in range(n):
+        count[j] = np.int64(w[j] * scale + 0.5)
+        out[j] = 0
+    last = np.uint64(n)
+    cumulated = (1 << FRACTION) - 1 - np.int64(u * 2.0**FRACTION)
+    for j in range(n):
+        place = np.uint64(cumulated >> FRACTION)  # where weights are nan it may be negative, which is large here
+        out[place if place < last else last] = j
+        cumulated += count[j]
+
+
+@kernel
+def _fill_ancestors(w, u, out):
+    n = w.shape[1]
+    count, marks = np.empty(n, np.int64), np.empty(n + 1, np.int64)
+    for r in range(w.shape[0]):
+        mark_ancestors(w[r], 1.0, u[r], count, marks)
+        latest = 0
+        for i in range(n):
+            latest = max(latest, marks[i])
+            out[r, i] = latest
+
+
+# Links (anchors, teammates), links in the outer loop.
+#
+# With D the squared distance and z = A - slope ln D, the variance of an RSSI is v = m/D^2. Some links share a division
+# and a logarithm: sum y^2/v + ln v = over/under + ln under - 2 sum ln D, with under = prod m and over/under = sum (y
+# D)^2/m; all in units of the noise, sigma = 1.
+#
+# Where the box of a row's particles, seen from a link's place, spans little of D, ln D is ln D_0 and a short polynomial
+# of D/D_0 - 1, D_0 the middle; such links are "far", the others "near".
+#
+# In single precision products stay within 1e-38 and 1e38: only four links between robots share a logarithm, D is in
+# units of D_0 for far links, v is taken as a ratio for near ones, and no variance counts as more than `VAGUE`.
+# Constants that all particles share are left out.
+
+FIXED, RSSI, RANGE = range(3)  # kinds of links
+NUMBERS = 8  # per link, for the loops
+VAGUE = 2.0**30  # times the noise's variance: what the sender's position adds at most, in single precision
+MANY = 8  # links between robots: with fewer, sorting them costs more than it saves
+
+
+class Row(NamedTuple):
+    """The particles of one row, in buffers."""
+
+    X: Array  # (n,) [m]
+    Y: Array  # (n,) [m]
+    logw: Array  # (n,)
+
+
+class Link(NamedTuple):
+    """One place, its reading and its covariance, in units of the reading's noise."""
+
+    x: float
+    y: float
+    lost: float  # the reading less the one at D = 1
+    xx: float
+    xy: float
+    yy: float
+
+
+@kernel
+def add_anchor_rows(x, d, logw, anchors, out):
+    """`likelihood.anchors` of RSSI, for particles x (r d, N)."""
+    wide()
+    row, links = row_of(logw), np.empty((len(anchors[0]), NUMBERS), logw.dtype)
+    for r in range(len(logw)):
+        load_row(x, d, logw, r, row)
+        west, east = extent(row.X)
+        south, north = extent(row.Y)
+        add_anchors(row, (west, east, south, north), r, anchors, links)
+        store(row.logw, out, r)
+
+
+@inlined
+def row_of(logw):
+    """Buffers for one row of particles."""
+    return Row(row_buffer(logw), row_buffer(logw), row_buffer(logw))
+
+
+@inlined
+def load_row(x, d, logw, r, row):
+    """Row r of particles x (r d, N) into buffers."""
+    load(x, d * r, row.X)
+    load(x, d * r + 1, row.Y)
+    load(logw, r, row.logw)
+
+
+@inlined
+def add_anchors(row, box, r, anchors, links):
+    """Row r of `anchors`, with the particles' box and scratch for the links that were heard."""
+    places, readings, A, slope, unit = anchors
+    far, near, ln_unit = 0, 0, np.log(unit)
+    for a in range(len(places)):
+        z = readings[r, a]
+        if not np.isnan(z):
+            link = Link(places[a, 0], places[a, 1], z - A, 0.0, 0.0, 0.0)
+            far, near = _note(FIXED, links, (far, near), box, link, (slope, unit, ln_unit))
+    _add(FIXED, row, links, (far, near), slope * unit)
+
+
+@kernel
+def add_teammate_rows(x, d, logw, heard, out):
+    """`likelihood.teammates` of RSSI or ranges, for particles x (r d, N)."""
+    wide()
+    row, links = row_of(logw), np.empty((heard[1].shape[1], NUMBERS), logw.dtype)
+    for r in range(len(logw)):
+        load_row(x, d, logw, r, row)
+        add_teammates(row, r, heard, links)
+        store(row.logw, out, r)
+
+
+@inlined
+def add_teammates(row, r, heard, links):
+    """Row r of `teammates`, with scratch for the links that were heard."""
+    packets, readings, ranged, A, slope, unit, gain = heard
+    far, near, ln_unit = 0, 0, np.log(unit)
+    box = np.nan, np.nan, np.nan, np.nan  # no link is far from such a box
+    if len(links) >= MANY and not ranged:
+        (west, east), (south, north) = extent(row.X), extent(row.Y)
+        box = west, east, south, north
+    for j in range(len(links)):
+        z, qx, qy = readings[r, j], packets[r, j, 0], packets[r, j, 1]
+        if np.isnan(z) or np.isnan(qx) or np.isnan(qy) or (ranged and z < TOO_NEAR_TO_RANGE):
+            continue
+        xx, xy, yy = gain * packets[r, j, 2], 2 * gain * packets[r, j, 3], gain * packets[r, j, 4]
+        link = Link(qx, qy, z - A, xx, xy, yy)
+        far, near = _note(RSSI, links, (far, near), box, link, (slope, unit, ln_unit))
+    if ranged:
+        _add(RANGE, row, links, (0, near), -unit)
+    else:
+        _add(RSSI, row, links, (far, near), slope * unit)
+
+
+@inlined
+def _note(kind, links, count, box, link, sensor):
+    """Write what the loops need of a link, far ones from the front, near ones from the back; the count of both.
+
+    The place, the reading less the one at D = 1, or at D_0, the place's covariance, 1/D_0, and a constant.
+    """
+    (far, near), (west, east, south, north), (slope, unit, ln_unit) = count, box, sensor
+    qx, qy, lost, xx, xy, yy = link
+    half_x, half_y = (east - west) / 2, (north - south) / 2
+    dx, dy = abs((west + east) / 2 - qx), abs((south + north) / 2 - qy)
+    far_x, far_y, near_x, near_y = dx + half_x, dy + half_y, max(dx - half_x, 0.0), max(dy - half_y, 0.0)
+    largest = far_x * far_x + far_y * far_y  # nan where a particle is, and then the link counts as near
+    least = near_x * near_x + near_y * near_y
+    middle = (least + largest) / 2
+    if least > NEAR**2 and largest - least <= 2 * COMPACT * middle:
+        k, ln_D = far, ln(middle)
+        far += 1
+    else:
+        near += 1
+        k, ln_D, middle = len(links) - near, 0.0, 1.0
+    links[k, 0], links[k, 1], links[k, 2] = qx, qy, (lost + slope * ln_D) * unit
+    links[k, 3], links[k, 4], links[k, 5] = xx, xy, yy
+    links[k, 6], links[k, 7] = 1 / middle, ln_unit if kind == FIXED else ln_unit + ln_D
+    if is_single(links[k, 7]):
+        links[k, 7] = 0.0
+        for c in range(3, 6):
+            links[k, c] *= links[k, 6] * links[k, 6]
+    return far, near
+
+
+@inlined
+def _add(kind, row, links, count, slope):
+    """Add the log-likelihoods of all links."""
+    far, near = count
+    if kind != RANGE:
+        _add_links(kind, True, row, links, 0, far, slope)
+    _add_links(kind, False, row, links, len(links) - near, len(links), slope)
+
+
+@inlined
+def _add_links(kind, far, row, links, k, last, slope):
+    """Links from k to the last: eight at a time where numbers reach far enough, then four, two, one."""
+    if kind == FIXED or not is_single(row.X[0]):
+        while k + 8 <= last:
+            _add_group(kind, far, 8, row, links, k, slope)
+            k += 8
+    while k + 4 <= last:
+        _add_group(kind, far, 4, row, links, k, slope)
+        k += 4
+    if k + 2 <= last:
+        _add_group(kind, far, 2, row, links, k, slope)
+        k += 2
+    if k < last:
+        _add_group(kind, far, 1, row, links, k, slope)
+
+
+@inlined
+def _add_group(kind, far, size, row, links, k, slope):
+    """Add `size` links. Compiled apart for each `kind`, `far` and `size`, which are constants where this is inlined."""
+    wide()
+    X, Y, logw = row
+    real = X.dtype.type
+    slope, half, constant = real(slope), real(0.5), real(0.0)
+    a, b = _numbers(links, k), _numbers(links, k + min(1, size - 1))
+    c, d = _numbers(links, k + min(2, size - 1)), _numbers(links, k + min(3, size - 1))
+    e, f = _numbers(links, k + min(4, size - 1)), _numbers(links, k + min(5, size - 1))
+    g, h = _numbers(links, k + min(6, size - 1)), _numbers(links, k + min(7, size - 1))
+    for j in range(size):
+        constant += links[k + j, 7]
+    for i in range(len(logw)):
+        x, y = X[i], Y[i]
+        sums = _link(kind, far, x, y, a, slope)
+        if size > 1:
+            sums = _both(sums, _link(kind, far, x, y, b, slope))
+        if size > 2:
+            two = _both(_link(kind, far, x, y, c, slope), _link(kind, far, x, y, d, slope))
+            sums = _both(sums, two)
+        if size > 4:
+            two = _both(_link(kind, far, x, y, e, slope), _link(kind, far, x, y, f, slope))
+            four = _both(two, _both(_link(kind, far, x, y, g, slope), _link(kind, far, x, y, h, slope)))
+            sums = _both(sums, four)
+        sum_ln, over, under = sums
+        if kind == FIXED:
+            logw[i] += constant - half * over
+        else:
+            logw[i] += (constant + sum_ln) - half * (over / under + ln(under))
+
+
+@inlined
+def _numbers(links, k):
+    return links[k, 0], links[k, 1], links[k, 2], links[k, 3], links[k, 4], links[k, 5], links[k, 6]
+
+
+@inlined
+def _both(a, b):
+    """The sums over two groups of links: of ln D, and of (y D)^2/m as a fraction."""
+    return a[0] + b[0], a[1] * b[2] + b[1] * a[2], a[2] * b[2]
+
+
+@inlined
+def _link(kind, far, x, y, link, slope):
+    """ln D, (y D)^2 and m of RSSI, 0, y^2 and v of a range, and 0, y^2, 1 where the variance is the same everywhere.
+
+    The slope of RSSI is J = 2 slope delta / D outside the clamp and 0 inside, that of a range delta / max(d, 0.1 m).
+    """
+    qx, qy, lost, xx, xy, yy, inverse = link
+    zero, one, near, vague = type(x)(0.0), type(x)(1.0), type(x)(NEAR**2), type(x)(VAGUE)
+    dx, dy = x - qx, y - qy
+    D = dx * dx + dy * dy
+    q = dx * (xx * dx + xy * dy) + yy * (dy * dy)
+    if kind == RANGE:
+        rest, q = lost + slope * np.sqrt(D), q / max(D, near)
+        return zero, rest * rest, one + (min(q, vague) if is_single(q) else q)
+    if far:
+        D = D * inverse if is_single(D) else D
+        ln_D = log1p_compact(D - one if is_single(D) else D * inverse - one)
+        q = min(q, vague) if is_single(q) else q
+    else:
+        q = q if near < D else zero
+        D = max(D, near)
+        ln_D = ln(D)
+    rest = lost + slope * ln_D
+    if kind == FIXED:
+        return zero, rest * rest, one
+    if is_single(D) and not far:
+        return zero, rest * rest, one + min(q / (D * D), vague)
+    return ln_D, (rest * D) * (rest * D), D * D + q
+
+
+# Past directions of arrival, and over gradients.
+
+WRAPPED, SUM, CORNERS = range(3)  # forms of the residual
+
+
+class Directions(NamedTuple):
+    """Past directions of arrival, and where the corners are."""
+
+    angles: Array  # (r, M) [rad], nan where absent
+    trail: Array  # (r, M, 2)  where the robot was then, seen from where it is now [m]
+    corner: Array  # (2,)  the first corner [m]
+    sides: Array  # (2,) [m]
+    gain: float  # -1/2 power / sigma^2 [1/rad^2]
+
+
+class Gradients(NamedTuple):
+    """A measured gradient per row, and of the sensor what the loop needs."""
+
+    measured: Array  # (r, 2) [dB/m], nan where absent
+    corner: Array  # (2,)  the first corner [m]
+    sides: Array  # (2,) [m]
+    slope: float  # RSSI lost per unit of ln D, D the squared distance [dB]
+    sigma: float  # [dB]
+
+
+@kernel
+def add_gradient_rows(x, d, logw, gradients, out):
+    """log N of the measured gradient less the one at the particle, in units of its noise, for particles x (r d, N)."""
+    wide()
+    measured, corner, sides, slope, sigma = gradients
+    row = row_of(logw)
+    for r in range(len(logw)):
+        load_row(x, d, logw, r, row)
+        u, v = measured[r, 0] * sides[0] / sigma, measured[r, 1] * sides[1] / sigma
+        if not (np.isnan(u) or np.isnan(v)):
+            _add_gradient(row, (u, v), (corner[0], corner[1]), (sides[0], sides[1]), slope / (2 * sigma))
+        store(row.logw, out, r)
+
+
+@inlined
+def _add_gradient(row, whitened, corner, sides, slope):
+    """One gradient (u, v), for particles seen from the first corner."""
+    wide()
+    (X, Y, logw), real = row, row.X.dtype.type
+    u, v, west, south = real(whitened[0]), real(whitened[1]), real(corner[0]), real(corner[1])
+    a, b, slope, half = real(sides[0]), real(sides[1]), real(slope), real(0.5)
+    for i in range(len(logw)):
+        p, q = _log_ratios(X[i] - west, Y[i] - south, a, b)
+        gx, gy = u - slope * (p + q), v - slope * (p - q)
+        logw[i] -= half * (gx * gx + gy * gy)
+
+
+@kernel
+def add_window_rows(x, d, logw, directions, out):
+    """gain e^2, e the angle between the direction and the gradient g at the particle, for particles x (r d, N)."""
+    _add_directions(WRAPPED, x, d, logw, directions, out)
+
+
+@kernel
+def add_sum_rows(x, d, logw, directions, out):
+    """The same with e four times the difference of the two angles, not wrapped."""
+    _add_directions(SUM, x, d, logw, directions, out)
+
+
+@kernel
+def add_corner_rows(x, d, logw, directions, out):
+    """The same with e the sum over the corners of the particle's direction from each less the direction."""
+    _add_directions(CORNERS, x, d, logw, directions, out)
+
+
+@inlined
+def _add_directions(form, x, d, logw, directions, out):
+    """All rows and directions. Compiled apart for each `form`, a constant where this is inlined."""
+    wide()
+    angles, trail, corner, sides, gain = directions
+    row = row_of(logw)
+    for r in range(len(logw)):
+        load_row(x, d, logw, r, row)
+        for k in range(angles.shape[1]):
+            if not np.isnan(angles[r, k]):
+                shift = trail[r, k, 0] - corner[0], trail[r, k, 1] - corner[1]
+                if form == WRAPPED:
+                    _add_direction(row, angles[r, k], shift, (sides[0], sides[1]), gain)
+                else:
+                    _add_sum(form, row, angles[r, k], shift, (sides[0], sides[1]), gain)
+        store(row.logw, out, r)
+
+
+@inlined
+def _add_direction(row, angle, shift, sides, gain):
+    """One direction, with particles shifted by (east, north) to where they were then, seen from the first corner.
+
+    With D_k the squared distances to the four corners, g_x ~ (ln p + ln q) / a and g_y ~ (ln p - ln q) / b, p = D_1/D_3
+    and q = D_2/D_4. Turned back by the direction, g has the angle e, which needs no wrapping.
+    """
+    wide()
+    (X, Y, logw), (east, north), (a, b), real = row, shift, sides, row.X.dtype.type
+    cx, cy = real(np.cos(angle) / a), real(np.sin(angle) / b)
+    sx, sy = real(np.sin(angle) / a), real(np.cos(angle) / b)
+    east, north, a, b, gain = real(east), real(north), real(a), real(b), real(gain)
+    for i in range(len(logw)):
+        p, q = _log_ratios(X[i] + east, Y[i] + north, a, b)
+        gx, gy = p + q, p - q
+        e = arc(gy * sy - gx * sx, gx * cx + gy * cy)
+        logw[i] += gain * (e * e)
+
+
+@inlined
+def _add_sum(form, row, angle, shift, sides, gain):
+    """The same with a residual that is a sum over the corners."""
+    wide()
+    (X, Y, logw), real, four = row, row.X.dtype.type, row.X.dtype.type(4)
+    east, north, a, b = real(shift[0]), real(shift[1]), real(sides[0]), real(sides[1])
+    angle, gain = real(angle), real(gain)
+    for i in range(len(logw)):
+        w, s = X[i] + east, Y[i] + north
+        if form == SUM:
+            p, q = _log_ratios(w, s, a, b)
+            e = four * (_direction((p - q) / b, (p + q) / a) - angle)
+        else:
+            e = _direction(s, w) + _direction(s - b, w) + _direction(s - b, w - a) + _direction(s, w - a) - four * angle
+        logw[i] += gain * (e * e)
+
+
+@inlined
+def _direction(north, east):
+    """arctan2 in (-pi, pi]."""
+    angle = arc(north, east)
+    return -angle if north < 0 else angle
+
+
+@inlined
+def _log_ratios(w, s, a, b):
+    """ln D_1/D_3 and ln D_2/D_4, D_k the squared distance to corner k, at w east and s north of the first."""
+    real = type(w)
+    near = real(NEAR**2)
+    w2, s2, e2, n2 = w * w, s * s, (w - a) * (w - a), (s - b) * (s - b)
+    D1, D2 = max(w2 + s2, near), max(w2 + n2, near)
+    D3, D4 = max(e2 + n2, near), max(e2 + s2, near)
+    inverse = real(1) / (D3 * D4)
+    return log(D1 * D4 * inverse), log(D2 * D3 * inverse)
+
+
+# The two passes of a tick over rows, each row by itself, in buffers.
+#
+# Python hands a NamedTuple over as `tuple(...)`: numba needs a microsecond to recognise each NamedTuple of a call.
+
+BANDWIDTH = 0.3  # h of Liu and West's kernel, times n^(-1/6)
+
+
+class Cloud(NamedTuple):
+    """The particles of all rows."""
+
+    x: Array  # (2 r, n)  x of a row, then y [m]
+    logw: Array  # (r, n)
+    due: Mask  # (r,)  rows to renew
+
+
+class Moved(NamedTuple):
+    """The particles of all rows after a step, to be written."""
+
+    x: Array  # (2 r, n) [m]
+    logw: Array  # (r, n)
+
+
+class Step(NamedTuple):
+    """How particles move in a tick, and their random numbers."""
+
+    u: Array  # (r, 2) [m], nan where absent
+    sd: Array  # (r,) [m]
+    key: Keys  # (r, 2)
+    counter: int  # of the tick's first random number
+
+
+class Scratch(NamedTuple):
+    """What renewing a row needs."""
+
+    w: Array  # (n,)  weights
+    east: Array  # (n,)  noise
+    north: Array
+    copies: Indices  # (n,)
+    marks: Indices  # (n + 1,)
+    words: NDArray[np.uint32]  # (2, n)
+    renewed: Array  # (2, n)
+
+
+@kernel
+def advance_rows(cloud, step, anchors, sends, out, belief):
+    """`steps.advance` of a cloud into `out`, and where it sends into the belief."""
+    wide()
+    (x, logw, due), (u, sd, key, counter), (x_out, logw_out) = cloud, step, out
+    n, links = logw.shape[1], np.empty((len(anchors[0]), NUMBERS), logw.dtype)
+    row, w = row_of(logw), row_buffer(logw)
+    marks, words = np.empty(n + 1, np.int64), np.empty((2, len(w)), np.uint32)
+    renewed = np.empty((2, n), logw.dtype)
+    scratch = Scratch(w, row_buffer(logw), row_buffer(logw), np.empty(n, np.int64), marks, words, renewed)
+    for r in range(len(logw)):
+        k = np.int64(key[r, 0]), np.int64(key[r, 1])
+        load(logw, r, row.logw)
+        if due[r]:
+            load(x, 2 * r, row.X)
+            load(x, 2 * r + 1, row.Y)
+            _renew(row, k, counter - random_numbers.PURPOSES, scratch)
+        random_numbers.draw_words(k[0], k[1], counter + random_numbers.MOVE, words)
+        random_numbers.normal_pairs(words, row.X, row.Y)
+        if due[r]:
+            fill(row.logw, 0, 0.0)
+            west, east = _move(renewed, 0, u[r, 0], sd[r], row.X)
+            south, north = _move(renewed, 1, u[r, 1], sd[r], row.Y)
+        else:
+            west, east = _move(x, 2 * r, u[r, 0], sd[r], row.X)
+            south, north = _move(x, 2 * r + 1, u[r, 1], sd[r], row.Y)
+        store(row.X, x_out, 2 * r)
+        store(row.Y, x_out, 2 * r + 1)
+        if len(links) > 0:
+            add_anchors(row, (west, east, south, north), r, anchors, links)
+        store(row.logw, logw_out, r)
+        if sends:
+            _moments_into(belief, r, row, n, w)
+
+
+@inlined
+def _move(rows, r, way, sd, noise):
+    """One axis of a row's particles, in the place of the noise that moves them; their extent."""
+    wide()
+    n, real = rows.shape[1], rows.dtype.type
+    way, sd = real(0.0 if np.isnan(way) else way), real(sd)
+    low = high = ordered(rows[r, 0] + way + sd * noise[0])
+    for i in range(n):
+        noise[i] = rows[r, i] + way + sd * noise[i]
+        low, high = min(low, ordered(noise[i])), max(high, ordered(noise[i]))
+    fill(noise, n, noise[0])
+    return ordered(low), ordered(high)
+
+
+@inlined
+def _renew(row, key, counter, scratch):
+    """One row of `steps.renew`: m + shrink (x_a - m) + h L noise, L the Cholesky factor of P, which may be singular."""
+    wide()
+    (X, Y, _), (w, east, north, copies, marks, words, renewed) = row, scratch
+    n = len(copies)
+    h = BANDWIDTH * n ** (-1 / 6)
+    shrink = np.sqrt(1 - h * h)
+    total, _, mx, my, xx, xy, yy = _weighted_moments(row, n, w)
+    u, _ = random_numbers.uniform_pair(key[0], key[1], counter + random_numbers.RESAMPLE, 0)
+    mark_ancestors(w, total, u, copies, marks)
+    random_numbers.draw_words(key[0], key[1], counter + random_numbers.JITTER, words)
+    random_numbers.normal_pairs(words, east, north)
+    mx, my = (1 - shrink) * mx, (1 - shrink) * my
+    a = np.sqrt(max(xx, 0.0))
+    b = xy / a if a > 0 else 0.0
+    c = h * np.sqrt(max(yy - b * b, 0.0))
+    real, a, b = X.dtype.type, h * a, h * b
+    shrink, mx, my, a, b, c = real(shrink), real(mx), real(my), real(a), real(b), real(c)
+    ancestor = 0
+    for i in range(n):
+        ancestor = max(ancestor, marks[i])
+        j = np.uint64(ancestor)
+        g0, g1 = east[i], north[i]
+        renewed[0, i] = shrink * X[j] + (mx + a * g0)
+        renewed[1, i] = shrink * Y[j] + (my + (b * g0 + c * g1))
+
+
+@inlined
+def _moments_into(belief, r, row, n, w):
+    """Moments of a row into the belief; the sum of its weights and of their squares."""
+    total, squares, mx, my, xx, xy, yy = _weighted_moments(row, n, w)
+    mean, P = belief
+    if is_single(total):  # rounding may leave a correlation above 1
+        most = np.sqrt(np.float64(xx) * np.float64(yy))
+        xy = min(max(xy, -most), most)
+    mean[r, 0], mean[r, 1] = mx, my
+    P[r, 0, 0], P[r, 0, 1], P[r, 1, 0], P[r, 1, 1] = xx, xy, xy, yy
+    return total, squares
+
+
+@inlined
+def _weighted_moments(row, n, w):
+    """Weights of a row of n into `w`, all equal where it is nothing but -inf; their sum, squares, and the moments."""
+    wide()
+    X, Y, logw = row
+    fill(logw, n, -np.inf)
+    _, top = extent(logw)
+    zero = logw.dtype.type(0.0)
+    if top == -np.inf:
+        top = zero
+        for i in range(n):
+            logw[i] = zero
+    if is_single(top):  # few digits: what all share is left out
+        for i in range(len(logw)):
+            logw[i] -= top
+        top = zero
+    total, squares, mx, my = zero, zero, zero, zero
+    for i in range(len(logw)):
+        w[i] = exp(logw[i] - top)
+        total += w[i]
+        squares += w[i] * w[i]
+        mx += w[i] * X[i]
+        my += w[i] * Y[i]
+    mx, my = mx / total, my / total
+    xx, xy, yy = zero, zero, zero
+    for i in range(len(logw)):
+        ex, ey = X[i] - mx, Y[i] - my
+        xx += w[i] * (ex * ex)
+        xy += w[i] * (ex * ey)
+        yy += w[i] * (ey * ey)
+    return total, squares, mx, my, xx / total, xy / total, yy / total
+
+
+@kernel
+def conclude_rows(x, logw, heard, belief, logw_out, due):
+    """`steps.conclude` for particles x (2 r, n), into all that follows `heard`."""
+    wide()
+    n, links = logw.shape[1], np.empty((heard[1].shape[1], NUMBERS), logw.dtype)
+    row, w = row_of(logw), row_buffer(logw)
+    for r in range(len(logw)):
+        load_row(x, 2, logw, r, row)
+        add_teammates(row, r, heard, links)
+        total, squares = _moments_into(belief, r, row, n, w)
+        due[r] = total * total < n / 2 * squares
+        store(row.logw, logw_out, r)

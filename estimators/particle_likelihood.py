@@ -1,0 +1,245 @@
+"""Log-likelihoods of readings at every particle: sums over anchors, teammates and past directions of arrival.
+
+`anchors`, `teammates` and `window` use a compiled loop of particle_kernels.py for the sensors of models.py, and numpy
+for any other. The numpy forms, `*_reference`, state the same densities by the sensor's own `innovation`; tests compare the
+two.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple, cast
+
+import numpy as np
+
+from cooploc.estimators.compiled import readable
+from cooploc.estimators.interface import Array, Belief, Motion, Sensor
+from cooploc.estimators.models import Displacement, GradientDoa, LogDistance, Range
+from cooploc.estimators.particle_kernels import (
+    Directions,
+    Gradients,
+    add_anchor_rows,
+    add_corner_rows,
+    add_gradient_rows,
+    add_sum_rows,
+    add_teammate_rows,
+    add_window_rows,
+)
+
+
+def pack(belief: Belief) -> Array:
+    """A packet (r, 5) of a belief's position."""
+    x, P = belief
+    return np.stack([x[:, 0], x[:, 1], P[:, 0, 0], P[:, 0, 1], P[:, 1, 1]], -1)
+
+
+def unpack(packet: Array) -> tuple[Array, Array]:
+    """The position (r, 2) and covariance (r, 2, 2) of a packet (r, 5)."""
+    return packet[:, :2], np.stack([packet[:, 2:4], packet[:, 3:5]], -2)
+
+
+# Readings of anchors and of packets as the compiled loops take them.
+
+
+class AnchorReadings(NamedTuple):
+    """RSSI of anchors, and of the sensor what the loop needs."""
+
+    places: Array  # (a, 2) [m]
+    readings: Array  # (r, a) [dBm], nan where absent
+    A: float  # [dBm] at 1 m
+    slope: float  # RSSI lost per unit of ln D, D the squared distance [dB]
+    unit: float  # 1/sigma [1/dB]
+
+
+class PacketReadings(NamedTuple):
+    """RSSI or ranges of packets, and of the sensor what the loop needs."""
+
+    packets: Array  # (r, n, 5)  x, y, P_xx, P_xy, P_yy of each sender
+    readings: Array  # (r, n) [dBm] or [m], nan where nothing was heard
+    ranged: bool  # ranges, else RSSI
+    A: float  # as of anchors; 0 of ranges
+    slope: float
+    unit: float  # 1/sigma [1/dB] or [1/m]
+    gain: float  # times P_j: the variance that the sender's position adds, sigma = 1; 0 ignores P_j
+
+
+Fixed = tuple[Sensor, Array, Array]  # sensor, place (2,) and readings (r, 1) of a fixed place, as of `World.fixed`
+
+
+def log_normal(y: Array, v: Array) -> Array:
+    """log N(y; 0, v) without its constant; 0 where the reading is absent."""
+    return np.where(np.isnan(y), 0.0, -0.5 * y**2 / v - 0.5 * np.log(v))
+
+
+def anchors(fixed: Sequence[Fixed], x: Array, logw: Array) -> Array:
+    """`logw` (r, N) and the log-likelihoods of scalar readings of fixed places, at particles x (r, N, d).
+
+    Args:
+        fixed: scalar readings of fixed places.
+        x: particles.
+        logw: log-weights so far.
+
+    """
+    if not have_loop(fixed):
+        return anchors_reference(fixed, x, logw)
+    out = np.empty_like(logw, order="C")
+    add_anchor_rows(planes(x), x.shape[-1], readable(logw), tuple(anchor_readings(fixed, len(x))), out)
+    return out
+
+
+def have_loop(fixed: Sequence[Fixed]) -> bool:
+    """Whether there is a loop for these readings: RSSI by one sensor, or none."""
+    return not fixed or (type(fixed[0][0]) is LogDistance and all(sensor is fixed[0][0] for sensor, _, _ in fixed))
+
+
+def anchor_readings(fixed: Sequence[Fixed], rows: int) -> AnchorReadings:
+    """The readings as that loop takes them."""
+    if not fixed:
+        return AnchorReadings(np.empty((0, 2)), np.empty((rows, 0)), 0.0, 0.0, 1.0)
+    sensor = cast(LogDistance, fixed[0][0])
+    readings = np.concatenate([z for _, _, z in fixed], -1)
+    return AnchorReadings(np.array([q for _, q, _ in fixed]), readings, sensor.A, _slope(sensor), 1 / sensor.sigma)
+
+
+def anchors_reference(fixed: Sequence[Fixed], x: Array, logw: Array) -> Array:
+    """`anchors` in numpy, for any scalar sensor."""
+    for sensor, place, reading in fixed:
+        y, _, _ = sensor.innovation(x, place, reading[:, None, :])
+        logw = logw + log_normal(y[..., 0], sensor.R[0, 0])
+    return logw
+
+
+class ReceivedPackets(NamedTuple):
+    """The packets that reached each robot, and the radio's reading of each."""
+
+    sensor: Sensor  # of the readings
+    packets: Array  # (r, n, 5)  x, y, P_xx, P_xy, P_yy of each sender
+    readings: Array  # (r, n)     nan where nothing was heard
+    integrate: bool  # over the sender's position; else the sender is taken to be at its mean, P_j = 0
+
+    @property
+    def compiled(self) -> bool:
+        """Whether there is a loop for this sensor."""
+        return type(self.sensor) in (LogDistance, Range)
+
+    def for_loop(self) -> PacketReadings:
+        """The readings as that loop takes them."""
+        packets, readings = readable(self.packets), readable(self.readings)
+        if isinstance(self.sensor, LogDistance):
+            slope = _slope(self.sensor)
+            gain = (2 * slope / self.sensor.sigma) ** 2 if self.integrate else 0.0
+            return PacketReadings(packets, readings, False, self.sensor.A, slope, 1 / self.sensor.sigma, gain)
+        precision = 1 / float(self.sensor.R[0, 0])
+        return PacketReadings(packets, readings, True, 0.0, 0.0, precision**0.5, precision if self.integrate else 0.0)
+
+
+def no_packets(rows: int) -> ReceivedPackets:
+    """No packets in any of these rows."""
+    return ReceivedPackets(Range(), np.empty((rows, 0, 5)), np.empty((rows, 0)), False)
+
+
+def teammates(heard: ReceivedPackets, x: Array, logw: Array) -> Array:
+    """`logw` (r, N) and the log-likelihoods of the readings heard, at particles x (r, N, d).
+
+    The sender is integrated out of each: variance sigma^2 + J P_j J', with J the slope at the particle.
+    """
+    if not heard.compiled:
+        return teammates_reference(heard, x, logw)
+    out = np.empty_like(logw, order="C")
+    add_teammate_rows(planes(x), x.shape[-1], readable(logw), tuple(heard.for_loop()), out)
+    return out
+
+
+def teammates_reference(heard: ReceivedPackets, x: Array, logw: Array) -> Array:
+    """`teammates` in numpy, for any scalar sensor."""
+    sensor, packets, readings, integrate = heard
+    for j in np.flatnonzero(~np.isnan(readings).all(0)):
+        x_j, P_j = unpack(packets[:, j])
+        y, _, J = sensor.innovation(x, x_j[:, None, :], readings[:, j, None, None])
+        v = sensor.R[0, 0] + np.zeros_like(y[..., 0])
+        if integrate:
+            J = J[..., 0, :]  # (r, N, 2)
+            v = v + ((J @ P_j) * J).sum(-1)
+        logw = logw + log_normal(y[..., 0], v)
+    return logw
+
+
+def window(
+    doa: GradientDoa, motion: Motion, x: Array, logw: Array, angles: Array, trail: Array, form: str, power: float
+) -> Array:
+    """`logw` (r, N) and `power` times the log-density of past directions, each at the particle shifted back.
+
+    Args:
+        doa: the sensor.
+        motion: shifts a particle back along the path.
+        x: particles (r, N, d).
+        logw: log-weights so far.
+        angles: directions (r, M) [rad], nan where absent.
+        trail: where the robot was then, seen from where it is now (r, M, 2).
+        form: of the density: "exact", or one of the constant sigma with the residual "wrapped", "sum" or "corners".
+        power: exponent of every density.
+
+    """
+    if form == "exact":
+        return window_reference(doa, motion, x, logw, angles, trail, form, power)
+    if type(motion) is Displacement:
+        return _window_at(doa, x, logw, angles, trail, form, power)
+    for k in range(angles.shape[1]):
+        there = motion.place(x, trail[:, None, k])
+        logw = _window_at(doa, there, logw, angles[:, k : k + 1], np.zeros((len(x), 1, 2)), form, power)
+    return logw
+
+
+def window_reference(
+    doa: GradientDoa, motion: Motion, x: Array, logw: Array, angles: Array, trail: Array, form: str, power: float
+) -> Array:
+    """`window` in numpy."""
+    forms = {"exact": doa.log_exact, "wrapped": doa.log_constant, "sum": doa.log_sum, "corners": doa.log_corners}
+    log_density = forms[form]
+    for k in range(angles.shape[1]):
+        angle = angles[:, k, None]
+        if not np.isnan(angle).all():
+            there = motion.place(x, trail[:, None, k])
+            logw = logw + power * np.where(np.isnan(angle), 0.0, log_density(there, angle))
+    return logw
+
+
+def gradient(doa: GradientDoa, x: Array, logw: Array, g: Array) -> Array:
+    """`logw` (r, N) and the log-density of a measured gradient g (r, 2) [dB/m], nan where absent."""
+    if type(doa.rssi) is not LogDistance:
+        absent = np.isnan(g).any(-1, keepdims=True)
+        return logw + np.where(absent, 0.0, doa.log_gradient(x, g[:, None, :]))
+    out = np.empty_like(logw, order="C")
+    slope, sigma = _slope(doa.rssi), float(doa.rssi.sigma)
+    gradients = Gradients(readable(g), np.array(doa.corner), np.array(doa.sides), slope, sigma)
+    add_gradient_rows(planes(x), x.shape[-1], readable(logw), tuple(gradients), out)
+    return out
+
+
+def _window_at(doa: GradientDoa, x: Array, logw: Array, angles: Array, trail: Array, form: str, power: float) -> Array:
+    out = np.empty_like(logw, order="C")
+    corner, sides = np.array(doa.corner), np.array(doa.sides)
+    directions = Directions(readable(angles), readable(trail), corner, sides, -0.5 * power / doa.sigma**2)
+    add_rows = {"wrapped": add_window_rows, "sum": add_sum_rows, "corners": add_corner_rows}[form]
+    add_rows(planes(x), x.shape[-1], readable(logw), tuple(directions), out)
+    return out
+
+
+def planes(x: Array) -> Array:
+    """Particles (r, N, d) as kernels take them, each axis of a row by itself: (r d, N)."""
+    r, n, d = x.shape
+    return readable(x.transpose(0, 2, 1)).reshape(r * d, n)
+
+
+def _slope(sensor: LogDistance) -> float:
+    """RSSI lost per unit of ln D, D the squared distance [dB]."""
+    return float(5 * sensor.eta / np.log(10))
+
+
+def log_density(y: Array, S: Array) -> Array:
+    """log N(y; 0, S) without its constant, for y (..., k) of one or two numbers; 0 where any of them is absent."""
+    if y.shape[-1] == 1:
+        distance, det = y[..., 0] ** 2 / S[..., 0, 0], S[..., 0, 0]
+    else:
+        a, b, c = S[..., 0, 0], S[..., 0, 1], S[..., 1, 1]
+        det = a * c - b * b
+        distance = (c * y[..., 0] ** 2 - 2 * b * y[..., 0] * y[..., 1] + a * y[..., 1] ** 2) / det
+    return np.where(np.isnan(y).any(-1), 0.0, -0.5 * (distance + np.log(det)))

@@ -1,0 +1,547 @@
+"""What every particle filter here shares: spreading a prior, moving, weighting, moments, and renewal.
+
+Renewal is systematic resampling where the effective sample size falls below half, followed by Liu & West's kernel:
+particles shrink towards the mean by a = sqrt(1 - h^2) and are spread by h times the covariance, so that mean and
+covariance stay what they were.
+
+Source: J. Liu, M. West, "Combined parameter and state estimation in simulation-based filtering", 2001.
+
+A tick is two passes over each row. `advance` renews where that is due, moves, weighs by anchors, and computes the
+belief that is sent; `conclude` weighs by the packets received. For states that are positions (d = 2) they are the
+compiled loops of particle_kernels.py; with a heading, and for other motions, numpy functions, with which tests compare
+the loops.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from cooploc.estimators import models, particle_likelihood, random_numbers
+from cooploc.estimators.compiled import readable
+from cooploc.estimators.errors import BadInput, require
+from cooploc.estimators.interface import Array, Belief, Keys, Mail, Mask, Motion, Rows, Senses, Sensor, World
+from cooploc.estimators.models import (
+    LEAST,
+    MOST,
+    TOO_NEAR_TO_RANGE,
+    Displacement,
+    GradientDoa,
+    Range,
+    Sighting,
+    circular_mean,
+    inflate,
+    wrap,
+    wrap_heading,
+)
+from cooploc.estimators.particle_kernels import BANDWIDTH, Cloud, Moved, Step, advance_rows, conclude_rows, systematic
+from cooploc.estimators.particle_likelihood import Fixed, ReceivedPackets, log_density, planes, teammates
+from cooploc.estimators.tunable import tunable
+
+
+def sample_prior(prior: Belief, key: Keys, n: int) -> Array:
+    """Particles (r, n, d) drawn from the prior."""
+    return wrap_heading(
+        prior.x[:, None, :] + _scatter(prior.P, _noise(key, 0, random_numbers.INIT, n, prior.x.shape[-1]))
+    )
+
+
+def advance(
+    motion: Motion,
+    x: Array,
+    logw: Array,
+    due: Mask,
+    z: Senses,
+    key: Keys,
+    tick: int,
+    fixed: Sequence[Fixed] = (),
+    sends: bool = False,
+) -> tuple[Array, Array, Belief | None]:
+    """Begin a tick: renew, move, and weigh by the readings of fixed places.
+
+    Args:
+        motion: how particles move.
+        x: particles (r, n, d).
+        logw: their log-weights (r, n).
+        due: rows (r,) to renew first, as `conclude` found.
+        z: odometry and dt.
+        key: of the random numbers (r, 2).
+        tick: the number of this tick.
+        fixed: readings that weigh the particles after they have moved.
+        sends: whether the moments of the particles are needed, to be sent.
+
+    Returns:
+        particles drawn from P(x' | x, u), their log-weights, and their moments, None unless `sends`.
+
+    """
+    if type(motion) is not Displacement or x.shape[-1] != 2 or not particle_likelihood.have_loop(fixed):
+        x, logw = resample(x, logw, key, tick - 1)
+        noise = random_numbers.normals(key, tick, random_numbers.MOVE, x.shape[1])
+        x = motion.sample(x, z.odometry[:, None, :], z.dt[:, None], noise)
+        logw = particle_likelihood.anchors(fixed, x, logw)
+        return x, logw, summary(x, logw) if sends else None
+    cloud, sd = Cloud(planes(x), readable(logw), readable(due)), np.sqrt(motion.sigma**2 / motion.tick * z.dt)
+    step = Step(readable(z.odometry), readable(sd), readable(key), tick * random_numbers.PURPOSES)
+    out = Moved(np.empty((2 * len(x), x.shape[1]), x.dtype), np.empty_like(logw, order="C"))
+    belief = empty_belief(len(x))
+    anchors = particle_likelihood.anchor_readings(fixed, len(x))
+    advance_rows(tuple(cloud), tuple(step), tuple(anchors), sends, tuple(out), tuple(belief))
+    return out.x.reshape(-1, 2, x.shape[1]).transpose(0, 2, 1), out.logw, belief if sends else None
+
+
+def summary(x: Array, logw: Array) -> Belief:
+    """Weighted mean and covariance of particles x (r, n, d) with log-weights (r, n)."""
+    return posterior_summary(x, logw)[0]
+
+
+def posterior_summary(x: Array, logw: Array, heard: ReceivedPackets | None = None) -> tuple[Belief, Array, Mask]:
+    """End a tick: weigh particles by the packets `heard`.
+
+    Returns:
+        their moments, their log-weights, and which rows (r,) are due for renewal.
+
+    """
+    if x.shape[-1] != 2 or (heard and not heard.compiled):
+        logw = particle_likelihood.teammates(heard, x, logw) if heard else logw
+        w = weights(logw)
+        return moments(x, w), restart_weights(logw), poor(w)
+    belief, logw_new, due = empty_belief(len(x)), np.empty_like(logw, order="C"), np.empty(len(x), np.bool_)
+    packets = (heard or particle_likelihood.no_packets(len(x))).for_loop()
+    conclude_rows(planes(x), readable(logw), tuple(packets), tuple(belief), logw_new, due)
+    return belief, logw_new, due
+
+
+def empty_belief(rows: int) -> Belief:
+    """Arrays for the moments of so many rows, to be written."""
+    return Belief(np.empty((rows, 2)), np.empty((rows, 2, 2)))
+
+
+def weights(logw: Array) -> Array:
+    """Normalised weights (r, n). A row in which all are -inf starts again from equal weights; nan stays nan."""
+    top = logw.max(-1, keepdims=True)
+    w = np.exp(np.where(top == -np.inf, 0.0, logw - np.maximum(top, np.finfo(float).min)))
+    normalised: Array = w / w.sum(-1, keepdims=True)
+    return normalised
+
+
+def mean(x: Array, w: Array) -> Array:
+    """Weighted mean (r, d); the heading's is circular."""
+    m: Array = (w[..., None] * x).sum(-2)
+    if x.shape[-1] > 2:
+        m[:, 2] = circular_mean(x[..., 2], w)
+    return m
+
+
+def moments(x: Array, w: Array) -> Belief:
+    """Weighted mean and covariance of particles x (r, n, d), w (r, n)."""
+    m = mean(x, w)
+    e = offset(x, m)
+    P = np.stack([(w[..., None] * e[..., :, i, None] * e).sum(-2) for i in range(x.shape[-1])], -2)
+    return Belief(m, P)
+
+
+def poor(w: Array) -> Mask:
+    """Rows (r,) of weights (r, n) with an effective sample size below n/2."""
+    few: Mask = 1 / (w**2).sum(-1) < w.shape[-1] / 2
+    return few
+
+
+def restart_weights(logw: Array) -> Array:
+    """Log-weights (r, n) in which a row of -inf alone starts again from equal weights."""
+    return np.where(logw.max(-1, keepdims=True) == -np.inf, 0.0, logw)
+
+
+def resample(x: Array, logw: Array, key: Keys, tick: int) -> tuple[Array, Array]:
+    """Resampled particles and their log-weights; rows that are not poor stay as they are."""
+    n, d = x.shape[1:]
+    logw = restart_weights(logw)
+    w = weights(logw)
+    due = poor(w)
+    if not due.any():
+        return x, logw
+    h = BANDWIDTH * n ** (-1 / 6)
+    old, w, key = x[due], w[due], key[due]
+    u = random_numbers.uniforms(key, tick, random_numbers.RESAMPLE, 1)[:, 0, 0]
+    chosen = np.take_along_axis(old, systematic(w, u)[..., None], 1)
+    belief = moments(old, w)
+    noise = _noise(key, tick, random_numbers.JITTER, n, d)
+    kernel = np.sqrt(1 - h**2) * offset(chosen, belief.x) + h * _scatter(belief.P, noise)
+    x, logw = x.copy(), logw.copy()
+    x[due] = wrap_heading(belief.x[:, None, :] + kernel)
+    logw[due] = 0.0
+    return x, logw
+
+
+def offset(x: Array, m: Array) -> Array:
+    """Particles (r, n, d) less their mean (r, d), headings wrapped."""
+    e = x - m[:, None, :]
+    if x.shape[-1] > 2:
+        e[..., 2] = wrap(e[..., 2])
+    return e
+
+
+def _noise(key: Keys, tick: int, purpose: int, n: int, d: int) -> Array:
+    """Standard normals (r, n, d); the purpose after `purpose` is the heading's."""
+    pair = random_numbers.normals(key, tick, purpose, n)
+    if d == 2:
+        return pair
+    return np.concatenate([pair, random_numbers.normals(key, tick, purpose + 1, n)[..., : d - 2]], -1)
+
+
+def _scatter(P: Array, noise: Array) -> Array:
+    """noise (r, n, d) times a Cholesky factor of P (r, d, d), which may be singular."""
+    d = P.shape[-1]
+    L = np.zeros_like(P)
+    for j in range(d):
+        L[:, j, j] = np.sqrt(np.maximum(P[:, j, j] - (L[:, j, :j] ** 2).sum(-1), 0.0))
+        for i in range(j + 1, d):
+            rest = P[:, i, j] - (L[:, i, :j] * L[:, j, :j]).sum(-1)
+            L[:, i, j] = np.divide(rest, L[:, j, j], out=np.zeros_like(rest), where=L[:, j, j] > 0)
+    out = np.zeros_like(noise)
+    for i in range(d):
+        for j in range(i + 1):
+            out[..., i] += L[:, i, j, None] * noise[..., j]
+    return out
+
+
+# What a robot remembers of the packets it received: the last M of each sender, for the product over past samples.
+#
+# "To get the weight for the probability based on the shared information from all neighboring robots, we can use the
+# Gaussian probability formula same as (Eq. 5) with RSSI as an error": and eq. (5) is a product over M past samples.
+#
+# Source: Latif & Parasuraman, "Synergistic Localization", eqs. (5)-(8).
+
+
+class PastPackets(NamedTuple):
+    """The last M packets of each sender, the newest first. A tick without a packet leaves a sender's as they are."""
+
+    packets: Array  # (r, n, M, 5)  x, y, P_xx, P_xy, P_yy of the sender then
+    readings: Array  # (r, n, M)
+    trail: Array  # (r, n, M, 2)  where the robot was then, seen from where it is now [m]
+
+
+def no_past_packets(rows: int, senders: int, samples: int) -> PastPackets:
+    """Nothing received yet."""
+    shape = rows, senders, samples
+    return PastPackets(np.full((*shape, 5), np.nan), np.full(shape, np.nan), np.zeros((*shape, 2)))
+
+
+def shift_past_packets(past: PastPackets, motion: Motion, z: Senses) -> PastPackets:
+    """The same packets, after the robot's next move."""
+    r, n, samples, _ = past.trail.shape
+    trail = motion.retrace(past.trail.reshape(r, n * samples, 2), z.odometry, z.dt)
+    return past._replace(trail=trail.reshape(past.trail.shape))
+
+
+def keep_received(past: PastPackets, heard: ReceivedPackets) -> PastPackets:
+    """With the packets of this tick in front, where there are any, and the oldest forgotten."""
+    here = np.zeros_like(past.trail[:, :, 0])
+    newest = PastPackets(heard.packets, heard.readings, here)
+    new = ~np.isnan(heard.readings)
+    return PastPackets(*(_push_rows(memory, one, new) for memory, one in zip(past, newest, strict=True)))
+
+
+def _push_rows(memory: Array, newest: Array, new: Array) -> Array:
+    """A memory (r, n, M, ...) with one more entry in front where there is a new one (r, n)."""
+    longer = np.concatenate([newest[:, :, None], memory[:, :, :-1]], 2)
+    return np.where(new.reshape(*new.shape, *[1] * (memory.ndim - 2)), longer, memory)
+
+
+def weigh_past_packets(
+    past: PastPackets, heard: ReceivedPackets, motion: Motion, x: Array, logw: Array, power: float
+) -> Array:
+    """`logw` (r, N) and `power` times the log-likelihoods of the last M readings of each sender heard now.
+
+    Each is taken at the particle shifted back along the path, as past directions are.
+
+    Args:
+        past: packets, those of this tick among them.
+        heard: the packets of this tick.
+        motion: shifts a particle back.
+        x: particles (r, N, d).
+        logw: log-weights so far.
+        power: exponent of every likelihood.
+
+    """
+    r, n, samples = past.readings.shape
+    readings = np.where(np.isnan(heard.readings)[..., None], np.nan, past.readings)
+    total = np.zeros_like(logw)
+    if type(motion) is Displacement and heard.compiled:  # the particle moves back, or the sender forth: it is the same
+        packets = past.packets.copy()
+        packets[..., :2] -= past.trail
+        flat = heard._replace(packets=packets.reshape(r, n * samples, 5), readings=readings.reshape(r, n * samples))
+        return logw + power * teammates(flat, x, total)
+    for j in range(n):
+        for k in range(samples):
+            there = motion.place(x, past.trail[:, j, None, k])
+            one = heard._replace(packets=past.packets[:, j, None, k], readings=readings[:, j, None, k])
+            total = teammates(one, there, total)
+    return logw + power * total
+
+
+# A packet of five numbers: x, y, and the position covariance's P_xx, P_xy, P_yy.
+
+
+# A robot's own particle filter on odometry and anchor RSSI: what ARL is, and what MRSL and CTRN build on.
+#
+# Source: Latif & Parasuraman, "Individual localization", eqs. (1)-(5); R. Parashar, R. Parasuraman, "Particle filter
+# based localization of access points using direction of arrival on mobile robots", VTC-Fall 2020.
+
+PARAMETERS = """
+    Parameters of the robot's own particle filter:
+        particles: their number, at least 2.
+        anchor_reading: "doa", the direction of arrival made of the four anchor readings; "gradient", the gradient
+            [dB/m] that the direction is taken from, of this tick alone; "rssi", their raw likelihoods; or "none", no
+            reading of anchors: odometry and teammates alone.
+        density: of the direction: "constant" is a Gaussian error of the angle, "exact" the projected normal.
+        residual: the error in the constant density: "wrapped", the particle's angle less the measured one in
+            (-pi, pi]; "sum", eq. (4) to the letter: that difference not wrapped, once for each of the four nodes; or
+            "corners", the same with the particle's direction from each node, which says little inside the arena.
+        M: path samples in the product of eq. (5), at least 1.
+        K: directions in the moving average, at least 1.
+        decay: weight of a direction per sample of age, in (0, 1].
+        temper: exponent 1/M on that product; without it a recursive filter counts every direction M times.
+        point: "mean" of the particles, or "max", the paper's: the particle of largest weight.
+        proposal: "walk" by the motion model, or "box", the paper's: uniform around the present estimate, every tick.
+        box: half-width of that box [m], above 0.
+        inflation: factor, 0.01 to 100, on the standard deviation that is assumed of every reading; 1: as told.
+        precision: of particles and their weights, "double" or "single": half the memory and about half the time, with
+            errors of rounding of a millionth of the distance from the origin; in an arena of at most 10 km.
+"""
+DOA = "anchor_reading", "doa"  # what most parameters are about
+FARTHEST = 1e4  # [m] from the origin: there single numbers are a millimetre apart
+
+
+@dataclass(frozen=True)
+class ParticleSettings:
+    """Parameters that all particle filters share. The defaults are the readings of the `paper` preset."""
+
+    particles: int = 200
+    anchor_reading: Literal["doa", "gradient", "rssi", "none"] = "doa"
+    density: Literal["constant", "exact"] = tunable("constant", choices=("constant", "exact"), where=DOA)
+    residual: Literal["wrapped", "sum", "corners"] = "wrapped"
+    M: int = tunable(5, 1, 10, where=DOA)
+    K: int = tunable(5, 1, 10, where=DOA)
+    decay: float = tunable(0.99, 0.5, 1.0, where=DOA)
+    temper: bool = tunable(True, choices=(True, False), where=DOA)
+    point: Literal["mean", "max"] = "mean"
+    proposal: Literal["walk", "box"] = "walk"
+    box: float = 0.5  # [m]
+    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
+    precision: Literal["double", "single"] = "double"
+
+    def __init_subclass__(cls) -> None:
+        """Every particle filter's help explains these parameters too."""
+        cls.__doc__ = f"{cls.__dict__.get('__doc__') or cls.__name__}\n{PARAMETERS}"
+
+    def __post_init__(self) -> None:
+        require(self, particles=(2, 1_000_000), M=(1, 10_000), K=(1, 10_000), box=(1e-9, 1e6), decay=(1e-9, 1))
+        require(self, inflation=(LEAST, MOST))
+
+    @property
+    def uses(self) -> tuple[str, ...]:
+        """The channels of the robot's own filter."""
+        return ("odometry",) if self.anchor_reading == "none" else ("odometry", "anchor_rssi")
+
+    @property
+    def power(self) -> float:
+        """The exponent of every density in a product over M samples."""
+        return 1 / self.M if self.temper else 1.0
+
+    @property
+    def one_pass(self) -> bool:
+        """Whether particles are drawn and weighed in one pass, in `correct`."""
+        return self.anchor_reading in ("rssi", "none") and self.proposal == "walk"
+
+
+class FilterState(NamedTuple):
+    """What a robot remembers. The newest entry of each memory comes first."""
+
+    x: Array  # (r, N, d)  particles
+    logw: Array  # (r, N)     log-weights, unnormalised
+    due: Mask  # (r,)       rows to be renewed when the next tick begins
+    sent: Belief | None  # the belief to be sent, where it is computed already
+    belief: Belief  # x (r, d), P (r, d, d)  at the end of the last tick
+    key: Keys  # (r, 2)
+    tick: int
+    doa: Array  # (r, K)     raw angles [rad]
+    smooth: Array  # (r, M)     averaged angles [rad]
+    trail: Array  # (r, M, 2)  where the robot was then, seen from where it is now [m]
+    past: PastPackets  # of a robot that uses more than the newest packet of each sender
+    world: World
+
+
+def init_single(p: ParticleSettings, prior: Belief, world: World, rows: Rows) -> FilterState:
+    """Particles drawn from the prior, and empty memories."""
+    world = inflate(world, p.inflation)
+    if p.anchor_reading in ("doa", "gradient"):
+        models(world)  # refuses a world without four corners before anything runs
+    r = len(prior.x)
+    require_digits(p, world)
+    x = sample_prior(prior, rows.key, p.particles)
+    empty = np.full((r, p.K), np.nan), np.full((r, p.M), np.nan), np.zeros((r, p.M, 2)), no_past_packets(r, 0, 0)
+    s = FilterState(x, np.zeros(x.shape[:2]), np.zeros(r, bool), None, prior, rows.key, 0, *empty, world)
+    return round_to_single(p, s)
+
+
+def require_digits(p: ParticleSettings, world: World) -> None:
+    """Refuse single precision where it cannot tell places that are a millimetre apart.
+
+    Raises:
+        BadInput: the arena reaches more than 10 km from the origin.
+
+    """
+    reach = float(np.abs(world.arena).max())
+    if p.precision == "single" and reach > FARTHEST:
+        raise BadInput(
+            f"precision='single' has seven digits, and this arena reaches {reach:.0f} m from the origin: set "
+            f"precision='double', or put the origin within {FARTHEST:.0f} m"
+        )
+
+
+def round_to_single(p: ParticleSettings, s: FilterState) -> FilterState:
+    """The state with particles and log-weights as `precision` keeps them; numpy's steps compute in double."""
+    real: Any = np.float32 if p.precision == "single" else np.float64
+    return s if s.x.dtype == s.logw.dtype == real else s._replace(x=s.x.astype(real), logw=s.logw.astype(real))
+
+
+def predict_single(p: ParticleSettings, s: FilterState, z: Senses) -> FilterState:
+    """Draw from P(x_t+1 | x_t); "box": uniformly around the moved estimate, forgetting the weights.
+
+    Where `p.one_pass`, `correct` draws them.
+    """
+    motion, tick = s.world.motion, s.tick + 1
+    if p.one_pass:
+        return s._replace(tick=tick)
+    trail = motion.retrace(s.trail, z.odometry, z.dt)
+    if p.proposal == "box":
+        x, logw = resample(s.x, s.logw, s.key, s.tick)
+        middle, _, _ = motion.move(mean(x, weights(logw)), z.odometry, z.dt)
+        x = np.repeat(middle[:, None, :], p.particles, 1)
+        x[..., :2] += p.box * (2 * random_numbers.uniforms(s.key, tick, random_numbers.BOX, p.particles) - 1)
+        return round_to_single(p, s._replace(x=x, logw=np.zeros_like(s.logw), tick=tick, trail=trail))
+    x, logw, _ = advance(motion, s.x, s.logw, s.due, z, s.key, tick)
+    return round_to_single(p, s._replace(x=x, logw=logw, tick=tick, trail=trail))
+
+
+def correct_single(p: ParticleSettings, s: FilterState, z: Senses, sends: bool = True) -> FilterState:
+    """Weigh the particles by the anchors' readings; `sends` unless this robot transmits nothing."""
+    fixed = list(s.world.fixed(z)) if p.anchor_reading == "rssi" else []
+    if p.one_pass:
+        x, logw, sent = advance(s.world.motion, s.x, s.logw, s.due, z, s.key, s.tick, fixed, sends)
+        return round_to_single(p, s._replace(x=x, logw=logw, sent=sent))
+    if p.anchor_reading in ("rssi", "none"):
+        return round_to_single(p, s._replace(logw=particle_likelihood.anchors(fixed, s.x, s.logw)))
+    doa = models(s.world)
+    if p.anchor_reading == "gradient":
+        logw = particle_likelihood.gradient(doa, s.x, s.logw, doa.gradient(z.anchor_rssi))
+        return round_to_single(p, s._replace(logw=logw))
+    return _by_directions(p, s, doa, doa.measure(z.anchor_rssi))
+
+
+def _by_directions(p: ParticleSettings, s: FilterState, doa: GradientDoa, angle: Array) -> FilterState:
+    """Weigh by the last M averaged directions, of which `angle` (r,) is the newest; nothing where that is absent."""
+    s = _remember(p, s, angle)
+    angles = np.where(np.isnan(angle)[:, None], np.nan, s.smooth)
+    form = "exact" if p.density == "exact" else p.residual
+    logw = particle_likelihood.window(doa, s.world.motion, s.x, s.logw, angles, s.trail, form, p.power)
+    return round_to_single(p, s._replace(logw=logw))
+
+
+def belief_to_send(s: FilterState) -> Belief:
+    """The belief that a robot sends: before it uses any packet of this tick."""
+    return s.sent or summary(s.x, s.logw)
+
+
+def resample_and_estimate(
+    p: ParticleSettings, s: FilterState, heard: particle_likelihood.ReceivedPackets | None = None
+) -> FilterState:
+    """Weigh by the packets heard, and end the tick.
+
+    The belief is the weighted mean and covariance; with point="max" the particle of largest weight instead of the mean.
+    """
+    s = round_to_single(p, s)
+    belief, logw, due = posterior_summary(s.x, s.logw, heard)
+    if p.point == "max":
+        belief = belief._replace(x=np.take_along_axis(s.x, logw.argmax(-1)[:, None, None], 1)[:, 0])
+    return round_to_single(p, s._replace(logw=logw, due=due, belief=belief))
+
+
+def _remember(p: ParticleSettings, s: FilterState, angle: Array) -> FilterState:
+    """The DOA smoothed by a circular moving average over the last K, weights decay^age (the paper's EWMA).
+
+    Memories count samples, not ticks: a tick without a DOA leaves them as they are.
+    """
+    doa = _push(s.doa, angle)
+    weight = np.where(np.isnan(doa), 0.0, p.decay ** np.arange(p.K))
+    smooth = _push(s.smooth, circular_mean(np.where(np.isnan(doa), 0.0, doa), weight))
+    new, trail = ~np.isnan(angle)[:, None], _push(s.trail, np.zeros_like(s.trail[:, 0]))
+    return s._replace(
+        doa=np.where(new, doa, s.doa),
+        smooth=np.where(new, smooth, s.smooth),
+        trail=np.where(new[..., None], trail, s.trail),
+    )
+
+
+def _push(memory: Array, newest: Array) -> Array:
+    """A memory (r, k, ...) with one more entry in front and the last one forgotten."""
+    return np.concatenate([newest[:, None], memory[:, :-1]], 1)
+
+
+# A robot's own particle filter in any world where teammates meet: by anchors or landmarks, by radio or camera.
+#
+# `correct_single` weighs particles by anchors. Here they are weighed by landmarks where the world has those instead,
+# and a packet's reading is the camera's sighting of its sender where there are cameras, else the radio's. No reading is
+# refused for being unlikely: where gross outliers occur, as in MRCLAM, particles collapse on them.
+
+
+@dataclass(frozen=True)
+class TeamParticleSettings(ParticleSettings):
+    """Parameters of a robot's own filter, and which radio reading is used where no camera sees teammates."""
+
+    reading: Literal["rssi", "range"] = "range"
+
+    @property
+    def uses(self) -> tuple[str, ...]:
+        """The channels, in order of preference."""
+        own = ("anchor_rssi|landmark" if channel == "anchor_rssi" else channel for channel in super().uses)
+        return (*own, f"sighting|radio_{self.reading}")
+
+
+def init_team(p: TeamParticleSettings, prior: Belief, world: World, rows: Rows) -> FilterState:
+    """Particles drawn from the prior."""
+    return init_single(_without_team(p, world), prior, world, rows)
+
+
+def predict_team(p: TeamParticleSettings, s: FilterState, z: Senses) -> FilterState:
+    """Draw from P(x_t+1 | x_t)."""
+    return predict_single(_without_team(p, s.world), s, z)
+
+
+def correct_team(p: TeamParticleSettings, s: FilterState, z: Senses) -> FilterState:
+    """Weigh the particles by the readings of anchors, or of landmarks."""
+    if "landmark" not in s.world.sensors:
+        return correct_single(p, s, z)
+    s = correct_single(_without_team(p, s.world), s, z, sends=False)
+    logw = s.logw.copy()
+    for sensor, place, reading in s.world.fixed(z):
+        rows = np.flatnonzero(~np.isnan(reading).any(-1))
+        y, _, _ = sensor.innovation(s.x[rows], place, reading[rows, None])
+        logw[rows] += log_density(y, sensor.R)
+    return s._replace(logw=logw, sent=None)
+
+
+def team_readings(world: World, z: Senses, mail: Mail) -> tuple[Sensor, Array]:
+    """The sensor of teammates, and its readings (r, n, k) of the senders heard; nan where absent or too near."""
+    channels = {"sighting": z.sighting, "radio_rssi": mail.rssi[..., None], "radio_range": mail.range[..., None]}
+    name = next(channel for channel in channels if channel in world.sensors)
+    sensor, reading = world.sensors[name], channels[name]
+    ranged = isinstance(sensor, Range | Sighting)
+    refused = ~mail.heard[..., None] | (ranged & (reading[..., :1] < TOO_NEAR_TO_RANGE))
+    return sensor, np.where(refused, np.nan, reading)
+
+
+def _without_team(p: TeamParticleSettings, world: World) -> TeamParticleSettings:
+    """The settings of the own filter; it has no anchors to weigh by where there are landmarks."""
+    return replace(p, anchor_reading="none") if "landmark" in world.sensors else p

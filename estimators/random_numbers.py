@@ -1,0 +1,184 @@
+"""Random numbers of the particle filters: a counter-based generator, compiled by numba.
+
+Every random number is a function of (row key, tick, purpose, particle) alone, so results do not depend on how rows are
+chunked, ordered or spread over processes. `*_reference` are the same functions in plain numpy; tests compare them.
+
+Source of the generator: J. K. Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", SC 2011 (Threefry-2x32-20).
+"""
+
+from typing import Any
+
+import numpy as np
+from numba import types
+from numpy.typing import NDArray
+
+from cooploc.estimators.compiled import (
+    SINGLE,
+    by_format,
+    inlined,
+    intrinsic,
+    kernel,
+    log,
+    quarter,
+    readable,
+    turned,
+    wide,
+)
+from cooploc.estimators.interface import Array, Keys
+
+ROTATIONS = (13, 15, 26, 6, 17, 29, 16, 24)
+PARITY = 0x1BD11BDA
+PURPOSES = 8  # counters per tick, one for each of the purposes below
+
+WORDS: Any = types.Tuple((types.uint32, types.uint32))
+
+INIT, INIT_HEADING, MOVE, RESAMPLE, JITTER, JITTER_HEADING, BOX, AUDIT = range(8)
+
+
+@intrinsic
+def threefry(context: Any, k0: Any, k1: Any, c0: Any, c1: Any) -> Any:
+    """Two uint32 words for the counter (c0, c1) under the key (k0, k1), in the 32-bit integers that numba widens."""
+
+    def generate(target: Any, builder: Any, signature: Any, a: Any) -> Any:
+        word = target.get_value_type(types.uint32)
+        k0, k1, x0, x1 = (builder.trunc(v, word) for v in a)
+        ks = (k0, k1, builder.xor(builder.xor(k0, k1), word(PARITY)))
+        x0, x1 = builder.add(x0, k0), builder.add(x1, k1)
+        for i in range(20):
+            turn = ROTATIONS[i % 8]
+            x0 = builder.add(x0, x1)
+            x1 = builder.or_(builder.shl(x1, word(turn)), builder.lshr(x1, word(32 - turn)))
+            x1 = builder.xor(x1, x0)
+            if i % 4 == 3:
+                block = i // 4 + 1
+                x0 = builder.add(x0, ks[block % 3])
+                x1 = builder.add(builder.add(x1, ks[(block + 1) % 3]), word(block))
+        return target.make_tuple(builder, signature.return_type, (x0, x1))
+
+    return WORDS(*[types.int64] * 4), generate
+
+
+@inlined
+def draw_words(k0, k1, counter, words):
+    """Threefry's words (2, n) of particles 0 .. n-1, apart from any floats: a vector then holds twice as many."""
+    wide()
+    first, second = words[0], words[1]
+    for i in range(words.shape[1]):
+        first[i], second[i] = threefry(k0, k1, counter, i)
+
+
+def _uniform(f):
+    """A uniform from a word; in single precision from 31 bits: an integer with a sign becomes a number sooner."""
+    if f is SINGLE:
+        return inlined(lambda a: np.float32(np.int32(a >> 1)) * np.float32(2.0**-31) + np.float32(2.0**-32))
+    return inlined(lambda a: a * 2.0**-32 + 2.0**-33)
+
+
+def _normal_pair(f):
+    real, word, spare = f.real, f.word, 2 if f is SINGLE else 34  # bits of an integer above the lower 30
+    two, turn, start, uniform = real(-2), real(2 * np.pi * 2.0**-32), real(np.pi * 2.0**-32), _uniform(f)
+
+    def normal_pair(_, a, b):
+        radius = np.sqrt(two * log(uniform(a)))
+        right_angles, rest = word(np.int64(b) + 2**29) >> 30, word(np.int64(b) << spare) >> spare  # the rest has a sign
+        c, s = quarter(real(rest) * turn + start)
+        c, s = turned(right_angles, c, s)
+        return radius * c, radius * s
+
+    return normal_pair
+
+
+normal_pair = by_format(_normal_pair)  # two standard normals from two words by Box-Muller, like the first argument
+
+
+@inlined
+def normal_pairs(words, X, Y):
+    """The standard normals of `words` (2, n)."""
+    wide()
+    first, second, like = words[0], words[1], X.dtype.type(0)
+    for i in range(len(X)):
+        X[i], Y[i] = normal_pair(like, first[i], second[i])
+
+
+@inlined
+def uniform_pair(k0, k1, counter, i):
+    """Two uniforms in (0, 1)."""
+    a, b = threefry(k0, k1, counter, i)
+    return (a + 0.5) * 2.0**-32, (b + 0.5) * 2.0**-32
+
+
+@kernel
+def _fill_normals(key, counter, out):
+    wide()
+    words = np.empty((2, out.shape[1] // 2), np.uint32)
+    for r in range(out.shape[0]):
+        draw_words(np.int64(key[r, 0]), np.int64(key[r, 1]), counter, words)
+        row, first, second = out[r], words[0], words[1]
+        for i in range(len(first)):
+            row[2 * i], row[2 * i + 1] = normal_pair(0.0, first[i], second[i])
+
+
+@kernel
+def _fill_uniforms(key, counter, out):
+    wide()
+    for r in range(out.shape[0]):
+        k0, k1 = np.int64(key[r, 0]), np.int64(key[r, 1])
+        row = out[r]
+        for i in range(out.shape[1] // 2):
+            row[2 * i], row[2 * i + 1] = uniform_pair(k0, k1, counter, i)
+
+
+def normals(key: Keys, tick: int, purpose: int, n: int) -> Array:
+    """Standard normal pairs (r, n, 2) by Box-Muller, for particles 0 .. n-1."""
+    out = np.empty((len(key), 2 * n))
+    _fill_normals(readable(key), tick * PURPOSES + purpose, out)
+    return out.reshape(-1, n, 2)
+
+
+def uniforms(key: Keys, tick: int, purpose: int, n: int) -> Array:
+    """Uniform pairs (r, n, 2) in (0, 1)."""
+    out = np.empty((len(key), 2 * n))
+    _fill_uniforms(readable(key), tick * PURPOSES + purpose, out)
+    return out.reshape(-1, n, 2)
+
+
+def threefry_reference(key: Keys, counter: int, n: int) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
+    """Threefry-2x32-20 words (r, n), (r, n) in plain numpy."""
+    k0, k1 = key[:, :1], key[:, 1:]
+    ks = (k0, k1, k0 ^ k1 ^ np.uint32(PARITY))
+    a = np.uint32(counter) + ks[0] + np.zeros(n, np.uint32)
+    b = np.arange(n, dtype=np.uint32) + ks[1]
+    for block in range(5):
+        for i in range(4):
+            turn = np.uint32(ROTATIONS[(block % 2) * 4 + i])
+            a = a + b
+            b = ((b << turn) | (b >> np.uint32(32 - turn))) ^ a
+        a = a + ks[(block + 1) % 3]
+        b = b + ks[(block + 2) % 3] + np.uint32(block + 1)
+    return a, b
+
+
+def normals_reference(key: Keys, tick: int, purpose: int, n: int) -> Array:
+    """`normals` in plain numpy."""
+    a, b = threefry_reference(key, tick * PURPOSES + purpose, n)
+    radius = np.sqrt(-2 * np.log((a + 0.5) * 2.0**-32))
+    angle = 2 * np.pi * (b + 0.5) * 2.0**-32
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle)], -1)
+
+
+# Random numbers of what filters exchange: a further stream of each row, apart from its own filter's.
+#
+# So a robot that hears nobody draws the same numbers as one that runs alone.
+
+SHARE, SENDER, PLACE, NOISE, ANCESTOR, SAMPLE = range(6)  # what is drawn
+STREAM = np.array([0, 0x6A09E667], np.uint32)  # turns a row's key into that of its further stream
+
+
+def further_uniforms(key: Keys, tick: int, purpose: int, n: int) -> Array:
+    """Uniform pairs (r, n, 2) in (0, 1)."""
+    return uniforms(key ^ STREAM, tick, purpose, n)
+
+
+def further_normals(key: Keys, tick: int, purpose: int, n: int) -> Array:
+    """Standard normal pairs (r, n, 2)."""
+    return normals(key ^ STREAM, tick, purpose, n)
