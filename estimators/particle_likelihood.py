@@ -1,8 +1,8 @@
 """Log-likelihoods of readings at every particle: sums over anchors, teammates and past directions of arrival.
 
 `anchors`, `teammates` and `window` use a compiled loop of particle_kernels.py for the sensors of models.py, and numpy
-for any other. The numpy forms, `*_reference`, state the same densities by the sensor's own `innovation`; tests compare the
-two.
+for any other. The numpy forms, `*_reference`, state the same densities by the sensor's `innovation`; tests compare
+the two.
 """
 
 from collections.abc import Sequence
