@@ -39,7 +39,7 @@ def test_every_file_whose_functions_are_inlined_elsewhere_is_listed_as_shared():
     """Otherwise a kernel that was compiled before such a file changed would be used after."""
     inlined_elsewhere = re.compile(r"^@(strict_)?(inlined|intrinsic)\ndef [a-z]", re.MULTILINE)
     files = [f for f in ROOM.rglob("*.py") if inlined_elsewhere.search(f.read_text())]
-    assert len(files) > 5
+    assert len(files) > 3
     assert {f.relative_to(ROOM).with_suffix("").as_posix() for f in files} <= set(SHARED)
 
 
