@@ -9,12 +9,11 @@ from typing import ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
 
-from cooploc.estimators import models
 from cooploc.estimators.errors import require
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, Sensor, World
 from cooploc.estimators.kalman import linearise, symmetric
 from cooploc.estimators.kalman_window import READINGS, Window, empty, moved, shortened, smooth
-from cooploc.estimators.models import RAW, AnchorReading, fixed, wrap_heading
+from cooploc.estimators.models import RAW, AnchorReading, fixed, gradient_doa, wrap_heading
 
 
 class Gaussian(NamedTuple):
@@ -336,7 +335,7 @@ class Gbp:
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         if self.anchor_reading not in (*RAW, "none") and "anchor_rssi" in world.sensors:
-            models(world)
+            gradient_doa(world)
         return start(prior, world, rows.robot)
 
     def predict(self, s: State, z: Senses) -> State:

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Literal, NamedTuple, Protocol, Self, TypeVar
 
 import numpy as np
 
-from cooploc.estimators import kalman_kernels, models
+from cooploc.estimators import kalman_kernels
 from cooploc.estimators.compiled import readable, spread_out
 from cooploc.estimators.errors import require
 from cooploc.estimators.interface import (
@@ -38,6 +38,7 @@ from cooploc.estimators.models import (
     Sighting,
     Unicycle,
     fixed,
+    gradient_doa,
     inflate,
     wrap_heading,
 )
@@ -314,7 +315,7 @@ class Settings:
 
         """
         if self.anchor_reading not in (*RAW, "none") and "anchor_rssi" in world.sensors:
-            models(world)
+            gradient_doa(world)
 
 
 @dataclass(frozen=True)

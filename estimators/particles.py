@@ -18,7 +18,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from cooploc.estimators import models, particle_likelihood, random_numbers
+from cooploc.estimators import particle_likelihood, random_numbers
 from cooploc.estimators.compiled import readable
 from cooploc.estimators.errors import BadInput, require
 from cooploc.estimators.interface import Array, Belief, Keys, Mail, Mask, Motion, Rows, Senses, Sensor, World
@@ -31,6 +31,7 @@ from cooploc.estimators.models import (
     Range,
     Sighting,
     circular_mean,
+    gradient_doa,
     inflate,
     wrap,
     wrap_heading,
@@ -376,7 +377,7 @@ def init_single(p: ParticleSettings, prior: Belief, world: World, rows: Rows) ->
     """Particles drawn from the prior, and empty memories."""
     world = inflate(world, p.inflation)
     if p.anchor_reading in ("doa", "gradient"):
-        models(world)  # refuses a world without four corners before anything runs
+        gradient_doa(world)  # refuses a world without four corners before anything runs
     r = len(prior.x)
     require_digits(p, world)
     x = sample_prior(prior, rows.key, p.particles)
@@ -433,7 +434,7 @@ def correct_single(p: ParticleSettings, s: FilterState, z: Senses, sends: bool =
         return round_to_single(p, s._replace(x=x, logw=logw, sent=sent))
     if p.anchor_reading in ("rssi", "none"):
         return round_to_single(p, s._replace(logw=particle_likelihood.anchors(fixed, s.x, s.logw)))
-    doa = models(s.world)
+    doa = gradient_doa(s.world)
     if p.anchor_reading == "gradient":
         logw = particle_likelihood.gradient(doa, s.x, s.logw, doa.gradient(z.anchor_rssi))
         return round_to_single(p, s._replace(logw=logw))

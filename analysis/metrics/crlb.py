@@ -21,11 +21,10 @@ from scipy.special import erfcx
 from scipy.stats import qmc
 from threadpoolctl import threadpool_limits
 
-from cooploc.estimators import models
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Mail, Senses, Sensor
 from cooploc.estimators.kalman import root
-from cooploc.estimators.models import NOWHERE, Displacement, GradientDoa, GradientReading
+from cooploc.estimators.models import NOWHERE, Displacement, GradientDoa, GradientReading, gradient_doa
 from cooploc.estimators.registry import is_file, parse
 from cooploc.scenarios import resolve, simulate
 from cooploc.scenarios.scenario import split_family
@@ -259,7 +258,7 @@ def _derived(stream: Stream, z: Senses, channels: Collection[str]) -> Iterator[t
     """What is made of the anchors' readings, as `World.fixed`."""
     for channel, made in DERIVED.items():
         if channel in channels:
-            doa = models(stream.world)
+            doa = gradient_doa(stream.world)
             yield made(doa), NOWHERE, doa.gradient(z.anchor_rssi)
 
 

@@ -6,7 +6,7 @@ from oracles import dense_posterior, linear_team, slope
 
 import cooploc as cl
 from cooploc.analysis.metrics.crlb import SAMPLES, DirectionAlone, covariances, floor, floors, why_not
-from cooploc.estimators import models
+from cooploc.estimators.models import gradient_doa
 
 CHANNELS = ("anchor_rssi", "radio_range")
 
@@ -169,7 +169,7 @@ def test_the_whole_gradient_is_a_linear_reading_of_the_corners():
 @pytest.mark.parametrize("place", [(3.05, 2.9), (2.2, 3.7), (0.8, 4.9), (5.6, 5.5)])
 def test_the_angle_informs_as_its_density_says(place, rng):
     """Brute force: angles of simulated RSSI, and the spread of the score of their density by finite differences."""
-    doa = models(cl.simulate("trajectory", trials=1, ticks=1)[1].world)
+    doa = gradient_doa(cl.simulate("trajectory", trials=1, ticks=1)[1].world)
     x, h = np.array(place), 1e-4
     rssi = doa.rssi.level(x, doa.anchors) + doa.rssi.sigma * rng.normal(size=(60_000, 4))
     angle = doa.measure(rssi)
@@ -185,7 +185,7 @@ def test_no_posterior_of_the_angle_alone_is_sharper():
     """One reading in strong signals: the exact posterior on a grid, averaged over priors and readings, by 4 errors."""
     label, quiet = "robots-1-3/n=1", {"shadowing": 0.3, "fast": 0.1, "prior_sigma": 0.3}
     truth, stream = cl.simulate(label, trials=300, seed=5, ticks=1, **quiet)
-    doa, grid = models(stream.world), np.linspace(-4, 4, 81)
+    doa, grid = gradient_doa(stream.world), np.linspace(-4, 4, 81)
     unit = np.stack(np.meshgrid(grid, grid), -1).reshape(-1, 2)
     spread = np.hypot(0.3, 0.02)
     error = []

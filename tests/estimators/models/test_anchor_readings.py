@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from oracles import slope
 
-from cooploc.estimators import make, models
+from cooploc.estimators import make
 from cooploc.estimators.models import NOWHERE, GradientDoa, GradientReading, LogDistance, WeightedDoa, fixed
 from cooploc.scenarios import simulate
 from cooploc.scenarios.runner.run import run
@@ -114,7 +114,7 @@ def test_what_is_made_of_the_anchors_is_what_was_asked_for():
         "gradient": [GradientReading],
         "rssi": [LogDistance] * 4,
     }
-    np.testing.assert_array_equal(made["gradient"][0][2], models(stream.world).gradient(z.anchor_rssi))
+    np.testing.assert_array_equal(made["gradient"][0][2], gradient_doa(stream.world).gradient(z.anchor_rssi))
     nothing = z._replace(anchor_rssi=np.full_like(z.anchor_rssi, np.nan))
     assert not list(fixed(stream.world, z, "none"))
     assert not [reading for r in made for reading in fixed(stream.world, nothing, r)]

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from oracles import arrival, arrival_error, gradient, log_distance, repeatable
 from scipy.stats import multivariate_normal, norm
 
-from cooploc.estimators import make, models
+from cooploc.estimators import make
 from cooploc.estimators.models import GradientDoa, LogDistance, Range
 from cooploc.scenarios import simulate
 from cooploc.scenarios.runner.run import run
@@ -183,7 +183,7 @@ def told(**changes):
 
 def test_doa_of_a_world_reads_its_corners():
     world = told(anchors=np.array([[1, 2], [1, 5], [7, 5], [7, 2]], float))
-    doa = models(world)
+    doa = gradient_doa(world)
     assert doa.corner == (1, 2)
     assert doa.sides == (6, 3)
     assert doa.rssi == world.sensors["anchor_rssi"]
@@ -203,12 +203,12 @@ def test_doa_of_a_world_reads_its_corners():
 def test_anchors_that_are_no_corners_are_refused_with_a_remedy(anchors):
     world = told(anchors=np.array(anchors, float).reshape(-1, 2))
     with pytest.raises(ValueError, match=r"four corner anchors.*anchor_reading='rssi'"):
-        models(world)
+        gradient_doa(world)
 
 
 def test_anchors_without_a_path_loss_model_are_refused():
     with pytest.raises(ValueError, match="Range"):
-        models(told(sensors={"anchor_rssi": Range()}))
+        gradient_doa(told(sensors={"anchor_rssi": Range()}))
 
 
 @pytest.mark.parametrize("name", ["arl", "mrsl-rssi", "ekf-local", "ekf-joint"])
