@@ -5,7 +5,15 @@ import pytest
 from oracles import slope
 
 from cooploc.estimators import make
-from cooploc.estimators.models import NOWHERE, GradientDoa, GradientReading, LogDistance, WeightedDoa, fixed
+from cooploc.estimators.models import (
+    NOWHERE,
+    GradientDoa,
+    GradientReading,
+    LogDistance,
+    WeightedDoa,
+    fixed,
+    gradient_doa,
+)
 from cooploc.scenarios import simulate
 from cooploc.scenarios.runner.run import run
 

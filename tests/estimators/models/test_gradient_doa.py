@@ -10,7 +10,7 @@ from oracles import arrival, arrival_error, gradient, log_distance, repeatable
 from scipy.stats import multivariate_normal, norm
 
 from cooploc.estimators import make
-from cooploc.estimators.models import GradientDoa, LogDistance, Range
+from cooploc.estimators.models import GradientDoa, LogDistance, Range, gradient_doa
 from cooploc.scenarios import simulate
 from cooploc.scenarios.runner.run import run
 
