@@ -11,7 +11,7 @@ from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.inspect.finding import Finding
 from cooploc.scenarios.recordings.inspect.inspection import Inspected, inspect_recording
 from cooploc.scenarios.recordings.inspect.series_table import SeriesRow
-from cooploc.scenarios.recordings.team.schema import NAME
+from cooploc.scenarios.recordings.schema import NAME
 
 SKETCH = "inspect.png"
 

@@ -16,8 +16,8 @@ import cooploc as cl
 from cooploc.analysis.formats import change, metres
 from cooploc.analysis.plot import style
 from cooploc.scenarios import resolve
-from cooploc.scenarios.recordings.team.residuals import Part, residuals
-from cooploc.scenarios.recordings.team.sampling import Gaps, span
+from cooploc.scenarios.recordings.fit import Part, residuals
+from cooploc.scenarios.recordings.sampling import Gaps, span
 from cooploc.scenarios.studies.study import load
 
 BAGS = {"two-robots": "two turtlebots, one radio pair, 45 s", "four-robots": "four turtlebots, six radio pairs, 17 s"}

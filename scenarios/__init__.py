@@ -86,14 +86,14 @@ BUILTIN: dict[str, Family] = {
     ),
     "log": Family(
         "your own recordings of one robot or a team: a run by name, or all; --data DIR holds them and log.toml",
-        "cooploc.scenarios.recordings.team.scenario:TeamScenario",
+        "cooploc.scenarios.recordings.scenario:TeamScenario",
         recorded=True,
-        by_data="cooploc.scenarios.recordings.described:model",
+        by_data="cooploc.scenarios.recordings.scenario:model",
         word="run",
     ),
     "wifi": Family(
         "a real robot among four WiFi nodes (Latif & Parasuraman): a run by name, or all",
-        "cooploc.scenarios.recordings.logs.scenario:Log",
+        "cooploc.scenarios.recordings.single_robot:Log",
         {"described": "wifi"},
         recorded=True,
         word="run",

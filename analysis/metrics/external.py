@@ -19,7 +19,7 @@ from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Mask
 from cooploc.estimators.registry import parse
 from cooploc.scenarios import BUILTIN, simulate
-from cooploc.scenarios.recordings.text_tables import Table, read_table
+from cooploc.scenarios.recordings.text_files import Table, read_table
 from cooploc.scenarios.runner.run import Run, run
 from cooploc.scenarios.runner.tick import EstimatorError
 from cooploc.scenarios.runner.trace import Trace, require_covariances

@@ -13,7 +13,7 @@ from cooploc.analysis.plot.world import ROBOTS
 from cooploc.scenarios.recordings.inspect.corrected import truth_of
 from cooploc.scenarios.recordings.inspect.dead_reckoned import dead_reckoned
 from cooploc.scenarios.recordings.inspect.series_table import SeriesRow, measured_counts, series_rows
-from cooploc.scenarios.recordings.team.team_log import TeamLog
+from cooploc.scenarios.recordings.team_log import TeamLog
 
 MOST_ROWS = 24  # of the time line; pairs beyond it are drawn by robot
 MOST_TICKS = 2000  # of one series

@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from cooploc.analysis.plot import style
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios import resolve
-from cooploc.scenarios.recordings.team.leftover import Leftover
-from cooploc.scenarios.recordings.team.scenario import TeamScenario
+from cooploc.scenarios.recordings.fit import Leftover
+from cooploc.scenarios.recordings.scenario import TeamScenario
 
 COLOURS = (style.BLUE, style.ORANGE, style.GREEN, style.PURPLE, style.BROWN, style.SKY)
 MOST_LINKS = len(COLOURS)  # with a colour and a line of the legend of their own; further ones are grey

@@ -8,7 +8,7 @@ import pandas as pd
 
 from cooploc.analysis.report.tables import Table, numbers, words
 from cooploc.inspection import Inspection
-from cooploc.scenarios.recordings.team.schema import NAME
+from cooploc.scenarios.recordings.schema import NAME
 from cooploc.terminal.console import wide
 
 SERIES = (

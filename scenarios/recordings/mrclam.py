@@ -1,14 +1,12 @@
-"""UTIAS MRCLAM: real robots with cameras, commanded velocities as odometry, and motion capture as the truth.
+"""The files of an MRCLAM data set.
 
-Any of the nine data sets can be read; each is one trial. Gross outliers are kept: gating them is the estimator's task.
-
-Source: K. Leung, Y. Halpern, T. Barfoot, H. Liu, "The UTIAS multi-robot cooperative localization and mapping dataset",
-IJRR 30(8), 2011.
+A measurement carries a barcode, which `Barcodes.dat` maps to a subject: a robot (1 to n) or a landmark.
 """
 
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
@@ -16,11 +14,101 @@ from pydantic import BaseModel, ConfigDict, Field
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Belief, Mask, Senses, World
 from cooploc.estimators.models import Sighting, Unicycle, wrap_heading
-from cooploc.scenarios.recordings.mrclam_files import DataSet, read_data_set, unknown_barcodes
-from cooploc.scenarios.recordings.resampling import interpolate, mean_held
-from cooploc.scenarios.recordings.text_tables import Table
+from cooploc.scenarios.recordings.sampling import interpolate, mean_held
+from cooploc.scenarios.recordings.schema import TeamDescription
+from cooploc.scenarios.recordings.team_log import Measured, Places, Series, TeamLog, divided, in_order
+from cooploc.scenarios.recordings.text_files import Table, read_table, require_unique, require_whole, sort_by_time
 from cooploc.scenarios.stream import Air, Stream, Truth
 from cooploc.scenarios.worlds.radio import Positive
+
+
+class DataSet(NamedTuple):
+    """The files of a data set, robots in order."""
+
+    truth: list[Table]  # time, x, y, heading
+    odometry: list[Table]  # time, v, omega
+    readings: list[Table]  # time, barcode, range, bearing
+    steps_back: dict[str, int]  # by file: how often its clock stepped back
+    landmarks: Array  # (l, 2) [m] in the order of Landmark_Groundtruth.dat
+    subjects: tuple[int, ...]  # (l,) the landmarks' numbers
+    columns: Mapping[int, int]  # barcode -> robot 0..n-1, or n + landmark
+
+
+def read_data_set(data: Path) -> DataSet:
+    """Every file of the data set in a directory.
+
+    Raises:
+        BadInput: a file is missing or malformed; names file, line and remedy.
+
+    """
+    if not data.is_dir():
+        raise BadInput(
+            f"{data}: there is no such directory; name the one that holds Barcodes.dat and Robot1_Odometry.dat"
+        )
+    found = [re.fullmatch(r"Robot([1-9]\d*)_Odometry\.dat", path.name) for path in data.iterdir()]
+    n = max((int(match[1]) for match in found if match), default=1)
+    surveyed = read_table(data / "Landmark_Groundtruth.dat", ("subject", "x [m]", "y [m]", "x sd [m]", "y sd [m]"))
+    columns = _columns(read_table(data / "Barcodes.dat", ("subject", "barcode")), surveyed, n)
+    steps_back: dict[str, int] = {}
+
+    def team(kind: str, *names: str) -> list[Table]:
+        tables = [read_table(data / f"Robot{i + 1}_{kind}.dat", ("time [s]", *names)) for i in range(n)]
+        ordered = [sort_by_time(table) for table in tables]
+        steps_back.update({table.path.name: steps for table, steps in ordered if steps})
+        return [table for table, _ in ordered]
+
+    truth = team("Groundtruth", "x [m]", "y [m]", "heading [rad]")
+    odometry = team("Odometry", "v [m/s]", "omega [rad/s]")
+    readings = team("Measurement", "barcode", "range [m]", "bearing [rad]")
+    for table in readings:
+        require_whole(table, 1, "barcode")
+    subjects = tuple(map(int, surveyed.values[:, 0]))
+    return DataSet(truth, odometry, readings, steps_back, surveyed.values[:, 1:3], subjects, columns)
+
+
+def unknown_barcodes(files: DataSet) -> dict[str, Any]:
+    """Barcodes of no subject (misread, or of a landmark not surveyed): how many, and where the first is."""
+    found: dict[str, Any] = {}
+    for table in files.readings:
+        for row, code in enumerate(map(int, table.values[:, 1])):
+            if code not in files.columns:
+                first = f"{table.path.name}, line {table.line[row]}"
+                found.setdefault(str(code), {"count": 0, "first": first})["count"] += 1
+    return found
+
+
+def _columns(barcodes: Table, surveyed: Table, n: int) -> dict[int, int]:
+    """Barcode -> robot 0..n-1, or n + landmark.
+
+    Raises:
+        BadInput: a number is there twice, a landmark has a robot's number, or a subject has no barcode.
+
+    """
+    for table, column, name in ((barcodes, 0, "subject"), (barcodes, 1, "barcode"), (surveyed, 0, "subject")):
+        require_unique(table, column, name)
+    code = {int(subject): int(barcode) for subject, barcode in barcodes.values}
+    columns = {}
+    for subject in range(1, n + 1):
+        if subject not in code:
+            raise BadInput(f"{barcodes.path}: robot {subject} has no barcode; add its line")
+        columns[code[subject]] = subject - 1
+    for row, subject in enumerate(map(int, surveyed.values[:, 0])):
+        where = f"{surveyed.at(row)}: landmark {subject}"
+        if subject <= n:
+            raise BadInput(f"{where} has a robot's number; number landmarks above {n}")
+        if subject not in code:
+            raise BadInput(f"{where} has no barcode; add its line to {barcodes.path.name}")
+        columns[code[subject]] = n + row
+    return columns
+
+
+# UTIAS MRCLAM: real robots with cameras, commanded velocities as odometry, and motion capture as the truth.
+#
+# Any of the nine data sets can be read; each is one trial. Gross outliers are kept: gating them is the estimator's
+# task.
+#
+# Source: K. Leung, Y. Halpern, T. Barfoot, H. Liu, "The UTIAS multi-robot cooperative localization and mapping
+# dataset", IJRR 30(8), 2011.
 
 MARGIN = 2.0  # [m] around the landmarks: the arena must not be taken from the truth
 
@@ -174,3 +262,57 @@ class Mrclam(BaseModel):
 
 def _arena(landmarks: Array) -> Array:
     return np.stack([landmarks.min(0) - MARGIN, landmarks.max(0) + MARGIN])
+
+
+# UTIAS MRCLAM data sets, and recordings in their text files, as recordings of a team of any number of robots.
+#
+# The family `mrclam` reads the same files with its own models; here models are fitted, as on every recording of a team.
+
+BARCODES = "Barcodes.dat"
+
+
+def runs(data: Path, description: TeamDescription) -> dict[str, Path]:
+    """The data sets in a directory: itself, or each directory in it.
+
+    Raises:
+        BadInput: there are none.
+
+    """
+    if (data / BARCODES).exists():
+        return {data.resolve().name: data}
+    found = {path.name: path for path in sorted(data.iterdir()) if (path / BARCODES).exists()}
+    if not found:
+        raise BadInput(f"{data}: neither it nor a directory in it holds {BARCODES}; name a data set of MRCLAM")
+    return found
+
+
+def read(data: Path, place: Path, name: str, description: TeamDescription) -> TeamLog:
+    """One data set: robots "1", "2" ..., landmarks by their numbers.
+
+    Raises:
+        BadInput: a file is missing or malformed; names file, line and remedy.
+
+    """
+    files = read_data_set(place)
+    robots = tuple(str(i + 1) for i in range(len(files.odometry)))
+    landmarks = tuple(str(subject) for subject in files.subjects)
+    warnings: list[str] = []
+    odometry = tuple(_series(table, warnings) for table in files.odometry)
+    truth = tuple(_series(table, warnings) for table in files.truth)
+    measured = [_measured(files, i, (*robots, *landmarks)) for i in range(len(robots))]
+    readings, told = divided("sighting", measured, robots, landmarks)
+    places, none = Places(landmarks, files.landmarks), Places((), np.empty((0, 2)))
+    return TeamLog(name, robots, "velocity", odometry, truth, readings, places, none, (*warnings, *told))
+
+
+def _series(table: Table, warnings: list[str]) -> Series:
+    series, told = in_order(table.values[:, 0], table.values[:, 1:], str(table.path), table.at)
+    warnings += told
+    return series
+
+
+def _measured(files: DataSet, robot: int, names: tuple[str, ...]) -> Measured:
+    table = files.readings[robot]
+    codes = [int(code) for code in table.values[:, 1]]
+    other = [names[files.columns[code]] if code in files.columns else f"barcode {code}" for code in codes]
+    return Measured(table.values[:, 0], [str(robot + 1)] * len(codes), other, table.values[:, 2:], str(table.path))

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from made_bags import KINDS, made_bag
 
 from cooploc.estimators.errors import BadInput
-from cooploc.scenarios.recordings.team import bags, mrclam, pyfg, schema
-from cooploc.scenarios.recordings.team.team_log import TeamLog
+from cooploc.scenarios.recordings import bags, mrclam, pyfg, schema
+from cooploc.scenarios.recordings.team_log import TeamLog
 
 BAGS = """
 format = "bag"

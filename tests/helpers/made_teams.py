@@ -3,7 +3,7 @@
 import numpy as np
 
 import cooploc as cl
-from cooploc.scenarios.recordings.team.team_log import Places, Readings, Series, TeamLog
+from cooploc.scenarios.recordings.team_log import Places, Readings, Series, TeamLog
 
 WORLDS = {"camera": 600, "no-compass": 300, "trajectory": 300}  # family -> ticks
 

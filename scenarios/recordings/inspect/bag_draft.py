@@ -10,12 +10,11 @@ from typing import NamedTuple
 import numpy as np
 
 from cooploc.estimators.errors import BadInput
+from cooploc.scenarios.recordings.bags import TopicInfo, TopicSeries, read_topics, topics
 from cooploc.scenarios.recordings.inspect.names import ODOMETRY, words_of
 from cooploc.scenarios.recordings.inspect.toml_text import Entry, Table
-from cooploc.scenarios.recordings.team.bag_topics import TopicSeries
-from cooploc.scenarios.recordings.team.bags import TopicInfo, read_topics, topics
-from cooploc.scenarios.recordings.team.nodes import Assignment, NodeRanges, assign
-from cooploc.scenarios.recordings.team.team_log import Series
+from cooploc.scenarios.recordings.radio_nodes import Assignment, NodeRanges, assign
+from cooploc.scenarios.recordings.team_log import Series
 
 NUMBERS = ("sensor_msgs/msg/Range", "std_msgs/msg/Float32", "std_msgs/msg/Float64")
 SURE = 2.0  # times the misfit of the best assignment of radios that the next best must have

@@ -22,7 +22,7 @@ from cooploc.scenarios.recordings.inspect.travelled import (
     window_of,
 )
 from cooploc.scenarios.recordings.inspect.units import turns
-from cooploc.scenarios.recordings.team.team_log import TeamLog
+from cooploc.scenarios.recordings.team_log import TeamLog
 
 LONGEST_SHIFT = 60.0  # [s]
 FEWEST = 25  # windows that two series must have in common

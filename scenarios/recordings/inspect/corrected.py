@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from cooploc.estimators.interface import Array
-from cooploc.scenarios.recordings.team.team_log import Channel, Readings, Series, TeamLog
+from cooploc.scenarios.recordings.team_log import Channel, Readings, Series, TeamLog
 
 LEAST = 1.0  # [m] from the start
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array
-from cooploc.scenarios.recordings.text_tables import parse_number, read_text
+from cooploc.scenarios.recordings.text_files import parse_number, read_text
 
 DELIMITERS = (",", ";", "\t", "|", " ")
 ENDINGS = (".csv", ".txt", ".tsv")

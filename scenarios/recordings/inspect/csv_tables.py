@@ -11,7 +11,7 @@ from cooploc.scenarios.recordings.inspect.guesses import Guess
 from cooploc.scenarios.recordings.inspect.tables import Part
 from cooploc.scenarios.recordings.inspect.templates import MARK, Template, template_of
 from cooploc.scenarios.recordings.inspect.toml_text import Entry, Table
-from cooploc.scenarios.recordings.logs.columns import UNITS
+from cooploc.scenarios.recordings.schema import UNITS
 
 KEYS = {  # quantity -> key of log.toml
     "speed": "speed",

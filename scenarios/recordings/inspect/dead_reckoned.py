@@ -5,7 +5,7 @@ import numpy as np
 from cooploc.estimators.interface import Array
 from cooploc.scenarios.recordings.inspect.corrected import truth_of
 from cooploc.scenarios.recordings.inspect.travelled import course, integrated, window_of
-from cooploc.scenarios.recordings.team.team_log import TeamLog
+from cooploc.scenarios.recordings.team_log import TeamLog
 
 
 def dead_reckoned(log: TeamLog, robot: int) -> Array | None:

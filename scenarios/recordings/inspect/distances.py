@@ -10,7 +10,7 @@ from cooploc.scenarios.recordings.inspect.corrected import scaled, with_readings
 from cooploc.scenarios.recordings.inspect.finding import Change, Finding, Looked, Sure
 from cooploc.scenarios.recordings.inspect.geometry import TEAMMATES, geometry, other_name, others, poses
 from cooploc.scenarios.recordings.inspect.robust import median, spread
-from cooploc.scenarios.recordings.team.team_log import Channel, Readings, TeamLog
+from cooploc.scenarios.recordings.team_log import Channel, Readings, TeamLog
 
 RANGED: dict[Channel, str] = {
     "range": "ranges",

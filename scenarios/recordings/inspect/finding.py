@@ -6,7 +6,7 @@ that same truth.
 
 from typing import Literal, NamedTuple
 
-from cooploc.scenarios.recordings.team.team_log import TeamLog
+from cooploc.scenarios.recordings.team_log import TeamLog
 
 Sure = Literal["sure", "likely", "perhaps"]
 

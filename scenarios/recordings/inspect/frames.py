@@ -26,7 +26,7 @@ from cooploc.scenarios.recordings.inspect.travelled import (
     window_of,
 )
 from cooploc.scenarios.recordings.inspect.units import course_turns
-from cooploc.scenarios.recordings.team.team_log import TeamLog
+from cooploc.scenarios.recordings.team_log import TeamLog
 
 FOLLOWS = 0.6  # mean resultant length from which one direction is said to follow another
 OFFSET = 0.3  # [rad] of a heading against the direction of motion; a slip or an arc is less

@@ -6,7 +6,7 @@ import numpy as np
 
 from cooploc.estimators.interface import Array, Indices
 from cooploc.scenarios.recordings.inspect.corrected import truth_of
-from cooploc.scenarios.recordings.team.team_log import Channel, Readings, TeamLog
+from cooploc.scenarios.recordings.team_log import Channel, Readings, TeamLog
 
 TEAMMATES: tuple[Channel, ...] = ("range", "rssi", "sighting")
 NEAREST = 0.05  # [m] readings of things nearer than this are left out: no direction, and a ratio means nothing

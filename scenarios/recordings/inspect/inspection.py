@@ -8,6 +8,7 @@ import numpy as np
 
 from cooploc.estimators.errors import BadInput, nearest
 from cooploc.estimators.interface import Array
+from cooploc.scenarios.recordings import robot_run as single
 from cooploc.scenarios.recordings.inspect.csv_folder import csv_files
 from cooploc.scenarios.recordings.inspect.draft import Draft, columns_of, draft_of
 from cooploc.scenarios.recordings.inspect.finding import Finding
@@ -24,11 +25,9 @@ from cooploc.scenarios.recordings.inspect.recognized import recognized
 from cooploc.scenarios.recordings.inspect.series_table import SeriesRow, series_rows
 from cooploc.scenarios.recordings.inspect.settings import settings
 from cooploc.scenarios.recordings.inspect.toml_text import written
-from cooploc.scenarios.recordings.logs import schema as single
-from cooploc.scenarios.recordings.logs.toml_errors import parse
-from cooploc.scenarios.recordings.team.readers import reader
-from cooploc.scenarios.recordings.team.schema import EXAMPLE, NAME, TABLES, TeamDescription, load, text_of
-from cooploc.scenarios.recordings.team.team_log import TeamLog
+from cooploc.scenarios.recordings.scenario import reader
+from cooploc.scenarios.recordings.schema import EXAMPLE, NAME, TABLES, TeamDescription, load, parse, text_of
+from cooploc.scenarios.recordings.team_log import TeamLog
 
 
 class Inspected(NamedTuple):

@@ -6,7 +6,7 @@ from cooploc.scenarios.recordings.inspect.draft import Draft
 from cooploc.scenarios.recordings.inspect.finding import Finding
 from cooploc.scenarios.recordings.inspect.settings import arena_entry
 from cooploc.scenarios.recordings.inspect.toml_text import Entry, Table, one_line, written
-from cooploc.scenarios.recordings.team.team_log import TeamLog
+from cooploc.scenarios.recordings.team_log import TeamLog
 
 
 def log_toml(

@@ -26,7 +26,7 @@ from cooploc.scenarios.recordings.inspect.quality import (
 from cooploc.scenarios.recordings.inspect.scales import look_at_scales
 from cooploc.scenarios.recordings.inspect.signals import look_at_bearings, look_at_rssi
 from cooploc.scenarios.recordings.inspect.units import look_at_headings, look_at_lengths, look_at_turn_rates
-from cooploc.scenarios.recordings.team.team_log import TeamLog
+from cooploc.scenarios.recordings.team_log import TeamLog
 
 ORDER: tuple[Callable[[TeamLog], Looked], ...] = (
     look_at_dropped,

@@ -15,8 +15,8 @@ from cooploc.scenarios.recordings.inspect.csv_look import CsvLook
 from cooploc.scenarios.recordings.inspect.guesses import Guess
 from cooploc.scenarios.recordings.inspect.tables import Part, parts_of
 from cooploc.scenarios.recordings.inspect.toml_text import Entry, Table
-from cooploc.scenarios.recordings.logs.columns import UNITS
-from cooploc.scenarios.recordings.team.team_log import OdometryKind, Places, Series, TeamLog
+from cooploc.scenarios.recordings.schema import UNITS
+from cooploc.scenarios.recordings.team_log import OdometryKind, Places, Series, TeamLog
 
 FACTORS = {unit: factor for units in UNITS.values() for unit, factor in units.items()}
 KINDS: dict[str, tuple[OdometryKind, tuple[str, ...]]] = {

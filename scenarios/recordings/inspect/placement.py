@@ -6,7 +6,7 @@ from scipy.optimize import least_squares
 from cooploc.estimators.interface import Array
 from cooploc.scenarios.recordings.inspect.distances import ranged
 from cooploc.scenarios.recordings.inspect.geometry import others, poses
-from cooploc.scenarios.recordings.team.team_log import TeamLog
+from cooploc.scenarios.recordings.team_log import TeamLog
 
 FEWEST, MOST = 20, 400
 NOISE = 0.3  # [m] residuals beyond it count linearly

@@ -6,7 +6,7 @@ from cooploc.estimators.interface import Array, Indices, Mask
 from cooploc.scenarios.recordings.inspect.corrected import truth_of, with_truth
 from cooploc.scenarios.recordings.inspect.finding import Change, Finding, Looked
 from cooploc.scenarios.recordings.inspect.travelled import integrated
-from cooploc.scenarios.recordings.team.team_log import Series, TeamLog
+from cooploc.scenarios.recordings.team_log import Series, TeamLog
 
 LEAP = 0.3  # [m] a shorter one is noise of the tracking
 FAST = 10.0  # times the 90th percentile of speed, from which a step is a leap

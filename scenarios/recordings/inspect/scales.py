@@ -7,7 +7,7 @@ from cooploc.scenarios.recordings.inspect.finding import Change, Finding, Looked
 from cooploc.scenarios.recordings.inspect.robust import slope
 from cooploc.scenarios.recordings.inspect.travelled import common_edges, integrated, steps, travelled_truly, window_of
 from cooploc.scenarios.recordings.inspect.units import turns
-from cooploc.scenarios.recordings.team.team_log import TeamLog
+from cooploc.scenarios.recordings.team_log import TeamLog
 
 MOST = 1.2  # a factor beyond this, or below its inverse, is told; wheels are rarely better calibrated than 5 %
 EVIDENCE = 5.0  # standard errors from that limit

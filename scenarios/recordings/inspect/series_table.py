@@ -7,7 +7,7 @@ import numpy as np
 
 from cooploc.estimators.interface import Array
 from cooploc.scenarios.recordings.inspect.geometry import other_name
-from cooploc.scenarios.recordings.team.team_log import TeamLog
+from cooploc.scenarios.recordings.team_log import TeamLog
 
 SILENCE = 10.0  # median intervals without a sample are a gap
 

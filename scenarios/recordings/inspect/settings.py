@@ -4,7 +4,7 @@ import numpy as np
 
 from cooploc.estimators.interface import Array
 from cooploc.scenarios.recordings.inspect.toml_text import Entry, Table
-from cooploc.scenarios.recordings.team.team_log import TeamLog
+from cooploc.scenarios.recordings.team_log import TeamLog
 
 AROUND = 1.0  # [m] of free space around what was seen
 TICKS = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)  # [s]

@@ -8,7 +8,7 @@ from cooploc.scenarios.recordings.inspect.corrected import scaled, with_readings
 from cooploc.scenarios.recordings.inspect.finding import Change, Finding, Looked
 from cooploc.scenarios.recordings.inspect.geometry import geometry
 from cooploc.scenarios.recordings.inspect.robust import concentration, median
-from cooploc.scenarios.recordings.team.team_log import TeamLog
+from cooploc.scenarios.recordings.team_log import TeamLog
 
 FOLLOWS = 0.6  # mean resultant length
 OFFSET = 0.15  # [rad] of a camera against straight ahead

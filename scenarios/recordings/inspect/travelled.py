@@ -10,7 +10,7 @@ import numpy as np
 
 from cooploc.estimators.interface import Array
 from cooploc.estimators.models import wrap
-from cooploc.scenarios.recordings.team.team_log import OdometryKind, Series, TeamLog
+from cooploc.scenarios.recordings.team_log import OdometryKind, Series, TeamLog
 
 MOST_WINDOWS = 3000  # of one robot; longer recordings have longer windows
 

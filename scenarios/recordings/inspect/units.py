@@ -19,7 +19,7 @@ from cooploc.scenarios.recordings.inspect.travelled import (
     travelled_truly,
     window_of,
 )
-from cooploc.scenarios.recordings.team.team_log import Series, TeamLog
+from cooploc.scenarios.recordings.team_log import Series, TeamLog
 
 FASTEST = 15.0  # [m/s] of ground robots; faster is a unit or a fault
 DEGREE = np.pi / 180

@@ -31,8 +31,8 @@ from cooploc.analysis.metrics.errors import errors
 from cooploc.estimators import make
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.models import Displacement, LogDistance, Unicycle, wrap
-from cooploc.scenarios.recordings.logs import schema
-from cooploc.scenarios.recordings.logs.scenario import Log
+from cooploc.scenarios.recordings import robot_run
+from cooploc.scenarios.recordings.single_robot import Log
 from cooploc.scenarios.runner.run import run
 from cooploc.scenarios.stream import Stream
 from cooploc.scenarios.studies.study import Study
@@ -581,7 +581,7 @@ def test_a_bad_parameter_is_named(data, override):
 
 
 def test_the_shipped_description_is_valid():
-    about = schema.load(schema.shipped("wifi"))
+    about = robot_run.load(robot_run.shipped("wifi"))
     assert (about.odometry.kind, about.truth.repeats, len(about.anchors.positions)) == ("path", "stale", 4)
 
 

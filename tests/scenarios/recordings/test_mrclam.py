@@ -11,7 +11,7 @@ from cooploc import scenarios
 from cooploc.estimators import make
 from cooploc.estimators.models import wrap
 from cooploc.scenarios.recordings.mrclam import Mrclam
-from cooploc.scenarios.recordings.resampling import interpolate, mean_held
+from cooploc.scenarios.recordings.sampling import interpolate, mean_held
 from cooploc.scenarios.runner.run import run
 from cooploc.scenarios.stream import Stream
 

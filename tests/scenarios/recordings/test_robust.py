@@ -6,7 +6,7 @@ from statsmodels.api import RLM
 from statsmodels.robust.norms import HuberT
 from statsmodels.robust.scale import HuberScale
 
-from cooploc.scenarios.recordings.robust import K, huber
+from cooploc.scenarios.recordings.fit import K, huber
 
 
 @pytest.mark.parametrize("outliers", [0.0, 0.1, 0.3])

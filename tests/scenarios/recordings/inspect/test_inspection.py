@@ -14,7 +14,7 @@ from matplotlib import pyplot
 
 import cooploc as cl
 from cooploc.scenarios.recordings.inspect.toml_text import toml
-from cooploc.scenarios.recordings.team.schema import load
+from cooploc.scenarios.recordings.schema import load
 
 DATA = Path(os.environ.get("COOPLOC_DATA", "../shared/data"))
 STARTS = {"A": (0, 0), "B": (1, 2)}

@@ -8,7 +8,7 @@ import pytest
 from made_bags import KINDS, made_bag
 
 from cooploc.estimators.errors import BadInput
-from cooploc.scenarios.recordings.team import bags, schema
+from cooploc.scenarios.recordings import bags, schema
 
 DATA = Path(os.environ.get("COOPLOC_DATA", "../shared/data"))
 REAL = DATA / "uwb-tiers"

@@ -5,7 +5,7 @@ import pytest
 from made_bags import KINDS, RATE, START, TOPICS, made_bag
 
 from cooploc.estimators.errors import BadInput
-from cooploc.scenarios.recordings.team.bags import read_series, read_topics, topics
+from cooploc.scenarios.recordings.bags import read_series, read_topics, topics
 
 NUMBERS = [topic for topic in TOPICS if topic != "/chatter"]
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import cooploc as cl
-from cooploc.scenarios.recordings.mrclam_files import read_data_set
-from cooploc.scenarios.recordings.team import mrclam, schema
+from cooploc.scenarios.recordings import mrclam, schema
+from cooploc.scenarios.recordings.mrclam import read_data_set
 
 SET6 = Path(os.environ.get("COOPLOC_DATA", "../shared/data")) / "mrclam6"
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from cooploc.estimators.errors import BadInput
-from cooploc.scenarios.recordings.team.bags import read_topics, topics
-from cooploc.scenarios.recordings.team.nodes import NodeRanges, assign
-from cooploc.scenarios.recordings.team.team_log import Series
+from cooploc.scenarios.recordings.bags import read_topics, topics
+from cooploc.scenarios.recordings.radio_nodes import NodeRanges, assign
+from cooploc.scenarios.recordings.team_log import Series
 
 FOUR = Path(os.environ.get("COOPLOC_DATA", "../shared/data")) / "uwb-tiers" / "four-robots"
 TIME = np.arange(0, 20, 0.1)

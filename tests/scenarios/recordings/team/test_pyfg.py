@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cooploc.estimators.errors import BadInput
-from cooploc.scenarios.recordings.team.pyfg import read_pyfg
+from cooploc.scenarios.recordings.pyfg import read_pyfg
 
 COV = "0.01 0 0 0.01 0 0.001"
 GRAPH = f"""\

@@ -6,9 +6,9 @@ from made_team import TICK, drive
 
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.models import Unicycle, wrap
-from cooploc.scenarios.recordings.team import sampling
-from cooploc.scenarios.recordings.team.sampling import Grid
-from cooploc.scenarios.recordings.team.team_log import Places, Readings, Series, TeamLog
+from cooploc.scenarios.recordings import sampling
+from cooploc.scenarios.recordings.sampling import Grid
+from cooploc.scenarios.recordings.team_log import Places, Readings, Series, TeamLog
 
 NOWHERE = Places((), np.empty((0, 2)))
 

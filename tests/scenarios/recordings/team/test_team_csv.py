@@ -5,7 +5,7 @@ import pytest
 from made_team import ANCHORS, BIAS, DESCRIPTION, EPOCH, ROBOTS, describe, poses_at, write
 
 from cooploc.estimators.errors import BadInput
-from cooploc.scenarios.recordings.team import csv_files, schema
+from cooploc.scenarios.recordings import csv_files, schema
 
 UWB = DESCRIPTION[DESCRIPTION.index("[ranges]") : DESCRIPTION.index("[fit]")]
 

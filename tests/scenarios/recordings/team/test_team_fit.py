@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from cooploc.scenarios.recordings.team import fit
-from cooploc.scenarios.recordings.team.residuals import Residuals
+from cooploc.scenarios.recordings import fit
+from cooploc.scenarios.recordings.fit import Residuals
 
 
 def residuals(rng, links=3, ticks=2000, burst=None):
@@ -52,9 +52,9 @@ def test_path_loss_is_found_and_what_is_stated_stays():
     rng = np.random.default_rng(2)
     r = residuals(rng)
     r = r._replace(z=(-42 - 10 * 2.2 * np.log10(r.distance) + 3 * rng.normal(size=len(r.link)))[:, None])
-    np.testing.assert_allclose(fit.fit_path_loss(r, None, None, True)[:3], [-42, 2.2, 3], rtol=0.03)
-    assert fit.fit_path_loss(r, -40.0, None, True)[0] == -40
-    assert fit.fit_path_loss(r, None, 2.0, True)[1] == 2
+    np.testing.assert_allclose(fit.fit_path_loss_of_links(r, None, None, True)[:3], [-42, 2.2, 3], rtol=0.03)
+    assert fit.fit_path_loss_of_links(r, -40.0, None, True)[0] == -40
+    assert fit.fit_path_loss_of_links(r, None, 2.0, True)[1] == 2
 
 
 @pytest.mark.parametrize(("correlation", "burst"), [(0.0, None), (0.6, None), (0.9, 8), (0.99, 5)])
@@ -74,5 +74,5 @@ def test_of_nothing_nothing_is_fitted():
     nothing = Residuals(np.empty(0, int), np.empty(0, int), np.empty(0), np.empty((0, 2)))
     assert np.isnan(fit.fit_range(nothing, None, True).sigma)
     assert np.isnan(fit.fit_sighting(nothing, True)[0][0])
-    assert np.isnan(fit.fit_path_loss(nothing, None, None, True)[:3]).all()
+    assert np.isnan(fit.fit_path_loss_of_links(nothing, None, None, True)[:3]).all()
     assert fit.memory(nothing, np.empty(0)).lag1 == 0

@@ -1,15 +1,14 @@
-"""A team's own recordings as a scenario.
+"""Which module reads which format. Each has two functions, `runs` and `read`.
 
-A directory holds `log.toml` (`schema` says what is in it) and the recordings that it describes: `log/RUN` is one run,
-`log/all` has a trial for each. The models of a run are fitted on the *other* runs, or on its first part, which is then
-not judged; each run has a world of its own, so a stream holds one.
-
-When packets are exchanged is not recorded: every robot can reach every other in every tick, or, with
-`packets="with a reading"`, where a radio reading of the sender was recorded. Readings by radio exist where they were
-measured, and nowhere else.
+runs(data, description) -> {name: place}: the recordings in a directory, sorted by name.
+read(data, place, name, description) -> TeamLog: one of them, in SI units, with the declared clock offsets added and the
+declared frame undone (`truth_frame`); what is dropped is told in its warnings. `data` is the directory that was named,
+in which files of places lie (`places_file`).
 """
 
-from collections.abc import Sequence
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from fnmatch import fnmatchcase
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
@@ -17,20 +16,136 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 from pydantic import Field
 
+from cooploc.estimators import nearest
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Mask, Senses, World
-from cooploc.scenarios.recordings import one_run
-from cooploc.scenarios.recordings.team import sampling, schema
-from cooploc.scenarios.recordings.team.folder import ALL, TeamFolder
-from cooploc.scenarios.recordings.team.leftover import Leftover, leftovers
-from cooploc.scenarios.recordings.team.models import How, TeamModels, team_models
-from cooploc.scenarios.recordings.team.prior import prior
-from cooploc.scenarios.recordings.team.residuals import Part
-from cooploc.scenarios.recordings.team.sampling import Gaps, Grid
-from cooploc.scenarios.recordings.team.sensed import sensed
-from cooploc.scenarios.recordings.team.team_log import TeamLog
+from cooploc.estimators.registry import loaded
+from cooploc.scenarios.recordings import sampling, schema
+from cooploc.scenarios.recordings.fit import How, Leftover, Part, TeamModels, leftovers, team_models
+from cooploc.scenarios.recordings.prior import prior
+from cooploc.scenarios.recordings.sampling import Gaps, Grid, sensed
+from cooploc.scenarios.recordings.schema import NAME, TeamDescription, text_of
+from cooploc.scenarios.recordings.single_robot import Log, asked
+from cooploc.scenarios.recordings.team_log import TeamLog, with_known_places
 from cooploc.scenarios.stream import Stream, Truth
 from cooploc.scenarios.worlds.radio import Positive
+
+MODULES = {"csv": "csv_files", "bag": "bags", "pyfg": "pyfg", "mrclam": "mrclam"}
+
+
+class Reader(NamedTuple):
+    """How recordings of one format are found and read. Both raise BadInput: one line, fact, place and remedy."""
+
+    runs: Callable[[Path, TeamDescription], Mapping[str, Path]]
+    read: Callable[[Path, Path, str, TeamDescription], TeamLog]
+
+
+def reader(form: str) -> Reader:
+    """The reader of a format, imported when it is needed.
+
+    Raises:
+        BadInput: it cannot be imported.
+
+    """
+    module = f"{__package__}.{MODULES[form]}"
+    return Reader(*(loaded(f"{module}:{name}", f"the reader of {form} recordings") for name in ("runs", "read")))
+
+
+# A directory of a team's recordings: which of them are different, and on which a run's models may be fitted.
+
+ALL = "all"  # in the place of a run's name
+SAME = 0.5  # share of equal true positions from which on two runs are parts of one recording
+
+
+class TeamFolder:
+    """The recordings in a directory, each read when it is first needed."""
+
+    def __init__(self, data: Path) -> None:
+        """Find the runs that log.toml in the directory describes.
+
+        Raises:
+            BadInput: there is no directory, no description or no run, or one of them is malformed.
+
+        """
+        if not data.is_dir():
+            raise BadInput(f"{data}: there is no such directory; name the one that holds log.toml and the recordings")
+        self.data = data
+        self.description: TeamDescription = schema.load(data / schema.NAME)
+        self._reader: Reader = reader(self.description.format)
+        self.places: Mapping[str, Path] = self._reader.runs(data, self.description)
+        if ALL in self.places:
+            raise BadInput(f"{self.places[ALL]}: a run cannot be named {ALL!r}, the name is taken; rename it")
+        self._logs: dict[str, TeamLog] = {}
+
+    def log(self, name: str) -> TeamLog:
+        """A recording by name.
+
+        Raises:
+            BadInput: there is none of this name, or it is malformed.
+
+        """
+        if name not in self.places:
+            raise BadInput(f"{self.data}: there is no run {name!r}; {nearest(name, [ALL, *self.places])}")
+        if name not in self._logs:
+            log = self._reader.read(self.data, self.places[name], name, self.description)
+            self._logs[name] = with_known_places(log)
+        return self._logs[name]
+
+    @property
+    def different(self) -> list[str]:
+        """Names of the runs, without those that are part of a longer one."""
+        names = list(self.places)
+        return [name for name in names if not any(self._is_part(name, other) for other in names if other != name)]
+
+    def others(self, name: str, same_set_up: bool) -> list[TeamLog]:
+        """The runs on which this one's models may be fitted: none is the same recording, and none is there twice."""
+        mine = self._set_up(name)
+        return [
+            self.log(other)
+            for other in self.different
+            if other != name
+            and (self._set_up(other) == mine or not same_set_up)
+            and not _same(self.log(name), self.log(other))
+        ]
+
+    def _set_up(self, name: str) -> str:
+        """The first pattern that the name matches; a run that matches none is a set-up of its own."""
+        return next((p for p in self.description.set_ups if fnmatchcase(name, p)), f"only {name}")
+
+    def _is_part(self, name: str, other: str) -> bool:
+        """Whether a run is of the same recording as a longer one, or as one of the same length with an earlier name."""
+        a, b = self.log(name), self.log(other)
+        return _same(a, b) and (_length(b), name) > (_length(a), other)
+
+
+def _length(log: TeamLog) -> int:
+    return sum(len(series.time) for series in log.truth if series is not None)
+
+
+def _same(a: TeamLog, b: TeamLog) -> bool:
+    """Whether two runs share at least half of the true positions of the shorter, digit by digit."""
+    for i, j in zip(a.truth, b.truth, strict=False):
+        if i is None or j is None or not min(len(i.time), len(j.time)):
+            continue
+        _, k, m = np.intersect1d(i.time, j.time, return_indices=True)
+        shared = (i.values[k, :2] == j.values[m, :2]).all(-1).sum()
+        if shared >= SAME * min(len(i.time), len(j.time)):
+            return True
+    return False
+
+
+# A recording's trials are its runs, and a stream holds one of them, as each run has models of its own.
+
+
+# A team's own recordings as a scenario.
+#
+# A directory holds `log.toml` (`schema` says what is in it) and the recordings that it describes: `log/RUN` is one run,
+# `log/all` has a trial for each. The models of a run are fitted on the *other* runs, or on its first part, which is
+# then not judged; each run has a world of its own, so a stream holds one.
+#
+# When packets are exchanged is not recorded: every robot can reach every other in every tick, or, with `packets="with a
+# reading"`, where a radio reading of the sender was recorded. Readings by radio exist where they were measured, and
+# nowhere else.
 
 MARGIN = 2.0  # [m] around all fixed things: the arena must not be taken from the truth
 
@@ -99,7 +214,7 @@ class TeamScenario(schema.Model):
             BadInput: there are several trials, or there is no such trial or run.
 
         """
-        name = one_run.asked(self.data, self.run, self._names(), trials)
+        name = asked(self.data, self.run, self._names(), trials)
         if self.run != ALL:
             return self
         return self._of_all.setdefault(trials[0], self.model_copy(update={"run": name}))
@@ -234,3 +349,21 @@ def _arena(log: TeamLog, folder: TeamFolder) -> Array:
             "arena = [[0, 0], [6, 4]]"
         )
     return np.stack([fixed.min(0) - MARGIN, fixed.max(0) + MARGIN])
+
+
+# Whether a directory holds runs of one robot or of a team: a description of a team begins with `format`.
+
+
+def model(data: Path) -> type[Log] | type[TeamScenario]:
+    """The model of the recordings in a directory, by its log.toml.
+
+    Raises:
+        BadInput: there is none.
+
+    """
+    try:
+        content = tomllib.loads(text_of(data / NAME))
+    except (tomllib.TOMLDecodeError, RecursionError):
+        return TeamScenario  # which says what is wrong
+    one_robot = "format" not in content and "time" in content and "robots" not in content
+    return Log if one_robot else TeamScenario

@@ -4,12 +4,15 @@ A recording comes from someone else, so every error names the file, the line and
 that numpy refuses is searched line by line.
 """
 
-from collections.abc import Sequence
+import csv
+import io
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple, NoReturn
 
 import numpy as np
 
+from cooploc.estimators import nearest
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Indices
 
@@ -144,3 +147,120 @@ def _refuse(path: Path, rows: list[tuple[int, str]], columns: Sequence[str], rea
                     f"{path}, line {i}: {name} is {word!r}, which is not a number; correct or remove the line"
                 ) from None
     raise BadInput(f"{path}: cannot be read as numbers ({reason}); get the file again") from None
+
+
+# Columns of a CSV file by name; every error names the line.
+
+
+def read_csv(path: Path, columns: Sequence[str], delimiter: str) -> Table:
+    """Some columns of a CSV file whose first line names them; an empty field is nan.
+
+    Raises:
+        BadInput: a column is missing, a line has another number of fields, or a field is not a number.
+
+    """
+    content = fields_of(path, read_text(path, "utf-8-sig"), delimiter)
+    first, head = next(content, (1, []))
+    where = [find_column(path, first, head, name) for name in columns]
+    rows, lines = [], []
+    for line, fields in content:
+        if len(fields) != len(head):
+            raise BadInput(f"{path}, line {line}: {len(fields)} fields, not {len(head)}; correct or remove the line")
+        rows.append([parse_field(path, line, head[i], fields[i]) for i in where])
+        lines.append(line)
+    if len(rows) < 2:
+        raise BadInput(f"{path}: it has {len(rows)} lines of data, at least two are needed; get the file again")
+    return Table(path, np.array(rows), np.array(lines, np.int64))
+
+
+def fields_of(path: Path, text: str, delimiter: str) -> Iterator[tuple[int, list[str]]]:
+    """The lines that are not blank: number, and fields."""
+    reader = csv.reader(io.StringIO(text), delimiter=delimiter, skipinitialspace=True)
+    try:
+        for raw in reader:
+            fields = [field.strip() for field in raw]
+            if any(fields):
+                yield reader.line_num, fields
+    except csv.Error as e:
+        raise BadInput(f"{path}, line {reader.line_num}: this is not a CSV line ({e}); correct or remove it") from None
+
+
+def find_column(path: Path, line: int, head: list[str], name: str) -> int:
+    """Where a column is.
+
+    Raises:
+        BadInput: it is missing, or there are two.
+
+    """
+    if head.count(name) == 1:
+        return head.index(name)
+    if name in head:
+        raise BadInput(f"{path}, line {line}: two columns are named {name!r}; rename one")
+    known = nearest(name, head) if head else "the file is empty; get it again"
+    raise BadInput(f"{path}, line {line}: there is no column {name!r}; {known}")
+
+
+def parse_field(path: Path, line: int, name: str, field: str) -> float:
+    """The number in a field, nan where it is empty.
+
+    Raises:
+        BadInput: it is not a number.
+
+    """
+    value = parse_number(field) if field else np.nan
+    if np.isinf(value):
+        raise BadInput(
+            f"{path}, line {line}: {name} is {field!r}, which is not a number; correct it, or leave it empty"
+        )
+    return value
+
+
+# Columns of a CSV file, numbers and names; a last line that was cut off while it was written is left out.
+
+
+class Lines(NamedTuple):
+    """Some columns of a file."""
+
+    path: Path
+    values: Array  # (m, k)  nan where a field is empty
+    names: list[tuple[str, ...]]  # (m,)
+    line: Indices  # (m,) from 1
+    cut_off: str  # a sentence, where the last line was left out
+
+    def at(self, row: int) -> str:
+        """The place of a row, for an error."""
+        return f"{self.path}, line {self.line[row]}"
+
+
+def read_lines(path: Path, numbers: Sequence[str], names: Sequence[str], delimiter: str) -> Lines:
+    """Columns by their names in the first line.
+
+    A last line without an end is left out where it has fewer fields than the first, or ends inside one of `numbers`:
+    nobody can say how many digits are missing.
+
+    Raises:
+        BadInput: a column is missing, a line has another number of fields, or a field is not a number.
+
+    """
+    text = read_text(path, "utf-8-sig")
+    content = list(fields_of(path, text, delimiter))
+    first, head = content.pop(0) if content else (1, [])
+    of_numbers = [find_column(path, first, head, name) for name in numbers]
+    of_names = [find_column(path, first, head, name) for name in names]
+    cut_off = ""
+    if content and not text.endswith("\n"):
+        line, fields = content[-1]
+        if len(fields) < len(head) or (len(fields) == len(head) and len(head) - 1 in of_numbers):
+            cut_off = f"{path}, line {line}: the last line has no end and may be cut off; it was left out"
+            content.pop()
+    for line, fields in content:
+        if len(fields) != len(head):
+            raise BadInput(f"{path}, line {line}: {len(fields)} fields, not {len(head)}; correct or remove the line")
+    values = [[parse_field(path, line, head[i], fields[i]) for i in of_numbers] for line, fields in content]
+    return Lines(
+        path,
+        np.array(values, float).reshape(-1, len(of_numbers)),
+        [tuple(fields[i] for i in of_names) for _, fields in content],
+        np.array([line for line, _ in content], np.int64),
+        cut_off,
+    )

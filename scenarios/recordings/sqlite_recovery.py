@@ -1,4 +1,4 @@
-r"""Message records carved from the bytes of a damaged SQLite bag (.db3), wherever they lie.
+"""Message records carved from the bytes of a damaged SQLite bag (.db3), wherever they lie.
 
 A row of the table `messages` is a cell in a page: length of its payload, row number, then the record: length of its
 header, a code for each column (NULL, since the row number serves as id; the topic's number; 06, an integer of eight
@@ -9,13 +9,27 @@ Source: SQLite, "Database File Format", sections 1.5 (overflow pages), 1.6 and 2
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from mmap import ACCESS_READ, mmap
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from cooploc.scenarios.recordings.team.bag_files import Index, Message
-from cooploc.scenarios.recordings.team.found import Buffer, Found, kept, readable
+from cooploc.estimators.errors import BadInput
+from cooploc.scenarios.recordings.bag_storage import (
+    Bag,
+    Buffer,
+    Found,
+    Index,
+    Message,
+    decode_ros2,
+    kept,
+    read_index,
+    readable,
+    write_ahead_log,
+)
 
 MESSAGE = re.compile(
     rb"(?=\x05\x00[\x01-\x04\x08\x09]\x06[\x0c-\x7f]"
@@ -141,3 +155,49 @@ def _as_varint(value: int) -> bytes:
     while value := value >> 7:
         digits.append(value & 0x7F | 0x80)
     return bytes(reversed(digits))
+
+
+# What can be saved of a bag that rosbags refuses: cut off by a power failure, with bytes missing or changed.
+
+REPAIRS = {".mcap": "mcap recover", ".bag": "rosbag reindex"}  # what repairs a bag that is not SQLite
+
+
+def salvaged(file: Path, reason: str) -> tuple[Bag, str]:
+    """The messages still to be found in a storage file, and a warning of how many they are.
+
+    Raises:
+        BadInput: no message was found, or another tool repairs this kind of bag.
+
+    """
+    if file.suffix in REPAIRS:
+        raise BadInput(f"{file}: cannot be read as a bag ({reason}); repair it by `{REPAIRS[file.suffix]}`")
+    index = read_index(file)
+    with _content(file, reason) as raw:
+        found = carve(raw, index)
+    if not found.messages:
+        raise BadInput(f"{file}: cannot be read as a bag, and no message is found in it ({reason}); get the file again")
+    counts = dict.fromkeys(found.types, 0)
+    for topic, _, _ in found.messages:
+        counts[topic] += 1
+
+    def messages(topics: Collection[str]) -> Iterator[Message]:
+        return (m for m in found.messages if m[0] in topics)
+
+    total = max(index.messages if index else found.known, len(found.messages))
+    of = f"{len(found.messages)} of {total}" if index or found.known else f"{len(found.messages)}"
+    warning = f"{file}: damaged: {of} messages recovered ({reason})"
+    return Bag(found.types, counts, messages, decode_ros2), warning
+
+
+@contextmanager
+def _content(file: Path, reason: str) -> Iterator[Buffer]:
+    """A file's bytes, mapped rather than loaded: bags are large."""
+    try:
+        log = write_ahead_log(file)
+        if log:
+            yield file.read_bytes() + log.read_bytes()
+            return
+        with file.open("rb") as f, mmap(f.fileno(), 0, access=ACCESS_READ) as raw:
+            yield raw
+    except (OSError, ValueError):  # mmap's word for an empty file
+        raise BadInput(f"{file}: empty, or cannot be read ({reason}); get the file again") from None

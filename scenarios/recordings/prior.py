@@ -5,9 +5,9 @@ import numpy as np
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Belief
 from cooploc.estimators.models import wrap
-from cooploc.scenarios.recordings.logs.models import UNKNOWN, first_course
-from cooploc.scenarios.recordings.team.schema import Prior
-from cooploc.scenarios.recordings.team.team_log import TeamLog
+from cooploc.scenarios.recordings.schema import Prior
+from cooploc.scenarios.recordings.single_robot import UNKNOWN, first_course
+from cooploc.scenarios.recordings.team_log import TeamLog
 
 
 def prior(log: TeamLog, declared: Prior, arena: Array, poses: Array, turns: Array | None) -> tuple[Belief, str]:

@@ -1,18 +1,62 @@
-"""A team's log on a grid of ticks: odometry over each tick, true poses at its ends, each reading at the nearest tick.
+"""Values at the stamps of a recording, brought onto the times or intervals of a tick grid."""
 
-Nothing is invented: across gaps truth is unknown, and so is a velocity; a counter, a pose or displacements still give
-the distance. Of several readings in one cell the last is kept, and the others are counted.
-"""
-
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Indices, Mask
 from cooploc.estimators.models import wrap, wrap_heading
-from cooploc.scenarios.recordings.resampling import interpolate, mean_held
-from cooploc.scenarios.recordings.team.team_log import OdometryKind, Readings, Series, TeamLog
+from cooploc.scenarios.recordings.team_log import READING_COLUMNS, Channel, OdometryKind, Readings, Series, TeamLog
+from cooploc.scenarios.stream import Air
+
+
+def interpolate(stamps: Array, values: Array, at: Array, max_gap: float) -> Array:
+    """Linear interpolation between the stamps before and after.
+
+    Args:
+        stamps: (m,) rising [s].
+        values: (m, k); angles unwrapped.
+        at: (T,) times [s].
+        max_gap: [s] no interpolation across longer gaps.
+
+    Returns:
+        (T, k); nan outside the stamps and in gaps longer than `max_gap`.
+
+    """
+    after = np.searchsorted(stamps, at)
+    inside = (after < len(stamps)) & (at >= stamps[0])
+    after = np.minimum(after, len(stamps) - 1)
+    gap = stamps[after] - stamps[np.maximum(after - 1, 0)]
+    known = inside & ((gap <= max_gap) | (stamps[after] == at))
+    line = np.stack([np.interp(at, stamps, column) for column in values.T], -1)
+    return np.where(known[:, None], line, np.nan)
+
+
+def mean_held(stamps: Array, values: Array, edges: Array) -> Array:
+    """Mean over each interval of a signal that holds every value until the next stamp (zero-order hold).
+
+    Args:
+        stamps: (m,) rising [s].
+        values: (m, k).
+        edges: (T + 1,) of the intervals [s].
+
+    Returns:
+        (T, k); nan where an interval begins before the first stamp or after the last, as what held there is unknown.
+
+    """
+    knots = np.append(stamps, max(stamps[-1], edges[-1]))
+    integral = np.cumsum(np.concatenate([np.zeros_like(values[:1]), values * np.diff(knots)[:, None]]), axis=0)
+    at_edges = np.stack([np.interp(edges, knots, column) for column in integral.T], -1)
+    known = (edges[:-1] >= stamps[0]) & (edges[:-1] <= stamps[-1])
+    return np.where(known[:, None], np.diff(at_edges, axis=0) / np.diff(edges)[:, None], np.nan)
+
+
+# A team's log on a grid of ticks: odometry over each tick, true poses at its ends, each reading at the nearest tick.
+#
+# Nothing is invented: across gaps truth is unknown, and so is a velocity; a counter, a pose or displacements still give
+# the distance. Of several readings in one cell the last is kept, and the others are counted.
 
 
 class Gaps(NamedTuple):
@@ -132,3 +176,58 @@ def _gaps(time: Array, edges: Array, max_hold: float) -> Mask:
     begins = gap[np.searchsorted(time, edges[:-1], side="right")]
     ends = gap[np.searchsorted(time, edges[1:], side="left")]
     return np.asarray((begins > max_hold) | (ends > max_hold))
+
+
+# What a team sensed, on the grid of ticks, as estimators get it.
+
+
+class Sensed(NamedTuple):
+    """Readings of every channel, (1, T, n, ...); width 0 where a channel does not exist."""
+
+    anchor_rssi: Array
+    landmark: Array
+    sighting: Array
+    extra: dict[str, Array]  # anchor_range (1, T, n, a) [m]
+    air: Air
+    counts: dict[str, Any]  # by channel
+
+
+def sensed(
+    log: TeamLog,
+    grid: Grid,
+    bias: Mapping[Channel, Array],
+    ranges_go_to: Literal["both", "measurer"],
+    packets: Literal["every tick", "with a reading"],
+) -> Sensed:
+    """Readings at the tick nearest to their stamps, ranges less their `bias` (n, others) [m]."""
+    n, tables = len(log.robots), {}
+    counts: dict[str, Any] = {}
+    for channel, readings in log.readings.items():
+        others = _others(log, channel)
+        given = in_turn(readings) if channel == "range" and ranges_go_to == "both" else readings
+        if channel in bias:
+            given = given._replace(values=given.values - bias[channel][given.robot, given.other][:, None])
+        tables[channel], counts[channel] = cells(given, grid, n, others)
+
+    def table(channel: Channel) -> Array:
+        nothing = np.empty((grid.ticks, n, 0, len(READING_COLUMNS[channel])))
+        return tables.get(channel, nothing)[None]
+
+    ranges, rssi = table("range")[..., 0], table("rssi")[..., 0]
+    link = np.broadcast_to(~np.eye(n, dtype=bool), (1, grid.ticks, n, n)).copy()
+    if packets == "with a reading":
+        link &= _measured(ranges, link) | _measured(rssi, link)
+    extra = {"anchor_range": table("anchor_range")[..., 0]} if "anchor_range" in tables else {}
+    anchor_rssi = table("anchor_rssi")[..., 0]
+    return Sensed(anchor_rssi, table("landmark"), table("sighting"), extra, Air(link, rssi, ranges), counts)
+
+
+def _others(log: TeamLog, channel: Channel) -> int:
+    """How many things a channel can be a reading of."""
+    fixed = {"landmark": log.landmarks, "anchor_rssi": log.anchors, "anchor_range": log.anchors}.get(channel)
+    return len(log.robots) if fixed is None else len(fixed.names)
+
+
+def _measured(table: Array, link: Mask) -> Mask:
+    """Where a channel has a reading; nowhere if it does not exist."""
+    return np.isfinite(table) if table.shape[-1] else np.zeros_like(link)

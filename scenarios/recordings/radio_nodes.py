@@ -18,8 +18,8 @@ from scipy.optimize import least_squares
 
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array
-from cooploc.scenarios.recordings.resampling import interpolate
-from cooploc.scenarios.recordings.team.team_log import Series
+from cooploc.scenarios.recordings.sampling import interpolate
+from cooploc.scenarios.recordings.team_log import Series
 
 BIASES = (-0.5, 1.0)  # [m] that a pair of radios may have
 NOT_MEASURED = 1.0  # [m] what a pair without ranges counts as

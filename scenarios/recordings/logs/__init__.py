@@ -1,1 +1,0 @@
-"""A robot's recording as CSV files, described by a `log.toml`."""

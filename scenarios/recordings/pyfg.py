@@ -1,0 +1,324 @@
+"""The lines of a PyFG file: a factor graph as text, one vertex or edge a line, fields divided by blanks.
+
+    VERTEX_SE2 time A0 x y theta            true pose of robot A; robots are letters, L is for landmarks
+    VERTEX_XY L0 x y                        true place of a landmark (some files have a time before its name)
+    VERTEX_SE2:PRIOR, VERTEX_XY:PRIOR       what an optimizer is to start from: not read
+    EDGE_SE2 time A0 A1 x y theta cov (6)   pose of A1 in the frame of A0: odometry, a loop closure, or a sighting of B7
+    EDGE_SE2_XY time A0 L0 x y cov (3)      place of a landmark in the frame of A0
+    EDGE_RANGE time A0 L0 range variance    to a landmark, or a pose of another robot
+
+Source: A. Papalia et al., PyFactorGraph, https://github.com/MarineRoboticsGroup/PyFactorGraph, io/pyfg_text.py.
+"""
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from cooploc.estimators.errors import BadInput
+from cooploc.estimators.models import wrap
+from cooploc.scenarios.recordings.schema import TeamDescription
+from cooploc.scenarios.recordings.team_log import Channel, Places, Readings, Series, TeamLog
+from cooploc.scenarios.recordings.text_files import LARGEST, parse_number, read_text
+
+POSE_NAME = re.compile(r"([A-Za-z]+)(\d{1,9})")
+
+
+class Pose(NamedTuple):
+    """A vertex of a robot."""
+
+    robot: str
+    number: int
+    time: float  # [s]
+    pose: tuple[float, ...]  # x, y [m], heading [rad]
+
+
+class Edge(NamedTuple):
+    """What was measured between two vertices."""
+
+    line: int  # from 1
+    first: str
+    second: str
+    values: tuple[float, ...]
+
+
+class Graph(NamedTuple):
+    """A file, by kind of line."""
+
+    path: Path
+    poses: dict[str, Pose]
+    places: dict[str, tuple[float, ...]]
+    relative: list[Edge]  # EDGE_SE2: x, y [m], theta [rad]
+    seen: list[Edge]  # EDGE_SE2_XY: x, y [m]
+    ranges: list[Edge]  # EDGE_RANGE: range [m]
+    warnings: list[str]
+
+    def at(self, line: int) -> str:
+        """The place of a line, for an error."""
+        return f"{self.path}, line {line}"
+
+
+def read_graph(path: Path) -> Graph:
+    """The vertices and edges in a file. A last line that was cut off is left out, with a warning.
+
+    Raises:
+        BadInput: the file cannot be read, is of three dimensions, or a line is malformed; names the line.
+
+    """
+    text = read_text(path, "ascii")
+    graph = Graph(path, {}, {}, [], [], [], [])
+    lines = [(i, line.split()) for i, line in enumerate(text.split("\n"), 1) if line and not line.isspace()]
+    unknown: dict[str, int] = {}
+    for i, fields in lines:
+        tag = fields[0]
+        if tag in READ:
+            try:
+                READ[tag](graph, i, fields)
+            except BadInput:
+                if (i, fields) != lines[-1] or text.endswith("\n"):
+                    raise
+                graph.warnings.append(f"{graph.at(i)}: the last line is cut off; it was left out")
+        elif tag.startswith(("VERTEX_SE3", "VERTEX_XYZ", "EDGE_SE3")):
+            raise BadInput(f"{graph.at(i)}: {tag} is of three dimensions; only graphs in the plane (SE2, XY) are read")
+        elif not tag.endswith(":PRIOR") and not tag.startswith("#"):
+            unknown[tag] = unknown.get(tag, 0) + 1
+    _require_vertices(graph)
+    graph.warnings.extend(
+        f"{path}: {n} lines of {tag!r}, which is not read, were left out" for tag, n in unknown.items()
+    )
+    return graph
+
+
+def _pose(graph: Graph, line: int, fields: list[str]) -> None:
+    time, *pose = _numbers(graph, line, fields, (1, 3, 4, 5), 6)
+    name = fields[2]
+    match = POSE_NAME.fullmatch(name)
+    if not match:
+        raise BadInput(f"{graph.at(line)}: pose {name!r} is not a letter and a number, like A0; correct its name")
+    _require_new(graph, line, name)
+    graph.poses[name] = Pose(match[1], int(match[2]), time, tuple(pose))
+
+
+def _place(graph: Graph, line: int, fields: list[str]) -> None:
+    timed = len(fields) == 5
+    name = fields[2 if timed else 1] if len(fields) > 2 else ""
+    place = _numbers(graph, line, fields, (3, 4) if timed else (2, 3), 5 if timed else 4)
+    _require_new(graph, line, name)
+    graph.places[name] = place
+
+
+def _relative(graph: Graph, line: int, fields: list[str]) -> None:
+    graph.relative.append(_edge(graph, line, fields, (4, 5, 6), 13))
+
+
+def _seen(graph: Graph, line: int, fields: list[str]) -> None:
+    graph.seen.append(_edge(graph, line, fields, (4, 5), 9))
+
+
+def _range(graph: Graph, line: int, fields: list[str]) -> None:
+    graph.ranges.append(_edge(graph, line, fields, (4,), 6))
+
+
+def _edge(graph: Graph, line: int, fields: list[str], which: tuple[int, ...], total: int) -> Edge:
+    values = _numbers(graph, line, fields, which, total)
+    return Edge(line, fields[2], fields[3], values)
+
+
+READ: Mapping[str, Callable[[Graph, int, list[str]], None]] = {
+    "VERTEX_SE2": _pose,
+    "VERTEX_XY": _place,
+    "EDGE_SE2": _relative,
+    "EDGE_SE2_XY": _seen,
+    "EDGE_RANGE": _range,
+}
+
+
+def _numbers(graph: Graph, line: int, fields: list[str], which: tuple[int, ...], total: int) -> tuple[float, ...]:
+    """Some fields of a line that should have so many."""
+    if len(fields) != total:
+        raise BadInput(
+            f"{graph.at(line)}: {fields[0]} has {len(fields)} fields, not {total}; correct or remove the line"
+        )
+    values = tuple(parse_number(fields[i]) for i in which)
+    for i, value in zip(which, values, strict=True):
+        if not abs(value) <= LARGEST:
+            raise BadInput(f"{graph.at(line)}: {fields[i]!r} is not a number; correct or remove the line")
+    return values
+
+
+def _require_new(graph: Graph, line: int, name: str) -> None:
+    if name in graph.poses or name in graph.places:
+        raise BadInput(f"{graph.at(line)}: vertex {name!r} was given before; remove one of the lines")
+
+
+def _require_vertices(graph: Graph) -> None:
+    """Refuse an edge whose vertices are not in the file; a range may name the landmark first, and is turned."""
+    graph.ranges[:] = [
+        e._replace(first=e.second, second=e.first) if e.first in graph.places else e for e in graph.ranges
+    ]
+    of_poses, of_places, of_all = graph.poses, graph.places, graph.poses | graph.places
+    for edges, seconds in ((graph.relative, of_poses), (graph.seen, of_places), (graph.ranges, of_all)):
+        for edge in edges:
+            for name, known in ((edge.first, of_poses), (edge.second, seconds)):
+                if name not in known:
+                    raise BadInput(
+                        f"{graph.at(edge.line)}: there is no vertex {name!r}; add its line, or remove this one"
+                    )
+
+
+# PyFG factor graphs as recordings of a team: odometry and ranges from the edges, truth from the vertices.
+#
+# A measurement has the time of the first pose that it names. Landmarks are taken as surveyed: those that a range leads
+# to are anchors, those with a place in a robot's frame (EDGE_SE2_XY) are landmarks. A pose of another robot in a
+# robot's frame is a sighting. Loop closures are left out, as no estimator here relates a robot to its own past.
+
+Chain = Sequence[str]  # the poses of a robot, by time
+
+
+def runs(data: Path, description: TeamDescription) -> dict[str, Path]:
+    """The files *.pyfg in a directory, or a file by itself.
+
+    Raises:
+        BadInput: there are none.
+
+    """
+    found = {path.stem: path for path in (sorted(data.glob("*.pyfg")) if data.is_dir() else [data])}
+    if not found:
+        raise BadInput(f"{data}: no file ends with .pyfg; put the factor graphs there")
+    return found
+
+
+def read(data: Path, place: Path, name: str, description: TeamDescription) -> TeamLog:
+    """One of them; a PyFG file leaves nothing for the description to say."""
+    return read_pyfg(place)._replace(name=name)
+
+
+def read_pyfg(path: Path) -> TeamLog:
+    """One file as one recording.
+
+    Raises:
+        BadInput: the file cannot be read, is of three dimensions, or a line is malformed; names the line.
+
+    """
+    graph = read_graph(path)
+    chains = _chains(graph)
+    robots = {robot: i for i, robot in enumerate(chains)}
+    whose = {name: robots[pose.robot] for name, pose in graph.poses.items()}
+    following = {pair for chain in chains.values() for pair in pairwise(chain)}
+    steps = {(e.first, e.second): e.values for e in graph.relative if (e.first, e.second) in following}
+    apart = [e for e in graph.relative if (e.first, e.second) not in following]
+    of_mates = [e for e in graph.ranges if e.second in whose]
+    of_anchors = [e for e in graph.ranges if e.second not in whose]
+    anchors, landmarks = _numbered(of_anchors), _numbered(graph.seen)
+    readings: dict[Channel, Readings] = {
+        "range": _readings(graph, of_mates, whose, whose),
+        "sighting": _readings(graph, [_polar(e) for e in apart], whose, whose),
+        "anchor_range": _readings(graph, of_anchors, whose, anchors),
+        "landmark": _readings(graph, [_polar(e) for e in graph.seen], whose, landmarks),
+    }
+    return TeamLog(
+        path.stem,
+        tuple(robots),
+        "pose",
+        tuple(_odometry(graph, chain, steps) for chain in chains.values()),
+        tuple(_truth(graph, chain) for chain in chains.values()),
+        {channel: found for channel, found in readings.items() if len(found.time)},
+        _places(graph, landmarks),
+        _places(graph, anchors),
+        tuple(graph.warnings),
+    )
+
+
+def _chains(graph: Graph) -> Mapping[str, Chain]:
+    """The poses of each robot, robots by name, poses by number.
+
+    Raises:
+        BadInput: there are none, or their times do not rise.
+
+    """
+    chains: dict[str, list[str]] = {}
+    for name in sorted(graph.poses, key=lambda name: graph.poses[name][:2]):
+        chains.setdefault(graph.poses[name].robot, []).append(name)
+    if not chains:
+        raise BadInput(f"{graph.path}: no line VERTEX_SE2, and so no robot; is this a PyFG file?")
+    for robot, chain in chains.items():
+        time = np.array([graph.poses[name].time for name in chain])
+        stuck = np.flatnonzero(np.diff(time) <= 0)
+        if len(stuck):
+            raise BadInput(
+                f"{graph.path}: pose {chain[stuck[0] + 1]} is not later than {chain[stuck[0]]}; the times of robot "
+                f"{robot} must rise with the numbers of its poses"
+            )
+    return chains
+
+
+def _odometry(graph: Graph, chain: Chain, steps: Mapping[tuple[str, str], Sequence[float]]) -> Series:
+    """Poses composed from the first: x' = x + R(heading) dx; of the longest stretch in which no step is missing.
+
+    Raises:
+        BadInput: there is no step at all.
+
+    """
+    missing = [k for k, pair in enumerate(pairwise(chain)) if pair not in steps]
+    begin, end = max(pairwise([-1, *missing, len(chain) - 1]), key=lambda ends: ends[1] - ends[0])
+    stretch = chain[begin + 1 : end + 1]
+    robot = graph.poses[chain[0]].robot
+    if len(stretch) < 2:
+        raise BadInput(
+            f"{graph.path}: robot {robot} has no odometry; add a line EDGE_SE2 from each of its poses to the next"
+        )
+    if missing:
+        said = f"lacks {len(missing)} steps of odometry; it is read from {stretch[0]} to {stretch[-1]}"
+        graph.warnings.append(f"{graph.path}: robot {robot} {said}")
+    x, y, heading = 0.0, 0.0, 0.0
+    rows = [(x, y, heading)]
+    for pair in pairwise(stretch):
+        dx, dy, turn = steps[pair]
+        c, s = np.cos(heading), np.sin(heading)
+        x, y, heading = x + c * dx - s * dy, y + s * dx + c * dy, heading + turn
+        rows.append((x, y, heading))
+    values = np.array(rows)
+    values[:, 2] = wrap(values[:, 2])
+    return Series(np.array([graph.poses[name].time for name in stretch]), values, f"{graph.path}, EDGE_SE2")
+
+
+def _truth(graph: Graph, chain: Chain) -> Series:
+    poses = np.array([graph.poses[name].pose for name in chain])
+    poses[:, 2] = wrap(poses[:, 2])
+    return Series(np.array([graph.poses[name].time for name in chain]), poses, f"{graph.path}, VERTEX_SE2")
+
+
+def _readings(graph: Graph, edges: Sequence[Edge], robots: Mapping[str, int], others: Mapping[str, int]) -> Readings:
+    """Measurements by rising time; without those of a robot by itself, and ranges that are not positive."""
+    apart = [e for e in edges if robots is not others or robots[e.first] != others[e.second]]
+    good = [e for e in apart if e.values[0] > 0]
+    if len(apart) < len(edges):
+        said = "measurements between poses of one robot (loop closures), which are not read, were left out"
+        graph.warnings.append(f"{graph.path}: {len(edges) - len(apart)} {said}")
+    if len(good) < len(apart):
+        graph.warnings.append(f"{graph.path}: {len(apart) - len(good)} ranges that are not positive were left out")
+    good.sort(key=lambda e: graph.poses[e.first].time)
+    return Readings(
+        np.array([graph.poses[e.first].time for e in good]),
+        np.array([robots[e.first] for e in good], np.int64),
+        np.array([others[e.second] for e in good], np.int64),
+        np.array([e.values for e in good], float).reshape(len(good), len(edges[0].values) if edges else 1),
+        str(graph.path),
+    )
+
+
+def _polar(edge: Edge) -> Edge:
+    """Range and bearing of a place or pose in the frame of a robot."""
+    x, y = edge.values[:2]
+    return edge._replace(values=(float(np.hypot(x, y)), float(np.arctan2(y, x))))
+
+
+def _numbered(edges: Sequence[Edge]) -> dict[str, int]:
+    return {name: i for i, name in enumerate(sorted({e.second for e in edges}))}
+
+
+def _places(graph: Graph, names: Mapping[str, int]) -> Places:
+    return Places(tuple(names), np.array([graph.places[name] for name in names], float).reshape(-1, 2))

@@ -1,0 +1,500 @@
+"""A column of a log and its unit, as a description names them, converted to SI."""
+
+import math
+import re
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self, TypeVar
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+
+from cooploc.estimators import nearest
+from cooploc.estimators.errors import BadInput
+from cooploc.scenarios.worlds.radio import Positive
+
+UNITS: dict[str, dict[str, float]] = {  # SI unit -> unit -> one of it in SI
+    "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
+    "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
+    "rad": {"rad": 1.0, "deg": math.pi / 180},
+    "m/s": {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "km/h": 1 / 3.6},
+    "rad/s": {"rad/s": 1.0, "deg/s": math.pi / 180},
+    "dBm": {"dBm": 1.0},
+    "": {"": 1.0},
+}
+
+
+class Strict(BaseModel):
+    """A table of a description: finite numbers, no unknown keys."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class LogColumn(Strict):
+    """A column of the CSV files and its unit."""
+
+    column: str
+    unit: str | None = None  # SI where it is not stated
+    factor: Annotated[float, Field(exclude=True)] = 1.0  # follows from the unit
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_name(cls, given: Any) -> Any:
+        """A column's name alone, or `column` and `unit`."""
+        if isinstance(given, str):
+            return {"column": given}
+        if isinstance(given, Mapping) and set(given) <= {"column", "unit"}:
+            return given
+        raise ValueError('write a column as "name" or {column = "name", unit = "cm"}')
+
+
+def _unit_of(si: str) -> AfterValidator:
+    """Accepts a column in any unit of the same quantity."""
+
+    def checked(column: LogColumn) -> LogColumn:
+        unit = si if column.unit is None else column.unit
+        if unit not in UNITS[si]:
+            raise ValueError(f"unit {unit!r} is not one of {', '.join(UNITS[si])}")
+        return column.model_copy(update={"factor": UNITS[si][unit]})
+
+    return AfterValidator(checked)
+
+
+Seconds = Annotated[LogColumn, _unit_of("s")]
+Metres = Annotated[LogColumn, _unit_of("m")]
+Angle = Annotated[LogColumn, _unit_of("rad")]
+Speed = Annotated[LogColumn, _unit_of("m/s")]
+TurnRate = Annotated[LogColumn, _unit_of("rad/s")]
+Power = Annotated[LogColumn, _unit_of("dBm")]
+Number = Annotated[LogColumn, _unit_of("")]
+
+
+# The tables of a team's log.toml that say where something was recorded, and in which columns or topics.
+
+Place = tuple[float, float]  # [m]
+Name = Annotated[str, Field(pattern=r"^[^\s,/{}\[\]]+$", max_length=60)]
+
+
+def _several(given: Any) -> Any:
+    """One table or column, where there may be several."""
+    return given if isinstance(given, list | tuple) else [given]
+
+
+Several = BeforeValidator(_several)
+TimeColumns = Annotated[tuple[Seconds, ...], Field(min_length=1), Several]
+
+
+class Source(Strict):
+    """Where something is: CSV files, or topics of a bag. `{robot}` and `{other}` in them stand for names."""
+
+    file: str | None = None  # CSV, relative to the run: "odom_{robot}.csv", or one for all
+    topic: str | None = None  # of a bag: "/{robot}/odom"
+    topics: Mapping[Name, str] = {}  # of a bag: robots whose topic has another name
+    time: TimeColumns = Field(default=("time",), validate_default=True)  # of CSV files; summed: seconds and nanoseconds
+    robot: Number | None = None  # the column with the robot's name, where a file holds several
+    nodes: Mapping[str, Name] = {}  # what the files or topics call a robot, an anchor or a landmark -> its name here
+    clock_offset: float = 0.0  # [s] added to the stamps
+
+    @model_validator(mode="after")
+    def _is_somewhere(self) -> Self:
+        if (self.file is None) == (self.topic is None and not self.topics):
+            raise ValueError('state where it is: file = "..." (CSV), or topic = "..." (a bag)')
+        if self.file is not None and (Path(self.file).is_absolute() or ".." in Path(self.file).parts):
+            raise ValueError(f"file is {self.file!r}; name one inside the directory")
+        if self.file is not None and ("{robot}" in self.file) == (self.robot is not None):
+            raise ValueError('whose lines are they: file = "..._{robot}.csv", or robot = "the column of names"')
+        return self
+
+    @property
+    def in_files(self) -> bool:
+        """Whether it is in CSV files."""
+        return self.file is not None
+
+
+class Odometry(Source):
+    """What each robot measures of its own motion.
+
+    velocity: `speed` and `turn_rate`, which hold until the next line. pose: `x`, `y`, `heading` in a frame of its own.
+    path: `length` driven so far (a counter) and `turn_rate`. displacement: `dx`, `dy` since the line before, in a
+    compass frame.
+    """
+
+    kind: Literal["velocity", "pose", "displacement", "path"]
+    speed: Speed | None = None
+    turn_rate: TurnRate | None = None
+    x: Metres | None = None
+    y: Metres | None = None
+    heading: Angle | None = None
+    length: Metres | None = None
+    dx: Metres | None = None
+    dy: Metres | None = None
+
+    @model_validator(mode="after")
+    def _has_its_columns(self) -> Self:
+        needed = COLUMNS[self.kind] if self.in_files else ()
+        every = sorted({name for names in COLUMNS.values() for name in names})
+        given = {name for name in every if getattr(self, name) is not None}
+        if given != set(needed):
+            takes, has = (", ".join(names) or "no columns" for names in (needed, sorted(given)))
+            raise ValueError(f"kind {self.kind!r} takes {takes}, not {has}")
+        return self
+
+
+COLUMNS: Mapping[str, tuple[str, ...]] = {  # of odometry, in the order of `team_log.ODOMETRY_COLUMNS`
+    "velocity": ("speed", "turn_rate"),
+    "pose": ("x", "y", "heading"),
+    "displacement": ("dx", "dy"),
+    "path": ("length", "turn_rate"),
+}
+
+
+class GroundTruth(Source):
+    """The true poses, on a clock of their own."""
+
+    x: Metres | None = None
+    y: Metres | None = None
+    heading: Angle | None = None  # counter-clockwise from x
+    frame: Literal["as recorded", "mirrored", "swapped"] = "as recorded"  # mirrored: y downwards; swapped: x is y
+    max_speed: Positive | None = None  # [m/s] a position that cannot be reached from the last valid one is left out
+
+    @model_validator(mode="after")
+    def _has_its_columns(self) -> Self:
+        if self.in_files and (self.x is None or self.y is None):
+            raise ValueError("x and y are missing; name their columns")
+        return self
+
+
+class ReadingColumns(Source):
+    """Measurements of something else, whose name is in the column `other` or, as `{other}`, in the file or topic."""
+
+    other: Number | None = None
+
+    @model_validator(mode="after")
+    def _of_something(self) -> Self:
+        named = self.other is not None or "{other}" in (self.file or "") or bool(getattr(self, "each", None))
+        if self.in_files and not named:
+            raise ValueError('what was measured: other = "the column of names", or {other} in the name of the file')
+        return self
+
+
+class Ranges(ReadingColumns):
+    """Ranges by radio, to teammates or anchors."""
+
+    range: Metres | None = None
+    each: Mapping[Name, Metres] = {}  # instead of `other` and `range`: the column of each robot or anchor
+    unit: str = "m"  # of a bag's values
+
+    @model_validator(mode="after")
+    def _has_its_columns(self) -> Self:
+        _one_of(self, "range")
+        if self.unit not in UNITS["m"]:
+            raise ValueError(f"unit {self.unit!r} is not one of {', '.join(UNITS['m'])}")
+        return self
+
+
+class Rssi(ReadingColumns):
+    """Received signal strength, of teammates or anchors."""
+
+    rssi: Power | None = None
+    each: Mapping[Name, Power] = {}  # instead of `other` and `rssi`: the column of each robot or anchor
+    missing_from: float = 0.0  # [dBm] a reading of this or more is missing
+
+    @model_validator(mode="after")
+    def _has_its_columns(self) -> Self:
+        _one_of(self, "rssi")
+        return self
+
+
+class Sightings(ReadingColumns):
+    """Range and bearing (from straight ahead, counter-clockwise) of teammates or landmarks, as a camera sees them."""
+
+    range: Metres | None = None
+    bearing: Angle | None = None
+
+    @model_validator(mode="after")
+    def _has_its_columns(self) -> Self:
+        if self.in_files and (self.range is None or self.bearing is None):
+            raise ValueError("range and bearing are missing; name their columns")
+        return self
+
+
+class Places(Strict):
+    """Fixed things, by name: `places` here, or a CSV file of them (one for all runs, beside log.toml)."""
+
+    places: Mapping[Name, Place] = {}  # [m]
+    file: str | None = None
+    name: Number | None = None  # columns of the file
+    x: Metres | None = None
+    y: Metres | None = None
+
+    @model_validator(mode="after")
+    def _are_somewhere(self) -> Self:
+        columns = [self.name, self.x, self.y]
+        if (self.file is None) != (None in columns) or (self.file is None and any(columns)):
+            raise ValueError("a file of places needs the columns name, x and y")
+        if self.file is not None and (Path(self.file).is_absolute() or ".." in Path(self.file).parts):
+            raise ValueError(f"file is {self.file!r}; name one inside the directory")
+        if not self.places and self.file is None:
+            raise ValueError("there are no places; give places = { name = [x, y] }, or a file")
+        return self
+
+
+def _one_of(table: Ranges | Rssi, value: str) -> None:
+    """Either `other` and the value's column, or `each`."""
+    each, named = bool(table.each), getattr(table, value) is not None
+    if table.in_files and each == named:
+        raise ValueError(
+            f'name the column: {value} = "...", or one for each robot or anchor: each = {{ name = "..." }}'
+        )
+    if each and table.other is not None:
+        raise ValueError("each and other exclude each other; remove one")
+
+
+# What is wrong with a description in TOML: the line, the key and the remedy, in one line.
+
+Root = TypeVar("Root", bound=BaseModel)
+
+
+def parse(path: Any, text: str, root: type[Root], tables: Mapping[str, type[BaseModel]], example: str) -> Root:
+    """A description from the text of a file at `path`; `tables` are the models of its tables.
+
+    Raises:
+        BadInput: it is not TOML, or a key or value is wrong; names the line and the key.
+
+    """
+    try:
+        return root.model_validate(tomllib.loads(text))
+    except ValidationError as e:
+        raise BadInput(f"{path}{_explained(text, e, root, tables, example)}") from None
+    except (tomllib.TOMLDecodeError, RecursionError) as e:
+        raise BadInput(f"{path}: cannot be read as TOML ({e}); correct it") from None
+
+
+def _explained(
+    text: str, e: ValidationError, root: type[BaseModel], tables: Mapping[str, type[BaseModel]], example: str
+) -> str:
+    """Line, key and remedy of an error; an unknown key comes first, as it explains one that is missing."""
+    first = min(e.errors(), key=lambda error: error["type"] != "extra_forbidden")
+    path = [str(part) for part in first["loc"] if str(part).isidentifier() or isinstance(part, int)]
+    table, key = path[:2] if len(path) > 1 and path[0] in tables else ["", *path, ""][:2]
+    if key.isdigit() and len(path) > 2 and table in tables:  # one of several tables of a name
+        path = [table, *path[2:]]
+        key = path[1]
+    line = _line(text, table, key)
+    if first["type"] == "extra_forbidden":
+        known = list((tables[table] if table else root).model_fields)
+        return f"{line}: there is no key {key!r}{f' in [{table}]' if table else ''}; {nearest(key, known)}"
+    hint = f"; {example}" if first["type"] == "missing" else ""
+    return f"{line}: {'.'.join(path)}{': ' if path else ''}{first['msg'].removeprefix('Value error, ')}{hint}"
+
+
+def _line(text: str, table: str, key: str) -> str:
+    """ ", line N" of a key's first appearance in a table of the file; of the table's own where key is not in it."""
+    found, inside = "", not table
+    for i, line in enumerate(text.splitlines(), 1):
+        if header := re.match(r"\s*\[+\s*([\w.]+)", line):
+            inside = header[1] == (table or key)
+            if inside:
+                found = f", line {i}"
+        elif inside and re.match(rf"\s*[\"']?{re.escape(key)}[\"']?\s*=", line):
+            return f", line {i}"
+    return found
+
+
+# The description of a team's recordings: `log.toml`, which says what the files, columns and topics mean.
+#
+# It begins with `format` (a description without one is of one robot: `logs.schema`) and has a table for each thing that
+# was recorded. In CSV files a column is its name where the file is in SI units, else `{column = "x", unit = "mm"}`:
+#
+#     format = "csv"
+#     robots = ["red", "blue"]
+#     arena = [[0, 0], [6, 4]]          # lower left and upper right corner [m]
+#
+#     [odometry]
+#     kind = "velocity"
+#     file = "odom_{robot}.csv"         # a file for each robot; or one file for all with robot = "column of names"
+#     time = ["sec", { column = "nsec", unit = "ns" }]
+#     speed = "v"
+#     turn_rate = { column = "w", unit = "deg/s" }
+#
+#     [truth]                           # files of its own, with its own clock
+#     file = "mocap_{robot}.csv"
+#     clock_offset = 0.0                # [s] added to its stamps
+#     x = "x"
+#     y = "y"
+#     heading = "yaw"
+#
+#     [ranges]                          # or several tables [[ranges]]
+#     file = "uwb.csv"
+#     robot = "from"
+#     other = "to"                      # a robot, or an anchor
+#     range = { column = "distance", unit = "mm" }
+#
+#     [fit]
+#     on = "first part"                 # which is then not judged
+#     seconds = 60.0
+#
+# In a bag there are topics instead: `topic = "/{robot}/odom"`, `topic = "/uwb/{robot}/{other}/distance"`.
+
+NAME = "log.toml"
+EXAMPLE = "cooploc inspect DIR writes such a file"
+
+Format = Literal["csv", "bag", "pyfg", "mrclam"]
+
+
+class Sample(Strict):
+    """The ticks that the recording is divided into."""
+
+    tick: Annotated[float, Field(ge=0.01, le=60)] = 0.1  # [s]
+    max_gap: Positive = 0.5  # [s] truth is not interpolated across longer gaps
+    max_hold: Positive = 2.0  # [s] a speed or a turn rate holds until the next line, at most so long
+    start: Annotated[float, Field(ge=0)] = 0.0  # [s] left out at the beginning
+    ranges_go_to: Literal["both", "measurer"] = "both"  # both: a pair's ranges go to its robots in turn, each once
+    duration: Positive | None = None  # [s] at most
+
+
+class Prior(Strict):
+    """What each robot knows of its start, and from which source."""
+
+    position: Literal["first truth", "arena"] | dict[Name, Place] = "first truth"  # or its place [m] by robot
+    position_sd: Positive = 0.05  # [m] per axis; "arena": uniform
+    heading: Literal["first truth", "first motion", "unknown"] | dict[Name, float] = "first truth"  # or [rad] by robot
+    heading_sd: Positive = 0.05  # [rad]
+
+
+class Fit(Strict):
+    """What the models are fitted on; never on what is judged."""
+
+    on: Literal["other runs", "first part", "nothing"] = "other runs"  # nothing: [model] states all
+    seconds: Positive | None = None  # [s] how long the first part is
+
+    @model_validator(mode="after")
+    def _has_a_length(self) -> Self:
+        if (self.on == "first part") != (self.seconds is not None):
+            raise ValueError('on = "first part" needs seconds = ..., its length, and nothing else does')
+        return self
+
+
+class Model(Strict):
+    """Parameters of the assumed models. Those that are not stated are fitted."""
+
+    length_scale: Positive | None = None  # true length by odometry's
+    turn_scale: Positive | None = None  # true turn by odometry's
+    sigma_v: Positive | None = None  # [m/s] at the tick
+    sigma_omega: Positive | None = None  # [rad/s] at the tick
+    sigma_move: Positive | None = None  # [m] per axis in a tick, of displacements
+    range_bias: float | None = None  # [m] of every pair
+    range_sigma: Positive | None = None  # [m]
+    anchor_range_bias: float | None = None  # [m] of every anchor
+    anchor_range_sigma: Positive | None = None  # [m]
+    A: float | None = None  # [dBm] at 1 m, between robots
+    eta: Positive | None = None
+    rssi_sigma: Positive | None = None  # [dB]
+    anchor_A: float | None = None  # [dBm] at 1 m, of anchors
+    anchor_eta: Positive | None = None
+    anchor_rssi_sigma: Positive | None = None  # [dB]
+    sighting_sigma_range: Positive | None = None  # [m]
+    sighting_sigma_bearing: Positive | None = None  # [rad]
+    landmark_sigma_range: Positive | None = None  # [m]
+    landmark_sigma_bearing: Positive | None = None  # [rad]
+
+
+class TeamDescription(Strict):
+    """What the recordings of a team mean."""
+
+    format: Format
+    about: str = ""
+    robots: tuple[Name, ...] = ()  # their names, in the order of the results; PyFG and MRCLAM name their own
+    delimiter: Literal[",", ";", "\t", "|", " "] = ","  # of CSV files
+    arena: tuple[Place, Place] | None = None  # lower left and upper right corner [m]; else 2 m around all fixed things
+    set_ups: tuple[str, ...] = ("*",)  # runs whose names match one pattern had the same hardware and site
+    odometry: Odometry | None = None
+    truth: GroundTruth | None = None
+    ranges: Annotated[tuple[Ranges, ...], Several] = ()
+    rssi: Annotated[tuple[Rssi, ...], Several] = ()
+    sightings: Annotated[tuple[Sightings, ...], Several] = ()
+    anchors: Places | None = None
+    landmarks: Places | None = None
+    sample: Sample = Sample()
+    prior: Prior = Prior()
+    fit: Fit = Fit()
+    model: Model = Model()
+
+    @model_validator(mode="after")
+    def _has_sources(self) -> Self:
+        sources = [s for s in (self.odometry, self.truth, *self.ranges, *self.rssi, *self.sightings) if s]
+        if self.format in ("pyfg", "mrclam"):
+            if sources:
+                raise ValueError(
+                    f'format = "{self.format}" says itself where everything is; remove [odometry], [truth] ...'
+                )
+            return self
+        if not self.robots:
+            raise ValueError('robots is missing; name them: robots = ["red", "blue"]')
+        if self.odometry is None or self.truth is None:
+            raise ValueError(f"[{'odometry' if self.odometry is None else 'truth'}] is missing; {EXAMPLE}")
+        for source in sources:
+            if source.in_files != (self.format == "csv"):
+                raise ValueError(
+                    f'format = "{self.format}" takes {"file" if self.format == "csv" else "topic"} = "..."'
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _names_differ(self) -> Self:
+        names = [
+            *self.robots,
+            *(self.anchors.places if self.anchors else ()),
+            *(self.landmarks.places if self.landmarks else ()),
+        ]
+        twice = next((name for name in names if names.count(name) > 1), None)
+        if twice is not None:
+            raise ValueError(f"{twice!r} is the name of two things among robots, anchors and landmarks; rename one")
+        for table, of in (("position", self.prior.position), ("heading", self.prior.heading)):
+            if isinstance(of, dict) and self.robots and set(of) != set(self.robots):
+                raise ValueError(
+                    f"[prior] {table} names {', '.join(of) or 'none'}; name each of {', '.join(self.robots)}"
+                )
+        if self.arena and not all(low < high for low, high in zip(*self.arena, strict=True)):
+            raise ValueError("arena is the lower left and the upper right corner [m]: arena = [[0, 0], [6, 4]]")
+        return self
+
+
+TABLES: dict[str, type[Strict]] = {
+    "odometry": Odometry,
+    "truth": GroundTruth,
+    "ranges": Ranges,
+    "rssi": Rssi,
+    "sightings": Sightings,
+    "anchors": Places,
+    "landmarks": Places,
+    "sample": Sample,
+    "prior": Prior,
+    "fit": Fit,
+    "model": Model,
+}
+
+
+def load(path: Path) -> TeamDescription:
+    """The description in a file.
+
+    Raises:
+        BadInput: the file is missing or not TOML, or a key or value is wrong; names the line and the key.
+
+    """
+    return parse(path, text_of(path), TeamDescription, TABLES, EXAMPLE)
+
+
+def text_of(path: Path) -> str:
+    """The text of a description.
+
+    Raises:
+        BadInput: the file is missing or cannot be read.
+
+    """
+    try:
+        return path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise BadInput(f"{path}: there is no such file; {EXAMPLE}") from None
+    except (OSError, UnicodeDecodeError) as e:
+        raise BadInput(f"{path}: cannot be read as TOML ({e}); correct it") from None
