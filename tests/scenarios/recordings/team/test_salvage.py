@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made_bags import KINDS, TOPICS, made_bag
+from made_bags import TOPICS, made_bag
 from rosbags.typesys import Stores, get_typestore
 
 from cooploc.estimators.errors import BadInput
@@ -35,7 +35,7 @@ def recovered(path):
     return rows(series[TOPIC].time, series[TOPIC].values), warnings
 
 
-@pytest.fixture(scope="module", params=KINDS)
+@pytest.fixture(scope="module", params=["sqlite3"])
 def bag(request, tmp_path_factory):
     path, written = made_bag(tmp_path_factory.mktemp(request.param), request.param, seconds=5.0)
     return path, storage(path).read_bytes(), rows(*written[TOPIC])
