@@ -25,7 +25,7 @@ from cooploc.runs import Results, ledger_of, prepared, ran, run_study
 from cooploc.scenarios import family, simulate
 from cooploc.scenarios.runner.run import run
 from cooploc.scenarios.scenario import split_family
-from cooploc.terminal.progress import TerminalProgress
+from cooploc.terminal.console import TerminalProgress
 
 MOST_TRIALS = 1000  # of what stays open in a run until decided
 DIFFERENCE = 0.1

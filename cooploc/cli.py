@@ -11,11 +11,9 @@ from typing import Annotated
 import typer
 
 import cooploc as cl
+from cooploc.commands import judge, plan, tune
+from cooploc.terminal.console import Claims, Estimators, Isolate, Jobs, Recordings, RunDirectory, StudyName
 from cooploc.terminal.inspect_command import inspect
-from cooploc.terminal.judge_command import judge
-from cooploc.terminal.options import Claims, Estimators, Isolate, Jobs, Recordings, RunDirectory, StudyName
-from cooploc.terminal.plan_command import plan
-from cooploc.terminal.tune_command import tune
 
 app = typer.Typer(
     name="cooploc",
@@ -57,10 +55,10 @@ def list_(
 
         typer.echo(table())
         return
-    from cooploc.terminal import lists
+    from cooploc.terminal import tables
 
     for one in [kind] if kind else list(Kind):
-        lists.show(one.value, getattr(cl, one.value)())
+        tables.show_list(one.value, getattr(cl, one.value)())
 
 
 @app.command()
@@ -87,7 +85,7 @@ def run(
 ) -> None:
     """Run a study, print its table, keep results and picture."""
     from cooploc.api_studies import choose_runner
-    from cooploc.terminal import results as printed
+    from cooploc.terminal import tables as printed
 
     results = choose_runner(until_decided, trials, max_trials)(
         study,
@@ -101,7 +99,7 @@ def run(
         retry_failed=retry_failed,
         isolate=isolate,
     )
-    printed.show(results.table, results.rows, results.folder, as_json)
+    printed.show_results(results.table, results.rows, results.folder, as_json)
     if len(results.failures):
         raise typer.Exit(1)
 
@@ -128,10 +126,10 @@ def check(
     isolate: Isolate = True,
 ) -> None:
     """Check that an estimator cannot cheat and keeps the rules."""
-    from cooploc.terminal import checked
+    from cooploc.terminal import tables
 
     result = cl.check_estimator(estimator, seed=seed, isolate=isolate, time_limit=time_limit, only=only)
-    checked.show(result)
+    tables.show_checks(result)
     if result.count("failed") or not (only or result.ran):
         raise typer.Exit(1)
 
@@ -174,13 +172,13 @@ def report(
     An HTML page that needs no network, and its tables as LaTeX, Markdown and CSV; with --paper, figures and tables that
     fit its columns.
     """
-    from cooploc.terminal import finished_runs
+    from cooploc.terminal import tables
 
     if not (paper or columns or scenarios):
-        finished_runs.report(cl.report(folder, out, ledger))
+        tables.show_report(cl.report(folder, out, ledger))
         return
     given = {"columns": columns, "scenarios": scenarios}
-    finished_runs.paper(cl.paper(folder, out, **{name: value for name, value in given.items() if value is not None}))
+    tables.show_paper(cl.paper(folder, out, **{name: value for name, value in given.items() if value is not None}))
 
 
 @app.command()
@@ -190,11 +188,11 @@ def verdicts(folder: RunDirectory, ledger: Claims = None) -> None:
     Or contradicts, or leaves open; and in how many readings of the paper.
     """
     from cooploc import api_runs
-    from cooploc.terminal import finished_runs
+    from cooploc.terminal import tables
 
     found, mapped = api_runs.verdicts_and_readings(folder, ledger)
-    finished_runs.verdicts(found, ledger)
-    finished_runs.readings(mapped)
+    tables.show_all_verdicts(found, ledger)
+    tables.show_interpretations(mapped)
 
 
 @app.command()
@@ -203,10 +201,10 @@ def compare(before: RunDirectory, after: Annotated[Path, typer.Argument(help="an
 
     Trial by trial where their streams are the same.
     """
-    from cooploc.terminal import finished_runs
+    from cooploc.terminal import tables
 
     found = cl.compare_runs(before, after)
-    finished_runs.changes(f"from {before} to {after}", found.settings, found.table, found.sentences)
+    tables.show_changes(f"from {before} to {after}", found.settings, found.table, found.sentences)
 
 
 @app.command()
@@ -220,9 +218,9 @@ def reproduce(
 
     Exit code 0 where all are bit-equal, 1 where any differs.
     """
-    from cooploc.terminal import finished_runs
+    from cooploc.terminal import tables
 
     found = cl.reproduce(page, trials, data, trust)
-    finished_runs.reproduced(found.table, found.differences)
+    tables.show_reproduced(found.table, found.differences)
     if not found.equal:
         raise typer.Exit(1)

@@ -22,9 +22,9 @@ from cooploc.estimators import split
 from cooploc.estimators.errors import BadInput
 from cooploc.run_options import How
 from cooploc.scenarios.studies.study import Study, load
-from cooploc.terminal import results as printed
-from cooploc.terminal import run_contents
-from cooploc.terminal.progress import TerminalProgress
+from cooploc.terminal import tables
+from cooploc.terminal import tables as printed
+from cooploc.terminal.console import TerminalProgress
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -118,7 +118,7 @@ def ran(
         rows = begin(asked, folder, data=None if data is None else Path(data), progress=progress, **options)
     found = comparisons(read_decisions(folder)) if decided else None
     results = Results(folder, rows, *compared(rows, asked.baselines(), found))
-    printed.keep(results.table, rows, folder)
+    printed.keep_tables(results.table, rows, folder)
     return results
 
 
@@ -155,7 +155,7 @@ def show(run: Results | str | Path) -> None:
         BadInput: it is not a run directory.
 
     """
-    run_contents.show(_folder(run))
+    tables.show_run(_folder(run))
 
 
 def report(

@@ -13,7 +13,7 @@ from cooploc.analysis.formats import change, metres, ratio
 from cooploc.analysis.plot import style
 from cooploc.analysis.plot.information_matrix import BETWEEN, OWN, RULES
 from cooploc.analysis.plot.sensitivity_panels import NAMES
-from cooploc.analysis.report import cooperation, dependence
+from cooploc.analysis.report import sentences
 from cooploc.analysis.report.tables import Table, estimates, numbers, words
 from cooploc.runs import kept
 
@@ -23,7 +23,9 @@ def values(runs: Path, out: Path, data: Path) -> dict[str, Any]:
     stored = cl.load_run(runs / "information")
     table = cl.information(stored)
     style.save(cl.plot.information(table), out / "information.svg")
-    found = [_list(cooperation.heading(own, robots), texts) for own, robots, texts in cooperation.sentences(table)]
+    found = [
+        _list(sentences.heading(own, robots), texts) for own, robots, texts in sentences.cooperation_sentences(table)
+    ]
     return {
         "trials": table["trials"].max(),
         "seed": kept(stored).manifest["seed"],
@@ -36,8 +38,11 @@ def values(runs: Path, out: Path, data: Path) -> dict[str, Any]:
 def _sensitivity(stored: Any, out: Path) -> dict[str, Any]:
     table = cl.sensitivity(stored)
     style.save(cl.plot.sensitivity(table), out / "sensitivity.svg")
-    heads = {name: NAMES.get(name, name) for name, _ in dependence.sentences(table)}
-    found = [f"- **{heads[name][0].upper()}{heads[name][1:]}.** {text}" for name, text in dependence.sentences(table)]
+    heads = {name: NAMES.get(name, name) for name, _ in sentences.dependence_sentences(table)}
+    found = [
+        f"- **{heads[name][0].upper()}{heads[name][1:]}.** {text}"
+        for name, text in sentences.dependence_sentences(table)
+    ]
     seed = kept(stored).manifest["seed"]
     return {"trials": table["trials"].max(), "seed": seed, "sentences": "\n".join(found)}
 

@@ -8,8 +8,17 @@ import pandas as pd
 import cooploc as cl
 from cooploc.analysis.plot import style
 from cooploc.analysis.report.tables import Table
-from cooploc.analysis.report.tuning_sentences import bought, by_scenario, most_moved
-from cooploc.analysis.report.tuning_tables import GAINS, LEGEND, chosen_table, gains_table, order_sentence, side_by_side
+from cooploc.analysis.report.tuning_tables import (
+    GAINS,
+    LEGEND,
+    bought,
+    by_scenario,
+    chosen_table,
+    gains_table,
+    most_moved,
+    order_sentence,
+    side_by_side,
+)
 
 SHOWN = "ekf-naive"  # the estimator whose parameters are drawn
 

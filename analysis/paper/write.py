@@ -1,8 +1,12 @@
-"""Write what a run has for a paper: figures as PDF and SVG at one and two columns' width, tables, references."""
+"""The BibTeX entries of the estimators and recordings that a run used, from `sources.toml`."""
 
+import tomllib
 from collections.abc import Iterable, Iterator, Sequence
+from functools import cache
+from importlib.metadata import version
+from importlib.resources import files
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -15,15 +19,103 @@ from cooploc.analysis.metrics.crlb import floors
 from cooploc.analysis.metrics.curves import sweep
 from cooploc.analysis.metrics.sequential import ANYTIME, FIXED, with_decisions
 from cooploc.analysis.paper import figures, sizes
-from cooploc.analysis.paper.bibliography import bibtex
-from cooploc.analysis.paper.document import Included, document
 from cooploc.analysis.paper.labels import Labels, file_name, labels
-from cooploc.analysis.paper.tables import Placed, placed
+from cooploc.analysis.paper.tables import Placed, breakable, placed
 from cooploc.analysis.plot import style
-from cooploc.analysis.report import result_tables, summaries
-from cooploc.analysis.report.experiments import groups, ranked
-from cooploc.analysis.report.methods import FLOORED
+from cooploc.analysis.report import result_tables, sentences
+from cooploc.analysis.report.html_page import groups, ranked
+from cooploc.analysis.report.page_texts import FLOORED
+from cooploc.analysis.report.tables import escaped
+from cooploc.estimators import BUILTIN
 from cooploc.estimators.errors import BadInput, nearest
+
+NOT_FIELDS = ("type", "estimators", "scenarios")
+
+
+@cache
+def sources() -> dict[str, dict[str, Any]]:
+    """Every source by its key: its type, its fields, and the estimators or families of scenarios that rest on it."""
+    return tomllib.loads((files(__package__) / "sources.toml").read_text("utf-8"))
+
+
+def keys(estimator: str) -> list[str]:
+    """The keys of what an estimator rests on, its own paper first; none of one that is not built in."""
+    method = estimator.partition("[")[0]
+    return [key for key, source in sources().items() if method in source.get("estimators", ())]
+
+
+def bibtex(estimators: Iterable[str], scenarios: Iterable[str] = ()) -> str:
+    """The entries of these estimators and scenarios, and of cooploc, as a .bib file."""
+    names = list(dict.fromkeys(name.partition("[")[0] for name in estimators))
+    families = {label.partition("/")[0].partition("[")[0] for label in scenarios}
+    used = {key for name in names for key in keys(name)}
+    used |= {key for key, source in sources().items() if families & set(source.get("scenarios", ()))}
+    entries = [_entry(key, source) for key, source in sources().items() if key in used or key == "cooploc"]
+    missing = [f"% {' '.join(name.split())} is not built in: add its source\n" for name in names if name not in BUILTIN]
+    return "\n".join([*entries, *missing])
+
+
+def _entry(key: str, source: dict[str, Any]) -> str:
+    fields = {name: value for name, value in source.items() if name not in NOT_FIELDS}
+    if key == "cooploc":
+        fields["note"] = f"Version {version('cooploc')}"
+    lines = [f"  {name} = {{{value}}}," for name, value in fields.items()]
+    return "\n".join([f"@{source['type']}{{{key},", *lines, "}"]) + "\n"
+
+
+# An example of a two-column paper that includes every figure and table of a run, to look at and to copy from.
+
+START = r"""\IfFileExists{IEEEtran.cls}{\documentclass[journal]{IEEEtran}}{%
+\documentclass[twocolumn]{article}\usepackage[letterpaper,textwidth=7.16in,textheight=9.4in,columnsep=0.16in]{geometry}}
+\usepackage[T1]{fontenc}
+\usepackage[utf8]{inputenc}
+\usepackage{textcomp,booktabs,graphicx}
+\graphicspath{{figures/}}
+\begin{document}"""
+END = r"""\nocite{*}
+\IfFileExists{IEEEtran.bst}{\bibliographystyle{IEEEtran}}{\bibliographystyle{plain}}
+\bibliography{estimators}
+\end{document}"""
+WAITING = 6  # floats, after which a page is begun; LaTeX keeps eighteen
+
+
+class Included(NamedTuple):
+    """A figure in files of its own."""
+
+    name: str
+    caption: str
+    columns: int  # of the paper that it is wide
+
+
+def document(title: str, figures: list[Included], tables: list[Placed]) -> str:
+    """The text of the document; each figure stands in its own size, so that its letters have theirs."""
+    floats = [*map(_figure, figures), *(rf"\input{{tables/{one.name}}}" for one in tables)]
+    lines = [START, rf"\section*{{{escaped(title)}}}"]
+    for number, one in enumerate(floats, 1):
+        lines += [one, *([r"\clearpage"] if number % WAITING == 0 else [])]
+    return "\n".join([*lines, END]) + "\n"
+
+
+def _figure(one: Included) -> str:
+    name = "figure" + "*" * (one.columns == 2)
+    lines = [
+        rf"\begin{{{name}}}[!t]",
+        r"\centering",
+        rf"\includegraphics{{{one.name}}}",
+        rf"\caption{{{breakable(one.caption)}}}",
+        rf"\label{{fig:{one.name}}}",
+        rf"\end{{{name}}}",
+    ]
+    return "\n".join(lines)
+
+
+# Short labels for a paper: the settings of a configured estimator become a letter, which a legend explains.
+#
+# "ekf-local[anchor_reading=rssi]" is written "ekf-local [a]", and the legend says "[a] anchor_reading=rssi". Equal
+# settings have equal letters.
+
+
+# Write what a run has for a paper: figures as PDF and SVG at one and two columns' width, tables, references.
 
 EXAMPLE = "example.tex"
 OVER = (
@@ -109,7 +201,7 @@ def _tables(part: Part, results: TrialTable, columns: Sequence[str], known: Labe
     asked = {"rank", "group"} & set(columns)
     ranks = {str(label): ranked(rows, results) if asked else ({}, {}) for label, rows in by_scenario}
     table = result_tables.results(file_name(part.name), part.rows, ranks, part.name)
-    found = summaries.standings(part.rows, results)
+    found = sentences.standings(part.rows, results)
     return placed(table.name, table, columns, known, found, _about(part.rows, kept))
 
 

@@ -10,7 +10,7 @@ from markupsafe import Markup
 from cooploc.analysis.formats import counted
 from cooploc.analysis.metrics.curves import sweep
 from cooploc.analysis.report import svg, svg_figures
-from cooploc.analysis.report.run_numbers import Numbers
+from cooploc.analysis.report.result_tables import Numbers
 
 SCATTERED = 3  # scenarios of an experiment whose accuracy is drawn against consistency and cost
 FEW = 4  # scenarios that the first figure of a page draws side by side

@@ -1,4 +1,4 @@
-"""The parameters of the built-in scenarios: unit and meaning. A scenario that is not built in has neither."""
+"""What the parameters of estimators and scenarios mean, in words for tables of configurations."""
 
 MEANINGS: dict[str, tuple[str, str]] = {
     "robots": ("", "robots in the team"),

@@ -17,7 +17,7 @@ from cooploc.analysis.metrics.curves import swept
 from cooploc.analysis.metrics.ranking import is_refused, pareto_front
 from cooploc.analysis.plot.marks import UNRANKED, colour_of, curve, marker, name_of, rmse_against, rmse_at, span
 from cooploc.analysis.plot.style import BAND, BROKEN, DARK, DOTTED, GRID, Look, logarithmic
-from cooploc.analysis.report.short_names import ShortNames
+from cooploc.analysis.report.result_tables import ShortNames
 from cooploc.analysis.report.svg import PANEL, WIDE, drawn
 
 Looks = dict[str, Look]

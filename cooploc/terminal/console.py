@@ -1,11 +1,36 @@
-"""The consoles that commands print on."""
+"""Text for a terminal: what could move its cursor, change its colours or hide text is shown as what it is."""
 
-from typing import Any
+import re
+import sys
+import time
+import unicodedata
+from pathlib import Path
+from typing import Annotated, Any
 
+import typer
 from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from rich.text import Text
 
-from cooploc.terminal.visible import visible
+from cooploc.analysis.formats import duration
+
+HIDDEN = {"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"}  # Unicode's control, format, surrogate, private, separating
+KEPT = {"\n", "\t"}
+PLAIN = re.compile(r"[\n\t\x20-\x7e]*")
+
+
+def visible(text: str) -> str:
+    r"""The text with every control character written out, such as \x1b."""
+    if PLAIN.fullmatch(text):
+        return text
+    return "".join(c if c in KEPT or unicodedata.category(c) not in HIDDEN else _written(c) for c in text)
+
+
+def _written(c: str) -> str:
+    return c.encode("unicode_escape").decode("ascii")
+
+
+# The consoles that commands print on.
 
 
 class PlainConsole(Console):
@@ -28,3 +53,80 @@ def wide(stderr: bool = False) -> Console:
     if console.is_terminal:
         return console
     return PlainConsole(stderr=stderr, soft_wrap=True, width=400)
+
+
+# The progress of a run on stderr: a bar on a terminal, a line now and then elsewhere.
+
+LINE_EVERY = 5.0  # [s]
+ENOUGH = 0.02  # of the processor time, before which the time left cannot be estimated
+
+
+class TerminalProgress:
+    """Counts (estimator, trial) pairs; a context manager around the run."""
+
+    def __init__(self) -> None:
+        self.total, self.done, self.failed = 0, 0, 0
+        self._share = 0.0  # of the processor time
+        self._began = self._said = time.monotonic()
+        self._console = wide(stderr=True)
+        columns = (BarColumn(bar_width=16), MofNCompleteColumn(), TextColumn("trials{task.description}", markup=False))
+        self._bar = Progress(*columns, console=self._console, transient=True) if self._console.is_terminal else None
+
+    def __enter__(self) -> "TerminalProgress":
+        if self._bar:
+            self._bar.start()
+            self._task = self._bar.add_task(", starting", total=None)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar:
+            self._bar.stop()
+
+    def compiling(self) -> None:
+        """Say that the wait is for kernels, and that it is not for every run."""
+        if self._bar:
+            self._bar.update(self._task, description=", compiling, once")
+
+    def begin(self, trials: int, found: int) -> None:
+        """Start: (estimator, trial) pairs in all, and those found on disk already."""
+        self.total, self.done, self._share = trials, found, 0.0
+        self._began = self._said = time.monotonic()
+        if self._bar:
+            self._bar.update(self._task, total=trials, completed=found, description="")
+        if found:
+            self.say(f"{found} of {trials} trials are on disk already")
+
+    def advance(self, what: str, trials: int, failed: int, share: float) -> None:
+        """Take note of a finished part, and of the share of the processor time that is spent by now."""
+        self.done, self.failed, self._share = self.done + trials, self.failed + failed, share
+        trouble = f", {self.failed} failed" if self.failed else ""
+        text = f"{self._left()}{trouble} ({visible(what)})"
+        if self._bar:
+            self._bar.update(self._task, completed=self.done, description=text)
+        elif time.monotonic() - self._said > LINE_EVERY:
+            self._said = time.monotonic()
+            print(f"{self.done} of {self.total} trials{text}", file=sys.stderr, flush=True)
+
+    def say(self, line: str) -> None:
+        """Print something that the user should know, above the bar."""
+        self._console.print(line)
+
+    def seconds_left(self) -> float | None:
+        """An estimate by the share that is spent; None before there is enough of it."""
+        share = self._share
+        return None if share < ENOUGH else (time.monotonic() - self._began) * (1 - share) / share
+
+    def _left(self) -> str:
+        seconds = self.seconds_left()
+        return "" if seconds is None else f", about {duration(seconds)} left"
+
+
+# Arguments and options that several commands have.
+
+StudyName = Annotated[str, typer.Argument(help="name of a shipped study, or path of a study's TOML file")]
+Estimators = Annotated[str | None, typer.Option(help="comma-separated estimators, instead of the study's")]
+Jobs = Annotated[int, typer.Option(help="number of processes")]
+RunDirectory = Annotated[Path, typer.Argument(help="a run directory")]
+Recordings = Annotated[Path | None, typer.Option(help="directory of recordings")]
+Isolate = Annotated[bool, typer.Option(help="give what is not built in processes of its own, where it may crash")]
+Claims = Annotated[Path | None, typer.Option(help="TOML file of claims [default: those of the paper]")]

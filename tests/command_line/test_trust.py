@@ -7,9 +7,9 @@ import re
 import pytest
 from attempts import commanded
 
-from cooploc.analysis.report.csv_text import csv_text
+from cooploc.analysis.report.tables import csv_text
 from cooploc.scenarios.sealed import seal
-from cooploc.terminal.visible import visible
+from cooploc.terminal.console import visible
 
 EVIL = """
 import pathlib

@@ -15,7 +15,7 @@ from cooploc.analysis.claims.trial_table import canonical
 from cooploc.analysis.claims.verdicts import COLUMNS, VERDICTS, judge, overview, verdict_sentence
 from cooploc.estimators import make
 from cooploc.scenarios import resolve
-from cooploc.terminal.claim_verdicts import show
+from cooploc.terminal.tables import show_verdicts
 
 TRIALS, ROBOTS = 40, 2
 
@@ -612,7 +612,7 @@ def test_what_was_run_of_a_claim_is_shown_and_what_was_not_is_counted(capsys):
     assert list(found.columns) == [*COLUMNS, "map", "sentence"]
     assert set(found["verdict"]) <= set(VERDICTS)
     assert [verdict_sentence(row) for _, row in found.iterrows()]
-    show(found, made)
+    show_verdicts(found, made)
     told = capsys.readouterr().out
     assert "Direction only" in told
     assert "not run: 2 of 3 cases: no rows of scenario robots-1-3/n=2; no rows of scenario scalability/n=11\n" in told

@@ -9,7 +9,7 @@ import cooploc as cl
 from cooploc.analysis.claims import interpretations, multiverse
 from cooploc.analysis.claims.ledger import read
 from cooploc.analysis.claims.multiverse import shared_assumptions
-from cooploc.terminal.finished_runs import readings as show
+from cooploc.terminal.tables import show_interpretations as show
 
 CLAIM = {"id": "1", "says": "better", "kind": "change", "of": "mrsl-rssi", "than": "arl", "scenarios": "nlos"}
 SAMPLING = {

@@ -21,7 +21,7 @@ from cooploc.analysis.execution.stored_run import read
 from cooploc.analysis.metrics import ranking
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.ranking import short_certificate
-from cooploc.analysis.report import html_page, summaries
+from cooploc.analysis.report import html_page, sentences
 from cooploc.scenarios.conformance.check import CHECKS
 from cooploc.scenarios.studies.study import Study
 
@@ -218,9 +218,9 @@ SMALLER = {"ekf-local": (1.0, 1.0), "a": (0.5, 1.0), "b": (0.4, 1.0)}
 def test_nobody_is_called_best_who_failed_a_check_and_who_is_unchecked_is_said_to_be():
     rows = certified(rows_of("nlos", SMALLER), a="unchecked: by request", b="failed: causality: it peeks")
     table = compare(rows, "ekf-local", full=True)
-    (found,) = summaries.standings(table, collect(rows))
+    (found,) = sentences.standings(table, collect(rows))
     assert (found.best, found.barred) == ("a", ("b (failed the check causality)",))
-    assert summaries.sentence(found).endswith(
+    assert sentences.summary_sentence(found).endswith(
         "but does not qualify: b (failed the check causality). a was not checked."
     )
     assert ranking.certificate_remarks(table) == [
@@ -228,7 +228,7 @@ def test_nobody_is_called_best_who_failed_a_check_and_who_is_unchecked_is_said_t
         "b failed a check and is not ranked: causality: it peeks",
     ]
     honest = rows.assign(certificate="")
-    (found,) = summaries.standings(compare(honest, "ekf-local", full=True), collect(honest))
+    (found,) = sentences.standings(compare(honest, "ekf-local", full=True), collect(honest))
     assert found.best == "b"
 
 

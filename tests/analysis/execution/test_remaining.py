@@ -10,7 +10,7 @@ from cooploc.analysis.execution.piece import Piece
 from cooploc.analysis.execution.remaining import Remaining
 from cooploc.analysis.execution.task import MeasuredPart, Task
 from cooploc.scenarios.studies.study import Study, resolve_study
-from cooploc.terminal import progress
+from cooploc.terminal import console
 
 QUICK = {"robots-1-3/n=1": 0.71, "robots-1-3/n=3": 1.0, "packet-drop/drop=0.7": 1.36}  # [s] of a part that was timed
 EACH = "ekf-local", "ekf-naive", "ekf-ci", "arl", "ekf-luft", "ekf-split-ci", "ekf-joint"
@@ -37,8 +37,8 @@ def parts(tasks, seconds):
 def ratios(asked, seconds, monkeypatch, begin=0.2):
     """The time left that is shown, as a share of the true one, after each part from the first fifth on."""
     clock = [0.0]
-    monkeypatch.setattr(progress, "time", SimpleNamespace(monotonic=lambda: clock[0]))
-    shown, remaining, done = progress.TerminalProgress(), Remaining(asked), list(parts(asked, seconds))
+    monkeypatch.setattr(console, "time", SimpleNamespace(monotonic=lambda: clock[0]))
+    shown, remaining, done = console.TerminalProgress(), Remaining(asked), list(parts(asked, seconds))
     total = sum(took for *_, took in done)
     shown.begin(len(done), 0)
     for part, scenario, took in done[:-1]:

@@ -14,7 +14,7 @@ import pytest
 from processes import finish, install, marks, parts, start, table, until
 
 from cooploc.analysis.execution.run_directory import RunDir
-from cooploc.terminal import progress
+from cooploc.terminal import console
 
 pytestmark = pytest.mark.slow
 SMALL = """
@@ -231,4 +231,4 @@ def test_progress_elsewhere_than_on_a_terminal_is_plain_lines(place, plugins):
 
 def say_every_part():
     """Let a process say how far it is after each part, however soon that is."""
-    progress.LINE_EVERY = -1.0
+    console.LINE_EVERY = -1.0

@@ -16,7 +16,7 @@ from cooploc.analysis.metrics.consistency import flag as flag_of
 from cooploc.analysis.metrics.errors import trial_means
 from cooploc.analysis.metrics.statistics import Interval, signed_rank
 from cooploc.analysis.plot.summary import rmse
-from cooploc.terminal.results import records
+from cooploc.terminal.tables import records
 
 
 def test_rmse_pools_robots_by_valid_ticks_then_trials():

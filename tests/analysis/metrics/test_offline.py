@@ -9,8 +9,8 @@ from cooploc.analysis.claims.trial_table import collect
 from cooploc.analysis.execution.execute import execute
 from cooploc.analysis.metrics.ranking import disqualifications
 from cooploc.analysis.plot.marks import drawable, name_of
-from cooploc.analysis.report import experiments, summaries
-from cooploc.analysis.report.result_columns import RESULTS
+from cooploc.analysis.report import html_page, sentences
+from cooploc.analysis.report.result_tables import RESULTS
 from cooploc.estimators.interface import Belief
 from cooploc.scenarios.studies.study import Study
 
@@ -69,10 +69,10 @@ def test_it_is_not_ranked_never_best_and_said_to_be_offline(errors):
     table = cl.compare(errors, "filter", full=True)
     row = table.set_index("estimator").loc["hindsight"]
     assert disqualifications(row)[0] == "offline"
-    ranks, letters = experiments.ranked(table, collect(errors))
+    ranks, letters = html_page.ranked(table, collect(errors))
     assert set(ranks) == {"filter"}
     assert "hindsight" not in letters
-    (found,) = summaries.standings(table, collect(errors))
+    (found,) = sentences.standings(table, collect(errors))
     assert "hindsight" not in (found.best, *found.equal, *found.tied)
     (remark,) = (column for column in RESULTS if column.head == "remark")
     assert "offline, not ranked" in remark.text({**row, "estimator": "hindsight"})

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from made_runs import EVIL, kept_from, rows_of
 
-from cooploc.analysis.paper import bibliography, fitted_table, tables, write
+from cooploc.analysis.paper import tables, write
 from cooploc.analysis.paper.labels import labels
 from cooploc.estimators import BUILTIN, make
 from cooploc.estimators.errors import BadInput
@@ -93,14 +93,14 @@ def test_what_does_not_fit_or_is_unknown_is_said(kept):
         write.write(kept, kept.folder / "no", ["rsme"])
     with pytest.raises(BadInput, match=r"no scenario 'nlos\[ticks=9\]'; did you mean 'nlos"):
         write.write(kept, kept.folder / "no", COLUMNS, ["nlos[ticks=9]"])
-    many = [fitted_table.Quantity("head", ["1234567890"], ["[1234567890, 1234567890]"])] * 12
+    many = [tables.Quantity("head", ["1234567890"], ["[1234567890, 1234567890]"])] * 12
     with pytest.raises(BadInput, match=r"a page 7\.14 in: choose fewer by --columns"):
-        fitted_table.layout(["name"], many)
+        tables.layout(["name"], many)
 
 
 def test_a_table_takes_the_narrowest_layout_that_fits():
-    one = fitted_table.Quantity("RMSE [m]", ["0.123"], ["[0.110, 0.140]"])
-    layouts = [fitted_table.layout(["ekf-local [a]"], [one] * number) for number in (1, 4, 6, 8)]
+    one = tables.Quantity("RMSE [m]", ["0.123"], ["[0.110, 0.140]"])
+    layouts = [tables.layout(["ekf-local [a]"], [one] * number) for number in (1, 4, 6, 8)]
     assert [(how.columns, how.stacked) for how in layouts] == [(1, False), (1, True), (2, False), (2, True)]
 
 
@@ -113,7 +113,7 @@ def test_equal_settings_have_equal_letters():
 @pytest.mark.parametrize("name", [name for name in BUILTIN if source_of(type(make(name)))])
 def test_the_bibliography_has_the_source_that_an_estimator_names(name):
     told = source_of(type(make(name)))
-    first = bibliography.sources()[bibliography.keys(name)[0]]
+    first = write.sources()[write.keys(name)[0]]
     assert str(first["year"]) in told
     for author in first["author"].split(" and "):
         family = re.sub(r"{\\\W(\w)}", r"\1", author.partition(",")[0])  # without accents
@@ -122,17 +122,17 @@ def test_the_bibliography_has_the_source_that_an_estimator_names(name):
 
 
 def test_the_bibliography_of_a_run_holds_what_it_used_and_no_more():
-    found = bibliography.bibtex(["ekf-luft[gate=9]", "mine.py:Filter"], ["mrclam/all"])
+    found = write.bibtex(["ekf-luft[gate=9]", "mine.py:Filter"], ["mrclam/all"])
     assert re.findall(r"@\w+{(\w+),", found) == ["cooploc", "luft2018", "leung2011"]
     assert "% mine.py:Filter is not built in: add its source" in found
     assert found.count("{") == found.count("}")
-    known = {name for source in bibliography.sources().values() for name in source.get("estimators", ())}
+    known = {name for source in write.sources().values() for name in source.get("estimators", ())}
     assert known == {name for name in BUILTIN if name != "dead-reckoning"}
 
 
 def test_a_table_is_no_longer_than_a_page():
     rows = [{"scenario": f"s{i // 20}", "estimator": str(i)} for i in range(200)]
-    how = fitted_table.Layout(1, True, 200.0)
+    how = tables.Layout(1, True, 200.0)
     chunks = tables.chunks(rows, how)
     assert [row for chunk in chunks for row in chunk if isinstance(row, int)] == list(range(200))
     assert max(sum(1 if isinstance(row, str) else 2 for row in chunk) for chunk in chunks) <= tables.LINES
@@ -143,4 +143,4 @@ def test_a_table_is_no_longer_than_a_page():
     [("[-67, -50]", "{[}$-$67, $-$50{]}"), ("-14", "$-$14"), ("robots-1-3/n=1", r"robots-1-3/n=1"), ("2e-05", "2e-05")],
 )
 def test_a_negative_number_has_the_minus_of_formulas_wherever_it_stands(cell, written):
-    assert fitted_table.text(cell).replace(r"\allowbreak{}", "") == written
+    assert tables.text(cell).replace(r"\allowbreak{}", "") == written

@@ -4,7 +4,7 @@ import pandas as pd
 import pytest
 
 from cooploc.analysis.metrics.run_tables import INFORMATION_COLUMNS
-from cooploc.analysis.report.cooperation import effect, heading, sentences
+from cooploc.analysis.report.sentences import cooperation_sentences, effect, heading
 
 ROWS = (
     # own, between, robots, fusion, filter, rmse, floor, anees, consistency, change, change_low, change_high
@@ -26,7 +26,7 @@ def table():
 
 
 def test_every_row_of_a_team_is_said_with_its_numbers(table):
-    (own, robots, said), (other, _, nothing) = sentences(table)
+    (own, robots, said), (other, _, nothing) = cooperation_sentences(table)
     assert (own, robots, other) == ("doa", 3, "none")
     assert said == [
         "Alone they err by 0.250 m with particles and 0.300 m with a Kalman filter. "

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cooploc.analysis.report.dependence import sentences
+from cooploc.analysis.report.sentences import dependence_sentences
 
 ERRORS = {"arl": (0.2, 0.4), "better": (0.1, 0.15), "mixed": (0.1, 0.9), "worse": (0.5, 0.6), "same": (0.2, 0.41)}
 CHANGES = {"arl": (0, 0), "better": (-0.5, -0.6), "mixed": (-0.5, 1.2), "worse": (1.5, 0.5), "same": (0, 0.02)}
@@ -19,7 +19,7 @@ def rows(*names):
 
 
 def test_every_outcome_is_said():
-    ((parameter, said),) = sentences(rows(*ERRORS))
+    ((parameter, said),) = dependence_sentences(rows(*ERRORS))
     assert parameter == "ticks"
     assert said == (
         "mixed depends on it most, with 0.100 m (0.090 to 0.110) at 10 and 0.900 m (0.890 to 0.910) at 20; "
@@ -34,13 +34,13 @@ def test_every_outcome_is_said():
     ("names", "said"), [(["arl"], "Only arl was run."), (["worse"], "worse loses to arl at all 2")]
 )
 def test_one_estimator_alone_has_nobody_to_be_most_or_least(names, said):
-    ((_, text),) = sentences(rows(*names))
+    ((_, text),) = dependence_sentences(rows(*names))
     assert text.startswith("Fewer than two estimators were run.")
     assert said in text
 
 
 def test_without_intervals_nobody_wins():
     table = rows("arl", "better").assign(change_low=np.nan, change_high=np.nan, rmse_low=np.nan, rmse_high=np.nan)
-    ((_, said),) = sentences(table)
+    ((_, said),) = dependence_sentences(table)
     assert "better neither beats arl nor loses to it" in said
     assert "0.100 m at 10" in said

@@ -16,7 +16,7 @@ from cooploc.analysis.execution.stored_run import read as kept_of
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.plot import style
-from cooploc.analysis.report import experiments, html_page, summaries, svg_figures
+from cooploc.analysis.report import html_page, sentences, svg_figures
 
 pytestmark = pytest.mark.slow
 SWEEP = {"base": (1.0, 1.0), "good": (0.5, 1.0), "liar": (0.1, 9.0), "omniscient": (0.05, 1.0), "twin": (0.5, 1.0)}
@@ -37,7 +37,7 @@ def written(swept, tmp_path_factory):
 
 def standing(rows):
     table = compare(rows, rows["estimator"].iloc[0], full=True)
-    (found,) = summaries.standings(table, collect(rows))
+    (found,) = sentences.standings(table, collect(rows))
     return found
 
 
@@ -98,7 +98,7 @@ def test_who_is_over_confident_or_a_bound_is_never_called_best(swept):
         assert found.scenario == scenario
         assert found.best in {"good", "twin"}
         assert [line.split(" (")[0] for line in found.barred] == ["omniscient", "liar"]
-        assert "is best" not in summaries.sentence(found)
+        assert "is best" not in sentences.summary_sentence(found)
 
 
 def test_a_tie_is_said_as_a_tie_and_a_difference_as_one():
@@ -107,9 +107,9 @@ def test_a_tie_is_said_as_a_tie_and_a_difference_as_one():
     rows["mse"] = rng.lognormal(0, 0.5, len(rows))
     found = standing(rows)
     assert {found.best, *found.tied} == {"a", "b"}
-    assert summaries.sentence(found).startswith("A tie: ")
+    assert sentences.summary_sentence(found).startswith("A tie: ")
     apart = standing(rows_of("nlos", {"a": (1.0, 1.0), "b": (0.5, 1.0)}, trials=12))
-    assert summaries.sentence(apart).startswith("b is best: ")
+    assert sentences.summary_sentence(apart).startswith("b is best: ")
     same = rows_of("nlos", {"a": (1.0, 1.0), "b": (1.0, 1.0)}, trials=12)
     same["mse"] = np.tile(same["mse"][:12], 2)
     assert standing(same).equal == ("b",)
@@ -130,7 +130,7 @@ def test_who_may_be_over_confident_is_not_called_best():
     assert found.best == "a"
     assert found.barred[0].startswith("wild (probably over-confident, ANEES 1")
     slightly = rows.assign(anees=rows["anees"].clip(upper=8.0))  # 1.9 on average
-    assert "leaves open whether it is over-confident" in summaries.sentence(standing(slightly))
+    assert "leaves open whether it is over-confident" in sentences.summary_sentence(standing(slightly))
     flags = compare(rows, "a").set_index("estimator")["consistency"]
     assert flags.to_dict() == {"a": "consistent", "wild": "not shown"}
 
@@ -193,10 +193,10 @@ def test_variants_share_a_panel_and_every_estimator_has_one(swept):
 
 def test_below_five_trials_nothing_is_claimed():
     found = standing(rows_of("nlos", {"a": (1.0, 1.0), "b": (0.1, 1.0)}, trials=4))
-    assert summaries.sentence(found).startswith("Not assessed: 4 trials")
+    assert sentences.summary_sentence(found).startswith("Not assessed: 4 trials")
     assert found.best == ""
     lonely = standing(rows_of("nlos", {"a": (1.0, 1.0)}))
-    assert summaries.sentence(lonely) == "No estimator qualifies: there is nothing to compare."
+    assert sentences.summary_sentence(lonely) == "No estimator qualifies: there is nothing to compare."
 
 
 def test_whoever_failed_in_a_trial_is_not_best():
@@ -274,7 +274,7 @@ def test_an_estimator_that_fails_changes_no_rank_and_no_letter_of_the_others():
 
 def ranked(rows):
     """Mean ranks and letters of one scenario."""
-    return experiments.ranked(compare(rows, "a", full=True), collect(rows))
+    return html_page.ranked(compare(rows, "a", full=True), collect(rows))
 
 
 def test_an_over_wide_covariance_is_not_called_best():

@@ -5,7 +5,7 @@ from markupsafe import Markup
 
 from cooploc.analysis.formats import interval, metres
 from cooploc.analysis.report.html_table import Wording, html
-from cooploc.analysis.report.short_names import short_names
+from cooploc.analysis.report.result_tables import short_names
 from cooploc.analysis.report.tables import Table, numbers, words
 
 COLUMNS = (

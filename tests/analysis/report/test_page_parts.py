@@ -13,12 +13,12 @@ from cooploc import scenarios
 from cooploc.analysis.claims.trial_table import collect
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.plot import style
-from cooploc.analysis.report import answer, citation, colours, estimator_marks, run_files, summaries, svg, trial_files
-from cooploc.analysis.report.failures import failure_kinds, failures
-from cooploc.analysis.report.introductions import introductions
-from cooploc.analysis.report.page_content import LONGEST_TITLE, heading, numbers_of
+from cooploc.analysis.report import colours, html_page, html_table, sentences, svg
+from cooploc.analysis.report import page_texts as page_texts
+from cooploc.analysis.report.html_page import LONGEST_TITLE, heading, numbers_of
+from cooploc.analysis.report.page_texts import introduce_estimators
 from cooploc.analysis.report.parameter_meanings import MEANINGS
-from cooploc.analysis.report.scenario_tables import scenario_tables, written
+from cooploc.analysis.report.result_tables import failure_kinds, failures, scenario_tables, written
 from cooploc.estimators import BUILTIN, make
 
 
@@ -30,17 +30,17 @@ def rows():
 
 @pytest.mark.parametrize("colour", ["#000000", *(to for to in style.OTHERS), style.BLUE, style.BROWN, style.SKY])
 def test_colours_by_night_can_be_read_on_the_dark_ground(colour):
-    assert colours.contrast(colours.by_night(colour), colours.NIGHT) >= colours.LEAST
+    assert colours.contrast(colours.by_night(colour), html_table.NIGHT) >= html_table.LEAST
 
 
 def test_every_colour_of_a_page_has_a_value_for_day_and_night():
     day, night = colours.variables(colours.as_variables('<g style="fill: #0173b2; stroke: #ffffff"/>'))
     assert day == "--c0173b2: #0173b2; --cffffff: #ffffff;"
-    assert f"--cffffff: {colours.NIGHT};" in night
+    assert f"--cffffff: {html_table.NIGHT};" in night
 
 
 def test_text_of_the_page_has_enough_contrast_by_day_and_by_night():
-    css = (Path(colours.__file__).parent / "page" / "page.css.j2").read_text()
+    css = (Path(html_table.__file__).parent / "page" / "page.css.j2").read_text()
     for block in re.findall(r":root \{(.*?)\}", css, re.DOTALL):
         named = dict(re.findall(r"--(\w+): (#[0-9a-f]+)", block))
         for ink in ("ink", "soft", "link"):
@@ -49,16 +49,16 @@ def test_text_of_the_page_has_enough_contrast_by_day_and_by_night():
 
 
 def test_markers_differ_where_those_of_the_figures_do():
-    marks = estimator_marks.marks(style.looks(BUILTIN), set())
+    marks = html_table.marks(style.looks(BUILTIN), set())
     assert len(set(marks.values())) == len(BUILTIN) > 20
 
 
 def test_the_answer_says_who_is_lowest_by_how_much_and_who_is_over_confident(rows):
     table, results = compare(rows, "arl", full=True), collect(rows)
-    said = answer.lowest(summaries.standings(table, results), table, results)
+    said = sentences.lowest(sentences.standings(table, results), table, results)
     assert said.startswith("ekf-local has the lowest RMSE of those that qualify in all 2 scenarios, at least ")
     assert "below that of the next (arl, packet-drop/drop=0" in said
-    assert answer.over_confident(table).startswith("Over-confident: mrsl-rssi in 2 of 2 scenarios; its ANEES is ")
+    assert sentences.over_confident(table).startswith("Over-confident: mrsl-rssi in 2 of 2 scenarios; its ANEES is ")
 
 
 def test_the_answer_names_what_is_not_separable_and_no_more_than_a_few():
@@ -66,13 +66,15 @@ def test_the_answer_names_what_is_not_separable_and_no_more_than_a_few():
     rows = rows_of("nlos", names)
     rows["mse"] *= np.random.default_rng(5).lognormal(0, 0.5, len(rows))
     table, results = compare(rows, "e0", full=True), collect(rows)
-    said = answer.lowest(summaries.standings(table, results), table, results)
+    said = sentences.lowest(sentences.standings(table, results), table, results)
     assert "not separable from it: " in said
     assert said.endswith("others.")
-    assert answer.over_confident(table) == "No estimator was found over-confident."
+    assert sentences.over_confident(table) == "No estimator was found over-confident."
     few, some = rows[rows["trial"] < 3], collect(rows[rows["trial"] < 3])
     table = compare(few, "e0", full=True)
-    assert answer.lowest(summaries.standings(table, some), table, some).startswith("Nothing is separable with 3 trials")
+    assert sentences.lowest(sentences.standings(table, some), table, some).startswith(
+        "Nothing is separable with 3 trials"
+    )
 
 
 def test_every_parameter_of_a_built_in_scenario_has_a_meaning():
@@ -99,15 +101,15 @@ def test_the_trials_of_a_page_are_those_of_the_run(rows, tmp_path):
     rows = rows.copy()
     rows.loc[(rows["estimator"] == "arl") & (rows["trial"] == 3), ["failure", "mse"]] = ["lost", np.nan]
     table, results = compare(rows, "ekf-local", full=True), collect(rows)
-    trials = trial_files.rmse_by_trial(table, results)
-    first, *_ = trial_files.compact(trials)
+    trials = html_page.rmse_by_trial(table, results)
+    first, *_ = html_page.compact(trials)
     steps = np.frombuffer(base64.b64decode(first["steps"]), "<u2").reshape(3, -1)
-    known = np.exp(first["low"] + steps / (trial_files.ABSENT - 1) * (first["high"] - first["low"]))
-    known = np.where(steps == trial_files.ABSENT, np.nan, known)
+    known = np.exp(first["low"] + steps / (html_page.ABSENT - 1) * (first["high"] - first["low"]))
+    known = np.where(steps == html_page.ABSENT, np.nan, known)
     assert np.allclose(known.T, trials[first["scenario"]].to_numpy(), rtol=1e-3, equal_nan=True)
     assert np.isnan(known[0, 3])
-    trial_files.write(trials, tmp_path)
-    file = pd.read_csv(tmp_path / trial_files.addresses(list(trials))[first["scenario"]])
+    html_page.write_trial_files(trials, tmp_path)
+    file = pd.read_csv(tmp_path / html_page.addresses(list(trials))[first["scenario"]])
     assert list(file) == ["trial", *first["estimators"]]
     assert len(file) == 8
 
@@ -144,7 +146,7 @@ def test_a_page_is_called_as_the_user_says_else_what_its_study_is_about_or_the_s
 
 def test_two_centralised_configurations_are_two_shades_of_grey():
     looks = style.looks(["ekf-joint", "ekf-joint[anchor_reading=rssi]"])
-    one, other = estimator_marks.marks(looks, set(looks)).values()
+    one, other = html_table.marks(looks, set(looks)).values()
     assert one != other
     assert all(
         len(set(colour)) == 1 for colour in (re.findall("..", hue) for hue in re.findall(r"--c(\w{6})", one + other))
@@ -154,7 +156,7 @@ def test_two_centralised_configurations_are_two_shades_of_grey():
 def test_estimators_are_introduced_once_with_their_configurations_and_no_foreign_code_runs(tmp_path):
     foreign = f"{tmp_path / 'never.py'}:Mine"
     rows = rows_of("nlos", dict.fromkeys(("ekf-local", "ekf-local[anchor_reading=rssi]", foreign), (1.0, 1.0)))
-    one, other = introductions(rows.assign(senses="RSSI"), {})
+    one, other = introduce_estimators(rows.assign(senses="RSSI"), {})
     assert one.name == "ekf-local"
     assert "EKF" in one.about
     assert "Probabilistic Robotics" in one.source
@@ -169,23 +171,23 @@ def test_files_of_the_run_are_linked_where_the_page_lies_in_it_and_only_named_el
     (run / "parts").mkdir(parents=True)
     (run / "parts" / "a b.parquet").touch()
     (run / "manifest.json").touch()
-    inside = [file.address for folder in run_files.run_files(run, run / "report") for file in folder.files]
+    inside = [file.address for folder in html_page.run_files(run, run / "report") for file in folder.files]
     assert inside == ["../manifest.json", "../parts/a%20b.parquet"]
-    outside = [file for folder in run_files.run_files(run, tmp_path / "page") for file in folder.files]
+    outside = [file for folder in html_page.run_files(run, tmp_path / "page") for file in folder.files]
     assert [file.address for file in outside] == ["", ""]
     assert [file.name for file in outside] == ["manifest.json", "parts/a b.parquet"]
 
 
 def test_what_is_to_be_copied_says_what_was_run(rows, tmp_path):
-    said = citation.paragraph(numbers_of(kept_from(rows, tmp_path)))
+    said = page_texts.paragraph(numbers_of(kept_from(rows, tmp_path)))
     assert "We compared 3 estimators in 2 scenarios with cooploc 0 (8 trials a scenario, random seed 3)" in said
     assert "baseline (arl)" in said
-    entry = citation.bibtex("1.2", "abc")
+    entry = page_texts.bibtex("1.2", "abc")
     assert "version = {1.2}" in entry
     assert "commit abc" in entry
     assert entry.count("{") == entry.count("}")
     cited = (Path(__file__).parents[3] / "CITATION.cff").read_text()
-    assert f'title: "{citation.TITLE}"' in cited
+    assert f'title: "{page_texts.TITLE}"' in cited
 
 
 def test_what_a_figure_says_is_never_taken_for_a_style_or_a_coordinate():

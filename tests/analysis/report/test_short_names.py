@@ -1,6 +1,6 @@
 """Short labels of long configurations: the study's own names first, and never one for two estimators."""
 
-from cooploc.analysis.report.short_names import LONGEST, short_names
+from cooploc.analysis.report.result_tables import LONGEST, short_names
 
 LONG = "mrsl-rssi[density=exact,M=1,K=3]"
 

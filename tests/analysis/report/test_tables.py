@@ -20,8 +20,7 @@ from cooploc.analysis.formats import (
     percent,
     ratio,
 )  # fmt: skip
-from cooploc.analysis.report.tables import Table, numbers, words
-from cooploc.analysis.report.wrapped_cell import broken
+from cooploc.analysis.report.tables import Table, broken, numbers, words
 
 COLUMNS = (
     words("who", "name"),

@@ -6,8 +6,7 @@ import pandas as pd
 import pytest
 
 from cooploc.analysis.plot import tuned_parameters, tuning
-from cooploc.analysis.report.tuning_sentences import bought, by_scenario, most_moved
-from cooploc.analysis.report.tuning_tables import side_by_side
+from cooploc.analysis.report.tuning_tables import bought, by_scenario, most_moved, side_by_side
 from cooploc.estimators.errors import BadInput
 
 NAMES = "a", "b", "c"

@@ -1,0 +1,519 @@
+"""A run's results: the table in the terminal, as JSON, as CSV, and the picture."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from rich.console import Console
+
+from cooploc.analysis.claims import ledger as ledgers
+from cooploc.analysis.claims.ledger import Ledger
+from cooploc.analysis.claims.multiverse import shares
+from cooploc.analysis.claims.verdicts import family_of
+from cooploc.analysis.execution.certificates import line
+from cooploc.analysis.execution.decisions_file import read_decisions
+from cooploc.analysis.execution.run_directory import Piece, RunDir
+from cooploc.analysis.execution.stored_run import read
+from cooploc.analysis.execution.until_decided import seconds_left
+from cooploc.analysis.formats import change, count, counted, duration, listed
+from cooploc.analysis.metrics import ranking
+from cooploc.analysis.metrics.compare import outlier_warnings
+from cooploc.analysis.metrics.errors import drop_failed, note_lines
+from cooploc.analysis.metrics.ranking import short_certificate
+from cooploc.analysis.metrics.sequential import PILOT, minutes
+from cooploc.analysis.report.claim_tables import called, cases, not_run, over_readings
+from cooploc.analysis.report.result_tables import DECIDED, REMARK, RESULTS, STOPPED, decided, failures, versus
+from cooploc.analysis.report.tables import Table, csv_text, numbers, words
+from cooploc.analysis.report.tuning_tables import LEGEND, chosen_table, gains_table, order_sentence
+from cooploc.estimators.errors import BadInput
+from cooploc.scenarios.conformance.report import Report, sentences
+from cooploc.terminal.console import wide
+
+# What the words of a table mean: those that appear in it are explained below it.
+MEANS = {
+    "vs": "change of RMSE on the same streams, with its Fieller interval",
+    "p (Holm)": "the test that the interval inverts, adjusted by Holm over the whole study",
+    "ANEES": "1 is consistent, more is over-confident; median: of the trials' ANEES",
+    "NLL": "negative log-likelihood of the true position; smaller is better",
+    "outlying": "trials above 5 times the median RMSE",
+    "collapsed": "trials whose ANEES exceeds 100",
+    "messages": "messages, bytes and µs are per robot and tick",
+    "over-wide": "ANEES below 0.1",
+    "consistency not shown": "the interval of ANEES holds 0.67 or 1.5: more trials decide",
+    "centralised": "every reading reaches one computer",
+    "bound": "uses all readings; no estimator is better",
+    "as published": "configured as in its paper; at its best: as the audit found it best",
+}
+ONLY_IN_REPORTS = (
+    "scenario",
+    "rank",
+    "rmse_median",
+    "group",
+    "outlying_low",
+    "anees_low",
+    "collapsed_low",
+    "area95",
+    "trials",
+)
+COLUMNS = tuple(column for column in RESULTS if column.keys[0] not in ONLY_IN_REPORTS)
+RARE = "outlying", "collapsed", "diverged"  # shares of trials or robots, left out where all are zero
+ONE_PROCESS = "all or some of this ran in one process (--no-isolate): estimators may have disturbed each other"
+IN_ONE_PICTURE = 12  # scenarios; `cooploc report` draws one of each experiment
+
+
+def keep_tables(table: pd.DataFrame, rows: pd.DataFrame, folder: Path) -> None:
+    """Write the table of `compare` as `table.csv`, and `rmse.png` where any trial ended and it can be read."""
+    (folder / "table.csv").write_text(csv_text(table), encoding="utf-8")
+    ended = drop_failed(rows)
+    if len(ended) and table["scenario"].nunique() <= IN_ONE_PICTURE:
+        import matplotlib.pyplot as plt
+
+        from cooploc.analysis.plot import rmse
+
+        figure: Any = rmse(ended).figure
+        figure.savefig(folder / "rmse.png", dpi=160)
+        plt.close(figure)
+
+
+def show_results(found: pd.DataFrame, rows: pd.DataFrame, folder: Path, as_json: bool) -> None:
+    """Print the results of a run: its table, then failures, and where the files are."""
+    table(found, rows, as_json)
+    console = wide(stderr=as_json)
+    if not RunDir(folder).manifest.get("isolated", True):
+        console.print(ONE_PROCESS)
+    for failed, _ in failures(rows):
+        console.print(f"failed: {failed}")
+    picture = f"{folder / 'rmse.png'}" if (folder / "rmse.png").exists() else f"cooploc report {folder}"
+    for place in (f"picture: {picture}", f"table, every column: {folder / 'table.csv'}", f"run: {folder}"):
+        console.print(place)
+
+
+def table(table: pd.DataFrame, rows: pd.DataFrame, as_json: bool) -> None:
+    """Print the table of `compare`, or JSON alone on stdout, and what a reader must know of it."""
+    if as_json:
+        print(json.dumps(records(table), indent=1))
+    console = wide(stderr=as_json)
+    if not as_json:
+        for scenario, part in table.groupby("scenario", sort=False):
+            console.print(_table(str(scenario), part).terminal())
+            console.print()
+        for line in _legend(table):
+            console.print(line, style="dim")
+        if "look" in table:
+            console.print(STOPPED, style="dim")
+        for line in note_lines(rows):
+            console.print(line)
+    for line in (*ranking.certificate_remarks(table), *outlier_warnings(table)):
+        console.print(line)
+
+
+def _legend(table: pd.DataFrame) -> list[str]:
+    """What the words that appear in a table mean."""
+    shown = _table("", table)
+    words = {column.head for column in shown.columns if any(column.text(row) for row in shown.rows)}
+    remarks = " ".join(REMARK.text(row) for row in shown.rows)
+    return [f"{word}: {text}" for word, text in MEANS.items() if word == "vs" or word in words or word in remarks]
+
+
+def records(table: pd.DataFrame) -> list[dict[str, Any]]:
+    """The rows with the fields of `table.csv`, undefined values as None."""
+    values = table.astype(object)
+    known = values.notna() & ~values.isin([np.inf, -np.inf])
+    return values.where(known, None).to_dict("records")  # type: ignore[return-value]
+
+
+def _table(scenario: str, part: pd.DataFrame) -> Table:
+    first = part.iloc[0]
+    size = f"{counted(first['robots'], 'robot')}, {counted(part['trials'].max(), 'trial')}"
+    title = f"{scenario}: {size}, stream {first['stream'][:12]}"
+    columns = (*COLUMNS, numbers("trials"), DECIDED) if "look" in part else COLUMNS
+    shown = tuple(c for c in columns if not (c.keys[0] in RARE and (part[c.keys[0]].fillna(0) == 0).all()))
+    return Table("results", title, versus(part["baseline"], shown), part.to_dict("records"))
+
+
+# What a run until decided has decided so far, in a line.
+
+
+def decision_line(folder: Path, decisions: Mapping[str, Any]) -> str:
+    """How many comparisons and claims are decided, how many are open, and how long they may take."""
+    said, still = [], 0
+    for of in ("comparison", "claim"):
+        ones = decisions[of]
+        undecided = sum(one["verdict"] in ("open", "undecided") for one in ones)
+        said += [f"{len(ones) - undecided} of {counted(len(ones), of)}"] if ones else []
+        still += undecided
+    line = f"decided after {decisions['look']} trials: {', '.join(said)}; {still} open"
+    going = [(scenario, estimator) for scenario, estimator in decisions["going"]]
+    if not going:
+        return f"{line}; the run has ended"
+    left = seconds_left(read(folder).rows, going, decisions["most"])
+    return f"{line}; to {decisions['most']} trials, at most about {duration(left)} of one process"
+
+
+# What a run directory holds, what is missing, and what failed and why.
+
+FRAMES = 3  # of a traceback
+CONTINUED = "During handling of the above exception, another exception occurred:"
+CONTENT_COLUMNS = (
+    words("experiment"),
+    words("scenario"),
+    words("estimator"),
+    words("checks", form=short_certificate),
+    numbers("trials"),
+    numbers("failed", form=lambda failed: str(failed or "")),
+    words("decided", of=("verdict", "look", "trials_there"), form=decided),
+    words("", "remark"),
+)
+
+
+def show_run(folder: Path) -> None:
+    """Print what a run holds, what is missing, and what failed and why.
+
+    Raises:
+        BadInput: the directory is not a run's.
+
+    """
+    directory = RunDir(folder)
+    manifest = directory.manifest
+    if not manifest:
+        raise BadInput(f"{folder} holds no run: name the directory that cooploc run wrote")
+    console = wide()
+    _head(console, folder, manifest)
+    certificates = manifest.get("certificates", {})
+    decisions = read_decisions(folder)
+    compared = decisions["comparison"] if decisions else []
+    verdicts = {(one["scenario"], one["estimator"]): one for one in compared}
+    rows: list[dict[str, Any]] = []
+    failed: list[pd.DataFrame] = []
+    for scenario, cell in manifest["cells"].items():
+        for estimator, asked in cell["estimators"].items():
+            row, lost = _contents(directory, scenario, estimator, asked)
+            verdict = verdicts.get((scenario, estimator), {"verdict": "", "look": 0})
+            rows.append({**verdict, **row, "experiment": cell["experiment"], "checks": line(estimator, certificates)})
+            failed += [lost] if len(lost) else []
+    hidden = ["decided"] * (not decisions) + ["experiment"] * (len({row["experiment"] for row in rows}) == 1)
+    shown = tuple(column for column in CONTENT_COLUMNS if column.head not in hidden)
+    console.print(Table("contents", "", shown, rows).terminal())
+    if decisions:
+        console.print(decision_line(folder, decisions))
+    for ignored in directory.foreign():
+        console.print(ignored)
+    _certificates(console, certificates)
+    if not manifest.get("isolated", True):
+        console.print(ONE_PROCESS)
+    for found, traceback in failures(pd.concat(failed)) if failed else []:
+        console.print(f"\nfailed: {found}")
+        console.print(_end_of(traceback), style="dim", soft_wrap=True)
+    if not failed:
+        console.print("\nnothing failed")
+
+
+def _head(console: Console, folder: Path, manifest: dict[str, Any]) -> None:
+    study, versions = manifest["study"], manifest["versions"]
+    trials = counted(study["trials"], "trial")
+    console.print(f"{folder}: study {study['name']}, seed {manifest['seed']}, {trials}")
+    console.print(": ".join(filter(None, (study.get("title"), study["about"]))))
+    commit = f", commit {manifest['commit'][:12]}" if manifest["commit"] else ""
+    console.print(f"cooploc {versions['cooploc']}{commit}, Python {versions['python']}, on {manifest['cpu']}")
+    console.print()
+
+
+def _contents(directory: RunDir, scenario: str, estimator: str, asked: int) -> tuple[dict[str, Any], pd.DataFrame]:
+    """A row of the table, and the first row of every trial that failed."""
+    trials: set[int] = set()
+    frames, corrupt = [], 0
+    for held in directory.held(scenario, estimator):
+        piece = Piece(scenario, estimator, held)
+        if not directory.intact(piece):
+            corrupt += 1
+            continue
+        trials |= set(held)
+        part = directory.read(piece)
+        frames.append(part[part["failure"].notna()].drop_duplicates("trial"))
+    remarks = [f"{counted(corrupt, 'corrupt part')}, will be computed again"] if corrupt else []
+    remarks += ["not finished"] if len(trials) < asked else []
+    failed = pd.concat(frames) if frames else pd.DataFrame({"trial": []})
+    counts = {"trials": f"{len(trials)} of {asked}", "trials_there": len(trials), "failed": failed["trial"].nunique()}
+    return {"scenario": scenario, "estimator": estimator, **counts, "remark": ", ".join(remarks)}, failed
+
+
+def _end_of(traceback: str) -> str:
+    """The last frames of the last exception of a traceback, and its message."""
+    last = traceback.rpartition(CONTINUED)[2].strip("\n")
+    head, *frames = last.split("\n  File ")
+    shown = frames[-FRAMES:]
+    return "\n  File ".join([head + "\n  ..." * (len(frames) > FRAMES), *shown])
+
+
+def _certificates(console: Console, certificates: dict[str, Any]) -> None:
+    """What was found of every estimator that is not built in, and every check that it failed."""
+    for label, certificate in certificates.items():
+        console.print(f"\n{label}, {certificate['status']}: {certificate['found']}")
+        alike: dict[str, list[str]] = {}
+        for check in certificate["checks"]:
+            if check["status"] != "passed":
+                said = check["detail"] in certificate["found"] and check["example"]
+                smallest = f"smallest example: {check['example']}" if check["example"] else ""
+                found = smallest if said else "; ".join(filter(None, (check["detail"], smallest)))
+                alike.setdefault(f"{check['status']}: {found}", []).append(check["check"])
+        for found, checks in alike.items():
+            console.print(f"  {', '.join(checks)} {found}", style="dim")
+
+
+# The verdicts of a ledger: a table for every claim, then the readings, what numbers mean, how many may be false.
+
+VERDICT_LEGEND = (
+    "Changes are b/a - 1: negative where the error falls. A verdict, taken alone, is wrong in at most one of twenty "
+    "repetitions of the run; of many some are. stands: still decided after Holm's correction over all judged cases. "
+    "Each verdict is of one reading of the paper; cl.readings judges a claim in all that were run (the study "
+    "readings runs them)."
+)
+STYLES = {
+    "supported": "green",
+    "direction only": "yellow",
+    "flat": "magenta",
+    "contradicted": "red",
+    "undecided": "cyan",
+}
+
+
+def show_verdicts(verdicts: pd.DataFrame, ledger: Ledger) -> None:
+    """Print a table for every claim, then the readings, what the numbers mean, and how many verdicts may be false.
+
+    Args:
+        verdicts: from `cl.verdicts`.
+        ledger: its ledger.
+
+    """
+    console, skipped = wide(), []
+    console.print(ledger.paper)
+    for claim, part in verdicts.groupby("claim", sort=False):
+        if (part["verdict"] == "not run").all():
+            skipped.append(str(claim))
+        else:
+            _claim(console, str(claim), part)
+    console.print()
+    if skipped:
+        console.print(f"Not run at all, as this run lacks their scenarios or estimators: claims {listed(skipped)}")
+    ran = set(verdicts.loc[verdicts["verdict"] != "not run", "variant"])
+    for name, variant in ledger.variants.items():
+        if name in ran:
+            console.print(f"{name}: {variant.about}", style="dim")
+    console.print(VERDICT_LEGEND, style="dim")
+    console.print(str(family_of(verdicts)))
+
+
+def _claim(console: Console, claim: str, part: pd.DataFrame) -> None:
+    """Print one claim: what was run of it, what was not, and what the paper leaves open."""
+    says, where, left_open, readings = part[["says", "where", "open", "map"]].iloc[0]
+    console.print(f"\n{claim}. {called(says, where)}", style="bold")
+    console.print(cases(part).terminal(style=lambda row: STYLES.get(row["verdict"], "dim")))
+    if lacking := not_run(part):
+        console.print(f" {lacking}", style="dim")
+    if left_open:
+        console.print(f" open: {left_open}", style="dim")
+    if readings:
+        console.print(f" over all readings: {readings}")
+
+
+def show_readings(found: pd.DataFrame) -> None:
+    """Print the map: for every claim, in how many specifications it holds, and in which.
+
+    Args:
+        found: from `multiverse.judge`.
+
+    """
+    console, counted = wide(), shares(found)
+    console.print("\nThe claims over all readings of the paper that were run", style="bold")
+    console.print(over_readings(counted).terminal())
+    for row in counted.to_dict("records"):
+        console.print(f" {row['claim']}. {row['says']}: {row['sentence']}.")
+    console.print(
+        "A specification is a case (scenario, estimators, definition of the size) in a reading of the paper; what "
+        "runs the same counts once. letter: the reading nearest to the words of the paper.",
+        style="dim",
+    )
+
+
+# What the commands on finished runs print.
+
+
+def show_report(page: Path) -> None:
+    """Say where a report is."""
+    wide().print(f"report: {page}\ntables: {page.parent / 'tables'}")
+
+
+def show_paper(example: Path) -> None:
+    """Say where a paper's figures and tables are, and how to look at them."""
+    folder = example.parent
+    figures, tables = (
+        counted(len(list((folder / name).glob(f"*.{ending}"))), name.removesuffix("s"))
+        for name, ending in (("figures", "pdf"), ("tables", "tex"))
+    )
+    console = wide()
+    console.print(f"paper: {folder}\nin it: {figures}, {tables}, estimators.bib")
+    latex = f"pdflatex {example.stem}"
+    console.print(f"to see them all: cd {folder} && {latex} && bibtex {example.stem} && {latex} && {latex}")
+
+
+def show_all_verdicts(found: pd.DataFrame, ledger: Path | None) -> None:
+    """Print the verdicts of a ledger on a run."""
+
+    show_verdicts(found, ledgers.load(ledger))
+
+
+def show_interpretations(found: pd.DataFrame) -> None:
+    """Print in how many readings each claim holds, where a run holds more than the preset's."""
+
+    if not found["preset"].all():
+        show_readings(found)
+
+
+def show_changes(title: str, settings: list[str], found: pd.DataFrame, sentences: list[str]) -> None:
+    """Print what changed between two runs."""
+    from cooploc.analysis.report import run_diff
+
+    console = wide()
+    for text in (title, *settings, ""):
+        console.print(text)
+    if len(found):
+        console.print(run_diff.table(found).terminal())
+    for text in sentences:
+        console.print(text)
+
+
+def show_reproduced(found: pd.DataFrame, differences: list[str]) -> None:
+    """Print which trials of a report came out bit-equal."""
+    from cooploc.analysis.report import reproduce as again
+
+    console = wide()
+    trials = [again.Again(*row) for row in found.itertuples(index=False)]
+    console.print(again.table(trials).terminal())
+    equal = found["equal"].sum()
+    console.print(f"{equal} of {len(trials)} results are bit-equal")
+    if equal < len(trials) and differences:
+        console.print(f"this machine differs from that of the report: {'; '.join(differences)}")
+
+
+# How many trials comparisons need, and how long they take: the table of `cl.plan`.
+
+PLAN_COLUMNS = (
+    words("scenario"),
+    words("estimator"),
+    words("vs", "baseline"),
+    numbers("change", form=change),
+    numbers("trials", form=count),
+    numbers("until decided", "until_decided", form=count),
+)
+
+
+def show_plan(found: pd.DataFrame, difference: float, jobs: int) -> None:
+    """Print the trials of each comparison, and the time of all."""
+    console = wide()
+    console.print(Table("plan", "", PLAN_COLUMNS, found.to_dict("records")).terminal())
+    console.print(
+        f"Trials that show a change of RMSE of {100 * difference:g} % in four of five runs (80 % power): with one look "
+        "at the end, and with --until-decided, where a change twice as large needs a quarter. From a pilot of "
+        f"{PILOT} trials, which knows them to about a factor of two."
+    )
+    fixed, until = (duration(60 * minutes(found, column, jobs)) for column in ("trials", "until_decided"))
+    processes = f" on {jobs} processes" if jobs > 1 else ""
+    console.print(f"here{processes}, estimators take about {fixed} with one look, and {until} until decided, at most")
+
+
+# What `cooploc tune` prints.
+
+
+def show_tuning(
+    history: pd.DataFrame, gains: pd.DataFrame, orders: Mapping[str, pd.DataFrame], record: dict[str, Any]
+) -> None:
+    """Print what was chosen, what it bought, and whether the order changed."""
+    console = wide()
+    console.print(chosen_table(history, record["tuned"]).terminal())
+    console.print()
+    for scenario, part in gains.groupby("scenario", sort=False):
+        console.print(gains_table(str(scenario), part).terminal())
+        console.print()
+    console.print(LEGEND, style="dim")
+    for name, order in orders.items():
+        console.print(order_sentence(order, name))
+    console.print(
+        f"seed {record['seed']}, training seed {record['training_seed']}: "
+        f"none of the {len(record['streams'])} training streams is a reported one"
+    )
+
+
+# What `cooploc check` prints: a row for each check on a terminal, a line for each elsewhere.
+
+CHECK_COLUMNS = words("check"), words("result"), words("what was tried and found", "found")
+
+
+def show_checks(report: Report) -> None:
+    """Print the results, and how many checks ran, passed, failed and were skipped."""
+    console = wide()
+    if not console.is_terminal:
+        console.print(report.table())
+        return
+    alike: dict[tuple[str, str], list[str]] = {}
+    for one in report.results:
+        alike.setdefault((one.status, "\n".join(sentences(one))), []).append(one.check)
+    rows = [{"check": _named(checks), "result": status, "found": found} for (status, found), checks in alike.items()]
+    console.print(Table("checks", "", CHECK_COLUMNS, rows).terminal(wrap=True))
+    console.print(report.summary())
+
+
+def _named(checks: list[str]) -> str:
+    return checks[0] if len(checks) == 1 else f"{len(checks)} others"
+
+
+# Lists of estimators, scenarios and studies.
+
+USES = "uses: a|b is the first of the two that a scenario has; a? is used where it is there"
+HINDSIGHT = "with hindsight, from Python alone: cl.Smoother(), offline: neither ranked nor best"
+HEADS = {
+    "estimators": (
+        words("name"),
+        words("what it is", "about"),
+        words("uses"),
+    ),
+    "scenarios": (words("name", "labels"), words("what it is", "about")),
+    "studies": (words("name"), words("takes"), words("what it is", "about")),
+}
+
+
+def show_list(kind: str, listed: pd.DataFrame) -> None:
+    """Print the table of `cl.estimators()`, `cl.scenarios()` or `cl.studies()`, then plug-ins that cannot be used."""
+    broken = listed["problem"] != "" if "problem" in listed else pd.Series(False, listed.index)
+    rows = [_row(row) for row in listed[~broken].to_dict("records")]
+    console = wide()
+    console.print(Table(kind, kind, HEADS[kind], rows).terminal(wrap=True))
+    for row in listed[broken].to_dict("records"):
+        console.print(f"  {row['name']}: not usable, {row['problem']}")
+    if kind == "estimators":
+        for line in (USES, HINDSIGHT):
+            console.print(f"  {line}")
+    console.print()
+
+
+def _row(row: dict[Any, Any]) -> dict[str, Any]:
+    minutes = row.get("minutes", float("nan"))
+    takes = "" if minutes != minutes else duration(60 * minutes)
+    return {**row, "about": row["about"] + _standing(row) + _configured(row), "takes": takes}
+
+
+def _standing(row: dict[Any, Any]) -> str:
+    if row.get("offline", False):
+        return " (offline: neither ranked nor best)"
+    if row.get("bound", False):
+        return " (a bound)"
+    centralised = row.get("centralised", False) and not row["about"].startswith("Centralised")
+    return " (centralised)" * centralised
+
+
+def _configured(row: dict[Any, Any]) -> str:
+    """The configurations of an estimator that differ from its default."""
+    words = {"published": "as published", "best": "at its best"}
+    return "".join(f" {word}: {row[key]}." for key, word in words.items() if row.get(key, row["name"]) != row["name"])
