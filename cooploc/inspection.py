@@ -8,9 +8,7 @@ from matplotlib.figure import Figure
 
 from cooploc.analysis.execution import atomic_file
 from cooploc.estimators.errors import BadInput
-from cooploc.scenarios.recordings.inspect.finding import Finding
-from cooploc.scenarios.recordings.inspect.inspection import Inspected, inspect_recording
-from cooploc.scenarios.recordings.inspect.series_table import SeriesRow
+from cooploc.scenarios.recordings.inspect.inspection import Inspected, SeriesRow, inspect_recording
 from cooploc.scenarios.recordings.schema import NAME
 
 SKETCH = "inspect.png"
@@ -31,8 +29,8 @@ class Inspection:
     @property
     def findings(self) -> pd.DataFrame:
         """A row for each finding: kind, robot, source, fact, how sure, and the setting of log.toml to change."""
-        rows = [{**f._asdict(), "change": where_to_change(f)} for f in self.inspected.findings]
-        return pd.DataFrame(rows, columns=list(Finding._fields))
+        names = ["kind", "robot", "source", "fact", "sure", "change"]
+        return pd.DataFrame([[getattr(f, name) for name in names] for f in self.inspected.findings], columns=names)
 
     @property
     def columns(self) -> pd.DataFrame:
@@ -101,14 +99,6 @@ def inspect(path: str | Path, run: str = "", again: bool = False) -> Inspection:
 
     """
     return Inspection(inspect_recording(Path(path), run, again))
-
-
-def where_to_change(finding: Finding) -> str:
-    """The setting that corrects a finding, with its table: [truth] clock_offset = -2.5."""
-    change = finding.change
-    table = f"[{change.table}] " if change.table else ""
-    names = f"{', '.join(change.names)}: " if change.names else ""
-    return f"{table}{names}{change.setting}"
 
 
 def _note(found: Inspected) -> str:

@@ -10,9 +10,8 @@ from matplotlib.figure import Figure
 from cooploc.analysis.plot import style
 from cooploc.analysis.plot.style import DARK, GREY
 from cooploc.analysis.plot.world import ROBOTS
-from cooploc.scenarios.recordings.inspect.corrected import truth_of
-from cooploc.scenarios.recordings.inspect.dead_reckoned import dead_reckoned
-from cooploc.scenarios.recordings.inspect.series_table import SeriesRow, measured_counts, series_rows
+from cooploc.scenarios.recordings.inspect.inspection import SeriesRow, measured_counts, series_rows
+from cooploc.scenarios.recordings.inspect.motion import dead_reckoned, known_truth
 from cooploc.scenarios.recordings.team_log import TeamLog
 
 MOST_ROWS = 24  # of the time line; pairs beyond it are drawn by robot
@@ -41,7 +40,7 @@ def tracks(ax: Axes, log: TeamLog, above: str = "") -> Axes:
     """Truth and dead reckoning of every robot, with anchors and landmarks."""
     for i, robot in enumerate(log.robots):
         colour = ROBOTS[i % len(ROBOTS)]
-        truth, alone = truth_of(log, i), dead_reckoned(log, i)
+        truth, alone = known_truth(log, i), dead_reckoned(log, i)
         if truth is not None:
             ax.plot(*truth.values[:, :2].T, color=colour, lw=1.3, label=robot, zorder=3)
             ax.plot(*truth.values[0, :2], "o", color=colour, mfc="white", ms=6, zorder=5)

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -83,7 +83,7 @@ def _files(
     """(path, robot, other), None where a column says which."""
     pattern = source.file or ""
     called = {name: written for written, name in source.nodes.items()}
-    for robot in robots if "{robot}" in pattern else (None,):
+    for robot in robots if "{robot}" in pattern or source.robot is None else (None,):
         for other in others if "{other}" in pattern else (None,):
             if robot is None or robot != other:
                 names = {"{robot}": robot, "{other}": other}
@@ -144,6 +144,8 @@ def places(data: Path, declared: schema.Places | None, delimiter: str) -> Places
 
 # Recordings of a team in CSV files, as `log.toml` describes them.
 
+SourceTable = TypeVar("SourceTable", bound=Source)
+
 
 def runs(data: Path, description: TeamDescription) -> dict[str, Path]:
     """The runs in a directory: itself, if its files are there, else each directory in it that has them.
@@ -153,6 +155,11 @@ def runs(data: Path, description: TeamDescription) -> dict[str, Path]:
 
     """
     file = (description.odometry.file if description.odometry else None) or ""
+    if "{run}" in file:  # a file for each run of one robot
+        begin, end = file.split("{run}", 1)
+        names = {path.name.removeprefix(begin).removesuffix(end): data for path in sorted(data.glob(f"{begin}*{end}"))}
+        if names:
+            return names
     pattern = file.replace("{robot}", "*").replace("[", "[[]")
     if any(data.glob(pattern)):
         return {data.resolve().name: data}
@@ -176,7 +183,7 @@ def read(data: Path, place: Path, name: str, description: TeamDescription) -> Te
         raise BadInput(f"{data}: log.toml lacks [odometry] or [truth]; add the table")
     robots = description.robots
     warnings: list[str] = []
-    moves, poses = description.odometry, description.truth
+    moves, poses = _of_run(description.odometry, name), _of_run(description.truth, name)
     columns = [getattr(moves, name) for name in schema.COLUMNS[moves.kind]]
     odometry = odometry_of(place, _by_robot(place, description, moves, columns, warnings), robots)
     found_poses = _by_robot(place, description, poses, [poses.x, poses.y, poses.heading], warnings)
@@ -189,13 +196,20 @@ def read(data: Path, place: Path, name: str, description: TeamDescription) -> Te
         ("rssi", description.rssi, anchors.names),
         ("sighting", description.sightings, landmarks.names),
     ):
-        several = [m for table in tables for m in _measured(place, description, table, (*robots, *fixed), warnings)]
+        several = [
+            m for table in tables for m in _measured(place, description, table, (*robots, *fixed), warnings, name)
+        ]
         found, told = divided(kind, several, robots, fixed)  # type: ignore[arg-type]
         readings |= found
         warnings += told
     return TeamLog(
         name, robots, description.odometry.kind, odometry, truth, readings, landmarks, anchors, tuple(warnings)
     )
+
+
+def _of_run(table: SourceTable, run: str) -> SourceTable:
+    """A table of log.toml whose file is that of one run."""
+    return table.model_copy(update={"file": (table.file or "").replace("{run}", run)})
 
 
 def _by_robot(
@@ -219,12 +233,12 @@ def _by_robot(
 
 
 def _measured(
-    place: Path, d: TeamDescription, table: schema.ReadingColumns, names: Sequence[str], warnings: list[str]
+    place: Path, d: TeamDescription, table: schema.ReadingColumns, names: Sequence[str], warnings: list[str], run: str
 ) -> list[Measured]:
     each: Mapping[str, LogColumn] = getattr(table, "each", {})
     columns = list(each.values()) or [getattr(table, name) for name in VALUES[type(table)]]
     found = []
-    for rows in rows_of(place, table, columns, d.robots, names, d.delimiter):
+    for rows in rows_of(place, _of_run(table, run), columns, d.robots, names, d.delimiter):
         warnings += [rows.lines.cut_off] if rows.lines.cut_off else []
         if np.isnan(rows.time).any():
             where = rows.lines.at(int(np.argmax(np.isnan(rows.time))))

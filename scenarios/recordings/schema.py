@@ -87,7 +87,7 @@ TimeColumns = Annotated[tuple[Seconds, ...], Field(min_length=1), Several]
 class Source(Strict):
     """Where something is: CSV files, or topics of a bag. `{robot}` and `{other}` in them stand for names."""
 
-    file: str | None = None  # CSV, relative to the run: "odom_{robot}.csv", or one for all
+    file: str | None = None  # CSV, relative to the run: "odom_{robot}.csv", one for all, or "{run}.csv" of one robot
     topic: str | None = None  # of a bag: "/{robot}/odom"
     topics: Mapping[Name, str] = {}  # of a bag: robots whose topic has another name
     time: TimeColumns = Field(default=("time",), validate_default=True)  # of CSV files; summed: seconds and nanoseconds
@@ -101,7 +101,8 @@ class Source(Strict):
             raise ValueError('state where it is: file = "..." (CSV), or topic = "..." (a bag)')
         if self.file is not None and (Path(self.file).is_absolute() or ".." in Path(self.file).parts):
             raise ValueError(f"file is {self.file!r}; name one inside the directory")
-        if self.file is not None and ("{robot}" in self.file) == (self.robot is not None):
+        named = self.file is not None and ("{robot}" in self.file or "{run}" in self.file)
+        if self.file is not None and named == (self.robot is not None):
             raise ValueError('whose lines are they: file = "..._{robot}.csv", or robot = "the column of names"')
         return self
 

@@ -1,6 +1,6 @@
-"""A look at a recording, from a path to everything that can be said of it."""
+"""The inspection of a recording, from a path to everything that can be said of it."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -8,37 +8,44 @@ import numpy as np
 
 from cooploc.estimators.errors import BadInput, nearest
 from cooploc.estimators.interface import Array
-from cooploc.scenarios.recordings import robot_run as single
-from cooploc.scenarios.recordings.inspect.csv_folder import csv_files
-from cooploc.scenarios.recordings.inspect.draft import Draft, columns_of, draft_of
-from cooploc.scenarios.recordings.inspect.finding import Finding
-from cooploc.scenarios.recordings.inspect.log_toml import log_toml
-from cooploc.scenarios.recordings.inspect.looks import look_at_all
-from cooploc.scenarios.recordings.inspect.one_robot import (
-    Files,
-    is_one_robot,
-    one_robot_log,
-    one_robot_tables,
-    rssi_remark,
-)
-from cooploc.scenarios.recordings.inspect.recognized import recognized
-from cooploc.scenarios.recordings.inspect.series_table import SeriesRow, series_rows
-from cooploc.scenarios.recordings.inspect.settings import settings
-from cooploc.scenarios.recordings.inspect.toml_text import written
+from cooploc.scenarios.recordings.inspect import reading_checks as readings
+from cooploc.scenarios.recordings.inspect import robot_checks as robots
+from cooploc.scenarios.recordings.inspect.bag_draft import bag_draft
+from cooploc.scenarios.recordings.inspect.csv_draft import ENDINGS, csv_draft
+from cooploc.scenarios.recordings.inspect.draft_toml import Draft, Entry, log_toml, plain_text
+from cooploc.scenarios.recordings.inspect.finding import CheckedLog, Finding
 from cooploc.scenarios.recordings.scenario import reader
 from cooploc.scenarios.recordings.schema import EXAMPLE, NAME, TABLES, TeamDescription, load, parse, text_of
 from cooploc.scenarios.recordings.team_log import TeamLog
 
+BAGS = (".db3", ".mcap", ".bag")
+GAP = 10.0  # median intervals without a sample are a gap
+
+
+class SeriesRow(NamedTuple):
+    """What one series of a recording holds."""
+
+    series: str  # "odometry", "truth" or a channel
+    of: str  # a robot, or robot-other
+    samples: int
+    rate: float  # [1/s], of the median interval
+    first: float  # [s] after the recording's first stamp
+    last: float  # [s] likewise
+    gaps: int
+    longest: float  # [s] interval
+    time: Array  # (m,) [s] since the recording's first stamp
+    source: str
+
 
 class Inspected(NamedTuple):
-    """What a look at a recording found."""
+    """What an inspection found."""
 
     path: Path
     format: str
     why: str  # it is that format
     runs: tuple[str, ...]
-    log: TeamLog  # the run that was looked at, as it was read
-    corrected: TeamLog  # the same with what was found corrected: for the eye, never for an estimator
+    log: TeamLog  # the run that was inspected, as it was read
+    corrected: TeamLog  # the same with findings corrected: for the eye, never for an estimator
     rows: tuple[SeriesRow, ...]
     findings: tuple[Finding, ...]
     columns: tuple[tuple[str, str, str, str], ...]  # file or topic, column, what it probably is, why
@@ -47,10 +54,10 @@ class Inspected(NamedTuple):
 
 
 def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspected:
-    """Look at a directory of CSV files, a bag, a PyFG file or MRCLAM text.
+    """Inspect a directory of CSV files, a bag, a PyFG file or MRCLAM text.
 
     Args:
-        path: a directory or file; a log.toml of a team in the directory is believed.
+        path: a directory or file; a log.toml in the directory is believed.
         run: which recording of several; the first if empty.
         again: guess everything once more, whatever log.toml says.
 
@@ -58,54 +65,127 @@ def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspect
         BadInput: there is nothing that can be read; one line: fact, place and remedy.
 
     """
-    found = recognized(path)
+    form, why = recognize(path)
     home = (path if path.is_dir() else path.parent) / NAME
-    if not again and home.is_file() and "\nformat" in f"\n{text_of(home)}":
-        return _looked(path, load(home), "log.toml says so", run)._replace(text=text_of(home))
-    if found.format == "csv" and is_one_robot(files := csv_files(path).files):
-        return _of_one_robot(path, files, run)
-    draft = draft_of(path, found)
-    description = _parsed(home, written((), draft.entries, draft.tables))
-    looked = _looked(path, description, found.why, run)
-    more = settings(looked.corrected, len(looked.runs))
-    text = log_toml(path, found.why, draft, looked.corrected, looked.findings, more)
-    _parsed(home, text)
-    return looked._replace(columns=draft.columns, unused=draft.unused, text=text)
-
-
-def _looked(path: Path, description: TeamDescription, why: str, run: str) -> Inspected:
-    """What a reader makes of a recording, and what is odd about that."""
+    stated = not again and home.is_file()
+    draft, text = Draft(()), ""
+    if stated:
+        description, text, why = load(home), text_of(home), "log.toml says so"
+    else:
+        drafted = {"csv": csv_draft, "bag": bag_draft}
+        draft = drafted[form](path) if form in drafted else Draft((Entry("format", form, why),))
+        description = _parsed(home, plain_text(draft))
     read = reader(description.format)
     data = path.parent if path.is_file() and description.format == "bag" else path
     places = read.runs(data, description)
-    name = _chosen(path, places, run or (path.stem if path.stem in places else ""))
+    name = run or (path.stem if path.stem in places else next(iter(places)))
+    if name not in places:
+        raise BadInput(f"{path}: there is no run {name!r}; {nearest(name, list(places))}")
     log = read.read(data, places[name], name, description)
-    odd, corrected = look_at_all(log, _arena(description))
+    checked = check_recording(log, None if description.arena is None else np.array(description.arena, float))
+    findings = checked.result()
+    if not stated:
+        text = log_toml(path, why, draft, checked.log, findings, len(places))
+        _parsed(home, text)
     rows = tuple(series_rows(log))
-    return Inspected(path, description.format, why, tuple(places), log, corrected, rows, odd, (), (), "")
-
-
-def _of_one_robot(path: Path, files: Files, run: str) -> Inspected:
-    """CSV files that are runs of one robot."""
-    log, why = one_robot_log(files, run), "files that follow each other in time: runs of one robot"
-    odd, corrected = look_at_all(log)
-    draft = Draft(*one_robot_tables(files), columns_of(path, files[:1]), rssi_remark(files))
-    text = log_toml(path, why, draft, corrected, odd)
-    parse(path / NAME, text, single.Description, single.TABLES, EXAMPLE)
-    names, rows = tuple(look.path.stem for look, _ in files), tuple(series_rows(log))
-    return Inspected(path, "csv", why, names, log, corrected, rows, odd, draft.columns, draft.unused, text)
+    runs, columns = tuple(places), draft.columns
+    return Inspected(path, description.format, why, runs, log, checked.log, rows, findings, columns, draft.unused, text)
 
 
 def _parsed(path: Path, text: str) -> TeamDescription:
     return parse(path, text, TeamDescription, TABLES, EXAMPLE)
 
 
-def _chosen(path: Path, places: Mapping[str, Path], run: str) -> str:
-    name = run or next(iter(places))
-    if name not in places:
-        raise BadInput(f"{path}: there is no run {name!r}; {nearest(name, list(places))}")
-    return name
+def recognize(path: Path) -> tuple[str, str]:
+    """Return the format of a recording without a log.toml, as it is called there, and the reason.
+
+    Raises:
+        BadInput: there is nothing at the path, or nothing that is known.
+
+    """
+    if not path.exists():
+        raise BadInput(f"{path}: there is no such file or directory; name one with a recording")
+    if path.is_file() and path.suffix.lower() in ENDINGS:
+        raise BadInput(f"{path}: this is one file; name the directory with the files of all robots, odometry and truth")
+    files = [path] if path.is_file() else sorted(p for p in path.rglob("*") if p.is_file())
+    ending = {p.suffix.lower(): p.name for p in reversed(files)}
+    if bag := next((ending[e] for e in BAGS if e in ending), ""):
+        return "bag", f"{bag} is a bag"
+    if graph := ending.get(".pyfg") or ending.get(".fg"):
+        return "pyfg", f"{graph} is a factor graph"
+    if any(p.name == "Barcodes.dat" for p in files):
+        return "mrclam", "Barcodes.dat is of MRCLAM"
+    if ending.keys() & {*ENDINGS}:
+        return "csv", "text files with columns"
+    raise BadInput(f"{path}: there is no CSV file, bag, PyFG file or MRCLAM text in it; name another directory")
 
 
-def _arena(description: TeamDescription) -> Array | None:
-    return None if description.arena is None else np.array(description.arena, float)
+def check_recording(log: TeamLog, arena: Array | None = None) -> CheckedLog:
+    """Find everything odd about a recording, in an order in which no fault hides the next.
+
+    Args:
+        log: as a reader made it, in SI units as described or guessed.
+        arena: (2, 2) lower left and upper right corner [m], if it is known.
+
+    """
+    c = CheckedLog(log)
+
+    def each_robot(*checks: Callable[[CheckedLog, int], None]) -> None:
+        for check in checks:
+            for i in range(len(log.robots)):
+                check(c, i)
+
+    for warning in log.warnings:  # such as a last line that was cut off
+        c.add("dropped", None, "", warning, "sure", "nothing: it is left out")
+    robots.check_gaps(c)
+    each_robot(robots.check_lengths, robots.check_heading_unit, robots.check_turn_unit)
+    robots.check_clocks(c)
+    each_robot(robots.check_stale, robots.check_jumps)
+    readings.check_range_units(c)
+    each_robot(robots.check_frame, robots.check_scales)
+    readings.check_names(c)
+    readings.check_reading_clocks(c)
+    readings.check_biases(c)
+    readings.check_bearings(c)
+    readings.check_rssi(c)
+    robots.check_arena(c, arena)
+    return c
+
+
+def series_rows(log: TeamLog) -> list[SeriesRow]:
+    """Return a row for each series; readings of every pair apart."""
+    found = list(_series(log))
+    zero = min((time[0] for _, _, time, _ in found if len(time)), default=0.0)
+    return [_row(name, of, time - zero, source) for name, of, time, source in found]
+
+
+def _series(log: TeamLog) -> Iterator[tuple[str, str, Array, str]]:
+    for robot, series in zip(log.robots, log.odometry, strict=True):
+        yield "odometry", robot, series.time, series.source
+    for robot, truth in zip(log.robots, log.truth, strict=True):
+        if truth is not None:
+            yield "truth", robot, truth.time[np.isfinite(truth.values[:, :2]).all(axis=1)], truth.source
+    for channel, r in log.readings.items():
+        for i, k in np.unique(np.stack([r.robot, r.other]), axis=1).T:
+            of = f"{log.robots[i]}-{readings.measured_name(log, channel, int(k))}"
+            yield channel, of, r.time[(r.robot == i) & (r.other == k)], r.source
+
+
+def _row(name: str, of: str, time: Array, source: str) -> SeriesRow:
+    if not len(time):
+        return SeriesRow(name, of, 0, np.nan, np.nan, np.nan, 0, np.nan, time, source)
+    intervals, (first, last) = np.diff(time), time[[0, -1]].tolist()
+    usual = float(np.median(intervals)) if len(intervals) else np.nan
+    gaps, longest = int((intervals > max(GAP * usual, 1.0)).sum()), float(max(intervals, default=np.nan))
+    return SeriesRow(name, of, len(time), 1 / usual if usual > 0 else np.nan, first, last, gaps, longest, time, source)
+
+
+def measured_counts(log: TeamLog) -> tuple[tuple[str, ...], tuple[str, ...], Array]:
+    """Return the names of robots, of all they measured, and how often (robots, measured); channels together."""
+    names = (*log.robots, *log.landmarks.names, *log.anchors.names)
+    counts = np.zeros((len(log.robots), len(names)))
+    first = {"landmark": len(log.robots)}
+    first |= dict.fromkeys(("anchor_rssi", "anchor_range"), len(log.robots) + len(log.landmarks.names))
+    for channel, r in log.readings.items():
+        np.add.at(counts, (r.robot, first.get(channel, 0) + r.other), 1)
+    return log.robots, names, counts

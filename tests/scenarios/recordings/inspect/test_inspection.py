@@ -13,7 +13,7 @@ from malformed_teams import MALFORMED
 from matplotlib import pyplot
 
 import cooploc as cl
-from cooploc.scenarios.recordings.inspect.toml_text import toml
+from cooploc.scenarios.recordings.inspect.draft_toml import toml
 from cooploc.scenarios.recordings.schema import load
 
 DATA = Path(os.environ.get("COOPLOC_DATA", "../shared/data"))
@@ -105,7 +105,7 @@ def test_files_that_follow_each_other_are_runs_of_one_robot(tmp_path, clean):
     inspection = cl.inspect(tmp_path / "one")
     inspection.write()
     assert inspection.inspected.runs == ("run0", "run1", "run2")
-    assert "format" not in tomllib.loads(inspection.log_toml)
+    assert tomllib.loads(inspection.log_toml)["odometry"]["file"] == "{run}.csv"
     assert cl.simulate("log/run0", data=tmp_path / "one")[1].robots == 1
 
 

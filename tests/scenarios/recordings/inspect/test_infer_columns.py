@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 
 from cooploc.estimators.errors import BadInput
-from cooploc.scenarios.recordings.inspect.csv_look import look_at_csv
-from cooploc.scenarios.recordings.inspect.guesses import guesses
-from cooploc.scenarios.recordings.inspect.names import named
-from cooploc.scenarios.recordings.inspect.templates import template_of
+from cooploc.scenarios.recordings.inspect.csv_draft import file_pattern
+from cooploc.scenarios.recordings.inspect.infer_columns import name_meaning, read_csv
 
 LINES = 40
 
@@ -16,7 +14,7 @@ def guessed(folder, columns, name="table.csv"):
     path = folder / name
     rows = zip(*columns.values(), strict=True)
     path.write_text("\n".join([",".join(columns), *(",".join(map(str, row)) for row in rows)]) + "\n")
-    return {guess.column: guess for guess in guesses(look_at_csv(path))}
+    return {guess.column: guess for guess in read_csv(path).guesses}
 
 
 @pytest.mark.parametrize(
@@ -48,7 +46,7 @@ def guessed(folder, columns, name="table.csv"):
     ],
 )
 def test_a_name_says_quantity_and_unit(column, quantity, unit):
-    assert named(column)[:2] == (quantity, unit)
+    assert name_meaning(column)[:2] == (quantity, unit)
 
 
 @pytest.mark.parametrize(("scale", "unit"), [(1, "s"), (1e3, "ms"), (1e6, "us"), (1e9, "ns")])
@@ -97,7 +95,7 @@ def test_a_counter_named_x_without_y_is_a_length(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("files", "template", "robots"),
+    ("files", "pattern", "robots"),
     [
         (["odom_red.csv", "odom_blue.csv"], "odom_{robot}.csv", ("red", "blue")),
         (["red/odom.csv", "blue/odom.csv"], "{robot}/odom.csv", ("red", "blue")),
@@ -106,8 +104,8 @@ def test_a_counter_named_x_without_y_is_a_length(tmp_path):
         (["all.csv"], "all.csv", ()),
     ],
 )
-def test_what_differs_between_names_of_files_is_the_robot(files, template, robots):
-    assert template_of(files) == (template, robots)
+def test_what_differs_between_names_of_files_is_the_robot(files, pattern, robots):
+    assert file_pattern(files) == (pattern, robots)
 
 
 @pytest.mark.parametrize(
@@ -123,4 +121,4 @@ def test_a_file_that_is_no_table_is_one_line(tmp_path, text, said):
     path = tmp_path / "a.csv"
     path.write_text(text)
     with pytest.raises(BadInput, match=said):
-        look_at_csv(path)
+        read_csv(path)

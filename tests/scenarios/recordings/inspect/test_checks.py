@@ -1,8 +1,11 @@
-"""Recordings of teams whose truth is known, from cooploc's own worlds, and what can be wrong with them."""
+"""What is odd about a recording is found, and nothing where nothing is; on simulated teams whose truth is known."""
 
 import numpy as np
+import pytest
 
 import cooploc as cl
+from cooploc.scenarios.recordings.inspect.inspection import check_recording, measured_counts, series_rows
+from cooploc.scenarios.recordings.inspect.motion import dead_reckoned, robust_slope
 from cooploc.scenarios.recordings.team_log import Places, Readings, Series, TeamLog
 
 WORLDS = {"camera": 600, "no-compass": 300, "trajectory": 300}  # family -> ticks
@@ -116,8 +119,8 @@ def _exchanged(log):
 
 BOTH = ("camera", "no-compass")
 EVERY = (*BOTH, "trajectory")
-# glitch -> (kind of the finding, robot whose data it is or "", families where it can be seen, what goes wrong)
-GLITCHES = {
+# fault -> (kind of the finding, robot whose data it is or "", families where it can be seen, how it is planted)
+FAULTS = {
     "truth in mm": ("unit", "r1", EVERY, lambda log: changed_truth(log, 1, _columns(1e3, 1e3, 1))),
     "truth in cm": ("unit", "r1", EVERY, lambda log: changed_truth(log, 1, _columns(1e2, 1e2, 1))),
     "odometry in mm": ("unit", "r0", BOTH, lambda log: changed_odometry(log, 0, [1e3, 1])),
@@ -197,3 +200,96 @@ def _misnamed(readings):
     """Robot 0 confuses robots 1 and 2."""
     names = np.array([0, 2, 1])
     return np.where(readings.robot == 0, names[readings.other], readings.other)
+
+
+NEEDS_READINGS = {name: FAULTS.pop(name) for name in ("a biased pair", "teammates exchanged", "clock of the ranges")}
+
+
+def findings(log):
+    return check_recording(log).findings
+
+
+@pytest.mark.parametrize("world", WORLDS)
+def test_a_clean_team_has_few_findings(world):
+    found = [findings(team_log(world, seed)) for seed in range(3)]
+    assert found[1] == []
+    assert sum(map(bool, found)) <= 1
+
+
+@pytest.mark.parametrize("name", sorted(FAULTS))
+def test_a_planted_fault_is_found_with_its_robot_and_the_setting_to_change(name):
+    kind, robot, worlds, plant = FAULTS[name]
+    found = [f for f in findings(plant(team_log(worlds[-1], seed=2))) if (f.kind, f.robot) == (kind, robot)]
+    assert found, f"{name} was not found"
+    assert found[0].fact
+    assert found[0].setting
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(NEEDS_READINGS))
+def test_a_fault_that_needs_many_readings_is_found_in_most_teams(name):
+    kind, robot, worlds, plant = NEEDS_READINGS[name]
+    teams = [team_log(world, seed) for seed in range(3) for world in worlds]
+    found = [(kind, robot) in {(f.kind, f.robot) for f in findings(plant(team))} for team in teams]
+    assert np.mean(found) > 0.5
+
+
+def test_the_offset_of_a_clock_is_what_it_was_shifted_by():
+    log = changed_truth(team_log("no-compass", 3), 1, lambda t, v: (t + 12.5, v))
+    setting = next(f.setting for f in findings(log) if f.kind == "clock")
+    assert float(setting.split("= ")[1].split(";")[0]) == pytest.approx(-12.5, abs=0.5)
+
+
+def test_stamps_without_a_time_in_common_are_a_clock():
+    log = changed_truth(team_log("no-compass", 3), 1, lambda t, v: (t + 1.7e9, v))
+    assert [(f.kind, f.robot) for f in findings(log)] == [("clock", "r1")]
+
+
+def test_the_corrected_recording_is_the_clean_one_and_the_original_is_not_changed():
+    clean = team_log("camera", 4)
+    log = changed_truth(clean, 1, lambda t, v: (t, v * [1000, 1000, 1]))
+    before = log.truth[1].values.copy()
+    np.testing.assert_allclose(check_recording(log).log.truth[1].values, clean.truth[1].values)
+    np.testing.assert_array_equal(log.truth[1].values, before)
+
+
+def test_a_robot_without_truth_and_one_that_stands_are_no_findings():
+    log = team_log("camera", 5)
+    still = log.truth[1]._replace(values=np.tile([2.0, 2.0, 0.0], (len(log.truth[1].time), 1)))
+    odometry = (*log.odometry[:1], log.odometry[1]._replace(values=0 * log.odometry[1].values), *log.odometry[2:])
+    assert findings(log._replace(truth=(None, still, log.truth[2]), odometry=odometry, readings={})) == []
+
+
+def test_an_arena_that_is_stated_holds_the_truth():
+    found = check_recording(team_log("camera", 1), np.array([[0.0, 0.0], [4.0, 4.0]])).findings
+    assert {f.kind for f in found} == {"outside"}
+
+
+def test_half_of_the_samples_may_be_wrong_for_a_slope(rng):
+    x = rng.normal(0, 1, 400)
+    y = 3 * x + rng.normal(0, 0.1, 400)
+    y[:160] = rng.normal(0, 100, 160)
+    b, error = robust_slope(x, y)
+    assert b == pytest.approx(3, abs=0.1)
+    assert 0 < error < 0.1
+
+
+def test_dead_reckoning_without_noise_is_the_truth():
+    log = team_log("no-compass", 6, ticks=80)
+    truth = log.truth[0].values
+    u = np.column_stack([np.hypot(*np.diff(truth[:, :2], axis=0).T), np.angle(np.exp(1j * np.diff(truth[:, 2])))])
+    exact = log.odometry[0]._replace(time=log.truth[0].time, values=np.vstack([u, [0, 0]]))
+    found = dead_reckoned(log._replace(odometry=(exact, *log.odometry[1:])), 0)
+    np.testing.assert_allclose(found, truth[:, :2], atol=1e-9)
+
+
+def test_rows_and_counts_are_those_of_the_series():
+    log = team_log("camera", 7)
+    rows = {(row.series, row.of): row for row in series_rows(log)}
+    assert rows["odometry", "r0"].rate == pytest.approx(10)
+    sightings = sum(row.samples for (series, _), row in rows.items() if series == "sighting")
+    assert sightings == len(log.readings["sighting"].time)
+    robots, names, counts = measured_counts(log)
+    assert counts[:, : len(robots)].sum() == sightings
+    assert counts.sum() == sum(len(readings.time) for readings in log.readings.values())
+    assert names[len(robots) :] == log.landmarks.names

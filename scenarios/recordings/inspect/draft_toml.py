@@ -1,0 +1,169 @@
+"""A drafted log.toml: its lines and tables, each with its reason, and its text."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cooploc.scenarios.recordings.inspect.finding import Finding
+from cooploc.scenarios.recordings.team_log import TeamLog
+
+WIDEST = 100  # characters in a line before its comment moves above it
+
+
+class Entry(NamedTuple):
+    """One line: a key, its value, and where the value comes from."""
+
+    key: str
+    value: Any
+    why: str
+    sure: str = "sure"  # or "likely", "perhaps"
+
+
+class Table(NamedTuple):
+    """A table; several may have the same name."""
+
+    name: str
+    entries: tuple[Entry, ...]
+    remarks: tuple[str, ...] = ()  # comments above its lines
+    repeated: bool = False  # one of several tables of this name
+
+
+class Draft(NamedTuple):
+    """What is thought of a recording before its numbers are read."""
+
+    entries: tuple[Entry, ...]  # outside of tables
+    tables: tuple[Table, ...] = ()
+    columns: tuple[tuple[str, str, str, str], ...] = ()  # file or topic, column, what it probably is, why
+    unused: tuple[str, ...] = ()  # files, columns and topics that are not used, and why
+
+
+def plain_text(draft: Draft) -> str:
+    """Return the draft as TOML, to be read at once."""
+    return _text((), draft.entries, draft.tables)
+
+
+def log_toml(path: Path, why: str, draft: Draft, log: TeamLog, findings: tuple[Finding, ...], runs: int) -> str:
+    """Return the text of log.toml: the draft, settings that follow from the recording, and findings beside them.
+
+    Args:
+        path: of the recording.
+        why: it has the format that it has.
+        draft: of the tables that say where everything is.
+        log: the recording, with its findings corrected.
+        findings: a comment for each stands in the table that it is about.
+        runs: how many there are.
+
+    """
+    name = _one_line(path.resolve().name)
+    head = (
+        f"What the recordings in {name} mean, as `cooploc inspect` guesses ({why}).",
+        "Each line says where its value comes from, and how sure that is: sure, likely or perhaps. Correct what is",
+        "wrong, and run it: cooploc run log --data DIR. What was FOUND stands where it belongs, and changes nothing.",
+        *(f"Not used: {_one_line(line)}" for line in draft.unused),
+    )
+    about = Entry("about", f"recording {name}", "shown in reports; say who recorded it, and where", "perhaps")
+    tables = [*draft.tables, *_settings(log, runs)]
+    remarks: dict[str, list[str]] = {}
+    for f in findings:
+        place = f.table if f.table in {table.name for table in tables} else "model"
+        remarks.setdefault(place, []).append(_remark(f))
+    for i, table in enumerate(tables):  # of several tables of a name, in the first
+        tables[i] = table._replace(remarks=(*table.remarks, *remarks.pop(table.name, ())))
+    if "model" in remarks:
+        tables.append(Table("model", (), (*remarks["model"], "What is not stated here is fitted.")))
+    return _text(head, (*draft.entries, about, *_arena(log)), tuple(tables))
+
+
+def _remark(f: Finding) -> str:
+    source = f"({Path(f.source).name})" if f.source else ""
+    whose = " ".join(word for word in (f.robot, source) if word)
+    said = f"FOUND ({f.sure}): {f.kind}{', ' * bool(whose)}{whose}: {f.fact}. To change: {f.setting_of_columns}"
+    return _one_line(said)
+
+
+# --- Settings that follow from the recording
+
+TICKS = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)  # [s]
+FIRST_PART = 60.0  # [s] that models are fitted on, at most a third of the recording
+
+
+def _arena(log: TeamLog) -> tuple[Entry, ...]:
+    """The line `arena = ...`: around the truth, if there are no fixed things to take it from."""
+    places = np.concatenate([s.values[:, :2] for s in log.truth if s is not None] + [np.empty((0, 2))])
+    places = np.concatenate([places, log.anchors.positions, log.landmarks.positions])
+    places = places[np.isfinite(places).all(axis=1)]
+    if not len(places) or len(log.anchors.names) + len(log.landmarks.names) > 1:
+        return ()
+    corners = [np.floor(places.min(axis=0) - 1.0).tolist(), np.ceil(places.max(axis=0) + 1.0).tolist()]
+    why = "whole metres around the truth, which estimators must not know so well: write the corners of the room"
+    return (Entry("arena", corners, why, "perhaps"),)
+
+
+def _settings(log: TeamLog, runs: int) -> tuple[Table, ...]:
+    """[sample], [prior] and [fit] for a recording of so many runs."""
+    stamps = [s.time for s in log.odometry if len(s.time) > 1]
+    usual = float(np.median([float(np.median(np.diff(t))) for t in stamps])) if stamps else 0.1
+    span = max((float(t[-1] - t[0]) for t in stamps), default=FIRST_PART)
+    tick = next((t for t in TICKS if t >= max(usual, 0.1) - 1e-6), TICKS[-1])
+    max_gap = round(max(0.5, 5 * usual), 3)
+    sample = (
+        Entry("tick", tick, f"[s] odometry comes every {usual:.3g} s"),
+        Entry("max_gap", max_gap, "[s] five intervals of odometry, at least 0.5", "likely"),
+    )
+    if headed := all(s is None or np.isfinite(s.values[:, 2]).any() for s in log.truth):
+        why = "the truth has a heading"
+    else:
+        why = "the truth has no heading: the direction of the first motion"
+    prior = (
+        Entry("position", "first truth", "what the team knows of its start; or the places by name", "perhaps"),
+        Entry("position_sd", 0.05, "[m] how well it knows it; usual for a marked start", "perhaps"),
+        Entry("heading", "first truth" if headed else "first motion", why, "likely"),
+        Entry("heading_sd", 0.05 if headed else 0.2, "[rad]", "perhaps"),
+    )
+    fit: tuple[Entry, ...] = (Entry("on", "other runs", f"there are {runs} runs: none is fitted on itself"),)
+    if runs < 2:
+        seconds = float(f"{min(FIRST_PART, span / 3):.3g}")
+        fit = (
+            Entry("on", "first part", "there is one run: models are fitted on its beginning, which is not judged"),
+            Entry("seconds", seconds, f"[s] of {span:.4g}: a minute, at most a third", "likely"),
+        )
+    return Table("sample", sample), Table("prior", prior), Table("fit", fit)
+
+
+# --- Text
+
+
+def _text(head: tuple[str, ...], entries: tuple[Entry, ...], tables: tuple[Table, ...]) -> str:
+    """The whole file: comments at its head, its keys outside of tables, its tables."""
+    blocks = ["\n".join(f"# {line}" for line in head), "\n".join(map(_line, entries))]
+    for table in tables:
+        name = f"[[{table.name}]]" if table.repeated else f"[{table.name}]"
+        blocks.append("\n".join([name, *(f"# {remark}" for remark in table.remarks), *map(_line, table.entries)]))
+    return "\n\n".join(blocks) + "\n"
+
+
+def _line(entry: Entry) -> str:
+    line, comment = f"{_key(entry.key)} = {toml(entry.value)}", f"# {entry.sure}: {_one_line(entry.why)}"
+    return f"{line}  {comment}" if len(line) + len(comment) <= WIDEST else f"{comment}\n{line}"
+
+
+def _key(key: str) -> str:
+    plain = key and all(c.isascii() and (c.isalnum() or c in "_-") for c in key)
+    return key if plain else toml(key)
+
+
+def toml(value: Any) -> str:
+    """Return a value as TOML: text, a number, a list, or an inline table."""
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{_key(key)} = {toml(item)}" for key, item in value.items()) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(toml, value)) + "]"
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _one_line(text: str) -> str:
+    """Text without line ends or other control characters, which would end a comment."""
+    return "".join(c if c.isprintable() else " " for c in text)

@@ -1,0 +1,277 @@
+"""What each column of a CSV file probably is: by its name first, then by its values, always with the reason."""
+
+import csv
+import io
+import re
+from collections.abc import Mapping
+from itertools import pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from cooploc.estimators.errors import BadInput
+from cooploc.estimators.interface import Array
+from cooploc.scenarios.recordings.text_files import parse_number, read_text
+
+DELIMITERS = (",", ";", "\t", "|", " ")
+
+# --- The file
+
+
+class Guess(NamedTuple):
+    """What a column probably is."""
+
+    column: str
+    quantity: str  # "" if it is not known
+    unit: str  # as in log.toml; "" if there is none
+    side: str  # "truth" or "odometry", if the name says so
+    reason: str
+
+
+class CsvTable(NamedTuple):
+    """A CSV file, with a guess for each column."""
+
+    path: Path
+    delimiter: str
+    columns: Mapping[str, Array | tuple[str, ...]]  # numbers (rows,), nan where empty; else the fields as they are
+    guesses: tuple[Guess, ...] = ()
+
+    def numbers(self, column: str) -> Array:
+        """Return a column's finite numbers, in order; none of a column of words."""
+        values = self.columns[column]
+        return np.empty(0) if isinstance(values, tuple) else values[np.isfinite(values)]
+
+    def names(self, column: str) -> tuple[str, ...]:
+        """Return the names in a column, in order of appearance."""
+        values = self.columns[column]
+        words = values if isinstance(values, tuple) else [f"{v:g}" for v in values[np.isfinite(values)]]
+        return tuple(dict.fromkeys(word for word in words if word))
+
+
+def read_csv(path: Path) -> CsvTable:
+    """Read a CSV file whose first line names the columns; lines that are too short or too long are left out.
+
+    Raises:
+        BadInput: the file is not text, has no header, or no line of data.
+
+    """
+    lines = [line for line in read_text(path, "utf-8-sig").split("\n") if line.strip()]
+    if not lines:
+        raise BadInput(f"{path}: the file is empty; get it again")
+    fields = {d: len(next(csv.reader([lines[0]], delimiter=d), [])) for d in DELIMITERS}
+    delimiter = max(DELIMITERS, key=lambda d: (fields[d] > 1, d != " ", fields[d]))
+    try:
+        rows = csv.reader(io.StringIO("\n".join(lines)), delimiter=delimiter)
+        table = [[field.strip() for field in row] for row in rows]
+    except csv.Error as e:
+        raise BadInput(f"{path}: this is not CSV ({e}); correct it or get it again") from None
+    head = [name.lstrip("#").strip() for name in table[0]]
+    if all(np.isfinite(parse_number(field)) for field in head if field):
+        raise BadInput(f"{path}, line 1: numbers where the names of the columns should be; add a line of names")
+    if twice := next((name for name in head if head.count(name) > 1), None):
+        raise BadInput(f"{path}, line 1: two columns are named {twice!r}; rename one")
+    whole = [row for row in table[1:] if len(row) == len(head)]
+    if not whole:
+        raise BadInput(f"{path}: it has no line of data with {len(head)} fields as in line 1; get the file again")
+    columns = {name: _values(words) for name, words in zip(head, zip(*whole, strict=True), strict=True)}
+    found = CsvTable(path, delimiter, columns)
+    return found._replace(guesses=infer_columns(found))
+
+
+def _values(fields: tuple[str, ...]) -> Array | tuple[str, ...]:
+    """Numbers, if nine of ten fields that are not empty are numbers."""
+    numbers = np.array([parse_number(field) if field else np.nan for field in fields])
+    good, filled = np.isfinite(numbers), sum(map(bool, fields))
+    return np.where(good, numbers, np.nan) if filled and good.sum() >= 0.9 * filled else fields
+
+
+# --- Names
+
+# Quantity -> words that name it. The first quantity with a word of the column wins, so the special come first.
+WORDS = {
+    "nsec": "nsec nsecs nanosec nanoseconds nanosecs",
+    "sec": "sec secs seconds",
+    "time": "t time stamp timestamp ts clock",
+    "turn_rate": "w omega wz yawrate gyro angvel turnrate",
+    "rssi": "rssi signal dbm power",
+    "bearing": "bearing azimuth aoa doa",
+    "heading": "yaw theta heading th psi orientation azimut",
+    "range": "range ranges dist distance tof uwb",
+    "dx": "dx deltax",
+    "dy": "dy deltay",
+    "length": "length path odometer mileage travelled metres meters",
+    "speed": "v vx vel velocity speed vlin",
+    "x": "x px posx east easting",
+    "y": "y py posy north northing",
+    "other": "to other target responder tag subject anchor landmark dst dest receiver",
+    "robot": "robot id from name agent vehicle source src initiator node sender",
+}
+PAIRS = {  # two words that together name one quantity
+    "turn_rate": ("yaw rate", "turn rate", "ang vel", "vel w", "angular z", "angular velocity", "angular vel"),
+    "speed": ("linear x", "vel v", "vel x"),
+    "": ("vel y",),
+    "dx": ("delta x",),
+    "dy": ("delta y",),
+}
+TRUTH = {"truth", "true", "gt", "groundtruth", "ground", "mocap", "vicon", "optitrack", "vrpn", "pos", "cap"}
+ODOMETRY = {"odom", "odometry", "odo", "wheel", "wheels", "encoder", "imu", "cmd"}
+UNITS = {
+    "mm": "mm millimeters millimetres",
+    "cm": "cm",
+    "m": "m",
+    "deg": "deg degs degree degrees",
+    "rad": "rad radians",
+    "ms": "ms",
+    "us": "us",
+    "ns": "ns",
+    "s": "s",
+    "dBm": "dbm",
+    "m/s": "mps",
+    "km/h": "kmh",
+}
+QUANTITY = {word: quantity for quantity, words in WORDS.items() for word in words.split()}
+QUANTITY_OF_PAIR = {pair: quantity for quantity, pairs in PAIRS.items() for pair in pairs}
+UNIT = {word: unit for unit, words in UNITS.items() for word in words.split()}
+
+
+class NameMeaning(NamedTuple):
+    """What a column's name says; "" where it says nothing."""
+
+    quantity: str
+    unit: str
+    side: str  # "truth" or "odometry"
+
+
+def words_of(name: str) -> list[str]:
+    """Return the words of a name in small letters: camelCase, digits and signs divide it."""
+    return [word.lower() for word in re.findall(r"[A-Za-z]+", re.sub(r"([a-z])([A-Z])", r"\1 \2", name))]
+
+
+def name_meaning(column: str) -> NameMeaning:
+    """Return what a column's name says of it."""
+    inside = re.search(r"[\[(]([^\])]*)[\])]", column)
+    words = words_of(re.sub(r"[\[(][^\])]*[\])]", " ", column))
+    pair = next((f"{a} {b}" for a, b in pairwise(words) if f"{a} {b}" in QUANTITY_OF_PAIR), "")
+    known = [QUANTITY[word] for word in words if word in QUANTITY]
+    quantity = QUANTITY_OF_PAIR[pair] if pair else min(known, key=list(WORDS).index, default="")
+    return NameMeaning(quantity, _named_unit(words_of(inside[1]) if inside else words[1:], quantity), side_of(words))
+
+
+def side_of(words: list[str]) -> str:
+    """Whether words speak of truth or of odometry."""
+    return "odometry" if ODOMETRY & {*words} else "truth" if TRUTH & {*words} else ""
+
+
+def _named_unit(words: list[str], quantity: str) -> str:
+    """The unit that words name, made a rate where the quantity is one."""
+    unit = next((UNIT[word] for word in words if word in UNIT), "")
+    if quantity in ("speed", "turn_rate"):
+        return f"{unit}/s" if unit in ("mm", "cm", "m", "deg", "rad") else unit if "/" in unit else ""
+    angles = ("rad", "deg")
+    fits = {"time": ("s", "ms", "us", "ns"), "rssi": ("dBm",), "heading": angles, "bearing": angles}
+    fits |= {"sec": (), "nsec": ()}
+    return unit if unit in fits.get(quantity, ("m", "cm", "mm")) else ""
+
+
+# --- Values
+
+SI = {"time": "s", "sec": "s", "nsec": "ns", "turn_rate": "rad/s", "speed": "m/s", "rssi": "dBm"}
+SI |= {"heading": "rad", "bearing": "rad"}
+LENGTHS = ("x", "y", "dx", "dy", "length", "range")
+EPOCHS = {"ns": 1e9, "us": 1e6, "ms": 1e3, "s": 1.0}  # in a second
+SINCE_1970 = (5e8, 5e9)  # [s] from 1985 to 2128
+NAMES = ("robot", "other")  # quantities whose values are names
+
+
+def infer_columns(table: CsvTable) -> tuple[Guess, ...]:
+    """Guess what each column is; of unknown columns, the first that rises throughout is the time if no other is."""
+    file_side = side_of(words_of(table.path.stem))
+    guesses = [_guess(table, column, file_side) for column in table.columns]
+    if not any(guess.quantity in ("time", "sec") for guess in guesses):
+        for i, guess in enumerate(guesses):
+            values = table.numbers(guess.column)
+            if not guess.quantity and len(values) > 10 and (np.diff(values) > 0).all():
+                unit, why = _time_unit(values)
+                why = f"it is the first column that rises; {why}"
+                guesses[i] = guess._replace(quantity="time", unit=unit, reason=why)
+                break
+    return tuple(guesses)
+
+
+def _guess(table: CsvTable, column: str, file_side: str) -> Guess:
+    said = name_meaning(column)
+    quantity, reason, values = said.quantity, f"its name {column!r}", table.numbers(column)
+
+    def unknown(why: str) -> Guess:
+        return Guess(column, "", "", said.side, why)
+
+    if not quantity:
+        return unknown("neither name nor values say what it is")
+    if isinstance(table.columns[column], tuple) and quantity not in NAMES:
+        return unknown(f"its name says {quantity}, but its values are not numbers")
+    if quantity == "turn_rate" and _is_beside_pose(table, column):
+        return unknown("w beside x and y: part of a quaternion, or a heading")
+    if quantity in ("time", "sec") and len(values) > 1 and (np.diff(values) < 0).mean() > 0.01:
+        return unknown(f"its name says {quantity}, but its values fall")
+    rises = len(values) > 10 and (np.diff(values) >= 0).all() and np.ptp(values) > 0
+    if rises and quantity == "x" and said.side == "odometry" and not _has_y(table, said.side):
+        quantity = "length"
+        reason += " has no y beside it, and its values only rise: a counter of metres"
+    unit, why = _unit(quantity, said.unit, values)
+    return Guess(column, quantity, unit, said.side or file_side, reason + (f"; {why}" if why else ""))
+
+
+def _unit(quantity: str, said: str, values: Array) -> tuple[str, str]:
+    """The unit of a quantity and the reason: by the column's name, else by its values."""
+    if quantity in NAMES:
+        return "", ""
+    if said:
+        return said, f"{said} is in its name"
+    if not len(values):
+        return SI.get(quantity, "m"), "no values"
+    if quantity == "time":
+        return _time_unit(values)
+    largest = float(np.quantile(np.abs(values), 0.99))
+    if quantity in ("heading", "bearing"):
+        if 2.1 * np.pi < largest <= 361:
+            return "deg", f"values reach {largest:.4g}, more than 2 pi"
+        return "rad", f"values reach {largest:.3g}"
+    if quantity == "turn_rate":
+        fast = float(np.quantile(np.abs(values), 0.75)) > 2 * np.pi
+        return ("deg/s", f"values reach {largest:.4g}: no robot spins so fast in rad/s") if fast else ("rad/s", "SI")
+    if quantity == "speed":
+        return ("mm/s", f"values reach {largest:.4g}: too fast for m/s") if largest > 30 else ("m/s", "SI")
+    if quantity not in LENGTHS:
+        return SI.get(quantity, "m"), ""
+    span = float(np.ptp(np.quantile(values, [0.02, 0.98])))
+    if span > 1000:
+        return "mm", f"values span {span:.4g}: too far for metres"
+    if span > 100:
+        return "cm", f"values span {span:.4g}: far for metres, perhaps"
+    return "m", f"values span {span:.3g}"
+
+
+def _time_unit(values: Array) -> tuple[str, str]:
+    """By the size of stamps since 1970, else by their intervals: between 0.1 ms and 30 s."""
+    middle = float(np.median(values))
+    for unit, factor in EPOCHS.items():
+        if SINCE_1970[0] < middle / factor < SINCE_1970[1]:
+            return unit, f"{middle:.4g} since 1970 is in {unit}"
+    intervals = np.diff(values)
+    usual = float(np.median(intervals[intervals > 0])) if (intervals > 0).any() else 1.0
+    for unit, least in (("ns", 1e6), ("us", 1e3), ("ms", 5.0)):
+        if usual >= least and float(np.ptp(values)) > 2e3:
+            return unit, f"the usual interval is {usual:.4g}"
+    return "s", f"the usual interval is {usual:.3g}"
+
+
+def _is_beside_pose(table: CsvTable, column: str) -> bool:
+    """Whether a column "..._w" stands beside "..._x" and "..._y" that are a place."""
+    beside = {letter: column[:-1] + letter for letter in "xy"}
+    places = all(name in table.columns and name_meaning(name).quantity == q for q, name in beside.items())
+    return len(column) > 1 and column.endswith("w") and places
+
+
+def _has_y(table: CsvTable, side: str) -> bool:
+    return any(name_meaning(name)[::2] == ("y", side) for name in table.columns)

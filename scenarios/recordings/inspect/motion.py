@@ -1,0 +1,212 @@
+"""What odometry and truth say of a robot's motion, summed up since the start, so that any two can be compared.
+
+Sums can be looked up at any stamp: two series with clocks of their own are compared over common windows of time, and
+a shift of one clock against the other costs one interpolation.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.stats import median_abs_deviation
+
+from cooploc.estimators.interface import Array
+from cooploc.estimators.models import wrap
+from cooploc.scenarios.recordings.team_log import Series, TeamLog
+
+MOST_WINDOWS = 3000  # of one robot; longer recordings have longer windows
+FEWEST = 10  # positions of a truth that is used
+
+
+class Motion(NamedTuple):
+    """Sums over time; a column that is not known is nan throughout."""
+
+    time: Array  # (m,)
+    length: Array  # (m,)    driven, backwards is negative [m]; of the truth: not known
+    turn: Array  # (m,)      turned to the left [rad]
+    place: Array  # (m, 2)   where it is [m]; of odometry: in a compass frame, or not known
+
+
+class Steps(NamedTuple):
+    """What happened in each window of time; nan where there are no samples."""
+
+    length: Array  # (w,)  driven [m]; of places: how far apart they are
+    turn: Array  # (w,)  to the left [rad]
+    move: Array  # (w, 2)  [m]
+
+
+class RobotMotion(NamedTuple):
+    """The motion of one robot, by both sources."""
+
+    odometry: Motion
+    truth: Motion
+    poses: Series  # the truth where its position is known
+    window: float  # [s] two intervals of the slower of both, at least 0.2 s
+
+    def steps(self, motion: Motion, edges: Array | None = None) -> Steps:
+        """Return what happened between edges (w + 1,) [s]; by default between windows of all the motion's time."""
+        t = motion.time
+        if edges is None:
+            edges = np.arange(t[0], t[-1], self.window) if len(t) > 1 else np.empty(0)
+        if len(edges) < 2:
+            return Steps(np.empty(0), np.empty(0), np.empty((0, 2)))
+        right = np.clip(np.searchsorted(t, edges), 1, len(t) - 1)
+        missing = (t[right] - t[right - 1] > 3 * self.window) | (edges < t[0] - 1e-9) | (edges > t[-1] + 1e-9)
+
+        def change(column: Array) -> Array:
+            return np.where(missing[1:] | missing[:-1], np.nan, np.diff(np.interp(edges, t, column)))
+
+        move = np.stack([change(motion.place[:, 0]), change(motion.place[:, 1])], -1)
+        length = np.hypot(*move.T) if np.isnan(motion.length).all() else change(motion.length)
+        return Steps(length, change(motion.turn), move)
+
+    def common_edges(self) -> Array:
+        """Return the edges of the windows that odometry and truth have in common (w + 1,) [s]."""
+        a, b = self.odometry.time, self.truth.time
+        return np.arange(max(a[0], b[0]), min(a[-1], b[-1]), self.window) if len(a) and len(b) else np.empty(0)
+
+
+def robot_motion(log: TeamLog, robot: int) -> RobotMotion:
+    """Return the motion of a robot; its truth is empty where fewer than ten positions are known."""
+    poses = known_truth(log, robot) or Series(np.empty(0), np.empty((0, 3)), "")
+    series = [s.time for s in (log.odometry[robot], log.truth[robot]) if s is not None and len(s.time) > 1]
+    slowest = max((float(np.median(np.diff(t))) for t in series), default=0.5)
+    longest = max((float(t[-1] - t[0]) for t in series), default=0.0)
+    window = max(2 * slowest, 0.2, longest / MOST_WINDOWS)
+    return RobotMotion(_odometry_motion(log, robot), _truth_motion(poses), poses, window)
+
+
+def known_truth(log: TeamLog, robot: int) -> Series | None:
+    """Return the lines of a robot's truth whose position is known; None where there are fewer than ten."""
+    series = log.truth[robot]
+    if series is None:
+        return None
+    known = np.isfinite(series.values[:, :2]).all(axis=1)
+    return series._replace(time=series.time[known], values=series.values[known]) if known.sum() >= FEWEST else None
+
+
+def moves(log: TeamLog, robot: int) -> bool:
+    """Whether a robot's truth goes a metre from its start: one that stands says nothing of clocks and frames."""
+    truth = known_truth(log, robot)
+    return truth is not None and bool((np.hypot(*(truth.values[:, :2] - truth.values[0, :2]).T) > 1.0).any())
+
+
+def _odometry_motion(log: TeamLog, robot: int) -> Motion:
+    """Sum up a robot's odometry; a missing value counts as no motion."""
+    t, values = log.odometry[robot].time, log.odometry[robot].values
+    unknown, nowhere = np.full(len(t), np.nan), np.full((len(t), 2), np.nan)
+
+    def integral(rate: Array) -> Array:  # a rate holds until the next line
+        return np.concatenate([[0.0], np.cumsum(np.diff(t) * np.nan_to_num(rate[:-1]))])
+
+    if log.odometry_kind == "displacement":
+        return Motion(t, unknown, unknown, np.cumsum(np.nan_to_num(values), axis=0))
+    if log.odometry_kind == "velocity":
+        return Motion(t, integral(values[:, 0]), integral(values[:, 1]), nowhere)
+    if log.odometry_kind == "path":
+        return Motion(t, values[:, 0], integral(values[:, 1]), nowhere)
+    return Motion(t, *_length_and_turn(values), nowhere)
+
+
+def _truth_motion(truth: Series) -> Motion:
+    """The truth as a motion; its heading is unwrapped, and the turn not known where it was hardly recorded."""
+    heading, turn = truth.values[:, 2], np.full(len(truth.time), np.nan)
+    known = np.flatnonzero(np.isfinite(heading))
+    if len(known) > 0.5 * len(heading):
+        turn = np.interp(np.arange(len(heading)), known, np.unwrap(heading[known]))
+    return Motion(truth.time, np.full(len(truth.time), np.nan), turn, truth.values[:, :2])
+
+
+def _length_and_turn(pose: Array) -> tuple[Array, Array]:
+    """Length and turn of poses (m, 3): a step is as long as its places are apart, negative against its heading."""
+    pose = pose.copy()
+    for column in pose.T:
+        known = np.flatnonzero(np.isfinite(column))
+        nearest = np.clip(np.searchsorted(known, np.arange(len(column))), 0, max(len(known) - 1, 0))
+        column[:] = column[known[nearest]] if len(known) else 0.0
+    heading = np.unwrap(pose[:, 2])
+    middle, apart = (heading[1:] + heading[:-1]) / 2, np.diff(pose[:, :2], axis=0)
+    along = apart[:, 0] * np.cos(middle) + apart[:, 1] * np.sin(middle)
+    length = np.hypot(*apart.T) * np.where(along < 0, -1.0, 1.0)
+    return np.concatenate([[0.0], np.cumsum(length)]), heading
+
+
+def course(move: Array) -> Array:
+    """Return the direction of moves (w, 2) [rad], nan for those shorter than a third of the median: they are noise."""
+    length = np.hypot(*move.T)
+    known = length[np.isfinite(length) & (length > 0)]
+    shortest = np.median(known) / 3 if len(known) else np.inf
+    return np.where(length > shortest, wrap(np.arctan2(move[:, 1], move[:, 0])), np.nan)
+
+
+def course_turns(move: Array) -> Array:
+    """Return how the direction of moves (w, 2) changes [rad]: half of the change from the window before to the next."""
+    direction, turned = course(move), np.full(len(move), np.nan)
+    if len(direction) > 2:
+        turned[1:-1] = np.angle(np.exp(1j * (direction[2:] - direction[:-2]))) / 2
+    return turned
+
+
+def true_turns(truth: Steps) -> Array:
+    """Return the turns of the truth (w,) [rad]: of its heading if there is one, else of the direction of its moves."""
+    return truth.turn if np.isfinite(truth.turn).any() else course_turns(truth.move)
+
+
+def dead_reckoned(log: TeamLog, robot: int) -> Array | None:
+    """Return where odometry alone leads from the true start (m, 2) [m], at its stamps; None without a true start.
+
+    A robot without a true heading starts in the direction of its first moves.
+    """
+    motion = robot_motion(log, robot)
+    odometry, t = motion.odometry, motion.truth.time
+    if not len(t) or len(odometry.time) < 2 or t[0] > odometry.time[-1]:
+        return None
+    start = motion.poses.values[0]
+    begin = int(np.searchsorted(odometry.time, t[0]))
+    if np.isfinite(odometry.place).any():
+        return np.asarray(odometry.place[begin:] - odometry.place[begin] + start[:2])
+    first = start[2]
+    if np.isnan(first):
+        places = motion.truth.place[np.searchsorted(t, np.arange(t[0], t[-1], motion.window))]
+        directions = course(np.diff(places, axis=0))
+        first = next(iter(directions[np.isfinite(directions)]), 0.0)
+    heading = odometry.turn[begin:] - odometry.turn[begin] + first
+    middle, apart = (heading[1:] + heading[:-1]) / 2, np.diff(odometry.length[begin:])
+    moved = np.cumsum(np.stack([apart * np.cos(middle), apart * np.sin(middle)], -1), axis=0)
+    return np.concatenate([start[None, :2], start[:2] + moved])
+
+
+def median(values: Array) -> float:
+    """Return the median of the finite values, nan if there are none."""
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if len(known) else np.nan
+
+
+def robust_sd(values: Array) -> float:
+    """Return the median absolute deviation of the finite values, scaled to a normal standard deviation."""
+    known = values[np.isfinite(values)]
+    return float(median_abs_deviation(known, scale="normal")) if len(known) else np.nan
+
+
+def robust_slope(x: Array, y: Array) -> tuple[float, float]:
+    """Fit y = b x by least absolute deviations; return b and its standard error as if residuals were independent.
+
+    b is the median of y/x with weights |x| (Boscovich, Laplace), so samples with little x have little say.
+    """
+    known = np.isfinite(x) & np.isfinite(y) & (x != 0)
+    x, y = x[known], y[known]
+    if len(x) < 8:
+        return np.nan, np.nan
+    ratio, weight = y / x, np.abs(x)
+    order = np.argsort(ratio)
+    middle = np.searchsorted(np.cumsum(weight[order]), weight.sum() / 2)
+    b = float(ratio[order][middle])
+    return b, float(1.2533 * robust_sd(y - b * x) / np.sqrt((x**2).sum()))
+
+
+def concentration(angle: Array) -> tuple[float, float]:
+    """Return the mean resultant length (1: all equal) and the mean direction of the finite angles [rad]."""
+    known = angle[np.isfinite(angle)]
+    if len(known) < 8:
+        return 0.0, np.nan
+    mean = np.exp(1j * known).mean()
+    return float(abs(mean)), float(np.angle(mean))

@@ -1,0 +1,299 @@
+"""Checks of readings against the truth: ranges, bearings and signal strength; and where ranges put a shifted frame."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import least_squares, linear_sum_assignment
+from scipy.stats import theilslopes
+
+from cooploc.estimators.interface import Array, Indices
+from cooploc.estimators.models import wrap
+from cooploc.scenarios.recordings.inspect.finding import CheckedLog, Sure, divided
+from cooploc.scenarios.recordings.inspect.motion import concentration, known_truth, median, robust_sd
+from cooploc.scenarios.recordings.team_log import Channel, Places, Readings, TeamLog
+
+TABLES: dict[Channel, str] = {  # of log.toml, of channels with ranges
+    "range": "ranges",
+    "anchor_range": "ranges",
+    "sighting": "sightings",
+    "landmark": "sightings",
+}
+TEAMMATES: tuple[Channel, ...] = ("range", "rssi", "sighting")
+FEWEST = 20  # readings of a channel or pair
+NEAREST = 0.05  # [m] readings of things nearer than this are left out: no direction, and a ratio means nothing
+
+# --- Geometry
+
+
+class Geometry(NamedTuple):
+    """Of every reading, by the truth; nan where that has no position within its usual interval."""
+
+    distance: Array  # (m,) [m]
+    direction: Array  # (m,) of what was measured, from x [rad]
+    heading: Array  # (m,) of the robot that measured [rad]
+
+
+def geometry(log: TeamLog, channel: Channel, readings: Readings, shift: float = 0.0) -> Geometry:
+    """Return distance and direction from the robots that measured to what they measured, `shift` seconds later."""
+    time = readings.time + shift
+    here = true_poses(log, readings.robot, time)
+    delta = measured_places(log, channel, readings.other, time) - here[:, :2]
+    distance = np.hypot(*delta.T)
+    return Geometry(np.where(distance > NEAREST, distance, np.nan), np.arctan2(delta[:, 1], delta[:, 0]), here[:, 2])
+
+
+def true_poses(log: TeamLog, robot: Indices, time: Array) -> Array:
+    """Return the true poses (m, 3) of several robots, each at its own stamps: interpolated, nan in gaps."""
+    poses = np.full((len(time), 3), np.nan)
+    for i in np.unique(robot):
+        if (truth := known_truth(log, int(i))) is None:
+            continue
+        rows = np.flatnonzero(robot == i)
+        at, t, values = time[rows], truth.time, truth.values
+        right = np.clip(np.searchsorted(t, at), 1, len(t) - 1)
+        usual = float(np.median(np.diff(t)))
+        known = (t[right] - t[right - 1] <= max(5 * usual, 0.5)) & (at >= t[0] - usual) & (at <= t[-1] + usual)
+        columns = (*values[:, :2].T, np.cos(values[:, 2]), np.sin(values[:, 2]))
+        x, y, cosine, sine = (np.interp(at[known], t, column) for column in columns)
+        poses[rows[known]] = np.column_stack([x, y, np.arctan2(sine, cosine)])
+    return poses
+
+
+def measured_places(log: TeamLog, channel: Channel, other: Indices, time: Array) -> Array:
+    """Return where what was measured is (m, 2): a teammate by its truth, a fixed thing by its surveyed place."""
+    if channel in TEAMMATES:
+        return true_poses(log, other, time)[:, :2]
+    return _fixed_things(log, channel).positions[other]
+
+
+def measured_name(log: TeamLog, channel: Channel, other: int) -> str:
+    """Return the name of what was measured."""
+    return (log.robots if channel in TEAMMATES else _fixed_things(log, channel).names)[other]
+
+
+def _fixed_things(log: TeamLog, channel: Channel) -> Places:
+    return log.landmarks if channel == "landmark" else log.anchors
+
+
+def ranged(log: TeamLog) -> Iterator[tuple[Channel, Readings]]:
+    """Yield the channels that have ranges, with enough readings."""
+    for channel, readings in log.readings.items():
+        if channel in TABLES and len(readings.time) >= FEWEST:
+            yield channel, readings
+
+
+def pairs(readings: Readings, channel: Channel) -> Iterator[tuple[int, int, Indices]]:
+    """Yield robot, other, and the rows of their readings; of robot-to-robot ranges, both directions together."""
+    first, second = readings.robot, readings.other
+    if channel in ("range", "rssi"):
+        first, second = np.minimum(first, second), np.maximum(first, second)
+    for i, k in np.unique(np.stack([first, second]), axis=1).T:
+        yield int(i), int(k), np.flatnonzero((first == i) & (second == k))
+
+
+# --- Ranges
+
+BIAS = 0.1  # [m] a smaller one matters little beside the noise of ranges
+UNITS = {1000.0: "mm", 100.0: "cm", 0.01: "m", 0.001: "m"}
+BIAS_KEYS = {"range": "range_bias", "anchor_range": "anchor_range_bias"}
+
+
+def check_range_units(c: CheckedLog) -> None:
+    """Ranges that are 100 or 1000 times the distance; within a factor of 2.5, as frames may still be wrong."""
+    for channel, readings in ranged(c.log):
+        ratio = median(readings.values[:, 0] / geometry(c.log, channel, readings).distance)
+        for factor, unit in UNITS.items():
+            if factor / 2.5 < ratio < factor * 2.5:
+                fact, setting = f"ranges are {ratio:.3g} times the distances", f'unit = "{unit}"'
+                c.add("unit", None, readings.source, fact, "sure", setting, TABLES[channel], ("range",))
+                c.correct_readings(channel, readings._replace(values=divided(readings.values, factor, (0,))))
+
+
+def check_names(c: CheckedLog) -> None:
+    """Readings whose numbers fit another robot, landmark or anchor than the one they name."""
+    for channel, readings in ranged(c.log):
+        other, said = readings.other.copy(), []
+        for i in np.unique(readings.robot):
+            for named, fitting in _renamed(c.log, channel, readings, int(i)).items():
+                other[(readings.robot == i) & (readings.other == named)] = fitting
+                names = [measured_name(c.log, channel, k) for k in (named, fitting)]
+                said.append(f"{c.log.robots[i]}: {names[0]} is {names[1]}")
+        if said:
+            fact = "ranges fit the distances of other names: " + ", ".join(said)
+            setting = 'nodes = { "name in the file" = "name here" }'
+            c.add("robots", None, readings.source, fact, "likely", setting, TABLES[channel], ("nodes",))
+            c.correct_readings(channel, readings._replace(other=other))
+
+
+def _renamed(log: TeamLog, channel: Channel, readings: Readings, i: int) -> dict[int, int]:
+    """Named other -> the one that the ranges of robot i fit, if that is another, and fits three times as well."""
+    named = np.unique(readings.other[readings.robot == i])
+    teammates = channel in TEAMMATES
+    count = len(log.robots if teammates else _fixed_things(log, channel).names)
+    candidates = [k for k in range(count) if not (teammates and k == i)]
+    misfit = np.full((len(named), len(candidates)), np.inf)
+    for row, k in enumerate(named):
+        rows = np.flatnonzero((readings.robot == i) & (readings.other == k))
+        rows = rows[:: max(1, len(rows) // 500)]
+        here = true_poses(log, readings.robot[rows], readings.time[rows])[:, :2]
+        for column, candidate in enumerate(candidates):
+            there = measured_places(log, channel, np.full(len(rows), candidate), readings.time[rows])
+            residual = readings.values[rows, 0] - np.hypot(*(there - here).T)
+            if np.isfinite(residual).sum() >= FEWEST:
+                misfit[row, column] = median(np.abs(residual - median(residual)))
+    assigned = zip(*linear_sum_assignment(np.where(np.isfinite(misfit), misfit, 1e6)), strict=True)
+    found = {
+        int(named[r]): candidates[k]
+        for r, k in assigned
+        if named[r] != candidates[k] and misfit[r, k] < misfit[r, candidates.index(named[r])] / 3 < np.inf
+    }
+    return found if set(found) == set(found.values()) else {}  # an exchange needs both; a landmark misread at times not
+
+
+def check_reading_clocks(c: CheckedLog) -> None:
+    """Ranges that fit the distances of some seconds earlier or later."""
+    for channel, readings in ranged(c.log):
+        shift, with_it, without = _best_shift(c.log, channel, readings)
+        gaps = np.diff(np.unique(readings.time))
+        interval = float(np.median(gaps)) if len(gaps) else 0.0
+        # A third less spread; of few readings more, as a spread of n errs by about 1/sqrt(n), and many are tried.
+        less = min(2 / 3, np.exp(-4 / np.sqrt(len(readings.time))))
+        if abs(shift) > max(0.1, 1.5 * interval) and with_it < less * without:
+            fact = (
+                f"ranges fit the distances of {abs(shift):.3g} s {'later' if shift > 0 else 'earlier'} "
+                f"(spread {with_it:.3g} m, {without:.3g} m as stamped)"
+            )
+            sure: Sure = "sure" if with_it < 0.4 * without else "likely"
+            c.add("clock", None, readings.source, fact, sure, f"clock_offset = {shift:.3g}", TABLES[channel])
+            c.correct_readings(channel, readings._replace(time=readings.time + shift))
+
+
+def _best_shift(log: TeamLog, channel: Channel, readings: Readings) -> tuple[float, float, float]:
+    """The shift [s] of the stamps at which ranges fit distances best, the spread [m] there, and without a shift."""
+    every = max(1, len(readings.time) // 2000)
+    r = readings
+    few = Readings(r.time[::every], r.robot[::every], r.other[::every], r.values[::every], r.source)
+    groups = [rows for _, _, rows in pairs(few, channel) if len(rows) >= 10]
+    if not groups:
+        return 0.0, np.nan, np.nan
+
+    def misfit(shift: float) -> float:
+        residual = few.values[:, 0] - geometry(log, channel, few, shift).distance
+        centred = np.concatenate([residual[rows] - median(residual[rows]) for rows in groups])
+        return robust_sd(centred) if np.isfinite(centred).sum() >= FEWEST else np.inf
+
+    span = float(readings.time[-1] - readings.time[0])
+    reach, step = min(30.0, span / 4), max(0.05, min(1.0, span / 400))
+    best = min(step * np.arange(-int(reach / step), int(reach / step) + 1), key=misfit)
+    fine = best + step * np.linspace(-1, 1, 11)
+    misfits = [misfit(s) for s in fine]
+    return float(fine[int(np.argmin(misfits))]), min(misfits), misfit(0.0)
+
+
+def check_biases(c: CheckedLog) -> None:
+    """Ranges of a pair that are too long or too short by a constant."""
+    for channel, readings in ranged(c.log):
+        residual = readings.values[:, 0] - geometry(c.log, channel, readings).distance
+        found = {}
+        for i, k, rows in pairs(readings, channel):
+            bias, error = median(residual[rows]), 1.2533 * robust_sd(residual[rows]) / np.sqrt(len(rows))
+            if np.isfinite(residual[rows]).sum() >= FEWEST and abs(bias) > max(BIAS, 5 * error):
+                found[f"{c.log.robots[i]}-{measured_name(c.log, channel, k)}"] = bias
+        if found:
+            fact = "ranges minus distances, medians: " + ", ".join(f"{pair} {b:+.2f} m" for pair, b in found.items())
+            key, typical = BIAS_KEYS.get(channel), np.median(list(found.values()))
+            setting = f"{key} = {typical:.2f}" if key else "calibrate the camera"
+            c.add("bias", None, readings.source, fact, "sure", setting, "model")
+
+
+def shift_that_fits(log: TeamLog, i: int) -> Array | None:
+    """Return the shift (2,) [m] of robot i's true positions that its ranges fit best; None if it has too few.
+
+    Least squares with a loss that spares outliers; a bias is fitted as well, as it must not look like a shift.
+    """
+    ends = [(np.empty((0, 2)), np.empty((0, 2)), np.empty(0))]
+    for channel, readings in ranged(log):
+        rows = np.flatnonzero(readings.robot == i)
+        time = readings.time[rows]
+        there = measured_places(log, channel, readings.other[rows], time)
+        ends.append((true_poses(log, readings.robot[rows], time)[:, :2], there, readings.values[rows, 0]))
+    here, there, measured = (np.concatenate(part) for part in zip(*ends, strict=True))
+    known = np.flatnonzero(np.isfinite(here).all(axis=1) & np.isfinite(there).all(axis=1) & np.isfinite(measured))
+    if len(known) < FEWEST:
+        return None
+    known = known[:: max(1, len(known) // 400)]
+    delta, measured = (there - here)[known], measured[known]
+    middle, reach = delta.mean(axis=0), float(np.median(measured))
+    around = [middle + reach * np.array([np.cos(a), np.sin(a)]) for a in np.arange(4) * np.pi / 2]
+
+    def residuals(guess: Array) -> Array:  # x, y of the shift, and the bias
+        return np.asarray(np.hypot(*(delta - guess[:2]).T) + guess[2] - measured)
+
+    starts = [np.append(start, 0.0) for start in (np.zeros(2), middle, *around)]
+    fits = [least_squares(residuals, start, loss="soft_l1", f_scale=0.3) for start in starts]
+    return np.asarray(min(fits, key=lambda fit: float(fit.cost)).x[:2])
+
+
+# --- Bearings and signal strength
+
+FOLLOWS = 0.6  # mean resultant length
+OFFSET = 0.15  # [rad] of a camera against straight ahead
+DECAY = (0.8, 8.0)  # path-loss exponents from free space with reflections to a building
+MOST = 700  # samples: pairs of samples grow with the square
+
+
+def check_bearings(c: CheckedLog) -> None:
+    """Bearings in degrees, to the right, or from elsewhere than straight ahead."""
+    place = ("sightings", ("bearing",))
+    channels: tuple[Channel, ...] = ("sighting", "landmark")
+    for channel in channels:
+        readings = c.log.readings.get(channel)
+        if readings is None or len(readings.time) < FEWEST:
+            continue
+        seen = geometry(c.log, channel, readings)
+        expected = wrap(seen.direction - seen.heading)
+        if np.isfinite(expected).sum() < FEWEST:
+            continue
+        largest = np.nanmax(np.abs(readings.values[:, 1]))
+        if largest > 2.1 * np.pi:
+            fact = f"bearings reach {largest:.4g} as read: they are in degrees"
+            c.add("degrees", None, readings.source, fact, "sure", 'unit = "deg"', *place)
+            readings = readings._replace(values=divided(readings.values, 180 / np.pi, (1,)))
+            c.correct_readings(channel, readings)
+        bearing = readings.values[:, 1]
+        (follows, offset), (opposes, _) = concentration(bearing - expected), concentration(bearing + expected)
+        if opposes > max(FOLLOWS, follows + 0.1) and concentration(expected)[0] < 0.95:
+            fact = f"bearings grow to the right (agreement {opposes:.2f}, {follows:.2f} to the left)"
+            c.add("bearing", None, readings.source, fact, "sure", "write -bearing into the files", *place)
+            c.correct_readings(channel, readings._replace(values=divided(readings.values, -1.0, (1,))))
+        elif follows > FOLLOWS and abs(offset) > OFFSET:
+            degrees = np.degrees(offset)
+            fact = f"bearings are {degrees:+.0f} deg from the true directions (agreement {follows:.2f})"
+            c.add("bearing", None, readings.source, fact, "likely", f"subtract {degrees:.0f} deg in the files", *place)
+
+
+def check_rssi(c: CheckedLog) -> None:
+    """Signal strength that rises with the distance, or is not in dBm."""
+    channels: tuple[Channel, ...] = ("rssi", "anchor_rssi")
+    for channel in channels:
+        readings = c.log.readings.get(channel)
+        if readings is None or len(readings.time) < 50:
+            continue
+        rssi, distance = readings.values[:, 0], geometry(c.log, channel, readings).distance
+        known = np.flatnonzero(np.isfinite(rssi) & np.isfinite(distance))
+        known = known[:: max(1, len(known) // MOST)]
+        middle, sure, fact = median(rssi), "likely", ""
+        if middle > 0:
+            fact = f"signal strengths are above 0 (median {middle:.3g}): dBm without their sign, or a share"
+            sure = "sure"
+        elif len(known) >= 50 and np.ptp(np.log10(distance[known])) >= 0.3:
+            fit = theilslopes(rssi[known], -10 * np.log10(distance[known]))
+            if fit.high_slope < 0 or not DECAY[0] < fit.high_slope or fit.low_slope > DECAY[1]:
+                fact = (
+                    f"signal strength falls by {10 * fit.slope:.1f} dB where the distance is ten times as long "
+                    f"(eta {fit.slope:.2f}, 95 % from {fit.low_slope:.2f} to {fit.high_slope:.2f}); 1.5 to 6 is usual"
+                )
+        if fact:
+            setting = "write dBm, which are below 0, into the files"
+            c.add("rssi", None, readings.source, fact, sure, setting, "rssi", ("rssi",))  # type: ignore[arg-type]

@@ -1,0 +1,530 @@
+"""Checks of one robot's odometry and truth: gaps, units, clocks, frames, scales, and positions that cannot be.
+
+Units come first, as they need neither clocks nor frames: how fast a robot is said to move is a number that no shift of
+a clock, turn or mirroring of a frame changes. Then clocks; then frames and headings; then factors.
+"""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from cooploc.estimators.interface import Array, Indices, Mask
+from cooploc.estimators.models import wrap
+from cooploc.scenarios.recordings.inspect.finding import CheckedLog, Kind, Sure, divided
+from cooploc.scenarios.recordings.inspect.motion import (
+    Motion,
+    RobotMotion,
+    Steps,
+    concentration,
+    course,
+    course_turns,
+    known_truth,
+    moves,
+    robot_motion,
+    robust_slope,
+    true_turns,
+)
+from cooploc.scenarios.recordings.inspect.reading_checks import shift_that_fits
+from cooploc.scenarios.recordings.team_log import Series
+
+DEGREE = np.pi / 180
+LENGTHS = {"velocity": ((0,), ("speed",)), "path": ((0,), ("length",)), "displacement": ((0, 1), ("dx", "dy"))}
+POSE = ((0, 1), ("x", "y"))
+
+# --- Gaps
+
+GAP = 10.0  # median intervals, and a second
+ENDS = 0.1  # share of the recording that a series may lack at an end
+
+
+def check_gaps(c: CheckedLog) -> None:
+    """Gaps of odometry and truth, and series that lack a tenth of the recording at an end."""
+    series = [("odometry", i, s) for i, s in enumerate(c.log.odometry)]
+    series += [("truth", i, s) for i, s in enumerate(c.log.truth) if s is not None]
+    stamps = [s.time for _, _, s in series if len(s.time) > 1]
+    for table, i, s in series:
+        if stamps and len(s.time):
+            _check_span(c, table, i, s, *(float(np.median([t[k] for t in stamps])) for k in (0, -1)))
+        if len(s.time) < 10:
+            continue
+        intervals = np.diff(s.time)
+        usual = float(np.median(intervals))
+        if count := int((intervals > max(GAP * usual, 1.0)).sum()):
+            fact = f"{count} gaps, the longest {intervals.max():.3g} s; the usual interval is {usual:.3g} s"
+            c.add("gap", i, s.source, fact, "sure", "max_gap in [sample] is the longest gap that is bridged", table)
+
+
+def _check_span(c: CheckedLog, table: str, i: int, s: Series, start: float, end: float) -> None:
+    """A series that begins late or ends early, against the middle of all series."""
+    late, early, span = s.time[0] - start, end - s.time[-1], end - start
+    if span > 0 and max(ENDS * span, 1.0) <= max(late, early) and max(late, early) <= span:
+        words = f"begins {late:.3g} s late" if late > early else f"ends {early:.3g} s early"
+        setting = "nothing: what is missing is not known"
+        c.add("span", i, s.source, f"it {words} in {span:.3g} s", "sure", setting, table)
+
+
+# --- Units
+
+FASTEST = 15.0  # [m/s] of ground robots; faster is a unit or a fault
+LENGTH_FACTORS = {1000.0: "mm", 100.0: "cm"}
+NEAR_FACTOR = 1.25  # a factor of 100 or 1000 is recognised up to this ratio: odometry is calibrated to better than 25 %
+
+
+def check_lengths(c: CheckedLog, i: int) -> None:
+    """Lengths of truth or odometry in mm or cm: the third quartile of their speeds differs by 1000 or 100."""
+    m, odometry = robot_motion(c.log, i), c.log.odometry[i]
+    driven, moved = (_third_quartile(np.abs(m.steps(motion).length)) / m.window for motion in (m.odometry, m.truth))
+    columns, names = LENGTHS.get(c.log.odometry_kind, POSE)
+    sides = (
+        ("truth", "the truth is", moved, "odometry", driven, m.poses.source, ("x", "y")),
+        ("odometry", "odometry is", driven, "the truth", moved, odometry.source, names),
+    )
+    for table, this, speed, that, other, source, quantities in sides:
+        ratio = speed / other if other > 0 else np.nan
+        for factor, unit in LENGTH_FACTORS.items():
+            if not factor / NEAR_FACTOR < ratio < factor * NEAR_FACTOR:
+                continue
+            fact = f"{this} {ratio:.3g} times as fast as {that} ({speed:.3g} against {other:.3g} m/s)"
+            sure: Sure = "sure" if 0.01 < other < FASTEST and not 0.01 < speed < 2.0 else "likely"
+            c.add("unit", i, source, fact, sure, f'unit = "{unit}"', table, quantities)
+            if table == "truth":
+                c.correct_truth(i, m.poses._replace(values=divided(m.poses.values, factor, (0, 1))))
+            else:
+                c.correct_odometry(i, divided(odometry.values, factor, columns))
+            return
+    for table, _, speed, _, _, source, quantities in sides:
+        if speed > FASTEST:
+            fact = f"it moves at {speed:.3g} m/s (third quartile), ground robots at {FASTEST:g} m/s at most"
+            c.add("speed", i, source, fact, "likely", 'unit = "mm"', table, quantities)
+
+
+def check_heading_unit(c: CheckedLog, i: int) -> None:
+    """Headings of the truth in degrees or radians, compared with the direction of its own moves."""
+    m = robot_motion(c.log, i)
+    t, heading = m.poses.time, m.poses.values[:, 2]
+    if np.isfinite(heading).sum() < 10:
+        return
+    edges = np.arange(t[0], t[-1], m.window)
+    if len(edges) < 3:
+        return
+    direction = course(m.steps(m.truth, edges).move)
+    there = heading[np.clip(np.searchsorted(t, edges[:-1] + m.window / 2), 0, len(t) - 1)]
+    largest = float(np.nanmax(np.abs(heading)))
+
+    def follows(factor: float) -> float:
+        return max(concentration(factor * there - direction)[0], concentration(factor * there + direction)[0])
+
+    as_read = follows(1.0)
+    needed = max(0.6, as_read + 0.3)
+    kind: Kind = "degrees"
+    unit, factor, sure = "deg", 1 / DEGREE, "sure"
+    if largest > 2.1 * np.pi and follows(DEGREE) > needed:
+        pass
+    elif 4 * np.pi < largest <= 361 and np.max(np.abs(np.diff(there))) > 180 and as_read < 0.5:
+        sure = "likely"
+    elif largest < 2.1 * np.pi * DEGREE and concentration(direction)[0] < 0.8 and follows(1 / DEGREE) > needed:
+        kind, unit, factor = "radians", "rad", DEGREE
+    else:
+        return
+    fact = f"headings reach {largest:.4g} as read; with the unit {unit} they follow the direction of motion"
+    c.add(kind, i, m.poses.source, fact, sure, f'unit = "{unit}"', "truth", ("heading",))  # type: ignore[arg-type]
+    c.correct_truth(i, m.poses._replace(values=divided(m.poses.values, factor, (2,))))
+
+
+def check_turn_unit(c: CheckedLog, i: int) -> None:
+    """Odometry that turns about 57 times as fast as the truth, or 1/57."""
+    if c.log.odometry_kind == "displacement":
+        return
+    m, odometry = robot_motion(c.log, i), c.log.odometry[i]
+    said = _third_quartile(np.abs(m.steps(m.odometry).turn))
+    true = _third_quartile(np.abs(true_turns(m.steps(m.truth))))
+    column, name, per = (2, "heading", "") if c.log.odometry_kind == "pose" else (1, "turn_rate", "/s")
+    ratio = said / true if true > 0.01 * m.window else np.nan
+    units: tuple[tuple[Kind, float, str], ...] = (("degrees", 1 / DEGREE, "deg"), ("radians", DEGREE, "rad"))
+    for kind, factor, unit in units:
+        if factor / 2.5 < ratio < factor * 2.5:
+            fact = f"odometry turns {ratio:.3g} times as fast as the truth, which is about {factor:.3g}"
+            c.add(kind, i, odometry.source, fact, "sure", f'unit = "{unit}{per}"', "odometry", (name,))
+            c.correct_odometry(i, divided(odometry.values, factor, (column,)))
+
+
+def _third_quartile(values: Array) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.quantile(known, 0.75)) if len(known) >= 8 else np.nan
+
+
+# --- Clocks
+# In windows as long as two intervals, the lengths and turns of odometry are correlated with those of the truth, for
+# shifts up to a minute or a third of the recording. A robot's odometry must fit its own truth best.
+
+LONGEST_SHIFT = 60.0  # [s]
+FEWEST = 25  # windows that two series must have in common
+FITS = 0.5  # correlation from which odometry fits a truth
+OWN = 0.8  # correlation from which a truth is the robot's own, without comparing it with the others'
+EVIDENCE = 5.0  # standard errors between the correlations (Fisher's z) with and without the shift
+
+
+class ClockFit(NamedTuple):
+    """How well odometry fits a truth."""
+
+    shift: float = 0.0  # by which the truth's stamps are later than odometry's [s]
+    correlation: float = 0.0  # at that shift
+    unshifted: float = 0.0  # correlation at no shift
+    windows: int = 0
+
+
+def check_clocks(c: CheckedLog) -> None:
+    """Truths that belong to other robots than their names say, and truths whose stamps are shifted."""
+    motions = [robot_motion(c.log, i) for i in range(len(c.log.robots))]
+    own = {i: best_fit(m, m.truth) for i, m in enumerate(motions) if moves(c.log, i)}
+    truths = c.log.truth
+    for i, (j, correlation) in _exchanged(motions, own).items():
+        fact = (
+            f"odometry of {c.log.robots[i]} fits the truth of {c.log.robots[j]} "
+            f"(correlation {correlation:.2f}), not its own ({own[i].correlation:.2f})"
+        )
+        setting = f"exchange the truths of {c.log.robots[i]} and {c.log.robots[j]}"
+        c.add("robots", i, motions[j].poses.source, fact, "sure", setting, "truth")
+        if (other := truths[j]) is not None:
+            c.correct_truth(i, other)
+            own[i] = best_fit(motions[i], motions[j].truth)
+    for i in range(len(c.log.robots)):
+        _check_clock(c, i, own.get(i))
+
+
+def _check_clock(c: CheckedLog, i: int, fit: ClockFit | None) -> None:
+    """A truth whose stamps are later or earlier than odometry's; with no time in common, once both begin together."""
+    m = robot_motion(c.log, i)
+    t, wheels = m.truth.time, m.odometry.time
+    if not len(t):
+        return
+    apart = 0.0
+    if len(wheels) and min(t[-1], wheels[-1]) <= max(t[0], wheels[0]):
+        apart = float(t[0] - wheels[0])
+        fit = best_fit(m, m.truth._replace(time=t - apart))
+    if fit is None or not (apart or _is_shifted(m, fit)):
+        return
+    shift = apart + fit.shift
+    fact = f"the truth's stamps are {shift:+.4g} s from odometry's (correlation {fit.correlation:.2f}"
+    fact += " once both begin together)" if apart else f"; {fit.unshifted:.2f} without the shift)"
+    sure: Sure = "sure" if fit.correlation > 0.7 else "likely"
+    c.add("clock", i, m.poses.source, fact, sure, f"clock_offset = {-shift:.4g}", "truth")
+    c.correct_truth(i, m.poses._replace(time=t - shift))
+
+
+def _exchanged(motions: list[RobotMotion], own: Mapping[int, ClockFit]) -> dict[int, tuple[int, float]]:
+    """Robots whose odometry fits the truth of another of them and not their own -> that other, and the correlation."""
+    if sum(fit.correlation < OWN for fit in own.values()) < 2:
+        return {}
+    fits = np.array([[best_fit(motions[i], motions[j].truth).correlation for j in own] for i in own])
+    rows, columns, robots = *linear_sum_assignment(-fits), list(own)
+    better = {
+        robots[r]: (robots[k], fits[r, k])
+        for r, k in zip(rows, columns, strict=True)
+        if r != k and fits[r, k] > max(FITS, fits[r, r] + 0.2)
+    }
+    return better if set(better) == {j for j, _ in better.values()} else {}
+
+
+def best_fit(m: RobotMotion, truth: Motion) -> ClockFit:
+    """Return the shift at which a robot's odometry fits a truth best."""
+    t, window = m.odometry.time, m.window
+    if len(t) < FEWEST or not len(truth.time):
+        return ClockFit()
+    edges = np.arange(t[0], t[-1], window)
+    said = _without_jumps(m.steps(m.odometry, edges))
+
+    def correlations(shifts: Array) -> Array:
+        return np.array([_agreement(said, _without_jumps(m.steps(truth, edges + shift))) for shift in shifts])
+
+    longest = min(LONGEST_SHIFT, min(t[-1] - t[0], truth.time[-1] - truth.time[0]) / 3)
+    count = int(2 * longest / window)
+    coarse = np.linspace(-count * window / 2, count * window / 2, 2 * count + 1)
+    at = coarse[_nearest_peak(correlations(coarse), coarse, len(edges) / 2)]
+    fine = np.linspace(at - 0.6 * window, at + 0.6 * window, 25)
+    sharp = correlations(fine)
+    best, unshifted = int(np.argmax(sharp)), float(correlations(np.zeros(1))[0])
+    return ClockFit(float(fine[best]), float(sharp[best]), unshifted, int(np.isfinite(said.length).sum()))
+
+
+def _nearest_peak(correlation: Array, shifts: Array, samples: float) -> int:
+    """Of the peaks that are as likely as the highest, the one of least shift: a robot in laps fits at every lap.
+
+    -n/2 ln(1 - R^2) is the log-likelihood of n samples; as likely are those within EVIDENCE^2 / 2.
+    """
+    likelihood = -samples / 2 * np.log1p(-(np.minimum(correlation, 0.9999) ** 2))
+    around = np.pad(correlation, 1, constant_values=-1.0)
+    peaks = (correlation >= around[:-2]) & (correlation >= around[2:])
+    good = np.flatnonzero(peaks & (likelihood >= likelihood.max() - EVIDENCE**2 / 2))
+    return int(good[np.argmin(np.abs(shifts[good]))])
+
+
+def _agreement(said: Steps, true: Steps) -> float:
+    """Correlation of moves over all turns and reflections; else of lengths and turns, whatever the sign of turns.
+
+    The first is the nuclear norm of the moves' products; of the second 1 - R^2 = (1 - r^2) (1 - s^2).
+    """
+    if np.isfinite(said.move).any():
+        known = np.isfinite(said.move).all(axis=1) & np.isfinite(true.move).all(axis=1)
+        a, b = said.move[known].T, true.move[known].T
+        scale = np.sqrt((a**2).sum() * (b**2).sum())
+        return float(np.linalg.norm(a @ b.T, "nuc") / scale) if known.sum() >= FEWEST and scale > 0 else 0.0
+    r, s = max(_correlation(said.length, true.length), 0.0), _correlation(said.turn, true_turns(true))
+    return float(np.sqrt(1 - (1 - r**2) * (1 - s**2)))
+
+
+def _correlation(a: Array, b: Array) -> float:
+    """Pearson's, over the samples known to both."""
+    known = np.isfinite(a) & np.isfinite(b)
+    if known.sum() < FEWEST:
+        return 0.0
+    a, b = a[known], b[known]
+    scale = a.std() * b.std()
+    return float(((a - a.mean()) * (b - b.mean())).mean() / scale) if scale > 1e-12 else 0.0
+
+
+def _without_jumps(steps: Steps) -> Steps:
+    """Steps longer than ten times the mean are jumps, and are not known."""
+    length = np.abs(steps.length)
+    known = length[np.isfinite(length)]
+    jump = length > 10 * known.mean() if len(known) else np.zeros(len(length), bool)
+    return Steps(*(np.where(jump if part.ndim == 1 else jump[:, None], np.nan, part) for part in steps))
+
+
+def _is_shifted(m: RobotMotion, fit: ClockFit) -> bool:
+    """Whether a shift is longer than an interval and a half, fits, and fits much better than none."""
+    if fit.correlation < FITS:
+        return False
+    interval = max(float(np.median(np.diff(t))) for t in (m.odometry.time, m.truth.time))
+    with_it, without = np.arctanh(np.clip([fit.correlation, fit.unshifted], -0.999, 0.999))
+    evidence = (with_it - without) * np.sqrt(max(fit.windows - 3, 1) / 2)
+    return bool(abs(fit.shift) >= max(0.05, 1.5 * interval) and evidence > EVIDENCE)
+
+
+# --- Positions that cannot be
+
+JUMP = 0.3  # [m] a shorter one is noise of the tracking
+FAST = 10.0  # times the 90th percentile of speed, from which a step is a jump
+STALE_TIME = 0.5  # [s]
+STALE_LENGTH = 0.1  # [m] driven meanwhile, by odometry
+STALE_PLACE = 0.5  # [m] the same where the heading goes on: one that turns on the spot drives less
+
+
+def check_stale(c: CheckedLog, i: int) -> None:
+    """Positions that are repeated exactly while odometry says that the robot drives."""
+    m = robot_motion(c.log, i)
+    t, change = m.truth.time, np.diff(m.poses.values, axis=0)
+    if not len(t) or len(m.odometry.time) < 2:
+        return
+    place = m.odometry.place
+    apart = np.hypot(*np.diff(place, axis=0).T) if np.isfinite(place).any() else np.abs(np.diff(m.odometry.length))
+    length = np.concatenate([[0.0], np.cumsum(np.nan_to_num(apart))])
+
+    def runs(same: Mask, least: float) -> list[tuple[float, float]]:
+        """Intervals of `same` (m - 1,) that last, and in which at least that much is driven."""
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(int)))
+        found = t[edges].reshape(-1, 2)
+        driven = np.diff(np.interp(found, m.odometry.time, length), axis=1)[:, 0]
+        return [(a, b) for (a, b), far in zip(found, driven, strict=True) if b - a >= STALE_TIME and far >= least]
+
+    same_place = (change[:, :2] == 0).all(axis=1)
+    same_pose = same_place & ((change[:, 2] == 0) | np.isnan(change[:, 2]))
+    if found := runs(same_pose, STALE_LENGTH) or runs(same_place, STALE_PLACE):
+        longest = max(end - start for start, end in found)
+        fact = f"the position repeats exactly while the robot drives: {len(found)} times, for up to {longest:.1f} s"
+        setting = "leave the repeated positions empty in the file"
+        c.add("stale", i, m.poses.source, fact, "sure", setting, "truth", ("x", "y"))
+        repeats = np.any([(t > start) & (t <= end) for start, end in found], axis=0)
+        c.correct_truth(i, m.poses._replace(time=t[~repeats], values=m.poses.values[~repeats]))
+
+
+def check_jumps(c: CheckedLog, i: int) -> None:
+    """Positions that no earlier or later one of the same robot can be reached from."""
+    truth = known_truth(c.log, i)
+    if truth is None:
+        return
+    t, apart = truth.time, np.hypot(*np.diff(truth.values[:, :2], axis=0).T)
+    speed = apart / np.maximum(np.diff(t), 1e-3)
+    usual = float(np.quantile(speed, 0.9))
+    steps = np.flatnonzero((apart > JUMP) & (speed > FAST * max(usual, 0.05)))
+    if len(steps):
+        jumps = _between_steps(steps, t)
+        fact = f"{len(jumps)} positions jump away and back; the first {t[jumps[0]] - t[0]:.1f} s after the start"
+        c.add("jump", i, truth.source, fact, "sure", f"max_speed = {max(2 * usual, 0.5):.2g}", "truth")
+        kept = np.setdiff1d(np.arange(len(t)), jumps)
+        c.correct_truth(i, truth._replace(time=t[kept], values=truth.values[kept]))
+
+
+def _between_steps(steps: Indices, time: Array) -> Indices:
+    """Rows from a step away to the step back, at most a second later; of a step alone, the next row."""
+    rows: list[int] = []
+    longest, k = max(1.0, 3 * float(np.median(np.diff(time)))), 0  # [s] away
+    while k < len(steps):
+        back = k + 1 < len(steps) and time[steps[k + 1]] - time[steps[k]] <= longest
+        rows += range(steps[k] + 1, steps[k + 1] + 1 if back else steps[k] + 2)
+        k += 2 if back else 1
+    return np.unique(rows)
+
+
+def check_arena(c: CheckedLog, arena: Array | None) -> None:
+    """Positions outside the arena (2, 2) [m], or, where that is not stated, far outside of all fixed things."""
+    margin, name = 0.0, "the arena"
+    if arena is None:
+        places = np.concatenate([c.log.anchors.positions, c.log.landmarks.positions])
+        places = places[np.isfinite(places).all(axis=1)]
+        if len(places) < 3:
+            return
+        arena, name = np.array([places.min(axis=0), places.max(axis=0)]), "all anchors and landmarks"
+        margin = float(np.ptp(places, axis=0).max())
+    for i in range(len(c.log.robots)):
+        if (truth := known_truth(c.log, i)) is None:
+            continue
+        beyond = np.maximum(arena[0] - truth.values[:, :2], truth.values[:, :2] - arena[1]).max(axis=1)
+        share = float((beyond > margin + 0.05 * np.ptp(arena, axis=0).max()).mean())
+        if share > 0.01:
+            fact = f"{share:.0%} of the positions are outside {name}, by up to {beyond.max():.3g} m"
+            setting = "arena = its corners, or the unit of x and y in [truth]"
+            c.add("outside", i, truth.source, fact, "likely" if margin else "sure", setting, "", ("arena",))
+
+
+# --- Frames
+# Three sources tell a robot's turns: the direction of its true moves (its course), its true heading, and its odometry.
+# A mirror (x and y exchanged is one) reverses the first; a heading counted clockwise the second; a turn rate of the
+# other sign the third. Two against one decide. With only two, ranges to things elsewhere decide, or both are named.
+
+FOLLOWS = 0.6  # mean resultant length from which one direction follows another
+OFFSET = 0.3  # [rad] of a heading against the direction of motion; a slip or an arc is less
+BESIDE = 0.3  # [m] a smaller shift cannot be told from noise and bias of ranges
+SIGN = 6.0  # standard errors of a slope below zero from which a sign is wrong
+MIRRORS: dict[int, tuple[Kind, str]] = {  # by eighths of a turn
+    0: ("mirrored", "y is downwards"),
+    2: ("axes", "x and y are exchanged"),
+    4: ("mirrored", "x is to the left"),
+}
+
+
+def check_frame(c: CheckedLog, i: int) -> None:
+    """Frames, headings and turn rates of the wrong sign."""
+    if moves(c.log, i):
+        (_check_compass_frame if c.log.odometry_kind == "displacement" else _check_turning_frame)(c, i)
+
+
+def _check_turning_frame(c: CheckedLog, i: int) -> None:
+    """A robot whose odometry turns."""
+    m = robot_motion(c.log, i)
+    poses = m.poses.values
+    own = np.arange(m.truth.time[0], m.truth.time[-1], m.window)
+    direction, driven = course(m.steps(m.truth, own).move), m.steps(m.odometry, own).length
+    direction = np.where(driven < 0, wrap(direction + np.pi), direction)  # it drives backwards
+    heading = wrap(np.interp(own[:-1] + m.window / 2, m.truth.time, m.truth.turn))
+    follows, offset = concentration(heading - direction)
+    opposes, mirror = concentration(heading + direction)
+    edges = m.common_edges()
+    said, true = m.steps(m.odometry, edges), m.steps(m.truth, edges)
+    smoothed = np.convolve(said.turn, np.full(3, 1 / 3), "same") if len(said.turn) > 3 else said.turn
+    of_heading, of_course = robust_slope(true.turn, said.turn), robust_slope(course_turns(true.move), smoothed)
+    headed = bool(np.isfinite(of_heading[0]))
+    reversed_turns = _is_negative(*(of_heading if headed else of_course))
+
+    def set_heading(new: Array) -> None:
+        c.correct_truth(i, m.poses._replace(values=np.column_stack([poses[:, :2], wrap(new)])))
+
+    if opposes > FOLLOWS and opposes > follows + 0.2:
+        if headed and reversed_turns:  # odometry turns against the heading, and with the course
+            start = "from y, as a compass does" if abs(wrap(np.asarray(mirror - np.pi / 2))) < OFFSET else "from x"
+            fact = f"the heading falls when the robot turns left (agreement {opposes:.2f}): it is clockwise {start}"
+            setting = f"write {np.degrees(mirror):.0f} deg - heading into the file"
+            c.add("heading", i, m.poses.source, fact, "sure", setting, "truth", ("heading",))
+            set_heading(mirror - poses[:, 2])
+        else:
+            fact = f"the positions turn left where the heading turns right (agreement {opposes:.2f})"
+            _add_mirror(c, i, mirror, fact, "sure" if headed else "likely")
+        return
+    if follows > FOLLOWS and abs(offset) > OFFSET:
+        fact = f"the heading is {np.degrees(offset):+.0f} deg from the direction of motion (agreement {follows:.2f})"
+        setting = f"subtract {np.degrees(offset):.0f} deg in the file"
+        c.add("heading", i, m.poses.source, fact, "likely", setting, "truth", ("heading",))
+        set_heading(poses[:, 2] - offset)
+    if reversed_turns:
+        fact = f"odometry turns right where the truth turns left (slope {(of_heading if headed else of_course)[0]:.2f})"
+        fact += "" if headed else "; or the truth is mirrored (its heading was not recorded)"
+        pose = c.log.odometry_kind == "pose"
+        names = ("y", "heading") if pose else ("turn_rate",)
+        setting = f"write {' and '.join(f'-{name}' for name in names)} into the files"
+        sure: Sure = "sure" if headed and follows > FOLLOWS else "likely"
+        c.add("turn sign", i, c.log.odometry[i].source, fact, sure, setting, "odometry", names)
+        c.correct_odometry(i, divided(c.log.odometry[i].values, -1.0, (1, 2) if pose else (1,)))
+
+
+def _check_compass_frame(c: CheckedLog, i: int) -> None:
+    """A robot with displacements: the turn or reflection that takes them to the true moves (orthogonal Procrustes)."""
+    m = robot_motion(c.log, i)
+    edges = m.common_edges()
+    said, true = m.steps(m.odometry, edges).move, m.steps(m.truth, edges).move
+    if (np.isfinite(said) & np.isfinite(true)).all(axis=1).sum() < 20:
+        return
+    follows, offset = concentration(wrap(course(true) - course(said)))
+    opposes, mirror = concentration(wrap(course(true) + course(said)))
+    if opposes > FOLLOWS and opposes > follows + 0.2:
+        fact = f"the positions move as the mirror image of odometry (agreement {opposes:.2f})"
+        _add_mirror(c, i, mirror, fact, "likely")
+    elif follows > FOLLOWS and abs(offset) > OFFSET:
+        degrees = np.degrees(offset)
+        fact = f"the positions move {degrees:+.0f} deg from where odometry says (agreement {follows:.2f})"
+        setting = f"turn dx, dy by {degrees:.0f} deg in the files"
+        c.add("frame", i, c.log.odometry[i].source, fact, "likely", setting, "odometry", ("dx", "dy"))
+
+
+def _is_negative(slope: float, error: float) -> bool:
+    return bool(slope < -0.3 and slope < -SIGN * error)
+
+
+def _add_mirror(c: CheckedLog, i: int, mirror: float, fact: str, sure: Sure) -> None:
+    """Report positions mirrored in a line at half of `mirror` [rad], and reflect them where ranges fit best."""
+    eighths = int(np.rint(abs(wrap(np.asarray(mirror))) / (np.pi / 4)))
+    kind, words = MIRRORS.get(eighths, ("mirrored", f"in a line at {np.degrees(mirror) / 2:.0f} deg"))
+    columns: tuple[str, ...] = ("x", "y")
+    setting = "turn the positions back in the files"
+    if eighths == 2 and mirror < 0:
+        words = "x and y are exchanged, and one is reversed"
+    elif kind == "axes" or eighths == 0:
+        setting, columns = 'frame = "swapped"' if kind == "axes" else 'frame = "mirrored"', ()
+    truth = robot_motion(c.log, i).poses
+    cosine, sine = np.cos(mirror), np.sin(mirror)
+    values = truth.values.copy()
+    values[:, :2] = values[:, :2] @ np.array([[cosine, sine], [sine, -cosine]])
+    c.correct_truth(i, truth._replace(values=values))
+    shift = shift_that_fits(c.log, i)
+    if shift is not None and np.hypot(*shift) >= BESIDE:
+        values[:, :2] += shift
+        words += f"; ranges then ask for a shift by {shift[0]:+.2f}, {shift[1]:+.2f} m"
+    c.add(kind, i, truth.source, f"{fact}: {words}", sure, setting, "truth", columns)
+
+
+# --- Scales
+
+MOST_SCALE = (
+    1.2  # a factor beyond this, or below its inverse, is reported; wheels are rarely calibrated better than 5 %
+)
+
+
+def check_scales(c: CheckedLog, i: int) -> None:
+    """Lengths and turns of odometry against those of the truth, by least absolute deviations."""
+    m = robot_motion(c.log, i)
+    edges = m.common_edges()
+    if len(edges) < 10 or not moves(c.log, i):
+        return
+    said, true = m.steps(m.odometry, edges), m.steps(m.truth, edges)
+    turned = true_turns(true)
+    for verb, key, x, y in (
+        ("drives", "length_scale", true.length, np.abs(said.length)),
+        ("turns", "turn_scale", turned, said.turn),
+    ):
+        slope, error = robust_slope(x, y)
+        b = abs(slope)
+        too_large, too_small = b > MOST_SCALE + EVIDENCE * error, 0 < b < 1 / MOST_SCALE - EVIDENCE * error
+        if np.nansum(np.abs(x)) >= 1.0 and (too_large or too_small):  # it moved a metre, or turned a radian, in all
+            fact = f"odometry {verb} {b:.3g} times as far as the truth (standard error {error:.2g})"
+            c.add("scale", i, c.log.odometry[i].source, fact, "likely", f"{key} = {1 / b:.3g}", "model")
