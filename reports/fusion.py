@@ -15,7 +15,7 @@ from cooploc.analysis.formats import change, count, interval, listed, metres, pe
 from cooploc.analysis.metrics.consistency import OVER_CONFIDENT
 from cooploc.analysis.metrics.statistics import mean_of_positive
 from cooploc.analysis.plot import style
-from cooploc.analysis.plot.pareto import frontier
+from cooploc.analysis.plot.results import frontier
 from cooploc.analysis.report.tables import Table, estimates, numbers, words
 from cooploc.runs import kept
 

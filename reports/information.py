@@ -11,8 +11,7 @@ import pandas as pd
 import cooploc as cl
 from cooploc.analysis.formats import change, metres, ratio
 from cooploc.analysis.plot import style
-from cooploc.analysis.plot.information_matrix import BETWEEN, OWN, RULES
-from cooploc.analysis.plot.sensitivity_panels import NAMES
+from cooploc.analysis.plot.studies import BETWEEN, OWN, PARAMETERS, RULES
 from cooploc.analysis.report import sentences
 from cooploc.analysis.report.tables import Table, estimates, numbers, words
 from cooploc.runs import kept
@@ -38,7 +37,7 @@ def values(runs: Path, out: Path, data: Path) -> dict[str, Any]:
 def _sensitivity(stored: Any, out: Path) -> dict[str, Any]:
     table = cl.sensitivity(stored)
     style.save(cl.plot.sensitivity(table), out / "sensitivity.svg")
-    heads = {name: NAMES.get(name, name) for name, _ in sentences.dependence_sentences(table)}
+    heads = {name: PARAMETERS.get(name, name) for name, _ in sentences.dependence_sentences(table)}
     found = [
         f"- **{heads[name][0].upper()}{heads[name][1:]}.** {text}"
         for name, text in sentences.dependence_sentences(table)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from cooploc.analysis.metrics.consistency import OVER_CONFIDENT
 from cooploc.analysis.paper.labels import Labels, over_lines
-from cooploc.analysis.paper.sizes import COLUMNS, SMALL, width
+from cooploc.analysis.plot.style import COLUMNS, SMALL, text_width
 from cooploc.analysis.report.sentences import Standing
 from cooploc.analysis.report.tables import Row, Table, TableColumn, escaped
 from cooploc.estimators.errors import BadInput, nearest
@@ -78,7 +78,7 @@ def layout(first: Iterable[str], chosen: Sequence[Quantity]) -> Layout:
         BadInput: they fit in none.
 
     """
-    names = max(map(width, first), default=0.0)
+    names = max(map(text_width, first), default=0.0)
     need = 0.0
     for columns, stacked in ((1, False), (1, True), (2, False), (2, True)):
         need = names + sum(_wide(one, stacked) + 2 * GAP for one in chosen)
@@ -118,9 +118,10 @@ def _texts(column: TableColumn, rows: list[Row]) -> list[str]:
 
 def _wide(one: Quantity, stacked: bool) -> float:
     """The width of a column [pt]."""
-    value = max(map(width, one.values), default=0.0)
-    ends = max((width(both, SMALL) for both in one.ends), default=0.0)
-    return max(width(one.head), value, ends) if stacked else max(width(one.head), value + (2 * GAP + ends) * bool(ends))
+    value = max(map(text_width, one.values), default=0.0)
+    ends = max((text_width(both, SMALL) for both in one.ends), default=0.0)
+    beside = value if stacked else value + (2 * GAP + ends) * bool(ends)
+    return max(text_width(one.head), beside, ends * stacked)
 
 
 def _parts(one: Quantity, stacked: bool) -> list[list[str]]:
@@ -224,7 +225,7 @@ def chunks(rows: list[Row], how: Layout) -> list[list[int | str]]:
         if left < height or (new and out[-1] and left < min(LINES, sizes[row["scenario"]] + 1)):
             out, left, new = [*out, []], LINES, True
         if new and several:
-            heads = over_lines(row["scenario"], lambda line: width(line) < how.width)
+            heads = over_lines(row["scenario"], lambda line: text_width(line) < how.width)
             out[-1] += [text(head) for head in heads]
             left -= len(heads)
         scenario = row["scenario"]

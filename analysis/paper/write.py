@@ -18,9 +18,9 @@ from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.crlb import floors
 from cooploc.analysis.metrics.curves import sweep
 from cooploc.analysis.metrics.sequential import ANYTIME, FIXED, with_decisions
-from cooploc.analysis.paper import figures, sizes
 from cooploc.analysis.paper.labels import Labels, file_name, labels
 from cooploc.analysis.paper.tables import Placed, breakable, placed
+from cooploc.analysis.plot import results as figures
 from cooploc.analysis.plot import style
 from cooploc.analysis.report import result_tables, sentences
 from cooploc.analysis.report.html_page import groups, ranked
@@ -162,9 +162,12 @@ def write(kept: Kept, out: Path, columns: Sequence[str], scenarios: Sequence[str
     for name in ("figures", "tables"):
         (out / name).mkdir(parents=True, exist_ok=True)
     included = []
+    drawn: list[Path] = []
     for part in parts:
         for one in _figures(part, known):
-            sizes.save(one.figure, out / "figures" / one.included.name)
+            names = [out / "figures" / f"{one.included.name}.{ending}" for ending in style.FORMATS]
+            style.save(one.figure, *names, rc=style.PAPER[1].rc)
+            drawn += names
             included.append(one.included)
     texts = {f"tables/{one.name}.tex": one.latex for one in shown}
     used = pd.concat([part.rows for part in parts])
@@ -172,7 +175,6 @@ def write(kept: Kept, out: Path, columns: Sequence[str], scenarios: Sequence[str
     texts[EXAMPLE] = document(f"cooploc: {kept.manifest['study']['name']}", included, shown)
     for name, text in texts.items():
         (out / name).write_text(text, encoding="utf-8")
-    drawn = [out / "figures" / f"{one.name}.{ending}" for one in included for ending in sizes.FORMATS]
     return [*drawn, *(out / name for name in texts)]
 
 
@@ -190,7 +192,7 @@ def _parts(kept: Kept, scenarios: Sequence[str]) -> list[Part]:
         single = [label for (_, parameter), found in groups(asked).items() if not parameter for label in found]
         mine = [e in plan.get(s, ()) and s in asked for s, e in zip(table["scenario"], table["estimator"], strict=True)]
         if asked:
-            parts.append(Part(name, table[mine], asked, single if scenarios else figures.three(single)))
+            parts.append(Part(name, table[mine], asked, single if scenarios else _three(single)))
     every = [label for part in parts for label in (*part.drawn, *(s for s in part.scenarios if sweep(s)[1]))]
     floor = floors(every, kept.manifest["seed"], FLOORED)
     return [part._replace(rows=part.rows.assign(floor=part.rows["scenario"].map(floor))) for part in parts]
@@ -209,25 +211,25 @@ def _figures(part: Part, known: Labels) -> Iterator[Drawn]:
     """Every figure of an experiment at both widths."""
     looks = style.looks(part.rows["estimator"].unique())
     anchor = file_name(part.name)
-    for width in sizes.COLUMNS:
+    for width, look in style.PAPER.items():
         for (family, parameter), labels_ in groups(part.scenarios).items():
             rows = part.rows[part.rows["scenario"].isin(labels_)]
             if parameter and rows["rmse"].notna().any():
-                made = figures.over(rows, looks, known, width)
+                made = figures.over(rows, looks, known.short.__getitem__, look)[0]
                 yield _named(made, [anchor, family, parameter], OVER.format(parameter, family), rows, known, width)
         ended = part.rows[part.rows["rmse"].notna()]
         single = [(label, ended[ended["scenario"] == label]) for label in part.drawn]
         single = [(label, rows) for label, rows in single if len(rows)]
         for together in _by(single, 1 if width == 1 else 3):
-            made = figures.dots([rows for _, rows in together], looks, known, width)
+            made = figures.ranking([rows for _, rows in together], looks, known.short.__getitem__, look)
             rows = pd.concat([rows for _, rows in together])
             yield _named(made, [anchor, "rmse", together[0][0]], DOTS, rows, known, width)
         swept = [label for label in part.scenarios if label not in {name for name, _ in single}]
-        for label in part.drawn or figures.three(swept):
+        for label in part.drawn or _three(swept):
             rows = ended[ended["scenario"] == label]
-            for others in [figures.OTHERS] if width == 2 else [(other,) for other in figures.OTHERS]:
+            for others in [tuple(NAMES)] if width == 2 else [(other,) for other in NAMES]:
                 if len(rows):
-                    made = figures.against(rows, others, looks, known, width)
+                    made = figures.against(rows, others, looks, known.short.__getitem__, look)
                     said = AGAINST.format(", ".join(NAMES[other] for other in others), label)
                     yield _named(made, [anchor, "-".join(others), label], said, rows, known, width)
 
@@ -237,6 +239,11 @@ def _named(made: Figure, words: list[str], said: str, rows: pd.DataFrame, known:
     legend = known.legend(dict.fromkeys(rows["estimator"]))
     name = f"{file_name(*words)}-{width}col"
     return Drawn(made, Included(name, " ".join([said, *(f"{line}." for line in legend)]), width))
+
+
+def _three(labels: list[str]) -> list[str]:
+    """The first, the middle and the last of many."""
+    return labels if len(labels) <= 3 else [labels[int(i)] for i in np.linspace(0, len(labels) - 1, 3)]
 
 
 def _by(found: list[tuple[str, pd.DataFrame]], number: int) -> Iterable[list[tuple[str, pd.DataFrame]]]:

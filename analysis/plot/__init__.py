@@ -1,17 +1,10 @@
 """The figures of `cl.plot`. Each takes and returns matplotlib Axes."""
 
-from cooploc.analysis.plot.animation import animate
-from cooploc.analysis.plot.claims_forest import claims
-from cooploc.analysis.plot.ellipses import anees, ellipses, error_over_time, trajectories
-from cooploc.analysis.plot.information_matrix import information
-from cooploc.analysis.plot.pareto import pareto
-from cooploc.analysis.plot.readings_map import readings
-from cooploc.analysis.plot.residuals import residuals
-from cooploc.analysis.plot.sensitivity_panels import sensitivity
-from cooploc.analysis.plot.specification_curve import specification_curve
-from cooploc.analysis.plot.summary import rmse, tradeoff
-from cooploc.analysis.plot.tuning import tuned_parameters, tuning
-from cooploc.analysis.plot.world import world
+from cooploc.analysis.plot.beliefs import anees, animate, ellipses, error_over_time, trajectories
+from cooploc.analysis.plot.ledgers import claims, readings, specification_curve
+from cooploc.analysis.plot.results import pareto, rmse, tradeoff
+from cooploc.analysis.plot.studies import information, sensitivity, tuned_parameters, tuning
+from cooploc.analysis.plot.worlds import residuals, world
 
 __all__ = [
     "anees",

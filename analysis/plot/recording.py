@@ -8,8 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from cooploc.analysis.plot import style
-from cooploc.analysis.plot.style import DARK, GREY
-from cooploc.analysis.plot.world import ROBOTS
+from cooploc.analysis.plot.style import DARK, GREY, ROBOTS
 from cooploc.scenarios.recordings.inspect.inspection import SeriesRow, measured_counts, series_rows
 from cooploc.scenarios.recordings.inspect.motion import dead_reckoned, known_truth
 from cooploc.scenarios.recordings.team_log import TeamLog

@@ -28,7 +28,7 @@ from cooploc.analysis.metrics.ranking import is_refused, rank_groups
 from cooploc.analysis.metrics.sequential import ANYTIME, FIXED, with_decisions
 from cooploc.analysis.metrics.statistics import LEAST_TRIALS
 from cooploc.analysis.plot import style
-from cooploc.analysis.report import colours, html_table, page_figures, result_tables, sentences, svg
+from cooploc.analysis.report import colours, html_table, page_figures, result_tables, sentences
 from cooploc.analysis.report import page_texts as page_texts
 from cooploc.analysis.report.claim_tables import claims_shown
 from cooploc.analysis.report.html_table import Wording, html
@@ -392,7 +392,7 @@ def render(context: dict[str, Any]) -> str:
     environment.policies["json.dumps_kwargs"] = {"sort_keys": True, "separators": (",", ":")}
     script, style = (Markup("".join(map(_template, names))) for names in (SCRIPTS, STYLES))  # our own files
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-    body, shared = map(Markup, svg.shared_styles(environment.get_template("body.html.j2").render(**context)))
+    body, shared = map(Markup, page_figures.shared_styles(environment.get_template("body.html.j2").render(**context)))
     day, night = map(Markup, colours.variables(body + shared))
     css = {"style": style, "shared": shared, "day": day, "night": night}
     page = environment.get_template("page.html.j2")  # its parts are escaped by their templates

@@ -10,8 +10,7 @@ from matplotlib.colors import to_hex
 from matplotlib.markers import MarkerStyle
 
 from cooploc.analysis.formats import counted
-from cooploc.analysis.plot.marks import colour_of
-from cooploc.analysis.plot.style import Look
+from cooploc.analysis.plot.style import Look, colour_of
 from cooploc.analysis.report.colours import variable
 from cooploc.analysis.report.result_tables import ShortNames
 from cooploc.analysis.report.tables import Row, Table, TableColumn

@@ -1,21 +1,31 @@
-"""The figures of a page: their panels, each of one scenario or of some estimators, and what they show."""
+"""The figures of a page as SVG inside it: their panels, each of one scenario or of some estimators, and their captions.
 
-from collections.abc import Iterator
+Text stays text, ids are unique, nothing links elsewhere, and the same numbers give the same bytes.
+"""
+
+import io
+import re
+import warnings
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
+import matplotlib as mpl
 import numpy as np
 import pandas as pd
-from markupsafe import Markup
+from markupsafe import Markup, escape
+from matplotlib.figure import Figure
 
 from cooploc.analysis.formats import counted
 from cooploc.analysis.metrics.curves import sweep
-from cooploc.analysis.report import svg, svg_figures
-from cooploc.analysis.report.result_tables import Numbers
+from cooploc.analysis.plot import results
+from cooploc.analysis.plot.style import PAGE
+from cooploc.analysis.report.colours import as_variables
+from cooploc.analysis.report.run_numbers import Numbers
 
 SCATTERED = 3  # scenarios of an experiment whose accuracy is drawn against consistency and cost
 FEW = 4  # scenarios that the first figure of a page draws side by side
-Drawn = tuple[str, str, tuple[str, ...]]  # an SVG file, its scenario, its estimators
 HOLLOW = "Hollow: over-confident; grey: centralised; dotted: the floor."
+Drawn = tuple[Figure, str, tuple[str, ...]]  # a figure, its scenario, its estimators
 
 
 class Panel(NamedTuple):
@@ -42,18 +52,15 @@ def first_figure(numbers: Numbers, counter: Iterator[int]) -> Shown:
     if few(ended):
         return dots(ended, numbers, counter)
     baselines = ", ".join(map(numbers.names.of, dict.fromkeys(ended["baseline"])))
-    number = ended["estimator"].nunique()
-    most = svg_figures.MOST
+    number, most = ended["estimator"].nunique(), results.MOST
     some = f" Shown are the {most} of {number} that ran in the most scenarios." * (number > most)
-    drawn = svg_figures.overview(numbers.table, numbers.looks, numbers.names)
-    return _shown(
-        [(drawn, "", ())],
+    caption = (
         f"Position RMSE of every estimator divided by that of the baseline ({baselines}): a mark for each scenario, a "
         f"bar at their median; left of the dotted line the error is smaller. Hollow: over-confident; grey: "
-        f"centralised.{some}",
-        counter,
-        "whole",
+        f"centralised.{some}"
     )
+    drawn = results.overview(numbers.table, numbers.looks, numbers.names.of)
+    return _shown([(drawn, "", ())], caption, counter, "whole")
 
 
 def few(table: pd.DataFrame) -> bool:
@@ -63,29 +70,28 @@ def few(table: pd.DataFrame) -> bool:
 
 def lines(rows: pd.DataFrame, numbers: Numbers, counter: Iterator[int]) -> Shown:
     """RMSE over what the scenarios sweep."""
-    groups = svg_figures.panels(rows, numbers.looks)
-    svgs = svg_figures.lines(rows, numbers.looks, numbers.names)
+    groups = results.groups(rows, numbers.looks)
+    figures = results.over(rows, numbers.looks, numbers.names.of)
     family, parameter, _ = sweep(rows["scenario"].iloc[0])
-    one = "each panel one estimator and its variants, all others in grey" if len(svgs) > 1 else "with intervals"
-    return _shown(
-        [(drawn, "", tuple(names)) for drawn, names in zip(svgs, groups, strict=True)],
+    one = "each panel one estimator and its variants, all others in grey" if len(figures) > 1 else "with intervals"
+    caption = (
         f"Position RMSE over {parameter} in {family}, {one}; bands are 95 % intervals over trials. Hollow markers: "
         "over-confident; a broken line: so at most of the values; grey and dotted: centralised; black and dotted: the "
-        f"floor. {trials(rows)}",
-        counter,
-        "wide" if len(svgs) == 1 else "",
+        f"floor. {trials(rows)}"
     )
+    drawn = [(figure, "", tuple(names)) for figure, names in zip(figures, groups, strict=True)]
+    return _shown(drawn, caption, counter, "wide" if len(figures) == 1 else "")
 
 
 def dots(rows: pd.DataFrame, numbers: Numbers, counter: Iterator[int]) -> Shown:
     """RMSE of every estimator, scenario by scenario."""
     drawn: list[Drawn] = [
-        (svg_figures.dots(part, numbers.looks, numbers.names), str(scenario), ())
+        (results.ranking([part], numbers.looks, numbers.names.of), str(scenario), ())
         for scenario, part in rows.groupby("scenario", sort=False)
         if part["rmse"].notna().any()
     ]
-    said = f"Position RMSE, smallest on top, with 95 % intervals over trials. {HOLLOW} {trials(rows)}"
-    return _shown(drawn, said, counter, "wide")
+    caption = f"Position RMSE, smallest on top, with 95 % intervals over trials. {HOLLOW} {trials(rows)}"
+    return _shown(drawn, caption, counter, "wide")
 
 
 def scatter(rows: pd.DataFrame, numbers: Numbers, counter: Iterator[int]) -> Shown:
@@ -93,22 +99,23 @@ def scatter(rows: pd.DataFrame, numbers: Numbers, counter: Iterator[int]) -> Sho
     ended = rows[rows["rmse"].notna()]
     labels = list(dict.fromkeys(ended["scenario"]))
     chosen = labels if len(labels) <= SCATTERED else [labels[0], labels[len(labels) // 2], labels[-1]]
-    drawn: list[Drawn] = []
-    for label in chosen:
-        part = ended[ended["scenario"] == label]
-        drawn += [(svg_figures.against(part, by, numbers.looks), label, ()) for by in ("anees", "bytes", "seconds")]
+    there = ended[ended["scenario"].isin(chosen)]
+    drawn: list[Drawn] = [
+        (results.against(part, [other], numbers.looks, numbers.names.of), str(label), ())
+        for label, part in there.groupby("scenario", sort=False)
+        for other in results.NAMES
+    ]
+    drawn += [(results.key(there, numbers.looks, numbers.names.of), "", ())] if chosen else []
     some = f" Shown are {len(chosen)} of {len(labels)} scenarios, the first, the middle and the last." * (
         len(chosen) < len(labels)
     )
-    there = ended[ended["scenario"].isin(chosen)]
-    drawn += [(svg_figures.key(there, numbers.looks, numbers.names), "", ())] if chosen else []
-    said = (
+    caption = (
         "Accuracy against consistency (grey band: neither over-confident nor conservative), bytes and time, with 95 % "
         "intervals over trials, cut off where they reach beyond the values. Broken line: the Pareto front, "
         "estimators than which no other is at least as good in both and better in one; centralised ones are never on "
         f"it, over-confident estimators (hollow) may be.{some} {trials(there)}"
     )
-    return _shown(drawn, said, counter, "middle", "Accuracy against consistency, bytes and time")
+    return _shown(drawn, caption, counter, "middle", "Accuracy against consistency, bytes and time")
 
 
 def trials(part: pd.DataFrame) -> str:
@@ -120,17 +127,59 @@ def trials(part: pd.DataFrame) -> str:
     return f"{few} a scenario." if len(counts) == 1 else f"{counts[0]} to {counts[-1]} trials a scenario."
 
 
-def _shown(
-    drawn: list[Drawn],
-    caption: str,
-    counter: Iterator[int],
-    width: str,
-    head: str = "",
-) -> Shown:
-    """A figure of SVG files, each with its scenario and its estimators; matplotlib has escaped every text."""
+def _shown(drawn: Iterable[Drawn], caption: str, counter: Iterator[int], width: str, head: str = "") -> Shown:
+    """A figure of panels, each with its scenario and its estimators; matplotlib has escaped every text."""
     panels = []
-    for file, scenario, estimators in drawn:
-        number = next(counter)
+    for figure, scenario, estimators in drawn:
         label = f"{caption.partition(';')[0].partition('. ')[0]}{': ' * bool(scenario)}{scenario}"
-        panels.append(Panel(Markup(svg.inline(file, number, label)), scenario, estimators))
+        panels.append(Panel(inline(figure, next(counter), label), scenario, estimators))
     return Shown(f"figure-{next(counter)}", panels, caption, width, head)
+
+
+# ------------------------------------------------------------------------------------------------ SVG in a page
+
+TAG, STYLE = re.compile(r"<[a-z][^<>]*>"), re.compile(r' style="([\w :;.,()#%-]*)"')
+NUMBER = re.compile(r"\d+\.\d{2,}")
+
+
+def inline(figure: Figure, number: int, label: str) -> Markup:
+    """A figure as SVG to be put into a page: own ids, no links, the page's colours, a label."""
+    out = io.StringIO()
+    with mpl.rc_context(PAGE.rc), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing")  # the reader's fonts draw the text
+        figure.savefig(out, format="svg", metadata={"Date": None})
+    svg = out.getvalue()
+    svg = re.sub(r"<(metadata|style).*?</\1>", "", svg[svg.index("<svg") :], flags=re.DOTALL)  # the page has the style
+    svg = re.sub(r' xmlns(:\w+)?="[^"]*"', "", svg).replace("xlink:href=", "href=")
+    svg = as_variables(_smaller(svg))
+    svg = re.sub(r'(\bid="|url\(#|href="#)', rf"\g<1>f{number}-", svg)
+    return Markup(svg.replace("<svg", f'<svg role="img" aria-label="{escape(label)}"', 1))
+
+
+def shared_styles(markup: str) -> tuple[str, str]:
+    """A page's markup with classes instead of the styles that repeat themselves, and the CSS of these classes.
+
+    Only tags are looked at, so that no text can be taken for a style: it has no angle brackets that are not escaped.
+    """
+    classes: dict[str, str] = {}
+
+    def tag(found: re.Match[str]) -> str:
+        style = STYLE.search(found[0])
+        if style is None or " class=" in found[0]:
+            return found[0]
+        name = classes.setdefault(style[1], f"s{len(classes)}")
+        return found[0].replace(style[0], f' class="{name}"')
+
+    markup = TAG.sub(tag, markup)
+    return markup, "\n".join(f".{name} {{ {style} }}" for style, name in classes.items())
+
+
+def _smaller(svg: str) -> str:
+    """Without what nothing uses, and with coordinates to a tenth of a point: less than half as long."""
+    used = set(re.findall(r'(?:url\(#|href="#)([^")]+)', svg))
+    svg = re.sub(r' id="([^"]*)"', lambda found: found[0] if found[1] in used else "", svg)
+    svg = TAG.sub(lambda found: NUMBER.sub(lambda n: f"{float(n[0]):.1f}".removesuffix(".0"), found[0]), svg)
+    svg = svg.replace("font-family: 'DejaVu Sans', sans-serif; ", "")
+    svg = re.sub(r' transform="rotate\(-0 [^"]*\)"', "", svg)
+    svg = re.sub(r">\s+<", "><", re.sub(r"\s*\n\s*", " ", svg))
+    return re.sub(r"<g\b[^<>]*></g>", "", re.sub(r"<g\b[^<>]*/>", "", svg))  # empty groups

@@ -15,7 +15,7 @@ from cooploc.analysis.metrics.consistency import COLLAPSED
 from cooploc.analysis.metrics.consistency import flag as flag_of
 from cooploc.analysis.metrics.errors import trial_means
 from cooploc.analysis.metrics.statistics import Interval, signed_rank
-from cooploc.analysis.plot.summary import rmse
+from cooploc.analysis.plot.results import rmse
 from cooploc.terminal.tables import records
 
 

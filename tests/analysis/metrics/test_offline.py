@@ -8,7 +8,7 @@ import cooploc as cl
 from cooploc.analysis.claims.trial_table import collect
 from cooploc.analysis.execution.execute import execute
 from cooploc.analysis.metrics.ranking import disqualifications
-from cooploc.analysis.plot.marks import drawable, name_of
+from cooploc.analysis.plot.style import drawable, name_of
 from cooploc.analysis.report import html_page, sentences
 from cooploc.analysis.report.result_tables import RESULTS
 from cooploc.estimators.interface import Belief

@@ -6,7 +6,7 @@ import pytest
 import xarray as xr
 
 import cooploc as cl
-from cooploc.analysis.plot.ellipses import shape
+from cooploc.analysis.plot.beliefs import shape
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,7 @@ import pandas as pd
 import pytest
 
 import cooploc as cl
-from cooploc.analysis.plot.pareto import frontier
+from cooploc.analysis.plot.results import frontier
 
 ROWS = pd.DataFrame(
     [
@@ -34,7 +34,7 @@ def test_a_panel_for_each_scenario_and_the_frontier_in_it():
     assert [ax.get_title(loc="left").partition("[")[0] for ax in shown] == [f"robots-1-3/n={n}" for n in (1, 3, 2)]
     figure.canvas.draw()
     below = [[label.get_text() for label in ax.get_xticklabels()] for ax in shown[1:]]  # nothing stands below these
-    assert below == [["0", "50", "100"]] * 2
+    assert below == [["0", "10", "20", "50", "100"]] * 2
 
 
 def test_who_sends_nothing_stands_at_zero():

@@ -8,7 +8,7 @@ from matplotlib.markers import MarkerStyle
 
 import cooploc as cl
 from cooploc.analysis.plot import style
-from cooploc.analysis.plot.marks import marker
+from cooploc.analysis.plot.style import marker
 from cooploc.estimators import BUILTIN
 
 
@@ -17,14 +17,14 @@ def colours(ax):
 
 
 def test_every_built_in_estimator_has_a_look_that_no_other_has():
-    assert set(style.BUILT_IN) == set(BUILTIN)
-    assert len(set(style.BUILT_IN.values())) == len(BUILTIN)
-    assert len({look.marker for look in style.BUILT_IN.values()}) == len(BUILTIN)  # apart in grey print
+    found = style.looks(BUILTIN).values()
+    assert len(set(found)) == len(BUILTIN)
+    assert len({look.marker for look in found}) == len(BUILTIN)  # apart in grey print
 
 
 def test_every_marker_is_drawn_as_one_mark_that_can_be_hollow():
     row = pd.Series({"consistency": "over-confident", "centralised": False})
-    for look in style.BUILT_IN.values():
+    for look in style.looks(BUILTIN).values():
         _, ax = plt.subplots()
         marker(ax, 1.0, 2.0, row, look)
         assert [line.get_xydata().tolist() for line in ax.lines] == [[[1.0, 2.0]]]
@@ -42,7 +42,7 @@ def test_variants_have_the_hue_of_their_method_and_others_their_own():
     found = style.looks(names)
     assert list(found) == names
     assert len({(look.colour, look.marker) for look in found.values()}) == 5
-    assert found["arl"] == style.BUILT_IN["arl"]
+    assert found["arl"] == style.looks(BUILTIN)["arl"]
     red, green, blue = to_rgb(found["arl[K=1]"].colour)
     assert red < green < blue  # as the blue of arl
     assert {found["mine"].colour, found["yours"].colour} <= set(style.OTHERS)

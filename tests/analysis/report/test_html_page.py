@@ -16,7 +16,8 @@ from cooploc.analysis.execution.stored_run import read as kept_of
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.plot import style
-from cooploc.analysis.report import html_page, sentences, svg_figures
+from cooploc.analysis.plot import results
+from cooploc.analysis.report import html_page, page_figures, sentences
 
 pytestmark = pytest.mark.slow
 SWEEP = {"base": (1.0, 1.0), "good": (0.5, 1.0), "liar": (0.1, 9.0), "omniscient": (0.05, 1.0), "twin": (0.5, 1.0)}
@@ -184,7 +185,8 @@ def test_variants_share_a_panel_and_every_estimator_has_one(swept):
     table = compare(swept, "base", full=True).assign(floor=0.01)
     names = ["arl", "arl[K=1]", "arl[M=1]", "b", "c", "d[x=1]", "e"]
     table = pd.concat([table[table["estimator"] == "base"].assign(estimator=name) for name in names])
-    svgs = svg_figures.lines(table, style.looks(names))
+    drawn = results.over(table, style.looks(names), str)
+    svgs = [str(page_figures.inline(figure, i, "")) for i, figure in enumerate(drawn)]
     assert len(svgs) == 5
     assert all(name in svgs[0] for name in names[:3])
     for name, svg in zip(names[3:], svgs[1:], strict=True):

@@ -12,8 +12,8 @@ from made_runs import Outline, kept_from, rows_of
 from cooploc import scenarios
 from cooploc.analysis.claims.trial_table import collect
 from cooploc.analysis.metrics.compare import compare
-from cooploc.analysis.plot import style
-from cooploc.analysis.report import colours, html_page, html_table, sentences, svg
+from cooploc.analysis.plot import results, style
+from cooploc.analysis.report import colours, html_page, html_table, page_figures, sentences
 from cooploc.analysis.report import page_texts as page_texts
 from cooploc.analysis.report.html_page import LONGEST_TITLE, heading, numbers_of
 from cooploc.analysis.report.page_texts import introduce_estimators
@@ -192,10 +192,9 @@ def test_what_is_to_be_copied_says_what_was_run(rows, tmp_path):
 
 def test_what_a_figure_says_is_never_taken_for_a_style_or_a_coordinate():
     label = 'at 0.125 style="fill: red" m'
-    file = svg.drawn(lambda ax: ax.set_title(label) and None, svg.PANEL)
-    page, css = svg.shared_styles(svg.inline(file, 1, "a label"))
+    (figure,) = results.compose([lambda ax: ax.set_title(label) and None], style.PAGE, results.PANEL)
+    page, css = page_figures.shared_styles(page_figures.inline(figure, 1, "a label"))
     assert f">{label}<" in page.replace("&quot;", '"')
     assert "fill: red" not in css
     assert 'class="s0"' in page
-    assert "<g>" not in page
     assert Outline(page).open == []

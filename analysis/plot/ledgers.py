@@ -1,0 +1,302 @@
+"""A ledger of claims as pictures: its verdicts, its claims over all readings of the paper, and one claim over them.
+
+Source: U. Simonsohn, J. Simmons, L. Nelson, "Specification curve analysis", Nature Human Behaviour 4, 2020.
+"""
+
+import textwrap
+from typing import Any, NamedTuple, cast
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+
+from cooploc.analysis.claims.kinds import RELATIVE
+from cooploc.analysis.claims.ledger import BASE
+from cooploc.analysis.claims.multiverse import dimensions_of
+from cooploc.analysis.claims.verdicts import UNITS
+from cooploc.analysis.plot import style
+from cooploc.estimators.plugins.errors import BadInput
+
+
+class Mark(NamedTuple):
+    """How a verdict is drawn, apart in grey print too."""
+
+    colour: str
+    marker: str
+    face: str
+    strip: tuple[float, float]  # the part of a row's height that its marks take in the map
+
+
+VERDICTS = {
+    "supported": Mark(style.GREEN, "o", style.GREEN, (0, 1)),
+    "direction only": Mark(style.ORANGE, "D", "white", (0.5, 1)),
+    "flat": Mark(style.PURPLE, "P", "white", (0.25, 0.75)),
+    "contradicted": Mark(style.VERMILION, "X", style.VERMILION, (0, 0.5)),
+    "undecided": Mark(style.BLUE, "s", "white", (0.35, 0.65)),
+}
+CLAIMED = style.DARK
+
+
+# ------------------------------------------------------------------------------------------------ verdicts
+
+
+def claims(verdicts: pd.DataFrame, variant: str = BASE, ax: Axes | None = None) -> Axes:
+    """The claims that name a change: the one found in every case with its 95 % interval, and the one claimed.
+
+    Args:
+        verdicts: from `cooploc.analysis.claims.verdicts.judge`.
+        variant: the reading of the paper; "paper" is the ledger's own.
+        ax: where to draw; a new figure if None.
+
+    Raises:
+        BadInput: no claim of this variant names a change, or none was run.
+
+    """
+    drawn = verdicts[(verdicts["variant"] == variant) & verdicts["kind"].isin(RELATIVE)]
+    drawn = drawn[drawn["value"].notna() & drawn["size"].notna()]
+    if drawn.empty:
+        raise BadInput(f"no claim of the reading {variant!r} that names a change was run: see the column `verdict`")
+    blocks = list(drawn.groupby(["claim", "says"], sort=False))
+    ax = ax or style.new_axes(7.4, 0.6 + 0.42 * len(blocks) + 0.21 * len(drawn))
+    head: Any = {"xycoords": ("figure fraction", "data"), "annotation_clip": False, "in_layout": False}
+    y, ticks = 0.0, {}
+    for (claim, says), block in blocks:
+        ax.annotate(f"{claim}. {says}", (0.01, y), fontsize=8, weight="bold", va="center", **head)
+        first = y + 0.6
+        for row in block.to_dict("records"):
+            y += 1
+            mark = VERDICTS[row["verdict"]]
+            low, value, high = (100 * row[name] for name in ("low", "value", "high"))
+            if np.isfinite([low, high]).all():
+                ax.plot([low, high], [y, y], color=mark.colour, lw=1.5)
+            ax.plot(value, y, mark.marker, mec=mark.colour, mfc=mark.face, ms=6)
+            ticks[y] = row["of"] + (f" vs {row['than']}" if row["than"] else "") + f", {row['scenario']}"
+        ax.plot([100 * block["size"].iloc[0]] * 2, [first, y + 0.4], color=CLAIMED, lw=2, solid_capstyle="butt")
+        y += 1.4
+    ax.set_yticks(list(ticks), list(ticks.values()), fontsize=7)
+    ax.set_ylim(y - 0.6, -0.8)
+    for verdict, mark in VERDICTS.items():
+        if verdict in set(drawn["verdict"]):
+            ax.plot([], [], mark.marker, mec=mark.colour, mfc=mark.face, ms=6, label=verdict)
+    ax.plot([], [], color=CLAIMED, lw=2, label="claimed")
+    ax.axvline(0, color="0.7", lw=0.8, zorder=0)
+    ax.tick_params(axis="y", length=0)
+    style.finish(ax, "change of the RMSE [%] with its 95 % interval", grid="x")
+    ax.spines["left"].set_visible(False)
+    style.legend(ax, fontsize=8, loc="lower right", ncols=5)
+    return ax
+
+
+# ------------------------------------------------------------------------------------------------ the map
+
+TRIANGLES = {"letter": ("v", 1.3, "the paper's letter"), "preset": ("^", -0.3, "our preset")}  # marker, y, name
+STRIP, LINE = 0.55, 0.42  # heights of a row's marks and of a line of text, in units of the y axis
+WIDTH, LETTERS = 4.2, 52  # of the figure [in], and of a line of text
+MOST = 1.5  # changes beyond are drawn at the edge
+
+
+def readings(found: pd.DataFrame, ax: Axes | None = None) -> Axes:
+    """The claims that name a size: every specification's number, the one claimed, and how many support it.
+
+    Changes of the error, in per cent; below them, where levels are claimed too, the RMSE in m in axes of their own.
+
+    Args:
+        found: from `cl.readings`.
+        ax: where to draw the changes alone; a new figure if None.
+
+    Raises:
+        BadInput: no claim that names a size was run.
+
+    """
+    sized = found[found["size"].notna() & found["value"].notna()]
+    changes, levels = sized[sized["kind"].isin(RELATIVE)], sized[sized["kind"] == "level"]
+    parts = [part for part in ((changes,) if ax else (changes, levels)) if len(part)]
+    if not parts:
+        raise BadInput("no claim that names a size was run: see the columns `size` and `value` of cl.readings")
+    heights = [
+        sum(LINE * len(_wrap(row.claim, row.says)) + STRIP + 0.65 for row in part.drop_duplicates("claim").itertuples())
+        for part in parts
+    ]
+    size = WIDTH, 0.5 * sum(heights) + 0.55 * len(heights) + 0.6
+    grid: Any = {"height_ratios": heights, "squeeze": False, "layout": "constrained"}
+    axes = [ax] if ax else list(plt.subplots(len(parts), figsize=size, **grid)[1][:, 0])
+    for each, part in zip(axes, parts, strict=True):
+        _map_panel(each, part, part is levels)
+    _map_legend(axes[-1], set(pd.concat(parts)["verdict"]))
+    return axes[0]
+
+
+def _map_panel(ax: Axes, part: pd.DataFrame, levels: bool) -> None:
+    """One row per claim, from the top; numbers beyond the axis stand at its edge."""
+    unit, least = (1.0, 0.0) if levels else (100.0, -1.0)
+    size = part["size"].abs().max()
+    most = max(min(part["value"].max(), 4 * size if levels else MOST), 1.2 * size if levels else 0.25)
+    y = 0.0
+    for (claim, says), rows in part.groupby(["claim", "says"], sort=False):
+        lines = _wrap(claim, says)
+        y -= LINE * len(lines)
+        ax.annotate("\n".join(lines), (0, y), xycoords=("axes fraction", "data"), fontsize=7.5, va="bottom")
+        y -= STRIP + 0.3
+        _map_row(ax, rows.assign(value=rows["value"].clip(least, most)), unit, y)
+        held = f"{(rows['verdict'] == 'supported').sum()} of {len(rows)}"
+        ax.annotate(held, (1.02, y + STRIP / 2), xycoords=("axes fraction", "data"), fontsize=8, va="center")
+        y -= 0.35
+    ax.set(ylim=(y, 0.1), xlim=(unit * least, unit * (most + 0.02 * (most - least))), yticks=[])
+    if not levels:
+        ax.axvline(0, color="0.6", lw=0.8, zorder=0)
+    ax.tick_params(labelsize=7.5)
+    style.finish(ax, grid="x")
+    ax.set_xlabel("RMSE [m]" if levels else "change of the error [%]", fontsize=8)
+    ax.spines["left"].set_visible(False)
+
+
+def _map_row(ax: Axes, rows: pd.DataFrame, unit: float, y: float) -> None:
+    """One claim: a mark for every specification, a bar at each claimed size, and the two ends of the design."""
+    ax.axhspan(y, y + STRIP, color="0.955", lw=0, zorder=0)
+    for verdict, mark in VERDICTS.items():
+        low, high = mark.strip
+        some = unit * rows.loc[rows["verdict"] == verdict, "value"]
+        ax.vlines(some, y + STRIP * low, y + STRIP * high, color=mark.colour, lw=1, alpha=0.8)
+    for size in rows["size"].unique():
+        ax.vlines(unit * size, y - 0.06, y + STRIP + 0.06, color=CLAIMED, lw=2.5)
+    for end, (marker, height, _) in TRIANGLES.items():
+        for row in rows[rows[end]].to_dict("records"):
+            mark = VERDICTS[row["verdict"]]
+            ax.plot(unit * row["value"], y + STRIP * height, marker, mec=mark.colour, mfc=mark.face, ms=5, mew=1)
+
+
+def _map_legend(ax: Axes, verdicts: set[str]) -> None:
+    handles: list[Any] = []
+    for verdict, mark in VERDICTS.items():
+        if verdict in verdicts:
+            low, high = mark.strip
+            part, size = [(0, 2 * low - 1), (0, 2 * high - 1)], 4 if 0 < low < high < 1 else 11
+            handles += ax.plot([], [], marker=part, color=mark.colour, ls="", ms=size, mew=2, label=verdict)
+    handles += ax.plot([], [], marker="|", color=CLAIMED, ls="", ms=10, mew=3, label="claimed")
+    for marker, _, name in TRIANGLES.values():
+        handles += ax.plot([], [], marker, mec="0.4", mfc="0.4", ms=5, label=name)
+    figure: Any = ax.figure
+    figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False, fontsize=7.5, handletextpad=0.3)
+
+
+def _wrap(claim: Any, says: Any) -> list[str]:
+    """A claim in lines; a number stays with its per cent."""
+    return textwrap.wrap(f"{claim}. {says}".replace(" %", "\N{NO-BREAK SPACE}%"), LETTERS)
+
+
+# ------------------------------------------------------------------------------------------------ the curve
+
+CASE = {"scenario": "scenario", "of": "estimator", "than": "against"}  # column -> head of its rows
+ENDS = {"letter": "0.1", "preset": "0.5"}  # column -> colour of its lines
+ANEES = 0.1, 1e4  # values beyond are drawn at the edge
+QUANTITIES = {"level": "RMSE [m]", "slope": "exponent", "time": "time [s]", "consistency": "ANEES"}
+WIDE, CURVE, ROW = 8.0, 2.6, 0.155  # of the figure, and heights of the curve and of a row of the matrix [in]
+
+
+def specification_curve(found: pd.DataFrame, claim: str, definition: str = "") -> Axes:
+    """The number of a claim in every specification, sorted, and the choices of each as a matrix of marks.
+
+    Dotted lines mark the specifications of the paper's letter and of the preset.
+
+    Args:
+        found: from `cl.readings`.
+        claim: its id in the ledger.
+        definition: of the size, "change" or "ratio"; the first that the claim has where not given.
+
+    Returns:
+        The axes of the curve; the matrix stands below in axes of its own.
+
+    Raises:
+        BadInput: no specification of this claim was run.
+
+    """
+    part = found[(found["claim"] == claim) & found["value"].notna()].sort_values("value", kind="stable")
+    if part.empty:
+        known = ", ".join(dict.fromkeys(found["claim"]))
+        raise BadInput(f"no specification of claim {claim!r} was run; the run has those of {known or 'none'}")
+    definition = definition or part["definition"].min()
+    part = part[part["definition"] == definition]
+    if part.empty:
+        raise BadInput(f"claim {claim!r} has no size defined as {definition!r}: write change or ratio")
+    rows = _choices(part)
+    heights = CURVE, ROW * (len(rows) + 1)
+    size = WIDE, sum(heights) + 0.3
+    _, axes = plt.subplots(2, figsize=size, height_ratios=heights, sharex=True, layout="constrained")
+    _draw_effects(axes[0], part)
+    _draw_matrix(axes[1], part, rows)
+    for ax in axes:
+        for end, colour in ENDS.items():
+            for x in np.flatnonzero(part[end]).tolist():
+                ax.axvline(x, color=colour, lw=0.8, ls=style.DOTTED, zorder=0)
+                if ax is axes[0]:
+                    where: Any = {"xycoords": ("data", "axes fraction"), "rotation": 90, "ha": "right", "va": "top"}
+                    ax.annotate(end, (x, 1.0), fontsize=7, color=colour, **where)
+    return cast(Axes, axes[0])
+
+
+def _draw_effects(ax: Axes, part: pd.DataFrame) -> None:
+    first, x = part.iloc[0], np.arange(len(part))
+    unit = 1.0 if first["kind"] in UNITS else 100.0
+    value, low, high = (unit * part[name].to_numpy(float) for name in ("value", "low", "high"))
+    if first["kind"] == "consistency":  # collapsed clouds have an ANEES of any size
+        value, low, high = (np.clip(number, *ANEES) for number in (value, low, high))
+        ax.set_yscale("log")
+    size = float(np.clip(250 / len(part), 1.5, 5))  # [pt], so that neighbours do not cover each other
+    for verdict, mark in VERDICTS.items():
+        some = (part["verdict"] == verdict).to_numpy()
+        if some.any():
+            ax.vlines(x[some], low[some], high[some], color=mark.colour, lw=0.8, alpha=0.6)
+            label = f"{verdict} ({some.sum()})"
+            ax.plot(x[some], value[some], mark.marker, ls="", mec=mark.colour, mfc=mark.face, ms=size, label=label)
+    for number in part["size"].dropna().unique():
+        ax.axhline(unit * number, color=CLAIMED, lw=1.5, ls=style.BROKEN, label="claimed", zorder=0)
+    if first["kind"] not in UNITS:
+        ax.axhline(0, color="0.6", lw=0.8, zorder=0)
+    _limit(ax, value, low, high)
+    as_ratio = " (as a ratio of errors)" * (first["definition"] == "ratio")
+    above = f"Claim {first['claim']}: {first['says']}{as_ratio}"
+    style.finish(ax, "", QUANTITIES.get(first["kind"], "change [%]"), above, grid="y")
+    ax.tick_params(axis="x", length=0)
+    handles = dict(zip(*reversed(ax.get_legend_handles_labels()), strict=True))
+    inside: Any = {"loc": "upper left", "bbox_to_anchor": (0.0, 0.9), "edgecolor": "none", "fontsize": "small"}
+    ax.legend(handles.values(), handles, **inside)
+
+
+def _limit(ax: Axes, value: np.ndarray, *ends: np.ndarray) -> None:
+    """Long intervals do not squeeze the curve: they leave the axes."""
+    inside = np.concatenate([value, *ends])
+    inside = inside[np.isfinite(inside)]
+    if ax.get_yscale() == "log":
+        ax.set_ylim(inside.min() / 1.3, inside.max() * 1.3)
+        return
+    room = 0.35 * (np.ptp(value) or 1.0)
+    low, high = max(inside.min(), value.min() - room), min(inside.max(), value.max() + room)
+    ax.set_ylim(low - 0.05 * room, high + 0.05 * room)
+
+
+def _choices(part: pd.DataFrame) -> list[tuple[str, str]]:
+    """The rows of the matrix: column and choice, where there is more than one; before each column its head."""
+    rows: list[tuple[str, str]] = []
+    for name in [*dimensions_of(part), *CASE]:
+        choices = [choice for choice in dict.fromkeys(part.sort_index()[name]) if choice]
+        if len(choices) > 1:
+            rows += [(name, ""), *((name, choice) for choice in choices)]
+    return rows
+
+
+def _draw_matrix(ax: Axes, part: pd.DataFrame, rows: list[tuple[str, str]]) -> None:
+    colours = np.array([VERDICTS[verdict].colour for verdict in part["verdict"]])
+    for y, (name, choice) in enumerate(rows):
+        if choice:
+            x = np.flatnonzero(part[name] == choice)
+            ax.vlines(x, y - 0.33, y + 0.33, color=colours[x], lw=0.6 * 62 * WIDE / (len(part) + 2))
+            ax.axhline(y, color=style.GRID, lw=0.5, zorder=0)
+    labels = [f"{choice}   " if choice else CASE.get(name, name) for name, choice in rows]
+    ax.set_yticks(range(len(rows)), labels, fontsize=7)
+    for label, (_, choice) in zip(ax.get_yticklabels(), rows, strict=True):
+        label.set_fontweight("normal" if choice else "bold")
+    ax.set(ylim=(len(rows) - 0.5, -0.5), xlim=(-1, len(part)))
+    style.finish(ax, "specifications, sorted by their number")
+    ax.tick_params(axis="both", length=0, labelbottom=False)
+    ax.spines[["left", "bottom"]].set_visible(False)
