@@ -11,12 +11,11 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from cooploc.analysis.claims.kinds import RELATIVE
+from cooploc.analysis.claims.kinds import KINDS, RELATIVE
 from cooploc.analysis.claims.ledger import BASE
 from cooploc.analysis.claims.multiverse import dimensions_of
-from cooploc.analysis.claims.verdicts import UNITS
 from cooploc.analysis.plot import style
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 
 
 class Mark(NamedTuple):
@@ -237,7 +236,8 @@ def specification_curve(found: pd.DataFrame, claim: str, definition: str = "") -
 
 def _draw_effects(ax: Axes, part: pd.DataFrame) -> None:
     first, x = part.iloc[0], np.arange(len(part))
-    unit = 1.0 if first["kind"] in UNITS else 100.0
+    relative = KINDS[first["kind"]].unit is None
+    unit = 100.0 if relative else 1.0
     value, low, high = (unit * part[name].to_numpy(float) for name in ("value", "low", "high"))
     if first["kind"] == "consistency":  # collapsed clouds have an ANEES of any size
         value, low, high = (np.clip(number, *ANEES) for number in (value, low, high))
@@ -251,7 +251,7 @@ def _draw_effects(ax: Axes, part: pd.DataFrame) -> None:
             ax.plot(x[some], value[some], mark.marker, ls="", mec=mark.colour, mfc=mark.face, ms=size, label=label)
     for number in part["size"].dropna().unique():
         ax.axhline(unit * number, color=CLAIMED, lw=1.5, ls=style.BROKEN, label="claimed", zorder=0)
-    if first["kind"] not in UNITS:
+    if relative:
         ax.axhline(0, color="0.6", lw=0.8, zorder=0)
     _limit(ax, value, low, high)
     as_ratio = " (as a ratio of errors)" * (first["definition"] == "ratio")

@@ -36,7 +36,7 @@ from cooploc.analysis.plot.style import (
     rmse_at,
     span,
 )
-from cooploc.estimators.plugins.errors import BadInput, nearest
+from cooploc.estimators.errors import BadInput, nearest
 
 Looks = Mapping[str, Look]
 Short = Callable[[str], str]  # what an estimator is called in a figure

@@ -10,7 +10,7 @@ from matplotlib.ticker import NullLocator
 from cooploc.analysis.formats import counted
 from cooploc.analysis.plot import style
 from cooploc.analysis.plot.style import curve, marker, rmse_at, span
-from cooploc.estimators.plugins.errors import BadInput, nearest
+from cooploc.estimators.errors import BadInput, nearest
 
 # ------------------------------------------------------------------------------------------------ information
 

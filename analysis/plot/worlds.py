@@ -12,10 +12,10 @@ from matplotlib.patches import Circle, Rectangle
 from cooploc.analysis.plot import style
 from cooploc.analysis.plot.style import DARK, GREY
 from cooploc.estimators.interface import Array
-from cooploc.estimators.plugins.errors import BadInput
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios import resolve
-from cooploc.scenarios.recordings.team.leftover import Leftover
-from cooploc.scenarios.recordings.team.scenario import TeamScenario
+from cooploc.scenarios.recordings.fit import Leftover
+from cooploc.scenarios.recordings.scenario import TeamScenario
 from cooploc.scenarios.scenario import ResolvedScenario
 from cooploc.scenarios.stream import Stream
 from cooploc.scenarios.worlds.radio import Scene
