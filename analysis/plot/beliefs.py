@@ -15,8 +15,8 @@ from cooploc.analysis.metrics.errors import INSIDE_95, demand_same
 from cooploc.analysis.metrics.statistics import LEAST_TRIALS
 from cooploc.analysis.plot import style
 from cooploc.analysis.plot.style import DARK, GREY, Look
-from cooploc.estimators.interface import Array
 from cooploc.estimators.errors import BadInput
+from cooploc.estimators.interface import Array
 from cooploc.scenarios.runner.run import Run
 from cooploc.scenarios.runner.trace import Trace
 from cooploc.scenarios.stream import Stream, Truth

@@ -11,8 +11,8 @@ from matplotlib.patches import Circle, Rectangle
 
 from cooploc.analysis.plot import style
 from cooploc.analysis.plot.style import DARK, GREY
-from cooploc.estimators.interface import Array
 from cooploc.estimators.errors import BadInput
+from cooploc.estimators.interface import Array
 from cooploc.scenarios import resolve
 from cooploc.scenarios.recordings.fit import Leftover
 from cooploc.scenarios.recordings.scenario import TeamScenario

@@ -20,7 +20,7 @@ from cooploc.analysis.metrics.curves import sweep
 from cooploc.analysis.plot import results
 from cooploc.analysis.plot.style import PAGE
 from cooploc.analysis.report.colours import as_variables
-from cooploc.analysis.report.run_numbers import Numbers
+from cooploc.analysis.report.result_tables import Numbers
 
 SCATTERED = 3  # scenarios of an experiment whose accuracy is drawn against consistency and cost
 FEW = 4  # scenarios that the first figure of a page draws side by side

@@ -15,8 +15,7 @@ from cooploc.analysis.claims.trial_table import collect
 from cooploc.analysis.execution.stored_run import read as kept_of
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.compare import compare
-from cooploc.analysis.plot import style
-from cooploc.analysis.plot import results
+from cooploc.analysis.plot import results, style
 from cooploc.analysis.report import html_page, page_figures, sentences
 
 pytestmark = pytest.mark.slow
