@@ -5,10 +5,7 @@ import pytest
 from oracles import dense_posterior, linear_team
 
 from cooploc.estimators import make
-from cooploc.estimators.channel_filter import Gaussian
-from cooploc.estimators.channel_pf import _linearised
 from cooploc.estimators.interface import Belief
-from cooploc.estimators.models import Range, Sighting
 from cooploc.scenarios import simulate
 from cooploc.scenarios.runner.run import run
 from cooploc.scenarios.runner.trace import trace
@@ -70,22 +67,6 @@ def test_a_packet_after_lost_ones_brings_the_way_that_the_sender_went_meanwhile(
     np.testing.assert_allclose(s.heard[0, 1, :2], np.nan_to_num(lost.senses.odometry[0, :, 1]).sum(0))
     went = s.channel.x[0, 1, 2:] - s.own.belief.x[1]
     assert np.linalg.norm(went) < 3 * np.sqrt(np.trace(s.channel.P[0, 1, 2:, 2:]))
-
-
-@pytest.mark.parametrize(("sensor", "z"), [(Range(0.05), [1.6]), (Sighting(0.05, 0.02), [1.6, 0.2])])
-def test_a_reading_is_linearised_with_the_mean_and_variance_that_draws_of_both_robots_have(sensor, z, rng):
-    """Drawn a hundred thousand times, the heading, too; the curvature of a range moves its mean by 3 cm."""
-    P, two = np.diag([0.01, 0.05, 0.02, 0.03]), len(z) > 1
-    P = P * 0.2 if two else P  # what a sighting says to second order is left out
-    both = Gaussian(np.array([[0.0, 0.0, 1.5, 0.0]]), P[None])
-    mine = Belief(np.array([[0.0, 0.0, 0.1]]), np.diag([*np.diag(P)[:2], 0.02])[None])
-    reading = _linearised(sensor, both, mine, np.array([z]))
-    x = both.x + rng.normal(size=(100_000, 4)) * np.sqrt(np.diag(P))
-    pose = np.concatenate([x[:, :2], 0.1 + np.sqrt(0.02) * rng.normal(size=(100_000, 1))], 1)
-    y, _, _ = sensor.innovation(pose, x[:, 2:], np.array(z))
-    np.testing.assert_allclose(reading.y[0], y.mean(0), atol=0.007)
-    stated = reading.H[0] @ P @ reading.H[0].T + reading.R[0]
-    np.testing.assert_allclose(stated, np.cov(y.T) + sensor.R, atol=0.05 * np.trace(stated))
 
 
 def _of_trial(stream):

@@ -1,7 +1,5 @@
 """CMRL against Bayes' rule on a grid, and its rule that a detection counts once per meeting."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from oracles import log_distance
@@ -90,14 +88,6 @@ def test_a_packets_density_integrates_to_one_and_has_the_particles_mean_and_cova
                                atol=0.1)  # fmt: skip
 
 
-def test_a_sample_of_all_particles_has_exactly_their_mean_and_covariance(rng):
-    x = rng.normal(size=(2, 64, 2))
-    got, whole = density(sample(x, np.zeros((2, 64)), np.array([0.3, 0.9]), 64)), summary(x, np.zeros((2, 64)))
-    np.testing.assert_allclose(got.x.mean(1), whole.x)
-    e = got.x - whole.x[:, None]
-    np.testing.assert_allclose((got.P + e[..., :, None] * e[..., None, :]).mean(1), whole.P)
-
-
 def used(estimator, steps):
     """Whether robot 0 used the detection of each tick; it moves so many metres in each."""
     s, found = estimator.init(PRIOR, WORLD, ROWS), []
@@ -113,20 +103,6 @@ def test_a_detection_of_a_teammate_counts_once_until_the_robot_has_travelled():
     once = make("cmrl", anchor_reading="none", apart=2.5)
     assert used(once, [0.0, 0.0, 1.0, 1.0, 1.0, 0.0]) == [True, False, False, False, True, False]
     assert used(make("cmrl", anchor_reading="none", apart=0.0), [0.0, 0.0, 1.0]) == [True, True, True]
-
-
-def test_each_teammate_has_a_count_of_its_own():
-    """Robots 0 and 2 hear robot 1 alone: they may use a detection of each other at once."""
-    estimator, nothing = make("cmrl", anchor_reading="none"), np.empty((3, 0))
-    z = Senses(np.zeros((3, 2)), np.ones(3), nothing, np.empty((3, 0, 2)), np.empty((3, 0, 2)), {})
-    prior = Belief(np.array([[2.0, 2.0], [3.5, 4.0], [5.0, 2.0]]), np.tile(np.eye(2), (3, 1, 1)))
-    rows = Rows(np.zeros(3, int), np.arange(3), np.array([[1, 2], [3, 4], [5, 6]], np.uint32))
-    s = estimator.init(prior, replace(WORLD, robots=3), rows)
-    s = estimator.correct(estimator.predict(s, z), z)
-    heard = np.array([[False, True, False], [False] * 3, [False, True, False]])
-    packets = np.where(heard[..., None], estimator.send(s, z), np.nan)
-    s = estimator.fuse(s, z, Mail(heard, packets, nothing, np.where(heard, 2.0, np.nan)))
-    np.testing.assert_array_equal(s.travelled, np.where(heard, 0.0, np.inf))
 
 
 def test_a_robot_that_hears_nobody_is_arl_to_the_bit():

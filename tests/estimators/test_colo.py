@@ -1,15 +1,11 @@
 """The filters of CoLo (T.-K. Chang's repository): the equations written out robot by robot, on whole matrices."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
-from oracles import covariances, is_covariance, linear_team
+from oracles import linear_team
 
-from cooploc.estimators.ekf_gs_ci import EkfGsCi, State
+from cooploc.estimators.ekf_gs_ci import EkfGsCi
 from cooploc.estimators.ekf_luft import EkfLuft
-from cooploc.estimators.kalman import Message
-from cooploc.scenarios import simulate
 from cooploc.scenarios.runner.trace import trace
 
 inv = np.linalg.inv
@@ -81,25 +77,6 @@ def test_the_global_state_filter_is_its_equations_robot_by_robot(weight):
         np.testing.assert_allclose(got.P[trial], P, atol=1e-8)
 
 
-def test_an_intersection_changes_a_heading_by_its_covariance_with_the_positions(rng):
-    """In information form: what the positions' marginal gains or loses is added, and the heading given them stays."""
-    x, P, x_j, P_j = rng.normal(size=5), covariances(rng, d=5), rng.normal(size=4), covariances(rng, d=4)
-    heard = np.array([[False, True]])
-    sent = Message(
-        np.where(heard[..., None], x_j, np.nan),
-        (np.where(heard[..., None, None], P_j, np.nan),),
-        np.empty((1, 2, 0, 2)),
-    )
-    s = State(x[None], P[None], np.array([[0, 1, 4]]), SimpleNamespace(robots=2))
-    after = EkfGsCi(weight=0.7)._intersect(s, sent)
-    Y, Y_j = inv(P[:4, :4]), inv(P_j)
-    Lambda, eta = inv(P), inv(P) @ x
-    Lambda[:4, :4] += 0.7 * Y + 0.3 * Y_j - Y
-    eta[:4] += 0.7 * Y @ x[:4] + 0.3 * Y_j @ x_j - Y @ x[:4]
-    np.testing.assert_allclose(after.P[0], inv(Lambda), atol=1e-9)
-    np.testing.assert_allclose(after.x[0], inv(Lambda) @ eta, atol=1e-9)
-
-
 def ls_bda(stream, trial):
     """One matrix of the team. A pair is updated exactly; its cross terms with others follow as Sigma' Sigma^-1."""
     n, z, R = stream.robots, stream.senses, stream.world.sensors["sighting"].R
@@ -158,10 +135,3 @@ def test_the_global_state_filter_is_conservative_where_the_drift_covers_the_moti
     e = got.x - x
     nees = np.einsum("tkna,tkna->tkn", e, np.linalg.solve(got.P, e[..., None])[..., 0]) / 2
     assert nees.mean((0, 2)).max() < 1.1
-
-
-def test_a_packet_of_the_global_state_filter_is_all_positions_and_their_covariance():
-    _, stream = simulate("robots-1-3/n=3", trials=1, seed=5, ticks=5)
-    got = trace("gs", EkfGsCi(), stream)
-    np.testing.assert_array_equal(got.bytes, 5 * (8 + 8 * (6 + 21)))
-    assert is_covariance(got.P)

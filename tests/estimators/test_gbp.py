@@ -7,7 +7,6 @@ import pytest
 from oracles import dense_posterior, linear_team
 
 import cooploc as cl
-from cooploc.estimators.gbp import Gaussian, Information, Packet, weighed
 from cooploc.scenarios.runner.tick import drive
 
 TICKS = 6
@@ -51,12 +50,6 @@ def test_on_a_linear_tree_it_becomes_the_exact_posterior_although_packets_are_lo
         np.testing.assert_allclose(P[trial], [covariance[i, :, i] for i in range(4)], atol=1e-8)
 
 
-def test_without_these_exchanges_it_is_not_yet_there():
-    stream = _tree(seed=5)
-    x, _ = _settled(cl.make("gbp", window=TICKS + 1, huber=np.inf), stream, 0)
-    assert np.abs(x[0] - dense_posterior(stream, 0, TICKS - 1, relative=True)[0]).max() > 1e-4
-
-
 def test_on_a_linear_graph_with_loops_the_means_become_exact_and_covariances_too_small():
     _, stream = linear_team(seed=8, trials=2, robots=3, ticks=TICKS)
     x, P = _settled(cl.make("gbp", window=TICKS + 1, huber=np.inf), stream, 300)
@@ -93,21 +86,3 @@ def test_it_sends_five_numbers_to_each_teammate_and_five_or_ten_more_for_each_ol
     sent = cl.run({"gbp": cl.make("gbp", window=4)}, stream).traces["gbp"].bytes
     numbers = [5, 5 + 5, 5 + 5 + 10] + 5 * [5 + 5 + 10 + 10]
     np.testing.assert_array_equal(sent, 2 * (8 * 8 + 8 * sum(numbers)))
-
-
-def test_what_is_packed_is_unpacked(rng):
-    vectors = rng.normal(size=(2, 2, 3, 4, 2))
-    matrices = rng.normal(size=(2, 2, 3, 4, 2, 2))
-    sent = Packet(*(kind(v, m + m.mT) for kind, v, m in zip((Gaussian, Information), vectors, matrices, strict=True)))
-    got = Packet.unpack(sent.pack(window=5), 3)
-    for a, b in zip((*sent.mine, *sent.yours), (*got.mine, *got.yours), strict=True):
-        np.testing.assert_array_equal(a, b)
-
-
-def test_half_the_square_of_a_weighed_reading_is_hubers_loss():
-    y, h = np.array([[0.5], [2.0], [-9.0], [np.nan]]), 3.0
-    z, R, (H,) = weighed(y, np.array([[4.0]]), h, np.ones((4, 1, 2)))
-    M = np.abs(y[:3, 0]) / 2
-    loss = np.where(h >= M, M**2 / 2, h * M - h**2 / 2)
-    np.testing.assert_allclose((z**2 / R[..., 0] / 2)[:3, 0], loss, rtol=1e-12)
-    assert not H[3].any()

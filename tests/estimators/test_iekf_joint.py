@@ -104,36 +104,6 @@ def test_it_is_the_filter_on_matrices_with_numerical_slopes():
     assert used > 3
 
 
-@pytest.mark.parametrize("engine", ["batched", "filterpy"])
-def test_a_range_that_the_gate_refuses_is_one_that_was_not_read(engine):
-    _, stream = cl.simulate("robots-1-3/n=2[ticks=10]", trials=2, seed=4)
-    wrong, absent = stream.air.range.copy(), stream.air.range.copy()
-    wrong[:, 5, 0, 1] += 50
-    absent[:, 5, 0, 1] = np.nan
-    streams = (stream.with_arrays({"air.range": z}) for z in (wrong, absent))
-    a, b = (cl.run({"iekf": cl.make("iekf-joint", engine=engine)}, one).traces["iekf"] for one in streams)
-    np.testing.assert_allclose(a.x, b.x, atol=1e-12)
-    np.testing.assert_allclose(a.P, b.P, atol=1e-12)
-
-
-def test_odometry_alone_is_dead_reckoning_with_the_ekfs_own_covariance():
-    _, stream = cl.simulate("camera/n=2[ticks=50]", trials=2, seed=4)
-    blind = replace(stream, senses=stream.senses._replace(sighting=np.full_like(stream.senses.sighting, np.nan)))
-    made = {"iekf": cl.make("iekf-joint", anchor_reading="none"), "dead": cl.make("dead-reckoning")}
-    traces = cl.run(made, blind).traces
-    np.testing.assert_array_equal(traces["iekf"].x, traces["dead"].x)
-    np.testing.assert_allclose(traces["iekf"].P, traces["dead"].P, atol=1e-12)
-
-
-@pytest.mark.parametrize("label", ["robots-1-3/n=3[ticks=20]", "camera/n=3[ticks=40]"])
-def test_its_two_engines_agree(label):
-    _, stream = cl.simulate(label, trials=2, seed=4)
-    made = {engine: cl.make("iekf-joint", engine=engine) for engine in ("batched", "filterpy")}
-    a, b = (cl.run(made, stream).traces[engine] for engine in made)
-    np.testing.assert_allclose(a.x, b.x, atol=1e-9)
-    np.testing.assert_allclose(a.P, b.P, atol=1e-9)
-
-
 def test_with_a_compass_it_is_the_plain_joint_ekf():
     _, stream = cl.simulate("robots-1-3/n=3[ticks=40]", trials=3, seed=4)
     traces = cl.run([PLAIN, "iekf-joint"], stream).traces

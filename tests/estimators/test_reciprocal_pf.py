@@ -77,15 +77,6 @@ def test_places_have_the_moments_of_the_detection_model_by_quadrature(case):
     np.testing.assert_allclose(np.cov(got.T), cov, atol=0.02 * np.trace(cov))
 
 
-def test_places_are_drawn_of_the_senders_that_were_heard_alike():
-    z = np.array([[[1.0], [np.nan], [1.0]]])
-    m = np.array([[[[0.0, 0.0]], [[100.0, 0.0]], [[200.0, 0.0]]]])
-    sent = Mixture(np.ones((1, 3, 1)), m, np.zeros((1, 3, 1, 2, 2)))
-    got = places(Range(0.1), sent, z, all_of(10_000), np.zeros((1, 10_000)), KEY, 1)
-    near = [np.mean(np.linalg.norm(got - q, axis=-1) < 2) for q in m[0, :, 0]]
-    np.testing.assert_allclose(near, [0.5, 0.0, 0.5], atol=0.02)
-
-
 WORLD = World(2, 1.0, np.array([[0.0, 0.0], [6.0, 6.0]]), Displacement(0.01), {"radio_range": Range(0.1)})
 ROWS = Rows(np.zeros(2, int), np.arange(2), np.array([[1, 2], [3, 4]], np.uint32))
 
@@ -110,22 +101,6 @@ def test_a_share_alpha_of_the_mass_lies_where_the_team_sees_the_robot(alpha):
     seen = np.abs(np.linalg.norm(s.x[0] - [3.0, 3.0], axis=-1) - 2) < 1
     assert w[seen].sum() / w.sum() == pytest.approx(alpha, abs=0.03)
     assert not (np.abs(np.linalg.norm(s.x[1] - [3.0, 3.0], axis=-1) - 2) < 1).any()  # it heard nobody
-
-
-def test_a_belief_reported_before_the_draws_is_that_without_them_and_the_particles_are_drawn_all_the_same():
-    without, before, after = (
-        after_one_detection(a, report=r) for a, r in ((0.0, "after"), (0.3, "before"), (0.3, "after"))
-    )
-    np.testing.assert_allclose(before.belief.x, without.belief.x, atol=1e-12)
-    np.testing.assert_allclose(before.belief.P, without.belief.P, atol=1e-12)
-    np.testing.assert_array_equal(before.x, after.x)
-    assert np.linalg.norm(before.belief.x[0] - after.belief.x[0]) > 1
-
-
-def test_a_broken_range_draws_nothing():
-    s = after_one_detection(0.5, distance=1e200)
-    assert np.isfinite(s.belief.P).all()
-    assert np.abs(s.x).max() < 100
 
 
 def test_a_sensor_that_cannot_be_read_the_other_way_round_is_refused_unless_nothing_is_drawn():

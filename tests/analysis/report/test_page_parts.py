@@ -30,13 +30,13 @@ def rows():
 
 @pytest.mark.parametrize("colour", ["#000000", *(to for to in style.OTHERS), style.BLUE, style.BROWN, style.SKY])
 def test_colours_by_night_can_be_read_on_the_dark_ground(colour):
-    assert colours.contrast(colours.by_night(colour), html_table.NIGHT) >= html_table.LEAST
+    assert colours.contrast(colours.by_night(colour), colours.NIGHT) >= colours.LEAST
 
 
 def test_every_colour_of_a_page_has_a_value_for_day_and_night():
     day, night = colours.variables(colours.as_variables('<g style="fill: #0173b2; stroke: #ffffff"/>'))
     assert day == "--c0173b2: #0173b2; --cffffff: #ffffff;"
-    assert f"--cffffff: {html_table.NIGHT};" in night
+    assert f"--cffffff: {colours.NIGHT};" in night
 
 
 def test_text_of_the_page_has_enough_contrast_by_day_and_by_night():

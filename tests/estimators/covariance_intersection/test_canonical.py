@@ -46,14 +46,6 @@ def test_problems_in_a_stack_have_the_answers_that_cvxpy_gives_each():
         np.testing.assert_allclose(x.sum(), asked.solve(solver="CLARABEL"), rtol=1e-6)
 
 
-def test_a_problem_that_is_not_affine_in_its_parameters_is_refused():
-    c, theta = cp.Variable(), cp.Parameter(2)
-    with pytest.raises(ValueError, match="DPP"):
-        canonical(cp.Problem(cp.Minimize(c), [c >= theta[0] * theta[1]]), theta)
-    with pytest.raises(ValueError, match="quadratic"):
-        canonical(cp.Problem(cp.Minimize(cp.square(c)), [c >= theta[0] + theta[1]]), theta)
-
-
 @pytest.mark.parametrize(("m", "d"), [(2, 2), (5, 2), (3, 3)])
 @CRITERIA
 def test_weights_are_those_of_a_fresh_problem_as_one_writes_it_first(m, d, criterion):

@@ -16,16 +16,13 @@ from cooploc.estimators.ekf_luft import _possible, met
 from cooploc.estimators.ekf_split_ci import EkfSplitCi
 from cooploc.estimators.ekf_split_ci import State as SplitState
 from cooploc.estimators.joint_gaussian import (
-    definite,
     direction_by_direction,
     information,
-    information_mean,
     information_update,
     range_by_range,
     readings_of,
     scalar_by_scalar,
     sparse_update,
-    widened,
 )
 from cooploc.estimators.joint_kernels import LIMIT, Factored, PairUpdate, least_trace, meet
 from cooploc.estimators.kalman import kalman, linearise
@@ -107,16 +104,6 @@ def test_compiled_ranges_together_are_the_numpy_ones(iterations, second_order, g
     np.testing.assert_allclose(compiled.P, plain.P, atol=1e-12)
     np.testing.assert_allclose(compiled.refused, plain.refused, atol=1e-15)
     assert (plain.refused > 0).any() == (gate == 1.0)
-
-
-def test_a_move_without_rotation_widens_as_the_matrix_product_does():
-    rng, _, P = team(40, 2)
-    Q = 0.1 * covariances(rng, 20, d=2).reshape(5, 4, 2, 2)
-    noise = np.zeros_like(P)
-    for i in range(4):
-        noise[:, 2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = Q[:, i]
-    P[1, 0, 7] += 0.3  # what is not symmetric becomes so
-    np.testing.assert_array_equal(widened(P, Q), ((P + noise) + (P + noise).mT) / 2)
 
 
 @pytest.mark.parametrize("k", [1, 2])
@@ -215,25 +202,6 @@ def test_compiled_meetings_are_the_numpy_ones(d, gate):
     for got, expected, single in zip(compiled[:3], plain[:3], alone[:3], strict=True):
         np.testing.assert_allclose(got, expected, rtol=1e-12, atol=1e-12)
         np.testing.assert_array_equal(got[7], single[0])
-
-
-@pytest.mark.parametrize("d", [1, 2, 3])
-def test_definite_is_a_smallest_eigenvalue_above_zero(d):
-    P = np.random.default_rng(43).normal(size=(40, 5, d, d)) + np.eye(d)
-    P = P + P.mT
-    want = np.linalg.eigvalsh(P)[..., 0] > 0
-    assert 20 < want.sum() < 180
-    np.testing.assert_array_equal(definite(P), want)
-    assert not definite(np.zeros((d, d)))
-    assert not definite(np.full((d, d), np.nan))
-
-
-def test_the_mean_in_information_form_is_that_of_the_whole_update():
-    rng, x, P = team(39, 2)
-    H = rng.normal(size=(5, 6, 8))
-    eta, Lambda = rng.normal(size=(5, 8)), H.mT @ H
-    want = x.reshape(5, 8) + (information_update(P, Lambda) @ eta[..., None])[..., 0]
-    np.testing.assert_allclose(information_mean(x.reshape(5, 8), P, eta, Lambda), want, atol=1e-12)
 
 
 def test_information_form_is_the_dense_form_at_fifty_robots():

@@ -24,16 +24,6 @@ def test_a_message_comes_out_as_it_went_in(d, parts, teammates):
         np.testing.assert_array_equal(a, b)
 
 
-def test_a_packet_that_was_not_received_is_all_nan():
-    """Packets come as (receiver, sender, m)."""
-    packets = np.full((6, 3, 9), np.nan)
-    packets[0, 2] = np.arange(9.0)
-    got = Message.unpack(packets, 3)
-    assert np.isnan(got.x).all(-1).sum() == 17
-    np.testing.assert_array_equal(got.P[0][0, 2], [[3, 4, 5], [4, 6, 7], [5, 7, 8]])
-    assert got.sightings.shape == (6, 3, 0, 2)
-
-
 def test_messages_are_counted_with_a_header_where_they_were_sent():
     sent = no_traffic(np.zeros((2, 3, 2)))
     count(sent, 1, np.array([True, False]), 5)

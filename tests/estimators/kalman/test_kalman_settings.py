@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from cooploc.estimators import BUILTIN, make
-from cooploc.estimators.kalman import Settings, TeamSettings
 from cooploc.scenarios import simulate
 from cooploc.scenarios.runner.run import run
 
@@ -22,34 +21,12 @@ def test_help_explains_every_parameter(name):
 
 
 @pytest.mark.parametrize("name", FILTERS)
-def test_every_filter_shares_the_settings(name):
-    made = make(name, anchor_reading="rssi", gate=4.0, engine="filterpy")
-    assert isinstance(made, Settings)
-    assert isinstance(made, TeamSettings) == (name != "ekf-local")
-    assert (made.anchor_reading, made.gate, made.engine) == ("rssi", 4.0, "filterpy")
-
-
-@pytest.mark.parametrize("name", FILTERS)
 def test_a_direction_of_arrival_without_four_corners_is_refused(name):
     _, stream = simulate("anchors/a=5", ticks=2)
     with pytest.raises(ValueError, match="needs four corner anchors"):
         make(name).require_corners(stream.world)
     for reading in ("rssi", "none"):
         make(name, anchor_reading=reading).require_corners(stream.world)
-
-
-def test_channels_are_what_is_read():
-    assert make("ekf-local").uses == ("odometry", "anchor_rssi|landmark|anchor_range")
-    assert make("ekf-naive", reading="rssi").uses == (
-        "odometry",
-        "anchor_rssi|landmark|anchor_range",
-        "sighting|radio_rssi",
-    )
-    assert make("ekf-ci", form="ls").uses == ("odometry", "anchor_rssi|landmark|anchor_range", "sighting")
-    assert make("ekf-local", anchor_reading="none").uses == ("odometry",)
-    assert make("ekf-luft", anchor_reading="none", reading="rssi").uses == ("odometry", "sighting|radio_rssi")
-    assert make("ekf-ci", anchor_reading="none", form="ls").uses == ("odometry", "sighting")
-    assert make("map-joint", anchor_reading="none").uses == ("odometry", "sighting?", "radio_rssi?", "radio_range?")
 
 
 @pytest.mark.parametrize("name", ["ekf-local", "ekf-joint", "ekf-ci", "ukf-joint", "map-joint"])

@@ -30,24 +30,6 @@ def test_both_engines_agree(options, update):
     np.testing.assert_allclose(a.P, b.P, atol=1e-9)
 
 
-@pytest.mark.parametrize("options", OPTIONS, ids=str)
-def test_every_option_changes_the_estimates(options):
-    _, stream = cl.simulate(WORLD, trials=1, seed=4)
-    a, b = cl.run({"all": cl.make("ekf-joint"), "some": cl.make("ekf-joint", **options)}, stream).traces.values()
-    assert np.abs(a.x - b.x).max() > 1e-3
-
-
-@pytest.mark.parametrize(("part", "other"), [("range", "sigma_bearing"), ("bearing", "sigma_range")])
-def test_one_part_of_a_sighting_is_the_whole_whose_other_part_says_nothing(part, other):
-    _, stream = cl.simulate(f"camera/n=3[ticks=40,assumed.{other}=1e5]", trials=2, seed=1)
-    assert np.nanmin(stream.senses.sighting[..., 0]) > 0.2  # nearer ones are refused for their range
-    plain = {"anchor_reading": "none", "gate": np.inf, "iterations": 1, "second_order": False, "update": "sequential"}
-    made = {"both": cl.make("ekf-joint", **plain), "part": cl.make("ekf-joint", **plain, sighting=part)}
-    a, b = cl.run(made, stream).traces.values()
-    np.testing.assert_allclose(a.x, b.x, atol=1e-6)
-    np.testing.assert_allclose(a.P, b.P, atol=1e-6)
-
-
 def test_an_orientation_has_the_slopes_of_the_difference_of_two_headings(rng):
     x, x_j, z = rng.normal(size=(4, 3)), rng.normal(size=(4, 3)), rng.normal(0, 2, (4, 1))
     y, H, H_j = Orientation().between(x, x_j, z)

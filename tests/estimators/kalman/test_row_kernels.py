@@ -7,7 +7,7 @@ from oracles import covariances
 from cooploc.estimators.interface import Senses
 from cooploc.estimators.joint_gaussian import block_diagonal, driven, square
 from cooploc.estimators.kalman import ENGINES, Settings, corrected, innovation, kalman, move, predict
-from cooploc.estimators.models import Bearing, Displacement, LogDistance, Range, Sighting, Unicycle
+from cooploc.estimators.models import Bearing, LogDistance, Range, Sighting, Unicycle
 from cooploc.scenarios import simulate
 
 ROWS = 40
@@ -73,13 +73,6 @@ def test_compiled_wheels_are_the_numpy_ones(lead):
     for mine, theirs in zip(move(wheels, x, sensed(u, dt)), wheels.move(x, u, dt), strict=True):
         assert mine.shape == theirs.shape
         near(mine, theirs)
-
-
-def test_another_motion_moves_itself():
-    _, x, _ = beliefs(5, 2)
-    u, dt = np.ones((ROWS, 2)), np.ones(ROWS)
-    for mine, theirs in zip(move(Displacement(), x, sensed(u, dt)), Displacement().move(x, u, dt), strict=True):
-        np.testing.assert_array_equal(mine, theirs)
 
 
 @pytest.mark.parametrize("d", [2, 3])

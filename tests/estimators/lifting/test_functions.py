@@ -45,13 +45,6 @@ def test_a_reading_less_what_is_expected_is_the_innovation(tick):
         np.testing.assert_array_equal(one.linear(x).R, sensor.R)
 
 
-def test_functions_take_many_states_at_once(tick):
-    world, z, x = tick
-    many = np.stack([x, x + 0.1, x - 0.2])
-    for f in (cl.motion_of(world, z).f, *(one.h for one in cl.readings_of(world, z))):
-        np.testing.assert_allclose(f(many), [f(one) for one in many], atol=1e-12)
-
-
 def test_a_sighting_without_a_bearing_is_no_reading():
     _, stream = cl.simulate("camera/n=3", trials=1, seed=4, ticks=20)
     seen = np.isfinite(stream.senses.landmark[0, ..., 0])

@@ -12,7 +12,6 @@ from cooploc.estimators.adapters import mail_of, senses_of
 from cooploc.estimators.interface import Mail, Senses
 from cooploc.estimators.tunable import declared
 from cooploc.scenarios.runner.trace import trace
-from cooploc.scenarios.studies.study import expand
 
 FILE = """
 import random
@@ -91,22 +90,8 @@ def test_parameters_of_a_label_reach_a_plain_class(file):
     )
 
 
-def test_parameters_of_a_label_are_added_to_those_of_what_was_lifted(file):
-    assert cl.make(f"{file}:lifted[scale=2]").parameters == {"scale": 2.0, "lean": 1, "name": None}
-
-
 def test_a_function_of_parameters_is_called_with_them(file):
     assert cl.make(f"{file}:factory[scale=0.7]").parameters["scale"] == 0.7
-
-
-def test_a_swept_parameter_changes_the_estimates(file, stream):
-    one, two = (trace("it", cl.make(label), stream).x for label in expand(f"{file}:Walker[lean={{0,1}}]", {}))
-    np.testing.assert_allclose(two[..., 0] - one[..., 0], np.arange(1, 6)[None, :, None] * np.ones((2, 5, 2)))
-
-
-def test_what_an_object_counts_is_a_note(file, stream):
-    found = cl.run({"it": cl.make(f"{file}:Walker")}, stream, isolate=False).traces["it"]
-    np.testing.assert_array_equal(found.notes["steps"], np.full((2, 2), 5.0))
 
 
 def test_a_plain_class_given_in_python_is_lifted_and_printed_with_its_parameters(file, stream):
@@ -137,12 +122,6 @@ def test_what_cannot_be_lifted_is_told_how_in_one_line(file, label, words):
     with pytest.raises(cl.BadInput, match=words) as told:
         cl.make(f"{file}:{label}")
     assert "\n" not in str(told.value)
-
-
-def test_a_parameter_that_a_class_does_not_have_is_refused_in_python(file):
-    walker = cl.make(f"{file}:Walker").make
-    with pytest.raises(TypeError, match="Walker has no parameter 'size'; it has scale, lean, name"):
-        cl.PerRobot(walker, size=3)
 
 
 # ---------------------------------------------------------------- global randomness

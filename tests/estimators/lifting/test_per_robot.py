@@ -129,17 +129,6 @@ FILTERS = {
 }
 
 
-@pytest.mark.parametrize("label", WORLDS)
-@pytest.mark.parametrize("configured", FILTERS)
-def test_the_two_engines_agree(configured, label):
-    name, parameters = configured.partition(",")[0], FILTERS[configured]
-    stream = some_absent(label, trials=2, ticks=25, drop=0.2)
-    assert_same_belief(
-        trace("filterpy", make(name, engine="filterpy", **parameters), stream),
-        trace("batched", make(name, engine="batched", **parameters), stream),
-    )
-
-
 @pytest.mark.parametrize(("loop", "runs"), [(radio_loop, 2), (camera_loop, 2)])
 def test_a_lifted_loop_passes_every_check(loop, runs):
     report = check_estimator(loop)
@@ -199,11 +188,6 @@ def test_mail_reaches_the_objects_as_it_reaches_the_rows():
     np.testing.assert_array_equal(plain.messages, batched.messages)
     np.testing.assert_array_equal(plain.bytes, batched.bytes)
     assert np.abs(plain.x - trace("dr", DeadReckoning(), stream).x).max() > 0.1
-
-
-def test_an_object_without_send_is_silent():
-    _, stream = simulate("robots-1-3/n=2", ticks=5)
-    assert trace("loop", radio_loop, stream).messages.sum() == 0
 
 
 def test_every_object_is_told_who_it_is():

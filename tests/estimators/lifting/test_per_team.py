@@ -126,18 +126,6 @@ def test_a_centralised_team_is_the_joint_filter_and_pays_for_what_its_robots_upl
     assert team.notes["updates"].shape == (2, 3)
 
 
-def test_parameters_reach_a_team_and_may_be_given_by_name(tmp_path):
-    (tmp_path / "team.py").write_text(
-        "class Team:\n    uses = ('odometry',)\n    centralised = False\n"
-        "    def __init__(self, prior, world, keys, gate: float = 3.0): ...\n"
-        "    def predict(self, z): ...\n    def correct(self, z): ...\n"
-        "    def exchange(self, z, radio): ...\n    def estimate(self): ...\n"
-    )
-    made = cl.make(f"{tmp_path}/team.py:Team[gate=2]")
-    assert (type(made), made.parameters, made.centralised) == (cl.PerTeam, {"gate": 2.0}, False)
-    assert made.with_parameters(gate=1.0).centralised is False
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("team", [TeamOfLoops, Joint])
 def test_a_lifted_team_passes_every_check_that_applies(team):
@@ -169,8 +157,3 @@ def test_a_packet_that_is_lost_is_paid_and_one_of_a_sleeper_or_of_nan_is_not_sen
     assert radio.send(0, 1, [np.nan]) is None
     np.testing.assert_array_equal(radio.messages, [1, 0])
     assert not radio.heard.any()
-
-
-def test_a_robot_sends_nothing_to_itself(air):
-    with pytest.raises(ValueError, match="robot 1 sends a packet to itself"):
-        Radio(air, np.ones(2, bool)).send(1, 1, [1.0])

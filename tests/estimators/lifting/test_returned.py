@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from cooploc.estimators.adapters import believed
-from cooploc.estimators.interface import Belief
 
 
 def of(x, P):
@@ -23,19 +22,6 @@ def test_an_object_without_estimate_is_read_by_its_x_and_p():
 def test_a_column_is_a_state_and_a_heading_is_wrapped():
     found = believed(of(np.array([[1.0], [2.0], [3 * np.pi / 2]]), np.eye(3)))
     np.testing.assert_allclose(found.x, [1, 2, -np.pi / 2], atol=1e-15)
-
-
-def test_a_team_of_robots_on_a_line_is_not_a_column():
-    assert believed(of(np.zeros((3, 1)), np.eye(3)), columns=False).x.shape == (3, 1)
-
-
-def test_what_is_right_stays_as_it_is_bit_by_bit(rng):
-    x, A = np.array([1.0, 2.0, np.pi]), rng.normal(size=(3, 3))
-    given = Belief(x, A @ A.T)
-    given = given._replace(P=(given.P + given.P.T) / 2)
-    found = believed(of(*given))
-    assert found.x.tobytes() == given.x.tobytes()
-    assert found.P.tobytes() == given.P.tobytes()
 
 
 def test_asymmetry_of_rounding_is_taken_out_and_any_other_is_left_to_be_refused():

@@ -10,7 +10,7 @@ from oracles import arrival, arrival_error, gradient, log_distance, repeatable
 from scipy.stats import multivariate_normal, norm
 
 from cooploc.estimators import make
-from cooploc.estimators.models import GradientDoa, LogDistance, Range, gradient_doa
+from cooploc.estimators.models import GradientDoa, LogDistance, gradient_doa
 from cooploc.scenarios import simulate
 from cooploc.scenarios.runner.run import run
 
@@ -30,18 +30,6 @@ def test_gradient_equations_by_hand():
     np.testing.assert_allclose(doa.anchors, [[0, 0], [0, 5], [4, 5], [4, 0]])
 
 
-@pytest.mark.parametrize(
-    ("loud", "quadrant"), [(0, (-1, -1)), (1, (-1, 1)), (2, (1, 1)), (3, (1, -1))], ids=["N1", "N2", "N3", "N4"]
-)
-def test_direction_points_at_the_loudest_corner_in_every_quadrant(loud, quadrant):
-    """arctan without its second argument would lose half of these."""
-    S = np.full(4, -60.0)
-    S[loud] = -40.0
-    angle = SQUARE.measure(S)
-    np.testing.assert_array_equal(np.sign([np.cos(angle), np.sin(angle)]), quadrant)
-    assert np.tan(angle) == pytest.approx(quadrant[0] * quadrant[1])
-
-
 @given(st.floats(-3, 3), st.floats(-3, 3))
 @repeatable
 def test_expected_direction_is_that_of_the_path_loss(east, north):
@@ -52,16 +40,6 @@ def test_expected_direction_is_that_of_the_path_loss(east, north):
     g = SQUARE.expect(x)
     S = [log_distance(np.hypot(x[0] - a, x[1] - b)) for a, b in SQUARE.anchors]
     np.testing.assert_allclose(g, gradient(*S, 6.0, 6.0), atol=1e-12)
-
-
-def test_gradient_of_the_model_differs_from_the_true_direction_as_stated():
-    """science.md: the gradient's own bias is RMS 3.2 deg and 7 deg at most."""
-    cell = (np.arange(300) + 0.5) / 50
-    x = np.stack(np.meshgrid(cell, cell), -1).reshape(-1, 2)
-    true = np.arctan2(x[:, 1] - 3, x[:, 0] - 3)
-    bias = np.degrees(np.angle(np.exp(1j * (SQUARE.bearing(x) - true))))
-    assert np.sqrt((bias**2).mean()) == pytest.approx(3.2, abs=0.3)
-    assert np.abs(bias).max() == pytest.approx(7, abs=0.6)
 
 
 # ---------------------------------------------------------------- densities
@@ -93,43 +71,12 @@ def test_exact_density_is_the_histogram_of_measured_directions(doa, place):
     assert chi2 < 1 + 5 * np.sqrt(2 / common.sum())
 
 
-@pytest.mark.parametrize("sigma", [0.05, 0.5, NOISE, 20.0])
-def test_exact_density_holds_for_any_noise(sigma):
-    """From almost no noise, where its terms overflow, to nothing but noise. Near the peak it is Gaussian if sharp."""
-    doa = replace(SQUARE, rssi=LogDistance(sigma=sigma))
-    x = np.array([5.2, 4.4])
-    g = doa.expect(x)
-    sd = sigma / 6 / np.hypot(*g)  # of the angle, if small
-    angle = doa.bearing(x) + sd * np.linspace(-4, 4, 4001)
-    log = doa.log_exact(x, angle)
-    assert np.isfinite(doa.log_exact(x, np.linspace(-np.pi, np.pi, 360))).all()
-    if sigma < 1:
-        np.testing.assert_allclose(np.exp(log), norm.pdf(angle, doa.bearing(x), sd), atol=0.05 / sd)
-        assert np.exp(log).mean() * 8 * sd == pytest.approx(1, abs=2e-3)
-
-
-@pytest.mark.parametrize("form", ["log_exact", "log_constant"])
-def test_absent_direction_gives_an_absent_density(form):
-    density = getattr(SQUARE, form)(np.array([[1.0, 2.0], [2.0, 2.0]]), np.array([np.nan, 0.3]))
-    assert np.isnan(density).tolist() == [True, False]
-
-
 def test_constant_density_is_a_gaussian_of_the_wrapped_error():
     x = np.array([0.5, 3.0])  # due west: the direction jumps at pi
     error = np.array([0.0, 0.2, -0.2, 1.0, -1.0])
     log = SQUARE.log_constant(x, np.angle(np.exp(1j * (SQUARE.bearing(x) + error))))
     want = norm.logpdf(error, 0, SQUARE.sigma)
     np.testing.assert_allclose(log - log[0], want - want[0], atol=1e-9)
-
-
-def test_densities_take_particles_and_rows():
-    rng = np.random.default_rng(1)
-    x, angle = rng.uniform(0, 6, (3, 8, 2)), rng.uniform(-3, 3, (3, 1))
-    for form in (SQUARE.log_exact, SQUARE.log_constant):
-        together = form(x, angle)
-        assert together.shape == (3, 8)
-        for r in range(3):
-            np.testing.assert_allclose(together[r], [form(x[r, i], angle[r, 0]) for i in range(8)], rtol=1e-12)
 
 
 # ---------------------------------------------------------------- sigma
@@ -159,18 +106,6 @@ def test_facts_of_the_paper_preset(errors):
     assert rms(off < 3) == pytest.approx(0.43, abs=0.01)  # without the corners
     assert np.degrees(rms(off < 0.5)) == pytest.approx(79, abs=2)
     assert np.degrees(rms(off > 3)) == pytest.approx(7.5, abs=0.6)
-
-
-@pytest.mark.parametrize(("eta", "sigma"), [(2.0, 1.0), (3.0, 4.0), (1.4, 4.4)])
-def test_sigma_follows_path_loss_and_noise(eta, sigma):
-    doa = replace(SQUARE, rssi=LogDistance(eta=eta, sigma=sigma))
-    # Only their quotient matters to an angle.
-    error = arrival_error(6.0, sigma * 3.0 / eta, draws=400_000)[0]
-    assert doa.sigma == pytest.approx(np.sqrt((error**2).mean()), rel=0.01)
-
-
-def test_sigma_does_not_depend_on_the_power_or_on_where_the_arena_lies():
-    assert replace(SQUARE, rssi=LogDistance(-10.0, 3.0, NOISE), corner=(7.0, 7.0)).sigma == SQUARE.sigma
 
 
 # ---------------------------------------------------------------- which worlds have one
@@ -204,11 +139,6 @@ def test_anchors_that_are_no_corners_are_refused_with_a_remedy(anchors):
     world = told(anchors=np.array(anchors, float).reshape(-1, 2))
     with pytest.raises(ValueError, match=r"four corner anchors.*anchor_reading='rssi'"):
         gradient_doa(world)
-
-
-def test_anchors_without_a_path_loss_model_are_refused():
-    with pytest.raises(ValueError, match="Range"):
-        gradient_doa(told(sensors={"anchor_rssi": Range()}))
 
 
 @pytest.mark.parametrize("name", ["arl", "mrsl-rssi", "ekf-local", "ekf-joint"])
@@ -245,11 +175,3 @@ def test_the_sum_over_the_nodes_is_written_out(angle):
         here, at = np.array([x, y]), np.array(angle)
         assert SQUARE.log_sum(here, at) == pytest.approx(-0.5 * (4 * one / SQUARE.sigma) ** 2, rel=1e-9)
         assert SQUARE.log_corners(here, at) == pytest.approx(-0.5 * (err / SQUARE.sigma) ** 2, rel=1e-9)
-
-
-def test_directions_from_the_corners_are_best_met_far_outside_the_arena():
-    """Which is why that reading drives every filter away."""
-    angle = np.array(0.7)
-    ray = np.array([3.0, 3.0]) + np.array([[1.0], [1000.0]]) * [np.cos(0.7), np.sin(0.7)]
-    near, far = SQUARE.log_corners(ray, angle)
-    assert far > near + 10

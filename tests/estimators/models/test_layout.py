@@ -70,9 +70,3 @@ def test_one_vector_a_tick_has_the_information_of_its_readings(label):
         h = H[r, there]
         np.testing.assert_allclose(h.T @ np.linalg.inv(R[r][np.ix_(there, there)]) @ h, information, atol=1e-9)
         assert there.sum() > 3
-
-
-def test_no_readings_make_a_vector_of_none():
-    world, z, _, prior = a_tick("robots-1-3/n=3")
-    y, H, R = cl.World(3, 1.0, world.arena, world.motion, {}).stacked(prior.x, z)
-    assert (y.shape, H.shape, R.shape) == ((6, 0), (6, 0, 2), (6, 0, 0))

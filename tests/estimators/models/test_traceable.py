@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-import cooploc as cl
 from cooploc.estimators.model_functions import expect, innovation, move, wrap
-from cooploc.estimators.models import Bearing, Displacement, LogDistance, Orientation, Range, Sighting, Unicycle
+from cooploc.estimators.models import Bearing, Displacement, LogDistance, Range, Sighting, Unicycle
 
 SENSORS = (LogDistance(), Range(), Bearing(), Sighting())
 
@@ -50,25 +49,9 @@ def test_moves_are_those_of_the_model(xp, motion, d, rng):
     np.testing.assert_allclose(np.exp(1j * found[:, 2:]), np.exp(1j * expected[:, 2:]), atol=1e-12)
 
 
-@pytest.mark.parametrize("label", ["robots-1-3/n=2", "camera/n=2", "no-compass/n=2", "uwb/n=2"])
-def test_every_model_of_a_simulated_world_has_a_form(label):
-    _, stream = cl.simulate(label, trials=1, ticks=1)
-    x, q = stream.prior.x[0, 0], np.ones(2)
-    for sensor in stream.world.sensors.values():
-        np.testing.assert_allclose(expect(np, sensor, x, q), sensor.expect(x, q), atol=1e-10)
-    assert np.isfinite(move(np, stream.world.motion, x, stream.senses.odometry[0, 0, 0], 1.0)).all()
-
-
 def test_slopes_that_jax_takes_are_those_of_the_model(rng):
     jax, xp = pytest.importorskip("jax"), library("jax.numpy")
     for sensor in SENSORS:
         x, q = rng.normal(0, 3, 3), rng.normal(0, 3, 2)
         H = jax.jit(jax.jacfwd(lambda x, sensor=sensor, q=q: expect(xp, sensor, x, xp.asarray(q))))(x)
         np.testing.assert_allclose(np.asarray(H), sensor.innovation(x, q, np.ones(len(sensor.R)))[1], atol=1e-10)
-
-
-def test_a_model_without_a_form_is_named():
-    with pytest.raises(TypeError, match="Orientation has no traceable form; known are LogDistance, Range"):
-        expect(np, Orientation(), np.zeros(3), np.zeros(2))
-    with pytest.raises(TypeError, match="object has no traceable form; known are Displacement"):
-        move(np, object(), np.zeros(3), np.zeros(2), 1.0)

@@ -47,17 +47,3 @@ def test_clusters_together_have_the_mean_and_covariance_of_the_particles(rng):
     P = (got.w[..., None, None] * (got.P + e[..., :, None] * e[..., None, :])).sum(1)
     np.testing.assert_allclose(mean, whole.x)
     np.testing.assert_allclose(P, whole.P)
-
-
-def test_two_groups_far_apart_are_two_clusters(rng):
-    x = np.concatenate([rng.normal(0, 0.1, (20, 2)), rng.normal([5.0, 0.0], 0.1, (60, 2))])[None]
-    got = clusters(x, np.full((1, 80), 1 / 80), 2)
-    np.testing.assert_allclose(got.w[0], [0.25, 0.75])
-    np.testing.assert_allclose(got.x[0], [[0.0, 0.0], [5.0, 0.0]], atol=0.1)
-
-
-def test_particles_at_one_point_are_one_cluster_and_the_rest_are_absent():
-    got = clusters(np.ones((1, 10, 2)), np.full((1, 10), 0.1), 3)
-    np.testing.assert_allclose(got.w, [[1.0, np.nan, np.nan]])
-    assert np.isnan(got.pack()[0, 6:]).all()
-    np.testing.assert_allclose(got.P[0, 0], 0, atol=1e-15)

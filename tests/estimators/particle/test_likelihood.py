@@ -99,23 +99,6 @@ def test_plugin_sensors_are_asked_themselves():
     assert_close(particle_likelihood.anchors(one, x, logw), particle_likelihood.anchors(other, x, logw))
 
 
-@pytest.mark.parametrize("sensor", [LogDistance(), Range()], ids=str)
-def test_what_was_not_heard_leaves_every_bit(sensor):
-    x, logw = cloud(700)
-    told = heard(sensor, 3, absent=0.0)
-    told.readings[1:3] = np.nan
-    got = particle_likelihood.teammates(told, x, logw)
-    np.testing.assert_array_equal(got[1:3], logw[1:3])
-    assert (got[[0, 3, 4]] != logw[[0, 3, 4]]).all()
-
-
-def test_ranges_too_short_are_refused():
-    x, logw = cloud(50)
-    told = heard(Range(), 1, absent=0.0)
-    told.readings[:] = 0.19
-    np.testing.assert_array_equal(particle_likelihood.teammates(told, x, logw), logw)
-
-
 @pytest.mark.parametrize("away", [0.0, 2e4, 5e6])
 def test_products_over_many_links_neither_overflow_nor_vanish(away):
     """As between robots that a prior put at the origin and others in coordinates of a planet."""
@@ -125,16 +108,6 @@ def test_products_over_many_links_neither_overflow_nor_vanish(away):
     got = particle_likelihood.teammates(told, x, logw)
     assert np.isfinite(got).all()
     np.testing.assert_allclose(got, particle_likelihood.teammates_reference(told, x, logw), rtol=1e-11)
-
-
-def test_a_cloud_with_nan_is_weighed_where_it_is_not():
-    """Its box is nowhere, so that no link is far."""
-    x, logw = cloud(300, side=0.4)
-    told = heard(LogDistance(), 11)
-    x[1, 7] = np.nan
-    got, want = particle_likelihood.teammates(told, x, logw), particle_likelihood.teammates_reference(told, x, logw)
-    assert_close(np.delete(got[1], 7), np.delete(want[1], 7))
-    assert np.isnan(got[1, 7])
 
 
 # ---------------------------------------------------------------- a tick in two passes
@@ -216,20 +189,6 @@ def test_advance_is_renewal_motion_and_anchors_in_numpy(side, team, n):
         assert_close(a, b)
 
 
-def test_a_pass_over_rows_with_nan_is_nan_there_alone():
-    x, logw = cloud(300)
-    key, z, due = np.zeros((ROWS, 2), np.uint32), senses(np.zeros((ROWS, 2)), np.ones(ROWS)), np.ones(ROWS, bool)
-    clean = particles.posterior_summary(x, logw), advance(x, logw, due, z, key)[:2]
-    x[1, 4], logw[2, 7] = np.nan, np.nan
-    dirty = particles.posterior_summary(x, logw), advance(x, logw, due, z, key)[:2]
-    for r in (1, 2):
-        assert np.isnan(dirty[0][0].x[r]).any()
-        assert np.isnan(dirty[1][0][r]).any()
-    for r in (0, 3, 4):
-        for a, b in zip(flat([*dirty[0], *dirty[1]]), flat([*clean[0], *clean[1]]), strict=True):
-            np.testing.assert_array_equal(a[r], b[r])
-
-
 # ---------------------------------------------------------------- the gradient
 
 
@@ -245,24 +204,3 @@ def test_the_gradients_loop_is_its_density_in_numpy(d, n):
     there = [0, 1, 4]
     assert_close(got[there], logw[there] + doa.log_gradient(x, g[:, None])[there])
     np.testing.assert_array_equal(got[2:4], logw[2:4])
-
-
-def test_the_gradient_of_a_plugin_sensor_is_asked_of_the_sensor():
-    x, logw = cloud(50)
-    doa = GradientDoa(Steeper(), (0.0, 0.0), (6.0, 6.0))
-    g = np.random.default_rng(4).normal(0, 2, (ROWS, 2))
-    g[1] = np.nan
-    got = particle_likelihood.gradient(doa, x, logw, g)
-    plain = GradientDoa(LogDistance(), (0.0, 0.0), (6.0, 6.0))
-    mean = 2 * plain.expect(x)
-    want = logw - 0.5 * (((g[:, None] - mean) * 6 / doa.rssi.sigma) ** 2).sum(-1)
-    assert_close(got[[0, 2, 3, 4]], want[[0, 2, 3, 4]])
-    np.testing.assert_array_equal(got[1], logw[1])
-
-
-@dataclass(frozen=True)
-class Steeper(LogDistance):
-    """A plug-in sensor that loses twice as much."""
-
-    def level(self, x, q):
-        return 2 * super().level(x, q)

@@ -85,16 +85,3 @@ def test_without_a_loop_the_weights_are_the_same(motion):
     )
     np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-10)
     assert np.ptp(one - logw) > 0.1
-
-
-def test_one_sample_is_the_newest_packet():
-    rng = np.random.default_rng(3)
-    x, logw = rng.uniform(0, 6, (ROWS, 40, 2)), rng.normal(size=(ROWS, 40))
-    past = particles.no_past_packets(ROWS, SENDERS, 1)
-    for _ in range(3):
-        past = particles.keep_received(
-            particles.shift_past_packets(past, Displacement(), senses(np.ones((ROWS, 2)))),
-            heard := packets(rng, Range()),
-        )
-    got = particles.weigh_past_packets(past, heard, Displacement(), x, logw, 1.0)
-    np.testing.assert_allclose(got, teammates(heard, x, logw), rtol=1e-12, atol=1e-12)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cooploc.estimators import make, particle_likelihood, particles, random_numbers
+from cooploc.estimators import make, particle_likelihood
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Belief, Rows
 from cooploc.estimators.models import LogDistance, Range
@@ -59,15 +59,6 @@ def test_single_precision_with_headings_and_cameras(name, camera):
 
 
 @pytest.mark.parametrize("name", RADIO + ANYWHERE)
-def test_trials_in_chunks_have_the_same_bits(name, radio):
-    _, stream = radio
-    whole = trace(name, label(name, precision="single"), stream)
-    parts = [trace(name, label(name, precision="single"), stream.select(slice(i, i + 1))) for i in range(4)]
-    np.testing.assert_array_equal(whole.x, np.concatenate([part.x for part in parts]))
-    np.testing.assert_array_equal(whole.P, np.concatenate([part.P for part in parts]))
-
-
-@pytest.mark.parametrize("name", RADIO + ANYWHERE)
 def test_particles_are_kept_in_single_precision(name, radio):
     _, stream = radio
     estimator = label(name, precision="single")
@@ -101,27 +92,6 @@ def test_eight_links_at_once_neither_overflow_nor_vanish(sensor, variance, side)
     assert np.isfinite(two).all()
     if variance < 1e30:
         np.testing.assert_allclose(two, one, atol=2e-3, rtol=1e-4)
-
-
-def test_normals_are_those_of_double_precision():
-    x = np.zeros((2, 1000, 2), np.float32)
-    moved = particles.advance(*moving(x))[0]
-    np.testing.assert_allclose(moved, random_numbers.normals(KEY, 7, random_numbers.MOVE, 1000), atol=2e-5)
-
-
-def moving(x):
-    _, stream = simulate("robots-1-3/n=2", trials=1, seed=0, ticks=1)
-    z = stream.senses._replace(odometry=np.zeros((2, 2)), dt=np.ones(2))
-    motion = type(stream.world.motion)(sigma=1.0, tick=1.0)
-    return motion, x, np.zeros(x.shape[:2], np.float32), np.zeros(2, bool), z, KEY, 7
-
-
-@pytest.mark.parametrize("direction", [(1.0, 0.3), (1.0, 1.0), (0.0, 1.0), (0.0, 0.0)])
-def test_a_cloud_on_a_line_has_a_covariance(direction):
-    along = np.random.default_rng(1).normal(0, 3, (5, 200, 1))
-    x = (7.0 + along * direction).astype(np.float32)
-    P = particles.summary(x, np.zeros((5, 200), np.float32)).P
-    assert (np.linalg.eigvalsh(P)[:, 0] >= -1e-12 * P.max()).all()
 
 
 def test_an_arena_beyond_seven_digits_is_refused():

@@ -71,23 +71,9 @@ def test_an_edited_neighbour_is_imported_again(plug_in, stream):
     assert moved(old, stream, isolate=False) == pytest.approx(2)
 
 
-def test_an_estimator_made_before_its_file_was_edited_cannot_go_to_another_process(plug_in, stream):
-    old = cl.make(f"{plug_in[0]}:Walk")
-    plug_in[0].write_text(plug_in[0].read_text() + "\n# another version\n")
-    with pytest.raises(cl.BadInput, match="was edited after an estimator of it was made: make the estimator again"):
-        cl.run(old, stream)
-
-
 def test_a_neighbour_with_the_name_of_another_module_is_refused(tmp_path):
     (tmp_path / "mine.py").write_text("import yaml_of_ours, cloudpickle\n")
     (tmp_path / "yaml_of_ours.py").write_text("")
     (tmp_path / "cloudpickle.py").write_text("")
     with pytest.raises(cl.BadInput, match=r"its neighbour cloudpickle.py, but a module cloudpickle is loaded from"):
-        cl.make(f"{tmp_path}/mine.py:Mine")
-
-
-def test_a_failing_neighbour_is_told_in_one_line(tmp_path):
-    (tmp_path / "mine.py").write_text("import broken_neighbour\n")
-    (tmp_path / "broken_neighbour.py").write_text("1 / 0\n")
-    with pytest.raises(cl.BadInput, match=r"mine.py cannot be imported: ZeroDivisionError"):
         cl.make(f"{tmp_path}/mine.py:Mine")

@@ -1,6 +1,5 @@
 """A stranger's estimator: in one file, in a package written by `cooploc new-estimator`, and refused with the reason."""
 
-import json
 import re
 import shutil
 import subprocess
@@ -53,12 +52,6 @@ def test_an_estimator_in_a_file_is_made_by_its_path(place):
 def test_an_unknown_name_of_a_file_is_answered_with_those_that_it_defines(place):
     with pytest.raises(cl.BadInput, match=r"mine.py has no 'Wrong'; known are Mine, Plain, mine$"):
         cl.make(f"{place / 'mine.py'}:Wrong")
-
-
-def test_a_file_may_lie_in_the_source_folder_of_cooploc(place):
-    (place / "cooploc").mkdir()
-    (place / "cooploc" / "__init__.py").write_text("raise ImportError('the installed one is meant')\n")
-    assert cl.make(f"{place / 'mine.py'}:Mine").scale == 1.0
 
 
 def test_an_edited_file_is_loaded_anew(place):
@@ -163,22 +156,6 @@ def test_a_scenario_in_a_file_is_a_scenario_like_any_other(tmp_path, monkeypatch
             cl.simulate(label)
 
 
-@pytest.mark.slow
-def test_a_study_runs_a_scenario_in_a_file_and_refuses_an_edited_one(tmp_path):
-    (tmp_path / "windy.py").write_text(WORLD)
-    (tmp_path / "small.toml").write_text(
-        'trials = 2\nscenarios = ["windy.py:WINDY/wind={0,1}"]\nestimators = ["dead-reckoning"]\n'
-    )
-    arguments = ("run", "small.toml", "--out", "run", "--json", "--jobs", 2)
-    told = finish(*arguments, plugins=tmp_path, cwd=tmp_path)
-    assert told.returncode == 0, told.stderr
-    assert [row["scenario"] for row in json.loads(told.stdout)] == [f"windy.py:WINDY/wind={k}" for k in (0, 1)]
-    (tmp_path / "windy.py").write_text(WORLD + "\n# edited\n")
-    told = finish(*arguments, plugins=tmp_path, cwd=tmp_path)
-    assert told.returncode == 2
-    assert "run holds results of another version of windy.py" in told.stderr
-
-
 NOTEBOOK = """
 from dataclasses import dataclass
 import numpy as np
@@ -211,13 +188,6 @@ def test_an_instance_of_a_class_of_main_runs_in_two_processes(tmp_path, how):
     command = [sys.executable, *(("script.py",) if how == "script" else ("-c", NOTEBOOK))]
     told = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=HANGS)
     assert told.stdout == "the same\n", told.stderr
-
-
-def test_an_instance_of_a_class_of_a_file_runs_in_two_processes(place):
-    _, stream = cl.simulate("trajectory", trials=4, ticks=5)
-    mine = cl.make(f"{place / 'mine.py'}:Mine[scale=2]")
-    one, two = (cl.run({"mine": mine}, stream, jobs=jobs).traces["mine"] for jobs in (1, 2))
-    assert (one.x == two.x).all()
 
 
 @pytest.mark.parametrize(

@@ -54,14 +54,6 @@ class Plugged(Arl):
     """A plug-in."""
 
 
-class Doubled(Plugged):
-    """A dataclass with an `__init__` of its own."""
-
-    def __init__(self, gain: int = 50, **rest):
-        super().__init__(particles=2 * gain, **rest)
-        object.__setattr__(self, "called", True)
-
-
 @pytest.fixture
 def plugins(monkeypatch):
     def install(where, **points):
@@ -85,20 +77,6 @@ def test_plugins_are_found_and_broken_ones_are_named(plugins):
         cl.make("broken")
 
 
-def test_the_init_of_a_class_is_called_with_converted_parameters(plugins):
-    plugins(estimators, doubled=f"{__name__}:Doubled")
-    assert (cl.make("doubled").particles, cl.make("doubled").called) == (100, True)
-    made = cl.make("doubled[gain=7,anchor_reading=rssi]")
-    assert (made.particles, made.anchor_reading) == (14, "rssi")
-    for written, said in (
-        ("doubled[gain=few]", "estimator 'doubled', gain: Input should be a valid integer"),
-        ("doubled[gain=0]", "estimator 'doubled', particles is 0; it must be at least 2"),
-        ("doubled[gian=2]", "has no parameter 'gian'; did you mean 'gain'"),
-    ):
-        with pytest.raises(cl.BadInput, match=said):
-            cl.make(written)
-
-
 FAMILY = scenarios.Family("mine", scenarios.PAPER, {"robots": 2})
 LOST, ODD = scenarios.Family("lost", "no.such:Model"), scenarios.Family("odd", Plugged)
 
@@ -119,12 +97,3 @@ def test_two_plugins_of_one_name_are_both_named(monkeypatch):
         assert where.names().count("mine") == 1
         with pytest.raises(cl.BadInput, match="uninstall all but one"):
             cl.make("mine") if where is estimators else cl.simulate("mine")
-
-
-def test_a_scenario_whose_model_cannot_be_had_is_named(plugins):
-    plugins(scenarios, lost=f"{__name__}:LOST", odd=f"{__name__}:ODD")
-    errors = scenarios.plugin_errors()
-    assert errors["lost"].startswith(
-        "the model no.such:Model of scenario 'lost' cannot be imported: ModuleNotFoundError"
-    )
-    assert "it must be a pydantic model" in errors["odd"]

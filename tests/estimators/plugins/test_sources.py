@@ -2,12 +2,8 @@
 
 import sys
 from importlib.metadata import version
-from pathlib import Path
 
-import numpy as np
-import threadpoolctl
-
-from cooploc.analysis.execution.provenance import files, imports, instructions
+from cooploc.analysis.execution.provenance import files, imports
 from cooploc.estimators import configure
 from cooploc.estimators.plugin_files import helpers_of, of_module
 
@@ -46,23 +42,6 @@ def test_a_package_is_found_without_being_imported(tmp_path, monkeypatch):
     assert [name for name, _ in of_module("lonely")] == ["lonely.py"]
     assert of_module("nowhere.at.all") == []
     assert not {"spaced.inner", "lonely"} & set(sys.modules)
-
-
-def test_a_package_that_brings_its_own_blas_changes_nothing(monkeypatch):
-    before = instructions()["blas"]
-    bundled = Path(np.__file__).parents[1] / "scs.libs" / "libopenblas.so"
-    theirs = {"user_api": "blas", "internal_api": "openblas", "architecture": "Barcelona", "filepath": str(bundled)}
-    loaded = threadpoolctl.threadpool_info()
-    monkeypatch.setattr(threadpoolctl, "threadpool_info", lambda: [*loaded, theirs])
-    assert instructions()["blas"] == before
-    monkeypatch.setattr(threadpoolctl, "threadpool_info", lambda: [theirs | {"filepath": "/usr/lib/libopenblas.so"}])
-    assert instructions()["blas"] == "openblas Barcelona"
-
-
-def test_the_instructions_name_what_the_libraries_use(monkeypatch):
-    monkeypatch.setattr("numba.core.config.CPU_NAME", "old-processor")
-    assert instructions()["numba"].startswith("old-processor")
-    assert "SSE2" in instructions()["numpy"].split() or instructions()["machine"] != "x86_64"
 
 
 def test_the_versions_of_what_a_file_and_its_helpers_import_are_found(tmp_path):

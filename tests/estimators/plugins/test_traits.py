@@ -66,11 +66,3 @@ def test_a_bound_that_says_nothing_else_is_centralised_and_its_uplink_is_counted
     assert (new.centralised, new.bound) == (True, False)
     np.testing.assert_array_equal(old.bytes, new.bytes)
     assert new.bytes.min() > 0
-
-
-def test_why_an_estimator_does_not_fit_is_said():
-    class Old(Plain):
-        api = 0
-
-    assert refusal(Old()) == "it is written for interface 0, this is version 1: set api = 1"
-    assert refusal(Plain(uses=["odometry"])).startswith("uses is ['odometry']; it must be a tuple")

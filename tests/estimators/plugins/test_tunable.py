@@ -44,13 +44,6 @@ def test_the_bounds_that_an_estimator_declares_are_values_that_it_accepts(name):
             cl.make(name, **{parameter: int(value) if one.whole else value})
 
 
-def test_an_inflation_of_one_changes_no_bit():
-    stream = cl.simulate("robots-1-3/n=2[ticks=20]", trials=2, seed=4)[1]
-    run = cl.run(["ekf-local", "ekf-local[inflation=1]", "arl", "arl[inflation=1]"], stream)
-    for name in ("ekf-local", "arl"):
-        np.testing.assert_array_equal(run.traces[name].P, run.traces[f"{name}[inflation=1]"].P)
-
-
 def test_a_filter_that_inflates_its_readings_is_less_certain():
     stream = cl.simulate("robots-1-3/n=1[ticks=20]", trials=2, seed=4)[1]
     run = cl.run(["ekf-local[anchor_reading=rssi]", "ekf-local[anchor_reading=rssi,inflation=3]"], stream)
@@ -81,7 +74,3 @@ def test_a_class_of_a_user_declares_numbers_whole_numbers_and_choices():
 def test_a_declaration_that_holds_nothing_is_refused(wrong):
     with pytest.raises(ValueError, match="tunable"):
         tunable(1.0, **wrong)
-
-
-def test_what_is_not_a_dataclass_declares_nothing():
-    assert declared(object()) == {}
