@@ -19,7 +19,7 @@ LEAST_COVERAGE = float(stats.chi2.cdf(stats.chi2.ppf(0.95, 2) / OVER_CONFIDENT, 
 
 
 def flag(trials: float, anees: Interval, coverage: Interval) -> str:
-    """over-confident, over-wide, conservative, consistent or not shown, by 95 % intervals over trials.
+    """Return over-confident, over-wide, conservative, consistent or not shown, by 95 % intervals over trials.
 
     Over-confident: the whole interval of ANEES lies above 1.5, or that of the coverage of the 95 % ellipse below the
     0.86 that goes with it (a few trials whose covariance all but vanished make the interval of ANEES useless, but not
@@ -36,8 +36,8 @@ def flag(trials: float, anees: Interval, coverage: Interval) -> str:
     return "consistent" if anees.low >= CONSERVATIVE and anees.high <= OVER_CONFIDENT else "not shown"
 
 
-def collapsed(anees: Array) -> Interval:
-    """The share of trials whose ANEES exceeds `COLLAPSED`, with Wilson's interval; of trials that have one.
+def collapsed_share(anees: Array) -> Interval:
+    """Return the share of trials whose ANEES exceeds `COLLAPSED`, with Wilson's interval; of trials that have one.
 
     The mean of ANEES over trials can be that of a single collapsed particle cloud (1e4 to 1e27 occur); this share and
     the median say how a typical trial went, and how many went wrong.
@@ -46,14 +46,14 @@ def collapsed(anees: Array) -> Interval:
 
 
 def consistency(table: pd.DataFrame) -> pd.Series:
-    """The flag of every row of a table of `summarize`."""
+    """Return the flag of every row of a table of `summarize`."""
     ends = [table[[name, f"{name}_low", f"{name}_high"]].to_numpy(float) for name in ("anees", "coverage95")]
     flags = [flag(t, Interval(*a), Interval(*c)) for t, a, c in zip(table["trials"], *ends, strict=True)]
     return pd.Series(flags, index=table.index, dtype=object)
 
 
 def band(count: int, d: int) -> tuple[float, float]:
-    """Where the ANEES over `count` independent d-dimensional errors of a consistent Gaussian filter lies, 95 %.
+    """Return the 95 % band of the ANEES over `count` independent d-dimensional errors of a consistent Gaussian filter.
 
     chi2.ppf([0.025, 0.975], count d) / (count d) (Bar-Shalom, Li & Kirubarajan 2001, sec. 5.4). Errors of one trial's
     ticks and robots are correlated: count trials.

@@ -1,14 +1,24 @@
-"""How much the direction of a gradient tells of where a robot is, when its strength is forgotten.
+"""The posterior Cramer-Rao bound: the least error of any estimator whose models of its world are true.
 
-A measured gradient in units of its own errors is u ~ N(m, I), with m expected at the robot. Of its angle alone the
-Fisher information about m is the variance of the score E[u | angle] - m. Seen along m and across it, it is diagonal:
+    J' = (Q + F J^-1 F')^-1 + E[H' R^-1 H | prior, odometry]
 
-    across  E[(E[r | a] sin a)^2],   along  E[(E[r | a] cos a - |m|)^2],   a the angle between u and m, r = |u|.
+over the whole team, J its information; a reading between two robots adds to both of their blocks and subtracts off the
+diagonal. The expectation is over the paths that a trial's prior and odometry allow, drawn by Monte Carlo, for the
+readings that were there and the packets that arrived. Each trial has a bound of its own, and the bounds are averaged:
+averaging the information over trials first would forget that each trial's prior mean is known, and put the bound
+too low: by a sixth for one robot in the 6 m arena. In a linear-Gaussian world it is the Kalman filter's covariance.
 
-The whole gradient has 1 and 1. Where it is weak, its angle keeps pi/4 of both; where it is strong, all of the part
-across and 2/|m|^2 of the part along.
+An estimator may be given the anchors' raw readings, the gradient that is computed from them, or that gradient's angle
+alone. The bound for the gradient, or for the angle, holds where the estimator sees nothing else of the anchors. A
+Kalman filter that weighs each direction by its gradient's strength sees the gradient: the angle's bound is not its own.
 
-Source: K. V. Mardia, P. E. Jupp, "Directional Statistics", 2000, sec. 3.5.6 (the projected normal distribution).
+Shadowing is the same in both directions of a pair of robots, but counted as if it were independent: the floor of
+`radio_rssi` is loose, but still a valid bound. No use is made of the fact that robots stay inside the arena.
+
+Sources: P. Tichavsky, C. Muravchik, A. Nehorai, "Posterior Cramer-Rao bounds for discrete-time nonlinear filtering",
+IEEE Trans. Signal Processing 46(5), 1998, eq. (21), conditioned on the prior mean as in H. Van Trees, K. Bell, Z. Tian,
+"Detection, Estimation, and Modulation Theory, Part I", 2nd ed. 2013, sec. 4.3; K. V. Mardia, P. E. Jupp, "Directional
+Statistics", 2000, sec. 3.5.6 (the projected normal distribution, for the angle).
 """
 
 from collections.abc import Callable, Collection, Iterable, Iterator
@@ -31,6 +41,16 @@ from cooploc.scenarios.scenario import split_family
 from cooploc.scenarios.stream import Stream
 from cooploc.scenarios.worlds.radio import Paper
 
+# ---- the angle of a gradient
+#
+# A measured gradient in units of its own errors is u ~ N(m, I), with m expected at the robot. Of its angle alone the
+# Fisher information about m is the variance of the score E[u | angle] - m. Seen along m and across it, it is diagonal:
+#
+#     across  E[(E[r | a] sin a)^2],   along  E[(E[r | a] cos a - |m|)^2],   a the angle between u and m, r = |u|.
+#
+# The whole gradient has 1 and 1. Where it is weak, its angle keeps pi/4 of both; where it is strong, all of the part
+# across and 2/|m|^2 of the part along.
+
 STRONGEST, STRENGTHS, ANGLES = 30.0, 1201, 1024  # of the table: |m|, its values, angles of each integral
 WEAKEST = 1e-9  # |m| below which there is no direction
 
@@ -52,13 +72,13 @@ class DirectionAlone:
         strength = np.maximum(np.hypot(m[..., 0], m[..., 1]), WEAKEST)
         along = m / strength[..., None]
         across = np.stack([-along[..., 1], along[..., 0]], -1)
-        told = np.sqrt(np.stack(information(strength), -1))
-        H = told[..., None] * np.stack([(dm @ e[..., None])[..., 0] for e in (along, across)], -2)
+        scale_of = np.sqrt(np.stack(information(strength), -1))
+        H = scale_of[..., None] * np.stack([(dm @ e[..., None])[..., 0] for e in (along, across)], -2)
         return z, H, np.zeros_like(H)
 
 
 def information(strength: Array) -> tuple[Array, Array]:
-    """The Fisher information of the angle of u ~ N(m, I) about m, along m and across it, for |m| of any shape.
+    """Return the Fisher information of the angle of u ~ N(m, I) about m, along m and across it, for |m| of any shape.
 
     For |m| above 30 that at 30 is taken: it is too large along m, by less than 0.003, so that a floor stays a floor.
     """
@@ -68,7 +88,7 @@ def information(strength: Array) -> tuple[Array, Array]:
 
 @cache
 def _table() -> tuple[Array, Array, Array]:
-    """|m|, and the information along m and across it, by quadrature over the angle."""
+    """Return |m|, and the information along m and across it, by quadrature over the angle."""
     s = np.linspace(0, STRONGEST, STRENGTHS)[:, None]
     a = 2 * np.pi * np.arange(ANGLES) / ANGLES
     t = s * np.cos(a)
@@ -80,29 +100,7 @@ def _table() -> tuple[Array, Array, Array]:
     return s[:, 0], along, across
 
 
-# The posterior Cramer-Rao bound: the least error of any estimator whose models of its world are true.
-#
-#     J' = (Q + F J^-1 F')^-1 + E[H' R^-1 H | prior, odometry]
-#
-# over the whole team, J its information; a reading between two robots adds to both of their blocks and subtracts off
-# the
-# diagonal. The expectation is over the paths that a trial's prior and odometry allow, drawn by Monte Carlo, for the
-# readings that were there and the packets that arrived. Each trial has a bound of its own, and the bounds are averaged:
-# averaging the information over trials first would forget that each trial's prior mean is known, and put the bound
-# too low: by a sixth for one robot in the 6 m arena. In a linear-Gaussian world it is the Kalman filter's covariance.
-#
-# Source: P. Tichavsky, C. Muravchik, A. Nehorai, "Posterior Cramer-Rao bounds for discrete-time nonlinear filtering",
-# IEEE Trans. Signal Processing 46(5), 1998, eq. (21), conditioned on the prior mean as in H. Van Trees, K. Bell, Z.
-# Tian,
-# "Detection, Estimation, and Modulation Theory, Part I", 2nd ed. 2013, sec. 4.3.
-#
-# An estimator may be given the anchors' raw readings, the gradient that is computed from them, or that gradient's angle
-# alone. The bound for the gradient, or for the angle, holds where the estimator sees nothing else of the anchors. A
-# Kalman filter that weighs each direction by its gradient's strength sees the gradient: the angle's bound is not its
-# own.
-#
-# Shadowing is the same in both directions of a pair of robots, but counted as if it were independent: the floor of
-# `radio_rssi` is loose, but still a valid bound. No use is made of the fact that robots stay inside the arena.
+# ---- the floor
 
 CHANNELS = ("anchor_rssi", "radio_rssi", "radio_range")
 DERIVED: dict[str, Callable[[GradientDoa], Sensor]] = {  # channels that are made of anchor_rssi
@@ -119,7 +117,7 @@ PAIRS = 80_000  # of robots in all sampled paths together: large teams get fewer
 def floors(
     scenarios: Iterable[str], seed: int, most: int = 100, samples: int = SAMPLES, trials: int = TRIALS
 ) -> dict[str, float]:
-    """The floor [m] of each scenario, for an estimator that uses all readings, pooled over ticks; nan where none holds.
+    """Return the floor [m] of each scenario for an estimator of all readings, pooled over ticks; nan where none holds.
 
     The mean is over the first of the trials with this seed, at most `trials`, and over at most `samples` paths of each.
     Teams of more than `most` robots are left out: a hundred take some ten seconds.
@@ -131,7 +129,7 @@ def floors(
 def pooled_floor(
     label: str, seed: int, channels: tuple[str, ...], most: int = 100, samples: int = SAMPLES, trials: int = TRIALS
 ) -> float:
-    """As `floors`, of one scenario and for an estimator that uses these channels."""
+    """Return the floor [m] of one scenario, for an estimator that uses these channels."""
     try:
         if is_file(split_family(parse(label)[0])[0]):  # code that may come from somebody else: a table runs none
             return np.nan
@@ -148,7 +146,7 @@ def pooled_floor(
 
 
 def floor(stream: Stream, channels: Collection[str], samples: int = SAMPLES) -> Array:
-    """The least RMSE (T,) [m] of a team's positions at every tick, for an estimator with odometry and these channels.
+    """Return the least RMSE (T,) [m] of a team at every tick, for an estimator with odometry and these channels.
 
     Args:
         stream: of a simulated world whose assumed models are the true ones.
@@ -160,7 +158,7 @@ def floor(stream: Stream, channels: Collection[str], samples: int = SAMPLES) -> 
         BadInput: the floor does not hold there; says why. Or the anchors are used twice.
 
     """
-    reason = why_not(stream)
+    reason = no_floor_reason(stream)
     if reason:
         raise BadInput(f"{stream.scenario!r} has no floor: {reason}")
     twice = [name for name in ("anchor_rssi", *DERIVED) if name in channels]
@@ -173,7 +171,7 @@ def floor(stream: Stream, channels: Collection[str], samples: int = SAMPLES) -> 
 
 
 def paths(stream: Stream, samples: int) -> Array:
-    """Positions (t, samples, T, n, 2) [m] as the trial's prior and odometry allow them: x_0 ~ N, x' = x + u + w.
+    """Draw positions (t, samples, T, n, 2) [m] as the trial's prior and odometry allow them: x_0 ~ N, x' = x + u + w.
 
     Each robot's x_0 are spread evenly (Sobol points in random order): the prior is far wider than odometry's noise.
     """
@@ -193,8 +191,8 @@ def paths(stream: Stream, samples: int) -> Array:
     return out
 
 
-def why_not(stream: Stream) -> str:
-    """Why a stream's world has no floor; empty where it has one."""
+def no_floor_reason(stream: Stream) -> str:
+    """Return why a stream's world has no floor; empty where it has one."""
     if stream.notes.get("world") != "Paper":
         return "it is a recording, or of another world than the paper's"
     made = Paper(**stream.notes["parameters"])
@@ -223,7 +221,7 @@ def covariances(x: Array, stream: Stream, channels: Collection[str]) -> Array:
 
 
 def _of_ticks(x: Array, stream: Stream, channels: Collection[str]) -> Iterator[Array]:
-    """The information (t, 2n, 2n) of the readings of every tick; of many ticks together, as many as fit in memory."""
+    """Yield the information (t, 2n, 2n) of the readings of every tick; many ticks at once, as memory allows."""
     t, s, T, n, _ = x.shape
     together = max(1, TOGETHER // (t * s * n))
     for k in range(0, T, together):
@@ -241,29 +239,29 @@ def _information(x: Array, stream: Stream, channels: Collection[str], ticks: sli
     rssi, ranged = (np.where(heard, a[:, None, ticks], np.nan) if a.shape[-1] else nothing for a in air[1:])
     J = np.zeros((t, k, n, n, 2, 2))
     own = np.arange(n)
-    for sensor, place, reading in (*world.fixed(now), *_derived(stream, now, channels)):
+    for sensor, place, reading in (*world.fixed(now), *_derived_sensors(stream, now, channels)):
         y, H, _ = sensor.innovation(x, place, reading)
-        J[:, :, own, own] += _weighed(H, H, sensor.R, y)
+        J[:, :, own, own] += _mean_product(H, H, sensor.R, y)
     for sensor, j, reading in world.relative(now, Mail(heard, nothing[..., :0, None], rssi, ranged)):
         y, H, Hq = sensor.innovation(x, x[:, :, :, j, None], reading)
-        between = _weighed(H, Hq, sensor.R, y)
-        J[:, :, own, own] += _weighed(H, H, sensor.R, y)
-        J[:, :, j, j] += _weighed(Hq, Hq, sensor.R, y).sum(2)
+        between = _mean_product(H, Hq, sensor.R, y)
+        J[:, :, own, own] += _mean_product(H, H, sensor.R, y)
+        J[:, :, j, j] += _mean_product(Hq, Hq, sensor.R, y).sum(2)
         J[:, :, :, j] += between
         J[:, :, j] += between.mT
     return _flat(J)
 
 
-def _derived(stream: Stream, z: Senses, channels: Collection[str]) -> Iterator[tuple[Sensor, Array, Array]]:
-    """What is made of the anchors' readings, as `World.fixed`."""
+def _derived_sensors(stream: Stream, z: Senses, channels: Collection[str]) -> Iterator[tuple[Sensor, Array, Array]]:
+    """Yield sensors of what is computed from the anchors' readings, as `World.fixed`."""
     for channel, made in DERIVED.items():
         if channel in channels:
             doa = gradient_doa(stream.world)
             yield made(doa), NOWHERE, doa.gradient(z.anchor_rssi)
 
 
-def _weighed(A: Array, B: Array, R: Array, y: Array) -> Array:
-    """The mean over paths of A' R^-1 B (t, k, n, 2, 2) where the reading is there."""
+def _mean_product(A: Array, B: Array, R: Array, y: Array) -> Array:
+    """Return the mean over paths of A' R^-1 B (t, k, n, 2, 2) where the reading is there."""
     there, weight = np.isfinite(y.sum(-1)), np.linalg.inv(R) if len(R) > 1 else 1 / R
     # Entry by entry: numpy's products of stacks of matrices this small are several times slower.
     B = weight @ B if weight.shape[-1] > 1 else weight * B

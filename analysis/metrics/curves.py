@@ -44,7 +44,7 @@ def over_time(truth: Truth, run: Run) -> pd.DataFrame:
 
 
 def swept(table: pd.DataFrame) -> pd.DataFrame:
-    """The table with `family`, `parameter` and `value` read from its scenarios' labels: "packet-drop/drop=0.7".
+    """Return the table with `family`, `parameter` and `value` read from its scenarios' labels: "packet-drop/drop=0.7".
 
     A label that sweeps nothing has an empty parameter and the value nan; options in brackets stay with the family.
     """
@@ -65,7 +65,7 @@ def sweep(label: str) -> tuple[str, str, float]:
 
 
 def _of_trials(values: Array) -> Array:
-    """Means over the robots (t, n) that count, of the trials that have any."""
+    """Return means over the robots (t, n) that count, of the trials that have any."""
     some = ~np.isnan(values).all(1)
     means: Array = np.nanmean(values[some], axis=1)
     return means

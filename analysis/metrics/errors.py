@@ -1,10 +1,13 @@
-"""From traces and truth to one tidy row per (scenario, estimator, trial, robot).
+"""From traces and truth to one tidy row per (scenario, estimator, trial, robot), and to means over a trial's robots.
 
-The definitions are those of the README's glossary; ticks without truth, and a declared burn-in, do not count.
+The definitions are those of the README's glossary; ticks without truth, and a declared burn-in, do not count. To add a
+number, write one entry in `MEASURES`: it gets into the rows of `errors`, and as its mean over trials into the tables of
+`compare`, and so into CSV and JSON.
 """
 
 import hashlib
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -17,21 +20,116 @@ from cooploc.scenarios.runner.trace import Trace
 from cooploc.scenarios.stream import Truth
 
 INSIDE_95 = -2 * np.log(0.05)  # chi-square quantile, two degrees of freedom
-COLUMNS = (  # `errors` says what they mean
+COLUMNS = (  # that every table of errors has; `errors` says what they mean
     *("scenario", "estimator", "trial", "robot", "robots", "ticks", "mse", "rmse", "mean_error", "median_error"),
     *("max_error", "final_error", "anees", "coverage95", "diverged", "pose_nees", "messages", "bytes", "seconds"),
     *("centralised", "bound", "stream"),
 )
-SCORES = ("nll", "area95")  # columns after those; results of former versions lack them
-SENSES = "senses"  # after those; lacking in former versions too
+SENSES = "senses"  # after those; lacking in former versions
 TRAINED = "; trained on: "  # in a certificate's line, before what an estimator says that it was trained on
 UNCHECKED = "unchecked: cl.run does not check estimators, cl.check_estimator does"
-OFFLINE = "offline"  # a column after those, of what saw later readings too
+OFFLINE = "offline"  # a column after those, of an estimator that saw later readings too
 NOTE = "note: "  # columns after those: what an estimator counted; a name that begins with "largest" is a maximum
+CELL = ["scenario", "estimator"]
+TRIAL = [*CELL, "trial"]
+SHOWN = 5  # trials that a refusal names
+LARGEST = 1e100  # [m^2] the square of a larger error overflows in a variance
+
+
+class TickErrors(NamedTuple):
+    """The errors of one estimator at every tick; nan at ticks that do not count."""
+
+    d2: Array  # (t, T, n) squared position error [m^2]
+    d: Array  # (t, T, n) position error [m]
+    nees: Array  # (t, T, n) position NEES
+    pose_nees: Array  # (t, T, n) NEES of position and heading; nan where there is no heading
+    det: Array  # (t, T, n) determinant of the position's covariance [m^4], 0 where it is not positive
+    valid: Mask  # (t, T, n) ticks that count
+    side: float  # longest side of the arena [m]
+
+
+class Measure(NamedTuple):
+    """A number of one robot in one trial."""
+
+    meaning: str
+    of: Callable[[TickErrors], Array]  # (t, n)
+    unit: str = ""
+    mean: str = ""  # over a trial's robots: weighted by "ticks", or of all "robots" alike; empty: not averaged
+
+
+def _nll(e: TickErrors) -> Array:
+    """-log N(e; 0, P) of the position error [nats], averaged over ticks.
+
+    log 2 pi + (log det P + e' P^-1 e) / 2: a proper score, whose expectation is smallest for the true distribution
+    (Gneiting & Raftery, J. American Statistical Association 102, 2007). Infinite where P is singular: a belief in one
+    point is never rewarded.
+    """
+    with np.errstate(divide="ignore"):
+        log_det = np.where(e.det > 0, np.log(e.det), 0.0)
+    nll = np.where(e.det > 0, np.log(2 * np.pi) + (log_det + e.nees) / 2, np.inf)
+    return over_ticks(np.nanmean, np.where(np.isnan(e.nees), np.nan, nll))
+
+
+def _area95(e: TickErrors) -> Array:
+    return over_ticks(np.nanmean, np.where(np.isnan(e.nees), np.nan, np.pi * INSIDE_95 * np.sqrt(e.det)))
+
+
+def _coverage95(e: TickErrors) -> Array:
+    return over_ticks(np.nanmean, np.where(np.isnan(e.nees), np.nan, e.nees <= INSIDE_95))
+
+
+def _diverged(e: TickErrors) -> Array:
+    count = e.valid.cumsum(1)
+    late: NDArray[np.bool_] = e.valid & (count > 0.75 * count[:, -1:])
+    tail = over_ticks(np.nanmean, np.where(late, e.d2, np.nan))
+    return np.where(np.isnan(tail), np.nan, np.sqrt(tail) > e.side / 4)
+
+
+def _final_error(e: TickErrors) -> Array:
+    there = ~np.isnan(e.d)
+    last = e.d.shape[1] - 1 - there[:, ::-1].argmax(1)
+    return np.take_along_axis(e.d, last[:, None], 1)[:, 0]
+
+
+def over_ticks(reduce: Any, values: Array) -> Array:
+    """Reduce (t, T, n) over the ticks that count; nan where none does."""
+    t, _, n = values.shape
+    out = np.full((t, n), np.nan)
+    some = ~np.isnan(values).all(1)
+    if some.any():
+        out[some] = reduce(values.swapaxes(1, 2)[some], axis=-1)
+    return out
+
+
+MEASURES = {
+    "mse": Measure("mean squared position error", lambda e: over_ticks(np.nanmean, e.d2), "m^2", "ticks"),
+    "rmse": Measure("its square root", lambda e: np.sqrt(over_ticks(np.nanmean, e.d2)), "m"),
+    "mean_error": Measure("mean Euclidean position error", lambda e: over_ticks(np.nanmean, e.d), "m", "ticks"),
+    "median_error": Measure("median Euclidean position error", lambda e: over_ticks(np.nanmedian, e.d), "m", "robots"),
+    "max_error": Measure("largest position error", lambda e: over_ticks(np.nanmax, e.d), "m", "robots"),
+    "final_error": Measure("position error at the last tick that counts", _final_error, "m", "robots"),
+    "anees": Measure(
+        "mean position NEES / 2; 1 is consistent", lambda e: over_ticks(np.nanmean, e.nees) / 2, "", "ticks"
+    ),
+    "coverage95": Measure("share of true positions inside the 95 % ellipse", _coverage95, "", "ticks"),
+    "diverged": Measure(
+        "1 where the last quarter's RMSE exceeds a quarter of the arena's side, else 0", _diverged, "", "robots"
+    ),
+    "pose_nees": Measure(
+        "mean NEES of position and heading / 3; nan where the truth has no heading",
+        lambda e: over_ticks(np.nanmean, e.pose_nees) / 3,
+    ),
+    "nll": Measure(
+        "mean negative log-likelihood of the true position under the estimate, per tick; smaller is better, and a "
+        "covariance that is too small or too large makes it larger", _nll, "nats", "ticks",
+    ),
+    "area95": Measure("mean area of the 95 % ellipse", _area95, "m^2", "ticks"),
+}  # fmt: skip
+SCORES = tuple(name for name in MEASURES if name not in COLUMNS)  # results of former versions lack them
 
 
 def errors(truth: Truth, run: Run, burn_in: int = 0) -> pd.DataFrame:
-    """Errors, consistency and cost of every estimator of a run, one row per (scenario, estimator, trial, robot).
+    """Return errors, consistency and cost of every estimator of a run, one row per (scenario, estimator, trial, robot).
 
     Columns:
         scenario: label of the scenario
@@ -40,25 +138,13 @@ def errors(truth: Truth, run: Run, burn_in: int = 0) -> pd.DataFrame:
         robot: number of the robot, from 0
         robots: robots in the team
         ticks: ticks that count
-        mse [m^2]: mean squared position error
-        rmse [m]: its square root
-        mean_error [m]: mean Euclidean position error
-        median_error [m]: median Euclidean position error
-        max_error [m]: largest position error
-        final_error [m]: position error at the last tick that counts
-        anees: mean position NEES / 2; 1 is consistent
-        coverage95: share of true positions inside the 95 % ellipse
-        diverged: 1 where the last quarter's RMSE exceeds a quarter of the arena's side, else 0
-        pose_nees: mean NEES of position and heading / 3; nan where the truth has no heading
+        {measures}
         messages: messages per tick, as sent
         bytes: bytes per tick, as sent
         seconds [s]: computing time per robot and tick, averaged over the run
         centralised: True for an estimator whose readings all reach one computer, which knows more than any robot
         bound: True for a centralised one that bounds all others
         stream: hash of the trial's stream; rows of equal hashes are paired
-        nll: mean negative log-likelihood of the true position under the estimate, per tick [nats]; smaller is better,
-            and a covariance that is too small or too large makes it larger
-        area95 [m^2]: mean area of the 95 % ellipse
         senses: what the estimator reads beside odometry, such as "DOA, team ranges"
         certificate: "unchecked: ..." for what is not built in, which `cl.run` does not check, and what it says that it
             was trained on; only where there is such
@@ -85,6 +171,15 @@ def errors(truth: Truth, run: Run, burn_in: int = 0) -> pd.DataFrame:
     return pd.concat(frames, ignore_index=True)
 
 
+def describe_columns(columns: Mapping[str, Any]) -> str:
+    """Return the lines of a docstring that say what columns mean, from entries with `unit` and `meaning`."""
+    units = {name: f" [{one.unit}]" if one.unit else "" for name, one in columns.items()}
+    return "\n        ".join(f"{name}{units[name]}: {one.meaning}" for name, one in columns.items())
+
+
+errors.__doc__ = (errors.__doc__ or "").replace("{measures}", describe_columns(MEASURES))
+
+
 def _certificate(run: Run, name: str) -> str:
     if name not in run.unchecked:
         return ""
@@ -93,7 +188,7 @@ def _certificate(run: Run, name: str) -> str:
 
 
 def position_errors(truth: Truth, run: Run, trace: Trace) -> tuple[Array, Array]:
-    """Squared position error [m^2] and position NEES (t, T, n) of one trace of a run; nan where the truth is unknown.
+    """Return squared position error [m^2] and position NEES (t, T, n) of one trace; nan where the truth is unknown.
 
     Raises:
         BadInput: truth and run are of different streams.
@@ -129,73 +224,39 @@ def _squared(truth: Truth, trace: Trace, valid: Mask) -> tuple[Array, Array]:
 
 
 def _covariance(trace: Trace) -> Array:
-    """Zero where there is none, as of what was computed elsewhere; what is made of it counts as absent there."""
+    """Return P, zero where there is none; the numbers made of such are set to nan."""
     return np.where(np.isnan(trace.P), 0.0, trace.P)
 
 
-def _scores(trace: Trace, nees: Array) -> tuple[Array, Array]:
-    """-log N(e; 0, P) of the position error [nats], and the area of the 95 % ellipse [m^2], both (t, T, n).
-
-    log 2 pi + (log det P + e' P^-1 e) / 2: a proper score, whose expectation is smallest for the true distribution
-    (Gneiting & Raftery, J. American Statistical Association 102, 2007). Infinite where P is singular: a belief in one
-    point is never rewarded.
-    """
+def _tick_errors(truth: Truth, trace: Trace, valid: Mask) -> TickErrors:
+    d2, nees = _squared(truth, trace, valid)
     det = np.linalg.det(_covariance(trace)[..., :2, :2])
-    det = np.where(det > 0, det, 0.0)
-    known = ~np.isnan(nees)
-    with np.errstate(divide="ignore"):
-        log_det = np.where(det > 0, np.log(det), 0.0)
-    nll = np.where(det > 0, np.log(2 * np.pi) + (log_det + nees) / 2, np.inf)
-    return np.where(known, nll, np.nan), np.where(known, np.pi * INSIDE_95 * np.sqrt(det), np.nan)
+    side = float(np.max(truth.arena[1] - truth.arena[0]))
+    pose_nees = _pose_nees(truth, trace, valid)
+    return TickErrors(d2, np.sqrt(d2), nees, pose_nees, np.where(det > 0, det, 0.0), valid, side)
 
 
 def _frame(truth: Truth, run: Run, name: str, trace: Trace, valid: Mask) -> pd.DataFrame:
     t, T, n = valid.shape
-    d2, nees = _squared(truth, trace, valid)
-    nll, area = _scores(trace, nees)
-    d = np.sqrt(d2)
-    side = float(np.max(truth.arena[1] - truth.arena[0]))
-    tail = _over_ticks(np.nanmean, np.where(_last_quarter(valid), d2, np.nan))
-    per = {
-        "ticks": valid.sum(1),
-        "mse": _over_ticks(np.nanmean, d2),
-        "mean_error": _over_ticks(np.nanmean, d),
-        "median_error": _over_ticks(np.nanmedian, d),
-        "max_error": _over_ticks(np.nanmax, d),
-        "final_error": _final(d),
-        "anees": _over_ticks(np.nanmean, nees) / 2,
-        "coverage95": _over_ticks(np.nanmean, np.where(np.isnan(nees), np.nan, nees <= INSIDE_95)),
-        "diverged": np.where(np.isnan(tail), np.nan, np.sqrt(tail) > side / 4),
-        "pose_nees": _over_ticks(np.nanmean, _pose_nees(truth, trace, valid)) / 3,
-        "messages": trace.messages / T,
-        "bytes": trace.bytes / T,
-        "nll": _over_ticks(np.nanmean, nll),
-        "area95": _over_ticks(np.nanmean, area),
-    }
-    per["rmse"] = np.sqrt(per["mse"])
-    who: dict[str, Any] = {
+    ticks = _tick_errors(truth, trace, valid)
+    per = {"ticks": valid.sum(1), **{key: one.of(ticks) for key, one in MEASURES.items()}}
+    per |= {"messages": trace.messages / T, "bytes": trace.bytes / T}
+    columns: dict[str, Any] = {
         "scenario": run.scenario,
         "estimator": name,
         "trial": np.repeat(run.trial, n),
         "robot": np.tile(np.arange(n), t),
         "robots": n,
+        **{key: np.asarray(values).ravel() for key, values in per.items()},
+        "seconds": trace.seconds / (t * T * n),
+        "stream": np.repeat(run.hashes, n),
+        "centralised": trace.centralised,
+        "bound": trace.bound,
+        SENSES: trace.senses,
     }
-    rest = {"seconds": trace.seconds / (t * T * n), "stream": np.repeat(run.hashes, n)}
-    rest |= {"centralised": trace.centralised, "bound": trace.bound, "senses": trace.senses}
-    columns = {**who, **{k: np.asarray(v).ravel() for k, v in per.items()}, **rest}
-    notes = {NOTE + name: values.ravel() for name, values in trace.notes.items()}
+    notes = {NOTE + key: values.ravel() for key, values in trace.notes.items()}
     more = {OFFLINE: True} if trace.offline else {}
-    return pd.DataFrame({**{name: columns[name] for name in (*COLUMNS, *SCORES, SENSES)}, **more, **notes})
-
-
-def _over_ticks(reduce: Any, values: Array) -> Array:
-    """Reduce (t, T, n) over the ticks that count; nan where none does."""
-    t, _, n = values.shape
-    out = np.full((t, n), np.nan)
-    some = ~np.isnan(values).all(1)
-    if some.any():
-        out[some] = reduce(values.swapaxes(1, 2)[some], axis=-1)
-    return out
+    return pd.DataFrame({**{key: columns[key] for key in (*COLUMNS, *SCORES, SENSES)}, **more, **notes})
 
 
 def _quadratic(e: Array, P: Array) -> Array:
@@ -216,33 +277,14 @@ def _pose_nees(truth: Truth, trace: Trace, valid: Mask) -> Array:
     return np.where(np.isnan(trace.P[..., 0, 0]), np.nan, _quadratic(e, _covariance(trace)))
 
 
-def _last_quarter(valid: Mask) -> Mask:
-    """The last quarter of the ticks that count, per (trial, robot)."""
-    count = valid.cumsum(1)
-    late: NDArray[np.bool_] = valid & (count > 0.75 * count[:, -1:])
-    return late
-
-
-def _final(d: Array) -> Array:
-    """The last value that is there (t, n)."""
-    there = ~np.isnan(d)
-    last = d.shape[1] - 1 - there[:, ::-1].argmax(1)
-    return np.take_along_axis(d, last[:, None], 1)[:, 0]
-
-
 # ---- rows pooled over the robots of a trial
-
-CELL = ["scenario", "estimator"]
-TRIAL = [*CELL, "trial"]
-SHOWN = 5  # trials that a refusal names
-LARGEST = 1e100  # [m^2] the square of a larger error overflows in a variance
 
 
 def drop_failed(errors: pd.DataFrame) -> pd.DataFrame:
-    """The rows of trials that neither failed nor have an error, of any robot whose truth is known, that is not finite.
+    """Return the rows of trials that neither failed nor have an error that is not finite, of a robot with known truth.
 
-    An error that is nan, infinite or beyond `LARGEST` is a failure of the whole trial: left out
-    silently it would make the estimator look better, and counted as zero better still.
+    An error that is nan, infinite or beyond `LARGEST` is a failure of the whole trial: left out silently it would
+    make the estimator look better, and counted as zero better still.
     """
     lost = (errors["ticks"] > 0) & ~(errors["mse"] < LARGEST)
     if "failure" in errors:
@@ -251,12 +293,12 @@ def drop_failed(errors: pd.DataFrame) -> pd.DataFrame:
 
 
 def is_offline(errors: pd.DataFrame) -> "pd.Series[bool]":
-    """Whether a row is of an estimator that saw the readings of later ticks, too."""
+    """Return which rows are of an estimator that saw the readings of later ticks, too."""
     return errors[OFFLINE].eq(True) if OFFLINE in errors else pd.Series(False, errors.index)
 
 
 def note_lines(errors: pd.DataFrame) -> list[str]:
-    """What estimators counted, one line each: sums over trials and robots, and maxima of what is called largest."""
+    """Return the notes of estimators, one line each: sums over trials and robots, maxima of names that begin so."""
     columns = [name for name in errors if str(name).startswith(NOTE)]
     lines = []
     for (scenario, estimator), group in errors.groupby(CELL, sort=False):
@@ -267,10 +309,10 @@ def note_lines(errors: pd.DataFrame) -> list[str]:
 
 
 def trial_means(errors: pd.DataFrame) -> dict[tuple[str, str], pd.DataFrame]:
-    """One row per trial that succeeded, by (scenario, estimator): means over robots, weighted by the ticks that count.
+    """Return one row per trial that succeeded, by (scenario, estimator): means over robots, weighted by ticks.
 
-    Medians, final and largest errors, and `diverged`, are a robot's: there every robot counts the same. `stream` is
-    that of the trial. A cell whose trials all failed has no rows.
+    `MEASURES` says of which numbers every robot counts the same. `stream` is that of the trial. A cell whose trials
+    all failed has no rows.
     """
     means = _of_trials(drop_failed(errors))
     known = {cell: part.droplevel([0, 1]).sort_index() for cell, part in means.groupby(level=CELL, sort=False)}
@@ -280,7 +322,7 @@ def trial_means(errors: pd.DataFrame) -> dict[tuple[str, str], pd.DataFrame]:
 
 
 def weighted_means(errors: pd.DataFrame, keys: list[str], columns: list[str]) -> pd.DataFrame:
-    """Means of columns over the robots of each group, weighted by the ticks that count; index: the keys.
+    """Return means of columns over the robots of each group, weighted by the ticks that count; index: the keys.
 
     A robot without such ticks does not count; one that has some, and no value, leaves its group without one.
     """
@@ -292,13 +334,13 @@ def weighted_means(errors: pd.DataFrame, keys: list[str], columns: list[str]) ->
 
 
 def _of_trials(ended: pd.DataFrame) -> pd.DataFrame:
-    """One row per trial of every cell; index: scenario, estimator, trial."""
-    scores = [name for name in SCORES if name in ended]  # runs of former versions have none
-    out = weighted_means(ended, TRIAL, ["mse", "anees", "coverage95", "mean_error", *scores])
-    out = out.reindex(columns=[*out, *(name for name in SCORES if name not in scores)])
-    of_robots = ["diverged", "median_error", "final_error", "max_error"]
+    """Return one row per trial of every cell; index: scenario, estimator, trial."""
+    by_ticks, by_robots = ([name for name, one in MEASURES.items() if one.mean == how] for how in ("ticks", "robots"))
+    out = weighted_means(ended, TRIAL, [name for name in by_ticks if name in ended]).reindex(columns=by_ticks)
     groups = ended.groupby(TRIAL, sort=False)
-    out[of_robots] = groups[of_robots].mean()
+    there = [name for name in by_robots if name in ended]
+    out[there] = groups[there].mean()
+    out = out.reindex(columns=[*by_ticks, *by_robots])
     out["stream"] = groups["stream"].first()
     return out
 
@@ -340,6 +382,6 @@ def _demand_once(errors: pd.DataFrame) -> None:
 
 
 def stream_hash(group: pd.DataFrame) -> str:
-    """The hash of a scenario's stream: of the hashes of its trials, as `Stream.hash`."""
+    """Return the hash of a scenario's stream: of the hashes of its trials, as `Stream.hash`."""
     trials = group.drop_duplicates("trial").sort_values("trial")["stream"].dropna()  # none where it was never made
     return hashlib.sha256("".join(trials).encode()).hexdigest()

@@ -1,7 +1,12 @@
-"""Trajectories as TUM files, which the evo command reads: `timestamp tx ty tz qx qy qz qw` in each line.
+"""Trajectories that were computed elsewhere: read from TUM files and judged as ours are; ours, written as such files.
 
-Source: the TUM RGB-D benchmark, J. Sturm et al., IROS 2012. Where no heading is estimated the quaternion is that of
-heading 0, so compare translations only: `evo_ape tum truth.txt estimate.txt`, whose default that is.
+A file is called `trial0-robot2.txt`, or `robot2.txt` where the stream has one trial; robots and trials are numbered as
+in the stream, from 0. Each line is `timestamp tx ty tz qx qy qz qw`: the tick's end as of `Stream.time` [s], the
+position [m], and the heading as a quaternion, whose yaw alone counts. There is one line for each tick, in order. The
+evo command reads such files: where no heading is estimated the quaternion is that of heading 0, so compare translations
+only, `evo_ape tum truth.txt estimate.txt`, as is its default.
+
+Source: the TUM RGB-D benchmark, J. Sturm et al., IROS 2012.
 """
 
 import re
@@ -19,7 +24,7 @@ from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Mask
 from cooploc.estimators.registry import parse
 from cooploc.scenarios import BUILTIN, simulate
-from cooploc.scenarios.recordings.text_files import Table, read_table
+from cooploc.scenarios.recordings.text_files import read_table
 from cooploc.scenarios.runner.run import Run, run
 from cooploc.scenarios.runner.tick import EstimatorError
 from cooploc.scenarios.runner.trace import Trace, require_covariances
@@ -27,6 +32,202 @@ from cooploc.scenarios.scenario import split_family
 from cooploc.scenarios.stream import Stream, Truth
 
 TRUTH = "truth"  # the folder of true trajectories
+COLUMNS = ("timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw")
+FILE = re.compile(r"(?:trial(\d+)-)?robot(\d+)\.txt")
+LATE = 0.01  # of a tick: a stamp that is further from every tick is of another one
+UNIT = 0.01  # a quaternion's length may differ from 1 by so much
+ELSEWHERE = "not checked: computed elsewhere"  # the certificate of each
+Estimates = Mapping[str, Trace | str | Path] | str | Path  # by name, or a folder
+
+
+def judge(truth: Truth, stream: Stream, estimates: Estimates, burn_in: int = 0, offline: bool = False) -> pd.DataFrame:
+    """Return the errors of trajectories that were computed elsewhere: in C++, MATLAB, ROS, from the saved stream.
+
+    It is not known which readings they used: their `certificate` is "not checked: computed elsewhere". Where there are
+    no covariances, consistency is not assessed, and they do not qualify as best; costs that are not known are nan.
+
+    Args:
+        truth: from `simulate`, of the same stream.
+        stream: what the others were given.
+        estimates: by name, each a `cl.Trace` or a folder of TUM files (`analysis.metrics.external` says how they are
+            called); or one folder that holds such files, or a folder of each.
+        burn_in: first ticks that do not count.
+        offline: whether they were computed from the readings of all ticks at once, such as by a smoother.
+
+    Returns:
+        As `cl.errors`, with `certificate`; join it with the rows of `cl.run` on the same stream by `pd.concat`.
+
+    Raises:
+        BadInput: truth and stream do not belong together, or a trajectory does not fit them; says where.
+
+    """
+    if isinstance(estimates, str | Path):
+        traces = from_tum(estimates, stream)
+    else:
+        traces = {name: _trace(name, given, stream) for name, given in estimates.items()}
+    for name, trace in traces.items():
+        _require_fit(name, trace, stream)
+    if offline:
+        traces = {name: replace(trace, offline=True, centralised=True) for name, trace in traces.items()}
+    made = Run(stream.scenario, stream.seed, stream.trial, stream.hashes, traces)
+    return errors(truth, made, burn_in).assign(certificate=ELSEWHERE)
+
+
+def _trace(name: str, given: Trace | str | Path, stream: Stream) -> Trace:
+    if isinstance(given, Trace):
+        return given
+    found = from_tum(given, stream)
+    if len(found) > 1:
+        raise BadInput(f"{given} holds {len(found)} folders of trajectories, and {name!r} is one: name one of them")
+    return next(iter(found.values()))
+
+
+def _require_fit(name: str, trace: Trace, stream: Stream) -> None:
+    """Refuse a trace of another shape, with a pose that is not finite, or with what is not a covariance."""
+    team, d = (len(stream.trial), len(stream.time), stream.robots), trace.x.shape[-1]
+    axes = {"x": (*team, d), "P": (*team, d, d), "messages": team[::2], "bytes": team[::2]}
+    for what, wanted in axes.items():
+        if np.shape(getattr(trace, what)) != wanted or d not in (2, 3):
+            raise BadInput(
+                f"{name}: {what} has shape {np.shape(getattr(trace, what))}, not {wanted}; poses x are (trial, tick, "
+                f"robot, 2 or 3), and this stream has {team[0]} trials, {team[1]} ticks, {team[2]} robots"
+            )
+    given = {"pose": trace.x} if np.isnan(trace.P).all() else {"pose": trace.x, "covariance": trace.P}
+    for what, array in given.items():
+        bad = ~np.isfinite(array).reshape(*team, -1).all(-1)
+        if bad.any():
+            i, k, robot = np.argwhere(bad)[0]
+            where = f"robot {robot} in trial {stream.trial[i]}, tick {k}"
+            raise BadInput(f"{name}: the {what} of {where} is not finite; every tick needs one")
+    if "covariance" in given:
+        try:
+            require_covariances(name, stream, trace.P)
+        except EstimatorError as e:
+            raise BadInput(f"{e}; leave P out where there is none") from None
+
+
+# ---- the command `cooploc judge`
+
+
+def evaluate_external(
+    source: str, estimates: Estimates, estimators: str | None, offline: bool, **how: object
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Return the rows of `judge`, those of our own `estimators` on the same stream first, and their table.
+
+    Raises:
+        BadInput: as `with_truth` and `judge`; or two have the same name.
+
+    """
+    truth, stream = with_truth(source, **how)  # type: ignore[arg-type]
+    theirs = judge(truth, stream, estimates, offline=offline)
+    frames = [theirs]
+    if estimators is not None:
+        mine = split(estimators)
+        if same := set(mine) & set(theirs["estimator"]):
+            raise BadInput(f"{same.pop()!r} is an estimator of ours and a folder of trajectories: rename the folder")
+        frames.insert(0, errors(truth, run(mine, stream)))
+    rows = pd.concat(frames, ignore_index=True)
+    rows["certificate"] = rows["certificate"].fillna("")
+    return rows, compare(rows, rows["estimator"].iloc[0], full=True)
+
+
+def with_truth(
+    source: str, trials: int | None = None, seed: int | None = None, data: str | Path | None = None
+) -> tuple[Truth, Stream]:
+    """Return the truth and the stream of a file that `Stream.save` wrote, or of a scenario.
+
+    A file holds no truth: its scenario is simulated again, and must give the same readings.
+
+    Raises:
+        BadInput: it is neither, the file was made by another version, or its scenario is not a built-in one.
+
+    """
+    if not Path(source).is_file():
+        return simulate(source, trials=1 if trials is None else trials, seed=seed or 0, data=data)
+    if trials is not None or seed is not None:
+        raise BadInput(f"{source} is a file, which says its trials and its seed itself: leave --trials and --seed out")
+    stream = Stream.load(source)
+    if split_family(parse(stream.scenario)[0])[0] not in BUILTIN:
+        raise BadInput(
+            f"{source} is of {stream.scenario!r}, which is not built in, and its code does not run by the name in a "
+            "file: use cl.judge(truth, stream, ...)"
+        )
+    truth, again = simulate(stream.scenario, trials=stream.trial.tolist(), seed=stream.seed, data=data)
+    if again.hashes != stream.hashes:
+        raise BadInput(
+            f"{source} does not hold the readings of {stream.scenario!r}, seed {stream.seed}, as they are made here: "
+            "its truth is not known; save the stream again, or use cl.judge(truth, stream, ...)"
+        )
+    return truth, stream
+
+
+# ---- TUM files
+
+
+def from_tum(folder: str | Path, stream: Stream) -> dict[str, Trace]:
+    """Read the trajectories of a folder by name: its own, or one for each of its folders, but for `truth`.
+
+    Positions come without covariances, and messages, bytes and seconds are not known: all these are nan.
+
+    Raises:
+        BadInput: there are none, a robot is missing, a stamp matches no tick, or a line is not eight finite numbers.
+
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise BadInput(f"there is no folder {folder}; name the one that holds the TUM files")
+    inside = sorted(one for one in folder.iterdir() if one.is_dir() and one.name != TRUTH and _files(one))
+    found = [folder] if _files(folder) else inside
+    if not found:
+        raise BadInput(f"{folder} holds no trial0-robot0.txt or robot0.txt, and none of its folders does")
+    return {one.resolve().name: Trace.of(_read_team(one, stream)) for one in found}
+
+
+def _files(folder: Path) -> dict[tuple[int | None, int], Path]:
+    """Return TUM files by trial, None where a name has none, and robot."""
+    named = ((FILE.fullmatch(path.name), path) for path in sorted(folder.iterdir()))
+    return {(None if m[1] is None else int(m[1]), int(m[2])): path for m, path in named if m}
+
+
+def _read_team(folder: Path, stream: Stream) -> Array:
+    """Read poses (t, T, n, 2 or 3) of every trial, tick and robot."""
+    files, d = _files(folder), stream.prior.x.shape[-1]
+    trials = [int(k) for k in stream.trial]
+    robots = "robot 0" if stream.robots == 1 else f"robots 0 to {stream.robots - 1}"
+    has = f"{robots} in trial {trials[0]}" + f" to {trials[-1]}" * (len(trials) > 1)
+    if len(trials) == 1:
+        files = {(trials[0] if trial is None else trial, robot): path for (trial, robot), path in files.items()}
+    wanted = [(trial, robot) for trial in trials for robot in range(stream.robots)]
+    for extra in [key for key in files if key not in wanted]:
+        raise BadInput(f"{files[extra]} is of no trial and robot of the stream, which has {has}")
+    for trial, robot in wanted:
+        if (trial, robot) not in files:
+            raise BadInput(f"{folder} has no trial{trial}-robot{robot}.txt; the stream has {has}")
+    stacked = np.stack([_read_poses(files[key], stream) for key in wanted])
+    stacked = stacked.reshape(len(trials), stream.robots, len(stream.time), 3)
+    return np.ascontiguousarray(stacked.swapaxes(1, 2)[..., :d])
+
+
+def _read_poses(path: Path, stream: Stream) -> Array:
+    """Read positions [m] and headings [rad] (T, 3); refuse stamps that are not those of the ticks, one line each."""
+    table, time = read_table(path, COLUMNS), stream.time
+    stamps, position, q = table.values[:, 0], table.values[:, 1:3], table.values[:, 4:]
+    short = min(len(stamps), len(time))
+    apart = np.abs(stamps[:short] - time[:short]) > LATE * stream.world.tick
+    if apart.any():
+        row = int(np.argmax(apart))
+        raise BadInput(
+            f"{table.at(row)}: its stamp is {stamps[row]:.10g} s, and tick {row} ends at {time[row]:.10g} s: write one "
+            "line for each tick, with the stamps of stream.time"
+        )
+    if len(stamps) != len(time):
+        raise BadInput(f"{path} has {len(stamps)} lines, and the stream {len(time)} ticks: write one line for each")
+    skewed = np.abs(np.linalg.norm(q, axis=1) - 1) > UNIT
+    if skewed.any():
+        row = int(np.argmax(skewed))
+        raise BadInput(f"{table.at(row)}: qx qy qz qw is not a unit quaternion; heading 0 is 0 0 0 1")
+    x, y, z, w = q.T
+    return np.column_stack([position, np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))])
 
 
 def to_tum(truth: Truth, run: Run, folder: str | Path, time: Array | None = None) -> list[Path]:
@@ -53,20 +254,13 @@ def to_tum(truth: Truth, run: Run, folder: str | Path, time: Array | None = None
     stamps = np.arange(1.0, truth.x.shape[1] + 1) if time is None else np.asarray(time, float)
     if stamps.shape != truth.x.shape[1:2]:
         raise BadInput(f"time has shape {stamps.shape}; it must be ({truth.x.shape[1]},), one number a tick")
-    names = {estimator: _name(estimator) for estimator in run.traces}
+    names = {estimator: _folder_name(estimator) for estimator in run.traces}
     if len({name.lower() for name in names.values()}) < len(names):
         raise BadInput(f"two of {', '.join(names)} would share a folder: rename one in cl.run")
     files = _write_team(Path(folder) / TRUTH, run, stamps, truth.x, truth.valid)
     for estimator, trace in run.traces.items():
         files += _write_team(Path(folder) / names[estimator], run, stamps, trace.x, np.ones_like(truth.valid))
     return files
-
-
-def poses(stamps: Array, x: Array) -> Array:
-    """TUM rows (T, 8) of poses x (T, 2 or 3): stamp [s], position [m], and heading as a quaternion about z."""
-    half = x[:, 2] / 2 if x.shape[1] > 2 else np.zeros(len(x))
-    zero = np.zeros(len(x))
-    return np.column_stack([stamps, x[:, 0], x[:, 1], zero, zero, zero, np.sin(half), np.cos(half)])
 
 
 def _write_team(folder: Path, run: Run, stamps: Array, x: Array, known: Mask) -> list[Path]:
@@ -76,238 +270,19 @@ def _write_team(folder: Path, run: Run, stamps: Array, x: Array, known: Mask) ->
         for robot in range(x.shape[2]):
             there = known[i, :, robot]
             path = folder / f"trial{trial}-robot{robot}.txt"
-            np.savetxt(path, poses(stamps[there], x[i, there, robot]), fmt="%.9f")
+            np.savetxt(path, _tum_rows(stamps[there], x[i, there, robot]), fmt="%.9f")
             files.append(path)
     return files
 
 
-def _name(estimator: str) -> str:
-    """A folder's name for an estimator's label; one that is "truth", or only dots, gets a "_" behind it."""
+def _tum_rows(stamps: Array, x: Array) -> Array:
+    """Return TUM rows (T, 8) of poses x (T, 2 or 3): stamp [s], position [m], and heading as a quaternion about z."""
+    half = x[:, 2] / 2 if x.shape[1] > 2 else np.zeros(len(x))
+    zero = np.zeros(len(x))
+    return np.column_stack([stamps, x[:, 0], x[:, 1], zero, zero, zero, np.sin(half), np.cos(half)])
+
+
+def _folder_name(estimator: str) -> str:
+    """Return a folder's name for an estimator's label; one that is "truth", or only dots, gets a "_" behind it."""
     name = re.sub(r"[^\w.,=+\[\]-]", "_", estimator)
     return f"{name}_" if name.strip(".") == "" or name.lower() == TRUTH else name
-
-
-# Trajectories that were computed elsewhere, read from TUM files: one for each robot, and trial where there are many.
-#
-# A file is called `trial0-robot2.txt`, or `robot2.txt` where the stream has one trial; robots and trials are numbered
-# as
-# in the stream, from 0. Each line is `timestamp tx ty tz qx qy qz qw`: the tick's end as of `Stream.time` [s], the
-# position [m], and the heading as a quaternion, whose yaw alone counts. There is one line for each tick, in order.
-
-COLUMNS = ("timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw")
-FILE = re.compile(r"(?:trial(\d+)-)?robot(\d+)\.txt")
-LATE = 0.01  # of a tick: a stamp that is further from every tick is of another one
-UNIT = 0.01  # a quaternion's length may differ from 1 by so much
-
-
-def from_tum(folder: str | Path, stream: Stream) -> dict[str, Trace]:
-    """The trajectories of a folder by name: its own, or one for each of its folders, but for `truth`.
-
-    Positions come without covariances, and messages, bytes and seconds are not known: all these are nan.
-
-    Raises:
-        BadInput: there are none, a robot is missing, a stamp matches no tick, or a line is not eight finite numbers.
-
-    """
-    folder = Path(folder)
-    if not folder.is_dir():
-        raise BadInput(f"there is no folder {folder}; name the one that holds the TUM files")
-    inside = sorted(one for one in folder.iterdir() if one.is_dir() and one.name != TRUTH and _files(one))
-    found = [folder] if _files(folder) else inside
-    if not found:
-        raise BadInput(f"{folder} holds no trial0-robot0.txt or robot0.txt, and none of its folders does")
-    return {one.resolve().name: Trace.of(_read_team(one, stream)) for one in found}
-
-
-def _files(folder: Path) -> dict[tuple[int | None, int], Path]:
-    """TUM files by trial, None where a name has none, and robot."""
-    named = ((FILE.fullmatch(path.name), path) for path in sorted(folder.iterdir()))
-    return {(None if m[1] is None else int(m[1]), int(m[2])): path for m, path in named if m}
-
-
-def _read_team(folder: Path, stream: Stream) -> Array:
-    """Poses (t, T, n, 2 or 3) of every trial, tick and robot."""
-    files, d = _files(folder), stream.prior.x.shape[-1]
-    trials = [int(k) for k in stream.trial]
-    if len(trials) == 1:
-        files = {(trials[0] if trial is None else trial, robot): path for (trial, robot), path in files.items()}
-    wanted = [(trial, robot) for trial in trials for robot in range(stream.robots)]
-    for extra in [key for key in files if key not in wanted]:
-        raise BadInput(f"{files[extra]} is of no trial and robot of the stream, which has {_numbers(stream)}")
-    for trial, robot in wanted:
-        if (trial, robot) not in files:
-            raise BadInput(f"{folder} has no trial{trial}-robot{robot}.txt; the stream has {_numbers(stream)}")
-    poses = [_read_poses(files[key], stream) for key in wanted]
-    stacked = np.stack(poses).reshape(len(trials), stream.robots, len(stream.time), 3)
-    return np.ascontiguousarray(stacked.swapaxes(1, 2)[..., :d])
-
-
-def _numbers(stream: Stream) -> str:
-    robots = "robot 0" if stream.robots == 1 else f"robots 0 to {stream.robots - 1}"
-    trials = [int(k) for k in stream.trial]
-    return f"{robots} in trial {trials[0]}" + f" to {trials[-1]}" * (len(trials) > 1)
-
-
-def _read_poses(path: Path, stream: Stream) -> Array:
-    """Positions [m] and headings [rad] (T, 3)."""
-    table = read_table(path, COLUMNS)
-    _demand_ticks(table, stream)
-    x, y, z, w = table.values[:, 4:].T
-    skewed = np.abs(np.linalg.norm(table.values[:, 4:], axis=1) - 1) > UNIT
-    if skewed.any():
-        row = int(np.argmax(skewed))
-        raise BadInput(f"{table.at(row)}: qx qy qz qw is not a unit quaternion; heading 0 is 0 0 0 1")
-    return np.column_stack([table.values[:, 1:3], np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))])
-
-
-def _demand_ticks(table: Table, stream: Stream) -> None:
-    """Refuse stamps that are not those of the ticks, one line each."""
-    stamps, time = table.values[:, 0], stream.time
-    short = min(len(stamps), len(time))
-    apart = np.abs(stamps[:short] - time[:short]) > LATE * stream.world.tick
-    if apart.any():
-        row = int(np.argmax(apart))
-        raise BadInput(
-            f"{table.at(row)}: its stamp is {stamps[row]:.10g} s, and tick {row} ends at {time[row]:.10g} s: write one "
-            "line for each tick, with the stamps of stream.time"
-        )
-    if len(stamps) != len(time):
-        raise BadInput(
-            f"{table.path} has {len(stamps)} lines, and the stream {len(time)} ticks: write one line for each tick"
-        )
-
-
-# Judging trajectories that were computed elsewhere, as the estimators that run here are judged.
-
-ELSEWHERE = "not checked: computed elsewhere"  # the certificate of each
-
-
-def judge(
-    truth: Truth,
-    stream: Stream,
-    estimates: Mapping[str, Trace | str | Path] | str | Path,
-    burn_in: int = 0,
-    offline: bool = False,
-) -> pd.DataFrame:
-    """Errors of trajectories that were computed elsewhere: in C++, MATLAB, ROS, from the stream that was saved.
-
-    It is not known which readings they used: their `certificate` is "not checked: computed elsewhere". Where there are
-    no covariances, consistency is not assessed, and they do not qualify as best; costs that are not known are nan.
-
-    Args:
-        truth: from `simulate`, of the same stream.
-        stream: what the others were given.
-        estimates: by name, each a `cl.Trace` or a folder of TUM files (`analysis.metrics.tum_reading` says how they
-            are called); or one folder that holds such files, or a folder of each.
-        burn_in: first ticks that do not count.
-        offline: whether they were computed from the readings of all ticks at once, such as by a smoother.
-
-    Returns:
-        As `cl.errors`, with `certificate`; join it with the rows of `cl.run` on the same stream by `pd.concat`.
-
-    Raises:
-        BadInput: truth and stream do not belong together, or a trajectory does not fit them; says where.
-
-    """
-    if isinstance(estimates, str | Path):
-        traces = from_tum(estimates, stream)
-    else:
-        traces = {name: _trace(name, given, stream) for name, given in estimates.items()}
-    for name, trace in traces.items():
-        _demand_fit(name, trace, stream)
-    if offline:
-        traces = {name: replace(trace, offline=True, centralised=True) for name, trace in traces.items()}
-    run = Run(stream.scenario, stream.seed, stream.trial, stream.hashes, traces)
-    return errors(truth, run, burn_in).assign(certificate=ELSEWHERE)
-
-
-def _trace(name: str, given: Trace | str | Path, stream: Stream) -> Trace:
-    if isinstance(given, Trace):
-        return given
-    found = from_tum(given, stream)
-    if len(found) > 1:
-        raise BadInput(f"{given} holds {len(found)} folders of trajectories, and {name!r} is one: name one of them")
-    return next(iter(found.values()))
-
-
-def _demand_fit(name: str, trace: Trace, stream: Stream) -> None:
-    """Refuse a trace of another shape, with a pose that is not finite, or with what is not a covariance."""
-    team, d = (len(stream.trial), len(stream.time), stream.robots), trace.x.shape[-1]
-    axes = {"x": (*team, d), "P": (*team, d, d), "messages": team[::2], "bytes": team[::2]}
-    for what, wanted in axes.items():
-        if np.shape(getattr(trace, what)) != wanted or d not in (2, 3):
-            raise BadInput(
-                f"{name}: {what} has shape {np.shape(getattr(trace, what))}, not {wanted}; poses x are (trial, tick, "
-                f"robot, 2 or 3), and this stream has {team[0]} trials, {team[1]} ticks, {team[2]} robots"
-            )
-    told = {"pose": trace.x} if np.isnan(trace.P).all() else {"pose": trace.x, "covariance": trace.P}
-    for what, array in told.items():
-        bad = ~np.isfinite(array).reshape(*team, -1).all(-1)
-        if bad.any():
-            i, k, robot = np.argwhere(bad)[0]
-            where = f"robot {robot} in trial {stream.trial[i]}, tick {k}"
-            raise BadInput(f"{name}: the {what} of {where} is not finite; every tick needs one")
-    if "covariance" in told:
-        try:
-            require_covariances(name, stream, trace.P)
-        except EstimatorError as e:
-            raise BadInput(f"{e}; leave P out where there is none") from None
-
-
-# `cooploc judge`: a stream, its truth, and trajectories that were computed elsewhere.
-
-
-def evaluate_external(
-    source: str,
-    estimates: Mapping[str, Trace | str | Path] | str | Path,
-    estimators: str | None,
-    offline: bool,
-    **how: object,
-) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """The rows of `judge`, those of our own `estimators` on the same stream first, and their table.
-
-    Raises:
-        BadInput: as `with_truth` and `judge`; or two have the same name.
-
-    """
-    truth, stream = with_truth(source, **how)  # type: ignore[arg-type]
-    theirs = judge(truth, stream, estimates, offline=offline)
-    frames = [theirs]
-    if estimators is not None:
-        mine = split(estimators)
-        if same := set(mine) & set(theirs["estimator"]):
-            raise BadInput(f"{same.pop()!r} is an estimator of ours and a folder of trajectories: rename the folder")
-        frames.insert(0, errors(truth, run(mine, stream)))
-    rows = pd.concat(frames, ignore_index=True)
-    rows["certificate"] = rows["certificate"].fillna("")
-    return rows, compare(rows, rows["estimator"].iloc[0], full=True)
-
-
-def with_truth(
-    source: str, trials: int | None = None, seed: int | None = None, data: str | Path | None = None
-) -> tuple[Truth, Stream]:
-    """The truth and the stream of a file that `Stream.save` wrote, or of a scenario.
-
-    A file holds no truth: its scenario is simulated again, and must give the same readings.
-
-    Raises:
-        BadInput: it is neither, the file was made by another version, or its scenario is not a built-in one.
-
-    """
-    if not Path(source).is_file():
-        return simulate(source, trials=1 if trials is None else trials, seed=seed or 0, data=data)
-    if trials is not None or seed is not None:
-        raise BadInput(f"{source} is a file, which says its trials and its seed itself: leave --trials and --seed out")
-    stream = Stream.load(source)
-    if split_family(parse(stream.scenario)[0])[0] not in BUILTIN:
-        raise BadInput(
-            f"{source} is of {stream.scenario!r}, which is not built in, and its code does not run by the name in a "
-            "file: use cl.judge(truth, stream, ...)"
-        )
-    truth, again = simulate(stream.scenario, trials=stream.trial.tolist(), seed=stream.seed, data=data)
-    if again.hashes != stream.hashes:
-        raise BadInput(
-            f"{source} does not hold the readings of {stream.scenario!r}, seed {stream.seed}, as they are made here: "
-            "its truth is not known; save the stream again, or use cl.judge(truth, stream, ...)"
-        )
-    return truth, stream

@@ -1,9 +1,7 @@
-"""What the one line of a certificate means.
+"""Which estimators qualify as best: their checks, mean ranks and groups over trials, the front of accuracy and cost.
 
-"passed: 16 checks", "passed: 15 of 16 checks; axes: why", "failed: causality: why", "unchecked: why"; each may end with
-"; trained on: what".
-
-An empty line stands for a built-in estimator.
+The line of a certificate is "passed: 16 checks", "passed: 15 of 16 checks; axes: why", "failed: causality: why" or
+"unchecked: why"; each may end with "; trained on: what". An empty line stands for a built-in estimator.
 """
 
 from collections.abc import Mapping
@@ -22,58 +20,50 @@ from cooploc.estimators.interface import Array, Mask
 DECLARED = "bytes are as declared"
 
 
+ALPHA = 1 - statistics.LEVEL
+
+
 def is_refused(line: str) -> bool:
-    """Whether a certificate's line excludes an estimator from the ranking."""
+    """Return whether a certificate's line excludes an estimator from the ranking."""
     return line.startswith("failed")
 
 
-def failed_check(line: str) -> str:
-    """The name of the check that a refused estimator failed."""
-    return line.partition(": ")[2].partition(":")[0]
-
-
 def short_certificate(line: str) -> str:
-    """A certificate's line in a few words: "✓ 16 checks", "✓ 15 of 16 checks; axes", "✗ causality", "unchecked"."""
+    """Return a certificate's line in a few words: "✓ 16 checks", "✓ 15 of 16 checks; axes", "✗ causality"."""
     line, _, learned = line.partition(TRAINED)
     status, _, found = line.partition(": ")
     count, *exempt = found.split("; ")
-    passed = "; ".join([f"✓ {count}", *filter(None, (_brief(one) for one in exempt))])
-    said = {"passed": passed, "failed": f"✗ {failed_check(line)}"}.get(status, status)
+    passed = "; ".join([f"✓ {count}", *filter(None, (_short_exemption(one) for one in exempt))])
+    said = {"passed": passed, "failed": f"✗ {_failed_check(line)}"}.get(status, status)
     return f"{said}; trained on {learned}" if learned else said
 
 
 def certificate_remarks(table: pd.DataFrame) -> list[str]:
-    """A sentence on each estimator in a table of `compare` that did not pass its checks."""
-    once = table.drop_duplicates("estimator")
-    lines = zip(once["estimator"], once["certificate"], strict=True)
-    return [_remark(name, line) for name, line in lines if line and not _whole(line)]
+    """Return a sentence on each estimator in a table of `compare` that did not pass its checks."""
+    once, out = table.drop_duplicates("estimator"), []
+    for name, line in zip(once["estimator"], once["certificate"], strict=True):
+        status, _, found = line.partition(": ")
+        if status == "failed":
+            out.append(f"{name} failed a check and is not ranked: {found}")
+        elif status == "passed":
+            out += [f"{name} passed {found}"] if "; " in line else []
+        elif line:
+            out.append(f"{name} is {status}: {found}")
+    return out
 
 
-def _whole(line: str) -> bool:
-    """Whether every check passed without an exemption."""
-    return line.startswith("passed") and "; " not in line
+def _failed_check(line: str) -> str:
+    return line.partition(": ")[2].partition(":")[0]
 
 
-def _brief(exemption: str) -> str:
-    """The name of what is exempt; of a team whose traffic the runner does not carry, what that means."""
+def _short_exemption(exemption: str) -> str:
+    """Return the name of an exemption; of a team whose traffic the runner does not carry, what that means."""
     name, _, why = exemption.partition(": ")
     return DECLARED if why.endswith(DECLARED) else name if why else ""
 
 
-def _remark(name: str, line: str) -> str:
-    status, _, found = line.partition(": ")
-    if status == "passed":
-        return f"{name} passed {found}"
-    return f"{name} failed a check and is not ranked: {found}" if status == "failed" else f"{name} is {status}: {found}"
-
-
-# Which estimators qualify as best, mean ranks and groups over trials, and the Pareto front of accuracy and cost.
-
-ALPHA = 1 - statistics.LEVEL
-
-
 def disqualifications(row: Mapping[Any, Any]) -> list[str]:
-    """Why an estimator does not qualify as best in a scenario, from its row of `compare`; empty where it does.
+    """Return why an estimator does not qualify as best in a scenario, from its row of `compare`; empty where it does.
 
     To qualify it must have passed its checks, be distributed, have seen no reading before its time, have failed in no
     trial, and have a covariance that was assessed and found neither over-wide nor over-confident: not by its interval,
@@ -81,7 +71,7 @@ def disqualifications(row: Mapping[Any, Any]) -> list[str]:
     """
     flag, offline = row["consistency"], bool(row.get("offline", False))
     reasons = {
-        f"failed the check {failed_check(row['certificate'])}": is_refused(row["certificate"]),
+        f"failed the check {_failed_check(row['certificate'])}": is_refused(row["certificate"]),
         "a bound": bool(row["bound"]),
         "offline": offline,
         "centralised": bool(row["centralised"] and not row["bound"] and not offline),
@@ -95,7 +85,7 @@ def disqualifications(row: Mapping[Any, Any]) -> list[str]:
 
 
 def rank_groups(mse: pd.DataFrame, stopping: Stopping = FIXED) -> tuple[dict[str, float], dict[str, str]]:
-    """Mean ranks of estimators and their `letters`, from squared errors: a row per trial, a column per estimator.
+    """Return mean ranks of estimators and their `letters`, from squared errors (trial, estimator).
 
     No ranks in a run that may have stopped at any look: its estimators have different numbers of trials, and a mean of
     ranks over the few that all have would leave out the others. There are no letters below two estimators or
@@ -107,7 +97,7 @@ def rank_groups(mse: pd.DataFrame, stopping: Stopping = FIXED) -> tuple[dict[str
 
 
 def letters(mse: pd.DataFrame, stopping: Stopping = FIXED) -> dict[str, str]:
-    """Letters of estimators from squared errors; those that share one do not differ significantly at 5 %.
+    """Return letters of estimators from squared errors; those of one letter do not differ significantly at 5 %.
 
     All pairs by the test of the change of RMSE, each over the trials that both have (nan: has not), adjusted by Holm:
     the rule by which everything else is decided, so that letters never contradict an interval.
@@ -115,7 +105,8 @@ def letters(mse: pd.DataFrame, stopping: Stopping = FIXED) -> dict[str, str]:
     names = [str(name) for name in mse.columns]
     values = mse.to_numpy(float).T
     pairs = list(combinations(range(len(names)), 2))
-    p = statistics.holm(np.array([stopping.p_of_difference(*_shared(values[[i, j]])) for i, j in pairs]))
+    both = (values[[i, j]][:, ~np.isnan(values[[i, j]]).any(0)] for i, j in pairs)  # trials that both have
+    p = statistics.holm(np.array([stopping.p_of_difference(a, b) for a, b in both]))
     if not (p < ALPHA).any():
         return dict.fromkeys(names, "a")
     import scikit_posthocs
@@ -127,14 +118,8 @@ def letters(mse: pd.DataFrame, stopping: Stopping = FIXED) -> dict[str, str]:
     return {str(name): str(marks).replace(" ", "") for name, marks in found.items()}
 
 
-def _shared(pair: Array) -> Array:
-    """The trials (2, k) that both have."""
-    both: Array = pair[:, ~np.isnan(pair).any(0)]
-    return both
-
-
 def pareto_front(rmse: Array, cost: Array) -> Mask:
-    """The Pareto front (k,): True where no other is as good in both RMSE and cost and better in one; False at a nan."""
+    """Return the Pareto front (k,): True where no other is as good in RMSE and cost and better in one."""
     known = np.isfinite(rmse) & np.isfinite(cost)
     no_worse = (rmse <= rmse[:, None]) & (cost <= cost[:, None]) & known  # (i, j): j is no worse than i
     better = no_worse & ((rmse < rmse[:, None]) | (cost < cost[:, None]))

@@ -1,8 +1,11 @@
-"""What readings are worth: own readings by readings between robots, for every rule of fusion, in one table.
+"""Tables of runs that were designed for a question: what readings are worth, and what results depend on.
 
-Each estimator of a run belongs into a cell: what it reads of the anchors, what of teammates, and how it fuses the two.
-What cooperation buys is a difference inside one row of that matrix: the same filter with the same own readings, with
-and without teammates, on the same streams.
+*Information*: own readings by readings between robots, for every rule of fusion. Each estimator of a run belongs into a
+cell: what it reads of the anchors, what of teammates, and how it fuses the two. What cooperation buys is a difference
+inside one row of that matrix: the same filter with the same own readings, with and without teammates, on the same
+streams.
+
+*Sensitivity*: one panel per swept parameter, of a scenario or of the estimators.
 """
 
 from typing import Any, NamedTuple
@@ -36,7 +39,7 @@ INFORMATION_COLUMNS = (
 
 
 class MatrixCell(NamedTuple):
-    """Where an estimator stands in the matrix."""
+    """The place of an estimator in the matrix of information."""
 
     own: str  # a key of OWN
     between: str  # a key of BETWEEN
@@ -45,7 +48,7 @@ class MatrixCell(NamedTuple):
 
 
 def matrix_cell(estimator: str, robots: int) -> MatrixCell | None:
-    """The cell of an estimator in a team of so many robots; None where it has none."""
+    """Return the cell of an estimator in a team of so many robots; None where it has none."""
     name = configure(estimator).name
     if name not in RULES:
         return None
@@ -57,7 +60,7 @@ def matrix_cell(estimator: str, robots: int) -> MatrixCell | None:
 
 
 def information(errors: pd.DataFrame, seed: int) -> pd.DataFrame:
-    """The matrix of information: one row per scenario and estimator that has a cell in it.
+    """Return the matrix of information: one row per scenario and estimator that has a cell in it.
 
     Columns:
         own: what is read of the anchors: "none", "doa" (the direction), "gradient" or "rssi" (the raw readings)
@@ -94,11 +97,11 @@ def information(errors: pd.DataFrame, seed: int) -> pd.DataFrame:
         parts.append(_against_alone(errors[keys.isin(mine)], {key[1]: where for key, where in mine.items()}))
     table = pd.concat(parts, ignore_index=True)
     table["floor"] = [_floor(row, seed) for row in table.to_dict("records")]
-    return _sorted(table)[list(INFORMATION_COLUMNS)]
+    return _sort_matrix(table)[list(INFORMATION_COLUMNS)]
 
 
 def _against_alone(rows: pd.DataFrame, cells: dict[str, MatrixCell]) -> pd.DataFrame:
-    """The rows of one scenario, own reading and filter; changes against the one without teammates."""
+    """Return the rows of one scenario, own reading and filter, with changes against the one without teammates."""
     alone = [name for name, where in cells.items() if where.between == "none"]
     table = compare(rows, alone[0] if alone else next(iter(cells)), full=True)
     placed = pd.DataFrame([cells[name] for name in table["estimator"]], columns=MatrixCell._fields, index=table.index)
@@ -111,8 +114,8 @@ def _floor(row: dict[Any, Any], seed: int) -> float:
     return pooled_floor(row["scenario"], seed, (*OWN[row["own"]], *BETWEEN[row["between"]]))
 
 
-def _sorted(table: pd.DataFrame) -> pd.DataFrame:
-    """By own reading, robots, reading between, rule and filter, each in the order in which it is listed above."""
+def _sort_matrix(table: pd.DataFrame) -> pd.DataFrame:
+    """Sort by own reading, robots, reading between, rule and filter, each in the order in which it is listed above."""
     by = pd.DataFrame({"own": pd.Categorical(table["own"], list(OWN)), "robots": table["robots"]}, index=table.index)
     by["between"] = pd.Categorical(table["between"], list(BETWEEN))
     for k, name in enumerate(("fusion", "filter")):
@@ -121,7 +124,7 @@ def _sorted(table: pd.DataFrame) -> pd.DataFrame:
     return table.loc[order].reset_index(drop=True)
 
 
-# How results depend on what is swept: one panel per parameter, of a scenario or of the estimators.
+# ---- sensitivity
 
 OF_ESTIMATORS = "particles"  # the parameter of estimators that makes a panel
 SENSITIVITY_COLUMNS = (
@@ -132,7 +135,7 @@ SENSITIVITY_COLUMNS = (
 
 
 class Sweep(NamedTuple):
-    """Where a row of a run stands."""
+    """The swept parameter of a row of a run."""
 
     scenario: str  # without what is swept
     parameter: str
@@ -141,7 +144,7 @@ class Sweep(NamedTuple):
 
 
 def parse_sweep(scenario: str, estimator: str) -> Sweep | None:
-    """What a row of a run sweeps: the one number in brackets of its scenario, or `particles` of its estimator."""
+    """Return what a row of a run sweeps: the one number in brackets of its scenario, or its estimator's `particles`."""
     path, written = parse(scenario)
     if len(written) == 1:
         ((parameter, value),) = written.items()
@@ -155,7 +158,7 @@ def parse_sweep(scenario: str, estimator: str) -> Sweep | None:
 
 
 def sensitivity(errors: pd.DataFrame, seed: int, baseline: str = "arl") -> pd.DataFrame:
-    """One row per swept parameter, value and estimator; parameters in the order of the run.
+    """Return one row per swept parameter, value and estimator; parameters in the order of the run.
 
     Columns:
         parameter: what is swept, of the scenario ("prior_sigma"; "assumed.eta" is what the team assumes of eta) or of
@@ -200,7 +203,7 @@ def sensitivity(errors: pd.DataFrame, seed: int, baseline: str = "arl") -> pd.Da
 
 
 def preset_value(where: Sweep) -> float:
-    """The value of the parameter where it is not swept."""
+    """Return the value of the parameter where it is not swept."""
     if where.parameter == OF_ESTIMATORS:
         return float(getattr(make(where.estimator), OF_ESTIMATORS))
     model: Any = resolve(where.scenario).model

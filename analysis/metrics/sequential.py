@@ -1,4 +1,4 @@
-"""Confidence sequences: intervals and tests that hold at every number of trials at once, however one stops.
+"""Confidence sequences, runs that stop when their questions are decided, and how many trials a comparison needs.
 
 A 95 % interval that is looked at again and again misses the truth sooner or later. These miss it, at any of all looks
 from the second trial on, in at most 5 % of runs. They take the t statistic of n differences d, as the t test does:
@@ -11,10 +11,17 @@ is 0 its expectation is 1 at every n, and it ever reaches 1 / alpha with probabi
 values theta for which the differences d - theta do not reach it are the sequence: mean(d) -+ b(n) s / sqrt(n).
 
 Exact for normal differences at every n. For others it is asymptotic, as the t interval is; `reports/statistics.md`
-measures both. Sources: T. L. Lai, "On confidence sequences", Annals of Statistics 4, 1976; H. Wang, A. Ramdas,
-"Anytime-valid t-tests and confidence sequences for Gaussian means with unknown variance", Sequential Analysis 44, 2025
-(Gaussian mixture; derived here again from the right Haar prior on sigma); I. Waudby-Smith et al., "Time-uniform central
-limit theory and asymptotic confidence sequences", Annals of Statistics 52, 2024.
+measures both. The jackknife takes the logarithm of a mean for nearly normal, which it is not where a few trials decide
+it: of errors of which one in a hundred is twentyfold, two equals would be called different in 20 % of runs. Sequences
+are therefore as wide as over the effective number of trials, (sum v)^2 / sum v^2 (Kish 1965) of the mean where it is
+smallest, times 1.5: all trials where their standard deviation is up to 0.7 of the mean, and four or five where three of
+a hundred decide. There is none below seven. The factor is the largest of 1, 1.5, 2 and 3 that keeps false decisions
+below 5 % in all worlds of `reports/statistics.md`.
+
+Sources: T. L. Lai, "On confidence sequences", Annals of Statistics 4, 1976; H. Wang, A. Ramdas, "Anytime-valid t-tests
+and confidence sequences for Gaussian means with unknown variance", Sequential Analysis 44, 2025 (Gaussian mixture;
+derived here again from the right Haar prior on sigma); I. Waudby-Smith et al., "Time-uniform central limit theory and
+asymptotic confidence sequences", Annals of Statistics 52, 2024.
 """
 
 from collections.abc import Callable, Mapping
@@ -35,7 +42,7 @@ LARGEST = 700.0  # logarithm of an e-value, beyond which none is told from anoth
 
 
 def boundary(n: float) -> float:
-    """b(n): how many standard errors the sequence reaches to either side; nan where it is unbounded (n < 7).
+    """Return b(n), how many standard errors the sequence reaches to either side; nan where it is unbounded (n < 7).
 
     n may be an effective number of trials.
 
@@ -47,7 +54,7 @@ def boundary(n: float) -> float:
 
 
 def e_value(t: float, n: int) -> float:
-    """e(n) of a t statistic over n trials: evidence against a mean of 0; its inverse is a p-value at any stopping.
+    """Evidence e(n) of a t statistic against a mean of 0; its inverse is a p-value at any stopping.
 
     Values of e of independent comparisons multiply, those of dependent ones may be averaged.
     """
@@ -55,7 +62,7 @@ def e_value(t: float, n: int) -> float:
 
 
 def one_sided_e_value(t: float, n: int) -> float:
-    """The same against a mean of at most 0: its prior is the positive half of the normal one.
+    """Return the same against a mean of at most 0: its prior is the positive half of the normal one.
 
     2 e P(effect > 0 | d), and the posterior of the effect is one of Student's t with n degrees of freedom.
     """
@@ -70,34 +77,23 @@ def _log_e(t: float, n: int) -> float:
 
 
 def _explained(t: float, n: int) -> float:
-    """R: the share of the sum of d^2 that the mean explains; 1 where d has no spread, nan where there is no t."""
+    """R, the share of the sum of d^2 that the mean explains; 1 where d has no spread, nan where there is no t."""
     return 1.0 if np.isinf(t) else t * t / (n - 1 + t * t)
 
 
-# Two ways to judge a run: its number of trials was fixed before, or it may have stopped at any look at its results.
-#
-# `FIXED` is what tables and reports use: t intervals, and Fieller's for a relative change. `ANYTIME` is for runs that
-# stop when their questions are decided: confidence sequences (`sequences`) of means, and of logarithms of means by the
-# jackknife, a relative change of RMSE among them. Either way a p-value is at most 0.05 where the interval excludes a
-# value, and nowhere else.
-#
-# The jackknife takes a mean for nearly normal, which it is not where a few trials decide it: of errors of which one
-# in a
-# hundred is twentyfold, two equals would be called different in 20 % of runs. The sequences are therefore as wide as
-# over
-# the effective number of trials, (sum v)^2 / sum v^2 (Kish 1965) of the mean where it is smallest, times 1.5: all
-# trials
-# where their standard deviation is up to 0.7 of the mean, and four or five where three of a hundred decide. There is
-# none
-# below seven. The factor is the largest of 1, 1.5, 2 and 3 that keeps false decisions below 5 % in all worlds of
-# `reports/statistics.md`.
+# ---- two ways to judge a run: its number of trials was fixed before, or it may have stopped at any look
 
 WORTH = 1.5  # trials that an effective one counts for
 HALVES = np.array([-0.5, 0.5])  # of the logarithms of two mean squared errors: that of the ratio of their RMSE
 
 
 class Stopping(NamedTuple):
-    """Intervals and tests, as functions of trials."""
+    """Intervals and tests, as functions of trials.
+
+    `FIXED` is what tables and reports use: t intervals, and Fieller's for a relative change. `ANYTIME` is for runs that
+    stop when their questions are decided. Either way a p-value is at most 0.05 where the interval excludes a value, and
+    nowhere else.
+    """
 
     mean: Callable[[Array], Interval]
     mean_of_positive: Callable[[Array], Interval]
@@ -109,45 +105,45 @@ class Stopping(NamedTuple):
     equal: Callable[[Array, Array, float], bool]  # whether two RMSE tie within a margin, from squared errors
 
     def p_of_difference(self, a: Array, b: Array) -> float:
-        """Two-sided p against equal RMSE; 1 for equals, nan where there is no interval."""
+        """Return the two-sided p against equal RMSE; 1 for equals, nan where there is no interval."""
         if np.isnan(self.change(a, b).low):
             return np.nan
         return 1.0 if np.array_equal(a, b) else self.p_of_change(a, b, 0.0)
 
 
 def effective(values: Array) -> float:
-    """The number of trials that a sequence over positive `values` (trial, j) counts, as above."""
+    """Return the number of trials that a sequence over positive `values` (trial, j) counts."""
     kish = (values.sum(0) ** 2 / (values**2).sum(0)).min()
     return float(np.minimum(len(values), WORTH * kish))
 
 
 def mean(d: Array) -> Interval:
-    """The mean of `d` (k,) over trials with its confidence sequence."""
+    """Return the mean of `d` (k,) over trials with its confidence sequence."""
     return statistics.mean(d, boundary)
 
 
 def mean_of_positive(values: Array) -> Interval:
-    """The mean of positive values (k,) with its confidence sequence."""
+    """Return the mean of positive values (k,) with its confidence sequence."""
     return statistics.mean_of_positive(values, lambda _: boundary(effective(values[:, None])))
 
 
 def log_contrast(values: Array, weights: Array) -> Interval:
-    """sum_j weights_j log mean_j over trials of positive `values` (trial, j), with its confidence sequence."""
+    """Return sum_j weights_j log mean_j over trials of positive `values` (trial, j), with its confidence sequence."""
     return statistics.log_contrast(values, weights, lambda _: boundary(effective(values)))
 
 
 def change(a: Array, b: Array) -> Interval:
-    """sqrt(mean b / mean a) - 1 with its confidence sequence, of squared errors `a`, `b` (k,) over paired trials."""
+    """Return sqrt(mean b / mean a) - 1 with its confidence sequence, of squared errors `a`, `b` (k,), paired."""
     return Interval(*(float(np.expm1(end)) for end in _log_ratio(a, b)))
 
 
 def p_of_change(a: Array, b: Array, value: float) -> float:
-    """Two-sided p against a true change of `value`, valid at any stopping."""
+    """Return the two-sided p against a true change of `value`, valid at any stopping."""
     return p_of_mean(_log_ratio(a, b), len(a), float(np.log1p(value)))
 
 
 def e_of_change(a: Array, b: Array, value: float = 0.0) -> float:
-    """The e-value against a true change of `value`: where it is true, 20 is reached, ever, in at most 5 % of runs.
+    """Return the e-value against a true change of `value`: where it is true, 20 is ever reached in 5 % of runs at most.
 
     Over A/A comparisons, of two that should be the same, its mean stays at 1. nan where there is no sequence.
     """
@@ -155,7 +151,7 @@ def e_of_change(a: Array, b: Array, value: float = 0.0) -> float:
 
 
 def p_above(a: Array, b: Array, factor: float) -> float:
-    """One-sided p against mean b <= `factor` times mean a, valid at any stopping; as `statistics.p_above`."""
+    """Return the one-sided p against mean b <= `factor` times mean a, valid at any stopping."""
     log, value = _log_ratio(a, b), float(np.log(factor)) / 2
     if log.low == log.high:
         return float(log.value < value)
@@ -163,34 +159,34 @@ def p_above(a: Array, b: Array, factor: float) -> float:
 
 
 def p_of_mean(interval: Interval, n: int, value: float) -> float:
-    """Two-sided p against a true value, of a sequence over n trials: 1 / e, and 0 where no spread is left."""
+    """Return the two-sided p against a true value, of a sequence over n trials: 1 / e; 0 where no spread is left."""
     if interval.low == interval.high:
         return 0.0
     return _p(e_value(*_t(interval, n, value)))
 
 
 def _p(e: float) -> float:
-    """1 / e, at most 1; nan where e is nan. Where data speak strongly for the opposite, e is rounded to 0."""
+    """Return 1 / e, at most 1; nan where e is nan. Where data speak strongly for the opposite, e is rounded to 0."""
     return float(1 / np.maximum(1.0, e))
 
 
 def equal(a: Array, b: Array, margin: float) -> bool:
-    """Whether the sequence of the change of RMSE lies within 1/(1 + margin) .. 1 + margin."""
+    """Return whether the sequence of the change of RMSE lies within 1/(1 + margin) .. 1 + margin."""
     return within(change(a, b), margin)
 
 
 def within(found: Interval, margin: float) -> bool:
-    """Whether a change of RMSE lies within 1/(1 + margin) .. 1 + margin."""
+    """Return whether a change of RMSE lies within 1/(1 + margin) .. 1 + margin."""
     return -margin / (1 + margin) <= found.low and found.high <= margin
 
 
 def _log_ratio(a: Array, b: Array) -> Interval:
-    """The logarithm of the ratio of the RMSE of b to that of a, with its sequence."""
+    """Return the logarithm of the ratio of the RMSE of b to that of a, with its sequence."""
     return log_contrast(np.stack([a, b], 1), HALVES)
 
 
 def _t(interval: Interval, n: int, value: float) -> tuple[float, int]:
-    """How far a sequence's number is above a value, in ends of the sequence, as a t statistic over n trials."""
+    """Return the t statistic over n trials of a sequence's distance from a value."""
     half, above = interval.high - interval.value, interval.value - value
     if half == 0:
         return (float(np.copysign(np.inf, above)) if above else 0.0), n
@@ -210,16 +206,7 @@ FIXED = Stopping(
 ANYTIME = Stopping(mean, mean_of_positive, log_contrast, change, p_of_change, p_above, p_of_mean, equal)
 
 
-# Which comparisons of a run are decided, at which look: what `cooploc run --until-decided` goes by.
-#
-# A comparison is one estimator with its scenario's baseline, on the same streams. At a look after n trials it is
-# decided
-# by the confidence sequence of the relative change of RMSE (`stopping.ANYTIME`): better or worse where it excludes 0,
-# else a tie where it lies within the margin. Looks count trials by their number, never by when they finished: decisions
-# depend on nothing but the study, the seed and the looks.
-#
-# No estimator gains by failing: where the sequence would call it better, or a tie, and it failed in a trial, the
-# comparison is *failed*, for no further trial can change that.
+# ---- which comparisons of a run are decided, at which look
 
 FIRST = 10  # trials at the first look; each later one doubles them
 TIE_MARGIN = 0.05
@@ -227,7 +214,7 @@ OPEN, FAILED = "open", "failed"
 
 
 def looks(most: int) -> list[int]:
-    """Numbers of trials after which a run of at most so many is looked at: 10, 20, 40, ..., and the last one."""
+    """Return the numbers of trials after which a run of at most so many is looked at: 10, 20, 40, ..., the last one."""
     out = [min(FIRST, most)]
     while out[-1] < most:
         out.append(min(2 * out[-1], most))
@@ -235,7 +222,14 @@ def looks(most: int) -> list[int]:
 
 
 class Decision(NamedTuple):
-    """One comparison at its last look."""
+    """One estimator against its scenario's baseline, at its last look.
+
+    At a look after n trials it is decided by the confidence sequence of the relative change of RMSE: better or worse
+    where it excludes 0, else a tie where it lies within the margin. Looks count trials by their number, never by when
+    they finished: decisions depend on nothing but the study, the seed and the looks. No estimator gains by failing:
+    where the sequence would call it better, or a tie, and it failed in a trial, the comparison is *failed*, for no
+    further trial can change that.
+    """
 
     scenario: str
     estimator: str
@@ -251,7 +245,7 @@ class Decision(NamedTuple):
 def decide(
     rows: pd.DataFrame, baselines: Mapping[str, str], most: Mapping[str, int], margin: float = TIE_MARGIN
 ) -> list[Decision]:
-    """Every comparison at the look that decided it, or at the last look for which all its trials are there.
+    """Return every comparison at the look that decided it, or at the last look for which all its trials are there.
 
     Args:
         rows: of a run.
@@ -260,16 +254,20 @@ def decide(
         margin: the share of RMSE by which two may differ and still tie.
 
     """
-    cells = _by_trial(rows)
-    return [
-        _first(Decision(scenario, name, baselines[scenario]), cells[scenario, baselines[scenario]], mse, at, margin)
-        for (scenario, name), mse in cells.items()
-        if name != baselines[scenario] and (at := looks(most[scenario]))
-    ]
+    cells, out = _by_trial(rows), []
+    for (scenario, name), mine in cells.items():
+        if name != baselines[scenario]:
+            base = cells[scenario, baselines[scenario]]
+            found = Decision(scenario, name, baselines[scenario])
+            for n in looks(most[scenario]):
+                if found.verdict == OPEN and n <= min(len(base), len(mine)):
+                    found = _decide_at_look(found._replace(look=n), base[:n], mine[:n], margin)
+            out.append(found)
+    return out
 
 
 def with_decisions(table: pd.DataFrame, found: pd.DataFrame) -> pd.DataFrame:
-    """The table of `compare(..., full=True)` with what was decided of each row, in place of tests of a fixed n.
+    """Return the table of `compare(..., full=True)` with the decision on each row, in place of tests of a fixed n.
 
     Columns:
         verdict, look: as of `Decision`; empty and 0 for a baseline
@@ -289,25 +287,17 @@ def _by_trial(rows: pd.DataFrame) -> dict[tuple[str, str], Array]:
     keys = ["scenario", "estimator", "trial"]
     ran = rows.drop_duplicates(keys).set_index(keys).index
     mse = weighted_means(drop_failed(rows), keys, ["mse"]).reindex(ran).reset_index().sort_values("trial")
-    parts = {(str(s), str(e)): part for (s, e), part in mse.groupby(keys[:2], sort=False)}
     order = rows[keys[:2]].drop_duplicates().itertuples(index=False, name=None)
-    return {(str(s), str(e)): _without_gaps(parts[str(s), str(e)]) for s, e in order}
+    parts = dict(iter(mse.groupby(keys[:2], sort=False)))
+    return {
+        (str(s), str(e)): part["mse"].to_numpy(float)[part["trial"].to_numpy() == np.arange(len(part))]
+        for s, e in order
+        for part in [parts[s, e]]
+    }
 
 
-def _without_gaps(part: pd.DataFrame) -> Array:
-    values: Array = part["mse"].to_numpy(float)[part["trial"].to_numpy() == np.arange(len(part))]
-    return values
-
-
-def _first(found: Decision, base: Array, mine: Array, at: list[int], margin: float) -> Decision:
-    for n in at:
-        if found.verdict == OPEN and n <= min(len(base), len(mine)):
-            found = _at(found._replace(look=n), base[:n], mine[:n], margin)
-    return found
-
-
-def _at(found: Decision, base: Array, mine: Array, margin: float) -> Decision:
-    """What a look at squared errors (n,) says; nan: failed."""
+def _decide_at_look(found: Decision, base: Array, mine: Array, margin: float) -> Decision:
+    """Return the decision at a look at squared errors (n,); nan: failed."""
     both = ~np.isnan(base) & ~np.isnan(mine)
     a, b = base[both], mine[both]
     change = ANYTIME.change(a, b)
@@ -327,7 +317,7 @@ def _verdict(change: Interval, margin: float) -> str:
     return "tie" if within(change, margin) else OPEN
 
 
-# How many trials a comparison needs: for an interval of a width, or to exclude a value.
+# ---- how many trials a comparison needs: for an interval of a width, or to exclude a value
 
 PILOT = 10  # trials from which a study is planned
 ROUNDS = 8  # of n = f(b(n))
@@ -335,7 +325,7 @@ POWER = float(stats.norm.ppf(0.8))  # a planned number of trials succeeds in 4 o
 
 
 def trials_for_width(interval: Interval, n: int, half: float) -> float:
-    """Trials at which an interval over n of them would be `half` wide to either side; nan without one.
+    """Return the trials at which an interval over n of them would be `half` wide to either side; nan without one.
 
     From n = (z s / h)^2 + (z^2 + 1) / 2, the second term for the t quantile.
     """
@@ -343,7 +333,7 @@ def trials_for_width(interval: Interval, n: int, half: float) -> float:
 
 
 def trials_to_exclude(interval: Interval, n: int, distance: float) -> float:
-    """Trials whose interval would, in 4 of 5 repetitions, exclude a value this far away; nan without one.
+    """Return the trials whose interval would, in 4 of 5 repetitions, exclude a value this far away; nan without one.
 
     From n = ((z + z_0.8) s / distance)^2 + z^2 / 2 (Guenther 1981).
     """
@@ -353,7 +343,7 @@ def trials_to_exclude(interval: Interval, n: int, distance: float) -> float:
 
 
 def trials_until_decided(interval: Interval, n: int, distance: float) -> float:
-    """As `trials_to_exclude`, by a confidence sequence instead of one look; nan without an interval.
+    """Return the same by a confidence sequence instead of one look; nan without an interval.
 
     n = ((b(n) + z_0.8) s / distance)^2, from above: b hardly depends on n.
     """
@@ -367,7 +357,7 @@ def trials_until_decided(interval: Interval, n: int, distance: float) -> float:
 
 
 def minutes(found: pd.DataFrame, column: str, jobs: int = 1) -> float:
-    """How long the estimators of a plan take [min] for the trials of `trials` or `until_decided`, without streams.
+    """Return the time [min] that the estimators of a plan take for `trials` or `until_decided`, without streams.
 
     A baseline runs as often as the comparison that needs most in its scenario; one whose need is unknown does not
     count.
@@ -379,7 +369,7 @@ def minutes(found: pd.DataFrame, column: str, jobs: int = 1) -> float:
 
 
 def _spread(interval: Interval, n: int) -> float:
-    """The standard deviation of one trial's share in an interval over n, by its wider side."""
+    """Return the standard deviation of one trial's share in an interval over n, by its wider side."""
     half = max(interval.value - interval.low, interval.high - interval.value)
     return half * np.sqrt(n) / quantile(n) if n >= LEAST_TRIALS else np.nan
 

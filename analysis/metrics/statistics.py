@@ -28,12 +28,12 @@ class Interval(NamedTuple):
 
 
 def quantile(n: float) -> float:
-    """Of the t distribution over n trials, at LEVEL to either side."""
+    """Return the quantile of the t distribution over n trials, at LEVEL to either side."""
     return float(special.stdtrit(n - 1, (1 + LEVEL) / 2))
 
 
 def trials_without_skew(values: Array) -> float:
-    """How many trials without skew tell as much of a t interval as positive `values` (k,): k, or fewer.
+    """Return the trials without skew whose t interval is as good as that of positive `values` (k,): k, or fewer.
 
     Their variance is itself estimated, and the worse the more they are skewed: its degrees of freedom are
     2 / (excess kurtosis / k + 2 / (k - 1)) (Satterthwaite 1946), about (k - 1) / (1 + 3 CV^2) for gamma values, whose
@@ -47,7 +47,7 @@ def trials_without_skew(values: Array) -> float:
 
 
 def mean_of_positive(values: Array, reach: Quantile | None = None) -> Interval:
-    """The mean of positive, skewed values, such as squared errors: jackknife on the logarithm of the mean.
+    """Return the mean of positive, skewed values, such as squared errors: jackknife on the logarithm of the mean.
 
     The t quantile is that over `trials_without_skew`. Over lognormal and gamma values its coverage is nearer to the
     nominal one than that of the t interval (measured in `reports/statistics.md`), and it never reaches below zero.
@@ -59,10 +59,10 @@ def mean_of_positive(values: Array, reach: Quantile | None = None) -> Interval:
 
 
 def log_contrast(values: Array, weights: Array, reach: Quantile = quantile) -> Interval:
-    """sum_j weights_j log mean_j over trials of positive `values` (trial, j): jackknife, t quantile.
+    """Return sum_j weights_j log mean_j over trials of positive `values` (trial, j): jackknife, t quantile.
 
     Columns of one row belong together, whether they are correlated or not: rows are what is independent.
-    `reach` is another than the t quantile where an interval is to hold at any stopping (`stopping.ANYTIME`).
+    `reach` is another than the t quantile where an interval is to hold at any stopping (`sequential.ANYTIME`).
     """
     n, mean = len(values), values.mean(0) if len(values) else np.full(len(weights), np.nan)
     if not (np.isfinite(mean).all() and (mean > 0).all()):
@@ -77,7 +77,7 @@ def log_contrast(values: Array, weights: Array, reach: Quantile = quantile) -> I
 
 
 def mean(d: Array, reach: Quantile = quantile) -> Interval:
-    """The mean of `d` (k,) over trials, such as paired differences b - a: t interval."""
+    """Return the mean of `d` (k,) over trials, such as paired differences b - a: t interval."""
     n, value = len(d), float(np.mean(d)) if len(d) else np.nan
     if n < LEAST_TRIALS or not np.isfinite(value):
         return Interval(value, np.nan, np.nan)
@@ -86,7 +86,7 @@ def mean(d: Array, reach: Quantile = quantile) -> Interval:
 
 
 def change(a: Array, b: Array) -> Interval:
-    """sqrt(mean b / mean a) - 1, of squared errors `a`, `b` (k,) over paired trials, with Fieller's interval.
+    """Return sqrt(mean b / mean a) - 1, of squared errors `a`, `b` (k,) over paired trials, with Fieller's interval.
 
     The relative change of the RMSE from `a` to `b`: negative where `b` is the better one. Fieller (1954): the ratio r
     of two means is accepted where the mean of b - r a does not differ from 0 by the t test. Where the denominator is
@@ -105,7 +105,7 @@ def change(a: Array, b: Array) -> Interval:
 
 
 def change_bca(a: Array, b: Array) -> Interval:
-    """As `change`, with the bias-corrected accelerated bootstrap (Efron 1987); the cross-check of Fieller's."""
+    """Return `change` with the bias-corrected accelerated bootstrap (Efron 1987); the cross-check of Fieller's."""
     value = float(_change(a, b)) if len(a) and a.mean() > 0 else np.nan
     if len(a) < LEAST_TRIALS or not np.isfinite(value):
         return Interval(value, np.nan, np.nan)
@@ -133,7 +133,7 @@ def _bca(value: float, resampled: Array, left_out: Array) -> tuple[float, float]
 
 
 def share(shares: Array) -> Interval:
-    """The mean of per-trial shares in [0, 1], such as the share of robots that diverged: Wilson's interval.
+    """Return the mean of per-trial shares in [0, 1], such as the share of robots that diverged: Wilson's interval.
 
     Robots of a trial are not independent, so the number that Wilson's formula takes is the effective one, p (1 - p)
     over the squared standard error between trials, reduced for its degrees of freedom (Korn & Graubard 1998), and never
@@ -152,7 +152,7 @@ def share(shares: Array) -> Interval:
 
 
 def signed_rank(a: Array, b: Array) -> tuple[float, float]:
-    """Wilcoxon signed-rank p, and the matched-pairs rank-biserial effect of b - a in [-1, 1] (negative: b smaller)."""
+    """Return Wilcoxon's signed-rank p, and the rank-biserial effect of b - a in [-1, 1] (negative: b smaller)."""
     d = b - a
     d = d[d != 0]
     if len(d) == 0:
@@ -163,7 +163,7 @@ def signed_rank(a: Array, b: Array) -> tuple[float, float]:
 
 
 def equivalence(a: Array, b: Array, margin: float) -> float:
-    """p against "the RMSE of b is not within 1/(1 + margin) .. 1 + margin times that of a"; small means a tie.
+    """Return p against "the RMSE of b is not within 1/(1 + margin) .. 1 + margin times that of a"; small means a tie.
 
     Of squared errors `a`, `b` (k,) over paired trials: two one-sided tests (Schuirmann 1987), each the t test that
     `change` inverts, so that it is the RMSE which is judged, as in the interval, and not a typical trial.
@@ -177,7 +177,7 @@ def equivalence(a: Array, b: Array, margin: float) -> float:
 
 
 def p_above(a: Array, b: Array, factor: float) -> float:
-    """One-sided p of a t test over paired trials; small where mean b is above `factor` times mean a."""
+    """Return the one-sided p of a t test over paired trials; small where mean b is above `factor` times mean a."""
     d = b - factor * a
     if len(d) < LEAST_TRIALS:
         return np.nan
@@ -187,7 +187,7 @@ def p_above(a: Array, b: Array, factor: float) -> float:
 
 
 def p_of_difference(a: Array, b: Array) -> float:
-    """Two-sided p against equal RMSE, of squared errors `a`, `b` (k,) over paired trials.
+    """Return the two-sided p against equal RMSE, of squared errors `a`, `b` (k,) over paired trials.
 
     The t test that `change` inverts: below 0.05 where its interval excludes 0, and nowhere else. 1 for equals; nan
     where there is no interval.
@@ -198,7 +198,7 @@ def p_of_difference(a: Array, b: Array) -> float:
 
 
 def p_of_change(a: Array, b: Array, value: float) -> float:
-    """Two-sided p against a true change of `value`, of squared errors `a`, `b` (k,) over paired trials.
+    """Return the two-sided p against a true change of `value`, of squared errors `a`, `b` (k,) over paired trials.
 
     The t test that `change` inverts: p is 0.05 at either end of its interval. 0 where no spread is left.
     """
@@ -216,7 +216,7 @@ def _t(d: Array) -> float:
 
 
 def p_of_mean(interval: Interval, n: int, value: float) -> float:
-    """Two-sided p against a true value, of a t interval over n trials: 0.05 at either end, 0 where no spread is left.
+    """Return the two-sided p against a true value, of a t interval over n trials: 0.05 at its ends; 0 without spread.
 
     The interval of `mean`, or of `log_contrast` on its own scale.
     """
@@ -228,7 +228,7 @@ def p_of_mean(interval: Interval, n: int, value: float) -> float:
 
 
 def expected_false(p: Array) -> float:
-    """How many of a family's decisions at 5 % are expected to be false, from its p-values; nan: not tested.
+    """Return how many of a family's decisions at 5 % are expected to be false, from its p-values; nan: not tested.
 
     5 % of the tests whose null hypothesis is true. These are estimated from the tests with p above one half, of which
     there are few where a null hypothesis is wrong: (1 + their number) / 0.5.
@@ -241,7 +241,7 @@ def expected_false(p: Array) -> float:
 
 
 def holm(p: Array) -> Array:
-    """Holm's adjusted p over a family; nan (no test) stays nan and does not count.
+    """Return Holm's adjusted p over a family; nan (no test) stays nan and does not count.
 
     As `multipletests` of statsmodels, which collects all garbage at every call: a third of a second in a large process.
     """

@@ -1,4 +1,4 @@
-"""Claims judged over all readings, on rows whose truth is known: what is counted, and what is said of it."""
+"""A ledger over the readings of its paper: equal specifications once, and what those that hold have in common."""
 
 import numpy as np
 import pandas as pd
@@ -12,16 +12,22 @@ from cooploc.analysis.claims.multiverse import shared_assumptions
 from cooploc.terminal.tables import show_interpretations as show
 
 CLAIM = {"id": "1", "says": "better", "kind": "change", "of": "mrsl-rssi", "than": "arl", "scenarios": "nlos"}
+
+
 SAMPLING = {
     "says": "around the present location",
     "letter": "box",
     "choices": {"walk": {}, "box": {"estimators": {"proposal": "box"}}},
 }
+
+
 FUSION = {
     "says": "covariance intersection",
     "letter": "received",
     "choices": {"moments": {}, "received": {"estimators": {"fusion": "received"}}},
 }
+
+
 ANCHORS = {
     "says": "direction of arrival",
     "letter": "direction",
@@ -30,13 +36,19 @@ ANCHORS = {
         "RSSI": {"estimators": {"anchor_reading": "rssi"}, "settles": "window"},
     },
 }
+
+
 WINDOW = {"says": "M", "letter": "5", "choices": {"5": {}, "1": {"estimators": {"M": "1", "K": "1"}}}}
+
+
 PRIOR = {
     "says": "some uncertainty",
     "letter": "0.5",
     "only": "nlos",
     "choices": {"0.5": {}, "1": {"scenarios": {"prior_sigma": "1"}}},
 }
+
+
 ALL = {"sampling": SAMPLING, "fusion": FUSION, "anchors": ANCHORS, "window": WINDOW, "prior": PRIOR}
 
 
@@ -117,15 +129,6 @@ def test_a_claim_of_the_method_that_only_names_is_read_in_its_choices():
     assert set(table["estimator"]) == {"ctrn", "mrsl-distance", "ctrn[reading=rssi]"}
 
 
-def test_what_was_not_run_is_not_counted():
-    asked = ledger()
-    table = made(asked, better_in_a_box)
-    found = cl.readings(table[table["estimator"].isin(["arl", "mrsl-rssi"])], asked)
-    assert found["preset"].any()
-    assert set(found["sampling"]) == {"walk"}
-    assert cl.readings(table[table["estimator"] == "arl"], asked).empty
-
-
 def test_all_is_named_by_the_ledgers_labels():
     asked = ledger({"sampling": SAMPLING, "prior": PRIOR}, kind="all", than=["arl", "ctrn"], scenarios="nlos/n={2..5}")
     table = made(asked, better_in_a_box, scenarios=("nlos/n=2", "nlos/n=5"))
@@ -133,18 +136,6 @@ def test_all_is_named_by_the_ledgers_labels():
     assert set(found["than"]) <= {"arl", "ctrn"}
     assert set(found["scenario"]) <= {"nlos/n=2", "nlos/n=5"}
     assert found.groupby("sampling")["verdict"].unique().to_dict() == {"box": ["supported"], "walk": ["contradicted"]}
-
-
-def test_a_dimension_that_is_named_like_a_column_is_refused():
-    with pytest.raises(cl.BadInput, match="dimension 'verdict' is named like a column of the verdicts: rename it"):
-        cl.readings(rows("arl", np.ones((6, 1)), scenario="nlos"), ledger({"verdict": SAMPLING}))
-
-
-def test_a_ledger_without_dimensions_has_one_reading():
-    asked = ledger({})
-    found = cl.readings(made(asked, lambda label, _: 0.5 if label == "mrsl-rssi" else 1.0), asked)
-    assert found[["verdict", "letter", "preset"]].to_numpy().tolist() == [["supported", True, True]]
-    assert shared_assumptions(found, []) == "holds in the only specification that was run"
 
 
 def specifications(**columns):

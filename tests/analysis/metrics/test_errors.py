@@ -1,14 +1,15 @@
-"""Errors and consistency of a run, on traces made by hand."""
+"""Errors and consistency of a run, on traces made by hand; curves over time and over a sweep."""
 
-import re
 from dataclasses import replace
-from inspect import getdoc
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import cooploc as cl
-from cooploc.analysis.metrics.errors import COLUMNS, OFFLINE, SCORES, SENSES, errors
+from cooploc.analysis.metrics.consistency import band
+from cooploc.analysis.metrics.curves import over_time, sweep, swept
+from cooploc.analysis.metrics.errors import COLUMNS, MEASURES, SCORES, SENSES, Measure, errors, trial_means
 from cooploc.scenarios.runner.run import Run
 from cooploc.scenarios.runner.trace import Trace
 from cooploc.scenarios.stream import Truth
@@ -49,32 +50,6 @@ def test_a_constant_error_by_hand():
     assert row["bytes"] == 96.0
     assert row["seconds"] == pytest.approx(0.6 / 8)
     assert np.isnan(row["pose_nees"])
-
-
-def test_every_column_is_documented_and_nothing_else():
-    block = getdoc(errors).split("Columns:\n")[1].split("\n\n")[0]
-    told = re.findall(r"^ {4}(\w+)(?: \[.*\])?: [\w\"]", block, re.MULTILINE)
-    assert told == [*COLUMNS, *SCORES, SENSES, "certificate", OFFLINE]
-    truth, run = constant_error([1.0, 0])
-    counted = replace(run.traces["mine"], notes={"largest step": np.ones((1, 1))})
-    assert list(errors(truth, replace(run, traces={"mine": counted}))) == [
-        *COLUMNS,
-        *SCORES,
-        SENSES,
-        "note: largest step",
-    ]
-
-
-@pytest.mark.parametrize(
-    ("swap", "said"),
-    [
-        (lambda truth, run: (run, truth), "truth and run are Run and Truth; pass the truth of cl.simulate first"),
-        (lambda truth, run: (type(truth), run), "truth and run are the class Truth and Run; pass"),
-    ],
-)
-def test_arguments_in_another_order_and_classes_are_refused(swap, said):
-    with pytest.raises(cl.BadInput, match=said):
-        errors(*swap(*constant_error([1.0, 0])))
 
 
 def test_coverage_is_the_95_percent_ellipse():
@@ -189,3 +164,46 @@ def test_what_is_not_built_in_is_marked_unchecked():
     assert found["mine"].startswith("unchecked: ")
     assert (found["dr"], found["ekf"]) == ("", "")
     assert "certificate" not in errors(truth, cl.run("dead-reckoning", stream))
+
+
+LABEL = "robots-1-3/n=3[ticks=6]"
+
+
+@pytest.fixture(scope="module")
+def ran():
+    truth, stream = cl.simulate(LABEL, trials=6, seed=1)
+    return truth, cl.run({"ekf": cl.make("ekf-local")}, stream)
+
+
+def test_the_curve_pools_to_the_table(ran):
+    curve, table = over_time(*ran), cl.summarize(cl.errors(*ran))
+    assert curve["tick"].tolist() == list(range(6))
+    assert np.sqrt((curve["rmse"] ** 2).mean()) == pytest.approx(table["rmse"].item())
+    assert curve["anees"].mean() == pytest.approx(table["anees"].item())
+    assert (curve["rmse_low"] < curve["rmse"]).all()
+
+
+def test_the_band_holds_95_percent_of_consistent_filters():
+    rng = np.random.default_rng(0)
+    anees = (rng.normal(size=(4000, 20, 2)) ** 2).sum(-1).mean(-1) / 2
+    low, high = band(20, 2)
+    assert np.mean((low < anees) & (anees < high)) == pytest.approx(0.95, abs=0.012)
+    assert np.isnan(band(0, 2)).all()
+
+
+def test_a_label_says_what_is_swept():
+    assert sweep("packet-drop/drop=0.7") == ("packet-drop", "drop", 0.7)
+    assert sweep("scalability/n=3[drop=0.7]") == ("scalability[drop=0.7]", "n", 3.0)
+    assert sweep("mrclam/all")[:2] == ("mrclam/all", "")
+    table = swept(pd.DataFrame({"scenario": ["nlos", "nlos/n=3"]}))
+    assert table["parameter"].tolist() == ["", "n"]
+    assert np.isnan(table["value"][0])
+
+
+def test_a_number_of_a_trial_is_one_entry_and_gets_into_rows_and_means(monkeypatch):
+    late = Measure("error at the last tick", lambda e: e.d[:, -1], "m", "robots")
+    monkeypatch.setitem(MEASURES, "late", late)
+    monkeypatch.setattr("cooploc.analysis.metrics.errors.SCORES", (*SCORES, "late"))
+    found = errors(*constant_error([3.0, 4.0]))
+    assert found["late"].tolist() == [5.0]
+    assert trial_means(found)["by-hand", "mine"]["late"].tolist() == [5.0]

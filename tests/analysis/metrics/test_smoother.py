@@ -1,13 +1,20 @@
-"""The smoother: a dense Gaussian where all is linear, an optimum elsewhere, and no estimator."""
+"""The smoother's path and covariances, and how estimators that saw later readings are kept apart."""
 
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from oracles import dense_path, linear_team
 
 import cooploc as cl
-from cooploc.estimators import BUILTIN
+from cooploc.analysis.claims.trial_table import collect
+from cooploc.analysis.execution.execute import execute
+from cooploc.analysis.metrics.ranking import disqualifications
+from cooploc.analysis.report import html_page, sentences
+from cooploc.analysis.report.result_tables import RESULTS
+from cooploc.estimators.interface import Belief
+from cooploc.scenarios.studies.study import Study
 
 
 @pytest.mark.parametrize("relative", [True, False])
@@ -39,25 +46,12 @@ def test_elsewhere_no_path_beside_it_is_more_probable(rng):
             assert min(_cost(stream, trial, x) for x in beside) > least
 
 
-def test_at_the_last_tick_there_is_no_future():
-    """It is then what map-joint finds with the whole past in its window."""
-    _, stream = cl.simulate("trajectory", trials=4, seed=6, ticks=9, prior_sigma=0.3)
-    causal = cl.run({"map": cl.make("map-joint", window=20, iterations=40)}, stream).traces["map"].x
-    np.testing.assert_allclose(cl.smoother(stream)[:, -1], causal[:, -1], atol=1e-6)
-
-
 def test_what_is_read_later_changes_it():
     _, stream = cl.simulate("trajectory", trials=2, seed=6, ticks=9)
     unread = stream.senses.anchor_rssi.copy()
     unread[:, 5:] = np.nan
     other = replace(stream, senses=stream.senses._replace(anchor_rssi=unread))
     assert np.abs(cl.smoother(stream)[:, :5] - cl.smoother(other)[:, :5]).max(axis=(1, 2, 3)).min() > 1e-3
-
-
-def test_it_is_no_filter_that_a_study_ranks():
-    assert not [name for name in BUILTIN if "smooth" in name]
-    with pytest.raises(cl.BadInput, match="there is no estimator 'smoother'"):
-        cl.make("smoother")
 
 
 def _cost(stream, trial, x):
@@ -78,3 +72,119 @@ def _cost(stream, trial, x):
                     heard = [air.rssi[trial, k, i, j], air.rssi[trial, k, j, i]][: 1 + back]
                     total += (np.mean(heard) + 40 + 30 * np.log10(max(d, 0.1))) ** 2 / 5
     return total
+
+
+LABEL = "robots-1-3/n=2[ticks=12]"
+
+
+PLUGIN = """
+import numpy as np
+from cooploc import Belief
+from cooploc.estimators.models import wrap_heading
+
+class Adds:
+    api, offline, uses = 1, True, ("odometry",)
+
+    def smooth(self, prior, world, rows, z, air):
+        (x, P), found = prior, []
+        for k in range(z.dt.shape[1]):
+            x, F, Q = world.motion.move(x, z.odometry[:, k], z.dt[:, k])
+            P = F @ P @ F.mT + Q
+            found.append(Belief(wrap_heading(x), (P + P.mT) / 2))
+        return Belief(*(np.stack(part, 1) for part in zip(*found)))
+"""
+
+
+class Exact:
+    """Adds up odometry, all ticks at once."""
+
+    api, offline, uses = 1, True, ("odometry",)
+
+    def smooth(self, prior, world, rows, z, air):
+        self.shapes = z.odometry.shape, z.anchor_rssi.shape, air.heard.shape, air.range.shape, rows.key.shape
+        x = prior.x[:, None] + np.cumsum(z.odometry, 1)
+        return Belief(x, np.broadcast_to(prior.P[:, None], (*x.shape, 2)))
+
+
+@pytest.fixture(scope="module")
+def stream_and_truth():
+    return cl.simulate(LABEL, trials=6, seed=2)
+
+
+@pytest.fixture(scope="module")
+def errors_of(stream_and_truth):
+    truth, stream = stream_and_truth
+    run = cl.run({"filter": "ekf-local", "hindsight": cl.Smoother()}, stream, isolate=False)
+    return cl.errors(truth, run)
+
+
+def test_it_is_given_all_ticks_of_what_it_declares_and_its_beliefs_are_kept(stream_and_truth):
+    _, stream = stream_and_truth
+    one = Exact()
+    traced = cl.run({"one": one, "dr": "dead-reckoning"}, stream, isolate=False).traces
+    assert one.shapes == ((6, 12, 2, 2), (6, 12, 2, 0), (6, 12, 2, 2), (6, 12, 2, 2), (6, 2, 2))
+    np.testing.assert_allclose(traced["one"].x, traced["dr"].x, atol=1e-12)
+    assert traced["one"].offline
+
+
+def test_it_is_not_ranked_never_best_and_said_to_be_offline(errors_of):
+    table = cl.compare(errors_of, "filter", full=True)
+    row = table.set_index("estimator").loc["hindsight"]
+    assert disqualifications(row)[0] == "offline"
+    ranks, letters = html_page.ranked(table, collect(errors_of))
+    assert set(ranks) == {"filter"}
+    assert "hindsight" not in letters
+    (found,) = sentences.standings(table, collect(errors_of))
+    assert "hindsight" not in (found.best, *found.equal, *found.tied)
+    (remark,) = (column for column in RESULTS if column.head == "remark")
+    assert "offline, not ranked" in remark.text({**row, "estimator": "hindsight"})
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (lambda b: Belief(b.x[:, :-1], b.P), r"smooth\(\) returned x of shape \(6, 11, 2, 2\), not \(6, 12, 2, 2\)"),
+        (lambda b: None, r"smooth\(\) returned None"),
+        (lambda b: Belief(b.x * np.nan, b.P), "estimate is not finite"),
+    ],
+)
+def test_what_breaks_the_interface_is_one_line(stream_and_truth, wrong, said):
+    class Wrong(Exact):
+        def smooth(self, *given):
+            return wrong(super().smooth(*given))
+
+    with pytest.raises(cl.EstimatorError, match=said):
+        cl.run({"one": Wrong()}, stream_and_truth[1], isolate=False)
+
+
+def test_without_smooth_it_is_not_an_estimator(stream_and_truth):
+    class Empty:
+        api, offline, uses = 1, True, ("odometry",)
+
+    with pytest.raises(cl.BadInput, match="smooth"):
+        cl.run({"one": Empty()}, stream_and_truth[1], isolate=False)
+
+
+@pytest.mark.slow
+def test_it_passes_every_check_but_causality():
+    report = cl.check_estimator(cl.Smoother())
+    assert report.passed, report.table()
+    skipped = {result.check for result in report.results if result.status == "skipped"}
+    assert skipped == {"causality", "mail-replay", "non-interference"}
+
+
+@pytest.mark.slow
+def test_a_study_runs_it_in_a_process_of_its_own_and_keeps_what_it_is(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.py").write_text(PLUGIN)
+    label = "mine.py:Adds"
+    study = Study(name="s", trials=6, scenarios=(LABEL,), estimators=("dead-reckoning", label))
+    rows = execute(study, tmp_path / "run")
+    again = cl.load_run(tmp_path / "run")
+    for table in (cl.compare(rows, "dead-reckoning", full=True), again.table):
+        assert table.set_index("estimator")["offline"].to_dict() == {"dead-reckoning": False, label: True}
+    lines = rows.groupby("estimator")["certificate"].first()
+    assert lines[label].startswith("passed"), lines[label]
+    pd.testing.assert_series_equal(rows["offline"].eq(True), rows["estimator"].eq(label), check_names=False)
+    page = cl.report(again).read_text()
+    assert "offline, not ranked" in page

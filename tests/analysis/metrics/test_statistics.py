@@ -1,4 +1,4 @@
-"""Intervals and tests: closed forms, and coverage and false-positive rates by simulation."""
+"""Intervals and tests: coverage and false-positive rates by simulation, closed forms, textbook examples."""
 
 import numpy as np
 import pytest
@@ -24,20 +24,10 @@ from cooploc.analysis.metrics.statistics import (
 )
 
 REPEATS = 1500
-# Binomial standard error of a coverage near 0.95 over REPEATS: 0.0056.
 
 
 def covered(intervals, truth):
     return np.mean([low <= truth <= high for _, low, high in intervals])
-
-
-@pytest.mark.parametrize("trials", [10, 30])
-@pytest.mark.parametrize("spread", [0.3, 0.8])
-def test_interval_of_a_positive_mean_covers(trials, spread):
-    rng = np.random.default_rng(1)
-    intervals = [mean_of_positive(rng.lognormal(0, spread, trials)) for _ in range(REPEATS)]
-    coverage = covered(intervals, np.exp(spread**2 / 2))
-    assert 0.93 < coverage < 0.98
 
 
 def test_skewed_trials_are_worth_fewer():
@@ -76,12 +66,6 @@ def test_fieller_equals_the_t_test_at_its_ends():
         assert stats.ttest_1samp(b - (1 + end) ** 2 * a, 0).pvalue == pytest.approx(0.05, abs=1e-9)
 
 
-def test_fieller_says_nothing_where_the_baseline_may_be_zero():
-    rng = np.random.default_rng(5)
-    a = np.array([1e-6, 1e-6, 1e-6, 1e-6, 1e3])
-    assert np.isnan(change(a, rng.lognormal(0, 1, 5)).low)
-
-
 def test_the_mean_of_differences_is_scipys_paired_t_interval():
     rng = np.random.default_rng(6)
     a, b = rng.normal(1, 1, 12), rng.normal(1.5, 1, 12)
@@ -100,20 +84,6 @@ def test_signed_rank_rejects_five_percent_of_equal_pairs(trials):
     assert 0.03 < np.mean(rejected) < 0.07
 
 
-def test_signed_rank_effect_runs_from_minus_one_to_one():
-    a = np.arange(1.0, 9.0)
-    assert signed_rank(a, a / 2)[1] == -1
-    assert signed_rank(a, a * 2)[1] == 1
-    assert signed_rank(a, a) == (1.0, 0.0)
-
-
-def test_holm_is_the_textbook_example_and_leaves_untested_rows_out():
-    p = np.array([0.01, np.nan, 0.04, 0.03, 0.005])
-    np.testing.assert_allclose(holm(p), [0.03, np.nan, 0.06, 0.06, 0.02])
-    assert np.isnan(holm(np.full(2, np.nan))).all()
-    assert holm(np.array([])).size == 0
-
-
 def test_holm_is_that_of_statsmodels(rng):
     from statsmodels.stats.multitest import multipletests
 
@@ -130,12 +100,6 @@ def test_the_p_of_an_interval_is_five_percent_at_its_ends(rng):
     for end in found[1:]:
         assert p_of_mean(found, 25, end) == pytest.approx(0.05, abs=1e-9)
     assert p_of_mean(found, 25, 0.3) == pytest.approx(stats.ttest_1samp(b - a, 0.3).pvalue)
-
-
-def test_a_p_without_a_test_is_nan_and_without_spread_is_zero():
-    a = np.arange(1.0, 9.0)
-    assert np.isnan([p_of_change(a[:4], a[:4], 0.0), p_of_mean(mean(a[:4]), 4, 0.0)]).all()
-    assert (p_of_change(np.ones(9), np.full(9, 0.25), 0.0), p_of_mean(mean(np.ones(9)), 9, 0.0)) == (0.0, 0.0)
 
 
 def test_the_p_of_a_true_change_is_uniform_enough():
@@ -165,21 +129,6 @@ def test_nothing_is_claimed_below_five_trials():
     assert np.isnan([mean_of_positive(few).low, mean(few).low, change(few, few * 2).low]).all()
     assert np.isnan([change_bca(few, few * 2).low, share(few / 2).low, equivalence(few, few, 0.05)]).all()
     assert np.isnan(log_contrast(np.stack([few, few], 1), np.array([1.0, -1.0])).low)
-
-
-def test_a_constant_ratio_has_an_interval_of_no_width():
-    a = np.random.default_rng(8).lognormal(0, 0.5, 20)
-    for interval in (change(a, 0.49 * a), change_bca(a, 0.49 * a)):
-        assert tuple(interval) == pytest.approx((-0.3, -0.3, -0.3), abs=1e-6)
-
-
-def test_a_change_is_negative_where_the_second_is_better():
-    rng = np.random.default_rng(15)
-    a, b = rng.lognormal(0, 0.3, 25), rng.lognormal(-0.5, 0.3, 25)
-    for interval in (change(a, b), change_bca(a, b)):
-        assert interval.low < interval.value < interval.high < 0
-        assert interval.value == pytest.approx(np.sqrt(b.mean() / a.mean()) - 1)
-    assert change(b, a).low > 0
 
 
 @pytest.mark.parametrize("n", [5, 25, 400])

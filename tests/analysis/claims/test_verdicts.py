@@ -1,21 +1,32 @@
-"""Verdicts on rows whose truth is known: every one is reached, and false ones are rare."""
+"""Verdicts on rows whose truth is known: each is reached, false ones are rare, p agrees, Holm bounds them."""
 
 import re
+from functools import partial
 
 import numpy as np
 import pandas as pd
 import pytest
 from made_errors import rows
+from made_runs import rows_of
 from scipy.stats import norm
 
 import cooploc as cl
-from cooploc.analysis.claims.kinds import KINDS
+from cooploc.analysis.claims import verdicts
+from cooploc.analysis.claims.kinds import FALLS, decide
 from cooploc.analysis.claims.ledger import load, read, variants
 from cooploc.analysis.claims.trial_table import canonical
-from cooploc.analysis.claims.verdicts import COLUMNS, VERDICTS, judge, overview, verdict_sentence
+from cooploc.analysis.claims.verdicts import (
+    DECIDED,
+    JUDGED,
+    adjust,
+    judge,
+    overview,
+    verdict_sentence,
+)
+from cooploc.analysis.metrics import sequential
+from cooploc.analysis.metrics.statistics import change, holm, p_of_change
 from cooploc.estimators import make
 from cooploc.scenarios import resolve
-from cooploc.terminal.tables import show_verdicts
 
 TRIALS, ROBOTS = 40, 2
 
@@ -106,21 +117,6 @@ def test_one_interval_has_one_verdict_and_says_what_the_other_definition_makes_o
     assert (f"Read {otherwise}." in verdict_sentence(table.iloc[0])) == bool(otherwise)
 
 
-@pytest.mark.parametrize(("size", "direction"), [(-0.3, 0.72), (0.5, 1.48)])
-def test_a_direction_that_is_decided_without_its_size_is_told(size, direction):
-    table = errors({"s": {"a": direction, "b": 1.0}}, spread=0.4, trials=20, rng=np.random.default_rng(4))
-    found = verdict(table, **CHANGE, size=size)
-    assert (found["verdict"], found["remark"]) == ("undecided", "the direction is decided, the size is not")
-
-
-def test_no_difference_at_all_contradicts_better():
-    table = errors({"s": {"b": 1.0}})
-    equal = pd.concat([table, table.assign(estimator="a")])
-    assert verdict(equal, **CHANGE)["verdict"] == "contradicted"
-    alike = verdict(equal, kind="all", of="a", than="b", scenarios="s")
-    assert (alike["verdict"], alike["value"]) == ("contradicted", 0)
-
-
 def test_trials_needed_do_decide_and_a_quarter_of_them_do_not():
     rng = np.random.default_rng(5)
     claim = {**CHANGE, "scenarios": REPEATED[:60]}
@@ -197,15 +193,6 @@ def test_what_is_the_same_is_shown_by_equivalence(a, expected):
 
 
 @pytest.mark.parametrize(
-    ("a", "expected"), [((1.0, 1.2, 2.0, 5.0), "supported"), ((5.0, 4.0, 2.0, 1.0), "contradicted")]
-)
-def test_growth_is_the_slope_of_the_logarithm(a, expected):
-    found = verdict(errors(sweep(a)), kind="growth", of="a", scenarios="s/n={1..9}")
-    assert found["verdict"] == expected
-    assert found["value"] == pytest.approx(np.expm1(np.polyfit([1, 2, 5, 9], np.log(a), 1)[0]), abs=0.03)
-
-
-@pytest.mark.parametrize(
     ("last", "noise", "expected"),
     [
         (1.0, 0.05, "flat"),
@@ -267,12 +254,6 @@ def test_an_interaction_compares_losses(b, expected):
     assert found["value"] == pytest.approx(2 / b - 1, abs=0.15)
 
 
-@pytest.mark.parametrize(("a", "expected"), [(0.5, "supported"), (2.0, "contradicted"), (1.0, "undecided")])
-def test_a_level_is_absolute(a, expected):
-    size = np.exp(0.025)  # the root of the mean of what `errors` draws around 1
-    assert verdict(errors({"s": {"a": a}}), kind="level", of="a", scenarios="s", size=size)["verdict"] == expected
-
-
 def timed(powers, rng, sizes=(1, 3, 10, 30, 100)):
     """Rows whose seconds grow with a power of the team's size; each trial is a part of the run."""
     frames = []
@@ -328,11 +309,6 @@ def test_what_was_not_run_says_what_is_missing(claim, missing):
     assert missing in found["remark"]
 
 
-def test_below_five_trials_nothing_is_decided():
-    found = verdict(errors({"s": {"a": 0.1, "b": 1.0}}, trials=4), **CHANGE)
-    assert (found["verdict"], found["remark"]) == ("undecided", "fewer than 5 trials")
-
-
 def test_over_confidence_failures_and_centralised_estimators_are_told():
     table = errors({"s": {"a": 0.5, "b": 1.0}})
     table.loc[table["estimator"] == "a", "anees"] = 4.0
@@ -355,13 +331,6 @@ def test_an_error_that_is_not_finite_supports_no_claim(lost):
     assert found["remark"] == "it would be supported, but a failed; 1 trial of a failed"
 
 
-def test_a_failed_check_supports_no_claim_and_a_passed_one_does():
-    table = errors({"s": {"a": 0.5, "b": 1.0}})
-    for line, expected in {"failed: causality: it peeks": "undecided", "passed: 17 checks": "supported"}.items():
-        checked = table.assign(certificate=np.where(table["estimator"] == "a", line, ""))
-        assert verdict(checked, **CHANGE)["verdict"] == expected
-
-
 @pytest.mark.parametrize(("who", "expected"), [("a", "contradicted"), ("b", "undecided")])
 def test_no_estimator_escapes_a_contradiction_by_failing_and_none_earns_one(who, expected):
     table = errors({"s": {"a": 1.5, "b": 1.0}})
@@ -369,25 +338,11 @@ def test_no_estimator_escapes_a_contradiction_by_failing_and_none_earns_one(who,
     assert verdict(table, **CHANGE)["verdict"] == expected
 
 
-def test_trials_that_err_far_more_than_usual_are_told_with_a_verdict():
-    table = errors({"s": {"a": 0.5, "b": 1.0}})
-    table.loc[(table["estimator"] == "b") & (table["trial"] == 3), "mse"] *= 400
-    said = "1 trial of b errs 5 times as much as the median one: intervals are too narrow"
-    assert said in verdict(table, **CHANGE)["remark"]
-
-
 def test_trials_pair_by_number_and_not_by_order():
     table = errors({"s": {"b": 1.0}})
     half = table.assign(estimator="a", mse=table["mse"] / 4).sample(frac=1, random_state=0)
     found = verdict(pd.concat([table, half]), **CHANGE)
     assert (found["value"], found["low"], found["high"]) == pytest.approx((-0.5, -0.5, -0.5), abs=1e-6)
-
-
-def test_rows_of_different_streams_are_refused():
-    table = errors({"s": {"a": 1.0, "b": 1.0}})
-    table.loc[table["estimator"] == "a", "stream"] += "x"
-    with pytest.raises(cl.BadInput, match="different streams"):
-        judge(ledger(**CHANGE), table)
 
 
 @pytest.mark.parametrize(
@@ -405,9 +360,6 @@ def test_a_false_verdict_comes_at_most_once_in_twenty(claim, level, false):
     found = judge(ledger(**claim), repeated(level, trials=20, spread=0.01, rng=np.random.default_rng(6)))
     wrong = found["verdict"].isin(false).mean()
     assert wrong < 0.05 + 3 * np.sqrt(0.05 * 0.95 / len(REPEATED))
-
-
-# ---------------------------------------------------------------- the ledger
 
 
 def test_a_variant_replaces_all_scenarios_of_a_claim_or_none():
@@ -478,12 +430,6 @@ def test_a_ledger_that_is_not_there_or_not_toml_is_refused(tmp_path):
         load(tmp_path / "bad.toml")
 
 
-def test_a_ledger_for_another_paper_is_ten_lines(tmp_path):
-    lines = 'paper = "other"\n[[claims]]\nid = "1"\nsays = "x"\nkind = "level"\nof = "a"\nscenarios = "s"\nsize = 2.0\n'
-    (tmp_path / "other.toml").write_text(lines)
-    assert judge(load(tmp_path / "other.toml"), errors({"s": {"a": 1.0}}))["verdict"].item() == "supported"
-
-
 def test_the_papers_ledger_names_what_exists():
     made = load()
     assert {claim.id.rstrip("bc") for claim in made.claims} == {str(k) for k in range(1, 24)}
@@ -536,24 +482,6 @@ def same_trials(table):
     return table.assign(mse=level * np.resize(hard, len(table)))
 
 
-@pytest.mark.parametrize(("anees", "expected"), [(1.0, "supported"), (6.0, "contradicted")])
-def test_over_convergence_of_mrsl_can_come_out_either_way(anees, expected):
-    table = errors({"robots-1-3/n=3": dict.fromkeys(BOTH, 1.0)}, anees=anees)
-    table["anees"] *= 1 + 0.01 * (table["trial"] % 5)
-    assert of_the_paper("20", table.assign(coverage95=0.95)) == [expected] * 2
-
-
-@pytest.mark.parametrize(("seconds", "expected"), [(1e-3, "supported"), (5.0, "contradicted")])
-def test_real_time_of_mrsl_can_come_out_either_way(seconds, expected):
-    table = errors({"scalability/n=99": dict.fromkeys(BOTH, 1.0)})
-    assert of_the_paper("23", table.assign(seconds=seconds * (1 + 0.001 * table["trial"]))) == [expected] * 2
-
-
-def test_every_kind_is_used_and_can_be_told():
-    assert {claim.kind for claim in load().claims} == set(KINDS) - {"untestable"}
-    assert all(kind.grows for name, kind in KINDS.items() if name != "untestable")
-
-
 def test_labels_are_compared_by_what_they_mean():
     assert canonical("packet-drop/drop=0.70") == canonical("packet-drop/drop=.7")
     assert canonical("m[anchor_reading=rssi,K=1]") == canonical("m[K=1.0,own=rssi]")
@@ -574,21 +502,6 @@ def test_a_sentence_says_what_the_numbers_say():
     assert verdict_sentence(missing).startswith("Not run: no rows of zz in s")
 
 
-def said(value, low, high, definition="change", **more):
-    row = {"scenario": "s", "of": "a", "than": "b", "kind": "change", "definition": definition, "size": np.nan}
-    row |= {"value": value, "low": low, "high": high, "trials": 9, "needed": np.nan, "verdict": "undecided"}
-    return verdict_sentence(pd.Series(row | more))
-
-
-def test_a_number_without_an_interval_is_said_to_have_none():
-    assert "50 % higher than that of b (no 95 % interval, 9 trials)" in said(0.5, np.nan, np.nan)
-    assert "50 % lower than that of b (95 % interval -60 % to +10 %, 9 trials)" in said(-0.5, -0.6, 0.1)
-
-
-def test_a_size_that_is_claimed_as_a_ratio_is_said_to_be_one():
-    assert "Claimed, as a ratio of errors: -40 %." in said(-0.5, -0.6, -0.4, "ratio", size=1 / 1.66 - 1)
-
-
 def test_a_change_from_an_error_of_zero_is_not_put_into_numbers():
     zero = errors({"s": {"a": 1.0, "b": 1.0}}).assign(mse=lambda t: t["mse"].where(t["estimator"] == "a", 0.0))
     (found,) = judge(ledger(**CHANGE), zero).to_dict("records")
@@ -596,25 +509,179 @@ def test_a_change_from_an_error_of_zero_is_not_put_into_numbers():
     assert "an RMSE of 0 leaves no number to give (40 trials)" in verdict_sentence(pd.Series(found))
 
 
-def test_nearly_all_is_not_rounded_to_all():
-    told = said(-0.99926, -0.99948, -0.9989)
-    assert "99.926 % lower than that of b (95 % interval -99.948 % to -99.89 %" in told
-    assert "more than 100000 trials would decide" in said(0.001, -0.1, 0.1, needed=3.3e6)
+CLAIMS = [
+    {"id": "1", "says": "better", "kind": "change", "of": "mine", "than": "base", "scenarios": "s"},
+    {"id": "2", "says": "quicker", "kind": "cost", "of": "mine", "than": "base", "scenarios": "s"},
+    {"id": "3", "says": "elsewhere", "kind": "change", "of": "mine", "than": "base", "scenarios": "t"},
+    {"id": "4", "says": "beyond any test", "kind": "untestable", "why": "none"},
+]
 
 
-def test_a_change_that_rounds_to_nothing_has_no_sign():
-    assert "is 0.00 % lower than that of b (95 % interval -0.01 % to 0.00 %" in said(-1e-6, -1e-4, 1e-6)
+LEDGER = read({"paper": "P", "claims": CLAIMS}, "here")
 
 
-def test_what_was_run_of_a_claim_is_shown_and_what_was_not_is_counted(capsys):
-    made = load()
-    found = cl.verdicts(errors({"robots-1-3/n=3": {"mrsl-rssi": 0.5, "arl": 1.0}}), made)
-    assert list(found.columns) == [*COLUMNS, "map", "sentence"]
-    assert set(found["verdict"]) <= set(VERDICTS)
-    assert [verdict_sentence(row) for _, row in found.iterrows()]
-    show_verdicts(found, made)
-    told = capsys.readouterr().out
-    assert "Direction only" in told
-    assert "not run: 2 of 3 cases: no rows of scenario robots-1-3/n=2; no rows of scenario scalability/n=11\n" in told
-    assert "Not run at all, as this run lacks their scenarios or estimators: claims 2, 3, " in told
-    assert "hardware: " not in told
+@pytest.fixture
+def looked():
+    """Forty trials in which `mine` errs half as much at first, and exactly as much later."""
+    made = rows_of("s", {"base": (1.0, 1.0), "mine": (1.0, 1.0)}, trials=40)
+    noise = np.exp(np.random.default_rng(2).normal(0, 0.2, (2, 40)))
+    noise[1, :20] /= 4
+    return made.assign(mse=noise.ravel())
+
+
+def verdicts_of(found, claim):
+    return found[found["claim"] == claim].iloc[0]
+
+
+def test_a_verdict_keeps_the_look_that_reached_it(looked):
+    found = verdicts.judge_run(LEDGER, looked, [10, 20, 40])
+    one = verdicts_of(found, "1")
+    assert (one["verdict"], one["look"], one["trials"]) == ("supported", 10, 10)
+    assert verdicts.verdict_text(one) == "Supported at n = 10"
+    assert verdicts_of(found, "3")["look"] == verdicts_of(found, "4")["look"] == 0
+
+
+def test_looks_one_by_one_say_what_looks_at_once_say(looked):
+    step = None
+    for n in (10, 20, 40):
+        step = verdicts.judge_at_look(LEDGER, looked, n, step)
+    pd.testing.assert_frame_equal(step, verdicts.judge_run(LEDGER, looked, [10, 20, 40]))
+
+
+def test_what_is_open_keeps_its_cells_going_and_time_never_does(looked):
+    equal = looked.assign(mse=np.exp(np.random.default_rng(8).normal(0, 0.3, 80)))
+    found = verdicts.judge_at_look(LEDGER, equal, 10)
+    assert verdicts_of(found, "1")["verdict"] == "undecided"
+    assert verdicts.open_cells(LEDGER, equal, found) == {("s", "mine"), ("s", "base")}
+    assert list(verdicts.lasting(LEDGER, found)["claim"]) == ["1"]
+    decided = verdicts.judge_at_look(LEDGER, looked, 10)
+    assert verdicts.open_cells(LEDGER, looked, decided) == set()
+
+
+@pytest.mark.parametrize("kind", ["change", "trend", "all", "same", "growth", "interaction", "level", "consistency"])
+def test_every_kind_asks_more_of_a_sequence_than_of_one_look(kind):
+    keys = {
+        "change": {"than": "base", "scenarios": "s/n=1"},
+        "trend": {"scenarios": ["s/n=1", "s/n=2"]},
+        "all": {"than": "base", "scenarios": ["s/n=1", "s/n=2"]},
+        "same": {"scenarios": ["s/n=1", "s/n=2"], "margin": 0.1},
+        "growth": {"scenarios": ["s/n=1", "s/n=2", "s/n=3"]},
+        "interaction": {"than": "base", "scenarios": ["s/n=1", "s/n=2"]},
+        "level": {"scenarios": "s/n=1", "size": 1.0},
+        "consistency": {"scenarios": "s/n=1"},
+    }
+    rng = np.random.default_rng(5)
+    parts = [rows_of(f"s/n={k}", {"base": (1.0, 1.0), "mine": (1.0, 1.0)}, trials=30) for k in (1, 2, 3)]
+    made = pd.concat(parts, ignore_index=True)
+    made["mse"] = np.exp(rng.normal(0, 0.3, len(made)))
+    made["anees"], made["coverage95"] = rng.uniform(0.5, 2.0, len(made)), rng.uniform(0.8, 1.0, len(made))
+    claim = {"id": "1", "says": "so", "kind": kind, "of": "mine", **keys[kind]}
+    asked = read({"paper": "P", "claims": [claim]}, "here")
+    once, ever = (verdicts.judge(asked, made, how).iloc[0] for how in (sequential.FIXED, sequential.ANYTIME))
+    assert ever["value"] == pytest.approx(once["value"])
+    assert ever["high"] - ever["low"] > once["high"] - once["low"]
+
+
+SCENARIOS = [f"s/n={k}" for k in range(40)]
+
+
+FAMILY_KINDS = {
+    "change": {"than": "b"},
+    "change of a size": {"than": "b", "size": -0.3},
+    "trend": {},
+    "all": {"than": "b"},
+    "same": {"margin": 0.1},
+    "growth": {"margin": 0.1},
+    "interaction": {"than": "b"},
+    "level": {"size": 1.1},
+    "consistency": {},
+    "time": {"size": 1e-4},
+}
+
+
+def family_ledger(**claims):
+    return read({"paper": "p", "claims": [{"id": i, "says": "x", "of": "a", **one} for i, one in claims.items()]}, "l")
+
+
+def family_run(rng, levels, trials=20, labels=SCENARIOS):
+    """Rows of `a`, whose RMSE is a level in each scenario, and of `b`, whose RMSE is 1."""
+    frames = []
+    for label, level in zip(labels, levels, strict=True):
+        hard = rng.lognormal(0, 0.3, (trials, 1))
+        for name, rmse in (("a", level), ("b", 1.0)):
+            frame = rows(name, rmse**2 * hard * rng.lognormal(0, 0.3, (trials, 1)), scenario=label, stream=label)
+            own = rng.lognormal(0, 0.3, trials)
+            frames.append(frame.assign(anees=1.4 * own, coverage95=0.87 + 0.02 * np.log(own), seconds=1e-4 * own))
+    return pd.concat(frames, ignore_index=True)
+
+
+@pytest.mark.parametrize("kind", FAMILY_KINDS)
+def test_a_verdict_is_decided_where_its_p_is_at_most_five_percent(kind):
+    """Ten groups of scenarios, whose truths lie around the edges of the zones."""
+    rng = np.random.default_rng(1)
+    groups = [SCENARIOS[k::10] for k in range(10)]
+    table = family_run(rng, np.linspace(0.6, 1.25, 40))
+    claims = {
+        str(k): {"kind": kind.split()[0], "scenarios": group, **FAMILY_KINDS[kind]} for k, group in enumerate(groups)
+    }
+    found = judge(family_ledger(**claims), table)
+    decided = found["verdict"].isin(DECIDED)
+    assert found["verdict"].isin(JUDGED).all()
+    assert ((found["p"] <= 0.05) == decided).all()
+    assert decided.sum() > 0
+
+
+def test_what_stands_is_decided_after_holm_over_all_rows_of_the_ledger():
+    rng = np.random.default_rng(2)
+    claims = {"1": {"kind": "change", "than": "b", "scenarios": SCENARIOS}, "2": {"kind": "level", "size": 1.0}}
+    claims["2"]["scenarios"] = SCENARIOS
+    found = judge(family_ledger(**claims), family_run(rng, np.linspace(0.7, 1.0, 40)))
+    np.testing.assert_allclose(found["p_holm"], holm(found["p"].to_numpy()))
+    assert (found["stands"] == (found["p_holm"] <= 0.05)).all()
+    counted = verdicts.family_of(found)
+    assert counted.judged == 80
+    assert 0 < counted.stand < counted.decided < 80
+    assert counted.at_most == pytest.approx(4.0)
+    assert f"{counted.stand} of these stand" in str(counted)
+
+
+def test_a_case_that_a_variant_leaves_as_it_is_counts_once():
+    claim = {"id": "1", "says": "x", "kind": "change", "of": "a", "than": ["b", "c"], "scenarios": SCENARIOS[:5]}
+    variant = {"other": {"estimators": {"c": "d"}}}
+    table = family_run(np.random.default_rng(5), [0.9, 0.8, 0.7, 0.95, 1.0], labels=SCENARIOS[:5])
+    others = [table[table["estimator"] == "b"].assign(estimator=name, mse=lambda t: 1.1 * t["mse"]) for name in "cd"]
+    found = judge(read({"paper": "p", "claims": [claim], "variants": variant}, "l"), pd.concat([table, *others]))
+    assert (len(found), verdicts.family_of(found).judged) == (20, 15)
+    alike = found[found["than"] == "b"].sort_values(["scenario", "variant"])["p_holm"].to_numpy().reshape(5, 2)
+    np.testing.assert_array_equal(alike[:, 0], alike[:, 1])
+    different = found.drop_duplicates(["scenario", "of", "than"])
+    np.testing.assert_allclose(different["p_holm"], holm(different["p"].to_numpy()))
+
+
+def judged_changes(rng, levels, trials=20):
+    """The verdicts on "better" of a family of cases with these true ratios of errors."""
+    found = []
+    for level in levels:
+        hard = rng.lognormal(0, 0.3, (trials, 1))
+        a, b = (hard * rng.lognormal(0, 0.3, (trials, 2)) * [1.0, level**2]).T
+        one = decide(change(a, b), trials, FALLS, partial(p_of_change, a, b))
+        found.append({"verdict": one.verdict, "p": one.p})
+    return adjust(
+        pd.DataFrame(found).assign(claim="1", scenario=SCENARIOS[: len(found)], of="", than="", definition="")
+    )
+
+
+@pytest.mark.slow
+def test_holm_bounds_the_chance_of_any_false_verdict_and_the_number_of_false_ones_is_foreseen():
+    """Half of the truths lie at the edge of "better", where either verdict counts as false; the others far from it."""
+    rng, repeats, half = np.random.default_rng(4), 200, 10
+    wrong, standing, foreseen = [], [], []
+    for _ in range(repeats):
+        found = judged_changes(rng, [1.0] * half + [0.5] * half)
+        false = found["verdict"].isin(DECIDED) & (found.index < half)
+        wrong.append(false.sum())
+        standing.append((false & found["stands"]).any())
+        foreseen.append(verdicts.family_of(found).expected)
+    assert np.mean(standing) < 0.05 + 3 * np.sqrt(0.05 * 0.95 / repeats)
+    assert np.mean(wrong) < np.mean(foreseen) + 3 * np.std(wrong) / np.sqrt(repeats)
+    assert np.mean(foreseen) < 0.05 * 2 * half  # fewer than if every truth lay at an edge

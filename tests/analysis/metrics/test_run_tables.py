@@ -1,4 +1,4 @@
-"""The matrix of information: where an estimator stands, and that a row is compared with its own filter alone."""
+"""What readings are worth, and what results depend on: cells and sweeps from labels, comparisons, floors."""
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -8,7 +8,15 @@ from made_errors import rows
 
 import cooploc as cl
 from cooploc.analysis.metrics import run_tables as module
-from cooploc.analysis.metrics.run_tables import MatrixCell, information, matrix_cell
+from cooploc.analysis.metrics.run_tables import (
+    MatrixCell,
+    Sweep,
+    information,
+    matrix_cell,
+    parse_sweep,
+    preset_value,
+    sensitivity,
+)
 from cooploc.scenarios.studies import study
 
 MSE = np.random.default_rng(3).lognormal(-3, 0.3, (12, 3))
@@ -45,24 +53,24 @@ def test_the_shipped_study_fills_every_cell_and_no_cell_twice():
 
 
 @pytest.fixture
-def errors():
+def errors_of_cells():
     made = {"arl": 1.0, "ekf-local": 4.0, "mrsl-rssi": 0.25, "ekf-joint": 1.0, "ekf-joint[anchor_reading=rssi]": 1.0}
     yield pd.concat([rows(name, factor * MSE, scenario="nlos") for name, factor in (made | {"ekf-luft": 1.0}).items()])
     plt.close("all")
 
 
-def test_every_row_is_compared_with_its_own_filter_and_reading_alone(errors):
-    table = information(errors, seed=1).set_index("estimator")
+def test_every_row_is_compared_with_its_own_filter_and_reading_alone(errors_of_cells):
+    table = information(errors_of_cells, seed=1).set_index("estimator")
     assert list(table.index) == ["arl", "ekf-local", "mrsl-rssi", "ekf-joint", "ekf-joint[anchor_reading=rssi]"]
     assert table["change"].to_numpy() == pytest.approx([np.nan, np.nan, -0.5, -0.5, np.nan], nan_ok=True)
     assert table.loc["ekf-joint", ["change_low", "change_high"]].tolist() == pytest.approx([-0.5, -0.5])
     assert table["floor"].isna().all()  # things stand in the way there
 
 
-def test_each_cell_has_the_floor_of_its_own_readings(errors, monkeypatch):
+def test_each_cell_has_the_floor_of_its_own_readings(errors_of_cells, monkeypatch):
     asked = []
     monkeypatch.setattr(module, "pooled_floor", lambda label, seed, channels: asked.append(channels) or 0.1)
-    information(errors, seed=1)
+    information(errors_of_cells, seed=1)
     assert set(asked) == {
         ("anchor_doa",),
         ("anchor_doa", "radio_rssi"),
@@ -71,16 +79,61 @@ def test_each_cell_has_the_floor_of_its_own_readings(errors, monkeypatch):
     }
 
 
-def test_the_figure_has_a_row_for_each_own_reading_and_every_error(errors):
-    table = information(errors, seed=1).assign(floor=0.07)
-    axes = cl.plot.information(table).figure.axes
-    assert [ax.get_title(loc="left") for ax in axes] == ["own reading: direction of arrival", "own reading: raw RSSI"]
-    drawn = [y for ax in axes for line in ax.lines if line.get_marker() != "None" for y in line.get_ydata()]
-    assert sorted(y for y in drawn if np.isfinite(y)) == pytest.approx(sorted(table["rmse"]))
-    floors = [line for ax in axes for line in ax.lines if list(line.get_ydata()) == [0.07, 0.07]]
-    assert len(floors) == 4  # three cells in one row, one in the other
-
-
 def test_a_run_without_cells_says_what_to_run():
     with pytest.raises(cl.BadInput, match="no estimator of this run has a cell"):
         information(rows("ekf-luft", MSE), seed=1)
+
+
+MSE = np.random.default_rng(4).lognormal(-3, 0.3, (8, 2))
+
+
+@pytest.mark.parametrize(
+    ("scenario", "estimator", "found"),
+    [
+        ("nlos[prior_sigma=2]", "arl", Sweep("nlos", "prior_sigma", 2.0, "arl")),
+        ("nlos/n=3[assumed.eta=2.5]", "arl[K=1]", Sweep("nlos/n=3", "assumed.eta", 2.5, "arl[K=1]")),
+        ("nlos", "arl[particles=50]", Sweep("nlos", "particles", 50.0, "arl")),
+        ("nlos", "ctrn[weights=exact,particles=50]", Sweep("nlos", "particles", 50.0, "ctrn[weights=exact]")),
+        ("nlos", "arl", None),
+        ("nlos[ticks=9,eta=2]", "arl", None),
+        ("nlos[body_blocking=true]", "arl", None),
+    ],
+)
+def test_what_is_swept_is_read_from_the_labels(scenario, estimator, found):
+    assert parse_sweep(scenario, estimator) == found
+
+
+def test_every_cell_of_the_shipped_study_sweeps_something_and_has_a_preset():
+    for cell in study.load("sensitivity").cells():
+        for estimator in cell.estimators:
+            assert np.isfinite(preset_value(parse_sweep(cell.scenario, estimator)))
+
+
+@pytest.fixture
+def errors_of_sweeps():
+    made = [
+        rows(name, factor * value * MSE, scenario=f"nlos[prior_sigma={value}]", stream=f"h{value}-")
+        for value in (1, 4)
+        for name, factor in (("arl", 1.0), ("mrsl-rssi", 0.25))
+    ]
+    made += [rows(f"{name}[particles=50]", MSE, scenario="nlos") for name in ("arl", "mrsl-rssi")]
+    yield pd.concat([*made, rows("arl", MSE, scenario="nlos")])
+    plt.close("all")
+
+
+def test_estimators_are_compared_at_the_same_value(errors_of_sweeps):
+    table = sensitivity(errors_of_sweeps, seed=1)
+    assert table[["parameter", "value"]].drop_duplicates().to_numpy().tolist() == [
+        ["prior_sigma", 1.0],
+        ["prior_sigma", 4.0],
+        ["particles", 50.0],
+    ]
+    assert table["change"].to_numpy() == pytest.approx([0, -0.5, 0, -0.5, 0, 0])
+    assert table["rmse"].to_numpy()[2] == pytest.approx(2 * table["rmse"].to_numpy()[0])
+    assert table["preset"].tolist() == [0.5] * 4 + [200.0] * 2
+    assert set(table["scenario"]) == {"nlos"}
+
+
+def test_a_run_that_sweeps_nothing_says_what_to_run():
+    with pytest.raises(cl.BadInput, match="nothing is swept here"):
+        sensitivity(rows("arl", MSE, scenario="nlos"), seed=1)
