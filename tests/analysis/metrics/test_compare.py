@@ -18,17 +18,10 @@ from cooploc.analysis.metrics.compare import (
     summarize,
 )
 from cooploc.analysis.metrics.consistency import COLLAPSED
-<<<<<<< HEAD
-from cooploc.analysis.metrics.consistency import flag as flag_of
-from cooploc.analysis.metrics.errors import trial_means
-from cooploc.analysis.metrics.statistics import Interval, signed_rank
-from cooploc.analysis.plot.results import rmse
-=======
 from cooploc.analysis.metrics.errors import MEASURES, trial_means
 from cooploc.analysis.metrics.ranking import disqualifications, letters, pareto_front, rank_groups
 from cooploc.analysis.metrics.sequential import ANYTIME, FIXED, looks
 from cooploc.analysis.metrics.statistics import signed_rank
->>>>>>> fd7e978 (A statistic is one entry of a table; fewer and plainer files of metrics and of their tests)
 from cooploc.terminal.tables import records
 
 
