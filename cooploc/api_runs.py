@@ -13,7 +13,7 @@ from cooploc.analysis.metrics import run_tables
 from cooploc.analysis.metrics.sequential import ANYTIME, FIXED
 from cooploc.analysis.paper.tables import DEFAULT
 from cooploc.analysis.paper.write import EXAMPLE, write
-from cooploc.estimators import split
+from cooploc.estimators import split_labels
 from cooploc.runs import Results, kept, ledger_of, looks_of, rows_of
 
 
@@ -122,6 +122,6 @@ def paper(
     """
     stored = kept(run)
     folder = stored.folder / "paper" if out is None else Path(out)
-    names = [split(given) if isinstance(given, str) else list(given) for given in (columns, scenarios)]
+    names = [split_labels(given) if isinstance(given, str) else list(given) for given in (columns, scenarios)]
     write(stored, folder, *names)
     return folder / EXAMPLE

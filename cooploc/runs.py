@@ -18,7 +18,7 @@ from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.sequential import with_decisions
 from cooploc.analysis.report import html_page, run_diff
 from cooploc.analysis.report import reproduce as again
-from cooploc.estimators import split
+from cooploc.estimators import split_labels
 from cooploc.estimators.errors import BadInput
 from cooploc.run_options import How
 from cooploc.scenarios.studies.study import Study, load
@@ -124,7 +124,9 @@ def ran(
 
 def prepared(study: Any, trials: Any, seed: Any, estimators: Any, out: Any, suffix: str = "") -> tuple[Study, Path]:
     """The study with what a call asks for, and its directory, by default `runs/STUDY-seedN` and the suffix."""
-    only = None if estimators is None else tuple(split(estimators) if isinstance(estimators, str) else estimators)
+    only = (
+        None if estimators is None else tuple(split_labels(estimators) if isinstance(estimators, str) else estimators)
+    )
     if only == ():
         raise BadInput("estimators is empty: name some, or leave it out for the study's")
     asked = load(str(study)).with_options(trials=trials, seed=seed, only=only)

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 from cooploc.estimators.building import ConfiguredEstimator, build
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.errors import nearest as nearest
-from cooploc.estimators.registry import CallablePackage, Registry, loaded, refusal
+from cooploc.estimators.registry import CallablePackage, Registry, load_object, refusal
 from cooploc.estimators.registry import parse as parse
-from cooploc.estimators.registry import split as split
+from cooploc.estimators.registry import split_labels as split_labels
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -64,7 +64,7 @@ def make(configured: str | ConfiguredEstimator, **parameters: Any) -> Any:
     asked = configure(configured) if isinstance(configured, str) else configured
     if asked.builtin:
         place, preset = REGISTRY.find(asked.name)
-        found = loaded(place, f"the estimator {asked.name!r}")
+        found = load_object(place, f"the estimator {asked.name!r}")
         return build(asked.name, found, {**preset, **asked.parameters, **parameters})
     return build(asked.name, REGISTRY.find(asked.name), {**asked.parameters, **parameters})
 

@@ -62,7 +62,7 @@ numpy_random: Any = np.random  # its stubs lack the bit generator of the global 
 
 
 @contextmanager
-def keyed(key: Keys, *place: int) -> Iterator[None]:
+def seed_global_state(key: Keys, *place: int) -> Iterator[None]:
     """Seed the global generators for a block by a key (k,) and whole numbers of 0 or more; then restore them."""
     seeds = np.random.SeedSequence((*key.tolist(), *place))
     before, state, generator = random.getstate(), _state(), numpy_random.get_bit_generator()
@@ -110,7 +110,7 @@ def parameters(make: Callable[..., Any], given: tuple[str, ...]) -> dict[str, Pa
     return {one.name: one for one in rest}
 
 
-def completed(name: str, known: Mapping[str, Parameter] | None, stated: Mapping[str, Any]) -> dict[str, Any]:
+def with_defaults(name: str, known: Mapping[str, Parameter] | None, stated: Mapping[str, Any]) -> dict[str, Any]:
     """Every parameter as stated, else its default.
 
     Raises:
@@ -183,7 +183,7 @@ class Lift:
             fields["counted" if name == "notes" else name] = said
         for name, one in fields.items():
             object.__setattr__(self, name, one)  # as the `__init__` of a frozen dataclass does
-        self._completed()
+        self._with_defaults()
 
     @property
     def name(self) -> str:
@@ -205,7 +205,7 @@ class Lift:
     @property
     def parameters(self) -> dict[str, Any]:
         """Every parameter's value, by name."""
-        return {key: value(one) for key, one in self._completed().items()}
+        return {key: value(one) for key, one in self._with_defaults().items()}
 
     @property
     def fields(self) -> dict[str, Field[Any]]:
@@ -227,10 +227,10 @@ class Lift:
 
     def random(self, key: Keys, tick: int, step: str) -> AbstractContextManager[None]:
         """Global random numbers of one call; those of the process where the class did not ask for its own."""
-        return keyed(key.ravel(), tick + 1, STEPS.index(step)) if self.own_random else nullcontext()
+        return seed_global_state(key.ravel(), tick + 1, STEPS.index(step)) if self.own_random else nullcontext()
 
-    def _completed(self) -> dict[str, Any]:
-        return completed(self.name, parameters(self.make, self.given), dict(self.stated))
+    def _with_defaults(self) -> dict[str, Any]:
+        return with_defaults(self.name, parameters(self.make, self.given), dict(self.stated))
 
     def __repr__(self) -> str:
         written = "".join(f", {key}={value(one)!r}" for key, one in self.stated)
@@ -246,7 +246,7 @@ class Lift:
 ROUNDING = 1e-9  # of the largest entry
 
 
-def believed(one: Any, columns: bool = True) -> Belief:
+def parse_belief(one: Any, columns: bool = True) -> Belief:
     """Its belief: headings in (-pi, pi], P symmetric; with `columns`, a state (d, 1) is one (d,).
 
     Raises:
@@ -363,7 +363,7 @@ class PerRobot(Lift):
         return s
 
     def send(self, s: RobotStates, z: Senses) -> Array:
-        said = self._each(s, "send", lambda robot, _: _said(robot))
+        said = self._each(s, "send", lambda robot, _: _message_text(robot))
         widths = {len(packet) for packet in said}
         if len(widths) > 1:
             raise ValueError(f"send() returned packets of {sorted(widths)} numbers; fill the shorter ones with nan")
@@ -374,7 +374,7 @@ class PerRobot(Lift):
         return s
 
     def estimate(self, s: RobotStates) -> Belief:
-        beliefs = self._each(s, "estimate", lambda robot, _: believed(robot))
+        beliefs = self._each(s, "estimate", lambda robot, _: parse_belief(robot))
         return Belief(np.stack([b.x for b in beliefs]), np.stack([b.P for b in beliefs]))
 
     def notes(self, s: RobotStates) -> Mapping[str, Array]:
@@ -390,7 +390,7 @@ class PerRobot(Lift):
         return found
 
 
-def _said(robot: Any) -> Array:
+def _message_text(robot: Any) -> Array:
     """What a robot sends (m,); nothing where it has no `send`."""
     said: Array = np.array(robot.send(), float) if hasattr(robot, "send") else np.empty(0)
     if said.ndim != 1:
@@ -529,7 +529,7 @@ class PerTeam(Lift):
         return s, Traffic(np.stack([one.messages for one in radios]), np.stack([one.bytes for one in radios]))
 
     def estimate(self, s: TeamStates) -> Belief:
-        beliefs = self._each(s, "estimate", lambda team, _: believed(team, columns=False))
+        beliefs = self._each(s, "estimate", lambda team, _: parse_belief(team, columns=False))
         return Belief(np.stack([b.x for b in beliefs]), np.stack([b.P for b in beliefs]))
 
     def notes(self, s: TeamStates) -> Mapping[str, Array]:

@@ -26,7 +26,7 @@ def is_plain(found: Any) -> bool:
     return isinstance(found, type) and not hasattr(found, "init") and all(hasattr(found, one) for one in SINGLE)
 
 
-def lifted(name: str, plain: Any) -> PerRobot | PerTeam:
+def adapt(name: str, plain: Any) -> PerRobot | PerTeam:
     """The plain class as an estimator: of a team where it has `exchange`, else of one robot.
 
     Raises:
@@ -74,12 +74,12 @@ def build(name: str, found: Any, given: Mapping[str, Any]) -> Any:
         BadInput: an unknown parameter, a value that does not fit, or a class that cannot be instantiated.
 
     """
-    found = lifted(name, found) if is_plain(found) else found
+    found = adapt(name, found) if is_plain(found) else found
     if isinstance(found, Lift):
         known = taken_by(found.make, found.given)
-        return found.with_parameters(**_checked(name, found.make, known, given)) if given else found
+        return found.with_parameters(**_check_parameters(name, found.make, known, given)) if given else found
     if isfunction(found):
-        return _called(name, found, _checked(name, found, dict(signature(found).parameters), given))
+        return _instantiate(name, found, _check_parameters(name, found, dict(signature(found).parameters), given))
     if not isinstance(found, type):
         if given:
             raise BadInput(f"{name} is an instance and takes no parameters: name its class instead")
@@ -87,13 +87,15 @@ def build(name: str, found: Any, given: Mapping[str, Any]) -> Any:
     if not is_dataclass(found):
         if given:
             raise BadInput(f"estimator {name!r} is not a dataclass, so it has no parameters: decorate its class")
-        return _called(name, found, {})
+        return _instantiate(name, found, {})
     parameters = _parameters(found)
     given = {_current(name, key, list(parameters)): value for key, value in given.items()}
-    return _called(name, found, _checked(name, found, parameters, given))
+    return _instantiate(name, found, _check_parameters(name, found, parameters, given))
 
 
-def _checked(name: str, make: Any, known: Mapping[str, Parameter] | None, given: Mapping[str, Any]) -> dict[str, Any]:
+def _check_parameters(
+    name: str, make: Any, known: Mapping[str, Parameter] | None, given: Mapping[str, Any]
+) -> dict[str, Any]:
     """What is given, converted; `known` is None where any name is taken.
 
     Raises:
@@ -108,7 +110,7 @@ def _checked(name: str, make: Any, known: Mapping[str, Parameter] | None, given:
     if missing:
         raise BadInput(_needs_arguments(name, f"it needs {missing[0]}"))
     defaults = {key: one.default for key, one in (known or {}).items()}
-    return {key: _validated(name, make, key, value, defaults.get(key)) for key, value in given.items()}
+    return {key: _convert_value(name, make, key, value, defaults.get(key)) for key, value in given.items()}
 
 
 def _parameters(cls: type) -> dict[str, Parameter]:
@@ -130,7 +132,7 @@ def _current(name: str, key: str, known: list[str]) -> str:
     return new
 
 
-def _validated(name: str, make: Any, key: str, value: Any, default: Any) -> Any:
+def _convert_value(name: str, make: Any, key: str, value: Any, default: Any) -> Any:
     """A parameter's value, converted to the type of its annotation; where it has none, to what its default is."""
     try:
         kind: Any = type(unpacked(default))
@@ -154,7 +156,7 @@ def _adapter(make: Any, key: str, default: type) -> TypeAdapter[Any]:
     return TypeAdapter(hint.type if isinstance(hint, InitVar) else hint)
 
 
-def _called(name: str, cls: Any, given: dict[str, Any]) -> Any:
+def _instantiate(name: str, cls: Any, given: dict[str, Any]) -> Any:
     """The class called, as Python would: no `__init__` is left out."""
     try:
         return cls(**given)

@@ -72,7 +72,7 @@ def _root(P: Array) -> Array:
     return np.stack([np.stack([a, 0 * a], -1), np.stack([b, c], -1)], -2)
 
 
-def joined(common: Gaussian, mine: Information, theirs: Information) -> Gaussian:
+def join(common: Gaussian, mine: Information, theirs: Information) -> Gaussian:
     """C (Bel_i / C_i) (Bel_j / C_j)."""
     Y = np.asarray(np.linalg.inv(common.P), float)
     Y[:, :2, :2] += mine.Y
@@ -87,7 +87,7 @@ def read(common: Gaussian, reading: Reading) -> Gaussian:
     return Gaussian(*kalman(*common, reading.y, reading.H, reading.R))
 
 
-def gained(after: Gaussian, before: Gaussian, about: Array) -> Information:
+def information_gain(after: Gaussian, before: Gaussian, about: Array) -> Information:
     """The quotient of the first robot's marginals, about the points (k, 2)."""
     x1, Y1 = after.x[:, :2], np.linalg.inv(after.P[:, :2, :2])
     x0, Y0 = before.x[:, :2], np.linalg.inv(before.P[:, :2, :2])

@@ -30,7 +30,16 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from cooploc.estimators import particles
-from cooploc.estimators.channel_filter import Gaussian, Information, Reading, definite, gained, joined, news, read
+from cooploc.estimators.channel_filter import (
+    Gaussian,
+    Information,
+    Reading,
+    definite,
+    information_gain,
+    join,
+    news,
+    read,
+)
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Rows, Senses, Sensor, World
 from cooploc.estimators.kalman import curvature
 from cooploc.estimators.particle_likelihood import pack, unpack
@@ -97,7 +106,7 @@ class ChannelPf(particles.TeamParticleSettings):
             return s._replace(own=particles.resample_and_estimate(self, s.own))
         packets = mail.packets[i, j]
         before, mine = _caught_up(s, packets, i, j), Belief(belief.x[i], belief.P[i])
-        after, gain = _exchanged(sensor, before, mine, Gaussian(*unpack(packets[:, :5])), readings[i, j])
+        after, gain = _exchange_packets(sensor, before, mine, Gaussian(*unpack(packets[:, :5])), readings[i, j])
         own = particles.resample_and_estimate(self, s.own._replace(logw=_weigh(s.own, belief.x, gain, i)))
         if not self.subtract:
             return s._replace(own=own)
@@ -126,20 +135,20 @@ def _caught_up(s: State, packets: Array, i: Indices, j: Indices) -> Gaussian:
     return Gaussian(x, P)
 
 
-def _exchanged(
+def _exchange_packets(
     sensor: Sensor, common: Gaussian, mine: Belief, theirs: Gaussian, z: Array
 ) -> tuple[Gaussian, Information]:
     """Channels after an exchange, and what the robot's own marginal has gained by the other's news and the reading."""
     about = mine.x[:, :2]
     i_know = news(Gaussian(about, mine.P[:, :2, :2]), Gaussian(common.x[:, :2], common.P[:, :2, :2]))
     they_know = news(theirs, Gaussian(common.x[:, 2:], common.P[:, 2:, 2:]))
-    before = joined(common, i_know, they_know._replace(eta=0 * they_know.eta, Y=0 * they_know.Y))
-    both = joined(common, i_know, they_know)
-    after = read(both, _linearised(sensor, both, mine, z))
-    return after, gained(after, before, about)
+    before = join(common, i_know, they_know._replace(eta=0 * they_know.eta, Y=0 * they_know.Y))
+    both = join(common, i_know, they_know)
+    after = read(both, _linearise(sensor, both, mine, z))
+    return after, information_gain(after, before, about)
 
 
-def _linearised(sensor: Sensor, both: Gaussian, mine: Belief, z: Array) -> Reading:
+def _linearise(sensor: Sensor, both: Gaussian, mine: Belief, z: Array) -> Reading:
     """A reading at the mean of both positions; what the robot's heading is uncertain of counts as noise."""
     d = mine.x.shape[-1]
     pose = np.concatenate([both.x[:, :2], mine.x[:, 2:]], -1)

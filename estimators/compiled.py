@@ -155,12 +155,12 @@ def by_format(make: Callable[[Format], Callable[..., Any]]) -> Any:
     """A function for loops that `make` writes for either format; its first argument says which is meant."""
     versions = {types.float64: make(DOUBLE), types.float32: make(SINGLE)}
 
-    def chosen(*arguments: Any) -> Any:
+    def choose(*arguments: Any) -> Any:
         raise NotImplementedError("this function is called by compiled loops only")
 
     options: Any = {"forceinline": True, **FAST}
-    overload(chosen, strict=False, jit_options=options)(lambda *kinds: versions.get(kinds[0]))
-    return chosen
+    overload(choose, strict=False, jit_options=options)(lambda *kinds: versions.get(kinds[0]))
+    return choose
 
 
 def _bitcast(target: Any, builder: Any, signature: Any, a: Any) -> Any:
@@ -180,7 +180,7 @@ def from_bits(context: Any, x: Any) -> Any:
 
 
 @intrinsic
-def ordered(context: Any, x: Any) -> Any:
+def order(context: Any, x: Any) -> Any:
     """The bits of a number as an integer that is ordered as numbers are, which LLVM can sort in vectors; or back."""
 
     def generate(target: Any, builder: Any, signature: Any, a: Any) -> Any:
@@ -226,13 +226,13 @@ def polynomial(
     kind = types.float32 if f is SINGLE else types.float64
 
     def generate(target: Any, builder: Any, signature: Any, a: Any) -> Any:
-        def fused(a: Any, b: Any, c: Any) -> Any:
+        def fuse(a: Any, b: Any, c: Any) -> Any:
             return builder.fadd(builder.fmul(a, b, flags=FUSED), c, flags=FUSED)
 
         x, (*terms,) = a[0], map(target.get_value_type(kind), map(float, map(f.real, coefficients)))
         square = builder.fmul(x, x)
-        pairs = [fused(terms[i + 1], x, terms[i]) if i + 1 < len(terms) else terms[i] for i in range(0, len(terms), 2)]
-        return reduce(lambda total, pair: fused(total, square, pair), reversed(pairs))
+        pairs = [fuse(terms[i + 1], x, terms[i]) if i + 1 < len(terms) else terms[i] for i in range(0, len(terms), 2)]
+        return reduce(lambda total, pair: fuse(total, square, pair), reversed(pairs))
 
     return intrinsic(lambda context, x: (kind(kind), generate))
 
@@ -342,7 +342,7 @@ arc = by_format(_arc)  # |arctan2(y, x)| in [0, pi], 0 at the origin; error belo
 
 
 @inlined
-def turned(k, c, s):
+def rotate_quarters(k, c, s):
     """(c, s) turned by k right angles."""
     swap, left, down = k & 1, ((k + 1) & 2) != 0, (k & 2) != 0
     a, b = (s if swap else c), (c if swap else s)
@@ -386,7 +386,7 @@ def row_buffer(rows):
 def extent(values):
     """The smallest and the largest of a row."""
     wide()
-    low = high = ordered(values[0])
+    low = high = order(values[0])
     for i in range(len(values)):
-        low, high = min(low, ordered(values[i])), max(high, ordered(values[i]))
-    return ordered(low), ordered(high)
+        low, high = min(low, order(values[i])), max(high, order(values[i]))
+    return order(low), order(high)

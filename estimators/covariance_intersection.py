@@ -241,10 +241,10 @@ def solve(P: Array, criterion: Criterion = "det", solver: Solver = "cvxpy", grou
     mix = present / np.maximum(present.sum(1, keepdims=True), 1)
     z = whiten_terms(Terms(V, mix, present, np.empty((len(P), 0))), P.shape[-1], criterion, fusion, groups)
     found = solve_whitened(z, exact(z), solver)
-    return found._replace(w=_shared(found.w, z.B))
+    return found._replace(w=_share_equally(found.w, z.B))
 
 
-def _shared(w: Array, B: Array) -> Array:
+def _share_equally(w: Array, B: Array) -> Array:
     """Sources (K, m) whose information is the same, bit for bit, share their weight equally."""
     same = (B[:, :, None] == B[:, None]).all((-2, -1))
     total = sum((same[:, :, j] * w[:, j, None] for j in range(w.shape[1])), np.zeros_like(w))  # in order, for the bits

@@ -35,7 +35,7 @@ class Canonical(NamedTuple):
         both = (self.slope @ theta.T).T + self.fixed
         return both[:, : len(self.rows)], both[:, len(self.rows) :]
 
-    def stacked(self, K: int) -> "Stack":
+    def stack(self, K: int) -> "Stack":
         """The sum of K such problems, one after the other, without their numbers."""
         n, b = len(self.q), len(self.fixed) - len(self.rows)
         copy = np.arange(K)[:, None]

@@ -512,7 +512,7 @@ def _start_root(q, rho, b, c, rest):
 
 
 @inlined
-def _left(q, rho, b, c, v):
+def _left_side(q, rho, b, c, v):
     """e^2 + 2 b r e + c r^2, and its slope in v."""
     w = 1 - v
     r, e = v / w, q + rho * v
@@ -541,7 +541,7 @@ def weight_root(q, rho, b, c, level):
         return 0.0
     v = _start_root(q, rho, b, c, rest)
     for _ in range(STEPS):
-        left, slope = _left(q, rho, b, c, v)
+        left, slope = _left_side(q, rho, b, c, v)
         step = (left - level) / slope
         if not step > 0.0:
             break
@@ -560,7 +560,7 @@ def _weights(P, H, q, R, trace, out, gap):
         w = out[f] = 1 - v
         gap[f] = 0.0
         if 0.0 < v < 1 - LEAST:  # the relative slope, of the determinant's root, times the width of [0, 1]
-            e, off = q_ + rho * v, abs(_left(q_, rho, b, c, v)[0] - level)
+            e, off = q_ + rho * v, abs(_left_side(q_, rho, b, c, v)[0] - level)
             gap[f] = off / (w * e + v) * (w / (w * e + c * v) if trace else 2 / e)
 
 

@@ -67,7 +67,7 @@ class Sample(NamedTuple):
         """Some of them."""
         return Sample(*(each[which] for each in self))
 
-    def joined(self, more: "Sample") -> "Sample":
+    def join(self, more: "Sample") -> "Sample":
         """These, then more."""
         return Sample(*(np.concatenate(both) for both in zip(self, more, strict=True))) if len(more.row) else self
 
@@ -307,7 +307,7 @@ def intersect(p: CtrnSettings, s: State, belief: Belief, reading: Reading, at: A
         s = add_counts(s, fused, failed)
         if p.weights == "exact":
             chosen = draw_sample(p, s, np.zeros((len(w), sender + 1)))[use, sender]
-            s = s._replace(sample=s.sample.joined(Sample(use, found.w, *parts).take(chosen)))
+            s = s._replace(sample=s.sample.join(Sample(use, found.w, *parts).take(chosen)))
     return inflated_update(belief, y, H, H_j, P_j, sensor.R, w), w, s
 
 
@@ -383,7 +383,7 @@ def all_senders(p: CtrnSettings, s: State, before: Belief, z: Senses, mail: Mail
         done = chain(before, sensor, mail.packets, z_j, p.criterion, draw_sample(p, s, z_j))
         if done is not None:
             after, fusions, sample = done
-            return after, add_counts(s._replace(sample=s.sample.joined(sample)), fusions, np.zeros_like(fusions))
+            return after, add_counts(s._replace(sample=s.sample.join(sample)), fusions, np.zeros_like(fusions))
     return step_by_step(p, s, before, z, mail)
 
 

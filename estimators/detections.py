@@ -57,7 +57,7 @@ def places(sensor: Sensor, sent: Mixture, z: Array, chosen: Mask, heading: Array
     )
     j = _one_of(usable(sent, z)[row].astype(float), u[:, 0])
     k = _one_of(np.nan_to_num(sent.w)[row, j], u[:, 1])
-    q = _scattered(sent.x[row, j, k], sent.P[row, j, k], at)
+    q = _scatter(sent.x[row, j, k], sent.P[row, j, k], at)
     away, angle = _inverse(sensor, z[row, j], noise, turn[:, 1], heading[chosen])
     return np.asarray(q - away[:, None] * np.stack([np.cos(angle), np.sin(angle)], -1))
 
@@ -86,7 +86,7 @@ def _one_of(weight: Array, u: Array) -> Indices:
     return index
 
 
-def _scattered(m: Array, P: Array, noise: Array) -> Array:
+def _scatter(m: Array, P: Array, noise: Array) -> Array:
     """m + L noise, L the lower triangular root of P (..., 2, 2), which may be singular."""
     a = np.sqrt(np.maximum(P[..., 0, 0], 0.0))
     b = np.divide(P[..., 0, 1], a, out=np.zeros_like(a), where=a > 0)

@@ -30,7 +30,7 @@ import numpy as np
 from cooploc.estimators.covariance_intersection import relative_weights
 from cooploc.estimators.errors import require
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Rows, Senses, World
-from cooploc.estimators.kalman import ENGINES, Message, OwnFilter, PairReading, distance, inflated_update, received
+from cooploc.estimators.kalman import ENGINES, Message, OwnFilter, PairReading, distance, inflated_update, receive
 from cooploc.estimators.tunable import tunable
 
 EXACT = 1e-9 * np.eye(2)  # [m^2] noise of a position that is all belief and no reading
@@ -87,7 +87,7 @@ class EkfCi(OwnFilter):
         return (*own, "sighting" if self.form == "ls" else between)
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        world = self.assumed(world)
+        world = self.assumed_world(world)
         return State(prior.x, prior.P, rows.trial * world.robots + rows.robot, rows.robot, world)
 
     def send(self, s: State, z: Senses) -> Array:
@@ -97,7 +97,7 @@ class EkfCi(OwnFilter):
     def fuse(self, s: State, z: Senses, mail: Mail) -> State:
         """One reading after the other, each linearised at the belief that the last one left."""
         sent = Message.unpack(mail.packets, s.x.shape[-1])
-        for pair in received(s.world, z, mail, sent.sightings, s.robot):
+        for pair in receive(s.world, z, mail, sent.sightings, s.robot):
             x_j, P_j = sent.x[:, pair.sender], sent.P[0][:, pair.sender]
             if self.form == "relative":
                 s = self._intersect(s, Relation(*pair.linearise(s.x, x_j), P_j, pair.sensor.R))

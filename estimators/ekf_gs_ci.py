@@ -27,7 +27,7 @@ import numpy as np
 
 from cooploc.estimators.errors import require
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Rows, Senses, World
-from cooploc.estimators.kalman import ENGINES, Message, TeamSettings, conditioned, innovation, move, symmetric
+from cooploc.estimators.kalman import ENGINES, Message, TeamSettings, condition, innovation, move, symmetric
 from cooploc.estimators.models import fixed, wrap_heading
 
 
@@ -60,7 +60,7 @@ class EkfGsCi(TeamSettings):
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         """Its own prior; teammates are anywhere in the arena, until one of them is heard."""
-        world = self.assumed(world)
+        world = self.assumed_world(world)
         r, d, n = *prior.x.shape, world.robots
         own = np.concatenate([2 * rows.robot[:, None] + [0, 1], np.full((r, d - 2), 2 * n)], 1)
         x = np.broadcast_to(np.tile(world.arena.mean(0), n + 1)[: 2 * n + d - 2], (r, 2 * n + d - 2)).copy()
@@ -82,7 +82,7 @@ class EkfGsCi(TeamSettings):
     def correct(self, s: State, z: Senses) -> State:
         for sensor, place, reading in fixed(s.world, z, self.anchor_reading):
             y, H, _ = innovation(sensor, s.x[_pose_of(s)], place, reading)
-            s = self._update(s, y, _spread(s, H), sensor.R)
+            s = self._update(s, y, _spread_out(s, H), sensor.R)
         return s
 
     def send(self, s: State, z: Senses) -> Array:
@@ -97,7 +97,7 @@ class EkfGsCi(TeamSettings):
             there = slice(2 * j, 2 * j + 2)
             known = np.diagonal(s.P[:, there, there], axis1=1, axis2=2).sum(-1) < _anywhere(s.world).sum() / 2
             y, H, H_j = innovation(sensor, s.x[_pose_of(s)], s.x[:, there], np.where(known[:, None], reading, np.nan))
-            H = _spread(s, H)
+            H = _spread_out(s, H)
             H[:, :, there] += H_j
             s = self._update(s, y, H, sensor.R)
         return s
@@ -123,7 +123,7 @@ class EkfGsCi(TeamSettings):
             news = (Y_j @ (sent.x[use[rows], j] - mine[rows])[..., None])[..., 0]
             Y[rows], y[rows] = c * Y[rows] + (1 - c) * Y_j, c * y[rows] + (1 - c) * news
         C, H = symmetric(np.linalg.inv(Y)), np.zeros((len(use), m, x.shape[1])) + np.eye(m, x.shape[1])
-        x[use], P[use] = conditioned(x[use], P[use], H, (C @ y[..., None])[..., 0], C)
+        x[use], P[use] = condition(x[use], P[use], H, (C @ y[..., None])[..., 0], C)
         return s._replace(x=x, P=P)
 
 
@@ -137,7 +137,7 @@ def _block_of(s: State) -> tuple[Indices, Indices, Indices]:
     return np.arange(len(s.own))[:, None, None], s.own[:, :, None], s.own[:, None]
 
 
-def _spread(s: State, H: Array) -> Array:
+def _spread_out(s: State, H: Array) -> Array:
     """A Jacobian (r, k, d) by a robot's own pose, as one by its whole state (r, k, D)."""
     whole = np.zeros((*H.shape[:2], s.x.shape[1]))
     np.put_along_axis(whole, np.broadcast_to(s.own[:, None], H.shape), H, 2)

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 from cooploc.estimators.errors import require
 from cooploc.estimators.interface import Array
-from cooploc.estimators.inverse_covariance_intersection import combined, harmonic_mean
+from cooploc.estimators.inverse_covariance_intersection import combine, harmonic_mean
 from cooploc.estimators.kalman import BroadcastBelief
 
 
@@ -39,4 +39,4 @@ class EkfHmd(BroadcastBelief):
 
     def combine(self, x: Array, P: Array, y: Array, H: Array, N: Array) -> tuple[Array, Array]:
         """C^-1 = a^-1 + N^-1 - G^-1,  a = H P H',  G = v N + (1 - v) a + v (1 - v) y y'."""
-        return combined(lambda a, b, y, _: harmonic_mean(self.weight, a, b, y), x, P, y, H, N, self.gate)
+        return combine(lambda a, b, y, _: harmonic_mean(self.weight, a, b, y), x, P, y, H, N, self.gate)

@@ -19,7 +19,7 @@ from typing import Literal
 
 from cooploc.estimators.errors import require
 from cooploc.estimators.interface import Array
-from cooploc.estimators.inverse_covariance_intersection import combined, inverse_intersection, weighed_intersection
+from cooploc.estimators.inverse_covariance_intersection import combine, inverse_intersection, weighed_intersection
 from cooploc.estimators.kalman import BroadcastBelief
 
 
@@ -43,5 +43,5 @@ class EkfIci(BroadcastBelief):
     def combine(self, x: Array, P: Array, y: Array, H: Array, N: Array) -> tuple[Array, Array]:
         """C^-1 = a^-1 + N^-1 - (w a + (1 - w) N)^-1,  a = H P H';  the least trace is that of P', as in `ekf-ci`."""
         if self.form == "trace":
-            return combined(inverse_intersection, x, P, y, H, N, self.gate)
-        return combined(lambda a, b, y, _: weighed_intersection(self.weight, a, b, y), x, P, y, H, N, self.gate)
+            return combine(inverse_intersection, x, P, y, H, N, self.gate)
+        return combine(lambda a, b, y, _: weighed_intersection(self.weight, a, b, y), x, P, y, H, N, self.gate)

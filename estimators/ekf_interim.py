@@ -35,9 +35,9 @@ from cooploc.estimators.kalman import (
     distance,
     innovation,
     linearise,
-    moved,
     no_traffic,
     pairs,
+    predict_row,
     present,
     sightings,
     symmetric,
@@ -73,13 +73,13 @@ class EkfInterim(TeamSettings):
     bound: ClassVar[bool] = False
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        world = self.assumed(world)
+        world = self.assumed_world(world)
         t, n, d = prior.x.shape
         return State(prior.x, prior.P, np.zeros_like(prior.P) + np.eye(d), np.zeros((t, n, n, d, n, d)), world)
 
     def predict(self, s: State, z: Senses) -> State:
         """P_i' = F_i P_i F_i' + Q_i,  Phi_i' = F_i Phi_i,  Pi' = Pi."""
-        x, P, F = moved(self, s.world, s.x, s.P, z)
+        x, P, F = predict_row(self, s.world, s.x, s.P, z)
         return s._replace(x=x, P=P, Phi=F @ s.Phi)
 
     def correct(self, s: State, z: Senses) -> State:
@@ -92,7 +92,7 @@ class EkfInterim(TeamSettings):
         sent = no_traffic(s.x)
         s = s._replace(x=s.x.copy(), P=s.P.copy(), Pi=s.Pi.copy())  # every reading writes into these
         if camera := camera_alone(self, s.world):
-            sent = self._sighted(s, z, air, camera)
+            sent = self._update_by_sightings(s, z, air, camera)
         for sensor, place, reading in () if camera else fixed(s.world, z, self.anchor_reading):
             for a in np.flatnonzero(~np.isnan(reading).all((0, 2))).tolist():
                 y, H, _ = innovation(sensor, s.x[:, a], place, reading[:, a])
@@ -111,7 +111,7 @@ class EkfInterim(TeamSettings):
     def estimate(self, s: State) -> Belief:
         return Belief(wrap_heading(s.x), s.P)
 
-    def _sighted(self, s: State, z: Senses, air: Mail, camera: Sighting) -> Traffic:
+    def _update_by_sightings(self, s: State, z: Senses, air: Mail, camera: Sighting) -> Traffic:
         """The updates by all landmarks in one compiled loop, in place, and what their masters sent."""
         made, seen = np.zeros(s.x.shape[:2]), sightings(s.world, z.landmark, camera, self.gate)
         update_decoupled(Decoupled(s.x, s.P, s.Phi, s.Pi), seen, readable(air.heard), made)

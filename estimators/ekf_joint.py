@@ -27,12 +27,13 @@ from cooploc.estimators.errors import require
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Sensor, Traffic, World
 from cooploc.estimators.joint_gaussian import (
     MixedTeamSettings,
+    add_process_noise,
     anywhere,
     block_diagonal,
     dense,
     direction_by_direction,
     distances,
-    driven,
+    drive,
     flat,
     information,
     information_mean,
@@ -42,10 +43,9 @@ from cooploc.estimators.joint_gaussian import (
     readings_of,
     scalar_by_scalar,
     sparse_update,
-    spread,
+    spread_out,
     square,
-    stacked,
-    widened,
+    stack_readings,
 )
 from cooploc.estimators.joint_kernels import Ranging, Readings, tally, update_joint
 from cooploc.estimators.kalman import ENGINES, camera_alone, curvature, innovation, linearise, no_traffic, sightings
@@ -90,15 +90,15 @@ class EkfJoint(MixedTeamSettings):
         require(self, iterations=(1, 1000), lost=(0, 1))
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        world = self.assumed(world)
+        world = self.assumed_world(world)
         return State(prior.x, block_diagonal(prior.P), world, np.zeros(prior.x.shape[:2]))
 
     def predict(self, s: State, z: Senses) -> State:
         """P_ij' = F_i P_ij F_j',  P_ii' = F_i P_ii F_i' + Q_i."""
-        x, F, Q = self.moved(s.world, s.x, z)
+        x, F, Q = self.move_team(s.world, s.x, z)
         if self.engine == "batched":
             still = isinstance(s.world.motion, Displacement)
-            return _with(s, x, widened(square(s.P), Q) if still else driven(square(s.P), F, Q))
+            return _with(s, x, add_process_noise(square(s.P), Q) if still else drive(square(s.P), F, Q))
         joint = ENGINES[self.engine].predict(flat(x), square(s.P), square(block_diagonal(F)), square(block_diagonal(Q)))
         return s._replace(x=x, P=joint[1].reshape(s.P.shape))
 
@@ -122,8 +122,8 @@ class EkfJoint(MixedTeamSettings):
     def exchange(self, s: State, z: Senses, air: Mail) -> tuple[State, Traffic]:
         if self.update == "batch":
             for sensor, readings in self.team_readings(s.world, z, air):
-                s = self._together(s, sensor, readings)
-            s = self._restarted(s)
+                s = self._update_together(s, sensor, readings)
+            s = self._restart(s)
         else:
             s = self._one_by_one(s, z, air)
         return s, no_traffic(s.x)
@@ -141,9 +141,9 @@ class EkfJoint(MixedTeamSettings):
             after = _with(s, *scalar_by_scalar(s.x, square(s.P), use[:, :, 0], y, H, sensor.R))
         else:
             after = self._add(s, use, readings)
-        return _tallied(after, d2, self.gate, False)
+        return _tally_distances(after, d2, self.gate, False)
 
-    def _together(self, s: State, sensor: Sensor, readings: Array) -> State:
+    def _update_together(self, s: State, sensor: Sensor, readings: Array) -> State:
         """Gauss-Newton on all readings (t, n, n, k): P' = (P^-1 + H'R^-1 H)^-1,  x' = x + P' H'R^-1 (y + H (x^ - x)).
 
         Each reading is gated alone, against the belief before all of them.
@@ -151,10 +151,10 @@ class EkfJoint(MixedTeamSettings):
         if self.engine == "batched" and isinstance(sensor, Range):
             how = Ranging(sensor.R.item(), self.gate, self.second_order, self.iterations)
             x, P, d2 = ranges_together(s.x, square(s.P), readings[..., 0], how)
-            return _tallied(_with(s, x, P), d2, self.gate, True)
+            return _tally_distances(_with(s, x, P), d2, self.gate, True)
         shift, extra = np.zeros(1), np.zeros((1, 1))
         if self.second_order and hasattr(sensor, "curvature"):
-            D = spread(square(s.P), s.x.shape[-1])
+            D = spread_out(square(s.P), s.x.shape[-1])
             shift, extra = curvature(sensor, s.x[:, :, None], s.x[:, None], D)
         R, at = sensor.R + extra, s
         for k in range(self.iterations):
@@ -167,9 +167,9 @@ class EkfJoint(MixedTeamSettings):
             if k == 0:
                 d2 = distances(square(s.P), linear)
             at = self._add(s, d2 <= self.gate, linear, last=k == self.iterations - 1)
-        return _tallied(at, d2, self.gate, True)
+        return _tally_distances(at, d2, self.gate, True)
 
-    def _restarted(self, s: State) -> State:
+    def _restart(self, s: State) -> State:
         """The most refused robot of a trial, if lost, may be anywhere in the arena."""
         lost = s.refused > self.lost
         if not lost.any():
@@ -218,7 +218,7 @@ class EkfJoint(MixedTeamSettings):
             P = information_update(P, Lambda)
             x = flat(s.x) + (P @ eta[..., None])[..., 0]
         else:
-            x, P = ENGINES[self.engine].update(flat(s.x), P, *stacked(use, readings), np.inf)
+            x, P = ENGINES[self.engine].update(flat(s.x), P, *stack_readings(use, readings), np.inf)
         return _with(s, x, P)
 
     def _update(self, s: State, y: Array, at: Mapping[int, Array], R: Array) -> State:
@@ -235,7 +235,7 @@ def _with(s: State, x: Array, P: Array) -> State:
     return s._replace(x=x.reshape(s.x.shape), P=P.reshape(s.P.shape))
 
 
-def _tallied(s: State, d2: Array, gate: float, between: bool) -> State:
+def _tally_distances(s: State, d2: Array, gate: float, between: bool) -> State:
     """The average with one more share: of each robot's readings (t, n, m), those that the gate refused."""
     tally(d2, gate, between, FORGET, refused := s.refused.copy())
     return s._replace(refused=refused)

@@ -9,7 +9,7 @@ import numpy as np
 
 from cooploc.estimators.dead_reckoning import State
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
-from cooploc.estimators.kalman import Settings, corrected, moved
+from cooploc.estimators.kalman import Settings, correct_row, predict_row
 from cooploc.estimators.models import wrap_heading
 
 
@@ -18,17 +18,17 @@ class EkfLocal(Settings):
     """EKF on odometry and anchors or landmarks; sends nothing."""
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        world = self.assumed(world)
+        world = self.assumed_world(world)
         return State(prior.x, prior.P, world)
 
     def predict(self, s: State, z: Senses) -> State:
         """x' = f(x, u),  P' = F P F' + Q."""
-        x, P, _ = moved(self, s.world, s.x, s.P, z)
+        x, P, _ = predict_row(self, s.world, s.x, s.P, z)
         return s._replace(x=x, P=P)
 
     def correct(self, s: State, z: Senses) -> State:
         """x' = x + K y,  P' = (I - K H) P (I - K H)' + K R K', one reading after the other."""
-        x, P = corrected(self, s.world, s.x, s.P, z)
+        x, P = correct_row(self, s.world, s.x, s.P, z)
         return s._replace(x=x, P=P)
 
     def send(self, s: State, z: Senses) -> Array:

@@ -24,12 +24,12 @@ from cooploc.estimators.kalman import (
     ENGINES,
     TeamSettings,
     Update,
-    corrected,
+    correct_row,
     count,
     linearise,
-    moved,
     no_traffic,
     pairs,
+    predict_row,
 )
 from cooploc.estimators.models import wrap_heading
 
@@ -50,21 +50,21 @@ class EkfLuft(TeamSettings):
     bound: ClassVar[bool] = False
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        world = self.assumed(world)
+        world = self.assumed_world(world)
         t, n, d = prior.x.shape
         return State(prior.x, prior.P, np.zeros((t, n, n, d, d)), world)
 
     def predict(self, s: State, z: Senses) -> State:
         """P_i' = F_i P_i F_i' + Q_i,  sigma_ij' = F_i sigma_ij."""
-        x, P, F = moved(self, s.world, s.x, s.P, z)
+        x, P, F = predict_row(self, s.world, s.x, s.P, z)
         return s._replace(x=x, P=P, sigma=F[:, :, None] @ s.sigma)
 
     def correct(self, s: State, z: Senses) -> State:
         """Private update: the EKF's, then sigma_ij' = (I - K H) sigma_ij = P_i' P_i^-1 sigma_ij."""
-        x, P = corrected(self, s.world, s.x, s.P, z)
+        x, P = correct_row(self, s.world, s.x, s.P, z)
         if (P == s.P).all():
             return s
-        return s._replace(x=x, P=P, sigma=_carried(s.P, P)[:, :, None] @ s.sigma)
+        return s._replace(x=x, P=P, sigma=_carry_factors(s.P, P)[:, :, None] @ s.sigma)
 
     def exchange(self, s: State, z: Senses, air: Mail) -> tuple[State, Traffic]:
         d = s.x.shape[-1]
@@ -102,13 +102,13 @@ def met(s: State, i: int, j: int, y: Array, H_i: Array, H_j: Array, R: Array, ga
     pair, P1 = update(np.concatenate([s.x[:, i], s.x[:, j]], -1), P, y, np.concatenate([H_i, H_j], -1), R, gate)
     used = np.asarray((P1 != P).any((1, 2)))
     for robot, at in ((i, slice(0, d)), (j, slice(d, None))):
-        s.sigma[:, robot] = _carried(s.P[:, robot], P1[:, at, at])[:, None] @ s.sigma[:, robot]
+        s.sigma[:, robot] = _carry_factors(s.P[:, robot], P1[:, at, at])[:, None] @ s.sigma[:, robot]
         s.x[:, robot], s.P[:, robot] = pair[:, at], P1[:, at, at]
     s.sigma[used, i, j], s.sigma[used, j, i] = P1[used, :d, d:], np.eye(d)
     return used
 
 
-def _carried(P: Array, P1: Array) -> Array:
+def _carry_factors(P: Array, P1: Array) -> Array:
     """P' P^-1, the identity where nothing changed."""
     same = np.asarray((P == P1).all((-2, -1)))
     return np.where(same[..., None, None], np.eye(P.shape[-1]), np.linalg.solve(P, P1).mT)

@@ -35,8 +35,8 @@ from cooploc.estimators.kalman import (
     TeamSettings,
     camera_alone,
     innovation,
-    moved,
-    received,
+    predict_row,
+    receive,
     sightings,
     symmetric,
 )
@@ -68,12 +68,12 @@ class EkfSplitCi(TeamSettings):
     both: bool = True
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        world = self.assumed(world)
+        world = self.assumed_world(world)
         return State(prior.x, np.zeros_like(prior.P), prior.P, rows.robot, world)
 
     def predict(self, s: State, z: Senses) -> State:
         """Pd' = F Pd F',  Pi' = F Pi F' + Q."""
-        x, Pi, F = moved(self, s.world, s.x, s.Pi, z)
+        x, Pi, F = predict_row(self, s.world, s.x, s.Pi, z)
         return s._replace(x=x, Pd=symmetric(F @ s.Pd @ F.mT), Pi=Pi)
 
     def correct(self, s: State, z: Senses) -> State:
@@ -96,7 +96,7 @@ class EkfSplitCi(TeamSettings):
     def fuse(self, s: State, z: Senses, mail: Mail) -> State:
         known = np.zeros(mail.heard.shape, bool)  # senders whose independent part this robot has used by now
         sent = Message.unpack(mail.packets, s.x.shape[-1], parts=2)
-        for pair in received(s.world, z, mail, sent.sightings, s.robot):
+        for pair in receive(s.world, z, mail, sent.sightings, s.robot):
             s, used = self._cooperate(s, pair, sent, known[:, pair.sender])
             known[:, pair.sender] |= used
         if self.form == "conservative" and s.world.robots > 1:  # the broadcast contained the independent part
@@ -144,5 +144,5 @@ class EkfSplitCi(TeamSettings):
             np.empty(len(x), bool),
         )
         parts = (readable(part) for part in (P, Pd, s.Pi, H, Rd, Ri))
-        joint_kernels.split(*parts, keep, new_d, new_i, used)
+        joint_kernels.split_labels(*parts, keep, new_d, new_i, used)
         return s._replace(x=x, Pd=new_d, Pi=new_i), used

@@ -12,7 +12,7 @@ import numpy as np
 from cooploc.estimators.errors import require
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, Sensor, World
 from cooploc.estimators.kalman import linearise, symmetric
-from cooploc.estimators.kalman_window import READINGS, Window, empty, moved, shortened, smooth
+from cooploc.estimators.kalman_window import READINGS, Window, append_tick, drop_oldest, empty, smooth
 from cooploc.estimators.models import RAW, AnchorReading, fixed, gradient_doa, wrap_heading
 
 
@@ -34,7 +34,7 @@ class Information(NamedTuple):
         eta, Lambda = (np.nan_to_num(a) for a in self)
         d = at.shape[-1]
         eta = eta - times(Lambda, at[:, :, None, :2])
-        return Information(_padded(eta, d, 1), _padded(Lambda, d, 2))
+        return Information(_pad(eta, d, 1), _pad(Lambda, d, 2))
 
     def taken_from(self, belief: Gaussian) -> Gaussian:
         """The belief without this information: (I - P Lambda)^-1 (x - P eta), (I - P Lambda)^-1 P."""
@@ -75,15 +75,15 @@ class PairFactors(NamedTuple):
         return self.y - times(self.H_j, m - self.seen_at), self.R + self.H_j @ C @ self.H_j.mT
 
 
-def linearised(sensor: Sensor, x: Array, seen: Array, reading: Array, huber: float) -> PairFactors:
+def linearise_pair(sensor: Sensor, x: Array, seen: Array, reading: Array, huber: float) -> PairFactors:
     """Factors about own poses x (r, l, d) and teammates' positions `seen` (r, l, n, 2)."""
     seen_at = np.nan_to_num(seen)
     y, H, H_j = linearise(sensor, x[:, :, None], seen_at, reading)
-    y, R, (H, H_j) = weighed(np.where(np.isnan(seen[..., :1]), np.nan, y), sensor.R, huber, H, H_j[..., :2])
+    y, R, (H, H_j) = weigh(np.where(np.isnan(seen[..., :1]), np.nan, y), sensor.R, huber, H, H_j[..., :2])
     return PairFactors(y, H, H_j, R, seen_at)
 
 
-def weighed(y: Array, R: Array, huber: float, *Hs: Array) -> tuple[Array, Array, list[Array]]:
+def weigh(y: Array, R: Array, huber: float, *Hs: Array) -> tuple[Array, Array, list[Array]]:
     """y, R / w and H with 0 where there is no reading; w = 2 h/M - h^2/M^2 where M = |y|_R exceeds h = `huber`.
 
     So half of y' (R/w)^-1 y is Huber's loss (Davison & Ortiz 2019, sec. 3.6).
@@ -101,7 +101,7 @@ def times(A: Array, x: Array) -> Array:
     return product
 
 
-def _padded(a: Array, d: int, axes: int) -> Array:
+def _pad(a: Array, d: int, axes: int) -> Array:
     """With zeros for the numbers of a pose (d) beyond its position, in the last `axes`."""
     return np.pad(a, [(0, 0)] * (a.ndim - axes) + [(0, d - 2)] * axes)
 
@@ -133,9 +133,9 @@ class State(NamedTuple):
     def factors(self, huber: float) -> PairFactors:
         """The robot's readings of teammates, as they stand in the last solution."""
         channel = next(c for c in ("sighting", "radio_range", "radio_rssi") if c in self.world.sensors)
-        return linearised(self.world.sensors[channel], self.at, self.seen_at, self.reading, huber)
+        return linearise_pair(self.world.sensors[channel], self.at, self.seen_at, self.reading, huber)
 
-    def lengthened(self, own: Window) -> Self:
+    def append_pose(self, own: Window) -> Self:
         """With a new pose, of which no teammate has said anything."""
         r, n = len(self.robot), self.world.robots
         k = 2 if "sighting" in self.world.sensors else 1
@@ -151,7 +151,7 @@ class State(NamedTuple):
             told=Information(longer(self.told.eta, 2), longer(self.told.Lambda, 2, 2)),
         )
 
-    def shortened(self, own: Window) -> Self:
+    def drop_oldest_pose(self, own: Window) -> Self:
         """Without the oldest pose, and what was said of it."""
         cut = {name: getattr(self, name)[:, 1:] for name in ("P", "at", "reading", "seen", "seen_at")}
         theirs, told = Gaussian(*(a[:, 1:] for a in self.theirs)), Information(*(a[:, 1:] for a in self.told))
@@ -169,7 +169,7 @@ def start(prior: Belief, world: World, robot: Indices) -> State:
     return State(own, P, at, reading, none[0], vectors, vectors, none[1], prior, prior, robot, world)
 
 
-def relaxed(s: State, iterations: int, anchor_reading: AnchorReading, huber: float) -> State:
+def relax(s: State, iterations: int, anchor_reading: AnchorReading, huber: float) -> State:
     """The chain solved so many times, linearised at what the last solution found: Gauss-Newton with messages as data.
 
     A teammate's position follows the solution: x_j = m + C H_j' S^-1 (v - H dx), S = R + H_j C H_j'.
@@ -193,7 +193,7 @@ def _fixed(s: State, anchor_reading: AnchorReading, huber: float) -> tuple[Array
     eta, Lambda = np.zeros(s.at.shape), np.zeros((*s.at.shape, s.at.shape[-1]))
     for sensor, place, reading in fixed(s.world, s.own.z, anchor_reading):
         y, H, _ = sensor.innovation(s.at, place, reading[:, :, 0])
-        y, R, (H,) = weighed(y, sensor.R, huber, H)
+        y, R, (H,) = weigh(y, sensor.R, huber, H)
         W = H.mT @ np.linalg.inv(R)
         eta += (W @ y[..., None])[..., 0]
         Lambda += W @ H
@@ -213,7 +213,7 @@ class Packet(NamedTuple):
 
     def pack(self, window: int) -> Array:
         """(r, n, 10 window) numbers; nan before the first tick."""
-        numbers = np.concatenate([_listed(*self.mine), _listed(*self.yours)], -1)  # (r, l, n, 10)
+        numbers = np.concatenate([_to_numbers(*self.mine), _to_numbers(*self.yours)], -1)  # (r, l, n, 10)
         r, length, n, m = numbers.shape
         before = np.full((r, window - length, n, m), np.nan)
         return np.concatenate([before, numbers], 1).swapaxes(1, 2).reshape(r, n, -1)
@@ -245,15 +245,17 @@ def outgoing(s: State, huber: float) -> Packet:
     yours = factors.onto_teammate(message.taken_from(off))
     made = factors.H_j.any((-2, -1))
     other = np.arange(n) != s.robot[:, None, None]
-    return Packet(Gaussian(*_where(np.asarray(asked & other), *mine)), Information(*_where(made & other, *yours)))
+    return Packet(
+        Gaussian(*_select_where(np.asarray(asked & other), *mine)), Information(*_select_where(made & other, *yours))
+    )
 
 
-def received(s: State, reading: Array, packet: Packet) -> State:
+def receive(s: State, reading: Array, packet: Packet) -> State:
     """Messages that came replace those before them; a reading (r, n, k) of who was heard becomes a factor."""
     readings = s.reading.copy()
     readings[:, -1] = np.where(np.isnan(packet.mine.x[:, -1, :, :1]), np.nan, reading)
     wanted = np.asarray(~np.isnan(readings).any(-1))
-    theirs = Gaussian(*_newer(s.theirs, _where(wanted, *packet.mine)))
+    theirs = Gaussian(*_newer(s.theirs, _select_where(wanted, *packet.mine)))
     told = Information(*_newer(s.told, packet.yours))
     seen = np.where(np.isnan(s.seen), theirs.x, s.seen)
     return s._replace(reading=readings, theirs=theirs, told=told, seen=seen)
@@ -263,11 +265,11 @@ def _newer(old: tuple[Array, Array], new: tuple[Array, Array]) -> Iterator[Array
     return (np.where(np.isnan(b), a, b) for a, b in zip(old, new, strict=True))
 
 
-def _where(use: Mask, vector: Array, matrix: Array) -> tuple[Array, Array]:
+def _select_where(use: Mask, vector: Array, matrix: Array) -> tuple[Array, Array]:
     return np.where(use[..., None], vector, np.nan), np.where(use[..., None, None], matrix, np.nan)
 
 
-def _listed(vector: Array, matrix: Array) -> Array:
+def _to_numbers(vector: Array, matrix: Array) -> Array:
     return np.concatenate([vector, matrix[..., [0, 0, 1], [0, 1, 1]]], -1)
 
 
@@ -341,11 +343,11 @@ class Gbp:
     def predict(self, s: State, z: Senses) -> State:
         """A new pose x' = f(x, u) at the end of the window, which nobody has yet said anything about."""
         alone = z._replace(**{name: getattr(z, name)[:, None] for name in READINGS})
-        return s.lengthened(moved(s.own, alone))
+        return s.append_pose(append_tick(s.own, alone))
 
     def correct(self, s: State, z: Senses) -> State:
         """The window solved with this tick's readings of fixed things, so that what is sent has them."""
-        return relaxed(s, 1, self.anchor_reading, self.huber)
+        return relax(s, 1, self.anchor_reading, self.huber)
 
     def send(self, s: State, z: Senses) -> Array:
         """One packet (r, n, m) for each teammate: what is known of own positions, and of the teammate's."""
@@ -355,9 +357,9 @@ class Gbp:
         """Newest messages replace older ones; readings of who was heard become factors. The oldest pose may leave."""
         reading = z.sighting if "sighting" in s.world.sensors else getattr(mail, self.reading)[..., None]
         packet = Packet.unpack(mail.packets, s.own.x.shape[1])
-        s = received(s, np.where(mail.heard[..., None], reading, np.nan), packet)
-        s = relaxed(s, self.iterations, self.anchor_reading, self.huber)
-        return s.shortened(shortened(s.own, s.oldest)) if s.own.x.shape[1] == self.window else s
+        s = receive(s, np.where(mail.heard[..., None], reading, np.nan), packet)
+        s = relax(s, self.iterations, self.anchor_reading, self.huber)
+        return s.drop_oldest_pose(drop_oldest(s.own, s.oldest)) if s.own.x.shape[1] == self.window else s
 
     def estimate(self, s: State) -> Belief:
         return Belief(wrap_heading(s.newest.x), s.newest.P)

@@ -25,13 +25,13 @@ from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, Traf
 from cooploc.estimators.joint_gaussian import (
     block_diagonal,
     distances,
-    driven,
+    drive,
     flat,
     information,
     information_update,
     readings_of,
     square,
-    stacked,
+    stack_readings,
 )
 from cooploc.estimators.joint_kernels import Readings
 from cooploc.estimators.kalman import ENGINES, TeamSettings, innovation, linearise, move, no_traffic, table
@@ -54,33 +54,35 @@ class IekfJoint(TeamSettings):
     centralised: ClassVar[bool] = True
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        world = self.assumed(world)
+        world = self.assumed_world(world)
         return State(prior.x, block_diagonal(prior.P), world)
 
     def predict(self, s: State, z: Senses) -> State:
         """P_xi' = P_xi + Ad Q Ad', which is P' = F P F' + Q."""
         x, F, Q = move(s.world.motion, s.x, z)
         if self.engine == "batched":
-            return s._replace(x=x, P=driven(square(s.P), F, Q).reshape(s.P.shape))
+            return s._replace(x=x, P=drive(square(s.P), F, Q).reshape(s.P.shape))
         F, Q = square(block_diagonal(F)), square(block_diagonal(Q))
         return s._replace(x=x, P=ENGINES[self.engine].predict(flat(x), square(s.P), F, Q)[1].reshape(s.P.shape))
 
     def correct(self, s: State, z: Senses) -> State:
         for sensor, place, reading in fixed(s.world, z, self.anchor_reading):
             y, H, _ = innovation(sensor, s.x, place, reading)
-            s = self._together(s, readings_of(y[:, :, None], H[:, :, None], np.zeros_like(H)[:, :, None], sensor.R))
+            s = self._update_together(
+                s, readings_of(y[:, :, None], H[:, :, None], np.zeros_like(H)[:, :, None], sensor.R)
+            )
         return s
 
     def exchange(self, s: State, z: Senses, air: Mail) -> tuple[State, Traffic]:
         for sensor, reading in table(s.world, z, air):
             y, H_i, H_j = linearise(sensor, s.x[:, :, None], s.x[:, None], reading)
-            s = self._together(s, readings_of(y, H_i, H_j, sensor.R))
+            s = self._update_together(s, readings_of(y, H_i, H_j, sensor.R))
         return s, no_traffic(s.x)
 
     def estimate(self, s: State) -> Belief:
         return Belief(wrap_heading(s.x), np.stack([s.P[:, i, :, i] for i in range(s.x.shape[1])], 1))
 
-    def _together(self, s: State, readings: Readings) -> State:
+    def _update_together(self, s: State, readings: Readings) -> State:
         """P' = (P^-1 + H'R^-1 H)^-1,  step = P' H'R^-1 y by all readings that the gate allows, then along the group."""
         P = square(s.P)
         use = distances(P, readings) <= self.gate
@@ -89,7 +91,7 @@ class IekfJoint(TeamSettings):
             P = information_update(P, Lambda)
             step = (P @ eta[..., None])[..., 0]
         else:
-            step, P = ENGINES[self.engine].update(flat(np.zeros_like(s.x)), P, *stacked(use, readings), np.inf)
+            step, P = ENGINES[self.engine].update(flat(np.zeros_like(s.x)), P, *stack_readings(use, readings), np.inf)
         return _along_group(s, step.reshape(s.x.shape), P.reshape(s.P.shape))
 
 

@@ -133,7 +133,7 @@ class World:
         for sensor, readings in self._of_mates(z, mail):
             yield from ((sensor, j, one) for j, one in _present(readings, self.robots))
 
-    def stacked(self, x: Array, z: Senses, mail: Mail | None = None, mates: Belief | None = None) -> "Stacked":
+    def stack(self, x: Array, z: Senses, mail: Mail | None = None, mates: Belief | None = None) -> "Stacked":
         """All readings of a tick as one vector, linearised at x (..., d): for filters that update once a tick.
 
         Its length is the same in every tick: what `fixed` has, and with `mail` and `mates`, what is believed of the
@@ -150,7 +150,7 @@ class World:
                 for j in range(self.robots):
                     y, H, Hq = sensor.innovation(x, mates.x[..., j, :2], readings[..., j, :])
                     parts.append((y, H, sensor.R + Hq @ mates.P[..., j, :2, :2] @ Hq.mT))
-        return _stacked(x, parts)
+        return _stack(x, parts)
 
     def _of_fixed(self, z: Senses) -> Iterator[tuple[Sensor, Array, Array]]:
         """Every channel of fixed things: sensor, places (m, 2), readings (r, m, k)."""
@@ -185,7 +185,7 @@ class Stacked(NamedTuple):
     R: Array  # (..., m, m)
 
 
-def _stacked(x: Array, parts: list[tuple[Array, Array, Array]]) -> Stacked:
+def _stack(x: Array, parts: list[tuple[Array, Array, Array]]) -> Stacked:
     lead, d = x.shape[:-1], x.shape[-1]
     y = np.concatenate([np.zeros((*lead, 0)), *(part[0] for part in parts)], -1)
     H = np.concatenate([np.zeros((*lead, 0, d)), *(part[1] for part in parts)], -2)

@@ -32,7 +32,7 @@ import numpy as np
 from cooploc.estimators.compiled import readable, strict_inlined, strict_kernel
 from cooploc.estimators.interface import Array
 from cooploc.estimators.joint_gaussian import definite
-from cooploc.estimators.kalman import conditioned, distance, present, symmetric
+from cooploc.estimators.kalman import condition, distance, present, symmetric
 
 HALVINGS = 60  # of [0, 1], in search of w
 
@@ -40,7 +40,7 @@ HALVINGS = 60  # of [0, 1], in search of w
 Rule = Callable[[Array, Array, Array, Array], tuple[Array, Array]]
 
 
-def combined(rule: Rule, x: Array, P: Array, y: Array, H: Array, N: Array, gate: float) -> tuple[Array, Array]:
+def combine(rule: Rule, x: Array, P: Array, y: Array, H: Array, N: Array, gate: float) -> tuple[Array, Array]:
     """x', P' by readings with innovation y (r, k), H (r, k, d) and noise N (r, k, k), the sender's belief included.
 
     M makes tr(M C) the part of tr P' that a rule can change. Rows whose reading is absent (nan) come back as they are,
@@ -57,7 +57,7 @@ def combined(rule: Rule, x: Array, P: Array, y: Array, H: Array, N: Array, gate:
     a = H @ P[use] @ H.mT
     L = np.linalg.solve(a, H @ P[use]).mT
     fused, C = rule(a, N, y, L.mT @ L)
-    x[use], P[use] = conditioned(x[use], P[use], H, fused, C)
+    x[use], P[use] = condition(x[use], P[use], H, fused, C)
     return x, P
 
 

@@ -52,14 +52,14 @@ def block_diagonal(blocks: Array) -> Array:
     return P
 
 
-def widened(P: Array, Q: Array) -> Array:
+def add_process_noise(P: Array, Q: Array) -> Array:
     """P (t, n d, n d) after a move with F = I: Q (t, n, d, d) on its diagonal blocks, and symmetric."""
     out = np.empty(P.shape)
     fill_widened(P, np.ascontiguousarray(Q), out)
     return out
 
 
-def driven(P: Array, F: Array, Q: Array) -> Array:
+def drive(P: Array, F: Array, Q: Array) -> Array:
     """F_i P_ij F_j', and Q_i on the diagonal, of P (t, n d, n d) and blocks F and Q (t, n, d, d)."""
     out = np.empty(P.shape)
     widen(readable(P), readable(F), readable(Q), out)
@@ -75,7 +75,7 @@ def anywhere(x: Array, P: Array, lost: Mask, arena: Array) -> tuple[Array, Array
     return x, P + block_diagonal(np.where(lost[..., None, None], uniform, 0.0))
 
 
-def spread(P: Array, d: int) -> Array:
+def spread_out(P: Array, d: int) -> Array:
     """Covariance (t, n, n, 2, 2) of every difference of two positions, from P (t, n d, n d)."""
     blocks = P.reshape(len(P), P.shape[1] // d, d, -1, d)[:, :, :2, :, :2].swapaxes(2, 3)  # (t, n, n, 2, 2)
     own = np.einsum("tiiab->tiab", blocks)
@@ -165,7 +165,7 @@ def readings_of(y: Array, H_i: Array, H_j: Array, R: Array) -> Readings:
     return Readings(y, H_i, H_j, np.ascontiguousarray(np.broadcast_to(R, (*y.shape, y.shape[-1]))))
 
 
-def stacked(use: Mask, readings: Readings) -> tuple[Array, Array, Array]:
+def stack_readings(use: Mask, readings: Readings) -> tuple[Array, Array, Array]:
     """All readings as one vector: y (t, m), H (t, m, n d), R (t, m, m); those that `use` excludes have H = 0."""
     y, H_i, H_j, R = readings
     t, n, others, k, d = H_i.shape
@@ -249,7 +249,7 @@ class MixedTeamSettings(TeamSettings):
         channels = super().uses[: -1 if self.sighting == "none" else None]
         return (*channels, "orientation") if self.orientation else channels
 
-    def moved(self, world: World, x: Array, z: Senses) -> tuple[Array, Array, Array]:
+    def move_team(self, world: World, x: Array, z: Senses) -> tuple[Array, Array, Array]:
         """x', F, Q of states x (t, n, d).
 
         At random x' = x, F = I, Q = diag(speed^2, speed^2, turn_rate^2) hold dt, as the steps of a random walk.

@@ -49,7 +49,7 @@ class Gated(NamedTuple):
 
 
 @strict_kernel
-def beside(H_i: Array, H_j: Array, s: int, i: int, j: int, out: Array) -> None:
+def two_block_row(H_i: Array, H_j: Array, s: int, i: int, j: int, out: Array) -> None:
     """(H_i, H_j) of one reading, element by element: in compiled code a slice costs more than the numbers in it."""
     d = H_i.shape[4]
     for c in range(H_i.shape[3]):
@@ -68,7 +68,7 @@ def fill_distances(P: Array, readings: Readings, out: Array) -> None:
             for j in range(others):
                 if np.isnan(y[s, i, j, 0]):
                     continue
-                beside(H_i, H_j, s, i, j, H)
+                two_block_row(H_i, H_j, s, i, j, H)
                 for a in range(2 * d):
                     row = i * d + a if a < d else (j - 1) * d + a
                     for c in range(k):
@@ -97,7 +97,7 @@ def add_information(use: Mask, readings: Readings, eta: Array, Lambda: Array) ->
         for i in range(n):
             for j in range(others):
                 if use[s, i, j]:
-                    beside(H_i, H_j, s, i, j, B)
+                    two_block_row(H_i, H_j, s, i, j, B)
                     for c in range(k):
                         B[c, 2 * d] = y[s, i, j, c]
                         for b in range(k):
@@ -238,7 +238,7 @@ def _covariance(P, Phi, Pi, at, H, A, cross):
 
 
 @strict_kernel
-def _whitened(Phi, at, y, H, R, cross, S, A, B):
+def _whiten(Phi, at, y, H, R, cross, S, A, B):
     """C^-1 y, C^-1 H_m Phi_m and C^-1 (Phi_m^-1 cross_m)' into B (k, 1 + 2 m d), S = C C'; whether S is definite."""
     k, d, rest = len(y), Phi.shape[1], 1 + len(at) * Phi.shape[1]
     fill_sum(1.0, R, 0.0, R, S)
@@ -262,7 +262,7 @@ def _whitened(Phi, at, y, H, R, cross, S, A, B):
 
 
 @strict_kernel
-def _gathered(Pi, at, B, Gamma):
+def _gather(Pi, at, B, Gamma):
     """Gamma (k, n d), transposed, of a robot with the copy Pi (n d, n d); says whether it has run away."""
     k, d, size = len(B), (B.shape[1] - 1) // (2 * len(at)), Pi.shape[1]
     for m in range(len(at)):
@@ -323,13 +323,13 @@ def master(team, a, at, reading, heard, gate):
     B = np.empty((k, 1 + 2 * len(at) * d))
     for s in range(t):
         _covariance(P[s], Phi[s], Pi[s, a], at, H[s], A, cross)
-        definite, far = _whitened(Phi[s], at, y[s], H[s], R, cross, S, A, B), 0.0
+        definite, far = _whiten(Phi[s], at, y[s], H[s], R, cross, S, A, B), 0.0
         for q in range(k):
             far += B[q, 0] ** 2
         if not (definite and far <= gate):  # nor where anything is absent: nan
             continue
         for i in range(n):
-            runaway = _gathered(Pi[s, i].reshape(n * d, n * d), at, B, Gamma[i])
+            runaway = _gather(Pi[s, i].reshape(n * d, n * d), at, B, Gamma[i])
             fill_product(Phi[s, i], Gamma[i, :, i * d : i * d + d].T, mine[i])
             sound[i] = _shrunk(P[s, i], mine[i], A[0], nothing, new[i]) and not runaway
         used[s] = True
@@ -361,7 +361,7 @@ def _log_det(u, A, v, B, C, nothing):
 
 
 @strict_kernel
-def _spread(P, H, U, S):
+def _spread_out(P, H, U, S):
     """P H' into U (d, k), H P H' into S (k, k)."""
     for a in range(len(P)):
         for i in range(len(H)):
@@ -397,8 +397,8 @@ def _scratch(k, d):
 def _least(Pd, Pi, H, Rd, Ri, scratch):
     """`least_trace` of one row: the weight, and whether it helps."""
     U, S, C, B, A, nothing, no_columns = scratch
-    _spread(Pd, H, U[0], S[0])
-    _spread(Pi, H, U[1], S[1])
+    _spread_out(Pd, H, U[0], S[0])
+    _spread_out(Pi, H, U[1], S[1])
     fill_sum(1.0, S[1], 1.0, Ri, S[1])
     td, ti = Pd[0, 0] + Pd[1, 1], Pi[0, 0] + Pi[1, 1]
     middle, reach, least, w = 0.0, REACH, np.inf, 0.5
@@ -433,7 +433,7 @@ def least_trace(Pd, Pi, H, Rd, Ri, there, weights, helps):
 
 @strict_kernel
 def split_row(P, Pd, Pi, H, Rd, Ri, keep, new_d, new_i, A, K, R):
-    """`split` of one row, and whether it used its reading; new_d may be Pd, new_i Pi.
+    """`split_labels` of one row, and whether it used its reading; new_d may be Pd, new_i Pi.
 
     Scratch: A (d, d), K (k, d), R (k, k).
     """
@@ -453,7 +453,7 @@ def split_row(P, Pd, Pi, H, Rd, Ri, keep, new_d, new_i, A, K, R):
 
 
 @strict_kernel
-def split(P, Pd, Pi, H, Rd, Ri, keep, new_d, new_i, used):
+def split_labels(P, Pd, Pi, H, Rd, Ri, keep, new_d, new_i, used):
     """The parts of P' into new_d and new_i (r, d, d) of the rows that used their reading: those with P' other than P1.
 
     With K = P' H' R^-1 and the inflated Pd and Rd: Pd' = (I - K H) Pd (I - K H)' + K Rd K',  Pi' = (I - K H) Pi
@@ -578,7 +578,7 @@ class Sightings(NamedTuple):
 
 
 @strict_kernel
-def _seen(z, s, i, m):
+def _is_seen(z, s, i, m):
     """Whether robot i of trial s has any number of landmark m."""
     return not (np.isnan(z[s, i, m, 0]) and np.isnan(z[s, i, m, 1]))
 
@@ -594,7 +594,7 @@ def update_split(x, Pd, Pi, seen):
     for s in range(t):
         for i in range(n):
             for m in range(len(places)):
-                if not _seen(z, s, i, m):
+                if not _is_seen(z, s, i, m):
                     continue
                 linearise_row(SIGHTING, 0.0, 0.0, x[s, i], places[m], z[s, i, m], y, H)
                 if not is_known(y, H, R):
@@ -623,7 +623,7 @@ def update_joint(x, P, refused, seen, forget):
         some = False
         for s in range(t):
             for i in range(n):
-                some = some or _seen(z, s, i, m)
+                some = some or _is_seen(z, s, i, m)
         if not some:
             continue
         for s in range(t):
@@ -649,7 +649,7 @@ def update_decoupled(team, seen, heard, used):
         for a in range(n):
             some = False
             for s in range(t):
-                some = some or _seen(z, s, a, m)
+                some = some or _is_seen(z, s, a, m)
             if not some:
                 continue
             at[0] = a

@@ -119,7 +119,7 @@ def inflated_update(
     return Belief(x, np.where(use[:, None, None], P, belief.P))
 
 
-def conditioned(x: Array, P: Array, H: Array, y: Array, C: Array) -> tuple[Array, Array]:
+def condition(x: Array, P: Array, H: Array, y: Array, C: Array) -> tuple[Array, Array]:
     """x', P' when H x becomes N(H x + y, C), y (..., k), C (..., k, k): the rest follows by its covariance with H x.
 
     L = P H' (H P H')^-1,  x' = x + L y,  P' = (I - L H) P (I - L H)' + L C L'.
@@ -213,7 +213,7 @@ def move(motion: Motion, x: Array, z: Senses) -> tuple[Array, Array, Array]:
     return out, F, Q
 
 
-def driven(motion: Unicycle, x: Array, P: Array, z: Senses) -> tuple[Array, Array, Array]:
+def drive_wheels(motion: Unicycle, x: Array, P: Array, z: Senses) -> tuple[Array, Array, Array]:
     """x', F P F' + Q, and F, in one loop."""
     out, P1, F = np.empty(x.shape), np.empty(P.shape), np.empty(P.shape)
     rows = readable(P).reshape(-1, 3, 3), out.reshape(-1, 3), P1.reshape(-1, 3, 3), F.reshape(-1, 3, 3)
@@ -297,7 +297,7 @@ class Settings:
             return ("odometry",)
         return ("odometry", "anchor_rssi|landmark|anchor_range" + "?" * (self.anchor_reading == "any"))
 
-    def assumed(self, world: World) -> World:
+    def assumed_world(self, world: World) -> World:
         """The world as this filter takes it: with `inflation`.
 
         Raises:
@@ -339,19 +339,19 @@ class TeamSettings(Settings):
 # The two steps of an EKF that need no teammate: a move by odometry, an update by readings of fixed things.
 
 
-def moved(p: Settings, world: World, x: Array, P: Array, z: Senses) -> tuple[Array, Array, Array]:
+def predict_row(p: Settings, world: World, x: Array, P: Array, z: Senses) -> tuple[Array, Array, Array]:
     """x' = f(x, u),  P' = F P F' + Q,  and F itself; x (..., d), P (..., d, d)."""
     if p.engine == "batched" and type(world.motion) is Unicycle:
-        return driven(world.motion, x, P, z)
+        return drive_wheels(world.motion, x, P, z)
     x, F, Q = move(world.motion, x, z)
     return *ENGINES[p.engine].predict(x, P, F, Q), F
 
 
-def corrected(p: Settings, world: World, x: Array, P: Array, z: Senses) -> tuple[Array, Array]:
+def correct_row(p: Settings, world: World, x: Array, P: Array, z: Senses) -> tuple[Array, Array]:
     """x' = x + K y,  P' = (I - K H) P (I - K H)' + K R K', one reading of an anchor or a landmark after the other."""
     camera = camera_alone(p, world)
     if camera is not None:
-        return _sighted(x, P, world.landmarks, z.landmark, camera, p.gate)
+        return _update_by_sightings(x, P, world.landmarks, z.landmark, camera, p.gate)
     for sensor, place, reading in fixed(world, z, p.anchor_reading):
         y, H, _ = innovation(sensor, x, place, reading)
         x, P = ENGINES[p.engine].update(x, P, y, H, sensor.R, p.gate)
@@ -371,7 +371,9 @@ def sightings(world: World, z: Array, camera: Sighting, gate: float) -> Sighting
     return Sightings(world.landmarks, readable(z), camera.R, gate)
 
 
-def _sighted(x: Array, P: Array, places: Array, z: Array, camera: Sighting, gate: float) -> tuple[Array, Array]:
+def _update_by_sightings(
+    x: Array, P: Array, places: Array, z: Array, camera: Sighting, gate: float
+) -> tuple[Array, Array]:
     """The same by all sightings (..., l, 2) of landmarks, in one compiled loop."""
     d, x, P = x.shape[-1], x.copy(), P.copy()
     rows = x.reshape(-1, d), P.reshape(-1, d, d)
@@ -406,12 +408,12 @@ class OwnFilter(TeamSettings):
 
     def predict(self, s: S, z: Senses) -> S:
         """x' = f(x, u),  P' = F P F' + Q."""
-        x, P, _ = moved(self, s.world, s.x, s.P, z)
+        x, P, _ = predict_row(self, s.world, s.x, s.P, z)
         return s._replace(x=x, P=P)
 
     def correct(self, s: S, z: Senses) -> S:
         """x' = x + K y,  P' = (I - K H) P (I - K H)' + K R K', one reading after the other."""
-        x, P = corrected(self, s.world, s.x, s.P, z)
+        x, P = correct_row(self, s.world, s.x, s.P, z)
         return s._replace(x=x, P=P)
 
     def estimate(self, s: Own) -> Belief:
@@ -489,7 +491,7 @@ class PairReading(NamedTuple):
         return linearise(self.sensor, x, x_j, self.z)
 
 
-def received(world: World, z: Senses, mail: Mail, sightings: Array, robot: Indices) -> Iterator[PairReading]:
+def receive(world: World, z: Senses, mail: Mail, sightings: Array, robot: Indices) -> Iterator[PairReading]:
     """A robot's readings of its senders, then the `sightings` (r, sender, n, 2) of it that they sent."""
     for sensor, j, reading in world.relative(z, mail):
         yield PairReading(sensor, j, reading, by_sender=False)
@@ -570,7 +572,7 @@ class BroadcastBelief(OwnFilter, ABC):
         """
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        world = self.assumed(world)
+        world = self.assumed_world(world)
         return State(prior.x, prior.P, rows.robot, world)
 
     def send(self, s: State, z: Senses) -> Array:
@@ -581,7 +583,7 @@ class BroadcastBelief(OwnFilter, ABC):
         """One reading after the other, each linearised at the belief that the last one left."""
         x, P = s.x, s.P
         sent = Message.unpack(mail.packets, x.shape[-1])
-        for pair in received(s.world, z, mail, sent.sightings, s.robot):
+        for pair in receive(s.world, z, mail, sent.sightings, s.robot):
             y, H, H_j = pair.linearise(x, sent.x[:, pair.sender])
             x, P = self.combine(x, P, y, H, H_j @ sent.P[0][:, pair.sender] @ H_j.mT + pair.sensor.R)
         return s._replace(x=x, P=P)

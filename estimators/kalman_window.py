@@ -46,19 +46,19 @@ def empty(prior: Belief, world: World) -> Window:
     return Window(np.empty((t, 0, n, d)), past.P, past, prior.x, True, z, air, world)
 
 
-def moved(s: Window, z: Senses) -> Window:
+def append_tick(s: Window, z: Senses) -> Window:
     """With a new state x' = f(x, u) at its end, and what was sensed there."""
     newest, _, _ = s.world.motion.move(s.last, z.odometry, z.dt)
-    z = s.z._replace(**{name: _appended(getattr(s.z, name), getattr(z, name)) for name in READINGS})
-    return s._replace(x=_appended(s.x, newest), z=z)
+    z = s.z._replace(**{name: _append(getattr(s.z, name), getattr(z, name)) for name in READINGS})
+    return s._replace(x=_append(s.x, newest), z=z)
 
 
-def heard(s: Window, air: Mail) -> Window:
+def add_mail(s: Window, air: Mail) -> Window:
     """With what was heard at its newest state."""
-    return s._replace(air=Mail(*map(_appended, s.air, air)))
+    return s._replace(air=Mail(*map(_append, s.air, air)))
 
 
-def shortened(s: Window, oldest: Belief) -> Window:
+def drop_oldest(s: Window, oldest: Belief) -> Window:
     """Without its oldest state, whose belief becomes the past."""
     z = s.z._replace(**{name: getattr(s.z, name)[:, 1:] for name in READINGS})
     air = s.air._replace(**{name: getattr(s.air, name)[:, 1:] for name in Mail._fields})
@@ -67,21 +67,21 @@ def shortened(s: Window, oldest: Belief) -> Window:
 
 def cost(s: Window) -> Array:
     """-2 log of the posterior density of the window's states (t,), up to a constant."""
-    _, x_moved, F, Q = _linearised(s)
+    _, x_moved, F, Q = _linearise(s)
     off = wrap_heading(s.x - x_moved).reshape(*s.x.shape[:2], -1)
-    first = off[:, 0] - _times(F[:, 0], _turned(s.past.x, flat(s.at), s.x.shape[-1]))
-    total = _squared(first, _pseudo_inverse(F[:, 0] @ s.past.P @ F[:, 0].mT + Q[:, 0]))
-    total = total + _squared(off[:, 1:], _pseudo_inverse(Q[:, 1:])).sum(1)
+    first = off[:, 0] - _times(F[:, 0], _rotate_quarters(s.past.x, flat(s.at), s.x.shape[-1]))
+    total = _squared_norm(first, _pseudo_inverse(F[:, 0] @ s.past.P @ F[:, 0].mT + Q[:, 0]))
+    total = total + _squared_norm(off[:, 1:], _pseudo_inverse(Q[:, 1:])).sum(1)
     for sensor, place, reading in s.world.fixed(s.z):
         y, _, _ = sensor.innovation(s.x, place, reading)
-        total = total + np.nansum(_squared(y, _inverse(sensor.R)), (1, 2))
+        total = total + np.nansum(_squared_norm(y, _inverse(sensor.R)), (1, 2))
     for sensor, j, reading in s.world.relative(s.z, _reciprocal(s.air)):
         y, _, _ = sensor.innovation(s.x, s.x[:, :, j, None, :2], reading)
-        total = total + np.nansum(_squared(y, _inverse(sensor.R)), (1, 2))
+        total = total + np.nansum(_squared_norm(y, _inverse(sensor.R)), (1, 2))
     return np.asarray(total)
 
 
-def elsewhere(s: Window) -> Window:
+def second_start(s: Window) -> Window:
     """The window with each robot's track shifted, by up to 3 sigma of its start, to where its own readings fit best."""
     t, n, d = s.at.shape
     P = np.stack([s.past.P.reshape(t, n, d, n, d)[:, i, :2, i, :2] for i in range(n)], 1)
@@ -92,7 +92,7 @@ def elsewhere(s: Window) -> Window:
     total = np.broadcast_to((grid**2).sum(-1), (len(grid), t, n)).copy()
     for sensor, place, reading in s.world.fixed(s.z):
         y, _, _ = sensor.innovation(x, place, reading)
-        total += np.nansum(_squared(y, _inverse(sensor.R)), 2)
+        total += np.nansum(_squared_norm(y, _inverse(sensor.R)), 2)
     best = total.argmin(0)
     x = s.x.copy()
     x[..., :2] += np.take_along_axis(shift, best[None, ..., None], 0)[0][:, None]
@@ -122,7 +122,7 @@ class Pass(NamedTuple):
         return np.stack(P[::-1], 1)
 
 
-def smoothed(s: Window) -> tuple[Array, list[Belief]]:
+def smooth_window(s: Window) -> tuple[Array, list[Belief]]:
     """One Kalman smoother over the window, linearised at s.x: the new states (t, l, n, d), and the filter's beliefs."""
     once = smooth(s, *information(s.world, s.x, s.z, s.air))
     return once.x, once.filtered
@@ -135,13 +135,13 @@ def smooth(s: Window, eta: Array, Lambda: Array) -> Pass:
     Back:   x = x_f + P F' l',  l = A (g + F' l').  P_p is not inverted: it may be singular where a robot is certain.
     """
     length, d = s.x.shape[1], s.x.shape[-1]
-    at, x_moved, F, Q = _linearised(s)
+    at, x_moved, F, Q = _linearise(s)
     belief, filtered, pulls, weights = s.past, [], [], []
     for k in range(length):
-        mean = flat(x_moved[:, k]) + _times(F[:, k], _turned(belief.x, flat(at[:, k]), d))
+        mean = flat(x_moved[:, k]) + _times(F[:, k], _rotate_quarters(belief.x, flat(at[:, k]), d))
         P = symmetric(F[:, k] @ belief.P @ F[:, k].mT + Q[:, k])
         weights.append(_inverse(np.eye(P.shape[-1]) + Lambda[:, k] @ P))
-        pulls.append(eta[:, k] + _times(Lambda[:, k], _turned(flat(s.x[:, k]), mean, d)))
+        pulls.append(eta[:, k] + _times(Lambda[:, k], _rotate_quarters(flat(s.x[:, k]), mean, d)))
         P = symmetric(P @ weights[k])
         belief = Belief(mean + _times(P, pulls[k]), P)
         filtered.append(belief)
@@ -152,7 +152,7 @@ def smooth(s: Window, eta: Array, Lambda: Array) -> Pass:
     return Pass(np.stack(x[::-1], 1).reshape(s.x.shape), filtered, F, weights, Lambda)
 
 
-def _linearised(s: Window) -> tuple[Array, Array, Array, Array]:
+def _linearise(s: Window) -> tuple[Array, Array, Array, Array]:
     """The states before each move (t, l, n, d), those after it, F and Q of the whole team (t, l, n d, n d)."""
     t, length, n, d = s.x.shape
     at = np.concatenate([s.at[:, None], s.x[:, :-1]], 1)
@@ -161,7 +161,7 @@ def _linearised(s: Window) -> tuple[Array, Array, Array, Array]:
     return at, x_moved, F, Q
 
 
-def _turned(a: Array, b: Array, d: int) -> Array:
+def _rotate_quarters(a: Array, b: Array, d: int) -> Array:
     """a - b of flat states (t, n d), headings wrapped."""
     return flat(wrap_heading((a - b).reshape(len(a), -1, d)))
 
@@ -173,13 +173,13 @@ def information(world: World, x: Array, z: Senses, air: Mail) -> tuple[Array, Ar
     own = np.arange(n)
     for sensor, place, reading in world.fixed(z):
         y, H, _ = sensor.innovation(x, place, reading)
-        y, W = _weighed(y, sensor.R, H)
+        y, W = _weigh(y, sensor.R, H)
         eta += _times(W, y)
         Lambda[:, :, own, :, own] += np.moveaxis(W @ H, 2, 0)
     for sensor, j, reading in world.relative(z, _reciprocal(air)):
         y, H, Hq = sensor.innovation(x, x[:, :, j, None, :2], reading)
         H_j = np.concatenate([Hq, np.zeros((*Hq.shape[:-1], d - 2))], -1)
-        y, W, W_j = _weighed(y, sensor.R, H, H_j)
+        y, W, W_j = _weigh(y, sensor.R, H, H_j)
         eta += _times(W, y)
         eta[:, :, j] += _times(W_j, y).sum(2)
         Lambda[:, :, own, :, own] += np.moveaxis(W @ H, 2, 0)
@@ -190,7 +190,7 @@ def information(world: World, x: Array, z: Senses, air: Mail) -> tuple[Array, Ar
     return eta.reshape(t, length, n * d), Lambda.reshape(t, length, n * d, n * d)
 
 
-def _weighed(y: Array, R: Array, *Hs: Array) -> list[Array]:
+def _weigh(y: Array, R: Array, *Hs: Array) -> list[Array]:
     """The innovation y (..., k) and H' R^-1 (..., d, k) of each Jacobian, 0 where there is no reading."""
     there, weight = np.asarray(~np.isnan(y).any(-1)), _inverse(R)
     return [np.where(there[..., None], y, 0.0), *(np.where(there[..., None, None], H.mT @ weight, 0.0) for H in Hs)]
@@ -207,12 +207,12 @@ def _reciprocal(air: Mail) -> Mail:
     return air._replace(rssi=np.where(np.triu(np.ones((n, n), bool), 1), mean, np.nan))
 
 
-def _appended(window: Any, newest: Any) -> Any:
+def _append(window: Any, newest: Any) -> Any:
     """A window (t, l, ...) with one more entry at its end; an empty one takes the entry's shape."""
     return np.concatenate([window, newest[:, None]], 1) if window.shape[1] else newest[:, None].copy()
 
 
-def _squared(y: Array, information: Array) -> Array:
+def _squared_norm(y: Array, information: Array) -> Array:
     """y' M y of vectors (..., k)."""
     squared: Array = (y * _times(information, y)).sum(-1)
     return squared

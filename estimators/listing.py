@@ -58,7 +58,7 @@ def standing(label: str) -> str:
         return ""
     found = configurations(name)
     words = {"as published": found.published, "at its best": found.best}
-    return next((word for word, other in words.items() if _alike(made, make(other))), "")
+    return next((word for word, other in words.items() if _is_same_configuration(made, make(other))), "")
 
 
 @cache
@@ -71,7 +71,7 @@ def declares_bytes(label: str) -> bool:
         return False
 
 
-def _alike(made: Any, other: Any) -> bool:
+def _is_same_configuration(made: Any, other: Any) -> bool:
     same = {key: getattr(other, key) for key in HOW if hasattr(other, key)}
     return bool(replace(made, **same) == other)
 

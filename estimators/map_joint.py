@@ -19,7 +19,16 @@ import numpy as np
 from cooploc.estimators.errors import require
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Traffic, World
 from cooploc.estimators.kalman import no_traffic
-from cooploc.estimators.kalman_window import Window, cost, elsewhere, empty, heard, moved, shortened, smoothed
+from cooploc.estimators.kalman_window import (
+    Window,
+    add_mail,
+    append_tick,
+    cost,
+    drop_oldest,
+    empty,
+    second_start,
+    smooth_window,
+)
 from cooploc.estimators.models import wrap_heading
 
 
@@ -56,18 +65,18 @@ class MapJoint:
 
     def predict(self, s: Window, z: Senses) -> Window:
         """A new state x' = f(x, u) at the end of the window."""
-        return moved(s, z)
+        return append_tick(s, z)
 
     def correct(self, s: Window, z: Senses) -> Window:
         return s
 
     def exchange(self, s: Window, z: Senses, air: Mail) -> tuple[Window, Traffic]:
         """Gauss-Newton over the window; readings of fixed things are used here too. Then the oldest state may leave."""
-        s = heard(s, air)
-        starts = [s, elsewhere(s)] if s.young else [s]
-        s, filtered = _most_probable([_optimised(start, self.iterations) for start in starts])
+        s = add_mail(s, air)
+        starts = [s, second_start(s)] if s.young else [s]
+        s, filtered = _most_probable([_optimise(start, self.iterations) for start in starts])
         if s.x.shape[1] == self.window:
-            s = shortened(s, filtered[0])
+            s = drop_oldest(s, filtered[0])
         return s, no_traffic(s.last)
 
     def estimate(self, s: Window) -> Belief:
@@ -75,10 +84,10 @@ class MapJoint:
         return Belief(wrap_heading(s.last), np.einsum("tiaib->tiab", s.P.reshape(t, n, d, n, d)))
 
 
-def _optimised(s: Window, iterations: int) -> tuple[Window, list[Belief]]:
+def _optimise(s: Window, iterations: int) -> tuple[Window, list[Belief]]:
     """The window after so many Gauss-Newton passes, and the last pass's filter."""
     for _ in range(iterations):
-        x, filtered = smoothed(s)
+        x, filtered = smooth_window(s)
         s = s._replace(x=x, P=filtered[-1].P)
     return s, filtered
 
@@ -89,9 +98,9 @@ def _most_probable(found: list[tuple[Window, list[Belief]]]) -> tuple[Window, li
     for other, beliefs in found[1:]:
         better = cost(other) < cost(best)
 
-        def chosen(a: Array, b: Array, better: Mask = better) -> Array:
+        def choose(a: Array, b: Array, better: Mask = better) -> Array:
             return np.where(better.reshape(-1, *[1] * (a.ndim - 1)), b, a)
 
-        filtered = [Belief(*map(chosen, a, b)) for a, b in zip(filtered, beliefs, strict=True)]
-        best = best._replace(x=chosen(best.x, other.x), P=chosen(best.P, other.P))
+        filtered = [Belief(*map(choose, a, b)) for a, b in zip(filtered, beliefs, strict=True)]
+        best = best._replace(x=choose(best.x, other.x), P=choose(best.P, other.P))
     return best, filtered

@@ -86,7 +86,7 @@ def _direction(xp: Any, _: Any, x: Traced, q: Traced) -> Traced:
     return wrap(xp, away - x[..., 2] if x.shape[-1] > 2 else away)[..., None]
 
 
-def _both(xp: Any, sensor: Any, x: Traced, q: Traced) -> Traced:
+def _range_and_bearing(xp: Any, sensor: Any, x: Traced, q: Traced) -> Traced:
     return xp.concatenate([_distance(xp, sensor, x, q), _direction(xp, sensor, x, q)], -1)
 
 
@@ -94,7 +94,7 @@ FORMS: dict[type, Callable[[Any, Any, Traced, Traced], Traced]] = {
     LogDistance: _level,
     Range: _distance,
     Bearing: _direction,
-    Sighting: _both,
+    Sighting: _range_and_bearing,
 }
 
 
@@ -155,7 +155,7 @@ class Layout:
         """Position, and heading where there is one, with their covariance."""
         return Belief(x[..., self.pose], P[..., np.array(self.pose)[:, None], self.pose])
 
-    def spread(self, H: Array) -> Array:
+    def widen(self, H: Array) -> Array:
         """Slopes of the pose (..., k, 2 or 3) as slopes of the state (..., k, width)."""
         wide = np.zeros((*H.shape[:-1], self.width))
         wide[..., self.pose] = H
@@ -180,7 +180,7 @@ class WideSensor:
 
     def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
         y, H, Hq = self.sensor.innovation(x[..., self.layout.pose], q, z)
-        return y, self.layout.spread(H), Hq
+        return y, self.layout.widen(H), Hq
 
 
 @dataclass(frozen=True)
@@ -201,7 +201,7 @@ class WideMotion:
 
     def input_noise(self, x: Array, u: Array, dt: Array) -> tuple[Array, Array]:
         G, W = self.motion.input_noise(x[..., self.layout.pose], u, dt)
-        return self.layout.spread(G.mT).mT, W
+        return self.layout.widen(G.mT).mT, W
 
     def sample(self, x: Array, u: Array, dt: Array, noise: Array) -> Array:
         x = x.copy()

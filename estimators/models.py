@@ -234,7 +234,7 @@ class Displacement:
     def move(self, x: Array, u: Array, dt: Array) -> tuple[Array, Array, Array]:
         """x' = x + u,  F = I,  Q = sigma^2 dt/tick I on the position."""
         d = x.shape[-1]
-        moved = _add_position(x, _known(u))
+        moved = _add_position(x, _replace_absent(u))
         on_position = np.diag(np.arange(d) < 2).astype(float)
         Q = self._variance(dt)[..., None, None] * on_position
         shape = (*moved.shape, d)
@@ -247,10 +247,10 @@ class Displacement:
         return np.broadcast_to(np.eye(d, 2), (*lead, d, 2)), np.broadcast_to(W, (*lead, 2, 2))
 
     def sample(self, x: Array, u: Array, dt: Array, noise: Array) -> Array:
-        return _add_position(x, _known(u) + np.sqrt(self._variance(dt))[..., None] * noise)
+        return _add_position(x, _replace_absent(u) + np.sqrt(self._variance(dt))[..., None] * noise)
 
     def retrace(self, trail: Array, u: Array, dt: Array) -> Array:
-        return trail - _known(u)[..., None, :]
+        return trail - _replace_absent(u)[..., None, :]
 
     def place(self, x: Array, trail: Array) -> Array:
         return x[..., :2] + trail
@@ -273,7 +273,7 @@ class Unicycle:
         Q = G diag(sigma_v^2, sigma_omega^2) G' tick dt, G = d(move)/d(v dt, omega dt): the random-walk form, so that
         the variance of many short moves equals that of one long move.
         """
-        u, dt = _known(u), np.asarray(dt)
+        u, dt = _replace_absent(u), np.asarray(dt)
         arc, turn = u[..., 0] * dt, u[..., 1] * dt
         a = x[..., 2] + turn / 2
         c, s = np.cos(a), np.sin(a)
@@ -289,7 +289,7 @@ class Unicycle:
 
         W is 0 where dt is 0.
         """
-        u, dt = _known(u), np.asarray(dt)
+        u, dt = _replace_absent(u), np.asarray(dt)
         arc, a = u[..., 0] * dt, x[..., 2] + u[..., 1] * dt / 2
         c, s, zero = np.cos(a), np.sin(a), np.zeros_like(a)
         G = _matrix([[c, -arc * s / 2], [s, arc * c / 2], [zero, zero + 1]]) * dt[..., None, None]
@@ -298,13 +298,13 @@ class Unicycle:
         return G, np.broadcast_to(W, (*G.shape[:-2], 2, 2))
 
     def sample(self, x: Array, u: Array, dt: Array, noise: Array) -> Array:
-        u, dt = _known(u), np.asarray(dt)
+        u, dt = _replace_absent(u), np.asarray(dt)
         spread = np.array([self.sigma_v, self.sigma_omega]) * np.sqrt(self.tick * dt)[..., None]
         move = u * dt[..., None] + spread * noise
         return self._step(x, move[..., 0], move[..., 1])
 
     def retrace(self, trail: Array, u: Array, dt: Array) -> Array:
-        u, dt = _known(u), np.asarray(dt)
+        u, dt = _replace_absent(u), np.asarray(dt)
         turn = u[..., 1] * dt
         along = np.stack([np.cos(turn / 2), np.sin(turn / 2)], -1) * (u[..., 0] * dt)[..., None]
         return _rotate(trail - along[..., None, :], -turn[..., None])
@@ -318,7 +318,7 @@ class Unicycle:
         return np.stack([x[..., 0] + arc * np.cos(a), x[..., 1] + arc * np.sin(a), wrap(x[..., 2] + turn)], -1)
 
 
-def _known(u: Array) -> Array:
+def _replace_absent(u: Array) -> Array:
     """Absent odometry says: did not move."""
     return np.where(np.isnan(u), 0.0, u)
 
@@ -390,9 +390,9 @@ class GradientDoa:
 
     def expect(self, x: Array) -> Array:
         """The gradient (..., 2) that the path-loss model gives at x (..., d): removes the gradient's own bias."""
-        return self.gradient(np.moveaxis(self.rssi.level(x, self._beside(x)), 0, -1))
+        return self.gradient(np.moveaxis(self.rssi.level(x, self._two_block_row(x)), 0, -1))
 
-    def _beside(self, x: Array) -> Array:
+    def _two_block_row(self, x: Array) -> Array:
         """The nodes (4, 1 .., 2) on an axis before those of x: numpy's inner loops stay long."""
         return self.anchors.reshape(4, *[1] * (x.ndim - 1), 2)
 
@@ -402,7 +402,7 @@ class GradientDoa:
 
     def slope(self, x: Array) -> Array:
         """d expect / d position (..., 2 of position, 2 of gradient) [dB/m^2]."""
-        return self.gradient(np.moveaxis(self.rssi.slope(x, self._beside(x)), 0, -1))
+        return self.gradient(np.moveaxis(self.rssi.slope(x, self._two_block_row(x)), 0, -1))
 
     def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
         """The constant-sigma form; `q` is not used. d angle = (g_x dg_y - g_y dg_x) / |g|^2."""
@@ -434,7 +434,7 @@ class GradientDoa:
         Directions of the nodes seen from x have the same sum. It is smallest far outside the arena, where all nodes lie
         in one direction.
         """
-        away = x[..., :2] - self._beside(x)
+        away = x[..., :2] - self._two_block_row(x)
         err = np.arctan2(away[..., 1], away[..., 0]).sum(0) - len(self.anchors) * angle
         density: Array = -0.5 * (err / self.sigma) ** 2
         return density
@@ -533,24 +533,24 @@ class WeightedDoa:
 
     def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
         """sqrt(kappa) wrap(angle u - angle m), and its slopes with kappa held; `q` is not used."""
-        u, m, root = self._whitened(x, z)
+        u, m, root = self._whiten(x, z)
         dm = self.doa.slope(x) * self._scale
         length2 = np.maximum((m**2).sum(-1, keepdims=True), NEAR**2)
         turn = (m[..., :1] * dm[..., 1] - m[..., 1:] * dm[..., 0]) / length2
         y = wrap(np.arctan2(u[..., 1:], u[..., :1]) - np.arctan2(m[..., 1:], m[..., :1]))
-        H = _widened((root * turn)[..., None, :], x)
+        H = _widen_jacobian((root * turn)[..., None, :], x)
         return root * y, H, np.zeros((*H.shape[:-1], 2))
 
     def at(self, x: Array, z: Array) -> tuple[Array, Array]:
         """The angle (..., 1) [rad] of a gradient z and its variance (..., 1, 1) [rad^2] for a robot at x."""
-        _, _, root = self._whitened(x, z)
+        _, _, root = self._whiten(x, z)
         return np.arctan2(z[..., 1:], z[..., :1]), (root**-2)[..., None]
 
     @property
     def _scale(self) -> Array:
         return np.array(self.doa.sides) / self.doa.rssi.sigma
 
-    def _whitened(self, x: Array, z: Array) -> tuple[Array, Array, Array]:
+    def _whiten(self, x: Array, z: Array) -> tuple[Array, Array, Array]:
         """u, m and sqrt(kappa) (..., 1), kappa = |u||m|."""
         u, m = z * self._scale, self.doa.expect(x) * self._scale
         kappa = np.sqrt((u**2).sum(-1, keepdims=True) * (m**2).sum(-1, keepdims=True))
@@ -569,7 +569,7 @@ class GradientReading:
 
     def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
         """z - g(x) and its slopes; `q` is not used."""
-        H = _widened(self.doa.slope(x).mT, x)
+        H = _widen_jacobian(self.doa.slope(x).mT, x)
         return z - self.doa.expect(x), H, np.zeros((*H.shape[:-1], 2))
 
 
@@ -590,7 +590,7 @@ def fixed(world: World, z: Senses, reading: AnchorReading) -> Iterator[tuple[Sen
         yield (WeightedDoa if reading == "doa" else GradientReading)(doa), NOWHERE, gradient
 
 
-def _widened(H: Array, x: Array) -> Array:
+def _widen_jacobian(H: Array, x: Array) -> Array:
     """Position Jacobian (..., k, 2) to (..., k, d)."""
     return np.concatenate([H, np.zeros((*H.shape[:-1], x.shape[-1] - 2))], -1)
 

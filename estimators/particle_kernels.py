@@ -19,7 +19,7 @@ from cooploc.estimators.compiled import (
     load,
     log,
     log1p_compact,
-    ordered,
+    order,
     readable,
     row_buffer,
     store,
@@ -256,14 +256,16 @@ def _add_group(kind, far, size, row, links, k, slope):
         x, y = X[i], Y[i]
         sums = _link(kind, far, x, y, a, slope)
         if size > 1:
-            sums = _both(sums, _link(kind, far, x, y, b, slope))
+            sums = _range_and_bearing(sums, _link(kind, far, x, y, b, slope))
         if size > 2:
-            two = _both(_link(kind, far, x, y, c, slope), _link(kind, far, x, y, d, slope))
-            sums = _both(sums, two)
+            two = _range_and_bearing(_link(kind, far, x, y, c, slope), _link(kind, far, x, y, d, slope))
+            sums = _range_and_bearing(sums, two)
         if size > 4:
-            two = _both(_link(kind, far, x, y, e, slope), _link(kind, far, x, y, f, slope))
-            four = _both(two, _both(_link(kind, far, x, y, g, slope), _link(kind, far, x, y, h, slope)))
-            sums = _both(sums, four)
+            two = _range_and_bearing(_link(kind, far, x, y, e, slope), _link(kind, far, x, y, f, slope))
+            four = _range_and_bearing(
+                two, _range_and_bearing(_link(kind, far, x, y, g, slope), _link(kind, far, x, y, h, slope))
+            )
+            sums = _range_and_bearing(sums, four)
         sum_ln, over, under = sums
         if kind == FIXED:
             logw[i] += constant - half * over
@@ -277,7 +279,7 @@ def _numbers(links, k):
 
 
 @inlined
-def _both(a, b):
+def _range_and_bearing(a, b):
     """The sums over two groups of links: of ln D, and of (y D)^2/m as a fraction."""
     return a[0] + b[0], a[1] * b[2] + b[1] * a[2], a[2] * b[2]
 
@@ -539,12 +541,12 @@ def _move(rows, r, way, sd, noise):
     wide()
     n, real = rows.shape[1], rows.dtype.type
     way, sd = real(0.0 if np.isnan(way) else way), real(sd)
-    low = high = ordered(rows[r, 0] + way + sd * noise[0])
+    low = high = order(rows[r, 0] + way + sd * noise[0])
     for i in range(n):
         noise[i] = rows[r, i] + way + sd * noise[i]
-        low, high = min(low, ordered(noise[i])), max(high, ordered(noise[i]))
+        low, high = min(low, order(noise[i])), max(high, order(noise[i]))
     fill(noise, n, noise[0])
-    return ordered(low), ordered(high)
+    return order(low), order(high)
 
 
 @inlined

@@ -27,7 +27,7 @@ def helpers_of(file: Path) -> list[Named]:
     found: dict[str, Path] = {}
     waiting = [file]
     while waiting:
-        for name in _imported(waiting.pop()):
+        for name in _imported_names(waiting.pop()):
             for path in _modules(file.parent, name):
                 key = path.relative_to(file.parent).as_posix()
                 if key not in found and path != file:
@@ -57,7 +57,7 @@ def of_module(module: str) -> list[Named]:
 
 def distributions(files: Iterable[Path]) -> dict[str, str]:
     """The installed distributions that Python files import, with their versions; but for cooploc itself."""
-    names = {name for file in files if file.suffix == ".py" for name in _imported(file)}
+    names = {name for file in files if file.suffix == ".py" for name in _imported_names(file)}
     found = {one for name in names for one in _providers(tuple(sys.path)).get(name, ())}
     return {name: version(name) for name in sorted(found)}
 
@@ -74,7 +74,7 @@ def tree(folder: Path, *suffixes: str) -> list[Named]:
     return [(file.relative_to(folder.parent).as_posix(), file) for file in files]
 
 
-def _imported(file: Path) -> set[str]:
+def _imported_names(file: Path) -> set[str]:
     """The top-level names that a file imports; none where it is not Python, which its import will say."""
     try:
         parsed = ast.parse(file.read_bytes())
@@ -122,7 +122,7 @@ def artifacts_of(files: Iterable[Path]) -> list[Named]:
     """
     found: dict[Path, str] = {}
     for file in files:
-        for one in declared(file):
+        for one in declarations(file):
             for name in one.artifacts:
                 path = file.parent / name
                 if Path(name).is_absolute() or not path.is_file():
@@ -133,7 +133,7 @@ def artifacts_of(files: Iterable[Path]) -> list[Named]:
 
 def trained_on(files: Iterable[Path], name: str) -> str:
     """What the class of this name says that it was trained on; empty where it says nothing."""
-    said = [one.trained_on for file in files for one in declared(file) if one.name == name]
+    said = [one.trained_on for file in files for one in declarations(file) if one.name == name]
     return plainly(said[0]) if said else ""
 
 
@@ -142,7 +142,7 @@ def plainly(said: str) -> str:
     return " ".join(said.replace(";", ",").split())
 
 
-def declared(file: Path) -> Iterator[Declared]:
+def declarations(file: Path) -> Iterator[Declared]:
     """What each class of a Python file declares; nothing where it is not Python, which its import will say."""
     source = file.read_bytes()
     if not (b"artifacts" in source or b"trained_on" in source):
@@ -153,13 +153,13 @@ def declared(file: Path) -> Iterator[Declared]:
         return
     for node in ast.walk(parsed):
         if isinstance(node, ast.ClassDef):
-            values = dict(_assigned(node))
+            values = dict(_assigned_literals(node))
             names, said = values.get("artifacts", ()), values.get("trained_on", "")
             if isinstance(names, tuple | list) and isinstance(said, str):
                 yield Declared(node.name, tuple(map(str, names)), said)
 
 
-def _assigned(node: ast.ClassDef) -> Iterator[tuple[str, object]]:
+def _assigned_literals(node: ast.ClassDef) -> Iterator[tuple[str, object]]:
     """The literals that a class assigns, by name."""
     for line in node.body:
         if isinstance(line, ast.Assign | ast.AnnAssign) and line.value is not None:
@@ -190,7 +190,7 @@ def importable(file: Path, helpers: list[Named]) -> Iterator[None]:
     """
     folder = str(file.resolve().parent)
     names = {module_name(name): path.resolve() for name, path in helpers}
-    outdated = [name for name, path in names.items() if _outdated(file, name, path)]
+    outdated = [name for name, path in names.items() if _is_outdated(file, name, path)]
     if outdated:
         for name in names:
             sys.modules.pop(name, None)  # all of them, as one may have imported another
@@ -210,7 +210,7 @@ def stay_importable(file: Path) -> None:
         sys.path.append(folder)
 
 
-def _outdated(file: Path, name: str, path: Path) -> bool:
+def _is_outdated(file: Path, name: str, path: Path) -> bool:
     """Whether the module of that name is another version of a neighbour, or another plug-in's.
 
     Raises:

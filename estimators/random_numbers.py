@@ -21,7 +21,7 @@ from cooploc.estimators.compiled import (
     log,
     quarter,
     readable,
-    turned,
+    rotate_quarters,
     wide,
 )
 from cooploc.estimators.interface import Array, Keys
@@ -82,7 +82,7 @@ def _normal_pair(f):
         radius = np.sqrt(two * log(uniform(a)))
         right_angles, rest = word(np.int64(b) + 2**29) >> 30, word(np.int64(b) << spare) >> spare  # the rest has a sign
         c, s = quarter(real(rest) * turn + start)
-        c, s = turned(right_angles, c, s)
+        c, s = rotate_quarters(right_angles, c, s)
         return radius * c, radius * s
 
     return normal_pair

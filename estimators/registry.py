@@ -50,7 +50,7 @@ def found_in_file(name: str) -> Any:
 
     """
     file, _, attribute = name.rpartition(":")
-    module = _imported(Path(file))
+    module = _imported_names(Path(file))
     if not hasattr(module, attribute):
         raise BadInput(f"{file} has no {attribute!r}; {nearest(attribute, _own(module, Path(file).read_bytes()))}")
     return getattr(module, attribute)
@@ -68,7 +68,7 @@ def _own(module: ModuleType, source: bytes) -> list[str]:
     return [name for name in names if not name.startswith("_")]
 
 
-def needed(sent: bytes) -> dict[str, Path]:
+def needed_files(sent: bytes) -> dict[str, Path]:
     """The files whose objects a pickle refers to, by the names under which they are imported here."""
     return {
         name: path
@@ -85,7 +85,7 @@ def load(files: dict[str, Path]) -> None:
 
     """
     for name, path in files.items():
-        if name not in sys.modules and _imported(path).__name__ != name:
+        if name not in sys.modules and _imported_names(path).__name__ != name:
             raise BadInput(f"{path} was edited after an estimator of it was made: make the estimator again")
 
 
@@ -94,7 +94,7 @@ def _as_pickled(name: str) -> bytes:
     return bytes([0x8C, len(name.encode())]) + name.encode()
 
 
-def _imported(path: Path) -> ModuleType:
+def _imported_names(path: Path) -> ModuleType:
     try:
         source = path.read_bytes()
     except OSError:
@@ -160,7 +160,7 @@ class Registry:
         if is_file(name):
             return found_in_file(name)
         point = self._plugin(name)
-        return loaded(point.value, f"the plug-in {self.kind} {name!r} ({point.value})")
+        return load_object(point.value, f"the plug-in {self.kind} {name!r} ({point.value})")
 
     def module_of(self, name: str) -> str:
         """The module of an installed plug-in; empty for a built-in name and for a file.
@@ -207,7 +207,7 @@ class Registry:
         return points[0]
 
 
-def loaded(place: str, what: str) -> Any:
+def load_object(place: str, what: str) -> Any:
     """The object at `module:Name`; `what` names it in the error message.
 
     Raises:
@@ -258,7 +258,7 @@ def parse(label: str) -> tuple[str, dict[str, str]]:
     return match[1], parameters
 
 
-def split(listed: str) -> list[str]:
+def split_labels(listed: str) -> list[str]:
     """The labels of a comma-separated list; commas inside brackets do not separate."""
     return [part.strip() for part in re.split(r",(?![^\[]*\])", listed) if part.strip()]
 

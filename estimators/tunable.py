@@ -72,7 +72,7 @@ def tunable(
     return field(default=default, metadata={KEY: Tunable(default, low, high, log, where=where)})
 
 
-def declared(estimator: Any) -> Mapping[str, Tunable]:
+def declarations(estimator: Any) -> Mapping[str, Tunable]:
     """What an estimator, or its class, declares, by the parameter's name; nothing where it is not a dataclass.
 
     The default of an instance is its present value; what does nothing with its other values is left out. Of a lifted

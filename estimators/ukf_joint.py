@@ -54,7 +54,7 @@ class UkfJoint(TeamSettings):
         require(self, alpha=(1e-6, 10), beta=(0, 10))
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        world = self.assumed(world)
+        world = self.assumed_world(world)
         return State(prior.x, square(block_diagonal(prior.P)), world)
 
     def predict(self, s: State, z: Senses) -> State:
@@ -140,7 +140,7 @@ def _minus(a: Array, b: Array, turns: Mask) -> Array:
     return np.where(turns, wrap(a - b), a - b) if turns.any() else a - b
 
 
-def _explained(off: Array, scale: float) -> Array:
+def _explain_failure(off: Array, scale: float) -> Array:
     """C = P_xz' P^-1/2' (t, k, m), what each column of P^1/2 adds to the reading."""
     plus, minus = np.split(off[:, 1:], 2, 1)
     return np.asarray((plus - minus).mT / (2 * np.sqrt(scale)))
@@ -169,7 +169,7 @@ def _update(
     columns = _columns(s.P, scale)
     points = _points(s.x[:, members], columns.reshape(t, -1, n, d)[:, :, members])
     mean, off = _moments(h(points, slice(None)), Wm, turns)
-    y, C = _minus(np.zeros_like(mean), mean, turns), _explained(off, scale)
+    y, C = _minus(np.zeros_like(mean), mean, turns), _explain_failure(off, scale)
     S = symmetric((Wc[:, None] * off).mT @ off + R)
     K = np.linalg.solve(S, C @ columns / np.sqrt(scale)).mT
     x, P = s.x + (K @ y[..., None]).reshape(t, n, d), symmetric(s.P - K @ S @ K.mT)
@@ -219,7 +219,7 @@ def _filterpy_update(
         read = lambda point, i=i: h(point.reshape(1, 1, *x.shape[1:])[:, :, members], slice(i, i + 1)).ravel()  # noqa: E731
         ukf.update(np.zeros(len(turns)), R=R[i], hx=read)
         x[i], P[i], d2[i] = ukf.x.reshape(x.shape[1:]), ukf.P, ukf.y @ ukf.SI @ ukf.y
-        sound[i] = _sound(_explained(_moments(ukf.sigmas_h[None], Wm, turns)[1], scale), ukf.S[None], R[i])[0]
+        sound[i] = _sound(_explain_failure(_moments(ukf.sigmas_h[None], Wm, turns)[1], scale), ukf.S[None], R[i])[0]
     return x, P, d2, sound
 
 

@@ -46,7 +46,7 @@ class ConstantVelocity:
         self.x, self.P = F @ self.x, F @ self.P @ F.T + Q
 
     def correct(self, z):
-        y, H, R = self.world.stacked(self.x, z)
+        y, H, R = self.world.stack(self.x, z)
         there = np.isfinite(y)
         y, H, R = y[there], H[there], R[np.ix_(there, there)]
         K = np.linalg.solve(H @ self.P @ H.T + R, H @ self.P).T

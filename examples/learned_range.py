@@ -65,7 +65,7 @@ class LearnedRange(EkfLocal):
     trained_on: ClassVar[str] = "nlos, 100 trials"
     anchor_reading: Literal["rssi"] = "rssi"
 
-    def assumed(self, world):
+    def assumed_world(self, world):
         with np.load(FILE) as found:
             learned = LearnedSignal(*(tuple(found[name].tolist()) for name in ("mean", "log_variance")))
         sensors = {**world.sensors, "anchor_rssi": learned}

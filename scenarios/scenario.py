@@ -29,7 +29,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from cooploc.estimators.adapters import without_short
 from cooploc.estimators.errors import BadInput, first_reason, nearest
 from cooploc.estimators.interface import TEAM_PRIOR, Array, World
-from cooploc.estimators.registry import loaded
+from cooploc.estimators.registry import load_object
 from cooploc.scenarios import memory
 from cooploc.scenarios.stream import Stream, Truth
 
@@ -127,9 +127,9 @@ class Family:
         """
         cls: Any = self.model
         if self.by_data and data is not None:
-            cls = loaded(self.by_data, f"what chooses the model of scenario {name!r}")(data)
+            cls = load_object(self.by_data, f"what chooses the model of scenario {name!r}")(data)
         if isinstance(cls, str):
-            cls = loaded(cls, f"the model {cls} of scenario {name!r}")
+            cls = load_object(cls, f"the model {cls} of scenario {name!r}")
         if not hasattr(cls, "model_fields"):
             raise BadInput(f"the model of scenario {name!r} is {cls!r}; it must be a pydantic model")
         return cls

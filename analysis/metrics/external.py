@@ -19,7 +19,7 @@ import pandas as pd
 
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.errors import demand_same, errors
-from cooploc.estimators import split
+from cooploc.estimators import split_labels
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Mask
 from cooploc.estimators.registry import parse
@@ -122,7 +122,7 @@ def evaluate_external(
     theirs = judge(truth, stream, estimates, offline=offline)
     frames = [theirs]
     if estimators is not None:
-        mine = split(estimators)
+        mine = split_labels(estimators)
         if same := set(mine) & set(theirs["estimator"]):
             raise BadInput(f"{same.pop()!r} is an estimator of ours and a folder of trajectories: rename the folder")
         frames.insert(0, errors(truth, run(mine, stream)))

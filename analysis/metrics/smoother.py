@@ -15,7 +15,7 @@ import numpy as np
 
 from cooploc.estimators import make
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
-from cooploc.estimators.kalman_window import Window, cost, empty, information, smooth, smoothed
+from cooploc.estimators.kalman_window import Window, cost, empty, information, smooth, smooth_window
 from cooploc.estimators.models import wrap_heading
 from cooploc.scenarios.runner.trace import trace
 from cooploc.scenarios.stream import Stream
@@ -90,7 +90,7 @@ def _causal(prior: Belief, world: World, rows: Rows, z: Senses, air: Mail) -> Ar
 def _most_probable(whole: Window, passes: int) -> Array:
     best, least = whole.x, cost(whole)
     for _ in range(passes):
-        x, _ = smoothed(whole)
+        x, _ = smooth_window(whole)
         moved = np.abs(wrap_heading(x - whole.x)).max()
         whole = whole._replace(x=x)
         now = cost(whole)

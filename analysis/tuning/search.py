@@ -30,7 +30,7 @@ from cooploc.estimators import configure, make
 from cooploc.estimators.building import ConfiguredEstimator
 from cooploc.estimators.errors import BadInput, nearest
 from cooploc.estimators.interface import Array
-from cooploc.estimators.tunable import Tunable, Value, declared
+from cooploc.estimators.tunable import Tunable, Value, declarations
 from cooploc.scenarios.processes.outcome import WorkerError
 from cooploc.scenarios.processes.workers import call
 from cooploc.scenarios.remote import RemoteScenario
@@ -132,7 +132,7 @@ def space_of(label: str, isolate: bool = True) -> Space:
 
 def _declared_parameters(label: str) -> dict[str, Tunable]:
     stated = configure(label).parameters
-    return {name: one for name, one in declared(make(label)).items() if name not in stated}
+    return {name: one for name, one in declarations(make(label)).items() if name not in stated}
 
 
 def _value_text(value: Value) -> str:

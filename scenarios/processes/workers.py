@@ -23,7 +23,7 @@ from typing import Any
 
 import cloudpickle
 
-from cooploc.estimators.registry import load, needed
+from cooploc.estimators.registry import load, needed_files
 from cooploc.scenarios.processes.outcome import Outcome, ProcessDied, ProcessHung, Raised
 
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
@@ -140,7 +140,7 @@ def submit(owner: str, jobs: int, function: Callable[..., Any], *arguments: Any)
     # loky warns in a thread that serves all calls: where warnings are errors, they would all be lost
     warnings.filterwarnings("ignore", "A worker (stopped|was restarted) while some jobs were given", UserWarning)
     sent = cloudpickle.dumps((function, arguments))  # a worker reads it where an error can be caught
-    return pool(owner, jobs).submit(_called, os.getcwd(), sys.path, needed(sent), sent)
+    return pool(owner, jobs).submit(_called, os.getcwd(), sys.path, needed_files(sent), sent)
 
 
 def received(owner: str, future: "Future[Outcome]", seconds: float = float("inf")) -> Any:

@@ -19,7 +19,7 @@ from pydantic import Field
 from cooploc.estimators import nearest
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Mask, Senses, World
-from cooploc.estimators.registry import loaded
+from cooploc.estimators.registry import load_object
 from cooploc.scenarios.recordings import sampling, schema
 from cooploc.scenarios.recordings.fit import How, Leftover, Part, TeamModels, leftovers, team_models
 from cooploc.scenarios.recordings.prior import prior
@@ -48,7 +48,7 @@ def reader(form: str) -> Reader:
 
     """
     module = f"{__package__}.{MODULES[form]}"
-    return Reader(*(loaded(f"{module}:{name}", f"the reader of {form} recordings") for name in ("runs", "read")))
+    return Reader(*(load_object(f"{module}:{name}", f"the reader of {form} recordings") for name in ("runs", "read")))
 
 
 # A directory of a team's recordings: which of them are different, and on which a run's models may be fitted.

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from cooploc.estimators import is_builtin, make, split
+from cooploc.estimators import is_builtin, make, split_labels
 from cooploc.estimators.adapters import Lift
-from cooploc.estimators.building import is_plain, lifted
+from cooploc.estimators.building import adapt, is_plain
 from cooploc.estimators.errors import BadInput, message
 from cooploc.estimators.interface import Array, Indices, Rows
 from cooploc.scenarios import display, seeds
@@ -213,7 +213,7 @@ def make_instance(estimator: Any) -> Any:
         return estimator
     name = estimator.__name__
     if is_plain(estimator):
-        return lifted(name, estimator)
+        return adapt(name, estimator)
     try:
         return estimator()
     except (Exception, SystemExit, GeneratorExit) as e:  # a constructor may fail in any way
@@ -245,7 +245,7 @@ def make_estimator(given: Any, where: str, isolate: bool = False) -> Any:
 
 def _as_list(estimators: Any) -> Iterable[Any]:
     if isinstance(estimators, str):
-        return split(estimators)
+        return split_labels(estimators)
     several = isinstance(estimators, Iterable) and not isinstance(estimators, type)
     several = several and not any(hasattr(estimators, method) for method in ("init", "smooth"))
     return estimators if several else [estimators]

@@ -40,7 +40,7 @@ def test_problems_in_a_stack_have_the_answers_that_cvxpy_gives_each():
     asked, theta = problem()
     form = canonical(asked, theta)
     values = np.random.default_rng(1).uniform(0.5, 2, (4, 3))
-    found = form.stacked(4).solve(*form.numbers(values), settings())
+    found = form.stack(4).solve(*form.numbers(values), settings())
     for value, x in zip(values, found, strict=True):
         theta.value = value
         np.testing.assert_allclose(x.sum(), asked.solve(solver="CLARABEL"), rtol=1e-6)

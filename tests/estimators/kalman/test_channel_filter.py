@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from oracles import covariances, is_covariance
 
-from cooploc.estimators.channel_filter import Gaussian, Reading, gained, joined, news, read
+from cooploc.estimators.channel_filter import Gaussian, Reading, information_gain, join, news, read
 
 VAGUE = 1e6
 
@@ -21,11 +21,11 @@ def marginal(c, half):
 
 def exchanged(channel, mine, theirs, z, H, R):
     """One robot's side of an exchange: the channel and its own belief afterwards."""
-    both = joined(channel, news(mine, marginal(channel, slice(0, 2))), news(theirs, marginal(channel, slice(2, 4))))
+    both = join(channel, news(mine, marginal(channel, slice(0, 2))), news(theirs, marginal(channel, slice(2, 4))))
     nothing = news(marginal(channel, slice(2, 4)), marginal(channel, slice(2, 4)))
-    before = joined(channel, news(mine, marginal(channel, slice(0, 2))), nothing)
+    before = join(channel, news(mine, marginal(channel, slice(0, 2))), nothing)
     after = read(both, Reading(z - (H @ both.x[..., None])[..., 0], H[None], R[None]))
-    gain = gained(after, before, mine.x)
+    gain = information_gain(after, before, mine.x)
     P = np.linalg.inv(np.linalg.inv(mine.P) + gain.Y)
     return after, Gaussian(mine.x + (P @ gain.eta[..., None])[..., 0], P)
 

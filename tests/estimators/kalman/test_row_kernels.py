@@ -5,8 +5,8 @@ import pytest
 from oracles import covariances
 
 from cooploc.estimators.interface import Senses
-from cooploc.estimators.joint_gaussian import block_diagonal, driven, square
-from cooploc.estimators.kalman import ENGINES, Settings, corrected, innovation, kalman, move, predict
+from cooploc.estimators.joint_gaussian import block_diagonal, drive, square
+from cooploc.estimators.kalman import ENGINES, Settings, correct_row, innovation, kalman, move, predict
 from cooploc.estimators.models import Bearing, LogDistance, Range, Sighting, Unicycle
 from cooploc.scenarios import simulate
 
@@ -58,7 +58,7 @@ def test_a_team_is_moved_block_by_block_as_by_one_matrix():
     rng = np.random.default_rng(3)
     P, F, Q = covariances(rng, 6, d=12), rng.normal(size=(6, 4, 3, 3)), covariances(rng, 24, d=3).reshape(6, 4, 3, 3)
     wanted = predict(np.empty(0), P, square(block_diagonal(F)), square(block_diagonal(Q)))[1]
-    found = driven(P, F, Q)
+    found = drive(P, F, Q)
     near(found, wanted)
     np.testing.assert_array_equal(found, found.mT)
 
@@ -99,7 +99,7 @@ def test_all_landmarks_in_one_loop_are_one_update_after_the_other():
     for place, reading in zip(world.landmarks, np.moveaxis(z.landmark, -2, 0), strict=True):
         y, H, _ = camera.innovation(x, place, reading)
         x, P = kalman(x, P, y, H, camera.R, settings.gate)
-    found = corrected(settings, world, *stream.prior, z)
+    found = correct_row(settings, world, *stream.prior, z)
     assert (found[0] != stream.prior.x).any()
     near(found[0], x)
     near(found[1], P)

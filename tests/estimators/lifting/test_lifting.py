@@ -10,7 +10,7 @@ import cooploc as cl
 from cooploc.analysis.tuning.search import space_of
 from cooploc.estimators.adapters import mail_of, senses_of
 from cooploc.estimators.interface import Mail, Senses
-from cooploc.estimators.tunable import declared
+from cooploc.estimators.tunable import declarations
 from cooploc.scenarios.runner.trace import trace
 
 FILE = """
@@ -103,7 +103,7 @@ def test_what_a_plain_class_declares_can_be_tuned(file):
     space = space_of(f"{file}:Walker[lean=1]", isolate=False)
     assert set(space.parameters) == {"scale"}
     assert space.label({"scale": 1.25}) == f"{file}:Walker[lean=1,scale=1.25]"
-    assert declared(cl.make(space.label({"scale": 1.25})))["scale"].default == 1.25
+    assert declarations(cl.make(space.label({"scale": 1.25})))["scale"].default == 1.25
 
 
 @pytest.mark.parametrize(

@@ -57,7 +57,7 @@ def test_one_vector_a_tick_has_the_information_of_its_readings(label):
     mates = Belief(
         np.stack([prior.x[[3 * (r // 3) + j for r in range(6)]] for j in range(3)], 1), np.stack([prior.P] * 3, 1)
     )
-    y, H, R = world.stacked(prior.x, z, mail, mates)
+    y, H, R = world.stack(prior.x, z, mail, mates)
     for r in range(6):
         there, information = np.isfinite(y[r]), np.zeros((prior.x.shape[-1],) * 2)
         for sensor, q, reading in world.fixed(z):

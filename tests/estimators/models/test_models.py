@@ -6,16 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from oracles import is_covariance, repeatable, slope
 
-from cooploc.estimators.models import (
-    Bearing,
-    Displacement,
-    GradientDoa,
-    LogDistance,
-    Range,
-    Sighting,
-    Unicycle,
-    wrap,
-)
+from cooploc.estimators.models import Bearing, Displacement, GradientDoa, LogDistance, Range, Sighting, Unicycle, wrap
 
 DOA = GradientDoa(LogDistance(), (1.0, -2.0), (6.0, 4.0))
 SENSORS = [LogDistance(-35.0, 2.2, 1.5), Range(0.2), Bearing(0.1), Sighting(0.3, 0.05), DOA]

@@ -7,7 +7,7 @@ import pytest
 
 import cooploc as cl
 from cooploc.estimators import BUILTIN
-from cooploc.estimators.tunable import declared, tunable
+from cooploc.estimators.tunable import declarations, tunable
 
 
 def other_values(one):
@@ -26,7 +26,7 @@ def beliefs(name, stream, **parameters):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", BUILTIN)
 def test_every_parameter_that_an_estimator_declares_changes_its_estimates_somewhere(name):
-    unused = declared(cl.make(name))
+    unused = declarations(cl.make(name))
     for label in ("nlos/n=3[ticks=100]", "no-compass/n=3[ticks=40]"):  # walls: readings are gated
         stream = cl.simulate(label, trials=2, seed=3)[1]
         before = beliefs(name, stream)
@@ -39,7 +39,7 @@ def test_every_parameter_that_an_estimator_declares_changes_its_estimates_somewh
 
 @pytest.mark.parametrize("name", BUILTIN)
 def test_the_bounds_that_an_estimator_declares_are_values_that_it_accepts(name):
-    for parameter, one in declared(cl.make(name)).items():
+    for parameter, one in declarations(cl.make(name)).items():
         for value in other_values(one):
             cl.make(name, **{parameter: int(value) if one.whole else value})
 
@@ -59,7 +59,7 @@ def test_a_class_of_a_user_declares_numbers_whole_numbers_and_choices():
         form: str = tunable("a", choices=("a", "b"))
         told: float = field(default=1.0)
 
-    found = declared(Mine(gate=7.0))
+    found = declarations(Mine(gate=7.0))
     assert list(found) == ["gate", "window", "form"]
     assert found["gate"].default == 7.0
     assert found["gate"].log
