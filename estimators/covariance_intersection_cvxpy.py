@@ -142,10 +142,10 @@ def solve(z: Whitened, groups: Indices) -> Array:
     shape = Shape(B.shape[1], z.sigma.shape[1], B.shape[-1], z.block, z.trace)
     program, most = _program(shape), STACK if shape.cone else 1
     A, b = program.numbers(_cone_numbers(B, z) if shape.cone else _matrix_numbers(B, z))
-    x, stacked = np.full((len(B), len(program.q)), np.nan), cache(program.stacked)
+    x, stack_of = np.full((len(B), len(program.q)), np.nan), cache(program.stack)
     for rows in _stacks(z, groups, most):
         with suppress(Exception):  # a solver may raise anything; the exact weights are used then
-            x[rows] = stacked(len(rows)).solve(A[rows], b[rows], _settings())
+            x[rows] = stack_of(len(rows)).solve(A[rows], b[rows], _settings())
     return _weights(shape, x)
 
 
