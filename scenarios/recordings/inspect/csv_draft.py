@@ -2,7 +2,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,6 +15,33 @@ from cooploc.scenarios.recordings.schema import UNITS
 ENDINGS = (".csv", ".txt", ".tsv")
 REMEDY = 'name the files odom_NAME.csv and truth_NAME.csv, or write log.toml by hand; README, "Your own robots"'
 READINGS = ("ranges", "rssi", "sightings")
+STAMPS = ("time", "sec", "nsec")
+ODOMETRY = {  # kind -> its quantities; the first kind that a file has all of
+    "velocity": ("speed", "turn_rate"),
+    "path": ("length", "turn_rate"),
+    "displacement": ("dx", "dy"),
+    "pose": ("x", "y", "heading"),
+}
+ANCHORS = {"anchor", "anchors", "node", "nodes", "beacon", "beacons", "ap"}
+LANDMARKS = {"landmark", "landmarks", "marker", "markers", "tag", "tags"}
+
+
+class Part(NamedTuple):
+    """Columns that belong to one table of log.toml, in files with the same columns."""
+
+    table: str  # "odometry", "truth", "ranges", "rssi", "sightings", "anchors" or "landmarks"
+    files: tuple[CsvTable, ...]
+    columns: dict[str, Guess]  # quantity -> column; with time, robot and other where the files have them
+    kind: str = ""  # of odometry
+    each: tuple[Guess, ...] = ()  # a column for each thing that is measured
+
+    def names(self, quantity: str) -> tuple[str, ...]:
+        """Return the names in the column of a quantity."""
+        return tuple(dict.fromkeys(n for file in self.files for n in file.names(self.columns[quantity].column)))
+
+    def file_names(self) -> list[str]:
+        """Return the names of the files, as in log.toml."""
+        return [file.name for file in self.files]
 
 
 def csv_draft(data: Path) -> Draft:
@@ -24,8 +51,7 @@ def csv_draft(data: Path) -> Draft:
         BadInput: there are none, or nothing in them is odometry or truth.
 
     """
-    folder = _first_run(data)
-    return _draft_run(folder, data)[0]
+    return _draft_run(_first_run(data), data)[0]
 
 
 def _first_run(data: Path) -> Path:
@@ -45,39 +71,34 @@ def _first_run(data: Path) -> Path:
 def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
     """The draft for the CSV files of one run, with those beside the runs, which are of all; and its robots."""
     files, unused = _read_files(folder, data)
-    count, runs = len(files), folder == data and _are_runs_of_one_robot(files)
+    delimiter, why = files[0].delimiter, "their names in the names of the files, or in a column"
+    entries = [Entry("format", "csv", f"{len(files)} text files with columns")]
+    runs = folder == data and _are_runs_of_one_robot(files)
     if runs:
+        why = f"{len(files)} files of the same columns, one after the other in time: runs of one robot"
         files = files[:1]
-    parts = [part for file in files for part in _parts(file)]
-    groups = _groups(folder, parts, unused)
+    parts = _merge_alike([part for file in files for part in _parts(file)], unused)
     for needed in ("odometry", "truth"):
-        if needed not in {group[0].table for group in groups}:
+        if needed not in {part.table for part in parts}:
             raise BadInput(f"{folder}: no file has columns that look like {needed}; {REMEDY}")
-    robots = ("robot",) if runs else _robots(folder, groups)
-    places = {name for part in parts if "name" in part.columns for name in part.names("name")}
-    pattern = f"{{run}}{files[0].path.suffix}" if runs else ""
-    tables = [_table(folder, group, robots, places, unused, pattern) for group in groups]
-    kept = [table for table in tables if table is not None]
-    twice = Counter(table.name for table in kept)
-    delimiter = files[0].delimiter
-    why = "their names in the names of the files, or in a column"
-    if runs:
-        why = f"{count} files of the same columns, one after the other in time: runs of one robot"
-    entries = [
-        Entry("format", "csv", f"{count} text files with columns"),
-        Entry("robots", list(robots), why, "likely"),
-    ]
+    robots = ("robot",) if runs else _robots(folder, parts)
+    entries.append(Entry("robots", list(robots), why, "likely"))
     if delimiter != ",":
         entries.append(Entry("delimiter", delimiter, "between the names in the first line"))
+    places = {name for part in parts if "name" in part.columns for name in part.names("name")}
+    drafted = [_table(part, robots, places, runs) for part in parts]
+    unused += [table for table in drafted if isinstance(table, str)]
+    tables = [table for table in drafted if isinstance(table, Table)]
+    counts = Counter(table.name for table in tables)
     columns = []
     for file in files:
-        name = _relative(file.path, folder)
         for g in file.guesses:
-            columns.append((name, g.column, (g.quantity or "not known") + f" [{g.unit}]" * bool(g.unit), g.reason))
+            quantity = (g.quantity or "not known") + f" [{g.unit}]" * bool(g.unit)
+            columns.append((file.name, g.column, quantity, g.reason))
         if unknown := [g.column for g in file.guesses if not g.quantity]:
-            unused.append(f"{name}: not used: {', '.join(unknown)}")
-    tables_ = tuple(table._replace(repeated=twice[table.name] > 1) for table in kept)
-    return Draft(tuple(entries), tables_, tuple(columns), tuple(unused)), robots
+            unused.append(f"{file.name}: columns {', '.join(unknown)}")
+    repeated = tuple(table._replace(repeated=counts[table.name] > 1) for table in tables)
+    return Draft(tuple(entries), repeated, tuple(columns), tuple(unused)), robots
 
 
 # --- Files
@@ -92,18 +113,19 @@ def _read_files(folder: Path, data: Path) -> tuple[list[CsvTable], list[str]]:
     """
     files, unread = [], []
     for path in dict.fromkeys([*_text_files(folder), *(p for p in _text_files(data) if p.parent == data)]):
+        name = path.relative_to(folder if path.is_relative_to(folder) else data).as_posix()
         try:
-            files.append(read_csv(path))
+            files.append(read_csv(path, name))
         except BadInput:
             if path.suffix.lower() != ".txt":
                 raise
-            unread.append(f"{_relative(path, folder)}: a text, and no table")
+            unread.append(f"{name}: a text, and no table")
     if not files:
         raise BadInput(f"{folder}: there is no CSV file, bag, PyFG file or MRCLAM text in it; name another directory")
     usual = Counter(file.delimiter for file in files).most_common(1)[0][0]
     if strange := next((file for file in files if file.delimiter != usual), None):
         raise BadInput(
-            f"{strange.path}, line 1: {strange.delimiter!r} between the names, and {usual!r} in most files; "
+            f"{folder / strange.name}, line 1: {strange.delimiter!r} between the names, and {usual!r} in most files; "
             "save it as the others"
         )
     return files, unread
@@ -114,29 +136,24 @@ def _text_files(folder: Path) -> list[Path]:
 
 
 def _has_stamps(path: Path) -> bool:
-    """Whether a file is a table with a column of stamps, and so of a run; one without may be of all runs."""
+    """Whether a file has a column of stamps, and so belongs to a run; one without may belong to all runs."""
     try:
-        return any(guess.quantity in ("time", "sec") for guess in read_csv(path).guesses)
+        return any(guess.quantity in ("time", "sec") for guess in read_csv(path, path.name).guesses)
     except BadInput:
         return False
 
 
-def _relative(path: Path, folder: Path) -> str:
-    """The name of a file in log.toml: from the run's directory, or from the one above for what all runs share."""
-    return path.relative_to(folder if path.is_relative_to(folder) else folder.parent).as_posix()
-
-
 def _are_runs_of_one_robot(files: Sequence[CsvTable]) -> bool:
-    """Whether files have the same columns, odometry and truth among them, and follow each other in time."""
-    if len(files) < 2 or len({tuple(file.columns) for file in files}) > 1:
-        return False
+    """Whether all files have the same columns, with odometry and truth, and follow each other in time."""
     stamps = []
     for file in files:
-        parts = {part.table: part for part in _parts(file)}
-        if not {"odometry", "truth"} <= set(parts) or "robot" in parts["odometry"].columns:
+        parts = {part.table: part.columns for part in _parts(file)}
+        if file.columns.keys() != files[0].columns.keys() or not {"odometry", "truth"} <= parts.keys():
             return False
-        times = [parts["odometry"].columns[q] for q in ("time", "sec") if q in parts["odometry"].columns]
-        t = file.numbers(times[0].column)
+        columns = parts["odometry"]
+        if "robot" in columns:
+            return False
+        t = file.numbers(next(columns[q].column for q in STAMPS if q in columns))
         if len(t) > 1:
             stamps.append((t[0], t[-1]))
     overlaps = sum(later[0] < earlier[1] for earlier, later in pairwise(sorted(stamps)))
@@ -144,30 +161,6 @@ def _are_runs_of_one_robot(files: Sequence[CsvTable]) -> bool:
 
 
 # --- Tables that columns belong to
-
-ODOMETRY = {  # kind -> its quantities; the first kind that a file has all of
-    "velocity": ("speed", "turn_rate"),
-    "path": ("length", "turn_rate"),
-    "displacement": ("dx", "dy"),
-    "pose": ("x", "y", "heading"),
-}
-ANCHORS = {"anchor", "anchors", "node", "nodes", "beacon", "beacons", "ap"}
-LANDMARKS = {"landmark", "landmarks", "marker", "markers", "tag", "tags"}
-STAMPS = ("time", "sec", "nsec")
-
-
-class Part(NamedTuple):
-    """Columns of one file that belong to one table of log.toml."""
-
-    file: CsvTable
-    table: str  # "odometry", "truth", "ranges", "rssi", "sightings", "anchors" or "landmarks"
-    columns: dict[str, Guess]  # quantity -> column; with time, robot and other where the file has them
-    kind: str = ""  # of odometry
-    each: tuple[Guess, ...] = ()  # a column for each thing that is measured
-
-    def names(self, quantity: str) -> tuple[str, ...]:
-        """Return the names in the column of a quantity."""
-        return self.file.names(self.columns[quantity].column)
 
 
 def _parts(file: CsvTable) -> list[Part]:
@@ -177,25 +170,26 @@ def _parts(file: CsvTable) -> list[Part]:
         shared = {q: g for q, g in shared.items() if q not in ("sec", "nsec")}
     if not shared.keys() & {"time", "sec"}:
         return _places(file)
-    odometry = [
-        Part(file, "odometry", shared | own, kind)
-        for kind, needed in ODOMETRY.items()
-        if len(own := _first(file.guesses, needed, ("odometry",) if kind == "pose" else ("", "odometry")))
-        == len(needed)
-    ][:1]
-    used = {g.column for part in odometry for q, g in part.columns.items() if q not in shared}
-    left = [g for g in file.guesses if g.column not in used]
-    named = any(g.side == "truth" and g.quantity == "x" for g in left)
-    truth = _first(left, ("x", "y", "heading"), ("truth",) if named else ("",))
-    parts = [*odometry, *([Part(file, "truth", shared | truth)] if {"x", "y"} <= truth.keys() else [])]
+    parts, left = [], list(file.guesses)
+    for kind, needed in ODOMETRY.items():
+        own = _first(file.guesses, needed, ("odometry",) if kind == "pose" else ("", "odometry"))
+        if len(own) == len(needed):
+            parts.append(Part("odometry", (file,), shared | own, kind))
+            left = [g for g in left if g not in own.values()]
+            break
+    sides = ("truth",) if any(g.side == "truth" and g.quantity == "x" for g in left) else ("",)
+    truth = _first(left, ("x", "y", "heading"), sides)
+    if {"x", "y"} <= truth.keys():
+        parts.append(Part("truth", (file,), shared | truth))
     ranges, bearings, rssi = ([g for g in left if g.quantity == q] for q in ("range", "bearing", "rssi"))
     if bearings and ranges:
-        parts.append(Part(file, "sightings", shared | {"range": ranges[0], "bearing": bearings[0]}))
+        parts.append(Part("sightings", (file,), shared | {"range": ranges[0], "bearing": bearings[0]}))
     for table, quantity, found in (("ranges", "range", ranges), ("rssi", "rssi", rssi)):
         if len(found) > 1:  # a column for each thing measured
-            parts.append(Part(file, table, {q: g for q, g in shared.items() if q != "other"}, each=tuple(found)))
+            alone = {q: g for q, g in shared.items() if q != "other"}
+            parts.append(Part(table, (file,), alone, each=tuple(found)))
         elif found and not (quantity == "range" and bearings):
-            parts.append(Part(file, table, shared | {quantity: found[0]}))
+            parts.append(Part(table, (file,), shared | {quantity: found[0]}))
     return parts
 
 
@@ -205,9 +199,9 @@ def _places(file: CsvTable) -> list[Part]:
     label = own.get("robot") or own.get("other") or next((g for g in file.guesses if g.column not in ("x", "y")), None)
     if not {"x", "y"} <= own.keys() or label is None:
         return []
-    words = {*words_of(file.path.stem), *words_of(label.column)}
+    words = {*words_of(Path(file.name).stem), *words_of(label.column)}
     table = "landmarks" if words & LANDMARKS and not words & ANCHORS else "anchors"
-    return [Part(file, table, {"name": label, "x": own["x"], "y": own["y"]})]
+    return [Part(table, (file,), {"name": label, "x": own["x"], "y": own["y"]})]
 
 
 def _first(
@@ -218,40 +212,50 @@ def _first(
     return {q: found[q] for q in quantities if q in found}
 
 
-def _groups(folder: Path, parts: Sequence[Part], unused: list[str]) -> list[list[Part]]:
-    """Parts with the same table and columns together; of odometry and truth only the largest group."""
-    alike: dict[tuple[Any, ...], list[Part]] = {}
+def _merge_alike(parts: Sequence[Part], unused: list[str]) -> list[Part]:
+    """Merge parts of the same table and columns; of odometry and truth keep the one with the most files.
+
+    A column whose unit seems to differ between files is read in SI, and a check tells more.
+    """
+    alike: dict[Any, list[Part]] = {}
     for part in parts:
-        columns = tuple(sorted((q, g.column) for q, g in part.columns.items()))
-        alike.setdefault((part.table, part.kind, columns, tuple(g.column for g in part.each)), []).append(part)
-    chosen = []
-    for table in dict.fromkeys(part.table for part in parts):
-        groups = sorted((group for key, group in alike.items() if key[0] == table), key=len, reverse=True)
-        count = len(groups) if table in READINGS else 1
-        chosen += groups[:count]
-        for group in groups[count:]:
-            names = ", ".join(_files(folder, group))
-            unused.append(f"{names}: looks like {table} too, but has other columns than the rest; make them alike")
-    return chosen
+        names = frozenset((q, g.column) for q, g in part.columns.items())
+        alike.setdefault((part.table, part.kind, names, tuple(g.column for g in part.each)), []).append(part)
+    merged = []
+    for group in alike.values():
+        columns = group[0].columns.copy()
+        for q, guess in columns.items():
+            units = [part.columns[q].unit for part in group]
+            if len({*units}) > 1:
+                seen = ", ".join(f"{p.files[0].name} {unit}" for p, unit in zip(group, units, strict=True))
+                unit = next((u for u in units if u in UNITS), guess.unit)
+                columns[q] = guess._replace(unit=unit, reason=f"files differ: {seen}, perhaps")
+        merged.append(group[0]._replace(columns=columns, files=tuple(part.files[0] for part in group)))
+    kept = []
+    for table in dict.fromkeys(part.table for part in merged):
+        own = sorted((part for part in merged if part.table == table), key=lambda part: -len(part.files))
+        count = len(own) if table in READINGS else 1
+        kept += own[:count]
+        for part in own[count:]:
+            called = ", ".join(part.file_names())
+            unused.append(f"{called}: looks like {table} too, but has other columns than the rest; make them alike")
+    return kept
 
 
 # --- Robots
 
-MARK = "{robot}"
 
-
-def _robots(folder: Path, groups: Sequence[list[Part]]) -> tuple[str, ...]:
+def _robots(folder: Path, parts: Sequence[Part]) -> tuple[str, ...]:
     """Names from a column of names, else from the files' names, else the one file's name."""
-    own = [group for group in groups if group[0].table in ("odometry", "truth")]
-    for group in own:
-        if "robot" in group[0].columns:
-            return group[0].names("robot")
-    for group in sorted(own, key=len, reverse=True):
-        if names := file_pattern(_files(folder, group))[1]:
+    own = [part for part in parts if part.table in ("odometry", "truth")]
+    if column := next((part for part in own if "robot" in part.columns), None):
+        return column.names("robot")
+    for part in sorted(own, key=lambda part: -len(part.files)):
+        if names := file_pattern(part.file_names())[1]:
             return names
-    files = {file for group in own for file in _files(folder, group)}
+    files = {name for part in own for name in part.file_names()}
     if len(files) == 1:
-        return (Path(next(iter(files))).stem,)
+        return (Path(files.pop()).stem,)
     raise BadInput(f"{folder}: neither the names of files nor a column says which robot is which; {REMEDY}")
 
 
@@ -260,96 +264,64 @@ def file_pattern(files: Sequence[str], known: Sequence[str] = ()) -> tuple[str, 
 
     odom_red.csv and odom_blue.csv are odom_{robot}.csv of red and blue. `known`: names of robots, for a single file.
     """
+    patterns: dict[str, list[str]] = {}  # pattern -> the word that it stands for, of each file
+    for file in files:
+        stem, dot, ending = file.rpartition(".")
+        for word in dict.fromkeys(re.findall(r"[^/_\-. ]+", stem)):
+            whole_word = rf"(?<![^/_\-. ]){re.escape(word)}(?![^/_\-. ])"
+            patterns.setdefault(re.sub(whole_word, "{robot}", stem) + dot + ending, []).append(word)
     if len(files) == 1:
-        robot = next((name for name in known if name in _name_parts(files[0])), "")
-        return (_marked(files[0], robot), (robot,)) if robot else (files[0], ())
-    counts = Counter(_marked(file, word) for file in files for word in dict.fromkeys(_name_parts(file)))
-    best = max(counts, key=lambda pattern: (counts[pattern], len(pattern)))
-    if counts[best] < 2:
-        return files[0], ()
-    robots = [word for file in files for word in _name_parts(file) if _marked(file, word) == best]
-    return best, tuple(dict.fromkeys(robots))
-
-
-def _name_parts(file: str) -> list[str]:
-    return re.findall(r"[^/_\-. ]+", file.rpartition(".")[0])
-
-
-def _marked(file: str, word: str) -> str:
-    """The file's name with every appearance of a whole word replaced."""
-    stem, dot, ending = file.rpartition(".")
-    return re.sub(rf"(?<![^/_\-. ]){re.escape(word)}(?![^/_\-. ])", MARK, stem) + dot + ending
-
-
-def _files(folder: Path, group: Sequence[Part]) -> list[str]:
-    return [_relative(part.file.path, folder) for part in group]
+        patterns = {pattern: words for pattern, words in patterns.items() if words[0] in known}
+    best = max(patterns, key=lambda pattern: (len(patterns[pattern]), len(pattern)), default=files[0])
+    robots = patterns.get(best, [])
+    return (best, tuple(dict.fromkeys(robots))) if len(robots) > 1 or len(files) == len(robots) else (files[0], ())
 
 
 # --- Lines of log.toml
 
 
-def _table(
-    folder: Path, group: list[Part], robots: tuple[str, ...], places: set[str], unused: list[str], runs: str
-) -> Table | None:
-    """One table of log.toml; None if it cannot be used, and `unused` then says why."""
-    part, files = group[0], _files(folder, group)
-    table, columns, called = part.table, _agreed_columns(group), ", ".join(files)
+def _table(part: Part, robots: tuple[str, ...], places: set[str], runs: bool) -> Table | str:
+    """One table of log.toml; or why it cannot be used."""
+    table, files, columns = part.table, part.file_names(), part.columns
+    called, readings = ", ".join(files), table in READINGS
     if table in ("anchors", "landmarks"):
         lines = [_entry(quantity, guess) for quantity, guess in columns.items()]
         return Table(table, (Entry("file", files[0], "it has names and places, and no stamps"), *lines))
-    file = Entry("file", runs, "a file for each run") if runs else _file_entry(files, part, robots)
-    if file is None:
-        unused.append(f"{called}: looks like {table}, but does not say whose it is; add a column `robot`")
-        return None
-    stamps = [columns[q] for q in STAMPS if q in columns]
-    time = [_column(guess) for guess in stamps]
-    why = "; ".join(guess.reason for guess in stamps)
+    pattern, named = file_pattern(files, robots)
+    if runs:
+        file = Entry("file", f"{{run}}{Path(files[0]).suffix}", "a file for each run")
+    elif "robot" in columns and (len(files) == 1 or not named):
+        file = Entry("file", files[0], "one file for all robots")
+    elif {*named} & {*robots}:
+        file = Entry("file", pattern, f"a file for each robot: {called}")
+        columns = {q: g for q, g in columns.items() if q != "robot"}
+    else:
+        return f"{called}: looks like {table}, but does not say whose it is; add a column `robot`"
+    time = [columns[q] for q in STAMPS if q in columns]
+    stamps = [_column(guess) for guess in time]
+    why = "; ".join(guess.reason for guess in time)
     entries = [Entry("kind", part.kind, "its columns")] if part.kind else []
-    entries += [file, Entry("time", time[0] if len(time) == 1 else time, why)]
+    entries += [file, Entry("time", stamps if len(stamps) > 1 else stamps[0], why)]
+    used = [q for q in columns if q not in STAMPS and (q != "other" or readings)]
+    entries += [_entry(quantity, columns[quantity]) for quantity in used]
     nodes: dict[str, str] = {}
-    for quantity, guess in columns.items():
-        if quantity in STAMPS or (quantity == "robot" and MARK in str(file.value)):
-            continue
-        if quantity in ("robot", "other"):
-            names = tuple(dict.fromkeys(name for one in group for name in one.names(quantity)))
-            nodes |= _nodes(names, robots, places)
-        if quantity != "other" or table in READINGS:
-            entries.append(_entry(quantity, guess))
+    for quantity in ("robot", "other"):
+        nodes |= _nodes(part.names(quantity), robots, places) if quantity in columns else {}
     if nodes:
         why = "names in the files that are not names of robots, in their order"
         entries.append(Entry("nodes", nodes, why, "perhaps"))
     if part.each:
-        each = {name: _column(guess) for guess in part.each if (name := _named_in(guess.column, (*robots, *places)))}
+        each: dict[str, Any] = {}
+        for guess in part.each:
+            fits = [name for name in (*robots, *places) if guess.column.lower().endswith(name.lower())]
+            each |= {name: _column(guess) for name in sorted(fits, key=len)[-1:]}
         if not each:
             measured = ", ".join(guess.column for guess in part.each)
-            unused.append(f"{called}: {measured}: it is not known where what they measure is; add [anchors]")
-            return None
+            return f"{called}: {measured}: it is not known where what they measure is; add [anchors]"
         entries.append(Entry("each", each, "a column for each thing that is measured", "likely"))
-    elif table in READINGS and "other" not in columns:
-        unused.append(f"{called}: looks like {table}, but does not say to whom; add a column `to` with names")
-        return None
+    elif readings and "other" not in columns:
+        return f"{called}: looks like {table}, but does not say to whom; add a column `to` with names"
     return Table(table, tuple(entries))
-
-
-def _agreed_columns(group: list[Part]) -> dict[str, Guess]:
-    """The first file's columns; one whose unit seems to differ between files is read in SI, and a check tells more."""
-    agreed = {}
-    for quantity, guess in group[0].columns.items():
-        units = dict.fromkeys(part.columns[quantity].unit for part in group)
-        if len(units) > 1:
-            seen = ", ".join(f"{part.file.path.name} {part.columns[quantity].unit}" for part in group)
-            unit = next((u for u in units if u in UNITS), guess.unit)
-            guess = guess._replace(unit=unit, reason=f"files differ: {seen}, perhaps")
-        agreed[quantity] = guess
-    return agreed
-
-
-def _file_entry(files: Sequence[str], part: Part, robots: tuple[str, ...]) -> Entry | None:
-    """The line `file = ...`; None if nothing says whose the lines are."""
-    if "robot" in part.columns and (len(files) == 1 or not file_pattern(files)[1]):
-        return Entry("file", files[0], "one file for all robots")
-    pattern, named = file_pattern(files, robots)
-    return Entry("file", pattern, f"a file for each robot: {', '.join(files)}") if {*named} & {*robots} else None
 
 
 def _entry(quantity: str, guess: Guess) -> Entry:
@@ -362,15 +334,10 @@ def _column(guess: Guess) -> Any:
     return guess.column if guess.unit in UNITS else {"column": guess.column, "unit": guess.unit}
 
 
-def _named_in(column: str, names: Sequence[str]) -> str:
-    """The longest name that a column ends with."""
-    return max((name for name in names if column.lower().endswith(name.lower())), key=len, default="")
-
-
-def _nodes(names: Sequence[str], robots: tuple[str, ...], places: set[str]) -> Mapping[str, str]:
+def _nodes(names: Sequence[str], robots: tuple[str, ...], places: set[str]) -> dict[str, str]:
     """Names in a column -> names of robots: those that differ in case or by a prefix, else in their order."""
     strange = [name for name in names if name not in robots and name not in places]
-    found: dict[str, str] = {}
+    found = {}
     for name in strange:
         alike = [r for r in robots if r.lower().endswith(name.lower()) or name.lower().endswith(r.lower())]
         if len(alike) == 1:

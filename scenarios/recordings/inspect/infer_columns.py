@@ -32,7 +32,7 @@ class Guess(NamedTuple):
 class CsvTable(NamedTuple):
     """A CSV file, with a guess for each column."""
 
-    path: Path
+    name: str  # as in log.toml
     delimiter: str
     columns: Mapping[str, Array | tuple[str, ...]]  # numbers (rows,), nan where empty; else the fields as they are
     guesses: tuple[Guess, ...] = ()
@@ -49,7 +49,7 @@ class CsvTable(NamedTuple):
         return tuple(dict.fromkeys(word for word in words if word))
 
 
-def read_csv(path: Path) -> CsvTable:
+def read_csv(path: Path, name: str) -> CsvTable:
     """Read a CSV file whose first line names the columns; lines that are too short or too long are left out.
 
     Raises:
@@ -74,8 +74,8 @@ def read_csv(path: Path) -> CsvTable:
     whole = [row for row in table[1:] if len(row) == len(head)]
     if not whole:
         raise BadInput(f"{path}: it has no line of data with {len(head)} fields as in line 1; get the file again")
-    columns = {name: _values(words) for name, words in zip(head, zip(*whole, strict=True), strict=True)}
-    found = CsvTable(path, delimiter, columns)
+    columns = {column: _values(words) for column, words in zip(head, zip(*whole, strict=True), strict=True)}
+    found = CsvTable(name, delimiter, columns)
     return found._replace(guesses=infer_columns(found))
 
 
@@ -186,7 +186,7 @@ NAMES = ("robot", "other")  # quantities whose values are names
 
 def infer_columns(table: CsvTable) -> tuple[Guess, ...]:
     """Guess what each column is; of unknown columns, the first that rises throughout is the time if no other is."""
-    file_side = side_of(words_of(table.path.stem))
+    file_side = side_of(words_of(Path(table.name).stem))
     guesses = [_guess(table, column, file_side) for column in table.columns]
     if not any(guess.quantity in ("time", "sec") for guess in guesses):
         for i, guess in enumerate(guesses):

@@ -1,7 +1,6 @@
 """Checks of readings against the truth: ranges, bearings and signal strength; and where ranges put a shifted frame."""
 
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares, linear_sum_assignment
@@ -26,21 +25,12 @@ NEAREST = 0.05  # [m] readings of things nearer than this are left out: no direc
 # --- Geometry
 
 
-class Geometry(NamedTuple):
-    """Of every reading, by the truth; nan where that has no position within its usual interval."""
-
-    distance: Array  # (m,) [m]
-    direction: Array  # (m,) of what was measured, from x [rad]
-    heading: Array  # (m,) of the robot that measured [rad]
-
-
-def geometry(log: TeamLog, channel: Channel, readings: Readings, shift: float = 0.0) -> Geometry:
-    """Return distance and direction from the robots that measured to what they measured, `shift` seconds later."""
+def distances(log: TeamLog, channel: Channel, readings: Readings, shift: float = 0.0) -> Array:
+    """Return the true distance (m,) [m] to what was measured, `shift` seconds later; nan where it is not known."""
     time = readings.time + shift
-    here = true_poses(log, readings.robot, time)
-    delta = measured_places(log, channel, readings.other, time) - here[:, :2]
-    distance = np.hypot(*delta.T)
-    return Geometry(np.where(distance > NEAREST, distance, np.nan), np.arctan2(delta[:, 1], delta[:, 0]), here[:, 2])
+    here = true_poses(log, readings.robot, time)[:, :2]
+    distance = np.hypot(*(measured_places(log, channel, readings.other, time) - here).T)
+    return np.where(distance > NEAREST, distance, np.nan)
 
 
 def true_poses(log: TeamLog, robot: Indices, time: Array) -> Array:
@@ -92,6 +82,10 @@ def pairs(readings: Readings, channel: Channel) -> Iterator[tuple[int, int, Indi
         yield int(i), int(k), np.flatnonzero((first == i) & (second == k))
 
 
+def _rows_of(r: Readings, rows: Indices) -> Readings:
+    return Readings(r.time[rows], r.robot[rows], r.other[rows], r.values[rows], r.source)
+
+
 # --- Ranges
 
 BIAS = 0.1  # [m] a smaller one matters little beside the noise of ranges
@@ -102,7 +96,7 @@ BIAS_KEYS = {"range": "range_bias", "anchor_range": "anchor_range_bias"}
 def check_range_units(c: CheckedLog) -> None:
     """Ranges that are 100 or 1000 times the distance; within a factor of 2.5, as frames may still be wrong."""
     for channel, readings in ranged(c.log):
-        ratio = median(readings.values[:, 0] / geometry(c.log, channel, readings).distance)
+        ratio = median(readings.values[:, 0] / distances(c.log, channel, readings))
         for factor, unit in UNITS.items():
             if factor / 2.5 < ratio < factor * 2.5:
                 fact, setting = f"ranges are {ratio:.3g} times the distances", f'unit = "{unit}"'
@@ -135,11 +129,11 @@ def _renamed(log: TeamLog, channel: Channel, readings: Readings, i: int) -> dict
     misfit = np.full((len(named), len(candidates)), np.inf)
     for row, k in enumerate(named):
         rows = np.flatnonzero((readings.robot == i) & (readings.other == k))
-        rows = rows[:: max(1, len(rows) // 500)]
-        here = true_poses(log, readings.robot[rows], readings.time[rows])[:, :2]
+        few = _rows_of(readings, rows[:: max(1, len(rows) // 500)])
         for column, candidate in enumerate(candidates):
-            there = measured_places(log, channel, np.full(len(rows), candidate), readings.time[rows])
-            residual = readings.values[rows, 0] - np.hypot(*(there - here).T)
+            residual = few.values[:, 0] - distances(
+                log, channel, few._replace(other=np.full_like(few.other, candidate))
+            )
             if np.isfinite(residual).sum() >= FEWEST:
                 misfit[row, column] = median(np.abs(residual - median(residual)))
     assigned = zip(*linear_sum_assignment(np.where(np.isfinite(misfit), misfit, 1e6)), strict=True)
@@ -171,15 +165,13 @@ def check_reading_clocks(c: CheckedLog) -> None:
 
 def _best_shift(log: TeamLog, channel: Channel, readings: Readings) -> tuple[float, float, float]:
     """The shift [s] of the stamps at which ranges fit distances best, the spread [m] there, and without a shift."""
-    every = max(1, len(readings.time) // 2000)
-    r = readings
-    few = Readings(r.time[::every], r.robot[::every], r.other[::every], r.values[::every], r.source)
+    few = _rows_of(readings, np.arange(0, len(readings.time), max(1, len(readings.time) // 2000)))
     groups = [rows for _, _, rows in pairs(few, channel) if len(rows) >= 10]
     if not groups:
         return 0.0, np.nan, np.nan
 
     def misfit(shift: float) -> float:
-        residual = few.values[:, 0] - geometry(log, channel, few, shift).distance
+        residual = few.values[:, 0] - distances(log, channel, few, shift)
         centred = np.concatenate([residual[rows] - median(residual[rows]) for rows in groups])
         return robust_sd(centred) if np.isfinite(centred).sum() >= FEWEST else np.inf
 
@@ -194,7 +186,7 @@ def _best_shift(log: TeamLog, channel: Channel, readings: Readings) -> tuple[flo
 def check_biases(c: CheckedLog) -> None:
     """Ranges of a pair that are too long or too short by a constant."""
     for channel, readings in ranged(c.log):
-        residual = readings.values[:, 0] - geometry(c.log, channel, readings).distance
+        residual = readings.values[:, 0] - distances(c.log, channel, readings)
         found = {}
         for i, k, rows in pairs(readings, channel):
             bias, error = median(residual[rows]), 1.2533 * robust_sd(residual[rows]) / np.sqrt(len(rows))
@@ -251,8 +243,9 @@ def check_bearings(c: CheckedLog) -> None:
         readings = c.log.readings.get(channel)
         if readings is None or len(readings.time) < FEWEST:
             continue
-        seen = geometry(c.log, channel, readings)
-        expected = wrap(seen.direction - seen.heading)
+        here = true_poses(c.log, readings.robot, readings.time)
+        x, y = (measured_places(c.log, channel, readings.other, readings.time) - here[:, :2]).T
+        expected = wrap(np.arctan2(y, x) - here[:, 2])
         if np.isfinite(expected).sum() < FEWEST:
             continue
         largest = np.nanmax(np.abs(readings.values[:, 1]))
@@ -280,7 +273,7 @@ def check_rssi(c: CheckedLog) -> None:
         readings = c.log.readings.get(channel)
         if readings is None or len(readings.time) < 50:
             continue
-        rssi, distance = readings.values[:, 0], geometry(c.log, channel, readings).distance
+        rssi, distance = readings.values[:, 0], distances(c.log, channel, readings)
         known = np.flatnonzero(np.isfinite(rssi) & np.isfinite(distance))
         known = known[:: max(1, len(known) // MOST)]
         middle, sure, fact = median(rssi), "likely", ""

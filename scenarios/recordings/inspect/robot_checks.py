@@ -27,9 +27,7 @@ from cooploc.scenarios.recordings.inspect.motion import (
     true_turns,
 )
 from cooploc.scenarios.recordings.inspect.reading_checks import shift_that_fits
-from cooploc.scenarios.recordings.team_log import Series
 
-DEGREE = np.pi / 180
 LENGTHS = {"velocity": ((0,), ("speed",)), "path": ((0,), ("length",)), "displacement": ((0, 1), ("dx", "dy"))}
 POSE = ((0, 1), ("x", "y"))
 
@@ -43,31 +41,27 @@ def check_gaps(c: CheckedLog) -> None:
     """Gaps of odometry and truth, and series that lack a tenth of the recording at an end."""
     series = [("odometry", i, s) for i, s in enumerate(c.log.odometry)]
     series += [("truth", i, s) for i, s in enumerate(c.log.truth) if s is not None]
-    stamps = [s.time for _, _, s in series if len(s.time) > 1]
+    stamps = [s.time[[0, -1]] for _, _, s in series if len(s.time) > 1]
+    start, end = np.median(stamps, axis=0) if stamps else (0.0, 0.0)
     for table, i, s in series:
-        if stamps and len(s.time):
-            _check_span(c, table, i, s, *(float(np.median([t[k] for t in stamps])) for k in (0, -1)))
-        if len(s.time) < 10:
-            continue
+        if end > start and len(s.time):
+            late, early, span = s.time[0] - start, end - s.time[-1], end - start
+            if max(ENDS * span, 1.0) <= max(late, early) <= span:
+                words = f"begins {late:.3g} s late" if late > early else f"ends {early:.3g} s early"
+                setting = "nothing: what is missing is not known"
+                c.add("span", i, s.source, f"it {words} in {span:.3g} s", "sure", setting, table)
         intervals = np.diff(s.time)
-        usual = float(np.median(intervals))
+        usual = float(np.median(intervals)) if len(s.time) >= 10 else np.inf
         if count := int((intervals > max(GAP * usual, 1.0)).sum()):
             fact = f"{count} gaps, the longest {intervals.max():.3g} s; the usual interval is {usual:.3g} s"
             c.add("gap", i, s.source, fact, "sure", "max_gap in [sample] is the longest gap that is bridged", table)
 
 
-def _check_span(c: CheckedLog, table: str, i: int, s: Series, start: float, end: float) -> None:
-    """A series that begins late or ends early, against the middle of all series."""
-    late, early, span = s.time[0] - start, end - s.time[-1], end - start
-    if span > 0 and max(ENDS * span, 1.0) <= max(late, early) and max(late, early) <= span:
-        words = f"begins {late:.3g} s late" if late > early else f"ends {early:.3g} s early"
-        setting = "nothing: what is missing is not known"
-        c.add("span", i, s.source, f"it {words} in {span:.3g} s", "sure", setting, table)
-
-
 # --- Units
 
 FASTEST = 15.0  # [m/s] of ground robots; faster is a unit or a fault
+DEGREE = np.pi / 180
+ANGLES: dict[str, tuple[Kind, float]] = {"deg": ("degrees", 1 / DEGREE), "rad": ("radians", DEGREE)}
 LENGTH_FACTORS = {1000.0: "mm", 100.0: "cm"}
 NEAR_FACTOR = 1.25  # a factor of 100 or 1000 is recognised up to this ratio: odometry is calibrated to better than 25 %
 
@@ -117,17 +111,16 @@ def check_heading_unit(c: CheckedLog, i: int) -> None:
         return max(concentration(factor * there - direction)[0], concentration(factor * there + direction)[0])
 
     as_read = follows(1.0)
-    needed = max(0.6, as_read + 0.3)
-    kind: Kind = "degrees"
-    unit, factor, sure = "deg", 1 / DEGREE, "sure"
+    needed, jumps = max(0.6, as_read + 0.3), np.max(np.abs(np.diff(there))) > 180
     if largest > 2.1 * np.pi and follows(DEGREE) > needed:
-        pass
-    elif 4 * np.pi < largest <= 361 and np.max(np.abs(np.diff(there))) > 180 and as_read < 0.5:
-        sure = "likely"
+        unit, sure = "deg", "sure"
+    elif 4 * np.pi < largest <= 361 and jumps and as_read < 0.5:
+        unit, sure = "deg", "likely"
     elif largest < 2.1 * np.pi * DEGREE and concentration(direction)[0] < 0.8 and follows(1 / DEGREE) > needed:
-        kind, unit, factor = "radians", "rad", DEGREE
+        unit, sure = "rad", "sure"
     else:
         return
+    kind, factor = ANGLES[unit]
     fact = f"headings reach {largest:.4g} as read; with the unit {unit} they follow the direction of motion"
     c.add(kind, i, m.poses.source, fact, sure, f'unit = "{unit}"', "truth", ("heading",))  # type: ignore[arg-type]
     c.correct_truth(i, m.poses._replace(values=divided(m.poses.values, factor, (2,))))
@@ -142,8 +135,7 @@ def check_turn_unit(c: CheckedLog, i: int) -> None:
     true = _third_quartile(np.abs(true_turns(m.steps(m.truth))))
     column, name, per = (2, "heading", "") if c.log.odometry_kind == "pose" else (1, "turn_rate", "/s")
     ratio = said / true if true > 0.01 * m.window else np.nan
-    units: tuple[tuple[Kind, float, str], ...] = (("degrees", 1 / DEGREE, "deg"), ("radians", DEGREE, "rad"))
-    for kind, factor, unit in units:
+    for unit, (kind, factor) in ANGLES.items():
         if factor / 2.5 < ratio < factor * 2.5:
             fact = f"odometry turns {ratio:.3g} times as fast as the truth, which is about {factor:.3g}"
             c.add(kind, i, odometry.source, fact, "sure", f'unit = "{unit}{per}"', "odometry", (name,))
@@ -163,7 +155,7 @@ LONGEST_SHIFT = 60.0  # [s]
 FEWEST = 25  # windows that two series must have in common
 FITS = 0.5  # correlation from which odometry fits a truth
 OWN = 0.8  # correlation from which a truth is the robot's own, without comparing it with the others'
-EVIDENCE = 5.0  # standard errors between the correlations (Fisher's z) with and without the shift
+EVIDENCE = 5.0  # standard errors that a shift, or a scale, must have
 
 
 class ClockFit(NamedTuple):
@@ -172,7 +164,7 @@ class ClockFit(NamedTuple):
     shift: float = 0.0  # by which the truth's stamps are later than odometry's [s]
     correlation: float = 0.0  # at that shift
     unshifted: float = 0.0  # correlation at no shift
-    windows: int = 0
+    evidence: float = 0.0  # standard errors between both (Fisher's z)
 
 
 def check_clocks(c: CheckedLog) -> None:
@@ -204,8 +196,14 @@ def _check_clock(c: CheckedLog, i: int, fit: ClockFit | None) -> None:
     if len(wheels) and min(t[-1], wheels[-1]) <= max(t[0], wheels[0]):
         apart = float(t[0] - wheels[0])
         fit = best_fit(m, m.truth._replace(time=t - apart))
-    if fit is None or not (apart or _is_shifted(m, fit)):
+    if fit is None:
         return
+    if not apart:
+        if fit.correlation < FITS or fit.evidence <= EVIDENCE:
+            return
+        interval = max(float(np.median(np.diff(stamps))) for stamps in (wheels, t))
+        if abs(fit.shift) < max(0.05, 1.5 * interval):
+            return
     shift = apart + fit.shift
     fact = f"the truth's stamps are {shift:+.4g} s from odometry's (correlation {fit.correlation:.2f}"
     fact += " once both begin together)" if apart else f"; {fit.unshifted:.2f} without the shift)"
@@ -246,7 +244,9 @@ def best_fit(m: RobotMotion, truth: Motion) -> ClockFit:
     fine = np.linspace(at - 0.6 * window, at + 0.6 * window, 25)
     sharp = correlations(fine)
     best, unshifted = int(np.argmax(sharp)), float(correlations(np.zeros(1))[0])
-    return ClockFit(float(fine[best]), float(sharp[best]), unshifted, int(np.isfinite(said.length).sum()))
+    with_it, without = np.arctanh(np.clip([sharp[best], unshifted], -0.999, 0.999))
+    windows = max(int(np.isfinite(said.length).sum()) - 3, 1)
+    return ClockFit(float(fine[best]), float(sharp[best]), unshifted, float((with_it - without) * np.sqrt(windows / 2)))
 
 
 def _nearest_peak(correlation: Array, shifts: Array, samples: float) -> int:
@@ -291,16 +291,6 @@ def _without_jumps(steps: Steps) -> Steps:
     known = length[np.isfinite(length)]
     jump = length > 10 * known.mean() if len(known) else np.zeros(len(length), bool)
     return Steps(*(np.where(jump if part.ndim == 1 else jump[:, None], np.nan, part) for part in steps))
-
-
-def _is_shifted(m: RobotMotion, fit: ClockFit) -> bool:
-    """Whether a shift is longer than an interval and a half, fits, and fits much better than none."""
-    if fit.correlation < FITS:
-        return False
-    interval = max(float(np.median(np.diff(t))) for t in (m.odometry.time, m.truth.time))
-    with_it, without = np.arctanh(np.clip([fit.correlation, fit.unshifted], -0.999, 0.999))
-    evidence = (with_it - without) * np.sqrt(max(fit.windows - 3, 1) / 2)
-    return bool(abs(fit.shift) >= max(0.05, 1.5 * interval) and evidence > EVIDENCE)
 
 
 # --- Positions that cannot be
@@ -398,10 +388,13 @@ FOLLOWS = 0.6  # mean resultant length from which one direction follows another
 OFFSET = 0.3  # [rad] of a heading against the direction of motion; a slip or an arc is less
 BESIDE = 0.3  # [m] a smaller shift cannot be told from noise and bias of ranges
 SIGN = 6.0  # standard errors of a slope below zero from which a sign is wrong
-MIRRORS: dict[int, tuple[Kind, str]] = {  # by eighths of a turn
-    0: ("mirrored", "y is downwards"),
-    2: ("axes", "x and y are exchanged"),
-    4: ("mirrored", "x is to the left"),
+BACK = "turn the positions back in the files"
+MIRRORS: dict[int, tuple[Kind, str, str]] = {  # by eighths of a turn
+    0: ("mirrored", "y is downwards", 'frame = "mirrored"'),
+    2: ("axes", "x and y are exchanged", 'frame = "swapped"'),
+    -2: ("axes", "x and y are exchanged, and one is reversed", BACK),
+    4: ("mirrored", "x is to the left", BACK),
+    -4: ("mirrored", "x is to the left", BACK),
 }
 
 
@@ -433,7 +426,7 @@ def _check_turning_frame(c: CheckedLog, i: int) -> None:
 
     if opposes > FOLLOWS and opposes > follows + 0.2:
         if headed and reversed_turns:  # odometry turns against the heading, and with the course
-            start = "from y, as a compass does" if abs(wrap(np.asarray(mirror - np.pi / 2))) < OFFSET else "from x"
+            start = "from y, as a compass does" if abs(mirror - np.pi / 2) < OFFSET else "from x"
             fact = f"the heading falls when the robot turns left (agreement {opposes:.2f}): it is clockwise {start}"
             setting = f"write {np.degrees(mirror):.0f} deg - heading into the file"
             c.add("heading", i, m.poses.source, fact, "sure", setting, "truth", ("heading",))
@@ -483,14 +476,8 @@ def _is_negative(slope: float, error: float) -> bool:
 
 def _add_mirror(c: CheckedLog, i: int, mirror: float, fact: str, sure: Sure) -> None:
     """Report positions mirrored in a line at half of `mirror` [rad], and reflect them where ranges fit best."""
-    eighths = int(np.rint(abs(wrap(np.asarray(mirror))) / (np.pi / 4)))
-    kind, words = MIRRORS.get(eighths, ("mirrored", f"in a line at {np.degrees(mirror) / 2:.0f} deg"))
-    columns: tuple[str, ...] = ("x", "y")
-    setting = "turn the positions back in the files"
-    if eighths == 2 and mirror < 0:
-        words = "x and y are exchanged, and one is reversed"
-    elif kind == "axes" or eighths == 0:
-        setting, columns = 'frame = "swapped"' if kind == "axes" else 'frame = "mirrored"', ()
+    line = f"in a line at {np.degrees(mirror) / 2:.0f} deg"
+    kind, words, setting = MIRRORS.get(int(np.rint(mirror / (np.pi / 4))), ("mirrored", line, BACK))
     truth = robot_motion(c.log, i).poses
     cosine, sine = np.cos(mirror), np.sin(mirror)
     values = truth.values.copy()
@@ -500,6 +487,7 @@ def _add_mirror(c: CheckedLog, i: int, mirror: float, fact: str, sure: Sure) -> 
     if shift is not None and np.hypot(*shift) >= BESIDE:
         values[:, :2] += shift
         words += f"; ranges then ask for a shift by {shift[0]:+.2f}, {shift[1]:+.2f} m"
+    columns = ("x", "y") if setting == BACK else ()
     c.add(kind, i, truth.source, f"{fact}: {words}", sure, setting, "truth", columns)
 
 

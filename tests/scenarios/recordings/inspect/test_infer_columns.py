@@ -14,7 +14,7 @@ def guessed(folder, columns, name="table.csv"):
     path = folder / name
     rows = zip(*columns.values(), strict=True)
     path.write_text("\n".join([",".join(columns), *(",".join(map(str, row)) for row in rows)]) + "\n")
-    return {guess.column: guess for guess in read_csv(path).guesses}
+    return {guess.column: guess for guess in read_csv(path, path.name).guesses}
 
 
 @pytest.mark.parametrize(
@@ -121,4 +121,4 @@ def test_a_file_that_is_no_table_is_one_line(tmp_path, text, said):
     path = tmp_path / "a.csv"
     path.write_text(text)
     with pytest.raises(BadInput, match=said):
-        read_csv(path)
+        read_csv(path, path.name)
