@@ -16,7 +16,7 @@ SKETCH = "inspect.png"
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Inspection:
-    """What a look at a recording found."""
+    """What an inspection of a recording found."""
 
     inspected: Inspected
 
@@ -52,12 +52,14 @@ class Inspection:
         return str(shown.to_html(index=False))
 
     def sketch(self, path: str | Path | None = None) -> Figure:
-        """Tracks, who measured whom, and what was recorded when; written to a PNG where a path is given."""
+        """Draw tracks, who measured whom, and what was recorded when; a path gets a PNG."""
         from matplotlib import pyplot
 
         from cooploc.analysis.plot.recording import recording
 
-        figure = recording(self.inspected.corrected, _note(self.inspected))
+        found = self.inspected
+        note = " (drawn with the findings corrected)" if found.findings else ""
+        figure = recording(found.corrected, found.log.name + note)
         if path is not None:
             atomic_file.replace(Path(path), lambda temporary: figure.savefig(temporary, format="png", dpi=120))
             pyplot.close(figure)
@@ -99,9 +101,3 @@ def inspect(path: str | Path, run: str = "", again: bool = False) -> Inspection:
 
     """
     return Inspection(inspect_recording(Path(path), run, again))
-
-
-def _note(found: Inspected) -> str:
-    """Above the tracks: the recording, and whether it is drawn with findings corrected."""
-    corrected = " (drawn with the findings corrected)" if found.findings else ""
-    return f"{found.log.name}{corrected}"

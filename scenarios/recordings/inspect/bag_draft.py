@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from cooploc.estimators.errors import BadInput
-from cooploc.scenarios.recordings.bags import TopicInfo, TopicSeries, read_topics, topics
+from cooploc.scenarios.recordings.bags import TopicSeries, read_topics, topics
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, Entry, Table
 from cooploc.scenarios.recordings.inspect.infer_columns import ODOMETRY, words_of
 from cooploc.scenarios.recordings.radio_nodes import NodeRanges, assign
@@ -53,9 +53,14 @@ def bag_draft(path: Path) -> Draft:
     )
     used = dict.fromkeys(wheels.values(), "odometry") | dict.fromkeys(truth.values(), "truth")
     used |= dict.fromkeys(ranges.values(), "range")
-    columns = tuple((t.name, t.type.rpartition("/")[2], used.get(t.name, "not used"), _rate(t)) for t in found)
-    unused = tuple(f"{t.name} ({t.type.rpartition('/')[2]}, {t.messages})" for t in found if t.name not in used)
-    return Draft(entries, tuple(tables), columns, unused)
+    columns, unused = [], []
+    for t in found:
+        form, gaps = t.type.rpartition("/")[2], f", {len(t.gaps)} gaps" if t.gaps else ""
+        rate = f"{t.messages} messages, {t.rate:.3g} Hz, {t.last - t.first:.3g} s{gaps}"
+        columns.append((t.name, form, used.get(t.name, "not used"), rate))
+        if t.name not in used:
+            unused.append(f"{t.name} ({form}, {t.messages})")
+    return Draft(entries, tuple(tables), tuple(columns), tuple(unused))
 
 
 # --- Names
@@ -140,7 +145,11 @@ def _ranges(
     if len(truth) < 2:
         return Table("ranges", tuple(entries))
     every = [NodeRanges(x, y, series[t].time, series[t].values[:, 0]) for (x, y), t in ranges.items()]
-    found = assign(every, {robot: _pose(series[topic], topic) for robot, topic in truth.items()})
+    carriers = {}
+    for robot, topic in truth.items():
+        pose = [_column(series[topic], name) for name in ("x [m]", "y [m]", "heading [rad]")]
+        carriers[robot] = Series(series[topic].time, np.stack(pose, -1), topic)
+    found = assign(every, carriers)
     why = (
         f"ranges fit the distances by the truth to {found.residual:.3f} m (median, less a bias of each pair); "
         f"the next best assignment to {found.second:.3f} m"
@@ -160,15 +169,5 @@ def _ranges(
     return Table("ranges", tuple(entries), remarks if stood else ())
 
 
-def _pose(series: TopicSeries, topic: str) -> Series:
-    columns = [_column(series, name) for name in ("x [m]", "y [m]", "heading [rad]")]
-    return Series(series.time, np.stack(columns, -1), topic)
-
-
 def _column(series: TopicSeries, name: str) -> np.ndarray:
     return series.values[:, series.columns.index(name)]
-
-
-def _rate(topic: TopicInfo) -> str:
-    gaps = f", {len(topic.gaps)} gaps" if topic.gaps else ""
-    return f"{topic.messages} messages, {topic.rate:.3g} Hz, {topic.last - topic.first:.3g} s{gaps}"

@@ -215,7 +215,8 @@ def _guess(table: CsvTable, column: str, file_side: str) -> Guess:
     if quantity in ("time", "sec") and len(values) > 1 and (np.diff(values) < 0).mean() > 0.01:
         return unknown(f"its name says {quantity}, but its values fall")
     rises = len(values) > 10 and (np.diff(values) >= 0).all() and np.ptp(values) > 0
-    if rises and quantity == "x" and said.side == "odometry" and not _has_y(table, said.side):
+    beside = {name_meaning(name)[::2] for name in table.columns}
+    if rises and (quantity, said.side) == ("x", "odometry") and ("y", "odometry") not in beside:
         quantity = "length"
         reason += " has no y beside it, and its values only rise: a counter of metres"
     unit, why = _unit(quantity, said.unit, values)
@@ -271,7 +272,3 @@ def _is_beside_pose(table: CsvTable, column: str) -> bool:
     beside = {letter: column[:-1] + letter for letter in "xy"}
     places = all(name in table.columns and name_meaning(name).quantity == q for q, name in beside.items())
     return len(column) > 1 and column.endswith("w") and places
-
-
-def _has_y(table: CsvTable, side: str) -> bool:
-    return any(name_meaning(name)[::2] == ("y", side) for name in table.columns)

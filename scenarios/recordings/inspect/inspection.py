@@ -1,6 +1,6 @@
 """The inspection of a recording, from a path to everything that can be said of it."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -57,7 +57,7 @@ def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspect
     """Inspect a directory of CSV files, a bag, a PyFG file or MRCLAM text.
 
     Args:
-        path: a directory or file; a log.toml in the directory is believed.
+        path: a directory or file; a log.toml in the directory that states a format is believed.
         run: which recording of several; the first if empty.
         again: guess everything once more, whatever log.toml says.
 
@@ -67,14 +67,14 @@ def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspect
     """
     form, why = recognize(path)
     home = (path if path.is_dir() else path.parent) / NAME
-    stated = not again and home.is_file()
-    draft, text = Draft(()), ""
+    text = text_of(home) if home.is_file() and not again else ""
+    stated, draft = "\nformat" in f"\n{text}", Draft(())
     if stated:
-        description, text, why = load(home), text_of(home), "log.toml says so"
+        description, why = load(home), "log.toml says so"
     else:
         drafted = {"csv": csv_draft, "bag": bag_draft}
         draft = drafted[form](path) if form in drafted else Draft((Entry("format", form, why),))
-        description = _parsed(home, plain_text(draft))
+        description = parse(home, plain_text(draft), TeamDescription, TABLES, EXAMPLE)
     read = reader(description.format)
     data = path.parent if path.is_file() and description.format == "bag" else path
     places = read.runs(data, description)
@@ -86,14 +86,9 @@ def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspect
     findings = checked.result()
     if not stated:
         text = log_toml(path, why, draft, checked.log, findings, len(places))
-        _parsed(home, text)
     rows = tuple(series_rows(log))
     runs, columns = tuple(places), draft.columns
     return Inspected(path, description.format, why, runs, log, checked.log, rows, findings, columns, draft.unused, text)
-
-
-def _parsed(path: Path, text: str) -> TeamDescription:
-    return parse(path, text, TeamDescription, TABLES, EXAMPLE)
 
 
 def recognize(path: Path) -> tuple[str, str]:
@@ -154,30 +149,24 @@ def check_recording(log: TeamLog, arena: Array | None = None) -> CheckedLog:
 
 def series_rows(log: TeamLog) -> list[SeriesRow]:
     """Return a row for each series; readings of every pair apart."""
-    found = list(_series(log))
+    found = [("odometry", robot, s.time, s.source) for robot, s in zip(log.robots, log.odometry, strict=True)]
+    for robot, truth in zip(log.robots, log.truth, strict=True):
+        if truth is not None:
+            found.append(("truth", robot, truth.time[np.isfinite(truth.values[:, :2]).all(axis=1)], truth.source))
+    for channel, r in log.readings.items():
+        for i, k in np.unique(np.stack([r.robot, r.other]), axis=1).T:
+            of = f"{log.robots[i]}-{readings.measured_name(log, channel, int(k))}"
+            found.append((channel, of, r.time[(r.robot == i) & (r.other == k)], r.source))
     zero = min((time[0] for _, _, time, _ in found if len(time)), default=0.0)
     return [_row(name, of, time - zero, source) for name, of, time, source in found]
 
 
-def _series(log: TeamLog) -> Iterator[tuple[str, str, Array, str]]:
-    for robot, series in zip(log.robots, log.odometry, strict=True):
-        yield "odometry", robot, series.time, series.source
-    for robot, truth in zip(log.robots, log.truth, strict=True):
-        if truth is not None:
-            yield "truth", robot, truth.time[np.isfinite(truth.values[:, :2]).all(axis=1)], truth.source
-    for channel, r in log.readings.items():
-        for i, k in np.unique(np.stack([r.robot, r.other]), axis=1).T:
-            of = f"{log.robots[i]}-{readings.measured_name(log, channel, int(k))}"
-            yield channel, of, r.time[(r.robot == i) & (r.other == k)], r.source
-
-
 def _row(name: str, of: str, time: Array, source: str) -> SeriesRow:
-    if not len(time):
-        return SeriesRow(name, of, 0, np.nan, np.nan, np.nan, 0, np.nan, time, source)
-    intervals, (first, last) = np.diff(time), time[[0, -1]].tolist()
-    usual = float(np.median(intervals)) if len(intervals) else np.nan
-    gaps, longest = int((intervals > max(GAP * usual, 1.0)).sum()), float(max(intervals, default=np.nan))
-    return SeriesRow(name, of, len(time), 1 / usual if usual > 0 else np.nan, first, last, gaps, longest, time, source)
+    first, last = time[[0, -1]].tolist() if len(time) else (np.nan, np.nan)
+    intervals = np.diff(time)
+    usual, longest = (float(f(intervals)) if len(intervals) else np.nan for f in (np.median, np.max))
+    gaps, rate = int((intervals > max(GAP * usual, 1.0)).sum()), 1 / usual if usual > 0 else np.nan
+    return SeriesRow(name, of, len(time), rate, first, last, gaps, longest, time, source)
 
 
 def measured_counts(log: TeamLog) -> tuple[tuple[str, ...], tuple[str, ...], Array]:

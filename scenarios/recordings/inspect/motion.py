@@ -7,6 +7,7 @@ a shift of one clock against the other costs one interpolation.
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 from scipy.stats import median_abs_deviation
 
 from cooploc.estimators.interface import Array
@@ -118,11 +119,7 @@ def _truth_motion(truth: Series) -> Motion:
 
 def _length_and_turn(pose: Array) -> tuple[Array, Array]:
     """Length and turn of poses (m, 3): a step is as long as its places are apart, negative against its heading."""
-    pose = pose.copy()
-    for column in pose.T:
-        known = np.flatnonzero(np.isfinite(column))
-        nearest = np.clip(np.searchsorted(known, np.arange(len(column))), 0, max(len(known) - 1, 0))
-        column[:] = column[known[nearest]] if len(known) else 0.0
+    pose = pd.DataFrame(pose).bfill().ffill().fillna(0.0).to_numpy()
     heading = np.unwrap(pose[:, 2])
     middle, apart = (heading[1:] + heading[:-1]) / 2, np.diff(pose[:, :2], axis=0)
     along = apart[:, 0] * np.cos(middle) + apart[:, 1] * np.sin(middle)

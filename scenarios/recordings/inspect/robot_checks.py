@@ -419,7 +419,8 @@ def _check_turning_frame(c: CheckedLog, i: int) -> None:
     smoothed = np.convolve(said.turn, np.full(3, 1 / 3), "same") if len(said.turn) > 3 else said.turn
     of_heading, of_course = robust_slope(true.turn, said.turn), robust_slope(course_turns(true.move), smoothed)
     headed = bool(np.isfinite(of_heading[0]))
-    reversed_turns = _is_negative(*(of_heading if headed else of_course))
+    slope, error = of_heading if headed else of_course
+    reversed_turns = slope < -0.3 and slope < -SIGN * error
 
     def set_heading(new: Array) -> None:
         c.correct_truth(i, m.poses._replace(values=np.column_stack([poses[:, :2], wrap(new)])))
@@ -441,7 +442,7 @@ def _check_turning_frame(c: CheckedLog, i: int) -> None:
         c.add("heading", i, m.poses.source, fact, "likely", setting, "truth", ("heading",))
         set_heading(poses[:, 2] - offset)
     if reversed_turns:
-        fact = f"odometry turns right where the truth turns left (slope {(of_heading if headed else of_course)[0]:.2f})"
+        fact = f"odometry turns right where the truth turns left (slope {slope:.2f})"
         fact += "" if headed else "; or the truth is mirrored (its heading was not recorded)"
         pose = c.log.odometry_kind == "pose"
         names = ("y", "heading") if pose else ("turn_rate",)
@@ -468,10 +469,6 @@ def _check_compass_frame(c: CheckedLog, i: int) -> None:
         fact = f"the positions move {degrees:+.0f} deg from where odometry says (agreement {follows:.2f})"
         setting = f"turn dx, dy by {degrees:.0f} deg in the files"
         c.add("frame", i, c.log.odometry[i].source, fact, "likely", setting, "odometry", ("dx", "dy"))
-
-
-def _is_negative(slope: float, error: float) -> bool:
-    return bool(slope < -0.3 and slope < -SIGN * error)
 
 
 def _add_mirror(c: CheckedLog, i: int, mirror: float, fact: str, sure: Sure) -> None:
