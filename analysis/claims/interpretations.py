@@ -207,55 +207,47 @@ def find_error(dimensions: Dimensions, claims: Sequence[Claim]) -> str:
     estimators = list(dict.fromkeys(name for claim in claims for name in (*claim.of, *claim.than)))
     scenarios = list(dict.fromkeys(label for claim in claims for label in claim.scenarios))
     known = list(dict.fromkeys([*(parse(e)[0] for e in estimators), *(_family(s) for s in scenarios)]))
-    for name, dimension in dimensions.items():
-        for missing in [one for one in dimension.only if one not in known]:
-            return (
-                f"dimension {name!r}: only: the claims name no estimator or family of scenarios {missing!r}; "
-                f"{nearest(missing, known)}"
-            )
-        for choice, one in dimension.choices.items():
-            for why in (
-                *_settling_errors(name, one, dimensions),
-                *_estimator_errors(dimension, one, estimators),
-                *_scenario_errors(dimension, one, scenarios),
-            ):
-                return f"dimension {name!r}: choice {choice!r}: {why}"
+    for name, one in dimensions.items():
+        for missing in [each for each in one.only if each not in known]:
+            about = f"only: the claims name no estimator or family of scenarios {missing!r}"
+            return f"dimension {name!r}: {about}; {nearest(missing, known)}"
+        for label, choice in one.choices.items():
+            settled = (_settling_error(name, other, dimensions) for other in choice.settles)
+            wrong = filter(None, (*settled, *_value_errors(one, choice, estimators, scenarios)))
+            for why in wrong:
+                return f"dimension {name!r}: choice {label!r}: {why}"
     for (a, left), (b, right) in combinations(dimensions.items(), 2):
-        apart = left.only and right.only and not set(left.only) & set(right.only)
-        for kind in () if apart else ("estimators", "scenarios"):
-            first, second = ({key for c in d.choices.values() for key in getattr(c, kind)} for d in (left, right))
-            for key in sorted(first & second):  # one of the two would win unseen
-                return f"dimensions {a!r} and {b!r} both set {key!r} of {kind}: leave it to one of them"
+        if not (left.only and right.only) or set(left.only) & set(right.only):
+            for kind in ("estimators", "scenarios"):
+                first, second = ({key for c in d.choices.values() for key in getattr(c, kind)} for d in (left, right))
+                for key in sorted(first & second):  # one of the two would win unseen
+                    return f"dimensions {a!r} and {b!r} both set {key!r} of {kind}: leave it to one of them"
     return ""
 
 
-def _settling_errors(name: str, choice: Choice, dimensions: Dimensions) -> Iterator[str]:
-    for other in choice.settles:
-        if other == name:
-            yield "it cannot settle its own dimension: leave it out of settles"
-        elif other not in dimensions:
-            yield f"it settles {other!r}, not a dimension; {nearest(other, list(dimensions))}"
+def _settling_error(name: str, other: str, dimensions: Dimensions) -> str:
+    if other == name:
+        return "it cannot settle its own dimension: leave it out of settles"
+    return "" if other in dimensions else f"it settles {other!r}, not a dimension; {nearest(other, list(dimensions))}"
 
 
-def _estimator_errors(dimension: Dimension, choice: Choice, labels: Sequence[str]) -> Iterator[str]:
-    """Yield parameters that no estimator has, and values that do not fit."""
-    about = [label for label in labels if _concerns(dimension, parse(label)[0]) and not _refusal(make, label)]
+def _value_errors(
+    dimension: Dimension, choice: Choice, estimators: Sequence[str], scenarios: Sequence[str]
+) -> Iterator[str]:
+    """Yield parameters that no estimator has, and values that do not fit an estimator or a scenario."""
+    about = [label for label in estimators if _concerns(dimension, parse(label)[0]) and not _refusal(make, label)]
     names = {label: _parameter_names(make(label)) for label in about}  # without plug-ins of another machine
     known = sorted({key for each in names.values() for key in each})
     for key, value in choice.estimators.items():
         if about and key not in known:
             yield f"no estimator that it is about has a parameter {key!r}; {nearest(key, known)}"
-        yield from filter(None, (_refusal(make, label, **{key: value}) for label in about if key in names[label]))
-
-
-def _scenario_errors(dimension: Dimension, choice: Choice, labels: Sequence[str]) -> Iterator[str]:
-    """Yield parameters that a scenario does not have, and values that do not fit."""
-    for label in labels if choice.scenarios else ():
+        yield from (_refusal(make, label, **{key: value}) for label in about if key in names[label])
+    for label in scenarios if choice.scenarios else ():
         before, brace, rest = label.partition("{")
         one = before + rest.partition("..")[0] + rest.partition("}")[2] if brace else label
         if _concerns(dimension, _family(label)) and not _refusal(resolve, one):
-            wanted = {key: value for key, value in choice.scenarios.items() if key not in parse(label)[1]}
-            yield from filter(None, (_refusal(resolve, one, **{key: value}) for key, value in wanted.items()))
+            stated = parse(label)[1]
+            yield from (_refusal(resolve, one, **{k: v}) for k, v in choice.scenarios.items() if k not in stated)
 
 
 def _refusal(build: Callable[..., Any], label: str, **options: str) -> str:

@@ -22,7 +22,7 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 from scipy import stats
 
-from cooploc.analysis.claims.trial_table import Key, Missing, TrialTable
+from cooploc.analysis.claims.trial_table import Missing, TrialTable
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.consistency import LEAST_COVERAGE, OVER_CONFIDENT
 from cooploc.analysis.metrics.sequential import FIXED, Stopping, trials_to_exclude
@@ -163,16 +163,10 @@ def claimed_size(claim: Claim, definition: str) -> float:
 
 
 def _as_change(ratio: float) -> float:
-    """Return a change by `ratio` that is meant as the ratio a/b - 1, with its sign turned round, as b/a - 1."""
     return 1 / (1 - ratio) - 1
 
 
 def _zones_of_size(case: Case, claim: Claim) -> Zones:
-    """Return the zones of a claimed change: supported beyond its margin, direction only between nothing and its size.
-
-    Of a size below 0: supported below size + margin; direction only between size and 0; contradicted above 0. Of a size
-    above 0 the mirror image. Without a size: supported below 0; contradicted above.
-    """
     if claim.size is None:
         return FALLS
     least = claim.size - float(np.copysign(claim.margin, claim.size))
@@ -183,20 +177,14 @@ def _zones_of_size(case: Case, claim: Claim) -> Zones:
 
 
 def judge_change(case: Case, claim: Claim, table: TrialTable) -> Finding:
-    """Judge by how much the RMSE of `of` differs from that of `than` in a scenario."""
-    (scenario,), (than,) = case.scenarios, case.than
-    return _judge_pair(table, (scenario, than), (scenario, case.of), _zones_of_size(case, claim))
+    """Judge by how much the RMSE of `of` differs from that of `than`, or from its own in the first scenario.
 
-
-def judge_trend(case: Case, claim: Claim, table: TrialTable) -> Finding:
-    """Judge by how much the RMSE of `of` changes from the first scenario to a later one."""
-    first, later = case.scenarios
-    return _judge_pair(table, (first, case.of), (later, case.of), _zones_of_size(case, claim))
-
-
-def _judge_pair(table: TrialTable, before: Key, after: Key, zones: Zones) -> Finding:
-    """Judge the change of RMSE from one (scenario, estimator) to another."""
-    a, b = table.mse(before, after).T
+    Of a size below 0: supported below size + margin; direction only between size and 0; contradicted above 0. Of a size
+    above 0 the mirror image. Without a size: supported below 0; contradicted above.
+    """
+    first, last = case.scenarios[0], case.scenarios[-1]
+    a, b = table.mse((first, (case.than or (case.of,))[0]), (last, case.of)).T
+    zones = _zones_of_size(case, claim)
     return decide(table.stopping.change(a, b), len(a), zones, partial(table.stopping.p_of_change, a, b))
 
 
@@ -319,26 +307,21 @@ def judge_cost(case: Case, claim: Claim, table: TrialTable) -> Finding:
     logs = np.log(table.seconds((scenario, case.of), (scenario, than)))
     interval = table.stopping.mean(logs[:, 0] - logs[:, 1])
     test = partial(table.stopping.p_of_mean, interval, len(logs))
-    zones = _zones_of_size(case, claim)
-    found = decide(_relative(interval), len(logs), zones, lambda value: test(float(np.log1p(value))))
+    change = Interval(*(float(np.expm1(end)) for end in interval))
+    found = decide(change, len(logs), _zones_of_size(case, claim), lambda value: test(float(np.log1p(value))))
     return found._replace(needed=found.needed * table.trials((scenario, case.of)) / len(logs))
 
 
 def _decide_log(logs: Interval, n: int, zones: Zones, table: TrialTable) -> Finding:
     """Return the verdict on a difference of logarithms, which is then written as a relative change."""
     found = decide(logs, n, zones, partial(table.stopping.p_of_mean, logs, n))
-    return found._replace(interval=_relative(found.interval))
+    return found._replace(interval=Interval(*(float(np.expm1(end)) for end in logs)))
 
 
 def _decide_positive(interval: Interval, n: int, zones: Zones, table: TrialTable) -> Finding:
     """Return the verdict on a positive number whose interval is symmetric in its logarithm."""
     logs = Interval(*np.log(interval))
     return decide(interval, n, zones, lambda value: table.stopping.p_of_mean(logs, n, float(np.log(value))))
-
-
-def _relative(logs: Interval) -> Interval:
-    """Return the relative change of a difference of logarithms."""
-    return Interval(*(float(np.expm1(end)) for end in logs))
 
 
 # ---- the kinds
@@ -365,17 +348,16 @@ def definitions(claim: Claim) -> Sequence[str]:
 
 def cases(claim: Claim) -> list[Case]:
     """Return the questions that a claim comes down to, each on its own, by the first definition of its size."""
-    one_by_one: Sequence[tuple[str, ...]] = [(name,) for name in claim.than] or [()]
-    where: dict[str, Sequence[tuple[str, ...]]] = {
+    first, *later = claim.scenarios or ("",)
+    where: dict[str, list[tuple[str, ...]]] = {
         "each": [(label,) for label in claim.scenarios],
-        "later": [(claim.scenarios[0], label) for label in claim.scenarios[1:]],
+        "later": [(first, label) for label in later],
         "all": [claim.scenarios],
     }
-    than = [claim.than] if claim.kind == "all" else one_by_one
-    definition = definitions(claim)[0]
-    return [
-        Case(of, other, s, definition) for s, of, other in product(where[KINDS[claim.kind].scenarios], claim.of, than)
-    ]
+    one_by_one: list[tuple[str, ...]] = [(name,) for name in claim.than]
+    than = [claim.than] if claim.kind == "all" else one_by_one or [()]
+    scenarios, definition = where[KINDS[claim.kind].scenarios], definitions(claim)[0]
+    return [Case(of, other, s, definition) for s, of, other in product(scenarios, claim.of, than)]
 
 
 RELATIVE = ("change", "trend", "cost")  # kinds whose size is a relative change
@@ -388,7 +370,7 @@ KINDS = {
         "the RMSE of {of} is {} higher than that of {than}", "the RMSE of {of} is {} lower than that of {than}",
     ),
     "trend": Kind(
-        judge_trend, "later", {"of", "scenarios"}, {*_SIZED, "definitions"},
+        judge_change, "later", {"of", "scenarios"}, {*_SIZED, "definitions"},
         "the RMSE of {of} grows by {}", "the RMSE of {of} falls by {}",
     ),
     "all": Kind(

@@ -1,7 +1,7 @@
 """Tables over trials: what each estimator achieves, and how it differs from a baseline on the same streams.
 
-To add a statistic of an estimator, write one entry in `STATISTICS`; one that compares it with its baseline, one in
-`COMPARISONS`. It gets into the tables of `summarize` and `compare`, and so into CSV and JSON.
+To add a statistic, write one entry in `STATISTICS`: it gets into the tables of `summarize` and `compare`, and so into
+CSV and JSON.
 """
 
 from collections.abc import Callable, Mapping
@@ -198,74 +198,6 @@ def _columns(name: str, value: Any) -> list[tuple[str, Any]]:
 
 # ---- an estimator against its baseline
 
-
-class Pair(NamedTuple):
-    """An estimator and its baseline on the trials in which both succeeded."""
-
-    a: Array  # (k,) mean squared errors of the baseline [m^2]
-    b: Array  # (k,) those of the estimator
-    change: Interval  # of RMSE
-    other: bool  # False for the baseline itself
-    lost: tuple[bool, bool]  # whether a trial of the baseline, of the estimator, failed
-    margin: float  # share of RMSE by which two tie
-
-    @property
-    def tested(self) -> bool:
-        """Whether there are enough trials for a test."""
-        return self.other and len(self.a) >= statistics.LEAST_TRIALS
-
-
-def _p(pair: Pair) -> float:
-    p = statistics.p_of_difference(pair.a, pair.b) if pair.tested else np.nan
-    return 1.0 if p == p and pair.lost[int(pair.change.value < 0)] else p
-
-
-def _p_equal(pair: Pair) -> float:
-    p = statistics.equivalence(pair.a, pair.b, pair.margin) if pair.tested else np.nan
-    return 1.0 if p == p and any(pair.lost) else p
-
-
-class Comparison(NamedTuple):
-    """A number of an estimator against its baseline; an `Interval` makes the columns `_low` and `_high`, too."""
-
-    meaning: str
-    of: Callable[[Pair], Any]
-    unit: str = ""
-
-
-COMPARISONS = {
-    "pairs": Comparison("trials in which both succeeded", lambda pair: len(pair.a)),
-    "change": Comparison(
-        "RMSE / the baseline's RMSE - 1, with its interval (Fieller); -0.2 is an error 20 % smaller",
-        lambda pair: pair.change,
-    ),
-    "difference": Comparison(
-        "mean over trials of RMSE minus the baseline's, with its t interval",
-        lambda pair: statistics.mean(np.sqrt(pair.b) - np.sqrt(pair.a)), "m",
-    ),
-    "bca": Comparison(
-        "`change` with its interval by the BCa bootstrap, a cross-check of Fieller's",
-        lambda pair: statistics.change_bca(pair.a, pair.b),
-    ),
-    "p": Comparison(
-        "p against equal RMSE, not adjusted: below 0.05 where the interval of `change` excludes 0, and nowhere else; "
-        "1 where the one that looks better failed in a trial", _p,
-    ),
-    "effect": Comparison(
-        "matched-pairs rank-biserial correlation in [-1, 1], which says in how many trials errors are smaller "
-        "(negative), and not by how much RMSE is; it decides nothing",
-        lambda pair: statistics.signed_rank(np.sqrt(pair.a), np.sqrt(pair.b))[1] if pair.tested else np.nan,
-    ),
-    "p_equal": Comparison(
-        "p of the equivalence test on the RMSE; small where the two tie within `margin`; 1 where one failed", _p_equal
-    ),
-    "trials_for_margin": Comparison(
-        "trials at which `change` would be known to plus or minus `margin`",
-        lambda pair: (
-            sequential.trials_for_width(pair.change, len(pair.a), pair.margin) if pair.other else np.nan
-        ),
-    ),
-}  # fmt: skip
 # What `compare` shows unless it is asked for all.
 SHORT = (
     *("scenario", "estimator", "trials", "rmse", "rmse_low", "rmse_high", "change", "change_low", "change_high"),
@@ -280,9 +212,10 @@ def compare(
     """Compare every estimator with a baseline, trial by trial on the same streams; one row per (scenario, estimator).
 
     A change or difference is negative where the estimator's error is smaller than the baseline's. The table has those
-    columns of `summarize` that are read most, with `change`, and
+    columns of `summarize` that are read most, and these.
 
     Columns:
+        change: RMSE / the baseline's RMSE - 1, with its interval (Fieller); -0.2 is an error 20 % smaller
         p_holm: p of the test that the interval of `change` inverts, adjusted by Holm over all rows of the table
         consistency: over-confident, consistent, conservative, over-wide, not shown or not assessed; see
             `consistency.flag`
@@ -295,7 +228,15 @@ def compare(
     More columns:
         offline: True for an estimator that saw the readings of later ticks, too; never best, and not ranked
         baseline: label of the estimator that the row is compared with
-        {comparisons}
+        pairs: trials in which both succeeded
+        difference [m]: mean over trials of RMSE minus the baseline's, with its t interval
+        bca_low, bca_high: interval of `change` by the BCa bootstrap, a cross-check of Fieller's
+        p: p against equal RMSE, not adjusted: below 0.05 where the interval of `change` excludes 0, and nowhere else;
+            1 where the one that looks better failed in a trial
+        effect: matched-pairs rank-biserial correlation in [-1, 1], which says in how many trials errors are smaller
+            (negative), and not by how much RMSE is; it decides nothing
+        p_equal: p of the equivalence test on the RMSE; small where the two tie within `margin`; 1 where one failed
+        trials_for_margin: trials at which `change` would be known to plus or minus `margin`
         p_equal_holm: p_equal, adjusted by Holm
 
     Args:
@@ -323,20 +264,13 @@ def compare(
     known = errors if SENSES in errors else errors.assign(senses="")  # results of former versions lack it
     table[SENSES] = known.groupby(CELL, sort=False)[SENSES].first().fillna("").to_numpy()
     failed = {(row["scenario"], row["estimator"]): row["failed"] > 0 for row in table.to_dict("records")}
-    rows = []
-    for scenario, name in failed:
-        pair = _pair(cells, failed, scenario, name, against[scenario], margin)
-        found = dict(entry for key, one in COMPARISONS.items() for entry in _columns(key, one.of(pair)))
-        rows.append({"baseline": against[scenario], **found})
+    rows = [_against(cells, failed, (scenario, name), against[scenario], margin) for scenario, name in failed]
     pairs = pd.DataFrame(rows)
     for test in ("p", "p_equal"):
         pairs[f"{test}_holm"] = statistics.holm(pairs[test].to_numpy())
     last = ["stream", "certificate"]
     everything = pd.concat([table.drop(columns=last), pairs, table[last]], axis=1)
     return everything if full else everything[list(SHORT)]
-
-
-compare.__doc__ = (compare.__doc__ or "").replace("{comparisons}", describe_columns(COMPARISONS))
 
 
 def _demand_errors(errors: object) -> None:
@@ -348,7 +282,6 @@ def _demand_errors(errors: object) -> None:
 
 
 def _baselines(errors: pd.DataFrame, baseline: str | Mapping[str, str]) -> Mapping[str, str]:
-    """Return the baseline of every scenario."""
     known, scenarios = list(errors["estimator"].unique()), list(errors["scenario"].unique())
     against = baseline if isinstance(baseline, Mapping) else dict.fromkeys(scenarios, baseline)
     for scenario in scenarios:
@@ -360,37 +293,45 @@ def _baselines(errors: pd.DataFrame, baseline: str | Mapping[str, str]) -> Mappi
     return against
 
 
-def _pair(
+def _against(
     cells: dict[tuple[str, str], pd.DataFrame],
     failed: dict[tuple[str, str], bool],
-    scenario: str,
-    estimator: str,
+    cell: tuple[str, str],
     baseline: str,
     margin: float,
-) -> Pair:
-    """Return an estimator and its baseline on the trials that both have."""
-    keys = (scenario, baseline), (scenario, estimator)
-    none = pd.Series(dtype=float)
-    base, mine = (cells[key]["mse"] if key in cells else none for key in keys)
+) -> dict[str, object]:
+    """Return the columns that `compare` adds to a row, from the trials that an estimator and its baseline both have."""
+    none, (scenario, estimator) = pd.Series(dtype=float), cell
+    base, mine = (cells[one]["mse"] if one in cells else none for one in ((scenario, baseline), cell))
     both = pd.concat([base, mine], axis=1, join="inner", keys=["base", "mine"]).dropna()
     a, b = both["base"].to_numpy(), both["mine"].to_numpy()
-    lost = failed.get(keys[0], False), failed[keys[1]]
-    return Pair(a, b, statistics.change(a, b), estimator != baseline, lost, margin)
-
-
-# ---- warnings
+    change, bca, n = statistics.change(a, b), statistics.change_bca(a, b), len(both)
+    other = estimator != baseline
+    tested = other and n >= statistics.LEAST_TRIALS
+    lost = failed.get((scenario, baseline), False), failed[cell]
+    p = statistics.p_of_difference(a, b) if tested else np.nan
+    p_equal = statistics.equivalence(a, b, margin) if tested else np.nan
+    return {
+        "baseline": baseline,
+        "pairs": n,
+        **dict(_columns("difference", statistics.mean(np.sqrt(b) - np.sqrt(a)))),
+        **dict(_columns("change", change)),
+        "bca_low": bca.low,
+        "bca_high": bca.high,
+        "p": 1.0 if p == p and lost[int(change.value < 0)] else p,
+        "effect": statistics.signed_rank(np.sqrt(a), np.sqrt(b))[1] if tested else np.nan,
+        "p_equal": 1.0 if p_equal == p_equal and any(lost) else p_equal,
+        "trials_for_margin": sequential.trials_for_width(change, n, margin) if other else np.nan,
+    }
 
 
 def outlier_warnings(table: pd.DataFrame) -> list[str]:
     """Return a sentence on each row of `summarize` or `compare` whose RMSE a few trials decide."""
-    return [_outlier_warning(row) for row in table[table["outlying"] > 0].to_dict("records")]
-
-
-def _outlier_warning(row: dict[Any, Any]) -> str:
-    count = round(row["outlying"] * row["trials"])
-    ends = interval(percent)(row["outlying_low"], row["outlying_high"])
-    return (
-        f"{row['scenario']}, {row['estimator']}: {count} of {row['trials']} trials ({ends or 'no interval'}) err more "
-        f"than {FAR:g} times as much as the median trial, {metres(row['rmse_median'])} m; they decide the RMSE, "
-        f"{metres(row['rmse'])} m, and its interval is too narrow; diverged: {percent(row['diverged'])} of robots"
-    )
+    ends = interval(percent)
+    return [
+        f"{row['scenario']}, {row['estimator']}: {round(row['outlying'] * row['trials'])} of {row['trials']} trials "
+        f"({ends(row['outlying_low'], row['outlying_high']) or 'no interval'}) err more than {FAR:g} times as much as "
+        f"the median trial, {metres(row['rmse_median'])} m; they decide the RMSE, {metres(row['rmse'])} m, and its "
+        f"interval is too narrow; diverged: {percent(row['diverged'])} of robots"
+        for row in table[table["outlying"] > 0].to_dict("records")
+    ]

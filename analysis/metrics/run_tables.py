@@ -8,6 +8,7 @@ streams.
 *Sensitivity*: one panel per swept parameter, of a scenario or of the estimators.
 """
 
+from functools import cache
 from typing import Any, NamedTuple
 
 import pandas as pd
@@ -47,6 +48,7 @@ class MatrixCell(NamedTuple):
     filter: str  # particles, Kalman or MAP
 
 
+@cache
 def matrix_cell(estimator: str, robots: int) -> MatrixCell | None:
     """Return the cell of an estimator in a team of so many robots; None where it has none."""
     name = configure(estimator).name
@@ -84,44 +86,38 @@ def information(errors: pd.DataFrame, seed: int) -> pd.DataFrame:
         BadInput: no estimator has a cell.
 
     """
-    pairs = errors.drop_duplicates(["scenario", "estimator"])[["scenario", "estimator", "robots"]].to_dict("records")
-    cells = {(row["scenario"], row["estimator"]): matrix_cell(row["estimator"], row["robots"]) for row in pairs}
-    keys = pd.Series(list(zip(errors["scenario"], errors["estimator"], strict=True)), index=errors.index)
-    found = [(key, where) for key, where in cells.items() if where is not None]
+    found: dict[tuple[str, str, str], dict[int, MatrixCell]] = {}
+    for i, (scenario, estimator, robots) in enumerate(
+        errors[["scenario", "estimator", "robots"]].itertuples(index=False)
+    ):
+        if cell := matrix_cell(estimator, robots):
+            found.setdefault((scenario, cell.own, cell.filter), {})[i] = cell
     if not found:
         known = ", ".join(RULES)
         raise BadInput(f"no estimator of this run has a cell in the matrix; run the study information, or {known}")
-    parts = []
-    for scenario, own, kind in dict.fromkeys((key[0], where.own, where.filter) for key, where in found):
-        mine = {k: c for k, c in found if (k[0], c.own, c.filter) == (scenario, own, kind)}
-        parts.append(_against_alone(errors[keys.isin(mine)], {key[1]: where for key, where in mine.items()}))
-    table = pd.concat(parts, ignore_index=True)
-    table["floor"] = [_floor(row, seed) for row in table.to_dict("records")]
-    return _sort_matrix(table)[list(INFORMATION_COLUMNS)]
+    table = pd.concat([_against_alone(errors.iloc[list(mine)], mine) for mine in found.values()], ignore_index=True)
+    table["floor"] = [
+        pooled_floor(row["scenario"], seed, (*OWN[row["own"]], *BETWEEN[row["between"]]))
+        for row in table.to_dict("records")
+    ]
+    order = {"own": list(OWN), "robots": None, "between": list(BETWEEN)}
+    order |= {
+        name: list(dict.fromkeys(rule[k] for rule in RULES.values())) for k, name in enumerate(("fusion", "filter"))
+    }
+    by = pd.DataFrame({k: pd.Categorical(table[k], v) if v else table[k] for k, v in order.items()}, index=table.index)
+    sorted_rows = by.sort_values(list(order), kind="stable").index
+    return table.loc[sorted_rows].reset_index(drop=True)[list(INFORMATION_COLUMNS)]
 
 
-def _against_alone(rows: pd.DataFrame, cells: dict[str, MatrixCell]) -> pd.DataFrame:
+def _against_alone(rows: pd.DataFrame, cells: dict[int, MatrixCell]) -> pd.DataFrame:
     """Return the rows of one scenario, own reading and filter, with changes against the one without teammates."""
-    alone = [name for name, where in cells.items() if where.between == "none"]
-    table = compare(rows, alone[0] if alone else next(iter(cells)), full=True)
-    placed = pd.DataFrame([cells[name] for name in table["estimator"]], columns=MatrixCell._fields, index=table.index)
+    by_name = dict(zip(rows["estimator"], cells.values(), strict=True))
+    alone = [name for name, where in by_name.items() if where.between == "none"]
+    table = compare(rows, alone[0] if alone else next(iter(by_name)), full=True)
+    placed = pd.DataFrame([by_name[name] for name in table["estimator"]], columns=MatrixCell._fields, index=table.index)
     nothing = (placed["between"] == "none") | (not alone)
     table[["change", "change_low", "change_high"]] = table[["change", "change_low", "change_high"]].mask(nothing)
     return pd.concat([placed, table], axis=1)
-
-
-def _floor(row: dict[Any, Any], seed: int) -> float:
-    return pooled_floor(row["scenario"], seed, (*OWN[row["own"]], *BETWEEN[row["between"]]))
-
-
-def _sort_matrix(table: pd.DataFrame) -> pd.DataFrame:
-    """Sort by own reading, robots, reading between, rule and filter, each in the order in which it is listed above."""
-    by = pd.DataFrame({"own": pd.Categorical(table["own"], list(OWN)), "robots": table["robots"]}, index=table.index)
-    by["between"] = pd.Categorical(table["between"], list(BETWEEN))
-    for k, name in enumerate(("fusion", "filter")):
-        by[name] = pd.Categorical(table[name], list(dict.fromkeys(rule[k] for rule in RULES.values())))
-    order = by.sort_values([str(name) for name in by], kind="stable").index
-    return table.loc[order].reset_index(drop=True)
 
 
 # ---- sensitivity
@@ -143,6 +139,7 @@ class Sweep(NamedTuple):
     estimator: str  # without what is swept
 
 
+@cache
 def parse_sweep(scenario: str, estimator: str) -> Sweep | None:
     """Return what a row of a run sweeps: the one number in brackets of its scenario, or its estimator's `particles`."""
     path, written = parse(scenario)
@@ -181,24 +178,18 @@ def sensitivity(errors: pd.DataFrame, seed: int, baseline: str = "arl") -> pd.Da
         BadInput: nothing is swept, or the baseline was not run at some value.
 
     """
-    pairs = errors.drop_duplicates(["scenario", "estimator"])[["scenario", "estimator"]].to_dict("records")
-    found = {(row["scenario"], row["estimator"]): parse_sweep(row["scenario"], row["estimator"]) for row in pairs}
-    keys = list(zip(errors["scenario"], errors["estimator"], strict=True))
-    parts = []
-    for label, parameter, value in dict.fromkeys((key[0], s.parameter, s.value) for key, s in found.items() if s):
-        mine = {k: s for k, s in found.items() if s and (k[0], s.parameter, s.value) == (label, parameter, value)}
-        where, rows = next(iter(mine.values())), errors[[key in mine for key in keys]]
-        rows = rows.assign(estimator=[mine[label, name].estimator for name in rows["estimator"]])
-        table = compare(rows, baseline, full=True)
-        swept: dict[str, Any] = {
-            "parameter": parameter,
-            "value": value,
-            "preset": preset_value(where),
-            "floor": floors([label], seed)[label],
-        }
-        parts.append(table.assign(scenario=where.scenario, **swept))
-    if not parts:
+    found: dict[tuple[str, str, float], dict[int, Sweep]] = {}
+    for i, (scenario, estimator) in enumerate(zip(errors["scenario"], errors["estimator"], strict=True)):
+        if one := parse_sweep(scenario, estimator):
+            found.setdefault((scenario, one.parameter, one.value), {})[i] = one
+    if not found:
         raise BadInput("nothing is swept here: no scenario has one number in brackets; run the study sensitivity")
+    parts = []
+    for (label, parameter, value), mine in found.items():
+        where = next(iter(mine.values()))
+        rows = errors.iloc[list(mine)].assign(estimator=[one.estimator for one in mine.values()])
+        table = compare(rows, baseline, full=True).assign(scenario=where.scenario, parameter=parameter, value=value)
+        parts.append(table.assign(preset=preset_value(where), floor=floors([label], seed)[label]))
     return pd.concat(parts, ignore_index=True)[list(SENSITIVITY_COLUMNS)]
 
 

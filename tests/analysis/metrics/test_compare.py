@@ -8,7 +8,6 @@ from statsmodels.stats.proportion import proportion_confint
 
 import cooploc as cl
 from cooploc.analysis.metrics.compare import (
-    COMPARISONS,
     SHORT,
     STATISTICS,
     SUMMARY,
@@ -278,5 +277,5 @@ def test_a_statistic_is_one_entry_and_gets_into_tables_and_json(monkeypatch):
     assert table["wide"].iloc[0] < table["wide"].iloc[1]
     assert records(table)[1]["wide"] == table["wide"].iloc[1]
     assert set(SUMMARY) | set(SHORT) <= set(table.columns)
-    for name, one in {**MEASURES, **STATISTICS, **COMPARISONS}.items():
+    for name, one in {**MEASURES, **STATISTICS}.items():
         assert one.meaning, name
