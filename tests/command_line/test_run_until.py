@@ -1,9 +1,7 @@
 """`cooploc run --until-decided` and `cl.run_until`: one run, its table, `show`, and verdicts."""
 
 import json
-import runpy
 import shutil
-from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
@@ -75,13 +73,6 @@ def test_the_report_says_so_too(run, tmp_path):
     heads = results.read_text().splitlines()[0].split(",")
     assert "group" in heads
     assert "rank" not in heads
-
-
-@pytest.mark.slow
-def test_a_page_says_what_runs_settled(run, tmp_path):
-    script = Path(__file__).resolve().parents[2] / "reports/until_decided.py"
-    runpy.run_path(str(script))["main"](str(run[0] / "run"), str(tmp_path))
-    assert "| small | 50 | 83 % | 20 | 1 of 2 |" in (tmp_path / "until_decided.md").read_text("utf-8")
 
 
 def test_the_command_prints_the_same_and_computes_nothing_again(run, tmp_path):

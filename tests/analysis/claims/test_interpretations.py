@@ -80,14 +80,6 @@ def test_only_keeps_a_dimension_from_other_methods_and_worlds():
     assert interpretations.scenario("arena-60m/sd=5", wide, DIMENSIONS) == "arena-60m/sd=5"
 
 
-def test_what_a_label_says_already_stays_and_is_not_said_twice():
-    raw = reading(anchors="RSSI")
-    assert interpretations.estimator("rssi-pf", raw, DIMENSIONS) == "rssi-pf"
-    assert interpretations.estimator("arl[own=doa]", raw, DIMENSIONS) == "arl[own=doa]"
-    half = interpretations.estimator("arl", reading(sampling="box of 0.5 m"), DIMENSIONS)
-    assert half == "arl[proposal=box]"  # 0.5 m is the default
-
-
 @pytest.mark.parametrize(
     ("dimension", "choice"),
     [("anchors", "RSSI"), ("anchors", "gradient"), ("window", "1 sample"), ("density", "exact")],

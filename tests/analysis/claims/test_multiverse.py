@@ -105,16 +105,6 @@ def test_equal_specifications_count_once_and_say_which_dimensions_matter():
     assert found["letter"].sum() == found["preset"].sum() == 1
 
 
-def test_dimensions_matter_to_some_cases_of_a_claim_only():
-    asked = ledger(than=["arl", "ctrn"], scenarios=["nlos", "trajectory"])
-    found = cl.readings(made(asked, better_in_a_box, scenarios=("nlos", "trajectory")), asked)
-    assert set(found.loc[found["than"] == "ctrn", "fusion"]) == {"moments", "received"}
-    assert set(found.loc[found["than"] == "arl", "fusion"]) == {""}
-    assert set(found.loc[found["scenario"] == "nlos", "prior"]) == {"0.5", "1"}
-    assert set(found.loc[found["scenario"] == "trajectory", "prior"]) == {""}
-    assert set(found["scenario"]) == {"nlos", "trajectory"}
-
-
 def test_a_claim_of_the_method_that_only_names_is_read_in_its_choices():
     measures = {
         "says": "not stated",
@@ -127,15 +117,6 @@ def test_a_claim_of_the_method_that_only_names_is_read_in_its_choices():
     found = cl.readings(table, asked)
     assert found["CTRN measures"].tolist() == ["range", "RSSI"]
     assert set(table["estimator"]) == {"ctrn", "mrsl-distance", "ctrn[reading=rssi]"}
-
-
-def test_all_is_named_by_the_ledgers_labels():
-    asked = ledger({"sampling": SAMPLING, "prior": PRIOR}, kind="all", than=["arl", "ctrn"], scenarios="nlos/n={2..5}")
-    table = made(asked, better_in_a_box, scenarios=("nlos/n=2", "nlos/n=5"))
-    found = cl.readings(table, asked)
-    assert set(found["than"]) <= {"arl", "ctrn"}
-    assert set(found["scenario"]) <= {"nlos/n=2", "nlos/n=5"}
-    assert found.groupby("sampling")["verdict"].unique().to_dict() == {"box": ["supported"], "walk": ["contradicted"]}
 
 
 def specifications(**columns):

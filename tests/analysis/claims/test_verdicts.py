@@ -14,7 +14,6 @@ import cooploc as cl
 from cooploc.analysis.claims import verdicts
 from cooploc.analysis.claims.kinds import FALLS, decide
 from cooploc.analysis.claims.ledger import load, read, variants
-from cooploc.analysis.claims.trial_table import canonical
 from cooploc.analysis.claims.verdicts import (
     DECIDED,
     JUDGED,
@@ -117,21 +116,6 @@ def test_one_interval_has_one_verdict_and_says_what_the_other_definition_makes_o
     assert (f"Read {otherwise}." in verdict_sentence(table.iloc[0])) == bool(otherwise)
 
 
-def test_trials_needed_do_decide_and_a_quarter_of_them_do_not():
-    rng = np.random.default_rng(5)
-    claim = {**CHANGE, "scenarios": REPEATED[:60]}
-    asked = judge(ledger(**claim), repeated(0.85, trials=20, spread=0.8, rng=rng))
-    undecided = asked[asked["verdict"] == "undecided"]
-    assert len(undecided) > 20
-    needed = int(undecided["needed"].median())
-    decided = [
-        (judge(ledger(**claim), repeated(0.85, trials=n, spread=0.8, rng=rng))["verdict"] == "supported").mean()
-        for n in (needed, needed // 4)
-    ]
-    assert decided[0] > 0.75
-    assert decided[1] < 0.75
-
-
 SWEEP = {"kind": "all", "of": "a", "than": ["b", "c"], "scenarios": "s/n={2..9}"}
 
 
@@ -229,13 +213,6 @@ def test_over_convergence_is_judged_by_anees_and_coverage(anees, coverage, expec
     assert (found["p"] <= 0.05) == (expected != "undecided")
 
 
-@pytest.mark.parametrize(("coverage", "expected"), [(0.5, "contradicted"), (0.95, "undecided")])
-def test_where_one_collapsed_trial_makes_anees_useless_coverage_decides(coverage, expected):
-    table = with_covariances(1.0, coverage)
-    table.loc[table["trial"] == 3, "anees"] = 1e12
-    assert verdict(table, kind="consistency", of="a", scenarios="s")["verdict"] == expected
-
-
 @pytest.mark.parametrize(("seconds", "expected"), [(0.01, "supported"), (3.0, "contradicted"), (1.0, "undecided")])
 def test_real_time_is_judged_by_the_seconds_of_a_robots_tick(seconds, expected):
     table = errors({"s": {"a": 1.0}}, trials=8)
@@ -285,11 +262,6 @@ def test_a_cost_is_compared_by_parts_of_the_run(level, expected):
     one_part = verdict(table.assign(seconds=1e-4), kind="cost", of="a", than="b", scenarios="s/n=3")
     assert (one_part["verdict"], one_part["trials"]) == ("undecided", 1)
     assert "fewer than 5" in one_part["remark"]
-
-
-def test_what_cannot_be_tested_says_why():
-    found = verdict(errors({"s": {"a": 1.0}}), kind="untestable", why="it is geometry")
-    assert (found["verdict"], found["remark"]) == ("not testable", "it is geometry")
 
 
 @pytest.mark.parametrize(
@@ -442,52 +414,6 @@ def test_the_papers_ledger_names_what_exists():
                 resolve(re.sub(r"{\d+\.\.(\d+)}", r"\1", label))
 
 
-def of_the_paper(claim, table):
-    """The verdicts on one claim of the paper, as it stands."""
-    made = load()
-    (one,) = (c for c in made.claims if c.id == claim)
-    found = judge(made.model_copy(update={"claims": (one,), "variants": {}}), table)
-    return found.loc[found["verdict"] != "not run", "verdict"].tolist()
-
-
-BOTH = ("mrsl-rssi", "mrsl-distance")
-
-
-@pytest.mark.parametrize(
-    ("claim", "levels", "expected"),
-    [
-        ("6", {f"scalability/n={n}": 1.0 for n in (1, 10, 99)}, "flat"),
-        ("6", {f"scalability/n={n}": 1.02**n for n in (1, 10, 99)}, "supported"),
-        ("6", {f"scalability/n={n}": 0.98**n for n in (1, 10, 99)}, "contradicted"),
-        ("19", {"arena-28m": 1.0, "arena-28m/r=40": 1.0}, "supported"),
-        ("19", {"arena-28m": 1.0, "arena-28m/r=40": 1.3}, "contradicted"),
-        ("19b", {"arena-28m/r=40": 1.0}, "supported"),
-        ("19b", {"arena-28m/r=40": 3.0}, "contradicted"),
-        ("21", {"robots-1-3/n=1": 1.0, "robots-1-3/n=2": 0.8, "robots-1-3/n=3": 0.6}, "supported"),
-        ("21", {"robots-1-3/n=1": 1.0, "robots-1-3/n=2": 1.2, "robots-1-3/n=3": 1.4}, "contradicted"),
-        ("22", {"scalability/n=11": 0.3, "scalability/n=51": 0.3, "scalability/n=99": 0.3}, "supported"),
-        ("22", {"scalability/n=11": 3.0, "scalability/n=51": 3.0, "scalability/n=99": 3.0}, "contradicted"),
-    ],
-)
-def test_a_claim_of_the_paper_can_come_out_either_way(claim, levels, expected):
-    names = (*BOTH, "arl", "rssi-pf", "mrsl-rssi[anchor_reading=rssi]")
-    table = errors({label: dict.fromkeys(names, level) for label, level in levels.items()}, spread=0.02)
-    assert set(of_the_paper(claim, same_trials(table))) == {expected}
-
-
-def same_trials(table):
-    """What is hard in a trial is hard in all scenarios."""
-    hard = errors({"s": {"a": 1.0}})["mse"].to_numpy()
-    level = table.groupby("scenario")["mse"].transform("median")
-    return table.assign(mse=level * np.resize(hard, len(table)))
-
-
-def test_labels_are_compared_by_what_they_mean():
-    assert canonical("packet-drop/drop=0.70") == canonical("packet-drop/drop=.7")
-    assert canonical("m[anchor_reading=rssi,K=1]") == canonical("m[K=1.0,own=rssi]")
-    assert canonical("m[temper=False]") == canonical("m[temper=false]") != canonical("m")
-
-
 def test_a_sentence_says_what_the_numbers_say():
     table = errors({"s": {"a": 1.5, "b": 1.0}}, rng=np.random.default_rng(2))
     found = judge(ledger(**{**CHANGE, "size": -0.4}), table).iloc[0]
@@ -539,13 +465,6 @@ def test_a_verdict_keeps_the_look_that_reached_it(looked):
     assert (one["verdict"], one["look"], one["trials"]) == ("supported", 10, 10)
     assert verdicts.verdict_text(one) == "Supported at n = 10"
     assert verdicts_of(found, "3")["look"] == verdicts_of(found, "4")["look"] == 0
-
-
-def test_looks_one_by_one_say_what_looks_at_once_say(looked):
-    step = None
-    for n in (10, 20, 40):
-        step = verdicts.judge_at_look(LEDGER, looked, n, step)
-    pd.testing.assert_frame_equal(step, verdicts.judge_run(LEDGER, looked, [10, 20, 40]))
 
 
 def test_what_is_open_keeps_its_cells_going_and_time_never_does(looked):
@@ -629,20 +548,6 @@ def test_a_verdict_is_decided_where_its_p_is_at_most_five_percent(kind):
     assert found["verdict"].isin(JUDGED).all()
     assert ((found["p"] <= 0.05) == decided).all()
     assert decided.sum() > 0
-
-
-def test_what_stands_is_decided_after_holm_over_all_rows_of_the_ledger():
-    rng = np.random.default_rng(2)
-    claims = {"1": {"kind": "change", "than": "b", "scenarios": SCENARIOS}, "2": {"kind": "level", "size": 1.0}}
-    claims["2"]["scenarios"] = SCENARIOS
-    found = judge(family_ledger(**claims), family_run(rng, np.linspace(0.7, 1.0, 40)))
-    np.testing.assert_allclose(found["p_holm"], holm(found["p"].to_numpy()))
-    assert (found["stands"] == (found["p_holm"] <= 0.05)).all()
-    counted = verdicts.family_of(found)
-    assert counted.judged == 80
-    assert 0 < counted.stand < counted.decided < 80
-    assert counted.at_most == pytest.approx(4.0)
-    assert f"{counted.stand} of these stand" in str(counted)
 
 
 def test_a_case_that_a_variant_leaves_as_it_is_counts_once():

@@ -54,15 +54,6 @@ def test_a_tie_is_shown_by_equivalence_and_not_by_a_large_p(rng):
         assert (row["trials_for_margin"] <= row["pairs"]) == tie
 
 
-def test_divergence_counts_trials_and_not_robots():
-    frame = rows("a", BASE)
-    frame["diverged"] = (frame["trial"] < 3).astype(float)  # whole teams are lost together
-    row = summarize(frame).iloc[0]
-    low, high = proportion_confint(3, 12, method="wilson")
-    assert row["diverged"] == 0.25
-    assert (row["diverged_low"], row["diverged_high"]) == pytest.approx((low, high))
-
-
 def test_p_is_adjusted_over_the_whole_table(rng):
     frames = [rows("a", BASE, scenario=s) for s in ("s", "t")]
     frames += [rows("b", 0.8 * BASE * rng.lognormal(0, 0.3, BASE.shape), scenario=s) for s in ("s", "t")]
@@ -251,15 +242,6 @@ def test_equals_are_ever_given_two_letters_at_five_looks_in_at_most_5_percent_of
         for stopping in ever:
             ever[stopping] += any(len(set(letters(mse[:n], stopping).values())) > 1 for n in looks(160))
     assert ever[ANYTIME] < 10 < ever[FIXED]
-
-
-def test_letters_of_a_run_until_decided_take_the_trials_that_two_have_and_there_are_no_ranks():
-    mse = squared_errors(a=1.0, b=0.3, c=4.0)
-    mse.loc[4:, "c"] = np.nan
-    ranks, found = rank_groups(mse, ANYTIME)
-    assert ranks == {}
-    assert not set(found["a"]) & set(found["b"])
-    assert set(found["c"]) == set(found["a"]) | set(found["b"])
 
 
 def test_the_front_is_what_nothing_beats_in_both():

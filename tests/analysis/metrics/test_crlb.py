@@ -73,15 +73,6 @@ def test_it_is_higher_than_that_of_the_mean_information():
     assert np.sqrt((floor(stream, CHANNELS) ** 2).mean()) > 1.1 * low
 
 
-def test_more_channels_and_fewer_drops_lower_it():
-    def mean(label, channels):
-        return floor(cl.simulate(label, trials=4, seed=1, ticks=30)[1], channels).mean()
-
-    alone, team = (mean("packet-drop/drop=0", c) for c in (["anchor_rssi"], CHANNELS))
-    assert team < mean("packet-drop/drop=0.7", CHANNELS) < alone
-    assert mean("packet-drop/drop=1", CHANNELS) == pytest.approx(alone)
-
-
 @pytest.mark.parametrize(
     ("name", "channels"),
     [
@@ -181,12 +172,6 @@ def test_readings_of_anchors_are_not_used_twice():
     _, stream = cl.simulate("trajectory", trials=1, seed=1, ticks=2)
     with pytest.raises(cl.BadInput, match="anchor_rssi and anchor_doa are made of the same readings"):
         floor(stream, ["anchor_rssi", "anchor_doa"])
-
-
-def test_a_gradient_needs_four_corners_and_so_does_its_floor():
-    _, stream = cl.simulate("anchors/a=3", trials=1, seed=1, ticks=2)
-    with pytest.raises(cl.BadInput, match="needs four corner anchors"):
-        floor(stream, ["anchor_gradient"])
 
 
 def test_ticks_whose_readings_are_looked_at_together_change_no_bit(monkeypatch):

@@ -46,15 +46,6 @@ def test_without_covariances_none_is_consistent_over_confident_or_best(ours, wri
     assert set(table["failed"]) == {0}
 
 
-def test_a_trace_with_covariances_has_the_scores_that_it_has_here(ours):
-    truth, stream, run = ours
-    trace = run.traces["ekf-local"]
-    rows = cl.judge(truth, stream, {"mine": cl.Trace.of(trace.x, trace.P)})
-    mine = cl.errors(truth, run).query("estimator == 'ekf-local'")
-    for column in ("mse", "anees", "nll", "coverage95"):
-        np.testing.assert_array_equal(rows[column], mine[column])
-
-
 def test_poses_are_read_as_they_were_written_with_their_headings(tmp_path):
     truth, stream = cl.simulate("camera[ticks=5]", trials=1, seed=2)
     run = cl.run(["ekf-local"], stream)
@@ -115,12 +106,6 @@ def test_a_trace_that_does_not_fit_is_one_line(ours, change, said):
         cl.judge(truth, stream, {"mine": cl.Trace.of(change(run.traces["ekf-local"].x))})
 
 
-def test_what_saw_later_readings_is_marked(ours, written):
-    rows = cl.judge(ours[0], ours[1], written, offline=True)
-    table = cl.compare(rows, "dead-reckoning", full=True)
-    assert table["offline"].all()
-
-
 def test_the_command_judges_beside_our_own(ours, written, tmp_path):
     ours[1].save(tmp_path / "stream.npz")
     shutil.rmtree(written / "dead-reckoning")
@@ -171,16 +156,6 @@ def test_a_tum_file_holds_stamps_positions_and_headings(ran, tmp_path):
     np.testing.assert_allclose(np.stack([x, y], -1), pose[:, :2], atol=1e-9)
     assert not np.any([z, qx, qy])
     np.testing.assert_allclose(np.exp(2j * np.arctan2(qz, qw)), np.exp(1j * pose[:, 2]), atol=1e-8)
-
-
-def test_ticks_without_truth_are_not_in_its_file(ran, tmp_path):
-    truth, _, run = ran
-    truth.valid[0, 3, 1] = False
-    try:
-        cl.to_tum(truth, run, tmp_path)
-    finally:
-        truth.valid[0, 3, 1] = True
-    assert np.loadtxt(tmp_path / "truth" / "trial0-robot1.txt")[:, 0].tolist() == [1, 2, 3, 5, 6, 7, 8]
 
 
 def test_what_cannot_be_written_is_refused(ran, tmp_path):

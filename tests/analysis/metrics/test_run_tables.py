@@ -6,7 +6,6 @@ import pandas as pd
 import pytest
 from made_errors import rows
 
-import cooploc as cl
 from cooploc.analysis.metrics import run_tables as module
 from cooploc.analysis.metrics.run_tables import (
     MatrixCell,
@@ -79,11 +78,6 @@ def test_each_cell_has_the_floor_of_its_own_readings(errors_of_cells, monkeypatc
     }
 
 
-def test_a_run_without_cells_says_what_to_run():
-    with pytest.raises(cl.BadInput, match="no estimator of this run has a cell"):
-        information(rows("ekf-luft", MSE), seed=1)
-
-
 MSE = np.random.default_rng(4).lognormal(-3, 0.3, (8, 2))
 
 
@@ -132,8 +126,3 @@ def test_estimators_are_compared_at_the_same_value(errors_of_sweeps):
     assert table["rmse"].to_numpy()[2] == pytest.approx(2 * table["rmse"].to_numpy()[0])
     assert table["preset"].tolist() == [0.5] * 4 + [200.0] * 2
     assert set(table["scenario"]) == {"nlos"}
-
-
-def test_a_run_that_sweeps_nothing_says_what_to_run():
-    with pytest.raises(cl.BadInput, match="nothing is swept here"):
-        sensitivity(rows("arl", MSE, scenario="nlos"), seed=1)

@@ -80,12 +80,6 @@ def test_trials_count_for_less_where_a_few_decide_the_mean():
     assert sequential.effective(decided) == pytest.approx(3 * sequential.WORTH, rel=0.01)
 
 
-def test_two_that_never_differ_are_equal_at_once_and_no_evidence_against_it():
-    a = np.random.default_rng(6).uniform(1, 2, 10)
-    assert sequential.ANYTIME.change(a, a) == (0, 0, 0)
-    assert sequential.e_of_change(a, a) < 1
-
-
 def rows_from(base, **others):
     """Rows of one scenario from mean squared errors by trial; nan: failed."""
     named = {"base": base, **others}
@@ -166,23 +160,11 @@ def test_a_plan_counts_the_trials_of_every_comparison(folder):
     assert 0 < minutes(found, "trials", jobs=2) == minutes(found, "trials") / 2
 
 
-def test_a_run_goes_on_from_the_pilot(folder):
-    cl.plan(folder / "small.toml", out=folder / "run")
-    before = {file.name for file in (folder / "run" / "parts").iterdir()}
-    cl.plan(folder / "small.toml", out=folder / "run")
-    assert {file.name for file in (folder / "run" / "parts").iterdir()} == before
-
-
 def test_the_command_prints_trials_and_time(folder):
     result = CliRunner().invoke(app, ["plan", str(folder / "small.toml"), "--out", str(folder / "run")])
     assert result.exit_code == 0, result.stderr
     assert "a change of RMSE of 10 % in four of five runs" in result.stdout
     assert "estimators take about" in result.stdout
-
-
-def test_a_difference_of_nothing_is_refused(folder):
-    with pytest.raises(cl.BadInput, match="difference is 0; it must lie above 0"):
-        cl.plan(folder / "small.toml", difference=0, out=folder / "run")
 
 
 def test_the_planned_number_until_decided_decides_four_of_five(folder):

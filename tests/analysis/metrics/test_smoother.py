@@ -157,14 +157,6 @@ def test_what_breaks_the_interface_is_one_line(stream_and_truth, wrong, said):
         cl.run({"one": Wrong()}, stream_and_truth[1], isolate=False)
 
 
-def test_without_smooth_it_is_not_an_estimator(stream_and_truth):
-    class Empty:
-        api, offline, uses = 1, True, ("odometry",)
-
-    with pytest.raises(cl.BadInput, match="smooth"):
-        cl.run({"one": Empty()}, stream_and_truth[1], isolate=False)
-
-
 @pytest.mark.slow
 def test_it_passes_every_check_but_causality():
     report = cl.check_estimator(cl.Smoother())

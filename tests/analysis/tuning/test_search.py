@@ -63,11 +63,6 @@ def test_claiming_to_be_surer_does_not_pay_by_likelihood_and_is_not_seen_by_rmse
     assert nll[0] + 0.5 < nll[1]
 
 
-def test_an_objective_that_there_is_not_is_refused_with_the_nearest():
-    with pytest.raises(BadInput, match="nll"):
-        trial_scores(rows(), "nnl")
-
-
 GATE = {"gate": Tunable(10.0, 1.0, 100.0, log=True)}
 
 
@@ -155,12 +150,6 @@ def test_an_estimator_without_parameters_takes_part_with_its_only_configuration(
 def test_a_small_space_is_tried_once_and_then_left():
     finish = finished(1000, lambda label, item: noise(item), parameters={"both": Tunable(True, choices=(True, False))})
     assert sorted(one.label for one in finish.entrants) == ["ekf-local", "ekf-local[both=false]"]
-
-
-def test_a_recording_that_is_used_up_costs_nothing_more():
-    finish = finished(60, steep, lanes=[Numbered("recording", cycle=2)])
-    assert finish.rounds == 10
-    assert len(finish.entrants[0].scores) == 2
 
 
 def test_a_budget_that_does_not_suffice_for_one_trial_of_every_scenario_is_refused():

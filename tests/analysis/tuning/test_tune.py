@@ -4,7 +4,6 @@ import os
 import shutil
 from dataclasses import replace
 
-import numpy as np
 import pandas as pd
 import pytest
 from made_logs import describe, lines, write
@@ -85,28 +84,6 @@ def test_parts_of_one_recording_are_apart_where_their_times_are():
     assert overlap(first, replace(later, time=later.time - 0.5))
     assert not overlap(first, replace(second, notes={"recording": "another"}))
     assert overlap(first, replace(second, notes={}))  # who does not say its name may be the same
-
-
-def test_a_scenario_may_be_judged_only(data):
-    found = trained(("log/one", "trajectory"), {"log/one": ()}, data)
-    assert list(found) == ["trajectory"]
-
-
-def test_a_study_of_tuned_estimators_refuses_the_seed_of_their_training(tmp_path):
-    file = tmp_path / "tuned.toml"
-    file.write_text('scenarios = ["trajectory"]\nestimators = ["arl"]\ntuned_with = 11\n')
-    assert load(str(file)).with_options(seed=12).seed == 12
-    with pytest.raises(BadInput, match="tuned on the streams of seed 11"):
-        load(str(file)).with_options(seed=11)
-
-
-def test_a_study_that_includes_another_has_its_training(tmp_path):
-    (tmp_path / "real.toml").write_text(
-        'scenarios = ["log/one"]\nestimators = ["arl"]\n[training]\n"log/one" = ["log/two"]\n'
-    )
-    both = tmp_path / "both.toml"
-    both.write_text(f'include = ["{tmp_path / "real.toml"}"]\nscenarios = ["nlos"]\nestimators = ["arl"]\n')
-    assert load(str(both)).training == {"log/one": ("log/two",)}
 
 
 STUDY = Study(
@@ -228,19 +205,6 @@ def test_the_result_is_a_study_that_runs_and_gives_the_same_bits(found, tmp_path
 
 
 @pytest.mark.slow
-def test_as_published_and_tuned_are_paired_on_the_same_fresh_streams(found):
-    tuning = found[0]
-    both = {*tuning.tuned, *tuning.tuned.values()}
-    assert set(tuning.rows["estimator"]) == both
-    streams = tuning.rows.groupby(["scenario", "trial"])["stream"].nunique()
-    assert (streams == 1).all()
-    table = tuning.table.set_index(["scenario", "estimator"])
-    unmoved = table[table["tuned"] == table.index.get_level_values("estimator")]
-    assert (unmoved[["change", "fresh_gain", "training_gain"]] == 0).all(axis=None)
-    assert (table["trials"] == STUDY.trials).all()
-
-
-@pytest.mark.slow
 def test_a_plug_in_is_tuned_in_processes_of_its_own_and_a_value_that_it_refuses_is_the_worst(tmp_path):
     file = tmp_path / "mine.py"
     file.write_text(PLUGIN)
@@ -339,12 +303,6 @@ def test_an_order_that_tuning_reverses_is_called_reversed_and_one_that_it_hides_
     assert table.loc[("b", "c"), "became"] == "kept"
     assert table.loc[("a", "c"), "published"] == "a"
     assert "1 of 3 pairs" in order_sentence(table, "RMSE")
-
-
-def test_an_estimator_of_which_a_trial_failed_is_in_no_order():
-    rows = trials_of({name: np.linspace(1, 2, 10) for name in ("a", "b")})
-    rows.loc[0, "failure"] = "it raised"
-    assert order(rows, {"a": "a", "b": "b"}).empty
 
 
 def test_a_tuned_study_is_written_and_read_back_as_it_is(tmp_path):
