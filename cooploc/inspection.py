@@ -16,7 +16,7 @@ SKETCH = "inspect.png"
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Inspection:
-    """What an inspection of a recording found."""
+    """The result of an inspection: tables, a sketch, and a log.toml."""
 
     inspected: Inspected
 

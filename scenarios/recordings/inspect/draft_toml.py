@@ -32,7 +32,7 @@ class Table(NamedTuple):
 
 
 class Draft(NamedTuple):
-    """What is thought of a recording before its numbers are read."""
+    """The tables of a log.toml, guessed before the recording is read."""
 
     entries: tuple[Entry, ...]  # outside of tables
     tables: tuple[Table, ...] = ()
@@ -107,7 +107,7 @@ def _settings(log: TeamLog, runs: int) -> tuple[Table, ...]:
     stamps = [s.time for s in log.odometry if len(s.time) > 1]
     usual = float(np.median([float(np.median(np.diff(t))) for t in stamps])) if stamps else 0.1
     span = max((float(t[-1] - t[0]) for t in stamps), default=FIRST_PART)
-    tick = next((t for t in TICKS if t >= max(usual, 0.1) - 1e-6), TICKS[-1])
+    tick = next((t for t in TICKS if t >= 0.99 * max(usual, 0.1)), TICKS[-1])
     max_gap = round(max(0.5, 5 * usual), 3)
     sample = (
         Entry("tick", tick, f"[s] odometry comes every {usual:.3g} s"),

@@ -101,7 +101,7 @@ class CheckedLog:
         return f._replace(setting=f.setting + where)
 
 
-def divided(values: Array, factor: float, columns: tuple[int, ...]) -> Array:
+def divide_columns(values: Array, factor: float, columns: tuple[int, ...]) -> Array:
     """Return values (m, k) with some columns divided by a factor."""
     factors = np.ones(values.shape[1])
     factors[list(columns)] = 1 / factor

@@ -20,7 +20,7 @@ DELIMITERS = (",", ";", "\t", "|", " ")
 
 
 class Guess(NamedTuple):
-    """What a column probably is."""
+    """The probable meaning of a column."""
 
     column: str
     quantity: str  # "" if it is not known
@@ -136,7 +136,7 @@ UNIT = {word: unit for unit, words in UNITS.items() for word in words.split()}
 
 
 class NameMeaning(NamedTuple):
-    """What a column's name says; "" where it says nothing."""
+    """The meaning of a column's name; "" where it has none."""
 
     quantity: str
     unit: str

@@ -23,7 +23,7 @@ GAP = 10.0  # median intervals without a sample are a gap
 
 
 class SeriesRow(NamedTuple):
-    """What one series of a recording holds."""
+    """One series of a recording: its samples, rate and gaps."""
 
     series: str  # "odometry", "truth" or a channel
     of: str  # a robot, or robot-other
@@ -38,7 +38,7 @@ class SeriesRow(NamedTuple):
 
 
 class Inspected(NamedTuple):
-    """What an inspection found."""
+    """The result of an inspection."""
 
     path: Path
     format: str

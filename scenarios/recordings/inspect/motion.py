@@ -28,7 +28,7 @@ class Motion(NamedTuple):
 
 
 class Steps(NamedTuple):
-    """What happened in each window of time; nan where there are no samples."""
+    """The motion in each window of time; nan where there are no samples."""
 
     length: Array  # (w,)  driven [m]; of places: how far apart they are
     turn: Array  # (w,)  to the left [rad]

@@ -8,7 +8,7 @@ from scipy.stats import theilslopes
 
 from cooploc.estimators.interface import Array, Indices
 from cooploc.estimators.models import wrap
-from cooploc.scenarios.recordings.inspect.finding import CheckedLog, Sure, divided
+from cooploc.scenarios.recordings.inspect.finding import CheckedLog, Sure, divide_columns
 from cooploc.scenarios.recordings.inspect.motion import concentration, known_truth, median, robust_sd
 from cooploc.scenarios.recordings.team_log import Channel, Places, Readings, TeamLog
 
@@ -66,7 +66,7 @@ def _fixed_things(log: TeamLog, channel: Channel) -> Places:
     return log.landmarks if channel == "landmark" else log.anchors
 
 
-def ranged(log: TeamLog) -> Iterator[tuple[Channel, Readings]]:
+def range_channels(log: TeamLog) -> Iterator[tuple[Channel, Readings]]:
     """Yield the channels that have ranges, with enough readings."""
     for channel, readings in log.readings.items():
         if channel in TABLES and len(readings.time) >= FEWEST:
@@ -95,21 +95,21 @@ BIAS_KEYS = {"range": "range_bias", "anchor_range": "anchor_range_bias"}
 
 def check_range_units(c: CheckedLog) -> None:
     """Ranges that are 100 or 1000 times the distance; within a factor of 2.5, as frames may still be wrong."""
-    for channel, readings in ranged(c.log):
+    for channel, readings in range_channels(c.log):
         ratio = median(readings.values[:, 0] / distances(c.log, channel, readings))
         for factor, unit in UNITS.items():
             if factor / 2.5 < ratio < factor * 2.5:
                 fact, setting = f"ranges are {ratio:.3g} times the distances", f'unit = "{unit}"'
                 c.add("unit", None, readings.source, fact, "sure", setting, TABLES[channel], ("range",))
-                c.correct_readings(channel, readings._replace(values=divided(readings.values, factor, (0,))))
+                c.correct_readings(channel, readings._replace(values=divide_columns(readings.values, factor, (0,))))
 
 
 def check_names(c: CheckedLog) -> None:
     """Readings whose numbers fit another robot, landmark or anchor than the one they name."""
-    for channel, readings in ranged(c.log):
+    for channel, readings in range_channels(c.log):
         other, said = readings.other.copy(), []
         for i in np.unique(readings.robot):
-            for named, fitting in _renamed(c.log, channel, readings, int(i)).items():
+            for named, fitting in _find_renamed(c.log, channel, readings, int(i)).items():
                 other[(readings.robot == i) & (readings.other == named)] = fitting
                 names = [measured_name(c.log, channel, k) for k in (named, fitting)]
                 said.append(f"{c.log.robots[i]}: {names[0]} is {names[1]}")
@@ -120,7 +120,7 @@ def check_names(c: CheckedLog) -> None:
             c.correct_readings(channel, readings._replace(other=other))
 
 
-def _renamed(log: TeamLog, channel: Channel, readings: Readings, i: int) -> dict[int, int]:
+def _find_renamed(log: TeamLog, channel: Channel, readings: Readings, i: int) -> dict[int, int]:
     """Named other -> the one that the ranges of robot i fit, if that is another, and fits three times as well."""
     named = np.unique(readings.other[readings.robot == i])
     teammates = channel in TEAMMATES
@@ -147,7 +147,7 @@ def _renamed(log: TeamLog, channel: Channel, readings: Readings, i: int) -> dict
 
 def check_reading_clocks(c: CheckedLog) -> None:
     """Ranges that fit the distances of some seconds earlier or later."""
-    for channel, readings in ranged(c.log):
+    for channel, readings in range_channels(c.log):
         shift, with_it, without = _best_shift(c.log, channel, readings)
         gaps = np.diff(np.unique(readings.time))
         interval = float(np.median(gaps)) if len(gaps) else 0.0
@@ -185,7 +185,7 @@ def _best_shift(log: TeamLog, channel: Channel, readings: Readings) -> tuple[flo
 
 def check_biases(c: CheckedLog) -> None:
     """Ranges of a pair that are too long or too short by a constant."""
-    for channel, readings in ranged(c.log):
+    for channel, readings in range_channels(c.log):
         residual = readings.values[:, 0] - distances(c.log, channel, readings)
         found = {}
         for i, k, rows in pairs(readings, channel):
@@ -205,7 +205,7 @@ def shift_that_fits(log: TeamLog, i: int) -> Array | None:
     Least squares with a loss that spares outliers; a bias is fitted as well, as it must not look like a shift.
     """
     ends = [(np.empty((0, 2)), np.empty((0, 2)), np.empty(0))]
-    for channel, readings in ranged(log):
+    for channel, readings in range_channels(log):
         rows = np.flatnonzero(readings.robot == i)
         time = readings.time[rows]
         there = measured_places(log, channel, readings.other[rows], time)
@@ -252,14 +252,14 @@ def check_bearings(c: CheckedLog) -> None:
         if largest > 2.1 * np.pi:
             fact = f"bearings reach {largest:.4g} as read: they are in degrees"
             c.add("degrees", None, readings.source, fact, "sure", 'unit = "deg"', *place)
-            readings = readings._replace(values=divided(readings.values, 180 / np.pi, (1,)))
+            readings = readings._replace(values=divide_columns(readings.values, 180 / np.pi, (1,)))
             c.correct_readings(channel, readings)
         bearing = readings.values[:, 1]
         (follows, offset), (opposes, _) = concentration(bearing - expected), concentration(bearing + expected)
         if opposes > max(FOLLOWS, follows + 0.1) and concentration(expected)[0] < 0.95:
             fact = f"bearings grow to the right (agreement {opposes:.2f}, {follows:.2f} to the left)"
             c.add("bearing", None, readings.source, fact, "sure", "write -bearing into the files", *place)
-            c.correct_readings(channel, readings._replace(values=divided(readings.values, -1.0, (1,))))
+            c.correct_readings(channel, readings._replace(values=divide_columns(readings.values, -1.0, (1,))))
         elif follows > FOLLOWS and abs(offset) > OFFSET:
             degrees = np.degrees(offset)
             fact = f"bearings are {degrees:+.0f} deg from the true directions (agreement {follows:.2f})"

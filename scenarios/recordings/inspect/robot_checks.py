@@ -12,7 +12,7 @@ from scipy.optimize import linear_sum_assignment
 
 from cooploc.estimators.interface import Array, Indices, Mask
 from cooploc.estimators.models import wrap
-from cooploc.scenarios.recordings.inspect.finding import CheckedLog, Kind, Sure, divided
+from cooploc.scenarios.recordings.inspect.finding import CheckedLog, Kind, Sure, divide_columns
 from cooploc.scenarios.recordings.inspect.motion import (
     Motion,
     RobotMotion,
@@ -84,9 +84,9 @@ def check_lengths(c: CheckedLog, i: int) -> None:
             sure: Sure = "sure" if 0.01 < other < FASTEST and not 0.01 < speed < 2.0 else "likely"
             c.add("unit", i, source, fact, sure, f'unit = "{unit}"', table, quantities)
             if table == "truth":
-                c.correct_truth(i, m.poses._replace(values=divided(m.poses.values, factor, (0, 1))))
+                c.correct_truth(i, m.poses._replace(values=divide_columns(m.poses.values, factor, (0, 1))))
             else:
-                c.correct_odometry(i, divided(odometry.values, factor, columns))
+                c.correct_odometry(i, divide_columns(odometry.values, factor, columns))
             return
     for table, _, speed, _, _, source, quantities in sides:
         if speed > FASTEST:
@@ -123,7 +123,7 @@ def check_heading_unit(c: CheckedLog, i: int) -> None:
     kind, factor = ANGLES[unit]
     fact = f"headings reach {largest:.4g} as read; with the unit {unit} they follow the direction of motion"
     c.add(kind, i, m.poses.source, fact, sure, f'unit = "{unit}"', "truth", ("heading",))  # type: ignore[arg-type]
-    c.correct_truth(i, m.poses._replace(values=divided(m.poses.values, factor, (2,))))
+    c.correct_truth(i, m.poses._replace(values=divide_columns(m.poses.values, factor, (2,))))
 
 
 def check_turn_unit(c: CheckedLog, i: int) -> None:
@@ -139,7 +139,7 @@ def check_turn_unit(c: CheckedLog, i: int) -> None:
         if factor / 2.5 < ratio < factor * 2.5:
             fact = f"odometry turns {ratio:.3g} times as fast as the truth, which is about {factor:.3g}"
             c.add(kind, i, odometry.source, fact, "sure", f'unit = "{unit}{per}"', "odometry", (name,))
-            c.correct_odometry(i, divided(odometry.values, factor, (column,)))
+            c.correct_odometry(i, divide_columns(odometry.values, factor, (column,)))
 
 
 def _third_quartile(values: Array) -> float:
@@ -159,7 +159,7 @@ EVIDENCE = 5.0  # standard errors that a shift, or a scale, must have
 
 
 class ClockFit(NamedTuple):
-    """How well odometry fits a truth."""
+    """The best agreement of odometry with a truth."""
 
     shift: float = 0.0  # by which the truth's stamps are later than odometry's [s]
     correlation: float = 0.0  # at that shift
@@ -172,7 +172,7 @@ def check_clocks(c: CheckedLog) -> None:
     motions = [robot_motion(c.log, i) for i in range(len(c.log.robots))]
     own = {i: best_fit(m, m.truth) for i, m in enumerate(motions) if moves(c.log, i)}
     truths = c.log.truth
-    for i, (j, correlation) in _exchanged(motions, own).items():
+    for i, (j, correlation) in _find_exchanged(motions, own).items():
         fact = (
             f"odometry of {c.log.robots[i]} fits the truth of {c.log.robots[j]} "
             f"(correlation {correlation:.2f}), not its own ({own[i].correlation:.2f})"
@@ -212,7 +212,7 @@ def _check_clock(c: CheckedLog, i: int, fit: ClockFit | None) -> None:
     c.correct_truth(i, m.poses._replace(time=t - shift))
 
 
-def _exchanged(motions: list[RobotMotion], own: Mapping[int, ClockFit]) -> dict[int, tuple[int, float]]:
+def _find_exchanged(motions: list[RobotMotion], own: Mapping[int, ClockFit]) -> dict[int, tuple[int, float]]:
     """Robots whose odometry fits the truth of another of them and not their own -> that other, and the correlation."""
     if sum(fit.correlation < OWN for fit in own.values()) < 2:
         return {}
@@ -449,7 +449,7 @@ def _check_turning_frame(c: CheckedLog, i: int) -> None:
         setting = f"write {' and '.join(f'-{name}' for name in names)} into the files"
         sure: Sure = "sure" if headed and follows > FOLLOWS else "likely"
         c.add("turn sign", i, c.log.odometry[i].source, fact, sure, setting, "odometry", names)
-        c.correct_odometry(i, divided(c.log.odometry[i].values, -1.0, (1, 2) if pose else (1,)))
+        c.correct_odometry(i, divide_columns(c.log.odometry[i].values, -1.0, (1, 2) if pose else (1,)))
 
 
 def _check_compass_frame(c: CheckedLog, i: int) -> None:
