@@ -70,10 +70,10 @@ class CheckedLog:
     log: TeamLog
     findings: list[Finding] = field(default_factory=list)
 
-    def add(self, kind: Kind, robot: int | None, source: str, fact: str, sure: Sure, setting: str, *place: Any) -> None:
-        """Add a finding; `place` is the table of log.toml and, if not all of it, the columns."""
+    def add(self, kind: Kind, robot: int | None, *facts: Any) -> None:
+        """Add a finding about a robot or, if it is None, about none; `facts` are the other fields of a `Finding`."""
         name = "" if robot is None else self.log.robots[robot]
-        self.findings.append(Finding(kind, name, source, fact, sure, setting, *place))
+        self.findings.append(Finding(kind, name, *facts))
 
     def correct_truth(self, robot: int, series: Series) -> None:
         """Replace one robot's truth."""

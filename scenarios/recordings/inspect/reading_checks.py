@@ -8,6 +8,7 @@ from scipy.stats import theilslopes
 
 from cooploc.estimators.interface import Array, Indices
 from cooploc.estimators.models import wrap
+from cooploc.scenarios.recordings import sampling
 from cooploc.scenarios.recordings.inspect.finding import CheckedLog, Sure, divide_columns
 from cooploc.scenarios.recordings.inspect.motion import concentration, known_truth, median, robust_sd
 from cooploc.scenarios.recordings.team_log import Channel, Places, Readings, TeamLog
@@ -37,16 +38,9 @@ def true_poses(log: TeamLog, robot: Indices, time: Array) -> Array:
     """Return the true poses (m, 3) of several robots, each at its own stamps: interpolated, nan in gaps."""
     poses = np.full((len(time), 3), np.nan)
     for i in np.unique(robot):
-        if (truth := known_truth(log, int(i))) is None:
-            continue
-        rows = np.flatnonzero(robot == i)
-        at, t, values = time[rows], truth.time, truth.values
-        right = np.clip(np.searchsorted(t, at), 1, len(t) - 1)
-        usual = float(np.median(np.diff(t)))
-        known = (t[right] - t[right - 1] <= max(5 * usual, 0.5)) & (at >= t[0] - usual) & (at <= t[-1] + usual)
-        columns = (*values[:, :2].T, np.cos(values[:, 2]), np.sin(values[:, 2]))
-        x, y, cosine, sine = (np.interp(at[known], t, column) for column in columns)
-        poses[rows[known]] = np.column_stack([x, y, np.arctan2(sine, cosine)])
+        if (truth := known_truth(log, int(i))) is not None:
+            max_gap = max(5 * float(np.median(np.diff(truth.time))), 0.5)
+            poses[robot == i] = sampling.poses(truth, time[robot == i], max_gap)
     return poses
 
 
@@ -289,4 +283,4 @@ def check_rssi(c: CheckedLog) -> None:
                 )
         if fact:
             setting = "write dBm, which are below 0, into the files"
-            c.add("rssi", None, readings.source, fact, sure, setting, "rssi", ("rssi",))  # type: ignore[arg-type]
+            c.add("rssi", None, readings.source, fact, sure, setting, "rssi", ("rssi",))

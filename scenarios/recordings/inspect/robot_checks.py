@@ -112,17 +112,18 @@ def check_heading_unit(c: CheckedLog, i: int) -> None:
 
     as_read = follows(1.0)
     needed, jumps = max(0.6, as_read + 0.3), np.max(np.abs(np.diff(there))) > 180
+    sure: Sure = "sure"
     if largest > 2.1 * np.pi and follows(DEGREE) > needed:
-        unit, sure = "deg", "sure"
+        unit = "deg"
     elif 4 * np.pi < largest <= 361 and jumps and as_read < 0.5:
         unit, sure = "deg", "likely"
     elif largest < 2.1 * np.pi * DEGREE and concentration(direction)[0] < 0.8 and follows(1 / DEGREE) > needed:
-        unit, sure = "rad", "sure"
+        unit = "rad"
     else:
         return
     kind, factor = ANGLES[unit]
     fact = f"headings reach {largest:.4g} as read; with the unit {unit} they follow the direction of motion"
-    c.add(kind, i, m.poses.source, fact, sure, f'unit = "{unit}"', "truth", ("heading",))  # type: ignore[arg-type]
+    c.add(kind, i, m.poses.source, fact, sure, f'unit = "{unit}"', "truth", ("heading",))
     c.correct_truth(i, m.poses._replace(values=divide_columns(m.poses.values, factor, (2,))))
 
 
