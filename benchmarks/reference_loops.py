@@ -1,12 +1,11 @@
 """The reference loops that speed is measured against, as a user of filterpy or of cvxpy writes them.
 
-`lean_loop` and `filterpy_loop` do the work of `mrsl-rssi[anchor_reading=rssi,particles=500]`: predict, four anchors,
-every neighbour with its variance, systematic resampling below half the effective sample size, Liu and West's jitter.
-The lean one is what a good numpy user writes around filterpy's resampling: x and y apart, squared distances, a
-logarithm for a link's distance and one for its variance, and no product of matrices in the loops. `Loop` is one
-ExtendedKalmanFilter over the whole team, updated by one scalar reading after the other; `Filterpy` gives the runner
-such a loop for each trial. `make_asker` is one cvxpy problem of covariance intersection whose numbers change, solved by
-`Problem.solve`.
+`lean_loop` does the work of `mrsl-rssi[anchor_reading=rssi,particles=500]`: predict, four anchors, every neighbour with
+its variance, systematic resampling below half the effective sample size, Liu and West's jitter. It is what a good numpy
+user writes around filterpy's resampling: x and y apart, squared distances, a logarithm for a link's distance and one
+for its variance, and no product of matrices in the loops. `Loop` is one ExtendedKalmanFilter over the whole team,
+updated by one scalar reading after the other; `Filterpy` gives the runner such a loop for each trial. `make_asker` is
+one cvxpy problem of covariance intersection whose numbers change, solved by `Problem.solve`.
 """
 
 import math
@@ -85,55 +84,6 @@ def moments(x: Any, w: Any) -> tuple[float, float, float, float, float]:
     mx, my = x @ w
     dx, dy = x[0] - mx, x[1] - my
     return mx, my, (w * dx) @ dx, (w * dx) @ dy, (w * dy) @ dy
-
-
-def filterpy_loop(stream: Any, trials: int, ticks: int) -> Any:
-    """Positions (trials, ticks, n, 2) as a user of filterpy gets them: numpy over particles, loops over the rest."""
-    rng, told, n = np.random.default_rng(0), stream.world, stream.robots
-    odometry, anchor_rssi, rssi = stream.senses.odometry, stream.senses.anchor_rssi, stream.air.rssi
-    anchor, radio, sigma = told.sensors["anchor_rssi"], told.sensors["radio_rssi"], told.motion.sigma
-    out = np.empty((trials, ticks, n, 2))
-    for t in range(trials):
-        spread = np.linalg.cholesky(stream.prior.P[t])
-        x = [stream.prior.x[t, i] + rng.standard_normal((N, 2)) @ spread[i].T for i in range(n)]
-        w = [np.full(N, 1 / N) for _ in range(n)]
-        for k in range(ticks):
-            said = []
-            for i in range(n):
-                x[i] = x[i] + odometry[t, k, i] + sigma * rng.standard_normal((N, 2))
-                log_likelihood = np.zeros(N)
-                for a, q in enumerate(told.anchors):
-                    d = np.maximum(np.linalg.norm(x[i] - q, axis=1), NEAR)
-                    y = anchor_rssi[t, k, i, a] - (anchor.A - 10 * anchor.eta * np.log10(d))
-                    log_likelihood -= y**2 / (2 * anchor.sigma**2)
-                w[i] = reweighed(w[i], log_likelihood)
-                said.append(mean_and_covariance(x[i], w[i]))
-            for i in range(n):
-                log_likelihood = np.zeros(N)
-                for j in range(n):
-                    if j == i or not stream.air.link[t, k, i, j]:
-                        continue
-                    mean, P = said[j]
-                    delta = x[i] - mean
-                    d = np.maximum(np.linalg.norm(delta, axis=1), NEAR)
-                    J = np.where(d > NEAR, -10 * radio.eta / np.log(10) / d**2, 0.0)[:, None] * delta
-                    v = radio.sigma**2 + ((J @ P) * J).sum(1)
-                    y = rssi[t, k, i, j] - (radio.A - 10 * radio.eta * np.log10(d))
-                    log_likelihood -= y**2 / (2 * v) + np.log(v) / 2
-                w[i] = reweighed(w[i], log_likelihood)
-                mean, P = mean_and_covariance(x[i], w[i])
-                out[t, k, i] = mean
-                if 1 / (w[i] ** 2).sum() < N / 2:
-                    chosen = x[i][systematic_resample(w[i])]
-                    jitter = rng.standard_normal((N, 2)) @ np.linalg.cholesky(P).T
-                    x[i] = mean + np.sqrt(1 - H**2) * (chosen - mean) + H * jitter
-                    w[i] = np.full(N, 1 / N)
-    return out
-
-
-def mean_and_covariance(x: Any, w: Any) -> tuple[Any, Any]:
-    mean = w @ x
-    return mean, (x - mean).T @ ((x - mean) * w[:, None])
 
 
 class Loop:

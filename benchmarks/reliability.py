@@ -1,13 +1,11 @@
 """What breaks, and what it costs: the sections of reports/reliability.md, each replaced by what measures it.
 
-Run: python benchmarks/reliability.py REPORT ["jobs 1" "jobs 2" Dask price], all where none is named; or
+Run: python benchmarks/reliability.py REPORT ["jobs 1" "jobs 2" Dask], all where none is named; or
 python benchmarks/reliability.py REPORT reproduced RUNS DATA.
 
 Crashes: every way to end a process, in every place where a plug-in's code runs, for every kind of worker. Each cell is
 a plug-in of its own that does one bad thing in one place, in trial 1 of 2, or whenever it is imported or made. All of
 them run in one study, beside a built-in estimator.
-
-Price: what it costs that a plug-in has processes of its own, as a ratio to the same run in one process.
 
 Reproduced: some trials of every run behind the reports, run again; exit code 1 where a result is not bit-equal.
 """
@@ -21,8 +19,6 @@ from collections.abc import Iterator
 from contextlib import chdir, contextmanager
 from fcntl import LOCK_EX, flock
 from pathlib import Path
-from resource import RUSAGE_CHILDREN, getrusage
-from statistics import median
 from typing import NamedTuple
 
 import pandas as pd
@@ -43,7 +39,7 @@ KINDS = {
 }
 METHODS = "init", "predict", "fuse", "estimate"
 PLACES = "import", "__init__", *METHODS, "simulate"
-MODES = "jobs 1", "jobs 2", "Dask", "price"
+MODES = "jobs 1", "jobs 2", "Dask"
 LIMIT = 2.0  # [s] of the study
 ESTIMATOR = """
 from cooploc.estimators.dead_reckoning import DeadReckoning
@@ -65,24 +61,19 @@ class Cell(DeadReckoning):
 
     def init(self, prior, world, rows):
         object.__setattr__(self, "bad", bool((rows.trial == 1).any()))
-        self.perhaps("init")
         return super().init(prior, world, rows)
 
-    def predict(self, s, z):
-        self.perhaps("predict")
-        return super().predict(s, z)
-
-    def fuse(self, s, z, mail):
-        self.perhaps("fuse")
-        return super().fuse(s, z, mail)
-
-    def estimate(self, s):
-        self.perhaps("estimate")
-        return super().estimate(s)
-
-    def perhaps(self, method):
+def perhaps(method):
+    own = getattr(Cell, method)
+    def call(self, *arguments):
+        found = own(self, *arguments)
         if self.bad and PLACE == method:
             trouble()
+        return found
+    return call
+
+for method in {METHODS}:
+    setattr(Cell, method, perhaps(method))
 """
 SCENARIO = """
 from cooploc.scenarios import Family
@@ -122,7 +113,7 @@ class Cell(NamedTuple):
 
     def write(self, folder: Path) -> None:
         source = SCENARIO if self.place == "simulate" else ESTIMATOR
-        text = source.format(does=KINDS[self.kind], place=self.place)
+        text = source.format(does=KINDS[self.kind], place=self.place, METHODS=METHODS)
         (folder / self.label.partition(":")[0]).write_text(text)
 
 
@@ -139,9 +130,6 @@ def main(report: str, *modes: str) -> int:
         return reproduced(Path(report), *modes[1:])
     lost = 0
     for mode in modes or MODES:
-        if mode == "price":
-            put(Path(report), mode, price())
-            continue
         cells = [Cell(kind, place) for kind in KINDS for place in PLACES]
         with tempfile.TemporaryDirectory() as folder:
             outcomes, seconds = run(cells, mode, Path(folder))
@@ -220,58 +208,6 @@ def section(mode: str, outcomes: dict[Cell, Outcome], seconds: float) -> str:
         said.setdefault(re.sub(r" \(\w+\.py:\d+\)$", "", one.said), []).append(f"{cell.kind} in `{cell.place}`")
     told = [f"- {line}: {', '.join(where)}" for line, where in said.items()]
     return "\n".join([*lines, "", "What the failed trials say:", "", *told])
-
-
-PLUGIN = "from cooploc.estimators.arl import Arl\n\nclass Mine(Arl):\n    pass\n"
-MEASURE = """
-import sys
-import cooploc as cl
-def run(out, trials, isolate):
-    names = "arl,mrsl-rssi,ekf-joint,mine.py:Mine"
-    cl.run_study("quick", estimators=names, trials=trials, out=out, check=False, isolate=isolate)
-run("warm", 1, False)
-if sys.argv[2:]:
-    run("measured", int(sys.argv[2]), sys.argv[1] == "isolated")
-"""
-
-
-def price(rounds: int = 3) -> str:
-    """Return the section on what isolation costs."""
-    found: dict[str, list[tuple[float, float]]] = {"isolated": [], "together": []}
-    for _ in range(rounds):
-        for mode, took in found.items():
-            took.append(measured(mode))
-    (start, apart), (begun, together) = (map(median, zip(*took, strict=True)) for took in found.values())
-    start -= begun  # what one trial takes more
-    return f"""## The price of isolation
-
-`quick` with one plug-in, medians of {rounds} runs of each kind, in seconds of the processor,
-all processes together. The start is what a run of one trial takes more when it is isolated.
-
-| | |
-| --- | ---: |
-| in one process [s] | {together:.2f} |
-| isolated [s] | {apart:.2f} |
-| of that, the start [s] | {start:.2f} |
-| ratio | {apart / together:.2f} |
-| ratio without the start | {(apart - start) / together:.2f} |"""
-
-
-def measured(mode: str) -> tuple[float, float]:
-    """Return seconds of the processor of a run of one trial, and of twenty, of processes that are warm."""
-    warm, one, twenty = (processor(mode, *trials) for trials in ((), ("1",), ("20",)))
-    return one - warm, twenty - warm
-
-
-def processor(*arguments: str) -> float:
-    """Return what all processes of the measured runs take together [s]."""
-    before = getrusage(RUSAGE_CHILDREN)
-    with tempfile.TemporaryDirectory() as folder:
-        Path(folder, "mine.py").write_text(PLUGIN)
-        command = [sys.executable, "-c", MEASURE, *arguments]
-        subprocess.run(command, cwd=folder, stdout=subprocess.DEVNULL, check=True)
-    after = getrusage(RUSAGE_CHILDREN)
-    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
 TRIALS = 6

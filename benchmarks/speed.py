@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
-from reference_loops import Filterpy, filterpy_loop, lean_loop, make_asker
+from reference_loops import Filterpy, lean_loop, make_asker
 from scipy.stats import linregress, t
 
 import cooploc as cl
@@ -35,9 +35,8 @@ NO_NOTES = "python reports/page.py speed-notes RUNS reports/speed.md -->\n\n<!--
 HEAD = """# Speed
 
 What `make bench` measured, in processor time, each ratio of two things that ran turn by turn in one process. "short by"
-is how far the median is from the aim, as a factor; empty where the aim is met. "older" is the median of the same
-against the reference that was used before; of cvxpy, that of `Problem.solve`; of a recording's filter, that of its twin
-with `engine="filterpy"`.
+is how far the median is from the aim, as a factor; empty where the aim is met. "older" is of cvxpy the median of
+`Problem.solve`, of a recording's filter that of its twin with `engine="filterpy"`.
 
 {machine}
 
@@ -54,7 +53,7 @@ class Line(NamedTuple):
     values: Any  # (rounds,)
     aim: float
     at_most: bool  # else at least
-    older: Any = None  # (rounds,)  against an older reference
+    older: Any = None  # (rounds,)  of what one would use else
 
     def row(self) -> str:
         """Return the line as a row of the table."""
@@ -85,22 +84,21 @@ ERRING = "mrsl-rssi[anchor_reading=rssi,{}]", "mrsl-rssi[{}]", "arl[{}]"
 
 
 def particles(rounds: int) -> Iterator[Line]:
-    """Measure particle filters in both precisions, beside the loops and beside each other."""
+    """Measure particle filters in both precisions, beside the loop and beside each other."""
     for robots, trials, ticks, few, brief, *aims in TEAMS:
         _, stream = cl.simulate(f"scalability/n={robots}", trials=trials, seed=1, ticks=ticks)
         ours = {kind: {"ours": cl.make(OURS.format(kind))} for kind in ("double", "single")}
         work: dict[str, tuple[Callable[[], object], int]] = {
             **{kind: (partial(cl.run, one, stream, jobs=1), trials * ticks) for kind, one in ours.items()},
             "lean": (partial(lean_loop, stream, few, brief), few * brief),
-            "older": (partial(filterpy_loop, stream, few, brief), few * brief),
         }
         for one in ours.values():
             cl.run(one, stream)
         taken = np.array([[seconds(function) / size for function, size in work.values()] for _ in range(rounds)])
-        double, single, lean, older = taken.T
+        double, single, lean = taken.T
         for kind, mine, aim in zip(ours, (double, single), aims, strict=True):
             what = f"lean filterpy loop / mrsl-rssi in {kind} precision, {robots} robots"
-            yield Line(what, lean / mine, aim, False, older / mine)
+            yield Line(what, lean / mine, aim, False)
         if robots >= LARGE:
             yield Line(f"double / single precision, {robots} robots", double / single, TWICE, False)
     yield from rounding()

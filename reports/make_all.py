@@ -78,7 +78,6 @@ PAGES = (
     page("tuned", "tuned.md", ("paper-fair", "paper-fair-mrclam")),
     page("real-robots", "real-robots.md", ("uwb", "mrclam", "wifi-priors"), ("mrclam6", "wifi-rssi", "uwb-tiers")),
     benchmark("peers", "peers/table.py", "peers.md"),
-    benchmark("tuned-alike", "statistics/tuned_alike.py", "tuned.md", after=("tuned in tuned.md",)),
     Step("quick.png", ("cp", "{runs}/quick/rmse.png", str(HERE / "quick.png")), after=("quick",)),
 )  # fmt: skip
 EVERY_RUN = tuple(step.name for step in RUNS)

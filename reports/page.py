@@ -80,7 +80,6 @@ def render(name: str, runs: str | Path, out: str | Path = "page.md", data: str =
         study=cache(lambda study: study_numbers.StudyRun(runs / study)),
         tuned=cache(lambda study: study_numbers.order_when_tuned(runs / study)),
         decided_by_more_trials=lambda study: study_numbers.decided_by_more_trials(runs / study),
-        kept=lambda section: section_of(out, section),
         require=mark if draft else require,
         listed=listed,
     )
@@ -110,13 +109,6 @@ def _fold_block(block: str) -> str:
 def links_from(page: Path) -> str:
     """Return how the folder of the reports is reached from a page."""
     return Path(os.path.relpath(REPORTS, page.resolve().parent)).as_posix()
-
-
-def section_of(page: Path, name: str) -> str:
-    """Return a page's section between its marks, which another command writes; empty marks where there is none."""
-    text = page.read_text(encoding="utf-8") if page.exists() else ""
-    found = re.search(rf"<!-- {name} -->\n.*?<!-- end of {name} -->", text, re.DOTALL)
-    return found[0] if found else f"<!-- {name} -->\n<!-- end of {name} -->"
 
 
 def _between_marks(page: Path, name: str, text: str) -> str:

@@ -26,14 +26,11 @@ PEERS = {
     "gtsam_map.py": ("GtsamMap",),
     "jax_ekf.py": ("JaxEkf",),
     "sklearn_regression.py": ("SklearnRegression",),
-    "navlie_ekf.py": ("NavlieEkf",),
-    "particles_filter.py": ("Bootstrap",),
-    "own_loops.py": ("Multilateration", "Euler"),
 }
 SMALL = {"robots-1-3/n=3": {"ticks": 30}, "camera/n=3": {"ticks": 30}}
 HEAD = """# Other people's filters as plug-ins
 
-    make peers        # this page; MRCLAM is read from mrclam6/ in COOPLOC_DATA, or beside the repository
+    python benchmarks/peers/table.py reports/peers.md      # MRCLAM is read from mrclam6/ in COOPLOC_DATA
 
 Each is a plain class for one robot in `benchmarks/peers/`, lifted by `cl.PerRobot`, and named on the command line:
 `cooploc run quick --estimators ekf-local,benchmarks/peers/filterpy_filters.py:Ukf[alpha=0.5]`. They use odometry, and
@@ -42,8 +39,7 @@ docstrings. *Apart*: largest distance of its positions from those of `{ours}` wi
 arena and with cameras, 2 trials of 30 ticks each; those that compute the same agree to rounding. *Checks*: the
 certificate, with what it leaves out. RMSE [m] and processor time in microseconds for a robot and tick: 4 trials of
 `robots-1-3/n=3[ticks=60]`, as in the study `quick` but shorter, then a minute of five real robots (`mrclam/all`).
-filterpy and GTSAM are in the lock; the other libraries are tried where they are on PYTHONPATH. navlie is that of its
-repository, with pymlg of the same authors without its compiled part.
+filterpy and GTSAM are in the lock; the other libraries are tried where they are on PYTHONPATH.
 
 """
 

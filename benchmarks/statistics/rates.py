@@ -54,6 +54,7 @@ def heavy(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
 
 
 WORLDS: dict[str, Draw] = {"normal": normal, "lognormal": lognormal, "heavy": heavy}
+HEADS = [f"{world} {n}" for world in WORLDS for n in TRIALS]
 
 
 def slack(repeats: int) -> float:
@@ -69,12 +70,18 @@ class Report:
         self.broken: list[str] = []
 
     def table(
-        self, title: str, about: str, rows: Rows, promise: tuple[float, float], repeats: int, heads: list[str]
+        self,
+        title: str,
+        about: str,
+        rows: Rows,
+        promise: tuple[float, float] = (0.0, 0.05),
+        repeats: int = REPEATS,
     ) -> None:
-        """Rows of rates, a column per (world, trials); one that misses its promise is in bold.
+        """Add rows of rates, a column per world and trials, or per trials; one that misses its promise is in bold.
 
         `repeats` are those of the slowest row. Rows in brackets and heavy tails are not promised.
         """
+        heads = HEADS if len(next(iter(rows.values()))) == len(HEADS) else [f"{n}" for n in TRIALS]
         self.lines += ["", f"## {title}", "", about, ""]
         self.lines += ["| | " + " | ".join(heads) + " |", "|---" * (len(heads) + 1) + "|"]
         low, high = promise
@@ -99,15 +106,12 @@ def _rate(name: str, measure: Callable[[np.random.Generator, Draw, int], float],
     return measure(np.random.default_rng(zlib.crc32(f"{name} {world} {n}".encode())), WORLDS[world], n)
 
 
-HEADS = [f"{world} {n}" for world in WORLDS for n in TRIALS]
-
-
 def covered(intervals: list[statistics.Interval], truth: float) -> float:
     """The share of intervals that hold the truth; one that does not exist holds nothing."""
     return float(np.mean([low <= truth <= high for _, low, high in intervals]))
 
 
-# ------------------------------------------------------------------------------------------------ coverage
+# ------------ coverage
 
 
 def of_change(interval: Callable[..., statistics.Interval], repeats: int = REPEATS):
@@ -126,20 +130,13 @@ def of_nothing(rng: np.random.Generator, draw: Draw, n: int) -> float:
     return float(np.mean([np.isnan(statistics.change(a, b).low) for a, b in pairs.swapaxes(1, 2)]))
 
 
-def of_positive_mean(rng: np.random.Generator, draw: Draw, n: int) -> float:
-    """RMSE and ANEES: jackknife on the logarithm of the mean."""
-    return covered([statistics.mean_of_positive(v[:, 0]) for v in draw(rng, (REPEATS, n, 1))], 1.0)
+def of_mean(interval: Callable[..., statistics.Interval]):
+    """Coverage of a mean of 1."""
 
+    def measure(rng: np.random.Generator, draw: Draw, n: int) -> float:
+        return covered([interval(v[:, 0]) for v in draw(rng, (REPEATS, n, 1))], 1.0)
 
-def of_even_mean(rng: np.random.Generator, draw: Draw, n: int) -> float:
-    """The same with the t quantile over all trials, however skewed."""
-    reach = statistics.quantile
-    return covered([statistics.mean_of_positive(v[:, 0], reach) for v in draw(rng, (REPEATS, n, 1))], 1.0)
-
-
-def of_plain_mean(rng: np.random.Generator, draw: Draw, n: int) -> float:
-    """The t interval, which RMSE does not use."""
-    return covered([statistics.mean(v[:, 0]) for v in draw(rng, (REPEATS, n, 1))], 1.0)
+    return measure
 
 
 def of_difference(rng: np.random.Generator, draw: Draw, n: int) -> float:
@@ -168,6 +165,9 @@ def of_share(p: float, together: float) -> list[float]:
     return out
 
 
+RARE = "(coverage)", "(warned)", "(coverage where not warned)"
+
+
 def rare(n: int) -> tuple[float, float, float]:
     """Of RMSE where one trial of a hundred errs twentyfold: coverage; the share that is warned of; coverage without it.
 
@@ -181,7 +181,7 @@ def rare(n: int) -> tuple[float, float, float]:
     return float(held.mean()), float(warned.mean()), float(held[~warned].mean()) if (~warned).any() else 1.0
 
 
-# ------------------------------------------------------------------------------------------------ A/A and ties
+# ------------ A/A and ties
 
 
 def one_test(rng: np.random.Generator, draw: Draw, n: int) -> float:
@@ -224,67 +224,50 @@ def ties(rng: np.random.Generator, draw: Draw, n: int) -> float:
     return float(np.mean([statistics.equivalence(a, b, 0.1) < 0.05 for a, b in pairs.swapaxes(1, 2)]))
 
 
-# ------------------------------------------------------------------------------------------------ verdicts
+# ------------ verdicts
 
-LABELS = [f"s/n={k}" for k in range(1, 7)]
-# what is claimed -> the claim, the factors of the true mean squared errors (scenario, estimator), the false verdicts
+SIX = [f"s/n={k}" for k in range(1, 7)]
+ONE, TWO = SIX[:1], SIX[:2]
+BOTH = ("supported", "contradicted")
+
+
+def beside_b(*factors: float) -> np.ndarray:
+    """Factors of the true mean squared errors (scenario, estimator), of an estimator beside one whose are 1."""
+    return np.stack([np.array(factors), np.ones(len(factors))], 1)
+
+
+# what is claimed and what is true -> the claim, the factors, the false verdicts
 LIES: dict[str, tuple[dict[str, object], np.ndarray, tuple[str, ...]]] = {
-    "better; they are equal": (
-        {"kind": "change", "than": ("b",), "scenarios": LABELS[:1]},
-        np.ones((1, 2)),
-        ("supported", "contradicted"),
-    ),
+    "better; they are equal": ({"kind": "change", "than": ("b",), "scenarios": ONE}, beside_b(1.0), BOTH),
     "30 % better (less 5); it is 25 %": (
-        {"kind": "change", "than": ("b",), "scenarios": LABELS[:1], "size": -0.3},
-        np.array([[0.75**2, 1.0]]),
-        ("supported", "contradicted"),
+        {"kind": "change", "than": ("b",), "scenarios": ONE, "size": -0.3}, beside_b(0.75**2), BOTH
     ),
     "30 % better; it is 30 %": (
-        {"kind": "change", "than": ("b",), "scenarios": LABELS[:1], "size": -0.3},
-        np.array([[0.7**2, 1.0]]),
+        {"kind": "change", "than": ("b",), "scenarios": ONE, "size": -0.3},
+        beside_b(0.7**2),
         ("direction only", "contradicted"),
     ),
     "better everywhere; once they are equal": (
-        {"kind": "all", "than": ("b",), "scenarios": LABELS},
-        np.stack([np.array([1.0] + [0.25] * 5), np.ones(6)], 1),
-        ("supported", "contradicted"),
+        {"kind": "all", "than": ("b",), "scenarios": SIX}, beside_b(1.0, *[0.25] * 5), BOTH
     ),
-    "better everywhere; they are equal": (
-        {"kind": "all", "than": ("b",), "scenarios": LABELS},
-        np.ones((6, 2)),
-        ("supported", "contradicted"),
-    ),
+    "better everywhere; they are equal": ({"kind": "all", "than": ("b",), "scenarios": SIX}, np.ones((6, 2)), BOTH),
     "same within 10 %; once it is 10 % more": (
-        {"kind": "same", "scenarios": LABELS, "margin": 0.1},
-        np.stack([np.array([1.0] * 5 + [1.21]), np.ones(6)], 1),
-        ("supported", "contradicted"),
+        {"kind": "same", "scenarios": SIX, "margin": 0.1}, beside_b(*[1.0] * 5, 1.21), BOTH
     ),
     "same within 10 %; all are 10 % more than the first": (
-        {"kind": "same", "scenarios": LABELS, "margin": 0.1},
-        np.stack([np.array([1.0] + [1.21] * 5), np.ones(6)], 1),
-        ("supported", "contradicted"),
+        {"kind": "same", "scenarios": SIX, "margin": 0.1}, beside_b(1.0, *[1.21] * 5), BOTH
     ),
-    "grows; it does not": (
-        {"kind": "growth", "scenarios": LABELS},
-        np.ones((6, 2)),
-        ("supported", "contradicted"),
-    ),
+    "grows; it does not": ({"kind": "growth", "scenarios": SIX}, np.ones((6, 2)), BOTH),
     "flat within 10 % over the sweep; it grows by 10 %": (
-        {"kind": "growth", "scenarios": LABELS, "margin": 0.1},
-        np.stack([1.21 ** (np.arange(6) / 5), np.ones(6)], 1),
+        {"kind": "growth", "scenarios": SIX, "margin": 0.1},
+        beside_b(*1.21 ** (np.arange(6) / 5)),
         ("flat", "contradicted"),
     ),
     "loses more; it loses as much": (
-        {"kind": "interaction", "than": ("b",), "scenarios": LABELS[:2]},
-        np.array([[1.0, 1.0], [2.0, 2.0]]),
-        ("supported", "contradicted"),
+        {"kind": "interaction", "than": ("b",), "scenarios": TWO}, np.array([[1.0, 1.0], [2.0, 2.0]]), BOTH
     ),
-    "at most 1 m; it is 1 m": (
-        {"kind": "level", "scenarios": LABELS[:1], "size": 1.0},
-        np.ones((1, 2)),
-        ("supported", "contradicted"),
-    ),
-}
+    "at most 1 m; it is 1 m": ({"kind": "level", "scenarios": ONE, "size": 1.0}, np.ones((1, 2)), BOTH),
+}  # fmt: skip
 
 
 def lie(told: dict[str, object], factors: np.ndarray, false: tuple[str, ...]):
@@ -335,7 +318,7 @@ def overlooked(rng: np.random.Generator, draw: Draw, n: int) -> float:
     return max(0.0, 1 - foreseen / false) if false else 0.0
 
 
-# ------------------------------------------------------------------------------------------------ flags
+# ------------ flags
 
 
 def flagged(too_small: float, words: tuple[str, ...]) -> list[float]:
@@ -366,15 +349,15 @@ def main() -> int:
             "change, Fieller": rates("fieller", of_change(statistics.change)),
             "(there is none: Fieller's set is unbounded)": rates("unbounded", of_nothing),
             "(change, BCa)": rates("bca", of_change(statistics.change_bca, REPEATS // 4)),
-            "RMSE, ANEES: jackknife on log mean": rates("positive", of_positive_mean),
-            "(the same, all trials counted alike)": rates("even", of_even_mean),
-            "(the t interval in its place)": rates("plain", of_plain_mean),
+            "RMSE, ANEES: jackknife on log mean": rates("positive", of_mean(statistics.mean_of_positive)),
+            "(the same, all trials counted alike)": rates(
+                "even", of_mean(partial(statistics.mean_of_positive, reach=statistics.quantile))
+            ),
+            "(the t interval in its place)": rates("plain", of_mean(statistics.mean)),
             "difference of RMSE, t": rates("difference", of_difference),
             "ratio of ratios, jackknife": rates("interaction", of_interaction),
         },
         (0.92, 0.98),
-        REPEATS,
-        HEADS,
     )
     report.table(
         "Coverage of shares",
@@ -386,8 +369,6 @@ def main() -> int:
             for together in (0.0, 1.0)
         },
         (0.90, 1.0),
-        REPEATS,
-        [f"{n}" for n in TRIALS],
     )
     report.table(
         "Rare divergence",
@@ -395,16 +376,8 @@ def main() -> int:
         "seen can tell, where no such trial was: nothing is promised. Shown are the coverage, how often a sentence "
         "warns (such a trial is among 10, 30, 100 with probability 0.10, 0.26, 0.63), and the coverage where none "
         "does.",
-        dict(
-            zip(
-                ("(coverage)", "(warned)", "(coverage where not warned)"),
-                zip(*map(rare, TRIALS), strict=True),
-                strict=True,
-            )
-        ),
+        dict(zip(RARE, np.transpose([rare(n) for n in TRIALS]).tolist(), strict=True)),
         (0.0, 1.0),
-        REPEATS,
-        [f"{n}" for n in TRIALS],
     )
     report.table(
         "False differences and false ties",
@@ -417,18 +390,13 @@ def main() -> int:
             "six estimators lettered, all pairs, Holm": rates("ranks", ranks),
             "a tie within 10 % where the truth is 10 %": rates("ties", ties),
         },
-        (0.0, 0.05),
-        REPEATS // 4,
-        HEADS,
+        repeats=REPEATS // 4,
     )
     report.table(
         "False verdicts",
         "What is claimed and what is true, at the edge where it is hardest; the rate of verdicts that are false. "
         "Promised: at most 0.05.",
         {name: rates(name, lie(*case)) for name, case in LIES.items()},
-        (0.0, 0.05),
-        REPEATS,
-        HEADS,
     )
     report.table(
         "Ledgers",
@@ -439,9 +407,7 @@ def main() -> int:
             "(any verdict that is decided)": rates("decided", ledgers(standing=False)),
             "false verdicts that were not foreseen": rates("overlooked", overlooked),
         },
-        (0.0, 0.05),
-        REPEATS // 4,
-        HEADS,
+        repeats=REPEATS // 4,
     )
     report.table(
         "Flags of consistency",
@@ -456,9 +422,6 @@ def main() -> int:
             "ANEES 0.1, called over-wide": flagged(0.1, ("over-wide",)),
             "(ANEES 1, not shown to be consistent)": flagged(1.0, ("not shown",)),
         },
-        (0.0, 0.05),
-        REPEATS,
-        [f"{n}" for n in TRIALS],
     )
     report.lines += ["", "## Promises", ""]
     kept = "None is missed by more than three standard errors."

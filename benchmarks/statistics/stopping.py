@@ -76,19 +76,14 @@ def excluded(found: tuple[np.ndarray, np.ndarray], truth: float = 0.0) -> np.nda
     return (low > truth) | (high < truth)
 
 
-def different(rng: np.random.Generator, draw: Draw) -> np.ndarray:
-    """Two equals."""
-    return excluded(ends(logs(draw(rng, (AT_ONCE, MOST, 2)), HALVES, OFTEN)))
+def different(at: list[int], by_t: bool = False):
+    """Two equals, looked at so often, by the sequences or by the interval for one look."""
 
+    def measure(rng: np.random.Generator, draw: Draw) -> np.ndarray:
+        paths = logs(draw(rng, (AT_ONCE, MOST, 2)), HALVES, at)
+        return excluded(ends_of_one_look(paths, at) if by_t else ends(paths))
 
-def different_at_looks(rng: np.random.Generator, draw: Draw) -> np.ndarray:
-    """Two equals, seldom looked at."""
-    return excluded(ends(logs(draw(rng, (AT_ONCE, MOST, 2)), HALVES, LOOKS)))
-
-
-def different_by_t(rng: np.random.Generator, draw: Draw) -> np.ndarray:
-    """Two equals, by the interval for one look."""
-    return excluded(ends_of_one_look(logs(draw(rng, (AT_ONCE, MOST, 2)), HALVES, LOOKS), LOOKS))
+    return measure
 
 
 def unlike(rng: np.random.Generator, draw: Draw) -> np.ndarray:
@@ -121,9 +116,9 @@ def difference(rng: np.random.Generator, draw: Draw) -> np.ndarray:
 
 
 ROWS = {
-    f"called different, at any of {len(OFTEN)} looks; they are equal": (different, OFTEN),
-    f"called different, at any of {len(LOOKS)} looks; they are equal": (different_at_looks, LOOKS),
-    "(the same by the 95 % interval for one look)": (different_by_t, LOOKS),
+    f"called different, at any of {len(OFTEN)} looks; they are equal": (different(OFTEN), OFTEN),
+    f"called different, at any of {len(LOOKS)} looks; they are equal": (different(LOOKS), LOOKS),
+    "(the same by the 95 % interval for one look)": (different(LOOKS, by_t=True), LOOKS),
     f"difference of RMSE, {len(OFTEN)} looks; they are equal": (difference, OFTEN),
     f"called a tie within {TIE_MARGIN:.0%}, {len(OFTEN)} looks; it is {TIE_MARGIN:.0%} worse": (tie, OFTEN),
     f"loses more or less, {len(OFTEN)} looks; it loses as much": (interaction, OFTEN),
