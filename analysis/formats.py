@@ -10,7 +10,7 @@ Format = Callable[[float], str]
 
 
 def fixed(value: float, digits: int) -> str:
-    """A number with so many decimals; large numbers get fewer, so that none has more than four digits or so."""
+    """Return a number with so many decimals; large numbers get fewer, so that none has more than four digits or so."""
     if math.isnan(value):
         return ""
     if math.isinf(value):
@@ -22,27 +22,27 @@ def fixed(value: float, digits: int) -> str:
 
 
 def metres(value: float) -> str:
-    """A length or an RMSE, to the millimetre."""
+    """Return a length or an RMSE, to the millimetre."""
     return fixed(value, 3)
 
 
 def ratio(value: float) -> str:
-    """ANEES, messages per tick, and other numbers that are near one."""
+    """Return an ANEES, messages per tick, and other numbers that are near one."""
     return fixed(value, 2)
 
 
 def count(value: float) -> str:
-    """A whole number, or a mean of whole numbers to the nearest one: trials, bytes."""
+    """Return a whole number, or a mean of whole numbers to the nearest one: trials, bytes."""
     return fixed(value, 0)
 
 
 def microseconds(seconds: float) -> str:
-    """A time given in seconds, in µs."""
+    """Return a time given in seconds, in µs."""
     return fixed(1e6 * seconds, 0)
 
 
 def percent(share: float, digits: int | None = None, sign: bool = False) -> str:
-    """A share as a percentage; without `digits`, with two significant ones, also where it is nearly 100 %."""
+    """Return a share as a percentage; without `digits`, with two significant ones, also where it is nearly 100 %."""
     if not math.isfinite(share):
         return fixed(share, 0)
     if digits is None:
@@ -52,38 +52,38 @@ def percent(share: float, digits: int | None = None, sign: bool = False) -> str:
 
 
 def change(share: float) -> str:
-    """A relative change, with its sign."""
+    """Return a relative change, with its sign."""
     return percent(share, sign=True)
 
 
 def p_value(p: float) -> str:
-    """A p-value; small ones as a bound."""
+    """Return a p-value; small ones as a bound."""
     return "<0.001" if p < 0.001 else fixed(p, 3)
 
 
 def interval(form: Format) -> Callable[[float, float], str]:
-    """Writes both ends of an interval with `form`; nothing where an end is absent."""
+    """Return a function that writes both ends of an interval with `form`; nothing where one is absent."""
 
-    def both(low: float, high: float) -> str:
+    def write_ends(low: float, high: float) -> str:
         return "" if math.isnan(low) or math.isnan(high) else f"{form(low)} to {form(high)}"
 
-    return both
+    return write_ends
 
 
 def duration(seconds: float) -> str:
-    """How long something takes: "40 s", "12 min", "1.5 h"."""
+    """Return a duration: "40 s", "12 min", "1.5 h"."""
     if seconds < 90:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 
 
 def counted(number: int, noun: str) -> str:
-    """A number of things: "1 trial", "3 trials"."""
+    """Return a number of things: "1 trial", "3 trials"."""
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def listed(names: Iterable[str]) -> str:
-    """Names in a sentence: "a, b and c"."""
+    """Return names in a sentence: "a, b and c"."""
     *most, last = list(names)
     return f"{', '.join(most)} and {last}" if most else last
 

@@ -150,7 +150,7 @@ def shares(found: pd.DataFrame) -> pd.DataFrame:
 
 
 def sentences(found: pd.DataFrame) -> dict[str, str]:
-    """Return, of every claim of which more than the preset's reading was run, in how many readings it holds.
+    """Return in how many readings each claim holds that was run in more than the preset's.
 
     Args:
         found: from `judge`.

@@ -78,7 +78,7 @@ def _coverage95(e: TickErrors) -> Array:
     return over_ticks(np.nanmean, np.where(np.isnan(e.nees), np.nan, e.nees <= INSIDE_95))
 
 
-def _diverged(e: TickErrors) -> Array:
+def _divergence(e: TickErrors) -> Array:
     count = e.valid.cumsum(1)
     late: NDArray[np.bool_] = e.valid & (count > 0.75 * count[:, -1:])
     tail = over_ticks(np.nanmean, np.where(late, e.d2, np.nan))
@@ -113,7 +113,7 @@ MEASURES = {
     ),
     "coverage95": Measure("share of true positions inside the 95 % ellipse", _coverage95, "", "ticks"),
     "diverged": Measure(
-        "1 where the last quarter's RMSE exceeds a quarter of the arena's side, else 0", _diverged, "", "robots"
+        "1 where the last quarter's RMSE exceeds a quarter of the arena's side, else 0", _divergence, "", "robots"
     ),
     "pose_nees": Measure(
         "mean NEES of position and heading / 3; nan where the truth has no heading",
@@ -195,7 +195,7 @@ def position_errors(truth: Truth, run: Run, trace: Trace) -> tuple[Array, Array]
 
     """
     demand_same(truth, run)
-    return _squared(truth, trace, truth.valid)
+    return _squared_errors(truth, trace, truth.valid)
 
 
 def demand_same(truth: object, run: object) -> None:
@@ -217,7 +217,7 @@ def demand_same(truth: object, run: object) -> None:
         )
 
 
-def _squared(truth: Truth, trace: Trace, valid: Mask) -> tuple[Array, Array]:
+def _squared_errors(truth: Truth, trace: Trace, valid: Mask) -> tuple[Array, Array]:
     e = np.where(valid[..., None], trace.x[..., :2] - truth.x[..., :2], np.nan)
     nees = _quadratic(e, _covariance(trace)[..., :2, :2])
     return (e**2).sum(-1), np.where(np.isnan(trace.P[..., 0, 0]), np.nan, nees)
@@ -229,7 +229,7 @@ def _covariance(trace: Trace) -> Array:
 
 
 def _tick_errors(truth: Truth, trace: Trace, valid: Mask) -> TickErrors:
-    d2, nees = _squared(truth, trace, valid)
+    d2, nees = _squared_errors(truth, trace, valid)
     det = np.linalg.det(_covariance(trace)[..., :2, :2])
     side = float(np.max(truth.arena[1] - truth.arena[0]))
     pose_nees = _pose_nees(truth, trace, valid)

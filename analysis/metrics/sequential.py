@@ -66,17 +66,17 @@ def one_sided_e_value(t: float, n: int) -> float:
 
     2 e P(effect > 0 | d), and the posterior of the effect is one of Student's t with n degrees of freedom.
     """
-    R = _explained(t, n)
+    R = _explained_share(t, n)
     S = np.sign(t) * np.sqrt(R * n)  # sum of d, over the root of the sum of d^2; nan where there is no sequence
     positive = stats.t.cdf(np.sqrt(n) * S / np.sqrt((n + C2) * (1 - R * n / (n + C2))), n)
     return float(2 * positive * np.exp(np.minimum(_log_e(t, n), LARGEST)))
 
 
 def _log_e(t: float, n: int) -> float:
-    return float(0.5 * np.log(C2 / (n + C2)) - n / 2 * np.log1p(-_explained(t, n) * n / (n + C2)))
+    return float(0.5 * np.log(C2 / (n + C2)) - n / 2 * np.log1p(-_explained_share(t, n) * n / (n + C2)))
 
 
-def _explained(t: float, n: int) -> float:
+def _explained_share(t: float, n: int) -> float:
     """R, the share of the sum of d^2 that the mean explains; 1 where d has no spread, nan where there is no t."""
     return 1.0 if np.isinf(t) else t * t / (n - 1 + t * t)
 
@@ -172,10 +172,10 @@ def _p(e: float) -> float:
 
 def equal(a: Array, b: Array, margin: float) -> bool:
     """Return whether the sequence of the change of RMSE lies within 1/(1 + margin) .. 1 + margin."""
-    return within(change(a, b), margin)
+    return lies_within(change(a, b), margin)
 
 
-def within(found: Interval, margin: float) -> bool:
+def lies_within(found: Interval, margin: float) -> bool:
     """Return whether a change of RMSE lies within 1/(1 + margin) .. 1 + margin."""
     return -margin / (1 + margin) <= found.low and found.high <= margin
 
@@ -314,7 +314,7 @@ def _verdict(change: Interval, margin: float) -> str:
         return "better"
     if change.low > 0:
         return "worse"
-    return "tie" if within(change, margin) else OPEN
+    return "tie" if lies_within(change, margin) else OPEN
 
 
 # ---- how many trials a comparison needs: for an interval of a width, or to exclude a value
@@ -329,7 +329,7 @@ def trials_for_width(interval: Interval, n: int, half: float) -> float:
 
     From n = (z s / h)^2 + (z^2 + 1) / 2, the second term for the t quantile.
     """
-    return _trials((Z * _spread(interval, n) / half) ** 2 + (Z * Z + 1) / 2)
+    return _trials((Z * _deviation(interval, n) / half) ** 2 + (Z * Z + 1) / 2)
 
 
 def trials_to_exclude(interval: Interval, n: int, distance: float) -> float:
@@ -339,7 +339,7 @@ def trials_to_exclude(interval: Interval, n: int, distance: float) -> float:
     """
     if not distance > 0:
         return np.nan
-    return _trials(((Z + POWER) * _spread(interval, n) / distance) ** 2 + Z * Z / 2)
+    return _trials(((Z + POWER) * _deviation(interval, n) / distance) ** 2 + Z * Z / 2)
 
 
 def trials_until_decided(interval: Interval, n: int, distance: float) -> float:
@@ -351,7 +351,7 @@ def trials_until_decided(interval: Interval, n: int, distance: float) -> float:
         return np.nan
     needed = 10 * trials_to_exclude(interval, n, distance)
     for _ in range(ROUNDS if np.isfinite(needed) else 0):
-        needed = ((boundary(needed) + POWER) * _spread(interval, n) / distance) ** 2
+        needed = ((boundary(needed) + POWER) * _deviation(interval, n) / distance) ** 2
         needed = max(needed, float(FIRST))
     return _trials(needed)
 
@@ -368,7 +368,7 @@ def minutes(found: pd.DataFrame, column: str, jobs: int = 1) -> float:
     return float(own + base) / 60 / jobs
 
 
-def _spread(interval: Interval, n: int) -> float:
+def _deviation(interval: Interval, n: int) -> float:
     """Return the standard deviation of one trial's share in an interval over n, by its wider side."""
     half = max(interval.value - interval.low, interval.high - interval.value)
     return half * np.sqrt(n) / quantile(n) if n >= LEAST_TRIALS else np.nan

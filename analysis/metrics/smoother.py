@@ -1,6 +1,6 @@
-"""Where the team was, with hindsight: the most probable path over all readings, those of the future too.
+"""The smoother: the most probable path of a team over all readings, those of later ticks too.
 
-No robot can run it, since at a tick it knows what was read later. `cl.Smoother()` in `cl.run` shows it beside filters,
+No robot can run it, since at a tick it knows later readings. `cl.Smoother()` in `cl.run` shows it beside filters,
 as offline: not ranked, and never best. `cl.smoother(stream)` is its path alone, a line in figures like the floor, which
 tells how much of an error is due to not having waited.
 
@@ -29,8 +29,8 @@ USES = ("odometry", "anchor_rssi?", "landmark?", "sighting?", "radio_rssi?", "ra
 class Smoother:
     """The most probable path of the whole team given all readings of all ticks, with its covariances.
 
-    Gauss-Newton over the whole path, from what `map-joint` finds without the future; of each trial the most probable
-    path of all passes is kept.
+    Gauss-Newton over the whole path, from the path that `map-joint` finds without the future; of each trial the most
+    probable path of all passes is kept.
 
     Parameters:
         passes: the most that are made [count]; they end when nothing moves any more.
@@ -49,7 +49,7 @@ class Smoother:
         return Belief(*(np.concatenate(part) for part in zip(*found, strict=True)))
 
     def _of_trial(self, world: World, prior: Belief, rows: Rows, z: Senses, air: Mail) -> Belief:
-        whole = empty(prior, world)._replace(x=_causal(prior, world, rows, z, air), z=z, air=air)
+        whole = empty(prior, world)._replace(x=_filter(prior, world, rows, z, air), z=z, air=air)
         x = _most_probable(whole, self.passes)
         best = whole._replace(x=x)
         P = smooth(best, *information(world, x, z, air)).P
@@ -60,7 +60,7 @@ class Smoother:
 
 
 def smoother(stream: Stream, passes: int = 50) -> Array:
-    """The most probable states (t, T, n, d) of a team, given all readings of all ticks. No robot could know them.
+    """Return the most probable states (t, T, n, d) of a team, given all readings of all ticks.
 
     Args:
         stream: from `simulate`.
@@ -71,12 +71,12 @@ def smoother(stream: Stream, passes: int = 50) -> Array:
 
 
 def _part(of: Any, which: Any) -> Any:
-    """A NamedTuple of arrays, or of mappings to these, with some of their entries."""
+    """Return a NamedTuple of arrays, or of mappings to these, with some of their entries."""
     return type(of)(*({k: a[which] for k, a in v.items()} if isinstance(v, Mapping) else v[which] for v in of))
 
 
-def _causal(prior: Belief, world: World, rows: Rows, z: Senses, air: Mail) -> Array:
-    """What `map-joint` believes at every tick (t, T, n, d)."""
+def _filter(prior: Belief, world: World, rows: Rows, z: Senses, air: Mail) -> Array:
+    """Return the belief of `map-joint` at every tick (t, T, n, d)."""
     filtered = make("map-joint")
     s, x = filtered.init(prior, world, rows), []
     for k in range(z.dt.shape[1]):

@@ -111,7 +111,7 @@ def _compare_pair(rows: pd.DataFrame, scenario: str, finish: Finish, objective: 
 
 
 def order(rows: pd.DataFrame, tuned: Mapping[str, str], by: str = "rmse") -> pd.DataFrame:
-    """Return one row per scenario and pair of estimators of which no trial failed, as published and as tuned.
+    """Compare every pair of estimators without failed trials, as published and as tuned; one row per scenario and pair.
 
     Columns: `scenario`, `a`, `b`: labels as published; `published`, `tuned`: the one with the smaller mean error, or
     empty where the difference is not significant (Holm over all pairs of all scenarios, in each of the two alone);

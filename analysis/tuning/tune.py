@@ -363,7 +363,7 @@ def overlap(a: Stream, b: Stream) -> bool:
 
 
 def require_apart(training_seed: int, seed: int, trained: Iterable[str], reported: Iterable[str]) -> None:
-    """Refuse results of which tuning saw a stream.
+    """Refuse results on streams that tuning has seen.
 
     Raises:
         BadInput: the seeds are equal, or a hash of a stream is in both.
