@@ -1,15 +1,18 @@
-"""The files of a ROS bag, opened by rosbags.
+"""The files of a ROS bag, opened by rosbags (https://gitlab.com/ternaris/rosbags), and the messages that are read.
 
 A bag is a ROS 1 file (.bag), a ROS 2 directory with metadata.yaml, or one of its storage files (.db3, .mcap). A
 directory may also hold several of them, one a robot: they are read as one.
 
-rosbags compiles the message definitions inside a bag; bags without any are older than ROS 2 Iron, so Humble's serve.
+ROS 1 and ROS 2 give the types that are read the same fields (REP 103: SI units, x forward, y left). A robot that drives
+on a floor needs x, y and heading; z stays, as a radio or a marker sits at some height.
+
+Source: the message definitions of std_msgs, geometry_msgs, nav_msgs and sensor_msgs,
+https://github.com/ros2/common_interfaces.
 """
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
-from mmap import mmap
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,16 +20,18 @@ import numpy as np
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
-from ruamel.yaml import YAML
 
 from cooploc.estimators.errors import BadInput
 
 ENDINGS = (".bag", ".db3", ".mcap")
 Message = tuple[str, int, bytes]  # topic, time of receipt [ns], content
+Row = tuple[float, ...]
+POSE = ("x [m]", "y [m]", "z [m]", "heading [rad]")
+TWIST = ("v [m/s]", "omega [rad/s]")
 
 
 class Bag(NamedTuple):
-    """An open bag, or what was salvaged of one."""
+    """An open bag, or what was recovered of one."""
 
     types: dict[str, str]  # topic -> message type
     counts: dict[str, int]  # topic -> number of messages
@@ -34,22 +39,14 @@ class Bag(NamedTuple):
     decode: Callable[[bytes, str], Any]  # content and type; raises where it is not a message of that type
 
 
-class Index(NamedTuple):
-    """What metadata.yaml says of a ROS 2 bag."""
-
-    messages: int
-    first: int  # [ns]
-    last: int
-
-
 @cache
 def typestore(store: Stores) -> Typestore:
-    """Standard message types of a ROS version."""
+    """Return the standard message types of a ROS version."""
     return get_typestore(store)
 
 
 def bag_paths(path: Path) -> list[Path]:
-    """The bags at a path: itself, or what a directory holds.
+    """Return the bags at a path: itself, or those in a directory.
 
     Raises:
         BadInput: there is none.
@@ -59,28 +56,31 @@ def bag_paths(path: Path) -> list[Path]:
         raise BadInput(f"{path}: there is no such file or directory; name a bag (.bag, .db3, .mcap or its directory)")
     if path.is_file() or (path / "metadata.yaml").exists():
         return [path]
-    return _required(path, [p for p in path.iterdir() if p.suffix in ENDINGS or (p / "metadata.yaml").exists()])
+    return _some(path, [p for p in path.iterdir() if p.suffix in ENDINGS or (p / "metadata.yaml").exists()])
 
 
 def storage_files(bag: Path) -> list[Path]:
-    """The files that hold the messages of one bag.
+    """Return the files that hold the messages of one bag.
 
     Raises:
         BadInput: there is none, or this file is not a bag.
 
     """
-    return _required(bag, [p for p in (bag.iterdir() if bag.is_dir() else [bag]) if p.suffix in ENDINGS])
+    return _some(bag, [p for p in (bag.iterdir() if bag.is_dir() else [bag]) if p.suffix in ENDINGS])
 
 
-def _required(path: Path, found: list[Path]) -> list[Path]:
+def _some(path: Path, found: list[Path]) -> list[Path]:
     if not found:
         raise BadInput(f"{path}: no bag here; it needs files that end with .bag, .db3 or .mcap")
     return sorted(found)
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[Bag]:
-    """An intact bag. Raises whatever rosbags raises on a damaged one (it does not promise a class of its own)."""
+def open_bag(path: Path) -> Iterator[Bag]:
+    """Open an intact bag. Raises whatever rosbags raises on a damaged one (it does not promise a class of its own).
+
+    rosbags compiles the message definitions inside a bag; bags without any are older than ROS 2 Iron: Humble's serve.
+    """
     with AnyReader([path], default_typestore=typestore(Stores.ROS2_HUMBLE)) as reader:
         counts: dict[str, int] = {}
         for c in reader.connections:
@@ -95,44 +95,20 @@ def opened(path: Path) -> Iterator[Bag]:
 
 
 def write_ahead_log(file: Path) -> Path | None:
-    """SQLite's log of messages that are not in the file yet, as a recorder that was killed leaves it."""
+    """Return SQLite's log of messages that are not in the file yet, as a recorder that was killed leaves it."""
     log = file.with_name(f"{file.name}-wal")
     return log if log.is_file() and log.stat().st_size else None
 
 
-def read_index(bag: Path) -> Index | None:
-    """What metadata.yaml in or beside a bag says, or None where it cannot be read."""
-    file = (bag if bag.is_dir() else bag.parent) / "metadata.yaml"
-    try:
-        known = YAML(typ="safe").load(file.read_text())["rosbag2_bagfile_information"]
-        first = int(known["starting_time"]["nanoseconds_since_epoch"])
-        return Index(int(known["message_count"]), first, first + int(known["duration"]["nanoseconds"]))
-    except Exception:  # anything may be wrong with a damaged file, and nothing depends on it
-        return None
-
-
-# What is read of a ROS message: its columns of numbers, and its own stamp.
-#
-# ROS 1 and ROS 2 give these types the same fields (REP 103: SI units, x forward, y left). A robot that drives on a
-# floor needs x, y and heading; z stays, as a radio or a marker sits at some height.
-#
-# Source: the message definitions of std_msgs, geometry_msgs, nav_msgs and sensor_msgs,
-# https://github.com/ros2/common_interfaces.
-
-Row = tuple[float, ...]
-POSE = ("x [m]", "y [m]", "z [m]", "heading [rad]")
-TWIST = ("v [m/s]", "omega [rad/s]")
-
-
 class MessageKind(NamedTuple):
-    """How one type of message is read."""
+    """The numbers that are read of one type of message."""
 
     columns: tuple[str, ...]
     rows: Callable[[Any], list[Row]]  # of one message; one row, except of arrays
 
 
 def heading(q: Any) -> float:
-    """The angle about z [rad] of a quaternion with fields x, y, z, w; nan where all are zero, as nobody set them."""
+    """Return the angle about z [rad] of a quaternion with fields x, y, z, w; nan where all are zero, as never set."""
     if not (q.x or q.y or q.z or q.w):
         return np.nan
     return float(np.arctan2(2 * (q.w * q.z + q.x * q.y), q.w**2 + q.x**2 - q.y**2 - q.z**2))
@@ -150,15 +126,19 @@ def _odometry(m: Any) -> list[Row]:
     return [_pose(m.pose.pose.position, m.pose.pose.orientation) + _twist(m.twist.twist)]
 
 
+def _pose_with_covariance(m: Any) -> list[Row]:
+    return [_pose(m.pose.pose.position, m.pose.pose.orientation)]
+
+
+def _transform(m: Any) -> list[Row]:
+    return [_pose(m.transform.translation, m.transform.rotation)]
+
+
 KINDS: Mapping[str, MessageKind] = {
     "nav_msgs/msg/Odometry": MessageKind(POSE + TWIST, _odometry),
     "geometry_msgs/msg/PoseStamped": MessageKind(POSE, lambda m: [_pose(m.pose.position, m.pose.orientation)]),
-    "geometry_msgs/msg/PoseWithCovarianceStamped": MessageKind(
-        POSE, lambda m: [_pose(m.pose.pose.position, m.pose.pose.orientation)]
-    ),
-    "geometry_msgs/msg/TransformStamped": MessageKind(
-        POSE, lambda m: [_pose(m.transform.translation, m.transform.rotation)]
-    ),
+    "geometry_msgs/msg/PoseWithCovarianceStamped": MessageKind(POSE, _pose_with_covariance),
+    "geometry_msgs/msg/TransformStamped": MessageKind(POSE, _transform),
     "geometry_msgs/msg/Twist": MessageKind(TWIST, lambda m: [_twist(m)]),
     "geometry_msgs/msg/TwistStamped": MessageKind(TWIST, lambda m: [_twist(m.twist)]),
     "geometry_msgs/msg/PoseArray": MessageKind(POSE, lambda m: [_pose(p.position, p.orientation) for p in m.poses]),
@@ -169,50 +149,16 @@ KINDS: Mapping[str, MessageKind] = {
 
 
 def stamp_of(message: Any) -> int | None:
-    """A message's own stamp [ns], or None where its type has no header or nobody set it."""
+    """Return a message's own stamp [ns], or None where its type has no header or the stamp was never set."""
     header = getattr(message, "header", None)
     if header is None:
         return None
     return int(header.stamp.sec) * 10**9 + int(header.stamp.nanosec) or None
 
 
-# What a search through the bytes of a damaged bag gives, and which messages count as found.
-
-Buffer = bytes | mmap
-
-
-class Found(NamedTuple):
-    """Messages in the order of the file, each once."""
-
-    types: dict[str, str]  # topic -> message type
-    messages: list[Message]
-    known: int = 0  # messages that there were at least; 0 where the file does not say
-
-
-def decode_ros1(raw: bytes, kind: str) -> Any:
-    """A message of ROS 1."""
-    return typestore(Stores.ROS1_NOETIC).deserialize_ros1(raw, kind)
-
-
 def decode_ros2(raw: bytes, kind: str) -> Any:
-    """A message of ROS 2 by the definitions of Humble, or of today (sensor_msgs/Range got a field in between)."""
+    """Return a message of ROS 2 by the definitions of Humble, or of today (sensor_msgs/Range got a field)."""
     try:
         return typestore(Stores.ROS2_HUMBLE).deserialize_cdr(raw, kind)
     except Exception:  # rosbags raises whatever its parsers raise
         return typestore(Stores.LATEST).deserialize_cdr(raw, kind)
-
-
-def readable(raw: bytes, kind: str, ros1: bool = False) -> bool:
-    """Whether this is a message of its type; of types that are not standard, nobody can say that it is not."""
-    if kind not in typestore(Stores.ROS1_NOETIC if ros1 else Stores.LATEST).types:
-        return True
-    try:
-        (decode_ros1 if ros1 else decode_ros2)(raw, kind)
-    except Exception:  # as above
-        return False
-    return True
-
-
-def kept(raw: bytes, kind: str) -> bytes:
-    """The content of a message, if its type is read; large images and clouds are not held in memory."""
-    return raw if kind in KINDS else b""

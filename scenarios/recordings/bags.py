@@ -1,4 +1,9 @@
-"""The messages of a bag by topic: from rosbags where the bag is intact, salvaged where it is not."""
+"""Recordings of a team in ROS bags (ROS 1, ROS 2, MCAP), read without ROS, as `log.toml` describes their topics.
+
+A pose is in metres and radians and a speed in SI units, as ROS has it (REP 103); a number (std_msgs/Float32, Float64)
+has the unit that the description says. What a camera saw (`[sightings]`) is a pose in the robot's frame, x forward
+and y left, or a geometry_msgs/PoseArray in the camera's, z forward and x right, with one detection in a message.
+"""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import partial
@@ -14,36 +19,27 @@ from cooploc.scenarios.recordings import schema
 from cooploc.scenarios.recordings.bag_storage import (
     ENDINGS,
     KINDS,
+    POSE,
+    TWIST,
     Bag,
     Row,
     bag_paths,
-    opened,
+    open_bag,
     stamp_of,
     storage_files,
     write_ahead_log,
 )
-from cooploc.scenarios.recordings.csv_files import places
+from cooploc.scenarios.recordings.csv_files import read_places
 from cooploc.scenarios.recordings.schema import UNITS, TeamDescription
-from cooploc.scenarios.recordings.sqlite_recovery import salvaged
-from cooploc.scenarios.recordings.team_log import (
-    Channel,
-    Kind,
-    Measured,
-    Readings,
-    Series,
-    TeamLog,
-    divided,
-    in_order,
-    odometry_of,
-    truth_of,
-)
+from cooploc.scenarios.recordings.sqlite_recovery import recover
+from cooploc.scenarios.recordings.team_log import Measured, Series, TeamLog, build_log, in_order, reading_tables
 from cooploc.scenarios.recordings.text_files import LARGEST
 
 LATEST = 2**62  # [ns] in the year 2116: later times of receipt are damaged
 
 
 class Topic(NamedTuple):
-    """What was received on one topic, in the order of the file."""
+    """The messages of one topic, in the order of the file."""
 
     type: str
     received: list[int]  # [ns]
@@ -52,14 +48,14 @@ class Topic(NamedTuple):
 
 
 class Content(NamedTuple):
-    """What a path holds."""
+    """The topics of the bags at a path."""
 
     topics: dict[str, Topic]
     warnings: tuple[str, ...]
 
 
 def read_content(path: Path, wanted: Collection[str] | None) -> Content:
-    """All messages of the topics in `wanted`; or of all topics (None) when they were received, without their content.
+    """Read all messages of the topics in `wanted`; or of all topics (None) only when they were received.
 
     Raises:
         BadInput: there is no bag, or nothing can be read of it.
@@ -79,7 +75,7 @@ def read_content(path: Path, wanted: Collection[str] | None) -> Content:
 
 
 def _contents(bag: Path, wanted: Collection[str] | None) -> list[Content]:
-    """Of one bag: as a whole, else file by file. A file without any message is told, as long as another has some."""
+    """Read one bag as a whole, else file by file; a file without any message is a warning, if another has some."""
     try:
         return [_intact(bag, wanted)]
     except Exception as e:  # rosbags raises whatever its parsers raise on damaged files
@@ -97,42 +93,42 @@ def _contents(bag: Path, wanted: Collection[str] | None) -> list[Content]:
 
 
 def _of_file(file: Path, wanted: Collection[str] | None, reason: str, alone: bool) -> Content:
-    """Of one file: intact, if only the bag around it was not, else what can be salvaged."""
+    """Read one file: as a bag, if only the bag around it was damaged, else what can be recovered."""
     if not alone:
         try:
             content = _intact(file, wanted)
             return content._replace(warnings=(*content.warnings, f"{file} was read by itself ({reason})"))
         except Exception as e:  # as above
             reason = _one_line(e, file)
-    bag, warning = salvaged(file, reason)
+    bag, warning = recover(file, reason)
     content, _ = _collect(bag, wanted)
     return content._replace(warnings=(warning, *content.warnings))
 
 
 def _intact(path: Path, wanted: Collection[str] | None) -> Content:
-    """By rosbags, which does not look into the log of a killed recorder."""
+    """Read a bag by rosbags, which does not look into the log of a killed recorder."""
     for file in storage_files(path):
         if log := write_ahead_log(file):
             raise BadInput(f"{log.name} holds messages of a recorder that did not end in order")
-    with opened(path) as bag:
+    with open_bag(path) as bag:
         content, unreadable = _collect(bag, wanted)
-    for name in _chosen(bag, wanted):
+    for name in _topics_to_read(bag, wanted):
         there = len(content.topics[name].received) + unreadable.get(name, 0)
         if there < bag.counts[name]:
             raise BadInput(f"{name} has {there} messages where {bag.counts[name]} were recorded")
     return content
 
 
-def _chosen(bag: Bag, wanted: Collection[str] | None) -> list[str]:
-    """All topics, or those that are wanted and of a type that is read."""
+def _topics_to_read(bag: Bag, wanted: Collection[str] | None) -> list[str]:
+    """Return all topics, or those that are wanted and of a type that is read."""
     return [name for name, kind in bag.types.items() if wanted is None or (name in wanted and kind in KINDS)]
 
 
 def _collect(bag: Bag, wanted: Collection[str] | None) -> tuple[Content, dict[str, int]]:
-    """What a bag holds, and how many messages of a topic cannot be read."""
+    """Return the messages of a bag, and how many of a topic cannot be read."""
     topics = {name: Topic(kind, [], [], []) for name, kind in bag.types.items()}
     unreadable: dict[str, int] = {}
-    for name, time, raw in bag.messages(_chosen(bag, wanted)):
+    for name, time, raw in bag.messages(_topics_to_read(bag, wanted)):
         topic = topics[name]
         try:
             _add(topic, time, bag.decode(raw, topic.type) if wanted is not None else None)
@@ -153,19 +149,19 @@ def _add(topic: Topic, time: int, message: Any) -> None:
 
 
 def _one_line(e: Exception, bag: Path) -> str:
-    """What rosbags says, without the directory, which is told beside it."""
+    """Return an error of rosbags without the directory, which is named beside it."""
     said = " ".join(f"{e}".split()).replace(f"{bag}/", "").replace(f"{bag.parent}/", "")
     return said[:200] or type(e).__name__
 
 
-# ROS 1 bags, ROS 2 bags and MCAP, read without ROS by rosbags (https://gitlab.com/ternaris/rosbags).
+# ---- Topics as series of numbers
 
 SILENCE = 5.0  # mean intervals between messages, and more of them than this are a gap
 MAX_STAMP_ERROR = 60.0  # [s] a header's stamp further from the time of receipt was not set by a clock of this run
 
 
 class TopicInfo(NamedTuple):
-    """What a topic holds, by the times of receipt."""
+    """Summary of a topic, by the times of receipt."""
 
     name: str
     type: str
@@ -189,7 +185,7 @@ class TopicSeries(NamedTuple):
 
 
 def topics(path: Path) -> tuple[list[TopicInfo], tuple[str, ...]]:
-    """What a bag holds, by topic, and warnings of what could not be read.
+    """Return a summary of each topic of a bag, and warnings of what could not be read.
 
     Raises:
         BadInput: there is no bag, or nothing can be read of it.
@@ -200,13 +196,8 @@ def topics(path: Path) -> tuple[list[TopicInfo], tuple[str, ...]]:
     return found, content.warnings
 
 
-def read_series(path: Path, topic: str) -> TopicSeries:
-    """One topic; see `read_topics`."""
-    return read_topics(path, [topic])[0][topic]
-
-
 def read_topics(path: Path, names: Collection[str]) -> tuple[dict[str, TopicSeries], tuple[str, ...]]:
-    """The numbers of some topics, in one pass over the bag, and warnings of what is wrong with the bag.
+    """Read the numbers of some topics, in one pass over the bag, and warnings of what is wrong with the bag.
 
     Raises:
         BadInput: there is no bag or nothing can be read of it, or a topic is not there or of a type that is not read.
@@ -217,12 +208,6 @@ def read_topics(path: Path, names: Collection[str]) -> tuple[dict[str, TopicSeri
         if name not in content.topics:
             raise BadInput(f"{path}: there is no topic {name!r}; {nearest(name, list(content.topics))}")
     return _numbers(path, names, content)
-
-
-def read_present(path: Path, names: Collection[str]) -> tuple[dict[str, TopicSeries], tuple[str, ...]]:
-    """As `read_topics`, of the topics that are there."""
-    content = read_content(path, names)
-    return _numbers(path, [name for name in content.topics if name in names], content)
 
 
 def _numbers(path: Path, names: Collection[str], content: Content) -> tuple[dict[str, TopicSeries], tuple[str, ...]]:
@@ -239,7 +224,7 @@ def _numbers(path: Path, names: Collection[str], content: Content) -> tuple[dict
 
 
 def _clock_shift(topics: Mapping[str, Topic]) -> tuple[int, tuple[str, ...]]:
-    """How far [ns] the headers' clock is behind the recorder's, if one of them was not set; and a warning."""
+    """Return how far [ns] headers are behind the recorder's clock, if one of the two was not set; and a warning."""
     behind = [np.median(_ahead(t)) for t in topics.values() if any(stamp is not None for stamp in t.stamps)]
     shift = -int(np.median(behind)) if behind else 0
     if abs(shift) <= MAX_STAMP_ERROR * 1e9:
@@ -294,11 +279,11 @@ def _info(name: str, kind: str, time: Array) -> TopicInfo:
     return TopicInfo(name, kind, len(time), first, last, rate, gaps, columns)
 
 
-# One table of a description against the topics of a bag: which topics it means, and their numbers in SI units.
+# ---- The topics that a table of a description means, and their numbers in SI units
 
 
 def topics_of(source: schema.Source, robots: Sequence[str], others: Sequence[str]) -> Iterator[tuple[str, str, str]]:
-    """(topic, robot, other) of all that a source may have; other is "" where the topic does not say."""
+    """Yield (topic, robot, other) of all topics that a source may have; other is "" where the topic does not say."""
     written: dict[str, list[str]] = {}
     for word, name in source.nodes.items():
         written.setdefault(name, []).append(word)
@@ -316,7 +301,7 @@ def topics_of(source: schema.Source, robots: Sequence[str], others: Sequence[str
 
 
 def columns_of(topic: str, series: TopicSeries, names: Sequence[str], table: str) -> Array:
-    """Columns of a topic by their names.
+    """Return columns of a topic by their names.
 
     Raises:
         BadInput: its type has not got them.
@@ -331,7 +316,7 @@ def columns_of(topic: str, series: TopicSeries, names: Sequence[str], table: str
 
 
 def values_of(topic: str, table: schema.ReadingColumns, series: TopicSeries) -> tuple[Array, Array]:
-    """Times and values (m, k) of one topic of measurements."""
+    """Return times and values (m, k) of one topic of measurements."""
     if isinstance(table, schema.Sightings):
         x, y, z = columns_of(topic, series, ("x [m]", "y [m]", "z [m]"), "sightings").T
         if series.type != "geometry_msgs/msg/PoseArray":
@@ -349,18 +334,13 @@ def values_of(topic: str, table: schema.ReadingColumns, series: TopicSeries) -> 
     return series.time, values
 
 
-# Recordings of a team in ROS bags, as `log.toml` describes them: which topic is of which robot, and of what.
-#
-# A pose is in metres and radians and a speed in SI units, as ROS has it (REP 103); a number (std_msgs/Float32, Float64)
-# has the unit that the description says. What a camera saw (`[sightings]`) is a pose in the robot's frame, x forward
-# and y left, or a geometry_msgs/PoseArray in the camera's, z forward and x right, with one detection in a message.
+# ---- The recordings of a team
 
-Found = Mapping[str, TopicSeries]
-ODOMETRY = {"velocity": ("v [m/s]", "omega [rad/s]"), "pose": ("x [m]", "y [m]", "heading [rad]")}
+ODOMETRY = {"velocity": TWIST, "pose": (POSE[0], POSE[1], POSE[3])}
 
 
 def runs(data: Path, description: TeamDescription) -> dict[str, Path]:
-    """The runs in a directory: itself, if it is a ROS 2 bag, else each bag in it, and each directory of bags.
+    """Return the runs in a directory: itself, if it is a ROS 2 bag, else each bag in it, and each directory of bags.
 
     A directory of bags is one run, which was recorded in parts or by each robot.
 
@@ -384,46 +364,38 @@ def runs(data: Path, description: TeamDescription) -> dict[str, Path]:
 
 
 def read(data: Path, place: Path, name: str, description: TeamDescription) -> TeamLog:
-    """One run.
+    """Read one run.
 
     Raises:
         BadInput: the bag cannot be read, or a topic is missing or of another type than its table needs.
 
     """
-    if description.odometry is None or description.truth is None:
-        raise BadInput(f"{data}: log.toml lacks [odometry] or [truth]; add the table")
-    robots, d = description.robots, description
-    anchors, landmarks = (places(data, table, d.delimiter) for table in (d.anchors, d.landmarks))
-    tables: list[tuple[Kind, Sequence[schema.ReadingColumns], Sequence[str]]] = [
-        ("range", d.ranges, anchors.names),
-        ("rssi", d.rssi, anchors.names),
-        ("sighting", d.sightings, landmarks.names),
-    ]
-    sources = [(s, (*robots, *fixed)) for _, several, fixed in tables for s in several]
-    wanted = {topic for s, others in sources for topic, _, _ in topics_of(s, robots, others)}
-    wanted |= {topic for s in (description.odometry, description.truth) for topic, _, _ in topics_of(s, robots, ())}
-    found, told = read_present(place, wanted)
-    warnings = list(told)
-    moves, poses = description.odometry, description.truth
+    d = description
+    moves, poses = d.recorded
     if moves.kind not in ODOMETRY:
         raise BadInput(f"{place}: a bag has odometry of kind {' or '.join(ODOMETRY)}, not {moves.kind!r}; correct kind")
-    series = _by_robot(moves, found, robots, ODOMETRY[moves.kind], "odometry", warnings)
-    odometry = odometry_of(place, series, robots)
-    series = _by_robot(poses, found, robots, ODOMETRY["pose"], "truth", warnings)
-    truth = truth_of(place, series, robots, poses, warnings)
-    readings: dict[Channel, Readings] = {}
-    for kind, several, fixed in tables:
-        measured = [m for s in several for m in _measured(place, s, found, robots, (*robots, *fixed), warnings)]
-        channels, told_ = divided(kind, measured, robots, fixed)
-        readings |= channels
-        warnings += told_
-    kind_ = description.odometry.kind
-    return TeamLog(name, robots, kind_, odometry, truth, readings, landmarks, anchors, tuple(warnings))
+    anchors, landmarks = (read_places(data, table, d.delimiter) for table in (d.anchors, d.landmarks))
+    tables = [
+        (kind, several, (*d.robots, *fixed.names)) for kind, several, fixed in reading_tables(d, anchors, landmarks)
+    ]
+    sources: list[tuple[schema.Source, Sequence[str]]] = [(moves, ()), (poses, ())]
+    sources += [(source, others) for _, several, others in tables for source in several]
+    wanted = {topic for source, others in sources for topic, _, _ in topics_of(source, d.robots, others)}
+    content = read_content(place, wanted)
+    found, told = _numbers(place, [topic for topic in content.topics if topic in wanted], content)
+    warnings = list(told)
+    odometry = _by_robot(moves, found, d.robots, ODOMETRY[moves.kind], "odometry", warnings)
+    truth = _by_robot(poses, found, d.robots, ODOMETRY["pose"], "truth", warnings)
+    readings = {
+        kind: [m for source in several for m in _measured(place, source, found, d.robots, others, warnings)]
+        for kind, several, others in tables
+    }
+    return build_log(place, name, d, odometry, truth, readings, anchors, landmarks, warnings)
 
 
 def _by_robot(
     table: schema.Source,
-    found: Found,
+    found: Mapping[str, TopicSeries],
     robots: Sequence[str],
     columns: Sequence[str],
     named: str,
@@ -438,15 +410,15 @@ def _by_robot(
                 )
             time = found[topic].time + table.clock_offset
             values = columns_of(topic, found[topic], columns, named)
-            ordered[robot], told = in_order(time, values, topic, partial(_message, topic))
-            warnings += told
+            ordered[robot], notes = in_order(time, values, topic, partial(_message, topic))
+            warnings += notes
     return ordered
 
 
 def _measured(
     place: Path,
     table: schema.ReadingColumns,
-    found: Found,
+    found: Mapping[str, TopicSeries],
     robots: Sequence[str],
     others: Sequence[str],
     warnings: list[str],
@@ -467,4 +439,5 @@ def _measured(
 
 
 def _message(topic: str, row: int) -> str:
+    """The place of a message, for an error."""
     return f"{topic}, message {row + 1}"

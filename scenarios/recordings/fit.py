@@ -1,40 +1,93 @@
-"""Fits the models of a run on the other runs: on their truth and readings, never on its own.
+"""Fits of the assumed models, on recordings, or parts of them, that are not judged.
 
 A value that the description states, or a parameter overrides, is not fitted. With `robust`, Huber's loss is minimised.
-Then sigma of RSSI is that of the Gaussian core, as filters refuse what is far from it; sigma of odometry, which no
+Then sigma of readings is that of the Gaussian core, as filters refuse what is far from it; sigma of odometry, which no
 filter refuses, is the median run's root mean square.
+
+Source of the robust fits: P. J. Huber, E. M. Ronchetti, "Robust Statistics", 2nd ed., 2009, secs. 7.7 and 7.8
+(proposal 2, by iterated weights).
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from scipy.stats import norm
 
 from cooploc.estimators.errors import BadInput
-from cooploc.estimators.interface import Array, Indices, Motion, Sensor
+from cooploc.estimators.interface import Array, Indices, Mask, Motion, Sensor
 from cooploc.estimators.models import NEAR, Displacement, LogDistance, Range, Sighting, Unicycle, wrap
-from cooploc.scenarios.recordings.robot_run import LogRun
 from cooploc.scenarios.recordings.sampling import Gaps, Grid, bearing, odometry, poses
-from cooploc.scenarios.recordings.team_log import Channel, OdometryKind, TeamLog
+from cooploc.scenarios.recordings.team_log import Channel, OdometryKind, TeamLog, fixed_places, other_names
+
+# ---- Huber's least squares, which one bad recording cannot turn
+
+K = 1.345  # [standard deviations] a larger residual counts linearly: 95 % efficient where all are Gaussian
+# E min(z^2, K^2) of a standard normal z
+INSIDE = float(2 * norm.cdf(K) - 1 - 2 * K * norm.pdf(K) + 2 * K**2 * norm.sf(K))
+ROUNDS, TOLERANCE, LEAST_SCALE = 100, 1e-9, 1e-9
+
+
+class Line(NamedTuple):
+    """y = X beta + noise."""
+
+    beta: Array  # (p,)
+    sigma: float  # standard deviation of the Gaussian core of the noise
+
+
+def huber(X: Array, y: Array) -> Line:
+    """Minimise sum rho((y - X beta)/sigma), with sigma^2 = mean min(r^2, K^2 sigma^2) / INSIDE.
+
+    Args:
+        X: (m, p) of full rank; p may be 0, and then the line is that of sigma about zero.
+        y: (m,), m > p.
+
+    """
+    m, p = X.shape
+    beta = np.asarray(np.linalg.lstsq(X, y)[0], float)
+    r = y - X @ beta
+    # The first sigma is the median residual's, or the plain one where more than half are zero.
+    sigma = float(np.median(np.abs(r)) / norm.ppf(0.75)) or float(np.sqrt((r**2).mean()))
+    for _ in range(ROUNDS):
+        scale = max(sigma, LEAST_SCALE)
+        root = np.sqrt(np.minimum(1, K * scale / np.maximum(np.abs(y - X @ beta), LEAST_SCALE)))
+        beta = np.asarray(np.linalg.lstsq(X * root[:, None], y * root)[0], float)
+        r = y - X @ beta
+        sigma = float(np.sqrt(np.minimum(r**2, (K * scale) ** 2).sum() / ((m - p) * INSIDE)))
+        if abs(sigma - scale) <= TOLERANCE * scale:
+            break
+    return Line(beta, sigma)
+
+
+def fit_line(X: Array, y: Array, robust: bool) -> Line:
+    """Fit y = X beta + noise by Huber's least squares; or by plain ones, which give no sigma (nan)."""
+    return huber(X, y) if robust else Line(np.asarray(np.linalg.lstsq(X, y)[0], float), np.nan)
+
+
+# ---- Odometry
 
 MOVING = 0.03  # [m] in a tick; a shorter step does not show the direction
 
-Sample = tuple[Array, Array, Array]  # odometry, truth, interval [s]
+
+class Track(NamedTuple):
+    """Odometry and truth of one robot. Odometry k leads from row k to row k + 1."""
+
+    time: Array  # (T + 1,)   rising [s]
+    odometry: Array  # (T, 2)     v [m/s], omega [rad/s]; of displacements dx, dy [m]
+    known: Mask  # (T,)       whether this interval may be fitted on
+    truth: Array  # (T + 1, 3) x [m], y [m], heading [rad]; nan where unknown
+
+    @property
+    def dt(self) -> Array:
+        """Length of each interval (T,) [s]."""
+        return np.diff(self.time)
 
 
-class PathLossFit(NamedTuple):
-    """z = A - 10 eta log10 d."""
-
-    A: float  # [dBm]
-    eta: float
-    sigma: float  # [dB] of the residuals
-    lag1: float  # correlation of the residuals from line to line, per anchor
+Pairs = tuple[Array, Array, Array]  # (m,) each: by odometry, true, interval [s]
 
 
-class OdometryFit(NamedTuple):
-    """True motion = scale x odometry + noise, whose standard deviations are quoted at a tick."""
+class WheelFit(NamedTuple):
+    """True motion = scale x odometry + noise, whose standard deviations are quoted at a tick; nan without data."""
 
     length_scale: float
     turn_scale: float
@@ -42,59 +95,22 @@ class OdometryFit(NamedTuple):
     sigma_omega: float  # [rad/s]
 
 
-def fit_path_loss(
-    runs: Sequence[LogRun], anchors: Array, A: float | None = None, eta: float | None = None, robust: bool = False
-) -> PathLossFit:
-    """A [dBm] and eta, where they are not given, by (robust) least squares over all readings at known positions."""
-    c = np.array([np.nan if value is None else value for value in (A, eta)])
-    logs = [-10 * np.log10(np.maximum(_distance(run.truth, anchors), NEAR)) for run in runs]
-    L, z = (np.concatenate([np.empty((0, len(anchors))), *part]) for part in (logs, [run.rssi for run in runs]))
-    there, free = np.isfinite(L) & np.isfinite(z), np.isnan(c)
-    if there.sum() < 3:
-        return PathLossFit(float(c[0]), float(c[1]), np.nan, np.nan)
-    X = np.stack([np.ones(there.sum()), L[there]], -1)
-    rest = z[there] - X[:, ~free] @ c[~free]
-    line = huber(X[:, free], rest) if robust else None
-    c[free] = line.beta if line else np.linalg.lstsq(X[:, free], rest)[0]
-    residuals = [run.rssi - (c[0] + c[1] * log) for run, log in zip(runs, logs, strict=True)]
-    square = sum(float(np.nansum(e**2)) for e in residuals)
-    sigma = line.sigma if line else np.sqrt(square / max(int(there.sum()) - int(free.sum()), 1))
-    return PathLossFit(float(c[0]), float(c[1]), float(sigma), _lag1(residuals))
-
-
 def fit_wheel_odometry(
-    runs: Sequence[LogRun],
-    tick: float,
-    length_scale: float | None = None,
-    turn_scale: float | None = None,
-    robust: bool = False,
-) -> OdometryFit:
-    """Noise of (v, omega), quoted at `tick` [s], and their scales where they are not given; 1 if there are no runs."""
-    length, sigma_v = fit_proportional([_arcs(run) for run in runs], length_scale, robust)
-    turn, sigma_omega = fit_proportional([_turns(run) for run in runs], turn_scale, robust)
-    return OdometryFit(length, turn, sigma_v / tick**0.5, sigma_omega / tick**0.5)
+    tracks: Sequence[Track], tick: float, length_scale: float | None, turn_scale: float | None, robust: bool
+) -> WheelFit:
+    """Noise of (v, omega), quoted at `tick` [s], and their scales where they are not given; 1 without data."""
+    length, sigma_v = fit_proportional([_arcs(track) for track in tracks], length_scale, robust)
+    turn, sigma_omega = fit_proportional([_turns(track) for track in tracks], turn_scale, robust)
+    return WheelFit(length, turn, sigma_v / tick**0.5, sigma_omega / tick**0.5)
 
 
-def fit_displacement(runs: Sequence[LogRun], tick: float, scale: float = 1.0, robust: bool = False) -> float:
+def fit_displacement(tracks: Sequence[Track], tick: float, scale: float, robust: bool) -> float:
     """sigma [m] per axis, of displacements in a tick of `tick` seconds."""
-    return float(fit_proportional([_displacements(run) for run in runs], scale, robust)[1] * tick**0.5)
+    return float(fit_proportional([_displacements(track) for track in tracks], scale, robust)[1] * tick**0.5)
 
 
-def _distance(truth: Array, anchors: Array) -> Array:
-    delta = truth[:, None, :2] - anchors
-    return np.hypot(delta[..., 0], delta[..., 1])
-
-
-def _lag1(residuals: list[Array]) -> float:
-    """Correlation of a residual with the one of the same anchor in the line before."""
-    before, after = (np.concatenate([e[s].ravel() for e in residuals]) for s in (np.s_[:-1], np.s_[1:]))
-    both = np.isfinite(before) & np.isfinite(after)
-    a, b = before[both], after[both]
-    return float((a * b).sum() / np.sqrt((a**2).sum() * (b**2).sum())) if both.any() else 0.0
-
-
-def fit_proportional(parts: Sequence[Sample], scale: float | None, robust: bool) -> tuple[float, float]:
-    """y = scale x + noise of variance sigma^2 dt, by weighted (robust) least squares: scale and sigma."""
+def fit_proportional(parts: Sequence[Pairs], scale: float | None, robust: bool) -> tuple[float, float]:
+    """Fit y = scale x + noise of variance sigma^2 dt, by weighted (robust) least squares: scale and sigma."""
     x, y, dt = (np.concatenate([np.empty(0), *(part[i] for part in parts)]) for i in range(3))
     if robust and len(x) > 1:
         free = scale is None and bool(x.any())
@@ -108,26 +124,27 @@ def fit_proportional(parts: Sequence[Sample], scale: float | None, robust: bool)
     return scale, float(np.sqrt(((y - scale * x) ** 2 / dt).mean())) if len(x) else np.nan
 
 
-def _arcs(run: LogRun) -> Sample:
-    """Per tick with truth at both ends: length by odometry [m], true length [m], interval [s]."""
-    step = np.diff(run.truth[:, :2], axis=0)
-    arc, length = np.abs(run.odometry[:, 0]) * run.dt, np.hypot(step[:, 0], step[:, 1])
-    good = run.known & np.isfinite(arc) & np.isfinite(length)
-    return arc[good], length[good], run.dt[good]
+def _arcs(track: Track) -> Pairs:
+    """Lengths [m] of the intervals with truth at both ends."""
+    step = np.diff(track.truth[:, :2], axis=0)
+    arc, length = np.abs(track.odometry[:, 0]) * track.dt, np.hypot(step[:, 0], step[:, 1])
+    good = track.known & np.isfinite(arc) & np.isfinite(length)
+    return arc[good], length[good], track.dt[good]
 
 
-def _turns(run: LogRun) -> Sample:
-    """Between two known true directions: turn by odometry [rad], true turn [rad], interval [s].
+def _turns(track: Track) -> Pairs:
+    """Turns [rad] between two known true directions.
 
-    The direction is the recorded heading, or else the course in a tick that moved, which is the heading in mid-tick.
+    The direction is the recorded heading, or else the course in an interval that moved, which is the heading in its
+    middle.
     """
-    step = np.diff(run.truth[:, :2], axis=0)
-    turn = np.where(run.known, run.odometry[:, 1] * run.dt, np.nan)
+    step = np.diff(track.truth[:, :2], axis=0)
+    turn = np.where(track.known, track.odometry[:, 1] * track.dt, np.nan)
     turned, unknown = (np.concatenate([[0.0], np.cumsum(a)]) for a in (np.nan_to_num(turn), np.isnan(turn)))
-    at, direction = run.time, run.truth[:, 2]
+    at, direction = track.time, track.truth[:, 2]
     if np.isnan(direction).all():
         at, turned, unknown = ((a[1:] + a[:-1]) / 2 for a in (at, turned, unknown))
-        backward = np.where(run.odometry[:, 0] < 0, np.pi, 0.0)
+        backward = np.where(track.odometry[:, 0] < 0, np.pi, 0.0)
         moved = np.hypot(step[:, 0], step[:, 1]) > MOVING
         direction = np.where(moved, np.arctan2(step[:, 1], step[:, 0]) + backward, np.nan)
     x, y, dt, lost = (np.diff(a[np.isfinite(direction)]) for a in (turned, direction, at, unknown))
@@ -135,14 +152,42 @@ def _turns(run: LogRun) -> Sample:
     return x[good], x[good] + wrap(y - x)[good], dt[good]
 
 
-def _displacements(run: LogRun) -> Sample:
-    """Per tick and axis: displacement by odometry [m], true displacement [m], interval [s]."""
-    step, dt = np.diff(run.truth[:, :2], axis=0), np.repeat(run.dt[:, None], 2, 1)
-    good = run.known[:, None] & np.isfinite(run.odometry) & np.isfinite(step)
-    return run.odometry[good], step[good], dt[good]
+def _displacements(track: Track) -> Pairs:
+    """Displacements [m], by interval and axis."""
+    step, dt = np.diff(track.truth[:, :2], axis=0), np.repeat(track.dt[:, None], 2, 1)
+    good = track.known[:, None] & np.isfinite(track.odometry) & np.isfinite(step)
+    return track.odometry[good], step[good], dt[good]
 
 
-# What readings and odometry were off by, in parts of recordings whose truth may be looked at.
+# ---- Path loss
+
+Stated = Mapping[str, float | None]  # values by name; None: to be fitted
+
+
+def fit_log_distance(
+    L: Array, z: Array, A: float | None, eta: float | None, robust: bool
+) -> tuple[Array, Array, float]:
+    """Fit z = A + eta L with L = -10 log10 d.
+
+    Returns:
+        (A [dBm], eta), of which those that are given stay; the residuals (m,); and the sigma of their Gaussian core,
+        nan unless `robust`.
+
+    """
+    c = np.array([np.nan if value is None else value for value in (A, eta)])
+    free = np.isnan(c)
+    X = np.stack([np.ones(len(z)), L], -1)
+    line = fit_line(X[:, free], z - X[:, ~free] @ c[~free], robust)
+    c[free] = line.beta
+    return c, z - X @ c, line.sigma
+
+
+def log_distance(distance: Array) -> Array:
+    """Return -10 log10 d of distances [m], which are at least `NEAR`."""
+    return np.asarray(-10 * np.log10(np.maximum(distance, NEAR)))
+
+
+# ---- Residuals of the readings of a team, and of its odometry, in parts of recordings that are not judged
 
 WINDOW = 1.0  # [s] odometry is compared with truth over this long: errors of stamps cancel, those of wheels add up
 IN_A_ROW = 2.0  # [s] readings of a link no further apart belong to one burst
@@ -167,11 +212,10 @@ class Residuals(NamedTuple):
 
 
 def residuals(parts: Sequence[Part], channel: Channel, robots: Sequence[str], tick: float, gaps: Gaps) -> Residuals:
-    """Readings by robots of the team, with true distances at their stamps."""
-    found = [_of_part(part, channel, robots, tick, gaps) for part in parts if channel in part.log.readings]
-    nothing = Residuals(np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0), np.empty((0, 2)))
+    """Return the readings by robots of the team, with true distances at their stamps."""
+    found = [_residuals_of_part(part, channel, robots, tick, gaps) for part in parts if channel in part.log.readings]
     if not found:
-        return nothing
+        return Residuals(np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0), np.empty((0, 2)))
     offset = np.cumsum([0, *(r.tick.max(initial=0) + 10_000 for r in found[:-1])])
     ticks = [r.tick + add for r, add in zip(found, offset, strict=True)]
     link, distance, z = (np.concatenate([r[i] for r in found]) for i in (0, 2, 3))
@@ -179,21 +223,12 @@ def residuals(parts: Sequence[Part], channel: Channel, robots: Sequence[str], ti
     return Residuals(link.astype(np.int64), np.concatenate(ticks), distance, z, apart)
 
 
-def of_robot(parts: Sequence[Part], robot: str, tick: float, gaps: Gaps) -> list[LogRun]:
-    """A robot's odometry and truth over windows in which it moved, as `logs.fit` takes them."""
-    return [
-        _windows(part, part.log.robots.index(robot), max(WINDOW, tick), gaps)
-        for part in parts
-        if robot in part.log.robots and part.end - part.begin >= 2 * max(WINDOW, tick)
-    ]
-
-
-def _of_part(part: Part, channel: Channel, robots: Sequence[str], tick: float, gaps: Gaps) -> Residuals:
+def _residuals_of_part(part: Part, channel: Channel, robots: Sequence[str], tick: float, gaps: Gaps) -> Residuals:
     log, readings = part.log, part.log.readings[channel]
     at = readings.time
     used = (at >= part.begin) & (at <= part.end)
     mine, theirs = np.full((len(at), 3), np.nan), np.full((len(at), 2), np.nan)
-    fixed = {"landmark": log.landmarks, "anchor_rssi": log.anchors, "anchor_range": log.anchors}.get(channel)
+    fixed = fixed_places(log, channel)
     for i, series in enumerate(log.truth):
         mine[readings.robot == i] = poses(series, at[readings.robot == i], gaps.truth)
         if fixed is None:
@@ -214,7 +249,14 @@ def _of_part(part: Part, channel: Channel, robots: Sequence[str], tick: float, g
     return Residuals((robot * size + other)[used], ticks[used], distance[used], z[used])
 
 
-def _windows(part: Part, robot: int, window: float, gaps: Gaps) -> LogRun:
+def tracks_of(parts: Sequence[Part], robot: str, tick: float, gaps: Gaps) -> list[Track]:
+    """Return a robot's odometry and truth over windows, of which those in which it moved may be fitted on."""
+    window = max(WINDOW, tick)
+    there = [p for p in parts if robot in p.log.robots and p.end - p.begin >= 2 * window]
+    return [_track(part, part.log.robots.index(robot), window, gaps) for part in there]
+
+
+def _track(part: Part, robot: int, window: float, gaps: Gaps) -> Track:
     grid = Grid(part.begin, window, int((part.end - part.begin) / window))
     log, time = part.log, grid.edges - grid.t0
     u = odometry(log.odometry_kind, log.odometry[robot], grid, gaps.hold)
@@ -226,58 +268,10 @@ def _windows(part: Part, robot: int, window: float, gaps: Gaps) -> LogRun:
         turn = u[:, 1] * window
         moved = (np.abs(u[:, 0] * window) > MOVING) | (np.abs(turn) > MOVING)
         u[:, 0] *= np.sinc(turn / 2 / np.pi)  # the chord of an arc, as the truth shows it
-    nothing = np.empty((len(time), 0))
-    return LogRun(Path(log.name), grid.edges, time, u, moved | (step > MOVING), nothing, truth, nothing, {})
+    return Track(time, u, moved | (step > MOVING), truth)
 
 
-# Least squares that one bad recording cannot turn: Huber's.
-#
-# Source: P. J. Huber, E. M. Ronchetti, "Robust Statistics", 2nd ed., 2009, secs. 7.7 and 7.8 (proposal 2, by iterated
-# weights).
-
-K = 1.345  # [standard deviations] a larger residual counts linearly: 95 % efficient where all are Gaussian
-# E min(z^2, K^2) of a standard normal z
-INSIDE = float(2 * norm.cdf(K) - 1 - 2 * K * norm.pdf(K) + 2 * K**2 * norm.sf(K))
-ROUNDS, SETTLED, LEAST_ROBUST = 100, 1e-9, 1e-9
-
-
-class Line(NamedTuple):
-    """y = X beta + noise."""
-
-    beta: Array  # (p,)
-    sigma: float  # standard deviation of the Gaussian core of the noise
-
-
-def huber(X: Array, y: Array) -> Line:
-    """Minimise sum rho((y - X beta)/sigma), with sigma^2 = mean min(r^2, K^2 sigma^2) / INSIDE.
-
-    Args:
-        X: (m, p) of full rank; p may be 0, and then the line is that of sigma about zero.
-        y: (m,), m > p.
-
-    """
-    m, p = X.shape
-    beta = np.asarray(np.linalg.lstsq(X, y)[0], float)
-    sigma = _robust_spread(y - X @ beta)
-    for _ in range(ROUNDS):
-        scale = max(sigma, LEAST_ROBUST)
-        root = np.sqrt(np.minimum(1, K * scale / np.maximum(np.abs(y - X @ beta), LEAST_ROBUST)))
-        beta = np.asarray(np.linalg.lstsq(X * root[:, None], y * root)[0], float)
-        r = y - X @ beta
-        sigma = float(np.sqrt(np.minimum(r**2, (K * scale) ** 2).sum() / ((m - p) * INSIDE)))
-        if abs(sigma - scale) <= SETTLED * scale:
-            break
-    return Line(beta, sigma)
-
-
-def _robust_spread(r: Array) -> float:
-    """A first sigma: the median residual's, or the plain one where more than half are zero."""
-    return float(np.median(np.abs(r)) / norm.ppf(0.75)) or float(np.sqrt((r**2).mean()))
-
-
-# Fits the models of a team, robustly, on parts of recordings that are not judged.
-#
-# A value that the description states, or a parameter overrides, is not fitted.
+# ---- Fits of a team's sensors and odometry
 
 ENOUGH = 30  # readings of a pair, or windows of a robot; with fewer it gets what is fitted on all
 LEAST = 1e-3  # [m] or [rad]: no sensor is taken to be better
@@ -287,7 +281,7 @@ LONG = 10_000  # [ticks]
 
 
 class Memory(NamedTuple):
-    """How residuals of a link follow each other, with at most one reading in a tick."""
+    """Correlation in time of the residuals of a link, with at most one reading in a tick."""
 
     lag1: float  # correlation of a reading with the one before it
     burst: float  # how many follow each other without a longer pause, on average over readings
@@ -305,43 +299,29 @@ class RangeFit(NamedTuple):
     memory: Memory
 
 
-class Odometry(NamedTuple):
-    """True motion = scale x odometry + noise."""
-
-    scales: Array  # (n, 2) of length and turn, by robot
-    sigmas: tuple[float, ...]  # of v [m/s] and omega [rad/s], or of dx and dy [m], at the tick
-
-
 def fit_range(r: Residuals, bias: float | None, robust: bool) -> RangeFit:
     """Bias by pair, unless one is given, and sigma; nan where there are too few readings."""
     e = r.z[:, 0] - r.distance
     if len(e) < 3:
         return RangeFit({}, bias if bias is not None else np.nan, np.nan, NONE)
-    if bias is not None:
-        by_link, common = {}, bias
-    else:
-        common = _location(e, robust)
+    by_link: dict[int, float] = {}
+    common = _mean(e, robust) if bias is None else bias
+    if bias is None:
         links = [int(link) for link in np.unique(r.link) if (r.link == link).sum() >= ENOUGH]
-        by_link = {link: _location(e[r.link == link], robust) for link in links}
+        by_link = {link: _mean(e[r.link == link], robust) for link in links}
     rest = e - np.array([by_link.get(int(link), common) for link in r.link])
-    sigma, moved = max(_spread(rest, robust), LEAST), rest - np.median(rest)
-    return RangeFit(by_link, common, sigma, memory(r, _inside(moved, _spread(moved, robust), robust)))
+    moved = rest - np.median(rest)
+    clipped = _clip(moved, _sigma(moved, robust), robust)
+    return RangeFit(by_link, common, max(_sigma(rest, robust), LEAST), memory(r, clipped))
 
 
-def fit_path_loss_of_links(
-    r: Residuals, A: float | None, eta: float | None, robust: bool
-) -> tuple[float, float, float, Memory]:
+def fit_path_loss(r: Residuals, A: float | None, eta: float | None, robust: bool) -> tuple[float, float, float, Memory]:
     """A [dBm], eta, sigma [dB] and memory of z = A - 10 eta log10 d; nan where readings are too few."""
-    given = np.array([np.nan if value is None else value for value in (A, eta)])
-    free = np.isnan(given)
     if len(r.z) < 3:
-        return float(given[0]), float(given[1]), np.nan, NONE
-    X = np.stack([np.ones(len(r.z)), -10 * np.log10(np.maximum(r.distance, NEAR))], -1)
-    rest = r.z[:, 0] - X[:, ~free] @ given[~free]
-    given[free] = _line(X[:, free], rest, robust)
-    e = r.z[:, 0] - X @ given
-    sigma = max(_spread(e, robust), LEAST)
-    return float(given[0]), float(given[1]), sigma, memory(r, _inside(e, sigma, robust))
+        return A if A is not None else np.nan, eta if eta is not None else np.nan, np.nan, NONE
+    c, e, _ = fit_log_distance(log_distance(r.distance), r.z[:, 0], A, eta, robust)
+    sigma = max(_sigma(e, robust), LEAST)
+    return float(c[0]), float(c[1]), sigma, memory(r, _clip(e, sigma, robust))
 
 
 def fit_sighting(r: Residuals, robust: bool) -> tuple[tuple[float, Memory], ...]:
@@ -349,10 +329,12 @@ def fit_sighting(r: Residuals, robust: bool) -> tuple[tuple[float, Memory], ...]
     found = []
     for e in (r.z[:, 0] - r.distance, r.z[:, 1]):
         known = np.isfinite(e)
+        if known.sum() < 3:
+            found.append((np.nan, NONE))
+            continue
+        sigma = max(_sigma(e[known], robust), LEAST)
         of_known = Residuals(r.link[known], r.tick[known], r.distance[known], r.z[known], r.apart)
-        enough = known.sum() > 2
-        sigma = max(_spread(e[known], robust), LEAST) if enough else np.nan
-        found.append((sigma, memory(of_known, _inside(e[known], sigma, robust)) if enough else NONE))
+        found.append((sigma, memory(of_known, _clip(e[known], sigma, robust))))
     return tuple(found)
 
 
@@ -364,23 +346,25 @@ def fit_odometry(
     tick: float,
     gaps: Gaps,
     robust: bool,
-) -> Odometry:
-    """Scales by robot where they are not given; for a robot with few windows, those fitted on all."""
-    mine = {robot: of_robot(parts, robot, tick, gaps) for robot in robots}
-    every = [run for runs in mine.values() for run in runs]
+) -> tuple[Array, tuple[float, ...]]:
+    """Scales of length and turn (n, 2), and sigmas at the tick of v [m/s] and omega [rad/s], or of dx and dy [m].
+
+    Scales are of each robot where they are not given; a robot with few windows gets those fitted on all.
+    """
+    tracks = {robot: tracks_of(parts, robot, tick, gaps) for robot in robots}
+    every = [track for mine in tracks.values() for track in mine]
     if kind == "displacement":
         scale = stated[0] or 1.0
-        sigma = fit_displacement(every, tick, scale, robust)
-        return Odometry(np.full((len(robots), 2), scale), (sigma, sigma))
+        return np.full((len(robots), 2), scale), (fit_displacement(every, tick, scale, robust),)
     common = fit_wheel_odometry(every, tick, *stated, robust)
-    scales = []
-    for robot in robots:
-        enough = sum(int(run.known.sum()) for run in mine[robot]) >= ENOUGH
-        own = fit_wheel_odometry(mine[robot], tick, *stated, robust) if enough else common
+    scales, scaled = [], []
+    for robot, mine in tracks.items():
+        enough = sum(int(track.known.sum()) for track in mine) >= ENOUGH
+        own = fit_wheel_odometry(mine, tick, *stated, robust) if enough else common
         scales.append([own.length_scale, own.turn_scale])
-    scaled = [_scaled(run, scale) for robot, scale in zip(robots, scales, strict=True) for run in mine[robot]]
+        scaled += [track._replace(odometry=track.odometry * np.array(scales[-1])) for track in tracks[robot]]
     rest = fit_wheel_odometry(scaled, tick, 1.0, 1.0, robust)
-    return Odometry(np.array(scales), (rest.sigma_v, rest.sigma_omega))
+    return np.array(scales), (rest.sigma_v, rest.sigma_omega)
 
 
 def inflation(memory: Memory) -> float:
@@ -396,7 +380,7 @@ def inflation(memory: Memory) -> float:
 
 
 def memory(r: Residuals, e: Array) -> Memory:
-    """Of residuals (m,), the last of a tick counting."""
+    """Return the memory of residuals (m,), the last of a tick counting."""
     order = np.lexsort((r.tick, r.link))
     key = np.stack([r.link, r.tick], -1)[order]
     last = np.append((np.diff(key, axis=0) != 0).any(-1), True)[: len(key)]
@@ -409,40 +393,31 @@ def memory(r: Residuals, e: Array) -> Memory:
     return Memory(float((a * b).sum()) / power if power else 0.0, burst)
 
 
-def _scaled(run: LogRun, scale: Sequence[float]) -> LogRun:
-    return run._replace(odometry=run.odometry * np.array(scale))
+def _mean(e: Array, robust: bool) -> float:
+    return float(fit_line(np.ones((len(e), 1)), e, robust).beta[0])
 
 
-def _line(X: Array, y: Array, robust: bool) -> Array:
-    return huber(X, y).beta if robust else np.asarray(np.linalg.lstsq(X, y)[0], float)
-
-
-def _location(e: Array, robust: bool) -> float:
-    return float(_line(np.ones((len(e), 1)), e, robust)[0])
-
-
-def _inside(e: Array, sigma: float, robust: bool) -> Array:
-    """Residuals; with `robust`, within `FAR` sigma: what is misread for a second tells no correlation."""
-    return np.clip(e, -FAR * sigma, FAR * sigma) if robust else e
-
-
-def _spread(e: Array, robust: bool) -> float:
-    """Standard deviation about zero; with `robust`, of the Gaussian core."""
+def _sigma(e: Array, robust: bool) -> float:
+    """Return the standard deviation about zero; with `robust`, of the Gaussian core."""
     return huber(np.empty((len(e), 0)), e).sigma if robust else float(np.sqrt((e**2).mean()))
 
 
-# What a team is told of its sensors: models that are stated, or fitted on what is not judged.
+def _clip(e: Array, sigma: float, robust: bool) -> Array:
+    """Return residuals; with `robust`, within `FAR` sigma: a sensor that fails for a second shows no correlation."""
+    return np.clip(e, -FAR * sigma, FAR * sigma) if robust else e
 
-RANGES: tuple[Channel, ...] = ("range", "anchor_range")
-SENSED: Mapping[Channel, str] = {"range": "radio_range", "rssi": "radio_rssi"}  # other channels have the same name
+
+# ---- The models of a team's run, stated or fitted
+
+SENSOR: Mapping[Channel, str] = {"range": "radio_range", "rssi": "radio_rssi"}  # other channels have the same name
 
 
 class How(NamedTuple):
-    """How models are fitted."""
+    """Settings of the fit."""
 
     tick: float  # [s]
     gaps: Gaps
-    stated: Mapping[str, float | None]  # by the names of `schema.Model`
+    stated: Stated  # by the names of `schema.Model`
     bias: Literal["fitted", "none"]
     robust: bool
     inflate: bool  # sigma of readings, for their correlation in time
@@ -459,7 +434,7 @@ class TeamModels(NamedTuple):
 
 
 def team_models(log: TeamLog, parts: Sequence[Part], how: How) -> TeamModels:
-    """The models of a run, fitted on parts of recordings that are not judged.
+    """Return the models of a run, fitted on parts of recordings that are not judged.
 
     Raises:
         BadInput: a value is not stated, and the parts do not suffice to fit it; or RSSI does not fall with distance.
@@ -471,80 +446,74 @@ def team_models(log: TeamLog, parts: Sequence[Part], how: How) -> TeamModels:
     for channel in log.readings:
         found = residuals(parts, channel, log.robots, how.tick, how.gaps)
         prefix = "anchor_" if channel.startswith("anchor") else ""
-        if channel in RANGES:
-            fitted = _ranges(channel, found, how, prefix)
-            sensors[SENSED.get(channel, channel)] = Range(fitted.sigma)
-            bias[channel] = _table(log, channel, fitted)
-            notes |= {
-                f"{prefix}range_sigma": fitted.sigma,
-                f"{prefix}range_bias": _by_name(log, channel, bias[channel]),
-            }
-            notes |= {f"{prefix}range_lag1": fitted.memory.lag1, f"{prefix}range_fitted_on": len(found.z)}
+        name = SENSOR.get(channel, channel)
+        if channel in ("range", "anchor_range"):
+            sensors[name], bias[channel], fitted = _range_model(log, channel, found, how, prefix)
         elif channel in ("sighting", "landmark"):
-            told = _sightings(channel, found, how)
-            sensors[channel] = Sighting(told[f"{channel}_sigma_range"], told[f"{channel}_sigma_bearing"])
-            notes |= told
+            sensors[name], fitted = _sighting_model(channel, found, how)
         else:
-            sensors[SENSED.get(channel, channel)], told = _path_loss(log, found, how, prefix)
-            notes |= told
-    _demand_all(log, parts, notes)
-    return TeamModels(motion, sensors, scales, bias, {"fitted_on": _told(parts, log), **notes})
+            sensors[name], fitted = _rssi_model(log, found, how, prefix)
+        notes |= fitted
+    lacking = [name for name, value in notes.items() if isinstance(value, float) and not np.isfinite(value)]
+    lacking += [n for n, v in notes.items() if n.endswith("_bias") and not np.isfinite(list(v.values())).all()]
+    if lacking:
+        raise BadInput(
+            f"run {log.name!r} is fitted on {_names_of(parts, log)}, too little for {', '.join(lacking)}: state them "
+            'in [model] of log.toml, or [fit] on = "first part" with seconds = ...'
+        )
+    return TeamModels(motion, sensors, scales, bias, {"fitted_on": _names_of(parts, log), **notes})
 
 
 def _motion(log: TeamLog, parts: Sequence[Part], how: How) -> tuple[Motion, Array, dict[str, Any]]:
     stated = how.stated["length_scale"], how.stated["turn_scale"]
-    found = fit_odometry(parts, log.robots, log.odometry_kind, stated, how.tick, how.gaps, how.robust)
-    names = ("sigma_move",) if log.odometry_kind == "displacement" else ("sigma_v", "sigma_omega")
-    sigmas = [how.stated[name] or sigma for name, sigma in zip(names, found.sigmas, strict=False)]
+    scales, fitted = fit_odometry(parts, log.robots, log.odometry_kind, stated, how.tick, how.gaps, how.robust)
     moves = log.odometry_kind == "displacement"
-    motion = Displacement(sigmas[0], how.tick) if moves else Unicycle(sigmas[0], sigmas[1], how.tick)
-    scales = {robot: found.scales[i].tolist() for i, robot in enumerate(log.robots)}
-    return motion, found.scales, {"odometry_scales": scales, **dict(zip(names, sigmas, strict=True))}
+    names = ("sigma_move",) if moves else ("sigma_v", "sigma_omega")
+    sigmas = {name: how.stated[name] or sigma for name, sigma in zip(names, fitted, strict=True)}
+    motion = (
+        Displacement(sigmas["sigma_move"], how.tick)
+        if moves
+        else Unicycle(sigmas["sigma_v"], sigmas["sigma_omega"], how.tick)
+    )
+    by_robot = {robot: scales[i].tolist() for i, robot in enumerate(log.robots)}
+    return motion, scales, {"odometry_scales": by_robot, **sigmas}
 
 
-def _ranges(channel: Channel, found: Residuals, how: How, prefix: str) -> RangeFit:
-    """Bias and sigma; of raw ranges sigma is about zero, so that it contains the bias."""
-    stated = how.stated[f"{prefix}range_bias"]
-    fitted = fit_range(found, 0.0 if how.bias == "none" else stated, how.robust)
+def _range_model(
+    log: TeamLog, channel: Channel, found: Residuals, how: How, prefix: str
+) -> tuple[Range, Array, dict[str, Any]]:
+    """Sensor, bias (n, others) [m] and notes; of raw ranges sigma is about zero, so that it contains the bias."""
+    fitted = fit_range(found, 0.0 if how.bias == "none" else how.stated[f"{prefix}range_bias"], how.robust)
     sigma = how.stated[f"{prefix}range_sigma"] or fitted.sigma * (inflation(fitted.memory) if how.inflate else 1.0)
-    return fitted._replace(sigma=sigma)
-
-
-def _table(log: TeamLog, channel: Channel, fitted: RangeFit) -> Array:
-    """The bias of each (robot, other) [m]."""
-    n = len(log.robots)
-    others = n if channel == "range" else len(log.anchors.names)
-    size, table = max(n, others), np.full((n, others), fitted.common)
+    mutual, n, others = channel == "range", len(log.robots), other_names(log, channel)
+    size, table = max(n, len(others)), np.full((n, len(others)), fitted.common)
     for link, bias in fitted.bias.items():
         i, j = divmod(link, size)
         table[i, j] = bias
-        if channel == "range":
+        if mutual:
             table[j, i] = bias
-    return table
+    measured = zip(log.readings[channel].robot.tolist(), log.readings[channel].other.tolist(), strict=True)
+    pairs = sorted({(min(pair), max(pair)) if mutual else pair for pair in measured})
+    notes = {
+        f"{prefix}range_sigma": sigma,
+        f"{prefix}range_bias": {f"{log.robots[i]} - {others[j]}": float(table[i, j]) for i, j in pairs},
+        f"{prefix}range_lag1": fitted.memory.lag1,
+        f"{prefix}range_fitted_on": len(found.z),
+    }
+    return Range(sigma), table, notes
 
 
-def _by_name(log: TeamLog, channel: Channel, table: Array) -> dict[str, float]:
-    """The bias of each pair that has readings [m]."""
-    readings, others = log.readings[channel], log.robots if channel == "range" else log.anchors.names
-    pairs = sorted({(int(i), int(j)) for i, j in zip(readings.robot, readings.other, strict=True)})
-    if channel == "range":
-        pairs = sorted({(min(pair), max(pair)) for pair in pairs})
-    return {f"{log.robots[i]} - {others[j]}": float(table[i, j]) for i, j in pairs}
-
-
-def _sightings(channel: Channel, found: Residuals, how: How) -> dict[str, float]:
-    told: dict[str, float] = {}
+def _sighting_model(channel: Channel, found: Residuals, how: How) -> tuple[Sighting, dict[str, Any]]:
+    notes: dict[str, float] = {}
     for what, (sigma, memory) in zip(("range", "bearing"), fit_sighting(found, how.robust), strict=True):
-        inflated = sigma * (inflation(memory) if how.inflate else 1.0)
-        told |= {f"{channel}_sigma_{what}": how.stated[f"{channel}_sigma_{what}"] or inflated}
-        told |= {f"{channel}_{what}_lag1": memory.lag1}
-    return told
+        name = f"{channel}_sigma_{what}"
+        notes[name] = how.stated[name] or sigma * (inflation(memory) if how.inflate else 1.0)
+        notes[f"{channel}_{what}_lag1"] = memory.lag1
+    return Sighting(notes[f"{channel}_sigma_range"], notes[f"{channel}_sigma_bearing"]), notes
 
 
-def _path_loss(log: TeamLog, found: Residuals, how: How, prefix: str) -> tuple[LogDistance, dict[str, float]]:
-    A, eta, sigma, memory = fit_path_loss_of_links(
-        found, how.stated[f"{prefix}A"], how.stated[f"{prefix}eta"], how.robust
-    )
+def _rssi_model(log: TeamLog, found: Residuals, how: How, prefix: str) -> tuple[LogDistance, dict[str, Any]]:
+    A, eta, sigma, memory = fit_path_loss(found, how.stated[f"{prefix}A"], how.stated[f"{prefix}eta"], how.robust)
     if eta <= 0:
         raise BadInput(
             f"run {log.name!r}: {prefix}RSSI does not fall with distance in what it is fitted on (eta = {eta:.3g}); "
@@ -555,24 +524,14 @@ def _path_loss(log: TeamLog, found: Residuals, how: How, prefix: str) -> tuple[L
     return LogDistance(A, eta, sigma), notes
 
 
-def _demand_all(log: TeamLog, parts: Sequence[Part], notes: Mapping[str, Any]) -> None:
-    lacking = [name for name, value in notes.items() if isinstance(value, float) and not np.isfinite(value)]
-    lacking += [n for n, v in notes.items() if n.endswith("_bias") and not np.isfinite(list(v.values())).all()]
-    if lacking:
-        raise BadInput(
-            f"run {log.name!r} is fitted on {_told(parts, log)}, too little for {', '.join(lacking)}: state them in "
-            '[model] of log.toml, or [fit] on = "first part" with seconds = ...'
-        )
-
-
-def _told(parts: Sequence[Part], log: TeamLog) -> str:
+def _names_of(parts: Sequence[Part], log: TeamLog) -> str:
     names = [part.log.name for part in parts]
     if names == [log.name]:
         return f"its first {parts[0].end - parts[0].begin:g} s, which are not judged"
     return f"the other runs {', '.join(names)}" if names else "no other run"
 
 
-# What readings are off by after the models of a run: residuals, where they were fitted and where they are judged.
+# ---- Residuals of a run after its models, where these were fitted and where they are judged
 
 
 class Leftover(NamedTuple):
@@ -584,38 +543,32 @@ class Leftover(NamedTuple):
     fitted: bool  # whether the models were fitted on them; else they are of the part that is judged
     distance: Array  # (m,)  true [m]
     residual: Array  # (m,)
-    sigma: float  # that filters are told
+    sigma: float  # of the sensor's model
 
 
 def leftovers(log: TeamLog, parts: Sequence[Part], judged: Part, models: TeamModels, how: How) -> Iterator[Leftover]:
-    """Residuals by channel, part and link; sightings as range and as bearing."""
+    """Yield residuals by channel, part and link; sightings as range and as bearing."""
     for channel in log.readings:
+        others = other_names(log, channel)
         for fitted, of in ((True, parts), (False, [judged])):
             r = residuals(of, channel, log.robots, how.tick, how.gaps)
             for what, unit, e, sigma in _errors(channel, r.distance, r.z, models):
                 for link in np.unique(r.link):
                     mine = (r.link == link) & np.isfinite(e)
-                    i, j, name = _link(log, channel, int(link))
+                    i, j = divmod(int(link), max(len(log.robots), len(others)))
                     bias = models.bias[channel][i, j] if channel in models.bias else 0.0
+                    name = f"{log.robots[i]} - {others[j]}"
                     yield Leftover(what, unit, name, fitted, r.distance[mine], e[mine] - bias, sigma)
 
 
 def _errors(channel: Channel, distance: Array, z: Array, models: TeamModels) -> Iterator[tuple[str, str, Array, float]]:
     """(what, unit, residuals (m,), sigma) before any bias."""
-    name, sensor = channel.replace("_", " "), models.sensors[SENSED.get(channel, channel)]
+    name, sensor = channel.replace("_", " "), models.sensors[SENSOR.get(channel, channel)]
     if isinstance(sensor, Range):
         yield name, "m", z[:, 0] - distance, sensor.sigma
     elif isinstance(sensor, LogDistance):
-        expected = sensor.A - 10 * sensor.eta * np.log10(np.maximum(distance, NEAR))
+        expected = sensor.A + sensor.eta * log_distance(distance)
         yield name.replace("rssi", "RSSI"), "dB", z[:, 0] - expected, sensor.sigma
     elif isinstance(sensor, Sighting):
         yield f"{name} range", "m", z[:, 0] - distance, sensor.sigma_range
         yield f"{name} bearing", "rad", z[:, 1], sensor.sigma_bearing
-
-
-def _link(log: TeamLog, channel: Channel, link: int) -> tuple[int, int, str]:
-    """Robot, other, and both names."""
-    fixed = {"landmark": log.landmarks, "anchor_rssi": log.anchors, "anchor_range": log.anchors}.get(channel)
-    others = log.robots if fixed is None else fixed.names
-    i, j = divmod(link, max(len(log.robots), len(others)))
-    return i, j, f"{log.robots[i]} - {others[j]}"

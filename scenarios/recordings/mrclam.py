@@ -1,6 +1,11 @@
-"""The files of an MRCLAM data set.
+"""UTIAS MRCLAM: real robots with cameras, commanded velocities as odometry, and motion capture as the truth.
 
-A measurement carries a barcode, which `Barcodes.dat` maps to a subject: a robot (1 to n) or a landmark.
+Any of the nine data sets can be read; each is one trial. The scenario `mrclam` states its models; as recordings of a
+team, `log`, they are fitted. Gross outliers are kept: gating them is the estimator's task. A measurement carries a
+barcode, which `Barcodes.dat` maps to a subject: a robot (1 to n) or a landmark.
+
+Source: K. Leung, Y. Halpern, T. Barfoot, H. Liu, "The UTIAS multi-robot cooperative localization and mapping
+dataset", IJRR 30(8), 2011.
 """
 
 import re
@@ -14,9 +19,9 @@ from pydantic import BaseModel, ConfigDict, Field
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Belief, Mask, Senses, World
 from cooploc.estimators.models import Sighting, Unicycle, wrap_heading
-from cooploc.scenarios.recordings.sampling import interpolate, mean_held
+from cooploc.scenarios.recordings.sampling import Grid, cells, interpolate, mean_held
 from cooploc.scenarios.recordings.schema import TeamDescription
-from cooploc.scenarios.recordings.team_log import Measured, Places, Series, TeamLog, divided, in_order
+from cooploc.scenarios.recordings.team_log import Measured, Places, Readings, Series, TeamLog, in_order, split_channels
 from cooploc.scenarios.recordings.text_files import Table, read_table, require_unique, require_whole, sort_by_time
 from cooploc.scenarios.stream import Air, Stream, Truth
 from cooploc.scenarios.worlds.radio import Positive
@@ -35,7 +40,7 @@ class DataSet(NamedTuple):
 
 
 def read_data_set(data: Path) -> DataSet:
-    """Every file of the data set in a directory.
+    """Read every file of the data set in a directory.
 
     Raises:
         BadInput: a file is missing or malformed; names file, line and remedy.
@@ -67,7 +72,7 @@ def read_data_set(data: Path) -> DataSet:
 
 
 def unknown_barcodes(files: DataSet) -> dict[str, Any]:
-    """Barcodes of no subject (misread, or of a landmark not surveyed): how many, and where the first is."""
+    """Count the barcodes of no subject (misread, or of a landmark not surveyed): how many, and where the first is."""
     found: dict[str, Any] = {}
     for table in files.readings:
         for row, code in enumerate(map(int, table.values[:, 1])):
@@ -102,13 +107,7 @@ def _columns(barcodes: Table, surveyed: Table, n: int) -> dict[int, int]:
     return columns
 
 
-# UTIAS MRCLAM: real robots with cameras, commanded velocities as odometry, and motion capture as the truth.
-#
-# Any of the nine data sets can be read; each is one trial. Gross outliers are kept: gating them is the estimator's
-# task.
-#
-# Source: K. Leung, Y. Halpern, T. Barfoot, H. Liu, "The UTIAS multi-robot cooperative localization and mapping
-# dataset", IJRR 30(8), 2011.
+# ---- The scenario `mrclam`
 
 MARGIN = 2.0  # [m] around the landmarks: the arena must not be taken from the truth
 
@@ -133,7 +132,7 @@ class Mrclam(BaseModel):
     max_gap: Positive = 0.5  # [s] the truth is not interpolated across longer gaps
 
     def world(self) -> World:
-        """What the team knows: landmarks, and assumed models of motion and camera.
+        """Return what the team knows: landmarks, and assumed models of motion and camera.
 
         Raises:
             BadInput: a file is missing or malformed; names file, line and remedy.
@@ -216,17 +215,17 @@ class Mrclam(BaseModel):
         """What was sensed, and notes of what was dropped."""
         commands = [mean_held(table.values[:, 0] - t0, table.values[:, 1:], edges) for table in files.odometry]
         odometry = np.stack(commands, 1)[None]
-        cells, notes = self._cells(files, t0, len(edges) - 1)
+        seen, notes = self._cells(files, t0, len(edges) - 1)
         t, T, n, _ = odometry.shape
         # A robot that does not use landmarks gets nan, not width 0: an estimator that runs on one variant runs on all.
         users = np.arange(n) < {"all": n, "one": 1, "none": 0}[self.sees]
-        landmark = np.where(users[:, None, None], cells[None, :, :, n:], np.nan)
+        landmark = np.where(users[:, None, None], seen[None, :, :, n:], np.nan)
         dt, anchors = np.full((t, T, n), self.tick), np.empty((t, T, n, 0))
         notes |= {
             "clock_set_back": files.steps_back,
             "odometry_missing": np.isnan(odometry[0]).any(-1).sum(0).tolist(),
         }
-        return Senses(odometry, dt, anchors, landmark, cells[None, :, :, :n], {}), notes
+        return Senses(odometry, dt, anchors, landmark, seen[None, :, :, :n], {}), notes
 
     def _cells(self, files: DataSet, t0: float, ticks: int) -> tuple[Array, dict[str, Any]]:
         """Range and bearing (T, n, n + l, 2), each at the tick nearest to its stamp, and what was dropped."""
@@ -234,18 +233,15 @@ class Mrclam(BaseModel):
         table = np.concatenate([t.values for t in files.readings])
         robot = np.repeat(np.arange(n), [len(t.values) for t in files.readings])
         column = np.array([files.columns.get(int(code), -1) for code in table[:, 1]])
-        tick = np.floor((table[:, 0] - t0) / self.tick + 0.5).astype(np.int64) - 1
-        known, itself, inside = column >= 0, column == robot, (tick >= 0) & (tick < ticks)
-        good = known & ~itself & inside
-        cell = np.ravel_multi_index((tick[good], robot[good], column[good]), (ticks, n, columns))
-        cell, last = np.unique(cell[::-1], return_index=True)
-        cells = np.full((ticks * n * columns, 2), np.nan)
-        cells[cell] = table[good, 2:][::-1][last]
-        return cells.reshape(ticks, n, columns, 2), {
+        itself = column == robot
+        good = (column >= 0) & ~itself
+        readings = Readings(table[good, 0], robot[good], column[good], table[good, 2:], "")
+        found, counts = cells(readings, Grid(t0, self.tick, ticks), n, columns)
+        return found, {
             "readings": len(table),
-            "readings_kept": len(cell),
-            "collisions": int(good.sum()) - len(cell),
-            "outside_span": int((known & ~itself & ~inside).sum()),
+            "readings_kept": counts["kept"],
+            "collisions": counts["collisions"],
+            "outside_span": counts["outside_span"],
             "self_sightings": int(itself.sum()),
             "unknown_barcodes": unknown_barcodes(files),
         }
@@ -264,15 +260,13 @@ def _arena(landmarks: Array) -> Array:
     return np.stack([landmarks.min(0) - MARGIN, landmarks.max(0) + MARGIN])
 
 
-# UTIAS MRCLAM data sets, and recordings in their text files, as recordings of a team of any number of robots.
-#
-# The family `mrclam` reads the same files with its own models; here models are fitted, as on every recording of a team.
+# ---- Data sets as recordings of a team of any number of robots, whose models are fitted
 
 BARCODES = "Barcodes.dat"
 
 
 def runs(data: Path, description: TeamDescription) -> dict[str, Path]:
-    """The data sets in a directory: itself, or each directory in it.
+    """Return the data sets in a directory: itself, or each directory in it.
 
     Raises:
         BadInput: there are none.
@@ -287,7 +281,7 @@ def runs(data: Path, description: TeamDescription) -> dict[str, Path]:
 
 
 def read(data: Path, place: Path, name: str, description: TeamDescription) -> TeamLog:
-    """One data set: robots "1", "2" ..., landmarks by their numbers.
+    """Read one data set: robots "1", "2" ..., landmarks by their numbers.
 
     Raises:
         BadInput: a file is missing or malformed; names file, line and remedy.
@@ -297,22 +291,19 @@ def read(data: Path, place: Path, name: str, description: TeamDescription) -> Te
     robots = tuple(str(i + 1) for i in range(len(files.odometry)))
     landmarks = tuple(str(subject) for subject in files.subjects)
     warnings: list[str] = []
-    odometry = tuple(_series(table, warnings) for table in files.odometry)
-    truth = tuple(_series(table, warnings) for table in files.truth)
-    measured = [_measured(files, i, (*robots, *landmarks)) for i in range(len(robots))]
-    readings, told = divided("sighting", measured, robots, landmarks)
+
+    def series(table: Table) -> Series:
+        found, notes = in_order(table.values[:, 0], table.values[:, 1:], str(table.path), table.at)
+        warnings.extend(notes)
+        return found
+
+    odometry, truth = (tuple(map(series, tables)) for tables in (files.odometry, files.truth))
+    names = (*robots, *landmarks)
+    measured = []
+    for robot, table in zip(robots, files.readings, strict=True):
+        codes = [int(code) for code in table.values[:, 1]]
+        other = [names[files.columns[code]] if code in files.columns else f"barcode {code}" for code in codes]
+        measured.append(Measured(table.values[:, 0], [robot] * len(codes), other, table.values[:, 2:], str(table.path)))
+    readings, notes = split_channels("sighting", measured, robots, landmarks)
     places, none = Places(landmarks, files.landmarks), Places((), np.empty((0, 2)))
-    return TeamLog(name, robots, "velocity", odometry, truth, readings, places, none, (*warnings, *told))
-
-
-def _series(table: Table, warnings: list[str]) -> Series:
-    series, told = in_order(table.values[:, 0], table.values[:, 1:], str(table.path), table.at)
-    warnings += told
-    return series
-
-
-def _measured(files: DataSet, robot: int, names: tuple[str, ...]) -> Measured:
-    table = files.readings[robot]
-    codes = [int(code) for code in table.values[:, 1]]
-    other = [names[files.columns[code]] if code in files.columns else f"barcode {code}" for code in codes]
-    return Measured(table.values[:, 0], [str(robot + 1)] * len(codes), other, table.values[:, 2:], str(table.path))
+    return TeamLog(name, robots, "velocity", odometry, truth, readings, places, none, (*warnings, *notes))

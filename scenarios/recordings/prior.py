@@ -1,21 +1,32 @@
-"""What each robot knows of its start."""
+"""The prior of a recording: what each robot knows of its start, and from which source."""
+
+from collections.abc import Sequence
 
 import numpy as np
 
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Belief
 from cooploc.estimators.models import wrap
-from cooploc.scenarios.recordings.schema import Prior
-from cooploc.scenarios.recordings.single_robot import UNKNOWN, first_course
-from cooploc.scenarios.recordings.team_log import TeamLog
+from cooploc.scenarios.recordings.schema import Prior, RobotPrior
+
+UNIFORM = np.pi / np.sqrt(3)  # [rad] standard deviation of a uniform heading
+REST, REACH = 0.02, 0.1  # [m] the first motion: from the last position within REST of the start to the first past REACH
 
 
-def prior(log: TeamLog, declared: Prior, arena: Array, poses: Array, turns: Array | None) -> tuple[Belief, str]:
-    """The belief before the first tick, x (1, n, d) and P (1, n, d, d), and where it comes from.
+def prior(
+    robots: Sequence[str],
+    where: Sequence[str],
+    declared: Prior | RobotPrior,
+    arena: Array,
+    poses: Array,
+    turns: Array | None,
+) -> tuple[Belief, str]:
+    """Return the belief before the first tick, x (1, n, d) and P (1, n, d, d), and a sentence of where it comes from.
 
     Args:
-        log: the recording.
-        declared: from which sources.
+        robots: their names, by which a position or a heading may be declared.
+        where: the recording of each, to be named in errors.
+        declared: the sources.
         arena: (2, 2) [m].
         poses: (T + 1, n, 3) true ones; row 0 is at the prior's time.
         turns: (T, n) by odometry in each tick [rad]; None: robots have a compass, and no heading is estimated.
@@ -24,52 +35,83 @@ def prior(log: TeamLog, declared: Prior, arena: Array, poses: Array, turns: Arra
         BadInput: a source that is declared does not give a position or a heading.
 
     """
-    n = len(log.robots)
+    n = len(robots)
     if declared.position == "arena":
         x, sd = np.tile(arena.mean(0), (n, 1)), np.tile((arena[1] - arena[0]) / np.sqrt(12), (n, 1))
         source = "anywhere in the arena"
     else:
+        if declared.position_sd is None:
+            raise BadInput("the prior's position_sd [m] is not stated; give it with position='first truth'")
         first = declared.position == "first truth"
-        stated = declared.position if isinstance(declared.position, dict) else {}
-        x = poses[0, :, :2] if first else np.array([_of(stated, robot, "position") for robot in log.robots])
-        _demand(log, x, "no true position where the prior is taken", "start, or a position in [prior]")
+        x = poses[0, :, :2] if first else np.array([_stated(declared.position, robot, "position") for robot in robots])
+        _require(where, x, "no true position where the prior is taken", "start, or a position in [prior]")
         sd = np.full((n, 2), declared.position_sd)
-        source = f"{'true' if first else 'stated'} position, assumed sd {declared.position_sd:g} m"
+        source = f"{'first truth' if first else 'stated position'}, assumed sd {declared.position_sd:g} m"
     if turns is not None:
-        heading, spread = _headings(log, declared, poses, turns)
-        x, sd = np.column_stack([x, heading]), np.column_stack([sd, np.full(n, spread)])
+        heading, heading_sd = _headings(robots, where, declared, poses, turns)
+        x, sd = np.column_stack([x, heading]), np.column_stack([sd, np.full(n, heading_sd)])
         kind = declared.heading if isinstance(declared.heading, str) else "stated"
-        source += f"; heading: {kind}, assumed sd {spread:g} rad"
+        source += f"; heading: {kind}, assumed sd {heading_sd:g} rad"
     P = np.stack([np.diag(row**2) for row in sd])
     return Belief(x[None].copy(), P[None]), source
 
 
-def _headings(log: TeamLog, declared: Prior, poses: Array, turns: Array) -> tuple[Array, float]:
-    n = len(log.robots)
+def first_course(where: str, truth: Array, turns: Array) -> float:
+    """Return the true course of the first REACH metres, less the turn until then by odometry [rad].
+
+    Args:
+        where: names the recording, for an error.
+        truth: (T + 1, 2) [m], nan where unknown but for the first.
+        turns: (T,) [rad]
+
+    Raises:
+        BadInput: the robot does not get that far.
+
+    """
+    away = np.hypot(*(truth - truth[0]).T)
+    if not (away > REACH).any():
+        raise BadInput(
+            f"{where}: the robot never gets {REACH:g} m away from its start, so its first motion gives no heading; "
+            'state heading in [prior] as a number, or as "unknown"'
+        )
+    end = int(np.argmax(away > REACH))
+    begin = int(np.flatnonzero(away[:end] <= REST)[-1])
+    step = truth[end] - truth[begin]
+    turned = np.concatenate([[0.0], np.cumsum(turns)])
+    course = np.arctan2(step[1], step[0]) - (turned[begin] + turned[end]) / 2
+    return float(wrap(np.array(course)))
+
+
+def _headings(
+    robots: Sequence[str], where: Sequence[str], declared: Prior | RobotPrior, poses: Array, turns: Array
+) -> tuple[Array, float]:
+    """Headings (n,) and their standard deviation [rad]."""
+    n = len(robots)
     if declared.heading == "unknown":
-        return np.zeros(n), float(UNKNOWN)
+        return np.zeros(n), float(UNIFORM)
     if declared.heading == "first motion":
-        _demand(log, poses[0, :, :2], "no true position where the prior is taken", "another start")
-        where = [f"run {log.name!r}, robot {robot!r}" for robot in log.robots]
+        _require(where, poses[0, :, :2], "no true position where the prior is taken", "another start")
         courses = [first_course(where[i], poses[:, i, :2], np.nan_to_num(turns[:, i])) for i in range(n)]
         return np.array(courses), declared.heading_sd
     if declared.heading == "first truth":
         heading = poses[0, :, 2]
     else:
-        heading = wrap(np.array([_of(declared.heading, robot, "heading") for robot in log.robots], float))
-    _demand(log, heading[:, None], "no true heading where the prior is taken", 'heading = "first motion" in [prior]')
+        heading = wrap(np.array([_stated(declared.heading, robot, "heading") for robot in robots], float))
+    remedy = 'heading = "first motion" or "unknown" in [prior]'
+    _require(where, heading[:, None], "no true heading where the prior is taken", remedy)
     return heading, declared.heading_sd
 
 
-def _of(stated: object, robot: str, what: str) -> object:
-    if not isinstance(stated, dict) or robot not in stated:
+def _stated(stated: object, robot: str, what: str) -> object:
+    """Return what is stated of a robot: by its name, or the one value of a robot alone."""
+    if not isinstance(stated, dict):
+        return stated
+    if robot not in stated:
         raise BadInput(f"[prior] {what} in log.toml lacks robot {robot!r}; add it")
     return stated[robot]
 
 
-def _demand(log: TeamLog, values: Array, lack: str, remedy: str) -> None:
+def _require(where: Sequence[str], values: Array, lack: str, remedy: str) -> None:
     lost = np.isnan(values).any(-1)
     if lost.any():
-        raise BadInput(
-            f"run {log.name!r}: robot {log.robots[int(np.argmax(lost))]!r} has {lack}; choose {remedy} in log.toml"
-        )
+        raise BadInput(f"{where[int(np.argmax(lost))]} has {lack}; choose {remedy} in log.toml")

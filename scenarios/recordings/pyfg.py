@@ -7,11 +7,16 @@
     EDGE_SE2_XY time A0 L0 x y cov (3)      place of a landmark in the frame of A0
     EDGE_RANGE time A0 L0 range variance    to a landmark, or a pose of another robot
 
+As a recording of a team, odometry and ranges are from the edges, truth from the vertices. A measurement has the time of
+the first pose that it names. Landmarks are taken as surveyed: those that a range leads to are anchors, those with a
+place in a robot's frame (EDGE_SE2_XY) are landmarks. A pose of another robot in a robot's frame is a sighting. Loop
+closures are left out, as no estimator here relates a robot to its own past.
+
 Source: A. Papalia et al., PyFactorGraph, https://github.com/MarineRoboticsGroup/PyFactorGraph, io/pyfg_text.py.
 """
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
@@ -62,7 +67,7 @@ class Graph(NamedTuple):
 
 
 def read_graph(path: Path) -> Graph:
-    """The vertices and edges in a file. A last line that was cut off is left out, with a warning.
+    """Read the vertices and edges in a file. A last line that was cut off is left out, with a warning.
 
     Raises:
         BadInput: the file cannot be read, is of three dimensions, or a line is malformed; names the line.
@@ -74,9 +79,9 @@ def read_graph(path: Path) -> Graph:
     unknown: dict[str, int] = {}
     for i, fields in lines:
         tag = fields[0]
-        if tag in READ:
+        if tag in FIELDS:
             try:
-                READ[tag](graph, i, fields)
+                _add(graph, i, fields)
             except BadInput:
                 if (i, fields) != lines[-1] or text.endswith("\n"):
                     raise
@@ -92,66 +97,42 @@ def read_graph(path: Path) -> Graph:
     return graph
 
 
-def _pose(graph: Graph, line: int, fields: list[str]) -> None:
-    time, *pose = _numbers(graph, line, fields, (1, 3, 4, 5), 6)
-    name = fields[2]
-    match = POSE_NAME.fullmatch(name)
-    if not match:
-        raise BadInput(f"{graph.at(line)}: pose {name!r} is not a letter and a number, like A0; correct its name")
-    _require_new(graph, line, name)
-    graph.poses[name] = Pose(match[1], int(match[2]), time, tuple(pose))
-
-
-def _place(graph: Graph, line: int, fields: list[str]) -> None:
-    timed = len(fields) == 5
-    name = fields[2 if timed else 1] if len(fields) > 2 else ""
-    place = _numbers(graph, line, fields, (3, 4) if timed else (2, 3), 5 if timed else 4)
-    _require_new(graph, line, name)
-    graph.places[name] = place
-
-
-def _relative(graph: Graph, line: int, fields: list[str]) -> None:
-    graph.relative.append(_edge(graph, line, fields, (4, 5, 6), 13))
-
-
-def _seen(graph: Graph, line: int, fields: list[str]) -> None:
-    graph.seen.append(_edge(graph, line, fields, (4, 5), 9))
-
-
-def _range(graph: Graph, line: int, fields: list[str]) -> None:
-    graph.ranges.append(_edge(graph, line, fields, (4,), 6))
-
-
-def _edge(graph: Graph, line: int, fields: list[str], which: tuple[int, ...], total: int) -> Edge:
-    values = _numbers(graph, line, fields, which, total)
-    return Edge(line, fields[2], fields[3], values)
-
-
-READ: Mapping[str, Callable[[Graph, int, list[str]], None]] = {
-    "VERTEX_SE2": _pose,
-    "VERTEX_XY": _place,
-    "EDGE_SE2": _relative,
-    "EDGE_SE2_XY": _seen,
-    "EDGE_RANGE": _range,
+# How many fields the line of each tag has, and which of them are the numbers that are read.
+FIELDS: Mapping[str, tuple[int, tuple[int, ...]]] = {
+    "VERTEX_SE2": (6, (1, 3, 4, 5)),
+    "VERTEX_XY": (4, (2, 3)),
+    "EDGE_SE2": (13, (4, 5, 6)),
+    "EDGE_SE2_XY": (9, (4, 5)),
+    "EDGE_RANGE": (6, (4,)),
 }
 
 
-def _numbers(graph: Graph, line: int, fields: list[str], which: tuple[int, ...], total: int) -> tuple[float, ...]:
-    """Some fields of a line that should have so many."""
+def _add(graph: Graph, line: int, fields: list[str]) -> None:
+    """Add the vertex or edge of a line."""
+    tag, at = fields[0], graph.at(line)
+    total, numbers = FIELDS[tag]
+    if tag == "VERTEX_XY" and len(fields) == 5:  # with a time
+        total, numbers = 5, (3, 4)
     if len(fields) != total:
-        raise BadInput(
-            f"{graph.at(line)}: {fields[0]} has {len(fields)} fields, not {total}; correct or remove the line"
-        )
-    values = tuple(parse_number(fields[i]) for i in which)
-    for i, value in zip(which, values, strict=True):
+        raise BadInput(f"{at}: {tag} has {len(fields)} fields, not {total}; correct or remove the line")
+    values = tuple(parse_number(fields[i]) for i in numbers)
+    for i, value in zip(numbers, values, strict=True):
         if not abs(value) <= LARGEST:
-            raise BadInput(f"{graph.at(line)}: {fields[i]!r} is not a number; correct or remove the line")
-    return values
-
-
-def _require_new(graph: Graph, line: int, name: str) -> None:
+            raise BadInput(f"{at}: {fields[i]!r} is not a number; correct or remove the line")
+    if tag.startswith("EDGE"):
+        edges = {"EDGE_SE2": graph.relative, "EDGE_SE2_XY": graph.seen, "EDGE_RANGE": graph.ranges}[tag]
+        edges.append(Edge(line, fields[2], fields[3], values))
+        return
+    name = fields[numbers[-2] - 1] if tag == "VERTEX_XY" else fields[2]
     if name in graph.poses or name in graph.places:
-        raise BadInput(f"{graph.at(line)}: vertex {name!r} was given before; remove one of the lines")
+        raise BadInput(f"{at}: vertex {name!r} was given before; remove one of the lines")
+    if tag == "VERTEX_XY":
+        graph.places[name] = values
+        return
+    match = POSE_NAME.fullmatch(name)
+    if not match:
+        raise BadInput(f"{at}: pose {name!r} is not a letter and a number, like A0; correct its name")
+    graph.poses[name] = Pose(match[1], int(match[2]), values[0], values[1:])
 
 
 def _require_vertices(graph: Graph) -> None:
@@ -169,17 +150,13 @@ def _require_vertices(graph: Graph) -> None:
                     )
 
 
-# PyFG factor graphs as recordings of a team: odometry and ranges from the edges, truth from the vertices.
-#
-# A measurement has the time of the first pose that it names. Landmarks are taken as surveyed: those that a range leads
-# to are anchors, those with a place in a robot's frame (EDGE_SE2_XY) are landmarks. A pose of another robot in a
-# robot's frame is a sighting. Loop closures are left out, as no estimator here relates a robot to its own past.
+# ---- A graph as a recording of a team
 
 Chain = Sequence[str]  # the poses of a robot, by time
 
 
 def runs(data: Path, description: TeamDescription) -> dict[str, Path]:
-    """The files *.pyfg in a directory, or a file by itself.
+    """Return the files *.pyfg in a directory, or a file by itself.
 
     Raises:
         BadInput: there are none.
@@ -192,12 +169,12 @@ def runs(data: Path, description: TeamDescription) -> dict[str, Path]:
 
 
 def read(data: Path, place: Path, name: str, description: TeamDescription) -> TeamLog:
-    """One of them; a PyFG file leaves nothing for the description to say."""
+    """Read one of them; a PyFG file leaves nothing for the description to say."""
     return read_pyfg(place)._replace(name=name)
 
 
 def read_pyfg(path: Path) -> TeamLog:
-    """One file as one recording.
+    """Read one file as one recording.
 
     Raises:
         BadInput: the file cannot be read, is of three dimensions, or a line is malformed; names the line.
@@ -233,7 +210,7 @@ def read_pyfg(path: Path) -> TeamLog:
 
 
 def _chains(graph: Graph) -> Mapping[str, Chain]:
-    """The poses of each robot, robots by name, poses by number.
+    """Return the poses of each robot, robots by name, poses by number.
 
     Raises:
         BadInput: there are none, or their times do not rise.

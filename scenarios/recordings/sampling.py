@@ -1,4 +1,8 @@
-"""Values at the stamps of a recording, brought onto the times or intervals of a tick grid."""
+"""A recording on a grid of ticks: odometry over each tick, true poses at its ends, each reading at the nearest tick.
+
+Nothing is invented: across gaps truth is unknown, and so is a velocity; a counter, a pose or displacements still give
+the distance. Of several readings in one cell the last is kept, and the others are counted.
+"""
 
 from collections.abc import Mapping
 from typing import Any, Literal, NamedTuple
@@ -8,12 +12,20 @@ import numpy as np
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Indices, Mask
 from cooploc.estimators.models import wrap, wrap_heading
-from cooploc.scenarios.recordings.team_log import READING_COLUMNS, Channel, OdometryKind, Readings, Series, TeamLog
+from cooploc.scenarios.recordings.team_log import (
+    READING_COLUMNS,
+    Channel,
+    OdometryKind,
+    Readings,
+    Series,
+    TeamLog,
+    other_names,
+)
 from cooploc.scenarios.stream import Air
 
 
 def interpolate(stamps: Array, values: Array, at: Array, max_gap: float) -> Array:
-    """Linear interpolation between the stamps before and after.
+    """Interpolate linearly between the stamps before and after.
 
     Args:
         stamps: (m,) rising [s].
@@ -35,7 +47,7 @@ def interpolate(stamps: Array, values: Array, at: Array, max_gap: float) -> Arra
 
 
 def mean_held(stamps: Array, values: Array, edges: Array) -> Array:
-    """Mean over each interval of a signal that holds every value until the next stamp (zero-order hold).
+    """Return the mean over each interval of a signal that holds every value until the next stamp (zero-order hold).
 
     Args:
         stamps: (m,) rising [s].
@@ -53,14 +65,8 @@ def mean_held(stamps: Array, values: Array, edges: Array) -> Array:
     return np.where(known[:, None], np.diff(at_edges, axis=0) / np.diff(edges)[:, None], np.nan)
 
 
-# A team's log on a grid of ticks: odometry over each tick, true poses at its ends, each reading at the nearest tick.
-#
-# Nothing is invented: across gaps truth is unknown, and so is a velocity; a counter, a pose or displacements still give
-# the distance. Of several readings in one cell the last is kept, and the others are counted.
-
-
 class Gaps(NamedTuple):
-    """What is taken to be known between two stamps."""
+    """Longest intervals between two stamps across which values are known."""
 
     truth: float  # [s] it is not interpolated across longer gaps
     hold: float  # [s] a speed or a turn rate holds until the next line, at most so long
@@ -84,7 +90,7 @@ class Grid(NamedTuple):
 
 
 def span(log: TeamLog) -> tuple[float, float]:
-    """From when every robot has odometry, and truth if it ever has, until one has no odometry or none has truth [s].
+    """Return when every robot has odometry, from each one's first truth (if it has any) to the last truth [s].
 
     Raises:
         BadInput: no such time.
@@ -104,7 +110,7 @@ def span(log: TeamLog) -> tuple[float, float]:
 
 
 def poses(series: Series | None, at: Array, max_gap: float) -> Array:
-    """True poses (len(at), 3) at some times [s]; nan where unknown."""
+    """Return true poses (len(at), 3) at some times [s]; nan where unknown."""
     if series is None:
         return np.full((len(at), 3), np.nan)
     t = at[0] if len(at) else 0.0  # small numbers keep their digits
@@ -118,7 +124,7 @@ def poses(series: Series | None, at: Array, max_gap: float) -> Array:
 
 
 def odometry(kind: OdometryKind, series: Series, grid: Grid, max_hold: float) -> Array:
-    """What a robot measured of its own motion in each tick (T, 2): v [m/s], omega [rad/s]; or dx, dy [m]."""
+    """Return the odometry of a robot in each tick (T, 2): v [m/s], omega [rad/s]; or dx, dy [m]."""
     time, edges, u = series.time - grid.t0, grid.edges - grid.t0, series.values
     if kind == "velocity":
         return np.where(_gaps(time, edges, max_hold)[:, None], np.nan, mean_held(time, u, edges))
@@ -136,7 +142,7 @@ def odometry(kind: OdometryKind, series: Series, grid: Grid, max_hold: float) ->
 
 
 def cells(readings: Readings, grid: Grid, robots: int, others: int) -> tuple[Array, dict[str, Any]]:
-    """Readings (T, robots, others, k), each at the tick nearest to its stamp, and counts of them."""
+    """Return readings (T, robots, others, k), each at the tick nearest to its stamp, and counts of them."""
     k = grid.nearest(readings.time)
     inside = (k >= 0) & (k < grid.ticks)
     shape = (grid.ticks, robots, others)
@@ -156,7 +162,7 @@ def cells(readings: Readings, grid: Grid, robots: int, others: int) -> tuple[Arr
 
 
 def in_turn(readings: Readings) -> Readings:
-    """A pair's readings of each other, given to its two robots in turn, so that each is used once and both profit."""
+    """Give a pair's readings of each other to its two robots in turn, so that each is used once and both profit."""
     low, high = np.minimum(readings.robot, readings.other), np.maximum(readings.robot, readings.other)
     robot, other = low.copy(), high.copy()
     for a, b in sorted(set(zip(low.tolist(), high.tolist(), strict=True))):
@@ -166,7 +172,7 @@ def in_turn(readings: Readings) -> Readings:
 
 
 def bearing(pose: Array, place: Array) -> Array:
-    """Where places (m, 2) lie as seen from poses (m, 3) [rad]."""
+    """Return the bearing of places (m, 2) as seen from poses (m, 3) [rad]."""
     return wrap(np.arctan2(place[:, 1] - pose[:, 1], place[:, 0] - pose[:, 0]) - pose[:, 2])
 
 
@@ -178,10 +184,10 @@ def _gaps(time: Array, edges: Array, max_hold: float) -> Mask:
     return np.asarray((begins > max_hold) | (ends > max_hold))
 
 
-# What a team sensed, on the grid of ticks, as estimators get it.
+# ---- The readings of a team on the grid of ticks, as estimators get them
 
 
-class Sensed(NamedTuple):
+class TeamReadings(NamedTuple):
     """Readings of every channel, (1, T, n, ...); width 0 where a channel does not exist."""
 
     anchor_rssi: Array
@@ -192,42 +198,27 @@ class Sensed(NamedTuple):
     counts: dict[str, Any]  # by channel
 
 
-def sensed(
+def resample_readings(
     log: TeamLog,
     grid: Grid,
     bias: Mapping[Channel, Array],
     ranges_go_to: Literal["both", "measurer"],
     packets: Literal["every tick", "with a reading"],
-) -> Sensed:
-    """Readings at the tick nearest to their stamps, ranges less their `bias` (n, others) [m]."""
-    n, tables = len(log.robots), {}
-    counts: dict[str, Any] = {}
+) -> TeamReadings:
+    """Return readings at the tick nearest to their stamps, ranges less their `bias` (n, others) [m]."""
+    n, counts = len(log.robots), dict[str, Any]()
+    tables = {c: np.empty((grid.ticks, n, 0, len(columns))) for c, columns in READING_COLUMNS.items()}
     for channel, readings in log.readings.items():
-        others = _others(log, channel)
-        given = in_turn(readings) if channel == "range" and ranges_go_to == "both" else readings
+        used = in_turn(readings) if channel == "range" and ranges_go_to == "both" else readings
         if channel in bias:
-            given = given._replace(values=given.values - bias[channel][given.robot, given.other][:, None])
-        tables[channel], counts[channel] = cells(given, grid, n, others)
-
-    def table(channel: Channel) -> Array:
-        nothing = np.empty((grid.ticks, n, 0, len(READING_COLUMNS[channel])))
-        return tables.get(channel, nothing)[None]
-
-    ranges, rssi = table("range")[..., 0], table("rssi")[..., 0]
+            used = used._replace(values=used.values - bias[channel][used.robot, used.other][:, None])
+        tables[channel], counts[channel] = cells(used, grid, n, len(other_names(log, channel)))
+    table = {channel: values[None] for channel, values in tables.items()}
+    ranges, rssi = table["range"][..., 0], table["rssi"][..., 0]
     link = np.broadcast_to(~np.eye(n, dtype=bool), (1, grid.ticks, n, n)).copy()
     if packets == "with a reading":
-        link &= _measured(ranges, link) | _measured(rssi, link)
-    extra = {"anchor_range": table("anchor_range")[..., 0]} if "anchor_range" in tables else {}
-    anchor_rssi = table("anchor_rssi")[..., 0]
-    return Sensed(anchor_rssi, table("landmark"), table("sighting"), extra, Air(link, rssi, ranges), counts)
-
-
-def _others(log: TeamLog, channel: Channel) -> int:
-    """How many things a channel can be a reading of."""
-    fixed = {"landmark": log.landmarks, "anchor_rssi": log.anchors, "anchor_range": log.anchors}.get(channel)
-    return len(log.robots) if fixed is None else len(fixed.names)
-
-
-def _measured(table: Array, link: Mask) -> Mask:
-    """Where a channel has a reading; nowhere if it does not exist."""
-    return np.isfinite(table) if table.shape[-1] else np.zeros_like(link)
+        measured = [np.isfinite(each) for each in (ranges, rssi) if each.shape[-1]]
+        link &= np.any(measured, axis=0) if measured else False
+    extra = {"anchor_range": table["anchor_range"][..., 0]} if "anchor_range" in counts else {}
+    air = Air(link, rssi, ranges)
+    return TeamReadings(table["anchor_rssi"][..., 0], table["landmark"], table["sighting"], extra, air, counts)

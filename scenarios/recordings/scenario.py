@@ -1,14 +1,15 @@
-"""Which module reads which format. Each has two functions, `runs` and `read`.
+"""A team's own recordings as a scenario.
 
-runs(data, description) -> {name: place}: the recordings in a directory, sorted by name.
-read(data, place, name, description) -> TeamLog: one of them, in SI units, with the declared clock offsets added and the
-declared frame undone (`truth_frame`); what is dropped is told in its warnings. `data` is the directory that was named,
-in which files of places lie (`places_file`).
+A directory holds `log.toml` (`schema` says what is in it) and the recordings that it describes: `log/RUN` is one run,
+`log/all` has a trial for each. The models of a run are fitted on the *other* runs, or on its first part, which is
+then not judged; each run has a world of its own, so a stream holds one.
+
+When packets are exchanged is not recorded: every robot can reach every other in every tick, or, with `packets="with a
+reading"`, where a radio reading of the sender was recorded. Readings by radio exist where they were measured, and
+nowhere else.
 """
 
-import tomllib
 from collections.abc import Callable, Mapping, Sequence
-from fnmatch import fnmatchcase
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
@@ -23,38 +24,43 @@ from cooploc.estimators.registry import load_object
 from cooploc.scenarios.recordings import sampling, schema
 from cooploc.scenarios.recordings.fit import How, Leftover, Part, TeamModels, leftovers, team_models
 from cooploc.scenarios.recordings.prior import prior
-from cooploc.scenarios.recordings.sampling import Gaps, Grid, sensed
-from cooploc.scenarios.recordings.schema import NAME, TeamDescription, text_of
-from cooploc.scenarios.recordings.single_robot import Log, asked
+from cooploc.scenarios.recordings.sampling import Gaps, Grid, resample_readings
+from cooploc.scenarios.recordings.schema import NAME, TeamDescription, is_of_one_robot
+from cooploc.scenarios.recordings.single_robot import ALL, Log, name_of_trial, set_up
 from cooploc.scenarios.recordings.team_log import TeamLog, with_known_places
 from cooploc.scenarios.stream import Stream, Truth
 from cooploc.scenarios.worlds.radio import Positive
 
 MODULES = {"csv": "csv_files", "bag": "bags", "pyfg": "pyfg", "mrclam": "mrclam"}
+SAME = 0.5  # share of equal true positions from which on two runs are parts of one recording
+MARGIN = 2.0  # [m] around all fixed things: the arena must not be taken from the truth
+
+
+def model(data: Path) -> type[Log] | type["TeamScenario"]:
+    """Return the model of the recordings in a directory, of one robot or of a team, by its log.toml.
+
+    Raises:
+        BadInput: there is none.
+
+    """
+    return Log if is_of_one_robot(data / NAME) else TeamScenario
 
 
 class Reader(NamedTuple):
-    """How recordings of one format are found and read. Both raise BadInput: one line, fact, place and remedy."""
+    """The two functions that find and read recordings of one format. Both raise BadInput: fact, place and remedy.
 
-    runs: Callable[[Path, TeamDescription], Mapping[str, Path]]
-    read: Callable[[Path, Path, str, TeamDescription], TeamLog]
+    `data` is the directory that was named, in which files of places lie. A log is in SI units, with the declared clock
+    offsets added and the declared frame undone; a sentence for all that is left out is in its warnings.
+    """
+
+    runs: Callable[[Path, TeamDescription], Mapping[str, Path]]  # (data, description) -> {name: place}, sorted by name
+    read: Callable[[Path, Path, str, TeamDescription], TeamLog]  # (data, place, name, description)
 
 
 def reader(form: str) -> Reader:
-    """The reader of a format, imported when it is needed.
-
-    Raises:
-        BadInput: it cannot be imported.
-
-    """
+    """Return the reader of a format, imported when it is needed. Raises BadInput where that fails."""
     module = f"{__package__}.{MODULES[form]}"
     return Reader(*(load_object(f"{module}:{name}", f"the reader of {form} recordings") for name in ("runs", "read")))
-
-
-# A directory of a team's recordings: which of them are different, and on which a run's models may be fitted.
-
-ALL = "all"  # in the place of a run's name
-SAME = 0.5  # share of equal true positions from which on two runs are parts of one recording
 
 
 class TeamFolder:
@@ -70,15 +76,15 @@ class TeamFolder:
         if not data.is_dir():
             raise BadInput(f"{data}: there is no such directory; name the one that holds log.toml and the recordings")
         self.data = data
-        self.description: TeamDescription = schema.load(data / schema.NAME)
-        self._reader: Reader = reader(self.description.format)
-        self.places: Mapping[str, Path] = self._reader.runs(data, self.description)
+        self.description = schema.load(data / NAME)
+        self._reader = reader(self.description.format)
+        self.places = self._reader.runs(data, self.description)
         if ALL in self.places:
             raise BadInput(f"{self.places[ALL]}: a run cannot be named {ALL!r}, the name is taken; rename it")
         self._logs: dict[str, TeamLog] = {}
 
     def log(self, name: str) -> TeamLog:
-        """A recording by name.
+        """Return a recording by name.
 
         Raises:
             BadInput: there is none of this name, or it is malformed.
@@ -91,29 +97,24 @@ class TeamFolder:
             self._logs[name] = with_known_places(log)
         return self._logs[name]
 
-    @property
+    @cached_property
     def different(self) -> list[str]:
-        """Names of the runs, without those that are part of a longer one."""
+        """Names of the runs, without those that are part of a longer one; of two equal runs the first stays."""
         names = list(self.places)
         return [name for name in names if not any(self._is_part(name, other) for other in names if other != name)]
 
     def others(self, name: str, same_set_up: bool) -> list[TeamLog]:
-        """The runs on which this one's models may be fitted: none is the same recording, and none is there twice."""
-        mine = self._set_up(name)
+        """Return the runs on which this one's models may be fitted: none is the same recording or is there twice."""
+        patterns = self.description.set_ups
         return [
             self.log(other)
             for other in self.different
             if other != name
-            and (self._set_up(other) == mine or not same_set_up)
+            and (set_up(other, patterns) == set_up(name, patterns) or not same_set_up)
             and not _same(self.log(name), self.log(other))
         ]
 
-    def _set_up(self, name: str) -> str:
-        """The first pattern that the name matches; a run that matches none is a set-up of its own."""
-        return next((p for p in self.description.set_ups if fnmatchcase(name, p)), f"only {name}")
-
     def _is_part(self, name: str, other: str) -> bool:
-        """Whether a run is of the same recording as a longer one, or as one of the same length with an earlier name."""
         a, b = self.log(name), self.log(other)
         return _same(a, b) and (_length(b), name) > (_length(a), other)
 
@@ -132,22 +133,6 @@ def _same(a: TeamLog, b: TeamLog) -> bool:
         if shared >= SAME * min(len(i.time), len(j.time)):
             return True
     return False
-
-
-# A recording's trials are its runs, and a stream holds one of them, as each run has models of its own.
-
-
-# A team's own recordings as a scenario.
-#
-# A directory holds `log.toml` (`schema` says what is in it) and the recordings that it describes: `log/RUN` is one run,
-# `log/all` has a trial for each. The models of a run are fitted on the *other* runs, or on its first part, which is
-# then not judged; each run has a world of its own, so a stream holds one.
-#
-# When packets are exchanged is not recorded: every robot can reach every other in every tick, or, with `packets="with a
-# reading"`, where a radio reading of the sender was recorded. Readings by radio exist where they were measured, and
-# nowhere else.
-
-MARGIN = 2.0  # [m] around all fixed things: the arena must not be taken from the truth
 
 
 class Judged(NamedTuple):
@@ -200,27 +185,27 @@ class TeamScenario(schema.Model):
 
     @cached_property
     def _of_all(self) -> dict[int, "TeamScenario"]:
-        """The runs of `all` by trial, as far as they were asked for, so that each is fitted once."""
+        """The runs of `all` by trial, as far as they were needed, so that each is fitted once."""
         return {}
 
     def count(self) -> int:
-        """How many trials there are: one, or one for each different run of `all`."""
+        """Return the number of trials: one, or one for each different run of `all`."""
         return len(self._names())
 
     def at(self, trials: Sequence[int]) -> "TeamScenario":
-        """The scenario of one run, from the list with its one trial.
+        """Return the scenario of one run, from the list with its one trial.
 
         Raises:
             BadInput: there are several trials, or there is no such trial or run.
 
         """
-        name = asked(self.data, self.run, self._names(), trials)
+        name = name_of_trial(self.data, self.run, self._names(), trials)
         if self.run != ALL:
             return self
         return self._of_all.setdefault(trials[0], self.model_copy(update={"run": name}))
 
     def world(self) -> World:
-        """What the team knows of this run: fixed things, arena, and assumed models."""
+        """Return what the team knows of this run: fixed things, arena, and assumed models."""
         log, grid, _, models, arena = self.judged
         return World(
             robots=len(log.robots),
@@ -244,9 +229,10 @@ class TeamScenario(schema.Model):
         valid: Mask = np.asarray(np.isfinite(path).all(-1))
         u = [sampling.odometry(log.odometry_kind, series, grid, gaps.hold) for series in log.odometry]
         odometry = np.stack(u, 1) * models.scales
-        seen = sensed(log, grid, models.bias, self._sample.ranges_go_to, self.packets)
+        seen = resample_readings(log, grid, models.bias, self._sample.ranges_go_to, self.packets)
         turns = None if log.odometry_kind == "displacement" else odometry[..., 1] * grid.tick
-        belief, source = prior(log, self._prior, arena, poses, turns)
+        where = [f"run {log.name!r}: robot {robot!r}" for robot in log.robots]
+        belief, source = prior(log.robots, where, self._prior, arena, poses, turns)
         dt = np.full((1, *odometry.shape[:2]), grid.tick)
         stream = Stream(
             scenario=label,
@@ -262,7 +248,7 @@ class TeamScenario(schema.Model):
         return Truth(label, stream.trial, path, valid, arena, stream.hashes), stream
 
     def explained(self) -> list[str]:
-        """What was fitted on what, and what was dropped while reading, run by run."""
+        """Return sentences, run by run: what was left out while reading, and which models were fitted on what."""
         if self.run == ALL:
             return [line for k in range(self.count()) for line in self.at([k]).explained()]
         try:
@@ -273,7 +259,7 @@ class TeamScenario(schema.Model):
         return [*log.warnings, f"run {log.name!r}: models fitted on {models.notes['fitted_on']}: {values}"]
 
     def leftovers(self) -> list[Leftover]:
-        """What readings of the run are off by after its models, where these were fitted and where they are judged."""
+        """Return the residuals of the run after its models, where these were fitted and where they are judged."""
         log, grid, parts, models, _ = self.judged
         judged = Part(log, grid.t0, float(grid.edges[-1]))
         return list(leftovers(log, parts, judged, models, self._how))
@@ -313,7 +299,7 @@ class TeamScenario(schema.Model):
         )
 
     def _overrides(self, names: Sequence[str]) -> dict[str, Any]:
-        """The parameters that replace values of the description."""
+        """Return the parameters that replace values of the description."""
         return {name: value for name in names if (value := getattr(self, name)) is not None}
 
     def _notes(self, odometry: Array, valid: Mask) -> dict[str, Any]:
@@ -345,25 +331,7 @@ def _arena(log: TeamLog, folder: TeamFolder) -> Array:
     fixed = np.concatenate([log.anchors.positions, log.landmarks.positions])
     if not len(fixed):
         raise BadInput(
-            f"{folder.data}: there are no fixed things to tell the arena by; state its corners [m] in log.toml: "
+            f"{folder.data}: there are no fixed things around which the arena lies; state its corners [m] in log.toml: "
             "arena = [[0, 0], [6, 4]]"
         )
     return np.stack([fixed.min(0) - MARGIN, fixed.max(0) + MARGIN])
-
-
-# Whether a directory holds runs of one robot or of a team: a description of a team begins with `format`.
-
-
-def model(data: Path) -> type[Log] | type[TeamScenario]:
-    """The model of the recordings in a directory, by its log.toml.
-
-    Raises:
-        BadInput: there is none.
-
-    """
-    try:
-        content = tomllib.loads(text_of(data / NAME))
-    except (tomllib.TOMLDecodeError, RecursionError):
-        return TeamScenario  # which says what is wrong
-    one_robot = "format" not in content and "time" in content and "robots" not in content
-    return Log if one_robot else TeamScenario

@@ -1,4 +1,41 @@
-"""A column of a log and its unit, as a description names them, converted to SI."""
+"""The description of recordings, `log.toml`: what their files, columns and topics mean.
+
+It begins with `format` and has a table for each thing that was recorded. In CSV files a column is its name where the
+file is in SI units, else `{column = "x", unit = "mm"}`:
+
+    format = "csv"
+    robots = ["red", "blue"]
+    arena = [[0, 0], [6, 4]]          # lower left and upper right corner [m]
+
+    [odometry]
+    kind = "velocity"
+    file = "odom_{robot}.csv"         # a file for each robot; or one file for all with robot = "column of names"
+    time = ["sec", { column = "nsec", unit = "ns" }]
+    speed = "v"
+    turn_rate = { column = "w", unit = "deg/s" }
+
+    [truth]                           # files of its own, with its own clock
+    file = "mocap_{robot}.csv"
+    clock_offset = 0.0                # [s] added to its stamps
+    x = "x"
+    y = "y"
+    heading = "yaw"
+
+    [ranges]                          # or several tables [[ranges]]
+    file = "uwb.csv"
+    robot = "from"
+    other = "to"                      # a robot, or an anchor
+    range = { column = "distance", unit = "mm" }
+
+    [fit]
+    on = "first part"                 # which is then not judged
+    seconds = 60.0
+
+In a bag there are topics instead: `topic = "/{robot}/odom"`, `topic = "/uwb/{robot}/{other}/distance"`.
+
+A description without `format` is of one robot whose every run is one CSV file with a tick a line (`RobotDescription`);
+`wifi.log.toml` is a commented example.
+"""
 
 import math
 import re
@@ -69,7 +106,7 @@ Power = Annotated[LogColumn, _unit_of("dBm")]
 Number = Annotated[LogColumn, _unit_of("")]
 
 
-# The tables of a team's log.toml that say where something was recorded, and in which columns or topics.
+# ---- Tables that say where something was recorded, and in which columns or topics
 
 Place = tuple[float, float]  # [m]
 Name = Annotated[str, Field(pattern=r"^[^\s,/{}\[\]]+$", max_length=60)]
@@ -78,6 +115,11 @@ Name = Annotated[str, Field(pattern=r"^[^\s,/{}\[\]]+$", max_length=60)]
 def _several(given: Any) -> Any:
     """One table or column, where there may be several."""
     return given if isinstance(given, list | tuple) else [given]
+
+
+def _require_inside(file: str | None) -> None:
+    if file is not None and (Path(file).is_absolute() or ".." in Path(file).parts):
+        raise ValueError(f"file is {file!r}; name one inside the directory")
 
 
 Several = BeforeValidator(_several)
@@ -99,8 +141,7 @@ class Source(Strict):
     def _is_somewhere(self) -> Self:
         if (self.file is None) == (self.topic is None and not self.topics):
             raise ValueError('state where it is: file = "..." (CSV), or topic = "..." (a bag)')
-        if self.file is not None and (Path(self.file).is_absolute() or ".." in Path(self.file).parts):
-            raise ValueError(f"file is {self.file!r}; name one inside the directory")
+        _require_inside(self.file)
         named = self.file is not None and ("{robot}" in self.file or "{run}" in self.file)
         if self.file is not None and named == (self.robot is not None):
             raise ValueError('whose lines are they: file = "..._{robot}.csv", or robot = "the column of names"')
@@ -233,8 +274,7 @@ class Places(Strict):
         columns = [self.name, self.x, self.y]
         if (self.file is None) != (None in columns) or (self.file is None and any(columns)):
             raise ValueError("a file of places needs the columns name, x and y")
-        if self.file is not None and (Path(self.file).is_absolute() or ".." in Path(self.file).parts):
-            raise ValueError(f"file is {self.file!r}; name one inside the directory")
+        _require_inside(self.file)
         if not self.places and self.file is None:
             raise ValueError("there are no places; give places = { name = [x, y] }, or a file")
         return self
@@ -251,96 +291,13 @@ def _one_of(table: Ranges | Rssi, value: str) -> None:
         raise ValueError("each and other exclude each other; remove one")
 
 
-# What is wrong with a description in TOML: the line, the key and the remedy, in one line.
-
-Root = TypeVar("Root", bound=BaseModel)
-
-
-def parse(path: Any, text: str, root: type[Root], tables: Mapping[str, type[BaseModel]], example: str) -> Root:
-    """A description from the text of a file at `path`; `tables` are the models of its tables.
-
-    Raises:
-        BadInput: it is not TOML, or a key or value is wrong; names the line and the key.
-
-    """
-    try:
-        return root.model_validate(tomllib.loads(text))
-    except ValidationError as e:
-        raise BadInput(f"{path}{_explained(text, e, root, tables, example)}") from None
-    except (tomllib.TOMLDecodeError, RecursionError) as e:
-        raise BadInput(f"{path}: cannot be read as TOML ({e}); correct it") from None
-
-
-def _explained(
-    text: str, e: ValidationError, root: type[BaseModel], tables: Mapping[str, type[BaseModel]], example: str
-) -> str:
-    """Line, key and remedy of an error; an unknown key comes first, as it explains one that is missing."""
-    first = min(e.errors(), key=lambda error: error["type"] != "extra_forbidden")
-    path = [str(part) for part in first["loc"] if str(part).isidentifier() or isinstance(part, int)]
-    table, key = path[:2] if len(path) > 1 and path[0] in tables else ["", *path, ""][:2]
-    if key.isdigit() and len(path) > 2 and table in tables:  # one of several tables of a name
-        path = [table, *path[2:]]
-        key = path[1]
-    line = _line(text, table, key)
-    if first["type"] == "extra_forbidden":
-        known = list((tables[table] if table else root).model_fields)
-        return f"{line}: there is no key {key!r}{f' in [{table}]' if table else ''}; {nearest(key, known)}"
-    hint = f"; {example}" if first["type"] == "missing" else ""
-    return f"{line}: {'.'.join(path)}{': ' if path else ''}{first['msg'].removeprefix('Value error, ')}{hint}"
-
-
-def _line(text: str, table: str, key: str) -> str:
-    """ ", line N" of a key's first appearance in a table of the file; of the table's own where key is not in it."""
-    found, inside = "", not table
-    for i, line in enumerate(text.splitlines(), 1):
-        if header := re.match(r"\s*\[+\s*([\w.]+)", line):
-            inside = header[1] == (table or key)
-            if inside:
-                found = f", line {i}"
-        elif inside and re.match(rf"\s*[\"']?{re.escape(key)}[\"']?\s*=", line):
-            return f", line {i}"
-    return found
-
-
-# The description of a team's recordings: `log.toml`, which says what the files, columns and topics mean.
-#
-# It begins with `format` (a description without one is of one robot: `logs.schema`) and has a table for each thing that
-# was recorded. In CSV files a column is its name where the file is in SI units, else `{column = "x", unit = "mm"}`:
-#
-#     format = "csv"
-#     robots = ["red", "blue"]
-#     arena = [[0, 0], [6, 4]]          # lower left and upper right corner [m]
-#
-#     [odometry]
-#     kind = "velocity"
-#     file = "odom_{robot}.csv"         # a file for each robot; or one file for all with robot = "column of names"
-#     time = ["sec", { column = "nsec", unit = "ns" }]
-#     speed = "v"
-#     turn_rate = { column = "w", unit = "deg/s" }
-#
-#     [truth]                           # files of its own, with its own clock
-#     file = "mocap_{robot}.csv"
-#     clock_offset = 0.0                # [s] added to its stamps
-#     x = "x"
-#     y = "y"
-#     heading = "yaw"
-#
-#     [ranges]                          # or several tables [[ranges]]
-#     file = "uwb.csv"
-#     robot = "from"
-#     other = "to"                      # a robot, or an anchor
-#     range = { column = "distance", unit = "mm" }
-#
-#     [fit]
-#     on = "first part"                 # which is then not judged
-#     seconds = 60.0
-#
-# In a bag there are topics instead: `topic = "/{robot}/odom"`, `topic = "/uwb/{robot}/{other}/distance"`.
+# ---- The description of a team's recordings
 
 NAME = "log.toml"
 EXAMPLE = "cooploc inspect DIR writes such a file"
 
 Format = Literal["csv", "bag", "pyfg", "mrclam"]
+Delimiter = Literal[",", ";", "\t", "|", " "]
 
 
 class Sample(Strict):
@@ -406,7 +363,7 @@ class TeamDescription(Strict):
     format: Format
     about: str = ""
     robots: tuple[Name, ...] = ()  # their names, in the order of the results; PyFG and MRCLAM name their own
-    delimiter: Literal[",", ";", "\t", "|", " "] = ","  # of CSV files
+    delimiter: Delimiter = ","  # of CSV files
     arena: tuple[Place, Place] | None = None  # lower left and upper right corner [m]; else 2 m around all fixed things
     set_ups: tuple[str, ...] = ("*",)  # runs whose names match one pattern had the same hardware and site
     odometry: Odometry | None = None
@@ -420,6 +377,13 @@ class TeamDescription(Strict):
     prior: Prior = Prior()
     fit: Fit = Fit()
     model: Model = Model()
+
+    @property
+    def recorded(self) -> tuple[Odometry, GroundTruth]:
+        """[odometry] and [truth], which the formats csv and bag have."""
+        if self.odometry is None or self.truth is None:
+            raise ValueError(f"format {self.format!r} has no tables [odometry] and [truth]")
+        return self.odometry, self.truth
 
     @model_validator(mode="after")
     def _has_sources(self) -> Self:
@@ -451,10 +415,11 @@ class TeamDescription(Strict):
         twice = next((name for name in names if names.count(name) > 1), None)
         if twice is not None:
             raise ValueError(f"{twice!r} is the name of two things among robots, anchors and landmarks; rename one")
-        for table, of in (("position", self.prior.position), ("heading", self.prior.heading)):
+        for key in ("position", "heading"):
+            of = getattr(self.prior, key)
             if isinstance(of, dict) and self.robots and set(of) != set(self.robots):
                 raise ValueError(
-                    f"[prior] {table} names {', '.join(of) or 'none'}; name each of {', '.join(self.robots)}"
+                    f"[prior] {key} names {', '.join(of) or 'none'}; name each of {', '.join(self.robots)}"
                 )
         if self.arena and not all(low < high for low, high in zip(*self.arena, strict=True)):
             raise ValueError("arena is the lower left and the upper right corner [m]: arena = [[0, 0], [6, 4]]")
@@ -476,8 +441,133 @@ TABLES: dict[str, type[Strict]] = {
 }
 
 
+# ---- The description of one robot's runs, without `format`
+
+
+class RobotTime(Strict):
+    """The stamps of the lines. Each line after the first ends a tick."""
+
+    columns: Annotated[tuple[Seconds, ...], Field(min_length=1)]  # summed: seconds and nanoseconds
+    max_gap: Positive | None = None  # [s] across a longer interval commands are unknown; None: 5 median intervals
+
+
+class RobotOdometry(Strict):
+    """What the robot measures of its own motion, as `Odometry` says, on the lines of its file."""
+
+    kind: Literal["path", "velocity", "displacement"]
+    length: Metres | None = None
+    speed: Speed | None = None
+    turn_rate: TurnRate | None = None
+    dx: Metres | None = None
+    dy: Metres | None = None
+    holds: Literal["until the next line", "since the line before"] | None = None  # a speed, a turn rate
+
+    @model_validator(mode="after")
+    def _has_its_columns(self) -> Self:
+        needed = {*COLUMNS[self.kind], *(("holds",) if self.kind != "displacement" else ())}
+        given = {name for name in type(self).model_fields if name != "kind" and getattr(self, name) is not None}
+        if given != needed:
+            raise ValueError(f"kind {self.kind!r} takes {', '.join(sorted(needed))}, not {', '.join(sorted(given))}")
+        return self
+
+
+class RobotTruth(Strict):
+    """The true poses; an empty field where they are unknown."""
+
+    x: Metres
+    y: Metres
+    heading: Angle | None = None  # counter-clockwise from x
+    repeats: Literal["stale", "still"] = "still"  # meaning of a position that equals the previous one exactly
+    max_speed: Positive | None = None  # [m/s] a position that cannot be reached from the last valid one is invalid
+
+
+class RobotAnchors(Strict):
+    """Radio nodes at known positions. A reading is missing where its field is empty, or as the other keys state."""
+
+    positions: Annotated[tuple[Place, ...], Field(min_length=1)]
+    rssi: tuple[Power, ...]  # one column for each position
+    status: tuple[Number, ...] = ()  # one for each, or none: where it is 0, the reading is missing
+    missing_from: float = 0.0  # [dBm] a reading of this or more is missing
+
+    @model_validator(mode="after")
+    def _one_column_each(self) -> Self:
+        for name in ("rssi", "status"):
+            count = len(getattr(self, name))
+            if count != len(self.positions) and not (name == "status" and count == 0):
+                raise ValueError(f"{len(self.positions)} positions have {count} {name} columns; give one for each")
+        return self
+
+
+class RobotPrior(Strict):
+    """What the robot knows of its start, and from which source."""
+
+    position: Literal["first truth", "arena"] | Place = "first truth"
+    position_sd: Positive | None = None  # [m] per axis; not needed for "arena": uniform
+    heading: Literal["first motion", "first truth", "unknown"] | float = "first motion"
+    heading_sd: Positive = 0.2  # [rad]
+
+    @model_validator(mode="after")
+    def _has_position_sd(self) -> Self:
+        if self.position != "arena" and self.position_sd is None:
+            raise ValueError("position_sd [m] is missing; state it")
+        return self
+
+
+class RobotModel(Strict):
+    """Parameters of the assumed models. Those that are not stated are fitted on the other runs."""
+
+    A: float | None = None  # [dBm] at 1 m
+    eta: Positive | None = None  # path-loss exponent
+    sigma: Positive | None = None  # [dB] as assumed by the filters
+    length_scale: Positive | None = None  # true length by odometry's
+    turn_scale: Positive | None = None  # true turn by odometry's
+    sigma_v: Positive | None = None  # [m/s] at the median interval
+    sigma_omega: Positive | None = None  # [rad/s] at the median interval
+    sigma_move: Positive | None = None  # [m] per axis in the median interval, of displacements
+
+
+class RobotDescription(Strict):
+    """What the columns of one robot's runs mean."""
+
+    about: str = ""
+    files: str = "*.csv"  # the runs
+    delimiter: Delimiter = ","
+    arena: tuple[Place, Place] | None = None  # lower left and upper right corner [m]; of the anchors where not stated
+    set_ups: tuple[str, ...] = ("*",)  # runs whose names match one pattern had the same hardware and site
+    time: RobotTime
+    odometry: RobotOdometry
+    truth: RobotTruth
+    anchors: RobotAnchors | None = None
+    prior: RobotPrior
+    model: RobotModel = RobotModel()
+
+    @model_validator(mode="after")
+    def _spans_an_arena(self) -> Self:
+        places = self.arena or (self.anchors.positions if self.anchors else ())
+        if len({x for x, _ in places}) < 2 or len({y for _, y in places}) < 2:
+            raise ValueError("the anchors do not span an arena; state its corners [m]: arena = [[0, 0], [6, 4]]")
+        if self.prior.heading == "first truth" and self.truth.heading is None:
+            raise ValueError('prior heading = "first truth" needs a heading column in [truth]')
+        return self
+
+
+ROBOT_TABLES: dict[str, type[Strict]] = {
+    "time": RobotTime,
+    "odometry": RobotOdometry,
+    "truth": RobotTruth,
+    "anchors": RobotAnchors,
+    "prior": RobotPrior,
+    "model": RobotModel,
+}
+
+
+# ---- Reading a description; an error is one line that names line, key and remedy
+
+Root = TypeVar("Root", bound=BaseModel)
+
+
 def load(path: Path) -> TeamDescription:
-    """The description in a file.
+    """Return a team's description.
 
     Raises:
         BadInput: the file is missing or not TOML, or a key or value is wrong; names the line and the key.
@@ -486,16 +576,76 @@ def load(path: Path) -> TeamDescription:
     return parse(path, text_of(path), TeamDescription, TABLES, EXAMPLE)
 
 
-def text_of(path: Path) -> str:
-    """The text of a description.
+def load_robot(path: Any) -> RobotDescription:
+    """Return the description of one robot's runs, from a path or a shipped resource; raises as `load`."""
+    return parse(path, text_of(path), RobotDescription, ROBOT_TABLES, "the shipped wifi.log.toml is an example")
+
+
+def is_of_one_robot(path: Path) -> bool:
+    """Whether a description is of one robot's runs. Raises BadInput where there is none."""
+    try:
+        content = tomllib.loads(text_of(path))
+    except (tomllib.TOMLDecodeError, RecursionError):
+        return False  # `load` says what is wrong
+    return "format" not in content and "time" in content and "robots" not in content
+
+
+def text_of(path: Any) -> str:
+    """Return the text of a description, a path or a shipped resource.
 
     Raises:
         BadInput: the file is missing or cannot be read.
 
     """
     try:
-        return path.read_text(encoding="utf-8")
+        return str(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise BadInput(f"{path}: there is no such file; {EXAMPLE}") from None
     except (OSError, UnicodeDecodeError) as e:
         raise BadInput(f"{path}: cannot be read as TOML ({e}); correct it") from None
+
+
+def parse(path: Any, text: str, root: type[Root], tables: Mapping[str, type[BaseModel]], example: str) -> Root:
+    """Return a description from the text of a file at `path`; `tables` are the models of its tables.
+
+    Raises:
+        BadInput: it is not TOML, or a key or value is wrong; names the line and the key.
+
+    """
+    try:
+        return root.model_validate(tomllib.loads(text))
+    except ValidationError as e:
+        raise BadInput(f"{path}{_reason(text, e, root, tables, example)}") from None
+    except (tomllib.TOMLDecodeError, RecursionError) as e:
+        raise BadInput(f"{path}: cannot be read as TOML ({e}); correct it") from None
+
+
+def _reason(
+    text: str, e: ValidationError, root: type[BaseModel], tables: Mapping[str, type[BaseModel]], example: str
+) -> str:
+    """Line, key and remedy of an error; an unknown key comes first, as it explains one that is missing."""
+    first = min(e.errors(), key=lambda error: error["type"] != "extra_forbidden")
+    path = [str(part) for part in first["loc"] if str(part).isidentifier() or isinstance(part, int)]
+    table, key = path[:2] if len(path) > 1 and path[0] in tables else ["", *path, ""][:2]
+    if key.isdigit() and len(path) > 2 and table in tables:  # one of several tables of a name
+        path = [table, *path[2:]]
+        key = path[1]
+    line = _line(text, table, key)
+    if first["type"] == "extra_forbidden":
+        known = list((tables[table] if table else root).model_fields)
+        return f"{line}: there is no key {key!r}{f' in [{table}]' if table else ''}; {nearest(key, known)}"
+    hint = f"; {example}" if first["type"] == "missing" else ""
+    return f"{line}: {'.'.join(path)}{': ' if path else ''}{first['msg'].removeprefix('Value error, ')}{hint}"
+
+
+def _line(text: str, table: str, key: str) -> str:
+    """ ", line N" of a key's first appearance in a table of the file; of the table's own where key is not in it."""
+    found, inside = "", not table
+    for i, line in enumerate(text.splitlines(), 1):
+        if header := re.match(r"\s*\[+\s*([\w.]+)", line):
+            inside = header[1] == (table or key)
+            if inside:
+                found = f", line {i}"
+        elif inside and re.match(rf"\s*[\"']?{re.escape(key)}[\"']?\s*=", line):
+            return f", line {i}"
+    return found

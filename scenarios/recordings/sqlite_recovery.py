@@ -1,4 +1,6 @@
-"""Message records carved from the bytes of a damaged SQLite bag (.db3), wherever they lie.
+"""Recovery of a damaged SQLite bag (.db3): message records are found in its bytes, wherever they lie.
+
+Bags are cut off by a power failure, or have bytes missing or changed.
 
 A row of the table `messages` is a cell in a page: length of its payload, row number, then the record: length of its
 header, a code for each column (NULL, since the row number serves as id; the topic's number; 06, an integer of eight
@@ -16,20 +18,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from rosbags.typesys import Stores
+from ruamel.yaml import YAML
 
 from cooploc.estimators.errors import BadInput
-from cooploc.scenarios.recordings.bag_storage import (
-    Bag,
-    Buffer,
-    Found,
-    Index,
-    Message,
-    decode_ros2,
-    kept,
-    read_index,
-    readable,
-    write_ahead_log,
-)
+from cooploc.scenarios.recordings.bag_storage import KINDS, Bag, Message, decode_ros2, typestore, write_ahead_log
+
+Buffer = bytes | mmap
+REPAIRS = {".mcap": "mcap recover", ".bag": "rosbag reindex"}  # for the bags that are not SQLite
 
 MESSAGE = re.compile(
     rb"(?=\x05\x00[\x01-\x04\x08\x09]\x06[\x0c-\x7f]"
@@ -44,6 +40,14 @@ MARGIN = 10 * 10**9  # [ns] around the span that metadata.yaml gives
 DAY = 86_400 * 10**9  # [ns] around the median, where there is no metadata.yaml
 
 
+class Index(NamedTuple):
+    """The counts and times in the metadata.yaml of a ROS 2 bag."""
+
+    messages: int
+    first: int  # [ns]
+    last: int
+
+
 class Cell(NamedTuple):
     """Where a row of `messages` was found."""
 
@@ -56,8 +60,13 @@ class Cell(NamedTuple):
     length: int  # of the blob
 
 
-def carve(raw: Buffer, index: Index | None) -> Found:
-    """All messages in the bytes of a .db3 file (its write-ahead log may follow them)."""
+def find_messages(raw: Buffer, index: Index | None) -> tuple[dict[str, str], list[Message], int]:
+    """Find all messages in the bytes of a .db3 file (its write-ahead log may follow them).
+
+    Returns:
+        the type of each topic; the messages in the order of their rows; and how many there were at least.
+
+    """
     topics = _topics(raw)
     cells = [cell for cell in _cells(raw) if cell.topic in topics]
     if cells:
@@ -69,10 +78,20 @@ def carve(raw: Buffer, index: Index | None) -> Found:
     for cell, following in zip(cells, [*cells[1:], None], strict=True):
         name, kind = topics[cell.topic]
         data = _blob(raw, cell, page, following.begin if following else len(raw))
-        if data is not None and cell.row not in messages and readable(data, kind):
-            messages[cell.row] = (name, cell.time, kept(data, kind))
-    ordered = [messages[row] for row in sorted(messages)]
-    return Found(dict(topics.values()), ordered, max(messages, default=0))
+        if data is not None and cell.row not in messages and _is_message(data, kind):
+            # Large images and clouds, which are not read, are not held in memory.
+            messages[cell.row] = (name, cell.time, data if kind in KINDS else b"")
+    return dict(topics.values()), [messages[row] for row in sorted(messages)], max(messages, default=0)
+
+
+def _is_message(raw: bytes, kind: str) -> bool:
+    """Whether this can be a message of its type; True for types that are not standard."""
+    if kind in typestore(Stores.LATEST).types:
+        try:
+            decode_ros2(raw, kind)
+        except Exception:  # rosbags raises whatever its parsers raise
+            return False
+    return True
 
 
 def _cells(raw: Buffer) -> Iterator[Cell]:
@@ -157,13 +176,8 @@ def _as_varint(value: int) -> bytes:
     return bytes(reversed(digits))
 
 
-# What can be saved of a bag that rosbags refuses: cut off by a power failure, with bytes missing or changed.
-
-REPAIRS = {".mcap": "mcap recover", ".bag": "rosbag reindex"}  # what repairs a bag that is not SQLite
-
-
-def salvaged(file: Path, reason: str) -> tuple[Bag, str]:
-    """The messages still to be found in a storage file, and a warning of how many they are.
+def recover(file: Path, reason: str) -> tuple[Bag, str]:
+    """Return the messages still to be found in a storage file, and a warning of how many they are.
 
     Raises:
         BadInput: no message was found, or another tool repairs this kind of bag.
@@ -171,26 +185,35 @@ def salvaged(file: Path, reason: str) -> tuple[Bag, str]:
     """
     if file.suffix in REPAIRS:
         raise BadInput(f"{file}: cannot be read as a bag ({reason}); repair it by `{REPAIRS[file.suffix]}`")
-    index = read_index(file)
-    with _content(file, reason) as raw:
-        found = carve(raw, index)
-    if not found.messages:
+    index = _read_index(file)
+    with _bytes_of(file, reason) as raw:
+        types, found, known = find_messages(raw, index)
+    if not found:
         raise BadInput(f"{file}: cannot be read as a bag, and no message is found in it ({reason}); get the file again")
-    counts = dict.fromkeys(found.types, 0)
-    for topic, _, _ in found.messages:
+    counts = dict.fromkeys(types, 0)
+    for topic, _, _ in found:
         counts[topic] += 1
 
     def messages(topics: Collection[str]) -> Iterator[Message]:
-        return (m for m in found.messages if m[0] in topics)
+        return (m for m in found if m[0] in topics)
 
-    total = max(index.messages if index else found.known, len(found.messages))
-    of = f"{len(found.messages)} of {total}" if index or found.known else f"{len(found.messages)}"
-    warning = f"{file}: damaged: {of} messages recovered ({reason})"
-    return Bag(found.types, counts, messages, decode_ros2), warning
+    total = max(index.messages if index else known, len(found))
+    warning = f"{file}: damaged: {len(found)} of {total} messages recovered ({reason})"
+    return Bag(types, counts, messages, decode_ros2), warning
+
+
+def _read_index(file: Path) -> Index | None:
+    """Return what metadata.yaml beside a file says, or None where it cannot be read."""
+    try:
+        known = YAML(typ="safe").load((file.parent / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+        first = int(known["starting_time"]["nanoseconds_since_epoch"])
+        return Index(int(known["message_count"]), first, first + int(known["duration"]["nanoseconds"]))
+    except Exception:  # anything may be wrong with a damaged file, and nothing depends on it
+        return None
 
 
 @contextmanager
-def _content(file: Path, reason: str) -> Iterator[Buffer]:
+def _bytes_of(file: Path, reason: str) -> Iterator[Buffer]:
     """A file's bytes, mapped rather than loaded: bags are large."""
     try:
         log = write_ahead_log(file)

@@ -4,7 +4,7 @@ Readers (`csv`, `bags`, `pyfg`, `mrclam`) make it, `cooploc inspect` looks at it
 ticks. Stamps are seconds since the epoch or since an arbitrary zero, the same for all series unless a clock is off.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Indices, Mask
-from cooploc.scenarios.recordings.schema import GroundTruth
+from cooploc.scenarios.recordings.schema import GroundTruth, ReadingColumns, TeamDescription
 from cooploc.scenarios.recordings.text_files import MAX_STEP_BACK
 
 OdometryKind = Literal["velocity", "pose", "displacement", "path"]
@@ -74,37 +74,48 @@ class TeamLog(NamedTuple):
     warnings: tuple[str, ...] = ()  # what was dropped while reading, one sentence each
 
 
+def fixed_places(log: TeamLog, channel: Channel) -> Places | None:
+    """Return the fixed things that a channel is a reading of; None: it is of teammates."""
+    if channel == "landmark":
+        return log.landmarks
+    return log.anchors if channel.startswith("anchor") else None
+
+
+def other_names(log: TeamLog, channel: Channel) -> tuple[str, ...]:
+    """Return the names of the things that a channel can be a reading of."""
+    fixed = fixed_places(log, channel)
+    return log.robots if fixed is None else fixed.names
+
+
 def with_known_places(log: TeamLog) -> TeamLog:
-    """The log without fixed things whose place is not known, of which no estimator can make anything."""
-    log = _known(log, "landmarks", ("landmark",))
-    return _known(log, "anchors", ("anchor_rssi", "anchor_range"))
+    """Return the log without fixed things whose place is not known, which no estimator can use."""
+    for what in ("landmarks", "anchors"):
+        places: Places = getattr(log, what)
+        there: Mask = np.asarray(np.isfinite(places.positions).all(-1))
+        if there.all():
+            continue
+        lost = [name for name, known in zip(places.names, there, strict=True) if not known]
+        number = np.where(there, np.cumsum(there) - 1, -1)
+        readings = dict(log.readings)
+        for channel, r in log.readings.items():
+            if fixed_places(log, channel) is places:
+                kept = there[r.other]
+                readings[channel] = r._replace(
+                    time=r.time[kept], robot=r.robot[kept], other=number[r.other][kept], values=r.values[kept]
+                )
+        known = Places(tuple(name for name in places.names if name not in lost), places.positions[there])
+        note = f"the places of {', '.join(lost)} are not known; their readings were left out"
+        readings = {channel: r for channel, r in readings.items() if len(r.time)}
+        log = log._replace(readings=readings, warnings=(*log.warnings, note))
+        log = log._replace(landmarks=known) if what == "landmarks" else log._replace(anchors=known)
+    return log
 
 
-def _known(log: TeamLog, what: Literal["landmarks", "anchors"], channels: tuple[Channel, ...]) -> TeamLog:
-    places: Places = getattr(log, what)
-    there: Mask = np.asarray(np.isfinite(places.positions).all(-1))
-    if there.all():
-        return log
-    lost = [name for name, known in zip(places.names, there, strict=True) if not known]
-    number = np.where(there, np.cumsum(there) - 1, -1)
-    readings = dict(log.readings)
-    for channel in set(channels) & set(readings):
-        r = readings[channel]
-        kept = there[r.other]
-        readings[channel] = Readings(r.time[kept], r.robot[kept], number[r.other][kept], r.values[kept], r.source)
-        if not kept.any():
-            del readings[channel]
-    names = tuple(name for name, known in zip(places.names, there, strict=True) if known)
-    told = f"the places of {', '.join(lost)} are not known; their readings were left out"
-    log, found = log._replace(readings=readings, warnings=(*log.warnings, told)), Places(names, places.positions[there])
-    return log._replace(landmarks=found) if what == "landmarks" else log._replace(anchors=found)
-
-
-# True poses as a description declares them: in another frame, and without positions that cannot be.
+# ---- True poses as a description declares them: in another frame, and without positions that cannot be
 
 
 def true_poses(time: Array, poses: Array, declared: GroundTruth) -> tuple[Array, int]:
-    """Poses (m, 3) in the team's frame, and how many became nan as the robot cannot have been there.
+    """Return poses (m, 3) in the team's frame, and how many became nan as the robot cannot have been there.
 
     Args:
         time: (m,) rising [s].
@@ -124,7 +135,7 @@ def true_poses(time: Array, poses: Array, declared: GroundTruth) -> tuple[Array,
 
 
 def unreachable(time: Array, positions: Array, speed: float) -> Mask:
-    """Positions (m, 2) that cannot be reached from the last valid one at `speed` [m/s]."""
+    """Return which positions (m, 2) cannot be reached from the last valid one at `speed` [m/s]."""
     bad: Mask = np.zeros(len(time), bool)
     if not np.isfinite(speed):
         return bad
@@ -136,55 +147,11 @@ def unreachable(time: Array, positions: Array, speed: float) -> Mask:
     return bad
 
 
-# What a reader found of each robot, demanded and put in order: odometry of all, and truth of some.
-
-
-def odometry_of(place: Path, found: Mapping[str, Series], robots: Sequence[str]) -> tuple[Series, ...]:
-    """Odometry of every robot.
-
-    Raises:
-        BadInput: one has fewer than two samples.
-
-    """
-    for robot in robots:
-        if robot not in found or len(found[robot].time) < 2:
-            raise BadInput(
-                f"{place}: robot {robot!r} has fewer than two samples of odometry; correct [odometry] of log.toml, or "
-                "take it out of `robots`"
-            )
-    return tuple(found[robot] for robot in robots)
-
-
-def truth_of(
-    place: Path, found: Mapping[str, Series], robots: Sequence[str], table: GroundTruth, warnings: list[str]
-) -> tuple[Series | None, ...]:
-    """True poses of every robot, None of those that have none; what is missing or left out goes into `warnings`.
-
-    Raises:
-        BadInput: no robot has a truth.
-
-    """
-    poses: list[Series | None] = []
-    for robot in robots:
-        series = found.get(robot)
-        if series is None or len(series.time) < 2:
-            warnings.append(f"{place}: robot {robot!r} has no truth, and so no errors")
-            poses.append(None)
-            continue
-        values, jumps = true_poses(series.time, series.values, table)
-        if jumps:
-            warnings.append(f"{series.source}: {jumps} true positions are out of reach at max_speed, and were left out")
-        poses.append(series._replace(values=values))
-    if all(series is None for series in poses):
-        raise BadInput(f"{place}: no robot has a truth; correct [truth] of log.toml")
-    return tuple(poses)
-
-
-# A series of one robot, put into order.
+# ---- A series of one robot, put into order
 
 
 def in_order(time: Array, values: Array, source: str, where: Callable[[int], str]) -> tuple[Series, list[str]]:
-    """A series whose stamps rise, and what was left out: lines without a number, and repeated stamps.
+    """Return a series whose stamps rise, and what was left out: lines without a number, and repeated stamps.
 
     Args:
         time: (m,) [s] as recorded; steps back of up to `MAX_STEP_BACK` are sorted.
@@ -212,11 +179,15 @@ def in_order(time: Array, values: Array, source: str, where: Callable[[int], str
     return Series(time[first], values[first], source), warnings
 
 
-# Measurements between named things, divided into the channels of a team's log.
+# ---- A team's log, put together from what a reader found
 
 Kind = Literal["range", "rssi", "sighting"]
-OF_ROBOTS: Mapping[Kind, Channel] = {"range": "range", "rssi": "rssi", "sighting": "sighting"}
-OF_FIXED: Mapping[Kind, Channel] = {"range": "anchor_range", "rssi": "anchor_rssi", "sighting": "landmark"}
+# The channel of readings of teammates, and of fixed things (anchors; of sightings, landmarks).
+CHANNELS: Mapping[Kind, tuple[Channel, Channel]] = {
+    "range": ("range", "anchor_range"),
+    "rssi": ("rssi", "anchor_rssi"),
+    "sighting": ("sighting", "landmark"),
+}
 
 
 class Measured(NamedTuple):
@@ -229,16 +200,71 @@ class Measured(NamedTuple):
     source: str  # file or topic
 
 
-def divided(
+def reading_tables(
+    d: TeamDescription, anchors: Places, landmarks: Places
+) -> Iterator[tuple[Kind, Sequence[ReadingColumns], Places]]:
+    """Yield each kind of reading, its tables in a description, and the fixed things that it may be of."""
+    yield "range", d.ranges, anchors
+    yield "rssi", d.rssi, anchors
+    yield "sighting", d.sightings, landmarks
+
+
+def build_log(
+    place: Path,
+    name: str,
+    d: TeamDescription,
+    odometry: Mapping[str, Series],
+    truth: Mapping[str, Series],
+    measured: Mapping[Kind, Sequence[Measured]],
+    anchors: Places,
+    landmarks: Places,
+    warnings: Sequence[str],
+) -> TeamLog:
+    """Return the log of what was found of each robot.
+
+    Raises:
+        BadInput: a robot has fewer than two samples of odometry, or no robot has a truth.
+
+    """
+    notes = list(warnings)
+    for robot in d.robots:
+        if robot not in odometry or len(odometry[robot].time) < 2:
+            raise BadInput(
+                f"{place}: robot {robot!r} has fewer than two samples of odometry; correct [odometry] of log.toml, or "
+                "take it out of `robots`"
+            )
+    moves, declared = d.recorded
+    poses = tuple(_truth_of(place, robot, truth.get(robot), declared, notes) for robot in d.robots)
+    if all(series is None for series in poses):
+        raise BadInput(f"{place}: no robot has a truth; correct [truth] of log.toml")
+    readings: dict[Channel, Readings] = {}
+    for kind, _, fixed in reading_tables(d, anchors, landmarks):
+        channels, left_out = split_channels(kind, measured[kind], d.robots, fixed.names)
+        readings |= channels
+        notes += left_out
+    series = tuple(odometry[robot] for robot in d.robots)
+    return TeamLog(name, d.robots, moves.kind, series, poses, readings, landmarks, anchors, tuple(notes))
+
+
+def _truth_of(place: Path, robot: str, series: Series | None, declared: GroundTruth, notes: list[str]) -> Series | None:
+    if series is None or len(series.time) < 2:
+        notes.append(f"{place}: robot {robot!r} has no truth, and so no errors")
+        return None
+    values, jumps = true_poses(series.time, series.values, declared)
+    if jumps:
+        notes.append(f"{series.source}: {jumps} true positions are out of reach at max_speed, and were left out")
+    return series._replace(values=values)
+
+
+def split_channels(
     kind: Kind, several: Sequence[Measured], robots: Sequence[str], fixed: Sequence[str]
 ) -> tuple[dict[Channel, Readings], list[str]]:
-    """Readings of teammates, and of fixed things (anchors; of a sighting, landmarks), sorted by time.
+    """Return readings of teammates and of fixed things, by rising stamps, and sentences of what was left out.
 
-    A measurement by or of something that is neither is left out, as are one of oneself, one without a number and a
-    range that is not positive; each is told in a warning.
+    Left out are measurements by or of something else, of oneself, without a number, and ranges that are not positive.
     """
-    parts: dict[Channel, list[Readings]] = {OF_ROBOTS[kind]: [], OF_FIXED[kind]: []}
-    warnings: list[str] = []
+    parts: list[tuple[Channel, Readings]] = []
+    notes: list[str] = []
     for one in several:
         robot, mate, thing = (
             _numbers(names, of) for names, of in ((one.robot, robots), (one.other, robots), (one.other, fixed))
@@ -246,17 +272,21 @@ def divided(
         there = np.isfinite(one.values).all(-1)
         positive = there & ((one.values[:, 0] > 0) | (kind == "rssi"))
         known, itself = (robot >= 0) & ((mate >= 0) | (thing >= 0)), (robot == mate) & (robot >= 0)
-        warnings += _told(one, robot < 0, one.robot, "measured by {}, which is not a robot of the team")
-        warnings += _told(one, (robot >= 0) & ~known, one.other, "of {}, which is not a robot of the team, nor a place")
-        warnings += _told(one, known & itself, one.robot, "of {} by itself")
-        warnings += _told(one, there & ~positive, one.robot, "by {} that are not positive")
+        for dropped, names, what in (
+            (robot < 0, one.robot, "measured by {}, which is not a robot of the team"),
+            ((robot >= 0) & ~known, one.other, "of {}, which is not a robot of the team, nor a place"),
+            (known & itself, one.robot, "of {} by itself"),
+            (there & ~positive, one.robot, "by {} that are not positive"),
+        ):
+            notes += _left_out(one, dropped, names, what)
         good = known & ~itself & positive
-        for channel, other in ((OF_ROBOTS[kind], mate), (OF_FIXED[kind], thing)):
+        for channel, other in zip(CHANNELS[kind], (mate, thing), strict=True):
             rows = np.flatnonzero(good & (other >= 0))
-            parts[channel].append(Readings(one.time[rows], robot[rows], other[rows], one.values[rows], one.source))
-    return {
-        channel: _joined(channel, part) for channel, part in parts.items() if sum(len(p.time) for p in part)
-    }, warnings
+            if len(rows):
+                parts.append(
+                    (channel, Readings(one.time[rows], robot[rows], other[rows], one.values[rows], one.source))
+                )
+    return {c: _joined([part for of, part in parts if of == c]) for c in CHANNELS[kind] if c in dict(parts)}, notes
 
 
 def _numbers(names: Sequence[str], known: Sequence[str]) -> Indices:
@@ -265,7 +295,7 @@ def _numbers(names: Sequence[str], known: Sequence[str]) -> Indices:
     return np.array([index.get(name, -1) for name in names], np.int64)
 
 
-def _told(one: Measured, dropped: Mask, names: Sequence[str], what: str) -> list[str]:
+def _left_out(one: Measured, dropped: Mask, names: Sequence[str], what: str) -> list[str]:
     rows = np.flatnonzero(dropped).tolist()
     if not rows:
         return []
@@ -274,12 +304,9 @@ def _told(one: Measured, dropped: Mask, names: Sequence[str], what: str) -> list
     return [f"{one.source}: {len(rows)} readings {what.format(shown)}, were left out"]
 
 
-def _joined(channel: Channel, parts: Sequence[Readings]) -> Readings:
+def _joined(parts: Sequence[Readings]) -> Readings:
     """One table of several, by rising stamps."""
-    time, robot, other = (np.concatenate([part[i] for part in parts]) for i in range(3))
-    values = np.concatenate([part.values.reshape(-1, len(READING_COLUMNS[channel])) for part in parts])
+    time, robot, other, values = (np.concatenate([part[i] for part in parts]) for i in range(4))
     order = np.argsort(time, kind="stable")
-    sources = dict.fromkeys(part.source for part in parts if len(part.time))
-    return Readings(
-        time[order], robot[order].astype(np.int64), other[order].astype(np.int64), values[order], ", ".join(sources)
-    )
+    sources = ", ".join(dict.fromkeys(part.source for part in parts))
+    return Readings(time[order], robot[order], other[order], values[order], sources)

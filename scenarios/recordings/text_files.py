@@ -1,8 +1,4 @@
-"""Reading recordings: text files, and tables of numbers separated by blanks.
-
-A recording comes from someone else, so every error names the file, the line and the remedy. numpy parses; only a file
-that numpy refuses is searched line by line.
-"""
+"""Text files of recordings: CSV files, and tables of numbers separated by blanks. Every error names file and line."""
 
 import csv
 import io
@@ -33,7 +29,7 @@ class Table(NamedTuple):
 
 
 def read_text(path: Path, encoding: str) -> str:
-    r"""A text file, its line ends all \n.
+    r"""Return the text of a file, its line ends all \n.
 
     Raises:
         BadInput: the file cannot be read, or is not text in this encoding.
@@ -57,7 +53,7 @@ def read_text(path: Path, encoding: str) -> str:
 
 
 def parse_number(word: str) -> float:
-    """A word as a number; inf where it is not a number, or is larger than anything that can be measured."""
+    """Return a word as a number; inf where it is not a number, or is larger than anything that can be measured."""
     try:
         number = float(word)
     except ValueError:
@@ -66,7 +62,7 @@ def parse_number(word: str) -> float:
 
 
 def read_table(path: Path, columns: Sequence[str]) -> Table:
-    """Numbers separated by blanks, one for each of `columns` in a line; what follows a # is a comment.
+    """Read numbers separated by blanks, one for each of `columns` in a line; what follows a # is a comment.
 
     Raises:
         BadInput: the file cannot be read or has no numbers, or a line is not a finite number for each column.
@@ -86,7 +82,7 @@ def read_table(path: Path, columns: Sequence[str]) -> Table:
 
 
 def sort_by_time(table: Table) -> tuple[Table, int]:
-    """The table by rising stamps (column 0) [s], and how often they stepped back.
+    """Return the table by rising stamps (column 0) [s], and how often they stepped back.
 
     Raises:
         BadInput: a stamp is more than `MAX_STEP_BACK` before an earlier one.
@@ -149,32 +145,59 @@ def _refuse(path: Path, rows: list[tuple[int, str]], columns: Sequence[str], rea
     raise BadInput(f"{path}: cannot be read as numbers ({reason}); get the file again") from None
 
 
-# Columns of a CSV file by name; every error names the line.
+# ---- CSV files, their columns by name
 
 
-def read_csv(path: Path, columns: Sequence[str], delimiter: str) -> Table:
-    """Some columns of a CSV file whose first line names them; an empty field is nan.
+class Lines(NamedTuple):
+    """Some columns of a file."""
+
+    path: Path
+    values: Array  # (m, k)  nan where a field is empty
+    names: list[tuple[str, ...]]  # (m,)
+    line: Indices  # (m,) from 1
+    notes: tuple[str, ...]  # what was left out, a sentence each
+
+    def at(self, row: int) -> str:
+        """The place of a row, for an error."""
+        return f"{self.path}, line {self.line[row]}"
+
+
+def read_lines(path: Path, numbers: Sequence[str], names: Sequence[str], delimiter: str) -> Lines:
+    """Read columns by their names in the first line, as numbers or as text.
+
+    A last line without an end is left out where it has fewer fields than the first, or ends inside one of `numbers`,
+    as digits may be missing.
 
     Raises:
         BadInput: a column is missing, a line has another number of fields, or a field is not a number.
 
     """
-    content = fields_of(path, read_text(path, "utf-8-sig"), delimiter)
-    first, head = next(content, (1, []))
-    where = [find_column(path, first, head, name) for name in columns]
-    rows, lines = [], []
+    text = read_text(path, "utf-8-sig")
+    content = list(fields_of(path, text, delimiter))
+    first, head = content.pop(0) if content else (1, [])
+    of_numbers = [find_column(path, first, head, name) for name in numbers]
+    of_names = [find_column(path, first, head, name) for name in names]
+    notes = []
+    if content and not text.endswith("\n"):
+        line, fields = content[-1]
+        if len(fields) < len(head) or (len(fields) == len(head) and len(head) - 1 in of_numbers):
+            notes.append(f"{path}, line {line}: the last line has no end and may be cut off; it was left out")
+            content.pop()
     for line, fields in content:
         if len(fields) != len(head):
             raise BadInput(f"{path}, line {line}: {len(fields)} fields, not {len(head)}; correct or remove the line")
-        rows.append([parse_field(path, line, head[i], fields[i]) for i in where])
-        lines.append(line)
-    if len(rows) < 2:
-        raise BadInput(f"{path}: it has {len(rows)} lines of data, at least two are needed; get the file again")
-    return Table(path, np.array(rows), np.array(lines, np.int64))
+    values = [[parse_field(path, line, head[i], fields[i]) for i in of_numbers] for line, fields in content]
+    return Lines(
+        path,
+        np.array(values, float).reshape(-1, len(of_numbers)),
+        [tuple(fields[i] for i in of_names) for _, fields in content],
+        np.array([line for line, _ in content], np.int64),
+        tuple(notes),
+    )
 
 
 def fields_of(path: Path, text: str, delimiter: str) -> Iterator[tuple[int, list[str]]]:
-    """The lines that are not blank: number, and fields."""
+    """Yield the lines that are not blank: number, and fields."""
     reader = csv.reader(io.StringIO(text), delimiter=delimiter, skipinitialspace=True)
     try:
         for raw in reader:
@@ -186,7 +209,7 @@ def fields_of(path: Path, text: str, delimiter: str) -> Iterator[tuple[int, list
 
 
 def find_column(path: Path, line: int, head: list[str], name: str) -> int:
-    """Where a column is.
+    """Return the index of a column.
 
     Raises:
         BadInput: it is missing, or there are two.
@@ -201,7 +224,7 @@ def find_column(path: Path, line: int, head: list[str], name: str) -> int:
 
 
 def parse_field(path: Path, line: int, name: str, field: str) -> float:
-    """The number in a field, nan where it is empty.
+    """Return the number in a field, nan where it is empty.
 
     Raises:
         BadInput: it is not a number.
@@ -213,54 +236,3 @@ def parse_field(path: Path, line: int, name: str, field: str) -> float:
             f"{path}, line {line}: {name} is {field!r}, which is not a number; correct it, or leave it empty"
         )
     return value
-
-
-# Columns of a CSV file, numbers and names; a last line that was cut off while it was written is left out.
-
-
-class Lines(NamedTuple):
-    """Some columns of a file."""
-
-    path: Path
-    values: Array  # (m, k)  nan where a field is empty
-    names: list[tuple[str, ...]]  # (m,)
-    line: Indices  # (m,) from 1
-    cut_off: str  # a sentence, where the last line was left out
-
-    def at(self, row: int) -> str:
-        """The place of a row, for an error."""
-        return f"{self.path}, line {self.line[row]}"
-
-
-def read_lines(path: Path, numbers: Sequence[str], names: Sequence[str], delimiter: str) -> Lines:
-    """Columns by their names in the first line.
-
-    A last line without an end is left out where it has fewer fields than the first, or ends inside one of `numbers`:
-    nobody can say how many digits are missing.
-
-    Raises:
-        BadInput: a column is missing, a line has another number of fields, or a field is not a number.
-
-    """
-    text = read_text(path, "utf-8-sig")
-    content = list(fields_of(path, text, delimiter))
-    first, head = content.pop(0) if content else (1, [])
-    of_numbers = [find_column(path, first, head, name) for name in numbers]
-    of_names = [find_column(path, first, head, name) for name in names]
-    cut_off = ""
-    if content and not text.endswith("\n"):
-        line, fields = content[-1]
-        if len(fields) < len(head) or (len(fields) == len(head) and len(head) - 1 in of_numbers):
-            cut_off = f"{path}, line {line}: the last line has no end and may be cut off; it was left out"
-            content.pop()
-    for line, fields in content:
-        if len(fields) != len(head):
-            raise BadInput(f"{path}, line {line}: {len(fields)} fields, not {len(head)}; correct or remove the line")
-    values = [[parse_field(path, line, head[i], fields[i]) for i in of_numbers] for line, fields in content]
-    return Lines(
-        path,
-        np.array(values, float).reshape(-1, len(of_numbers)),
-        [tuple(fields[i] for i in of_names) for _, fields in content],
-        np.array([line for line, _ in content], np.int64),
-        cut_off,
-    )

@@ -1,17 +1,16 @@
 """Recordings of a team that came to harm: read, perhaps with a warning, or one line; never a hang, or much memory."""
 
 import resource
-import shutil
 
 import pytest
 from attempts import attempted, cases
-from damage import HARM, harm_file, harmed
+from damage import HARM, harmed
 from hypothesis import given
 from hypothesis import strategies as st
 from made_bags import KINDS, made_bag
 
 from cooploc.estimators.errors import BadInput
-from cooploc.scenarios.recordings import bags, mrclam, pyfg, schema
+from cooploc.scenarios.recordings import bags, pyfg, schema
 from cooploc.scenarios.recordings.team_log import TeamLog
 
 BAGS = """
@@ -30,13 +29,6 @@ PYFG = "\n".join(
     + [f"EDGE_RANGE {t}.5 A{t} B{t} 1.2 0.01" for t in range(6)]
     + [f"EDGE_RANGE 2.5 B2 L0 2.2 0.01\nEDGE_SE2_XY 2.5 A2 L0 1 4 {COV3}\n"]
 )
-MRCLAM = {
-    "Barcodes": "1 5\n2 14\n6 72\n",
-    "Landmark_Groundtruth": "6 0.5 0.5 0.0 0.0\n",
-    "Groundtruth": "".join(f"{t / 10:.3f} {t / 100:.3f} 0.2 0.1\n" for t in range(20)),
-    "Odometry": "".join(f"{t / 10:.3f} 0.1 0.01\n" for t in range(20)),
-    "Measurement": "0.5 72 0.4 0.1\n0.9 14 0.7 0.3\n1.3 5 0.7 -0.3\n",
-}
 MEMORY = 200  # [MB] that reading a small file may add
 WORDS = st.sampled_from(
     ["nan", "inf", "1e308", "-1", "", "x", "L0", "A0", "B9", "A99999999999", "EDGE_RANGE", "VERTEX_XYZ", "#", "\0", "٣"]
@@ -123,43 +115,3 @@ def test_a_factor_graph_with_a_field_that_says_anything_is_read_or_one_line(tmp_
     lines[int(line * len(lines))] = " ".join(fields)
     file.write_text("\n".join(lines), encoding="utf-8")
     checked(pyfg.read_pyfg, file)
-
-
-@pytest.fixture(scope="module")
-def data_set(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("mrclam")
-    for name, text in MRCLAM.items():
-        of_robots = name in ("Groundtruth", "Odometry", "Measurement")
-        for file in [f"Robot{k}_{name}" for k in (1, 2)] if of_robots else [name]:
-            (folder / f"{file}.dat").write_text(text)
-    return folder
-
-
-def harmed_set(data_set, tmp_path_factory, which, harm):
-    """The log, or the line, of a copy in which one file came to harm."""
-    place = tmp_path_factory.getbasetemp() / "mrclam copied"
-    shutil.rmtree(place, ignore_errors=True)
-    files = sorted(shutil.copytree(data_set, place).iterdir())
-    harm(files[int(which * len(files))])
-    return checked(mrclam.read, place, place, "6", schema.TeamDescription(format="mrclam"))
-
-
-@cases(100)
-@given(PLACE, HARM)
-def test_a_harmed_data_set_of_mrclam_is_read_or_one_line(data_set, tmp_path_factory, which, harm):
-    harmed_set(data_set, tmp_path_factory, which, lambda file: harm_file(file, harm))
-
-
-@cases(100)
-@given(PLACE, PLACE, PLACE, WORDS | st.sampled_from(["1e25", "99999999999999999999", "2.5"]))
-def test_a_data_set_with_a_field_that_says_anything_is_read_or_one_line(
-    data_set, tmp_path_factory, which, line, field, word
-):
-    def say(file):
-        lines = file.read_text().split("\n")
-        fields = lines[int(line * len(lines))].split(" ")
-        fields[int(field * len(fields))] = word
-        lines[int(line * len(lines))] = " ".join(fields)
-        file.write_text("\n".join(lines), encoding="utf-8")
-
-    harmed_set(data_set, tmp_path_factory, which, say)

@@ -2,9 +2,12 @@
 
 import numpy as np
 import pytest
+from statsmodels.api import RLM
+from statsmodels.robust.norms import HuberT
+from statsmodels.robust.scale import HuberScale
 
 from cooploc.scenarios.recordings import fit
-from cooploc.scenarios.recordings.fit import Residuals
+from cooploc.scenarios.recordings.fit import K, Residuals, huber
 
 
 def residuals(rng, links=3, ticks=2000, burst=None):
@@ -52,9 +55,9 @@ def test_path_loss_is_found_and_what_is_stated_stays():
     rng = np.random.default_rng(2)
     r = residuals(rng)
     r = r._replace(z=(-42 - 10 * 2.2 * np.log10(r.distance) + 3 * rng.normal(size=len(r.link)))[:, None])
-    np.testing.assert_allclose(fit.fit_path_loss_of_links(r, None, None, True)[:3], [-42, 2.2, 3], rtol=0.03)
-    assert fit.fit_path_loss_of_links(r, -40.0, None, True)[0] == -40
-    assert fit.fit_path_loss_of_links(r, None, 2.0, True)[1] == 2
+    np.testing.assert_allclose(fit.fit_path_loss(r, None, None, True)[:3], [-42, 2.2, 3], rtol=0.03)
+    assert fit.fit_path_loss(r, -40.0, None, True)[0] == -40
+    assert fit.fit_path_loss(r, None, 2.0, True)[1] == 2
 
 
 @pytest.mark.parametrize(("correlation", "burst"), [(0.0, None), (0.6, None), (0.9, 8), (0.99, 5)])
@@ -74,5 +77,24 @@ def test_of_nothing_nothing_is_fitted():
     nothing = Residuals(np.empty(0, int), np.empty(0, int), np.empty(0), np.empty((0, 2)))
     assert np.isnan(fit.fit_range(nothing, None, True).sigma)
     assert np.isnan(fit.fit_sighting(nothing, True)[0][0])
-    assert np.isnan(fit.fit_path_loss_of_links(nothing, None, None, True)[:3]).all()
+    assert np.isnan(fit.fit_path_loss(nothing, None, None, True)[:3]).all()
     assert fit.memory(nothing, np.empty(0)).lag1 == 0
+
+
+@pytest.mark.parametrize("outliers", [0.0, 0.1, 0.3])
+def test_it_is_that_of_statsmodels(outliers):
+    rng = np.random.default_rng(1)
+    X = np.stack([np.ones(600), rng.uniform(-3, 3, 600)], -1)
+    y = X @ [2.0, -0.7] + 0.3 * rng.normal(size=600) + 9.0 * (rng.random(600) < outliers)
+    theirs = RLM(y, X, M=HuberT(K)).fit(scale_est=HuberScale(K, tol=1e-10, maxiter=500), tol=1e-10, maxiter=500)
+    ours = huber(X, y)
+    np.testing.assert_allclose(ours.beta, theirs.params, rtol=1e-5)
+    assert ours.sigma == pytest.approx(theirs.scale, rel=1e-4)
+
+
+def test_what_fits_exactly_has_no_noise():
+    x = np.arange(1.0, 20.0)
+    line = huber(x[:, None], 3 * x)
+    assert line.beta[0] == pytest.approx(3)
+    assert line.sigma < 1e-9
+    assert huber(np.empty((5, 0)), np.zeros(5)).sigma == 0

@@ -126,15 +126,6 @@ def test_units_clocks_and_frames_are_undone(lab):
     same(read(lab, *changes), whole)
 
 
-def test_swapped_axes_are_undone(lab):
-    whole = read(lab)
-    for robot in ROBOTS:
-        sec, nsec, x, y, yaw = np.loadtxt(lab / f"mocap_{robot}.csv", delimiter=",", skiprows=1).T
-        table = np.column_stack([sec, nsec, y, x, np.pi / 2 - yaw])
-        np.savetxt(lab / f"mocap_{robot}.csv", table, fmt="%.9f", delimiter=",", header="sec,nsec,x,y,yaw", comments="")
-    same(read(lab, ('heading = "yaw"', 'heading = "yaw"\nframe = "swapped"')), whole)
-
-
 def test_a_column_for_each_anchor_says_the_same(lab):
     places = "[anchors]\nplaces = { north = [4, 5.5], south = [1, 0.5], east = [7.5, 3] }\n[fit]"
     whole = read(lab, ("[fit]", places)).readings["anchor_range"]
