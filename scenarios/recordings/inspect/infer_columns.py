@@ -1,7 +1,6 @@
 """What each column of a CSV file probably is: by its name first, then by its values, always with the reason."""
 
 import csv
-import io
 import re
 from collections.abc import Mapping
 from itertools import pairwise
@@ -12,7 +11,7 @@ import numpy as np
 
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array
-from cooploc.scenarios.recordings.text_files import parse_number, read_text
+from cooploc.scenarios.recordings.text_files import fields_of, parse_number, read_text
 
 DELIMITERS = (",", ";", "\t", "|", " ")
 
@@ -56,16 +55,12 @@ def read_csv(path: Path, name: str) -> CsvTable:
         BadInput: the file is not text, has no header, or no line of data.
 
     """
-    lines = [line for line in read_text(path, "utf-8-sig").split("\n") if line.strip()]
-    if not lines:
+    text = read_text(path, "utf-8-sig").lstrip()
+    if not text:
         raise BadInput(f"{path}: the file is empty; get it again")
-    fields = {d: len(next(csv.reader([lines[0]], delimiter=d), [])) for d in DELIMITERS}
+    fields = {d: len(next(csv.reader([text.partition("\n")[0]], delimiter=d), [])) for d in DELIMITERS}
     delimiter = max(DELIMITERS, key=lambda d: (fields[d] > 1, d != " ", fields[d]))
-    try:
-        rows = csv.reader(io.StringIO("\n".join(lines)), delimiter=delimiter)
-        table = [[field.strip() for field in row] for row in rows]
-    except csv.Error as e:
-        raise BadInput(f"{path}: this is not CSV ({e}); correct it or get it again") from None
+    table = [row for _, row in fields_of(path, text, delimiter)]
     head = [name.lstrip("#").strip() for name in table[0]]
     if all(np.isfinite(parse_number(field)) for field in head if field):
         raise BadInput(f"{path}, line 1: numbers where the names of the columns should be; add a line of names")

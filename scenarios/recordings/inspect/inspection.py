@@ -15,7 +15,16 @@ from cooploc.scenarios.recordings.inspect.csv_draft import ENDINGS, csv_draft
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, Entry, log_toml, plain_text
 from cooploc.scenarios.recordings.inspect.finding import CheckedLog, Finding
 from cooploc.scenarios.recordings.scenario import reader
-from cooploc.scenarios.recordings.schema import EXAMPLE, NAME, TABLES, TeamDescription, load, parse, text_of
+from cooploc.scenarios.recordings.schema import (
+    EXAMPLE,
+    NAME,
+    TABLES,
+    TeamDescription,
+    is_of_one_robot,
+    load,
+    parse,
+    text_of,
+)
 from cooploc.scenarios.recordings.team_log import TeamLog
 
 BAGS = (".db3", ".mcap", ".bag")
@@ -57,7 +66,7 @@ def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspect
     """Inspect a directory of CSV files, a bag, a PyFG file or MRCLAM text.
 
     Args:
-        path: a directory or file; a log.toml in the directory that states a format is believed.
+        path: a directory or file; a log.toml of a team in the directory is believed.
         run: which recording of several; the first if empty.
         again: guess everything once more, whatever log.toml says.
 
@@ -67,10 +76,9 @@ def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspect
     """
     form, why = recognize(path)
     home = (path if path.is_dir() else path.parent) / NAME
-    text = text_of(home) if home.is_file() and not again else ""
-    stated, draft = "\nformat" in f"\n{text}", Draft(())
+    stated, draft = home.is_file() and not again and not is_of_one_robot(home), Draft(())
     if stated:
-        description, why = load(home), "log.toml says so"
+        description, text, why = load(home), text_of(home), "log.toml says so"
     else:
         drafted = {"csv": csv_draft, "bag": bag_draft}
         draft = drafted[form](path) if form in drafted else Draft((Entry("format", form, why),))

@@ -10,7 +10,7 @@ from cooploc.estimators.interface import Array, Indices
 from cooploc.estimators.models import wrap
 from cooploc.scenarios.recordings import sampling
 from cooploc.scenarios.recordings.inspect.finding import CheckedLog, Sure, divide_columns
-from cooploc.scenarios.recordings.inspect.motion import concentration, known_truth, median, robust_sd
+from cooploc.scenarios.recordings.inspect.motion import concentration, median, robust_sd
 from cooploc.scenarios.recordings.team_log import Channel, Places, Readings, TeamLog
 
 TABLES: dict[Channel, str] = {  # of log.toml, of channels with ranges
@@ -38,7 +38,8 @@ def true_poses(log: TeamLog, robot: Indices, time: Array) -> Array:
     """Return the true poses (m, 3) of several robots, each at its own stamps: interpolated, nan in gaps."""
     poses = np.full((len(time), 3), np.nan)
     for i in np.unique(robot):
-        if (truth := known_truth(log, int(i))) is not None:
+        truth = log.truth[i]
+        if truth is not None and len(truth.time) > 1:
             max_gap = max(5 * float(np.median(np.diff(truth.time))), 0.5)
             poses[robot == i] = sampling.poses(truth, time[robot == i], max_gap)
     return poses
@@ -74,10 +75,6 @@ def pairs(readings: Readings, channel: Channel) -> Iterator[tuple[int, int, Indi
         first, second = np.minimum(first, second), np.maximum(first, second)
     for i, k in np.unique(np.stack([first, second]), axis=1).T:
         yield int(i), int(k), np.flatnonzero((first == i) & (second == k))
-
-
-def _rows_of(r: Readings, rows: Indices) -> Readings:
-    return Readings(r.time[rows], r.robot[rows], r.other[rows], r.values[rows], r.source)
 
 
 # --- Ranges
@@ -123,11 +120,12 @@ def _find_renamed(log: TeamLog, channel: Channel, readings: Readings, i: int) ->
     misfit = np.full((len(named), len(candidates)), np.inf)
     for row, k in enumerate(named):
         rows = np.flatnonzero((readings.robot == i) & (readings.other == k))
-        few = _rows_of(readings, rows[:: max(1, len(rows) // 500)])
+        rows = rows[:: max(1, len(rows) // 500)]
+        time, ranges = readings.time[rows], readings.values[rows, 0]
+        here = true_poses(log, readings.robot[rows], time)[:, :2]
         for column, candidate in enumerate(candidates):
-            residual = few.values[:, 0] - distances(
-                log, channel, few._replace(other=np.full_like(few.other, candidate))
-            )
+            there = measured_places(log, channel, np.full(len(rows), candidate), time)
+            residual = ranges - np.hypot(*(there - here).T)
             if np.isfinite(residual).sum() >= FEWEST:
                 misfit[row, column] = median(np.abs(residual - median(residual)))
     assigned = zip(*linear_sum_assignment(np.where(np.isfinite(misfit), misfit, 1e6)), strict=True)
@@ -159,7 +157,8 @@ def check_reading_clocks(c: CheckedLog) -> None:
 
 def _best_shift(log: TeamLog, channel: Channel, readings: Readings) -> tuple[float, float, float]:
     """The shift [s] of the stamps at which ranges fit distances best, the spread [m] there, and without a shift."""
-    few = _rows_of(readings, np.arange(0, len(readings.time), max(1, len(readings.time) // 2000)))
+    r, every = readings, max(1, len(readings.time) // 2000)
+    few = Readings(r.time[::every], r.robot[::every], r.other[::every], r.values[::every], r.source)
     groups = [rows for _, _, rows in pairs(few, channel) if len(rows) >= 10]
     if not groups:
         return 0.0, np.nan, np.nan
