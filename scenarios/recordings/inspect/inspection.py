@@ -8,6 +8,7 @@ import numpy as np
 
 from cooploc.estimators.errors import BadInput, nearest
 from cooploc.estimators.interface import Array
+from cooploc.scenarios.recordings import schema
 from cooploc.scenarios.recordings.inspect import reading_checks as readings
 from cooploc.scenarios.recordings.inspect import robot_checks as robots
 from cooploc.scenarios.recordings.inspect.bag_draft import bag_draft
@@ -15,16 +16,6 @@ from cooploc.scenarios.recordings.inspect.csv_draft import ENDINGS, csv_draft
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, Entry, log_toml, plain_text
 from cooploc.scenarios.recordings.inspect.finding import CheckedLog, Finding
 from cooploc.scenarios.recordings.scenario import reader
-from cooploc.scenarios.recordings.schema import (
-    EXAMPLE,
-    NAME,
-    TABLES,
-    TeamDescription,
-    is_of_one_robot,
-    load,
-    parse,
-    text_of,
-)
 from cooploc.scenarios.recordings.team_log import TeamLog
 
 BAGS = (".db3", ".mcap", ".bag")
@@ -75,14 +66,14 @@ def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspect
 
     """
     form, why = recognize(path)
-    home = (path if path.is_dir() else path.parent) / NAME
-    stated, draft = home.is_file() and not again and not is_of_one_robot(home), Draft(())
+    home = (path if path.is_dir() else path.parent) / schema.NAME
+    stated, draft = home.is_file() and not again and not schema.is_of_one_robot(home), Draft(())
     if stated:
-        description, text, why = load(home), text_of(home), "log.toml says so"
+        description, text, why = schema.load(home), schema.text_of(home), "log.toml says so"
     else:
         drafted = {"csv": csv_draft, "bag": bag_draft}
         draft = drafted[form](path) if form in drafted else Draft((Entry("format", form, why),))
-        description = parse(home, plain_text(draft), TeamDescription, TABLES, EXAMPLE)
+        description = schema.parse(home, plain_text(draft), schema.TeamDescription, schema.TABLES, schema.EXAMPLE)
     read = reader(description.format)
     data = path.parent if path.is_file() and description.format == "bag" else path
     places = read.runs(data, description)
