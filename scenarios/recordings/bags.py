@@ -387,7 +387,7 @@ def read(data: Path, place: Path, name: str, description: TeamDescription) -> Te
     odometry = _by_robot(moves, found, d.robots, ODOMETRY[moves.kind], "odometry", warnings)
     truth = _by_robot(poses, found, d.robots, ODOMETRY["pose"], "truth", warnings)
     readings = {
-        kind: [m for source in several for m in _measured(place, source, found, d.robots, others, warnings)]
+        kind: [m for source in several for m in _measurements(place, source, found, d.robots, others, warnings)]
         for kind, several, others in tables
     }
     return build_log(place, name, d, odometry, truth, readings, anchors, landmarks, warnings)
@@ -415,7 +415,7 @@ def _by_robot(
     return ordered
 
 
-def _measured(
+def _measurements(
     place: Path,
     table: schema.ReadingColumns,
     found: Mapping[str, TopicSeries],

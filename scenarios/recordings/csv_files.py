@@ -11,7 +11,7 @@ from cooploc.estimators.interface import Array
 from cooploc.scenarios.recordings import schema
 from cooploc.scenarios.recordings.schema import LogColumn, ReadingColumns, Source, TeamDescription
 from cooploc.scenarios.recordings.team_log import Measured, Places, Series, TeamLog, build_log, in_order, reading_tables
-from cooploc.scenarios.recordings.text_files import Lines, read_lines
+from cooploc.scenarios.recordings.text_files import Table, read_lines
 
 VALUES: Mapping[type[ReadingColumns], tuple[str, ...]] = {
     schema.Ranges: ("range",),
@@ -60,13 +60,13 @@ def read(data: Path, place: Path, name: str, description: TeamDescription) -> Te
     truth = _by_robot(place, name, d, poses, [poses.x, poses.y, poses.heading], warnings)
     anchors, landmarks = (read_places(data, table, d.delimiter) for table in (d.anchors, d.landmarks))
     readings = {
-        kind: [m for table in tables for m in _measured(place, name, d, table, (*d.robots, *fixed.names), warnings)]
+        kind: [m for table in tables for m in _measurements(place, name, d, table, (*d.robots, *fixed.names), warnings)]
         for kind, tables, fixed in reading_tables(d, anchors, landmarks)
     }
     return build_log(place, name, d, odometry, truth, readings, anchors, landmarks, warnings)
 
 
-def read_places(data: Path, declared: schema.Places | None, delimiter: str) -> Places:
+def read_places(data: Path, declared: schema.PlacesTable | None, delimiter: str) -> Places:
     """Return the fixed things that a table of the description names, those of its CSV file last.
 
     Raises:
@@ -89,7 +89,7 @@ def read_places(data: Path, declared: schema.Places | None, delimiter: str) -> P
 class Rows(NamedTuple):
     """Lines of one file of a source."""
 
-    lines: Lines
+    lines: Table
     time: Array  # (m,) [s]
     robot: list[str]  # (m,) as named in the description
     other: list[str]  # (m,) empty where the source has none
@@ -178,7 +178,7 @@ def _by_robot(
     return found
 
 
-def _measured(
+def _measurements(
     place: Path, run: str, d: TeamDescription, table: ReadingColumns, names: Sequence[str], warnings: list[str]
 ) -> Iterator[Measured]:
     each: Mapping[str, LogColumn] = getattr(table, "each", {})  # the column of each thing that is measured

@@ -250,7 +250,7 @@ def _residuals_of_part(part: Part, channel: Channel, robots: Sequence[str], tick
 
 
 def tracks_of(parts: Sequence[Part], robot: str, tick: float, gaps: Gaps) -> list[Track]:
-    """Return a robot's odometry and truth over windows, of which those in which it moved may be fitted on."""
+    """Return a robot's odometry and truth over windows; those in which it moved may be fitted on."""
     window = max(WINDOW, tick)
     there = [p for p in parts if robot in p.log.robots and p.end - p.begin >= 2 * window]
     return [_track(part, part.log.robots.index(robot), window, gaps) for part in there]

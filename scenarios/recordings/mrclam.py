@@ -212,7 +212,7 @@ class Mrclam(BaseModel):
         return Belief(poses[None], np.broadcast_to(P, (1, len(poses), 3, 3)).copy())
 
     def _senses(self, files: DataSet, t0: float, edges: Array) -> tuple[Senses, dict[str, Any]]:
-        """What was sensed, and notes of what was dropped."""
+        """Return odometry and readings, and notes of what was dropped."""
         commands = [mean_held(table.values[:, 0] - t0, table.values[:, 1:], edges) for table in files.odometry]
         odometry = np.stack(commands, 1)[None]
         seen, notes = self._cells(files, t0, len(edges) - 1)

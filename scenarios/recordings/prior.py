@@ -43,7 +43,11 @@ def prior(
         if declared.position_sd is None:
             raise BadInput("the prior's position_sd [m] is not stated; give it with position='first truth'")
         first = declared.position == "first truth"
-        x = poses[0, :, :2] if first else np.array([_stated(declared.position, robot, "position") for robot in robots])
+        x = (
+            poses[0, :, :2]
+            if first
+            else np.array([_value_of(declared.position, robot, "position") for robot in robots])
+        )
         _require(where, x, "no true position where the prior is taken", "start, or a position in [prior]")
         sd = np.full((n, 2), declared.position_sd)
         source = f"{'first truth' if first else 'stated position'}, assumed sd {declared.position_sd:g} m"
@@ -96,13 +100,13 @@ def _headings(
     if declared.heading == "first truth":
         heading = poses[0, :, 2]
     else:
-        heading = wrap(np.array([_stated(declared.heading, robot, "heading") for robot in robots], float))
+        heading = wrap(np.array([_value_of(declared.heading, robot, "heading") for robot in robots], float))
     remedy = 'heading = "first motion" or "unknown" in [prior]'
     _require(where, heading[:, None], "no true heading where the prior is taken", remedy)
     return heading, declared.heading_sd
 
 
-def _stated(stated: object, robot: str, what: str) -> object:
+def _value_of(stated: object, robot: str, what: str) -> object:
     """Return what is stated of a robot: by its name, or the one value of a robot alone."""
     if not isinstance(stated, dict):
         return stated

@@ -42,7 +42,7 @@ class Pose(NamedTuple):
 
 
 class Edge(NamedTuple):
-    """What was measured between two vertices."""
+    """A measurement between two vertices."""
 
     line: int  # from 1
     first: str
@@ -189,7 +189,7 @@ def read_pyfg(path: Path) -> TeamLog:
     apart = [e for e in graph.relative if (e.first, e.second) not in following]
     of_mates = [e for e in graph.ranges if e.second in whose]
     of_anchors = [e for e in graph.ranges if e.second not in whose]
-    anchors, landmarks = _numbered(of_anchors), _numbered(graph.seen)
+    anchors, landmarks = _number_names(of_anchors), _number_names(graph.seen)
     readings: dict[Channel, Readings] = {
         "range": _readings(graph, of_mates, whose, whose),
         "sighting": _readings(graph, [_polar(e) for e in apart], whose, whose),
@@ -293,7 +293,7 @@ def _polar(edge: Edge) -> Edge:
     return edge._replace(values=(float(np.hypot(x, y)), float(np.arctan2(y, x))))
 
 
-def _numbered(edges: Sequence[Edge]) -> dict[str, int]:
+def _number_names(edges: Sequence[Edge]) -> dict[str, int]:
     return {name: i for i, name in enumerate(sorted({e.second for e in edges}))}
 
 

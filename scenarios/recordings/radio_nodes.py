@@ -1,4 +1,4 @@
-"""Which radio node sits on which robot, found from ranges and motion capture; and where the other nodes stood.
+"""The assignment of radio nodes to robots, found from ranges and motion capture; and the places of the other nodes.
 
 For inspection, on recordings that are not judged: it uses the truth. An assignment explains the range r between two
 nodes by the distance d of the two things that carry them and a bias b of the pair,
@@ -27,6 +27,10 @@ BEAM = 20_000  # assignments followed at a time: all of them, up to some eight n
 MAX_GAP = 0.5  # [s] motion capture is not interpolated across longer gaps
 
 
+# (node, node, carrier, carrier) -> bias and residual [m] of the nodes' ranges by the carriers' distances
+Fits = Mapping[tuple[int, int, int, int], tuple[float, float]]
+
+
 class NodeRanges(NamedTuple):
     """Ranges between two nodes."""
 
@@ -36,15 +40,8 @@ class NodeRanges(NamedTuple):
     range: Array  # (m,) [m]
 
 
-class Fit(NamedTuple):
-    """How the ranges of a pair agree with the distances of what carries it."""
-
-    bias: float  # [m]
-    residual: float  # [m] median of |r - d - bias|
-
-
 class Anchor(NamedTuple):
-    """A node on no carrier: where it is if it stood still."""
+    """A node on no carrier: its place, if it stood still."""
 
     position: Array  # (2,) [m]
     residual: float  # [m] median of |r - d - b|, over its ranges to the nodes on carriers
@@ -56,8 +53,6 @@ class Assignment(NamedTuple):
     nodes: Mapping[str, str]  # carrier -> node
     residual: float  # [m] mean over the pairs of carriers
     second: float  # [m] of the best assignment that differs; nan where there is none
-    without: Mapping[str, float]  # carrier -> [m] of the best assignment that gives it another node
-    fits: Mapping[tuple[str, str], Fit]  # pair of carriers
     anchors: Mapping[str, Anchor]  # nodes on no carrier
 
 
@@ -77,35 +72,23 @@ def assign(ranges: Sequence[NodeRanges], carriers: Mapping[str, Series]) -> Assi
         raise BadInput(f"{len(nodes)} nodes and {len(carriers)} carriers; to tell which is where takes two of each")
     fits = _fits(ranges, nodes, list(carriers.values()))
     assignments, costs = _search(fits, len(nodes), len(carriers))
-    names = np.array(list(carriers))
     where = {i: int(k) for k, i in enumerate(assignments[0]) if i >= 0}  # carrier -> node
-    without = {}
-    for i, k in where.items():
-        others = costs[assignments[:, k] != i]
-        without[str(names[i])] = float(others[0]) if len(others) else np.nan
-    pairs = {
-        (str(names[i]), str(names[j])): fits[where[i], where[j], i, j]
-        for i, j in combinations(sorted(where), 2)
-        if (where[i], where[j], i, j) in fits
-    }
-    found = {str(names[i]): nodes[k] for i, k in sorted(where.items())}
+    names = list(carriers)
+    found = {names[i]: nodes[k] for i, k in sorted(where.items())}
     on = {node: carriers[name] for name, node in found.items()}
-    bias = float(np.median([fit.bias for fit in pairs.values()])) if pairs else 0.0
-    anchors = {node: _anchor(node, ranges, on, bias) for node in nodes if node not in on}
+    pairs = ((where[i], where[j], i, j) for i, j in combinations(sorted(where), 2))
+    biases = [fits[pair][0] for pair in pairs if pair in fits]
+    bias = float(np.median(biases)) if biases else 0.0
+    anchors = {node: _place_of(node, ranges, on, bias) for node in nodes if node not in on}
     return Assignment(
         found,
         float(costs[0]),
         float(costs[1]) if len(costs) > 1 else np.nan,
-        without,
-        pairs,
-        {node: anchor for node, anchor in anchors.items() if anchor},
+        {node: place for node, place in anchors.items() if place is not None},
     )
 
 
-def _fits(
-    ranges: Sequence[NodeRanges], nodes: Sequence[str], carriers: Sequence[Series]
-) -> dict[tuple[int, int, int, int], Fit]:
-    """(node, node, carrier, carrier) -> how the ranges of the nodes agree with the distances of the carriers."""
+def _fits(ranges: Sequence[NodeRanges], nodes: Sequence[str], carriers: Sequence[Series]) -> Fits:
     fits = {}
     for a, b in combinations(range(len(nodes)), 2):
         of_pair = [one for one in ranges if {one.first, one.second} == {nodes[a], nodes[b]}]
@@ -118,17 +101,19 @@ def _fits(
             error = error[np.isfinite(error)]
             if len(error):
                 bias = float(np.clip(np.median(error), *BIASES))
-                fit = Fit(bias, float(np.median(np.abs(error - bias))))
+                fit = bias, float(np.median(np.abs(error - bias)))
                 for nodes_ in ((a, b), (b, a)):
                     fits[*nodes_, i, j] = fits[*nodes_, j, i] = fit
     return fits
 
 
-def _search(fits: Mapping[tuple[int, int, int, int], Fit], nodes: int, carriers: int) -> tuple[Array, Array]:
+def _search(
+    fits: Mapping[tuple[int, int, int, int], tuple[float, float]], nodes: int, carriers: int
+) -> tuple[Array, Array]:
     """Assignments (s, nodes), each a carrier or -1 (as few as can be), and their costs (s,) [m], best first."""
     cost = np.full((nodes, nodes, carriers, carriers), NOT_MEASURED)
     for key, fit in fits.items():
-        cost[key] = fit.residual
+        cost[key] = fit[1]
     carried = min(nodes, carriers)
     found: list[tuple[tuple[int, ...], float]] = [((), 0.0)]
     for k in range(nodes):
@@ -144,8 +129,8 @@ def _search(fits: Mapping[tuple[int, int, int, int], Fit], nodes: int, carriers:
     return np.array([places for places, _ in found]), np.array([total for _, total in found]) / pairs
 
 
-def _anchor(node: str, ranges: Sequence[NodeRanges], on: Mapping[str, Series], bias: float) -> Anchor | None:
-    """Where a node stood, from its ranges to nodes on carriers; None without any.
+def _place_of(node: str, ranges: Sequence[NodeRanges], on: Mapping[str, Series], bias: float) -> Anchor | None:
+    """Return the place of a node from its ranges to nodes on carriers; None without any.
 
     Least squares with a soft L1 loss, from several places around the carriers, as ranges to a line of robots have two
     minima. Robots that drive little cannot tell a bias from a distance: it is taken to be `bias`, that of the carriers.

@@ -124,7 +124,7 @@ def _length(log: TeamLog) -> int:
 
 
 def _same(a: TeamLog, b: TeamLog) -> bool:
-    """Whether two runs share at least half of the true positions of the shorter, digit by digit."""
+    """Return whether two runs share half of the true positions of the shorter, digit by digit."""
     for i, j in zip(a.truth, b.truth, strict=False):
         if i is None or j is None or not min(len(i.time), len(j.time)):
             continue
@@ -248,14 +248,14 @@ class TeamScenario(schema.Model):
         return Truth(label, stream.trial, path, valid, arena, stream.hashes), stream
 
     def explained(self) -> list[str]:
-        """Return sentences, run by run: what was left out while reading, and which models were fitted on what."""
+        """Return sentences, run by run: what was left out while reading, and the models with where they were fitted."""
         if self.run == ALL:
             return [line for k in range(self.count()) for line in self.at([k]).explained()]
         try:
             log, models = self.judged.log, self.judged.models
         except BadInput as e:
             return [str(e)]
-        values = "; ".join(f"{name} {_shown(value)}" for name, value in models.notes.items() if name != "fitted_on")
+        values = "; ".join(f"{name} {_text_of(value)}" for name, value in models.notes.items() if name != "fitted_on")
         return [*log.warnings, f"run {log.name!r}: models fitted on {models.notes['fitted_on']}: {values}"]
 
     def leftovers(self) -> list[Leftover]:
@@ -317,11 +317,11 @@ class TeamScenario(schema.Model):
         }
 
 
-def _shown(value: Any) -> str:
+def _text_of(value: Any) -> str:
     if isinstance(value, dict):
-        return ", ".join(f"{name} {_shown(each)}" for name, each in value.items())
+        return ", ".join(f"{name} {_text_of(each)}" for name, each in value.items())
     if isinstance(value, list):
-        return " and ".join(map(_shown, value))
+        return " and ".join(map(_text_of, value))
     return f"{value:.4g}"
 
 

@@ -42,7 +42,7 @@ import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self, TypeVar
+from typing import Annotated, Any, Literal, Self, TypeVar, get_args
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
@@ -88,13 +88,13 @@ class LogColumn(Strict):
 def _unit_of(si: str) -> AfterValidator:
     """Accepts a column in any unit of the same quantity."""
 
-    def checked(column: LogColumn) -> LogColumn:
+    def check_unit(column: LogColumn) -> LogColumn:
         unit = si if column.unit is None else column.unit
         if unit not in UNITS[si]:
             raise ValueError(f"unit {unit!r} is not one of {', '.join(UNITS[si])}")
         return column.model_copy(update={"factor": UNITS[si][unit]})
 
-    return AfterValidator(checked)
+    return AfterValidator(check_unit)
 
 
 Seconds = Annotated[LogColumn, _unit_of("s")]
@@ -127,7 +127,7 @@ TimeColumns = Annotated[tuple[Seconds, ...], Field(min_length=1), Several]
 
 
 class Source(Strict):
-    """Where something is: CSV files, or topics of a bag. `{robot}` and `{other}` in them stand for names."""
+    """A source of numbers: CSV files, or topics of a bag. `{robot}` and `{other}` in them stand for names."""
 
     file: str | None = None  # CSV, relative to the run: "odom_{robot}.csv", one for all, or "{run}.csv" of one robot
     topic: str | None = None  # of a bag: "/{robot}/odom"
@@ -149,12 +149,12 @@ class Source(Strict):
 
     @property
     def in_files(self) -> bool:
-        """Whether it is in CSV files."""
+        """True for CSV files, False for topics."""
         return self.file is not None
 
 
 class Odometry(Source):
-    """What each robot measures of its own motion.
+    """Odometry: the measurements of each robot of its own motion.
 
     velocity: `speed` and `turn_rate`, which hold until the next line. pose: `x`, `y`, `heading` in a frame of its own.
     path: `length` driven so far (a counter) and `turn_rate`. displacement: `dx`, `dy` since the line before, in a
@@ -260,7 +260,7 @@ class Sightings(ReadingColumns):
         return self
 
 
-class Places(Strict):
+class PlacesTable(Strict):
     """Fixed things, by name: `places` here, or a CSV file of them (one for all runs, beside log.toml)."""
 
     places: Mapping[Name, Place] = {}  # [m]
@@ -312,7 +312,7 @@ class Sample(Strict):
 
 
 class Prior(Strict):
-    """What each robot knows of its start, and from which source."""
+    """The prior of each robot's start, and its source."""
 
     position: Literal["first truth", "arena"] | dict[Name, Place] = "first truth"  # or its place [m] by robot
     position_sd: Positive = 0.05  # [m] per axis; "arena": uniform
@@ -321,7 +321,7 @@ class Prior(Strict):
 
 
 class Fit(Strict):
-    """What the models are fitted on; never on what is judged."""
+    """The recordings, or the part, that the models are fitted on, which are never judged."""
 
     on: Literal["other runs", "first part", "nothing"] = "other runs"  # nothing: [model] states all
     seconds: Positive | None = None  # [s] how long the first part is
@@ -358,7 +358,7 @@ class Model(Strict):
 
 
 class TeamDescription(Strict):
-    """What the recordings of a team mean."""
+    """The meaning of the recordings of a team."""
 
     format: Format
     about: str = ""
@@ -371,8 +371,8 @@ class TeamDescription(Strict):
     ranges: Annotated[tuple[Ranges, ...], Several] = ()
     rssi: Annotated[tuple[Rssi, ...], Several] = ()
     sightings: Annotated[tuple[Sightings, ...], Several] = ()
-    anchors: Places | None = None
-    landmarks: Places | None = None
+    anchors: PlacesTable | None = None
+    landmarks: PlacesTable | None = None
     sample: Sample = Sample()
     prior: Prior = Prior()
     fit: Fit = Fit()
@@ -426,21 +426,6 @@ class TeamDescription(Strict):
         return self
 
 
-TABLES: dict[str, type[Strict]] = {
-    "odometry": Odometry,
-    "truth": GroundTruth,
-    "ranges": Ranges,
-    "rssi": Rssi,
-    "sightings": Sightings,
-    "anchors": Places,
-    "landmarks": Places,
-    "sample": Sample,
-    "prior": Prior,
-    "fit": Fit,
-    "model": Model,
-}
-
-
 # ---- The description of one robot's runs, without `format`
 
 
@@ -452,7 +437,7 @@ class RobotTime(Strict):
 
 
 class RobotOdometry(Strict):
-    """What the robot measures of its own motion, as `Odometry` says, on the lines of its file."""
+    """Odometry on the lines of the robot's file; kinds as in `Odometry`."""
 
     kind: Literal["path", "velocity", "displacement"]
     length: Metres | None = None
@@ -499,7 +484,7 @@ class RobotAnchors(Strict):
 
 
 class RobotPrior(Strict):
-    """What the robot knows of its start, and from which source."""
+    """The prior of the robot's start, and its source."""
 
     position: Literal["first truth", "arena"] | Place = "first truth"
     position_sd: Positive | None = None  # [m] per axis; not needed for "arena": uniform
@@ -527,7 +512,7 @@ class RobotModel(Strict):
 
 
 class RobotDescription(Strict):
-    """What the columns of one robot's runs mean."""
+    """The meaning of the columns of one robot's runs."""
 
     about: str = ""
     files: str = "*.csv"  # the runs
@@ -551,19 +536,21 @@ class RobotDescription(Strict):
         return self
 
 
-ROBOT_TABLES: dict[str, type[Strict]] = {
-    "time": RobotTime,
-    "odometry": RobotOdometry,
-    "truth": RobotTruth,
-    "anchors": RobotAnchors,
-    "prior": RobotPrior,
-    "model": RobotModel,
-}
-
-
 # ---- Reading a description; an error is one line that names line, key and remedy
 
 Root = TypeVar("Root", bound=BaseModel)
+
+
+def tables_of(root: type[BaseModel]) -> dict[str, type[BaseModel]]:
+    """Return the models of the tables of a description, by name."""
+    return {name: model for name, field in root.model_fields.items() if (model := _model_in(field.annotation))}
+
+
+def _model_in(annotation: Any) -> type[BaseModel] | None:
+    """Return the model in an annotation such as `Prior`, `Places | None` or `tuple[Ranges, ...]`."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    return next((model for inner in get_args(annotation) if (model := _model_in(inner))), None)
 
 
 def load(path: Path) -> TeamDescription:
@@ -573,16 +560,16 @@ def load(path: Path) -> TeamDescription:
         BadInput: the file is missing or not TOML, or a key or value is wrong; names the line and the key.
 
     """
-    return parse(path, text_of(path), TeamDescription, TABLES, EXAMPLE)
+    return parse(path, text_of(path), TeamDescription, EXAMPLE)
 
 
 def load_robot(path: Any) -> RobotDescription:
     """Return the description of one robot's runs, from a path or a shipped resource; raises as `load`."""
-    return parse(path, text_of(path), RobotDescription, ROBOT_TABLES, "the shipped wifi.log.toml is an example")
+    return parse(path, text_of(path), RobotDescription, "the shipped wifi.log.toml is an example")
 
 
 def is_of_one_robot(path: Path) -> bool:
-    """Whether a description is of one robot's runs. Raises BadInput where there is none."""
+    """Return whether a description is of one robot's runs. Raises BadInput where there is none."""
     try:
         content = tomllib.loads(text_of(path))
     except (tomllib.TOMLDecodeError, RecursionError):
@@ -605,8 +592,8 @@ def text_of(path: Any) -> str:
         raise BadInput(f"{path}: cannot be read as TOML ({e}); correct it") from None
 
 
-def parse(path: Any, text: str, root: type[Root], tables: Mapping[str, type[BaseModel]], example: str) -> Root:
-    """Return a description from the text of a file at `path`; `tables` are the models of its tables.
+def parse(path: Any, text: str, root: type[Root], example: str) -> Root:
+    """Return a description from the text of a file at `path`; `example` names one, for an error.
 
     Raises:
         BadInput: it is not TOML, or a key or value is wrong; names the line and the key.
@@ -615,15 +602,14 @@ def parse(path: Any, text: str, root: type[Root], tables: Mapping[str, type[Base
     try:
         return root.model_validate(tomllib.loads(text))
     except ValidationError as e:
-        raise BadInput(f"{path}{_reason(text, e, root, tables, example)}") from None
+        raise BadInput(f"{path}{_reason(text, e, root, example)}") from None
     except (tomllib.TOMLDecodeError, RecursionError) as e:
         raise BadInput(f"{path}: cannot be read as TOML ({e}); correct it") from None
 
 
-def _reason(
-    text: str, e: ValidationError, root: type[BaseModel], tables: Mapping[str, type[BaseModel]], example: str
-) -> str:
+def _reason(text: str, e: ValidationError, root: type[BaseModel], example: str) -> str:
     """Line, key and remedy of an error; an unknown key comes first, as it explains one that is missing."""
+    tables = tables_of(root)
     first = min(e.errors(), key=lambda error: error["type"] != "extra_forbidden")
     path = [str(part) for part in first["loc"] if str(part).isidentifier() or isinstance(part, int)]
     table, key = path[:2] if len(path) > 1 and path[0] in tables else ["", *path, ""][:2]

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 
 from cooploc.estimators import nearest
 from cooploc.estimators.errors import BadInput
@@ -35,7 +35,7 @@ from cooploc.scenarios.recordings.fit import (
 from cooploc.scenarios.recordings.prior import prior
 from cooploc.scenarios.recordings.schema import COLUMNS, NAME, RobotDescription, RobotModel, RobotPrior, load_robot
 from cooploc.scenarios.recordings.team_log import unreachable
-from cooploc.scenarios.recordings.text_files import Lines, read_lines
+from cooploc.scenarios.recordings.text_files import Table, read_lines
 from cooploc.scenarios.stream import Air, Stream, Truth
 from cooploc.scenarios.worlds.radio import Positive
 
@@ -93,7 +93,7 @@ def read_run(path: Path, description: RobotDescription) -> RobotRun:
     raw, factor = lines.values, np.array([column.factor for column in columns])
     ends = np.cumsum([len(group) for group in groups.values()])[:-1]
     stamps, moves, poses, rssi, _ = np.split(raw * factor, ends, axis=1)
-    time = _elapsed(lines, raw[:, : ends[0]], factor[: ends[0]])
+    time = _elapsed_time(lines, raw[:, : ends[0]], factor[: ends[0]])
     truth, lost = _truth(d, time, poses)
     rssi, missing = _rssi(d, rssi, raw[:, ends[3] :])
     odometry, known = _odometry(d, time, moves)
@@ -111,7 +111,7 @@ def read_run(path: Path, description: RobotDescription) -> RobotRun:
     return RobotRun(path, stamps.sum(-1), Track(time, odometry, known, truth), rssi, raw, counts)
 
 
-def _from_first_truth(lines: Lines, groups: dict[str, tuple[Any, ...]]) -> tuple[Lines, int]:
+def _from_first_truth(lines: Table, groups: dict[str, tuple[Any, ...]]) -> tuple[Table, int]:
     """Return the lines from the first one on whose truth is known, and how many were before it."""
     if len(lines.line) < 2:
         raise BadInput(
@@ -125,7 +125,7 @@ def _from_first_truth(lines: Lines, groups: dict[str, tuple[Any, ...]]) -> tuple
     return lines._replace(values=lines.values[first:], line=lines.line[first:]), first
 
 
-def _elapsed(lines: Lines, stamps: Array, factor: Array) -> Array:
+def _elapsed_time(lines: Table, stamps: Array, factor: Array) -> Array:
     """Seconds since the first line; the columns are subtracted before they are summed, which keeps the nanoseconds."""
     time: Array = ((stamps - stamps[0]) * factor).sum(-1)
     bad = np.isnan(time)
@@ -204,7 +204,7 @@ class RobotFolder:
 
     @cached_property
     def different(self) -> list[str]:
-        """Names of the runs, without those of which another run has every line; of two equal runs the first stays."""
+        """Names of the runs without parts of others: another run has every line; of two equal runs the first stays."""
         return [name for name in self.runs if not any(self._is_part(name, other) for other in self.runs)]
 
     def others(self, name: str, same_set_up: bool) -> list[RobotRun]:
@@ -228,7 +228,7 @@ def set_up(name: str, patterns: Sequence[str]) -> str:
     return next((pattern for pattern in patterns if fnmatchcase(name, pattern)), f"only {name}")
 
 
-def shipped(name: str) -> Any:
+def shipped_description(name: str) -> Any:
     """Return the path of a description that comes with cooploc."""
     return files(__package__) / f"{name}.{NAME}"
 
@@ -242,7 +242,7 @@ def read_folder(data: Path, described: str = "") -> RobotFolder:
     """
     if not data.is_dir():
         raise BadInput(f"{data}: there is no such directory; name the one that holds the runs' CSV files")
-    source = shipped(described) if described else data / NAME
+    source = shipped_description(described) if described else data / NAME
     description = load_robot(source)
     found = [path for path in data.iterdir() if fnmatchcase(path.name, description.files) and path != source]
     paths = sorted(found, key=lambda path: path.stem)
@@ -369,10 +369,8 @@ def name_of_trial(data: Path, run: str, names: Sequence[str], trials: Sequence[i
     return names[trials[0]]
 
 
-class Log(BaseModel):
+class Log(RobotModel):
     """Parameters of the scenario, in SI units; None: as the description states, or fitted on the other runs."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     data: Path  # the directory of the runs
     described: str = ""  # the name of a shipped description; where empty, log.toml beside the runs
@@ -380,14 +378,6 @@ class Log(BaseModel):
     fitted_on: Literal["same set-up", "all others"] = "same set-up"  # which of the other runs
     correlation: Literal["inflate", "ignore"] = "inflate"  # of RSSI in time: a larger assumed sigma, or none
     robust: bool = False  # whether the models are fitted with Huber's loss, so that one bad run counts little
-    A: float | None = None  # [dBm] at 1 m
-    eta: Positive | None = None  # path-loss exponent
-    sigma: Positive | None = None  # [dB]
-    length_scale: Positive | None = None  # true length by odometry's
-    turn_scale: Positive | None = None  # true turn by odometry's
-    sigma_v: Positive | None = None  # [m/s] at the median interval
-    sigma_omega: Positive | None = None  # [rad/s] at the median interval
-    sigma_move: Positive | None = None  # [m] per axis in the median interval
     position: Literal["first truth", "arena"] | None = None  # source of the prior's position
     position_sd: Positive | None = None
     heading: Literal["first motion", "first truth", "unknown"] | None = None

@@ -49,7 +49,7 @@ class Index(NamedTuple):
 
 
 class Cell(NamedTuple):
-    """Where a row of `messages` was found."""
+    """The place of a row of `messages` in the file."""
 
     begin: int  # of the cell in the file
     record: int  # its header
@@ -85,7 +85,7 @@ def find_messages(raw: Buffer, index: Index | None) -> tuple[dict[str, str], lis
 
 
 def _is_message(raw: bytes, kind: str) -> bool:
-    """Whether this can be a message of its type; True for types that are not standard."""
+    """Return whether this can be a message of its type; True for types that are not standard."""
     if kind in typestore(Stores.LATEST).types:
         try:
             decode_ros2(raw, kind)
@@ -154,7 +154,7 @@ def _topics(raw: Buffer) -> dict[int, tuple[str, str]]:
 
 
 def _number_before(raw: Buffer, end: int) -> int:
-    """Where the number that ends before `end` begins: all its bytes but the last are above 127."""
+    """Return the begin of the number that ends before `end`: all its bytes but the last are above 127."""
     begin = end - 1
     while begin > 0 and end - begin < 9 and raw[begin - 1] >= 0x80:
         begin -= 1

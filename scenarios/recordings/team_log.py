@@ -13,7 +13,7 @@ import numpy as np
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Indices, Mask
 from cooploc.scenarios.recordings.schema import GroundTruth, ReadingColumns, TeamDescription
-from cooploc.scenarios.recordings.text_files import MAX_STEP_BACK
+from cooploc.scenarios.recordings.text_files import time_order
 
 OdometryKind = Literal["velocity", "pose", "displacement", "path"]
 Channel = Literal["range", "rssi", "sighting", "landmark", "anchor_rssi", "anchor_range"]
@@ -165,11 +165,7 @@ def in_order(time: Array, values: Array, source: str, where: Callable[[int], str
     """
     if np.isnan(time).any():
         raise BadInput(f"{where(int(np.argmax(np.isnan(time))))}: the stamp is missing; correct or remove the line")
-    late = np.maximum.accumulate(time) - time if len(time) else time
-    if (late > MAX_STEP_BACK).any():
-        row = int(np.argmax(late > MAX_STEP_BACK))
-        raise BadInput(f"{where(row)}: its time is {late[row]:.3f} s before an earlier line's; sort the file by time")
-    order = np.argsort(time, kind="stable")
+    order = time_order(time, where)
     time, values = time[order], values[order]
     there = np.isfinite(values[:, :2]).all(-1)
     time, values = time[there], values[there]
@@ -286,7 +282,9 @@ def split_channels(
                 parts.append(
                     (channel, Readings(one.time[rows], robot[rows], other[rows], one.values[rows], one.source))
                 )
-    return {c: _joined([part for of, part in parts if of == c]) for c in CHANNELS[kind] if c in dict(parts)}, notes
+    return {
+        c: _merge_readings([part for of, part in parts if of == c]) for c in CHANNELS[kind] if c in dict(parts)
+    }, notes
 
 
 def _numbers(names: Sequence[str], known: Sequence[str]) -> Indices:
@@ -304,7 +302,7 @@ def _left_out(one: Measured, dropped: Mask, names: Sequence[str], what: str) -> 
     return [f"{one.source}: {len(rows)} readings {what.format(shown)}, were left out"]
 
 
-def _joined(parts: Sequence[Readings]) -> Readings:
+def _merge_readings(parts: Sequence[Readings]) -> Readings:
     """One table of several, by rising stamps."""
     time, robot, other, values = (np.concatenate([part[i] for part in parts]) for i in range(4))
     order = np.argsort(time, kind="stable")

@@ -2,7 +2,7 @@
 
 import csv
 import io
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple, NoReturn
 
@@ -17,11 +17,13 @@ MAX_STEP_BACK = 0.5  # [s] stamps that step back by less (MRCLAM 9: by 0.1 s) ar
 
 
 class Table(NamedTuple):
-    """A file's numbers, and the lines that they are on."""
+    """Some columns of a file, and the lines that they are on."""
 
     path: Path
-    values: Array  # (rows, columns)
-    line: Indices  # (rows,) from 1
+    values: Array  # (m, k)  numbers; nan where a field of a CSV file is empty
+    line: Indices  # (m,) from 1
+    names: Sequence[tuple[str, ...]] = ()  # (m,) columns of text
+    notes: tuple[str, ...] = ()  # what was left out, a sentence each
 
     def at(self, row: int) -> str:
         """The place of a row, for an error."""
@@ -89,14 +91,22 @@ def sort_by_time(table: Table) -> tuple[Table, int]:
 
     """
     stamps = table.values[:, 0]
-    late = np.maximum.accumulate(stamps) - stamps
+    order = time_order(stamps, table.at)
+    return Table(table.path, table.values[order], table.line[order]), int((np.diff(stamps) < 0).sum())
+
+
+def time_order(stamps: Array, where: Callable[[int], str]) -> Indices:
+    """Return the order of rising stamps (m,) [s]; equal ones stay as they are. `where` gives the place of a row.
+
+    Raises:
+        BadInput: a stamp is more than `MAX_STEP_BACK` before an earlier one.
+
+    """
+    late = np.maximum.accumulate(stamps) - stamps if len(stamps) else stamps
     if (late > MAX_STEP_BACK).any():
         row = int(np.argmax(late > MAX_STEP_BACK))
-        raise BadInput(
-            f"{table.at(row)}: its time is {late[row]:.3f} s before an earlier line's; sort the file by time"
-        )
-    order = np.argsort(stamps, kind="stable")
-    return Table(table.path, table.values[order], table.line[order]), int((np.diff(stamps) < 0).sum())
+        raise BadInput(f"{where(row)}: its time is {late[row]:.3f} s before an earlier line's; sort the file by time")
+    return np.argsort(stamps, kind="stable")
 
 
 def require_whole(table: Table, column: int, name: str) -> None:
@@ -148,21 +158,7 @@ def _refuse(path: Path, rows: list[tuple[int, str]], columns: Sequence[str], rea
 # ---- CSV files, their columns by name
 
 
-class Lines(NamedTuple):
-    """Some columns of a file."""
-
-    path: Path
-    values: Array  # (m, k)  nan where a field is empty
-    names: list[tuple[str, ...]]  # (m,)
-    line: Indices  # (m,) from 1
-    notes: tuple[str, ...]  # what was left out, a sentence each
-
-    def at(self, row: int) -> str:
-        """The place of a row, for an error."""
-        return f"{self.path}, line {self.line[row]}"
-
-
-def read_lines(path: Path, numbers: Sequence[str], names: Sequence[str], delimiter: str) -> Lines:
+def read_lines(path: Path, numbers: Sequence[str], names: Sequence[str], delimiter: str) -> Table:
     """Read columns by their names in the first line, as numbers or as text.
 
     A last line without an end is left out where it has fewer fields than the first, or ends inside one of `numbers`,
@@ -187,13 +183,9 @@ def read_lines(path: Path, numbers: Sequence[str], names: Sequence[str], delimit
         if len(fields) != len(head):
             raise BadInput(f"{path}, line {line}: {len(fields)} fields, not {len(head)}; correct or remove the line")
     values = [[parse_field(path, line, head[i], fields[i]) for i in of_numbers] for line, fields in content]
-    return Lines(
-        path,
-        np.array(values, float).reshape(-1, len(of_numbers)),
-        [tuple(fields[i] for i in of_names) for _, fields in content],
-        np.array([line for line, _ in content], np.int64),
-        tuple(notes),
-    )
+    rows = np.array(values, float).reshape(-1, len(of_numbers))
+    texts = [tuple(fields[i] for i in of_names) for _, fields in content]
+    return Table(path, rows, np.array([line for line, _ in content], np.int64), texts, tuple(notes))
 
 
 def fields_of(path: Path, text: str, delimiter: str) -> Iterator[tuple[int, list[str]]]:

@@ -73,7 +73,7 @@ def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspect
     else:
         drafted = {"csv": csv_draft, "bag": bag_draft}
         draft = drafted[form](path) if form in drafted else Draft((Entry("format", form, why),))
-        description = schema.parse(home, plain_text(draft), schema.TeamDescription, schema.TABLES, schema.EXAMPLE)
+        description = schema.parse(home, plain_text(draft), schema.TeamDescription, schema.EXAMPLE)
     read = reader(description.format)
     data = path.parent if path.is_file() and description.format == "bag" else path
     places = read.runs(data, description)

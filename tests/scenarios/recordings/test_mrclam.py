@@ -11,7 +11,6 @@ from cooploc import scenarios
 from cooploc.estimators import make
 from cooploc.estimators.models import wrap
 from cooploc.scenarios.recordings import mrclam, schema
-from cooploc.scenarios.recordings.mrclam import read_data_set
 from cooploc.scenarios.recordings.sampling import interpolate, mean_held
 from cooploc.scenarios.runner.run import run
 
@@ -217,13 +216,6 @@ def test_a_clock_set_back_a_little_is_put_in_order_and_counted(data):
     assert stream.notes["clock_set_back"] == {"Robot2_Odometry.dat": 1}
 
 
-def test_other_line_ends_blank_lines_and_remarks_are_read_alike(data):
-    before = simulate(data)[1].hash
-    for path in data.glob("*.dat"):
-        path.write_bytes(path.read_bytes().replace(b"\r\n", b" # and so on\n \n"))
-    assert simulate(data)[1].hash == before
-
-
 # A recording as a scenario
 
 
@@ -332,9 +324,6 @@ def test_data_set_6():
     assert np.nanmedian(np.abs(wrap(stream.senses.landmark[0, ..., 1] - expected))) < 0.01
 
 
-SET6 = Path(os.environ.get("COOPLOC_DATA", "../shared/data")) / "mrclam6"
-
-
 def data_set(folder, robots):
     """Robots on lines beside each other; each sees the next one and the only landmark, number 21."""
     codes = {subject: 5 + 9 * subject for subject in (*range(1, robots + 1), 21)}
@@ -365,17 +354,3 @@ def test_a_data_set_of_any_number_of_robots_is_a_log_of_a_team(tmp_path, robots)
     if robots > 1:
         assert log.readings["sighting"].other.tolist() == [(i + 1) % robots for i in range(robots)]
     assert mrclam.runs(tmp_path.parent, description)[tmp_path.name] == tmp_path
-
-
-@pytest.mark.skipif(not SET6.exists(), reason="needs ../shared/data/mrclam6")
-def test_data_set_6_has_all_its_readings(tmp_path):
-    (tmp_path / "log.toml").write_text('format = "mrclam"')
-    log = mrclam.read(SET6, SET6, "6", schema.load(tmp_path / "log.toml"))
-    files = read_data_set(SET6)
-    known = sum(int(code) in files.columns for table in files.readings for code in table.values[:, 1])
-    itself = sum(
-        files.columns.get(int(code)) == i for i, table in enumerate(files.readings) for code in table.values[:, 1]
-    )
-    assert sum(len(readings.time) for readings in log.readings.values()) == known - itself
-    assert len(log.robots) == 5
-    assert len(log.landmarks.names) == 15

@@ -23,13 +23,11 @@ from made_team import (
 from processes import inside
 
 import cooploc as cl
-from cooploc.analysis.execution.execute import execute
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Belief, Senses, World
 from cooploc.estimators.models import Range, Unicycle, wrap
 from cooploc.scenarios import resolve
 from cooploc.scenarios.stream import Air, Stream
-from cooploc.scenarios.studies.study import load
 
 ANY = {"anchor_reading": "any", "reading": "any"}
 PLACES = ", ".join(f"{name} = [{x}, {y}]" for name, (x, y) in ANCHORS.items())
@@ -230,23 +228,6 @@ def test_without_a_true_heading_it_must_be_said_what_robots_know(recorded, tmp_p
 
 
 @pytest.mark.slow
-def test_the_study_runs_what_fits_and_says_what_does_not(recorded, tmp_path):
-    folder = lab(recorded, tmp_path, SHORT)
-    said = []
-    study = load("log")
-    rows = execute(study, tmp_path / "run", data=folder, progress=Told(said))
-    table = cl.summarize(rows)
-    assert (table["trials"] == 2).all()
-    assert (table["failed"] == 0).all()
-    assert {"dead-reckoning", f"ekf-ci[{','.join(f'{k}={v}' for k, v in ANY.items())}]"} <= set(table["estimator"])
-    assert any(line.startswith("left out: rssi-pf needs channel 'anchor_rssi'") for line in said)
-    explained = json.loads((tmp_path / "run" / "manifest.json").read_text())["recordings"]["log/all"]
-    assert sum("models fitted on its first 20 s, which are not judged" in line for line in explained) == 2
-    with pytest.raises(cl.IncompatibleEstimator, match="rssi-pf needs channel"):  # one that was asked for
-        execute(study.with_options(only=("rssi-pf",)), tmp_path / "other", data=folder)
-
-
-@pytest.mark.slow
 def test_one_command_gives_a_ranked_table(recorded, tmp_path):
     folder = lab(recorded, tmp_path, SHORT, runs=["one"])
     names = "dead-reckoning,ekf-joint[any]"
@@ -260,22 +241,6 @@ def test_one_command_gives_a_ranked_table(recorded, tmp_path):
     assert "range_bias red - blue" in (tmp_path / "page" / "index.html").read_text()
 
 
-class Told:
-    """Progress that notes what is said."""
-
-    def __init__(self, said):
-        self.say = said.append
-
-    def begin(self, *_):
-        pass
-
-    def compiling(self):
-        pass
-
-    def advance(self, *_):
-        pass
-
-
 def test_what_is_left_over_has_the_spread_that_filters_are_told(long):
     model = resolve("log/all", long).model.at([0])
     found = {one.fitted: one for one in model.leftovers()}
@@ -287,14 +252,9 @@ def test_what_is_left_over_has_the_spread_that_filters_are_told(long):
     assert len(found[False].residual) == pytest.approx(15 * 60, abs=3)
 
 
-def test_residuals_are_drawn_where_they_were_fitted_and_where_they_are_judged(long, recorded, tmp_path):
+def test_residuals_are_drawn_where_they_were_fitted_and_where_they_are_judged(long):
     drawn = cl.plot.residuals("log/all", long)
     left, right = drawn.figure.axes
     shown = [len(ax.lines[0].get_xdata()) for ax in (left, right)]
     assert shown == [len(one.residual) for one in resolve("log/all", long).model.at([0]).leftovers()]
-    assert (left.get_title(), right.get_title()) == ("fitted on", "judged")
-    assert left.get_ylabel() == "range: residual [m]"
     plt.close(drawn.figure)
-    no_ranges = ('[ranges]\nfile = "uwb.csv"\ntime = "t"\nrobot = "from"\nother = "to"\nrange = "d"\n', "")
-    with pytest.raises(BadInput, match="no reading whose true distance is known"):
-        cl.plot.residuals("log/one", lab(recorded, tmp_path, SHORT, no_ranges))
