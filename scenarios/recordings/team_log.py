@@ -2,6 +2,10 @@
 
 Readers (`csv`, `bags`, `pyfg`, `mrclam`) make it, `cooploc inspect` looks at it, and the scenario `log` turns it into
 ticks. Stamps are seconds since the epoch or since an arbitrary zero, the same for all series unless a clock is off.
+
+A fault of a recording that does not spoil the rest is repaired or left out where the reader meets it, and becomes a
+sentence in `TeamLog.warnings`: lines of a file in `text_files.read_lines`, stamps and gaps of a series in `in_order`,
+impossible positions in `true_poses`, names and values of readings in `split_channels`.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
