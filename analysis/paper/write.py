@@ -215,7 +215,7 @@ def _figures(part: Part, known: Labels) -> Iterator[Drawn]:
         for (family, parameter), labels_ in groups(part.scenarios).items():
             rows = part.rows[part.rows["scenario"].isin(labels_)]
             if parameter and rows["rmse"].notna().any():
-                made = figures.over(rows, looks, known.short.__getitem__, look)[0]
+                made = figures.sweep_panels(rows, looks, known.short.__getitem__, look)[0]
                 yield _named(made, [anchor, family, parameter], OVER.format(parameter, family), rows, known, width)
         ended = part.rows[part.rows["rmse"].notna()]
         single = [(label, ended[ended["scenario"] == label]) for label in part.drawn]

@@ -30,7 +30,7 @@ def recording(log: TeamLog, note: str = "") -> Figure:
     places: Any = [["tracks", "measured"], ["time", "time"]]
     axes = figure.subplot_mosaic(places, height_ratios=ratios, width_ratios=[1.25, 1])
     tracks(axes["tracks"], log, note)
-    measured(axes["measured"], log)
+    draw_reading_counts(axes["measured"], log)
     time_line(axes["time"], rows, log)
     return figure
 
@@ -57,7 +57,7 @@ def tracks(ax: Axes, log: TeamLog, above: str = "") -> Axes:
     return ax
 
 
-def measured(ax: Axes, log: TeamLog) -> Axes:
+def draw_reading_counts(ax: Axes, log: TeamLog) -> Axes:
     """Who measured whom: readings of a row's robot, of what the column names; darker is more."""
     rows, columns, counts = measured_counts(log)
     used = [k for k in range(len(columns)) if k < len(rows) or counts[:, k].any()]
@@ -97,10 +97,10 @@ def _few(rows: list[SeriesRow]) -> list[SeriesRow]:
     groups: dict[tuple[str, str], list[SeriesRow]] = {}
     for row in rows:
         groups.setdefault((row.series, row.of.partition("-")[0]), []).append(row)
-    return [_merged(robot, group) for (_, robot), group in groups.items()]
+    return [_merge_series(robot, group) for (_, robot), group in groups.items()]
 
 
-def _merged(robot: str, group: list[SeriesRow]) -> SeriesRow:
+def _merge_series(robot: str, group: list[SeriesRow]) -> SeriesRow:
     time = np.sort(np.concatenate([row.time for row in group]))
     intervals = np.diff(time)[np.diff(time) > 0]
     rate = 1 / float(np.median(intervals)) if len(intervals) else np.nan

@@ -174,7 +174,7 @@ def frontier(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def groups(part: pd.DataFrame, looks: Looks, together: int = TOGETHER) -> list[list[str]]:
-    """The estimators of each panel of `over`: all in one, or the variants of one, "arl" and "arl[K=1]"."""
+    """The estimators of each panel of `sweep_panels`: all in one, or the variants of one, "arl" and "arl[K=1]"."""
     known = set(part["estimator"])
     names = [name for name in looks if name in known]
     if len(names) <= together:
@@ -185,7 +185,7 @@ def groups(part: pd.DataFrame, looks: Looks, together: int = TOGETHER) -> list[l
     return [mine[i : i + together] for mine in shared.values() for i in range(0, len(mine), together)]
 
 
-def over(part: pd.DataFrame, looks: Looks, short: Short, look: Style = PAGE) -> list[Figure]:
+def sweep_panels(part: pd.DataFrame, looks: Looks, short: Short, look: Style = PAGE) -> list[Figure]:
     """RMSE over what the scenarios sweep, a panel for each of `groups`, among all other estimators in grey."""
     part = swept(part).sort_values("value", kind="stable")
     shown = groups(part, looks)
@@ -326,7 +326,7 @@ def compose(
             ax.minorticks_off()  # a sixth of the time and of the page
             ax.tick_params(labelbottom=below)
             if legend:
-                ax.legend(frameon=False, fontsize=8 if size[0] > PANEL[0] else 6.5, **_beside(size[0] > PANEL[0]))
+                ax.legend(frameon=False, fontsize=8 if size[0] > PANEL[0] else 6.5, **_legend_place(size[0] > PANEL[0]))
             for line in ax.lines if look is not PAGE else ():
                 line.set_markersize(min(line.get_markersize(), 4.5 if len(draws) <= 3 else 3.0))
         for ax in axes.flat[len(draws) :]:
@@ -337,7 +337,7 @@ def compose(
     return [figure]
 
 
-def _beside(wide: bool) -> dict[str, Any]:
+def _legend_place(wide: bool) -> dict[str, Any]:
     """Where a legend stands: beside a wide panel, below a small one."""
     if wide:
         return {"bbox_to_anchor": (1.0, 1.0), "loc": "upper left"}

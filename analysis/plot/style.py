@@ -123,10 +123,10 @@ def _new_look(name: str, known: Iterable[str]) -> Look:
     marker = MARKERS[(place + max(0, number - 1)) % len(MARKERS)]
     line = DOTTED if joint else DASHES[(place + number) % len(DASHES)]
     colour = to_hex(GREY) if joint else HUES[place % len(HUES)]
-    return Look(_shaded(colour, SHADES[(number - 1) % len(SHADES)]) if number else colour, marker, line)
+    return Look(_shade(colour, SHADES[(number - 1) % len(SHADES)]) if number else colour, marker, line)
 
 
-def _shaded(colour: Any, by: float) -> str:
+def _shade(colour: Any, by: float) -> str:
     """A colour moved towards black (negative) or white."""
     r, g, b = (c * (1 + by) if by < 0 else c + (1 - c) * by for c in to_rgb(colour))
     return to_hex((r, g, b))

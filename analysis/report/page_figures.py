@@ -60,7 +60,7 @@ def first_figure(numbers: Numbers, counter: Iterator[int]) -> Shown:
         f"centralised.{some}"
     )
     drawn = results.overview(numbers.table, numbers.looks, numbers.names.of)
-    return _shown([(drawn, "", ())], caption, counter, "whole")
+    return _panels_of([(drawn, "", ())], caption, counter, "whole")
 
 
 def few(table: pd.DataFrame) -> bool:
@@ -71,7 +71,7 @@ def few(table: pd.DataFrame) -> bool:
 def lines(rows: pd.DataFrame, numbers: Numbers, counter: Iterator[int]) -> Shown:
     """RMSE over what the scenarios sweep."""
     groups = results.groups(rows, numbers.looks)
-    figures = results.over(rows, numbers.looks, numbers.names.of)
+    figures = results.sweep_panels(rows, numbers.looks, numbers.names.of)
     family, parameter, _ = sweep(rows["scenario"].iloc[0])
     one = "each panel one estimator and its variants, all others in grey" if len(figures) > 1 else "with intervals"
     caption = (
@@ -80,7 +80,7 @@ def lines(rows: pd.DataFrame, numbers: Numbers, counter: Iterator[int]) -> Shown
         f"floor. {trials(rows)}"
     )
     drawn = [(figure, "", tuple(names)) for figure, names in zip(figures, groups, strict=True)]
-    return _shown(drawn, caption, counter, "wide" if len(figures) == 1 else "")
+    return _panels_of(drawn, caption, counter, "wide" if len(figures) == 1 else "")
 
 
 def dots(rows: pd.DataFrame, numbers: Numbers, counter: Iterator[int]) -> Shown:
@@ -91,7 +91,7 @@ def dots(rows: pd.DataFrame, numbers: Numbers, counter: Iterator[int]) -> Shown:
         if part["rmse"].notna().any()
     ]
     caption = f"Position RMSE, smallest on top, with 95 % intervals over trials. {HOLLOW} {trials(rows)}"
-    return _shown(drawn, caption, counter, "wide")
+    return _panels_of(drawn, caption, counter, "wide")
 
 
 def scatter(rows: pd.DataFrame, numbers: Numbers, counter: Iterator[int]) -> Shown:
@@ -115,7 +115,7 @@ def scatter(rows: pd.DataFrame, numbers: Numbers, counter: Iterator[int]) -> Sho
         "estimators than which no other is at least as good in both and better in one; centralised ones are never on "
         f"it, over-confident estimators (hollow) may be.{some} {trials(there)}"
     )
-    return _shown(drawn, caption, counter, "middle", "Accuracy against consistency, bytes and time")
+    return _panels_of(drawn, caption, counter, "middle", "Accuracy against consistency, bytes and time")
 
 
 def trials(part: pd.DataFrame) -> str:
@@ -127,7 +127,7 @@ def trials(part: pd.DataFrame) -> str:
     return f"{few} a scenario." if len(counts) == 1 else f"{counts[0]} to {counts[-1]} trials a scenario."
 
 
-def _shown(drawn: Iterable[Drawn], caption: str, counter: Iterator[int], width: str, head: str = "") -> Shown:
+def _panels_of(drawn: Iterable[Drawn], caption: str, counter: Iterator[int], width: str, head: str = "") -> Shown:
     """A figure of panels, each with its scenario and its estimators; matplotlib has escaped every text."""
     panels = []
     for figure, scenario, estimators in drawn:

@@ -130,7 +130,7 @@ class HInfinity(Kalman):
         self.f.predict(c)
 
     def correct(self, z):
-        y, H, R = self.world.stacked(self.f.x, z)
+        y, H, R = self.world.stack(self.f.x, z)
         there = np.isfinite(y)
         self.f.H, self.f._V_inv = H[there], np.linalg.inv(R[np.ix_(there, there)])
         self.f.update(y[there] + H[there] @ self.f.x)

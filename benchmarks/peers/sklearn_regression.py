@@ -19,7 +19,7 @@ class SklearnRegression:
         self.x, self.P = F @ self.x + c, F @ self.P @ F.T + Q
 
     def correct(self, z):
-        y, H, R = self.world.stacked(self.x, z)
+        y, H, R = self.world.stack(self.x, z)
         there, own = np.isfinite(y), np.linalg.inv(np.linalg.cholesky(self.P))
         white = np.linalg.inv(np.linalg.cholesky(R[np.ix_(there, there)]))
         rows = np.concatenate([own, white @ H[there]])

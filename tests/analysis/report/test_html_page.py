@@ -184,7 +184,7 @@ def test_variants_share_a_panel_and_every_estimator_has_one(swept):
     table = compare(swept, "base", full=True).assign(floor=0.01)
     names = ["arl", "arl[K=1]", "arl[M=1]", "b", "c", "d[x=1]", "e"]
     table = pd.concat([table[table["estimator"] == "base"].assign(estimator=name) for name in names])
-    drawn = results.over(table, style.looks(names), str)
+    drawn = results.sweep_panels(table, style.looks(names), str)
     svgs = [str(page_figures.inline(figure, i, "")) for i, figure in enumerate(drawn)]
     assert len(svgs) == 5
     assert all(name in svgs[0] for name in names[:3])
