@@ -6,7 +6,7 @@ from pathlib import Path
 import pandas as pd
 from matplotlib.figure import Figure
 
-from cooploc.analysis.execution import atomic_file
+from cooploc.analysis.execution import run_directory
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.inspect.inspection import Inspected, SeriesRow, inspect_recording
 from cooploc.scenarios.recordings.schema import NAME
@@ -61,7 +61,7 @@ class Inspection:
         note = " (drawn with the findings corrected)" if found.findings else ""
         figure = recording(found.corrected, found.log.name + note)
         if path is not None:
-            atomic_file.replace(Path(path), lambda temporary: figure.savefig(temporary, format="png", dpi=120))
+            run_directory.replace_file(Path(path), lambda temporary: figure.savefig(temporary, format="png", dpi=120))
             pyplot.close(figure)
         return figure
 
@@ -80,7 +80,9 @@ class Inspection:
         try:
             home.mkdir(parents=True, exist_ok=True)
             if force or not target.exists():
-                atomic_file.replace(target, lambda temporary: temporary.write_text(self.log_toml, encoding="utf-8"))
+                run_directory.replace_file(
+                    target, lambda temporary: temporary.write_text(self.log_toml, encoding="utf-8")
+                )
                 written.append(target)
             self.sketch(home / SKETCH)
         except OSError as e:

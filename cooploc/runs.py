@@ -11,13 +11,12 @@ from typing import Any, Unpack
 import pandas as pd
 
 from cooploc.analysis.claims import ledger as ledgers
-from cooploc.analysis.execution.decisions_file import comparisons, looks_taken, read_decisions
-from cooploc.analysis.execution.execute import execute
-from cooploc.analysis.execution.stored_run import Kept, read
+from cooploc.analysis.execution import reproduce as again
+from cooploc.analysis.execution.run import execute
+from cooploc.analysis.execution.run_directory import StoredRun, comparisons, looks_taken, read_decisions, read_run
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.sequential import with_decisions
 from cooploc.analysis.report import html_page, run_diff
-from cooploc.analysis.report import reproduce as again
 from cooploc.estimators import split_labels
 from cooploc.estimators.errors import BadInput
 from cooploc.run_options import How
@@ -140,7 +139,7 @@ def load_run(folder: str | Path) -> Results:
         BadInput: it is not a run directory, or holds no results.
 
     """
-    stored = read(Path(folder))
+    stored = read_run(Path(folder))
     return Results(stored.folder, stored.rows, *compared(stored.rows, stored.baselines, stored.comparisons))
 
 
@@ -222,9 +221,9 @@ def looks_of(run: Any) -> list[int]:
     return [] if isinstance(run, pd.DataFrame) else looks_taken(read_decisions(_folder(run)))
 
 
-def kept(run: Any) -> Kept:
+def kept(run: Any) -> StoredRun:
     """What is on disk of a run."""
-    return read(_folder(run))
+    return read_run(_folder(run))
 
 
 def _folder(run: Any) -> Path:

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 import cooploc as cl
 from cooploc.analysis.claims import verdicts
 from cooploc.analysis.claims.ledger import BASE, load
-from cooploc.analysis.execution.stored_run import read
+from cooploc.analysis.execution.run_directory import read_run
 from cooploc.analysis.metrics.crlb import floors
 from cooploc.analysis.metrics.errors import stream_hash
 from cooploc.analysis.plot import style
@@ -42,7 +42,7 @@ CAPTION = (
 
 def values(runs: Path, out: Path, data: Path) -> dict[str, Any]:
     """Return the words of the text, and draw its figures."""
-    kept, ledger = read(runs / "paper"), load()
+    kept, ledger = read_run(runs / "paper"), load()
     judged = verdicts.judge(ledger, kept.rows)
     captions = []
     for name, title, axes in _figures(kept.rows[kept.rows["estimator"].isin(MAIN)], kept.manifest["seed"], judged):

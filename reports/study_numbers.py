@@ -12,7 +12,7 @@ import cooploc as cl
 from cooploc.analysis.claims import verdicts
 from cooploc.analysis.claims.ledger import load
 from cooploc.analysis.claims.verdicts import DECIDED, judge
-from cooploc.analysis.execution.stored_run import read
+from cooploc.analysis.execution.run_directory import read_run
 from cooploc.analysis.formats import Format, count, interval, metres, percent, ratio
 from cooploc.analysis.formats import change as signed
 from cooploc.analysis.metrics import statistics
@@ -79,7 +79,7 @@ class StudyRun:
     """
 
     def __init__(self, run: str | Path) -> None:
-        self.stored = read(Path(run))
+        self.stored = read_run(Path(run))
         self._of = dict(list(self.stored.rows.groupby(["scenario", "estimator"], sort=False)))
         self._trials: dict[Cell, pd.DataFrame] = {}
 
@@ -177,7 +177,7 @@ def decided_by_more_trials(run: str | Path) -> dict[str, int | str]:
     trials of a run that gives every scenario and estimator as many as its last look has. `more`: how many of the others
     one look at all of its trials would settle.
     """
-    stored, ledger = read(Path(run)), load()
+    stored, ledger = read_run(Path(run)), load()
     rows, decisions = stored.rows, stored.decisions or {}
     asked = [n for cell in stored.manifest["cells"].values() for n in cell["estimators"].values()]
     lasting = verdicts.lasting(ledger, verdicts.judge_run(ledger, rows, stored.looks))

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.registry import CallablePackage, Registry, parse, source_of
-from cooploc.scenarios.remote import RemoteScenario, described
 from cooploc.scenarios.scenario import Family as Family
 from cooploc.scenarios.scenario import ResolvedScenario, build_scenario, split_family
 from cooploc.scenarios.stream import Stream, Truth
@@ -138,21 +137,6 @@ def simulate(
             raise BadInput(f"{key} is a set of values, and a stream has one: cl.sweep runs estimators at each of them")
     other = {f"{ASSUMED}{key}": value for key, value in (assumed or {}).items()}
     return _resolve(label, *parse(label), data, overrides, other).simulate(trials, seed)
-
-
-def resolve_isolated(label: str, data: str | Path | None = None) -> ResolvedScenario | RemoteScenario:
-    """As `resolve`; a scenario that is not built in is resolved, and later simulated, by other processes alone.
-
-    Raises:
-        BadInput: as `resolve`; or the process that resolved it died.
-
-    """
-    path, written = parse(label)
-    name, _ = split_family(path)
-    if name not in BUILTIN:
-        module_of(name)  # an unknown name is refused here
-        return described(label, None if data is None else Path(data))
-    return _resolve(label, path, written, data, {})
 
 
 def resolve(label: str, data: str | Path | None = None, **overrides: Any) -> ResolvedScenario:

@@ -24,7 +24,7 @@ SKIPPED = "by request (--no-check)"
 NOT_YET = "the run has no certificate of it"
 
 
-def renewed(
+def check_plugins(
     estimators: Iterable[ConfiguredEstimator],
     held: dict[str, Any],
     check: bool,
@@ -85,7 +85,7 @@ def _line(certificate: dict[str, Any] | None) -> str:
     return f"{certificate['status']}: {certificate['found']}{TRAINED + learned if learned else ''}"
 
 
-def with_lines(
+def with_certificates(
     rows: pd.DataFrame, certificates: dict[str, Any], estimators: Iterable[ConfiguredEstimator] | None = None
 ) -> pd.DataFrame:
     """Return the rows of a run with a column `certificate`; labels are read where `estimators` does not give them."""

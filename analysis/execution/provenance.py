@@ -1,4 +1,4 @@
-"""What the bits of a run depend on: versions, source, the processor's instructions, recordings."""
+"""Provenance: what the bits of a run depend on, such as versions, source, the processor's instructions, recordings."""
 
 import hashlib
 import platform
@@ -18,7 +18,6 @@ from cooploc import scenarios as scenario_names
 from cooploc.estimators.building import ConfiguredEstimator
 from cooploc.estimators.plugin_files import Named, artifacts_of, distributions, helpers_of, of_module, trained_on, tree
 from cooploc.estimators.registry import is_file
-from cooploc.scenarios.remote import RemoteScenario
 from cooploc.scenarios.scenario import ResolvedScenario
 
 PACKAGES = ("cooploc", "filterpy", "numpy", "scipy", "numba", "pandas", "pyarrow")
@@ -45,33 +44,43 @@ def bits() -> dict[str, Any]:
     }
 
 
+def version_changes(one: dict[str, Any], other: dict[str, Any]) -> list[tuple[str, Any, Any]]:
+    """Return the packages whose versions differ between two manifests, with both versions."""
+    both = one["versions"], other["versions"]
+    versions = [(name, *(known.get(name) for known in both)) for name in sorted({*both[0], *both[1]})]
+    return [(name, before, after) for name, before, after in versions if before != after]
+
+
 def fingerprint(folder: Path) -> str:
     """One hash over the names and contents of a directory's files."""
     return _hash((file.name, file) for file in sorted(folder.iterdir()) if file.is_file())
 
 
-def files(
-    estimators: Iterable[ConfiguredEstimator], scenarios: Iterable[ResolvedScenario | RemoteScenario] = ()
-) -> dict[str, str]:
-    """A hash of the source of all that is not built in: its file with its helpers, or the files of its package.
+def files(estimators: Iterable[ConfiguredEstimator], scenarios: Iterable[ResolvedScenario] = ()) -> dict[str, str]:
+    """Return a hash of the source of each plug-in: its file with its helpers, or the files of its package.
 
     With the artifacts that its classes name. What these import from elsewhere is not hashed; `imports` has versions.
     """
-    return {name: _hash_of(name, found) for name, found in _sources(estimators, scenarios).items()}
+    found = {}
+    for name, sources in _sources(estimators, scenarios).items():
+        both = [*sources, *artifacts_of(path for _, path in sources if path.suffix == ".py")]
+        alone = name.endswith(".py") and len(both) == 1
+        found[name] = hashlib.sha256(both[0][1].read_bytes()).hexdigest() if alone else _hash(both)
+    return found
 
 
 def imports(
-    estimators: Iterable[ConfiguredEstimator], scenarios: Iterable[ResolvedScenario | RemoteScenario] = ()
+    estimators: Iterable[ConfiguredEstimator], scenarios: Iterable[ResolvedScenario] = ()
 ) -> dict[str, dict[str, str]]:
-    """The versions of the distributions that each plug-in imports, by the plug-in's file or name."""
+    """Return the versions of the distributions that each plug-in imports, by the plug-in's file or name."""
     sources = _sources(estimators, scenarios).items()
     return {name: distributions(file for _, file in found) for name, found in sources}
 
 
 def _sources(
-    estimators: Iterable[ConfiguredEstimator], scenarios: Iterable[ResolvedScenario | RemoteScenario]
+    estimators: Iterable[ConfiguredEstimator], scenarios: Iterable[ResolvedScenario]
 ) -> dict[str, list[Named]]:
-    """The files of all that is not built in, by the path of a file, or the name of an installed plug-in."""
+    """Return the files of each plug-in, by the path of a file, or the name of an installed plug-in."""
     homes = {one.name: estimator_names.module_of(one.name) for one in estimators}
     homes |= {one.name: scenario_names.module_of(one.name) for one in scenarios}
     found = {}
@@ -85,7 +94,7 @@ def _sources(
 
 
 def training_of(name: str) -> str:
-    """What an estimator that is not built in says that it was trained on; empty where it says nothing."""
+    """Return what a plug-in estimator says that it was trained on; empty where it says nothing."""
     module = estimator_names.module_of(name)
     if is_file(name):
         path, _, attribute = name.rpartition(":")
@@ -98,14 +107,6 @@ def source_hash(root: Path = ROOT) -> str:
     """One hash over the code below `root` that decides what a trial's errors are."""
     floors = [named for floor in FLOORS for named in tree(root / floor, ".py")]
     return _hash([*floors, ("errors.py", root / "analysis" / "metrics" / "errors.py")])
-
-
-def _hash_of(name: str, found: list[Named]) -> str:
-    """The hash of a plug-in's files, with the artifacts that they name; that of a file without either is its own."""
-    both = [*found, *artifacts_of(path for _, path in found if path.suffix == ".py")]
-    if name.endswith(".py") and len(both) == 1:
-        return hashlib.sha256(both[0][1].read_bytes()).hexdigest()
-    return _hash(both)
 
 
 def _hash(files: Iterable[tuple[str, Path]]) -> str:
@@ -140,7 +141,7 @@ def instructions() -> dict[str, str]:
     return {
         "machine": platform.machine(),
         "numpy": " ".join(sorted(name for name, there in __cpu_features__.items() if there)),
-        "numba": f"{compiler}, optimisation {config.OPT}, features {_digest(features)}",
+        "numba": f"{compiler}, optimisation {config.OPT}, features {_short_hash(features)}",
         "blas": ", ".join(sorted(blas)),
         "jit": "off" if config.DISABLE_JIT else "on",
     }
@@ -153,10 +154,6 @@ def _is_ours(library: Path) -> bool:
     return brought_by.split(".")[0] in ("numpy", "scipy")
 
 
-def _digest(text: str) -> str:
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
-
-
 def _cpu() -> str:
     try:
         text = Path("/proc/cpuinfo").read_text(encoding="utf-8")
@@ -164,3 +161,7 @@ def _cpu() -> str:
     except OSError:
         found = None
     return found[1] if found else platform.processor() or platform.machine()
+
+
+def _short_hash(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:16]

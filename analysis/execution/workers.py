@@ -1,22 +1,221 @@
-"""Where tasks run: in this process, in local processes, or on a Dask cluster."""
+"""Workers: they simulate chunks of trials and run estimators on them, in this process, in others, or on a Dask cluster.
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+A trial that fails affects no other. A plug-in estimator runs in a process of its own, which gets streams without the
+seed that made them; a plug-in world is simulated there too. When a worker process dies, the few tasks that were running
+are tried again one by one, then by estimator and by trial, until what ends its process is one trial of one estimator: a
+failure like any other.
+"""
 
-from cooploc.analysis.execution.dask_cluster import connected
-from cooploc.analysis.execution.local_workers import ThisMachine, ThisProcess
-from cooploc.analysis.execution.pool import Workers
-from cooploc.estimators.errors import BadInput
-from cooploc.scenarios.processes.workers import BUILTIN, SESSION, end_all
+import asyncio
+import hashlib
+import json
+import logging
+import multiprocessing
+import os
+import re
+import threading
+import time
+import traceback
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
+from importlib import import_module
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
 
+import numpy as np
+import pandas as pd
+
+from cooploc.analysis.execution.provenance import bits
+from cooploc.analysis.execution.run_directory import PartKey
+from cooploc.analysis.metrics.errors import COLUMNS, errors
+from cooploc.estimators import configure, make
+from cooploc.estimators.building import ConfiguredEstimator
+from cooploc.estimators.compiled import kept_at
+from cooploc.estimators.errors import BadInput, one_line
+from cooploc.estimators.kalman_kernels import whiten
+from cooploc.scenarios import BUILTIN as BUILTIN_SCENARIOS
+from cooploc.scenarios import resolve
+from cooploc.scenarios.process import (
+    BUILTIN,
+    GRACE,
+    PLUGINS,
+    SESSION,
+    ProcessDied,
+    ProcessHung,
+    TimeLimit,
+    WorkerError,
+    call,
+    cause_of,
+    end_all,
+    place_of,
+    pool,
+    within,
+)
+from cooploc.scenarios.runner.run import PluginJob, Run, trace_in_process
+from cooploc.scenarios.runner.trace import Trace, trace, warm_up
+from cooploc.scenarios.scenario import ResolvedScenario
+from cooploc.scenarios.stream import Stream, Truth
+
+FAILURE = ("failure", "traceback")  # why a trial has no result, in a line and in full; missing where it has one
+FAILS = Exception, SystemExit, GeneratorExit, TimeLimit  # what a trial's code may raise without ending more
 MOST_JOBS = 1024
 
 
+# What a worker does.
+
+
+@dataclass(frozen=True)
+class Task:
+    """One chunk of a scenario's trials, for the estimators that still lack it. It travels as labels."""
+
+    scenario: ResolvedScenario
+    trials: range
+    seed: int
+    estimators: tuple[ConfiguredEstimator, ...]
+    time_limit: float  # [s] for one estimator on one trial
+    isolate: bool = True  # whether plug-ins run in a process of their own
+
+    def smaller(self) -> "list[Task]":
+        """Return one task for each estimator; of one estimator, for each trial; nothing for a single trial of one."""
+        if len(self.estimators) > 1:
+            return [replace(self, estimators=(estimator,)) for estimator in self.estimators]
+        if len(self.trials) > 1:
+            return [replace(self, trials=range(trial, trial + 1)) for trial in self.trials]
+        return []
+
+    def __reduce__(self) -> tuple[Callable[..., "Task"], tuple[Any, ...]]:
+        labels = [one.label for one in self.estimators]
+        rest = self.trials, self.seed, labels, self.time_limit, self.isolate
+        return _read_task, (self.scenario.label, self.scenario.data, *rest)
+
+
+def _read_task(
+    label: str, data: Path | None, trials: range, seed: int, estimators: list[str], limit: float, isolate: bool
+) -> Task:
+    return Task(resolve(label, data), trials, seed, tuple(map(configure, estimators)), limit, isolate)
+
+
+class MeasuredPart(NamedTuple):
+    """The results of one estimator in a task."""
+
+    key: PartKey
+    frame: pd.DataFrame  # as `errors`, without seconds, with `FAILURE`
+    seconds: float  # per robot and tick
+
+
+def measure(task: Task) -> Iterator[MeasuredPart]:
+    """Simulate a task's trials once, run its estimators on them, and yield a part for each."""
+    plugin_world = task.scenario.name not in BUILTIN_SCENARIOS
+    try:
+        if plugin_world and task.isolate:
+            most = task.time_limit * len(task.trials) * (1 + len(task.estimators)) + GRACE
+            yield from call(PLUGINS, _measure_all, replace(task, isolate=False), seconds=most)
+            return
+        with within(task.time_limit, len(task.trials)):
+            truth, stream = task.scenario.simulate(task.trials, task.seed)
+    except FAILS as e:
+        if not plugin_world or isinstance(e, BadInput):
+            raise
+        if not task.smaller():
+            yield failed_part(task, failure_line(e), _full_text(e), hashes=[None])
+        for one in task.smaller():
+            yield from measure(one)
+        return
+    for estimator in task.estimators:
+        if estimator.builtin or not task.isolate:
+            warm_up(estimator.label, make(estimator), stream)
+        yield _part(task, estimator, _run_rows(task, estimator, truth, stream))
+
+
+def _measure_all(task: Task) -> list[MeasuredPart]:
+    return list(measure(task))
+
+
+def _run_rows(task: Task, estimator: ConfiguredEstimator, truth: Truth, stream: Stream) -> pd.DataFrame:
+    """Return the rows of one estimator; where it fails, each trial runs alone, so that the others have a result."""
+    try:
+        traces = {estimator.label: _run(task, estimator, stream)}
+        frame = errors(truth, Run(stream.scenario, stream.seed, stream.trial, stream.hashes, traces))
+        return frame.assign(**{column: pd.Series([None] * len(frame), dtype="str") for column in FAILURE})
+    except FAILS as e:
+        if len(stream.trial) == 1:
+            return _failed_rows(
+                task, estimator, stream.robots, int(stream.trial[0]), stream.hashes[0], failure_line(e), _full_text(e)
+            )
+        single = (slice(i, i + 1) for i in range(len(stream.trial)))
+        frames = [_run_rows(task, estimator, truth.select(s), stream.select(s)) for s in single]
+        return pd.concat(frames, ignore_index=True)
+
+
+def _run(task: Task, estimator: ConfiguredEstimator, stream: Stream) -> Trace:
+    if task.isolate and not estimator.builtin:
+        return trace_in_process(PluginJob(estimator.label, estimator.label, task.time_limit, PLUGINS), [stream], None)
+    with within(task.time_limit, *stream.senses.dt.shape[:2]) as watch:
+        return trace(estimator.label, make(estimator), stream, watch)
+
+
+def _part(task: Task, estimator: ConfiguredEstimator, frame: pd.DataFrame) -> MeasuredPart:
+    key = PartKey(task.scenario.label, estimator.label, task.trials)
+    return MeasuredPart(key, frame.drop(columns="seconds"), float(frame["seconds"].mean()))
+
+
+def failed_part(task: Task, line: str, full: str = "", hashes: Sequence[str | None] | None = None) -> MeasuredPart:
+    """Return the part of a task's one estimator without any result; hashes of streams that can be made are computed."""
+    (estimator,) = task.estimators
+    robots = task.scenario.robots
+    if hashes is None:
+        hashes = [None] * len(task.trials)
+        if task.scenario.name in BUILTIN_SCENARIOS:
+            _, stream = task.scenario.simulate(task.trials, task.seed)
+            robots, hashes = stream.robots, stream.hashes
+    pairs = zip(task.trials, hashes, strict=True)
+    frames = [_failed_rows(task, estimator, robots, trial, hashed, line, full or line) for trial, hashed in pairs]
+    return _part(task, estimator, pd.concat(frames, ignore_index=True))
+
+
+def _failed_rows(
+    task: Task, estimator: ConfiguredEstimator, robots: int, trial: int, stream: str | None, line: str, full: str
+) -> pd.DataFrame:
+    """Return the rows of one trial without a result, and why."""
+    who = {"scenario": task.scenario.label, "estimator": estimator.label, "trial": trial, "robot": np.arange(robots)}
+    streams = pd.Series([stream] * robots, dtype="str")
+    rest = {"robots": robots, "stream": streams, "failure": line, "traceback": full}
+    known = {"centralised": False, "bound": False}
+    return pd.DataFrame({**who, **rest, **known, "seconds": float("nan")}).reindex(columns=[*COLUMNS, *FAILURE])
+
+
+def failure_line(e: BaseException) -> str:
+    """Return what a trial's code raised, and where, in one line."""
+    if isinstance(e, ProcessDied | ProcessHung) or isinstance(e.__cause__, WorkerError):
+        return one_line(e)
+    return f"{e if isinstance(e, WorkerError) else one_line(e)} ({place_of(e)})"
+
+
+def _full_text(e: BaseException) -> str:
+    return "".join(traceback.format_exception(e))
+
+
+# Where tasks run.
+
+
+class Workers(Protocol):
+    """Some place where tasks run."""
+
+    jobs: int  # processes on this machine that need compiled kernels
+
+    def compute(self, tasks: list[Task]) -> Iterator[MeasuredPart]:
+        """Yield the parts of every task, in any order."""
+        ...
+
+
 @contextmanager
-def hired(
+def make_workers(
     jobs: int, scheduler: str | None, isolate: bool, say: Callable[[str], None], keep: bool = False
 ) -> Iterator[Workers]:
-    """Workers for a run; without `isolate` it is this process alone; with `keep`, plug-ins' processes wait for more.
+    """Yield workers for a run; with `keep`, the plug-ins' processes stay for the next run.
 
     Raises:
         BadInput: fewer than one job, no cluster at the address, or several processes that are to be one.
@@ -27,15 +226,281 @@ def hired(
     if not isolate and (jobs > 1 or scheduler is not None):
         other = "--scheduler" if scheduler is not None else f"--jobs {jobs}"
         raise BadInput(f"--no-isolate keeps everything in one process, and {other} asks for others: leave one out")
-    kept: tuple[str, ...] = SESSION, BUILTIN  # for the next run
+    kept: tuple[str, ...] = (SESSION, BUILTIN, PLUGINS) if keep else (SESSION, BUILTIN)
     try:
         if scheduler is not None:
-            with connected(scheduler, say) as cluster:
-                yield cluster
+            with _connect(scheduler) as client:
+                yield DaskCluster(client, scheduler, say)
         else:
-            yield ThisMachine(jobs, keep) if isolate else ThisProcess()
+            yield LocalProcesses(jobs) if jobs > 1 else ThisProcess(jobs if isolate else 0)
     except BaseException:
         kept = (SESSION,)
         raise
     finally:
         end_all(but=kept)
+
+
+class ThisProcess:
+    """No workers: tasks run here, one after the other."""
+
+    def __init__(self, jobs: int) -> None:
+        self.jobs = jobs
+
+    def compute(self, tasks: list[Task]) -> Iterator[MeasuredPart]:
+        """Yield the parts of every task, in order."""
+        for task in tasks:
+            yield from measure(task)
+
+
+class LocalProcesses:
+    """Processes on this machine; new ones where one of them died."""
+
+    deaths: tuple[type[BaseException], ...] = (BrokenExecutor,)
+
+    def __init__(self, jobs: int) -> None:
+        self.jobs = jobs
+        self.window = jobs + 1  # tasks that may run or wait at a time: the suspects when a worker dies
+
+    def submit(self, task: Task) -> "Future[Any]":
+        """Send a task to a worker."""
+        return pool(BUILTIN, self.jobs).submit(_measure_all, task)
+
+    def result(self, future: "Future[Any]") -> list[MeasuredPart]:
+        """Return the parts of a task."""
+        parts: list[MeasuredPart] = future.result()
+        return parts
+
+    def wait_any(self, running: Iterable["Future[Any]"]) -> "set[Future[Any]]":
+        """Return those that are done, at least one."""
+        return wait(running, return_when=FIRST_COMPLETED).done
+
+    def renew(self) -> None:
+        """Replace the workers, one of which died."""
+        end_all(but=(SESSION, PLUGINS))
+
+    def compute(self, tasks: list[Task]) -> Iterator[MeasuredPart]:
+        """Yield the parts of every task, as they come."""
+        waiting, suspects = deque(tasks), deque[Task]()
+        running: dict[Future[Any], Task] = {}
+        alone = False
+        while waiting or suspects or running:
+            if suspects and not running:
+                alone = True
+                running[self.submit(suspects[0])] = suspects.popleft()
+            while waiting and not suspects and len(running) < self.window and not (alone and running):
+                alone = False
+                running[self.submit(waiting[0])] = waiting.popleft()
+            for future in self.wait_any(running):
+                task = running.pop(future)
+                try:
+                    yield from self.result(future)
+                except self.deaths as e:
+                    self.renew()
+                    if alone and not task.smaller():
+                        yield failed_part(task, f"the process that ran it died ({cause_of(e)})")
+                    else:
+                        suspects.extend(task.smaller() if alone else [task])
+
+
+# A running Dask cluster: the same tasks, through the same interface.
+
+PATIENCE = 5  # [s] for the scheduler to answer
+LOOK = 2.0  # [s] between looks at a cluster that gives no results
+ALONE = 8.0, 60.0  # [s] without any worker before that is said, and between repetitions
+REMEDY = {
+    "versions": "install the same there",
+    "source": "install the same there",
+    "instructions": "use workers of one kind of processor, with the same flags",
+}
+_one_at_a_time = threading.Lock()
+
+
+class DaskParts(NamedTuple):
+    """The results of a task, the worker that computed them, and what the bits of its results depend on."""
+
+    worker: str
+    bits: dict[str, Any]
+    parts: list[MeasuredPart]
+
+
+class DaskCluster(LocalProcesses):
+    """The workers of a Dask scheduler, which itself replaces dead workers and repeats their tasks."""
+
+    def __init__(self, client: Any, address: str, say: Callable[[str], None]) -> None:
+        from distributed.scheduler import KilledWorker
+
+        self._client, self._address, self._say = client, address, say
+        self._executor = client.get_executor(pure=False)
+        self._mine = bits()
+        self.jobs, self.window = 0, 2 * max(1, sum(client.nthreads().values()))
+        self.deaths = (KilledWorker,)
+
+    def submit(self, task: Task) -> "Future[Any]":
+        future: Future[Any] = self._executor.submit(_measure_on_dask, task)
+        return future
+
+    def renew(self) -> None:
+        return
+
+    def result(self, future: "Future[Any]") -> list[MeasuredPart]:
+        """Return the parts of a task, from a worker that gives the same bits as this machine.
+
+        Raises:
+            BadInput: the worker is unlike this machine, or cannot run the task at all.
+
+        """
+        try:
+            found: DaskParts = future.result()
+        except (asyncio.CancelledError, CancelledError):
+            raise BadInput(_gone(self._address)) from None
+        except (ImportError, AttributeError) as e:
+            raise BadInput(f"a worker of {self._address} cannot run cooploc ({one_line(e)}): install it there") from e
+        require_same_bits(found.worker, found.bits, self._mine)
+        return found.parts
+
+    def wait_any(self, running: Iterable["Future[Any]"]) -> "set[Future[Any]]":
+        """Return those that are done; say so where no worker is left.
+
+        Raises:
+            BadInput: the scheduler is gone.
+
+        """
+        alone, said = 0.0, float("-inf")
+        while not (done := wait(running, timeout=LOOK, return_when=FIRST_COMPLETED).done):
+            if self._client.status != "running":
+                raise BadInput(_gone(self._address))
+            alone = 0.0 if self._count_workers() else alone or time.monotonic()
+            now = time.monotonic()
+            if alone and now - alone > ALONE[0] - LOOK and now - said > ALONE[1]:
+                said = now
+                self._say(f"the Dask cluster at {self._address} has no workers: waiting for one (dask worker ...)")
+        return done
+
+    def _count_workers(self) -> int:
+        try:
+            return len(self._client.nthreads())
+        except Exception as e:  # whatever a connection raises while it is being lost
+            raise BadInput(_gone(self._address)) from e
+
+
+def _measure_on_dask(task: Task) -> DaskParts:
+    """Measure a task; only one thread of a worker computes at a time, so that each task is timed alone."""
+    from distributed import get_worker
+
+    with _one_at_a_time:
+        # Dask's workers are daemons, which may have no children; those of plug-ins end with their parent.
+        multiprocessing.current_process()._config["daemon"] = False  # type: ignore[attr-defined]
+        return DaskParts(get_worker().address, bits(), list(measure(task)))
+
+
+@contextmanager
+def _connect(address: str) -> Iterator[Any]:
+    """Yield the client of a cluster whose workers give the bits that this machine would.
+
+    Raises:
+        BadInput: Dask is not installed, no scheduler answers, there are no workers, or they run other versions.
+
+    """
+    try:
+        distributed: Any = import_module("distributed")
+    except ImportError:
+        raise BadInput("--scheduler needs Dask, which is not installed: pip install 'cooploc[cluster]'") from None
+    if not re.fullmatch(r"\w+://.+:\d+", address):
+        raise BadInput(f"cannot read the scheduler's address {address!r}; write it like tcp://10.0.0.1:8786")
+    for name in ("distributed", "distributed.client", "distributed.utils", "tornado.application"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)  # what they complain of is said in one line
+    try:
+        client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
+    except (OSError, ValueError, TypeError) as e:
+        raise BadInput(
+            f"no Dask scheduler answers at {address} ({type(e).__name__}): start one, or correct the address"
+        ) from None
+    try:
+        theirs = client.run(bits, on_error="return")
+        if not theirs:
+            raise BadInput(f"the Dask scheduler at {address} has no workers: start some (dask worker {address})")
+        for worker, found in theirs.items():
+            if not isinstance(found, dict):
+                raise BadInput(f"the Dask worker {worker} cannot import cooploc ({found}): install it there")
+            require_same_bits(worker, found, bits())
+        yield client
+    finally:
+        client.close(timeout=1)
+
+
+def require_same_bits(worker: str, theirs: dict[str, Any], mine: dict[str, Any]) -> None:
+    """Refuse a worker that has other versions, another source or another processor, and so would give other bits.
+
+    Raises:
+        BadInput: says what differs.
+
+    """
+    for key in mine:
+        if theirs.get(key) != mine[key]:
+            raise BadInput(f"the Dask worker {worker} has other {key} than this machine: {REMEDY[key]}")
+
+
+def _gone(address: str) -> str:
+    return f"the Dask scheduler at {address} is gone; what was finished is kept: start it, and the same command goes on"
+
+
+# Kernels, compiled before the trials begin, in processes side by side. A mark on disk, beside the kernels, says what
+# this version has compiled already.
+
+
+def compile_kernels(tasks: Iterable[Task], jobs: int, begin: Callable[[], None]) -> None:
+    """Compile what built-in estimators need in these tasks and was not yet compiled; `begin` is called if any does."""
+    cold = {mark: found for mark, found in _tasks_by_mark(tasks).items() if not mark.exists()}
+    if not cold:
+        return
+    begin()
+    processes = min(max(jobs, 2), os.cpu_count() or 1, len(cold))
+    if processes == 1:
+        compile_all(list(cold.values()))
+    else:  # neighbours in a study share kernels, so that each process takes a piece of the list
+        pieces = [[list(cold.values())[i] for i in piece] for piece in np.array_split(np.arange(len(cold)), processes)]
+        with suppress(BrokenExecutor):  # what broke it is met again, and said, in the run
+            for future in [pool(BUILTIN, processes).submit(compile_all, piece) for piece in pieces]:
+                future.result()
+        if processes != jobs:
+            end_all(but=(SESSION, PLUGINS))
+    for mark in cold:
+        with suppress(OSError):
+            mark.parent.mkdir(parents=True, exist_ok=True)
+            mark.touch()
+
+
+def compile_all(cold: list[list[Task]]) -> None:
+    """Run two ticks of every task's estimators; each scenario is simulated once."""
+    streams = dict[str, Stream]()
+    for task in [task for tasks in cold for task in tasks]:
+        if task.scenario.label not in streams:
+            streams[task.scenario.label] = task.scenario.simulate(task.trials, task.seed)[1]
+        for estimator in task.estimators:
+            warm_up(estimator.label, make(estimator), streams[task.scenario.label])
+
+
+def _tasks_by_mark(tasks: Iterable[Task]) -> dict[Path, list[Task]]:
+    """Return, by the mark of each kind of estimator, its first task of the smallest team and of the largest."""
+    found: dict[Path, list[Task]] = {}
+    for task in sorted(tasks, key=lambda one: one.scenario.robots):
+        for estimator in task.estimators:
+            if estimator.builtin and task.scenario.name in BUILTIN_SCENARIOS and not task.scenario.recorded:
+                one = replace(task, trials=task.trials[:1], estimators=(estimator,))
+                found[_mark(estimator)] = [*found.get(_mark(estimator), [])[:1], one]
+    return found
+
+
+def _mark(one: ConfiguredEstimator) -> Path:
+    """Return the file that says that a kind of estimator is compiled: the same for all values of a number."""
+    words = {name: value for name, value in one.parameters.items() if not _is_number(value)}
+    kind = json.dumps([one.name, words, bits()], sort_keys=True)
+    return kept_at(whiten) / f"{hashlib.sha256(kind.encode()).hexdigest()[:24]}.compiled"
+
+
+def _is_number(value: str) -> bool:
+    try:
+        float(value)
+    except ValueError:
+        return False
+    return True

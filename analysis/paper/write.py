@@ -13,7 +13,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from cooploc.analysis.claims.trial_table import TrialTable, collect
-from cooploc.analysis.execution.stored_run import Kept
+from cooploc.analysis.execution.run_directory import StoredRun
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.crlb import floors
 from cooploc.analysis.metrics.curves import sweep
@@ -144,7 +144,7 @@ class Drawn(NamedTuple):
     included: Included
 
 
-def write(kept: Kept, out: Path, columns: Sequence[str], scenarios: Sequence[str] = ()) -> list[Path]:
+def write(kept: StoredRun, out: Path, columns: Sequence[str], scenarios: Sequence[str] = ()) -> list[Path]:
     """Write figures/, tables/, estimators.bib and a document that includes them all; returns the files.
 
     Every sweep is drawn. Of scenarios that sweep nothing, `scenarios` are, or else the first, the middle and the last
@@ -178,7 +178,7 @@ def write(kept: Kept, out: Path, columns: Sequence[str], scenarios: Sequence[str
     return [*drawn, *(out / name for name in texts)]
 
 
-def _parts(kept: Kept, scenarios: Sequence[str]) -> list[Part]:
+def _parts(kept: StoredRun, scenarios: Sequence[str]) -> list[Part]:
     """The experiments with what is asked of them."""
     there = list(kept.rows["scenario"].unique())
     for name in scenarios:
@@ -198,7 +198,7 @@ def _parts(kept: Kept, scenarios: Sequence[str]) -> list[Part]:
     return [part._replace(rows=part.rows.assign(floor=part.rows["scenario"].map(floor))) for part in parts]
 
 
-def _tables(part: Part, results: TrialTable, columns: Sequence[str], known: Labels, kept: Kept) -> list[Placed]:
+def _tables(part: Part, results: TrialTable, columns: Sequence[str], known: Labels, kept: StoredRun) -> list[Placed]:
     by_scenario = part.rows.groupby("scenario", sort=False)
     asked = {"rank", "group"} & set(columns)
     ranks = {str(label): ranked(rows, results) if asked else ({}, {}) for label, rows in by_scenario}
@@ -250,7 +250,7 @@ def _by(found: list[tuple[str, pd.DataFrame]], number: int) -> Iterable[list[tup
     return (found[i : i + number] for i in range(0, len(found), number))
 
 
-def _about(rows: pd.DataFrame, kept: Kept) -> str:
+def _about(rows: pd.DataFrame, kept: StoredRun) -> str:
     counts = np.unique(rows["trials"])
     trials = f"{counts[0]}" if len(counts) == 1 else f"{counts[0]} to {counts[-1]}"
     return f"n = {trials} trials a scenario, seed {kept.manifest['seed']}"

@@ -17,7 +17,7 @@ from cooploc.analysis.claims.verdicts import (
     verdict_sentence,
     verdict_text,
 )
-from cooploc.analysis.execution.stored_run import Kept
+from cooploc.analysis.execution.run_directory import StoredRun
 from cooploc.analysis.formats import count, counted, p_value
 from cooploc.analysis.metrics.sequential import ANYTIME, FIXED
 from cooploc.analysis.report.tables import Table, numbers, words
@@ -205,7 +205,7 @@ class ClaimsShown(NamedTuple):
     legend: str = LEGEND
 
 
-def claims_shown(kept: Kept, ledger: Ledger) -> ClaimsShown | None:
+def claims_shown(kept: StoredRun, ledger: Ledger) -> ClaimsShown | None:
     """The section on claims; None where the run touches no claim of the ledger that is shipped."""
     judged = verdicts.judge_run(ledger, kept.rows, kept.looks)
     touched = judged["verdict"].isin(verdicts.JUDGED).any()

@@ -19,7 +19,8 @@ from markupsafe import Markup
 
 from cooploc.analysis.claims.ledger import Ledger
 from cooploc.analysis.claims.trial_table import TrialTable, collect
-from cooploc.analysis.execution.stored_run import Kept
+from cooploc.analysis.execution.reproduce import PAGE, embedded
+from cooploc.analysis.execution.run_directory import StoredRun
 from cooploc.analysis.metrics import ranking
 from cooploc.analysis.metrics.compare import compare, outlier_warnings
 from cooploc.analysis.metrics.crlb import floors
@@ -41,7 +42,6 @@ from cooploc.analysis.report.page_texts import (
     introduce_estimators,
     methods,
 )
-from cooploc.analysis.report.reproduce import PAGE, embedded
 from cooploc.analysis.report.result_tables import Numbers, events, failure_kinds, scenario_tables, short_names
 from cooploc.analysis.report.tables import Table, csv_text, document, words
 
@@ -196,7 +196,7 @@ def _packed(scenario: str, rmse: pd.DataFrame, every: int) -> dict[str, Any]:
 LONGEST_TITLE = 130  # characters; below a longer description stands only the study's name as a title
 
 
-def numbers_of(kept: Kept) -> Numbers:
+def numbers_of(kept: StoredRun) -> Numbers:
     """The run's table and trials, and how its estimators are drawn and written."""
     table = compare(kept.rows, kept.baselines, full=True)
     table = table if kept.comparisons is None else with_decisions(table, kept.comparisons)
@@ -247,8 +247,7 @@ def _about(numbers: Numbers) -> dict[str, Any]:
         "estimators": introduce_estimators(kept.rows, manifest.get("certificates", {})),
         "scenarios": scenario_tables(table, manifest["scenarios"]),
         "fitted": manifest.get("recordings") or {},
-        "missing": [f"{s}, {e}: {n} of the planned trials are missing" for (s, e), n in kept.gaps.items()]
-        + [*kept.ignored],
+        "missing": [f"{s}, {e}: {n} of the planned trials are missing" for (s, e), n in kept.gaps.items()],
         "remarks": [*ranking.certificate_remarks(table), *outlier_warnings(table)],
         "failures": failure_kinds(kept.rows),
         "events": events(kept.rows),
@@ -288,7 +287,7 @@ def _wording(numbers: Numbers) -> Wording:
     )
 
 
-def _versions(kept: Kept) -> Table:
+def _versions(kept: StoredRun) -> Table:
     manifest = kept.manifest
     imported = {name: at for one in manifest.get("imports", {}).values() for name, at in one.items()}
     used = {**imported, **manifest["versions"], **{key: manifest[key] for key in ("commit", "source", "cpu", "seed")}}
@@ -364,7 +363,7 @@ SCRIPTS = "tables.js.j2", "filters.js.j2", "trials.js.j2", "copy.js.j2"
 STYLES = "page.css.j2", "tables.css.j2", "parts.css.j2", "print.css.j2"
 
 
-def write(kept: Kept, ledger: Ledger, out: Path) -> Path:
+def write(kept: StoredRun, ledger: Ledger, out: Path) -> Path:
     """Write the page, its tables and its trials into a directory; returns the page's path.
 
     Raises:

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from cooploc.analysis.claims.trial_table import TrialTable
-from cooploc.analysis.execution.stored_run import Kept
+from cooploc.analysis.execution.run_directory import StoredRun
 from cooploc.analysis.formats import (
     change,
     count,
@@ -503,7 +503,7 @@ def _sorted(parameters: str) -> tuple[str, ...]:
 class Numbers(NamedTuple):
     """A run, its table and its trials, and how its estimators are drawn and written."""
 
-    kept: Kept
+    kept: StoredRun
     table: pd.DataFrame  # of `compare`
     results: TrialTable
     looks: dict[str, Look]

@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from cooploc.analysis.execution.stored_run import Kept
+from cooploc.analysis.execution.provenance import version_changes
+from cooploc.analysis.execution.run_directory import StoredRun
 from cooploc.analysis.formats import Format, change, count, interval, metres, microseconds, ratio
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.compare import summarize
@@ -41,7 +42,7 @@ COLUMNS = {
 }
 
 
-def changes(a: Kept, b: Kept) -> pd.DataFrame:
+def changes(a: StoredRun, b: StoredRun) -> pd.DataFrame:
     """One row per (scenario, estimator) of either run, with `COLUMNS`.
 
     Trials are paired where their number and the hash of their stream are the same. Where no trial of a scenario is,
@@ -64,20 +65,13 @@ def changes(a: Kept, b: Kept) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
-def settings(a: Kept, b: Kept) -> list[str]:
+def settings(a: StoredRun, b: StoredRun) -> list[str]:
     """Differences of the two manifests, one line each."""
     one, other = a.manifest, b.manifest
     lines = [f"{key}: {one[key]} before, {other[key]} after" for key in SETTINGS if one[key] != other[key]]
-    lines += [f"{name}: {before} before, {after} after" for name, before, after in other_versions(one, other)]
+    lines += [f"{name}: {before} before, {after} after" for name, before, after in version_changes(one, other)]
     worlds = [s for s, p in one["scenarios"].items() if other["scenarios"].get(s, p) != p]
     return lines + [f"{scenario}: its parameters differ" for scenario in worlds]
-
-
-def other_versions(one: dict[str, Any], other: dict[str, Any]) -> list[tuple[str, Any, Any]]:
-    """The packages whose versions differ between two manifests, with both versions."""
-    both = one["versions"], other["versions"]
-    versions = [(name, *(known.get(name) for known in both)) for name in sorted({*both[0], *both[1]})]
-    return [(name, before, after) for name, before, after in versions if before != after]
 
 
 def sentences(found: pd.DataFrame) -> list[str]:
@@ -145,7 +139,7 @@ def _remark(same: bool, pairing: str, before: float, after: float) -> str:
     return ("bit-equal" if same else pairing) + failed
 
 
-def _summary(kept: Kept) -> dict[Any, dict[str, Any]]:
+def _summary(kept: StoredRun) -> dict[Any, dict[str, Any]]:
     """What is shown of each (scenario, estimator) beside the errors."""
     table = summarize(kept.rows)
     table["consistency"] = consistency(table)

@@ -31,9 +31,7 @@ from cooploc.estimators.building import ConfiguredEstimator
 from cooploc.estimators.errors import BadInput, nearest
 from cooploc.estimators.interface import Array
 from cooploc.estimators.tunable import Tunable, Value, declarations
-from cooploc.scenarios.processes.outcome import WorkerError
-from cooploc.scenarios.processes.workers import call
-from cooploc.scenarios.remote import RemoteScenario
+from cooploc.scenarios.process import PLUGINS, WorkerError, call
 from cooploc.scenarios.scenario import ResolvedScenario
 
 CAP = 10.0  # [nats] to know nothing but a 60 m arena scores 8.2
@@ -125,7 +123,7 @@ def space_of(label: str, isolate: bool = True) -> Space:
     if one.builtin or not isolate:
         return Space(one, _declared_parameters(label))
     try:
-        return Space(one, call(one.name, _declared_parameters, label, seconds=IMPORT_LIMIT))
+        return Space(one, call(PLUGINS, _declared_parameters, label, seconds=IMPORT_LIMIT))
     except WorkerError as e:
         raise BadInput(f"{label!r} cannot be imported or made: {e}") from None
 
@@ -213,7 +211,7 @@ class Lane:
     """The training trials that stand for one judged scenario: those of its training scenarios in turn."""
 
     judged: str
-    scenarios: tuple[ResolvedScenario | RemoteScenario, ...]
+    scenarios: tuple[ResolvedScenario, ...]
 
     def item(self, number: int) -> Item:
         """Return the trial of a round; recordings that are used up come again."""

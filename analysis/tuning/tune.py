@@ -21,22 +21,15 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from cooploc.analysis.execution.atomic_file import replace
-from cooploc.analysis.execution.execute import Progress, Quiet, completed, execute, manifest_of
-from cooploc.analysis.execution.fit import require_fit
-from cooploc.analysis.execution.piece import Piece
-from cooploc.analysis.execution.pool import Workers
-from cooploc.analysis.execution.run_directory import RunDir
-from cooploc.analysis.execution.stored_run import read
-from cooploc.analysis.execution.workers import hired
+from cooploc.analysis.execution.run import RunProgress, complete, execute, make_manifest, require_compatible
+from cooploc.analysis.execution.run_directory import PartKey, RunDir, read_run, replace_file
+from cooploc.analysis.execution.workers import Workers, make_workers
 from cooploc.analysis.tuning.search import OBJECTIVES, Item, Lane, Space, search, space_of, trial_scores
 from cooploc.analysis.tuning.tables import gains, history, order
 from cooploc.estimators import configure
 from cooploc.estimators.errors import BadInput, nearest
 from cooploc.estimators.registry import parse
-from cooploc.scenarios import family, resolve, resolve_isolated, simulate
-from cooploc.scenarios.processes.workers import call, end
-from cooploc.scenarios.remote import RemoteScenario
+from cooploc.scenarios import family, resolve, simulate
 from cooploc.scenarios.scenario import ResolvedScenario, split_family
 from cooploc.scenarios.stream import Stream, Truth
 from cooploc.scenarios.studies.study import Block, ResolvedCell, ResolvedStudy, Study, StudyCell, resolve_study
@@ -88,7 +81,7 @@ def tune(
     jobs: int = 1,
     check: bool = True,
     isolate: bool = True,
-    progress: Progress | None = None,
+    progress: RunProgress | None = None,
 ) -> Tuned:
     """Tune, compare on fresh streams, and keep everything in `out`; what is there already is not computed again.
 
@@ -113,15 +106,15 @@ def tune(
         raise BadInput(f"there is no objective {objective!r}; {nearest(objective, list(OBJECTIVES))}")
     if out.exists() and not (out / "training").is_dir() and (not out.is_dir() or any(out.iterdir())):
         raise BadInput(f"{out} exists and is not the directory of a tuning; name another with --out")
-    watcher = progress or Quiet()
+    watcher = progress or RunProgress()
     seed = derived_seed(study.seed, "training")
     directory = RunDir(out / "training")
-    with hired(jobs, None, isolate, watcher.say, keep=True) as workers, directory.locked():
+    with make_workers(jobs, None, isolate, watcher.say, keep=True) as workers, directory.locked():
         (out / RECORD_FILE).unlink(missing_ok=True)
-        asked = resolve_study(study, data, isolate)
-        own = lanes(asked.cells, study.training, data, isolate)
+        asked = resolve_study(study, data)
+        own = lanes(asked.cells, study.training, data)
         training = asked._replace(study=study.model_copy(update={"seed": seed}), cells=())
-        require_fit(asked._replace(study=training.study), isolate)
+        require_compatible(asked._replace(study=training.study), isolate)
         scenarios = {one.label: one for lane in own.values() for one in lane.scenarios}
         counted = _BudgetProgress(watcher, budget * len(asked.estimators))
         evaluations = Evaluations(training, scenarios, directory, workers, counted, objective)
@@ -168,13 +161,13 @@ def load_tuned(folder: str | Path) -> Tuned:
     try:
         record = json.loads((where / RECORD_FILE).read_text(encoding="utf-8"))
         tried, table = (pd.read_csv(where / name) for name in (HISTORY_FILE, TABLE_FILE))
-        return Tuned(where, tried, table, read(where / "fresh").rows, record["tuned"], record)
+        return Tuned(where, tried, table, read_run(where / "fresh").rows, record["tuned"], record)
     except (OSError, ValueError, LookupError, TypeError) as e:
         raise BadInput(f"{folder} is damaged ({e}); the cooploc tune that wrote it writes it again") from None
 
 
 def _write(file: Path, text: str) -> None:
-    replace(file, lambda temporary: temporary.write_bytes(text.encode()))
+    replace_file(file, lambda temporary: temporary.write_bytes(text.encode()))
 
 
 def _competitors(asked: ResolvedStudy, own: Mapping[str, Lane], isolate: bool) -> list[tuple[Space, Sequence[Lane]]]:
@@ -190,12 +183,19 @@ def _competitors(asked: ResolvedStudy, own: Mapping[str, Lane], isolate: bool) -
     return found
 
 
-class _BudgetProgress:
+class _BudgetProgress(RunProgress):
     """Passes on progress as one count for all steps of a search."""
 
-    def __init__(self, watcher: Progress, total: int) -> None:
+    def __init__(self, watcher: RunProgress, total: int) -> None:
         self._watcher, self._total, self._done, self._begun = watcher, total, 0, False
-        self.say, self.compiling = watcher.say, watcher.compiling
+
+    def compiling(self) -> None:
+        """Pass it on."""
+        self._watcher.compiling()
+
+    def say(self, line: str) -> None:
+        """Pass it on."""
+        self._watcher.say(line)
 
     def begin(self, trials: int, found: int) -> None:
         """Announce the whole budget, once."""
@@ -217,10 +217,10 @@ class Evaluations:
     """
 
     training: ResolvedStudy  # its study has the training seed; cells are added as they are asked for
-    scenarios: Mapping[str, ResolvedScenario | RemoteScenario]
+    scenarios: Mapping[str, ResolvedScenario]
     directory: RunDir
     workers: Workers
-    watcher: Progress
+    watcher: RunProgress
     objective: str
     scores: dict[tuple[str, Item], float] = field(default_factory=dict)
     streams: dict[Item, str] = field(default_factory=dict)  # hashes of what tuning has seen
@@ -230,8 +230,8 @@ class Evaluations:
         pairs = list(pairs)
         if cells := self._cells([pair for pair in pairs if pair not in self.scores]):
             asked = self.training._replace(cells=tuple(cells))
-            self.directory.open({**manifest_of(asked), "isolated": True})
-            for piece in completed(asked, self.directory, self.workers, False, self.watcher):
+            self.directory.open({**make_manifest(asked), "isolated": True})
+            for piece in complete(asked, self.directory, self.workers, self.watcher):
                 self._keep(piece)
         return {pair: self.scores[pair] for pair in pairs}
 
@@ -246,7 +246,7 @@ class Evaluations:
             for label, trials in upto.items()
         ]
 
-    def _keep(self, piece: Piece) -> None:
+    def _keep(self, piece: PartKey) -> None:
         rows = self.directory.read(piece)
         for trial, score in trial_scores(rows, self.objective).items():
             self.scores[piece.estimator, Item(piece.scenario, int(str(trial)))] = float(score)
@@ -299,9 +299,7 @@ def training(
     return simulate(label, trials=trials, seed=derived_seed(seed, "training"), assumed=assumed, **overrides)
 
 
-def lanes(
-    cells: Iterable[ResolvedCell], training: dict[str, tuple[str, ...]], data: Path | None, isolate: bool
-) -> dict[str, Lane]:
+def lanes(cells: Iterable[ResolvedCell], training: dict[str, tuple[str, ...]], data: Path | None) -> dict[str, Lane]:
     """Return the lane of every judged scenario; one whose `training` is empty has none, and is only judged.
 
     Raises:
@@ -311,7 +309,6 @@ def lanes(
     judged = {cell.scenario.label: cell.scenario for cell in cells}
     if unknown := [label for label in training if label not in judged]:
         raise BadInput(f"training names {unknown[0]!r}, which is not a scenario of the study; leave it out")
-    make = resolve_isolated if isolate else resolve
     found = {}
     for label, scenario in judged.items():
         if scenario.recorded and label not in training:
@@ -319,7 +316,7 @@ def lanes(
                 f"scenario {label!r} is a recording, and tuning on the run that is judged is refused: say in the "
                 f'study on which other it is tuned, training = {{ "{label}" = ["..."] }}, or [] for none'
             )
-        own = tuple(make(one, data) for one in training[label]) if label in training else (scenario,)
+        own = tuple(resolve(one, data) for one in training[label]) if label in training else (scenario,)
         if own:
             found[label] = Lane(label, own)
     reported = [(one.label, stream) for one in judged.values() if one.recorded for stream in _recordings(one)]
@@ -335,15 +332,9 @@ def lanes(
     return found
 
 
-def _recordings(scenario: ResolvedScenario | RemoteScenario) -> list[Stream]:
-    """Return its trials, each a stream; what is not built in is read by a process of its own."""
-    trials = range(scenario.trials(1))
-    if isinstance(scenario, ResolvedScenario):
-        return [scenario.simulate([trial], 0)[1] for trial in trials]
-    owner = f"simulate {scenario.name}"
-    found = [call(owner, scenario.simulate, [trial], 0, seconds=READ_LIMIT)[1] for trial in trials]
-    end(owner)
-    return found
+def _recordings(scenario: ResolvedScenario) -> list[Stream]:
+    """Return its trials, each a stream."""
+    return [scenario.simulate([trial], 0)[1] for trial in range(scenario.trials(1))]
 
 
 def overlap(a: Stream, b: Stream) -> bool:

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import cooploc as cl
-from cooploc.analysis.execution.stored_run import read
+from cooploc.analysis.execution.run_directory import read_run
 from cooploc.analysis.metrics.ranking import short_certificate
 from cooploc.scenarios.runner.trace import trace
 
@@ -105,7 +105,7 @@ def rows(found: list[Peer], data: Path | None) -> list[list[str]]:
     labels = [OURS, *(one.label for one in found)]
     study = HERE / ("peers.toml" if data else "peers-simulated.toml")
     table = cl.run_study(study, estimators=labels, data=data, out=out).table.set_index(["scenario", "estimator"])
-    certificates = read(out).manifest["certificates"]
+    certificates = read_run(out).manifest["certificates"]
     worlds = list(dict.fromkeys(table.index.get_level_values(0)))
     ours = Peer(OURS, 0, "")
     made = []

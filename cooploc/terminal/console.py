@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from rich.text import Text
 
+from cooploc.analysis.execution.run import RunProgress
 from cooploc.analysis.formats import duration
 
 HIDDEN = {"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"}  # Unicode's control, format, surrogate, private, separating
@@ -61,7 +62,7 @@ LINE_EVERY = 5.0  # [s]
 ENOUGH = 0.02  # of the processor time, before which the time left cannot be estimated
 
 
-class TerminalProgress:
+class TerminalProgress(RunProgress):
     """Counts (estimator, trial) pairs; a context manager around the run."""
 
     def __init__(self) -> None:

@@ -18,8 +18,7 @@ from cooploc.scenarios.conformance.checks import CHECKS, Check
 from cooploc.scenarios.conformance.compare import CheckFailed, CheckSkipped
 from cooploc.scenarios.conformance.harness import Harness, one_line, raised_by
 from cooploc.scenarios.conformance.report import Report, Result, sentences
-from cooploc.scenarios.processes.outcome import WorkerError
-from cooploc.scenarios.processes.workers import SESSION, call
+from cooploc.scenarios.process import SESSION, WorkerError, call
 from cooploc.scenarios.runner.run import label_of, make_instance
 
 SMALLER = ((1, 2), (1, 4), (1, 8), (2, 4))  # (trials, ticks) of smaller counterexamples, in the order tried
@@ -83,7 +82,7 @@ def checked_there(
             check catches.
 
     """
-    report: Report = call(owner, checked_here, estimator, name, seed, only, processor_seconds=seconds)
+    report: Report = call(owner, checked_here, estimator, name, seed, only, seconds=seconds)
     return report
 
 

@@ -19,9 +19,18 @@ from cooploc.estimators.errors import BadInput, message
 from cooploc.estimators.interface import Array, Indices, Rows
 from cooploc.scenarios import display, seeds
 from cooploc.scenarios.display import Advance, list_table
-from cooploc.scenarios.processes.outcome import ProcessDied, WorkerError
-from cooploc.scenarios.processes.time_limit import Limit, TimeLimit, within
-from cooploc.scenarios.processes.workers import BUILTIN, SESSION, call, end, received, submit
+from cooploc.scenarios.process import (
+    BUILTIN,
+    SESSION,
+    ProcessDied,
+    TimeLimit,
+    WorkerError,
+    call,
+    end,
+    submit,
+    wait_for,
+    within,
+)
 from cooploc.scenarios.runner.tick import EstimatorError
 from cooploc.scenarios.runner.trace import Trace, require_fit, trace, warm_up
 from cooploc.scenarios.stream import Stream, Truth
@@ -308,7 +317,7 @@ def trace_in_process(one: PluginJob, chunks: list[Stream], advance: Advance | No
                 future.exception()
                 if advance:
                     advance(one.name, chunks[0].senses.dt.shape[1])
-            return _concatenate([received(one.owner, future) for future in futures])
+            return _concatenate([wait_for(one.owner, future) for future in futures])
         except KeyboardInterrupt:
             end(one.owner)
             raise
@@ -330,28 +339,28 @@ def _with_name(one: PluginJob, work: Callable[[], T]) -> T:
 
 
 def _require_fit(one: PluginJob, stream: Stream) -> None:
-    with within(Limit(one.seconds, end_process=True)):
+    with within(one.seconds, end_process=True):
         require_fit(one.name, make_estimator(one.given, one.name), stream)
 
 
 def _trace_chunk(one: PluginJob, given: Seedless) -> Trace:
-    limit = Limit(one.seconds, end_process=True)
-    with within(limit):
+    with within(one.seconds, end_process=True):
         made = make_estimator(one.given, one.name)
-    return _trace_within_limit(one.name, made, given, limit)
+        warm_up(one.name, made, given.stream)
+    return _trace_within_limit(one.name, made, given, one.seconds)
 
 
-def _trace_within_limit(name: str, made: Any, given: Seedless, limit: Limit) -> Trace:
+def _trace_within_limit(name: str, made: Any, given: Seedless, seconds: float) -> Trace:
     """A trace; trials that are late in company run again, each alone."""
     trials, ticks = given.stream.senses.dt.shape[:2]
     try:
-        with within(limit, trials, ticks) as watch:
+        with within(seconds, trials, ticks, end_process=True) as watch:
             return trace(name, made, given.stream, watch, rows=given.rows)
     except TimeLimit:
         if trials == 1:
             raise
         return _concatenate(
-            [_trace_within_limit(name, made, given.select(slice(i, i + 1)), limit) for i in range(trials)]
+            [_trace_within_limit(name, made, given.select(slice(i, i + 1)), seconds) for i in range(trials)]
         )
 
 

@@ -37,8 +37,7 @@ from cooploc.estimators import configure
 from cooploc.estimators.building import ConfiguredEstimator
 from cooploc.estimators.errors import BadInput, first_reason, nearest
 from cooploc.estimators.registry import source_of
-from cooploc.scenarios import resolve, resolve_isolated
-from cooploc.scenarios.remote import RemoteScenario
+from cooploc.scenarios import resolve
 from cooploc.scenarios.scenario import ResolvedScenario
 
 if TYPE_CHECKING:
@@ -340,7 +339,7 @@ class ResolvedCell(NamedTuple):
     """One scenario of a study with its estimators and trials."""
 
     experiment: str
-    scenario: ResolvedScenario | RemoteScenario
+    scenario: ResolvedScenario
     trials: Mapping[str, int]  # by the label of an estimator
     estimators: tuple[ConfiguredEstimator, ...]
     baseline: str  # the label of one of them
@@ -372,8 +371,8 @@ class ResolvedStudy(NamedTuple):
         return self._replace(cells=tuple(cells))
 
 
-def resolve_study(study: Study, data: Path | None = None, isolate: bool = True) -> ResolvedStudy:
-    """Read every label of a study; with `isolate`, scenarios that are not built in are imported elsewhere.
+def resolve_study(study: Study, data: Path | None = None) -> ResolvedStudy:
+    """Read every label of a study.
 
     Raises:
         BadInput: a label that cannot be read, a scenario or a parameter of one that does not exist, or a recording
@@ -387,7 +386,7 @@ def resolve_study(study: Study, data: Path | None = None, isolate: bool = True) 
     known = {label: configure(label) for label in dict.fromkeys(name for cell in cells for name in cell.estimators)}
     found = []
     for cell in cells:
-        scenario = (resolve_isolated if isolate else resolve)(cell.scenario, data)
+        scenario = resolve(cell.scenario, data)
         estimators = tuple(known[label] for label in cell.estimators)
         trials = dict.fromkeys(cell.estimators, scenario.trials(study.trials))
         found.append(ResolvedCell(cell.experiment, scenario, trials, estimators, cell.baseline))

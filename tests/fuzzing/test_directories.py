@@ -10,9 +10,10 @@ from damage import HARM, JSON, PLACES, changed, harm_file
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cooploc.analysis.execution.execute import execute
-from cooploc.analysis.execution.stored_run import read
-from cooploc.analysis.report import reproduce, run_diff
+from cooploc.analysis.execution import reproduce
+from cooploc.analysis.execution.run import execute
+from cooploc.analysis.execution.run_directory import read_run
+from cooploc.analysis.report import run_diff
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.sealed import seal
 from cooploc.scenarios.studies.study import Study
@@ -64,7 +65,7 @@ def test_harm_to_a_file_is_one_line_or_changes_no_number(honest, copied, which, 
     there = files(folder)
     harm_file(there[int(which * len(there))], harm)
     commanded("show", folder)
-    kept = attempted(read, folder)
+    kept = attempted(read_run, folder)
     if not isinstance(kept, BadInput):
         same(kept.rows, honest[1])
         assert kept.gaps or len(kept.rows) == len(honest[1])
@@ -84,7 +85,7 @@ def test_the_same_command_goes_on_after_any_harm(honest, copied, which, harm):
     if rows is not None:
         assert len(rows) == len(honest[1])
         same(rows, honest[1], "seconds")
-        assert not read(folder).gaps
+        assert not read_run(folder).gaps
 
 
 @cases(200)
@@ -95,17 +96,17 @@ def test_a_manifest_that_says_anything_is_one_line(honest, copied, where, value)
     content.pop("checksum")
     (folder / "manifest.json").write_text(json.dumps(seal(dict_of(changed(content, where, value)))))
     commanded("show", folder)
-    kept = attempted(read, folder)
+    kept = attempted(read_run, folder)
     if not isinstance(kept, BadInput):
         attempted(lambda: kept.experiments)
-        attempted(run_diff.settings, kept, read(honest[0]))
+        attempted(run_diff.settings, kept, read_run(honest[0]))
 
 
 @cases(120)
 @given(PLACES, JSON)
 def test_a_page_that_embeds_anything_is_one_line(honest, tmp_path_factory, where, value):
     page = tmp_path_factory.getbasetemp() / "page.html"
-    content = reproduce.embedded(read(honest[0]))
+    content = reproduce.embedded(read_run(honest[0]))
     content.pop("checksum")
     embedded = json.dumps(seal(dict_of(changed(json.loads(json.dumps(content)), where, value))))
     page.write_text(f'<script type="application/json" id="manifest">{embedded}</script>')
@@ -140,7 +141,7 @@ def test_foreign_files_among_the_parts_are_ignored_with_a_line(honest, copied):
     (folder / "receipts" / ".DS_Store").write_bytes(b"\0")
     shown = commanded("show", folder)
     assert shown.stdout.count("is not of this run, and ignored") == 2
-    same(read(folder).rows, honest[1])
+    same(read_run(folder).rows, honest[1])
     assert len(execute(STUDY, folder)) == len(honest[1])
 
 
@@ -151,7 +152,7 @@ def test_a_part_of_another_run_is_not_taken_for_one_of_this(honest, tmp_path):
     for file in (*files(other / "parts"), *files(other / "receipts")):
         shutil.copy(file, tmp_path / "run" / file.relative_to(other))
     with pytest.raises(BadInput, match="no results yet"):
-        read(tmp_path / "run")
+        read_run(tmp_path / "run")
     same(execute(STUDY, tmp_path / "run"), honest[1], "seconds")
 
 
@@ -162,7 +163,7 @@ def test_a_directory_of_the_first_format_is_still_read(honest, copied):
         for key in ("checksum", "settings", "failed", *(["format"] if file.parent.name == "receipts" else [])):
             content.pop(key, None)
         file.write_text(json.dumps({**content, "format": 1} if "format" in content else content))
-    same(read(folder).rows, honest[1])
+    same(read_run(folder).rows, honest[1])
     assert commanded("show", folder).returncode == 0
 
 
@@ -175,4 +176,4 @@ def test_a_lost_manifest_is_made_again_from_the_same_command_only(honest, copied
         execute(STUDY.with_options(seed=2), folder)
     same(execute(STUDY, folder), honest[1])
     assert {file.name: file.stat().st_mtime_ns for file in files(folder / "parts")} == before
-    same(read(folder).rows, honest[1])
+    same(read_run(folder).rows, honest[1])

@@ -5,7 +5,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pandas as pd
 
-from cooploc.analysis.execution.stored_run import Kept
+from cooploc.analysis.execution.run_directory import StoredRun
 
 EVIL = "<script>alert('x')</script>&\"$_%"
 VOID = {"meta", "br", "link", "input"}
@@ -91,4 +91,4 @@ def kept_from(rows, folder, experiment="one", **study):
         "commit": None,
         "cpu": "one",
     }
-    return Kept(folder, manifest, rows, {})
+    return StoredRun(folder, manifest, rows, {})

@@ -14,14 +14,7 @@ import cooploc as cl
 from cooploc.analysis.claims import verdicts
 from cooploc.analysis.claims.kinds import FALLS, decide
 from cooploc.analysis.claims.ledger import load, read, variants
-from cooploc.analysis.claims.verdicts import (
-    DECIDED,
-    JUDGED,
-    adjust,
-    judge,
-    overview,
-    verdict_sentence,
-)
+from cooploc.analysis.claims.verdicts import DECIDED, JUDGED, adjust, judge, overview, verdict_sentence
 from cooploc.analysis.metrics import sequential
 from cooploc.analysis.metrics.statistics import change, holm, p_of_change
 from cooploc.estimators import make

@@ -15,9 +15,9 @@ from processes import finish, install
 from cooploc.analysis.claims.ledger import load
 from cooploc.analysis.claims.trial_table import collect
 from cooploc.analysis.execution import certificates
-from cooploc.analysis.execution.certificates import certify, line, with_lines
-from cooploc.analysis.execution.execute import Quiet, execute
-from cooploc.analysis.execution.stored_run import read
+from cooploc.analysis.execution.certificates import certify, line, with_certificates
+from cooploc.analysis.execution.run import RunProgress, execute
+from cooploc.analysis.execution.run_directory import read_run
 from cooploc.analysis.metrics import ranking
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.ranking import short_certificate
@@ -46,7 +46,7 @@ ALL = len(CHECKS)
 EVIL = "<script>alert(1)</script>"
 
 
-class Told(Quiet):
+class Told(RunProgress):
     """Remembers what a run said."""
 
     def __init__(self):
@@ -111,7 +111,7 @@ def test_a_sound_and_a_cheating_estimator_from_table_to_page(checked, tmp_path):
     assert table["outside.py:Honest"] == f"passed: {ALL} checks"
     assert table["outside.py:Prophet"].startswith("failed: causality: robot 0's estimate changed")
 
-    source = html_page.write(read(place / "run"), load(), tmp_path).read_text()
+    source = html_page.write(read_run(place / "run"), load(), tmp_path).read_text()
     marks = {row["data-estimator"]: row.get("data-certificate") for row in Outline(source).rows("data-consistency")}
     assert marks == {"ekf-local": None, "outside.py:Honest": "passed", "outside.py:Prophet": "failed"}
     assert "outside.py:Prophet failed a check and is not ranked: causality: robot 0&#39;s estimate" in source
@@ -209,7 +209,7 @@ def test_the_command_says_it_in_its_table_its_json_and_show(place):
 
 def certified(rows, **told):
     found = {name: dict(zip(("status", "found"), line.split(": ", 1), strict=True)) for name, line in told.items()}
-    return with_lines(rows, found)
+    return with_certificates(rows, found)
 
 
 SMALLER = {"ekf-local": (1.0, 1.0), "a": (0.5, 1.0), "b": (0.4, 1.0)}
@@ -255,7 +255,7 @@ def test_a_certificate_is_a_line_and_a_mark():
     ]
     assert line("arl", {}) == ""
     assert line("mine", {}) == "unchecked: the run has no certificate of it"
-    assert list(with_lines(pd.DataFrame({"estimator": ["arl", "mine"]}), {})["certificate"]) == [
+    assert list(with_certificates(pd.DataFrame({"estimator": ["arl", "mine"]}), {})["certificate"]) == [
         "",
         "unchecked: the run has no certificate of it",
     ]

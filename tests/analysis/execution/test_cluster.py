@@ -8,7 +8,7 @@ import psutil
 import pytest
 from processes import environment, finish, install, marks, parts, start, until
 
-from cooploc.analysis.execution import dask_cluster
+from cooploc.analysis.execution import workers
 
 pytestmark = pytest.mark.slow
 pytest.importorskip("distributed", reason="needs Dask: pip install 'cooploc[cluster]'")
@@ -42,7 +42,7 @@ class Cluster:
         """One more worker, with these environment variables too."""
         name = f"worker-{len(self.begun)}"
         self._begin("worker", self.address, "--nthreads", "1", "--name", name, **variables)
-        until(lambda: name in workers(self.address))
+        until(lambda: name in worker_names(self.address))
         return self.begun[-1]
 
     def end(self):
@@ -69,7 +69,7 @@ def cluster(tmp_path, plugins):
     found.end()
 
 
-def workers(address):
+def worker_names(address):
     """The names of a scheduler's workers."""
     from distributed import Client
 
@@ -101,7 +101,7 @@ def started(cluster, tmp_path, plugins):
 
 def be_patient():
     """Let a process wait for a scheduler on a busy machine."""
-    dask_cluster.PATIENCE = 600
+    workers.PATIENCE = 600
 
 
 def test_a_cluster_gives_the_bits_of_a_local_run_though_a_worker_is_killed(cluster, local, tmp_path, plugins):

@@ -7,9 +7,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from cooploc.analysis.execution import dask_cluster
-from cooploc.analysis.execution.dask_cluster import DaskCluster, FarParts
+from cooploc.analysis.execution import workers
 from cooploc.analysis.execution.provenance import bits
+from cooploc.analysis.execution.workers import DaskCluster, FarParts
 from cooploc.estimators.errors import BadInput
 
 pytest.importorskip("distributed", reason="needs Dask: pip install 'cooploc[cluster]'")
@@ -44,8 +44,8 @@ def waited(monkeypatch):
             now += timeout
             return SimpleNamespace(done=set(futures) if now >= seconds else set())
 
-        monkeypatch.setattr(dask_cluster, "wait", wait)
-        monkeypatch.setattr(dask_cluster, "time", SimpleNamespace(monotonic=lambda: now))
+        monkeypatch.setattr(workers, "wait", wait)
+        monkeypatch.setattr(workers, "time", SimpleNamespace(monotonic=lambda: now))
         assert DaskCluster(client, ADDRESS, lambda line: said.append((now, line))).first(running) == set(running)
         return said
 

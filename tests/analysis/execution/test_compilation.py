@@ -3,10 +3,9 @@
 import pytest
 from processes import parts
 
-from cooploc.analysis.execution import compilation
-from cooploc.analysis.execution.compilation import compile_kernels
-from cooploc.analysis.execution.execute import Quiet, execute
-from cooploc.analysis.execution.task import Task
+from cooploc.analysis.execution import workers
+from cooploc.analysis.execution.run import RunProgress, execute
+from cooploc.analysis.execution.workers import Task, compile_kernels
 from cooploc.scenarios.studies.study import Study, resolve_study
 
 LABELS = "dead-reckoning", "ekf-local", "ekf-local[gate=9]", "ekf-local[anchor_reading=rssi]", "ekf-joint"
@@ -15,7 +14,7 @@ STUDY = Study(
 )
 
 
-class Order(Quiet):
+class Order(RunProgress):
     """Remembers what was called."""
 
     def __init__(self):
@@ -32,9 +31,9 @@ class Order(Quiet):
 def asked(tmp_path, monkeypatch):
     """What was compiled: (label, scenario), a list for each process or call."""
     found = []
-    monkeypatch.setattr(compilation, "kept_at", lambda kernel: tmp_path / "kept")
-    monkeypatch.setattr(compilation, "compiled", lambda cold: found.append(_labels(cold)))
-    monkeypatch.setattr(compilation, "_side_by_side", lambda cold, n, owner: found.append((n, _labels(cold))))
+    monkeypatch.setattr(workers, "kept_at", lambda kernel: tmp_path / "kept")
+    monkeypatch.setattr(workers, "compiled", lambda cold: found.append(_labels(cold)))
+    monkeypatch.setattr(workers, "_side_by_side", lambda cold, n, owner: found.append((n, _labels(cold))))
     return found
 
 
@@ -78,7 +77,7 @@ def test_it_is_said_before_the_trials_begin(asked, tmp_path):
 
 @pytest.mark.slow
 def test_two_processes_compile_and_the_rows_are_those_of_one(tmp_path, monkeypatch):
-    monkeypatch.setattr(compilation, "kept_at", lambda kernel: tmp_path / "kept")
+    monkeypatch.setattr(workers, "kept_at", lambda kernel: tmp_path / "kept")
     execute(STUDY, tmp_path / "one")
     assert len(list((tmp_path / "kept").iterdir())) == 4
     execute(STUDY, tmp_path / "two")  # nothing is left to compile

@@ -13,15 +13,15 @@ import pytest
 
 import cooploc as cl
 from cooploc import estimators
-from cooploc.analysis.execution import execute as execution
-from cooploc.analysis.execution import plan, run_directory
-from cooploc.analysis.execution.execute import Quiet, execute
-from cooploc.analysis.execution.run_directory import Piece, RunDir
-from cooploc.analysis.execution.task import Task, measure
-from cooploc.estimators import registry
+from cooploc.analysis.execution import run, run_directory
+from cooploc.analysis.execution import run as execution
+from cooploc.analysis.execution.run import RunProgress, execute
+from cooploc.analysis.execution.run_directory import PartKey, RunDir
+from cooploc.analysis.execution.workers import Task, measure
 from cooploc.estimators.dead_reckoning import DeadReckoning
-from cooploc.scenarios.processes import workers
-from cooploc.scenarios.processes.workers import BUILTIN, end_all
+from cooploc.estimators.plugins import labels
+from cooploc.scenarios import process
+from cooploc.scenarios.process import BUILTIN, end_all
 from cooploc.scenarios.studies.study import Study, resolve_study
 
 STUDY = Study(
@@ -36,11 +36,11 @@ STUDY = Study(
 @pytest.fixture(autouse=True, scope="module")
 def small_chunks():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(plan, "CHUNK_TRIALS", (10, 10))
+        patch.setattr(run, "CHUNK_TRIALS", (10, 10))
         yield
 
 
-class Told(Quiet):
+class Told(RunProgress):
     """Remembers what a run said."""
 
     def __init__(self):
@@ -77,7 +77,7 @@ def test_processes_of_a_large_run_end_before_its_rows_are_read(tmp_path, monkeyp
     """And those of a small one wait for the next."""
 
     def alive():
-        return [owner for _, owner, _ in workers._pools]
+        return [owner for _, owner, _ in process._pools]
 
     end_all()
     execute(STUDY, tmp_path / "small", jobs=2)
@@ -127,7 +127,7 @@ def test_an_added_estimator_and_a_lost_part_are_all_that_runs(finished, tmp_path
     whole = STUDY.with_options(only=("dead-reckoning", "arl[particles=30]"))
     folder = tmp_path / "run"
     execute(STUDY.with_options(only=("dead-reckoning",)), folder)
-    piece = Piece("trajectory[ticks=15]", "dead-reckoning", range(10, 12))
+    piece = PartKey("trajectory[ticks=15]", "dead-reckoning", range(10, 12))
     lost = folder / "parts" / f"{piece.name}.parquet"
     kept = lost.read_bytes()
     lost.write_bytes(kept[:100])
@@ -245,7 +245,7 @@ def test_a_label_is_read_once_and_a_part_is_hashed_once(finished, tmp_path, monk
     parts_[0].unlink()
     parts_[1].write_bytes(parts_[1].read_bytes()[:-7])
     labels_read, parts_hashed = Counter(), Counter()
-    counted(monkeypatch, registry, "LABEL", lambda text: labels_read.update([text]))
+    counted(monkeypatch, labels, "LABEL", lambda text: labels_read.update([text]))
     counted(monkeypatch, run_directory, "_checksum", lambda file: parts_hashed.update([file.name.split(".parquet")[0]]))
     execute(STUDY, tmp_path / "run")
     assert labels_read == Counter([*STUDY.scenarios, *STUDY.estimators])
@@ -290,7 +290,7 @@ def test_nothing_but_whole_files_is_ever_visible(tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(pd.DataFrame, "to_parquet", half)
-    piece = Piece("x", "y", range(1))
+    piece = PartKey("x", "y", range(1))
     with pytest.raises(OSError, match=f"No space left on device: .*{piece.name}"):
         directory.write(piece, pd.DataFrame({"a": [1]}), 0.1)
     assert list((tmp_path / "run" / "parts").iterdir()) == []

@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 from processes import inside
 
-from cooploc.analysis.execution.execute import execute
+from cooploc.analysis.execution.run import execute
 from cooploc.analysis.execution.run_directory import RunDir
 from cooploc.scenarios.studies.study import Study
 

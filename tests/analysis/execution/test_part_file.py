@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cooploc.analysis.execution.part_file import AT_ONCE, read_part, together
+from cooploc.analysis.execution.run_directory import AT_ONCE, read_part, together
 from cooploc.analysis.metrics.errors import COLUMNS
 from cooploc.estimators.errors import BadInput
 

@@ -6,9 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cooploc.analysis.execution.piece import Piece
-from cooploc.analysis.execution.remaining import Remaining
-from cooploc.analysis.execution.task import MeasuredPart, Task
+from cooploc.analysis.execution.run import Remaining
+from cooploc.analysis.execution.run_directory import PartKey
+from cooploc.analysis.execution.workers import MeasuredPart, Task
 from cooploc.scenarios.studies.study import Study, resolve_study
 from cooploc.terminal import console
 
@@ -29,7 +29,7 @@ def parts(tasks, seconds):
             took, ticks = seconds(task, estimator.label), task.scenario.ticks
             frame = pd.DataFrame({"ticks": [ticks] * len(task.trials)})
             part = MeasuredPart(
-                Piece(task.scenario.label, estimator.label, task.trials), frame, took / ticks / len(task.trials)
+                PartKey(task.scenario.label, estimator.label, task.trials), frame, took / ticks / len(task.trials)
             )
             yield part, task.scenario, took
 

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import pytest
 
 from cooploc import estimators
-from cooploc.analysis.execution.execute import Quiet, execute
-from cooploc.analysis.execution.retries import worth_it
+from cooploc.analysis.execution.run import RunProgress, execute, is_worth_retry
 from cooploc.estimators.dead_reckoning import DeadReckoning
 from cooploc.scenarios.studies.study import Study
 
@@ -38,8 +37,8 @@ STUDY = Study(
     ],
 )
 def test_a_failure_is_worth_a_retry_where_its_cause_may_be_gone(failure, time_limit, again):
-    assert worth_it(failure, time_limit) is again
-    assert worth_it(failure, time_limit, "all")
+    assert is_worth_retry(failure, time_limit) is again
+    assert is_worth_retry(failure, time_limit, "all")
 
 
 class TimeLimit(Exception):
@@ -58,7 +57,7 @@ class Moody(DeadReckoning):
         return super().init(prior, world, rows)
 
 
-class Told(Quiet):
+class Told(RunProgress):
     def __init__(self):
         self.done = []
 

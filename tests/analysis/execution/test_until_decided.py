@@ -4,9 +4,9 @@ import json
 
 import pytest
 
-from cooploc.analysis.execution import plan
-from cooploc.analysis.execution.decisions_file import read_decisions
-from cooploc.analysis.execution.execute import Quiet, execute
+from cooploc.analysis.execution import run
+from cooploc.analysis.execution.run import RunProgress, execute
+from cooploc.analysis.execution.run_directory import read_decisions
 from cooploc.analysis.execution.until_decided import Answers, run_until_decided
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.studies.study import Study
@@ -25,11 +25,11 @@ CLEAR, CLOSE = "dead-reckoning", "ekf-local"
 @pytest.fixture(autouse=True, scope="module")
 def small_chunks():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(plan, "CHUNK_TRIALS", (10, 10))
+        patch.setattr(run, "CHUNK_TRIALS", (10, 10))
         yield
 
 
-class Told(Quiet):
+class Told(RunProgress):
     """Remembers what a run said, and may be interrupted."""
 
     def __init__(self, parts=None):

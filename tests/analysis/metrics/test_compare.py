@@ -7,15 +7,7 @@ from made_errors import BASE, rows
 from statsmodels.stats.proportion import proportion_confint
 
 import cooploc as cl
-from cooploc.analysis.metrics.compare import (
-    SHORT,
-    STATISTICS,
-    SUMMARY,
-    Statistic,
-    compare,
-    outlier_warnings,
-    summarize,
-)
+from cooploc.analysis.metrics.compare import SHORT, STATISTICS, SUMMARY, Statistic, compare, outlier_warnings, summarize
 from cooploc.analysis.metrics.consistency import COLLAPSED
 from cooploc.analysis.metrics.errors import MEASURES, trial_means
 from cooploc.analysis.metrics.ranking import disqualifications, letters, pareto_front, rank_groups

@@ -6,7 +6,7 @@ import pytest
 
 import cooploc as cl
 from cooploc.analysis.claims.trial_table import collect
-from cooploc.analysis.execution.execute import execute
+from cooploc.analysis.execution.run import execute
 from cooploc.analysis.metrics.ranking import disqualifications
 from cooploc.analysis.plot.style import drawable, name_of
 from cooploc.analysis.report import html_page, sentences

@@ -9,7 +9,7 @@ from oracles import dense_path, linear_team
 
 import cooploc as cl
 from cooploc.analysis.claims.trial_table import collect
-from cooploc.analysis.execution.execute import execute
+from cooploc.analysis.execution.run import execute
 from cooploc.analysis.metrics.ranking import disqualifications
 from cooploc.analysis.report import html_page, sentences
 from cooploc.analysis.report.result_tables import RESULTS

@@ -12,7 +12,7 @@ from made_runs import EVIL, Outline, kept_from, rows_of
 
 from cooploc.analysis.claims.ledger import load
 from cooploc.analysis.claims.trial_table import collect
-from cooploc.analysis.execution.stored_run import read as kept_of
+from cooploc.analysis.execution.run_directory import read_run as kept_of
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.plot import results, style
@@ -249,7 +249,7 @@ def test_what_was_asked_for_and_is_not_there_is_said(tmp_path, swept):
 
 
 def test_a_run_directory_is_read_whole(tmp_path):
-    from cooploc.analysis.execution.execute import execute
+    from cooploc.analysis.execution.run import execute
     from cooploc.scenarios.studies.study import Study
 
     base = {"name": "small", "trials": 3, "baseline": "arl[particles=50]", "scenarios": ("trajectory[ticks=4]",)}

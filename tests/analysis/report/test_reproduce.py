@@ -10,8 +10,8 @@ from processes import inside
 
 import cooploc as cl
 from cooploc.analysis.claims.ledger import load
-from cooploc.analysis.execution.execute import execute
-from cooploc.analysis.execution.stored_run import read
+from cooploc.analysis.execution.run import execute
+from cooploc.analysis.execution.run_directory import read_run
 from cooploc.analysis.report import html_page, reproduce
 from cooploc.scenarios.sealed import seal
 from cooploc.scenarios.studies.study import Study
@@ -31,7 +31,7 @@ STUDY = Study(
 def report(tmp_path_factory):
     folder = tmp_path_factory.mktemp("reproduced")
     execute(STUDY, folder / "run")
-    html_page.write(read(folder / "run"), load(), folder / "report")
+    html_page.write(read_run(folder / "run"), load(), folder / "report")
     return folder / "report"
 
 
@@ -134,7 +134,7 @@ def recorded(tmp_path_factory):
         estimators=("dead-reckoning", "rssi-pf"),
     )
     execute(study, folder / "run", data=data)
-    html_page.write(read(folder / "run"), load(), folder / "report")
+    html_page.write(read_run(folder / "run"), load(), folder / "report")
     return data, folder / "report"
 
 

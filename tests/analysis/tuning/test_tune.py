@@ -10,7 +10,7 @@ from made_logs import describe, lines, write
 from processes import inside, marks, parts
 
 import cooploc as cl
-from cooploc.analysis.execution.execute import Quiet
+from cooploc.analysis.execution.run import RunProgress
 from cooploc.analysis.report.tuning_tables import order_sentence
 from cooploc.analysis.tuning.tables import order
 from cooploc.analysis.tuning.tune import (
@@ -126,7 +126,7 @@ def found(tmp_path_factory):
     return tune(STUDY, out, budget=24), out
 
 
-class Interrupted(Quiet):
+class Interrupted(RunProgress):
     """Ends the run by Ctrl-C after some parts."""
 
     def __init__(self, parts):

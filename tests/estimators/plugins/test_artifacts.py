@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 import cooploc as cl
-from cooploc.analysis.execution.execute import execute
 from cooploc.analysis.execution.provenance import files, training_of
-from cooploc.analysis.execution.run_directory import RunDir
-from cooploc.analysis.execution.stored_run import read
+from cooploc.analysis.execution.run import execute
+from cooploc.analysis.execution.run_directory import RunDir, read_run
 from cooploc.analysis.metrics.ranking import short_certificate
 from cooploc.analysis.tuning.tune import derived_seed
 from cooploc.estimators import configure
@@ -61,7 +60,7 @@ def test_a_run_says_it_and_is_not_continued_with_other_weights(plugin, tmp_path)
     label = f"{plugin}:Learned"
     study = Study(name="s", trials=2, scenarios=("robots-1-3/n=1[ticks=3]",), estimators=(label, f"{plugin}:Plain"))
     execute(study, tmp_path / "run", check=False)
-    lines = read(tmp_path / "run").rows.groupby("estimator")["certificate"].first()
+    lines = read_run(tmp_path / "run").rows.groupby("estimator")["certificate"].first()
     assert short_certificate(lines[label]) == "unchecked; trained on nlos, 5 trials, no more"
     assert short_certificate(lines[f"{plugin}:Plain"]) == "unchecked"
     assert RunDir(tmp_path / "run").manifest["certificates"][label]["trained_on"]

@@ -13,10 +13,20 @@ import cooploc as cl
 from cooploc.estimators import make
 from cooploc.estimators.dead_reckoning import DeadReckoning
 from cooploc.estimators.errors import one_line
-from cooploc.scenarios.processes import time_limit, workers
-from cooploc.scenarios.processes.outcome import ProcessDied, ProcessHung, Raised, WorkerError
-from cooploc.scenarios.processes.time_limit import Limit, TimeLimit, within
-from cooploc.scenarios.processes.workers import call, end, received, submit
+from cooploc.scenarios import process
+from cooploc.scenarios.process import (
+    Limit,
+    ProcessDied,
+    ProcessHung,
+    Raised,
+    TimeLimit,
+    WorkerError,
+    call,
+    end,
+    submit,
+    wait_for,
+    within,
+)
 from cooploc.scenarios.runner.trace import trace
 
 HERE = False  # no process may be ended here
@@ -52,7 +62,7 @@ def slept(monkeypatch):
 
     def until_late(seconds, calls, trials=1):
         clock = Clock()
-        monkeypatch.setattr(time_limit, "time", clock)
+        monkeypatch.setattr(process, "time", clock)
         monkeypatch.setattr(signal, "setitimer", clock.setitimer)
         try:
             with within(Limit(0.2, HERE), trials, calls) as watch:
@@ -192,7 +202,7 @@ def test_a_call_is_limited_by_the_processor_time_that_it_uses_or_by_how_long_it_
         while True:
             pass
 
-    monkeypatch.setattr(workers, "WORK", 0.0)  # so little is seen also where other programs leave it little
+    monkeypatch.setattr(process, "WORK", 0.0)  # so little is seen also where other programs leave it little
     hanging = {busy: "took longer than 1 s of processor time", lambda: time.sleep(60): "did nothing for 1 s"}
     for function, said in hanging.items():
         assert call("hung", lambda: 3) == 3  # what a new process imports is processor time too
@@ -204,7 +214,7 @@ def test_a_call_is_limited_by_the_processor_time_that_it_uses_or_by_how_long_it_
 def test_a_process_that_grew_is_replaced_between_two_calls_and_none_is_lost(monkeypatch):
     """As it is where warnings are errors, as they are here: loky warns in the thread that serves all calls."""
     pytest.importorskip("psutil", reason="without psutil, loky does not look at memory")
-    monkeypatch.setitem(workers.GROWTH, "LOKY_MAX_MEMORY_LEAK_SIZE", "1e6")
+    monkeypatch.setitem(process.GROWTH, "LOKY_MAX_MEMORY_LEAK_SIZE", "1e6")
 
     def grow():
         cl.grown = b"x" * 50_000_000
@@ -212,7 +222,7 @@ def test_a_process_that_grew_is_replaced_between_two_calls_and_none_is_lost(monk
         return os.getpid()
 
     end("growing")
-    first, second = [received("growing", future) for future in [submit("growing", 1, grow) for _ in range(2)]]
+    first, second = [wait_for("growing", future) for future in [submit("growing", 1, grow) for _ in range(2)]]
     end("growing")
     assert first != second
 

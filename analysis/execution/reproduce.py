@@ -1,4 +1,4 @@
-"""A report can be checked: it embeds a sample of its trials, and how to run them again bit by bit. So can a run."""
+"""Reproduce trials of a run or of a report, which embeds a sample of them, and compare them bit by bit."""
 
 import hashlib
 import re
@@ -8,19 +8,14 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from cooploc.analysis.execution.provenance import provenance
-from cooploc.analysis.execution.run_directory import FOLDERS
-from cooploc.analysis.execution.schemas import FORMAT, Newer, PageData, checked
-from cooploc.analysis.execution.stored_run import Kept, read
-from cooploc.analysis.execution.task import Task, measure
-from cooploc.analysis.report.run_diff import other_versions
-from cooploc.analysis.report.tables import Table, numbers, words
-from cooploc.estimators import configure, make, parse
+from cooploc.analysis.execution.provenance import provenance, version_changes
+from cooploc.analysis.execution.run_directory import FORMAT, PARTS, StoredRun, parse_json, read_run
+from cooploc.analysis.execution.workers import Task, measure
+from cooploc.estimators import configure, make
 from cooploc.estimators.errors import BadInput
-from cooploc.estimators.registry import is_file
+from cooploc.estimators.registry import is_file, parse
 from cooploc.scenarios import resolve
 from cooploc.scenarios.scenario import split_family
-from cooploc.scenarios.sealed import Damaged, seal
 
 PAGE = "index.html"
 EACH = 3  # trials that a report embeds of every scenario
@@ -28,7 +23,7 @@ VALUES: tuple[str, ...] = ("ticks", "mse", "mean_error", "median_error", "max_er
 VALUES += ("anees", "coverage95", "diverged", "pose_nees", "messages", "bytes")
 
 
-class Again(NamedTuple):
+class RerunTrial(NamedTuple):
     """One trial of one estimator, run again."""
 
     scenario: str
@@ -40,8 +35,8 @@ class Again(NamedTuple):
     remark: str
 
 
-def sample(kept: Kept) -> list[dict[str, Any]]:
-    """Of every scenario a few trials, drawn by its name: digests of what every estimator did there, and its RMSE."""
+def sample(kept: StoredRun) -> list[dict[str, Any]]:
+    """Return digests and RMSE of every estimator in a few trials of each scenario, drawn by the scenario's name."""
     out = []
     for scenario, part in kept.rows.groupby("scenario", sort=False):
         trials = np.unique(part["trial"])
@@ -59,14 +54,14 @@ def sample(kept: Kept) -> list[dict[str, Any]]:
 
 
 def load(path: Path) -> dict[str, Any]:
-    """What a report embeds, or a run would embed in its report: `manifest` and `sample`.
+    """Return what a report embeds, or a run would embed in its report: `manifest` and `sample`.
 
     Raises:
         BadInput: it is neither a report nor a run of cooploc, or was made by a newer version.
 
     """
-    if (path / FOLDERS[0]).is_dir():
-        kept = read(path)
+    if (path / PARTS).is_dir():
+        kept = read_run(path)
         return {"manifest": kept.manifest, "sample": sample(kept)}
     file = path / PAGE if path.is_dir() else path
     try:
@@ -79,23 +74,18 @@ def load(path: Path) -> dict[str, Any]:
     again = "make the report again with cooploc report"
     if not found:
         raise BadInput(f"{file} embeds no manifest: {again}")
-    try:
-        embedded = checked(found[1], PageData)
-    except Newer as e:
-        raise BadInput(f"{file} was made by a newer version: it has {e}") from None
-    except Damaged as e:
-        raise BadInput(f"{file} embeds no manifest that can be read ({e}): {again}") from None
-    if not embedded["sample"]:
+    content = parse_json(found[1], f"what {file} embeds")
+    if not content.get("sample"):
         raise BadInput(f"{file} embeds no trials: {again}")
-    return embedded
+    return content
 
 
-def embedded(kept: Kept) -> dict[str, Any]:
-    """What a page embeds, which `load` reads: the manifest and a sample of the trials, with a checksum."""
-    return seal({"format": FORMAT, "manifest": kept.manifest, "sample": sample(kept)})
+def embedded(kept: StoredRun) -> dict[str, Any]:
+    """Return what a page embeds, which `load` reads: the manifest and a sample of the trials."""
+    return {"format": FORMAT, "manifest": kept.manifest, "sample": sample(kept)}
 
 
-def rerun(embedded: dict[str, Any], trials: int, data: Path | None = None, trust: bool = False) -> list[Again]:
+def rerun(embedded: dict[str, Any], trials: int, data: Path | None = None, trust: bool = False) -> list[RerunTrial]:
     """Run `trials` of the embedded trials again, spread over the scenarios, each with all of its estimators.
 
     Raises:
@@ -103,8 +93,8 @@ def rerun(embedded: dict[str, Any], trials: int, data: Path | None = None, trust
             would run without `trust`.
 
     """
-    drawn = _drawn(embedded["sample"], trials)
-    files = _files(drawn)
+    drawn = _draw(embedded["sample"], trials)
+    files = _python_files(drawn)
     if files and not trust:
         raise BadInput(
             f"this would run code that the report names, in {' and '.join(files)}: read it, then repeat with --trust"
@@ -116,23 +106,23 @@ def rerun(embedded: dict[str, Any], trials: int, data: Path | None = None, trust
         limit = float(embedded["manifest"]["study"].get("time_limit", 600.0))
         names = tuple(configure(one["estimator"]) for one in wanted)
         seed = int(embedded["manifest"]["seed"])
-        task = Task(resolve(scenario, data), range(trial, trial + 1), seed, names, limit)
-        parts = {part.piece.estimator: part.frame for part in measure(task)}
-        out += [_compared(one, parts[one["estimator"]]) for one in wanted]
+        task = Task(resolve(scenario, data), range(trial, trial + 1), seed, names, limit, isolate=False)
+        parts = {part.key.estimator: part.frame for part in measure(task)}
+        out += [_compare(one, parts[one["estimator"]]) for one in wanted]
     return out
 
 
-def _files(drawn: dict[tuple[str, int], list[dict[str, Any]]]) -> list[str]:
-    """The Python files that scenarios and estimators name."""
+def _python_files(drawn: dict[tuple[str, int], list[dict[str, Any]]]) -> list[str]:
+    """Return the Python files that scenarios and estimators name."""
     scenarios = [split_family(parse(scenario)[0])[0] for scenario, _ in drawn]
     estimators = [parse(one["estimator"])[0] for wanted in drawn.values() for one in wanted]
     return list(dict.fromkeys(name.rpartition(":")[0] for name in (*scenarios, *estimators) if is_file(name)))
 
 
 def differences(embedded: dict[str, Any]) -> list[str]:
-    """What differs between this machine and the one where the report was made."""
+    """Return what differs between this machine and the one where the report was made."""
     then, here = embedded["manifest"], provenance()
-    unlike = [f"{name} {before} there, {now} here" for name, before, now in other_versions(then, here)]
+    unlike = [f"{name} {before} there, {now} here" for name, before, now in version_changes(then, here)]
     unlike += [f"{what} differs" for what in ("source", "cpu") if then.get(what) != here[what]]
     used = then.get("instructions", {})  # which earlier versions did not note
     return unlike + [
@@ -140,21 +130,8 @@ def differences(embedded: dict[str, Any]) -> list[str]:
     ]
 
 
-def table(found: list[Again]) -> Table:
-    """One row per trial and estimator."""
-    columns = (
-        words("scenario"),
-        words("estimator", under=True),
-        numbers("trial"),
-        numbers("RMSE then [m]", "before", form=_exact),
-        numbers("now [m]", "after", form=_exact, under=True),
-        words("", "equal", "remark", of=("remark",)),
-    )
-    return Table("reproduced", "Trials that were run again", columns, [one._asdict() for one in found])
-
-
-def _drawn(embedded: list[dict[str, Any]], trials: int) -> dict[tuple[str, int], list[dict[str, Any]]]:
-    """So many (scenario, trial), from every scenario one before a second from any."""
+def _draw(embedded: list[dict[str, Any]], trials: int) -> dict[tuple[str, int], list[dict[str, Any]]]:
+    """Return so many (scenario, trial), from every scenario one before a second from any."""
     groups: dict[tuple[str, int], list[dict[str, Any]]] = {}
     for one in embedded:
         groups.setdefault((one["scenario"], one["trial"]), []).append(one)
@@ -166,7 +143,7 @@ def _drawn(embedded: list[dict[str, Any]], trials: int) -> dict[tuple[str, int],
     return {key: groups[key] for _, _, key in sorted(ordered)[:trials]}
 
 
-def _compared(one: dict[str, Any], frame: pd.DataFrame) -> Again:
+def _compare(one: dict[str, Any], frame: pd.DataFrame) -> RerunTrial:
     now = _fingerprint(frame)
     before, after = (float("nan") if it["rmse"] is None else float(it["rmse"]) for it in (one, now))
     equal = one["digest"] == now["digest"] and one["stream"] == now["stream"] and one["failure"] == now["failure"]
@@ -180,11 +157,11 @@ def _compared(one: dict[str, Any], frame: pd.DataFrame) -> Again:
         remark = (
             f"same stream; RMSE differs by {after - before:+.3g} m" if after != before else "differs, RMSE does not"
         )
-    return Again(one["scenario"], one["estimator"], one["trial"], equal, before, after, remark)
+    return RerunTrial(one["scenario"], one["estimator"], one["trial"], equal, before, after, remark)
 
 
 def _fingerprint(rows: pd.DataFrame) -> dict[str, Any]:
-    """Of one trial of one estimator: a digest of every number that a clock did not measure, and the RMSE."""
+    """Return a digest of every number of a trial that a clock did not measure, and its RMSE."""
     rows = rows.sort_values("robot", kind="stable")
     bits = hashlib.sha256()
     for column in VALUES:
@@ -199,8 +176,3 @@ def _fingerprint(rows: pd.DataFrame) -> dict[str, Any]:
         "rmse": rmse if rmse is not None and np.isfinite(rmse) else None,
         "failure": None if failure is None or failure != failure else str(failure),
     }
-
-
-def _exact(metres: float) -> str:
-    """With so many digits that a difference shows."""
-    return "" if metres != metres else f"{metres:.9g}"

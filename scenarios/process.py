@@ -1,0 +1,318 @@
+"""Processes in which plug-ins and parallel jobs run: a crash, a hang or a full memory stays in them.
+
+`call` runs a function in a process and returns what it returned or raised; `within` limits the time of an estimator's
+trials, however it hangs. Processes are kept for the next call, which then begins at once. Each owner has its own.
+"""
+
+import contextlib
+import faulthandler
+import io
+import os
+import pickle
+import re
+import signal
+import sys
+import threading
+import time
+import traceback
+import warnings
+from collections.abc import Callable, Collection, Iterator, Mapping
+from concurrent.futures import BrokenExecutor, Executor, Future
+from multiprocessing import resource_tracker
+from multiprocessing.util import Finalize
+from pathlib import Path
+from types import FrameType
+from typing import Any, NamedTuple
+
+import cloudpickle
+
+from cooploc.estimators.errors import one_line
+from cooploc.estimators.registry import load, needed_files
+
+BUILTIN, PLUGINS, SESSION = "built in", "plug-ins", "session"  # owners: jobs, plug-ins of a study, objects in Python
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
+# A crash says so in one line; a process that grew by this many bytes is replaced between two calls.
+ENVIRONMENT = {**ONE_THREAD, "PYTHONFAULTHANDLER": "", "LOKY_MAX_MEMORY_LEAK_SIZE": "1e9"}
+IDLE = 600  # [s] after which an idle process ends
+GRACE = 20.0  # [s] after which a process that cannot be interrupted is ended
+LONGEST = 1e7  # [s] beyond which a limit is none, as no timer goes so far
+# [s] Not interrupted half way, as nothing would work afterwards: compiling, and importing.
+PATIENCE = {"numba.": 600.0, "llvmlite.": 600.0, "importlib.": 60.0}
+_pools: dict[tuple[int, str, int], tuple[Executor, Mapping[str, float]]] = {}
+
+
+class WorkerError(RuntimeError):
+    """Code in another process failed: it raised, or its process did not outlive it."""
+
+
+class ProcessDied(WorkerError):
+    """The process crashed, was killed, or left."""
+
+
+class ProcessHung(WorkerError):
+    """The process took longer than it may, and was ended."""
+
+
+class TimeLimit(BaseException):
+    """An estimator took longer than it may; what catches every `Exception` does not catch it."""
+
+
+class RemoteTraceback(Exception):
+    """The cause of an exception that was raised in another process: its traceback, and the file and line."""
+
+    def __init__(self, text: str, place: str) -> None:
+        super().__init__(text)
+        self.place = place
+
+    def __str__(self) -> str:
+        return f"\n{self.args[0]}"
+
+
+class Raised(NamedTuple):
+    """An exception as text, and pickled where its class is Python's or ours: another would import its plug-in."""
+
+    line: str
+    traceback: str
+    place: str
+    pickled: bytes  # empty for others
+
+    @classmethod
+    def of(cls, e: BaseException) -> "Raised":
+        """Describe an exception for the process that asked."""
+        module, pickled = type(e).__module__, b""
+        if isinstance(e, Exception) and (module == "builtins" or module.startswith("cooploc.")):
+            with contextlib.suppress(Exception):
+                found = pickle.dumps(e)
+                pickle.loads(found)
+                pickled = found
+        return cls(one_line(e), "".join(traceback.format_exception(e)), place_of(e), pickled)
+
+    def error(self) -> Exception:
+        """Return the exception to raise in the process that asked."""
+        error: Exception = pickle.loads(self.pickled) if self.pickled else WorkerError(self.line)
+        error.__cause__ = RemoteTraceback(self.traceback, self.place)
+        return error
+
+
+class Outcome(NamedTuple):
+    """The result of a call in another process."""
+
+    value: bytes  # pickled where it was made; empty where there is none
+    raised: Raised | None
+    printed: str  # on its stdout
+
+
+def place_of(e: BaseException) -> str:
+    """Return the file and line where an exception was raised, such as "mine.py:12", here or in another process."""
+    if isinstance(e.__cause__, RemoteTraceback):
+        return e.__cause__.place
+    frames = [one for one in traceback.extract_tb(e.__traceback__) if one.filename != __file__]  # not the timer's
+    return f"{Path(frames[-1].filename).name}:{frames[-1].lineno}" if frames else ""
+
+
+def call(owner: str, function: Callable[..., Any], *arguments: Any, seconds: float = float("inf")) -> Any:
+    """Call a function in a process of this owner, and return what it returns; what it prints is printed here.
+
+    Raises:
+        ProcessDied: its process died.
+        ProcessHung: it took longer than `seconds`.
+        WorkerError: it raised an exception of a class that is neither Python's nor ours.
+
+    """
+    return wait_for(owner, submit(owner, 1, function, *arguments), seconds)
+
+
+def submit(owner: str, jobs: int, function: Callable[..., Any], *arguments: Any) -> "Future[Outcome]":
+    """Begin a call in one of an owner's processes."""
+    # loky warns in a thread that serves all calls: where warnings are errors, they would all be lost
+    warnings.filterwarnings("ignore", "A worker (stopped|was restarted) while some jobs were given", UserWarning)
+    sent = cloudpickle.dumps((function, arguments))  # a worker reads it where an error can be caught
+    return pool(owner, jobs).submit(_run_call, os.getcwd(), sys.path, needed_files(sent), sent)
+
+
+def wait_for(owner: str, future: "Future[Outcome]", seconds: float = float("inf")) -> Any:
+    """Return what a call returned, or raise as `call` says; whatever ends the wait ends the owner's processes too."""
+    try:
+        outcome = future.result(seconds if seconds < threading.TIMEOUT_MAX else None)
+    except BrokenExecutor as e:
+        end(owner)
+        raise ProcessDied(f"its process died ({cause_of(e)})") from None
+    except TimeoutError:
+        end(owner)
+        raise ProcessHung(f"it took longer than {seconds:g} s") from None
+    except BaseException:  # Ctrl-C
+        end(owner)
+        raise
+    if outcome.printed:
+        print(outcome.printed, end="")
+    if outcome.raised:
+        raise outcome.raised.error()
+    return pickle.loads(outcome.value)
+
+
+def pool(owner: str, jobs: int = 1) -> Executor:
+    """Return an owner's processes: those of its last call, or new ones where a source file was edited since."""
+    from loky import ProcessPoolExecutor
+
+    key, now = (os.getpid(), owner, jobs), _source_times()
+    if key in _pools and any(now.get(file, at) != at for file, at in _pools[key][1].items()):
+        end(owner)
+    if key not in _pools:
+        Finalize(None, end_all, exitpriority=100)  # else a process that was itself forked would wait for them
+        begin = {"initializer": _begin_worker, "initargs": (os.getpid(),)}
+        _pools[key] = ProcessPoolExecutor(jobs, timeout=IDLE, env=ENVIRONMENT, **begin), now
+        resource_tracker.ensure_running()  # loky needs it; as it starts, it lets Ctrl-C in again
+        # Processes that are started here never see Ctrl-C, not even as they import; in this one it waits until then.
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+        try:
+            _pools[key][0].submit(int)  # starts them
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    return _pools[key][0]
+
+
+def end(owner: str) -> None:
+    """End an owner's processes, whatever they do."""
+    for key in [key for key in _pools if key[:2] == (os.getpid(), owner)]:
+        executor: Any = _pools.pop(key)[0]
+        executor.shutdown(kill_workers=True)
+
+
+def end_all(but: Collection[str] = ()) -> None:
+    """End the processes of all owners but these."""
+    for owner in {owner for pid, owner, _ in _pools if pid == os.getpid()} - set(but):
+        end(owner)
+
+
+def cause_of(e: BaseException) -> str:
+    """Say why a process died, as far as its exit code tells."""
+    codes = re.search(r"exit codes of the workers are \{(\w+)\((-?\d+)\)\}", str(e))
+    if codes is None or codes[1] == "SIGKILL":
+        return "killed, crashed, or out of memory"
+    return f"exit code {codes[2]}" if codes[1] == "EXIT" else codes[1]
+
+
+def _begin_worker(parent: int) -> None:
+    """Leave Ctrl-C and stdout to the parent process, end when it ends, and be ended first where memory runs out."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.dup2(2, 1)
+    with contextlib.suppress(OSError):
+        Path("/proc/self/oom_score_adj").write_text("1000")
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(0.5)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def _run_call(folder: str, path: list[str], files: dict[str, Path], sent: bytes) -> Outcome:
+    """Run a call in the other process: in the parent's directory, with the Python files that it refers to loaded."""
+    os.chdir(folder)  # which an earlier call may have left
+    sys.path[:] = path
+    printed = io.StringIO()
+    try:
+        with contextlib.redirect_stdout(printed):
+            load(files)
+            function, arguments = cloudpickle.loads(sent)
+            value = function(*arguments)
+        return Outcome(cloudpickle.dumps(value), None, printed.getvalue())
+    except BaseException as e:
+        return Outcome(b"", Raised.of(e), printed.getvalue())
+
+
+def _source_times() -> Mapping[str, float]:
+    """Return when each imported source file was changed last, but for those of Python's own directories."""
+    places = (sys.prefix, sys.base_prefix)
+    files = [getattr(module, "__file__", None) for module in list(sys.modules.values())]
+    found = {}
+    for file in {f for f in files if isinstance(f, str) and f.endswith(".py") and not f.startswith(places)}:
+        with contextlib.suppress(OSError):
+            found[file] = os.stat(file).st_mtime
+    return found
+
+
+# Time limits.
+
+
+@contextlib.contextmanager
+def within(seconds: float, trials: int = 1, ticks: int = 1, end_process: bool = False) -> Iterator[Callable[..., Any]]:
+    """Limit the time of a block; yields a watcher that makes every call of the estimator and looks at the clock.
+
+    Trials that run together share their calls. So one call may take as long as one trial may, and all calls together as
+    long as the trials may that are done by then: one that hangs is noticed after one limit. An alarm interrupts a call
+    that does not return, in a main thread; what an alarm cannot interrupt, such as a compiled loop, ends with its
+    process where `end_process` allows that.
+
+    Args:
+        seconds: for each trial.
+        trials: how many run together.
+        ticks: of each of them.
+        end_process: whether the process may be ended where nothing else stops the block.
+
+    Raises:
+        TimeLimit: the block took longer.
+
+    """
+    began = armed = time.monotonic()
+    timed = seconds < LONGEST
+    alarms = timed and threading.current_thread() is threading.main_thread() and hasattr(signal, "setitimer")
+    slack = min(1.0, seconds / 10) if trials > 1 else 0.0  # [s] between settings of the timers
+
+    def late() -> None:
+        raise TimeLimit(f"longer than the time limit of {seconds:g} s a trial")
+
+    def arm() -> None:
+        """Set the timers for one trial's limit from now."""
+        nonlocal armed
+        armed = time.monotonic()
+        if alarms:
+            signal.setitimer(signal.ITIMER_REAL, seconds + slack)
+        if timed and end_process:
+            faulthandler.dump_traceback_later(seconds + slack + GRACE, exit=True, file=_null_file())
+
+    def ring(_: int, frame: FrameType | None) -> None:
+        if time.monotonic() - began < seconds + _patience(frame):
+            arm()
+        else:
+            late()
+
+    def watch(method: str, tick: int, arguments: tuple[Any, ...], call: Any) -> Any:
+        now = time.monotonic()
+        if now - began > seconds * (1 + (trials - 1) * (tick + 1) / ticks):
+            late()
+        if trials > 1 and now - armed > slack:
+            arm()
+        return call(*arguments)
+
+    before = signal.signal(signal.SIGALRM, ring) if alarms else None
+    try:
+        arm()
+        yield watch
+    finally:
+        if alarms:
+            signal.setitimer(signal.ITIMER_REAL, 0)
+            signal.signal(signal.SIGALRM, before)
+        if timed and end_process:
+            faulthandler.cancel_dump_traceback_later()
+
+
+def _patience(frame: FrameType | None) -> float:
+    """Return how long an interrupted import or compilation may still go on [s]; 0 for anything else."""
+    longest = 0.0
+    while frame is not None:
+        module = str(frame.f_globals.get("__name__", "")).removeprefix("_frozen_")
+        longest = max(longest, *(seconds for start, seconds in PATIENCE.items() if f"{module}.".startswith(start)), 0.0)
+        frame = frame.f_back
+    return longest
+
+
+_opened: list[Any] = []
+
+
+def _null_file() -> Any:
+    """Return where the traceback of a process that is ended goes: the trial's row says that it failed."""
+    if not _opened:
+        _opened.append(Path(os.devnull).open("w"))  # noqa: SIM115
+    return _opened[0]
