@@ -286,10 +286,12 @@ class LocalProcesses:
         while waiting or suspects or running:
             if suspects and not running:
                 alone = True
-                running[self.submit(suspects[0])] = suspects.popleft()
+                task = suspects.popleft()
+                running[self.submit(task)] = task
             while waiting and not suspects and len(running) < self.window and not (alone and running):
                 alone = False
-                running[self.submit(waiting[0])] = waiting.popleft()
+                task = waiting.popleft()
+                running[self.submit(task)] = task
             for future in self.wait_any(running):
                 task = running.pop(future)
                 try:
