@@ -370,6 +370,7 @@ def _continue_manifest(folder: Path, found: dict[str, Any], asked: dict[str, Any
         BadInput: it has other settings.
 
     """
+    asked = _finite(asked)  # as it was written
     for key, said in MUST_MATCH.items():
         if found.get(key) != asked[key]:
             raise BadInput(f"{folder} holds a run with {said}; name another directory with --out")
