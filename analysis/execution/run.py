@@ -35,7 +35,7 @@ MANY = 2000  # parts of a run whose rows need the memory that idle processes hol
 MEMORY_WORTH_SAYING = 1e9  # bytes
 TICK_COST = 3000.0  # of a part however few its trials are, in the unit of `work`: numpy's cost per call
 # Failures that may be gone when the same trial runs again: a lost process; I/O, memory, file size, disk, quota.
-LOST = re.compile(r"process (that ran it )?died|\w*MemoryError\b|OSError: \[Errno (5|12|27|28|122)\]")
+LOST = re.compile(r"process (that ran it )?died|(^|: )\w*MemoryError: |(^|: )OSError: \[Errno (5|12|27|28|122)\]")
 LIMIT = re.compile(r"\btime limit of ([0-9.]+(?:e[+-]?[0-9]+)?) s\b")
 
 

@@ -1,11 +1,6 @@
 """Running a study: the same bits for any number of processes, whatever was there before, and failures kept apart."""
 
-import json
-import pickle
-import shutil
-from collections import Counter
 from dataclasses import dataclass, replace
-from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -13,16 +8,11 @@ import pytest
 
 import cooploc as cl
 from cooploc import estimators
-from cooploc.analysis.execution import run, run_directory
-from cooploc.analysis.execution import run as execution
+from cooploc.analysis.execution import run
 from cooploc.analysis.execution.run import RunProgress, execute
-from cooploc.analysis.execution.run_directory import PartKey, RunDir
-from cooploc.analysis.execution.workers import Task, measure
+from cooploc.analysis.execution.run_directory import PartKey
 from cooploc.estimators.dead_reckoning import DeadReckoning
-from cooploc.estimators.plugins import labels
-from cooploc.scenarios import process
-from cooploc.scenarios.process import BUILTIN, end_all
-from cooploc.scenarios.studies.study import Study, resolve_study
+from cooploc.scenarios.studies.study import Study
 
 STUDY = Study(
     name="small",
@@ -73,23 +63,6 @@ def test_two_processes_give_the_bits_of_one(finished, tmp_path):
     pd.testing.assert_frame_equal(again.drop(columns="seconds"), rows.drop(columns="seconds"))
 
 
-def test_processes_of_a_large_run_end_before_its_rows_are_read(tmp_path, monkeypatch):
-    """And those of a small one wait for the next."""
-
-    def alive():
-        return [owner for _, owner, _ in process._pools]
-
-    end_all()
-    execute(STUDY, tmp_path / "small", jobs=2)
-    assert BUILTIN in alive()
-    monkeypatch.setattr(execution, "MANY", 3)
-    seen = []
-    monkeypatch.setattr(execution, "_rows", lambda *_: seen.extend(alive()))
-    monkeypatch.setattr(execution, "_note_streams", lambda *_: None)
-    execute(STUDY, tmp_path / "small", jobs=2)
-    assert BUILTIN not in seen
-
-
 def test_rows_are_those_of_the_library_calls(finished):
     _, rows = finished
     truth, stream = cl.simulate("trajectory[ticks=15]", trials=12, seed=STUDY.seed)
@@ -97,19 +70,6 @@ def test_rows_are_those_of_the_library_calls(finished):
     mine = cl.errors(truth, run).drop(columns="seconds")
     theirs = rows[rows["scenario"] == "trajectory[ticks=15]"][mine.columns].reset_index(drop=True)
     pd.testing.assert_frame_equal(theirs, mine, check_dtype=False)
-
-
-def test_the_directory_describes_itself(finished):
-    folder, rows = finished
-    manifest = json.loads((folder / "manifest.json").read_text())
-    assert manifest["format"] == 2
-    assert manifest["seed"] == STUDY.seed
-    assert manifest["study"]["estimators"] == list(STUDY.estimators)
-    assert manifest["scenarios"]["trajectory[ticks=15]"]["robots"] == 3
-    assert set(manifest["versions"]) >= {"cooploc", "numpy", "filterpy", "python"}
-    _, stream = cl.simulate("trajectory[ticks=15]", trials=12, seed=STUDY.seed)
-    assert manifest["streams"]["trajectory[ticks=15]"] == {str(k): h for k, h in enumerate(stream.hashes)}
-    assert set(rows["stream"]) == {h for s in manifest["streams"].values() for h in s.values()}
 
 
 def test_what_is_there_is_not_computed_again(finished):
@@ -238,63 +198,10 @@ def test_what_cannot_run_is_refused_before_anything_is_written(tmp_path):
     assert not (tmp_path / "run").exists()
 
 
-def test_a_label_is_read_once_and_a_part_is_hashed_once(finished, tmp_path, monkeypatch):
-    """Also in a run that finds some parts, one of them damaged, and computes the rest."""
-    shutil.copytree(finished[0], tmp_path / "run")
-    parts_ = sorted((tmp_path / "run" / "parts").iterdir())
-    parts_[0].unlink()
-    parts_[1].write_bytes(parts_[1].read_bytes()[:-7])
-    labels_read, parts_hashed = Counter(), Counter()
-    counted(monkeypatch, labels, "LABEL", lambda text: labels_read.update([text]))
-    counted(monkeypatch, run_directory, "_checksum", lambda file: parts_hashed.update([file.name.split(".parquet")[0]]))
-    execute(STUDY, tmp_path / "run")
-    assert labels_read == Counter([*STUDY.scenarios, *STUDY.estimators])
-    again = {parts_[1].stem: 1, f".{parts_[0].stem}": 1, f".{parts_[1].stem}": 1}  # those with a dot were written
-    assert parts_hashed == Counter({part.stem: 1 for part in parts_[2:]} | again)
-
-
-def counted(monkeypatch, module, name, note):
-    """Replaces a function, or a pattern's fullmatch, by one that also notes its argument."""
-    real = getattr(module, name)
-
-    def call(argument):
-        note(argument)
-        return getattr(real, "fullmatch", real)(argument)
-
-    monkeypatch.setattr(module, name, SimpleNamespace(fullmatch=call) if hasattr(real, "fullmatch") else call)
-
-
-def test_a_task_travels_as_labels_and_gives_the_same_bits():
-    asked = resolve_study(STUDY)
-    task = Task(asked.cells[0].scenario, range(3, 5), STUDY.seed, asked.cells[0].estimators, 60.0)
-    assert b"Paper" not in pickle.dumps(task)
-    for one, two in zip(measure(task), measure(pickle.loads(pickle.dumps(task))), strict=True):
-        assert one.piece == two.piece
-        pd.testing.assert_frame_equal(one.frame, two.frame)
-
-
 def test_a_scenario_whose_parameters_are_not_sorted_keeps_its_label(tmp_path):
     label = "trajectory[ticks=5,side=7]"
     rows = execute(STUDY.with_options(only=("dead-reckoning",), scenarios=(label,)), tmp_path / "run")
     assert set(cl.compare(rows, {label: "dead-reckoning"})["scenario"]) == {label}
-
-
-def test_nothing_but_whole_files_is_ever_visible(tmp_path, monkeypatch):
-    """A write that dies half way leaves neither a part nor rubbish, and its error names the file."""
-    directory = RunDir(tmp_path / "run")
-    for name in ("parts", "receipts"):
-        (tmp_path / "run" / name).mkdir(parents=True)
-
-    def half(self, file, **_):
-        file.write_bytes(b"PAR1")
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(pd.DataFrame, "to_parquet", half)
-    piece = PartKey("x", "y", range(1))
-    with pytest.raises(OSError, match=f"No space left on device: .*{piece.name}"):
-        directory.write(piece, pd.DataFrame({"a": [1]}), 0.1)
-    assert list((tmp_path / "run" / "parts").iterdir()) == []
-    assert not directory.intact(piece)
 
 
 def test_runs_of_the_library_are_the_same_for_any_number_of_processes():

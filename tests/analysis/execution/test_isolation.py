@@ -52,10 +52,10 @@ hangs = Family("hangs in trial 1", World)
 """
 WORLD = "robots-1-3/n=1[ticks=4]"
 SAID = {
-    "Segfaults": {1: "the process that ran it died (SIGSEGV)"},
-    "Leaves": dict.fromkeys((0, 1), "it cannot be imported or made: its process died (exit code 0)"),
-    "Recurses": dict.fromkeys((0, 1), "the process that ran it died (SIGSEGV)"),
-    "Interrupts": dict.fromkeys((0, 1), "KeyboardInterrupt (bad.py:"),
+    "Segfaults": {1: "its process died (SIGSEGV)"},
+    "Leaves": dict.fromkeys((0, 1), "its process died (exit code 0)"),
+    "Recurses": dict.fromkeys((0, 1), "its process died (SIGSEGV)"),
+    "Interrupts": dict.fromkeys((0, 1), "KeyboardInterrupt"),
     "Wanders": {},
 }
 
@@ -80,7 +80,7 @@ def test_what_a_plug_in_does_to_its_process_costs_its_own_trials(place, jobs):
     for name, said in SAID.items():
         found = failures(rows[rows["estimator"] == f"bad.py:{name}"])
         assert set(found) == set(said), name
-        assert all(found[trial].startswith(line) for trial, line in said.items()), found
+        assert all(line in found[trial] for trial, line in said.items()), found
     same = rows[rows["estimator"] == "dead-reckoning"].reset_index(drop=True)
     alone["ticks"] = alone["ticks"].astype(same["ticks"].dtype)  # beside rows without any, they are no whole numbers
     pd.testing.assert_frame_equal(same.drop(columns="seconds"), alone.drop(columns="seconds"))

@@ -15,7 +15,6 @@ from cooploc.estimators.dead_reckoning import DeadReckoning
 from cooploc.estimators.errors import one_line
 from cooploc.scenarios import process
 from cooploc.scenarios.process import (
-    Limit,
     ProcessDied,
     ProcessHung,
     Raised,
@@ -65,7 +64,7 @@ def slept(monkeypatch):
         monkeypatch.setattr(process, "time", clock)
         monkeypatch.setattr(signal, "setitimer", clock.setitimer)
         try:
-            with within(Limit(0.2, HERE), trials, calls) as watch:
+            with within(0.2, trials, calls) as watch:
                 for tick in range(calls):
                     watch("predict", tick, (seconds,), clock.sleep)
         except TimeLimit:
@@ -91,12 +90,12 @@ def test_one_that_is_slow_in_every_call_is_late_long_before_the_fiftieth_limit(s
 
 @pytest.mark.parametrize("seconds", [math.inf, 1e10, 1e300])
 def test_a_limit_beyond_every_timer_is_none(seconds):
-    with within(Limit(seconds, True)) as watch:
+    with within(seconds, end_process=True) as watch:
         assert watch("predict", 0, (2, 3), pow) == 8
 
 
 def test_what_catches_every_exception_does_not_catch_that_it_is_late():
-    with pytest.raises(TimeLimit), within(Limit(0.1, HERE)), contextlib.suppress(Exception):
+    with pytest.raises(TimeLimit), within(0.1), contextlib.suppress(Exception):
         time.sleep(60)
 
 
@@ -197,24 +196,10 @@ def test_what_contradicts_itself_is_refused():
         cl.run("dead-reckoning", stream, time_limit=math.nan)
 
 
-def test_a_call_is_limited_by_the_processor_time_that_it_uses_or_by_how_long_it_does_nothing(monkeypatch):
-    def busy():
-        while True:
-            pass
-
-    monkeypatch.setattr(process, "WORK", 0.0)  # so little is seen also where other programs leave it little
-    hanging = {busy: "took longer than 1 s of processor time", lambda: time.sleep(60): "did nothing for 1 s"}
-    for function, said in hanging.items():
-        assert call("hung", lambda: 3) == 3  # what a new process imports is processor time too
-        with pytest.raises(ProcessHung, match=said):
-            call("hung", function, processor_seconds=1.0)
-    assert call("hung", lambda: 3, processor_seconds=600.0) == 3
-
-
 def test_a_process_that_grew_is_replaced_between_two_calls_and_none_is_lost(monkeypatch):
     """As it is where warnings are errors, as they are here: loky warns in the thread that serves all calls."""
     pytest.importorskip("psutil", reason="without psutil, loky does not look at memory")
-    monkeypatch.setitem(process.GROWTH, "LOKY_MAX_MEMORY_LEAK_SIZE", "1e6")
+    monkeypatch.setitem(process.ENVIRONMENT, "LOKY_MAX_MEMORY_LEAK_SIZE", "1e6")
 
     def grow():
         cl.grown = b"x" * 50_000_000
