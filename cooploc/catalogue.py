@@ -8,7 +8,8 @@ from cooploc.scenarios import simulate
 from cooploc.scenarios.runner.tick import IncompatibleEstimator
 from cooploc.scenarios.runner.trace import trace
 
-# What each sends, and what theory says of its covariance; what runs say of it stands in every table of results.
+# What each sends, and what theory says of its covariance; a class may say both itself, by `sends` and `consistency`.
+# What runs say of it stands in every table of results.
 KNOWN = {
     "dead-reckoning": ("nothing", "consistent"),
     "arl": ("nothing", "over-confident: a constant angle error, smoothed angles"),
@@ -51,7 +52,9 @@ def _row(row: dict[Any, Any]) -> list[str]:
     about = row["about"].partition(". ")[0].rstrip(".")
     senses = row["uses"].replace("|", " or ").replace("_", " ")
     bound = " **The bound** of all others." if row["bound"] else ""
-    sends, consistency = KNOWN[row["name"]]
+    cls = type(make(row["name"]))
+    own = getattr(cls, "sends", "as its source says"), getattr(cls, "consistency", "not known")
+    sends, consistency = KNOWN.get(row["name"], own)
     return [f"`{row['name']}`", f"{about}.{bound}", senses, sends, _bytes(row["name"]), consistency, row["source"]]
 
 

@@ -1,6 +1,26 @@
-"""Factors of readings between two robots, and the four messages that pass between such a factor and its two poses.
+"""Gaussian belief propagation: every robot holds its own part of the team's factor graph, and messages do the rest.
 
-z = h(x_i, x_j) + noise is linear about (x_i^0, x_j^0):  y = H dx_i + H_j dx_j + noise of covariance R.
+A robot holds its last `window` poses, a chain tied by odometry and by readings of fixed things, and one factor for
+each of its readings of teammates. Such a factor also depends on a pose that the teammate holds. What the one knows of
+that pose, and what the other's factor says of it, go over the air in every tick as long as the pose is in the window;
+no message repeats what its receiver said. A lost packet loses this tick's messages, and the next one brings newer
+ones. Where the graph is a tree the beliefs become exact, means and covariances. Where it has loops, and two robots
+that meet twice make one, the means converge to the most probable poses of `map-joint`, and covariances become too
+small: what came around a loop counts as new. What leaves the window each robot keeps for itself, as one Gaussian.
+That two robots have it from each other is forgotten then, and where they meet again it counts twice, as in
+`ekf_naive.py`.
+
+Within a robot the chain is solved at once, which costs no message, `iterations` times a tick. Between robots messages
+go once a tick, as the mail of this world does; in the source any number of times. Whether the source lets poses leave
+a window is not said in what we have of it (the abstract and talks): the window, and what it keeps, are our reading.
+
+Sent to each teammate, in numbers of 8 bytes: 5 for the newest position, mean and covariance; and for every reading
+between the two in the window 5 from each: who was read says where it was then, who read says what this tells of it.
+
+Sources: R. Murai, J. Ortiz, S. Saeedi, P. Kelly, A. Davison, "A robot web for distributed many-device localisation",
+IEEE T-RO 40, 2024, arXiv 2202.03314; A. Davison, J. Ortiz, "FutureMapping 2: Gaussian belief propagation for spatial
+AI", arXiv 1910.14139 (Huber's weights); Y. Weiss, W. Freeman, "Correctness of belief propagation in Gaussian
+graphical models of arbitrary topology", Neural Computation 13, 2001 (means exact, covariances not).
 """
 
 from collections.abc import Iterator
@@ -14,6 +34,10 @@ from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Row
 from cooploc.estimators.kalman import linearise, symmetric
 from cooploc.estimators.kalman_window import READINGS, Window, append_tick, drop_oldest, empty, smooth
 from cooploc.estimators.models import RAW, AnchorReading, fixed, gradient_doa, wrap_heading
+
+# Factors of readings between two robots, and the four messages that pass between such a factor and its two poses.
+#
+# z = h(x_i, x_j) + noise is linear about (x_i^0, x_j^0):  y = H dx_i + H_j dx_j + noise of covariance R.
 
 
 class Gaussian(NamedTuple):
@@ -276,31 +300,6 @@ def _to_numbers(vector: Array, matrix: Array) -> Array:
 def _parts(numbers: Array) -> tuple[Array, Array]:
     a, b, c = np.moveaxis(numbers[..., 2:], -1, 0)
     return numbers[..., :2], np.stack([np.stack([a, b], -1), np.stack([b, c], -1)], -2)
-
-
-# Gaussian belief propagation: every robot holds its own part of the team's factor graph, and messages do the rest.
-#
-# A robot holds its last `window` poses, a chain tied by odometry and by readings of fixed things, and one factor for
-# each of its readings of teammates. Such a factor also depends on a pose that the teammate holds. What the one knows of
-# that pose, and what the other's factor says of it, go over the air in every tick as long as the pose is in the window;
-# no message repeats what its receiver said. A lost packet loses this tick's messages, and the next one brings newer
-# ones. Where the graph is a tree the beliefs become exact, means and covariances. Where it has loops, and two robots
-# that meet twice make one, the means converge to the most probable poses of `map-joint`, and covariances become too
-# small: what came around a loop counts as new. What leaves the window each robot keeps for itself, as one Gaussian.
-# That two robots have it from each other is forgotten then, and where they meet again it counts twice, as in
-# `ekf_naive.py`.
-#
-# Within a robot the chain is solved at once, which costs no message, `iterations` times a tick. Between robots messages
-# go once a tick, as the mail of this world does; in the source any number of times. Whether the source lets poses leave
-# a window is not said in what we have of it (the abstract and talks): the window, and what it keeps, are our reading.
-#
-# Sent to each teammate, in numbers of 8 bytes: 5 for the newest position, mean and covariance; and for every reading
-# between the two in the window 5 from each: who was read says where it was then, who read says what this tells of it.
-#
-# Sources: R. Murai, J. Ortiz, S. Saeedi, P. Kelly, A. Davison, "A robot web for distributed many-device localisation",
-# IEEE T-RO 40, 2024, arXiv 2202.03314; A. Davison, J. Ortiz, "FutureMapping 2: Gaussian belief propagation for spatial
-# AI", arXiv 1910.14139 (Huber's weights); Y. Weiss, W. Freeman, "Correctness of belief propagation in Gaussian
-# graphical models of arbitrary topology", Neural Computation 13, 2001 (means exact, covariances not).
 
 
 @dataclass(frozen=True)

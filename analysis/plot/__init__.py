@@ -1,31 +1,25 @@
-"""The figures of `cl.plot`. Each takes and returns matplotlib Axes."""
+"""The figures of `cl.plot`. Each takes and returns matplotlib Axes; to add one, write a function and import it here."""
 
-from cooploc.analysis.plot.beliefs import anees, animate, ellipses, error_over_time, trajectories
-from cooploc.analysis.plot.ledgers import claims, readings, specification_curve
-from cooploc.analysis.plot.results import pareto, rmse, tradeoff
-from cooploc.analysis.plot.studies import information, sensitivity, tuned_parameters, tuning
-from cooploc.analysis.plot.worlds import residuals, world
+from cooploc.analysis.plot.beliefs import anees as anees
+from cooploc.analysis.plot.beliefs import animate as animate
+from cooploc.analysis.plot.beliefs import ellipses as ellipses
+from cooploc.analysis.plot.beliefs import error_over_time as error_over_time
+from cooploc.analysis.plot.beliefs import trajectories as trajectories
+from cooploc.analysis.plot.ledgers import claims as claims
+from cooploc.analysis.plot.ledgers import readings as readings
+from cooploc.analysis.plot.ledgers import specification_curve as specification_curve
+from cooploc.analysis.plot.results import pareto as pareto
+from cooploc.analysis.plot.results import rmse as rmse
+from cooploc.analysis.plot.results import tradeoff as tradeoff
+from cooploc.analysis.plot.studies import information as information
+from cooploc.analysis.plot.studies import sensitivity as sensitivity
+from cooploc.analysis.plot.studies import tuned_parameters as tuned_parameters
+from cooploc.analysis.plot.studies import tuning as tuning
+from cooploc.analysis.plot.worlds import residuals as residuals
+from cooploc.analysis.plot.worlds import world as world
 
-__all__ = [
-    "anees",
-    "animate",
-    "claims",
-    "ellipses",
-    "error_over_time",
-    "information",
-    "pareto",
-    "readings",
-    "residuals",
-    "rmse",
-    "sensitivity",
-    "specification_curve",
-    "tradeoff",
-    "trajectories",
-    "tuned_parameters",
-    "tuning",
-    "world",
-]
+_FIGURES = [name for name, one in globals().items() if callable(one)]
 
 
 def __dir__() -> list[str]:
-    return __all__
+    return _FIGURES

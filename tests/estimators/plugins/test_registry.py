@@ -26,7 +26,7 @@ def test_parameters_are_written_the_same_everywhere():
     )
     assert cl.make("rssi-pf") == Arl(anchor_reading="rssi")
     assert cl.make("ekf-local[gate=inf]").gate == float("inf")
-    assert estimators.split("arl[M=1,K=1],mrsl-rssi , ekf-local") == ["arl[M=1,K=1]", "mrsl-rssi", "ekf-local"]
+    assert estimators.split_labels("arl[M=1,K=1],mrsl-rssi , ekf-local") == ["arl[M=1,K=1]", "mrsl-rssi", "ekf-local"]
 
 
 @pytest.mark.parametrize(

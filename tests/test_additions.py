@@ -1,0 +1,117 @@
+"""One line adds an estimator, a world, a recording, a statistic or a figure: tried in a copy of the source."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+ESTIMATOR = '''"""An estimator that stands still.
+
+Source: the contributor's guide, 2026.
+"""
+
+from dataclasses import dataclass
+
+from cooploc.estimators.dead_reckoning import DeadReckoning, State
+from cooploc.estimators.interface import Senses
+
+
+@dataclass(frozen=True)
+class Still(DeadReckoning):
+    """The prior, for ever."""
+
+    def predict(self, s: State, z: Senses) -> State:
+        """Return the same belief."""
+        return s
+'''
+WORLD = '''"""The radio arena, by another name.
+
+Source: the contributor's guide, 2026.
+"""
+
+from cooploc.scenarios.worlds.radio import Paper
+
+
+class Hall(Paper):
+    """A larger arena."""
+
+    side: float = 9.0
+'''
+ADDITIONS = {
+    "estimators/still.py": ESTIMATOR,
+    "scenarios/worlds/hall.py": WORLD,
+}
+LINES = {  # file -> a line that stands there, and the one that is added before it
+    "estimators/__init__.py": ('    "map-joint": (', '    "still": ("cooploc.estimators.still:Still", {}),\n'),
+    "scenarios/__init__.py": (
+        '    "mrclam": Family(',
+        '    "hall": Family("a larger arena", "cooploc.scenarios.worlds.hall:Hall"),\n'
+        '    "tape": Family("a recording of robots", "cooploc.scenarios.recordings.mrclam:Mrclam", recorded=True),\n',
+    ),
+    "analysis/metrics/compare.py": (
+        '    "mean_error": Statistic(',
+        '    "largest_error": Statistic("largest error of a trial", lambda cell: cell.trials["mean_error"].max()),\n',
+    ),
+    "analysis/plot/results.py": (
+        "def rmse(",
+        'def trials_drawn(errors: "pd.DataFrame", ax: Axes | None = None) -> Axes:\n'
+        '    """Draw the number of trials of each estimator."""\n'
+        '    return errors.groupby("estimator")["trial"].nunique().plot.bar(ax=ax)\n\n\n',
+    ),
+    "analysis/plot/__init__.py": (
+        "from cooploc.analysis.plot.studies import information",
+        "from cooploc.analysis.plot.results import trials_drawn as trials_drawn\n",
+    ),
+}
+USE = """
+import cooploc as cl
+assert "still" in set(cl.estimators()["name"]) and {"hall", "tape"} <= set(cl.scenarios()["name"])
+truth, stream = cl.simulate("hall", trials=3, ticks=5)
+errors = cl.errors(truth, cl.run("still,dead-reckoning", stream))
+assert "largest_error" in cl.compare(errors, baseline="dead-reckoning", full=True)
+assert cl.plot.trials_drawn(errors).get_title() == "" and "trials_drawn" in dir(cl.plot)
+assert cl.check_estimator("still", only="determinism").passed
+"""
+
+
+@pytest.fixture(scope="module")
+def copy(tmp_path_factory):
+    root = tmp_path_factory.mktemp("copy") / "source"
+    shutil.copytree(
+        ROOT, root, symlinks=True, ignore=shutil.ignore_patterns(".git", ".venv*", "build", "runs", "__pycache__")
+    )
+    for file, text in ADDITIONS.items():
+        (root / file).write_text(text)
+    for file, (before, added) in LINES.items():
+        text = (root / file).read_text()
+        assert text.count(before) == 1, (file, before)
+        (root / file).write_text(text.replace(before, added + before))
+    return root
+
+
+def run(copy, *command):
+    environment = {**os.environ, "PYTHONPATH": str(copy), "MPLBACKEND": "agg"}
+    done = subprocess.run([sys.executable, *command], cwd=copy, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.slow
+def test_one_line_each_is_enough_to_use_them(copy):
+    run(copy, "-c", USE)
+
+
+@pytest.mark.slow
+def test_lint_contracts_and_the_tests_of_all_estimators_pass_with_them(copy):
+    run(copy, "-m", "ruff", "check", "estimators", "scenarios", "analysis/metrics", "analysis/plot")
+    run(copy, "-c", "from importlinter.cli import lint_imports; raise SystemExit(lint_imports(no_cache=True))")
+    tests = [
+        "tests/command_line/test_catalogue.py",
+        "tests/analysis/plot/test_style.py",
+        "tests/estimators/test_help.py",
+    ]
+    tests += ["tests/estimators/plugins", "tests/analysis/metrics/test_compare.py", "tests/scenarios/worlds"]
+    run(copy, "-m", "pytest", "-q", "-p", "no:randomly", "-p", "no:xdist", "-m", "not slow", *tests)
