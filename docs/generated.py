@@ -57,7 +57,7 @@ def commands() -> str:
 def figures() -> str:
     """Every function of `cl.plot`."""
     shown = "\n\n".join(
-        f"```{{eval-rst}}\n.. autofunction:: cooploc.analysis.plot.{name}\n```" for name in cl.plot.__all__
+        f"```{{eval-rst}}\n.. autofunction:: cooploc.analysis.plot.{name}\n```" for name in dir(cl.plot)
     )
     return f"# Figures\n\n`cl.plot.NAME`; each takes and returns matplotlib `Axes`.\n\n{shown}\n"
 
