@@ -140,7 +140,7 @@ def test_a_trial_that_kills_its_process_is_found_and_the_rest_goes_on(place, plu
     assert rows["dead-reckoning"]["failed"] == 0
     assert rows["trouble[does=die]"]["failed"] == 2
     assert rows["trouble[does=die]"]["trials"] == 6
-    assert "the process that ran it died" in told.stderr
+    assert "process died" in told.stderr
 
 
 def test_a_worker_that_is_killed_from_outside_is_replaced(held, plugins):

@@ -40,7 +40,7 @@ def data(tmp_path):
 
 def trained(judged, training, data):
     asked = Study(name="s", scenarios=judged, estimators=("ekf-local",), training=training)
-    return lanes(resolve_study(asked, data).cells, asked.training, data, True)
+    return lanes(resolve_study(asked, data).cells, asked.training, data)
 
 
 def test_the_training_seed_is_another_one_and_the_sampler_s_a_third():
