@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from cooploc.analysis.execution.certificates import check_plugins, with_certificates
+from cooploc.analysis.execution.progress import RunProgress
 from cooploc.analysis.execution.provenance import files, fingerprint, imports, provenance
 from cooploc.analysis.execution.run_directory import FORMAT, PartKey, RunDir
 from cooploc.analysis.execution.workers import MeasuredPart, Task, Workers, compile_kernels, failed_part, make_workers
@@ -37,22 +38,6 @@ TICK_COST = 3000.0  # of a part however few its trials are, in the unit of `work
 # Failures that may be gone when the same trial runs again: a lost process; I/O, memory, file size, disk, quota.
 LOST = re.compile(r"process (that ran it )?died|(^|: )\w*MemoryError: |(^|: )OSError: \[Errno (5|12|27|28|122)\]")
 LIMIT = re.compile(r"\btime limit of ([0-9.]+(?:e[+-]?[0-9]+)?) s\b")
-
-
-class RunProgress:
-    """Methods that are called as a run goes on; these show nothing."""
-
-    def compiling(self) -> None:
-        """Kernels are compiled, once on this machine, before the trials begin."""
-
-    def begin(self, trials: int, found: int) -> None:
-        """The run has so many (estimator, trial) pairs in all, and so many of them on disk."""
-
-    def advance(self, what: str, trials: int, failed: int, share: float) -> None:
-        """A part is done, and this share of the processor time is spent by now."""
-
-    def say(self, line: str) -> None:
-        """The user should know this."""
 
 
 def execute(

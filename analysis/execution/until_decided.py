@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from cooploc.analysis.execution.run import RunProgress, execute
+from cooploc.analysis.execution.progress import RunProgress
+from cooploc.analysis.execution.run import execute
 from cooploc.analysis.execution.run_directory import DECISIONS, write_json
 from cooploc.analysis.formats import counted, duration
 from cooploc.analysis.metrics.sequential import OPEN, decide, looks

@@ -21,7 +21,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from cooploc.analysis.execution.run import RunProgress, complete, execute, make_manifest, require_compatible
+from cooploc.analysis.execution.progress import RunProgress
+from cooploc.analysis.execution.run import complete, execute, make_manifest, require_compatible
 from cooploc.analysis.execution.run_directory import PartKey, RunDir, read_run, replace_file
 from cooploc.analysis.execution.workers import Workers, make_workers
 from cooploc.analysis.tuning.search import OBJECTIVES, Item, Lane, Space, search, space_of, trial_scores

@@ -26,11 +26,10 @@ def test_tab_shows_what_users_call_and_nothing_else():
         "cli",
         "catalogue",
         "runs",
-        "until_decided",
-        "plans",
+        "commands",
+        "api_studies",
         "scaffold",
-        "terminal.results",
-        "terminal.lists",
+        "terminal.tables",
         "analysis",
     ):
         import_module(f"cooploc.{module}")

@@ -26,7 +26,9 @@ def test_contributing_names_only_files_that_exist():
     named = [word for word in re.findall(r"`([^`\s]+)`", TEXT) if re.search(r"/|\.(py|toml|md|cff|lock)$", word)]
     assert len(named) > 40
     there = {path.name for path in ROOT.glob("*/**/*.*")}
-    assert [word for word in named if not ((ROOT / word).exists() or word in there | {"log.toml"})] == []
+    assert [
+        word for word in named if not (any(ROOT.glob(f"**/{word.rstrip('/')}")) or word in there | {"log.toml"})
+    ] == []
 
 
 def test_contributing_names_only_targets_that_exist():
@@ -34,13 +36,13 @@ def test_contributing_names_only_targets_that_exist():
     named = {
         word for line in re.findall(r"(?:^    |`)make ([a-z][a-z -]*)", TEXT, re.MULTILINE) for word in line.split()
     }
-    assert {"test", "quick-test", "hooks", "lint", "types", "floors", "units", "lock"} <= named & targets
+    assert {"test", "quick-test", "lint", "lock"} <= named <= targets
 
 
 def test_hooks_run_what_ci_runs():
     assert "exec make test" in (ROOT / ".ci" / "run").read_text("utf-8")
     hooks = re.findall(r"entry: make --silent (\S+)", (ROOT / ".pre-commit-config.yaml").read_text("utf-8"))
-    assert set(hooks) == {*prerequisites("test"), "quick-test"} - {"units"}
+    assert set(hooks) == {*prerequisites("test"), "quick-test"}
 
 
 def test_a_citation_is_of_this_version():

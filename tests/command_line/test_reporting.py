@@ -77,7 +77,7 @@ def test_compare_says_what_changed_and_whether_it_is_paired(place):
     [
         (["report", "nowhere"], "nowhere holds no run"),
         (["report", "small.toml"], "small.toml exists and is not a run directory"),
-        (["report", "one", "--ledger", "small.toml"], "there is no key 'trials' in a ledger"),
+        (["report", "one", "--ledger", "small.toml"], "small.toml, ledger: there is no key 'trials'"),
         (["verdicts", "nowhere"], "nowhere holds no run"),
         (["compare", "one", "nowhere"], "nowhere holds no run"),
         (["reproduce", "nowhere"], "cannot be read"),

@@ -16,7 +16,8 @@ from cooploc.analysis.claims.ledger import load
 from cooploc.analysis.claims.trial_table import collect
 from cooploc.analysis.execution import certificates
 from cooploc.analysis.execution.certificates import certify, line, with_certificates
-from cooploc.analysis.execution.run import RunProgress, execute
+from cooploc.analysis.execution.progress import RunProgress
+from cooploc.analysis.execution.run import execute
 from cooploc.analysis.execution.run_directory import read_run
 from cooploc.analysis.metrics import ranking
 from cooploc.analysis.metrics.compare import compare

@@ -9,7 +9,8 @@ import pytest
 import cooploc as cl
 from cooploc import estimators
 from cooploc.analysis.execution import run
-from cooploc.analysis.execution.run import RunProgress, execute
+from cooploc.analysis.execution.progress import RunProgress
+from cooploc.analysis.execution.run import execute
 from cooploc.analysis.execution.run_directory import PartKey
 from cooploc.estimators.dead_reckoning import DeadReckoning
 from cooploc.scenarios.studies.study import Study

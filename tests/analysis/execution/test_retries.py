@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import pytest
 
 from cooploc import estimators
-from cooploc.analysis.execution.run import RunProgress, execute, is_worth_retry
+from cooploc.analysis.execution.progress import RunProgress
+from cooploc.analysis.execution.run import execute, is_worth_retry
 from cooploc.estimators.dead_reckoning import DeadReckoning
 from cooploc.scenarios.studies.study import Study
 

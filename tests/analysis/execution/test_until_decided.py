@@ -5,7 +5,8 @@ import json
 import pytest
 
 from cooploc.analysis.execution import run
-from cooploc.analysis.execution.run import RunProgress, execute
+from cooploc.analysis.execution.progress import RunProgress
+from cooploc.analysis.execution.run import execute
 from cooploc.analysis.execution.run_directory import read_decisions
 from cooploc.analysis.execution.until_decided import Answers, run_until_decided
 from cooploc.estimators.errors import BadInput

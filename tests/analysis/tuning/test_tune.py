@@ -10,7 +10,7 @@ from made_logs import describe, lines, write
 from processes import inside, marks, parts
 
 import cooploc as cl
-from cooploc.analysis.execution.run import RunProgress
+from cooploc.analysis.execution.progress import RunProgress
 from cooploc.analysis.report.tuning_tables import order_sentence
 from cooploc.analysis.tuning.tables import order
 from cooploc.analysis.tuning.tune import (
