@@ -5,8 +5,7 @@ import cvxpy as cp
 import numpy as np
 import pytest
 
-from cooploc.estimators import covariance_intersection
-from cooploc.estimators.covariance_intersection import relative_weights
+from cooploc.estimators.covariance_intersection import relative_weights, weights
 from cooploc.estimators.covariance_intersection_cvxpy import canonical
 
 CRITERIA = pytest.mark.parametrize("criterion", ["det", "trace"])
@@ -51,7 +50,7 @@ def test_problems_in_a_stack_have_the_answers_that_cvxpy_gives_each():
 def test_weights_are_those_of_a_fresh_problem_as_one_writes_it_first(m, d, criterion):
     a = np.random.default_rng(2).normal(size=(5, m, d, d))
     P = a @ a.mT + 0.1 * np.eye(d)
-    for covariances, found in zip(P, covariance_intersection(P, criterion, "cvxpy", groups=np.arange(5)), strict=True):
+    for covariances, found in zip(P, weights(P, criterion, "cvxpy", groups=np.arange(5)), strict=True):
         w = cp.Variable(m, nonneg=True)
         Y = sum(w[k] * np.linalg.inv(covariances[k]) for k in range(m))
         aim = cp.Maximize(cp.log_det(Y)) if criterion == "det" else cp.Minimize(cp.tr_inv(Y))

@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from oracles import repeatable
 
-from cooploc.estimators import covariance_intersection, covariance_intersection_cvxpy
-from cooploc.estimators.covariance_intersection import intersect, relative_weights, solve, solve_relative
+from cooploc.estimators import covariance_intersection_cvxpy
+from cooploc.estimators.covariance_intersection import intersect, relative_weights, solve, solve_relative, weights
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Belief
 from cooploc.estimators.kalman import inflated_update
@@ -150,7 +150,7 @@ def relation(rng, K, k=1, d=2, e=2, family=ordinary):
 def test_the_classic_pair(solver, criterion):
     """science.md: diag(1, 4) with diag(4, 1) gives w = 1/2, P = 1.6 I."""
     P = np.array([[np.diag([1.0, 4.0]), np.diag([4.0, 1.0])]])
-    w = covariance_intersection(P, criterion, solver)
+    w = weights(P, criterion, solver)
     np.testing.assert_allclose(w, 0.5, atol=1e-7)
     x, Q = intersect(np.array([[[1.0, 0.0], [0.0, 1.0]]]), P, w)
     np.testing.assert_allclose(Q[0], 1.6 * np.eye(2), atol=1e-12)
@@ -198,7 +198,7 @@ def test_cvxpy_and_exact_agree(family, m, d, K, criterion):
 @CRITERIA
 def test_of_nested_covariances_the_least_is_best(solver, criterion):
     P = np.array([[np.eye(2), 4 * np.eye(2)], [np.diag([5.0, 3.0]), np.diag([5.0, 2.0])]])
-    np.testing.assert_allclose(covariance_intersection(P, criterion, solver), [[1, 0], [0, 1]], atol=1e-6)
+    np.testing.assert_allclose(weights(P, criterion, solver), [[1, 0], [0, 1]], atol=1e-6)
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 6), st.integers(1, 3), st.sampled_from(FAMILIES), st.booleans())
@@ -217,10 +217,10 @@ def test_weights_are_shares_certified_and_follow_their_sources(seed, m, d, famil
     order = rng.permutation(m)
     if family is ordinary and d > 1:
         np.testing.assert_allclose(
-            covariance_intersection(P[:, order], criterion, "exact"), found.w[:, order], atol=1e-4
+            weights(P[:, order], criterion, "exact"), found.w[:, order], atol=1e-4
         )
     power = 2.0 ** rng.integers(-20, 20)
-    np.testing.assert_array_equal(covariance_intersection(power * P, criterion, "exact"), found.w)
+    np.testing.assert_array_equal(weights(power * P, criterion, "exact"), found.w)
 
 
 # ---------------------------------------------------------------- what may be missing or wrong
@@ -243,7 +243,7 @@ def test_absent_sources_weigh_nothing(solver):
     assert w[3].tolist() == [0, 0, 1]
     assert w[4].tolist() == [0, 0, 0]
     assert found.gap[[3, 4]].tolist() == [0, 0]
-    np.testing.assert_allclose(w[:3][:, [0, 2]], covariance_intersection(P[:3][:, [0, 2]], solver=solver), atol=1e-5)
+    np.testing.assert_allclose(w[:3][:, [0, 2]], weights(P[:3][:, [0, 2]], solver=solver), atol=1e-5)
     x, Q = intersect(rng.normal(size=(6, 3, 2)), P, w)
     assert np.isnan(x[4]).all()
     assert np.isnan(Q[4]).all()
@@ -263,7 +263,7 @@ def test_what_is_no_covariance_is_named(solver, what, bad):
     P = ordinary(np.random.default_rng(6), 9, 4, 2)
     P[7, 2] = bad
     with pytest.raises(BadInput, match=f"source 2 of fusion 7.*{what}"):
-        covariance_intersection(P, solver=solver)
+        weights(P, solver=solver)
 
 
 @pytest.mark.parametrize(
@@ -277,7 +277,7 @@ def test_what_is_no_covariance_is_named(solver, what, bad):
 )
 def test_wrong_arguments_are_named(arguments, message):
     with pytest.raises(BadInput, match=message):
-        covariance_intersection(**{"P": ordinary(np.random.default_rng(8), 2, 2, 2), **arguments})
+        weights(**{"P": ordinary(np.random.default_rng(8), 2, 2, 2), **arguments})
 
 
 # ---------------------------------------------------------------- stacks and fallbacks
@@ -305,7 +305,7 @@ def test_cvxpys_bits_depend_on_the_group_alone(relative):
     rng = np.random.default_rng(12)
     group = rng.integers(0, 5, 150)
     problem = relation(rng, 150) if relative else (ordinary(rng, 150, 3, 2),)
-    function = relative_weights if relative else covariance_intersection
+    function = relative_weights if relative else weights
     everything = function(*problem, groups=group)
     for g in range(5):
         rows = rng.permutation(np.flatnonzero(group == g))
@@ -326,7 +326,7 @@ def test_a_fusion_that_cvxpy_fails_on_is_named_and_counted(monkeypatch, caplog):
     monkeypatch.setattr(covariance_intersection_cvxpy, "solve", fails)
     with caplog.at_level(logging.WARNING, "cooploc"):
         found = solve(P)
-    exact = covariance_intersection(P, solver="exact")
+    exact = weights(P, solver="exact")
     assert np.flatnonzero(found.fallback).tolist() == [17]
     assert "fusions [17]" in caplog.text
     np.testing.assert_array_equal(found.w[17], exact[17])
@@ -458,7 +458,7 @@ def test_no_correlation_makes_the_fused_covariance_optimistic(m, solver, criteri
     """Linear and Gaussian, 3 000 admissible correlations of the sources: errors e_k = L_k V_k' z, V_k orthonormal."""
     rng = np.random.default_rng(22)
     P = ordinary(rng, 3, m, 2)
-    w = covariance_intersection(P, criterion, solver)
+    w = weights(P, criterion, solver)
     _, Q = intersect(np.zeros((3, m, 2)), P, w)
     for n in range(3):
         K = Q[n] @ (w[n, :, None, None] * np.linalg.inv(P[n]))
