@@ -216,9 +216,7 @@ def test_weights_are_shares_certified_and_follow_their_sources(seed, m, d, famil
     assert found.gap.max() <= 1e-9
     order = rng.permutation(m)
     if family is ordinary and d > 1:
-        np.testing.assert_allclose(
-            weights(P[:, order], criterion, "exact"), found.w[:, order], atol=1e-4
-        )
+        np.testing.assert_allclose(weights(P[:, order], criterion, "exact"), found.w[:, order], atol=1e-4)
     power = 2.0 ** rng.integers(-20, 20)
     np.testing.assert_array_equal(weights(power * P, criterion, "exact"), found.w)
 
