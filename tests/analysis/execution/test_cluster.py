@@ -6,7 +6,7 @@ import sys
 
 import psutil
 import pytest
-from processes import environment, finish, install, marks, parts, start, until
+from processes import environment, finish, install, parts, start, until
 
 from cooploc.analysis.execution import workers
 
@@ -90,11 +90,11 @@ def local(tmp_path, plugins):
 
 
 def started(cluster, tmp_path, plugins):
-    """The study on the cluster, as soon as its first trials are done; it does not end while there is a file `hold`."""
+    """The study on the cluster, as soon as a worker is at its first trials; it does not end while there is a file `hold`."""
     (tmp_path / "hold").touch()
     arguments = ("run", "small.toml", "--out", "far", "--scheduler", cluster.address)
     run = start(*arguments, plugins=plugins, cwd=tmp_path, prepare=be_patient)
-    until(lambda: marks(tmp_path / "far") or run.poll() is not None)
+    until(lambda: list(tmp_path.glob("held-*")) or run.poll() is not None)
     assert run.poll() is None
     return run
 
