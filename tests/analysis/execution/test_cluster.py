@@ -90,7 +90,7 @@ def local(tmp_path, plugins):
 
 
 def started(cluster, tmp_path, plugins):
-    """The study on the cluster, as soon as a worker is at its first trials; it does not end while there is a file `hold`."""
+    """The study on the cluster, as soon as a worker is at it; it does not end while there is a file `hold`."""
     (tmp_path / "hold").touch()
     arguments = ("run", "small.toml", "--out", "far", "--scheduler", cluster.address)
     run = start(*arguments, plugins=plugins, cwd=tmp_path, prepare=be_patient)
