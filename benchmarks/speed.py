@@ -24,8 +24,7 @@ from scipy.stats import linregress, t
 
 import cooploc as cl
 from cooploc.analysis.execution.provenance import provenance
-from cooploc.estimators import covariance_intersection
-from cooploc.estimators.covariance_intersection import relative_weights
+from cooploc.estimators.covariance_intersection import relative_weights, weights
 from cooploc.estimators.dead_reckoning import DeadReckoning
 from cooploc.scenarios.runner.trace import trace, warm_up
 
@@ -133,7 +132,7 @@ def weighing(rounds: int) -> Iterator[Line]:
         a = np.random.default_rng(1).normal(size=(FUSIONS, m, 2, 2))
         P, ask = a @ a.mT + 0.1 * np.eye(2), make_asker(m, "trace")
         asked = (lambda P=P, ask=ask: [ask(p) for p in P[:FRESH]], FRESH, 1)
-        alone = (lambda P=P: covariance_intersection(P, "trace", "cvxpy", ALONE), FUSIONS, 3)
+        alone = (lambda P=P: weights(P, "trace", "cvxpy", ALONE), FUSIONS, 3)
         slow, fast = race([asked, alone], rounds)
         yield Line(f"cvxpy, {m} sources, alone [µs a fusion]", 1e6 * fast, 150, True, 1e6 * slow)
     rng = np.random.default_rng(2)
