@@ -24,7 +24,7 @@ from typing import NamedTuple
 import pandas as pd
 
 import cooploc as cl
-from cooploc.analysis.report.tables import Table, numbers, words
+from cooploc.analysis.report.tables import Table, number_column, text_column
 
 HEAD = """# Reliability
 
@@ -212,7 +212,12 @@ def section(mode: str, outcomes: dict[Cell, Outcome], seconds: float) -> str:
 
 TRIALS = 6
 RECORDED = {"mrclam": "mrclam6", "wifi-priors": "wifi-rssi"}  # runs on recordings, and the folder of these
-COLUMNS = (words("run"), numbers("results"), numbers("bit-equal", "equal"), words("not equal", "unlike"))
+COLUMNS = (
+    text_column("run"),
+    number_column("results"),
+    number_column("bit-equal", "equal"),
+    text_column("not equal", "unlike"),
+)
 
 
 def reproduced(report: Path, runs: str, data: str) -> int:

@@ -11,8 +11,7 @@ from cooploc.analysis.claims.ledger import Ledger
 from cooploc.analysis.claims.verdicts import judge_run, verdict_sentence
 from cooploc.analysis.metrics import run_tables
 from cooploc.analysis.metrics.sequential import ANYTIME, FIXED
-from cooploc.analysis.paper.tables import DEFAULT
-from cooploc.analysis.paper.write import EXAMPLE, write
+from cooploc.analysis.report.paper import DEFAULT, EXAMPLE, write
 from cooploc.estimators import split_labels
 from cooploc.runs import Results, kept, ledger_of, looks_of, rows_of
 

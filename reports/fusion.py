@@ -16,7 +16,7 @@ from cooploc.analysis.metrics.consistency import OVER_CONFIDENT
 from cooploc.analysis.metrics.statistics import mean_of_positive
 from cooploc.analysis.plot import style
 from cooploc.analysis.plot.results import frontier
-from cooploc.analysis.report.tables import Table, estimates, numbers, words
+from cooploc.analysis.report.tables import Table, interval_column, number_column, text_column
 from cooploc.runs import kept
 
 BASELINE = "ekf-local"
@@ -162,7 +162,10 @@ def _consistency(table: pd.DataFrame) -> Table:
         for name, part in table.groupby("estimator", sort=False)
     ]
     filled = [{**dict.fromkeys(scenarios, ""), **row} for row in rows]
-    columns = (words("estimator"), *(words(scenario.removeprefix("scalability/"), scenario) for scenario in scenarios))
+    columns = (
+        text_column("estimator"),
+        *(text_column(scenario.removeprefix("scalability/"), scenario) for scenario in scenarios),
+    )
     return Table("consistency", "", columns, filled)
 
 
@@ -173,12 +176,12 @@ def _flag(row: dict) -> str:
 def _numbers(table: pd.DataFrame, name: str, pose: bool = False) -> Table:
     nees = "pose_nees" if pose else "anees"
     columns = (
-        words("scenario"),
-        words("estimator"),
-        estimates("RMSE [m]", "rmse", metres),
-        estimates(f"against {BASELINE}", "change", change),
-        estimates("ANEES (pose)" if pose else "ANEES", nees, ratio),
-        estimates("in the 95 % ellipse", "coverage95", percent),
-        numbers("bytes", "bytes", form=count),
+        text_column("scenario"),
+        text_column("estimator"),
+        interval_column("RMSE [m]", "rmse", metres),
+        interval_column(f"against {BASELINE}", "change", change),
+        interval_column("ANEES (pose)" if pose else "ANEES", nees, ratio),
+        interval_column("in the 95 % ellipse", "coverage95", percent),
+        number_column("bytes", "bytes", form=count),
     )
     return Table(name, "Means with 95 % intervals; bytes per robot and tick.", columns, table.to_dict("records"))

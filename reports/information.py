@@ -13,7 +13,7 @@ from cooploc.analysis.formats import change, metres, ratio
 from cooploc.analysis.plot import style
 from cooploc.analysis.plot.studies import BETWEEN, OWN, PARAMETERS, RULES
 from cooploc.analysis.report import sentences
-from cooploc.analysis.report.tables import Table, estimates, numbers, words
+from cooploc.analysis.report.tables import Table, interval_column, number_column, text_column
 from cooploc.runs import kept
 
 
@@ -48,15 +48,15 @@ def _sensitivity(stored: Any, out: Path) -> dict[str, Any]:
 
 def _table(table: pd.DataFrame) -> Table:
     columns = (
-        words("own", form=OWN.__getitem__),
-        words("between", form=BETWEEN.__getitem__),
-        numbers("robots"),
-        words("fusion, filter", "fusion", "filter", form=lambda *rule: RULES[rule][0]),
-        estimates("RMSE [m]", "rmse", metres),
-        numbers("floor [m]", "floor", form=metres),
-        estimates("ANEES", "anees", ratio),
-        words("consistency"),
-        estimates("against alone", "change", change),
+        text_column("own", form=OWN.__getitem__),
+        text_column("between", form=BETWEEN.__getitem__),
+        number_column("robots"),
+        text_column("fusion, filter", "fusion", "filter", form=lambda *rule: RULES[rule][0]),
+        interval_column("RMSE [m]", "rmse", metres),
+        number_column("floor [m]", "floor", form=metres),
+        interval_column("ANEES", "anees", ratio),
+        text_column("consistency"),
+        interval_column("against alone", "change", change),
     )
     caption = "RMSE and ANEES with 95 % intervals over trials; against alone: change of RMSE against the same filter."
     return Table("information", caption, columns, table.to_dict("records"))

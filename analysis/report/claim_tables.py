@@ -20,7 +20,7 @@ from cooploc.analysis.claims.verdicts import (
 from cooploc.analysis.execution.run_directory import StoredRun
 from cooploc.analysis.formats import count, counted, p_value
 from cooploc.analysis.metrics.sequential import ANYTIME, FIXED
-from cooploc.analysis.report.tables import Table, numbers, words
+from cooploc.analysis.report.tables import Table, number_column, text_column
 
 SHOWN = 3  # reasons why cases of a claim were not run
 
@@ -30,8 +30,8 @@ def _yes_or_no(stands: bool, verdict: str) -> str:
 
 
 HOLM = (
-    numbers("p (Holm)", "p_holm", "p", of=("p_holm",), form=p_value),
-    words("stands", "stands", of=("stands", "verdict"), form=_yes_or_no, under=True),
+    number_column("p (Holm)", "p_holm", "p", of=("p_holm",), form=p_value),
+    text_column("stands", "stands", of=("stands", "verdict"), form=_yes_or_no, second_line=True),
 )
 
 
@@ -39,14 +39,14 @@ def claims(verdicts: pd.DataFrame, paper: str) -> Table:
     """The ledger: one row per claim, reading and case."""
     found = ("scenario", "of", "than", "value", "low", "high", "trials")
     columns = (
-        words("claim"),
-        words("says", "says", "where", form=called),
-        words("reading", "variant", "kind", "definition", "size", of=("variant",)),
-        words("found", *found, of=("sentence",)),
-        words("verdict", "verdict", "needed", "otherwise", of=("verdict",)),
+        text_column("claim"),
+        text_column("says", "says", "where", form=called),
+        text_column("reading", "variant", "kind", "definition", "size", of=("variant",)),
+        text_column("found", *found, of=("sentence",)),
+        text_column("verdict", "verdict", "needed", "otherwise", of=("verdict",)),
         *HOLM,
-        words("remark", of=("verdict", "remark"), form=_remark),
-        words("left open by the paper", "open"),
+        text_column("remark", of=("verdict", "remark"), form=_remark),
+        text_column("left open by the paper", "open"),
     )
     shown = _shown(verdicts)
     rows = shown.assign(sentence=[verdict_sentence(row) for _, row in shown.iterrows()]).to_dict("records")
@@ -57,18 +57,18 @@ def claims(verdicts: pd.DataFrame, paper: str) -> Table:
 def cases(part: pd.DataFrame) -> Table:
     """The cases of one claim that were run, for a terminal."""
     found = part[part["verdict"] != "not run"]
-    readings = (words("reading", "variant"),) if found["variant"].nunique() > 1 else ()
+    readings = (text_column("reading", "variant"),) if found["variant"].nunique() > 1 else ()
     columns = (
-        words("scenario"),
-        *(words(head, under=True) for head in ("of", "than")),
+        text_column("scenario"),
+        *(text_column(head, second_line=True) for head in ("of", "than")),
         *readings,
-        numbers("claimed", "size", of=("size", "kind"), form=number_text),
-        numbers("found", "value", of=("value", "kind"), form=number_text),
-        numbers("95 %", "low", "high", of=("low", "high", "kind"), form=interval_text, under=True),
-        numbers("trials", form=count),
-        words("verdict", of=("decision",)),
-        words("", "otherwise", under=True),
-        words("", "remark", under=True),
+        number_column("claimed", "size", of=("size", "kind"), form=number_text),
+        number_column("found", "value", of=("value", "kind"), form=number_text),
+        number_column("95 %", "low", "high", of=("low", "high", "kind"), form=interval_text, second_line=True),
+        number_column("trials", form=count),
+        text_column("verdict", of=("decision",)),
+        text_column("", "otherwise", second_line=True),
+        text_column("", "remark", second_line=True),
         *HOLM,
     )
     rows = found.assign(decision=[verdict_text(row) for _, row in found.iterrows()])
@@ -127,10 +127,10 @@ def by_claim(table: Table, verdicts: pd.DataFrame, ledger: Ledger, readings: Map
 def overview(found: pd.DataFrame, verdicts: pd.DataFrame, ledger: Ledger) -> Table:
     """Claims by readings, with the numbers of the first."""
     columns = (
-        words("claim"),
-        words("the paper says", "says"),
-        *(replace(words(head), right=True) for head in ("claimed", "found")),
-        *(words("verdict" if name == BASE else str(name), str(name)) for name in found),
+        text_column("claim"),
+        text_column("the paper says", "says"),
+        *(replace(text_column(head), right=True) for head in ("claimed", "found")),
+        *(text_column("verdict" if name == BASE else str(name), str(name)) for name in found),
     )
     says = {claim.id: claim.says for claim in ledger.claims}
     spans = {c: span_text(part) for c, part in verdicts[verdicts["variant"] == BASE].groupby("claim", sort=False)}
@@ -155,10 +155,10 @@ def over_readings(shares: pd.DataFrame) -> Table:
 
     """
     columns = (
-        words("claim"),
-        *(numbers(head, form=count) for head in ("specifications", *JUDGED)),
-        *map(words, ("letter", "preset", "scenarios")),
-        words("choices that matter", "dimensions"),
+        text_column("claim"),
+        *(number_column(head, form=count) for head in ("specifications", *JUDGED)),
+        *map(text_column, ("letter", "preset", "scenarios")),
+        text_column("choices that matter", "dimensions"),
     )
     return Table("readings", "", columns, shares.to_dict("records"))
 

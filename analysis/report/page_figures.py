@@ -19,8 +19,7 @@ from cooploc.analysis.formats import counted
 from cooploc.analysis.metrics.curves import sweep
 from cooploc.analysis.plot import results
 from cooploc.analysis.plot.style import PAGE
-from cooploc.analysis.report.colours import as_variables
-from cooploc.analysis.report.result_tables import Numbers
+from cooploc.analysis.report.run_numbers import Numbers
 
 SCATTERED = 3  # scenarios of an experiment whose accuracy is drawn against consistency and cost
 FEW = 4  # scenarios that the first figure of a page draws side by side
@@ -143,7 +142,7 @@ NUMBER = re.compile(r"\d+\.\d{2,}")
 
 
 def inline(figure: Figure, number: int, label: str) -> Markup:
-    """A figure as SVG to be put into a page: own ids, no links, the page's colours, a label."""
+    """A figure as SVG to be put into a page: own ids, no links, a label."""
     out = io.StringIO()
     with mpl.rc_context(PAGE.rc), warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph .* missing")  # the reader's fonts draw the text
@@ -151,7 +150,7 @@ def inline(figure: Figure, number: int, label: str) -> Markup:
     svg = out.getvalue()
     svg = re.sub(r"<(metadata|style).*?</\1>", "", svg[svg.index("<svg") :], flags=re.DOTALL)  # the page has the style
     svg = re.sub(r' xmlns(:\w+)?="[^"]*"', "", svg).replace("xlink:href=", "href=")
-    svg = as_variables(_smaller(svg))
+    svg = _smaller(svg)
     svg = re.sub(r'(\bid="|url\(#|href="#)', rf"\g<1>f{number}-", svg)
     return Markup(svg.replace("<svg", f'<svg role="img" aria-label="{escape(label)}"', 1))
 

@@ -1,7 +1,4 @@
-"""What a page says of each estimator: what it is, what it reads and knows, its source, and its parameters.
-
-Only built-in classes are looked at: to write a report runs no code that a run names.
-"""
+"""What a page says in words: each estimator's introduction, the methods, and how to cite."""
 
 from collections.abc import Iterable
 from dataclasses import fields
@@ -14,13 +11,12 @@ from cooploc.analysis.metrics.compare import FAR
 from cooploc.analysis.metrics.consistency import OVER_CONFIDENT
 from cooploc.analysis.metrics.errors import SENSES
 from cooploc.analysis.report import page_figures
-from cooploc.analysis.report.result_tables import STOPPED, Numbers
+from cooploc.analysis.report.result_columns import STOPPED
+from cooploc.analysis.report.run_numbers import Numbers
 from cooploc.estimators import configure, make
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.listing import standing
 from cooploc.estimators.registry import source_of
-
-READ = "estimator", "messages", "centralised", "bound", "offline", SENSES
 
 
 class Configuration(NamedTuple):
@@ -44,96 +40,55 @@ class Introduction(NamedTuple):
     configurations: list[Configuration]
 
 
-def introduce_estimators(rows: pd.DataFrame, certificates: dict[str, Any]) -> list[Introduction]:
-    """One per method, in the order in which they ran."""
-    anchors = anchors_of(rows["estimator"].unique())
-    rows = rows[[name for name in READ if name in rows]]  # a method's rows are copied
-    methods: dict[str, list[str]] = {}
-    for label in anchors:
-        methods.setdefault(label.partition("[")[0], []).append(label)
-    return [
-        _method(name, labels, rows[rows["estimator"].isin(labels)], anchors, certificates)
-        for name, labels in methods.items()
-    ]
-
-
 def anchors_of(estimators: Iterable[Any]) -> dict[str, str]:
-    """Where each estimator is introduced."""
+    """Return where each estimator is introduced."""
     return {str(label): f"estimator-{i}" for i, label in enumerate(estimators, 1)}
 
 
-def _method(
-    name: str, labels: list[str], rows: pd.DataFrame, anchors: dict[str, str], certificates: dict[str, Any]
-) -> Introduction:
-    made = _built_in(labels[0])
-    cls = type(made)
-    foreign = next((certificates[label]["found"] for label in labels if label in certificates), "")
-    about = (cls.__doc__ or "").strip().partition("\n")[0] if made is not None else _foreign(foreign)
-    senses: Iterable[Any] = rows[SENSES].dropna().unique() if SENSES in rows else ()
-    return Introduction(
-        name,
-        about,
-        " or ".join(map(str, filter(None, senses))) or _uses(made),
-        _knows(rows),
-        source_of(cls) if made is not None else "",
-        _defaults(name) if made is not None else [],
-        [Configuration(label, anchors[label], _given(label), standing(label)) for label in labels],
-    )
+def introduce_estimators(rows: pd.DataFrame) -> list[Introduction]:
+    """Return an introduction of each method, in the order in which they ran; no code that is not built in runs."""
+    methods: dict[str, list[Configuration]] = {}
+    for label, anchor in anchors_of(rows["estimator"].unique()).items():
+        method, _, given = label.partition("[")
+        configuration = Configuration(label, anchor, given.removesuffix("]").replace(",", ", "), standing(label))
+        methods.setdefault(method, []).append(configuration)
+    return [_introduce(name, ones, rows) for name, ones in methods.items()]
 
 
-def _uses(made: Any) -> str:
-    """The channels that it declares, for runs of former versions, which did not note what was read."""
-    return "" if made is None else ", ".join(made.uses).replace("|", " or ").replace("_", " ")
+def _introduce(name: str, configurations: list[Configuration], rows: pd.DataFrame) -> Introduction:
+    rows = rows[rows["estimator"].isin([one.label for one in configurations])]
+    made = _built_in(name)
+    senses = " or ".join(rows[SENSES].dropna().unique()) if SENSES in rows else ""
+    if made is None:
+        return Introduction(name, "Not built in.", senses, _knows(rows), "", [], configurations)
+    about = (type(made).__doc__ or "").strip().partition("\n")[0]
+    defaults = [(one.name, getattr(made, one.name)) for one in fields(made) if one.init and one.name != "uses"]
+    plain = [(key, f"{v:g}".replace("inf", "∞") if isinstance(v, float) else str(v)) for key, v in defaults]
+    return Introduction(name, about, senses, _knows(rows), source_of(type(made)), plain, configurations)
 
 
-def _foreign(found: str) -> str:
-    return f"Not built in. Its checks: {found}." if found else "Not built in."
-
-
-def _built_in(label: str) -> Any:
-    """The estimator of a label, or None where it is not built in or no longer known."""
+def _built_in(name: str) -> Any:
+    """Return the estimator of a method, or None where it is not built in or no longer known."""
     try:
-        return make(label) if configure(label).builtin else None
+        return make(name) if configure(name).builtin else None
     except BadInput:
         return None
 
 
 def _knows(rows: pd.DataFrame) -> str:
-    """Which readings reach it, of a robot that runs it."""
+    """Return which readings reach a robot that runs it."""
     if "offline" in rows and rows["offline"].eq(True).any():
         return "every reading of every robot, of later ticks too: a bound that no robot could run"
     if rows["bound"].eq(True).any():
         return "every reading of every robot: a bound on all others"
     if rows["centralised"].eq(True).any():
         return "every reading of every robot, on one computer"
-    return (
-        "its own readings, and nothing of teammates"
-        if not rows["messages"].gt(0).any()
-        else ("its own readings, and what teammates send")
+    return "its own readings, and " + (
+        "what teammates send" if rows["messages"].gt(0).any() else "nothing of teammates"
     )
 
 
-def _defaults(name: str) -> list[tuple[str, str]]:
-    made = _built_in(name)
-    if made is None:
-        return []
-    return [(one.name, _plain(getattr(made, one.name))) for one in fields(made) if one.init and one.name != "uses"]
-
-
-def _given(label: str) -> str:
-    return label.partition("[")[2].removesuffix("]").replace(",", ", ")
-
-
-def _plain(value: Any) -> str:
-    if isinstance(value, float):
-        return f"{value:g}".replace("inf", "∞")
-    return str(value)
-
-
-# The parameters of the built-in scenarios: unit and meaning. A scenario that is not built in has neither.
-
-
-# What a report says of its methods, term by term.
+# ------------------------------------------------------------------------------------------------ methods and citation
 
 FLOORED = 20  # robots: the floor of larger teams takes seconds for each scenario
 FLOOR_PATHS, FLOOR_TRIALS = 16, 8  # over which a floor is taken, in a fifth of the time that one to 0.2 % takes
@@ -210,13 +165,11 @@ BY_SEQUENCES = {  # of a run until decided, in place of those above
 
 
 def methods(until_decided: bool) -> tuple[tuple[str, str], ...]:
-    """Terms and what they mean, in a run of a fixed number of trials or in one until decided."""
+    """Return terms and what they mean, in a run of a fixed number of trials or in one until decided."""
     if not until_decided:
         return METHODS
     return (*((term, BY_SEQUENCES.get(term, meaning)) for term, meaning in METHODS), ("Decided", STOPPED))
 
-
-# What a report gives to copy into a paper: a paragraph on the methods, and how cooploc is cited.
 
 TITLE = "cooploc: fair comparison of estimators for multi-robot cooperative localization"  # as in CITATION.cff
 FIXED = "with Fieller's 95 % intervals of the relative change and t tests"
@@ -224,7 +177,7 @@ UNTIL = "with confidence sequences of the relative change, which are valid howev
 
 
 def bibtex(version: str, commit: str | None) -> str:
-    """An entry for cooploc in the version that ran."""
+    """Return a BibTeX entry for cooploc in the version that ran."""
     note = [f"  note = {{commit {commit}}},"] if commit else []
     lines = [
         "@software{cooploc,",
@@ -236,7 +189,7 @@ def bibtex(version: str, commit: str | None) -> str:
 
 
 def paragraph(numbers: Numbers) -> str:
-    """The methods of a run, in sentences that a paper can use."""
+    """Return the methods of a run, in sentences that a paper can use."""
     table, manifest = numbers.table, numbers.kept.manifest
     estimators, scenarios = (counted(table[what].nunique(), what) for what in ("estimator", "scenario"))
     baselines = " or ".join(dict.fromkeys(table["baseline"]))

@@ -13,7 +13,7 @@ from cooploc.analysis.metrics.compare import summarize
 from cooploc.analysis.metrics.consistency import consistency
 from cooploc.analysis.metrics.errors import trial_means
 from cooploc.analysis.metrics.statistics import Interval
-from cooploc.analysis.report.tables import Table, TableColumn, numbers, words
+from cooploc.analysis.report.tables import Table, TableColumn, number_column, text_column
 
 SETTINGS = ("seed", "data", "source", "commit", "cpu")
 ENDS, FAILED = ("change_low", "change_high"), ("failed_a", "failed_b")
@@ -108,30 +108,30 @@ def sentences(found: pd.DataFrame) -> list[str]:
 def table(found: pd.DataFrame) -> Table:
     """The changes for people and programs."""
     columns = (
-        words("scenario"),
-        words("estimator", under=True),
+        text_column("scenario"),
+        text_column("estimator", second_line=True),
         *_before_after("RMSE [m]", "rmse", metres),
-        numbers("change", of=("same", "change"), form=lambda same, share: "0 %" if same else change(share)),
-        numbers(
+        number_column("change", of=("same", "change"), form=lambda same, share: "0 %" if same else change(share)),
+        number_column(
             "95 %",
             *ENDS,
             of=("same", *ENDS),
             form=lambda same, *ends: "" if same else interval(change)(*ends),
-            under=True,
+            second_line=True,
         ),
         *_before_after("ANEES", "anees", ratio),
-        *_before_after("bytes", "bytes", count, spare=1),
-        *_before_after("µs", "seconds", microseconds, spare=2),
-        numbers("trials", form=count),
-        words("", "pairing", "equal", "failed_a", "failed_b", of=("same", "pairing", *FAILED), form=_remark),
+        *_before_after("bytes", "bytes", count, priority=1),
+        *_before_after("µs", "seconds", microseconds, priority=2),
+        number_column("trials", form=count),
+        text_column("", "pairing", "equal", "failed_a", "failed_b", of=("same", "pairing", *FAILED), form=_remark),
     )
     rows = found.assign(same=found["equal"] == found["trials"]).to_dict("records")
     return Table("changes", "What changed", columns, rows)
 
 
 def _before_after(head: str, key: str, form: Format, spare: int = 0) -> tuple[TableColumn, TableColumn]:
-    before = numbers(f"{head}\nbefore", f"{key}_a", form=form, spare=spare)
-    return before, numbers(f"{head}\nafter", f"{key}_b", form=form, under=True, spare=spare)
+    before = number_column(f"{head}\nbefore", f"{key}_a", form=form, spare=spare)
+    return before, number_column(f"{head}\nafter", f"{key}_b", form=form, second_line=True, spare=spare)
 
 
 def _remark(same: bool, pairing: str, before: float, after: float) -> str:

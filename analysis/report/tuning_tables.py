@@ -5,7 +5,7 @@ import pandas as pd
 from scipy import stats
 
 from cooploc.analysis.formats import change, count, counted, fixed, interval, metres, p_value, ratio
-from cooploc.analysis.report.tables import Table, numbers, words
+from cooploc.analysis.report.tables import Table, number_column, text_column
 from cooploc.estimators.registry import parse
 
 
@@ -20,22 +20,22 @@ def parameters(label: str) -> str:
 
 
 GAINS = (
-    words("estimator"),
-    numbers("RMSE published [m]", "rmse_published", form=metres),
-    numbers("tuned [m]", "rmse_tuned", form=metres, under=True),
-    numbers("change", "change", form=change),
-    numbers("95 %", "change_low", "change_high", form=interval(change), under=True),
-    numbers("p", "p_holm", form=p_value, spare=3),
-    numbers("score published", "score_published", form=ratio, spare=5),
-    numbers("tuned", "score_tuned", form=ratio, under=True, spare=5),
-    numbers("ANEES published", "anees_published", form=ratio, spare=4),
-    numbers("tuned", "anees_tuned", form=ratio, under=True, spare=4),
-    numbers("training gain", "training_gain", form=gain),
-    numbers("fresh gain", "fresh_gain", form=gain, under=True),
-    numbers("95 %", "fresh_gain_low", "fresh_gain_high", form=interval(gain), spare=2),
-    numbers("rank published", "rank_published", form=count, spare=1),
-    numbers("tuned", "rank_tuned", form=count, under=True, spare=1),
-    numbers("failed", "failed_tuned", form=count),
+    text_column("estimator"),
+    number_column("RMSE published [m]", "rmse_published", form=metres),
+    number_column("tuned [m]", "rmse_tuned", form=metres, second_line=True),
+    number_column("change", "change", form=change),
+    number_column("95 %", "change_low", "change_high", form=interval(change), second_line=True),
+    number_column("p", "p_holm", form=p_value, priority=3),
+    number_column("score published", "score_published", form=ratio, priority=5),
+    number_column("tuned", "score_tuned", form=ratio, second_line=True, priority=5),
+    number_column("ANEES published", "anees_published", form=ratio, priority=4),
+    number_column("tuned", "anees_tuned", form=ratio, second_line=True, priority=4),
+    number_column("training gain", "training_gain", form=gain),
+    number_column("fresh gain", "fresh_gain", form=gain, second_line=True),
+    number_column("95 %", "fresh_gain_low", "fresh_gain_high", form=interval(gain), priority=2),
+    number_column("rank published", "rank_published", form=count, priority=1),
+    number_column("tuned", "rank_tuned", form=count, second_line=True, priority=1),
+    number_column("failed", "failed_tuned", form=count),
 )
 LEGEND = (
     "score: what tuning makes small, mean negative log-likelihood with a robust cap [nats], or log RMSE [log m]. "
@@ -65,7 +65,11 @@ def chosen_table(history: pd.DataFrame, tuned: dict[str, str]) -> Table:
         }
         for name, part in history.groupby("estimator", sort=False)
     ]
-    columns = (words("estimator"), words("tuned"), *map(numbers, ("configurations", "stopped", "trials")))
+    columns = (
+        text_column("estimator"),
+        text_column("tuned"),
+        *map(number_column, ("configurations", "stopped", "trials")),
+    )
     caption = "what was chosen, of how many configurations, how many of them were stopped early, and all their trials"
     return Table("chosen", caption, columns, rows)
 
@@ -82,14 +86,14 @@ def side_by_side(gains: pd.DataFrame) -> Table:
     rows["place"] = range(1, len(rows) + 1)
     rows["moved"] = [_moved(before[name] - k) for k, name in enumerate(rows["estimator_tuned"])]
     columns = (
-        numbers("place"),
-        words("as published", "estimator_published"),
-        numbers("RMSE [m]", "rmse_published", form=metres),
-        numbers("score", "score_published", form=ratio),
-        words("tuned alike", "estimator_tuned"),
-        numbers("RMSE [m]", "rmse_tuned", form=metres),
-        numbers("score", "score_tuned", form=ratio),
-        words("moved"),
+        number_column("place"),
+        text_column("as published", "estimator_published"),
+        number_column("RMSE [m]", "rmse_published", form=metres),
+        number_column("score", "score_published", form=ratio),
+        text_column("tuned alike", "estimator_tuned"),
+        number_column("RMSE [m]", "rmse_tuned", form=metres),
+        number_column("score", "score_tuned", form=ratio),
+        text_column("moved"),
     )
     return Table(
         "side-by-side", "by RMSE, geometric mean over the worlds; score: mean [nats]", columns, rows.to_dict("records")

@@ -1,4 +1,4 @@
-"""A run's results: the table in the terminal, as JSON, as CSV, and the picture."""
+"""What the commands print: lists, results, the contents of a run, verdicts, plans, tuning, checks."""
 
 import json
 from collections.abc import Mapping
@@ -10,11 +10,12 @@ import pandas as pd
 from rich.console import Console
 
 from cooploc.analysis.claims import ledger as ledgers
-from cooploc.analysis.claims.ledger import Ledger
 from cooploc.analysis.claims.multiverse import shares
 from cooploc.analysis.claims.verdicts import family_of
 from cooploc.analysis.execution.certificates import line
-from cooploc.analysis.execution.run_directory import PartKey, RunDir, read_decisions, read_run
+from cooploc.analysis.execution.decisions_file import read_decisions
+from cooploc.analysis.execution.run_directory import Piece, RunDir
+from cooploc.analysis.execution.stored_run import read
 from cooploc.analysis.execution.until_decided import seconds_left
 from cooploc.analysis.formats import change, count, counted, duration, listed
 from cooploc.analysis.metrics import ranking
@@ -22,42 +23,14 @@ from cooploc.analysis.metrics.compare import outlier_warnings
 from cooploc.analysis.metrics.errors import drop_failed, note_lines
 from cooploc.analysis.metrics.ranking import short_certificate
 from cooploc.analysis.metrics.sequential import PILOT, minutes
-from cooploc.analysis.report.claim_tables import called, cases, not_run, over_readings
-from cooploc.analysis.report.result_tables import DECIDED, REMARK, RESULTS, STOPPED, decided, failures, versus
-from cooploc.analysis.report.tables import Table, csv_text, numbers, words
-from cooploc.analysis.report.tuning_tables import LEGEND, chosen_table, gains_table, order_sentence
+from cooploc.analysis.report import claim_tables, tuning_tables
+from cooploc.analysis.report.result_columns import REMARKS, STOPPED, decision, result_columns
+from cooploc.analysis.report.result_tables import failures
+from cooploc.analysis.report.tables import Table, csv_text, number_column, text_column
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.conformance.report import Report, sentences
 from cooploc.terminal.console import wide
 
-# What the words of a table mean: those that appear in it are explained below it.
-MEANS = {
-    "vs": "change of RMSE on the same streams, with its Fieller interval",
-    "p (Holm)": "the test that the interval inverts, adjusted by Holm over the whole study",
-    "ANEES": "1 is consistent, more is over-confident; median: of the trials' ANEES",
-    "NLL": "negative log-likelihood of the true position; smaller is better",
-    "outlying": "trials above 5 times the median RMSE",
-    "collapsed": "trials whose ANEES exceeds 100",
-    "messages": "messages, bytes and µs are per robot and tick",
-    "over-wide": "ANEES below 0.1",
-    "consistency not shown": "the interval of ANEES holds 0.67 or 1.5: more trials decide",
-    "centralised": "every reading reaches one computer",
-    "bound": "uses all readings; no estimator is better",
-    "as published": "configured as in its paper; at its best: as the audit found it best",
-}
-ONLY_IN_REPORTS = (
-    "scenario",
-    "rank",
-    "rmse_median",
-    "group",
-    "outlying_low",
-    "anees_low",
-    "collapsed_low",
-    "area95",
-    "trials",
-)
-COLUMNS = tuple(column for column in RESULTS if column.keys[0] not in ONLY_IN_REPORTS)
-RARE = "outlying", "collapsed", "diverged"  # shares of trials or robots, left out where all are zero
 ONE_PROCESS = "all or some of this ran in one process (--no-isolate): estimators may have disturbed each other"
 IN_ONE_PICTURE = 12  # scenarios; `cooploc report` draws one of each experiment
 
@@ -82,8 +55,8 @@ def show_results(found: pd.DataFrame, rows: pd.DataFrame, folder: Path, as_json:
     console = wide(stderr=as_json)
     if not RunDir(folder).manifest.get("isolated", True):
         console.print(ONE_PROCESS)
-    for failed, _ in failures(rows):
-        console.print(f"failed: {failed}")
+    for failed in failures(rows):
+        console.print(f"failed: {failed.message} ({'; '.join(failed.where)})")
     picture = f"{folder / 'rmse.png'}" if (folder / "rmse.png").exists() else f"cooploc report {folder}"
     for place in (f"picture: {picture}", f"table, every column: {folder / 'table.csv'}", f"run: {folder}"):
         console.print(place)
@@ -91,48 +64,48 @@ def show_results(found: pd.DataFrame, rows: pd.DataFrame, folder: Path, as_json:
 
 def table(table: pd.DataFrame, rows: pd.DataFrame, as_json: bool) -> None:
     """Print the table of `compare`, or JSON alone on stdout, and what a reader must know of it."""
+    console = wide(stderr=as_json)
     if as_json:
         print(json.dumps(records(table), indent=1))
-    console = wide(stderr=as_json)
-    if not as_json:
-        for scenario, part in table.groupby("scenario", sort=False):
-            console.print(_table(str(scenario), part).terminal())
+    else:
+        shown = {str(name): _results(str(name), part) for name, part in table.groupby("scenario", sort=False)}
+        for one in shown.values():
+            console.print(one.terminal())
             console.print()
-        for line in _legend(table):
-            console.print(line, style="dim")
-        if "look" in table:
-            console.print(STOPPED, style="dim")
-        for line in note_lines(rows):
-            console.print(line)
-    for line in (*ranking.certificate_remarks(table), *outlier_warnings(table)):
-        console.print(line)
-
-
-def _legend(table: pd.DataFrame) -> list[str]:
-    """What the words that appear in a table mean."""
-    shown = _table("", table)
-    words = {column.head for column in shown.columns if any(column.text(row) for row in shown.rows)}
-    remarks = " ".join(REMARK.text(row) for row in shown.rows)
-    return [f"{word}: {text}" for word, text in MEANS.items() if word == "vs" or word in words or word in remarks]
+        for text in (*_legend(list(shown.values())), *[STOPPED] * ("look" in table)):
+            console.print(text, style="dim")
+        for text in note_lines(rows):
+            console.print(text)
+    for text in (*ranking.certificate_remarks(table), *outlier_warnings(table)):
+        console.print(text)
 
 
 def records(table: pd.DataFrame) -> list[dict[str, Any]]:
-    """The rows with the fields of `table.csv`, undefined values as None."""
+    """Return the rows with the fields of `table.csv`, undefined values as None."""
     values = table.astype(object)
     known = values.notna() & ~values.isin([np.inf, -np.inf])
     return values.where(known, None).to_dict("records")  # type: ignore[return-value]
 
 
-def _table(scenario: str, part: pd.DataFrame) -> Table:
-    first = part.iloc[0]
+def _results(scenario: str, part: pd.DataFrame) -> Table:
+    """Return the table of one scenario."""
+    first, rows = part.iloc[0], part.to_dict("records")
     size = f"{counted(first['robots'], 'robot')}, {counted(part['trials'].max(), 'trial')}"
-    title = f"{scenario}: {size}, stream {first['stream'][:12]}"
-    columns = (*COLUMNS, numbers("trials"), DECIDED) if "look" in part else COLUMNS
-    shown = tuple(c for c in columns if not (c.keys[0] in RARE and (part[c.keys[0]].fillna(0) == 0).all()))
-    return Table("results", title, versus(part["baseline"], shown), part.to_dict("records"))
+    columns = [column for column in result_columns(part["baseline"], "look" in part) if not column.report_only]
+    columns = [c for c in columns if not c.rare or (part[c.keys[0]].fillna(0) != 0).any()]
+    return Table("results", f"{scenario}: {size}, stream {first['stream'][:12]}", tuple(columns), rows)
 
 
-# What a run until decided has decided so far, in a line.
+def _legend(tables: list[Table]) -> list[str]:
+    """Return what the columns and the remarks that are shown mean."""
+    texts = {c: {c.text(row) for row in one.rows} - {""} for one in tables for c in one.columns}
+    heads = {("vs" if c.keys[0] == "change" else c.head): c.about for c, found in texts.items() if c.about and found}
+    remarks = " ".join(text for c, found in texts.items() if c.head == "remark" for text in found)
+    heads |= {word: about for word, about in REMARKS.items() if word in remarks}
+    return [f"{word}: {about}" for word, about in heads.items()]
+
+
+# ------------------------------------------------------------------------------------------------ contents of a run
 
 
 def decision_line(folder: Path, decisions: Mapping[str, Any]) -> str:
@@ -147,23 +120,21 @@ def decision_line(folder: Path, decisions: Mapping[str, Any]) -> str:
     going = [(scenario, estimator) for scenario, estimator in decisions["going"]]
     if not going:
         return f"{line}; the run has ended"
-    left = seconds_left(read_run(folder).rows, going, decisions["most"])
+    left = seconds_left(read(folder).rows, going, decisions["most"])
     return f"{line}; to {decisions['most']} trials, at most about {duration(left)} of one process"
 
-
-# What a run directory holds, what is missing, and what failed and why.
 
 FRAMES = 3  # of a traceback
 CONTINUED = "During handling of the above exception, another exception occurred:"
 CONTENT_COLUMNS = (
-    words("experiment"),
-    words("scenario"),
-    words("estimator"),
-    words("checks", form=short_certificate),
-    numbers("trials"),
-    numbers("failed", form=lambda failed: str(failed or "")),
-    words("decided", of=("verdict", "look", "trials_there"), form=decided),
-    words("", "remark"),
+    text_column("experiment"),
+    text_column("scenario"),
+    text_column("estimator"),
+    text_column("checks", form=short_certificate),
+    number_column("trials"),
+    number_column("failed", form=lambda failed: str(failed or "")),
+    text_column("decided", of=("verdict", "look", "trials_there"), form=decision),
+    text_column("", "remark"),
 )
 
 
@@ -197,12 +168,14 @@ def show_run(folder: Path) -> None:
     console.print(Table("contents", "", shown, rows).terminal())
     if decisions:
         console.print(decision_line(folder, decisions))
+    for ignored in directory.foreign():
+        console.print(ignored)
     _certificates(console, certificates)
     if not manifest.get("isolated", True):
         console.print(ONE_PROCESS)
-    for found, traceback in failures(pd.concat(failed)) if failed else []:
-        console.print(f"\nfailed: {found}")
-        console.print(_end_of(traceback), style="dim", soft_wrap=True)
+    for one in failures(pd.concat(failed)) if failed else []:
+        console.print(f"\nfailed: {one.message} ({'; '.join(one.where)})")
+        console.print(_end_of(one.traceback), style="dim", soft_wrap=True)
     if not failed:
         console.print("\nnothing failed")
 
@@ -221,9 +194,9 @@ def _contents(directory: RunDir, scenario: str, estimator: str, asked: int) -> t
     """A row of the table, and the first row of every trial that failed."""
     trials: set[int] = set()
     frames, corrupt = [], 0
-    for held in directory.trials_on_disk(scenario, estimator):
-        piece = PartKey(scenario, estimator, held)
-        if not directory.is_intact(piece):
+    for held in directory.held(scenario, estimator):
+        piece = Piece(scenario, estimator, held)
+        if not directory.intact(piece):
             corrupt += 1
             continue
         trials |= set(held)
@@ -245,21 +218,15 @@ def _end_of(traceback: str) -> str:
 
 
 def _certificates(console: Console, certificates: dict[str, Any]) -> None:
-    """What was found of every estimator that is not built in, and every check that it failed."""
+    """Print what was found of every estimator that is not built in, and the checks that it failed."""
     for label, certificate in certificates.items():
         console.print(f"\n{label}, {certificate['status']}: {certificate['found']}")
-        alike: dict[str, list[str]] = {}
-        for check in certificate["checks"]:
-            if check["status"] != "passed":
-                said = check["detail"] in certificate["found"] and check["example"]
-                smallest = f"smallest example: {check['example']}" if check["example"] else ""
-                found = smallest if said else "; ".join(filter(None, (check["detail"], smallest)))
-                alike.setdefault(f"{check['status']}: {found}", []).append(check["check"])
-        for found, checks in alike.items():
-            console.print(f"  {', '.join(checks)} {found}", style="dim")
+        for one in certificate["checks"]:
+            if one["status"] != "passed":
+                console.print(f"  {one['check']} {one['status']}: {one['detail']}", style="dim")
 
 
-# The verdicts of a ledger: a table for every claim, then the readings, what numbers mean, how many may be false.
+# ------------------------------------------------------------------------------------------------ verdicts
 
 VERDICT_LEGEND = (
     "Changes are b/a - 1: negative where the error falls. A verdict, taken alone, is wrong in at most one of twenty "
@@ -276,7 +243,7 @@ STYLES = {
 }
 
 
-def show_verdicts(verdicts: pd.DataFrame, ledger: Ledger) -> None:
+def show_verdicts(verdicts: pd.DataFrame, ledger: ledgers.Ledger) -> None:
     """Print a table for every claim, then the readings, what the numbers mean, and how many verdicts may be false.
 
     Args:
@@ -289,43 +256,37 @@ def show_verdicts(verdicts: pd.DataFrame, ledger: Ledger) -> None:
     for claim, part in verdicts.groupby("claim", sort=False):
         if (part["verdict"] == "not run").all():
             skipped.append(str(claim))
-        else:
-            _claim(console, str(claim), part)
+            continue
+        says, where, left_open, readings = part[["says", "where", "open", "map"]].iloc[0]
+        console.print(f"\n{claim}. {claim_tables.called(says, where)}", style="bold")
+        console.print(claim_tables.cases(part).terminal(style=lambda row: STYLES.get(row["verdict"], "dim")))
+        for text in filter(None, (claim_tables.not_run(part), left_open and f"open: {left_open}")):
+            console.print(f" {text}", style="dim")
+        if readings:
+            console.print(f" over all readings: {readings}")
     console.print()
     if skipped:
         console.print(f"Not run at all, as this run lacks their scenarios or estimators: claims {listed(skipped)}")
     ran = set(verdicts.loc[verdicts["verdict"] != "not run", "variant"])
-    for name, variant in ledger.variants.items():
-        if name in ran:
-            console.print(f"{name}: {variant.about}", style="dim")
-    console.print(VERDICT_LEGEND, style="dim")
+    abouts = [f"{name}: {variant.about}" for name, variant in ledger.variants.items() if name in ran]
+    for text in (*abouts, VERDICT_LEGEND):
+        console.print(text, style="dim")
     console.print(str(family_of(verdicts)))
 
 
-def _claim(console: Console, claim: str, part: pd.DataFrame) -> None:
-    """Print one claim: what was run of it, what was not, and what the paper leaves open."""
-    says, where, left_open, readings = part[["says", "where", "open", "map"]].iloc[0]
-    console.print(f"\n{claim}. {called(says, where)}", style="bold")
-    console.print(cases(part).terminal(style=lambda row: STYLES.get(row["verdict"], "dim")))
-    if lacking := not_run(part):
-        console.print(f" {lacking}", style="dim")
-    if left_open:
-        console.print(f" open: {left_open}", style="dim")
-    if readings:
-        console.print(f" over all readings: {readings}")
-
-
-def show_readings(found: pd.DataFrame) -> None:
-    """Print the map: for every claim, in how many specifications it holds, and in which.
+def show_interpretations(found: pd.DataFrame) -> None:
+    """Print in how many readings of the paper each claim holds, where a run holds more than one.
 
     Args:
         found: from `multiverse.judge`.
 
     """
-    console, counted = wide(), shares(found)
+    if found["preset"].all():
+        return
+    console, counts = wide(), shares(found)
     console.print("\nThe claims over all readings of the paper that were run", style="bold")
-    console.print(over_readings(counted).terminal())
-    for row in counted.to_dict("records"):
+    console.print(claim_tables.over_readings(counts).terminal())
+    for row in counts.to_dict("records"):
         console.print(f" {row['claim']}. {row['says']}: {row['sentence']}.")
     console.print(
         "A specification is a case (scenario, estimators, definition of the size) in a reading of the paper; what "
@@ -334,7 +295,7 @@ def show_readings(found: pd.DataFrame) -> None:
     )
 
 
-# What the commands on finished runs print.
+# ------------------------------------------------------------------------------------------------ finished runs
 
 
 def show_report(page: Path) -> None:
@@ -357,15 +318,7 @@ def show_paper(example: Path) -> None:
 
 def show_all_verdicts(found: pd.DataFrame, ledger: Path | None) -> None:
     """Print the verdicts of a ledger on a run."""
-
     show_verdicts(found, ledgers.load(ledger))
-
-
-def show_interpretations(found: pd.DataFrame) -> None:
-    """Print in how many readings each claim holds, where a run holds more than the preset's."""
-
-    if not found["preset"].all():
-        show_readings(found)
 
 
 def show_changes(title: str, settings: list[str], found: pd.DataFrame, sentences: list[str]) -> None:
@@ -383,36 +336,26 @@ def show_changes(title: str, settings: list[str], found: pd.DataFrame, sentences
 
 def show_reproduced(found: pd.DataFrame, differences: list[str]) -> None:
     """Print which trials of a report came out bit-equal."""
+    from cooploc.analysis.report import reproduce as again
+
     console = wide()
-    columns = (
-        words("scenario"),
-        words("estimator", under=True),
-        numbers("trial"),
-        numbers("RMSE then [m]", "before", form=_exact),
-        numbers("now [m]", "after", form=_exact, under=True),
-        words("", "equal", "remark", of=("remark",)),
-    )
-    console.print(Table("reproduced", "Trials that were run again", columns, found.to_dict("records")).terminal())
+    trials = [again.Again(*row) for row in found.itertuples(index=False)]
+    console.print(again.table(trials).terminal())
     equal = found["equal"].sum()
-    console.print(f"{equal} of {len(found)} results are bit-equal")
-    if equal < len(found) and differences:
+    console.print(f"{equal} of {len(trials)} results are bit-equal")
+    if equal < len(trials) and differences:
         console.print(f"this machine differs from that of the report: {'; '.join(differences)}")
 
 
-def _exact(metres: float) -> str:
-    """Return an RMSE with so many digits that a difference shows."""
-    return "" if metres != metres else f"{metres:.9g}"
-
-
-# How many trials comparisons need, and how long they take: the table of `cl.plan`.
+# ------------------------------------------------------------------------------------- plans, tuning, checks, lists
 
 PLAN_COLUMNS = (
-    words("scenario"),
-    words("estimator"),
-    words("vs", "baseline"),
-    numbers("change", form=change),
-    numbers("trials", form=count),
-    numbers("until decided", "until_decided", form=count),
+    text_column("scenario"),
+    text_column("estimator"),
+    text_column("vs", "baseline"),
+    number_column("change", form=change),
+    number_column("trials", form=count),
+    number_column("until decided", "until_decided", form=count),
 )
 
 
@@ -430,31 +373,26 @@ def show_plan(found: pd.DataFrame, difference: float, jobs: int) -> None:
     console.print(f"here{processes}, estimators take about {fixed} with one look, and {until} until decided, at most")
 
 
-# What `cooploc tune` prints.
-
-
 def show_tuning(
     history: pd.DataFrame, gains: pd.DataFrame, orders: Mapping[str, pd.DataFrame], record: dict[str, Any]
 ) -> None:
     """Print what was chosen, what it bought, and whether the order changed."""
     console = wide()
-    console.print(chosen_table(history, record["tuned"]).terminal())
+    console.print(tuning_tables.chosen_table(history, record["tuned"]).terminal())
     console.print()
     for scenario, part in gains.groupby("scenario", sort=False):
-        console.print(gains_table(str(scenario), part).terminal())
+        console.print(tuning_tables.gains_table(str(scenario), part).terminal())
         console.print()
-    console.print(LEGEND, style="dim")
+    console.print(tuning_tables.LEGEND, style="dim")
     for name, order in orders.items():
-        console.print(order_sentence(order, name))
+        console.print(tuning_tables.order_sentence(order, name))
     console.print(
         f"seed {record['seed']}, training seed {record['training_seed']}: "
         f"none of the {len(record['streams'])} training streams is a reported one"
     )
 
 
-# What `cooploc check` prints: a row for each check on a terminal, a line for each elsewhere.
-
-CHECK_COLUMNS = words("check"), words("result"), words("what was tried and found", "found")
+CHECK_COLUMNS = text_column("check"), text_column("result"), text_column("what was tried and found", "found")
 
 
 def show_checks(report: Report) -> None:
@@ -467,7 +405,7 @@ def show_checks(report: Report) -> None:
     for one in report.results:
         alike.setdefault((one.status, "\n".join(sentences(one))), []).append(one.check)
     rows = [{"check": _named(checks), "result": status, "found": found} for (status, found), checks in alike.items()]
-    console.print(Table("checks", "", CHECK_COLUMNS, rows).terminal(wrap=True))
+    console.print(Table("checks", "", CHECK_COLUMNS, rows).terminal())
     console.print(report.summary())
 
 
@@ -475,18 +413,16 @@ def _named(checks: list[str]) -> str:
     return checks[0] if len(checks) == 1 else f"{len(checks)} others"
 
 
-# Lists of estimators, scenarios and studies.
-
 USES = "uses: a|b is the first of the two that a scenario has; a? is used where it is there"
 HINDSIGHT = "with hindsight, from Python alone: cl.Smoother(), offline: neither ranked nor best"
 HEADS = {
     "estimators": (
-        words("name"),
-        words("what it is", "about"),
-        words("uses"),
+        text_column("name"),
+        text_column("what it is", "about"),
+        text_column("uses"),
     ),
-    "scenarios": (words("name", "labels"), words("what it is", "about")),
-    "studies": (words("name"), words("takes"), words("what it is", "about")),
+    "scenarios": (text_column("name", "labels"), text_column("what it is", "about")),
+    "studies": (text_column("name"), text_column("takes"), text_column("what it is", "about")),
 }
 
 
@@ -495,7 +431,7 @@ def show_list(kind: str, listed: pd.DataFrame) -> None:
     broken = listed["problem"] != "" if "problem" in listed else pd.Series(False, listed.index)
     rows = [_row(row) for row in listed[~broken].to_dict("records")]
     console = wide()
-    console.print(Table(kind, kind, HEADS[kind], rows).terminal(wrap=True))
+    console.print(Table(kind, kind, HEADS[kind], rows).terminal())
     for row in listed[broken].to_dict("records"):
         console.print(f"  {row['name']}: not usable, {row['problem']}")
     if kind == "estimators":

@@ -6,16 +6,16 @@ from markupsafe import Markup
 from cooploc.analysis.formats import interval, metres
 from cooploc.analysis.report.html_table import Wording, html
 from cooploc.analysis.report.result_tables import short_names
-from cooploc.analysis.report.tables import Table, numbers, words
+from cooploc.analysis.report.tables import Table, number_column, text_column
 
 COLUMNS = (
-    words("scenario"),
-    words("estimator"),
-    words("remark"),
-    numbers("RMSE [m]", "rmse", form=metres),
-    numbers("95 %", "low", "high", form=interval(metres)),
-    numbers("NLL", "nll", form=metres, detail=True),
-    words("empty"),
+    text_column("scenario"),
+    text_column("estimator"),
+    text_column("remark"),
+    number_column("RMSE [m]", "rmse", form=metres),
+    number_column("95 %", "low", "high", form=interval(metres)),
+    number_column("NLL", "nll", form=metres, collapsed=True),
+    text_column("empty"),
 )
 LONG = "ekf[particles=500,anchor_reading=rssi]"
 ROW = {"estimator": "a|<b>", "remark": "", "rmse": 0.123456, "low": 0.1, "high": 0.2, "nll": 1.0, "empty": ""}

@@ -20,12 +20,12 @@ from cooploc.analysis.formats import (
     percent,
     ratio,
 )  # fmt: skip
-from cooploc.analysis.report.tables import Table, broken, numbers, words
+from cooploc.analysis.report.tables import Table, broken, number_column, text_column
 
 COLUMNS = (
-    words("who", "name"),
-    numbers("RMSE", "rmse", form=metres),
-    numbers("95 %", "low", "high", form=interval(ratio)),
+    text_column("who", "name"),
+    number_column("RMSE", "rmse", form=metres),
+    number_column("95 %", "low", "high", form=interval(ratio)),
 )
 ROWS = [
     {"name": "a|b_c<d>", "rmse": 0.123456, "low": 0.1, "high": 0.2, "mark": "x<y"},
@@ -51,7 +51,7 @@ def test_markdown_is_escaped():
 
 
 def test_a_terminal_shows_no_column_that_is_empty_in_every_row():
-    silent = Table("t", "title", (*COLUMNS, words("remark")), [{**row, "remark": ""} for row in ROWS])
+    silent = Table("t", "title", (*COLUMNS, text_column("remark")), [{**row, "remark": ""} for row in ROWS])
     console = Console(width=80)
     with console.capture() as captured:
         console.print(silent.terminal())
@@ -60,7 +60,7 @@ def test_a_terminal_shows_no_column_that_is_empty_in_every_row():
 
 
 def test_a_long_table_runs_over_pages_in_latex():
-    table = Table("t", "", (numbers("n"),), [{"n": i} for i in range(60)])
+    table = Table("t", "", (number_column("n"),), [{"n": i} for i in range(60)])
     assert r"\begin{longtable}" in table.latex()
 
 
@@ -93,7 +93,7 @@ def test_a_name_that_is_too_long_for_its_cell_is_broken_at_its_marks(width):
 
 
 def test_in_a_narrow_terminal_what_belongs_under_a_column_is_a_second_line_of_it():
-    columns = (COLUMNS[0], words("mark", under=True), words("more", under=True), *COLUMNS[1:])
+    columns = (COLUMNS[0], text_column("mark", second_line=True), text_column("more", second_line=True), *COLUMNS[1:])
     table = Table("t", "", columns, [{**row, "more": "z"} for row in ROWS])
     console = Console(width=36)
     with console.capture() as captured:
@@ -105,8 +105,8 @@ def test_in_a_narrow_terminal_what_belongs_under_a_column_is_a_second_line_of_it
 
 
 def test_a_column_that_is_left_out_is_named_once_for_itself_and_what_is_under_it():
-    before = numbers("cost\nbefore", "rmse", form=metres, spare=1)
-    pair = before, numbers("cost\nafter", "rmse", form=metres, under=True, spare=1)
+    before = number_column("cost\nbefore", "rmse", form=metres, priority=1)
+    pair = before, number_column("cost\nafter", "rmse", form=metres, second_line=True, priority=1)
     table = Table("t", "", (*COLUMNS, *pair), ROWS)
     console = Console(width=34)
     with console.capture() as captured:
