@@ -17,7 +17,8 @@ from markupsafe import Markup
 
 from cooploc.analysis.claims.ledger import Ledger
 from cooploc.analysis.claims.trial_table import TrialTable
-from cooploc.analysis.execution.stored_run import Kept
+from cooploc.analysis.execution.reproduce import PAGE, embedded
+from cooploc.analysis.execution.run_directory import StoredRun
 from cooploc.analysis.metrics import ranking
 from cooploc.analysis.metrics.compare import outlier_warnings
 from cooploc.analysis.metrics.crlb import floors
@@ -27,7 +28,6 @@ from cooploc.analysis.report.claim_tables import claims_shown
 from cooploc.analysis.report.html_table import Wording
 from cooploc.analysis.report.page_figures import Shown
 from cooploc.analysis.report.page_texts import FLOOR_PATHS, FLOOR_TRIALS, FLOORED
-from cooploc.analysis.report.reproduce import PAGE, embedded
 from cooploc.analysis.report.run_numbers import Numbers, group_by_sweep, numbers_of, ranked, rows_of_experiment
 from cooploc.analysis.report.tables import Table, csv_text, latex_document, text_column
 
@@ -36,7 +36,7 @@ TRIALS = "trials"  # folder of a CSV file for each scenario
 MOST = 400_000  # RMSE values that a page holds; of more trials the first ones
 
 
-def write(kept: Kept, ledger: Ledger, out: Path) -> Path:
+def write(kept: StoredRun, ledger: Ledger, out: Path) -> Path:
     """Write the page, its tables and its trials into a directory; return the page's path.
 
     Raises:
@@ -123,7 +123,7 @@ def content(numbers: Numbers, ledger: Ledger) -> dict[str, Any]:
         "estimators": page_texts.introduce_estimators(kept.rows),
         "scenarios": scenarios,
         "fitted": manifest.get("recordings") or {},
-        "missing": [*missing, *kept.ignored],
+        "missing": missing,
         "remarks": [*ranking.certificate_remarks(table), *outlier_warnings(table)],
         "failures": result_tables.failures(kept.rows),
         "events": events,

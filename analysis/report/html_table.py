@@ -91,8 +91,8 @@ def _head(cell: Cell) -> Markup:
 def _bodies(table: Table, cells: list[Cell], wording: Wording, group: str) -> Markup:
     """A `<tbody>`, or one for each group, with a head."""
     if not group:
-        rows = Markup("\n").join(_row(table, cells, wording, group, row) for row in table.rows)
-        return Markup("<tbody>\n{}\n</tbody>").format(rows)
+        body = Markup("\n").join(_row(table, cells, wording, group, row) for row in table.rows)
+        return Markup("<tbody>\n{}\n</tbody>").format(body)
     head = Markup('<tr class="head"><th colspan="{}" scope="rowgroup"><span>{}{}</span></th></tr>')
     bodies = []
     for key, part in groupby(table.rows, lambda row: row[group]):

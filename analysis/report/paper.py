@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from cooploc.analysis.execution.stored_run import Kept
+from cooploc.analysis.execution.run_directory import StoredRun
 from cooploc.analysis.metrics.consistency import OVER_CONFIDENT
 from cooploc.analysis.metrics.crlb import floors
 from cooploc.analysis.metrics.curves import sweep
@@ -46,7 +46,7 @@ class Float(NamedTuple):
     latex: str
 
 
-def write(kept: Kept, out: Path, columns: Sequence[str] = DEFAULT, scenarios: Sequence[str] = ()) -> list[Path]:
+def write(kept: StoredRun, out: Path, columns: Sequence[str] = DEFAULT, scenarios: Sequence[str] = ()) -> list[Path]:
     """Write figures/, tables/, estimators.bib and a document that includes them all; return the files.
 
     Every sweep is drawn. Of scenarios that sweep nothing, `scenarios` are, or else the first, the middle and the last
@@ -120,7 +120,7 @@ def _figures(part: Part, names: Labels) -> Iterator[tuple[Figure, Float]]:
         for (family, parameter), labels in group_by_sweep(part.scenarios).items():
             rows = part.rows[part.rows["scenario"].isin(labels)]
             if parameter and rows["rmse"].notna().any():
-                made = figures.over(rows, looks, names.of, look)[0]
+                made = figures.sweep_panels(rows, looks, names.of, look)[0]
                 yield made, _figure([anchor, family, parameter], OVER.format(parameter, family), rows, names, width)
         ended = part.rows[part.rows["rmse"].notna()]
         single = [(label, ended[ended["scenario"] == label]) for label in part.drawn]

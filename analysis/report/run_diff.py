@@ -129,9 +129,9 @@ def table(found: pd.DataFrame) -> Table:
     return Table("changes", "What changed", columns, rows)
 
 
-def _before_after(head: str, key: str, form: Format, spare: int = 0) -> tuple[TableColumn, TableColumn]:
-    before = number_column(f"{head}\nbefore", f"{key}_a", form=form, spare=spare)
-    return before, number_column(f"{head}\nafter", f"{key}_b", form=form, second_line=True, spare=spare)
+def _before_after(head: str, key: str, form: Format, priority: int = 0) -> tuple[TableColumn, TableColumn]:
+    before = number_column(f"{head}\nbefore", f"{key}_a", form=form, priority=priority)
+    return before, number_column(f"{head}\nafter", f"{key}_b", form=form, second_line=True, priority=priority)
 
 
 def _remark(same: bool, pairing: str, before: float, after: float) -> str:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import pandas as pd
 
 from cooploc.analysis.claims.trial_table import TrialTable, collect
-from cooploc.analysis.execution.stored_run import Kept
+from cooploc.analysis.execution.run_directory import StoredRun
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.curves import sweep
 from cooploc.analysis.metrics.ranking import is_refused, rank_groups
@@ -75,14 +75,14 @@ def _letter(number: int) -> str:
 class Numbers(NamedTuple):
     """A run, its table and its trials, and how its estimators are drawn and written."""
 
-    kept: Kept
+    kept: StoredRun
     table: pd.DataFrame  # of `compare`
     results: TrialTable
     looks: dict[str, style.Look]
     names: Labels
 
 
-def numbers_of(kept: Kept) -> Numbers:
+def numbers_of(kept: StoredRun) -> Numbers:
     """Return the run's table and trials, and how its estimators are drawn and written."""
     table = compare(kept.rows, kept.baselines, full=True)
     table = table if kept.comparisons is None else with_decisions(table, kept.comparisons)

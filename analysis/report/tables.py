@@ -198,7 +198,7 @@ def csv_text(table: pd.DataFrame) -> str:
     def plain(value: Any) -> Any:
         return f"'{value}" if isinstance(value, str) and value.startswith(FORMULA) else value
 
-    texts = {name: table[name].map(plain) for name in table if table[name].dtype.kind not in "fiub"}
+    texts = {str(name): table[name].map(plain) for name in table if table[name].dtype.kind not in "fiub"}
     return table.assign(**texts).rename(columns=plain).to_csv(index=False, lineterminator="\n")
 
 

@@ -51,16 +51,16 @@ def _show(found: "cl.Inspection", files: Sequence[Path]) -> None:
 
 def _show_table(name: str, table: "pd.DataFrame") -> None:
     """Print the first rows of a table, if it has any."""
-    from cooploc.analysis.report.tables import Table, numbers, words
+    from cooploc.analysis.report.tables import Table, number_column, text_column
     from cooploc.terminal.console import wide
 
     if not len(table):
         return
-    columns = tuple((numbers if table[c].dtype.kind in "if" else words)(str(c)) for c in table.columns)
+    columns = tuple((number_column if table[c].dtype.kind in "if" else text_column)(str(c)) for c in table.columns)
     records = table.head(MOST).to_dict("records")
     rows = [{k: f"{v:.4g}" if isinstance(v, float) else str(v) for k, v in row.items()} for row in records]
     say = wide().print
-    say(Table(name, name, columns, rows).terminal(wrap=True))
+    say(Table(name, name, columns, rows).terminal())
     if len(table) > MOST:
         say(f"  and {len(table) - MOST} more")
     say()

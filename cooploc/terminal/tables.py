@@ -13,9 +13,7 @@ from cooploc.analysis.claims import ledger as ledgers
 from cooploc.analysis.claims.multiverse import shares
 from cooploc.analysis.claims.verdicts import family_of
 from cooploc.analysis.execution.certificates import line
-from cooploc.analysis.execution.decisions_file import read_decisions
-from cooploc.analysis.execution.run_directory import Piece, RunDir
-from cooploc.analysis.execution.stored_run import read
+from cooploc.analysis.execution.run_directory import PartKey, RunDir, read_decisions, read_run
 from cooploc.analysis.execution.until_decided import seconds_left
 from cooploc.analysis.formats import change, count, counted, duration, listed
 from cooploc.analysis.metrics import ranking
@@ -120,7 +118,7 @@ def decision_line(folder: Path, decisions: Mapping[str, Any]) -> str:
     going = [(scenario, estimator) for scenario, estimator in decisions["going"]]
     if not going:
         return f"{line}; the run has ended"
-    left = seconds_left(read(folder).rows, going, decisions["most"])
+    left = seconds_left(read_run(folder).rows, going, decisions["most"])
     return f"{line}; to {decisions['most']} trials, at most about {duration(left)} of one process"
 
 
@@ -168,8 +166,6 @@ def show_run(folder: Path) -> None:
     console.print(Table("contents", "", shown, rows).terminal())
     if decisions:
         console.print(decision_line(folder, decisions))
-    for ignored in directory.foreign():
-        console.print(ignored)
     _certificates(console, certificates)
     if not manifest.get("isolated", True):
         console.print(ONE_PROCESS)
@@ -194,9 +190,9 @@ def _contents(directory: RunDir, scenario: str, estimator: str, asked: int) -> t
     """A row of the table, and the first row of every trial that failed."""
     trials: set[int] = set()
     frames, corrupt = [], 0
-    for held in directory.held(scenario, estimator):
-        piece = Piece(scenario, estimator, held)
-        if not directory.intact(piece):
+    for held in directory.trials_on_disk(scenario, estimator):
+        piece = PartKey(scenario, estimator, held)
+        if not directory.is_intact(piece):
             corrupt += 1
             continue
         trials |= set(held)
@@ -336,15 +332,25 @@ def show_changes(title: str, settings: list[str], found: pd.DataFrame, sentences
 
 def show_reproduced(found: pd.DataFrame, differences: list[str]) -> None:
     """Print which trials of a report came out bit-equal."""
-    from cooploc.analysis.report import reproduce as again
-
     console = wide()
-    trials = [again.Again(*row) for row in found.itertuples(index=False)]
-    console.print(again.table(trials).terminal())
+    columns = (
+        text_column("scenario"),
+        text_column("estimator", second_line=True),
+        number_column("trial"),
+        number_column("RMSE then [m]", "before", form=_exact),
+        number_column("now [m]", "after", form=_exact, second_line=True),
+        text_column("", "equal", "remark", of=("remark",)),
+    )
+    console.print(Table("reproduced", "Trials that were run again", columns, found.to_dict("records")).terminal())
     equal = found["equal"].sum()
-    console.print(f"{equal} of {len(trials)} results are bit-equal")
-    if equal < len(trials) and differences:
+    console.print(f"{equal} of {len(found)} results are bit-equal")
+    if equal < len(found) and differences:
         console.print(f"this machine differs from that of the report: {'; '.join(differences)}")
+
+
+def _exact(metres: float) -> str:
+    """Return an RMSE with so many digits that a difference shows."""
+    return "" if metres != metres else f"{metres:.9g}"
 
 
 # ------------------------------------------------------------------------------------- plans, tuning, checks, lists

@@ -16,7 +16,7 @@ from cooploc.analysis.execution.run_directory import read_run as kept_of
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.plot import results, style
-from cooploc.analysis.report import html_page, page_figures, sentences
+from cooploc.analysis.report import html_page, page_figures, run_numbers, sentences
 
 pytestmark = pytest.mark.slow
 SWEEP = {"base": (1.0, 1.0), "good": (0.5, 1.0), "liar": (0.1, 9.0), "omniscient": (0.05, 1.0), "twin": (0.5, 1.0)}
@@ -275,7 +275,7 @@ def test_an_estimator_that_fails_changes_no_rank_and_no_letter_of_the_others():
 
 def ranked(rows):
     """Mean ranks and letters of one scenario."""
-    return html_page.ranked(compare(rows, "a", full=True), collect(rows))
+    return run_numbers.ranked(compare(rows, "a", full=True), collect(rows))
 
 
 def test_an_over_wide_covariance_is_not_called_best():

@@ -5,7 +5,7 @@ from markupsafe import Markup
 
 from cooploc.analysis.formats import interval, metres
 from cooploc.analysis.report.html_table import Wording, html
-from cooploc.analysis.report.result_tables import short_names
+from cooploc.analysis.report.run_numbers import short_labels
 from cooploc.analysis.report.tables import Table, number_column, text_column
 
 COLUMNS = (
@@ -49,8 +49,8 @@ def test_columns_that_are_read_less_are_shown_on_demand():
 
 
 def test_estimators_get_their_marker_short_label_and_a_link_and_numbers_lead_to_their_trials():
-    names = short_names([LONG], {"raw": "anchor_reading=rssi, particles=500"})
+    names = short_labels([LONG], {"raw": "anchor_reading=rssi, particles=500"})
     wording = Wording(names, {LONG: Markup("<svg></svg>")}, {LONG: "estimator-1"}, {"s": "trials/001-s.csv"})
     source = html(TABLE, wording)
-    assert f'<svg></svg><a href="#estimator-1" title="{LONG}">ekf[raw]</a><small>as ekf[raw]</small>' in source
+    assert f'<svg></svg><a href="#estimator-1" title="{LONG}">ekf [raw]</a>' in source
     assert '<a class="trials" href="trials/001-s.csv" title="every trial">0.123</a>' in source

@@ -20,7 +20,7 @@ from cooploc.analysis.formats import (
     percent,
     ratio,
 )  # fmt: skip
-from cooploc.analysis.report.tables import Table, broken, number_column, text_column
+from cooploc.analysis.report.tables import Table, number_column, text_column
 
 COLUMNS = (
     text_column("who", "name"),
@@ -83,15 +83,6 @@ def test_each_kind_of_number_is_written_in_one_way(written, expected):
     assert written == expected
 
 
-@pytest.mark.parametrize("width", [12, 24, 40])
-def test_a_name_that_is_too_long_for_its_cell_is_broken_at_its_marks(width):
-    lines = broken("ekf-ci[anchor_reading=any,reading=any] in robots-1-3/n=3", width)
-    assert "".join(lines).replace(" ", "") == "ekf-ci[anchor_reading=any,reading=any]inrobots-1-3/n=3"
-    assert all(len(line) <= width for line in lines)
-    assert "ekf-ci" in lines or width > 12
-    assert lines[-1].endswith("robots-1-3/n=3") or width < 24
-
-
 def test_in_a_narrow_terminal_what_belongs_under_a_column_is_a_second_line_of_it():
     columns = (COLUMNS[0], text_column("mark", second_line=True), text_column("more", second_line=True), *COLUMNS[1:])
     table = Table("t", "", columns, [{**row, "more": "z"} for row in ROWS])
@@ -99,9 +90,10 @@ def test_in_a_narrow_terminal_what_belongs_under_a_column_is_a_second_line_of_it
     with console.capture() as captured:
         console.print(table.terminal())
     lines = [line.split() for line in captured.get().splitlines()]
-    assert ["x<y;", "z"] in lines
-    assert ["mark;", "more", "RMSE", "95", "%"] in lines
-    assert lines.count(["z"]) == 1
+    assert ["mark"] in lines
+    assert ["more", "RMSE", "95", "%"] in lines
+    assert ["x<y"] in lines
+    assert lines.count(["z"]) == 2
 
 
 def test_a_column_that_is_left_out_is_named_once_for_itself_and_what_is_under_it():

@@ -9,8 +9,8 @@ import pandas as pd
 import pytest
 from made_runs import EVIL, kept_from, rows_of
 
-from cooploc.analysis.paper import tables, write
-from cooploc.analysis.paper.labels import labels
+from cooploc.analysis.report import paper
+from cooploc.analysis.report.run_numbers import LONGEST, short_labels
 from cooploc.estimators import BUILTIN, make
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.registry import source_of
@@ -30,17 +30,17 @@ def kept(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def written(kept):
-    write.write(kept, kept.folder / "paper", COLUMNS)
+    paper.write(kept, kept.folder / "paper", COLUMNS)
     return kept.folder / "paper"
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(shutil.which("pdflatex") is None, reason="no LaTeX is installed")
 def test_every_figure_and_table_fits_a_two_column_paper(written, kept):
-    more = write.write(kept, kept.folder / "wide", WIDE, ["nlos[ticks=8]"])
+    more = paper.write(kept, kept.folder / "wide", WIDE, ["nlos[ticks=8]"])
     assert any(r"\begin{table*}" in file.read_text() for file in more if file.parent.name == "tables")
     for folder in (written, kept.folder / "wide"):
-        command = ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", write.EXAMPLE]
+        command = ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", paper.EXAMPLE]
         done = subprocess.run(command, cwd=folder, capture_output=True, text=True, errors="replace")
         assert done.returncode == 0, done.stdout[-2000:]
         assert re.findall(r"Overfull.*|Float too large.*|.*undefined on input.*", done.stdout) == []
@@ -90,30 +90,29 @@ def test_a_sweep_and_single_scenarios_are_drawn_and_the_tables_have_them_all(wri
 
 def test_what_does_not_fit_or_is_unknown_is_said(kept):
     with pytest.raises(BadInput, match="no column 'rsme'; did you mean 'rmse'"):
-        write.write(kept, kept.folder / "no", ["rsme"])
+        paper.write(kept, kept.folder / "no", ["rsme"])
     with pytest.raises(BadInput, match=r"no scenario 'nlos\[ticks=9\]'; did you mean 'nlos"):
-        write.write(kept, kept.folder / "no", COLUMNS, ["nlos[ticks=9]"])
-    many = [tables.Quantity("head", ["1234567890"], ["[1234567890, 1234567890]"])] * 12
-    with pytest.raises(BadInput, match=r"a page 7\.14 in: choose fewer by --columns"):
-        tables.layout(["name"], many)
+        paper.write(kept, kept.folder / "no", COLUMNS, ["nlos[ticks=9]"])
 
 
-def test_a_table_takes_the_narrowest_layout_that_fits():
-    one = tables.Quantity("RMSE [m]", ["0.123"], ["[0.110, 0.140]"])
-    layouts = [tables.layout(["ekf-local [a]"], [one] * number) for number in (1, 4, 6, 8)]
-    assert [(how.columns, how.stacked) for how in layouts] == [(1, False), (1, True), (2, False), (2, True)]
+def test_a_long_label_is_short_and_equal_settings_have_equal_letters():
+    long = "particles=500,anchor_reading=rssi"
+    names = ["arl", "arl[K=1]", f"mrsl-rssi[{long}]", f"rssi-pf[{long}]", "mrsl-rssi[particles=900,M=1]", "my/f.py:F"]
+    found = short_labels(names)
+    assert [*found.short.values()] == ["arl", "arl[K=1]", "mrsl-rssi [a]", "rssi-pf [a]", "mrsl-rssi [b]", "f.py:F"]
+    assert found.legend(names[:3]) == ["[a] particles=500, anchor_reading=rssi"]
+    assert len("arl[K=1]") <= LONGEST < len(names[2])
 
 
-def test_equal_settings_have_equal_letters():
-    found = labels(["arl", "ekf-local[a=1,b=2]", "ekf-joint[a=1,b=2]", "ekf-joint[a=2]", "my/folder/file.py:Filter"])
-    assert list(found.short.values()) == ["arl", "ekf-local [a]", "ekf-joint [a]", "ekf-joint [b]", "file.py:Filter"]
-    assert found.legend(["arl", "ekf-local[a=1,b=2]"]) == ["[a] a=1, b=2"]
+def test_a_configuration_has_the_name_that_the_study_gave_it_in_any_order_of_its_parameters():
+    label = "mrsl-rssi[density=exact,M=1,K=3]"
+    assert short_labels([label], {"consistent": "K=3, density=exact,M=1"}).of(label) == "mrsl-rssi [consistent]"
 
 
 @pytest.mark.parametrize("name", [name for name in BUILTIN if write.keys(name)])
 def test_the_bibliography_has_the_source_that_an_estimator_names(name):
     told = source_of(type(make(name)))
-    first = write.sources()[write.keys(name)[0]]
+    first = paper.sources()[paper.source_keys(name)[0]]
     assert str(first["year"]) in told
     for author in first["author"].split(" and "):
         family = re.sub(r"{\\\W(\w)}", r"\1", author.partition(",")[0])  # without accents
@@ -122,20 +121,18 @@ def test_the_bibliography_has_the_source_that_an_estimator_names(name):
 
 
 def test_the_bibliography_of_a_run_holds_what_it_used_and_no_more():
-    found = write.bibtex(["ekf-luft[gate=9]", "mine.py:Filter"], ["mrclam/all"])
+    found = paper.bibtex(["ekf-luft[gate=9]", "mine.py:Filter"], ["mrclam/all"])
     assert re.findall(r"@\w+{(\w+),", found) == ["cooploc", "luft2018", "leung2011"]
     assert "% mine.py:Filter is not built in: add its source" in found
     assert found.count("{") == found.count("}")
-    known = {name for source in write.sources().values() for name in source.get("estimators", ())}
+    known = {name for source in paper.sources().values() for name in source.get("estimators", ())}
     assert known <= set(BUILTIN)
 
 
 def test_a_table_is_no_longer_than_a_page():
-    rows = [{"scenario": f"s{i // 20}", "estimator": str(i)} for i in range(200)]
-    how = tables.Layout(1, True, 200.0)
-    chunks = tables.chunks(rows, how)
-    assert [row for chunk in chunks for row in chunk if isinstance(row, int)] == list(range(200))
-    assert max(sum(1 if isinstance(row, str) else 2 for row in chunk) for chunk in chunks) <= tables.LINES
+    pages = paper.pages_of([f"s{i // 20}" for i in range(200)])
+    assert [row for page in pages for row in page] == list(range(200))
+    assert max(map(len, pages)) < paper.LINES
 
 
 @pytest.mark.parametrize(
@@ -143,4 +140,4 @@ def test_a_table_is_no_longer_than_a_page():
     [("[-67, -50]", "{[}$-$67, $-$50{]}"), ("-14", "$-$14"), ("robots-1-3/n=1", r"robots-1-3/n=1"), ("2e-05", "2e-05")],
 )
 def test_a_negative_number_has_the_minus_of_formulas_wherever_it_stands(cell, written):
-    assert tables.text(cell).replace(r"\allowbreak{}", "") == written
+    assert paper.tex(cell).replace(r"\allowbreak{}", "") == written
