@@ -109,7 +109,7 @@ def test_a_configuration_has_the_name_that_the_study_gave_it_in_any_order_of_its
     assert short_labels([label], {"consistent": "K=3, density=exact,M=1"}).of(label) == "mrsl-rssi [consistent]"
 
 
-@pytest.mark.parametrize("name", [name for name in BUILTIN if write.keys(name)])
+@pytest.mark.parametrize("name", [name for name in BUILTIN if paper.source_keys(name)])
 def test_the_bibliography_has_the_source_that_an_estimator_names(name):
     told = source_of(type(make(name)))
     first = paper.sources()[paper.source_keys(name)[0]]
