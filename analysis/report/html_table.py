@@ -14,7 +14,7 @@ from cooploc.analysis.report.tables import Row, Table, TableColumn
 
 LONG = 30  # rows from which a table scrolls within a box of its own
 BELOW = "95 %", "remark"  # heads of columns that stand below their left neighbour
-SYMBOLS = dict(zip(MARKERS, "✖●★■◆▲▼✚✹⬟⬢♦▶◀⯄⬣✦✧✶⅄⋏✯✺≻", strict=False))  # of the figures' markers
+SYMBOLS = dict(zip(MARKERS, "✖●■◆▲▼✚★⬟⬢◀▶♦⯃⬣✦✧✶⅄⋏✯✺≻", strict=False))  # of the figures' markers
 
 
 class Wording(NamedTuple):

@@ -301,7 +301,7 @@ WAITING = 6  # floats, after which a page is begun; LaTeX keeps eighteen
 
 def document(title: str, floats: list[str]) -> str:
     """Return a two-column paper that includes every figure and table; each figure stands in its own size."""
-    lines = [START, rf"\section*{{{escape_latex(title)}}}"]
+    lines = [START, rf"\section*{{\raggedright {breakable(title)}}}"]
     for number, one in enumerate(floats, 1):
         lines += [one, *([r"\clearpage"] if number % WAITING == 0 else [])]
     return "\n".join([*lines, END]) + "\n"
