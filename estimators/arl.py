@@ -20,6 +20,14 @@ class Arl(particles.ParticleSettings):
     """Particle filter on own readings; sends nothing."""
 
     api: ClassVar[int] = 1
+    sends: ClassVar[str] = "nothing"
+
+    @property
+    def consistency(self) -> str:
+        """Return what theory says of its covariance."""
+        if self.anchor_reading == "rssi":
+            return "consistent but for the number of particles"
+        return "over-confident: a constant angle error, smoothed angles"
 
     def init(self, prior: Belief, world: World, rows: Rows) -> particles.FilterState:
         return particles.init_single(self, prior, world, rows)

@@ -67,6 +67,8 @@ class ChannelPf(particles.TeamParticleSettings):
     """
 
     api: ClassVar[int] = 1
+    sends: ClassVar[str] = "mean, covariance, odometry"
+    consistency: ClassVar[str] = "over-confident: a link does not see what comes around others"
     subtract: bool = True
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:

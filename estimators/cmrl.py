@@ -49,6 +49,8 @@ class Cmrl(particles.TeamParticleSettings):
     """
 
     api: ClassVar[int] = 1
+    sends: ClassVar[str] = "a sample of particles"
+    consistency: ClassVar[str] = "over-confident, less so than `mrsl-*`: a detection counts once per 2.5 m"
     samples: int = 16
     apart: float = 2.5  # [m]
 

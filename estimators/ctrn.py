@@ -504,6 +504,8 @@ class Ctrn(CtrnSettings):
     """
 
     api: ClassVar[int] = 1
+    sends: ClassVar[str] = "mean and covariance"
+    consistency: ClassVar[str] = "as `arl` alone; the fusion adds no over-confidence"
 
     @property
     def uses(self) -> tuple[str, ...]:

@@ -23,6 +23,8 @@ class DeadReckoning:
     """Odometry only; sends nothing."""
 
     api: ClassVar[int] = 1
+    sends: ClassVar[str] = "nothing"
+    consistency: ClassVar[str] = "consistent"
     uses: tuple[str, ...] = ("odometry",)
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:

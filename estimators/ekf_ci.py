@@ -23,14 +23,25 @@ before the update of robot i.
 """
 
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 
+from cooploc.estimators import kalman_parameters as shared
 from cooploc.estimators.covariance_intersection import relative_weights
-from cooploc.estimators.errors import require
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Rows, Senses, World
-from cooploc.estimators.kalman import ENGINES, Message, OwnFilter, PairReading, distance, inflated_update, receive
+from cooploc.estimators.kalman import (
+    ENGINES,
+    Message,
+    PairReading,
+    correct_own,
+    distance,
+    inflated_update,
+    own_belief,
+    predict_own,
+    receive,
+)
+from cooploc.estimators.models import AnchorReading
 from cooploc.estimators.tunable import tunable
 
 EXACT = 1e-9 * np.eye(2)  # [m^2] noise of a position that is all belief and no reading
@@ -56,8 +67,9 @@ class Relation(NamedTuple):
     R: Array  # (k, k)
 
 
+@shared.explain
 @dataclass(frozen=True)
-class EkfCi(OwnFilter):
+class EkfCi:
     """EKF on own readings, covariance intersection on received beliefs.
 
     Parameters:
@@ -71,6 +83,14 @@ class EkfCi(OwnFilter):
 
     """
 
+    api: ClassVar[int] = 1
+    sends: ClassVar[str] = "mean, covariance, sightings"
+    consistency: ClassVar[str] = "conservative by construction"
+    anchor_reading: AnchorReading = "doa"
+    gate: float = tunable(shared.GATE, 2.0, 1000.0, log=True)
+    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
+    engine: shared.EngineName = "batched"
+    reading: shared.RadioReading = "range"
     form: Literal["relative", "ls"] = "relative"
     weights: Literal["cvxpy", "exact"] = "exact"
     criterion: Literal["trace", "det"] = tunable("trace", choices=("trace", "det"))
@@ -78,17 +98,20 @@ class EkfCi(OwnFilter):
     lever: float = 1.0
 
     def __post_init__(self) -> None:
-        super().__post_init__()
-        require(self, lever=(1e-3, 1e3))
+        shared.require_limits(self, lever=(1e-3, 1e3))
 
     @property
     def uses(self) -> tuple[str, ...]:
-        *own, between = super().uses
+        *own, between = shared.team_channels(self)
         return (*own, "sighting" if self.form == "ls" else between)
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        world = self.assumed_world(world)
+        world = shared.assumed_world(self, world)
         return State(prior.x, prior.P, rows.trial * world.robots + rows.robot, rows.robot, world)
+
+    predict = predict_own
+    correct = correct_own
+    estimate = own_belief
 
     def send(self, s: State, z: Senses) -> Array:
         """x, the upper triangle of P, and the sightings of every teammate: d + d (d + 1) / 2 + 2 n numbers at most."""

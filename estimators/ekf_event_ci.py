@@ -15,15 +15,16 @@ error in P_s is our choice: with it, robots that learn only from each other fall
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from cooploc.estimators import ekf_ci
-from cooploc.estimators.errors import require
+from cooploc.estimators import kalman_parameters as shared
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, World
-from cooploc.estimators.kalman import TeamSettings, move, symmetric
-from cooploc.estimators.models import wrap_heading
+from cooploc.estimators.kalman import move, symmetric
+from cooploc.estimators.models import AnchorReading, wrap_heading
+from cooploc.estimators.tunable import tunable
 
 
 class State(NamedTuple):
@@ -33,19 +34,29 @@ class State(NamedTuple):
     sent: Belief  # x (r, d), P (r, d, d) of the last packet, moved on; nan before the first
 
 
+@shared.explain
 @dataclass(frozen=True)
-class EkfEventCi(TeamSettings):
+class EkfEventCi:
     """EKF on own readings, covariance intersection on received beliefs, sent only when they have changed enough.
 
     Parameters:
         threshold: the least divergence [nat] from what was sent at which a robot sends again; 0 sends in every tick.
     """
 
+    api: ClassVar[int] = 1
+    sends: ClassVar[str] = "as `ekf-ci`, when the belief has changed"
+    consistency: ClassVar[str] = "conservative by construction"
+    anchor_reading: AnchorReading = "doa"
+    gate: float = tunable(shared.GATE, 2.0, 1000.0, log=True)
+    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
+    engine: shared.EngineName = "batched"
+    reading: shared.RadioReading = "range"
     threshold: float = 0.1
 
+    uses = property(shared.team_channels)
+
     def __post_init__(self) -> None:
-        super().__post_init__()
-        require(self, threshold=(0, np.inf))
+        shared.require_limits(self, threshold=(0, np.inf))
 
     @property
     def ci(self) -> ekf_ci.EkfCi:

@@ -21,14 +21,15 @@ intersection", IEEE T-RO 38(1), 2022, and GS_CI in the authors' repository tsang
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from cooploc.estimators.errors import require
+from cooploc.estimators import kalman_parameters as shared
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Rows, Senses, World
-from cooploc.estimators.kalman import ENGINES, Message, TeamSettings, condition, innovation, move, symmetric
-from cooploc.estimators.models import fixed, wrap_heading
+from cooploc.estimators.kalman import ENGINES, Message, condition, innovation, move, symmetric
+from cooploc.estimators.models import AnchorReading, fixed, wrap_heading
+from cooploc.estimators.tunable import tunable
 
 
 class State(NamedTuple):
@@ -40,8 +41,9 @@ class State(NamedTuple):
     world: World
 
 
+@shared.explain
 @dataclass(frozen=True)
-class EkfGsCi(TeamSettings):
+class EkfGsCi:
     """EKF of the whole team's positions on each robot, covariance intersection of what the robots broadcast.
 
     Parameters:
@@ -51,16 +53,25 @@ class EkfGsCi(TeamSettings):
             The default is ours: where robots drive 0.1 m/s it is within 5 % of the best error of 0.25, 0.5, 1 and 2.
     """
 
+    api: ClassVar[int] = 1
+    sends: ClassVar[str] = "mean and covariance of the whole team"
+    consistency: ClassVar[str] = "conservative, if `drift` is at least the motion"
+    anchor_reading: AnchorReading = "doa"
+    gate: float = tunable(shared.GATE, 2.0, 1000.0, log=True)
+    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
+    engine: shared.EngineName = "batched"
+    reading: shared.RadioReading = "range"
     weight: float = 0.8
     drift: float = 0.5
 
+    uses = property(shared.team_channels)
+
     def __post_init__(self) -> None:
-        super().__post_init__()
-        require(self, weight=(0.01, 1), drift=(0, np.inf))
+        shared.require_limits(self, weight=(0.01, 1), drift=(0, np.inf))
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         """Its own prior; teammates are anywhere in the arena, until one of them is heard."""
-        world = self.assumed_world(world)
+        world = shared.assumed_world(self, world)
         r, d, n = *prior.x.shape, world.robots
         own = np.concatenate([2 * rows.robot[:, None] + [0, 1], np.full((r, d - 2), 2 * n)], 1)
         x = np.broadcast_to(np.tile(world.arena.mean(0), n + 1)[: 2 * n + d - 2], (r, 2 * n + d - 2)).copy()

@@ -2,7 +2,7 @@
 
 A teammate's belief and a reading make an estimate of H x with the covariance N = H_j P_j H_j' + R; the robot's own
 belief makes another. Their harmonic mean replaces the robot's own, and the result is carried to the rest of the state:
-equations and sources in `covariance_intersection/inverse.py`; what is sent, in `kalman/broadcast_belief.py`.
+equations and sources in `inverse_covariance_intersection.py`; what is sent, in `kalman.py`.
 
 It is inverse covariance intersection with a fixed weight (`ekf_ici.py`), where the means agree. Where they do not, the
 covariance is smaller, so that a robot which is wrong may become sure of it; no bound is known. A teammate who knows
@@ -14,15 +14,26 @@ density", arXiv 2412.06716, 2024. Its use with a reading of part of the state is
 """
 
 from dataclasses import dataclass
+from typing import ClassVar
 
-from cooploc.estimators.errors import require
+from cooploc.estimators import kalman_parameters as shared
 from cooploc.estimators.interface import Array
 from cooploc.estimators.inverse_covariance_intersection import combine, harmonic_mean
-from cooploc.estimators.kalman import BroadcastBelief
+from cooploc.estimators.kalman import (
+    broadcast,
+    correct_own,
+    fuse_broadcasts,
+    own_belief,
+    predict_own,
+    start_broadcasting,
+)
+from cooploc.estimators.models import AnchorReading
+from cooploc.estimators.tunable import tunable
 
 
+@shared.explain
 @dataclass(frozen=True)
-class EkfHmd(BroadcastBelief):
+class EkfHmd:
     """EKF on own readings, harmonic mean density of own and received beliefs.
 
     Parameters:
@@ -31,11 +42,28 @@ class EkfHmd(BroadcastBelief):
             the error that 0.5 has (`reports/fusion.md`).
     """
 
+    api: ClassVar[int] = 1
+    sends: ClassVar[str] = "mean, covariance, sightings"
+    consistency: ClassVar[str] = "no bound is known"
+    anchor_reading: AnchorReading = "doa"
+    gate: float = tunable(shared.GATE, 2.0, 1000.0, log=True)
+    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
+    engine: shared.EngineName = "batched"
+    reading: shared.RadioReading = "range"
+    both: bool = True
     weight: float = 0.5
 
+    uses = property(shared.team_channels)
+
     def __post_init__(self) -> None:
-        super().__post_init__()
-        require(self, weight=(0, 1))
+        shared.require_limits(self, weight=(0, 1))
+
+    init = start_broadcasting
+    predict = predict_own
+    correct = correct_own
+    send = broadcast
+    fuse = fuse_broadcasts
+    estimate = own_belief
 
     def combine(self, x: Array, P: Array, y: Array, H: Array, N: Array) -> tuple[Array, Array]:
         """C^-1 = a^-1 + N^-1 - G^-1,  a = H P H',  G = v N + (1 - v) a + v (1 - v) y y'."""

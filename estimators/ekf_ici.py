@@ -3,7 +3,7 @@
 A teammate's belief and a reading make an estimate of H x, of the range or of range and bearing, with the covariance
 H_j P_j H_j' + R. The robot's own belief makes another. Both are fused by inverse covariance intersection, which takes
 out the largest information that the two can have in common, and the result is carried to the rest of the state:
-equations, assumption and source in `covariance_intersection/inverse.py`; what is sent, in `kalman/broadcast_belief.py`.
+equations, assumption and source in `inverse_covariance_intersection.py`; what is sent, in `kalman.py`.
 
 Of one number, as a range is, the rule keeps the better of the two estimates: C = min(a, N). So a range helps at most
 one of two robots, as with covariance intersection (`ekf_ci.py`), but its state is not inflated in other directions.
@@ -15,16 +15,26 @@ intersection", Automatica 79, 2017. Its use with a reading of part of the state 
 """
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
-from cooploc.estimators.errors import require
+from cooploc.estimators import kalman_parameters as shared
 from cooploc.estimators.interface import Array
 from cooploc.estimators.inverse_covariance_intersection import combine, inverse_intersection, weighed_intersection
-from cooploc.estimators.kalman import BroadcastBelief
+from cooploc.estimators.kalman import (
+    broadcast,
+    correct_own,
+    fuse_broadcasts,
+    own_belief,
+    predict_own,
+    start_broadcasting,
+)
+from cooploc.estimators.models import AnchorReading
+from cooploc.estimators.tunable import tunable
 
 
+@shared.explain
 @dataclass(frozen=True)
-class EkfIci(BroadcastBelief):
+class EkfIci:
     """EKF on own readings, inverse covariance intersection on received beliefs.
 
     Parameters:
@@ -33,12 +43,29 @@ class EkfIci(BroadcastBelief):
             3 to 10 robots (`reports/fusion.md`).
     """
 
+    api: ClassVar[int] = 1
+    sends: ClassVar[str] = "mean, covariance, sightings"
+    consistency: ClassVar[str] = "a bound where robots share common information alone; else not"
+    anchor_reading: AnchorReading = "doa"
+    gate: float = tunable(shared.GATE, 2.0, 1000.0, log=True)
+    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
+    engine: shared.EngineName = "batched"
+    reading: shared.RadioReading = "range"
+    both: bool = True
     form: Literal["trace", "fixed"] = "trace"
     weight: float = 0.8
 
+    uses = property(shared.team_channels)
+
     def __post_init__(self) -> None:
-        super().__post_init__()
-        require(self, weight=(0, 1))
+        shared.require_limits(self, weight=(0, 1))
+
+    init = start_broadcasting
+    predict = predict_own
+    correct = correct_own
+    send = broadcast
+    fuse = fuse_broadcasts
+    estimate = own_belief
 
     def combine(self, x: Array, P: Array, y: Array, H: Array, N: Array) -> tuple[Array, Array]:
         """C^-1 = a^-1 + N^-1 - (w a + (1 - w) N)^-1,  a = H P H';  the least trace is that of P', as in `ekf-ci`."""

@@ -23,13 +23,13 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
+from cooploc.estimators import kalman_parameters as shared
 from cooploc.estimators.compiled import readable
 from cooploc.estimators.interface import HEADER, Array, Belief, Mail, Mask, Rows, Senses, Traffic, World
 from cooploc.estimators.joint_gaussian import block_diagonal, definite, dense, square
 from cooploc.estimators.joint_kernels import RUNAWAY, Decoupled, TeamReading, master, update_decoupled
 from cooploc.estimators.kalman import (
     ENGINES,
-    TeamSettings,
     camera_alone,
     count,
     distance,
@@ -42,7 +42,8 @@ from cooploc.estimators.kalman import (
     sightings,
     symmetric,
 )
-from cooploc.estimators.models import Sighting, fixed, wrap_heading
+from cooploc.estimators.models import AnchorReading, Sighting, fixed, wrap_heading
+from cooploc.estimators.tunable import tunable
 
 At = Mapping[int, Array]  # a Jacobian (t, k, d) by robot
 
@@ -66,14 +67,28 @@ class Change(NamedTuple):
     subtract: Callable[[Mask], None]  # dPi from the Pi of those robots (t, n)
 
 
+@shared.explain
 @dataclass(frozen=True)
-class EkfInterim(TeamSettings):
+class EkfInterim:
     """Decentralised joint EKF, exact while no message is lost."""
 
+    api: ClassVar[int] = 1
+    sends: ClassVar[str] = "belief on request, updates to all"
+    consistency: ClassVar[str] = "that of `ekf-joint` until the first message is lost"
     bound: ClassVar[bool] = False
+    anchor_reading: AnchorReading = "doa"
+    gate: float = tunable(shared.GATE, 2.0, 1000.0, log=True)
+    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
+    engine: shared.EngineName = "batched"
+    reading: shared.RadioReading = "range"
+
+    uses = property(shared.team_channels)
+
+    def __post_init__(self) -> None:
+        shared.require_limits(self)
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        world = self.assumed_world(world)
+        world = shared.assumed_world(self, world)
         t, n, d = prior.x.shape
         return State(prior.x, prior.P, np.zeros_like(prior.P) + np.eye(d), np.zeros((t, n, n, d, n, d)), world)
 

@@ -14,19 +14,22 @@ Sources: S. Roumeliotis, G. Bekey, "Distributed multirobot localization", IEEE T
 T. Kirubarajan, "Estimation with applications to tracking and navigation", 2001, secs. 10.3 (second order) and 10.5.2
 (iterated); B. Bell, F. Cathey, "The iterated Kalman filter update as a Gauss-Newton method", IEEE T-AC 38(2), 1993;
 S. Lenser, M. Veloso, "Sensor resetting localization for poorly modelled mobile robots", ICRA 2000 (starting again).
+R. Madhavan, K. Fregene, L. Parker, "Distributed cooperative outdoor multirobot localization and mapping", Autonomous
+Robots 17, 2004, and A. Martinelli, F. Pont, R. Siegwart, "Multi-robot localization using relative observations", ICRA
+2005 (teams whose robots sense different things; known by their abstracts: how one without odometry moves is ours).
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from itertools import permutations
 from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 
-from cooploc.estimators.errors import require
+from cooploc.estimators import kalman_parameters as shared
+from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Sensor, Traffic, World
 from cooploc.estimators.joint_gaussian import (
-    MixedTeamSettings,
     add_process_noise,
     anywhere,
     block_diagonal,
@@ -48,8 +51,27 @@ from cooploc.estimators.joint_gaussian import (
     stack_readings,
 )
 from cooploc.estimators.joint_kernels import Ranging, Readings, tally, update_joint
-from cooploc.estimators.kalman import ENGINES, camera_alone, curvature, innovation, linearise, no_traffic, sightings
-from cooploc.estimators.models import Displacement, GradientDoa, Range, fixed, wrap_heading
+from cooploc.estimators.kalman import (
+    ENGINES,
+    camera_alone,
+    curvature,
+    innovation,
+    linearise,
+    move,
+    no_traffic,
+    sightings,
+    table,
+)
+from cooploc.estimators.models import (
+    AnchorReading,
+    Bearing,
+    Displacement,
+    GradientDoa,
+    Range,
+    Sighting,
+    fixed,
+    wrap_heading,
+)
 from cooploc.estimators.tunable import tunable
 
 # Weight of the latest readings in the average share of refused ones: 23 refused in a row make a robot lost. On MRCLAM,
@@ -66,8 +88,9 @@ class State(NamedTuple):
     refused: Array  # (t, n)  average share of each robot's readings that the gate refused; with update="batch"
 
 
+@shared.explain
 @dataclass(frozen=True)
-class EkfJoint(MixedTeamSettings):
+class EkfJoint:
     """Centralised EKF over all robots. Plain mode: iterations=1, second_order=False, update="sequential".
 
     Parameters:
@@ -75,27 +98,55 @@ class EkfJoint(MixedTeamSettings):
         second_order: whether the mean shift and the variance of a range's second-order term are taken into account.
         update: "batch", a tick's readings together, or "sequential", one by one.
         lost: average share of refused readings beyond which a robot starts again; 1: never. With update="batch" only.
+        sighting: what is used of a camera's sighting of a teammate: "both" its range [m] and bearing [rad], "range",
+            "bearing", or "none"; with "none" no radio reading of teammates is used either.
+        orientation: whether readings of a teammate's heading relative to the own are used, in worlds that have them.
+        absent_odometry: what a robot does that has no reading of odometry: it stands "still", or it moves at "random".
+        speed: standard deviation of a random velocity along each axis [m/s].
+        turn_rate: standard deviation of a random turn rate [rad/s].
+        hold: how long a random velocity lasts before another one [s].
 
     """
 
+    api: ClassVar[int] = 1
+    sends: ClassVar[str] = "every reading"
+    consistency: ClassVar[str] = "consistent up to linearisation"
     bound: ClassVar[bool] = False
     centralised: ClassVar[bool] = True
+    anchor_reading: AnchorReading = "doa"
+    gate: float = tunable(shared.GATE, 2.0, 1000.0, log=True)
+    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
+    engine: shared.EngineName = "batched"
+    reading: shared.RadioReading = "range"
+    sighting: Literal["both", "range", "bearing", "none"] = "both"
+    orientation: bool = False
+    absent_odometry: Literal["still", "random"] = "still"
+    speed: float = 0.5
+    turn_rate: float = 0.5
+    hold: float = 2.0
     iterations: int = tunable(3, 1, 5)
     second_order: bool = tunable(True, choices=(True, False))
     update: Literal["batch", "sequential"] = tunable("batch", choices=("batch", "sequential"))
     lost: float = tunable(0.5, 0.1, 1.0)
 
+    @property
+    def uses(self) -> tuple[str, ...]:
+        """The channels, in order of preference."""
+        used = shared.team_channels(self)[: -1 if self.sighting == "none" else None]
+        return (*used, "orientation") if self.orientation else used
+
     def __post_init__(self) -> None:
-        super().__post_init__()
-        require(self, iterations=(1, 1000), lost=(0, 1))
+        shared.require_limits(
+            self, iterations=(1, 1000), lost=(0, 1), speed=(0, 1000), turn_rate=(0, 1000), hold=(0, 1000)
+        )
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        world = self.assumed_world(world)
+        world = shared.assumed_world(self, world)
         return State(prior.x, block_diagonal(prior.P), world, np.zeros(prior.x.shape[:2]))
 
     def predict(self, s: State, z: Senses) -> State:
         """P_ij' = F_i P_ij F_j',  P_ii' = F_i P_ii F_i' + Q_i."""
-        x, F, Q = self.move_team(s.world, s.x, z)
+        x, F, Q = self._move_team(s.world, s.x, z)
         if self.engine == "batched":
             still = isinstance(s.world.motion, Displacement)
             return _with(s, x, add_process_noise(square(s.P), Q) if still else drive(square(s.P), F, Q))
@@ -121,7 +172,7 @@ class EkfJoint(MixedTeamSettings):
 
     def exchange(self, s: State, z: Senses, air: Mail) -> tuple[State, Traffic]:
         if self.update == "batch":
-            for sensor, readings in self.team_readings(s.world, z, air):
+            for sensor, readings in self._team_readings(s.world, z, air):
                 s = self._update_together(s, sensor, readings)
             s = self._restart(s)
         else:
@@ -130,6 +181,24 @@ class EkfJoint(MixedTeamSettings):
 
     def estimate(self, s: State) -> Belief:
         return Belief(wrap_heading(s.x), np.ascontiguousarray(s.P.diagonal(axis1=1, axis2=3).transpose(0, 3, 1, 2)))
+
+    def _move_team(self, world: World, x: Array, z: Senses) -> tuple[Array, Array, Array]:
+        """x', F, Q of states x (t, n, d).
+
+        At random x' = x, F = I, Q = diag(speed^2, speed^2, turn_rate^2) hold dt, as the steps of a random walk.
+        """
+        x_moved, F, Q = move(world.motion, x, z)
+        if self.absent_odometry == "random":
+            blind = np.asarray(np.isnan(z.odometry).any(-1))[..., None, None]
+            anyhow = np.diag([self.speed**2, self.speed**2, self.turn_rate**2][: x.shape[-1]])
+            Q = np.where(blind, anyhow * self.hold * z.dt[..., None, None], Q)
+        return x_moved, F, Q
+
+    def _team_readings(self, world: World, z: Senses, air: Mail) -> Iterator[tuple[Sensor, Array]]:
+        """Those readings of teammates that are used, by sensor: (t, receiver, sender, k), as `table` gives them."""
+        yield from table(*_used_part(self.sighting, world, z), air)
+        if self.orientation and not np.isnan(readings := z.extra["orientation"]).all():
+            yield world.sensors["orientation"], readings
 
     def _fixed_together(self, s: State, sensor: Sensor, place: Array, reading: Array) -> State:
         """Every robot's reading (t, n, k) of one fixed thing, linearised and gated before any of them is used."""
@@ -181,7 +250,7 @@ class EkfJoint(MixedTeamSettings):
     def _one_by_one(self, s: State, z: Senses, air: Mail) -> State:
         """Readings of teammates sender by sender, each linearised at what the last one left."""
         plain = self.iterations == 1 and not self.second_order and self.engine == "batched"
-        for sensor, readings in self.team_readings(s.world, z, air):
+        for sensor, readings in self._team_readings(s.world, z, air):
             if plain and isinstance(sensor, Range):
                 s = _with(s, *range_by_range(s.x, square(s.P), readings[..., 0], sensor.R, self.gate))
                 continue
@@ -229,6 +298,19 @@ class EkfJoint(MixedTeamSettings):
         else:
             x, P = ENGINES[self.engine].update(flat(s.x), P, y, dense(at, s.world.robots), R, self.gate)
         return _with(s, x, P)
+
+
+def _used_part(sighting: str, world: World, z: Senses) -> tuple[World, Senses]:
+    """Of each sighting the part that is used, with a sensor that reads it alone."""
+    camera = world.sensors.get("sighting")
+    if camera is None or sighting == "both":
+        return world, z
+    if not isinstance(camera, Sighting):
+        raise BadInput(f"sighting={sighting!r} needs sightings of range and bearing, not those of {camera!r}")
+    ranged = sighting == "range"
+    part: Sensor = Range(camera.sigma_range) if ranged else Bearing(camera.sigma_bearing)
+    numbers = z.sighting[..., :1] if ranged else z.sighting[..., 1:]
+    return replace(world, sensors={**world.sensors, "sighting": part}), z._replace(sighting=numbers)
 
 
 def _with(s: State, x: Array, P: Array) -> State:

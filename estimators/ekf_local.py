@@ -4,38 +4,45 @@ Source: S. Thrun, W. Burgard, D. Fox, "Probabilistic Robotics", 2005, table 7.2.
 """
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
+from cooploc.estimators import kalman_parameters as shared
 from cooploc.estimators.dead_reckoning import State
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
-from cooploc.estimators.kalman import Settings, correct_row, predict_row
-from cooploc.estimators.models import wrap_heading
+from cooploc.estimators.kalman import correct_own, own_belief, predict_own
+from cooploc.estimators.models import AnchorReading
+from cooploc.estimators.tunable import tunable
 
 
+@shared.explain
 @dataclass(frozen=True)
-class EkfLocal(Settings):
+class EkfLocal:
     """EKF on odometry and anchors or landmarks; sends nothing."""
 
+    api: ClassVar[int] = 1
+    sends: ClassVar[str] = "nothing"
+    consistency: ClassVar[str] = "consistent up to linearisation"
+    anchor_reading: AnchorReading = "doa"
+    gate: float = tunable(shared.GATE, 2.0, 1000.0, log=True)
+    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
+    engine: shared.EngineName = "batched"
+
+    uses = property(shared.own_channels)
+
+    def __post_init__(self) -> None:
+        shared.require_limits(self)
+
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        world = self.assumed_world(world)
-        return State(prior.x, prior.P, world)
+        return State(prior.x, prior.P, shared.assumed_world(self, world))
 
-    def predict(self, s: State, z: Senses) -> State:
-        """x' = f(x, u),  P' = F P F' + Q."""
-        x, P, _ = predict_row(self, s.world, s.x, s.P, z)
-        return s._replace(x=x, P=P)
-
-    def correct(self, s: State, z: Senses) -> State:
-        """x' = x + K y,  P' = (I - K H) P (I - K H)' + K R K', one reading after the other."""
-        x, P = correct_row(self, s.world, s.x, s.P, z)
-        return s._replace(x=x, P=P)
+    predict = predict_own
+    correct = correct_own
+    estimate = own_belief
 
     def send(self, s: State, z: Senses) -> Array:
         return np.empty((len(s.x), 0))
 
     def fuse(self, s: State, z: Senses, mail: Mail) -> State:
         return s
-
-    def estimate(self, s: State) -> Belief:
-        return Belief(wrap_heading(s.x), s.P)

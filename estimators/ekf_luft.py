@@ -18,20 +18,12 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
+from cooploc.estimators import kalman_parameters as shared
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Traffic, World
 from cooploc.estimators.joint_kernels import LIMIT, Factored, PairUpdate, meet
-from cooploc.estimators.kalman import (
-    ENGINES,
-    TeamSettings,
-    Update,
-    correct_row,
-    count,
-    linearise,
-    no_traffic,
-    pairs,
-    predict_row,
-)
-from cooploc.estimators.models import wrap_heading
+from cooploc.estimators.kalman import ENGINES, Update, correct_row, count, linearise, no_traffic, pairs, predict_row
+from cooploc.estimators.models import AnchorReading, wrap_heading
+from cooploc.estimators.tunable import tunable
 
 
 class State(NamedTuple):
@@ -43,14 +35,28 @@ class State(NamedTuple):
     world: World
 
 
+@shared.explain
 @dataclass(frozen=True)
-class EkfLuft(TeamSettings):
+class EkfLuft:
     """Decentralised EKF with pairwise communication and factored cross terms."""
 
+    api: ClassVar[int] = 1
+    sends: ClassVar[str] = "belief and cross factor, on request"
+    consistency: ClassVar[str] = "approximate: correlations with third robots are guessed"
     bound: ClassVar[bool] = False
+    anchor_reading: AnchorReading = "doa"
+    gate: float = tunable(shared.GATE, 2.0, 1000.0, log=True)
+    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
+    engine: shared.EngineName = "batched"
+    reading: shared.RadioReading = "range"
+
+    uses = property(shared.team_channels)
+
+    def __post_init__(self) -> None:
+        shared.require_limits(self)
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        world = self.assumed_world(world)
+        world = shared.assumed_world(self, world)
         t, n, d = prior.x.shape
         return State(prior.x, prior.P, np.zeros((t, n, n, d, d)), world)
 

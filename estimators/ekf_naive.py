@@ -2,21 +2,56 @@
 
 It is not: what two robots learned from each other comes back as if it were new, so the covariance falls without reason.
 Covariance intersection, and the filters that keep cross terms, exist to avoid this mistake. What is sent:
-`kalman/broadcast_belief.py`.
+`kalman.py`.
 
 Source: S. Roumeliotis, G. Bekey, "Distributed multirobot localization", IEEE T-RA 18(5), 2002, with P_ij = 0 always;
 A. Howard, M. Mataric, G. Sukhatme, "Putting the 'I' in 'team'", ICRA 2003, on such circular reasoning.
 """
 
 from dataclasses import dataclass
+from typing import ClassVar
 
+from cooploc.estimators import kalman_parameters as shared
 from cooploc.estimators.interface import Array
-from cooploc.estimators.kalman import ENGINES, BroadcastBelief
+from cooploc.estimators.kalman import (
+    ENGINES,
+    broadcast,
+    correct_own,
+    fuse_broadcasts,
+    own_belief,
+    predict_own,
+    start_broadcasting,
+)
+from cooploc.estimators.models import AnchorReading
+from cooploc.estimators.tunable import tunable
 
 
+@shared.explain
 @dataclass(frozen=True)
-class EkfNaive(BroadcastBelief):
+class EkfNaive:
     """EKF on own readings and on received beliefs, which it treats as independent."""
+
+    api: ClassVar[int] = 1
+    sends: ClassVar[str] = "mean, covariance, sightings"
+    consistency: ClassVar[str] = "over-confident: counts shared beliefs again and again"
+    anchor_reading: AnchorReading = "doa"
+    gate: float = tunable(shared.GATE, 2.0, 1000.0, log=True)
+    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
+    engine: shared.EngineName = "batched"
+    reading: shared.RadioReading = "range"
+    both: bool = True
+
+    uses = property(shared.team_channels)
+
+    def __post_init__(self) -> None:
+        shared.require_limits(self)
+
+    init = start_broadcasting
+    predict = predict_own
+    correct = correct_own
+    send = broadcast
+    fuse = fuse_broadcasts
+    estimate = own_belief
 
     def combine(self, x: Array, P: Array, y: Array, H: Array, N: Array) -> tuple[Array, Array]:
         """S = H P H' + N: the sender's uncertainty counts as noise, independent of the robot's own."""

@@ -21,18 +21,18 @@ stay definite.
 """
 
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 
 from cooploc.estimators import joint_kernels
+from cooploc.estimators import kalman_parameters as shared
 from cooploc.estimators.compiled import readable
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, World
 from cooploc.estimators.kalman import (
     ENGINES,
     Message,
     PairReading,
-    TeamSettings,
     camera_alone,
     innovation,
     predict_row,
@@ -40,7 +40,8 @@ from cooploc.estimators.kalman import (
     sightings,
     symmetric,
 )
-from cooploc.estimators.models import fixed, wrap_heading
+from cooploc.estimators.models import AnchorReading, fixed, wrap_heading
+from cooploc.estimators.tunable import tunable
 
 
 class State(NamedTuple):
@@ -53,22 +54,35 @@ class State(NamedTuple):
     world: World
 
 
+@shared.explain
 @dataclass(frozen=True)
-class EkfSplitCi(TeamSettings):
+class EkfSplitCi:
     """EKF on own readings, split covariance intersection with received beliefs.
 
     Parameters:
         form: which part of a received estimate counts as independent: "literal", its independent part; "received",
             none of it; "conservative", what its sender has never sent before.
-        both: whether a sighting corrects the robot that was seen, too.
 
     """
 
+    api: ClassVar[int] = 1
+    sends: ClassVar[str] = "mean, both covariances, sightings"
+    consistency: ClassVar[str] = "between naive and CI; `form=conservative` is conservative"
+    anchor_reading: AnchorReading = "doa"
+    gate: float = tunable(shared.GATE, 2.0, 1000.0, log=True)
+    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
+    engine: shared.EngineName = "batched"
+    reading: shared.RadioReading = "range"
     form: Literal["literal", "received", "conservative"] = "received"
     both: bool = True
 
+    uses = property(shared.team_channels)
+
+    def __post_init__(self) -> None:
+        shared.require_limits(self)
+
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        world = self.assumed_world(world)
+        world = shared.assumed_world(self, world)
         return State(prior.x, np.zeros_like(prior.P), prior.P, rows.robot, world)
 
     def predict(self, s: State, z: Senses) -> State:

@@ -318,6 +318,8 @@ class Gbp:
     """
 
     api: ClassVar[int] = 1
+    sends: ClassVar[str] = "messages of both ends of each reading"
+    consistency: ClassVar[str] = "over-confident: what comes around a loop counts as new"
     window: int = 10
     iterations: int = 1
     anchor_reading: AnchorReading = "rssi"

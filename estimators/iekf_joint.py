@@ -21,6 +21,7 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
+from cooploc.estimators import kalman_parameters as shared
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, Traffic, World
 from cooploc.estimators.joint_gaussian import (
     block_diagonal,
@@ -34,8 +35,9 @@ from cooploc.estimators.joint_gaussian import (
     stack_readings,
 )
 from cooploc.estimators.joint_kernels import Readings
-from cooploc.estimators.kalman import ENGINES, TeamSettings, innovation, linearise, move, no_traffic, table
-from cooploc.estimators.models import fixed, wrap_heading
+from cooploc.estimators.kalman import ENGINES, innovation, linearise, move, no_traffic, table
+from cooploc.estimators.models import AnchorReading, fixed, wrap_heading
+from cooploc.estimators.tunable import tunable
 
 
 class State(NamedTuple):
@@ -46,15 +48,29 @@ class State(NamedTuple):
     world: World
 
 
+@shared.explain
 @dataclass(frozen=True)
-class IekfJoint(TeamSettings):
+class IekfJoint:
     """Centralised invariant EKF over all robots."""
 
+    api: ClassVar[int] = 1
+    sends: ClassVar[str] = "every reading"
+    consistency: ClassVar[str] = "consistent up to linearisation; learns no common heading from teammates"
     bound: ClassVar[bool] = False
     centralised: ClassVar[bool] = True
+    anchor_reading: AnchorReading = "doa"
+    gate: float = tunable(shared.GATE, 2.0, 1000.0, log=True)
+    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
+    engine: shared.EngineName = "batched"
+    reading: shared.RadioReading = "range"
+
+    uses = property(shared.team_channels)
+
+    def __post_init__(self) -> None:
+        shared.require_limits(self)
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        world = self.assumed_world(world)
+        world = shared.assumed_world(self, world)
         return State(prior.x, block_diagonal(prior.P), world)
 
     def predict(self, s: State, z: Senses) -> State:

@@ -1,17 +1,13 @@
-"""What the Kalman filters share: settings, updates of one belief and of a whole team, messages, compiled loops."""
+"""The steps that the Kalman filters share: moves and updates of a belief, messages, readings of teammates."""
 
-import inspect
-from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, ClassVar, Literal, NamedTuple, Protocol, Self, TypeVar
+from typing import Any, NamedTuple, Protocol, Self, TypeVar
 
 import numpy as np
 
 from cooploc.estimators import kalman_kernels
 from cooploc.estimators.compiled import readable, spread_out
-from cooploc.estimators.errors import require
 from cooploc.estimators.interface import (
     HEADER,
     Array,
@@ -27,32 +23,21 @@ from cooploc.estimators.interface import (
     World,
 )
 from cooploc.estimators.joint_kernels import Sightings
+from cooploc.estimators.kalman_parameters import EngineName, Parameters, assumed_world
 from cooploc.estimators.models import (
-    LEAST,
-    MOST,
-    RAW,
-    AnchorReading,
     LogDistance,
     Orientation,
     Range,
     Sighting,
     Unicycle,
     fixed,
-    gradient_doa,
-    inflate,
     wrap_heading,
 )
-from cooploc.estimators.tunable import tunable
 
 # The Kalman predict and update of many rows at once, in two engines that compute the same.
 #
 # `batched` is a compiled loop over rows (`kalman_kernels.py`); `predict` and `kalman` state in numpy what it computes.
 # `filterpy` runs filterpy's ExtendedKalmanFilter row by row: what a filterpy user would compute.
-
-EngineName = Literal["batched", "filterpy"]
-
-# Squared Mahalanobis distance beyond which a reading is refused: chi-square, two degrees of freedom, 0.999.
-GATE = 13.8
 
 
 class Predict(Protocol):
@@ -255,91 +240,10 @@ def _contiguous_rows(part: Array, lead: tuple[int, ...]) -> Array:
     return spread_out(part, (*lead, part.shape[-1])).reshape(-1, part.shape[-1])
 
 
-# The parameters that the Kalman filters share, and what follows from them alone.
-
-
-@dataclass(frozen=True)
-class Settings:
-    """Parameters of every Kalman filter.
-
-    Parameters:
-        anchor_reading: what is used of the anchors: "doa", the direction of arrival [rad] made of the readings of four
-            corner anchors, with the variance that it has where the robot is; "doa-constant", the same with one variance
-            everywhere, as published; "gradient", the gradient [dB/m] that the direction is taken from; "rssi", each raw
-            reading [dBm]; "any", as "rssi", and nothing where there are neither anchors nor landmarks; or "none", no
-            reading of anchors, nor of landmarks: odometry and teammates alone.
-        gate: squared Mahalanobis distance (no unit) beyond which a reading is refused; inf refuses none. The default
-            refuses one in a thousand true readings of two numbers.
-        inflation: factor, 0.01 to 100, on the standard deviation that is assumed of every reading; 1: as told.
-        engine: "batched" computes all rows at once; "filterpy" runs filterpy's filter row by row, to compare with.
-
-    """
-
-    api: ClassVar[int] = 1
-    anchor_reading: AnchorReading = "doa"
-    gate: float = tunable(GATE, 2.0, 1000.0, log=True)
-    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
-    engine: EngineName = "batched"
-
-    def __post_init__(self) -> None:
-        require(self, gate=(0, np.inf), inflation=(LEAST, MOST))
-
-    def __init_subclass__(cls) -> None:
-        """Add the inherited parameters to the docstring, so that `help` shows all of a filter's in one place."""
-        own, inherited = (inspect.cleandoc(c.__doc__ or "") for c in (cls, cls.__mro__[1]))
-        _, heading, parameters = inherited.partition("\n\nParameters:\n")
-        cls.__doc__ = f"{own}{chr(10) if heading in own else heading}{parameters}"
-
-    @property
-    def uses(self) -> tuple[str, ...]:
-        """The channels, in order of preference."""
-        if self.anchor_reading == "none":
-            return ("odometry",)
-        return ("odometry", "anchor_rssi|landmark|anchor_range" + "?" * (self.anchor_reading == "any"))
-
-    def assumed_world(self, world: World) -> World:
-        """The world as this filter takes it: with `inflation`.
-
-        Raises:
-            BadInput: as `require_corners`.
-
-        """
-        self.require_corners(world)
-        return inflate(world, self.inflation)
-
-    def require_corners(self, world: World) -> None:
-        """Refuse, before anything runs, a world in which no direction of arrival can be made of the anchors.
-
-        Raises:
-            BadInput: `anchor_reading` needs four corners of a rectangle, and the world's anchors are not.
-
-        """
-        if self.anchor_reading not in (*RAW, "none") and "anchor_rssi" in world.sensors:
-            gradient_doa(world)
-
-
-@dataclass(frozen=True)
-class TeamSettings(Settings):
-    """Parameters of every Kalman filter that uses readings of teammates.
-
-    Parameters:
-        reading: the radio reading that is used where no camera sees teammates: "range" [m], "rssi" [dBm], or "any", the
-            first of these that there is.
-    """
-
-    reading: Literal["rssi", "range", "any"] = "range"
-
-    @property
-    def uses(self) -> tuple[str, ...]:
-        """The channels, in order of preference."""
-        radio = "radio_range|radio_rssi" if self.reading == "any" else f"radio_{self.reading}"
-        return (*super().uses, f"sighting|{radio}")
-
-
 # The two steps of an EKF that need no teammate: a move by odometry, an update by readings of fixed things.
 
 
-def predict_row(p: Settings, world: World, x: Array, P: Array, z: Senses) -> tuple[Array, Array, Array]:
+def predict_row(p: Parameters, world: World, x: Array, P: Array, z: Senses) -> tuple[Array, Array, Array]:
     """x' = f(x, u),  P' = F P F' + Q,  and F itself; x (..., d), P (..., d, d)."""
     if p.engine == "batched" and type(world.motion) is Unicycle:
         return drive_wheels(world.motion, x, P, z)
@@ -347,7 +251,7 @@ def predict_row(p: Settings, world: World, x: Array, P: Array, z: Senses) -> tup
     return *ENGINES[p.engine].predict(x, P, F, Q), F
 
 
-def correct_row(p: Settings, world: World, x: Array, P: Array, z: Senses) -> tuple[Array, Array]:
+def correct_row(p: Parameters, world: World, x: Array, P: Array, z: Senses) -> tuple[Array, Array]:
     """x' = x + K y,  P' = (I - K H) P (I - K H)' + K R K', one reading of an anchor or a landmark after the other."""
     camera = camera_alone(p, world)
     if camera is not None:
@@ -358,7 +262,7 @@ def correct_row(p: Settings, world: World, x: Array, P: Array, z: Senses) -> tup
     return x, P
 
 
-def camera_alone(p: Settings, world: World) -> Sighting | None:
+def camera_alone(p: Parameters, world: World) -> Sighting | None:
     """The camera whose sightings of landmarks are all that is used of fixed things, for those who compile them."""
     camera = world.sensors.get("landmark")
     if p.engine != "batched" or p.anchor_reading == "none" or type(camera) is not Sighting:
@@ -381,11 +285,8 @@ def _update_by_sightings(
     return x, P
 
 
-# What team filters have in common whose robots keep one belief each: the steps that need no teammate.
-
-
 class Own(Protocol):
-    """A state, a NamedTuple, with these among its fields."""
+    """The state of a filter whose robots keep one belief each: a NamedTuple with these among its fields."""
 
     @property
     def x(self) -> Array: ...  # (r, d)
@@ -402,22 +303,21 @@ class Own(Protocol):
 S = TypeVar("S", bound=Own)
 
 
-@dataclass(frozen=True)
-class OwnFilter(TeamSettings):
-    """EKF on own readings."""
+def predict_own(p: Parameters, s: S, z: Senses) -> S:
+    """x' = f(x, u),  P' = F P F' + Q."""
+    x, P, _ = predict_row(p, s.world, s.x, s.P, z)
+    return s._replace(x=x, P=P)
 
-    def predict(self, s: S, z: Senses) -> S:
-        """x' = f(x, u),  P' = F P F' + Q."""
-        x, P, _ = predict_row(self, s.world, s.x, s.P, z)
-        return s._replace(x=x, P=P)
 
-    def correct(self, s: S, z: Senses) -> S:
-        """x' = x + K y,  P' = (I - K H) P (I - K H)' + K R K', one reading after the other."""
-        x, P = correct_row(self, s.world, s.x, s.P, z)
-        return s._replace(x=x, P=P)
+def correct_own(p: Parameters, s: S, z: Senses) -> S:
+    """x' = x + K y,  P' = (I - K H) P (I - K H)' + K R K', one reading after the other."""
+    x, P = correct_row(p, s.world, s.x, s.P, z)
+    return s._replace(x=x, P=P)
 
-    def estimate(self, s: Own) -> Belief:
-        return Belief(wrap_heading(s.x), s.P)
+
+def own_belief(p: Parameters, s: Own) -> Belief:
+    """x with its heading in (-pi, pi], and P."""
+    return Belief(wrap_heading(s.x), s.P)
 
 
 # What Kalman filters put on the air: a belief and its sightings in one packet, and the count of what was sent.
@@ -539,14 +439,14 @@ def curvature(sensor: Sensor, x_i: Array, x_j: Array, D: Array) -> tuple[Array, 
     return np.zeros(1), np.zeros((1, 1))
 
 
-# What the filters have in common that broadcast one belief a tick: they differ in how they combine it with a reading.
+# The steps of the filters that broadcast one belief a tick: they differ in how they combine it with a reading.
 #
 # Sent, in one broadcast a tick: x and the triangle of P (5 numbers, with a heading 9) and, with a camera, range and
 # bearing of every teammate in sight; 8 bytes each. A robot that was sighted uses that reading, too (`both`).
 
 
-class State(NamedTuple):
-    """What one robot remembers."""
+class BroadcastState(NamedTuple):
+    """The memory of one robot."""
 
     x: Array  # (r, d)
     P: Array  # (r, d, d)
@@ -554,36 +454,35 @@ class State(NamedTuple):
     world: World
 
 
-@dataclass(frozen=True)
-class BroadcastBelief(OwnFilter, ABC):
-    """EKF on own readings that broadcasts its belief.
+class Broadcaster(Parameters, Protocol):
+    """A filter that broadcasts its belief."""
 
-    Parameters:
-        both: whether a sighting corrects the robot that was seen, too.
-    """
+    @property
+    def both(self) -> bool: ...
 
-    both: bool = True
-
-    @abstractmethod
     def combine(self, x: Array, P: Array, y: Array, H: Array, N: Array) -> tuple[Array, Array]:
         """x', P' by a reading with innovation y (r, k), own Jacobian H (r, k, d), noise N = H_j P_j H_j' + R (r, k, k).
 
         Rows in which anything is nan must come back as they are, bit for bit.
         """
+        ...
 
-    def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        world = self.assumed_world(world)
-        return State(prior.x, prior.P, rows.robot, world)
 
-    def send(self, s: State, z: Senses) -> Array:
-        """The belief before this tick's fusion, and the sightings."""
-        return Message(s.x, (s.P,), z.sighting if self.both else z.sighting[:, :0]).pack()
+def start_broadcasting(p: Broadcaster, prior: Belief, world: World, rows: Rows) -> BroadcastState:
+    """The prior is the first belief."""
+    return BroadcastState(prior.x, prior.P, rows.robot, assumed_world(p, world))
 
-    def fuse(self, s: State, z: Senses, mail: Mail) -> State:
-        """One reading after the other, each linearised at the belief that the last one left."""
-        x, P = s.x, s.P
-        sent = Message.unpack(mail.packets, x.shape[-1])
-        for pair in receive(s.world, z, mail, sent.sightings, s.robot):
-            y, H, H_j = pair.linearise(x, sent.x[:, pair.sender])
-            x, P = self.combine(x, P, y, H, H_j @ sent.P[0][:, pair.sender] @ H_j.mT + pair.sensor.R)
-        return s._replace(x=x, P=P)
+
+def broadcast(p: Broadcaster, s: BroadcastState, z: Senses) -> Array:
+    """The belief before this tick's fusion, and the sightings."""
+    return Message(s.x, (s.P,), z.sighting if p.both else z.sighting[:, :0]).pack()
+
+
+def fuse_broadcasts(p: Broadcaster, s: BroadcastState, z: Senses, mail: Mail) -> BroadcastState:
+    """One reading after the other, each linearised at the belief that the last one left."""
+    x, P = s.x, s.P
+    sent = Message.unpack(mail.packets, x.shape[-1])
+    for pair in receive(s.world, z, mail, sent.sightings, s.robot):
+        y, H, H_j = pair.linearise(x, sent.x[:, pair.sender])
+        x, P = p.combine(x, P, y, H, H_j @ sent.P[0][:, pair.sender] @ H_j.mT + pair.sensor.R)
+    return s._replace(x=x, P=P)

@@ -408,21 +408,3 @@ def add_scalars(x: Array, P: Array, use: Mask, y: Array, H: Array, variances: Ar
                     S += H[s, i, c, m] * PH[i * d + m]
                 absorb(x[s].reshape(-1), P[s], PH, e, S, np.inf)
         mirror(P[s])
-
-
-# Compiled sums over all of a tick's readings between robots, in information form, trial by trial.
-
-
-# The compiled update of `ekf_interim.py`: one reading's change in the memory of every robot.
-
-
-# The compiled loops of `ekf_split_ci.py`: the weight of a reading, and the update of both parts of a covariance.
-
-
-# Compiled loops of the filter that keeps cross terms as factors, `ekf_luft.py`.
-
-
-# All of a tick's sightings of landmarks in one loop, for the filters that do more with one than update a row.
-#
-# Each does what its caller does with one landmark after the other, by the same kernels in the same order, bit for bit:
-# numpy between them would cost ten times what they do where a team has few readings.

@@ -44,6 +44,8 @@ class MapJoint:
     """
 
     api: ClassVar[int] = 1
+    sends: ClassVar[str] = "every reading"
+    consistency: ClassVar[str] = "consistent where the models are right"
     bound: ClassVar[bool] = True
     window: int = 10
     iterations: int = 2

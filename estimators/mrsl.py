@@ -31,6 +31,8 @@ class Mrsl(particles.ParticleSettings):
     """
 
     api: ClassVar[int] = 1
+    sends: ClassVar[str] = "mean and covariance"
+    consistency: ClassVar[str] = "over-confident: counts shared beliefs again and again"
     reading: Literal["rssi", "range"] = "rssi"
     neighbours: Literal["integrate", "exact"] = "integrate"
     neighbour_samples: Literal["one", "M"] = "one"

@@ -48,6 +48,8 @@ class ReciprocalPf(particles.TeamParticleSettings):
     """
 
     api: ClassVar[int] = 1
+    sends: ClassVar[str] = "particles as clusters"
+    consistency: ClassVar[str] = "no guarantee: repeated counting narrows it, draws widen it"
     alpha: float = 0.06
     clusters: int = 4
     report: Literal["after", "before"] = "after"

@@ -16,11 +16,20 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from cooploc.estimators.errors import require
+from cooploc.estimators import kalman_parameters as shared
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Sensor, Traffic, World
 from cooploc.estimators.joint_gaussian import block_diagonal, definite, square
-from cooploc.estimators.kalman import TeamSettings, distance, no_traffic, pairs, symmetric
-from cooploc.estimators.models import Bearing, GradientDoa, Sighting, WeightedDoa, fixed, wrap, wrap_heading
+from cooploc.estimators.kalman import distance, no_traffic, pairs, symmetric
+from cooploc.estimators.models import (
+    AnchorReading,
+    Bearing,
+    GradientDoa,
+    Sighting,
+    WeightedDoa,
+    fixed,
+    wrap,
+    wrap_heading,
+)
 from cooploc.estimators.tunable import tunable
 
 Points = Callable[[Array, slice], Array]  # of sigma points (t, s, .., d) of these trials: moved, or what they read
@@ -34,8 +43,9 @@ class State(NamedTuple):
     world: World
 
 
+@shared.explain
 @dataclass(frozen=True)
-class UkfJoint(TeamSettings):
+class UkfJoint:
     """Centralised UKF over all robots.
 
     Parameters:
@@ -43,18 +53,27 @@ class UkfJoint(TeamSettings):
         beta: extra weight of the middle point in the covariance (no unit); 2 suits a Gaussian.
     """
 
+    api: ClassVar[int] = 1
+    sends: ClassVar[str] = "every reading"
+    consistency: ClassVar[str] = "consistent up to the unscented transform"
     bound: ClassVar[bool] = False
     centralised: ClassVar[bool] = True
     axes: ClassVar[str] = "its sigma points lie along the axes of a Cholesky factor"
+    anchor_reading: AnchorReading = "doa"
+    gate: float = tunable(shared.GATE, 2.0, 1000.0, log=True)
+    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
+    engine: shared.EngineName = "batched"
+    reading: shared.RadioReading = "range"
     alpha: float = tunable(0.1, 0.001, 1.0, log=True)
     beta: float = tunable(2.0, 0.0, 4.0)
 
+    uses = property(shared.team_channels)
+
     def __post_init__(self) -> None:
-        super().__post_init__()
-        require(self, alpha=(1e-6, 10), beta=(0, 10))
+        shared.require_limits(self, alpha=(1e-6, 10), beta=(0, 10))
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        world = self.assumed_world(world)
+        world = shared.assumed_world(self, world)
         return State(prior.x, square(block_diagonal(prior.P)), world)
 
     def predict(self, s: State, z: Senses) -> State:

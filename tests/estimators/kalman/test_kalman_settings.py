@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from cooploc.estimators import BUILTIN, make
+from cooploc.estimators.kalman_parameters import assumed_world
 from cooploc.scenarios import simulate
 from cooploc.scenarios.runner.run import run
 
@@ -24,9 +25,9 @@ def test_help_explains_every_parameter(name):
 def test_a_direction_of_arrival_without_four_corners_is_refused(name):
     _, stream = simulate("anchors/a=5", ticks=2)
     with pytest.raises(ValueError, match="needs four corner anchors"):
-        make(name).require_corners(stream.world)
+        assumed_world(make(name), stream.world)
     for reading in ("rssi", "none"):
-        make(name, anchor_reading=reading).require_corners(stream.world)
+        assumed_world(make(name, anchor_reading=reading), stream.world)
 
 
 @pytest.mark.parametrize("name", ["ekf-local", "ekf-joint", "ekf-ci", "ukf-joint", "map-joint"])

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from oracles import covariances
 
+from cooploc.estimators.ekf_local import EkfLocal
 from cooploc.estimators.interface import Senses
 from cooploc.estimators.joint_gaussian import block_diagonal, drive, square
-from cooploc.estimators.kalman import ENGINES, Settings, correct_row, innovation, kalman, move, predict
+from cooploc.estimators.kalman import ENGINES, correct_row, innovation, kalman, move, predict
 from cooploc.estimators.models import Bearing, LogDistance, Range, Sighting, Unicycle
 from cooploc.scenarios import simulate
 
@@ -94,7 +95,7 @@ def test_all_landmarks_in_one_loop_are_one_update_after_the_other():
     _, stream = simulate("camera/n=3", trials=4, seed=7, ticks=3)
     world, camera = stream.world, stream.world.sensors["landmark"]
     z = Senses(*(part[:, 2] for part in stream.senses[:-1]), {})
-    settings = Settings(gate=4.0)
+    settings = EkfLocal(gate=4.0)
     x, P = stream.prior
     for place, reading in zip(world.landmarks, np.moveaxis(z.landmark, -2, 0), strict=True):
         y, H, _ = camera.innovation(x, place, reading)
