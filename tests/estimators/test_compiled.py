@@ -22,8 +22,8 @@ def test_second_process_takes_kernels_from_the_disk(tmp_path):
 k.systematic(np.full((1, 4), 0.25), np.array([0.5]))
 print(sum(k._fill_ancestors.stats.cache_hits.values()))
 """
-    imported = "from cooploc.estimators.particle import resampling as k; import numpy as np"
-    changed = "from cooploc.estimators.compiled import jit; jit.SOURCES.append(b'changed')"
+    imported = "from cooploc.estimators import particle_kernels as k; import numpy as np"
+    changed = "from cooploc.estimators import compiled; compiled.SOURCES.append(b'changed')"
 
     def begun(*lines):
         command = [sys.executable, "-c", "\n".join([*lines, imported, use])]
