@@ -255,13 +255,22 @@ def events(rows: pd.DataFrame) -> Table:
     return Table("events", "Events that estimators counted, summed over trials and robots.", columns, found)
 
 
+SHOWN_TRIALS = 5  # of a failure
+
+
 class Failure(NamedTuple):
     """A failure that occurred in one trial or in many; the numbers in its message may differ."""
 
     message: str  # of its first trial
     trials: int
-    where: list[str]  # "scenario, estimator: trials"
+    where: list[str]  # "scenario, estimator: trials 3, 5"
     traceback: str  # of its first trial
+
+
+def trial_list(trials: pd.Series) -> str:
+    """Return the first numbers of the trials: "trial 3", "trials 3, 5, 8 ..."."""
+    shown = ", ".join(map(str, sorted(trials)[:SHOWN_TRIALS])) + " ..." * (len(trials) > SHOWN_TRIALS)
+    return f"{'trial' if len(trials) == 1 else 'trials'} {shown}"
 
 
 def failures(rows: pd.DataFrame) -> list[Failure]:
@@ -271,6 +280,6 @@ def failures(rows: pd.DataFrame) -> list[Failure]:
     found = []
     for _, part in failed.groupby(kinds, sort=False):
         cells = part.groupby(["scenario", "estimator"], sort=False)
-        where = [f"{scenario}, {estimator}: {len(one)}" for (scenario, estimator), one in cells]
+        where = [f"{scenario}, {estimator}: {trial_list(one['trial'])}" for (scenario, estimator), one in cells]
         found.append(Failure(str(part["failure"].iloc[0]), len(part), where, str(part["traceback"].iloc[0])))
     return sorted(found, key=lambda kind: -kind.trials)

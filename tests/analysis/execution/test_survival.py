@@ -127,7 +127,7 @@ def test_a_trial_that_fails_is_recorded_and_costs_no_other(place, plugins, jobs,
     assert said in told.stderr
     shown = finish("show", "run", plugins=plugins, cwd=place)
     assert said in shown.stdout
-    assert "trial 3" in shown.stdout
+    assert "trials 3, 4" in shown.stdout
     assert "Traceback (most recent call last)" in shown.stdout
 
 
