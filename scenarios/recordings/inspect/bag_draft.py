@@ -10,7 +10,7 @@ import numpy as np
 
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.bags import TopicSeries, read_topics, topics
-from cooploc.scenarios.recordings.inspect.draft_toml import Draft, Entry, Table
+from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, Entry
 from cooploc.scenarios.recordings.inspect.infer_columns import ODOMETRY, words_of
 from cooploc.scenarios.recordings.radio_nodes import NodeRanges, assign
 from cooploc.scenarios.recordings.team_log import Series
@@ -44,7 +44,7 @@ def bag_draft(path: Path) -> Draft:
     ranges = {pair: t.name for t in found if t.type in NUMBERS and (pair := _pair(t.name))}
     series = read_topics(path, [*wheels.values(), *truth.values(), *ranges.values()])[0]
     why = "a pose under the name or number of a robot that is not odometry"
-    tables = [_odometry(wheels, series), Table("truth", (_topics(truth, why),))]
+    tables = [_odometry(wheels, series), DraftTable("truth", (_topics(truth, why),))]
     if ranges:
         tables.append(_ranges(ranges, truth, series))
     entries = (
@@ -116,13 +116,13 @@ def _topics(by_robot: Mapping[str, str], why: str) -> Entry:
 # --- Tables
 
 
-def _odometry(wheels: Mapping[str, str], series: Mapping[str, TopicSeries]) -> Table:
+def _odometry(wheels: Mapping[str, str], series: Mapping[str, TopicSeries]) -> DraftTable:
     """Poses, if their headings turn as their turn rates say and their places change; else velocities."""
     every = [series[topic] for topic in wheels.values()]
     kind, why = "velocity", "the headings of the poses do not turn as the turn rates beside them"
     if all(_turns(one) for one in every) and any(np.ptp(_column(one, "x [m]")) > 0.01 for one in every):
         kind, why = "pose", "poses lose nothing with a lost message"
-    return Table("odometry", (Entry("kind", kind, why, "likely"), _topics(wheels, "its type is Odometry")))
+    return DraftTable("odometry", (Entry("kind", kind, why, "likely"), _topics(wheels, "its type is Odometry")))
 
 
 def _turns(series: TopicSeries) -> bool:
@@ -137,13 +137,13 @@ def _turns(series: TopicSeries) -> bool:
 
 def _ranges(
     ranges: Mapping[tuple[str, str], str], truth: Mapping[str, str], series: Mapping[str, TopicSeries]
-) -> Table:
+) -> DraftTable:
     """The ranges, and which radio is on which robot: by the truth, from which it may be found if log.toml says so."""
     (a, b), topic = next(iter(ranges.items()))
     pattern = topic.replace(f"/{a}", "/{robot}", 1).replace(f"/{b}", "/{other}", 1)
     entries = [Entry("topic", pattern, f"{len(ranges)} topics with two numbered nodes", "likely")]
     if len(truth) < 2:
-        return Table("ranges", tuple(entries))
+        return DraftTable("ranges", tuple(entries))
     every = [NodeRanges(x, y, series[t].time, series[t].values[:, 0]) for (x, y), t in ranges.items()]
     carriers = {}
     for robot, topic in truth.items():
@@ -155,18 +155,11 @@ def _ranges(
         f"the next best assignment to {found.second:.3f} m"
     )
     sure = "likely" if found.second > SURE * found.residual else "perhaps"
-    if len(found.nodes) == 2 and not found.anchors:
+    if len(found.nodes) == 2 and not found.others:
         why, sure = "two radios on two robots: which is whose makes no difference to ranges", "perhaps"
     entries.append(Entry("nodes", {node: robot for robot, node in found.nodes.items()}, why, sure))
-    stood = "; ".join(
-        f"{node} at ({place.position[0]:.2f}, {place.position[1]:.2f}) m, residual {place.residual:.2f} m"
-        for node, place in found.anchors.items()
-    )
-    remarks = (
-        f"Nodes on no robot, and where they stood, by ranges and the truth of this very run: {stood}.",
-        "As anchors they would tell estimators of that truth: survey them, and name them in [anchors] places.",
-    )
-    return Table("ranges", tuple(entries), remarks if stood else ())
+    others = f"Nodes on no robot: {', '.join(found.others)}. Survey them, and name them in [anchors] places."
+    return DraftTable("ranges", tuple(entries), (others,) * bool(found.others))
 
 
 def _column(series: TopicSeries, name: str) -> np.ndarray:

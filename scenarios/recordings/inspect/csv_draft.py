@@ -1,4 +1,4 @@
-"""A log.toml for a directory of CSV files: which columns are what, whose they are, and why it is thought so."""
+"""A log.toml for a directory of CSV files: the meaning and the robot of each column, with the reasons."""
 
 import re
 from collections import Counter
@@ -8,25 +8,20 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from cooploc.estimators.errors import BadInput
-from cooploc.scenarios.recordings.inspect.draft_toml import Draft, Entry, Table
+from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, Entry
 from cooploc.scenarios.recordings.inspect.infer_columns import CsvTable, Guess, read_csv, words_of
-from cooploc.scenarios.recordings.schema import UNITS
+from cooploc.scenarios.recordings.schema import COLUMNS, UNITS
 
 ENDINGS = (".csv", ".txt", ".tsv")
 REMEDY = 'name the files odom_NAME.csv and truth_NAME.csv, or write log.toml by hand; README, "Your own robots"'
 READINGS = ("ranges", "rssi", "sightings")
 STAMPS = ("time", "sec", "nsec")
-ODOMETRY = {  # kind -> its quantities; the first kind that a file has all of
-    "velocity": ("speed", "turn_rate"),
-    "path": ("length", "turn_rate"),
-    "displacement": ("dx", "dy"),
-    "pose": ("x", "y", "heading"),
-}
+KINDS = ("velocity", "path", "displacement", "pose")  # of odometry; the first whose columns a file has
 ANCHORS = {"anchor", "anchors", "node", "nodes", "beacon", "beacons", "ap"}
 LANDMARKS = {"landmark", "landmarks", "marker", "markers", "tag", "tags"}
 
 
-class Part(NamedTuple):
+class TablePart(NamedTuple):
     """Columns that belong to one table of log.toml, in files with the same columns."""
 
     table: str  # "odometry", "truth", "ranges", "rssi", "sightings", "anchors" or "landmarks"
@@ -36,11 +31,14 @@ class Part(NamedTuple):
     each: tuple[Guess, ...] = ()  # a column for each thing that is measured
 
     def names(self, quantity: str) -> tuple[str, ...]:
-        """Return the names in the column of a quantity."""
+        """Return the names in the column of a quantity; none without one."""
+        if quantity not in self.columns:
+            return ()
         return tuple(dict.fromkeys(n for file in self.files for n in file.names(self.columns[quantity].column)))
 
+    @property
     def file_names(self) -> list[str]:
-        """Return the names of the files, as in log.toml."""
+        """The names of the files, as in log.toml."""
         return [file.name for file in self.files]
 
 
@@ -85,11 +83,10 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
     entries.append(Entry("robots", list(robots), why, "likely"))
     if delimiter != ",":
         entries.append(Entry("delimiter", delimiter, "between the names in the first line"))
-    places = {name for part in parts if "name" in part.columns for name in part.names("name")}
+    places = {name for part in parts for name in part.names("name")}
     drafted = [_table(part, robots, places, runs) for part in parts]
     unused += [table for table in drafted if isinstance(table, str)]
-    tables = [table for table in drafted if isinstance(table, Table)]
-    counts = Counter(table.name for table in tables)
+    tables = [table for table in drafted if isinstance(table, DraftTable)]
     columns = []
     for file in files:
         for g in file.guesses:
@@ -97,8 +94,7 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
             columns.append((file.name, g.column, quantity, g.reason))
         if unknown := [g.column for g in file.guesses if not g.quantity]:
             unused.append(f"{file.name}: columns {', '.join(unknown)}")
-    repeated = tuple(table._replace(repeated=counts[table.name] > 1) for table in tables)
-    return Draft(tuple(entries), repeated, tuple(columns), tuple(unused)), robots
+    return Draft(tuple(entries), tuple(tables), tuple(columns), tuple(unused)), robots
 
 
 # --- Files
@@ -136,7 +132,7 @@ def _text_files(folder: Path) -> list[Path]:
 
 
 def _has_stamps(path: Path) -> bool:
-    """Whether a file has a column of stamps, and so belongs to a run; one without may belong to all runs."""
+    """Return whether a file has stamps, and so belongs to one run; a file without may belong to all."""
     try:
         return any(guess.quantity in ("time", "sec") for guess in read_csv(path, path.name).guesses)
     except BadInput:
@@ -144,16 +140,14 @@ def _has_stamps(path: Path) -> bool:
 
 
 def _are_runs_of_one_robot(files: Sequence[CsvTable]) -> bool:
-    """Whether all files have the same columns, with odometry and truth, and follow each other in time."""
+    """Return whether all files have the same columns, with odometry and truth, and follow each other in time."""
     stamps = []
     for file in files:
         parts = {part.table: part.columns for part in _parts(file)}
-        if file.columns.keys() != files[0].columns.keys() or not {"odometry", "truth"} <= parts.keys():
+        same = file.columns.keys() == files[0].columns.keys()
+        if not same or not {"odometry", "truth"} <= parts.keys() or "robot" in parts["odometry"]:
             return False
-        columns = parts["odometry"]
-        if "robot" in columns:
-            return False
-        t = file.numbers(next(columns[q].column for q in STAMPS if q in columns))
+        t = file.numbers(next(parts["odometry"][q].column for q in STAMPS if q in parts["odometry"]))
         if len(t) > 1:
             stamps.append((t[0], t[-1]))
     overlaps = sum(later[0] < earlier[1] for earlier, later in pairwise(sorted(stamps)))
@@ -163,7 +157,7 @@ def _are_runs_of_one_robot(files: Sequence[CsvTable]) -> bool:
 # --- Tables that columns belong to
 
 
-def _parts(file: CsvTable) -> list[Part]:
+def _parts(file: CsvTable) -> list[TablePart]:
     """The tables that a file's columns belong to; a file without stamps can only hold places."""
     shared = _first(file.guesses, (*STAMPS, "robot", "other"))
     if {"time", "sec"} <= shared.keys():
@@ -171,29 +165,29 @@ def _parts(file: CsvTable) -> list[Part]:
     if not shared.keys() & {"time", "sec"}:
         return _places(file)
     parts, left = [], list(file.guesses)
-    for kind, needed in ODOMETRY.items():
-        own = _first(file.guesses, needed, ("odometry",) if kind == "pose" else ("", "odometry"))
-        if len(own) == len(needed):
-            parts.append(Part("odometry", (file,), shared | own, kind))
+    for kind in KINDS:
+        own = _first(file.guesses, COLUMNS[kind], ("odometry",) if kind == "pose" else ("", "odometry"))
+        if len(own) == len(COLUMNS[kind]):
+            parts.append(TablePart("odometry", (file,), shared | own, kind))
             left = [g for g in left if g not in own.values()]
             break
     sides = ("truth",) if any(g.side == "truth" and g.quantity == "x" for g in left) else ("",)
     truth = _first(left, ("x", "y", "heading"), sides)
     if {"x", "y"} <= truth.keys():
-        parts.append(Part("truth", (file,), shared | truth))
+        parts.append(TablePart("truth", (file,), shared | truth))
     ranges, bearings, rssi = ([g for g in left if g.quantity == q] for q in ("range", "bearing", "rssi"))
     if bearings and ranges:
-        parts.append(Part("sightings", (file,), shared | {"range": ranges[0], "bearing": bearings[0]}))
+        parts.append(TablePart("sightings", (file,), shared | {"range": ranges[0], "bearing": bearings[0]}))
     for table, quantity, found in (("ranges", "range", ranges), ("rssi", "rssi", rssi)):
         if len(found) > 1:  # a column for each thing measured
             alone = {q: g for q, g in shared.items() if q != "other"}
-            parts.append(Part(table, (file,), alone, each=tuple(found)))
+            parts.append(TablePart(table, (file,), alone, each=tuple(found)))
         elif found and not (quantity == "range" and bearings):
-            parts.append(Part(table, (file,), shared | {quantity: found[0]}))
+            parts.append(TablePart(table, (file,), shared | {quantity: found[0]}))
     return parts
 
 
-def _places(file: CsvTable) -> list[Part]:
+def _places(file: CsvTable) -> list[TablePart]:
     """A file of names and places; of anchors, if its name does not speak of landmarks."""
     own = _first(file.guesses, ("x", "y", "robot", "other"))
     label = own.get("robot") or own.get("other") or next((g for g in file.guesses if g.column not in ("x", "y")), None)
@@ -201,7 +195,7 @@ def _places(file: CsvTable) -> list[Part]:
         return []
     words = {*words_of(Path(file.name).stem), *words_of(label.column)}
     table = "landmarks" if words & LANDMARKS and not words & ANCHORS else "anchors"
-    return [Part(table, (file,), {"name": label, "x": own["x"], "y": own["y"]})]
+    return [TablePart(table, (file,), {"name": label, "x": own["x"], "y": own["y"]})]
 
 
 def _first(
@@ -212,16 +206,16 @@ def _first(
     return {q: found[q] for q in quantities if q in found}
 
 
-def _merge_alike(parts: Sequence[Part], unused: list[str]) -> list[Part]:
+def _merge_alike(parts: Sequence[TablePart], unused: list[str]) -> list[TablePart]:
     """Merge parts of the same table and columns; of odometry and truth keep the one with the most files.
 
     A column whose unit seems to differ between files is read in SI, and a check tells more.
     """
-    alike: dict[Any, list[Part]] = {}
+    alike: dict[Any, list[TablePart]] = {}
     for part in parts:
         names = frozenset((q, g.column) for q, g in part.columns.items())
         alike.setdefault((part.table, part.kind, names, tuple(g.column for g in part.each)), []).append(part)
-    merged = []
+    merged: dict[str, list[TablePart]] = {}
     for group in alike.values():
         columns = group[0].columns.copy()
         for q, guess in columns.items():
@@ -230,30 +224,31 @@ def _merge_alike(parts: Sequence[Part], unused: list[str]) -> list[Part]:
                 seen = ", ".join(f"{p.files[0].name} {unit}" for p, unit in zip(group, units, strict=True))
                 unit = next((u for u in units if u in UNITS), guess.unit)
                 columns[q] = guess._replace(unit=unit, reason=f"files differ: {seen}, perhaps")
-        merged.append(group[0]._replace(columns=columns, files=tuple(part.files[0] for part in group)))
+        files = tuple(part.files[0] for part in group)
+        merged.setdefault(group[0].table, []).append(group[0]._replace(columns=columns, files=files))
     kept = []
-    for table in dict.fromkeys(part.table for part in merged):
-        own = sorted((part for part in merged if part.table == table), key=lambda part: -len(part.files))
+    for table, own in merged.items():
+        own.sort(key=lambda part: -len(part.files))
         count = len(own) if table in READINGS else 1
         kept += own[:count]
         for part in own[count:]:
-            called = ", ".join(part.file_names())
-            unused.append(f"{called}: looks like {table} too, but has other columns than the rest; make them alike")
+            files_ = ", ".join(part.file_names)
+            unused.append(f"{files_}: looks like {table} too, but has other columns than the rest; make them alike")
     return kept
 
 
 # --- Robots
 
 
-def _robots(folder: Path, parts: Sequence[Part]) -> tuple[str, ...]:
+def _robots(folder: Path, parts: Sequence[TablePart]) -> tuple[str, ...]:
     """Names from a column of names, else from the files' names, else the one file's name."""
     own = [part for part in parts if part.table in ("odometry", "truth")]
     if column := next((part for part in own if "robot" in part.columns), None):
         return column.names("robot")
     for part in sorted(own, key=lambda part: -len(part.files)):
-        if names := file_pattern(part.file_names())[1]:
+        if names := file_pattern(part.file_names)[1]:
             return names
-    files = {name for part in own for name in part.file_names()}
+    files = {name for part in own for name in part.file_names}
     if len(files) == 1:
         return (Path(files.pop()).stem,)
     raise BadInput(f"{folder}: neither the names of files nor a column says which robot is which; {REMEDY}")
@@ -280,30 +275,28 @@ def file_pattern(files: Sequence[str], known: Sequence[str] = ()) -> tuple[str, 
 # --- Lines of log.toml
 
 
-def _table(part: Part, robots: tuple[str, ...], places: set[str], runs: bool) -> Table | str:
+def _table(part: TablePart, robots: tuple[str, ...], places: set[str], runs: bool) -> DraftTable | str:
     """One table of log.toml; or why it cannot be used."""
-    table, files, columns = part.table, part.file_names(), part.columns
-    called, readings = ", ".join(files), table in READINGS
+    table, files, columns, readings = part.table, part.file_names, part.columns, part.table in READINGS
+    names = ", ".join(files)
     if table in ("anchors", "landmarks"):
         lines = [_entry(quantity, guess) for quantity, guess in columns.items()]
-        return Table(table, (Entry("file", files[0], "it has names and places, and no stamps"), *lines))
+        return DraftTable(table, (Entry("file", files[0], "it has names and places, and no stamps"), *lines))
     pattern, named = file_pattern(files, robots)
     if runs:
         file = Entry("file", f"{{run}}{Path(files[0]).suffix}", "a file for each run")
     elif "robot" in columns and (len(files) == 1 or not named):
         file = Entry("file", files[0], "one file for all robots")
     elif {*named} & {*robots}:
-        file = Entry("file", pattern, f"a file for each robot: {called}")
+        file = Entry("file", pattern, f"a file for each robot: {names}")
         columns = {q: g for q, g in columns.items() if q != "robot"}
     else:
-        return f"{called}: looks like {table}, but does not say whose it is; add a column `robot`"
+        return f"{names}: looks like {table}, but does not say whose it is; add a column `robot`"
     time = [columns[q] for q in STAMPS if q in columns]
-    stamps = [_column(guess) for guess in time]
-    why = "; ".join(guess.reason for guess in time)
+    stamps, why = [_column(guess) for guess in time], "; ".join(guess.reason for guess in time)
     entries = [Entry("kind", part.kind, "its columns")] if part.kind else []
     entries += [file, Entry("time", stamps if len(stamps) > 1 else stamps[0], why)]
-    used = [q for q in columns if q not in STAMPS and (q != "other" or readings)]
-    entries += [_entry(quantity, columns[quantity]) for quantity in used]
+    entries += [_entry(q, columns[q]) for q in columns if q not in STAMPS and (q != "other" or readings)]
     nodes: dict[str, str] = {}
     for quantity in ("robot", "other"):
         nodes |= _nodes(part.names(quantity), robots, places) if quantity in columns else {}
@@ -317,11 +310,11 @@ def _table(part: Part, robots: tuple[str, ...], places: set[str], runs: bool) ->
             each |= {name: _column(guess) for name in sorted(fits, key=len)[-1:]}
         if not each:
             measured = ", ".join(guess.column for guess in part.each)
-            return f"{called}: {measured}: it is not known where what they measure is; add [anchors]"
+            return f"{names}: {measured}: it is not known where what they measure is; add [anchors]"
         entries.append(Entry("each", each, "a column for each thing that is measured", "likely"))
     elif readings and "other" not in columns:
-        return f"{called}: looks like {table}, but does not say to whom; add a column `to` with names"
-    return Table(table, tuple(entries))
+        return f"{names}: looks like {table}, but does not say to whom; add a column `to` with names"
+    return DraftTable(table, tuple(entries))
 
 
 def _entry(quantity: str, guess: Guess) -> Entry:

@@ -1,7 +1,7 @@
 """A drafted log.toml: its lines and tables, each with its reason, and its text."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -22,27 +22,30 @@ class Entry(NamedTuple):
     sure: str = "sure"  # or "likely", "perhaps"
 
 
-class Table(NamedTuple):
+class DraftTable(NamedTuple):
     """A table; several may have the same name."""
 
     name: str
     entries: tuple[Entry, ...]
     remarks: tuple[str, ...] = ()  # comments above its lines
-    repeated: bool = False  # one of several tables of this name
 
 
 class Draft(NamedTuple):
     """The tables of a log.toml, guessed before the recording is read."""
 
     entries: tuple[Entry, ...]  # outside of tables
-    tables: tuple[Table, ...] = ()
-    columns: tuple[tuple[str, str, str, str], ...] = ()  # file or topic, column, what it probably is, why
+    tables: tuple[DraftTable, ...] = ()
+    columns: tuple[tuple[str, str, str, str], ...] = ()  # file or topic, column, its probable meaning, why
     unused: tuple[str, ...] = ()  # files, columns and topics that are not used, and why
 
-
-def plain_text(draft: Draft) -> str:
-    """Return the draft as TOML, to be read at once."""
-    return _text((), draft.entries, draft.tables)
+    def text(self, head: Iterable[str] = ()) -> str:
+        """Return log.toml: comments at its head, its keys outside of tables, its tables."""
+        names = [table.name for table in self.tables]
+        blocks = ["\n".join(f"# {line}" for line in head), "\n".join(map(_line, self.entries))]
+        for table in self.tables:
+            name = f"[{table.name}]" if names.count(table.name) == 1 else f"[[{table.name}]]"
+            blocks.append("\n".join([name, *(f"# {line}" for line in table.remarks), *map(_line, table.entries)]))
+        return "\n\n".join(blocks) + "\n"
 
 
 def log_toml(path: Path, why: str, draft: Draft, log: TeamLog, findings: tuple[Finding, ...], runs: int) -> str:
@@ -73,15 +76,14 @@ def log_toml(path: Path, why: str, draft: Draft, log: TeamLog, findings: tuple[F
     for i, table in enumerate(tables):  # of several tables of a name, in the first
         tables[i] = table._replace(remarks=(*table.remarks, *remarks.pop(table.name, ())))
     if "model" in remarks:
-        tables.append(Table("model", (), (*remarks["model"], "What is not stated here is fitted.")))
-    return _text(head, (*draft.entries, about, *_arena(log)), tuple(tables))
+        tables.append(DraftTable("model", (), (*remarks["model"], "What is not stated here is fitted.")))
+    return draft._replace(entries=(*draft.entries, about, *_arena(log)), tables=tuple(tables)).text(head)
 
 
 def _remark(f: Finding) -> str:
-    source = f"({Path(f.source).name})" if f.source else ""
-    whose = " ".join(word for word in (f.robot, source) if word)
-    said = f"FOUND ({f.sure}): {f.kind}{', ' * bool(whose)}{whose}: {f.fact}. To change: {f.setting_of_columns}"
-    return _one_line(said)
+    whose = " ".join(word for word in (f.robot, f"({Path(f.source).name})" * bool(f.source)) if word)
+    kind = f"FOUND ({f.sure}): {f.kind}{', ' * bool(whose)}{whose}"
+    return _one_line(f"{kind}: {f.fact}. To change: {f.setting_of_columns}")
 
 
 # --- Settings that follow from the recording
@@ -92,17 +94,17 @@ FIRST_PART = 60.0  # [s] that models are fitted on, at most a third of the recor
 
 def _arena(log: TeamLog) -> tuple[Entry, ...]:
     """The line `arena = ...`: around the truth, if there are no fixed things to take it from."""
-    places = np.concatenate([s.values[:, :2] for s in log.truth if s is not None] + [np.empty((0, 2))])
-    places = np.concatenate([places, log.anchors.positions, log.landmarks.positions])
+    fixed = (log.anchors.positions, log.landmarks.positions)
+    places = np.concatenate([s.values[:, :2] for s in log.truth if s is not None] + [*fixed])
     places = places[np.isfinite(places).all(axis=1)]
-    if not len(places) or len(log.anchors.names) + len(log.landmarks.names) > 1:
+    if not len(places) or sum(map(len, fixed)) > 1:
         return ()
     corners = [np.floor(places.min(axis=0) - 1.0).tolist(), np.ceil(places.max(axis=0) + 1.0).tolist()]
     why = "whole metres around the truth, which estimators must not know so well: write the corners of the room"
     return (Entry("arena", corners, why, "perhaps"),)
 
 
-def _settings(log: TeamLog, runs: int) -> tuple[Table, ...]:
+def _settings(log: TeamLog, runs: int) -> tuple[DraftTable, ...]:
     """[sample], [prior] and [fit] for a recording of so many runs."""
     stamps = [s.time for s in log.odometry if len(s.time) > 1]
     usual = float(np.median([float(np.median(np.diff(t))) for t in stamps])) if stamps else 0.1
@@ -113,10 +115,8 @@ def _settings(log: TeamLog, runs: int) -> tuple[Table, ...]:
         Entry("tick", tick, f"[s] odometry comes every {usual:.3g} s"),
         Entry("max_gap", max_gap, "[s] five intervals of odometry, at least 0.5", "likely"),
     )
-    if headed := all(s is None or np.isfinite(s.values[:, 2]).any() for s in log.truth):
-        why = "the truth has a heading"
-    else:
-        why = "the truth has no heading: the direction of the first motion"
+    headed = all(s is None or np.isfinite(s.values[:, 2]).any() for s in log.truth)
+    why = "the truth has a heading" if headed else "the truth has no heading: the direction of the first motion"
     prior = (
         Entry("position", "first truth", "what the team knows of its start; or the places by name", "perhaps"),
         Entry("position_sd", 0.05, "[m] how well it knows it; usual for a marked start", "perhaps"),
@@ -130,19 +130,10 @@ def _settings(log: TeamLog, runs: int) -> tuple[Table, ...]:
             Entry("on", "first part", "there is one run: models are fitted on its beginning, which is not judged"),
             Entry("seconds", seconds, f"[s] of {span:.4g}: a minute, at most a third", "likely"),
         )
-    return Table("sample", sample), Table("prior", prior), Table("fit", fit)
+    return DraftTable("sample", sample), DraftTable("prior", prior), DraftTable("fit", fit)
 
 
 # --- Text
-
-
-def _text(head: tuple[str, ...], entries: tuple[Entry, ...], tables: tuple[Table, ...]) -> str:
-    """The whole file: comments at its head, its keys outside of tables, its tables."""
-    blocks = ["\n".join(f"# {line}" for line in head), "\n".join(map(_line, entries))]
-    for table in tables:
-        name = f"[[{table.name}]]" if table.repeated else f"[{table.name}]"
-        blocks.append("\n".join([name, *(f"# {remark}" for remark in table.remarks), *map(_line, table.entries)]))
-    return "\n\n".join(blocks) + "\n"
 
 
 def _line(entry: Entry) -> str:

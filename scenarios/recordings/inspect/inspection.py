@@ -1,6 +1,5 @@
-"""The inspection of a recording, from a path to everything that can be said of it."""
+"""The inspection of a recording, from a path to series, findings and a log.toml."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,10 +12,10 @@ from cooploc.scenarios.recordings.inspect import reading_checks as readings
 from cooploc.scenarios.recordings.inspect import robot_checks as robots
 from cooploc.scenarios.recordings.inspect.bag_draft import bag_draft
 from cooploc.scenarios.recordings.inspect.csv_draft import ENDINGS, csv_draft
-from cooploc.scenarios.recordings.inspect.draft_toml import Draft, Entry, log_toml, plain_text
+from cooploc.scenarios.recordings.inspect.draft_toml import Draft, Entry, log_toml
 from cooploc.scenarios.recordings.inspect.finding import CheckedLog, Finding
 from cooploc.scenarios.recordings.scenario import reader
-from cooploc.scenarios.recordings.team_log import TeamLog
+from cooploc.scenarios.recordings.team_log import TeamLog, other_names
 
 BAGS = (".db3", ".mcap", ".bag")
 GAP = 10.0  # median intervals without a sample are a gap
@@ -48,7 +47,7 @@ class Inspected(NamedTuple):
     corrected: TeamLog  # the same with findings corrected: for the eye, never for an estimator
     rows: tuple[SeriesRow, ...]
     findings: tuple[Finding, ...]
-    columns: tuple[tuple[str, str, str, str], ...]  # file or topic, column, what it probably is, why
+    columns: tuple[tuple[str, str, str, str], ...]  # file or topic, column, its probable meaning, why
     unused: tuple[str, ...]
     text: str  # of log.toml: the one that is there, or a draft
 
@@ -73,7 +72,7 @@ def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspect
     else:
         drafted = {"csv": csv_draft, "bag": bag_draft}
         draft = drafted[form](path) if form in drafted else Draft((Entry("format", form, why),))
-        description = schema.parse(home, plain_text(draft), schema.TeamDescription, schema.EXAMPLE)
+        description = schema.parse(home, draft.text(), schema.TeamDescription, schema.EXAMPLE)
     read = reader(description.format)
     data = path.parent if path.is_file() and description.format == "bag" else path
     places = read.runs(data, description)
@@ -85,9 +84,10 @@ def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspect
     findings = checked.result()
     if not stated:
         text = log_toml(path, why, draft, checked.log, findings, len(places))
-    rows = tuple(series_rows(log))
-    runs, columns = tuple(places), draft.columns
-    return Inspected(path, description.format, why, runs, log, checked.log, rows, findings, columns, draft.unused, text)
+    rows, of = tuple(series_rows(log)), draft.columns
+    return Inspected(
+        path, description.format, why, tuple(places), log, checked.log, rows, findings, of, draft.unused, text
+    )
 
 
 def recognize(path: Path) -> tuple[str, str]:
@@ -122,21 +122,21 @@ def check_recording(log: TeamLog, arena: Array | None = None) -> CheckedLog:
         arena: (2, 2) lower left and upper right corner [m], if it is known.
 
     """
-    c = CheckedLog(log)
-
-    def each_robot(*checks: Callable[[CheckedLog, int], None]) -> None:
-        for check in checks:
-            for i in range(len(log.robots)):
-                check(c, i)
-
+    c, every = CheckedLog(log), range(len(log.robots))
     for warning in log.warnings:  # such as a last line that was cut off
         c.add("dropped", None, "", warning, "sure", "nothing: it is left out")
     robots.check_gaps(c)
-    each_robot(robots.check_lengths, robots.check_heading_unit, robots.check_turn_unit)
+    for check in (robots.check_lengths, robots.check_heading_unit, robots.check_turn_unit):
+        for i in every:
+            check(c, i)
     robots.check_clocks(c)
-    each_robot(robots.check_stale, robots.check_jumps)
+    for check in (robots.check_stale, robots.check_jumps):
+        for i in every:
+            check(c, i)
     readings.check_range_units(c)
-    each_robot(robots.check_frame, robots.check_scales)
+    for check in (robots.check_frame, robots.check_scales):
+        for i in every:
+            check(c, i)
     readings.check_names(c)
     readings.check_reading_clocks(c)
     readings.check_biases(c)
@@ -154,7 +154,7 @@ def series_rows(log: TeamLog) -> list[SeriesRow]:
             found.append(("truth", robot, truth.time[np.isfinite(truth.values[:, :2]).all(axis=1)], truth.source))
     for channel, r in log.readings.items():
         for i, k in np.unique(np.stack([r.robot, r.other]), axis=1).T:
-            of = f"{log.robots[i]}-{readings.measured_name(log, channel, int(k))}"
+            of = f"{log.robots[i]}-{other_names(log, channel)[k]}"
             found.append((channel, of, r.time[(r.robot == i) & (r.other == k)], r.source))
     zero = min((time[0] for _, _, time, _ in found if len(time)), default=0.0)
     return [_row(name, of, time - zero, source) for name, of, time, source in found]
@@ -172,8 +172,7 @@ def measured_counts(log: TeamLog) -> tuple[tuple[str, ...], tuple[str, ...], Arr
     """Return the names of robots, of all they measured, and how often (robots, measured); channels together."""
     names = (*log.robots, *log.landmarks.names, *log.anchors.names)
     counts = np.zeros((len(log.robots), len(names)))
-    first = {"landmark": len(log.robots)}
-    first |= dict.fromkeys(("anchor_rssi", "anchor_range"), len(log.robots) + len(log.landmarks.names))
     for channel, r in log.readings.items():
-        np.add.at(counts, (r.robot, first.get(channel, 0) + r.other), 1)
+        first = names.index(other_names(log, channel)[0])
+        np.add.at(counts, (r.robot, first + r.other), 1)
     return log.robots, names, counts

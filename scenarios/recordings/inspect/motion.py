@@ -1,4 +1,4 @@
-"""What odometry and truth say of a robot's motion, summed up since the start, so that any two can be compared.
+"""Motion of a robot by odometry and by truth, summed up since the start, so that any two can be compared.
 
 Sums can be looked up at any stamp: two series with clocks of their own are compared over common windows of time, and
 a shift of one clock against the other costs one interpolation.
@@ -44,7 +44,7 @@ class RobotMotion(NamedTuple):
     window: float  # [s] two intervals of the slower of both, at least 0.2 s
 
     def steps(self, motion: Motion, edges: Array | None = None) -> Steps:
-        """Return what happened between edges (w + 1,) [s]; by default between windows of all the motion's time."""
+        """Return the motion between edges (w + 1,) [s]; by default between windows of all the motion's time."""
         t = motion.time
         if edges is None:
             edges = np.arange(t[0], t[-1], self.window) if len(t) > 1 else np.empty(0)
@@ -60,10 +60,11 @@ class RobotMotion(NamedTuple):
         length = np.hypot(*move.T) if np.isnan(motion.length).all() else change(motion.length)
         return Steps(length, change(motion.turn), move)
 
-    def common_edges(self) -> Array:
-        """Return the edges of the windows that odometry and truth have in common (w + 1,) [s]."""
+    def common_steps(self) -> tuple[Steps, Steps]:
+        """Return the steps of odometry and of truth in the windows that both have."""
         a, b = self.odometry.time, self.truth.time
-        return np.arange(max(a[0], b[0]), min(a[-1], b[-1]), self.window) if len(a) and len(b) else np.empty(0)
+        edges = np.arange(max(a[0], b[0]), min(a[-1], b[-1]), self.window) if len(a) and len(b) else np.empty(0)
+        return self.steps(self.odometry, edges), self.steps(self.truth, edges)
 
 
 def robot_motion(log: TeamLog, robot: int) -> RobotMotion:
@@ -72,8 +73,12 @@ def robot_motion(log: TeamLog, robot: int) -> RobotMotion:
     series = [s.time for s in (log.odometry[robot], log.truth[robot]) if s is not None and len(s.time) > 1]
     slowest = max((float(np.median(np.diff(t))) for t in series), default=0.5)
     longest = max((float(t[-1] - t[0]) for t in series), default=0.0)
-    window = max(2 * slowest, 0.2, longest / MOST_WINDOWS)
-    return RobotMotion(_odometry_motion(log, robot), _truth_motion(poses), poses, window)
+    unknown, heading = np.full(len(poses.time), np.nan), poses.values[:, 2]
+    turn, known = unknown, np.flatnonzero(np.isfinite(heading))
+    if len(known) > 0.5 * len(heading):
+        turn = np.interp(np.arange(len(heading)), known, np.unwrap(heading[known]))
+    truth = Motion(poses.time, unknown, turn, poses.values[:, :2])
+    return RobotMotion(_odometry_motion(log, robot), truth, poses, max(2 * slowest, 0.2, longest / MOST_WINDOWS))
 
 
 def known_truth(log: TeamLog, robot: int) -> Series | None:
@@ -86,7 +91,7 @@ def known_truth(log: TeamLog, robot: int) -> Series | None:
 
 
 def moves(log: TeamLog, robot: int) -> bool:
-    """Whether a robot's truth goes a metre from its start: one that stands says nothing of clocks and frames."""
+    """Return whether a robot's truth goes a metre from its start: one that stands shows no clock and no frame."""
     truth = known_truth(log, robot)
     return truth is not None and bool((np.hypot(*(truth.values[:, :2] - truth.values[0, :2]).T) > 1.0).any())
 
@@ -105,26 +110,12 @@ def _odometry_motion(log: TeamLog, robot: int) -> Motion:
         return Motion(t, integral(values[:, 0]), integral(values[:, 1]), nowhere)
     if log.odometry_kind == "path":
         return Motion(t, values[:, 0], integral(values[:, 1]), nowhere)
-    return Motion(t, *_length_and_turn(values), nowhere)
-
-
-def _truth_motion(truth: Series) -> Motion:
-    """The truth as a motion; its heading is unwrapped, and the turn not known where it was hardly recorded."""
-    heading, turn = truth.values[:, 2], np.full(len(truth.time), np.nan)
-    known = np.flatnonzero(np.isfinite(heading))
-    if len(known) > 0.5 * len(heading):
-        turn = np.interp(np.arange(len(heading)), known, np.unwrap(heading[known]))
-    return Motion(truth.time, np.full(len(truth.time), np.nan), turn, truth.values[:, :2])
-
-
-def _length_and_turn(pose: Array) -> tuple[Array, Array]:
-    """Length and turn of poses (m, 3): a step is as long as its places are apart, negative against its heading."""
-    pose = pd.DataFrame(pose).bfill().ffill().fillna(0.0).to_numpy()
-    heading = np.unwrap(pose[:, 2])
-    middle, apart = (heading[1:] + heading[:-1]) / 2, np.diff(pose[:, :2], axis=0)
+    pose = pd.DataFrame(values).bfill().ffill().fillna(0.0).to_numpy()
+    heading, apart = np.unwrap(pose[:, 2]), np.diff(pose[:, :2], axis=0)
+    middle = (heading[1:] + heading[:-1]) / 2
     along = apart[:, 0] * np.cos(middle) + apart[:, 1] * np.sin(middle)
     length = np.hypot(*apart.T) * np.where(along < 0, -1.0, 1.0)
-    return np.concatenate([[0.0], np.cumsum(length)]), heading
+    return Motion(t, np.concatenate([[0.0], np.cumsum(length)]), heading, nowhere)
 
 
 def course(move: Array) -> Array:
@@ -136,7 +127,7 @@ def course(move: Array) -> Array:
 
 
 def course_turns(move: Array) -> Array:
-    """Return how the direction of moves (w, 2) changes [rad]: half of the change from the window before to the next."""
+    """Return changes of the direction of moves (w, 2) [rad]: half of the one from the window before to the next."""
     direction, turned = course(move), np.full(len(move), np.nan)
     if len(direction) > 2:
         turned[1:-1] = np.angle(np.exp(1j * (direction[2:] - direction[:-2]))) / 2

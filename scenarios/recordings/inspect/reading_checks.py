@@ -9,17 +9,12 @@ from scipy.stats import theilslopes
 from cooploc.estimators.interface import Array, Indices
 from cooploc.estimators.models import wrap
 from cooploc.scenarios.recordings import sampling
-from cooploc.scenarios.recordings.inspect.finding import CheckedLog, Sure, divide_columns
+from cooploc.scenarios.recordings.inspect.finding import CheckedLog, divide_columns
 from cooploc.scenarios.recordings.inspect.motion import concentration, median, robust_sd
-from cooploc.scenarios.recordings.team_log import Channel, Places, Readings, TeamLog
+from cooploc.scenarios.recordings.team_log import Channel, Readings, TeamLog, fixed_places, other_names
 
-TABLES: dict[Channel, str] = {  # of log.toml, of channels with ranges
-    "range": "ranges",
-    "anchor_range": "ranges",
-    "sighting": "sightings",
-    "landmark": "sightings",
-}
-TEAMMATES: tuple[Channel, ...] = ("range", "rssi", "sighting")
+# Table of log.toml, of the channels with ranges.
+TABLES = {"range": "ranges", "anchor_range": "ranges", "sighting": "sightings", "landmark": "sightings"}
 FEWEST = 20  # readings of a channel or pair
 NEAREST = 0.05  # [m] readings of things nearer than this are left out: no direction, and a ratio means nothing
 
@@ -28,10 +23,17 @@ NEAREST = 0.05  # [m] readings of things nearer than this are left out: no direc
 
 def distances(log: TeamLog, channel: Channel, readings: Readings, shift: float = 0.0) -> Array:
     """Return the true distance (m,) [m] to what was measured, `shift` seconds later; nan where it is not known."""
-    time = readings.time + shift
-    here = true_poses(log, readings.robot, time)[:, :2]
-    distance = np.hypot(*(measured_places(log, channel, readings.other, time) - here).T)
+    here, there = ends(log, channel, readings._replace(time=readings.time + shift))
+    distance = np.hypot(*(there - here[:, :2]).T)
     return np.where(distance > NEAREST, distance, np.nan)
+
+
+def ends(log: TeamLog, channel: Channel, readings: Readings) -> tuple[Array, Array]:
+    """Return the true poses (m, 3) of those who measured, and the places (m, 2) of what they measured."""
+    here, fixed = true_poses(log, readings.robot, readings.time), fixed_places(log, channel)
+    if fixed is None:
+        return here, true_poses(log, readings.other, readings.time)[:, :2]
+    return here, fixed.positions[readings.other]
 
 
 def true_poses(log: TeamLog, robot: Indices, time: Array) -> Array:
@@ -43,22 +45,6 @@ def true_poses(log: TeamLog, robot: Indices, time: Array) -> Array:
             max_gap = max(5 * float(np.median(np.diff(truth.time))), 0.5)
             poses[robot == i] = sampling.poses(truth, time[robot == i], max_gap)
     return poses
-
-
-def measured_places(log: TeamLog, channel: Channel, other: Indices, time: Array) -> Array:
-    """Return where what was measured is (m, 2): a teammate by its truth, a fixed thing by its surveyed place."""
-    if channel in TEAMMATES:
-        return true_poses(log, other, time)[:, :2]
-    return _fixed_things(log, channel).positions[other]
-
-
-def measured_name(log: TeamLog, channel: Channel, other: int) -> str:
-    """Return the name of what was measured."""
-    return (log.robots if channel in TEAMMATES else _fixed_things(log, channel).names)[other]
-
-
-def _fixed_things(log: TeamLog, channel: Channel) -> Places:
-    return log.landmarks if channel == "landmark" else log.anchors
 
 
 def range_channels(log: TeamLog) -> Iterator[tuple[Channel, Readings]]:
@@ -77,6 +63,10 @@ def pairs(readings: Readings, channel: Channel) -> Iterator[tuple[int, int, Indi
         yield int(i), int(k), np.flatnonzero((first == i) & (second == k))
 
 
+def _rows(readings: Readings, rows: Indices | slice) -> Readings:
+    return readings._replace(**{name: getattr(readings, name)[rows] for name in ("time", "robot", "other", "values")})
+
+
 # --- Ranges
 
 BIAS = 0.1  # [m] a smaller one matters little beside the noise of ranges
@@ -92,20 +82,19 @@ def check_range_units(c: CheckedLog) -> None:
             if factor / 2.5 < ratio < factor * 2.5:
                 fact, setting = f"ranges are {ratio:.3g} times the distances", f'unit = "{unit}"'
                 c.add("unit", None, readings.source, fact, "sure", setting, TABLES[channel], ("range",))
-                c.correct_readings(channel, readings._replace(values=divide_columns(readings.values, factor, (0,))))
+                c.correct_readings(channel, divide_columns(readings, factor, (0,)))
 
 
 def check_names(c: CheckedLog) -> None:
     """Readings whose numbers fit another robot, landmark or anchor than the one they name."""
     for channel, readings in range_channels(c.log):
-        other, said = readings.other.copy(), []
-        for i in np.unique(readings.robot):
-            for named, fitting in _find_renamed(c.log, channel, readings, int(i)).items():
+        other, changes, names = readings.other.copy(), [], other_names(c.log, channel)
+        for i in np.unique(readings.robot).tolist():
+            for named, fitting in _find_renamed(c.log, channel, readings, i).items():
                 other[(readings.robot == i) & (readings.other == named)] = fitting
-                names = [measured_name(c.log, channel, k) for k in (named, fitting)]
-                said.append(f"{c.log.robots[i]}: {names[0]} is {names[1]}")
-        if said:
-            fact = "ranges fit the distances of other names: " + ", ".join(said)
+                changes.append(f"{c.log.robots[i]}: {names[named]} is {names[fitting]}")
+        if changes:
+            fact = "ranges fit the distances of other names: " + ", ".join(changes)
             setting = 'nodes = { "name in the file" = "name here" }'
             c.add("robots", None, readings.source, fact, "likely", setting, TABLES[channel], ("nodes",))
             c.correct_readings(channel, readings._replace(other=other))
@@ -114,24 +103,20 @@ def check_names(c: CheckedLog) -> None:
 def _find_renamed(log: TeamLog, channel: Channel, readings: Readings, i: int) -> dict[int, int]:
     """Named other -> the one that the ranges of robot i fit, if that is another, and fits three times as well."""
     named = np.unique(readings.other[readings.robot == i])
-    teammates = channel in TEAMMATES
-    count = len(log.robots if teammates else _fixed_things(log, channel).names)
-    candidates = [k for k in range(count) if not (teammates and k == i)]
+    mutual = fixed_places(log, channel) is None
+    candidates = [k for k in range(len(other_names(log, channel))) if not (mutual and k == i)]
     misfit = np.full((len(named), len(candidates)), np.inf)
     for row, k in enumerate(named):
         rows = np.flatnonzero((readings.robot == i) & (readings.other == k))
-        rows = rows[:: max(1, len(rows) // 500)]
-        time, ranges = readings.time[rows], readings.values[rows, 0]
-        here = true_poses(log, readings.robot[rows], time)[:, :2]
+        some = _rows(readings, rows[:: max(1, len(rows) // 500)])
         for column, candidate in enumerate(candidates):
-            there = measured_places(log, channel, np.full(len(rows), candidate), time)
-            residual = ranges - np.hypot(*(there - here).T)
+            here, there = ends(log, channel, some._replace(other=np.full(len(some.time), candidate)))
+            residual = some.values[:, 0] - np.hypot(*(there - here[:, :2]).T)
             if np.isfinite(residual).sum() >= FEWEST:
                 misfit[row, column] = median(np.abs(residual - median(residual)))
-    assigned = zip(*linear_sum_assignment(np.where(np.isfinite(misfit), misfit, 1e6)), strict=True)
     found = {
         int(named[r]): candidates[k]
-        for r, k in assigned
+        for r, k in zip(*linear_sum_assignment(np.where(np.isfinite(misfit), misfit, 1e6)), strict=True)
         if named[r] != candidates[k] and misfit[r, k] < misfit[r, candidates.index(named[r])] / 3 < np.inf
     }
     return found if set(found) == set(found.values()) else {}  # an exchange needs both; a landmark misread at times not
@@ -150,15 +135,14 @@ def check_reading_clocks(c: CheckedLog) -> None:
                 f"ranges fit the distances of {abs(shift):.3g} s {'later' if shift > 0 else 'earlier'} "
                 f"(spread {with_it:.3g} m, {without:.3g} m as stamped)"
             )
-            sure: Sure = "sure" if with_it < 0.4 * without else "likely"
+            sure = "sure" if with_it < 0.4 * without else "likely"
             c.add("clock", None, readings.source, fact, sure, f"clock_offset = {shift:.3g}", TABLES[channel])
             c.correct_readings(channel, readings._replace(time=readings.time + shift))
 
 
 def _best_shift(log: TeamLog, channel: Channel, readings: Readings) -> tuple[float, float, float]:
-    """The shift [s] of the stamps at which ranges fit distances best, the spread [m] there, and without a shift."""
-    r, every = readings, max(1, len(readings.time) // 2000)
-    few = Readings(r.time[::every], r.robot[::every], r.other[::every], r.values[::every], r.source)
+    """Return the shift [s] of the stamps at which ranges fit distances best, the spread [m] there, and without it."""
+    few = _rows(readings, slice(None, None, max(1, len(readings.time) // 2000)))
     groups = [rows for _, _, rows in pairs(few, channel) if len(rows) >= 10]
     if not groups:
         return 0.0, np.nan, np.nan
@@ -184,7 +168,7 @@ def check_biases(c: CheckedLog) -> None:
         for i, k, rows in pairs(readings, channel):
             bias, error = median(residual[rows]), 1.2533 * robust_sd(residual[rows]) / np.sqrt(len(rows))
             if np.isfinite(residual[rows]).sum() >= FEWEST and abs(bias) > max(BIAS, 5 * error):
-                found[f"{c.log.robots[i]}-{measured_name(c.log, channel, k)}"] = bias
+                found[f"{c.log.robots[i]}-{other_names(c.log, channel)[k]}"] = bias
         if found:
             fact = "ranges minus distances, medians: " + ", ".join(f"{pair} {b:+.2f} m" for pair, b in found.items())
             key, typical = BIAS_KEYS.get(channel), np.median(list(found.values()))
@@ -197,18 +181,18 @@ def shift_that_fits(log: TeamLog, i: int) -> Array | None:
 
     Least squares with a loss that spares outliers; a bias is fitted as well, as it must not look like a shift.
     """
-    ends = [(np.empty((0, 2)), np.empty((0, 2)), np.empty(0))]
+    deltas, ranges = [np.empty((0, 2))], [np.empty(0)]
     for channel, readings in range_channels(log):
-        rows = np.flatnonzero(readings.robot == i)
-        time = readings.time[rows]
-        there = measured_places(log, channel, readings.other[rows], time)
-        ends.append((true_poses(log, readings.robot[rows], time)[:, :2], there, readings.values[rows, 0]))
-    here, there, measured = (np.concatenate(part) for part in zip(*ends, strict=True))
-    known = np.flatnonzero(np.isfinite(here).all(axis=1) & np.isfinite(there).all(axis=1) & np.isfinite(measured))
+        own = _rows(readings, np.flatnonzero(readings.robot == i))
+        here, there = ends(log, channel, own)
+        deltas.append(there - here[:, :2])
+        ranges.append(own.values[:, 0])
+    delta, measured = np.concatenate(deltas), np.concatenate(ranges)
+    known = np.flatnonzero(np.isfinite(delta).all(axis=1) & np.isfinite(measured))
     if len(known) < FEWEST:
         return None
     known = known[:: max(1, len(known) // 400)]
-    delta, measured = (there - here)[known], measured[known]
+    delta, measured = delta[known], measured[known]
     middle, reach = delta.mean(axis=0), float(np.median(measured))
     around = [middle + reach * np.array([np.cos(a), np.sin(a)]) for a in np.arange(4) * np.pi / 2]
 
@@ -231,13 +215,11 @@ MOST = 700  # samples: pairs of samples grow with the square
 def check_bearings(c: CheckedLog) -> None:
     """Bearings in degrees, to the right, or from elsewhere than straight ahead."""
     place = ("sightings", ("bearing",))
-    channels: tuple[Channel, ...] = ("sighting", "landmark")
-    for channel in channels:
-        readings = c.log.readings.get(channel)
-        if readings is None or len(readings.time) < FEWEST:
+    for channel, readings in range_channels(c.log):
+        if TABLES[channel] != "sightings":
             continue
-        here = true_poses(c.log, readings.robot, readings.time)
-        x, y = (measured_places(c.log, channel, readings.other, readings.time) - here[:, :2]).T
+        here, there = ends(c.log, channel, readings)
+        x, y = (there - here[:, :2]).T
         expected = wrap(np.arctan2(y, x) - here[:, 2])
         if np.isfinite(expected).sum() < FEWEST:
             continue
@@ -245,14 +227,14 @@ def check_bearings(c: CheckedLog) -> None:
         if largest > 2.1 * np.pi:
             fact = f"bearings reach {largest:.4g} as read: they are in degrees"
             c.add("degrees", None, readings.source, fact, "sure", 'unit = "deg"', *place)
-            readings = readings._replace(values=divide_columns(readings.values, 180 / np.pi, (1,)))
+            readings = divide_columns(readings, 180 / np.pi, (1,))
             c.correct_readings(channel, readings)
         bearing = readings.values[:, 1]
         (follows, offset), (opposes, _) = concentration(bearing - expected), concentration(bearing + expected)
         if opposes > max(FOLLOWS, follows + 0.1) and concentration(expected)[0] < 0.95:
             fact = f"bearings grow to the right (agreement {opposes:.2f}, {follows:.2f} to the left)"
             c.add("bearing", None, readings.source, fact, "sure", "write -bearing into the files", *place)
-            c.correct_readings(channel, readings._replace(values=divide_columns(readings.values, -1.0, (1,))))
+            c.correct_readings(channel, divide_columns(readings, -1.0, (1,)))
         elif follows > FOLLOWS and abs(offset) > OFFSET:
             degrees = np.degrees(offset)
             fact = f"bearings are {degrees:+.0f} deg from the true directions (agreement {follows:.2f})"
@@ -261,10 +243,8 @@ def check_bearings(c: CheckedLog) -> None:
 
 def check_rssi(c: CheckedLog) -> None:
     """Signal strength that rises with the distance, or is not in dBm."""
-    channels: tuple[Channel, ...] = ("rssi", "anchor_rssi")
-    for channel in channels:
-        readings = c.log.readings.get(channel)
-        if readings is None or len(readings.time) < 50:
+    for channel, readings in c.log.readings.items():
+        if not channel.endswith("rssi") or len(readings.time) < 50:
             continue
         rssi, distance = readings.values[:, 0], distances(c.log, channel, readings)
         known = np.flatnonzero(np.isfinite(rssi) & np.isfinite(distance))

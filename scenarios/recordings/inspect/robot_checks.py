@@ -1,7 +1,7 @@
 """Checks of one robot's odometry and truth: gaps, units, clocks, frames, scales, and positions that cannot be.
 
-Units come first, as they need neither clocks nor frames: how fast a robot is said to move is a number that no shift of
-a clock, turn or mirroring of a frame changes. Then clocks; then frames and headings; then factors.
+Units come first, as they need neither clocks nor frames: the speed of a robot is a number that no shift of a clock,
+turn or mirroring of a frame changes. Then clocks; then frames and headings; then factors.
 """
 
 from collections.abc import Mapping
@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from cooploc.estimators.interface import Array, Indices, Mask
+from cooploc.estimators.interface import Array, Mask
 from cooploc.estimators.models import wrap
-from cooploc.scenarios.recordings.inspect.finding import CheckedLog, Kind, Sure, divide_columns
+from cooploc.scenarios.recordings.inspect.finding import CheckedLog, divide_columns
 from cooploc.scenarios.recordings.inspect.motion import (
     Motion,
     RobotMotion,
@@ -27,9 +27,6 @@ from cooploc.scenarios.recordings.inspect.motion import (
     true_turns,
 )
 from cooploc.scenarios.recordings.inspect.reading_checks import shift_that_fits
-
-LENGTHS = {"velocity": ((0,), ("speed",)), "path": ((0,), ("length",)), "displacement": ((0, 1), ("dx", "dy"))}
-POSE = ((0, 1), ("x", "y"))
 
 # --- Gaps
 
@@ -61,47 +58,42 @@ def check_gaps(c: CheckedLog) -> None:
 
 FASTEST = 15.0  # [m/s] of ground robots; faster is a unit or a fault
 DEGREE = np.pi / 180
-ANGLES: dict[str, tuple[Kind, float]] = {"deg": ("degrees", 1 / DEGREE), "rad": ("radians", DEGREE)}
+ANGLES = {"deg": ("degrees", 1 / DEGREE), "rad": ("radians", DEGREE)}
 LENGTH_FACTORS = {1000.0: "mm", 100.0: "cm"}
 NEAR_FACTOR = 1.25  # a factor of 100 or 1000 is recognised up to this ratio: odometry is calibrated to better than 25 %
+POSITIONS = ((0, 1), ("x", "y"))
+LENGTHS = {"velocity": ((0,), ("speed",)), "path": ((0,), ("length",)), "displacement": ((0, 1), ("dx", "dy"))}
 
 
 def check_lengths(c: CheckedLog, i: int) -> None:
     """Lengths of truth or odometry in mm or cm: the third quartile of their speeds differs by 1000 or 100."""
     m, odometry = robot_motion(c.log, i), c.log.odometry[i]
     driven, moved = (_third_quartile(np.abs(m.steps(motion).length)) / m.window for motion in (m.odometry, m.truth))
-    columns, names = LENGTHS.get(c.log.odometry_kind, POSE)
     sides = (
-        ("truth", "the truth is", moved, "odometry", driven, m.poses.source, ("x", "y")),
-        ("odometry", "odometry is", driven, "the truth", moved, odometry.source, names),
+        ("truth", "the truth is", moved, "odometry", driven, m.poses, POSITIONS),
+        ("odometry", "odometry is", driven, "the truth", moved, odometry, LENGTHS.get(c.log.odometry_kind, POSITIONS)),
     )
-    for table, this, speed, that, other, source, quantities in sides:
+    for table, this, speed, that, other, series, (columns, names) in sides:
         ratio = speed / other if other > 0 else np.nan
         for factor, unit in LENGTH_FACTORS.items():
-            if not factor / NEAR_FACTOR < ratio < factor * NEAR_FACTOR:
-                continue
-            fact = f"{this} {ratio:.3g} times as fast as {that} ({speed:.3g} against {other:.3g} m/s)"
-            sure: Sure = "sure" if 0.01 < other < FASTEST and not 0.01 < speed < 2.0 else "likely"
-            c.add("unit", i, source, fact, sure, f'unit = "{unit}"', table, quantities)
-            if table == "truth":
-                c.correct_truth(i, m.poses._replace(values=divide_columns(m.poses.values, factor, (0, 1))))
-            else:
-                c.correct_odometry(i, divide_columns(odometry.values, factor, columns))
-            return
-    for table, _, speed, _, _, source, quantities in sides:
+            if factor / NEAR_FACTOR < ratio < factor * NEAR_FACTOR:
+                fact = f"{this} {ratio:.3g} times as fast as {that} ({speed:.3g} against {other:.3g} m/s)"
+                sure = "sure" if 0.01 < other < FASTEST and not 0.01 < speed < 2.0 else "likely"
+                c.add("unit", i, series.source, fact, sure, f'unit = "{unit}"', table, names)
+                c.correct(table, i, divide_columns(series, factor, columns))
+                return
+    for table, _, speed, _, _, series, (_, names) in sides:
         if speed > FASTEST:
             fact = f"it moves at {speed:.3g} m/s (third quartile), ground robots at {FASTEST:g} m/s at most"
-            c.add("speed", i, source, fact, "likely", 'unit = "mm"', table, quantities)
+            c.add("speed", i, series.source, fact, "likely", 'unit = "mm"', table, names)
 
 
 def check_heading_unit(c: CheckedLog, i: int) -> None:
     """Headings of the truth in degrees or radians, compared with the direction of its own moves."""
     m = robot_motion(c.log, i)
     t, heading = m.poses.time, m.poses.values[:, 2]
-    if np.isfinite(heading).sum() < 10:
-        return
-    edges = np.arange(t[0], t[-1], m.window)
-    if len(edges) < 3:
+    edges = np.arange(t[0], t[-1], m.window) if len(t) else t
+    if np.isfinite(heading).sum() < 10 or len(edges) < 3:
         return
     direction = course(m.steps(m.truth, edges).move)
     there = heading[np.clip(np.searchsorted(t, edges[:-1] + m.window / 2), 0, len(t) - 1)]
@@ -111,8 +103,7 @@ def check_heading_unit(c: CheckedLog, i: int) -> None:
         return max(concentration(factor * there - direction)[0], concentration(factor * there + direction)[0])
 
     as_read = follows(1.0)
-    needed, jumps = max(0.6, as_read + 0.3), np.max(np.abs(np.diff(there))) > 180
-    sure: Sure = "sure"
+    needed, jumps, sure = max(0.6, as_read + 0.3), np.max(np.abs(np.diff(there))) > 180, "sure"
     if largest > 2.1 * np.pi and follows(DEGREE) > needed:
         unit = "deg"
     elif 4 * np.pi < largest <= 361 and jumps and as_read < 0.5:
@@ -124,7 +115,7 @@ def check_heading_unit(c: CheckedLog, i: int) -> None:
     kind, factor = ANGLES[unit]
     fact = f"headings reach {largest:.4g} as read; with the unit {unit} they follow the direction of motion"
     c.add(kind, i, m.poses.source, fact, sure, f'unit = "{unit}"', "truth", ("heading",))
-    c.correct_truth(i, m.poses._replace(values=divide_columns(m.poses.values, factor, (2,))))
+    c.correct("truth", i, divide_columns(m.poses, factor, (2,)))
 
 
 def check_turn_unit(c: CheckedLog, i: int) -> None:
@@ -132,15 +123,15 @@ def check_turn_unit(c: CheckedLog, i: int) -> None:
     if c.log.odometry_kind == "displacement":
         return
     m, odometry = robot_motion(c.log, i), c.log.odometry[i]
-    said = _third_quartile(np.abs(m.steps(m.odometry).turn))
+    measured = _third_quartile(np.abs(m.steps(m.odometry).turn))
     true = _third_quartile(np.abs(true_turns(m.steps(m.truth))))
     column, name, per = (2, "heading", "") if c.log.odometry_kind == "pose" else (1, "turn_rate", "/s")
-    ratio = said / true if true > 0.01 * m.window else np.nan
+    ratio = measured / true if true > 0.01 * m.window else np.nan
     for unit, (kind, factor) in ANGLES.items():
         if factor / 2.5 < ratio < factor * 2.5:
             fact = f"odometry turns {ratio:.3g} times as fast as the truth, which is about {factor:.3g}"
             c.add(kind, i, odometry.source, fact, "sure", f'unit = "{unit}{per}"', "odometry", (name,))
-            c.correct_odometry(i, divide_columns(odometry.values, factor, (column,)))
+            c.correct("odometry", i, divide_columns(odometry, factor, (column,)))
 
 
 def _third_quartile(values: Array) -> float:
@@ -171,113 +162,107 @@ class ClockFit(NamedTuple):
 def check_clocks(c: CheckedLog) -> None:
     """Truths that belong to other robots than their names say, and truths whose stamps are shifted."""
     motions = [robot_motion(c.log, i) for i in range(len(c.log.robots))]
-    own = {i: best_fit(m, m.truth) for i, m in enumerate(motions) if moves(c.log, i)}
-    truths = c.log.truth
+    own = {i: _best_fit(m, m.truth) for i, m in enumerate(motions) if moves(c.log, i)}
+    truths, robots = c.log.truth, c.log.robots
     for i, (j, correlation) in _find_exchanged(motions, own).items():
         fact = (
-            f"odometry of {c.log.robots[i]} fits the truth of {c.log.robots[j]} "
-            f"(correlation {correlation:.2f}), not its own ({own[i].correlation:.2f})"
+            f"odometry of {robots[i]} fits the truth of {robots[j]} (correlation {correlation:.2f}), not its own "
+            f"({own[i].correlation:.2f})"
         )
-        setting = f"exchange the truths of {c.log.robots[i]} and {c.log.robots[j]}"
+        setting = f"exchange the truths of {robots[i]} and {robots[j]}"
         c.add("robots", i, motions[j].poses.source, fact, "sure", setting, "truth")
         if (other := truths[j]) is not None:
-            c.correct_truth(i, other)
-            own[i] = best_fit(motions[i], motions[j].truth)
-    for i in range(len(c.log.robots)):
+            c.correct("truth", i, other)
+            own[i] = _best_fit(motions[i], motions[j].truth)
+    for i in range(len(robots)):
         _check_clock(c, i, own.get(i))
 
 
 def _check_clock(c: CheckedLog, i: int, fit: ClockFit | None) -> None:
     """A truth whose stamps are later or earlier than odometry's; with no time in common, once both begin together."""
     m = robot_motion(c.log, i)
-    t, wheels = m.truth.time, m.odometry.time
+    t, wheels, apart = m.truth.time, m.odometry.time, 0.0
     if not len(t):
         return
-    apart = 0.0
     if len(wheels) and min(t[-1], wheels[-1]) <= max(t[0], wheels[0]):
         apart = float(t[0] - wheels[0])
-        fit = best_fit(m, m.truth._replace(time=t - apart))
+        fit = _best_fit(m, m.truth._replace(time=t - apart))
     if fit is None:
         return
     if not apart:
-        if fit.correlation < FITS or fit.evidence <= EVIDENCE:
-            return
         interval = max(float(np.median(np.diff(stamps))) for stamps in (wheels, t))
-        if abs(fit.shift) < max(0.05, 1.5 * interval):
+        if fit.correlation < FITS or fit.evidence <= EVIDENCE or abs(fit.shift) < max(0.05, 1.5 * interval):
             return
     shift = apart + fit.shift
     fact = f"the truth's stamps are {shift:+.4g} s from odometry's (correlation {fit.correlation:.2f}"
     fact += " once both begin together)" if apart else f"; {fit.unshifted:.2f} without the shift)"
-    sure: Sure = "sure" if fit.correlation > 0.7 else "likely"
+    sure = "sure" if fit.correlation > 0.7 else "likely"
     c.add("clock", i, m.poses.source, fact, sure, f"clock_offset = {-shift:.4g}", "truth")
-    c.correct_truth(i, m.poses._replace(time=t - shift))
+    c.correct("truth", i, m.poses._replace(time=t - shift))
 
 
 def _find_exchanged(motions: list[RobotMotion], own: Mapping[int, ClockFit]) -> dict[int, tuple[int, float]]:
     """Robots whose odometry fits the truth of another of them and not their own -> that other, and the correlation."""
     if sum(fit.correlation < OWN for fit in own.values()) < 2:
         return {}
-    fits = np.array([[best_fit(motions[i], motions[j].truth).correlation for j in own] for i in own])
-    rows, columns, robots = *linear_sum_assignment(-fits), list(own)
+    fits = np.array([[_best_fit(motions[i], motions[j].truth).correlation for j in own] for i in own])
+    robots = list(own)
     better = {
         robots[r]: (robots[k], fits[r, k])
-        for r, k in zip(rows, columns, strict=True)
+        for r, k in zip(*linear_sum_assignment(-fits), strict=True)
         if r != k and fits[r, k] > max(FITS, fits[r, r] + 0.2)
     }
     return better if set(better) == {j for j, _ in better.values()} else {}
 
 
-def best_fit(m: RobotMotion, truth: Motion) -> ClockFit:
-    """Return the shift at which a robot's odometry fits a truth best."""
+def _best_fit(m: RobotMotion, truth: Motion) -> ClockFit:
+    """Return the shift at which a robot's odometry fits a truth best.
+
+    Of the peaks of correlation that are as likely as the highest, it is the one of least shift, since a robot in laps
+    fits at every lap. -n/2 ln(1 - R^2) is the log-likelihood of n samples; as likely are those within EVIDENCE^2 / 2.
+    """
     t, window = m.odometry.time, m.window
     if len(t) < FEWEST or not len(truth.time):
         return ClockFit()
     edges = np.arange(t[0], t[-1], window)
-    said = _without_jumps(m.steps(m.odometry, edges))
+    measured = _without_jumps(m.steps(m.odometry, edges))
 
     def correlations(shifts: Array) -> Array:
-        return np.array([_agreement(said, _without_jumps(m.steps(truth, edges + shift))) for shift in shifts])
+        return np.array([_agreement(measured, _without_jumps(m.steps(truth, edges + shift))) for shift in shifts])
 
     longest = min(LONGEST_SHIFT, min(t[-1] - t[0], truth.time[-1] - truth.time[0]) / 3)
     count = int(2 * longest / window)
     coarse = np.linspace(-count * window / 2, count * window / 2, 2 * count + 1)
-    at = coarse[_nearest_peak(correlations(coarse), coarse, len(edges) / 2)]
+    rough = correlations(coarse)
+    likelihood = -len(edges) / 4 * np.log1p(-(np.minimum(rough, 0.9999) ** 2))
+    around = np.pad(rough, 1, constant_values=-1.0)
+    peaks = (rough >= around[:-2]) & (rough >= around[2:])
+    good = np.flatnonzero(peaks & (likelihood >= likelihood.max() - EVIDENCE**2 / 2))
+    at = coarse[good[np.argmin(np.abs(coarse[good]))]]
     fine = np.linspace(at - 0.6 * window, at + 0.6 * window, 25)
     sharp = correlations(fine)
     best, unshifted = int(np.argmax(sharp)), float(correlations(np.zeros(1))[0])
     with_it, without = np.arctanh(np.clip([sharp[best], unshifted], -0.999, 0.999))
-    windows = max(int(np.isfinite(said.length).sum()) - 3, 1)
+    windows = max(int(np.isfinite(measured.length).sum()) - 3, 1)
     return ClockFit(float(fine[best]), float(sharp[best]), unshifted, float((with_it - without) * np.sqrt(windows / 2)))
 
 
-def _nearest_peak(correlation: Array, shifts: Array, samples: float) -> int:
-    """Of the peaks that are as likely as the highest, the one of least shift: a robot in laps fits at every lap.
-
-    -n/2 ln(1 - R^2) is the log-likelihood of n samples; as likely are those within EVIDENCE^2 / 2.
-    """
-    likelihood = -samples / 2 * np.log1p(-(np.minimum(correlation, 0.9999) ** 2))
-    around = np.pad(correlation, 1, constant_values=-1.0)
-    peaks = (correlation >= around[:-2]) & (correlation >= around[2:])
-    good = np.flatnonzero(peaks & (likelihood >= likelihood.max() - EVIDENCE**2 / 2))
-    return int(good[np.argmin(np.abs(shifts[good]))])
-
-
-def _agreement(said: Steps, true: Steps) -> float:
+def _agreement(measured: Steps, true: Steps) -> float:
     """Correlation of moves over all turns and reflections; else of lengths and turns, whatever the sign of turns.
 
     The first is the nuclear norm of the moves' products; of the second 1 - R^2 = (1 - r^2) (1 - s^2).
     """
-    if np.isfinite(said.move).any():
-        known = np.isfinite(said.move).all(axis=1) & np.isfinite(true.move).all(axis=1)
-        a, b = said.move[known].T, true.move[known].T
+    if np.isfinite(measured.move).any():
+        known = np.isfinite(measured.move).all(axis=1) & np.isfinite(true.move).all(axis=1)
+        a, b = measured.move[known].T, true.move[known].T
         scale = np.sqrt((a**2).sum() * (b**2).sum())
         return float(np.linalg.norm(a @ b.T, "nuc") / scale) if known.sum() >= FEWEST and scale > 0 else 0.0
-    r, s = max(_correlation(said.length, true.length), 0.0), _correlation(said.turn, true_turns(true))
+    r, s = max(_correlation(measured.length, true.length), 0.0), _correlation(measured.turn, true_turns(true))
     return float(np.sqrt(1 - (1 - r**2) * (1 - s**2)))
 
 
 def _correlation(a: Array, b: Array) -> float:
-    """Pearson's, over the samples known to both."""
+    """Return Pearson's correlation over the samples known to both; 0 of too few or of a constant."""
     known = np.isfinite(a) & np.isfinite(b)
     if known.sum() < FEWEST:
         return 0.0
@@ -313,8 +298,8 @@ def check_stale(c: CheckedLog, i: int) -> None:
     apart = np.hypot(*np.diff(place, axis=0).T) if np.isfinite(place).any() else np.abs(np.diff(m.odometry.length))
     length = np.concatenate([[0.0], np.cumsum(np.nan_to_num(apart))])
 
-    def runs(same: Mask, least: float) -> list[tuple[float, float]]:
-        """Intervals of `same` (m - 1,) that last, and in which at least that much is driven."""
+    def repeats(same: Mask, least: float) -> list[tuple[float, float]]:
+        """Return intervals of `same` (m - 1,) that last, and in which at least that much is driven."""
         edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(int)))
         found = t[edges].reshape(-1, 2)
         driven = np.diff(np.interp(found, m.odometry.time, length), axis=1)[:, 0]
@@ -322,41 +307,36 @@ def check_stale(c: CheckedLog, i: int) -> None:
 
     same_place = (change[:, :2] == 0).all(axis=1)
     same_pose = same_place & ((change[:, 2] == 0) | np.isnan(change[:, 2]))
-    if found := runs(same_pose, STALE_LENGTH) or runs(same_place, STALE_PLACE):
+    if found := repeats(same_pose, STALE_LENGTH) or repeats(same_place, STALE_PLACE):
         longest = max(end - start for start, end in found)
         fact = f"the position repeats exactly while the robot drives: {len(found)} times, for up to {longest:.1f} s"
         setting = "leave the repeated positions empty in the file"
         c.add("stale", i, m.poses.source, fact, "sure", setting, "truth", ("x", "y"))
-        repeats = np.any([(t > start) & (t <= end) for start, end in found], axis=0)
-        c.correct_truth(i, m.poses._replace(time=t[~repeats], values=m.poses.values[~repeats]))
+        stale = np.any([(t > start) & (t <= end) for start, end in found], axis=0)
+        c.correct("truth", i, m.poses._replace(time=t[~stale], values=m.poses.values[~stale]))
 
 
 def check_jumps(c: CheckedLog, i: int) -> None:
-    """Positions that no earlier or later one of the same robot can be reached from."""
+    """Positions between a step away and the step back, at most a second later; of a step alone, the next one."""
     truth = known_truth(c.log, i)
     if truth is None:
         return
     t, apart = truth.time, np.hypot(*np.diff(truth.values[:, :2], axis=0).T)
     speed = apart / np.maximum(np.diff(t), 1e-3)
-    usual = float(np.quantile(speed, 0.9))
-    steps = np.flatnonzero((apart > JUMP) & (speed > FAST * max(usual, 0.05)))
-    if len(steps):
-        jumps = _between_steps(steps, t)
-        fact = f"{len(jumps)} positions jump away and back; the first {t[jumps[0]] - t[0]:.1f} s after the start"
+    usual, longest = float(np.quantile(speed, 0.9)), max(1.0, 3 * float(np.median(np.diff(t))))
+    away, jumps = -1, set[int]()  # the row before the last step that has no step back yet
+    for step in np.flatnonzero((apart > JUMP) & (speed > FAST * max(usual, 0.05))).tolist():
+        if away >= 0 and t[step] - t[away] <= longest:
+            jumps |= {*range(away + 1, step + 1)}
+            away = -1
+        else:
+            jumps.add(step + 1)
+            away = step
+    if jumps:
+        fact = f"{len(jumps)} positions jump away and back; the first {t[min(jumps)] - t[0]:.1f} s after the start"
         c.add("jump", i, truth.source, fact, "sure", f"max_speed = {max(2 * usual, 0.5):.2g}", "truth")
-        kept = np.setdiff1d(np.arange(len(t)), jumps)
-        c.correct_truth(i, truth._replace(time=t[kept], values=truth.values[kept]))
-
-
-def _between_steps(steps: Indices, time: Array) -> Indices:
-    """Rows from a step away to the step back, at most a second later; of a step alone, the next row."""
-    rows: list[int] = []
-    longest, k = max(1.0, 3 * float(np.median(np.diff(time)))), 0  # [s] away
-    while k < len(steps):
-        back = k + 1 < len(steps) and time[steps[k + 1]] - time[steps[k]] <= longest
-        rows += range(steps[k] + 1, steps[k + 1] + 1 if back else steps[k] + 2)
-        k += 2 if back else 1
-    return np.unique(rows)
+        kept = np.setdiff1d(np.arange(len(t)), [*jumps])
+        c.correct("truth", i, truth._replace(time=t[kept], values=truth.values[kept]))
 
 
 def check_arena(c: CheckedLog, arena: Array | None) -> None:
@@ -390,7 +370,7 @@ OFFSET = 0.3  # [rad] of a heading against the direction of motion; a slip or an
 BESIDE = 0.3  # [m] a smaller shift cannot be told from noise and bias of ranges
 SIGN = 6.0  # standard errors of a slope below zero from which a sign is wrong
 BACK = "turn the positions back in the files"
-MIRRORS: dict[int, tuple[Kind, str, str]] = {  # by eighths of a turn
+MIRRORS = {  # by eighths of a turn
     0: ("mirrored", "y is downwards", 'frame = "mirrored"'),
     2: ("axes", "x and y are exchanged", 'frame = "swapped"'),
     -2: ("axes", "x and y are exchanged, and one is reversed", BACK),
@@ -406,7 +386,7 @@ def check_frame(c: CheckedLog, i: int) -> None:
 
 
 def _check_turning_frame(c: CheckedLog, i: int) -> None:
-    """A robot whose odometry turns."""
+    """Check a robot whose odometry turns."""
     m = robot_motion(c.log, i)
     poses = m.poses.values
     own = np.arange(m.truth.time[0], m.truth.time[-1], m.window)
@@ -415,53 +395,49 @@ def _check_turning_frame(c: CheckedLog, i: int) -> None:
     heading = wrap(np.interp(own[:-1] + m.window / 2, m.truth.time, m.truth.turn))
     follows, offset = concentration(heading - direction)
     opposes, mirror = concentration(heading + direction)
-    edges = m.common_edges()
-    said, true = m.steps(m.odometry, edges), m.steps(m.truth, edges)
-    smoothed = np.convolve(said.turn, np.full(3, 1 / 3), "same") if len(said.turn) > 3 else said.turn
-    of_heading, of_course = robust_slope(true.turn, said.turn), robust_slope(course_turns(true.move), smoothed)
+    measured, true = m.common_steps()
+    smoothed = np.convolve(measured.turn, np.full(3, 1 / 3), "same") if len(measured.turn) > 3 else measured.turn
+    of_heading, of_course = robust_slope(true.turn, measured.turn), robust_slope(course_turns(true.move), smoothed)
     headed = bool(np.isfinite(of_heading[0]))
     slope, error = of_heading if headed else of_course
     reversed_turns = slope < -0.3 and slope < -SIGN * error
 
-    def set_heading(new: Array) -> None:
-        c.correct_truth(i, m.poses._replace(values=np.column_stack([poses[:, :2], wrap(new)])))
+    def report_heading(fact: str, sure: str, setting: str, correct: Array) -> None:
+        c.add("heading", i, m.poses.source, fact, sure, setting, "truth", ("heading",))
+        c.correct("truth", i, m.poses._replace(values=np.column_stack([poses[:, :2], wrap(correct)])))
 
     if opposes > FOLLOWS and opposes > follows + 0.2:
         if headed and reversed_turns:  # odometry turns against the heading, and with the course
             start = "from y, as a compass does" if abs(mirror - np.pi / 2) < OFFSET else "from x"
             fact = f"the heading falls when the robot turns left (agreement {opposes:.2f}): it is clockwise {start}"
-            setting = f"write {np.degrees(mirror):.0f} deg - heading into the file"
-            c.add("heading", i, m.poses.source, fact, "sure", setting, "truth", ("heading",))
-            set_heading(mirror - poses[:, 2])
+            report_heading(
+                fact, "sure", f"write {np.degrees(mirror):.0f} deg - heading into the file", mirror - poses[:, 2]
+            )
         else:
             fact = f"the positions turn left where the heading turns right (agreement {opposes:.2f})"
             _add_mirror(c, i, mirror, fact, "sure" if headed else "likely")
         return
     if follows > FOLLOWS and abs(offset) > OFFSET:
-        fact = f"the heading is {np.degrees(offset):+.0f} deg from the direction of motion (agreement {follows:.2f})"
-        setting = f"subtract {np.degrees(offset):.0f} deg in the file"
-        c.add("heading", i, m.poses.source, fact, "likely", setting, "truth", ("heading",))
-        set_heading(poses[:, 2] - offset)
+        degrees = np.degrees(offset)
+        fact = f"the heading is {degrees:+.0f} deg from the direction of motion (agreement {follows:.2f})"
+        report_heading(fact, "likely", f"subtract {degrees:.0f} deg in the file", poses[:, 2] - offset)
     if reversed_turns:
         fact = f"odometry turns right where the truth turns left (slope {slope:.2f})"
         fact += "" if headed else "; or the truth is mirrored (its heading was not recorded)"
-        pose = c.log.odometry_kind == "pose"
-        names = ("y", "heading") if pose else ("turn_rate",)
+        columns, names = ((1, 2), ("y", "heading")) if c.log.odometry_kind == "pose" else ((1,), ("turn_rate",))
         setting = f"write {' and '.join(f'-{name}' for name in names)} into the files"
-        sure: Sure = "sure" if headed and follows > FOLLOWS else "likely"
+        sure = "sure" if headed and follows > FOLLOWS else "likely"
         c.add("turn sign", i, c.log.odometry[i].source, fact, sure, setting, "odometry", names)
-        c.correct_odometry(i, divide_columns(c.log.odometry[i].values, -1.0, (1, 2) if pose else (1,)))
+        c.correct("odometry", i, divide_columns(c.log.odometry[i], -1.0, columns))
 
 
 def _check_compass_frame(c: CheckedLog, i: int) -> None:
-    """A robot with displacements: the turn or reflection that takes them to the true moves (orthogonal Procrustes)."""
-    m = robot_motion(c.log, i)
-    edges = m.common_edges()
-    said, true = m.steps(m.odometry, edges).move, m.steps(m.truth, edges).move
-    if (np.isfinite(said) & np.isfinite(true)).all(axis=1).sum() < 20:
+    """Check the turn or reflection that takes displacements to the true moves (orthogonal Procrustes)."""
+    measured, true = (steps.move for steps in robot_motion(c.log, i).common_steps())
+    if (np.isfinite(measured) & np.isfinite(true)).all(axis=1).sum() < 20:
         return
-    follows, offset = concentration(wrap(course(true) - course(said)))
-    opposes, mirror = concentration(wrap(course(true) + course(said)))
+    follows, offset = concentration(wrap(course(true) - course(measured)))
+    opposes, mirror = concentration(wrap(course(true) + course(measured)))
     if opposes > FOLLOWS and opposes > follows + 0.2:
         fact = f"the positions move as the mirror image of odometry (agreement {opposes:.2f})"
         _add_mirror(c, i, mirror, fact, "likely")
@@ -472,7 +448,7 @@ def _check_compass_frame(c: CheckedLog, i: int) -> None:
         c.add("frame", i, c.log.odometry[i].source, fact, "likely", setting, "odometry", ("dx", "dy"))
 
 
-def _add_mirror(c: CheckedLog, i: int, mirror: float, fact: str, sure: Sure) -> None:
+def _add_mirror(c: CheckedLog, i: int, mirror: float, fact: str, sure: str) -> None:
     """Report positions mirrored in a line at half of `mirror` [rad], and reflect them where ranges fit best."""
     line = f"in a line at {np.degrees(mirror) / 2:.0f} deg"
     kind, words, setting = MIRRORS.get(int(np.rint(mirror / (np.pi / 4))), ("mirrored", line, BACK))
@@ -480,7 +456,7 @@ def _add_mirror(c: CheckedLog, i: int, mirror: float, fact: str, sure: Sure) -> 
     cosine, sine = np.cos(mirror), np.sin(mirror)
     values = truth.values.copy()
     values[:, :2] = values[:, :2] @ np.array([[cosine, sine], [sine, -cosine]])
-    c.correct_truth(i, truth._replace(values=values))
+    c.correct("truth", i, truth._replace(values=values))
     shift = shift_that_fits(c.log, i)
     if shift is not None and np.hypot(*shift) >= BESIDE:
         values[:, :2] += shift
@@ -491,23 +467,16 @@ def _add_mirror(c: CheckedLog, i: int, mirror: float, fact: str, sure: Sure) -> 
 
 # --- Scales
 
-MOST_SCALE = (
-    1.2  # a factor beyond this, or below its inverse, is reported; wheels are rarely calibrated better than 5 %
-)
+MOST_SCALE = 1.2  # a factor beyond it, or below its inverse, is reported; wheels are rarely calibrated better than 5 %
 
 
 def check_scales(c: CheckedLog, i: int) -> None:
     """Lengths and turns of odometry against those of the truth, by least absolute deviations."""
-    m = robot_motion(c.log, i)
-    edges = m.common_edges()
-    if len(edges) < 10 or not moves(c.log, i):
+    measured, true = robot_motion(c.log, i).common_steps()
+    if len(measured.turn) < 9 or not moves(c.log, i):
         return
-    said, true = m.steps(m.odometry, edges), m.steps(m.truth, edges)
-    turned = true_turns(true)
-    for verb, key, x, y in (
-        ("drives", "length_scale", true.length, np.abs(said.length)),
-        ("turns", "turn_scale", turned, said.turn),
-    ):
+    drives = ("drives", "length_scale", true.length, np.abs(measured.length))
+    for verb, key, x, y in (drives, ("turns", "turn_scale", true_turns(true), measured.turn)):
         slope, error = robust_slope(x, y)
         b = abs(slope)
         too_large, too_small = b > MOST_SCALE + EVIDENCE * error, 0 < b < 1 / MOST_SCALE - EVIDENCE * error

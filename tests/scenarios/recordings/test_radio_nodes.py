@@ -44,13 +44,7 @@ def test_the_node_of_each_robot_is_found_and_the_second_best_is_far_worse():
     assert found.nodes == {"red": "n1", "blue": "n3", "green": "n4"}
     assert found.residual < 0.06
     assert found.second > 2 * found.residual
-
-
-def test_a_node_on_no_robot_is_an_anchor_whose_place_is_estimated():
-    found = assign(simulated(np.random.default_rng(2)), paths())
-    assert set(found.anchors) == set(ANCHORS)
-    for name, place in ANCHORS.items():
-        np.testing.assert_allclose(found.anchors[name].position, place, atol=0.25)
+    assert set(found.others) == set(ANCHORS)
 
 
 def test_two_nodes_on_two_robots_cannot_be_told_apart_and_it_says_so():
@@ -76,4 +70,4 @@ def test_on_four_recorded_robots_the_best_assignment_is_twice_as_good_as_any_oth
     found = assign(ranges, carriers)
     assert found.nodes == {"1": "n_7", "3": "n_3", "4": "n_4", "5": "n_5"}
     assert found.second > 2 * found.residual
-    assert set(found.anchors) == {"n_1", "n_2", "n_6", "n_8"}
+    assert set(found.others) == {"n_1", "n_2", "n_6", "n_8"}
