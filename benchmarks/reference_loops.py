@@ -4,12 +4,11 @@
 its variance, systematic resampling below half the effective sample size, Liu and West's jitter. It is what a good numpy
 user writes around filterpy's resampling: x and y apart, squared distances, a logarithm for a link's distance and one
 for its variance, and no product of matrices in the loops. `Loop` is one ExtendedKalmanFilter over the whole team,
-updated by one scalar reading after the other; `Filterpy` gives the runner such a loop for each trial. `make_asker` is
-one cvxpy problem of covariance intersection whose numbers change, solved by `Problem.solve`.
+updated by one scalar reading after the other; `Filterpy` gives the runner such a loop for each trial. `ask_cvxpy`
+finds a weight of covariance intersection by `Problem.solve`.
 """
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 import cvxpy as cp
@@ -188,32 +187,11 @@ class Filterpy:
         return Belief(x, P)
 
 
-def entries(P: Any) -> Any:
-    """Three rows (3, m): what the information of each source has at 11, 12 and 22, in the unit of their mean trace."""
-    A = np.linalg.inv(P)
-    return A[:, (0, 0, 1), (0, 1, 1)].T / np.trace(A.mean(0))
-
-
-def cone_problem(A: Any, criterion: str) -> Any:
-    """The problem, and its weights, of numbers or parameters A (3, m)."""
-    w, t = cp.Variable(A.shape[1], nonneg=True), cp.Variable()
-    a, b, c = A[0] @ w, A[1] @ w, A[2] @ w
-    if criterion == "det":
-        aim, inside = t, cp.SOC(a + c, cp.hstack([2 * b, 2 * t, a - c]))
-    else:
-        u, v = (a + c) / 2, (a - c) / 2
-        aim, inside = u - t, cp.SOC(u + t, cp.hstack([2 * v, 2 * b, u - t]))
-    return cp.Problem(cp.Maximize(aim), [inside, cp.sum(w) == 1]), w
-
-
-def make_asker(m: int, criterion: str) -> Callable[[Any], Any]:
-    """Return a function that solves one problem of which only the numbers change."""
-    A = cp.Parameter((3, m))
-    problem, w = cone_problem(A, criterion)
-
-    def ask(P: Any) -> Any:
-        A.value = entries(P)
-        problem.solve(solver="CLARABEL", warm_start=False)
-        return w.value
-
-    return ask
+def ask_cvxpy(P_i: Any, P_j: Any, H: Any) -> float:
+    """Return the weight of one reading of variance 1 that `Problem.solve` finds, by the trace."""
+    q = float((H @ P_j @ H.T).item())
+    w, n = cp.Variable(nonneg=True), cp.Variable()
+    information = w * np.linalg.inv(P_i) + n * (H.T @ H)
+    problem = cp.Problem(cp.Minimize(cp.tr_inv(information)), [w <= 1, n <= 1 - q * cp.inv_pos(q + 1 - w)])
+    problem.solve(solver="CLARABEL")
+    return float(w.value)

@@ -19,12 +19,12 @@ from typing import Any, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
-from reference_loops import Filterpy, lean_loop, make_asker
+from reference_loops import Filterpy, ask_cvxpy, lean_loop
 from scipy.stats import linregress, t
 
 import cooploc as cl
 from cooploc.analysis.execution.provenance import provenance
-from cooploc.estimators.covariance_intersection import relative_weights, weights
+from cooploc.estimators.covariance_intersection import solve_relative
 from cooploc.estimators.dead_reckoning import DeadReckoning
 from cooploc.scenarios.runner.trace import trace, warm_up
 
@@ -123,22 +123,17 @@ def rounding() -> Iterator[Line]:
 # ---------------------------------------------------------------------------------------------- weights by cvxpy
 
 FUSIONS, FRESH = 100, 10  # all, and those that the slow contender solves in a round
-ALONE = np.arange(FUSIONS)  # each fusion a group of its own
 
 
 def weighing(rounds: int) -> Iterator[Line]:
     """Measure the weights of covariance intersection by cvxpy, each fusion a program of its own, as CTRN takes them."""
-    for m in (2, 5):
-        a = np.random.default_rng(1).normal(size=(FUSIONS, m, 2, 2))
-        P, ask = a @ a.mT + 0.1 * np.eye(2), make_asker(m, "trace")
-        asked = (lambda P=P, ask=ask: [ask(p) for p in P[:FRESH]], FRESH, 1)
-        alone = (lambda P=P: weights(P, "trace", "cvxpy", ALONE), FUSIONS, 3)
-        slow, fast = race([asked, alone], rounds)
-        yield Line(f"cvxpy, {m} sources, alone [µs a fusion]", 1e6 * fast, 150, True, 1e6 * slow)
     rng = np.random.default_rng(2)
-    P, H = a[:, 0] @ a[:, 0].mT + 0.1 * np.eye(2), rng.normal(size=(len(a), 1, 2))
-    ranged = (lambda: relative_weights(P, 0.05 * P, H, -H, np.eye(1), "trace", "cvxpy", 2, ALONE), len(P), 3)
-    yield Line("cvxpy, a range, alone [µs a fusion]", 1e6 * race([ranged], rounds)[0], 150, True)
+    a = rng.normal(size=(FUSIONS, 2, 2))
+    P, H, alone = a @ a.mT + 0.1 * np.eye(2), rng.normal(size=(FUSIONS, 1, 2)), np.arange(FUSIONS)
+    asked = (lambda: [ask_cvxpy(p, 0.05 * p, h) for p, h in zip(P[:FRESH], H, strict=False)], FRESH, 1)
+    ours = (lambda: solve_relative(P, 0.05 * P, H, -H, np.eye(1), "trace", "cvxpy", 2, alone), FUSIONS, 3)
+    slow, fast = race([asked, ours], rounds)
+    yield Line("cvxpy, a range, alone [µs a fusion]", 1e6 * fast, 150, True, 1e6 * slow)
 
 
 def race(contenders: list[tuple[Callable[[], object], int, int]], rounds: int) -> Any:

@@ -90,22 +90,20 @@ def canonical(problem: Any, theta: Any) -> Canonical:
 
 # The weights of covariance intersection by cvxpy and Clarabel: cone programs, canonicalised once for each shape.
 #
-# With d = 2 a fusion is a second-order cone program. In the whitened coordinates, and because Y(w) scales with
-# w, the most information from weights that sum to one is the least sum of weights that reach a given information:
+# One's own weight w and v = 1 - w weigh terms B_0 and n_k B_k, with n_k = v / (sigma_k + (1 - sigma_k) v) at w + v = 1.
+# That is n_k = v + (1 - sigma_k) h_k with the harmonic mean h_k = w v / (sigma_k w + v), and a cone for h_k:
 #
-#     min sum w   s.t.   w >= 0,   X = Y(w) - C,   ||(2 X_12, 2 gamma, X_11 - X_22)|| <= X_11 + X_22,
+#     x y >= sigma h^2  with  x = w - h,  y = v - sigma h,   that is   ||(2 sqrt(sigma) h, x - y)|| <= x + y.
+#
+# So the information is Y(c), linear in c = (w, v, h_1 .. h_k), whose terms are B_0, sum B_k and (1 - sigma_k) B_k.
+# Because Y(c) scales with c, the most information from weights that sum to one is the least sum w + v that reaches a
+# given information. With d = 2, in the whitened coordinates, that is a second-order cone program:
+#
+#     min w + v   s.t.   c >= 0,   X = Y(c) - C,   ||(2 X_12, 2 gamma, X_11 - X_22)|| <= X_11 + X_22,
 #
 # that is X >= 0 with det X >= gamma^2. The determinant has C = 0, gamma = 1: det Y >= 1. The trace has gamma^2 = det C:
 # det Y >= tr(adj(C) Y), which is tr(C Y^-1) <= 1. The fusions of one group are one program, the sum of theirs. In other
 # dimensions cvxpy's log_det and matrix_frac (which is tr_inv with C) take one fusion at a time.
-#
-# A relative measurement adds to B_0, one's own, of weight w, terms n_k B_k with n_k = v / (sigma_k + (1 - sigma_k) v)
-# at w + v = 1. That is n_k = v + (1 - sigma_k) h_k with the harmonic mean h_k = w v / (sigma_k w + v), and a cone for
-# h_k:
-#
-#     x y >= sigma h^2  with  x = w - h,  y = v - sigma h,   that is   ||(2 sqrt(sigma) h, x - y)|| <= x + y.
-#
-# So it is a program of the terms B_0 (w), sum B_k (v) and (1 - sigma_k) B_k (h_k), in which only w + v is minimised.
 #
 # The solver couples the fusions of one program in their last bits. So a program never holds fusions of two groups,
 # never starts from an earlier solution, and lists its fusions in an order that only their values give.
@@ -124,11 +122,15 @@ SETTINGS = {
 class Shape(NamedTuple):
     """What the numbers of a fusion do not change."""
 
-    m: int  # terms
-    k: int  # of them are of a relative measurement
+    k: int  # numbers of the reading
     d: int
     block: int
     trace: bool
+
+    @property
+    def m(self) -> int:
+        """The number of variables c and of their terms."""
+        return 2 + self.k
 
     @property
     def cone(self) -> bool:
@@ -137,16 +139,19 @@ class Shape(NamedTuple):
 
 
 def solve(z: Whitened, groups: Indices) -> Array:
-    """Weights (K, m), or own weights (K, 1) of the relative form, for the caller to check; nan where there are none."""
-    B = _terms(z)
-    shape = Shape(B.shape[1], z.sigma.shape[1], B.shape[-1], z.block, z.trace)
+    """One's own weights (K,), for the caller to check; nan where there are none."""
+    own, others = z.B[:, :1], z.B[:, 1:]
+    B = np.concatenate([own, others.sum(1, keepdims=True), (1 - z.sigma)[..., None, None] * others], 1)
+    shape = Shape(z.sigma.shape[1], B.shape[-1], z.block, z.trace)
     program, most = _program(shape), STACK if shape.cone else 1
     A, b = program.numbers(_cone_numbers(B, z) if shape.cone else _matrix_numbers(B, z))
     x, stack_of = np.full((len(B), len(program.q)), np.nan), cache(program.stack)
     for rows in _stacks(z, groups, most):
         with suppress(Exception):  # a solver may raise anything; the exact weights are used then
             x[rows] = stack_of(len(rows)).solve(A[rows], b[rows], _settings())
-    return _weights(shape, x)
+    with np.errstate(divide="ignore", invalid="ignore"):  # a failed solver's x may be anything
+        w: Array = x[:, 0] / (x[:, 0] + x[:, 1])
+    return np.clip(w, 0.0, 1.0)
 
 
 def _stacks(z: Whitened, groups: Indices, most: int) -> Iterator[Indices]:
@@ -154,23 +159,6 @@ def _stacks(z: Whitened, groups: Indices, most: int) -> Iterator[Indices]:
     order = np.lexsort((*z.sigma.T, *z.C.T.reshape(-1, len(z.C)), *z.B.T.reshape(-1, len(z.B)), groups))
     for group in np.split(order, np.flatnonzero(np.diff(groups[order])) + 1):
         yield from (group[i : i + most] for i in range(0, len(group), most))
-
-
-def _weights(shape: Shape, x: Array) -> Array:
-    """Weights (K, m), or own weights (K, 1), of the minimisers x (K, n), which begin with c of `_shares`."""
-    total = sum(x[:, i] for i in range(2 if shape.k else shape.m))  # in order, for the bits
-    with np.errstate(divide="ignore", invalid="ignore"):  # a failed solver's x may be anything
-        w: Array = x[:, : 1 if shape.k else shape.m] / np.asarray(total)[:, None]
-    return np.clip(w, 0.0, 1.0)
-
-
-def _terms(z: Whitened) -> Array:
-    """The matrices that the variables multiply (K, m, d, d)."""
-    if not z.sigma.shape[1]:
-        return z.B
-    return np.concatenate(
-        [z.B[:, :1], z.B[:, 1:].sum(1, keepdims=True), (1 - z.sigma)[..., None, None] * z.B[:, 1:]], 1
-    )
 
 
 @lru_cache
@@ -204,7 +192,7 @@ def _cone_program(shape: Shape) -> Canonical:
     c, constraints = _shares(shape, theta[3 * m + 4 :])
     X11, X12, X22 = (theta[i * m : (i + 1) * m] @ c - theta[3 * m + i] for i in range(3))
     constraints.append(cp.SOC(X11 + X22, cp.hstack([2 * X12, 2 * theta[3 * m + 3], X11 - X22])))
-    return canonical(cp.Problem(_least(shape, c), constraints), theta)
+    return canonical(cp.Problem(cp.Minimize(cp.sum(c[:2])), constraints), theta)
 
 
 def _matrix_numbers(B: Array, z: Whitened) -> Array:
@@ -234,11 +222,11 @@ def _matrix_program(shape: Shape) -> Canonical:
         constraints.append(cp.matrix_frac(F, X) <= 1)
     else:
         constraints.append(cp.log_det(X) >= 0)
-    return canonical(cp.Problem(_least(shape, c), constraints), theta)
+    return canonical(cp.Problem(cp.Minimize(cp.sum(c[:2])), constraints), theta)
 
 
 def _shares(shape: Shape, ratios: Any) -> tuple[Any, list[Any]]:
-    """The variables c (m,), w or w, v, h_1 .. h_k, and their cones; `ratios` (2 k,) are sigma and its root."""
+    """The variables c (m,), which are w, v, h_1 .. h_k, and their cones; `ratios` (2 k,) are sigma and its root."""
     cp = _cvxpy()
     c = cp.Variable(shape.m)
     constraints = [c >= 0]
@@ -247,12 +235,6 @@ def _shares(shape: Shape, ratios: Any) -> tuple[Any, list[Any]]:
         x, y = c[0] - h, c[1] - sigma * h
         constraints.append(cp.SOC(x + y, cp.hstack([2 * root * h, x - y])))
     return c, constraints
-
-
-def _least(shape: Shape, c: Any) -> Any:
-    """What is minimised: sum w, or w + v."""
-    cp = _cvxpy()
-    return cp.Minimize(cp.sum(c[:2] if shape.k else c))
 
 
 def _cvxpy() -> Any:

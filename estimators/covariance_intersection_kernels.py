@@ -1,11 +1,11 @@
-"""The compiled loops of covariance intersection: small matrices, criteria, and the weights of every kind of fusion.
+"""The compiled loops of covariance intersection: small matrices, criteria, and the weights of relative readings.
 
 All matrices of one fusion lie in one array M (slots, d, d) and are named by their slots, all vectors in one array R
-(5, m): numba counts references to every slice. `axes` is a tuple of d zeros: the length of a tuple is part of its type,
+(2, m): numba counts references to every slice. `axes` is a tuple of d zeros: the length of a tuple is part of its type,
 so that numba unrolls the loops over it.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,8 +14,8 @@ from cooploc.estimators.interface import Array, Indices, Mask
 
 PIVOT = 1e-15  # a Cholesky pivot this small beside its diagonal is rounding
 
-S, U, T, W, G, C, Y, Q, X, FIRST = range(10)  # slots of M; the sources B_k begin at FIRST
-WEIGHT, SLOPE, STEP, LEFT, RIGHT = range(5)  # slots of R
+S, U, T, W, G, C, Y, Q, FIRST = range(9)  # slots of M; the terms B_k begin at FIRST
+WEIGHT, STEP = range(2)  # slots of R
 
 
 @strict_inlined
@@ -86,14 +86,6 @@ def inner(M, a, b, axes):
 
 
 @strict_inlined
-def copy(M, a, matrix, axes):
-    """Matrix a = the given one."""
-    for i in range(len(axes)):
-        for j in range(len(axes)):
-            M[a, i, j] = matrix[i, j]
-
-
-@strict_inlined
 def combine(M, R, row, a, axes):
     """Matrix a = sum R_k B_k."""
     for i in range(len(axes)):
@@ -108,10 +100,12 @@ def combine(M, R, row, a, axes):
 
 @strict_inlined
 def load(M, B, C_, axes):
-    """One fusion into its slots."""
-    copy(M, C, C_, axes)
-    for k in range(len(B)):
-        copy(M, FIRST + k, B[k], axes)
+    """Copy one fusion into its slots."""
+    for i in range(len(axes)):
+        for j in range(len(axes)):
+            M[C, i, j] = C_[i, j]
+            for k in range(len(B)):
+                M[FIRST + k, i, j] = B[k, i, j]
 
 
 # The criteria of covariance intersection, trace and determinant of the fused covariance, and their gradient.
@@ -151,247 +145,7 @@ def sensitivity(M, y, trace, axes):
     return True
 
 
-# One step of Newton's method for the weights of several sources: its direction among those in use, and its length.
-
-RIDGE = 1e-13  # keeps the Newton system definite where sources nearly coincide
-
-
-@strict_inlined
-def support(R, newcomer, chosen):
-    """How many sources are in use, with the newcomer; they are listed in `chosen`."""
-    n = 0
-    for k in range(R.shape[1]):
-        if R[WEIGHT, k] > 0.0 or k == newcomer:
-            chosen[n] = k
-            n += 1
-    return n
-
-
-@strict_inlined
-def _factor_newton(M, R, H, chosen, n, trace, axes):
-    """H_kl = tr(G B_k W B_l), twice that for the trace, among the n chosen sources; then its upper root, in place."""
-    top = 0.0
-    for i in range(n):
-        product(M, W, FIRST + chosen[i], T, axes)
-        product(M, T, G, U, axes)
-        for j in range(i + 1):
-            H[j, i] = (2.0 if trace else 1.0) * inner(M, U, FIRST + chosen[j], axes)
-        top = max(top, H[i, i])
-    for j in range(n - 1, -1, -1):
-        H[j, j] += RIDGE * top
-        for k in range(j + 1, n):
-            H[j, j] -= H[j, k] * H[j, k]
-        H[j, j] = np.sqrt(H[j, j])
-        for i in range(j):
-            for k in range(j + 1, n):
-                H[i, j] -= H[i, k] * H[j, k]
-            H[i, j] /= H[j, j]
-
-
-@strict_inlined
-def _solve(R, row, H, n):
-    """R = (H H')^-1 R for the first n entries of a row."""
-    for i in range(n - 1, -1, -1):
-        for k in range(i + 1, n):
-            R[row, i] -= H[i, k] * R[row, k]
-        R[row, i] /= H[i, i]
-    for i in range(n):
-        for k in range(i):
-            R[row, i] -= H[k, i] * R[row, k]
-        R[row, i] /= H[i, i]
-
-
-@strict_inlined
-def newton_step(M, R, H, chosen, n, trace, axes):
-    """The step among the chosen sources that keeps their sum: H step = g - mu 1."""
-    _factor_newton(M, R, H, chosen, n, trace, axes)
-    for i in range(n):
-        R[LEFT, i], R[RIGHT, i] = R[SLOPE, chosen[i]] - 1.0, 1.0
-    _solve(R, LEFT, H, n)
-    _solve(R, RIGHT, H, n)
-    left, right = 0.0, 0.0
-    for i in range(n):
-        left, right = left + R[LEFT, i], right + R[RIGHT, i]
-    for k in range(R.shape[1]):
-        R[STEP, k] = 0.0
-    for i in range(n):
-        R[STEP, chosen[i]] = R[LEFT, i] - left / right * R[RIGHT, i]
-
-
-@strict_inlined
-def reach(R):
-    """How far the step can be followed before a weight is zero, and whose."""
-    first, reach = -1, np.inf
-    for k in range(R.shape[1]):
-        if R[STEP, k] < 0.0 and R[WEIGHT, k] < -R[STEP, k] * reach:
-            first, reach = k, -R[WEIGHT, k] / R[STEP, k]
-    return first, reach
-
-
-@strict_inlined
-def _slope(M, t, trace, axes):
-    """The gain per unit of t at Y + t Q; minus infinity where that is not positive definite."""
-    for i in range(len(axes)):
-        for j in range(len(axes)):
-            M[X, i, j] = M[Y, i, j] + t * M[Q, i, j]
-    return inner(M, G, Q, axes) if sensitivity(M, X, trace, axes) else -np.inf
-
-
-@strict_inlined
-def step_length(M, reach, trace, axes):
-    """How far to go along Q, at most `reach`: near the best point of the line, on its near side.
-
-    Newton's length 1 first, which is all it takes near the optimum; then a bracket, halved in the logarithm, because
-    from a nearly singular start the best length may be many orders of magnitude more.
-    """
-    gain = inner(M, G, Q, axes)
-    low, high, closed, t = 0.0, reach, False, min(1.0, reach)
-    for _ in range(60):
-        slope = _slope(M, t, trace, axes)
-        if (t == reach and slope >= 0.0) or (abs(slope) <= 0.1 * gain and (slope >= 0.0 or gain < 0.01)):
-            return t
-        if slope >= 0.0:
-            low = t
-        else:
-            high, closed = t, True
-        if low > 0.0:
-            t = np.sqrt(low * high) if closed else reach
-            continue
-        t = high * max(0.1, gain / (gain - slope))
-    return low
-
-
-# The weights of several sources: a closed form for two, Newton's method with a certificate for more.
-#
-# sum w_k g_k = 1 for the gradient g above, and as both criteria are convex no weights can do better than
-# these by more than max g_k - 1, relatively: the certified duality gap, which is zero at the optimum (the equivalence
-# theorem: J. Kiefer, J. Wolfowitz, "The equivalence of two extremum problems", Canad. J. Math. 1960).
-#
-
-ROUNDS = 200
-
-
-@strict_inlined
-def _adjugate_inner(M, a, b):
-    """tr(adj(a) b) of symmetric 2 x 2 matrices, linear in each."""
-    return M[a, 0, 0] * M[b, 1, 1] + M[a, 1, 1] * M[b, 0, 0] - 2 * M[a, 0, 1] * M[b, 0, 1]
-
-
-@strict_inlined
-def _best_of_two(M, i, j, trace):
-    """The weight of B_i beside B_j, d = 2, in closed form.
-
-    det(u B_i + v B_j) = bi u^2 + x u v + bj v^2, and the trace is (ni u + nj v) over that; ni = nj = 1 stands for the
-    determinant. The slopes in u and in v are equal where a u^2 + 2 h u v - c v^2 = 0. Source i alone is best where
-    a <= 0, source j where c <= 0 (nested covariances), and both are where the two are equal.
-    """
-    bi, bj = _adjugate_inner(M, i, i) / 2, _adjugate_inner(M, j, j) / 2
-    x = _adjugate_inner(M, i, j)
-    ni, nj = (_adjugate_inner(M, C, i), _adjugate_inner(M, C, j)) if trace else (1.0, 1.0)
-    a, h, c = ni * (x - bi) - nj * bi, ni * bj - nj * bi, nj * (x - bj) - ni * bj
-    if a <= 0.0 or c <= 0.0:
-        return 0.5 * (1.0 + (a <= 0.0) - (c <= 0.0))
-    root = np.sqrt(h * h + a * c)
-    return c / (c + h + root) if h >= 0.0 else (root - h) / (root - h + a)
-
-
-@strict_inlined
-def _best_source(M, R, present, trace, axes):
-    """The source that would do best alone."""
-    best, least = -1, np.inf
-    for k in range(R.shape[1]):
-        if present[k]:
-            value = evaluate(M, FIRST + k, trace, len(axes), axes)
-            best, least = (k, value) if value < least else (best, least)
-    return best
-
-
-@strict_inlined
-def _gradient(M, R, trace, axes):
-    """g_k = tr(G B_k) at Y = sum w_k B_k: where it is greatest, and the gap max g_k - 1."""
-    combine(M, R, WEIGHT, Y, axes)
-    if not sensitivity(M, Y, trace, axes):
-        return 0, np.inf
-    best = 0
-    for k in range(R.shape[1]):
-        R[SLOPE, k] = inner(M, G, FIRST + k, axes)
-        best = k if R[SLOPE, k] > R[SLOPE, best] else best
-    return best, R[SLOPE, best] - 1.0
-
-
-@strict_inlined
-def _start_several(M, R, present, trace, axes):
-    """The best source alone; with d = 2 beside the one that it misses most, which is the answer where two are present.
-
-    Returns the index of the best source, -1 where none is present.
-    """
-    best = _best_source(M, R, present, trace, axes)
-    if best >= 0:
-        R[WEIGHT, best] = 1.0
-    if best >= 0 and len(axes) == 2:
-        other, gap = _gradient(M, R, trace, axes)
-        if gap > GAP:
-            R[WEIGHT, best] = _best_of_two(M, FIRST + best, FIRST + other, trace)
-            R[WEIGHT, other] = 1.0 - R[WEIGHT, best]
-    return best
-
-
-@strict_inlined
-def _descend(M, R, H, chosen, trace, axes):
-    """Newton among the sources in use and the one that is most missed, until the gap is GAP; returns it."""
-    gap = np.inf
-    for _ in range(ROUNDS):
-        best, gap = _gradient(M, R, trace, axes)
-        if not GAP < gap < np.inf:
-            break
-        newcomer = best
-        for _ in range(2):
-            newton_step(M, R, H, chosen, support(R, newcomer, chosen), trace, axes)
-            if R[WEIGHT, best] > 0.0 or R[STEP, best] > 0.0:
-                break
-            newcomer = -1  # it would have to be negative: move the others first
-        first, most = reach(R)
-        if first < 0:
-            break
-        combine(M, R, STEP, Q, axes)
-        t = step_length(M, most, trace, axes)
-        total = 0.0
-        for k in range(R.shape[1]):
-            R[WEIGHT, k] = 0.0 if k == first and t == most else max(R[WEIGHT, k] + t * R[STEP, k], 0.0)
-            total += R[WEIGHT, k]
-        for k in range(R.shape[1]):
-            R[WEIGHT, k] /= total
-    return gap
-
-
-@strict_kernel
-def best_of_several(B, C_, present, trace, weights, gap, axes):
-    """Weights (K, m) and their gaps (K,) for whitened sources B (K, m, d, d); zeros where no source is present."""
-    m, d = B.shape[1], len(axes)
-    M, R, H, chosen = np.empty((FIRST + m, d, d)), np.empty((5, m)), np.empty((m, m)), np.empty(m, np.int64)
-    for f in range(len(B)):
-        load(M, B[f], C_[f], axes)
-        R[WEIGHT] = 0.0
-        gap[f] = 0.0
-        if _start_several(M, R, present[f], trace, axes) >= 0:
-            gap[f] = max(_descend(M, R, H, chosen, trace, axes), 0.0)
-        weights[f] = R[WEIGHT]
-
-
-@strict_kernel
-def values_of_several(B, C_, trace, weights, value, axes):
-    """The criterion (K,) of any weights (K, m)."""
-    m, d = B.shape[1], len(axes)
-    M, R = np.empty((FIRST + m, d, d)), np.empty((5, m))
-    for f in range(len(B)):
-        load(M, B[f], C_[f], axes)
-        R[WEIGHT] = weights[f]
-        combine(M, R, WEIGHT, Y, axes)
-        value[f] = evaluate(M, Y, trace, d, axes)
-
-
 # One's own weight for one relative reading: the zero of the criterion's slope in w, in a bracket that certifies it.
-#
 
 WIDTH = 1e-15  # of a bracket that cannot be halved any more
 
@@ -451,7 +205,7 @@ def _search(M, R, sigma, trace, block, axes):
 def best_relative(B, C_, sigma, trace, block, weights, gap, axes):
     """One's own weights (K,) and their gaps (K,)."""
     m, d = B.shape[1], len(axes)
-    M, R = np.empty((FIRST + m, d, d)), np.zeros((5, m))
+    M, R = np.empty((FIRST + m, d, d)), np.zeros((2, m))
     for f in range(len(B)):
         load(M, B[f], C_[f], axes)
         weights[f], gap[f] = _search(M, R, sigma[f], trace, block, axes)
@@ -461,7 +215,7 @@ def best_relative(B, C_, sigma, trace, block, weights, gap, axes):
 def values_relative(B, C_, sigma, trace, block, weights, value, axes):
     """The criterion (K,) of any own weights (K,)."""
     m, d = B.shape[1], len(axes)
-    M, R = np.empty((FIRST + m, d, d)), np.zeros((5, m))
+    M, R = np.empty((FIRST + m, d, d)), np.zeros((2, m))
     for f in range(len(B)):
         load(M, B[f], C_[f], axes)
         _relative(M, R, sigma[f], weights[f], axes)
@@ -495,10 +249,10 @@ def is_scalar(H: Array, block: int) -> Mask:
     return np.asarray(~H[..., 2:].any((1, 2)))
 
 
-def scalar_weights(P: Array, H: Array, q: Array, R: Array, criterion: str) -> tuple[Array, Array]:
+def scalar_weights(P: Array, H: Array, q: Array, R: Array, trace: bool) -> tuple[Array, Array]:
     """One's own weights (K,) and their gaps, for P (K, d, d), H (K, 1, d), q = H_j P_j H_j' (K, 1, 1), R (K, 1, 1)."""
     w, gap = np.empty(len(P)), np.empty(len(P))
-    _weights(readable(P), readable(H), readable(q), readable(R), criterion == "trace", w, gap)
+    _weights(readable(P), readable(H), readable(q), readable(R), trace, w, gap)
     return w, gap
 
 
@@ -564,11 +318,11 @@ def _weights(P, H, q, R, trace, out, gap):
             gap[f] = off / (w * e + v) * (w / (w * e + c * v) if trace else 2 / e)
 
 
-# Fusions in the coordinates in which their sources' mean information is the identity.
+# Fusions in the coordinates in which the mean information of their terms is the identity.
 #
-# B_k = T A_k T' with A_k = P_k^-1, T = U^-1 and U U' = mean A_k. The determinant of the fused covariance changes by a
-# constant factor, its trace becomes tr(C Y^-1) with C = T T' and Y = sum w_k B_k, and near-singular inputs do no harm.
-# U is upper triangular, so that the leading (position) block of Y^-1 stays the leading block of the fused covariance.
+# B_k = T A_k T' with A_k = V_k' V_k, T = U^-1 and U U' = sum mix_k A_k. The determinant of the fused covariance changes
+# by a constant factor, its trace becomes tr(C Y^-1) with C = T T' and Y = sum n_k B_k, and near-singular inputs do no
+# harm. U is upper triangular, so that the leading (position) block of Y^-1 stays that of the fused covariance.
 
 FINE, ABSENT, INFINITE, ASYMMETRIC, INDEFINITE, SINGULAR = range(6)
 
@@ -576,21 +330,15 @@ SKEW = 1e-8  # how far P may be from symmetric, as a correlation
 
 
 class Whitened(NamedTuple):
-    """K fusions of m sources in these coordinates."""
+    """K fusions in these coordinates."""
 
-    B: Array  # (K, m, d, d)  information of the sources; 0 where absent
+    B: Array  # (K, 1 + k, d, d)  one's own information, and k terms of rank one for a reading of k numbers
     C: Array  # (K, d, d)  weighs the trace; its trace is 1
-    present: Mask  # (K, m)
-    sigma: Array  # (K, k)  of a relative reading: B is one's own and k terms of rank one; else (K, 0)
+    sigma: Array  # (K, k)  of each of these terms
     fusion: Indices  # (K,)  its number in the call, for messages
     group: Indices  # (K,)  fusions of one group may be stacked into one program
     block: int  # the leading states that the criterion is about
     trace: bool  # the trace, else the determinant
-
-    @property
-    def relative(self) -> bool:
-        """Whether these are relative readings."""
-        return bool(self.sigma.shape[1])
 
     @property
     def axes(self) -> tuple[int, ...]:
@@ -598,10 +346,9 @@ class Whitened(NamedTuple):
         d: int = self.B.shape[-1]
         return (0,) * d
 
-    def take(self, rows: Any) -> "Whitened":
+    def take(self, rows: Indices) -> "Whitened":
         """Some of the fusions."""
-        B, C, present, sigma, fusion, group = (array[rows] for array in self[:6])
-        return Whitened(B, C, present, sigma, fusion, group, self.block, self.trace)
+        return Whitened(*(array[rows] for array in self[:5]), self.block, self.trace)
 
 
 @strict_inlined
@@ -625,45 +372,32 @@ def _judge(P, axes):
 
 @strict_inlined
 def _root(M, P, axes):
-    """T with T' T = scale P^-1, and the scale, P's greatest variance; zero where P is not positive definite."""
+    """T with T' T = scale P^-1, the scale being P's greatest variance; whether P is positive definite."""
     scale = 0.0
     for i in range(len(axes)):
         scale = max(scale, P[i, i])
     if not scale > 0.0:
-        return 0.0
+        return False
     for i in range(len(axes)):
         for j in range(i, len(axes)):
             M[S, i, j] = (P[i, j] + P[j, i]) / (2 * scale)
     if not factor(M, S, axes):
-        return 0.0
+        return False
     invert_factor(M, axes)
-    return scale
+    return True
 
 
 @strict_kernel
-def roots(P, V, present, fault, axes):
-    """V_k' V_k = c P_k^-1 with one c per fusion; which sources are present; what is wrong first, and with which."""
-    m, d = P.shape[1], len(axes)
-    M, scale = np.empty((3, d, d)), np.empty(m)
+def roots(P, V, fault, axes):
+    """V with V' V = c P^-1, c the greatest variance of P (K, d, d), and its fault; V is 0 where that is not FINE."""
+    M = np.empty((3, len(axes), len(axes)))
     for f in range(len(P)):
-        least = np.inf
-        for k in range(m):
-            verdict = _judge(P[f, k], axes)
-            present[f, k] = verdict == FINE
-            if verdict == FINE:
-                scale[k] = _root(M, P[f, k], axes)
-                least = min(least, scale[k])
-                verdict = FINE if scale[k] > 0.0 else INDEFINITE
-            if verdict > ABSENT and fault[f, 0] == FINE:
-                fault[f, 0], fault[f, 1] = verdict, k
-            for i in range(d):
-                for j in range(d):
-                    V[f, k, i, j] = M[T, i, j] if present[f, k] else 0.0
-        for k in range(m):
-            c = np.sqrt(least / scale[k]) if present[f, k] else 0.0
-            for i in range(d):
-                for j in range(d):
-                    V[f, k, i, j] *= c
+        fault[f] = _judge(P[f], axes)
+        if fault[f] == FINE and not _root(M, P[f], axes):
+            fault[f] = INDEFINITE
+        for i in range(len(axes)):
+            for j in range(len(axes)):
+                V[f, i, j] = M[T, i, j] if fault[f] == FINE else 0.0
 
 
 @strict_kernel
@@ -736,27 +470,22 @@ def _weigh(M, C_, block, axes):
 
 @strict_kernel
 def whiten(V, mix, block, B, C_, fault, axes):
-    """B_k = T A_k T' and C (of the leading block), where T = U^-1, U U' = sum mix_k A_k and A_k = V_k' V_k."""
+    """Write B_k = T A_k T' and C (of the leading block) for mix (K, m), all above zero."""
     m, d = V.shape[1], len(axes)
     M, A = np.empty((3, d, d)), np.empty((m * d, d))
     for f in range(len(V)):
-        some = False
         for k in range(m):
-            some = some or mix[f, k] > 0.0
             for i in range(d):
                 for j in range(d):
                     A[k * d + i, j] = np.sqrt(mix[f, k]) * V[f, k, i, j]
                     B[f, k, i, j] = 0.0
-        if not some or not _orthogonalise(A, M, axes):
-            C_[f] = 0.0
-            if some and fault[f, 0] == FINE:
-                fault[f, 0] = SINGULAR
+        if not _orthogonalise(A, M, axes):
+            fault[f] = SINGULAR
             continue
         invert_factor(M, axes)
         _weigh(M, C_[f], block, axes)
         for k in range(m):
-            if mix[f, k] > 0.0:
-                for i in range(d):
-                    for j in range(d):
-                        for r in range(k * d, k * d + d):
-                            B[f, k, i, j] += A[r, i] * A[r, j] / mix[f, k]
+            for i in range(d):
+                for j in range(d):
+                    for r in range(k * d, k * d + d):
+                        B[f, k, i, j] += A[r, i] * A[r, j] / mix[f, k]

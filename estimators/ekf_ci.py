@@ -28,7 +28,7 @@ from typing import ClassVar, Literal, NamedTuple
 import numpy as np
 
 from cooploc.estimators import kalman_parameters as shared
-from cooploc.estimators.covariance_intersection import relative_weights
+from cooploc.estimators.covariance_intersection import solve_relative
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Rows, Senses, World
 from cooploc.estimators.kalman import (
     ENGINES,
@@ -139,7 +139,7 @@ class EkfCi:
             scaled = P * unit[:, None] * unit, H / unit
         block = 2 if self.over == "position" else x.shape[-1]
         parts = scaled[0], P_j, scaled[1], H_j, R
-        w = relative_weights(*parts, self.criterion, self.weights, block, s.group[rows])
+        w = solve_relative(*parts, self.criterion, self.weights, block, s.group[rows]).w
         after = inflated_update(Belief(x, P), y, H, H_j, P_j, R, w, ENGINES[self.engine].update)
         x, P = s.x.copy(), s.P.copy()
         x[rows], P[rows] = after

@@ -10,7 +10,7 @@ from scipy.integrate import quad
 from scipy.linalg import block_diag
 from scipy.optimize import brentq, minimize_scalar
 
-from cooploc.estimators.covariance_intersection import relative_weights
+from cooploc.estimators.covariance_intersection import solve_relative
 from cooploc.estimators.ekf_ci import EkfCi
 from cooploc.estimators.ekf_event_ci import EkfEventCi
 from cooploc.estimators.ekf_hmd import EkfHmd
@@ -235,7 +235,7 @@ def overlapping(P_i, P_j, H, N, R):
 
 @pytest.mark.parametrize("k", [1, 2])
 def test_the_relative_update_is_overlapping_covariance_intersection_of_a_pair(k):
-    """The program needs some noise N on the belief; without it, the formula is that of `relative_weights`."""
+    """The program needs some noise N on the belief; without it, the formula is that of `solve_relative`."""
     rng = np.random.default_rng(10)
     N = 0.05 * np.eye(2)
     for _ in range(5):
@@ -248,6 +248,6 @@ def test_the_relative_update_is_overlapping_covariance_intersection_of_a_pair(k)
         def least(noise, formula=formula):
             return minimize_scalar(formula, bounds=(1e-9, 1 - 1e-9), args=(noise,), method="bounded").fun
 
-        w = relative_weights(*(part[None] for part in (P_i, P_j, H, -H)), R, "trace", "exact")[0]
+        w = solve_relative(*(part[None] for part in (P_i, P_j, H, -H)), R, "trace", "exact").w[0]
         assert formula(min(w, 1 - 1e-9), 0 * N) <= least(0 * N) * (1 + 1e-7)
         assert overlapping(P_i, P_j, H, N, R) == pytest.approx(least(N), rel=1e-5)
