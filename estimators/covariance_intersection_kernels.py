@@ -348,7 +348,8 @@ class Whitened(NamedTuple):
 
     def take(self, rows: Indices) -> "Whitened":
         """Some of the fusions."""
-        return Whitened(*(array[rows] for array in self[:5]), self.block, self.trace)
+        B, C, sigma, fusion, group = (array[rows] for array in self[:5])
+        return Whitened(B, C, sigma, fusion, group, self.block, self.trace)
 
 
 @strict_inlined
