@@ -348,8 +348,8 @@ class Whitened(NamedTuple):
 
     def take(self, rows: Indices) -> "Whitened":
         """Some of the fusions."""
-        B, C, sigma, fusion, group = (array[rows] for array in self[:5])
-        return Whitened(B, C, sigma, fusion, group, self.block, self.trace)
+        per_fusion = "B", "C", "sigma", "fusion", "group"
+        return self._replace(**{name: getattr(self, name)[rows] for name in per_fusion})
 
 
 @strict_inlined
