@@ -2,7 +2,7 @@
 
 The readings' models are those of the world, traced: `models.traceable` has them as pure functions, and JAX takes the
 slopes. XLA compiles a program for every number of rows, which takes a second, and does not promise that two of them
-round alike, as `chunk-invariance` wants it. So rows are padded to blocks of one size: one program computes every block,
+round alike, as `non-interference` wants it. So rows are padded to blocks of one size: one program computes every block,
 and nothing here sums over rows.
 
     cooploc check examples/jax_traced.py:Traced

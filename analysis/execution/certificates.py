@@ -1,7 +1,7 @@
 """The checks of estimators that are not built in, each made once for every version of its source.
 
 The manifest of a run holds what they found, by the estimator's label, with the hash of the source that was checked and
-the versions of the distributions that it imports. Tables show it as one line: "passed: 14 checks", "failed: causality:
+the versions of the distributions that it imports. Tables show it as one line: "passed: 12 checks", "failed: causality:
 what was found", "unchecked: why". A built-in estimator has none: the tests of this package check it.
 """
 
@@ -17,8 +17,7 @@ from cooploc.analysis.metrics.ranking import short_certificate
 from cooploc.estimators import configure
 from cooploc.estimators.building import ConfiguredEstimator
 from cooploc.estimators.errors import BadInput, one_line
-from cooploc.scenarios.conformance.check import check_estimator
-from cooploc.scenarios.conformance.report import Report
+from cooploc.scenarios.conformance.check import Report, check_estimator
 
 SKIPPED = "by request (--no-check)"
 NOT_YET = "the run has no certificate of it"

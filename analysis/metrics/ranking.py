@@ -1,6 +1,6 @@
 """Which estimators qualify as best: their checks, mean ranks and groups over trials, the front of accuracy and cost.
 
-The line of a certificate is "passed: 16 checks", "passed: 15 of 16 checks; axes: why", "failed: causality: why" or
+The line of a certificate is "passed: 12 checks", "passed: 11 of 12 checks; axes: why", "failed: causality: why" or
 "unchecked: why"; each may end with "; trained on: what". An empty line stands for a built-in estimator.
 """
 
@@ -29,7 +29,7 @@ def is_refused(line: str) -> bool:
 
 
 def short_certificate(line: str) -> str:
-    """Return a certificate's line in a few words: "✓ 16 checks", "✓ 15 of 16 checks; axes", "✗ causality"."""
+    """Return a certificate's line in a few words: "✓ 12 checks", "✓ 11 of 12 checks; axes", "✗ causality"."""
     line, _, learned = line.partition(TRAINED)
     status, _, found = line.partition(": ")
     count, *exempt = found.split("; ")

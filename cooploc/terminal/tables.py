@@ -26,7 +26,7 @@ from cooploc.analysis.report.result_columns import REMARKS, STOPPED, decision, r
 from cooploc.analysis.report.result_tables import failures
 from cooploc.analysis.report.tables import Table, csv_text, number_column, text_column
 from cooploc.estimators.errors import BadInput
-from cooploc.scenarios.conformance.report import Report, sentences
+from cooploc.scenarios.conformance.check import Report, sentences
 from cooploc.terminal.console import wide
 
 ONE_PROCESS = "all or some of this ran in one process (--no-isolate): estimators may have disturbed each other"

@@ -8,25 +8,94 @@ checks. Modelled on scikit-learn's check_estimator and PettingZoo's API tests.
 
 import sys
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass
 from functools import cache, partial
-from typing import Any
+from typing import Any, Literal
 
 from cooploc.estimators import is_builtin
 from cooploc.estimators.errors import BadInput, nearest
 from cooploc.scenarios.conformance.checks import CHECKS, Check
-from cooploc.scenarios.conformance.compare import CheckFailed, CheckSkipped
-from cooploc.scenarios.conformance.harness import Harness, one_line, raised_by
-from cooploc.scenarios.conformance.report import Report, Result, sentences
+from cooploc.scenarios.conformance.harness import CheckFailed, CheckSkipped, Harness, one_line, raised_by
+from cooploc.scenarios.display import list_table
 from cooploc.scenarios.process import SESSION, WorkerError, call
 from cooploc.scenarios.runner.run import label_of, make_instance
 
-SMALLER = ((1, 2), (1, 4), (1, 8), (2, 4))  # (trials, ticks) of smaller counterexamples, in the order tried
 FIRST = {  # checks without which no other one means anything, and why
     "runs": "it does not run",
     "determinism": "it does not repeat itself, so no two of its runs can be compared",
 }
 TIME_LIMIT = 600.0  # [s] for all checks of one estimator
+
+
+Status = Literal["passed", "failed", "skipped"]
+
+
+@dataclass(frozen=True)
+class Result:
+    """What one check found."""
+
+    check: str
+    status: Status
+    detail: str  # what was tried and seen, and of a failure where; of a skipped check the reason
+    seed: int
+    remedy: str = ""  # of a failure, what to change
+    exempt: str = ""  # of a check that passed in part, what it left out and why
+
+
+@dataclass(frozen=True, repr=False)
+class Report:
+    """What all checks found."""
+
+    name: str
+    results: tuple[Result, ...]
+
+    @property
+    def passed(self) -> bool:
+        """Some checks ran, and none failed."""
+        return self.ran > 0 and self.count("failed") == 0
+
+    @property
+    def ran(self) -> int:
+        """How many checks ran."""
+        return len(self.results) - self.count("skipped")
+
+    def count(self, status: Status) -> int:
+        """How many checks ended so."""
+        return sum(r.status == status for r in self.results)
+
+    def __getitem__(self, check: str) -> Result:
+        for r in self.results:
+            if r.check == check:
+                return r
+        raise KeyError(check)
+
+    def table(self) -> str:
+        """The results as aligned text: a line for each check, and after a failure its remedy."""
+        width = max((len(r.check) for r in self.results), default=0)
+        indent = "\n" + " " * (width + 11)
+        lines = [f"{r.check:{width}}  {r.status:7}  {indent.join(sentences(r))}" for r in self.results]
+        return "\n".join([*lines, self.summary()])
+
+    def summary(self) -> str:
+        """How many checks ran, passed, failed and were skipped."""
+        parts = [f"{self.count('passed')} passed"]
+        parts += [f"{self.count(status)} {status}" for status in ("failed", "skipped") if self.count(status)]
+        return f"{self.name}: {self.ran} check{'s' * (self.ran != 1)} ran; {', '.join(parts)}"
+
+    def __repr__(self) -> str:
+        return f"Report({self.summary()!r})"
+
+    def _repr_html_(self) -> str:
+        rows = [(r.check, r.status, "; ".join(sentences(r))) for r in self.results]
+        return list_table(("check", "result", "what was found"), self.summary(), rows)
+
+
+def sentences(result: Result) -> list[str]:
+    """What was found, and of a failure its seed and its remedy."""
+    if result.status != "failed":
+        return [result.detail]
+    remedy = [f"to fix it: {result.remedy}"] if result.remedy else []
+    return [f"{result.detail} (seed {result.seed})", *remedy]
 
 
 def check_estimator(
@@ -62,28 +131,14 @@ def check_estimator(
     if only is not None and only not in (known := [check.name for check in CHECKS]):
         raise BadInput(f"there is no check {only!r}; {nearest(only, known)}")
     if not isolate or is_builtin(estimator):
-        return checked_here(estimator, name, seed, only)
+        return _check_here(estimator, name, seed, only)
     try:
-        return checked_there(SESSION, estimator, name, seed, time_limit, only)
+        report: Report = call(SESSION, _check_here, estimator, name, seed, only, seconds=time_limit)
+        return report
     except WorkerError as e:
         return _ended(name or label_of(estimator), seed, str(e))
     except MemoryError as e:
         return _ended(name or label_of(estimator), seed, one_line(e))
-
-
-def checked_there(
-    owner: str, estimator: Any, name: str | None, seed: int, seconds: float, only: str | None = None
-) -> Report:
-    """The report of checks in a process of this owner; an estimator's name is read there.
-
-    Raises:
-        BadInput: as `check_estimator`.
-        WorkerError: the process died or took longer than `seconds` of processor time, or the estimator raised what no
-            check catches.
-
-    """
-    report: Report = call(owner, checked_here, estimator, name, seed, only, seconds=seconds)
-    return report
 
 
 def _ended(name: str, seed: int, why: str) -> Report:
@@ -94,8 +149,8 @@ def _ended(name: str, seed: int, why: str) -> Report:
     return Report(name, (Result(runs.name, "failed", why, seed, remedy=remedy), *others))
 
 
-def checked_here(estimator: Any, name: str | None, seed: int, only: str | None = None) -> Report:
-    """The report of checks in this process; on a terminal it is said which one runs."""
+def _check_here(estimator: Any, name: str | None, seed: int, only: str | None = None) -> Report:
+    """Run the checks in this process; on a terminal it is said which one runs."""
     harness, results, reason = Harness(name or label_of(estimator), make_instance(estimator), seed), list[Result](), ""
     chosen = [check for check in CHECKS if only in (None, check.name)]
     for k, check in enumerate(chosen):
@@ -103,7 +158,7 @@ def checked_here(estimator: Any, name: str | None, seed: int, only: str | None =
         if reason:
             results.append(Result(check.name, "skipped", reason, seed))
             continue
-        results.append(_with_example(check, run_check(check, harness), harness))
+        results.append(run_check(check, harness))
         reason = FIRST.get(check.name, "") if results[-1].status == "failed" else ""
     _say("")
     return Report(harness.name, tuple(results))
@@ -147,18 +202,6 @@ def _assert_passed(report: Callable[[], Report], check: str) -> None:
         pytest.skip(result.detail)
     if result.status == "failed":
         pytest.fail("\n".join(sentences(result)), pytrace=False)
-
-
-def _with_example(check: Check, result: Result, harness: Harness) -> Result:
-    """A failure with the smallest stream on which it shows too."""
-    if result.status != "failed":
-        return result
-    for trials, ticks in SMALLER:
-        smaller = run_check(check, Harness(harness.name, harness.estimator, harness.seed, trials, ticks))
-        if smaller.status == "failed":
-            size = f"{trials} trial{'s' * (trials > 1)} of {ticks} ticks"
-            return replace(result, example=f"{size}: {smaller.detail}")
-    return replace(result, example="no smaller stream shows it")
 
 
 def run_check(check: Check, harness: Harness) -> Result:

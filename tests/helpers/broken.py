@@ -2,7 +2,6 @@
 
 import gc
 import inspect
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -403,7 +402,7 @@ class GlobalRng(DeadReckoning):
 
 @dataclass(frozen=True)
 class NotPicklable(DeadReckoning):
-    scale: Callable[[float], float] = lambda v: v
+    scale: Any = None
 
 
 @dataclass(frozen=True)
@@ -490,19 +489,6 @@ class KnowsTheLabel(DeadReckoning):
 
 
 @dataclass(frozen=True)
-class CountsOthers(DeadReckoning):
-    """Depends on how many estimators are in the run."""
-
-    def init(self, prior, world, rows):
-        frame, others = inspect.currentframe(), 0
-        while frame := frame.f_back:
-            for value in frame.f_locals.values():
-                if isinstance(value, dict) and value and all(hasattr(one, "estimate") for one in value.values()):
-                    others = max(others, len(value))
-        return nudge(super().init(prior, world, rows), 1e-3 * others)
-
-
-@dataclass(frozen=True)
 class DependsOnOtherRuns(DeadReckoning):
     """Depends on earlier runs of another length only; a second run of the same length repeats the first."""
 
@@ -562,26 +548,6 @@ class NegativeVariance(DeadReckoning):
     def estimate(self, s):
         x, P = super().estimate(s)
         return Belief(x, P - 10 * np.eye(x.shape[-1]))
-
-
-@dataclass(frozen=True)
-class DividesByDt(DeadReckoning):
-    """Takes odometry for a velocity, as if no robot ever slept."""
-
-    def predict(self, s, z):
-        moved = super().predict(s, z)
-        with np.errstate(invalid="ignore"):
-            velocity = (moved.x - s.x) / z.dt[:, None]
-        return moved._replace(x=s.x + velocity * z.dt[:, None])
-
-
-@dataclass(frozen=True)
-class LosesItsCovariance(DeadReckoning):
-    """Subtracts a little variance in every tick; a short stream does not show it."""
-
-    def predict(self, s, z):
-        s = super().predict(s, z)
-        return s._replace(P=s.P - 0.003 * np.eye(s.P.shape[-1]))
 
 
 @dataclass(frozen=True)

@@ -13,37 +13,16 @@ from cooploc.estimators import BUILTIN, make
 from cooploc.estimators.adapters import PerRobot
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Belief
-from cooploc.estimators.registry import traits
 from cooploc.scenarios import simulate
-from cooploc.scenarios.conformance.check import CHECKS, Check, check_estimator, run_check
-from cooploc.scenarios.conformance.compare import by
-from cooploc.scenarios.conformance.harness import Harness
-from cooploc.scenarios.conformance.isolation import declaration
-from cooploc.scenarios.conformance.report import Report, Result
-from cooploc.scenarios.conformance.snapshot import snapshot
+from cooploc.scenarios.conformance.check import CHECKS, Check, Report, Result, check_estimator, run_check
+from cooploc.scenarios.conformance.checks import declaration
+from cooploc.scenarios.conformance.harness import Harness, snapshot
 from cooploc.scenarios.runner.trace import trace
 
 NAMES = [
-    "runs",
-    "determinism",
-    "non-interference",
-    "link-honesty",
-    "mail-replay",
-    "causality",
-    "chunk-invariance",
-    "immutability",
-    "no-memory",
-    "no-global-randomness",
-    "order-independence",
-    "truth-blindness",
-    "nan-safety",
-    "covariance",
-    "silence",
-    "declaration",
-    "equivariance",
-    "other-worlds",
-    "pickling",
-]
+    "runs", "determinism", "truth-blindness", "causality", "link-honesty", "non-interference", "immutability",
+    "nan-safety", "covariance", "silence", "declaration", "equivariance",
+]  # fmt: skip
 
 # estimator, the check that must catch it, what that check must say
 GALLERY = [
@@ -82,7 +61,7 @@ GALLERY = [
     (broken.UsesDroppedRadio(), "link-honesty", "radio readings of dropped packets were perturbed"),
     (
         broken.SendsLittleReadsMore(),
-        "mail-replay",
+        "link-honesty",
         "robot 1's estimate changed .* when robot 0's.*the mail stayed",
     ),
     (broken.Prophet(), "causality", "readings and links after tick 3 were perturbed"),
@@ -90,11 +69,11 @@ GALLERY = [
     (broken.ProphetAlone(), "causality", "readings and links after tick 6 were perturbed.*tick 0"),
     (broken.ForeseesAbsence(), "causality", "readings and links after tick 3 were hidden"),
     (broken.ForeseesLinks(), "causality", "readings and links after tick 3 were perturbed"),
-    (broken.Centred(), "chunk-invariance", r"trials \[0\] ran instead of all 3"),
-    (broken.DrawsByPosition(), "chunk-invariance", r"trials \[1\] ran instead of all 3"),
-    (broken.MultipliesRows(), "chunk-invariance", "ran instead of all 3"),
-    (broken.SendsByChunk(), "chunk-invariance", "robot 0's packet changed"),
-    (broken.TrafficByChunk(), "chunk-invariance", r"sent other messages when trials \[0\] ran instead"),
+    (broken.Centred(), "non-interference", "robot 1's estimate changed"),
+    (broken.DrawsByPosition(), "non-interference", r"trials \[1\] ran instead of all 3"),
+    (broken.MultipliesRows(), "non-interference", "ran instead of all 3"),
+    (broken.SendsByChunk(), "non-interference", "robot 0's packet changed"),
+    (broken.TrafficByChunk(), "non-interference", r"sent other messages when trials \[0\] ran instead"),
     (broken.ForcesReadings(), "immutability", r"senses.odometry was changed by predict\(\) at tick 0"),
     (broken.WritesWorld(), "immutability", r"state.world.arena was changed by correct\(\) at tick 0"),
     (broken.WritesStream(), "immutability", r"the stream\['senses.dt'\] was changed during the run of 'robots"),
@@ -103,11 +82,9 @@ GALLERY = [
     (broken.CountsCalls(), "immutability", r"its parameters.calls\[\d+\] was changed by running"),
     (broken.ContinuesLastRun(), "immutability", "when it ran a second time"),
     (broken.GlobalRng(), "immutability", "when it ran a second time"),
-    (broken.DependsOnOtherRuns(), "no-memory", "when another run came before"),
-    (broken.GlobalRng(), "no-global-randomness", "drew from or seeded numpy.random, on 'robots"),
-    (broken.SeedsGlobal(), "no-global-randomness", "drew from or seeded numpy.random, on 'robots"),
-    (broken.PythonRandom(), "no-global-randomness", "when the global generators were seeded with"),
-    (broken.CountsOthers(), "order-independence", "ran together with others, in the order it, dead-reckoning"),
+    (broken.DependsOnOtherRuns(), "determinism", "when another run came before"),
+    (broken.SeedsGlobal(), "determinism", "drew from or seeded numpy.random, on 'robots"),
+    (broken.PythonRandom(), "determinism", "it draws from neither random nor numpy.random, and"),
     (broken.FindsTruth(), "truth-blindness", "when its truth was in memory"),
     (broken.KnowsTheLabel(), "truth-blindness", "when the stream had another label"),
     (broken.TrustsOdometry(), "nan-safety", r"not finite .*\(single readings of odometry were absent\)"),
@@ -121,12 +98,10 @@ GALLERY = [
     (
         broken.ShrinksCovariance(),
         "silence",
-        "robot 0's position variance shrank by up to .* of itself when nothing",
+        "robot 0's position variance shrank when nothing",
     ),
-    (broken.DividesByDt(), "other-worlds", "not finite in 'asynchrony.*in a world of robots that sleep"),
-    (broken.LosesItsCovariance(), "other-worlds", "negative variance.*in a world of 200 ticks"),
     (broken.DeclaresTooMuch(), "declaration", "declares anchor_rssi, landmark, but that never changed"),
-    (broken.MessagesWithoutBytes(), "declaration", "states that it sent [0-9]+ messages of 0 bytes"),
+    (broken.MessagesWithoutBytes(), "declaration", "states messages and bytes of which each has no header"),
     (broken.PrefersOrigin(), "equivariance", "when the world was shifted"),
     (broken.PrefersNorth(), "equivariance", "when the world was turned by 90 degrees"),
     (
@@ -134,8 +109,8 @@ GALLERY = [
         "equivariance",
         "covariance did not follow when its robots were renumbered",
     ),
-    (broken.NotPicklable(scale=lambda v: v), "pickling", "cannot be pickled.*Can't pickle <function <lambda>>"),
-    (broken.ForgetsParameter(drift=0.1), "pickling", "when it ran after a round trip through pickle"),
+    (broken.NotPicklable(scale=(v for v in ())), "determinism", "cannot be pickled.*cannot pickle 'generator'"),
+    (broken.ForgetsParameter(drift=0.1), "determinism", "when it ran after a round trip through pickle"),
 ]
 
 
@@ -168,18 +143,6 @@ def test_what_does_not_run_is_not_checked_further(estimator):
     assert not report.passed
     assert_ran(report, ["runs"])
     assert {r.detail for r in report.results[1:]} == {"it does not run"}
-
-
-@pytest.mark.parametrize("estimator", [broken.ReadsNeighbour(), broken.DrawsByPosition()], ids=named)
-def test_a_failure_comes_with_its_smallest_example_and_a_remedy(estimator):
-    report = check_estimator(estimator)
-    failed = report["chunk-invariance"]
-    assert re.match(r"[12] trials? of [248] ticks: robot \d's estimate changed .* when trials ", failed.example)
-    lines = report.table().splitlines()
-    at = next(i for i, line in enumerate(lines) if line.startswith("chunk-invariance"))
-    assert "failed" in lines[at]
-    assert lines[at + 1].endswith(failed.example)
-    assert "to fix it: compute row by row" in lines[at + 2]
 
 
 def test_what_does_not_repeat_itself_is_accused_of_that_alone():
@@ -228,10 +191,7 @@ def test_built_in_estimators_pass(name, seed):
     estimator = make(name)
     report = check_estimator(estimator, name, seed)
     assert report.passed, report.table()
-    about = traits(estimator)
-    exempt = (
-        ["non-interference"] * about.centralised + ["mail-replay"] * about.team + ["equivariance"] * (name in RANDOM)
-    )
+    exempt = ["equivariance"] * (name in RANDOM)
     assert_ran(report, [check for check in NAMES if check not in exempt])
     assert {r.seed for r in report.results} == {seed}
 
@@ -241,7 +201,7 @@ def test_built_in_estimators_pass(name, seed):
 def test_correct_estimators_pass(cls, seed):
     report = check_estimator(cls(), seed=seed)
     assert report.passed, report.table()
-    assert_ran(report, [check for check in NAMES if check != "mail-replay" or not traits(cls()).team])
+    assert_ran(report, NAMES)
 
 
 @pytest.mark.parametrize("cls", [broken.BaseReader, broken.TeamBaseReader])
@@ -258,14 +218,12 @@ def test_following_an_array_to_its_base_finds_nothing_or_is_caught(cls):
 @pytest.mark.slow
 def test_a_centralised_estimator_is_exempt_from_what_it_cannot_keep_and_the_report_says_so():
     report = check_estimator(make("ekf-joint"))
-    assert report["non-interference"] == Result(
-        "non-interference", "skipped", "it is centralised: it sees the whole team by definition", 0
-    )
+    assert report["non-interference"].detail.endswith("of other robots it knows all, as it is centralised (16 runs)")
     assert (
         "radio readings of dropped packets were perturbed and hidden: nothing changed" in report["link-honesty"].detail
     )
     seeing = check_estimator(SeeingCentralised())
-    assert (seeing["link-honesty"].status, seeing.ran) == ("skipped", len(CHECKS) - 3)
+    assert (seeing["link-honesty"].status, seeing.ran) == ("skipped", len(CHECKS) - 1)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -277,7 +235,7 @@ class SeeingCentralised(broken.EkfJoint):
 
 @pytest.mark.slow
 def test_the_report_is_the_same_every_time():
-    for estimator in (make("mrsl-rssi"), broken.ReadsNeighbour(), broken.NotPicklable(scale=lambda v: v)):
+    for estimator in (make("mrsl-rssi"), broken.ReadsNeighbour()):
         assert check_estimator(estimator) == check_estimator(estimator)
 
 
@@ -468,16 +426,3 @@ def test_silence_is_asked_of_what_moves_by_odometry(more, status, said):
 def test_a_check_that_there_is_not_is_refused_with_the_nearest_name():
     with pytest.raises(BadInput, match="there is no check 'causalty'; did you mean 'causality'"):
         check_estimator("ekf-local", only="causalty")
-
-
-@pytest.mark.parametrize(
-    ("size", "words"),
-    [
-        (np.inf, "between a number and none"),
-        (0.0, "sign of a zero"),
-        (3e-12, "by 3.0e-12, which is rounding,"),
-        (2.5, "by up to 2.5"),
-    ],
-)
-def test_a_difference_is_said_with_its_size(size, words):
-    assert words in by(size)
