@@ -7,20 +7,44 @@ mobile robots", VTC-Fall 2020, as Latif & Parasuraman use it ("ARL").
 """
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 
-from cooploc.estimators import particles
-from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
+from cooploc.estimators import particles as shared
+from cooploc.estimators.interface import Array, Mail, Senses
+from cooploc.estimators.tunable import tunable
 
 
+@shared.explain
 @dataclass(frozen=True)
-class Arl(particles.ParticleSettings):
+class Arl:
     """Particle filter on own readings; sends nothing."""
 
     api: ClassVar[int] = 1
     sends: ClassVar[str] = "nothing"
+    particles: int = 200
+    anchor_reading: shared.AnchorReading = "doa"
+    density: Literal["constant", "exact"] = tunable("constant", choices=("constant", "exact"), where=shared.DOA)
+    residual: shared.Residual = "wrapped"
+    M: int = tunable(5, 1, 10, where=shared.DOA)
+    K: int = tunable(5, 1, 10, where=shared.DOA)
+    decay: float = tunable(0.99, 0.5, 1.0, where=shared.DOA)
+    temper: bool = tunable(True, choices=(True, False), where=shared.DOA)
+    point: shared.Point = "mean"
+    proposal: shared.Proposal = "walk"
+    box: float = 0.5  # [m]
+    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
+    precision: shared.Precision = "double"
+
+    uses = property(shared.own_channels)
+    init = shared.init
+    predict = shared.predict
+    correct = shared.correct
+    estimate = shared.estimate
+
+    def __post_init__(self) -> None:
+        shared.require_limits(self)
 
     @property
     def consistency(self) -> str:
@@ -29,20 +53,8 @@ class Arl(particles.ParticleSettings):
             return "consistent but for the number of particles"
         return "over-confident: a constant angle error, smoothed angles"
 
-    def init(self, prior: Belief, world: World, rows: Rows) -> particles.FilterState:
-        return particles.init_single(self, prior, world, rows)
-
-    def predict(self, s: particles.FilterState, z: Senses) -> particles.FilterState:
-        return particles.predict_single(self, s, z)
-
-    def correct(self, s: particles.FilterState, z: Senses) -> particles.FilterState:
-        return particles.correct_single(self, s, z, sends=False)
-
-    def send(self, s: particles.FilterState, z: Senses) -> Array:
+    def send(self, s: shared.FilterState, z: Senses) -> Array:
         return np.empty((len(s.x), 0))
 
-    def fuse(self, s: particles.FilterState, z: Senses, mail: Mail) -> particles.FilterState:
-        return particles.resample_and_estimate(self, s)
-
-    def estimate(self, s: particles.FilterState) -> Belief:
-        return s.belief
+    def fuse(self, s: shared.FilterState, z: Senses, mail: Mail) -> shared.FilterState:
+        return shared.resample_and_estimate(self, s)

@@ -25,39 +25,46 @@ positions, is our reading.
 """
 
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 
-from cooploc.estimators import particles
-from cooploc.estimators.channel_filter import (
-    Gaussian,
-    Information,
-    Reading,
-    definite,
-    information_gain,
-    join,
-    news,
-    read,
-)
-from cooploc.estimators.interface import Array, Belief, Indices, Mail, Rows, Senses, Sensor, World
-from cooploc.estimators.kalman import curvature
+from cooploc.estimators import particles as shared
+from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, Sensor, World
+from cooploc.estimators.kalman import curvature, kalman, symmetric
 from cooploc.estimators.particle_likelihood import pack, unpack
+from cooploc.estimators.tunable import tunable
 
 VAGUE = 1e3  # sides of the arena: the standard deviation of a channel over which nothing was said
+
+
+class Information(NamedTuple):
+    """log of a Gaussian factor: eta' e - e' Y e / 2, with e the offset from a stated point."""
+
+    eta: Array  # (k, 2) [1/m]
+    Y: Array  # (k, 2, 2) [1/m^2], not negative
+
+
+class LinkReading(NamedTuple):
+    """A reading between the robots, linearised."""
+
+    y: Array  # (k, m)
+    H: Array  # (k, m, 4)
+    R: Array  # (k, m, m)
 
 
 class State(NamedTuple):
     """What one robot remembers."""
 
-    own: particles.FilterState
+    own: shared.FilterState
     channel: Belief  # x (r, n, 4), P (r, n, 4, 4)  of its own position and each teammate's
     moved: Belief  # x (r, 2), P (r, 2, 2)  by odometry so far, and the noise of that
     heard: Array  # (r, n, 5)  what each teammate said of `moved` in its last packet
 
 
+@shared.explain
 @dataclass(frozen=True)
-class ChannelPf(particles.TeamParticleSettings):
+class ChannelPf:
     """Particle filter on own readings; Gaussians are exchanged, less what each link has carried before.
 
     Args:
@@ -69,11 +76,30 @@ class ChannelPf(particles.TeamParticleSettings):
     api: ClassVar[int] = 1
     sends: ClassVar[str] = "mean, covariance, odometry"
     consistency: ClassVar[str] = "over-confident: a link does not see what comes around others"
+    particles: int = 200
+    anchor_reading: shared.AnchorReading = "doa"
+    density: Literal["constant", "exact"] = tunable("constant", choices=("constant", "exact"), where=shared.DOA)
+    residual: shared.Residual = "wrapped"
+    M: int = tunable(5, 1, 10, where=shared.DOA)
+    K: int = tunable(5, 1, 10, where=shared.DOA)
+    decay: float = tunable(0.99, 0.5, 1.0, where=shared.DOA)
+    temper: bool = tunable(True, choices=(True, False), where=shared.DOA)
+    point: shared.Point = "mean"
+    proposal: shared.Proposal = "walk"
+    box: float = 0.5  # [m]
+    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
+    precision: shared.Precision = "double"
+    reading: shared.RadioReading = "range"
     subtract: bool = True
+
+    uses = property(shared.team_channels)
+
+    def __post_init__(self) -> None:
+        shared.require_limits(self)
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         r, n = len(prior.x), world.robots
-        own = particles.init_team(self, prior, world, rows)
+        own = shared.init(self, prior, world, rows)
         return State(own, _nothing(prior, world), Belief(np.zeros((r, 2)), np.zeros((r, 2, 2))), np.zeros((r, n, 5)))
 
     def predict(self, s: State, z: Senses) -> State:
@@ -87,29 +113,29 @@ class ChannelPf(particles.TeamParticleSettings):
         channel.x[..., :2] += step[:, None]
         channel.P[..., :2, :2] += Q[:, None]
         moved = Belief(s.moved.x + step, s.moved.P + Q)
-        return s._replace(own=particles.predict_team(self, s.own, z), channel=channel, moved=moved)
+        return s._replace(own=shared.predict(self, s.own, z), channel=channel, moved=moved)
 
     def correct(self, s: State, z: Senses) -> State:
-        return s._replace(own=particles.correct_team(self, s.own, z))
+        return s._replace(own=shared.correct(self, s.own, z))
 
     def send(self, s: State, z: Senses) -> Array:
         """x, y, P_xx, P_xy, P_yy of the belief, then of its odometry: ten numbers. Silence without a covariance."""
-        packet = np.concatenate([pack(particles.belief_to_send(s.own)), pack(s.moved)], -1)
-        regular = definite(particles.belief_to_send(s.own).P[:, :2, :2])
+        packet = np.concatenate([pack(shared.belief_to_send(s.own)), pack(s.moved)], -1)
+        regular = definite(shared.belief_to_send(s.own).P[:, :2, :2])
         return np.where(regular[:, None], packet, np.nan)
 
     def fuse(self, s: State, z: Senses, mail: Mail) -> State:
         """Every link by itself, from the belief before this tick's packets; the particles by what all have gained."""
-        sensor, readings = particles.team_readings(s.own.world, z, mail)
-        belief = particles.belief_to_send(s.own)
+        sensor, readings = shared.team_readings(s.own.world, z, mail)
+        belief = shared.belief_to_send(s.own)
         present = ~np.isnan(mail.packets[..., 0]) & ~np.isnan(readings).any(-1)
         i, j = np.argwhere(present & definite(belief.P[:, :2, :2])[:, None]).astype(np.int64).T
         if not len(i):
-            return s._replace(own=particles.resample_and_estimate(self, s.own))
+            return s._replace(own=shared.resample_and_estimate(self, s.own))
         packets = mail.packets[i, j]
         before, mine = _caught_up(s, packets, i, j), Belief(belief.x[i], belief.P[i])
-        after, gain = _exchange_packets(sensor, before, mine, Gaussian(*unpack(packets[:, :5])), readings[i, j])
-        own = particles.resample_and_estimate(self, s.own._replace(logw=_weigh(s.own, belief.x, gain, i)))
+        after, gain = _exchange_packets(sensor, before, mine, Belief(*unpack(packets[:, :5])), readings[i, j])
+        own = shared.resample_and_estimate(self, s.own._replace(logw=_weigh(s.own, belief.x, gain, i)))
         if not self.subtract:
             return s._replace(own=own)
         x, P, heard = s.channel.x.copy(), s.channel.P.copy(), s.heard.copy()
@@ -128,29 +154,29 @@ def _nothing(prior: Belief, world: World) -> Belief:
     return Belief(np.broadcast_to(x[:, None], (*shape, 4)).copy(), np.broadcast_to(vague, (*shape, 4, 4)).copy())
 
 
-def _caught_up(s: State, packets: Array, i: Indices, j: Indices) -> Gaussian:
+def _caught_up(s: State, packets: Array, i: Indices, j: Indices) -> Belief:
     """Channels (k, 4) whose other half has moved as the sender's odometry says, since its last packet."""
     x, P = s.channel.x[i, j], s.channel.P[i, j]
     now, then = unpack(packets[:, 5:]), unpack(s.heard[i, j])
     x[:, 2:] += now[0] - then[0]
     P[:, 2:, 2:] += now[1] - then[1]
-    return Gaussian(x, P)
+    return Belief(x, P)
 
 
 def _exchange_packets(
-    sensor: Sensor, common: Gaussian, mine: Belief, theirs: Gaussian, z: Array
-) -> tuple[Gaussian, Information]:
+    sensor: Sensor, common: Belief, mine: Belief, theirs: Belief, z: Array
+) -> tuple[Belief, Information]:
     """Channels after an exchange, and what the robot's own marginal has gained by the other's news and the reading."""
     about = mine.x[:, :2]
-    i_know = news(Gaussian(about, mine.P[:, :2, :2]), Gaussian(common.x[:, :2], common.P[:, :2, :2]))
-    they_know = news(theirs, Gaussian(common.x[:, 2:], common.P[:, 2:, 2:]))
+    i_know = news(Belief(about, mine.P[:, :2, :2]), Belief(common.x[:, :2], common.P[:, :2, :2]))
+    they_know = news(theirs, Belief(common.x[:, 2:], common.P[:, 2:, 2:]))
     before = join(common, i_know, they_know._replace(eta=0 * they_know.eta, Y=0 * they_know.Y))
     both = join(common, i_know, they_know)
-    after = read(both, _linearise(sensor, both, mine, z))
+    after = correct_link(both, _linearise(sensor, both, mine, z))
     return after, information_gain(after, before, about)
 
 
-def _linearise(sensor: Sensor, both: Gaussian, mine: Belief, z: Array) -> Reading:
+def _linearise(sensor: Sensor, both: Belief, mine: Belief, z: Array) -> LinkReading:
     """A reading at the mean of both positions; what the robot's heading is uncertain of counts as noise."""
     d = mine.x.shape[-1]
     pose = np.concatenate([both.x[:, :2], mine.x[:, 2:]], -1)
@@ -160,10 +186,10 @@ def _linearise(sensor: Sensor, both: Gaussian, mine: Belief, z: Array) -> Readin
     R = sensor.R + extra
     if d > 2:
         R = R + H[..., 2:] @ mine.P[:, 2:, 2:] @ H[..., 2:].mT
-    return Reading(y - shift, np.concatenate([H[..., :2], Hq], -1), np.broadcast_to(R, (*y.shape, y.shape[-1])))
+    return LinkReading(y - shift, np.concatenate([H[..., :2], Hq], -1), np.broadcast_to(R, (*y.shape, y.shape[-1])))
 
 
-def _weigh(own: particles.FilterState, about: Array, gain: Information, i: Indices) -> Array:
+def _weigh(own: shared.FilterState, about: Array, gain: Information, i: Indices) -> Array:
     """logw + sum over links of eta' e - e' Y e / 2, with e (r, N, 2) the particles about the robot's mean."""
     eta, Y = np.zeros((len(own.x), 2)), np.zeros((len(own.x), 2, 2))
     np.add.at(eta, i, gain.eta)
@@ -173,3 +199,67 @@ def _weigh(own: particles.FilterState, about: Array, gain: Information, i: Indic
     linear = eta[:, None, 0] * east + eta[:, None, 1] * north
     square = Y[:, None, 0, 0] * east**2 + 2 * Y[:, None, 0, 1] * east * north + Y[:, None, 1, 1] * north**2
     return np.asarray(own.logw + linear - square / 2)
+
+
+# The channel filter of one link: what two robots have told each other, which is counted once.
+#
+# Two robots with positions x = (x_i, x_j) keep for their link the Gaussian C of x: the information that both have. When
+# they exchange their beliefs, only what each knows beyond C is new. With C_i the marginal of C and z a reading between
+# them,
+#
+#     C+ = C  (Bel_i / C_i)  (Bel_j / C_j)  p(z | x_i, x_j),    Bel_i+ = Bel_i  C+_i / (C Bel_i / C_i)_i.
+#
+# For two robots that lose no message and agree on z, in a linear-Gaussian world, C+ is the centralised posterior.
+
+
+def definite(P: Array) -> Mask:
+    """Covariances (..., 2, 2) that can be inverted; nan ones cannot."""
+    a, b, c = P[..., 0, 0], P[..., 0, 1], P[..., 1, 1]
+    regular: Mask = (a > 0) & (c > 0) & (a * c - b * b > 1e-12 * a * c)
+    return regular
+
+
+def news(belief: Belief, common: Belief) -> Information:
+    """Bel / C_i, about the mean of C_i, in the directions in which the belief knows more; nothing in the others.
+
+    The belief knows less than the link where a message was lost, or where particles represent it badly.
+    """
+    L = _root(common.P)
+    whitened = np.asarray(L.mT @ np.linalg.solve(belief.P, L), float)
+    gain, V = np.linalg.eigh(symmetric(whitened))  # 1 where nothing is new
+    T = np.linalg.solve(L.mT, V)
+    eta = (L @ V).mT @ np.linalg.solve(belief.P, (belief.x - common.x)[..., None])
+    more = gain > 1
+    eta, Y = np.where(more, eta[..., 0], 0.0), np.where(more, gain - 1, 0.0)
+    return Information((T @ eta[..., None])[..., 0], symmetric((T * Y[:, None]) @ T.mT))
+
+
+def _root(P: Array) -> Array:
+    """Lower triangular L with L L' = P (k, 2, 2); regular also where rounding has made P singular."""
+    a = np.sqrt(P[:, 0, 0])
+    b = P[:, 1, 0] / a
+    c = np.sqrt(np.maximum(P[:, 1, 1] - b * b, 1e-12 * P[:, 1, 1]))
+    return np.stack([np.stack([a, 0 * a], -1), np.stack([b, c], -1)], -2)
+
+
+def join(common: Belief, mine: Information, theirs: Information) -> Belief:
+    """C (Bel_i / C_i) (Bel_j / C_j)."""
+    Y = np.asarray(np.linalg.inv(common.P), float)
+    Y[:, :2, :2] += mine.Y
+    Y[:, 2:, 2:] += theirs.Y
+    P = symmetric(np.asarray(np.linalg.inv(symmetric(Y)), float))
+    eta = np.concatenate([mine.eta, theirs.eta], -1)
+    return Belief(common.x + (P @ eta[..., None])[..., 0], P)
+
+
+def correct_link(common: Belief, reading: LinkReading) -> Belief:
+    """Times p(z | x_i, x_j)."""
+    return Belief(*kalman(*common, reading.y, reading.H, reading.R))
+
+
+def information_gain(after: Belief, before: Belief, about: Array) -> Information:
+    """The quotient of the first robot's marginals, about the points (k, 2)."""
+    x1, Y1 = after.x[:, :2], np.linalg.inv(after.P[:, :2, :2])
+    x0, Y0 = before.x[:, :2], np.linalg.inv(before.P[:, :2, :2])
+    eta = Y1 @ (x1 - about)[..., None] - Y0 @ (x0 - about)[..., None]
+    return Information(eta[..., 0], symmetric(Y1 - Y0))

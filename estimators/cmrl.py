@@ -20,25 +20,27 @@ Autonomous Robots 8(3), 2000.
 """
 
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 
-from cooploc.estimators import mixtures, particles, random_numbers
-from cooploc.estimators.errors import require
+from cooploc.estimators import mixtures, random_numbers
+from cooploc.estimators import particles as shared
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
 from cooploc.estimators.mixtures import density, sample
+from cooploc.estimators.tunable import tunable
 
 
 class State(NamedTuple):
     """What one robot remembers."""
 
-    own: particles.FilterState
+    own: shared.FilterState
     travelled: Array  # (r, n)  since a detection of each teammate was used [m]; inf before the first
 
 
+@shared.explain
 @dataclass(frozen=True)
-class Cmrl(particles.TeamParticleSettings):
+class Cmrl:
     """Particle filter on own readings, multiplied with a density of each teammate once per meeting.
 
     Args:
@@ -51,25 +53,40 @@ class Cmrl(particles.TeamParticleSettings):
     api: ClassVar[int] = 1
     sends: ClassVar[str] = "a sample of particles"
     consistency: ClassVar[str] = "over-confident, less so than `mrsl-*`: a detection counts once per 2.5 m"
+    particles: int = 200
+    anchor_reading: shared.AnchorReading = "doa"
+    density: Literal["constant", "exact"] = tunable("constant", choices=("constant", "exact"), where=shared.DOA)
+    residual: shared.Residual = "wrapped"
+    M: int = tunable(5, 1, 10, where=shared.DOA)
+    K: int = tunable(5, 1, 10, where=shared.DOA)
+    decay: float = tunable(0.99, 0.5, 1.0, where=shared.DOA)
+    temper: bool = tunable(True, choices=(True, False), where=shared.DOA)
+    point: shared.Point = "mean"
+    proposal: shared.Proposal = "walk"
+    box: float = 0.5  # [m]
+    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
+    precision: shared.Precision = "double"
+    reading: shared.RadioReading = "range"
     samples: int = 16
     apart: float = 2.5  # [m]
 
+    uses = property(shared.team_channels)
+
     def __post_init__(self) -> None:
-        super().__post_init__()
-        require(self, samples=(2, 10_000), apart=(0, 1e9))
+        shared.require_limits(self, samples=(2, 10_000), apart=(0, 1e9))
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        return State(particles.init_team(self, prior, world, rows), np.full((len(prior.x), world.robots), np.inf))
+        return State(shared.init(self, prior, world, rows), np.full((len(prior.x), world.robots), np.inf))
 
     def predict(self, s: State, z: Senses) -> State:
         """Move the particles, and count the distance."""
         x = s.own.belief.x
         after, _, _ = s.own.world.motion.move(x, z.odometry, z.dt)
         step = np.hypot(after[:, 0] - x[:, 0], after[:, 1] - x[:, 1])
-        return State(particles.predict_team(self, s.own, z), s.travelled + step[:, None])
+        return State(shared.predict(self, s.own, z), s.travelled + step[:, None])
 
     def correct(self, s: State, z: Senses) -> State:
-        return s._replace(own=particles.correct_team(self, s.own, z))
+        return s._replace(own=shared.correct(self, s.own, z))
 
     def send(self, s: State, z: Senses) -> Array:
         """The kernel's P_xx, P_xy, P_yy, then x, y of each sample: 3 + 2 S numbers."""
@@ -78,13 +95,13 @@ class Cmrl(particles.TeamParticleSettings):
 
     def fuse(self, s: State, z: Senses, mail: Mail) -> State:
         """w_i *= sum_s N(z - h(x_i, x_s); 0, R + J H J') / S, for each teammate that is due."""
-        sensor, readings = particles.team_readings(s.own.world, z, mail)
+        sensor, readings = shared.team_readings(s.own.world, z, mail)
         due = s.travelled >= self.apart
         readings = np.where(due[..., None], readings, np.nan)
         sent = density(mail.packets)
         used = ~np.isnan(readings).any(-1) & ~np.isnan(sent.w).all(-1)
         logw = mixtures.weigh(sensor, sent, readings, s.own.x, s.own.logw)
-        return State(particles.resample_and_estimate(self, s.own._replace(logw=logw)), np.where(used, 0.0, s.travelled))
+        return State(shared.resample_and_estimate(self, s.own._replace(logw=logw)), np.where(used, 0.0, s.travelled))
 
     def estimate(self, s: State) -> Belief:
         return s.own.belief

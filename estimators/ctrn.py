@@ -17,32 +17,17 @@ from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
-from cooploc.estimators import particles, random_numbers
+from cooploc.estimators import particles as shared
+from cooploc.estimators import random_numbers
 from cooploc.estimators.compiled import inlined, kernel, readable, wide
 from cooploc.estimators.covariance_intersection import solve_relative
 from cooploc.estimators.covariance_intersection_kernels import PIVOT, weight_equation, weight_root
-from cooploc.estimators.errors import require
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, Sensor, World
 from cooploc.estimators.kalman import inflated_update, symmetric
 from cooploc.estimators.models import NEAR, TOO_NEAR_TO_RANGE, LogDistance, Range, wrap_heading
 from cooploc.estimators.particle_likelihood import log_normal, pack, unpack
 from cooploc.estimators.particles import offset, summary
 from cooploc.estimators.tunable import tunable
-
-
-@dataclass(frozen=True)
-class CtrnSettings(particles.ParticleSettings):
-    """Parameters of CTRN: those of a robot's own filter, and those of the fusion."""
-
-    reading: Literal["rssi", "range"] = "range"
-    fusion: Literal["moments", "message", "received"] = "moments"
-    weights: Literal["cvxpy", "exact"] = "cvxpy"
-    criterion: Literal["trace", "det"] = tunable("trace", choices=("trace", "det"))
-    audit: float = 1e-3
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require(self, audit=(0, 1))
 
 
 class Counts(NamedTuple):
@@ -81,7 +66,7 @@ def empty_sample(k: int, d: int) -> Sample:
 class State(NamedTuple):
     """What one robot remembers."""
 
-    own: particles.FilterState
+    own: shared.FilterState
     solver_group: (
         Indices  # (r,)  rows are solved separately, so that no result depends on another robot in its last bits
     )
@@ -112,7 +97,7 @@ def readings(s: State, z: Senses, mail: Mail) -> Iterator[Reading]:
 # A random share of the fusions is recorded as they happen; a fusion is drawn by its row's key, the tick and the sender.
 
 
-def draw_sample(p: CtrnSettings, s: State, readings: Array) -> Mask:
+def draw_sample(p: "Ctrn", s: State, readings: Array) -> Mask:
     """Which fusions (r, n) of this tick are recorded, among the readings (r, n) that are not nan."""
     chosen, counter = np.zeros(readings.shape, bool), s.own.tick * random_numbers.PURPOSES + random_numbers.AUDIT
     _draw(readable(s.own.key), counter, p.audit, readable(readings), chosen)
@@ -128,7 +113,7 @@ def _draw(key, counter, share, readings, chosen):
                 chosen[r, j] = u < share
 
 
-def weight_differences(p: CtrnSettings, s: State) -> dict[str, Array]:
+def weight_differences(p: "Ctrn", s: State) -> dict[str, Array]:
     """How many fusions of each row cvxpy solved again, those of a trial together, and the largest difference."""
     row, w, P, P_j, H, H_j, R = s.sample
     trial = s.solver_group[row] // s.own.world.robots
@@ -287,7 +272,7 @@ def _chain(links, model, trace, belief, fusions, sample, axes):
 # Covariance intersection of a belief with one reading of one sender.
 
 
-def intersect(p: CtrnSettings, s: State, belief: Belief, reading: Reading, at: Array) -> tuple[Belief, Array, State]:
+def intersect(p: "Ctrn", s: State, belief: Belief, reading: Reading, at: Array) -> tuple[Belief, Array, State]:
     """The belief after one reading, linearised at `at`, the weight w (r,), and the state with the fusions counted.
 
     x' = x + K y,  P' = (I - K H) P/w  with  K = P/w H' (H P/w H' + H_j P_j/(1-w) H_j' + R)^-1;  w = 1: unchanged.
@@ -340,7 +325,7 @@ def where_definite(packets: Array) -> Array:
 # the reading's likelihood with the sender's covariance inflated. The weights change; the particles stay where they are.
 
 
-def fuse_by_message(p: CtrnSettings, s: State, z: Senses, mail: Mail) -> State:
+def fuse_by_message(p: "Ctrn", s: State, z: Senses, mail: Mail) -> State:
     """log w_i += (w - 1) log p(x_i) + log N(y(x_i); 0, R + J P_j J' / (1 - w)), one sender after the other."""
     x, logw = s.own.x, s.own.logw
     for reading in readings(s, z, mail):
@@ -368,14 +353,14 @@ def log_density(x: Array, belief: Belief) -> Array:
 # affine map that gives them the new mean and covariance.
 
 
-def fuse_by_moments(p: CtrnSettings, s: State, z: Senses, mail: Mail) -> State:
+def fuse_by_moments(p: "Ctrn", s: State, z: Senses, mail: Mail) -> State:
     """Fuse with one sender after the other, then move the particles to the mean and covariance that result."""
-    before = particles.belief_to_send(s.own)
+    before = shared.belief_to_send(s.own)
     after, s = all_senders(p, s, before, z, mail)
     return s._replace(own=s.own._replace(x=follow(s.own.x, before, after)))
 
 
-def all_senders(p: CtrnSettings, s: State, before: Belief, z: Senses, mail: Mail) -> tuple[Belief, State]:
+def all_senders(p: "Ctrn", s: State, before: Belief, z: Senses, mail: Mail) -> tuple[Belief, State]:
     """The belief after all senders: by the compiled loop where there is one for the sensor, else step by step."""
     sensor = s.own.world.sensors[f"radio_{p.reading}"]
     if p.weights == "exact" and type(sensor) in (LogDistance, Range):
@@ -387,7 +372,7 @@ def all_senders(p: CtrnSettings, s: State, before: Belief, z: Senses, mail: Mail
     return step_by_step(p, s, before, z, mail)
 
 
-def step_by_step(p: CtrnSettings, s: State, before: Belief, z: Senses, mail: Mail) -> tuple[Belief, State]:
+def step_by_step(p: "Ctrn", s: State, before: Belief, z: Senses, mail: Mail) -> tuple[Belief, State]:
     """The belief after all senders, each linearised at the belief that the last one left."""
     after = before
     for reading in readings(s, z, mail):
@@ -452,7 +437,7 @@ def predict_received(s: State, z: Senses, before: Array) -> State:
     return s._replace(received=Belief(s.received.x + step, s.received.P + Q[:, None, :2, :2]))
 
 
-def fuse_received(p: CtrnSettings, s: State, z: Senses, mail: Mail) -> State:
+def fuse_received(p: "Ctrn", s: State, z: Senses, mail: Mail) -> State:
     """Intersect the Gaussian of a sender's earlier packets with its new one, linearised at the robot's own belief."""
     at = summary(s.own.x, s.own.logw).x[:, :2]
     x, P = s.received.x.copy(), s.received.P.copy()
@@ -490,8 +475,9 @@ def combine(own: Belief, received: Belief) -> Belief:
 FUSE = {"moments": fuse_by_moments, "message": fuse_by_message, "received": fuse_received}
 
 
+@shared.explain
 @dataclass(frozen=True)
-class Ctrn(CtrnSettings):
+class Ctrn:
     """Particle filter on own readings, covariance intersection with received beliefs.
 
     Args:
@@ -506,35 +492,56 @@ class Ctrn(CtrnSettings):
     api: ClassVar[int] = 1
     sends: ClassVar[str] = "mean and covariance"
     consistency: ClassVar[str] = "as `arl` alone; the fusion adds no over-confidence"
+    particles: int = 200
+    anchor_reading: shared.AnchorReading = "doa"
+    density: Literal["constant", "exact"] = tunable("constant", choices=("constant", "exact"), where=shared.DOA)
+    residual: shared.Residual = "wrapped"
+    M: int = tunable(5, 1, 10, where=shared.DOA)
+    K: int = tunable(5, 1, 10, where=shared.DOA)
+    decay: float = tunable(0.99, 0.5, 1.0, where=shared.DOA)
+    temper: bool = tunable(True, choices=(True, False), where=shared.DOA)
+    point: shared.Point = "mean"
+    proposal: shared.Proposal = "walk"
+    box: float = 0.5  # [m]
+    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
+    precision: shared.Precision = "double"
+    reading: shared.RadioReading = "range"
+    fusion: Literal["moments", "message", "received"] = "moments"
+    weights: Literal["cvxpy", "exact"] = "cvxpy"
+    criterion: Literal["trace", "det"] = tunable("trace", choices=("trace", "det"))
+    audit: float = 1e-3
+
+    def __post_init__(self) -> None:
+        shared.require_limits(self, audit=(0, 1))
 
     @property
     def uses(self) -> tuple[str, ...]:
-        return (*super().uses, f"radio_{self.reading}")
+        return (*shared.own_channels(self), f"radio_{self.reading}")
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         senders, d = (world.robots, 2) if self.fusion == "received" else (0, prior.x.shape[-1])
         solver_group, counts = rows.trial * world.robots + rows.robot, Counts(*np.zeros((2, len(prior.x))))
-        own = particles.init_single(self, prior, world, rows)
+        own = shared.init(self, prior, world, rows)
         nothing = vague_belief(len(prior.x), senders)
         return State(own, solver_group, nothing, prior, counts, empty_sample(0, d))
 
     def predict(self, s: State, z: Senses) -> State:
-        s, before = s._replace(own=particles.predict_single(self, s.own, z)), s.own.belief.x
+        s, before = s._replace(own=shared.predict(self, s.own, z)), s.own.belief.x
         return predict_received(s, z, before) if self.fusion == "received" else s
 
     def correct(self, s: State, z: Senses) -> State:
-        return s._replace(own=particles.correct_single(self, s.own, z))
+        return s._replace(own=shared.correct(self, s.own, z))
 
     def send(self, s: State, z: Senses) -> Array:
         """x, y, and the position covariance's P_xx, P_xy, P_yy: five numbers. Nothing received is sent on.
 
         A robot whose particles have collapsed onto a line or a point has no covariance to send: silence.
         """
-        return where_definite(pack(particles.belief_to_send(s.own)))
+        return where_definite(pack(shared.belief_to_send(s.own)))
 
     def fuse(self, s: State, z: Senses, mail: Mail) -> State:
         s = FUSE[self.fusion](self, s, z, mail)
-        own = particles.resample_and_estimate(self, s.own)
+        own = shared.resample_and_estimate(self, s.own)
         belief = combine(own.belief, s.received) if self.fusion == "received" else own.belief
         return s._replace(own=own, belief=belief)
 

@@ -12,13 +12,15 @@ Source: E. Latif, R. Parasuraman, "Multi-Robot Synergistic Localization in Dynam
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-from cooploc.estimators import particles
+from cooploc.estimators import particles as shared
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
 from cooploc.estimators.particle_likelihood import ReceivedPackets, pack
+from cooploc.estimators.tunable import tunable
 
 
+@shared.explain
 @dataclass(frozen=True)
-class Mrsl(particles.ParticleSettings):
+class Mrsl:
     """Particle filter on own readings, Bayes product with received beliefs.
 
     Args:
@@ -33,35 +35,51 @@ class Mrsl(particles.ParticleSettings):
     api: ClassVar[int] = 1
     sends: ClassVar[str] = "mean and covariance"
     consistency: ClassVar[str] = "over-confident: counts shared beliefs again and again"
-    reading: Literal["rssi", "range"] = "rssi"
+    particles: int = 200
+    anchor_reading: shared.AnchorReading = "doa"
+    density: Literal["constant", "exact"] = tunable("constant", choices=("constant", "exact"), where=shared.DOA)
+    residual: shared.Residual = "wrapped"
+    M: int = tunable(5, 1, 10, where=shared.DOA)
+    K: int = tunable(5, 1, 10, where=shared.DOA)
+    decay: float = tunable(0.99, 0.5, 1.0, where=shared.DOA)
+    temper: bool = tunable(True, choices=(True, False), where=shared.DOA)
+    point: shared.Point = "mean"
+    proposal: shared.Proposal = "walk"
+    box: float = 0.5  # [m]
+    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
+    precision: shared.Precision = "double"
+    reading: shared.RadioReading = "rssi"
     neighbours: Literal["integrate", "exact"] = "integrate"
     neighbour_samples: Literal["one", "M"] = "one"
 
+    correct = shared.correct
+    estimate = shared.estimate
+
+    def __post_init__(self) -> None:
+        shared.require_limits(self)
+
     @property
     def uses(self) -> tuple[str, ...]:
-        return (*super().uses, f"radio_{self.reading}")
+        return (*shared.own_channels(self), f"radio_{self.reading}")
 
     @property
     def several(self) -> bool:
         """Whether more than the newest reading of a teammate is used."""
         return self.neighbour_samples == "M" and self.M > 1
 
-    def init(self, prior: Belief, world: World, rows: Rows) -> particles.FilterState:
-        s = particles.init_single(self, prior, world, rows)
-        return s._replace(past=particles.no_past_packets(len(prior.x), world.robots, self.M)) if self.several else s
+    def init(self, prior: Belief, world: World, rows: Rows) -> shared.FilterState:
+        s = shared.init(self, prior, world, rows)
+        return s._replace(past=shared.no_past_packets(len(prior.x), world.robots, self.M)) if self.several else s
 
-    def predict(self, s: particles.FilterState, z: Senses) -> particles.FilterState:
-        s = particles.predict_single(self, s, z)
-        return s._replace(past=particles.shift_past_packets(s.past, s.world.motion, z)) if self.several else s
+    def predict(self, s: shared.FilterState, z: Senses) -> shared.FilterState:
+        s = shared.predict(self, s, z)
+        return s._replace(past=shared.shift_past_packets(s.past, s.world.motion, z)) if self.several else s
 
-    def correct(self, s: particles.FilterState, z: Senses) -> particles.FilterState:
-        return particles.correct_single(self, s, z)
-
-    def send(self, s: particles.FilterState, z: Senses) -> Array:
+    def send(self, s: shared.FilterState, z: Senses) -> Array:
         """x, y, and the position covariance's P_xx, P_xy, P_yy: five numbers."""
-        return pack(particles.belief_to_send(s))
+        return pack(shared.belief_to_send(s))
 
-    def fuse(self, s: particles.FilterState, z: Senses, mail: Mail) -> particles.FilterState:
+    def fuse(self, s: shared.FilterState, z: Senses, mail: Mail) -> shared.FilterState:
         """w_i = P_l(q_i) prod_j integral P(r_j | x_i, x_j) N(x_j; received) dx_j  (8), variance sigma^2 + J P_j J'.
 
         With neighbour_samples="M", P(r_j | x_i, x_j) is a product over the last M packets of sender j.
@@ -69,10 +87,7 @@ class Mrsl(particles.ParticleSettings):
         sensor, readings = s.world.sensors[f"radio_{self.reading}"], getattr(mail, self.reading)
         heard = ReceivedPackets(sensor, mail.packets, readings, self.neighbours == "integrate")
         if not self.several:
-            return particles.resample_and_estimate(self, s, heard)
-        past = particles.keep_received(s.past, heard)
-        logw = particles.weigh_past_packets(past, heard, s.world.motion, s.x, s.logw, self.power)
-        return particles.resample_and_estimate(self, s._replace(past=past, logw=logw))
-
-    def estimate(self, s: particles.FilterState) -> Belief:
-        return s.belief
+            return shared.resample_and_estimate(self, s, heard)
+        past = shared.keep_received(s.past, heard)
+        logw = shared.weigh_past_packets(past, heard, s.world.motion, s.x, s.logw, shared.power(self))
+        return shared.resample_and_estimate(self, s._replace(past=past, logw=logw))

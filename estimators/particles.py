@@ -13,8 +13,7 @@ the loops.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -38,7 +37,6 @@ from cooploc.estimators.models import (
 )
 from cooploc.estimators.particle_kernels import BANDWIDTH, Cloud, Moved, Step, advance_rows, conclude_rows, systematic
 from cooploc.estimators.particle_likelihood import Fixed, ReceivedPackets, log_density, planes, teammates
-from cooploc.estimators.tunable import tunable
 
 
 def sample_prior(prior: Belief, key: Keys, n: int) -> Array:
@@ -281,16 +279,18 @@ def weigh_past_packets(
     return logw + power * total
 
 
-# A packet of five numbers: x, y, and the position covariance's P_xx, P_xy, P_yy.
-
-
-# A robot's own particle filter on odometry and anchor RSSI: what ARL is, and what MRSL and CTRN build on.
+# A robot's own particle filter: on odometry and anchors it is ARL, and all others build on it.
+#
+# Particles are weighed by anchors, or by landmarks where the world has those instead; a packet's reading is the
+# camera's sighting of its sender where there are cameras, else the radio's. No reading is refused for being unlikely:
+# where gross outliers occur, as in MRCLAM, particles collapse on them. In these functions `p` is the estimator.
 #
 # Source: Latif & Parasuraman, "Individual localization", eqs. (1)-(5); R. Parashar, R. Parasuraman, "Particle filter
 # based localization of access points using direction of arrival on mobile robots", VTC-Fall 2020.
 
 PARAMETERS = """
-    Parameters of the robot's own particle filter:
+
+    Parameters of the robot's own particle filter; the defaults are the readings of the `paper` preset:
         particles: their number, at least 2.
         anchor_reading: "doa", the direction of arrival made of the four anchor readings; "gradient", the gradient
             [dB/m] that the direction is taken from, of this tick alone; "rssi", their raw likelihoods; or "none", no
@@ -313,47 +313,46 @@ PARAMETERS = """
 DOA = "anchor_reading", "doa"  # what most parameters are about
 FARTHEST = 1e4  # [m] from the origin: there single numbers are a millimetre apart
 
+AnchorReading = Literal["doa", "gradient", "rssi", "none"]
+Residual = Literal["wrapped", "sum", "corners"]
+Point = Literal["mean", "max"]
+Proposal = Literal["walk", "box"]
+Precision = Literal["double", "single"]
+RadioReading = Literal["rssi", "range"]
+C = TypeVar("C", bound=type)
 
-@dataclass(frozen=True)
-class ParticleSettings:
-    """Parameters that all particle filters share. The defaults are the readings of the `paper` preset."""
 
-    particles: int = 200
-    anchor_reading: Literal["doa", "gradient", "rssi", "none"] = "doa"
-    density: Literal["constant", "exact"] = tunable("constant", choices=("constant", "exact"), where=DOA)
-    residual: Literal["wrapped", "sum", "corners"] = "wrapped"
-    M: int = tunable(5, 1, 10, where=DOA)
-    K: int = tunable(5, 1, 10, where=DOA)
-    decay: float = tunable(0.99, 0.5, 1.0, where=DOA)
-    temper: bool = tunable(True, choices=(True, False), where=DOA)
-    point: Literal["mean", "max"] = "mean"
-    proposal: Literal["walk", "box"] = "walk"
-    box: float = 0.5  # [m]
-    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
-    precision: Literal["double", "single"] = "double"
+def explain(cls: C) -> C:
+    """Add the meaning of the parameters that particle filters share to a class's docstring, which `help` shows."""
+    cls.__doc__ = f"{cls.__doc__}{PARAMETERS}"
+    return cls
 
-    def __init_subclass__(cls) -> None:
-        """Every particle filter's help explains these parameters too."""
-        cls.__doc__ = f"{cls.__dict__.get('__doc__') or cls.__name__}\n{PARAMETERS}"
 
-    def __post_init__(self) -> None:
-        require(self, particles=(2, 1_000_000), M=(1, 10_000), K=(1, 10_000), box=(1e-9, 1e6), decay=(1e-9, 1))
-        require(self, inflation=(LEAST, MOST))
+def require_limits(p: Any, **limits: tuple[float, float]) -> None:
+    """Refuse a parameter that is outside its limits.
 
-    @property
-    def uses(self) -> tuple[str, ...]:
-        """The channels of the robot's own filter."""
-        return ("odometry",) if self.anchor_reading == "none" else ("odometry", "anchor_rssi")
+    Raises:
+        ValueError: names the parameter, its value and the limits.
 
-    @property
-    def power(self) -> float:
-        """The exponent of every density in a product over M samples."""
-        return 1 / self.M if self.temper else 1.0
+    """
+    require(p, particles=(2, 1_000_000), M=(1, 10_000), K=(1, 10_000), box=(1e-9, 1e6), decay=(1e-9, 1))
+    require(p, inflation=(LEAST, MOST), **limits)
 
-    @property
-    def one_pass(self) -> bool:
-        """Whether particles are drawn and weighed in one pass, in `correct`."""
-        return self.anchor_reading in ("rssi", "none") and self.proposal == "walk"
+
+def own_channels(p: Any) -> tuple[str, ...]:
+    """The channels of a robot's own readings: of odometry and anchors."""
+    return ("odometry",) if p.anchor_reading == "none" else ("odometry", "anchor_rssi")
+
+
+def team_channels(p: Any) -> tuple[str, ...]:
+    """The channels in any world where teammates meet, in order of preference."""
+    own = ("anchor_rssi|landmark" if channel == "anchor_rssi" else channel for channel in own_channels(p))
+    return (*own, f"sighting|radio_{p.reading}")
+
+
+def power(p: Any) -> float:
+    """The exponent of every density in a product over M samples."""
+    return 1 / p.M if p.temper else 1.0
 
 
 class FilterState(NamedTuple):
@@ -373,81 +372,96 @@ class FilterState(NamedTuple):
     world: World
 
 
-def init_single(p: ParticleSettings, prior: Belief, world: World, rows: Rows) -> FilterState:
-    """Particles drawn from the prior, and empty memories."""
-    world = inflate(world, p.inflation)
-    if p.anchor_reading in ("doa", "gradient"):
-        gradient_doa(world)  # refuses a world without four corners before anything runs
-    r = len(prior.x)
-    require_digits(p, world)
-    x = sample_prior(prior, rows.key, p.particles)
-    empty = np.full((r, p.K), np.nan), np.full((r, p.M), np.nan), np.zeros((r, p.M, 2)), no_past_packets(r, 0, 0)
-    s = FilterState(x, np.zeros(x.shape[:2]), np.zeros(r, bool), None, prior, rows.key, 0, *empty, world)
-    return round_to_single(p, s)
-
-
-def require_digits(p: ParticleSettings, world: World) -> None:
-    """Refuse single precision where it cannot tell places that are a millimetre apart.
+def init(p: Any, prior: Belief, world: World, rows: Rows) -> FilterState:
+    """Particles drawn from the prior, and empty memories.
 
     Raises:
-        BadInput: the arena reaches more than 10 km from the origin.
+        BadInput: a direction of arrival needs four corners; or the arena reaches too far for single precision.
 
     """
+    world = inflate(world, p.inflation)
+    if _reads(p, world) in ("doa", "gradient"):
+        gradient_doa(world)
     reach = float(np.abs(world.arena).max())
     if p.precision == "single" and reach > FARTHEST:
         raise BadInput(
             f"precision='single' has seven digits, and this arena reaches {reach:.0f} m from the origin: set "
             f"precision='double', or put the origin within {FARTHEST:.0f} m"
         )
+    r, x = len(prior.x), sample_prior(prior, rows.key, p.particles)
+    empty = np.full((r, p.K), np.nan), np.full((r, p.M), np.nan), np.zeros((r, p.M, 2)), no_past_packets(r, 0, 0)
+    s = FilterState(x, np.zeros(x.shape[:2]), np.zeros(r, bool), None, prior, rows.key, 0, *empty, world)
+    return round_to_single(p, s)
 
 
-def round_to_single(p: ParticleSettings, s: FilterState) -> FilterState:
+def _reads(p: Any, world: World) -> str:
+    """The kind of readings of fixed things that particles are weighed by."""
+    return "landmark" if "landmark" in world.sensors else str(p.anchor_reading)
+
+
+def _in_one_pass(p: Any, world: World) -> bool:
+    """Whether particles are drawn and weighed in one pass, in `correct`."""
+    return p.proposal == "walk" and _reads(p, world) not in ("doa", "gradient")
+
+
+def round_to_single(p: Any, s: FilterState) -> FilterState:
     """The state with particles and log-weights as `precision` keeps them; numpy's steps compute in double."""
     real: Any = np.float32 if p.precision == "single" else np.float64
     return s if s.x.dtype == s.logw.dtype == real else s._replace(x=s.x.astype(real), logw=s.logw.astype(real))
 
 
-def predict_single(p: ParticleSettings, s: FilterState, z: Senses) -> FilterState:
-    """Draw from P(x_t+1 | x_t); "box": uniformly around the moved estimate, forgetting the weights.
-
-    Where `p.one_pass`, `correct` draws them.
-    """
+def predict(p: Any, s: FilterState, z: Senses) -> FilterState:
+    """Draw from P(x_t+1 | x_t); "box": uniformly around the moved estimate, forgetting the weights."""
     motion, tick = s.world.motion, s.tick + 1
-    if p.one_pass:
+    if _in_one_pass(p, s.world):
         return s._replace(tick=tick)
     trail = motion.retrace(s.trail, z.odometry, z.dt)
     if p.proposal == "box":
         x, logw = resample(s.x, s.logw, s.key, s.tick)
         middle, _, _ = motion.move(mean(x, weights(logw)), z.odometry, z.dt)
-        x = np.repeat(middle[:, None, :], p.particles, 1)
+        x, logw = np.repeat(middle[:, None, :], p.particles, 1), np.zeros_like(s.logw)
         x[..., :2] += p.box * (2 * random_numbers.uniforms(s.key, tick, random_numbers.BOX, p.particles) - 1)
-        return round_to_single(p, s._replace(x=x, logw=np.zeros_like(s.logw), tick=tick, trail=trail))
-    x, logw, _ = advance(motion, s.x, s.logw, s.due, z, s.key, tick)
+    else:
+        x, logw, _ = advance(motion, s.x, s.logw, s.due, z, s.key, tick)
     return round_to_single(p, s._replace(x=x, logw=logw, tick=tick, trail=trail))
 
 
-def correct_single(p: ParticleSettings, s: FilterState, z: Senses, sends: bool = True) -> FilterState:
-    """Weigh the particles by the anchors' readings; `sends` unless this robot transmits nothing."""
-    fixed = list(s.world.fixed(z)) if p.anchor_reading == "rssi" else []
-    if p.one_pass:
+def correct(p: Any, s: FilterState, z: Senses) -> FilterState:
+    """Weigh the particles by the readings of anchors, or of landmarks."""
+    reads = _reads(p, s.world)
+    fixed = list(s.world.fixed(z)) if reads == "rssi" else []
+    if _in_one_pass(p, s.world):
+        sends = reads != "landmark" and p.sends != "nothing"
         x, logw, sent = advance(s.world.motion, s.x, s.logw, s.due, z, s.key, s.tick, fixed, sends)
-        return round_to_single(p, s._replace(x=x, logw=logw, sent=sent))
-    if p.anchor_reading in ("rssi", "none"):
-        return round_to_single(p, s._replace(logw=particle_likelihood.anchors(fixed, s.x, s.logw)))
-    doa = gradient_doa(s.world)
-    if p.anchor_reading == "gradient":
-        logw = particle_likelihood.gradient(doa, s.x, s.logw, doa.gradient(z.anchor_rssi))
-        return round_to_single(p, s._replace(logw=logw))
-    return _by_directions(p, s, doa, doa.measure(z.anchor_rssi))
+        s = s._replace(x=x, logw=logw, sent=sent)
+    elif reads == "rssi":
+        s = s._replace(logw=particle_likelihood.anchors(fixed, s.x, s.logw))
+    elif reads == "gradient":
+        doa = gradient_doa(s.world)
+        s = s._replace(logw=particle_likelihood.gradient(doa, s.x, s.logw, doa.gradient(z.anchor_rssi)))
+    elif reads == "doa":
+        s = _weigh_by_directions(p, s, gradient_doa(s.world), z)
+    s = round_to_single(p, s)
+    return _weigh_by_landmarks(s, z) if reads == "landmark" else s
 
 
-def _by_directions(p: ParticleSettings, s: FilterState, doa: GradientDoa, angle: Array) -> FilterState:
-    """Weigh by the last M averaged directions, of which `angle` (r,) is the newest; nothing where that is absent."""
+def _weigh_by_directions(p: Any, s: FilterState, doa: GradientDoa, z: Senses) -> FilterState:
+    """Weigh by the last M averaged directions; nothing where there is no new one."""
+    angle = doa.measure(z.anchor_rssi)
     s = _remember(p, s, angle)
     angles = np.where(np.isnan(angle)[:, None], np.nan, s.smooth)
     form = "exact" if p.density == "exact" else p.residual
-    logw = particle_likelihood.window(doa, s.world.motion, s.x, s.logw, angles, s.trail, form, p.power)
-    return round_to_single(p, s._replace(logw=logw))
+    logw = particle_likelihood.window(doa, s.world.motion, s.x, s.logw, angles, s.trail, form, power(p))
+    return s._replace(logw=logw)
+
+
+def _weigh_by_landmarks(s: FilterState, z: Senses) -> FilterState:
+    logw = s.logw.copy()
+    for sensor, place, reading in s.world.fixed(z):
+        rows = np.flatnonzero(~np.isnan(reading).any(-1))
+        y, _, _ = sensor.innovation(s.x[rows], place, reading[rows, None])
+        logw[rows] += log_density(y, sensor.R)
+    return s._replace(logw=logw, sent=None)
 
 
 def belief_to_send(s: FilterState) -> Belief:
@@ -455,9 +469,7 @@ def belief_to_send(s: FilterState) -> Belief:
     return s.sent or summary(s.x, s.logw)
 
 
-def resample_and_estimate(
-    p: ParticleSettings, s: FilterState, heard: particle_likelihood.ReceivedPackets | None = None
-) -> FilterState:
+def resample_and_estimate(p: Any, s: FilterState, heard: ReceivedPackets | None = None) -> FilterState:
     """Weigh by the packets heard, and end the tick.
 
     The belief is the weighted mean and covariance; with point="max" the particle of largest weight instead of the mean.
@@ -469,7 +481,12 @@ def resample_and_estimate(
     return round_to_single(p, s._replace(logw=logw, due=due, belief=belief))
 
 
-def _remember(p: ParticleSettings, s: FilterState, angle: Array) -> FilterState:
+def estimate(p: Any, s: FilterState) -> Belief:
+    """The belief at the end of the last tick."""
+    return s.belief
+
+
+def _remember(p: Any, s: FilterState, angle: Array) -> FilterState:
     """The DOA smoothed by a circular moving average over the last K, weights decay^age (the paper's EWMA).
 
     Memories count samples, not ticks: a tick without a DOA leaves them as they are.
@@ -490,49 +507,6 @@ def _push(memory: Array, newest: Array) -> Array:
     return np.concatenate([newest[:, None], memory[:, :-1]], 1)
 
 
-# A robot's own particle filter in any world where teammates meet: by anchors or landmarks, by radio or camera.
-#
-# `correct_single` weighs particles by anchors. Here they are weighed by landmarks where the world has those instead,
-# and a packet's reading is the camera's sighting of its sender where there are cameras, else the radio's. No reading is
-# refused for being unlikely: where gross outliers occur, as in MRCLAM, particles collapse on them.
-
-
-@dataclass(frozen=True)
-class TeamParticleSettings(ParticleSettings):
-    """Parameters of a robot's own filter, and which radio reading is used where no camera sees teammates."""
-
-    reading: Literal["rssi", "range"] = "range"
-
-    @property
-    def uses(self) -> tuple[str, ...]:
-        """The channels, in order of preference."""
-        own = ("anchor_rssi|landmark" if channel == "anchor_rssi" else channel for channel in super().uses)
-        return (*own, f"sighting|radio_{self.reading}")
-
-
-def init_team(p: TeamParticleSettings, prior: Belief, world: World, rows: Rows) -> FilterState:
-    """Particles drawn from the prior."""
-    return init_single(_without_team(p, world), prior, world, rows)
-
-
-def predict_team(p: TeamParticleSettings, s: FilterState, z: Senses) -> FilterState:
-    """Draw from P(x_t+1 | x_t)."""
-    return predict_single(_without_team(p, s.world), s, z)
-
-
-def correct_team(p: TeamParticleSettings, s: FilterState, z: Senses) -> FilterState:
-    """Weigh the particles by the readings of anchors, or of landmarks."""
-    if "landmark" not in s.world.sensors:
-        return correct_single(p, s, z)
-    s = correct_single(_without_team(p, s.world), s, z, sends=False)
-    logw = s.logw.copy()
-    for sensor, place, reading in s.world.fixed(z):
-        rows = np.flatnonzero(~np.isnan(reading).any(-1))
-        y, _, _ = sensor.innovation(s.x[rows], place, reading[rows, None])
-        logw[rows] += log_density(y, sensor.R)
-    return s._replace(logw=logw, sent=None)
-
-
 def team_readings(world: World, z: Senses, mail: Mail) -> tuple[Sensor, Array]:
     """The sensor of teammates, and its readings (r, n, k) of the senders heard; nan where absent or too near."""
     channels = {"sighting": z.sighting, "radio_rssi": mail.rssi[..., None], "radio_range": mail.range[..., None]}
@@ -541,8 +515,3 @@ def team_readings(world: World, z: Senses, mail: Mail) -> tuple[Sensor, Array]:
     ranged = isinstance(sensor, Range | Sighting)
     refused = ~mail.heard[..., None] | (ranged & (reading[..., :1] < TOO_NEAR_TO_RANGE))
     return sensor, np.where(refused, np.nan, reading)
-
-
-def _without_team(p: TeamParticleSettings, world: World) -> TeamParticleSettings:
-    """The settings of the own filter; it has no anchors to weigh by where there are landmarks."""
-    return replace(p, anchor_reading="none") if "landmark" in world.sensors else p

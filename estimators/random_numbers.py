@@ -1,7 +1,7 @@
 """Random numbers of the particle filters: a counter-based generator, compiled by numba.
 
 Every random number is a function of (row key, tick, purpose, particle) alone, so results do not depend on how rows are
-chunked, ordered or spread over processes. `*_reference` are the same functions in plain numpy; tests compare them.
+chunked, ordered or spread over processes.
 
 Source of the generator: J. K. Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", SC 2011 (Threefry-2x32-20).
 """
@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 from numba import types
-from numpy.typing import NDArray
 
 from cooploc.estimators.compiled import (
     SINGLE,
@@ -140,30 +139,6 @@ def uniforms(key: Keys, tick: int, purpose: int, n: int) -> Array:
     out = np.empty((len(key), 2 * n))
     _fill_uniforms(readable(key), tick * PURPOSES + purpose, out)
     return out.reshape(-1, n, 2)
-
-
-def threefry_reference(key: Keys, counter: int, n: int) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
-    """Threefry-2x32-20 words (r, n), (r, n) in plain numpy."""
-    k0, k1 = key[:, :1], key[:, 1:]
-    ks = (k0, k1, k0 ^ k1 ^ np.uint32(PARITY))
-    a = np.uint32(counter) + ks[0] + np.zeros(n, np.uint32)
-    b = np.arange(n, dtype=np.uint32) + ks[1]
-    for block in range(5):
-        for i in range(4):
-            turn = np.uint32(ROTATIONS[(block % 2) * 4 + i])
-            a = a + b
-            b = ((b << turn) | (b >> np.uint32(32 - turn))) ^ a
-        a = a + ks[(block + 1) % 3]
-        b = b + ks[(block + 2) % 3] + np.uint32(block + 1)
-    return a, b
-
-
-def normals_reference(key: Keys, tick: int, purpose: int, n: int) -> Array:
-    """`normals` in plain numpy."""
-    a, b = threefry_reference(key, tick * PURPOSES + purpose, n)
-    radius = np.sqrt(-2 * np.log((a + 0.5) * 2.0**-32))
-    angle = 2 * np.pi * (b + 0.5) * 2.0**-32
-    return np.stack([radius * np.cos(angle), radius * np.sin(angle)], -1)
 
 
 # Random numbers of what filters exchange: a further stream of each row, apart from its own filter's.

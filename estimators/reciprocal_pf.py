@@ -24,19 +24,24 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from cooploc.estimators import detections, mixtures, particles, random_numbers
-from cooploc.estimators.errors import require
-from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Sensor, World
-from cooploc.estimators.mixtures import clusters
+from cooploc.estimators import mixtures, random_numbers
+from cooploc.estimators import particles as shared
+from cooploc.estimators.errors import BadInput
+from cooploc.estimators.interface import Array, Belief, Indices, Keys, Mail, Mask, Rows, Senses, Sensor, World
+from cooploc.estimators.mixtures import Mixture, clusters
+from cooploc.estimators.models import LogDistance, Range, Sighting
 from cooploc.estimators.particle_kernels import systematic
 from cooploc.estimators.particles import poor, resample, summary, weights
+from cooploc.estimators.tunable import tunable
 
 TINY = 1e-300  # a weight that is 0 to all others
-FAR = 1e3  # sides of the arena
+FAR = 1e3  # sides of the arena: a broken reading may draw places beyond
+KNOWN = LogDistance, Range, Sighting
 
 
+@shared.explain
 @dataclass(frozen=True)
-class ReciprocalPf(particles.TeamParticleSettings):
+class ReciprocalPf:
     """Particle filter on own readings; clusters of particles are exchanged, and particles drawn from detections.
 
     Args:
@@ -50,52 +55,58 @@ class ReciprocalPf(particles.TeamParticleSettings):
     api: ClassVar[int] = 1
     sends: ClassVar[str] = "particles as clusters"
     consistency: ClassVar[str] = "no guarantee: repeated counting narrows it, draws widen it"
+    particles: int = 200
+    anchor_reading: shared.AnchorReading = "doa"
+    density: Literal["constant", "exact"] = tunable("constant", choices=("constant", "exact"), where=shared.DOA)
+    residual: shared.Residual = "wrapped"
+    M: int = tunable(5, 1, 10, where=shared.DOA)
+    K: int = tunable(5, 1, 10, where=shared.DOA)
+    decay: float = tunable(0.99, 0.5, 1.0, where=shared.DOA)
+    temper: bool = tunable(True, choices=(True, False), where=shared.DOA)
+    point: shared.Point = "mean"
+    proposal: shared.Proposal = "walk"
+    box: float = 0.5  # [m]
+    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
+    precision: shared.Precision = "double"
+    reading: shared.RadioReading = "range"
     alpha: float = 0.06
     clusters: int = 4
     report: Literal["after", "before"] = "after"
 
+    uses = property(shared.team_channels)
+    predict = shared.predict
+    correct = shared.correct
+    estimate = shared.estimate
+
     def __post_init__(self) -> None:
-        super().__post_init__()
-        require(self, alpha=(0, 1), clusters=(1, 100))
+        shared.require_limits(self, alpha=(0, 1), clusters=(1, 100))
 
-    def init(self, prior: Belief, world: World, rows: Rows) -> particles.FilterState:
+    def init(self, prior: Belief, world: World, rows: Rows) -> shared.FilterState:
         for channel in ("sighting", "radio_rssi", "radio_range"):
-            if self.alpha and channel in world.sensors:
-                detections.require_inverse(world.sensors[channel])
-        return particles.init_team(self, prior, world, rows)
+            sensor = world.sensors.get(channel)
+            if self.alpha and sensor and not isinstance(sensor, KNOWN):
+                raise BadInput(
+                    f"reciprocal sampling draws places from readings of {', '.join(one.__name__ for one in KNOWN)}; "
+                    f"the world has {type(sensor).__name__}: set alpha=0"
+                )
+        return shared.init(self, prior, world, rows)
 
-    def predict(self, s: particles.FilterState, z: Senses) -> particles.FilterState:
-        return particles.predict_team(self, s, z)
-
-    def correct(self, s: particles.FilterState, z: Senses) -> particles.FilterState:
-        return particles.correct_team(self, s, z)
-
-    def send(self, s: particles.FilterState, z: Senses) -> Array:
+    def send(self, s: shared.FilterState, z: Senses) -> Array:
         """w, x, y, P_xx, P_xy, P_yy of each cluster: six numbers for each that has particles."""
         return clusters(s.x, weights(s.logw), self.clusters).pack()
 
-    def fuse(self, s: particles.FilterState, z: Senses, mail: Mail) -> particles.FilterState:
+    def fuse(self, s: shared.FilterState, z: Senses, mail: Mail) -> shared.FilterState:
         """w_i *= prod_j p(z_j | x_i, clusters of j); then x_i ~ p(x | z_j, clusters of j) with probability alpha."""
-        sensor, readings = particles.team_readings(s.world, z, mail)
+        sensor, readings = shared.team_readings(s.world, z, mail)
         sent = mixtures.unpack(mail.packets)
         logw = mixtures.weigh(sensor, sent, readings, s.x, s.logw)
-        s = particles.resample_and_estimate(self, s._replace(logw=logw))
-        heard: Mask = np.asarray(detections.usable(sent, readings).any(-1))
-        return self._drawn_again(s, sensor, sent, readings, heard) if self.alpha and heard.any() else s
+        s = shared.resample_and_estimate(self, s._replace(logw=logw))
+        heard: Mask = np.asarray(usable(sent, readings).any(-1))
+        return self._draw_from_detections(s, sensor, sent, readings, heard) if self.alpha and heard.any() else s
 
-    def estimate(self, s: particles.FilterState) -> Belief:
-        return s.belief
-
-    @staticmethod
-    def _near(world: World, places: Array) -> Mask:
-        """Places (c, 1) that a robot of this world may be at, by a wide margin: what a broken reading draws is not."""
-        low, high = world.arena
-        near: Mask = np.asarray((np.abs(places - (low + high) / 2) < FAR * np.max(high - low)).all(-1, keepdims=True))
-        return near
-
-    def _drawn_again(
-        self, s: particles.FilterState, sensor: Sensor, sent: mixtures.Mixture, readings: Array, heard: Mask
-    ) -> particles.FilterState:
+    def _draw_from_detections(
+        self, s: shared.FilterState, sensor: Sensor, sent: Mixture, readings: Array, heard: Mask
+    ) -> shared.FilterState:
         """Particles of the rows that `heard`, each drawn from a detection with probability alpha."""
         N, (old, logw) = s.x.shape[1], resample(s.x, s.logw, s.key, s.tick)
         w = weights(logw)
@@ -105,9 +116,11 @@ class ReciprocalPf(particles.TeamParticleSettings):
         again = heard[:, None] & (
             random_numbers.further_uniforms(s.key, s.tick, random_numbers.SHARE, N)[..., 0] < self.alpha
         )
-        drawn = detections.places(sensor, sent, readings, again, heading, s.key, s.tick)
+        drawn = sample_places(sensor, sent, readings, again, heading, s.key, s.tick)
         x, logw = np.where(again[..., None], resampled, old), np.log(np.where(again, 1 / N, np.maximum(w, TINY)))
-        x[again, :2] = np.where(self._near(s.world, drawn), drawn, x[again, :2])
+        low, high = s.world.arena
+        near = (np.abs(drawn - (low + high) / 2) < FAR * np.max(high - low)).all(-1, keepdims=True)
+        x[again, :2] = np.where(near, drawn, x[again, :2])
         belief = summary(x, logw) if self.report == "after" else s.belief
         s = s._replace(
             x=np.where(heard[:, None, None], x, s.x),
@@ -117,4 +130,69 @@ class ReciprocalPf(particles.TeamParticleSettings):
                 np.where(heard[:, None], belief.x, s.belief.x), np.where(heard[:, None, None], belief.P, s.belief.P)
             ),
         )
-        return particles.round_to_single(self, s)
+        return shared.round_to_single(self, s)
+
+
+# Places drawn from what a packet and its reading say alone: the detection model, the other way round.
+#
+# The sender lies at q ~ sum_k w_k N(m_k, P_k). The robot lies from it at the distance that was read, in the direction
+# that was read; a radio reads none, and then all are as likely. An RSSI becomes a distance by its own path loss. Each
+# is drawn with the sensor's error in the reading itself, as the source draws range and bearing.
+
+
+def sample_places(sensor: Sensor, sent: Mixture, z: Array, chosen: Mask, heading: Array, key: Keys, tick: int) -> Array:
+    """Places (c, 2) where robots may be, one for each of the c particles that are `chosen`, row by row.
+
+    Args:
+        sensor: of the readings.
+        sent: what each sender believes, (r, n, K).
+        z: readings (r, n, k), nan where there is none.
+        chosen: particles (r, N), in rows that have a usable reading.
+        heading: of each particle (r, N) [rad], which a bearing is against; 0 where there is a compass.
+        key: of the random numbers (r, 2).
+        tick: the number of this tick.
+
+    """
+    N, row = chosen.shape[1], np.nonzero(chosen)[0]
+    u = random_numbers.further_uniforms(key, tick, random_numbers.SENDER, N)[chosen]
+    turn = random_numbers.further_uniforms(key, tick, random_numbers.SHARE, N)[chosen]
+    at = random_numbers.further_normals(key, tick, random_numbers.PLACE, N)[chosen]
+    noise = random_numbers.further_normals(key, tick, random_numbers.NOISE, N)[chosen]
+    j = _one_of(usable(sent, z)[row].astype(float), u[:, 0])
+    k = _one_of(np.nan_to_num(sent.w)[row, j], u[:, 1])
+    q = _scatter(sent.x[row, j, k], sent.P[row, j, k], at)
+    away, angle = _inverse(sensor, z[row, j], noise, turn[:, 1], heading[chosen])
+    return np.asarray(q - away[:, None] * np.stack([np.cos(angle), np.sin(angle)], -1))
+
+
+def usable(sent: Mixture, z: Array) -> Mask:
+    """The senders (r, n) that have a reading and a belief."""
+    heard: Mask = ~np.isnan(z).any(-1) & (np.nan_to_num(sent.w).sum(-1) > 0)
+    return heard
+
+
+def _inverse(sensor: Sensor, z: Array, noise: Array, turn: Array, heading: Array) -> tuple[Array, Array]:
+    """Distance [m] and direction [rad] of the sender, seen from the robot: r = z + error, and so on."""
+    if isinstance(sensor, LogDistance):
+        away = 10 ** ((sensor.A - z[..., 0] - sensor.sigma * noise[..., 0]) / (10 * sensor.eta))
+        return away, 2 * np.pi * turn
+    if isinstance(sensor, Sighting):
+        angle = heading + z[..., 1] + sensor.sigma_bearing * noise[..., 1]
+        return z[..., 0] + sensor.sigma_range * noise[..., 0], angle
+    return z[..., 0] + np.sqrt(sensor.R[0, 0]) * noise[..., 0], 2 * np.pi * turn
+
+
+def _one_of(weight: Array, u: Array) -> Indices:
+    """An index (c,) by weights (c, n), for each of the uniforms u (c,)."""
+    cumulated = np.cumsum(weight, -1)
+    index: Indices = (u[:, None] * cumulated[:, -1:] > cumulated).sum(-1)
+    return index
+
+
+def _scatter(m: Array, P: Array, noise: Array) -> Array:
+    """m + L noise, L the lower triangular root of P (..., 2, 2), which may be singular."""
+    a = np.sqrt(np.maximum(P[..., 0, 0], 0.0))
+    b = np.divide(P[..., 0, 1], a, out=np.zeros_like(a), where=a > 0)
+    c = np.sqrt(np.maximum(P[..., 1, 1] - b * b, 0.0))
+    east, north = noise[..., 0], noise[..., 1]
+    return np.asarray(m + np.stack([a * east, b * east + c * north], -1))

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from cooploc.estimators import make
-from cooploc.estimators.detections import places
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Belief, Mail, Rows, Senses, World
 from cooploc.estimators.mixtures import Mixture
 from cooploc.estimators.models import Displacement, LogDistance, Range, Sighting
+from cooploc.estimators.reciprocal_pf import sample_places
 from cooploc.scenarios import simulate
 from cooploc.scenarios.runner.run import run
 
@@ -68,7 +68,7 @@ CASES = {
 @pytest.mark.parametrize("case", CASES)
 def test_places_have_the_moments_of_the_detection_model_by_quadrature(case):
     sensor, z, distance, direction = CASES[case]
-    got = places(sensor, SENT, np.array([[z]]), all_of(DRAWS), np.full((1, DRAWS), 0.7), KEY, 3)
+    got = sample_places(sensor, SENT, np.array([[z]]), all_of(DRAWS), np.full((1, DRAWS), 0.7), KEY, 3)
     t, w = nodes()
     angles, v = (np.linspace(0, 2 * np.pi, 64, endpoint=False), np.ones(64)) if direction is None else (direction(t), w)
     away, angle = (grid.ravel() for grid in np.meshgrid(distance(t), angles))

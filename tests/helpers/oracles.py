@@ -30,6 +30,31 @@ def is_covariance(P: np.ndarray, tolerance: float = 1e-9) -> bool:
     return bool(symmetric and np.linalg.eigvalsh((P + P.mT) / 2).min() >= -tolerance * scale)
 
 
+def threefry(key: np.ndarray, counter: int, particle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Threefry-2x32-20 words (r, n), (r, n) for keys (r, 2) and particles (n,), as the paper states it."""
+    rotations = 13, 15, 26, 6, 17, 29, 16, 24
+    k0, k1 = key[:, :1], key[:, 1:]
+    ks = (k0, k1, k0 ^ k1 ^ np.uint32(0x1BD11BDA))
+    a = np.uint32(counter) + ks[0] + np.zeros(len(particle), np.uint32)
+    b = particle.astype(np.uint32) + ks[1]
+    for i in range(20):
+        turn = np.uint32(rotations[i % 8])
+        a = a + b
+        b = ((b << turn) | (b >> np.uint32(32 - turn))) ^ a
+        if i % 4 == 3:
+            block = i // 4 + 1
+            a, b = a + ks[block % 3], b + ks[(block + 1) % 3] + np.uint32(block)
+    return a, b
+
+
+def normals(key: np.ndarray, counter: int, n: int) -> np.ndarray:
+    """Standard normal pairs (r, n, 2) by Box-Muller."""
+    a, b = threefry(key, counter, np.arange(n))
+    radius = np.sqrt(-2 * np.log((a + 0.5) * 2.0**-32))
+    angle = 2 * np.pi * (b + 0.5) * 2.0**-32
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle)], -1)
+
+
 def slope(f: Callable[[np.ndarray], np.ndarray], x: np.ndarray, step: float = 1e-6) -> np.ndarray:
     """df/dx (..., k, d) by central differences along the last axis of x (..., d)."""
     columns = []

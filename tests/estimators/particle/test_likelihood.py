@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from oracles import normals
 
 from cooploc.estimators import particle_likelihood, particles, random_numbers
 from cooploc.estimators.interface import Belief, Senses
@@ -179,7 +180,7 @@ def test_advance_is_renewal_motion_and_anchors_in_numpy(side, team, n):
     due = particles.poor(particles.weights(logw))
     new, weighed, told = advance(x, logw, due, senses(u, dt), key, fixed, motion)
     there, flat = particles.resample(x, logw, key, 8)
-    noise = random_numbers.normals_reference(key, 9, random_numbers.MOVE, n)
+    noise = normals(key, 8 * 9 + random_numbers.MOVE, n)
     there = motion.sample(there, u[:, None], dt[:, None], noise)
     assert_close(new, there)
     np.testing.assert_allclose(
