@@ -1,5 +1,7 @@
 """`cl.inspect(path)`: look at a recording before anything is fitted, sketch it, and write a log.toml to start from."""
 
+import re
+import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,6 +10,7 @@ from matplotlib.figure import Figure
 
 from cooploc.analysis.execution import run_directory
 from cooploc.estimators.errors import BadInput
+from cooploc.scenarios.recordings.inspect.draft_toml import toml
 from cooploc.scenarios.recordings.inspect.inspection import Inspected, SeriesRow, inspect_recording
 from cooploc.scenarios.recordings.schema import NAME
 
@@ -68,21 +71,22 @@ class Inspection:
     def write(self, folder: str | Path | None = None, force: bool = False) -> list[Path]:
         """Write log.toml and the sketch beside the recording, or into a directory; returns what was written.
 
-        A log.toml that is there stays as it is, unless `force`.
+        Elsewhere, log.toml says where the recording is. A log.toml that is there stays as it is, unless `force`.
 
         Raises:
             BadInput: the directory cannot be written to.
 
         """
         found = self.inspected.path
-        home = Path(folder) if folder is not None else found if found.is_dir() else found.parent
-        target, written = home / NAME, []
+        beside = found if found.is_dir() else found.parent
+        home = Path(folder) if folder is not None else beside
+        target, written, text = home / NAME, [], self.log_toml
+        if home.resolve() != beside.resolve() and "recordings" not in tomllib.loads(text):
+            text = re.sub(r"^(?!#|\s*$)", f"recordings = {toml(str(beside.resolve()))}\n", text, count=1, flags=re.M)
         try:
             home.mkdir(parents=True, exist_ok=True)
             if force or not target.exists():
-                run_directory.replace_file(
-                    target, lambda temporary: temporary.write_text(self.log_toml, encoding="utf-8")
-                )
+                run_directory.replace_file(target, lambda temporary: temporary.write_text(text, encoding="utf-8"))
                 written.append(target)
             self.sketch(home / SKETCH)
         except OSError as e:

@@ -46,7 +46,13 @@ def _show(found: "cl.Inspection", files: Sequence[Path]) -> None:
         say("nothing odd was found")
     kept = "" if any(file.name == "log.toml" for file in files) else "; the log.toml that is there was left as it is"
     say(f"written: {', '.join(map(str, files))}{kept}")
-    say(f"next: look at both, then cooploc run log --data {files[-1].parent}")
+    for line in inspected.trial.lines:
+        say(f"tried: {line}")
+    if inspected.trial.problem:
+        say(f"tried, and it does not run: {inspected.trial.problem}")
+        say(f"next: correct {files[-1].parent / 'log.toml'}, then cooploc inspect {inspected.path}")
+    else:
+        say(f"next: look at both, then cooploc run log --data {files[-1].parent}")
 
 
 def _show_table(name: str, table: "pd.DataFrame") -> None:

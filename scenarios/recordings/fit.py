@@ -412,6 +412,15 @@ def _clip(e: Array, sigma: float, robust: bool) -> Array:
 SENSOR: Mapping[Channel, str] = {"range": "radio_range", "rssi": "radio_rssi"}  # other channels have the same name
 
 
+class UnfittedModel(BadInput):
+    """Values of [model] that are not stated, and cannot be fitted."""
+
+    def __init__(self, message: str, names: Sequence[str] = ()) -> None:
+        """Keep the names of the values beside the message."""
+        super().__init__(message)
+        self.names = tuple(names)
+
+
 class How(NamedTuple):
     """Settings of the fit."""
 
@@ -437,7 +446,7 @@ def team_models(log: TeamLog, parts: Sequence[Part], how: How) -> TeamModels:
     """Return the models of a run, fitted on parts of recordings that are not judged.
 
     Raises:
-        BadInput: a value is not stated, and the parts do not suffice to fit it; or RSSI does not fall with distance.
+        UnfittedModel: a value is neither stated nor can it be fitted; or RSSI does not fall with distance.
 
     """
     motion, scales, notes = _motion(log, parts, how)
@@ -457,9 +466,10 @@ def team_models(log: TeamLog, parts: Sequence[Part], how: How) -> TeamModels:
     lacking = [name for name, value in notes.items() if isinstance(value, float) and not np.isfinite(value)]
     lacking += [n for n, v in notes.items() if n.endswith("_bias") and not np.isfinite(list(v.values())).all()]
     if lacking:
-        raise BadInput(
+        raise UnfittedModel(
             f"run {log.name!r} is fitted on {_names_of(parts, log)}, too little for {', '.join(lacking)}: state them "
-            'in [model] of log.toml, or [fit] on = "first part" with seconds = ...'
+            'in [model] of log.toml, or [fit] on = "first part" with seconds = ...',
+            lacking,
         )
     return TeamModels(motion, sensors, scales, bias, {"fitted_on": _names_of(parts, log), **notes})
 
@@ -515,9 +525,10 @@ def _sighting_model(channel: Channel, found: Residuals, how: How) -> tuple[Sight
 def _rssi_model(log: TeamLog, found: Residuals, how: How, prefix: str) -> tuple[LogDistance, dict[str, Any]]:
     A, eta, sigma, memory = fit_path_loss(found, how.stated[f"{prefix}A"], how.stated[f"{prefix}eta"], how.robust)
     if eta <= 0:
-        raise BadInput(
+        raise UnfittedModel(
             f"run {log.name!r}: {prefix}RSSI does not fall with distance in what it is fitted on (eta = {eta:.3g}); "
-            f"check the names and places in log.toml, or state {prefix}eta in [model]"
+            f"check the names and places in log.toml, or state {prefix}eta in [model]",
+            [f"{prefix}eta"],
         )
     sigma = how.stated[f"{prefix}rssi_sigma"] or sigma * (inflation(memory) if how.inflate else 1.0)
     notes = {f"{prefix}A": A, f"{prefix}eta": eta, f"{prefix}rssi_sigma": sigma, f"{prefix}rssi_lag1": memory.lag1}

@@ -1,4 +1,4 @@
-"""The prior of a recording: what each robot knows of its start, and from which source."""
+"""The prior of a recording: the position and heading of each robot at its start, and their source."""
 
 from collections.abc import Sequence
 
@@ -53,31 +53,31 @@ def prior(
         source = f"{'first truth' if first else 'stated position'}, assumed sd {declared.position_sd:g} m"
     if turns is not None:
         heading, heading_sd = _headings(robots, where, declared, poses, turns)
-        x, sd = np.column_stack([x, heading]), np.column_stack([sd, np.full(n, heading_sd)])
+        x, sd = np.column_stack([x, heading]), np.column_stack([sd, heading_sd])
         kind = declared.heading if isinstance(declared.heading, str) else "stated"
-        source += f"; heading: {kind}, assumed sd {heading_sd:g} rad"
+        source += f"; heading: {kind}, assumed sd {heading_sd.min():g} rad"
+        if kind == "first motion" and (
+            still := [name for name, sd_ in zip(robots, heading_sd, strict=True) if sd_ == UNIFORM]
+        ):
+            source += f"; unknown of {', '.join(still)}, which hardly moved"
     P = np.stack([np.diag(row**2) for row in sd])
     return Belief(x[None].copy(), P[None]), source
 
 
-def first_course(where: str, truth: Array, turns: Array) -> float:
+def first_course(truth: Array, turns: Array) -> float:
     """Return the true course of the first REACH metres, less the turn until then by odometry [rad].
 
     Args:
-        where: names the recording, for an error.
         truth: (T + 1, 2) [m], nan where unknown but for the first.
         turns: (T,) [rad]
 
-    Raises:
-        BadInput: the robot does not get that far.
+    Returns:
+        nan of a robot that does not get that far.
 
     """
     away = np.hypot(*(truth - truth[0]).T)
     if not (away > REACH).any():
-        raise BadInput(
-            f"{where}: the robot never gets {REACH:g} m away from its start, so its first motion gives no heading; "
-            'state heading in [prior] as a number, or as "unknown"'
-        )
+        return np.nan
     end = int(np.argmax(away > REACH))
     begin = int(np.flatnonzero(away[:end] <= REST)[-1])
     step = truth[end] - truth[begin]
@@ -88,30 +88,30 @@ def first_course(where: str, truth: Array, turns: Array) -> float:
 
 def _headings(
     robots: Sequence[str], where: Sequence[str], declared: Prior | RobotPrior, poses: Array, turns: Array
-) -> tuple[Array, float]:
-    """Headings (n,) and their standard deviation [rad]."""
+) -> tuple[Array, Array]:
+    """Return headings (n,) and their standard deviations (n,) [rad]; one that the first motion does not show is 0."""
     n = len(robots)
     if declared.heading == "unknown":
-        return np.zeros(n), float(UNIFORM)
+        return np.zeros(n), np.full(n, UNIFORM)
     if declared.heading == "first motion":
         _require(where, poses[0, :, :2], "no true position where the prior is taken", "another start")
-        courses = [first_course(where[i], poses[:, i, :2], np.nan_to_num(turns[:, i])) for i in range(n)]
-        return np.array(courses), declared.heading_sd
+        course = np.array([first_course(poses[:, i, :2], np.nan_to_num(turns[:, i])) for i in range(n)])
+        return np.nan_to_num(course), np.where(np.isnan(course), UNIFORM, declared.heading_sd)
     if declared.heading == "first truth":
         heading = poses[0, :, 2]
     else:
         heading = wrap(np.array([_value_of(declared.heading, robot, "heading") for robot in robots], float))
     remedy = 'heading = "first motion" or "unknown" in [prior]'
     _require(where, heading[:, None], "no true heading where the prior is taken", remedy)
-    return heading, declared.heading_sd
+    return heading, np.full(n, declared.heading_sd)
 
 
-def _value_of(stated: object, robot: str, what: str) -> object:
-    """Return what is stated of a robot: by its name, or the one value of a robot alone."""
+def _value_of(stated: object, robot: str, name: str) -> object:
+    """Return the stated value of a robot: by its name, or the one value of a robot alone."""
     if not isinstance(stated, dict):
         return stated
     if robot not in stated:
-        raise BadInput(f"[prior] {what} in log.toml lacks robot {robot!r}; add it")
+        raise BadInput(f"[prior] {name} in log.toml lacks robot {robot!r}; add it")
     return stated[robot]
 
 

@@ -20,6 +20,7 @@ from pydantic import Field
 from cooploc.estimators import nearest
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Mask, Senses, World
+from cooploc.estimators.models import Range
 from cooploc.estimators.registry import load_object
 from cooploc.scenarios.recordings import sampling, schema
 from cooploc.scenarios.recordings.fit import How, Leftover, Part, TeamModels, leftovers, team_models
@@ -33,6 +34,10 @@ from cooploc.scenarios.worlds.radio import Positive
 
 MODULES = {"csv": "csv_files", "bag": "bags", "pyfg": "pyfg", "mrclam": "mrclam"}
 SAME = 0.5  # share of equal true positions from which on two runs are parts of one recording
+NO_ORDER = "ranks no estimators"  # in a sentence of `explained`
+SHORT = 30  # ticks
+STILL = 3.0  # standard deviations of the prior
+READINGS = ("senses.anchor_rssi", "senses.landmark", "senses.sighting", "air.rssi", "air.range", "extra.anchor_range")
 MARGIN = 2.0  # [m] around all fixed things: the arena must not be taken from the truth
 
 
@@ -66,8 +71,8 @@ def reader(form: str) -> Reader:
 class TeamFolder:
     """The recordings in a directory, each read when it is first needed."""
 
-    def __init__(self, data: Path) -> None:
-        """Find the runs that log.toml in the directory describes.
+    def __init__(self, data: Path, description: TeamDescription | None = None) -> None:
+        """Find the runs that a description, or log.toml in the directory, describes.
 
         Raises:
             BadInput: there is no directory, no description or no run, or one of them is malformed.
@@ -75,10 +80,10 @@ class TeamFolder:
         """
         if not data.is_dir():
             raise BadInput(f"{data}: there is no such directory; name the one that holds log.toml and the recordings")
-        self.data = data
-        self.description = schema.load(data / NAME)
+        self.description = description or schema.load(data / NAME)
+        self.data = data / self.description.recordings
         self._reader = reader(self.description.format)
-        self.places = self._reader.runs(data, self.description)
+        self.places = self._reader.runs(self.data, self.description)
         if ALL in self.places:
             raise BadInput(f"{self.places[ALL]}: a run cannot be named {ALL!r}, the name is taken; rename it")
         self._logs: dict[str, TeamLog] = {}
@@ -161,6 +166,13 @@ class TeamScenario(schema.Model):
     position_sd: Positive | None = None  # [m] of the prior
     heading_sd: Positive | None = None  # [rad] of the prior
 
+    @classmethod
+    def described(cls, data: Path, description: TeamDescription) -> "TeamScenario":
+        """Return the scenario of all runs in a directory, as described here and not by a log.toml in it."""
+        scenario = cls(data=data)
+        vars(scenario)["folder"] = TeamFolder(data, description)
+        return scenario
+
     @cached_property
     def folder(self) -> TeamFolder:
         """The recordings in the directory."""
@@ -174,7 +186,7 @@ class TeamScenario(schema.Model):
         log, fit = self.folder.log(self.run), self.folder.description.fit
         begin, end = sampling.span(log)
         begin += self._sample.start
-        first = begin + (fit.seconds or 0.0)
+        first = self._known_start(log, begin + (fit.seconds or 0.0), end)
         grid = self._grid(log, first, end)
         if fit.on == "first part":
             parts = [Part(log, begin, first)]
@@ -247,16 +259,33 @@ class TeamScenario(schema.Model):
         )
         return Truth(label, stream.trial, path, valid, arena, stream.hashes), stream
 
+    def weaknesses(self, truth: Truth, stream: Stream) -> list[str]:
+        """Return why the run can rank no estimators: it is too short, the robots stand, or only odometry is there."""
+        ticks, found = len(stream.time), []
+        if ticks < SHORT:
+            found.append(f"its {ticks} ticks are too few")
+        away = np.linalg.norm(truth.x[0, :, :, :2] - stream.prior.x[0, :, :2], axis=-1)
+        far = float(np.max(away, where=truth.valid[0], initial=0.0))
+        noise = [s.sigma for s in stream.world.sensors.values() if isinstance(s, Range)]
+        least = max([STILL * float(self._prior.position_sd), *noise])
+        if far < least:
+            found.append(f"no robot gets {least:.2g} m away from its start, which is within the noise")
+        if not any(np.isfinite(a).any() for name, a in stream.arrays().items() if name in READINGS):
+            found.append("it has no readings beside odometry")
+        return found
+
     def explained(self) -> list[str]:
         """Return sentences, run by run: what was left out while reading, and the models with where they were fitted."""
         if self.run == ALL:
             return [line for k in range(self.count()) for line in self.at([k]).explained()]
         try:
             log, models = self.judged.log, self.judged.models
+            reasons = self.weaknesses(*self.simulate("log", [0], 0, self.world()))
         except BadInput as e:
             return [str(e)]
         values = "; ".join(f"{name} {_text_of(value)}" for name, value in models.notes.items() if name != "fitted_on")
-        return [*log.warnings, f"run {log.name!r}: models fitted on {models.notes['fitted_on']}: {values}"]
+        weak = [f"run {log.name!r} {NO_ORDER}: {'; '.join(reasons)}"] * bool(reasons)
+        return [*log.warnings, *weak, f"run {log.name!r}: models fitted on {models.notes['fitted_on']}: {values}"]
 
     def leftovers(self) -> list[Leftover]:
         """Return the residuals of the run after its models, where these were fitted and where they are judged."""
@@ -276,6 +305,16 @@ class TeamScenario(schema.Model):
                 "s: choose a smaller start, [fit] seconds or tick in log.toml"
             )
         return Grid(first, sample.tick, int(length / sample.tick + 1e-6))
+
+    def _known_start(self, log: TeamLog, first: float, end: float) -> float:
+        """Return the first tick's time from which the prior can be taken: every robot's true position is known."""
+        tick = self._sample.tick
+        times: Array = first + tick * np.arange(max(1.0, (end - first) // tick))
+        known = np.ones(len(times), bool)
+        if self._prior.position == "first truth":
+            for series in filter(None, log.truth):
+                known &= np.isfinite(sampling.poses(series, times, self._how.gaps.truth)[:, :2]).all(-1)
+        return float(times[np.argmax(known)])
 
     @property
     def _sample(self) -> schema.Sample:

@@ -361,6 +361,7 @@ class TeamDescription(Strict):
     """The meaning of the recordings of a team."""
 
     format: Format
+    recordings: str = ""  # the directory that they are in, where that is not the one of log.toml
     about: str = ""
     robots: tuple[Name, ...] = ()  # their names, in the order of the results; PyFG and MRCLAM name their own
     delimiter: Delimiter = ","  # of CSV files

@@ -15,6 +15,7 @@ from cooploc.scenarios.recordings.inspect.infer_columns import ODOMETRY, words_o
 from cooploc.scenarios.recordings.radio_nodes import NodeRanges, assign
 from cooploc.scenarios.recordings.team_log import Series
 
+BAGS = (".db3", ".mcap", ".bag")
 NUMBERS = ("sensor_msgs/msg/Range", "std_msgs/msg/Float32", "std_msgs/msg/Float64")
 SURE = 2.0  # times the misfit of the best assignment of radios that the next best must have
 
@@ -26,7 +27,9 @@ def bag_draft(path: Path) -> Draft:
         BadInput: it cannot be read, or no topic is odometry, or none the truth of a robot with odometry.
 
     """
-    found = [topic for topic in topics(path)[0] if topic.messages and topic.columns]
+    bags = sorted({p.parent for p in path.rglob("*") if p.suffix.lower() in BAGS}) if path.is_dir() else []
+    each = [{topic.name for topic in topics(bag)[0]} for bag in bags] if len(bags) > 1 else []
+    found = [t for t in topics(path)[0] if t.messages and t.columns and all(t.name in names for names in each)]
     wheels = _by_robot([t.name for t in found if t.type.endswith("/Odometry")])
     poses = [
         t.name
@@ -35,6 +38,9 @@ def bag_draft(path: Path) -> Draft:
         if not ODOMETRY & {*words_of(t.name)}
     ]
     truth = {robot: name for robot in wheels if (name := next((p for p in poses if _is_about(p, robot)), ""))}
+    if not truth and each:
+        inspect_each = "; ".join(f"cooploc inspect {bag}" for bag in bags)
+        raise BadInput(f"{path}: the topics of its {len(bags)} bags differ; inspect each: {inspect_each}")
     if not truth:
         raise BadInput(
             f"{path}: no robot has both odometry (nav_msgs/Odometry) and a true pose under its name or number; topics: "

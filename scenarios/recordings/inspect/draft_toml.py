@@ -7,7 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.inspect.finding import Finding
+from cooploc.scenarios.recordings.sampling import span
 from cooploc.scenarios.recordings.team_log import TeamLog
 
 WIDEST = 100  # characters in a line before its comment moves above it
@@ -48,12 +50,11 @@ class Draft(NamedTuple):
         return "\n\n".join(blocks) + "\n"
 
 
-def log_toml(path: Path, why: str, draft: Draft, log: TeamLog, findings: tuple[Finding, ...], runs: int) -> str:
-    """Return the text of log.toml: the draft, settings that follow from the recording, and findings beside them.
+def complete_draft(path: Path, draft: Draft, log: TeamLog, findings: tuple[Finding, ...], runs: int) -> Draft:
+    """Return the draft with settings that follow from the recording, and findings beside them.
 
     Args:
         path: of the recording.
-        why: it has the format that it has.
         draft: of the tables that say where everything is.
         log: the recording, with its findings corrected.
         findings: a comment for each stands in the table that it is about.
@@ -61,12 +62,6 @@ def log_toml(path: Path, why: str, draft: Draft, log: TeamLog, findings: tuple[F
 
     """
     name = _one_line(path.resolve().name)
-    head = (
-        f"What the recordings in {name} mean, as `cooploc inspect` guesses ({why}).",
-        "Each line says where its value comes from, and how sure that is: sure, likely or perhaps. Correct what is",
-        "wrong, and run it: cooploc run log --data DIR. What was FOUND stands where it belongs, and changes nothing.",
-        *(f"Not used: {_one_line(line)}" for line in draft.unused),
-    )
     about = Entry("about", f"recording {name}", "shown in reports; say who recorded it, and where", "perhaps")
     tables = [*draft.tables, *_settings(log, runs)]
     remarks: dict[str, list[str]] = {}
@@ -77,7 +72,17 @@ def log_toml(path: Path, why: str, draft: Draft, log: TeamLog, findings: tuple[F
         tables[i] = table._replace(remarks=(*table.remarks, *remarks.pop(table.name, ())))
     if "model" in remarks:
         tables.append(DraftTable("model", (), (*remarks["model"], "What is not stated here is fitted.")))
-    return draft._replace(entries=(*draft.entries, about, *_arena(log)), tables=tuple(tables)).text(head)
+    return draft._replace(entries=(*draft.entries, about, *_arena(log)), tables=tuple(tables))
+
+
+def head_lines(path: Path, why: str, draft: Draft) -> list[str]:
+    """Return the comments at the head of log.toml; `why` it has the format that it has."""
+    return [
+        f"What the recordings in {_one_line(path.resolve().name)} mean, as `cooploc inspect` guesses ({why}).",
+        "Each line says where its value comes from, and how sure that is: sure, likely or perhaps. Correct what is",
+        "wrong, and run it: cooploc run log --data DIR. What was FOUND stands where it belongs, and changes nothing.",
+        *(f"Not used: {_one_line(line)}" for line in draft.unused),
+    ]
 
 
 def _remark(f: Finding) -> str:
@@ -108,7 +113,7 @@ def _settings(log: TeamLog, runs: int) -> tuple[DraftTable, ...]:
     """[sample], [prior] and [fit] for a recording of so many runs."""
     stamps = [s.time for s in log.odometry if len(s.time) > 1]
     usual = float(np.median([float(np.median(np.diff(t))) for t in stamps])) if stamps else 0.1
-    span = max((float(t[-1] - t[0]) for t in stamps), default=FIRST_PART)
+    length = _common_span(log) or max((float(t[-1] - t[0]) for t in stamps), default=FIRST_PART)
     tick = next((t for t in TICKS if t >= 0.99 * max(usual, 0.1)), TICKS[-1])
     max_gap = round(max(0.5, 5 * usual), 3)
     sample = (
@@ -125,12 +130,21 @@ def _settings(log: TeamLog, runs: int) -> tuple[DraftTable, ...]:
     )
     fit: tuple[Entry, ...] = (Entry("on", "other runs", f"there are {runs} runs: none is fitted on itself"),)
     if runs < 2:
-        seconds = float(f"{min(FIRST_PART, span / 3):.3g}")
+        seconds = float(f"{min(FIRST_PART, length / 3):.3g}")
         fit = (
             Entry("on", "first part", "there is one run: models are fitted on its beginning, which is not judged"),
-            Entry("seconds", seconds, f"[s] of {span:.4g}: a minute, at most a third", "likely"),
+            Entry("seconds", seconds, f"[s] of {length:.4g}: a minute, at most a third", "likely"),
         )
     return DraftTable("sample", sample), DraftTable("prior", prior), DraftTable("fit", fit)
+
+
+def _common_span(log: TeamLog) -> float:
+    """Return for how long all robots were recorded [s]; 0 where they share no time."""
+    try:
+        begin, end = span(log)
+    except BadInput:
+        return 0.0
+    return end - begin
 
 
 # --- Text

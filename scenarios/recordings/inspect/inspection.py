@@ -10,14 +10,14 @@ from cooploc.estimators.interface import Array
 from cooploc.scenarios.recordings import schema
 from cooploc.scenarios.recordings.inspect import reading_checks as readings
 from cooploc.scenarios.recordings.inspect import robot_checks as robots
-from cooploc.scenarios.recordings.inspect.bag_draft import bag_draft
+from cooploc.scenarios.recordings.inspect.bag_draft import BAGS, bag_draft
 from cooploc.scenarios.recordings.inspect.csv_draft import ENDINGS, csv_draft
-from cooploc.scenarios.recordings.inspect.draft_toml import Draft, Entry, log_toml
+from cooploc.scenarios.recordings.inspect.draft_toml import Draft, Entry, complete_draft, head_lines
 from cooploc.scenarios.recordings.inspect.finding import CheckedLog, Finding
+from cooploc.scenarios.recordings.inspect.trial_run import Trial, run_draft, try_recordings
 from cooploc.scenarios.recordings.scenario import reader
 from cooploc.scenarios.recordings.team_log import TeamLog, other_names
 
-BAGS = (".db3", ".mcap", ".bag")
 GAP = 10.0  # median intervals without a sample are a gap
 
 
@@ -50,6 +50,7 @@ class Inspected(NamedTuple):
     columns: tuple[tuple[str, str, str, str], ...]  # file or topic, column, its probable meaning, why
     unused: tuple[str, ...]
     text: str  # of log.toml: the one that is there, or a draft
+    trial: Trial  # of that log.toml
 
 
 def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspected:
@@ -65,7 +66,8 @@ def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspect
 
     """
     form, why = recognize(path)
-    home = (path if path.is_dir() else path.parent) / schema.NAME
+    directory = path if path.is_dir() else path.parent
+    home = directory / schema.NAME
     stated, draft = home.is_file() and not again and not schema.is_of_one_robot(home), Draft(())
     if stated:
         description, text, why = schema.load(home), schema.text_of(home), "log.toml says so"
@@ -74,7 +76,7 @@ def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspect
         draft = drafted[form](path) if form in drafted else Draft((Entry("format", form, why),))
         description = schema.parse(home, draft.text(), schema.TeamDescription, schema.EXAMPLE)
     read = reader(description.format)
-    data = path.parent if path.is_file() and description.format == "bag" else path
+    data = path.parent if path.is_file() and description.format == "bag" else path / description.recordings
     places = read.runs(data, description)
     name = run or (path.stem if path.stem in places else next(iter(places)))
     if name not in places:
@@ -82,11 +84,28 @@ def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspect
     log = read.read(data, places[name], name, description)
     checked = check_recording(log, None if description.arena is None else np.array(description.arena, float))
     findings = checked.result()
-    if not stated:
-        text = log_toml(path, why, draft, checked.log, findings, len(places))
-    rows, of = tuple(series_rows(log)), draft.columns
+    if stated:
+        try:
+            trial = try_recordings(directory, description)
+        except BadInput as e:
+            trial = Trial(str(e))
+    else:
+        draft = complete_draft(path, draft, checked.log, findings, len(places))
+        draft, trial = run_draft(directory, home, draft)
+        text = draft.text(head_lines(path, why, draft))
     return Inspected(
-        path, description.format, why, tuple(places), log, checked.log, rows, findings, of, draft.unused, text
+        path,
+        description.format,
+        why,
+        tuple(places),
+        log,
+        checked.log,
+        tuple(series_rows(log)),
+        findings,
+        draft.columns,
+        draft.unused,
+        text,
+        trial,
     )
 
 

@@ -1,0 +1,107 @@
+"""Every drafted log.toml runs: of whole recordings, of their first tenth, and with robots that are missing or late."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from made_bags import KINDS, made_bag
+from made_csv_teams import eight_glitches, two_robots, write
+
+import cooploc as cl
+from cooploc.scenarios.recordings import scenario
+from cooploc.scenarios.recordings.inspect import inspection
+
+DATA = Path(os.environ.get("COOPLOC_DATA", "../shared/data"))
+STARTS = {"A": (0, 0), "B": (1, 2)}
+POSES = [f"VERTEX_SE2 {k / 10} {r}{k} {x + 0.05 * k} {y} 0.0\n" for r, (x, y) in STARTS.items() for k in range(40)]
+STEPS = [f"EDGE_SE2 {k / 10} {r}{k} {r}{k + 1} 0.05 0 0 0.01 0 0 0.01 0 0.001\n" for r in STARTS for k in range(39)]
+
+
+def made_graph(folder):
+    (folder / "graph.pyfg").write_text("".join(POSES + STEPS))
+
+
+def made_walls(folder):
+    files = two_robots(seconds=60)
+    t = files["uwb.csv"]["time"]
+    files["uwb.csv"]["to"] = np.array(["north", "east"])[np.arange(len(t)) % 2]
+    write(folder, files)
+    (folder / "anchors.csv").write_text("name,x,y\nnorth,0,5\neast,6,0\n")
+
+
+MADE = {
+    "csv": lambda folder: write(folder, two_robots(seconds=60)),
+    "glitches": lambda folder: eight_glitches(folder),
+    "anchors": made_walls,
+    "graph": made_graph,
+    **{f"bag {kind}": lambda folder, kind=kind: made_bag(folder, kind, seconds=10.0) for kind in KINDS},
+}
+CHANGES = ("whole", "a tenth", "a robot less", "a late robot")
+REAL = [("mrclam6", "a tenth"), ("wifi-rssi", "whole"), ("wifi-rssi", "a tenth")]
+REAL += [(f"uwb-tiers/{team}", change) for team in ("two-robots", "four-robots") for change in CHANGES]
+
+
+def some_of(log, series, begin, end):
+    inside = (series.time >= begin) & (series.time <= end)
+    return series._replace(time=series.time[inside], values=series.values[inside])
+
+
+def changed(log, change):
+    """The recording cut to its first tenth, without its last robot, or with one that begins in the middle."""
+    begin, end = (f(s.time[k] for s in log.odometry) for f, k in ((min, 0), (max, -1)))
+    last, n = [i == len(log.robots) - 1 for i in range(len(log.robots))], len(log.robots)
+    spans = [(begin, end)] * n
+    if change == "a tenth":
+        late = max(s.time[0] for s in (*log.odometry, *filter(None, log.truth)))
+        spans = [(begin, late + 0.1 * (end - late))] * n
+    if change == "a late robot":
+        spans = [((begin + end) / 2 if one else begin, end) for one in last]
+    odometry = tuple(some_of(log, s, *at) for s, at in zip(log.odometry, spans, strict=True))
+    truth = tuple(s and some_of(log, s, *at) for s, at in zip(log.truth, spans, strict=True))
+    readings = {}
+    for channel, r in log.readings.items():
+        kept = (r.time >= spans[0][0]) & (r.time <= spans[0][1])
+        if change == "a robot less" and n > 1:
+            mutual = channel in ("range", "rssi", "sighting")
+            kept &= (r.robot < n - 1) & ((r.other < n - 1) if mutual else True)
+        parts = {name: getattr(r, name)[kept] for name in ("time", "robot", "other", "values")}
+        readings[channel] = r._replace(**parts)
+    log = log._replace(odometry=odometry, truth=truth, readings={c: r for c, r in readings.items() if len(r.time)})
+    if change == "a robot less" and n > 1:
+        log = log._replace(robots=log.robots[:-1], odometry=log.odometry[:-1], truth=log.truth[:-1])
+    return log
+
+
+def assert_the_draft_runs(folder, out, change, monkeypatch):
+    reader = scenario.reader
+
+    def cut_reader(form):
+        found = reader(form)
+        return found._replace(read=lambda *args: changed(found.read(*args), change))
+
+    for module in (scenario, inspection):
+        monkeypatch.setattr(module, "reader", cut_reader)
+    found = cl.inspect(folder)
+    assert found.inspected.trial.problem == ""
+    assert found.inspected.trial.lines
+    found.write(out)
+    truth, stream = cl.simulate("log/all", trials=[0], data=out)
+    assert truth.valid.any()
+    errors = cl.errors(truth, cl.run(["dead-reckoning"], stream))
+    assert np.isfinite(errors["rmse"]).all()
+
+
+@pytest.mark.parametrize("change", CHANGES)
+@pytest.mark.parametrize("name", MADE)
+def test_the_draft_of_a_made_recording_runs(tmp_path, name, change, monkeypatch):
+    (tmp_path / "made").mkdir()
+    MADE[name](tmp_path / "made")
+    assert_the_draft_runs(tmp_path / "made", tmp_path / "out", change, monkeypatch)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not DATA.exists(), reason="needs ../shared/data")
+@pytest.mark.parametrize(("place", "change"), REAL)
+def test_the_draft_of_a_real_recording_runs(tmp_path, place, change, monkeypatch):
+    assert_the_draft_runs(DATA / place, tmp_path / "out", change, monkeypatch)
