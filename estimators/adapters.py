@@ -7,10 +7,11 @@ it, and so are the bearings of the same sightings, as the shipped sensor models 
 
 import random
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext
+from copy import copy
 from dataclasses import Field, dataclass
 from inspect import Parameter, signature
-from typing import Any, ClassVar, NamedTuple, Protocol, Self
+from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -110,31 +111,12 @@ def parameters(make: Callable[..., Any], given: tuple[str, ...]) -> dict[str, Pa
     return {one.name: one for one in rest}
 
 
-def with_defaults(name: str, known: Mapping[str, Parameter] | None, stated: Mapping[str, Any]) -> dict[str, Any]:
-    """Every parameter as stated, else its default.
-
-    Raises:
-        TypeError: one that is not known, or one without a default that is not stated.
-
-    """
-    if known is None:
-        return dict(stated)
-    for key in stated:
-        if key not in known:
-            has = f"it has {', '.join(known)}" if known else "it has none"
-            raise TypeError(f"{name} has no parameter {key!r}; {has}")
-    missing = [key for key, one in known.items() if one.default is one.empty and key not in stated]
-    if missing:
-        raise TypeError(f"{name} needs {missing[0]}: give it a default, or state it, {missing[0]}=...")
-    return {key: stated.get(key, one.default) for key, one in known.items()}
-
-
 def value(given: Any) -> Any:
-    """What the class gets: the default of a `cl.tunable(...)`, anything else as it is."""
+    """The default of a `cl.tunable(...)`, anything else as it is."""
     return given.default if isinstance(given, Field) else given
 
 
-# A plain class with its parameters and what is said of it: what `PerRobot` and `PerTeam` are made from.
+# What `PerRobot` and `PerTeam` share: each has these fields, and these functions as its methods. `p` is one of them.
 #
 # What is not said in the call is read from the class, so that it can be named on the command line as it is:
 #
@@ -144,97 +126,129 @@ def value(given: Any) -> Any:
 #         def __init__(self, prior, world, robot, key, alpha: float = cl.tunable(0.5, 0.01, 1, log=True)): ...
 
 STEPS = ("init", "predict", "correct", "send", "fuse", "exchange", "estimate")
+SAID = {"uses": ("odometry",), "axes": "", "notes": (), "own_random": False, "own_motion": ""}  # with their defaults
+SAID_OF_TEAMS = {**SAID, "centralised": True, "bound": False}
+A = TypeVar("A", bound="Adapter")
 
 
-@dataclass(frozen=True, init=False, repr=False)
-class Lift:
-    """What makes the objects, and what is said of them."""
+class Objects(NamedTuple):
+    """The plain objects, one per row or one per trial. They change in place."""
 
-    make: Callable[..., Any]
-    uses: tuple[str, ...]
-    axes: str
-    counted: tuple[str, ...]  # names of attributes that are shown as notes under the table
-    own_random: bool
-    stated: tuple[tuple[str, Any], ...]  # parameters that differ from their defaults
-    api: ClassVar[int] = 1
-    mutable: ClassVar[bool] = True  # exempt from the check that a method leaves the state it is given alone
-    given: ClassVar[tuple[str, ...]] = ()  # what `make` takes before its parameters
-    own_motion: str
-    more: ClassVar[Mapping[str, Any]] = {}  # what else may be said in the class or in the call, with its default
+    objects: tuple[Any, ...]
+    key: Keys  # (r, 2), or (trial, n, 2)
+    tick: int  # the last one that began; -1 before the first
 
-    def __init__(
-        self,
-        make: Callable[..., Any],
-        uses: tuple[str, ...] | None = None,
-        *,
-        axes: str | None = None,
-        notes: tuple[str, ...] | None = None,
-        own_random: bool | None = None,
-        own_motion: str | None = None,
-        **parameters: Any,
-    ) -> None:
-        called: dict[str, Any] = {"uses": uses, "axes": axes, "notes": notes, "own_random": own_random}
-        called |= {"own_motion": own_motion, **{name: parameters.pop(name, None) for name in self.more}}
-        defaults: dict[str, Any] = {"uses": ("odometry",), "axes": "", "notes": (), "own_random": False}
-        defaults |= {"own_motion": "", **self.more}
-        fields: dict[str, Any] = {"make": make, "stated": tuple(sorted(parameters.items()))}
-        for name, one in called.items():
-            said = getattr(make, name, defaults[name]) if one is None else one
-            fields["counted" if name == "notes" else name] = said
-        for name, one in fields.items():
-            object.__setattr__(self, name, one)  # as the `__init__` of a frozen dataclass does
-        self._with_defaults()
 
-    @property
-    def name(self) -> str:
-        """That of the class."""
-        return getattr(self.make, "__name__", type(self.make).__name__)
+def _describe(p: "Adapter", make: Callable[..., Any], defaults: Mapping[str, Any], said: dict[str, Any]) -> None:
+    """Set the fields of an adapter from what was said in the call, else in the class; the rest are parameters."""
+    fields: dict[str, Any] = {"make": make}
+    for name, default in defaults.items():
+        one = said.pop(name, None)
+        fields["counted" if name == "notes" else name] = getattr(make, name, default) if one is None else one
+    for name, one in {**fields, "stated": tuple(sorted(said.items()))}.items():
+        object.__setattr__(p, name, one)  # as the `__init__` of a frozen dataclass does
+    _all_parameters(p)
 
-    @property
-    def trained_on(self) -> str:
-        """What the class says that it was trained on."""
-        said: str = getattr(self.make, "trained_on", "")
-        return said
 
-    @property
-    def label(self) -> str:
-        """The name with the parameters that were stated, as on the command line."""
-        written = ",".join(f"{key}={value(one)}" for key, one in self.stated)
-        return f"{self.name}[{written}]" if written else self.name
+def _all_parameters(p: "Adapter") -> dict[str, Any]:
+    """Every parameter's value, by name.
 
-    @property
-    def parameters(self) -> dict[str, Any]:
-        """Every parameter's value, by name."""
-        return {key: value(one) for key, one in self._with_defaults().items()}
+    Raises:
+        TypeError: one that is not known, or one without a default, was not stated.
 
-    @property
-    def fields(self) -> dict[str, Field[Any]]:
-        """What `cl.tunable(...)` made, in the class's signature or in the call, by the parameter's name."""
-        signed = {key: one.default for key, one in (parameters(self.make, self.given) or {}).items()}
-        made = signed | {key: one for key, one in self.stated if isinstance(one, Field)}
-        return {key: one for key, one in made.items() if isinstance(one, Field)}
+    """
+    known, stated = parameters(p.make, p.given), dict(p.stated)
+    if known is not None:
+        for key in stated:
+            if key not in known:
+                has = f"it has {', '.join(known)}" if known else "it has none"
+                raise TypeError(f"{_name_of(p)} has no parameter {key!r}; {has}")
+        missing = [key for key, one in known.items() if one.default is one.empty and key not in stated]
+        if missing:
+            raise TypeError(f"{_name_of(p)} needs {missing[0]}: give it a default, or state it, {missing[0]}=...")
+        stated = {key: stated.get(key, one.default) for key, one in known.items()}
+    return {key: value(one) for key, one in stated.items()}
 
-    def with_parameters(self, **changed: Any) -> Self:
-        """The same with some parameters changed.
 
-        Raises:
-            TypeError: the class has no such parameter.
+def tunable_fields(p: "Adapter") -> dict[str, Field[Any]]:
+    """What `cl.tunable(...)` made, in the class's signature or in the call, by the parameter's name."""
+    signed = [(key, one.default) for key, one in (parameters(p.make, p.given) or {}).items()]
+    return {key: one for key, one in (*signed, *p.stated) if isinstance(one, Field)}
 
-        """
-        said: dict[str, Any] = {"axes": self.axes, "notes": self.counted, "own_random": self.own_random}
-        said |= {name: getattr(self, name) for name in ("own_motion", *self.more)}
-        return type(self)(self.make, self.uses, **said, **{**dict(self.stated), **changed})
 
-    def random(self, key: Keys, tick: int, step: str) -> AbstractContextManager[None]:
-        """Global random numbers of one call; those of the process where the class did not ask for its own."""
-        return seed_global_state(key.ravel(), tick + 1, STEPS.index(step)) if self.own_random else nullcontext()
+def _with_parameters(p: A, **changed: Any) -> A:
+    """The same with some parameters changed.
 
-    def _with_defaults(self) -> dict[str, Any]:
-        return with_defaults(self.name, parameters(self.make, self.given), dict(self.stated))
+    Raises:
+        TypeError: the class has no such parameter.
 
-    def __repr__(self) -> str:
-        written = "".join(f", {key}={value(one)!r}" for key, one in self.stated)
-        return f"{type(self).__name__}({self.name}{written})"
+    """
+    other = copy(p)
+    object.__setattr__(other, "stated", tuple(sorted({**dict(p.stated), **changed}.items())))
+    _all_parameters(other)
+    return other
+
+
+def _name_of(p: "Adapter") -> str:
+    return getattr(p.make, "__name__", type(p.make).__name__)
+
+
+def _label_of(p: "Adapter") -> str:
+    """The name with the parameters that were stated, as on the command line."""
+    written = ",".join(f"{key}={value(one)}" for key, one in p.stated)
+    return f"{_name_of(p)}[{written}]" if written else _name_of(p)
+
+
+def _repr_of(p: "Adapter") -> str:
+    written = "".join(f", {key}={value(one)!r}" for key, one in p.stated)
+    return f"{type(p).__name__}({_name_of(p)}{written})"
+
+
+def _trained_on(p: "Adapter") -> str:
+    """What the class says that it was trained on."""
+    return str(getattr(p.make, "trained_on", ""))
+
+
+def _call_each(p: "Adapter", s: Objects, step: str, call: Callable[[Any, int], Any]) -> list[Any]:
+    """What a call with every object and its row returns, with global random numbers of its own where it asks so."""
+    found = []
+    for i, one in enumerate(s.objects):
+        place = s.tick + 1, STEPS.index(step)
+        with seed_global_state(s.key[i].ravel(), *place) if p.own_random else nullcontext():
+            found.append(call(one, i))
+    return found
+
+
+def _make_objects(p: "Adapter", prior: Belief, world: World, rows: Rows, who: Sequence[Any]) -> Objects:
+    """The objects, each made of its prior, the world, its entry of `who`, and its key."""
+    beliefs = [Belief(x.copy(), P.copy()) for x, P in zip(*prior, strict=True)]  # a plain loop may write into them
+    none, stated = Objects((None,) * len(beliefs), rows.key, -1), _all_parameters(p)
+    made = _call_each(p, none, "init", lambda _, i: p.make(beliefs[i], world, *who[i], rows.key[i], **stated))
+    return none._replace(objects=tuple(made))
+
+
+def _predict(p: "Adapter", s: Objects, z: Senses) -> Objects:
+    s = s._replace(tick=s.tick + 1)
+    _call_each(p, s, "predict", lambda one, i: one.predict(senses_of(z, i)))
+    return s
+
+
+def _correct(p: "Adapter", s: Objects, z: Senses) -> Objects:
+    _call_each(p, s, "correct", lambda one, i: one.correct(senses_of(z, i)))
+    return s
+
+
+def _estimate(p: "Adapter", s: Objects) -> Belief:
+    beliefs = _call_each(p, s, "estimate", lambda one, _: parse_belief(one))
+    return Belief(np.stack([b.x for b in beliefs]), np.stack([b.P for b in beliefs]))
+
+
+def _count(p: "Adapter", s: Objects) -> Mapping[str, Array]:
+    """What the objects counted: (r,), or (trial, n), each."""
+    shape = s.key.shape[1:-1]
+    return {
+        name: np.array([np.broadcast_to(getattr(one, name), shape) for one in s.objects], float) for name in p.counted
+    }
 
 
 # What a plain object believes: what its `estimate()` returns, or its own `x` and `P`, made fit for a run.
@@ -246,8 +260,8 @@ class Lift:
 ROUNDING = 1e-9  # of the largest entry
 
 
-def parse_belief(one: Any, columns: bool = True) -> Belief:
-    """Its belief: headings in (-pi, pi], P symmetric; with `columns`, a state (d, 1) is one (d,).
+def parse_belief(one: Any) -> Belief:
+    """The belief of an object: headings in (-pi, pi], P symmetric; a state (d, 1) is one (d,).
 
     Raises:
         AttributeError: it has neither `estimate()` nor `x` and `P`.
@@ -265,7 +279,7 @@ def parse_belief(one: Any, columns: bool = True) -> Belief:
     if not (isinstance(found, tuple | list) and len(found) == 2):
         raise ValueError(f"estimate() returned {type(found).__name__}; it must be cl.Belief(x, P), or x, P")
     x, P = (np.asarray(part, float) for part in found)
-    if columns and x.ndim == 2 and x.shape[1] == 1:
+    if x.ndim == 2 and x.shape[1] == 1:
         x = x[:, 0]
     return Belief(_in_turn(x), _symmetric(P))
 
@@ -286,7 +300,7 @@ def _symmetric(P: Array) -> Array:
     return (P + P.mT) / 2 if off <= ROUNDING * scale else P
 
 
-# Lifts a plain object that runs on one robot to the interface: the filter loop one would write with filterpy.
+# A plain object that runs on one robot: the filter loop one would write with filterpy.
 #
 # Write a class for a single robot, as below, and run `PerRobot(MyLoop, gate=9.0)`, or name it on the command line,
 # `path.py:MyLoop[gate=9]`. It is the quick way to begin, and a reference to test a batched version against, which is
@@ -300,32 +314,10 @@ def _symmetric(P: Array) -> Array:
 #         def send(self): ...             # (m,) numbers; optional
 #         def fuse(self, mail): ...       # mail.packets (n, m) where mail.heard (n,); optional
 #         def estimate(self): ...         # x (d,), P (d, d); not needed where the object has these as self.x and self.P
-#
-# `uses`, and what else `PerRobot` takes beside parameters, may stand in the class or in the call.
-
-
-class Single(Protocol):
-    """What runs on one robot. `send`, `fuse` and `estimate`, as in the module's example, may be there too."""
-
-    def predict(self, z: Senses) -> None:
-        """Move by the robot's own odometry; `z` has no row axis."""
-        ...
-
-    def correct(self, z: Senses) -> None:
-        """Use the robot's own readings of fixed things."""
-        ...
-
-
-class RobotStates(NamedTuple):
-    """The objects, one per row. They change in place."""
-
-    robots: tuple[Any, ...]
-    key: Keys  # (r, 2)
-    tick: int  # the last one that began; -1 before the first
 
 
 @dataclass(frozen=True, init=False, repr=False)
-class PerRobot(Lift):
+class PerRobot:
     """One object per robot and trial, made by `make(prior, world, robot, key, **parameters)`: a class, or a function.
 
     Args:
@@ -343,54 +335,46 @@ class PerRobot(Lift):
 
     """
 
+    make: Callable[..., Any]
+    uses: tuple[str, ...]
+    axes: str
+    counted: tuple[str, ...]
+    own_random: bool
+    own_motion: str
+    stated: tuple[tuple[str, Any], ...]  # parameters that differ from their defaults
+    api: ClassVar[int] = 1
+    mutable: ClassVar[bool] = True  # exempt from the check that a method leaves the state it is given alone
     given: ClassVar[tuple[str, ...]] = ("prior", "world", "robot", "key")
 
-    def init(self, prior: Belief, world: World, rows: Rows) -> RobotStates:
-        # Copies, because a plain loop may well write into its state.
-        beliefs = [Belief(x.copy(), P.copy()) for x, P in zip(*prior, strict=True)]
-        who, parameters = rows.robot.tolist(), self.parameters
-        empty = RobotStates((None,) * len(who), rows.key, -1)
-        made = self._each(empty, "init", lambda _, i: self.make(beliefs[i], world, who[i], rows.key[i], **parameters))
-        return empty._replace(robots=tuple(made))
+    def __init__(self, make: Callable[..., Any], uses: tuple[str, ...] | None = None, **said: Any) -> None:
+        _describe(self, make, SAID, {"uses": uses, **said})
 
-    def predict(self, s: RobotStates, z: Senses) -> RobotStates:
-        s = s._replace(tick=s.tick + 1)
-        self._each(s, "predict", lambda robot, i: robot.predict(senses_of(z, i)))
-        return s
+    label = property(_label_of)
+    trained_on = property(_trained_on)
+    parameters = property(_all_parameters)
+    with_parameters = _with_parameters
+    __repr__ = _repr_of
+    predict = _predict
+    correct = _correct
+    estimate = _estimate
+    notes = _count
 
-    def correct(self, s: RobotStates, z: Senses) -> RobotStates:
-        self._each(s, "correct", lambda robot, i: robot.correct(senses_of(z, i)))
-        return s
+    def init(self, prior: Belief, world: World, rows: Rows) -> Objects:
+        return _make_objects(self, prior, world, rows, [(robot,) for robot in rows.robot.tolist()])
 
-    def send(self, s: RobotStates, z: Senses) -> Array:
-        said = self._each(s, "send", lambda robot, _: _message_text(robot))
+    def send(self, s: Objects, z: Senses) -> Array:
+        said = _call_each(self, s, "send", lambda robot, _: _packet_of(robot))
         widths = {len(packet) for packet in said}
         if len(widths) > 1:
             raise ValueError(f"send() returned packets of {sorted(widths)} numbers; fill the shorter ones with nan")
         return np.stack(said)
 
-    def fuse(self, s: RobotStates, z: Senses, mail: Mail) -> RobotStates:
-        self._each(s, "fuse", lambda robot, i: hasattr(robot, "fuse") and robot.fuse(mail_of(mail, i)))
+    def fuse(self, s: Objects, z: Senses, mail: Mail) -> Objects:
+        _call_each(self, s, "fuse", lambda robot, i: hasattr(robot, "fuse") and robot.fuse(mail_of(mail, i)))
         return s
 
-    def estimate(self, s: RobotStates) -> Belief:
-        beliefs = self._each(s, "estimate", lambda robot, _: parse_belief(robot))
-        return Belief(np.stack([b.x for b in beliefs]), np.stack([b.P for b in beliefs]))
 
-    def notes(self, s: RobotStates) -> Mapping[str, Array]:
-        """What the objects counted, (r,) each."""
-        return {name: np.array([getattr(robot, name) for robot in s.robots], float) for name in self.counted}
-
-    def _each(self, s: RobotStates, step: str, call: Callable[[Any, int], Any]) -> list[Any]:
-        """What a call with every object and its row returns."""
-        found = []
-        for i, robot in enumerate(s.robots):
-            with self.random(s.key[i], s.tick, step):
-                found.append(call(robot, i))
-        return found
-
-
-def _message_text(robot: Any) -> Array:
+def _packet_of(robot: Any) -> Array:
     """What a robot sends (m,); nothing where it has no `send`."""
     said: Array = np.array(robot.send(), float) if hasattr(robot, "send") else np.empty(0)
     if said.ndim != 1:
@@ -457,7 +441,7 @@ class Radio:
         return True
 
 
-# Lifts a plain object that holds a whole team to the interface: a loop over robots, as one writes it in a script.
+# A plain object that holds a whole team: a loop over robots, as one writes it in a script.
 #
 #     class MyTeam:
 #         uses = ("odometry", "anchor_rssi", "radio_range")
@@ -468,28 +452,16 @@ class Radio:
 #         def exchange(self, z, radio): ...  # readings between robots: z.sighting (n, n, 2), world.relative(z, radio)
 #         def estimate(self): ...         # x (n, d), P (n, d, d); not needed where these are self.x and self.P
 #
-# What may be exchanged, and who pays:
-#
-# - A *centralised* team may use everything in `exchange`. Each of its robots pays for the readings it uploads, which th
-#   runner counts: 8 bytes for each finite number that `uses` selects, and a header.
-# - A *distributed* team sends packets by `radio.send` and `radio.broadcast`. The sender pays for each packet, whether i
-#   arrives or not, 8 bytes for each finite number and a header; nothing else is counted, and the class states no bytes.
-#   Who does not hear a packet gets None, and a radio reading of a teammate exists once a packet of it was heard.
-#
-# Its robots share one object's memory, so a check cannot see what one of them read of another: its bytes are shown as
-# declared. A loop for one robot, lifted by `PerRobot`, has no such remark.
-
-
-class TeamStates(NamedTuple):
-    """The objects, one per trial. They change in place."""
-
-    teams: tuple[Any, ...]
-    keys: Keys  # (trial, n, 2)
-    tick: int  # the last one that began; -1 before the first
+# A *centralised* team may use everything in `exchange`; each of its robots pays for the readings it uploads, which the
+# runner counts: 8 bytes for each finite number that `uses` selects, and a header. A *distributed* team sends packets by
+# `radio.send` and `radio.broadcast`. The sender pays for each, whether it arrives or not, 8 bytes for each finite
+# number and a header. A robot that does not hear a packet gets None, and a radio reading of a teammate exists once a
+# packet of it was heard. As all share one object's memory, a check cannot see what one robot read of another: the bytes
+# of a distributed team are shown as declared, those of `PerRobot` are counted.
 
 
 @dataclass(frozen=True, init=False, repr=False)
-class PerTeam(Lift):
+class PerTeam:
     """One object per trial, made by `make(prior, world, keys, **parameters)`: a class, or a function.
 
     Args:
@@ -503,47 +475,42 @@ class PerTeam(Lift):
 
     """
 
+    make: Callable[..., Any]
+    uses: tuple[str, ...]
+    axes: str
+    counted: tuple[str, ...]
+    own_random: bool
+    own_motion: str
     centralised: bool
     bound: bool
+    stated: tuple[tuple[str, Any], ...]
+    api: ClassVar[int] = 1
+    mutable: ClassVar[bool] = True
     given: ClassVar[tuple[str, ...]] = ("prior", "world", "keys")
-    more: ClassVar[Mapping[str, Any]] = {"centralised": True, "bound": False}
 
-    def init(self, prior: Belief, world: World, rows: Rows) -> TeamStates:
-        teams = [Belief(x.copy(), P.copy()) for x, P in zip(*prior, strict=True)]
-        none, parameters = TeamStates((None,) * len(teams), rows.key, -1), self.parameters
-        made = self._each(none, "init", lambda _, i: self.make(teams[i], world, rows.key[i], **parameters))
-        return none._replace(teams=tuple(made))
+    def __init__(self, make: Callable[..., Any], uses: tuple[str, ...] | None = None, **said: Any) -> None:
+        _describe(self, make, SAID_OF_TEAMS, {"uses": uses, **said})
 
-    def predict(self, s: TeamStates, z: Senses) -> TeamStates:
-        s = s._replace(tick=s.tick + 1)
-        self._each(s, "predict", lambda team, i: team.predict(senses_of(z, i)))
-        return s
+    label = property(_label_of)
+    trained_on = property(_trained_on)
+    parameters = property(_all_parameters)
+    with_parameters = _with_parameters
+    __repr__ = _repr_of
+    predict = _predict
+    correct = _correct
+    estimate = _estimate
+    notes = _count
 
-    def correct(self, s: TeamStates, z: Senses) -> TeamStates:
-        self._each(s, "correct", lambda team, i: team.correct(senses_of(z, i)))
-        return s
+    def init(self, prior: Belief, world: World, rows: Rows) -> Objects:
+        return _make_objects(self, prior, world, rows, [()] * len(prior.x))
 
-    def exchange(self, s: TeamStates, z: Senses, air: Mail) -> tuple[TeamStates, Traffic]:
-        radios = [Radio(mail_of(air, i), z.dt[i] > 0, self.centralised) for i in range(len(s.teams))]
-        self._each(s, "exchange", lambda team, i: team.exchange(senses_of(z, i), radios[i]))
+    def exchange(self, s: Objects, z: Senses, air: Mail) -> tuple[Objects, Traffic]:
+        radios = [Radio(mail_of(air, i), z.dt[i] > 0, self.centralised) for i in range(len(s.objects))]
+        _call_each(self, s, "exchange", lambda team, i: team.exchange(senses_of(z, i), radios[i]))
         return s, Traffic(np.stack([one.messages for one in radios]), np.stack([one.bytes for one in radios]))
 
-    def estimate(self, s: TeamStates) -> Belief:
-        beliefs = self._each(s, "estimate", lambda team, _: parse_belief(team, columns=False))
-        return Belief(np.stack([b.x for b in beliefs]), np.stack([b.P for b in beliefs]))
 
-    def notes(self, s: TeamStates) -> Mapping[str, Array]:
-        """What the objects counted of each robot, (trial, n) each."""
-        shape = s.keys.shape[:2]
-        return {name: np.array([np.broadcast_to(getattr(t, name), shape[1]) for t in s.teams]) for name in self.counted}
-
-    def _each(self, s: TeamStates, step: str, call: Callable[[Any, int], Any]) -> list[Any]:
-        """What a call with every object and its trial returns."""
-        found = []
-        for i, team in enumerate(s.teams):
-            with self.random(s.keys[i], s.tick, step):
-                found.append(call(team, i))
-        return found
+Adapter = PerRobot | PerTeam
 
 
 # A tick's motion and readings as functions of the state: what other people's filters ask for.

@@ -6,24 +6,25 @@ from contextlib import suppress
 from dataclasses import InitVar, dataclass, fields, is_dataclass
 from functools import cache
 from inspect import Parameter, isfunction, signature
-from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
+from typing import Annotated, Any, get_type_hints
 
 from pydantic import Field, TypeAdapter, ValidationError
 from pydantic.errors import PydanticUserError
 
-from cooploc.estimators.adapters import Lift, PerRobot, PerTeam
+from cooploc.estimators.adapters import Adapter, PerRobot, PerTeam
 from cooploc.estimators.adapters import parameters as taken_by
 from cooploc.estimators.adapters import value as unpacked
 from cooploc.estimators.errors import BadInput, first_reason, message, nearest, one_line
 
-if TYPE_CHECKING:
-    pass
-from cooploc.estimators.registry import SINGLE
-
 
 def is_plain(found: Any) -> bool:
     """Whether it is a class for one robot or one team, to be lifted."""
-    return isinstance(found, type) and not hasattr(found, "init") and all(hasattr(found, one) for one in SINGLE)
+    return (
+        isinstance(found, type)
+        and not hasattr(found, "init")
+        and hasattr(found, "predict")
+        and hasattr(found, "correct")
+    )
 
 
 def adapt(name: str, plain: Any) -> PerRobot | PerTeam:
@@ -45,12 +46,9 @@ def adapt(name: str, plain: Any) -> PerRobot | PerTeam:
         raise BadInput(f"{name} cannot be lifted by cl.{lift.__name__}: {e}") from None
 
 
-WORD = Annotated[int | float | bool | str, Field(union_mode="left_to_right")]  # the first that a word can be read as
-
-
+# What a parameter without an annotation is converted to, by the type of its default; else to the first that fits a word
+WORD = Annotated[int | float | bool | str, Field(union_mode="left_to_right")]
 UNSAID: dict[type, Any] = {bool: bool, int: Annotated[int | float, Field(union_mode="left_to_right")], float: float}
-
-
 RENAMED = {"own": "anchor_reading"}  # old spellings of parameters, accepted for one version
 
 
@@ -75,22 +73,20 @@ def build(name: str, found: Any, given: Mapping[str, Any]) -> Any:
 
     """
     found = adapt(name, found) if is_plain(found) else found
-    if isinstance(found, Lift):
+    if isinstance(found, Adapter):
         known = taken_by(found.make, found.given)
         return found.with_parameters(**_check_parameters(name, found.make, known, given)) if given else found
     if isfunction(found):
         return _instantiate(name, found, _check_parameters(name, found, dict(signature(found).parameters), given))
-    if not isinstance(found, type):
-        if given:
-            raise BadInput(f"{name} is an instance and takes no parameters: name its class instead")
-        return found
-    if not is_dataclass(found):
-        if given:
+    if isinstance(found, type) and is_dataclass(found):
+        known = _parameters(found)
+        given = {_current(name, key, list(known)): value for key, value in given.items()}
+        return _instantiate(name, found, _check_parameters(name, found, known, given))
+    if given:
+        if isinstance(found, type):
             raise BadInput(f"estimator {name!r} is not a dataclass, so it has no parameters: decorate its class")
-        return _instantiate(name, found, {})
-    parameters = _parameters(found)
-    given = {_current(name, key, list(parameters)): value for key, value in given.items()}
-    return _instantiate(name, found, _check_parameters(name, found, parameters, given))
+        raise BadInput(f"{name} is an instance and takes no parameters: name its class instead")
+    return _instantiate(name, found, {}) if isinstance(found, type) else found
 
 
 def _check_parameters(

@@ -5,14 +5,12 @@ import hashlib
 import importlib
 import sys
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from importlib.machinery import PathFinder
 from importlib.metadata import packages_distributions, version
 from importlib.util import find_spec
 from pathlib import Path
-from types import ModuleType
-from typing import NamedTuple
 
 from cooploc.estimators.errors import BadInput
 
@@ -75,13 +73,9 @@ def tree(folder: Path, *suffixes: str) -> list[Named]:
 
 
 def _imported_names(file: Path) -> set[str]:
-    """The top-level names that a file imports; none where it is not Python, which its import will say."""
-    try:
-        parsed = ast.parse(file.read_bytes())
-    except (SyntaxError, ValueError):
-        return set()
-    names = set()
-    for node in ast.walk(parsed):
+    """The top-level names that a file imports."""
+    parsed, names = _parse(file.read_bytes()), set()
+    for node in ast.walk(parsed) if parsed else ():
         if isinstance(node, ast.Import):
             names |= {alias.name.partition(".")[0] for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
@@ -105,14 +99,6 @@ def _modules(folder: Path, name: str) -> list[Path]:
 # another estimator: a run is not continued with them, and its certificate does not hold for them.
 
 
-class Declared(NamedTuple):
-    """What a class declares."""
-
-    name: str  # of the class
-    artifacts: tuple[str, ...] = ()
-    trained_on: str = ""
-
-
 def artifacts_of(files: Iterable[Path]) -> list[Named]:
     """The artifacts that the classes of these files name, each once.
 
@@ -122,19 +108,19 @@ def artifacts_of(files: Iterable[Path]) -> list[Named]:
     """
     found: dict[Path, str] = {}
     for file in files:
-        for one in declarations(file):
-            for name in one.artifacts:
+        for cls, names in _literals(file, "artifacts"):
+            for name in map(str, names if isinstance(names, tuple | list) else ()):
                 path = file.parent / name
                 if Path(name).is_absolute() or not path.is_file():
-                    raise BadInput(f"{one.name} of {file} names {name!r} in artifacts, and there is no {path}")
+                    raise BadInput(f"{cls} of {file} names {name!r} in artifacts, and there is no {path}")
                 found[path] = name
     return sorted((name, path) for path, name in found.items())
 
 
 def trained_on(files: Iterable[Path], name: str) -> str:
     """What the class of this name says that it was trained on; empty where it says nothing."""
-    said = [one.trained_on for file in files for one in declarations(file) if one.name == name]
-    return plainly(said[0]) if said else ""
+    said = [text for file in files for cls, text in _literals(file, "trained_on") if cls == name]
+    return plainly(said[0]) if said and isinstance(said[0], str) else ""
 
 
 def plainly(said: str) -> str:
@@ -142,34 +128,25 @@ def plainly(said: str) -> str:
     return " ".join(said.replace(";", ",").split())
 
 
-def declarations(file: Path) -> Iterator[Declared]:
-    """What each class of a Python file declares; nothing where it is not Python, which its import will say."""
+def _literals(file: Path, attribute: str) -> Iterator[tuple[str, object]]:
+    """The classes of a Python file that assign a literal to this attribute, by name, each with its value."""
     source = file.read_bytes()
-    if not (b"artifacts" in source or b"trained_on" in source):
-        return
-    try:
-        parsed = ast.parse(source)
-    except (SyntaxError, ValueError):
-        return
-    for node in ast.walk(parsed):
+    parsed = _parse(source) if attribute.encode() in source else None
+    for node in ast.walk(parsed) if parsed else ():
         if isinstance(node, ast.ClassDef):
-            values = dict(_assigned_literals(node))
-            names, said = values.get("artifacts", ()), values.get("trained_on", "")
-            if isinstance(names, tuple | list) and isinstance(said, str):
-                yield Declared(node.name, tuple(map(str, names)), said)
+            for line in node.body:
+                targets = line.targets if isinstance(line, ast.Assign) else [getattr(line, "target", None)]
+                if attribute in [target.id for target in targets if isinstance(target, ast.Name)]:
+                    with suppress(ValueError, TypeError):  # no literal
+                        yield node.name, ast.literal_eval(getattr(line, "value", None))
 
 
-def _assigned_literals(node: ast.ClassDef) -> Iterator[tuple[str, object]]:
-    """The literals that a class assigns, by name."""
-    for line in node.body:
-        if isinstance(line, ast.Assign | ast.AnnAssign) and line.value is not None:
-            targets = line.targets if isinstance(line, ast.Assign) else [line.target]
-            for target in targets:
-                if isinstance(target, ast.Name) and target.id in ("artifacts", "trained_on"):
-                    try:
-                        yield target.id, ast.literal_eval(line.value)
-                    except ValueError:
-                        continue
+def _parse(source: bytes) -> ast.Module | None:
+    """None where it is not Python, which its import will say."""
+    try:
+        return ast.parse(source)
+    except (SyntaxError, ValueError):
+        return None
 
 
 # Modules beside a plug-in's file: it imports them by name, in their present version.
@@ -188,11 +165,22 @@ def importable(file: Path, helpers: list[Named]) -> Iterator[None]:
         BadInput: another module has the name of a neighbour.
 
     """
-    folder = str(file.resolve().parent)
-    names = {module_name(name): path.resolve() for name, path in helpers}
-    outdated = [name for name, path in names.items() if _is_outdated(file, name, path)]
+    folder, outdated = str(file.resolve().parent), False
+    now = {module_name(name): (path.resolve(), _hash(path)) for name, path in helpers}
+    for name, (path, digest) in now.items():
+        loaded = getattr(sys.modules.get(name), "__file__", None)
+        place = Path(loaded).resolve() if loaded else None
+        if place == path:
+            outdated |= _seen.setdefault(name, (path, digest)) != (path, digest)
+        elif place is not None:
+            outdated = True
+            if name not in _seen or _seen[name][0] != place:
+                raise BadInput(
+                    f"{file} imports its neighbour {path.name}, but a module {name} is loaded from {place}: rename one "
+                    "of them"
+                )
     if outdated:
-        for name in names:
+        for name in now:
             sys.modules.pop(name, None)  # all of them, as one may have imported another
     importlib.invalidate_caches()
     sys.path.insert(0, folder)
@@ -200,7 +188,7 @@ def importable(file: Path, helpers: list[Named]) -> Iterator[None]:
         yield
     finally:
         sys.path.remove(folder)
-        _seen.update({name: (path, _hash(path)) for name, path in names.items() if name in sys.modules})
+        _seen.update({name: one for name, one in now.items() if name in sys.modules})
 
 
 def stay_importable(file: Path) -> None:
@@ -210,33 +198,9 @@ def stay_importable(file: Path) -> None:
         sys.path.append(folder)
 
 
-def _is_outdated(file: Path, name: str, path: Path) -> bool:
-    """Whether the module of that name is another version of a neighbour, or another plug-in's.
-
-    Raises:
-        BadInput: it is neither.
-
-    """
-    place, now = _place(sys.modules.get(name)), (path, _hash(path))
-    if place is None:
-        return False
-    if place == path:
-        return _seen.setdefault(name, now) != now
-    if name in _seen and _seen[name][0] == place:
-        return True
-    raise BadInput(
-        f"{file} imports its neighbour {path.name}, but a module {name} is loaded from {place}: rename one of them"
-    )
-
-
 def module_name(name: str) -> str:
     """`pack/deep.py` as Python imports it."""
     return name.removesuffix(".py").replace("/", ".").removesuffix(".__init__")
-
-
-def _place(module: ModuleType | None) -> Path | None:
-    file = getattr(module, "__file__", None)
-    return Path(file).resolve() if file else None
 
 
 def _hash(path: Path) -> str:

@@ -6,7 +6,6 @@ to the directory where the run began, which its workers share. What is sent to a
 needs, and these are loaded there first.
 """
 
-import ast
 import hashlib
 import re
 import sys
@@ -14,14 +13,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
-from importlib.util import module_from_spec, spec_from_loader
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from cooploc.estimators.errors import BadInput, nearest, one_line
 from cooploc.estimators.interface import API, Array
-from cooploc.estimators.plugin_files import Named, helpers_of, importable, module_name, plainly, stay_importable
+from cooploc.estimators.plugin_files import helpers_of, importable, module_name, plainly, stay_importable
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -50,31 +48,22 @@ def found_in_file(name: str) -> Any:
 
     """
     file, _, attribute = name.rpartition(":")
-    module = _imported_names(Path(file))
+    module = _import_file(Path(file))
     if not hasattr(module, attribute):
-        raise BadInput(f"{file} has no {attribute!r}; {nearest(attribute, _own(module, Path(file).read_bytes()))}")
+        public = {key: one for key, one in vars(module).items() if not key.startswith("_")}
+        own = [key for key, one in public.items() if getattr(one, "__module__", "") == module.__name__]
+        own += [key for key, one in public.items() if key not in own and type(one).__module__ != "builtins"]
+        raise BadInput(f"{file} has no {attribute!r}; {nearest(attribute, own)}")
     return getattr(module, attribute)
-
-
-def _own(module: ModuleType, source: bytes) -> list[str]:
-    """The public classes, functions and objects that a file defines: neither what it imports, nor plain constants."""
-    names = []
-    for node in ast.parse(source).body:
-        if isinstance(node, ast.ClassDef | ast.FunctionDef):
-            names.append(node.name)
-        elif isinstance(node, ast.Assign):
-            targets = [target.id for target in node.targets if isinstance(target, ast.Name)]
-            names += [name for name in targets if type(getattr(module, name, None)).__module__ != "builtins"]
-    return [name for name in names if not name.startswith("_")]
 
 
 def needed_files(sent: bytes) -> dict[str, Path]:
     """The files whose objects a pickle refers to, by the names under which they are imported here."""
-    return {
-        name: path
-        for name, (path, beside) in _loaded.items()
-        if any(_as_pickled(one) in sent for one in (name, *beside))
-    }
+
+    def refers_to(module: str) -> bool:
+        return bytes([0x8C, len(module.encode())]) + module.encode() in sent  # as a pickle holds a string
+
+    return {name: path for name, (path, beside) in _loaded.items() if any(map(refers_to, (name, *beside)))}
 
 
 def load(files: dict[str, Path]) -> None:
@@ -85,34 +74,27 @@ def load(files: dict[str, Path]) -> None:
 
     """
     for name, path in files.items():
-        if name not in sys.modules and _imported_names(path).__name__ != name:
+        if name not in sys.modules and _import_file(path).__name__ != name:
             raise BadInput(f"{path} was edited after an estimator of it was made: make the estimator again")
 
 
-def _as_pickled(name: str) -> bytes:
-    """A string as a pickle holds it, with its length."""
-    return bytes([0x8C, len(name.encode())]) + name.encode()
-
-
-def _imported_names(path: Path) -> ModuleType:
+def _import_file(path: Path) -> ModuleType:
     try:
-        source = path.read_bytes()
+        digest = hashlib.sha256(str(path.resolve()).encode() + b"\0" + path.read_bytes())
     except OSError:
         raise BadInput(f"there is no file {path}; write path.py:Name") from None
     helpers = helpers_of(path)
     stay_importable(path)
-    name = _name(path, source, helpers)
+    for name, file in helpers:
+        digest.update(name.encode() + b"\0" + file.read_bytes())
+    name = f"_cooploc_{path.stem}_{digest.hexdigest()[:12]}"  # it hides no module, and pickle finds classes by it
     if name in sys.modules:
         return sys.modules[name]
-    spec = spec_from_loader(name, loader=None, origin=str(path))
-    if spec is None:
-        raise BadInput(f"{path} cannot be imported: it is not a Python file")
-    module = module_from_spec(spec)
+    module = sys.modules[name] = ModuleType(name)
     module.__file__ = str(path.resolve())  # numba and tracebacks look there
-    sys.modules[name] = module
     try:
         with importable(path, helpers):
-            exec(compile(source, module.__file__, "exec"), vars(module))
+            exec(compile(path.read_bytes(), module.__file__, "exec"), vars(module))
     except BaseException as e:
         del sys.modules[name]  # it is half there
         if isinstance(e, BadInput | MemoryError) or not isinstance(e, (Exception, SystemExit, GeneratorExit)):
@@ -123,17 +105,7 @@ def _imported_names(path: Path) -> ModuleType:
     return module
 
 
-def _name(path: Path, source: bytes, helpers: list[Named]) -> str:
-    """A name that hides no module, by which pickle finds its classes; another one for every version."""
-    digest = hashlib.sha256(str(path.resolve()).encode() + b"\0" + source)
-    for name, file in helpers:
-        digest.update(name.encode() + b"\0" + file.read_bytes())
-    return f"_cooploc_{path.stem}_{digest.hexdigest()[:12]}"
-
-
-# How a name becomes an object: the built-in table first, then installed plug-ins; `path.py:Name` is always a file.
-#
-# Estimators and scenarios have one registry each.
+# The names of estimators, and those of scenarios.
 
 
 @dataclass(frozen=True)
@@ -202,7 +174,8 @@ class Registry:
         if points is None:
             raise BadInput(f"there is no {self.kind} {name!r}; {nearest(name, self.names())}")
         if len(points) > 1:
-            claims = " and ".join(f"{point.value} of {_package(point)}" for point in points)
+            packages = [point.dist.name if point.dist is not None else "an unknown package" for point in points]
+            claims = " and ".join(f"{point.value} of {one}" for point, one in zip(points, packages, strict=True))
             raise BadInput(f"{len(points)} plug-ins are called {self.kind} {name!r}: {claims}; uninstall all but one")
         return points[0]
 
@@ -221,10 +194,6 @@ def load_object(place: str, what: str) -> Any:
         raise
     except (Exception, SystemExit, GeneratorExit) as e:
         raise BadInput(f"{what} cannot be imported: {one_line(e)}") from e
-
-
-def _package(point: EntryPoint) -> str:
-    return point.dist.name if point.dist is not None else "an unknown package"
 
 
 # Labels: `mrsl-rssi[particles=500]` is a name and its parameters; commas separate the labels of a list.
@@ -263,14 +232,6 @@ def split_labels(listed: str) -> list[str]:
     return [part.strip() for part in re.split(r",(?![^\[]*\])", listed) if part.strip()]
 
 
-# A plain class that is named where an estimator is wanted: lifted if it says what it reads, else told how.
-
-SINGLE = ("predict", "correct")  # what a plain class has at least
-
-
-# An instance of an estimator's class from parameters that a user wrote, each converted to what its annotation says.
-
-
 # What an estimator says of itself beyond the methods that every estimator has; all of it is optional.
 
 
@@ -299,7 +260,7 @@ def traits(estimator: Any) -> Traits:
         mutable=bool(getattr(estimator, "mutable", False)),
         axes=getattr(estimator, "axes", ""),
         own_motion=getattr(estimator, "own_motion", ""),
-        notes=getattr(estimator, "notes", _no_notes),
+        notes=getattr(estimator, "notes", lambda state: {}),
         trained_on=plainly(str(getattr(estimator, "trained_on", "") or "")),
         offline=offline,
     )
@@ -321,13 +282,6 @@ def wrong_version(estimator: Any) -> str:
     return "" if api == API else f"it is written for interface {api!r}, this is version {API}: set api = {API}"
 
 
-def _no_notes(state: Any) -> Mapping[str, Array]:
-    return {}
-
-
-# The list of estimators as a table: `cl.estimators()`.
-
-
 def source_of(cls: type) -> str:
     """The first paper that the docstring of a class's module names after "Source:", up to its year; else empty."""
     text = re.sub(r"\s+", " ", sys.modules[cls.__module__].__doc__ or "")
@@ -338,8 +292,7 @@ def source_of(cls: type) -> str:
 # Packages that list what they hold when they are called: `cl.estimators()`, `cl.scenarios()`.
 #
 # Importing a sub-package sets an attribute of its parent, so `cooploc.estimators` is the package and could not stay a
-# function of that name, whatever was imported first. The package itself is callable instead: Python lets a module
-# change its class ("Customizing module attribute access" in the language reference), and the new class adds `__call__`.
+# function of that name. The package itself is callable instead, as Python lets a module change its class.
 
 
 class CallablePackage(ModuleType):

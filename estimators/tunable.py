@@ -18,7 +18,7 @@ from dataclasses import field, fields, is_dataclass
 from math import isfinite
 from typing import Any, NamedTuple
 
-from cooploc.estimators.adapters import Lift
+from cooploc.estimators.adapters import Adapter, tunable_fields
 
 KEY = "cooploc.tunable"  # of a field's metadata
 Value = float | int | str | bool
@@ -78,8 +78,8 @@ def declarations(estimator: Any) -> Mapping[str, Tunable]:
     The default of an instance is its present value; what does nothing with its other values is left out. Of a lifted
     class it is what its signature declares.
     """
-    if isinstance(estimator, Lift):
-        made = {name: one.metadata[KEY] for name, one in estimator.fields.items() if KEY in one.metadata}
+    if isinstance(estimator, Adapter):
+        made = {name: one.metadata[KEY] for name, one in tunable_fields(estimator).items() if KEY in one.metadata}
         return _in_use(made, estimator.parameters)
     if not is_dataclass(estimator):
         return {}

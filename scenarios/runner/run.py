@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 import numpy as np
 
 from cooploc.estimators import is_builtin, make, split_labels
-from cooploc.estimators.adapters import Lift
+from cooploc.estimators.adapters import Adapter
 from cooploc.estimators.building import adapt, is_plain
 from cooploc.estimators.errors import BadInput, message
 from cooploc.estimators.interface import Array, Indices, Rows
@@ -204,8 +204,8 @@ def label_of(estimator: Any) -> str:
     """Return the name of an estimator that was given without one."""
     if isinstance(estimator, str):
         return estimator
-    if isinstance(estimator, Lift):
-        return estimator.label
+    if isinstance(estimator, Adapter):
+        return str(estimator.label)
     return estimator.__name__ if isinstance(estimator, type) else type(estimator).__name__
 
 

@@ -114,5 +114,5 @@ def test_a_range_bias_is_found_where_there_is_one():
         return call(*arguments)
 
     trace("it", example(WIDE[1]).with_parameters(bias=1.0), biased, watch)
-    found = [robot.x[-1] for robot in states[-1].robots]
+    found = [robot.x[-1] for robot in states[-1].objects]
     np.testing.assert_allclose(found, 0.8, atol=0.25)

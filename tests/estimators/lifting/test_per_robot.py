@@ -199,7 +199,7 @@ def test_every_object_is_told_who_it_is():
         return states[-1]
 
     trace("plain", PerRobot(Talker), stream, watch)
-    robots = states[0].robots
+    robots = states[0].objects
     assert [r.robot for r in robots] == [0, 1, 2, 0, 1, 2]
     assert len({tuple(r.key.tolist()) for r in robots}) == 6
     assert not any(np.shares_memory(r.x, stream.prior.x) for r in robots)
