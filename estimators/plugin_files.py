@@ -136,9 +136,10 @@ def _literals(file: Path, attribute: str) -> Iterator[tuple[str, object]]:
         if isinstance(node, ast.ClassDef):
             for line in node.body:
                 targets = line.targets if isinstance(line, ast.Assign) else [getattr(line, "target", None)]
-                if attribute in [target.id for target in targets if isinstance(target, ast.Name)]:
-                    with suppress(ValueError, TypeError):  # no literal
-                        yield node.name, ast.literal_eval(getattr(line, "value", None))
+                value = getattr(line, "value", None)
+                if value and attribute in [target.id for target in targets if isinstance(target, ast.Name)]:
+                    with suppress(ValueError):  # no literal
+                        yield node.name, ast.literal_eval(value)
 
 
 def _parse(source: bytes) -> ast.Module | None:
