@@ -27,6 +27,7 @@ from cooploc.analysis.report.result_tables import failures
 from cooploc.analysis.report.tables import Table, csv_text, number_column, text_column
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.conformance.check import Report, sentences
+from cooploc.scenarios.recordings.scenario import NO_ORDER
 from cooploc.terminal.console import wide
 
 ONE_PROCESS = "all or some of this ran in one process (--no-isolate): estimators may have disturbed each other"
@@ -48,16 +49,46 @@ def keep_tables(table: pd.DataFrame, rows: pd.DataFrame, folder: Path) -> None:
 
 
 def show_results(found: pd.DataFrame, rows: pd.DataFrame, folder: Path, as_json: bool) -> None:
-    """Print the results of a run: its table, then failures, and where the files are."""
+    """Print the results of a run: its table, then failures, and where the files are; recordings in order of error."""
+    manifest, console = RunDir(folder).manifest, wide(stderr=as_json)
+    recorded = manifest.get("data") is not None
+    notes = manifest.get("recordings", {})
+    weak = {name: [text for text in notes.get(name, []) if NO_ORDER in text] for name, _ in _by_scenario(found)}
+    if recorded and not as_json:
+        found = pd.concat([part if weak[name] else part.sort_values("rmse") for name, part in _by_scenario(found)])
     table(found, rows, as_json)
-    console = wide(stderr=as_json)
-    if not RunDir(folder).manifest.get("isolated", True):
+    for name, part in _by_scenario(found) if recorded else []:
+        for text in recording_lines(part, weak[name]):
+            console.print(text)
+    if not manifest.get("isolated", True):
         console.print(ONE_PROCESS)
     for failed in failures(rows):
         console.print(f"failed: {failed.message} ({'; '.join(failed.where)})")
     picture = f"{folder / 'rmse.png'}" if (folder / "rmse.png").exists() else f"cooploc report {folder}"
     for place in (f"picture: {picture}", f"table, every column: {folder / 'table.csv'}", f"run: {folder}"):
         console.print(place)
+    if recorded:
+        console.print(f"next: cooploc report {folder}")
+
+
+def recording_lines(part: pd.DataFrame, weak: list[str]) -> list[str]:
+    """Return what limits the order of one recording's table: `weak` reasons, single trials, ties, a constant."""
+    scenario, baseline = part["scenario"].iloc[0], part["baseline"].iloc[0]
+    lines = [f"{scenario}, {line}" for line in weak]
+    if part["trials"].max() < 2:
+        lines.append(f"{scenario}: one trial: no intervals, so the order holds for this recording alone")
+    others = part[part["change_low"].notna() & (part["estimator"] != baseline)]
+    if len(others) and ((others["change_low"] <= 0) & (others["change_high"] >= 0)).all():
+        lines.append(f"{scenario}: ranks no estimators: the interval of every comparison with {baseline} holds 0")
+    for constant in part.loc[part["estimator"] == "constant", "rmse"]:
+        worse = part.loc[part["rmse"] > constant, "estimator"]
+        if len(worse):
+            lines.append(f"{scenario}: worse than a constant, which errs by {constant:.3f} m: {', '.join(worse)}")
+    return lines
+
+
+def _by_scenario(table: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
+    return [(str(name), part) for name, part in table.groupby("scenario", sort=False)]
 
 
 def table(table: pd.DataFrame, rows: pd.DataFrame, as_json: bool) -> None:
@@ -66,7 +97,7 @@ def table(table: pd.DataFrame, rows: pd.DataFrame, as_json: bool) -> None:
     if as_json:
         print(json.dumps(records(table), indent=1))
     else:
-        shown = {str(name): _results(str(name), part) for name, part in table.groupby("scenario", sort=False)}
+        shown = {name: _results(name, part) for name, part in _by_scenario(table)}
         for one in shown.values():
             console.print(one.terminal())
             console.print()

@@ -1,0 +1,53 @@
+"""A constant: the middle of all that is known before anything moves. On a recording, no filter may lose to it.
+
+With two landmarks or anchors at least, the middle of the rectangle around them; else the position of the prior.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from cooploc.estimators.dead_reckoning import State
+from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
+
+
+@dataclass(frozen=True)
+class Constant:
+    """The middle of all anchors and landmarks, or else the start, whatever happens; sends nothing."""
+
+    api: ClassVar[int] = 1
+    sends: ClassVar[str] = "nothing"
+    consistency: ClassVar[str] = "consistent"
+    own_motion: ClassVar[str] = "it does not move"
+    uses: tuple[str, ...] = ()
+
+    def init(self, prior: Belief, world: World, rows: Rows) -> State:
+        """x = (lower + upper)/2,  P = (upper - lower)^2/12 of the rectangle around fixed things, or of the arena."""
+        fixed = np.concatenate([world.anchors, world.landmarks])
+        known = len(fixed) >= 2
+        lower, upper = (fixed.min(0), fixed.max(0)) if known else world.arena
+        x, P = prior.x.copy(), np.zeros_like(prior.P)
+        if known:
+            x[:, :2] = (lower + upper) / 2
+        d = x.shape[-1]
+        variance = np.full(d, np.pi**2 / 3)  # of a heading that may be any
+        variance[:2] = np.maximum(upper - lower, 0.1) ** 2 / 12
+        P[:, np.arange(d), np.arange(d)] = variance
+        return State(x, P, world)
+
+    def predict(self, s: State, z: Senses) -> State:
+        """x' = x,  P' = P."""
+        return s
+
+    def correct(self, s: State, z: Senses) -> State:
+        return s
+
+    def send(self, s: State, z: Senses) -> Array:
+        return np.empty((len(s.x), 0))
+
+    def fuse(self, s: State, z: Senses, mail: Mail) -> State:
+        return s
+
+    def estimate(self, s: State) -> Belief:
+        return Belief(s.x, s.P)
