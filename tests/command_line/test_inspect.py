@@ -1,8 +1,11 @@
 """`cooploc inspect`: tables, findings and files; and one line for what cannot be read."""
 
+import pandas as pd
 import pytest
 from made_csv_teams import eight_glitches, two_robots, write
 from processes import inside
+
+from cooploc.terminal.tables import recording_lines
 
 
 def test_inspect_prints_what_is_odd_and_writes_a_log_that_only_force_replaces(tmp_path):
@@ -39,3 +42,22 @@ def test_a_recording_that_cannot_be_inspected_is_one_line(tmp_path, arguments, s
     assert ended.returncode == 2
     assert said in ended.stderr
     assert len(ended.stderr.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("trials", "change", "said"),
+    [
+        (1, (None, None), ["one trial: no intervals", "worse than a constant, which errs by 0.500 m: mine"]),
+        (9, (-0.2, 0.3), ["the interval of every comparison with dead-reckoning holds 0", "worse than a constant"]),
+        (9, (0.2, 0.3), ["worse than a constant"]),
+    ],
+)
+def test_the_table_of_a_recording_says_what_limits_its_order(trials, change, said):
+    names = ["dead-reckoning", "constant", "mine"]
+    low, high = ([None, change[k], change[k]] for k in (0, 1))
+    part = pd.DataFrame({"scenario": "log/all", "estimator": names, "baseline": names[0], "trials": trials})
+    part = part.assign(rmse=[0.2, 0.5, 0.9], change_low=low, change_high=high)
+    lines = recording_lines(part, ["run 'one' ranks no estimators: its 9 ticks are too few"])
+    assert lines[0] == "log/all, run 'one' ranks no estimators: its 9 ticks are too few"
+    for line, words in zip(lines[1:], said, strict=True):
+        assert words in line
