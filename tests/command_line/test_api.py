@@ -1,11 +1,9 @@
 """What a user types after `cl.`: the names that are shown, the lists, and whole studies from Python."""
 
-import ast
 import re
 import subprocess
 import sys
 from importlib import import_module
-from pathlib import Path
 from types import ModuleType
 
 import cloudpickle
@@ -43,14 +41,6 @@ def test_tab_shows_what_users_call_and_nothing_else():
 def test_tab_on_plot_shows_figures_and_nothing_else():
     assert "rmse" in dir(cl.plot)
     assert not any(isinstance(getattr(cl.plot, name), ModuleType) for name in dir(cl.plot))
-
-
-def test_type_checkers_see_the_names_that_users_see():
-    tree = ast.parse(Path(cl.__file__).read_text("utf-8"))
-    (block,) = (node for node in tree.body if isinstance(node, ast.If))
-    imported = {alias.asname for node in block.body if isinstance(node, ast.ImportFrom) for alias in node.names}
-    declared = {node.target.id for node in block.body if isinstance(node, ast.AnnAssign)}
-    assert {name for name in imported | declared if not name.startswith("_")} == set(cl.__all__)
 
 
 def test_an_unknown_name_is_an_attribute_error():

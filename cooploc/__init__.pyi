@@ -1,0 +1,66 @@
+"""The public names of cooploc, and where each comes from: this file serves type checkers, and `__init__.py` too."""
+
+from cooploc.analysis import plot as plot
+from cooploc.analysis.metrics.compare import compare as compare
+from cooploc.analysis.metrics.compare import summarize as summarize
+from cooploc.analysis.metrics.errors import errors as errors
+from cooploc.analysis.metrics.external import judge as judge
+from cooploc.analysis.metrics.external import to_tum as to_tum
+from cooploc.analysis.metrics.smoother import Smoother as Smoother
+from cooploc.analysis.metrics.smoother import smoother as smoother
+from cooploc.analysis.tuning.tune import Tuned as Tuned
+from cooploc.analysis.tuning.tune import load_tuned as load_tuned
+from cooploc.analysis.tuning.tune import training as training
+from cooploc.api_runs import information as information
+from cooploc.api_runs import paper as paper
+from cooploc.api_runs import readings as readings
+from cooploc.api_runs import sensitivity as sensitivity
+from cooploc.api_runs import verdicts as verdicts
+from cooploc.api_studies import plan as plan
+from cooploc.api_studies import run_until as run_until
+from cooploc.api_studies import sweep as sweep
+from cooploc.api_studies import tune as tune
+from cooploc.estimators import make as make
+from cooploc.estimators.adapters import PerRobot as PerRobot
+from cooploc.estimators.adapters import PerTeam as PerTeam
+from cooploc.estimators.adapters import motion_of as motion_of
+from cooploc.estimators.adapters import priors_of as priors_of
+from cooploc.estimators.adapters import readings_of as readings_of
+from cooploc.estimators.errors import BadInput as BadInput
+from cooploc.estimators.interface import Belief as Belief
+from cooploc.estimators.interface import Estimator as Estimator
+from cooploc.estimators.interface import Mail as Mail
+from cooploc.estimators.interface import Rows as Rows
+from cooploc.estimators.interface import Senses as Senses
+from cooploc.estimators.interface import TeamEstimator as TeamEstimator
+from cooploc.estimators.interface import Traffic as Traffic
+from cooploc.estimators.interface import World as World
+from cooploc.estimators.model_functions import Layout as Layout
+from cooploc.estimators.registry import CallablePackage as _CallablePackage
+from cooploc.estimators.tunable import tunable as tunable
+from cooploc.inspection import Inspection as Inspection
+from cooploc.inspection import inspect as inspect
+from cooploc.runs import Results as Results
+from cooploc.runs import compare_runs as compare_runs
+from cooploc.runs import load_run as load_run
+from cooploc.runs import report as report
+from cooploc.runs import reproduce as reproduce
+from cooploc.runs import run_study as run_study
+from cooploc.runs import show as show
+from cooploc.scaffold import new_estimator as new_estimator
+from cooploc.scenarios import simulate as simulate
+from cooploc.scenarios.conformance.check import check_estimator as check_estimator
+from cooploc.scenarios.runner.run import Run as Run
+from cooploc.scenarios.runner.run import run as run
+from cooploc.scenarios.runner.tick import EstimatorError as EstimatorError
+from cooploc.scenarios.runner.tick import IncompatibleEstimator as IncompatibleEstimator
+from cooploc.scenarios.runner.trace import Trace as Trace
+from cooploc.scenarios.stream import Stream as Stream
+from cooploc.scenarios.stream import Truth as Truth
+from cooploc.scenarios.studies.study import studies as studies
+
+estimators: _CallablePackage
+scenarios: _CallablePackage
+
+__all__: list[str]
+__version__: str
