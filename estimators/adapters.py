@@ -34,7 +34,7 @@ from cooploc.estimators.interface import (
 
 
 def senses_of(z: Senses, i: int) -> Senses:
-    """What row, or trial, i sensed."""
+    """Return the senses of row, or trial, i."""
     arrays = {name: getattr(z, name)[i] for name in Senses._fields[:-1]}
     arrays |= {name: without_short(arrays[name], arrays[name][..., :1]) for name in ("landmark", "sighting")}
     extra = {name: a[i] for name, a in z.extra.items()}
@@ -43,7 +43,7 @@ def senses_of(z: Senses, i: int) -> Senses:
 
 
 def mail_of(mail: Mail, i: int) -> Mail:
-    """What row, or trial, i received."""
+    """Return the mail of row, or trial, i."""
     mine = Mail(*(a[i] for a in mail))
     return mine._replace(range=without_short(mine.range, mine.range))
 
@@ -171,7 +171,7 @@ def _all_parameters(p: "Adapter") -> dict[str, Any]:
 
 
 def tunable_fields(p: "Adapter") -> dict[str, Field[Any]]:
-    """What `cl.tunable(...)` made, in the class's signature or in the call, by the parameter's name."""
+    """Return the fields that `cl.tunable(...)` made, in the class's signature or in the call, by parameter."""
     signed = [(key, one.default) for key, one in (parameters(p.make, p.given) or {}).items()]
     return {key: one for key, one in (*signed, *p.stated) if isinstance(one, Field)}
 
@@ -205,12 +205,12 @@ def _repr_of(p: "Adapter") -> str:
 
 
 def _trained_on(p: "Adapter") -> str:
-    """What the class says that it was trained on."""
+    """Return the training that the class states."""
     return str(getattr(p.make, "trained_on", ""))
 
 
 def _call_each(p: "Adapter", s: Objects, step: str, call: Callable[[Any, int], Any]) -> list[Any]:
-    """What a call with every object and its row returns, with global random numbers of its own where it asks so."""
+    """Call a function with every object and its row, under a global random state of its own where it asks so."""
     found = []
     for i, one in enumerate(s.objects):
         place = s.tick + 1, STEPS.index(step)
@@ -244,7 +244,7 @@ def _estimate(p: "Adapter", s: Objects) -> Belief:
 
 
 def _count(p: "Adapter", s: Objects) -> Mapping[str, Array]:
-    """What the objects counted: (r,), or (trial, n), each."""
+    """Return the counts of the objects, (r,) or (trial, n) each."""
     shape = s.key.shape[1:-1]
     return {
         name: np.array([np.broadcast_to(getattr(one, name), shape) for one in s.objects], float) for name in p.counted
@@ -375,7 +375,7 @@ class PerRobot:
 
 
 def _packet_of(robot: Any) -> Array:
-    """What a robot sends (m,); nothing where it has no `send`."""
+    """Return the packet (m,) of a robot; nothing where it has no `send`."""
     said: Array = np.array(robot.send(), float) if hasattr(robot, "send") else np.empty(0)
     if said.ndim != 1:
         raise ValueError(f"send() returned shape {said.shape}; it must be one axis of numbers")
@@ -545,7 +545,7 @@ class LinearReading(NamedTuple):
 
 @dataclass(frozen=True)
 class Step:
-    """How one tick's odometry moves states (..., d)."""
+    """The motion of states (..., d) by one tick's odometry."""
 
     motion: Motion
     odometry: Array  # (k,)
@@ -583,7 +583,7 @@ class Reading:
         return self.sensor.R
 
     def h(self, x: Array) -> Array:
-        """What it would be at states (..., d) without noise (..., k); an angle is within pi of that of z."""
+        """Return the reading without noise (..., k) at states (..., d); an angle is within pi of that of z."""
         return self.z - self.sensor.innovation(x, self.place, self.z)[0]
 
     def H(self, x: Array) -> Array:

@@ -18,7 +18,7 @@ from cooploc.estimators.errors import BadInput, first_reason, message, nearest, 
 
 
 def is_plain(found: Any) -> bool:
-    """Whether it is a class for one robot or one team, to be lifted."""
+    """Return whether it is a class for one robot or one team, to be lifted."""
     return (
         isinstance(found, type)
         and not hasattr(found, "init")
@@ -92,7 +92,7 @@ def build(name: str, found: Any, given: Mapping[str, Any]) -> Any:
 def _check_parameters(
     name: str, make: Any, known: Mapping[str, Parameter] | None, given: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """What is given, converted; `known` is None where any name is taken.
+    """Return the given parameters, converted; `known` is None where any name is taken.
 
     Raises:
         BadInput: an unknown parameter, one that is missing, or a value that does not fit.
@@ -110,7 +110,7 @@ def _check_parameters(
 
 
 def _parameters(cls: type) -> dict[str, Parameter]:
-    """What its `__init__` takes, which may be the class's own; with `**rest`, its fields too."""
+    """Return the parameters of its `__init__`, which may be the class's own; with `**rest`, its fields too."""
     taken = signature(cls).parameters
     named = {key: one for key, one in taken.items() if one.kind in (one.POSITIONAL_OR_KEYWORD, one.KEYWORD_ONLY)}
     if any(one.kind is one.VAR_KEYWORD for one in taken.values()):

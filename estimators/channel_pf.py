@@ -38,7 +38,7 @@ from cooploc.estimators.tunable import tunable
 VAGUE = 1e3  # sides of the arena: the standard deviation of a channel over which nothing was said
 
 
-class Information(NamedTuple):
+class LinkInformation(NamedTuple):
     """log of a Gaussian factor: eta' e - e' Y e / 2, with e the offset from a stated point."""
 
     eta: Array  # (k, 2) [1/m]
@@ -54,7 +54,7 @@ class LinkReading(NamedTuple):
 
 
 class State(NamedTuple):
-    """What one robot remembers."""
+    """The memory of one robot."""
 
     own: shared.FilterState
     channel: Belief  # x (r, n, 4), P (r, n, 4, 4)  of its own position and each teammate's
@@ -165,7 +165,7 @@ def _caught_up(s: State, packets: Array, i: Indices, j: Indices) -> Belief:
 
 def _exchange_packets(
     sensor: Sensor, common: Belief, mine: Belief, theirs: Belief, z: Array
-) -> tuple[Belief, Information]:
+) -> tuple[Belief, LinkInformation]:
     """Channels after an exchange, and what the robot's own marginal has gained by the other's news and the reading."""
     about = mine.x[:, :2]
     i_know = news(Belief(about, mine.P[:, :2, :2]), Belief(common.x[:, :2], common.P[:, :2, :2]))
@@ -189,7 +189,7 @@ def _linearise(sensor: Sensor, both: Belief, mine: Belief, z: Array) -> LinkRead
     return LinkReading(y - shift, np.concatenate([H[..., :2], Hq], -1), np.broadcast_to(R, (*y.shape, y.shape[-1])))
 
 
-def _weigh(own: shared.FilterState, about: Array, gain: Information, i: Indices) -> Array:
+def _weigh(own: shared.FilterState, about: Array, gain: LinkInformation, i: Indices) -> Array:
     """logw + sum over links of eta' e - e' Y e / 2, with e (r, N, 2) the particles about the robot's mean."""
     eta, Y = np.zeros((len(own.x), 2)), np.zeros((len(own.x), 2, 2))
     np.add.at(eta, i, gain.eta)
@@ -219,7 +219,7 @@ def definite(P: Array) -> Mask:
     return regular
 
 
-def news(belief: Belief, common: Belief) -> Information:
+def news(belief: Belief, common: Belief) -> LinkInformation:
     """Bel / C_i, about the mean of C_i, in the directions in which the belief knows more; nothing in the others.
 
     The belief knows less than the link where a message was lost, or where particles represent it badly.
@@ -231,7 +231,7 @@ def news(belief: Belief, common: Belief) -> Information:
     eta = (L @ V).mT @ np.linalg.solve(belief.P, (belief.x - common.x)[..., None])
     more = gain > 1
     eta, Y = np.where(more, eta[..., 0], 0.0), np.where(more, gain - 1, 0.0)
-    return Information((T @ eta[..., None])[..., 0], symmetric((T * Y[:, None]) @ T.mT))
+    return LinkInformation((T @ eta[..., None])[..., 0], symmetric((T * Y[:, None]) @ T.mT))
 
 
 def _root(P: Array) -> Array:
@@ -242,7 +242,7 @@ def _root(P: Array) -> Array:
     return np.stack([np.stack([a, 0 * a], -1), np.stack([b, c], -1)], -2)
 
 
-def join(common: Belief, mine: Information, theirs: Information) -> Belief:
+def join(common: Belief, mine: LinkInformation, theirs: LinkInformation) -> Belief:
     """C (Bel_i / C_i) (Bel_j / C_j)."""
     Y = np.asarray(np.linalg.inv(common.P), float)
     Y[:, :2, :2] += mine.Y
@@ -257,9 +257,9 @@ def correct_link(common: Belief, reading: LinkReading) -> Belief:
     return Belief(*kalman(*common, reading.y, reading.H, reading.R))
 
 
-def information_gain(after: Belief, before: Belief, about: Array) -> Information:
+def information_gain(after: Belief, before: Belief, about: Array) -> LinkInformation:
     """The quotient of the first robot's marginals, about the points (k, 2)."""
     x1, Y1 = after.x[:, :2], np.linalg.inv(after.P[:, :2, :2])
     x0, Y0 = before.x[:, :2], np.linalg.inv(before.P[:, :2, :2])
     eta = Y1 @ (x1 - about)[..., None] - Y0 @ (x0 - about)[..., None]
-    return Information(eta[..., 0], symmetric(Y1 - Y0))
+    return LinkInformation(eta[..., 0], symmetric(Y1 - Y0))

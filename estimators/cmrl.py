@@ -32,7 +32,7 @@ from cooploc.estimators.tunable import tunable
 
 
 class State(NamedTuple):
-    """What one robot remembers."""
+    """The memory of one robot."""
 
     own: shared.FilterState
     travelled: Array  # (r, n)  since a detection of each teammate was used [m]; inf before the first

@@ -128,7 +128,7 @@ FUSED = ("contract",)
 
 
 class Format(NamedTuple):
-    """How a number is kept."""
+    """A format of numbers."""
 
     real: Any  # numpy's type of it
     word: Any  # numpy's type of an integer of as many bits
@@ -194,7 +194,7 @@ def order(context: Any, x: Any) -> Any:
 
 @intrinsic
 def is_single(context: Any, x: Any) -> Any:
-    """Whether a number is single: known when the loop is compiled."""
+    """Return whether a number is single: known when the loop is compiled."""
     return types.boolean(x), lambda target, builder, *_: target.get_constant(types.boolean, x == types.float32)
 
 

@@ -54,7 +54,7 @@ class Stack(NamedTuple):
     cones: list[Any]
 
     def solve(self, A: Array, b: Array, settings: Any) -> Array:
-        """What the solver ends with, x (K, n), for the numbers A (K, nonzeros) and b (K, l)."""
+        """Return the solver's x (K, n) for the numbers A (K, nonzeros) and b (K, l)."""
         import clarabel
 
         self.A.data = A.ravel()
@@ -120,7 +120,7 @@ SETTINGS = {
 
 
 class Shape(NamedTuple):
-    """What the numbers of a fusion do not change."""
+    """The shape of a program, whatever its numbers."""
 
     k: int  # numbers of the reading
     d: int
@@ -134,7 +134,7 @@ class Shape(NamedTuple):
 
     @property
     def cone(self) -> bool:
-        """Whether it is a second-order cone program."""
+        """Return whether it is a second-order cone program."""
         return self.d == self.block == 2
 
 

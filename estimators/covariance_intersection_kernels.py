@@ -354,7 +354,7 @@ class Whitened(NamedTuple):
 
 @strict_inlined
 def _judge(P, axes):
-    """What a source is: FINE, ABSENT (a nan, or every variance infinite), or what is wrong with it."""
+    """Judge a covariance: FINE, ABSENT (a nan, or every variance infinite), or what is wrong with it."""
     vague, finite = 0, True
     for i in range(len(axes)):
         vague += P[i, i] == np.inf
@@ -413,7 +413,7 @@ def complete(parts, there):
 
 @strict_kernel
 def diagonal(R):
-    """Whether all of R (K, k, k) are diagonal, with no entry below zero."""
+    """Return whether all of R (K, k, k) are diagonal, with no entry below zero."""
     for f in range(len(R)):
         for i in range(R.shape[1]):
             for j in range(R.shape[1]):

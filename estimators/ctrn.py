@@ -3,8 +3,7 @@
 Each robot runs its own particle filter and broadcasts mean and covariance. A robot that hears a packet has a reading
 of the sender (range or RSSI), but does not know how far the sender's belief depends on its own: covariance
 intersection finds the weight w that is safe whatever the correlation. Of the original we have only the abstract;
-these are our interpretations of it: `fusion="moments"`, `"message"` and
-`"received"`.
+`fusion="moments"`, `"message"` and `"received"` are our interpretations of it.
 
 Sources: A. Wiktor, S. Rock, "Collaborative multi-robot localization in natural terrain", ICRA 2020; for the relative
 form of covariance intersection, L. C. Carrillo-Arce et al., "Decentralized multi-robot cooperative localization using
@@ -28,13 +27,6 @@ from cooploc.estimators.models import NEAR, TOO_NEAR_TO_RANGE, LogDistance, Rang
 from cooploc.estimators.particle_likelihood import log_normal, pack, unpack
 from cooploc.estimators.particles import offset, summary
 from cooploc.estimators.tunable import tunable
-
-
-class Counts(NamedTuple):
-    """The fusions of each robot, counted (r,)."""
-
-    fusions: Array
-    fallbacks: Array  # cvxpy failed and the exact weight was used
 
 
 class Sample(NamedTuple):
@@ -64,19 +56,22 @@ def empty_sample(k: int, d: int) -> Sample:
 
 
 class State(NamedTuple):
-    """What one robot remembers."""
+    """The memory of one robot."""
 
     own: shared.FilterState
-    solver_group: (
-        Indices  # (r,)  rows are solved separately, so that no result depends on another robot in its last bits
-    )
+    solver_group: Indices  # (r,)  solved separately, so that no result depends on another robot in its last bits
     received: Belief  # x (r, n, 2), P (r, n, 2, 2)  own position by each sender's packets alone, nan before the first
     belief: Belief
-    counts: Counts
+    fusions: Array  # (r,)  how many there were
+    fallbacks: Array  # (r,)  of them, how often cvxpy failed and the exact weight was used
     sample: Sample  # exact fusions that cvxpy solves again for the notes
 
+    def add_fusions(self, fusions: Array, fallbacks: Array | float = 0.0) -> "State":
+        """The state with so many more fusions and fallbacks (r,)."""
+        return self._replace(fusions=self.fusions + fusions, fallbacks=self.fallbacks + fallbacks)
 
-class Reading(NamedTuple):
+
+class HeardReading(NamedTuple):
     """A reading of one sender, and the belief that the sender transmitted."""
 
     sensor: Sensor
@@ -86,10 +81,10 @@ class Reading(NamedTuple):
     P_j: Array  # (r, 2, 2)  its covariance
 
 
-def readings(s: State, z: Senses, mail: Mail) -> Iterator[Reading]:
+def readings(s: State, z: Senses, mail: Mail) -> Iterator[HeardReading]:
     """The readings of all senders, one after the other."""
     for sensor, sender, reading in s.own.world.relative(z, mail):
-        yield Reading(sensor, sender, reading, *unpack(mail.packets[:, sender]))
+        yield HeardReading(sensor, sender, reading, *unpack(mail.packets[:, sender]))
 
 
 # Which exact fusions are solved again by cvxpy, and how far the two weights differ.
@@ -114,7 +109,7 @@ def _draw(key, counter, share, readings, chosen):
 
 
 def weight_differences(p: "Ctrn", s: State) -> dict[str, Array]:
-    """How many fusions of each row cvxpy solved again, those of a trial together, and the largest difference."""
+    """Solve the recorded fusions again by cvxpy, a trial's together: their number, and the largest difference."""
     row, w, P, P_j, H, H_j, R = s.sample
     trial = s.solver_group[row] // s.own.world.robots
     again = solve_relative(P, P_j, H, H_j, R, p.criterion, "cvxpy", groups=trial).w
@@ -129,23 +124,6 @@ def weight_differences(p: "Ctrn", s: State) -> dict[str, Array]:
 # As `step_by_step` states it: linearise at the belief so far, weigh, update in Joseph's form.
 
 COLLAPSED = 1e-12  # smallest eigenvalue over the trace of a covariance that is not inverted any more
-
-
-class Model(NamedTuple):
-    """The sensor of a chain."""
-
-    ranged: bool  # else RSSI
-    A: float  # [dBm] RSSI at 1 m
-    slope: float  # [dB] RSSI lost per unit of ln d
-    R: float  # variance of a reading [m^2] or [dB^2]
-
-
-class Links(NamedTuple):
-    """What was heard."""
-
-    packets: Array  # (r, n, 5)  x, y, P_xx, P_xy, P_yy of each sender, nan where nothing was heard
-    readings: Array  # (r, n) [m] or [dBm]
-    recorded: Mask  # (r, n)  fusions that are written into the sample
 
 
 def chain(
@@ -170,15 +148,15 @@ def chain(
     sample = empty_sample(int(recorded.sum()), d)
     sample.R[:] = sensor.R
     A, slope = (sensor.A, 10 * sensor.eta / np.log(10)) if isinstance(sensor, LogDistance) else (0.0, 0.0)
-    model = Model(isinstance(sensor, Range), A, slope, float(sensor.R[0, 0]))
-    links = Links(readable(packets), readable(readings), readable(recorded))
-    used = _chain(tuple(links), tuple(model), criterion == "trace", tuple(after), fusions, sample, (0,) * d)
+    model = isinstance(sensor, Range), A, slope, float(sensor.R[0, 0])  # of an RSSI: at 1 m, and per unit of ln d
+    links = readable(packets), readable(readings), readable(recorded)
+    used = _chain(links, model, criterion == "trace", tuple(after), fusions, sample, (0,) * d)
     return None if used < 0 else (after, fusions, sample.take(slice(used)))
 
 
 @inlined
 def _invertible(P, axes):
-    """Whether P's smallest eigenvalue is above COLLAPSED times its trace: the pivots of P less that are positive."""
+    """Return whether P's smallest eigenvalue is above COLLAPSED times its trace: P less that has positive pivots."""
     trace = P[0, 0] + P[1, 1] + (P[2, 2] if len(axes) == 3 else 0.0)
     least = COLLAPSED * max(trace, np.finfo(np.float64).tiny)
     first, ratio = P[0, 0] - least, P[1, 0] / (P[0, 0] - least)
@@ -192,7 +170,7 @@ def _invertible(P, axes):
 
 @inlined
 def _definite(xx, xy, yy):
-    """Whether a packet's covariance is positive definite by more than rounding."""
+    """Return whether a packet's covariance is positive definite by more than rounding."""
     return np.isfinite(xx) and yy > 0.0 and np.isfinite(yy) and xx - xy / yy * xy > PIVOT * xx
 
 
@@ -272,7 +250,7 @@ def _chain(links, model, trace, belief, fusions, sample, axes):
 # Covariance intersection of a belief with one reading of one sender.
 
 
-def intersect(p: "Ctrn", s: State, belief: Belief, reading: Reading, at: Array) -> tuple[Belief, Array, State]:
+def intersect(p: "Ctrn", s: State, belief: Belief, reading: HeardReading, at: Array) -> tuple[Belief, Array, State]:
     """The belief after one reading, linearised at `at`, the weight w (r,), and the state with the fusions counted.
 
     x' = x + K y,  P' = (I - K H) P/w  with  K = P/w H' (H P/w H' + H_j P_j/(1-w) H_j' + R)^-1;  w = 1: unchanged.
@@ -289,16 +267,11 @@ def intersect(p: "Ctrn", s: State, belief: Belief, reading: Reading, at: Array) 
         w[use] = found.w
         fused, failed = np.zeros((2, len(w)))
         fused[use], failed[use] = 1.0, found.fallback
-        s = add_counts(s, fused, failed)
+        s = s.add_fusions(fused, failed)
         if p.weights == "exact":
             chosen = draw_sample(p, s, np.zeros((len(w), sender + 1)))[use, sender]
             s = s._replace(sample=s.sample.join(Sample(use, found.w, *parts).take(chosen)))
     return inflated_update(belief, y, H, H_j, P_j, sensor.R, w), w, s
-
-
-def add_counts(s: State, fusions: Array, fallbacks: Array) -> State:
-    """The state with so many more fusions and fallbacks (r,)."""
-    return s._replace(counts=Counts(s.counts.fusions + fusions, s.counts.fallbacks + fallbacks))
 
 
 def invertible(P: Array) -> Mask:
@@ -368,7 +341,7 @@ def all_senders(p: "Ctrn", s: State, before: Belief, z: Senses, mail: Mail) -> t
         done = chain(before, sensor, mail.packets, z_j, p.criterion, draw_sample(p, s, z_j))
         if done is not None:
             after, fusions, sample = done
-            return after, add_counts(s._replace(sample=s.sample.join(sample)), fusions, np.zeros_like(fusions))
+            return after, s._replace(sample=s.sample.join(sample)).add_fusions(fusions)
     return step_by_step(p, s, before, z, mail)
 
 
@@ -423,11 +396,6 @@ def _follow(x, moved, m0, P0, m1, P1, out):
 # own belief with these Gaussians; neither the particles nor the packets that the robot sends ever contain them.
 
 VAGUE = 10.0  # sides of the arena: the standard deviation of a belief that knows nothing yet
-
-
-def vague_belief(rows: int, senders: int) -> Belief:
-    """Nothing received from any sender yet: x (r, n, 2), P (r, n, 2, 2) of nan."""
-    return Belief(np.full((rows, senders, 2), np.nan), np.full((rows, senders, 2, 2), np.nan))
 
 
 def predict_received(s: State, z: Senses, before: Array) -> State:
@@ -520,10 +488,10 @@ class Ctrn:
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         senders, d = (world.robots, 2) if self.fusion == "received" else (0, prior.x.shape[-1])
-        solver_group, counts = rows.trial * world.robots + rows.robot, Counts(*np.zeros((2, len(prior.x))))
-        own = shared.init(self, prior, world, rows)
-        nothing = vague_belief(len(prior.x), senders)
-        return State(own, solver_group, nothing, prior, counts, empty_sample(0, d))
+        own, r = shared.init(self, prior, world, rows), len(prior.x)
+        nothing = Belief(np.full((r, senders, 2), np.nan), np.full((r, senders, 2, 2), np.nan))
+        group = rows.trial * world.robots + rows.robot
+        return State(own, group, nothing, prior, np.zeros(r), np.zeros(r), empty_sample(0, d))
 
     def predict(self, s: State, z: Senses) -> State:
         s, before = s._replace(own=shared.predict(self, s.own, z)), s.own.belief.x
@@ -549,6 +517,6 @@ class Ctrn:
         return s.belief
 
     def notes(self, s: State) -> dict[str, Array]:
-        """How many fusions there were, and how far the exact weights lie from cvxpy's where both were computed."""
-        notes = {"fusions": s.counts.fusions, "fallbacks": s.counts.fallbacks}
+        """Count the fusions, and compare the exact weights with cvxpy's where both were computed."""
+        notes = {"fusions": s.fusions, "fallbacks": s.fallbacks}
         return notes | weight_differences(self, s) if self.weights == "exact" else notes

@@ -63,7 +63,7 @@ def standing(label: str) -> str:
 
 @cache
 def declares_bytes(label: str) -> bool:
-    """Whether a built-in estimator holds the whole team and states its own traffic, which the runner does not carry."""
+    """Return whether a built-in estimator holds the whole team and states its own traffic."""
     try:
         asked = configure(label)
         return asked.builtin and traits(make(asked)).team

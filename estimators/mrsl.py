@@ -64,7 +64,7 @@ class Mrsl:
 
     @property
     def several(self) -> bool:
-        """Whether more than the newest reading of a teammate is used."""
+        """Return whether more than the newest reading of a teammate is used."""
         return self.neighbour_samples == "M" and self.M > 1
 
     def init(self, prior: Belief, world: World, rows: Rows) -> shared.FilterState:

@@ -25,7 +25,7 @@ from cooploc.estimators.compiled import (
     store,
     wide,
 )
-from cooploc.estimators.interface import Array, Indices, Keys, Mask
+from cooploc.estimators.interface import Array, Indices
 from cooploc.estimators.models import NEAR, TOO_NEAR_TO_RANGE
 
 FRACTION = 40  # bits behind the point of an expected count
@@ -319,29 +319,13 @@ def _link(kind, far, x, y, link, slope):
 WRAPPED, SUM, CORNERS = range(3)  # forms of the residual
 
 
-class Directions(NamedTuple):
-    """Past directions of arrival, and where the corners are."""
-
-    angles: Array  # (r, M) [rad], nan where absent
-    trail: Array  # (r, M, 2)  where the robot was then, seen from where it is now [m]
-    corner: Array  # (2,)  the first corner [m]
-    sides: Array  # (2,) [m]
-    gain: float  # -1/2 power / sigma^2 [1/rad^2]
-
-
-class Gradients(NamedTuple):
-    """A measured gradient per row, and of the sensor what the loop needs."""
-
-    measured: Array  # (r, 2) [dB/m], nan where absent
-    corner: Array  # (2,)  the first corner [m]
-    sides: Array  # (2,) [m]
-    slope: float  # RSSI lost per unit of ln D, D the squared distance [dB]
-    sigma: float  # [dB]
-
-
 @kernel
 def add_gradient_rows(x, d, logw, gradients, out):
-    """log N of the measured gradient less the one at the particle, in units of its noise, for particles x (r d, N)."""
+    """log N of the measured gradient less the one at the particle, in units of its noise, for particles x (r d, N).
+
+    `gradients`: measured (r, 2) [dB/m], nan where absent; the first corner and the sides (2,) [m]; RSSI lost per unit
+    of ln D, D the squared distance [dB]; sigma [dB].
+    """
     wide()
     measured, corner, sides, slope, sigma = gradients
     row = row_of(logw)
@@ -368,7 +352,11 @@ def _add_gradient(row, whitened, corner, sides, slope):
 
 @kernel
 def add_window_rows(x, d, logw, directions, out):
-    """gain e^2, e the angle between the direction and the gradient g at the particle, for particles x (r d, N)."""
+    """gain e^2, e the angle between the direction and the gradient g at the particle, for particles x (r d, N).
+
+    `directions`: angles (r, M) [rad], nan where absent; where the robot was then, seen from where it is now (r, M, 2)
+    [m]; the first corner and the sides (2,) [m]; the gain -1/2 power / sigma^2 [1/rad^2].
+    """
     _add_directions(WRAPPED, x, d, logw, directions, out)
 
 
@@ -459,37 +447,13 @@ def _log_ratios(w, s, a, b):
 
 # The two passes of a tick over rows, each row by itself, in buffers.
 #
-# Python hands a NamedTuple over as `tuple(...)`: numba needs a microsecond to recognise each NamedTuple of a call.
+# Python hands over plain tuples: numba needs a microsecond to recognise each NamedTuple of a call.
 
 BANDWIDTH = 0.3  # h of Liu and West's kernel, times n^(-1/6)
 
 
-class Cloud(NamedTuple):
-    """The particles of all rows."""
-
-    x: Array  # (2 r, n)  x of a row, then y [m]
-    logw: Array  # (r, n)
-    due: Mask  # (r,)  rows to renew
-
-
-class Moved(NamedTuple):
-    """The particles of all rows after a step, to be written."""
-
-    x: Array  # (2 r, n) [m]
-    logw: Array  # (r, n)
-
-
-class Step(NamedTuple):
-    """How particles move in a tick, and their random numbers."""
-
-    u: Array  # (r, 2) [m], nan where absent
-    sd: Array  # (r,) [m]
-    key: Keys  # (r, 2)
-    counter: int  # of the tick's first random number
-
-
 class Scratch(NamedTuple):
-    """What renewing a row needs."""
+    """Buffers in which a row is renewed."""
 
     w: Array  # (n,)  weights
     east: Array  # (n,)  noise
@@ -502,7 +466,11 @@ class Scratch(NamedTuple):
 
 @kernel
 def advance_rows(cloud, step, anchors, sends, out, belief):
-    """`steps.advance` of a cloud into `out`, and where it sends into the belief."""
+    """`particles.advance` of a cloud into `out`, and where it sends into the belief.
+
+    `cloud`: x (2 r, n), x of a row, then y [m]; logw (r, n); the rows to renew (r,). `step`: odometry (r, 2) [m], nan
+    where absent; its standard deviation (r,) [m]; the key (r, 2); the counter of the tick's first random number.
+    """
     wide()
     (x, logw, due), (u, sd, key, counter), (x_out, logw_out) = cloud, step, out
     n, links = logw.shape[1], np.empty((len(anchors[0]), NUMBERS), logw.dtype)
@@ -551,7 +519,7 @@ def _move(rows, r, way, sd, noise):
 
 @inlined
 def _renew(row, key, counter, scratch):
-    """One row of `steps.renew`: m + shrink (x_a - m) + h L noise, L the Cholesky factor of P, which may be singular."""
+    """One row of `resample`: m + shrink (x_a - m) + h L noise, L the Cholesky factor of P, which may be singular."""
     wide()
     (X, Y, _), (w, east, north, copies, marks, words, renewed) = row, scratch
     n = len(copies)
@@ -625,7 +593,7 @@ def _weighted_moments(row, n, w):
 
 @kernel
 def conclude_rows(x, logw, heard, belief, logw_out, due):
-    """`steps.conclude` for particles x (2 r, n), into all that follows `heard`."""
+    """`particles.posterior_summary` for particles x (2 r, n), into all that follows `heard`."""
     wide()
     n, links = logw.shape[1], np.empty((heard[1].shape[1], NUMBERS), logw.dtype)
     row, w = row_of(logw), row_buffer(logw)

@@ -14,8 +14,6 @@ from cooploc.estimators.compiled import readable
 from cooploc.estimators.interface import Array, Belief, Motion, Sensor
 from cooploc.estimators.models import Displacement, GradientDoa, LogDistance, Range
 from cooploc.estimators.particle_kernels import (
-    Directions,
-    Gradients,
     add_anchor_rows,
     add_corner_rows,
     add_gradient_rows,
@@ -86,7 +84,7 @@ def anchors(fixed: Sequence[Fixed], x: Array, logw: Array) -> Array:
 
 
 def have_loop(fixed: Sequence[Fixed]) -> bool:
-    """Whether there is a loop for these readings: RSSI by one sensor, or none."""
+    """Return whether there is a loop for these readings: RSSI by one sensor, or none."""
     return not fixed or (type(fixed[0][0]) is LogDistance and all(sensor is fixed[0][0] for sensor, _, _ in fixed))
 
 
@@ -117,7 +115,7 @@ class ReceivedPackets(NamedTuple):
 
     @property
     def compiled(self) -> bool:
-        """Whether there is a loop for this sensor."""
+        """Return whether there is a loop for this sensor."""
         return type(self.sensor) in (LogDistance, Range)
 
     def for_loop(self) -> PacketReadings:
@@ -209,17 +207,17 @@ def gradient(doa: GradientDoa, x: Array, logw: Array, g: Array) -> Array:
         return logw + np.where(absent, 0.0, doa.log_gradient(x, g[:, None, :]))
     out = np.empty_like(logw, order="C")
     slope, sigma = _slope(doa.rssi), float(doa.rssi.sigma)
-    gradients = Gradients(readable(g), np.array(doa.corner), np.array(doa.sides), slope, sigma)
-    add_gradient_rows(planes(x), x.shape[-1], readable(logw), tuple(gradients), out)
+    gradients = readable(g), np.array(doa.corner), np.array(doa.sides), slope, sigma
+    add_gradient_rows(planes(x), x.shape[-1], readable(logw), gradients, out)
     return out
 
 
 def _window_at(doa: GradientDoa, x: Array, logw: Array, angles: Array, trail: Array, form: str, power: float) -> Array:
     out = np.empty_like(logw, order="C")
     corner, sides = np.array(doa.corner), np.array(doa.sides)
-    directions = Directions(readable(angles), readable(trail), corner, sides, -0.5 * power / doa.sigma**2)
+    directions = readable(angles), readable(trail), corner, sides, -0.5 * power / doa.sigma**2
     add_rows = {"wrapped": add_window_rows, "sum": add_sum_rows, "corners": add_corner_rows}[form]
-    add_rows(planes(x), x.shape[-1], readable(logw), tuple(directions), out)
+    add_rows(planes(x), x.shape[-1], readable(logw), directions, out)
     return out
 
 

@@ -35,7 +35,12 @@ from cooploc.estimators.models import (
     wrap,
     wrap_heading,
 )
-from cooploc.estimators.particle_kernels import BANDWIDTH, Cloud, Moved, Step, advance_rows, conclude_rows, systematic
+from cooploc.estimators.particle_kernels import (
+    BANDWIDTH,
+    advance_rows,
+    conclude_rows,
+    systematic,
+)
 from cooploc.estimators.particle_likelihood import Fixed, ReceivedPackets, log_density, planes, teammates
 
 
@@ -80,13 +85,12 @@ def advance(
         x = motion.sample(x, z.odometry[:, None, :], z.dt[:, None], noise)
         logw = particle_likelihood.anchors(fixed, x, logw)
         return x, logw, summary(x, logw) if sends else None
-    cloud, sd = Cloud(planes(x), readable(logw), readable(due)), np.sqrt(motion.sigma**2 / motion.tick * z.dt)
-    step = Step(readable(z.odometry), readable(sd), readable(key), tick * random_numbers.PURPOSES)
-    out = Moved(np.empty((2 * len(x), x.shape[1]), x.dtype), np.empty_like(logw, order="C"))
-    belief = empty_belief(len(x))
-    anchors = particle_likelihood.anchor_readings(fixed, len(x))
-    advance_rows(tuple(cloud), tuple(step), tuple(anchors), sends, tuple(out), tuple(belief))
-    return out.x.reshape(-1, 2, x.shape[1]).transpose(0, 2, 1), out.logw, belief if sends else None
+    cloud, sd = (planes(x), readable(logw), readable(due)), np.sqrt(motion.sigma**2 / motion.tick * z.dt)
+    step = readable(z.odometry), readable(sd), readable(key), tick * random_numbers.PURPOSES
+    after, logw_new = np.empty((2 * len(x), x.shape[1]), x.dtype), np.empty_like(logw, order="C")
+    belief, anchors = empty_belief(len(x)), particle_likelihood.anchor_readings(fixed, len(x))
+    advance_rows(cloud, step, tuple(anchors), sends, (after, logw_new), tuple(belief))
+    return after.reshape(-1, 2, x.shape[1]).transpose(0, 2, 1), logw_new, belief if sends else None
 
 
 def summary(x: Array, logw: Array) -> Belief:
@@ -356,7 +360,7 @@ def power(p: Any) -> float:
 
 
 class FilterState(NamedTuple):
-    """What a robot remembers. The newest entry of each memory comes first."""
+    """The memory of one robot. The newest entry of each memory comes first."""
 
     x: Array  # (r, N, d)  particles
     logw: Array  # (r, N)     log-weights, unnormalised
@@ -400,7 +404,7 @@ def _reads(p: Any, world: World) -> str:
 
 
 def _in_one_pass(p: Any, world: World) -> bool:
-    """Whether particles are drawn and weighed in one pass, in `correct`."""
+    """Return whether particles are drawn and weighed in one pass, in `correct`."""
     return p.proposal == "walk" and _reads(p, world) not in ("doa", "gradient")
 
 

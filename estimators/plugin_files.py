@@ -84,7 +84,7 @@ def _imported_names(file: Path) -> set[str]:
 
 
 def _modules(folder: Path, name: str) -> list[Path]:
-    """What a name stands for in a folder: a module, or all of a package; nothing where it is not there."""
+    """Return the files of a module or package of this name in a folder; nothing where it is not there."""
     if (folder / name).is_dir():
         return [path for _, path in tree(folder / name, ".py")]
     return [folder / f"{name}.py"] if (folder / f"{name}.py").is_file() else []
@@ -118,7 +118,7 @@ def artifacts_of(files: Iterable[Path]) -> list[Named]:
 
 
 def trained_on(files: Iterable[Path], name: str) -> str:
-    """What the class of this name says that it was trained on; empty where it says nothing."""
+    """Return the training that the class of this name states; empty where it states none."""
     said = [text for file in files for cls, text in _literals(file, "trained_on") if cls == name]
     return plainly(said[0]) if said and isinstance(said[0], str) else ""
 

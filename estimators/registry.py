@@ -29,7 +29,7 @@ _loaded: dict[str, tuple[Path, tuple[str, ...]]] = {}  # module -> its file, and
 
 
 def is_file(name: str) -> bool:
-    """Whether a name is `path.py:Name`.
+    """Return whether a name is `path.py:Name`.
 
     Raises:
         BadInput: it is a file's path without the name of an object in it.
@@ -267,7 +267,7 @@ def traits(estimator: Any) -> Traits:
 
 
 def refusal(estimator: Any) -> str:
-    """Why an estimator does not fit this version of the interface; empty where it does."""
+    """Return the reason why an estimator does not fit this version of the interface; empty where it does."""
     uses = getattr(estimator, "uses", None)
     if reason := wrong_version(estimator):
         return reason
@@ -277,7 +277,7 @@ def refusal(estimator: Any) -> str:
 
 
 def wrong_version(estimator: Any) -> str:
-    """Why an estimator does not fit this version of the interface by its number alone; empty where it does."""
+    """Return the reason why an estimator's number does not fit this version of the interface; empty where it does."""
     api = getattr(estimator, "api", None)
     return "" if api == API else f"it is written for interface {api!r}, this is version {API}: set api = {API}"
 

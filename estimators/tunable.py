@@ -36,7 +36,7 @@ class Tunable(NamedTuple):
 
     @property
     def whole(self) -> bool:
-        """Whether the values are whole numbers."""
+        """Return whether the values are whole numbers."""
         return not self.choices and isinstance(self.default, int)
 
 
@@ -73,7 +73,7 @@ def tunable(
 
 
 def declarations(estimator: Any) -> Mapping[str, Tunable]:
-    """What an estimator, or its class, declares, by the parameter's name; nothing where it is not a dataclass.
+    """Return the declarations of an estimator, or of its class, by parameter; nothing where it is not a dataclass.
 
     The default of an instance is its present value; what does nothing with its other values is left out. Of a lifted
     class it is what its signature declares.
