@@ -191,6 +191,7 @@ def log_distance(distance: Array) -> Array:
 
 WINDOW = 1.0  # [s] odometry is compared with truth over this long: errors of stamps cancel, those of wheels add up
 IN_A_ROW = 2.0  # [s] readings of a link no further apart belong to one burst
+BETWEEN = 10_000  # [ticks] between parts
 
 
 class Part(NamedTuple):
@@ -213,22 +214,22 @@ class Residuals(NamedTuple):
 
 def residuals(parts: Sequence[Part], channel: Channel, robots: Sequence[str], tick: float, gaps: Gaps) -> Residuals:
     """Return the readings by robots of the team, with true distances at their stamps."""
-    found = [_residuals_of_part(part, channel, robots, tick, gaps) for part in parts if channel in part.log.readings]
+    found, first, apart = [], 0, max(1, round(IN_A_ROW / tick))
+    for part in parts:
+        if channel in part.log.readings:
+            one = _residuals_of_part(part, channel, robots, tick, gaps)
+            found.append(one._replace(tick=one.tick + first))
+            first += int(one.tick.max(initial=0)) + BETWEEN
     if not found:
-        return Residuals(np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0), np.empty((0, 2)))
-    offset = np.cumsum([0, *(r.tick.max(initial=0) + 10_000 for r in found[:-1])])
-    ticks = [r.tick + add for r, add in zip(found, offset, strict=True)]
-    link, distance, z = (np.concatenate([r[i] for r in found]) for i in (0, 2, 3))
-    apart = max(1, round(IN_A_ROW / tick))
-    return Residuals(link.astype(np.int64), np.concatenate(ticks), distance, z, apart)
+        return Residuals(np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0), np.empty((0, 2)), apart)
+    link, ticks, distance, z = (np.concatenate([r[i] for r in found]) for i in range(4))
+    return Residuals(link, ticks, distance, z, apart)
 
 
 def _residuals_of_part(part: Part, channel: Channel, robots: Sequence[str], tick: float, gaps: Gaps) -> Residuals:
     log, readings = part.log, part.log.readings[channel]
-    at = readings.time
-    used = (at >= part.begin) & (at <= part.end)
+    at, fixed = readings.time, fixed_places(log, channel)
     mine, theirs = np.full((len(at), 3), np.nan), np.full((len(at), 2), np.nan)
-    fixed = fixed_places(log, channel)
     for i, series in enumerate(log.truth):
         mine[readings.robot == i] = poses(series, at[readings.robot == i], gaps.truth)
         if fixed is None:
@@ -241,12 +242,12 @@ def _residuals_of_part(part: Part, channel: Channel, robots: Sequence[str], tick
     distance = np.hypot(*(mine[:, :2] - theirs).T)
     numbers = np.array([robots.index(name) if name in robots else -1 for name in log.robots])
     robot, other = numbers[readings.robot], readings.other if fixed else numbers[readings.other]
-    used &= np.isfinite(distance) & (robot >= 0) & (other >= 0)
+    used = (at >= part.begin) & (at <= part.end) & np.isfinite(distance) & (robot >= 0) & (other >= 0)
     if channel == "range":
         robot, other = np.minimum(robot, other), np.maximum(robot, other)
-    size = max(len(robots), len(fixed.names) if fixed else 0)
+    link = robot * max(len(robots), len(fixed.names) if fixed else 0) + other
     ticks = np.floor((at - part.begin) / tick).astype(np.int64)
-    return Residuals((robot * size + other)[used], ticks[used], distance[used], z[used])
+    return Residuals(link[used].astype(np.int64), ticks[used], distance[used], z[used])
 
 
 def tracks_of(parts: Sequence[Part], robot: str, tick: float, gaps: Gaps) -> list[Track]:
@@ -257,18 +258,17 @@ def tracks_of(parts: Sequence[Part], robot: str, tick: float, gaps: Gaps) -> lis
 
 
 def _track(part: Part, robot: int, window: float, gaps: Gaps) -> Track:
-    grid = Grid(part.begin, window, int((part.end - part.begin) / window))
-    log, time = part.log, grid.edges - grid.t0
+    grid, log = Grid(part.begin, window, int((part.end - part.begin) / window)), part.log
     u = odometry(log.odometry_kind, log.odometry[robot], grid, gaps.hold)
     truth = poses(log.truth[robot], grid.edges, gaps.truth)
-    step = np.hypot(*np.diff(truth[:, :2], axis=0).T)
     if log.odometry_kind == "displacement":
         moved = np.hypot(u[:, 0], u[:, 1]) > MOVING
     else:
         turn = u[:, 1] * window
         moved = (np.abs(u[:, 0] * window) > MOVING) | (np.abs(turn) > MOVING)
         u[:, 0] *= np.sinc(turn / 2 / np.pi)  # the chord of an arc, as the truth shows it
-    return Track(time, u, moved | (step > MOVING), truth)
+    moved |= np.hypot(*np.diff(truth[:, :2], axis=0).T) > MOVING
+    return Track(grid.edges - grid.t0, u, moved, truth)
 
 
 # ---- Fits of a team's sensors and odometry
@@ -283,11 +283,8 @@ LONG = 10_000  # [ticks]
 class Memory(NamedTuple):
     """Correlation in time of the residuals of a link, with at most one reading in a tick."""
 
-    lag1: float  # correlation of a reading with the one before it
-    burst: float  # how many follow each other without a longer pause, on average over readings
-
-
-NONE = Memory(0.0, 1.0)
+    lag1: float = 0.0  # correlation of a reading with the one before it
+    burst: float = 1.0  # how many follow each other without a longer pause, on average over readings
 
 
 class RangeFit(NamedTuple):
@@ -303,7 +300,7 @@ def fit_range(r: Residuals, bias: float | None, robust: bool) -> RangeFit:
     """Bias by pair, unless one is given, and sigma; nan where there are too few readings."""
     e = r.z[:, 0] - r.distance
     if len(e) < 3:
-        return RangeFit({}, bias if bias is not None else np.nan, np.nan, NONE)
+        return RangeFit({}, bias if bias is not None else np.nan, np.nan, Memory())
     by_link: dict[int, float] = {}
     common = _mean(e, robust) if bias is None else bias
     if bias is None:
@@ -318,7 +315,7 @@ def fit_range(r: Residuals, bias: float | None, robust: bool) -> RangeFit:
 def fit_path_loss(r: Residuals, A: float | None, eta: float | None, robust: bool) -> tuple[float, float, float, Memory]:
     """A [dBm], eta, sigma [dB] and memory of z = A - 10 eta log10 d; nan where readings are too few."""
     if len(r.z) < 3:
-        return A if A is not None else np.nan, eta if eta is not None else np.nan, np.nan, NONE
+        return A if A is not None else np.nan, eta if eta is not None else np.nan, np.nan, Memory()
     c, e, _ = fit_log_distance(log_distance(r.distance), r.z[:, 0], A, eta, robust)
     sigma = max(_sigma(e, robust), LEAST)
     return float(c[0]), float(c[1]), sigma, memory(r, _clip(e, sigma, robust))
@@ -330,11 +327,11 @@ def fit_sighting(r: Residuals, robust: bool) -> tuple[tuple[float, Memory], ...]
     for e in (r.z[:, 0] - r.distance, r.z[:, 1]):
         known = np.isfinite(e)
         if known.sum() < 3:
-            found.append((np.nan, NONE))
+            found.append((np.nan, Memory()))
             continue
         sigma = max(_sigma(e[known], robust), LEAST)
-        of_known = Residuals(r.link[known], r.tick[known], r.distance[known], r.z[known], r.apart)
-        found.append((sigma, memory(of_known, _clip(e[known], sigma, robust))))
+        some = r._replace(link=r.link[known], tick=r.tick[known])
+        found.append((sigma, memory(some, _clip(e[known], sigma, robust))))
     return tuple(found)
 
 
@@ -358,11 +355,11 @@ def fit_odometry(
         return np.full((len(robots), 2), scale), (fit_displacement(every, tick, scale, robust),)
     common = fit_wheel_odometry(every, tick, *stated, robust)
     scales, scaled = [], []
-    for robot, mine in tracks.items():
+    for mine in tracks.values():
         enough = sum(int(track.known.sum()) for track in mine) >= ENOUGH
         own = fit_wheel_odometry(mine, tick, *stated, robust) if enough else common
         scales.append([own.length_scale, own.turn_scale])
-        scaled += [track._replace(odometry=track.odometry * np.array(scales[-1])) for track in tracks[robot]]
+        scaled += [track._replace(odometry=track.odometry * np.array(scales[-1])) for track in mine]
     rest = fit_wheel_odometry(scaled, tick, 1.0, 1.0, robust)
     return np.array(scales), (rest.sigma_v, rest.sigma_omega)
 
@@ -431,6 +428,10 @@ class How(NamedTuple):
     robust: bool
     inflate: bool  # sigma of readings, for their correlation in time
 
+    def sigma(self, name: str, fitted: float, memory: Memory) -> float:
+        """Return the stated sigma of readings, or the fitted one, inflated if that is asked for."""
+        return self.stated[name] or fitted * (inflation(memory) if self.inflate else 1.0)
+
 
 class TeamModels(NamedTuple):
     """Models of one run."""
@@ -449,7 +450,7 @@ def team_models(log: TeamLog, parts: Sequence[Part], how: How) -> TeamModels:
         UnfittedModel: a value is neither stated nor can it be fitted; or RSSI does not fall with distance.
 
     """
-    motion, scales, notes = _motion(log, parts, how)
+    names, motion, scales, notes = _names_of(parts, log), *_motion(log, parts, how)
     sensors: dict[str, Sensor] = {}
     bias: dict[Channel, Array] = {}
     for channel in log.readings:
@@ -467,23 +468,23 @@ def team_models(log: TeamLog, parts: Sequence[Part], how: How) -> TeamModels:
     lacking += [n for n, v in notes.items() if n.endswith("_bias") and not np.isfinite(list(v.values())).all()]
     if lacking:
         raise UnfittedModel(
-            f"run {log.name!r} is fitted on {_names_of(parts, log)}, too little for {', '.join(lacking)}: state them "
-            'in [model] of log.toml, or [fit] on = "first part" with seconds = ...',
+            f"run {log.name!r} is fitted on {names}, too little for {', '.join(lacking)}: state them in [model] of "
+            'log.toml, or [fit] on = "first part" with seconds = ...',
             lacking,
         )
-    return TeamModels(motion, sensors, scales, bias, {"fitted_on": _names_of(parts, log), **notes})
+    return TeamModels(motion, sensors, scales, bias, {"fitted_on": names, **notes})
 
 
 def _motion(log: TeamLog, parts: Sequence[Part], how: How) -> tuple[Motion, Array, dict[str, Any]]:
     stated = how.stated["length_scale"], how.stated["turn_scale"]
     scales, fitted = fit_odometry(parts, log.robots, log.odometry_kind, stated, how.tick, how.gaps, how.robust)
-    moves = log.odometry_kind == "displacement"
-    names = ("sigma_move",) if moves else ("sigma_v", "sigma_omega")
+    displaced = log.odometry_kind == "displacement"
+    names = ("sigma_move",) if displaced else ("sigma_v", "sigma_omega")
     sigmas = {name: how.stated[name] or sigma for name, sigma in zip(names, fitted, strict=True)}
-    motion = (
-        Displacement(sigmas["sigma_move"], how.tick)
-        if moves
-        else Unicycle(sigmas["sigma_v"], sigmas["sigma_omega"], how.tick)
+    motion: Motion = (
+        Unicycle(sigmas["sigma_v"], sigmas["sigma_omega"], how.tick)
+        if not displaced
+        else Displacement(sigmas["sigma_move"], how.tick)
     )
     by_robot = {robot: scales[i].tolist() for i, robot in enumerate(log.robots)}
     return motion, scales, {"odometry_scales": by_robot, **sigmas}
@@ -494,11 +495,11 @@ def _range_model(
 ) -> tuple[Range, Array, dict[str, Any]]:
     """Sensor, bias (n, others) [m] and notes; of raw ranges sigma is about zero, so that it contains the bias."""
     fitted = fit_range(found, 0.0 if how.bias == "none" else how.stated[f"{prefix}range_bias"], how.robust)
-    sigma = how.stated[f"{prefix}range_sigma"] or fitted.sigma * (inflation(fitted.memory) if how.inflate else 1.0)
+    sigma = how.sigma(f"{prefix}range_sigma", fitted.sigma, fitted.memory)
     mutual, n, others = channel == "range", len(log.robots), other_names(log, channel)
-    size, table = max(n, len(others)), np.full((n, len(others)), fitted.common)
+    table = np.full((n, len(others)), fitted.common)
     for link, bias in fitted.bias.items():
-        i, j = divmod(link, size)
+        i, j = divmod(link, max(n, len(others)))
         table[i, j] = bias
         if mutual:
             table[j, i] = bias
@@ -515,22 +516,22 @@ def _range_model(
 
 def _sighting_model(channel: Channel, found: Residuals, how: How) -> tuple[Sighting, dict[str, Any]]:
     notes: dict[str, float] = {}
-    for what, (sigma, memory) in zip(("range", "bearing"), fit_sighting(found, how.robust), strict=True):
-        name = f"{channel}_sigma_{what}"
-        notes[name] = how.stated[name] or sigma * (inflation(memory) if how.inflate else 1.0)
-        notes[f"{channel}_{what}_lag1"] = memory.lag1
+    for quantity, (sigma, memory) in zip(("range", "bearing"), fit_sighting(found, how.robust), strict=True):
+        name = f"{channel}_sigma_{quantity}"
+        notes[name] = how.sigma(name, sigma, memory)
+        notes[f"{channel}_{quantity}_lag1"] = memory.lag1
     return Sighting(notes[f"{channel}_sigma_range"], notes[f"{channel}_sigma_bearing"]), notes
 
 
 def _rssi_model(log: TeamLog, found: Residuals, how: How, prefix: str) -> tuple[LogDistance, dict[str, Any]]:
-    A, eta, sigma, memory = fit_path_loss(found, how.stated[f"{prefix}A"], how.stated[f"{prefix}eta"], how.robust)
+    A, eta, fitted, memory = fit_path_loss(found, how.stated[f"{prefix}A"], how.stated[f"{prefix}eta"], how.robust)
     if eta <= 0:
         raise UnfittedModel(
             f"run {log.name!r}: {prefix}RSSI does not fall with distance in what it is fitted on (eta = {eta:.3g}); "
             f"check the names and places in log.toml, or state {prefix}eta in [model]",
             [f"{prefix}eta"],
         )
-    sigma = how.stated[f"{prefix}rssi_sigma"] or sigma * (inflation(memory) if how.inflate else 1.0)
+    sigma = how.sigma(f"{prefix}rssi_sigma", fitted, memory)
     notes = {f"{prefix}A": A, f"{prefix}eta": eta, f"{prefix}rssi_sigma": sigma, f"{prefix}rssi_lag1": memory.lag1}
     return LogDistance(A, eta, sigma), notes
 
@@ -563,23 +564,24 @@ def leftovers(log: TeamLog, parts: Sequence[Part], judged: Part, models: TeamMod
         others = other_names(log, channel)
         for fitted, of in ((True, parts), (False, [judged])):
             r = residuals(of, channel, log.robots, how.tick, how.gaps)
-            for what, unit, e, sigma in _errors(channel, r.distance, r.z, models):
+            for quantity, unit, e, sigma in _errors(channel, r, models):
                 for link in np.unique(r.link):
                     mine = (r.link == link) & np.isfinite(e)
                     i, j = divmod(int(link), max(len(log.robots), len(others)))
                     bias = models.bias[channel][i, j] if channel in models.bias else 0.0
                     name = f"{log.robots[i]} - {others[j]}"
-                    yield Leftover(what, unit, name, fitted, r.distance[mine], e[mine] - bias, sigma)
+                    yield Leftover(quantity, unit, name, fitted, r.distance[mine], e[mine] - bias, sigma)
 
 
-def _errors(channel: Channel, distance: Array, z: Array, models: TeamModels) -> Iterator[tuple[str, str, Array, float]]:
-    """(what, unit, residuals (m,), sigma) before any bias."""
+def _errors(channel: Channel, r: Residuals, models: TeamModels) -> Iterator[tuple[str, str, Array, float]]:
+    """Yield quantity, unit, residuals (m,) before any bias, and sigma."""
     name, sensor = channel.replace("_", " "), models.sensors[SENSOR.get(channel, channel)]
+    too_long = r.z[:, 0] - r.distance
     if isinstance(sensor, Range):
-        yield name, "m", z[:, 0] - distance, sensor.sigma
+        yield name, "m", too_long, sensor.sigma
     elif isinstance(sensor, LogDistance):
-        expected = sensor.A + sensor.eta * log_distance(distance)
-        yield name.replace("rssi", "RSSI"), "dB", z[:, 0] - expected, sensor.sigma
+        expected = sensor.A + sensor.eta * log_distance(r.distance)
+        yield name.replace("rssi", "RSSI"), "dB", r.z[:, 0] - expected, sensor.sigma
     elif isinstance(sensor, Sighting):
-        yield f"{name} range", "m", z[:, 0] - distance, sensor.sigma_range
-        yield f"{name} bearing", "rad", z[:, 1], sensor.sigma_bearing
+        yield f"{name} range", "m", too_long, sensor.sigma_range
+        yield f"{name} bearing", "rad", r.z[:, 1], sensor.sigma_bearing

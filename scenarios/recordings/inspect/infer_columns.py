@@ -111,23 +111,20 @@ PAIRS = {  # two words that together name one quantity
 }
 TRUTH = {"truth", "true", "gt", "groundtruth", "ground", "mocap", "vicon", "optitrack", "vrpn", "pos", "cap"}
 ODOMETRY = {"odom", "odometry", "odo", "wheel", "wheels", "encoder", "imu", "cmd"}
-UNITS = {
-    "mm": "mm millimeters millimetres",
-    "cm": "cm",
-    "m": "m",
-    "deg": "deg degs degree degrees",
-    "rad": "rad radians",
-    "ms": "ms",
-    "us": "us",
-    "ns": "ns",
-    "s": "s",
-    "dBm": "dbm",
-    "m/s": "mps",
-    "km/h": "kmh",
+UNIT = {"millimeters": "mm", "millimetres": "mm", "degs": "deg", "degree": "deg", "degrees": "deg", "radians": "rad"}
+UNIT |= {"dbm": "dBm", "mps": "m/s", "kmh": "km/h"}
+UNIT |= {unit: unit for unit in ("mm", "cm", "m", "deg", "rad", "ms", "us", "ns", "s")}
+LENGTH, ANGLE, RATES = ("m", "cm", "mm"), ("rad", "deg"), ("speed", "turn_rate")
+UNITS_OF = {
+    "time": ("s", "ms", "us", "ns"),
+    "rssi": ("dBm",),
+    "heading": ANGLE,
+    "bearing": ANGLE,
+    "sec": (),
+    "nsec": (),
 }
 QUANTITY = {word: quantity for quantity, words in WORDS.items() for word in words.split()}
 QUANTITY_OF_PAIR = {pair: quantity for quantity, pairs in PAIRS.items() for pair in pairs}
-UNIT = {word: unit for unit, words in UNITS.items() for word in words.split()}
 
 
 class NameMeaning(NamedTuple):
@@ -144,43 +141,35 @@ def words_of(name: str) -> list[str]:
 
 
 def name_meaning(column: str) -> NameMeaning:
-    """Return what a column's name says of it."""
+    """Return the meaning of a column's name; a unit that does not fit the quantity is left out."""
     inside = re.search(r"[\[(]([^\])]*)[\])]", column)
     words = words_of(re.sub(r"[\[(][^\])]*[\])]", " ", column))
     pair = next((f"{a} {b}" for a, b in pairwise(words) if f"{a} {b}" in QUANTITY_OF_PAIR), "")
     known = [QUANTITY[word] for word in words if word in QUANTITY]
     quantity = QUANTITY_OF_PAIR[pair] if pair else min(known, key=list(WORDS).index, default="")
-    return NameMeaning(quantity, _named_unit(words_of(inside[1]) if inside else words[1:], quantity), side_of(words))
+    unit = next((UNIT[word] for word in (words_of(inside[1]) if inside else words[1:]) if word in UNIT), "")
+    if quantity in RATES:
+        unit = f"{unit}/s" if unit in (*LENGTH, *ANGLE) else unit * ("/" in unit)
+    elif unit not in UNITS_OF.get(quantity, LENGTH):
+        unit = ""
+    return NameMeaning(quantity, unit, side_of(words))
 
 
 def side_of(words: list[str]) -> str:
-    """Whether words speak of truth or of odometry."""
+    """Return "truth" or "odometry" if words speak of it."""
     return "odometry" if ODOMETRY & {*words} else "truth" if TRUTH & {*words} else ""
-
-
-def _named_unit(words: list[str], quantity: str) -> str:
-    """The unit that words name, made a rate where the quantity is one."""
-    unit = next((UNIT[word] for word in words if word in UNIT), "")
-    if quantity in ("speed", "turn_rate"):
-        return f"{unit}/s" if unit in ("mm", "cm", "m", "deg", "rad") else unit if "/" in unit else ""
-    angles = ("rad", "deg")
-    fits = {"time": ("s", "ms", "us", "ns"), "rssi": ("dBm",), "heading": angles, "bearing": angles}
-    fits |= {"sec": (), "nsec": ()}
-    return unit if unit in fits.get(quantity, ("m", "cm", "mm")) else ""
 
 
 # --- Values
 
-SI = {"time": "s", "sec": "s", "nsec": "ns", "turn_rate": "rad/s", "speed": "m/s", "rssi": "dBm"}
-SI |= {"heading": "rad", "bearing": "rad"}
-LENGTHS = ("x", "y", "dx", "dy", "length", "range")
+SI = {"time": "s", "sec": "s", "nsec": "ns", "turn_rate": "rad/s", "speed": "m/s", "rssi": "dBm"}  # else m
 EPOCHS = {"ns": 1e9, "us": 1e6, "ms": 1e3, "s": 1.0}  # in a second
 SINCE_1970 = (5e8, 5e9)  # [s] from 1985 to 2128
 NAMES = ("robot", "other")  # quantities whose values are names
 
 
 def infer_columns(table: CsvTable) -> tuple[Guess, ...]:
-    """Guess what each column is; of unknown columns, the first that rises throughout is the time if no other is."""
+    """Guess the meaning of each column; the first unknown one that rises throughout is the time if no other is."""
     file_side = side_of(words_of(Path(table.name).stem))
     guesses = [_guess(table, column, file_side) for column in table.columns]
     if not any(guess.quantity in ("time", "sec") for guess in guesses):
@@ -195,41 +184,40 @@ def infer_columns(table: CsvTable) -> tuple[Guess, ...]:
 
 
 def _guess(table: CsvTable, column: str, file_side: str) -> Guess:
-    said = name_meaning(column)
-    quantity, reason, values = said.quantity, f"its name {column!r}", table.numbers(column)
-
-    def unknown(why: str) -> Guess:
-        return Guess(column, "", "", said.side, why)
-
+    quantity, named_unit, side = name_meaning(column)
+    reason, values = f"its name {column!r}", table.numbers(column)
+    falls, rises = np.diff(values) < 0, len(values) > 10 and (np.diff(values) >= 0).all() and np.ptp(values) > 0
+    unknown = ""
     if not quantity:
-        return unknown("neither name nor values say what it is")
-    if isinstance(table.columns[column], tuple) and quantity not in NAMES:
-        return unknown(f"its name says {quantity}, but its values are not numbers")
-    if quantity == "turn_rate" and _is_beside_pose(table, column):
-        return unknown("w beside x and y: part of a quaternion, or a heading")
-    if quantity in ("time", "sec") and len(values) > 1 and (np.diff(values) < 0).mean() > 0.01:
-        return unknown(f"its name says {quantity}, but its values fall")
-    rises = len(values) > 10 and (np.diff(values) >= 0).all() and np.ptp(values) > 0
+        unknown = "neither name nor values say what it is"
+    elif isinstance(table.columns[column], tuple) and quantity not in NAMES:
+        unknown = f"its name says {quantity}, but its values are not numbers"
+    elif quantity == "turn_rate" and _is_beside_pose(table, column):
+        unknown = "w beside x and y: part of a quaternion, or a heading"
+    elif quantity in ("time", "sec") and len(values) > 1 and falls.mean() > 0.01:
+        unknown = f"its name says {quantity}, but its values fall"
+    if unknown:
+        return Guess(column, "", "", side, unknown)
     beside = {name_meaning(name)[::2] for name in table.columns}
-    if rises and (quantity, said.side) == ("x", "odometry") and ("y", "odometry") not in beside:
+    if rises and (quantity, side) == ("x", "odometry") and ("y", "odometry") not in beside:
         quantity = "length"
         reason += " has no y beside it, and its values only rise: a counter of metres"
-    unit, why = _unit(quantity, said.unit, values)
-    return Guess(column, quantity, unit, said.side or file_side, reason + (f"; {why}" if why else ""))
+    unit, why = _unit(quantity, named_unit, values)
+    return Guess(column, quantity, unit, side or file_side, reason + (f"; {why}" if why else ""))
 
 
-def _unit(quantity: str, said: str, values: Array) -> tuple[str, str]:
-    """The unit of a quantity and the reason: by the column's name, else by its values."""
+def _unit(quantity: str, named: str, values: Array) -> tuple[str, str]:
+    """Return the unit of a quantity and the reason: by the column's name, else by its values."""
     if quantity in NAMES:
         return "", ""
-    if said:
-        return said, f"{said} is in its name"
+    if named:
+        return named, f"{named} is in its name"
     if not len(values):
-        return SI.get(quantity, "m"), "no values"
+        return SI.get(quantity, "rad" if UNITS_OF.get(quantity) == ANGLE else "m"), "no values"
     if quantity == "time":
         return _time_unit(values)
     largest = float(np.quantile(np.abs(values), 0.99))
-    if quantity in ("heading", "bearing"):
+    if UNITS_OF.get(quantity) == ANGLE:
         if 2.1 * np.pi < largest <= 361:
             return "deg", f"values reach {largest:.4g}, more than 2 pi"
         return "rad", f"values reach {largest:.3g}"
@@ -238,8 +226,8 @@ def _unit(quantity: str, said: str, values: Array) -> tuple[str, str]:
         return ("deg/s", f"values reach {largest:.4g}: no robot spins so fast in rad/s") if fast else ("rad/s", "SI")
     if quantity == "speed":
         return ("mm/s", f"values reach {largest:.4g}: too fast for m/s") if largest > 30 else ("m/s", "SI")
-    if quantity not in LENGTHS:
-        return SI.get(quantity, "m"), ""
+    if quantity in SI:
+        return SI[quantity], ""
     span = float(np.ptp(np.quantile(values, [0.02, 0.98])))
     if span > 1000:
         return "mm", f"values span {span:.4g}: too far for metres"
@@ -249,7 +237,7 @@ def _unit(quantity: str, said: str, values: Array) -> tuple[str, str]:
 
 
 def _time_unit(values: Array) -> tuple[str, str]:
-    """By the size of stamps since 1970, else by their intervals: between 0.1 ms and 30 s."""
+    """Return the unit of stamps by their size since 1970, else by their intervals: between 0.1 ms and 30 s."""
     middle = float(np.median(values))
     for unit, factor in EPOCHS.items():
         if SINCE_1970[0] < middle / factor < SINCE_1970[1]:
@@ -263,7 +251,7 @@ def _time_unit(values: Array) -> tuple[str, str]:
 
 
 def _is_beside_pose(table: CsvTable, column: str) -> bool:
-    """Whether a column "..._w" stands beside "..._x" and "..._y" that are a place."""
+    """Return whether a column "..._w" stands beside "..._x" and "..._y" that are a place."""
     beside = {letter: column[:-1] + letter for letter in "xy"}
     places = all(name in table.columns and name_meaning(name).quantity == q for q, name in beside.items())
     return len(column) > 1 and column.endswith("w") and places
