@@ -107,79 +107,66 @@ def _gap(time, values):
     return time[kept], values[kept]
 
 
-def _span(log):
-    return log.odometry[0].time[-1] - log.odometry[0].time[0]
-
-
 def _exchanged(log):
     truth = list(log.truth)
     truth[0], truth[1] = truth[1], truth[0]
     return log._replace(truth=tuple(truth))
 
 
+def truth(robot, change):
+    return lambda log: changed_truth(log, robot, change)
+
+
+def odometry(robot, *factors):
+    return lambda log: changed_odometry(log, robot, factors)
+
+
+def ranges(**changes):
+    return lambda log: changed_readings(log, ranged(log), **changes)
+
+
+def readings(channel, *factors):
+    return lambda log: changed_readings(log, channel, values=lambda r: r.values * factors)
+
+
+def _later(time, values):
+    return time + 0.05 * (time[-1] - time[0]), values
+
+
+def _clockwise(time, values):
+    return time, np.column_stack([values[:, :2], np.pi / 2 - values[:, 2]])
+
+
+def _in_mm(r):
+    return r.values * np.array([1e3, 1])[: r.values.shape[1]]
+
+
 BOTH = ("camera", "no-compass")
 EVERY = (*BOTH, "trajectory")
 # fault -> (kind of the finding, robot whose data it is or "", families where it can be seen, how it is planted)
 FAULTS = {
-    "truth in mm": ("unit", "r1", EVERY, lambda log: changed_truth(log, 1, _columns(1e3, 1e3, 1))),
-    "truth in cm": ("unit", "r1", EVERY, lambda log: changed_truth(log, 1, _columns(1e2, 1e2, 1))),
-    "odometry in mm": ("unit", "r0", BOTH, lambda log: changed_odometry(log, 0, [1e3, 1])),
-    "odometry 1.5 times too long": ("scale", "r0", EVERY, lambda log: changed_odometry(log, 0, [1.5, 1.5])),
-    "turns in degrees": ("degrees", "r0", BOTH, lambda log: changed_odometry(log, 0, [1, 180 / np.pi])),
-    "headings in degrees": ("degrees", "r1", BOTH, lambda log: changed_truth(log, 1, _columns(1, 1, 180 / np.pi))),
-    "turns to the right": ("turn sign", "r1", BOTH, lambda log: changed_odometry(log, 1, [1, -1])),
-    "clockwise headings": (
-        "heading",
-        "r1",
-        BOTH,
-        lambda log: changed_truth(log, 1, lambda t, v: (t, np.column_stack([v[:, :2], np.pi / 2 - v[:, 2]]))),
-    ),
-    "axes exchanged": ("axes", "r1", EVERY, lambda log: changed_truth(log, 1, _positions(lambda x, y: (y, x)))),
-    "mirrored frame": ("mirrored", "r1", EVERY, lambda log: changed_truth(log, 1, _positions(lambda x, y: (x, 6 - y)))),
-    "clock of the truth": (
-        "clock",
-        "r1",
-        EVERY,
-        lambda log: changed_truth(log, 1, lambda t, v: (t + 0.05 * _span(log), v)),
-    ),
-    "clock of the ranges": (
-        "clock",
-        "",
-        BOTH,
-        lambda log: changed_readings(log, ranged(log), time=lambda r: r.time + 0.05 * _span(log)),
-    ),
+    "truth in mm": ("unit", "r1", EVERY, truth(1, _columns(1e3, 1e3, 1))),
+    "truth in cm": ("unit", "r1", EVERY, truth(1, _columns(1e2, 1e2, 1))),
+    "odometry in mm": ("unit", "r0", BOTH, odometry(0, 1e3, 1)),
+    "odometry 1.5 times too long": ("scale", "r0", EVERY, odometry(0, 1.5, 1.5)),
+    "turns in degrees": ("degrees", "r0", BOTH, odometry(0, 1, 180 / np.pi)),
+    "headings in degrees": ("degrees", "r1", BOTH, truth(1, _columns(1, 1, 180 / np.pi))),
+    "turns to the right": ("turn sign", "r1", BOTH, odometry(1, 1, -1)),
+    "clockwise headings": ("heading", "r1", BOTH, truth(1, _clockwise)),
+    "axes exchanged": ("axes", "r1", EVERY, truth(1, _positions(lambda x, y: (y, x)))),
+    "mirrored frame": ("mirrored", "r1", EVERY, truth(1, _positions(lambda x, y: (x, 6 - y)))),
+    "clock of the truth": ("clock", "r1", EVERY, truth(1, _later)),
+    "clock of the ranges": ("clock", "", BOTH, ranges(time=lambda r: _later(r.time, None)[0])),
     "truths exchanged": ("robots", "r0", EVERY, _exchanged),
-    "ranges in mm": (
-        "unit",
-        "",
-        EVERY,
-        lambda log: changed_readings(
-            log, ranged(log), values=lambda r: r.values * np.array([1e3, 1][: r.values.shape[1]])
-        ),
-    ),
-    "a biased pair": ("bias", "", EVERY, lambda log: changed_readings(log, ranged(log), values=_biased)),
-    "bearings in degrees": (
-        "degrees",
-        "",
-        ("camera",),
-        lambda log: changed_readings(log, "sighting", values=lambda r: r.values * [1, 180 / np.pi]),
-    ),
-    "bearings to the right": (
-        "bearing",
-        "",
-        ("camera",),
-        lambda log: changed_readings(log, "sighting", values=lambda r: r.values * [1, -1]),
-    ),
-    "teammates exchanged": ("robots", "", EVERY, lambda log: changed_readings(log, ranged(log), other=_misnamed)),
-    "signal strength without its sign": (
-        "rssi",
-        "",
-        ("no-compass", "trajectory"),
-        lambda log: changed_readings(log, "rssi", values=lambda r: -r.values),
-    ),
-    "stale positions": ("stale", "r1", EVERY, lambda log: changed_truth(log, 1, _repeat)),
-    "a leap": ("jump", "r1", EVERY, lambda log: changed_truth(log, 1, _leap)),
-    "a gap": ("gap", "r1", EVERY, lambda log: changed_truth(log, 1, _gap)),
+    "ranges in mm": ("unit", "", EVERY, ranges(values=_in_mm)),
+    "a biased pair": ("bias", "", EVERY, ranges(values=lambda r: _biased(r))),
+    "bearings in degrees": ("degrees", "", ("camera",), readings("sighting", 1, 180 / np.pi)),
+    "bearings to the right": ("bearing", "", ("camera",), readings("sighting", 1, -1)),
+    "teammates exchanged": ("robots", "", EVERY, ranges(other=lambda r: _misnamed(r))),
+    "signal strength without its sign": ("rssi", "", ("no-compass", "trajectory"), readings("rssi", -1)),
+    "stale positions": ("stale", "r1", EVERY, truth(1, _repeat)),
+    "a leap": ("jump", "r1", EVERY, truth(1, _leap)),
+    "a gap": ("gap", "r1", EVERY, truth(1, _gap)),
 }
 
 

@@ -1,25 +1,16 @@
 """From a directory to findings, a log.toml that runs, and a sketch; for every format."""
 
-import os
 import tomllib
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
-from made_bags import KINDS, made_bag
 from made_csv_teams import eight_glitches, two_robots, write
 from malformed_teams import MALFORMED
 from matplotlib import pyplot
 
 import cooploc as cl
 from cooploc.scenarios.recordings.inspect.draft_toml import toml
-from cooploc.scenarios.recordings.schema import load
-
-DATA = Path(os.environ.get("COOPLOC_DATA", "../shared/data"))
-STARTS = {"A": (0, 0), "B": (1, 2)}
-POSES = [f"VERTEX_SE2 {k / 10} {r}{k} {x + 0.05 * k} {y} 0.0\n" for r, (x, y) in STARTS.items() for k in range(40)]
-STEPS = [f"EDGE_SE2 {k / 10} {r}{k} {r}{k + 1} 0.05 0 0 0.01 0 0 0.01 0 0.001\n" for r in STARTS for k in range(39)]
 
 
 @pytest.fixture(scope="module")
@@ -50,17 +41,6 @@ def test_a_finding_stands_in_log_toml_beside_its_table_and_every_line_has_a_reas
         assert "#" in line or line.startswith("[") or above.startswith("#"), line
 
 
-def test_the_draft_runs_as_it_is(tmp_path, clean):
-    team = write(tmp_path / "team", clean)
-    files = cl.inspect(team).write()
-    assert [file.name for file in files] == ["log.toml", "inspect.png"]
-    assert load(team / "log.toml").robots == ("blue", "red")
-    truth, stream = cl.simulate("log/all", data=team)
-    assert stream.robots == 2
-    assert stream.channels() == {"odometry", "radio_range"}
-    assert truth.valid.mean() > 0.5
-
-
 def test_columns_of_one_table_for_all_robots_are_read(tmp_path, clean):
     names = ("red", "blue")
     merged = {}
@@ -84,13 +64,6 @@ def test_directories_of_a_team_are_runs_and_share_the_places_above(tmp_path, cle
     assert inspection.inspected.runs == ("monday", "tuesday")
     assert inspection.inspected.log.anchors.names == ("north", "east")
     assert tomllib.loads(inspection.log_toml)["fit"] == {"on": "other runs"}
-
-
-def test_directories_of_robots_are_a_team(tmp_path, clean):
-    for name in ("red", "blue"):
-        files = {"odom.csv": clean[f"odom_{name}.csv"], "truth.csv": clean[f"truth_{name}.csv"]}
-        write(tmp_path / "team" / name, files)
-    assert set(cl.inspect(tmp_path / "team").inspected.log.robots) == {"red", "blue"}
 
 
 def test_files_that_follow_each_other_are_runs_of_one_robot(tmp_path, clean):
@@ -119,23 +92,6 @@ def test_a_log_toml_that_is_there_is_believed_and_stays(tmp_path, clean):
     assert len(cl.inspect(team, again=True).findings) == 0
     cl.inspect(team, again=True).write(force=True)
     assert (team / "log.toml").read_text() != text
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_bag_has_topics_robots_and_a_draft(tmp_path, kind):
-    made_bag(tmp_path, kind)
-    inspection = cl.inspect(tmp_path)
-    assert set(inspection.inspected.log.robots) == {"red", "blue"}
-    assert inspection.inspected.format == "bag"
-    assert {"odometry", "truth"} <= set(inspection.columns["probably"])
-
-
-def test_a_factor_graph_needs_no_more_than_its_format(tmp_path):
-    (tmp_path / "graph.pyfg").write_text("".join(POSES + STEPS))
-    inspection = cl.inspect(tmp_path)
-    inspection.write()
-    assert tomllib.loads(inspection.log_toml)["format"] == "pyfg"
-    assert inspection.inspected.log.robots == ("A", "B")
 
 
 @pytest.mark.parametrize("name", MALFORMED)
@@ -167,17 +123,3 @@ def test_the_sketch_has_tracks_counts_and_a_time_line(tmp_path, clean):
 def test_text_of_a_file_cannot_end_a_comment_or_a_value():
     strange = 'x"\n[b]'
     assert tomllib.loads(f"a = {toml(strange)}") == {"a": strange}
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not DATA.exists(), reason="needs ../shared/data")
-@pytest.mark.parametrize(
-    ("place", "robots", "runs"),
-    [("uwb-tiers/two-robots", 2, 1), ("uwb-tiers/four-robots", 4, 1), ("mrclam6", 5, 1), ("wifi-rssi", 1, 12)],
-)
-def test_real_recordings_are_looked_at_and_described(place, robots, runs):
-    inspection = cl.inspect(DATA / place)
-    assert len(inspection.inspected.log.robots) == robots
-    assert len(inspection.inspected.runs) == runs
-    if "uwb" in place:
-        assert ("bias", "") in found(inspection)

@@ -30,10 +30,17 @@ def made_walls(folder):
     (folder / "anchors.csv").write_text("name,x,y\nnorth,0,5\neast,6,0\n")
 
 
+def made_folders(folder):
+    for name in ("red", "blue"):
+        files = two_robots(seconds=60)
+        write(folder / name, {f"{kind}.csv": files[f"{kind}_{name}.csv"] for kind in ("odom", "truth")})
+
+
 MADE = {
     "csv": lambda folder: write(folder, two_robots(seconds=60)),
     "glitches": lambda folder: eight_glitches(folder),
     "anchors": made_walls,
+    "folders": made_folders,
     "graph": made_graph,
     **{f"bag {kind}": lambda folder, kind=kind: made_bag(folder, kind, seconds=10.0) for kind in KINDS},
 }
