@@ -147,20 +147,6 @@ def test_the_compiled_chain_is_the_steps_one_by_one(reading, criterion, d):
         np.testing.assert_array_equal(chained.P[row], before.P[row])
 
 
-@pytest.mark.parametrize("reading", SENSORS)
-def test_whole_runs_are_the_same_with_and_without_the_chain(reading, monkeypatch):
-    _, stream = cl.simulate("packet-drop/drop=0.3", trials=3, seed=11, ticks=30)
-    ctrn = cl.make("ctrn", reading=reading, audit=0.05, **SMALL)
-    chained = cl.run({"c": ctrn}, stream).traces["c"]
-    monkeypatch.setattr(by_moments, "all_senders", by_moments.step_by_step)
-    stepped = cl.run({"c": ctrn}, stream).traces["c"]
-    np.testing.assert_allclose(chained.x, stepped.x, atol=1e-9)
-    np.testing.assert_allclose(chained.P, stepped.P, atol=1e-9)
-    for what in ("fusions", "fallbacks", "solved again by cvxpy"):
-        np.testing.assert_array_equal(chained.notes[what], stepped.notes[what])
-    assert chained.notes["solved again by cvxpy"].sum() > 0
-
-
 def test_what_is_received_is_never_fed_back_nor_sent_on():
     """Particles and packets are those of a robot that hears no other."""
     _, stream = cl.simulate("trajectory", trials=2, seed=5, ticks=20)

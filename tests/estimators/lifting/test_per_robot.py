@@ -118,17 +118,6 @@ def test_a_filterpy_loop_on_landmarks_is_ekf_local(robots):
     assert_same_belief(trace("loop", camera_loop, stream), trace("batched", make("ekf-local", gate=np.inf), stream))
 
 
-WORLDS = ["robots-1-3/n=1", "robots-1-3/n=3", "camera/n=1", "camera/n=3"]
-FILTERS = {
-    "ekf-local": {},
-    "ekf-local, ungated": {"gate": np.inf},
-    "ekf-local, raw": {"anchor_reading": "rssi"},
-    "ekf-joint, plain": {"iterations": 1, "second_order": False, "gate": np.inf},
-    "ekf-joint, plain on rssi": {"iterations": 1, "second_order": False, "gate": np.inf, "reading": "rssi"},
-    "ekf-joint": {},
-}
-
-
 @pytest.mark.parametrize(("loop", "runs"), [(radio_loop, 2), (camera_loop, 2)])
 def test_a_lifted_loop_passes_every_check(loop, runs):
     report = check_estimator(loop)

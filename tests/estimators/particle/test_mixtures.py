@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cooploc.estimators.mixtures import Mixture, unpack, weigh, weigh_reference
+from cooploc.estimators.mixtures import Mixture, weigh, weigh_reference
 from cooploc.estimators.models import Bearing, LogDistance, Range, Sighting
 from cooploc.estimators.particle_likelihood import log_density
 
@@ -27,13 +27,6 @@ def test_the_loop_is_the_numpy_form(rng, sensor, low, high):
     shared = slow - fast  # a constant of each row: the loop computes in units of the sensor's noise
     np.testing.assert_allclose(shared, shared[:, :1] + np.zeros_like(shared), atol=1e-8)
     assert np.ptp(fast - start, axis=-1).min() > 1
-
-
-def test_a_packet_holds_what_was_packed(rng):
-    sent = mixtures(rng, 2, 3, 4)
-    symmetric = sent._replace(P=(sent.P + sent.P.mT) / 2)
-    for one, other in zip(unpack(symmetric.pack()), symmetric, strict=True):
-        np.testing.assert_array_equal(one, other)
 
 
 @pytest.mark.parametrize(

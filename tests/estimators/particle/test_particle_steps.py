@@ -129,17 +129,6 @@ def test_rows_that_are_rich_enough_keep_every_bit(d):
         np.testing.assert_array_equal(renewed[r], 0)
 
 
-def test_renewal_is_due_below_half_the_particles():
-    n = 100
-    x = np.random.default_rng(10).normal(size=(2, n, 2))
-    logw = np.full((2, n), -np.inf)
-    logw[0, :51] = 0.0
-    logw[1, :49] = 0.0
-    new, _ = resample(x, logw, KEY[:2], 1)
-    np.testing.assert_array_equal(new[0], x[0])
-    assert (new[1] != x[1]).all()
-
-
 @pytest.mark.parametrize(
     "flat",
     [[0, 1, 2], [1], [2], [1, 2]],

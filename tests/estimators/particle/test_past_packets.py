@@ -43,16 +43,6 @@ def driven(sensor, motion, ticks=7, seed=0):
     return past, told, heard
 
 
-def test_the_last_packets_of_each_sender_are_remembered_with_the_way_since():
-    past, told, _ = driven(Range(), Displacement())
-    for (r, j), received in told.items():
-        assert np.isfinite(past.readings[r, j]).sum() == len(received)
-        for k, (since, reading, packet) in enumerate(received):
-            assert past.readings[r, j, k] == reading
-            np.testing.assert_array_equal(past.packets[r, j, k], packet)
-            np.testing.assert_allclose(past.trail[r, j, k], -since)
-
-
 @pytest.mark.parametrize("sensor", [LogDistance(), Range()], ids=["rssi", "range"])
 def test_the_weight_is_the_product_over_the_packets_of_the_senders_heard(sensor):
     past, told, heard = driven(sensor, Displacement())

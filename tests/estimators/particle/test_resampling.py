@@ -53,14 +53,6 @@ def test_resampling_is_unbiased_over_its_uniform(w):
     np.testing.assert_allclose(counts.mean(0), n * w, atol=2.1 / draws)
 
 
-def test_rows_are_resampled_apart():
-    rng = np.random.default_rng(1)
-    w, u = rng.dirichlet(np.full(30, 0.2), 8), rng.uniform(size=8)
-    together = systematic(w, u)
-    for r in range(8):
-        np.testing.assert_array_equal(together[r], resample(w[r], u[r]))
-
-
 @pytest.mark.parametrize("bad", [np.nan, -1.0, np.inf, -np.inf, 1e300])
 def test_bad_weights_choose_particles_that_exist(bad):
     """Whatever they choose: nothing is written or read beside the row."""

@@ -69,18 +69,6 @@ def test_a_run_says_it_and_is_not_continued_with_other_weights(plugin, tmp_path)
         execute(study, tmp_path / "run", check=False)
 
 
-@pytest.mark.parametrize(
-    ("line", "said"),
-    [
-        ("passed: 16 checks; trained on: nlos", "✓ 16 checks; trained on nlos"),
-        ("passed: 15 of 16 checks; axes: why; trained on: nlos", "✓ 15 of 16 checks; axes; trained on nlos"),
-        ("failed: causality: it peeks; trained on: nlos", "✗ causality; trained on nlos"),
-    ],
-)
-def test_a_certificate_in_a_few_words_says_it(line, said):
-    assert short_certificate(line) == said
-
-
 def test_training_streams_are_of_the_seed_that_tuning_uses_and_never_of_the_study():
     _, stream = cl.training("robots-1-3/n=1[ticks=3]", 2, seed=5)
     assert stream.seed == derived_seed(5, "training")

@@ -2,11 +2,8 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
 import cooploc as cl
 from cooploc.estimators import make
-from cooploc.estimators.ekf_joint import EkfJoint
 from cooploc.estimators.registry import refusal, traits
 
 
@@ -50,19 +47,3 @@ def test_the_optional_members_of_built_in_estimators_are_found():
     assert traits(make("ekf-luft"))[:3] == (True, False, False)
     assert traits(make("ukf-joint")).axes.startswith("its sigma points")
     assert traits(cl.PerRobot(lambda prior, world, robot, key: None)).mutable
-
-
-def test_a_bound_that_says_nothing_else_is_centralised_and_its_uplink_is_counted():
-    """As estimators say that were written before the word."""
-
-    @dataclass(frozen=True)
-    class OldBound(EkfJoint):
-        bound = True
-        centralised = False
-
-    _, stream = cl.simulate("trajectory", trials=2, ticks=3)
-    old, new = (cl.run({"it": it}, stream).traces["it"] for it in (OldBound(), EkfJoint()))
-    assert (old.centralised, old.bound) == (True, True)
-    assert (new.centralised, new.bound) == (True, False)
-    np.testing.assert_array_equal(old.bytes, new.bytes)
-    assert new.bytes.min() > 0
