@@ -29,7 +29,7 @@ def bag_draft(path: Path) -> Draft:
     """
     bags = sorted({p.parent for p in path.rglob("*") if p.suffix.lower() in BAGS}) if path.is_dir() else []
     each = [{topic.name for topic in topics(bag)[0]} for bag in bags] if len(bags) > 1 else []
-    found = [t for t in topics(path)[0] if t.messages and t.columns and all(t.name in names for names in each)]
+    found = [t for t in topics(path)[0] if t.messages > 1 and t.columns and all(t.name in names for names in each)]
     wheels = _by_robot([t.name for t in found if t.type.endswith("/Odometry")])
     poses = [
         t.name

@@ -78,8 +78,15 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
     parts = _merge_alike([part for file in files for part in _parts(file)], unused)
     for needed in ("odometry", "truth"):
         if needed not in {part.table for part in parts}:
-            raise BadInput(f"{folder}: no file has columns that look like {needed}; {REMEDY}")
+            unread = next((line for line in unused if line.startswith(str(data))), "")
+            raise BadInput(unread or f"{folder}: no file has columns that look like {needed}; {REMEDY}")
     robots = ("robot",) if runs else _robots(folder, parts)
+    wheels = next(part for part in parts if part.table == "odometry")
+    still_there = robots if runs else tuple(robot for robot in robots if _count_lines(wheels, robot, robots) > 1)
+    if still_there and still_there != robots:
+        lost = ", ".join(robot for robot in robots if robot not in still_there)
+        unused.append(f"{lost}: fewer than two lines of odometry")
+        robots = still_there
     entries.append(Entry("robots", list(robots), why, "likely"))
     if delimiter != ",":
         entries.append(Entry("delimiter", delimiter, "between the names in the first line"))
@@ -112,12 +119,13 @@ def _read_files(folder: Path, data: Path) -> tuple[list[CsvTable], list[str]]:
         name = path.relative_to(folder if path.is_relative_to(folder) else data).as_posix()
         try:
             files.append(read_csv(path, name))
-        except BadInput:
-            if path.suffix.lower() != ".txt":
-                raise
-            unread.append(f"{name}: a text, and no table")
+        except BadInput as e:
+            unread.append(f"{name}: a text, and no table" if path.suffix.lower() == ".txt" else str(e))
     if not files:
-        raise BadInput(f"{folder}: there is no CSV file, bag, PyFG file or MRCLAM text in it; name another directory")
+        raise BadInput(
+            next((line for line in unread if line.startswith(str(data))), "")
+            or f"{folder}: there is no CSV file, bag, PyFG file or MRCLAM text in it; name another directory"
+        )
     usual = Counter(file.delimiter for file in files).most_common(1)[0][0]
     if strange := next((file for file in files if file.delimiter != usual), None):
         raise BadInput(
@@ -252,6 +260,15 @@ def _robots(folder: Path, parts: Sequence[TablePart]) -> tuple[str, ...]:
     if len(files) == 1:
         return (Path(files.pop()).stem,)
     raise BadInput(f"{folder}: neither the names of files nor a column says which robot is which; {REMEDY}")
+
+
+def _count_lines(part: TablePart, robot: str, robots: tuple[str, ...]) -> int:
+    """Return how many lines of a table are of a robot."""
+    if "robot" in part.columns:
+        column = part.columns["robot"].column
+        return sum(file.words(column).count(robot) for file in part.files)
+    pattern = file_pattern(part.file_names, robots)[0]
+    return max((file.lines for file in part.files if file.name == pattern.replace("{robot}", robot)), default=0)
 
 
 def file_pattern(files: Sequence[str], known: Sequence[str] = ()) -> tuple[str, tuple[str, ...]]:

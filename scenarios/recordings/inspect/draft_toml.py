@@ -1,7 +1,7 @@
 """A drafted log.toml: its lines and tables, each with its reason, and its text."""
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -113,7 +113,7 @@ def _settings(log: TeamLog, runs: int) -> tuple[DraftTable, ...]:
     """[sample], [prior] and [fit] for a recording of so many runs."""
     stamps = [s.time for s in log.odometry if len(s.time) > 1]
     usual = float(np.median([float(np.median(np.diff(t))) for t in stamps])) if stamps else 0.1
-    length = _common_span(log) or max((float(t[-1] - t[0]) for t in stamps), default=FIRST_PART)
+    length = common_span(log) or max((float(t[-1] - t[0]) for t in stamps), default=FIRST_PART)
     tick = next((t for t in TICKS if t >= 0.99 * max(usual, 0.1)), TICKS[-1])
     max_gap = round(max(0.5, 5 * usual), 3)
     sample = (
@@ -138,10 +138,12 @@ def _settings(log: TeamLog, runs: int) -> tuple[DraftTable, ...]:
     return DraftTable("sample", sample), DraftTable("prior", prior), DraftTable("fit", fit)
 
 
-def _common_span(log: TeamLog) -> float:
-    """Return for how long all robots were recorded [s]; 0 where they share no time."""
+def common_span(log: TeamLog, robots: Sequence[int] | None = None) -> float:
+    """Return for how long all robots, or some, were recorded [s]; 0 where they share no time."""
+    some = range(len(log.robots)) if robots is None else robots
+    odometry, truth = tuple(log.odometry[i] for i in some), tuple(log.truth[i] for i in some)
     try:
-        begin, end = span(log)
+        begin, end = span(log._replace(odometry=odometry, truth=truth))
     except BadInput:
         return 0.0
     return end - begin

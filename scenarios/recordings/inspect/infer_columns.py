@@ -41,11 +41,21 @@ class CsvTable(NamedTuple):
         values = self.columns[column]
         return np.empty(0) if isinstance(values, tuple) else values[np.isfinite(values)]
 
+    def words(self, column: str) -> list[str]:
+        """Return a column's fields that are not empty, as words."""
+        values = self.columns[column]
+        return (
+            [w for w in values if w] if isinstance(values, tuple) else [f"{v:g}" for v in values[np.isfinite(values)]]
+        )
+
     def names(self, column: str) -> tuple[str, ...]:
         """Return the names in a column, in order of appearance."""
-        values = self.columns[column]
-        words = values if isinstance(values, tuple) else [f"{v:g}" for v in values[np.isfinite(values)]]
-        return tuple(dict.fromkeys(word for word in words if word))
+        return tuple(dict.fromkeys(self.words(column)))
+
+    @property
+    def lines(self) -> int:
+        """The number of lines with data."""
+        return len(next(iter(self.columns.values())))
 
 
 def read_csv(path: Path, name: str) -> CsvTable:

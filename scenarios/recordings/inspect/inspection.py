@@ -14,7 +14,7 @@ from cooploc.scenarios.recordings.inspect.bag_draft import BAGS, bag_draft
 from cooploc.scenarios.recordings.inspect.csv_draft import ENDINGS, csv_draft
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, Entry, complete_draft, head_lines
 from cooploc.scenarios.recordings.inspect.finding import CheckedLog, Finding
-from cooploc.scenarios.recordings.inspect.trial_run import Trial, run_draft, try_recordings
+from cooploc.scenarios.recordings.inspect.trial_run import Trial, common_robots, run_draft, try_recordings
 from cooploc.scenarios.recordings.scenario import reader
 from cooploc.scenarios.recordings.team_log import TeamLog, other_names
 
@@ -82,6 +82,13 @@ def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspect
     if name not in places:
         raise BadInput(f"{path}: there is no run {name!r}; {nearest(name, list(places))}")
     log = read.read(data, places[name], name, description)
+    if not stated and description.robots and (robots := common_robots(log)) != log.robots:
+        left_out = ", ".join(robot for robot in log.robots if robot not in robots)
+        entries = tuple(e._replace(value=list(robots)) if e.key == "robots" else e for e in draft.entries)
+        unused = (*draft.unused, f"{left_out}: without truth, or too late or too early for the others")
+        draft = draft._replace(entries=entries, unused=unused)
+        description = schema.parse(home, draft.text(), schema.TeamDescription, schema.EXAMPLE)
+        log = read.read(data, places[name], name, description)
     checked = check_recording(log, None if description.arena is None else np.array(description.arena, float))
     findings = checked.result()
     if stated:
@@ -91,7 +98,7 @@ def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspect
             trial = Trial(str(e))
     else:
         draft = complete_draft(path, draft, checked.log, findings, len(places))
-        draft, trial = run_draft(directory, home, draft)
+        draft, trial = run_draft(directory, home, draft, findings)
         text = draft.text(head_lines(path, why, draft))
     return Inspected(
         path,

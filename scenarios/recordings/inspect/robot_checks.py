@@ -197,7 +197,7 @@ def _check_clock(c: CheckedLog, i: int, fit: ClockFit | None) -> None:
     fact = f"the truth's stamps are {shift:+.4g} s from odometry's (correlation {fit.correlation:.2f}"
     fact += " once both begin together)" if apart else f"; {fit.unshifted:.2f} without the shift)"
     sure = "sure" if fit.correlation > 0.7 else "likely"
-    c.add("clock", i, m.poses.source, fact, sure, f"clock_offset = {-shift:.4g}", "truth")
+    c.add("clock", i, m.poses.source, fact, sure, f"clock_offset = {-shift:{'.12g' if apart else '.4g'}}", "truth")
     c.correct("truth", i, m.poses._replace(time=t - shift))
 
 

@@ -3,11 +3,15 @@
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings import schema
 from cooploc.scenarios.recordings.fit import UnfittedModel
-from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, Entry
+from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, Entry, common_span
+from cooploc.scenarios.recordings.inspect.finding import Finding
 from cooploc.scenarios.recordings.scenario import NO_ORDER, TeamScenario
+from cooploc.scenarios.recordings.team_log import TeamLog
 
 USUAL = {  # values of [model] where a recording is too short to fit them
     **{"sigma_v": 0.1, "sigma_omega": 0.2, "sigma_move": 0.05},
@@ -51,10 +55,22 @@ def try_recordings(data: Path, description: schema.TeamDescription) -> Trial:
     return Trial("", tuple(lines))
 
 
-def run_draft(data: Path, home: Path, draft: Draft) -> tuple[Draft, Trial]:
+def common_robots(log: TeamLog) -> tuple[str, ...]:
+    """Return the robots with truth, without those that leave less than a tenth of the time in which all are there."""
+    kept = [i for i, truth in enumerate(log.truth) if truth is not None] or list(range(len(log.robots)))
+    longest = max((common_span(log, [i]) for i in kept), default=0.0)
+    while len(kept) > 1 and common_span(log, kept) < 0.1 * longest:
+        kept = max(([j for j in kept if j != i] for i in kept), key=lambda some: common_span(log, some))
+    return tuple(log.robots[i] for i in kept)
+
+
+def run_draft(data: Path, home: Path, draft: Draft, findings: tuple[Finding, ...]) -> tuple[Draft, Trial]:
     """Return a draft that runs, changed where it did not, and what it then runs; else the draft and the problem."""
     changed, problems = draft, []
-    for fallback in (None, *FALLBACKS):
+    offsets = [float(f.setting.split()[2].rstrip(";")) for f in findings if (f.kind, f.table) == ("clock", "truth")]
+    why = "the clocks share no time: found by the motion"
+    clock = (Entry("clock_offset", float(np.median(offsets)), why, "perhaps"),) if offsets else ()
+    for fallback in (None, *[DraftTable("truth", clock)] * bool(clock), *FALLBACKS):
         changed = changed if fallback is None else _with(changed, fallback, replace=fallback.name == "fit")
         for _ in USUAL:
             try:

@@ -107,6 +107,35 @@ def test_the_draft_of_a_made_recording_runs(tmp_path, name, change, monkeypatch)
     assert_the_draft_runs(tmp_path / "made", tmp_path / "out", change, monkeypatch)
 
 
+def no_odometry(files):
+    del files["odom_red.csv"]
+
+
+def no_truth(files):
+    del files["truth_red.csv"]
+
+
+def much_too_late(files):
+    files["odom_red.csv"] = {name: column[-30:] for name, column in files["odom_red.csv"].items()}
+
+
+def other_clock(files):
+    for name in ("truth_red.csv", "truth_blue.csv"):
+        files[name]["time"] = files[name]["time"] - 1.6e9
+
+
+@pytest.mark.parametrize(("change", "robots"), [(no_odometry, 1), (no_truth, 1), (much_too_late, 1), (other_clock, 2)])
+def test_a_draft_leaves_out_a_robot_that_lacks_a_series_and_states_a_clock(tmp_path, change, robots):
+    files = two_robots(seconds=60)
+    change(files)
+    found = cl.inspect(write(tmp_path / "team", files))
+    found.write()
+    assert found.inspected.trial.problem == ""
+    truth, stream = cl.simulate("log/all", data=tmp_path / "team")
+    assert stream.robots == robots
+    assert truth.valid.mean() > 0.9
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(not DATA.exists(), reason="needs ../shared/data")
 @pytest.mark.parametrize(("place", "change"), REAL)
