@@ -450,8 +450,9 @@ class Ctrn:
 
     Args:
         reading: what is measured of a packet: "rssi" [dBm] or "range" [m].
-        fusion: "moments", "message" or "received", a file each.
-        weights: "cvxpy" solves a cone program for the weights, "exact" a closed form or Newton's method.
+        fusion: "moments", the particles follow their Gaussian fused with the sender's; "message", their weights change
+            by the reading; or "received", a Gaussian of each sender's packets is kept beside them and never sent on.
+        weights: "cvxpy" solves a cone program for the weights, "exact" searches them by their slope.
         criterion: what the weights minimise: "trace" [m^2] or "det" [m^4] of the position's covariance.
         audit: with weights="exact", the share of fusions, in [0, 1], that cvxpy solves again; see `notes`.
 

@@ -80,10 +80,10 @@ def load(files: dict[str, Path]) -> None:
 
 def _import_file(path: Path) -> ModuleType:
     try:
-        digest = hashlib.sha256(str(path.resolve()).encode() + b"\0" + path.read_bytes())
+        source = path.read_bytes()
     except OSError:
         raise BadInput(f"there is no file {path}; write path.py:Name") from None
-    helpers = helpers_of(path)
+    digest, helpers = hashlib.sha256(str(path.resolve()).encode() + b"\0" + source), helpers_of(path)
     stay_importable(path)
     for name, file in helpers:
         digest.update(name.encode() + b"\0" + file.read_bytes())
@@ -94,7 +94,7 @@ def _import_file(path: Path) -> ModuleType:
     module.__file__ = str(path.resolve())  # numba and tracebacks look there
     try:
         with importable(path, helpers):
-            exec(compile(path.read_bytes(), module.__file__, "exec"), vars(module))
+            exec(compile(source, module.__file__, "exec"), vars(module))
     except BaseException as e:
         del sys.modules[name]  # it is half there
         if isinstance(e, BadInput | MemoryError) or not isinstance(e, (Exception, SystemExit, GeneratorExit)):
