@@ -167,7 +167,7 @@ class TeamScenario(schema.Model):
     heading_sd: Positive | None = None  # [rad] of the prior
 
     @classmethod
-    def described(cls, data: Path, description: TeamDescription) -> "TeamScenario":
+    def from_description(cls, data: Path, description: TeamDescription) -> "TeamScenario":
         """Return the scenario of all runs in a directory, as described here and not by a log.toml in it."""
         scenario = cls(data=data)
         vars(scenario)["folder"] = TeamFolder(data, description)

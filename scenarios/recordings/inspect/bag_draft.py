@@ -93,7 +93,7 @@ def _by_robot(topics: Sequence[str]) -> dict[str, str]:
 
 
 def _is_about(topic: str, robot: str) -> bool:
-    """Whether a topic has a robot's name, or a part with its number whose first letters are the robot's."""
+    """Return whether a topic has a robot's name, or a part with its number whose first letters are the robot's."""
     if robot in topic:
         return True
     letters, number = re.match(r"([A-Za-z]*)[_-]?(\d*)", robot).groups()  # type: ignore[union-attr]
@@ -132,7 +132,7 @@ def _odometry(wheels: Mapping[str, str], series: Mapping[str, TopicSeries]) -> D
 
 
 def _turns(series: TopicSeries) -> bool:
-    """Whether headings change by half to twice the integral of the turn rate; or neither turns by a radian in all."""
+    """Return whether headings change by half to twice the integrated turn rate, or neither turns by a radian in all."""
     heading, rate = _column(series, "heading [rad]"), _column(series, "omega [rad/s]")
     if not np.isfinite(heading).all() or len(heading) < 2:
         return False

@@ -42,7 +42,7 @@ def try_recordings(data: Path, description: schema.TeamDescription) -> Trial:
         BadInput: one cannot be simulated.
 
     """
-    scenario, lines = TeamScenario.described(data, description), []
+    scenario, lines = TeamScenario.from_description(data, description), []
     for k in range(scenario.count()):
         run = scenario.at([k])
         truth, stream = run.simulate("log", [k], 0, run.world())
