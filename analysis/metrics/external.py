@@ -210,7 +210,7 @@ def _read_team(folder: Path, stream: Stream) -> Array:
 
 def _read_poses(path: Path, stream: Stream) -> Array:
     """Read positions [m] and headings [rad] (T, 3); refuse stamps that are not those of the ticks, one line each."""
-    table, time = read_table(path, COLUMNS), stream.time
+    table, time = read_table(path, COLUMNS, strict=True), stream.time
     stamps, position, q = table.values[:, 0], table.values[:, 1:3], table.values[:, 4:]
     short = min(len(stamps), len(time))
     apart = np.abs(stamps[:short] - time[:short]) > LATE * stream.world.tick

@@ -6,7 +6,6 @@ and y left, or a geometry_msgs/PoseArray in the camera's, z forward and x right,
 """
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -410,7 +409,7 @@ def _by_robot(
                 )
             time = found[topic].time + table.clock_offset
             values = columns_of(topic, found[topic], columns, named)
-            ordered[robot], notes = in_order(time, values, topic, partial(_message, topic))
+            ordered[robot], notes = in_order(time, values, topic)
             warnings += notes
     return ordered
 
@@ -436,8 +435,3 @@ def _measurements(
         yield Measured(time + table.clock_offset, [robot] * len(time), [mate] * len(time), values, topic)
     if not any_:
         warnings.append(f"{place}: none of the topics {table.topic or ', '.join(table.topics.values())} is in the bag")
-
-
-def _message(topic: str, row: int) -> str:
-    """The place of a message, for an error."""
-    return f"{topic}, message {row + 1}"

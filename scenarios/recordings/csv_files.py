@@ -7,11 +7,11 @@ from typing import NamedTuple
 import numpy as np
 
 from cooploc.estimators.errors import BadInput
-from cooploc.estimators.interface import Array
+from cooploc.estimators.interface import Array, Indices
 from cooploc.scenarios.recordings import schema
 from cooploc.scenarios.recordings.schema import LogColumn, ReadingColumns, Source, TeamDescription
 from cooploc.scenarios.recordings.team_log import Measured, Places, Series, TeamLog, build_log, in_order, reading_tables
-from cooploc.scenarios.recordings.text_files import Table, read_lines
+from cooploc.scenarios.recordings.text_files import Table, count_of, read_lines
 
 VALUES: Mapping[type[ReadingColumns], tuple[str, ...]] = {
     schema.Ranges: ("range",),
@@ -95,6 +95,11 @@ class Rows(NamedTuple):
     other: list[str]  # (m,) empty where the source has none
     values: Array  # (m, k) in SI units; nan where a field is empty or a column is None
 
+    def select(self, rows: Indices) -> "Rows":
+        """Return these rows."""
+        robot, other = ([names[i] for i in rows] for names in (self.robot, self.other))
+        return Rows(self.lines, self.time[rows], robot, other, self.values[rows])
+
 
 def rows_of(
     place: Path,
@@ -172,8 +177,7 @@ def _by_robot(
                 strangers.add(robot)
                 warnings.append(f"{path}: {len(mine)} lines of {robot!r}, which is not in `robots`, were left out")
             elif robot in d.robots and robot not in found:
-                lines = rows.lines._replace(line=rows.lines.line[mine])
-                found[robot], notes = in_order(rows.time[mine], rows.values[mine], str(path), lines.at)
+                found[robot], notes = in_order(rows.time[mine], rows.values[mine], str(path))
                 warnings += notes
     return found
 
@@ -184,9 +188,10 @@ def _measurements(
     each: Mapping[str, LogColumn] = getattr(table, "each", {})  # the column of each thing that is measured
     columns = list(each.values()) or [getattr(table, name) for name in VALUES[type(table)]]
     for rows in rows_of(place, run, d, table, columns, names, warnings):
-        if np.isnan(rows.time).any():
-            where = rows.lines.at(int(np.argmax(np.isnan(rows.time))))
-            raise BadInput(f"{where}: the stamp is missing; correct or remove the line")
+        stamped = np.isfinite(rows.time)
+        if not stamped.all():
+            warnings.append(f"{rows.lines.path}: left out {count_of(int((~stamped).sum()), 'line')} without a stamp")
+            rows = rows.select(np.flatnonzero(stamped))
         if isinstance(table, schema.Rssi):
             rows.values[rows.values >= table.missing_from] = np.nan
         m, source = max(len(each), 1), str(rows.lines.path)

@@ -293,8 +293,8 @@ def read(data: Path, place: Path, name: str, description: TeamDescription) -> Te
     warnings: list[str] = []
 
     def series(table: Table) -> Series:
-        found, notes = in_order(table.values[:, 0], table.values[:, 1:], str(table.path), table.at)
-        warnings.extend(notes)
+        found, notes = in_order(table.values[:, 0], table.values[:, 1:], str(table.path))
+        warnings.extend([*table.notes, *notes])
         return found
 
     odometry, truth = (tuple(map(series, tables)) for tables in (files.odometry, files.truth))
@@ -303,6 +303,7 @@ def read(data: Path, place: Path, name: str, description: TeamDescription) -> Te
     for robot, table in zip(robots, files.readings, strict=True):
         codes = [int(code) for code in table.values[:, 1]]
         other = [names[files.columns[code]] if code in files.columns else f"barcode {code}" for code in codes]
+        warnings.extend(table.notes)
         measured.append(Measured(table.values[:, 0], [robot] * len(codes), other, table.values[:, 2:], str(table.path)))
     readings, notes = split_channels("sighting", measured, robots, landmarks)
     places, none = Places(landmarks, files.landmarks), Places((), np.empty((0, 2)))

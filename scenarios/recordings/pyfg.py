@@ -24,10 +24,11 @@ from typing import NamedTuple
 import numpy as np
 
 from cooploc.estimators.errors import BadInput
+from cooploc.estimators.interface import Array
 from cooploc.estimators.models import wrap
 from cooploc.scenarios.recordings.schema import TeamDescription
-from cooploc.scenarios.recordings.team_log import Channel, Places, Readings, Series, TeamLog
-from cooploc.scenarios.recordings.text_files import LARGEST, parse_number, read_text
+from cooploc.scenarios.recordings.team_log import Channel, Places, Readings, Series, TeamLog, in_order
+from cooploc.scenarios.recordings.text_files import LARGEST, Fault, leave_out, parse_number, read_text
 
 POSE_NAME = re.compile(r"([A-Za-z]+)(\d{1,9})")
 
@@ -67,30 +68,28 @@ class Graph(NamedTuple):
 
 
 def read_graph(path: Path) -> Graph:
-    """Read the vertices and edges in a file. A last line that was cut off is left out, with a warning.
+    """Read the vertices and edges in a file. Lines that cannot be read are left out, with a warning.
 
     Raises:
-        BadInput: the file cannot be read, is of three dimensions, or a line is malformed; names the line.
+        BadInput: the file cannot be read, is of three dimensions, or too few lines can be read; names the first.
 
     """
     text = read_text(path, "ascii")
     graph = Graph(path, {}, {}, [], [], [], [])
     lines = [(i, line.split()) for i, line in enumerate(text.split("\n"), 1) if line and not line.isspace()]
     unknown: dict[str, int] = {}
+    faults: list[Fault] = []
     for i, fields in lines:
         tag = fields[0]
         if tag in FIELDS:
-            try:
-                _add(graph, i, fields)
-            except BadInput:
-                if (i, fields) != lines[-1] or text.endswith("\n"):
-                    raise
-                graph.warnings.append(f"{graph.at(i)}: the last line is cut off; it was left out")
+            fault = _add(graph, i, fields)
+            faults += [fault] if fault else []
         elif tag.startswith(("VERTEX_SE3", "VERTEX_XYZ", "EDGE_SE3")):
             raise BadInput(f"{graph.at(i)}: {tag} is of three dimensions; only graphs in the plane (SE2, XY) are read")
         elif not tag.endswith(":PRIOR") and not tag.startswith("#"):
             unknown[tag] = unknown.get(tag, 0) + 1
-    _require_vertices(graph)
+    faults += _drop_loose_edges(graph)
+    graph.warnings.extend(leave_out(path, sorted(faults), sum(fields[0] in FIELDS for _, fields in lines)))
     graph.warnings.extend(
         f"{path}: {n} lines of {tag!r}, which is not read, were left out" for tag, n in unknown.items()
     )
@@ -107,47 +106,49 @@ FIELDS: Mapping[str, tuple[int, tuple[int, ...]]] = {
 }
 
 
-def _add(graph: Graph, line: int, fields: list[str]) -> None:
-    """Add the vertex or edge of a line."""
-    tag, at = fields[0], graph.at(line)
+def _add(graph: Graph, line: int, fields: list[str]) -> Fault | None:
+    """Add the vertex or edge of a line; return its fault where it cannot be read."""
+    tag = fields[0]
     total, numbers = FIELDS[tag]
     if tag == "VERTEX_XY" and len(fields) == 5:  # with a time
         total, numbers = 5, (3, 4)
     if len(fields) != total:
-        raise BadInput(f"{at}: {tag} has {len(fields)} fields, not {total}; correct or remove the line")
+        return Fault(line, f"{tag} has {len(fields)} fields, not {total}", "with another number of fields")
     values = tuple(parse_number(fields[i]) for i in numbers)
     for i, value in zip(numbers, values, strict=True):
         if not abs(value) <= LARGEST:
-            raise BadInput(f"{at}: {fields[i]!r} is not a number; correct or remove the line")
+            return Fault(line, f"{fields[i]!r} is not a number", "without a number")
     if tag.startswith("EDGE"):
         edges = {"EDGE_SE2": graph.relative, "EDGE_SE2_XY": graph.seen, "EDGE_RANGE": graph.ranges}[tag]
         edges.append(Edge(line, fields[2], fields[3], values))
-        return
+        return None
     name = fields[numbers[-2] - 1] if tag == "VERTEX_XY" else fields[2]
     if name in graph.poses or name in graph.places:
-        raise BadInput(f"{at}: vertex {name!r} was given before; remove one of the lines")
+        return Fault(line, f"vertex {name!r} was given before", "of vertices that were given before")
     if tag == "VERTEX_XY":
         graph.places[name] = values
-        return
+        return None
     match = POSE_NAME.fullmatch(name)
     if not match:
-        raise BadInput(f"{at}: pose {name!r} is not a letter and a number, like A0; correct its name")
+        return Fault(line, f"pose {name!r} is not a letter and a number, like A0", "of poses with other names")
     graph.poses[name] = Pose(match[1], int(match[2]), values[0], values[1:])
+    return None
 
 
-def _require_vertices(graph: Graph) -> None:
-    """Refuse an edge whose vertices are not in the file; a range may name the landmark first, and is turned."""
+def _drop_loose_edges(graph: Graph) -> list[Fault]:
+    """Drop edges whose vertices are not in the file; a range may name the landmark first, and is turned."""
     graph.ranges[:] = [
         e._replace(first=e.second, second=e.first) if e.first in graph.places else e for e in graph.ranges
     ]
     of_poses, of_places, of_all = graph.poses, graph.places, graph.poses | graph.places
+    faults = []
     for edges, seconds in ((graph.relative, of_poses), (graph.seen, of_places), (graph.ranges, of_all)):
         for edge in edges:
-            for name, known in ((edge.first, of_poses), (edge.second, seconds)):
-                if name not in known:
-                    raise BadInput(
-                        f"{graph.at(edge.line)}: there is no vertex {name!r}; add its line, or remove this one"
-                    )
+            lost = [name for name, known in ((edge.first, of_poses), (edge.second, seconds)) if name not in known]
+            faults += [Fault(edge.line, f"there is no vertex {name!r}", "of lost vertices") for name in lost[:1]]
+        loose = {fault.line for fault in faults}
+        edges[:] = [edge for edge in edges if edge.line not in loose]
+    return faults
 
 
 # ---- A graph as a recording of a team
@@ -177,7 +178,7 @@ def read_pyfg(path: Path) -> TeamLog:
     """Read one file as one recording.
 
     Raises:
-        BadInput: the file cannot be read, is of three dimensions, or a line is malformed; names the line.
+        BadInput: the file cannot be read, is of three dimensions, or too few lines can be read; names the first.
 
     """
     graph = read_graph(path)
@@ -213,7 +214,7 @@ def _chains(graph: Graph) -> Mapping[str, Chain]:
     """Return the poses of each robot, robots by name, poses by number.
 
     Raises:
-        BadInput: there are none, or their times do not rise.
+        BadInput: there are none.
 
     """
     chains: dict[str, list[str]] = {}
@@ -221,33 +222,26 @@ def _chains(graph: Graph) -> Mapping[str, Chain]:
         chains.setdefault(graph.poses[name].robot, []).append(name)
     if not chains:
         raise BadInput(f"{graph.path}: no line VERTEX_SE2, and so no robot; is this a PyFG file?")
-    for robot, chain in chains.items():
-        time = np.array([graph.poses[name].time for name in chain])
-        stuck = np.flatnonzero(np.diff(time) <= 0)
-        if len(stuck):
-            raise BadInput(
-                f"{graph.path}: pose {chain[stuck[0] + 1]} is not later than {chain[stuck[0]]}; the times of robot "
-                f"{robot} must rise with the numbers of its poses"
-            )
+    steps = {(edge.first, edge.second) for edge in graph.relative}
+    still = [robot for robot, chain in chains.items() if steps.isdisjoint(pairwise(chain))]
+    if len(still) == len(chains):
+        raise BadInput(f"{graph.path}: no robot has odometry; add a line EDGE_SE2 from each pose to the next")
+    for robot in still:
+        graph.warnings.append(f"{graph.path}: robot {robot} has no odometry (EDGE_SE2); it was left out")
+        for name in chains.pop(robot):
+            del graph.poses[name]
+    if still:
+        _drop_loose_edges(graph)
     return chains
 
 
 def _odometry(graph: Graph, chain: Chain, steps: Mapping[tuple[str, str], Sequence[float]]) -> Series:
-    """Poses composed from the first: x' = x + R(heading) dx; of the longest stretch in which no step is missing.
-
-    Raises:
-        BadInput: there is no step at all.
-
-    """
+    """Return poses composed from the first: x' = x + R(heading) dx; of the longest stretch without a missing step."""
     missing = [k for k, pair in enumerate(pairwise(chain)) if pair not in steps]
     begin, end = max(pairwise([-1, *missing, len(chain) - 1]), key=lambda ends: ends[1] - ends[0])
     stretch = chain[begin + 1 : end + 1]
-    robot = graph.poses[chain[0]].robot
-    if len(stretch) < 2:
-        raise BadInput(
-            f"{graph.path}: robot {robot} has no odometry; add a line EDGE_SE2 from each of its poses to the next"
-        )
     if missing:
+        robot = graph.poses[chain[0]].robot
         said = f"lacks {len(missing)} steps of odometry; it is read from {stretch[0]} to {stretch[-1]}"
         graph.warnings.append(f"{graph.path}: robot {robot} {said}")
     x, y, heading = 0.0, 0.0, 0.0
@@ -259,13 +253,21 @@ def _odometry(graph: Graph, chain: Chain, steps: Mapping[tuple[str, str], Sequen
         rows.append((x, y, heading))
     values = np.array(rows)
     values[:, 2] = wrap(values[:, 2])
-    return Series(np.array([graph.poses[name].time for name in stretch]), values, f"{graph.path}, EDGE_SE2")
+    return _in_order(graph, stretch, values, "EDGE_SE2")
 
 
 def _truth(graph: Graph, chain: Chain) -> Series:
     poses = np.array([graph.poses[name].pose for name in chain])
     poses[:, 2] = wrap(poses[:, 2])
-    return Series(np.array([graph.poses[name].time for name in chain]), poses, f"{graph.path}, VERTEX_SE2")
+    return _in_order(graph, chain, poses, "VERTEX_SE2")
+
+
+def _in_order(graph: Graph, chain: Chain, values: Array, tag: str) -> Series:
+    """Return a robot's values (m, 3) at poses whose times rise; of repeated times the first pose is kept."""
+    time = np.array([graph.poses[name].time for name in chain])
+    series, notes = in_order(time, values, f"{graph.path}, {tag} of robot {graph.poses[chain[0]].robot}")
+    graph.warnings.extend(notes)
+    return series._replace(source=f"{graph.path}, {tag}")
 
 
 def _readings(graph: Graph, edges: Sequence[Edge], robots: Mapping[str, int], others: Mapping[str, int]) -> Readings:

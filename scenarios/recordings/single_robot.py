@@ -35,7 +35,7 @@ from cooploc.scenarios.recordings.fit import (
 from cooploc.scenarios.recordings.prior import prior
 from cooploc.scenarios.recordings.schema import COLUMNS, NAME, RobotDescription, RobotModel, RobotPrior, load_robot
 from cooploc.scenarios.recordings.team_log import unreachable
-from cooploc.scenarios.recordings.text_files import Table, read_lines
+from cooploc.scenarios.recordings.text_files import Table, count_of, read_lines, time_order
 from cooploc.scenarios.stream import Air, Stream, Truth
 from cooploc.scenarios.worlds.radio import Positive
 
@@ -77,7 +77,7 @@ def read_run(path: Path, description: RobotDescription) -> RobotRun:
     """Read one run from its CSV file.
 
     Raises:
-        BadInput: a column is missing, a field is not a number, or the stamps do not rise; names file and line.
+        BadInput: a column is missing, or too few lines can be read; names file and line.
 
     """
     d = description
@@ -90,10 +90,11 @@ def read_run(path: Path, description: RobotDescription) -> RobotRun:
     }
     columns = [column for group in groups.values() for column in group]
     lines, before = _from_first_truth(read_lines(path, [c.column for c in columns], (), d.delimiter), groups)
-    raw, factor = lines.values, np.array([column.factor for column in columns])
+    factor = np.array([column.factor for column in columns])
+    lines, time = _rising(lines, factor[: len(groups["time"])])
+    raw = lines.values
     ends = np.cumsum([len(group) for group in groups.values()])[:-1]
     stamps, moves, poses, rssi, _ = np.split(raw * factor, ends, axis=1)
-    time = _elapsed_time(lines, raw[:, : ends[0]], factor[: ends[0]])
     truth, lost = _truth(d, time, poses)
     rssi, missing = _rssi(d, rssi, raw[:, ends[3] :])
     odometry, known = _odometry(d, time, moves)
@@ -125,18 +126,23 @@ def _from_first_truth(lines: Table, groups: dict[str, tuple[Any, ...]]) -> tuple
     return lines._replace(values=lines.values[first:], line=lines.line[first:]), first
 
 
-def _elapsed_time(lines: Table, stamps: Array, factor: Array) -> Array:
-    """Seconds since the first line; the columns are subtracted before they are summed, which keeps the nanoseconds."""
-    time: Array = ((stamps - stamps[0]) * factor).sum(-1)
-    bad = np.isnan(time)
-    bad[1:] |= ~(np.diff(time) > 0)
-    if bad.any():
-        row = int(np.argmax(bad))
-        fact = "is missing" if np.isnan(time[row]) else "equals the previous line's"
-        if row and time[row - 1] > time[row]:
-            fact = f"is {time[row - 1] - time[row]:g} s before the previous line's"
-        raise BadInput(f"{lines.at(row)}: its stamp {fact}; sort the file by time, or remove the line")
-    return time
+def _rising(lines: Table, factor: Array) -> tuple[Table, Array]:
+    """Return the lines whose stamps rise, with a sentence on the others, and seconds since the first (m,).
+
+    Columns of a stamp are subtracted before they are summed, which keeps the nanoseconds.
+    """
+    stamped: Mask = np.asarray(np.isfinite(lines.values[:, : len(factor)]).all(-1))
+    rows = np.flatnonzero(stamped)
+    stamps = lines.values[rows, : len(factor)]
+    time: Array = ((stamps - stamps[:1]) * factor).sum(-1)
+    order, notes = time_order(time)
+    rising = np.append(True, np.diff(time[order]) > 0)[: len(order)]
+    repeats, order = int((~rising).sum()), order[rising]
+    rows, time = rows[order], time[order]
+    reasons = {"is missing": int((~stamped).sum()), "was given before": repeats}
+    left_out = [f"{lines.path}: left out {count_of(n, 'line')} whose stamp {why}" for why, n in reasons.items() if n]
+    notes = (*lines.notes, *left_out, *(f"{lines.path}: {note}" for note in notes))
+    return lines._replace(values=lines.values[rows], line=lines.line[rows], notes=notes), time - time[:1]
 
 
 def _odometry(description: RobotDescription, time: Array, values: Array) -> tuple[Array, Mask]:
@@ -434,6 +440,11 @@ class Log(RobotModel):
         path = track.truth[None, 1:, None, :known].copy()
         valid: Mask = np.asarray(np.isfinite(path).all(-1))
         return Truth(label, stream.trial, path, valid, arena, stream.hashes), stream
+
+    def explained(self) -> list[str]:
+        """Return sentences, run by run, on what was left out or sorted while reading."""
+        names = self._names() if self.run == ALL else [self.run]
+        return [warning for name in names for warning in self.folder.runs[name].counts["warnings"]]
 
     def _names(self) -> list[str]:
         return self.folder.different if self.run == ALL else [self._run().name]

@@ -8,7 +8,7 @@ sentence in `TeamLog.warnings`: lines of a file in `text_files.read_lines`, stam
 impossible positions in `true_poses`, names and values of readings in `split_channels`.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -17,7 +17,7 @@ import numpy as np
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Indices, Mask
 from cooploc.scenarios.recordings.schema import GroundTruth, ReadingColumns, TeamDescription
-from cooploc.scenarios.recordings.text_files import time_order
+from cooploc.scenarios.recordings.text_files import count_of, time_order
 
 OdometryKind = Literal["velocity", "pose", "displacement", "path"]
 Channel = Literal["range", "rssi", "sighting", "landmark", "anchor_rssi", "anchor_range"]
@@ -154,29 +154,27 @@ def unreachable(time: Array, positions: Array, speed: float) -> Mask:
 # ---- A series of one robot, put into order
 
 
-def in_order(time: Array, values: Array, source: str, where: Callable[[int], str]) -> tuple[Series, list[str]]:
-    """Return a series whose stamps rise, and what was left out: lines without a number, and repeated stamps.
+def in_order(time: Array, values: Array, source: str) -> tuple[Series, list[str]]:
+    """Return a series whose stamps rise, and what was left out or sorted, a sentence each.
 
     Args:
-        time: (m,) [s] as recorded; steps back of up to `MAX_STEP_BACK` are sorted.
+        time: (m,) [s] as recorded; `text_files.time_order` says what becomes of stamps that step back.
         values: (m, k); of the first two columns both must be there, a nan elsewhere is kept.
         source: file or topic.
-        where: the place of a row, for an error.
-
-    Raises:
-        BadInput: a stamp is missing, or steps back by more.
 
     """
-    if np.isnan(time).any():
-        raise BadInput(f"{where(int(np.argmax(np.isnan(time))))}: the stamp is missing; correct or remove the line")
-    order = time_order(time, where)
-    time, values = time[order], values[order]
-    there = np.isfinite(values[:, :2]).all(-1)
-    time, values = time[there], values[there]
+    stamped, there = np.isfinite(time), np.isfinite(values[:, :2]).all(-1)
+    good = np.flatnonzero(stamped & there)
+    order, notes = time_order(time[good])
+    time, values = time[good][order], values[good][order]
     first = np.append(True, np.diff(time) > 0)[: len(time)]
-    reasons = {"lines without a number": int((~there).sum()), "lines that repeat a stamp": int((~first).sum())}
-    warnings = [f"{source}: {count} {what} were left out" for what, count in reasons.items() if count]
-    return Series(time[first], values[first], source), warnings
+    reasons = {
+        "without a stamp": int((~stamped).sum()),
+        "without a number": int((stamped & ~there).sum()),
+        "whose stamp was given before": int((~first).sum()),
+    }
+    left_out = [f"{source}: left out {count_of(n, 'line')} {why}" for why, n in reasons.items() if n]
+    return Series(time[first], values[first], source), [*left_out, *(f"{source}: {note}" for note in notes)]
 
 
 # ---- A team's log, put together from what a reader found
@@ -223,27 +221,26 @@ def build_log(
     """Return the log of what was found of each robot.
 
     Raises:
-        BadInput: a robot has fewer than two samples of odometry, or no robot has a truth.
+        BadInput: no robot has two samples of odometry, or none has a truth.
 
     """
     notes = list(warnings)
-    for robot in d.robots:
-        if robot not in odometry or len(odometry[robot].time) < 2:
-            raise BadInput(
-                f"{place}: robot {robot!r} has fewer than two samples of odometry; correct [odometry] of log.toml, or "
-                "take it out of `robots`"
-            )
+    robots = tuple(robot for robot in d.robots if robot in odometry and len(odometry[robot].time) > 1)
+    lost = [robot for robot in d.robots if robot not in robots]
+    if not robots:
+        raise BadInput(f"{place}: no robot has two samples of odometry; correct [odometry] of log.toml")
+    notes += [f"{place}: robot {robot!r} has fewer than two samples of odometry; it was left out" for robot in lost]
     moves, declared = d.recorded
-    poses = tuple(_truth_of(place, robot, truth.get(robot), declared, notes) for robot in d.robots)
+    poses = tuple(_truth_of(place, robot, truth.get(robot), declared, notes) for robot in robots)
     if all(series is None for series in poses):
         raise BadInput(f"{place}: no robot has a truth; correct [truth] of log.toml")
     readings: dict[Channel, Readings] = {}
     for kind, _, fixed in reading_tables(d, anchors, landmarks):
-        channels, left_out = split_channels(kind, measured[kind], d.robots, fixed.names)
+        channels, left_out = split_channels(kind, measured[kind], robots, fixed.names)
         readings |= channels
         notes += left_out
-    series = tuple(odometry[robot] for robot in d.robots)
-    return TeamLog(name, d.robots, moves.kind, series, poses, readings, landmarks, anchors, tuple(notes))
+    series = tuple(odometry[robot] for robot in robots)
+    return TeamLog(name, robots, moves.kind, series, poses, readings, landmarks, anchors, tuple(notes))
 
 
 def _truth_of(place: Path, robot: str, series: Series | None, declared: GroundTruth, notes: list[str]) -> Series | None:

@@ -1,10 +1,15 @@
-"""Text files of recordings: CSV files, and tables of numbers separated by blanks. Every error names file and line."""
+"""Text files of recordings: CSV files, and tables of numbers separated by blanks.
+
+Lines that cannot be read are left out, and a sentence names the first of them; where less than a tenth is left the file
+is refused, with file and line.
+"""
 
 import csv
 import io
-from collections.abc import Callable, Iterator, Sequence
+from bisect import bisect_right
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple, NoReturn
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,7 +18,8 @@ from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Indices
 
 LARGEST = 1e30  # of a number in a recording; stamps in ns have nineteen digits
-MAX_STEP_BACK = 0.5  # [s] stamps that step back by less (MRCLAM 9: by 0.1 s) are sorted; by more, the file is refused
+MAX_STEP_BACK = 0.5  # [s] stamps that step back by less (MRCLAM 9: by 0.1 s) are sorted; by more, lines are left out
+LEAST_LEFT = 0.1  # share of the lines of a file that must be readable
 
 
 class Table(NamedTuple):
@@ -63,11 +69,46 @@ def parse_number(word: str) -> float:
     return np.inf if abs(number) > LARGEST else number
 
 
-def read_table(path: Path, columns: Sequence[str]) -> Table:
+class Fault(NamedTuple):
+    """A line that cannot be read."""
+
+    line: int  # from 1
+    why: str  # "17 fields, not 28"
+    kind: str  # what it has in common with others, for a plural: "with another number of fields"
+
+
+def leave_out(path: Path, faults: Sequence[Fault], lines: int) -> tuple[str, ...]:
+    """Return a sentence for each kind of fault: the first line that has it, and how many lines were left out.
+
+    Args:
+        path: the file.
+        faults: its lines that cannot be read.
+        lines: how many lines of data it has, with those.
+
+    Raises:
+        BadInput: less than `LEAST_LEFT` of the lines is left.
+
+    """
+    if len(faults) > (1 - LEAST_LEFT) * lines:
+        first = faults[0]
+        many = f"{len(faults)} of {lines} lines are like it" if len(faults) > 1 else "it has no other line"
+        raise BadInput(f"{path}, line {first.line}: {first.why}; {many}: correct them, or get the file again")
+    kinds: dict[str, list[Fault]] = {}
+    for fault in faults:
+        kinds.setdefault(fault.kind, []).append(fault)
+    return tuple(
+        f"{path}, line {same[0].line}: {same[0].why}; "
+        + ("it was left out" if len(same) == 1 else f"{len(same)} lines {kind} were left out")
+        for kind, same in kinds.items()
+    )
+
+
+def read_table(path: Path, columns: Sequence[str], strict: bool = False) -> Table:
     """Read numbers separated by blanks, one for each of `columns` in a line; what follows a # is a comment.
 
     Raises:
-        BadInput: the file cannot be read or has no numbers, or a line is not a finite number for each column.
+        BadInput: the file cannot be read or has no numbers, or too few lines (strict: not every one) are a finite
+            number for each column.
 
     """
     lines = [line.partition("#")[0] for line in read_text(path, "ascii").split("\n")]
@@ -75,38 +116,76 @@ def read_table(path: Path, columns: Sequence[str]) -> Table:
     if not rows:
         raise BadInput(f"{path}: the file is empty, it has no line of {', '.join(columns)}; get the file again")
     try:
-        values = np.loadtxt([line for _, line in rows], ndmin=2)
-    except ValueError as e:
-        _refuse(path, rows, columns, str(e))
-    if values.shape[1] != len(columns) or not (np.abs(values) <= LARGEST).all():
-        _refuse(path, rows, columns, "a field is not a number")
+        values, faults = np.loadtxt([line for _, line in rows], ndmin=2), list[Fault]()
+        if values.shape[1] != len(columns) or not (np.abs(values) <= LARGEST).all():
+            raise ValueError
+    except ValueError:
+        faults = [fault for i, line in rows if (fault := _fault(i, line.split(), columns))]
+        if faults and strict:
+            raise BadInput(f"{path}, line {faults[0].line}: {faults[0].why}; correct or remove the line") from None
+        notes, bad = leave_out(path, faults, len(rows)), {fault.line for fault in faults}
+        rows = [(i, line) for i, line in rows if i not in bad]
+        values = np.array([[float(word) for word in line.split()] for _, line in rows])
+        return Table(path, values, np.array([i for i, _ in rows], np.int64), notes=notes)
     return Table(path, values, np.array([i for i, _ in rows], np.int64))
 
 
+def _fault(line: int, words: Sequence[str], columns: Sequence[str]) -> Fault | None:
+    if len(words) != len(columns):
+        why = f"{len(words)} columns, not {len(columns)} ({', '.join(columns)})"
+        return Fault(line, why, "with another number of columns")
+    for word, name in zip(words, columns, strict=True):
+        if not np.isfinite(parse_number(word)):
+            return Fault(line, f"{name} is {word!r}, which is not a number", "without a number")
+    return None
+
+
 def sort_by_time(table: Table) -> tuple[Table, int]:
-    """Return the table by rising stamps (column 0) [s], and how often they stepped back.
-
-    Raises:
-        BadInput: a stamp is more than `MAX_STEP_BACK` before an earlier one.
-
-    """
+    """Return the table by rising stamps (column 0) [s], and how often they stepped back."""
     stamps = table.values[:, 0]
-    order = time_order(stamps, table.at)
-    return Table(table.path, table.values[order], table.line[order]), int((np.diff(stamps) < 0).sum())
+    order, notes = time_order(stamps)
+    notes = tuple(f"{table.path}: {note}" for note in notes if "left out" in note)
+    sorted_ = Table(table.path, table.values[order], table.line[order], notes=(*table.notes, *notes))
+    return sorted_, int((np.diff(stamps) < 0).sum())
 
 
-def time_order(stamps: Array, where: Callable[[int], str]) -> Indices:
-    """Return the order of rising stamps (m,) [s]; equal ones stay as they are. `where` gives the place of a row.
+def time_order(stamps: Array) -> tuple[Indices, tuple[str, ...]]:
+    """Return the rows by rising stamps (m,) [s], and sentences of what was done; equal stamps stay as they are.
 
-    Raises:
-        BadInput: a stamp is more than `MAX_STEP_BACK` before an earlier one.
-
+    Stamps that step back by up to `MAX_STEP_BACK` are sorted. Where one steps back by more, a stamp is wrong: the
+    longest sequence of rows that rises in their order is kept.
     """
     late = np.maximum.accumulate(stamps) - stamps if len(stamps) else stamps
-    if (late > MAX_STEP_BACK).any():
-        row = int(np.argmax(late > MAX_STEP_BACK))
-        raise BadInput(f"{where(row)}: its time is {late[row]:.3f} s before an earlier line's; sort the file by time")
-    return np.argsort(stamps, kind="stable")
+    back = int((np.diff(stamps) < 0).sum())
+    if not (late > MAX_STEP_BACK).any():
+        return np.argsort(stamps, kind="stable"), (f"stamps step back, {count_of(back, 'time')}; they were sorted",) * (
+            back > 0
+        )
+    kept = longest_rise(stamps)
+    worst = f"by up to {late.max():.3g} s"
+    return kept, (f"stamps step back {worst}; left out {count_of(len(stamps) - len(kept), 'line')} out of order",)
+
+
+def count_of(number: int, what: str) -> str:
+    """Return a count in words: "1 line", "3 lines"."""
+    return f"{number} {what}{'s' * (number != 1)}"
+
+
+def longest_rise(stamps: Array) -> Indices:
+    """Return the rows of the longest sequence of stamps (m,) that does not fall, by patience sorting."""
+    tops: list[float] = []  # the least last stamp of a sequence of each length
+    rows: list[int] = []
+    before = np.full(len(stamps), -1, np.int64)
+    for i, stamp in enumerate(stamps.tolist()):
+        k = bisect_right(tops, stamp)
+        tops[k : k + 1], rows[k : k + 1] = [stamp], [i]
+        before[i] = rows[k - 1] if k else -1
+    kept = []
+    i = rows[-1] if rows else -1
+    while i >= 0:
+        kept.append(i)
+        i = int(before[i])
+    return np.array(kept[::-1], np.int64)
 
 
 def require_whole(table: Table, column: int, name: str) -> None:
@@ -139,33 +218,17 @@ def require_unique(table: Table, column: int, name: str) -> None:
         )
 
 
-def _refuse(path: Path, rows: list[tuple[int, str]], columns: Sequence[str], reason: str) -> NoReturn:
-    """Name the first line that is not a finite number for each column."""
-    for i, line in rows:
-        words = line.split()
-        if len(words) != len(columns):
-            raise BadInput(
-                f"{path}, line {i}: {len(words)} columns, not {len(columns)} ({', '.join(columns)}); correct the line"
-            ) from None
-        for word, name in zip(words, columns, strict=True):
-            if not np.isfinite(parse_number(word)):
-                raise BadInput(
-                    f"{path}, line {i}: {name} is {word!r}, which is not a number; correct or remove the line"
-                ) from None
-    raise BadInput(f"{path}: cannot be read as numbers ({reason}); get the file again") from None
-
-
 # ---- CSV files, their columns by name
 
 
 def read_lines(path: Path, numbers: Sequence[str], names: Sequence[str], delimiter: str) -> Table:
     """Read columns by their names in the first line, as numbers or as text.
 
-    A last line without an end is left out where it has fewer fields than the first, or ends inside one of `numbers`,
-    as digits may be missing.
+    Lines with another number of fields are left out; a field that is not a number counts as empty. So is a last line
+    without an end that has fewer fields than the first, or ends inside one of `numbers`, as digits may be missing.
 
     Raises:
-        BadInput: a column is missing, a line has another number of fields, or a field is not a number.
+        BadInput: a column is missing, or too few lines can be read.
 
     """
     text = read_text(path, "utf-8-sig")
@@ -173,19 +236,28 @@ def read_lines(path: Path, numbers: Sequence[str], names: Sequence[str], delimit
     first, head = content.pop(0) if content else (1, [])
     of_numbers = [find_column(path, first, head, name) for name in numbers]
     of_names = [find_column(path, first, head, name) for name in names]
-    notes = []
-    if content and not text.endswith("\n"):
-        line, fields = content[-1]
-        if len(fields) < len(head) or (len(fields) == len(head) and len(head) - 1 in of_numbers):
-            notes.append(f"{path}, line {line}: the last line has no end and may be cut off; it was left out")
-            content.pop()
-    for line, fields in content:
-        if len(fields) != len(head):
-            raise BadInput(f"{path}, line {line}: {len(fields)} fields, not {len(head)}; correct or remove the line")
-    values = [[parse_field(path, line, head[i], fields[i]) for i in of_numbers] for line, fields in content]
+    faults = [
+        Fault(line, f"{len(fields)} fields, not {len(head)}", "with another number of fields")
+        for line, fields in content
+        if len(fields) != len(head)
+    ]
+    if content and not text.endswith("\n") and len(content[-1][1]) == len(head) and len(head) - 1 in of_numbers:
+        faults.append(Fault(content[-1][0], "the last line has no end and may be cut off", ""))
+    notes, bad = leave_out(path, faults, len(content)), {fault.line for fault in faults}
+    content = [(line, fields) for line, fields in content if line not in bad]
+    words = [Fault(line, f"{head[i]} is {fields[i]!r}, which is not a number", head[i])
+             for line, fields in content for i in of_numbers if np.isinf(parse_field(fields[i]))]  # fmt: skip
+    for name in dict.fromkeys(word.kind for word in words):
+        same = [word for word in words if word.kind == name]
+        if len(same) > (1 - LEAST_LEFT) * len(content):
+            raise BadInput(f"{path}, line {same[0].line}: {same[0].why}; name another column in log.toml")
+        many = "it counts as empty" if len(same) == 1 else f"{len(same)} such fields count as empty"
+        notes += (f"{path}, line {same[0].line}: {same[0].why}; {many}",)
+    values = [[parse_field(fields[i]) for i in of_numbers] for _, fields in content]
     rows = np.array(values, float).reshape(-1, len(of_numbers))
+    rows[np.isinf(rows)] = np.nan
     texts = [tuple(fields[i] for i in of_names) for _, fields in content]
-    return Table(path, rows, np.array([line for line, _ in content], np.int64), texts, tuple(notes))
+    return Table(path, rows, np.array([line for line, _ in content], np.int64), texts, notes)
 
 
 def fields_of(path: Path, text: str, delimiter: str) -> Iterator[tuple[int, list[str]]]:
@@ -215,16 +287,6 @@ def find_column(path: Path, line: int, head: list[str], name: str) -> int:
     raise BadInput(f"{path}, line {line}: there is no column {name!r}; {known}")
 
 
-def parse_field(path: Path, line: int, name: str, field: str) -> float:
-    """Return the number in a field, nan where it is empty.
-
-    Raises:
-        BadInput: it is not a number.
-
-    """
-    value = parse_number(field) if field else np.nan
-    if np.isinf(value):
-        raise BadInput(
-            f"{path}, line {line}: {name} is {field!r}, which is not a number; correct it, or leave it empty"
-        )
-    return value
+def parse_field(field: str) -> float:
+    """Return the number in a field, nan where it is empty, inf where it is not a number."""
+    return parse_number(field) if field else np.nan

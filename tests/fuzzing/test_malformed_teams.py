@@ -1,5 +1,6 @@
 """A team's directory with one thing wrong in log.toml or in a file: one line that names the place."""
 
+import re
 import shutil
 
 import pytest
@@ -20,7 +21,6 @@ IN_TOML = [
     ('format = "csv"', "", "format"),
     ('robots = ["red", "blue"]', "", "robots is missing"),
     ('robots = ["red", "blue"]', 'robots = ["red", "red"]', "'red' is the name of two things"),
-    ('robots = ["red", "blue"]', 'robots = ["red", "green"]', "robot 'green' has fewer than two samples of odometry"),
     ('robots = ["red", "blue"]', 'robots = ["red", "b lue"]', "robots"),
     ('robots = ["red", "blue"]', 'robots = "red"', "robots"),
     ("arena = [[0, 0], [8, 6]]", "arena = [[8, 6], [0, 0]]", "lower left and the upper right corner"),
@@ -81,18 +81,21 @@ IN_FILES = [
     ("odom_red.csv", 1, "t,v,w", "t,v", "there is no column 'w'"),
     ("odom_red.csv", 1, "t,v,w", "t,v,v,w", "two columns are named 'v'"),
     ("odom_red.csv", 1, "t,v,w", "", "there is no column"),
-    ("odom_red.csv", 7, ",", ";", "fields, not 3"),
-    ("odom_red.csv", 7, ",", ",x", "which is not a number"),
-    ("odom_red.csv", 7, ",", ",1e99", "which is not a number"),
-    ("odom_red.csv", 7, ",", ",,", "4 fields, not 3"),
-    ("odom_red.csv", 7, "17", "", "its time is"),
-    ("odom_red.csv", 7, "17", ",17", "4 fields, not 3"),
-    ("mocap_blue.csv", 9, "17", "x17", "sec is 'x17"),
-    ("mocap_blue.csv", 9, "17", "27", "before an earlier line's; sort the file by time"),
-    ("uwb.csv", 5, "17", "seventeen", "t is 'seventeen"),
     ("uwb.csv", 5, ",", "\0,", "this is not UTF-8 text"),
     ("uwb.csv", 1, "from", "who", "there is no column 'from'"),
-    ("uwb.csv", 5, "red,", "", "3 fields, not 4"),
+]
+
+# The same where the line is left out, or its field counts as empty, and all else is read.
+REPAIRED = [
+    ("odom_red.csv", 7, ",", ";", "line 7: 2 fields, not 3; it was left out"),
+    ("odom_red.csv", 7, ",", ",x", "line 7: v is 'x"),
+    ("odom_red.csv", 7, ",", ",1e99", "which is not a number; it counts as empty"),
+    ("odom_red.csv", 7, ",", ",,", "4 fields, not 3; it was left out"),
+    ("odom_red.csv", 7, "17", "", "left out 1 line out of order"),
+    ("mocap_blue.csv", 9, "17", "x17", "line 9: sec is 'x17"),
+    ("mocap_blue.csv", 9, "17", "27", "left out 1 line out of order"),
+    ("uwb.csv", 5, "17", "seventeen", "left out 1 line without a stamp"),
+    ("uwb.csv", 5, "red,", "", "line 5: 3 fields, not 4; it was left out"),
 ]
 
 
@@ -136,6 +139,22 @@ def test_one_thing_wrong_in_a_file(copied, name, line, old, new, said):
     found = told(copied)
     assert said in found
     assert name in found
+
+
+@pytest.mark.parametrize(("name", "line", "old", "new", "said"), REPAIRED, ids=range(len(REPAIRED)))
+def test_a_bad_line_is_left_out_and_said(copied, name, line, old, new, said):
+    rows = (copied / name).read_text().split("\n")
+    assert old in rows[line - 1]
+    rows[line - 1] = rows[line - 1].replace(old, new, 1)
+    (copied / name).write_text("\n".join(rows))
+    _, stream = cl.simulate("log/all", data=copied)
+    assert any(name in warning and said in warning for warning in stream.notes["warnings"]), stream.notes["warnings"]
+
+
+def test_a_file_of_which_less_than_a_tenth_can_be_read_is_refused(copied):
+    head, *rows = (copied / "odom_red.csv").read_text().splitlines()
+    (copied / "odom_red.csv").write_text("\n".join([head, rows[0], *(f"{row},0" for row in rows[1:])]) + "\n")
+    assert re.search(r"odom_red.csv, line 3: 4 fields, not 3; \d+ of \d+ lines are like it", told(copied))
 
 
 def test_a_directory_that_is_not_one(tmp_path):

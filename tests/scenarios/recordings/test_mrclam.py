@@ -240,10 +240,6 @@ def test_the_seed_changes_nothing_and_assumptions_leave_the_readings(data):
 
 
 MALFORMED = [
-    ("Robot1_Groundtruth.dat", 7, "1248272000.032 \t 1.0 \t 2.0", ["3 columns", "4", "heading"]),
-    ("Robot2_Odometry.dat", 8, "1248272000.289 0.3 fast", ["omega", "'fast'"]),
-    ("Robot2_Odometry.dat", 8, "1248272000.289 inf 0", ["v [m/s]", "'inf'"]),
-    ("Robot1_Odometry.dat", 20, "1248271999.000 0.3 0.1", ["before", "sort"]),
     ("Robot1_Measurement.dat", 6, "1248272001.000 14.5 1 0", ["14.5", "whole"]),
     ("Robot1_Measurement.dat", 6, b"1248272001.000 \xe9 1 0", ["plain ASCII text"]),
     ("Barcodes.dat", 6, "2 5", ["barcode 5", "before"]),
@@ -259,6 +255,20 @@ def test_a_malformed_line_is_named(data, name, line, text, says):
     message = refused(data)
     for part in (name, f"line {line}", *says):
         assert part in message
+
+
+@pytest.mark.parametrize(
+    ("name", "line", "text", "said"),
+    [
+        ("Robot1_Groundtruth.dat", 7, "1248272000.032 \t 1.0 \t 2.0", "line 7: 3 columns, not 4"),
+        ("Robot2_Odometry.dat", 8, "1248272000.289 0.3 fast", "line 8: omega [rad/s] is 'fast', which is not a number"),
+        ("Robot1_Odometry.dat", 20, "1248271999.000 0.3 0.1", "left out 1 line out of order"),
+    ],
+)
+def test_a_bad_line_is_left_out_and_said(data, name, line, text, said):
+    replace_line(data / name, line, text)
+    warnings = mrclam.read(data, data, "set", None).warnings
+    assert any(name in warning and said in warning for warning in warnings), warnings
 
 
 def test_a_robot_without_a_barcode_is_named(data):

@@ -28,7 +28,8 @@ from cooploc.analysis.metrics.errors import errors
 from cooploc.estimators import make
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.models import Displacement, LogDistance, wrap
-from cooploc.scenarios.recordings.single_robot import Log
+from cooploc.scenarios.recordings import schema
+from cooploc.scenarios.recordings.single_robot import Log, read_run
 from cooploc.scenarios.runner.run import run
 
 
@@ -384,10 +385,6 @@ def test_a_log_without_anchors_has_no_readings(data):
 
 
 CELLS = [
-    ({(4, "x"): "north"}, ["line 6", "x is 'north'", "not a number"]),
-    ({(4, "sec"): ""}, ["line 6", "stamp is missing"]),
-    ({(4, "sec"): str(EPOCH)}, ["line 6", "before the previous", "sort"]),
-    ({(4, "note"): "one, too many"}, ["line 6", "17 fields, not 16"]),
     ({(-1, "turn"): "Turn"}, ["line 1", "no column 'turn'", "did you mean 'Turn'"]),
     ({(k, "x"): "" for k in range(TICKS)}, ["fewer than two lines have a truth"]),
 ]
@@ -402,6 +399,24 @@ def test_a_malformed_line_is_named(data, cells, says):
     message = refused(data)
     for part in ("b.csv", *says):
         assert part in message
+
+
+REPAIRED = [
+    ({(4, "x"): "north"}, "line 6: x is 'north', which is not a number; it counts as empty"),
+    ({(4, "sec"): ""}, "left out 1 line whose stamp is missing"),
+    ({(4, "sec"): str(EPOCH)}, "left out 1 line out of order"),
+    ({(4, "note"): "one, too many"}, "line 6: 17 fields, not 16; it was left out"),
+]
+
+
+@pytest.mark.parametrize(("cells", "said"), REPAIRED)
+def test_a_bad_line_is_left_out_and_said(data, cells, said):
+    table = [COLUMNS[:], *lines(1)]
+    for (row, column), text in cells.items():
+        table[row + 1][COLUMNS.index(column)] = text
+    (data / "b.csv").write_text("".join(",".join(row) + "\n" for row in table))
+    found = read_run(data / "b.csv", schema.load_robot(data / "log.toml"))
+    assert any("b.csv" in warning and said in warning for warning in found.counts["warnings"]), found.counts["warnings"]
 
 
 TOML = [
