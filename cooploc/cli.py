@@ -77,6 +77,7 @@ def run(
     as_json: Annotated[
         bool, typer.Option("--json", help="print the table as JSON, and nothing else on stdout")
     ] = False,
+    wide: Annotated[bool, typer.Option("--wide", help="print every column, and what each means")] = False,
     until_decided: Annotated[
         bool,
         typer.Option("--until-decided", help="stop what is decided after 10, 20, 40, ... trials; go on with the rest"),
@@ -99,7 +100,7 @@ def run(
         retry_failed=retry_failed,
         isolate=isolate,
     )
-    printed.show_results(results.table, results.rows, results.folder, as_json)
+    printed.show_results(results.table, results.rows, results.folder, as_json, wide)
     if len(results.failures):
         raise typer.Exit(1)
 

@@ -48,15 +48,18 @@ def keep_tables(table: pd.DataFrame, rows: pd.DataFrame, folder: Path) -> None:
         plt.close(figure)
 
 
-def show_results(found: pd.DataFrame, rows: pd.DataFrame, folder: Path, as_json: bool) -> None:
-    """Print the results of a run: its table, then failures, and where the files are; recordings in order of error."""
+def show_results(
+    found: pd.DataFrame, rows: pd.DataFrame, folder: Path, as_json: bool = False, every_column: bool = False
+) -> None:
+    """Print the results of a run in order of error, then failures, where the files are, and what to do next."""
     manifest, console = RunDir(folder).manifest, wide(stderr=as_json)
     recorded = manifest.get("data") is not None
     notes = manifest.get("recordings", {})
     weak = {name: [text for text in notes.get(name, []) if NO_ORDER in text] for name, _ in _by_scenario(found)}
-    if recorded and not as_json:
-        found = pd.concat([part if weak[name] else part.sort_values("rmse") for name, part in _by_scenario(found)])
-    table(found, rows, as_json)
+    if not as_json:
+        parts = _by_scenario(found)
+        found = pd.concat([part if weak[name] else part.sort_values("rmse", kind="stable") for name, part in parts])
+    table(found, rows, as_json, every_column)
     for name, part in _by_scenario(found) if recorded else []:
         for text in recording_lines(part, weak[name]):
             console.print(text)
@@ -67,8 +70,7 @@ def show_results(found: pd.DataFrame, rows: pd.DataFrame, folder: Path, as_json:
     picture = f"{folder / 'rmse.png'}" if (folder / "rmse.png").exists() else f"cooploc report {folder}"
     for place in (f"picture: {picture}", f"table, every column: {folder / 'table.csv'}", f"run: {folder}"):
         console.print(place)
-    if recorded:
-        console.print(f"next: cooploc report {folder}")
+    console.print(f"next: cooploc report {folder}; --wide prints every column")
 
 
 def recording_lines(part: pd.DataFrame, weak: list[str]) -> list[str]:
@@ -91,20 +93,29 @@ def _by_scenario(table: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
     return [(str(name), part) for name, part in table.groupby("scenario", sort=False)]
 
 
-def table(table: pd.DataFrame, rows: pd.DataFrame, as_json: bool) -> None:
-    """Print the table of `compare`, or JSON alone on stdout, and what a reader must know of it."""
+def table(table: pd.DataFrame, rows: pd.DataFrame, as_json: bool, every_column: bool = True) -> None:
+    """Print the table of `compare`, or JSON alone on stdout, and what a reader must know of it.
+
+    Args:
+        table: of `compare`.
+        rows: of `errors`.
+        as_json: print JSON instead.
+        every_column: else those of `ESSENTIAL`, which fit 100 characters, and no legend.
+
+    """
     console = wide(stderr=as_json)
     if as_json:
         print(json.dumps(records(table), indent=1))
     else:
-        shown = {name: _results(name, part) for name, part in _by_scenario(table)}
-        for one in shown.values():
+        shown = [_results(name, part, every_column) for name, part in _by_scenario(table)]
+        for one in shown:
             console.print(one.terminal())
             console.print()
-        for text in (*_legend(list(shown.values())), *[STOPPED] * ("look" in table)):
-            console.print(text, style="dim")
-        for text in note_lines(rows):
-            console.print(text)
+        if every_column:
+            for text in (*_legend(shown), *[STOPPED] * ("look" in table)):
+                console.print(text, style="dim")
+            for text in note_lines(rows):
+                console.print(text)
     for text in (*ranking.certificate_remarks(table), *outlier_warnings(table)):
         console.print(text)
 
@@ -116,11 +127,16 @@ def records(table: pd.DataFrame) -> list[dict[str, Any]]:
     return values.where(known, None).to_dict("records")  # type: ignore[return-value]
 
 
-def _results(scenario: str, part: pd.DataFrame) -> Table:
+# Keys of the columns that a terminal shows without --wide.
+ESSENTIAL = ("estimator", "consistency", "rmse", "rmse_low", "change", "change_low", "bytes", "verdict")
+
+
+def _results(scenario: str, part: pd.DataFrame, every_column: bool = True) -> Table:
     """Return the table of one scenario."""
     first, rows = part.iloc[0], part.to_dict("records")
     size = f"{counted(first['robots'], 'robot')}, {counted(part['trials'].max(), 'trial')}"
     columns = [column for column in result_columns(part["baseline"], "look" in part) if not column.report_only]
+    columns = [c for c in columns if every_column or c.keys[0] in ESSENTIAL]
     columns = [c for c in columns if not c.rare or (part[c.keys[0]].fillna(0) != 0).any()]
     return Table("results", f"{scenario}: {size}, stream {first['stream'][:12]}", tuple(columns), rows)
 

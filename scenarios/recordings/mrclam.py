@@ -52,8 +52,10 @@ def read_data_set(data: Path) -> DataSet:
         )
     found = [re.fullmatch(r"Robot([1-9]\d*)_Odometry\.dat", path.name) for path in data.iterdir()]
     n = max((int(match[1]) for match in found if match), default=1)
-    surveyed = read_table(data / "Landmark_Groundtruth.dat", ("subject", "x [m]", "y [m]", "x sd [m]", "y sd [m]"))
-    columns = _columns(read_table(data / "Barcodes.dat", ("subject", "barcode")), surveyed, n)
+    surveyed = read_table(
+        data / "Landmark_Groundtruth.dat", ("subject", "x [m]", "y [m]", "x sd [m]", "y sd [m]"), True
+    )
+    columns = _columns(read_table(data / "Barcodes.dat", ("subject", "barcode"), True), surveyed, n)
     steps_back: dict[str, int] = {}
 
     def team(kind: str, *names: str) -> list[Table]:

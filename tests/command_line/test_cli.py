@@ -35,7 +35,7 @@ def ran(place):
 
 def test_run_prints_a_table_and_writes_a_picture_and_says_where(ran, place):
     assert ran.returncode == 0, ran.stderr
-    for word in ("trajectory[ticks=10]", "arl", "ekf-joint", "RMSE", "ANEES", "centralised", "run/rmse.png"):
+    for word in ("trajectory[ticks=10]", "arl", "ekf-joint", "RMSE", "centralised", "run/rmse.png"):
         assert word in ran.stdout
     assert (place / "run" / "rmse.png").read_bytes().startswith(b"\x89PNG")
     assert (place / "run" / "table.csv").read_text().startswith("scenario,estimator")
@@ -160,10 +160,13 @@ def test_a_malformed_recording_exits_2_and_names_file_and_line(place):
 def test_a_terminals_table_has_every_estimator_and_no_line_beyond_its_width(ran, place, width, monkeypatch):
     terminal = partialmethod(PlainConsole.__init__, width=width, force_terminal=True, color_system=None)
     monkeypatch.setattr(PlainConsole, "__init__", terminal)  # the class itself others may import and keep
-    told = inside("run", "small.toml", "--out", "run", cwd=place)
-    assert "ekf-joint" in told.stdout
-    assert all(len(line) <= width for line in told.stdout.splitlines() if not line.startswith(("picture", "table")))
-    assert ("not shown at this width" in told.stdout) == (width < 160)
+    for options in ((), ("--wide",)):
+        told = inside("run", "small.toml", "--out", "run", *options, cwd=place)
+        assert "ekf-joint" in told.stdout
+        lines = [line for line in told.stdout.splitlines() if not line.startswith(("picture", "table", "next"))]
+        assert all(len(line) <= width for line in lines)
+        assert ("not shown at this width" in told.stdout) == (bool(options) and width < 160)
+        assert ("ANEES" in told.stdout) == bool(options)
 
 
 def test_the_version_is_that_of_the_package(place):
