@@ -190,26 +190,23 @@ def rows_of(what: str, variants: dict[str, dict[str, list[float]]], methods: lis
 
 
 HEADING = """
-import contextlib, importlib, io, math, sys
+import builtins, contextlib, importlib, io, math, sys
 import numpy as np
 def plain(f):  # numpy 2 does not make a number of a matrix
     return lambda *v: f(*(float(np.asarray(x).squeeze()) for x in v))
 for name in ('cos', 'sin', 'atan2', 'sqrt'):
     setattr(math, name, plain(getattr(math, name)))
-np.int = int
+np.int, builtins.plain = int, plain(float)
 import matplotlib; matplotlib.use('Agg')
 sys.path[:0] = ['src'] + ['src/' + room for room in ('dataset_manager', 'algorithms', 'requests', 'robots')]
 from dataset_manager.realworld_dataset_manager import RW_Dataset_Manager
 from robots.robot_system import RobotSystem
 from simulation_process.sim_manager import SimulationManager
 import simulation_process.state_recorder as recorder
-recorder.float = plain(float)
 labels = [1, 2, 3, 4, 5]
 for name, alone in (('LS_Cen', False), ('LS_CI', False), ('GS_CI', True)):
     with contextlib.redirect_stdout(io.StringIO()):
         module = importlib.import_module(name)
-        if name == 'LS_CI':
-            module.float = plain(float)
         data = RW_Dataset_Manager('replay'); data.load_datasets(sys.argv[1], labels, 600.0)
         team = RobotSystem('robot', labels, getattr(module, name)('algorithm'), distr_sys=alone)
         states = recorder.StatesRecorder(name, labels)
@@ -230,11 +227,13 @@ def replay_heading(clone: Path, data: Path) -> list[list[str]]:
         r"^( +)orientation = self\.groundtruth_data\[i\]\[g_idx\]\['orientation'\]\n +try:",
         integrated,
     )
+    files = ("src/algorithms/LS_CI.py", "src/simulation_process/state_recorder.py")
+    for_numpy_2 = [(name, r"\bfloat\(", "plain(") for name in files]
     with tempfile.TemporaryDirectory() as folder:
         write_subjects(data / "mrclam6", Path(folder))
         variants = {
-            "as published": run_script(clone, [], HEADING, f"{folder}/"),
-            "heading of odometry": run_script(clone, [change], HEADING, f"{folder}/"),
+            "as published": run_script(clone, for_numpy_2, HEADING, f"{folder}/"),
+            "heading of odometry": run_script(clone, [*for_numpy_2, change], HEADING, f"{folder}/"),
         }
     return rows_of("RMSE on MRCLAM set 6", variants, ["LS_Cen", "LS_CI", "GS_CI"])
 
