@@ -24,7 +24,7 @@ lint: $(VENV)/.ready  ## style, types, and what may import what
 	$(BIN)/lint-imports --no-cache
 
 bench: $(VENV)/.ready  ## what speed was aimed at and what is reached, beside a reference; five minutes; keeps its report
-	$(BIN)/python reports/make_all.py --only "speed,speed-notes in speed.md,speeds in ../README.md"
+	$(BIN)/python reports/make_all.py --only "speed,speed-notes in speed.md"
 
 prove: $(VENV)/.ready  ## how often intervals and verdicts are right, by simulation; keeps its report
 	$(BIN)/python reports/make_all.py --only rates,stopping

@@ -85,8 +85,6 @@ LAST = (  # with numbers and figures of other pages
     benchmark("reproduced", "reliability.py", "reliability.md", "reproduced", "{runs}", "{data}", after=EVERY_RUN),
     page("paper", "paper/README.md", ("paper", "reasons", "readings", "own-filter", "without-scalability")),
     page("summary.tex.j2", "paper/summary.pdf", ("information", "fusion", "reasons", "paper-fair")),
-    page("first-sentences", "../README.md", ("information", "fusion", "reasons", "paper-fair")),
-    page("speeds", "../README.md"),
     page("speed-notes", "speed.md"),
 )
 STEPS = (*ALONE, *RUNS, *PAGES, *LAST)

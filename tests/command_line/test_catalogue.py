@@ -28,19 +28,13 @@ def test_every_builtin_estimator_is_in_it_with_its_source():
     assert all(re.search(r"(19|20)\d\d \|$", row) for row in rows if not row.startswith(("| `dead", "| `constant")))
 
 
-def test_the_numbers_of_the_readme_are_those_of_the_map():
+def test_the_numbers_of_the_first_sentences_are_those_of_the_map():
     root = PAGE.parents[2]
-    readme, found = ((root / file).read_text("utf-8") for file in ("README.md", "reports/readings/README.md"))
+    sentences, found = (
+        (root / file).read_text("utf-8") for file in ("reports/paper/README.md", "reports/readings/README.md")
+    )
     first = r"This\s+claim\s+holds\s+in\s+(\d+)\s+of\s+(\d+)\s+specifications"
     second = r"its\s+second,[^,]*,\s+in\s+(\d+)\s+and\s+\d+\s+of\s+(\d+)"
     for claim, said in (("1", first), ("2", second)):
-        number, of = re.search(said, readme).groups()
+        number, of = re.search(said, sentences).groups()
         assert re.search(rf"\*\*{claim}\.\*\*[^*]* holds in {number} of {of} specifications", found)
-
-
-def test_the_speeds_of_the_readme_are_those_of_the_report():
-    root = PAGE.parents[2]
-    readme, report = ((root / file).read_text("utf-8") for file in ("README.md", "reports/speed.md"))
-    said = re.findall(r"([\d.]+) \(([\d.]+ to [\d.]+)\)", readme[readme.index("## Speed") :])
-    assert said
-    assert all(f"| {median} | {spread} |" in report for median, spread in said)

@@ -38,6 +38,17 @@ def test_the_reference_has_every_public_name():
     assert told == set(cl.__all__)
 
 
+def test_every_number_of_a_finding_in_the_readme_stands_on_the_page_that_it_links():
+    findings = re.search(r"## What was found\n(.*?)\n## ", (ROOT / "README.md").read_text("utf-8"), re.DOTALL)[1]
+    items = re.findall(r"^\d\. (.*?\((?:\[[^]]+\]\([^)]+\))\))", findings, re.DOTALL | re.MULTILINE)
+    assert len(items) == 5
+    for item in items:
+        text, page = re.match(r"(.*)\(\[[^]]+\]\((.*?)\)\)", item, re.DOTALL).groups()
+        shown = (ROOT / page).read_text("utf-8")
+        for number in re.findall(r"\d+\.\d+|(?<=-)\d+(?= %)", text):
+            assert number in shown, (number, page)
+
+
 @pytest.mark.slow
 def test_the_examples_of_the_reference_run_in_their_order(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
