@@ -207,7 +207,7 @@ labels = [1, 2, 3, 4, 5]
 for name, alone in (('LS_Cen', False), ('LS_CI', False), ('GS_CI', True)):
     with contextlib.redirect_stdout(io.StringIO()):
         module = importlib.import_module(name)
-        data = RW_Dataset_Manager('replay'); data.load_datasets(sys.argv[1], labels, 600.0)
+        data = RW_Dataset_Manager('replay'); data.load_datasets(sys.argv[1], labels, 200.0)
         team = RobotSystem('robot', labels, getattr(module, name)('algorithm'), distr_sys=alone)
         states = recorder.StatesRecorder(name, labels)
         SimulationManager('replay').sim_process_native(labels, data, team, states, simple_plot=False)
