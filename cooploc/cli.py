@@ -4,7 +4,6 @@ Every command imports what it needs when it runs, so that `cooploc --help` is qu
 """
 
 import os
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -36,17 +35,12 @@ def root(
         typer.echo(context.get_help())
 
 
-class Kind(StrEnum):
-    """What can be listed."""
-
-    estimators = "estimators"
-    scenarios = "scenarios"
-    studies = "studies"
+KINDS = ("estimators", "scenarios", "studies")
 
 
 @app.command(name="list")
 def list_(
-    kind: Annotated[Kind | None, typer.Argument(help="one of the three lists")] = None,
+    kind: Annotated[str | None, typer.Argument(help="estimators, scenarios or studies")] = None,
     markdown: Annotated[bool, typer.Option("--markdown", help="print the documentation's table of estimators")] = False,
 ) -> None:
     """List estimators, scenarios, studies, and broken plug-ins."""
@@ -55,10 +49,14 @@ def list_(
 
         typer.echo(table())
         return
+    from cooploc.estimators.errors import nearest
     from cooploc.terminal import tables
 
-    for one in [kind] if kind else list(Kind):
-        tables.show_list(one.value, getattr(cl, one.value)())
+    plural = {"estimator": "estimators", "scenario": "scenarios", "study": "studies"}.get(kind or "", kind)
+    if plural not in (None, *KINDS):
+        raise cl.BadInput(f"there is no list of {kind!r}; {nearest(kind or '', list(KINDS))}")
+    for one in [plural] if plural else KINDS:
+        tables.show_list(one, getattr(cl, one)())
 
 
 @app.command()

@@ -14,27 +14,48 @@ class BadInput(ValueError):
 
 
 def nearest(name: str, known: list[str]) -> str:
-    """The end of an error message: the nearest known name, or all of them."""
+    """Return the end of an error message: the nearest known name, or all of them."""
     close = get_close_matches(name, known, n=1, cutoff=0.5)
     return f"did you mean {close[0]!r}?" if close else f"known are {', '.join(known)}" if known else "it has none"
 
 
+PLAIN_WORDS = {  # of pydantic's kinds of errors
+    "greater_than_equal": "it must be at least {ge}",
+    "greater_than": "it must be above {gt}",
+    "less_than_equal": "it must be at most {le}",
+    "less_than": "it must be below {lt}",
+    "finite_number": "it must be a finite number",
+    "literal_error": "it must be {expected}",
+    **dict.fromkeys(("int_parsing", "int_type", "int_from_float"), "it must be a whole number"),
+    **dict.fromkeys(("float_parsing", "float_type"), "it must be a number"),
+    **dict.fromkeys(("bool_parsing", "bool_type"), "it must be true or false"),
+    "string_type": "it must be text",
+    "missing": "it is missing",
+}
+
+
+def plain_words(error: Mapping[str, Any]) -> str:
+    """Return what one of pydantic's errors says, in plain words where there are some."""
+    words = PLAIN_WORDS.get(error["type"])
+    return words.format(**error.get("ctx", {})) if words else str(error["msg"]).removeprefix("Value error, ")
+
+
 def first_reason(errors: list[Any]) -> str:
-    """The first of pydantic's errors as "place: what is wrong, not VALUE"."""
+    """Return the first of pydantic's errors as "place: what is wrong, not VALUE"."""
     first: Mapping[str, Any] = errors[0]
-    place = ".".join(map(str, first["loc"]))
+    place, said = ".".join(map(str, first["loc"])), plain_words(first)
     value = first.get("input")
-    said = f", not {reprlib.repr(value)}" if isinstance(value, bool | int | float | str) else ""
-    return f"{place}: {first['msg']}{said}" if place else f"{first['msg']}{said}"
+    said += f", not {reprlib.repr(value)}" if isinstance(value, bool | int | float | str) else ""
+    return f"{place}: {said}" if place else said
 
 
 def one_line(e: BaseException) -> str:
-    """An exception's type and message on one line."""
+    """Return an exception's type and message on one line."""
     return f"{type(e).__name__}: {message(e)}" if message(e) else type(e).__name__
 
 
 def message(e: BaseException) -> str:
-    """An exception's message on one line, whatever its `__str__` does."""
+    """Return an exception's message on one line, whatever its `__str__` does."""
     try:
         return " ".join(str(e).split())
     except BaseException:

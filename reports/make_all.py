@@ -83,7 +83,11 @@ PAGES = (
 EVERY_RUN = tuple(step.name for step in RUNS)
 LAST = (  # with numbers and figures of other pages
     benchmark("reproduced", "reliability.py", "reliability.md", "reproduced", "{runs}", "{data}", after=EVERY_RUN),
-    page("paper", "paper/README.md", ("paper", "reasons", "readings", "own-filter", "without-scalability")),
+    page(
+        "paper",
+        "paper/README.md",
+        ("paper", "reasons", "readings", "own-filter", "without-scalability", "information", "fusion", "paper-fair"),
+    ),
     page("summary.tex.j2", "paper/summary.pdf", ("information", "fusion", "reasons", "paper-fair")),
     page("speed-notes", "speed.md"),
 )

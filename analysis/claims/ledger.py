@@ -27,7 +27,7 @@ from pydantic import BaseModel, Field, ValidationError
 from cooploc.analysis.claims.interpretations import Choice, Dimension, find_error
 from cooploc.analysis.claims.kinds import KINDS, RELATIVE, STRICT, Claim
 from cooploc.estimators import nearest
-from cooploc.estimators.errors import BadInput
+from cooploc.estimators.errors import BadInput, plain_words
 from cooploc.scenarios.display import list_table
 
 BASE = "paper"  # the variant without substitutions
@@ -132,7 +132,7 @@ def _explain(e: ValidationError, content: dict[str, Any]) -> str:
         models: dict[Any, type[BaseModel]] = {"claims": Claim, "variants": Variant, "dimensions": Dimension}
         known = list((Choice if "choices" in place else models.get(first["loc"][0], Ledger)).model_fields)
         return f", {', '.join(map(str, place[:-1])) or 'ledger'}: there is no key {key!r}; {nearest(key, known)}"
-    return f": {'.'.join(map(str, place))}: {first['msg']}"
+    return f": {'.'.join(map(str, place))}: {plain_words(first)}"
 
 
 def _error_of_claim(claim: Claim, alike: int) -> str:

@@ -143,6 +143,8 @@ def with_truth(
 
     """
     if not Path(source).is_file():
+        if source.endswith(".npz"):
+            raise BadInput(f"there is no file {source}; check its path: `Stream.save` writes such files")
         return simulate(source, trials=1 if trials is None else trials, seed=seed or 0, data=data)
     if trials is not None or seed is not None:
         raise BadInput(f"{source} is a file, which says its trials and its seed itself: leave --trials and --seed out")

@@ -128,7 +128,7 @@ def records(table: pd.DataFrame) -> list[dict[str, Any]]:
 
 
 # Keys of the columns that a terminal shows without --wide.
-ESSENTIAL = ("estimator", "consistency", "rmse", "rmse_low", "change", "change_low", "bytes", "verdict")
+ESSENTIAL = ("estimator", "consistency", "certificate", "rmse", "rmse_low", "change", "change_low", "bytes", "verdict")
 
 
 def _results(scenario: str, part: pd.DataFrame, every_column: bool = True) -> Table:

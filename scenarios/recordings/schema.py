@@ -47,7 +47,7 @@ from typing import Annotated, Any, Literal, Self, TypeVar, get_args
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from cooploc.estimators import nearest
-from cooploc.estimators.errors import BadInput
+from cooploc.estimators.errors import BadInput, plain_words
 from cooploc.scenarios.worlds.radio import Positive
 
 UNITS: dict[str, dict[str, float]] = {  # SI unit -> unit -> one of it in SI
@@ -622,7 +622,7 @@ def _reason(text: str, e: ValidationError, root: type[BaseModel], example: str) 
         known = list((tables[table] if table else root).model_fields)
         return f"{line}: there is no key {key!r}{f' in [{table}]' if table else ''}; {nearest(key, known)}"
     hint = f"; {example}" if first["type"] == "missing" else ""
-    return f"{line}: {'.'.join(path)}{': ' if path else ''}{first['msg'].removeprefix('Value error, ')}{hint}"
+    return f"{line}: {'.'.join(path)}{': ' if path else ''}{plain_words(first)}{hint}"
 
 
 def _line(text: str, table: str, key: str) -> str:

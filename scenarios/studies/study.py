@@ -301,7 +301,7 @@ def _load(which: str, including: tuple[str, ...]) -> Study:
 def _path(which: str) -> Any:
     if which.endswith(".toml"):
         if not Path(which).is_file():
-            raise BadInput(f"there is no study file {which}; name a TOML file or one of {', '.join(names())}")
+            raise BadInput(f"there is no file {which}; check its path, or name a shipped study (cooploc list studies)")
         return Path(which)
     if which not in names():
         raise BadInput(f"there is no study {which!r}; {nearest(which, names())}")

@@ -37,7 +37,7 @@ def test_everyone_is_told_everyones_prior_in_every_tick(label):
     running = drive("informed", cl.PerRobot(Informed), stream.select([1]))
     running.start()
     running.tick(0)
-    for robot in running.state.robots:
+    for robot in running.state.objects:
         np.testing.assert_array_equal(robot.told.x, stream.prior.x[1])
     assert len(cl.errors(truth, cl.run({"dr": "dead-reckoning"}, stream))) == 6
 
@@ -98,7 +98,7 @@ def test_short_ranges_are_refused_for_all_alike_and_shipped_models_refused_them_
 @pytest.mark.parametrize(
     ("label", "words"),
     [
-        ("trajectory[short_ranges=gone]", "short_ranges: Input should be 'kept' or 'refused'"),
+        ("trajectory[short_ranges=gone]", "short_ranges: it must be 'kept' or 'refused'"),
         ("trajectory[team_prior=true]", "no parameter 'team_prior'; did you mean 'team_priors'"),
         ("trajectory[assumed.team_priors=true]", "is of the stream, so it cannot be assumed: write team_priors=true"),
     ],

@@ -354,7 +354,7 @@ def test_a_variant_replaces_all_scenarios_of_a_claim_or_none():
             {"paper": "p", "claims": [{"id": "7", "says": "x", "kind": "levle"}]},
             "no kind 'levle'; did you mean 'level'?",
         ),
-        ({"paper": "p", "claims": [{"id": "7", "says": "x"}]}, "kind: Field required"),
+        ({"paper": "p", "claims": [{"id": "7", "says": "x"}]}, "kind: it is missing"),
         ({"paper": "p", "claims": []}, "claims"),
         ({"paper": "p", "claims": [{"id": "7", "says": "x", "kind": "level", "of": "a", "scenarios": "s"}]}, "'size'"),
         ({"paper": "p", "claims": [{"id": "7", "says": "x", **CHANGE, "why": "x"}]}, "does not use 'why'"),

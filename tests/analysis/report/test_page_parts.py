@@ -132,7 +132,7 @@ def test_failures_that_repeat_are_counted_though_their_numbers_differ():
     rows.loc[12, ["failure", "traceback"]] = ["OSError: other", "there"]
     first, second = failures(rows)
     assert (first.message, first.trials) == ("ValueError: nan at tick 0", 3)
-    assert first.where == ["nlos, a: 2", "nlos, b: 1"]
+    assert first.where == ["nlos, a: trials 0, 3", "nlos, b: trial 1"]
     assert second.trials == 1
 
 

@@ -110,8 +110,8 @@ def test_what_a_plain_class_declares_can_be_tuned(file):
     ("label", "words"),
     [
         ("Walker[scal=2]", "has no parameter 'scal'; did you mean 'scale'?"),
-        ("Walker[scale=wide]", r"scale: Input should be a valid number.*, not 'wide'"),
-        ("Walker[lean=wide]", r"lean: Input should be a valid .*, not 'wide'"),
+        ("Walker[scale=wide]", r"scale: it must be a number, not 'wide'"),
+        ("Walker[lean=wide]", r"lean: it must be a whole number, not 'wide'"),
         ("Silent", r'write uses = \("odometry", ...\) in it, or name what cl.PerRobot\(Silent, uses=\(...\)\) makes'),
         ("Short", r"Short takes \(prior\); it is called with \(prior, world, robot, key\), then its parameters"),
         ("factory[lean=1]", "has no parameter 'lean'; known are scale"),

@@ -421,7 +421,7 @@ def test_a_bad_line_is_left_out_and_said(data, cells, said):
 
 TOML = [
     ('x = "x"', 'x = { column = "x", unit = "inch" }', ["line 12", "truth.x: ", "'inch'", "cm"]),
-    ('x = "x"\n', "", ["line 11", "truth.x: Field required"]),
+    ('x = "x"\n', "", ["line 11", "truth.x: it is missing"]),
     ("max_speed", "max_sped", ["line 15", "no key 'max_sped' in [truth]", "did you mean 'max_speed'"]),
     ("[anchors]", "[anchor]", ["no key 'anchor'", "did you mean 'anchors'"]),
     ("[4, 0]]", "[4, 0], [9, 9]]", ["5 positions have 4 rssi columns"]),

@@ -78,8 +78,8 @@ ALSO = GOOD + '[[also]]\nscenarios = ["nlos"]\nestimators = ["arl", "rssi-pf"]\n
     [
         (GOOD + "trails = 3\n", "there is no key 'trails' in a study; did you mean 'trials'?"),
         (ALSO + "estimator = 3\n", "there is no key 'estimator' in a block of [[also]]; did you mean 'estimators'?"),
-        (GOOD + "trials = 0\n", "trials: Input should be greater than or equal to 1"),
-        (GOOD + "time_limit = -1\n", "time_limit: Input should be greater than 0"),
+        (GOOD + "trials = 0\n", "trials: it must be at least 1"),
+        (GOOD + "time_limit = -1\n", "time_limit: it must be above 0"),
         (GOOD + "trials = [\n", "is not a TOML file"),
         (GOOD.replace('["arl"]', "[]"), "it has scenarios and no estimators"),
         (GOOD.replace('baseline = "arl"', 'baseline = "ctrn"'), "compares with 'ctrn', which is not one of its est"),
