@@ -35,8 +35,11 @@ class Number(NamedTuple):
     high: float
     form: Format = signed
     unit: str = ""
+    instead: str = ""  # what is written in place of a change that one trial decides
 
     def __str__(self) -> str:
+        if self.instead:
+            return self.instead
         return f"{self.alone} ({self.ends})" if self.ends else self.alone
 
     @property
@@ -134,7 +137,7 @@ class StudyRun:
         return count(self._row(estimator, scenario)["bytes"])
 
     def change(self, of: str, than: str, scenario: str) -> Number:
-        """Return by how much the RMSE of one estimator differs from another's on the same streams (Fieller)."""
+        """Return by how much the RMSE of one estimator differs from another's on the same streams."""
         return self._from_to((scenario, than), (scenario, of))
 
     def trend(self, of: str, first: str, later: str) -> Number:
@@ -143,7 +146,10 @@ class StudyRun:
 
     def _from_to(self, before: Cell, after: Cell) -> Number:
         both = pd.concat([self._means(*one)["mse"] for one in (before, after)], axis=1, join="inner").dropna()
-        return Number(*statistics.change(*both.to_numpy(float).T))
+        a, b = both.to_numpy(float).T
+        decisive = statistics.decisive_trial(a, b)
+        trial = "" if decisive is None else f"not comparable: trial {both.index[decisive]} decides"
+        return Number(*statistics.change(a, b), instead=trial)
 
     def _means(self, scenario: str, estimator: str) -> pd.DataFrame:
         """Return the means of every trial."""

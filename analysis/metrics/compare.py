@@ -215,8 +215,8 @@ def compare(
     columns of `summarize` that are read most, and these.
 
     Columns:
-        change: RMSE / the baseline's RMSE - 1, with its interval (Fieller); -0.2 is an error 20 % smaller
-        p_holm: p of the test that the interval of `change` inverts, adjusted by Holm over all rows of the table
+        change: RMSE / the baseline's RMSE - 1, with its interval (`statistics.change`); -0.2 is an error 20 % smaller
+        p_holm: p of the test of `change`, which agrees with its interval, adjusted by Holm over all rows of the table
         consistency: over-confident, consistent, conservative, over-wide, not shown or not assessed; see
             `consistency.flag`
         centralised: True for an estimator whose readings all reach one computer
@@ -230,7 +230,8 @@ def compare(
         baseline: label of the estimator that the row is compared with
         pairs: trials in which both succeeded
         difference [m]: mean over trials of RMSE minus the baseline's, with its t interval
-        bca_low, bca_high: interval of `change` by the BCa bootstrap, a cross-check of Fieller's
+        bca_low, bca_high: interval of `change` by the BCa bootstrap, a cross-check
+        decisive_trial: the number of the trial that alone decides `change`, see `statistics.decisive_trial`; nan: none
         p: p against equal RMSE, not adjusted: below 0.05 where the interval of `change` excludes 0, and nowhere else;
             1 where the one that looks better failed in a trial
         effect: matched-pairs rank-biserial correlation in [-1, 1], which says in how many trials errors are smaller
@@ -308,6 +309,7 @@ def _against(
     change, bca, n = statistics.change(a, b), statistics.change_bca(a, b), len(both)
     other = estimator != baseline
     tested = other and n >= statistics.LEAST_TRIALS
+    decisive = statistics.decisive_trial(a, b)
     lost = failed.get((scenario, baseline), False), failed[cell]
     p = statistics.p_of_difference(a, b) if tested else np.nan
     p_equal = statistics.equivalence(a, b, margin) if tested else np.nan
@@ -318,6 +320,7 @@ def _against(
         **dict(_columns("change", change)),
         "bca_low": bca.low,
         "bca_high": bca.high,
+        "decisive_trial": both.index[decisive] if decisive is not None and other else np.nan,
         "p": 1.0 if p == p and lost[int(change.value < 0)] else p,
         "effect": statistics.signed_rank(np.sqrt(a), np.sqrt(b))[1] if tested else np.nan,
         "p_equal": 1.0 if p_equal == p_equal and any(lost) else p_equal,

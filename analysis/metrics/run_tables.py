@@ -76,7 +76,7 @@ def information(errors: pd.DataFrame, seed: int) -> pd.DataFrame:
             the row "doa" given angles alone: a Kalman filter there weighs each angle by its gradient's strength too,
             and only the floor of the row "gradient" holds for it; nan where there is none
         change: RMSE / the RMSE of the same filter with the same own readings and no teammates - 1
-        change_low, change_high: its 95 % interval (Fieller), over paired trials; nan for those that are alone
+        change_low, change_high: its 95 % interval, over paired trials; nan for those that are alone
 
     Args:
         errors: the rows of a run.
@@ -167,7 +167,7 @@ def sensitivity(errors: pd.DataFrame, seed: int, baseline: str = "arl") -> pd.Da
             certificate: as of `compare`
         floor [m]: the Cramer-Rao floor of all readings, over at most 20 trials; nan where none holds
         change: RMSE / the baseline's RMSE at the same value - 1
-        change_low, change_high: its 95 % interval (Fieller), over paired trials
+        change_low, change_high: its 95 % interval, over paired trials
 
     Args:
         errors: the rows of a run.

@@ -33,7 +33,7 @@ from scipy import stats
 
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.errors import drop_failed, weighted_means
-from cooploc.analysis.metrics.statistics import LEAST_TRIALS, Interval, Z, holm, quantile
+from cooploc.analysis.metrics.statistics import HALVES, LEAST_TRIALS, Interval, Z, holm, quantile
 from cooploc.estimators.interface import Array
 
 C2 = 4.0  # c^2: an effect of half a standard deviation is expected; b is smallest near 70 trials
@@ -84,15 +84,14 @@ def _explained_share(t: float, n: int) -> float:
 # ---- two ways to judge a run: its number of trials was fixed before, or it may have stopped at any look
 
 WORTH = 1.5  # trials that an effective one counts for
-HALVES = np.array([-0.5, 0.5])  # of the logarithms of two mean squared errors: that of the ratio of their RMSE
 
 
 class Stopping(NamedTuple):
     """Intervals and tests, as functions of trials.
 
-    `FIXED` is what tables and reports use: t intervals, and Fieller's for a relative change. `ANYTIME` is for runs that
-    stop when their questions are decided. Either way a p-value is at most 0.05 where the interval excludes a value, and
-    nowhere else.
+    `FIXED` is what tables and reports use: t intervals, on the logarithm for a relative change. `ANYTIME` is for runs
+    that stop when their questions are decided. Either way a p-value is at most 0.05 where the interval excludes a
+    value, and nowhere else.
     """
 
     mean: Callable[[Array], Interval]

@@ -96,9 +96,9 @@ METHODS = (
     ("Trial", "The unit of every interval and test; its robots and ticks are not independent, and pooled first."),
     ("RMSE",
      "Root of the mean over trials of the mean squared position error [m]; jackknife interval on its logarithm."),
-    ("Change", "RMSE relative to the baseline's on the same streams, paired by trial; Fieller's 95 % interval."),
+    ("Change", "RMSE relative to the baseline's on the same streams, paired by trial; jackknife on the logarithm."),
     ("p (Holm)",
-     "The t test over trials that the interval of the change inverts, so that the two never disagree, adjusted by Holm "
+     "The test over trials that belongs to the interval of the change: the two never disagree. Adjusted by Holm "
      "over all rows of all experiments. It is 1 where the better one of the two failed in a trial."),
     ("Ties",
      "The 95 % interval of the paired change holds 0, or two one-sided tests of the same kind say that the RMSE "
@@ -172,7 +172,7 @@ def methods(until_decided: bool) -> tuple[tuple[str, str], ...]:
 
 
 TITLE = "cooploc: fair comparison of estimators for multi-robot cooperative localization"  # as in CITATION.cff
-FIXED = "with Fieller's 95 % intervals of the relative change and t tests"
+FIXED = "with 95 % intervals of the relative change (jackknife on the logarithm) and their tests"
 UNTIL = "with confidence sequences of the relative change, which are valid however the run stops,"
 
 

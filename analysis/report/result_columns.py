@@ -67,6 +67,14 @@ def _of_others(form: Callable[..., str]) -> Callable[..., str]:
     return lambda estimator, baseline, *values: "" if estimator == baseline else form(*values)
 
 
+def _change_unless_one_trial_decides(value: float, trial: float) -> str:
+    return change(value) if np.isnan(trial) else "not comparable:"
+
+
+def _ends_unless_one_trial_decides(low: float, high: float, trial: float) -> str:
+    return interval(change)(low, high) if np.isnan(trial) else f"trial {trial:.0f} decides"
+
+
 def _ends(name: str, form: Callable[[float], str], **layout: Any) -> TableColumn:
     """Return the column of an interval, of the keys NAME_low and NAME_high."""
     return number_column("95 %", f"{name}_low", f"{name}_high", form=interval(form), **layout)
@@ -101,15 +109,15 @@ RESULTS = (
     number_column(
         "vs baseline",
         "change",
-        of=(*VERSUS, "change"),
-        form=_of_others(change),
-        about="change of RMSE on the same streams, with its Fieller interval",
+        of=(*VERSUS, "change", "decisive_trial"),
+        form=_of_others(_change_unless_one_trial_decides),
+        about="change of RMSE on the same streams, with its interval; not comparable where one trial decides it",
     ),
     number_column(
         "95 %",
         *("change_low", "change_high"),
-        of=(*VERSUS, "change_low", "change_high"),
-        form=_of_others(interval(change)),
+        of=(*VERSUS, "change_low", "change_high", "decisive_trial"),
+        form=_of_others(_ends_unless_one_trial_decides),
         second_line=True,
     ),
     number_column(

@@ -39,7 +39,7 @@ GAINS = (
 )
 LEGEND = (
     "score: what tuning makes small, mean negative log-likelihood with a robust cap [nats], or log RMSE [log m]. "
-    "change: of RMSE by tuning, on the same fresh streams, with Fieller's interval; p: Holm over the whole table. "
+    "change: of RMSE by tuning, on the same fresh streams, with its interval; p: Holm over the whole table. "
     "training gain: how much the mean score fell on the streams that the best configuration was chosen on; fresh gain: "
     "on streams that tuning never saw. Where the first is larger, the rest of it was not seen on fresh streams. rank: "
     "by RMSE."

@@ -152,7 +152,7 @@ def order(rows: pd.DataFrame, tuned: Mapping[str, str], by: str = "rmse") -> pd.
 
 
 def _p_value(x: Any, y: Any, by: str) -> float:
-    """Return p against equal RMSE, by Fieller's interval; against equal mean scores, maybe negative, by the t test."""
+    """Return p against equal RMSE, as of `change`; against equal mean scores, maybe negative, by the t test."""
     return statistics.p_of_difference(x, y) if by == "rmse" else statistics.p_of_mean(statistics.mean(y - x), len(x), 0)
 
 
