@@ -35,7 +35,7 @@ RULES = {  # method -> how it fuses, and the filter that it builds on
 INFORMATION_COLUMNS = (
     *("own", "between", "robots", "fusion", "filter", "estimator", "scenario", "trials"),
     *("rmse", "rmse_low", "rmse_high", "floor", "anees", "anees_low", "anees_high", "consistency"),
-    *("centralised", "bound", "certificate", "change", "change_low", "change_high"),
+    *("centralised", "bound", "certificate", "change", "change_low", "change_high", "decisive_trial"),
 )
 
 
@@ -77,6 +77,7 @@ def information(errors: pd.DataFrame, seed: int) -> pd.DataFrame:
             and only the floor of the row "gradient" holds for it; nan where there is none
         change: RMSE / the RMSE of the same filter with the same own readings and no teammates - 1
         change_low, change_high: its 95 % interval, over paired trials; nan for those that are alone
+        decisive_trial: as of `compare`
 
     Args:
         errors: the rows of a run.
@@ -116,7 +117,8 @@ def _against_alone(rows: pd.DataFrame, cells: dict[int, MatrixCell]) -> pd.DataF
     table = compare(rows, alone[0] if alone else next(iter(by_name)), full=True)
     placed = pd.DataFrame([by_name[name] for name in table["estimator"]], columns=MatrixCell._fields, index=table.index)
     nothing = (placed["between"] == "none") | (not alone)
-    table[["change", "change_low", "change_high"]] = table[["change", "change_low", "change_high"]].mask(nothing)
+    changes = ["change", "change_low", "change_high", "decisive_trial"]
+    table[changes] = table[changes].mask(nothing)
     return pd.concat([placed, table], axis=1)
 
 

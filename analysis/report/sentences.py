@@ -386,6 +386,8 @@ def effect(row: dict[Any, Any]) -> str:
         return f"leaves the error as it is by {by}"
     if low != low:
         return f"changes the error by {change(size)} by {by} (no interval)"
+    if row["decisive_trial"] == row["decisive_trial"]:
+        return f"cannot be compared by {by} (trial {row['decisive_trial']:.0f} decides)"
     if low <= 0 <= high:
         return f"makes no difference that {counted(int(row['trials']), 'trial')} show by {by} ({_between(low, high)})"
     verb = "takes {} off the error" if size < 0 else "adds {} to the error"
