@@ -187,10 +187,11 @@ def verdicts(folder: RunDirectory, ledger: Claims = None) -> None:
     Or contradicts, or leaves open; and in how many readings of the paper.
     """
     from cooploc import api_runs
+    from cooploc.analysis.claims.ledger import load
     from cooploc.terminal import tables
 
     found, mapped = api_runs.verdicts_and_readings(folder, ledger)
-    tables.show_all_verdicts(found, ledger)
+    tables.show_verdicts(found, load(ledger))
     tables.show_interpretations(mapped)
 
 

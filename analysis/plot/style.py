@@ -11,7 +11,6 @@ Rows that are drawn are those of `compare`, or of `summarize` with `consistency`
 import re
 import warnings
 from collections.abc import Iterable, Mapping
-from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -23,8 +22,6 @@ import seaborn as sns
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
-from matplotlib.font_manager import FontProperties
-from matplotlib.textpath import text_to_path
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from cooploc.analysis.metrics.compare import summarize
@@ -306,10 +303,3 @@ def round_coordinates(svg: str) -> str:
     """An SVG with the coordinates of its paths and marks to a hundredth of a point, which is a third shorter."""
     coordinates, long = re.compile(r'\s(?:d|x|y)="[^"]*"'), re.compile(r"-?\d+\.\d{3,}")
     return coordinates.sub(lambda found: long.sub(lambda number: f"{float(number[0]):.2f}", found[0]), svg)
-
-
-@cache
-def text_width(written: str, size: float = TEXT) -> float:
-    """How wide a text is in Times [pt]."""
-    prop = FontProperties(family=_TIMES["font.family"], size=size)
-    return float(text_to_path.get_text_width_height_descent(written or " ", prop, False)[0])

@@ -143,7 +143,7 @@ METHODS = (
      "An estimator that is not built in is checked before it runs: it must not see the truth, the future or lost "
      "packets, and must give the same bits however it is run. One that fails a check is marked and not ranked."),
     ("Centralised, bound", "Every reading reaches one computer, which knows more than any robot could; shown and not "
-     "ranked. A bound uses all of them as well as any estimator could."),
+     "ranked. A bound uses all of them as well as any could who knows the true models."),
     ("Below five trials", "No intervals, tests or verdicts are given."),
     ("Claims",
      "Each is judged by one number with its 95 % interval; a verdict needs the whole interval on its side. `cooploc "

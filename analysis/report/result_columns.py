@@ -21,7 +21,7 @@ REMARKS = {  # what the words of a remark mean
     "over-wide": "ANEES below 0.1",
     "consistency not shown": "the interval of ANEES holds 0.67 or 1.5: more trials decide",
     "centralised": "every reading reaches one computer",
-    "bound": "uses all readings; no estimator is better",
+    "bound": "uses all readings; no estimator is better in a simulated world",
     "as published": "configured as in its paper; at its best: as the audit found it best",
 }
 STOPPED = (

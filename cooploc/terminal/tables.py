@@ -359,11 +359,6 @@ def show_paper(example: Path) -> None:
     console.print(f"to see them all: cd {folder} && {latex} && bibtex {example.stem} && {latex} && {latex}")
 
 
-def show_all_verdicts(found: pd.DataFrame, ledger: Path | None) -> None:
-    """Print the verdicts of a ledger on a run."""
-    show_verdicts(found, ledgers.load(ledger))
-
-
 def show_changes(title: str, settings: list[str], found: pd.DataFrame, sentences: list[str]) -> None:
     """Print what changed between two runs."""
     from cooploc.analysis.report import run_diff
