@@ -11,7 +11,7 @@ import typer
 
 import cooploc as cl
 from cooploc.commands import judge, plan, tune
-from cooploc.terminal.console import Claims, Estimators, Isolate, Jobs, Recordings, RunDirectory, StudyName
+from cooploc.terminal.console import Claims, Estimators, Isolate, Jobs, Recordings, RunDirectory, Strict, StudyName
 from cooploc.terminal.inspect_command import inspect
 
 app = typer.Typer(
@@ -72,6 +72,7 @@ def run(
     check: Annotated[bool, typer.Option(help="check estimators that are not built in before they run")] = True,
     retry_failed: Annotated[bool, typer.Option("--retry-failed", help="run again every trial that failed")] = False,
     isolate: Isolate = True,
+    strict: Strict = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="print the table as JSON, and nothing else on stdout")
     ] = False,
@@ -97,6 +98,7 @@ def run(
         check=check,
         retry_failed=retry_failed,
         isolate=isolate,
+        strict=strict,
     )
     printed.show_results(results.table, results.rows, results.folder, as_json, wide)
     if len(results.failures):

@@ -17,3 +17,4 @@ class How(TypedDict, total=False):
     check: bool
     retry_failed: bool
     isolate: bool
+    strict: bool

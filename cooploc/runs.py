@@ -22,7 +22,6 @@ from cooploc.estimators.errors import BadInput
 from cooploc.run_options import How
 from cooploc.scenarios.studies.study import Study, load
 from cooploc.terminal import tables
-from cooploc.terminal import tables as printed
 from cooploc.terminal.console import TerminalProgress
 
 
@@ -90,6 +89,7 @@ def run_study(study: str | Path, *, trials: int | None = None, **how: Unpack[How
             full, or that a smaller time limit ended, always runs again.
         isolate: False keeps everything in this process, for a debugger; else what is not built in has processes of its
             own, where it may crash or hang.
+        strict: True refuses a recording of which something was left out, sorted or repaired while reading.
 
     Raises:
         BadInput: the study cannot be run as it stands; nothing was computed.
@@ -117,7 +117,7 @@ def ran(
         rows = begin(asked, folder, data=None if data is None else Path(data), progress=progress, **options)
     found = comparisons(read_decisions(folder)) if decided else None
     results = Results(folder, rows, *compared(rows, asked.baselines(), found))
-    printed.keep_tables(results.table, rows, folder)
+    tables.keep_tables(results.table, rows, folder)
     return results
 
 

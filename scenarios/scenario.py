@@ -85,6 +85,10 @@ class ExplainedScenario(Scenario, Protocol):
         """Return sentences for the report: which models were fitted on which runs, what was dropped while reading."""
         ...
 
+    def faults(self) -> list[str]:
+        """Return those of the sentences that are on what was left out, sorted or repaired while reading."""
+        ...
+
 
 @dataclass(frozen=True)
 class Family:
@@ -230,6 +234,10 @@ class ResolvedScenario:
     def explained(self) -> list[str]:
         """Return sentences on fitted models and on what was dropped while reading; empty for simulated worlds."""
         return self.model.explained() if isinstance(self.model, ExplainedScenario) else []
+
+    def faults(self) -> list[str]:
+        """Return sentences on what was left out, sorted or repaired while reading; empty for simulated worlds."""
+        return self.model.faults() if isinstance(self.model, ExplainedScenario) else []
 
     def first_tick(self) -> "ResolvedScenario":
         """The same scenario with one tick, where its length can be chosen."""

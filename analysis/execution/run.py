@@ -2,7 +2,7 @@
 
 import re
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from math import isfinite
@@ -51,6 +51,7 @@ def execute(
     check: bool = True,
     retry_failed: bool = False,
     isolate: bool = True,
+    strict: bool = False,
     progress: RunProgress | None = None,
 ) -> pd.DataFrame:
     """Run the parts of a study that are not there yet; return the rows of everything that the study asks for.
@@ -66,6 +67,7 @@ def execute(
         retry_failed: whether every trial that failed runs again; those whose process was lost, that found memory or
             disk full, or that a smaller time limit ended, always do.
         isolate: False keeps everything in this process, for a debugger; else what is not built in has its own.
+        strict: whether a recording is refused of which something was left out, sorted or repaired while reading.
         progress: called for every part.
 
     Returns:
@@ -80,6 +82,8 @@ def execute(
     asked = resolve_study(study, data)
     asked = asked if counts is None else asked.with_trials(counts)
     asked = drop_incompatible(asked, watcher.say)
+    if strict:
+        require_whole([f"{cell.scenario.label}, {line}" for cell in asked.cells for line in cell.scenario.faults()])
     directory = RunDir(out)
     notice = require_memory(asked, jobs)
     with make_workers(jobs, scheduler, isolate, watcher.say) as workers:
@@ -96,6 +100,18 @@ def execute(
             rows = _read_rows(asked, directory, parts)
             _write_streams(directory, rows)
     return rows
+
+
+def require_whole(faults: Sequence[str]) -> None:
+    """Refuse a recording with faults.
+
+    Raises:
+        BadInput: there are some; names the first.
+
+    """
+    if faults:
+        others = f", and {counted(len(faults) - 1, 'other fault')}" if len(faults) > 1 else ""
+        raise BadInput(f"{faults[0]}{others}: mend the recording, or leave out --strict")
 
 
 def make_manifest(asked: ResolvedStudy) -> dict[str, Any]:

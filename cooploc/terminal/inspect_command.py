@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import cooploc as cl
+from cooploc.terminal.console import Strict
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -19,12 +20,17 @@ def inspect(
     out: Annotated[Path | None, typer.Option(help="directory for log.toml and sketch [default: beside it]")] = None,
     run: Annotated[str, typer.Option(help="which recording of several [default: the first]")] = "",
     force: Annotated[bool, typer.Option("--force", help="guess again, and replace a log.toml that is there")] = False,
+    strict: Strict = False,
 ) -> None:
     """Look at a recording of robots, and draft its log.toml.
 
     Says what is in it and what is odd about it, sketches it, and writes a log.toml that runs.
     """
     found = cl.inspect(path, run, again=force)
+    if strict:
+        from cooploc.analysis.execution.run import require_whole
+
+        require_whole(found.inspected.log.warnings)
     _show(found, found.write(out, force))
 
 

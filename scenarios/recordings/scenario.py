@@ -274,6 +274,12 @@ class TeamScenario(schema.Model):
             found.append("it has no readings beside odometry")
         return found
 
+    def faults(self) -> list[str]:
+        """Return sentences, run by run, on what was left out, sorted or repaired while reading."""
+        if self.run == ALL:
+            return [line for k in range(self.count()) for line in self.at([k]).faults()]
+        return list(self.judged.log.warnings)
+
     def explained(self) -> list[str]:
         """Return sentences, run by run: what was left out while reading, and the models with where they were fitted."""
         if self.run == ALL:

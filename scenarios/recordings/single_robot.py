@@ -441,10 +441,14 @@ class Log(RobotModel):
         valid: Mask = np.asarray(np.isfinite(path).all(-1))
         return Truth(label, stream.trial, path, valid, arena, stream.hashes), stream
 
-    def explained(self) -> list[str]:
+    def faults(self) -> list[str]:
         """Return sentences, run by run, on what was left out or sorted while reading."""
         names = self._names() if self.run == ALL else [self.run]
         return [warning for name in names for warning in self.folder.runs[name].counts["warnings"]]
+
+    def explained(self) -> list[str]:
+        """Return the same: what a run says of a recording before it begins."""
+        return self.faults()
 
     def _names(self) -> list[str]:
         return self.folder.different if self.run == ALL else [self._run().name]

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from made_team import ANCHORS, BIAS, DESCRIPTION, EPOCH, ROBOTS, describe, poses_at, write
 
+import cooploc as cl
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings import csv_files, schema
 
@@ -183,3 +184,14 @@ def test_directories_are_runs(sound, tmp_path):
     description = schema.load(folder / "log.toml")
     assert list(csv_files.runs(folder, description)) == ["first", "second"]
     assert csv_files.read(folder, folder / "second", "second", description).truth[0].time[0] > EPOCH
+
+
+def test_a_strict_run_refuses_what_another_reads_around(lab, tmp_path):
+    describe(lab, ("seconds = 60.0", "seconds = 6.0"))
+    odometry = sorted(lab.glob("odom*.csv"))[0]
+    odometry.write_text(odometry.read_text() + "12.3,torn")
+    options = {"data": lab, "estimators": "dead-reckoning,constant", "out": tmp_path / "run"}
+    with pytest.raises(BadInput, match=rf"{odometry.name}.*: mend the recording, or leave out --strict$"):
+        cl.run_study("log", **options, strict=True)
+    assert not (tmp_path / "run").exists()
+    assert not len(cl.run_study("log", **options).failures)
