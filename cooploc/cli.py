@@ -77,6 +77,7 @@ def run(
         bool, typer.Option("--json", help="print the table as JSON, and nothing else on stdout")
     ] = False,
     wide: Annotated[bool, typer.Option("--wide", help="print every column, and what each means")] = False,
+    sort: Annotated[str, typer.Option(help="column of table.csv by which rows are printed, or study")] = "rmse",
     until_decided: Annotated[
         bool,
         typer.Option("--until-decided", help="stop what is decided after 10, 20, 40, ... trials; go on with the rest"),
@@ -100,7 +101,7 @@ def run(
         isolate=isolate,
         strict=strict,
     )
-    printed.show_results(results.table, results.rows, results.folder, as_json, wide)
+    printed.show_results(results.table, results.rows, results.folder, as_json, wide, sort)
     if len(results.failures):
         raise typer.Exit(1)
 

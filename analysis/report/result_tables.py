@@ -17,16 +17,33 @@ from cooploc.analysis.metrics.statistics import Interval
 from cooploc.analysis.report.result_columns import ANEES, RMSE, result_columns, share
 from cooploc.analysis.report.sentences import Change, Standing, summary_sentence
 from cooploc.analysis.report.tables import Row, Table, number_column, text_column
+from cooploc.estimators import nearest
+from cooploc.estimators.errors import BadInput
 
 FLAGS = {flag: flag.replace("-", "_").replace(" ", "_") for flag in
          ("over-confident", "consistent", "conservative", "over-wide", "not shown", "not assessed")}  # fmt: skip
 Ranks = dict[str, tuple[dict[str, float], dict[str, str]]]  # scenario -> mean ranks, and letters, by estimator
+STUDY = "study"  # instead of a column by which rows are sorted: the order of the study
+
+
+def in_order(table: pd.DataFrame, by: str = "rmse") -> pd.DataFrame:
+    """Return the rows of each scenario by rising `by`, a column of `compare`; those of "study" as they were.
+
+    Raises:
+        BadInput: there is no such column of numbers.
+
+    """
+    known = [str(name) for name in table.select_dtypes("number")]
+    if by not in (STUDY, *known):
+        raise BadInput(f"--sort is {by!r}; {nearest(by, [STUDY, *known])}")
+    parts = [part for _, part in table.groupby("scenario", sort=False)]
+    return table if by == STUDY else pd.concat([part.sort_values(by, kind="stable") for part in parts])
 
 
 def results(name: str, part: pd.DataFrame, ranks: Ranks, caption: str) -> Table:
-    """Return one row per (scenario, estimator) of `compare`."""
+    """Return one row per (scenario, estimator) of `compare`, those of a scenario in order of error."""
     rows: list[Row] = []
-    for row in part.to_dict("records"):
+    for row in in_order(part).to_dict("records"):
         mean, letters = ranks[row["scenario"]]
         estimator, status = row["estimator"], row["certificate"].partition(":")[0]
         rows.append({**row, "rank": mean.get(estimator, np.nan), "group": letters.get(estimator, ""), "status": status})

@@ -1,7 +1,7 @@
 """What the commands print: lists, results, the contents of a run, verdicts, plans, tuning, checks."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +19,12 @@ from cooploc.analysis.formats import change, count, counted, duration, listed
 from cooploc.analysis.metrics import ranking
 from cooploc.analysis.metrics.compare import outlier_warnings
 from cooploc.analysis.metrics.errors import drop_failed, note_lines
-from cooploc.analysis.metrics.ranking import short_certificate
+from cooploc.analysis.metrics.ranking import disqualifications, short_certificate
 from cooploc.analysis.metrics.sequential import PILOT, minutes
 from cooploc.analysis.report import claim_tables, tuning_tables
 from cooploc.analysis.report.result_columns import REMARKS, STOPPED, decision, result_columns
-from cooploc.analysis.report.result_tables import failures
-from cooploc.analysis.report.tables import Table, csv_text, number_column, text_column
+from cooploc.analysis.report.result_tables import STUDY, failures, in_order
+from cooploc.analysis.report.tables import Row, Table, csv_text, number_column, text_column
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.conformance.check import Report, sentences
 from cooploc.scenarios.recordings.scenario import NO_ORDER
@@ -49,16 +49,21 @@ def keep_tables(table: pd.DataFrame, rows: pd.DataFrame, folder: Path) -> None:
 
 
 def show_results(
-    found: pd.DataFrame, rows: pd.DataFrame, folder: Path, as_json: bool = False, every_column: bool = False
+    found: pd.DataFrame,
+    rows: pd.DataFrame,
+    folder: Path,
+    as_json: bool = False,
+    every_column: bool = False,
+    sort: str = "rmse",
 ) -> None:
-    """Print the results of a run in order of error, then failures, where the files are, and what to do next."""
+    """Print the results of a run by rising `sort`, then failures, where the files are, and what to do next."""
     manifest, console = RunDir(folder).manifest, wide(stderr=as_json)
     recorded = manifest.get("data") is not None
     notes = manifest.get("recordings", {})
     weak = {name: [text for text in notes.get(name, []) if NO_ORDER in text] for name, _ in _by_scenario(found)}
     if not as_json:
         parts = _by_scenario(found)
-        found = pd.concat([part if weak[name] else part.sort_values("rmse", kind="stable") for name, part in parts])
+        found = pd.concat([in_order(part, STUDY if weak[name] else sort) for name, part in parts])
     table(found, rows, as_json, every_column)
     for name, part in _by_scenario(found) if recorded else []:
         for text in recording_lines(part, weak[name]):
@@ -109,8 +114,9 @@ def table(table: pd.DataFrame, rows: pd.DataFrame, as_json: bool, every_column: 
     else:
         shown = [_results(name, part, every_column) for name, part in _by_scenario(table)]
         for one in shown:
-            console.print(one.terminal())
+            console.print(one.terminal(_bold(_best(one.rows))))
             console.print()
+        console.print("bold: the lowest RMSE of those that may be called best", style="dim")
         if every_column:
             for text in (*_legend(shown), *[STOPPED] * ("look" in table)):
                 console.print(text, style="dim")
@@ -118,6 +124,15 @@ def table(table: pd.DataFrame, rows: pd.DataFrame, as_json: bool, every_column: 
                 console.print(text)
     for text in (*ranking.certificate_remarks(table), *outlier_warnings(table)):
         console.print(text)
+
+
+def _best(rows: list[Row]) -> Row | None:
+    """Return the row with the lowest RMSE of those that may be called best."""
+    return min((row for row in rows if not disqualifications(row)), key=lambda row: row["rmse"], default=None)
+
+
+def _bold(chosen: Row | None) -> Callable[[Row], str]:
+    return lambda row: "bold" if row is chosen else ""
 
 
 def records(table: pd.DataFrame) -> list[dict[str, Any]]:
