@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
+from itertools import groupby
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ import pandas as pd
 from cooploc.analysis.formats import change, count, interval, metres, ratio
 from cooploc.analysis.metrics.consistency import COLLAPSED
 from cooploc.analysis.metrics.errors import NOTE
+from cooploc.analysis.metrics.ranking import disqualifications
 from cooploc.analysis.metrics.statistics import Interval
 from cooploc.analysis.report.result_columns import ANEES, RMSE, result_columns, share
 from cooploc.analysis.report.sentences import Change, Standing, summary_sentence
@@ -40,6 +42,11 @@ def in_order(table: pd.DataFrame, by: str = "rmse") -> pd.DataFrame:
     return table if by == STUDY else pd.concat([part.sort_values(by, kind="stable") for part in parts])
 
 
+def lowest_that_qualifies(rows: list[Row]) -> Row | None:
+    """Return the row of `compare` with the lowest RMSE of those that may be called best; None: no such row."""
+    return min((row for row in rows if not disqualifications(row)), key=lambda row: row["rmse"], default=None)
+
+
 def results(name: str, part: pd.DataFrame, ranks: Ranks, caption: str) -> Table:
     """Return one row per (scenario, estimator) of `compare`, those of a scenario in order of error."""
     rows: list[Row] = []
@@ -47,7 +54,12 @@ def results(name: str, part: pd.DataFrame, ranks: Ranks, caption: str) -> Table:
         mean, letters = ranks[row["scenario"]]
         estimator, status = row["estimator"], row["certificate"].partition(":")[0]
         rows.append({**row, "rank": mean.get(estimator, np.nan), "group": letters.get(estimator, ""), "status": status})
-    marks = {f"data-{key}": key for key in ("scenario", "estimator", "consistency", "baseline")}
+    for _, same in groupby(rows, key=lambda row: row["scenario"]):
+        together = list(same)
+        chosen = lowest_that_qualifies(together)
+        for row in together:
+            row["best"] = "yes" if row is chosen else ""
+    marks = {f"data-{key}": key for key in ("scenario", "estimator", "consistency", "baseline", "best")}
     until_decided = "look" in part
     empty = {"checks"} if not part["certificate"].any() else set()  # all are built in
     empty |= {"rank"} if until_decided else set()  # rows stop at different numbers of trials

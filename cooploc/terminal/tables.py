@@ -19,11 +19,11 @@ from cooploc.analysis.formats import change, count, counted, duration, listed
 from cooploc.analysis.metrics import ranking
 from cooploc.analysis.metrics.compare import outlier_warnings
 from cooploc.analysis.metrics.errors import drop_failed, note_lines
-from cooploc.analysis.metrics.ranking import disqualifications, short_certificate
+from cooploc.analysis.metrics.ranking import short_certificate
 from cooploc.analysis.metrics.sequential import PILOT, minutes
 from cooploc.analysis.report import claim_tables, tuning_tables
 from cooploc.analysis.report.result_columns import REMARKS, STOPPED, decision, result_columns
-from cooploc.analysis.report.result_tables import STUDY, failures, in_order
+from cooploc.analysis.report.result_tables import STUDY, failures, in_order, lowest_that_qualifies
 from cooploc.analysis.report.tables import Row, Table, csv_text, number_column, text_column
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.conformance.check import Report, sentences
@@ -114,7 +114,7 @@ def table(table: pd.DataFrame, rows: pd.DataFrame, as_json: bool, every_column: 
     else:
         shown = [_results(name, part, every_column) for name, part in _by_scenario(table)]
         for one in shown:
-            console.print(one.terminal(_bold(_best(one.rows))))
+            console.print(one.terminal(_bold(lowest_that_qualifies(one.rows))))
             console.print()
         console.print("bold: the lowest RMSE of those that may be called best", style="dim")
         if every_column:
@@ -124,11 +124,6 @@ def table(table: pd.DataFrame, rows: pd.DataFrame, as_json: bool, every_column: 
                 console.print(text)
     for text in (*ranking.certificate_remarks(table), *outlier_warnings(table)):
         console.print(text)
-
-
-def _best(rows: list[Row]) -> Row | None:
-    """Return the row with the lowest RMSE of those that may be called best."""
-    return min((row for row in rows if not disqualifications(row)), key=lambda row: row["rmse"], default=None)
 
 
 def _bold(chosen: Row | None) -> Callable[[Row], str]:
