@@ -17,7 +17,7 @@ from cooploc.estimators.errors import BadInput, nearest
 from cooploc.scenarios.conformance.checks import CHECKS, Check
 from cooploc.scenarios.conformance.harness import CheckFailed, CheckSkipped, Harness, one_line, raised_by
 from cooploc.scenarios.display import list_table
-from cooploc.scenarios.process import SESSION, WorkerError, call
+from cooploc.scenarios.process import PLUGINS, SESSION, WorkerError, call
 from cooploc.scenarios.runner.run import label_of, make_instance
 
 FIRST = {  # checks without which no other one means anything, and why
@@ -133,7 +133,8 @@ def check_estimator(
     if not isolate or is_builtin(estimator):
         return _check_here(estimator, name, seed, only)
     try:
-        report: Report = call(SESSION, _check_here, estimator, name, seed, only, seconds=time_limit)
+        owner = PLUGINS if isinstance(estimator, str) else SESSION  # a file's neighbours are not those of an object
+        report: Report = call(owner, _check_here, estimator, name, seed, only, seconds=time_limit)
         return report
     except WorkerError as e:
         return _ended(name or label_of(estimator), seed, str(e))
