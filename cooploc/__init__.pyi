@@ -49,7 +49,7 @@ from cooploc.runs import run_study as run_study
 from cooploc.runs import show as show
 from cooploc.scaffold import new_estimator as new_estimator
 from cooploc.scenarios import simulate as simulate
-from cooploc.scenarios.conformance.check import check_estimator as check_estimator
+from cooploc.scenarios.conformance import check_estimator as check_estimator
 from cooploc.scenarios.runner.run import Run as Run
 from cooploc.scenarios.runner.run import run as run
 from cooploc.scenarios.runner.tick import EstimatorError as EstimatorError

@@ -17,7 +17,7 @@ from cooploc.analysis.metrics.ranking import short_certificate
 from cooploc.estimators import configure
 from cooploc.estimators.building import ConfiguredEstimator
 from cooploc.estimators.errors import BadInput, one_line
-from cooploc.scenarios.conformance.check import Report, check_estimator
+from cooploc.scenarios.conformance import Report, check_estimator
 
 SKIPPED = "by request (--no-check)"
 NOT_YET = "the run has no certificate of it"

@@ -26,7 +26,7 @@ from cooploc.analysis.report.result_columns import REMARKS, STOPPED, decision, r
 from cooploc.analysis.report.result_tables import STUDY, failures, in_order, lowest_that_qualifies
 from cooploc.analysis.report.tables import Row, Table, csv_text, number_column, text_column
 from cooploc.estimators.errors import BadInput
-from cooploc.scenarios.conformance.check import Report, sentences
+from cooploc.scenarios.conformance import Report, sentences
 from cooploc.scenarios.recordings.scenario import NO_ORDER
 from cooploc.terminal.console import wide
 

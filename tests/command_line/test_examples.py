@@ -11,8 +11,7 @@ from cooploc.estimators import make
 from cooploc.estimators.interface import Belief, Senses
 from cooploc.estimators.models import LogDistance
 from cooploc.scenarios import simulate
-from cooploc.scenarios.conformance.check import CHECKS, check_estimator
-from cooploc.scenarios.conformance.variations import drop_readings
+from cooploc.scenarios.conformance import CHECKS, check_estimator, drop_readings
 from cooploc.scenarios.runner.trace import trace
 
 FOLDER = Path(__file__).resolve().parents[2] / "examples"

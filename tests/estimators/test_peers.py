@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import cooploc as cl
-from cooploc.scenarios.conformance.check import check_estimator
-from cooploc.scenarios.conformance.variations import drop_readings
+from cooploc.scenarios.conformance import check_estimator, drop_readings
 from cooploc.scenarios.runner.trace import trace
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # of the libraries, when they are imported

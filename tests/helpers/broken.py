@@ -1,6 +1,5 @@
 """A gallery of estimators that break one rule each: correct ones with a single fault, and a few without any."""
 
-import gc
 import inspect
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
@@ -12,7 +11,6 @@ from cooploc.estimators.ekf_joint import EkfJoint
 from cooploc.estimators.ekf_local import EkfLocal
 from cooploc.estimators.interface import Belief, Traffic
 from cooploc.estimators.mrsl import Mrsl
-from cooploc.scenarios.stream import Truth
 
 MEMORY: dict[Any, Any] = {}
 
@@ -39,19 +37,10 @@ def caller_attribute(name):
     raise LookupError(name)
 
 
-# ---------------------------------------------------------------- runs
-
-
 @dataclass(frozen=True)
 class NotFinite(DeadReckoning):
     def estimate(self, s):
         return Belief(np.where(s.x > 3.0, s.x, np.nan), s.P)
-
-
-@dataclass(frozen=True)
-class WrongShape(DeadReckoning):
-    def estimate(self, s):
-        return Belief(s.x, np.diagonal(s.P, axis1=-2, axis2=-1))
 
 
 @dataclass(frozen=True)
@@ -65,27 +54,8 @@ class OldInterface(DeadReckoning):
 
 
 @dataclass(frozen=True)
-class OneName(DeadReckoning):
-    uses: Any = "odometry"
-
-
-@dataclass(frozen=True)
 class UnknownChannel(DeadReckoning):
     uses: tuple[str, ...] = ("odometry", "telepathy")
-
-
-@dataclass(frozen=True)
-class BoundNotStated(EkfJoint):
-    bound: ClassVar[None] = None
-
-
-@dataclass(frozen=True)
-class MoodyProperty(DeadReckoning):
-    """A property of its own raises, far from any method."""
-
-    @property
-    def axes(self):
-        return 1 / 0
 
 
 @dataclass(frozen=True)
@@ -100,9 +70,6 @@ class IgnoresAbsence(EkfLocal):
 
     def correct(self, s, z):
         return nudge(s, 1e-6 * z.anchor_rssi.sum(-1, keepdims=True)) if z.anchor_rssi.size else s
-
-
-# ---------------------------------------------------------------- non-interference
 
 
 @dataclass(frozen=True)
@@ -121,14 +88,6 @@ class WaitsForAll(EkfLocal):
 
     def correct(self, s, z):
         return s if np.isnan(z.anchor_rssi).any() else super().correct(s, z)
-
-
-@dataclass(frozen=True)
-class SharesClock(DeadReckoning):
-    """Uses the first robot's clock for all robots."""
-
-    def predict(self, s, z):
-        return super().predict(s, z._replace(dt=np.full_like(z.dt, z.dt[0])))
 
 
 @dataclass(frozen=True)
@@ -151,19 +110,6 @@ class SendsLittleReadsMore(DeadReckoning):
         team = s.x[:, :2].reshape(-1, n, 2)
         heard = mail.heard.reshape(-1, n, n)
         return nudge(s, 1e-3 * (heard[..., None] * team[:, None]).sum(2).reshape(-1, 2))
-
-
-@dataclass(frozen=True)
-class NotCentralised(EkfJoint):
-    """Declares that it is not centralised, and uses what no packet brought."""
-
-    centralised: ClassVar[bool] = False
-
-    def correct(self, s, z):
-        return nudge(super().correct(s, z), 1e-3 * s.x[:, :1, :2])
-
-
-# ---------------------------------------------------------------- link honesty
 
 
 @dataclass(frozen=True)
@@ -196,9 +142,6 @@ class UsesDroppedRadio(EkfJoint):
         return ("odometry", "anchor_rssi|landmark", "sighting|radio_rssi")
 
 
-# ---------------------------------------------------------------- causality
-
-
 @dataclass(frozen=True)
 class Prophet(DeadReckoning):
     """Takes the last odometry of the whole stream from the runner's variables."""
@@ -217,55 +160,12 @@ class KnowsLength(DeadReckoning):
 
 
 @dataclass(frozen=True)
-class ProphetAlone(Prophet):
-    """Looks ahead only where a trial runs alone."""
-
-    def predict(self, s, z):
-        return super().predict(s, z) if len(s.x) == s.world.robots else DeadReckoning.predict(self, s, z)
-
-
-@dataclass(frozen=True)
 class ForeseesAbsence(EkfLocal):
     """Knows how many readings will be missing, but not what the others will say."""
 
     def predict(self, s, z):
         z_all = caller_attribute("stream").senses
         return nudge(super().predict(s, z), 1e-3 * (np.isnan(z_all.anchor_rssi).sum() + np.isnan(z_all.landmark).sum()))
-
-
-@dataclass(frozen=True)
-class ForeseesLinks(DeadReckoning):
-    """Knows how many packets will arrive."""
-
-    def predict(self, s, z):
-        return nudge(super().predict(s, z), 1e-3 * caller_attribute("stream").air.link[:, -4:].sum())
-
-
-@dataclass(frozen=True)
-class BaseReader(DeadReckoning):
-    """Follows an array to the one that it is a view of, which may hold all ticks, channels and robots."""
-
-    def predict(self, s, z):
-        moved = super().predict(s, z)
-        for array in (z.odometry, z.dt, z.anchor_rssi, z.landmark):
-            whole = array.base
-            if isinstance(whole, np.ndarray) and whole.size > array.size:
-                moved = nudge(moved, 1e-3 * np.nansum(whole))
-        return moved
-
-
-@dataclass(frozen=True)
-class TeamBaseReader(EkfJoint):
-    def exchange(self, s, z, air):
-        s, traffic = super().exchange(s, z, air)
-        for array in (z.odometry, z.anchor_rssi, air.heard):
-            whole = array.base
-            if isinstance(whole, np.ndarray) and whole.size > array.size:
-                s = nudge(s, 1e-3 * np.nansum(whole))
-        return s, traffic
-
-
-# ---------------------------------------------------------------- chunk invariance
 
 
 @dataclass(frozen=True)
@@ -296,17 +196,6 @@ class MultipliesRows(Mrsl):
 
 
 @dataclass(frozen=True)
-class SendsByChunk(DeadReckoning):
-    """More rows, longer packets."""
-
-    def send(self, s, z):
-        return np.zeros((len(s.x), len(s.x)))
-
-
-# ---------------------------------------------------------------- immutability
-
-
-@dataclass(frozen=True)
 class WritesReadings(DeadReckoning):
     def predict(self, s, z):
         z.odometry[:] *= 0.5
@@ -314,57 +203,10 @@ class WritesReadings(DeadReckoning):
 
 
 @dataclass(frozen=True)
-class ForcesReadings(DeadReckoning):
-    """Makes its readings writeable first, where it can."""
-
-    def predict(self, s, z):
-        moved = super().predict(s, z)
-        try:
-            z.odometry.flags.writeable = True
-        except ValueError:
-            z = z._replace(odometry=writeable(z.odometry))
-        z.odometry[:] *= 0.5
-        return moved
-
-
-def writeable(a):
-    """The same memory, by its address."""
-    import ctypes
-
-    memory = (ctypes.c_double * a.size).from_address(a.__array_interface__["data"][0])
-    return np.frombuffer(memory).reshape(a.shape)
-
-
-@dataclass(frozen=True)
-class WritesWorld(DeadReckoning):
-    """Counts ticks in the world, which all robots share."""
-
-    def correct(self, s, z):
-        writeable(s.world.arena)[0, 0] += 1.0
-        return s
-
-
-@dataclass(frozen=True)
-class WritesStream(DeadReckoning):
-    """Changes readings of later ticks."""
-
-    def correct(self, s, z):
-        writeable(caller_attribute("stream").senses.dt)[-1, -1, -1] += 1e-9
-        return s
-
-
-@dataclass(frozen=True)
 class InPlace(DeadReckoning):
     def correct(self, s, z):
         s.x[:] += 1e-3
         return s
-
-
-@dataclass(frozen=True)
-class InPlaceEstimate(DeadReckoning):
-    def estimate(self, s):
-        s.P[:] *= 1.01
-        return super().estimate(s)
 
 
 @dataclass(frozen=True)
@@ -397,9 +239,6 @@ class GlobalRng(DeadReckoning):
         return nudge(s, 1e-3 * np.random.normal(size=s.x[:, :2].shape))  # noqa: NPY002
 
 
-# ---------------------------------------------------------------- pickling
-
-
 @dataclass(frozen=True)
 class NotPicklable(DeadReckoning):
     scale: Any = None
@@ -416,9 +255,6 @@ class ForgetsParameter(DeadReckoning):
 
     def __reduce__(self):
         return type(self), ()
-
-
-# ---------------------------------------------------------------- correct ones, which must pass every check
 
 
 @dataclass(frozen=True)
@@ -460,46 +296,11 @@ class HonestTeam(EkfJoint):
 
 
 @dataclass(frozen=True)
-class TrafficByChunk(HonestTeam):
-    """The traffic that it states depends on how many trials run together."""
-
-    def exchange(self, s, z, air):
-        s, traffic = super().exchange(s, z, air)
-        return s, traffic._replace(messages=traffic.messages / len(s.x))
-
-
-# ---------------------------------------------------------------- isolation: truth, others, earlier runs, chance
-
-
-@dataclass(frozen=True)
-class FindsTruth(DeadReckoning):
-    """Searches memory for the truth."""
-
-    def init(self, prior, world, rows):
-        found = [thing for thing in gc.get_referrers(Truth) if type(thing) is Truth]  # every object refers to its class
-        return nudge(super().init(prior, world, rows), 1e-3 * sum(float(truth.x[0, -1, 0, 0]) for truth in found))
-
-
-@dataclass(frozen=True)
 class KnowsTheLabel(DeadReckoning):
     """Depends on the scenario's label."""
 
     def predict(self, s, z):
         return nudge(super().predict(s, z), 1e-3 * caller_attribute("stream").scenario.startswith(("robots", "camera")))
-
-
-@dataclass(frozen=True)
-class DependsOnOtherRuns(DeadReckoning):
-    """Depends on earlier runs of another length only; a second run of the same length repeats the first."""
-
-    def init(self, prior, world, rows):
-        s = super().init(prior, world, rows)
-        return nudge(s, 1e-3 * MEMORY.get((type(self), len(s.x)), 0.0))
-
-    def estimate(self, s):
-        if caller_attribute("stream").time.size < 12:
-            MEMORY[type(self), len(s.x) * 3] = 1.0
-        return super().estimate(s)
 
 
 @dataclass(frozen=True)
@@ -509,19 +310,6 @@ class SeedsGlobal(DeadReckoning):
     def init(self, prior, world, rows):
         np.random.seed(0)  # noqa: NPY002, TID251
         return super().init(prior, world, rows)
-
-
-@dataclass(frozen=True)
-class PythonRandom(DeadReckoning):
-    """Reads the state of Python's global generator without changing it."""
-
-    def init(self, prior, world, rows):
-        import random
-
-        return nudge(super().init(prior, world, rows), 1e-9 * random.getstate()[1][1])
-
-
-# ---------------------------------------------------------------- numbers
 
 
 @dataclass(frozen=True)
@@ -566,23 +354,9 @@ class ShrinksCovariance(DeadReckoning):
         return s._replace(P=0.9 * s.P)
 
 
-# ---------------------------------------------------------------- declarations
-
-
 @dataclass(frozen=True)
 class DeclaresTooMuch(DeadReckoning):
     uses: tuple[str, ...] = ("odometry", "anchor_rssi?", "landmark?")
-
-
-# ---------------------------------------------------------------- symmetry
-
-
-@dataclass(frozen=True)
-class PrefersOrigin(DeadReckoning):
-    """Moves towards (0, 0), a corner of the arena."""
-
-    def correct(self, s, z):
-        return nudge(s, -0.05 * s.x[:, :2])
 
 
 @dataclass(frozen=True)

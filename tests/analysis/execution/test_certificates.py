@@ -23,7 +23,7 @@ from cooploc.analysis.metrics import ranking
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.ranking import short_certificate
 from cooploc.analysis.report import html_page, sentences
-from cooploc.scenarios.conformance.check import CHECKS
+from cooploc.scenarios.conformance import CHECKS
 from cooploc.scenarios.studies.study import Study
 
 pytestmark = pytest.mark.slow

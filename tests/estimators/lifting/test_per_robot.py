@@ -11,8 +11,7 @@ from cooploc.estimators.adapters import PerRobot
 from cooploc.estimators.dead_reckoning import DeadReckoning
 from cooploc.estimators.interface import Belief
 from cooploc.scenarios import simulate
-from cooploc.scenarios.conformance.check import CHECKS, check_estimator
-from cooploc.scenarios.conformance.variations import drop_readings
+from cooploc.scenarios.conformance import CHECKS, check_estimator, drop_readings
 from cooploc.scenarios.runner.tick import EstimatorError
 from cooploc.scenarios.runner.trace import trace
 

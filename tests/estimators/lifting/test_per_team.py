@@ -8,7 +8,7 @@ import pytest
 import cooploc as cl
 from cooploc.estimators.adapters import Radio
 from cooploc.estimators.interface import Mail, Senses
-from cooploc.scenarios.conformance.check import check_estimator
+from cooploc.scenarios.conformance import check_estimator
 from cooploc.scenarios.runner.trace import trace
 
 LOOP = f"{Path(__file__).resolve().parents[3]}/examples/filterpy_loop.py:loop"

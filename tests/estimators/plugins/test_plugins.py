@@ -9,7 +9,7 @@ import pytest
 from processes import HANGS, environment, finish
 
 import cooploc as cl
-from cooploc.scenarios.conformance.check import CHECKS
+from cooploc.scenarios.conformance import CHECKS
 
 FILE = """
 from dataclasses import dataclass

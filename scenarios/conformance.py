@@ -1,0 +1,983 @@
+"""`check_estimator`: does an estimator keep to the rules of the comparison?
+
+    assert check_estimator(MyFilter()).passed
+
+It runs on small simulated streams (3 trials of 12 ticks; 1 and 3 robots), again and again with readings perturbed or
+hidden, packets dropped, trials reordered. A check compares such runs, bit by bit, and says where they differ first.
+`cooploc check NAME` prints the report, and `parametrize` makes a pytest test of each check. To add a check: write a
+function that takes a `Harness`, returns what it tried and saw, and raises `CheckFailed` or `CheckSkipped`; give it a
+line with its remedy in `REMEDIES`. Modelled on scikit-learn's check_estimator and PettingZoo's API tests.
+"""
+
+import pickle
+import random
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, fields, is_dataclass, replace
+from functools import cache, cached_property, partial
+from typing import Any, Literal, NamedTuple, NoReturn
+
+import cloudpickle
+import numpy as np
+
+from cooploc.estimators import errors, is_builtin, make
+from cooploc.estimators.errors import BadInput, nearest
+from cooploc.estimators.interface import Array, Belief, Mail, Mask
+from cooploc.estimators.models import Displacement, Unicycle, wrap, wrap_heading
+from cooploc.estimators.registry import refusal, traits
+from cooploc.scenarios import simulate
+from cooploc.scenarios.display import list_table
+from cooploc.scenarios.process import PLUGINS, SESSION, WorkerError, call
+from cooploc.scenarios.runner.run import label_of, make_instance
+from cooploc.scenarios.runner.tick import (
+    SENSED,
+    EstimatorError,
+    IncompatibleEstimator,
+    Watcher,
+    select_channels,
+    visible,
+)
+from cooploc.scenarios.runner.trace import NOTHING, ROUNDING, Trace, trace
+from cooploc.scenarios.stream import Stream
+
+TIME_LIMIT = 600.0  # [s] for all checks of one estimator
+TRIALS = 3
+LONG = 120  # ticks of the longer streams, on which a channel that is seldom used is looked for again
+# Allowed distance from dead reckoning, in its standard deviations: an unscented filter's mean differs to second order.
+OFF_TRACK = 0.02
+TOLERANCE = 0.05  # of the stated standard deviation by which an estimate may miss a turned world
+ROUNDED = 1e-6  # [m], [rad] and their squares
+
+_RADIO: dict[str, Any] = {"ticks": 12, "drop": 0.3}
+_CAMERA: dict[str, Any] = {**_RADIO, "sight": 8.0, "view": 1.5}  # wide view: even a short stream has sightings
+# One robot and one trial are a single row: the shape on which mistakes in broadcasting show.
+SCENARIOS = {"robots-1-3/n=3": _RADIO, "robots-1-3/n=1": _RADIO, "camera/n=3": _CAMERA, "camera/n=1": _CAMERA}
+
+Status = Literal["passed", "failed", "skipped"]
+
+
+class CheckFailed(Exception):
+    """What was tried and seen, in one sentence with its place; and a remedy where the check's own does not fit."""
+
+    def __init__(self, found: str, remedy: str = "") -> None:
+        super().__init__(found)
+        self.remedy = remedy
+
+
+class CheckSkipped(Exception):
+    """The reason why a check does not apply to an estimator."""
+
+
+# The report.
+
+
+@dataclass(frozen=True)
+class Result:
+    """What one check found."""
+
+    check: str
+    status: Status
+    detail: str  # what was tried and seen, and of a failure where; of a skipped check the reason
+    seed: int
+    remedy: str = ""  # of a failure, what to change
+    exempt: str = ""  # of a check that passed in part, what it left out and why
+
+
+@dataclass(frozen=True, repr=False)
+class Report:
+    """What all checks found."""
+
+    name: str
+    results: tuple[Result, ...]
+
+    @property
+    def passed(self) -> bool:
+        """Some checks ran, and none failed."""
+        return self.ran > 0 and self.count("failed") == 0
+
+    @property
+    def ran(self) -> int:
+        """The number of checks that ran."""
+        return len(self.results) - self.count("skipped")
+
+    def count(self, status: Status) -> int:
+        """Return how many checks ended so."""
+        return sum(r.status == status for r in self.results)
+
+    def __getitem__(self, check: str) -> Result:
+        return {r.check: r for r in self.results}[check]
+
+    def table(self) -> str:
+        """Return the results as aligned text: a line for each check, and after a failure its remedy."""
+        width = max((len(r.check) for r in self.results), default=0)
+        indent = "\n" + " " * (width + 11)
+        lines = [f"{r.check:{width}}  {r.status:7}  {indent.join(sentences(r))}" for r in self.results]
+        return "\n".join([*lines, self.summary()])
+
+    def summary(self) -> str:
+        """Say how many checks ran, passed, failed and were skipped."""
+        parts = [f"{self.count('passed')} passed"]
+        parts += [f"{self.count(status)} {status}" for status in ("failed", "skipped") if self.count(status)]
+        return f"{self.name}: {self.ran} check{'s' * (self.ran != 1)} ran; {', '.join(parts)}"
+
+    def __repr__(self) -> str:
+        return f"Report({self.summary()!r})"
+
+    def _repr_html_(self) -> str:
+        rows = [(r.check, r.status, "; ".join(sentences(r))) for r in self.results]
+        return list_table(("check", "result", "what was found"), self.summary(), rows)
+
+
+def sentences(result: Result) -> list[str]:
+    """Return what was found, and of a failure its seed and its remedy."""
+    if result.status != "failed":
+        return [result.detail]
+    return [f"{result.detail} (seed {result.seed})", *([f"to fix it: {result.remedy}"] if result.remedy else [])]
+
+
+def check_estimator(
+    estimator: Any,
+    name: str | None = None,
+    seed: int = 0,
+    isolate: bool = True,
+    time_limit: float = TIME_LIMIT,
+    only: str | None = None,
+) -> Report:
+    """Run every check on an estimator: it may neither cheat nor break the interface.
+
+    The estimator runs on small simulated streams (3 trials of 12 ticks; 1 and 3 robots), again and again with readings
+    perturbed or hidden, packets dropped, trials reordered. A check compares the results and explains a difference.
+
+    Args:
+        estimator: its name, a class that needs no arguments, or an instance, as `cooploc.estimators.interface` says.
+        name: what to call it in the report; None: its own or its class's name.
+        seed: seeds the small streams, and what is done to them; a whole number, 0 or more.
+        isolate: False checks it in this process, for a debugger; else one that is not built in has a process of its
+            own, where it may crash or hang.
+        time_limit: [s] of processor time for all checks in that process; math.inf for none.
+        only: the name of the one check to run.
+
+    Returns:
+        A report: `passed`, `table()`, and a `Result` for each check, `report["causality"]`.
+
+    Raises:
+        BadInput: an unknown name, a class that needs arguments, a check that there is not, or a seed that is not a
+            whole number of 0 or more. What the estimator raises while it runs is a failure in the report.
+
+    """
+    if only is not None and only not in (known := [check.name for check in CHECKS]):
+        raise BadInput(f"there is no check {only!r}; {nearest(only, known)}")
+    if not isolate or is_builtin(estimator):
+        return _check_here(estimator, name, seed, only)
+    try:
+        owner = PLUGINS if isinstance(estimator, str) else SESSION  # a file's neighbours are not those of an object
+        report: Report = call(owner, _check_here, estimator, name, seed, only, seconds=time_limit)
+        return report
+    except (WorkerError, MemoryError) as e:
+        why = str(e) if isinstance(e, WorkerError) else one_line(e)
+        failed = Result("runs", "failed", why, seed, "cooploc check --no-isolate, in a debugger, shows where")
+        others = (Result(check.name, "skipped", FIRST["runs"], seed) for check in CHECKS[1:])
+        return Report(name or label_of(estimator), (failed, *others))
+
+
+def _check_here(estimator: Any, name: str | None, seed: int, only: str | None = None) -> Report:
+    """Run the checks in this process; after a failure of one of `FIRST`, no other means anything."""
+    harness, results, reason = Harness(name or label_of(estimator), make_instance(estimator), seed), list[Result](), ""
+    for check in [check for check in CHECKS if only in (None, check.name)]:
+        results.append(Result(check.name, "skipped", reason, seed) if reason else run_check(check, harness))
+        reason = reason or (FIRST.get(check.name, "") if results[-1].status == "failed" else "")
+    return Report(harness.name, tuple(results))
+
+
+def run_check(check: "Check", harness: "Harness") -> Result:
+    """Run one check; whatever the estimator raises is a failure."""
+    result = partial(Result, check.name, seed=harness.seed)
+    before = harness.runs
+    try:
+        detail = f"{check.run(harness)} ({harness.runs - before} runs)"
+        axes, mutable = harness.traits.axes, harness.traits.mutable
+        exempt = {"equivariance": axes and f"axes: {axes}", "immutability": "mutable: its state changes" * mutable}
+        return result("passed", detail, exempt=exempt.get(check.name, ""))
+    except CheckSkipped as e:
+        return result("skipped", str(e))
+    except CheckFailed as e:
+        return result("failed", str(e), remedy=e.remedy or check.remedy)
+    except BadInput:
+        raise
+    except (Exception, SystemExit, GeneratorExit) as e:  # a property of its
+        return result("failed", one_line(e), remedy=check.remedy)
+
+
+def parametrize(*estimators: Any, seed: int = 0) -> Any:
+    """Return a pytest mark that makes a test of every check on every estimator; the test calls what it is given.
+
+        @parametrize(MyFilter())
+        def test_it_conforms(check):
+            check()
+
+    A check that does not apply is skipped, with its reason. Needs pytest.
+    """
+    import pytest
+
+    cases = []
+    for estimator in estimators:
+        report = cache(partial(check_estimator, estimator, seed=seed))  # made when the first of its tests runs
+        name = type(estimator).__name__
+        cases += [pytest.param(partial(_assert_passed, report, c.name), id=f"{name}-{c.name}") for c in CHECKS]
+    return pytest.mark.parametrize("check", cases)
+
+
+def _assert_passed(report: Callable[[], Report], check: str) -> None:
+    import pytest
+
+    result = report()[check]
+    if result.status == "skipped":
+        pytest.skip(result.detail)
+    if result.status == "failed":
+        pytest.fail("\n".join(sentences(result)), pytrace=False)
+
+
+def one_line(e: BaseException) -> str:
+    """Return an exception in one line, without memory addresses."""
+    return re.sub(r" at 0x[0-9a-f]+", "", errors.one_line(e))
+
+
+# Runs of one estimator, and what is compared of two.
+
+
+class RunRecord(NamedTuple):
+    """What an estimator believed and sent in one run."""
+
+    trace: Trace
+    packets: tuple[Array, ...]  # (t, n, ...) per tick, what send() returned; empty for a team estimator
+    stream: Stream
+
+    def select(self, trials: list[int]) -> "RunRecord":
+        """Return the record of these trials, in this order."""
+        t = self.trace
+        found = replace(t, x=t.x[trials], P=t.P[trials], messages=t.messages[trials], bytes=t.bytes[trials])
+        return RunRecord(found, tuple(sent[trials] for sent in self.packets), self.stream.select(trials))
+
+
+class Harness:
+    """An estimator, the small streams that it can run on, and how it ran on them."""
+
+    def __init__(self, name: str, estimator: Any, seed: int, ticks: int | None = None) -> None:
+        self.name, self.estimator, self.seed, self.ticks = name, estimator, seed, ticks
+        self.traits = traits(estimator) if not isinstance(estimator, type) else traits(None)
+        self.centralised = self.traits.team and self.traits.centralised  # only a team estimator can be
+        self.runs = 0
+
+    @property
+    def rng(self) -> np.random.Generator:
+        """The same generator every time, so that a check's outcome does not depend on those before it."""
+        return np.random.default_rng(self.seed)
+
+    @cached_property
+    def deterministic(self) -> bool:
+        """Whether its keys, the only randomness that is allowed, make no difference."""
+        others = (self.run(replace(s, seed=s.seed + 1), "rows.key was different").trace for s, _ in self.cases)
+        bases = (base.trace for _, base in self.cases)
+        return all(np.array_equal(a.x, b.x) and np.array_equal(a.P, b.P) for a, b in zip(bases, others, strict=True))
+
+    @cached_property
+    def streams(self) -> list[Stream]:
+        """The small streams that have what the estimator declares, some of their readings absent."""
+        fitting, reasons = [], []
+        for label, overrides in SCENARIOS.items():
+            changed = overrides if self.ticks is None else {**overrides, "ticks": self.ticks}
+            stream = simulate(label, trials=TRIALS, seed=self.seed, **changed)[1]
+            try:
+                visible(self.name, self.estimator, stream)
+            except IncompatibleEstimator as e:
+                reasons.append(str(e))
+            else:
+                sparse = drop_readings(stream, self.rng)
+                fitting.append(replace(sparse, scenario=f"{stream.scenario}, some readings absent"))
+        if not fitting:
+            raise CheckFailed("; ".join(reasons[::2]))  # the scenarios come in pairs
+        return fitting
+
+    @cached_property
+    def cases(self) -> list[tuple[Stream, RunRecord]]:
+        """The streams, and how it runs on each where nothing is changed."""
+        return [(stream, self.run(stream, "nothing was changed")) for stream in self.streams]
+
+    @property
+    def team_cases(self) -> list[tuple[Stream, RunRecord]]:
+        """The cases of more than one robot."""
+        return [(stream, base) for stream, base in self.cases if stream.robots > 1]
+
+    def channels(self, stream: Stream) -> set[str]:
+        """Return the channels of a stream that its declaration selects."""
+        return select_channels(self.name, tuple(self.estimator.uses), stream)
+
+    def run(self, stream: Stream, when: str, estimator: Any = None, watch: Watcher | None = None) -> RunRecord:
+        """Run the estimator, or another in its place, on a stream; `when` names the variation: "no packet arrived".
+
+        It fails where the estimator raises or breaks the interface, and says in which method, tick and variation.
+        """
+        packets: list[Array] = []
+        at: tuple[str, int] = "init", -1
+        t, _, n = stream.senses.dt.shape
+
+        def record(method: str, tick: int, arguments: tuple[Any, ...], call: Any) -> Any:
+            nonlocal at
+            at = method, tick
+            result = watch(method, tick, arguments, call) if watch else call(*arguments)
+            if method == "send":
+                sent = np.array(result, float)
+                packets.append(np.where(np.isnan(sent), np.nan, sent).reshape(t, n, -1))  # one nan, whatever its bits
+            return result
+
+        self.runs += 1
+        try:
+            ran = self.estimator if estimator is None else estimator
+            found = trace(self.name, ran, stream, record, any_covariance=True)
+        except CheckFailed:
+            raise
+        except (EstimatorError, IncompatibleEstimator) as e:
+            raise CheckFailed(f"{e} ({when})") from e
+        except (Exception, SystemExit, GeneratorExit) as e:
+            where = f"{at[0]}() raised at tick {at[1]} of {stream.scenario!r} ({when})"
+            raise CheckFailed(f"{where}: {one_line(e)}", READ_ONLY if "read-only" in str(e) else ABSENT) from e
+        return RunRecord(found, tuple(packets), stream)
+
+    def require_same(
+        self, base: RunRecord, stream: Stream, when: str, robots: Mask | None = None, ticks: int | None = None
+    ) -> None:
+        """Run on a variation of the stream; require the bits of `base`, of these robots and first ticks."""
+        require_equal(base, self.run(stream, when), when, robots, ticks)
+
+
+def require_equal(a: RunRecord, b: RunRecord, when: str, robots: Mask | None = None, ticks: int | None = None) -> None:
+    """Require that two runs are bitwise equal, for these robots (n,) and in the first ticks that both have."""
+    (t, T, n), other = a.stream.senses.dt.shape, b.trace.x.shape[1]
+    for k in range(min(T, other, ticks or T)):
+        pairs = {what: (getattr(a.trace, what)[:, k], getattr(b.trace, what)[:, k]) for what in ("x", "P")}
+        if a.packets and b.packets:
+            pairs["packet"] = a.packets[k], b.packets[k]
+        for what, (p, q) in pairs.items():
+            differs = np.ones((t, n), bool) if p.shape != q.shape else (_bits(p) != _bits(q)).reshape(t, n, -1).any(-1)
+            chosen = differs & (True if robots is None else robots)
+            if chosen.any():
+                with np.errstate(invalid="ignore"):
+                    by = np.abs(p - q).reshape(t, n, -1)[chosen].max() if p.shape == q.shape else np.inf
+                trial, robot = map(int, np.argwhere(chosen)[0])
+                thing = "packet" if what == "packet" else "estimate"
+                fail_at((trial, k, robot), a.stream, f"'s {thing} changed {_size(float(by))} when {when}")
+
+
+def _bits(a: Array) -> Any:
+    return np.ascontiguousarray(a).view(np.uint64)
+
+
+def _size(largest: float) -> str:
+    if not np.isfinite(largest):
+        return "between a number and none"
+    return f"by {largest:.1e}, which is rounding," if largest < ROUNDING else f"by up to {largest:.2g}"
+
+
+def require_none(bad: Mask, stream: Stream, fault: str) -> None:
+    """Require that `bad` (t, T, n) holds nowhere."""
+    if bad.any():
+        fail_at(earliest(bad), stream, fault)
+
+
+def earliest(bad: Mask) -> tuple[int, int, int]:
+    """Return the trial's index, tick and robot where `bad` (t, T, n) holds first in time."""
+    tick, trial, robot = map(int, np.argwhere(bad.swapaxes(0, 1))[0])
+    return trial, tick, robot
+
+
+def fail_at(where: tuple[int, int, int], stream: Stream, fault: str, remedy: str = "") -> NoReturn:
+    """Fail with the robot, its `fault`, and the place."""
+    trial, tick, robot = where
+    raise CheckFailed(f"robot {robot}{fault}: {stream.scenario!r}, trial {stream.trial[trial]}, tick {tick}", remedy)
+
+
+# Variations of a stream: readings perturbed or hidden, packets dropped, the world shifted or turned, robots renumbered.
+# Hidden readings find what perturbed ones cannot: an estimator that branches on whether *any* robot sensed something.
+
+Mode = Literal["perturbed", "hidden"]
+MODES: tuple[Mode, Mode] = ("perturbed", "hidden")
+# Perturbed where others are hidden: a filter can do without a correction, but hardly without a prior or a clock.
+NEVER_HIDDEN = ("prior.x", "prior.P", "senses.dt", "senses.odometry")
+SHIFT = np.array([3.0, -7.0])  # [m]
+QUARTER = np.array([[0.0, -1.0], [1.0, 0.0]])  # an arena has sides along the axes: it turns by right angles
+
+
+def _name_of_array(channel: str) -> str:
+    """Return the name that a channel's readings have in `Stream.arrays`."""
+    if channel.startswith("radio_"):
+        return channel.replace("radio_", "air.")
+    return f"senses.{channel}" if channel in SENSED else f"extra.{channel}"
+
+
+def hide_channel(stream: Stream, channel: str) -> Stream:
+    """Hide every reading of a channel."""
+    name = _name_of_array(channel)
+    return stream.with_arrays({name: np.full_like(stream.arrays()[name], np.nan)})
+
+
+def drop_readings(stream: Stream, rng: np.random.Generator) -> Stream:
+    """Hide two in five readings in every third tick, and all in tick 4: the checks need absent readings."""
+    tick = np.arange(len(stream.time))[None, :, None, None]
+    changed = {}
+    for name, array in stream.arrays().items():
+        if name not in (*NEVER_HIDDEN, "air.link"):
+            gone = (tick % 3 == 1) & (rng.uniform(size=array.shape[:4]) < 0.4) | (tick == 4)
+            changed[name] = np.where(_expand(gone, array), np.nan, array)
+    return stream.with_arrays(changed)
+
+
+def perturb_readings(
+    stream: Stream, mode: Mode, rng: np.random.Generator, robot: int | None = None, since: int = 0
+) -> Stream:
+    """Perturb or hide what `robot` (None: every robot) senses from tick `since` on, and with since=0 its prior too.
+
+    A robot's readings of radio signals are among its senses. Priors, clocks and odometry are perturbed in either mode.
+    """
+    robots = np.ones(stream.robots, bool) if robot is None else np.arange(stream.robots) == robot
+    ticks = np.arange(len(stream.time)) >= since
+    changed = {}
+    for name, array in stream.arrays().items():
+        if name != "air.link":
+            where = robots[None] & (since == 0) if name.startswith("prior.") else ticks[None, :, None] & robots
+            changed[name] = np.where(_expand(where, array), _perturbed(name, array, mode, rng), array)
+    return stream.with_arrays(changed)
+
+
+def _perturbed(name: str, array: Array, mode: Mode, rng: np.random.Generator) -> Array:
+    """Return other readings: no negative distances and no angles beyond pi, as no sensor reads them."""
+    if mode == "hidden" and name not in NEVER_HIDDEN:
+        return np.full_like(array, np.nan)
+    if name in ("prior.P", "senses.dt"):  # stays a covariance, stays positive
+        return array * _expand(rng.uniform(0.8, 1.2, array.shape[: 2 if name == "prior.P" else 3]), array)
+    # Small changes pass every gate, large ones cross every threshold.
+    changed: Array = array + 10.0 ** rng.uniform(-2, 0.5, array.shape) * rng.normal(size=array.shape)
+    if name in ("senses.landmark", "senses.sighting"):
+        return np.stack([np.abs(changed[..., 0]), wrap(changed[..., 1])], -1)
+    return np.abs(changed) if name == "air.range" else wrap_heading(changed) if name == "prior.x" else changed
+
+
+def drop_packets(stream: Stream, sender: int | None = None, since: int = 0) -> Stream:
+    """Drop every packet of `sender` (None: of any robot) from tick `since` on."""
+    link: Any = stream.air.link.copy()
+    link[:, since:, :, slice(None) if sender is None else sender] = False
+    return stream.with_arrays({"air.link": link})
+
+
+def perturb_links(stream: Stream, mode: Mode, rng: np.random.Generator, since: int) -> Stream:
+    """Draw the links from tick `since` on again, or cut them all."""
+    if mode == "hidden":
+        return drop_packets(stream, since=since)
+    link: Any = stream.air.link.copy()
+    link[:, since:] = (rng.uniform(size=link[:, since:].shape) < 0.5) & ~np.eye(stream.robots, dtype=bool)
+    return stream.with_arrays({"air.link": link})
+
+
+def perturb_dropped_radio(stream: Stream, mode: Mode, rng: np.random.Generator) -> Stream:
+    """Perturb or hide the radio readings of packets that did not arrive."""
+    names = [name for name in ("air.rssi", "air.range") if stream.arrays()[name].shape[-1]]
+    changed = {name: _perturbed(name, stream.arrays()[name], mode, rng) for name in names}
+    return stream.with_arrays({k: np.where(stream.air.link, stream.arrays()[k], a) for k, a in changed.items()})
+
+
+def only_odometry(stream: Stream) -> Stream:
+    """Hide every reading but odometry, and drop every packet."""
+    names = [name for name in stream.arrays() if name not in (*NEVER_HIDDEN, "air.link")]
+    return drop_packets(stream.with_arrays({name: np.full_like(stream.arrays()[name], np.nan) for name in names}))
+
+
+def make_first_certain(stream: Stream) -> Stream:
+    """Let the first robot start with a hundredth of its standard deviation."""
+    P = stream.prior.P.copy()
+    P[:, 0] *= 1e-4
+    return stream.with_arrays({"prior.P": P})
+
+
+def _expand(lead: Array | Mask, array: Array) -> Array | Mask:
+    """Return `lead` with trailing axes of length one, so that it broadcasts over `array`."""
+    return lead.reshape(*lead.shape, *(1,) * (array.ndim - lead.ndim))
+
+
+def move_world(stream: Stream, turn: Array, shift: Array, roll: int = 0) -> Stream:
+    """Return the same readings in a world that is turned, then shifted; its anchors are renumbered by `roll`.
+
+    With roll=1, the numbers of four corners begin at the lower left again after a turn by 90 degrees.
+    """
+    (x, P), senses, w = move_belief(stream.prior, turn, shift), stream.senses, stream.world
+    changed = {"prior.x": x, "prior.P": P, "senses.anchor_rssi": np.roll(senses.anchor_rssi, -roll, axis=-1)}
+    if isinstance(w.motion, Displacement):
+        changed["senses.odometry"] = senses.odometry @ turn.T
+    if x.shape[-1] == 2:  # a compass: a bearing is against the x axis
+        for name in ("landmark", "sighting"):
+            z = getattr(senses, name)
+            changed[f"senses.{name}"] = np.stack([z[..., 0], wrap(z[..., 1] + _angle(turn))], -1)
+    corners, anchors, landmarks = (places @ turn.T + shift for places in (w.arena, w.anchors, w.landmarks))
+    arena, anchors = np.array([corners.min(0), corners.max(0)]), np.roll(anchors, -roll, axis=0)
+    return replace(stream.with_arrays(changed), world=replace(w, arena=arena, anchors=anchors, landmarks=landmarks))
+
+
+def move_belief(belief: Belief, turn: Array, shift: Array) -> Belief:
+    """Return a belief in a world that is turned, then shifted."""
+    x, J = belief.x.copy(), np.eye(belief.x.shape[-1])
+    x[..., :2] = x[..., :2] @ turn.T + shift
+    x[..., 2:] = wrap(x[..., 2:] + _angle(turn))
+    J[:2, :2] = turn
+    return Belief(x, J @ belief.P @ J.T)
+
+
+def _angle(turn: Array) -> Any:
+    return np.arctan2(turn[1, 0], turn[0, 0])
+
+
+def renumber_robots(stream: Stream, order: list[int]) -> Stream:
+    """Return the same readings where robot `order[i]` has number i."""
+    changed = {}
+    for name, array in stream.arrays().items():
+        rows = array[:, order] if name.startswith("prior.") else array[:, :, order]
+        pairs = name.startswith("air.") or name == "senses.sighting"
+        changed[name] = rows[:, :, :, order] if pairs and rows.shape[3] else rows
+    return stream.with_arrays(changed)
+
+
+def keep_one_pair(stream: Stream) -> Stream:
+    """Return a stream in which one pair of robots meets in each tick, so that the order of teammates is no matter."""
+    n, T = stream.robots, len(stream.time)
+    pair, reads = np.zeros((T, n, n), bool), np.zeros((T, n, n), bool)
+    for k in range(T):
+        i, j = k % n, (k + 1 + k // n % (n - 1)) % n
+        pair[k, i, j] = pair[k, j, i] = reads[k, i, j] = True  # and one of them measures
+    arrays, link = stream.arrays(), stream.air.link
+    changed: dict[str, Any] = {"air.link": link & link.swapaxes(-1, -2) & pair}
+    for name in ("air.rssi", "air.range", "senses.sighting"):
+        array = arrays[name]
+        if array.shape[3]:
+            changed[name] = np.where(reads[..., None] if array.ndim == 5 else reads, array, np.nan)
+    return stream.with_arrays(changed)
+
+
+# The twelve checks, in the order in which they run. All but equivariance compare bitwise.
+
+METHODS = {
+    "row": ("init", "predict", "correct", "send", "fuse", "estimate"),
+    "team": ("init", "predict", "correct", "exchange", "estimate"),
+    "offline": ("smooth",),
+}
+
+
+def runs(harness: Harness) -> str:
+    """Require the methods of the interface, and estimates that are finite and of the right shape."""
+    estimator, about = harness.estimator, harness.traits
+    if isinstance(estimator, type):
+        raise CheckFailed(f"it is the class {estimator.__name__}, not an instance", f"pass {estimator.__name__}()")
+    if reason := refusal(estimator):
+        raise CheckFailed(reason)
+    for method in METHODS["offline" if about.offline else "team" if about.team else "row"]:
+        if not callable(getattr(estimator, method, None)):
+            raise CheckFailed(f"it has no method {method}()", "add it; cooploc.estimators.interface describes it")
+    if about.team and not about.offline and not isinstance(getattr(estimator, "bound", None), bool):
+        raise CheckFailed("it does not say whether it is a bound", "set bound = True or bound = False")
+    labels = [stream.scenario.partition("[")[0] for stream in harness.streams]
+    t, T, _, _ = harness.cases[0][1].trace.x.shape
+    return f"ran on {t} trials of {T} ticks of {', '.join(labels)}: every estimate is finite and of the right shape"
+
+
+def determinism(harness: Harness) -> str:
+    """Require the same bits with everything the same: other global seeds, after other runs, and after pickle."""
+    for stream, base in harness.cases:
+        when = "it ran a second time, with everything the same"
+        with _global_seeds() as changed:
+            again, name = harness.run(stream, when), changed()
+        try:
+            require_equal(base, again, when)
+        except CheckFailed as e:
+            drawn = f"it draws from {name}" if name else "it draws from neither random nor numpy.random"
+            raise CheckFailed(f"{drawn}, and does not repeat itself: {e}", "" if name else UNLIKE) from None
+        if name:
+            raise CheckFailed(f"it drew from or seeded {name}, on {stream.scenario!r}")
+        harness.run(stream.select([0]).first_ticks(3), "another, shorter stream came before")
+        harness.require_same(base, stream, "another run came before")
+        try:
+            copy = pickle.loads(cloudpickle.dumps(harness.estimator))
+        except Exception as e:
+            fault = f"it cannot be pickled, so it cannot run in parallel: {one_line(e)}"
+            raise CheckFailed(fault, "make it a frozen dataclass, its parameters plain values") from e
+        when = "it ran after a round trip through pickle"
+        require_equal(base, harness.run(stream, when, estimator=copy), when)
+    return (
+        "it ran again, after other runs, with other global seeds and after a round trip through pickle: the same bits"
+    )
+
+
+@contextmanager
+def _global_seeds() -> Iterator[Callable[[], str]]:
+    """Seed the global generators; yield a function that names the one whose state has changed since."""
+    before = random.getstate(), np.random.get_state()  # noqa: NPY002
+    random.seed(1)
+    np.random.seed(1)  # noqa: NPY002, TID251
+    now: dict[str, Callable[[], Any]] = {"random": random.getstate, "numpy.random": np.random.get_state}
+    began = {name: repr(state()) for name, state in now.items()}
+    try:
+        yield lambda: next((name for name, state in now.items() if repr(state()) != began[name]), "")
+    finally:
+        random.setstate(before[0])
+        np.random.set_state(before[1])  # noqa: NPY002
+
+
+def truth_blindness(harness: Harness) -> str:
+    """Require the same bits under another label, by which a truth could be simulated again."""
+    for stream, base in harness.cases:
+        harness.require_same(base, replace(stream, scenario="another label"), "the stream had another label")
+    return "it ran without a truth at hand, and on a stream with another label: the same bits"
+
+
+def causality(harness: Harness) -> str:
+    """Require that nothing up to tick k depends on what comes after it, for all trials together and for one alone."""
+    if harness.traits.offline:
+        raise CheckSkipped("it is offline: it sees later readings by definition")
+    for stream, base in harness.cases:
+        last = len(stream.time)
+        one = stream.select([0])  # a single trial may be a view of the whole stream
+        alone = harness.run(one, "one trial ran alone")
+        for whole, before, k in ((stream, base, last // 4), (stream, base, 2 * last // 3), (one, alone, last // 2)):
+            for mode in MODES:
+                other = perturb_readings(whole, mode, harness.rng, since=k + 1)
+                other = perturb_links(other, mode, harness.rng, k + 1)
+                harness.require_same(before, other, f"readings and links after tick {k} were {mode}", ticks=k + 1)
+            harness.require_same(before, whole.first_ticks(k + 1), f"the stream ended after tick {k}")
+    return "future readings and links were perturbed, hidden and cut off: nothing before them changed"
+
+
+def link_honesty(harness: Harness) -> str:
+    """Require that a dropped packet and its radio reading change nothing, and that only mail reaches another robot."""
+    measured = [(s, base) for s, base in harness.team_cases if s.channels() & {"radio_rssi", "radio_range"}]
+    if harness.centralised and not measured:
+        raise CheckSkipped("it is centralised and needs no packets, and no scenario that it can run on measures them")
+    for stream, base in measured:
+        for mode in MODES:
+            when = f"radio readings of dropped packets were {mode}"
+            harness.require_same(base, perturb_dropped_radio(stream, mode, harness.rng), when)
+    if harness.centralised:
+        return "radio readings of dropped packets were perturbed and hidden: nothing changed; it needs no packets"
+    for stream, _ in harness.team_cases:
+        since = len(stream.time) // 3
+        for robot in range(stream.robots):
+            cut = drop_packets(stream, robot, since)
+            base = harness.run(cut, f"no packet of robot {robot} arrived from tick {since} on")
+            for mode in MODES:
+                when = f"robot {robot}'s readings were {mode} from tick {since} on while all its packets were dropped"
+                other = perturb_readings(cut, mode, harness.rng, robot, since)
+                harness.require_same(base, other, when, np.arange(stream.robots) != robot)
+        if not harness.traits.team:  # for a team the runner carries no packets
+            _require_mail_alone(harness, stream)
+    return "readings and contents of dropped packets, and readings behind unchanged mail, made no difference"
+
+
+def _require_mail_alone(harness: Harness, stream: Stream) -> None:
+    """Change one robot's readings while all get the mail of before: no other robot's result may change.
+
+    It finds an estimator that reads a neighbour's row only where it has heard that neighbour.
+    """
+    mails: dict[int, Mail] = {}
+
+    def record(method: str, tick: int, arguments: tuple[Any, ...], call: Any) -> Any:
+        if method == "fuse":
+            mails[tick] = arguments[2]
+        return call(*arguments)
+
+    def replay(method: str, tick: int, arguments: tuple[Any, ...], call: Any) -> Any:
+        return call(*arguments[:2], mails[tick]) if method == "fuse" else call(*arguments)
+
+    base = harness.run(stream, "nothing was changed", watch=record)
+    for robot in range(stream.robots):
+        for mode in MODES:
+            when = f"robot {robot}'s readings were {mode} while the mail stayed as it was"
+            other = perturb_readings(stream, mode, harness.rng, robot)
+            require_equal(base, harness.run(other, when, watch=replay), when, np.arange(stream.robots) != robot)
+
+
+def non_interference(harness: Harness) -> str:
+    """Require rows that are independent: of other trials, and while no packet arrives of other robots."""
+    for stream, _ in [] if harness.centralised else harness.team_cases:
+        alone = drop_packets(stream)
+        base = harness.run(alone, "no packet arrived")
+        for robot in range(stream.robots):
+            for mode in MODES:
+                when = f"robot {robot}'s readings were {mode} while no packet arrived"
+                other = perturb_readings(alone, mode, harness.rng, robot)
+                harness.require_same(base, other, when, np.arange(stream.robots) != robot)
+    for stream, base in harness.cases:
+        everything = list(range(len(stream.trial)))
+        for order in (*([i] for i in everything), everything[::-1]):
+            when = f"trials {stream.trial[order].tolist()} ran instead of all {len(everything)} in order"
+            expected, found = base.select(order), harness.run(stream.select(order), when)
+            require_equal(expected, found, when)
+            for what in ("messages", "bytes"):
+                differs = getattr(expected.trace, what) != getattr(found.trace, what)
+                require_none(differs[:, None], found.stream, f" sent other {what} when {when}")
+    if harness.centralised:
+        return "trials alone and in reverse order: the same bits; of other robots it knows all, as it is centralised"
+    return "trials alone and in reverse order, other robots' readings changed without a packet: the same bits"
+
+
+def immutability(harness: Harness) -> str:
+    """Require that methods write to nothing that they are given, and that parameters stay."""
+    before = _contents(harness.estimator, "its parameters")
+    for stream, base in harness.cases:
+
+        def compare(method: str, tick: int, arguments: tuple[Any, ...], call: Any, label: str = stream.scenario) -> Any:
+            inputs = ("prior", "world", "rows") if method in ("init", "smooth") else ("state",)
+            named = dict(zip((*inputs, "senses", "mail"), arguments, strict=False))
+            if harness.traits.mutable:
+                named.pop("state", None)
+            old = {name: _contents(one, name) for name, one in named.items()}
+            result = call(*arguments)
+            for name, one in named.items():
+                _require_unchanged(old[name], _contents(one, name), f"by {method}() at tick {tick} of {label!r}")
+            return result
+
+        when = "it ran a second time"
+        require_equal(base, harness.run(stream, when, watch=compare), when)
+    _require_unchanged(before, _contents(harness.estimator, "its parameters"), "by running")
+    exempt = "; its state is exempt, as it declares mutable = True" if harness.traits.mutable else ""
+    return f"inputs, states and parameters were compared before and after each call: no change{exempt}"
+
+
+def _contents(thing: Any, path: str) -> dict[str, bytes]:
+    """Return the bytes of everything inside an object, by path."""
+    if isinstance(thing, np.ndarray) and not thing.dtype.hasobject:
+        return {path: thing.tobytes()}
+    if isinstance(thing, tuple) and hasattr(thing, "_fields"):
+        parts = {name: getattr(thing, name) for name in thing._fields}
+    elif is_dataclass(thing) and not isinstance(thing, type):
+        parts = {one.name: getattr(thing, one.name) for one in fields(thing)}
+    else:
+        return {path: cloudpickle.dumps(thing)}
+    return {key: value for name, part in parts.items() for key, value in _contents(part, f"{path}.{name}").items()}
+
+
+def _require_unchanged(before: dict[str, bytes], after: dict[str, bytes], when: str) -> None:
+    changed = [path for path in before if before[path] != after.get(path)]
+    if changed:
+        raise CheckFailed(f"{changed[0]} was changed {when}")
+
+
+def nan_safety(harness: Harness) -> str:
+    """Require finite estimates where single readings are absent, one channel, or odometry."""
+    ways = 0
+    for stream in harness.streams:
+        for channel in sorted(harness.channels(stream)):
+            name = _name_of_array(channel)
+            array = stream.arrays()[name]
+            single = np.where(harness.rng.uniform(size=array.shape) < 0.3, np.nan, array)
+            others = {
+                "single readings": stream.with_arrays({name: single}),
+                "all readings": hide_channel(stream, channel),
+            }
+            for which, other in others.items():
+                when = f"{which} of {channel} were absent"
+                require_covariance(harness.run(other, when), when)
+                ways += 1
+    if not ways:
+        raise CheckSkipped("it reads no channel")
+    return f"single and all readings of each channel were made absent in {ways} ways: every estimate stayed finite"
+
+
+def covariance(harness: Harness) -> str:
+    """Require covariances that are symmetric, and without a negative variance in any direction."""
+    for stream, base in harness.cases:
+        require_covariance(base, "nothing was changed")
+        for mode in MODES:
+            when = f"readings were {mode}"
+            require_covariance(harness.run(perturb_readings(stream, mode, harness.rng), when), when)
+    return f"P was symmetric and positive semidefinite to {ROUNDING:g} of its largest entry at every tick"
+
+
+def require_covariance(found: RunRecord, when: str) -> None:
+    """Require that every covariance is symmetric and has no negative variance."""
+    P = found.trace.P
+    scale = np.maximum(np.abs(P).max((-2, -1)), NOTHING)
+    asymmetry = np.abs(P - P.mT).max((-2, -1))
+    least = np.linalg.eigvalsh((P + P.mT) / 2)[..., 0]
+    skew, negative = float((asymmetry / scale).max()), float((least / scale).min())
+    of = f"of its largest entry, when {when}"
+    require_none(asymmetry > ROUNDING * scale, found.stream, f"'s covariance is not symmetric, by {skew:.1e} {of}")
+    fault = f"'s covariance has a negative variance, {negative:.1e} {of}"
+    require_none(least < -ROUNDING * scale, found.stream, fault)
+
+
+def silence(harness: Harness) -> str:
+    """Require that with odometry alone it moves as dead reckoning does, and that its uncertainty never shrinks.
+
+    A deterministic estimator agrees to `OFF_TRACK` of dead reckoning's standard deviation, one that samples to one
+    standard deviation of what odometry adds. Where odometry has led out of the arena it may do as it likes: an
+    estimator may know that no robot is there.
+    """
+    if harness.traits.own_motion:
+        raise CheckSkipped(f"own_motion: {harness.traits.own_motion}")
+    moving = [stream for stream in harness.streams if "odometry" in harness.channels(stream)]
+    if not moving:
+        raise CheckSkipped("it declares no odometry, so where it goes without other readings is its own affair")
+    quietly = "nothing was sensed but odometry and no packet arrived"
+    for stream in moving:
+        quiet = only_odometry(stream)
+        found, dead = harness.run(quiet, quietly), trace("dead-reckoning", make("dead-reckoning"), quiet)
+        variance = dead.P[..., 0, 0] + dead.P[..., 1, 1]
+        growth = np.sqrt(np.maximum(variance - variance[:, :1], 0.0))
+        allowed = OFF_TRACK * np.sqrt(variance) if harness.deterministic else growth + 0.1 * growth[:, -1:]
+        moved, expected = (x[..., :2] - x[:, :1, :, :2] for x in (found.trace.x, dead.x))
+        low, high = quiet.world.arena
+        inside = ((dead.x[..., :2] > low) & (dead.x[..., :2] < high)).all(-1)
+        so_far: Array = np.logical_and.accumulate(inside, axis=1)
+        off = np.where(so_far, np.sqrt(((moved - expected) ** 2).sum(-1)), 0.0)
+        if (off > allowed).any():
+            where = earliest(off > allowed)
+            limit = f"where {allowed[where]:.2g} m is allowed, when {quietly}"
+            fail_at(where, quiet, f" is {off[where]:.2g} m away from where odometry leads, {limit}")
+        if harness.deterministic:
+            stated = found.trace.P[..., 0, 0] + found.trace.P[..., 1, 1]
+            shrunk = np.diff(stated, axis=1, prepend=stated[:, :1]) < -ROUNDING * stated
+            require_none(shrunk, found.stream, f"'s position variance shrank when {quietly}")
+    agrees = "and its uncertainty never shrank" if harness.deterministic else "to one standard deviation"
+    return f"{quietly}: it moved as dead reckoning does, {agrees}"
+
+
+def declaration(harness: Harness) -> str:
+    """Require that every declared channel changes a result somewhere, no other one does, and a team's traffic adds up.
+
+    A channel that matters seldom, as where fusion seldom pays, is looked for again in longer streams, in which the
+    robots do not start equally certain: covariance intersection of equal beliefs never pays.
+    """
+    for stream, base in harness.cases:
+        messages, sent = base.trace.messages, base.trace.bytes
+        sound = np.isfinite(messages) & (messages >= 0) & (messages == np.round(messages)) & (sent >= 8 * messages)
+        sound &= (messages > 0) | (sent == 0)
+        require_none(~sound[:, None], stream, " states messages and bytes of which each has no header of 8 bytes")
+        for channel in sorted(stream.channels() - harness.channels(stream)):
+            harness.require_same(
+                base, hide_channel(stream, channel), f"{channel}, which it does not declare, was hidden"
+            )
+    declared = {channel for stream in harness.streams for channel in harness.channels(stream)}
+    unused = declared - _used(harness, harness.cases, declared)
+    if unused:
+        longer = Harness(harness.name, harness.estimator, harness.seed, ticks=LONG)
+        for change in (lambda stream: stream, make_first_certain):
+            streams = [change(stream) for stream in longer.streams]
+            cases = [(stream, longer.run(stream, "the stream was longer")) for stream in streams]
+            unused -= _used(longer, cases, unused)
+    if unused:
+        raise CheckFailed(f"it declares {', '.join(sorted(unused))}, but that never changed an estimate or a packet")
+    return f"each declared channel ({', '.join(sorted(declared))}) changed a result; messages and bytes add up"
+
+
+def _used(harness: Harness, cases: list[tuple[Stream, RunRecord]], channels: set[str]) -> set[str]:
+    """Return those of these channels that change anything on some stream where they are perturbed, or hidden."""
+    found: set[str] = set()
+    for stream, base in cases:
+        for channel in sorted((harness.channels(stream) & channels) - found):
+            name = _name_of_array(channel)
+            array = stream.arrays()[name]
+            perturbed = stream.with_arrays({name: array + 0.1 * harness.rng.normal(size=array.shape)})
+            for other in (perturbed, hide_channel(stream, channel)):
+                try:
+                    harness.require_same(base, other, f"{channel} was changed")
+                except CheckFailed:
+                    found.add(channel)
+                    break
+    return found
+
+
+def equivariance(harness: Harness) -> str:
+    """Shift the world, turn it by 90 degrees, renumber the robots; require that the estimates follow.
+
+    Only for estimators without randomness; compared with a tolerance, as other coordinates round differently. Where the
+    approximation itself lies along the axes, as the sigma points of an unscented filter do, the estimator states the
+    reason in a class variable `axes`; then the world is only shifted, and the report repeats the reason.
+    """
+    if not harness.deterministic:
+        raise CheckSkipped("it draws random numbers, which do not turn with the world")
+    axes, ordered = harness.traits.axes, harness.traits.team and not harness.centralised
+    still, nowhere = np.eye(2), np.zeros(2)
+    for stream, base in harness.cases:
+        if stream.senses.extra or not isinstance(stream.world.motion, Displacement | Unicycle):
+            raise CheckSkipped("it is not known how this scenario's channels or odometry turn with the world")
+        belief = Belief(base.trace.x, base.trace.P)
+        expected, other = move_belief(belief, still, SHIFT), move_world(stream, still, SHIFT)
+        _require_close(harness, expected, other, "the world was shifted")
+        if axes:
+            continue
+        expected, when = move_belief(belief, QUARTER, nowhere), "the world was turned by 90 degrees"
+        try:  # some estimators take the anchors one by one, some want the corners in order
+            _require_close(harness, expected, move_world(stream, QUARTER, nowhere), when)
+        except CheckFailed:
+            _require_close(harness, expected, move_world(stream, QUARTER, nowhere, roll=1), when, AXES)
+        if stream.robots > 1 and not ordered:
+            order, single = [*range(1, stream.robots), 0], keep_one_pair(stream)
+            alone = harness.run(single, "one pair of robots met in each tick").trace
+            expected = Belief(alone.x[:, :, order], alone.P[:, :, order])
+            _require_close(harness, expected, renumber_robots(single, order), "its robots were renumbered")
+    turned = "" if axes else " and turned by 90 degrees" + ", the robots were renumbered" * (not ordered)
+    left = f"; not turned or renumbered, as {axes}" if axes else "; not renumbered, as its robots go in turns" * ordered
+    return f"the world was shifted{turned}: the estimates followed to {TOLERANCE:.0%} of a standard deviation{left}"
+
+
+def _require_close(harness: Harness, expected: Belief, stream: Stream, when: str, remedy: str = "") -> None:
+    """Run on the stream, and compare with the beliefs expected there."""
+    found = harness.run(stream, when).trace
+    sd = np.sqrt(np.maximum(np.diagonal(expected.P, axis1=-2, axis2=-1), 0.0))
+    off_x, off_P = np.abs(wrap_heading(expected.x - found.x)), np.abs(expected.P - found.P)
+    allowed = TOLERANCE * sd[..., None] * sd[..., None, :]
+    for what, off, limit in (("estimate", off_x, TOLERANCE * sd), ("covariance", off_P, allowed)):
+        far: Mask = np.asarray((off > limit + ROUNDED).reshape(*off.shape[:3], -1).any(-1))
+        if far.any():
+            missed = f"'s {what} did not follow when {when}: it is up to {off[far].max():.2g} away"
+            fail_at(earliest(far), stream, missed, remedy)
+
+
+READ_ONLY = "an input is read-only: copy the array before you write to it"
+ABSENT = "make the method work on such input too: nan is an absent reading, width 0 an absent channel"
+UNLIKE = (
+    "look for what differs from call to call: a counter in the class or module, a cache, a generator that is seeded "
+    "once, the clock, id() or hash(), a file, threads"
+)
+AXES = (
+    "take directions only from the prior, the world and the readings; where the method itself lies along the axes, as "
+    "sigma points and grids do, say so in a class variable: axes = 'its sigma points lie along the axes'"
+)
+FIRST = {  # checks without which no other one means anything, and why
+    "runs": "it does not run",
+    "determinism": "it does not repeat itself, so no two of its runs can be compared",
+}
+REMEDIES: dict[Callable[[Harness], str], str] = {
+    runs: "follow cooploc.estimators.interface: its shapes, and nan for an absent reading",
+    determinism: "draw random numbers from rows.key alone, and store everything in the state that init() makes; a "
+    "library that draws globally gets a keyed generator by cl.PerRobot(..., own_random=True)",
+    truth_blindness: "use only what the methods are given",
+    causality: "use only what the methods are given in this tick, and your own state",
+    link_honesty: "use a packet and its radio readings only where mail.heard is True, and nothing else of a teammate",
+    non_interference: "compute each row from that row alone, without a sum, mean or matrix product over rows; "
+    "teammates' data come in only through `mail`, in fuse()",
+    immutability: "copy an array before writing to it, return a new state, and store nothing in parameters or module "
+    "variables",
+    nan_safety: "treat nan as an absent reading: leave that row as it is in that update",
+    covariance: "return (P + P.mT) / 2, and use an update that keeps P positive semidefinite, such as the Joseph form",
+    silence: "where nothing is sensed or heard, move by odometry alone and let P grow; a method that must move "
+    "otherwise, as a constant-velocity filter or Euler's integration, says why in a class variable: own_motion = '...'",
+    declaration: "name in `uses` only channels that change the estimate; a message costs 8 bytes and its payload",
+    equivariance: "take positions, directions and robots only from the prior, the world and the readings",
+}
+
+
+class Check(NamedTuple):
+    """One rule of the comparison."""
+
+    name: str
+    run: Callable[[Harness], str]  # returns what it tried and saw; raises CheckFailed or CheckSkipped
+    remedy: str  # what to change in an estimator that fails it
+
+
+CHECKS = tuple(Check(one.__name__.replace("_", "-"), one, remedy) for one, remedy in REMEDIES.items())

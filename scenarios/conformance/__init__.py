@@ -1,1 +1,0 @@
-"""The checks that show what an estimator must not do."""
