@@ -1,7 +1,6 @@
 """Tables over trials: what each estimator achieves, and how it differs from a baseline on the same streams.
 
-To add a statistic, write one entry in `STATISTICS`: it gets into the tables of `summarize` and `compare`, and so into
-CSV and JSON.
+To add a statistic, write one entry in `STATISTICS`.
 """
 
 from collections.abc import Callable, Mapping
@@ -12,7 +11,7 @@ import pandas as pd
 
 from cooploc.analysis.formats import interval, metres, percent
 from cooploc.analysis.metrics import sequential, statistics
-from cooploc.analysis.metrics.consistency import collapsed_share, consistency
+from cooploc.analysis.metrics.consistency import COLLAPSED, consistency
 from cooploc.analysis.metrics.errors import (
     CELL,
     COLUMNS,
@@ -29,11 +28,6 @@ from cooploc.estimators import nearest
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array
 
-# The fields of `cooploc run --json` that stay; `summarize` says what they mean.
-SUMMARY = (
-    *("scenario", "estimator", "robots", "trials", "rmse", "rmse_low", "rmse_high", "anees", "anees_low", "anees_high"),
-    *("coverage95", "diverged", "failed", "messages", "bytes", "seconds", "stream", "certificate"),
-)
 MARGIN = 0.05  # two estimators whose RMSE differ by less than this share tie
 FAR = 5.0  # times the median trial's RMSE
 
@@ -57,29 +51,18 @@ class Statistic(NamedTuple):
     short: bool = False  # whether `compare` shows it unless it is asked for all
 
 
-def _rmse(cell: Cell) -> Interval:
-    return Interval(*np.sqrt(statistics.mean_of_positive(cell.trials["mse"].to_numpy(float))))
-
-
-def _share(value: float, trials: "pd.Series[Any]") -> Interval:
+def _share(trials: "pd.Series[Any]") -> Interval:
     """Return a share with the interval of its means over trials (Wilson)."""
-    return statistics.share(trials.dropna().to_numpy(float))._replace(value=value)
+    return statistics.share(trials.dropna().to_numpy(float))
 
 
 def mark_outliers(mse: Array) -> Array:
     """Return 1.0 for a trial whose RMSE exceeds `FAR` times that of the median trial, else 0.0; from squared errors.
 
-    Where one trial of a hundred diverges twentyfold, four fifths of the mean squared error are in that trial: with 20
-    trials it is missed in four of five runs, and the 95 % interval of the RMSE then does not hold the truth
-    (`reports/statistics.md`). No interval mends that. So the share of such trials is printed with its own interval,
-    beside the median, which such trials do not decide, and a sentence warns where any was seen.
+    No interval of the RMSE holds where one trial of a hundred diverges twentyfold and is missed (measured in
+    `reports/statistics.md`), so the share of such trials is printed with its own, beside the median.
     """
     return (mse > FAR**2 * np.median(mse)).astype(float) if len(mse) else np.zeros(0)
-
-
-def _outlying(cell: Cell) -> Interval:
-    mse = cell.trials["mse"].to_numpy(float)
-    return statistics.share(mark_outliers(mse[~np.isnan(mse)]))
 
 
 def _trial_mean(column: str) -> Callable[[Cell], float]:
@@ -91,14 +74,18 @@ def _robot_mean(column: str) -> Callable[[Cell], float]:
 
 
 STATISTICS = {
-    "rmse": Statistic("square root of the mean over trials of the trial's mean squared position error", _rmse, "m"),
+    "rmse": Statistic(
+        "square root of the mean over trials of the trial's mean squared position error",
+        lambda cell: Interval(*np.sqrt(statistics.mean_of_positive(cell.trials["mse"].to_numpy(float)))), "m",
+    ),
     "rmse_median": Statistic(
         "median over trials of the trial's RMSE; a few diverged trials do not decide it",
         lambda cell: np.sqrt(cell.trials["mse"]).median(), "m", short=True,
     ),
     "outlying": Statistic(
         f"share of trials whose RMSE exceeds {FAR:g} times that median; where there are any, the interval of RMSE is "
-        "too narrow; its own (Wilson) reaches to 16 % at 0 of 20 trials", _outlying, short=True,
+        "too narrow; its own (Wilson) reaches to 16 % at 0 of 20 trials",
+        lambda cell: statistics.share(mark_outliers(cell.trials["mse"].dropna().to_numpy(float))), short=True,
     ),
     "anees": Statistic(
         "position NEES / 2, per trial first, then over trials; 1 is consistent",
@@ -110,11 +97,11 @@ STATISTICS = {
     ),
     "collapsed": Statistic(
         "share of trials whose ANEES exceeds `consistency.COLLAPSED`, 100",
-        lambda cell: collapsed_share(cell.trials["anees"].dropna().to_numpy(float)), short=True,
+        lambda cell: _share(cell.trials["anees"].dropna() > COLLAPSED), short=True,
     ),
     "coverage95": Statistic(
         "share of true positions inside the 95 % ellipse",
-        lambda cell: _share(cell.trials["coverage95"].mean(), cell.trials["coverage95"]), short=True,
+        lambda cell: _share(cell.trials["coverage95"])._replace(value=cell.trials["coverage95"].mean()), short=True,
     ),
     "nll": Statistic(
         "mean negative log-likelihood of the true position; smaller is better, as of `errors`",
@@ -122,7 +109,7 @@ STATISTICS = {
     ),
     "diverged": Statistic(
         "share of (trial, robot) whose last-quarter RMSE exceeds a quarter of the arena's side",
-        lambda cell: _share(cell.rows["diverged"].mean(), cell.trials["diverged"]), short=True,
+        lambda cell: _share(cell.trials["diverged"])._replace(value=cell.rows["diverged"].mean()), short=True,
     ),
     "messages": Statistic("messages per robot and tick, as sent", _robot_mean("messages")),
     "bytes": Statistic("bytes per robot and tick, as sent", _robot_mean("bytes"), short=True),
@@ -140,13 +127,11 @@ STATISTICS = {
 def summarize(errors: pd.DataFrame) -> pd.DataFrame:
     """Return one row per (scenario, estimator), in order of appearance; a trial that failed counts as `failed` alone.
 
-    A trial whose error is not finite has failed, too. Where a trial failed, the numbers are of the others, and so not
-    of the same trials as those of another estimator: such a one does not qualify as best, is not ranked, and no
-    difference in its favour is significant.
+    A trial whose error is not finite has failed, too. An estimator that failed in a trial does not qualify as best, is
+    not ranked, and no difference in its favour is significant.
 
     Columns, with `_low` and `_high` the ends of a 95 % interval over trials where there is one, nan below five trials:
-        scenario: label of the scenario
-        estimator: label of the estimator
+        scenario, estimator: their labels
         robots: robots in the team
         trials: trials that succeeded
         failed: trials that failed
@@ -173,27 +158,15 @@ def _summary(errors: pd.DataFrame, cells: dict[tuple[str, str], pd.DataFrame]) -
     rows = []
     for (scenario, estimator), group in errors.groupby(CELL, sort=False):
         cell = Cell(drop_failed(group), cells[str(scenario), str(estimator)])
+        row: dict[str, Any] = {"scenario": str(scenario), "estimator": str(estimator)}
+        row |= {"robots": int(group["robots"].iloc[0]), "trials": len(cell.trials)}
+        row["failed"] = group["trial"].nunique() - len(cell.trials)
+        for name, one in STATISTICS.items():
+            value = one.of(cell)
+            row |= value.columns(name) if isinstance(value, Interval) else {name: value}
         lines = list(group["certificate"].dropna()) if "certificate" in group else []
-        rows.append(
-            {
-                "scenario": str(scenario),
-                "estimator": str(estimator),
-                "robots": int(group["robots"].iloc[0]),
-                "trials": len(cell.trials),
-                "failed": group["trial"].nunique() - len(cell.trials),
-                **{key: value for name, one in STATISTICS.items() for key, value in _columns(name, one.of(cell))},
-                "stream": stream_hash(group),
-                "certificate": str(lines[0]) if lines else "",
-            }
-        )
+        rows.append({**row, "stream": stream_hash(group), "certificate": str(lines[0]) if lines else ""})
     return pd.DataFrame(rows)
-
-
-def _columns(name: str, value: Any) -> list[tuple[str, Any]]:
-    """Return a statistic's columns, three for an interval."""
-    if isinstance(value, Interval):
-        return [(name, value.value), (f"{name}_low", value.low), (f"{name}_high", value.high)]
-    return [(name, value)]
 
 
 # ---- an estimator against its baseline
@@ -227,15 +200,14 @@ def compare(
 
     More columns:
         offline: True for an estimator that saw the readings of later ticks, too; never best, and not ranked
-        baseline: label of the estimator that the row is compared with
+        baseline: the estimator that the row is compared with
         pairs: trials in which both succeeded
         difference [m]: mean over trials of RMSE minus the baseline's, with its t interval
         bca_low, bca_high: interval of `change` by the BCa bootstrap, a cross-check
         decisive_trial: the number of the trial that alone decides `change`, see `statistics.decisive_trial`; nan: none
         p: p against equal RMSE, not adjusted: below 0.05 where the interval of `change` excludes 0, and nowhere else;
             1 where the one that looks better failed in a trial
-        effect: matched-pairs rank-biserial correlation in [-1, 1], which says in how many trials errors are smaller
-            (negative), and not by how much RMSE is; it decides nothing
+        effect: matched-pairs rank-biserial correlation in [-1, 1]: in how many trials errors are smaller (negative)
         p_equal: p of the equivalence test on the RMSE; small where the two tie within `margin`; 1 where one failed
         trials_for_margin: trials at which `change` would be known to plus or minus `margin`
         p_equal_holm: p_equal, adjusted by Holm
@@ -252,18 +224,24 @@ def compare(
 
     """
     _demand_errors(errors)
-    against = _baselines(errors, baseline)
+    known, scenarios = list(errors["estimator"].unique()), list(errors["scenario"].unique())
+    against = baseline if isinstance(baseline, Mapping) else dict.fromkeys(scenarios, baseline)
+    for scenario in scenarios:
+        if scenario not in against:
+            raise BadInput(f"baseline names none for scenario {scenario!r}: add it")
+        if (name := against[scenario]) not in known:
+            raise BadInput(f"there is no estimator {name!r} to compare with; {nearest(str(name), known)}")
     if not margin > 0:
         raise BadInput(f"margin is {margin}; it must lie above 0, such as {MARGIN}")
     demand_same_streams(errors)
     cells = trial_means(errors)
     table = _summary(errors, cells)
     table["consistency"] = consistency(table)
-    kinds = errors[CELL].assign(offline=is_offline(errors), centralised=errors["centralised"], bound=errors["bound"])
+    senses = errors.get(SENSES, "")  # results of former versions lack it
+    groups = errors.assign(offline=is_offline(errors), senses=senses).groupby(CELL, sort=False)
     for standing in ("centralised", "bound", "offline"):
-        table[standing] = kinds.groupby(CELL, sort=False)[standing].any().to_numpy()
-    known = errors if SENSES in errors else errors.assign(senses="")  # results of former versions lack it
-    table[SENSES] = known.groupby(CELL, sort=False)[SENSES].first().fillna("").to_numpy()
+        table[standing] = groups[standing].any().to_numpy()
+    table[SENSES] = groups[SENSES].first().fillna("").to_numpy()
     failed = {(row["scenario"], row["estimator"]): row["failed"] > 0 for row in table.to_dict("records")}
     rows = [_against(cells, failed, (scenario, name), against[scenario], margin) for scenario, name in failed]
     pairs = pd.DataFrame(rows)
@@ -275,23 +253,11 @@ def compare(
 
 
 def _demand_errors(errors: object) -> None:
+    wanted = "it must be the table that cl.errors returns"
     if not isinstance(errors, pd.DataFrame):
-        raise BadInput(f"errors is of type {type(errors).__name__}; it must be the table that cl.errors returns")
-    missing = [name for name in COLUMNS if name not in errors]
-    if missing:
-        raise BadInput(f"errors has no column {missing[0]!r}; it must be the table that cl.errors returns")
-
-
-def _baselines(errors: pd.DataFrame, baseline: str | Mapping[str, str]) -> Mapping[str, str]:
-    known, scenarios = list(errors["estimator"].unique()), list(errors["scenario"].unique())
-    against = baseline if isinstance(baseline, Mapping) else dict.fromkeys(scenarios, baseline)
-    for scenario in scenarios:
-        if scenario not in against:
-            raise BadInput(f"baseline names none for scenario {scenario!r}: add it")
-        if against[scenario] not in known:
-            name = against[scenario]
-            raise BadInput(f"there is no estimator {name!r} to compare with; {nearest(str(name), known)}")
-    return against
+        raise BadInput(f"errors is of type {type(errors).__name__}; {wanted}")
+    if missing := [name for name in COLUMNS if name not in errors]:
+        raise BadInput(f"errors has no column {missing[0]!r}; {wanted}")
 
 
 def _against(
@@ -302,9 +268,9 @@ def _against(
     margin: float,
 ) -> dict[str, object]:
     """Return the columns that `compare` adds to a row, from the trials that an estimator and its baseline both have."""
-    none, (scenario, estimator) = pd.Series(dtype=float), cell
-    base, mine = (cells[one]["mse"] if one in cells else none for one in ((scenario, baseline), cell))
-    both = pd.concat([base, mine], axis=1, join="inner", keys=["base", "mine"]).dropna()
+    scenario, estimator = cell
+    base = cells[scenario, baseline]["mse"] if (scenario, baseline) in cells else pd.Series(dtype=float)
+    both = pd.concat([base, cells[cell]["mse"]], axis=1, join="inner", keys=["base", "mine"]).dropna()
     a, b = both["base"].to_numpy(), both["mine"].to_numpy()
     change, bca, n = statistics.change(a, b), statistics.change_bca(a, b), len(both)
     other = estimator != baseline
@@ -316,13 +282,13 @@ def _against(
     return {
         "baseline": baseline,
         "pairs": n,
-        **dict(_columns("difference", statistics.mean(np.sqrt(b) - np.sqrt(a)))),
-        **dict(_columns("change", change)),
+        **statistics.mean(np.sqrt(b) - np.sqrt(a)).columns("difference"),
+        **change.columns("change"),
         "bca_low": bca.low,
         "bca_high": bca.high,
         "decisive_trial": both.index[decisive] if decisive is not None and other else np.nan,
         "p": 1.0 if p == p and lost[int(change.value < 0)] else p,
-        "effect": statistics.signed_rank(np.sqrt(a), np.sqrt(b))[1] if tested else np.nan,
+        "effect": statistics.rank_biserial(np.sqrt(a), np.sqrt(b)) if tested else np.nan,
         "p_equal": 1.0 if p_equal == p_equal and any(lost) else p_equal,
         "trials_for_margin": sequential.trials_for_width(change, n, margin) if other else np.nan,
     }

@@ -1,17 +1,15 @@
-"""Is a covariance consistent: flags by the intervals of ANEES and coverage; the band of a consistent filter."""
+"""Whether a covariance is consistent: flags by the intervals of ANEES and coverage; the band of a consistent filter."""
 
 import numpy as np
 import pandas as pd
 from scipy import stats
 
-from cooploc.analysis.metrics.statistics import LEAST_TRIALS, Interval, share
-from cooploc.estimators.interface import Array
+from cooploc.analysis.metrics.statistics import LEAST_TRIALS, Interval
 
 OVER_CONFIDENT, CONSERVATIVE = 1.5, 0.67  # ANEES limits: the whole interval must lie beyond
 COLLAPSED = 100.0  # ANEES of a trial whose errors are ten times as large as their covariance says
-# A whole interval of ANEES below it: standard deviations more than three times, an ellipse more than ten times, what
-# the errors ask for. Covariance intersection is conservative by right, and far from it: the smallest upper end of all
-# 1271 intervals in the study of the paper is 0.65 (ekf-ci).
+# A whole interval of ANEES below it: standard deviations more than three times what the errors ask for. Covariance
+# intersection is conservative by right, and far from it: its least upper end in the study of the paper is 0.65.
 OVER_WIDE = 0.1
 DOUBTFUL = 2 * OVER_CONFIDENT  # ANEES above which an estimator that is not shown consistent cannot be called best
 # Share of truths in the 95 % ellipses of Gaussian errors whose ANEES is OVER_CONFIDENT.
@@ -22,10 +20,9 @@ def flag(trials: float, anees: Interval, coverage: Interval) -> str:
     """Return over-confident, over-wide, conservative, consistent or not shown, by 95 % intervals over trials.
 
     Over-confident: the whole interval of ANEES lies above 1.5, or that of the coverage of the 95 % ellipse below the
-    0.86 that goes with it (a few trials whose covariance all but vanished make the interval of ANEES useless, but not
-    that of coverage). Over-wide: the whole interval of ANEES lies below 0.1. Conservative: it lies below 0.67.
-    Consistent: it lies within 0.67 to 1.5. Not shown: it holds a limit, so that the trials show neither. Below five
-    trials, and without covariances: not assessed.
+    0.86 that goes with it (where a few covariances all but vanished, only coverage tells). Over-wide: the whole
+    interval of ANEES lies below 0.1; conservative: below 0.67; consistent: within 0.67 to 1.5; not shown: it holds a
+    limit. Below five trials, and without covariances: not assessed.
     """
     if trials < LEAST_TRIALS or np.isnan(anees.value):
         return "not assessed"
@@ -34,15 +31,6 @@ def flag(trials: float, anees: Interval, coverage: Interval) -> str:
     if anees.high < CONSERVATIVE:
         return "over-wide" if anees.high < OVER_WIDE else "conservative"
     return "consistent" if anees.low >= CONSERVATIVE and anees.high <= OVER_CONFIDENT else "not shown"
-
-
-def collapsed_share(anees: Array) -> Interval:
-    """Return the share of trials whose ANEES exceeds `COLLAPSED`, with Wilson's interval; of trials that have one.
-
-    The mean of ANEES over trials can be that of a single collapsed particle cloud (1e4 to 1e27 occur); this share and
-    the median say how a typical trial went, and how many went wrong.
-    """
-    return share((anees > COLLAPSED).astype(float))
 
 
 def consistency(table: pd.DataFrame) -> pd.Series:
@@ -55,8 +43,7 @@ def consistency(table: pd.DataFrame) -> pd.Series:
 def band(count: int, d: int) -> tuple[float, float]:
     """Return the 95 % band of the ANEES over `count` independent d-dimensional errors of a consistent Gaussian filter.
 
-    chi2.ppf([0.025, 0.975], count d) / (count d) (Bar-Shalom, Li & Kirubarajan 2001, sec. 5.4). Errors of one trial's
-    ticks and robots are correlated: count trials.
+    chi2.ppf([0.025, 0.975], count d) / (count d) (Bar-Shalom, Li & Kirubarajan 2001, sec. 5.4).
     """
     if count < 1:
         return np.nan, np.nan

@@ -1,8 +1,6 @@
 """From traces and truth to one tidy row per (scenario, estimator, trial, robot), and to means over a trial's robots.
 
-The definitions are those of the README's glossary; ticks without truth, and a declared burn-in, do not count. To add a
-number, write one entry in `MEASURES`: it gets into the rows of `errors`, and as its mean over trials into the tables of
-`compare`, and so into CSV and JSON.
+Ticks without truth, and a declared burn-in, do not count. To add a number, write one entry in `MEASURES`.
 """
 
 import hashlib
@@ -32,7 +30,6 @@ OFFLINE = "offline"  # a column after those, of an estimator that saw later read
 NOTE = "note: "  # columns after those: what an estimator counted; a name that begins with "largest" is a maximum
 CELL = ["scenario", "estimator"]
 TRIAL = [*CELL, "trial"]
-SHOWN = 5  # trials that a refusal names
 LARGEST = 1e100  # [m^2] the square of a larger error overflows in a variance
 
 
@@ -58,24 +55,18 @@ class Measure(NamedTuple):
 
 
 def _nll(e: TickErrors) -> Array:
-    """-log N(e; 0, P) of the position error [nats], averaged over ticks.
+    """-log N(e; 0, P) = log 2 pi + (log det P + e' P^-1 e) / 2 [nats], averaged over ticks; infinite for a singular P.
 
-    log 2 pi + (log det P + e' P^-1 e) / 2: a proper score, whose expectation is smallest for the true distribution
-    (Gneiting & Raftery, J. American Statistical Association 102, 2007). Infinite where P is singular: a belief in one
-    point is never rewarded.
+    A proper score (Gneiting & Raftery, J. American Statistical Association 102, 2007).
     """
     with np.errstate(divide="ignore"):
         log_det = np.where(e.det > 0, np.log(e.det), 0.0)
     nll = np.where(e.det > 0, np.log(2 * np.pi) + (log_det + e.nees) / 2, np.inf)
-    return over_ticks(np.nanmean, np.where(np.isnan(e.nees), np.nan, nll))
+    return _mean_where_covariance(e, nll)
 
 
-def _area95(e: TickErrors) -> Array:
-    return over_ticks(np.nanmean, np.where(np.isnan(e.nees), np.nan, np.pi * INSIDE_95 * np.sqrt(e.det)))
-
-
-def _coverage95(e: TickErrors) -> Array:
-    return over_ticks(np.nanmean, np.where(np.isnan(e.nees), np.nan, e.nees <= INSIDE_95))
+def _mean_where_covariance(e: TickErrors, values: Array) -> Array:
+    return over_ticks(np.nanmean, np.where(np.isnan(e.nees), np.nan, values))
 
 
 def _divergence(e: TickErrors) -> Array:
@@ -111,7 +102,10 @@ MEASURES = {
     "anees": Measure(
         "mean position NEES / 2; 1 is consistent", lambda e: over_ticks(np.nanmean, e.nees) / 2, "", "ticks"
     ),
-    "coverage95": Measure("share of true positions inside the 95 % ellipse", _coverage95, "", "ticks"),
+    "coverage95": Measure(
+        "share of true positions inside the 95 % ellipse",
+        lambda e: _mean_where_covariance(e, e.nees <= INSIDE_95), "", "ticks",
+    ),
     "diverged": Measure(
         "1 where the last quarter's RMSE exceeds a quarter of the arena's side, else 0", _divergence, "", "robots"
     ),
@@ -123,7 +117,10 @@ MEASURES = {
         "mean negative log-likelihood of the true position under the estimate, per tick; smaller is better, and a "
         "covariance that is too small or too large makes it larger", _nll, "nats", "ticks",
     ),
-    "area95": Measure("mean area of the 95 % ellipse", _area95, "m^2", "ticks"),
+    "area95": Measure(
+        "mean area of the 95 % ellipse",
+        lambda e: _mean_where_covariance(e, np.pi * INSIDE_95 * np.sqrt(e.det)), "m^2", "ticks",
+    ),
 }  # fmt: skip
 SCORES = tuple(name for name in MEASURES if name not in COLUMNS)  # results of former versions lack them
 
@@ -132,15 +129,12 @@ def errors(truth: Truth, run: Run, burn_in: int = 0) -> pd.DataFrame:
     """Return errors, consistency and cost of every estimator of a run, one row per (scenario, estimator, trial, robot).
 
     Columns:
-        scenario: label of the scenario
-        estimator: label of the estimator
-        trial: number of the trial
-        robot: number of the robot, from 0
+        scenario, estimator: their labels
+        trial, robot: their numbers
         robots: robots in the team
         ticks: ticks that count
         {measures}
-        messages: messages per tick, as sent
-        bytes: bytes per tick, as sent
+        messages, bytes: per tick, as sent
         seconds [s]: computing time per robot and tick, averaged over the run
         centralised: True for an estimator whose readings all reach one computer, which knows more than any robot
         bound: True for a centralised one that bounds all others
@@ -165,10 +159,7 @@ def errors(truth: Truth, run: Run, burn_in: int = 0) -> pd.DataFrame:
         raise BadInput(f"burn_in is {burn_in}; it must lie between 0 and {truth.x.shape[1] - 1}")
     valid = truth.valid.copy()
     valid[:, :burn_in] = False
-    frames = [_frame(truth, run, name, trace, valid) for name, trace in run.traces.items()]
-    if run.unchecked:
-        frames = [frame.assign(certificate=_certificate(run, frame["estimator"].iloc[0])) for frame in frames]
-    return pd.concat(frames, ignore_index=True)
+    return pd.concat([_frame(truth, run, name, trace, valid) for name, trace in run.traces.items()], ignore_index=True)
 
 
 def describe_columns(columns: Mapping[str, Any]) -> str:
@@ -178,13 +169,6 @@ def describe_columns(columns: Mapping[str, Any]) -> str:
 
 
 errors.__doc__ = (errors.__doc__ or "").replace("{measures}", describe_columns(MEASURES))
-
-
-def _certificate(run: Run, name: str) -> str:
-    if name not in run.unchecked:
-        return ""
-    learned = run.traces[name].trained_on
-    return f"{UNCHECKED}{TRAINED}{learned}" if learned else UNCHECKED
 
 
 def position_errors(truth: Truth, run: Run, trace: Trace) -> tuple[Array, Array]:
@@ -205,9 +189,8 @@ def demand_same(truth: object, run: object) -> None:
         BadInput: the two are swapped, one is of another type, or they are of different streams.
 
     """
-    given = (truth, run)
     if not (isinstance(truth, Truth) and isinstance(run, Run)):
-        kinds = [f"the class {one.__name__}" if isinstance(one, type) else type(one).__name__ for one in given]
+        kinds = [one.__name__ if isinstance(one, type) else type(one).__name__ for one in (truth, run)]
         raise BadInput(
             f"truth and run are {' and '.join(kinds)}; pass the truth of cl.simulate first, then what cl.run gave"
         )
@@ -219,62 +202,60 @@ def demand_same(truth: object, run: object) -> None:
 
 def _squared_errors(truth: Truth, trace: Trace, valid: Mask) -> tuple[Array, Array]:
     e = np.where(valid[..., None], trace.x[..., :2] - truth.x[..., :2], np.nan)
-    nees = _quadratic(e, _covariance(trace)[..., :2, :2])
-    return (e**2).sum(-1), np.where(np.isnan(trace.P[..., 0, 0]), np.nan, nees)
+    return (e**2).sum(-1), _nees(e, trace.P)
 
 
-def _covariance(trace: Trace) -> Array:
-    """Return P, zero where there is none; the numbers made of such are set to nan."""
-    return np.where(np.isnan(trace.P), 0.0, trace.P)
+def _nees(e: Array, P: Array) -> Array:
+    """e' P^-1 e; infinite where P is singular and e is not zero; nan where there is no P."""
+    d = e.shape[-1]
+    known = np.where(np.isnan(P), 0.0, P)[..., :d, :d]
+    sound = np.linalg.det(known) > 0
+    safe = np.where(sound[..., None, None], known, np.eye(d))
+    q: Array = np.einsum("...i,...i->...", e, np.linalg.solve(safe, e[..., None])[..., 0])
+    q = np.where(sound | np.isnan(q), q, np.where((e == 0).all(-1), 0.0, np.inf))
+    return np.where(np.isnan(P[..., 0, 0]), np.nan, q)
 
 
 def _tick_errors(truth: Truth, trace: Trace, valid: Mask) -> TickErrors:
     d2, nees = _squared_errors(truth, trace, valid)
-    det = np.linalg.det(_covariance(trace)[..., :2, :2])
+    pose_nees = np.full(valid.shape, np.nan)
+    if min(truth.x.shape[-1], trace.x.shape[-1]) == 3:
+        e = np.where(valid[..., None], trace.x - truth.x, np.nan)
+        e[..., 2] = np.pi - np.mod(np.pi - e[..., 2], 2 * np.pi)
+        pose_nees = _nees(e, trace.P)
+    det = np.linalg.det(np.where(np.isnan(trace.P), 0.0, trace.P)[..., :2, :2])
     side = float(np.max(truth.arena[1] - truth.arena[0]))
-    pose_nees = _pose_nees(truth, trace, valid)
     return TickErrors(d2, np.sqrt(d2), nees, pose_nees, np.where(det > 0, det, 0.0), valid, side)
 
 
 def _frame(truth: Truth, run: Run, name: str, trace: Trace, valid: Mask) -> pd.DataFrame:
+    """Return the rows of one estimator."""
     t, T, n = valid.shape
     ticks = _tick_errors(truth, trace, valid)
-    per = {"ticks": valid.sum(1), **{key: one.of(ticks) for key, one in MEASURES.items()}}
-    per |= {"messages": trace.messages / T, "bytes": trace.bytes / T}
     columns: dict[str, Any] = {
         "scenario": run.scenario,
         "estimator": name,
         "trial": np.repeat(run.trial, n),
         "robot": np.tile(np.arange(n), t),
         "robots": n,
-        **{key: np.asarray(values).ravel() for key, values in per.items()},
+        "ticks": valid.sum(1).ravel(),
+        **{key: np.asarray(one.of(ticks)).ravel() for key, one in MEASURES.items()},
+        "messages": (trace.messages / T).ravel(),
+        "bytes": (trace.bytes / T).ravel(),
         "seconds": trace.seconds / (t * T * n),
         "stream": np.repeat(run.hashes, n),
         "centralised": trace.centralised,
         "bound": trace.bound,
         SENSES: trace.senses,
     }
-    notes = {NOTE + key: values.ravel() for key, values in trace.notes.items()}
-    more = {OFFLINE: True} if trace.offline else {}
-    return pd.DataFrame({**{key: columns[key] for key in (*COLUMNS, *SCORES, SENSES)}, **more, **notes})
-
-
-def _quadratic(e: Array, P: Array) -> Array:
-    """e' P^-1 e; infinite where P is singular and e is not zero."""
-    d = e.shape[-1]
-    sound = np.linalg.det(P) > 0
-    safe = np.where(sound[..., None, None], P, np.eye(d))
-    q: Array = np.einsum("...i,...i->...", e, np.linalg.solve(safe, e[..., None])[..., 0])
-    return np.where(sound | np.isnan(q), q, np.where((e == 0).all(-1), 0.0, np.inf))
-
-
-def _pose_nees(truth: Truth, trace: Trace, valid: Mask) -> Array:
-    """e' P^-1 e of position and heading (t, T, n), nan where there is no heading."""
-    if truth.x.shape[-1] < 3 or trace.x.shape[-1] < 3:
-        return np.full(valid.shape, np.nan)
-    e = np.where(valid[..., None], trace.x - truth.x, np.nan)
-    e[..., 2] = np.pi - np.mod(np.pi - e[..., 2], 2 * np.pi)
-    return np.where(np.isnan(trace.P[..., 0, 0]), np.nan, _quadratic(e, _covariance(trace)))
+    columns = {key: columns[key] for key in (*COLUMNS, *SCORES, SENSES)}
+    columns |= {OFFLINE: True} if trace.offline else {}
+    columns |= {NOTE + key: values.ravel() for key, values in trace.notes.items()}
+    if run.unchecked:
+        learned = trace.trained_on
+        line = f"{UNCHECKED}{TRAINED}{learned}" if learned else UNCHECKED
+        columns["certificate"] = line if name in run.unchecked else ""
+    return pd.DataFrame(columns)
 
 
 # ---- rows pooled over the robots of a trial
@@ -283,8 +264,7 @@ def _pose_nees(truth: Truth, trace: Trace, valid: Mask) -> Array:
 def drop_failed(errors: pd.DataFrame) -> pd.DataFrame:
     """Return the rows of trials that neither failed nor have an error that is not finite, of a robot with known truth.
 
-    An error that is nan, infinite or beyond `LARGEST` is a failure of the whole trial: left out silently it would
-    make the estimator look better, and counted as zero better still.
+    An error that is nan, infinite or beyond `LARGEST` is a failure of the whole trial.
     """
     lost = (errors["ticks"] > 0) & ~(errors["mse"] < LARGEST)
     if "failure" in errors:
@@ -311,10 +291,15 @@ def note_lines(errors: pd.DataFrame) -> list[str]:
 def trial_means(errors: pd.DataFrame) -> dict[tuple[str, str], pd.DataFrame]:
     """Return one row per trial that succeeded, by (scenario, estimator): means over robots, weighted by ticks.
 
-    `MEASURES` says of which numbers every robot counts the same. `stream` is that of the trial. A cell whose trials
-    all failed has no rows.
+    `MEASURES` says of which numbers every robot counts the same. `seconds`, `robots` and `stream` are those of the
+    trial. A cell whose trials all failed has no rows.
     """
-    means = _of_trials(drop_failed(errors))
+    ended = drop_failed(errors)
+    by_ticks, by_robots = ([name for name, one in MEASURES.items() if one.mean == how] for how in ("ticks", "robots"))
+    groups = ended.groupby(TRIAL, sort=False)
+    means = weighted_means(ended, TRIAL, [name for name in by_ticks if name in ended]).reindex(columns=by_ticks)
+    means = means.join(groups[[name for name in by_robots if name in ended]].mean().reindex(columns=by_robots))
+    means = means.join(groups[["seconds", "robots", "stream"]].first())
     known = {cell: part.droplevel([0, 1]).sort_index() for cell, part in means.groupby(level=CELL, sort=False)}
     nothing = means.iloc[:0].droplevel([0, 1])
     every = errors[CELL].drop_duplicates().itertuples(index=False, name=None)
@@ -333,39 +318,14 @@ def weighted_means(errors: pd.DataFrame, keys: list[str], columns: list[str]) ->
     return means.mask(absent.groupby(groups, sort=False).any()) if absent.to_numpy().any() else means
 
 
-def _of_trials(ended: pd.DataFrame) -> pd.DataFrame:
-    """Return one row per trial of every cell; index: scenario, estimator, trial."""
-    by_ticks, by_robots = ([name for name, one in MEASURES.items() if one.mean == how] for how in ("ticks", "robots"))
-    out = weighted_means(ended, TRIAL, [name for name in by_ticks if name in ended]).reindex(columns=by_ticks)
-    groups = ended.groupby(TRIAL, sort=False)
-    there = [name for name in by_robots if name in ended]
-    out[there] = groups[there].mean()
-    out = out.reindex(columns=[*by_ticks, *by_robots])
-    out["stream"] = groups["stream"].first()
-    return out
-
-
 def demand_same_streams(errors: pd.DataFrame) -> None:
-    """Refuse rows that look paired and are not.
+    """Refuse rows that look paired and are not, and copies of trials, which would count as independent.
 
     Raises:
         BadInput: estimators ran on different streams, or were judged on different ticks of one; two trials have the
             same stream; or a row stands there twice.
 
     """
-    _demand_once(errors)
-    different = errors.groupby(["scenario", "trial"])["stream"].nunique()
-    if (different > 1).any():
-        scenario, trial = different[different > 1].index[0]
-        raise BadInput(f"{scenario}, trial {trial}: estimators ran on different streams; run them again on one stream")
-    different = drop_failed(errors).groupby(["scenario", "trial", "robot"])["ticks"].nunique()
-    if (different > 1).any():
-        scenario, trial, _ = different[different > 1].index[0]
-        raise BadInput(f"{scenario}, trial {trial}: estimators were judged on different ticks; use one burn_in for all")
-
-
-def _demand_once(errors: pd.DataFrame) -> None:
-    """Refuse copies of trials, which would count as independent."""
     twice = errors[errors.duplicated([*TRIAL, "robot"])]
     if len(twice):
         scenario, estimator, trial = twice.iloc[0][TRIAL]
@@ -373,12 +333,22 @@ def _demand_once(errors: pd.DataFrame) -> None:
     once = errors.drop_duplicates(["scenario", "stream", "trial"]).dropna(subset="stream")
     copies = once[once.duplicated(["scenario", "stream"], keep=False)]
     if len(copies):
-        first = copies.iloc[0]
-        same = copies[(copies["scenario"] == first["scenario"]) & (copies["stream"] == first["stream"])]
-        raise BadInput(
-            f"{first['scenario']}: trials {', '.join(map(str, same['trial'][:SHOWN]))} are of one stream; keep one of "
-            "them, or copies would count as independent"
-        )
+        scenario, stream = copies.iloc[0][["scenario", "stream"]]
+        trials = copies.loc[(copies["scenario"] == scenario) & (copies["stream"] == stream), "trial"]
+        raise BadInput(f"{scenario}: trials {', '.join(map(str, trials[:5]))} are of one stream; keep one of them")
+    for part, keys, what, remedy in (
+        (errors, ["scenario", "trial"], "stream", "ran on different streams; run them again on one stream"),
+        (
+            drop_failed(errors),
+            ["scenario", "trial", "robot"],
+            "ticks",
+            "were judged on different ticks; use one burn_in",
+        ),
+    ):
+        different = part.groupby(keys)[what].nunique()
+        if (different > 1).any():
+            scenario, trial = different[different > 1].index[0][:2]
+            raise BadInput(f"{scenario}, trial {trial}: estimators {remedy}")
 
 
 def stream_hash(group: pd.DataFrame) -> str:

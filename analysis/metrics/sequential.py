@@ -1,22 +1,17 @@
 """Confidence sequences, runs that stop when their questions are decided, and how many trials a comparison needs.
 
-A 95 % interval that is looked at again and again misses the truth sooner or later. These miss it, at any of all looks
-from the second trial on, in at most 5 % of runs. They take the t statistic of n differences d, as the t test does:
+A 95 % interval that is looked at again and again misses the truth sooner or later; a sequence does so, at any of all
+looks, in at most 5 % of runs. Both take the t statistic of n differences d:
 
     t = mean(d) / (s / sqrt(n)),   R = t^2 / (n - 1 + t^2)
     e(n) = sqrt(c^2 / (n + c^2)) (1 - R n / (n + c^2))^(-n/2)
 
 e is the likelihood ratio of "mean(d) / sigma is drawn from N(0, 1 / c^2)" to "mean(d) = 0", any sigma. Where the mean
-is 0 its expectation is 1 at every n, and it ever reaches 1 / alpha with probability alpha at most (Ville 1939). The
-values theta for which the differences d - theta do not reach it are the sequence: mean(d) -+ b(n) s / sqrt(n).
-
-Exact for normal differences at every n. For others it is asymptotic, as the t interval is; `reports/statistics.md`
-measures both. The jackknife takes the logarithm of a mean for nearly normal, which it is not where a few trials decide
-it: of errors of which one in a hundred is twentyfold, two equals would be called different in 20 % of runs. Sequences
-are therefore as wide as over the effective number of trials, (sum v)^2 / sum v^2 (Kish 1965) of the mean where it is
-smallest, times 1.5: all trials where their standard deviation is up to 0.7 of the mean, and four or five where three of
-a hundred decide. There is none below seven. The factor is the largest of 1, 1.5, 2 and 3 that keeps false decisions
-below 5 % in all worlds of `reports/statistics.md`.
+is 0 it ever reaches 1 / alpha with probability alpha at most (Ville 1939). The values theta for which the differences
+d - theta do not reach it are the sequence: mean(d) -+ b(n) s / sqrt(n); there is none below seven trials. It is exact
+for normal differences. As the logarithm of a mean is far from normal where a few trials decide it, sequences are as
+wide as over the effective number of trials, (sum v)^2 / sum v^2 (Kish 1965), times 1.5: the largest factor of 1, 1.5, 2
+and 3 that keeps false decisions below 5 % in all worlds of `reports/statistics.md`.
 
 Sources: T. L. Lai, "On confidence sequences", Annals of Statistics 4, 1976; H. Wang, A. Ramdas, "Anytime-valid t-tests
 and confidence sequences for Gaussian means with unknown variance", Sequential Analysis 44, 2025 (Gaussian mixture;
@@ -32,7 +27,7 @@ import pandas as pd
 from scipy import stats
 
 from cooploc.analysis.metrics import statistics
-from cooploc.analysis.metrics.errors import drop_failed, weighted_means
+from cooploc.analysis.metrics.errors import CELL, trial_means
 from cooploc.analysis.metrics.statistics import HALVES, LEAST_TRIALS, Interval, Z, holm, quantile
 from cooploc.estimators.interface import Array
 
@@ -54,26 +49,21 @@ def boundary(n: float) -> float:
 
 
 def e_value(t: float, n: int) -> float:
-    """Evidence e(n) of a t statistic against a mean of 0; its inverse is a p-value at any stopping.
-
-    Values of e of independent comparisons multiply, those of dependent ones may be averaged.
-    """
-    return float(np.exp(np.minimum(_log_e(t, n), LARGEST)))
+    """Return the evidence e(n) of a t statistic against a mean of 0; its inverse is a p-value at any stopping."""
+    R = _explained_share(t, n)
+    log = 0.5 * np.log(C2 / (n + C2)) - n / 2 * np.log1p(-R * n / (n + C2))
+    return float(np.exp(np.minimum(log, LARGEST)))
 
 
 def one_sided_e_value(t: float, n: int) -> float:
-    """Return the same against a mean of at most 0: its prior is the positive half of the normal one.
+    """Return the evidence against a mean of at most 0, whose prior is the positive half: 2 e(n) P(effect > 0 | d).
 
-    2 e P(effect > 0 | d), and the posterior of the effect is one of Student's t with n degrees of freedom.
+    The posterior of the effect is one of Student's t with n degrees of freedom.
     """
     R = _explained_share(t, n)
     S = np.sign(t) * np.sqrt(R * n)  # sum of d, over the root of the sum of d^2; nan where there is no sequence
     positive = stats.t.cdf(np.sqrt(n) * S / np.sqrt((n + C2) * (1 - R * n / (n + C2))), n)
-    return float(2 * positive * np.exp(np.minimum(_log_e(t, n), LARGEST)))
-
-
-def _log_e(t: float, n: int) -> float:
-    return float(0.5 * np.log(C2 / (n + C2)) - n / 2 * np.log1p(-_explained_share(t, n) * n / (n + C2)))
+    return float(2 * positive * e_value(t, n))
 
 
 def _explained_share(t: float, n: int) -> float:
@@ -87,12 +77,7 @@ WORTH = 1.5  # trials that an effective one counts for
 
 
 class Stopping(NamedTuple):
-    """Intervals and tests, as functions of trials.
-
-    `FIXED` is what tables and reports use: t intervals, on the logarithm for a relative change. `ANYTIME` is for runs
-    that stop when their questions are decided. Either way a p-value is at most 0.05 where the interval excludes a
-    value, and nowhere else.
-    """
+    """Intervals and tests of a way to stop; a p-value is at most 0.05 where its interval excludes a value."""
 
     mean: Callable[[Array], Interval]
     mean_of_positive: Callable[[Array], Interval]
@@ -116,83 +101,51 @@ def effective(values: Array) -> float:
     return float(np.minimum(len(values), WORTH * kish))
 
 
-def mean(d: Array) -> Interval:
-    """Return the mean of `d` (k,) over trials with its confidence sequence."""
-    return statistics.mean(d, boundary)
-
-
-def mean_of_positive(values: Array) -> Interval:
-    """Return the mean of positive values (k,) with its confidence sequence."""
-    return statistics.mean_of_positive(values, lambda _: boundary(effective(values[:, None])))
-
-
-def log_contrast(values: Array, weights: Array) -> Interval:
-    """Return sum_j weights_j log mean_j over trials of positive `values` (trial, j), with its confidence sequence."""
+def _log_contrast(values: Array, weights: Array) -> Interval:
     return statistics.log_contrast(values, weights, lambda _: boundary(effective(values)))
 
 
-def change(a: Array, b: Array) -> Interval:
-    """Return sqrt(mean b / mean a) - 1 with its confidence sequence, of squared errors `a`, `b` (k,), paired."""
-    return Interval(*(float(np.expm1(end)) for end in _log_ratio(a, b)))
+def _log_change(a: Array, b: Array) -> Interval:
+    """Return the logarithm of the ratio of the RMSE of b to that of a, with its sequence."""
+    return _log_contrast(np.stack([a, b], 1), HALVES)
 
 
-def p_of_change(a: Array, b: Array, value: float) -> float:
-    """Return the two-sided p against a true change of `value`, valid at any stopping."""
-    return p_of_mean(_log_ratio(a, b), len(a), float(np.log1p(value)))
+def _change(a: Array, b: Array) -> Interval:
+    return Interval(*(float(np.expm1(end)) for end in _log_change(a, b)))
 
 
-def e_of_change(a: Array, b: Array, value: float = 0.0) -> float:
-    """Return the e-value against a true change of `value`: where it is true, 20 is ever reached in 5 % of runs at most.
-
-    Over A/A comparisons, of two that should be the same, its mean stays at 1. nan where there is no sequence.
-    """
-    return e_value(*_t(_log_ratio(a, b), len(a), float(np.log1p(value))))
+def _is_within(change: Interval, margin: float) -> bool:
+    """Return whether a change of RMSE lies within 1/(1 + margin) .. 1 + margin."""
+    return -margin / (1 + margin) <= change.low and change.high <= margin
 
 
-def p_above(a: Array, b: Array, factor: float) -> float:
-    """Return the one-sided p against mean b <= `factor` times mean a, valid at any stopping."""
-    log, value = _log_ratio(a, b), float(np.log(factor)) / 2
+def _p_of_change(a: Array, b: Array, value: float) -> float:
+    return _p_of_mean(_log_change(a, b), len(a), float(np.log1p(value)))
+
+
+def _p_above(a: Array, b: Array, factor: float) -> float:
+    log, value = _log_change(a, b), float(np.log(factor)) / 2
     if log.low == log.high:
         return float(log.value < value)
-    return _p(one_sided_e_value(*_t(log, len(a), value)))
+    return float(1 / np.maximum(1.0, one_sided_e_value(_t(log, len(a), value), len(a))))
 
 
-def p_of_mean(interval: Interval, n: int, value: float) -> float:
-    """Return the two-sided p against a true value, of a sequence over n trials: 1 / e; 0 where no spread is left."""
+def _p_of_mean(interval: Interval, n: int, value: float) -> float:
+    """Return 1 / e, at most 1; 0 where no spread is left."""
     if interval.low == interval.high:
         return 0.0
-    return _p(e_value(*_t(interval, n, value)))
+    return float(1 / np.maximum(1.0, e_value(_t(interval, n, value), n)))
 
 
-def _p(e: float) -> float:
-    """Return 1 / e, at most 1; nan where e is nan. Where data speak strongly for the opposite, e is rounded to 0."""
-    return float(1 / np.maximum(1.0, e))
-
-
-def equal(a: Array, b: Array, margin: float) -> bool:
-    """Return whether the sequence of the change of RMSE lies within 1/(1 + margin) .. 1 + margin."""
-    return lies_within(change(a, b), margin)
-
-
-def lies_within(found: Interval, margin: float) -> bool:
-    """Return whether a change of RMSE lies within 1/(1 + margin) .. 1 + margin."""
-    return -margin / (1 + margin) <= found.low and found.high <= margin
-
-
-def _log_ratio(a: Array, b: Array) -> Interval:
-    """Return the logarithm of the ratio of the RMSE of b to that of a, with its sequence."""
-    return log_contrast(np.stack([a, b], 1), HALVES)
-
-
-def _t(interval: Interval, n: int, value: float) -> tuple[float, int]:
+def _t(interval: Interval, n: int, value: float) -> float:
     """Return the t statistic over n trials of a sequence's distance from a value."""
     half, above = interval.high - interval.value, interval.value - value
     if half == 0:
-        return (float(np.copysign(np.inf, above)) if above else 0.0), n
-    return above / half * boundary(n), n
+        return float(np.copysign(np.inf, above)) if above else 0.0
+    return above / half * boundary(n)
 
 
-FIXED = Stopping(
+FIXED = Stopping(  # t intervals, on the logarithm for a relative change
     statistics.mean,
     statistics.mean_of_positive,
     statistics.log_contrast,
@@ -202,7 +155,16 @@ FIXED = Stopping(
     statistics.p_of_mean,
     lambda a, b, margin: statistics.equivalence(a, b, margin) < ALPHA,
 )
-ANYTIME = Stopping(mean, mean_of_positive, log_contrast, change, p_of_change, p_above, p_of_mean, equal)
+ANYTIME = Stopping(  # confidence sequences
+    lambda d: statistics.mean(d, boundary),
+    lambda values: statistics.mean_of_positive(values, lambda _: boundary(effective(values[:, None]))),
+    _log_contrast,
+    _change,
+    _p_of_change,
+    _p_above,
+    _p_of_mean,
+    lambda a, b, margin: _is_within(_change(a, b), margin),
+)
 
 
 # ---- which comparisons of a run are decided, at which look
@@ -221,13 +183,11 @@ def looks(most: int) -> list[int]:
 
 
 class Decision(NamedTuple):
-    """One estimator against its scenario's baseline, at its last look.
+    """An estimator against its scenario's baseline, at its last look.
 
-    At a look after n trials it is decided by the confidence sequence of the relative change of RMSE: better or worse
-    where it excludes 0, else a tie where it lies within the margin. Looks count trials by their number, never by when
-    they finished: decisions depend on nothing but the study, the seed and the looks. No estimator gains by failing:
-    where the sequence would call it better, or a tie, and it failed in a trial, the comparison is *failed*, for no
-    further trial can change that.
+    By the confidence sequence of the relative change of RMSE it is better or worse where that excludes 0, else a tie
+    where it lies within the margin; failed where one that this favours failed in a trial. Looks count trials by their
+    number, never by when they finished.
     """
 
     scenario: str
@@ -253,7 +213,12 @@ def decide(
         margin: the share of RMSE by which two may differ and still tie.
 
     """
-    cells, out = _by_trial(rows), []
+    ran, cells = rows.groupby(CELL)["trial"].unique(), {}
+    for cell, means in trial_means(rows).items():
+        trials = np.sort(ran[cell])
+        mse = means["mse"].reindex(trials).to_numpy(float)  # nan where a trial failed
+        cells[cell] = mse[trials == np.arange(len(trials))]  # up to the first that is not there
+    out = []
     for (scenario, name), mine in cells.items():
         if name != baselines[scenario]:
             base = cells[scenario, baselines[scenario]]
@@ -265,6 +230,20 @@ def decide(
     return out
 
 
+def _decide_at_look(found: Decision, base: Array, mine: Array, margin: float) -> Decision:
+    """Return the decision at a look at squared errors (n,); nan: failed."""
+    both = ~np.isnan(base) & ~np.isnan(mine)
+    a, b = base[both], mine[both]
+    change = _change(a, b)
+    signs = {"better": change.high < 0, "worse": change.low > 0, "tie": _is_within(change, margin), OPEN: True}
+    verdict = next(name for name, holds in signs.items() if holds)
+    favoured = {"better": (mine,), "worse": (base,), "tie": (base, mine)}.get(verdict, ())
+    if any(np.isnan(one).any() for one in favoured):
+        verdict = FAILED
+    e = e_value(_t(_log_change(a, b), len(a), 0.0), len(a)) if len(a) else np.nan
+    return found._replace(verdict=verdict, change=change.value, low=change.low, high=change.high, e=e)
+
+
 def with_decisions(table: pd.DataFrame, found: pd.DataFrame) -> pd.DataFrame:
     """Return the table of `compare(..., full=True)` with the decision on each row, in place of tests of a fixed n.
 
@@ -273,47 +252,11 @@ def with_decisions(table: pd.DataFrame, found: pd.DataFrame) -> pd.DataFrame:
         p, p_holm: 1 / e, which is valid at any stopping, 1 where it rests on failures; p_holm by Holm over all rows
         p_equal, p_equal_holm: nan, for a tie is a verdict here
     """
-    cell = ["scenario", "estimator"]
-    joined = table[cell].merge(found[[*cell, "verdict", "look", "e"]], how="left", on=cell)
+    joined = table[CELL].merge(found[[*CELL, "verdict", "look", "e"]], how="left", on=CELL)
     p = np.minimum(1.0, 1 / joined["e"].to_numpy(float))
     p = np.where(joined["verdict"] == FAILED, 1.0, p)
     verdict, look = joined["verdict"].fillna("").to_numpy(), joined["look"].fillna(0).astype(int).to_numpy()
     return table.assign(verdict=verdict, look=look, p=p, p_holm=holm(p), p_equal=np.nan, p_equal_holm=np.nan)
-
-
-def _by_trial(rows: pd.DataFrame) -> dict[tuple[str, str], Array]:
-    """Mean squared errors [m^2] of trials 0, 1, ... up to the first that is not there; nan where a trial failed."""
-    keys = ["scenario", "estimator", "trial"]
-    ran = rows.drop_duplicates(keys).set_index(keys).index
-    mse = weighted_means(drop_failed(rows), keys, ["mse"]).reindex(ran).reset_index().sort_values("trial")
-    order = rows[keys[:2]].drop_duplicates().itertuples(index=False, name=None)
-    parts = dict(iter(mse.groupby(keys[:2], sort=False)))
-    return {
-        (str(s), str(e)): part["mse"].to_numpy(float)[part["trial"].to_numpy() == np.arange(len(part))]
-        for s, e in order
-        for part in [parts[s, e]]
-    }
-
-
-def _decide_at_look(found: Decision, base: Array, mine: Array, margin: float) -> Decision:
-    """Return the decision at a look at squared errors (n,); nan: failed."""
-    both = ~np.isnan(base) & ~np.isnan(mine)
-    a, b = base[both], mine[both]
-    change = ANYTIME.change(a, b)
-    verdict = _verdict(change, margin)
-    favoured = {"better": (mine,), "worse": (base,), "tie": (base, mine)}.get(verdict, ())
-    if any(np.isnan(one).any() for one in favoured):
-        verdict = FAILED
-    e = e_of_change(a, b) if len(a) else np.nan
-    return found._replace(verdict=verdict, change=change.value, low=change.low, high=change.high, e=e)
-
-
-def _verdict(change: Interval, margin: float) -> str:
-    if change.high < 0:
-        return "better"
-    if change.low > 0:
-        return "worse"
-    return "tie" if lies_within(change, margin) else OPEN
 
 
 # ---- how many trials a comparison needs: for an interval of a width, or to exclude a value
@@ -358,8 +301,7 @@ def trials_until_decided(interval: Interval, n: int, distance: float) -> float:
 def minutes(found: pd.DataFrame, column: str, jobs: int = 1) -> float:
     """Return the time [min] that the estimators of a plan take for `trials` or `until_decided`, without streams.
 
-    A baseline runs as often as the comparison that needs most in its scenario; one whose need is unknown does not
-    count.
+    A baseline runs as often as the comparison that needs most in its scenario.
     """
     needed = found[column].fillna(0.0)
     own = (needed * found["seconds"]).sum()

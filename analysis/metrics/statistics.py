@@ -1,10 +1,10 @@
-"""Intervals and tests over trials. The trial is the unit: ticks and robots of one trial are never independent samples.
+"""Intervals and tests over trials, none below five. The trial is the unit: its ticks and robots are not independent.
 
-Below five trials nothing is claimed: every interval is nan.
+The rates at which these intervals and tests err are measured in `reports/statistics.md`.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import special, stats
@@ -27,6 +27,10 @@ class Interval(NamedTuple):
     low: float
     high: float
 
+    def columns(self, name: str) -> dict[str, float]:
+        """Return the columns of a table: `name`, `name_low` and `name_high`."""
+        return {name: self.value, f"{name}_low": self.low, f"{name}_high": self.high}
+
 
 def quantile(n: float) -> float:
     """Return the quantile of the t distribution over n trials, at LEVEL to either side."""
@@ -36,9 +40,8 @@ def quantile(n: float) -> float:
 def trials_without_skew(values: Array) -> float:
     """Return the trials without skew whose t interval is as good as that of positive `values` (k,): k, or fewer.
 
-    Their variance is itself estimated, and the worse the more they are skewed: its degrees of freedom are
-    2 / (excess kurtosis / k + 2 / (k - 1)) (Satterthwaite 1946), about (k - 1) / (1 + 3 CV^2) for gamma values, whose
-    excess is 6 CV^2; few trials do not tell their own. Never below LEAST_TRIALS.
+    Degrees of freedom of an estimated variance, 2 / (excess kurtosis / k + 2 / (k - 1)) (Satterthwaite 1946), here with
+    the excess 6 CV^2 of gamma values, as few trials do not tell their own: about (k - 1) / (1 + 3 CV^2).
     """
     k = len(values)
     if k <= LEAST_TRIALS or not values.any():
@@ -47,11 +50,24 @@ def trials_without_skew(values: Array) -> float:
     return float(max(1 + (k - 1) / (1 + 3 * variation), LEAST_TRIALS))
 
 
+def paired_trials_without_skew(a: Array, b: Array) -> float:
+    """Return `trials_without_skew` of the more skewed of the two."""
+    return min(trials_without_skew(a), trials_without_skew(b))
+
+
+def mean(d: Array, reach: Quantile = quantile) -> Interval:
+    """Return the mean of `d` (k,) over trials, such as paired differences b - a: t interval."""
+    n, value = len(d), float(np.mean(d)) if len(d) else np.nan
+    if n < LEAST_TRIALS or not np.isfinite(value):
+        return Interval(value, np.nan, np.nan)
+    half = reach(n) * float(d.std(ddof=1)) / np.sqrt(n)
+    return Interval(value, value - half, value + half)
+
+
 def mean_of_positive(values: Array, reach: Quantile | None = None) -> Interval:
     """Return the mean of positive, skewed values, such as squared errors: jackknife on the logarithm of the mean.
 
-    The t quantile is that over `trials_without_skew`. Over lognormal and gamma values its coverage is nearer to the
-    nominal one than that of the t interval (measured in `reports/statistics.md`), and it never reaches below zero.
+    The t quantile is that over `trials_without_skew`.
     """
     values = np.asarray(values)
     mean = float(np.mean(values)) if len(values) else np.nan
@@ -62,8 +78,7 @@ def mean_of_positive(values: Array, reach: Quantile | None = None) -> Interval:
 def log_contrast(values: Array, weights: Array, reach: Quantile = quantile) -> Interval:
     """Return sum_j weights_j log mean_j over trials of positive `values` (trial, j): jackknife, t quantile.
 
-    Columns of one row belong together, whether they are correlated or not: rows are what is independent.
-    `reach` is another than the t quantile where an interval is to hold at any stopping (`sequential.ANYTIME`).
+    Columns of one row may be correlated: rows are what is independent.
     """
     n, mean = len(values), values.mean(0) if len(values) else np.full(len(weights), np.nan)
     if not (np.isfinite(mean).all() and (mean > 0).all()):
@@ -77,44 +92,27 @@ def log_contrast(values: Array, weights: Array, reach: Quantile = quantile) -> I
     return Interval(value, value - half, value + half)
 
 
-def mean(d: Array, reach: Quantile = quantile) -> Interval:
-    """Return the mean of `d` (k,) over trials, such as paired differences b - a: t interval."""
-    n, value = len(d), float(np.mean(d)) if len(d) else np.nan
-    if n < LEAST_TRIALS or not np.isfinite(value):
-        return Interval(value, np.nan, np.nan)
-    half = reach(n) * float(d.std(ddof=1)) / np.sqrt(n)
-    return Interval(value, value - half, value + half)
-
-
-def change(a: Array, b: Array) -> Interval:
-    """Return sqrt(mean b / mean a) - 1, of squared errors `a`, `b` (k,) over paired trials, with its interval.
-
-    The relative change of the RMSE from `a` to `b`: negative where `b` is the better one. Its interval is that of
-    `log_change`, which is symmetric on a logarithmic scale and so never reaches -100 %.
-    """
-    return Interval(*(float(np.expm1(end)) for end in log_change(a, b)))
-
-
 def log_change(a: Array, b: Array) -> Interval:
     """Return log(RMSE of b / RMSE of a), of squared errors `a`, `b` (k,) over paired trials: jackknife, t quantile.
 
-    The quantile is that over `paired_trials_without_skew`. Fieller's interval, which counts all trials alike, calls an
-    erratic estimator better than a steady one in up to a fifth of comparisons of equals (`reports/statistics.md`).
+    The quantile is that over `paired_trials_without_skew`: Fieller's interval, which counts all trials alike, calls an
+    erratic estimator better than a steady one in up to a fifth of comparisons of equals.
     """
     return log_contrast(np.stack([a, b], 1), HALVES, lambda _: quantile(paired_trials_without_skew(a, b)))
 
 
-def paired_trials_without_skew(a: Array, b: Array) -> float:
-    """Return `trials_without_skew` of the more skewed of the two."""
-    return min(trials_without_skew(a), trials_without_skew(b))
+def change(a: Array, b: Array) -> Interval:
+    """Return the relative change of the RMSE, sqrt(mean b / mean a) - 1, of squared errors `a`, `b` (k,), paired.
+
+    It is negative where `b` is better. Its interval is that of `log_change`, and so never reaches -100 %.
+    """
+    return Interval(*(float(np.expm1(end)) for end in log_change(a, b)))
 
 
 def decisive_trial(a: Array, b: Array) -> int | None:
     """Return the place of the one trial without which the interval of `change` would be half as wide; None: no such.
 
-    Its share of the jackknife's variance is above 3/4. Of lognormal errors there is one in fewer than 1 % of
-    comparisons of twenty trials; where one trial of a hundred diverges, in a fifth. None below ten trials, and where
-    the interval excludes 0 all the same.
+    Its share of the jackknife's variance is above 3/4. None below ten trials, and where the interval excludes 0.
     """
     if len(a) < 10 or not (found := change(a, b)).low <= 0 <= found.high:
         return None
@@ -124,39 +122,35 @@ def decisive_trial(a: Array, b: Array) -> int | None:
 
 
 def change_bca(a: Array, b: Array) -> Interval:
-    """Return `change` with the bias-corrected accelerated bootstrap (Efron 1987), as a cross-check."""
+    """Return `change` with the bias-corrected accelerated bootstrap (Efron 1987, eq. 2.3 and 6.6), a cross-check."""
     value = float(_change(a, b)) if len(a) and a.mean() > 0 else np.nan
     if len(a) < LEAST_TRIALS or not np.isfinite(value):
         return Interval(value, np.nan, np.nan)
     if np.allclose(b * a.mean(), a * b.mean(), rtol=1e-9):  # every resample is the same
         return Interval(value, value, value)
-    at_once = max(1, AT_ONCE // len(a))  # resamples; their number changes no bit
-    rng = np.random.default_rng(0)
+    batch = max(1, AT_ONCE // len(a))
+    how: Any = {"paired": True, "n_resamples": RESAMPLES, "batch": batch, "method": "percentile"}
     # only its resamples are wanted: its own jackknife of BCa takes n x n values
-    done = stats.bootstrap(
-        (a, b), _change, paired=True, n_resamples=RESAMPLES, batch=at_once, method="percentile", rng=rng
-    )
+    resampled = stats.bootstrap((a, b), _change, rng=np.random.default_rng(0), **how).bootstrap_distribution
     left_out = np.sqrt((b.sum() - b) / (a.sum() - a)) - 1
-    return Interval(value, *_bca(value, done.bootstrap_distribution, left_out))
-
-
-def _bca(value: float, resampled: Array, left_out: Array) -> tuple[float, float]:
-    """Ends of the BCa interval from resampled values and those without one trial each (Efron 1987, eq. 2.3 and 6.6)."""
-    below = ((resampled < value).mean() + (resampled <= value).mean()) / 2
-    z0, z = stats.norm.ppf(below), np.array([-Z, Z])
+    z0, z = stats.norm.ppf(((resampled < value).mean() + (resampled <= value).mean()) / 2), np.array([-Z, Z])
     skew = left_out.mean() - left_out
     acceleration = (skew**3).sum() / (6 * (skew**2).sum() ** 1.5)
     at = stats.norm.cdf(z0 + (z0 + z) / (1 - acceleration * (z0 + z)))
     low, high = np.quantile(resampled, at) if np.isfinite(at).all() else (np.nan, np.nan)
-    return float(low), float(high)
+    return Interval(value, float(low), float(high))
+
+
+def _change(a: Array, b: Array, axis: int = -1) -> Array:
+    relative: Array = np.sqrt(b.mean(axis) / a.mean(axis)) - 1
+    return relative
 
 
 def share(shares: Array) -> Interval:
     """Return the mean of per-trial shares in [0, 1], such as the share of robots that diverged: Wilson's interval.
 
-    Robots of a trial are not independent, so the number that Wilson's formula takes is the effective one, p (1 - p)
-    over the squared standard error between trials, reduced for its degrees of freedom (Korn & Graubard 1998), and never
-    less than the number of trials: no variable in [0, 1] varies more than one that is either 0 or 1.
+    Robots of a trial are not independent: Wilson's n is the effective one, p (1 - p) over the squared standard error
+    between trials, reduced for its degrees of freedom (Korn & Graubard 1998), and at least the number of trials.
     """
     from statsmodels.stats.proportion import proportion_confint
 
@@ -170,29 +164,22 @@ def share(shares: Array) -> Interval:
     return Interval(p, max(float(low), 0.0), min(float(high), 1.0))
 
 
-def signed_rank(a: Array, b: Array) -> tuple[float, float]:
-    """Return Wilcoxon's signed-rank p, and the rank-biserial effect of b - a in [-1, 1] (negative: b smaller)."""
-    d = b - a
-    d = d[d != 0]
-    if len(d) == 0:
-        return 1.0, 0.0
+def rank_biserial(a: Array, b: Array) -> float:
+    """Return the matched-pairs rank-biserial effect of b - a in [-1, 1] (Kerby 2014); negative where b is smaller."""
+    d = (b - a)[b != a]
     ranks = stats.rankdata(np.abs(d))
-    effect = float((ranks * np.sign(d)).sum() / ranks.sum())
-    return float(stats.wilcoxon(d).pvalue), effect
+    return float((ranks * np.sign(d)).sum() / ranks.sum()) if len(d) else 0.0
 
 
 def equivalence(a: Array, b: Array, margin: float) -> float:
     """Return p against "the RMSE of b is not within 1/(1 + margin) .. 1 + margin times that of a"; small means a tie.
 
-    Of squared errors `a`, `b` (k,) over paired trials: two one-sided tests (Schuirmann 1987), each that of `change`, so
-    that it is the RMSE which is judged, as in the interval, and not a typical trial.
+    Of squared errors `a`, `b` (k,), paired: two one-sided tests (Schuirmann 1987), each that of `change`.
     """
     if len(a) < LEAST_TRIALS:
         return np.nan
-    if np.array_equal(a, b):
-        return 0.0
     least = (1 + margin) ** -2
-    return max(p_above(a, b, least), p_above(b, a, least))
+    return 0.0 if np.array_equal(a, b) else max(p_above(a, b, least), p_above(b, a, least))
 
 
 def p_above(a: Array, b: Array, factor: float) -> float:
@@ -206,26 +193,23 @@ def p_above(a: Array, b: Array, factor: float) -> float:
 
 
 def p_of_difference(a: Array, b: Array) -> float:
-    """Return the two-sided p against equal RMSE, of squared errors `a`, `b` (k,) over paired trials.
+    """Return the two-sided p against equal RMSE, of squared errors `a`, `b` (k,), paired; 1 for equals.
 
-    Below 0.05 where the interval of `change` excludes 0, and nowhere else. 1 for equals; nan without an interval.
+    Below 0.05 where the interval of `change` excludes 0, and nowhere else.
     """
     p = p_of_change(a, b, 0.0)
     return 1.0 if p == p and np.array_equal(a, b) else p
 
 
 def p_of_change(a: Array, b: Array, value: float) -> float:
-    """Return the two-sided p against a true change of `value`, of squared errors `a`, `b` (k,) over paired trials.
-
-    p is 0.05 at either end of the interval of `change`; 0 where no spread is left, nan where there is no interval.
-    """
+    """Return the two-sided p against a true change of `value`: 0.05 at either end of the interval of `change`."""
     return p_of_mean(log_change(a, b), paired_trials_without_skew(a, b), float(np.log1p(value)))
 
 
 def p_of_mean(interval: Interval, n: float, value: float) -> float:
     """Return the two-sided p against a true value, of a t interval over n trials: 0.05 at its ends; 0 without spread.
 
-    The interval of `mean`, or of `log_contrast` on its own scale.
+    The interval of `mean`, or of `log_contrast` on its own scale; nan where there is none.
     """
     half = interval.high - interval.value
     if np.isnan(half):
@@ -237,11 +221,8 @@ def p_of_mean(interval: Interval, n: float, value: float) -> float:
 def expected_false(p: Array) -> float:
     """Return how many of a family's decisions at 5 % are expected to be false, from its p-values; nan: not tested.
 
-    5 % of the tests whose null hypothesis is true. These are estimated from the tests with p above one half, of which
-    there are few where a null hypothesis is wrong: (1 + their number) / 0.5.
-
-    Source: J. D. Storey, J. E. Taylor, D. Siegmund, "Strong control, conservative point estimation and simultaneous
-    conservative consistency of false discovery rates: a unified approach", J. Royal Statistical Society B 66, 2004.
+    5 % of the tests whose null hypothesis is true, of which there are about (1 + number of p above 0.5) / 0.5 (J. D.
+    Storey, J. E. Taylor, D. Siegmund, J. Royal Statistical Society B 66, 2004).
     """
     tested = p[~np.isnan(p)]
     return (1 - LEVEL) * 2 * (1 + int((tested > 0.5).sum())) if len(tested) else 0.0
@@ -256,8 +237,3 @@ def holm(p: Array) -> Array:
     adjusted = np.full(p.shape, np.nan)
     adjusted[order] = np.minimum(np.maximum.accumulate(p[order] * np.arange(len(order), 0, -1)), 1.0)
     return adjusted
-
-
-def _change(a: Array, b: Array, axis: int = -1) -> Array:
-    relative: Array = np.sqrt(b.mean(axis) / a.mean(axis)) - 1
-    return relative

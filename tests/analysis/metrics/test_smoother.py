@@ -11,6 +11,7 @@ import cooploc as cl
 from cooploc.analysis.claims.trial_table import collect
 from cooploc.analysis.execution.run import execute
 from cooploc.analysis.metrics.ranking import disqualifications
+from cooploc.analysis.plot.style import drawable, name_of
 from cooploc.analysis.report import html_page, sentences
 from cooploc.analysis.report.result_columns import RESULTS
 from cooploc.estimators.interface import Belief
@@ -138,6 +139,26 @@ def test_it_is_not_ranked_never_best_and_said_to_be_offline(errors_of):
     assert "hindsight" not in (found.best, *found.equal, *found.tied)
     (remark,) = (column for column in RESULTS if column.head == "remark")
     assert "offline, not ranked" in remark.text({**row, "estimator": "hindsight"})
+
+
+def test_figures_name_it(errors_of):
+    names = [name_of(row) for row in drawable(errors_of).to_dict("records")]
+    assert names == ["filter", "hindsight (offline)"]
+
+
+def test_rows_of_filters_alone_have_no_such_column(stream_and_truth):
+    truth, stream = stream_and_truth
+    rows = cl.errors(truth, cl.run("ekf-local", stream))
+    assert "offline" not in rows
+    assert not cl.compare(rows, "ekf-local", full=True)["offline"].any()
+
+
+def test_without_smooth_it_is_not_an_estimator(stream_and_truth):
+    class Empty:
+        api, offline, uses = 1, True, ("odometry",)
+
+    with pytest.raises(cl.BadInput, match="smooth"):
+        cl.run({"one": Empty()}, stream_and_truth[1], isolate=False)
 
 
 @pytest.mark.parametrize(
