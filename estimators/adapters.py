@@ -36,37 +36,34 @@ from cooploc.estimators.interface import (
 def senses_of(z: Senses, i: int) -> Senses:
     """Return the senses of row, or trial, i."""
     arrays = {name: getattr(z, name)[i] for name in Senses._fields[:-1]}
-    arrays |= {name: without_short(arrays[name], arrays[name][..., :1]) for name in ("landmark", "sighting")}
-    extra = {name: a[i] for name, a in z.extra.items()}
-    extra |= {name: without_short(a, a) for name, a in extra.items() if name == "anchor_range"}
+    arrays |= {name: drop_short(arrays[name], arrays[name][..., :1]) for name in ("landmark", "sighting")}
+    extra = {name: drop_short(a[i], a[i]) if name == "anchor_range" else a[i] for name, a in z.extra.items()}
     return Senses(**arrays, extra=extra)
 
 
 def mail_of(mail: Mail, i: int) -> Mail:
     """Return the mail of row, or trial, i."""
     mine = Mail(*(a[i] for a in mail))
-    return mine._replace(range=without_short(mine.range, mine.range))
+    return mine._replace(range=drop_short(mine.range, mine.range))
 
 
-def without_short(reading: Array, distance: Array) -> Array:
-    """A reading, absent where its distance is too short."""
+def drop_short(reading: Array, distance: Array) -> Array:
+    """Return a reading, absent where its distance is too short."""
     short = distance < TOO_NEAR_TO_RANGE
     return np.where(short, np.nan, reading) if short.any() else reading
 
 
-# Random numbers for libraries that draw from the global state of `random` or `numpy.random`, as filterpy's EnKF does.
-#
-# While a block runs, both states are seeded by a robot's key and the place of the call, so the same call draws the same
-# numbers in any order, process and company; afterwards they are as they were.
-
-numpy_random: Any = np.random  # its stubs lack the bit generator of the global state
-
-
 @contextmanager
 def seed_global_state(key: Keys, *place: int) -> Iterator[None]:
-    """Seed the global generators for a block by a key (k,) and whole numbers of 0 or more; then restore them."""
+    """Seed `random` and `numpy.random` for a block by a key (k,) and whole numbers of 0 or more; then restore them.
+
+    For libraries that draw from the global state, as filterpy's EnKF does: the same call draws the same numbers in any
+    order, process and company.
+    """
     seeds = np.random.SeedSequence((*key.tolist(), *place))
-    before, state, generator = random.getstate(), _state(), numpy_random.get_bit_generator()
+    numpy_random: Any = np.random  # its stubs lack the bit generator of the global state
+    before, generator = random.getstate(), numpy_random.get_bit_generator()
+    state = numpy_random.get_state(legacy=False)
     try:
         random.seed(int(seeds.generate_state(1, np.uint64)[0]))
         numpy_random.set_bit_generator(np.random.MT19937(seeds))  # a tenth of the time of setting its state
@@ -75,23 +72,17 @@ def seed_global_state(key: Keys, *place: int) -> Iterator[None]:
         random.setstate(before)
         numpy_random.set_bit_generator(generator)
         if state["has_gauss"]:  # the second of two normal numbers, which is not the bit generator's
-            np.random.set_state(state)  # noqa: NPY002
+            numpy_random.set_state(state)
 
 
-def _state() -> Any:
-    return np.random.get_state(legacy=False)  # noqa: NPY002
-
-
-# The parameters of a plain class or function: what it takes beside what it is always given.
-#
-# A default may be `cl.tunable(...)`, as in a dataclass: the class gets its default, and `cooploc tune` may change it.
+# The parameters of a plain class or function: what it takes beside what it is always given. A default may be
+# `cl.tunable(...)`, as in a dataclass: the class gets its default, and `cooploc tune` may change it.
 
 
 def parameters(make: Callable[..., Any], given: tuple[str, ...]) -> dict[str, Parameter] | None:
-    """Those of a class or function after the arguments that it is always given, by name.
+    """Return those of a class or function after the arguments that it is always given, by name.
 
-    Returns:
-        None: it takes any name (`**rest`), or does not say what it takes.
+    None: it takes any name (`**rest`), or does not say what it takes.
 
     Raises:
         TypeError: it cannot be called with what it is given.
@@ -111,14 +102,13 @@ def parameters(make: Callable[..., Any], given: tuple[str, ...]) -> dict[str, Pa
     return {one.name: one for one in rest}
 
 
-def value(given: Any) -> Any:
-    """The default of a `cl.tunable(...)`, anything else as it is."""
+def unpack_default(given: Any) -> Any:
+    """Return the default of a `cl.tunable(...)`, anything else as it is."""
     return given.default if isinstance(given, Field) else given
 
 
 # What `PerRobot` and `PerTeam` share: each has these fields, and these functions as its methods. `p` is one of them.
-#
-# What is not said in the call is read from the class, so that it can be named on the command line as it is:
+# An option that is not given in the call is read from the class, so that it can be named on the command line as it is:
 #
 #     class Ukf:
 #         uses = ("odometry", "anchor_rssi")
@@ -126,8 +116,8 @@ def value(given: Any) -> Any:
 #         def __init__(self, prior, world, robot, key, alpha: float = cl.tunable(0.5, 0.01, 1, log=True)): ...
 
 STEPS = ("init", "predict", "correct", "send", "fuse", "exchange", "estimate")
-SAID = {"uses": ("odometry",), "axes": "", "notes": (), "own_random": False, "own_motion": ""}  # with their defaults
-SAID_OF_TEAMS = {**SAID, "centralised": True, "bound": False}
+OPTIONS = {"uses": ("odometry",), "axes": "", "notes": (), "own_random": False, "own_motion": ""}  # with their defaults
+TEAM_OPTIONS = {**OPTIONS, "centralised": True, "bound": False}
 A = TypeVar("A", bound="Adapter")
 
 
@@ -139,19 +129,19 @@ class Objects(NamedTuple):
     tick: int  # the last one that began; -1 before the first
 
 
-def _describe(p: "Adapter", make: Callable[..., Any], defaults: Mapping[str, Any], said: dict[str, Any]) -> None:
-    """Set the fields of an adapter from what was said in the call, else in the class; the rest are parameters."""
-    fields: dict[str, Any] = {"make": make}
-    for name, default in defaults.items():
-        one = said.pop(name, None)
-        fields["counted" if name == "notes" else name] = getattr(make, name, default) if one is None else one
-    for name, one in {**fields, "stated": tuple(sorted(said.items()))}.items():
+def _set_fields(p: "Adapter", make: Callable[..., Any], options: Mapping[str, Any], given: dict[str, Any]) -> None:
+    """Set the fields of an adapter from the call, else from the class; what is no option is a parameter."""
+    values: dict[str, Any] = {"make": make}
+    for name, default in options.items():
+        one = given.pop(name, None)
+        values["counted" if name == "notes" else name] = getattr(make, name, default) if one is None else one
+    for name, one in {**values, "stated": tuple(sorted(given.items()))}.items():
         object.__setattr__(p, name, one)  # as the `__init__` of a frozen dataclass does
     _all_parameters(p)
 
 
 def _all_parameters(p: "Adapter") -> dict[str, Any]:
-    """Every parameter's value, by name.
+    """Return every parameter's value, by name.
 
     Raises:
         TypeError: one that is not known, or one without a default, was not stated.
@@ -159,15 +149,13 @@ def _all_parameters(p: "Adapter") -> dict[str, Any]:
     """
     known, stated = parameters(p.make, p.given), dict(p.stated)
     if known is not None:
-        for key in stated:
-            if key not in known:
-                has = f"it has {', '.join(known)}" if known else "it has none"
-                raise TypeError(f"{_name_of(p)} has no parameter {key!r}; {has}")
-        missing = [key for key, one in known.items() if one.default is one.empty and key not in stated]
-        if missing:
-            raise TypeError(f"{_name_of(p)} needs {missing[0]}: give it a default, or state it, {missing[0]}=...")
+        if unknown := [key for key in stated if key not in known]:
+            has = f"it has {', '.join(known)}" if known else "it has none"
+            raise TypeError(f"{_name_of(p)} has no parameter {unknown[0]!r}; {has}")
         stated = {key: stated.get(key, one.default) for key, one in known.items()}
-    return {key: value(one) for key, one in stated.items()}
+        if missing := [key for key, one in stated.items() if one is Parameter.empty]:
+            raise TypeError(f"{_name_of(p)} needs {missing[0]}: give it a default, or state it, {missing[0]}=...")
+    return {key: unpack_default(one) for key, one in stated.items()}
 
 
 def tunable_fields(p: "Adapter") -> dict[str, Field[Any]]:
@@ -177,12 +165,7 @@ def tunable_fields(p: "Adapter") -> dict[str, Field[Any]]:
 
 
 def _with_parameters(p: A, **changed: Any) -> A:
-    """The same with some parameters changed.
-
-    Raises:
-        TypeError: the class has no such parameter.
-
-    """
+    """Return the same with some parameters changed; TypeError where the class has no such parameter."""
     other = copy(p)
     object.__setattr__(other, "stated", tuple(sorted({**dict(p.stated), **changed}.items())))
     _all_parameters(other)
@@ -194,18 +177,16 @@ def _name_of(p: "Adapter") -> str:
 
 
 def _label_of(p: "Adapter") -> str:
-    """The name with the parameters that were stated, as on the command line."""
-    written = ",".join(f"{key}={value(one)}" for key, one in p.stated)
+    """Return the name with the parameters that were stated, as on the command line."""
+    written = ",".join(f"{key}={unpack_default(one)}" for key, one in p.stated)
     return f"{_name_of(p)}[{written}]" if written else _name_of(p)
 
 
 def _repr_of(p: "Adapter") -> str:
-    written = "".join(f", {key}={value(one)!r}" for key, one in p.stated)
-    return f"{type(p).__name__}({_name_of(p)}{written})"
+    return f"{type(p).__name__}({_label_of(p)})"
 
 
 def _trained_on(p: "Adapter") -> str:
-    """Return the training that the class states."""
     return str(getattr(p.make, "trained_on", ""))
 
 
@@ -220,7 +201,7 @@ def _call_each(p: "Adapter", s: Objects, step: str, call: Callable[[Any, int], A
 
 
 def _make_objects(p: "Adapter", prior: Belief, world: World, rows: Rows, who: Sequence[Any]) -> Objects:
-    """The objects, each made of its prior, the world, its entry of `who`, and its key."""
+    """Make the objects, each of its prior, the world, its entry of `who`, and its key."""
     beliefs = [Belief(x.copy(), P.copy()) for x, P in zip(*prior, strict=True)]  # a plain loop may write into them
     none, stated = Objects((None,) * len(beliefs), rows.key, -1), _all_parameters(p)
     made = _call_each(p, none, "init", lambda _, i: p.make(beliefs[i], world, *who[i], rows.key[i], **stated))
@@ -251,60 +232,42 @@ def _count(p: "Adapter", s: Objects) -> Mapping[str, Array]:
     }
 
 
-# What a plain object believes: what its `estimate()` returns, or its own `x` and `P`, made fit for a run.
-#
-# Libraries let a heading grow beyond pi, keep states as columns, and leave a covariance unsymmetric by rounding. None
-# of this is worth a line in every plug-in; whatever is more than rounding stays as it is, and is refused where it is
-# wrong.
-
 ROUNDING = 1e-9  # of the largest entry
 
 
 def parse_belief(one: Any) -> Belief:
-    """The belief of an object: headings in (-pi, pi], P symmetric; a state (d, 1) is one (d,).
+    """Return the belief of an object, of its `estimate()` or its own `x` and `P`, made fit for a run.
+
+    Libraries let a heading grow beyond pi, keep states as columns (d, 1), and leave P unsymmetric by rounding: that is
+    mended, and whatever is more than rounding is left for the run to refuse.
 
     Raises:
         AttributeError: it has neither `estimate()` nor `x` and `P`.
         ValueError: `estimate()` returned something else than x and P.
 
     """
-    if not hasattr(one, "estimate"):
-        if not (hasattr(one, "x") and hasattr(one, "P")):
-            raise AttributeError(
-                f"{type(one).__name__} has neither estimate() nor x and P: return cl.Belief(x, P), or set both"
-            )
+    if hasattr(one, "estimate"):
+        found = one.estimate()
+    elif hasattr(one, "x") and hasattr(one, "P"):
         found = one.x, one.P
     else:
-        found = one.estimate()
+        name = type(one).__name__
+        raise AttributeError(f"{name} has neither estimate() nor x and P: return cl.Belief(x, P), or set both")
     if not (isinstance(found, tuple | list) and len(found) == 2):
         raise ValueError(f"estimate() returned {type(found).__name__}; it must be cl.Belief(x, P), or x, P")
     x, P = (np.asarray(part, float) for part in found)
     if x.ndim == 2 and x.shape[1] == 1:
         x = x[:, 0]
-    return Belief(_in_turn(x), _symmetric(P))
+    if (np.abs(x[..., 2:]) > np.pi).any():
+        x = np.concatenate([x[..., :2], np.arctan2(np.sin(x[..., 2:]), np.cos(x[..., 2:]))], -1)
+    square = P.ndim >= 2 and P.shape[-1] == P.shape[-2]
+    if square and not np.array_equal(P, P.mT, equal_nan=True) and np.abs(P - P.mT).max() <= ROUNDING * np.abs(P).max():
+        P = (P + P.mT) / 2
+    return Belief(x, P)
 
 
-def _in_turn(x: Array) -> Array:
-    """States (..., d) with the heading in (-pi, pi]; those that are, bit by bit as they were."""
-    heading = x[..., 2:]
-    if not (np.abs(heading) > np.pi).any():
-        return x
-    return np.concatenate([x[..., :2], np.arctan2(np.sin(heading), np.cos(heading))], -1)
-
-
-def _symmetric(P: Array) -> Array:
-    """P (..., d, d) without the asymmetry that rounding makes; any other is left for the run to refuse."""
-    if P.ndim < 2 or P.shape[-1] != P.shape[-2] or np.array_equal(P, P.mT, equal_nan=True):
-        return P
-    off, scale = np.abs(P - P.mT).max(), np.abs(P).max()
-    return (P + P.mT) / 2 if off <= ROUNDING * scale else P
-
-
-# A plain object that runs on one robot: the filter loop one would write with filterpy.
-#
-# Write a class for a single robot, as below, and run `PerRobot(MyLoop, gate=9.0)`, or name it on the command line,
-# `path.py:MyLoop[gate=9]`. It is the quick way to begin, and a reference to test a batched version against, which is
-# about fifty times faster.
+# A plain object that runs on one robot: the filter loop one would write with filterpy. Run `PerRobot(MyLoop, gate=9)`,
+# or name it on the command line, `path.py:MyLoop[gate=9]`. A batched version is about fifty times faster.
 #
 #     class MyLoop:
 #         uses = ("odometry", "anchor_rssi")
@@ -346,8 +309,8 @@ class PerRobot:
     mutable: ClassVar[bool] = True  # exempt from the check that a method leaves the state it is given alone
     given: ClassVar[tuple[str, ...]] = ("prior", "world", "robot", "key")
 
-    def __init__(self, make: Callable[..., Any], uses: tuple[str, ...] | None = None, **said: Any) -> None:
-        _describe(self, make, SAID, {"uses": uses, **said})
+    def __init__(self, make: Callable[..., Any], uses: tuple[str, ...] | None = None, **options: Any) -> None:
+        _set_fields(self, make, OPTIONS, {"uses": uses, **options})
 
     label = property(_label_of)
     trained_on = property(_trained_on)
@@ -363,11 +326,11 @@ class PerRobot:
         return _make_objects(self, prior, world, rows, [(robot,) for robot in rows.robot.tolist()])
 
     def send(self, s: Objects, z: Senses) -> Array:
-        said = _call_each(self, s, "send", lambda robot, _: _packet_of(robot))
-        widths = {len(packet) for packet in said}
+        packets = _call_each(self, s, "send", lambda robot, _: _packet_of(robot))
+        widths = {len(packet) for packet in packets}
         if len(widths) > 1:
             raise ValueError(f"send() returned packets of {sorted(widths)} numbers; fill the shorter ones with nan")
-        return np.stack(said)
+        return np.stack(packets)
 
     def fuse(self, s: Objects, z: Senses, mail: Mail) -> Objects:
         _call_each(self, s, "fuse", lambda robot, i: hasattr(robot, "fuse") and robot.fuse(mail_of(mail, i)))
@@ -376,17 +339,14 @@ class PerRobot:
 
 def _packet_of(robot: Any) -> Array:
     """Return the packet (m,) of a robot; nothing where it has no `send`."""
-    said: Array = np.array(robot.send(), float) if hasattr(robot, "send") else np.empty(0)
-    if said.ndim != 1:
-        raise ValueError(f"send() returned shape {said.shape}; it must be one axis of numbers")
-    return said
-
-
-# The radio of a team that one object runs: packets over the links that hold, and who pays for them.
+    packet: Array = np.array(robot.send(), float) if hasattr(robot, "send") else np.empty(0)
+    if packet.ndim != 1:
+        raise ValueError(f"send() returned shape {packet.shape}; it must be one axis of numbers")
+    return packet
 
 
 class Radio:
-    """One tick's radio; axis 0 is the receiver, axis 1 the sender, as in `Mail`.
+    """One tick's radio of a team that one object runs; axis 0 is the receiver, axis 1 the sender, as in `Mail`.
 
     Attributes:
         heard (n, n): who has received a packet of whom in this tick.
@@ -403,28 +363,23 @@ class Radio:
         self.messages, self.bytes = np.zeros(len(awake)), np.zeros(len(awake))
 
     def send(self, sender: int, receiver: int, numbers: Sequence[float] | Array) -> Array | None:
-        """A packet (m,) to one teammate, which costs the sender one message.
+        """Send a packet (m,) to one teammate, which costs the sender one message; return it as the receiver gets it.
 
-        Returns:
-            The packet as the receiver gets it; None where it does not arrive, or the sender is asleep. A packet of
-            nothing but nan is silence: it is neither sent nor paid.
-
-        Raises:
-            ValueError: a robot sends to itself.
-
+        None where it does not arrive, or the sender is asleep. A packet of nothing but nan is silence: it is neither
+        sent nor paid.
         """
         if sender == receiver:
             raise ValueError(f"robot {sender} sends a packet to itself; it has what it would send")
-        packet = self._paid(sender, numbers)
-        return packet if packet is not None and self._arrives(sender, receiver) else None
+        packet = self._pay(sender, numbers)
+        return packet if packet is not None and self._deliver(sender, receiver) else None
 
     def broadcast(self, sender: int, numbers: Sequence[float] | Array) -> list[int]:
-        """A packet (m,) to everyone, which costs the sender one message; who received it."""
-        if self._paid(sender, numbers) is None:
+        """Send a packet (m,) to everyone, which costs the sender one message; return the robots that received it."""
+        if self._pay(sender, numbers) is None:
             return []
-        return [receiver for receiver in range(len(self._awake)) if self._arrives(sender, receiver)]
+        return [receiver for receiver in range(len(self._awake)) if self._deliver(sender, receiver)]
 
-    def _paid(self, sender: int, numbers: Sequence[float] | Array) -> Array | None:
+    def _pay(self, sender: int, numbers: Sequence[float] | Array) -> Array | None:
         packet = np.array(numbers, float).ravel()
         if not self._awake[sender] or (packet.size and np.isnan(packet).all()):
             return None
@@ -432,7 +387,7 @@ class Radio:
         self.bytes[sender] += 8.0 * np.isfinite(packet).sum() + HEADER
         return packet
 
-    def _arrives(self, sender: int, receiver: int) -> bool:
+    def _deliver(self, sender: int, receiver: int) -> bool:
         place = receiver, sender
         if not self._air.heard[place]:
             return False
@@ -453,11 +408,9 @@ class Radio:
 #         def estimate(self): ...         # x (n, d), P (n, d, d); not needed where these are self.x and self.P
 #
 # A *centralised* team may use everything in `exchange`; each of its robots pays for the readings it uploads, which the
-# runner counts: 8 bytes for each finite number that `uses` selects, and a header. A *distributed* team sends packets by
-# `radio.send` and `radio.broadcast`. The sender pays for each, whether it arrives or not, 8 bytes for each finite
-# number and a header. A robot that does not hear a packet gets None, and a radio reading of a teammate exists once a
-# packet of it was heard. As all share one object's memory, a check cannot see what one robot read of another: the bytes
-# of a distributed team are shown as declared, those of `PerRobot` are counted.
+# runner counts. A *distributed* team sends packets by `radio.send` and `radio.broadcast`, each 8 bytes for each finite
+# number and a header, paid whether it arrives or not; a radio reading of a teammate exists once it was heard.
+# As all share one object's memory, a check cannot see what one robot read of another: its bytes are as declared.
 
 
 @dataclass(frozen=True, init=False, repr=False)
@@ -488,8 +441,8 @@ class PerTeam:
     mutable: ClassVar[bool] = True
     given: ClassVar[tuple[str, ...]] = ("prior", "world", "keys")
 
-    def __init__(self, make: Callable[..., Any], uses: tuple[str, ...] | None = None, **said: Any) -> None:
-        _describe(self, make, SAID_OF_TEAMS, {"uses": uses, **said})
+    def __init__(self, make: Callable[..., Any], uses: tuple[str, ...] | None = None, **options: Any) -> None:
+        _set_fields(self, make, TEAM_OPTIONS, {"uses": uses, **options})
 
     label = property(_label_of)
     trained_on = property(_trained_on)
@@ -513,9 +466,8 @@ class PerTeam:
 Adapter = PerRobot | PerTeam
 
 
-# A tick's motion and readings as functions of the state: what other people's filters ask for.
-#
-# Libraries of sigma points, particles and factors take f(x) and h(x), linear ones take matrices; both take the noise:
+# A tick's motion and readings as functions of the state: sigma points, particles and factors take f(x) and h(x), linear
+# filters take matrices, both take the noise.
 #
 #     step = cl.motion_of(world, z)
 #     ukf.Q = step.Q(ukf.x)
@@ -552,19 +504,19 @@ class Step:
     dt: Array  # () [s]
 
     def f(self, x: Array) -> Array:
-        """x' (..., d); a heading is not wrapped, but goes on from that of x."""
-        return _on(x, self.motion.move(x, self.odometry, self.dt)[0])
+        """Return x' (..., d); a heading is not wrapped, but goes on from that of x."""
+        return _unwrap(x, self.motion.move(x, self.odometry, self.dt)[0])
 
     def sample(self, x: Array, noise: Array) -> Array:
-        """As f, with the odometry's error drawn: `noise` (..., 2) is standard normal."""
-        return _on(x, self.motion.sample(x, self.odometry, self.dt, noise))
+        """Return f(x) with the odometry's error drawn: `noise` (..., 2) is standard normal."""
+        return _unwrap(x, self.motion.sample(x, self.odometry, self.dt, noise))
 
     def Q(self, x: Array) -> Array:
-        """The covariance of its error (..., d, d)."""
+        """Return the covariance of its error (..., d, d)."""
         return self.motion.move(x, self.odometry, self.dt)[2]
 
     def linear(self, x: Array) -> Linear:
-        """F, c and Q about a state (d,)."""
+        """Return F, c and Q about a state (d,)."""
         _, F, Q = self.motion.move(x, self.odometry, self.dt)
         return Linear(F, self.f(x) - F @ x, Q)
 
@@ -587,22 +539,22 @@ class Reading:
         return self.z - self.sensor.innovation(x, self.place, self.z)[0]
 
     def H(self, x: Array) -> Array:
-        """dh/dx (..., k, d)."""
+        """Return dh/dx (..., k, d)."""
         return self.sensor.innovation(x, self.place, self.z)[1]
 
     def linear(self, x: Array) -> LinearReading:
-        """z - h(x) + H x, R and H about a state (d,)."""
+        """Return z - h(x) + H x, R and H about a state (d,)."""
         y, H, _ = self.sensor.innovation(x, self.place, self.z)
         return LinearReading(y + H @ x, self.R, H)
 
 
 def motion_of(world: World, z: Senses) -> Step:
-    """The motion of one robot in one tick."""
+    """Return the motion of one robot in one tick."""
     return Step(world.motion, z.odometry, z.dt)
 
 
 def priors_of(z: Senses) -> Belief:
-    """Everyone's belief before tick 0, x (..., n, d) and P (..., n, d, d), where the scenario tells it.
+    """Return everyone's belief before tick 0, x (..., n, d) and P (..., n, d, d), where the scenario tells it.
 
     It is the channel "team_prior", the same in every tick; `uses` must name it.
 
@@ -612,17 +564,17 @@ def priors_of(z: Senses) -> Belief:
     """
     if TEAM_PRIOR not in z.extra:
         raise KeyError(f'no {TEAM_PRIOR}: name it in `uses`, in a scenario such as "trajectory[team_priors=true]"')
-    told = z.extra[TEAM_PRIOR]
-    d = 2 if told.shape[-1] == 6 else 3
-    return Belief(told[..., :d], told[..., d:].reshape(*told.shape[:-1], d, d))
+    priors = z.extra[TEAM_PRIOR]
+    d = 2 if priors.shape[-1] == 6 else 3
+    return Belief(priors[..., :d], priors[..., d:].reshape(*priors.shape[:-1], d, d))
 
 
 def readings_of(world: World, z: Senses) -> Iterator[Reading]:
-    """One robot's readings of anchors and landmarks in one tick; those that are absent, or in part, are left out."""
+    """Return one robot's readings of anchors and landmarks in one tick; absent ones are left out."""
     return (Reading(*one) for one in world.fixed(z) if np.isfinite(one[2]).all())
 
 
-def _on(x: Array, moved: Array) -> Array:
-    """The states that were moved, their headings within pi of those of x."""
+def _unwrap(x: Array, moved: Array) -> Array:
+    """Return moved states, their headings within pi of those of x."""
     turn = moved[..., 2:] - x[..., 2:]
     return np.concatenate([moved[..., :2], x[..., 2:] + np.arctan2(np.sin(turn), np.cos(turn))], -1)

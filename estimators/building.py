@@ -3,47 +3,42 @@
 import warnings
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import InitVar, dataclass, fields, is_dataclass
+from dataclasses import dataclass
 from functools import cache
-from inspect import Parameter, isfunction, signature
+from inspect import isfunction
 from typing import Annotated, Any, get_type_hints
 
 from pydantic import Field, TypeAdapter, ValidationError
 from pydantic.errors import PydanticUserError
 
-from cooploc.estimators.adapters import Adapter, PerRobot, PerTeam
+from cooploc.estimators.adapters import Adapter, PerRobot, PerTeam, unpack_default
 from cooploc.estimators.adapters import parameters as taken_by
-from cooploc.estimators.adapters import value as unpacked
 from cooploc.estimators.errors import BadInput, first_reason, message, nearest, one_line
 
 
 def is_plain(found: Any) -> bool:
-    """Return whether it is a class for one robot or one team, to be lifted."""
-    return (
-        isinstance(found, type)
-        and not hasattr(found, "init")
-        and hasattr(found, "predict")
-        and hasattr(found, "correct")
-    )
+    """Return whether it is a class for one robot or one team, to be adapted."""
+    has = {method: hasattr(found, method) for method in ("init", "predict", "correct")}
+    return isinstance(found, type) and has["predict"] and has["correct"] and not has["init"]
 
 
 def adapt(name: str, plain: Any) -> PerRobot | PerTeam:
-    """The plain class as an estimator: of a team where it has `exchange`, else of one robot.
+    """Return a plain class as an estimator: of a team where it has `exchange`, else of one robot.
 
     Raises:
         BadInput: it does not say what it reads, or cannot be called as `PerRobot` or `PerTeam` calls it.
 
     """
-    lift: type[PerRobot | PerTeam] = PerTeam if hasattr(plain, "exchange") else PerRobot
+    adapter: type[PerRobot | PerTeam] = PerTeam if hasattr(plain, "exchange") else PerRobot
     if not hasattr(plain, "uses"):
         raise BadInput(
             f'{name} is a plain class and does not say what it reads: write uses = ("odometry", ...) in it, or name '
-            f"what cl.{lift.__name__}({plain.__name__}, uses=(...)) makes"
+            f"what cl.{adapter.__name__}({plain.__name__}, uses=(...)) makes"
         )
     try:
-        return lift(plain)
+        return adapter(plain)
     except TypeError as e:
-        raise BadInput(f"{name} cannot be lifted by cl.{lift.__name__}: {e}") from None
+        raise BadInput(f"{name} cannot be lifted by cl.{adapter.__name__}: {e}") from None
 
 
 # What a parameter without an annotation is converted to, by the type of its default; else to the first that fits a word
@@ -63,9 +58,9 @@ class ConfiguredEstimator:
 
 
 def build(name: str, found: Any, given: Mapping[str, Any]) -> Any:
-    """An instance of the class `found`, or `found` itself where it is an instance.
+    """Return an instance of the class `found`, or `found` itself where it is an instance.
 
-    A plain class for one robot, or for a team, is lifted; of what `PerRobot` and `PerTeam` made, parameters are those
+    A plain class for one robot, or for a team, is adapted; of what `PerRobot` and `PerTeam` made, parameters are those
     of the class inside; a function is called with the parameters.
 
     Raises:
@@ -74,65 +69,41 @@ def build(name: str, found: Any, given: Mapping[str, Any]) -> Any:
     """
     found = adapt(name, found) if is_plain(found) else found
     if isinstance(found, Adapter):
-        known = taken_by(found.make, found.given)
-        return found.with_parameters(**_check_parameters(name, found.make, known, given)) if given else found
-    if isfunction(found):
-        return _instantiate(name, found, _check_parameters(name, found, dict(signature(found).parameters), given))
-    if isinstance(found, type) and is_dataclass(found):
-        known = _parameters(found)
-        given = {_current(name, key, list(known)): value for key, value in given.items()}
-        return _instantiate(name, found, _check_parameters(name, found, known, given))
+        return found.with_parameters(**_check_parameters(name, found.make, found.given, given)) if given else found
+    if isfunction(found) or isinstance(found, type):
+        return _instantiate(name, found, _check_parameters(name, found, (), given))
     if given:
-        if isinstance(found, type):
-            raise BadInput(f"estimator {name!r} is not a dataclass, so it has no parameters: decorate its class")
         raise BadInput(f"{name} is an instance and takes no parameters: name its class instead")
-    return _instantiate(name, found, {}) if isinstance(found, type) else found
+    return found
 
 
-def _check_parameters(
-    name: str, make: Any, known: Mapping[str, Parameter] | None, given: Mapping[str, Any]
-) -> dict[str, Any]:
-    """Return the given parameters, converted; `known` is None where any name is taken.
-
-    Raises:
-        BadInput: an unknown parameter, one that is missing, or a value that does not fit.
-
-    """
-    for key in given:
-        if known is not None and key not in known:
+def _check_parameters(name: str, make: Any, always: tuple[str, ...], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the given parameters, converted; `make` is called with those named in `always`, too."""
+    known = taken_by(make, always)  # None: it takes any name
+    if known is None:
+        return {key: _convert_value(name, make, key, value, None) for key, value in given.items()}
+    known.pop("uses", None)
+    converted = {}
+    for written, value in given.items():
+        key = written
+        if key not in known and RENAMED.get(key) in known:
+            key = RENAMED[key]
+            warnings.warn(f"estimator {name!r}: write {key}= instead of {written}=", FutureWarning, stacklevel=4)
+        if key not in known:
             has = nearest(key, list(known)) if known else "it has none"
             raise BadInput(f"estimator {name!r} has no parameter {key!r}; {has}")
-    missing = [key for key, one in (known or {}).items() if one.default is Parameter.empty and key not in given]
+        converted[key] = _convert_value(name, make, key, value, known[key].default)
+    missing = [key for key, one in known.items() if one.default is one.empty and key not in converted]
     if missing:
         raise BadInput(_needs_arguments(name, f"it needs {missing[0]}"))
-    defaults = {key: one.default for key, one in (known or {}).items()}
-    return {key: _convert_value(name, make, key, value, defaults.get(key)) for key, value in given.items()}
-
-
-def _parameters(cls: type) -> dict[str, Parameter]:
-    """Return the parameters of its `__init__`, which may be the class's own; with `**rest`, its fields too."""
-    taken = signature(cls).parameters
-    named = {key: one for key, one in taken.items() if one.kind in (one.POSITIONAL_OR_KEYWORD, one.KEYWORD_ONLY)}
-    if any(one.kind is one.VAR_KEYWORD for one in taken.values()):
-        rest = [f.name for f in fields(cls) if f.init and f.name not in named]
-        named |= {key: Parameter(key, Parameter.KEYWORD_ONLY, default=None) for key in rest}
-    return {key: one for key, one in named.items() if key != "uses"}
-
-
-def _current(name: str, key: str, known: list[str]) -> str:
-    """The parameter's present name; an old spelling is accepted, with a warning."""
-    new = RENAMED.get(key, "")
-    if key in known or new not in known:
-        return key
-    warnings.warn(f"estimator {name!r}: write {new}= instead of {key}=", FutureWarning, stacklevel=4)
-    return new
+    return converted
 
 
 def _convert_value(name: str, make: Any, key: str, value: Any, default: Any) -> Any:
-    """A parameter's value, converted to the type of its annotation; where it has none, to what its default is."""
+    """Return a parameter's value, converted to the type of its annotation; where it has none, of its default."""
+    kind: Any = type(unpack_default(default))
     try:
-        kind: Any = type(unpacked(default))
-        return _adapter(make, key, kind).validate_python(value)
+        return _type_adapter(make, key, kind).validate_python(value)
     except ValidationError as e:
         first = e.errors()[0]
         where = (part for part in first["loc"] if part not in ("int", "float"))  # of a union: no key that was given
@@ -142,18 +113,17 @@ def _convert_value(name: str, make: Any, key: str, value: Any, default: Any) -> 
 
 
 @cache
-def _adapter(make: Any, key: str, default: type) -> TypeAdapter[Any]:
-    """Made once for each parameter: it takes milliseconds."""
+def _type_adapter(make: Any, key: str, default: type) -> TypeAdapter[Any]:
+    """Return what converts a parameter; made once, as it takes milliseconds."""
     hints: dict[str, Any] = {}
     for annotated in (make, getattr(make, "__init__", None)):
         with suppress(NameError, TypeError):  # a dataclass's may repeat names of another module; a partial has none
             hints |= get_type_hints(annotated, include_extras=True)
-    hint = hints.get(key, UNSAID.get(default, WORD))
-    return TypeAdapter(hint.type if isinstance(hint, InitVar) else hint)
+    return TypeAdapter(hints.get(key, UNSAID.get(default, WORD)))
 
 
 def _instantiate(name: str, cls: Any, given: dict[str, Any]) -> Any:
-    """The class called, as Python would: no `__init__` is left out."""
+    """Call a class or a function."""
     try:
         return cls(**given)
     except MemoryError:  # of the machine, not of the class

@@ -1,4 +1,10 @@
-"""The files that a plug-in is made of: found without importing them, and imported in their present version."""
+"""Plug-ins in Python files: how `path.py:Name` becomes an object, and which files a plug-in is made of.
+
+A file is imported under a name made from its content and that of its neighbours, the modules in its folder that it
+imports: loading it again gives the same classes, and an edited file gives new ones. Paths stay as written, relative to
+the directory where the run began, which its workers share. What is sent to another process names the files that it
+needs, and these are loaded there first. Which files a plug-in is made of is found without importing them.
+"""
 
 import ast
 import hashlib
@@ -11,31 +17,154 @@ from importlib.machinery import PathFinder
 from importlib.metadata import packages_distributions, version
 from importlib.util import find_spec
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
-from cooploc.estimators.errors import BadInput
+from cooploc.estimators.errors import BadInput, nearest, one_line
 
 Named = tuple[str, Path]  # a file, and what it is called in a hash
+_loaded: dict[str, tuple[Path, tuple[str, ...]]] = {}  # module -> its file, and the names of its neighbours
+_neighbours: dict[str, tuple[Path, bytes]] = {}  # module -> its file, and what it held when it was imported
+
+
+def is_file(name: str) -> bool:
+    """Return whether a name is `path.py:Name`.
+
+    Raises:
+        BadInput: it is a file's path without the name of an object in it.
+
+    """
+    if name.endswith(".py"):
+        raise BadInput(f"{name} is a file: say which of its names, {name}:Name")
+    return name.rpartition(":")[0].endswith(".py")
+
+
+def load_from_file(name: str) -> Any:
+    """Return the object that `path.py:Name` names.
+
+    Raises:
+        BadInput: the file has no such name, or cannot be imported; says why in one line.
+
+    """
+    file, _, attribute = name.rpartition(":")
+    module = _import_file(Path(file))
+    if not hasattr(module, attribute):
+        public = {key: one for key, one in vars(module).items() if not key.startswith("_")}
+        own = [key for key, one in public.items() if getattr(one, "__module__", "") == module.__name__]
+        own += [key for key, one in public.items() if key not in own and type(one).__module__ != "builtins"]
+        raise BadInput(f"{file} has no {attribute!r}; {nearest(attribute, own)}")
+    return getattr(module, attribute)
+
+
+def needed_files(sent: bytes) -> dict[str, Path]:
+    """Return the files whose objects a pickle refers to, by the names under which they are imported here."""
+
+    def refers_to(module: str) -> bool:
+        return bytes([0x8C, len(module.encode())]) + module.encode() in sent  # as a pickle holds a string
+
+    return {name: path for name, (path, beside) in _loaded.items() if any(map(refers_to, (name, *beside)))}
+
+
+def load(files: dict[str, Path]) -> None:
+    """Load the files that another process said are needed.
+
+    Raises:
+        BadInput: one of them cannot be imported, or was edited meanwhile.
+
+    """
+    for name, path in files.items():
+        if name not in sys.modules and _import_file(path).__name__ != name:
+            raise BadInput(f"{path} was edited after an estimator of it was made: make the estimator again")
+
+
+def _import_file(path: Path) -> ModuleType:
+    try:
+        source = path.read_bytes()
+    except OSError:
+        raise BadInput(f"there is no file {path}; write path.py:Name") from None
+    digest, helpers = hashlib.sha256(str(path.resolve()).encode() + b"\0" + source), helpers_of(path)
+    for name, file in helpers:
+        digest.update(name.encode() + b"\0" + file.read_bytes())
+    name = f"_cooploc_{path.stem}_{digest.hexdigest()[:12]}"  # it hides no module, and pickle finds classes by it
+    folder = str(path.resolve().parent)
+    if folder not in sys.path:
+        sys.path.append(folder)  # for neighbours that functions import when they run
+    if name in sys.modules:
+        return sys.modules[name]
+    module = sys.modules[name] = ModuleType(name)
+    module.__file__ = str(path.resolve())  # numba and tracebacks look there
+    try:
+        with _neighbours_first(path, helpers):
+            exec(compile(source, module.__file__, "exec"), vars(module))
+    except BaseException as e:
+        del sys.modules[name]  # it is half there
+        if isinstance(e, BadInput | MemoryError) or not isinstance(e, (Exception, SystemExit, GeneratorExit)):
+            raise  # of the machine, of the time limit or of Ctrl-C, not of the file
+        remedy = "; install it in this environment, or put it beside the file" * isinstance(e, ModuleNotFoundError)
+        raise BadInput(f"{path} cannot be imported: {one_line(e)}{remedy}") from e
+    _loaded[name] = path.resolve(), tuple(_module_name(one) for one, _ in helpers)
+    return module
+
+
+@contextmanager
+def _neighbours_first(file: Path, helpers: list[Named]) -> Iterator[None]:
+    """Let a file's neighbours come before all other modules while the block runs, in their present version.
+
+    Python keeps one module of a name: a neighbour that was edited, or that another folder's plug-in has brought, makes
+    way.
+
+    Raises:
+        BadInput: a module of a neighbour's name comes from elsewhere.
+
+    """
+    now = {_module_name(name): (path.resolve(), path.read_bytes()) for name, path in helpers}
+    loaded = {name: getattr(sys.modules[name], "__file__", None) for name in now if name in sys.modules}
+    for name, place in loaded.items():
+        if place and Path(place).resolve() != now[name][0] and name not in _neighbours:
+            beside = now[name][0].name
+            raise BadInput(
+                f"{file} imports its neighbour {beside}, but a module {name} is loaded from {place}: rename one of them"
+            )
+    if any(_neighbours.get(name, now[name]) != now[name] for name in loaded):
+        for name in loaded:
+            del sys.modules[name]  # all of them, as one may have imported another
+    importlib.invalidate_caches()
+    sys.path.insert(0, str(file.resolve().parent))
+    try:
+        yield
+    finally:
+        sys.path.pop(0)
+        _neighbours.update({name: one for name, one in now.items() if name in sys.modules})
+
+
+def _module_name(name: str) -> str:
+    """Return `pack/deep.py` as Python imports it."""
+    return name.removesuffix(".py").replace("/", ".").removesuffix(".__init__")
+
+
+# The files of a plug-in, found without importing them.
 
 
 def helpers_of(file: Path) -> list[Named]:
-    """The modules and packages that a Python file imports from its own folder, and those that these import from there.
+    """Return the modules that a Python file imports from its own folder, and those that these import from there.
 
     Only `import` statements count, wherever they stand. `cooploc` is the one that runs, also in its own source folder.
     """
     found: dict[str, Path] = {}
-    waiting = [file]
+    waiting, folder = [file], file.parent
     while waiting:
         for name in _imported_names(waiting.pop()):
-            for path in _modules(file.parent, name):
-                key = path.relative_to(file.parent).as_posix()
-                if key not in found and path != file:
+            package = [path for _, path in tree(folder / name, ".py")] if (folder / name).is_dir() else []
+            for path in package or [folder / f"{name}.py"]:
+                key = path.relative_to(folder).as_posix()
+                if key not in found and path != file and path.is_file():
                     found[key] = path
                     waiting.append(path)
     return sorted(found.items())
 
 
 def of_module(module: str) -> list[Named]:
-    """The files of the package that an installed module is in, or its own."""
+    """Return the files of the package that an installed module is in, or its own."""
     path: str | None = None
     folders: list[str] = []
     parts = module.split(".")
@@ -44,8 +173,7 @@ def of_module(module: str) -> list[Named]:
         spec = PathFinder.find_spec(name, folders) if i else find_spec(name)
         if spec is None:
             return []
-        folders = list(spec.submodule_search_locations or ())
-        path = spec.origin
+        folders, path = list(spec.submodule_search_locations or ()), spec.origin
         if path is not None:
             break
     if folders:
@@ -54,7 +182,7 @@ def of_module(module: str) -> list[Named]:
 
 
 def distributions(files: Iterable[Path]) -> dict[str, str]:
-    """The installed distributions that Python files import, with their versions; but for cooploc itself."""
+    """Return the installed distributions that Python files import, with their versions; but for cooploc itself."""
     names = {name for file in files if file.suffix == ".py" for name in _imported_names(file)}
     found = {one for name in names for one in _providers(tuple(sys.path)).get(name, ())}
     return {name: version(name) for name in sorted(found)}
@@ -62,20 +190,20 @@ def distributions(files: Iterable[Path]) -> dict[str, str]:
 
 @cache
 def _providers(path: tuple[str, ...]) -> dict[str, list[str]]:
-    """The distributions of each top-level module on this path; it takes a quarter of a second."""
+    """Return the distributions of each top-level module on this path; it takes a quarter of a second."""
     return dict(packages_distributions())
 
 
 def tree(folder: Path, *suffixes: str) -> list[Named]:
-    """The files of a folder and of those in it, with their paths from there."""
+    """Return the files of a folder and of those in it, with their paths from there."""
     files = sorted(file for file in folder.rglob("*") if file.suffix in suffixes)
     return [(file.relative_to(folder.parent).as_posix(), file) for file in files]
 
 
 def _imported_names(file: Path) -> set[str]:
-    """The top-level names that a file imports."""
-    parsed, names = _parse(file.read_bytes()), set()
-    for node in ast.walk(parsed) if parsed else ():
+    """Return the top-level names that a file imports."""
+    names = set()
+    for node in _nodes(file):
         if isinstance(node, ast.Import):
             names |= {alias.name.partition(".")[0] for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
@@ -83,24 +211,11 @@ def _imported_names(file: Path) -> set[str]:
     return names - sys.stdlib_module_names - {"cooploc"}
 
 
-def _modules(folder: Path, name: str) -> list[Path]:
-    """Return the files of a module or package of this name in a folder; nothing where it is not there."""
-    if (folder / name).is_dir():
-        return [path for _, path in tree(folder / name, ".py")]
-    return [folder / f"{name}.py"] if (folder / f"{name}.py").is_file() else []
-
-
-# What an estimator's class says of files that it learned, read without importing it.
-#
-#     artifacts = ("weights.npz",)          # paths from the folder of the class's file
-#     trained_on = "nlos, 100 trials"       # what tables say
-#
-# Both must be written out in the class, as text. The files are hashed with the source, so that other weights are
-# another estimator: a run is not continued with them, and its certificate does not hold for them.
-
-
 def artifacts_of(files: Iterable[Path]) -> list[Named]:
-    """The artifacts that the classes of these files name, each once.
+    """Return the files that the classes of these files say they learned, each once: `artifacts = ("weights.npz",)`.
+
+    The paths are written out in the class, from the folder of its file. The artifacts are hashed with the source, so
+    that other weights are another estimator: a run is not continued with them, and its certificate does not hold.
 
     Raises:
         BadInput: one of them is not there, or is not a path from the folder of its file.
@@ -118,91 +233,30 @@ def artifacts_of(files: Iterable[Path]) -> list[Named]:
 
 
 def trained_on(files: Iterable[Path], name: str) -> str:
-    """Return the training that the class of this name states; empty where it states none."""
-    said = [text for file in files for cls, text in _literals(file, "trained_on") if cls == name]
-    return plainly(said[0]) if said and isinstance(said[0], str) else ""
+    """Return the training that the class of this name states, `trained_on = "nlos, 100 trials"`; else empty."""
+    stated = [text for file in files for cls, text in _literals(file, "trained_on") if cls == name]
+    return one_clause(stated[0]) if stated and isinstance(stated[0], str) else ""
 
 
-def plainly(said: str) -> str:
-    """A text in one line that ends no part of a certificate's."""
-    return " ".join(said.replace(";", ",").split())
+def one_clause(text: str) -> str:
+    """Return a text in one line that ends no part of a certificate's."""
+    return " ".join(text.replace(";", ",").split())
 
 
 def _literals(file: Path, attribute: str) -> Iterator[tuple[str, object]]:
-    """The classes of a Python file that assign a literal to this attribute, by name, each with its value."""
-    source = file.read_bytes()
-    parsed = _parse(source) if attribute.encode() in source else None
-    for node in ast.walk(parsed) if parsed else ():
-        if isinstance(node, ast.ClassDef):
-            for line in node.body:
-                targets = line.targets if isinstance(line, ast.Assign) else [getattr(line, "target", None)]
-                value = getattr(line, "value", None)
-                if value and attribute in [target.id for target in targets if isinstance(target, ast.Name)]:
-                    with suppress(ValueError):  # no literal
-                        yield node.name, ast.literal_eval(value)
+    """Yield the classes of a Python file that assign a literal to this attribute, by name, each with its value."""
+    for node in _nodes(file):
+        for line in node.body if isinstance(node, ast.ClassDef) else ():
+            targets = line.targets if isinstance(line, ast.Assign) else [getattr(line, "target", None)]
+            value = getattr(line, "value", None)
+            if value and attribute in [target.id for target in targets if isinstance(target, ast.Name)]:
+                with suppress(ValueError):  # no literal
+                    yield node.name, ast.literal_eval(value)  # type: ignore[attr-defined]
 
 
-def _parse(source: bytes) -> ast.Module | None:
-    """None where it is not Python, which its import will say."""
+def _nodes(file: Path) -> Iterable[ast.AST]:
+    """Return the nodes of a file's syntax tree; none where it is not Python, which its import will say."""
     try:
-        return ast.parse(source)
+        return ast.walk(ast.parse(file.read_bytes()))
     except (SyntaxError, ValueError):
-        return None
-
-
-# Modules beside a plug-in's file: it imports them by name, in their present version.
-#
-# Python keeps one module of a name. So a neighbour that was edited, or that another folder's plug-in has brought, makes
-# way for the one that is meant; where a module of that name comes from elsewhere, the neighbour must be renamed.
-
-_seen: dict[str, tuple[Path, str]] = {}  # module -> its file, and the hash of what was imported
-
-
-@contextmanager
-def importable(file: Path, helpers: list[Named]) -> Iterator[None]:
-    """While the block runs, a file's neighbours come before all other modules; afterwards they come after them.
-
-    Raises:
-        BadInput: another module has the name of a neighbour.
-
-    """
-    folder, outdated = str(file.resolve().parent), False
-    now = {module_name(name): (path.resolve(), _hash(path)) for name, path in helpers}
-    for name, (path, digest) in now.items():
-        loaded = getattr(sys.modules.get(name), "__file__", None)
-        place = Path(loaded).resolve() if loaded else None
-        if place == path:
-            outdated |= _seen.setdefault(name, (path, digest)) != (path, digest)
-        elif place is not None:
-            outdated = True
-            if name not in _seen or _seen[name][0] != place:
-                raise BadInput(
-                    f"{file} imports its neighbour {path.name}, but a module {name} is loaded from {place}: rename one "
-                    "of them"
-                )
-    if outdated:
-        for name in now:
-            sys.modules.pop(name, None)  # all of them, as one may have imported another
-    importlib.invalidate_caches()
-    sys.path.insert(0, folder)
-    try:
-        yield
-    finally:
-        sys.path.remove(folder)
-        _seen.update({name: one for name, one in now.items() if name in sys.modules})
-
-
-def stay_importable(file: Path) -> None:
-    """Neighbours that functions import when they run are found, after all other modules."""
-    folder = str(file.resolve().parent)
-    if folder not in sys.path:
-        sys.path.append(folder)
-
-
-def module_name(name: str) -> str:
-    """`pack/deep.py` as Python imports it."""
-    return name.removesuffix(".py").replace("/", ".").removesuffix(".__init__")
-
-
-def _hash(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+        return ()

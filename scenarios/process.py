@@ -27,7 +27,7 @@ from typing import Any, NamedTuple
 import cloudpickle
 
 from cooploc.estimators.errors import one_line
-from cooploc.estimators.registry import load, needed_files
+from cooploc.estimators.plugin_files import load, needed_files
 
 BUILTIN, PLUGINS, SESSION = "built in", "plug-ins", "session"  # owners: jobs, plug-ins of a study, objects in Python
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")

@@ -26,7 +26,7 @@ from typing import Any, Literal, Protocol, runtime_checkable
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from cooploc.estimators.adapters import without_short
+from cooploc.estimators.adapters import drop_short
 from cooploc.estimators.errors import BadInput, first_reason, nearest
 from cooploc.estimators.interface import TEAM_PRIOR, Array, World
 from cooploc.estimators.registry import load_object
@@ -177,9 +177,9 @@ def _team_priors(stream: Stream) -> Array:
 def _without_short_ranges(stream: Stream) -> dict[str, Array]:
     arrays = stream.arrays()
     found = {f"senses.{name}": arrays[f"senses.{name}"] for name in ("landmark", "sighting")}
-    found = {name: without_short(a, a[..., :1]) for name, a in found.items()}
+    found = {name: drop_short(a, a[..., :1]) for name, a in found.items()}
     ranges = {name: arrays[name] for name in ("air.range", "extra.anchor_range") if name in arrays}
-    return found | {name: without_short(a, a) for name, a in ranges.items()}
+    return found | {name: drop_short(a, a) for name, a in ranges.items()}
 
 
 MOST_TRIALS = 1_000_000  # of one call

@@ -16,8 +16,16 @@ import numpy as np
 from cooploc import estimators as estimator_names
 from cooploc import scenarios as scenario_names
 from cooploc.estimators.building import ConfiguredEstimator
-from cooploc.estimators.plugin_files import Named, artifacts_of, distributions, helpers_of, of_module, trained_on, tree
-from cooploc.estimators.registry import is_file
+from cooploc.estimators.plugin_files import (
+    Named,
+    artifacts_of,
+    distributions,
+    helpers_of,
+    is_file,
+    of_module,
+    trained_on,
+    tree,
+)
 from cooploc.scenarios.scenario import ResolvedScenario
 
 PACKAGES = ("cooploc", "filterpy", "numpy", "scipy", "numba", "pandas", "pyarrow")

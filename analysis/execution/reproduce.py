@@ -13,7 +13,8 @@ from cooploc.analysis.execution.run_directory import FORMAT, PARTS, StoredRun, p
 from cooploc.analysis.execution.workers import Task, measure
 from cooploc.estimators import configure, make
 from cooploc.estimators.errors import BadInput
-from cooploc.estimators.registry import is_file, parse
+from cooploc.estimators.plugin_files import is_file
+from cooploc.estimators.registry import parse
 from cooploc.scenarios import resolve
 from cooploc.scenarios.scenario import split_family
 

@@ -35,7 +35,8 @@ from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Mail, Senses, Sensor
 from cooploc.estimators.kalman import root
 from cooploc.estimators.models import NOWHERE, Displacement, GradientDoa, GradientReading, gradient_doa
-from cooploc.estimators.registry import is_file, parse
+from cooploc.estimators.plugin_files import is_file
+from cooploc.estimators.registry import parse
 from cooploc.scenarios import resolve, simulate
 from cooploc.scenarios.scenario import split_family
 from cooploc.scenarios.stream import Stream
