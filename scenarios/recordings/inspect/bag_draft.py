@@ -10,8 +10,8 @@ import numpy as np
 
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.bags import TopicSeries, read_topics, topics
+from cooploc.scenarios.recordings.inspect.csv_draft import ODOMETRY, words_of
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, Entry
-from cooploc.scenarios.recordings.inspect.infer_columns import ODOMETRY, words_of
 from cooploc.scenarios.recordings.radio_nodes import NodeRanges, assign
 from cooploc.scenarios.recordings.team_log import Series
 
@@ -73,7 +73,7 @@ def bag_draft(path: Path) -> Draft:
 
 
 def _by_robot(topics: Sequence[str]) -> dict[str, str]:
-    """Robot -> topic: the part of the names that differs between most of them; the first topic of each robot."""
+    """Map robots to topics: the part of the names that differs between most of them; the first topic of each robot."""
     marked = [
         (name, part, "/".join("{robot}" if piece == part else piece for piece in name.split("/")))
         for name in topics
@@ -105,14 +105,14 @@ def _is_about(topic: str, robot: str) -> bool:
 
 
 def _pair(topic: str) -> tuple[str, str] | None:
-    """The two parts of a name that differ in their number alone: the nodes of a range."""
+    """Return the two parts of a name that differ in their number alone: the nodes of a range."""
     parts = [part for part in topic.split("/") if re.search(r"\d", part)]
     alike = [(a, b) for a, b in pairwise(parts) if re.sub(r"\d", "", a) == re.sub(r"\d", "", b)]
     return alike[0] if alike and alike[0][0] != alike[0][1] else None
 
 
 def _topics(by_robot: Mapping[str, str], why: str) -> Entry:
-    """One pattern if all topics have it, else the topic of each robot."""
+    """Return one pattern if all topics have it, else the topic of each robot."""
     patterns = {topic.replace(robot, "{robot}") for robot, topic in by_robot.items()}
     if len(patterns) == 1 and "{robot}" in (pattern := patterns.pop()):
         return Entry("topic", pattern, why, "likely")
@@ -123,39 +123,35 @@ def _topics(by_robot: Mapping[str, str], why: str) -> Entry:
 
 
 def _odometry(wheels: Mapping[str, str], series: Mapping[str, TopicSeries]) -> DraftTable:
-    """Poses, if their headings turn as their turn rates say and their places change; else velocities."""
+    """Return poses, if their headings turn as their turn rates say and their places change; else velocities."""
     every = [series[topic] for topic in wheels.values()]
     kind, why = "velocity", "the headings of the poses do not turn as the turn rates beside them"
-    if all(_turns(one) for one in every) and any(np.ptp(_column(one, "x [m]")) > 0.01 for one in every):
+    if all(map(_turns_as_stated, every)) and any(np.ptp(_columns(one, "x [m]")) > 0.01 for one in every):
         kind, why = "pose", "poses lose nothing with a lost message"
     return DraftTable("odometry", (Entry("kind", kind, why, "likely"), _topics(wheels, "its type is Odometry")))
 
 
-def _turns(series: TopicSeries) -> bool:
+def _turns_as_stated(series: TopicSeries) -> bool:
     """Return whether headings change by half to twice the integrated turn rate, or neither turns by a radian in all."""
-    heading, rate = _column(series, "heading [rad]"), _column(series, "omega [rad/s]")
+    heading, rate = _columns(series, "heading [rad]", "omega [rad/s]").T
     if not np.isfinite(heading).all() or len(heading) < 2:
         return False
-    turned = np.abs(np.diff(np.unwrap(heading))).sum()
-    said = np.abs(np.diff(series.time) * rate[1:]).sum()
-    return bool(max(turned, said) < 1.0 or said == 0 or said / 2 < turned < 2 * said)
+    turned, stated = np.abs(np.diff(np.unwrap(heading))).sum(), np.abs(np.diff(series.time) * rate[1:]).sum()
+    return bool(max(turned, stated) < 1.0 or stated == 0 or stated / 2 < turned < 2 * stated)
 
 
 def _ranges(
     ranges: Mapping[tuple[str, str], str], truth: Mapping[str, str], series: Mapping[str, TopicSeries]
 ) -> DraftTable:
-    """The ranges, and which radio is on which robot: by the truth, from which it may be found if log.toml says so."""
+    """Return the ranges, and which radio is on which robot: by the truth, from which it may be found."""
     (a, b), topic = next(iter(ranges.items()))
     pattern = topic.replace(f"/{a}", "/{robot}", 1).replace(f"/{b}", "/{other}", 1)
-    entries = [Entry("topic", pattern, f"{len(ranges)} topics with two numbered nodes", "likely")]
+    entry = Entry("topic", pattern, f"{len(ranges)} topics with two numbered nodes", "likely")
     if len(truth) < 2:
-        return DraftTable("ranges", tuple(entries))
+        return DraftTable("ranges", (entry,))
     every = [NodeRanges(x, y, series[t].time, series[t].values[:, 0]) for (x, y), t in ranges.items()]
-    carriers = {}
-    for robot, topic in truth.items():
-        pose = [_column(series[topic], name) for name in ("x [m]", "y [m]", "heading [rad]")]
-        carriers[robot] = Series(series[topic].time, np.stack(pose, -1), topic)
-    found = assign(every, carriers)
+    poses = {robot: _columns(series[t], "x [m]", "y [m]", "heading [rad]") for robot, t in truth.items()}
+    found = assign(every, {robot: Series(series[t].time, poses[robot], t) for robot, t in truth.items()})
     why = (
         f"ranges fit the distances by the truth to {found.residual:.3f} m (median, less a bias of each pair); "
         f"the next best assignment to {found.second:.3f} m"
@@ -163,10 +159,11 @@ def _ranges(
     sure = "likely" if found.second > SURE * found.residual else "perhaps"
     if len(found.nodes) == 2 and not found.others:
         why, sure = "two radios on two robots: which is whose makes no difference to ranges", "perhaps"
-    entries.append(Entry("nodes", {node: robot for robot, node in found.nodes.items()}, why, sure))
+    nodes = Entry("nodes", {node: robot for robot, node in found.nodes.items()}, why, sure)
     others = f"Nodes on no robot: {', '.join(found.others)}. Survey them, and name them in [anchors] places."
-    return DraftTable("ranges", tuple(entries), (others,) * bool(found.others))
+    return DraftTable("ranges", (entry, nodes), (others,) * bool(found.others))
 
 
-def _column(series: TopicSeries, name: str) -> np.ndarray:
-    return series.values[:, series.columns.index(name)]
+def _columns(series: TopicSeries, *names: str) -> np.ndarray:
+    """Return columns (m, k) by name."""
+    return series.values[:, [series.columns.index(name) for name in names]]

@@ -1,24 +1,284 @@
-"""A log.toml for a directory of CSV files: the meaning and the robot of each column, with the reasons."""
+"""A log.toml for a directory of CSV files: what each column is and whose, always with the reason.
 
+A column's meaning follows from its name first, then from its values; its robot from a column of names, else from the
+names of the files.
+"""
+
+import csv
 import re
-from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from cooploc.estimators.errors import BadInput
+from cooploc.estimators.interface import Array
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, Entry
-from cooploc.scenarios.recordings.inspect.infer_columns import CsvTable, Guess, read_csv, words_of
 from cooploc.scenarios.recordings.schema import COLUMNS, UNITS
+from cooploc.scenarios.recordings.text_files import fields_of, parse_field, parse_number, read_text
 
 ENDINGS = (".csv", ".txt", ".tsv")
+DELIMITERS = (",", ";", "\t", "|", " ")
 REMEDY = 'name the files odom_NAME.csv and truth_NAME.csv, or write log.toml by hand; README, "Your own robots"'
 READINGS = ("ranges", "rssi", "sightings")
 STAMPS = ("time", "sec", "nsec")
 KINDS = ("velocity", "path", "displacement", "pose")  # of odometry; the first whose columns a file has
-ANCHORS = {"anchor", "anchors", "node", "nodes", "beacon", "beacons", "ap"}
 LANDMARKS = {"landmark", "landmarks", "marker", "markers", "tag", "tags"}
+ANCHORS = {"anchor", "anchors", "node", "nodes", "beacon", "beacons", "ap"}
+
+# --- Files
+
+
+class Guess(NamedTuple):
+    """The probable meaning of a column."""
+
+    column: str
+    quantity: str  # "" if it is not known
+    unit: str  # as in log.toml; "" if there is none
+    side: str  # "truth" or "odometry", if the name says so
+    reason: str
+
+
+class CsvTable(NamedTuple):
+    """A CSV file, with a guess for each column."""
+
+    name: str  # as in log.toml
+    delimiter: str
+    columns: Mapping[str, Array | tuple[str, ...]]  # numbers (rows,), nan where empty; else the fields as they are
+    guesses: tuple[Guess, ...] = ()
+
+    def numbers(self, column: str) -> Array:
+        """Return a column's finite numbers, in order; none of a column of words."""
+        values = self.columns[column]
+        return np.empty(0) if isinstance(values, tuple) else values[np.isfinite(values)]
+
+    def names(self, column: str) -> list[str]:
+        """Return the different words in a column, in order of appearance."""
+        values = self.columns[column]
+        words = values if isinstance(values, tuple) else (f"{v:g}" for v in values[np.isfinite(values)])
+        return list(dict.fromkeys(filter(None, words)))
+
+
+def read_csv(path: Path, name: str) -> CsvTable:
+    """Read a CSV file whose first line names the columns; lines that are too short or too long are left out.
+
+    Raises:
+        BadInput: the file is not text, has no header, or no line of data.
+
+    """
+    text = read_text(path, "utf-8-sig").lstrip()
+    if not text:
+        raise BadInput(f"{path}: the file is empty; get it again")
+    fields = {d: len(next(csv.reader([text.partition("\n")[0]], delimiter=d), [])) for d in DELIMITERS}
+    delimiter = max(DELIMITERS, key=lambda d: (fields[d] > 1, d != " ", fields[d]))
+    head, *rows = (row for _, row in fields_of(path, text, delimiter))
+    head = [name.lstrip("#").strip() for name in head]
+    if all(np.isfinite(parse_number(field)) for field in head if field):
+        raise BadInput(f"{path}, line 1: numbers where the names of the columns should be; add a line of names")
+    if twice := next((name for name in head if head.count(name) > 1), None):
+        raise BadInput(f"{path}, line 1: two columns are named {twice!r}; rename one")
+    whole = [row for row in rows if len(row) == len(head)]
+    if not whole:
+        raise BadInput(f"{path}: it has no line of data with {len(head)} fields as in line 1; get the file again")
+    columns = {column: _values(words) for column, words in zip(head, zip(*whole, strict=True), strict=True)}
+    found = CsvTable(name, delimiter, columns)
+    return found._replace(guesses=infer_columns(found))
+
+
+def _values(fields: tuple[str, ...]) -> Array | tuple[str, ...]:
+    """Return numbers, if nine of ten fields that are not empty are numbers; else the fields."""
+    numbers = np.array([parse_field(field) for field in fields])
+    good, filled = np.isfinite(numbers), sum(map(bool, fields))
+    return np.where(good, numbers, np.nan) if filled and good.sum() >= 0.9 * filled else fields
+
+
+def _read_files(paths: Iterable[Path], folder: Path, data: Path) -> tuple[list[CsvTable], list[str]]:
+    """Read the CSV files of a run, and note those that are no tables."""
+    files, unread = [], []
+    for path in paths:
+        name = path.relative_to(folder if path.is_relative_to(folder) else data).as_posix()
+        try:
+            files.append(read_csv(path, name))
+        except BadInput as e:
+            unread.append(f"{name}: a text, and no table" if path.suffix.lower() == ".txt" else str(e))
+    return files, unread
+
+
+def _text_files(folder: Path) -> list[Path]:
+    return sorted(p for p in folder.rglob("*") if p.is_file() and p.suffix.lower() in ENDINGS)
+
+
+# --- Names
+
+# Quantity -> words that name it. The first quantity with a word of the column wins, so the special come first.
+WORDS = {
+    "nsec": "nsec nsecs nanosec nanoseconds nanosecs",
+    "sec": "sec secs seconds",
+    "time": "t time stamp timestamp ts clock",
+    "turn_rate": "w omega wz yawrate gyro angvel turnrate",
+    "rssi": "rssi signal dbm power",
+    "bearing": "bearing azimuth aoa doa",
+    "heading": "yaw theta heading th psi orientation azimut",
+    "range": "range ranges dist distance tof uwb",
+    "dx": "dx deltax",
+    "dy": "dy deltay",
+    "length": "length path odometer mileage travelled metres meters",
+    "speed": "v vx vel velocity speed vlin",
+    "x": "x px posx east easting",
+    "y": "y py posy north northing",
+    "other": "to other target responder tag subject anchor landmark dst dest receiver",
+    "robot": "robot id from name agent vehicle source src initiator node sender",
+}
+PAIRS = {  # two words that together name one quantity
+    "turn_rate": ("yaw rate", "turn rate", "ang vel", "vel w", "angular z", "angular velocity", "angular vel"),
+    "speed": ("linear x", "vel v", "vel x"),
+    "": ("vel y",),
+    "dx": ("delta x",),
+    "dy": ("delta y",),
+}
+TRUTH = {"truth", "true", "gt", "groundtruth", "ground", "mocap", "vicon", "optitrack", "vrpn", "pos", "cap"}
+ODOMETRY = {"odom", "odometry", "odo", "wheel", "wheels", "encoder", "imu", "cmd"}
+UNIT = {"millimeters": "mm", "millimetres": "mm", "degs": "deg", "degree": "deg", "degrees": "deg", "radians": "rad"}
+UNIT |= {"dbm": "dBm", "mps": "m/s", "kmh": "km/h"}
+UNIT |= {unit: unit for unit in ("mm", "cm", "m", "deg", "rad", "ms", "us", "ns", "s")}
+LENGTH, ANGLE, RATES = ("m", "cm", "mm"), ("rad", "deg"), ("speed", "turn_rate")
+UNITS_OF = {
+    "time": ("s", "ms", "us", "ns"),
+    "rssi": ("dBm",),
+    "heading": ANGLE,
+    "bearing": ANGLE,
+    "sec": (),
+    "nsec": (),
+}
+QUANTITY = {word: quantity for quantity, words in WORDS.items() for word in words.split()}
+QUANTITY_OF_PAIR = {pair: quantity for quantity, pairs in PAIRS.items() for pair in pairs}
+
+
+def words_of(name: str) -> list[str]:
+    """Return the words of a name in small letters: camelCase, digits and signs divide it."""
+    return [word.lower() for word in re.findall(r"[A-Za-z]+", re.sub(r"([a-z])([A-Z])", r"\1 \2", name))]
+
+
+def name_meaning(column: str) -> tuple[str, str, str]:
+    """Return quantity, unit and side by a column's name, "" where unknown; a unit that does not fit is left out."""
+    inside = re.search(r"[\[(]([^\])]*)[\])]", column)
+    words = words_of(re.sub(r"[\[(][^\])]*[\])]", " ", column))
+    pair = next((f"{a} {b}" for a, b in pairwise(words) if f"{a} {b}" in QUANTITY_OF_PAIR), "")
+    known = [QUANTITY[word] for word in words if word in QUANTITY]
+    quantity = QUANTITY_OF_PAIR[pair] if pair else min(known, key=list(WORDS).index, default="")
+    unit = next((UNIT[word] for word in (words_of(inside[1]) if inside else words[1:]) if word in UNIT), "")
+    if quantity in RATES:
+        unit = f"{unit}/s" if unit in (*LENGTH, *ANGLE) else unit * ("/" in unit)
+    elif unit not in UNITS_OF.get(quantity, LENGTH):
+        unit = ""
+    return quantity, unit, side_of(words)
+
+
+def side_of(words: list[str]) -> str:
+    """Return "truth" or "odometry" if words speak of it."""
+    return "odometry" if ODOMETRY & {*words} else "truth" if TRUTH & {*words} else ""
+
+
+# --- Values
+
+SI = {"time": "s", "sec": "s", "nsec": "ns", "turn_rate": "rad/s", "speed": "m/s", "rssi": "dBm"}  # else m
+EPOCHS = {"ns": 1e9, "us": 1e6, "ms": 1e3, "s": 1.0}  # in a second
+SINCE_1970 = (5e8, 5e9)  # [s] from 1985 to 2128
+NAMES = ("robot", "other")  # quantities whose values are names
+
+
+def infer_columns(table: CsvTable) -> tuple[Guess, ...]:
+    """Guess the meaning of each column; the first unknown one that rises throughout is the time if no other is."""
+    file_side = side_of(words_of(Path(table.name).stem))
+    guesses = [_guess(table, column, file_side) for column in table.columns]
+    if not any(guess.quantity in ("time", "sec") for guess in guesses):
+        for i, guess in enumerate(guesses):
+            values = table.numbers(guess.column)
+            if not guess.quantity and len(values) > 10 and (np.diff(values) > 0).all():
+                unit, why = _time_unit(values)
+                why = f"it is the first column that rises; {why}"
+                guesses[i] = guess._replace(quantity="time", unit=unit, reason=why)
+                break
+    return tuple(guesses)
+
+
+def _guess(table: CsvTable, column: str, file_side: str) -> Guess:
+    quantity, named_unit, side = name_meaning(column)
+    reason, values = f"its name {column!r}", table.numbers(column)
+    falls, rises = np.diff(values) < 0, len(values) > 10 and (np.diff(values) >= 0).all() and np.ptp(values) > 0
+    unknown = ""
+    if not quantity:
+        unknown = "neither name nor values say what it is"
+    elif isinstance(table.columns[column], tuple) and quantity not in NAMES:
+        unknown = f"its name says {quantity}, but its values are not numbers"
+    elif quantity == "turn_rate" and _is_beside_pose(table, column):
+        unknown = "w beside x and y: part of a quaternion, or a heading"
+    elif quantity in ("time", "sec") and len(values) > 1 and falls.mean() > 0.01:
+        unknown = f"its name says {quantity}, but its values fall"
+    if unknown:
+        return Guess(column, "", "", side, unknown)
+    beside = {name_meaning(name)[::2] for name in table.columns}
+    if rises and (quantity, side) == ("x", "odometry") and ("y", "odometry") not in beside:
+        quantity = "length"
+        reason += " has no y beside it, and its values only rise: a counter of metres"
+    unit, why = _unit(quantity, named_unit, values)
+    return Guess(column, quantity, unit, side or file_side, reason + (f"; {why}" if why else ""))
+
+
+def _unit(quantity: str, named: str, values: Array) -> tuple[str, str]:
+    """Return the unit of a quantity and the reason: by the column's name, else by its values."""
+    if quantity in NAMES:
+        return "", ""
+    if named:
+        return named, f"{named} is in its name"
+    angle = UNITS_OF.get(quantity) == ANGLE
+    if not len(values):
+        return SI.get(quantity, "rad" if angle else "m"), "no values"
+    if quantity == "time":
+        return _time_unit(values)
+    largest, usual = (float(q) for q in np.quantile(np.abs(values), [0.99, 0.75]))
+    if angle and 2.1 * np.pi < largest <= 361:
+        return "deg", f"values reach {largest:.4g}, more than 2 pi"
+    if angle:
+        return "rad", f"values reach {largest:.3g}"
+    if quantity == "turn_rate" and usual > 2 * np.pi:
+        return "deg/s", f"values reach {largest:.4g}: no robot spins so fast in rad/s"
+    if quantity == "speed" and largest > 30:
+        return "mm/s", f"values reach {largest:.4g}: too fast for m/s"
+    if quantity in SI:
+        return SI[quantity], "SI" if quantity in RATES else ""
+    span = float(np.ptp(np.quantile(values, [0.02, 0.98])))
+    if span > 1000:
+        return "mm", f"values span {span:.4g}: too far for metres"
+    if span > 100:
+        return "cm", f"values span {span:.4g}: far for metres, perhaps"
+    return "m", f"values span {span:.3g}"
+
+
+def _time_unit(values: Array) -> tuple[str, str]:
+    """Return the unit of stamps by their size since 1970, else by their intervals: between 0.1 ms and 30 s."""
+    middle = float(np.median(values))
+    for unit, factor in EPOCHS.items():
+        if SINCE_1970[0] < middle / factor < SINCE_1970[1]:
+            return unit, f"{middle:.4g} since 1970 is in {unit}"
+    intervals = np.diff(values)
+    usual = float(np.median(intervals[intervals > 0])) if (intervals > 0).any() else 1.0
+    for unit, least in (("ns", 1e6), ("us", 1e3), ("ms", 5.0)):
+        if usual >= least and float(np.ptp(values)) > 2e3:
+            return unit, f"the usual interval is {usual:.4g}"
+    return "s", f"the usual interval is {usual:.3g}"
+
+
+def _is_beside_pose(table: CsvTable, column: str) -> bool:
+    """Return whether a column "..._w" stands beside "..._x" and "..._y" that are a place."""
+    beside = {letter: column[:-1] + letter for letter in "xy"}
+    places = all(name in table.columns and name_meaning(name)[0] == q for q, name in beside.items())
+    return len(column) > 1 and column.endswith("w") and places
+
+
+# --- Tables that columns belong to
 
 
 class TablePart(NamedTuple):
@@ -42,109 +302,143 @@ class TablePart(NamedTuple):
         return [file.name for file in self.files]
 
 
+def _parts(file: CsvTable) -> list[TablePart]:
+    """Return the tables that a file's columns belong to; a file without stamps can only hold places."""
+    shared = _first_columns(file.guesses, (*STAMPS, "robot", "other"))
+    if "time" in shared:
+        shared = {q: g for q, g in shared.items() if q not in ("sec", "nsec")}
+    if not shared.keys() & {"time", "sec"}:
+        return _places(file)
+    parts, left = [], list(file.guesses)
+    for kind in KINDS:
+        own = _first_columns(file.guesses, COLUMNS[kind], ("odometry",) if kind == "pose" else ("", "odometry"))
+        if len(own) == len(COLUMNS[kind]):
+            parts.append(TablePart("odometry", (file,), shared | own, kind))
+            left = [g for g in left if g not in own.values()]
+            break
+    has_truth = any(g.side == "truth" and g.quantity == "x" for g in left)
+    truth = _first_columns(left, ("x", "y", "heading"), ("truth",) if has_truth else ("",))
+    if {"x", "y"} <= truth.keys():
+        parts.append(TablePart("truth", (file,), shared | truth))
+    ranges, bearings, rssi = ([g for g in left if g.quantity == q] for q in ("range", "bearing", "rssi"))
+    if bearings and ranges:
+        parts.append(TablePart("sightings", (file,), shared | {"range": ranges[0], "bearing": bearings[0]}))
+    for table, quantity, found in (("ranges", "range", ranges), ("rssi", "rssi", rssi)):
+        if len(found) > 1:  # a column for each thing measured
+            alone = {q: g for q, g in shared.items() if q != "other"}
+            parts.append(TablePart(table, (file,), alone, each=tuple(found)))
+        elif found and not (quantity == "range" and bearings):
+            parts.append(TablePart(table, (file,), shared | {quantity: found[0]}))
+    return parts
+
+
+def _places(file: CsvTable) -> list[TablePart]:
+    """Return a file of names and places; of anchors, if its name does not speak of landmarks."""
+    own = _first_columns(file.guesses, ("x", "y", "robot", "other"))
+    label = own.get("robot") or own.get("other") or next((g for g in file.guesses if g.column not in ("x", "y")), None)
+    if not {"x", "y"} <= own.keys() or label is None:
+        return []
+    words = {*words_of(Path(file.name).stem), *words_of(label.column)}
+    table = "landmarks" if words & LANDMARKS and not words & ANCHORS else "anchors"
+    return [TablePart(table, (file,), {"name": label, "x": own["x"], "y": own["y"]})]
+
+
+def _first_columns(
+    guesses: Sequence[Guess], quantities: Sequence[str], sides: Sequence[str] = ("", "truth", "odometry")
+) -> dict[str, Guess]:
+    """Return the first column of each quantity on some sides."""
+    found = {g.quantity: g for g in reversed(guesses) if g.side in sides}
+    return {q: found[q] for q in quantities if q in found}
+
+
+def _merge_parts(parts: Sequence[TablePart], unused: list[str]) -> list[TablePart]:
+    """Merge parts of the same table and columns; of odometry and truth keep the one with the most files.
+
+    A column whose unit seems to differ between files is read in SI, and a check tells more.
+    """
+    groups: dict[Any, list[TablePart]] = {}
+    for part in parts:
+        alike = frozenset((q, g.column) for q, g in part.columns.items())
+        groups.setdefault((part.table, part.kind, alike, tuple(g.column for g in part.each)), []).append(part)
+    merged: dict[str, list[TablePart]] = {}
+    for group in groups.values():
+        columns = group[0].columns.copy()
+        for q, guess in columns.items():
+            units = {part.files[0].name: part.columns[q].unit for part in group}
+            if len({*units.values()}) > 1:
+                unit = next((u for u in units.values() if u in UNITS), guess.unit)
+                seen = ", ".join(f"{name} {u}" for name, u in units.items())
+                columns[q] = guess._replace(unit=unit, reason=f"files differ: {seen}, perhaps")
+        files = tuple(part.files[0] for part in group)
+        merged.setdefault(group[0].table, []).append(group[0]._replace(columns=columns, files=files))
+    kept = []
+    for table, own in merged.items():
+        own.sort(key=lambda part: -len(part.files))
+        count = len(own) if table in READINGS else 1
+        kept += own[:count]
+        for part in own[count:]:
+            names = ", ".join(part.file_names)
+            unused.append(f"{names}: looks like {table} too, but has other columns than the rest; make them alike")
+    return kept
+
+
+# --- The draft
+
+
 def csv_draft(data: Path) -> Draft:
     """Return the draft for a directory of CSV files, or of runs with such files.
+
+    `red/odom.csv` is of a robot, `monday/odom_red.csv` of a run: only the latter says in itself which robot it is of.
 
     Raises:
         BadInput: there are none, or nothing in them is odometry or truth.
 
     """
-    return _draft_run(_first_run(data), data)[0]
-
-
-def _first_run(data: Path) -> Path:
-    """The first directory that is a run by itself, with robots of its own names; else the whole directory.
-
-    `red/odom.csv` is of a robot, `monday/odom_red.csv` of a run: only the latter says in itself which robot it is of.
-    """
-    inside = [p for p in sorted(data.iterdir()) if p.is_dir() and _text_files(p)]
-    if not inside or any(_has_stamps(p) for p in _text_files(data) if p.parent == data):
-        return data
+    beside, _ = _read_files([p for p in _text_files(data) if p.parent == data], data, data)
+    stamped = any(guess.quantity in ("time", "sec") for file in beside for guess in file.guesses)
+    inside = [] if stamped else [p for p in sorted(data.iterdir()) if p.is_dir() and _text_files(p)]
     try:
-        return inside[0] if len(_draft_run(inside[0], data)[1]) > 1 else data
+        draft, robots = _draft_run(inside[0] if inside else data, data)
     except BadInput:
-        return data
+        if not inside:
+            raise
+        robots = ()
+    return draft if len(robots) > 1 or not inside else _draft_run(data, data)[0]
 
 
 def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
-    """The draft for the CSV files of one run, with those beside the runs, which are of all; and its robots."""
-    files, unused = _read_files(folder, data)
+    """Return the draft for the CSV files of one run, with those beside the runs, which are of all; and its robots."""
+    beside = [p for p in _text_files(data) if p.parent == data]
+    files, unused = _read_files(dict.fromkeys([*_text_files(folder), *beside]), folder, data)
+    if not files:
+        none = f"{folder}: there is no CSV file, bag, PyFG file or MRCLAM text in it; name another directory"
+        raise BadInput(next((line for line in unused if line.startswith(str(data))), none))
     delimiter, why = files[0].delimiter, "their names in the names of the files, or in a column"
     entries = [Entry("format", "csv", f"{len(files)} text files with columns")]
     runs = folder == data and _are_runs_of_one_robot(files)
     if runs:
         why = f"{len(files)} files of the same columns, one after the other in time: runs of one robot"
         files = files[:1]
-    parts = _merge_alike([part for file in files for part in _parts(file)], unused)
+    parts = _merge_parts([part for file in files for part in _parts(file)], unused)
     for needed in ("odometry", "truth"):
         if needed not in {part.table for part in parts}:
             unread = next((line for line in unused if line.startswith(str(data))), "")
             raise BadInput(unread or f"{folder}: no file has columns that look like {needed}; {REMEDY}")
     robots = ("robot",) if runs else _robots(folder, parts)
-    wheels = next(part for part in parts if part.table == "odometry")
-    still_there = robots if runs else tuple(robot for robot in robots if _count_lines(wheels, robot, robots) > 1)
-    if still_there and still_there != robots:
-        lost = ", ".join(robot for robot in robots if robot not in still_there)
-        unused.append(f"{lost}: fewer than two lines of odometry")
-        robots = still_there
     entries.append(Entry("robots", list(robots), why, "likely"))
     if delimiter != ",":
         entries.append(Entry("delimiter", delimiter, "between the names in the first line"))
     places = {name for part in parts for name in part.names("name")}
-    drafted = [_table(part, robots, places, runs) for part in parts]
+    drafted = [_draft_table(part, robots, places, runs) for part in parts]
     unused += [table for table in drafted if isinstance(table, str)]
-    tables = [table for table in drafted if isinstance(table, DraftTable)]
+    tables = tuple(table for table in drafted if isinstance(table, DraftTable))
     columns = []
     for file in files:
         for g in file.guesses:
-            quantity = (g.quantity or "not known") + f" [{g.unit}]" * bool(g.unit)
-            columns.append((file.name, g.column, quantity, g.reason))
+            columns.append((file.name, g.column, (g.quantity or "not known") + f" [{g.unit}]" * bool(g.unit), g.reason))
         if unknown := [g.column for g in file.guesses if not g.quantity]:
             unused.append(f"{file.name}: columns {', '.join(unknown)}")
-    return Draft(tuple(entries), tuple(tables), tuple(columns), tuple(unused)), robots
-
-
-# --- Files
-
-
-def _read_files(folder: Path, data: Path) -> tuple[list[CsvTable], list[str]]:
-    """Every CSV file of a run, and those beside the runs, such as places of anchors; and notes that are no tables.
-
-    Raises:
-        BadInput: there is none, or one cannot be read.
-
-    """
-    files, unread = [], []
-    for path in dict.fromkeys([*_text_files(folder), *(p for p in _text_files(data) if p.parent == data)]):
-        name = path.relative_to(folder if path.is_relative_to(folder) else data).as_posix()
-        try:
-            files.append(read_csv(path, name))
-        except BadInput as e:
-            unread.append(f"{name}: a text, and no table" if path.suffix.lower() == ".txt" else str(e))
-    if not files:
-        raise BadInput(
-            next((line for line in unread if line.startswith(str(data))), "")
-            or f"{folder}: there is no CSV file, bag, PyFG file or MRCLAM text in it; name another directory"
-        )
-    usual = Counter(file.delimiter for file in files).most_common(1)[0][0]
-    if strange := next((file for file in files if file.delimiter != usual), None):
-        raise BadInput(
-            f"{folder / strange.name}, line 1: {strange.delimiter!r} between the names, and {usual!r} in most files; "
-            "save it as the others"
-        )
-    return files, unread
-
-
-def _text_files(folder: Path) -> list[Path]:
-    return sorted(p for p in folder.rglob("*") if p.is_file() and p.suffix.lower() in ENDINGS)
-
-
-def _has_stamps(path: Path) -> bool:
-    """Return whether a file has stamps, and so belongs to one run; a file without may belong to all."""
-    try:
-        return any(guess.quantity in ("time", "sec") for guess in read_csv(path, path.name).guesses)
-    except BadInput:
-        return False
+    return Draft(tuple(entries), tables, tuple(columns), tuple(unused)), robots
 
 
 def _are_runs_of_one_robot(files: Sequence[CsvTable]) -> bool:
@@ -162,94 +456,8 @@ def _are_runs_of_one_robot(files: Sequence[CsvTable]) -> bool:
     return len(stamps) > 1 and overlaps < len(stamps) / 2
 
 
-# --- Tables that columns belong to
-
-
-def _parts(file: CsvTable) -> list[TablePart]:
-    """The tables that a file's columns belong to; a file without stamps can only hold places."""
-    shared = _first(file.guesses, (*STAMPS, "robot", "other"))
-    if {"time", "sec"} <= shared.keys():
-        shared = {q: g for q, g in shared.items() if q not in ("sec", "nsec")}
-    if not shared.keys() & {"time", "sec"}:
-        return _places(file)
-    parts, left = [], list(file.guesses)
-    for kind in KINDS:
-        own = _first(file.guesses, COLUMNS[kind], ("odometry",) if kind == "pose" else ("", "odometry"))
-        if len(own) == len(COLUMNS[kind]):
-            parts.append(TablePart("odometry", (file,), shared | own, kind))
-            left = [g for g in left if g not in own.values()]
-            break
-    sides = ("truth",) if any(g.side == "truth" and g.quantity == "x" for g in left) else ("",)
-    truth = _first(left, ("x", "y", "heading"), sides)
-    if {"x", "y"} <= truth.keys():
-        parts.append(TablePart("truth", (file,), shared | truth))
-    ranges, bearings, rssi = ([g for g in left if g.quantity == q] for q in ("range", "bearing", "rssi"))
-    if bearings and ranges:
-        parts.append(TablePart("sightings", (file,), shared | {"range": ranges[0], "bearing": bearings[0]}))
-    for table, quantity, found in (("ranges", "range", ranges), ("rssi", "rssi", rssi)):
-        if len(found) > 1:  # a column for each thing measured
-            alone = {q: g for q, g in shared.items() if q != "other"}
-            parts.append(TablePart(table, (file,), alone, each=tuple(found)))
-        elif found and not (quantity == "range" and bearings):
-            parts.append(TablePart(table, (file,), shared | {quantity: found[0]}))
-    return parts
-
-
-def _places(file: CsvTable) -> list[TablePart]:
-    """A file of names and places; of anchors, if its name does not speak of landmarks."""
-    own = _first(file.guesses, ("x", "y", "robot", "other"))
-    label = own.get("robot") or own.get("other") or next((g for g in file.guesses if g.column not in ("x", "y")), None)
-    if not {"x", "y"} <= own.keys() or label is None:
-        return []
-    words = {*words_of(Path(file.name).stem), *words_of(label.column)}
-    table = "landmarks" if words & LANDMARKS and not words & ANCHORS else "anchors"
-    return [TablePart(table, (file,), {"name": label, "x": own["x"], "y": own["y"]})]
-
-
-def _first(
-    guesses: Sequence[Guess], quantities: Sequence[str], sides: Sequence[str] = ("", "truth", "odometry")
-) -> dict[str, Guess]:
-    """The first column of each quantity on some sides."""
-    found = {g.quantity: g for g in reversed(guesses) if g.side in sides}
-    return {q: found[q] for q in quantities if q in found}
-
-
-def _merge_alike(parts: Sequence[TablePart], unused: list[str]) -> list[TablePart]:
-    """Merge parts of the same table and columns; of odometry and truth keep the one with the most files.
-
-    A column whose unit seems to differ between files is read in SI, and a check tells more.
-    """
-    alike: dict[Any, list[TablePart]] = {}
-    for part in parts:
-        names = frozenset((q, g.column) for q, g in part.columns.items())
-        alike.setdefault((part.table, part.kind, names, tuple(g.column for g in part.each)), []).append(part)
-    merged: dict[str, list[TablePart]] = {}
-    for group in alike.values():
-        columns = group[0].columns.copy()
-        for q, guess in columns.items():
-            units = [part.columns[q].unit for part in group]
-            if len({*units}) > 1:
-                seen = ", ".join(f"{p.files[0].name} {unit}" for p, unit in zip(group, units, strict=True))
-                unit = next((u for u in units if u in UNITS), guess.unit)
-                columns[q] = guess._replace(unit=unit, reason=f"files differ: {seen}, perhaps")
-        files = tuple(part.files[0] for part in group)
-        merged.setdefault(group[0].table, []).append(group[0]._replace(columns=columns, files=files))
-    kept = []
-    for table, own in merged.items():
-        own.sort(key=lambda part: -len(part.files))
-        count = len(own) if table in READINGS else 1
-        kept += own[:count]
-        for part in own[count:]:
-            files_ = ", ".join(part.file_names)
-            unused.append(f"{files_}: looks like {table} too, but has other columns than the rest; make them alike")
-    return kept
-
-
-# --- Robots
-
-
 def _robots(folder: Path, parts: Sequence[TablePart]) -> tuple[str, ...]:
-    """Names from a column of names, else from the files' names, else the one file's name."""
+    """Return names from a column of names, else from the files' names, else the one file's name."""
     own = [part for part in parts if part.table in ("odometry", "truth")]
     if column := next((part for part in own if "robot" in part.columns), None):
         return column.names("robot")
@@ -260,15 +468,6 @@ def _robots(folder: Path, parts: Sequence[TablePart]) -> tuple[str, ...]:
     if len(files) == 1:
         return (Path(files.pop()).stem,)
     raise BadInput(f"{folder}: neither the names of files nor a column says which robot is which; {REMEDY}")
-
-
-def _count_lines(part: TablePart, robot: str, robots: tuple[str, ...]) -> int:
-    """Return how many lines of a table are of a robot."""
-    if "robot" in part.columns:
-        column = part.columns["robot"].column
-        return sum(file.words(column).count(robot) for file in part.files)
-    pattern = file_pattern(part.file_names, robots)[0]
-    return max((file.lines for file in part.files if file.name == pattern.replace("{robot}", robot)), default=0)
 
 
 def file_pattern(files: Sequence[str], known: Sequence[str] = ()) -> tuple[str, tuple[str, ...]]:
@@ -289,11 +488,8 @@ def file_pattern(files: Sequence[str], known: Sequence[str] = ()) -> tuple[str, 
     return (best, tuple(dict.fromkeys(robots))) if len(robots) > 1 or len(files) == len(robots) else (files[0], ())
 
 
-# --- Lines of log.toml
-
-
-def _table(part: TablePart, robots: tuple[str, ...], places: set[str], runs: bool) -> DraftTable | str:
-    """One table of log.toml; or why it cannot be used."""
+def _draft_table(part: TablePart, robots: tuple[str, ...], places: set[str], runs: bool) -> DraftTable | str:
+    """Return one table of log.toml; or why it cannot be used."""
     table, files, columns, readings = part.table, part.file_names, part.columns, part.table in READINGS
     names = ", ".join(files)
     if table in ("anchors", "landmarks"):
@@ -340,12 +536,12 @@ def _entry(quantity: str, guess: Guess) -> Entry:
 
 
 def _column(guess: Guess) -> Any:
-    """A column in TOML: its name alone if its unit is SI."""
+    """Return a column in TOML: its name alone if its unit is SI."""
     return guess.column if guess.unit in UNITS else {"column": guess.column, "unit": guess.unit}
 
 
 def _nodes(names: Sequence[str], robots: tuple[str, ...], places: set[str]) -> dict[str, str]:
-    """Names in a column -> names of robots: those that differ in case or by a prefix, else in their order."""
+    """Map names in a column to names of robots: those that differ in case or by a prefix, else in their order."""
     strange = [name for name in names if name not in robots and name not in places]
     found = {}
     for name in strange:

@@ -8,17 +8,20 @@ import numpy as np
 from cooploc.estimators.errors import BadInput, nearest
 from cooploc.estimators.interface import Array
 from cooploc.scenarios.recordings import schema
-from cooploc.scenarios.recordings.inspect import reading_checks as readings
-from cooploc.scenarios.recordings.inspect import robot_checks as robots
+from cooploc.scenarios.recordings.fit import UnfittedModel
 from cooploc.scenarios.recordings.inspect.bag_draft import BAGS, bag_draft
+from cooploc.scenarios.recordings.inspect.checks import GAP, Finding, check_recording
 from cooploc.scenarios.recordings.inspect.csv_draft import ENDINGS, csv_draft
-from cooploc.scenarios.recordings.inspect.draft_toml import Draft, Entry, complete_draft, head_lines
-from cooploc.scenarios.recordings.inspect.finding import CheckedLog, Finding
-from cooploc.scenarios.recordings.inspect.trial_run import Trial, common_robots, run_draft, try_recordings
-from cooploc.scenarios.recordings.scenario import reader
+from cooploc.scenarios.recordings.inspect.draft_toml import (
+    Draft,
+    DraftTable,
+    Entry,
+    common_span,
+    complete_draft,
+    head_lines,
+)
+from cooploc.scenarios.recordings.scenario import NO_ORDER, TeamScenario, reader
 from cooploc.scenarios.recordings.team_log import TeamLog, other_names
-
-GAP = 10.0  # median intervals without a sample are a gap
 
 
 class SeriesRow(NamedTuple):
@@ -34,6 +37,13 @@ class SeriesRow(NamedTuple):
     longest: float  # [s] interval
     time: Array  # (m,) [s] since the recording's first stamp
     source: str
+
+
+class Trial(NamedTuple):
+    """The result of running all recordings that a log.toml describes."""
+
+    problem: str  # why they do not run; "" if they do
+    lines: tuple[str, ...] = ()  # what is judged of each, and why it may rank nothing
 
 
 class Inspected(NamedTuple):
@@ -90,7 +100,7 @@ def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspect
         description = schema.parse(home, draft.text(), schema.TeamDescription, schema.EXAMPLE)
         log = read.read(data, places[name], name, description)
     checked = check_recording(log, None if description.arena is None else np.array(description.arena, float))
-    findings = checked.result()
+    findings = tuple(checked.findings)
     if stated:
         try:
             trial = try_recordings(directory, description)
@@ -140,38 +150,6 @@ def recognize(path: Path) -> tuple[str, str]:
     raise BadInput(f"{path}: there is no CSV file, bag, PyFG file or MRCLAM text in it; name another directory")
 
 
-def check_recording(log: TeamLog, arena: Array | None = None) -> CheckedLog:
-    """Find everything odd about a recording, in an order in which no fault hides the next.
-
-    Args:
-        log: as a reader made it, in SI units as described or guessed.
-        arena: (2, 2) lower left and upper right corner [m], if it is known.
-
-    """
-    c, every = CheckedLog(log), range(len(log.robots))
-    for warning in log.warnings:  # such as a last line that was cut off
-        c.add("dropped", None, "", warning, "sure", "nothing: it is left out")
-    robots.check_gaps(c)
-    for check in (robots.check_lengths, robots.check_heading_unit, robots.check_turn_unit):
-        for i in every:
-            check(c, i)
-    robots.check_clocks(c)
-    for check in (robots.check_stale, robots.check_jumps):
-        for i in every:
-            check(c, i)
-    readings.check_range_units(c)
-    for check in (robots.check_frame, robots.check_scales):
-        for i in every:
-            check(c, i)
-    readings.check_names(c)
-    readings.check_reading_clocks(c)
-    readings.check_biases(c)
-    readings.check_bearings(c)
-    readings.check_rssi(c)
-    robots.check_arena(c, arena)
-    return c
-
-
 def series_rows(log: TeamLog) -> list[SeriesRow]:
     """Return a row for each series; readings of every pair apart."""
     found = [("odometry", robot, s.time, s.source) for robot, s in zip(log.robots, log.odometry, strict=True)]
@@ -202,3 +180,82 @@ def measured_counts(log: TeamLog) -> tuple[tuple[str, ...], tuple[str, ...], Arr
         first = names.index(other_names(log, channel)[0])
         np.add.at(counts, (r.robot, first + r.other), 1)
     return log.robots, names, counts
+
+
+# --- The trial of a log.toml: a draft is changed, line by line, until the recordings that it describes run
+
+USUAL = {  # values of [model] where a recording is too short to fit them
+    **{"sigma_v": 0.1, "sigma_omega": 0.2, "sigma_move": 0.05},
+    **{"range_bias": 0.0, "range_sigma": 0.2, "anchor_range_bias": 0.0, "anchor_range_sigma": 0.2},
+    **{"A": -45.0, "eta": 2.0, "rssi_sigma": 5.0, "anchor_A": -45.0, "anchor_eta": 2.0, "anchor_rssi_sigma": 5.0},
+    **{"sighting_sigma_range": 0.2, "sighting_sigma_bearing": 0.1},
+    **{"landmark_sigma_range": 0.2, "landmark_sigma_bearing": 0.1},
+}
+TOO_SHORT = "the recording is too short to fit it: a usual value"
+FALLBACKS = (  # each on top of those before, until the draft runs
+    DraftTable("fit", (Entry("on", "nothing", "too short for a part that is fitted on and not judged", "perhaps"),)),
+    DraftTable("prior", (Entry("heading", "unknown", "the recording shows none at its start", "perhaps"),)),
+    DraftTable("prior", (Entry("position", "arena", "no true position at the start", "perhaps"),)),
+)
+
+
+def try_recordings(data: Path, description: schema.TeamDescription) -> Trial:
+    """Simulate every run that a description finds in a directory.
+
+    Raises:
+        BadInput: one cannot be simulated.
+
+    """
+    scenario, lines = TeamScenario.from_description(data, description), []
+    for k in range(scenario.count()):
+        run = scenario.at([k])
+        truth, stream = run.simulate("log", [k], 0, run.world())
+        if not truth.valid.any():
+            raise BadInput(f"run {run.run!r}: no true position is known in the part that is judged")
+        seconds = stream.world.tick * len(stream.time)
+        robots = f"{stream.robots} robot{'s' * (stream.robots > 1)}"
+        weak = f"; it {NO_ORDER}: " + "; ".join(reasons) if (reasons := run.weaknesses(truth, stream)) else ""
+        lines.append(f"run {run.run!r}: {robots}, {seconds:.3g} s are judged{weak}")
+    return Trial("", tuple(lines))
+
+
+def common_robots(log: TeamLog) -> tuple[str, ...]:
+    """Return the robots with truth, without those that leave less than a tenth of the time in which all are there."""
+    kept = [i for i, truth in enumerate(log.truth) if truth is not None] or list(range(len(log.robots)))
+    longest = max((common_span(log, [i]) for i in kept), default=0.0)
+    while len(kept) > 1 and common_span(log, kept) < 0.1 * longest:
+        kept = max(([j for j in kept if j != i] for i in kept), key=lambda some: common_span(log, some))
+    return tuple(log.robots[i] for i in kept)
+
+
+def run_draft(data: Path, home: Path, draft: Draft, findings: tuple[Finding, ...]) -> tuple[Draft, Trial]:
+    """Return a draft that runs, changed where it did not, and what it then runs; else the draft and the problem."""
+    changed, problems = draft, []
+    offsets = [float(f.setting.split()[2].rstrip(";")) for f in findings if (f.kind, f.table) == ("clock", "truth")]
+    why = "the clocks share no time: found by the motion"
+    clock = (Entry("clock_offset", float(np.median(offsets)), why, "perhaps"),) if offsets else ()
+    for fallback in (None, *[DraftTable("truth", clock)] * bool(clock), *FALLBACKS):
+        changed = changed if fallback is None else _with(changed, fallback, replace=fallback.name == "fit")
+        for _ in USUAL:
+            try:
+                description = schema.parse(home, changed.text(), schema.TeamDescription, schema.EXAMPLE)
+                return changed, try_recordings(data, description)
+            except UnfittedModel as e:
+                usual = tuple(Entry(name, USUAL[name], TOO_SHORT, "perhaps") for name in e.names if name in USUAL)
+                changed = _with(changed, DraftTable("model", usual))
+                problems.append(str(e))
+            except BadInput as e:
+                problems.append(str(e))
+                break
+    return draft, Trial(problems[0])
+
+
+def _with(draft: Draft, change: DraftTable, replace: bool = False) -> Draft:
+    """Return the draft with the entries of a table changed or added; or all of them replaced."""
+    keys = {entry.key for entry in change.entries}
+    tables = list(draft.tables)
+    at = next((i for i, table in enumerate(tables) if table.name == change.name), len(tables))
+    old = tables[at] if at < len(tables) else DraftTable(change.name, ())
+    kept = () if replace else tuple(entry for entry in old.entries if entry.key not in keys)
+    tables[at : at + 1] = [old._replace(entries=(*kept, *change.entries))]
+    return draft._replace(tables=tuple(tables))

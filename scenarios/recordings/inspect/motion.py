@@ -1,21 +1,24 @@
-"""Motion of a robot by odometry and by truth, summed up since the start, so that any two can be compared.
+"""Motion by odometry and by truth, summed up since the start; true distances of what was measured; robust statistics.
 
 Sums can be looked up at any stamp: two series with clocks of their own are compared over common windows of time, and
 a shift of one clock against the other costs one interpolation.
 """
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+from scipy.optimize import least_squares
 from scipy.stats import median_abs_deviation
 
-from cooploc.estimators.interface import Array
+from cooploc.estimators.interface import Array, Indices
 from cooploc.estimators.models import wrap
-from cooploc.scenarios.recordings.team_log import Series, TeamLog
+from cooploc.scenarios.recordings import sampling
+from cooploc.scenarios.recordings.team_log import Channel, Readings, Series, TeamLog, fixed_places
 
 MOST_WINDOWS = 3000  # of one robot; longer recordings have longer windows
-FEWEST = 10  # positions of a truth that is used
+FEWEST_POSITIONS = 10  # of a truth that is used
 
 
 class Motion(NamedTuple):
@@ -87,7 +90,11 @@ def known_truth(log: TeamLog, robot: int) -> Series | None:
     if series is None:
         return None
     known = np.isfinite(series.values[:, :2]).all(axis=1)
-    return series._replace(time=series.time[known], values=series.values[known]) if known.sum() >= FEWEST else None
+    return (
+        series._replace(time=series.time[known], values=series.values[known])
+        if known.sum() >= FEWEST_POSITIONS
+        else None
+    )
 
 
 def moves(log: TeamLog, robot: int) -> bool:
@@ -169,6 +176,12 @@ def median(values: Array) -> float:
     return float(np.median(known)) if len(known) else np.nan
 
 
+def third_quartile(values: Array) -> float:
+    """Return the third quartile of the finite values, nan if there are fewer than eight."""
+    known = values[np.isfinite(values)]
+    return float(np.quantile(known, 0.75)) if len(known) >= 8 else np.nan
+
+
 def robust_sd(values: Array) -> float:
     """Return the median absolute deviation of the finite values, scaled to a normal standard deviation."""
     known = values[np.isfinite(values)]
@@ -198,3 +211,86 @@ def concentration(angle: Array) -> tuple[float, float]:
         return 0.0, np.nan
     mean = np.exp(1j * known).mean()
     return float(abs(mean)), float(np.angle(mean))
+
+
+# --- True distances of what was measured
+
+# Table of log.toml, of the channels with ranges.
+TABLES = {"range": "ranges", "anchor_range": "ranges", "sighting": "sightings", "landmark": "sightings"}
+FEWEST = 20  # readings of a channel or pair
+NEAREST = 0.05  # [m] readings of things nearer than this are left out: no direction, and a ratio means nothing
+
+
+def distances(log: TeamLog, channel: Channel, readings: Readings, shift: float = 0.0) -> Array:
+    """Return the true distance (m,) [m] to what was measured, `shift` seconds later; nan where it is not known."""
+    here, there = ends(log, channel, readings._replace(time=readings.time + shift))
+    distance = np.hypot(*(there - here[:, :2]).T)
+    return np.where(distance > NEAREST, distance, np.nan)
+
+
+def ends(log: TeamLog, channel: Channel, readings: Readings) -> tuple[Array, Array]:
+    """Return the true poses (m, 3) of those who measured, and the places (m, 2) of what they measured."""
+    here, fixed = true_poses(log, readings.robot, readings.time), fixed_places(log, channel)
+    if fixed is None:
+        return here, true_poses(log, readings.other, readings.time)[:, :2]
+    return here, fixed.positions[readings.other]
+
+
+def true_poses(log: TeamLog, robot: Indices, time: Array) -> Array:
+    """Return the true poses (m, 3) of several robots, each at its own stamps: interpolated, nan in gaps."""
+    poses = np.full((len(time), 3), np.nan)
+    for i in np.unique(robot):
+        truth = log.truth[i]
+        if truth is not None and len(truth.time) > 1:
+            max_gap = max(5 * float(np.median(np.diff(truth.time))), 0.5)
+            poses[robot == i] = sampling.poses(truth, time[robot == i], max_gap)
+    return poses
+
+
+def range_channels(log: TeamLog) -> Iterator[tuple[Channel, Readings]]:
+    """Yield the channels that have ranges, with enough readings."""
+    for channel, readings in log.readings.items():
+        if channel in TABLES and len(readings.time) >= FEWEST:
+            yield channel, readings
+
+
+def pairs(readings: Readings, channel: Channel) -> Iterator[tuple[int, int, Indices]]:
+    """Yield robot, other, and the rows of their readings; of robot-to-robot ranges, both directions together."""
+    first, second = readings.robot, readings.other
+    if channel in ("range", "rssi"):
+        first, second = np.minimum(first, second), np.maximum(first, second)
+    for i, k in np.unique(np.stack([first, second]), axis=1).T:
+        yield int(i), int(k), np.flatnonzero((first == i) & (second == k))
+
+
+def take_rows(readings: Readings, rows: Indices | slice) -> Readings:
+    """Return some of the readings."""
+    return readings._replace(**{name: getattr(readings, name)[rows] for name in ("time", "robot", "other", "values")})
+
+
+def shift_that_fits(log: TeamLog, i: int) -> Array | None:
+    """Return the shift (2,) [m] of robot i's true positions that its ranges fit best; None if it has too few.
+
+    Least squares with a loss that spares outliers; a bias is fitted as well, as it must not look like a shift.
+    """
+    deltas, ranges = [np.empty((0, 2))], [np.empty(0)]
+    for channel, readings in range_channels(log):
+        own = take_rows(readings, np.flatnonzero(readings.robot == i))
+        here, there = ends(log, channel, own)
+        deltas.append(there - here[:, :2])
+        ranges.append(own.values[:, 0])
+    delta, measured = np.concatenate(deltas), np.concatenate(ranges)
+    known = np.flatnonzero(np.isfinite(delta).all(axis=1) & np.isfinite(measured))
+    if len(known) < FEWEST:
+        return None
+    known = known[:: max(1, len(known) // 400)]
+    delta, measured = delta[known], measured[known]
+    middle, reach = delta.mean(axis=0), float(np.median(measured))
+    around = [middle + reach * np.array([np.cos(a), np.sin(a)]) for a in np.arange(4) * np.pi / 2]
+
+    def residuals(guess: Array) -> Array:  # x, y of the shift, and the bias
+        return np.asarray(np.hypot(*(delta - guess[:2]).T) + guess[2] - measured)
+
+    starts = [np.append(start, 0.0) for start in (np.zeros(2), middle, *around)]
+    fits = [least_squares(residuals, start, loss="soft_l1", f_scale=0.3) for start in starts]
+    return np.asarray(min(fits, key=lambda fit: float(fit.cost)).x[:2])

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import cooploc as cl
-from cooploc.scenarios.recordings.inspect.inspection import check_recording, measured_counts, series_rows
+from cooploc.scenarios.recordings.inspect.checks import check_recording
+from cooploc.scenarios.recordings.inspect.inspection import measured_counts, series_rows
 from cooploc.scenarios.recordings.inspect.motion import dead_reckoned, robust_slope
 from cooploc.scenarios.recordings.team_log import Places, Readings, Series, TeamLog
 

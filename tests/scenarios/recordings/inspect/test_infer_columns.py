@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from cooploc.estimators.errors import BadInput
-from cooploc.scenarios.recordings.inspect.csv_draft import file_pattern
-from cooploc.scenarios.recordings.inspect.infer_columns import name_meaning, read_csv
+from cooploc.scenarios.recordings.inspect.csv_draft import file_pattern, name_meaning, read_csv
 
 LINES = 40
 

@@ -1,41 +1,153 @@
-"""Checks of one robot's odometry and truth: gaps, units, clocks, frames, scales, and positions that cannot be.
+"""Checks of a recording: gaps, units, clocks, frames, scales, impossible positions, and readings against the truth.
 
 Units come first, as they need neither clocks nor frames: the speed of a robot is a number that no shift of a clock,
-turn or mirroring of a frame changes. Then clocks; then frames and headings; then factors.
+turn or mirroring of a frame changes. Then clocks; then frames and headings; then factors. A finding is reported, never
+applied: it comes from the truth, which would otherwise reach the estimators that are judged by that same truth.
 """
 
-from collections.abc import Mapping
-from typing import NamedTuple
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
+from scipy.stats import theilslopes
 
 from cooploc.estimators.interface import Array, Mask
 from cooploc.estimators.models import wrap
-from cooploc.scenarios.recordings.inspect.finding import CheckedLog, divide_columns
 from cooploc.scenarios.recordings.inspect.motion import (
+    FEWEST,
+    TABLES,
     Motion,
     RobotMotion,
     Steps,
     concentration,
     course,
     course_turns,
+    distances,
+    ends,
     known_truth,
+    median,
     moves,
+    pairs,
+    range_channels,
     robot_motion,
+    robust_sd,
     robust_slope,
+    shift_that_fits,
+    take_rows,
+    third_quartile,
     true_turns,
 )
-from cooploc.scenarios.recordings.inspect.reading_checks import shift_that_fits
+from cooploc.scenarios.recordings.team_log import Channel, Readings, Series, TeamLog, fixed_places, other_names
+
+FOR_ALL_ROBOTS = ("unit", "degrees", "radians", "clock", "axes", "mirrored")  # kinds whose setting is for every robot
+Values = TypeVar("Values", Series, Readings)
+
+
+class Finding(NamedTuple):
+    """A fact about a recording that is odd, its place, and the setting of log.toml that would correct it.
+
+    Kinds: unit, degrees, radians (read as another unit), clock (stamps with an offset), robots (files or names of two
+    were exchanged), axes (x and y exchanged), mirrored (left is right), frame (turned against odometry's), heading
+    (clockwise, or with an offset), turn sign (positive to the right), scale (odometry too long or short), speed (that
+    no ground robot reaches), jump (away and back), stale (positions that repeat), outside (of the arena), gap, span
+    (begins late or ends early), bias (of ranges), bearing, rssi and dropped (what could not be read).
+    """
+
+    kind: str
+    robot: str  # whose data it is; "" if it is not one robot's
+    source: str  # file or topic
+    fact: str  # what was measured, with its numbers
+    sure: str  # "sure", "likely" or "perhaps"
+    setting: str  # what to write in log.toml, or in words where the files themselves must be corrected
+    table: str = ""  # of log.toml: "truth", "odometry" or a channel of readings
+    columns: tuple[str, ...] = ()  # quantities in the table that it is about, such as x, y
+
+    @property
+    def change(self) -> str:
+        """The setting that corrects it, with its table: [truth] clock_offset = -2.5."""
+        return f"[{self.table}] " * bool(self.table) + self.setting_of_columns
+
+    @property
+    def setting_of_columns(self) -> str:
+        """The setting, with the columns it is about."""
+        return ", ".join(self.columns) + ": " * bool(self.columns) + self.setting
+
+
+@dataclass
+class CheckedLog:
+    """A recording under inspection: findings so far, and the data with them corrected, for the next checks."""
+
+    log: TeamLog
+    findings: list[Finding] = field(default_factory=list)
+
+    def add(self, kind: str, robot: int | None, *facts: Any) -> None:
+        """Add a finding about a robot or, if it is None, about none; `facts` are the other fields of a `Finding`."""
+        self.findings.append(Finding(kind, "" if robot is None else self.log.robots[robot], *facts))
+
+    def correct(self, table: str, robot: int, series: Series) -> None:
+        """Replace one robot's "truth" or "odometry"."""
+        every = list(getattr(self.log, table))
+        every[robot] = series
+        changed: dict[str, Any] = {table: tuple(every)}
+        self.log = self.log._replace(**changed)
+
+    def correct_readings(self, channel: Channel, readings: Readings) -> None:
+        """Replace the readings of one channel."""
+        self.log = self.log._replace(readings={**self.log.readings, channel: readings})
+
+
+def check_recording(log: TeamLog, arena: Array | None = None) -> CheckedLog:
+    """Find everything odd about a recording, in an order in which no fault hides the next.
+
+    Args:
+        log: as a reader made it, in SI units as described or guessed.
+        arena: (2, 2) lower left and upper right corner [m], if it is known.
+
+    """
+    c = CheckedLog(log)
+    for warning in log.warnings:  # such as a last line that was cut off
+        c.add("dropped", None, "", warning, "sure", "nothing: it is left out")
+
+    def check_robots(*checks: Callable[[CheckedLog, int], None]) -> None:
+        for check in checks:
+            for i in range(len(log.robots)):
+                check(c, i)
+
+    check_gaps(c)
+    check_robots(check_lengths, check_heading_unit, check_turn_unit)
+    check_clocks(c)
+    check_robots(check_stale, check_jumps)
+    check_range_units(c)
+    check_robots(check_frame, check_scales)
+    for check in (check_names, check_reading_clocks, check_biases, check_bearings, check_rssi):
+        check(c)
+    check_arena(c, arena)
+    for k, f in enumerate(c.findings):
+        alike = {g.robot for g in c.findings if (g.kind, g.table) == (f.kind, f.table)}
+        if f.robot and len(alike) < len(log.robots) and f.kind in FOR_ALL_ROBOTS:
+            remark = f"; it is for all robots, so correct {Path(f.source).name} where the others are right"
+            c.findings[k] = f._replace(setting=f.setting + remark)
+    return c
+
+
+def divide_columns(series: Values, factor: float, columns: tuple[int, ...]) -> Values:
+    """Return a series or readings with some columns of values divided by a factor."""
+    factors = np.ones(series.values.shape[1])
+    factors[list(columns)] = 1 / factor
+    return series._replace(values=series.values * factors)
+
 
 # --- Gaps
 
-GAP = 10.0  # median intervals, and a second
+GAP = 10.0  # median intervals without a sample are a gap, if it is longer than a second
 ENDS = 0.1  # share of the recording that a series may lack at an end
 
 
 def check_gaps(c: CheckedLog) -> None:
-    """Gaps of odometry and truth, and series that lack a tenth of the recording at an end."""
+    """Find gaps of odometry and truth, and series that lack a tenth of the recording at an end."""
     series = [("odometry", i, s) for i, s in enumerate(c.log.odometry)]
     series += [("truth", i, s) for i, s in enumerate(c.log.truth) if s is not None]
     stamps = [s.time[[0, -1]] for _, _, s in series if len(s.time) > 1]
@@ -66,9 +178,9 @@ LENGTHS = {"velocity": ((0,), ("speed",)), "path": ((0,), ("length",)), "displac
 
 
 def check_lengths(c: CheckedLog, i: int) -> None:
-    """Lengths of truth or odometry in mm or cm: the third quartile of their speeds differs by 1000 or 100."""
+    """Find lengths of truth or odometry in mm or cm: the third quartile of their speeds differs by 1000 or 100."""
     m, odometry = robot_motion(c.log, i), c.log.odometry[i]
-    driven, moved = (_third_quartile(np.abs(m.steps(motion).length)) / m.window for motion in (m.odometry, m.truth))
+    driven, moved = (third_quartile(np.abs(m.steps(motion).length)) / m.window for motion in (m.odometry, m.truth))
     sides = (
         ("truth", "the truth is", moved, "odometry", driven, m.poses, POSITIONS),
         ("odometry", "odometry is", driven, "the truth", moved, odometry, LENGTHS.get(c.log.odometry_kind, POSITIONS)),
@@ -89,7 +201,7 @@ def check_lengths(c: CheckedLog, i: int) -> None:
 
 
 def check_heading_unit(c: CheckedLog, i: int) -> None:
-    """Headings of the truth in degrees or radians, compared with the direction of its own moves."""
+    """Find headings of the truth in degrees or radians, compared with the direction of its own moves."""
     m = robot_motion(c.log, i)
     t, heading = m.poses.time, m.poses.values[:, 2]
     edges = np.arange(t[0], t[-1], m.window) if len(t) else t
@@ -99,16 +211,16 @@ def check_heading_unit(c: CheckedLog, i: int) -> None:
     there = heading[np.clip(np.searchsorted(t, edges[:-1] + m.window / 2), 0, len(t) - 1)]
     largest = float(np.nanmax(np.abs(heading)))
 
-    def follows(factor: float) -> float:
+    def agreement(factor: float) -> float:
         return max(concentration(factor * there - direction)[0], concentration(factor * there + direction)[0])
 
-    as_read = follows(1.0)
+    as_read = agreement(1.0)
     needed, jumps, sure = max(0.6, as_read + 0.3), np.max(np.abs(np.diff(there))) > 180, "sure"
-    if largest > 2.1 * np.pi and follows(DEGREE) > needed:
+    if largest > 2.1 * np.pi and agreement(DEGREE) > needed:
         unit = "deg"
     elif 4 * np.pi < largest <= 361 and jumps and as_read < 0.5:
         unit, sure = "deg", "likely"
-    elif largest < 2.1 * np.pi * DEGREE and concentration(direction)[0] < 0.8 and follows(1 / DEGREE) > needed:
+    elif largest < 2.1 * np.pi * DEGREE and concentration(direction)[0] < 0.8 and agreement(1 / DEGREE) > needed:
         unit = "rad"
     else:
         return
@@ -119,12 +231,12 @@ def check_heading_unit(c: CheckedLog, i: int) -> None:
 
 
 def check_turn_unit(c: CheckedLog, i: int) -> None:
-    """Odometry that turns about 57 times as fast as the truth, or 1/57."""
+    """Find odometry that turns about 57 times as fast as the truth, or 1/57."""
     if c.log.odometry_kind == "displacement":
         return
     m, odometry = robot_motion(c.log, i), c.log.odometry[i]
-    measured = _third_quartile(np.abs(m.steps(m.odometry).turn))
-    true = _third_quartile(np.abs(true_turns(m.steps(m.truth))))
+    measured = third_quartile(np.abs(m.steps(m.odometry).turn))
+    true = third_quartile(np.abs(true_turns(m.steps(m.truth))))
     column, name, per = (2, "heading", "") if c.log.odometry_kind == "pose" else (1, "turn_rate", "/s")
     ratio = measured / true if true > 0.01 * m.window else np.nan
     for unit, (kind, factor) in ANGLES.items():
@@ -134,17 +246,12 @@ def check_turn_unit(c: CheckedLog, i: int) -> None:
             c.correct("odometry", i, divide_columns(odometry, factor, (column,)))
 
 
-def _third_quartile(values: Array) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.quantile(known, 0.75)) if len(known) >= 8 else np.nan
-
-
 # --- Clocks
 # In windows as long as two intervals, the lengths and turns of odometry are correlated with those of the truth, for
 # shifts up to a minute or a third of the recording. A robot's odometry must fit its own truth best.
 
 LONGEST_SHIFT = 60.0  # [s]
-FEWEST = 25  # windows that two series must have in common
+FEWEST_WINDOWS = 25  # that two series must have in common
 FITS = 0.5  # correlation from which odometry fits a truth
 OWN = 0.8  # correlation from which a truth is the robot's own, without comparing it with the others'
 EVIDENCE = 5.0  # standard errors that a shift, or a scale, must have
@@ -160,7 +267,7 @@ class ClockFit(NamedTuple):
 
 
 def check_clocks(c: CheckedLog) -> None:
-    """Truths that belong to other robots than their names say, and truths whose stamps are shifted."""
+    """Find truths that belong to other robots than their names say, and truths whose stamps are shifted."""
     motions = [robot_motion(c.log, i) for i in range(len(c.log.robots))]
     own = {i: _best_fit(m, m.truth) for i, m in enumerate(motions) if moves(c.log, i)}
     truths, robots = c.log.truth, c.log.robots
@@ -179,7 +286,7 @@ def check_clocks(c: CheckedLog) -> None:
 
 
 def _check_clock(c: CheckedLog, i: int, fit: ClockFit | None) -> None:
-    """A truth whose stamps are later or earlier than odometry's; with no time in common, once both begin together."""
+    """Find a truth whose stamps are later or earlier than odometry's; with no time in common, begin both together."""
     m = robot_motion(c.log, i)
     t, wheels, apart = m.truth.time, m.odometry.time, 0.0
     if not len(t):
@@ -202,7 +309,7 @@ def _check_clock(c: CheckedLog, i: int, fit: ClockFit | None) -> None:
 
 
 def _find_exchanged(motions: list[RobotMotion], own: Mapping[int, ClockFit]) -> dict[int, tuple[int, float]]:
-    """Robots whose odometry fits the truth of another of them and not their own -> that other, and the correlation."""
+    """Return robots whose odometry fits another one's truth, not their own -> that other, and the correlation."""
     if sum(fit.correlation < OWN for fit in own.values()) < 2:
         return {}
     fits = np.array([[_best_fit(motions[i], motions[j].truth).correlation for j in own] for i in own])
@@ -222,13 +329,13 @@ def _best_fit(m: RobotMotion, truth: Motion) -> ClockFit:
     fits at every lap. -n/2 ln(1 - R^2) is the log-likelihood of n samples; as likely are those within EVIDENCE^2 / 2.
     """
     t, window = m.odometry.time, m.window
-    if len(t) < FEWEST or not len(truth.time):
+    if len(t) < FEWEST_WINDOWS or not len(truth.time):
         return ClockFit()
     edges = np.arange(t[0], t[-1], window)
-    measured = _without_jumps(m.steps(m.odometry, edges))
+    measured = _drop_jumps(m.steps(m.odometry, edges))
 
     def correlations(shifts: Array) -> Array:
-        return np.array([_agreement(measured, _without_jumps(m.steps(truth, edges + shift))) for shift in shifts])
+        return np.array([_agreement(measured, _drop_jumps(m.steps(truth, edges + shift))) for shift in shifts])
 
     longest = min(LONGEST_SHIFT, min(t[-1] - t[0], truth.time[-1] - truth.time[0]) / 3)
     count = int(2 * longest / window)
@@ -248,7 +355,7 @@ def _best_fit(m: RobotMotion, truth: Motion) -> ClockFit:
 
 
 def _agreement(measured: Steps, true: Steps) -> float:
-    """Correlation of moves over all turns and reflections; else of lengths and turns, whatever the sign of turns.
+    """Return the correlation of moves over all turns and reflections; else of lengths and turns of any sign.
 
     The first is the nuclear norm of the moves' products; of the second 1 - R^2 = (1 - r^2) (1 - s^2).
     """
@@ -256,7 +363,7 @@ def _agreement(measured: Steps, true: Steps) -> float:
         known = np.isfinite(measured.move).all(axis=1) & np.isfinite(true.move).all(axis=1)
         a, b = measured.move[known].T, true.move[known].T
         scale = np.sqrt((a**2).sum() * (b**2).sum())
-        return float(np.linalg.norm(a @ b.T, "nuc") / scale) if known.sum() >= FEWEST and scale > 0 else 0.0
+        return float(np.linalg.norm(a @ b.T, "nuc") / scale) if known.sum() >= FEWEST_WINDOWS and scale > 0 else 0.0
     r, s = max(_correlation(measured.length, true.length), 0.0), _correlation(measured.turn, true_turns(true))
     return float(np.sqrt(1 - (1 - r**2) * (1 - s**2)))
 
@@ -264,15 +371,15 @@ def _agreement(measured: Steps, true: Steps) -> float:
 def _correlation(a: Array, b: Array) -> float:
     """Return Pearson's correlation over the samples known to both; 0 of too few or of a constant."""
     known = np.isfinite(a) & np.isfinite(b)
-    if known.sum() < FEWEST:
+    if known.sum() < FEWEST_WINDOWS:
         return 0.0
     a, b = a[known], b[known]
     scale = a.std() * b.std()
     return float(((a - a.mean()) * (b - b.mean())).mean() / scale) if scale > 1e-12 else 0.0
 
 
-def _without_jumps(steps: Steps) -> Steps:
-    """Steps longer than ten times the mean are jumps, and are not known."""
+def _drop_jumps(steps: Steps) -> Steps:
+    """Return the steps with those longer than ten times the mean as not known."""
     length = np.abs(steps.length)
     known = length[np.isfinite(length)]
     jump = length > 10 * known.mean() if len(known) else np.zeros(len(length), bool)
@@ -483,3 +590,170 @@ def check_scales(c: CheckedLog, i: int) -> None:
         if np.nansum(np.abs(x)) >= 1.0 and (too_large or too_small):  # it moved a metre, or turned a radian, in all
             fact = f"odometry {verb} {b:.3g} times as far as the truth (standard error {error:.2g})"
             c.add("scale", i, c.log.odometry[i].source, fact, "likely", f"{key} = {1 / b:.3g}", "model")
+
+
+# --- Readings
+
+BIAS = 0.1  # [m] a smaller one matters little beside the noise of ranges
+UNITS = {1000.0: "mm", 100.0: "cm", 0.01: "m", 0.001: "m"}
+BIAS_KEYS = {"range": "range_bias", "anchor_range": "anchor_range_bias"}
+
+
+def check_range_units(c: CheckedLog) -> None:
+    """Ranges that are 100 or 1000 times the distance; within a factor of 2.5, as frames may still be wrong."""
+    for channel, readings in range_channels(c.log):
+        ratio = median(readings.values[:, 0] / distances(c.log, channel, readings))
+        for factor, unit in UNITS.items():
+            if factor / 2.5 < ratio < factor * 2.5:
+                fact, setting = f"ranges are {ratio:.3g} times the distances", f'unit = "{unit}"'
+                c.add("unit", None, readings.source, fact, "sure", setting, TABLES[channel], ("range",))
+                c.correct_readings(channel, divide_columns(readings, factor, (0,)))
+
+
+def check_names(c: CheckedLog) -> None:
+    """Readings whose numbers fit another robot, landmark or anchor than the one they name."""
+    for channel, readings in range_channels(c.log):
+        other, changes, names = readings.other.copy(), [], other_names(c.log, channel)
+        for i in np.unique(readings.robot).tolist():
+            for named, fitting in _find_renamed(c.log, channel, readings, i).items():
+                other[(readings.robot == i) & (readings.other == named)] = fitting
+                changes.append(f"{c.log.robots[i]}: {names[named]} is {names[fitting]}")
+        if changes:
+            fact = "ranges fit the distances of other names: " + ", ".join(changes)
+            setting = 'nodes = { "name in the file" = "name here" }'
+            c.add("robots", None, readings.source, fact, "likely", setting, TABLES[channel], ("nodes",))
+            c.correct_readings(channel, readings._replace(other=other))
+
+
+def _find_renamed(log: TeamLog, channel: Channel, readings: Readings, i: int) -> dict[int, int]:
+    """Named other -> the one that the ranges of robot i fit, if that is another, and fits three times as well."""
+    named = np.unique(readings.other[readings.robot == i])
+    mutual = fixed_places(log, channel) is None
+    candidates = [k for k in range(len(other_names(log, channel))) if not (mutual and k == i)]
+    misfit = np.full((len(named), len(candidates)), np.inf)
+    for row, k in enumerate(named):
+        rows = np.flatnonzero((readings.robot == i) & (readings.other == k))
+        some = take_rows(readings, rows[:: max(1, len(rows) // 500)])
+        for column, candidate in enumerate(candidates):
+            here, there = ends(log, channel, some._replace(other=np.full(len(some.time), candidate)))
+            residual = some.values[:, 0] - np.hypot(*(there - here[:, :2]).T)
+            if np.isfinite(residual).sum() >= FEWEST:
+                misfit[row, column] = median(np.abs(residual - median(residual)))
+    found = {
+        int(named[r]): candidates[k]
+        for r, k in zip(*linear_sum_assignment(np.where(np.isfinite(misfit), misfit, 1e6)), strict=True)
+        if named[r] != candidates[k] and misfit[r, k] < misfit[r, candidates.index(named[r])] / 3 < np.inf
+    }
+    return found if set(found) == set(found.values()) else {}  # an exchange needs both; a landmark misread at times not
+
+
+def check_reading_clocks(c: CheckedLog) -> None:
+    """Ranges that fit the distances of some seconds earlier or later."""
+    for channel, readings in range_channels(c.log):
+        shift, with_it, without = _best_shift(c.log, channel, readings)
+        gaps = np.diff(np.unique(readings.time))
+        interval = float(np.median(gaps)) if len(gaps) else 0.0
+        # A third less spread; of few readings more, as a spread of n errs by about 1/sqrt(n), and many are tried.
+        less = min(2 / 3, np.exp(-4 / np.sqrt(len(readings.time))))
+        if abs(shift) > max(0.1, 1.5 * interval) and with_it < less * without:
+            fact = (
+                f"ranges fit the distances of {abs(shift):.3g} s {'later' if shift > 0 else 'earlier'} "
+                f"(spread {with_it:.3g} m, {without:.3g} m as stamped)"
+            )
+            sure = "sure" if with_it < 0.4 * without else "likely"
+            c.add("clock", None, readings.source, fact, sure, f"clock_offset = {shift:.3g}", TABLES[channel])
+            c.correct_readings(channel, readings._replace(time=readings.time + shift))
+
+
+def _best_shift(log: TeamLog, channel: Channel, readings: Readings) -> tuple[float, float, float]:
+    """Return the shift [s] of the stamps at which ranges fit distances best, the spread [m] there, and without it."""
+    few = take_rows(readings, slice(None, None, max(1, len(readings.time) // 2000)))
+    groups = [rows for _, _, rows in pairs(few, channel) if len(rows) >= 10]
+    if not groups:
+        return 0.0, np.nan, np.nan
+
+    def misfit(shift: float) -> float:
+        residual = few.values[:, 0] - distances(log, channel, few, shift)
+        centred = np.concatenate([residual[rows] - median(residual[rows]) for rows in groups])
+        return robust_sd(centred) if np.isfinite(centred).sum() >= FEWEST else np.inf
+
+    span = float(readings.time[-1] - readings.time[0])
+    reach, step = min(30.0, span / 4), max(0.05, min(1.0, span / 400))
+    best = min(step * np.arange(-int(reach / step), int(reach / step) + 1), key=misfit)
+    fine = best + step * np.linspace(-1, 1, 11)
+    misfits = [misfit(s) for s in fine]
+    return float(fine[int(np.argmin(misfits))]), min(misfits), misfit(0.0)
+
+
+def check_biases(c: CheckedLog) -> None:
+    """Ranges of a pair that are too long or too short by a constant."""
+    for channel, readings in range_channels(c.log):
+        residual = readings.values[:, 0] - distances(c.log, channel, readings)
+        found = {}
+        for i, k, rows in pairs(readings, channel):
+            bias, error = median(residual[rows]), 1.2533 * robust_sd(residual[rows]) / np.sqrt(len(rows))
+            if np.isfinite(residual[rows]).sum() >= FEWEST and abs(bias) > max(BIAS, 5 * error):
+                found[f"{c.log.robots[i]}-{other_names(c.log, channel)[k]}"] = bias
+        if found:
+            fact = "ranges minus distances, medians: " + ", ".join(f"{pair} {b:+.2f} m" for pair, b in found.items())
+            key, typical = BIAS_KEYS.get(channel), np.median(list(found.values()))
+            setting = f"{key} = {typical:.2f}" if key else "calibrate the camera"
+            c.add("bias", None, readings.source, fact, "sure", setting, "model")
+
+
+CAMERA_OFFSET = 0.15  # [rad] of a camera against straight ahead
+DECAY = (0.8, 8.0)  # path-loss exponents from free space with reflections to a building
+MOST = 700  # samples: pairs of samples grow with the square
+
+
+def check_bearings(c: CheckedLog) -> None:
+    """Bearings in degrees, to the right, or from elsewhere than straight ahead."""
+    place = ("sightings", ("bearing",))
+    for channel, readings in range_channels(c.log):
+        if TABLES[channel] != "sightings":
+            continue
+        here, there = ends(c.log, channel, readings)
+        x, y = (there - here[:, :2]).T
+        expected = wrap(np.arctan2(y, x) - here[:, 2])
+        if np.isfinite(expected).sum() < FEWEST:
+            continue
+        largest = np.nanmax(np.abs(readings.values[:, 1]))
+        if largest > 2.1 * np.pi:
+            fact = f"bearings reach {largest:.4g} as read: they are in degrees"
+            c.add("degrees", None, readings.source, fact, "sure", 'unit = "deg"', *place)
+            readings = divide_columns(readings, 180 / np.pi, (1,))
+            c.correct_readings(channel, readings)
+        bearing = readings.values[:, 1]
+        (follows, offset), (opposes, _) = concentration(bearing - expected), concentration(bearing + expected)
+        if opposes > max(FOLLOWS, follows + 0.1) and concentration(expected)[0] < 0.95:
+            fact = f"bearings grow to the right (agreement {opposes:.2f}, {follows:.2f} to the left)"
+            c.add("bearing", None, readings.source, fact, "sure", "write -bearing into the files", *place)
+            c.correct_readings(channel, divide_columns(readings, -1.0, (1,)))
+        elif follows > FOLLOWS and abs(offset) > CAMERA_OFFSET:
+            degrees = np.degrees(offset)
+            fact = f"bearings are {degrees:+.0f} deg from the true directions (agreement {follows:.2f})"
+            c.add("bearing", None, readings.source, fact, "likely", f"subtract {degrees:.0f} deg in the files", *place)
+
+
+def check_rssi(c: CheckedLog) -> None:
+    """Signal strength that rises with the distance, or is not in dBm."""
+    for channel, readings in c.log.readings.items():
+        if not channel.endswith("rssi") or len(readings.time) < 50:
+            continue
+        rssi, distance = readings.values[:, 0], distances(c.log, channel, readings)
+        known = np.flatnonzero(np.isfinite(rssi) & np.isfinite(distance))
+        known = known[:: max(1, len(known) // MOST)]
+        middle, sure, fact = median(rssi), "likely", ""
+        if middle > 0:
+            fact = f"signal strengths are above 0 (median {middle:.3g}): dBm without their sign, or a share"
+            sure = "sure"
+        elif len(known) >= 50 and np.ptp(np.log10(distance[known])) >= 0.3:
+            fit = theilslopes(rssi[known], -10 * np.log10(distance[known]))
+            if fit.high_slope < 0 or not DECAY[0] < fit.high_slope or fit.low_slope > DECAY[1]:
+                fact = (
+                    f"signal strength falls by {10 * fit.slope:.1f} dB where the distance is ten times as long "
+                    f"(eta {fit.slope:.2f}, 95 % from {fit.low_slope:.2f} to {fit.high_slope:.2f}); 1.5 to 6 is usual"
+                )
+        if fact:
+            setting = "write dBm, which are below 0, into the files"
+            c.add("rssi", None, readings.source, fact, sure, setting, "rssi", ("rssi",))
