@@ -19,7 +19,7 @@ from cooploc.estimators.errors import BadInput
 
 
 class Mark(NamedTuple):
-    """How a verdict is drawn, apart in grey print too."""
+    """Colour and marker of a verdict, which differ in grey print too."""
 
     colour: str
     marker: str
@@ -37,14 +37,11 @@ VERDICTS = {
 CLAIMED = style.DARK
 
 
-# ------------------------------------------------------------------------------------------------ verdicts
-
-
 def claims(verdicts: pd.DataFrame, variant: str = BASE, ax: Axes | None = None) -> Axes:
-    """The claims that name a change: the one found in every case with its 95 % interval, and the one claimed.
+    """Draw the claims that name a change: the one found in every case with its 95 % interval, and the one claimed.
 
     Args:
-        verdicts: from `cooploc.analysis.claims.verdicts.judge`.
+        verdicts: from `cl.verdicts`.
         variant: the reading of the paper; "paper" is the ledger's own.
         ax: where to draw; a new figure if None.
 
@@ -83,7 +80,7 @@ def claims(verdicts: pd.DataFrame, variant: str = BASE, ax: Axes | None = None) 
     ax.tick_params(axis="y", length=0)
     style.finish(ax, "change of the RMSE [%] with its 95 % interval", grid="x")
     ax.spines["left"].set_visible(False)
-    style.legend(ax, fontsize=8, loc="lower right", ncols=5)
+    style.add_legend(ax, fontsize=8, loc="lower right", ncols=5)
     return ax
 
 
@@ -96,7 +93,7 @@ MOST = 1.5  # changes beyond are drawn at the edge
 
 
 def readings(found: pd.DataFrame, ax: Axes | None = None) -> Axes:
-    """The claims that name a size: every specification's number, the one claimed, and how many support it.
+    """Draw the claims that name a size: every specification's number, the one claimed, and how many support it.
 
     Changes of the error, in per cent; below them, where levels are claimed too, the RMSE in m in axes of their own.
 
@@ -121,13 +118,16 @@ def readings(found: pd.DataFrame, ax: Axes | None = None) -> Axes:
     grid: Any = {"height_ratios": heights, "squeeze": False, "layout": "constrained"}
     axes = [ax] if ax else list(plt.subplots(len(parts), figsize=size, **grid)[1][:, 0])
     for each, part in zip(axes, parts, strict=True):
-        _map_panel(each, part, part is levels)
-    _map_legend(axes[-1], set(pd.concat(parts)["verdict"]))
+        _draw_map(each, part, part is levels)
+    _add_map_legend(axes[-1], set(pd.concat(parts)["verdict"]))
     return axes[0]
 
 
-def _map_panel(ax: Axes, part: pd.DataFrame, levels: bool) -> None:
-    """One row per claim, from the top; numbers beyond the axis stand at its edge."""
+def _draw_map(ax: Axes, part: pd.DataFrame, levels: bool) -> None:
+    """Draw a strip per claim, from the top: its specifications, each claimed size, and the two ends of the design.
+
+    Numbers beyond the axis stand at its edge.
+    """
     unit, least = (1.0, 0.0) if levels else (100.0, -1.0)
     size = part["size"].abs().max()
     most = max(min(part["value"].max(), 4 * size if levels else MOST), 1.2 * size if levels else 0.25)
@@ -137,7 +137,17 @@ def _map_panel(ax: Axes, part: pd.DataFrame, levels: bool) -> None:
         y -= LINE * len(lines)
         ax.annotate("\n".join(lines), (0, y), xycoords=("axes fraction", "data"), fontsize=7.5, va="bottom")
         y -= STRIP + 0.3
-        _map_row(ax, rows.assign(value=rows["value"].clip(least, most)), unit, y)
+        rows = rows.assign(value=unit * rows["value"].clip(least, most))
+        ax.axhspan(y, y + STRIP, color="0.955", lw=0, zorder=0)
+        for verdict, mark in VERDICTS.items():
+            low, high = (y + STRIP * end for end in mark.strip)
+            ax.vlines(rows.loc[rows["verdict"] == verdict, "value"], low, high, color=mark.colour, lw=1, alpha=0.8)
+        for number in rows["size"].unique():
+            ax.vlines(unit * number, y - 0.06, y + STRIP + 0.06, color=CLAIMED, lw=2.5)
+        for end, (marker, height, _) in TRIANGLES.items():
+            for row in rows[rows[end]].to_dict("records"):
+                mark = VERDICTS[row["verdict"]]
+                ax.plot(row["value"], y + STRIP * height, marker, mec=mark.colour, mfc=mark.face, ms=5, mew=1)
         held = f"{(rows['verdict'] == 'supported').sum()} of {len(rows)}"
         ax.annotate(held, (1.02, y + STRIP / 2), xycoords=("axes fraction", "data"), fontsize=8, va="center")
         y -= 0.35
@@ -150,22 +160,7 @@ def _map_panel(ax: Axes, part: pd.DataFrame, levels: bool) -> None:
     ax.spines["left"].set_visible(False)
 
 
-def _map_row(ax: Axes, rows: pd.DataFrame, unit: float, y: float) -> None:
-    """One claim: a mark for every specification, a bar at each claimed size, and the two ends of the design."""
-    ax.axhspan(y, y + STRIP, color="0.955", lw=0, zorder=0)
-    for verdict, mark in VERDICTS.items():
-        low, high = mark.strip
-        some = unit * rows.loc[rows["verdict"] == verdict, "value"]
-        ax.vlines(some, y + STRIP * low, y + STRIP * high, color=mark.colour, lw=1, alpha=0.8)
-    for size in rows["size"].unique():
-        ax.vlines(unit * size, y - 0.06, y + STRIP + 0.06, color=CLAIMED, lw=2.5)
-    for end, (marker, height, _) in TRIANGLES.items():
-        for row in rows[rows[end]].to_dict("records"):
-            mark = VERDICTS[row["verdict"]]
-            ax.plot(unit * row["value"], y + STRIP * height, marker, mec=mark.colour, mfc=mark.face, ms=5, mew=1)
-
-
-def _map_legend(ax: Axes, verdicts: set[str]) -> None:
+def _add_map_legend(ax: Axes, verdicts: set[str]) -> None:
     handles: list[Any] = []
     for verdict, mark in VERDICTS.items():
         if verdict in verdicts:
@@ -180,7 +175,7 @@ def _map_legend(ax: Axes, verdicts: set[str]) -> None:
 
 
 def _wrap(claim: Any, says: Any) -> list[str]:
-    """A claim in lines; a number stays with its per cent."""
+    """Return a claim in lines; a number stays with its per cent."""
     return textwrap.wrap(f"{claim}. {says}".replace(" %", "\N{NO-BREAK SPACE}%"), LETTERS)
 
 
@@ -194,17 +189,15 @@ WIDE, CURVE, ROW = 8.0, 2.6, 0.155  # of the figure, and heights of the curve an
 
 
 def specification_curve(found: pd.DataFrame, claim: str, definition: str = "") -> Axes:
-    """The number of a claim in every specification, sorted, and the choices of each as a matrix of marks.
+    """Draw the number of a claim in every specification, sorted, and the choices of each as a matrix of marks.
 
-    Dotted lines mark the specifications of the paper's letter and of the preset.
+    Dotted lines mark the specifications of the paper's letter and of the preset. The axes of the curve are returned;
+    the matrix stands below in axes of its own.
 
     Args:
         found: from `cl.readings`.
         claim: its id in the ledger.
         definition: of the size, "change" or "ratio"; the first that the claim has where not given.
-
-    Returns:
-        The axes of the curve; the matrix stands below in axes of its own.
 
     Raises:
         BadInput: no specification of this claim was run.
@@ -218,7 +211,11 @@ def specification_curve(found: pd.DataFrame, claim: str, definition: str = "") -
     part = part[part["definition"] == definition]
     if part.empty:
         raise BadInput(f"claim {claim!r} has no size defined as {definition!r}: write change or ratio")
-    rows = _choices(part)
+    rows: list[tuple[str, str]] = []  # of the matrix: column and choice, below each column's head
+    for name in [*dimensions_of(part), *CASE]:
+        choices = [choice for choice in dict.fromkeys(part.sort_index()[name]) if choice]
+        if len(choices) > 1:
+            rows += [(name, ""), *((name, choice) for choice in choices)]
     heights = CURVE, ROW * (len(rows) + 1)
     size = WIDE, sum(heights) + 0.3
     _, axes = plt.subplots(2, figsize=size, height_ratios=heights, sharex=True, layout="constrained")
@@ -229,12 +226,13 @@ def specification_curve(found: pd.DataFrame, claim: str, definition: str = "") -
             for x in np.flatnonzero(part[end]).tolist():
                 ax.axvline(x, color=colour, lw=0.8, ls=style.DOTTED, zorder=0)
                 if ax is axes[0]:
-                    where: Any = {"xycoords": ("data", "axes fraction"), "rotation": 90, "ha": "right", "va": "top"}
-                    ax.annotate(end, (x, 1.0), fontsize=7, color=colour, **where)
+                    place: Any = {"xycoords": ("data", "axes fraction"), "rotation": 90, "ha": "right", "va": "top"}
+                    ax.annotate(end, (x, 1.0), fontsize=7, color=colour, **place)
     return cast(Axes, axes[0])
 
 
 def _draw_effects(ax: Axes, part: pd.DataFrame) -> None:
+    """Draw the curve; long intervals do not squeeze it, they leave the axes."""
     first, x = part.iloc[0], np.arange(len(part))
     relative = KINDS[first["kind"]].unit is None
     unit = 100.0 if relative else 1.0
@@ -253,36 +251,21 @@ def _draw_effects(ax: Axes, part: pd.DataFrame) -> None:
         ax.axhline(unit * number, color=CLAIMED, lw=1.5, ls=style.BROKEN, label="claimed", zorder=0)
     if relative:
         ax.axhline(0, color="0.6", lw=0.8, zorder=0)
-    _limit(ax, value, low, high)
+    inside = np.concatenate([value, low, high])
+    inside = inside[np.isfinite(inside)]
+    if ax.get_yscale() == "log":
+        ax.set_ylim(inside.min() / 1.3, inside.max() * 1.3)
+    else:
+        room = 0.35 * (np.ptp(value) or 1.0)
+        bottom, top = max(inside.min(), value.min() - room), min(inside.max(), value.max() + room)
+        ax.set_ylim(bottom - 0.05 * room, top + 0.05 * room)
     as_ratio = " (as a ratio of errors)" * (first["definition"] == "ratio")
     above = f"Claim {first['claim']}: {first['says']}{as_ratio}"
     style.finish(ax, "", QUANTITIES.get(first["kind"], "change [%]"), above, grid="y")
     ax.tick_params(axis="x", length=0)
     handles = dict(zip(*reversed(ax.get_legend_handles_labels()), strict=True))
-    inside: Any = {"loc": "upper left", "bbox_to_anchor": (0.0, 0.9), "edgecolor": "none", "fontsize": "small"}
-    ax.legend(handles.values(), handles, **inside)
-
-
-def _limit(ax: Axes, value: np.ndarray, *ends: np.ndarray) -> None:
-    """Long intervals do not squeeze the curve: they leave the axes."""
-    inside = np.concatenate([value, *ends])
-    inside = inside[np.isfinite(inside)]
-    if ax.get_yscale() == "log":
-        ax.set_ylim(inside.min() / 1.3, inside.max() * 1.3)
-        return
-    room = 0.35 * (np.ptp(value) or 1.0)
-    low, high = max(inside.min(), value.min() - room), min(inside.max(), value.max() + room)
-    ax.set_ylim(low - 0.05 * room, high + 0.05 * room)
-
-
-def _choices(part: pd.DataFrame) -> list[tuple[str, str]]:
-    """The rows of the matrix: column and choice, where there is more than one; before each column its head."""
-    rows: list[tuple[str, str]] = []
-    for name in [*dimensions_of(part), *CASE]:
-        choices = [choice for choice in dict.fromkeys(part.sort_index()[name]) if choice]
-        if len(choices) > 1:
-            rows += [(name, ""), *((name, choice) for choice in choices)]
-    return rows
+    inset: Any = {"loc": "upper left", "bbox_to_anchor": (0.0, 0.9), "edgecolor": "none", "fontsize": "small"}
+    ax.legend(handles.values(), handles, **inset)
 
 
 def _draw_matrix(ax: Axes, part: pd.DataFrame, rows: list[tuple[str, str]]) -> None:

@@ -1,4 +1,4 @@
-"""A sketch of a recording: tracks, who measured whom, and what was recorded when."""
+"""A sketch of a recording: tracks, counts of readings between robots, and what was recorded when."""
 
 from typing import Any
 
@@ -20,23 +20,21 @@ MOST_TICKS = 2000  # of one series
 def recording(log: TeamLog, note: str = "") -> Figure:
     """Draw a recording of a team.
 
-    Left the tracks: solid the truth, dotted odometry alone from the true start. Right who (row) measured whom (column),
-    and how often. Below what was recorded when, a stroke for each sample; gaps are white.
+    Left the tracks: solid the truth, dotted odometry alone from the true start. Right how often the robot of a row
+    measured that of a column. Below what was recorded when, a stroke for each sample; gaps are white.
     """
     rows = _few(series_rows(log))
-    height = 4.6 + 0.17 * len(rows)
-    figure = plt.figure(figsize=(9.2, height), layout="constrained")
-    ratios = [4.4, 0.2 + 0.17 * len(rows)]
+    figure = plt.figure(figsize=(9.2, 4.6 + 0.17 * len(rows)), layout="constrained")
     places: Any = [["tracks", "measured"], ["time", "time"]]
-    axes = figure.subplot_mosaic(places, height_ratios=ratios, width_ratios=[1.25, 1])
-    tracks(axes["tracks"], log, note)
-    draw_reading_counts(axes["measured"], log)
-    time_line(axes["time"], rows, log)
+    axes = figure.subplot_mosaic(places, height_ratios=[4.4, 0.2 + 0.17 * len(rows)], width_ratios=[1.25, 1])
+    _draw_tracks(axes["tracks"], log, note)
+    _draw_reading_counts(axes["measured"], log)
+    _draw_time_line(axes["time"], rows, log)
     return figure
 
 
-def tracks(ax: Axes, log: TeamLog, above: str = "") -> Axes:
-    """Truth and dead reckoning of every robot, with anchors and landmarks."""
+def _draw_tracks(ax: Axes, log: TeamLog, above: str) -> None:
+    """Draw truth and dead reckoning of every robot, with anchors and landmarks."""
     for i, robot in enumerate(log.robots):
         colour = ROBOTS[i % len(ROBOTS)]
         truth, alone = known_truth(log, i), dead_reckoned(log, i)
@@ -54,29 +52,26 @@ def tracks(ax: Axes, log: TeamLog, above: str = "") -> Axes:
     ax.set_aspect("equal", adjustable="datalim")
     style.finish(ax, "x [m]", "y [m]", above or log.name)
     ax.legend(frameon=False, fontsize="x-small", loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=4)
-    return ax
 
 
-def draw_reading_counts(ax: Axes, log: TeamLog) -> Axes:
-    """Who measured whom: readings of a row's robot, of what the column names; darker is more."""
+def _draw_reading_counts(ax: Axes, log: TeamLog) -> None:
+    """Draw the number of readings of a row's robot of what a column names; darker is more."""
     rows, columns, counts = measured_counts(log)
     used = [k for k in range(len(columns)) if k < len(rows) or counts[:, k].any()]
     shown = counts[:, used]
     ax.imshow(np.where(shown > 0, np.log1p(shown), np.nan), cmap="Blues", vmin=0, aspect="auto")
     if len(used) * len(rows) <= 60:
         for i, k in np.ndindex(*shown.shape):
-            own = used[k] == i
-            text = "" if own else f"{int(shown[i, k])}"
+            text = "" if used[k] == i else f"{int(shown[i, k])}"
             dark = np.log1p(shown[i, k]) > 0.6 * np.log1p(max(shown.max(), 1))
             ax.text(k, i, text, ha="center", va="center", fontsize="x-small", color="white" if dark else DARK)
     ax.set_xticks(range(len(used)), [columns[k] for k in used], rotation=90 if len(used) > 6 else 0, fontsize="x-small")
     ax.set_yticks(range(len(rows)), rows, fontsize="x-small")
     style.finish(ax, above="readings of (column) by (row)")
-    return ax
 
 
-def time_line(ax: Axes, rows: list[SeriesRow], log: TeamLog) -> Axes:
-    """A line for each series, a stroke for each sample."""
+def _draw_time_line(ax: Axes, rows: list[SeriesRow], log: TeamLog) -> None:
+    """Draw a line for each series, a stroke for each sample."""
     colours = {robot: ROBOTS[i % len(ROBOTS)] for i, robot in enumerate(log.robots)}
     for place, row in enumerate(rows):
         time = row.time[:: max(1, len(row.time) // MOST_TICKS)]
@@ -87,21 +82,19 @@ def time_line(ax: Axes, rows: list[SeriesRow], log: TeamLog) -> Axes:
     ax.set_yticks(range(len(rows)), labels, fontsize="x-small")
     ax.invert_yaxis()
     style.finish(ax, "time since the first sample [s]", grid="x")
-    return ax
 
 
 def _few(rows: list[SeriesRow]) -> list[SeriesRow]:
-    """The rows, or, where they are too many, those of one robot and series as one."""
+    """Return the rows, or, where they are too many, those of one robot and series as one."""
     if len(rows) <= MOST_ROWS:
         return rows
     groups: dict[tuple[str, str], list[SeriesRow]] = {}
     for row in rows:
         groups.setdefault((row.series, row.of.partition("-")[0]), []).append(row)
-    return [_merge_series(robot, group) for (_, robot), group in groups.items()]
-
-
-def _merge_series(robot: str, group: list[SeriesRow]) -> SeriesRow:
-    time = np.sort(np.concatenate([row.time for row in group]))
-    intervals = np.diff(time)[np.diff(time) > 0]
-    rate = 1 / float(np.median(intervals)) if len(intervals) else np.nan
-    return group[0]._replace(of=robot, time=time, samples=len(time), rate=rate)
+    merged = []
+    for (_, robot), group in groups.items():
+        time = np.sort(np.concatenate([row.time for row in group]))
+        intervals = np.diff(time)[np.diff(time) > 0]
+        rate = 1 / float(np.median(intervals)) if len(intervals) else np.nan
+        merged.append(group[0]._replace(of=robot, time=time, samples=len(time), rate=rate))
+    return merged

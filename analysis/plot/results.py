@@ -1,7 +1,7 @@
 """What a study found: RMSE by scenario, over a sweep, against consistency and cost, and relative to the baseline.
 
 `rmse`, `tradeoff` and `pareto` take errors, for a screen. The others take a table of `compare` with a column `floor`,
-for the report's page, whose panels are small figures that wrap, or for a paper, where they share one figure.
+for a report's page, whose panels are small figures that wrap, or for a paper, where they share one figure.
 """
 
 import re
@@ -23,23 +23,11 @@ from cooploc.analysis.metrics.curves import swept
 from cooploc.analysis.metrics.ranking import is_refused, pareto_front
 from cooploc.analysis.metrics.statistics import LEAST_TRIALS
 from cooploc.analysis.plot import style
-from cooploc.analysis.plot.style import (
-    DOTTED,
-    PAGE,
-    Look,
-    Row,
-    Style,
-    curve,
-    marker,
-    name_of,
-    rmse_against,
-    rmse_at,
-    span,
-)
+from cooploc.analysis.plot.style import DOTTED, PAGE, Look, Row, Style, draw_marker, name_of, set_log_scale, span
 from cooploc.estimators.errors import BadInput, nearest
 
 Looks = Mapping[str, Look]
-Short = Callable[[str], str]  # what an estimator is called in a figure
+Short = Callable[[str], str]  # from an estimator's label to its name in a figure
 RMSE = "position RMSE [m]"
 NAMES = {"anees": "ANEES (1 is consistent)", "bytes": "bytes per robot and tick", "seconds": "µs per robot and tick"}
 LEAST = 3  # values from which a sweep is drawn as lines without being asked for
@@ -55,7 +43,7 @@ PANEL = 3.5, 2.7  # [in] of a small figure
 def rmse(
     errors: pd.DataFrame, ax: Axes | None = None, over: str | None = None, floors: Mapping[str, float] | None = None
 ) -> Axes:
-    """Position RMSE of every estimator in every scenario, with 95 % intervals over trials; over a sweep as lines.
+    """Draw the position RMSE of every estimator in every scenario, with 95 % intervals over trials.
 
     Hollow markers are over-confident: their 95 % ellipses hold fewer true positions than they promise. Centralised
     estimators are grey.
@@ -63,91 +51,79 @@ def rmse(
     Args:
         errors: from `cl.errors`, one row per (scenario, estimator, trial, robot), or from `cl.sweep`.
         ax: where to draw; a new figure if None.
-        over: the column with the swept parameter. Where not given, three labels or more such as "packet-drop/drop=0.7"
-            that differ in their value alone are drawn as a sweep.
+        over: the column with the swept parameter. Without it, three labels or more such as "packet-drop/drop=0.7" that
+            differ in their value alone are drawn as a sweep, with lines.
         floors: a bound below every scenario's error [m], by its label, drawn as a dotted line.
 
-    Raises:
-        BadInput: `over` is not a column of numbers, or several scenarios have the same one.
-
     """
-    table = style.drawable(errors)
+    table = style.summarize_for_figures(errors)
     table["floor"] = table["scenario"].map(dict(floors or {}))
-    along = _by_column(errors, table, over) if over else _by_label(table)
+    along = _sweep_over(errors, table, over) if over else _sweep_of_labels(table)
     names = list(dict.fromkeys(table["estimator"]))
     looks, height = style.session_looks(names), max(4.0, 0.6 + 0.2 * len(names))
+    over_confident = bool((table["consistency"] == "over-confident").any())
     if along is not None:
         ax = ax or style.new_axes(6.5, height)
         draw_curves(ax, along[along["rmse"].notna()], names, looks)
-        broken = "; broken: over-confident" * bool((table["consistency"] == "over-confident").any())
-        style.finish(ax, along["parameter"].iloc[0], RMSE, f"{along['family'].iloc[0]}, {_trials(table)}{broken}")
-        style.legend(ax)
-        return ax
+        above = f"{along['family'].iloc[0]}, {_about_trials(table)}{'; broken: over-confident' * over_confident}"
+        style.finish(ax, along["parameter"].iloc[0], RMSE, above)
+    else:
+        ax = _draw_side_by_side(ax, table, names, looks, height)
+        style.finish(ax, "", RMSE, _about_trials(table) + "; hollow: over-confident" * over_confident, grid="y")
+    style.add_legend(ax)
+    return ax
+
+
+def _draw_side_by_side(ax: Axes | None, table: pd.DataFrame, names: list[str], looks: Looks, height: float) -> Axes:
+    """Draw the estimators of every scenario in a column of their own; labels that would overlap are upright."""
     labels = list(dict.fromkeys(table["scenario"]))
+    places = np.arange(len(labels))
     width = min(14.0, max(6.5, 2.5 + 0.2 * len(labels) * (len(names) + 2)))
-    lines = [_over_lines(label) for label in labels]
+    lines = [wrap_label(label) for label in labels]
     widest = max(len(line) for label in lines for line in label.split("\n"))
-    upright = widest * LETTER > (width - 3.0) / len(labels)  # else they would overlap
+    upright = widest * LETTER > (width - 3.0) / len(labels)
     ax = ax or style.new_axes(width, height + max(map(len, labels)) * 0.8 * LETTER * upright)
     shift = dict(zip(names, np.linspace(-0.3, 0.3, len(names)) if len(names) > 1 else [0.0], strict=True))
     for row in table[table["rmse"].notna()].to_dict("records"):
-        rmse_at(ax, labels.index(row["scenario"]) + shift[row["estimator"]], row, looks[row["estimator"]])
-    _name_markers(ax, table, looks, name_of)
+        place = labels.index(row["scenario"]) + shift[row["estimator"]]
+        style.draw_rmse(ax, place, row, looks[row["estimator"]])
+    _add_keys(ax, table, looks, name_of)
     lowest = table.groupby("scenario")["floor"].first().reindex(labels).to_numpy(float)
-    ax.hlines(lowest, np.arange(len(labels)) - 0.4, np.arange(len(labels)) + 0.4, color="black", ls=DOTTED)
+    ax.hlines(lowest, places - 0.4, places + 0.4, color="black", ls=DOTTED)
     turned: Any = {"rotation": 90, "fontsize": "small"} if upright else {}
     ax.set_xticks(range(len(labels)), labels if upright else lines, **turned)
     ax.set_xlim(-0.5, len(labels) - 0.5)
     for edge in range(1, len(labels)):
         ax.axvline(edge - 0.5, color=style.GRID, lw=1, zorder=0)
-    style.logarithmic(ax.yaxis, *span(table, "rmse", "floor"))
-    hollow = "; hollow: over-confident" * bool((table["consistency"] == "over-confident").any())
-    style.finish(ax, "", RMSE, _trials(table) + hollow, grid="y")
-    style.legend(ax)
+    set_log_scale(ax.yaxis, *span(table, "rmse", "floor"))
     return ax
 
 
 def tradeoff(errors: pd.DataFrame, ax: Axes | None = None) -> Axes:
-    """Accuracy against consistency: position RMSE over ANEES, each with its 95 % interval over trials.
+    """Draw position RMSE over ANEES in one scenario, each with its 95 % interval over trials.
 
-    One scenario. In the grey band an estimator is neither over-confident nor conservative; right of it, its covariance
-    is too small.
-
-    Args:
-        errors: from `cl.errors`, one row per (scenario, estimator, trial, robot).
-        ax: where to draw; a new figure if None.
-
-    Raises:
-        BadInput: the errors are of more than one scenario.
-
+    In the grey band an estimator is neither over-confident nor conservative; right of it, its covariance is too small.
     """
-    table = style.drawable(errors)
+    table = style.summarize_for_figures(errors).assign(floor=np.nan)
     if table["scenario"].nunique() > 1:
         raise BadInput(f"a tradeoff shows one scenario, these errors have {table['scenario'].nunique()}: select one")
     ax = ax or style.new_axes(8.0, 0.9 + 0.27 * max(len(table), 10))
     looks = style.session_looks(table["estimator"])
-    draw_against(ax, table.assign(floor=np.nan), "anees", looks)
-    _name_markers(ax, table, looks, name_of)
+    draw_against(ax, table, "anees", looks)
+    _add_keys(ax, table, looks, name_of)
     xlabel = "ANEES (grey: neither over-confident nor conservative)"
-    style.finish(ax, xlabel, RMSE, f"{table['scenario'].iloc[0]}, {_trials(table)}", grid="both")
-    style.legend(ax)
+    style.finish(ax, xlabel, RMSE, f"{table['scenario'].iloc[0]}, {_about_trials(table)}", grid="both")
+    style.add_legend(ax)
     return ax
 
 
 def pareto(errors: pd.DataFrame) -> Axes:
-    """Position RMSE over the bytes that a robot sends in a tick, a panel for each scenario, and the frontier.
+    """Draw position RMSE over the bytes that a robot sends in a tick, a panel for each scenario, and the frontier.
 
     The frontier joins the estimators that no other one beats in both error and bytes, of those that are neither
-    over-confident (hollow) nor centralised (grey: all readings reach one computer).
-
-    Args:
-        errors: from `cl.errors`, one row per (scenario, estimator, trial, robot).
-
-    Returns:
-        The axes of the first scenario; the others follow.
-
+    over-confident (hollow) nor centralised (grey). The axes of the first scenario are returned.
     """
-    table = style.drawable(errors)
+    table = style.summarize_for_figures(errors)
     table = table[table["rmse"].notna()].assign(floor=np.nan)
     parts = [part for _, part in table.groupby("scenario", sort=False)]
     looks = style.session_looks(table["estimator"])
@@ -156,15 +132,15 @@ def pareto(errors: pd.DataFrame) -> Axes:
         draw_against(ax, part, "bytes", looks, frontier(part))
         trials = counted(int(part["trials"].min()), "trial")
         style.finish(ax, NAMES["bytes"], "RMSE [m]", f"{part['scenario'].iloc[0]}, {trials}", grid="both")
-    _name_markers(axes[0], table, looks, name_of)
+    _add_keys(axes[0], table, looks, name_of)
     axes[0].plot([], [], color=style.DARK, lw=1, label="frontier")
     axes[0].plot([], [], "o", mfc="white", mec=style.DARK, label="hollow: over-confident")
-    style.legend_below(axes)
+    style.add_legend_below(axes)
     return axes[0]
 
 
 def frontier(table: pd.DataFrame) -> pd.DataFrame:
-    """The rows that none beats in bytes and RMSE, by bytes; over-confident and centralised ones do not count."""
+    """Return the rows that none beats in bytes and RMSE, by bytes; over-confident and centralised ones do not count."""
     able = table[~(table["consistency"].isin(["over-confident", "over-wide"]) | table["centralised"].astype(bool))]
     able = able.sort_values(["bytes", "rmse"])
     return able[able["rmse"] < able["rmse"].cummin().shift(fill_value=np.inf)]
@@ -173,20 +149,20 @@ def frontier(table: pd.DataFrame) -> pd.DataFrame:
 # ------------------------------------------------------------------------------------------------ on a page, in a paper
 
 
-def groups(part: pd.DataFrame, looks: Looks, together: int = TOGETHER) -> list[list[str]]:
-    """The estimators of each panel of `sweep_panels`: all in one, or the variants of one, "arl" and "arl[K=1]"."""
+def groups(part: pd.DataFrame, looks: Looks) -> list[list[str]]:
+    """Return the estimators of each panel of `sweep_panels`: all in one, or those of one method with its variants."""
     known = set(part["estimator"])
     names = [name for name in looks if name in known]
-    if len(names) <= together:
+    if len(names) <= TOGETHER:
         return [names]
     shared: dict[str, list[str]] = {}
     for name in names:
         shared.setdefault(name.partition("[")[0], []).append(name)
-    return [mine[i : i + together] for mine in shared.values() for i in range(0, len(mine), together)]
+    return [mine[i : i + TOGETHER] for mine in shared.values() for i in range(0, len(mine), TOGETHER)]
 
 
 def sweep_panels(part: pd.DataFrame, looks: Looks, short: Short, look: Style = PAGE) -> list[Figure]:
-    """RMSE over what the scenarios sweep, a panel for each of `groups`, among all other estimators in grey."""
+    """Draw RMSE over what the scenarios sweep, a panel for each of `groups`, among all other estimators in grey."""
     part = swept(part).sort_values("value", kind="stable")
     shown = groups(part, looks)
     alone, most = len(shown) == 1, max(map(len, shown))
@@ -198,42 +174,45 @@ def sweep_panels(part: pd.DataFrame, looks: Looks, short: Short, look: Style = P
 
         draw_curves(ax, part, names, looks, name, 0.22 if len(names) == 1 else 0.1)
         if not alone:
-            ax.set_title(_over_lines(short(names[0]) if len(names) == 1 else names[0].partition("[")[0], 44))
+            ax.set_title(wrap_label(short(names[0]) if len(names) == 1 else names[0].partition("[")[0], 44))
+        if look is PAGE and len(names) > 1:
+            small: Any = {"fontsize": 6.5, "bbox_to_anchor": (0.0, -0.2), "borderpad": 0, "labelspacing": 0.3}
+            beside: Any = {"fontsize": 8, "bbox_to_anchor": (1.0, 1.0)}
+            ax.legend(frameon=False, loc="upper left", **(beside if alone else small))
 
     draws = [partial(draw, names=names) for names in shown]
     labels = part["parameter"].iloc[0], RMSE
     if look is PAGE:
         size = (look.width, 3.5) if alone else (PANEL[0], PANEL[1] + 0.16 * most * (most > 1))  # all alike
-        drawn = [compose([one], look, size, labels, legend=len(n) > 1) for one, n in zip(draws, shown, strict=True)]
-        return [figure for one in drawn for figure in one]
-    legend = sum(len(names) for names in shown if alone or len(names) > 1)
-    return compose(draws, look, (look.width, 2.1 if alone else 1.15), labels, shared=True, entries=legend)
+        return [compose([one], look, size, labels) for one in draws]
+    entries = sum(len(names) for names in shown if alone or len(names) > 1)
+    return [compose(draws, look, (look.width, 2.1 if alone else 1.15), labels, shared=True, entries=entries)]
 
 
 def ranking(parts: Sequence[pd.DataFrame], looks: Looks, short: Short, look: Style = PAGE) -> Figure:
-    """RMSE of every estimator with its interval, in one scenario or several; smallest in the first on top."""
+    """Draw RMSE of every estimator with its interval, a panel for each scenario; smallest in the first on top."""
     parts = [part[part["rmse"].notna()] for part in parts]
     order = list(dict.fromkeys(name for part in parts for name in part.sort_values("rmse")["estimator"]))[::-1]
     refused = {row["estimator"] for part in parts for row in part.to_dict("records") if is_refused(row["certificate"])}
-    width, row = (5.0, 0.2) if look is PAGE else (look.width, 0.165)
-    titles = [_over_lines(str(part["scenario"].iloc[0]), int(18 * (width - 1.4) / len(parts))) for part in parts]
-    height = 0.55 + row * len(order) + 0.14 * (1 + max(title.count("\n") for title in titles))
+    width, line = (5.0, 0.2) if look is PAGE else (look.width, 0.165)
+    titles = [wrap_label(str(part["scenario"].iloc[0]), int(18 * (width - 1.4) / len(parts))) for part in parts]
+    height = 0.55 + line * len(order) + 0.14 * (1 + max(title.count("\n") for title in titles))
 
     def draw(ax: Axes, part: pd.DataFrame, title: str) -> None:
         for row in part.to_dict("records"):
-            rmse_at(ax, order.index(row["estimator"]), row, looks[row["estimator"]], vertical=False)
+            style.draw_rmse(ax, order.index(row["estimator"]), row, looks[row["estimator"]], vertical=False)
         ax.axvline(part["floor"].iloc[0], color="black", lw=1.0, ls=DOTTED)
-        style.logarithmic(ax.xaxis, *span(part, "rmse", "floor"))
+        set_log_scale(ax.xaxis, *span(part, "rmse", "floor"))
         ax.set_yticks(range(len(order)), [short(name) + style.UNRANKED * (name in refused) for name in order])
         ax.set_ylim(-0.6, len(order) - 0.4)
         ax.set_title(title)
 
     draws = [partial(draw, part=part, title=title) for part, title in zip(parts, titles, strict=True)]
-    return compose(draws, look, (width, height), (RMSE, ""), across=len(parts))[0]
+    return compose(draws, look, (width, height), (RMSE, ""), across=len(parts))
 
 
-def against(part: pd.DataFrame, others: Sequence[str], looks: Looks, short: Short, look: Style = PAGE) -> Figure:
-    """RMSE of every estimator in one scenario against ANEES, bytes or seconds, or against several side by side."""
+def scatter(part: pd.DataFrame, others: Sequence[str], looks: Looks, short: Short, look: Style = PAGE) -> Figure:
+    """Draw RMSE of every estimator in one scenario against ANEES, bytes or seconds, a panel for each of `others`."""
     part = part[part["rmse"].notna()]
 
     def draw(ax: Axes, other: str) -> None:
@@ -242,30 +221,15 @@ def against(part: pd.DataFrame, others: Sequence[str], looks: Looks, short: Shor
         if look is PAGE:
             ax.set_title(part["scenario"].iloc[0])
         elif other == others[0]:
-            _name_markers(ax, part, looks, lambda row: short(row["estimator"]))
+            _add_keys(ax, part, looks, lambda row: short(row["estimator"]))
 
     draws = [partial(draw, other=other) for other in others]
     size, entries = (PANEL, 0) if look is PAGE else ((look.width, 2.1), part["estimator"].nunique())
-    return compose(draws, look, size, ("", RMSE), shared=True, across=len(others), entries=entries)[0]
-
-
-def key(part: pd.DataFrame, looks: Looks, short: Short) -> Figure:
-    """The legend of figures that name no estimators, as a figure of the page."""
-    names = part["estimator"].unique()
-    longest = max((len(short(name)) for name in names), default=0)
-    columns = 2 if len(names) > 8 and 0.15 * longest + 0.8 <= PANEL[0] else 1
-
-    def draw(ax: Axes) -> None:
-        _name_markers(ax, part, looks, lambda row: name_of(row, short(row["estimator"])))
-        ax.axis("off")
-        title = "estimators (hollow: over-confident)"
-        ax.legend(frameon=False, loc="upper left", fontsize=8, ncols=columns, title=title)
-
-    return compose([draw], PAGE, (PANEL[0], 0.5 + 0.18 * ceil(len(names) / columns)), grid=False)[0]
+    return compose(draws, look, size, ("", RMSE), shared=True, across=len(others), entries=entries)
 
 
 def overview(table: pd.DataFrame, looks: Looks, short: Short) -> Figure:
-    """RMSE of every estimator relative to the baseline's, a mark for each scenario; the median smallest on top.
+    """Draw RMSE of every estimator relative to the baseline's, a mark for each scenario; the median smallest on top.
 
     Of many estimators those that ran in the most scenarios.
     """
@@ -277,15 +241,15 @@ def overview(table: pd.DataFrame, looks: Looks, short: Short) -> Figure:
     def draw(ax: Axes) -> None:
         for y, (name, median) in enumerate(ordered.items()):
             for row in part[part["estimator"] == name].to_dict("records"):
-                marker(ax, row["ratio"], y, row, looks[str(name)], ms=5, mew=1)
+                draw_marker(ax, row["ratio"], y, row, looks[str(name)], ms=5, mew=1)
             ax.plot([median, median], [y - 0.32, y + 0.32], color=style.DARK, lw=1.6, zorder=4)
         ax.axvline(1, color="black", lw=1.1, ls=DOTTED)
         first = part.drop_duplicates("estimator").set_index("estimator", drop=False)
         ax.set_yticks(range(len(ordered)), [name_of(first.loc[n], short(str(n))) for n in ordered.index])
         ax.set_ylim(-0.6, len(ordered) - 0.4)
-        style.logarithmic(ax.xaxis, *span(part, "ratio"))
+        set_log_scale(ax.xaxis, *span(part, "ratio"))
 
-    return compose([draw], PAGE, (9.0, 0.8 + 0.19 * len(ordered)), ("position RMSE / that of the baseline", ""))[0]
+    return compose([draw], PAGE, (9.0, 0.8 + 0.19 * len(ordered)), ("position RMSE / that of the baseline", ""))
 
 
 def compose(
@@ -296,52 +260,33 @@ def compose(
     shared: bool = False,
     across: int = 0,
     entries: int = 0,
-    legend: bool = False,
-    grid: bool = True,
-) -> list[Figure]:
-    """One figure of panels in a style.
+) -> Figure:
+    """Draw panels into one figure, in a style.
 
-    Args:
-        draws: what draws each panel.
-        look: the style.
-        size: width of the figure and height of a row of panels [in].
-        labels: of the axes.
-        shared: whether the panels have the same axes.
-        across: panels side by side; as many as the style has where 0.
-        entries: of a legend below all panels.
-        legend: whether a legend stands inside the panel.
-        grid: whether the panels have a light grid.
-
+    `size` [in] is the width of the figure and the height of a row of panels, `labels` are those of the axes, which
+    panels have in common where `shared`; `across` panels stand side by side (as many as the style has where 0), above
+    a legend of `entries`.
     """
     across = min(len(draws), across or look.across)
-    down, lines = ceil(len(draws) / across), ceil(entries / look.keys)
-    height = min(size[1] * down + 0.15 * lines + 0.3 * (down > 1), style.TALLEST if look is not PAGE else np.inf)
+    down, lines, paper = ceil(len(draws) / across), ceil(entries / look.keys), look is not PAGE
+    height = min(size[1] * down + 0.15 * lines + 0.3 * (down > 1), style.TALLEST if paper else np.inf)
     with mpl.rc_context(look.rc):
         figure = Figure(figsize=(size[0], height), layout="constrained")
         axes: Any = figure.subplots(down, across, sharey=True, sharex=shared and down > 1, squeeze=False)
         for k, (ax, draw) in enumerate(zip(axes.flat, draws, strict=False)):
             draw(ax)
             below, beside = k + across >= len(draws), ax in axes[:, 0]
-            style.finish(ax, (ax.get_xlabel() or labels[0]) * below, labels[1] * beside, grid="both" if grid else None)
+            style.finish(ax, (ax.get_xlabel() or labels[0]) * below, labels[1] * beside, grid="both")
             ax.minorticks_off()  # a sixth of the time and of the page
             ax.tick_params(labelbottom=below)
-            if legend:
-                ax.legend(frameon=False, fontsize=8 if size[0] > PANEL[0] else 6.5, **_legend_place(size[0] > PANEL[0]))
-            for line in ax.lines if look is not PAGE else ():
+            for line in ax.lines if paper else ():
                 line.set_markersize(min(line.get_markersize(), 4.5 if len(draws) <= 3 else 3.0))
         for ax in axes.flat[len(draws) :]:
             ax.remove()
         if entries:
-            small = {"fontsize": style.TEXT, "handlelength": 2.2, "columnspacing": 1.0, "labelspacing": 0.2}
-            style.legend_below(axes.flat[: len(draws)], min(entries, look.keys), **small)
-    return [figure]
-
-
-def _legend_place(wide: bool) -> dict[str, Any]:
-    """Where a legend stands: beside a wide panel, below a small one."""
-    if wide:
-        return {"bbox_to_anchor": (1.0, 1.0), "loc": "upper left"}
-    return {"bbox_to_anchor": (0.0, -0.2), "loc": "upper left", "borderpad": 0, "labelspacing": 0.3}
+            tight = {"fontsize": style.TEXT, "handlelength": 2.2, "columnspacing": 1.0, "labelspacing": 0.2}
+            style.add_legend_below(axes.flat[: len(draws)], min(entries, look.keys), **tight)
+    return figure
 
 
 # ------------------------------------------------------------------------------------------------ panels
@@ -355,19 +300,19 @@ def draw_curves(
     name: Callable[[Row], str] = name_of,
     alpha: float = 0.15,
 ) -> None:
-    """The named estimators over the swept value with the floor; all others in light grey."""
+    """Draw the named estimators over the swept value with the floor; all others in light grey."""
     part, names = part.sort_values("value", kind="stable"), list(names)
     for _, rows in part[~part["estimator"].isin(names)].groupby("estimator", sort=False):
         ax.plot(rows["value"], rows["rmse"], color=style.FAINT, lw=1, zorder=1)
     for one in names:
         rows = part[part["estimator"] == one]
         if len(rows):
-            curve(ax, rows, "value", looks[one], alpha, name(rows.iloc[0]))
+            style.draw_curve(ax, rows, "value", looks[one], alpha, name(rows.iloc[0]))
     floor = part.groupby("value")["floor"].first()
     if floor.notna().any():
         ax.plot(floor.index, floor, color="black", lw=1.1, ls=DOTTED, label="floor")
     low, high = span(part, "rmse", "floor")
-    style.logarithmic(ax.yaxis, low, high)
+    set_log_scale(ax.yaxis, low, high)
     if low > 0:  # the same for every panel, though a band may reach beyond
         ax.set_ylim(0.8 * low, 1.25 * high)
     values = sorted(set(part["value"]))
@@ -375,24 +320,20 @@ def draw_curves(
         ax.set_xticks(values, [f"{value:g}" for value in values])
 
 
-def draw_against(ax: Axes, part: pd.DataFrame, other: str, looks: Looks, best: pd.DataFrame | None = None) -> None:
-    """RMSE against ANEES, with the band of what is neither over-confident nor conservative, or against a cost.
-
-    A cost has its front: of all that can be had where not given.
-    """
+def draw_against(ax: Axes, part: pd.DataFrame, other: str, looks: Looks, front: pd.DataFrame | None = None) -> None:
+    """Draw RMSE against ANEES, with the band of consistency, or against a cost with `front`, or the Pareto front."""
     scale = 1e6 if other == "seconds" else 1.0
     low, high = (scale * end for end in span(part, other))
     if other == "anees":
         ax.axvspan(CONSERVATIVE, OVER_CONFIDENT, color=style.BAND, zorder=0)
-    elif best is None:
+    elif front is None:
         out = part["certificate"].map(is_refused).astype(bool) | part["centralised"].astype(bool)
-        best = part[pareto_front(part["rmse"].where(~out).to_numpy(float), part[other].to_numpy(float))].sort_values(
-            other
-        )
-    if best is not None and len(best):
-        ax.step(scale * best[other], best["rmse"], where="post", color="0.3", lw=1, ls=style.BROKEN, zorder=1)
+        best = pareto_front(part["rmse"].where(~out).to_numpy(float), part[other].to_numpy(float))
+        front = part[best].sort_values(other)
+    if front is not None and len(front):
+        ax.step(scale * front[other], front["rmse"], where="post", color="0.3", lw=1, ls=style.BROKEN, zorder=1)
     for row in part.to_dict("records"):
-        rmse_against(ax, other, row, looks[row["estimator"]], scale)
+        style.draw_rmse_against(ax, other, row, looks[row["estimator"]], scale)
     if other == "bytes":  # some send nothing
         high = 1.6 * max(10.0, high)
         ax.set_xscale("symlog", linthresh=10)
@@ -401,28 +342,28 @@ def draw_against(ax: Axes, part: pd.DataFrame, other: str, looks: Looks, best: p
         ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         ax.set_xlim(-2, high)
     else:
-        style.logarithmic(ax.xaxis, low, high)
+        set_log_scale(ax.xaxis, low, high)
         if other == "anees" and low > 0:  # intervals of heavy tails span many powers of ten
             ax.set_xlim(min(low / 1.4, 0.5), max(1.4 * high, 2.0))
-    style.logarithmic(ax.yaxis, *span(part, "rmse", "floor"))
+    set_log_scale(ax.yaxis, *span(part, "rmse", "floor"))
 
 
-def _name_markers(ax: Axes, table: pd.DataFrame, looks: Looks, name: Callable[[Any], str]) -> None:
-    """An entry of the legend for each estimator, with a full marker."""
+def _add_keys(ax: Axes, table: pd.DataFrame, looks: Looks, name: Callable[[Any], str]) -> None:
+    """Add an entry of the legend for each estimator, with a full marker."""
     rows = table.drop_duplicates("estimator").set_index("estimator", drop=False)
     for row in (rows.loc[one].to_dict() for one in looks if one in rows.index):
-        marker(ax, np.nan, np.nan, {**row, "consistency": ""}, looks[row["estimator"]], label=name(row))
+        draw_marker(ax, np.nan, np.nan, {**row, "consistency": ""}, looks[row["estimator"]], label=name(row))
 
 
-def _by_label(table: pd.DataFrame) -> pd.DataFrame | None:
-    """The table with `family`, `parameter` and `value`, where its labels are one sweep; else None."""
+def _sweep_of_labels(table: pd.DataFrame) -> pd.DataFrame | None:
+    """Return the table with `family`, `parameter` and `value`, where its labels are one sweep; else None."""
     read = swept(table)
     one = read["parameter"].iloc[0] and len(read[["family", "parameter"]].drop_duplicates()) == 1
     return read if one and read["value"].nunique() >= LEAST else None
 
 
-def _by_column(errors: pd.DataFrame, table: pd.DataFrame, name: str) -> pd.DataFrame:
-    """The table with `family`, `parameter` and `value`, which is that column of the errors."""
+def _sweep_over(errors: pd.DataFrame, table: pd.DataFrame, name: str) -> pd.DataFrame:
+    """Return the table with `family`, `parameter` and `value`, which is that column of the errors."""
     if name not in errors:
         raise BadInput(f"errors has no column {name!r} to draw over; {nearest(name, [*map(str, errors.columns)])}")
     if not pd.api.types.is_numeric_dtype(errors[name]):
@@ -434,14 +375,14 @@ def _by_column(errors: pd.DataFrame, table: pd.DataFrame, name: str) -> pd.DataF
     return table.assign(family=", ".join(families), parameter=name, value=table["scenario"].map(values["first"]))
 
 
-def _trials(table: pd.DataFrame) -> str:
+def _about_trials(table: pd.DataFrame) -> str:
     trials = int(table["trials"].min())
     few = f", no intervals below {LEAST_TRIALS}"
     return counted(trials, "trial") + (few if trials < LEAST_TRIALS else ", 95 % intervals")
 
 
-def _over_lines(label: str, width: int = 0) -> str:
-    """A label over lines of so many letters, parted after its family and after commas, and before brackets."""
+def wrap_label(label: str, width: int = 0) -> str:
+    """Return a label in lines of so many letters, parted after its family and after commas, and before brackets."""
     lines = [""]
     for piece in re.split(r"(?<=[,/])|(?=\[)", label):
         lines = [*lines[:-1], lines[-1] + piece] if len(lines[-1] + piece) <= width else [*lines, piece]

@@ -1,4 +1,4 @@
-"""Studies of their own kind: the matrix of information, what results depend on, and what tuning found."""
+"""Figures of special studies: the matrix of information, what results depend on, and what tuning found."""
 
 from typing import Any
 
@@ -9,10 +9,8 @@ from matplotlib.ticker import NullLocator
 
 from cooploc.analysis.formats import counted
 from cooploc.analysis.plot import style
-from cooploc.analysis.plot.style import curve, marker, rmse_at, span
+from cooploc.analysis.plot.style import draw_curve, draw_marker, draw_rmse, set_log_scale, span
 from cooploc.estimators.errors import BadInput, nearest
-
-# ------------------------------------------------------------------------------------------------ information
 
 OWN = {"none": "none", "doa": "direction of arrival", "gradient": "gradient", "rssi": "raw RSSI"}
 BETWEEN = {"none": "none", "rssi": "RSSI", "range": "range"}
@@ -29,74 +27,53 @@ GAP = 0.6  # between teams, in units of the x axis
 
 
 def information(table: pd.DataFrame) -> Axes:
-    """Position RMSE with 95 % intervals in every cell of the matrix, and the cell's floor as a dotted line.
+    """Draw position RMSE with 95 % intervals in every cell of `cl.information`, and the cell's floor as a dotted line.
 
     A row for each own reading, on the same logarithmic scale; in it, from left to right, the teams, and what they read
-    of each other. Hollow markers are over-confident; centralised estimators and the bound are grey.
-
-    Args:
-        table: from `cl.information`.
-
-    Returns:
-        The axes of the first row; the others stand below.
-
+    of each other. Hollow markers are over-confident; centralised estimators and the bound are grey. The axes of the
+    first row are returned.
     """
     rows = [name for name in OWN if (table["own"] == name).any()]
     axes = style.new_panels(len(rows), 1, (7.2, 1.55), 1.1, sharex=True, sharey=True)
-    places = _places(table)
-    style.logarithmic(axes[0].yaxis, *span(table, "rmse", "floor"))
+    there = {(int(n), str(b)) for n, b in zip(table["robots"], table["between"], strict=True)}
+    teams = sorted({n for n, _ in there})
+    cells = sorted(there, key=lambda cell: (cell[0], list(BETWEEN).index(cell[1])))
+    places = {cell: i + GAP * teams.index(cell[0]) for i, cell in enumerate(cells)}  # teams stand apart
+    looks = style.looks(one for _, one in RULES.values())
+    set_log_scale(axes[0].yaxis, *span(table, "rmse", "floor"))
     for ax, name in zip(axes, rows, strict=True):
-        _matrix_row(ax, table[table["own"] == name], places)
+        own = table[table["own"] == name]
+        for (robots, between), x in places.items():
+            here = own[(own["robots"] == robots) & (own["between"] == between)]
+            floor = here["floor"].min()
+            if np.isfinite(floor):
+                ax.plot([x - 0.42, x + 0.42], [floor, floor], color="black", ls=style.DOTTED, lw=1.6, zorder=1)
+            shifts = 0.15 * (np.arange(len(here)) - (len(here) - 1) / 2)
+            for shift, row in zip(shifts, here.to_dict("records"), strict=True):
+                draw_rmse(ax, x + shift, row, looks[RULES[row["fusion"], row["filter"]][1]])
         style.finish(ax, "", "RMSE [m]", f"own reading: {OWN[name]}", grid="y")
-    _name_groups(axes[-1], places)
-    there, looks = (
-        set(zip(table["fusion"], table["filter"], strict=True)),
-        style.looks(one for _, one in RULES.values()),
-    )
+    _name_teams(axes[-1], places)
+    used = set(zip(table["fusion"], table["filter"], strict=True))
     for rule, (name, one) in RULES.items():
-        if rule in there:
+        if rule in used:
             full: dict[str, Any] = {"consistency": "", "centralised": rule[0] in ("centralised", "bound")}
-            marker(axes[-1], np.nan, np.nan, full, looks[one], label=name)
+            draw_marker(axes[-1], np.nan, np.nan, full, looks[one], label=name)
     axes[-1].plot([], [], color="black", ls=style.DOTTED, lw=1.6, label="floor of the readings in the cell")
     axes[-1].plot([], [], "o", mfc="white", mec=style.DARK, label="hollow: over-confident")
-    style.legend_below(axes)
+    style.add_legend_below(axes)
     return axes[0]
 
 
-def _places(table: pd.DataFrame) -> dict[tuple[int, str], float]:
-    """The place of each (robots, between) on the x axis; teams stand apart."""
-    found = {(int(n), str(b)) for n, b in zip(table["robots"], table["between"], strict=True)}
-    places, x = {}, 0.0
-    for robots in sorted({n for n, _ in found}):
-        for between in (b for b in BETWEEN if (robots, b) in found):
-            places[robots, between] = x
-            x += 1
-        x += GAP
-    return places
-
-
-def _matrix_row(ax: Axes, part: pd.DataFrame, places: dict[tuple[int, str], float]) -> None:
-    looks = style.looks(one for _, one in RULES.values())
-    for (robots, between), x in places.items():
-        here = part[(part["robots"] == robots) & (part["between"] == between)]
-        floor = here["floor"].min()
-        if np.isfinite(floor):
-            ax.plot([x - 0.42, x + 0.42], [floor, floor], color="black", ls=style.DOTTED, lw=1.6, zorder=1)
-        shifts = 0.15 * (np.arange(len(here)) - (len(here) - 1) / 2)
-        for shift, row in zip(shifts, here.to_dict("records"), strict=True):
-            rmse_at(ax, x + shift, row, looks[RULES[row["fusion"], row["filter"]][1]])
-
-
-def _name_groups(ax: Axes, places: dict[tuple[int, str], float]) -> None:
-    """What is read between robots, under each group, and the team under its groups."""
+def _name_teams(ax: Axes, places: dict[tuple[int, str], float]) -> None:
+    """Write what is read between robots under each group, and the team under its groups."""
     ax.set_xticks(list(places.values()), [BETWEEN[between] for _, between in places])
     ax.tick_params(axis="x", length=0)
     below: Any = {"textcoords": "offset points", "va": "top"}
     ax.annotate("read of\nteammates", (0, 0), (-4, -3), xycoords="axes fraction", ha="right", fontsize=8, **below)
     for robots in dict.fromkeys(n for n, _ in places):
         middle = float(np.mean([x for (n, _), x in places.items() if n == robots]))
-        where: Any = {"xycoords": ("data", "axes fraction"), "ha": "center", "weight": "bold"}
-        ax.annotate(counted(robots, "robot"), (middle, 0), (0, -20), **where, **below)
+        bold: Any = {"xycoords": ("data", "axes fraction"), "ha": "center", "weight": "bold", **below}
+        ax.annotate(counted(robots, "robot"), (middle, 0), (0, -20), **bold)
 
 
 # ------------------------------------------------------------------------------------------------ sensitivity
@@ -114,44 +91,34 @@ WIDE = {"sensitivity": 4, "tuning": 20}  # values over more than this factor hav
 
 
 def sensitivity(table: pd.DataFrame) -> Axes:
-    """Position RMSE over each parameter that is swept, with bands of 95 % intervals and the floor as a dotted line.
+    """Draw position RMSE over each parameter of `cl.sensitivity`, with bands of 95 % intervals and the floor dotted.
 
     All panels have one logarithmic scale. A dashed vertical line is the preset's value, of an assumed parameter the
-    true one. Hollow markers are over-confident, centralised estimators are grey.
-
-    Args:
-        table: from `cl.sensitivity`.
-
-    Returns:
-        The axes of the first panel.
-
+    true one. Hollow markers are over-confident, centralised estimators are grey. The first panel's axes are returned.
     """
     parameters = list(dict.fromkeys(table["parameter"]))
     axes = style.new_panels(len(parameters), 2, (3.6, 2.3), 0.5, sharey=True)
     low, high = span(table, "rmse", "floor")
-    style.logarithmic(axes[0].yaxis, low, high)
+    set_log_scale(axes[0].yaxis, low, high)
     for k, (ax, parameter) in enumerate(zip(axes, parameters, strict=True)):
-        _draw_parameter(ax, table[table["parameter"] == parameter].sort_values("value", kind="stable"))
+        part = table[table["parameter"] == parameter].sort_values("value", kind="stable")
+        for name, look in style.session_looks(part["estimator"]).items():
+            draw_curve(ax, part[part["estimator"] == name], "value", look, alpha=0.12)
+        floor = part.groupby("value")["floor"].first()
+        if floor.notna().any():
+            ax.plot(floor.index, floor, color="black", ls=style.DOTTED, lw=1.6, label="floor", zorder=1)
+        ax.axvline(part["preset"].iloc[0], color="0.5", ls=style.BROKEN, lw=1, zorder=0)
+        values = np.unique(part["value"])
+        if values[0] > 0 and values[-1] > WIDE["sensitivity"] * values[0]:
+            ax.set_xscale("log")
+            ax.xaxis.set_minor_locator(NullLocator())
+        ax.set_xticks(values, [f"{value:g}" for value in values])
         ylabel = "position RMSE [m]" if k % 2 == 0 else ""
         style.finish(ax, PARAMETERS.get(parameter, parameter), ylabel, grid="both")
     if low > 0:
         axes[0].set_ylim(low / MARGIN, high * MARGIN)
-    style.legend_below(axes, 4)
+    style.add_legend_below(axes, 4)
     return axes[0]
-
-
-def _draw_parameter(ax: Axes, part: pd.DataFrame) -> None:
-    for name, look in style.session_looks(part["estimator"]).items():
-        curve(ax, part[part["estimator"] == name], "value", look, alpha=0.12)
-    floor = part.groupby("value")["floor"].first()
-    if floor.notna().any():
-        ax.plot(floor.index, floor, color="black", ls=style.DOTTED, lw=1.6, label="floor", zorder=1)
-    ax.axvline(part["preset"].iloc[0], color="0.5", ls=style.BROKEN, lw=1, zorder=0)
-    values = np.unique(part["value"])
-    if values[0] > 0 and values[-1] > WIDE["sensitivity"] * values[0]:
-        ax.set_xscale("log")
-        ax.xaxis.set_minor_locator(NullLocator())
-    ax.set_xticks(values, [f"{value:g}" for value in values])
 
 
 # ------------------------------------------------------------------------------------------------ tuning
@@ -160,15 +127,10 @@ VALUE = "value: "  # before a parameter's name in the columns of `cl.tune(...).h
 
 
 def tuning(history: pd.DataFrame, ax: Axes | None = None) -> Axes:
-    """The gain of the best configuration so far, on training streams, against the trials that were used.
+    """Draw the gain of the best configuration so far, on training streams, against the trials that were used.
 
-    The first mark of a line is the configuration as published, whose gain is 0. What is gained on training streams may
-    be lost on fresh ones: the table of `cl.tune` has both.
-
-    Args:
-        history: of `cl.tune`.
-        ax: where to draw; a new figure if None.
-
+    `history` is that of `cl.tune`. The first mark of a line is the configuration as published, whose gain is 0. What
+    is gained on training streams may be lost on fresh ones: the table of `cl.tune` has both.
     """
     ax = ax or style.new_axes(7.0, 4.0)
     for name, look in style.session_looks(history["estimator"]).items():
@@ -178,22 +140,15 @@ def tuning(history: pd.DataFrame, ax: Axes | None = None) -> Axes:
         ax.plot(x, y, color=look.colour, ls=look.line, lw=1.4, drawstyle="steps-post", label=name)
         ax.plot(best["spent"], best["gain"], color=look.colour, marker=look.marker, ls="none", ms=5)
     style.finish(ax, "training trials used", "gain of the mean score", "on training streams", grid="both")
-    style.legend(ax)
+    style.add_legend(ax)
     return ax
 
 
 def tuned_parameters(history: pd.DataFrame, estimator: str) -> Axes:
-    """The gain of every configuration of one estimator that was tried, over the value of each of its parameters.
+    """Draw the gain of every configuration of one estimator in `cl.tune(...).history`, over each of its parameters.
 
     Filled marks ran all rounds, hollow ones were stopped early, after fewer trials; the cross is the configuration as
-    published, and a circle is drawn around the one that was chosen.
-
-    Args:
-        history: of `cl.tune`.
-        estimator: its label in the study.
-
-    Returns:
-        The axes of the first panel.
+    published, and a circle is drawn around the one that was chosen. The axes of the first panel are returned.
 
     Raises:
         BadInput: there is no such estimator in the history, or it has no parameter that was tuned.
@@ -208,15 +163,15 @@ def tuned_parameters(history: pd.DataFrame, estimator: str) -> Axes:
         raise BadInput(f"{estimator!r} declares no parameter that may be tuned; choose another estimator")
     axes = style.new_panels(len(columns), 3, (3.0, 2.4), sharey=True)
     for k, (ax, column) in enumerate(zip(axes, columns, strict=True)):
-        _draw_tried(ax, part, column, style.session_looks([estimator])[estimator].colour)
+        _draw_gains(ax, part, column, style.session_looks([estimator])[estimator].colour)
         style.finish(ax, column.removeprefix(VALUE), "gain of the mean score" * (k % 3 == 0), grid="y")
     figure: Any = axes[0].figure
     figure.suptitle(estimator, fontsize="medium")
     return axes[0]
 
 
-def _draw_tried(ax: Axes, part: pd.DataFrame, column: str, colour: str) -> None:
-    """The gains of one parameter's values."""
+def _draw_gains(ax: Axes, part: pd.DataFrame, column: str, colour: str) -> None:
+    """Draw the gains of one parameter's values."""
     values = pd.to_numeric(part[column], errors="coerce")
     if values.isna().any():  # words, and true and false
         words = part[column].astype(str).str.lower()
@@ -225,10 +180,9 @@ def _draw_tried(ax: Axes, part: pd.DataFrame, column: str, colour: str) -> None:
         ax.set_xticks(range(len(kinds)), kinds)
         ax.set_xlim(-0.5, len(kinds) - 0.5)
     elif values.min() > 0 and values.max() > WIDE["tuning"] * values.min():
-        style.logarithmic(ax.xaxis, float(values.min()), float(values.max()))
-    whole = part["state"] == "finished"
-    ax.plot(values[whole], part["gain"][whole], "o", color=colour, ms=5)
-    ax.plot(values[~whole], part["gain"][~whole], "o", color=colour, mfc="white", ms=5)
+        set_log_scale(ax.xaxis, float(values.min()), float(values.max()))
+    for state, face in ((part["state"] == "finished", colour), (part["state"] != "finished", "white")):
+        ax.plot(values[state], part["gain"][state], "o", color=colour, mfc=face, ms=5)
     chosen = part[part["best"]].index[-1]
     ax.plot(values.iloc[:1], part["gain"].iloc[:1], "x", color="black", ms=8, mew=2)
     ax.plot(values[[chosen]], part["gain"][[chosen]], "o", mfc="none", mec="black", ms=11)

@@ -1,11 +1,7 @@
-"""The one style of all figures: colours that colour-blind readers tell apart, markers and lines that grey print does.
+"""The style of all figures: colours that colour-blind readers tell apart, markers and lines that grey print does.
 
-An estimator keeps its look in every figure, whatever others are shown: the built-in ones have theirs by their place in
-the registry, a variant ("arl[K=1]") has its method's colour, darker or lighter, and all others take theirs in the order
-in which they appear. Hollow markers are over-confident; grey and dotted are centralised, and know more than any robot
-could; grey in dots and dashes are offline, and know what is read later.
-
-Rows that are drawn are those of `compare`, or of `summarize` with `consistency`, `centralised` and `bound`.
+A built-in estimator has its look by its place in the registry, a variant ("arl[K=1]") its method's colour, darker or
+lighter. Hollow markers are over-confident, grey and dotted estimators centralised, dots and dashes offline.
 """
 
 import re
@@ -38,66 +34,61 @@ SHADES = (-0.4, 0.4, -0.65, 0.6)  # of variants: towards black, or towards white
 # points, star, degrees
 STARS = (4, 1, 0), (4, 1, 45), (6, 1, 0), (8, 1, 0), (3, 1, 0), (3, 1, 180), (5, 1, 36), (12, 1, 0), (3, 1, 90)
 MARKERS: tuple[Any, ...] = (*"XosD^vP*ph<>d8H", *STARS)
-SOLID, DOTTED, BROKEN = "-", (0, (1, 1.5)), (0, (2, 2))
-OFFLINE = (0, (5, 1.5, 1, 1.5))  # of what saw later readings, too
+SOLID, DOTTED, BROKEN, OFFLINE = "-", (0, (1, 1.5)), (0, (2, 2)), (0, (5, 1.5, 1, 1.5))
 DASHES: tuple[Any, ...] = (SOLID, (0, (6, 1.5)), (0, (3, 1, 1, 1)), (0, (8, 1, 1, 1, 1, 1)))
-DARK, GREY, BAND, GRID, FAINT = "0.2", "0.55", "0.93", "0.92", "0.88"
+DARK, GREY, BAND, GRID, FAINT = "0.2", to_hex("0.55"), "0.93", "0.92", "0.88"
 UNRANKED = " (failed a check)"
 Row = Mapping[Any, Any] | pd.Series
 
 
 class Style(NamedTuple):
-    """How large figures and their letters are."""
+    """Sizes of figures and of their letters."""
 
-    rc: Any  # what matplotlib is told
+    rc: Any  # settings of matplotlib
     width: float  # of a figure [in]
     across: int = 1  # panels side by side
     keys: int = 2  # entries of a legend side by side
 
 
-_SVG: Any = {"svg.hashsalt": "cooploc", "text.parse_math": False}  # labels are text, whatever they hold
-PAGE = Style(  # of the report's page: text stays text
-    {**_SVG, "svg.fonttype": "none", "font.sans-serif": ["DejaVu Sans"], "font.size": 9.0, "axes.titlesize": 9.0,
-     "axes.titlelocation": "left"},
-    7.4,
-)  # fmt: skip
-TEXT, SMALL = 8.0, 7.0  # [pt] of IEEE's two-column journals
+SVG: Any = {"svg.hashsalt": "cooploc", "text.parse_math": False}  # labels are text, whatever they hold
+LEFT = {**SVG, "axes.titlelocation": "left"}
+PAGE = Style(  # of a report's page: text stays text
+    {**LEFT, "svg.fonttype": "none", "font.sans-serif": ["DejaVu Sans"], "font.size": 9.0, "axes.titlesize": 9.0}, 7.4
+)
+TEXT = 8.0  # [pt] of IEEE's two-column journals
 _TIMES: Any = {
-    **_SVG,
+    **LEFT,
     "font.family": ["STIXGeneral", "DejaVu Sans"],  # metrics of Times; the second for what the first lacks
     **dict.fromkeys(("font.size", "axes.labelsize", "axes.titlesize", "legend.fontsize", "figure.labelsize"), TEXT),
     **dict.fromkeys(("xtick.labelsize", "ytick.labelsize"), TEXT),
-    "axes.titlelocation": "left",
     **dict.fromkeys(("axes.linewidth", "xtick.major.width", "ytick.major.width"), 0.6),
     **dict.fromkeys(("xtick.minor.width", "ytick.minor.width"), 0.4),
     "pdf.fonttype": 42,
     "svg.fonttype": "path",
     **dict.fromkeys(("figure.constrained_layout.w_pad", "figure.constrained_layout.h_pad"), 0.02),
 }
-COLUMNS = {1: 3.48, 2: 7.14}  # columns of a paper -> width [in]: IEEEtran's 21 and 43 picas, less a hair
-PAPER = {1: Style(_TIMES, COLUMNS[1], 3, 3), 2: Style(_TIMES, COLUMNS[2], 5, 6)}
+PAPER = {1: Style(_TIMES, 3.48, 3, 3), 2: Style(_TIMES, 7.14, 5, 6)}  # by columns: IEEEtran's widths, less a hair
 TALLEST = 8.6  # [in]: a page of a paper less its caption
-FORMATS = ("pdf", "svg")
 
 
 # ------------------------------------------------------------------------------------------------ looks
 
 
 class Look(NamedTuple):
-    """How an estimator is drawn."""
+    """Colour, marker and line of an estimator."""
 
     colour: Any
     marker: Any
     line: Any
 
 
-_SEEN: dict[str, Look] = {}  # in the figures of this process
+_SESSION: dict[str, Look] = {}
 
 
-def looks(estimators: Iterable[str], seen: dict[str, Look] | None = None) -> dict[str, Look]:
-    """The look of each estimator, in the order given; those in `seen` keep theirs, and new ones are added to it."""
+def looks(estimators: Iterable[str], known: dict[str, Look] | None = None) -> dict[str, Look]:
+    """Return the look of each estimator, in the order given; those in `known` keep theirs, and new ones join it."""
+    known = {} if known is None else known
     names = list(dict.fromkeys(estimators))
-    known = {} if seen is None else seen
     for name in names:
         if name not in known:
             known[name] = _new_look(name, known)
@@ -105,108 +96,105 @@ def looks(estimators: Iterable[str], seen: dict[str, Look] | None = None) -> dic
 
 
 def session_looks(estimators: Iterable[str]) -> dict[str, Look]:
-    """The look of each estimator in this process, where a name once drawn keeps its look."""
-    return looks(estimators, _SEEN)
+    """Return the look of each estimator in this process, where a name once drawn keeps its look."""
+    return looks(estimators, _SESSION)
 
 
 def _new_look(name: str, known: Iterable[str]) -> Look:
-    """The look of a built-in estimator, of a variant of one, or of one that is not built in."""
+    """Return the look of a built-in estimator, of a variant of one, or of one that is not built in."""
     method, order = name.partition("[")[0], list(BUILTIN)
     if method not in order:
         number = sum(other.partition("[")[0] not in order for other in known)
         return Look(OTHERS[number % len(OTHERS)], MARKERS[number % len(MARKERS)], DASHES[number % len(DASHES)])
     place, joint = order.index(method), method.endswith("-joint")
     number = 0 if name == method else 1 + sum(other.partition("[")[0] == method != other for other in known)
-    marker = MARKERS[(place + max(0, number - 1)) % len(MARKERS)]
+    colour = GREY if joint else HUES[place % len(HUES)]
+    if number:
+        shade = SHADES[(number - 1) % len(SHADES)]
+        r, g, b = (c * (1 + shade) if shade < 0 else c + (1 - c) * shade for c in to_rgb(colour))
+        colour = to_hex((r, g, b))
     line = DOTTED if joint else DASHES[(place + number) % len(DASHES)]
-    colour = to_hex(GREY) if joint else HUES[place % len(HUES)]
-    return Look(_shade(colour, SHADES[(number - 1) % len(SHADES)]) if number else colour, marker, line)
-
-
-def _shade(colour: Any, by: float) -> str:
-    """A colour moved towards black (negative) or white."""
-    r, g, b = (c * (1 + by) if by < 0 else c + (1 - c) * by for c in to_rgb(colour))
-    return to_hex((r, g, b))
+    return Look(colour, MARKERS[(place + max(0, number - 1)) % len(MARKERS)], line)
 
 
 def colour_of(row: Row, look: Look) -> Any:
-    """Centralised estimators are grey, in the shade that is theirs, and so are those that are offline."""
-    return to_hex(GREY) if row["centralised"] and len(set(to_rgb(look.colour))) > 1 else look.colour
+    """Return the colour of a row: grey where it is centralised, in the shade that is its own."""
+    return GREY if row["centralised"] and len(set(to_rgb(look.colour))) > 1 else look.colour
 
 
 def name_of(row: Row, name: str = "") -> str:
-    """An estimator's name, or another one, and what keeps it from being ranked."""
+    """Return an estimator's name, or `name`, with why it is not ranked."""
     standing = " (bound)" if row["bound"] else " (centralised)" * bool(row["centralised"])
     standing = " (offline)" if row.get("offline", False) else standing
     return (name or str(row["estimator"])) + standing + UNRANKED * is_refused(row["certificate"])
 
 
+def _line_of(row: Row, line: Any) -> Any:
+    """Return a row's line: dots and dashes where it is offline, dotted where it is centralised, else `line`."""
+    return OFFLINE if row.get("offline", False) else DOTTED if row["centralised"] else line
+
+
 # ------------------------------------------------------------------------------------------------ rows
 
 
-def drawable(errors: pd.DataFrame) -> pd.DataFrame:
-    """The table of `summarize` with what decides how a row is drawn: `consistency`, `centralised` and `bound`."""
+def summarize_for_figures(errors: pd.DataFrame) -> pd.DataFrame:
+    """Return the table of `summarize` with `consistency`, `centralised`, `bound` and `offline` of each row."""
     flags = errors.assign(offline=is_offline(errors)).groupby(["scenario", "estimator"], sort=False)
     standing = flags[["centralised", "bound", "offline"]].any().reset_index(drop=True)
     table = summarize(errors)
     return table.assign(consistency=consistency(table), **{str(name): standing[name].to_numpy() for name in standing})
 
 
-def marker(ax: Axes, x: float, y: float, row: Row, look: Look, **more: Any) -> None:
-    """A row's marker; hollow where it is over-confident."""
+def draw_marker(ax: Axes, x: float, y: float, row: Row, look: Look, **more: Any) -> None:
+    """Draw a row's marker; hollow where it is over-confident."""
     colour = colour_of(row, look)
     face = "white" if row["consistency"] == "over-confident" else colour
     ax.plot(x, y, marker=look.marker, mfc=face, mec=colour, **{"ms": 6, "mew": 1.3, "zorder": 3, "ls": "none", **more})
 
 
-def rmse_at(ax: Axes, place: float, row: Row, look: Look, vertical: bool = True) -> None:
-    """A row's RMSE with its interval, at a place of the other axis."""
+def draw_rmse(ax: Axes, place: float, row: Row, look: Look, vertical: bool = True) -> None:
+    """Draw a row's RMSE with its interval, at a place of the other axis."""
     ends, middle = [row["rmse_low"], row["rmse_high"]], [place, place]
-    line = _robotless(row) or SOLID
-    ax.plot(*((middle, ends) if vertical else (ends, middle)), color=colour_of(row, look), lw=1.6, ls=line)
+    ax.plot(
+        *((middle, ends) if vertical else (ends, middle)), color=colour_of(row, look), lw=1.6, ls=_line_of(row, SOLID)
+    )
     x, y = (place, row["rmse"]) if vertical else (row["rmse"], place)
-    marker(ax, x, y, row, look)
+    draw_marker(ax, x, y, row, look)
 
 
-def rmse_against(ax: Axes, other: str, row: Row, look: Look, scale: float = 1.0, label: str = "") -> None:
-    """A row's RMSE over another of its numbers, each with its interval where it has one."""
+def draw_rmse_against(ax: Axes, other: str, row: Row, look: Look, scale: float = 1.0) -> None:
+    """Draw a row's RMSE over another of its numbers, each with its interval where it has one."""
     x, colour = scale * row[other], colour_of(row, look)
     ax.plot([x, x], [row["rmse_low"], row["rmse_high"]], color=colour, lw=1)
     if f"{other}_low" in row:
         ends = [scale * row[f"{other}_low"], scale * row[f"{other}_high"]]
         ax.plot(ends, [row["rmse"]] * 2, color=colour, lw=1)
-    marker(ax, x, row["rmse"], row, look, label=label or None)
+    draw_marker(ax, x, row["rmse"], row, look)
 
 
-def curve(ax: Axes, rows: pd.DataFrame, x: str, look: Look, alpha: float = 0.15, label: str = "") -> None:
-    """RMSE over `x` with its band; broken where most values are over-confident, and a marker at 25 values or so."""
+def draw_curve(ax: Axes, rows: pd.DataFrame, x: str, look: Look, alpha: float = 0.15, label: str = "") -> None:
+    """Draw RMSE over `x` with its band and some 25 markers; broken where most values are over-confident."""
     over = (rows["consistency"] == "over-confident").to_numpy()
     first = rows.iloc[0]
-    colour = colour_of(first, look)
-    line = _robotless(first) or (BROKEN if over.mean() > 0.5 else look.line)
-    band(ax, rows[x], rows["rmse_low"], rows["rmse_high"], colour, alpha)
+    colour, line = colour_of(first, look), _line_of(first, BROKEN if over.mean() > 0.5 else look.line)
+    draw_band(ax, rows[x], rows["rmse_low"], rows["rmse_high"], colour, alpha)
     ax.plot(rows[x], rows["rmse"], color=colour, ls=line, lw=1.6, zorder=3)
     for row in rows.iloc[:: max(1, len(rows) // 25)].to_dict("records"):
-        marker(ax, row[x], row["rmse"], row, look, ms=5, mew=1.2, zorder=4)
+        draw_marker(ax, row[x], row["rmse"], row, look, ms=5, mew=1.2, zorder=4)
     face = "white" if over.all() else colour
     ax.plot([], [], color=colour, ls=line, marker=look.marker, mfc=face, label=label or name_of(first))
 
 
-def _robotless(row: Row) -> Any:
-    """The line of what no robot could run: dotted where it is centralised, dots and dashes where it is offline."""
-    return OFFLINE if row.get("offline", False) else DOTTED if row["centralised"] else None
-
-
-def band(ax: Axes, x: Any, low: Any, high: Any, colour: Any, alpha: float = 0.15) -> None:
-    """The intervals along a curve: a tinted band; of a centralised one, which is grey, its two edges."""
-    if colour == to_hex(GREY):
+def draw_band(ax: Axes, x: Any, low: Any, high: Any, colour: Any, alpha: float = 0.15) -> None:
+    """Draw the intervals along a curve: a tinted band, or where the curve is grey the two edges."""
+    if colour == GREY:
         ax.plot(x, low, x, high, color=colour, ls=DOTTED, lw=0.7, zorder=2)
     else:
         ax.fill_between(x, low, high, color=colour, alpha=alpha, lw=0, zorder=2)
 
 
 def span(part: pd.DataFrame, *columns: str) -> tuple[float, float]:
-    """From the smallest to the largest finite value of some columns; nan where there is none."""
+    """Return the smallest and the largest finite value of some columns; nan where there is none."""
     values = part[list(columns)].to_numpy(float)
     values = values[np.isfinite(values)]
     return (float(values.min()), float(values.max())) if len(values) else (np.nan, np.nan)
@@ -216,12 +204,12 @@ def span(part: pd.DataFrame, *columns: str) -> tuple[float, float]:
 
 
 def new_axes(width: float, height: float) -> Axes:
-    """Axes of a figure of that size [in]."""
+    """Return axes of a figure of that size [in]."""
     return plt.subplots(figsize=(width, height), layout="constrained")[1]
 
 
 def new_panels(number: int, across: int, panel: tuple[float, float], more: float = 0.0, **sharing: Any) -> list[Axes]:
-    """Axes of so many panels of a size [in] in rows, in a figure that is `more` [in] higher."""
+    """Return axes of so many panels of a size [in] in rows, in a figure that is `more` [in] higher."""
     across, down = min(number, across), -(-number // across)
     size = across * panel[0], down * panel[1] + more
     _, axes = plt.subplots(down, across, figsize=size, squeeze=False, layout="constrained", **sharing)
@@ -232,39 +220,37 @@ def new_panels(number: int, across: int, panel: tuple[float, float], more: float
     return list(axes.flat[:number])
 
 
-def fit_height(ax: Axes, beside: float = 2.4) -> None:
-    """The height of a figure whose axes have equal scales and `beside` which [in] a legend stands: no empty space."""
+def fit_height(ax: Axes) -> None:
+    """Set the height of a figure whose axes have equal scales and a legend beside, so that no space is empty."""
     (x0, x1), (y0, y1) = ax.get_xlim(), ax.get_ylim()
-    figure = ax.get_figure(root=True)
-    if figure is not None:
-        width = figure.get_figwidth()
-        figure.set_figheight(min(9.0, max(2.6, (width - beside - 0.6) * (y1 - y0) / (x1 - x0) + 0.9)))
+    figure: Any = ax.figure
+    figure.set_figheight(min(9.0, max(2.6, (figure.get_figwidth() - 3.0) * (y1 - y0) / (x1 - x0) + 0.9)))
 
 
-def note(ax: Axes, text: str) -> None:
-    """A line above a figure, in small print."""
+def set_note(ax: Axes, text: str) -> None:
+    """Set a line above a figure, in small print."""
     ax.set_title(text, loc="left", fontsize="small", color="0.35")
 
 
 def finish(ax: Axes, xlabel: str = "", ylabel: str = "", above: str = "", grid: Any = None) -> None:
-    """What all figures have: labels, a note above, a light grid, and no box around."""
+    """Set labels, a note above and a light grid, and remove the box."""
     ax.set(xlabel=xlabel, ylabel=ylabel)
     if above:
-        note(ax, above)
+        set_note(ax, above)
     if grid:
         ax.grid(axis=grid, color=GRID, lw=0.8)
     ax.set_axisbelow(True)
     sns.despine(ax=ax)
 
 
-def legend(ax: Axes, **more: Any) -> None:
-    """A legend beside the figure, so that it hides nothing."""
+def add_legend(ax: Axes, **more: Any) -> None:
+    """Add a legend beside the figure, so that it hides nothing."""
     beside = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0), "fontsize": "small"}
     ax.legend(frameon=False, **{**beside, **more})
 
 
-def legend_below(axes: Iterable[Axes], columns: int = 3, **more: Any) -> None:
-    """One legend below all panels, of every label once."""
+def add_legend_below(axes: Iterable[Axes], columns: int = 3, **more: Any) -> None:
+    """Add one legend below all panels, of every label once."""
     found = {label: one for ax in axes for one, label in zip(*ax.get_legend_handles_labels(), strict=True)}
     if found:
         figure: Any = next(iter(axes)).figure
@@ -272,8 +258,8 @@ def legend_below(axes: Iterable[Axes], columns: int = 3, **more: Any) -> None:
         figure.legend(list(found.values()), list(found), **{**small, **more})
 
 
-def logarithmic(axis: Any, low: float, high: float) -> None:
-    """A logarithmic axis for values from `low` to `high`, with ticks that are plain numbers."""
+def set_log_scale(axis: Any, low: float, high: float) -> None:
+    """Make an axis logarithmic for values from `low` to `high`, with ticks that are plain numbers."""
     if not (np.isfinite([low, high]).all() and low > 0):
         return
     axis.axes.set_xscale("log") if axis.axis_name == "x" else axis.axes.set_yscale("log")
@@ -284,8 +270,11 @@ def logarithmic(axis: Any, low: float, high: float) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
-def save(drawn: Axes | Figure, *paths: Path, dpi: int = 150, rc: Any = _SVG) -> None:
-    """Write a figure to files without a date, so that the same numbers give the same bytes, and close it."""
+def save(drawn: Axes | Figure, *paths: Path, dpi: int = 150, rc: Any = SVG) -> None:
+    """Write a figure without a date, so that the same numbers give the same bytes, and close it.
+
+    Coordinates of an SVG are to a hundredth of a point, which makes it a third shorter.
+    """
     figure: Any = drawn.figure if isinstance(drawn, Axes) else drawn
     dates: dict[str, Any] = {".svg": {"Date": None}, ".pdf": {"CreationDate": None, "Producer": None}}
     with mpl.rc_context({"pdf.fonttype": 42, **rc}), warnings.catch_warnings():
@@ -295,11 +284,11 @@ def save(drawn: Axes | Figure, *paths: Path, dpi: int = 150, rc: Any = _SVG) -> 
         for path in paths:
             figure.savefig(path, dpi=dpi, metadata=dates.get(path.suffix))
             if path.suffix == ".svg":
-                path.write_text(round_coordinates(path.read_text("utf-8")), "utf-8")
+                path.write_text(round_numbers(path.read_text("utf-8"), r'\s(?:d|x|y)="[^"]*"', 2), "utf-8")
     plt.close(figure)
 
 
-def round_coordinates(svg: str) -> str:
-    """An SVG with the coordinates of its paths and marks to a hundredth of a point, which is a third shorter."""
-    coordinates, long = re.compile(r'\s(?:d|x|y)="[^"]*"'), re.compile(r"-?\d+\.\d{3,}")
-    return coordinates.sub(lambda found: long.sub(lambda number: f"{float(number[0]):.2f}", found[0]), svg)
+def round_numbers(svg: str, where: str, digits: int) -> str:
+    """Return an SVG whose numbers with more digits are rounded, within each match of `where`."""
+    number = re.compile(rf"-?\d+\.\d{{{digits + 1},}}")
+    return re.sub(where, lambda found: number.sub(lambda one: f"{float(one[0]):.{digits}f}", found[0]), svg)

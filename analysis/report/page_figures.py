@@ -100,11 +100,10 @@ def scatter(rows: pd.DataFrame, numbers: Numbers, counter: Iterator[int]) -> Sho
     chosen = labels if len(labels) <= SCATTERED else [labels[0], labels[len(labels) // 2], labels[-1]]
     there = ended[ended["scenario"].isin(chosen)]
     drawn: list[Drawn] = [
-        (results.against(part, [other], numbers.looks, numbers.names.of), str(label), ())
+        (results.scatter(part, [other], numbers.looks, numbers.names.of), str(label), ())
         for label, part in there.groupby("scenario", sort=False)
         for other in results.NAMES
     ]
-    drawn += [(results.key(there, numbers.looks, numbers.names.of), "", ())] if chosen else []
     some = f" Shown are {len(chosen)} of {len(labels)} scenarios, the first, the middle and the last." * (
         len(chosen) < len(labels)
     )

@@ -64,7 +64,7 @@ def write(kept: StoredRun, out: Path, columns: Sequence[str] = DEFAULT, scenario
     included, drawn = [], []
     for part in parts:
         for figure, one in _figures(part, numbers.names):
-            paths = [out / "figures" / f"{one.name}.{ending}" for ending in style.FORMATS]
+            paths = [out / "figures" / f"{one.name}.{ending}" for ending in ("pdf", "svg")]
             style.save(figure, *paths, rc=style.PAPER[1].rc)
             drawn += paths
             included.append(one.latex)
@@ -135,7 +135,7 @@ def _figures(part: Part, names: Labels) -> Iterator[tuple[Figure, Float]]:
             rows = ended[ended["scenario"] == label]
             for others in [tuple(OTHERS)] if width == 2 else [(other,) for other in OTHERS]:
                 if len(rows):
-                    made = figures.against(rows, others, looks, names.of, look)
+                    made = figures.scatter(rows, others, looks, names.of, look)
                     caption = AGAINST.format(", ".join(OTHERS[other] for other in others), label)
                     yield made, _figure([anchor, "-".join(others), label], caption, rows, names, width)
 

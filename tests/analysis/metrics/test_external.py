@@ -12,7 +12,7 @@ from processes import inside
 
 import cooploc as cl
 from cooploc.analysis.metrics.external import ELSEWHERE, from_tum
-from cooploc.analysis.plot.beliefs import shape
+from cooploc.analysis.plot.beliefs import ellipse_shape
 
 LABEL = "robots-1-3/n=2[ticks=6]"
 
@@ -203,7 +203,7 @@ def test_an_animation_shows_every_tick(ran, tmp_path):
 
 def test_an_ellipse_holds_the_share_it_says():
     P = np.array([[0.5, 0.3], [0.3, 0.4]])
-    width, height, angle = shape(P)
+    width, height, angle = ellipse_shape(P)
     turn = np.radians(angle)
     e = np.random.default_rng(0).multivariate_normal([0, 0], P, 20000)
     along = e @ [np.cos(turn), np.sin(turn)] / (width / 2)

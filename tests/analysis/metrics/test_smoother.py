@@ -11,7 +11,7 @@ import cooploc as cl
 from cooploc.analysis.claims.trial_table import collect
 from cooploc.analysis.execution.run import execute
 from cooploc.analysis.metrics.ranking import disqualifications
-from cooploc.analysis.plot.style import drawable, name_of
+from cooploc.analysis.plot.style import name_of, summarize_for_figures
 from cooploc.analysis.report import html_page, sentences
 from cooploc.analysis.report.result_columns import RESULTS
 from cooploc.estimators.interface import Belief
@@ -142,7 +142,7 @@ def test_it_is_not_ranked_never_best_and_said_to_be_offline(errors_of):
 
 
 def test_figures_name_it(errors_of):
-    names = [name_of(row) for row in drawable(errors_of).to_dict("records")]
+    names = [name_of(row) for row in summarize_for_figures(errors_of).to_dict("records")]
     assert names == ["filter", "hindsight (offline)"]
 
 

@@ -8,7 +8,7 @@ from matplotlib.markers import MarkerStyle
 
 import cooploc as cl
 from cooploc.analysis.plot import style
-from cooploc.analysis.plot.style import marker
+from cooploc.analysis.plot.style import draw_marker
 from cooploc.estimators import BUILTIN
 
 
@@ -26,7 +26,7 @@ def test_every_marker_is_drawn_as_one_mark_that_can_be_hollow():
     row = pd.Series({"consistency": "over-confident", "centralised": False})
     for look in style.looks(BUILTIN).values():
         _, ax = plt.subplots()
-        marker(ax, 1.0, 2.0, row, look)
+        draw_marker(ax, 1.0, 2.0, row, look)
         assert [line.get_xydata().tolist() for line in ax.lines] == [[[1.0, 2.0]]]
         assert MarkerStyle(look.marker).is_filled()
         plt.close("all")
