@@ -44,7 +44,7 @@ SHARED = (
     "compiled",
     "random_numbers",
     "models",
-    "covariance_intersection_kernels",
+    "covariance_intersection",
     "joint_kernels",
     "kalman_kernels",
     "particle_kernels",

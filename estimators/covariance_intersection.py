@@ -1,20 +1,16 @@
 """Covariance intersection: fusing estimates whose correlation is unknown.
 
-Two robots that have talked before share errors: each estimate contains some of the other's past. A Kalman filter that
-fuses the two counts the shared part twice and becomes over-confident; subtracting it needs the cross-covariance,
-which no robot keeps. Covariance intersection inflates both covariances, P_i / w and P_j / (1 - w) with 0 < w < 1: their
-block diagonal matrix is at least the joint covariance with *any* possible cross-covariance, and so the two may then be
-fused as if they were independent. The price is caution: equal estimates fuse to themselves.
+Two robots that have talked before share errors, and a Kalman filter that fuses their beliefs counts the shared part
+twice. With both covariances inflated, P_i / w and P_j / (1 - w) with 0 < w < 1, their block diagonal matrix is at least
+the joint covariance with any possible cross-covariance, so the two may be fused as if they were independent.
 
-A *relative measurement* y = h(x_i, x_j) + noise of variance R, with Jacobians H_i and H_j, updates one's own state by
-the extended Kalman filter after both covariances were inflated,
+A relative measurement y = h(x_i, x_j) + noise of variance R, with Jacobians H_i and H_j, then gives
 
     P^-1 = w P_i^-1 + H_i' (H_j P_j H_j' / (1 - w) + R)^-1 H_i.    (1)
 
 This is concave in w, so the determinant and the trace of P are convex, and the w that minimises one of them is found
 exactly, or by cvxpy. With H_i = I, H_j = -I and R = 0 it is the fusion of two estimates of the same state: diag(1, 4)
-with diag(4, 1) gives w = 1/2 and P = 1.6 I. w = 1 means that the reading cannot help, as with a range between two
-robots that know their positions equally well, however precise the range.
+with diag(4, 1) gives w = 1/2 and P = 1.6 I. w = 1 means that the reading cannot help.
 
 Sources: S. J. Julier, J. K. Uhlmann, "A non-divergent estimation algorithm in the presence of unknown correlations",
 ACC 1997. (1) L. C. Carrillo-Arce et al., "Decentralized multi-robot cooperative localization using covariance
@@ -26,9 +22,7 @@ from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
-from cooploc.estimators import covariance_intersection_kernels as kernels
-from cooploc.estimators.compiled import readable, spread_out
-from cooploc.estimators.covariance_intersection_kernels import LEAST, Whitened
+from cooploc.estimators.compiled import inlined, kernel, readable, spread_out, strict_inlined, strict_kernel
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Indices, Mask
 from cooploc.estimators.kalman import symmetric
@@ -36,22 +30,20 @@ from cooploc.estimators.kalman import symmetric
 Criterion = Literal["det", "trace"]
 Solver = Literal["cvxpy", "exact"]
 
-FAULTS = {
-    kernels.INFINITE: "has some infinite entries; give a large finite variance, or only infinite ones if unknown",
-    kernels.ASYMMETRIC: "is not symmetric; pass (P + P') / 2",
-    kernels.INDEFINITE: "is not positive definite; its eigenvalues must be above zero by more than rounding",
-    kernels.SINGULAR: "are too close to singular, or too different, to compute with; limit the variances' ratio",
-}
-TRUSTED = 3e-7  # the gap up to which cvxpy's weights are taken: a determinant is then within 1e-6 up to d = 3
+Terms = tuple[
+    Array, Array, Array, bool, int
+]  # B, C, sigma of `_whiten`; whether the trace is minimised; of which block
+
+LEAST = 1e-6  # the least weight of one's own belief, so that P / w stays a number to compute with
+TRUSTED = 3e-7  # the excess up to which cvxpy's weights are taken: a determinant is then within 1e-6 up to d = 3
 
 log = logging.getLogger("cooploc")
 
 
 class Solution(NamedTuple):
-    """Weights, and what is known about how good they are."""
+    """Weights, and where cvxpy did not give them."""
 
     w: Array  # (K,)  of one's own belief
-    gap: Array  # (K,)  the trace, or the d-th root of the determinant, is at most this much above its least, relatively
     fallback: Mask  # (K,)  cvxpy failed here and the exact weight was taken instead
 
 
@@ -76,82 +68,77 @@ def solve_relative(
         criterion: what is minimised.
         solver: "exact" takes every fusion by itself; "cvxpy" stacks fusions into one cone program.
         block: the criterion is about so many leading states: by default the position, because the trace of a whole pose
-            adds m^2 to rad^2, so that its minimum depends on the unit of length. States that a reading says nothing
-            about are inflated by 1 / w all the same; a heading is safe only in a criterion that counts it.
+            adds m^2 to rad^2. A heading is safe only in a criterion that counts it.
         groups: (K,) fusions that cvxpy may stack, those with the same number; None: all may. Stacked fusions change
-            one another in the last bits, so the numbers must tell trials apart, and robots where that matters.
+            one another in the last bits.
 
     Raises:
-        BadInput: there is no such criterion or solver, or a covariance is none, or only in part infinite; says which.
+        BadInput: there is no such criterion or solver, or a covariance is none; says which.
 
     """
-    for kind, name, known in (("criterion", criterion, Criterion), ("solver", solver, Solver)):
+    for what, name, known in (("criterion", criterion, Criterion), ("solver", solver, Solver)):
         if name not in get_args(known):
             raise BadInput(
-                f"there is no {kind} {name!r} of covariance intersection; known are {', '.join(get_args(known))}"
+                f"there is no {what} {name!r} of covariance intersection; known are {', '.join(get_args(known))}"
             )
     P_i, P_j = np.array(P_i, float, order="C"), np.array(P_j, float, order="C")
     R = spread_out(np.asarray(R, float), (len(P_i), H_i.shape[1], H_i.shape[1]))
-    if not 1 <= block <= P_i.shape[-1]:
-        raise BadInput(f"the criterion is about the first {block} states; there are {P_i.shape[-1]}")
-    if np.isinf(P_i).any():
-        raise BadInput("one's own covariance has infinite entries; give a large finite variance")
-    found = Solution(np.ones(len(P_i)), np.zeros(len(P_i)), np.zeros(len(P_i), bool))
-    present = _roots(P_j, "P_j of fusion {f}", np.arange(len(P_j)))[1]
-    kernels.complete((readable(P_i), readable(H_i), readable(H_j), R), present)
-    (rows,) = present.nonzero()
+    solution = Solution(np.ones(len(P_i)), np.zeros(len(P_i), bool))
+    _, kind = _roots(P_j)
+    _require(kind != BAD, "P_j", np.arange(len(P_j)))
+    present = kind == FINE
+    _clear_absent((readable(P_i), readable(H_i), readable(H_j), R), present)
+    rows = np.flatnonzero(present)
     if rows.size == 0 or R.shape[-1] == 0:
-        return found
+        return solution
     P, H, R, U = P_i[rows], H_i[rows], R[rows], symmetric(H_j @ P_j @ H_j.mT)[rows]
-    group = np.zeros(len(rows), np.int64) if groups is None else np.asarray(groups)[rows]
-    z = _whiten(P, H, U, R, block, criterion, rows, group)
-    best = _exact(z, P, H, U, R)
-    part = best if solver == "exact" else _by_cvxpy(z, best)
-    for all_rows, some in zip(found, part, strict=True):
-        all_rows[rows] = some
-    return found
+    w, one_number = np.empty(len(rows)), H.shape[1] == 1 and block == 2 <= H.shape[2]
+    scalar = ~H[..., 2:].any((1, 2)) if one_number else np.zeros(len(rows), bool)
+    _scalar_weights(readable(P), readable(H), readable(U), readable(R), criterion == "trace", scalar, w)
+    if solver == "cvxpy" or not scalar.all():
+        z = *_whiten(P, H, U, R, block, rows), criterion == "trace", block
+        _search_weights(*z, scalar, w, (0,) * P.shape[-1])
+    if solver == "cvxpy":
+        group = np.zeros(len(rows), np.int64) if groups is None else np.asarray(groups)[rows]
+        w, failed = _by_cvxpy(z, w, group)
+        solution.fallback[rows] = failed
+        if failed.any():
+            log.warning("cvxpy failed on fusions %s; the exact weights are used there", rows[failed].tolist())
+    solution.w[rows] = w
+    return solution
 
 
-def _roots(P: Array, name: str, fusion: Indices) -> tuple[Array, Mask]:
-    """V with V'V proportional to P^-1 for P (K, d, d), zero where P is absent, and which are present (K,).
-
-    Raises:
-        BadInput: some P is not a covariance; `name` says which, with {f} for the fusion.
-
-    """
-    V, fault = np.empty_like(P), np.empty(len(P), np.int64)
-    kernels.roots(P, V, fault, (0,) * P.shape[-1])
-    _refuse(np.where(fault == kernels.ABSENT, kernels.FINE, fault), name, fusion)
-    return V, fault == kernels.FINE
+def _roots(P: Array) -> tuple[Array, Indices]:
+    """V with V'V proportional to P^-1 for P (K, d, d), zero where P is not FINE, and the kind of each P (K,)."""
+    V, kind = np.empty_like(P), np.empty(len(P), np.int64)
+    _fill_roots(P, V, kind, (0,) * P.shape[-1])
+    return V, kind
 
 
-def _refuse(fault: Indices, name: str, fusion: Indices) -> None:
-    if fault.any():
-        f = fault.nonzero()[0][0]
-        raise BadInput(f"{name.format(f=fusion[f])} {FAULTS[int(fault[f])]}")
+def _require(good: Mask, name: str, fusion: Indices) -> None:
+    if not good.all():
+        raise BadInput(
+            f"{name} of fusion {fusion[good.argmin()]} is not a covariance to compute with: it must be symmetric and "
+            "positive definite by more than rounding, with finite entries, or only infinite variances if unknown"
+        )
 
 
-def _whiten(
-    P: Array, H: Array, U: Array, R: Array, block: int, criterion: str, fusion: Indices, group: Indices
-) -> Whitened:
-    """The information (1) as w A + sum n_l h_l h_l', whitened: the terms are A, h_1, ..., each as a root V with V' V.
+def _whiten(P: Array, H: Array, U: Array, R: Array, block: int, fusion: Indices) -> tuple[Array, Array, Array]:
+    """Write the information (1) as w A + sum n_l h_l h_l', in coordinates in which its mean is the identity.
 
     U = H_j P_j H_j' and R are diagonal in common coordinates, sigma and 1 - sigma, in which U / v + R is inverted entry
-    by entry: n = v / (sigma + (1 - sigma) v) with v = 1 - w.
+    by entry: n = v / (sigma + (1 - sigma) v) with v = 1 - w. With the terms A, h_1 h_1', ... as A_k = V_k' V_k, the
+    coordinates are B_k = T A_k T', T = F^-1, F F' = sum mix_k A_k. The determinant of the fused covariance changes by a
+    constant factor, its trace becomes tr(C Y^-1) with C = T T' and Y = sum n_k B_k. F is upper triangular, so that the
+    leading (position) block of Y^-1 stays that of the fused covariance.
 
-    Raises:
-        BadInput: P or R is not a covariance, or double precision cannot compare them.
+    Returns:
+        B (K, 1 + k, d, d), one's own information and k terms of rank one; C (K, d, d), of trace 1; sigma (K, k).
 
     """
-    if not kernels.diagonal(readable(R)):
-        least = np.linalg.eigvalsh(R)
-        wrong = np.flatnonzero(least[:, 0] < -1e-12 * np.abs(least[:, -1]))
-        if wrong.size:
-            raise BadInput(
-                f"the noise R of fusion {fusion[wrong[0]]} has a negative eigenvalue; it must be a covariance"
-            )
-    own = _roots(P, "P_i of fusion {f}", fusion)[0]
-    L = _roots(U + R, "H_j P_j H_j' + R of fusion {f}", fusion)[0]
+    (own, own_kind), (L, kind) = _roots(P), _roots(U + R)
+    _require(own_kind == FINE, "P_i", fusion)
+    _require(kind == FINE, "H_j P_j H_j' + R", fusion)
     L = L / np.sqrt((L @ (U + R) @ L.mT)[:, :1, :1])
     sigma, axes = np.linalg.eigh(symmetric(L @ U @ L.mT))
     scale = np.sqrt(P.diagonal(axis1=1, axis2=2).max(-1, initial=0.0))
@@ -160,52 +147,364 @@ def _whiten(
     sigma = np.minimum(np.maximum(sigma, 1e-15), 1.0)
     V = np.concatenate([own[:, None], h], 1)
     mix = np.concatenate([np.full((len(P), 1), 0.5), 1 / (1 + sigma)], 1)  # the information at w = 1/2
-    B, C, fault = np.empty_like(V), np.empty_like(P), np.zeros(len(V), np.int64)
-    kernels.whiten(V, mix, block, B, C, fault, (0,) * P.shape[-1])
-    _refuse(fault, "the covariances of fusion {f}", fusion)
-    return Whitened(B, C, sigma, fusion, group, block, criterion == "trace")
+    B, C, kind = np.empty_like(V), np.empty_like(P), np.zeros(len(V), np.int64)
+    _fill_whitened(V, mix, block, B, C, kind, (0,) * P.shape[-1])
+    _require(kind == FINE, "the information", fusion)
+    return B, C, sigma
 
 
-def _exact(z: Whitened, P: Array, H: Array, U: Array, R: Array) -> Solution:
-    """The exact weights with their certified gaps: a search, but Newton's method for one number about the position."""
-    w, gap = np.empty((2, len(P)))
-    kernels.best_relative(z.B, z.C, z.sigma, z.trace, z.block, w, gap, z.axes)
-    easy = kernels.is_scalar(H, z.block)
-    if easy.any():
-        w[easy], gap[easy] = kernels.scalar_weights(P[easy], H[easy], U[easy], R[easy], z.trace)
-    return Solution(w, gap, np.zeros(len(P), bool))
-
-
-def _values(z: Whitened, w: Array) -> Array:
-    """The criterion (K,) at weights w (K,)."""
-    values = np.empty(len(w))
-    kernels.values_relative(z.B, z.C, z.sigma, z.trace, z.block, w, values, z.axes)
-    return values
-
-
-def _by_cvxpy(z: Whitened, best: Solution) -> Solution:
-    """cvxpy's weights, held to the bound that the exact ones, `best`, certify.
-
-    A fusion that fails in a stack is tried again alone; where this fails too the exact weight is taken.
-    """
-    w, gap, failed = best.w.copy(), best.gap.copy(), np.ones(len(best.w), bool)
-    for stacks in (z.group, np.arange(len(w))):
-        tried = np.flatnonzero(failed)
-        if tried.size == 0:
-            break
-        found, above = _attempt(z.take(tried), stacks[tried], best.w[tried], best.gap[tried])
-        good = above <= TRUSTED
-        w[tried[good]], gap[tried[good]] = found[good], above[good]
-        failed[tried[good]] = False
-    if failed.any():
-        log.warning("cvxpy failed on fusions %s; the exact weights are used there", z.fusion[failed].tolist())
-    return Solution(w, gap, failed)
-
-
-def _attempt(z: Whitened, stacks: Indices, best: Array, slack: Array) -> tuple[Array, Array]:
-    """cvxpy's weights, and their gaps to the `best` weights, whose own certified gap is the slack."""
+def _by_cvxpy(z: Terms, exact: Array, groups: Indices) -> tuple[Array, Mask]:
+    """Return cvxpy's weights where they are as good as the exact ones, else those, and where that is."""
     from cooploc.estimators import covariance_intersection_cvxpy
 
-    w = np.maximum(covariance_intersection_cvxpy.solve(z, stacks), LEAST)
-    w[(_values(z, np.ones_like(w)) <= _values(z, w)) & np.isfinite(w)] = 1.0  # cvxpy only comes near 1
-    return w, _values(z, w) / (_values(z, best) * (1 - slack)) - 1
+    B, C, sigma, trace, block = z
+
+    def value(w: Array) -> Array:
+        values = np.empty(len(w))
+        _fill_values(*z, w, values, (0,) * B.shape[-1])
+        return values
+
+    w = np.maximum(covariance_intersection_cvxpy.solve(B, C, sigma, trace, block, groups), LEAST)
+    w[(value(np.ones_like(w)) <= value(w)) & np.isfinite(w)] = 1.0  # cvxpy only comes near 1
+    failed = ~(value(w) / value(exact) - 1 <= TRUSTED)
+    return np.where(failed, exact, w), failed
+
+
+# Compiled loops over small matrices. All matrices of one fusion lie in one array M (slots, d, d) and are named by their
+# slots: numba counts references to every slice. `axes` is a tuple of d zeros: the length of a tuple is part of its
+# type, so that numba unrolls the loops over it.
+
+PIVOT = 1e-15  # a Cholesky pivot this small beside its diagonal is rounding
+SKEW = 1e-8  # how far P may be from symmetric, as a correlation
+GAP = 1e-11  # the relative slope times the width of a bracket that ends a search
+WIDTH = 1e-15  # of a bracket that cannot be halved any more
+
+S, U, T, W, G, C, Y, Q = range(8)  # slots of M
+FINE, ABSENT, BAD = range(3)  # kinds of covariances
+
+
+@strict_inlined
+def factor(M, s, axes):
+    """U = the upper triangular root of matrix s = U U', and whether that is positive definite. Reads the upper half."""
+    d = len(axes)
+    for j in range(d - 1, -1, -1):
+        for i in range(j, -1, -1):
+            v = M[s, i, j]
+            for k in range(j + 1, d):
+                v -= M[U, i, k] * M[U, j, k]
+            if i < j:
+                M[U, i, j] = v / M[U, j, j]
+            elif v > PIVOT * M[s, j, j] and v < np.inf:
+                M[U, j, j] = np.sqrt(v)
+            else:
+                return False
+    return True
+
+
+@strict_inlined
+def invert_factor(M, axes):
+    """T = U^-1, with zeros below."""
+    for j in range(len(axes)):
+        M[T, j, j] = 1.0 / M[U, j, j]
+        for i in range(j - 1, -1, -1):
+            v = 0.0
+            for k in range(i + 1, j + 1):
+                v -= M[U, i, k] * M[T, k, j]
+            M[T, i, j] = v * M[T, i, i]
+            M[T, j, i] = 0.0
+
+
+@strict_inlined
+def invert(M, s, axes):
+    """W = the inverse of matrix s, and whether that is positive definite."""
+    if not factor(M, s, axes):
+        return False
+    invert_factor(M, axes)
+    for i in range(len(axes)):
+        for j in range(i, len(axes)):
+            v = 0.0
+            for k in range(i + 1):
+                v += M[T, k, i] * M[T, k, j]
+            M[W, i, j] = M[W, j, i] = v
+    return True
+
+
+@strict_inlined
+def product(M, a, b, c, axes):
+    """Matrix c = a b."""
+    for i in range(len(axes)):
+        for j in range(len(axes)):
+            v = 0.0
+            for k in range(len(axes)):
+                v += M[a, i, k] * M[b, k, j]
+            M[c, i, j] = v
+
+
+@strict_inlined
+def inner(M, a, b, scale, axes):
+    """tr(scale a' b)."""
+    v = 0.0
+    for i in range(len(axes)):
+        for j in range(len(axes)):
+            v += scale * M[a, i, j] * M[b, i, j]
+    return v
+
+
+@strict_inlined
+def _add_terms(M, B, f, sigma, w, axes):
+    """Y = w B_0 + sum n_k B_k and Q = dY/dw, with n_k = v / (sigma_k + (1 - sigma_k) v), v = 1 - w."""
+    for k in range(B.shape[1]):
+        n, slope = w, 1.0
+        if k > 0:
+            s = sigma[f, k - 1]
+            c = s + (1.0 - s) * (1.0 - w)
+            n, slope = (1.0 - w) / c, -s / (c * c)
+        for i in range(len(axes)):
+            for j in range(len(axes)):
+                M[Y, i, j] = (M[Y, i, j] if k > 0 else 0.0) + n * B[f, k, i, j]
+                M[Q, i, j] = (M[Q, i, j] if k > 0 else 0.0) + slope * B[f, k, i, j]
+
+
+@strict_inlined
+def _slope(M, B, f, sigma, w, trace, block, axes):
+    """The relative slope in w of tr(C Y^-1), or of the leading block's det^(1/block); nan where Y is singular."""
+    _add_terms(M, B, f, sigma, w, axes)
+    if not invert(M, Y, axes):
+        return np.nan
+    if trace:
+        product(M, W, C, U, axes)
+        product(M, U, W, G, axes)
+        return -inner(M, G, Q, 1.0 / inner(M, C, W, 1.0, axes), axes)
+    slope = 0.0
+    for i in range(len(axes)):
+        for j in range(len(axes)):
+            for k in range(block):
+                slope -= M[T, k, i] * M[T, k, j] * M[Q, i, j] / block
+    return slope
+
+
+@strict_kernel
+def _search_weights(B, C_, sigma, trace, block, scalar, weights, axes):
+    """Write one's own weights in [LEAST, 1] where the slope is zero, for the fusions that are not `scalar`.
+
+    The bracket is halved, and cut where the line between its slopes is zero, in turn.
+    """
+    M = np.empty((8, len(axes), len(axes)))
+    for f in range(len(B)):
+        if scalar[f]:
+            continue
+        M[C] = C_[f]
+        low, high, w, left, right, cut = LEAST, 1.0, 1.0, np.nan, np.nan, False
+        slope = _slope(M, B, f, sigma, w, trace, block, axes)
+        if slope <= 0.0:
+            low = high
+        while high - low > WIDTH and not abs(slope) * (high - low) <= GAP:
+            w = (low + high) / 2
+            if cut and left < 0.0 and right > 0.0:
+                w = low + (high - low) * left / (left - right)
+            cut = not cut
+            slope = _slope(M, B, f, sigma, w, trace, block, axes)
+            if slope > 0.0:
+                high, right = w, slope
+            else:
+                low, left = w, slope
+        weights[f] = w
+
+
+@strict_kernel
+def _fill_values(B, C_, sigma, trace, block, weights, value, axes):
+    """Write tr(C Y^-1), or det^(1/block) of Y^-1's leading block, at any own weights; infinity where Y is singular."""
+    M = np.empty((8, len(axes), len(axes)))
+    for f in range(len(B)):
+        M[C] = C_[f]
+        _add_terms(M, B, f, sigma, weights[f], axes)
+        if not invert(M, Y, axes):
+            value[f] = np.inf
+        elif trace:
+            value[f] = inner(M, C, W, 1.0, axes)
+        else:
+            value[f] = 1.0  # of T'T's leading block, T being upper triangular
+            for i in range(block):
+                value[f] *= M[T, i, i] ** (2.0 / block)
+
+
+@strict_inlined
+def _kind(P, axes):
+    """FINE, ABSENT (a nan, or every variance infinite), or BAD: not symmetric."""
+    vague, skew = 0, False
+    for i in range(len(axes)):
+        vague += P[i, i] == np.inf
+        for j in range(len(axes)):
+            if np.isnan(P[i, j]):
+                return ABSENT
+            skew = skew or abs(P[i, j] - P[j, i]) > SKEW * np.sqrt(abs(P[i, i])) * np.sqrt(abs(P[j, j]))
+    return ABSENT if vague == len(axes) else BAD if skew else FINE
+
+
+@strict_kernel
+def _fill_roots(P, V, kind, axes):
+    """Write V with V' V = c P^-1, c the greatest variance of P, and the kind of P; V is 0 where that is not FINE."""
+    M = np.empty((3, len(axes), len(axes)))
+    for f in range(len(P)):
+        kind[f], scale = _kind(P[f], axes), 0.0
+        for i in range(len(axes)):
+            scale = max(scale, P[f, i, i])
+        for i in range(len(axes)):
+            for j in range(i, len(axes)):
+                M[S, i, j] = (P[f, i, j] + P[f, j, i]) / (2 * scale)
+        if kind[f] == FINE and not (scale > 0.0 and factor(M, S, axes)):
+            kind[f] = BAD
+        if kind[f] == FINE:
+            invert_factor(M, axes)
+        for i in range(len(axes)):
+            for j in range(len(axes)):
+                V[f, i, j] = M[T, i, j] if kind[f] == FINE else 0.0
+
+
+@strict_kernel
+def _clear_absent(parts, there):
+    """Clear the rows of `there` (K,) in which anything of some arrays (K, a, b) is nan."""
+    for array in parts:
+        for f in range(len(array)):
+            for i in range(array.shape[1]):
+                for j in range(array.shape[2]):
+                    there[f] = there[f] and not np.isnan(array[f, i, j])
+
+
+@strict_inlined
+def _orthogonalise(A, M, axes):
+    """A = Q U' for the rows (n, d) of A, which becomes Q; False where its columns are dependent.
+
+    Gram and Schmidt from the last column to the first, each twice. A'A = U U' is never formed, so that its condition
+    number may be the square of what fits into double precision.
+    """
+    for j in range(len(axes) - 1, -1, -1):
+        before = 0.0
+        for r in range(len(A)):
+            before += A[r, j] * A[r, j]
+        for i in range(j, len(axes)):
+            M[U, j, i] = 0.0
+        for _ in range(2):
+            for i in range(len(axes) - 1, j, -1):
+                v = 0.0
+                for r in range(len(A)):
+                    v += A[r, i] * A[r, j]
+                for r in range(len(A)):
+                    A[r, j] -= v * A[r, i]
+                M[U, j, i] += v
+        v = 0.0
+        for r in range(len(A)):
+            v += A[r, j] * A[r, j]
+        if not np.sqrt(v) > PIVOT * np.sqrt(before):
+            return False
+        M[U, j, j] = np.sqrt(v)
+        for r in range(len(A)):
+            A[r, j] /= M[U, j, j]
+    return True
+
+
+@strict_kernel
+def _fill_whitened(V, mix, block, B, C_, kind, axes):
+    """Write B_k = T A_k T' and C = T E (T E)' / tr, E the first `block` columns of 1, for mix (K, m) above zero."""
+    m, d = V.shape[1], len(axes)
+    M, A = np.empty((3, d, d)), np.empty((m * d, d))
+    for f in range(len(V)):
+        for k in range(m):
+            for i in range(d):
+                for j in range(d):
+                    A[k * d + i, j] = np.sqrt(mix[f, k]) * V[f, k, i, j]
+                    B[f, k, i, j] = 0.0
+        if not _orthogonalise(A, M, axes):
+            kind[f] = BAD
+            continue
+        invert_factor(M, axes)
+        total = 0.0
+        for i in range(d):
+            for j in range(d):
+                C_[f, i, j] = 0.0
+                for k in range(block):
+                    C_[f, i, j] += M[T, i, k] * M[T, j, k]
+            total += C_[f, i, i]
+        for i in range(d):
+            for j in range(d):
+                C_[f, i, j] /= total
+                for k in range(m):
+                    for r in range(k * d, k * d + d):
+                        B[f, k, i, j] += A[r, i] * A[r, j] / mix[f, k]
+
+
+# One scalar reading of a teammate: the weight of one's own belief in covariance intersection, by Newton's method.
+#
+# For one's own position block P and a reading with row u, variance q / (1 - w) from the sender and R of its own: with h
+# = u P u', t = tr P, and in units of h (q/h, R/h are called q and rho), v = 1 - w, r = v / w and e = q + rho v,
+#
+#     trace = t (w e + k v) / (w (w e + v)),   k = |u|^2 det P / (t h),    det = det P e / (w (w e + v)).
+#
+# Their slopes in w are zero where
+#
+#     e^2 + 2 b r e + c r^2 = level:   b = c = k, level = q (1 - k) for the trace;   b = 1/4, c = 0, level = q/2 for det
+#
+# (1 - k is |P u'|^2 / (t h), which needs no difference). The left side is convex and grows with v, so Newton's method
+# falls from any v above the root to it and never passes it. Such a v, close by, comes of e >= q and of r >= v: either
+# makes the equation quadratic. Where the left side exceeds the level at v = 0 the reading cannot help and w is 1.
+
+CERTAIN = 1e-15  # the least share of the sender in a reading's variance: below, w would be 1 to the last bit
+CLOSE = 1e-9  # a Newton step this small, relatively, is the last one: its square is rounding
+STEPS = 100  # never needed: 11 were the most where variances lay ten decades apart
+
+
+@inlined
+def _start_root(q, rho, b, c, rest):
+    """A v that is not below the root: the lesser of what e >= q and r >= v leave of the equation."""
+    r = rest / (b * q + np.sqrt((b * q) * (b * q) + c * rest))
+    half = q * (rho + b)
+    v = rest / (half + np.sqrt(half * half + (rho * rho + 2 * b * rho + c) * rest))
+    return min(min(r / (1 + r), v), 1 - LEAST)
+
+
+@inlined
+def _left_side(q, rho, b, c, v):
+    """e^2 + 2 b r e + c r^2, and its slope in v."""
+    w = 1 - v
+    r, e = v / w, q + rho * v
+    return e * e + r * (2 * b * e + c * r), 2 * (rho * (e + b * r) + (b * e + c * r) / (w * w))
+
+
+@inlined
+def weight_equation(xx, xy, yy, ux, uy, q, R, trace):
+    """q, rho, b, c and the level; the level is 0 where the reading says nothing."""
+    gx, gy = xx * ux + xy * uy, xy * ux + yy * uy
+    h, t = gx * ux + gy * uy, xx + yy
+    if not h > 0.0:
+        return 1.0, 0.0, 0.0, 0.0, 0.0
+    q = max(q, CERTAIN * (q + R)) / h
+    if not trace:
+        return q, R / h, 0.25, 0.0, q / 2
+    k = max(xx * yy - xy * xy, 0.0) / t * ((ux * ux + uy * uy) / h)
+    return q, R / h, k, k, q * ((gx / t) * (gx / h) + (gy / t) * (gy / h))
+
+
+@inlined
+def weight_root(q, rho, b, c, level):
+    """v in [0, 1 - LEAST]."""
+    rest = level - q * q
+    if not rest > 0.0:
+        return 0.0
+    v = _start_root(q, rho, b, c, rest)
+    for _ in range(STEPS):
+        left, slope = _left_side(q, rho, b, c, v)
+        step = (left - level) / slope
+        if not step > 0.0:
+            break
+        v -= step
+        if step < CLOSE * min(v, 1 - v):
+            break
+    return v
+
+
+@kernel
+def _scalar_weights(P, H, q, R, trace, scalar, weights):
+    for f in range(len(P)):
+        if scalar[f]:
+            part = P[f, 0, 0], P[f, 0, 1], P[f, 1, 1], H[f, 0, 0], H[f, 0, 1], q[f, 0, 0], R[f, 0, 0]
+            weights[f] = 1 - weight_root(*weight_equation(*part, trace))

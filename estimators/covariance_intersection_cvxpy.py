@@ -1,9 +1,8 @@
-"""A cvxpy problem as the solver takes it, canonicalised once: afterwards only its numbers change.
+"""The weights of covariance intersection by cvxpy and Clarabel: cone programs, canonicalised once for each shape.
 
 cvxpy brings a problem into the form  min q'x  s.t.  b - A x in a product of cones.  In a disciplined parametrised
-problem (DPP) the entries of A and b are affine in the parameters theta. So they are read off once, at theta = 0 and at
-each unit vector, and every other theta costs a product with a sparse matrix, and the solver's own time: cvxpy's way
-from a problem to its solver takes twenty times as long as the solver does.
+problem (DPP) the entries of A and b are affine in the parameters theta: they are read off once, at theta = 0 and at
+each unit vector. After that other parameters cost a product with a sparse matrix, and the solver's own time.
 
 Source of DPP: A. Agrawal et al., "Differentiable convex optimization layers", NeurIPS 2019.
 """
@@ -16,7 +15,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.sparse import csc_array, csr_array
 
-from cooploc.estimators.covariance_intersection_kernels import Whitened
 from cooploc.estimators.interface import Array, Indices
 
 
@@ -31,12 +29,12 @@ class Canonical(NamedTuple):
     cones: list[Any]
 
     def numbers(self, theta: Array) -> tuple[Array, Array]:
-        """The entries of A (K, nonzeros) and b (K, l) for parameters theta (K, p)."""
+        """Return the entries of A (K, nonzeros) and b (K, l) for parameters theta (K, p)."""
         both = (self.slope @ theta.T).T + self.fixed
         return both[:, : len(self.rows)], both[:, len(self.rows) :]
 
     def stack(self, K: int) -> "Stack":
-        """The sum of K such problems, one after the other, without their numbers."""
+        """Return the sum of K such problems, one after the other, without their numbers."""
         n, b = len(self.q), len(self.fixed) - len(self.rows)
         copy = np.arange(K)[:, None]
         starts = np.append(self.starts[:-1] + copy * len(self.rows), K * len(self.rows))
@@ -53,26 +51,29 @@ class Stack(NamedTuple):
     A: Any  # (K l, K n)  sparse
     cones: list[Any]
 
-    def solve(self, A: Array, b: Array, settings: Any) -> Array:
+    def solve(self, A: Array, b: Array) -> Array:
         """Return the solver's x (K, n) for the numbers A (K, nonzeros) and b (K, l)."""
         import clarabel
 
         self.A.data = A.ravel()
-        solver = clarabel.DefaultSolver(self.P, self.q, self.A, b.ravel(), self.cones, settings)
+        solver = clarabel.DefaultSolver(self.P, self.q, self.A, b.ravel(), self.cones, _settings())
         return np.reshape(solver.solve().x, (len(A), -1))
 
 
+@lru_cache
+def _settings() -> Any:
+    import clarabel
+
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
+    settings.iterative_refinement_enable = False  # a third of the time, and no more accurate in these coordinates
+    return settings
+
+
 def canonical(problem: Any, theta: Any) -> Canonical:
-    """The canonical form of a cvxpy problem with one parameter, the vector theta.
-
-    Raises:
-        ValueError: the problem is not DPP, or has a quadratic objective: its form is not affine in theta.
-
-    """
+    """Return the canonical form of a DPP with a linear objective and one parameter, the vector theta."""
     from cvxpy.reductions.solvers.conic_solvers.clarabel_conif import dims_to_solver_cones
-
-    if not problem.is_dpp():
-        raise ValueError("the problem is not affine in its parameter; write it by cvxpy's DPP rules")
 
     def form(value: Array) -> tuple[dict[str, Any], Array]:
         theta.value = value
@@ -80,18 +81,15 @@ def canonical(problem: Any, theta: Any) -> Canonical:
         return data, np.append(data["A"].data, data["b"])
 
     data, fixed = form(np.zeros(theta.size))
-    if "P" in data:
-        raise ValueError("the problem has a quadratic objective; write it as a linear one with a cone")
     slope = np.stack([form(unit)[1] - fixed for unit in np.eye(theta.size)], 1)
     return Canonical(
         data["c"], data["A"].indices, data["A"].indptr, fixed, csr_array(slope), dims_to_solver_cones(data["dims"])
     )
 
 
-# The weights of covariance intersection by cvxpy and Clarabel: cone programs, canonicalised once for each shape.
-#
-# One's own weight w and v = 1 - w weigh terms B_0 and n_k B_k, with n_k = v / (sigma_k + (1 - sigma_k) v) at w + v = 1.
-# That is n_k = v + (1 - sigma_k) h_k with the harmonic mean h_k = w v / (sigma_k w + v), and a cone for h_k:
+# The program of one fusion: one's own weight w and v = 1 - w weigh terms B_0 and n_k B_k of the information, with
+# n_k = v / (sigma_k + (1 - sigma_k) v) at w + v = 1. That is n_k = v + (1 - sigma_k) h_k with the harmonic mean
+# h_k = w v / (sigma_k w + v), and a cone for h_k:
 #
 #     x y >= sigma h^2  with  x = w - h,  y = v - sigma h,   that is   ||(2 sqrt(sigma) h, x - y)|| <= x + y.
 #
@@ -109,115 +107,86 @@ def canonical(problem: Any, theta: Any) -> Canonical:
 # never starts from an earlier solution, and lists its fusions in an order that only their values give.
 
 STACK = 128  # fusions in one program, at most: the time of each grows slowly with their number
-TOLERANCE = 1e-10
-SETTINGS = {
-    "verbose": False,
-    "tol_gap_abs": TOLERANCE,
-    "tol_gap_rel": TOLERANCE,
-    "tol_feas": TOLERANCE,
-    "iterative_refinement_enable": False,  # a third of the time, and no more accurate in these coordinates
-}
 
 
-class Shape(NamedTuple):
-    """The shape of a program, whatever its numbers."""
+def solve(B: Array, C: Array, sigma: Array, trace: bool, block: int, groups: Indices) -> Array:
+    """Return one's own weights (K,), for the caller to check; nan where there are none.
 
-    k: int  # numbers of the reading
-    d: int
-    block: int
-    trace: bool
+    Args:
+        B: one's own information, and k terms of rank one (K, 1 + k, d, d), in the whitened coordinates.
+        C: weighs the trace (K, d, d).
+        sigma: of each of the k terms (K, k).
+        trace: the trace is minimised, else the determinant.
+        block: the leading states that the criterion is about.
+        groups: fusions of one group (K,) may be stacked.
 
-    @property
-    def m(self) -> int:
-        """The number of variables c and of their terms."""
-        return 2 + self.k
-
-    @property
-    def cone(self) -> bool:
-        """Return whether it is a second-order cone program."""
-        return self.d == self.block == 2
-
-
-def solve(z: Whitened, groups: Indices) -> Array:
-    """One's own weights (K,), for the caller to check; nan where there are none."""
-    own, others = z.B[:, :1], z.B[:, 1:]
-    B = np.concatenate([own, others.sum(1, keepdims=True), (1 - z.sigma)[..., None, None] * others], 1)
-    shape = Shape(z.sigma.shape[1], B.shape[-1], z.block, z.trace)
-    program, most = _program(shape), STACK if shape.cone else 1
-    A, b = program.numbers(_cone_numbers(B, z) if shape.cone else _matrix_numbers(B, z))
+    """
+    d, k, own, others = B.shape[-1], sigma.shape[1], B[:, :1], B[:, 1:]
+    terms = np.concatenate([own, others.sum(1, keepdims=True), (1 - sigma)[..., None, None] * others], 1)
+    if d == block == 2:
+        program, most, theta = _cone_program(k), STACK, _cone_numbers(terms, C if trace else np.zeros_like(C), trace)
+    else:
+        program, most, theta = _matrix_program(k, d, block, trace), 1, _matrix_numbers(terms, C, block, trace)
+    A, b = program.numbers(np.column_stack([*theta, sigma, np.sqrt(sigma)]))
     x, stack_of = np.full((len(B), len(program.q)), np.nan), cache(program.stack)
-    for rows in _stacks(z, groups, most):
+    order = np.lexsort((*sigma.T, *C.T.reshape(-1, len(C)), *B.T.reshape(-1, len(B)), groups))
+    for rows in _stacks(order, groups, most):
         with suppress(Exception):  # a solver may raise anything; the exact weights are used then
-            x[rows] = stack_of(len(rows)).solve(A[rows], b[rows], _settings())
+            x[rows] = stack_of(len(rows)).solve(A[rows], b[rows])
     with np.errstate(divide="ignore", invalid="ignore"):  # a failed solver's x may be anything
         w: Array = x[:, 0] / (x[:, 0] + x[:, 1])
     return np.clip(w, 0.0, 1.0)
 
 
-def _stacks(z: Whitened, groups: Indices, most: int) -> Iterator[Indices]:
-    """The fusions of one program after another: of one group, at most so many, in the order of their values."""
-    order = np.lexsort((*z.sigma.T, *z.C.T.reshape(-1, len(z.C)), *z.B.T.reshape(-1, len(z.B)), groups))
+def _stacks(order: Indices, groups: Indices, most: int) -> Iterator[Indices]:
+    """Yield the fusions of one program after another: of one group, at most so many."""
     for group in np.split(order, np.flatnonzero(np.diff(groups[order])) + 1):
         yield from (group[i : i + most] for i in range(0, len(group), most))
 
 
-@lru_cache
-def _program(shape: Shape) -> Canonical:
-    """The program of one fusion."""
-    return _cone_program(shape) if shape.cone else _matrix_program(shape)
+def _cone_numbers(B: Array, C: Array, trace: bool) -> tuple[Array, ...]:
+    """Return the parameters of `_cone_program`: B_11 of each term, B_12, B_22, C_11, C_12, C_22, gamma."""
+    C11, C12, C22 = C[:, 0, 0], C[:, 0, 1], C[:, 1, 1]
+    gamma = np.sqrt(np.maximum(C11 * C22 - C12**2, 0.0)) if trace else np.ones(len(C))
+    return B[..., 0, 0], B[..., 0, 1], B[..., 1, 1], C11, C12, C22, gamma
 
 
 @lru_cache
-def _settings() -> Any:
-    import clarabel
-
-    settings = clarabel.DefaultSettings()
-    for name, value in SETTINGS.items():
-        setattr(settings, name, value)
-    return settings
-
-
-def _cone_numbers(B: Array, z: Whitened) -> Array:
-    """The parameters (K, p) of `_cone_program`: B_11 of each term, B_12, B_22, C_11, C_12, C_22, gamma, sigma, root."""
-    C = z.C if z.trace else np.zeros_like(z.C)
-    C11, C12, C22 = entries = C[:, 0, 0], C[:, 0, 1], C[:, 1, 1]
-    gamma = np.sqrt(np.maximum(C11 * C22 - C12**2, 0.0)) if z.trace else np.ones(len(C))
-    return np.column_stack([B[..., 0, 0], B[..., 0, 1], B[..., 1, 1], *entries, gamma, z.sigma, np.sqrt(z.sigma)])
-
-
-def _cone_program(shape: Shape) -> Canonical:
-    """The second-order cone program; d = 2."""
-    cp, m = _cvxpy(), shape.m
-    theta = cp.Parameter(3 * m + 4 + 2 * shape.k)
-    c, constraints = _shares(shape, theta[3 * m + 4 :])
+def _cone_program(k: int) -> Canonical:
+    """The second-order cone program for a reading of k numbers; d = 2."""
+    cp = _cvxpy()
+    m = 2 + k
+    theta = cp.Parameter(3 * m + 4 + 2 * k)
+    c, constraints = _shares(k, theta[3 * m + 4 :])
     X11, X12, X22 = (theta[i * m : (i + 1) * m] @ c - theta[3 * m + i] for i in range(3))
     constraints.append(cp.SOC(X11 + X22, cp.hstack([2 * X12, 2 * theta[3 * m + 3], X11 - X22])))
     return canonical(cp.Problem(cp.Minimize(cp.sum(c[:2])), constraints), theta)
 
 
-def _matrix_numbers(B: Array, z: Whitened) -> Array:
-    """The parameters (K, p) of `_matrix_program`: B's upper triangles less half their diagonals, F, sigma, root."""
+def _matrix_numbers(B: Array, C: Array, block: int, trace: bool) -> tuple[Array, ...]:
+    """Return the parameters of `_matrix_program`: B's upper triangles less half their diagonals, and a root of C."""
     K, d = len(B), B.shape[-1]
     triangles = (B * (1 - np.eye(d) / 2))[(..., *np.triu_indices(d))].reshape(K, -1)
-    scale, axes = np.linalg.eigh(z.C[:, : z.block, : z.block])
+    scale, axes = np.linalg.eigh(C[:, :block, :block])
     F = (axes * np.sqrt(np.maximum(scale, 0.0))[:, None]).reshape(K, -1)
-    return np.column_stack([triangles, *[F] * z.trace, z.sigma, np.sqrt(z.sigma)])
+    return (triangles, F) if trace else (triangles,)
 
 
-def _matrix_program(shape: Shape) -> Canonical:
+@lru_cache
+def _matrix_program(k: int, d: int, block: int, trace: bool) -> Canonical:
     """Any dimension. X is Y, or what a block of it keeps when the other states are marginalised out."""
-    cp, m, d, block = _cvxpy(), shape.m, shape.d, shape.block
-    entries = d * (d + 1) // 2
-    size = m * entries + shape.trace * block**2
-    theta = cp.Parameter(size + 2 * shape.k)
-    c, constraints = _shares(shape, theta[size:])
+    cp = _cvxpy()
+    m, entries = 2 + k, d * (d + 1) // 2
+    size = m * entries + trace * block**2
+    theta = cp.Parameter(size + 2 * k)
+    c, constraints = _shares(k, theta[size:])
     halves = [cp.vec_to_upper_tri(theta[i * entries : (i + 1) * entries]) for i in range(m)]
     X = Y = sum(c[i] * (halves[i] + halves[i].T) for i in range(m))
     if block < d:
         X = cp.Variable((block, block), symmetric=True)
         E = np.eye(d)[:, :block]
         constraints.append(Y - E @ X @ E.T >> 0)
-    if shape.trace:
+    if trace:
         F = cp.reshape(theta[m * entries : size], (block, block), order="C")
         constraints.append(cp.matrix_frac(F, X) <= 1)
     else:
@@ -225,20 +194,20 @@ def _matrix_program(shape: Shape) -> Canonical:
     return canonical(cp.Problem(cp.Minimize(cp.sum(c[:2])), constraints), theta)
 
 
-def _shares(shape: Shape, ratios: Any) -> tuple[Any, list[Any]]:
-    """The variables c (m,), which are w, v, h_1 .. h_k, and their cones; `ratios` (2 k,) are sigma and its root."""
+def _shares(k: int, ratios: Any) -> tuple[Any, list[Any]]:
+    """Return the variables c = (w, v, h_1 .. h_k) and their cones; `ratios` (2 k,) are sigma and its root."""
     cp = _cvxpy()
-    c = cp.Variable(shape.m)
+    c = cp.Variable(2 + k)
     constraints = [c >= 0]
-    for i in range(shape.k):
-        h, sigma, root = c[2 + i], ratios[i], ratios[shape.k + i]
+    for i in range(k):
+        h, sigma, root = c[2 + i], ratios[i], ratios[k + i]
         x, y = c[0] - h, c[1] - sigma * h
         constraints.append(cp.SOC(x + y, cp.hstack([2 * root * h, x - y])))
     return c, constraints
 
 
 def _cvxpy() -> Any:
-    """Imported late, because it takes a second; its atoms are not visible to type checkers."""
+    """Import cvxpy late, because it takes a second; its atoms are not visible to type checkers."""
     import cvxpy
 
     return cvxpy

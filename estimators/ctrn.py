@@ -19,8 +19,7 @@ import numpy as np
 from cooploc.estimators import particles as shared
 from cooploc.estimators import random_numbers
 from cooploc.estimators.compiled import inlined, kernel, readable, wide
-from cooploc.estimators.covariance_intersection import solve_relative
-from cooploc.estimators.covariance_intersection_kernels import PIVOT, weight_equation, weight_root
+from cooploc.estimators.covariance_intersection import PIVOT, solve_relative, weight_equation, weight_root
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, Sensor, World
 from cooploc.estimators.kalman import inflated_update, symmetric
 from cooploc.estimators.models import NEAR, TOO_NEAR_TO_RANGE, LogDistance, Range, wrap_heading
