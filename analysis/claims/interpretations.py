@@ -1,26 +1,26 @@
-"""The readings that a vague paper allows: one choice in every dimension, applied to every method alike.
+"""The interpretations that a vague paper allows: one choice in every dimension, applied to every method alike.
 
-A dimension is a sentence of the paper that can be read in several ways; its first choice is that of the study's preset,
-and one is marked as nearest to the paper's letter. A choice sets parameters of estimators, wherever an estimator has
-them, or of the scenario. All combinations would be thousands, so a design is run: the preset, the letter, every choice
-that differs from either in one dimension alone (main effects), and a covering array of strength two, in which every
-pair of choices of any two dimensions stands in some reading.
+A dimension is a sentence of the paper that can be read in several ways. Its first choice is that of the study's preset,
+and one is marked as nearest to the paper's letter; a choice sets parameters of estimators that have them, or of the
+scenario. Of all combinations a design is run: preset, letter, every choice that differs from either in one dimension
+alone, and a covering array of strength two, in which every pair of choices of any two dimensions stands.
 
 Sources: S. Steegen, F. Tuerlinckx, A. Gelman, W. Vanpaemel, "Increasing transparency through a multiverse analysis",
 Perspectives on Psychological Science 11(5), 2016; D. Cohen et al., "The AETG system: an approach to testing based on
 combinatorial design", IEEE Trans. Software Engineering 23(7), 1997 (the greedy covering array).
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from functools import cache
 from itertools import combinations, product
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, Field, model_validator
+from pydantic import Field, model_validator
 
-from cooploc.analysis.claims.kinds import STRICT, Claim, Labels
+from cooploc.analysis.claims.kinds import Claim, Labels, Strict
 from cooploc.estimators import make, nearest, parse
 from cooploc.estimators.building import RENAMED
 from cooploc.estimators.errors import BadInput
@@ -29,20 +29,16 @@ from cooploc.scenarios import resolve
 CANDIDATES = 20  # rows that the greedy search tries before it takes one
 
 
-class Choice(BaseModel):
-    """One way to read a sentence: parameters that differ from the preset."""
+class Choice(Strict):
+    """A way to read a sentence, as parameters that differ from the preset."""
 
-    model_config = STRICT
-
-    estimators: dict[str, str] = {}  # parameters of every estimator that has them
-    scenarios: dict[str, str] = {}  # parameters of every scenario
+    estimators: Mapping[str, str] = {}  # parameters of every estimator that has them
+    scenarios: Mapping[str, str] = {}  # parameters of every scenario
     settles: Labels = ()  # dimensions that make no difference any more once this is chosen
 
 
-class Dimension(BaseModel):
+class Dimension(Strict):
     """A sentence of the paper that can be read in several ways."""
-
-    model_config = STRICT
 
     says: str  # the sentence, or what it leaves out
     choices: Annotated[dict[str, Choice], Field(min_length=2)]  # the first is the preset's and sets nothing
@@ -79,20 +75,19 @@ def letter(dimensions: Dimensions) -> Interpretation:
     return canonical({name: one.letter for name, one in dimensions.items()}, dimensions)
 
 
-def settled_by(reading: Interpretation, dimensions: Dimensions) -> set[str]:
+def find_settled(reading: Interpretation, dimensions: Dimensions) -> set[str]:
     """Return the dimensions that make no difference because of what is chosen in others."""
     return {name for dimension, choice in reading.items() for name in dimensions[dimension].choices[choice].settles}
 
 
 def canonical(reading: Interpretation, dimensions: Dimensions) -> Interpretation:
-    """Return the reading with the preset's choice wherever the choice makes no difference."""
-    without = settled_by(reading, dimensions)
-    first = preset(dimensions)
-    return {name: first[name] if name in without else choice for name, choice in reading.items()}
+    """Return the interpretation with the preset's choice wherever the choice makes no difference."""
+    settled, first = find_settled(reading, dimensions), preset(dimensions)
+    return {name: first[name] if name in settled else choice for name, choice in reading.items()}
 
 
 def design(dimensions: Dimensions, seed: int = 0) -> list[Interpretation]:
-    """Return the readings that are run, each once: preset, letter, main effects around both, and a covering array."""
+    """Return the interpretations that are run: preset, letter, main effects around both, and a covering array."""
     ends = [preset(dimensions), letter(dimensions)]
     effects = [{**end, name: choice} for end in ends for name, one in dimensions.items() for choice in one.choices]
     rows = [canonical(row, dimensions) for row in (*ends, *effects, *covering(dimensions, seed))]
@@ -100,7 +95,7 @@ def design(dimensions: Dimensions, seed: int = 0) -> list[Interpretation]:
 
 
 def covering(dimensions: Dimensions, seed: int = 0) -> list[Interpretation]:
-    """Return readings in which every possible pair of choices stands at least once; greedy, the same for a seed.
+    """Return interpretations in which every possible pair of choices stands at least once; greedy.
 
     A pair is impossible where one of the two choices settles the other's dimension.
     """
@@ -139,11 +134,11 @@ def _pairs(row: Row, off: Off) -> set[Pair]:
     return set(combinations(sorted((k, x) for k, x in row.items() if k not in without), 2))
 
 
-# ---- labels under a reading
+# ---- labels under an interpretation
 
 
 def estimator(label: str, reading: Interpretation, dimensions: Dimensions) -> str:
-    """Return the label of an estimator under a reading; parameters that it lacks, or has already, are left out.
+    """Return the label of an estimator under an interpretation; parameters that it lacks, or has already, stay out.
 
     Raises:
         BadInput: there is no such estimator, or the value does not fit.
@@ -152,102 +147,74 @@ def estimator(label: str, reading: Interpretation, dimensions: Dimensions) -> st
     name, options = parse(label)
     written = {RENAMED.get(key, key): value for key, value in options.items()}
     wanted = _parameters(reading, dimensions, name, "estimators")
-    changed = {key: value for key, value in wanted if key not in written and _changes(label, key, value)}
+    changed = {key: value for key, value in wanted.items() if key not in written and _changes(label, key, value)}
     return _label(name, {**changed, **written}) if changed else label
 
 
 def scenario(label: str, reading: Interpretation, dimensions: Dimensions) -> str:
-    """Return the label of a scenario under a reading; what the label says already stays."""
+    """Return the label of a scenario under an interpretation; what the label says already stays."""
     path, written = parse(label)
-    wanted = dict(_parameters(reading, dimensions, _family(label), "scenarios"))
-    return _label(path, {**wanted, **written})
+    return _label(path, _parameters(reading, dimensions, path.partition("/")[0], "scenarios") | written)
 
 
 @cache
 def _changes(label: str, key: str, value: str) -> bool:
     """Return whether an estimator has a parameter, and another value of it."""
-    before = make(label)
-    return key in _parameter_names(before) and bool(make(label, **{key: value}) != before)
+    return key in _parameter_names(label) and bool(make(label, **{key: value}) != make(label))
 
 
-def _parameter_names(estimator: Any) -> list[str]:
-    return [each.name for each in fields(estimator) if each.init] if is_dataclass(estimator) else []
+@cache
+def _parameter_names(label: str) -> list[str]:
+    made: Any = make(label)
+    return [each.name for each in fields(made) if each.init] if is_dataclass(made) else []
 
 
 def _label(path: str, options: Mapping[str, str]) -> str:
     return path + (f"[{','.join(f'{key}={options[key]}' for key in sorted(options))}]" if options else "")
 
 
-def _parameters(reading: Interpretation, dimensions: Dimensions, name: str, of: str) -> Iterator[tuple[str, str]]:
-    for dimension, choice in reading.items():
-        if _concerns(dimensions[dimension], name):
-            yield from getattr(dimensions[dimension].choices[choice], of).items()
-
-
-def _concerns(dimension: Dimension, name: str) -> bool:
-    """Return whether a dimension is about an estimator, or about a family of scenarios."""
-    return not dimension.only or name in dimension.only
-
-
-def _family(label: str) -> str:
-    return parse(label)[0].partition("/")[0]
-
-
-# ---- what is wrong with the dimensions of a ledger
+def _parameters(reading: Interpretation, dimensions: Dimensions, name: str, of: str) -> dict[str, str]:
+    """Return the parameters that choices set, `of` "estimators" or "scenarios", for one name or family."""
+    chosen = [(dimensions[dimension], choice) for dimension, choice in reading.items()]
+    parts = [getattr(one.choices[choice], of) for one, choice in chosen if not one.only or name in one.only]
+    return {key: value for part in parts for key, value in part.items()}
 
 
 def find_error(dimensions: Dimensions, claims: Sequence[Claim]) -> str:
     """Return the first thing that is wrong with the dimensions of a ledger, with its place; empty where all is well.
 
-    Args:
-        dimensions: of the ledger.
-        claims: of the ledger, whose estimators and scenarios the dimensions are about.
-
+    Each value of a parameter must fit the estimators and scenarios of the claims; an estimator that is not on this
+    machine is left out.
     """
-    estimators = list(dict.fromkeys(name for claim in claims for name in (*claim.of, *claim.than)))
-    scenarios = list(dict.fromkeys(label for claim in claims for label in claim.scenarios))
-    known = list(dict.fromkeys([*(parse(e)[0] for e in estimators), *(_family(s) for s in scenarios)]))
+    labels = dict.fromkeys(name for claim in claims for name in (*claim.of, *claim.than))
+    estimators = {label: _parameter_names(label) for label in labels if not _refusal(make, label)}
+    scenarios = [re.sub(r"\{([^{}]*)\.\.[^{}]*\}", r"\1", label) for claim in claims for label in claim.scenarios]
+    names = [parse(label)[0].partition("/")[0] for label in (*labels, *scenarios)]
+
+    def is_about(label: str) -> bool:
+        return not one.only or parse(label)[0].partition("/")[0] in one.only
+
     for name, one in dimensions.items():
-        for missing in [each for each in one.only if each not in known]:
-            about = f"only: the claims name no estimator or family of scenarios {missing!r}"
-            return f"dimension {name!r}: {about}; {nearest(missing, known)}"
-        for label, choice in one.choices.items():
-            settled = (_settling_error(name, other, dimensions) for other in choice.settles)
-            wrong = filter(None, (*settled, *_value_errors(one, choice, estimators, scenarios)))
-            for why in wrong:
-                return f"dimension {name!r}: choice {label!r}: {why}"
-    for (a, left), (b, right) in combinations(dimensions.items(), 2):
-        if not (left.only and right.only) or set(left.only) & set(right.only):
-            for kind in ("estimators", "scenarios"):
-                first, second = ({key for c in d.choices.values() for key in getattr(c, kind)} for d in (left, right))
-                for key in sorted(first & second):  # one of the two would win unseen
-                    return f"dimensions {a!r} and {b!r} both set {key!r} of {kind}: leave it to one of them"
+        for missing in set(one.only) - set(names):
+            return f"dimension {name!r}: only: the claims name no {missing!r}; {nearest(missing, names)}"
+        about = {label: parameters for label, parameters in estimators.items() if is_about(label)}
+        known = sorted({key for parameters in about.values() for key in parameters})
+        for choice, sets in one.choices.items():
+            reasons = [
+                f"it settles {other!r}, not another dimension; {nearest(other, list(dimensions))}"
+                for other in sets.settles
+                if other == name or other not in dimensions
+            ]
+            for key, value in sets.estimators.items():
+                fits = {label: _refusal(make, label, **{key: value}) for label in about if key in about[label]}
+                unknown = f"no estimator that it is about has a parameter {key!r}; {nearest(key, known)}"
+                reasons += fits.values() if fits or not about else [unknown]
+            for label in filter(is_about, dict.fromkeys(scenarios) if sets.scenarios else ()):
+                added = {key: value for key, value in sets.scenarios.items() if key not in parse(label)[1]}
+                reasons += [] if _refusal(resolve, label) else [_refusal(resolve, label, **added)]
+            for why in filter(None, reasons):
+                return f"dimension {name!r}: choice {choice!r}: {why}"
     return ""
-
-
-def _settling_error(name: str, other: str, dimensions: Dimensions) -> str:
-    if other == name:
-        return "it cannot settle its own dimension: leave it out of settles"
-    return "" if other in dimensions else f"it settles {other!r}, not a dimension; {nearest(other, list(dimensions))}"
-
-
-def _value_errors(
-    dimension: Dimension, choice: Choice, estimators: Sequence[str], scenarios: Sequence[str]
-) -> Iterator[str]:
-    """Yield parameters that no estimator has, and values that do not fit an estimator or a scenario."""
-    about = [label for label in estimators if _concerns(dimension, parse(label)[0]) and not _refusal(make, label)]
-    names = {label: _parameter_names(make(label)) for label in about}  # without plug-ins of another machine
-    known = sorted({key for each in names.values() for key in each})
-    for key, value in choice.estimators.items():
-        if about and key not in known:
-            yield f"no estimator that it is about has a parameter {key!r}; {nearest(key, known)}"
-        yield from (_refusal(make, label, **{key: value}) for label in about if key in names[label])
-    for label in scenarios if choice.scenarios else ():
-        before, brace, rest = label.partition("{")
-        one = before + rest.partition("..")[0] + rest.partition("}")[2] if brace else label
-        if _concerns(dimension, _family(label)) and not _refusal(resolve, one):
-            stated = parse(label)[1]
-            yield from (_refusal(resolve, one, **{k: v}) for k, v in choice.scenarios.items() if k not in stated)
 
 
 def _refusal(build: Callable[..., Any], label: str, **options: str) -> str:

@@ -1,13 +1,9 @@
 """The kinds of claims: the keys that each takes in a ledger, how a case of it is judged, and its words.
 
 A claim comes down to one number with an interval over trials. Its verdict is the first whose zone of numbers holds the
-whole interval, both ends included; without one it is undecided. Its p is that of the nearer end of its zone, by the
-test that the interval inverts: at most 0.05 where it is decided. The p of an undecided case is that of the zone which
-holds its number.
-
-A change is relative, b/a - 1: negative where the error, or the time, is smaller. Trials of two scenarios are paired by
-their number: pairs are independent of each other whether or not the two of a pair are correlated (scenarios of one seed
-share some of their random numbers), so this is right in either case.
+whole interval, both ends included; without one it is undecided. Its p, by the test that the interval inverts, is that
+of the zone that holds its number. A change is relative, b/a - 1: negative where the error, or the time, is smaller.
+Trials of two scenarios are paired by their number, which is right whether or not the two of a pair are correlated.
 
 To add a kind, write a function from a case to its `Finding` and list it in `KINDS`.
 """
@@ -16,21 +12,23 @@ from collections.abc import Callable, Sequence
 from collections.abc import Set as AbstractSet
 from functools import partial
 from itertools import product
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 from scipy import stats
 
 from cooploc.analysis.claims.trial_table import Missing, TrialTable
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.consistency import LEAST_COVERAGE, OVER_CONFIDENT
+from cooploc.analysis.metrics.curves import sweep
 from cooploc.analysis.metrics.sequential import FIXED, Stopping, trials_to_exclude
 from cooploc.analysis.metrics.statistics import Interval
+from cooploc.estimators import nearest
 from cooploc.estimators.interface import Array
 
 Labels = Annotated[tuple[str, ...], BeforeValidator(lambda given: (given,) if isinstance(given, str) else given)]
-STRICT = ConfigDict(frozen=True, extra="forbid")
+ALWAYS = {"id", "says", "where", "quote", "kind", "open"}  # keys of every kind
 Zones = tuple[tuple[str, float, float], ...]  # verdict, from, to
 PValue = Callable[[float], float]  # two-sided p against a true value
 FALLS: Zones = (("contradicted", 0.0, np.inf), ("supported", -np.inf, 0.0))  # no difference at all contradicts
@@ -38,10 +36,21 @@ GROWS: Zones = (("contradicted", -np.inf, 0.0), ("supported", 0.0, np.inf))
 ALPHA = (1 - statistics.LEVEL) / 2  # one-sided, as an end of the interval
 
 
-class Claim(BaseModel):
-    """One claim of a paper, as a ledger states it; `KINDS` says which keys its kind takes."""
+class Strict(BaseModel):
+    """A table of a ledger's file, which refuses unknown keys by the nearest known one."""
 
-    model_config = STRICT
+    model_config = ConfigDict(frozen=True)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _knows_its_keys(cls, given: Any) -> Any:
+        for key in [key for key in given if key not in cls.model_fields] if isinstance(given, dict) else ():
+            raise ValueError(f"there is no key {key!r}; {nearest(key, list(cls.model_fields))}")
+        return given
+
+
+class Claim(Strict):
+    """A claim of a paper, as a ledger states it; `KINDS` says which keys its kind takes."""
 
     id: str
     says: str  # in our words
@@ -57,6 +66,25 @@ class Claim(BaseModel):
     definitions: Annotated[tuple[Literal["change", "ratio"], ...], Field(min_length=1)] = ("change", "ratio")
     open: tuple[str, ...] = ()  # conditions that the paper leaves open
     why: str = ""  # it cannot be tested
+
+    @model_validator(mode="after")
+    def _fits_its_kind(self) -> "Claim":
+        if self.kind not in KINDS:
+            raise ValueError(f"there is no kind {self.kind!r}; {nearest(self.kind, list(KINDS))}")
+        kind, given, this = KINDS[self.kind], self.model_fields_set, f"kind {self.kind!r}"
+        takes = ", ".join(sorted(kind.needs | kind.may))
+        for key in sorted(kind.needs - given):
+            raise ValueError(f"{this} needs {key!r}: add it")
+        for key in sorted(given - kind.needs - kind.may - ALWAYS):
+            raise ValueError(f"{this} does not use {key!r}; it takes {takes}")
+        if kind.scenarios == "later" and len(self.scenarios) < 2:
+            raise ValueError(f"{this} needs at least 2 scenarios: add some")
+        for label in self.scenarios if kind.scenarios != "all" else ():
+            if "{" in label:
+                raise ValueError(f"{this} takes no range like {label!r}: list the scenarios")
+        if self.kind in RELATIVE and self.size is not None and abs(self.size) <= self.margin:
+            raise ValueError(f"size {self.size} is not beyond margin {self.margin}: make margin smaller")
+        return self
 
 
 class Case(NamedTuple):
@@ -83,26 +111,25 @@ class Finding(NamedTuple):
 # ---- from an interval to a verdict
 
 
-def at_most(limit: float) -> Zones:
+def _zones_up_to(limit: float) -> Zones:
     """Return the zones of a number that is claimed not to be above a limit."""
     return ("supported", -np.inf, limit), ("contradicted", limit, np.inf)
 
 
 def decide(interval: Interval, n: int, zones: Zones, test: PValue) -> Finding:
     """Return the verdict on an interval over n trials, with its p by the test that the interval inverts."""
+
+    def p_of_zone(low: float, high: float) -> float:  # both of its ends must be excluded (Berger 1982)
+        return max((test(end) for end in (low, high) if np.isfinite(end)), default=0.0)
+
     for verdict, low, high in zones:
         if low <= interval.low and interval.high <= high:
-            return Finding(interval, n, verdict, np.nan, _p_of_zone(low, high, test))
+            return Finding(interval, n, verdict, np.nan, p_of_zone(low, high))
     value = interval.value
     around = [(low, high) for _, low, high in zones if low <= value <= high]
     needed = [trials_to_exclude(interval, n, min(value - low, high - value)) for low, high in around]
-    p = np.nan if np.isnan(interval.low) else min(_p_of_zone(low, high, test) for low, high in around)
+    p = np.nan if np.isnan(interval.low) else min(p_of_zone(*ends) for ends in around)
     return Finding(interval, n, "undecided", min((v for v in needed if np.isfinite(v)), default=np.nan), p)
-
-
-def _p_of_zone(low: float, high: float, test: PValue) -> float:
-    """Return p of a zone that holds the number: both of its ends must be excluded (Berger 1982)."""
-    return max((test(end) for end in (low, high) if np.isfinite(end)), default=0.0)
 
 
 def decide_both(first: Finding, second: Finding) -> Finding:
@@ -122,13 +149,8 @@ def decide_all(
 ) -> Finding:
     """Return the verdict on several changes: supported where each is; contradicted where one is, after Holm over all.
 
-    Args:
-        pairs: squared errors (trial, 2) of each case, before and after.
-        labels: scenario and `than` of each case.
-        zones: of each case.
-        p: one-sided p of each case, small where it contradicts the claim.
-        stopping: how the number of trials came about.
-
+    Each case has squared errors (trial, 2) before and after, the labels of its scenario and `than`, and its one-sided
+    p, small where it contradicts the claim.
     """
     found = [
         decide(stopping.change(*case.T), len(case), zones, partial(stopping.p_of_change, *case.T)) for case in pairs
@@ -159,18 +181,18 @@ def decide_all(
 def claimed_size(claim: Claim, definition: str) -> float:
     """Return the size of a claim; one that is a ratio, such as "66 % better" for a/b = 1.66, as the change b/a - 1."""
     size = np.nan if claim.size is None else claim.size
-    return _as_change(size) if definition == "ratio" else size
+    return _size_as_change(size, definition)
 
 
-def _as_change(ratio: float) -> float:
-    return 1 / (1 - ratio) - 1
+def _size_as_change(size: float, definition: str) -> float:
+    return 1 / (1 - size) - 1 if definition == "ratio" else size
 
 
 def _zones_of_size(case: Case, claim: Claim) -> Zones:
     if claim.size is None:
         return FALLS
     least = claim.size - float(np.copysign(claim.margin, claim.size))
-    size, least = claimed_size(claim, case.definition), _as_change(least) if case.definition == "ratio" else least
+    size, least = (_size_as_change(one, case.definition) for one in (claim.size, least))
     if size > 0:
         return ("contradicted", -np.inf, 0.0), ("supported", least, np.inf), ("direction only", 0.0, size)
     return ("contradicted", 0.0, np.inf), ("supported", -np.inf, least), ("direction only", size, 0.0)
@@ -179,8 +201,8 @@ def _zones_of_size(case: Case, claim: Claim) -> Zones:
 def judge_change(case: Case, claim: Claim, table: TrialTable) -> Finding:
     """Judge by how much the RMSE of `of` differs from that of `than`, or from its own in the first scenario.
 
-    Of a size below 0: supported below size + margin; direction only between size and 0; contradicted above 0. Of a size
-    above 0 the mirror image. Without a size: supported below 0; contradicted above.
+    Of a size below 0 (above: the mirror image): supported below size + margin; direction only between size and 0;
+    contradicted above 0. Without a size: supported below 0; contradicted above.
     """
     first, last = case.scenarios[0], case.scenarios[-1]
     a, b = table.mse((first, (case.than or (case.of,))[0]), (last, case.of)).T
@@ -203,8 +225,7 @@ def judge_all(case: Case, claim: Claim, table: TrialTable) -> Finding:
 def judge_same(case: Case, claim: Claim, table: TrialTable) -> Finding:
     """Judge whether from the first scenario to every later one the RMSE changes by less than a factor 1 + margin.
 
-    Supported where all intervals lie within; contradicted where one lies outside after Holm. Each is compared with the
-    first and not with the one before, for small steps may add up. The number is the largest change.
+    Supported where all intervals lie within; contradicted where one lies outside after Holm.
     """
     first, *later = case.scenarios
     if not later:
@@ -225,7 +246,9 @@ def judge_growth(case: Case, claim: Claim, table: TrialTable) -> Finding:
     """
     if len(case.scenarios) < 3:
         raise Missing(f"growth needs three scenarios, the run has {', '.join(case.scenarios)}")
-    x = np.array([table.swept(scenario) for scenario in case.scenarios])
+    x = np.array([sweep(scenario)[2] for scenario in case.scenarios])
+    if not np.isfinite(x).all():
+        raise Missing(f"{case.scenarios[int(np.argmin(np.isfinite(x)))]} sweeps no number")
     values = table.mse(*((scenario, case.of) for scenario in case.scenarios))
     away = x - x.mean()
     slope = table.stopping.log_contrast(values, away / (away**2).sum() / 2)
@@ -249,16 +272,16 @@ def judge_level(case: Case, claim: Claim, table: TrialTable) -> Finding:
     (scenario,) = case.scenarios
     values = table.mse((scenario, case.of))[:, 0]
     rmse = Interval(*(float(np.sqrt(end)) for end in table.stopping.mean_of_positive(values)))
-    return _decide_positive(rmse, len(values), at_most(claim.size or 0.0), table)
+    return _decide_positive(rmse, len(values), _zones_up_to(claim.size or 0.0), table)
 
 
 def judge_time(case: Case, claim: Claim, table: TrialTable) -> Finding:
     """Judge seconds per robot and tick, the mean over parts of the run: supported up to size; contradicted above."""
-    (scenario,) = case.scenarios
-    seconds = table.seconds((scenario, case.of))[:, 0]
+    key = (case.scenarios[0], case.of)
+    seconds = table.seconds(key)[:, 0]
     mean = table.stopping.mean_of_positive(seconds)
-    found = _decide_positive(mean, len(seconds), at_most(claim.size or 0.0), table)
-    return found._replace(needed=found.needed * table.trials((scenario, case.of)) / len(seconds))
+    found = _decide_positive(mean, len(seconds), _zones_up_to(claim.size or 0.0), table)
+    return found._replace(needed=found.needed * len(table.frame(key)) / len(seconds))
 
 
 def judge_consistency(case: Case, claim: Claim, table: TrialTable) -> Finding:
@@ -267,12 +290,12 @@ def judge_consistency(case: Case, claim: Claim, table: TrialTable) -> Finding:
     Supported where both intervals lie within; contradicted where one lies outside after Holm over the two. The number
     is the ANEES; where a few collapsed trials make its interval useless, coverage may decide.
     """
-    (scenario,) = case.scenarios
-    values, inside = table.anees((scenario, case.of)), table.coverage((scenario, case.of))
+    key = (case.scenarios[0], case.of)
+    values, inside = table.anees(key), table.values("coverage95", key)[:, 0]
     if not len(values):
-        raise Missing(f"{case.of} has no covariance in {scenario}")
+        raise Missing(f"{case.of} has no covariance in {case.scenarios[0]}")
     test, mean = table.stopping.p_of_mean, table.stopping.mean_of_positive(values)
-    anees = _decide_positive(mean, len(values), at_most(OVER_CONFIDENT), table)
+    anees = _decide_positive(mean, len(values), _zones_up_to(OVER_CONFIDENT), table)
     covered = table.stopping.mean(inside)
     at_least: Zones = ("supported", LEAST_COVERAGE, np.inf), ("contradicted", -np.inf, LEAST_COVERAGE)
     return decide_both(anees, decide(covered, len(inside), at_least, partial(test, covered, len(inside))))
@@ -284,7 +307,7 @@ def judge_slope(case: Case, claim: Claim, table: TrialTable) -> Finding:
     Supported up to size + margin; contradicted above. Trials are sizes of the team here.
     """
     seconds = [table.seconds((scenario, case.of))[:, 0] for scenario in case.scenarios]
-    x = np.log([table.robots(scenario) for scenario in case.scenarios])
+    x = np.log([table.frame((scenario, case.of))["robots"].iloc[0] for scenario in case.scenarios])
     if len(set(x)) < statistics.LEAST_TRIALS:
         raise Missing(f"a slope needs teams of five sizes, the run has {len(set(x))}")
     fit = stats.linregress(x, np.log([s.mean() for s in seconds]))
@@ -294,7 +317,7 @@ def judge_slope(case: Case, claim: Claim, table: TrialTable) -> Finding:
     def test(value: float) -> float:
         return float(2 * stats.t.sf(abs(fit.slope - value) / fit.stderr, len(x) - 2)) if fit.stderr > 0 else 0.0
 
-    found = decide(interval, len(x), at_most((claim.size or 0.0) + claim.margin), test)
+    found = decide(interval, len(x), _zones_up_to((claim.size or 0.0) + claim.margin), test)
     return found._replace(needed=np.nan)  # more trials add no sizes
 
 
@@ -304,12 +327,13 @@ def judge_cost(case: Case, claim: Claim, table: TrialTable) -> Finding:
     Here a trial is not the unit but a part of the run, the trials whose time was taken together.
     """
     (scenario,), (than,) = case.scenarios, case.than
-    logs = np.log(table.seconds((scenario, case.of), (scenario, than)))
+    key = (scenario, case.of)
+    logs = np.log(table.seconds(key, (scenario, than)))
     interval = table.stopping.mean(logs[:, 0] - logs[:, 1])
     test = partial(table.stopping.p_of_mean, interval, len(logs))
     change = Interval(*(float(np.expm1(end)) for end in interval))
     found = decide(change, len(logs), _zones_of_size(case, claim), lambda value: test(float(np.log1p(value))))
-    return found._replace(needed=found.needed * table.trials((scenario, case.of)) / len(logs))
+    return found._replace(needed=found.needed * len(table.frame(key)) / len(logs))
 
 
 def _decide_log(logs: Interval, n: int, zones: Zones, table: TrialTable) -> Finding:

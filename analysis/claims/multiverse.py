@@ -1,16 +1,13 @@
-"""A ledger judged over the readings that its paper allows: for every claim not one verdict but a map of them.
+"""A ledger judged over the interpretations that its paper allows: for every claim a map of verdicts instead of one.
 
-A *specification* of a claim is one of its cases (estimators, scenario, definition of the size) in one reading. Readings
-that differ only in what does not touch the case's estimators and scenarios are one specification, counted once. What is
-said of a claim is how many of its specifications support it, and which choices these have in common.
-
-`python -m cooploc.analysis.claims.multiverse` writes the study that runs every reading of the shipped ledger.
+A *specification* of a claim is one of its cases (estimators, scenario, definition of the size) in one interpretation.
+Interpretations that differ only in what does not touch the case are one specification, counted once.
 
 Sources: U. Simonsohn, J. Simmons, L. Nelson, "Specification curve analysis", Nature Human Behaviour 4, 2020;
 S. Steegen et al., "Increasing transparency through a multiverse analysis", 2016.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import pandas as pd
@@ -18,7 +15,7 @@ import pandas as pd
 from cooploc.analysis.claims import interpretations
 from cooploc.analysis.claims.interpretations import Dimensions, Interpretation
 from cooploc.analysis.claims.kinds import KINDS, Case, cases, definitions
-from cooploc.analysis.claims.ledger import Ledger, load
+from cooploc.analysis.claims.ledger import Ledger
 from cooploc.analysis.claims.trial_table import collect
 from cooploc.analysis.claims.verdicts import COLUMNS, JUDGED, judge_claim, tally
 from cooploc.analysis.metrics.errors import demand_same_streams
@@ -36,19 +33,18 @@ SHOWN = [name for name in COLUMNS if name not in OF_LEDGERS] + list(ADDED)
 
 
 class Specification(NamedTuple):
-    """A case in one reading, and all readings that come down to the same."""
+    """A case in one interpretation, and all that come down to the same."""
 
     case: Case
     choices: dict[str, str]  # dimension -> choice; empty where it makes no difference
-    readings: list[int]  # their numbers in the design
+    readings: list[int]  # numbers of interpretations in the design
 
 
 def judge(ledger: Ledger, rows: pd.DataFrame, stopping: Stopping = FIXED) -> pd.DataFrame:
     """Return one row per claim and specification that was run.
 
     Columns are those of `verdicts.judge` without those of `OF_LEDGERS`; those of `ADDED`; and one for every dimension,
-    with the choice, or empty where no choice in it makes a difference to this specification. Estimators and scenarios
-    are called as in the ledger.
+    with the choice, or empty where it makes no difference. Estimators and scenarios are called as in the ledger.
 
     Args:
         ledger: from `load`, with dimensions.
@@ -67,10 +63,10 @@ def judge(ledger: Ledger, rows: pd.DataFrame, stopping: Stopping = FIXED) -> pd.
     preset, letter = (design.index(end(dimensions)) for end in (interpretations.preset, interpretations.letter))
     out: list[dict[str, Any]] = []
     for claim in ledger.claims:
-        one_by_one = cases(claim) if KINDS[claim.kind].judge else []
-        for case in [one._replace(definition=name) for one in one_by_one for name in definitions(claim)]:
-            asked = specifications(case, design, dimensions)
-            for one, row in zip(asked, judge_claim(claim, table, [one.case for one in asked]), strict=True):
+        asked = cases(claim) if KINDS[claim.kind].judge else []
+        for case in [one._replace(definition=name) for one in asked for name in definitions(claim)]:
+            for one in specifications(case, design, dimensions):
+                (row,) = judge_claim(claim, table, [one.case])
                 if row["verdict"] in JUDGED:
                     ends = {"letter": letter in one.readings, "preset": preset in one.readings}
                     named = _name_as_ledger(row, case, one.case)
@@ -84,7 +80,7 @@ def dimensions_of(found: pd.DataFrame) -> list[str]:
 
 
 def specifications(case: Case, design: Sequence[Interpretation], dimensions: Dimensions) -> list[Specification]:
-    """Return the case in every reading; readings of the same estimators and scenarios are one specification."""
+    """Return the specifications of a case over the interpretations of a design."""
     preset = interpretations.preset(dimensions)
     matters = {
         name
@@ -93,7 +89,7 @@ def specifications(case: Case, design: Sequence[Interpretation], dimensions: Dim
     }
     found: dict[Case, Specification] = {}
     for number, reading in enumerate(design):
-        shown = matters - interpretations.settled_by(reading, dimensions)
+        shown = matters - interpretations.find_settled(reading, dimensions)
         choices = {name: choice if name in shown else "" for name, choice in reading.items()}
         read = substitute(case, reading, dimensions)
         found.setdefault(read, Specification(read, choices, [])).readings.append(number)
@@ -101,7 +97,7 @@ def specifications(case: Case, design: Sequence[Interpretation], dimensions: Dim
 
 
 def substitute(case: Case, reading: Interpretation, dimensions: Dimensions) -> Case:
-    """Return the case under a reading, in every estimator and scenario alike."""
+    """Return the case under an interpretation, in every estimator and scenario alike."""
     return case._replace(
         of=interpretations.estimator(case.of, reading, dimensions),
         than=tuple(interpretations.estimator(label, reading, dimensions) for label in case.than),
@@ -110,7 +106,7 @@ def substitute(case: Case, reading: Interpretation, dimensions: Dimensions) -> C
 
 
 def _name_as_ledger(row: dict[str, Any], case: Case, read: Case) -> dict[str, str]:
-    """Return estimators and scenarios of a row by the ledger's labels, which are the same in every reading."""
+    """Return estimators and scenarios of a row by the ledger's labels."""
     than = dict(zip((*read.than, ", ".join(read.than)), (*case.than, ", ".join(case.than)), strict=True))
     kept = {key for label in case.scenarios for key in parse(label)[1]}
     where = []
@@ -150,12 +146,7 @@ def shares(found: pd.DataFrame) -> pd.DataFrame:
 
 
 def sentences(found: pd.DataFrame) -> dict[str, str]:
-    """Return in how many readings each claim holds that was run in more than the preset's.
-
-    Args:
-        found: from `judge`.
-
-    """
+    """Return in how many specifications each claim holds that was run in more than the preset's."""
     beyond = set(found.loc[~found["preset"].astype(bool), "claim"])
     rows = shares(found[found["claim"].isin(beyond)]).to_dict("records")
     return {row["claim"]: f"{row['sentence']} (cl.readings)" for row in rows}
@@ -174,7 +165,7 @@ class Condition(NamedTuple):
     choices: tuple[str, ...]
     without: tuple[str, ...] = ()  # the choices that others have
 
-    def met(self, part: pd.DataFrame) -> "pd.Series[bool]":
+    def is_met(self, part: pd.DataFrame) -> "pd.Series[bool]":
         """Return where it is met; one that makes no difference to a specification does not exclude it."""
         return part[self.name].isin((*self.choices, ""))
 
@@ -186,13 +177,7 @@ class Condition(NamedTuple):
 
 
 def shared_assumptions(part: pd.DataFrame, dimensions: list[str]) -> str:
-    """Return in how many specifications a claim holds, and which choices these have in common, or all others.
-
-    Args:
-        part: specifications of one claim, from `judge`.
-        dimensions: the columns of choices to be named.
-
-    """
+    """Return in how many specifications of a claim it holds, and which choices these, or all others, have in common."""
     holds = part["verdict"] == "supported"
     n, k = len(part), int(holds.sum())
     if k == n:
@@ -207,7 +192,7 @@ def shared_assumptions(part: pd.DataFrame, dimensions: list[str]) -> str:
     found = conditions(part, chosen, names)
     if not found:
         return f"holds in {k} of {n} specifications{_most_often(part, names)}"
-    met = int(pd.concat([one.met(part) for one in found], axis=1).all(axis=1).sum())
+    met = int(pd.concat([one.is_met(part) for one in found], axis=1).all(axis=1).sum())
     more = f" ({int(chosen.sum())} of {met} such)" if met > chosen.sum() else ""
     return f"holds in {k} of {n} specifications: {who} {' and '.join(map(str, found))}{more}"
 
@@ -221,12 +206,12 @@ def conditions(part: pd.DataFrame, chosen: "pd.Series[bool]", names: list[str]) 
         choices = tuple(dict.fromkeys(part.loc[chosen, name]))
         each.append(Condition(name, choices, tuple(x for x in dict.fromkeys(part[name]) if x and x not in choices)))
     for _ in range(MOST):
-        excluded = {one: int((~one.met(others)).sum()) for one in each if "" not in one.choices}
+        excluded = {one: int((~one.is_met(others)).sum()) for one in each if "" not in one.choices}
         best = max(excluded, key=lambda one: excluded[one], default=None)
         if best is None or not excluded[best] > LEAST * len(others):
             break
         found.append(best)
-        others = others[best.met(others)]
+        others = others[best.is_met(others)]
     return found
 
 
@@ -238,41 +223,3 @@ def _most_often(part: pd.DataFrame, names: list[str]) -> str:
     if best.mean() < holds.mean() + LEAST:
         return ", whatever is chosen"
     return f"; most often {Condition(name, (choice,))} ({best.sum():.0f} of {len(best)})"
-
-
-# ---- the study that runs every reading of a ledger
-
-SCENARIOS = (
-    *("robots-1-3/n=2", "robots-1-3/n=3", "scalability/n=1", "scalability/n=11", "nlos", "nlos/bias=0.5"),
-    *("packet-drop/drop=0", "packet-drop/drop=0.7", "arena-60m/sd=0.5", "arena-60m/sd=1.8", "arena-60m/sd=5"),
-)
-ESTIMATORS = ("arl", "mrsl-rssi", "mrsl-distance", "ctrn[weights=exact]")
-STUDY_HEAD = """# Written by `python -m cooploc.analysis.claims.multiverse`; a test compares it with the ledger.
-about = "Every reading of the paper that is run: {count}, each applied to every method alike"
-minutes = 35
-trials = 50
-"""
-
-
-def readings_study(ledger: Ledger) -> str:
-    """Return the text of the study: for each reading its scenarios and estimators; what two readings share is once."""
-    design, dimensions = interpretations.design(ledger.dimensions), ledger.dimensions
-    wanted: dict[str, dict[str, None]] = {}
-    for reading in design:
-        labels = [interpretations.estimator(label, reading, dimensions) for label in ESTIMATORS]
-        for scenario in SCENARIOS:
-            where = interpretations.scenario(scenario, reading, dimensions)
-            wanted.setdefault(where, {}).update(dict.fromkeys(labels))
-    alike: dict[tuple[str, ...], list[str]] = {}
-    for where, names in wanted.items():
-        alike.setdefault(tuple(names), []).append(where)
-    blocks = [f"scenarios = {_toml_list(where)}\nestimators = {_toml_list(names)}\n" for names, where in alike.items()]
-    return STUDY_HEAD.format(count=len(design)) + "\n[[also]]\n".join(blocks)
-
-
-def _toml_list(labels: Iterable[str]) -> str:
-    return "[\n" + "".join(f'    "{label}",\n' for label in labels) + "]"
-
-
-if __name__ == "__main__":
-    print(readings_study(load()), end="")

@@ -1,4 +1,4 @@
-"""A run's trials by scenario and estimator, one line each: the numbers that verdicts are computed from."""
+"""A run's trials by scenario and estimator, a row each: the numbers that verdicts are computed from."""
 
 import re
 from collections import Counter
@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from cooploc.analysis.metrics.curves import sweep
-from cooploc.analysis.metrics.errors import drop_failed, weighted_means
+from cooploc.analysis.metrics.errors import TRIAL, drop_failed, trial_means
 from cooploc.analysis.metrics.ranking import is_refused
 from cooploc.analysis.metrics.sequential import FIXED, Stopping
 from cooploc.estimators import nearest, parse
@@ -28,61 +28,51 @@ class Missing(Exception):
 class TrialTable(NamedTuple):
     """Trials that succeeded, by canonical labels of scenario and estimator. Methods take labels in any spelling."""
 
-    frames: dict[Key, pd.DataFrame]  # mse, anees, coverage95, seconds, robots; index: trial
+    frames: dict[Key, pd.DataFrame]  # of `trial_means`; index: trial
     failures: Mapping[Key, int]  # trials that failed, an error that is not finite among them
-    centralised: set[str]  # estimators whose readings all reach one computer
+    centralised: AbstractSet[str]  # estimators whose readings all reach one computer
     refused: AbstractSet[str] = frozenset()  # estimators that failed a check
     stopping: Stopping = FIXED  # how the number of trials came about, which intervals and tests depend on
 
+    def frame(self, key: Key) -> pd.DataFrame:
+        """Return the trials of an estimator in a scenario that succeeded, a row each."""
+        frame = self.frames.get(_canonical(key))
+        if frame is None:
+            here = [name for scenario, name in self.frames if scenario == canonical(key[0])]
+            raise Missing(f"no rows of {key[1]} in {key[0]}" + (f"; {nearest(key[1], here)}" if here else ""))
+        return frame
+
+    def values(self, column: str, *keys: Key) -> Array:
+        """Return a number (trial, key) of the trials that have it in all keys, such as `mse` [m^2]."""
+        columns = [self.frame(key)[column] for key in keys]
+        if not all(c.index.equals(columns[0].index) for c in columns):  # joining takes time, and is seldom needed
+            columns = [c for _, c in pd.concat(columns, axis=1, join="inner", keys=range(len(keys))).items()]
+        values: Array = np.stack([c.to_numpy(float) for c in columns], 1)
+        complete: Array = values[np.isfinite(values).all(1)]
+        return complete
+
     def mse(self, *keys: Key) -> Array:
         """Return mean squared errors (trial, key) [m^2] of the trials that succeeded in all keys."""
-        return self._common("mse", keys)
-
-    def errors(self, scenario: str, names: list[str]) -> pd.DataFrame:
-        """Return mean squared errors [m^2], a row per trial, a column per estimator; nan where it has no such trial."""
-        return pd.DataFrame({name: self._frame((scenario, name))["mse"] for name in names})
+        return self.values("mse", *keys)
 
     def seconds(self, *keys: Key) -> Array:
         """Return seconds per robot and tick (part, key): trials whose time was taken together share one value."""
-        seconds = self._common("seconds", keys)
+        seconds = self.values("seconds", *keys)
         if not len(seconds):
             raise Missing(f"no times of {', '.join(name for _, name in keys)} in {keys[0][0]}")
         return np.unique(seconds, axis=0)
 
     def anees(self, key: Key) -> Array:
         """Return ANEES (trial,), of trials that have one."""
-        return self._frame(key)["anees"].dropna().to_numpy(float)
+        return self.frame(key)["anees"].dropna().to_numpy(float)
 
-    def coverage(self, key: Key) -> Array:
-        """Return the share of truths in the 95 % ellipse (trial,), of trials that have one."""
-        return self._frame(key)["coverage95"].dropna().to_numpy(float)
+    def errors(self, scenario: str, names: list[str]) -> pd.DataFrame:
+        """Return mean squared errors [m^2], a row per trial, a column per estimator; nan where it has no such trial."""
+        return pd.DataFrame({name: self.frame((scenario, name))["mse"] for name in names})
 
     def failed(self, key: Key) -> int:
         """Return the number of trials that failed."""
         return self.failures.get(_canonical(key), 0)
-
-    def is_centralised(self, estimator: str) -> bool:
-        """Return whether all readings of an estimator reach one computer."""
-        return canonical(estimator) in self.centralised
-
-    def is_refused(self, estimator: str) -> bool:
-        """Return whether an estimator failed a check."""
-        return canonical(estimator) in self.refused
-
-    def trials(self, key: Key) -> int:
-        """Return the number of trials that succeeded."""
-        return len(self._frame(key))
-
-    def robots(self, scenario: str) -> int:
-        """Return the number of robots in the team."""
-        return next(int(f["robots"].iloc[0]) for (s, _), f in self.frames.items() if s == canonical(scenario))
-
-    def swept(self, scenario: str) -> float:
-        """Return the value that the scenario's label sweeps."""
-        value = sweep(scenario)[2]
-        if not np.isfinite(value):
-            raise Missing(f"{scenario} sweeps no number")
-        return value
 
     def matching(self, label: str) -> list[str]:
         """Return the scenario of a label, or those of the run that `family/n={3..99}` stands for, by their value."""
@@ -99,33 +89,13 @@ class TrialTable(NamedTuple):
             raise Missing(f"no rows of {'any ' if found else ''}scenario {label}")
         return inside
 
-    def _frame(self, key: Key) -> pd.DataFrame:
-        frame = self.frames.get(_canonical(key))
-        if frame is None:
-            here = [name for scenario, name in self.frames if scenario == canonical(key[0])]
-            raise Missing(f"no rows of {key[1]} in {key[0]}" + (f"; {nearest(key[1], here)}" if here else ""))
-        return frame
-
-    def _common(self, column: str, keys: tuple[Key, ...]) -> Array:
-        """Return (trial, key) of the trials that have the column in all keys."""
-        columns = [self._frame(key)[column] for key in keys]
-        if not all(c.index.equals(columns[0].index) for c in columns):  # joining takes time, and is seldom needed
-            columns = [c for _, c in pd.concat(columns, axis=1, join="inner", keys=range(len(keys))).items()]
-        values: Array = np.stack([c.to_numpy(float) for c in columns], 1)
-        complete: Array = values[np.isfinite(values).all(1)]
-        return complete
-
 
 def collect(rows: pd.DataFrame, stopping: Stopping = FIXED) -> TrialTable:
     """Return the table of the rows of a run or of `errors`."""
     rows = rows.reset_index(drop=True)
-    keys, ended = ["scenario", "estimator", "trial"], drop_failed(rows)
-    trials = weighted_means(ended, keys, ["mse", "anees", "coverage95"])
-    trials[["seconds", "robots"]] = ended.groupby(keys, sort=False)[["seconds", "robots"]].first()
-    parts = trials.groupby(level=["scenario", "estimator"], sort=False)
-    frames = {_canonical((str(s), str(e))): part.droplevel([0, 1]) for (s, e), part in parts}
-    once = rows[~rows.index.isin(ended.index)].drop_duplicates(keys)
-    failures = Counter(map(_canonical, zip(once["scenario"], once["estimator"], strict=True)))
+    frames = {_canonical(cell): part for cell, part in trial_means(rows).items() if len(part)}
+    lost = rows[~rows.index.isin(drop_failed(rows).index)].drop_duplicates(TRIAL)
+    failures = Counter(map(_canonical, zip(lost["scenario"], lost["estimator"], strict=True)))
     lines = rows["certificate"] if "certificate" in rows else pd.Series("", rows.index)
     failing = lines.isin([line for line in lines.dropna().unique() if is_refused(line)])
     central, refused = (

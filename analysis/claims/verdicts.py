@@ -1,56 +1,35 @@
 """Verdicts on a ledger's claims, computed from the rows of a run and never written by hand.
 
-A claim comes down to one number with its 95 % interval over trials, and each verdict to a zone of numbers, which
-`kinds` gives for every kind of claim. A verdict holds where its zone holds the whole interval, so that each one, taken
-alone, is wrong in one of twenty repetitions where the truth is at the zone's edge, and less often elsewhere (measured
-in `reports/statistics.md`):
+A claim comes down to one number with its 95 % interval over trials, and each verdict to a zone of numbers (`kinds`). A
+verdict holds where its zone holds the whole interval, so that taken alone it is false in at most one of twenty
+repetitions (measured in `reports/statistics.md`):
 
 - *supported*: the claim's direction, and its size up to its margin;
 - *direction only*: the direction, but less than the size;
 - *flat*: of a claimed growth, a change over the whole sweep that is smaller than the claim's margin;
 - *contradicted*: the other direction, or no difference at all;
-- *undecided*: the interval reaches into several zones, or there is none. `needed` is the number of trials that would
-  decide in 4 of 5 repetitions if the number stays as it is.
-
-*not testable* says why, *not run* what is missing.
+- *undecided*: the interval reaches into several zones, or there is none;
+- *not testable* says why, *not run* what is missing.
 
 No estimator gains by failing. Where one of a case failed in a trial (an error that is not finite is a failure, too) or
-failed a check, the case is not supported, not in part either, and contradicted only where the one that this favours did
-not fail; it is undecided then, with a p of 1.
+failed a check, the case is undecided, with a p of 1, unless it is contradicted in favour of one that did not fail.
 
-A ledger asks many questions at once, so that some verdicts are wrong by chance. `p` is the p-value of a verdict, by the
-test that its interval inverts: at most 0.05 where it is decided. `p_holm` is adjusted over all cases that were judged,
-in all variants, and a verdict *stands* where it is at most 0.05 still: the chance that any standing verdict is false is
-5 % at most (Holm 1979). `family_of` counts them, and says how many of the decided ones are expected to be false.
+`p_holm` is adjusted over all cases that were judged, in all variants; a verdict *stands* where it is at most 0.05
+still: the chance that any standing verdict is false is 5 % at most (Holm 1979).
 
-A size that the paper's words leave open, such as "66 % more accurate", is judged once, by the definition that the
-column `definition` names; `otherwise` says what the same interval means by the other one, which is another reading of
-the paper: it is counted in the map over readings (`multiverse`), and not here.
-
-In a run that stops when its questions are decided, verdicts come from confidence sequences (`sequential.ANYTIME`), and
-each case keeps the verdict of its first look: taken alone, each is false in at most one of twenty runs, whatever look
-it was reached at. Claims about computing time are judged as well, and never make a run go on: a clock does not repeat
-itself.
+A size that can be defined in two ways is judged by the first; `otherwise` says what the interval means by the other. In
+a run that stops when its questions are decided, verdicts come from confidence sequences (`sequential.ANYTIME`), each
+case keeps that of the look which decided it, and claims about computing time never make the run go on.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from cooploc.analysis.claims.kinds import (
-    KINDS,
-    RELATIVE,
-    TIMED,
-    Case,
-    Claim,
-    Finding,
-    cases,
-    claimed_size,
-    definitions,
-)
+from cooploc.analysis.claims.kinds import KINDS, RELATIVE, TIMED, Case, Claim, Finding, cases, claimed_size, definitions
 from cooploc.analysis.claims.ledger import Ledger, variants
 from cooploc.analysis.claims.trial_table import Missing, TrialTable, canonical, collect
 from cooploc.analysis.formats import change, counted, interval, ratio
@@ -151,10 +130,8 @@ def judge_claim(claim: Claim, table: TrialTable, asked: Iterable[Case] | None = 
     out = []
     for case in cases(claim):
         first, *others = (_judge_case(case._replace(definition=d), claim, table) for d in definitions(claim))
-        said = (
-            f"as a {row['definition']} ({change(row['size'])}): {row['verdict']}" if row["verdict"] in JUDGED else ""
-            for row in others
-        )
+        others = [row for row in others if row["verdict"] in JUDGED]
+        said = [f"as a {row['definition']} ({change(row['size'])}): {row['verdict']}" for row in others]
         out.append({**about, **first, "otherwise": "; ".join(said)})
     return out
 
@@ -185,12 +162,14 @@ def _judge_case(case: Case, claim: Claim, table: TrialTable) -> dict[str, Any]:
 
 def _undecide_failures(case: Case, claim: Claim, table: TrialTable, found: Finding) -> tuple[Finding, list[str]]:
     """Return the finding, undecided where failures stand behind it, and why."""
-    names = dict.fromkeys((case.of, *case.than))
-    lost = [n for n in names if table.is_refused(n) or any(table.failed((s, n)) for s in case.scenarios)]
+    lost = [
+        name
+        for name in dict.fromkeys((case.of, *case.than))
+        if canonical(name) in table.refused or any(table.failed((s, name)) for s in case.scenarios)
+    ]
     upwards = claim.size is not None and claim.size > 0 and claim.kind in RELATIVE
-    favoured = {case.of} if upwards else set(case.than)  # by a contradiction
-    if found.verdict == "contradicted":
-        lost = [name for name in lost if name in favoured]
+    if found.verdict == "contradicted":  # which favours some
+        lost = [name for name in lost if name in ({case.of} if upwards else case.than)]
     if not lost or found.verdict not in DECIDED:
         return found, []
     why = [f"{WOULD_BE}{found.verdict}, but {' and '.join(lost)} failed"]
@@ -216,22 +195,23 @@ def _about_estimators(case: Case, table: TrialTable) -> list[str]:
     out = []
     for name in dict.fromkeys((case.of, *case.than)):
         keys = [(scenario, name) for scenario in case.scenarios]
-        flags = [_flag(table, key) for key in keys]
+        flags = []
+        for key in keys:
+            anees, coverage = table.anees(key), table.values("coverage95", key)[:, 0]
+            flags.append(flag(len(anees), statistics.mean_of_positive(anees), statistics.mean(coverage)))
         counts = {word: flags.count(word) for word in ("over-confident", "over-wide", "conservative")}
         out += [f"{name} {word}" + (len(keys) > 1) * f" in {k} of {len(keys)}" for word, k in counts.items() if k]
         failed = sum(table.failed(key) for key in keys)
-        out += [f"{counted(failed, 'trial')} of {name} failed"] if failed else []
-        out += [f"{name} failed a check"] if table.is_refused(name) else []
         far = int(sum(mark_outliers(table.mse(key)[:, 0]).sum() for key in keys))
         errs = f"{'errs' if far == 1 else 'err'} {FAR:g} times as much as the median one: intervals are too narrow"
-        out += [f"{counted(far, 'trial')} of {name} {errs}"] if far else []
-        out += [f"{name} is centralised"] if table.is_centralised(name) else []
+        remarks = {
+            f"{counted(failed, 'trial')} of {name} failed": failed > 0,
+            f"{name} failed a check": canonical(name) in table.refused,
+            f"{counted(far, 'trial')} of {name} {errs}": far > 0,
+            f"{name} is centralised": canonical(name) in table.centralised,
+        }
+        out += [remark for remark, holds in remarks.items() if holds]
     return out
-
-
-def _flag(table: TrialTable, key: tuple[str, str]) -> str:
-    anees, coverage = table.anees(key), table.coverage(key)
-    return flag(len(anees), statistics.mean_of_positive(anees), statistics.mean(coverage))
 
 
 # ---- a run that stops when its questions are decided
@@ -239,9 +219,7 @@ def _flag(table: TrialTable, key: tuple[str, str]) -> str:
 
 def judge_run(ledger: Ledger, rows: pd.DataFrame, at: Sequence[int]) -> pd.DataFrame:
     """Return the verdicts on a run: after all of these looks, or at the end where there were none."""
-    if not at:
-        return judge(ledger, rows)
-    found = None
+    found = None if at else judge(ledger, rows)
     for n in at:
         found = judge_at_look(ledger, rows, n, found)
     assert found is not None
@@ -249,18 +227,7 @@ def judge_run(ledger: Ledger, rows: pd.DataFrame, at: Sequence[int]) -> pd.DataF
 
 
 def judge_at_look(ledger: Ledger, rows: pd.DataFrame, n: int, before: pd.DataFrame | None = None) -> pd.DataFrame:
-    """Return the verdicts of `judge` over the trials below n, with `look`; what was decided before stays.
-
-    Args:
-        ledger: from `load`.
-        rows: of a run.
-        n: trials of this look.
-        before: the verdicts at the look before.
-
-    Raises:
-        BadInput: estimators of one scenario ran on different streams.
-
-    """
+    """Return the verdicts of `judge` over the trials below n, with `look`; what was decided `before` stays."""
     now = judge(ledger, rows[rows["trial"] < n], ANYTIME)
     now["look"] = now["verdict"].isin(JUDGED) * n
     if before is None:
@@ -279,26 +246,16 @@ def open_cells(ledger: Ledger, rows: pd.DataFrame, found: pd.DataFrame) -> set[t
     """Return the (scenario, estimator) whose further trials may decide a claim, by their labels in the run."""
     table = collect(rows)
     pairs = rows[["scenario", "estimator"]].drop_duplicates().itertuples(index=False)
-    called = {(canonical(s), canonical(e)): (str(s), str(e)) for s, e in pairs}
+    names = {(canonical(s), canonical(e)): (str(s), str(e)) for s, e in pairs}
     still = found["verdict"].eq("undecided") & ~found["remark"].fillna("").str.startswith(WOULD_BE)
     going = still & found.index.isin(lasting(ledger, found).index)
-    asked = [case for case, is_open in zip(_questions(ledger), going, strict=True) if is_open and case]
-    return {called[cell] for case in asked for cell in _cells(case, table)}
-
-
-def _questions(ledger: Ledger) -> Iterator[Case | None]:
-    """Yield the cases in the order of the rows of `judge`; None for a claim that cannot be tested."""
-    for claim in ledger.claims:
-        for _, read in variants(claim, ledger):
-            yield from cases(read) if KINDS[claim.kind].judge else [None]
-
-
-def _cells(case: Case, table: TrialTable) -> list[tuple[str, str]]:
-    try:
+    judged = [one for claim in ledger.claims for _, one in variants(claim, ledger)]
+    asked = [case for one in judged for case in (cases(one) if KINDS[one.kind].judge else [None])]  # as rows of `judge`
+    out = set()
+    for case in (case for case, is_open in zip(asked, going, strict=True) if is_open and case):
         scenarios = [s for label in case.scenarios for s in table.matching(label)]
-    except Missing:
-        return []
-    return [(canonical(s), canonical(e)) for s, e in product(scenarios, (case.of, *case.than))]
+        out |= {names[canonical(s), canonical(e)] for s, e in product(scenarios, (case.of, *case.than))}
+    return out
 
 
 # ---- the verdicts as a family of tests
@@ -326,9 +283,7 @@ class Family(NamedTuple):
 def family_of(verdicts: pd.DataFrame) -> Family:
     """Count how many verdicts of `judge` are decided, stand after correction over all, and are expected to be false.
 
-    At 5 % a case, 5 % of the judged ones are decided wrongly where every truth lies at the edge of its zone, and fewer
-    elsewhere; where a truth lies far from the edge, a false verdict is next to impossible. A case that several variants
-    share counts once.
+    A case that several variants share counts once.
     """
     verdicts = verdicts[first_of_case(verdicts)]
     p = verdicts["p"].to_numpy(float)
@@ -362,10 +317,7 @@ def verdict_sentence(row: "pd.Series[Any]") -> str:
 
 
 def span_text(part: pd.DataFrame) -> tuple[str, str]:
-    """Return the size that is claimed, and the numbers found in the cases of one claim, from the least to the largest.
-
-    Of a single case its interval is given.
-    """
+    """Return the size that a claim names, and the least and the largest number found; of one case, its interval."""
     part = part[part["value"].notna()]
     if part.empty:
         return "", ""
