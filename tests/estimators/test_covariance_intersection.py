@@ -325,13 +325,13 @@ def test_the_weight_of_one_number_has_no_shortfall(seed, d, family, criterion):
     found = solve_relative(P, P_j, H, H_j, R, criterion, "exact")
     empty = [np.concatenate([a, 0 * a], 1) for a in (H, H_j)]
     general = solve_relative(P, P_j, *empty, R * np.eye(2), criterion, "exact").w
-    tolerance = 1e-4 if family in (near_singular, of_any_size) else 1e-10  # rounding moves variances ten decades apart
+    tolerance = 1e-8 if family in (near_singular, of_any_size) else 1e-10  # rounding moves variances ten decades apart
     for i, w in enumerate(found.w):
         q = (H_j[i] @ P_j[i] @ H_j[i].T).item()
         f = updated(P[i, :2, :2], H[i, 0, :2], q, R[i, 0, 0], criterion)
         inside = Fraction(min(w, 1 - 1e-13))
         assert f(inside) <= f(Fraction(min(general[i], 1 - 1e-13))) * Fraction(1 + tolerance)
-        if 1e-6 < w < 1:
+        if 1e-6 < w < 1 - 1e-8:  # closer to 1 a double cannot say how close
             assert shortfall(f, w) <= tolerance
         if w == 1.0:
             assert f(1 - Fraction(1, 10**6)) >= f(1 - Fraction(1, 10**13)) * Fraction(1 - tolerance)
