@@ -7,7 +7,7 @@ value. The numbers are those of the models in `models.py`, whose formulas these 
     y = innovation(jnp, sensor, x, place, reading)
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import pi
 from typing import Any
@@ -21,12 +21,7 @@ Traced = Any  # an array of the library
 
 
 def move(xp: Any, motion: Motion, x: Traced, u: Traced, dt: Traced) -> Traced:
-    """x' (..., d) of states (..., d) by odometry (..., k) over dt (...); absent odometry says: did not move.
-
-    Raises:
-        TypeError: the motion has no traceable form.
-
-    """
+    """Return x' (..., d) of states (..., d) by odometry (..., k) over dt (...); where it is absent, no move."""
     u = xp.where(xp.isnan(u), 0.0, u)
     if isinstance(motion, Displacement):
         return xp.concatenate([x[..., :2] + u, x[..., 2:]], -1)
@@ -39,21 +34,25 @@ def move(xp: Any, motion: Motion, x: Traced, u: Traced, dt: Traced) -> Traced:
 
 
 def expect(xp: Any, sensor: Sensor, x: Traced, q: Traced) -> Traced:
-    """The mean reading (..., k) of places q (..., 2) at states (..., d).
-
-    Raises:
-        TypeError: the sensor has no traceable form.
-
-    """
-    try:
-        return FORMS[type(sensor)](xp, sensor, x, q)
-    except KeyError:
-        known = ", ".join(one.__name__ for one in FORMS)
-        raise TypeError(f"{type(sensor).__name__} has no traceable form; known are {known}") from None
+    """Return the mean reading (..., k) of places q (..., 2) at states (..., d)."""
+    east, north = q[..., 0] - x[..., 0], q[..., 1] - x[..., 1]
+    d2, away = east**2 + north**2, xp.arctan2(north, east)
+    distance = xp.sqrt(d2)[..., None]
+    direction = wrap(xp, away - x[..., 2] if x.shape[-1] > 2 else away)[..., None]
+    if isinstance(sensor, LogDistance):
+        return (sensor.A - 5 * sensor.eta * xp.log10(xp.clip(d2, min=NEAR**2)))[..., None]
+    if isinstance(sensor, Range):
+        return distance
+    if isinstance(sensor, Bearing):
+        return direction
+    if isinstance(sensor, Sighting):
+        return xp.concatenate([distance, direction], -1)
+    name = type(sensor).__name__
+    raise TypeError(f"{name} has no traceable form; known are LogDistance, Range, Bearing and Sighting")
 
 
 def innovation(xp: Any, sensor: Sensor, x: Traced, q: Traced, z: Traced) -> Traced:
-    """z - h(x, q) (..., k), with the angle wrapped; nan where a reading is absent or a range is refused."""
+    """Return z - h(x, q) (..., k), with the angle wrapped; nan where a reading is absent or a range is refused."""
     y = z - expect(xp, sensor, x, q)
     if isinstance(sensor, Bearing):
         return wrap(xp, y)
@@ -64,44 +63,12 @@ def innovation(xp: Any, sensor: Sensor, x: Traced, q: Traced, z: Traced) -> Trac
 
 
 def wrap(xp: Any, angle: Traced) -> Traced:
-    """The same angle in [-pi, pi)."""
+    """Return the same angle in [-pi, pi)."""
     return xp.remainder(angle + pi, 2 * pi) - pi
 
 
-def _square(x: Traced, q: Traced) -> Traced:
-    return (x[..., 0] - q[..., 0]) ** 2 + (x[..., 1] - q[..., 1]) ** 2
-
-
-def _level(xp: Any, sensor: Any, x: Traced, q: Traced) -> Traced:
-    d2 = xp.clip(_square(x, q), min=NEAR**2)
-    return (sensor.A - 5 * sensor.eta * xp.log10(d2))[..., None]
-
-
-def _distance(xp: Any, _: Any, x: Traced, q: Traced) -> Traced:
-    return xp.sqrt(_square(x, q))[..., None]
-
-
-def _direction(xp: Any, _: Any, x: Traced, q: Traced) -> Traced:
-    away = xp.arctan2(q[..., 1] - x[..., 1], q[..., 0] - x[..., 0])
-    return wrap(xp, away - x[..., 2] if x.shape[-1] > 2 else away)[..., None]
-
-
-def _range_and_bearing(xp: Any, sensor: Any, x: Traced, q: Traced) -> Traced:
-    return xp.concatenate([_distance(xp, sensor, x, q), _direction(xp, sensor, x, q)], -1)
-
-
-FORMS: dict[type, Callable[[Any, Any, Traced, Traced], Traced]] = {
-    LogDistance: _level,
-    Range: _distance,
-    Bearing: _direction,
-    Sighting: _range_and_bearing,
-}
-
-
-# States wider than a pose: velocities, biases, a clock. Position comes first, and it is said where the heading is.
-#
-# The world's models read a state of 2 numbers (position, in a compass frame) or 3 (position and heading). A layout
-# shows them those of a wider state, and spreads their Jacobians over it:
+# States wider than a pose: velocities, biases, a clock. A layout shows the world's models the position and heading of a
+# wider state, and spreads their Jacobians over it:
 #
 #     layout = Layout(width=5, heading=2)              # x, y, heading, and two biases
 #     world, belief = layout.world(world), layout.prior(prior, [0.1**2, 0.1**2])
@@ -113,12 +80,7 @@ FORMS: dict[type, Callable[[Any, Any, Traced, Traced], Traced]] = {
 
 @dataclass(frozen=True)
 class Layout:
-    """Which numbers of a state are position and heading.
-
-    Raises:
-        ValueError: a width or an index that cannot be.
-
-    """
+    """The numbers of a state, its position first, that are position and heading."""
 
     width: int
     heading: int | None = None  # None: a compass frame, as where priors have 2 numbers
@@ -137,12 +99,12 @@ class Layout:
         return [0, 1] if self.heading is None else [0, 1, self.heading]
 
     def world(self, world: World) -> World:
-        """The world with models that read such states."""
+        """Return the world with models that read such states."""
         sensors = {name: WideSensor(self, sensor) for name, sensor in world.sensors.items()}
         return replace(world, motion=WideMotion(self, world.motion), sensors=sensors)
 
     def prior(self, prior: Belief, variances: Sequence[float] | Array) -> Belief:
-        """A prior (..., 2 or 3) widened by what is not pose: 0, with these variances, uncorrelated."""
+        """Return a prior (..., 2 or 3) widened by what is not pose: 0, with these variances, uncorrelated."""
         beside = [i for i in range(self.width) if i not in self.pose]
         x = np.zeros((*prior.x.shape[:-1], self.width))
         P = np.zeros((*x.shape, self.width))
@@ -152,11 +114,11 @@ class Layout:
         return Belief(x, P)
 
     def estimate(self, x: Array, P: Array) -> Belief:
-        """Position, and heading where there is one, with their covariance."""
+        """Return position, and heading where there is one, with their covariance."""
         return Belief(x[..., self.pose], P[..., np.array(self.pose)[:, None], self.pose])
 
     def widen(self, H: Array) -> Array:
-        """Slopes of the pose (..., k, 2 or 3) as slopes of the state (..., k, width)."""
+        """Return slopes of the pose (..., k, 2 or 3) as slopes of the state (..., k, width)."""
         wide = np.zeros((*H.shape[:-1], self.width))
         wide[..., self.pose] = H
         return wide
@@ -174,7 +136,7 @@ class WideSensor:
         return self.sensor.R
 
     def expect(self, x: Array, q: Array) -> Array:
-        """The mean reading (..., k)."""
+        """Return the mean reading (..., k)."""
         mean: Array = self.sensor.expect(x[..., self.layout.pose], q)  # type: ignore[attr-defined]
         return mean
 
@@ -191,7 +153,7 @@ class WideMotion:
     motion: Motion
 
     def move(self, x: Array, u: Array, dt: Array) -> tuple[Array, Array, Array]:
-        """x', F (..., width, width), the identity beside the pose, and Q, zero beside it."""
+        """Return x', F (..., width, width), the identity beside the pose, and Q, zero beside it."""
         pose, rows = self.layout.pose, np.array(self.layout.pose)[:, None]
         moved, F, Q = self.motion.move(x[..., pose], u, dt)
         x, wide = x.copy(), (*x.shape, x.shape[-1])

@@ -18,13 +18,13 @@ from cooploc.estimators.interface import Array, Senses, Sensor, World
 
 
 def wrap(angle: Array) -> Array:
-    """The same angle in (-pi, pi] [rad], any shape; nan stays nan."""
+    """Return the same angle in (-pi, pi] [rad], any shape; nan stays nan."""
     wrapped = np.pi - np.mod(np.pi - angle, 2 * np.pi)
     return np.where(wrapped <= -np.pi, np.pi, wrapped)  # rounding may land on the open end
 
 
 def wrap_heading(x: Array) -> Array:
-    """States (..., d) with the heading, where there is one (d = 3), wrapped."""
+    """Return states (..., d) with the heading, where there is one (d = 3), wrapped."""
     if x.shape[-1] < 3:
         return x
     x = x.copy()
@@ -37,7 +37,7 @@ def wrap_heading(x: Array) -> Array:
 
 @strict_kernel
 def wrap_angle(angle: float) -> float:
-    """`wrap` of one number."""
+    """Wrap one number."""
     inside = np.pi - (np.pi - angle) % (2 * np.pi)
     return np.pi if inside <= -np.pi else inside
 
@@ -49,15 +49,12 @@ def _wrap_headings(x: Array) -> None:
 
 
 def circular_mean(angle: Array, weight: Array) -> Array:
-    """Weighted mean direction over the last axis [rad]: the angle of the sum of unit vectors."""
+    """Return the weighted mean direction over the last axis [rad]: the angle of the sum of unit vectors."""
     mean: Array = np.arctan2((weight * np.sin(angle)).sum(-1), (weight * np.cos(angle)).sum(-1))
     return mean
 
 
 # Sensor models, each with its Jacobians and its noise.
-#
-# They read the state's width d from x (2: a robot with a compass, 3: with a heading of its own), accept any leading
-# axes, and are immutable.
 
 NEAR = 0.1  # [m] distances in a logarithm or a quotient are clamped here
 
@@ -78,7 +75,7 @@ class LogDistance:
         return np.array([[self.sigma**2]])
 
     def level(self, x: Array, q: Array) -> Array:
-        """The mean reading (...) [dBm]."""
+        """Return the mean reading (...) [dBm]."""
         d2 = (x[..., 0] - q[..., 0]) ** 2 + (x[..., 1] - q[..., 1]) ** 2
         return self.A - 5 * self.eta * np.log10(np.maximum(d2, NEAR**2))
 
@@ -90,7 +87,7 @@ class LogDistance:
         return np.stack([np.where(far, fall * away / clamped, 0.0) for away in (east, north)], -1)
 
     def expect(self, x: Array, q: Array) -> Array:
-        """The mean reading (..., 1) [dBm]."""
+        """Return the mean reading (..., 1) [dBm]."""
         return self.level(x, q)[..., None]
 
     def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
@@ -109,7 +106,7 @@ class Range:
         return np.array([[self.sigma**2]])
 
     def expect(self, x: Array, q: Array) -> Array:
-        """The distance (..., 1) [m]."""
+        """Return the distance (..., 1) [m]."""
         return _offset(x, q)[1]
 
     def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
@@ -142,7 +139,7 @@ class Bearing:
         return np.array([[self.sigma**2]])
 
     def expect(self, x: Array, q: Array) -> Array:
-        """The direction (..., 1) in (-pi, pi] [rad]."""
+        """Return the direction (..., 1) in (-pi, pi] [rad]."""
         delta, _ = _offset(x, q)
         heading = x[..., 2:3] if x.shape[-1] > 2 else 0.0
         return wrap(np.arctan2(-delta[..., 1:], -delta[..., :1]) - heading)
@@ -170,7 +167,7 @@ class Sighting:
         return np.array([[self.sigma_range**2, 0.0], [0.0, self.sigma_bearing**2]])
 
     def expect(self, x: Array, q: Array) -> Array:
-        """Distance [m] and direction in (-pi, pi] [rad], (..., 2)."""
+        """Return distance [m] and direction in (-pi, pi] [rad], (..., 2)."""
         return np.concatenate([Range().expect(x, q), Bearing().expect(x, q)], -1)
 
     def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
@@ -214,14 +211,11 @@ def _offset(x: Array, q: Array) -> tuple[Array, Array]:
 
 
 def _widen(H: Array, x: Array) -> Array:
-    """Position Jacobian (..., k, 2) to (..., k, d)."""
+    """Widen a position Jacobian (..., k, 2) to (..., k, d)."""
     return np.concatenate([H, np.zeros((*H.shape[:-1], x.shape[-1] - 2))], -1)
 
 
-# Motion models, each with its Jacobian and its noise.
-#
-# They read the state's width d from x (2: a robot with a compass, 3: with a heading of its own), accept any leading
-# axes, and are immutable. The variance is proportional to dt; sigmas are quoted at the stated `tick`.
+# Motion models, each with its Jacobian and its noise: the variance is proportional to dt, sigmas are quoted at `tick`.
 
 
 @dataclass(frozen=True)
@@ -319,7 +313,7 @@ class Unicycle:
 
 
 def _replace_absent(u: Array) -> Array:
-    """Absent odometry says: did not move."""
+    """Return odometry without nan: where it is absent, the robot did not move."""
     return np.where(np.isnan(u), 0.0, u)
 
 
@@ -337,13 +331,11 @@ def _rotate(v: Array, angle: Array) -> Array:
     return np.stack([c * v[..., 0] - s * v[..., 1], s * v[..., 0] + c * v[..., 1]], -1)
 
 
-# Direction of arrival from the gradient of four corner readings.
-#
-# The gradient of the signal strength over the arena, by central differences between the corner nodes, points along the
-# direction of the robot. Its noise is Gaussian in the gradient, not in the angle: near the centre the gradient vanishes
-# and the angle says nothing (RMS error 79 deg within 0.5 m, 7 deg beyond 3 m). Hence several densities: the paper's
-# Gaussian of constant sigma, whose error can be read in three ways, the exact projected normal, and that of the
-# gradient.
+# Direction of arrival from the gradient of four corner readings: the gradient of the signal strength over the arena, by
+# central differences between the corner nodes, points along the direction of the robot. Its noise is Gaussian in the
+# gradient, not in the angle: near the centre the angle says nothing (RMS error 79 deg within 0.5 m, 7 deg beyond 3 m).
+# Hence several densities: the paper's Gaussian of constant sigma, whose error can be read in three ways, the exact
+# projected normal, and that of the gradient.
 #
 # Sources: Latif & Parasuraman, eqs. (1)-(4); R. Parasuraman et al., "Spatial sampling strategy for a 3D sound source
 # localization sensor network using RSSI", 2013 (the central differences); K. V. Mardia, "Statistics of Directional
@@ -386,7 +378,8 @@ class GradientDoa:
 
     def measure(self, S: Array) -> Array:
         """DOA = arctan2(g_y, g_x) (...) [rad]  (3), where the paper writes arctan and so loses the half plane."""
-        return _angle(self.gradient(S))
+        g = self.gradient(S)
+        return np.asarray(np.arctan2(g[..., 1], g[..., 0]))
 
     def expect(self, x: Array) -> Array:
         """The gradient (..., 2) that the path-loss model gives at x (..., d): removes the gradient's own bias."""
@@ -397,8 +390,9 @@ class GradientDoa:
         return self.anchors.reshape(4, *[1] * (x.ndim - 1), 2)
 
     def bearing(self, x: Array) -> Array:
-        """ADOA (...) [rad]: the direction of the expected gradient."""
-        return _angle(self.expect(x))
+        """Return ADOA (...) [rad], the direction of the expected gradient."""
+        g = self.expect(x)
+        return np.asarray(np.arctan2(g[..., 1], g[..., 0]))
 
     def slope(self, x: Array) -> Array:
         """d expect / d position (..., 2 of position, 2 of gradient) [dB/m^2]."""
@@ -409,7 +403,7 @@ class GradientDoa:
         g, dg = self.expect(x), self.slope(x)
         strength = np.maximum((g**2).sum(-1), NEAR**2)[..., None]
         slope = (g[..., :1] * dg[..., 1] - g[..., 1:] * dg[..., 0]) / strength
-        H = np.concatenate([slope, np.zeros((*slope.shape[:-1], x.shape[-1] - 2))], -1)[..., None, :]
+        H = _widen(slope[..., None, :], x)
         y = wrap(z - np.arctan2(g[..., 1:], g[..., :1]))
         return y, H, np.zeros((*H.shape[:-1], 2))
 
@@ -420,20 +414,14 @@ class GradientDoa:
     def log_sum(self, x: Array, angle: Array) -> Array:
         """log N(err; 0, sigma^2) up to a constant, err = sum_j (ADOA_j - DOA_j), signed and not wrapped  (eqs. 4, 5).
 
-        "The error between actual DOA (ADOA) for all wireless sensors at a potential candidate position [...] to the
-        perceived DOA values for each sensor". Only one DOA is perceived, that of eq. (3), "concerning the WSN's
-        center": here ADOA is the same angle at the candidate, and every node repeats both.
+        One DOA is perceived, that of eq. (3): ADOA is the same angle at the candidate, and every node repeats both.
         """
         err = len(self.anchors) * (self.bearing(x) - angle)
         density: Array = -0.5 * (err / self.sigma) ** 2
         return density
 
     def log_corners(self, x: Array, angle: Array) -> Array:
-        """`log_sum` with ADOA_j the direction of x seen from node j, in (-pi, pi].
-
-        Directions of the nodes seen from x have the same sum. It is smallest far outside the arena, where all nodes lie
-        in one direction.
-        """
+        """`log_sum` with ADOA_j the direction of x seen from node j, in (-pi, pi]; smallest far outside the arena."""
         away = x[..., :2] - self._two_block_row(x)
         err = np.arctan2(away[..., 1], away[..., 0]).sum(0) - len(self.anchors) * angle
         density: Array = -0.5 * (err / self.sigma) ** 2
@@ -457,7 +445,7 @@ class GradientDoa:
 
 
 def gradient_doa(world: World) -> GradientDoa:
-    """The DOA sensor of a world.
+    """Return the DOA sensor of a world.
 
     Raises:
         BadInput: the world's anchors are not four corners in the order (0,0) (0,b) (a,b) (a,0).
@@ -487,11 +475,6 @@ def _log_tail(t: Array) -> Array:
     return tail
 
 
-def _angle(g: Array) -> Array:
-    angle: Array = np.arctan2(g[..., 1], g[..., 0])
-    return angle
-
-
 @lru_cache(maxsize=64)
 def _rms_error(eta: float, sigma: float, sides: tuple[float, float], grid: int = 40, angles: int = 360) -> float:
     """sqrt E[(DOA - ADOA)^2], by quadrature of the exact density over a grid of positions."""
@@ -505,12 +488,9 @@ def _rms_error(eta: float, sigma: float, sides: tuple[float, float], grid: int =
 
 
 # What a Kalman filter makes of the four corner anchors: a direction, the gradient it comes from, or raw readings.
-#
-# The gradient g of the signal strength is measured with independent Gaussian errors of standard deviation sigma/a and
-# sigma/b [dB/m], a and b the sides of the arena. So the variance of its direction is known: with u = (a g_x, b
-# g_y)/sigma measured and m expected, the angle between them has, given the length |u|, a von Mises density of
-# concentration |u||m|, and a variance near 1/(|u||m|). Near the centre, where the gradient vanishes, that is large, and
-# the reading counts little; a constant variance counts it too much there, and too little near the walls.
+# The gradient has independent Gaussian errors of standard deviation sigma/a and sigma/b [dB/m], a and b the arena's
+# sides. With u = (a g_x, b g_y)/sigma measured and m expected, the angle between them has, given |u|, a von Mises
+# density of concentration |u||m|, and a variance near 1/(|u||m|): large near the centre, where the gradient vanishes.
 #
 # Source: K. V. Mardia, P. E. Jupp, "Directional Statistics", 2000, sec. 3.5.4 (the angle of a Gaussian vector, given
 # its length, is von Mises).
@@ -538,7 +518,7 @@ class WeightedDoa:
         length2 = np.maximum((m**2).sum(-1, keepdims=True), NEAR**2)
         turn = (m[..., :1] * dm[..., 1] - m[..., 1:] * dm[..., 0]) / length2
         y = wrap(np.arctan2(u[..., 1:], u[..., :1]) - np.arctan2(m[..., 1:], m[..., :1]))
-        H = _widen_jacobian((root * turn)[..., None, :], x)
+        H = _widen((root * turn)[..., None, :], x)
         return root * y, H, np.zeros((*H.shape[:-1], 2))
 
     def at(self, x: Array, z: Array) -> tuple[Array, Array]:
@@ -569,12 +549,12 @@ class GradientReading:
 
     def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
         """z - g(x) and its slopes; `q` is not used."""
-        H = _widen_jacobian(self.doa.slope(x).mT, x)
+        H = _widen(self.doa.slope(x).mT, x)
         return z - self.doa.expect(x), H, np.zeros((*H.shape[:-1], 2))
 
 
 def fixed(world: World, z: Senses, reading: AnchorReading) -> Iterator[tuple[Sensor, Array, Array]]:
-    """`world.fixed`, with the four anchor readings replaced by what `reading` says is made of them; "none": nothing."""
+    """Yield `world.fixed` with the four anchor readings turned into what `reading` names; "none": nothing."""
     if reading == "none":
         return
     if reading in RAW or z.anchor_rssi.shape[-1] == 0:
@@ -590,18 +570,11 @@ def fixed(world: World, z: Senses, reading: AnchorReading) -> Iterator[tuple[Sen
         yield (WeightedDoa if reading == "doa" else GradientReading)(doa), NOWHERE, gradient
 
 
-def _widen_jacobian(H: Array, x: Array) -> Array:
-    """Position Jacobian (..., k, 2) to (..., k, d)."""
-    return np.concatenate([H, np.zeros((*H.shape[:-1], x.shape[-1] - 2))], -1)
-
-
-# Readings that an estimator trusts less, or more, than it is told: the first thing that a user of a filter tunes.
-
-LEAST, MOST = 0.01, 100.0
+LEAST, MOST = 0.01, 100.0  # of an inflation
 
 
 def inflate(world: World, factor: float) -> World:
-    """The world with every sensor's standard deviations multiplied by `factor`; at 1 it is the same object.
+    """Return the world with every sensor's standard deviations multiplied by `factor`; at 1 it is the same object.
 
     What is told to the team stays as it is: this is one estimator's choice. A sensor that is not built in is inflated
     where it is a dataclass with fields whose names begin with "sigma".

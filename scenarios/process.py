@@ -18,6 +18,7 @@ import traceback
 import warnings
 from collections.abc import Callable, Collection, Iterator, Mapping
 from concurrent.futures import BrokenExecutor, Executor, Future
+from functools import cache
 from multiprocessing import resource_tracker
 from multiprocessing.util import Finalize
 from pathlib import Path
@@ -36,8 +37,7 @@ ENVIRONMENT = {**ONE_THREAD, "PYTHONFAULTHANDLER": "", "LOKY_MAX_MEMORY_LEAK_SIZ
 IDLE = 600  # [s] after which an idle process ends
 GRACE = 20.0  # [s] after which a process that cannot be interrupted is ended
 LONGEST = 1e7  # [s] beyond which a limit is none, as no timer goes so far
-# [s] Not interrupted half way, as nothing would work afterwards: compiling, and importing.
-PATIENCE = {"numba.": 600.0, "llvmlite.": 600.0, "importlib.": 60.0}
+PATIENCE = 600.0  # [s] that an import or a compilation may take longer
 _pools: dict[tuple[int, str, int], tuple[Executor, Mapping[str, float]]] = {}
 
 
@@ -61,23 +61,24 @@ class RemoteTraceback(Exception):
     """The cause of an exception that was raised in another process: its traceback, and the file and line."""
 
     def __init__(self, text: str, place: str) -> None:
-        super().__init__(text)
+        super().__init__(f"\n{text}")
         self.place = place
 
-    def __str__(self) -> str:
-        return f"\n{self.args[0]}"
 
+class Outcome(NamedTuple):
+    """The result of a call in another process, or the exception it raised, as text.
 
-class Raised(NamedTuple):
-    """An exception as text, and pickled where its class is Python's or ours: another would import its plug-in."""
+    An exception is pickled, too, where its class is Python's or ours: another would import its plug-in.
+    """
 
-    line: str
-    traceback: str
-    place: str
-    pickled: bytes  # empty for others
+    pickled: bytes  # the result or the exception; empty for other exceptions
+    printed: str  # on its stdout
+    line: str = ""  # of an exception: its type and message
+    traceback: str = ""
+    place: str = ""
 
     @classmethod
-    def of(cls, e: BaseException) -> "Raised":
+    def of_exception(cls, e: BaseException, printed: str = "") -> "Outcome":
         """Describe an exception for the process that asked."""
         module, pickled = type(e).__module__, b""
         if isinstance(e, Exception) and (module == "builtins" or module.startswith("cooploc.")):
@@ -85,21 +86,14 @@ class Raised(NamedTuple):
                 found = pickle.dumps(e)
                 pickle.loads(found)
                 pickled = found
-        return cls(one_line(e), "".join(traceback.format_exception(e)), place_of(e), pickled)
+        return cls(pickled, printed, one_line(e), "".join(traceback.format_exception(e)), place_of(e))
 
-    def error(self) -> Exception:
-        """Return the exception to raise in the process that asked."""
+    def unpack(self) -> Any:
+        """Return the result, or raise the exception, in the process that asked."""
+        if not self.line:
+            return pickle.loads(self.pickled)
         error: Exception = pickle.loads(self.pickled) if self.pickled else WorkerError(self.line)
-        error.__cause__ = RemoteTraceback(self.traceback, self.place)
-        return error
-
-
-class Outcome(NamedTuple):
-    """The result of a call in another process."""
-
-    value: bytes  # pickled where it was made; empty where there is none
-    raised: Raised | None
-    printed: str  # on its stdout
+        raise error from RemoteTraceback(self.traceback, self.place)
 
 
 def place_of(e: BaseException) -> str:
@@ -111,7 +105,7 @@ def place_of(e: BaseException) -> str:
 
 
 def call(owner: str, function: Callable[..., Any], *arguments: Any, seconds: float = float("inf")) -> Any:
-    """Call a function in a process of this owner, and return what it returns; what it prints is printed here.
+    """Call a function in a process of this owner, and return its result; what it prints is printed here.
 
     Raises:
         ProcessDied: its process died.
@@ -131,7 +125,7 @@ def submit(owner: str, jobs: int, function: Callable[..., Any], *arguments: Any)
 
 
 def wait_for(owner: str, future: "Future[Outcome]", seconds: float = float("inf")) -> Any:
-    """Return what a call returned, or raise as `call` says; whatever ends the wait ends the owner's processes too."""
+    """Return the result of a call, or raise as `call` says; an end of the wait ends the owner's processes too."""
     try:
         outcome = future.result(seconds if seconds < threading.TIMEOUT_MAX else None)
     except BrokenExecutor as e:
@@ -145,9 +139,7 @@ def wait_for(owner: str, future: "Future[Outcome]", seconds: float = float("inf"
         raise
     if outcome.printed:
         print(outcome.printed, end="")
-    if outcome.raised:
-        raise outcome.raised.error()
-    return pickle.loads(outcome.value)
+    return outcome.unpack()
 
 
 def pool(owner: str, jobs: int = 1) -> Executor:
@@ -217,9 +209,9 @@ def _run_call(folder: str, path: list[str], files: dict[str, Path], sent: bytes)
             load(files)
             function, arguments = cloudpickle.loads(sent)
             value = function(*arguments)
-        return Outcome(cloudpickle.dumps(value), None, printed.getvalue())
+        return Outcome(cloudpickle.dumps(value), printed.getvalue())
     except BaseException as e:
-        return Outcome(b"", Raised.of(e), printed.getvalue())
+        return Outcome.of_exception(e, printed.getvalue())
 
 
 def _source_times() -> Mapping[str, float]:
@@ -231,9 +223,6 @@ def _source_times() -> Mapping[str, float]:
         with contextlib.suppress(OSError):
             found[file] = os.stat(file).st_mtime
     return found
-
-
-# Time limits.
 
 
 @contextlib.contextmanager
@@ -255,64 +244,59 @@ def within(seconds: float, trials: int = 1, ticks: int = 1, end_process: bool = 
         TimeLimit: the block took longer.
 
     """
+    if seconds >= LONGEST:
+        yield lambda method, tick, arguments, call: call(*arguments)
+        return
     began = armed = time.monotonic()
-    timed = seconds < LONGEST
-    alarms = timed and threading.current_thread() is threading.main_thread() and hasattr(signal, "setitimer")
+    in_main = threading.current_thread() is threading.main_thread()
     slack = min(1.0, seconds / 10) if trials > 1 else 0.0  # [s] between settings of the timers
-
-    def late() -> None:
-        raise TimeLimit(f"longer than the time limit of {seconds:g} s a trial")
 
     def arm() -> None:
         """Set the timers for one trial's limit from now."""
         nonlocal armed
         armed = time.monotonic()
-        if alarms:
+        if in_main:
             signal.setitimer(signal.ITIMER_REAL, seconds + slack)
-        if timed and end_process:
+        if end_process:
             faulthandler.dump_traceback_later(seconds + slack + GRACE, exit=True, file=_null_file())
 
+    def require_time(allowed: float) -> None:
+        if time.monotonic() - began > allowed:
+            raise TimeLimit(f"longer than the time limit of {seconds:g} s a trial")
+
     def ring(_: int, frame: FrameType | None) -> None:
-        if time.monotonic() - began < seconds + _patience(frame):
-            arm()
-        else:
-            late()
+        require_time(seconds + PATIENCE if _is_importing(frame) else 0.0)
+        arm()
 
     def watch(method: str, tick: int, arguments: tuple[Any, ...], call: Any) -> Any:
-        now = time.monotonic()
-        if now - began > seconds * (1 + (trials - 1) * (tick + 1) / ticks):
-            late()
-        if trials > 1 and now - armed > slack:
+        require_time(seconds * (1 + (trials - 1) * (tick + 1) / ticks))
+        if trials > 1 and time.monotonic() - armed > slack:
             arm()
         return call(*arguments)
 
-    before = signal.signal(signal.SIGALRM, ring) if alarms else None
+    before = signal.signal(signal.SIGALRM, ring) if in_main else None
     try:
         arm()
         yield watch
     finally:
-        if alarms:
+        if in_main:
             signal.setitimer(signal.ITIMER_REAL, 0)
             signal.signal(signal.SIGALRM, before)
-        if timed and end_process:
+        if end_process:
             faulthandler.cancel_dump_traceback_later()
 
 
-def _patience(frame: FrameType | None) -> float:
-    """Return how long an interrupted import or compilation may still go on [s]; 0 for anything else."""
-    longest = 0.0
+def _is_importing(frame: FrameType | None) -> bool:
+    """Return whether an import or a compilation runs: interrupted half way, nothing would work afterwards."""
     while frame is not None:
         module = str(frame.f_globals.get("__name__", "")).removeprefix("_frozen_")
-        longest = max(longest, *(seconds for start, seconds in PATIENCE.items() if f"{module}.".startswith(start)), 0.0)
+        if f"{module}.".startswith(("numba.", "llvmlite.", "importlib.")):
+            return True
         frame = frame.f_back
-    return longest
+    return False
 
 
-_opened: list[Any] = []
-
-
+@cache
 def _null_file() -> Any:
     """Return where the traceback of a process that is ended goes: the trial's row says that it failed."""
-    if not _opened:
-        _opened.append(Path(os.devnull).open("w"))  # noqa: SIM115
-    return _opened[0]
+    return Path(os.devnull).open("w")
