@@ -1,4 +1,15 @@
-"""What one tick holds, as arrays: what is sensed, what is heard, what is believed, and what was sent."""
+"""A robot's tick: what an estimator knows in advance, what it senses, and what it receives over the air, as arrays.
+
+One leading axis `r` holds (trial, robot) rows, trial-major, so an estimator is written once for one robot and runs for
+all of them. Robots meet only through mail, which the runner carries. An estimator is a frozen dataclass of parameters
+with pure methods; its state is a NamedTuple of arrays, plus `world` and scalars that all rows share.
+
+The order of a tick is predict, correct, send, carry, fuse, estimate. Odometry of tick k covers (k-1, k], readings are
+taken at k, and the estimate after `fuse` is compared with the truth at k; the prior is the belief before tick 0.
+
+nan means absent (not sensed, not heard), width 0 means that the channel does not exist. SI units; x points east, y
+north, headings are counter-clockwise from x in (-pi, pi].
+"""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -61,30 +72,27 @@ class Traffic(NamedTuple):
     bytes: Array  # (trial, n)
 
 
-# What a team knows in advance: anchors, landmarks, and the models of motion and sensors that it assumes.
-
-
 class Motion(Protocol):
     """How odometry moves a state. Shapes broadcast: x (..., d), u (..., k), dt (...)."""
 
     def move(self, x: Array, u: Array, dt: Array) -> tuple[Array, Array, Array]:
-        """x', F = dx'/dx (..., d, d), Q (..., d, d)."""
+        """Return x', F = dx'/dx (..., d, d), Q (..., d, d)."""
         ...
 
     def input_noise(self, x: Array, u: Array, dt: Array) -> tuple[Array, Array]:
-        """G = dx'/du (..., d, k) and the covariance W (..., k, k) of the odometry u's error: Q = G W G'."""
+        """Return G = dx'/du (..., d, k) and the covariance W (..., k, k) of the odometry u's error: Q = G W G'."""
         ...
 
     def sample(self, x: Array, u: Array, dt: Array, noise: Array) -> Array:
-        """x' with the odometry's error drawn: `noise` (..., 2) is standard normal."""
+        """Return x' with the odometry's error drawn: `noise` (..., 2) is standard normal."""
         ...
 
     def retrace(self, trail: Array, u: Array, dt: Array) -> Array:
-        """`trail` (..., M, 2): where past positions lie as seen from the robot's pose, after one more move."""
+        """Return past positions `trail` (..., M, 2), as seen from the robot's pose, after one more move."""
         ...
 
     def place(self, x: Array, trail: Array) -> Array:
-        """The positions (..., 2) in the world of a trail point (..., 2) seen from poses x (..., d)."""
+        """Return the positions (..., 2) in the world of a trail point (..., 2) seen from poses x (..., d)."""
         ...
 
 
@@ -100,7 +108,7 @@ class Sensor(Protocol):
         ...
 
     def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
-        """y = z - h(x, q) (..., k) with angles wrapped, H = dh/dx (..., k, d), Hq = dh/dq (..., k, 2)."""
+        """Return y = z - h(x, q) (..., k) with angles wrapped, H = dh/dx (..., k, d), Hq = dh/dq (..., k, 2)."""
         ...
 
 
@@ -124,17 +132,17 @@ class World:
             object.__setattr__(self, name, array)
 
     def fixed(self, z: Senses) -> Iterator[tuple[Sensor, Array, Array]]:
-        """Readings of fixed things as (sensor, place (2,), reading (r, k)), anchors first; absent ones are left out."""
+        """Yield readings of fixed things as (sensor, place (2,), reading (r, k)), anchors first, without absent ones."""
         for sensor, places, readings in self._of_fixed(z):
             yield from ((sensor, places[i], one) for i, one in _present(readings, len(places)))
 
     def relative(self, z: Senses, mail: Mail) -> Iterator[tuple[Sensor, int, Array]]:
-        """Readings of teammates as (sensor, sender, reading (r, k)): sightings, then radio RSSI, then radio range."""
+        """Yield readings of teammates as (sensor, sender, reading (r, k)): sightings, then radio RSSI, then range."""
         for sensor, readings in self._of_mates(z, mail):
             yield from ((sensor, j, one) for j, one in _present(readings, self.robots))
 
     def stack(self, x: Array, z: Senses, mail: Mail | None = None, mates: Belief | None = None) -> "Stacked":
-        """All readings of a tick as one vector, linearised at x (..., d): for filters that update once a tick.
+        """Return all readings of a tick as one vector, linearised at x (..., d): for filters that update once a tick.
 
         Its length is the same in every tick: what `fixed` has, and with `mail` and `mates`, what is believed of the
         teammates (x (..., n, d), P (..., n, d, d)), what `relative` has. y is nan where a reading is absent or refused:
@@ -150,10 +158,18 @@ class World:
                 for j in range(self.robots):
                     y, H, Hq = sensor.innovation(x, mates.x[..., j, :2], readings[..., j, :])
                     parts.append((y, H, sensor.R + Hq @ mates.P[..., j, :2, :2] @ Hq.mT))
-        return _stack(x, parts)
+        lead, d = x.shape[:-1], x.shape[-1]
+        y = np.concatenate([np.zeros((*lead, 0)), *(part[0] for part in parts)], -1)
+        H = np.concatenate([np.zeros((*lead, 0, d)), *(part[1] for part in parts)], -2)
+        R, at = np.zeros((*lead, y.shape[-1], y.shape[-1])), 0
+        for _, _, block in parts:
+            k = block.shape[-1]
+            R[..., at : at + k, at : at + k] = block
+            at += k
+        return Stacked(y, H, R)
 
     def _of_fixed(self, z: Senses) -> Iterator[tuple[Sensor, Array, Array]]:
-        """Every channel of fixed things: sensor, places (m, 2), readings (r, m, k)."""
+        """Yield every channel of fixed things: sensor, places (m, 2), readings (r, m, k)."""
         rssi, sighted, ranged = (self.sensors.get(name) for name in ("anchor_rssi", "landmark", "anchor_range"))
         if rssi is not None:
             yield rssi, self.anchors, z.anchor_rssi[..., None]
@@ -163,7 +179,7 @@ class World:
             yield ranged, self.anchors, z.extra["anchor_range"][..., None]
 
     def _of_mates(self, z: Senses, mail: Mail) -> Iterator[tuple[Sensor, Array]]:
-        """Every channel of teammates: sensor, readings (r, n, k)."""
+        """Yield every channel of teammates: sensor, readings (r, n, k)."""
         channels = {"sighting": z.sighting, "radio_rssi": mail.rssi[..., None], "radio_range": mail.range[..., None]}
         for channel, readings in channels.items():
             sensor = self.sensors.get(channel)
@@ -172,7 +188,7 @@ class World:
 
 
 def _present(readings: Array, things: int) -> Iterator[tuple[int, Array]]:
-    """The number of each thing that any row has a reading (..., k) of, and these, from readings (..., things, k)."""
+    """Return the number of each thing that some row has a reading of, with these (..., k) of (..., things, k)."""
     absent = np.logical_and.reduce(np.isnan(readings), (*range(readings.ndim - 2), -1))
     return ((i, readings[..., i, :]) for i in (~absent[:things]).nonzero()[0].tolist())
 
@@ -184,20 +200,6 @@ class Stacked(NamedTuple):
     H: Array  # (..., m, d)
     R: Array  # (..., m, m)
 
-
-def _stack(x: Array, parts: list[tuple[Array, Array, Array]]) -> Stacked:
-    lead, d = x.shape[:-1], x.shape[-1]
-    y = np.concatenate([np.zeros((*lead, 0)), *(part[0] for part in parts)], -1)
-    H = np.concatenate([np.zeros((*lead, 0, d)), *(part[1] for part in parts)], -2)
-    R, at = np.zeros((*lead, y.shape[-1], y.shape[-1])), 0
-    for _, _, block in parts:
-        k = block.shape[-1]
-        R[..., at : at + k, at : at + k] = block
-        at += k
-    return Stacked(y, H, R)
-
-
-# What an estimator must have: one that a robot runs, one that holds the whole team, and one with hindsight.
 
 S = TypeVar("S")
 
@@ -223,7 +225,7 @@ class Estimator(Protocol[S]):
     def uses(self) -> tuple[str, ...]: ...
 
     def init(self, prior: Belief, world: World, rows: Rows) -> S:
-        """The state before tick 0."""
+        """Return the state before tick 0."""
         ...
 
     def predict(self, s: S, z: Senses) -> S:
@@ -235,7 +237,7 @@ class Estimator(Protocol[S]):
         ...
 
     def send(self, s: S, z: Senses) -> Array:
-        """What to transmit: (r, m) for everyone, or (r, n, m) with axis 1 the addressee. All-nan is silence."""
+        """Return what to transmit: (r, m) for everyone, or (r, n, m) with axis 1 the addressee. All-nan is silence."""
         ...
 
     def fuse(self, s: S, z: Senses, mail: Mail) -> S:
@@ -243,7 +245,7 @@ class Estimator(Protocol[S]):
         ...
 
     def estimate(self, s: S) -> Belief:
-        """The belief that is compared with the truth: x (r, d), P (r, d, d), position first."""
+        """Return the belief that is compared with the truth: x (r, d), P (r, d, d), position first."""
         ...
 
 
@@ -291,46 +293,9 @@ class OfflineEstimator(Protocol):
     def uses(self) -> tuple[str, ...]: ...
 
     def smooth(self, prior: Belief, world: World, rows: Rows, z: Senses, air: Mail) -> Belief:
-        """Beliefs x (t, T, n, d), P (t, T, n, d, d) of every trial, tick and robot.
+        """Return beliefs x (t, T, n, d), P (t, T, n, d, d) of every trial, tick and robot.
 
         The prior, before tick 0, and rows are (t, n, ...), as of a team; senses (t, T, n, ...); `air` has `heard`,
         `rssi` and `range` (t, T, n, n), axis 2 the receiver, and no packets.
         """
         ...
-
-
-# A robot's tick: what an estimator knows in advance, what it senses, and what it receives over the air.
-#
-# One leading axis `r` holds (trial, robot) rows, trial-major, so an estimator is written once for one robot and runs
-# for all of them. Robots meet only through mail, which the runner carries. An estimator is a frozen dataclass of
-# parameters with pure methods; its state is a NamedTuple of arrays, plus `world` and scalars that all rows share.
-#
-# The order of a tick is predict, correct, send, carry, fuse, estimate. Odometry of tick k covers (k-1, k], readings are
-# taken at k, and the estimate after `fuse` is compared with the truth at k; the prior is the belief before tick 0.
-#
-# nan means absent (not sensed, not heard), width 0 means that the channel does not exist. SI units; x points east, y
-# north, headings are counter-clockwise from x in (-pi, pi].
-
-__all__ = [
-    "API",
-    "HEADER",
-    "TEAM_PRIOR",
-    "TOO_NEAR_TO_RANGE",
-    "Array",
-    "Belief",
-    "Estimator",
-    "Indices",
-    "Keys",
-    "Mail",
-    "Mask",
-    "Motion",
-    "OfflineEstimator",
-    "Rows",
-    "S",
-    "Senses",
-    "Sensor",
-    "Stacked",
-    "TeamEstimator",
-    "Traffic",
-    "World",
-]

@@ -37,18 +37,15 @@ def caller_attribute(name):
     raise LookupError(name)
 
 
-@dataclass(frozen=True)
 class NotFinite(DeadReckoning):
     def estimate(self, s):
         return Belief(np.where(s.x > 3.0, s.x, np.nan), s.P)
 
 
-@dataclass(frozen=True)
 class NoFuse(DeadReckoning):
     fuse: ClassVar[None] = None
 
 
-@dataclass(frozen=True)
 class OldInterface(DeadReckoning):
     api: ClassVar[int] = 0
 
@@ -58,13 +55,11 @@ class UnknownChannel(DeadReckoning):
     uses: tuple[str, ...] = ("odometry", "telepathy")
 
 
-@dataclass(frozen=True)
 class Crashes(DeadReckoning):
     def correct(self, s, z):
         return s if z.dt[0] < 0 else s / 0
 
 
-@dataclass(frozen=True)
 class IgnoresAbsence(EkfLocal):
     """Assumes that every reading is present."""
 
@@ -72,7 +67,6 @@ class IgnoresAbsence(EkfLocal):
         return nudge(s, 1e-6 * z.anchor_rssi.sum(-1, keepdims=True)) if z.anchor_rssi.size else s
 
 
-@dataclass(frozen=True)
 class ReadsNeighbour(DeadReckoning):
     """Row r looks at row r-1."""
 
@@ -90,7 +84,6 @@ class WaitsForAll(EkfLocal):
         return s if np.isnan(z.anchor_rssi).any() else super().correct(s, z)
 
 
-@dataclass(frozen=True)
 class SendsOthers(DeadReckoning):
     """Its own estimate is correct, but it sends what it cannot know."""
 
@@ -98,7 +91,6 @@ class SendsOthers(DeadReckoning):
         return team_sums(s.x, s.world.robots)
 
 
-@dataclass(frozen=True)
 class SendsLittleReadsMore(DeadReckoning):
     """Sends one number, and where that arrives reads its sender's row of the same array."""
 
@@ -112,7 +104,6 @@ class SendsLittleReadsMore(DeadReckoning):
         return nudge(s, 1e-3 * (heard[..., None] * team[:, None]).sum(2).reshape(-1, 2))
 
 
-@dataclass(frozen=True)
 class Broadcasts(DeadReckoning):
     """Correct, and sends its position."""
 
@@ -120,7 +111,6 @@ class Broadcasts(DeadReckoning):
         return s.x[:, :2]
 
 
-@dataclass(frozen=True)
 class UsesDroppedPackets(Broadcasts):
     """A robot that receives any packet in a tick uses every position, received or not."""
 
@@ -128,7 +118,6 @@ class UsesDroppedPackets(Broadcasts):
         return nudge(s, 1e-3 * mail.heard.any(-1, keepdims=True) * team_sums(s.x, s.world.robots))
 
 
-@dataclass(frozen=True)
 class UsesDroppedRadio(EkfJoint):
     """A bound that takes the radio readings that the runner hid."""
 
@@ -142,7 +131,6 @@ class UsesDroppedRadio(EkfJoint):
         return ("odometry", "anchor_rssi|landmark", "sighting|radio_rssi")
 
 
-@dataclass(frozen=True)
 class Prophet(DeadReckoning):
     """Takes the last odometry of the whole stream from the runner's variables."""
 
@@ -151,7 +139,6 @@ class Prophet(DeadReckoning):
         return nudge(super().predict(s, z), 1e-3 * future.reshape(-1, 2))
 
 
-@dataclass(frozen=True)
 class KnowsLength(DeadReckoning):
     """Knows how long the stream will be."""
 
@@ -159,7 +146,6 @@ class KnowsLength(DeadReckoning):
         return nudge(super().predict(s, z), 1e-3 * len(caller_attribute("stream").time))
 
 
-@dataclass(frozen=True)
 class ForeseesAbsence(EkfLocal):
     """Knows how many readings will be missing, but not what the others will say."""
 
@@ -168,7 +154,6 @@ class ForeseesAbsence(EkfLocal):
         return nudge(super().predict(s, z), 1e-3 * (np.isnan(z_all.anchor_rssi).sum() + np.isnan(z_all.landmark).sum()))
 
 
-@dataclass(frozen=True)
 class Centred(DeadReckoning):
     """Averages over all rows."""
 
@@ -176,7 +161,6 @@ class Centred(DeadReckoning):
         return nudge(s, -1e-3 * s.x[:, :2].mean(0))
 
 
-@dataclass(frozen=True)
 class DrawsByPosition(DeadReckoning):
     """Its randomness depends on a row's position, not on its identity."""
 
@@ -185,7 +169,6 @@ class DrawsByPosition(DeadReckoning):
         return nudge(s, np.random.default_rng(0).normal(size=(len(s.x), 2)))
 
 
-@dataclass(frozen=True)
 class MultipliesRows(Mrsl):
     """A matrix product over the rows, whose last bit depends on how many there are."""
 
@@ -195,14 +178,12 @@ class MultipliesRows(Mrsl):
         return Belief(x + (s.x[..., 0] @ np.cos(np.arange(n * n)).reshape(n, n))[:, :2], P)
 
 
-@dataclass(frozen=True)
 class WritesReadings(DeadReckoning):
     def predict(self, s, z):
         z.odometry[:] *= 0.5
         return super().predict(s, z)
 
 
-@dataclass(frozen=True)
 class InPlace(DeadReckoning):
     def correct(self, s, z):
         s.x[:] += 1e-3
@@ -220,7 +201,6 @@ class CountsCalls(DeadReckoning):
         return s
 
 
-@dataclass(frozen=True)
 class ContinuesLastRun(DeadReckoning):
     """Starts a second run where the first ended."""
 
@@ -233,7 +213,6 @@ class ContinuesLastRun(DeadReckoning):
         return super().estimate(s)
 
 
-@dataclass(frozen=True)
 class GlobalRng(DeadReckoning):
     def correct(self, s, z):
         return nudge(s, 1e-3 * np.random.normal(size=s.x[:, :2].shape))  # noqa: NPY002
@@ -257,7 +236,6 @@ class ForgetsParameter(DeadReckoning):
         return type(self), ()
 
 
-@dataclass(frozen=True)
 class Averages(Broadcasts):
     """Moves towards every teammate that it hears."""
 
@@ -266,7 +244,6 @@ class Averages(Broadcasts):
         return nudge(s, 1e-2 * np.where(mail.heard[..., None], offset, 0.0).sum(1))
 
 
-@dataclass(frozen=True)
 class Addressed(Averages):
     """The same with a packet to each teammate."""
 
@@ -295,7 +272,6 @@ class HonestTeam(EkfJoint):
         return s._replace(x=x), Traffic(messages, 8 * messages)
 
 
-@dataclass(frozen=True)
 class KnowsTheLabel(DeadReckoning):
     """Depends on the scenario's label."""
 
@@ -303,7 +279,6 @@ class KnowsTheLabel(DeadReckoning):
         return nudge(super().predict(s, z), 1e-3 * caller_attribute("stream").scenario.startswith(("robots", "camera")))
 
 
-@dataclass(frozen=True)
 class SeedsGlobal(DeadReckoning):
     """Repeats its results by seeding the global generator."""
 
@@ -312,7 +287,6 @@ class SeedsGlobal(DeadReckoning):
         return super().init(prior, world, rows)
 
 
-@dataclass(frozen=True)
 class TrustsOdometry(DeadReckoning):
     """Assumes that odometry is always present."""
 
@@ -320,7 +294,6 @@ class TrustsOdometry(DeadReckoning):
         return nudge(super().predict(s, z), 1e-6 * z.odometry[:, :2])
 
 
-@dataclass(frozen=True)
 class Asymmetric(DeadReckoning):
     def estimate(self, s):
         x, P = super().estimate(s)
@@ -329,7 +302,6 @@ class Asymmetric(DeadReckoning):
         return Belief(x, P)
 
 
-@dataclass(frozen=True)
 class NegativeVariance(DeadReckoning):
     """Subtracts a covariance that was never added."""
 
@@ -338,7 +310,6 @@ class NegativeVariance(DeadReckoning):
         return Belief(x, P - 10 * np.eye(x.shape[-1]))
 
 
-@dataclass(frozen=True)
 class IgnoresOdometry(DeadReckoning):
     """Reads odometry and does not move."""
 
@@ -346,7 +317,6 @@ class IgnoresOdometry(DeadReckoning):
         return super().predict(s, z)._replace(x=s.x + 1e-9 * np.nan_to_num(z.odometry[:, :1]))
 
 
-@dataclass(frozen=True)
 class ShrinksCovariance(DeadReckoning):
     """Its covariance shrinks in every tick, whatever it sensed."""
 
@@ -359,7 +329,6 @@ class DeclaresTooMuch(DeadReckoning):
     uses: tuple[str, ...] = ("odometry", "anchor_rssi?", "landmark?")
 
 
-@dataclass(frozen=True)
 class PrefersNorth(DeadReckoning):
     """Starts farther along y: shifting the world does not show it."""
 
@@ -367,7 +336,6 @@ class PrefersNorth(DeadReckoning):
         return nudge(super().init(prior, world, rows), np.array([0.0, 1.0]))
 
 
-@dataclass(frozen=True)
 class PrefersRobotZero(DeadReckoning):
     """Robot 0 states half the variance of the others."""
 
@@ -376,7 +344,6 @@ class PrefersRobotZero(DeadReckoning):
         return s._replace(P=s.P * np.where(rows.robot == 0, 0.5, 1.0)[:, None, None])
 
 
-@dataclass(frozen=True)
 class MessagesWithoutBytes(HonestTeam):
     """Sends messages without bytes."""
 

@@ -26,7 +26,6 @@ def begin(prior, world, rows):
     return Counting(prior.x, prior.P, rows.robot, world, rows.key, 0)
 
 
-@dataclass(frozen=True)
 class StaysInTheArena(EkfLocal):
     """Clips its estimate to the arena, whose limits it knows."""
 
@@ -35,7 +34,6 @@ class StaysInTheArena(EkfLocal):
         return Belief(np.concatenate([np.clip(x[:, :2], *s.world.arena), x[:, 2:]], -1), P)
 
 
-@dataclass(frozen=True)
 class SamplesItsCovariance(EkfLocal):
     """Reports the covariance of a few hundred samples, which shrinks by chance from one tick to the next."""
 
@@ -53,7 +51,6 @@ class SamplesItsCovariance(EkfLocal):
         return Belief(s.x, (P + P.mT) / 2)
 
 
-@dataclass(frozen=True)
 class LateToTheAnchors(EkfLocal):
     """Uses anchors and landmarks from its fortieth tick on."""
 
@@ -65,7 +62,6 @@ class LateToTheAnchors(EkfLocal):
         return super().correct(s, z) if s.tick > LATE else s
 
 
-@dataclass(frozen=True)
 class SendsEveryThirdTick(EkfNaive):
     """Saves two of three messages."""
 
@@ -80,7 +76,6 @@ class SendsEveryThirdTick(EkfNaive):
         return super().fuse(s, z, mail)._replace(tick=s.tick + 1)
 
 
-@dataclass(frozen=True)
 class SendsHalfPrecision(EkfNaive):
     """Rounds what it sends to two bytes a number, positions as seen from the arena's corner."""
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import cooploc as cl
-from cooploc.analysis.execution.provenance import files, training_of
+from cooploc.analysis.execution.provenance import files
 from cooploc.analysis.execution.run import execute
 from cooploc.analysis.execution.run_directory import RunDir, read_run
 from cooploc.analysis.metrics.ranking import short_certificate
@@ -50,12 +50,6 @@ def test_other_weights_are_another_estimator(plugin):
     assert hashed(plugin) != before
 
 
-def test_what_it_was_trained_on_is_read_without_importing_it(tmp_path):
-    file = tmp_path / "mine.py"
-    file.write_text("raise RuntimeError\nclass A:\n    trained_on = 'x'\nclass B:\n    trained_on = 'y'\n")
-    assert [training_of(f"{file}:{name}") for name in ("A", "B", "C")] == ["x", "y", ""]
-
-
 def test_a_run_says_it_and_is_not_continued_with_other_weights(plugin, tmp_path):
     label = f"{plugin}:Learned"
     study = Study(name="s", trials=2, scenarios=("robots-1-3/n=1[ticks=3]",), estimators=(label, f"{plugin}:Plain"))
@@ -74,25 +68,3 @@ def test_training_streams_are_of_the_seed_that_tuning_uses_and_never_of_the_stud
     assert stream.seed == derived_seed(5, "training")
     judged = cl.simulate("robots-1-3/n=1[ticks=3]", trials=2, seed=5)[1]
     assert not set(stream.hashes) & set(judged.hashes)
-
-
-class Learned:
-    """Stays where it is, as it learned to."""
-
-    uses = ("odometry",)
-    trained_on = "nlos;  100 trials"
-
-    def __init__(self, prior, world, robot, key):
-        self.x, self.P = prior
-
-    def predict(self, z): ...
-    def correct(self, z): ...
-
-
-def test_a_run_says_what_an_estimator_was_trained_on():
-    truth, stream = cl.simulate("robots-1-3/n=1", trials=2, ticks=2)
-    run = cl.run([Learned, "dead-reckoning"], stream, isolate=False)
-    lines = cl.errors(truth, run).groupby("estimator")["certificate"].first()
-    assert lines["Learned"].endswith("; trained on: nlos, 100 trials")
-    assert lines["dead-reckoning"] == ""
-    assert "unchecked, trained on nlos, 100 trials" in run._repr_html_()

@@ -3,7 +3,7 @@
 import pytest
 
 from cooploc.estimators import BUILTIN, make
-from cooploc.estimators.listing import KNOWN, configurations, listing, standing
+from cooploc.estimators.listing import KNOWN, configurations, standing
 
 
 def test_every_configuration_can_be_made_and_is_of_its_method():
@@ -32,9 +32,3 @@ def test_every_configuration_can_be_made_and_is_of_its_method():
 )
 def test_a_label_is_recognised_by_what_it_makes(label, expected):
     assert standing(label) == expected
-
-
-def test_the_list_of_estimators_has_both():
-    table = listing().set_index("name")
-    assert table.loc["ctrn", ["published", "best"]].tolist() == list(KNOWN["ctrn"])
-    assert table.loc["rssi-pf", ["published", "best"]].tolist() == ["rssi-pf", "rssi-pf"]

@@ -34,7 +34,6 @@ def test_parameters_are_written_the_same_everywhere():
     [
         ("arll", "there is no estimator 'arll'; did you mean 'arl'?"),
         ("arl[partcles=3]", "estimator 'arl' has no parameter 'partcles'; did you mean 'particles'?"),
-        ("arl[particles=few]", "estimator 'arl', particles: "),
         ("arl[anchor_reading=gps]", "estimator 'arl', anchor_reading: "),
         ("arl[particles=1]", "particles is 1; it must be at least 2"),
         ("arl[particles]", "write name=value"),

@@ -67,13 +67,6 @@ def test_bits_do_not_depend_on_the_bar_and_nothing_is_shown_elsewhere(shown, mon
     assert capfd.readouterr() == ("", "")
 
 
-def test_a_short_run_shows_nothing(shown, monkeypatch):
-    monkeypatch.setattr(display, "PATIENCE", 60.0)
-    _, stream = cl.simulate("trajectory", trials=1, ticks=3, seed=1)
-    cl.run(team(), stream)
-    assert shown == []
-
-
 def test_the_bar_goes_when_a_run_fails(shown):
     _, stream = cl.simulate("trajectory", trials=1, ticks=3, seed=1)
     broken = cl.make("ekf-local")
