@@ -132,7 +132,7 @@ class World:
             object.__setattr__(self, name, array)
 
     def fixed(self, z: Senses) -> Iterator[tuple[Sensor, Array, Array]]:
-        """Yield readings of fixed things as (sensor, place (2,), reading (r, k)), anchors first, without absent ones."""
+        """Yield the present readings of fixed things as (sensor, place (2,), reading (r, k)), anchors first."""
         for sensor, places, readings in self._of_fixed(z):
             yield from ((sensor, places[i], one) for i, one in _present(readings, len(places)))
 
