@@ -131,7 +131,7 @@ def wifi(data: Path) -> str:
         row: dict[str, str] = {}
         for label, word in ((OLD, "least squares"), (NEW, "robust")):
             truth, stream = cl.simulate(label, data=data / "wifi-rssi", trials=[trial])
-            name = Path(stream.notes["recording"]).stem
+            name = Path(stream.notes["recording"]).name
             row |= {"run": name, "set-up": name.partition("_")[0].rstrip("0123456789")}
             table = cl.summarize(cl.errors(truth, cl.run(WIFI, stream))).set_index("estimator")["rmse"]
             row |= {f"{estimator}, {word}": f"{table[estimator]:.2f}" for estimator in WIFI}

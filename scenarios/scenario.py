@@ -100,7 +100,6 @@ class Family:
     sweep: Mapping[str, str] = field(default_factory=dict)  # the label's short name -> parameter
     variants: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # the label's word -> parameters
     recorded: bool = False  # needs a directory of recordings; has one trial, unless it is a `RecordedScenario`
-    by_data: str = ""  # "module:function" that says the model for a directory of recordings, where it has several
     word: str = ""  # the parameter that any other word of the label stands for, such as a run's name
 
     def parameters_of(self, name: str, which: str) -> Mapping[str, Any]:
@@ -122,16 +121,14 @@ class Family:
         known = [*self.variants, *(f"{key}=..." for key in self.sweep)]
         raise BadInput(f"scenario {name!r} has no {which!r}; known are {', '.join(known) or 'none'}")
 
-    def model_class(self, name: str, data: Path | None = None) -> Any:
-        """The class of parameters; that of the recordings in the directory `data`, where the family has several.
+    def model_class(self, name: str) -> Any:
+        """Return the class of parameters.
 
         Raises:
-            BadInput: it cannot be imported, or is not a pydantic model; or `data` cannot be read.
+            BadInput: it cannot be imported, or is not a pydantic model.
 
         """
         cls: Any = self.model
-        if self.by_data and data is not None:
-            cls = load_object(self.by_data, f"what chooses the model of scenario {name!r}")(data)
         if isinstance(cls, str):
             cls = load_object(cls, f"the model {cls} of scenario {name!r}")
         if not hasattr(cls, "model_fields"):
@@ -284,7 +281,7 @@ def build_scenario(
         BadInput: an unknown parameter, or a value that does not fit.
 
     """
-    cls = family.model_class(name, parameters.get("data") if family.recorded else None)
+    cls = family.model_class(name)
     own, said = split_options(parameters, cls.model_fields)
     for key in own:
         if key not in cls.model_fields:

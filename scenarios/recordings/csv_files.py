@@ -1,17 +1,18 @@
 """Recordings of a team in CSV files, as `log.toml` describes them."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from cooploc.estimators.errors import BadInput
-from cooploc.estimators.interface import Array, Indices
+from cooploc.estimators.interface import Array
 from cooploc.scenarios.recordings import schema
 from cooploc.scenarios.recordings.schema import LogColumn, ReadingColumns, Source, TeamDescription
 from cooploc.scenarios.recordings.team_log import Measured, Places, Series, TeamLog, build_log, in_order, reading_tables
-from cooploc.scenarios.recordings.text_files import Table, count_of, read_lines
+from cooploc.scenarios.recordings.text_files import count_of, read_lines
 
 VALUES: Mapping[type[ReadingColumns], tuple[str, ...]] = {
     schema.Ranges: ("range",),
@@ -28,21 +29,31 @@ def runs(data: Path, description: TeamDescription) -> dict[str, Path]:
 
     """
     file = (description.odometry.file if description.odometry else None) or ""
+    pattern = file.replace("[", "[[]").replace("{robot}", "*").replace("{run}", "*")
     if "{run}" in file:  # a file for each run of one robot
         begin, end = file.split("{run}", 1)
-        names = {path.name.removeprefix(begin).removesuffix(end): data for path in sorted(data.glob(f"{begin}*{end}"))}
-        if names:
-            return names
-    pattern = file.replace("{robot}", "*").replace("[", "[[]")
-    if any(data.glob(pattern)):
-        return {data.resolve().name: data}
-    found = {place.name: place for place in sorted(data.iterdir()) if place.is_dir() and any(place.glob(pattern))}
+        names = [path.name.removeprefix(begin).removesuffix(end) for path in data.glob(pattern)]
+        found = dict.fromkeys(sorted(names), data)
+    elif any(data.glob(pattern)):
+        found = {data.resolve().name: data}
+    else:
+        found = {place.name: place for place in sorted(data.iterdir()) if place.is_dir() and any(place.glob(pattern))}
     if not found:
         raise BadInput(
             f"{data}: neither it nor a directory in it has a file {file}; put the runs there, or "
             "correct `file` in [odometry] of log.toml"
         )
     return found
+
+
+class Run(NamedTuple):
+    """A run that is being read."""
+
+    place: Path  # directory of its files
+    name: str
+    description: TeamDescription
+    warnings: list[str]
+    zero: Array | float = 0.0  # (columns of time,) subtracted before they are summed, which keeps the nanoseconds
 
 
 def read(data: Path, place: Path, name: str, description: TeamDescription) -> TeamLog:
@@ -52,18 +63,20 @@ def read(data: Path, place: Path, name: str, description: TeamDescription) -> Te
         BadInput: a file or column is missing, or a line is malformed; names file, line and remedy.
 
     """
-    d, warnings = description, list[str]()
+    d, run, zero = description, Run(place, name, description, []), 0.0
     moves, poses = d.recorded
-    odometry = _by_robot(
-        place, name, d, moves, [getattr(moves, column) for column in schema.COLUMNS[moves.kind]], warnings
-    )
-    truth = _by_robot(place, name, d, poses, [poses.x, poses.y, poses.heading], warnings)
+    if d.sample.tick == "lines":
+        run = run._replace(zero=_first_stamp(run, poses))
+        zero = float((run.zero * np.array([column.factor for column in moves.time])).sum())
+    odometry = _by_robot(run, moves, [getattr(moves, column) for column in schema.COLUMNS[moves.kind]])
+    truth = _by_robot(run, poses, [poses.x, poses.y, poses.heading])
     anchors, landmarks = (read_places(data, table, d.delimiter) for table in (d.anchors, d.landmarks))
     readings = {
-        kind: [m for table in tables for m in _measurements(place, name, d, table, (*d.robots, *fixed.names), warnings)]
+        kind: [m for table in tables for m in _measurements(run, table, (*d.robots, *fixed.names))]
         for kind, tables, fixed in reading_tables(d, anchors, landmarks)
     }
-    return build_log(place, name, d, odometry, truth, readings, anchors, landmarks, warnings)
+    warnings = list(dict.fromkeys(run.warnings))  # several tables may be in one file
+    return build_log(place, name, d, odometry, truth, readings, anchors, landmarks, warnings)._replace(zero=zero)
 
 
 def read_places(data: Path, declared: schema.PlacesTable | None, delimiter: str) -> Places:
@@ -89,112 +102,92 @@ def read_places(data: Path, declared: schema.PlacesTable | None, delimiter: str)
 class Rows(NamedTuple):
     """Lines of one file of a source."""
 
-    lines: Table
+    path: Path
+    stamp: Array  # (m, columns of time)  as in the file
     time: Array  # (m,) [s]
     robot: list[str]  # (m,) as named in the description
     other: list[str]  # (m,) empty where the source has none
     values: Array  # (m, k) in SI units; nan where a field is empty or a column is None
 
-    def select(self, rows: Indices) -> "Rows":
-        """Return these rows."""
-        robot, other = ([names[i] for i in rows] for names in (self.robot, self.other))
-        return Rows(self.lines, self.time[rows], robot, other, self.values[rows])
 
-
-def rows_of(
-    place: Path,
-    run: str,
-    d: TeamDescription,
-    source: Source,
-    columns: Sequence[LogColumn | None],
-    others: Sequence[str],
-    warnings: list[str],
-) -> Iterator[Rows]:
+def rows_of(run: Run, source: Source, columns: Sequence[LogColumn | None], others: Sequence[str]) -> Iterator[Rows]:
     """Yield the lines of every file of a source in one run.
 
     Raises:
         BadInput: none of its files is there, or one is malformed.
 
     """
-    source = source.model_copy(update={"file": (source.file or "").replace("{run}", run)})
-    files = list(_files(place, source, d.robots, others))
-    if not any(path.is_file() for path, _, _ in files):
-        raise BadInput(f"{files[0][0]}: there is no such file; put it there, or correct `file` in log.toml")
-    for path, robot, other in files:
-        if path.is_file():
-            rows = _read(path, source, columns, robot, other, d.delimiter)
-            warnings += rows.lines.notes
-            yield rows
-
-
-def _files(
-    place: Path, source: Source, robots: Sequence[str], others: Sequence[str]
-) -> Iterator[tuple[Path, str | None, str | None]]:
-    """(path, robot, other), None where a column gives the name."""
-    pattern = source.file or ""
+    pattern = (source.file or "").replace("{run}", run.name)
     written = {name: word for word, name in source.nodes.items()}
-    for robot in robots if "{robot}" in pattern or source.robot is None else (None,):
-        for other in others if "{other}" in pattern else (None,):
-            if robot is None or robot != other:
-                file = pattern
-                for mark, name in (("{robot}", robot), ("{other}", other)):
-                    file = file.replace(mark, written.get(name, name)) if name is not None else file
-                yield place / file, robot, other
-
-
-def _read(
-    path: Path,
-    source: Source,
-    columns: Sequence[LogColumn | None],
-    robot: str | None,
-    other: str | None,
-    delimiter: str,
-) -> Rows:
+    robots = run.description.robots if source.robot is None else ("",)  # "": a column gives the name
+    files: dict[Path, tuple[str, str]] = {}
+    for robot, other in product(robots, others if "{other}" in pattern else ("",)):
+        if robot != other or not robot:
+            file = pattern.replace("{robot}", written.get(robot, robot)).replace("{other}", written.get(other, other))
+            files[run.place / file] = robot, other
+    if not any(path.is_file() for path in files):
+        raise BadInput(f"{next(iter(files))}: there is no such file; put it there, or correct `file` in log.toml")
     numbers = [*source.time, *(column for column in columns if column is not None)]
     of = source.other if isinstance(source, ReadingColumns) else None
     named = [column.column for column in (source.robot, of) if column is not None]
-    lines = read_lines(path, [c.column for c in numbers], named, delimiter)
-    scaled = lines.values * [c.factor for c in numbers]
-    stamps, rest = scaled[:, : len(source.time)], iter(scaled[:, len(source.time) :].T)
-    values = np.array([np.full(len(scaled), np.nan) if c is None else next(rest) for c in columns])
-    words = [[source.nodes.get(word, word) for word in names] for names in lines.names]
-    robots = [robot if robot is not None else names[0] for names in words]
-    others = [other if other is not None else (names[-1] if of is not None else "") for names in words]
-    return Rows(lines, stamps.sum(-1) + source.clock_offset, robots, others, values.T.reshape(-1, len(columns)))
+    for path, (robot, other) in files.items():
+        if not path.is_file():
+            continue
+        lines = read_lines(path, [c.column for c in numbers], named, run.description.delimiter)
+        run.warnings.extend(lines.notes)
+        stamp, k = lines.values[:, : len(source.time)], len(source.time)
+        time = ((stamp - run.zero) * [c.factor for c in source.time]).sum(-1) + source.clock_offset
+        rest = iter((lines.values[:, k:] * [c.factor for c in numbers[k:]]).T)
+        values = np.array([np.full(len(time), np.nan) if c is None else next(rest) for c in columns])
+        words = [[source.nodes.get(word, word) for word in names] for names in lines.names]
+        who = [names[0] if source.robot else robot for names in words]
+        what = [names[-1] if of else other for names in words]
+        yield Rows(path, stamp, time, who, what, values.T.reshape(-1, len(columns)))
 
 
-def _by_robot(
-    place: Path, run: str, d: TeamDescription, table: Source, columns: Sequence[LogColumn | None], warnings: list[str]
-) -> Mapping[str, Series]:
-    """The series of each robot, from the first file that has lines of it."""
+def _first_stamp(run: Run, poses: schema.GroundTruth) -> Array:
+    """Return the columns of time on the first line with a true position."""
+    rows = next(rows_of(run, poses, [poses.x, poses.y], ()))
+    known = np.flatnonzero(np.isfinite(rows.values).all(-1) & np.isfinite(rows.time))
+    if not len(known):
+        raise BadInput(f"{rows.path}: no line has a true position; check the columns named in [truth]")
+    return np.asarray(rows.stamp[known[0]], float)
+
+
+def _by_robot(run: Run, table: Source, columns: Sequence[LogColumn | None]) -> Mapping[str, Series]:
+    """Return the series of each robot, from the first file that has lines of it."""
     found: dict[str, Series] = {}
     strangers = set[str]()
-    for rows in rows_of(place, run, d, table, columns, (), warnings):
-        path = rows.lines.path
+    for rows in rows_of(run, table, columns, ()):
         for robot in dict.fromkeys(rows.robot):
             mine = np.flatnonzero([name == robot for name in rows.robot])
-            if robot not in d.robots and robot not in strangers:
+            if robot not in run.description.robots and robot not in strangers:
                 strangers.add(robot)
-                warnings.append(f"{path}: {len(mine)} lines of {robot!r}, which is not in `robots`, were left out")
-            elif robot in d.robots and robot not in found:
-                found[robot], notes = in_order(rows.time[mine], rows.values[mine], str(path))
-                warnings += notes
+                left_out = f"{len(mine)} lines of {robot!r}, which is not in `robots`, were left out"
+                run.warnings.append(f"{rows.path}: {left_out}")
+            elif robot in run.description.robots and robot not in found:
+                found[robot], notes = in_order(rows.time[mine], rows.values[mine], str(rows.path))
+                run.warnings.extend(notes)
     return found
 
 
-def _measurements(
-    place: Path, run: str, d: TeamDescription, table: ReadingColumns, names: Sequence[str], warnings: list[str]
-) -> Iterator[Measured]:
+def _measurements(run: Run, table: ReadingColumns, names: Sequence[str]) -> Iterator[Measured]:
     each: Mapping[str, LogColumn] = getattr(table, "each", {})  # the column of each thing that is measured
     columns = list(each.values()) or [getattr(table, name) for name in VALUES[type(table)]]
-    for rows in rows_of(place, run, d, table, columns, names, warnings):
+    for rows in rows_of(run, table, columns, names):
         stamped = np.isfinite(rows.time)
         if not stamped.all():
-            warnings.append(f"{rows.lines.path}: left out {count_of(int((~stamped).sum()), 'line')} without a stamp")
-            rows = rows.select(np.flatnonzero(stamped))
+            left_out = f"left out {count_of(int((~stamped).sum()), 'line')} without a stamp"
+            run.warnings.append(f"{rows.path}: {left_out}")
+        values = rows.values[stamped]
+        robots, others = ([n for n, s in zip(of, stamped, strict=True) if s] for of in (rows.robot, rows.other))
         if isinstance(table, schema.Rssi):
-            rows.values[rows.values >= table.missing_from] = np.nan
-        m, source = max(len(each), 1), str(rows.lines.path)
-        others = list(each) * len(rows.robot) if each else rows.other
-        values = rows.values.reshape(-1, 1) if each else rows.values
-        yield Measured(np.repeat(rows.time, m), [r for r in rows.robot for _ in range(m)], others, values, source)
+            values[values >= table.missing_from] = np.nan
+        m = max(len(each), 1)
+        yield Measured(
+            np.repeat(rows.time[stamped], m),
+            [robot for robot in robots for _ in range(m)],
+            list(each) * len(robots) if each else others,
+            values.reshape(-1, 1) if each else values,
+            str(rows.path),
+        )

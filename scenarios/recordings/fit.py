@@ -17,7 +17,7 @@ from scipy.stats import norm
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Indices, Mask, Motion, Sensor
 from cooploc.estimators.models import NEAR, Displacement, LogDistance, Range, Sighting, Unicycle, wrap
-from cooploc.scenarios.recordings.sampling import Gaps, Grid, bearing, odometry, poses
+from cooploc.scenarios.recordings.sampling import Gaps, Grid, bearing, grid_of_lines, odometry, poses
 from cooploc.scenarios.recordings.team_log import Channel, OdometryKind, TeamLog, fixed_places, other_names
 
 # ---- Huber's least squares, which one bad recording cannot turn
@@ -200,6 +200,7 @@ class Part(NamedTuple):
     log: TeamLog
     begin: float  # [s]
     end: float  # [s]
+    lines: bool = False  # whether the ticks are the lines of its one robot
 
 
 class Residuals(NamedTuple):
@@ -258,9 +259,15 @@ def tracks_of(parts: Sequence[Part], robot: str, tick: float, gaps: Gaps) -> lis
 
 
 def _track(part: Part, robot: int, window: float, gaps: Gaps) -> Track:
-    grid, log = Grid(part.begin, window, int((part.end - part.begin) / window)), part.log
+    log = part.log
+    if part.lines:
+        grid = grid_of_lines(log, part.begin, part.end)
+    else:
+        grid = Grid(part.begin, window, int((part.end - part.begin) / window))
     u = odometry(log.odometry_kind, log.odometry[robot], grid, gaps.hold)
     truth = poses(log.truth[robot], grid.edges, gaps.truth)
+    if part.lines:
+        return Track(grid.edges, u, grid.dt <= gaps.hold, truth)
     if log.odometry_kind == "displacement":
         moved = np.hypot(u[:, 0], u[:, 1]) > MOVING
     else:
@@ -321,6 +328,34 @@ def fit_path_loss(r: Residuals, A: float | None, eta: float | None, robust: bool
     return float(c[0]), float(c[1]), sigma, memory(r, _clip(e, sigma, robust))
 
 
+def fit_path_loss_of_lines(
+    parts: Sequence[Part], A: float | None, eta: float | None, gap: float, robust: bool
+) -> tuple[float, float, float, Memory]:
+    """Return the same of a lone robot, whose readings of an anchor follow each other from line to line."""
+    logs, readings = [np.empty((0, 0))], [np.empty((0, 0))]
+    for log, begin, end, _ in parts:
+        lines, anchors, r = grid_of_lines(log, begin, end).edges, log.anchors.positions, log.readings["anchor_rssi"]
+        z = np.full((len(lines), len(anchors)), np.nan)
+        used = np.isin(r.time, lines)
+        z[np.searchsorted(lines, r.time[used]), r.other[used]] = r.values[used, 0]
+        away = poses(log.truth[0], lines, gap)[:, None, :2] - anchors
+        logs.append(log_distance(np.hypot(away[..., 0], away[..., 1])))
+        readings.append(z)
+    L, z = (np.concatenate([one.ravel() for one in of]) for of in (logs, readings))
+    there = np.isfinite(L) & np.isfinite(z)
+    if there.sum() < 3:
+        return A if A is not None else np.nan, eta if eta is not None else np.nan, np.nan, Memory()
+    c, _, core = fit_log_distance(L[there], z[there], A, eta, robust)
+    residuals = [z - (c[0] + c[1] * L) for L, z in zip(logs, readings, strict=True)]
+    square, free = sum(float(np.nansum(e**2)) for e in residuals), (A is None) + (eta is None)
+    sigma = core if robust else np.sqrt(square / max(int(there.sum()) - free, 1))
+    before, after = (np.concatenate([e[s].ravel() for e in residuals]) for s in (np.s_[:-1], np.s_[1:]))
+    both = np.isfinite(before) & np.isfinite(after)
+    a, b = before[both], after[both]
+    lag1 = float((a * b).sum() / np.sqrt((a**2).sum() * (b**2).sum())) if both.any() else 0.0
+    return float(c[0]), float(c[1]), float(sigma), Memory(lag1, np.inf)
+
+
 def fit_sighting(r: Residuals, robust: bool) -> tuple[tuple[float, Memory], ...]:
     """sigma and memory of range [m] and of bearing [rad]; nan where readings or true headings are few."""
     found = []
@@ -354,6 +389,8 @@ def fit_odometry(
         scale = stated[0] or 1.0
         return np.full((len(robots), 2), scale), (fit_displacement(every, tick, scale, robust),)
     common = fit_wheel_odometry(every, tick, *stated, robust)
+    if len(robots) == 1:
+        return np.array([[common.length_scale, common.turn_scale]]), (common.sigma_v, common.sigma_omega)
     scales, scaled = [], []
     for mine in tracks.values():
         enough = sum(int(track.known.sum()) for track in mine) >= ENOUGH
@@ -372,6 +409,8 @@ def inflation(memory: Memory) -> float:
     """
     r = min(max(memory.lag1, 0.0), MOST_CORRELATED)
     m = max(memory.burst, 1.0)
+    if np.isinf(m):
+        return float(np.sqrt((1 + r) / (1 - r)))
     k = np.arange(1, min(int(np.ceil(m)), LONG))
     return float(np.sqrt(1 + 2 * ((1 - k / m) * r**k).sum()))
 
@@ -462,7 +501,7 @@ def team_models(log: TeamLog, parts: Sequence[Part], how: How) -> TeamModels:
         elif channel in ("sighting", "landmark"):
             sensors[name], fitted = _sighting_model(channel, found, how)
         else:
-            sensors[name], fitted = _rssi_model(log, found, how, prefix)
+            sensors[name], fitted = _rssi_model(log, parts, found, how, prefix)
         notes |= fitted
     lacking = [name for name, value in notes.items() if isinstance(value, float) and not np.isfinite(value)]
     lacking += [n for n, v in notes.items() if n.endswith("_bias") and not np.isfinite(list(v.values())).all()]
@@ -523,8 +562,14 @@ def _sighting_model(channel: Channel, found: Residuals, how: How) -> tuple[Sight
     return Sighting(notes[f"{channel}_sigma_range"], notes[f"{channel}_sigma_bearing"]), notes
 
 
-def _rssi_model(log: TeamLog, found: Residuals, how: How, prefix: str) -> tuple[LogDistance, dict[str, Any]]:
-    A, eta, fitted, memory = fit_path_loss(found, how.stated[f"{prefix}A"], how.stated[f"{prefix}eta"], how.robust)
+def _rssi_model(
+    log: TeamLog, parts: Sequence[Part], found: Residuals, how: How, prefix: str
+) -> tuple[LogDistance, dict[str, Any]]:
+    stated = how.stated[f"{prefix}A"], how.stated[f"{prefix}eta"]
+    if parts and parts[0].lines:
+        A, eta, fitted, memory = fit_path_loss_of_lines(parts, *stated, how.gaps.truth, how.robust)
+    else:
+        A, eta, fitted, memory = fit_path_loss(found, *stated, how.robust)
     if eta <= 0:
         raise UnfittedModel(
             f"run {log.name!r}: {prefix}RSSI does not fall with distance in what it is fitted on (eta = {eta:.3g}); "

@@ -7,7 +7,7 @@ import numpy as np
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Belief
 from cooploc.estimators.models import wrap
-from cooploc.scenarios.recordings.schema import Prior, RobotPrior
+from cooploc.scenarios.recordings.schema import Prior
 
 UNIFORM = np.pi / np.sqrt(3)  # [rad] standard deviation of a uniform heading
 REST, REACH = 0.02, 0.1  # [m] the first motion: from the last position within REST of the start to the first past REACH
@@ -16,7 +16,7 @@ REST, REACH = 0.02, 0.1  # [m] the first motion: from the last position within R
 def prior(
     robots: Sequence[str],
     where: Sequence[str],
-    declared: Prior | RobotPrior,
+    declared: Prior,
     arena: Array,
     poses: Array,
     turns: Array | None,
@@ -40,8 +40,6 @@ def prior(
         x, sd = np.tile(arena.mean(0), (n, 1)), np.tile((arena[1] - arena[0]) / np.sqrt(12), (n, 1))
         source = "anywhere in the arena"
     else:
-        if declared.position_sd is None:
-            raise BadInput("the prior's position_sd [m] is not stated; give it with position='first truth'")
         first = declared.position == "first truth"
         x = (
             poses[0, :, :2]
@@ -87,7 +85,7 @@ def first_course(truth: Array, turns: Array) -> float:
 
 
 def _headings(
-    robots: Sequence[str], where: Sequence[str], declared: Prior | RobotPrior, poses: Array, turns: Array
+    robots: Sequence[str], where: Sequence[str], declared: Prior, poses: Array, turns: Array
 ) -> tuple[Array, Array]:
     """Return headings (n,) and their standard deviations (n,) [rad]; one that the first motion does not show is 0."""
     n = len(robots)

@@ -73,20 +73,42 @@ class Gaps(NamedTuple):
 
 
 class Grid(NamedTuple):
-    """Ticks of one length."""
+    """Ticks of one length, or from each line of odometry to the next."""
 
     t0: float  # time of the prior [s]
-    tick: float  # [s]
+    tick: float  # [s] of lines: their median interval
     ticks: int
+    lines: Array | None = None  # (T + 1,) stamps [s]
 
     @property
     def edges(self) -> Array:
         """Ends of the ticks, after the prior's time (T + 1,) [s]."""
-        return self.t0 + self.tick * np.arange(self.ticks + 1.0)
+        return self.t0 + self.tick * np.arange(self.ticks + 1.0) if self.lines is None else self.lines
+
+    @property
+    def dt(self) -> Array:
+        """Length of each tick (T,) [s]."""
+        return np.full(self.ticks, self.tick) if self.lines is None else np.diff(self.lines)
 
     def nearest(self, time: Array) -> Indices:
-        """The number of the tick whose end is nearest; -1: the prior's time."""
-        return np.floor((time - self.t0) / self.tick + 0.5).astype(np.int64) - 1
+        """Return the number of the tick whose end is nearest; -1: the prior's time."""
+        if self.lines is None:
+            return np.floor((time - self.t0) / self.tick + 0.5).astype(np.int64) - 1
+        return np.asarray(np.searchsorted(self.lines, time) - 1, np.int64)
+
+
+def grid_of_lines(log: TeamLog, begin: float, end: float) -> Grid:
+    """Return the ticks from each line of a lone robot's odometry to the next.
+
+    Raises:
+        BadInput: there are fewer than two lines.
+
+    """
+    lines = log.odometry[0].time
+    lines = lines[(lines >= begin) & (lines <= end)]
+    if len(lines) < 2:
+        raise BadInput(f"run {log.name!r} has {len(lines)} lines to be judged; choose a smaller start in log.toml")
+    return Grid(float(lines[0]), float(np.median(np.diff(lines))), len(lines) - 1, lines)
 
 
 def span(log: TeamLog) -> tuple[float, float]:
@@ -127,18 +149,17 @@ def odometry(kind: OdometryKind, series: Series, grid: Grid, max_hold: float) ->
     """Return the odometry of a robot in each tick (T, 2): v [m/s], omega [rad/s]; or dx, dy [m]."""
     time, edges, u = series.time - grid.t0, grid.edges - grid.t0, series.values
     if kind == "velocity":
-        return np.where(_gaps(time, edges, max_hold)[:, None], np.nan, mean_held(time, u, edges))
+        return _held(time, u, grid, max_hold)
     if kind == "path":
-        length = np.diff(interpolate(time, u[:, :1], edges, np.inf), axis=0) / grid.tick
-        turn = np.where(_gaps(time, edges, max_hold)[:, None], np.nan, mean_held(time, u[:, 1:], edges))
-        return np.concatenate([length, turn], -1)
+        length = np.diff(interpolate(time, u[:, :1], edges, np.inf), axis=0) / grid.dt[:, None]
+        return np.concatenate([length, _held(time, u[:, 1:], grid, max_hold)], -1)
     if kind == "displacement":
         return np.diff(interpolate(time, np.cumsum(u, axis=0), edges, np.inf), axis=0)
     turned = np.concatenate([u[:, :2], np.unwrap(u[:, 2:], axis=0)], -1)
     step = np.diff(interpolate(time, turned, edges, np.inf), axis=0)
     course = interpolate(time, turned, edges[:-1], np.inf)[:, 2] + step[:, 2] / 2
     forward = step[:, 0] * np.cos(course) + step[:, 1] * np.sin(course)
-    return np.stack([forward, step[:, 2]], -1) / grid.tick
+    return np.stack([forward, step[:, 2]], -1) / grid.dt[:, None]
 
 
 def cells(readings: Readings, grid: Grid, robots: int, others: int) -> tuple[Array, dict[str, Any]]:
@@ -174,6 +195,13 @@ def in_turn(readings: Readings) -> Readings:
 def bearing(pose: Array, place: Array) -> Array:
     """Return the bearing of places (m, 2) as seen from poses (m, 3) [rad]."""
     return wrap(np.arctan2(place[:, 1] - pose[:, 1], place[:, 0] - pose[:, 0]) - pose[:, 2])
+
+
+def _held(time: Array, u: Array, grid: Grid, max_hold: float) -> Array:
+    """Return the means (T, k) of values that hold until the next stamp (time less t0), nan where it is far."""
+    edges = grid.edges - grid.t0
+    mean = mean_held(time, u, edges) if grid.lines is None else u[np.searchsorted(time, edges[:-1])]
+    return np.where(_gaps(time, edges, max_hold)[:, None], np.nan, mean)
 
 
 def _gaps(time: Array, edges: Array, max_hold: float) -> Mask:

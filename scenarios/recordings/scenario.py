@@ -10,6 +10,7 @@ nowhere else.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from fnmatch import fnmatchcase
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
@@ -25,30 +26,20 @@ from cooploc.estimators.registry import load_object
 from cooploc.scenarios.recordings import sampling, schema
 from cooploc.scenarios.recordings.fit import How, Leftover, Part, TeamModels, leftovers, team_models
 from cooploc.scenarios.recordings.prior import prior
-from cooploc.scenarios.recordings.sampling import Gaps, Grid, resample_readings
-from cooploc.scenarios.recordings.schema import NAME, TeamDescription, is_of_one_robot
-from cooploc.scenarios.recordings.single_robot import ALL, Log, name_of_trial, set_up
+from cooploc.scenarios.recordings.sampling import Gaps, Grid, grid_of_lines, resample_readings
+from cooploc.scenarios.recordings.schema import NAME, TeamDescription
 from cooploc.scenarios.recordings.team_log import TeamLog, with_known_places
 from cooploc.scenarios.stream import Stream, Truth
 from cooploc.scenarios.worlds.radio import Positive
 
 MODULES = {"csv": "csv_files", "bag": "bags", "pyfg": "pyfg", "mrclam": "mrclam"}
+ALL = "all"  # in the place of a run's name
 SAME = 0.5  # share of equal true positions from which on two runs are parts of one recording
 NO_ORDER = "ranks no estimators"  # in a sentence of `explained`
 SHORT = 30  # ticks
 STILL = 3.0  # standard deviations of the prior
 READINGS = ("senses.anchor_rssi", "senses.landmark", "senses.sighting", "air.rssi", "air.range", "extra.anchor_range")
 MARGIN = 2.0  # [m] around all fixed things: the arena must not be taken from the truth
-
-
-def model(data: Path) -> type[Log] | type["TeamScenario"]:
-    """Return the model of the recordings in a directory, of one robot or of a team, by its log.toml.
-
-    Raises:
-        BadInput: there is none.
-
-    """
-    return Log if is_of_one_robot(data / NAME) else TeamScenario
 
 
 class Reader(NamedTuple):
@@ -133,11 +124,17 @@ def _same(a: TeamLog, b: TeamLog) -> bool:
     for i, j in zip(a.truth, b.truth, strict=False):
         if i is None or j is None or not min(len(i.time), len(j.time)):
             continue
-        _, k, m = np.intersect1d(i.time, j.time, return_indices=True)
+        at, there = (np.round(log.zero + one.time, 5) if log.zero else one.time for log, one in ((a, i), (b, j)))
+        _, k, m = np.intersect1d(at, there, return_indices=True)
         shared = (i.values[k, :2] == j.values[m, :2]).all(-1).sum()
         if shared >= SAME * min(len(i.time), len(j.time)):
             return True
     return False
+
+
+def set_up(name: str, patterns: Sequence[str]) -> str:
+    """Return the first pattern that a run's name matches; a run that matches none is a set-up of its own."""
+    return next((pattern for pattern in patterns if fnmatchcase(name, pattern)), f"only {name}")
 
 
 class Judged(NamedTuple):
@@ -154,6 +151,7 @@ class TeamScenario(schema.Model):
     """Parameters of the scenario, in SI units; None: as log.toml states, or fitted."""
 
     data: Path  # the directory of log.toml
+    described: str = ""  # the name of a shipped description; where empty, log.toml in the directory
     run: str = ALL
     fitted_on: Literal["same set-up", "all others"] = "same set-up"  # which of the other runs
     bias: Literal["fitted", "none"] = "fitted"  # of ranges: subtracted as fitted; or raw, and part of sigma
@@ -163,7 +161,9 @@ class TeamScenario(schema.Model):
     tick: Annotated[float, Field(ge=0.01, le=60)] | None = None  # [s]
     start: Annotated[float, Field(ge=0)] | None = None  # [s] left out at the beginning
     duration: Positive | None = None  # [s] at most
+    position: Literal["first truth", "arena"] | None = None  # source of the prior's position
     position_sd: Positive | None = None  # [m] of the prior
+    heading: Literal["first truth", "first motion", "unknown"] | None = None  # source of the prior's heading
     heading_sd: Positive | None = None  # [rad] of the prior
 
     @classmethod
@@ -176,7 +176,7 @@ class TeamScenario(schema.Model):
     @cached_property
     def folder(self) -> TeamFolder:
         """The recordings in the directory."""
-        return TeamFolder(self.data)
+        return TeamFolder(self.data, schema.load(schema.shipped(self.described)) if self.described else None)
 
     @cached_property
     def judged(self) -> Judged:
@@ -187,13 +187,13 @@ class TeamScenario(schema.Model):
         begin, end = sampling.span(log)
         begin += self._sample.start
         first = self._known_start(log, begin + (fit.seconds or 0.0), end)
-        grid = self._grid(log, first, end)
+        grid, lines = self._grid(log, first, end), self._sample.tick == "lines"
         if fit.on == "first part":
-            parts = [Part(log, begin, first)]
+            parts = [Part(log, begin, first, lines)]
         else:
             others = self.folder.others(self.run, self.fitted_on == "same set-up") if fit.on == "other runs" else []
-            parts = [Part(other, *sampling.span(other)) for other in others]
-        return Judged(log, grid, parts, team_models(log, parts, self._how), _arena(log, self.folder))
+            parts = [Part(other, *sampling.span(other), lines) for other in others]
+        return Judged(log, grid, parts, team_models(log, parts, self._how(grid.tick)), _arena(log, self.folder))
 
     @cached_property
     def _of_all(self) -> dict[int, "TeamScenario"]:
@@ -211,10 +211,15 @@ class TeamScenario(schema.Model):
             BadInput: there are several trials, or there is no such trial or run.
 
         """
-        name = name_of_trial(self.data, self.run, self._names(), trials)
+        names = self._names()
+        there = f"{self.data}: {self.run!r} has {len(names)} trial{'s' * (len(names) > 1)}"
+        if len(trials) != 1:
+            raise BadInput(f"{there}, and a stream holds one, as each run has its own models; ask for trials=[0]")
+        if trials[0] >= len(names):
+            raise BadInput(f"{there}, numbered from 0; there is no trial {trials[0]}; ask for an existing one")
         if self.run != ALL:
             return self
-        return self._of_all.setdefault(trials[0], self.model_copy(update={"run": name}))
+        return self._of_all.setdefault(trials[0], self.model_copy(update={"run": names[trials[0]]}))
 
     def world(self) -> World:
         """Return what the team knows of this run: fixed things, arena, and assumed models."""
@@ -227,14 +232,13 @@ class TeamScenario(schema.Model):
             sensors=models.sensors,
             anchors=log.anchors.positions,
             landmarks=log.landmarks.positions,
-            t0=grid.t0,
+            t0=log.zero + grid.t0,
         )
 
     def simulate(self, label: str, trials: Sequence[int], seed: int, world: World) -> tuple[Truth, Stream]:
         """Truth and stream of one run, with `world` as what the team knows; the seed changes nothing."""
         log, grid, _, models, arena = self.judged
-        gaps = self._how.gaps
-        edges = grid.edges
+        gaps, edges = self._gaps, grid.edges
         poses = np.stack([sampling.poses(series, edges, gaps.truth) for series in log.truth], 1)
         headed = bool((np.isfinite(poses[1:, :, 2]) | np.isnan(poses[1:, :, 0])).all())
         path = poses[None, 1:, :, : 3 if headed else 2].copy()
@@ -242,15 +246,15 @@ class TeamScenario(schema.Model):
         u = [sampling.odometry(log.odometry_kind, series, grid, gaps.hold) for series in log.odometry]
         odometry = np.stack(u, 1) * models.scales
         seen = resample_readings(log, grid, models.bias, self._sample.ranges_go_to, self.packets)
-        turns = None if log.odometry_kind == "displacement" else odometry[..., 1] * grid.tick
+        turns = None if log.odometry_kind == "displacement" else odometry[..., 1] * grid.dt[:, None]
         where = [f"run {log.name!r}: robot {robot!r}" for robot in log.robots]
         belief, source = prior(log.robots, where, self._prior, arena, poses, turns)
-        dt = np.full((1, *odometry.shape[:2]), grid.tick)
+        dt = np.broadcast_to(grid.dt[:, None], (1, *odometry.shape[:2])).copy()
         stream = Stream(
             scenario=label,
             seed=seed,
             trial=np.array(trials, np.int64),
-            time=edges[1:],
+            time=log.zero + edges[1:],
             world=world,
             prior=belief,
             senses=Senses(odometry[None], dt, seen.anchor_rssi, seen.landmark, seen.sighting, seen.extra),
@@ -297,7 +301,7 @@ class TeamScenario(schema.Model):
         """Return the residuals of the run after its models, where these were fitted and where they are judged."""
         log, grid, parts, models, _ = self.judged
         judged = Part(log, grid.t0, float(grid.edges[-1]))
-        return list(leftovers(log, parts, judged, models, self._how))
+        return list(leftovers(log, parts, judged, models, self._how(grid.tick)))
 
     def _names(self) -> list[str]:
         return self.folder.different if self.run == ALL else [self.folder.log(self.run).name]
@@ -305,6 +309,8 @@ class TeamScenario(schema.Model):
     def _grid(self, log: TeamLog, first: float, end: float) -> Grid:
         sample = self._sample
         length = min(end - first, sample.duration or np.inf)
+        if sample.tick == "lines":
+            return grid_of_lines(log, first, first + length)
         if length < sample.tick:
             raise BadInput(
                 f"run {log.name!r} has {max(end - first, 0):.3g} s to be judged, less than a tick of {sample.tick:g} "
@@ -315,11 +321,15 @@ class TeamScenario(schema.Model):
     def _known_start(self, log: TeamLog, first: float, end: float) -> float:
         """Return the first tick's time from which the prior can be taken: every robot's true position is known."""
         tick = self._sample.tick
-        times: Array = first + tick * np.arange(max(1.0, (end - first) // tick))
+        times: Array = (
+            log.odometry[0].time[log.odometry[0].time >= first]
+            if tick == "lines"
+            else first + tick * np.arange(max(1.0, (end - first) // tick))
+        )
         known = np.ones(len(times), bool)
         if self._prior.position == "first truth":
             for series in filter(None, log.truth):
-                known &= np.isfinite(sampling.poses(series, times, self._how.gaps.truth)[:, :2]).all(-1)
+                known &= np.isfinite(sampling.poses(series, times, self._gaps.truth)[:, :2]).all(-1)
         return float(times[np.argmax(known)])
 
     @property
@@ -328,20 +338,15 @@ class TeamScenario(schema.Model):
 
     @property
     def _prior(self) -> schema.Prior:
-        return self.folder.description.prior.model_copy(update=self._overrides(("position_sd", "heading_sd")))
+        return self.folder.description.prior.model_copy(update=self._overrides(tuple(schema.Prior.model_fields)))
 
     @property
-    def _how(self) -> How:
+    def _gaps(self) -> Gaps:
+        return Gaps(self._sample.max_gap, self._sample.max_hold)
+
+    def _how(self, tick: float) -> How:
         stated = self.folder.description.model.model_dump() | self._overrides(tuple(schema.Model.model_fields))
-        sample = self._sample
-        return How(
-            sample.tick,
-            Gaps(sample.max_gap, sample.max_hold),
-            stated,
-            self.bias,
-            self.robust,
-            self.correlation == "inflate",
-        )
+        return How(tick, self._gaps, stated, self.bias, self.robust, self.correlation == "inflate")
 
     def _overrides(self, names: Sequence[str]) -> dict[str, Any]:
         """Return the parameters that replace values of the description."""

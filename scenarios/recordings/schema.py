@@ -33,16 +33,16 @@ file is in SI units, else `{column = "x", unit = "mm"}`:
 
 In a bag there are topics instead: `topic = "/{robot}/odom"`, `topic = "/uwb/{robot}/{other}/distance"`.
 
-A description without `format` is of one robot whose every run is one CSV file with a tick a line (`RobotDescription`);
-`wifi.log.toml` is a commented example.
+The runs of one robot may be a file each, `file = "{run}.csv"`; `wifi.log.toml` is a commented example.
 """
 
 import math
 import re
 import tomllib
 from collections.abc import Mapping
+from importlib.resources import files
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self, TypeVar, get_args
+from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
@@ -197,6 +197,7 @@ class GroundTruth(Source):
     y: Metres | None = None
     heading: Angle | None = None  # counter-clockwise from x
     frame: Literal["as recorded", "mirrored", "swapped"] = "as recorded"  # mirrored: y downwards; swapped: x is y
+    repeats: Literal["stale", "still"] = "still"  # meaning of a position that equals the one before exactly
     max_speed: Positive | None = None  # [m/s] a position that cannot be reached from the last valid one is left out
 
     @model_validator(mode="after")
@@ -303,7 +304,7 @@ Delimiter = Literal[",", ";", "\t", "|", " "]
 class Sample(Strict):
     """The ticks that the recording is divided into."""
 
-    tick: Annotated[float, Field(ge=0.01, le=60)] = 0.1  # [s]
+    tick: Annotated[float, Field(ge=0.01, le=60)] | Literal["lines"] = 0.1  # [s], or each line of a robot ends one
     max_gap: Positive = 0.5  # [s] truth is not interpolated across longer gaps
     max_hold: Positive = 2.0  # [s] a speed or a turn rate holds until the next line, at most so long
     start: Annotated[float, Field(ge=0)] = 0.0  # [s] left out at the beginning
@@ -422,124 +423,16 @@ class TeamDescription(Strict):
                 raise ValueError(
                     f"[prior] {key} names {', '.join(of) or 'none'}; name each of {', '.join(self.robots)}"
                 )
+        if self.sample.tick == "lines":
+            tables = (self.odometry, self.truth, *self.ranges, *self.rssi, *self.sightings)
+            if self.format != "csv" or len({(t.file, t.time) for t in tables if t}) > 1 or len(self.robots) != 1:
+                raise ValueError('tick = "lines" takes one robot, and one CSV file that has everything of a run')
         if self.arena and not all(low < high for low, high in zip(*self.arena, strict=True)):
             raise ValueError("arena is the lower left and the upper right corner [m]: arena = [[0, 0], [6, 4]]")
         return self
 
 
-# ---- The description of one robot's runs, without `format`
-
-
-class RobotTime(Strict):
-    """The stamps of the lines. Each line after the first ends a tick."""
-
-    columns: Annotated[tuple[Seconds, ...], Field(min_length=1)]  # summed: seconds and nanoseconds
-    max_gap: Positive | None = None  # [s] across a longer interval commands are unknown; None: 5 median intervals
-
-
-class RobotOdometry(Strict):
-    """Odometry on the lines of the robot's file; kinds as in `Odometry`."""
-
-    kind: Literal["path", "velocity", "displacement"]
-    length: Metres | None = None
-    speed: Speed | None = None
-    turn_rate: TurnRate | None = None
-    dx: Metres | None = None
-    dy: Metres | None = None
-    holds: Literal["until the next line", "since the line before"] | None = None  # a speed, a turn rate
-
-    @model_validator(mode="after")
-    def _has_its_columns(self) -> Self:
-        needed = {*COLUMNS[self.kind], *(("holds",) if self.kind != "displacement" else ())}
-        given = {name for name in type(self).model_fields if name != "kind" and getattr(self, name) is not None}
-        if given != needed:
-            raise ValueError(f"kind {self.kind!r} takes {', '.join(sorted(needed))}, not {', '.join(sorted(given))}")
-        return self
-
-
-class RobotTruth(Strict):
-    """The true poses; an empty field where they are unknown."""
-
-    x: Metres
-    y: Metres
-    heading: Angle | None = None  # counter-clockwise from x
-    repeats: Literal["stale", "still"] = "still"  # meaning of a position that equals the previous one exactly
-    max_speed: Positive | None = None  # [m/s] a position that cannot be reached from the last valid one is invalid
-
-
-class RobotAnchors(Strict):
-    """Radio nodes at known positions. A reading is missing where its field is empty, or as the other keys state."""
-
-    positions: Annotated[tuple[Place, ...], Field(min_length=1)]
-    rssi: tuple[Power, ...]  # one column for each position
-    status: tuple[Number, ...] = ()  # one for each, or none: where it is 0, the reading is missing
-    missing_from: float = 0.0  # [dBm] a reading of this or more is missing
-
-    @model_validator(mode="after")
-    def _one_column_each(self) -> Self:
-        for name in ("rssi", "status"):
-            count = len(getattr(self, name))
-            if count != len(self.positions) and not (name == "status" and count == 0):
-                raise ValueError(f"{len(self.positions)} positions have {count} {name} columns; give one for each")
-        return self
-
-
-class RobotPrior(Strict):
-    """The prior of the robot's start, and its source."""
-
-    position: Literal["first truth", "arena"] | Place = "first truth"
-    position_sd: Positive | None = None  # [m] per axis; not needed for "arena": uniform
-    heading: Literal["first motion", "first truth", "unknown"] | float = "first motion"
-    heading_sd: Positive = 0.2  # [rad]
-
-    @model_validator(mode="after")
-    def _has_position_sd(self) -> Self:
-        if self.position != "arena" and self.position_sd is None:
-            raise ValueError("position_sd [m] is missing; state it")
-        return self
-
-
-class RobotModel(Strict):
-    """Parameters of the assumed models. Those that are not stated are fitted on the other runs."""
-
-    A: float | None = None  # [dBm] at 1 m
-    eta: Positive | None = None  # path-loss exponent
-    sigma: Positive | None = None  # [dB] as assumed by the filters
-    length_scale: Positive | None = None  # true length by odometry's
-    turn_scale: Positive | None = None  # true turn by odometry's
-    sigma_v: Positive | None = None  # [m/s] at the median interval
-    sigma_omega: Positive | None = None  # [rad/s] at the median interval
-    sigma_move: Positive | None = None  # [m] per axis in the median interval, of displacements
-
-
-class RobotDescription(Strict):
-    """The meaning of the columns of one robot's runs."""
-
-    about: str = ""
-    files: str = "*.csv"  # the runs
-    delimiter: Delimiter = ","
-    arena: tuple[Place, Place] | None = None  # lower left and upper right corner [m]; of the anchors where not stated
-    set_ups: tuple[str, ...] = ("*",)  # runs whose names match one pattern had the same hardware and site
-    time: RobotTime
-    odometry: RobotOdometry
-    truth: RobotTruth
-    anchors: RobotAnchors | None = None
-    prior: RobotPrior
-    model: RobotModel = RobotModel()
-
-    @model_validator(mode="after")
-    def _spans_an_arena(self) -> Self:
-        places = self.arena or (self.anchors.positions if self.anchors else ())
-        if len({x for x, _ in places}) < 2 or len({y for _, y in places}) < 2:
-            raise ValueError("the anchors do not span an arena; state its corners [m]: arena = [[0, 0], [6, 4]]")
-        if self.prior.heading == "first truth" and self.truth.heading is None:
-            raise ValueError('prior heading = "first truth" needs a heading column in [truth]')
-        return self
-
-
 # ---- Reading a description; an error is one line that names line, key and remedy
-
-Root = TypeVar("Root", bound=BaseModel)
 
 
 def tables_of(root: type[BaseModel]) -> dict[str, type[BaseModel]]:
@@ -561,56 +454,37 @@ def load(path: Path) -> TeamDescription:
         BadInput: the file is missing or not TOML, or a key or value is wrong; names the line and the key.
 
     """
-    return parse(path, text_of(path), TeamDescription, EXAMPLE)
-
-
-def load_robot(path: Any) -> RobotDescription:
-    """Return the description of one robot's runs, from a path or a shipped resource; raises as `load`."""
-    return parse(path, text_of(path), RobotDescription, "the shipped wifi.log.toml is an example")
-
-
-def is_of_one_robot(path: Path) -> bool:
-    """Return whether a description is of one robot's runs. Raises BadInput where there is none."""
     try:
-        content = tomllib.loads(text_of(path))
-    except (tomllib.TOMLDecodeError, RecursionError):
-        return False  # `load` says what is wrong
-    return "format" not in content and "time" in content and "robots" not in content
-
-
-def text_of(path: Any) -> str:
-    """Return the text of a description, a path or a shipped resource.
-
-    Raises:
-        BadInput: the file is missing or cannot be read.
-
-    """
-    try:
-        return str(path.read_text(encoding="utf-8"))
+        return parse(path, path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise BadInput(f"{path}: there is no such file; {EXAMPLE}") from None
     except (OSError, UnicodeDecodeError) as e:
         raise BadInput(f"{path}: cannot be read as TOML ({e}); correct it") from None
 
 
-def parse(path: Any, text: str, root: type[Root], example: str) -> Root:
-    """Return a description from the text of a file at `path`; `example` names one, for an error.
+def shipped(name: str) -> Path:
+    """Return the path of a description that comes with cooploc."""
+    return Path(str(files(__package__))) / f"{name}.{NAME}"
+
+
+def parse(path: Path, text: str) -> TeamDescription:
+    """Return a description from the text of a file at `path`.
 
     Raises:
         BadInput: it is not TOML, or a key or value is wrong; names the line and the key.
 
     """
     try:
-        return root.model_validate(tomllib.loads(text))
+        return TeamDescription.model_validate(tomllib.loads(text))
     except ValidationError as e:
-        raise BadInput(f"{path}{_reason(text, e, root, example)}") from None
+        raise BadInput(f"{path}{_reason(text, e)}") from None
     except (tomllib.TOMLDecodeError, RecursionError) as e:
         raise BadInput(f"{path}: cannot be read as TOML ({e}); correct it") from None
 
 
-def _reason(text: str, e: ValidationError, root: type[BaseModel], example: str) -> str:
-    """Line, key and remedy of an error; an unknown key comes first, as it explains one that is missing."""
-    tables = tables_of(root)
+def _reason(text: str, e: ValidationError) -> str:
+    """Return line, key and remedy of an error; an unknown key comes first, as it explains one that is missing."""
+    tables = tables_of(TeamDescription)
     first = min(e.errors(), key=lambda error: error["type"] != "extra_forbidden")
     path = [str(part) for part in first["loc"] if str(part).isidentifier() or isinstance(part, int)]
     table, key = path[:2] if len(path) > 1 and path[0] in tables else ["", *path, ""][:2]
@@ -619,9 +493,9 @@ def _reason(text: str, e: ValidationError, root: type[BaseModel], example: str) 
         key = path[1]
     line = _line(text, table, key)
     if first["type"] == "extra_forbidden":
-        known = list((tables[table] if table else root).model_fields)
+        known = list((tables[table] if table else TeamDescription).model_fields)
         return f"{line}: there is no key {key!r}{f' in [{table}]' if table else ''}; {nearest(key, known)}"
-    hint = f"; {example}" if first["type"] == "missing" else ""
+    hint = f"; {EXAMPLE}" if first["type"] == "missing" else ""
     return f"{line}: {'.'.join(path)}{': ' if path else ''}{plain_words(first)}{hint}"
 
 

@@ -76,6 +76,7 @@ class TeamLog(NamedTuple):
     landmarks: Places
     anchors: Places
     warnings: tuple[str, ...] = ()  # what was dropped while reading, one sentence each
+    zero: float = 0.0  # [s] of all stamps, where a lone robot's lines are its ticks: to the nanosecond
 
 
 def fixed_places(log: TeamLog, channel: Channel) -> Places | None:
@@ -119,12 +120,12 @@ def with_known_places(log: TeamLog) -> TeamLog:
 
 
 def true_poses(time: Array, poses: Array, declared: GroundTruth) -> tuple[Array, int]:
-    """Return poses (m, 3) in the team's frame, and how many became nan as the robot cannot have been there.
+    """Return poses (m, 3) in the team's frame, nan where they are stale or out of reach, and how many are the latter.
 
     Args:
         time: (m,) rising [s].
         poses: (m, 3) x, y [m], heading [rad], as recorded; nan where absent.
-        declared: `frame` and `max_speed`.
+        declared: `frame`, `repeats` and `max_speed`.
 
     """
     x, y, heading = poses.T
@@ -133,6 +134,8 @@ def true_poses(time: Array, poses: Array, declared: GroundTruth) -> tuple[Array,
     elif declared.frame == "swapped":
         x, y, heading = y, x, np.pi / 2 - heading
     framed = np.stack([x, y, heading], -1)  # not wrapped: degrees that were not declared must remain visible
+    if declared.repeats == "stale":
+        framed[1:][(np.diff(framed[:, :2], axis=0) == 0).all(-1)] = np.nan
     jumps = unreachable(time, framed[:, :2], declared.max_speed or np.inf)
     framed[jumps] = np.nan
     return framed, int(jumps.sum())

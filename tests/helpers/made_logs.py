@@ -8,34 +8,45 @@ EPOCH, TICKS = 1652463552, 60
 ANCHORS = np.array([[0.0, 0.0], [0.0, 3.0], [4.0, 3.0], [4.0, 0.0]])
 A, ETA, SIGMA = -45.0, 1.8, 2.0
 LENGTH, TURN = 1.25, 0.8  # true by odometry's
-COLUMNS = ["step", "sec", "nsec", "metres", "turn", "x", "y", "r1", "r2", "r3", "r4", "s1", "s2", "s3", "s4", "note"]
+COLUMNS = ["step", "sec", "nsec", "metres", "turn", "x", "y", "r1", "r2", "r3", "r4", "note"]
 
 DESCRIPTION = """
+format = "csv"
 about = "made by a test"
-[time]
-columns = ["sec", { column = "nsec", unit = "ns" }]
-max_gap = 5.0
+robots = ["robot"]
+arena = [[0, 0], [4, 3]]
+[sample]
+tick = "lines"
+max_hold = 5.0
 [odometry]
 kind = "path"
+file = "{run}.csv"
+time = ["sec", { column = "nsec", unit = "ns" }]
 length = "metres"
 turn_rate = "turn"
-holds = "until the next line"
 [truth]
+file = "{run}.csv"
+time = ["sec", { column = "nsec", unit = "ns" }]
 x = "x"
 y = "y"
 repeats = "stale"
 max_speed = 1.0
+[rssi]
+file = "{run}.csv"
+time = ["sec", { column = "nsec", unit = "ns" }]
+each = { north = "r1", east = "r2", south = "r3", west = "r4" }
 [anchors]
-positions = [[0, 0], [0, 3], [4, 3], [4, 0]]
-rssi = ["r1", "r2", "r3", "r4"]
-status = ["s1", "s2", "s3", "s4"]
+places = { north = [0, 0], east = [0, 3], south = [4, 3], west = [4, 0] }
 [prior]
 position = "first truth"
 position_sd = 0.05
 heading = "first motion"
 heading_sd = 0.1
 """
-MODEL = "[model]\nA = -45\neta = 1.8\nsigma = 2\nsigma_v = 0.02\nsigma_omega = 0.03\n"
+MODEL = (
+    "[model]\nanchor_A = -45\nanchor_eta = 1.8\nanchor_rssi_sigma = 2\nlength_scale = 1.25\nturn_scale = 0.8\n"
+    "sigma_v = 0.02\nsigma_omega = 0.03\n"
+)
 
 
 def drive(seed, ticks=TICKS, reverse=False):
@@ -65,7 +76,7 @@ def lines(seed, ticks=TICKS, sigma=SIGMA, correlation=0.0, reverse=False):
     return [
         [str(k), str(EPOCH + int(whole[k])), f"{(time[k] - whole[k]) * 1e9:.0f}", f"{metres[k]:.9f}", f"{turn[k]:.9f}"]
         + [f"{value:.9f}" for value in (*pose[k, :2], *rssi[k])]
-        + ["1", "1", "1", "1", "any text"]
+        + ["any text"]
         for k in range(ticks + 1)
     ]
 

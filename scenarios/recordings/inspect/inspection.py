@@ -78,13 +78,13 @@ def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspect
     form, why = recognize(path)
     directory = path if path.is_dir() else path.parent
     home = directory / schema.NAME
-    stated, draft = home.is_file() and not again and not schema.is_of_one_robot(home), Draft(())
+    stated, draft = home.is_file() and not again, Draft(())
     if stated:
-        description, text, why = schema.load(home), schema.text_of(home), "log.toml says so"
+        description, text, why = schema.load(home), home.read_text(encoding="utf-8"), "log.toml says so"
     else:
         drafted = {"csv": csv_draft, "bag": bag_draft}
         draft = drafted[form](path) if form in drafted else Draft((Entry("format", form, why),))
-        description = schema.parse(home, draft.text(), schema.TeamDescription, schema.EXAMPLE)
+        description = schema.parse(home, draft.text())
     read = reader(description.format)
     data = path.parent if path.is_file() and description.format == "bag" else path / description.recordings
     places = read.runs(data, description)
@@ -97,7 +97,7 @@ def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspect
         entries = tuple(e._replace(value=list(robots)) if e.key == "robots" else e for e in draft.entries)
         unused = (*draft.unused, f"{left_out}: without truth, or too late or too early for the others")
         draft = draft._replace(entries=entries, unused=unused)
-        description = schema.parse(home, draft.text(), schema.TeamDescription, schema.EXAMPLE)
+        description = schema.parse(home, draft.text())
         log = read.read(data, places[name], name, description)
     checked = check_recording(log, None if description.arena is None else np.array(description.arena, float))
     findings = tuple(checked.findings)
@@ -238,7 +238,7 @@ def run_draft(data: Path, home: Path, draft: Draft, findings: tuple[Finding, ...
         changed = changed if fallback is None else _with(changed, fallback, replace=fallback.name == "fit")
         for _ in USUAL:
             try:
-                description = schema.parse(home, changed.text(), schema.TeamDescription, schema.EXAMPLE)
+                description = schema.parse(home, changed.text())
                 return changed, try_recordings(data, description)
             except UnfittedModel as e:
                 usual = tuple(Entry(name, USUAL[name], TOO_SHORT, "perhaps") for name in e.names if name in USUAL)

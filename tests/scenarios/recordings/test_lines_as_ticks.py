@@ -1,0 +1,373 @@
+"""A lone robot whose lines are its ticks, on small files from a known motion and model, and on the WiFi recordings."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from made_logs import (
+    COLUMNS,
+    DESCRIPTION,
+    EPOCH,
+    ETA,
+    LENGTH,
+    MODEL,
+    SIGMA,
+    TICKS,
+    TURN,
+    A,
+    change,
+    describe,
+    drive,
+    lines,
+    write,
+)
+
+from cooploc import scenarios
+from cooploc.analysis.metrics.errors import errors
+from cooploc.estimators import make
+from cooploc.estimators.errors import BadInput
+from cooploc.estimators.models import Displacement, LogDistance, wrap
+from cooploc.scenarios.recordings.scenario import TeamScenario
+from cooploc.scenarios.runner.run import run
+
+
+@pytest.fixture
+def data(tmp_path):
+    folder = tmp_path / "lab"
+    folder.mkdir()
+    describe(folder)
+    for i, name in enumerate(("a", "b", "c")):
+        write(folder, name, lines(i))
+    return folder
+
+
+def simulate(data, which="a", trials=(0,), robust=False, **overrides):
+    log = TeamScenario(data=data, run=which, robust=robust, **overrides).at(list(trials))
+    return log.simulate(f"log/{which}", list(trials), 0, log.world())
+
+
+def refused(data, which="a", **overrides):
+    """The error's text, which must be one line."""
+    with pytest.raises(BadInput) as caught:
+        simulate(data, which, **overrides)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def test_truth_odometry_and_readings_are_recovered_to_the_nanosecond(data):
+    truth, stream = simulate(data)
+    time, pose, u = drive(0)
+    assert truth.x.shape == (1, TICKS, 1, 2)
+    np.testing.assert_allclose(truth.x[0, :, 0], pose[1:, :2], atol=1e-8)
+    np.testing.assert_allclose(stream.time, EPOCH + time[1:], atol=1e-6)
+    np.testing.assert_allclose(stream.senses.dt[0, :, 0], np.diff(time), atol=1e-8)
+    length, turn = stream.notes["models"]["odometry_scales"]["robot"]
+    np.testing.assert_allclose(stream.senses.odometry[0, :, 0], u * [length / LENGTH, turn / TURN], atol=1e-6)
+    rssi = [[float(field) for field in row[7:11]] for row in lines(0)[1:]]
+    np.testing.assert_array_equal(stream.senses.anchor_rssi[0, :, 0], rssi)
+    assert stream.channels() == {"odometry", "anchor_rssi"}
+    assert truth.valid.all()
+    assert truth.origin == stream.hashes
+
+
+def test_dead_reckoning_follows_odometry_that_is_exact(data):
+    truth, stream = simulate(data, length_scale=LENGTH, turn_scale=TURN)
+    at = stream.prior.x[0, 0]
+    np.testing.assert_allclose(at[:2], [2.0, 1.2])
+    assert abs(wrap(at[2] - drive(0)[1][0, 2])) < 0.1
+    stream = stream.with_arrays({"prior.x": drive(0)[1][:1][None]})
+    trace = run({"dr": make("dead-reckoning")}, stream).traces["dr"]
+    assert np.abs(trace.x[..., :2] - truth.x).max() < 1e-5
+    assert stream.world.motion.tick == stream.world.tick == pytest.approx(1, abs=0.01)
+
+
+def test_a_reading_that_means_missing_is_absent(data):
+    change(data, "a", {(3, "r1"): "0.0", (4, "r1"): "12", (5, "r2"): "", (6, "r3"): "nan"})
+    absent = np.isnan(simulate(data)[1].senses.anchor_rssi[0, :, 0])
+    assert {(int(k) + 1, int(i)) for k, i in np.argwhere(absent)} == {(3, 0), (4, 0), (5, 1), (6, 2)}
+
+
+PATH = 'kind = "path"'
+OTHER = {
+    "path": (PATH, 'length = "metres"\nturn_rate = "turn"'),
+    "velocity": ('kind = "velocity"', 'speed = "metres"\nturn_rate = "turn"'),
+    "displacement": ('kind = "displacement"', 'dx = "metres"\ndy = "turn"'),
+}
+
+
+@pytest.mark.parametrize(("kind", "known"), [("path", [True, False]), ("velocity", [False, False])])
+def test_across_a_gap_a_command_is_unknown_and_a_counter_is_not(data, kind, known):
+    before = simulate(data)[1].senses.odometry[0, 20, 0, 0]
+    table = [line.split(",") for line in (data / "a.csv").read_text().splitlines()[1:]]
+    for line in table[21:]:
+        line[1] = str(int(line[1]) + 67)
+    write(data, "a", table)
+    text = DESCRIPTION
+    for old, new in zip(OTHER["path"], OTHER[kind], strict=True):
+        text = text.replace(old, new)
+    describe(data, text=text)
+    _, stream = simulate(data)
+    dt, u = stream.senses.dt[0, :, 0], stream.senses.odometry[0, :, 0]
+    assert dt[20] == pytest.approx(68, abs=0.01)
+    assert dt.sum() == pytest.approx(stream.time[-1] - stream.world.t0)
+    assert np.isfinite(u[20]).tolist() == known
+    assert np.isfinite(np.delete(u, 20, 0)).all()
+    if kind == "path":
+        assert u[20, 0] * dt[20] == pytest.approx(before, abs=0.01)
+
+
+def test_truth_that_stood_still_while_it_was_lost_is_masked(data):
+    change(data, "a", {(row, axis): lines(0)[10][COLUMNS.index(axis)] for row in (11, 12, 13) for axis in "xy"})
+    truth, stream = simulate(data)
+    np.testing.assert_array_equal(np.flatnonzero(~truth.valid[0, :, 0]) + 1, [11, 12, 13])
+    assert stream.notes["truth_masked"] == [3]
+    assert np.isnan(truth.x[~truth.valid]).all()
+    describe(data, 'repeats = "stale"\n', "")
+    assert simulate(data)[0].valid.all()
+
+
+def test_a_jump_is_masked_until_the_truth_can_be_reached_again(data):
+    change(data, "a", {(20, "x"): "9.0", (21, "x"): "9.1", (30, "y"): ""})
+    truth, stream = simulate(data)
+    np.testing.assert_array_equal(np.flatnonzero(~truth.valid[0, :, 0]) + 1, [20, 21, 30])
+    assert any("2 true positions are out of reach" in line for line in stream.notes["warnings"])
+    e = errors(truth, run({"dr": make("dead-reckoning")}, stream))
+    assert e["ticks"].tolist() == [TICKS - 3]
+
+
+def test_displacements_have_a_compass(data):
+    text = DESCRIPTION.replace(PATH, OTHER["displacement"][0])
+    describe(data, OTHER["path"][1], 'dx = { column = "metres", unit = "mm" }\ndy = "turn"', text)
+    for i, name in enumerate("abc"):
+        step = np.diff(drive(i)[1][:, :2], axis=0) + np.random.default_rng(i).normal(0, 0.01, (TICKS, 2))
+        cells = {(k + 1, "metres"): f"{1e3 * step[k, 0]:.9f}" for k in range(TICKS)}
+        change(data, name, cells | {(k + 1, "turn"): f"{step[k, 1]:.9f}" for k in range(TICKS)})
+    truth, stream = simulate(data)
+    assert isinstance(stream.world.motion, Displacement)
+    assert stream.world.motion.sigma == pytest.approx(0.01, rel=0.15)
+    assert (stream.prior.x.shape[-1], stream.notes["prior"]) == (2, "first truth, assumed sd 0.05 m")
+    trace = run({"dr": make("dead-reckoning")}, stream).traces["dr"]
+    assert np.abs(trace.x - truth.x).max() < 0.3
+
+
+def test_models_are_those_of_the_other_runs(data):
+    for i, name in enumerate("bc", 1):
+        write(data, name, lines(i, 600))
+    models = simulate(data)[1].notes["models"]
+    assert models["fitted_on"] == "the other runs b, c"
+    for name, value in {"anchor_A": A, "anchor_eta": ETA, "anchor_rssi_sigma": SIGMA}.items():
+        assert models[name] == pytest.approx(value, rel=0.06), name
+    np.testing.assert_allclose(models["odometry_scales"]["robot"], [LENGTH, TURN], rtol=0.01)
+
+
+def test_a_runs_own_lines_do_not_touch_its_models(data):
+    before = simulate(data)[1]
+    rng = np.random.default_rng(0)
+    rows = [(k, c) for k in range(1, TICKS + 1) for c in ("r1", "r3", "x", "y", "turn")]
+    change(data, "a", {cell: f"{value:.6f}" for cell, value in zip(rows, rng.normal(-1, 1, len(rows)), strict=True)})
+    after = simulate(data)[1]
+    assert after.notes["models"] == before.notes["models"]
+    assert (after.world.motion, after.world.sensors) == (before.world.motion, before.world.sensors)
+    assert after.hashes != before.hashes
+
+
+def test_nothing_is_fitted_across_set_ups(data):
+    describe(data, 'about = "made by a test"', 'set_ups = ["[ab]", "c*", "d"]')
+    write(data, "c2", lines(3))
+    write(data, "e", lines(4))
+    on = {name: simulate(data, name)[1].notes["models"]["fitted_on"] for name in ("a", "b", "c", "c2")}
+    assert on == {name: f"the other runs {other}" for name, other in zip(on, ("b", "a", "c2", "c"), strict=True)}
+    across = simulate(data, fitted_on="all others")[1].notes["models"]["fitted_on"]
+    assert across == "the other runs b, c, c2, e"
+    assert "run 'e' is fitted on no other run, too little for sigma_v" in refused(data, "e")
+
+
+def test_a_part_of_another_run_is_not_a_run_and_is_not_fitted_on(data):
+    rows = lines(1)
+    write(data, "b-end", rows[20:])
+    write(data, "b-twice", rows)
+    log = TeamScenario(data=data)
+    assert (log.at([1]).run, log.count()) == ("b", 3)
+    on = {name: simulate(data, name)[1].notes["models"]["fitted_on"] for name in ("a", "b", "b-end", "b-twice")}
+    assert [fitted[-4:] for fitted in on.values()] == ["b, c", "a, c", "a, c", "a, c"]
+
+
+def test_readings_that_are_correlated_in_time_are_assumed_noisier(data):
+    for i, name in enumerate("bc", 1):
+        write(data, name, lines(i, 1500, correlation=0.6))
+    models = simulate(data)[1].notes["models"]
+    assert models["anchor_rssi_lag1"] == pytest.approx(0.6, abs=0.04)
+    assert models["anchor_rssi_sigma"] == pytest.approx(2 * SIGMA, rel=0.1)  # sqrt(1.6 / 0.4) = 2
+    alone = simulate(data, correlation="ignore")[1].notes["models"]["anchor_rssi_sigma"]
+    assert alone == pytest.approx(SIGMA, rel=0.05)
+
+
+def test_what_is_stated_is_not_fitted_and_overrides_win(data):
+    describe(data, new="[model]\nanchor_A = -40\nsigma_v = 0.5\n")
+    models = simulate(data, anchor_eta=2.5, turn_scale=1.0)[1].notes["models"]
+    assert (models["anchor_A"], models["anchor_eta"], models["sigma_v"]) == (-40, 2.5, 0.5)
+    assert models["odometry_scales"]["robot"] == [pytest.approx(LENGTH, rel=0.02), 1.0]
+
+
+def test_noise_of_odometry_is_fitted(data):
+    rng = np.random.default_rng(5)
+    for i, name in enumerate("bc", 1):
+        write(data, name, lines(i, 600))
+        _, _, u = drive(i, 600)
+        metres = np.cumsum(np.concatenate([[0], (u[:, 0] + rng.normal(0, 0.02, 600)) / LENGTH]))
+        turn = (u[:, 1] + rng.normal(0, 0.1, 600)) / TURN
+        cells = {(k, "turn"): f"{turn[k]:.9f}" for k in range(600)}
+        change(data, name, cells | {(k, "metres"): f"{metres[k]:.9f}" for k in range(601)})
+    models = simulate(data)[1].notes["models"]
+    assert models["sigma_v"] == pytest.approx(0.02, rel=0.15)
+    assert models["sigma_omega"] == pytest.approx(0.1, rel=0.35)  # of courses, so the mean of two turns
+
+
+def test_a_single_run_needs_stated_models(data):
+    for name in "bc":
+        (data / f"{name}.csv").unlink()
+    assert "too little for sigma_v, sigma_omega, anchor_A, anchor_eta, anchor_rssi_sigma" in refused(data)
+    describe(data, new=MODEL)
+    _, stream = simulate(data)
+    assert stream.world.sensors["anchor_rssi"] == LogDistance(A, ETA, SIGMA)
+    assert (stream.world.motion.sigma_v, stream.world.motion.sigma_omega) == (0.02, 0.03)
+    assert stream.notes["models"]["fitted_on"] == "no other run"
+
+
+PRIORS = [
+    ({"heading": "unknown"}, [2.0, 1.2, 0.0], [0.05, 0.05, np.pi / np.sqrt(3)], "heading: unknown"),
+    ({"position": "arena", "heading": "unknown"}, [2, 1.5, 0], [4 / 12**0.5, 3 / 12**0.5, 1.814], "anywhere"),
+    (
+        {"position_sd": 0.3, "heading_sd": 0.4},
+        None,
+        [0.3, 0.3, 0.4],
+        "first truth, assumed sd 0.3 m; heading: first motion",
+    ),
+]
+
+
+@pytest.mark.parametrize(("overrides", "x", "sd", "says"), PRIORS)
+def test_the_source_of_the_prior_is_declared(data, overrides, x, sd, says):
+    _, stream = simulate(data, **overrides)
+    if x is not None:
+        np.testing.assert_allclose(stream.prior.x[0, 0], x, atol=1e-8)
+    np.testing.assert_allclose(np.sqrt(np.diag(stream.prior.P[0, 0])), sd, atol=1e-3)
+    assert says in stream.notes["prior"]
+
+
+def test_a_prior_can_be_stated(data):
+    text = DESCRIPTION.replace('position = "first truth"', "position = { robot = [1.0, 2.0] }")
+    describe(data, 'heading = "first motion"', "heading = { robot = 4.0 }", text)
+    _, stream = simulate(data)
+    np.testing.assert_allclose(stream.prior.x[0, 0], [1, 2, 4 - 2 * np.pi])
+    assert stream.notes["prior"].startswith("stated position")
+
+
+def test_the_first_motion_gives_the_heading_before_the_turns_that_led_to_it(data):
+    _, pose, _ = drive(0)
+    standing = [row[:] for row in lines(0)[:1] * 4]
+    for k, row in enumerate(standing):
+        row[1], row[4] = str(EPOCH - 4 + k), f"{0.5 / TURN:.9f}"  # turns on the spot by 4 x 0.5 rad
+        row[5] = f"{2.0 + 1e-4 * k:.9f}"
+    write(data, "a", standing + lines(0))
+    _, stream = simulate(data, turn_scale=TURN)
+    assert wrap(stream.prior.x[0, 0, 2] - (pose[0, 2] - 2.0)) == pytest.approx(0, abs=0.15)
+
+
+def test_a_recorded_heading_is_truth_and_can_be_the_prior(data):
+    describe(data, 'y = "y"', 'y = "y"\nheading = { column = "note", unit = "deg" }')
+    for i, name in enumerate("abc"):
+        change(data, name, {(k, "note"): f"{np.degrees(pose[2]):.9f}" for k, pose in enumerate(drive(i)[1])})
+    truth, stream = simulate(data, heading="first truth")
+    np.testing.assert_allclose(truth.x[0, :, 0], drive(0)[1][1:], atol=1e-8)
+    np.testing.assert_allclose(stream.prior.x[0, 0], drive(0)[1][0], atol=1e-8)
+    assert stream.notes["models"]["odometry_scales"]["robot"][1] == pytest.approx(TURN, rel=1e-6)
+    assert stream.notes["models"]["sigma_omega"] < 1e-6
+
+
+def test_the_trials_of_all_are_the_runs(data):
+    for k, name in enumerate("abc"):
+        (truth, stream), (_, alone) = simulate(data, "all", [k]), simulate(data, name)
+        assert stream.hashes == alone.hashes
+        assert (int(truth.trial[0]), stream.notes["recording"]) == (k, f"lab/{name}")
+    assert "trials=[0]" in refused(data, "all", trials=[0, 1])
+    assert "3 trials" in refused(data, "all", trials=[3])
+
+
+def test_what_the_team_assumes_leaves_the_readings(data):
+    _, stream = scenarios.simulate("log/b", data=data)
+    assumed = scenarios.simulate("log/b", data=data, assumed={"anchor_rssi_sigma": 9.0, "turn_scale": 3.0})[1]
+    np.testing.assert_array_equal(assumed.senses.anchor_rssi, stream.senses.anchor_rssi)
+    assert assumed.world.sensors["anchor_rssi"].sigma == 9.0
+
+
+REPAIRED = [
+    ({(4, "x"): "north"}, "line 6: x is 'north', which is not a number; it counts as empty"),
+    ({(4, "sec"): ""}, "left out 1 line without a stamp"),
+    ({(4, "sec"): str(EPOCH)}, "left out 1 line out of order"),
+    ({(4, "note"): "one, too many"}, "line 6: 13 fields, not 12; it was left out"),
+]
+
+
+@pytest.mark.parametrize(("cells", "said"), REPAIRED)
+def test_a_bad_line_is_left_out_and_said(data, cells, said):
+    change(data, "b", cells)
+    found = TeamScenario(data=data, run="b").faults()
+    assert any("b.csv" in line and said in line for line in found), found
+    assert len(found) == len(set(found))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("max_speed", "max_sped", "line 21: there is no key 'max_sped' in [truth]; did you mean 'max_speed'"),
+        ('length = "metres"\n', "", "kind 'path' takes length, turn_rate"),
+        ('robots = ["robot"]', 'robots = ["one", "two"]', 'tick = "lines" takes one robot'),
+        ('heading = "first motion"', 'heading = "first truth"', "no true heading"),
+        ("[[0, 0], [4, 3]]", "[[0, 0], [0, 3]]", "arena is the lower left"),
+        ("south = [4, 3], west = [4, 0]", "south = [0, 0.1], west = [0, 2.9]", "does not fall with distance"),
+    ],
+)
+def test_a_description_that_cannot_be_is_one_line(data, old, new, said):
+    describe(data, old, new)
+    assert said in refused(data)
+
+
+def test_a_file_that_is_not_there_is_named(data, tmp_path):
+    assert "no run 'aa'; did you mean 'a'" in refused(data, "aa")
+    assert "no such directory" in refused(tmp_path / "nowhere")
+    (data / "a.csv").rename(data / "all.csv")
+    assert "'all'" in refused(data)
+    for path in data.glob("*.csv"):
+        path.unlink()
+    assert "has a file {run}.csv" in refused(data)
+    (data / "log.toml").unlink()
+    assert "log.toml: there is no such file" in refused(data)
+
+
+REAL = Path(os.environ.get("COOPLOC_DATA", Path(__file__).parents[4] / "shared" / "data")) / "wifi-rssi"
+
+
+@pytest.mark.skipif(
+    not REAL.is_dir(), reason="the WiFi recordings are not here; set COOPLOC_DATA to where wifi-rssi/ lies"
+)
+def test_the_wifi_recordings():
+    log = TeamScenario(data=REAL, described="wifi", robust=False)
+    assert (len(log.folder.places), log.count()) == (12, 11)  # exp4.4.1 is the end of exp4.4
+    names = ["dead-reckoning", "ekf-local", "ekf-local[anchor_reading=rssi]", "arl", "rssi-pf"]
+    stale = 0
+    for k in range(log.count()):
+        truth, stream = scenarios.simulate("wifi/all", data=REAL, trials=[k])
+        notes, models = stream.notes, stream.notes["models"]
+        set_up = Path(notes["recording"]).name[:5]
+        others = models["fitted_on"].removeprefix("the other runs ").split(", ")
+        assert all(name.startswith(set_up) for name in others)
+        assert len(others) == {"corne": 4, "trial": 5}[set_up]
+        assert 0.4 < models["anchor_eta"] < 1.6
+        assert 0.5 < models["anchor_rssi_lag1"] < 0.7
+        assert np.nanmax(stream.senses.anchor_rssi) < -15
+        stale += notes["truth_masked"][0]
+        assert notes["odometry_missing"] == [int("exp4.4" in notes["recording"])]  # a gap of 67 s
+        assert errors(truth, run({name: make(name) for name in names}, stream))["rmse"].notna().all()
+    assert stale == 100
