@@ -52,7 +52,7 @@ def run_until(
         study: as of `run_study`.
         max_trials: trials at which what is still open ends.
         ledger: the TOML file of the claims; without it, those of Latif & Parasuraman (2022).
-        how: seed, estimators, jobs, scheduler, data, out, check, retry_failed, isolate: as of `run_study`.
+        how: seed, estimators, jobs, scheduler, data, out, check, retry_failed, isolate, strict: as of `run_study`.
 
     Raises:
         BadInput: the study cannot be run as it stands; nothing was computed.

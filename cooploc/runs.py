@@ -12,8 +12,8 @@ import pandas as pd
 
 from cooploc.analysis.claims import ledger as ledgers
 from cooploc.analysis.execution import reproduce as again
-from cooploc.analysis.execution.run import execute
-from cooploc.analysis.execution.run_directory import StoredRun, comparisons, looks_taken, read_decisions, read_run
+from cooploc.analysis.execution.run import execute, prepare
+from cooploc.analysis.execution.run_directory import StoredRun, read_run
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.sequential import with_decisions
 from cooploc.analysis.report import html_page, run_diff
@@ -85,8 +85,7 @@ def run_study(study: str | Path, *, trials: int | None = None, **how: Unpack[How
         data: the directory of recordings, for scenarios that need one.
         out: the run directory; `runs/STUDY-seedN` where not given.
         check: False leaves estimators unchecked that are not built in.
-        retry_failed: True runs every trial again that failed; one whose process was lost, that found memory or disk
-            full, or that a smaller time limit ended, always runs again.
+        retry_failed: True runs every trial again that failed.
         isolate: False keeps everything in this process, for a debugger; else what is not built in has processes of its
             own, where it may crash or hang.
         strict: True refuses a recording of which something was left out, sorted or repaired while reading.
@@ -109,13 +108,17 @@ def ran(
     estimators: str | Iterable[str] | None = None,
     data: str | Path | None = None,
     out: str | Path | None = None,
+    isolate: bool = True,
+    strict: bool = False,
     **options: Any,
 ) -> Results:
     """Run a study by `begin`, which returns its rows, and keep table and picture; `decided`: by looks, on the disk."""
     asked, folder = prepared(study, trials, seed, estimators, out)
     with TerminalProgress() as progress:
-        rows = begin(asked, folder, data=None if data is None else Path(data), progress=progress, **options)
-    found = comparisons(read_decisions(folder)) if decided else None
+        where = None if data is None else Path(data)
+        ready = prepare(asked, where, isolate=isolate, strict=strict, say=progress.say)
+        rows = begin(ready, folder, isolate=isolate, progress=progress, **options)
+    found = read_run(folder).comparisons if decided else None
     results = Results(folder, rows, *compared(rows, asked.baselines(), found))
     tables.keep_tables(results.table, rows, folder)
     return results
@@ -218,7 +221,7 @@ def rows_of(run: Any) -> pd.DataFrame:
 
 def looks_of(run: Any) -> list[int]:
     """The looks of a run until decided, in trials; none of another."""
-    return [] if isinstance(run, pd.DataFrame) else looks_taken(read_decisions(_folder(run)))
+    return [] if isinstance(run, pd.DataFrame) else kept(run).looks
 
 
 def kept(run: Any) -> StoredRun:

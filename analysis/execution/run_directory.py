@@ -23,13 +23,13 @@ import pyarrow.parquet as pq
 from filelock import FileLock, Timeout
 from pydantic import ValidationError
 
-from cooploc.analysis.execution.certificates import with_certificates
+from cooploc.analysis.execution.certificates import add_certificates
 from cooploc.analysis.metrics.errors import NOTE
 from cooploc.analysis.metrics.sequential import Decision, looks
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.studies.study import Study
 
-FORMAT = 3  # of the JSON files: 2 had checksums in them, 1 less in the receipts; all are read
+FORMAT = 3  # of the JSON files
 MANIFEST, DECISIONS, PARTS, RECEIPTS = "manifest.json", "decisions.json", "parts", "receipts"
 NEEDED = ("study", "cells", "seed", "data", "scenarios", "streams", "versions", "source", "commit", "cpu")
 MUST_MATCH = {  # in a run that goes on, and what the error says where it differs
@@ -39,10 +39,16 @@ MUST_MATCH = {  # in a run that goes on, and what the error says where it differ
     "source": "another version of cooploc",
     "instructions": "another kind of processor",
 }
-LISTED = 8  # runs below a directory that is none, at most
+MUST_AGREE = {  # where both name the same thing
+    "files": "results of another version of {}",
+    "imports": "results of {} with other versions of what it imports",
+    "scenarios": "another scenario {!r}",
+}
 TEXT = ("scenario", "estimator", "stream", "senses", "failure", "traceback")  # columns
 AT_ONCE = 200  # parts that are joined together
 PART_NAME = re.compile(r"(.+--[0-9a-f]{8}--)(\d{5,9})-(\d{5,9})\.parquet")
+
+Cell = tuple[str, str]  # labels of a scenario and an estimator
 
 
 # Files.
@@ -73,31 +79,20 @@ def write_json(path: Path, content: Mapping[str, Any]) -> None:
     replace_file(path, lambda file: file.write_text(text, encoding="utf-8"))
 
 
-def read_json(path: Path) -> dict[str, Any]:
-    """Return the content of a file that `write_json` wrote, in this version or an earlier one.
+def parse_json(text: str | bytes, where: str) -> dict[str, Any]:
+    """Return the JSON object that `write_json` wrote; `where` names it in an error.
 
     Raises:
         BadInput: it is not what was written, or a newer version wrote it.
 
     """
-    return parse_json(path.read_bytes(), str(path))
-
-
-def parse_json(text: str | bytes, where: str) -> dict[str, Any]:
-    """Return the JSON object of a text; `where` names it in an error.
-
-    Raises:
-        BadInput: as `read_json`.
-
-    """
     try:
         content = json.loads(text)
-        found = content["format"]
-        newer = found > FORMAT
+        newer = content["format"] > FORMAT
     except (ValueError, RecursionError, KeyError, TypeError) as e:
         raise BadInput(f"{where} is damaged ({' '.join(str(e).split())}): make it again") from None
     if newer:
-        raise BadInput(f"{where} has format {found}, this version reads up to {FORMAT}: update cooploc")
+        raise BadInput(f"{where} has format {content['format']}, this version reads up to {FORMAT}: update cooploc")
     return dict(content)
 
 
@@ -108,6 +103,10 @@ def _finite(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_finite(one) for one in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _hash_of(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
 # Parts.
@@ -133,10 +132,18 @@ class PartKey(NamedTuple):
         return f"{labels[:150]}--{digest}--"
 
 
-class FoundParts(NamedTuple):
-    """What a directory holds of one scenario and estimator."""
+class Receipt(NamedTuple):
+    """What is known of a part beside its rows."""
 
-    intact: list[PartKey]  # which together hold each trial at most once
+    sha256: str  # of its file
+    seconds: float  # of computing, per robot and tick
+    failed: int = 0  # trials
+
+
+class FoundParts(NamedTuple):
+    """The parts of a directory that hold what is wanted."""
+
+    intact: dict[PartKey, Receipt]  # which together hold each trial at most once
     damaged: list[PartKey]  # whose files are not what was written
 
 
@@ -145,8 +152,6 @@ class RunDir:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._seconds: dict[PartKey, float] = {}  # measured, of the parts whose hash was compared
-        self._listing: dict[str, list[range]] | None = None  # of each stem the trials that have files
 
     @property
     def manifest(self) -> dict[str, Any]:
@@ -160,7 +165,7 @@ class RunDir:
         if not file.is_file():
             _refuse_foreign(self.path)
             return {}
-        content = read_json(file)
+        content = parse_json(file.read_bytes(), str(file))
         missing = [f"it has no {key!r}" for key in NEEDED if key not in content]
         try:
             Study(**content.get("study", {}))
@@ -175,23 +180,19 @@ class RunDir:
         """Keep other runs from writing here; the lock ends with its process, however that ends.
 
         Raises:
-            BadInput: another process is writing here.
+            BadInput: another process is writing here, or the directory holds something else.
 
         """
         _refuse_foreign(self.path)  # before anything is written there
         self.path.mkdir(parents=True, exist_ok=True)
-        lock = FileLock(self.path / ".lock")
         try:
-            lock.acquire(timeout=0)
+            with FileLock(self.path / ".lock", timeout=0):
+                yield
         except Timeout:
             raise BadInput(f"another run is writing to {self.path}: wait for it, or name another with --out") from None
-        try:
-            yield
-        finally:
-            lock.release()
 
     def open(self, manifest: dict[str, Any]) -> None:
-        """Begin or continue a run.
+        """Begin a run, or continue that of the same settings.
 
         Raises:
             BadInput: the directory holds a run of other settings.
@@ -203,14 +204,13 @@ class RunDir:
         found = self.manifest
         self.write_manifest(_continue_manifest(self.path, found, manifest) if found else manifest)
         for folder in (PARTS, RECEIPTS):
-            (self.path / folder).mkdir(parents=True, exist_ok=True)
-        self._listing = None
+            (self.path / folder).mkdir(exist_ok=True)
 
     def write_manifest(self, manifest: dict[str, Any]) -> None:
         """Replace the manifest."""
         write_json(self.path / MANIFEST, {**manifest, "format": FORMAT})
 
-    def write(self, key: PartKey, frame: pd.DataFrame, seconds: float) -> None:
+    def write(self, key: PartKey, frame: pd.DataFrame, seconds: float) -> Receipt:
         """Keep one part; it counts as done once it is there, and its receipt is there before it.
 
         Raises:
@@ -218,105 +218,77 @@ class RunDir:
 
         """
         failed = int(frame.loc[frame["failure"].notna(), "trial"].nunique())
+        receipts = []
 
         def write(file: Path) -> None:
             frame.to_parquet(file, index=False)
-            receipt = json.dumps({"sha256": _hash_of(file), "seconds": seconds, "failed": failed})
-            replace_file(self._receipt_path(key), lambda temporary: temporary.write_text(receipt, encoding="utf-8"))
+            receipts.append(Receipt(_hash_of(file), seconds, failed))
+            text = json.dumps(receipts[0]._asdict())
+            replace_file(self._receipt_path(key), lambda temporary: temporary.write_text(text, encoding="utf-8"))
 
         replace_file(self._part_path(key), write)
-        self._seconds[key] = seconds
-        self._listing = None
+        return receipts[0]
 
-    def parts(self, scenario: str, estimator: str, count: int) -> FoundParts:
-        """Find the parts with trials below `count`; each is read once, to compare it with its hash."""
-        found = FoundParts([], [])
-        reached = 0
-        for trials in self.trials_on_disk(scenario, estimator):
-            if reached <= trials.start < count:
-                key = PartKey(scenario, estimator, trials)
-                if self.is_intact(key):
-                    found.intact.append(key)
-                    reached = trials.stop
-                else:
-                    found.damaged.append(key)
+    def find(self, wanted: Mapping[Cell, int]) -> FoundParts:
+        """Find the parts with trials below a number of each (scenario, estimator); compare them with their hashes."""
+        there: dict[str, list[range]] = {}
+        for name in sorted(file.name for file in (self.path / PARTS).glob("*.parquet")):
+            if match := PART_NAME.fullmatch(name):
+                there.setdefault(match[1], []).append(range(int(match[2]), int(match[3])))
+        found = FoundParts({}, [])
+        for cell, count in wanted.items():
+            reached = 0
+            for trials in there.get(PartKey(*cell, range(0)).stem, ()):
+                if reached <= trials.start < count:
+                    key = PartKey(*cell, trials)
+                    if receipt := self._receipt(key):
+                        found.intact[key] = receipt
+                        reached = trials.stop
+                    else:
+                        found.damaged.append(key)
         return found
 
-    def trials_on_disk(self, scenario: str, estimator: str) -> list[range]:
-        """Return the trials whose parts are there, intact or not, by the names of their files."""
-        if self._listing is None:
-            self._listing = {}
-            for name in sorted(file.name for file in (self.path / PARTS).glob("*.parquet")):
-                if match := PART_NAME.fullmatch(name):
-                    self._listing.setdefault(match[1], []).append(range(int(match[2]), int(match[3])))
-        return self._listing.get(PartKey(scenario, estimator, range(0)).stem, [])
-
-    def forget(self) -> None:
-        """Look at the files again, which may have changed."""
-        self._listing = None
-        self._seconds = {key: seconds for key, seconds in self._seconds.items() if self._part_path(key).is_file()}
-
-    def is_intact(self, key: PartKey) -> bool:
-        """Return whether a part is what was written."""
-        if key in self._seconds:
-            return True
-        try:
-            receipt = self._receipt(key)
-            if _hash_of(self._part_path(key)) != receipt["sha256"]:
-                return False
-            self._seconds[key] = float(receipt["seconds"])
-        except (OSError, ValueError, KeyError, TypeError):
-            return False
-        return True
-
-    def rows(self, parts: Iterable[tuple[PartKey, int]]) -> pd.DataFrame:
-        """Return the rows of intact parts one after the other, with their seconds; of each the trials below a number.
+    def read(self, wanted: Mapping[Cell, int], intact: Mapping[PartKey, Receipt]) -> pd.DataFrame:
+        """Return the rows of intact parts, with their seconds, in the order of what is wanted: trials below a number.
 
         Raises:
             BadInput: parts do not have the same columns.
 
         """
-        return _join(self._table(key, below) for key, below in parts)
+        parts: dict[Cell, list[PartKey]] = {}
+        for key in sorted(intact, key=lambda one: one.trials.start):
+            parts.setdefault((key.scenario, key.estimator), []).append(key)
+        return _join(
+            self._table(key, intact[key].seconds, count)
+            for cell, count in wanted.items()
+            for key in parts.get(cell, ())
+        )
 
-    def read(self, key: PartKey) -> pd.DataFrame:
-        """Return the rows of one intact part."""
-        return self.rows([(key, key.trials.stop)])
-
-    def failures(self, key: PartKey) -> list[str]:
-        """Return why trials of an intact part failed, each reason once."""
-        if self._receipt(key).get("failed") == 0:
-            return []
-        return sorted(set(pd.read_parquet(self._part_path(key), columns=["failure"])["failure"].dropna()))
-
-    def _table(self, key: PartKey, below: int) -> pa.Table:
+    def _table(self, key: PartKey, seconds: float, below: int) -> pa.Table:
         with pq.ParquetFile(self._part_path(key)) as file:
             part = file.read(use_threads=False)  # small: threads take longer to start
-        if "centralised" not in part.column_names:  # of an earlier version
-            part = part.append_column("centralised", part["bound"])
         for i, name in enumerate(part.column_names):
             kind = part[name].type
             if name in TEXT and not pa.types.is_null(kind):  # each text once, though it stands in a thousand rows
                 part = part.set_column(i, name, part[name].dictionary_encode())
             elif name.startswith(NOTE) and pa.types.is_boolean(kind):  # in other parts it may be a number
                 part = part.set_column(i, name, part[name].cast(pa.float64()))
-        if "seconds" in part.column_names:
-            part = part.drop_columns(["seconds"])
-        part = part.append_column("seconds", pa.repeat(self._seconds[key], len(part)))
+        part = part.append_column("seconds", pa.repeat(seconds, len(part)))
         return part if key.trials.stop <= below else part.filter(pc.field("trial") < below)
 
-    def _receipt(self, key: PartKey) -> dict[str, Any]:
-        receipt: dict[str, Any] = json.loads(self._receipt_path(key).read_bytes())
-        return receipt
+    def _receipt(self, key: PartKey) -> Receipt | None:
+        """Return the receipt of a part; None where the part is not what was written."""
+        try:
+            receipt = Receipt(**json.loads(self._receipt_path(key).read_bytes()))
+            return receipt if _hash_of(self._part_path(key)) == receipt.sha256 else None
+        except (OSError, ValueError, TypeError):
+            return None
 
     def _part_path(self, key: PartKey) -> Path:
         return self.path / PARTS / f"{key.name}.parquet"
 
     def _receipt_path(self, key: PartKey) -> Path:
         return self.path / RECEIPTS / f"{key.name}.json"
-
-
-def _hash_of(file: Path) -> str:
-    return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
 def _join(parts: Iterable[pa.Table]) -> pd.DataFrame:
@@ -331,11 +303,8 @@ def _join(parts: Iterable[pa.Table]) -> pd.DataFrame:
         table = _concatenate(joined).unify_dictionaries()
     except pa.ArrowException as e:
         reason = " ".join(str(e).split())[:200]
-        raise BadInput(
-            f"parts do not fit together ({reason}): remove those of one estimator, and run it again"
-        ) from None
-    del joined, some
-    frame: pd.DataFrame = table.to_pandas(self_destruct=True, split_blocks=True)
+        raise BadInput(f"parts do not fit together ({reason}): remove those of one estimator, and run it again") from e
+    frame: pd.DataFrame = table.to_pandas(split_blocks=True)
     return frame.astype({name: "str" for name, kind in frame.dtypes.items() if kind == "category"})
 
 
@@ -344,23 +313,21 @@ def _concatenate(parts: list[pa.Table]) -> pa.Table:
 
 
 def _refuse_foreign(folder: Path) -> None:
-    """Refuse what neither holds a run nor was about to.
+    """Refuse a place that neither holds a run nor was about to.
 
     Raises:
         BadInput: it is something else.
 
     """
-    if (folder / MANIFEST).is_file():
+    if (folder / MANIFEST).is_file() or not (folder.exists() or folder.is_symlink()):
         return
-    if folder.is_dir():
-        begun = {".lock", PARTS, RECEIPTS}  # all that is there before the first manifest
-        ours = all(file.name in begun or file.name.startswith(f".{MANIFEST}.") for file in folder.iterdir())
-    else:
-        ours = not (folder.exists() or folder.is_symlink())
-    if not ours:
-        runs = sorted(str(path.parent) for path in folder.glob(f"*/{MANIFEST}")) if folder.is_dir() else []
-        there = f"; there are {', '.join(runs[:LISTED])}{', ...' * (len(runs) > LISTED)}" if runs else ""
-        raise BadInput(f"{folder} exists and is not a run directory{there or '; name another with --out'}")
+    begun = {".lock", PARTS, RECEIPTS}  # all that is there before the first manifest
+    there = list(folder.iterdir()) if folder.is_dir() else [folder]
+    if all(file.name in begun or file.name.startswith(f".{MANIFEST}.") for file in there):
+        return
+    runs = ", ".join(sorted(str(path.parent) for path in folder.glob(f"*/{MANIFEST}")))
+    remedy = f"there are {runs}" if runs else "name another with --out"
+    raise BadInput(f"{folder} exists and is not a run directory; {remedy}")
 
 
 def _continue_manifest(folder: Path, found: dict[str, Any], asked: dict[str, Any]) -> dict[str, Any]:
@@ -371,40 +338,25 @@ def _continue_manifest(folder: Path, found: dict[str, Any], asked: dict[str, Any
 
     """
     asked = _finite(asked)  # as it was written
-    for key, said in MUST_MATCH.items():
-        if found.get(key) != asked[key]:
-            raise BadInput(f"{folder} holds a run with {said}; name another directory with --out")
-    for path, hashed in asked["files"].items():
-        if found["files"].get(path, hashed) != hashed:
-            raise BadInput(f"{folder} holds results of another version of {path}; name another with --out")
-    for path, versions in asked["imports"].items():
-        before = found["imports"].get(path, versions)
-        if before != versions:
-            changed = ", ".join(sorted({name for name, _ in before.items() ^ versions.items()}))
-            raise BadInput(
-                f"{folder} holds results of {path} with other versions of {changed}; name another with --out"
-            )
-    for label, parameters in asked["scenarios"].items():
-        if found["scenarios"].get(label, parameters) != parameters:
-            raise BadInput(f"{folder} holds another scenario {label!r}; name another directory with --out")
+    unlike = [said for key, said in MUST_MATCH.items() if found.get(key) != asked[key]]
+    for key, said in MUST_AGREE.items():
+        unlike += [said.format(name) for name, one in asked[key].items() if found[key].get(name, one) != one]
+    if unlike:
+        what = unlike[0] if unlike[0].startswith(("results", "another scenario")) else f"a run with {unlike[0]}"
+        raise BadInput(f"{folder} holds {what}; name another directory with --out")
+    cells = dict(found["cells"])
+    for scenario, cell in asked["cells"].items():
+        before = cells.get(scenario, {}).get("estimators", {})
+        trials = {name: max(count, before.get(name, 0)) for name, count in cell["estimators"].items()}
+        cells[scenario] = {**cell, "estimators": {**before, **trials}}
     return {
         **asked,
-        **{key: {**found[key], **asked[key]} for key in ("scenarios", "files", "imports")},
-        "cells": _merge_cells(found["cells"], asked["cells"]),
+        **{key: {**found[key], **asked[key]} for key in MUST_AGREE},
+        "cells": cells,
         "certificates": found["certificates"],
         "streams": found["streams"],
         "isolated": asked["isolated"] and found.get("isolated", True),
     }
-
-
-def _merge_cells(found: dict[str, Any], asked: dict[str, Any]) -> dict[str, Any]:
-    """Return what was asked of each scenario before, with what is asked now."""
-    merged = dict(found)
-    for scenario, cell in asked.items():
-        before = found.get(scenario, {}).get("estimators", {})
-        trials = {name: max(count, before.get(name, 0)) for name, count in cell["estimators"].items()}
-        merged[scenario] = {**cell, "estimators": {**before, **trials}}
-    return merged
 
 
 # A run as it is on disk, of all studies and options that were run into it.
@@ -416,8 +368,9 @@ class StoredRun(NamedTuple):
     folder: Path
     manifest: dict[str, Any]
     rows: pd.DataFrame  # as `errors`, with `failure`, `traceback` and `certificate`; in the manifest's order
-    gaps: dict[tuple[str, str], int]  # (scenario, estimator) -> trials that were asked for and are missing
+    gaps: dict[Cell, int]  # trials that were asked for and are missing
     decisions: dict[str, Any] | None = None  # of a run until decided, as `read_decisions`
+    damaged: tuple[PartKey, ...] = ()  # whose files are not what was written
 
     @property
     def baselines(self) -> dict[str, str]:
@@ -426,13 +379,15 @@ class StoredRun(NamedTuple):
 
     @property
     def comparisons(self) -> pd.DataFrame | None:
-        """Of a run until decided, what was decided of each comparison: the fields of `Decision`."""
-        return comparisons(self.decisions)
+        """One row per comparison of a run until decided: the fields of `Decision`; None of another run."""
+        if self.decisions is None:
+            return None
+        return pd.DataFrame(self.decisions["comparison"], columns=list(Decision._fields))
 
     @property
     def looks(self) -> list[int]:
         """The looks of a run until decided, in trials; none where the number of trials was fixed."""
-        return looks_taken(self.decisions)
+        return [n for n in looks(self.decisions["most"]) if n <= self.decisions["look"]] if self.decisions else []
 
     @property
     def experiments(self) -> dict[str, dict[str, list[str]]]:
@@ -457,32 +412,30 @@ class StoredRun(NamedTuple):
         return {name: plan for name, plan in found.items() if plan}
 
 
-def read_run(folder: Path) -> StoredRun:
+def read_run(folder: Path, empty: bool = False) -> StoredRun:
     """Return the rows of a run directory; a part that does not match its hash counts as missing.
 
     Raises:
-        BadInput: the directory is not one of a run, or holds no rows.
+        BadInput: the directory is not one of a run, or holds no rows and may not be `empty`.
 
     """
     directory = RunDir(folder)
     manifest = directory.manifest
     if not manifest:
         raise BadInput(f"{folder} holds no run: name the directory that cooploc run wrote")
-    parts: list[tuple[PartKey, int]] = []
-    gaps: dict[tuple[str, str], int] = {}
-    for scenario, cell in manifest["cells"].items():
-        for estimator, asked in cell["estimators"].items():
-            there = directory.parts(scenario, estimator, asked).intact
-            missing = asked - sum(min(key.trials.stop, asked) - key.trials.start for key in there)
-            gaps |= {(scenario, estimator): missing} if missing else {}
-            parts += [(key, asked) for key in there]
-    if not parts:
+    wanted = {(s, e): count for s, cell in manifest["cells"].items() for e, count in cell["estimators"].items()}
+    found = directory.find(wanted)
+    if not (found.intact or empty):
         raise BadInput(f"{folder} holds no results yet: continue it with cooploc run --out {folder}")
-    rows = with_certificates(directory.rows(parts), manifest["certificates"])
-    return StoredRun(folder, manifest, rows, gaps, read_decisions(folder))
-
-
-# The decisions of a run until decided.
+    gaps = dict(wanted)
+    for key in found.intact:
+        cell = key.scenario, key.estimator
+        gaps[cell] -= min(key.trials.stop, wanted[cell]) - key.trials.start
+    rows = pd.DataFrame(columns=["scenario", "estimator", "trial", "failure", "traceback"])
+    if found.intact:
+        rows = add_certificates(directory.read(wanted, found.intact), manifest["certificates"])
+    gaps = {cell: missing for cell, missing in gaps.items() if missing}
+    return StoredRun(folder, manifest, rows, gaps, read_decisions(folder), tuple(found.damaged))
 
 
 def read_decisions(folder: Path) -> dict[str, Any] | None:
@@ -498,19 +451,7 @@ def read_decisions(folder: Path) -> dict[str, Any] | None:
     file = folder / DECISIONS
     if not file.is_file():
         return None
-    content = read_json(file)
+    content = parse_json(file.read_bytes(), str(file))
     if missing := {"most", "look", "going", "comparison"} - set(content):
         raise BadInput(f"{file} is damaged (it has no {min(missing)!r}): the command that began the run makes it again")
     return {"claim": [], **content, "going": [tuple(cell) for cell in content["going"]]}
-
-
-def comparisons(decisions: Mapping[str, Any] | None) -> pd.DataFrame | None:
-    """Return one row per comparison: the fields of `Decision`; None where there are no decisions."""
-    if decisions is None:
-        return None
-    return pd.DataFrame(decisions["comparison"], columns=list(Decision._fields))
-
-
-def looks_taken(decisions: Mapping[str, Any] | None) -> list[int]:
-    """Return the looks of a run until decided, in trials; none of another."""
-    return [n for n in looks(decisions["most"]) if n <= decisions["look"]] if decisions else []

@@ -14,13 +14,13 @@ import multiprocessing
 import os
 import re
 import threading
-import time
 import traceback
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
@@ -49,6 +49,7 @@ from cooploc.scenarios.process import (
     WorkerError,
     call,
     cause_of,
+    end,
     end_all,
     place_of,
     pool,
@@ -112,7 +113,7 @@ def measure(task: Task) -> Iterator[MeasuredPart]:
     try:
         if plugin_world and task.isolate:
             most = task.time_limit * len(task.trials) * (1 + len(task.estimators)) + GRACE
-            yield from call(PLUGINS, _measure_all, replace(task, isolate=False), seconds=most)
+            yield from call(PLUGINS, measure_all, replace(task, isolate=False), seconds=most)
             return
         with within(task.time_limit, len(task.trials)):
             truth, stream = task.scenario.simulate(task.trials, task.seed)
@@ -130,7 +131,8 @@ def measure(task: Task) -> Iterator[MeasuredPart]:
         yield _part(task, estimator, _run_rows(task, estimator, truth, stream))
 
 
-def _measure_all(task: Task) -> list[MeasuredPart]:
+def measure_all(task: Task) -> list[MeasuredPart]:
+    """Return what `measure` yields, for a process that is asked once."""
     return list(measure(task))
 
 
@@ -200,22 +202,20 @@ def _full_text(e: BaseException) -> str:
 
 # Where tasks run.
 
-
-class Workers(Protocol):
-    """Some place where tasks run."""
-
-    jobs: int  # processes on this machine that need compiled kernels
-
-    def compute(self, tasks: list[Task]) -> Iterator[MeasuredPart]:
-        """Yield the parts of every task, in any order."""
-        ...
+Compute = Callable[[list[Task]], Iterator[MeasuredPart]]  # yields the parts of every task, in any order
 
 
 @contextmanager
 def make_workers(
-    jobs: int, scheduler: str | None, isolate: bool, say: Callable[[str], None], keep: bool = False
-) -> Iterator[Workers]:
-    """Yield workers for a run; with `keep`, the plug-ins' processes stay for the next run.
+    jobs: int, scheduler: str | None, isolate: bool, compiling: Callable[[], None] = lambda: None
+) -> Iterator[Compute]:
+    """Yield a function that computes tasks: here, in processes of this machine, or on a Dask cluster.
+
+    Args:
+        jobs: processes.
+        scheduler: the address of a cluster.
+        isolate: False keeps everything in this process.
+        compiling: called where kernels are compiled before the tasks begin.
 
     Raises:
         BadInput: fewer than one job, no cluster at the address, or several processes that are to be one.
@@ -226,30 +226,74 @@ def make_workers(
     if not isolate and (jobs > 1 or scheduler is not None):
         other = "--scheduler" if scheduler is not None else f"--jobs {jobs}"
         raise BadInput(f"--no-isolate keeps everything in one process, and {other} asks for others: leave one out")
-    kept: tuple[str, ...] = (SESSION, BUILTIN, PLUGINS) if keep else (SESSION, BUILTIN)
     try:
         if scheduler is not None:
             with _connect(scheduler) as client:
-                yield DaskCluster(client, scheduler, say)
+                yield partial(compute_in_parallel, DaskCluster(client, scheduler))
         else:
-            yield LocalProcesses(jobs) if jobs > 1 else ThisProcess(jobs if isolate else 0)
+            yield partial(_compute_locally, jobs, isolate, compiling)
     except BaseException:
-        kept = (SESSION,)
+        end_all(but=(SESSION,))
         raise
-    finally:
-        end_all(but=kept)
+    end_all(but=(SESSION, BUILTIN))
 
 
-class ThisProcess:
-    """No workers: tasks run here, one after the other."""
-
-    def __init__(self, jobs: int) -> None:
-        self.jobs = jobs
-
-    def compute(self, tasks: list[Task]) -> Iterator[MeasuredPart]:
-        """Yield the parts of every task, in order."""
+def _compute_locally(
+    jobs: int, isolate: bool, compiling: Callable[[], None], tasks: list[Task]
+) -> Iterator[MeasuredPart]:
+    if isolate:
+        compile_kernels(tasks, jobs, compiling)
+    if jobs > 1:
+        yield from compute_in_parallel(LocalProcesses(jobs), tasks)
+    else:
         for task in tasks:
             yield from measure(task)
+
+
+class Processes(Protocol):
+    """Processes to which tasks are submitted."""
+
+    window: int  # tasks that may run or wait at a time: the suspects when a worker dies
+    deaths: tuple[type[BaseException], ...]  # what `result` raises where a worker died
+
+    def submit(self, task: Task) -> "Future[list[MeasuredPart]]": ...
+
+    def result(self, future: "Future[list[MeasuredPart]]") -> list[MeasuredPart]: ...
+
+    def wait_any(self, running: Iterable["Future[Any]"]) -> "set[Future[Any]]": ...
+
+    def replace_dead(self) -> None: ...
+
+
+def compute_in_parallel(processes: Processes, tasks: list[Task]) -> Iterator[MeasuredPart]:
+    """Yield the parts of every task, as they come; where a worker dies, those that were running run again, alone."""
+    waiting, running = deque(tasks), dict[Future[Any], Task]()
+    while waiting or running:
+        while waiting and len(running) < processes.window:
+            task = waiting.popleft()
+            running[processes.submit(task)] = task
+        for future in processes.wait_any(running):
+            try:
+                yield from processes.result(future)
+                del running[future]
+            except processes.deaths:
+                processes.replace_dead()
+                suspects = list(running.values())
+                running.clear()
+                for suspect in suspects:
+                    yield from _compute_alone(processes, suspect)
+                break
+
+
+def _compute_alone(processes: Processes, task: Task) -> Iterator[MeasuredPart]:
+    try:
+        yield from processes.result(processes.submit(task))
+    except processes.deaths as e:
+        processes.replace_dead()
+        for one in task.smaller():
+            yield from _compute_alone(processes, one)
+        if not task.smaller():
+            yield failed_part(task, f"the process that ran it died ({cause_of(e)})")
 
 
 class LocalProcesses:
@@ -258,57 +302,25 @@ class LocalProcesses:
     deaths: tuple[type[BaseException], ...] = (BrokenExecutor,)
 
     def __init__(self, jobs: int) -> None:
-        self.jobs = jobs
-        self.window = jobs + 1  # tasks that may run or wait at a time: the suspects when a worker dies
+        self._jobs, self.window = jobs, jobs + 1
 
-    def submit(self, task: Task) -> "Future[Any]":
-        """Send a task to a worker."""
-        return pool(BUILTIN, self.jobs).submit(_measure_all, task)
+    def submit(self, task: Task) -> "Future[list[MeasuredPart]]":
+        return pool(BUILTIN, self._jobs).submit(measure_all, task)
 
-    def result(self, future: "Future[Any]") -> list[MeasuredPart]:
-        """Return the parts of a task."""
-        parts: list[MeasuredPart] = future.result()
-        return parts
+    def result(self, future: "Future[list[MeasuredPart]]") -> list[MeasuredPart]:
+        return future.result()
 
     def wait_any(self, running: Iterable["Future[Any]"]) -> "set[Future[Any]]":
-        """Return those that are done, at least one."""
         return wait(running, return_when=FIRST_COMPLETED).done
 
-    def renew(self) -> None:
-        """Replace the workers, one of which died."""
-        end_all(but=(SESSION, PLUGINS))
-
-    def compute(self, tasks: list[Task]) -> Iterator[MeasuredPart]:
-        """Yield the parts of every task, as they come."""
-        waiting, suspects = deque(tasks), deque[Task]()
-        running: dict[Future[Any], Task] = {}
-        alone = False
-        while waiting or suspects or running:
-            if suspects and not running:
-                alone = True
-                task = suspects.popleft()
-                running[self.submit(task)] = task
-            while waiting and not suspects and len(running) < self.window and not (alone and running):
-                alone = False
-                task = waiting.popleft()
-                running[self.submit(task)] = task
-            for future in self.wait_any(running):
-                task = running.pop(future)
-                try:
-                    yield from self.result(future)
-                except self.deaths as e:
-                    self.renew()
-                    if alone and not task.smaller():
-                        yield failed_part(task, f"the process that ran it died ({cause_of(e)})")
-                    else:
-                        suspects.extend(task.smaller() if alone else [task])
+    def replace_dead(self) -> None:
+        end(BUILTIN)
 
 
 # A running Dask cluster: the same tasks, through the same interface.
 
 PATIENCE = 5  # [s] for the scheduler to answer
 LOOK = 2.0  # [s] between looks at a cluster that gives no results
-ALONE = 8.0, 60.0  # [s] without any worker before that is said, and between repetitions
 REMEDY = {
     "versions": "install the same there",
     "source": "install the same there",
@@ -317,82 +329,52 @@ REMEDY = {
 _one_at_a_time = threading.Lock()
 
 
-class DaskParts(NamedTuple):
-    """The results of a task, the worker that computed them, and what the bits of its results depend on."""
-
-    worker: str
-    bits: dict[str, Any]
-    parts: list[MeasuredPart]
-
-
-class DaskCluster(LocalProcesses):
+class DaskCluster:
     """The workers of a Dask scheduler, which itself replaces dead workers and repeats their tasks."""
 
-    def __init__(self, client: Any, address: str, say: Callable[[str], None]) -> None:
+    def __init__(self, client: Any, address: str) -> None:
         from distributed.scheduler import KilledWorker
 
-        self._client, self._address, self._say = client, address, say
-        self._executor = client.get_executor(pure=False)
-        self._mine = bits()
-        self.jobs, self.window = 0, 2 * max(1, sum(client.nthreads().values()))
-        self.deaths = (KilledWorker,)
+        self._client, self._address, self._executor = client, address, client.get_executor(pure=False)
+        self.window = 2 * max(1, sum(client.nthreads().values()))
+        self.deaths: tuple[type[BaseException], ...] = (KilledWorker,)
 
-    def submit(self, task: Task) -> "Future[Any]":
-        future: Future[Any] = self._executor.submit(_measure_on_dask, task)
+    def submit(self, task: Task) -> "Future[list[MeasuredPart]]":
+        future: Future[list[MeasuredPart]] = self._executor.submit(_measure_on_dask, task, bits())
         return future
 
-    def renew(self) -> None:
-        return
-
-    def result(self, future: "Future[Any]") -> list[MeasuredPart]:
-        """Return the parts of a task, from a worker that gives the same bits as this machine.
+    def result(self, future: "Future[list[MeasuredPart]]") -> list[MeasuredPart]:
+        """Return the parts of a task.
 
         Raises:
-            BadInput: the worker is unlike this machine, or cannot run the task at all.
+            BadInput: the scheduler is gone, or the worker is unlike this machine or cannot run the task at all.
 
         """
         try:
-            found: DaskParts = future.result()
+            return future.result()
         except (asyncio.CancelledError, CancelledError):
             raise BadInput(_gone(self._address)) from None
         except (ImportError, AttributeError) as e:
             raise BadInput(f"a worker of {self._address} cannot run cooploc ({one_line(e)}): install it there") from e
-        require_same_bits(found.worker, found.bits, self._mine)
-        return found.parts
 
     def wait_any(self, running: Iterable["Future[Any]"]) -> "set[Future[Any]]":
-        """Return those that are done; say so where no worker is left.
-
-        Raises:
-            BadInput: the scheduler is gone.
-
-        """
-        alone, said = 0.0, float("-inf")
         while not (done := wait(running, timeout=LOOK, return_when=FIRST_COMPLETED).done):
             if self._client.status != "running":
                 raise BadInput(_gone(self._address))
-            alone = 0.0 if self._count_workers() else alone or time.monotonic()
-            now = time.monotonic()
-            if alone and now - alone > ALONE[0] - LOOK and now - said > ALONE[1]:
-                said = now
-                self._say(f"the Dask cluster at {self._address} has no workers: waiting for one (dask worker ...)")
         return done
 
-    def _count_workers(self) -> int:
-        try:
-            return len(self._client.nthreads())
-        except Exception as e:  # whatever a connection raises while it is being lost
-            raise BadInput(_gone(self._address)) from e
+    def replace_dead(self) -> None: ...
 
 
-def _measure_on_dask(task: Task) -> DaskParts:
+def _measure_on_dask(task: Task, wanted: dict[str, Any]) -> list[MeasuredPart]:
     """Measure a task; only one thread of a worker computes at a time, so that each task is timed alone."""
     from distributed import get_worker
 
     with _one_at_a_time:
+        require_same_bits(get_worker().address, bits(), wanted)
         # Dask's workers are daemons, which may have no children; those of plug-ins end with their parent.
         multiprocessing.current_process()._config["daemon"] = False  # type: ignore[attr-defined]
-        return DaskParts(get_worker().address, bits(), list(measure(task)))
+        return measure_all(task)
 
 
 @contextmanager
@@ -452,57 +434,44 @@ def _gone(address: str) -> str:
 
 def compile_kernels(tasks: Iterable[Task], jobs: int, begin: Callable[[], None]) -> None:
     """Compile what built-in estimators need in these tasks and was not yet compiled; `begin` is called if any does."""
-    cold = {mark: found for mark, found in _tasks_by_mark(tasks).items() if not mark.exists()}
+    cold: dict[Path, list[Task]] = {}  # of each kind of estimator a task of the smallest team and one of the largest
+    for task in sorted(tasks, key=lambda one: one.scenario.robots):
+        if task.scenario.name in BUILTIN_SCENARIOS and not task.scenario.recorded:
+            for one in task.estimators:
+                if one.builtin and not (mark := _mark(one)).exists():
+                    cold[mark] = [*cold.get(mark, [])[:1], replace(task, trials=task.trials[:1], estimators=(one,))]
     if not cold:
         return
     begin()
     processes = min(max(jobs, 2), os.cpu_count() or 1, len(cold))
+    # Neighbours in a study share kernels, so that each process takes a piece of the list.
+    pieces = [[list(cold.values())[i] for i in piece] for piece in np.array_split(np.arange(len(cold)), processes)]
     if processes == 1:
-        compile_all(list(cold.values()))
-    else:  # neighbours in a study share kernels, so that each process takes a piece of the list
-        pieces = [[list(cold.values())[i] for i in piece] for piece in np.array_split(np.arange(len(cold)), processes)]
+        _compile_all(pieces[0])
+    else:
         with suppress(BrokenExecutor):  # what broke it is met again, and said, in the run
-            for future in [pool(BUILTIN, processes).submit(compile_all, piece) for piece in pieces]:
+            for future in [pool(BUILTIN, processes).submit(_compile_all, piece) for piece in pieces]:
                 future.result()
         if processes != jobs:
-            end_all(but=(SESSION, PLUGINS))
+            end(BUILTIN)
     for mark in cold:
         with suppress(OSError):
             mark.parent.mkdir(parents=True, exist_ok=True)
             mark.touch()
 
 
-def compile_all(cold: list[list[Task]]) -> None:
-    """Run two ticks of every task's estimators; each scenario is simulated once."""
+def _compile_all(cold: list[list[Task]]) -> None:
+    """Run two ticks of every task's estimator; each scenario is simulated once."""
     streams = dict[str, Stream]()
     for task in [task for tasks in cold for task in tasks]:
-        if task.scenario.label not in streams:
-            streams[task.scenario.label] = task.scenario.simulate(task.trials, task.seed)[1]
-        for estimator in task.estimators:
-            warm_up(estimator.label, make(estimator), streams[task.scenario.label])
-
-
-def _tasks_by_mark(tasks: Iterable[Task]) -> dict[Path, list[Task]]:
-    """Return, by the mark of each kind of estimator, its first task of the smallest team and of the largest."""
-    found: dict[Path, list[Task]] = {}
-    for task in sorted(tasks, key=lambda one: one.scenario.robots):
-        for estimator in task.estimators:
-            if estimator.builtin and task.scenario.name in BUILTIN_SCENARIOS and not task.scenario.recorded:
-                one = replace(task, trials=task.trials[:1], estimators=(estimator,))
-                found[_mark(estimator)] = [*found.get(_mark(estimator), [])[:1], one]
-    return found
+        (estimator,), label = task.estimators, task.scenario.label
+        if label not in streams:
+            streams[label] = task.scenario.simulate(task.trials, task.seed)[1]
+        warm_up(estimator.label, make(estimator), streams[label])
 
 
 def _mark(one: ConfiguredEstimator) -> Path:
     """Return the file that says that a kind of estimator is compiled: the same for all values of a number."""
-    words = {name: value for name, value in one.parameters.items() if not _is_number(value)}
+    words = {name: value for name, value in one.parameters.items() if not re.fullmatch(r"[-+.\deE]+|inf", value)}
     kind = json.dumps([one.name, words, bits()], sort_keys=True)
     return kept_at(whiten) / f"{hashlib.sha256(kind.encode()).hexdigest()[:24]}.compiled"
-
-
-def _is_number(value: str) -> bool:
-    try:
-        float(value)
-    except ValueError:
-        return False
-    return True

@@ -18,7 +18,7 @@ hyper-parameter optimization", NIPS 2011; T. Akiba et al., "Optuna", KDD 2019; T
 scoring rules", J. American Statistical Association 102, 2007.
 """
 
-from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -57,8 +57,7 @@ def trial_scores(rows: pd.DataFrame, objective: str) -> "pd.Series[float]":
         BadInput: there is no such objective.
 
     """
-    if objective not in OBJECTIVES:
-        raise BadInput(f"there is no objective {objective!r}; {nearest(objective, list(OBJECTIVES))}")
+    require_objective(objective)
     column, score, after = OBJECTIVES[objective]
     there = rows if column in rows else rows.assign(**{column: np.nan})  # lacking where no trial succeeded
     values = there[column].where(rows["failure"].isna(), np.inf)
@@ -67,6 +66,17 @@ def trial_scores(rows: pd.DataFrame, objective: str) -> "pd.Series[float]":
     trials, of = np.unique(rows["trial"].to_numpy()[known], return_inverse=True)
     total = np.bincount(of, weight[known] * score(values.to_numpy(float)[known]))
     return pd.Series(after(total / np.bincount(of, weight[known])), index=trials)
+
+
+def require_objective(objective: str) -> None:
+    """Refuse a name that is not of `OBJECTIVES`.
+
+    Raises:
+        BadInput: there is no such objective.
+
+    """
+    if objective not in OBJECTIVES:
+        raise BadInput(f"there is no objective {objective!r}; {nearest(objective, list(OBJECTIVES))}")
 
 
 def cap_score(nll: Array) -> Array:
@@ -140,7 +150,10 @@ def _value_text(value: Value) -> str:
 
 
 class Sampler:
-    """Proposes configurations of one space; the same seed and the same scores give the same proposals."""
+    """Proposes configurations of one space; the same seed and the same scores give the same proposals.
+
+    It begins with the published configuration, whose score is 0, as all others are relative to it.
+    """
 
     def __init__(self, space: Space, seed: int) -> None:
         import optuna
@@ -152,13 +165,17 @@ class Sampler:
             sampler=optuna.samplers.TPESampler(n_startup_trials=RANDOM, seed=seed % 2**32)
         )
         self._asked: dict[str, Any] = {}  # label -> optuna's trial, until its score is known
-        self._known: dict[str, float | None] = {}  # label -> its score, once it is known
+        self._known: dict[str, float | None] = {space.published.label: 0.0}  # label -> its score, once it is known
+        values = {key: one.default for key, one in space.parameters.items()}
+        if values and all(one._contains(one.to_internal_repr(values[key])) for key, one in self._ranges.items()):
+            self._study.add_trial(optuna.create_trial(params=values, distributions=self._ranges, value=0.0))
 
     def propose(self) -> str | None:
         """Return the label of a configuration that was not proposed before; None where there seems to be no other."""
         for _ in range(AGAIN if self.space.parameters else 0):
             trial = self._study.ask(self._ranges)
-            label = self.space.label(_round_numbers(trial.params))
+            values = trial.params.items()
+            label = self.space.label({k: float(f"{v:.{DIGITS}g}") if isinstance(v, float) else v for k, v in values})
             if label not in self._known:
                 self._known[label], self._asked[label] = None, trial
                 return label
@@ -169,17 +186,7 @@ class Sampler:
     def tell(self, label: str, value: float) -> None:
         """Learn the score of a configuration that was proposed."""
         self._known[label] = value
-        if label in self._asked:
-            self._study.tell(self._asked.pop(label), value)
-
-    def know_published(self) -> None:
-        """Begin with the published configuration, whose score is 0, as all others are relative to it."""
-        import optuna
-
-        self._known[self.space.published.label] = 0.0
-        values = {key: one.default for key, one in self.space.parameters.items()}
-        if values and all(one._contains(one.to_internal_repr(values[key])) for key, one in self._ranges.items()):
-            self._study.add_trial(optuna.create_trial(params=values, distributions=self._ranges, value=0.0))
+        self._study.tell(self._asked.pop(label), value)
 
 
 def _distribution(one: Tunable) -> Any:
@@ -190,10 +197,6 @@ def _distribution(one: Tunable) -> Any:
     if one.whole:
         return IntDistribution(int(one.low), int(one.high), log=one.log)
     return FloatDistribution(one.low, one.high, log=one.log)
-
-
-def _round_numbers(values: Mapping[str, Value]) -> dict[str, Value]:
-    return {key: float(f"{one:.{DIGITS}g}") if isinstance(one, float) else one for key, one in values.items()}
 
 
 # ---- the race
@@ -220,9 +223,8 @@ class Lane:
         return Item(one.label, trial % one.trials(1) if one.recorded else trial)
 
 
-Wanted = Mapping[str, Sequence[Item]]  # by a configuration's label
-Scores = Mapping[tuple[str, Item], float]
-Race = Generator[Wanted, Scores, "Finish"]
+Pair = tuple[str, Item]  # a configuration's label, and a trial
+Compute = Callable[[Iterable[Pair]], Mapping[Pair, float]]  # scores of configurations on trials
 
 
 @dataclass
@@ -267,15 +269,28 @@ def full_rounds(budget: int, lanes: int) -> int:
     return 0 if budget < lanes else min(MOST_ROUNDS, max(1, budget // (SHARE * lanes)))
 
 
-def race(lanes: Sequence[Lane], budget: int, sampler: Sampler) -> Race:
-    """Yield the trials that are wanted, receive their scores by `send`, return the finish."""
+def require_budget(space: Space, lanes: Sequence[Lane], budget: int) -> None:
+    """Refuse a budget that does not suffice for one trial of every scenario.
+
+    Raises:
+        BadInput: says the least that does.
+
+    """
+    if not full_rounds(budget, len(lanes)):
+        raise BadInput(
+            f"the budget is {budget} trials, and {space.published.label!r} is tuned on {len(lanes)} scenarios: give at "
+            f"least --budget {len(lanes)}"
+        )
+
+
+def race(space: Space, lanes: Sequence[Lane], budget: int, seed: int, compute: Compute) -> Finish:
+    """Search for a better configuration of one estimator with so many trials; `seed` is the sampler's."""
     full = full_rounds(budget, len(lanes))
     rungs = [*(2**k for k in range(full.bit_length()) if 2**k < full), full]
-    published = Entrant(0, sampler.space.published.label)
+    sampler, published = Sampler(space, seed), Entrant(0, space.published.label)
     entrants, best, left = [published], published, budget
-    left -= yield from _run([published], lanes, full)
+    left -= _run([published], lanes, full, compute)
     published.end("finished", budget - left, True)
-    sampler.know_published()
     while affordable := min(BATCH, left // (full * len(lanes))):
         labels = [label for label in (sampler.propose() for _ in range(affordable)) if label]
         batch = [Entrant(len(entrants) + i, label) for i, label in enumerate(labels)]
@@ -284,7 +299,7 @@ def race(lanes: Sequence[Lane], budget: int, sampler: Sampler) -> Race:
         entrants += batch
         alive = list(batch)
         for rounds in rungs:
-            left -= yield from _run(alive, lanes, rounds)
+            left -= _run(alive, lanes, rounds, compute)
             for one in [one for one in alive if is_worse(one, best)]:
                 alive.remove(one)
                 one.end("stopped", budget - left, False)
@@ -294,18 +309,18 @@ def race(lanes: Sequence[Lane], budget: int, sampler: Sampler) -> Race:
             one.end("finished", budget - left, better)
         for one in batch:
             sampler.tell(one.label, one.mean(lanes, one.rounds) - published.mean(lanes, one.rounds))
-    return Finish(sampler.space, lanes, entrants, best, full, budget - left)
+    return Finish(space, lanes, entrants, best, full, budget - left)
 
 
-def _run(entrants: Sequence[Entrant], lanes: Sequence[Lane], rounds: int) -> Generator[Wanted, Scores, int]:
+def _run(entrants: Sequence[Entrant], lanes: Sequence[Lane], rounds: int, compute: Compute) -> int:
     """Let entrants run up to so many rounds; return the number of trials that this took."""
     items = dict.fromkeys(lane.item(k) for k in range(rounds) for lane in lanes)
-    wanted = {one.label: [item for item in items if item not in one.scores] for one in entrants}
-    found = (yield wanted) if any(wanted.values()) else {}
+    wanted = [(one.label, item) for one in entrants for item in items if item not in one.scores]
+    found = compute(wanted) if wanted else {}
     for one in entrants:
-        one.scores |= {item: found[one.label, item] for item in wanted[one.label]}
+        one.scores |= {item: found[one.label, item] for item in items if item not in one.scores}
         one.rounds = rounds
-    return sum(map(len, wanted.values()))
+    return len(wanted)
 
 
 def is_worse(one: Entrant, other: Entrant) -> bool:
@@ -314,41 +329,3 @@ def is_worse(one: Entrant, other: Entrant) -> bool:
     if len(d) < LEAST or not d.mean() > 0:
         return False
     return bool(d.mean() > stats.t.ppf(SURE, len(d) - 1) * d.std(ddof=1) / np.sqrt(len(d)))
-
-
-def search(
-    competitors: Sequence[tuple[Space, Sequence[Lane]]],
-    budget: int,
-    seed: int,
-    compute: Callable[[Iterable[tuple[str, Item]]], Scores],
-) -> list[Finish]:
-    """Run the races of all estimators side by side, each with the same budget and sampler's seed.
-
-    Args:
-        competitors: the space of each estimator, and the scenarios that it is tuned on.
-        budget: trials that each may use.
-        seed: of the samplers.
-        compute: from configurations, by their labels, and trials to scores.
-
-    Raises:
-        BadInput: the budget does not suffice for one trial of every scenario.
-
-    """
-    for space, lanes in competitors:
-        if not full_rounds(budget, len(lanes)):
-            raise BadInput(
-                f"the budget is {budget} trials, and {space.published.label!r} is tuned on {len(lanes)} "
-                f"scenarios: give at least --budget {len(lanes)}"
-            )
-    races = [race(lanes, budget, Sampler(space, seed)) for space, lanes in competitors]
-    wanted = {i: next(one) for i, one in enumerate(races)}
-    finished: dict[int, Finish] = {}
-    while wanted:
-        scores = compute([(label, item) for asked in wanted.values() for label in asked for item in asked[label]])
-        for i in list(wanted):
-            try:
-                wanted[i] = races[i].send(scores)
-            except StopIteration as end:
-                finished[i] = end.value
-                del wanted[i]
-    return [finished[i] for i in range(len(races))]

@@ -6,8 +6,8 @@ of their own, a hash of the study's seed that does not lead back to it. A record
 is refused.
 
 The directory of a tuning holds two run directories, `training` of the search and `fresh` of the comparison; the study
-with the tuned configurations; and the tables. The same call goes on with what is there: a search that is repeated is
-told the same scores, so that it makes the same proposals and computes nothing twice.
+with the tuned configurations; and the tables. The same call goes on with what is there: a search that is repeated gets
+the same scores, so that it makes the same proposals and computes nothing twice.
 """
 
 import hashlib
@@ -21,31 +21,31 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from cooploc.analysis.execution.progress import RunProgress
-from cooploc.analysis.execution.run import complete, execute, make_manifest, require_compatible
-from cooploc.analysis.execution.run_directory import PartKey, RunDir, read_run, replace_file
-from cooploc.analysis.execution.workers import Workers, make_workers
-from cooploc.analysis.tuning.search import OBJECTIVES, Item, Lane, Space, search, space_of, trial_scores
+from cooploc.analysis.execution.run import RunProgress, Silent, complete, execute, make_manifest, prepare
+from cooploc.analysis.execution.run_directory import PartKey, Receipt, RunDir, read_run, replace_file
+from cooploc.analysis.execution.workers import Compute, make_workers
+from cooploc.analysis.tuning.search import (
+    Item,
+    Lane,
+    Pair,
+    race,
+    require_budget,
+    require_objective,
+    space_of,
+    trial_scores,
+)
 from cooploc.analysis.tuning.tables import gains, history, order
 from cooploc.estimators import configure
-from cooploc.estimators.errors import BadInput, nearest
+from cooploc.estimators.errors import BadInput
 from cooploc.estimators.registry import parse
 from cooploc.scenarios import family, resolve, simulate
 from cooploc.scenarios.scenario import ResolvedScenario, split_family
 from cooploc.scenarios.stream import Stream, Truth
-from cooploc.scenarios.studies.study import Block, ResolvedCell, ResolvedStudy, Study, StudyCell, resolve_study
+from cooploc.scenarios.studies.study import Block, ResolvedCell, ResolvedStudy, Study
 
 MOST_BUDGET = 1_000_000
 STUDY_FILE, RECORD_FILE = "tuned.toml", "tuning.json"
 HISTORY_FILE, TABLE_FILE = "history.csv", "published-and-tuned.csv"
-READ_LIMIT = 600.0  # [s] to read a recording that is not built in
-STUDY_HEAD = """# Made by cooploc tune: every estimator as it was tuned, on streams of a seed that no run may have.
-about = {about}
-trials = {trials}
-seed = {seed}
-time_limit = {time_limit}
-tuned_with = {tuned_with}
-"""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -103,28 +103,32 @@ def tune(
     """
     if not 1 <= budget <= MOST_BUDGET:
         raise BadInput(f"budget is {budget}; it must be at least 1 trial, and at most {MOST_BUDGET}")
-    if objective not in OBJECTIVES:
-        raise BadInput(f"there is no objective {objective!r}; {nearest(objective, list(OBJECTIVES))}")
+    require_objective(objective)
     if out.exists() and not (out / "training").is_dir() and (not out.is_dir() or any(out.iterdir())):
         raise BadInput(f"{out} exists and is not the directory of a tuning; name another with --out")
-    watcher = progress or RunProgress()
-    seed = derived_seed(study.seed, "training")
-    directory = RunDir(out / "training")
-    with make_workers(jobs, None, isolate, watcher.say, keep=True) as workers, directory.locked():
+    watcher, seed, directory = progress or Silent(), derived_seed(study.seed, "training"), RunDir(out / "training")
+    asked = prepare(study.model_copy(update={"seed": seed}), data, isolate=isolate, say=watcher.say)
+    own = lanes(asked.cells, study.training, data)
+    competitors = [
+        (space_of(one.label, isolate), mine)
+        for one in asked.estimators
+        if (mine := [own[c.scenario.label] for c in asked.cells if one in c.estimators and c.scenario.label in own])
+    ]
+    if not competitors:
+        raise BadInput(f"study {study.name!r} has no scenario that estimators may be tuned on: see its training")
+    for space, mine in competitors:
+        require_budget(space, mine, budget)
+    with make_workers(jobs, None, isolate, watcher.compiling) as compute, directory.locked():
         (out / RECORD_FILE).unlink(missing_ok=True)
-        asked = resolve_study(study, data)
-        own = lanes(asked.cells, study.training, data)
-        training = asked._replace(study=study.model_copy(update={"seed": seed}), cells=())
-        require_compatible(asked._replace(study=training.study), isolate)
         scenarios = {one.label: one for lane in own.values() for one in lane.scenarios}
-        counted = _BudgetProgress(watcher, budget * len(asked.estimators))
-        evaluations = Evaluations(training, scenarios, directory, workers, counted, objective)
-        competitors = _competitors(asked, own, isolate)
-        finishes = search(competitors, budget, derived_seed(study.seed, "sampler"), evaluations.compute)
+        watcher.begin(budget * len(competitors), 0)
+        evaluations = Evaluations(asked, scenarios, directory, compute, watcher, objective)
+        sampler_seed = derived_seed(study.seed, "sampler")
+        finishes = [race(space, mine, budget, sampler_seed, evaluations.compute) for space, mine in competitors]
     tuned = {one.label: one.label for one in asked.estimators} | {one.published: one.best.label for one in finishes}
-    _write(out / STUDY_FILE, as_toml(tuned_study(study, study.cells(), tuned, seed, both=False)))
-    both = tuned_study(study, study.cells(), tuned, seed, both=True)
-    rows = execute(both, out / "fresh", data=data, jobs=jobs, check=check, isolate=isolate, progress=watcher)
+    _write(out / STUDY_FILE, as_toml(tuned_study(study, tuned, seed, both=False)))
+    both = prepare(tuned_study(study, tuned, seed, both=True), data, isolate=isolate)
+    rows = execute(both, out / "fresh", jobs=jobs, check=check, isolate=isolate, progress=watcher)
     require_apart(seed, study.seed, evaluations.streams.values(), rows["stream"].dropna())
     record = {
         "study": study.model_dump(mode="json"),
@@ -171,45 +175,6 @@ def _write(file: Path, text: str) -> None:
     replace_file(file, lambda temporary: temporary.write_bytes(text.encode()))
 
 
-def _competitors(asked: ResolvedStudy, own: Mapping[str, Lane], isolate: bool) -> list[tuple[Space, Sequence[Lane]]]:
-    """Return the estimators that are on some scenario that can be trained on, in the study's order."""
-    found: list[tuple[Space, Sequence[Lane]]] = []
-    for one in asked.estimators:
-        labels = [cell.scenario.label for cell in asked.cells if one in cell.estimators]
-        mine = [own[label] for label in labels if label in own]
-        if mine:
-            found.append((space_of(one.label, isolate), mine))
-    if not found:
-        raise BadInput(f"study {asked.study.name!r} has no scenario that estimators may be tuned on: see its training")
-    return found
-
-
-class _BudgetProgress(RunProgress):
-    """Passes on progress as one count for all steps of a search."""
-
-    def __init__(self, watcher: RunProgress, total: int) -> None:
-        self._watcher, self._total, self._done, self._begun = watcher, total, 0, False
-
-    def compiling(self) -> None:
-        """Pass it on."""
-        self._watcher.compiling()
-
-    def say(self, line: str) -> None:
-        """Pass it on."""
-        self._watcher.say(line)
-
-    def begin(self, trials: int, found: int) -> None:
-        """Announce the whole budget, once."""
-        if not self._begun:
-            self._watcher.begin(self._total, 0)
-        self._begun = True
-
-    def advance(self, what: str, trials: int, failed: int, share: float) -> None:
-        """Count a part that is done."""
-        self._done += trials
-        self._watcher.advance(what, trials, failed, min(1.0, self._done / self._total))
-
-
 @dataclass
 class Evaluations:
     """Scores of configurations on training trials, each computed once and kept in a run directory.
@@ -217,42 +182,43 @@ class Evaluations:
     A part is one configuration on one scenario's trials, as in any run.
     """
 
-    training: ResolvedStudy  # its study has the training seed; cells are added as they are asked for
+    training: ResolvedStudy  # its study has the training seed; its cells are replaced by what is asked for
     scenarios: Mapping[str, ResolvedScenario]
     directory: RunDir
-    workers: Workers
+    run: Compute
     watcher: RunProgress
     objective: str
-    scores: dict[tuple[str, Item], float] = field(default_factory=dict)
+    scores: dict[Pair, float] = field(default_factory=dict)
     streams: dict[Item, str] = field(default_factory=dict)  # hashes of what tuning has seen
 
-    def compute(self, pairs: Iterable[tuple[str, Item]]) -> dict[tuple[str, Item], float]:
+    def compute(self, pairs: Iterable[Pair]) -> dict[Pair, float]:
         """Return the scores of these configurations, by their labels, on these trials."""
         pairs = list(pairs)
-        if cells := self._cells([pair for pair in pairs if pair not in self.scores]):
-            asked = self.training._replace(cells=tuple(cells))
-            self.directory.open({**make_manifest(asked), "isolated": True})
-            for piece in complete(asked, self.directory, self.workers, self.watcher):
-                self._keep(piece)
-        return {pair: self.scores[pair] for pair in pairs}
-
-    def _cells(self, pairs: Sequence[tuple[str, Item]]) -> list[ResolvedCell]:
-        """Return a cell for every scenario, with as many trials of each configuration as it needs."""
-        upto: dict[str, dict[str, int]] = {}
+        upto: dict[str, dict[str, int]] = {}  # of each scenario as many trials of each configuration as it needs
         for label, item in pairs:
-            of = upto.setdefault(item.scenario, {})
-            of[label] = max(of.get(label, 0), item.trial + 1)
-        return [
+            if (label, item) not in self.scores:
+                trials = upto.setdefault(item.scenario, {})
+                trials[label] = max(trials.get(label, 0), item.trial + 1)
+        cells = tuple(
             ResolvedCell("training", self.scenarios[label], trials, tuple(map(configure, trials)), next(iter(trials)))
             for label, trials in upto.items()
-        ]
+        )
+        if cells:
+            asked = self.training._replace(cells=cells)
+            self.directory.open(make_manifest(asked, isolate=True))
+            for key, receipt in complete(asked, self.directory, self.run, Silent()):
+                self._keep(key, receipt)
+        return {pair: self.scores[pair] for pair in pairs}
 
-    def _keep(self, piece: PartKey) -> None:
-        rows = self.directory.read(piece)
-        for trial, score in trial_scores(rows, self.objective).items():
-            self.scores[piece.estimator, Item(piece.scenario, int(str(trial)))] = float(score)
+    def _keep(self, key: PartKey, receipt: Receipt) -> None:
+        rows = self.directory.read({(key.scenario, key.estimator): key.trials.stop}, {key: receipt})
+        scores = {Item(key.scenario, int(str(n))): float(s) for n, s in trial_scores(rows, self.objective).items()}
+        new = sum((key.estimator, item) not in self.scores for item in scores)
+        if new:
+            self.watcher.advance(f"{key.scenario} · {key.estimator}", new, receipt.failed)
+        self.scores |= {(key.estimator, item): score for item, score in scores.items()}
         hashes: pd.Series[Any] = rows.dropna(subset="stream").groupby("trial")["stream"].first()
-        self.streams |= {Item(piece.scenario, int(str(trial))): str(found) for trial, found in hashes.items()}
+        self.streams |= {Item(key.scenario, int(str(trial))): str(found) for trial, found in hashes.items()}
 
 
 # ---- the split of streams
@@ -372,10 +338,10 @@ def require_apart(training_seed: int, seed: int, trained: Iterable[str], reporte
 # ---- the study with the tuned configurations
 
 
-def tuned_study(study: Study, cells: list[StudyCell], tuned: Mapping[str, str], seed: int, both: bool) -> Study:
+def tuned_study(study: Study, tuned: Mapping[str, str], seed: int, both: bool) -> Study:
     """Return the study with the tuned label of every estimator; `both`: beside its own label."""
     blocks: dict[tuple[str, tuple[str, ...], str], list[str]] = {}
-    for cell in cells:
+    for cell in study.cells():
         labels = [name for label in cell.estimators for name in ((label, tuned[label]) if both else (tuned[label],))]
         baseline = cell.baseline if both else tuned[cell.baseline]
         blocks.setdefault((cell.experiment, tuple(dict.fromkeys(labels)), baseline), []).append(cell.scenario)
@@ -384,23 +350,16 @@ def tuned_study(study: Study, cells: list[StudyCell], tuned: Mapping[str, str], 
         for (experiment, labels, baseline), scenarios in blocks.items()
     )
     name = f"{study.name}-{'published-and-tuned' if both else 'tuned'}"
-    emptied: dict[str, Any] = {
-        "scenarios": (),
-        "estimators": (),
-        "baseline": "",
-        "variants": {},
-        "only": (),
-        "minutes": None,
-    }
+    emptied: dict[str, Any] = dict.fromkeys(("scenarios", "estimators", "only"), ())
+    emptied |= {"baseline": "", "variants": {}, "minutes": None}
     return study.model_copy(update={**emptied, "name": name, "also": also, "tuned_with": seed})
 
 
 def as_toml(study: Study) -> str:
     """Return the text of a study's file. A JSON string of printable characters is a TOML string of the same meaning."""
     known = study.model_dump()
-    text = STUDY_HEAD.format(
-        **{key: _toml(known[key]) for key in ("about", "trials", "seed", "time_limit", "tuned_with")}
-    )
+    text = "# Made by cooploc tune: every estimator as it was tuned, on streams of a seed that no run may have.\n"
+    text += "".join(f"{key} = {_toml(known[key])}\n" for key in ("about", "trials", "seed", "time_limit", "tuned_with"))
     for block in study.also:
         lines = {key: _toml(value) for key, value in block.model_dump().items() if value}
         text += "\n[[also]]\n" + "".join(f"{key} = {value}\n" for key, value in lines.items())

@@ -12,7 +12,6 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from rich.text import Text
 
-from cooploc.analysis.execution.progress import RunProgress
 from cooploc.analysis.formats import duration
 
 HIDDEN = {"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"}  # Unicode's control, format, surrogate, private, separating
@@ -59,15 +58,14 @@ def wide(stderr: bool = False) -> Console:
 # The progress of a run on stderr: a bar on a terminal, a line now and then elsewhere.
 
 LINE_EVERY = 5.0  # [s]
-ENOUGH = 0.02  # of the processor time, before which the time left cannot be estimated
+ENOUGH = 0.02  # of the trials, before which the time left cannot be estimated
 
 
-class TerminalProgress(RunProgress):
+class TerminalProgress:
     """Counts (estimator, trial) pairs; a context manager around the run."""
 
     def __init__(self) -> None:
-        self.total, self.done, self.failed = 0, 0, 0
-        self._share = 0.0  # of the processor time
+        self.total, self.found, self.done, self.failed = 0, 0, 0, 0
         self._began = self._said = time.monotonic()
         self._console = wide(stderr=True)
         columns = (BarColumn(bar_width=16), MofNCompleteColumn(), TextColumn("trials{task.description}", markup=False))
@@ -90,18 +88,20 @@ class TerminalProgress(RunProgress):
 
     def begin(self, trials: int, found: int) -> None:
         """Start: (estimator, trial) pairs in all, and those found on disk already."""
-        self.total, self.done, self._share = trials, found, 0.0
+        if found and not self.total:  # not at every look of a run until decided
+            self.say(f"{found} of {trials} trials are on disk already")
+        self.total, self.found, self.done = trials, found, found
         self._began = self._said = time.monotonic()
         if self._bar:
             self._bar.update(self._task, total=trials, completed=found, description="")
-        if found:
-            self.say(f"{found} of {trials} trials are on disk already")
 
-    def advance(self, what: str, trials: int, failed: int, share: float) -> None:
-        """Take note of a finished part, and of the share of the processor time that is spent by now."""
-        self.done, self.failed, self._share = self.done + trials, self.failed + failed, share
-        trouble = f", {self.failed} failed" if self.failed else ""
-        text = f"{self._left()}{trouble} ({visible(what)})"
+    def advance(self, what: str, trials: int, failed: int) -> None:
+        """Take note of a finished part."""
+        self.done, self.failed = self.done + trials, self.failed + failed
+        share = (self.done - self.found) / max(1, self.total - self.found)
+        seconds = (time.monotonic() - self._began) * (1 - share) / share
+        left = f", about {duration(seconds)} left" if share > ENOUGH else ""
+        text = f"{left}{f', {self.failed} failed' if self.failed else ''} ({visible(what)})"
         if self._bar:
             self._bar.update(self._task, completed=self.done, description=text)
         elif time.monotonic() - self._said > LINE_EVERY:
@@ -111,15 +111,6 @@ class TerminalProgress(RunProgress):
     def say(self, line: str) -> None:
         """Print something that the user should know, above the bar."""
         self._console.print(line)
-
-    def seconds_left(self) -> float | None:
-        """An estimate by the share that is spent; None before there is enough of it."""
-        share = self._share
-        return None if share < ENOUGH else (time.monotonic() - self._began) * (1 - share) / share
-
-    def _left(self) -> str:
-        seconds = self.seconds_left()
-        return "" if seconds is None else f", about {duration(seconds)} left"
 
 
 # Arguments and options that several commands have.

@@ -13,7 +13,7 @@ from cooploc.analysis.claims import ledger as ledgers
 from cooploc.analysis.claims.multiverse import shares
 from cooploc.analysis.claims.verdicts import family_of
 from cooploc.analysis.execution.certificates import line
-from cooploc.analysis.execution.run_directory import PartKey, RunDir, read_decisions, read_run
+from cooploc.analysis.execution.run_directory import RunDir, read_run
 from cooploc.analysis.execution.until_decided import seconds_left
 from cooploc.analysis.formats import change, count, counted, duration, listed
 from cooploc.analysis.metrics import ranking
@@ -25,7 +25,6 @@ from cooploc.analysis.report import claim_tables, tuning_tables
 from cooploc.analysis.report.result_columns import REMARKS, STOPPED, decision, result_columns
 from cooploc.analysis.report.result_tables import STUDY, failures, in_order, lowest_that_qualifies
 from cooploc.analysis.report.tables import Row, Table, csv_text, number_column, text_column
-from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.conformance import Report, sentences
 from cooploc.scenarios.recordings.scenario import NO_ORDER
 from cooploc.terminal.console import wide
@@ -163,8 +162,8 @@ def _legend(tables: list[Table]) -> list[str]:
 # ------------------------------------------------------------------------------------------------ contents of a run
 
 
-def decision_line(folder: Path, decisions: Mapping[str, Any]) -> str:
-    """How many comparisons and claims are decided, how many are open, and how long they may take."""
+def decision_line(rows: pd.DataFrame, decisions: Mapping[str, Any]) -> str:
+    """Say how many comparisons and claims are decided, how many are open, and how long they may take."""
     said, still = [], 0
     for of in ("comparison", "claim"):
         ones = decisions[of]
@@ -175,7 +174,7 @@ def decision_line(folder: Path, decisions: Mapping[str, Any]) -> str:
     going = [(scenario, estimator) for scenario, estimator in decisions["going"]]
     if not going:
         return f"{line}; the run has ended"
-    left = seconds_left(read_run(folder).rows, going, decisions["most"])
+    left = seconds_left(rows, going, decisions["most"])
     return f"{line}; to {decisions['most']} trials, at most about {duration(left)} of one process"
 
 
@@ -200,36 +199,41 @@ def show_run(folder: Path) -> None:
         BadInput: the directory is not a run's.
 
     """
-    directory = RunDir(folder)
-    manifest = directory.manifest
-    if not manifest:
-        raise BadInput(f"{folder} holds no run: name the directory that cooploc run wrote")
-    console = wide()
-    _head(console, folder, manifest)
-    certificates = manifest.get("certificates", {})
-    decisions = read_decisions(folder)
-    compared = decisions["comparison"] if decisions else []
-    verdicts = {(one["scenario"], one["estimator"]): one for one in compared}
-    rows: list[dict[str, Any]] = []
-    failed: list[pd.DataFrame] = []
+    run, console = read_run(folder, empty=True), wide()
+    manifest, decisions, certificates = run.manifest, run.decisions, run.manifest["certificates"]
+    verdicts = {(one["scenario"], one["estimator"]): one for one in (decisions or {"comparison": []})["comparison"]}
+    ended = run.rows.drop_duplicates(["scenario", "estimator", "trial"])
+    failed = ended[ended["failure"].notna()]
+    counts = [table.groupby(["scenario", "estimator"]).size().to_dict() for table in (ended, failed)]
+    rows = []
     for scenario, cell in manifest["cells"].items():
         for estimator, asked in cell["estimators"].items():
-            row, lost = _contents(directory, scenario, estimator, asked)
-            verdict = verdicts.get((scenario, estimator), {"verdict": "", "look": 0})
-            rows.append({**verdict, **row, "experiment": cell["experiment"], "checks": line(estimator, certificates)})
-            failed += [lost] if len(lost) else []
+            key = (scenario, estimator)
+            there, lost = (count.get(key, 0) for count in counts)
+            corrupt = sum(part[:2] == key for part in run.damaged)
+            remarks = [f"{counted(corrupt, 'corrupt part')}, will be computed again"] * (corrupt > 0)
+            remarks += ["not finished"] * (there < asked)
+            row = {"experiment": cell["experiment"], "scenario": scenario, "estimator": estimator}
+            row |= {"trials": f"{there} of {asked}", "trials_there": there, "failed": lost}
+            row |= {"remark": ", ".join(remarks), "checks": line(estimator, certificates)}
+            rows.append({**verdicts.get(key, {"verdict": "", "look": 0}), **row})
     hidden = ["decided"] * (not decisions) + ["experiment"] * (len({row["experiment"] for row in rows}) == 1)
     shown = tuple(column for column in CONTENT_COLUMNS if column.head not in hidden)
+    _head(console, folder, manifest)
     console.print(Table("contents", "", shown, rows).terminal())
     if decisions:
-        console.print(decision_line(folder, decisions))
-    _certificates(console, certificates)
+        console.print(decision_line(run.rows, decisions))
+    for label, certificate in certificates.items():
+        console.print(f"\n{label}, {certificate['status']}: {certificate['found']}")
+        for one in certificate["checks"]:
+            if one["status"] != "passed":
+                console.print(f"  {one['check']} {one['status']}: {one['detail']}", style="dim")
     if not manifest.get("isolated", True):
         console.print(ONE_PROCESS)
-    for one in failures(pd.concat(failed)) if failed else []:
+    for one in failures(failed):
         console.print(f"\nfailed: {one.message} ({'; '.join(one.where)})")
         console.print(_end_of(one.traceback), style="dim", soft_wrap=True)
-    if not failed:
+    if failed.empty:
         console.print("\nnothing failed")
 
 
@@ -239,27 +243,7 @@ def _head(console: Console, folder: Path, manifest: dict[str, Any]) -> None:
     console.print(f"{folder}: study {study['name']}, seed {manifest['seed']}, {trials}")
     console.print(": ".join(filter(None, (study.get("title"), study["about"]))))
     commit = f", commit {manifest['commit'][:12]}" if manifest["commit"] else ""
-    console.print(f"cooploc {versions['cooploc']}{commit}, Python {versions['python']}, on {manifest['cpu']}")
-    console.print()
-
-
-def _contents(directory: RunDir, scenario: str, estimator: str, asked: int) -> tuple[dict[str, Any], pd.DataFrame]:
-    """A row of the table, and the first row of every trial that failed."""
-    trials: set[int] = set()
-    frames, corrupt = [], 0
-    for held in directory.trials_on_disk(scenario, estimator):
-        piece = PartKey(scenario, estimator, held)
-        if not directory.is_intact(piece):
-            corrupt += 1
-            continue
-        trials |= set(held)
-        part = directory.read(piece)
-        frames.append(part[part["failure"].notna()].drop_duplicates("trial"))
-    remarks = [f"{counted(corrupt, 'corrupt part')}, will be computed again"] if corrupt else []
-    remarks += ["not finished"] if len(trials) < asked else []
-    failed = pd.concat(frames) if frames else pd.DataFrame({"trial": []})
-    counts = {"trials": f"{len(trials)} of {asked}", "trials_there": len(trials), "failed": failed["trial"].nunique()}
-    return {"scenario": scenario, "estimator": estimator, **counts, "remark": ", ".join(remarks)}, failed
+    console.print(f"cooploc {versions['cooploc']}{commit}, Python {versions['python']}, on {manifest['cpu']}\n")
 
 
 def _end_of(traceback: str) -> str:
@@ -268,15 +252,6 @@ def _end_of(traceback: str) -> str:
     head, *frames = last.split("\n  File ")
     shown = frames[-FRAMES:]
     return "\n  File ".join([head + "\n  ..." * (len(frames) > FRAMES), *shown])
-
-
-def _certificates(console: Console, certificates: dict[str, Any]) -> None:
-    """Print what was found of every estimator that is not built in, and the checks that it failed."""
-    for label, certificate in certificates.items():
-        console.print(f"\n{label}, {certificate['status']}: {certificate['found']}")
-        for one in certificate["checks"]:
-            if one["status"] != "passed":
-                console.print(f"  {one['check']} {one['status']}: {one['detail']}", style="dim")
 
 
 # ------------------------------------------------------------------------------------------------ verdicts

@@ -15,9 +15,8 @@ from processes import finish, install
 from cooploc.analysis.claims.ledger import load
 from cooploc.analysis.claims.trial_table import collect
 from cooploc.analysis.execution import certificates
-from cooploc.analysis.execution.certificates import certify, line, with_certificates
-from cooploc.analysis.execution.progress import RunProgress
-from cooploc.analysis.execution.run import execute
+from cooploc.analysis.execution.certificates import add_certificates, certify, line
+from cooploc.analysis.execution.run import Silent, execute, prepare
 from cooploc.analysis.execution.run_directory import read_run
 from cooploc.analysis.metrics import ranking
 from cooploc.analysis.metrics.compare import compare
@@ -47,7 +46,7 @@ ALL = len(CHECKS)
 EVIL = "<script>alert(1)</script>"
 
 
-class Told(RunProgress):
+class Told(Silent):
     """Remembers what a run said."""
 
     def __init__(self):
@@ -85,7 +84,7 @@ def checked(tmp_path_factory):
     told = Told()
     with pytest.MonkeyPatch.context() as patched:
         folder = enter(tmp_path_factory.mktemp("checked"), patched)
-        return Checked(folder, told.said, execute(STUDY, folder / "run", progress=told))
+        return Checked(folder, told.said, execute(prepare(STUDY), folder / "run", progress=told))
 
 
 @pytest.fixture
@@ -131,24 +130,24 @@ def test_the_same_version_is_checked_once_and_another_is_refused(checked, place,
     shutil.copytree(checked.folder / "run", place / "run")
     told = Told()
     more = study.with_options(trials=8, only=("ekf-local", "outside.py:Honest", "outside.py:Honest[scale=2]"))
-    execute(more, place / "run", progress=told)
+    execute(prepare(more), place / "run", progress=told)
     assert [s.split(",")[0] for s in told.said if s.startswith("checking")] == ["checking outside.py:Honest[scale=2]"]
     (place / "outside.py").write_text(FILE + "\n# edited\n")
     told = Told()
-    execute(study, place / "other", progress=told)
+    execute(prepare(study), place / "other", progress=told)
     assert [s.split(",")[0] for s in told.said if s.startswith("checking")] == ["checking outside.py:Honest"]
 
 
 def test_who_is_not_checked_is_said_to_be_unchecked_until_somebody_does(place, found_again):
     study = STUDY.with_options(only=("ekf-local", "outside.py:Honest"))
     told = Told()
-    rows = execute(study, place / "run", check=False, progress=told)
+    rows = execute(prepare(study), place / "run", check=False, progress=told)
     assert told.said == []
     lines = dict(zip(rows["estimator"], rows["certificate"], strict=True))
     assert lines == {"ekf-local": "", "outside.py:Honest": "unchecked: by request (--no-check)"}
-    rows = execute(study, place / "run")
+    rows = execute(prepare(study), place / "run")
     assert set(rows["certificate"]) == {"", f"passed: {ALL} checks"}
-    assert set(execute(study, place / "run", check=False)["certificate"]) == set(rows["certificate"])
+    assert set(execute(prepare(study), place / "run", check=False)["certificate"]) == set(rows["certificate"])
 
 
 TROUBLE = """
@@ -210,7 +209,7 @@ def test_the_command_says_it_in_its_table_its_json_and_show(place):
 
 def certified(rows, **told):
     found = {name: dict(zip(("status", "found"), line.split(": ", 1), strict=True)) for name, line in told.items()}
-    return with_certificates(rows, found)
+    return add_certificates(rows, found)
 
 
 SMALLER = {"ekf-local": (1.0, 1.0), "a": (0.5, 1.0), "b": (0.4, 1.0)}
@@ -256,7 +255,7 @@ def test_a_certificate_is_a_line_and_a_mark():
     ]
     assert line("arl", {}) == ""
     assert line("mine", {}) == "unchecked: the run has no certificate of it"
-    assert list(with_certificates(pd.DataFrame({"estimator": ["arl", "mine"]}), {})["certificate"]) == [
+    assert list(add_certificates(pd.DataFrame({"estimator": ["arl", "mine"]}), {})["certificate"]) == [
         "",
         "unchecked: the run has no certificate of it",
     ]

@@ -9,8 +9,7 @@ import pytest
 import cooploc as cl
 from cooploc import estimators
 from cooploc.analysis.execution import run
-from cooploc.analysis.execution.progress import RunProgress
-from cooploc.analysis.execution.run import execute
+from cooploc.analysis.execution.run import Silent, execute, prepare
 from cooploc.analysis.execution.run_directory import PartKey
 from cooploc.estimators.dead_reckoning import DeadReckoning
 from cooploc.scenarios.studies.study import Study
@@ -31,7 +30,7 @@ def small_chunks():
         yield
 
 
-class Told(RunProgress):
+class Told(Silent):
     """Remembers what a run said."""
 
     def __init__(self):
@@ -40,7 +39,7 @@ class Told(RunProgress):
     def begin(self, trials, found):
         self.began = trials, found
 
-    def advance(self, what, trials, failed, share):
+    def advance(self, what, trials, failed):
         self.computed.append((what, trials))
 
     def say(self, line):
@@ -54,12 +53,12 @@ def parts(folder):
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory, small_chunks):
     folder = tmp_path_factory.mktemp("runs") / "one"
-    return folder, execute(STUDY, folder)
+    return folder, execute(prepare(STUDY), folder)
 
 
 def test_two_processes_give_the_bits_of_one(finished, tmp_path):
     folder, rows = finished
-    again = execute(STUDY, tmp_path / "two", jobs=2)
+    again = execute(prepare(STUDY), tmp_path / "two", jobs=2)
     assert parts(tmp_path / "two") == parts(folder)
     pd.testing.assert_frame_equal(again.drop(columns="seconds"), rows.drop(columns="seconds"))
 
@@ -77,7 +76,7 @@ def test_what_is_there_is_not_computed_again(finished):
     folder, rows = finished
     before = {file.name: file.stat().st_mtime_ns for file in (folder / "parts").iterdir()}
     told = Told()
-    again = execute(STUDY, folder, progress=told)
+    again = execute(prepare(STUDY), folder, progress=told)
     assert {file.name: file.stat().st_mtime_ns for file in (folder / "parts").iterdir()} == before
     assert told.computed == []
     assert told.began == (2 * 12 * 3, 2 * 12 * 3)
@@ -87,13 +86,13 @@ def test_what_is_there_is_not_computed_again(finished):
 def test_an_added_estimator_and_a_lost_part_are_all_that_runs(finished, tmp_path):
     whole = STUDY.with_options(only=("dead-reckoning", "arl[particles=30]"))
     folder = tmp_path / "run"
-    execute(STUDY.with_options(only=("dead-reckoning",)), folder)
+    execute(prepare(STUDY.with_options(only=("dead-reckoning",))), folder)
     piece = PartKey("trajectory[ticks=15]", "dead-reckoning", range(10, 12))
     lost = folder / "parts" / f"{piece.name}.parquet"
     kept = lost.read_bytes()
     lost.write_bytes(kept[:100])
     told = Told()
-    execute(whole, folder, progress=told)
+    execute(prepare(whole), folder, progress=told)
     assert [line for line in told.said if piece.name in line]
     assert ("small · trajectory[ticks=15] · dead-reckoning", 2) in told.computed
     assert sum(trials for what, trials in told.computed if what.endswith("dead-reckoning")) == 2
@@ -103,12 +102,12 @@ def test_an_added_estimator_and_a_lost_part_are_all_that_runs(finished, tmp_path
 
 def test_a_tampered_part_is_found_even_where_it_can_be_read(tmp_path):
     folder = tmp_path / "run"
-    rows = execute(STUDY.with_options(only=("dead-reckoning",)), folder)
+    rows = execute(prepare(STUDY.with_options(only=("dead-reckoning",))), folder)
     file = sorted((folder / "parts").iterdir())[0]
     honest = file.read_bytes()
     pd.read_parquet(file).assign(mse=0.0).to_parquet(file, index=False)
     told = Told()
-    again = execute(STUDY.with_options(only=("dead-reckoning",)), folder, progress=told)
+    again = execute(prepare(STUDY.with_options(only=("dead-reckoning",))), folder, progress=told)
     assert [line for line in told.said if file.stem in line and "checksum" in line]
     assert file.read_bytes() == honest
     pd.testing.assert_frame_equal(again.drop(columns="seconds"), rows.drop(columns="seconds"))
@@ -117,14 +116,14 @@ def test_a_tampered_part_is_found_even_where_it_can_be_read(tmp_path):
 def test_more_trials_compute_only_what_is_new_and_fewer_nothing(tmp_path, finished):
     folder = tmp_path / "run"
     small = STUDY.with_options(only=("dead-reckoning",), trials=7)
-    execute(small, folder)
+    execute(prepare(small), folder)
     told = Told()
-    rows = execute(small.with_options(trials=12), folder, progress=told)
+    rows = execute(prepare(small.with_options(trials=12)), folder, progress=told)
     assert sum(trials for _, trials in told.computed) == 2 * 5
     whole = finished[1][finished[1]["estimator"] == "dead-reckoning"].reset_index(drop=True)
     pd.testing.assert_frame_equal(rows.drop(columns="seconds"), whole.drop(columns="seconds"))
     told = Told()
-    fewer = execute(small.with_options(trials=3), folder, progress=told)
+    fewer = execute(prepare(small.with_options(trials=3)), folder, progress=told)
     assert told.computed == []
     assert told.began == (6, 6)
     assert sorted(set(fewer["trial"])) == [0, 1, 2]
@@ -140,12 +139,12 @@ def test_more_trials_compute_only_what_is_new_and_fewer_nothing(tmp_path, finish
 def test_a_directory_of_other_settings_is_refused_and_new_scenarios_are_not(finished, tmp_path, change, said):
     folder = tmp_path / "run"
     small = STUDY.with_options(only=("dead-reckoning",), scenarios=("trajectory[ticks=15]",))
-    execute(small, folder)
+    execute(prepare(small), folder)
     if said is None:
-        assert set(execute(small.with_options(**change), folder)["scenario"]) == set(change["scenarios"])
+        assert set(execute(prepare(small.with_options(**change)), folder)["scenario"]) == set(change["scenarios"])
         return
     with pytest.raises(cl.BadInput, match=said):
-        execute(small.with_options(**change), folder)
+        execute(prepare(small.with_options(**change)), folder)
 
 
 def test_foreign_newer_and_damaged_directories_are_refused(tmp_path):
@@ -157,7 +156,7 @@ def test_foreign_newer_and_damaged_directories_are_refused(tmp_path):
     (tmp_path / "damaged" / "manifest.json").write_text("{")
     for name, said in (("foreign", "is not a run directory"), ("newer", "format 99"), ("damaged", "is damaged")):
         with pytest.raises(cl.BadInput, match=said):
-            execute(STUDY, tmp_path / name)
+            execute(prepare(STUDY), tmp_path / name)
     assert (tmp_path / "foreign" / "thesis.txt").read_text() == "precious"
 
 
@@ -173,7 +172,7 @@ class Moody(DeadReckoning):
 
 def test_a_failing_trial_costs_no_other(tmp_path, monkeypatch):
     monkeypatch.setitem(estimators.BUILTIN, "moody", (f"{__name__}:Moody", {}))
-    rows = execute(STUDY.with_options(only=("dead-reckoning", "moody")), tmp_path / "run")
+    rows = execute(prepare(STUDY.with_options(only=("dead-reckoning", "moody"))), tmp_path / "run")
     moody = rows[(rows["estimator"] == "moody") & (rows["scenario"] == "trajectory[ticks=15]")]
     failures = moody.dropna(subset="failure").groupby("trial")["failure"].first()
     assert list(failures.index) == [3, 5]
@@ -183,25 +182,38 @@ def test_a_failing_trial_costs_no_other(tmp_path, monkeypatch):
     steady = rows[(rows["estimator"] == "dead-reckoning") & (rows["scenario"] == "trajectory[ticks=15]")]
     pd.testing.assert_series_equal(good, steady.set_index(["trial", "robot"])["mse"].loc[good.index])
     assert cl.summarize(rows).set_index(["scenario", "estimator"]).loc[("trajectory[ticks=15]", "moody"), "failed"] == 2
-    again = execute(STUDY.with_options(only=("dead-reckoning", "moody")), tmp_path / "run")
+    again = execute(prepare(STUDY.with_options(only=("dead-reckoning", "moody"))), tmp_path / "run")
     pd.testing.assert_frame_equal(again.drop(columns="seconds"), rows.drop(columns="seconds"), check_dtype=False)
+
+
+def test_a_trial_that_failed_runs_again_on_request_alone(tmp_path, monkeypatch):
+    monkeypatch.setitem(estimators.BUILTIN, "moody", (f"{__name__}:Moody", {}))
+    asked = prepare(STUDY.with_options(only=("dead-reckoning", "moody")))
+    execute(asked, tmp_path / "run")
+    monkeypatch.setattr(Moody, "init", DeadReckoning.init)
+    told = Told()
+    assert execute(asked, tmp_path / "run", progress=told)["failure"].notna().any()
+    assert told.computed == []
+    assert execute(asked, tmp_path / "run", progress=told, retry_failed=True)["failure"].isna().all()
+    assert sum(trials for _, trials in told.computed) == 2 * 10
+    assert {what.rpartition(" ")[2] for what, _ in told.computed} == {"moody"}
 
 
 def test_what_cannot_run_is_refused_before_anything_is_written(tmp_path):
     camera = STUDY.with_options(scenarios=("trajectory", "camera/n=2"))
     said = r"mrsl-rssi\[particles=40\] needs channel 'anchor_rssi'; scenario 'camera/n=2' has"
     with pytest.raises(cl.IncompatibleEstimator, match=said):
-        execute(camera, tmp_path / "run")
+        execute(prepare(camera), tmp_path / "run")
     with pytest.raises(cl.BadInput, match="not one of its estimators"):
-        execute(STUDY.with_options(baseline="arl"), tmp_path / "run")
+        execute(prepare(STUDY.with_options(baseline="arl")), tmp_path / "run")
     with pytest.raises(cl.BadInput, match="jobs is 0"):
-        execute(STUDY, tmp_path / "run", jobs=0)
+        execute(prepare(STUDY), tmp_path / "run", jobs=0)
     assert not (tmp_path / "run").exists()
 
 
 def test_a_scenario_whose_parameters_are_not_sorted_keeps_its_label(tmp_path):
     label = "trajectory[ticks=5,side=7]"
-    rows = execute(STUDY.with_options(only=("dead-reckoning",), scenarios=(label,)), tmp_path / "run")
+    rows = execute(prepare(STUDY.with_options(only=("dead-reckoning",), scenarios=(label,))), tmp_path / "run")
     assert set(cl.compare(rows, {label: "dead-reckoning"})["scenario"]) == {label}
 
 

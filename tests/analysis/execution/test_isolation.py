@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 from processes import inside
 
-from cooploc.analysis.execution.run import execute
+from cooploc.analysis.execution.run import execute, prepare
 from cooploc.analysis.execution.run_directory import RunDir
 from cooploc.scenarios.studies.study import Study
 
@@ -75,8 +75,8 @@ def failures(rows):
 def test_what_a_plug_in_does_to_its_process_costs_its_own_trials(place, jobs):
     names = ("dead-reckoning", *(f"bad.py:{name}" for name in SAID))
     study = Study(name="cells", trials=2, baseline="dead-reckoning", scenarios=(WORLD,), estimators=names)
-    rows = execute(study, place / "run", jobs=jobs, check=False)
-    alone = execute(study.with_options(only=("dead-reckoning",)), place / "alone")
+    rows = execute(prepare(study), place / "run", jobs=jobs, check=False)
+    alone = execute(prepare(study.with_options(only=("dead-reckoning",))), place / "alone")
     for name, said in SAID.items():
         found = failures(rows[rows["estimator"] == f"bad.py:{name}"])
         assert set(found) == set(said), name
@@ -94,11 +94,11 @@ def test_a_scenario_that_hangs_costs_the_trial_where_it_does(place):
         scenarios=("bad.py:hangs[ticks=3]",),
         estimators=("dead-reckoning", "ekf-local"),
     )
-    rows = execute(study, place / "run")
+    rows = execute(prepare(study), place / "run")
     for _, mine in rows.groupby("estimator"):
         assert list(failures(mine)) == [1]
         assert failures(mine)[1].startswith("TimeLimit: longer than the time limit of 3 s a trial (bad.py:")
-    again = execute(study, place / "run")
+    again = execute(prepare(study), place / "run")
     assert failures(again) == failures(rows)
 
 
@@ -122,9 +122,9 @@ def test_a_run_in_one_process_is_called_so(place):
 
 def test_a_directory_of_another_processor_is_not_continued(place):
     study = Study(name="one", trials=2, scenarios=(WORLD,), estimators=("dead-reckoning",))
-    execute(study, place / "run")
+    execute(prepare(study), place / "run")
     manifest = RunDir(place / "run").manifest
     manifest["instructions"]["numpy"] = "SSE2"
     RunDir(place / "run").write_manifest(manifest)
     with pytest.raises(ValueError, match="holds a run with another kind of processor"):
-        execute(study, place / "run")
+        execute(prepare(study), place / "run")

@@ -11,7 +11,8 @@ from functools import partial
 import pandas as pd
 import psutil
 import pytest
-from processes import finish, install, marks, parts, start, table, until
+from dying import EXIT, die_at
+from processes import finish, inside, install, marks, parts, start, table, until
 
 from cooploc.analysis.execution.run_directory import RunDir
 from cooploc.terminal import console
@@ -77,9 +78,10 @@ def pause_after(parts):
     write = RunDir.write
 
     def watched(self, *arguments):
-        write(self, *arguments)
+        receipt = write(self, *arguments)
         while len(marks(self.path)) >= parts:
             time.sleep(0.02)
+        return receipt
 
     RunDir.write = watched
 
@@ -104,17 +106,17 @@ def ran_by(process, group):
         return False
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
 @pytest.mark.parametrize(
-    ("does", "said"),
+    ("does", "jobs", "said"),
     [
-        ("raise", "RuntimeError: sensor on fire (trouble.py:"),
-        ("nan", "estimate is not finite"),
-        ("sleep", "TimeLimit: longer than the time limit of 2 s a trial"),
-        ("spin", "TimeLimit: longer than the time limit of 2 s a trial"),
+        ("raise", 1, "RuntimeError: sensor on fire (trouble.py:"),
+        ("nan", 2, "estimate is not finite"),
+        ("sleep", 1, "TimeLimit: longer than the time limit of 2 s a trial"),
+        ("spin", 2, "TimeLimit: longer than the time limit of 2 s a trial"),
+        ("die", 2, "process died"),
     ],
 )
-def test_a_trial_that_fails_is_recorded_and_costs_no_other(place, plugins, jobs, does, said):
+def test_a_trial_that_fails_is_recorded_and_costs_no_other(place, plugins, does, jobs, said):
     arguments = ("--estimators", f"dead-reckoning,trouble[does={does}]", "--trials", 6, "--jobs", jobs, "--json")
     limit = "time_limit = 2.0" if does in ("sleep", "spin") else ""
     (place / "small.toml").write_text(limit + SMALL.replace("{1..6}", "1"))
@@ -128,19 +130,6 @@ def test_a_trial_that_fails_is_recorded_and_costs_no_other(place, plugins, jobs,
     shown = finish("show", "run", plugins=plugins, cwd=place)
     assert said in shown.stdout
     assert "trials 3, 4" in shown.stdout
-    assert "Traceback (most recent call last)" in shown.stdout
-
-
-def test_a_trial_that_kills_its_process_is_found_and_the_rest_goes_on(place, plugins):
-    arguments = ("--estimators", "dead-reckoning,trouble[does=die]", "--jobs", 2, "--json")
-    (place / "small.toml").write_text(SMALL.replace("{1..6}", "1"))
-    told = finish("run", "small.toml", "--out", "run", "--trials", 8, *arguments, plugins=plugins, cwd=place)
-    assert told.returncode == 1, told.stderr
-    rows = table(told)
-    assert rows["dead-reckoning"]["failed"] == 0
-    assert rows["trouble[does=die]"]["failed"] == 2
-    assert rows["trouble[does=die]"]["trials"] == 6
-    assert "process died" in told.stderr
 
 
 def test_a_worker_that_is_killed_from_outside_is_replaced(held, plugins):
@@ -232,3 +221,22 @@ def test_progress_elsewhere_than_on_a_terminal_is_plain_lines(place, plugins):
 def say_every_part():
     """Let a process say how far it is after each part, however soon that is."""
     console.LINE_EVERY = -1.0
+
+
+def test_a_run_that_dies_before_any_of_its_file_operations_goes_on(tmp_path):
+    tiny = 'trials = 1\nscenarios = ["robots-1-3/n=1[ticks=2]"]\nestimators = ["dead-reckoning"]\n'
+    (tmp_path / "tiny.toml").write_text(tiny)
+    whole = inside("run", "tiny.toml", "--out", "whole", cwd=tmp_path)
+    assert whole.returncode == 0, whole.stderr
+    for number in range(1, 200):  # operations, more than a run of one part needs
+        command = ("run", "tiny.toml", "--out", f"run{number}")
+        died = finish(*command, plugins=tmp_path, cwd=tmp_path, prepare=partial(die_at, number, f"run{number}"))
+        assert died.returncode == EXIT, died.stderr
+        there = parts(tmp_path / f"run{number}")
+        again = inside(*command, cwd=tmp_path)
+        assert again.returncode == 0, f"before operation {number}: {again.stderr}"
+        assert parts(tmp_path / f"run{number}") == parts(tmp_path / "whole")
+        assert not list((tmp_path / f"run{number}").rglob("*.tmp"))
+        if there:
+            break
+    assert 10 < number < 199

@@ -5,8 +5,7 @@ import json
 import pytest
 
 from cooploc.analysis.execution import run
-from cooploc.analysis.execution.progress import RunProgress
-from cooploc.analysis.execution.run import execute
+from cooploc.analysis.execution.run import Silent, execute, prepare
 from cooploc.analysis.execution.run_directory import read_decisions
 from cooploc.analysis.execution.until_decided import Answers, run_until_decided
 from cooploc.estimators.errors import BadInput
@@ -30,13 +29,13 @@ def small_chunks():
         yield
 
 
-class Told(RunProgress):
+class Told(Silent):
     """Remembers what a run said, and may be interrupted."""
 
     def __init__(self, parts=None):
         self.said, self.left = [], parts
 
-    def advance(self, what, trials, failed, share):
+    def advance(self, what, trials, failed):
         if self.left is not None:
             self.left -= 1
             if self.left == 0:
@@ -54,7 +53,7 @@ def contents(folder):
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory, small_chunks):
     folder, told = tmp_path_factory.mktemp("runs") / "one", Told()
-    return folder, run_until_decided(STUDY, folder, progress=told), told.said
+    return folder, run_until_decided(prepare(STUDY), folder, progress=told), told.said
 
 
 def test_what_is_decided_stops_and_what_is_open_goes_on_with_its_baseline(finished):
@@ -76,7 +75,7 @@ def test_every_look_says_what_is_decided_and_how_long_the_rest_takes(finished):
 
 @pytest.mark.slow
 def test_two_processes_give_the_parts_and_decisions_of_one(finished, tmp_path):
-    run_until_decided(STUDY, tmp_path / "two", jobs=2)
+    run_until_decided(prepare(STUDY), tmp_path / "two", jobs=2)
     assert contents(tmp_path / "two") == contents(finished[0])
 
 
@@ -84,15 +83,15 @@ def test_two_processes_give_the_parts_and_decisions_of_one(finished, tmp_path):
 @pytest.mark.parametrize("parts", [1, 4, 6])
 def test_an_interrupted_run_ends_as_if_it_had_not_been(finished, tmp_path, parts):
     with pytest.raises(KeyboardInterrupt):
-        run_until_decided(STUDY, tmp_path / "run", progress=Told(parts))
-    run_until_decided(STUDY, tmp_path / "run")
+        run_until_decided(prepare(STUDY), tmp_path / "run", progress=Told(parts))
+    run_until_decided(prepare(STUDY), tmp_path / "run")
     assert contents(tmp_path / "run") == contents(finished[0])
 
 
 @pytest.mark.slow
 def test_trials_that_were_there_before_change_no_decision(finished, tmp_path):
-    execute(STUDY, tmp_path / "run")
-    rows = run_until_decided(STUDY, tmp_path / "run")
+    execute(prepare(STUDY), tmp_path / "run")
+    rows = run_until_decided(prepare(STUDY), tmp_path / "run")
     assert read_decisions(tmp_path / "run") == read_decisions(finished[0])
     assert len(rows) == len(finished[1])
 
@@ -103,7 +102,7 @@ def test_another_open_question_keeps_its_cells_running(tmp_path):
         cells = {(WORLD, CLEAR)} if n < 40 else set()
         return Answers("claim", frozenset(cells), 0, len(cells), [])
 
-    rows = run_until_decided(STUDY, tmp_path / "run", [ask])
+    rows = run_until_decided(prepare(STUDY), tmp_path / "run", [ask])
     assert rows.groupby("estimator")["trial"].nunique()[CLEAR] == 40
 
 

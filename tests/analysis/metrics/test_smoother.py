@@ -9,7 +9,7 @@ from oracles import dense_path, linear_team
 
 import cooploc as cl
 from cooploc.analysis.claims.trial_table import collect
-from cooploc.analysis.execution.run import execute
+from cooploc.analysis.execution.run import execute, prepare
 from cooploc.analysis.metrics.ranking import disqualifications
 from cooploc.analysis.plot.style import name_of, summarize_for_figures
 from cooploc.analysis.report import html_page, sentences
@@ -192,7 +192,7 @@ def test_a_study_runs_it_in_a_process_of_its_own_and_keeps_what_it_is(tmp_path, 
     (tmp_path / "mine.py").write_text(PLUGIN)
     label = "mine.py:Adds"
     study = Study(name="s", trials=6, scenarios=(LABEL,), estimators=("dead-reckoning", label))
-    rows = execute(study, tmp_path / "run")
+    rows = execute(prepare(study), tmp_path / "run")
     again = cl.load_run(tmp_path / "run")
     for table in (cl.compare(rows, "dead-reckoning", full=True), again.table):
         assert table.set_index("estimator")["offline"].to_dict() == {"dead-reckoning": False, label: True}

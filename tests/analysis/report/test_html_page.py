@@ -249,12 +249,12 @@ def test_what_was_asked_for_and_is_not_there_is_said(tmp_path, swept):
 
 
 def test_a_run_directory_is_read_whole(tmp_path):
-    from cooploc.analysis.execution.run import execute
+    from cooploc.analysis.execution.run import execute, prepare
     from cooploc.scenarios.studies.study import Study
 
     base = {"name": "small", "trials": 3, "baseline": "arl[particles=50]", "scenarios": ("trajectory[ticks=4]",)}
-    execute(Study(**base, estimators=("arl[particles=50]", "ekf-local")), tmp_path / "run")
-    execute(Study(**base, estimators=("arl[particles=50]", "ekf-naive")), tmp_path / "run")
+    execute(prepare(Study(**base, estimators=("arl[particles=50]", "ekf-local"))), tmp_path / "run")
+    execute(prepare(Study(**base, estimators=("arl[particles=50]", "ekf-naive"))), tmp_path / "run")
     kept = kept_of(tmp_path / "run")
     assert list(dict.fromkeys(kept.rows["estimator"])) == ["arl[particles=50]", "ekf-local", "ekf-naive"]
     assert kept.gaps == {}

@@ -11,7 +11,7 @@ from processes import inside
 import cooploc as cl
 from cooploc.analysis.claims.ledger import load
 from cooploc.analysis.execution import reproduce
-from cooploc.analysis.execution.run import execute
+from cooploc.analysis.execution.run import execute, prepare
 from cooploc.analysis.execution.run_directory import read_run
 from cooploc.analysis.report import html_page
 from cooploc.scenarios.studies.study import Study
@@ -30,7 +30,7 @@ STUDY = Study(
 @pytest.fixture(scope="module")
 def report(tmp_path_factory):
     folder = tmp_path_factory.mktemp("reproduced")
-    execute(STUDY, folder / "run")
+    execute(prepare(STUDY), folder / "run")
     html_page.write(read_run(folder / "run"), load(), folder / "report")
     return folder / "report"
 
@@ -132,7 +132,7 @@ def recorded(tmp_path_factory):
         scenarios=("log/all",),
         estimators=("dead-reckoning", "rssi-pf"),
     )
-    execute(study, folder / "run", data=data)
+    execute(prepare(study, data), folder / "run")
     html_page.write(read_run(folder / "run"), load(), folder / "report")
     return data, folder / "report"
 

@@ -5,7 +5,7 @@ import pytest
 
 import cooploc as cl
 from cooploc.analysis.execution.provenance import files
-from cooploc.analysis.execution.run import execute
+from cooploc.analysis.execution.run import execute, prepare
 from cooploc.analysis.execution.run_directory import RunDir, read_run
 from cooploc.analysis.metrics.ranking import short_certificate
 from cooploc.analysis.tuning.tune import derived_seed
@@ -53,14 +53,14 @@ def test_other_weights_are_another_estimator(plugin):
 def test_a_run_says_it_and_is_not_continued_with_other_weights(plugin, tmp_path):
     label = f"{plugin}:Learned"
     study = Study(name="s", trials=2, scenarios=("robots-1-3/n=1[ticks=3]",), estimators=(label, f"{plugin}:Plain"))
-    execute(study, tmp_path / "run", check=False)
+    execute(prepare(study), tmp_path / "run", check=False)
     lines = read_run(tmp_path / "run").rows.groupby("estimator")["certificate"].first()
     assert short_certificate(lines[label]) == "unchecked; trained on nlos, 5 trials, no more"
     assert short_certificate(lines[f"{plugin}:Plain"]) == "unchecked"
     assert RunDir(tmp_path / "run").manifest["certificates"][label]["trained_on"]
     np.savez(plugin.with_name("weights.npz"), shift=0.5)
     with pytest.raises(cl.BadInput, match=r"mine\.py"):
-        execute(study, tmp_path / "run", check=False)
+        execute(prepare(study), tmp_path / "run", check=False)
 
 
 def test_training_streams_are_of_the_seed_that_tuning_uses_and_never_of_the_study():
