@@ -11,12 +11,11 @@ from cooploc.analysis.tuning.search import (
     CAP,
     LARGEST,
     Item,
-    Sampler,
     Space,
     cap_score,
     full_rounds,
     race,
-    search,
+    require_budget,
     space_of,
     trial_scores,
 )
@@ -97,7 +96,7 @@ def finished(budget, score, lanes=LANES, parameters=GATE, seed=1):
     def compute(pairs):
         return {(label, item): score(label, item) for label, item in pairs}
 
-    return search([(space(parameters), lanes)], budget, seed, compute)[0]
+    return race(space(parameters), lanes, budget, seed, compute)
 
 
 def steep(label, item):
@@ -113,7 +112,7 @@ def test_no_trial_is_run_twice_and_all_of_them_count_in_the_budget(budget):
         asked.extend(pairs := list(pairs))
         return {pair: steep(*pair) for pair in pairs}
 
-    finish = search([(space(), LANES)], budget, 1, compute)[0]
+    finish = race(space(), LANES, budget, 1, compute)
     assert len(asked) == len(set(asked)) == finish.spent <= budget
     assert budget - finish.spent < full_rounds(budget, 2) * 2
 
@@ -154,7 +153,7 @@ def test_a_small_space_is_tried_once_and_then_left():
 
 def test_a_budget_that_does_not_suffice_for_one_trial_of_every_scenario_is_refused():
     with pytest.raises(BadInput, match="give at least --budget 2"):
-        finished(1, steep)
+        require_budget(space(), LANES, 1)
 
 
 def test_what_a_label_states_is_not_tuned():
@@ -164,11 +163,14 @@ def test_what_a_label_states_is_not_tuned():
     assert space_of("dead-reckoning").parameters == {}
 
 
-def test_the_race_begins_with_the_configuration_as_published_and_learns_from_what_it_is_told():
-    sampler = Sampler(space(), 3)
-    steps = race(LANES, 24, sampler)
-    first = next(steps)
-    assert list(first) == ["ekf-local"]
-    second = steps.send({("ekf-local", item): 0.0 for item in first["ekf-local"]})
-    assert "ekf-local" not in second
-    assert {tuple(items) for items in second.values()} == {(Item("a", 0), Item("b", 0))}
+def test_the_race_begins_with_the_configuration_as_published():
+    asked = []
+
+    def compute(pairs):
+        asked.append(list(pairs))
+        return dict.fromkeys(asked[-1], 0.0)
+
+    race(space(), LANES, 24, 3, compute)
+    assert {label for label, _ in asked[0]} == {"ekf-local"}
+    assert "ekf-local" not in {label for label, _ in asked[1]}
+    assert {item for _, item in asked[1]} == {Item("a", 0), Item("b", 0)}

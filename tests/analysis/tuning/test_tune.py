@@ -10,7 +10,7 @@ from made_logs import describe, lines, write
 from processes import inside, marks, parts
 
 import cooploc as cl
-from cooploc.analysis.execution.progress import RunProgress
+from cooploc.analysis.execution.run import Silent
 from cooploc.analysis.report.tuning_tables import order_sentence
 from cooploc.analysis.tuning.tables import order
 from cooploc.analysis.tuning.tune import (
@@ -126,13 +126,13 @@ def found(tmp_path_factory):
     return tune(STUDY, out, budget=24), out
 
 
-class Interrupted(RunProgress):
+class Interrupted(Silent):
     """Ends the run by Ctrl-C after some parts."""
 
     def __init__(self, parts):
         self.left = parts
 
-    def advance(self, what, trials, failed, share):
+    def advance(self, what, trials, failed):
         self.left -= 1
         if not self.left:
             raise KeyboardInterrupt
@@ -310,14 +310,14 @@ def test_a_tuned_study_is_written_and_read_back_as_it_is(tmp_path):
         name="mine", about='what "it" asks', scenarios=("nlos", "trajectory"), estimators=("arl", "ekf-local"),
         training={"nlos": ("trajectory",)},
     )  # fmt: skip
-    tuned = tuned_study(study, study.cells(), {"arl": "arl[K=2]", "ekf-local": "ekf-local"}, 99, both=False)
+    tuned = tuned_study(study, {"arl": "arl[K=2]", "ekf-local": "ekf-local"}, 99, both=False)
     file = tmp_path / "tuned.toml"
     file.write_text(as_toml(tuned), encoding="utf-8")
     again = load(str(file))
     assert again.cells() == tuned.cells()
     assert again.about == study.about
     assert (again.tuned_with, again.training) == (99, study.training)
-    both = tuned_study(study, study.cells(), {"arl": "arl[K=2]", "ekf-local": "ekf-local"}, 99, both=True)
+    both = tuned_study(study, {"arl": "arl[K=2]", "ekf-local": "ekf-local"}, 99, both=True)
     assert {cell.estimators for cell in both.cells()} == {("arl", "arl[K=2]", "ekf-local")}
 
 
