@@ -17,7 +17,7 @@ from cooploc.analysis.metrics.errors import TRAINED
 from cooploc.analysis.metrics.ranking import short_certificate
 from cooploc.estimators import configure
 from cooploc.estimators.errors import BadInput, one_line
-from cooploc.estimators.registry import is_file
+from cooploc.estimators.plugin_files import is_file
 from cooploc.scenarios.conformance import check_estimator
 
 
