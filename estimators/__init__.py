@@ -51,7 +51,7 @@ names, module_of = REGISTRY.names, REGISTRY.module_of
 
 
 def make(configured: str | ConfiguredEstimator, **parameters: Any) -> Any:
-    """An estimator by name, `make("mrsl-rssi", particles=500)` or `make("mrsl-rssi[particles=500]")`.
+    """Make an estimator by name, `make("mrsl-rssi", particles=500)` or `make("mrsl-rssi[particles=500]")`.
 
     Args:
         configured: the name of a built-in or a plug-in, or `path.py:Name`, where Name is a class or an instance; with
@@ -71,7 +71,7 @@ def make(configured: str | ConfiguredEstimator, **parameters: Any) -> Any:
 
 
 def configure(label: str) -> ConfiguredEstimator:
-    """A label, read once; `make` turns it into an instance.
+    """Read a label, once; `make` turns it into an instance.
 
     Raises:
         BadInput: the label cannot be read.
@@ -82,7 +82,7 @@ def configure(label: str) -> ConfiguredEstimator:
 
 
 def is_builtin(estimator: Any) -> bool:
-    """Whether a name, a class or an instance is one of `BUILTIN`, whose code the tests of this package hold."""
+    """Return whether a name, a class or an instance is one of `BUILTIN`, whose code the tests of this package hold."""
     if isinstance(estimator, str):
         return configure(estimator).builtin
     cls = estimator if isinstance(estimator, type) else type(estimator)
@@ -90,21 +90,19 @@ def is_builtin(estimator: Any) -> bool:
 
 
 def plugin_errors() -> dict[str, str]:
-    """Installed plug-ins that cannot be used, by name, with the reason."""
+    """Return the installed plug-ins that cannot be used, by name, with the reason."""
     return REGISTRY.errors(_unusable)
 
 
 def _unusable(name: str) -> str:
     try:
         return refusal(make(name))
-    except BadInput as e:
-        return str(e)
     except Exception as e:  # a plug-in may fail in any way
-        return f"{type(e).__name__}: {e}"
+        return str(e) if isinstance(e, BadInput) else f"{type(e).__name__}: {e}"
 
 
 def table() -> "DataFrame":
-    """What `cl.estimators()` returns: one row per estimator."""
+    """Return the table of `cl.estimators()`: one row per estimator."""
     from cooploc.estimators.listing import listing
 
     return listing()

@@ -82,11 +82,7 @@ def seed_global_state(key: Keys, *place: int) -> Iterator[None]:
 def parameters(make: Callable[..., Any], given: tuple[str, ...]) -> dict[str, Parameter] | None:
     """Return those of a class or function after the arguments that it is always given, by name.
 
-    None: it takes any name (`**rest`), or does not say what it takes.
-
-    Raises:
-        TypeError: it cannot be called with what it is given.
-
+    None: it takes any name (`**rest`), or does not say what it takes. TypeError: it cannot be called with `given`.
     """
     try:
         taken = list(signature(make).parameters.values())
@@ -141,12 +137,7 @@ def _set_fields(p: "Adapter", make: Callable[..., Any], options: Mapping[str, An
 
 
 def _all_parameters(p: "Adapter") -> dict[str, Any]:
-    """Return every parameter's value, by name.
-
-    Raises:
-        TypeError: one that is not known, or one without a default, was not stated.
-
-    """
+    """Return every parameter's value, by name; TypeError where one is unknown or missing."""
     known, stated = parameters(p.make, p.given), dict(p.stated)
     if known is not None:
         if unknown := [key for key in stated if key not in known]:
@@ -240,11 +231,6 @@ def parse_belief(one: Any) -> Belief:
 
     Libraries let a heading grow beyond pi, keep states as columns (d, 1), and leave P unsymmetric by rounding: that is
     mended, and whatever is more than rounding is left for the run to refuse.
-
-    Raises:
-        AttributeError: it has neither `estimate()` nor `x` and `P`.
-        ValueError: `estimate()` returned something else than x and P.
-
     """
     if hasattr(one, "estimate"):
         found = one.estimate()
@@ -556,11 +542,7 @@ def motion_of(world: World, z: Senses) -> Step:
 def priors_of(z: Senses) -> Belief:
     """Return everyone's belief before tick 0, x (..., n, d) and P (..., n, d, d), where the scenario tells it.
 
-    It is the channel "team_prior", the same in every tick; `uses` must name it.
-
-    Raises:
-        KeyError: the stream has no such channel, or `uses` does not name it.
-
+    It is the channel "team_prior", the same in every tick; `uses` must name it, else this is a KeyError.
     """
     if TEAM_PRIOR not in z.extra:
         raise KeyError(f'no {TEAM_PRIOR}: name it in `uses`, in a scenario such as "trajectory[team_priors=true]"')

@@ -42,23 +42,24 @@ KNOWN = {
 
 
 def configurations(name: str) -> Configurations:
-    """Those of a method by its name."""
+    """Return the two configurations of a method, by its name."""
     return KNOWN.get(name, Configurations(name, name))
 
 
 @cache
 def standing(label: str) -> str:
-    """ "as published" or "at its best"; empty for any other configuration, and for methods that have only one."""
+    """Return "as published" or "at its best"; empty for other configurations, and where a method has only one."""
     try:
-        name, _ = parse(label)
-        made = make(label) if name in KNOWN else None
+        made = make(label) if parse(label)[0] in KNOWN else None
     except BadInput:
-        return ""
+        made = None
     if made is None:
         return ""
-    found = configurations(name)
-    words = {"as published": found.published, "at its best": found.best}
-    return next((word for word, other in words.items() if _is_same_configuration(made, make(other))), "")
+    for word, other in zip(("as published", "at its best"), map(make, KNOWN[parse(label)[0]]), strict=True):
+        how = {key: getattr(other, key) for key in HOW if hasattr(other, key)}
+        if replace(made, **how) == other:
+            return word
+    return ""
 
 
 @cache
@@ -71,36 +72,27 @@ def declares_bytes(label: str) -> bool:
         return False
 
 
-def _is_same_configuration(made: Any, other: Any) -> bool:
-    same = {key: getattr(other, key) for key in HOW if hasattr(other, key)}
-    return bool(replace(made, **same) == other)
-
-
 def listing() -> "DataFrame":
-    """One row per estimator, the built-in ones first.
+    """Return one row per estimator, the built-in ones first.
 
     Columns: `name`; `about`, in a sentence; `uses`, the channels it needs; `centralised`, whether all readings reach
     one computer; `bound`, whether it bounds all others; `offline`, whether it sees later readings too; `published` and
-    `best`, its configurations as published and at its best (see `plugins.configurations`); `source`, the paper;
+    `best`, its configurations as published and at its best (see `configurations`); `source`, the paper;
     `problem`, why a plug-in cannot be used, empty where it can.
     """
     from pandas import DataFrame
 
     problems = plugin_errors()
     rows = [_row(name, make(name)) for name in names() if name not in problems]
-    empty = {"name": "", "about": "", "uses": "", "centralised": False, "bound": False, "offline": False}
-    empty |= {"published": "", "best": "", "source": "", "problem": ""}
     rows += [{"name": name, "problem": reason} for name, reason in problems.items()]
-    return DataFrame([{**empty, **row} for row in rows])
+    columns = ("name", "about", "uses", "centralised", "bound", "offline", "published", "best", "source", "problem")
+    table = DataFrame(rows, columns=columns)
+    flags = ["centralised", "bound", "offline"]
+    return table.fillna(dict.fromkeys(flags, False)).astype(dict.fromkeys(flags, bool)).fillna("")
 
 
 def _row(name: str, made: Any) -> dict[str, Any]:
-    about = (type(made).__doc__ or "").strip().partition("\n")[0]
-    has = traits(made)
-    known = {
-        "centralised": has.centralised,
-        "bound": has.bound,
-        "offline": has.offline,
-        "source": source_of(type(made)),
-    }
-    return {"name": name, "about": about, "uses": ", ".join(made.uses), **configurations(name)._asdict(), **known}
+    about, has = (type(made).__doc__ or "").strip().partition("\n")[0], traits(made)
+    flags = {"centralised": has.centralised, "bound": has.bound, "offline": has.offline}
+    row = {"name": name, "about": about, "uses": ", ".join(made.uses), "source": source_of(type(made))}
+    return {**row, **flags, **configurations(name)._asdict()}

@@ -220,22 +220,19 @@ def parametrize(*estimators: Any, seed: int = 0) -> Any:
     """
     import pytest
 
+    def assert_passed(report: Callable[[], Report], check: str) -> None:
+        result = report()[check]
+        if result.status == "skipped":
+            pytest.skip(result.detail)
+        if result.status == "failed":
+            pytest.fail("\n".join(sentences(result)), pytrace=False)
+
     cases = []
     for estimator in estimators:
         report = cache(partial(check_estimator, estimator, seed=seed))  # made when the first of its tests runs
         name = type(estimator).__name__
-        cases += [pytest.param(partial(_assert_passed, report, c.name), id=f"{name}-{c.name}") for c in CHECKS]
+        cases += [pytest.param(partial(assert_passed, report, c.name), id=f"{name}-{c.name}") for c in CHECKS]
     return pytest.mark.parametrize("check", cases)
-
-
-def _assert_passed(report: Callable[[], Report], check: str) -> None:
-    import pytest
-
-    result = report()[check]
-    if result.status == "skipped":
-        pytest.skip(result.detail)
-    if result.status == "failed":
-        pytest.fail("\n".join(sentences(result)), pytrace=False)
 
 
 def one_line(e: BaseException) -> str:

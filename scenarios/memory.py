@@ -10,10 +10,7 @@ ONE = 28  # in place of KEPT where there is one trial, which is not copied; hash
 
 
 def needed(robots: int, ticks: int, trials: int, at_once: int | None = None) -> int:
-    """About how many bytes it takes to simulate so many trials at once: what pairs of robots hear of each other.
-
-    `at_once` of the ticks are drawn together, all unless given.
-    """
+    """Estimate the bytes that pairs of robots take in so many trials; `at_once` of the ticks are drawn together."""
     kept = ONE if trials == 1 and at_once else KEPT * trials
     return robots**2 * (ticks * kept + (at_once or ticks) * DRAWN)
 
@@ -34,7 +31,7 @@ def demand(label: str, robots: int, ticks: int, trials: int, at_once: int | None
 
 
 def available() -> int:
-    """The bytes of memory that this machine, or this container, has."""
+    """Return the bytes of memory that this machine, or this container, has."""
     whole = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     try:
         return min(whole, int(Path("/sys/fs/cgroup/memory.max").read_text()))
@@ -43,5 +40,5 @@ def available() -> int:
 
 
 def gigabytes(count: float) -> str:
-    """Bytes as they are written for people."""
+    """Return bytes as people write them."""
     return f"{count / 1e9:.3g} GB"
