@@ -82,13 +82,15 @@ def listing() -> "DataFrame":
     """
     from pandas import DataFrame
 
-    problems = plugin_errors()
+    problems, no = plugin_errors(), dict.fromkeys(("centralised", "bound", "offline"), False)
+    empty = (
+        dict.fromkeys(("name", "about", "uses"), "")
+        | no
+        | dict.fromkeys(("published", "best", "source", "problem"), "")
+    )
     rows = [_row(name, make(name)) for name in names() if name not in problems]
     rows += [{"name": name, "problem": reason} for name, reason in problems.items()]
-    columns = ("name", "about", "uses", "centralised", "bound", "offline", "published", "best", "source", "problem")
-    table = DataFrame(rows, columns=columns)
-    flags = ["centralised", "bound", "offline"]
-    return table.fillna(dict.fromkeys(flags, False)).astype(dict.fromkeys(flags, bool)).fillna("")
+    return DataFrame([{**empty, **row} for row in rows])
 
 
 def _row(name: str, made: Any) -> dict[str, Any]:
