@@ -42,10 +42,6 @@ class NotFinite(DeadReckoning):
         return Belief(np.where(s.x > 3.0, s.x, np.nan), s.P)
 
 
-class NoFuse(DeadReckoning):
-    fuse: ClassVar[None] = None
-
-
 class OldInterface(DeadReckoning):
     api: ClassVar[int] = 0
 
@@ -152,13 +148,6 @@ class ForeseesAbsence(EkfLocal):
     def predict(self, s, z):
         z_all = caller_attribute("stream").senses
         return nudge(super().predict(s, z), 1e-3 * (np.isnan(z_all.anchor_rssi).sum() + np.isnan(z_all.landmark).sum()))
-
-
-class Centred(DeadReckoning):
-    """Averages over all rows."""
-
-    def correct(self, s, z):
-        return nudge(s, -1e-3 * s.x[:, :2].mean(0))
 
 
 class DrawsByPosition(DeadReckoning):
@@ -277,14 +266,6 @@ class KnowsTheLabel(DeadReckoning):
 
     def predict(self, s, z):
         return nudge(super().predict(s, z), 1e-3 * caller_attribute("stream").scenario.startswith(("robots", "camera")))
-
-
-class SeedsGlobal(DeadReckoning):
-    """Repeats its results by seeding the global generator."""
-
-    def init(self, prior, world, rows):
-        np.random.seed(0)  # noqa: NPY002, TID251
-        return super().init(prior, world, rows)
 
 
 class TrustsOdometry(DeadReckoning):

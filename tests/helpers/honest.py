@@ -1,7 +1,7 @@
 """Honest estimators with unusual habits, which no check may accuse."""
 
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,14 +24,6 @@ class Counting(NamedTuple):
 
 def begin(prior, world, rows):
     return Counting(prior.x, prior.P, rows.robot, world, rows.key, 0)
-
-
-class StaysInTheArena(EkfLocal):
-    """Clips its estimate to the arena, whose limits it knows."""
-
-    def estimate(self, s):
-        x, P = super().estimate(s)
-        return Belief(np.concatenate([np.clip(x[:, :2], *s.world.arena), x[:, 2:]], -1), P)
 
 
 class SamplesItsCovariance(EkfLocal):
@@ -76,22 +68,6 @@ class SendsEveryThirdTick(EkfNaive):
         return super().fuse(s, z, mail)._replace(tick=s.tick + 1)
 
 
-class SendsHalfPrecision(EkfNaive):
-    """Rounds what it sends to two bytes a number, positions as seen from the arena's corner."""
-
-    axes: ClassVar[str] = "its numbers of two bytes are the coarser the further from a corner"
-
-    def send(self, s, z):
-        sent = super().send(s, z)
-        sent[:, :2] -= s.world.arena[0]
-        return sent.astype(np.float16)
-
-    def fuse(self, s, z, mail):
-        packets = mail.packets.astype(float)
-        packets[..., :2] += s.world.arena[0]
-        return super().fuse(s, z, mail._replace(packets=packets))
-
-
 @dataclass(frozen=True)
 class FewParticles(Mrsl):
     """A particle filter with thirty particles: noisy, and entitled to be."""
@@ -99,4 +75,4 @@ class FewParticles(Mrsl):
     particles: int = 30
 
 
-HONEST = StaysInTheArena, SamplesItsCovariance, LateToTheAnchors, SendsEveryThirdTick, SendsHalfPrecision, FewParticles
+HONEST = SamplesItsCovariance, LateToTheAnchors, SendsEveryThirdTick, FewParticles

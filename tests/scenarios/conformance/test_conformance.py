@@ -31,7 +31,6 @@ NAMES = [
 # estimator, the check that must catch it, what that check must say
 GALLERY = [
     (broken.NotFinite(), "runs", "not finite in 'robots-1-3/n=3.*trial 0, tick 0, robot"),
-    (broken.NoFuse(), "runs", r"no method fuse\(\)"),
     (broken.OldInterface(), "runs", "written for interface 0"),
     (broken.UnknownChannel(), "runs", "needs channel 'telepathy'; scenario 'robots.*; scenario 'camera"),
     (broken.Crashes(), "runs", r"correct\(\) raised at tick 0 of 'robots.*TypeError: unsupported operand"),
@@ -41,7 +40,6 @@ GALLERY = [
     (broken.WritesReadings(), "runs", r"predict\(\) raised at tick 0.*read-only"),
     (broken.GlobalRng(), "determinism", "it draws from numpy.random, and does not repeat.*changed by up to .* it ran"),
     (broken.ContinuesLastRun(), "determinism", "it draws from neither random nor numpy.random, and"),
-    (broken.SeedsGlobal(), "determinism", "drew from or seeded numpy.random, on 'robots"),
     (broken.NotPicklable(scale=(v for v in ())), "determinism", "cannot be pickled.*cannot pickle 'generator'"),
     (broken.ForgetsParameter(drift=0.1), "determinism", "when it ran after a round trip through pickle"),
     (broken.KnowsTheLabel(), "truth-blindness", "when the stream had another label"),
@@ -54,7 +52,6 @@ GALLERY = [
     (broken.ReadsNeighbour(), "non-interference", "robot 1's estimate changed by up to .* when robot 0's readings"),
     (broken.WaitsForAll(), "non-interference", "robot 0's readings were hidden"),
     (broken.SendsOthers(), "non-interference", "robot 1's packet changed .* when robot 0's"),
-    (broken.Centred(), "non-interference", "robot 1's estimate changed"),
     (broken.DrawsByPosition(), "non-interference", r"trials \[1\] ran instead of all 3"),
     (broken.MultipliesRows(), "non-interference", "ran instead of all 3"),
     (broken.InPlace(), "immutability", r"state.x was changed by correct\(\) at tick 0"),

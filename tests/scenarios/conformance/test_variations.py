@@ -35,28 +35,6 @@ def test_only_the_readings_of_that_robot_and_time_are_perturbed(stream, mode, si
             np.testing.assert_array_equal(where[:, since:, 1], there[:, since:, 1])
 
 
-def test_hidden_readings_are_gone_and_what_is_needed_to_move_stays(stream):
-    hidden = conformance.perturb_readings(stream, "hidden", np.random.default_rng(0))
-    for name, array in hidden.arrays().items():
-        if name != "air.link":
-            assert np.isfinite(array).all() if name in conformance.NEVER_HIDDEN else np.isnan(array).all()
-    assert np.linalg.eigvalsh(hidden.prior.P).min() > 0
-    assert hidden.senses.dt.min() > 0
-
-
-def test_links_are_cut_of_one_sender_or_all(stream):
-    link = stream.air.link
-    cut = conformance.drop_packets(stream, sender=2, since=3).air.link
-    assert not cut[:, 3:, :, 2].any()
-    np.testing.assert_array_equal(cut[..., :2], link[..., :2])
-    np.testing.assert_array_equal(cut[:, :3], link[:, :3])
-    assert not conformance.drop_packets(stream).air.link.any()
-    other = conformance.perturb_links(stream, "perturbed", np.random.default_rng(0), 3).air.link
-    assert (other != link)[:, 3:].any()
-    assert not other[..., range(3), range(3)].any()
-    np.testing.assert_array_equal(other[:, :3], link[:, :3])
-
-
 @pytest.mark.parametrize("mode", conformance.MODES)
 def test_radio_readings_are_perturbed_only_where_no_packet_came(mode):
     _, stream = simulate("packet-drop", ticks=8)
