@@ -1,4 +1,4 @@
-"""How numbers are written: one function for each kind, used in every table, sentence and figure.
+"""Functions that write numbers, one for each kind, in every table, sentence and figure.
 
 What is absent (nan) is written as nothing, and no number is shown as minus zero.
 """
@@ -46,7 +46,11 @@ def percent(share: float, digits: int | None = None, sign: bool = False) -> str:
     if not math.isfinite(share):
         return fixed(share, 0)
     if digits is None:
-        digits = _digits(share)
+        size = abs(share)
+        if 0.99 <= size < 1 - 5e-7:
+            digits = min(4, 1 - math.floor(math.log10(100 * (1 - size))))
+        else:
+            digits = 0 if size >= 0.1 or size == 0 else 1 if size >= 0.01 else 2
     rounded = round(100 * share, digits) + 0.0
     return f"{rounded:{'+' if sign and rounded else ''}.{digits}f} %"
 
@@ -86,10 +90,3 @@ def listed(names: Iterable[str]) -> str:
     """Return names in a sentence: "a, b and c"."""
     *most, last = list(names)
     return f"{', '.join(most)} and {last}" if most else last
-
-
-def _digits(share: float) -> int:
-    size = abs(share)
-    if 0.99 <= size < 1 - 5e-7:
-        return min(4, 1 - math.floor(math.log10(100 * (1 - size))))
-    return 0 if size >= 0.1 or size == 0 else 1 if size >= 0.01 else 2

@@ -3,17 +3,12 @@
     J' = (Q + F J^-1 F')^-1 + E[H' R^-1 H | prior, odometry]
 
 over the whole team, J its information; a reading between two robots adds to both of their blocks and subtracts off the
-diagonal. The expectation is over the paths that a trial's prior and odometry allow, drawn by Monte Carlo, for the
-readings that were there and the packets that arrived. Each trial has a bound of its own, and the bounds are averaged:
-averaging the information over trials first would forget that each trial's prior mean is known, and put the bound
-too low: by a sixth for one robot in the 6 m arena. In a linear-Gaussian world it is the Kalman filter's covariance.
+diagonal. The expectation is over the paths that a trial's prior and odometry allow, by Monte Carlo. Bounds of trials
+are averaged: averaging their information would forget that each trial's prior mean is known.
 
-An estimator may be given the anchors' raw readings, the gradient that is computed from them, or that gradient's angle
-alone. The bound for the gradient, or for the angle, holds where the estimator sees nothing else of the anchors. A
-Kalman filter that weighs each direction by its gradient's strength sees the gradient: the angle's bound is not its own.
-
-Shadowing is the same in both directions of a pair of robots, but counted as if it were independent: the floor of
-`radio_rssi` is loose, but still a valid bound. No use is made of the fact that robots stay inside the arena.
+The bound for the anchors' gradient, or for its angle, holds where the estimator sees nothing else of the anchors; a
+Kalman filter that weighs each direction by its gradient's strength sees the gradient. Shadowing is the same in both
+directions of a pair of robots, but counted as independent: the floor of `radio_rssi` is loose, but valid.
 
 Sources: P. Tichavsky, C. Muravchik, A. Nehorai, "Posterior Cramer-Rao bounds for discrete-time nonlinear filtering",
 IEEE Trans. Signal Processing 46(5), 1998, eq. (21), conditioned on the prior mean as in H. Van Trees, K. Bell, Z. Tian,
@@ -21,7 +16,7 @@ IEEE Trans. Signal Processing 46(5), 1998, eq. (21), conditioned on the prior me
 Statistics", 2000, sec. 3.5.6 (the projected normal distribution, for the angle).
 """
 
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, replace
 from functools import cache
 from math import isqrt
@@ -32,7 +27,7 @@ from scipy.stats import qmc
 from threadpoolctl import threadpool_limits
 
 from cooploc.estimators.errors import BadInput
-from cooploc.estimators.interface import Array, Mail, Senses, Sensor
+from cooploc.estimators.interface import Array, Mail, Sensor
 from cooploc.estimators.kalman import root
 from cooploc.estimators.models import NOWHERE, Displacement, GradientDoa, GradientReading, gradient_doa
 from cooploc.estimators.plugin_files import is_file
@@ -53,7 +48,6 @@ from cooploc.scenarios.worlds.radio import Paper
 # across and 2/|m|^2 of the part along.
 
 STRONGEST, STRENGTHS, ANGLES = 30.0, 1201, 1024  # of the table: |m|, its values, angles of each integral
-WEAKEST = 1e-9  # |m| below which there is no direction
 
 
 @dataclass(frozen=True)
@@ -70,7 +64,7 @@ class DirectionAlone:
         """z, nan where the gradient (..., 2) is absent, and H (..., 2, 2) at x (..., 2); `q` is not used."""
         scale = np.array(self.doa.sides) / self.doa.rssi.sigma
         m, dm = self.doa.expect(x) * scale, self.doa.slope(x) * scale
-        strength = np.maximum(np.hypot(m[..., 0], m[..., 1]), WEAKEST)
+        strength = np.maximum(np.hypot(m[..., 0], m[..., 1]), 1e-9)
         along = m / strength[..., None]
         across = np.stack([-along[..., 1], along[..., 0]], -1)
         scale_of = np.sqrt(np.stack(information(strength), -1))
@@ -81,14 +75,14 @@ class DirectionAlone:
 def information(strength: Array) -> tuple[Array, Array]:
     """Return the Fisher information of the angle of u ~ N(m, I) about m, along m and across it, for |m| of any shape.
 
-    For |m| above 30 that at 30 is taken: it is too large along m, by less than 0.003, so that a floor stays a floor.
+    For |m| above 30 that at 30 is taken: too large by less than 0.003, so that a floor stays a floor.
     """
-    strengths, along, across = _table()
+    strengths, along, across = _tabulate_information()
     return np.interp(strength, strengths, along), np.interp(strength, strengths, across)
 
 
 @cache
-def _table() -> tuple[Array, Array, Array]:
+def _tabulate_information() -> tuple[Array, Array, Array]:
     """Return |m|, and the information along m and across it, by quadrature over the angle."""
     s = np.linspace(0, STRONGEST, STRENGTHS)[:, None]
     a = 2 * np.pi * np.arange(ANGLES) / ANGLES
@@ -118,11 +112,7 @@ PAIRS = 80_000  # of robots in all sampled paths together: large teams get fewer
 def floors(
     scenarios: Iterable[str], seed: int, most: int = 100, samples: int = SAMPLES, trials: int = TRIALS
 ) -> dict[str, float]:
-    """Return the floor [m] of each scenario for an estimator of all readings, pooled over ticks; nan where none holds.
-
-    The mean is over the first of the trials with this seed, at most `trials`, and over at most `samples` paths of each.
-    Teams of more than `most` robots are left out: a hundred take some ten seconds.
-    """
+    """Return the floor [m] of each scenario for an estimator of all readings, as of `pooled_floor`."""
     return {label: pooled_floor(label, seed, CHANNELS, most, samples, trials) for label in dict.fromkeys(scenarios)}
 
 
@@ -130,15 +120,18 @@ def floors(
 def pooled_floor(
     label: str, seed: int, channels: tuple[str, ...], most: int = 100, samples: int = SAMPLES, trials: int = TRIALS
 ) -> float:
-    """Return the floor [m] of one scenario, for an estimator that uses these channels."""
+    """Return the floor [m] of a scenario for an estimator of these channels, pooled over ticks; nan where none holds.
+
+    The mean is over the first of the trials with this seed, at most `trials`, and over at most `samples` paths of each.
+    Teams of more than `most` robots have none: a hundred take some ten seconds.
+    """
     try:
         if is_file(split_family(parse(label)[0])[0]):  # code that may come from somebody else: a table runs none
             return np.nan
         resolved = resolve(label)
-        robots = resolved.robots
-        if robots > most or resolved.ticks > MOST_TICKS:
+        if resolved.robots > most or resolved.ticks > MOST_TICKS:
             return np.nan
-        paths = max(4, PAIRS // robots**2)
+        paths = max(4, PAIRS // resolved.robots**2)
         samples = min(samples, 1 << (isqrt(paths) - 1).bit_length())  # ten robots: 32, and the floor 0.6 % too high
         _, stream = simulate(label, trials=min(trials, max(1, paths // samples)), seed=seed)
         return float(np.sqrt((floor(stream, channels, samples) ** 2).mean()))
@@ -174,7 +167,7 @@ def floor(stream: Stream, channels: Collection[str], samples: int = SAMPLES) -> 
 def paths(stream: Stream, samples: int) -> Array:
     """Draw positions (t, samples, T, n, 2) [m] as the trial's prior and odometry allow them: x_0 ~ N, x' = x + u + w.
 
-    Each robot's x_0 are spread evenly (Sobol points in random order): the prior is far wider than odometry's noise.
+    Each robot's x_0 are Sobol points in random order, as the prior is far wider than odometry's noise.
     """
     motion, (t, T, n) = stream.world.motion, stream.senses.dt.shape
     if not isinstance(motion, Displacement):
@@ -211,22 +204,17 @@ def no_floor_reason(stream: Stream) -> str:
 
 def covariances(x: Array, stream: Stream, channels: Collection[str]) -> Array:
     """J^-1 (T, t, 2n, 2n) [m^2], J each trial's information after every tick, expected over paths x (t, s, T, n, 2)."""
-    dt = stream.senses.dt
-    P = _blocks(stream.prior.P[..., :2, :2])
-    out = np.empty((dt.shape[1], *P.shape))
-    for k, gained in enumerate(_of_ticks(x, stream, channels)):
-        _, _, Q = stream.world.motion.move(x[:, 0, k], stream.senses.odometry[:, k], dt[:, k])
-        J = np.linalg.inv(P + _blocks(Q)) + gained
-        out[k] = P = np.asarray(np.linalg.inv((J + J.mT) / 2), float)
-    return out
-
-
-def _of_ticks(x: Array, stream: Stream, channels: Collection[str]) -> Iterator[Array]:
-    """Yield the information (t, 2n, 2n) of the readings of every tick; many ticks at once, as memory allows."""
     t, s, T, n, _ = x.shape
-    together = max(1, TOGETHER // (t * s * n))
-    for k in range(0, T, together):
-        yield from _information(x[:, :, k : k + together], stream, channels, slice(k, k + together)).swapaxes(0, 1)
+    P = _diagonal(stream.prior.P[..., :2, :2])
+    out = np.empty((T, *P.shape))
+    together = max(1, TOGETHER // (t * s * n))  # ticks
+    for first in range(0, T, together):
+        gained = _information(x[:, :, first : first + together], stream, channels, slice(first, first + together))
+        for k in range(first, min(first + together, T)):
+            _, _, Q = stream.world.motion.move(x[:, 0, k], stream.senses.odometry[:, k], stream.senses.dt[:, k])
+            J = np.linalg.inv(P + _diagonal(Q)) + gained[:, k - first]
+            out[k] = P = np.asarray(np.linalg.inv((J + J.mT) / 2), float)
+    return out
 
 
 def _information(x: Array, stream: Stream, channels: Collection[str], ticks: slice) -> Array:
@@ -240,7 +228,11 @@ def _information(x: Array, stream: Stream, channels: Collection[str], ticks: sli
     rssi, ranged = (np.where(heard, a[:, None, ticks], np.nan) if a.shape[-1] else nothing for a in air[1:])
     J = np.zeros((t, k, n, n, 2, 2))
     own = np.arange(n)
-    for sensor, place, reading in (*world.fixed(now), *_derived_sensors(stream, now, channels)):
+    fixed = list(world.fixed(now))
+    for channel in [name for name in DERIVED if name in channels]:
+        doa = gradient_doa(stream.world)
+        fixed.append((DERIVED[channel](doa), NOWHERE, doa.gradient(now.anchor_rssi)))
+    for sensor, place, reading in fixed:
         y, H, _ = sensor.innovation(x, place, reading)
         J[:, :, own, own] += _mean_product(H, H, sensor.R, y)
     for sensor, j, reading in world.relative(now, Mail(heard, nothing[..., :0, None], rssi, ranged)):
@@ -251,14 +243,6 @@ def _information(x: Array, stream: Stream, channels: Collection[str], ticks: sli
         J[:, :, :, j] += between
         J[:, :, j] += between.mT
     return _flat(J)
-
-
-def _derived_sensors(stream: Stream, z: Senses, channels: Collection[str]) -> Iterator[tuple[Sensor, Array, Array]]:
-    """Yield sensors of what is computed from the anchors' readings, as `World.fixed`."""
-    for channel, made in DERIVED.items():
-        if channel in channels:
-            doa = gradient_doa(stream.world)
-            yield made(doa), NOWHERE, doa.gradient(z.anchor_rssi)
 
 
 def _mean_product(A: Array, B: Array, R: Array, y: Array) -> Array:
@@ -275,7 +259,7 @@ def _mean_product(A: Array, B: Array, R: Array, y: Array) -> Array:
     return np.stack([np.stack([entry(i, j) for j in (0, 1)], -1) for i in (0, 1)], -2)
 
 
-def _blocks(P: Array) -> Array:
+def _diagonal(P: Array) -> Array:
     """(t, n, 2, 2) along the diagonal of (t, 2n, 2n)."""
     t, n = P.shape[:2]
     out = np.zeros((t, n, n, 2, 2))

@@ -1,10 +1,9 @@
-"""Trajectories that were computed elsewhere: read from TUM files and judged as ours are; ours, written as such files.
+"""Trajectories that were computed elsewhere, read from TUM files and judged as ours are; ours, written as such files.
 
-A file is called `trial0-robot2.txt`, or `robot2.txt` where the stream has one trial; robots and trials are numbered as
-in the stream, from 0. Each line is `timestamp tx ty tz qx qy qz qw`: the tick's end as of `Stream.time` [s], the
-position [m], and the heading as a quaternion, whose yaw alone counts. There is one line for each tick, in order. The
-evo command reads such files: where no heading is estimated the quaternion is that of heading 0, so compare translations
-only, `evo_ape tum truth.txt estimate.txt`, as is its default.
+A file is called `trial0-robot2.txt`, or `robot2.txt` where the stream has one trial. Each line is
+`timestamp tx ty tz qx qy qz qw`: the tick's end as of `Stream.time` [s], the position [m], and the heading as a
+quaternion, whose yaw alone counts; one line for each tick, in order. The evo command reads such files; where no heading
+is estimated the quaternion is that of heading 0, so compare translations: `evo_ape tum truth.txt estimate.txt`.
 
 Source: the TUM RGB-D benchmark, J. Sturm et al., IROS 2012.
 """
@@ -12,6 +11,7 @@ Source: the TUM RGB-D benchmark, J. Sturm et al., IROS 2012.
 import re
 from collections.abc import Mapping
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +21,7 @@ from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.errors import demand_same, errors
 from cooploc.estimators import split_labels
 from cooploc.estimators.errors import BadInput
-from cooploc.estimators.interface import Array, Mask
+from cooploc.estimators.interface import Array
 from cooploc.estimators.registry import parse
 from cooploc.scenarios import BUILTIN, simulate
 from cooploc.scenarios.recordings.text_files import read_table
@@ -43,8 +43,8 @@ Estimates = Mapping[str, Trace | str | Path] | str | Path  # by name, or a folde
 def judge(truth: Truth, stream: Stream, estimates: Estimates, burn_in: int = 0, offline: bool = False) -> pd.DataFrame:
     """Return the errors of trajectories that were computed elsewhere: in C++, MATLAB, ROS, from the saved stream.
 
-    It is not known which readings they used: their `certificate` is "not checked: computed elsewhere". Where there are
-    no covariances, consistency is not assessed, and they do not qualify as best; costs that are not known are nan.
+    Their `certificate` is "not checked: computed elsewhere". Where there are no covariances, consistency is not
+    assessed, and they do not qualify as best; costs that are not known are nan.
 
     Args:
         truth: from `simulate`, of the same stream.
@@ -64,7 +64,12 @@ def judge(truth: Truth, stream: Stream, estimates: Estimates, burn_in: int = 0, 
     if isinstance(estimates, str | Path):
         traces = from_tum(estimates, stream)
     else:
-        traces = {name: _trace(name, given, stream) for name, given in estimates.items()}
+        traces = {}
+        for name, given in estimates.items():
+            found = {name: given} if isinstance(given, Trace) else from_tum(given, stream)
+            if len(found) > 1:
+                raise BadInput(f"{given} holds {len(found)} folders of trajectories, and {name!r} is one: name that")
+            (traces[name],) = found.values()
     for name, trace in traces.items():
         _require_fit(name, trace, stream)
     if offline:
@@ -73,30 +78,19 @@ def judge(truth: Truth, stream: Stream, estimates: Estimates, burn_in: int = 0, 
     return errors(truth, made, burn_in).assign(certificate=ELSEWHERE)
 
 
-def _trace(name: str, given: Trace | str | Path, stream: Stream) -> Trace:
-    if isinstance(given, Trace):
-        return given
-    found = from_tum(given, stream)
-    if len(found) > 1:
-        raise BadInput(f"{given} holds {len(found)} folders of trajectories, and {name!r} is one: name one of them")
-    return next(iter(found.values()))
-
-
 def _require_fit(name: str, trace: Trace, stream: Stream) -> None:
     """Refuse a trace of another shape, with a pose that is not finite, or with what is not a covariance."""
     team, d = (len(stream.trial), len(stream.time), stream.robots), trace.x.shape[-1]
     axes = {"x": (*team, d), "P": (*team, d, d), "messages": team[::2], "bytes": team[::2]}
     for what, wanted in axes.items():
-        if np.shape(getattr(trace, what)) != wanted or d not in (2, 3):
+        if (shape := np.shape(getattr(trace, what))) != wanted or d not in (2, 3):
             raise BadInput(
-                f"{name}: {what} has shape {np.shape(getattr(trace, what))}, not {wanted}; poses x are (trial, tick, "
-                f"robot, 2 or 3), and this stream has {team[0]} trials, {team[1]} ticks, {team[2]} robots"
+                f"{name}: {what} has shape {shape}, not {wanted}; poses x are (trial, tick, robot, 2 or 3), and this "
+                f"stream has {team[0]} trials, {team[1]} ticks, {team[2]} robots"
             )
     given = {"pose": trace.x} if np.isnan(trace.P).all() else {"pose": trace.x, "covariance": trace.P}
     for what, array in given.items():
-        bad = ~np.isfinite(array).reshape(*team, -1).all(-1)
-        if bad.any():
-            i, k, robot = np.argwhere(bad)[0]
+        for i, k, robot in np.argwhere(~np.isfinite(array).reshape(*team, -1).all(-1)):
             where = f"robot {robot} in trial {stream.trial[i]}, tick {k}"
             raise BadInput(f"{name}: the {what} of {where} is not finite; every tick needs one")
     if "covariance" in given:
@@ -115,10 +109,10 @@ def evaluate_external(
     """Return the rows of `judge`, those of our own `estimators` on the same stream first, and their table.
 
     Raises:
-        BadInput: as `with_truth` and `judge`; or two have the same name.
+        BadInput: as `load_truth` and `judge`; or two have the same name.
 
     """
-    truth, stream = with_truth(source, **how)  # type: ignore[arg-type]
+    truth, stream = load_truth(source, **how)  # type: ignore[arg-type]
     theirs = judge(truth, stream, estimates, offline=offline)
     frames = [theirs]
     if estimators is not None:
@@ -131,7 +125,7 @@ def evaluate_external(
     return rows, compare(rows, rows["estimator"].iloc[0], full=True)
 
 
-def with_truth(
+def load_truth(
     source: str, trials: int | None = None, seed: int | None = None, data: str | Path | None = None
 ) -> tuple[Truth, Stream]:
     """Return the truth and the stream of a file that `Stream.save` wrote, or of a scenario.
@@ -148,17 +142,14 @@ def with_truth(
         return simulate(source, trials=1 if trials is None else trials, seed=seed or 0, data=data)
     if trials is not None or seed is not None:
         raise BadInput(f"{source} is a file, which says its trials and its seed itself: leave --trials and --seed out")
-    stream = Stream.load(source)
-    if split_family(parse(stream.scenario)[0])[0] not in BUILTIN:
-        raise BadInput(
-            f"{source} is of {stream.scenario!r}, which is not built in, and its code does not run by the name in a "
-            "file: use cl.judge(truth, stream, ...)"
-        )
+    stream, remedy = Stream.load(source), "use cl.judge(truth, stream, ...)"
+    if split_family(parse(stream.scenario)[0])[0] not in BUILTIN:  # its code does not run by the name in a file
+        raise BadInput(f"{source} is of {stream.scenario!r}, which is not built in: {remedy}")
     truth, again = simulate(stream.scenario, trials=stream.trial.tolist(), seed=stream.seed, data=data)
     if again.hashes != stream.hashes:
         raise BadInput(
             f"{source} does not hold the readings of {stream.scenario!r}, seed {stream.seed}, as they are made here: "
-            "its truth is not known; save the stream again, or use cl.judge(truth, stream, ...)"
+            f"save the stream again, or {remedy}"
         )
     return truth, stream
 
@@ -193,43 +184,36 @@ def _files(folder: Path) -> dict[tuple[int | None, int], Path]:
 
 def _read_team(folder: Path, stream: Stream) -> Array:
     """Read poses (t, T, n, 2 or 3) of every trial, tick and robot."""
-    files, d = _files(folder), stream.prior.x.shape[-1]
-    trials = [int(k) for k in stream.trial]
-    robots = "robot 0" if stream.robots == 1 else f"robots 0 to {stream.robots - 1}"
-    has = f"{robots} in trial {trials[0]}" + f" to {trials[-1]}" * (len(trials) > 1)
+    files, trials = _files(folder), [int(k) for k in stream.trial]
+    has = f"robots 0 to {stream.robots - 1} in trials {trials[0]} to {trials[-1]}"
     if len(trials) == 1:
         files = {(trials[0] if trial is None else trial, robot): path for (trial, robot), path in files.items()}
     wanted = [(trial, robot) for trial in trials for robot in range(stream.robots)]
     for extra in [key for key in files if key not in wanted]:
         raise BadInput(f"{files[extra]} is of no trial and robot of the stream, which has {has}")
-    for trial, robot in wanted:
-        if (trial, robot) not in files:
-            raise BadInput(f"{folder} has no trial{trial}-robot{robot}.txt; the stream has {has}")
+    for trial, robot in [key for key in wanted if key not in files]:
+        raise BadInput(f"{folder} has no trial{trial}-robot{robot}.txt; the stream has {has}")
     stacked = np.stack([_read_poses(files[key], stream) for key in wanted])
     stacked = stacked.reshape(len(trials), stream.robots, len(stream.time), 3)
-    return np.ascontiguousarray(stacked.swapaxes(1, 2)[..., :d])
+    return np.ascontiguousarray(stacked.swapaxes(1, 2)[..., : stream.prior.x.shape[-1]])
 
 
 def _read_poses(path: Path, stream: Stream) -> Array:
     """Read positions [m] and headings [rad] (T, 3); refuse stamps that are not those of the ticks, one line each."""
     table, time = read_table(path, COLUMNS, strict=True), stream.time
-    stamps, position, q = table.values[:, 0], table.values[:, 1:3], table.values[:, 4:]
-    short = min(len(stamps), len(time))
-    apart = np.abs(stamps[:short] - time[:short]) > LATE * stream.world.tick
-    if apart.any():
-        row = int(np.argmax(apart))
-        raise BadInput(
-            f"{table.at(row)}: its stamp is {stamps[row]:.10g} s, and tick {row} ends at {time[row]:.10g} s: write one "
-            "line for each tick, with the stamps of stream.time"
-        )
+    stamps, q = table.values[:, 0], table.values[:, 4:]
+    for row, (stamp, tick) in enumerate(zip(stamps, time, strict=False)):
+        if abs(stamp - tick) > LATE * stream.world.tick:
+            raise BadInput(
+                f"{table.at(row)}: its stamp is {stamp:.10g} s, and tick {row} ends at {tick:.10g} s: write one line "
+                "for each tick, with the stamps of stream.time"
+            )
     if len(stamps) != len(time):
         raise BadInput(f"{path} has {len(stamps)} lines, and the stream {len(time)} ticks: write one line for each")
-    skewed = np.abs(np.linalg.norm(q, axis=1) - 1) > UNIT
-    if skewed.any():
-        row = int(np.argmax(skewed))
+    for row in np.flatnonzero(np.abs(np.linalg.norm(q, axis=1) - 1) > UNIT).tolist():
         raise BadInput(f"{table.at(row)}: qx qy qz qw is not a unit quaternion; heading 0 is 0 0 0 1")
     x, y, z, w = q.T
-    return np.column_stack([position, np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))])
+    return np.column_stack([table.values[:, 1:3], np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))])
 
 
 def to_tum(truth: Truth, run: Run, folder: str | Path, time: Array | None = None) -> list[Path]:
@@ -256,35 +240,22 @@ def to_tum(truth: Truth, run: Run, folder: str | Path, time: Array | None = None
     stamps = np.arange(1.0, truth.x.shape[1] + 1) if time is None else np.asarray(time, float)
     if stamps.shape != truth.x.shape[1:2]:
         raise BadInput(f"time has shape {stamps.shape}; it must be ({truth.x.shape[1]},), one number a tick")
-    names = {estimator: _folder_name(estimator) for estimator in run.traces}
+    names = {estimator: re.sub(r"[^\w.,=+\[\]-]", "_", estimator) for estimator in run.traces}
+    for estimator, name in names.items():
+        if name.strip(".") == "" or name.lower() == TRUTH:  # no folder of its own
+            names[estimator] = f"{name}_"
     if len({name.lower() for name in names.values()}) < len(names):
         raise BadInput(f"two of {', '.join(names)} would share a folder: rename one in cl.run")
-    files = _write_team(Path(folder) / TRUTH, run, stamps, truth.x, truth.valid)
-    for estimator, trace in run.traces.items():
-        files += _write_team(Path(folder) / names[estimator], run, stamps, trace.x, np.ones_like(truth.valid))
-    return files
-
-
-def _write_team(folder: Path, run: Run, stamps: Array, x: Array, known: Mask) -> list[Path]:
-    folder.mkdir(parents=True, exist_ok=True)
+    teams = [(TRUTH, truth.x, truth.valid)]
+    teams += [(names[each], trace.x, np.ones_like(truth.valid)) for each, trace in run.traces.items()]
     files = []
-    for i, trial in enumerate(run.trial):
-        for robot in range(x.shape[2]):
+    for name, x, known in teams:
+        (Path(folder) / name).mkdir(parents=True, exist_ok=True)
+        for (i, trial), robot in product(enumerate(run.trial), range(x.shape[2])):
             there = known[i, :, robot]
-            path = folder / f"trial{trial}-robot{robot}.txt"
-            np.savetxt(path, _tum_rows(stamps[there], x[i, there, robot]), fmt="%.9f")
-            files.append(path)
+            pose = x[i, there, robot]
+            half, zero = (pose[:, 2] / 2 if x.shape[-1] > 2 else np.zeros(len(pose))), np.zeros(len(pose))
+            columns = stamps[there], pose[:, 0], pose[:, 1], zero, zero, zero, np.sin(half), np.cos(half)
+            files.append(Path(folder) / name / f"trial{trial}-robot{robot}.txt")
+            np.savetxt(files[-1], np.column_stack(columns), fmt="%.9f")
     return files
-
-
-def _tum_rows(stamps: Array, x: Array) -> Array:
-    """Return TUM rows (T, 8) of poses x (T, 2 or 3): stamp [s], position [m], and heading as a quaternion about z."""
-    half = x[:, 2] / 2 if x.shape[1] > 2 else np.zeros(len(x))
-    zero = np.zeros(len(x))
-    return np.column_stack([stamps, x[:, 0], x[:, 1], zero, zero, zero, np.sin(half), np.cos(half)])
-
-
-def _folder_name(estimator: str) -> str:
-    """Return a folder's name for an estimator's label; one that is "truth", or only dots, gets a "_" behind it."""
-    name = re.sub(r"[^\w.,=+\[\]-]", "_", estimator)
-    return f"{name}_" if name.strip(".") == "" or name.lower() == TRUTH else name

@@ -1,7 +1,7 @@
 """Which estimators qualify as best: their checks, mean ranks and groups over trials, the front of accuracy and cost.
 
 The line of a certificate is "passed: 12 checks", "passed: 11 of 12 checks; axes: why", "failed: causality: why" or
-"unchecked: why"; each may end with "; trained on: what". An empty line stands for a built-in estimator.
+"unchecked: why"; each may end with "; trained on: what". It is empty for a built-in estimator.
 """
 
 from collections.abc import Mapping
@@ -18,8 +18,6 @@ from cooploc.analysis.metrics.sequential import FIXED, Stopping
 from cooploc.estimators.interface import Array, Mask
 
 DECLARED = "bytes are as declared"
-
-
 ALPHA = 1 - statistics.LEVEL
 
 
@@ -32,9 +30,14 @@ def short_certificate(line: str) -> str:
     """Return a certificate's line in a few words: "✓ 12 checks", "✓ 11 of 12 checks; axes", "✗ causality"."""
     line, _, learned = line.partition(TRAINED)
     status, _, found = line.partition(": ")
-    count, *exempt = found.split("; ")
-    passed = "; ".join([f"✓ {count}", *filter(None, (_short_exemption(one) for one in exempt))])
-    said = {"passed": passed, "failed": f"✗ {_failed_check(line)}"}.get(status, status)
+    said = status
+    if status == "passed":
+        count, *exempt = found.split("; ")  # an exemption is "axes: why"
+        parted = [one.partition(": ") for one in exempt]
+        names = [DECLARED if why.endswith(DECLARED) else name for name, _, why in parted if why]
+        said = "; ".join([f"✓ {count}", *names])
+    elif status == "failed":
+        said = f"✗ {_failed_check(line)}"
     return f"{said}; trained on {learned}" if learned else said
 
 
@@ -56,18 +59,11 @@ def _failed_check(line: str) -> str:
     return line.partition(": ")[2].partition(":")[0]
 
 
-def _short_exemption(exemption: str) -> str:
-    """Return the name of an exemption; of a team whose traffic the runner does not carry, what that means."""
-    name, _, why = exemption.partition(": ")
-    return DECLARED if why.endswith(DECLARED) else name if why else ""
-
-
 def disqualifications(row: Mapping[Any, Any]) -> list[str]:
     """Return why an estimator does not qualify as best in a scenario, from its row of `compare`; empty where it does.
 
     To qualify it must have passed its checks, be distributed, have seen no reading before its time, have failed in no
-    trial, and have a covariance that was assessed and found neither over-wide nor over-confident: not by its interval,
-    nor by an ANEES above `DOUBTFUL`, however wide.
+    trial, and have a covariance that was assessed and found neither over-wide nor over-confident.
     """
     flag, offline = row["consistency"], bool(row.get("offline", False))
     reasons = {
@@ -87,9 +83,8 @@ def disqualifications(row: Mapping[Any, Any]) -> list[str]:
 def rank_groups(mse: pd.DataFrame, stopping: Stopping = FIXED) -> tuple[dict[str, float], dict[str, str]]:
     """Return mean ranks of estimators and their `letters`, from squared errors (trial, estimator).
 
-    No ranks in a run that may have stopped at any look: its estimators have different numbers of trials, and a mean of
-    ranks over the few that all have would leave out the others. There are no letters below two estimators or
-    `statistics.LEAST_TRIALS` trials.
+    No ranks in a run that may have stopped at any look, whose estimators have different numbers of trials; no letters
+    below two estimators or `statistics.LEAST_TRIALS` trials.
     """
     ranks = mse.rank(axis=1).mean().to_dict() if stopping is FIXED else {}
     enough = len(mse) >= statistics.LEAST_TRIALS and mse.shape[1] > 1
@@ -99,8 +94,7 @@ def rank_groups(mse: pd.DataFrame, stopping: Stopping = FIXED) -> tuple[dict[str
 def letters(mse: pd.DataFrame, stopping: Stopping = FIXED) -> dict[str, str]:
     """Return letters of estimators from squared errors; those of one letter do not differ significantly at 5 %.
 
-    All pairs by the test of the change of RMSE, each over the trials that both have (nan: has not), adjusted by Holm:
-    the rule by which everything else is decided, so that letters never contradict an interval.
+    All pairs by the test of the change of RMSE, each over the trials that both have (nan: has not), adjusted by Holm.
     """
     names = [str(name) for name in mse.columns]
     values = mse.to_numpy(float).T

@@ -1,11 +1,7 @@
 """Tables of runs that were designed for a question: what readings are worth, and what results depend on.
 
-*Information*: own readings by readings between robots, for every rule of fusion. Each estimator of a run belongs into a
-cell: what it reads of the anchors, what of teammates, and how it fuses the two. What cooperation buys is a difference
-inside one row of that matrix: the same filter with the same own readings, with and without teammates, on the same
-streams.
-
-*Sensitivity*: one panel per swept parameter, of a scenario or of the estimators.
+*Information*: own readings by readings between robots, for every rule of fusion; cooperation is worth the difference
+from the same filter with the same own readings alone. *Sensitivity*: one panel per swept parameter.
 """
 
 from functools import cache
@@ -88,26 +84,21 @@ def information(errors: pd.DataFrame, seed: int) -> pd.DataFrame:
 
     """
     found: dict[tuple[str, str, str], dict[int, MatrixCell]] = {}
-    for i, (scenario, estimator, robots) in enumerate(
-        errors[["scenario", "estimator", "robots"]].itertuples(index=False)
-    ):
+    keys = errors[["scenario", "estimator", "robots"]].itertuples(index=False)
+    for i, (scenario, estimator, robots) in enumerate(keys):
         if cell := matrix_cell(estimator, robots):
             found.setdefault((scenario, cell.own, cell.filter), {})[i] = cell
     if not found:
         known = ", ".join(RULES)
         raise BadInput(f"no estimator of this run has a cell in the matrix; run the study information, or {known}")
     table = pd.concat([_against_alone(errors.iloc[list(mine)], mine) for mine in found.values()], ignore_index=True)
-    table["floor"] = [
-        pooled_floor(row["scenario"], seed, (*OWN[row["own"]], *BETWEEN[row["between"]]))
-        for row in table.to_dict("records")
-    ]
-    order = {"own": list(OWN), "robots": None, "between": list(BETWEEN)}
-    order |= {
-        name: list(dict.fromkeys(rule[k] for rule in RULES.values())) for k, name in enumerate(("fusion", "filter"))
-    }
-    by = pd.DataFrame({k: pd.Categorical(table[k], v) if v else table[k] for k, v in order.items()}, index=table.index)
-    sorted_rows = by.sort_values(list(order), kind="stable").index
-    return table.loc[sorted_rows].reset_index(drop=True)[list(INFORMATION_COLUMNS)]
+    channels = [(*OWN[own], *BETWEEN[between]) for own, between in zip(table["own"], table["between"], strict=True)]
+    table["floor"] = [pooled_floor(s, seed, used) for s, used in zip(table["scenario"], channels, strict=True)]
+    fusions, filters = (list(dict.fromkeys(names)) for names in zip(*RULES.values(), strict=True))
+    order = {"own": list(OWN), "robots": None, "between": list(BETWEEN), "fusion": fusions, "filter": filters}
+    ranks = pd.DataFrame({k: pd.Categorical(table[k], v).codes if v else table[k] for k, v in order.items()})
+    by = ranks.sort_values(list(order), kind="stable").index
+    return table.loc[by].reset_index(drop=True)[list(INFORMATION_COLUMNS)]
 
 
 def _against_alone(rows: pd.DataFrame, cells: dict[int, MatrixCell]) -> pd.DataFrame:
@@ -116,9 +107,8 @@ def _against_alone(rows: pd.DataFrame, cells: dict[int, MatrixCell]) -> pd.DataF
     alone = [name for name, where in by_name.items() if where.between == "none"]
     table = compare(rows, alone[0] if alone else next(iter(by_name)), full=True)
     placed = pd.DataFrame([by_name[name] for name in table["estimator"]], columns=MatrixCell._fields, index=table.index)
-    nothing = (placed["between"] == "none") | (not alone)
     changes = ["change", "change_low", "change_high", "decisive_trial"]
-    table[changes] = table[changes].mask(nothing)
+    table[changes] = table[changes].mask((placed["between"] == "none") | (not alone))
     return pd.concat([placed, table], axis=1)
 
 
@@ -147,7 +137,10 @@ def parse_sweep(scenario: str, estimator: str) -> Sweep | None:
     path, written = parse(scenario)
     if len(written) == 1:
         ((parameter, value),) = written.items()
-        return Sweep(path, parameter, float(value), estimator) if _is_number(value) else None
+        try:
+            return Sweep(path, parameter, float(value), estimator)
+        except ValueError:
+            return None
     name, parameters = parse(estimator)
     if written or OF_ESTIMATORS not in parameters:
         return None
@@ -201,11 +194,3 @@ def preset_value(where: Sweep) -> float:
         return float(getattr(make(where.estimator), OF_ESTIMATORS))
     model: Any = resolve(where.scenario).model
     return float(getattr(model, where.parameter.removeprefix(ASSUMED)))
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True

@@ -1,8 +1,6 @@
 """The smoother: the most probable path of a team over all readings, those of later ticks too.
 
-No robot can run it, since at a tick it knows later readings. `cl.Smoother()` in `cl.run` shows it beside filters,
-as offline: not ranked, and never best. `cl.smoother(stream)` is its path alone, a line in figures like the floor, which
-tells how much of an error is due to not having waited.
+No robot can run it. `cl.Smoother()` in `cl.run` shows it beside filters, as offline: not ranked, and never best.
 
 Source: B. Bell, "The iterated Kalman smoother as a Gauss-Newton method", SIAM J. Optimization 4(3), 1994.
 """
@@ -15,7 +13,7 @@ import numpy as np
 
 from cooploc.estimators import make
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
-from cooploc.estimators.kalman_window import Window, cost, empty, information, smooth, smooth_window
+from cooploc.estimators.kalman_window import cost, empty, information, smooth, smooth_window
 from cooploc.estimators.models import wrap_heading
 from cooploc.scenarios.runner.trace import trace
 from cooploc.scenarios.stream import Stream
@@ -43,20 +41,27 @@ class Smoother:
     uses: tuple[str, ...] = USES
 
     def smooth(self, prior: Belief, world: World, rows: Rows, z: Senses, air: Mail) -> Belief:
-        """Trial by trial, as the number of passes must not depend on other trials."""
+        """Return beliefs (t, T, n), trial by trial, as the passes of one must not depend on others."""
         given = prior, rows, z, air
-        found = [self._of_trial(world, *(_part(one, np.s_[i : i + 1]) for one in given)) for i in range(len(z.dt))]
+        found = [self._smooth_trial(world, *(_part(one, np.s_[i : i + 1]) for one in given)) for i in range(len(z.dt))]
         return Belief(*(np.concatenate(part) for part in zip(*found, strict=True)))
 
-    def _of_trial(self, world: World, prior: Belief, rows: Rows, z: Senses, air: Mail) -> Belief:
+    def _smooth_trial(self, world: World, prior: Belief, rows: Rows, z: Senses, air: Mail) -> Belief:
         whole = empty(prior, world)._replace(x=_filter(prior, world, rows, z, air), z=z, air=air)
-        x = _most_probable(whole, self.passes)
-        best = whole._replace(x=x)
-        P = smooth(best, *information(world, x, z, air)).P
-        t, T, n, d = x.shape
+        best, least = whole.x, cost(whole)
+        for _ in range(self.passes):
+            x, _ = smooth_window(whole)
+            step = np.abs(wrap_heading(x - whole.x)).max()
+            whole = whole._replace(x=x)
+            now = cost(whole)
+            best = np.where((now < least)[:, None, None, None], x, best)
+            least = np.minimum(now, least)
+            if step < SETTLED:
+                break
+        P = smooth(whole._replace(x=best), *information(world, best, z, air)).P
+        t, T, n, d = best.shape
         own = np.arange(n)
-        blocks = P.reshape(t, T, n, d, n, d)[:, :, own, :, own].transpose(1, 2, 0, 3, 4)
-        return Belief(wrap_heading(x), blocks)
+        return Belief(wrap_heading(best), P.reshape(t, T, n, d, n, d)[:, :, own, :, own].transpose(1, 2, 0, 3, 4))
 
 
 def smoother(stream: Stream, passes: int = 50) -> Array:
@@ -85,17 +90,3 @@ def _filter(prior: Belief, world: World, rows: Rows, z: Senses, air: Mail) -> Ar
         s, _ = filtered.exchange(s, now, heard)
         x.append(filtered.estimate(s).x)
     return np.stack(x, 1)
-
-
-def _most_probable(whole: Window, passes: int) -> Array:
-    best, least = whole.x, cost(whole)
-    for _ in range(passes):
-        x, _ = smooth_window(whole)
-        moved = np.abs(wrap_heading(x - whole.x)).max()
-        whole = whole._replace(x=x)
-        now = cost(whole)
-        best = np.where((now < least)[:, None, None, None], x, best)
-        least = np.minimum(now, least)
-        if moved < SETTLED:
-            break
-    return best
