@@ -138,12 +138,7 @@ def _pairs(row: Row, off: Off) -> set[Pair]:
 
 
 def estimator(label: str, reading: Interpretation, dimensions: Dimensions) -> str:
-    """Return the label of an estimator under an interpretation; parameters that it lacks, or has already, stay out.
-
-    Raises:
-        BadInput: there is no such estimator, or the value does not fit.
-
-    """
+    """Return the label of an estimator under an interpretation; parameters that it lacks, or has already, stay out."""
     name, options = parse(label)
     written = {RENAMED.get(key, key): value for key, value in options.items()}
     wanted = _parameters(reading, dimensions, name, "estimators")

@@ -57,12 +57,7 @@ class Ledger(Strict):
 
 
 def load(path: str | Path | None = None) -> Ledger:
-    """Read the ledger of a TOML file; without a path, that of Latif & Parasuraman (2022).
-
-    Raises:
-        BadInput: there is no such file, or it is not a ledger.
-
-    """
+    """Read the ledger of a TOML file; without a path, that of Latif & Parasuraman (2022)."""
     file: Any = files(__package__) / "claims.toml" if path is None else Path(path)
     try:
         content = tomllib.loads(file.read_text(encoding="utf-8"))
@@ -74,12 +69,7 @@ def load(path: str | Path | None = None) -> Ledger:
 
 
 def read(content: dict[str, Any], where: str) -> Ledger:
-    """Return the ledger that the content of a file describes.
-
-    Raises:
-        BadInput: an unknown key, a value that does not fit, or a key that the claim's kind needs or does not use.
-
-    """
+    """Return the ledger that the content of a file describes."""
     try:
         ledger = Ledger(**content)
     except ValidationError as e:

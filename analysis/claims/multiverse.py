@@ -45,15 +45,6 @@ def judge(ledger: Ledger, rows: pd.DataFrame, stopping: Stopping = FIXED) -> pd.
 
     Columns are those of `verdicts.judge` without those of `OF_LEDGERS`; those of `ADDED`; and one for every dimension,
     with the choice, or empty where it makes no difference. Estimators and scenarios are called as in the ledger.
-
-    Args:
-        ledger: from `load`, with dimensions.
-        rows: from `errors` or a run directory of the study `readings`.
-        stopping: whether the number of trials was fixed before, or may depend on results.
-
-    Raises:
-        BadInput: estimators of one scenario ran on different streams, or a dimension is named like a column.
-
     """
     dimensions = ledger.dimensions
     if taken := [name for name in dimensions if name in (*COLUMNS, *ADDED)]:
@@ -123,8 +114,7 @@ def _name_as_ledger(row: dict[str, Any], case: Case, read: Case) -> dict[str, st
 def shares(found: pd.DataFrame) -> pd.DataFrame:
     """Return one row per claim: how many specifications there are, how many have each verdict, and a sentence.
 
-    Columns: `claim`, `says`, `scenarios`, `specifications`; one for each verdict; `letter` and `preset`, the verdicts
-    in these readings; `dimensions` that make a difference to the claim; and `sentence`.
+    `letter` and `preset` are the verdicts in these interpretations, `dimensions` those that make a difference.
     """
     out = []
     for claim, part in found.groupby("claim", sort=False):

@@ -72,17 +72,7 @@ COLUMNS = {
 
 
 def judge(ledger: Ledger, rows: pd.DataFrame, stopping: Stopping = FIXED) -> pd.DataFrame:
-    """Return one row per claim, variant and case, with `COLUMNS`.
-
-    Args:
-        ledger: from `load`.
-        rows: from `errors` or a run directory.
-        stopping: whether the number of trials was fixed before, or may depend on results.
-
-    Raises:
-        BadInput: estimators of one scenario ran on different streams.
-
-    """
+    """Return one row per claim, variant and case, with `COLUMNS`."""
     demand_same_streams(rows)
     table = collect(rows, stopping)
     out = []

@@ -189,9 +189,8 @@ def compare(
 
     Columns:
         change: RMSE / the baseline's RMSE - 1, with its interval (`statistics.change`); -0.2 is an error 20 % smaller
-        p_holm: p of the test of `change`, which agrees with its interval, adjusted by Holm over all rows of the table
-        consistency: over-confident, consistent, conservative, over-wide, not shown or not assessed; see
-            `consistency.flag`
+        p_holm: p of the test of `change`, adjusted by Holm over all rows of the table
+        consistency: as of `consistency.flag`: over-confident, consistent, conservative, over-wide, ...
         centralised: True for an estimator whose readings all reach one computer
         bound: True for a centralised one that bounds all others
         senses: what it reads beside odometry, in words
@@ -205,8 +204,7 @@ def compare(
         difference [m]: mean over trials of RMSE minus the baseline's, with its t interval
         bca_low, bca_high: interval of `change` by the BCa bootstrap, a cross-check
         decisive_trial: the number of the trial that alone decides `change`, see `statistics.decisive_trial`; nan: none
-        p: p against equal RMSE, not adjusted: below 0.05 where the interval of `change` excludes 0, and nowhere else;
-            1 where the one that looks better failed in a trial
+        p: p against equal RMSE, not adjusted; 1 where the one that looks better failed in a trial
         effect: matched-pairs rank-biserial correlation in [-1, 1]: in how many trials errors are smaller (negative)
         p_equal: p of the equivalence test on the RMSE; small where the two tie within `margin`; 1 where one failed
         trials_for_margin: trials at which `change` would be known to plus or minus `margin`

@@ -142,11 +142,8 @@ def pooled_floor(
 def floor(stream: Stream, channels: Collection[str], samples: int = SAMPLES) -> Array:
     """Return the least RMSE (T,) [m] of a team at every tick, for an estimator with odometry and these channels.
 
-    Args:
-        stream: of a simulated world whose assumed models are the true ones.
-        channels: of "anchor_rssi", "radio_rssi", "radio_range"; instead of the first "anchor_gradient", the gradient
-            made of four corner readings, or "anchor_doa", its angle alone.
-        samples: paths of each trial over which the expectation is taken; a power of 2.
+    Channels are of "anchor_rssi", "radio_rssi", "radio_range"; instead of the first "anchor_gradient", the gradient
+    of four corner readings, or "anchor_doa", its angle alone. Samples are paths of each trial, a power of 2.
 
     Raises:
         BadInput: the floor does not hold there; says why. Or the anchors are used twice.

@@ -19,10 +19,6 @@ def over_time(truth: Truth, run: Run) -> pd.DataFrame:
 
     Robots are pooled within a trial first. `band_low` and `band_high` hold the ANEES of a consistent estimator in
     95 % of the ticks if errors are Gaussian and the robots of a trial count as one: a guide, not a test.
-
-    Raises:
-        BadInput: truth and run are of different streams.
-
     """
     rows: list[dict[str, Any]] = []
     for name, trace in run.traces.items():

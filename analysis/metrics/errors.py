@@ -62,10 +62,10 @@ def _nll(e: TickErrors) -> Array:
     with np.errstate(divide="ignore"):
         log_det = np.where(e.det > 0, np.log(e.det), 0.0)
     nll = np.where(e.det > 0, np.log(2 * np.pi) + (log_det + e.nees) / 2, np.inf)
-    return _mean_where_covariance(e, nll)
+    return _mean_with_covariance(e, nll)
 
 
-def _mean_where_covariance(e: TickErrors, values: Array) -> Array:
+def _mean_with_covariance(e: TickErrors, values: Array) -> Array:
     return over_ticks(np.nanmean, np.where(np.isnan(e.nees), np.nan, values))
 
 
@@ -104,7 +104,7 @@ MEASURES = {
     ),
     "coverage95": Measure(
         "share of true positions inside the 95 % ellipse",
-        lambda e: _mean_where_covariance(e, e.nees <= INSIDE_95), "", "ticks",
+        lambda e: _mean_with_covariance(e, e.nees <= INSIDE_95), "", "ticks",
     ),
     "diverged": Measure(
         "1 where the last quarter's RMSE exceeds a quarter of the arena's side, else 0", _divergence, "", "robots"
@@ -119,7 +119,7 @@ MEASURES = {
     ),
     "area95": Measure(
         "mean area of the 95 % ellipse",
-        lambda e: _mean_where_covariance(e, np.pi * INSIDE_95 * np.sqrt(e.det)), "m^2", "ticks",
+        lambda e: _mean_with_covariance(e, np.pi * INSIDE_95 * np.sqrt(e.det)), "m^2", "ticks",
     ),
 }  # fmt: skip
 SCORES = tuple(name for name in MEASURES if name not in COLUMNS)  # results of former versions lack them
@@ -172,23 +172,14 @@ errors.__doc__ = (errors.__doc__ or "").replace("{measures}", describe_columns(M
 
 
 def position_errors(truth: Truth, run: Run, trace: Trace) -> tuple[Array, Array]:
-    """Return squared position error [m^2] and position NEES (t, T, n) of one trace; nan where the truth is unknown.
-
-    Raises:
-        BadInput: truth and run are of different streams.
-
-    """
+    """Return squared position error [m^2] and position NEES (t, T, n) of one trace; nan where the truth is unknown."""
     demand_same(truth, run)
-    return _squared_errors(truth, trace, truth.valid)
+    ticks = _tick_errors(truth, trace, truth.valid)
+    return ticks.d2, ticks.nees
 
 
 def demand_same(truth: object, run: object) -> None:
-    """Refuse what is not a truth and a run of the same stream.
-
-    Raises:
-        BadInput: the two are swapped, one is of another type, or they are of different streams.
-
-    """
+    """Refuse what is not a truth and a run of the same stream."""
     if not (isinstance(truth, Truth) and isinstance(run, Run)):
         kinds = [one.__name__ if isinstance(one, type) else type(one).__name__ for one in (truth, run)]
         raise BadInput(
@@ -198,11 +189,6 @@ def demand_same(truth: object, run: object) -> None:
         raise BadInput(
             f"this truth ({truth.scenario}) and run ({run.scenario}) are of different streams: simulate again"
         )
-
-
-def _squared_errors(truth: Truth, trace: Trace, valid: Mask) -> tuple[Array, Array]:
-    e = np.where(valid[..., None], trace.x[..., :2] - truth.x[..., :2], np.nan)
-    return (e**2).sum(-1), _nees(e, trace.P)
 
 
 def _nees(e: Array, P: Array) -> Array:
@@ -217,10 +203,10 @@ def _nees(e: Array, P: Array) -> Array:
 
 
 def _tick_errors(truth: Truth, trace: Trace, valid: Mask) -> TickErrors:
-    d2, nees = _squared_errors(truth, trace, valid)
-    pose_nees = np.full(valid.shape, np.nan)
-    if min(truth.x.shape[-1], trace.x.shape[-1]) == 3:
-        e = np.where(valid[..., None], trace.x - truth.x, np.nan)
+    d = min(truth.x.shape[-1], trace.x.shape[-1])
+    e = np.where(valid[..., None], trace.x[..., :d] - truth.x[..., :d], np.nan)
+    d2, nees, pose_nees = (e[..., :2] ** 2).sum(-1), _nees(e[..., :2], trace.P), np.full(valid.shape, np.nan)
+    if d == 3:
         e[..., 2] = np.pi - np.mod(np.pi - e[..., 2], 2 * np.pi)
         pose_nees = _nees(e, trace.P)
     det = np.linalg.det(np.where(np.isnan(trace.P), 0.0, trace.P)[..., :2, :2])
@@ -319,13 +305,7 @@ def weighted_means(errors: pd.DataFrame, keys: list[str], columns: list[str]) ->
 
 
 def demand_same_streams(errors: pd.DataFrame) -> None:
-    """Refuse rows that look paired and are not, and copies of trials, which would count as independent.
-
-    Raises:
-        BadInput: estimators ran on different streams, or were judged on different ticks of one; two trials have the
-            same stream; or a row stands there twice.
-
-    """
+    """Refuse rows that look paired and are not, and copies of trials, which would count as independent."""
     twice = errors[errors.duplicated([*TRIAL, "robot"])]
     if len(twice):
         scenario, estimator, trial = twice.iloc[0][TRIAL]

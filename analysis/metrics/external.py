@@ -106,12 +106,7 @@ def _require_fit(name: str, trace: Trace, stream: Stream) -> None:
 def evaluate_external(
     source: str, estimates: Estimates, estimators: str | None, offline: bool, **how: object
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return the rows of `judge`, those of our own `estimators` on the same stream first, and their table.
-
-    Raises:
-        BadInput: as `load_truth` and `judge`; or two have the same name.
-
-    """
+    """Return the rows of `judge`, those of our own `estimators` on the same stream first, and their table."""
     truth, stream = load_truth(source, **how)  # type: ignore[arg-type]
     theirs = judge(truth, stream, estimates, offline=offline)
     frames = [theirs]
@@ -131,10 +126,6 @@ def load_truth(
     """Return the truth and the stream of a file that `Stream.save` wrote, or of a scenario.
 
     A file holds no truth: its scenario is simulated again, and must give the same readings.
-
-    Raises:
-        BadInput: it is neither, the file was made by another version, or its scenario is not a built-in one.
-
     """
     if not Path(source).is_file():
         if source.endswith(".npz"):

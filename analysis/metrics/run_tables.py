@@ -60,20 +60,14 @@ def matrix_cell(estimator: str, robots: int) -> MatrixCell | None:
 def information(errors: pd.DataFrame, seed: int) -> pd.DataFrame:
     """Return the matrix of information: one row per scenario and estimator that has a cell in it.
 
-    Columns:
+    Columns, besides those that `compare` has, too:
         own: what is read of the anchors: "none", "doa" (the direction), "gradient" or "rssi" (the raw readings)
         between: what is read of teammates: "none", "rssi" or "range"
-        robots: robots in the team
         fusion: "alone", "product" of beliefs, covariance "intersection", "centralised", or the "bound"
         filter: that the rule builds on: "particles", "Kalman", or "MAP" for the bound
-        estimator, scenario, trials, rmse, rmse_low, rmse_high, anees, anees_low, anees_high, consistency, centralised,
-            bound, certificate: as of `compare`
-        floor [m]: the Cramer-Rao floor, given odometry and the readings of this cell alone, over at most 20 trials; in
-            the row "doa" given angles alone: a Kalman filter there weighs each angle by its gradient's strength too,
-            and only the floor of the row "gradient" holds for it; nan where there is none
-        change: RMSE / the RMSE of the same filter with the same own readings and no teammates - 1
-        change_low, change_high: its 95 % interval, over paired trials; nan for those that are alone
-        decisive_trial: as of `compare`
+        floor [m]: the Cramer-Rao floor, given odometry and the readings of this cell alone, over at most 20 trials; for
+            "doa" given angles alone, not for a Kalman filter that weighs each by its gradient
+        change: of RMSE, against the same filter with the same own readings and no teammates
 
     Args:
         errors: the rows of a run.
@@ -152,17 +146,14 @@ def parse_sweep(scenario: str, estimator: str) -> Sweep | None:
 def sensitivity(errors: pd.DataFrame, seed: int, baseline: str = "arl") -> pd.DataFrame:
     """Return one row per swept parameter, value and estimator; parameters in the order of the run.
 
-    Columns:
+    Columns, besides those that `compare` has, too:
         parameter: what is swept, of the scenario ("prior_sigma"; "assumed.eta" is what the team assumes of eta) or of
             the estimators ("particles")
         value: that of the parameter
         preset: the parameter's value where it is not swept
         estimator, scenario: without what is swept
-        robots, trials, rmse, rmse_low, rmse_high, anees, anees_low, anees_high, consistency, centralised, bound,
-            certificate: as of `compare`
         floor [m]: the Cramer-Rao floor of all readings, over at most 20 trials; nan where none holds
-        change: RMSE / the baseline's RMSE at the same value - 1
-        change_low, change_high: its 95 % interval, over paired trials
+        change: of RMSE, against the baseline's at the same value
 
     Args:
         errors: the rows of a run.

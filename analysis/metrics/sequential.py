@@ -204,15 +204,7 @@ class Decision(NamedTuple):
 def decide(
     rows: pd.DataFrame, baselines: Mapping[str, str], most: Mapping[str, int], margin: float = TIE_MARGIN
 ) -> list[Decision]:
-    """Return every comparison at the look that decided it, or at the last look for which all its trials are there.
-
-    Args:
-        rows: of a run.
-        baselines: by scenario.
-        most: trials of the last look, by scenario.
-        margin: the share of RMSE by which two may differ and still tie.
-
-    """
+    """Return every comparison at the look that decided it, or at the last look for which all its trials are there."""
     ran, cells = rows.groupby(CELL)["trial"].unique(), {}
     for cell, means in trial_means(rows).items():
         trials = np.sort(ran[cell])

@@ -4,6 +4,7 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pandas as pd
+from made_errors import rows
 
 from cooploc.analysis.execution.run_directory import StoredRun
 
@@ -36,36 +37,14 @@ class Outline(HTMLParser):
 
 def rows_of(scenario, estimators, trials=8, failed=(), bounds=()):
     """Rows of a run without running: per estimator RMSE [m] and ANEES, with the same noise for everyone."""
-    rng = np.random.default_rng(7)
-    noise = rng.uniform(0.8, 1.2, (trials, len(estimators)))
-    frames = []
+    noise, frames = np.random.default_rng(7).uniform(0.8, 1.2, (trials, len(estimators))), []
     for i, (name, (rmse, anees)) in enumerate(estimators.items()):
         mse = rmse**2 * noise[:, i]
-        frame = pd.DataFrame(
-            {
-                "scenario": scenario,
-                "estimator": name,
-                "trial": range(trials),
-                "robot": 0,
-                "robots": 1,
-                "ticks": 10,
-                "mse": mse,
-                "rmse": np.sqrt(mse),
-                **dict.fromkeys(("mean_error", "median_error", "max_error", "final_error"), np.sqrt(mse)),
-                "anees": anees * noise[::-1, i],
-                "coverage95": 0.9,
-                "diverged": 0.0,
-                "pose_nees": np.nan,
-                "messages": 1.0,
-                "bytes": 48.0 + i,
-                "seconds": 1e-4 * (1 + i),
-                "centralised": name in bounds,
-                "bound": name in bounds,
-                "stream": [f"{scenario}{trial}" for trial in range(trials)],
-                "failure": None,
-                "traceback": None,
-            }
+        names = ("rmse", "mean_error", "median_error", "max_error", "final_error")
+        frame = rows(name, mse[:, None], anees=anees * noise[::-1, i], scenario=scenario, stream=scenario).assign(
+            **dict.fromkeys(names, np.sqrt(mse)), bytes=48.0 + i, seconds=1e-4 * (1 + i), failure=None, traceback=None
         )
+        frame["centralised"] = frame["bound"] = name in bounds
         if name in failed:
             frame.loc[0, ["failure", "traceback"]] = f"RuntimeError: {EVIL}"
         frames.append(frame)

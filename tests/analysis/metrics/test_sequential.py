@@ -5,13 +5,11 @@ import pandas as pd
 import pytest
 from made_runs import rows_of
 from scipy import integrate, stats
-from typer.testing import CliRunner
 
 import cooploc as cl
 from cooploc.analysis.metrics import sequential, statistics
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.sequential import decide, minutes, with_decisions
-from cooploc.cli import app
 
 
 @pytest.mark.parametrize("n", [7, 10, 40, 1000])
@@ -158,13 +156,6 @@ def test_a_plan_counts_the_trials_of_every_comparison(folder):
     smaller = cl.plan(folder / "small.toml", difference=0.1, out=folder / "run")
     assert (smaller["trials"] > found["trials"]).all()
     assert 0 < minutes(found, "trials", jobs=2) == minutes(found, "trials") / 2
-
-
-def test_the_command_prints_trials_and_time(folder):
-    result = CliRunner().invoke(app, ["plan", str(folder / "small.toml"), "--out", str(folder / "run")])
-    assert result.exit_code == 0, result.stderr
-    assert "a change of RMSE of 10 % in four of five runs" in result.stdout
-    assert "estimators take about" in result.stdout
 
 
 def test_the_planned_number_until_decided_decides_four_of_five(folder):

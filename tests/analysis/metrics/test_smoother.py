@@ -19,21 +19,16 @@ from cooploc.scenarios.studies.study import Study
 
 
 @pytest.mark.parametrize("relative", [True, False])
-def test_where_all_is_linear_it_is_the_mean_of_the_whole_path_given_all_readings(relative):
+def test_where_all_is_linear_it_is_the_mean_and_covariance_of_the_whole_path_given_all_readings(relative):
     _, stream = linear_team(seed=32, trials=2, robots=3, ticks=7, relative=relative)
-    found = cl.smoother(stream)
+    found = cl.run({"hindsight": cl.Smoother()}, stream, isolate=False).traces["hindsight"]
+    np.testing.assert_array_equal(cl.smoother(stream), found.x)
     for trial in range(2):
-        np.testing.assert_allclose(found[trial], dense_path(stream, trial, 6, relative)[0], atol=1e-9)
-
-
-@pytest.mark.parametrize("relative", [True, False])
-def test_its_covariances_are_those_of_the_whole_path_given_all_readings(relative):
-    _, stream = linear_team(seed=32, trials=2, robots=3, ticks=7, relative=relative)
-    found = cl.run({"hindsight": cl.Smoother()}, stream, isolate=False).traces["hindsight"].P
-    for trial in range(2):
-        dense = dense_path(stream, trial, 6, relative)[1].reshape(8, 3, 2, 8, 3, 2)
+        mean, P = dense_path(stream, trial, 6, relative)
+        np.testing.assert_allclose(found.x[trial], mean, atol=1e-9)
+        dense = P.reshape(8, 3, 2, 8, 3, 2)
         for k, i in np.ndindex(7, 3):
-            np.testing.assert_allclose(found[trial, k, i], dense[k + 1, i, :, k + 1, i], atol=1e-9)
+            np.testing.assert_allclose(found.P[trial, k, i], dense[k + 1, i, :, k + 1, i], atol=1e-9)
 
 
 def test_elsewhere_no_path_beside_it_is_more_probable(rng):

@@ -39,14 +39,6 @@ def test_skewed_trials_are_worth_fewer():
     assert trials_without_skew(np.random.default_rng(0).exponential(size=100_000)) == pytest.approx(25_000, rel=0.03)
 
 
-def test_interval_of_a_positive_mean_beats_the_t_interval_on_skewed_values():
-    rng = np.random.default_rng(2)
-    values = rng.lognormal(0, 1.0, (REPEATS, 10))
-    half = stats.t.ppf(0.975, 9) * values.std(1, ddof=1) / np.sqrt(10)
-    plain = np.mean(np.abs(values.mean(1) - np.exp(0.5)) <= half)
-    assert covered([mean_of_positive(v) for v in values], np.exp(0.5)) > plain + 0.03
-
-
 @pytest.mark.parametrize("trials", [10, 30, 100])
 def test_the_interval_covers_the_true_change(trials):
     rng = np.random.default_rng(3)
@@ -89,13 +81,6 @@ def test_the_one_trial_that_decides_a_change_is_named():
     assert decisive_trial(a[10:19], b[10:19]) is None  # too few trials to say so
 
 
-def test_the_mean_of_differences_is_scipys_paired_t_interval():
-    rng = np.random.default_rng(6)
-    a, b = rng.normal(1, 1, 12), rng.normal(1.5, 1, 12)
-    interval = stats.ttest_rel(b, a).confidence_interval(0.95)
-    assert mean(b - a)[1:] == pytest.approx((interval.low, interval.high))
-
-
 def test_holm_is_that_of_statsmodels(rng):
     from statsmodels.stats.multitest import multipletests
 
@@ -108,21 +93,11 @@ def test_the_p_of_an_interval_is_five_percent_at_its_ends(rng):
     a, b = rng.lognormal(0, 0.3, 25), rng.lognormal(-0.5, 0.3, 25)
     for end in change(a, b)[1:]:
         assert p_of_change(a, b, end) == pytest.approx(0.05, abs=1e-9)
-    found = mean(b - a)
+    found, exact = mean(b - a), stats.ttest_rel(b, a).confidence_interval(0.95)
+    assert found[1:] == pytest.approx((exact.low, exact.high))
     for end in found[1:]:
         assert p_of_mean(found, 25, end) == pytest.approx(0.05, abs=1e-9)
     assert p_of_mean(found, 25, 0.3) == pytest.approx(stats.ttest_1samp(b - a, 0.3).pvalue)
-
-
-def test_the_p_of_a_true_change_is_uniform_enough():
-    rng, rejected = np.random.default_rng(16), []
-    for _ in range(REPEATS):
-        shared = rng.lognormal(0, 0.4, 20)
-        a, b = shared * rng.lognormal(0, 0.3, 20), 0.5 * shared * rng.lognormal(0, 0.3, 20)
-        rejected.append(p_of_change(a, b, np.sqrt(0.5) - 1) < np.array([0.05, 0.5]))
-    at_five, at_half = np.mean(rejected, axis=0)
-    assert 0.02 < at_five < 0.08
-    assert 0.45 < at_half < 0.55
 
 
 def test_false_decisions_are_foreseen_from_the_tests_that_find_nothing():
