@@ -8,14 +8,10 @@ and 1/(1-w), so that no unknown correlation can make the result over-confident.
 - `form="ls"`: a robot that sees a teammate computes where that teammate is; the teammate intersects this with its own
   belief, reading noise and all. Needs sightings.
 
-With engine="filterpy" the moves and all updates, those with inflated covariances included, are filterpy's; the weights
-w are found in the same way by both engines.
-
 The relative form is overlapping covariance intersection (arXiv 2603.16768) of a pair of beliefs and one reading. Of
-ranges it is the filter of "Integration of distance measurements between agents with unknown correlation"
-(hal-04039619): a range helps at most one of two robots, and by the trace only one with h' P_i^2 h / h' P_j h > tr P_i.
-`lever` is the weight of "Weighted covariance intersection for range-based distributed cooperative localization"
-(arXiv 2508.12207) for a planar robot; that paper uses a tick's readings at once, this filter one by one.
+ranges it is the filter of hal-04039619: a range helps at most one of two robots, and by the trace only one with
+h' P_i^2 h / h' P_j h > tr P_i. `lever` is the weight of arXiv 2508.12207 for a planar robot; that paper uses a tick's
+readings at once, this filter one by one.
 
 Source: L. C. Carrillo-Arce, E. D. Nerurkar, J. L. Gordillo, S. I. Roumeliotis, "Decentralized multi-robot cooperative
 localization using covariance intersection", IROS 2013, for "ls"; the relative form inflates blkdiag(P_i/w, P_j/(1-w))
@@ -27,20 +23,9 @@ from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 
-from cooploc.estimators import kalman_parameters as shared
+from cooploc.estimators import kalman
 from cooploc.estimators.covariance_intersection import solve_relative
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Rows, Senses, World
-from cooploc.estimators.kalman import (
-    ENGINES,
-    Message,
-    PairReading,
-    correct_own,
-    distance,
-    inflated_update,
-    own_belief,
-    predict_own,
-    receive,
-)
 from cooploc.estimators.models import AnchorReading
 from cooploc.estimators.tunable import tunable
 
@@ -48,7 +33,7 @@ EXACT = 1e-9 * np.eye(2)  # [m^2] noise of a position that is all belief and no 
 
 
 class State(NamedTuple):
-    """What one robot remembers."""
+    """The memory of one robot."""
 
     x: Array  # (r, d)
     P: Array  # (r, d, d)
@@ -58,7 +43,7 @@ class State(NamedTuple):
 
 
 class Relation(NamedTuple):
-    """One reading between a robot and a sender, linearised: y = z - h, own H, the sender's H_j and P_j, noise R."""
+    """A linearised reading between a robot and a sender: y = z - h, own H, the sender's H_j and P_j, noise R."""
 
     y: Array  # (r, k)
     H: Array  # (r, k, d)
@@ -67,7 +52,7 @@ class Relation(NamedTuple):
     R: Array  # (k, k)
 
 
-@shared.explain
+@kalman.explain
 @dataclass(frozen=True)
 class EkfCi:
     """EKF on own readings, covariance intersection on received beliefs.
@@ -87,45 +72,45 @@ class EkfCi:
     sends: ClassVar[str] = "mean, covariance, sightings"
     consistency: ClassVar[str] = "conservative by construction"
     anchor_reading: AnchorReading = "doa"
-    gate: float = tunable(shared.GATE, 2.0, 1000.0, log=True)
+    gate: float = tunable(kalman.GATE, 2.0, 1000.0, log=True)
     inflation: float = tunable(1.0, 0.5, 5.0, log=True)
-    engine: shared.EngineName = "batched"
-    reading: shared.RadioReading = "range"
+    engine: kalman.EngineName = "batched"
+    reading: kalman.RadioReading = "range"
     form: Literal["relative", "ls"] = "relative"
     weights: Literal["cvxpy", "exact"] = "exact"
     criterion: Literal["trace", "det"] = tunable("trace", choices=("trace", "det"))
     over: Literal["position", "state"] = tunable("state", choices=("state", "position"))
     lever: float = 1.0
 
+    predict = kalman.predict_belief
+    correct = kalman.correct_belief
+    estimate = kalman.estimate_belief
+
     def __post_init__(self) -> None:
-        shared.require_limits(self, lever=(1e-3, 1e3))
+        kalman.require_limits(self, lever=(1e-3, 1e3))
 
     @property
     def uses(self) -> tuple[str, ...]:
-        *own, between = shared.team_channels(self)
+        *own, between = kalman.team_channels(self)
         return (*own, "sighting" if self.form == "ls" else between)
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        world = shared.assumed_world(self, world)
+        world = kalman.assume(self, world)
         return State(prior.x, prior.P, rows.trial * world.robots + rows.robot, rows.robot, world)
 
-    predict = predict_own
-    correct = correct_own
-    estimate = own_belief
-
     def send(self, s: State, z: Senses) -> Array:
-        """x, the upper triangle of P, and the sightings of every teammate: d + d (d + 1) / 2 + 2 n numbers at most."""
-        return Message(s.x, (s.P,), z.sighting).pack()
+        """Return x, the upper triangle of P, the sightings: d + d (d + 1) / 2 + 2 n numbers at most."""
+        return kalman.Message(s.x, (s.P,), z.sighting).pack()
 
     def fuse(self, s: State, z: Senses, mail: Mail) -> State:
-        """One reading after the other, each linearised at the belief that the last one left."""
-        sent = Message.unpack(mail.packets, s.x.shape[-1])
-        for pair in receive(s.world, z, mail, sent.sightings, s.robot):
+        """Intersect with one reading after the other, each linearised at the belief that the last one left."""
+        sent = kalman.Message.unpack(mail.packets, s.x.shape[-1])
+        for pair in kalman.receive(s.world, z, mail, sent.sightings, s.robot):
             x_j, P_j = sent.x[:, pair.sender], sent.P[0][:, pair.sender]
             if self.form == "relative":
                 s = self._intersect(s, Relation(*pair.linearise(s.x, x_j), P_j, pair.sensor.R))
             elif pair.by_sender:
-                s = self._intersect(s, _where_i_am(s.x, x_j, P_j, pair))
+                s = self._intersect(s, _locate_by_sender(s.x, x_j, P_j, pair))
         return s
 
     def _intersect(self, s: State, relation: Relation) -> State:
@@ -140,28 +125,28 @@ class EkfCi:
         block = 2 if self.over == "position" else x.shape[-1]
         parts = scaled[0], P_j, scaled[1], H_j, R
         w = solve_relative(*parts, self.criterion, self.weights, block, s.group[rows]).w
-        after = inflated_update(Belief(x, P), y, H, H_j, P_j, R, w, ENGINES[self.engine].update)
+        after = kalman.inflated_update(Belief(x, P), y, H, H_j, P_j, R, w, kalman.ENGINES[self.engine].update)
         x, P = s.x.copy(), s.P.copy()
         x[rows], P[rows] = after
         return s._replace(x=x, P=P)
 
     def _within_gate(self, s: State, relation: Relation) -> tuple[Indices, Array, Array, Relation]:
-        """The rows that use their reading, with their x, P and relation.
+        """Return the rows that use their reading, with their x, P and relation.
 
         Gated by the S of independent robots, twice as wide: a true reading passes whatever the correlation.
         """
         y, H, H_j, P_j, R = relation
         rows = np.flatnonzero(~(np.isnan(y).any(-1) | np.isnan(P_j).any((-2, -1))))
         x, P, y, H, H_j, P_j = (part[rows] for part in (s.x, s.P, y, H, H_j, P_j))
-        near = distance(y, H @ P @ H.mT + H_j @ P_j @ H_j.mT + R) <= 2 * self.gate
+        near = kalman.distance(y, H @ P @ H.mT + H_j @ P_j @ H_j.mT + R) <= 2 * self.gate
         if not near.all():
             rows = rows[near]
             x, P, y, H, H_j, P_j = (part[near] for part in (x, P, y, H, H_j, P_j))
         return rows, x, P, Relation(y, H, H_j, P_j, R)
 
 
-def _where_i_am(x: Array, x_j: Array, P_j: Array, pair: PairReading) -> Relation:
-    """Where the sender's sighting (range, bearing) puts the robot: a position with a covariance, and no reading."""
+def _locate_by_sender(x: Array, x_j: Array, P_j: Array, pair: kalman.PairReading) -> Relation:
+    """Return the position that the sender's sighting (range, bearing) gives the robot, with its covariance."""
     away, angle = pair.z[:, 0], pair.z[:, 1] + (x_j[:, 2] if x_j.shape[-1] > 2 else 0.0)
     u, v = np.stack([np.cos(angle), np.sin(angle)], -1), np.stack([-np.sin(angle), np.cos(angle)], -1)
     N = np.stack([u, v * away[:, None]], -1)  # d place / d (range, bearing)

@@ -7,7 +7,7 @@ that had no error. How far is the Kullback-Leibler divergence
 
 which grows with what it has learned since, and with what it has lost by moving. A teammate that hears nothing does
 nothing: it cannot move an old belief on without the sender's odometry, and there is no radio reading without a packet.
-Everything else, what is sent included, is `ekf_ci.py`; with threshold = 0 the two are equal bit for bit.
+Everything else is `ekf_ci.py`; with threshold = 0 the two are equal bit for bit.
 
 Source: G. Battistelli, L. Chisci, L. Gao, D. Selvi, "Event-triggered distributed Bayes filter", ECC 2019
 (arXiv 1902.09825): the trigger. There all know the motion, and predict what they last heard. Without the odometry's
@@ -19,22 +19,20 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from cooploc.estimators import ekf_ci
-from cooploc.estimators import kalman_parameters as shared
+from cooploc.estimators import ekf_ci, kalman
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, World
-from cooploc.estimators.kalman import move, symmetric
 from cooploc.estimators.models import AnchorReading, wrap_heading
 from cooploc.estimators.tunable import tunable
 
 
 class State(NamedTuple):
-    """What one robot remembers."""
+    """The memory of one robot."""
 
     own: ekf_ci.State
     sent: Belief  # x (r, d), P (r, d, d) of the last packet, moved on; nan before the first
 
 
-@shared.explain
+@kalman.explain
 @dataclass(frozen=True)
 class EkfEventCi:
     """EKF on own readings, covariance intersection on received beliefs, sent only when they have changed enough.
@@ -47,27 +45,21 @@ class EkfEventCi:
     sends: ClassVar[str] = "as `ekf-ci`, when the belief has changed"
     consistency: ClassVar[str] = "conservative by construction"
     anchor_reading: AnchorReading = "doa"
-    gate: float = tunable(shared.GATE, 2.0, 1000.0, log=True)
+    gate: float = tunable(kalman.GATE, 2.0, 1000.0, log=True)
     inflation: float = tunable(1.0, 0.5, 5.0, log=True)
-    engine: shared.EngineName = "batched"
-    reading: shared.RadioReading = "range"
+    engine: kalman.EngineName = "batched"
+    reading: kalman.RadioReading = "range"
     threshold: float = 0.1
 
-    uses = property(shared.team_channels)
+    uses = property(kalman.team_channels)
 
     def __post_init__(self) -> None:
-        shared.require_limits(self, threshold=(0, np.inf))
+        kalman.require_limits(self, threshold=(0, np.inf))
 
     @property
     def ci(self) -> ekf_ci.EkfCi:
         """The filter whose packets are held back."""
-        return ekf_ci.EkfCi(
-            anchor_reading=self.anchor_reading,
-            gate=self.gate,
-            inflation=self.inflation,
-            engine=self.engine,
-            reading=self.reading,
-        )
+        return ekf_ci.EkfCi(self.anchor_reading, self.gate, self.inflation, self.engine, self.reading)
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         nothing = Belief(np.full_like(prior.x, np.nan), np.full_like(prior.P, np.nan))
@@ -75,8 +67,8 @@ class EkfEventCi:
 
     def predict(self, s: State, z: Senses) -> State:
         """The filter's; and x_s' = f(x_s, u),  P_s' = F P_s F'."""
-        x, F, _ = move(s.own.world.motion, s.sent.x, z)
-        return State(self.ci.predict(s.own, z), Belief(x, symmetric(F @ s.sent.P @ F.mT)))
+        x, F, _ = kalman.move(s.own.world.motion, s.sent.x, z)
+        return State(self.ci.predict(s.own, z), Belief(x, kalman.symmetric(F @ s.sent.P @ F.mT)))
 
     def correct(self, s: State, z: Senses) -> State:
         return s._replace(own=self.ci.correct(s.own, z))
@@ -85,7 +77,7 @@ class EkfEventCi:
         return np.where(self._news(s, z)[:, None], self.ci.send(s.own, z), np.nan)
 
     def fuse(self, s: State, z: Senses, mail: Mail) -> State:
-        """`ekf-ci`, on what was heard; and what was sent in this tick is remembered."""
+        """Fuse as `ekf-ci` does, and remember what was sent in this tick."""
         news = self._news(s, z)
         x, P = np.where(news[:, None], s.own.x, s.sent.x), np.where(news[:, None, None], s.own.P, s.sent.P)
         return State(self.ci.fuse(s.own, z, mail), Belief(x, P))
@@ -94,7 +86,7 @@ class EkfEventCi:
         return self.ci.estimate(s.own)
 
     def _news(self, s: State, z: Senses) -> Mask:
-        """Rows that send: those that never did, and those that are as far from what they sent as the threshold.
+        """Return which rows send: those that never did, and those as far from what they sent as the threshold.
 
         A robot that is asleep, with dt = 0, sends nothing.
         """
@@ -102,7 +94,7 @@ class EkfEventCi:
 
 
 def divergence(p: Belief, q: Belief) -> Array:
-    """D(p || q) [nat] of Gaussians, (r,); nan where q is."""
+    """Return D(p || q) [nat] of Gaussians, (r,); nan where q is."""
     known = np.asarray(~np.isnan(q.x).any(-1))
     P_q = np.where(known[:, None, None], q.P, p.P)
     e = wrap_heading(p.x - q.x)

@@ -12,9 +12,8 @@ is at least the motion. Sent, in one broadcast a tick: 2 n + n (2 n + 1) numbers
 readings are used. A teammate is sighted whether or not its packet arrives.
 
 Ours: CoLo takes headings from the truth; here each robot estimates its own, and an intersection changes it as the
-position changes, by their covariance, instead of inflating it at every packet. No robot is told where others start. The
-drift's variance grows with time, not with its square. There is a gate. With engine="filterpy" moves and updates are
-filterpy's.
+position changes, by their covariance. No robot knows where others start. The drift's variance grows with time, not with
+its square. There is a gate.
 
 Source: T.-K. Chang, K. Chen, A. Mehta, "Resilient and consistent multirobot cooperative localization with covariance
 intersection", IEEE T-RO 38(1), 2022, and GS_CI in the authors' repository tsangkai/multirobot_localization.
@@ -25,15 +24,14 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from cooploc.estimators import kalman_parameters as shared
+from cooploc.estimators import kalman
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Rows, Senses, World
-from cooploc.estimators.kalman import ENGINES, Message, condition, innovation, move, symmetric
 from cooploc.estimators.models import AnchorReading, fixed, wrap_heading
 from cooploc.estimators.tunable import tunable
 
 
 class State(NamedTuple):
-    """What one robot remembers. D = 2 n, and one more where it has a heading."""
+    """The memory of one robot; D = 2 n, and one more where it has a heading."""
 
     x: Array  # (r, D)  x, y [m] of robot 0, of robot 1, ...; its own heading [rad]
     P: Array  # (r, D, D)
@@ -41,7 +39,7 @@ class State(NamedTuple):
     world: World
 
 
-@shared.explain
+@kalman.explain
 @dataclass(frozen=True)
 class EkfGsCi:
     """EKF of the whole team's positions on each robot, covariance intersection of what the robots broadcast.
@@ -57,21 +55,21 @@ class EkfGsCi:
     sends: ClassVar[str] = "mean and covariance of the whole team"
     consistency: ClassVar[str] = "conservative, if `drift` is at least the motion"
     anchor_reading: AnchorReading = "doa"
-    gate: float = tunable(shared.GATE, 2.0, 1000.0, log=True)
+    gate: float = tunable(kalman.GATE, 2.0, 1000.0, log=True)
     inflation: float = tunable(1.0, 0.5, 5.0, log=True)
-    engine: shared.EngineName = "batched"
-    reading: shared.RadioReading = "range"
+    engine: kalman.EngineName = "batched"
+    reading: kalman.RadioReading = "range"
     weight: float = 0.8
     drift: float = 0.5
 
-    uses = property(shared.team_channels)
+    uses = property(kalman.team_channels)
 
     def __post_init__(self) -> None:
-        shared.require_limits(self, weight=(0.01, 1), drift=(0, np.inf))
+        kalman.require_limits(self, weight=(0.01, 1), drift=(0, np.inf))
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        """Its own prior; teammates are anywhere in the arena, until one of them is heard."""
-        world = shared.assumed_world(self, world)
+        """Start from the own prior; teammates are anywhere in the arena, until one of them is heard."""
+        world = kalman.assume(self, world)
         r, d, n = *prior.x.shape, world.robots
         own = np.concatenate([2 * rows.robot[:, None] + [0, 1], np.full((r, d - 2), 2 * n)], 1)
         x = np.broadcast_to(np.tile(world.arena.mean(0), n + 1)[: 2 * n + d - 2], (r, 2 * n + d - 2)).copy()
@@ -83,32 +81,33 @@ class EkfGsCi:
 
     def predict(self, s: State, z: Senses) -> State:
         """x_i' = f(x_i, u),  P' = F P F' + Q,  where all other positions have F = I and Q = drift^2 dt I."""
-        pose, F_i, Q_i = move(s.world.motion, s.x[_pose_of(s)], z)
+        pose, F_i, Q_i = kalman.move(s.world.motion, s.x[_pose_of(s)], z)
         drifts = np.diag((np.arange(s.x.shape[1]) < 2 * s.world.robots) * self.drift**2)
         x, F, Q = s.x.copy(), np.zeros_like(s.P) + np.eye(s.x.shape[1]), z.dt[:, None, None] * drifts
         x[_pose_of(s)], F[_block_of(s)], Q[_block_of(s)] = pose, F_i, Q_i
-        x, P = ENGINES[self.engine].predict(x, s.P, F, Q)
-        return s._replace(x=x, P=P)
+        return s._replace(x=x, P=kalman.ENGINES[self.engine].predict(s.P, F, Q))
 
     def correct(self, s: State, z: Senses) -> State:
         for sensor, place, reading in fixed(s.world, z, self.anchor_reading):
-            y, H, _ = innovation(sensor, s.x[_pose_of(s)], place, reading)
-            s = self._update(s, y, _spread_out(s, H), sensor.R)
+            y, H, _ = kalman.innovation(sensor, s.x[_pose_of(s)], place, reading)
+            s = self._update(s, y, _widen(s, H), sensor.R)
         return s
 
     def send(self, s: State, z: Senses) -> Array:
-        """The positions, and the upper triangle of their covariance."""
+        """Return the positions, and the upper triangle of their covariance."""
         m = 2 * s.world.robots
-        return Message(s.x[:, :m], (s.P[:, :m, :m],), z.sighting[:, :0]).pack()
+        return kalman.Message(s.x[:, :m], (s.P[:, :m, :m],), z.sighting[:, :0]).pack()
 
     def fuse(self, s: State, z: Senses, mail: Mail) -> State:
-        """First what was heard; then the readings of teammates, by then no longer anywhere."""
-        s = self._intersect(s, Message.unpack(mail.packets, 2 * s.world.robots))
+        """Intersect with all that was heard; then use the readings of teammates, by then no longer anywhere."""
+        s = self._intersect(s, kalman.Message.unpack(mail.packets, 2 * s.world.robots))
         for sensor, j, reading in s.world.relative(z, mail):
             there = slice(2 * j, 2 * j + 2)
             known = np.diagonal(s.P[:, there, there], axis1=1, axis2=2).sum(-1) < _anywhere(s.world).sum() / 2
-            y, H, H_j = innovation(sensor, s.x[_pose_of(s)], s.x[:, there], np.where(known[:, None], reading, np.nan))
-            H = _spread_out(s, H)
+            y, H, H_j = kalman.innovation(
+                sensor, s.x[_pose_of(s)], s.x[:, there], np.where(known[:, None], reading, np.nan)
+            )
+            H = _widen(s, H)
             H[:, :, there] += H_j
             s = self._update(s, y, H, sensor.R)
         return s
@@ -117,11 +116,11 @@ class EkfGsCi:
         return Belief(wrap_heading(s.x[_pose_of(s)]), s.P[_block_of(s)])
 
     def _update(self, s: State, y: Array, H: Array, R: Array) -> State:
-        x, P = ENGINES[self.engine].update(s.x, s.P, y, H, R, self.gate)
+        x, P = kalman.ENGINES[self.engine].update(s.x, s.P, y, H, R, self.gate)
         return s._replace(x=x, P=P)
 
-    def _intersect(self, s: State, sent: Message) -> State:
-        """The intersections with all that was heard, one after the other; a heading follows by its covariance."""
+    def _intersect(self, s: State, sent: kalman.Message) -> State:
+        """Intersect with all that was heard, one after the other; a heading follows by its covariance."""
         m = sent.x.shape[-1]
         heard = np.asarray(~np.isnan(sent.x).any(-1))
         use, c = np.flatnonzero(heard.any(1)), self.weight
@@ -133,28 +132,28 @@ class EkfGsCi:
             Y_j = np.linalg.inv(sent.P[0][use[rows], j])
             news = (Y_j @ (sent.x[use[rows], j] - mine[rows])[..., None])[..., 0]
             Y[rows], y[rows] = c * Y[rows] + (1 - c) * Y_j, c * y[rows] + (1 - c) * news
-        C, H = symmetric(np.linalg.inv(Y)), np.zeros((len(use), m, x.shape[1])) + np.eye(m, x.shape[1])
-        x[use], P[use] = condition(x[use], P[use], H, (C @ y[..., None])[..., 0], C)
+        C, H = kalman.symmetric(np.linalg.inv(Y)), np.zeros((len(use), m, x.shape[1])) + np.eye(m, x.shape[1])
+        x[use], P[use] = kalman.condition(x[use], P[use], H, (C @ y[..., None])[..., 0], C)
         return s._replace(x=x, P=P)
 
 
 def _pose_of(s: State) -> tuple[Indices, Indices]:
-    """Where a robot's own pose (r, d) is in x."""
+    """Return the index of each robot's own pose (r, d) in x."""
     return np.arange(len(s.own))[:, None], s.own
 
 
 def _block_of(s: State) -> tuple[Indices, Indices, Indices]:
-    """Where the covariance (r, d, d) of a robot's own pose is in P."""
+    """Return the index of that pose's covariance (r, d, d) in P."""
     return np.arange(len(s.own))[:, None, None], s.own[:, :, None], s.own[:, None]
 
 
-def _spread_out(s: State, H: Array) -> Array:
-    """A Jacobian (r, k, d) by a robot's own pose, as one by its whole state (r, k, D)."""
+def _widen(s: State, H: Array) -> Array:
+    """Return a Jacobian (r, k, d) by a robot's own pose as one by its whole state (r, k, D)."""
     whole = np.zeros((*H.shape[:2], s.x.shape[1]))
     np.put_along_axis(whole, np.broadcast_to(s.own[:, None], H.shape), H, 2)
     return whole
 
 
 def _anywhere(world: World) -> Array:
-    """The variances (2,) [m^2] of a place anywhere in the arena."""
+    """Return the variances (2,) [m^2] of a place anywhere in the arena."""
     return np.asarray((world.arena[1] - world.arena[0]) ** 2 / 12)

@@ -1,13 +1,12 @@
 """Harmonic mean density with readings of teammates: beliefs are averaged where covariance intersection multiplies them.
 
 A teammate's belief and a reading make an estimate of H x with the covariance N = H_j P_j H_j' + R; the robot's own
-belief makes another. Their harmonic mean replaces the robot's own, and the result is carried to the rest of the state:
-equations and sources in `inverse_covariance_intersection.py`; what is sent, in `kalman.py`.
+belief makes another. Their harmonic mean replaces the robot's own, and the rest of the state follows by its covariance.
 
 It is inverse covariance intersection with a fixed weight (`ekf_ici.py`), where the means agree. Where they do not, the
-covariance is smaller, so that a robot which is wrong may become sure of it; no bound is known. A teammate who knows
-less takes away from what a robot knows: with weight = 0.5 and equal means, the covariance of one number grows from a by
-up to 21 %, where N = 2.4 a, and by next to nothing where N is much larger.
+covariance is smaller, so that a robot which is wrong may become sure of it; no bound is known. A teammate that knows
+less takes away from what a robot knows: with weight = 0.5 and equal means, the covariance of one number grows by up to
+21 %.
 
 Source: N. Sharma, R. Tharmarasa, S. Bhaumik, T. Kirubarajan, "On pooling-based track fusion strategies: harmonic mean
 density", arXiv 2412.06716, 2024. Its use with a reading of part of the state is ours.
@@ -16,22 +15,14 @@ density", arXiv 2412.06716, 2024. Its use with a reading of part of the state is
 from dataclasses import dataclass
 from typing import ClassVar
 
-from cooploc.estimators import kalman_parameters as shared
+from cooploc.estimators import kalman
 from cooploc.estimators.interface import Array
 from cooploc.estimators.inverse_covariance_intersection import combine, harmonic_mean
-from cooploc.estimators.kalman import (
-    broadcast,
-    correct_own,
-    fuse_broadcasts,
-    own_belief,
-    predict_own,
-    start_broadcasting,
-)
 from cooploc.estimators.models import AnchorReading
 from cooploc.estimators.tunable import tunable
 
 
-@shared.explain
+@kalman.explain
 @dataclass(frozen=True)
 class EkfHmd:
     """EKF on own readings, harmonic mean density of own and received beliefs.
@@ -46,24 +37,23 @@ class EkfHmd:
     sends: ClassVar[str] = "mean, covariance, sightings"
     consistency: ClassVar[str] = "no bound is known"
     anchor_reading: AnchorReading = "doa"
-    gate: float = tunable(shared.GATE, 2.0, 1000.0, log=True)
+    gate: float = tunable(kalman.GATE, 2.0, 1000.0, log=True)
     inflation: float = tunable(1.0, 0.5, 5.0, log=True)
-    engine: shared.EngineName = "batched"
-    reading: shared.RadioReading = "range"
+    engine: kalman.EngineName = "batched"
+    reading: kalman.RadioReading = "range"
     both: bool = True
     weight: float = 0.5
 
-    uses = property(shared.team_channels)
+    uses = property(kalman.team_channels)
+    init = kalman.start_broadcasting
+    predict = kalman.predict_belief
+    correct = kalman.correct_belief
+    send = kalman.broadcast
+    fuse = kalman.fuse_broadcasts
+    estimate = kalman.estimate_belief
 
     def __post_init__(self) -> None:
-        shared.require_limits(self, weight=(0, 1))
-
-    init = start_broadcasting
-    predict = predict_own
-    correct = correct_own
-    send = broadcast
-    fuse = fuse_broadcasts
-    estimate = own_belief
+        kalman.require_limits(self, weight=(0, 1))
 
     def combine(self, x: Array, P: Array, y: Array, H: Array, N: Array) -> tuple[Array, Array]:
         """C^-1 = a^-1 + N^-1 - G^-1,  a = H P H',  G = v N + (1 - v) a + v (1 - v) y y'."""

@@ -1,9 +1,8 @@
 """Inverse covariance intersection with readings of teammates: what two robots may both know is counted once.
 
-A teammate's belief and a reading make an estimate of H x, of the range or of range and bearing, with the covariance
-H_j P_j H_j' + R. The robot's own belief makes another. Both are fused by inverse covariance intersection, which takes
-out the largest information that the two can have in common, and the result is carried to the rest of the state:
-equations, assumption and source in `inverse_covariance_intersection.py`; what is sent, in `kalman.py`.
+A teammate's belief and a reading make an estimate of H x with the covariance N = H_j P_j H_j' + R; the robot's own
+belief makes another. The fusion takes out the largest information that the two can have in common, and the rest of the
+state follows by its covariance: equations and assumption in `inverse_covariance_intersection.py`.
 
 Of one number, as a range is, the rule keeps the better of the two estimates: C = min(a, N). So a range helps at most
 one of two robots, as with covariance intersection (`ekf_ci.py`), but its state is not inflated in other directions.
@@ -17,22 +16,14 @@ intersection", Automatica 79, 2017. Its use with a reading of part of the state 
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-from cooploc.estimators import kalman_parameters as shared
+from cooploc.estimators import kalman
 from cooploc.estimators.interface import Array
 from cooploc.estimators.inverse_covariance_intersection import combine, inverse_intersection, weighed_intersection
-from cooploc.estimators.kalman import (
-    broadcast,
-    correct_own,
-    fuse_broadcasts,
-    own_belief,
-    predict_own,
-    start_broadcasting,
-)
 from cooploc.estimators.models import AnchorReading
 from cooploc.estimators.tunable import tunable
 
 
-@shared.explain
+@kalman.explain
 @dataclass(frozen=True)
 class EkfIci:
     """EKF on own readings, inverse covariance intersection on received beliefs.
@@ -47,25 +38,24 @@ class EkfIci:
     sends: ClassVar[str] = "mean, covariance, sightings"
     consistency: ClassVar[str] = "a bound where robots share common information alone; else not"
     anchor_reading: AnchorReading = "doa"
-    gate: float = tunable(shared.GATE, 2.0, 1000.0, log=True)
+    gate: float = tunable(kalman.GATE, 2.0, 1000.0, log=True)
     inflation: float = tunable(1.0, 0.5, 5.0, log=True)
-    engine: shared.EngineName = "batched"
-    reading: shared.RadioReading = "range"
+    engine: kalman.EngineName = "batched"
+    reading: kalman.RadioReading = "range"
     both: bool = True
     form: Literal["trace", "fixed"] = "trace"
     weight: float = 0.8
 
-    uses = property(shared.team_channels)
+    uses = property(kalman.team_channels)
+    init = kalman.start_broadcasting
+    predict = kalman.predict_belief
+    correct = kalman.correct_belief
+    send = kalman.broadcast
+    fuse = kalman.fuse_broadcasts
+    estimate = kalman.estimate_belief
 
     def __post_init__(self) -> None:
-        shared.require_limits(self, weight=(0, 1))
-
-    init = start_broadcasting
-    predict = predict_own
-    correct = correct_own
-    send = broadcast
-    fuse = fuse_broadcasts
-    estimate = own_belief
+        kalman.require_limits(self, weight=(0, 1))
 
     def combine(self, x: Array, P: Array, y: Array, H: Array, N: Array) -> tuple[Array, Array]:
         """C^-1 = a^-1 + N^-1 - (w a + (1 - w) N)^-1,  a = H P H';  the least trace is that of P', as in `ekf-ci`."""

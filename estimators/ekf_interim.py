@@ -9,47 +9,30 @@ terms.
 Sent, in numbers of 8 bytes and with a header of 8: request 0; reply x, P, Phi, d + d(d+1)/2 + d^2; update of k readings
 of a teammate 2 + k (1 + 4 d), of a fixed thing 1 + k (1 + 2 d), once, to all. If the link fails in either direction,
 the reading is lost. Added by us: a gate; and a robot refuses an update that would make its covariance indefinite or
-whose factors have diverged (`RUNAWAY`), which happens only after losses. engine="filterpy" runs filterpy's filter over
-the whole team, once for each robot's copy of it.
+whose factors have diverged (`RUNAWAY`), which happens only after losses.
 
 Source: S. Kia, S. Rounds, S. Martinez, "Cooperative localization for mobile agents: a recursive decentralized algorithm
 based on Kalman-filter decoupling", IEEE Control Systems Magazine 36(2), 2016, the interim-master algorithm.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import permutations
 from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from cooploc.estimators import kalman_parameters as shared
+from cooploc.estimators import kalman
 from cooploc.estimators.compiled import readable
 from cooploc.estimators.interface import HEADER, Array, Belief, Mail, Mask, Rows, Senses, Traffic, World
 from cooploc.estimators.joint_gaussian import block_diagonal, definite, dense, square
-from cooploc.estimators.joint_kernels import RUNAWAY, Decoupled, TeamReading, master, update_decoupled
-from cooploc.estimators.kalman import (
-    ENGINES,
-    camera_alone,
-    count,
-    distance,
-    innovation,
-    linearise,
-    no_traffic,
-    pairs,
-    predict_row,
-    present,
-    sightings,
-    symmetric,
-)
-from cooploc.estimators.models import AnchorReading, Sighting, fixed, wrap_heading
+from cooploc.estimators.joint_kernels import RUNAWAY, Decoupled, TeamReading, master, sight_decoupled
+from cooploc.estimators.models import AnchorReading, fixed
 from cooploc.estimators.tunable import tunable
-
-At = Mapping[int, Array]  # a Jacobian (t, k, d) by robot
 
 
 class State(NamedTuple):
-    """What the robots remember; axis 1 is the robot that keeps it."""
+    """The memory of the robots; axis 1 is the robot that keeps it."""
 
     x: Array  # (t, n, d)
     P: Array  # (t, n, d, d)
@@ -58,16 +41,7 @@ class State(NamedTuple):
     world: World
 
 
-class Change(NamedTuple):
-    """What one reading changes in each robot's memory."""
-
-    dx: Array  # (t, n, d)
-    dP: Array  # (t, n, d, d)
-    runaway: Mask  # (t, n)
-    subtract: Callable[[Mask], None]  # dPi from the Pi of those robots (t, n)
-
-
-@shared.explain
+@kalman.explain
 @dataclass(frozen=True)
 class EkfInterim:
     """Decentralised joint EKF, exact while no message is lost."""
@@ -77,99 +51,73 @@ class EkfInterim:
     consistency: ClassVar[str] = "that of `ekf-joint` until the first message is lost"
     bound: ClassVar[bool] = False
     anchor_reading: AnchorReading = "doa"
-    gate: float = tunable(shared.GATE, 2.0, 1000.0, log=True)
+    gate: float = tunable(kalman.GATE, 2.0, 1000.0, log=True)
     inflation: float = tunable(1.0, 0.5, 5.0, log=True)
-    engine: shared.EngineName = "batched"
-    reading: shared.RadioReading = "range"
+    engine: kalman.EngineName = "batched"
+    reading: kalman.RadioReading = "range"
 
-    uses = property(shared.team_channels)
+    uses = property(kalman.team_channels)
+    estimate = kalman.estimate_belief
 
     def __post_init__(self) -> None:
-        shared.require_limits(self)
+        kalman.require_limits(self)
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        world = shared.assumed_world(self, world)
+        world = kalman.assume(self, world)
         t, n, d = prior.x.shape
         return State(prior.x, prior.P, np.zeros_like(prior.P) + np.eye(d), np.zeros((t, n, n, d, n, d)), world)
 
     def predict(self, s: State, z: Senses) -> State:
         """P_i' = F_i P_i F_i' + Q_i,  Phi_i' = F_i Phi_i,  Pi' = Pi."""
-        x, P, F = predict_row(self, s.world, s.x, s.P, z)
+        x, P, F = kalman.predict_ekf(self, s.world, s.x, s.P, z)
         return s._replace(x=x, P=P, Phi=F @ s.Phi)
 
     def correct(self, s: State, z: Senses) -> State:
-        """Nothing yet: readings of fixed things update the whole team, which takes messages: see `exchange`."""
+        """Leave all as it is: readings of fixed things update the whole team, which takes messages: see `exchange`."""
         return s
 
     def exchange(self, s: State, z: Senses, air: Mail) -> tuple[State, Traffic]:
-        """Readings of fixed things, then of teammates, one after the other, each with its own messages."""
+        """Use readings of fixed things, then of teammates, one after the other, each with its own messages."""
         d = s.x.shape[-1]
-        sent = no_traffic(s.x)
+        sent = kalman.no_traffic(s.x)
         s = s._replace(x=s.x.copy(), P=s.P.copy(), Pi=s.Pi.copy())  # every reading writes into these
-        if camera := camera_alone(self, s.world):
-            sent = self._update_by_sightings(s, z, air, camera)
-        for sensor, place, reading in () if camera else fixed(s.world, z, self.anchor_reading):
+        if seen := kalman.landmarks_alone(self, s.world, z):
+            made = np.zeros(s.x.shape[:2])
+            sight_decoupled(Decoupled(s.x, s.P, s.Phi, s.Pi), seen, readable(air.heard), made)
+            made = made * (s.world.robots > 1)
+            sent = Traffic(made, made * (8.0 * (1 + 2 * (1 + 2 * d)) + HEADER))
+        for sensor, place, reading in () if seen else fixed(s.world, z, self.anchor_reading):
             for a in np.flatnonzero(~np.isnan(reading).all((0, 2))).tolist():
-                y, H, _ = innovation(sensor, s.x[:, a], place, reading[:, a])
+                y, H, _ = kalman.innovation(sensor, s.x[:, a], place, reading[:, a])
                 used = self._master(s, a, y, {a: H}, sensor.R, air.heard[:, :, a])
-                count(sent, a, used & (s.world.robots > 1), 1 + y.shape[-1] * (1 + 2 * d))
-        for sensor, a, b, reading in pairs(s.world, z, air):
+                kalman.count(sent, a, used & (s.world.robots > 1), 1 + y.shape[-1] * (1 + 2 * d))
+        for sensor, a, b, reading in kalman.pair_readings(s.world, z, air):
             asked, answered = np.asarray(~np.isnan(reading).any(-1)), air.heard[:, b, a]
-            y, H_a, H_b = linearise(sensor, s.x[:, a], s.x[:, b], reading)
+            y, H_a, H_b = kalman.linearise(sensor, s.x[:, a], s.x[:, b], reading)
             y = np.where((answered & air.heard[:, a, b])[:, None], y, np.nan)
             used = self._master(s, a, y, {a: H_a, b: H_b}, sensor.R, air.heard[:, :, a])
-            count(sent, a, asked, 0)
-            count(sent, b, asked & answered, d + d * (d + 1) // 2 + d * d)
-            count(sent, a, used, 2 + y.shape[-1] * (1 + 4 * d))
+            kalman.count(sent, a, asked, 0)
+            kalman.count(sent, b, asked & answered, d + d * (d + 1) // 2 + d * d)
+            kalman.count(sent, a, used, 2 + y.shape[-1] * (1 + 4 * d))
         return s, sent
 
-    def estimate(self, s: State) -> Belief:
-        return Belief(wrap_heading(s.x), s.P)
+    def _master(self, s: State, a: int, y: Array, at: Mapping[int, Array], R: Array, heard: Mask) -> Mask:
+        """Update master a's memory, and that of robots that `heard` it (t, n), by a reading with Jacobians `at` robots.
 
-    def _update_by_sightings(self, s: State, z: Senses, air: Mail, camera: Sighting) -> Traffic:
-        """The updates by all landmarks in one compiled loop, in place, and what their masters sent."""
-        made, seen = np.zeros(s.x.shape[:2]), sightings(s.world, z.landmark, camera, self.gate)
-        update_decoupled(Decoupled(s.x, s.P, s.Phi, s.Pi), seen, readable(air.heard), made)
-        made = made * (s.world.robots > 1)
-        return Traffic(made, made * (8.0 * (1 + 2 * (1 + 2 * s.x.shape[-1])) + HEADER))
-
-    def _master(self, s: State, a: int, y: Array, at: At, R: Array, heard: Mask) -> Mask:
-        """Master a's update, in its memory and in that of the robots that `heard` it (t, n); which trials used it (t,).
-
-        S = R + H P H' over the robots in `at`; then x_i' = x_i + dx_i,  P_i' = P_i - dP_i,  Pi' = Pi - dPi, in place.
+        S = R + H P H'; then x_i' = x_i + dx_i,  P_i' = P_i - dP_i,  Pi' = Pi - dPi, in place. Return which trials used
+        it (t,).
         """
         if self.engine == "filterpy":
-            return self._master_by_filterpy(s, a, y, at, R, heard)
+            return _update_by_filterpy(s, a, y, at, R, heard, self.gate)
         reading = TeamReading(y.copy(), np.stack(list(at.values()), 1), R)
         used: Mask = master(Decoupled(s.x, s.P, s.Phi, s.Pi), a, np.array(list(at)), reading, heard.copy(), self.gate)
         return used
 
-    def _master_by_filterpy(self, s: State, a: int, y: Array, at: At, R: Array, heard: Mask) -> Mask:
-        """The same by filterpy's filter over the team."""
-        cross = {m: _cross(s, a, m, at) for m in at}
-        S = symmetric(np.asarray(R + sum(H @ cross[m] for m, H in at.items())))
-        use = np.asarray(np.stack([present(y, H, S) for H in at.values()]).all(0))
-        use &= definite(np.where(use[:, None, None], S, np.eye(y.shape[-1])))
-        S, y = np.where(use[:, None, None], S, np.eye(y.shape[-1])), np.where(use[:, None], y, 0.0)
-        use &= distance(y, S) <= self.gate
-        change = _by_filterpy(s, a, y, {m: np.where(use[:, None, None], H, 0.0) for m, H in at.items()}, R)
-        sound = definite(s.P - change.dP) & ~change.runaway
-        use &= np.stack([sound[:, m] for m in at]).all(0)
-        takes = use[:, None] & sound & (heard | (np.arange(s.x.shape[1]) == a))
-        change.subtract(takes)
-        s.x[:] += np.where(takes[..., None], change.dx, 0.0)
-        s.P[:] -= np.where(takes[..., None, None], change.dP, 0.0)
-        return use
 
-
-def _cross(s: State, a: int, m: int, at: At) -> Array:
-    """Cov(x_m, reading) = sum_j P_mj H_j' (t, d, k), by master a's copy of Pi."""
-    blocks = {j: s.P[:, m] if j == m else s.Phi[:, m] @ s.Pi[:, a, m, :, j] @ s.Phi[:, j].mT for j in at}
-    return np.asarray(sum(block @ at[j].mT for j, block in blocks.items()))
-
-
-def _by_filterpy(s: State, a: int, y: Array, at: At, R: Array) -> Change:
-    """The same by filterpy's filter over each robot's copy of the team, P_jl = Phi_j Pi_jl Phi_l'."""
+def _update_by_filterpy(
+    s: State, a: int, y: Array, at: Mapping[int, Array], R: Array, heard: Mask, gate: float
+) -> Mask:
+    """`master` by filterpy's filter over each robot's copy of the team, P_jl = Phi_j Pi_jl Phi_l'."""
     t, n, d = s.x.shape
     Pi, Phi = s.Pi.copy(), square(block_diagonal(s.Phi))[:, None]
     for m, j in permutations(at, 2):  # as the master broadcast them
@@ -177,14 +125,20 @@ def _by_filterpy(s: State, a: int, y: Array, at: At, R: Array) -> Change:
     P = Phi @ Pi.reshape(t, n, n * d, n * d) @ Phi.mT
     for j in range(n):
         P[:, :, j * d : j * d + d, j * d : j * d + d] = s.P[:, None, j]
-    y, H = (np.repeat(part[:, None], n, 1) for part in (y, dense(at, n)))
-    dx, P1 = ENGINES["filterpy"].update(np.zeros((t, n, n * d)), P, y, H, R, np.inf)
-    inverse, dP = np.linalg.inv(Phi), P - P1
-    dPi = (inverse @ dP @ inverse.mT).reshape(s.Pi.shape)
-    dx, dP = np.einsum("tiia->tia", dx.reshape(t, n, n, d)), np.einsum("tiiaib->tiab", dP.reshape(s.Pi.shape))
-    runaway = ~(np.einsum("tijaja->tija", dPi) < RUNAWAY**2).all((2, 3))
-
-    def subtract(takes: Mask) -> None:
-        np.subtract(s.Pi, dPi, out=s.Pi, where=takes[(..., *[None] * 4)])
-
-    return Change(dx, dP, runaway, subtract)
+    H, use = dense(at, n), kalman.present(y, dense(at, n), np.broadcast_to(R, (*y.shape, y.shape[-1])))
+    S = np.where(use[:, None, None], kalman.symmetric(H @ P[:, a] @ H.mT + R), np.eye(y.shape[-1]))
+    use &= definite(S)
+    use &= kalman.distance(np.where(use[:, None], y, 0.0), np.where(use[:, None, None], S, np.eye(y.shape[-1]))) <= gate
+    y, H = np.where(use[:, None], y, 0.0), np.where(use[:, None, None], H, 0.0)
+    y, H = (np.repeat(part[:, None], n, 1) for part in (y, H))
+    dx, P1 = kalman.ENGINES["filterpy"].update(np.zeros((t, n, n * d)), P, y, H, R, np.inf)
+    inverse = np.linalg.inv(Phi)
+    dPi = (inverse @ (P - P1) @ inverse.mT).reshape(s.Pi.shape)
+    dx, dP = np.einsum("tiia->tia", dx.reshape(t, n, n, d)), np.einsum("tiiaib->tiab", (P - P1).reshape(s.Pi.shape))
+    sound = definite(s.P - dP) & (np.einsum("tijaja->tija", dPi) < RUNAWAY**2).all((2, 3))
+    use &= np.stack([sound[:, m] for m in at]).all(0)
+    takes = use[:, None] & sound & (heard | (np.arange(n) == a))
+    np.subtract(s.Pi, dPi, out=s.Pi, where=takes[(..., *[None] * 4)])
+    s.x[:] += np.where(takes[..., None], dx, 0.0)
+    s.P[:] -= np.where(takes[..., None, None], dP, 0.0)
+    return use

@@ -1,10 +1,10 @@
 """One extended Kalman filter over the whole team, with every cross-covariance.
 
-The centralised answer: what a team would know if every reading reached one computer at once. No protocol:
-its robots send their readings, 8 bytes each, and a header of 8. All of a tick's relative readings are used together, in
-information form, and re-linearised `iterations` times, so that the result does not depend on their order;
-`update="sequential"` uses one after the other, as the source does. With `second_order` the mean shift and the variance
-of a range's second-order term are included; where priors are wide, fewer robots diverge with it.
+The centralised answer: what a team would know if every reading, 8 bytes and a header of 8, reached one computer at
+once. All of a tick's relative readings are used together, in information form, and re-linearised `iterations` times, so
+that the result does not depend on their order; `update="sequential"` uses one after the other, as the source does. With
+`second_order` the mean shift and the variance of a range's second-order term are included; where priors are wide, fewer
+robots diverge with it.
 
 A Gaussian that a bad linearisation has put in a wrong place refuses the readings that would correct it. With
 `update="batch"`, a robot most of whose recent readings the gate has refused (`lost`) starts again: anywhere in the
@@ -21,47 +21,31 @@ Robots 17, 2004, and A. Martinelli, F. Pont, R. Siegwart, "Multi-robot localizat
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import permutations
 from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 
-from cooploc.estimators import kalman_parameters as shared
+from cooploc.estimators import kalman
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Sensor, Traffic, World
 from cooploc.estimators.joint_gaussian import (
-    add_process_noise,
-    anywhere,
     block_diagonal,
     dense,
-    direction_by_direction,
     distances,
-    drive,
     flat,
     information,
     information_mean,
     information_update,
-    range_by_range,
-    ranges_together,
+    move_blocks,
     readings_of,
-    scalar_by_scalar,
     sparse_update,
-    spread_out,
     square,
     stack_readings,
 )
-from cooploc.estimators.joint_kernels import Ranging, Readings, tally, update_joint
-from cooploc.estimators.kalman import (
-    ENGINES,
-    camera_alone,
-    curvature,
-    innovation,
-    linearise,
-    move,
-    no_traffic,
-    sightings,
-    table,
-)
+from cooploc.estimators.joint_kernels import Ranging, Readings, join_ranges, sight_joint, tally
+from cooploc.estimators.kalman_kernels import Nodes, add_directions, add_ranges, add_scalars
 from cooploc.estimators.models import (
     AnchorReading,
     Bearing,
@@ -88,7 +72,7 @@ class State(NamedTuple):
     refused: Array  # (t, n)  average share of each robot's readings that the gate refused; with update="batch"
 
 
-@shared.explain
+@kalman.explain
 @dataclass(frozen=True)
 class EkfJoint:
     """Centralised EKF over all robots. Plain mode: iterations=1, second_order=False, update="sequential".
@@ -114,10 +98,10 @@ class EkfJoint:
     bound: ClassVar[bool] = False
     centralised: ClassVar[bool] = True
     anchor_reading: AnchorReading = "doa"
-    gate: float = tunable(shared.GATE, 2.0, 1000.0, log=True)
+    gate: float = tunable(kalman.GATE, 2.0, 1000.0, log=True)
     inflation: float = tunable(1.0, 0.5, 5.0, log=True)
-    engine: shared.EngineName = "batched"
-    reading: shared.RadioReading = "range"
+    engine: kalman.EngineName = "batched"
+    reading: kalman.RadioReading = "range"
     sighting: Literal["both", "range", "bearing", "none"] = "both"
     orientation: bool = False
     absent_odometry: Literal["still", "random"] = "still"
@@ -131,42 +115,46 @@ class EkfJoint:
 
     @property
     def uses(self) -> tuple[str, ...]:
-        """The channels, in order of preference."""
-        used = shared.team_channels(self)[: -1 if self.sighting == "none" else None]
+        """Return the channels, in order of preference."""
+        used = kalman.team_channels(self)[: -1 if self.sighting == "none" else None]
         return (*used, "orientation") if self.orientation else used
 
     def __post_init__(self) -> None:
-        shared.require_limits(
+        kalman.require_limits(
             self, iterations=(1, 1000), lost=(0, 1), speed=(0, 1000), turn_rate=(0, 1000), hold=(0, 1000)
         )
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        world = shared.assumed_world(self, world)
+        world = kalman.assume(self, world)
         return State(prior.x, block_diagonal(prior.P), world, np.zeros(prior.x.shape[:2]))
 
     def predict(self, s: State, z: Senses) -> State:
         """P_ij' = F_i P_ij F_j',  P_ii' = F_i P_ii F_i' + Q_i."""
         x, F, Q = self._move_team(s.world, s.x, z)
         if self.engine == "batched":
-            still = isinstance(s.world.motion, Displacement)
-            return _with(s, x, add_process_noise(square(s.P), Q) if still else drive(square(s.P), F, Q))
-        joint = ENGINES[self.engine].predict(flat(x), square(s.P), square(block_diagonal(F)), square(block_diagonal(Q)))
-        return s._replace(x=x, P=joint[1].reshape(s.P.shape))
+            if not isinstance(s.world.motion, Displacement):
+                return _with(s, x, move_blocks(square(s.P), F, Q))
+            P = s.P.copy()  # F = I
+            np.einsum("tiaib->tiab", P)[...] += Q
+            return s._replace(x=x, P=P)
+        P = kalman.ENGINES[self.engine].predict(square(s.P), square(block_diagonal(F)), square(block_diagonal(Q)))
+        return _with(s, x, P)
 
     def correct(self, s: State, z: Senses) -> State:
-        camera = camera_alone(self, s.world)
-        if camera and self.update == "batch" and camera.sigma_range and camera.sigma_bearing:
+        if self.update == "batch" and (seen := kalman.landmarks_alone(self, s.world, z)):
             x, P, refused = s.x.copy(), square(s.P.copy()), s.refused.copy()
-            update_joint(x, P, refused, sightings(s.world, z.landmark, camera, self.gate), FORGET)
+            sight_joint(x, P, refused, seen, FORGET)
             return _with(s, x, P)._replace(refused=refused)
         for sensor, place, reading in fixed(s.world, z, self.anchor_reading):
             if self.update == "batch":
-                s = self._fixed_together(s, sensor, place, reading)
+                s = self._update_by_fixed(s, sensor, place, reading)
             elif self.engine == "batched" and isinstance(sensor, GradientDoa):
-                s = _with(s, *direction_by_direction(s.x, square(s.P), reading[..., 0], sensor, self.gate))
+                x, P = s.x.copy(), square(s.P.copy())
+                add_directions(x, P, reading[..., 0], _nodes_of(sensor), self.gate)
+                s = _with(s, x, P)
             else:
                 for i in np.flatnonzero(~np.isnan(reading).all((0, 2))).tolist():
-                    y, H, _ = innovation(sensor, s.x[:, i], place, reading[:, i])
+                    y, H, _ = kalman.innovation(sensor, s.x[:, i], place, reading[:, i])
                     s = self._update(s, y, {i: H}, sensor.R)
         return s
 
@@ -177,17 +165,17 @@ class EkfJoint:
             s = self._restart(s)
         else:
             s = self._one_by_one(s, z, air)
-        return s, no_traffic(s.x)
+        return s, kalman.no_traffic(s.x)
 
     def estimate(self, s: State) -> Belief:
         return Belief(wrap_heading(s.x), np.ascontiguousarray(s.P.diagonal(axis1=1, axis2=3).transpose(0, 3, 1, 2)))
 
     def _move_team(self, world: World, x: Array, z: Senses) -> tuple[Array, Array, Array]:
-        """x', F, Q of states x (t, n, d).
+        """Return x', F, Q of states x (t, n, d).
 
         At random x' = x, F = I, Q = diag(speed^2, speed^2, turn_rate^2) hold dt, as the steps of a random walk.
         """
-        x_moved, F, Q = move(world.motion, x, z)
+        x_moved, F, Q = kalman.move(world.motion, x, z)
         if self.absent_odometry == "random":
             blind = np.asarray(np.isnan(z.odometry).any(-1))[..., None, None]
             anyhow = np.diag([self.speed**2, self.speed**2, self.turn_rate**2][: x.shape[-1]])
@@ -195,39 +183,44 @@ class EkfJoint:
         return x_moved, F, Q
 
     def _team_readings(self, world: World, z: Senses, air: Mail) -> Iterator[tuple[Sensor, Array]]:
-        """Those readings of teammates that are used, by sensor: (t, receiver, sender, k), as `table` gives them."""
-        yield from table(*_used_part(self.sighting, world, z), air)
+        """Yield the readings of teammates that are used, (t, receiver, sender, k) by sensor."""
+        yield from kalman.reading_tables(*_select_part(self.sighting, world, z), air)
         if self.orientation and not np.isnan(readings := z.extra["orientation"]).all():
             yield world.sensors["orientation"], readings
 
-    def _fixed_together(self, s: State, sensor: Sensor, place: Array, reading: Array) -> State:
-        """Every robot's reading (t, n, k) of one fixed thing, linearised and gated before any of them is used."""
-        y, H, _ = innovation(sensor, s.x, place, reading)
+    def _update_by_fixed(self, s: State, sensor: Sensor, place: Array, reading: Array) -> State:
+        """Update by every robot's reading (t, n, k) of one fixed thing, linearised and gated before any is used."""
+        y, H, _ = kalman.innovation(sensor, s.x, place, reading)
         readings = readings_of(y[:, :, None], H[:, :, None], np.zeros_like(H)[:, :, None], sensor.R)
         d2 = distances(square(s.P), readings)
         use = d2 <= self.gate
         if self.engine == "batched" and np.count_nonzero(sensor.R) == len(sensor.R):  # it is diagonal
-            after = _with(s, *scalar_by_scalar(s.x, square(s.P), use[:, :, 0], y, H, sensor.R))
+            x, P = s.x.copy(), square(s.P.copy())
+            add_scalars(x, P, use[:, :, 0], y, H, sensor.R.diagonal().copy())
+            after = _with(s, x, P)
         else:
             after = self._add(s, use, readings)
         return _tally_distances(after, d2, self.gate, False)
 
     def _update_together(self, s: State, sensor: Sensor, readings: Array) -> State:
-        """Gauss-Newton on all readings (t, n, n, k): P' = (P^-1 + H'R^-1 H)^-1,  x' = x + P' H'R^-1 (y + H (x^ - x)).
+        """Use all readings (t, n, n, k) at once: P' = (P^-1 + H'R^-1 H)^-1,  x' = x + P' H'R^-1 (y + H (x^ - x)).
 
         Each reading is gated alone, against the belief before all of them.
         """
         if self.engine == "batched" and isinstance(sensor, Range):
             how = Ranging(sensor.R.item(), self.gate, self.second_order, self.iterations)
-            x, P, d2 = ranges_together(s.x, square(s.P), readings[..., 0], how)
+            x, P, d2 = s.x.copy(), square(s.P.copy()), np.full(readings.shape[:-1], np.nan)
+            join_ranges(x, P, readings[..., 0], how, d2)
             return _tally_distances(_with(s, x, P), d2, self.gate, True)
         shift, extra = np.zeros(1), np.zeros((1, 1))
         if self.second_order and hasattr(sensor, "curvature"):
-            D = spread_out(square(s.P), s.x.shape[-1])
-            shift, extra = curvature(sensor, s.x[:, :, None], s.x[:, None], D)
+            blocks = s.P[:, :, :2, :, :2].swapaxes(2, 3)  # (t, n, n, 2, 2)
+            own = np.einsum("tiiab->tiab", blocks)
+            D = own[:, :, None] + own[:, None] - blocks - blocks.swapaxes(1, 2)  # of every difference of two positions
+            shift, extra = kalman.curvature(sensor, s.x[:, :, None], s.x[:, None], D)
         R, at = sensor.R + extra, s
         for k in range(self.iterations):
-            y, H_i, H_j = linearise(sensor, at.x[:, :, None], at.x[:, None], readings)
+            y, H_i, H_j = kalman.linearise(sensor, at.x[:, :, None], at.x[:, None], readings)
             y = y - shift
             if k > 0:
                 back = (at.x - s.x)[..., None]
@@ -239,20 +232,26 @@ class EkfJoint:
         return _tally_distances(at, d2, self.gate, True)
 
     def _restart(self, s: State) -> State:
-        """The most refused robot of a trial, if lost, may be anywhere in the arena."""
+        """Restart the most refused robot of a trial, if lost, anywhere in the arena, uncorrelated."""
         lost = s.refused > self.lost
         if not lost.any():
             return s
         lost &= np.arange(s.world.robots) == s.refused.argmax(1)[:, None]
-        x, P = anywhere(s.x, s.P, lost, s.world.arena)
+        (low, high), d = s.world.arena, s.x.shape[-1]
+        x = np.where(lost[..., None] & (np.arange(d) < 2), np.append((low + high) / 2, 0.0)[:d], s.x)
+        uniform = np.diag(np.append((high - low) ** 2 / 12, np.pi**2 / 3)[:d])
+        P = np.where(lost[:, :, None, None, None] | lost[:, None, None, :, None], 0.0, s.P)
+        P = P + block_diagonal(np.where(lost[..., None, None], uniform, 0.0))
         return s._replace(x=x, P=P, refused=np.where(lost, 0.0, s.refused))
 
     def _one_by_one(self, s: State, z: Senses, air: Mail) -> State:
-        """Readings of teammates sender by sender, each linearised at what the last one left."""
+        """Update by readings of teammates sender by sender, each linearised at what the last one left."""
         plain = self.iterations == 1 and not self.second_order and self.engine == "batched"
         for sensor, readings in self._team_readings(s.world, z, air):
             if plain and isinstance(sensor, Range):
-                s = _with(s, *range_by_range(s.x, square(s.P), readings[..., 0], sensor.R, self.gate))
+                x, P = s.x.copy(), square(s.P.copy())
+                add_ranges(x, P, readings[..., 0], sensor.R.item(), self.gate)
+                s = _with(s, x, P)
                 continue
             for j, i in permutations(range(s.world.robots), 2):
                 if not np.isnan(readings[:, i, j]).all():
@@ -265,10 +264,10 @@ class EkfJoint:
         if self.second_order:
             P = s.P[:, :, :2, :, :2]
             D = P[:, i, :, i] + P[:, j, :, j] - P[:, i, :, j] - P[:, j, :, i]
-            shift, extra = curvature(sensor, s.x[:, i], s.x[:, j], D)
+            shift, extra = kalman.curvature(sensor, s.x[:, i], s.x[:, j], D)
         at = s
         for _ in range(self.iterations):
-            y, H_i, H_j = linearise(sensor, at.x[:, i], at.x[:, j], reading)
+            y, H_i, H_j = kalman.linearise(sensor, at.x[:, i], at.x[:, j], reading)
             back = at.x - s.x
             y = y - shift + (H_i @ back[:, i, :, None] + H_j @ back[:, j, :, None])[..., 0]
             at = self._update(s, y, {i: H_i, j: H_j}, sensor.R + extra)
@@ -287,7 +286,7 @@ class EkfJoint:
             P = information_update(P, Lambda)
             x = flat(s.x) + (P @ eta[..., None])[..., 0]
         else:
-            x, P = ENGINES[self.engine].update(flat(s.x), P, *stack_readings(use, readings), np.inf)
+            x, P = kalman.ENGINES[self.engine].update(flat(s.x), P, *stack_readings(use, readings), np.inf)
         return _with(s, x, P)
 
     def _update(self, s: State, y: Array, at: Mapping[int, Array], R: Array) -> State:
@@ -296,12 +295,12 @@ class EkfJoint:
         if self.engine == "batched":
             x, P, _ = sparse_update(s.x, P, y, at, R, self.gate)
         else:
-            x, P = ENGINES[self.engine].update(flat(s.x), P, y, dense(at, s.world.robots), R, self.gate)
+            x, P = kalman.ENGINES[self.engine].update(flat(s.x), P, y, dense(at, s.world.robots), R, self.gate)
         return _with(s, x, P)
 
 
-def _used_part(sighting: str, world: World, z: Senses) -> tuple[World, Senses]:
-    """Of each sighting the part that is used, with a sensor that reads it alone."""
+def _select_part(sighting: str, world: World, z: Senses) -> tuple[World, Senses]:
+    """Return the world and the readings with the part of each sighting that is used."""
     camera = world.sensors.get("sighting")
     if camera is None or sighting == "both":
         return world, z
@@ -318,6 +317,11 @@ def _with(s: State, x: Array, P: Array) -> State:
 
 
 def _tally_distances(s: State, d2: Array, gate: float, between: bool) -> State:
-    """The average with one more share: of each robot's readings (t, n, m), those that the gate refused."""
+    """Count the readings (t, n, m) that the gate refused into each robot's average."""
     tally(d2, gate, between, FORGET, refused := s.refused.copy())
     return s._replace(refused=refused)
+
+
+@lru_cache(maxsize=64)
+def _nodes_of(doa: GradientDoa) -> Nodes:
+    return Nodes(doa.anchors, doa.gradient(np.eye(4)), float(5 * doa.rssi.eta / np.log(10)), doa.R.item())

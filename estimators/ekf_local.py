@@ -8,15 +8,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from cooploc.estimators import kalman_parameters as shared
+from cooploc.estimators import kalman
 from cooploc.estimators.dead_reckoning import State
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
-from cooploc.estimators.kalman import correct_own, own_belief, predict_own
 from cooploc.estimators.models import AnchorReading
 from cooploc.estimators.tunable import tunable
 
 
-@shared.explain
+@kalman.explain
 @dataclass(frozen=True)
 class EkfLocal:
     """EKF on odometry and anchors or landmarks; sends nothing."""
@@ -25,21 +24,20 @@ class EkfLocal:
     sends: ClassVar[str] = "nothing"
     consistency: ClassVar[str] = "consistent up to linearisation"
     anchor_reading: AnchorReading = "doa"
-    gate: float = tunable(shared.GATE, 2.0, 1000.0, log=True)
+    gate: float = tunable(kalman.GATE, 2.0, 1000.0, log=True)
     inflation: float = tunable(1.0, 0.5, 5.0, log=True)
-    engine: shared.EngineName = "batched"
+    engine: kalman.EngineName = "batched"
 
-    uses = property(shared.own_channels)
+    uses = property(kalman.own_channels)
+    predict = kalman.predict_belief
+    correct = kalman.correct_belief
+    estimate = kalman.estimate_belief
 
     def __post_init__(self) -> None:
-        shared.require_limits(self)
+        kalman.require_limits(self)
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        return State(prior.x, prior.P, shared.assumed_world(self, world))
-
-    predict = predict_own
-    correct = correct_own
-    estimate = own_belief
+        return State(prior.x, prior.P, kalman.assume(self, world))
 
     def send(self, s: State, z: Senses) -> Array:
         return np.empty((len(s.x), 0))

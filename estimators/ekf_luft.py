@@ -7,7 +7,7 @@ all others approximately, as if its new belief came from a reading of its own.
 Sent, in numbers of 8 bytes and with a header of 8: request 0; reply x_j, P_j, sigma_ji, d + d(d+1)/2 + d^2; result
 x_j', P_j', d + d(d+1)/2. If the link fails in either direction, the reading is lost. Added by us: a gate; and the
 implied joint of two robots, which the approximation can make indefinite, has its correlation cut to `LIMIT`.
-engine="filterpy" moves every robot and updates every pair by filterpy's filter. CoLo calls this filter LS-BDA.
+CoLo calls this filter LS-BDA.
 
 Source: L. Luft, T. Schubert, S. Roumeliotis, W. Burgard, "Recursive decentralized localization for multi-robot systems
 with asynchronous pairwise communication", IJRR 37(10), 2018.
@@ -18,16 +18,15 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from cooploc.estimators import kalman_parameters as shared
+from cooploc.estimators import kalman
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Traffic, World
 from cooploc.estimators.joint_kernels import LIMIT, Factored, PairUpdate, meet
-from cooploc.estimators.kalman import ENGINES, Update, correct_row, count, linearise, no_traffic, pairs, predict_row
-from cooploc.estimators.models import AnchorReading, wrap_heading
+from cooploc.estimators.models import AnchorReading
 from cooploc.estimators.tunable import tunable
 
 
 class State(NamedTuple):
-    """What the robots remember; axis 1 is the robot that keeps it."""
+    """The memory of the robots; axis 1 is the robot that keeps it."""
 
     x: Array  # (t, n, d)
     P: Array  # (t, n, d, d)
@@ -35,7 +34,7 @@ class State(NamedTuple):
     world: World
 
 
-@shared.explain
+@kalman.explain
 @dataclass(frozen=True)
 class EkfLuft:
     """Decentralised EKF with pairwise communication and factored cross terms."""
@@ -45,62 +44,62 @@ class EkfLuft:
     consistency: ClassVar[str] = "approximate: correlations with third robots are guessed"
     bound: ClassVar[bool] = False
     anchor_reading: AnchorReading = "doa"
-    gate: float = tunable(shared.GATE, 2.0, 1000.0, log=True)
+    gate: float = tunable(kalman.GATE, 2.0, 1000.0, log=True)
     inflation: float = tunable(1.0, 0.5, 5.0, log=True)
-    engine: shared.EngineName = "batched"
-    reading: shared.RadioReading = "range"
+    engine: kalman.EngineName = "batched"
+    reading: kalman.RadioReading = "range"
 
-    uses = property(shared.team_channels)
+    uses = property(kalman.team_channels)
+    estimate = kalman.estimate_belief
 
     def __post_init__(self) -> None:
-        shared.require_limits(self)
+        kalman.require_limits(self)
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        world = shared.assumed_world(self, world)
+        world = kalman.assume(self, world)
         t, n, d = prior.x.shape
         return State(prior.x, prior.P, np.zeros((t, n, n, d, d)), world)
 
     def predict(self, s: State, z: Senses) -> State:
         """P_i' = F_i P_i F_i' + Q_i,  sigma_ij' = F_i sigma_ij."""
-        x, P, F = predict_row(self, s.world, s.x, s.P, z)
+        x, P, F = kalman.predict_ekf(self, s.world, s.x, s.P, z)
         return s._replace(x=x, P=P, sigma=F[:, :, None] @ s.sigma)
 
     def correct(self, s: State, z: Senses) -> State:
         """Private update: the EKF's, then sigma_ij' = (I - K H) sigma_ij = P_i' P_i^-1 sigma_ij."""
-        x, P = correct_row(self, s.world, s.x, s.P, z)
+        x, P = kalman.correct_ekf(self, s.world, s.x, s.P, z)
         if (P == s.P).all():
             return s
         return s._replace(x=x, P=P, sigma=_carry_factors(s.P, P)[:, :, None] @ s.sigma)
 
     def exchange(self, s: State, z: Senses, air: Mail) -> tuple[State, Traffic]:
         d = s.x.shape[-1]
-        sent, belief = no_traffic(s.x), d + d * (d + 1) // 2
+        sent, belief = kalman.no_traffic(s.x), d + d * (d + 1) // 2
         s = s._replace(x=s.x.copy(), P=s.P.copy(), sigma=s.sigma.copy())  # every meeting writes into these
-        for sensor, i, j, reading in pairs(s.world, z, air):
+        for sensor, i, j, reading in kalman.pair_readings(s.world, z, air):
             asked = np.asarray(~np.isnan(reading).any(-1))
             answered = asked & air.heard[:, j, i]
             heard = np.where((answered & air.heard[:, i, j])[:, None], reading, np.nan)
-            used = self._meet(s, i, j, *linearise(sensor, s.x[:, i], s.x[:, j], heard), sensor.R)
-            count(sent, i, asked, 0)
-            count(sent, j, answered, belief + d * d)
-            count(sent, i, used, belief)
+            used = self._meet(s, i, j, *kalman.linearise(sensor, s.x[:, i], s.x[:, j], heard), sensor.R)
+            kalman.count(sent, i, asked, 0)
+            kalman.count(sent, j, answered, belief + d * d)
+            kalman.count(sent, i, used, belief)
         return s, sent
 
-    def estimate(self, s: State) -> Belief:
-        return Belief(wrap_heading(s.x), s.P)
-
     def _meet(self, s: State, i: int, j: int, y: Array, H_i: Array, H_j: Array, R: Array) -> Mask:
-        """A meeting in place, and which trials used it (t,)."""
+        """Update robots i and j in place by i's reading of j; return which trials used it (t,)."""
         if self.engine == "filterpy":
-            return met(s, i, j, y, H_i, H_j, R, self.gate, ENGINES["filterpy"].update)
+            return update_pair(s, i, j, y, H_i, H_j, R, self.gate, kalman.ENGINES["filterpy"].update)
         reading = (np.ascontiguousarray(part) for part in (y, np.concatenate([H_i, H_j], -1), R))
         return np.asarray(meet(Factored(s.x, s.P, s.sigma), (i, j), PairUpdate(*reading), self.gate))
 
 
-def met(s: State, i: int, j: int, y: Array, H_i: Array, H_j: Array, R: Array, gate: float, update: Update) -> Mask:
+def update_pair(
+    s: State, i: int, j: int, y: Array, H_i: Array, H_j: Array, R: Array, gate: float, update: kalman.Update
+) -> Mask:
     """Joint update of (x_i, x_j); sigma_ij' = P_ij', sigma_ji' = I; else sigma_ik' = P_i' P_i^-1 sigma_ik.
 
-    In place; `meet` is the same in a compiled loop. Says which trials used it (t,).
+    In place; `meet` is the same in a compiled loop. Return which trials used it (t,).
     """
     d = s.x.shape[-1]
     P_ij = _possible(s.P[:, i], s.P[:, j], s.sigma[:, i, j] @ s.sigma[:, j, i].mT)
@@ -115,13 +114,13 @@ def met(s: State, i: int, j: int, y: Array, H_i: Array, H_j: Array, R: Array, ga
 
 
 def _carry_factors(P: Array, P1: Array) -> Array:
-    """P' P^-1, the identity where nothing changed."""
+    """Return P' P^-1, the identity where nothing changed."""
     same = np.asarray((P == P1).all((-2, -1)))
     return np.where(same[..., None, None], np.eye(P.shape[-1]), np.linalg.solve(P, P1).mT)
 
 
 def _possible(A: Array, B: Array, C: Array) -> Array:
-    """The cross term C (t, d, d) of covariances A and B, its canonical correlations cut to `LIMIT`."""
+    """Return the cross term C (t, d, d) of covariances A and B, its canonical correlations cut to `LIMIT`."""
     a, b = np.linalg.cholesky(A), np.linalg.cholesky(B)
     u, correlation, v = np.linalg.svd(np.linalg.solve(a, np.linalg.solve(b, C.mT).mT))
     cut = a @ (u * np.minimum(correlation, LIMIT)[..., None, :]) @ v @ b.mT

@@ -1,8 +1,7 @@
 """Cooperative EKF that ignores cross-covariances: it treats every received belief as independent of its own.
 
 It is not: what two robots learned from each other comes back as if it were new, so the covariance falls without reason.
-Covariance intersection, and the filters that keep cross terms, exist to avoid this mistake. What is sent:
-`kalman.py`.
+Covariance intersection, and the filters that keep cross terms, exist to avoid this mistake.
 
 Source: S. Roumeliotis, G. Bekey, "Distributed multirobot localization", IEEE T-RA 18(5), 2002, with P_ij = 0 always;
 A. Howard, M. Mataric, G. Sukhatme, "Putting the 'I' in 'team'", ICRA 2003, on such circular reasoning.
@@ -11,22 +10,13 @@ A. Howard, M. Mataric, G. Sukhatme, "Putting the 'I' in 'team'", ICRA 2003, on s
 from dataclasses import dataclass
 from typing import ClassVar
 
-from cooploc.estimators import kalman_parameters as shared
+from cooploc.estimators import kalman
 from cooploc.estimators.interface import Array
-from cooploc.estimators.kalman import (
-    ENGINES,
-    broadcast,
-    correct_own,
-    fuse_broadcasts,
-    own_belief,
-    predict_own,
-    start_broadcasting,
-)
 from cooploc.estimators.models import AnchorReading
 from cooploc.estimators.tunable import tunable
 
 
-@shared.explain
+@kalman.explain
 @dataclass(frozen=True)
 class EkfNaive:
     """EKF on own readings and on received beliefs, which it treats as independent."""
@@ -35,24 +25,23 @@ class EkfNaive:
     sends: ClassVar[str] = "mean, covariance, sightings"
     consistency: ClassVar[str] = "over-confident: counts shared beliefs again and again"
     anchor_reading: AnchorReading = "doa"
-    gate: float = tunable(shared.GATE, 2.0, 1000.0, log=True)
+    gate: float = tunable(kalman.GATE, 2.0, 1000.0, log=True)
     inflation: float = tunable(1.0, 0.5, 5.0, log=True)
-    engine: shared.EngineName = "batched"
-    reading: shared.RadioReading = "range"
+    engine: kalman.EngineName = "batched"
+    reading: kalman.RadioReading = "range"
     both: bool = True
 
-    uses = property(shared.team_channels)
+    uses = property(kalman.team_channels)
+    init = kalman.start_broadcasting
+    predict = kalman.predict_belief
+    correct = kalman.correct_belief
+    send = kalman.broadcast
+    fuse = kalman.fuse_broadcasts
+    estimate = kalman.estimate_belief
 
     def __post_init__(self) -> None:
-        shared.require_limits(self)
-
-    init = start_broadcasting
-    predict = predict_own
-    correct = correct_own
-    send = broadcast
-    fuse = fuse_broadcasts
-    estimate = own_belief
+        kalman.require_limits(self)
 
     def combine(self, x: Array, P: Array, y: Array, H: Array, N: Array) -> tuple[Array, Array]:
         """S = H P H' + N: the sender's uncertainty counts as noise, independent of the robot's own."""
-        return ENGINES[self.engine].update(x, P, y, H, N, self.gate)
+        return kalman.ENGINES[self.engine].update(x, P, y, H, N, self.gate)

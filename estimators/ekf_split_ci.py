@@ -1,4 +1,4 @@
-"""Split covariance intersection: what may be correlated is inflated, what is known to be independent is not.
+"""Split covariance intersection: only the part of a covariance that may be correlated is inflated.
 
 A covariance is P = Pd + Pi. Own odometry and own readings feed Pi; covariance intersection with the weight w acts on Pd
 alone, so that no unknown correlation between the dependent parts can make the result over-confident. The weight
@@ -13,8 +13,6 @@ but its sender also keeps that part as independent, and with independent priors 
 filter *is* ekf-naive. "received", none of it; still somewhat over-confident, because the sender goes on treating what
 it sent as independent. "conservative", what its sender has never sent before; a robot treats what it sent as dependent.
 
-engine="filterpy" computes each move of Pi and each gain by filterpy; the split of P' into its parts is the same code.
-
 Source: H. Li, F. Nashashibi, "Cooperative multi-vehicle localization using split covariance intersection filter", IEEE
 Intelligent Transportation Systems Magazine 5(2), 2013. Pd is updated in Joseph's form, because Pd = P - Pi would not
 stay definite.
@@ -25,27 +23,14 @@ from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 
-from cooploc.estimators import joint_kernels
-from cooploc.estimators import kalman_parameters as shared
-from cooploc.estimators.compiled import readable
+from cooploc.estimators import joint_kernels, kalman
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, World
-from cooploc.estimators.kalman import (
-    ENGINES,
-    Message,
-    PairReading,
-    camera_alone,
-    innovation,
-    predict_row,
-    receive,
-    sightings,
-    symmetric,
-)
 from cooploc.estimators.models import AnchorReading, fixed, wrap_heading
 from cooploc.estimators.tunable import tunable
 
 
 class State(NamedTuple):
-    """What one robot remembers."""
+    """The memory of one robot."""
 
     x: Array  # (r, d)
     Pd: Array  # (r, d, d)  the part of P that may be correlated with teammates
@@ -54,7 +39,7 @@ class State(NamedTuple):
     world: World
 
 
-@shared.explain
+@kalman.explain
 @dataclass(frozen=True)
 class EkfSplitCi:
     """EKF on own readings, split covariance intersection with received beliefs.
@@ -69,48 +54,47 @@ class EkfSplitCi:
     sends: ClassVar[str] = "mean, both covariances, sightings"
     consistency: ClassVar[str] = "between naive and CI; `form=conservative` is conservative"
     anchor_reading: AnchorReading = "doa"
-    gate: float = tunable(shared.GATE, 2.0, 1000.0, log=True)
+    gate: float = tunable(kalman.GATE, 2.0, 1000.0, log=True)
     inflation: float = tunable(1.0, 0.5, 5.0, log=True)
-    engine: shared.EngineName = "batched"
-    reading: shared.RadioReading = "range"
+    engine: kalman.EngineName = "batched"
+    reading: kalman.RadioReading = "range"
     form: Literal["literal", "received", "conservative"] = "received"
     both: bool = True
 
-    uses = property(shared.team_channels)
+    uses = property(kalman.team_channels)
 
     def __post_init__(self) -> None:
-        shared.require_limits(self)
+        kalman.require_limits(self)
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        world = shared.assumed_world(self, world)
+        world = kalman.assume(self, world)
         return State(prior.x, np.zeros_like(prior.P), prior.P, rows.robot, world)
 
     def predict(self, s: State, z: Senses) -> State:
         """Pd' = F Pd F',  Pi' = F Pi F' + Q."""
-        x, Pi, F = predict_row(self, s.world, s.x, s.Pi, z)
-        return s._replace(x=x, Pd=symmetric(F @ s.Pd @ F.mT), Pi=Pi)
+        x, Pi, F = kalman.predict_ekf(self, s.world, s.x, s.Pi, z)
+        return s._replace(x=x, Pd=kalman.symmetric(F @ s.Pd @ F.mT), Pi=Pi)
 
     def correct(self, s: State, z: Senses) -> State:
         """Kalman update by an independent reading: Pd' = (I - K H) Pd (I - K H)', the rest of P' is Pi'."""
-        if camera := camera_alone(self, s.world):
+        if seen := kalman.landmarks_alone(self, s.world, z):
             x, Pd, Pi = s.x.copy(), s.Pd.copy(), s.Pi.copy()
-            seen = sightings(s.world, z.landmark[None], camera, self.gate)
-            joint_kernels.update_split(x[None], Pd[None], Pi[None], seen)
+            joint_kernels.sight_split(x, Pd, Pi, seen)
             return s._replace(x=x, Pd=Pd, Pi=Pi)
         for sensor, place, reading in fixed(s.world, z, self.anchor_reading):
-            y, H, _ = innovation(sensor, s.x, place, reading)
+            y, H, _ = kalman.innovation(sensor, s.x, place, reading)
             nothing = np.zeros((*y.shape, y.shape[-1]))
-            s, _ = self._update(s, y, H, nothing, sensor.R + nothing, np.ones(len(s.x)))
+            s, _ = self._update(s, y, H, nothing, sensor.R + nothing, own=True)
         return s
 
     def send(self, s: State, z: Senses) -> Array:
-        """The belief before this tick's fusion, and the sightings."""
-        return Message(s.x, (s.Pd, s.Pi), z.sighting if self.both else z.sighting[:, :0]).pack()
+        """Return the belief before this tick's fusion, and the sightings."""
+        return kalman.Message(s.x, (s.Pd, s.Pi), z.sighting if self.both else z.sighting[:, :0]).pack()
 
     def fuse(self, s: State, z: Senses, mail: Mail) -> State:
         known = np.zeros(mail.heard.shape, bool)  # senders whose independent part this robot has used by now
-        sent = Message.unpack(mail.packets, s.x.shape[-1], parts=2)
-        for pair in receive(s.world, z, mail, sent.sightings, s.robot):
+        sent = kalman.Message.unpack(mail.packets, s.x.shape[-1], parts=2)
+        for pair in kalman.receive(s.world, z, mail, sent.sightings, s.robot):
             s, used = self._cooperate(s, pair, sent, known[:, pair.sender])
             known[:, pair.sender] |= used
         if self.form == "conservative" and s.world.robots > 1:  # the broadcast contained the independent part
@@ -120,7 +104,7 @@ class EkfSplitCi:
     def estimate(self, s: State) -> Belief:
         return Belief(wrap_heading(s.x), s.Pd + s.Pi)
 
-    def _cooperate(self, s: State, pair: PairReading, sent: Message, known: Mask) -> tuple[State, Mask]:
+    def _cooperate(self, s: State, pair: kalman.PairReading, sent: kalman.Message, known: Mask) -> tuple[State, Mask]:
         """Update by a reading between the robot and a sender, whose split covariance makes the reading's noise."""
         x_j, Pd_j, Pi_j = (part[:, pair.sender] for part in (sent.x, *sent.P))
         if self.form == "conservative":
@@ -128,35 +112,30 @@ class EkfSplitCi:
             Pd_j, Pi_j = np.where(again, Pd_j + Pi_j, Pd_j), np.where(again, 0.0, Pi_j)
         y, H, H_j = pair.linearise(s.x, x_j)
         Rd, Ri = H_j @ Pd_j @ H_j.mT, H_j @ Pi_j @ H_j.mT + pair.sensor.R
+        return self._update(s, y, H, Rd, Ri)
+
+    def _update(self, s: State, y: Array, H: Array, Rd: Array, Ri: Array, own: bool = False) -> tuple[State, Mask]:
+        """P1 = Pd / w + Pi,  R = Rd / (1 - w) + Ri,  K = P1 H' (H P1 H' + R)^-1 = P' H' R^-1,  x' = x + K y.
+
+        Pd' = (I - K H) Pd / w (I - K H)' + K Rd / (1 - w) K',  Pi' = (I - K H) Pi (I - K H)' + K Ri K'. In all forms
+        but the literal, K Ri K' of a received estimate goes to Pd'. An `own` reading has w = 1. Also return which rows
+        used it.
+        """
+        keep, reading = own or self.form == "literal", tuple(map(np.ascontiguousarray, (y, H, Rd, Ri)))
         if self.engine == "batched":
             x, Pd, Pi, used = s.x.copy(), s.Pd.copy(), s.Pi.copy(), np.empty(len(y), bool)
-            joint_kernels.cooperate(x, Pd, Pi, (y, H, Rd, Ri), self.gate, self.form == "literal", used)
+            joint_kernels.update_split(x, Pd, Pi, reading, own, self.gate, keep, used)
             return s._replace(x=x, Pd=Pd, Pi=Pi), used
-        there = np.asarray(~(np.isnan(y).any(-1) | np.isnan(Rd).any((1, 2))))
-        y, H, Rd = (np.where(there.reshape(-1, *[1] * (a.ndim - 1)), a, 0.0) for a in (y, H, Rd))
-        Ri = np.where(there[:, None, None], Ri, np.eye(y.shape[-1]))
-        w, helps = np.empty(len(y)), np.empty(len(y), bool)
-        parts = (readable(part) for part in (s.Pd, s.Pi, H, Rd, Ri, there))
-        joint_kernels.least_trace(*parts, w, helps)
-        return self._update(s, np.where(helps[:, None], y, np.nan), H, Rd, Ri, w, received=True)
-
-    def _update(
-        self, s: State, y: Array, H: Array, Rd: Array, Ri: Array, w: Array, received: bool = False
-    ) -> tuple[State, Mask]:
-        """P1 = Pd / w + Pi,  R = Rd / (1 - w) + Ri,  K = P1 H' (H P1 H' + R)^-1,  x' = x + K y.
-
-        Pd' = (I - K H) Pd / w (I - K H)' + K Rd / (1 - w) K',  Pi' = (I - K H) Pi (I - K H)' + K Ri K'. In all
-        forms but the literal, K Ri K' of a received estimate goes to Pd'. Also says which rows used it.
-        """
-        w = w[:, None, None]
+        w = np.ones(len(y))
+        if not own:
+            joint_kernels.least_trace(s.Pd, s.Pi, reading, w)
+        y, w = np.where(np.isnan(w)[:, None], np.nan, y), np.where(np.isnan(w), 0.5, w)[:, None, None]
         Pd, Rd = s.Pd / w, np.divide(Rd, 1 - w, out=np.zeros_like(Rd), where=w < 1)
-        x, P = ENGINES[self.engine].update(s.x, Pd + s.Pi, y, H, Rd + Ri, self.gate)
-        keep, new_d, new_i, used = (
-            not received or self.form == "literal",
-            s.Pd.copy(),
-            s.Pi.copy(),
-            np.empty(len(x), bool),
-        )
-        parts = (readable(part) for part in (P, Pd, s.Pi, H, Rd, Ri))
-        joint_kernels.split_labels(*parts, keep, new_d, new_i, used)
-        return s._replace(x=x, Pd=new_d, Pi=new_i), used
+        x, P = kalman.ENGINES[self.engine].update(s.x, Pd + s.Pi, y, H, Rd + Ri, self.gate)
+        used = np.asarray((Pd + s.Pi != P).any((1, 2)))
+        K = np.linalg.solve(np.where(used[:, None, None], Rd + Ri, np.eye(y.shape[-1])), H @ P).mT
+        rest, noise = np.eye(x.shape[-1]) - K @ H, K @ Ri @ K.mT
+        Pd = kalman.symmetric(rest @ Pd @ rest.mT + K @ Rd @ K.mT + (0.0 if keep else noise))
+        Pi = kalman.symmetric(rest @ s.Pi @ rest.mT + (noise if keep else 0.0))
+        Pd, Pi = np.where(used[:, None, None], Pd, s.Pd), np.where(used[:, None, None], Pi, s.Pi)
+        return s._replace(x=x, Pd=Pd, Pi=Pi), used

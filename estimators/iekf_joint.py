@@ -21,21 +21,20 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from cooploc.estimators import kalman_parameters as shared
+from cooploc.estimators import kalman
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, Traffic, World
 from cooploc.estimators.joint_gaussian import (
     block_diagonal,
     distances,
-    drive,
     flat,
     information,
     information_update,
+    move_blocks,
     readings_of,
     square,
     stack_readings,
 )
 from cooploc.estimators.joint_kernels import Readings
-from cooploc.estimators.kalman import ENGINES, innovation, linearise, move, no_traffic, table
 from cooploc.estimators.models import AnchorReading, fixed, wrap_heading
 from cooploc.estimators.tunable import tunable
 
@@ -48,7 +47,7 @@ class State(NamedTuple):
     world: World
 
 
-@shared.explain
+@kalman.explain
 @dataclass(frozen=True)
 class IekfJoint:
     """Centralised invariant EKF over all robots."""
@@ -59,41 +58,41 @@ class IekfJoint:
     bound: ClassVar[bool] = False
     centralised: ClassVar[bool] = True
     anchor_reading: AnchorReading = "doa"
-    gate: float = tunable(shared.GATE, 2.0, 1000.0, log=True)
+    gate: float = tunable(kalman.GATE, 2.0, 1000.0, log=True)
     inflation: float = tunable(1.0, 0.5, 5.0, log=True)
-    engine: shared.EngineName = "batched"
-    reading: shared.RadioReading = "range"
+    engine: kalman.EngineName = "batched"
+    reading: kalman.RadioReading = "range"
 
-    uses = property(shared.team_channels)
+    uses = property(kalman.team_channels)
 
     def __post_init__(self) -> None:
-        shared.require_limits(self)
+        kalman.require_limits(self)
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        world = shared.assumed_world(self, world)
+        world = kalman.assume(self, world)
         return State(prior.x, block_diagonal(prior.P), world)
 
     def predict(self, s: State, z: Senses) -> State:
         """P_xi' = P_xi + Ad Q Ad', which is P' = F P F' + Q."""
-        x, F, Q = move(s.world.motion, s.x, z)
+        x, F, Q = kalman.move(s.world.motion, s.x, z)
         if self.engine == "batched":
-            return s._replace(x=x, P=drive(square(s.P), F, Q).reshape(s.P.shape))
-        F, Q = square(block_diagonal(F)), square(block_diagonal(Q))
-        return s._replace(x=x, P=ENGINES[self.engine].predict(flat(x), square(s.P), F, Q)[1].reshape(s.P.shape))
+            return s._replace(x=x, P=move_blocks(square(s.P), F, Q).reshape(s.P.shape))
+        P = kalman.ENGINES[self.engine].predict(square(s.P), square(block_diagonal(F)), square(block_diagonal(Q)))
+        return s._replace(x=x, P=P.reshape(s.P.shape))
 
     def correct(self, s: State, z: Senses) -> State:
         for sensor, place, reading in fixed(s.world, z, self.anchor_reading):
-            y, H, _ = innovation(sensor, s.x, place, reading)
+            y, H, _ = kalman.innovation(sensor, s.x, place, reading)
             s = self._update_together(
                 s, readings_of(y[:, :, None], H[:, :, None], np.zeros_like(H)[:, :, None], sensor.R)
             )
         return s
 
     def exchange(self, s: State, z: Senses, air: Mail) -> tuple[State, Traffic]:
-        for sensor, reading in table(s.world, z, air):
-            y, H_i, H_j = linearise(sensor, s.x[:, :, None], s.x[:, None], reading)
+        for sensor, reading in kalman.reading_tables(s.world, z, air):
+            y, H_i, H_j = kalman.linearise(sensor, s.x[:, :, None], s.x[:, None], reading)
             s = self._update_together(s, readings_of(y, H_i, H_j, sensor.R))
-        return s, no_traffic(s.x)
+        return s, kalman.no_traffic(s.x)
 
     def estimate(self, s: State) -> Belief:
         return Belief(wrap_heading(s.x), np.stack([s.P[:, i, :, i] for i in range(s.x.shape[1])], 1))
@@ -107,7 +106,9 @@ class IekfJoint:
             P = information_update(P, Lambda)
             step = (P @ eta[..., None])[..., 0]
         else:
-            step, P = ENGINES[self.engine].update(flat(np.zeros_like(s.x)), P, *stack_readings(use, readings), np.inf)
+            step, P = kalman.ENGINES[self.engine].update(
+                flat(np.zeros_like(s.x)), P, *stack_readings(use, readings), np.inf
+            )
         return _along_group(s, step.reshape(s.x.shape), P.reshape(s.P.shape))
 
 

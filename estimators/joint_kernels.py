@@ -14,6 +14,7 @@ from cooploc.estimators.kalman_kernels import (
     fill_square,
     fill_sum,
     is_known,
+    is_seen,
     joseph,
     linearise_row,
     solve,
@@ -23,7 +24,7 @@ from cooploc.estimators.models import NEAR, TOO_NEAR_TO_RANGE
 
 
 class Readings(NamedTuple):
-    """Linearised readings of robot j by robot i; of fixed things m is 1 instead of n, and H_j is 0."""
+    """Linearised readings of robot j by robot i; for fixed things m is 1 instead of n, and H_j is 0."""
 
     y: Array  # (t, n, m, k)  nan where absent
     H_i: Array  # (t, n, m, k, d)
@@ -32,7 +33,7 @@ class Readings(NamedTuple):
 
 
 class Ranging(NamedTuple):
-    """How ranges are used together."""
+    """The parameters of an update by all ranges together."""
 
     variance: float  # [m^2]
     gate: float  # squared Mahalanobis distance beyond which a range is refused
@@ -41,7 +42,7 @@ class Ranging(NamedTuple):
 
 
 class Gated(NamedTuple):
-    """Of each range (n, n) the gate's distance, and what the second order adds to its mean and to its variance."""
+    """The gate's distance of each range (n, n), and its mean shift and variance by the second order."""
 
     d2: Array
     shift: Array  # [m]
@@ -50,7 +51,7 @@ class Gated(NamedTuple):
 
 @strict_kernel
 def two_block_row(H_i: Array, H_j: Array, s: int, i: int, j: int, out: Array) -> None:
-    """(H_i, H_j) of one reading, element by element: in compiled code a slice costs more than the numbers in it."""
+    """Write (H_i, H_j) of one reading, element by element: a slice would cost more than the numbers in it."""
     d = H_i.shape[4]
     for c in range(H_i.shape[3]):
         for a in range(d):
@@ -59,7 +60,7 @@ def two_block_row(H_i: Array, H_j: Array, s: int, i: int, j: int, out: Array) ->
 
 @strict_kernel
 def fill_distances(P: Array, readings: Readings, out: Array) -> None:
-    """S = H_i P_ii H_i' + H_i P_ij H_j' + H_j P_ji H_i' + H_j P_jj H_j' + R, then y' S^-1 y."""
+    """Write y' S^-1 y of every reading, S = H_i P_ii H_i' + H_i P_ij H_j' + H_j P_ji H_i' + H_j P_jj H_j' + R."""
     y, H_i, H_j, R = readings  # once: in a loop, each look into a tuple of arrays counts a reference
     t, n, others, k, d = H_i.shape
     H, PH, S, e = np.empty((k, 2 * d)), np.empty((2 * d, k)), np.empty((k, k)), np.empty((k, 1))
@@ -89,7 +90,7 @@ def fill_distances(P: Array, readings: Readings, out: Array) -> None:
 
 @strict_kernel
 def add_information(use: Mask, readings: Readings, eta: Array, Lambda: Array) -> None:
-    """With R = C C', add the outer products of C^-1 (H_i, H_j, y) to the blocks of i and j."""
+    """Add the outer products of C^-1 (H_i, H_j, y), R = C C', to the blocks of i and j."""
     y, H_i, H_j, R = readings
     t, n, others, k, d = H_i.shape
     B, C, at = np.empty((k, 2 * d + 1)), np.empty((k, k)), np.empty(2 * d, np.int64)
@@ -114,14 +115,14 @@ def add_information(use: Mask, readings: Readings, eta: Array, Lambda: Array) ->
 
 @strict_kernel
 def range_of(at: Array, i: int, j: int) -> tuple[float, float, float]:
-    """|x_i - x_j| and its derivative by x_i."""
+    """Return |x_i - x_j| and its derivative by x_i."""
     away = np.sqrt((at[i] - at[j]) ** 2 + (at[i + 1] - at[j + 1]) ** 2)
     return away, (at[i] - at[j]) / max(away, NEAR), (at[i + 1] - at[j + 1]) / max(away, NEAR)
 
 
 @strict_kernel
 def gate_ranges(x: Array, C: Array, z: Array, how: Ranging, out: Gated) -> None:
-    """The squared Mahalanobis distance of every range, and the terms of its second order."""
+    """Write the squared Mahalanobis distance of every range, and the terms of its second order."""
     d2, shift, noise = out
     n = len(z)
     d = len(x) // n
@@ -180,10 +181,7 @@ def join_ranges(x: Array, P: Array, z: Array, how: Ranging, d2: Array) -> None:
 
 @strict_kernel
 def tally(d2, gate, between, forget, share):
-    """Move each robot's average `share` (t, n) of refused readings by this tick's, d2 (t, n, m), nan where absent.
-
-    `between` robots, a reading of j by i counts for both.
-    """
+    """Move each robot's average `share` (t, n) of refused readings; `between` robots, a reading counts for both."""
     t, n, m = d2.shape
     for s in range(t):
         for i in range(n):
@@ -263,7 +261,7 @@ def _whiten(Phi, at, y, H, R, cross, S, A, B):
 
 @strict_kernel
 def _gather(Pi, at, B, Gamma):
-    """Gamma (k, n d), transposed, of a robot with the copy Pi (n d, n d); says whether it has run away."""
+    """Write Gamma (k, n d), transposed, of a robot with the copy Pi (n d, n d); return whether it has run away."""
     k, d, size = len(B), (B.shape[1] - 1) // (2 * len(at)), Pi.shape[1]
     for m in range(len(at)):
         for q in range(k):
@@ -286,7 +284,7 @@ def _gather(Pi, at, B, Gamma):
 
 @strict_kernel
 def _shrunk(P, mine, A, nothing, out):
-    """P - mine mine' into out; whether it is positive definite."""
+    """Write P - mine mine', and return whether it is positive definite."""
     fill_square(mine, A)
     for a in range(len(P)):
         for b in range(len(P)):
@@ -308,9 +306,9 @@ def _subtract(Pi, Gamma):
 
 @strict_kernel
 def master(team, a, at, reading, heard, gate):
-    """Robot a's update by a reading of the robots `at`, in its memory and in that of those who `heard` it (t, n).
+    """Update the memory of robot a and of those who `heard` it (t, n) by its reading of the robots `at`.
 
-    In place; says which trials used it (t,). With S = C C',
+    Return which trials used it (t,). With S = C C',
 
         Gamma_m = Phi_m^-1 Cov(x_m, reading) C'^-1,  dx_i = Phi_i Gamma_i C^-1 y,  dP_i = Phi_i Gamma_i Gamma_i' Phi_i',
         dPi_jl = Gamma_j Gamma_l'.
@@ -351,7 +349,7 @@ REACH = 8.0  # largest |logit w| that is tried
 
 @strict_kernel
 def _log_det(u, A, v, B, C, nothing):
-    """ln det (u A + v B) of a positive definite matrix, else nan; C is scratch."""
+    """Return ln det (u A + v B), nan where that is not positive definite; C is scratch."""
     fill_sum(u, A, v, B, C)
     whiten(C, nothing)
     total = 0.0
@@ -362,7 +360,7 @@ def _log_det(u, A, v, B, C, nothing):
 
 @strict_kernel
 def _spread_out(P, H, U, S):
-    """P H' into U (d, k), H P H' into S (k, k)."""
+    """Write P H' (d, k) and H P H' (k, k)."""
     for a in range(len(P)):
         for i in range(len(H)):
             U[a, i] = 0.0
@@ -373,7 +371,7 @@ def _spread_out(P, H, U, S):
 
 @strict_kernel
 def _trace(U, S, Rd, td, ti, w, C, B):
-    """tr P'_xy = tr P1 - tr(M S^-1 M'), by S = C C' and C^-1 M' in B (k, 2); U and S have the parts d and i."""
+    """Return tr P'_xy = tr P1 - tr(M S^-1 M'), by S = C C' and C^-1 M' in B (k, 2); U and S have the parts d and i."""
     for i in range(len(C)):
         for j in range(len(C)):
             C[i, j] = S[0, i, j] / w + S[1, i, j] + Rd[i, j] / (1 - w)
@@ -388,14 +386,14 @@ def _trace(U, S, Rd, td, ti, w, C, B):
 
 @strict_kernel
 def _scratch(k, d):
-    """Scratch of `_least`, allocated once for all rows."""
+    """Return scratch of `_least`, allocated once for all rows."""
     of_reading = np.empty((2, d, k)), np.empty((2, k, k)), np.empty((k, k)), np.empty((k, 2))
     return *of_reading, np.empty((d, d)), np.empty((d, 0)), np.empty((k, 0))
 
 
 @strict_kernel
 def _least(Pd, Pi, H, Rd, Ri, scratch):
-    """`least_trace` of one row: the weight, and whether it helps."""
+    """Return the weight of one row, and whether it helps."""
     U, S, C, B, A, nothing, no_columns = scratch
     _spread_out(Pd, H, U[0], S[0])
     _spread_out(Pi, H, U[1], S[1])
@@ -419,79 +417,85 @@ def _least(Pd, Pi, H, Rd, Ri, scratch):
 
 
 @strict_kernel
-def least_trace(Pd, Pi, H, Rd, Ri, there, weights, helps):
-    """The weight w (r,) of least tr P'_xy of rows that are `there`, searched on a grid of logit w; whether it helps.
+def least_trace(Pd, Pi, reading, weights):
+    """Write the weight w (r,) of least tr P'_xy, searched on a grid of logit w; nan where it does not help.
 
     tr P' = tr P1 - tr(M S^-1 M') with P1 = Pd / w + Pi, M = (P1 H')_xy and S = H P1 H' + Rd / (1 - w) + Ri.
     """
+    y, H, Rd, Ri = reading
     scratch = _scratch(H.shape[1], H.shape[2])
     for r in range(len(Pd)):
-        weights[r], helps[r] = 0.5, False
-        if there[r]:
-            weights[r], helps[r] = _least(Pd[r], Pi[r], H[r], Rd[r], Ri[r], scratch)
+        weights[r] = np.nan
+        if is_known(y[r], H[r], Rd[r]) and is_known(y[r], H[r], Ri[r]):
+            w, helps = _least(Pd[r], Pi[r], H[r], Rd[r], Ri[r], scratch)
+            if helps:
+                weights[r] = w
 
 
 @strict_kernel
-def split_row(P, Pd, Pi, H, Rd, Ri, keep, new_d, new_i, A, K, R):
-    """`split_labels` of one row, and whether it used its reading; new_d may be Pd, new_i Pi.
+def _split_scratch(k, d):
+    """Return scratch of `split_row`: P, Pd / w, A (d, d); R, Rd / (1 - w), S (k, k); B (k, d + 1); K (k, d)."""
+    of_state = np.empty((d, d)), np.empty((d, d)), np.empty((d, d))
+    return *of_state, np.empty((k, k)), np.empty((k, k)), np.empty((k, k)), np.empty((k, d + 1)), np.empty((k, d))
 
-    Scratch: A (d, d), K (k, d), R (k, k).
-    """
-    d, used = len(P), False
-    for a in range(d):
-        for b in range(d):
-            used = used or Pd[a, b] + Pi[a, b] != P[a, b]
+
+@strict_kernel
+def split_row(x, Pd, Pi, y, H, Rd, Ri, w, gate, keep, scratch):
+    """Update one row as `EkfSplitCi._update`, in place; return whether it used its reading."""
+    P, wide_d, A, R, wide_R, S, B, K = scratch
+    for a in range(len(P)):
+        for b in range(len(P)):
+            wide_d[a, b] = Pd[a, b] / w
+            P[a, b] = wide_d[a, b] + Pi[a, b]
+    for a in range(len(R)):
+        for b in range(len(R)):
+            wide_R[a, b] = Rd[a, b] / (1 - w) if w < 1 else 0.0
+            R[a, b] = wide_R[a, b] + Ri[a, b]
+    absorb_row(x, P, y, H, R, gate, S, B, A)
+    used = False
+    for a in range(len(P)):
+        for b in range(len(P)):
+            used = used or wide_d[a, b] + Pi[a, b] != P[a, b]
     if used:
         fill_product(H, P, K)
-        fill_sum(1.0, Rd, 1.0, Ri, R)
         solve(R, K)
-        fill_sum(1.0, Rd, 0.0 if keep else 1.0, Ri, R)
-        joseph(Pd, H, K, R, A, new_d)
-        fill_sum(0.0, Rd, 1.0 if keep else 0.0, Ri, R)
-        joseph(Pi, H, K, R, A, new_i)
+        fill_sum(1.0, wide_R, 0.0 if keep else 1.0, Ri, R)
+        joseph(wide_d, H, K, R, A, Pd)
+        fill_sum(0.0, wide_R, 1.0 if keep else 0.0, Ri, R)
+        joseph(Pi, H, K, R, A, Pi)
     return used
 
 
 @strict_kernel
-def split_labels(P, Pd, Pi, H, Rd, Ri, keep, new_d, new_i, used):
-    """The parts of P' into new_d and new_i (r, d, d) of the rows that used their reading: those with P' other than P1.
+def update_split(x, Pd, Pi, reading, own, gate, keep, used):
+    """Update as `EkfSplitCi._update`, in place: x (r, d), Pd and Pi (r, d, d); write which rows `used` their reading.
 
-    With K = P' H' R^-1 and the inflated Pd and Rd: Pd' = (I - K H) Pd (I - K H)' + K Rd K',  Pi' = (I - K H) Pi
-    (I - K H)' + K Ri K'; K Ri K' goes to Pd' unless Pi is to `keep` it.
-    """
-    k, d = H.shape[1], H.shape[2]
-    A, K, R = np.empty((d, d)), np.empty((k, d)), np.empty((k, k))
-    for r in range(len(P)):
-        used[r] = split_row(P[r], Pd[r], Pi[r], H[r], Rd[r], Ri[r], keep, new_d[r], new_i[r], A, K, R)
-
-
-@strict_kernel
-def cooperate(x, Pd, Pi, reading, gate, keep, used):
-    """`EkfSplitCi._cooperate` in place, x (r, d), Pd and Pi (r, d, d), and which rows `used` (r,) their reading.
-
-    `reading` is y (r, k), H (r, k, d), and of its noise Rd and Ri (r, k, k); absent where anything is nan.
+    `reading` is y (r, k), H (r, k, d), and of its noise Rd and Ri (r, k, k); absent where anything is nan. An `own`
+    reading has the weight 1.
     """
     y, H, Rd, Ri = reading
     k, d = H.shape[1], H.shape[2]
-    scratch, K, T = _scratch(k, d), np.empty((k, d)), np.empty((k, k))
-    S, B, A, P = np.empty((k, k)), np.empty((k, d + 1)), np.empty((d, d)), np.empty((d, d))
-    wide_d, wide_R, N = np.empty((d, d)), np.empty((k, k)), np.empty((k, k))
+    search, scratch = _scratch(k, d), _split_scratch(k, d)
     for r in range(len(x)):
         used[r] = False
-        if not (is_known(y[r], H[r], Rd[r]) and is_known(y[r], H[r], Ri[r])):
-            continue
-        w, helps = _least(Pd[r], Pi[r], H[r], Rd[r], Ri[r], scratch)
-        if helps:
-            for a in range(d):
-                for b in range(d):
-                    wide_d[a, b] = Pd[r, a, b] / w
-                    P[a, b] = wide_d[a, b] + Pi[r, a, b]
-            for a in range(k):
-                for b in range(k):
-                    wide_R[a, b] = Rd[r, a, b] / (1 - w)
-                    N[a, b] = wide_R[a, b] + Ri[r, a, b]
-            absorb_row(x[r], P, y[r], H[r], N, gate, S, B, A)
-            used[r] = split_row(P, wide_d, Pi[r], H[r], wide_R, Ri[r], keep, Pd[r], Pi[r], A, K, T)
+        if is_known(y[r], H[r], Rd[r]) and is_known(y[r], H[r], Ri[r]):
+            w, helps = (1.0, True) if own else _least(Pd[r], Pi[r], H[r], Rd[r], Ri[r], search)
+            if helps:
+                used[r] = split_row(x[r], Pd[r], Pi[r], y[r], H[r], Rd[r], Ri[r], w, gate, keep, scratch)
+
+
+@strict_kernel
+def sight_split(x, Pd, Pi, seen):
+    """Update as `EkfSplitCi.correct`, in place by sightings: x (r, d), Pd and Pi (r, d, d)."""
+    places, z, R, gate = seen
+    k, d = 2, x.shape[1]
+    scratch, y, H, nothing = _split_scratch(k, d), np.empty(k), np.empty((k, d)), np.zeros((k, k))
+    for r in range(len(x)):
+        for m in range(len(places)):
+            if is_seen(z, r, m):
+                linearise_row(SIGHTING, 0.0, 0.0, x[r], places[m], z[r, m], y, H)
+                if is_known(y, H, R):
+                    split_row(x[r], Pd[r], Pi[r], y, H, nothing, R, 1.0, gate, True, scratch)
 
 
 LIMIT = 1 - 1e-9  # largest correlation of any two combinations of two robots' states
@@ -515,7 +519,7 @@ class PairUpdate(NamedTuple):
 
 @strict_kernel
 def possible(A: Array, B: Array, C: Array) -> Array:
-    """The cross term C (d, d) of covariances A and B, its canonical correlations cut to `LIMIT`.
+    """Return the cross term C (d, d) of covariances A and B, its canonical correlations cut to `LIMIT`.
 
     They are the singular values of M = B^-1/2 C' A^-1/2', needed only where LIMIT^2 I - M' M is not definite.
     """
@@ -544,7 +548,7 @@ def carry(x: Array, P: Array, sigma: Array, step: Array, P1: Array) -> None:
 
 @strict_kernel
 def meet(team: Factored, pair: tuple[int, int], reading: PairUpdate, gate: float) -> Mask:
-    """Joint update of a pair of robots in place; says which trials used the reading (t,)."""
+    """Update a pair of robots together in place; return which trials used the reading (t,)."""
     (t, _, d), (i, j), (x, P, sigma) = team.x.shape, pair, team
     used = np.zeros(t, np.bool_)
     J, one = np.empty((2 * d, 2 * d)), np.eye(2 * d)
@@ -568,47 +572,9 @@ def meet(team: Factored, pair: tuple[int, int], reading: PairUpdate, gate: float
     return used
 
 
-class Sightings(NamedTuple):
-    """What a team sees of its landmarks in a tick."""
-
-    places: Array  # (l, 2) [m]
-    z: Array  # (t, n, l, 2)  range [m], bearing [rad]; nan where absent
-    R: Array  # (2, 2)
-    gate: float  # squared Mahalanobis distance beyond which one is refused
-
-
 @strict_kernel
-def _is_seen(z, s, i, m):
-    """Whether robot i of trial s has any number of landmark m."""
-    return not (np.isnan(z[s, i, m, 0]) and np.isnan(z[s, i, m, 1]))
-
-
-@strict_kernel
-def update_split(x, Pd, Pi, seen):
-    """`EkfSplitCi.correct` in place: x (t, n, d), Pd and Pi (t, n, d, d); all of a landmark's update goes to Pi."""
-    places, z, R, gate = seen
-    t, n, d = x.shape
-    k = 2
-    S, B, A, K, T = np.empty((k, k)), np.empty((k, d + 1)), np.empty((d, d)), np.empty((k, d)), np.empty((k, k))
-    y, H, P, nothing = np.empty(k), np.empty((k, d)), np.empty((d, d)), np.zeros((k, k))
-    for s in range(t):
-        for i in range(n):
-            for m in range(len(places)):
-                if not _is_seen(z, s, i, m):
-                    continue
-                linearise_row(SIGHTING, 0.0, 0.0, x[s, i], places[m], z[s, i, m], y, H)
-                if not is_known(y, H, R):
-                    continue
-                for a in range(d):
-                    for b in range(d):
-                        P[a, b] = Pd[s, i, a, b] + Pi[s, i, a, b]
-                absorb_row(x[s, i], P, y, H, R, gate, S, B, A)
-                split_row(P, Pd[s, i], Pi[s, i], H, nothing, R, True, Pd[s, i], Pi[s, i], A, K, T)
-
-
-@strict_kernel
-def update_joint(x, P, refused, seen, forget):
-    """`EkfJoint._fixed_together` in place: x (t, n, d), P (t, n d, n d), and the share of `refused` readings (t, n)."""
+def sight_joint(x, P, refused, seen, forget):
+    """Update as `EkfJoint._update_by_fixed`, in place: x (t, n, d), P (t, n d, n d), share of `refused` (t, n)."""
     places, z, R, gate = seen
     t, n, d = x.shape
     k, variances = 2, np.array([R[0, 0], R[1, 1]])
@@ -616,19 +582,16 @@ def update_joint(x, P, refused, seen, forget):
     noise, d2, use = np.empty((t, n, 1, k, k)), np.empty((t, n, 1)), np.empty((t, n), np.bool_)
     for s in range(t):
         for i in range(n):
-            for a in range(k):
-                for b in range(k):
-                    noise[s, i, 0, a, b] = R[a, b]
+            fill_sum(1.0, R, 0.0, R, noise[s, i, 0])
     for m in range(len(places)):
         some = False
-        for s in range(t):
-            for i in range(n):
-                some = some or _is_seen(z, s, i, m)
+        for r in range(t * n):
+            some = some or is_seen(z, r, m)
         if not some:
             continue
         for s in range(t):
             for i in range(n):
-                linearise_row(SIGHTING, 0.0, 0.0, x[s, i], places[m], z[s, i, m], y[s, i], H[s, i])
+                linearise_row(SIGHTING, 0.0, 0.0, x[s, i], places[m], z[s * n + i, m], y[s, i], H[s, i])
                 d2[s, i, 0] = np.nan
         fill_distances(P, Readings(y.reshape(t, n, 1, k), H.reshape(t, n, 1, k, d), nothing, noise), d2)
         for s in range(t):
@@ -639,8 +602,8 @@ def update_joint(x, P, refused, seen, forget):
 
 
 @strict_kernel
-def update_decoupled(team, seen, heard, used):
-    """The masters' updates of `EkfInterim.exchange` in place, and how many each robot made, into `used` (t, n)."""
+def sight_decoupled(team, seen, heard, used):
+    """Make the masters' updates of `EkfInterim.exchange` in place, and count each robot's in `used` (t, n)."""
     places, z, R, gate = seen
     x = team.x
     (t, n, d), k = x.shape, 2
@@ -649,12 +612,12 @@ def update_decoupled(team, seen, heard, used):
         for a in range(n):
             some = False
             for s in range(t):
-                some = some or _is_seen(z, s, a, m)
+                some = some or is_seen(z, s * n + a, m)
             if not some:
                 continue
             at[0] = a
             for s in range(t):
-                linearise_row(SIGHTING, 0.0, 0.0, x[s, a], places[m], z[s, a, m], y[s], H[s, 0])
+                linearise_row(SIGHTING, 0.0, 0.0, x[s, a], places[m], z[s * n + a, m], y[s], H[s, 0])
                 for i in range(n):
                     hears[s, i] = heard[s, i, a]
             took = master(team, a, at, TeamReading(y, H, R), hears, gate)

@@ -1,4 +1,9 @@
-"""The compiled loops of the Kalman filters over rows: small matrices, one reading a row, scalar readings in turn."""
+"""The compiled loops of the Kalman filters over rows: small matrices, one reading a row, scalar readings in turn.
+
+numpy pays for an operation once per call, which rules where rows are few: a recording of five robots is one trial, and
+has thousands of ticks. Each kernel does for a row what a function in `kalman.py` or `models.py` does in numpy for all
+rows at once; a row's bits depend on nothing but the row.
+"""
 
 from typing import NamedTuple
 
@@ -27,30 +32,13 @@ def whiten(C: Array, B: Array) -> None:
 
 @strict_kernel
 def fill_definite(P: Array, out: Mask) -> None:
-    """The last pivot of a Cholesky factor is above 0 if all are, and nan if one before it was not."""
+    """Write which P (r, d, d) are definite: the last pivot is above 0 if all are, and nan if one before was not."""
     d = P.shape[1]
     C, nothing = np.empty((d, d)), np.empty((d, 0))
     for s in range(len(P)):
         C[:] = P[s]
         whiten(C, nothing)
         out[s] = C[d - 1, d - 1] > 0
-
-
-@strict_kernel
-def fill_widened(P: Array, Q: Array, out: Array) -> None:
-    """(P + P')/2 with Q_i added to P_ii."""
-    t, n, d, _ = Q.shape
-    for s in range(t):
-        for a in range(n * d):  # a loop: an array assigned to a slice takes seconds to compile
-            for b in range(n * d):
-                out[s, a, b] = P[s, a, b] + 0.0
-        for i in range(n):
-            for a in range(d):
-                for b in range(d):
-                    out[s, i * d + a, i * d + b] += Q[s, i, a, b]
-        for a in range(n * d):
-            for b in range(a):
-                out[s, a, b] = out[s, b, a] = (out[s, a, b] + out[s, b, a]) / 2
 
 
 @strict_kernel
@@ -80,7 +68,7 @@ def solve(S, B):
 
 @strict_kernel
 def joseph(P, H, K, R, A, out):
-    """out = (I - K H) P (I - K H)' + K R K', symmetric, for K' (k, d); A (d, d) is scratch, out may be P."""
+    """Write (I - K H) P (I - K H)' + K R K', symmetric, for K' (k, d); A (d, d) is scratch, out may be P."""
     d, k = P.shape[0], H.shape[0]
     for a in range(d):
         for b in range(d):
@@ -109,7 +97,7 @@ def joseph(P, H, K, R, A, out):
 
 @strict_kernel
 def fill_product(A, B, out):
-    """A B into out."""
+    """Write A B."""
     for a in range(len(A)):
         for b in range(B.shape[1]):
             out[a, b] = 0.0
@@ -119,7 +107,7 @@ def fill_product(A, B, out):
 
 @strict_kernel
 def fill_square(A, out):
-    """A A' into out."""
+    """Write A A'."""
     for a in range(len(A)):
         for b in range(a + 1):
             total = 0.0
@@ -136,12 +124,6 @@ def fill_sum(u, A, v, B, out):
             out[a, b] = u * A[a, b] + v * B[a, b]
 
 
-# Compiled steps of the EKFs, one row after the other: a move by odometry, a reading of something, an update.
-#
-# numpy pays for every operation once per call, which rules where rows are few: a recording of five robots is one trial,
-# and has thousands of ticks. Each kernel does for a row what its `*_reference` in numpy does for all rows at once, in
-# `kalman.py` for `update` and `widen`, in `models.py` for the rest; a row's bits depend on nothing but the row.
-
 RANGE, RSSI, SIGHTING = range(3)  # kinds of readings between a pose and a place
 
 
@@ -149,7 +131,7 @@ RANGE, RSSI, SIGHTING = range(3)  # kinds of readings between a pose and a place
 def absorb_row(x, P, y, H, R, gate, S, B, A):
     """Update x (d,), P (d, d) in place by y (k,), H (k, d), R (k, k), unless the gate refuses it.
 
-    Scratch: S (k, k), B (k, d + 1) for S^-1 [H P, y], A (d, d).
+    Scratch: S (k, k), B (k, d + 1), A (d, d).
     """
     d, k = P.shape[0], H.shape[0]
     for i in range(k):
@@ -177,7 +159,7 @@ def absorb_row(x, P, y, H, R, gate, S, B, A):
 
 @strict_kernel
 def is_known(y, H, R):
-    """Whether nothing of a reading is nan."""
+    """Return whether nothing of a reading is nan."""
     for i in range(len(y)):
         if np.isnan(y[i]):
             return False
@@ -192,7 +174,7 @@ def is_known(y, H, R):
 
 @strict_kernel
 def update(x, P, y, H, R, gate):
-    """`kalman_reference` in place: x (r, d), P (r, d, d) by y (r, k), H (r, k, d), R (r, k, k)."""
+    """Update x (r, d), P (r, d, d) in place by y (r, k), H (r, k, d), R (r, k, k), as `kalman` does."""
     d, k = H.shape[2], H.shape[1]
     S, B, A = np.empty((k, k)), np.empty((k, d + 1)), np.empty((d, d))
     for r in range(len(x)):
@@ -202,7 +184,7 @@ def update(x, P, y, H, R, gate):
 
 @strict_kernel
 def widen(P, F, Q, out):
-    """F P F' + Q, symmetric, for a team's P (t, n d, n d) and F, Q (t, n, d, d); of one robot, n = 1."""
+    """Write F P F' + Q, for a team's P (t, n d, n d) and F, Q (t, n, d, d); of one robot, n = 1."""
     t, n, d, _ = F.shape
     A = np.empty((d, d))
     for s in range(t):
@@ -229,7 +211,7 @@ def widen(P, F, Q, out):
 
 @strict_kernel
 def drive(x, u, dt, variances, out, F, Q):
-    """`Unicycle.move`: x (r, 3), u (r, 2), dt (r,), with the variances of speed and turn per second of odometry."""
+    """Write `Unicycle.move` of x (r, 3), u (r, 2), dt (r,), given the variances of speed and turn rate."""
     for r in range(len(x)):
         arc = 0.0 if np.isnan(u[r, 0]) else u[r, 0] * dt[r]
         turn = 0.0 if np.isnan(u[r, 1]) else u[r, 1] * dt[r]
@@ -246,7 +228,7 @@ def drive(x, u, dt, variances, out, F, Q):
 
 @strict_kernel
 def drive_and_widen(x, u, dt, variances, P, out, P1, F):
-    """`drive`, then `widen` P (r, 3, 3) into P1."""
+    """Move x by `drive`, and widen P (r, 3, 3) into P1."""
     Q = np.empty(F.shape)
     drive(x, u, dt, variances, out, F, Q)
     widen(P, F.reshape(-1, 1, 3, 3), Q.reshape(-1, 1, 3, 3), P1)
@@ -254,10 +236,7 @@ def drive_and_widen(x, u, dt, variances, P, out, P1, F):
 
 @strict_kernel
 def linearise_row(kind, A, slope, x, q, z, y, H):
-    """`innovation` of Range, LogDistance (A, slope = 10 eta / ln 10) and Sighting: y (k,), and H (k, d) by the pose x.
-
-    By the place q the Jacobian is -H of the position.
-    """
+    """Write y (k,), and H (k, d) by the pose x, of Range, LogDistance (A, slope = 10 eta / ln 10) or Sighting."""
     east, north = x[0] - q[0], x[1] - q[1]
     d2 = east * east + north * north
     away, near = np.sqrt(d2), max(np.sqrt(d2), NEAR)
@@ -281,32 +260,46 @@ def linearise_row(kind, A, slope, x, q, z, y, H):
 
 @strict_kernel
 def relate(kind, A, slope, x, q, z, y, H):
-    """`innovation` of rows: poses x (r, d), places q (r, 2) or one for all (1, 2), readings z (r, k)."""
+    """Write the innovations of poses x (r, d), places q (r, 2) or one for all (1, 2), readings z (r, k)."""
     for r in range(len(x)):
         linearise_row(kind, A, slope, x[r], q[r if len(q) > 1 else 0], z[r], y[r], H[r])
 
 
+class Sightings(NamedTuple):
+    """A tick's sightings of landmarks by rows of robots."""
+
+    places: Array  # (l, 2) [m]
+    z: Array  # (r, l, 2)  range [m], bearing [rad]; nan where absent
+    R: Array  # (2, 2)
+    gate: float  # squared Mahalanobis distance beyond which one is refused
+
+
+@strict_kernel
+def is_seen(z, r, m):
+    """Return whether row r has any number of landmark m."""
+    return not (np.isnan(z[r, m, 0]) and np.isnan(z[r, m, 1]))
+
+
 @strict_kernel
 def sight(x, P, places, z, R, gate):
-    """Updates in place by sightings z (r, l, 2) of the places (l, 2), one after the other, each where the last left."""
+    """Update in place by sightings z (r, l, 2) of the places (l, 2), each linearised where the last one left."""
     d, k = x.shape[1], 2
     S, B, A = np.empty((k, k)), np.empty((k, d + 1)), np.empty((d, d))
     y, H = np.empty(k), np.empty((k, d))
     for r in range(len(x)):
         for m in range(len(places)):
-            if not (np.isnan(z[r, m, 0]) or np.isnan(z[r, m, 1]) or z[r, m, 0] < TOO_NEAR_TO_RANGE):
+            if is_seen(z, r, m):
                 linearise_row(SIGHTING, 0.0, 0.0, x[r], places[m], z[r, m], y, H)
                 if is_known(y, H, R):
                     absorb_row(x[r], P[r], y, H, R, gate, S, B, A)
 
 
-# Compiled Kalman updates of a team's joint Gaussian by one scalar reading after the other, trial by trial.
-#
-# Only the lower triangle of P is written, and copied to the upper one at the end of a trial.
+# Updates of a team's joint Gaussian by one scalar reading after the other, trial by trial. Only the lower triangle of P
+# is written, and copied to the upper one at the end of a trial.
 
 
 class Nodes(NamedTuple):
-    """What a direction of arrival is made of."""
+    """The anchors and weights that make a direction of arrival."""
 
     places: Array  # (q, 2) [m]
     W: Array  # (q, 2)  weight of each node's reading in the gradient [1/m]
@@ -316,7 +309,7 @@ class Nodes(NamedTuple):
 
 @strict_kernel
 def entry(P: Array, a: int, b: int) -> float:
-    """P_ab of a symmetric matrix given by its lower triangle, which is half as much to write as the whole."""
+    """Return P_ab of a symmetric matrix given by its lower triangle."""
     return float(P[a, b] if b <= a else P[b, a])
 
 
@@ -343,7 +336,7 @@ def absorb(x: Array, P: Array, PH: Array, y: float, S: float, gate: float) -> No
 
 @strict_kernel
 def add_ranges(x: Array, P: Array, z: Array, variance: float, gate: float) -> None:
-    """Of each range in turn y = z - |x_i - x_j|,  H_i = (x_i - x_j)' / |x_i - x_j| = -H_j."""
+    """Absorb each range in turn: y = z - |x_i - x_j|,  H_i = (x_i - x_j)' / |x_i - x_j| = -H_j."""
     t, n, d = x.shape
     PH = np.empty(n * d)
     for s in range(t):
@@ -363,7 +356,7 @@ def add_ranges(x: Array, P: Array, z: Array, variance: float, gate: float) -> No
 
 @strict_kernel
 def add_directions(x: Array, P: Array, z: Array, nodes: Nodes, gate: float) -> None:
-    """Of each direction in turn y = z - angle of g,  H = (g_x dg_y - g_y dg_x) / |g|^2,  g = W' (-c ln |x_i - q|^2)."""
+    """Absorb each direction in turn: y = z - angle of g = -c W' ln |x_i - q|^2,  H = (g_x dg_y - g_y dg_x) / |g|^2."""
     places, W, c, variance = nodes
     t, n, d = x.shape
     PH, g, dg = np.empty(n * d), np.empty(2), np.empty((2, 2))  # dg: axis 1 is the position
@@ -392,7 +385,7 @@ def add_directions(x: Array, P: Array, z: Array, nodes: Nodes, gate: float) -> N
 
 @strict_kernel
 def add_scalars(x: Array, P: Array, use: Mask, y: Array, H: Array, variances: Array) -> None:
-    """y - H (x^ - x) where x^ has moved by the scalars before: the same result as all readings at once."""
+    """Absorb each scalar, y - H (x^ - x) where x^ has moved by those before: the result of all readings at once."""
     t, n, d = x.shape
     PH, before = np.empty(n * d), np.empty((n, d))
     for s in range(t):

@@ -16,7 +16,9 @@ from cooploc.estimators.joint_gaussian import block_diagonal, flat, square
 from cooploc.estimators.kalman import root, symmetric
 from cooploc.estimators.models import wrap_heading
 
-READINGS = Senses._fields[:-1]  # arrays; `extra` is not used
+inverse: Any = np.linalg.inv
+
+READINGS = Senses._fields[:-1]  # all but `extra`
 
 
 class Window(NamedTuple):
@@ -38,7 +40,7 @@ class Window(NamedTuple):
 
 
 def empty(prior: Belief, world: World) -> Window:
-    """The window before tick 0."""
+    """Return the window before tick 0."""
     t, n, d = prior.x.shape
     past = Belief(flat(prior.x), square(block_diagonal(prior.P)))
     none = np.empty((t, 0))
@@ -47,60 +49,61 @@ def empty(prior: Belief, world: World) -> Window:
 
 
 def append_tick(s: Window, z: Senses) -> Window:
-    """With a new state x' = f(x, u) at its end, and what was sensed there."""
+    """Add a new state x' = f(x, u) at the end, and what was sensed there."""
     newest, _, _ = s.world.motion.move(s.last, z.odometry, z.dt)
     z = s.z._replace(**{name: _append(getattr(s.z, name), getattr(z, name)) for name in READINGS})
     return s._replace(x=_append(s.x, newest), z=z)
 
 
 def add_mail(s: Window, air: Mail) -> Window:
-    """With what was heard at its newest state."""
+    """Add what was heard at the newest state."""
     return s._replace(air=Mail(*map(_append, s.air, air)))
 
 
 def drop_oldest(s: Window, oldest: Belief) -> Window:
-    """Without its oldest state, whose belief becomes the past."""
+    """Drop the oldest state, whose belief becomes the past."""
     z = s.z._replace(**{name: getattr(s.z, name)[:, 1:] for name in READINGS})
     air = s.air._replace(**{name: getattr(s.air, name)[:, 1:] for name in Mail._fields})
     return s._replace(x=s.x[:, 1:], z=z, air=air, past=oldest, at=s.x[:, 0], young=False)
 
 
 def cost(s: Window) -> Array:
-    """-2 log of the posterior density of the window's states (t,), up to a constant."""
+    """Return -2 log of the posterior density of the window's states (t,), up to a constant."""
     _, x_moved, F, Q = _linearise(s)
     off = wrap_heading(s.x - x_moved).reshape(*s.x.shape[:2], -1)
-    first = off[:, 0] - _times(F[:, 0], _rotate_quarters(s.past.x, flat(s.at), s.x.shape[-1]))
-    total = _squared_norm(first, _pseudo_inverse(F[:, 0] @ s.past.P @ F[:, 0].mT + Q[:, 0]))
-    total = total + _squared_norm(off[:, 1:], _pseudo_inverse(Q[:, 1:])).sum(1)
+    first = off[:, 0] - times(F[:, 0], _subtract(s.past.x, flat(s.at), s.x.shape[-1]))
+    # A robot that sleeps moves without noise: pinv.
+    total = _squared_norm(first, np.linalg.pinv(F[:, 0] @ s.past.P @ F[:, 0].mT + Q[:, 0]))
+    total = total + _squared_norm(off[:, 1:], np.linalg.pinv(Q[:, 1:])).sum(1)
     for sensor, place, reading in s.world.fixed(s.z):
         y, _, _ = sensor.innovation(s.x, place, reading)
-        total = total + np.nansum(_squared_norm(y, _inverse(sensor.R)), (1, 2))
-    for sensor, j, reading in s.world.relative(s.z, _reciprocal(s.air)):
+        total = total + np.nansum(_squared_norm(y, inverse(sensor.R)), (1, 2))
+    for sensor, j, reading in s.world.relative(s.z, _average_directions(s.air)):
         y, _, _ = sensor.innovation(s.x, s.x[:, :, j, None, :2], reading)
-        total = total + np.nansum(_squared_norm(y, _inverse(sensor.R)), (1, 2))
+        total = total + np.nansum(_squared_norm(y, inverse(sensor.R)), (1, 2))
     return np.asarray(total)
 
 
 def second_start(s: Window) -> Window:
-    """The window with each robot's track shifted, by up to 3 sigma of its start, to where its own readings fit best."""
+    """Return the window with each robot's track shifted, by up to 3 sigma, to where its own readings fit best."""
     t, n, d = s.at.shape
     P = np.stack([s.past.P.reshape(t, n, d, n, d)[:, i, :2, i, :2] for i in range(n)], 1)
     grid = np.stack(np.meshgrid(*[np.linspace(-3, 3, 13)] * 2, indexing="ij"), -1).reshape(-1, 1, 1, 2)
-    shift = _times(root(P), grid)  # (g, t, n, 2)
+    shift = times(root(P), grid)  # (g, t, n, 2)
     x = np.broadcast_to(s.x, (len(grid), *s.x.shape)).copy()
     x[..., :2] += shift[:, :, None]
     total = np.broadcast_to((grid**2).sum(-1), (len(grid), t, n)).copy()
     for sensor, place, reading in s.world.fixed(s.z):
         y, _, _ = sensor.innovation(x, place, reading)
-        total += np.nansum(_squared_norm(y, _inverse(sensor.R)), 2)
+        total += np.nansum(_squared_norm(y, inverse(sensor.R)), 2)
     best = total.argmin(0)
     x = s.x.copy()
     x[..., :2] += np.take_along_axis(shift, best[None, ..., None], 0)[0][:, None]
     return s._replace(x=x)
 
 
-class Pass(NamedTuple):
-    """What one Kalman smoother over a window found."""
+class Smoothed(NamedTuple):
+    """The result of one Kalman smoother over a window."""
 
     x: Array  # (t, l, n, d)  the new states
     filtered: list[Belief]  # of each state from the readings up to it: x (t, n d), P (t, n d, n d)
@@ -110,7 +113,7 @@ class Pass(NamedTuple):
 
     @property
     def P(self) -> Array:
-        """Covariance (t, l, n d, n d) of every state, given all readings of the window.
+        """Return the covariance (t, l, n d, n d) of every state, given all readings of the window.
 
         P = P_f - P_f M P_f,  M = F' M' F of the next state,  M' = A (Lambda + M A').
         """
@@ -122,14 +125,13 @@ class Pass(NamedTuple):
         return np.stack(P[::-1], 1)
 
 
-def smooth_window(s: Window) -> tuple[Array, list[Belief]]:
-    """One Kalman smoother over the window, linearised at s.x: the new states (t, l, n, d), and the filter's beliefs."""
-    once = smooth(s, *information(s.world, s.x, s.z, s.air))
-    return once.x, once.filtered
+def smooth_window(s: Window) -> Smoothed:
+    """Smooth by all readings, linearised at s.x."""
+    return smooth(s, *information(s))
 
 
-def smooth(s: Window, eta: Array, Lambda: Array) -> Pass:
-    """A smoother by readings of eta = sum H'R^-1 y (t, l, n d), Lambda = sum H'R^-1 H (t, l, n d, n d), taken at s.x.
+def smooth(s: Window, eta: Array, Lambda: Array) -> Smoothed:
+    """Smooth by readings of eta = sum H'R^-1 y (t, l, n d), Lambda = sum H'R^-1 H (t, l, n d, n d), taken at s.x.
 
     Forth:  A = (I + Lambda P_p)^-1,  P = P_p A,  x_f = x_p + P g,  g = eta + Lambda (s.x - x_p).
     Back:   x = x_f + P F' l',  l = A (g + F' l').  P_p is not inverted: it may be singular where a robot is certain.
@@ -138,22 +140,22 @@ def smooth(s: Window, eta: Array, Lambda: Array) -> Pass:
     at, x_moved, F, Q = _linearise(s)
     belief, filtered, pulls, weights = s.past, [], [], []
     for k in range(length):
-        mean = flat(x_moved[:, k]) + _times(F[:, k], _rotate_quarters(belief.x, flat(at[:, k]), d))
+        mean = flat(x_moved[:, k]) + times(F[:, k], _subtract(belief.x, flat(at[:, k]), d))
         P = symmetric(F[:, k] @ belief.P @ F[:, k].mT + Q[:, k])
-        weights.append(_inverse(np.eye(P.shape[-1]) + Lambda[:, k] @ P))
-        pulls.append(eta[:, k] + _times(Lambda[:, k], _rotate_quarters(flat(s.x[:, k]), mean, d)))
+        weights.append(inverse(np.eye(P.shape[-1]) + Lambda[:, k] @ P))
+        pulls.append(eta[:, k] + times(Lambda[:, k], _subtract(flat(s.x[:, k]), mean, d)))
         P = symmetric(P @ weights[k])
-        belief = Belief(mean + _times(P, pulls[k]), P)
+        belief = Belief(mean + times(P, pulls[k]), P)
         filtered.append(belief)
     x, later = [], np.zeros_like(belief.x)  # F' l' of the next state
     for k in reversed(range(length)):
-        x.append(filtered[k].x + _times(filtered[k].P, later))
-        later = _times(F[:, k].mT, _times(weights[k], pulls[k] + later))
-    return Pass(np.stack(x[::-1], 1).reshape(s.x.shape), filtered, F, weights, Lambda)
+        x.append(filtered[k].x + times(filtered[k].P, later))
+        later = times(F[:, k].mT, times(weights[k], pulls[k] + later))
+    return Smoothed(np.stack(x[::-1], 1).reshape(s.x.shape), filtered, F, weights, Lambda)
 
 
 def _linearise(s: Window) -> tuple[Array, Array, Array, Array]:
-    """The states before each move (t, l, n, d), those after it, F and Q of the whole team (t, l, n d, n d)."""
+    """Return the states before each move (t, l, n, d), those after it, F and Q of the whole team (t, l, n d, n d)."""
     t, length, n, d = s.x.shape
     at = np.concatenate([s.at[:, None], s.x[:, :-1]], 1)
     x_moved, F, Q = s.world.motion.move(at, s.z.odometry, s.z.dt)
@@ -161,27 +163,27 @@ def _linearise(s: Window) -> tuple[Array, Array, Array, Array]:
     return at, x_moved, F, Q
 
 
-def _rotate_quarters(a: Array, b: Array, d: int) -> Array:
-    """a - b of flat states (t, n d), headings wrapped."""
+def _subtract(a: Array, b: Array, d: int) -> Array:
+    """Return a - b of flat states (t, n d), headings wrapped."""
     return flat(wrap_heading((a - b).reshape(len(a), -1, d)))
 
 
-def information(world: World, x: Array, z: Senses, air: Mail) -> tuple[Array, Array]:
-    """eta = sum H'R^-1 y (t, l, n d) and Lambda = sum H'R^-1 H (t, l, n d, n d) of all readings, linearised at x."""
-    t, length, n, d = x.shape
+def information(s: Window) -> tuple[Array, Array]:
+    """Return eta = sum H'R^-1 y (t, l, n d), Lambda = sum H'R^-1 H (t, l, n d, n d) of all readings at s.x."""
+    x, (t, length, n, d) = s.x, s.x.shape
     eta, Lambda = np.zeros(x.shape), np.zeros((t, length, n, d, n, d))
     own = np.arange(n)
-    for sensor, place, reading in world.fixed(z):
+    for sensor, place, reading in s.world.fixed(s.z):
         y, H, _ = sensor.innovation(x, place, reading)
         y, W = _weigh(y, sensor.R, H)
-        eta += _times(W, y)
+        eta += times(W, y)
         Lambda[:, :, own, :, own] += np.moveaxis(W @ H, 2, 0)
-    for sensor, j, reading in world.relative(z, _reciprocal(air)):
+    for sensor, j, reading in s.world.relative(s.z, _average_directions(s.air)):
         y, H, Hq = sensor.innovation(x, x[:, :, j, None, :2], reading)
         H_j = np.concatenate([Hq, np.zeros((*Hq.shape[:-1], d - 2))], -1)
         y, W, W_j = _weigh(y, sensor.R, H, H_j)
-        eta += _times(W, y)
-        eta[:, :, j] += _times(W_j, y).sum(2)
+        eta += times(W, y)
+        eta[:, :, j] += times(W_j, y).sum(2)
         Lambda[:, :, own, :, own] += np.moveaxis(W @ H, 2, 0)
         Lambda[:, :, j, :, j] += (W_j @ H_j).sum(2)
         between = W @ H_j  # (t, l, n, d, d)
@@ -191,13 +193,13 @@ def information(world: World, x: Array, z: Senses, air: Mail) -> tuple[Array, Ar
 
 
 def _weigh(y: Array, R: Array, *Hs: Array) -> list[Array]:
-    """The innovation y (..., k) and H' R^-1 (..., d, k) of each Jacobian, 0 where there is no reading."""
-    there, weight = np.asarray(~np.isnan(y).any(-1)), _inverse(R)
+    """Return the innovation y (..., k) and H' R^-1 (..., d, k) of each Jacobian, 0 where there is no reading."""
+    there, weight = np.asarray(~np.isnan(y).any(-1)), inverse(R)
     return [np.where(there[..., None], y, 0.0), *(np.where(there[..., None, None], H.mT @ weight, 0.0) for H in Hs)]
 
 
-def _reciprocal(air: Mail) -> Mail:
-    """Each pair's RSSI once: the mean of both directions, held by the robot of the smaller number."""
+def _average_directions(air: Mail) -> Mail:
+    """Return each pair's RSSI once: the mean of both directions, held by the robot of the smaller number."""
     if not air.rssi.shape[-1]:
         return air
     both = np.stack([air.rssi, air.rssi.swapaxes(-1, -2)])
@@ -208,27 +210,17 @@ def _reciprocal(air: Mail) -> Mail:
 
 
 def _append(window: Any, newest: Any) -> Any:
-    """A window (t, l, ...) with one more entry at its end; an empty one takes the entry's shape."""
+    """Return a window (t, l, ...) with one more entry at its end; an empty one takes the entry's shape."""
     return np.concatenate([window, newest[:, None]], 1) if window.shape[1] else newest[:, None].copy()
 
 
-def _squared_norm(y: Array, information: Array) -> Array:
-    """y' M y of vectors (..., k)."""
-    squared: Array = (y * _times(information, y)).sum(-1)
+def _squared_norm(y: Array, information: Any) -> Array:
+    """Return y' M y of vectors (..., k)."""
+    squared: Array = (y * times(information, y)).sum(-1)
     return squared
 
 
-def _pseudo_inverse(A: Array) -> Array:
-    """Of each matrix (..., k, k); a robot that sleeps moves without noise."""
-    return np.asarray(np.linalg.pinv(A), float)
-
-
-def _inverse(A: Array) -> Array:
-    """Of each matrix (..., k, k)."""
-    return np.asarray(np.linalg.inv(A), float)
-
-
-def _times(A: Array, x: Array) -> Array:
-    """A x of matrices (..., m, k) and vectors (..., k)."""
+def times(A: Array, x: Array) -> Array:
+    """Return A x of matrices (..., m, k) and vectors (..., k)."""
     product: Array = (A @ x[..., None])[..., 0]
     return product

@@ -17,7 +17,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from cooploc.estimators.errors import require
-from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Traffic, World
+from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, Traffic, World
 from cooploc.estimators.kalman import no_traffic
 from cooploc.estimators.kalman_window import (
     Window,
@@ -54,7 +54,7 @@ class MapJoint:
 
     @property
     def uses(self) -> tuple[str, ...]:
-        """The channels: all that there are, unless `anchor_reading` or `reading` leaves some out."""
+        """Return all channels that `anchor_reading` and `reading` do not leave out."""
         fixed = () if self.anchor_reading == "none" else ("anchor_rssi?", "landmark?")
         radio = tuple(f"radio_{name}?" for name in ("rssi", "range") if self.reading in (name, "both"))
         return ("odometry", *fixed, "sighting?", *radio)
@@ -66,20 +66,21 @@ class MapJoint:
         return empty(prior, world)
 
     def predict(self, s: Window, z: Senses) -> Window:
-        """A new state x' = f(x, u) at the end of the window."""
+        """Add a new state x' = f(x, u) at the end of the window."""
         return append_tick(s, z)
 
     def correct(self, s: Window, z: Senses) -> Window:
         return s
 
     def exchange(self, s: Window, z: Senses, air: Mail) -> tuple[Window, Traffic]:
-        """Gauss-Newton over the window; readings of fixed things are used here too. Then the oldest state may leave."""
+        """Repeat Gauss-Newton over the window, by readings of fixed things too. Then the oldest state may leave."""
         s = add_mail(s, air)
-        starts = [s, second_start(s)] if s.young else [s]
-        s, filtered = _most_probable([_optimise(start, self.iterations) for start in starts])
-        if s.x.shape[1] == self.window:
-            s = drop_oldest(s, filtered[0])
-        return s, no_traffic(s.last)
+        best, filtered = _optimise(s, self.iterations)
+        if s.young:
+            best, filtered = _more_probable(best, filtered, *_optimise(second_start(s), self.iterations))
+        if best.x.shape[1] == self.window:
+            best = drop_oldest(best, filtered[0])
+        return best, no_traffic(best.last)
 
     def estimate(self, s: Window) -> Belief:
         t, n, d = s.last.shape
@@ -87,22 +88,21 @@ class MapJoint:
 
 
 def _optimise(s: Window, iterations: int) -> tuple[Window, list[Belief]]:
-    """The window after so many Gauss-Newton passes, and the last pass's filter."""
+    """Return the window after so many Gauss-Newton passes, and the last pass's filter."""
     for _ in range(iterations):
-        x, filtered = smooth_window(s)
-        s = s._replace(x=x, P=filtered[-1].P)
-    return s, filtered
+        found = smooth_window(s)
+        s = s._replace(x=found.x, P=found.filtered[-1].P)
+    return s, found.filtered
 
 
-def _most_probable(found: list[tuple[Window, list[Belief]]]) -> tuple[Window, list[Belief]]:
-    """Of several optima the one of largest posterior density, trial by trial."""
-    best, filtered = found[0]
-    for other, beliefs in found[1:]:
-        better = cost(other) < cost(best)
+def _more_probable(
+    s: Window, filtered: list[Belief], other: Window, others: list[Belief]
+) -> tuple[Window, list[Belief]]:
+    """Return the optimum of larger posterior density, trial by trial."""
+    better = cost(other) < cost(s)
 
-        def choose(a: Array, b: Array, better: Mask = better) -> Array:
-            return np.where(better.reshape(-1, *[1] * (a.ndim - 1)), b, a)
+    def choose(a: Array, b: Array) -> Array:
+        return np.where(better.reshape(-1, *[1] * (a.ndim - 1)), b, a)
 
-        filtered = [Belief(*map(choose, a, b)) for a, b in zip(filtered, beliefs, strict=True)]
-        best = best._replace(x=choose(best.x, other.x), P=choose(best.P, other.P))
-    return best, filtered
+    filtered = [Belief(*map(choose, a, b)) for a, b in zip(filtered, others, strict=True)]
+    return s._replace(x=choose(s.x, other.x), P=choose(s.P, other.P)), filtered

@@ -1,9 +1,9 @@
 """One unscented Kalman filter over the whole team: sigma points in place of Jacobians.
 
-Like ekf-joint it is centralised, not a protocol: every reading reaches one computer at once. 2 n d + 1 points pass
-through every motion and every reading, one reading after the other, so it is meant for small teams. Odometry noise is
-additive, as the motion model gives it at the mean. Negative weights can make P' indefinite where a reading is far from
-linear, for example a range between robots that touch: such a reading is refused.
+Like ekf-joint it is centralised. 2 n d + 1 points pass through every motion and every reading, one reading after the
+other, so it is meant for small teams. Odometry noise is additive, as the motion model gives it at the mean. Negative
+weights can make P' indefinite where a reading is far from linear, for example a range between robots that touch: such a
+reading is refused.
 
 Sources: S. Julier, J. Uhlmann, "Unscented filtering and nonlinear estimation", Proc. IEEE 92(3), 2004; R. van der
 Merwe, "Sigma-point Kalman filters for probabilistic inference in dynamic state-space models", PhD thesis, OGI, 2004
@@ -16,10 +16,9 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from cooploc.estimators import kalman_parameters as shared
+from cooploc.estimators import kalman
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Sensor, Traffic, World
 from cooploc.estimators.joint_gaussian import block_diagonal, definite, square
-from cooploc.estimators.kalman import distance, no_traffic, pairs, symmetric
 from cooploc.estimators.models import (
     AnchorReading,
     Bearing,
@@ -32,7 +31,7 @@ from cooploc.estimators.models import (
 )
 from cooploc.estimators.tunable import tunable
 
-Points = Callable[[Array, slice], Array]  # of sigma points (t, s, .., d) of these trials: moved, or what they read
+Points = Callable[[Array, slice], Array]  # moves sigma points (t, s, .., d) of these trials, or reads a sensor there
 
 
 class State(NamedTuple):
@@ -43,7 +42,7 @@ class State(NamedTuple):
     world: World
 
 
-@shared.explain
+@kalman.explain
 @dataclass(frozen=True)
 class UkfJoint:
     """Centralised UKF over all robots.
@@ -60,20 +59,20 @@ class UkfJoint:
     centralised: ClassVar[bool] = True
     axes: ClassVar[str] = "its sigma points lie along the axes of a Cholesky factor"
     anchor_reading: AnchorReading = "doa"
-    gate: float = tunable(shared.GATE, 2.0, 1000.0, log=True)
+    gate: float = tunable(kalman.GATE, 2.0, 1000.0, log=True)
     inflation: float = tunable(1.0, 0.5, 5.0, log=True)
-    engine: shared.EngineName = "batched"
-    reading: shared.RadioReading = "range"
+    engine: kalman.EngineName = "batched"
+    reading: kalman.RadioReading = "range"
     alpha: float = tunable(0.1, 0.001, 1.0, log=True)
     beta: float = tunable(2.0, 0.0, 4.0)
 
-    uses = property(shared.team_channels)
+    uses = property(kalman.team_channels)
 
     def __post_init__(self) -> None:
-        shared.require_limits(self, alpha=(1e-6, 10), beta=(0, 10))
+        kalman.require_limits(self, alpha=(1e-6, 10), beta=(0, 10))
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        world = shared.assumed_world(self, world)
+        world = kalman.assume(self, world)
         return State(prior.x, square(block_diagonal(prior.P)), world)
 
     def predict(self, s: State, z: Senses) -> State:
@@ -98,9 +97,9 @@ class UkfJoint:
         return s
 
     def exchange(self, s: State, z: Senses, air: Mail) -> tuple[State, Traffic]:
-        for sensor, i, j, reading in pairs(s.world, z, air):
+        for sensor, i, j, reading in kalman.pair_readings(s.world, z, air):
             s = self._update(s, sensor, i, j, reading, sensor.R)
-        return s, no_traffic(s.x)
+        return s, kalman.no_traffic(s.x)
 
     def estimate(self, s: State) -> Belief:
         t, n, d = s.x.shape
@@ -115,14 +114,13 @@ class UkfJoint:
         known = np.where(absent[:, None], 1.0, reading)
         members = [i, place] if isinstance(place, int) else [i]
 
-        def h(points: Array, trials: slice) -> Array:
-            """What the points (t, s, members, d) of the robots in the reading read."""
+        def h(points: Array, trials: slice) -> Array:  # (t, s, members, d) of the robots in the reading
             q = points[..., 1, :2] if isinstance(place, int) else place
             return -sensor.innovation(points[..., 0, :], q, known[trials, None])[0]
 
         update = _update if self.engine == "batched" else _filterpy_update
         R = np.broadcast_to(np.where(absent[:, None, None], np.eye(R.shape[-1]), R), (len(s.x), *R.shape[-2:]))
-        x, P, d2, sound = update(self, s, h, members, _turns(sensor), R)
+        x, P, d2, sound = update(self, s, h, members, _angles_of(sensor), R)
         use = (~absent & sound & (d2 <= self.gate))[:, None, None]
         return s._replace(x=np.where(use, wrap_heading(x), s.x), P=np.where(use, P, s.P))
 
@@ -138,19 +136,19 @@ def _weights(p: UkfJoint, m: int) -> tuple[float, Array, Array]:
 
 
 def _points(x: Array, columns: Array) -> Array:
-    """chi_0 = x (t, .., d),  chi_k = x +- column k (t, m, .., d) of the Cholesky factor;  (t, 2 m + 1, .., d)."""
+    """Return chi_0 = x (t, .., d),  chi_k = x +- column k (t, m, .., d) of the Cholesky factor."""
     x = x[:, None]
     points: Array = np.concatenate([x, x + columns, x - columns], 1)
     return points
 
 
 def _columns(P: Array, scale: float) -> Array:
-    """The columns of the Cholesky factor of scale P, as rows (t, m, m)."""
+    """Return the columns of the Cholesky factor of scale P, as rows (t, m, m)."""
     return np.asarray(np.linalg.cholesky(scale * P).mT, float)
 
 
 def _moments(points: Array, Wm: Array, turns: Mask) -> tuple[Array, Array]:
-    """Weighted mean (t, m), taken about the first point, and deviations from it (t, s, m); angles where it `turns`."""
+    """Return the weighted mean (t, m), taken about the first point, and deviations (t, s, m); angles if it `turns`."""
     mean = points[:, 0] + (Wm[:, None] * _minus(points, points[:, :1], turns)).sum(1)
     return mean, _minus(points, mean[:, None], turns)
 
@@ -159,14 +157,14 @@ def _minus(a: Array, b: Array, turns: Mask) -> Array:
     return np.where(turns, wrap(a - b), a - b) if turns.any() else a - b
 
 
-def _explain_failure(off: Array, scale: float) -> Array:
-    """C = P_xz' P^-1/2' (t, k, m), what each column of P^1/2 adds to the reading."""
+def _whiten_cross(off: Array, scale: float) -> Array:
+    """Return C = P_xz' P^-1/2' (t, k, m), what each column of P^1/2 adds to the reading."""
     plus, minus = np.split(off[:, 1:], 2, 1)
     return np.asarray((plus - minus).mT / (2 * np.sqrt(scale)))
 
 
-def _sound(C: Array, S: Array, R: Array) -> Mask:
-    """P - K S K' is definite where S exceeds C C', the part that the state explains."""
+def _is_sound(C: Array, S: Array, R: Array) -> Mask:
+    """Return where P - K S K' is definite: where S exceeds C C', the part that the state explains."""
     return definite(S - C @ C.mT - R / 10)
 
 
@@ -176,7 +174,7 @@ def _predict(p: UkfJoint, s: State, f: Points, noise: Array) -> tuple[Array, Arr
     points = _points(s.x, _columns(s.P, scale).reshape(t, -1, n, d))
     moved = f(points, slice(None)).reshape(t, -1, n * d)
     mean, off = _moments(moved, Wm, _headings(n, d))
-    return mean.reshape(t, n, d), symmetric((Wc[:, None] * off).mT @ off + noise)
+    return mean.reshape(t, n, d), kalman.symmetric((Wc[:, None] * off).mT @ off + noise)
 
 
 def _update(
@@ -188,15 +186,15 @@ def _update(
     columns = _columns(s.P, scale)
     points = _points(s.x[:, members], columns.reshape(t, -1, n, d)[:, :, members])
     mean, off = _moments(h(points, slice(None)), Wm, turns)
-    y, C = _minus(np.zeros_like(mean), mean, turns), _explain_failure(off, scale)
-    S = symmetric((Wc[:, None] * off).mT @ off + R)
+    y, C = _minus(np.zeros_like(mean), mean, turns), _whiten_cross(off, scale)
+    S = kalman.symmetric((Wc[:, None] * off).mT @ off + R)
     K = np.linalg.solve(S, C @ columns / np.sqrt(scale)).mT
-    x, P = s.x + (K @ y[..., None]).reshape(t, n, d), symmetric(s.P - K @ S @ K.mT)
-    return x, P, distance(y, S), _sound(C, S, R)
+    x, P = s.x + (K @ y[..., None]).reshape(t, n, d), kalman.symmetric(s.P - K @ S @ K.mT)
+    return x, P, kalman.distance(y, S), _is_sound(C, S, R)
 
 
 def _filterpy(p: UkfJoint, s: State, i: int, turns: Mask) -> Any:
-    """filterpy's filter of trial i, with angles as above."""
+    """Return filterpy's filter of trial i, with angles as above."""
     from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 
     n, d = s.x.shape[1:]
@@ -238,17 +236,17 @@ def _filterpy_update(
         read = lambda point, i=i: h(point.reshape(1, 1, *x.shape[1:])[:, :, members], slice(i, i + 1)).ravel()  # noqa: E731
         ukf.update(np.zeros(len(turns)), R=R[i], hx=read)
         x[i], P[i], d2[i] = ukf.x.reshape(x.shape[1:]), ukf.P, ukf.y @ ukf.SI @ ukf.y
-        sound[i] = _sound(_explain_failure(_moments(ukf.sigmas_h[None], Wm, turns)[1], scale), ukf.S[None], R[i])[0]
+        sound[i] = _is_sound(_whiten_cross(_moments(ukf.sigmas_h[None], Wm, turns)[1], scale), ukf.S[None], R[i])[0]
     return x, P, d2, sound
 
 
-def _turns(sensor: Sensor) -> Mask:
-    """Which numbers (k,) of a reading are angles."""
+def _angles_of(sensor: Sensor) -> Mask:
+    """Return which numbers (k,) of a reading are angles."""
     if isinstance(sensor, Sighting):
         return np.array([False, True])
     return np.full(len(sensor.R), isinstance(sensor, (Bearing, GradientDoa)))
 
 
 def _headings(n: int, d: int) -> Mask:
-    """Which numbers (n d,) of the state are angles."""
+    """Return which numbers (n d,) of the state are angles."""
     return np.asarray(np.arange(n * d) % d == 2)

@@ -13,7 +13,7 @@ import numpy as np
 
 from cooploc.estimators import make
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
-from cooploc.estimators.kalman_window import cost, empty, information, smooth, smooth_window
+from cooploc.estimators.kalman_window import cost, empty, smooth_window
 from cooploc.estimators.models import wrap_heading
 from cooploc.scenarios.runner.trace import trace
 from cooploc.scenarios.stream import Stream
@@ -50,7 +50,7 @@ class Smoother:
         whole = empty(prior, world)._replace(x=_filter(prior, world, rows, z, air), z=z, air=air)
         best, least = whole.x, cost(whole)
         for _ in range(self.passes):
-            x, _ = smooth_window(whole)
+            x = smooth_window(whole).x
             step = np.abs(wrap_heading(x - whole.x)).max()
             whole = whole._replace(x=x)
             now = cost(whole)
@@ -58,7 +58,7 @@ class Smoother:
             least = np.minimum(now, least)
             if step < SETTLED:
                 break
-        P = smooth(whole._replace(x=best), *information(world, best, z, air)).P
+        P = smooth_window(whole._replace(x=best)).P
         t, T, n, d = best.shape
         own = np.arange(n)
         return Belief(wrap_heading(best), P.reshape(t, T, n, d, n, d)[:, :, own, :, own].transpose(1, 2, 0, 3, 4))

@@ -2,16 +2,13 @@
 
 import numpy as np
 import pytest
-from oracles import Offset, dense_posterior, linear_team
+from oracles import Offset, dense_posterior, exchanges, linear_team, nees
 
+from cooploc.estimators import make
 from cooploc.estimators.dead_reckoning import DeadReckoning
-from cooploc.estimators.ekf_ci import EkfCi
-from cooploc.estimators.ekf_event_ci import EkfEventCi
-from cooploc.estimators.ekf_gs_ci import EkfGsCi
-from cooploc.estimators.ekf_hmd import EkfHmd
-from cooploc.estimators.ekf_ici import EkfIci
 from cooploc.estimators.ekf_interim import EkfInterim
 from cooploc.estimators.ekf_joint import EkfJoint
+from cooploc.estimators.ekf_local import EkfLocal
 from cooploc.estimators.ekf_luft import EkfLuft
 from cooploc.estimators.ekf_naive import EkfNaive
 from cooploc.estimators.ekf_split_ci import EkfSplitCi
@@ -27,27 +24,9 @@ TEAM = {
     "luft": EkfLuft(gate=np.inf),
     "interim": EkfInterim(gate=np.inf),
     "ukf": UkfJoint(gate=np.inf),
+    "joint": EkfJoint(gate=np.inf),
+    "local": EkfLocal(gate=np.inf),
 }
-
-
-def nees(x, got):
-    """Normalised squared error (t, T, n) / d."""
-    e = got.x - x
-    return np.einsum("tkna,tkna->tkn", e, np.linalg.solve(got.P, e[..., None])[..., 0]) / x.shape[-1]
-
-
-def states(estimator, stream, every):
-    """The state after the exchange at every so many ticks."""
-    seen = []
-
-    def watch(name, tick, arguments, call):
-        result = call(*arguments)
-        if name == "exchange" and tick % every == 0:
-            seen.append(result[0])
-        return result
-
-    trace("watched", estimator, stream, watch)
-    return seen
 
 
 def without(stream, **channels):
@@ -55,9 +34,6 @@ def without(stream, **channels):
     return stream.with_arrays(
         {f"senses.{name}": np.full_like(getattr(stream.senses, name), np.nan) for name in channels if channels[name]}
     )
-
-
-# ---------------------------------------------------------------- linear-Gaussian oracles
 
 
 @pytest.mark.parametrize("share", [0.3, 1.0])
@@ -163,50 +139,31 @@ def test_literal_split_ci_of_independent_priors_is_the_naive_filter():
     assert held.mean() > 0.9  # it also leaves alone what is no gain
 
 
-# ---------------------------------------------------------------- one filter, computed twice
-
-
 @pytest.mark.parametrize("robots", [1, 3, 10])
 @pytest.mark.parametrize(
-    ("cls", "parameters"),
+    "label",
     [
-        (EkfJoint, PLAIN),
-        (EkfJoint, {"update": "batch"}),
-        (EkfNaive, {}),
-        (EkfCi, {}),
-        (EkfCi, {"criterion": "det", "over": "position"}),
-        (EkfSplitCi, {}),
-        (EkfIci, {}),
-        (EkfIci, {"form": "fixed"}),
-        (EkfHmd, {}),
-        (EkfEventCi, {}),
-        (EkfGsCi, {}),
-        (EkfLuft, {}),
-        (EkfInterim, {}),
-        (UkfJoint, {}),
-    ],
-    ids=[
-        "joint-plain",
-        "joint-batch",
-        "naive",
-        "ci",
-        "ci-position",
-        "split-ci",
-        "ici",
-        "ici-fixed",
-        "hmd",
-        "event",
-        "gs",
-        "luft",
-        "interim",
-        "ukf",
+        "ekf-joint[iterations=1,second_order=false,update=sequential]",
+        "ekf-joint",
+        "ekf-naive",
+        "ekf-ci",
+        "ekf-ci[criterion=det,over=position]",
+        "ekf-split-ci",
+        "ekf-ici",
+        "ekf-ici[form=fixed]",
+        "ekf-hmd",
+        "ekf-event-ci",
+        "ekf-gs-ci",
+        "ekf-luft",
+        "ekf-interim",
+        "ukf-joint",
     ],
 )
-def test_batched_is_filterpy(cls, parameters, robots):
+def test_batched_is_filterpy(label, robots):
     ticks = 4 if robots == 10 else 20
-    for label in (f"scalability/n={robots}", f"camera/n={robots}"):
-        _, stream = simulate(label, trials=1 if robots == 10 else 2, seed=26, ticks=ticks)
-        batched, loop = (cls(**parameters, engine=engine) for engine in ("batched", "filterpy"))
+    for world in (f"scalability/n={robots}", f"camera/n={robots}"):
+        _, stream = simulate(world, trials=1 if robots == 10 else 2, seed=26, ticks=ticks)
+        batched, loop = (make(label, engine=engine) for engine in ("batched", "filterpy"))
         traces = run({"batched": batched, "filterpy": loop}, stream).traces
         np.testing.assert_allclose(traces["batched"].x, traces["filterpy"].x, atol=1e-9)
         np.testing.assert_allclose(traces["batched"].P, traces["filterpy"].P, atol=1e-9)
@@ -218,9 +175,6 @@ def test_interim_master_is_filterpys_under_losses_too():
     batched, loop = (trace(engine, EkfInterim(engine=engine), stream) for engine in ("batched", "filterpy"))
     np.testing.assert_allclose(batched.x, loop.x, atol=1e-9)
     np.testing.assert_allclose(batched.P, loop.P, atol=1e-9)
-
-
-# ---------------------------------------------------------------- loss
 
 
 @pytest.mark.parametrize("label", ["camera", "trajectory", "scalability/n=10[ticks=15]"])
@@ -267,9 +221,6 @@ def test_pairwise_protocols_need_both_directions(name):
     np.testing.assert_array_equal(a.P[:, :, 1:], b.P[:, :, 1:])
 
 
-# ---------------------------------------------------------------- soundness
-
-
 @pytest.mark.parametrize(
     "estimator",
     [EkfJoint(), EkfJoint(**PLAIN), EkfNaive(), EkfLuft(), EkfSplitCi(), EkfInterim()],
@@ -281,7 +232,7 @@ def test_covariances_stay_definite_over_ten_thousand_ticks(estimator):
     _, stream = simulate("camera/n=2", seed=31, ticks=10_000)
     stream = without(stream, landmark=True)
     if isinstance(estimator, EkfJoint):
-        for s in states(estimator, stream, every=50):
+        for _, s in exchanges(estimator, stream)[::50]:
             P = s.P.reshape(6, 6)
             np.testing.assert_allclose(P, P.T, rtol=1e-12, atol=1e-12 * P.max())
             assert np.linalg.eigvalsh(P).min() > 0

@@ -9,6 +9,7 @@ from hypothesis import HealthCheck, settings
 
 from cooploc.estimators.interface import Belief, Senses, World
 from cooploc.estimators.models import Displacement
+from cooploc.scenarios.runner.trace import trace
 from cooploc.scenarios.stream import Air, Stream
 
 # Random examples that are the same in every run.
@@ -53,6 +54,26 @@ def normals(key: np.ndarray, counter: int, n: int) -> np.ndarray:
     radius = np.sqrt(-2 * np.log((a + 0.5) * 2.0**-32))
     angle = 2 * np.pi * (b + 0.5) * 2.0**-32
     return np.stack([radius * np.cos(angle), radius * np.sin(angle)], -1)
+
+
+def nees(x: np.ndarray, got: Any) -> np.ndarray:
+    """Normalised squared error / d (t, T, n) of beliefs `got` at true states x (t, T, n, d)."""
+    e = got.x - x
+    return np.einsum("tkna,tkna->tkn", e, np.linalg.solve(got.P, e[..., None])[..., 0]) / x.shape[-1]
+
+
+def exchanges(estimator: Any, stream: Stream) -> list[tuple[tuple, Any]]:
+    """The arguments (state, senses, air) of every tick's exchange, and the state after it."""
+    seen = []
+
+    def watch(name: str, tick: int, arguments: tuple, call: Callable) -> Any:
+        result = call(*arguments)
+        if name == "exchange":
+            seen.append((arguments, result[0]))
+        return result
+
+    trace("watched", estimator, stream, watch)
+    return seen
 
 
 def slope(f: Callable[[np.ndarray], np.ndarray], x: np.ndarray, step: float = 1e-6) -> np.ndarray:

@@ -5,43 +5,27 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from oracles import covariances
+from oracles import covariances, exchanges
 
 from cooploc.estimators import compiled, ekf_joint, kalman_kernels
 from cooploc.estimators.ekf_interim import EkfInterim
 from cooploc.estimators.ekf_interim import State as InterimState
 from cooploc.estimators.ekf_joint import EkfJoint
 from cooploc.estimators.ekf_luft import State as LuftState
-from cooploc.estimators.ekf_luft import _possible, met
+from cooploc.estimators.ekf_luft import _possible, update_pair
 from cooploc.estimators.ekf_split_ci import EkfSplitCi
 from cooploc.estimators.ekf_split_ci import State as SplitState
 from cooploc.estimators.joint_gaussian import (
-    direction_by_direction,
     information,
     information_update,
-    range_by_range,
     readings_of,
-    scalar_by_scalar,
     sparse_update,
 )
 from cooploc.estimators.joint_kernels import LIMIT, Factored, PairUpdate, least_trace, meet
 from cooploc.estimators.kalman import kalman, linearise
+from cooploc.estimators.kalman_kernels import add_directions, add_ranges, add_scalars
 from cooploc.estimators.models import GradientDoa, LogDistance, Range
 from cooploc.scenarios import simulate
-from cooploc.scenarios.runner.trace import trace
-
-
-def before_exchange(estimator, stream):
-    """The state, the senses and the air that `exchange` is called with at every tick."""
-    seen = []
-
-    def watch(name, tick, arguments, call):
-        if name == "exchange":
-            seen.append(arguments)
-        return call(*arguments)
-
-    trace("watched", estimator, stream, watch)
-    return seen
 
 
 def team(seed, d, robots=4, trials=5):
@@ -62,7 +46,8 @@ def test_compiled_ranges_are_sparse_updates_one_by_one(d, gate):
             y, H_i, H_j = linearise(Range(), want_x[:, i], want_x[:, j], z[:, i, j, None])
             want_x, want_P, use = sparse_update(want_x, want_P, y, {i: H_i, j: H_j}, Range().R, gate)
             used += use.sum()
-    got_x, got_P = range_by_range(x, P, z, Range().R, gate)
+    got_x, got_P = x.copy(), P.copy()
+    add_ranges(got_x, got_P, z, Range().R.item(), gate)
     assert 5 < used < 48
     np.testing.assert_allclose(got_x, want_x, atol=1e-12)
     np.testing.assert_allclose(got_P, want_P, atol=1e-12)
@@ -82,7 +67,8 @@ def test_compiled_directions_are_sparse_updates_one_by_one(d, gate):
         y, H, _ = doa.innovation(want_x[:, i], np.zeros(2), z[:, i, None])
         want_x, want_P, use = sparse_update(want_x, want_P, y, {i: H}, doa.R, gate)
         used += use.sum()
-    got_x, got_P = direction_by_direction(x, P, z, doa, gate)
+    got_x, got_P = x.copy(), P.copy()
+    add_directions(got_x, got_P, z, ekf_joint._nodes_of(doa), gate)
     assert 2 < used < 20
     np.testing.assert_allclose(got_x, want_x, atol=1e-12)
     np.testing.assert_allclose(got_P, want_P, atol=1e-12)
@@ -95,7 +81,7 @@ def test_compiled_directions_are_sparse_updates_one_by_one(d, gate):
 def test_compiled_ranges_together_are_the_numpy_ones(iterations, second_order, gate, monkeypatch):
     _, stream = simulate("scalability/n=4", trials=5, seed=40, ticks=1, drop=0.3, prior_sigma=1.0)
     joint = EkfJoint(iterations=iterations, second_order=second_order, gate=gate)
-    before, senses, air = before_exchange(joint, stream)[0]
+    (before, senses, air), _ = exchanges(joint, stream)[0]
     compiled, _ = joint.exchange(before, senses, air)
     monkeypatch.setattr(ekf_joint, "Range", ())  # what no sensor is an instance of
     plain, _ = joint.exchange(before, senses, air)
@@ -115,7 +101,8 @@ def test_own_scalars_one_by_one_are_the_information_form(k):
     eta, Lambda = information(use[..., None], one)
     want_P = information_update(P, Lambda)
     want = x.reshape(5, 12) + (want_P @ eta[..., None])[..., 0]
-    got_x, got_P = scalar_by_scalar(x, P, use, y, H, R)
+    got_x, got_P = x.copy(), P.copy()
+    add_scalars(got_x, got_P, use, y, H, R.diagonal().copy())
     np.testing.assert_allclose(got_x.reshape(5, 12), want, atol=1e-12)
     np.testing.assert_allclose(got_P, want_P, atol=1e-12)
     np.testing.assert_array_equal(got_P[0], P[0])
@@ -155,17 +142,20 @@ def test_compiled_masters_are_filterpys(d, robots):
 def test_a_compiled_weight_is_the_best_of_a_scan_and_the_parts_add_up(d, k, form):
     rng = np.random.default_rng(43)
     Pd, Pi, Rd, Ri = (covariances(rng, 30, d=size) for size in (d, d, k, k))
-    H, y = rng.normal(size=(30, k, d)), 0.1 * rng.normal(size=(30, k))
-    w, helps = np.empty(30), np.empty(30, bool)
-    least_trace(Pd, Pi, H, Rd, Ri, np.arange(30) > 0, w, helps)
+    H, y, w = rng.normal(size=(30, k, d)), 0.1 * rng.normal(size=(30, k)), np.empty(30)
+    y[0] = np.nan
+    least_trace(Pd, Pi, (y, H, Rd, Ri), w)
+    helps = ~np.isnan(w)
     assert not helps[0]
     assert 5 < helps.sum() < 30
     for r in np.flatnonzero(helps):
         scan = [_position_trace(Pd[r], Pi[r], H[r], Rd[r], Ri[r], v) for v in np.linspace(0.001, 0.999, 999)]
         assert _position_trace(Pd[r], Pi[r], H[r], Rd[r], Ri[r], w[r]) <= min(scan) * (1 + 1e-4)
     state = SplitState(rng.normal(size=(30, d)), Pd, Pi, np.arange(30), None)
-    s, used = EkfSplitCi(form=form, gate=np.inf)._update(state, y, H, Rd, Ri, w, received=True)
-    assert used.all()
+    s, used = EkfSplitCi(form=form, gate=np.inf)._update(state, y, H, Rd, Ri)
+    np.testing.assert_array_equal(used, helps)
+    y, H, Rd, Ri, Pd, Pi, w = (part[used] for part in (y, H, Rd, Ri, Pd, Pi, w))
+    s, state = (SplitState(*(part[used] for part in one[:4]), None) for one in (s, state))
     P1, R = Pd / w[:, None, None] + Pi, Rd / (1 - w[:, None, None]) + Ri
     x, P = kalman(state.x, P1, y, H, R)
     np.testing.assert_allclose(s.x, x, atol=1e-12)
@@ -194,7 +184,7 @@ def test_compiled_meetings_are_the_numpy_ones(d, gate):
     y[0], H = np.nan, np.concatenate([H_1, H_3], -1)
     cut = (_possible(P[:, 1], P[:, 3], sigma[:, 1, 3] @ sigma[:, 3, 1].mT) != sigma[:, 1, 3] @ sigma[:, 3, 1].mT).any()
     assert cut
-    want = met(plain, 1, 3, y, H_1, H_3, R, gate, kalman)
+    want = update_pair(plain, 1, 3, y, H_1, H_3, R, gate, kalman)
     used = meet(Factored(*compiled[:3]), (1, 3), PairUpdate(y, H, R), gate)
     meet(Factored(*alone[:3]), (1, 3), PairUpdate(y[[7]], H[[7]], R), gate)
     np.testing.assert_array_equal(used, want)
@@ -207,8 +197,7 @@ def test_compiled_meetings_are_the_numpy_ones(d, gate):
 def test_information_form_is_the_dense_form_at_fifty_robots():
     _, stream = simulate("scalability/n=50", trials=1, seed=27, ticks=2)
     joint = EkfJoint(iterations=1, second_order=False, gate=np.inf)
-    for before, _, air in before_exchange(joint, stream):
-        after, _ = joint.exchange(before, stream.senses, air)
+    for (before, _, air), after in exchanges(joint, stream):
         x, P, z = before.x[0], before.P[0].reshape(100, 100), air.range[0]
         pairs = np.argwhere(np.isfinite(z) & (z >= 0.2))
         H, y = np.zeros((len(pairs), 50, 2)), np.zeros(len(pairs))

@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 from oracles import covariances
 
-from cooploc.estimators.ekf_local import EkfLocal
+import cooploc as cl
+from cooploc.estimators import kalman as steps
+from cooploc.estimators.compiled import spread_out
 from cooploc.estimators.interface import Senses
-from cooploc.estimators.joint_gaussian import block_diagonal, drive, square
-from cooploc.estimators.kalman import ENGINES, correct_row, innovation, kalman, move, predict
+from cooploc.estimators.joint_gaussian import block_diagonal, move_blocks, square
+from cooploc.estimators.kalman import ENGINES, innovation, kalman, move, predict
 from cooploc.estimators.models import Bearing, LogDistance, Range, Sighting, Unicycle
-from cooploc.scenarios import simulate
+from cooploc.scenarios.runner.trace import trace
 
 ROWS = 40
 
@@ -45,21 +47,11 @@ def test_compiled_updates_are_the_numpy_ones(d, k, gate):
     np.testing.assert_array_equal(alone[1][0], found[1][7])
 
 
-@pytest.mark.parametrize("d", [2, 3, 11])
-def test_compiled_predictions_are_the_numpy_ones(d):
-    rng, x, P = beliefs(2, d)
-    F, Q = rng.normal(size=(ROWS, d, d)), covariances(rng, ROWS, d=d)
-    found = ENGINES["batched"].predict(x, P, F, Q)[1]
-    near(found, predict(x, P, F, Q)[1])
-    np.testing.assert_array_equal(found, found.mT)
-    np.testing.assert_array_equal(ENGINES["batched"].predict(x[:1], P[:1], F[:1], Q[:1])[1][0], found[0])
-
-
 def test_a_team_is_moved_block_by_block_as_by_one_matrix():
     rng = np.random.default_rng(3)
     P, F, Q = covariances(rng, 6, d=12), rng.normal(size=(6, 4, 3, 3)), covariances(rng, 24, d=3).reshape(6, 4, 3, 3)
-    wanted = predict(np.empty(0), P, square(block_diagonal(F)), square(block_diagonal(Q)))[1]
-    found = drive(P, F, Q)
+    wanted = predict(P, square(block_diagonal(F)), square(block_diagonal(Q)))
+    found = move_blocks(P, F, Q)
     near(found, wanted)
     np.testing.assert_array_equal(found, found.mT)
 
@@ -91,16 +83,18 @@ def test_compiled_innovations_are_the_numpy_ones(sensor, d):
     near(team[0][4], sensor.innovation(x[4], q, z[4])[0])
 
 
-def test_all_landmarks_in_one_loop_are_one_update_after_the_other():
-    _, stream = simulate("camera/n=3", trials=4, seed=7, ticks=3)
-    world, camera = stream.world, stream.world.sensors["landmark"]
-    z = Senses(*(part[:, 2] for part in stream.senses[:-1]), {})
-    settings = EkfLocal(gate=4.0)
-    x, P = stream.prior
-    for place, reading in zip(world.landmarks, np.moveaxis(z.landmark, -2, 0), strict=True):
-        y, H, _ = camera.innovation(x, place, reading)
-        x, P = kalman(x, P, y, H, camera.R, settings.gate)
-    found = correct_row(settings, world, *stream.prior, z)
-    assert (found[0] != stream.prior.x).any()
-    near(found[0], x)
-    near(found[1], P)
+@pytest.mark.parametrize("name", ["ekf-local", "ekf-split-ci[form=conservative]", "ekf-joint[gate=3.0]", "ekf-interim"])
+def test_landmarks_in_one_loop_change_no_bit(name, monkeypatch):
+    _, stream = cl.simulate("camera/n=3", trials=2, seed=1, ticks=15)
+    together = trace(name, cl.make(name), stream)
+    monkeypatch.setattr(steps, "landmarks_alone", lambda *_: None)
+    in_turn = trace(name, cl.make(name), stream)
+    for what in ("x", "P", "messages", "bytes"):
+        assert (getattr(together, what) == getattr(in_turn, what)).all()
+
+
+def test_an_array_spread_out_is_broadcast_and_cannot_be_written():
+    spread = spread_out(np.arange(3.0), (2, 4, 3))
+    assert (spread == np.broadcast_to(np.arange(3.0), (2, 4, 3))).all()
+    assert spread.flags.c_contiguous
+    assert not spread.flags.writeable

@@ -1,4 +1,7 @@
-"""The batched Kalman filter against the textbook, filterpy, and the promise about absent rows."""
+"""The Kalman update against the textbook and filterpy; packets, traffic, and the parameters that filters share."""
+
+import pydoc
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -6,8 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from oracles import covariances, is_covariance, repeatable
 
-from cooploc.estimators.kalman import ENGINES, distance, kalman
+from cooploc.estimators import BUILTIN, make
+from cooploc.estimators.kalman import ENGINES, Message, assume, count, distance, kalman, no_traffic
+from cooploc.scenarios import simulate
+from cooploc.scenarios.runner.run import run
 
+FILTERS = [name for name in BUILTIN if name.startswith(("ekf-", "ukf-"))]
 SIZES = pytest.mark.parametrize(("d", "k"), [(2, 1), (2, 2), (3, 1), (3, 2), (6, 2)])
 
 
@@ -45,11 +52,10 @@ def test_update_equals_filterpys(d, k):
 @pytest.mark.parametrize("d", [2, 3, 6])
 def test_prediction_equals_filterpys_and_the_textbooks(d):
     rng = np.random.default_rng(3)
-    x, F = rng.normal(size=(20, d)), rng.normal(size=(20, d, d))
+    F = rng.normal(size=(20, d, d))
     P, Q = covariances(rng, 20, d=d), covariances(rng, 20, d=d)
     for name in ENGINES:
-        x1, P1 = ENGINES[name].predict(x, P, F, Q)
-        np.testing.assert_array_equal(x1, x)  # already moved by its caller
+        P1 = ENGINES[name].predict(P, F, Q)
         np.testing.assert_allclose(P1, [f @ p @ f.T + q for f, p, q in zip(F, P, Q, strict=True)], atol=1e-9)
         assert is_covariance(P1)
 
@@ -94,3 +100,55 @@ def test_covariance_stays_symmetric_and_definite_over_many_updates(seed, exponen
         np.testing.assert_array_equal(P, P.mT)
     assert np.linalg.eigvalsh(P).min() > 0
     assert np.isfinite(x).all()
+
+
+@pytest.mark.parametrize("teammates", [0, 4])
+@pytest.mark.parametrize("parts", [1, 2])
+@pytest.mark.parametrize("d", [2, 3])
+def test_a_message_comes_out_as_it_went_in(d, parts, teammates):
+    rng = np.random.default_rng(1)
+    sent = Message(
+        rng.normal(size=(5, d)),
+        tuple(covariances(rng, 5, d=d) for _ in range(parts)),
+        rng.normal(size=(5, teammates, 2)),
+    )
+    packets = sent.pack()
+    assert packets.shape == (5, d + parts * d * (d + 1) // 2 + 2 * teammates)
+    got = Message.unpack(packets, d, parts)
+    for a, b in zip((got.x, *got.P, got.sightings), (sent.x, *sent.P, sent.sightings), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_messages_are_counted_with_a_header_where_they_were_sent():
+    sent = no_traffic(np.zeros((2, 3, 2)))
+    count(sent, 1, np.array([True, False]), 5)
+    count(sent, 1, np.array([True, True]), 0)
+    np.testing.assert_array_equal(sent.messages, [[0, 2, 0], [0, 1, 0]])
+    np.testing.assert_array_equal(sent.bytes, [[0, 8 + 40 + 8, 0], [0, 8, 0]])
+
+
+@pytest.mark.parametrize("name", FILTERS)
+def test_help_explains_every_parameter(name):
+    shown = pydoc.render_doc(make(name), renderer=pydoc.plaintext)
+    for field in fields(make(name)):
+        assert f" {field.name}: " in shown.partition("Parameters:")[2].partition("Method resolution order")[0]
+
+
+@pytest.mark.parametrize("name", FILTERS)
+def test_a_direction_of_arrival_without_four_corners_is_refused(name):
+    _, stream = simulate("anchors/a=5", ticks=2)
+    with pytest.raises(ValueError, match="needs four corner anchors"):
+        assume(make(name), stream.world)
+    for reading in ("rssi", "none"):
+        assume(make(name, anchor_reading=reading), stream.world)
+
+
+@pytest.mark.parametrize("name", ["ekf-local", "ekf-joint", "ekf-ci", "ukf-joint", "map-joint"])
+@pytest.mark.parametrize("scenario", ["robots-1-3/n=2", "camera/n=2"])
+def test_without_anchors_and_teammates_every_filter_is_dead_reckoning(name, scenario):
+    _, stream = simulate(scenario, trials=2, ticks=10, drop=1.0)
+    alone = stream.with_arrays({"senses.sighting": np.full_like(stream.senses.sighting, np.nan)})
+    made = {"none": make(name, anchor_reading="none"), "dead": make("dead-reckoning")}
+    traces = run(made, alone).traces
+    np.testing.assert_allclose(traces["none"].x, traces["dead"].x, atol=1e-9 if name != "ukf-joint" else 1e-3)
+    np.testing.assert_allclose(traces["none"].P, traces["dead"].P, atol=1e-9 if name != "ukf-joint" else 1e-3)
