@@ -4,15 +4,13 @@ Every command imports what it needs when it runs, so that `cooploc --help` is qu
 """
 
 import os
+from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 import cooploc as cl
-from cooploc.commands import judge, plan, tune
-from cooploc.terminal.console import Claims, Estimators, Isolate, Jobs, Recordings, RunDirectory, Strict, StudyName
-from cooploc.terminal.inspect_command import inspect
 
 app = typer.Typer(
     name="cooploc",
@@ -20,6 +18,21 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
 )
+
+
+# Arguments and options that several commands have.
+
+StudyName = Annotated[str, typer.Argument(help="name of a shipped study, or path of a study's TOML file")]
+Estimators = Annotated[str | None, typer.Option(help="comma-separated estimators, instead of the study's")]
+Jobs = Annotated[int, typer.Option(help="number of processes")]
+RunDirectory = Annotated[Path, typer.Argument(help="a run directory")]
+Recordings = Annotated[Path | None, typer.Option(help="directory of recordings")]
+Isolate = Annotated[bool, typer.Option(help="give what is not built in processes of its own, where it may crash")]
+Strict = Annotated[bool, typer.Option("--strict", help="refuse a recording with any line that cannot be read")]
+Claims = Annotated[Path | None, typer.Option(help="TOML file of claims [default: those of the paper]")]
+Seed = Annotated[int | None, typer.Option(help="random seed")]
+Out = Annotated[Path | None, typer.Option(help="run directory [default: runs/STUDY-seedN]")]
+AsJson = Annotated[bool, typer.Option("--json", help="print the table as JSON, and nothing else on stdout")]
 
 
 @app.callback(invoke_without_command=True)
@@ -63,19 +76,17 @@ def list_(
 def run(
     study: StudyName,
     trials: Annotated[int | None, typer.Option(help="trials per scenario")] = None,
-    seed: Annotated[int | None, typer.Option(help="random seed")] = None,
+    seed: Seed = None,
     estimators: Estimators = None,
     jobs: Jobs = 1,
     scheduler: Annotated[str | None, typer.Option(help="run on a Dask cluster: tcp://HOST:PORT")] = None,
     data: Recordings = None,
-    out: Annotated[Path | None, typer.Option(help="run directory [default: runs/STUDY-seedN]")] = None,
+    out: Out = None,
     check: Annotated[bool, typer.Option(help="check estimators that are not built in before they run")] = True,
     retry_failed: Annotated[bool, typer.Option("--retry-failed", help="run again every trial that failed")] = False,
     isolate: Isolate = True,
     strict: Strict = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="print the table as JSON, and nothing else on stdout")
-    ] = False,
+    as_json: AsJson = False,
     wide: Annotated[bool, typer.Option("--wide", help="print every column, and what each means")] = False,
     sort: Annotated[str, typer.Option(help="column of table.csv by which rows are printed, or study")] = "rmse",
     until_decided: Annotated[
@@ -85,30 +96,130 @@ def run(
     max_trials: Annotated[int | None, typer.Option(help="trials at which --until-decided ends [default: 1000]")] = None,
 ) -> None:
     """Run a study, print its table, keep results and picture."""
-    from cooploc.api_studies import choose_runner
-    from cooploc.terminal import tables as printed
+    from cooploc.terminal import tables
 
-    results = choose_runner(until_decided, trials, max_trials)(
-        study,
-        seed=seed,
-        estimators=estimators,
-        jobs=jobs,
-        scheduler=scheduler,
-        data=data,
-        out=out,
-        check=check,
-        retry_failed=retry_failed,
-        isolate=isolate,
-        strict=strict,
-    )
-    printed.show_results(results.table, results.rows, results.folder, as_json, wide, sort)
+    if until_decided and trials is not None:
+        raise cl.BadInput("--trials is for a fixed number: with --until-decided, give --max-trials")
+    if not until_decided and max_trials is not None:
+        raise cl.BadInput("--max-trials is given without --until-decided: add it, or give --trials")
+    how: dict[str, Any] = {
+        "seed": seed,
+        "estimators": estimators,
+        "jobs": jobs,
+        "scheduler": scheduler,
+        "data": data,
+        "out": out,
+    }
+    how |= {"check": check, "retry_failed": retry_failed, "isolate": isolate}
+    how["strict"] = strict
+    if until_decided:
+        results = cl.run_until(study, max_trials=1000 if max_trials is None else max_trials, **how)
+    else:
+        results = cl.run_study(study, trials=trials, **how)
+    tables.show_results(results.table, results.rows, results.folder, as_json, wide, sort)
     if len(results.failures):
         raise typer.Exit(1)
 
 
-app.command()(tune)
-app.command()(inspect)
-app.command()(plan)
+class Objective(StrEnum):
+    """What tuning makes small."""
+
+    nll = "nll"
+    rmse = "rmse"
+
+
+@app.command()
+def tune(
+    study: StudyName,
+    budget: Annotated[int, typer.Option(help="training trials that each estimator may use")] = 100,
+    estimators: Estimators = None,
+    trials: Annotated[int | None, typer.Option(help="fresh trials per scenario, to compare on")] = None,
+    seed: Annotated[int | None, typer.Option(help="random seed; that of training is derived from it")] = None,
+    objective: Annotated[
+        Objective, typer.Option(help="nll: log-likelihood of the true position, robust and proper; or rmse")
+    ] = Objective.nll,
+    jobs: Jobs = 1,
+    data: Recordings = None,
+    out: Annotated[Path | None, typer.Option(help="directory [default: runs/STUDY-seedN-tuned]")] = None,
+    check: Annotated[bool, typer.Option(help="check estimators that are not built in before they are compared")] = True,
+    isolate: Isolate = True,
+) -> None:
+    """Tune all estimators with one budget, and compare them.
+
+    As published and tuned, on streams that were not tuned on.
+    """
+    from cooploc.terminal import tables
+
+    found = cl.tune(
+        study,
+        budget,
+        estimators=estimators,
+        trials=trials,
+        seed=seed,
+        objective=objective.value,
+        jobs=jobs,
+        data=data,
+        out=out,
+        check=check,
+        isolate=isolate,
+    )
+    orders = {"RMSE": found.order("rmse"), "NLL": found.order("nll")}
+    tables.show_tuning(found.history, found.table, orders, found.record)
+    typer.echo(f"tables and figures: {found.folder}\nstudy: {found.study}\nnext: cooploc run {found.study}")
+    if found.rows["failure"].notna().any():
+        raise typer.Exit(1)
+
+
+@app.command()
+def inspect(
+    path: Annotated[Path, typer.Argument(help="directory of CSV files, a ROS bag, a PyFG file or MRCLAM text")],
+    out: Annotated[Path | None, typer.Option(help="directory for log.toml and sketch [default: beside it]")] = None,
+    run: Annotated[str, typer.Option(help="which recording of several [default: the first]")] = "",
+    force: Annotated[bool, typer.Option("--force", help="guess again, and replace a log.toml that is there")] = False,
+    strict: Strict = False,
+) -> None:
+    """Look at a recording of robots, and draft its log.toml.
+
+    Says what is in it and what is odd about it, sketches it, and writes a log.toml that runs.
+    """
+    from cooploc.terminal import tables
+
+    found = cl.inspect(path, run, again=force)
+    if strict:
+        from cooploc.analysis.execution.run import require_whole
+
+        require_whole(found.inspected.log.warnings)
+    tables.show_inspection(found, found.write(out, force))
+
+
+@app.command()
+def plan(
+    study: StudyName,
+    difference: Annotated[float, typer.Option(help="change of RMSE to be shown; 0.1 is 10 %")] = 0.1,
+    seed: Seed = None,
+    estimators: Estimators = None,
+    jobs: Jobs = 1,
+    data: Recordings = None,
+    out: Out = None,
+    isolate: Isolate = True,
+) -> None:
+    """Say how many trials each comparison needs, and how long.
+
+    From a pilot of ten trials, at 80 % power.
+    """
+    from cooploc.terminal import tables
+
+    found = cl.plan(
+        study,
+        difference=difference,
+        seed=seed,
+        estimators=estimators,
+        jobs=jobs,
+        data=data,
+        out=out,
+        isolate=isolate,
+    )
+    tables.show_plan(found, difference, jobs)
 
 
 @app.command()
@@ -136,7 +247,26 @@ def check(
         raise typer.Exit(1)
 
 
-app.command()(judge)
+@app.command()
+def judge(
+    stream: Annotated[str, typer.Argument(help="a file that Stream.save wrote, or a scenario")],
+    tum: Annotated[Path, typer.Option(help="folder of trial0-robot0.txt, ..., or one folder of these for each")],
+    estimators: Annotated[str | None, typer.Option(help="comma-separated estimators to run on the same stream")] = None,
+    trials: Annotated[int | None, typer.Option(help="of a scenario [default: 1]")] = None,
+    seed: Annotated[int | None, typer.Option(help="of a scenario [default: 0]")] = None,
+    data: Recordings = None,
+    offline: Annotated[bool, typer.Option("--offline", help="they saw later readings, as smoothers do")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Judge trajectories computed elsewhere, from TUM files.
+
+    With the truth of a stream.
+    """
+    from cooploc.analysis.metrics.external import evaluate_external
+    from cooploc.terminal import tables
+
+    rows, table = evaluate_external(stream, tum, estimators, offline, trials=trials, seed=seed, data=data)
+    tables.table(table, rows, as_json)
 
 
 @app.command()
@@ -189,11 +319,11 @@ def verdicts(folder: RunDirectory, ledger: Claims = None) -> None:
 
     Or contradicts, or leaves open; and in how many readings of the paper.
     """
-    from cooploc import api_runs
+    from cooploc import api
     from cooploc.analysis.claims.ledger import load
     from cooploc.terminal import tables
 
-    found, mapped = api_runs.verdicts_and_readings(folder, ledger)
+    found, mapped = api.verdicts_and_readings(folder, ledger)
     tables.show_verdicts(found, load(ledger))
     tables.show_interpretations(mapped)
 

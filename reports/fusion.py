@@ -17,7 +17,7 @@ from cooploc.analysis.metrics.statistics import mean_of_positive
 from cooploc.analysis.plot import style
 from cooploc.analysis.plot.results import frontier
 from cooploc.analysis.report.tables import Table, interval_column, number_column, text_column
-from cooploc.runs import kept
+from cooploc.api import stored_run
 
 BASELINE = "ekf-local"
 PIECE = 63.0  # [s] of the recording, whose 756 s make twelve
@@ -38,7 +38,7 @@ def values(runs: Path, out: Path, data: Path) -> dict[str, Any]:
     real = over_pieces(data / "mrclam6")
     return {
         "trials": table["trials"].max(),
-        "seed": kept(stored).manifest["seed"],
+        "seed": stored_run(stored).manifest["seed"],
         "sentences": "\n".join(f"- {text}" for text in [*sentences(table), *_on_real_robots(real)]),
         "consistency": _consistency(table).markdown(),
         "numbers": _numbers(table, "rules").markdown(),

@@ -14,7 +14,7 @@ from cooploc.analysis.plot import style
 from cooploc.analysis.plot.studies import BETWEEN, OWN, PARAMETERS, RULES
 from cooploc.analysis.report import sentences
 from cooploc.analysis.report.tables import Table, interval_column, number_column, text_column
-from cooploc.runs import kept
+from cooploc.api import stored_run
 
 
 def values(runs: Path, out: Path, data: Path) -> dict[str, Any]:
@@ -27,7 +27,7 @@ def values(runs: Path, out: Path, data: Path) -> dict[str, Any]:
     ]
     return {
         "trials": table["trials"].max(),
-        "seed": kept(stored).manifest["seed"],
+        "seed": stored_run(stored).manifest["seed"],
         "sentences": "\n".join(found),
         "table": _table(table).markdown(),
         "sensitivity": _sensitivity(cl.load_run(runs / "sensitivity"), out),
@@ -42,7 +42,7 @@ def _sensitivity(stored: Any, out: Path) -> dict[str, Any]:
         f"- **{heads[name][0].upper()}{heads[name][1:]}.** {text}"
         for name, text in sentences.dependence_sentences(table)
     ]
-    seed = kept(stored).manifest["seed"]
+    seed = stored_run(stored).manifest["seed"]
     return {"trials": table["trials"].max(), "seed": seed, "sentences": "\n".join(found)}
 
 

@@ -4,10 +4,8 @@ import re
 import sys
 import time
 import unicodedata
-from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from rich.text import Text
@@ -111,15 +109,3 @@ class TerminalProgress:
     def say(self, line: str) -> None:
         """Print something that the user should know, above the bar."""
         self._console.print(line)
-
-
-# Arguments and options that several commands have.
-
-StudyName = Annotated[str, typer.Argument(help="name of a shipped study, or path of a study's TOML file")]
-Estimators = Annotated[str | None, typer.Option(help="comma-separated estimators, instead of the study's")]
-Jobs = Annotated[int, typer.Option(help="number of processes")]
-RunDirectory = Annotated[Path, typer.Argument(help="a run directory")]
-Recordings = Annotated[Path | None, typer.Option(help="directory of recordings")]
-Isolate = Annotated[bool, typer.Option(help="give what is not built in processes of its own, where it may crash")]
-Strict = Annotated[bool, typer.Option("--strict", help="refuse a recording with any line that cannot be read")]
-Claims = Annotated[Path | None, typer.Option(help="TOML file of claims [default: those of the paper]")]

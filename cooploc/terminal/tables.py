@@ -1,7 +1,7 @@
 """What the commands print: lists, results, the contents of a run, verdicts, plans, tuning, checks."""
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -492,3 +492,47 @@ def _configured(row: dict[Any, Any]) -> str:
     """The configurations of an estimator that differ from its default."""
     words = {"published": "as published", "best": "at its best"}
     return "".join(f" {word}: {row[key]}." for key, word in words.items() if row.get(key, row["name"]) != row["name"])
+
+
+# -------------------------------------------------------------------------------------------------- inspections
+
+MOST = 40  # rows of a table; `cl.inspect` has all
+
+
+def show_inspection(found: Any, files: Sequence[Path]) -> None:
+    """Print the tables of an inspection, its findings, and the files that were written."""
+    say, inspected = wide().print, found.inspected
+    say(f"{inspected.path}: {inspected.format} ({inspected.why}), runs: {', '.join(inspected.runs)}\n")
+    units = {"rate": "rate [Hz]", "first": "from [s]", "last": "to [s]", "longest": "longest [s]"}
+    _show_table("series", found.series.drop(columns="source").rename(columns=units))
+    _show_table("columns", found.columns)
+    for text in inspected.unused:
+        say(f"not used: {text}")
+    for f in inspected.findings:
+        say(f"found ({f.sure}): {f.kind}{' ' * bool(f.robot)}{f.robot}: {f.fact}")
+        say(f"  to change in log.toml: {f.change}")
+    if not inspected.findings:
+        say("nothing odd was found")
+    kept = "" if any(file.name == "log.toml" for file in files) else "; the log.toml that is there was left as it is"
+    say(f"written: {', '.join(map(str, files))}{kept}")
+    for text in inspected.trial.lines:
+        say(f"tried: {text}")
+    if inspected.trial.problem:
+        say(f"tried, and it does not run: {inspected.trial.problem}")
+        say(f"next: correct {files[-1].parent / 'log.toml'}, then cooploc inspect {inspected.path}")
+    else:
+        say(f"next: look at both, then cooploc run log --data {files[-1].parent}")
+
+
+def _show_table(name: str, table: pd.DataFrame) -> None:
+    """Print the first rows of a table, if it has any."""
+    if not len(table):
+        return
+    columns = tuple((number_column if table[c].dtype.kind in "if" else text_column)(str(c)) for c in table.columns)
+    records = table.head(MOST).to_dict("records")
+    rows = [{k: f"{v:.4g}" if isinstance(v, float) else str(v) for k, v in row.items()} for row in records]
+    say = wide().print
+    say(Table(name, name, columns, rows).terminal())
+    if len(table) > MOST:
+        say(f"  and {len(table) - MOST} more")
+    say()

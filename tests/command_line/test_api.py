@@ -23,9 +23,7 @@ def test_tab_shows_what_users_call_and_nothing_else():
     for module in (
         "cli",
         "catalogue",
-        "runs",
-        "commands",
-        "api_studies",
+        "api",
         "scaffold",
         "terminal.tables",
         "analysis",

@@ -7,9 +7,9 @@ from attempts import attempted, cases, in_time
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from cooploc.api import run_study
 from cooploc.estimators import make, names
 from cooploc.estimators.errors import BadInput
-from cooploc.runs import run_study
 from cooploc.scenarios import resolve
 from cooploc.scenarios.studies.study import Study, load, resolve_study
 

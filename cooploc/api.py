@@ -1,0 +1,618 @@
+"""Whole studies from Python: run, plan, sweep and tune them; load, judge, report, compare and reproduce what they left.
+
+Each function does what the command of the same purpose does; the command line calls these and prints what they return.
+"""
+
+import re
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from itertools import product
+from pathlib import Path
+from typing import Any, TypedDict, Unpack
+
+import numpy as np
+import pandas as pd
+
+from cooploc.analysis.claims import ledger as ledgers
+from cooploc.analysis.claims import multiverse
+from cooploc.analysis.claims.verdicts import judge_at_look, judge_run, lasting, open_cells, verdict_sentence
+from cooploc.analysis.execution import reproduce as again
+from cooploc.analysis.execution.run import execute, prepare
+from cooploc.analysis.execution.run_directory import StoredRun, read_run
+from cooploc.analysis.execution.until_decided import Answers, run_until_decided, trial_seconds
+from cooploc.analysis.metrics import run_tables
+from cooploc.analysis.metrics.compare import compare
+from cooploc.analysis.metrics.errors import errors
+from cooploc.analysis.metrics.sequential import (
+    ANYTIME,
+    FIXED,
+    PILOT,
+    trials_to_exclude,
+    trials_until_decided,
+    with_decisions,
+)
+from cooploc.analysis.metrics.statistics import Interval
+from cooploc.analysis.report import html_page, run_diff
+from cooploc.analysis.report.paper import DEFAULT, EXAMPLE, write
+from cooploc.analysis.tuning.tables import VALUE
+from cooploc.analysis.tuning.tune import Tuned
+from cooploc.analysis.tuning.tune import tune as tune_study
+from cooploc.estimators import split_labels
+from cooploc.estimators.errors import BadInput
+from cooploc.scenarios import family, simulate
+from cooploc.scenarios.runner.run import run
+from cooploc.scenarios.scenario import split_family
+from cooploc.scenarios.studies.study import Study, load
+from cooploc.terminal import tables
+from cooploc.terminal.console import TerminalProgress
+
+MOST_TRIALS = 1000  # of what stays open in a run until decided
+
+
+class How(TypedDict, total=False):
+    """Where and how a study runs; `run_study` says what each option means."""
+
+    seed: int | None
+    estimators: str | Iterable[str] | None
+    jobs: int
+    scheduler: str | None
+    data: str | Path | None
+    out: str | Path | None
+    check: bool
+    retry_failed: bool
+    isolate: bool
+    strict: bool
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Results:
+    """What a run of a study found, and the directory that holds it."""
+
+    folder: Path
+    rows: pd.DataFrame  # as `cl.errors`, with `failure`, `traceback` and `certificate`
+    table: pd.DataFrame  # as `cl.compare`, each scenario against its study's baseline
+    decisions: pd.DataFrame | None = None  # of a run until decided: verdict, look and e-value of every comparison
+
+    @property
+    def failures(self) -> pd.DataFrame:
+        """One row per trial that failed, with its `failure` and its `traceback`."""
+        failed = self.rows[self.rows["failure"].notna()].drop_duplicates(["scenario", "estimator", "trial"])
+        return failed[["scenario", "estimator", "trial", "failure", "traceback"]].reset_index(drop=True)
+
+    def __repr__(self) -> str:
+        scenarios, estimators = (self.table[column].nunique() for column in ("scenario", "estimator"))
+        return f"Results({str(self.folder)!r}, {scenarios} scenarios, {estimators} estimators)"
+
+    def _repr_html_(self) -> str:
+        shown = ["scenario", "estimator", "trials", "failed", "rmse", "rmse_low", "rmse_high", "anees", "consistency"]
+        return self.table[shown].round(3).to_html(index=False)
+
+
+AnyRun = Results | str | Path  # from `run_study` or `load_run`, or a run directory
+AnyLedger = ledgers.Ledger | str | Path | None  # its TOML file; None: the claims of Latif & Parasuraman (2022)
+
+
+@dataclass(frozen=True, eq=False)
+class RunChanges:
+    """What differs between two runs."""
+
+    table: pd.DataFrame  # one row per (scenario, estimator); `analysis.report.run_diff.COLUMNS` says what columns mean
+    settings: list[str]  # what differs of seed, versions, source, parameters
+    sentences: list[str]  # what the changes come to
+
+
+@dataclass(frozen=True, eq=False)
+class Reproduced:
+    """Trials of a report that were run again."""
+
+    table: pd.DataFrame  # one row per (scenario, trial, estimator): `equal`, RMSE [m] `before` and `after`, `remark`
+    differences: list[str]  # of this machine from that of the report: versions, source, processor
+
+    @property
+    def equal(self) -> bool:
+        """Whether every trial came out bit-equal."""
+        return bool(self.table["equal"].all())
+
+
+# Run a study.
+
+
+def run_study(study: str | Path, *, trials: int | None = None, **how: Unpack[How]) -> Results:
+    """Run a study, as `cooploc run` does; what its directory holds already is not computed again.
+
+    Args:
+        study: a shipped study (`cl.studies()`), or the path of a study's TOML file.
+        trials: of each scenario; the study's where not given.
+        how: any of the following.
+        seed: the random seed; the study's where not given.
+        estimators: names to run instead of the study's, as a list or separated by commas.
+        jobs: processes, 1 where not given; the result is bit-identical for any number.
+        scheduler: the address of a Dask cluster, "tcp://HOST:PORT", whose workers are used instead.
+        data: the directory of recordings, for scenarios that need one.
+        out: the run directory; `runs/STUDY-seedN` where not given.
+        check: False leaves estimators unchecked that are not built in.
+        retry_failed: True runs every trial again that failed.
+        isolate: False keeps everything in this process, for a debugger; else what is not built in has processes of its
+            own, where it may crash or hang.
+        strict: True refuses a recording of which something was left out, sorted or repaired while reading.
+
+    Raises:
+        BadInput: the study cannot be run as it stands; nothing was computed.
+        OSError: a file could not be written; what was finished is kept.
+
+    """
+    return _execute(execute, study, trials, **how)
+
+
+def run_until(
+    study: str | Path,
+    *,
+    max_trials: int = MOST_TRIALS,
+    ledger: AnyLedger = None,
+    **how: Unpack[How],
+) -> Results:
+    """Run a study until its comparisons and claims are decided, as `cooploc run --until-decided` does.
+
+    Trials come in blocks, up to 10, 20, 40, ... of each scenario. After each, every comparison with the scenario's
+    baseline is looked at by a confidence sequence, which holds however one stops: it is decided where the change of
+    RMSE is not 0, or lies within 5 % (a tie). So is every claim of the ledger whose estimators and scenarios the study
+    has, but for claims about computing time. What is decided stops, what is open goes on.
+
+    Sizes keep the intervals of a fixed number of trials, and are marked where a row stopped early, for stopping makes
+    them a little too large. Verdicts come from the sequences.
+
+    Args:
+        study: as of `run_study`.
+        max_trials: trials at which what is still open ends.
+        ledger: the TOML file of the claims; without it, those of Latif & Parasuraman (2022).
+        how: seed, estimators, jobs, scheduler, data, out, check, retry_failed, isolate, strict: as of `run_study`.
+
+    Raises:
+        BadInput: the study cannot be run as it stands; nothing was computed.
+        OSError: a file could not be written; what was finished is kept.
+
+    """
+    begin = partial(run_until_decided, ask=[_OpenClaims(_ledger_of(ledger))])
+    return _execute(begin, study, max_trials, decided=True, **how)
+
+
+class _OpenClaims:
+    """Asks at every look which claims of a ledger are decided."""
+
+    COLUMNS = ("claim", "variant", "scenario", "of", "than", "verdict", "look")
+
+    def __init__(self, ledger: ledgers.Ledger) -> None:
+        self._ledger = ledger
+        self._found: pd.DataFrame | None = None
+
+    def __call__(self, rows: pd.DataFrame, n: int) -> Answers:
+        """Judge by the trials below n."""
+        self._found = found = judge_at_look(self._ledger, rows, n, self._found)
+        judged = lasting(self._ledger, found)
+        still = int((judged["verdict"] == "undecided").sum())
+        cells = frozenset(open_cells(self._ledger, rows, found))
+        records = [dict(row) for _, row in judged[list(self.COLUMNS)].fillna("").iterrows()]
+        return Answers("claim", cells, len(judged) - still, still, records)
+
+
+def _execute(
+    begin: Callable[..., pd.DataFrame],
+    study: str | Path,
+    trials: int | None,
+    *,
+    decided: bool = False,
+    seed: int | None = None,
+    estimators: str | Iterable[str] | None = None,
+    data: str | Path | None = None,
+    out: str | Path | None = None,
+    isolate: bool = True,
+    strict: bool = False,
+    **options: Any,
+) -> Results:
+    """Run a study by `begin`, which returns its rows, and keep table and picture; `decided`: by looks, on the disk."""
+    asked, folder = _read_study(study, trials, seed, estimators, out)
+    with TerminalProgress() as progress:
+        where = None if data is None else Path(data)
+        ready = prepare(asked, where, isolate=isolate, strict=strict, say=progress.say)
+        rows = begin(ready, folder, isolate=isolate, progress=progress, **options)
+    found = read_run(folder).comparisons if decided else None
+    results = Results(folder, rows, *_compare(rows, asked.baselines(), found))
+    tables.keep_tables(results.table, rows, folder)
+    return results
+
+
+def _read_study(study: Any, trials: Any, seed: Any, estimators: Any, out: Any, suffix: str = "") -> tuple[Study, Path]:
+    """Return the study that a call asks for, and its directory, by default `runs/STUDY-seedN` and the suffix."""
+    only = (
+        None if estimators is None else tuple(split_labels(estimators) if isinstance(estimators, str) else estimators)
+    )
+    if only == ():
+        raise BadInput("estimators is empty: name some, or leave it out for the study's")
+    asked = load(str(study)).with_options(trials=trials, seed=seed, only=only)
+    return asked, Path(out) if out is not None else Path("runs") / f"{asked.folder_name}-seed{asked.seed}{suffix}"
+
+
+def _compare(rows: pd.DataFrame, baselines: Any, found: pd.DataFrame | None) -> tuple[pd.DataFrame, Any]:
+    """Return the table of `cl.compare` with the decisions of a run until decided, and these."""
+    table = compare(rows, baselines, full=True)
+    return (table if found is None else with_decisions(table, found)), found
+
+
+def plan(study: str | Path, *, difference: float = 0.1, **how: Unpack[How]) -> pd.DataFrame:
+    """Plan how many trials each comparison needs to show a difference in four of five runs (80 % power).
+
+    Runs ten trials of the study, which its run directory keeps: a run of the study goes on from there. Ten trials know
+    a spread to about a quarter, so the numbers of trials are right to about a factor of two.
+
+    Columns:
+        scenario, estimator, baseline: what is compared
+        change: of RMSE, in the pilot
+        trials: for one look, with the 95 % interval, to exclude a change of 0 where it is `difference`
+        until_decided: the same with `cooploc run --until-decided`; a change that is twice as large needs a quarter
+        seconds, baseline_seconds: computing time of one trial of each [s] on one process, without its stream;
+            `analysis.metrics.sequential.minutes` adds them up
+
+    Args:
+        study: a shipped study, or the path of a study's TOML file.
+        difference: the change of RMSE that is to be shown, such as 0.1 for 10 %.
+        how: seed, estimators, jobs, data, out, isolate: as of `run_study`.
+
+    Raises:
+        BadInput: the study cannot be run as it stands, or the difference is not above 0.
+
+    """
+    if not difference > 0:
+        raise BadInput(f"difference is {difference}; it must lie above 0, such as 0.1 for 10 %")
+    pilot = run_study(study, trials=PILOT, **how)
+    cost, distance = trial_seconds(pilot.rows), float(np.log1p(difference))
+    found = []
+    for row in pilot.table[pilot.table["estimator"] != pilot.table["baseline"]].to_dict("records"):
+        log = Interval(*np.log1p([row["change"], row["change_low"], row["change_high"]]))
+        found.append(
+            {
+                **{key: row[key] for key in ("scenario", "estimator", "baseline", "change")},
+                "trials": trials_to_exclude(log, row["pairs"], distance),
+                "until_decided": trials_until_decided(log, row["pairs"], distance),
+                "seconds": cost[row["scenario"], row["estimator"]],
+                "baseline_seconds": cost[row["scenario"], row["baseline"]],
+            }
+        )
+    columns = ["scenario", "estimator", "baseline", "change", "trials", "until_decided", "seconds", "baseline_seconds"]
+    return pd.DataFrame(found, columns=columns)
+
+
+def sweep(
+    scenario: str,
+    estimators: Any,
+    *,
+    trials: int = 1,
+    seed: int = 0,
+    jobs: int = 1,
+    data: str | Path | None = None,
+    **parameters: Any,
+) -> pd.DataFrame:
+    """Return the errors of estimators over a sweep: `cl.sweep("packet-drop", ["arl", "ctrn"], drop={0, 0.5, 0.9})`.
+
+    Every parameter of which a set, a list, a range or an array is given takes each of these values; of several, all
+    combinations are run. Trials are paired over the sweep, too: they start from the same random numbers.
+
+    Columns: those of `cl.errors`, and one for each swept parameter.
+
+    Args:
+        scenario: its label, such as "packet-drop".
+        estimators: as for `cl.run`.
+        trials: how many.
+        seed: random seed.
+        jobs: processes, as for `cl.run`.
+        data: the directory of a recording.
+        parameters: of the scenario, by the names that its label or its table of parameters has.
+
+    Raises:
+        BadInput: nothing is swept, a sweep is empty, or a parameter is unknown.
+
+    """
+    several = (set, frozenset, list, range, np.ndarray)
+    swept = {name: _values(name, value) for name, value in parameters.items() if isinstance(value, several)}
+    if not swept:
+        raise BadInput("nothing is swept: give several values of a parameter, such as drop={0, 0.5}")
+    fixed = {name: value for name, value in parameters.items() if name not in swept}
+    tables = []
+    for values in product(*swept.values()):
+        chosen = dict(zip(swept, values, strict=True))
+        label, overrides = _label_with(scenario, {**fixed, **chosen})
+        truth, stream = simulate(label, trials=trials, seed=seed, data=data, **overrides)
+        table = errors(truth, run(estimators, stream, jobs=jobs))
+        tables.append(table.assign(**{name: value for name, value in chosen.items() if name not in table}))
+    return pd.concat(tables, ignore_index=True)
+
+
+def _values(name: str, given: Iterable[Any]) -> list[Any]:
+    values = [value.item() if isinstance(value, np.generic) else value for value in given]
+    if not values:
+        raise BadInput(f"{name} is empty: there is nothing to sweep")
+    return sorted(values) if isinstance(given, set | frozenset) else values
+
+
+def _label_with(scenario: str, parameters: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
+    """Return the label with the parameter that its family sweeps, as studies write it, and all others as overrides."""
+    path, bracket, options = scenario.partition("[")
+    name, which = split_family(path)
+    words = family(name).sweep
+    first = next((key for key in parameters if key in words and not which), None)
+    others = {words.get(key, key): value for key, value in parameters.items() if key != first}
+    return (scenario if first is None else f"{path}/{first}={parameters[first]}{bracket}{options}"), others
+
+
+def tune(
+    study: str | Path,
+    budget: int = 100,
+    *,
+    estimators: str | Iterable[str] | None = None,
+    trials: int | None = None,
+    seed: int | None = None,
+    objective: str = "nll",
+    jobs: int = 1,
+    data: str | Path | None = None,
+    out: str | Path | None = None,
+    check: bool = True,
+    isolate: bool = True,
+) -> Tuned:
+    """Tune every estimator with the same budget, and compare it as published and tuned, as `cooploc tune` does.
+
+    What is tuned are the parameters that an estimator's class declares by `cl.tunable`, but for those that its label
+    states. The streams of the search come from another seed than those of the comparison.
+
+    Args:
+        study: a shipped study (`cl.studies()`), or the path of a study's TOML file.
+        budget: training trials that each estimator may use; one trial of every scenario is the least.
+        estimators: names to tune instead of the study's, as a list or separated by commas.
+        trials: fresh trials of each scenario in the comparison; the study's where not given.
+        seed: the random seed of the comparison, from which that of the search is derived.
+        objective: "nll", mean negative log-likelihood of the true position, with a robust cap; or "rmse".
+        jobs: processes; the result is bit-identical for any number.
+        data: the directory of recordings, for scenarios that need one.
+        out: the directory; `runs/STUDY-seedN-tuned` where not given. The same call goes on with what it holds.
+        check: whether estimators that are not built in are checked before they are compared.
+        isolate: False keeps everything in this process, for a debugger.
+
+    Raises:
+        BadInput: the study cannot be tuned as it stands; nothing was computed.
+
+    """
+    asked, folder = _read_study(study, trials, seed, estimators, out, suffix="-tuned")
+    where = None if data is None else Path(data)
+    with TerminalProgress() as progress:
+        found = tune_study(
+            asked, folder, budget, objective, data=where, jobs=jobs, check=check, isolate=isolate, progress=progress
+        )
+    _draw_tuning(folder, found.history)
+    return found
+
+
+def _draw_tuning(folder: Path, history: pd.DataFrame) -> None:
+    """Draw the score against the budget, and of every estimator that has parameters, what each of them did."""
+    import matplotlib.pyplot as plt
+
+    from cooploc.analysis.plot import tuned_parameters, tuning
+
+    drawn = {"score-against-budget": tuning(history)}
+    for name, part in history.groupby("estimator", sort=False):
+        if part.filter(like=VALUE).notna().any(axis=None):
+            safe = re.sub(r"[^A-Za-z0-9.=]+", "-", str(name)).strip("-")
+            drawn[f"parameters-{safe}"] = tuned_parameters(history, str(name))
+    for name, ax in drawn.items():
+        figure: Any = ax.figure
+        figure.savefig(folder / f"{name}.png", dpi=130)
+        plt.close(figure)
+
+
+# What a run left.
+
+
+def load_run(folder: str | Path) -> Results:
+    """Load everything that a run directory holds.
+
+    Raises:
+        BadInput: it is not a run directory, or holds no results.
+
+    """
+    stored = read_run(Path(folder))
+    return Results(stored.folder, stored.rows, *_compare(stored.rows, stored.baselines, stored.comparisons))
+
+
+def show(run: AnyRun) -> None:
+    """Print what a run holds, what is missing, and what failed and why.
+
+    Raises:
+        BadInput: it is not a run directory.
+
+    """
+    tables.show_run(_folder(run))
+
+
+def report(run: AnyRun, out: str | Path | None = None, ledger: AnyLedger = None) -> Path:
+    """Write a run's report, a page for the browser and its tables for LaTeX, Markdown and CSV; returns the page's path.
+
+    Args:
+        run: from `run_study` or `load_run`, or a run directory.
+        out: the report's directory; `report` in the run directory where not given.
+        ledger: the TOML file of the claims; without it, those of Latif & Parasuraman (2022).
+
+    Raises:
+        BadInput: the run or the ledger cannot be read.
+
+    """
+    stored = stored_run(run)
+    return html_page.write(stored, _ledger_of(ledger), stored.folder / "report" if out is None else Path(out))
+
+
+def compare_runs(before: AnyRun, after: AnyRun) -> RunChanges:
+    """Compare two runs, trial by trial where their streams are the same.
+
+    Raises:
+        BadInput: one of the two is not a run.
+
+    """
+    a, b = stored_run(before), stored_run(after)
+    table = run_diff.changes(a, b)
+    return RunChanges(table, run_diff.settings(a, b), run_diff.sentences(table))
+
+
+def reproduce(page: str | Path, trials: int = 6, data: str | Path | None = None, trust: bool = False) -> Reproduced:
+    """Run some trials of a run or a report again, and say which are bit-equal.
+
+    Args:
+        page: a run's directory, a report's, or its page.
+        trials: how many, of three of every scenario.
+        data: the directory of recordings, for scenarios that need one.
+        trust: whether Python files that are named there may run. Nothing else there is code.
+
+    Raises:
+        BadInput: it is neither, none of its trials can be run here, or a file would run without `trust`.
+
+    """
+    if trials < 1:
+        raise BadInput(f"trials is {trials}; it must be at least 1")
+    embedded = again.load(Path(page))
+    found = again.rerun(embedded, trials, None if data is None else Path(data), trust)
+    return Reproduced(pd.DataFrame(found), again.differences(embedded))
+
+
+def verdicts(run: AnyRun | pd.DataFrame, ledger: AnyLedger = None) -> pd.DataFrame:
+    """Judge the claims of a paper by a run: one row per claim, variant and case.
+
+    `cooploc.analysis.claims.verdicts.COLUMNS` says what the columns mean; `map` says in how many readings of the paper
+    the claim holds, where more than one was run; `sentence` is each row in words. Of a run until decided, verdicts are
+    those of its confidence sequences, and `look` says after how many trials each was reached; else it is 0.
+
+    Args:
+        run: from `run_study` or `load_run`, a run directory, or rows of `errors`.
+        ledger: the TOML file of the claims; without it, those of Latif & Parasuraman (2022).
+
+    Raises:
+        BadInput: the run or the ledger cannot be read, or estimators of one scenario ran on different streams.
+
+    """
+    return verdicts_and_readings(run, ledger)[0]
+
+
+def readings(run: AnyRun | pd.DataFrame, ledger: AnyLedger = None) -> pd.DataFrame:
+    """Judge the claims of a paper in every reading of it that was run: one row per claim and specification.
+
+    `cooploc.analysis.claims.multiverse.judge` says what the columns mean, and `shares` counts the rows by claim;
+    `cl.plot.readings` and `cl.plot.specification_curve` draw them. The study `readings` runs all readings.
+
+    Args:
+        run: from `run_study` or `load_run`, a run directory, or rows of `errors`.
+        ledger: the TOML file of the claims; without it, those of Latif & Parasuraman (2022).
+
+    Raises:
+        BadInput: the run or the ledger cannot be read, or estimators of one scenario ran on different streams.
+
+    """
+    return multiverse.judge(_ledger_of(ledger), _rows_of(run), ANYTIME if _looks_of(run) else FIXED)
+
+
+def verdicts_and_readings(run: Any, ledger: Any = None) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Return what `verdicts` and `readings` return, computed once."""
+    found, mapped = judge_run(_ledger_of(ledger), _rows_of(run), _looks_of(run)), readings(run, ledger)
+    maps = multiverse.sentences(mapped)
+    said = [verdict_sentence(row) for _, row in found.iterrows()]
+    return found.assign(map=[maps.get(claim, "") for claim in found["claim"]], sentence=said), mapped
+
+
+def information(run: AnyRun) -> pd.DataFrame:
+    """Return what readings are worth: own ones by those between robots, for every rule of fusion, with their floors.
+
+    `cooploc.analysis.metrics.run_tables.information` says what the columns mean; `cl.plot.information` draws them. The
+    study `information` runs all cells. The floors of ten robots take a minute or two.
+
+    Args:
+        run: from `run_study` or `load_run`, or a run directory.
+
+    Raises:
+        BadInput: the run cannot be read, or no estimator has a cell.
+
+    """
+    stored = stored_run(run)
+    return run_tables.information(stored.rows, stored.manifest["seed"])
+
+
+def sensitivity(run: AnyRun, baseline: str = "arl") -> pd.DataFrame:
+    """Return how errors depend on each parameter that a run sweeps, with the floor where it exists.
+
+    `cooploc.analysis.metrics.run_tables.sensitivity` says what the columns mean; `cl.plot.sensitivity` draws them. The
+    study `sensitivity` is such a run. Its floors take a few minutes.
+
+    Args:
+        run: from `run_study` or `load_run`, or a run directory.
+        baseline: the estimator that others are compared with.
+
+    Raises:
+        BadInput: the run cannot be read, sweeps nothing, or lacks the baseline.
+
+    """
+    stored = stored_run(run)
+    return run_tables.sensitivity(stored.rows, stored.manifest["seed"], baseline)
+
+
+def paper(
+    run: AnyRun,
+    out: str | Path | None = None,
+    columns: str | Iterable[str] = DEFAULT,
+    scenarios: str | Iterable[str] = (),
+) -> Path:
+    """Write a run's figures, tables and references for a two-column paper; return the path of an example document.
+
+    `figures/` has every figure as PDF and SVG, one column wide (3.5 in) and two (7.16 in), with text of 8 pt and
+    embedded fonts; `tables/` LaTeX tables that fit, with caption, label and notes; `estimators.bib` the sources of what
+    was run; `example.tex` includes them all. Every sweep is drawn; of scenarios that sweep nothing, the first, the
+    middle and the last of each experiment.
+
+    Args:
+        run: from `run_study` or `load_run`, or a run directory.
+        out: the directory; `paper` in the run directory where not given.
+        columns: of the tables, by the names that the report's CSV tables have, as a list or separated by commas; one
+            with an interval brings it along.
+        scenarios: write figures and tables of these alone, and draw each.
+
+    Raises:
+        BadInput: the run cannot be read, a column or a scenario is unknown, or the columns do not fit a page.
+        OSError: a file cannot be written.
+
+    """
+    stored = stored_run(run)
+    folder = stored.folder / "paper" if out is None else Path(out)
+    names = [split_labels(given) if isinstance(given, str) else list(given) for given in (columns, scenarios)]
+    write(stored, folder, *names)
+    return folder / EXAMPLE
+
+
+def _rows_of(run: Any) -> pd.DataFrame:
+    """Return the rows of a run."""
+    return run if isinstance(run, pd.DataFrame) else run.rows if isinstance(run, Results) else stored_run(run).rows
+
+
+def _looks_of(run: Any) -> list[int]:
+    """Return the looks of a run until decided, in trials; none of another."""
+    return [] if isinstance(run, pd.DataFrame) else stored_run(run).looks
+
+
+def stored_run(run: Any) -> StoredRun:
+    """Return a run as it is on disk."""
+    return read_run(_folder(run))
+
+
+def _folder(run: Any) -> Path:
+    """Return the directory of a study's run."""
+    if isinstance(run, Results):
+        return run.folder
+    if isinstance(run, str | Path):
+        return Path(run)
+    raise BadInput(f"{type(run).__name__} is not a run of a study: give what cl.run_study returned, or its directory")
+
+
+def _ledger_of(ledger: Any) -> ledgers.Ledger:
+    """Return the ledger itself, of a file, or that of Latif & Parasuraman."""
+    return ledger if isinstance(ledger, ledgers.Ledger) else ledgers.load(ledger)
