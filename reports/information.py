@@ -22,9 +22,7 @@ def values(runs: Path, out: Path, data: Path) -> dict[str, Any]:
     stored = cl.load_run(runs / "information")
     table = cl.information(stored)
     style.save(cl.plot.information(table), out / "information.svg")
-    found = [
-        _list(sentences.heading(own, robots), texts) for own, robots, texts in sentences.cooperation_sentences(table)
-    ]
+    found = [_list(head, texts) for head, texts in sentences.cooperation_sentences(table)]
     return {
         "trials": table["trials"].max(),
         "seed": stored_run(stored).manifest["seed"],

@@ -11,12 +11,12 @@ from cooploc.analysis.report.tables import Table
 from cooploc.analysis.report.tuning_tables import (
     GAINS,
     LEGEND,
-    bought,
-    by_scenario,
     chosen_table,
+    extremes_sentence,
+    gain_sentence,
     gains_table,
-    most_moved,
     order_sentence,
+    scenario_sentences,
     side_by_side,
 )
 
@@ -36,9 +36,9 @@ def values(runs: Path, out: Path, data: Path) -> dict[str, Any]:
         "streams": len(found.record["streams"]),
         "by_rmse": order_sentence(found.order("rmse"), "RMSE"),
         "by_nll": order_sentence(found.order("nll"), "score"),
-        "bought": bought(found.table),
-        "moved": most_moved(found.table),
-        "scenarios": "\n".join(f"- {line}" for line in by_scenario(found.table)),
+        "bought": gain_sentence(found.table),
+        "moved": extremes_sentence(found.table),
+        "scenarios": "\n".join(f"- {line}" for line in scenario_sentences(found.table)),
         "side": side_by_side(found.table).markdown(),
         "chosen": chosen_table(found.history, found.tuned).markdown(),
         "legend": LEGEND[0].upper() + LEGEND[1:],

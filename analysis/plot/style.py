@@ -291,4 +291,8 @@ def save(drawn: Axes | Figure, *paths: Path, dpi: int = 150, rc: Any = SVG) -> N
 def round_numbers(svg: str, where: str, digits: int) -> str:
     """Return an SVG whose numbers with more digits are rounded, within each match of `where`."""
     number = re.compile(rf"-?\d+\.\d{{{digits + 1},}}")
-    return re.sub(where, lambda found: number.sub(lambda one: f"{float(one[0]):.{digits}f}", found[0]), svg)
+
+    def round_match(found: re.Match[str]) -> str:
+        return number.sub(lambda one: f"{float(one[0]):.{digits}f}".removesuffix(".0"), found[0])
+
+    return re.sub(where, round_match, svg)

@@ -36,11 +36,11 @@ HOLM = (
 
 
 def claims(verdicts: pd.DataFrame, paper: str) -> Table:
-    """The ledger: one row per claim, reading and case."""
+    """Return the ledger: one row per claim, reading and case."""
     found = ("scenario", "of", "than", "value", "low", "high", "trials")
     columns = (
         text_column("claim"),
-        text_column("says", "says", "where", form=called),
+        text_column("says", "says", "where", form=name_claim),
         text_column("reading", "variant", "kind", "definition", "size", of=("variant",)),
         text_column("found", *found, of=("sentence",)),
         text_column("verdict", "verdict", "needed", "otherwise", of=("verdict",)),
@@ -48,14 +48,16 @@ def claims(verdicts: pd.DataFrame, paper: str) -> Table:
         text_column("remark", of=("verdict", "remark"), form=_remark),
         text_column("left open by the paper", "open"),
     )
-    shown = _shown(verdicts)
+    first = verdicts.groupby("claim", sort=False)["variant"].transform("first")
+    run = verdicts["verdict"] != "not run"  # the rest is shown once for each reason
+    shown = verdicts[run | ((verdicts["variant"] == first) & ~verdicts.duplicated(["claim", "verdict", "remark"]))]
     rows = shown.assign(sentence=[verdict_sentence(row) for _, row in shown.iterrows()]).to_dict("records")
     marks = {"data-claim": "claim", "data-verdict": "verdict"}
     return Table("claims", f"Verdicts on the claims of {paper}", columns, rows, marks)
 
 
 def cases(part: pd.DataFrame) -> Table:
-    """The cases of one claim that were run, for a terminal."""
+    """Return the cases of one claim that were run, for a terminal."""
     found = part[part["verdict"] != "not run"]
     readings = (text_column("reading", "variant"),) if found["variant"].nunique() > 1 else ()
     columns = (
@@ -75,8 +77,8 @@ def cases(part: pd.DataFrame) -> Table:
     return Table("cases", "", columns, rows.drop_duplicates().to_dict("records"))
 
 
-def not_run(part: pd.DataFrame) -> str:
-    """How many cases of one claim, as the paper states it, were not run, and why; nothing where all were."""
+def cases_not_run(part: pd.DataFrame) -> str:
+    """Return how many cases of one claim, as the paper states it, were not run, and why; nothing where all were."""
     stated = part[part["variant"] == part["variant"].iloc[0]]
     reasons = stated.loc[stated["verdict"] == "not run", "remark"]
     kinds = list(dict.fromkeys(reason.partition(";")[0] for reason in reasons))
@@ -96,14 +98,9 @@ class ClaimSection(NamedTuple):
 
 
 def by_claim(table: Table, verdicts: pd.DataFrame, ledger: Ledger, readings: Mapping[str, str]) -> list[ClaimSection]:
-    """The ledger's table claim by claim, without the columns that say the same in every row.
+    """Return the table of `claims` claim by claim, without the columns that say the same in every row.
 
-    Args:
-        table: from `claims`.
-        verdicts: of the ledger.
-        ledger: whose claims they are.
-        readings: of `multiverse.sentences`.
-
+    `readings` are those of `multiverse.sentences`.
     """
     quotes = {claim.id: claim.quote for claim in ledger.claims}
     out: list[ClaimSection] = []
@@ -111,21 +108,17 @@ def by_claim(table: Table, verdicts: pd.DataFrame, ledger: Ledger, readings: Map
         first = part.iloc[0]
         counts = part.loc[part["variant"] == first["variant"], "verdict"].value_counts()
         verdict = ", ".join(f"{count} {name}" if len(counts) > 1 else str(name) for name, count in counts.items())
-        rows = replace(
-            table,
-            name=f"claims-{len(out) + 1}",
-            caption=f"Claim {claim}: every reading and case that was run.",
-            columns=table.columns[2:-1],
-            rows=[row for row in table.rows if row["claim"] == claim],
-        )
-        head = f"{claim}. {called(first['says'], first['where'])}: {verdict}"
-        run, said = bool((part["verdict"] != "not run").any()), readings.get(str(claim), "")
-        out.append(ClaimSection(head, quotes[str(claim)], said, str(first["open"]), rows, run))
+        caption = f"Claim {claim}: every reading and case that was run."
+        mine = [row for row in table.rows if row["claim"] == claim]
+        rows = Table(f"claims-{len(out) + 1}", caption, table.columns[2:-1], mine, table.marks)
+        head = f"{claim}. {name_claim(first['says'], first['where'])}: {verdict}"
+        run = bool((part["verdict"] != "not run").any())
+        out.append(ClaimSection(head, quotes[str(claim)], readings.get(str(claim), ""), str(first["open"]), rows, run))
     return out
 
 
 def overview(found: pd.DataFrame, verdicts: pd.DataFrame, ledger: Ledger) -> Table:
-    """Claims by readings, with the numbers of the first."""
+    """Return claims by readings, with the numbers of the first."""
     columns = (
         text_column("claim"),
         text_column("the paper says", "says"),
@@ -148,12 +141,7 @@ def overview(found: pd.DataFrame, verdicts: pd.DataFrame, ledger: Ledger) -> Tab
 
 
 def over_readings(shares: pd.DataFrame) -> Table:
-    """The map of a ledger over the readings of its paper: one row per claim.
-
-    Args:
-        shares: from `multiverse.shares`.
-
-    """
+    """Return the map of a ledger over the readings of its paper, from `multiverse.shares`: one row per claim."""
     columns = (
         text_column("claim"),
         *(number_column(head, form=count) for head in ("specifications", *JUDGED)),
@@ -163,37 +151,21 @@ def over_readings(shares: pd.DataFrame) -> Table:
     return Table("readings", "", columns, shares.to_dict("records"))
 
 
-def called(says: str, where: str) -> str:
-    """A claim, and where the paper makes it."""
+def name_claim(says: str, where: str) -> str:
+    """Return a claim, and where the paper makes it."""
     return f"{says} ({where})" if where else says
 
 
 def _remark(verdict: str, remark: object) -> str:
-    """Nothing where the sentence gives the reason already."""
+    """Return the remark; nothing where the sentence gives the reason already."""
     return remark if isinstance(remark, str) and verdict not in ("not run", "not testable") else ""
 
 
-def _shown(verdicts: pd.DataFrame) -> pd.DataFrame:
-    """Without variants that were not run, and what was not run once for each reason."""
-    first = verdicts.groupby("claim", sort=False)["variant"].transform("first")
-    run = verdicts["verdict"] != "not run"
-    return verdicts[run | ((verdicts["variant"] == first) & ~verdicts.duplicated(["claim", "verdict", "remark"]))]
-
-
-# The claims of a ledger on the page: their verdicts, each claim's cases, and those of which nothing was run.
-
-LEGEND = (
-    'A change is b/a - 1: negative where the error falls. "66 % more accurate" is judged as a change of -66 %; what '
-    "the same interval means for a ratio of errors of 1.66, a change of -40 %, is said beside it. Each verdict, taken "
-    "alone, is wrong in at most one of twenty repetitions of the run, so that of many some are wrong: how many are "
-    "expected to be is said with them. It stands where that holds of all judged cases together (Holm). "
-    "Readings: paper, as it stands; others as the ledger describes them. No verdict rests on one reading: the study "
-    "readings runs all that the ledger declares, and cl.readings judges every claim in each."
-)
+# ------------------------------------------------------------------------------------------------ on the page
 
 
 class ClaimsShown(NamedTuple):
-    """What a page says of a ledger that the run touches."""
+    """The section of a page on a ledger that the run touches."""
 
     paper: str
     sentence: str
@@ -202,11 +174,10 @@ class ClaimsShown(NamedTuple):
     not_run: list[ClaimSection]
     family: str
     table: Table  # all cases, for a file
-    legend: str = LEGEND
 
 
 def claims_shown(kept: StoredRun, ledger: Ledger) -> ClaimsShown | None:
-    """The section on claims; None where the run touches no claim of the ledger that is shipped."""
+    """Return the section on claims; None where the run touches no claim of the ledger that is shipped."""
     judged = verdicts.judge_run(ledger, kept.rows, kept.looks)
     touched = judged["verdict"].isin(verdicts.JUDGED).any()
     if not touched and ledger == load():
@@ -215,18 +186,18 @@ def claims_shown(kept: StoredRun, ledger: Ledger) -> ClaimsShown | None:
     table = claims(judged, ledger.paper)
     sections = by_claim(table, judged, ledger, readings)
     return ClaimsShown(
-        ledger.paper,
-        _sentence(judged),
-        overview(verdicts.overview(judged), judged, ledger),
-        [one for one in sections if one.run],
-        [one for one in sections if not one.run],
-        str(verdicts.family_of(judged)),
-        table,
+        paper=ledger.paper,
+        sentence=_sentence(judged),
+        overview=overview(verdicts.overview(judged), judged, ledger),
+        run=[one for one in sections if one.run],
+        not_run=[one for one in sections if not one.run],
+        family=str(verdicts.family_of(judged)),
+        table=table,
     )
 
 
 def _sentence(judged: pd.DataFrame) -> str:
-    """The claims that were judged, as they stand, by verdict; one whose cases differ is named with their counts."""
+    """Return the judged claims by verdict; one whose cases differ is named with their counts."""
     base = judged[(judged["variant"] == BASE) & (judged["verdict"] != "not run")]
     alike: dict[str, list[str]] = {}
     mixed = []

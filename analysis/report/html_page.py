@@ -6,13 +6,11 @@ import itertools
 import re
 from collections.abc import Iterator
 from dataclasses import replace
-from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
 from cooploc.analysis.claims.ledger import Ledger
@@ -27,12 +25,19 @@ from cooploc.analysis.report import html_table, page_figures, page_texts, result
 from cooploc.analysis.report.claim_tables import claims_shown
 from cooploc.analysis.report.html_table import Wording
 from cooploc.analysis.report.page_figures import Shown
-from cooploc.analysis.report.page_texts import FLOOR_PATHS, FLOOR_TRIALS, FLOORED
-from cooploc.analysis.report.run_numbers import Numbers, group_by_sweep, numbers_of, ranked, rows_of_experiment
+from cooploc.analysis.report.run_numbers import (
+    FLOORED,
+    Numbers,
+    group_by_sweep,
+    numbers_of,
+    rank_scenario,
+    rows_of_experiment,
+)
 from cooploc.analysis.report.tables import Table, csv_text, latex_document, text_column
 
 LONGEST_TITLE = 130  # characters of a study's description that is the page's title
 TRIALS = "trials"  # folder of a CSV file for each scenario
+FLOOR_PATHS, FLOOR_TRIALS = 16, 8  # over which a floor is taken, in a fifth of the time that one to 0.2 % takes
 MOST = 400_000  # RMSE values that a page holds; of more trials the first ones
 
 
@@ -49,7 +54,13 @@ def write(kept: StoredRun, ledger: Ledger, out: Path) -> Path:
     lowest = floors(table["scenario"], kept.manifest["seed"], FLOORED, FLOOR_PATHS, FLOOR_TRIALS)
     numbers = numbers._replace(table=table.assign(floor=table["scenario"].map(lowest)))
     context = content(numbers, ledger)
-    _write_tables(context.pop("tables"), context["title"], out)
+    tables: list[Table] = context.pop("tables")
+    (out / "tables").mkdir(parents=True, exist_ok=True)
+    texts = {"all.tex": latex_document([one.name for one in tables], context["title"])}
+    for one in tables:
+        texts |= {f"{one.name}.tex": one.latex(), f"{one.name}.md": one.markdown(), f"{one.name}.csv": one.csv()}
+    for name, text in texts.items():
+        (out / "tables" / name).write_text(text, encoding="utf-8")
     trials = rmse_by_trial(numbers.table, numbers.results)
     (out / TRIALS).mkdir(exist_ok=True)
     for scenario, name in file_names(trials).items():
@@ -65,28 +76,12 @@ def write(kept: StoredRun, ledger: Ledger, out: Path) -> Path:
 
 def render(context: dict[str, Any]) -> str:
     """Return the page; everything that is not marked as safe is escaped."""
-    environment = Environment(
-        loader=FunctionLoader(_template), autoescape=True, undefined=StrictUndefined, trim_blocks=True
-    )
-    environment.globals["html"] = html_table.html
-    environment.policies["json.dumps_kwargs"] = {"sort_keys": True, "separators": (",", ":")}
-    script, style = (Markup(_template(name)) for name in ("page.js", "page.css"))  # our own files
+    templates = html_table.environment()
+    script, style = (Markup(html_table.read_template(name)) for name in ("page.js", "page.css"))  # our own files
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-    body, shared = map(Markup, page_figures.shared_styles(environment.get_template("body.html.j2").render(**context)))
-    page = environment.get_template("page.html.j2")  # its parts are escaped by their templates
+    body, shared = map(Markup, page_figures.share_styles(templates.get_template("body.html.j2").render(**context)))
+    page = templates.get_template("page.html.j2")  # its parts are escaped by their templates
     return page.render(**context, style=style, shared=shared, body=body, script=script, script_hash=digest)
-
-
-def _template(name: str) -> str:
-    return (files(__package__) / "page" / name).read_text(encoding="utf-8")
-
-
-def _write_tables(tables: list[Table], title: str, out: Path) -> None:
-    (out / "tables").mkdir(parents=True, exist_ok=True)
-    texts = {f"{one.name}.tex": one.latex() for one in tables} | {f"{one.name}.md": one.markdown() for one in tables}
-    texts |= {f"{one.name}.csv": one.csv() for one in tables}
-    for name, text in {**texts, "all.tex": latex_document([one.name for one in tables], title)}.items():
-        (out / "tables" / name).write_text(text, encoding="utf-8")
 
 
 # ------------------------------------------------------------------------------------------------ content
@@ -113,11 +108,11 @@ def content(numbers: Numbers, ledger: Ledger) -> dict[str, Any]:
     return {
         **heading(manifest),
         "manifest": manifest,
-        "lowest": sentences.lowest(found, table, numbers.results),
-        "over_confident": sentences.over_confident(table),
+        "lowest": sentences.lowest_errors(found, table),
+        "over_confident": sentences.over_confident_estimators(table),
         "first": first,
         "where": where,
-        "consistency": _without_zeros(consistency),
+        "consistency": drop_zeros(consistency),
         "experiments": experiments,
         "claims": claims,
         "estimators": page_texts.introduce_estimators(kept.rows),
@@ -148,7 +143,7 @@ def heading(manifest: dict[str, Any]) -> dict[str, str]:
     return {"title": about if short else name, "study": name if short else "", "about": "" if short else about}
 
 
-def _without_zeros(table: Table) -> Table:
+def drop_zeros(table: Table) -> Table:
     """Return the table without columns that are zero in every row."""
     return replace(table, columns=tuple(c for c in table.columns if any(row[c.keys[0]] for row in table.rows)))
 
@@ -178,41 +173,38 @@ class Experiment(NamedTuple):
 
 def experiment(name: str, plan: dict[str, list[str]], numbers: Numbers, counter: Iterator[int]) -> Experiment:
     """Return an experiment with the estimators that it has in each scenario; `counter` numbers its figures."""
-    part = rows_of_experiment(numbers.table, plan)
-    found = sentences.standings(part, numbers.results)
+    table, results = numbers.table, numbers.results
+    part = rows_of_experiment(table, plan)
+    found = sentences.standings(part, results)
     anchor = f"experiment-{_anchor(name)}"
-    only = len(part) == len(numbers.table)
-    texts = [] if only else [sentences.lowest(found, part, numbers.results), sentences.over_confident(part)]
+    only = len(part) == len(table)
+    texts = [] if only else [sentences.lowest_errors(found, part), sentences.over_confident_estimators(part)]
     shown: list[Shown] = []
     changed: list[Table] = []
     for (_, parameter), group in group_by_sweep(list(plan)).items():
         rows = part[part["scenario"].isin(group)]
         if parameter:
-            changes = sentences.summary_changes(group, dict.fromkeys(rows["estimator"]), numbers.results)
-            texts.append(sentences.swept(group, changes, numbers.results.stopping))
-            changed.append(result_tables.sweep(f"{anchor}-sweep{len(changed) + 1}", changes, parameter))
+            changes = sentences.changes_over_sweep(group, dict.fromkeys(rows["estimator"]), results)
+            texts.append(sentences.sweep_sentence(group, changes, results.stopping))
+            changed.append(result_tables.sweep_table(f"{anchor}-sweep{len(changed) + 1}", changes, parameter))
             shown.append(page_figures.lines(rows, numbers, counter))
-        elif not (only and page_figures.few(part)):  # else it is the first figure of the page
+        elif not (only and page_figures.is_few(part)):  # else it is the first figure of the page
             shown.append(page_figures.dots(rows, numbers, counter))
     shown.append(page_figures.scatter(part, numbers, counter))
-    ranks = {str(label): ranked(rows, numbers.results) for label, rows in part.groupby("scenario", sort=False)}
-    table = result_tables.results(anchor, part, ranks, f"{name}: {_about_experiment(part, numbers)}")
-    standings = result_tables.best(found, f"best-{anchor}")
-    return Experiment(name, anchor, found, list(filter(None, texts)), shown, [table, *changed], standings)
-
-
-def _about_experiment(part: pd.DataFrame, numbers: Numbers) -> str:
-    """Trials, seed, test and correction, for the caption of a table."""
     test = "confidence sequences of the change" if numbers.kept.looks else "t test of the change"
     few = f" Below {LEAST_TRIALS} trials there are no intervals." * bool(part["trials"].min() < LEAST_TRIALS)
-    return (
-        f"{page_figures.trials(part).removesuffix('.')}, seed {numbers.kept.manifest['seed']}; {test} against "
-        f"the baseline, Holm over the {int(numbers.table['p'].notna().sum())} comparisons of this report.{few}"
+    about = (
+        f"{name}: {page_figures.trial_counts(part)}, seed {numbers.kept.manifest['seed']}; {test} against "
+        f"the baseline, Holm over the {int(table['p'].notna().sum())} comparisons of this report.{few}"
     )
+    ranks = {str(label): rank_scenario(rows, results) for label, rows in part.groupby("scenario", sort=False)}
+    every = result_tables.results(anchor, part, ranks, about)
+    standings = result_tables.best(found, f"best-{anchor}")
+    return Experiment(name, anchor, found, list(filter(None, texts)), shown, [every, *changed], standings)
 
 
 def _anchor(name: str) -> str:
-    """A name for links and files."""
+    """Return a name for links and files."""
     plain = re.sub(r"[^A-Za-z0-9]+", "-", name).strip("-")[:60]
     return plain if plain == name else f"{plain}-{hashlib.sha256(name.encode()).hexdigest()[:6]}"
 

@@ -1,4 +1,4 @@
-"""What a run has for a paper: figures as PDF and SVG, LaTeX tables that fit, references, and an example document."""
+"""A run for a paper: figures as PDF and SVG, LaTeX tables that fit, references, and an example document."""
 
 import re
 import tomllib
@@ -20,8 +20,16 @@ from cooploc.analysis.metrics.curves import sweep
 from cooploc.analysis.plot import results as figures
 from cooploc.analysis.plot import style
 from cooploc.analysis.report import result_tables, sentences
-from cooploc.analysis.report.page_texts import FLOORED
-from cooploc.analysis.report.run_numbers import Labels, Numbers, group_by_sweep, numbers_of, ranked, rows_of_experiment
+from cooploc.analysis.report.run_numbers import (
+    FLOORED,
+    Labels,
+    Numbers,
+    first_middle_last,
+    group_by_sweep,
+    numbers_of,
+    rank_scenario,
+    rows_of_experiment,
+)
 from cooploc.analysis.report.tables import Row, Table, escape_latex
 from cooploc.estimators import BUILTIN
 from cooploc.estimators.errors import BadInput, nearest
@@ -30,8 +38,8 @@ EXAMPLE = "example.tex"
 DEFAULT = ("rmse", "change", "anees", "bytes")  # columns of the tables
 
 
-class Part(NamedTuple):
-    """One experiment: its rows of `compare` with floors, of the scenarios that are asked for."""
+class PaperPart(NamedTuple):
+    """An experiment: its rows of `compare` with floors, of the scenarios that are asked for."""
 
     name: str
     rows: pd.DataFrame
@@ -78,7 +86,7 @@ def write(kept: StoredRun, out: Path, columns: Sequence[str] = DEFAULT, scenario
     return [*drawn, *(out / name for name in texts)]
 
 
-def _parts(numbers: Numbers, scenarios: Sequence[str]) -> list[Part]:
+def _parts(numbers: Numbers, scenarios: Sequence[str]) -> list[PaperPart]:
     """Return the experiments with what is asked of them."""
     kept, table = numbers.kept, numbers.table
     there = list(kept.rows["scenario"].unique())
@@ -91,7 +99,7 @@ def _parts(numbers: Numbers, scenarios: Sequence[str]) -> list[Part]:
         single = [label for (_, parameter), found in group_by_sweep(asked).items() if not parameter for label in found]
         rows = rows_of_experiment(table, {label: plan[label] for label in asked})
         if asked:
-            parts.append(Part(name, rows, asked, single if scenarios else _three(single)))
+            parts.append(PaperPart(name, rows, asked, single if scenarios else first_middle_last(single)))
     every = [label for part in parts for label in (*part.drawn, *(s for s in part.scenarios if sweep(s)[1]))]
     floor = floors(every, kept.manifest["seed"], FLOORED)
     return [part._replace(rows=part.rows.assign(floor=part.rows["scenario"].map(floor))) for part in parts]
@@ -112,9 +120,12 @@ OTHERS = {
 }
 
 
-def _figures(part: Part, names: Labels) -> Iterator[tuple[Figure, Float]]:
+def _figures(part: PaperPart, names: Labels) -> Iterator[tuple[Figure, Float]]:
     """Draw every figure of an experiment, one and two columns wide."""
     looks = style.looks(part.rows["estimator"].unique())
+    rows_of = dict(list(part.rows[part.rows["rmse"].notna()].groupby("scenario", sort=False)))
+    single = [label for label in part.drawn if label in rows_of]
+    against = part.drawn or first_middle_last([label for label in part.scenarios if label not in single])
     anchor = file_name(part.name)
     for width, look in style.PAPER.items():
         for (family, parameter), labels in group_by_sweep(part.scenarios).items():
@@ -122,22 +133,17 @@ def _figures(part: Part, names: Labels) -> Iterator[tuple[Figure, Float]]:
             if parameter and rows["rmse"].notna().any():
                 made = figures.sweep_panels(rows, looks, names.of, look)[0]
                 yield made, _figure([anchor, family, parameter], OVER.format(parameter, family), rows, names, width)
-        ended = part.rows[part.rows["rmse"].notna()]
-        single = [(label, ended[ended["scenario"] == label]) for label in part.drawn]
-        single = [(label, rows) for label, rows in single if len(rows)]
         across = 1 if width == 1 else 3
-        for together in (single[i : i + across] for i in range(0, len(single), across)):
-            made = figures.ranking([rows for _, rows in together], looks, names.of, look)
-            rows = pd.concat([rows for _, rows in together])
-            yield made, _figure([anchor, "rmse", together[0][0]], DOTS, rows, names, width)
-        swept = [label for label in part.scenarios if label not in {name for name, _ in single}]
-        for label in part.drawn or _three(swept):
-            rows = ended[ended["scenario"] == label]
+        for i in range(0, len(single), across):
+            parts = [rows_of[label] for label in single[i : i + across]]
+            made = figures.ranking(parts, looks, names.of, look)
+            yield made, _figure([anchor, "rmse", single[i]], DOTS, pd.concat(parts), names, width)
+        for label in against:
             for others in [tuple(OTHERS)] if width == 2 else [(other,) for other in OTHERS]:
-                if len(rows):
-                    made = figures.scatter(rows, others, looks, names.of, look)
+                if label in rows_of:
+                    made = figures.scatter(rows_of[label], others, looks, names.of, look)
                     caption = AGAINST.format(", ".join(OTHERS[other] for other in others), label)
-                    yield made, _figure([anchor, "-".join(others), label], caption, rows, names, width)
+                    yield made, _figure([anchor, "-".join(others), label], caption, rows_of[label], names, width)
 
 
 def _figure(words: list[str], caption: str, rows: pd.DataFrame, names: Labels, width: int) -> Float:
@@ -146,11 +152,6 @@ def _figure(words: list[str], caption: str, rows: pd.DataFrame, names: Labels, w
     name = f"{file_name(*words)}-{width}col"
     caption = " ".join([caption, *(f"{line}." for line in legend)])
     return Float(name, _float("figure", width, f"fig:{name}", caption, rf"\includegraphics{{{name}}}", ""))
-
-
-def _three(labels: list[str]) -> list[str]:
-    """Return the first, the middle and the last of many."""
-    return labels if len(labels) <= 3 else [labels[int(i)] for i in np.linspace(0, len(labels) - 1, 3)]
 
 
 # ------------------------------------------------------------------------------------------------ tables
@@ -175,23 +176,15 @@ NOTES = {
 }
 
 
-def _tables(part: Part, numbers: Numbers, columns: Sequence[str]) -> list[Float]:
-    """Return the tables of one experiment, each no longer than a page.
-
-    Raises:
-        BadInput: a chosen column is unknown.
-
-    """
+def _tables(part: PaperPart, numbers: Numbers, columns: Sequence[str]) -> list[Float]:
+    """Return the tables of one experiment, each no longer than a page."""
     asked = {"rank", "group"} & set(columns)
     by_scenario = part.rows.groupby("scenario", sort=False)
-    ranks = {str(s): ranked(rows, numbers.results) if asked else ({}, {}) for s, rows in by_scenario}
+    ranks = {str(s): rank_scenario(rows, numbers.results) if asked else ({}, {}) for s, rows in by_scenario}
     table = result_tables.results(file_name(part.name), part.rows, ranks, part.name)
-    heads, cells = _chosen(table, columns)
-    best = {
-        (one.scenario, name)
-        for one in sentences.standings(part.rows, numbers.results)
-        for name in (one.best, *one.equal, *one.tied)
-    }
+    heads, cells = _chosen_cells(table, columns)
+    standings = sentences.standings(part.rows, numbers.results)
+    best = {(one.scenario, name) for one in standings for name in (one.best, *one.equal, *one.tied)}
     if "rmse" in columns:
         at = list(columns).index("rmse")
         for row, texts in zip(table.rows, cells, strict=True):
@@ -213,7 +206,7 @@ def _tables(part: Part, numbers: Numbers, columns: Sequence[str]) -> list[Float]
     return out
 
 
-def _chosen(table: Table, columns: Sequence[str]) -> tuple[list[str], list[list[str]]]:
+def _chosen_cells(table: Table, columns: Sequence[str]) -> tuple[list[str], list[list[str]]]:
     """Return the heads of the chosen columns and the LaTeX of their cells, each value with its interval."""
     every = {column.keys[0]: column for column in table.columns}
     names = [name for name in every if not name.endswith("_low") and name not in NOT_CHOSEN]
@@ -338,8 +331,6 @@ def file_name(*words: str) -> str:
 
 # ------------------------------------------------------------------------------------------------ references
 
-NOT_FIELDS = ("type", "estimators", "scenarios")
-
 
 @cache
 def sources() -> dict[str, dict[str, Any]]:
@@ -365,8 +356,7 @@ def bibtex(estimators: Iterable[str], scenarios: Iterable[str] = ()) -> str:
 
 
 def _entry(key: str, source: dict[str, Any]) -> str:
-    fields = {name: value for name, value in source.items() if name not in NOT_FIELDS}
-    if key == "cooploc":
-        fields["note"] = f"Version {version('cooploc')}"
+    fields = {name: value for name, value in source.items() if name not in ("type", "estimators", "scenarios")}
+    fields |= {"note": f"Version {version('cooploc')}"} if key == "cooploc" else {}
     lines = [f"  {name} = {{{value}}}," for name, value in fields.items()]
     return "\n".join([f"@{source['type']}{{{key},", *lines, "}"]) + "\n"

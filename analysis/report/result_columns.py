@@ -1,7 +1,7 @@
 """The columns of a run's results: in the terminal, on the page, in LaTeX, Markdown and CSV, and in a paper's tables.
 
 To add a column, add one entry to `RESULTS`: its head, the key of `compare`'s table that it shows (two keys for an
-interval), and how it is written. Every table, file and legend follows. `tables.TableColumn` says what the options mean.
+interval), and how it is written. Every table, file and legend follows.
 """
 
 from collections.abc import Callable, Iterable
@@ -62,16 +62,14 @@ def share(digits: int) -> Callable[[float], str]:
     return lambda value: percent(value, digits)
 
 
-def _of_others(form: Callable[..., str]) -> Callable[..., str]:
-    """Return a format of a comparison with the baseline that writes nothing for the baseline itself."""
-    return lambda estimator, baseline, *values: "" if estimator == baseline else form(*values)
+def _write_change(estimator: str, baseline: str, value: float, trial: float) -> str:
+    """Write the change against the baseline; not that of the baseline itself, and not one that one trial decides."""
+    return "" if estimator == baseline else change(value) if np.isnan(trial) else "not comparable:"
 
 
-def _change_unless_one_trial_decides(value: float, trial: float) -> str:
-    return change(value) if np.isnan(trial) else "not comparable:"
-
-
-def _ends_unless_one_trial_decides(low: float, high: float, trial: float) -> str:
+def _write_change_ends(estimator: str, baseline: str, low: float, high: float, trial: float) -> str:
+    if estimator == baseline:
+        return ""
     return interval(change)(low, high) if np.isnan(trial) else f"trial {trial:.0f} decides"
 
 
@@ -110,14 +108,14 @@ RESULTS = (
         "vs baseline",
         "change",
         of=(*VERSUS, "change", "decisive_trial"),
-        form=_of_others(_change_unless_one_trial_decides),
+        form=_write_change,
         about="change of RMSE on the same streams, with its interval; not comparable where one trial decides it",
     ),
     number_column(
         "95 %",
         *("change_low", "change_high"),
         of=(*VERSUS, "change_low", "change_high", "decisive_trial"),
-        form=_of_others(_ends_unless_one_trial_decides),
+        form=_write_change_ends,
         second_line=True,
     ),
     number_column(

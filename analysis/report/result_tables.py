@@ -17,7 +17,7 @@ from cooploc.analysis.metrics.errors import NOTE
 from cooploc.analysis.metrics.ranking import disqualifications
 from cooploc.analysis.metrics.statistics import Interval
 from cooploc.analysis.report.result_columns import ANEES, RMSE, result_columns, share
-from cooploc.analysis.report.sentences import Change, Standing, summary_sentence
+from cooploc.analysis.report.sentences import Standing, SweepChange, summary_sentence
 from cooploc.analysis.report.tables import Row, Table, number_column, text_column
 from cooploc.estimators import nearest
 from cooploc.estimators.errors import BadInput
@@ -28,7 +28,7 @@ Ranks = dict[str, tuple[dict[str, float], dict[str, str]]]  # scenario -> mean r
 STUDY = "study"  # instead of a column by which rows are sorted: the order of the study
 
 
-def in_order(table: pd.DataFrame, by: str = "rmse") -> pd.DataFrame:
+def sort_rows(table: pd.DataFrame, by: str = "rmse") -> pd.DataFrame:
     """Return the rows of each scenario by rising `by`, a column of `compare`; those of "study" as they were.
 
     Raises:
@@ -50,7 +50,7 @@ def lowest_that_qualifies(rows: list[Row]) -> Row | None:
 def results(name: str, part: pd.DataFrame, ranks: Ranks, caption: str) -> Table:
     """Return one row per (scenario, estimator) of `compare`, those of a scenario in order of error."""
     rows: list[Row] = []
-    for row in in_order(part).to_dict("records"):
+    for row in sort_rows(part).to_dict("records"):
         mean, letters = ranks[row["scenario"]]
         estimator, status = row["estimator"], row["certificate"].partition(":")[0]
         rows.append({**row, "rank": mean.get(estimator, np.nan), "group": letters.get(estimator, ""), "status": status})
@@ -67,24 +67,24 @@ def results(name: str, part: pd.DataFrame, ranks: Ranks, caption: str) -> Table:
     return Table(name, caption, columns, rows, {**marks, "data-certificate": "status"})
 
 
-WORDS = {"best": "best", "tie": "tied", "the only one": "only", "none": "none"}  # of `Standing.word` -> column
+WORDS = {  # `Standing.word` -> key and head of its column
+    "best": ("best", "best alone"),
+    "tie": ("tied", "lowest RMSE, tied with others"),
+    "the only one": ("only", "the only one that qualifies"),
+}
 
 
 def best_by_experiment(found: dict[str, list[Standing]]) -> Table:
     """Return who is best in how many scenarios of each experiment."""
-    columns = (
-        text_column("experiment"),
-        number_column("scenarios"),
-        text_column("best alone", "best"),
-        text_column("lowest RMSE, tied with others", "tied"),
-        text_column("the only one that qualifies", "only"),
-        number_column("none qualifies", "none"),
-    )
-    rows = []
+    named = (text_column(head, key) for key, head in WORDS.values())
+    columns = (text_column("experiment"), number_column("scenarios"), *named, number_column("none qualifies", "none"))
+    rows: list[Row] = []
     for name, ones in found.items():
-        best = {word: Counter(one.best for one in ones if one.word == word) for word in WORDS}
-        counts = {key: ", ".join(f"{e} ({n})" for e, n in best[word].most_common()) for word, key in WORDS.items()}
-        rows.append({"experiment": name, "scenarios": len(ones), **counts, "none": best["none"].total()})
+        row: Row = {"experiment": name, "scenarios": len(ones), "none": sum(not one.best for one in ones)}
+        for word, (key, _) in WORDS.items():
+            counts = Counter(one.best for one in ones if one.word == word)
+            row[key] = ", ".join(f"{estimator} ({n})" for estimator, n in counts.most_common())
+        rows.append(row)
     caption = (
         "Estimators and in how many scenarios of the experiment. An estimator qualifies to be called best if it is "
         "distributed, is not over-wide, not over-confident nor probably so, and failed in no trial."
@@ -108,12 +108,12 @@ def best(found: list[Standing], name: str = "best") -> Table:
             "scenario": one.scenario,
             "standing": one.word,
             "estimator": one.best,
-            **_with_ends("rmse", one.rmse),
-            **_with_ends("anees", one.anees),
+            **_interval_values("rmse", one.rmse),
+            **_interval_values("anees", one.anees),
             "ties": ", ".join((*(f"{name} (equal)" for name in one.equal), *one.tied)),
             "barred": ", ".join(one.barred),
             "some": ", ".join(one.barred[:2]) + (f" and {len(one.barred) - 2} more" if len(one.barred) > 2 else ""),
-            "alone": one.best if one.alone else "",
+            "alone": one.best if one.is_alone else "",
             "sentence": summary_sentence(one),
         }
         for one in found
@@ -127,7 +127,7 @@ def best(found: list[Standing], name: str = "best") -> Table:
     return Table(name, caption, columns, rows, marks)
 
 
-def _with_ends(name: str, found: Interval) -> dict[str, float]:
+def _interval_values(name: str, found: Interval) -> dict[str, float]:
     return {name: found.value, f"{name}_low": found.low, f"{name}_high": found.high}
 
 
@@ -158,7 +158,7 @@ def consistency(table: pd.DataFrame) -> Table:
     return Table("consistency", caption, columns, rows, {"data-estimator": "estimator"})
 
 
-def sweep(name: str, found: list[Change], parameter: str) -> Table:
+def sweep_table(name: str, found: list[SweepChange], parameter: str) -> Table:
     """Return how RMSE changes over a sweep."""
     columns = (
         text_column("estimator"),
@@ -168,7 +168,7 @@ def sweep(name: str, found: list[Change], parameter: str) -> Table:
         number_column("95 %", "change_low", "change_high", form=interval(change)),
         number_column("trials"),
     )
-    rows = [{**one._asdict(), **_with_ends("change", one.share)} for one in found]
+    rows = [{**one._asdict(), **_interval_values("change", one.share)} for one in found]
     caption = (
         f"From the first to the last value of {parameter}; jackknife intervals over trials, in a run until decided "
         "confidence sequences; not adjusted."
@@ -191,10 +191,7 @@ def meanings() -> dict[str, dict[str, str]]:
 def scenario_tables(table: pd.DataFrame, settings: Mapping[str, Mapping[str, Any]]) -> list[Table]:
     """Return, for each set of scenarios with the same parameters, the scenarios and then their parameters.
 
-    Args:
-        table: from `compare`.
-        settings: the parameters of each scenario, as the manifest has them.
-
+    `table` is from `compare`; `settings` has the parameters of each scenario, as the manifest has them.
     """
     kinds: dict[tuple[str, ...], list[str]] = {}
     for scenario in dict.fromkeys(table["scenario"]):
@@ -206,7 +203,15 @@ def scenario_tables(table: pd.DataFrame, settings: Mapping[str, Mapping[str, Any
         unlike = [name for name in names if len({repr(one[name]) for one in given.values()}) > 1]
         ending = f"-{i + 1}" if len(kinds) > 1 else ""
         out.append(_scenarios(f"scenarios{ending}", given, [n for n in unlike if n != "robots"], most))
-        out += [_parameters(f"parameters{ending}", next(iter(given.values())), unlike)] if names else []
+        if names:
+            shared = {key: DIFFERS if key in unlike else parameter_text(v) for key, v in given[scenarios[0]].items()}
+            rows = [
+                {"unit": "", "meaning": "", "parameter": k, "value": v, **meanings().get(k, {})}
+                for k, v in shared.items()
+            ]
+            about = "What these scenarios share; parameters that differ have their values beside each scenario, above."
+            columns = tuple(map(text_column, ("parameter", "value", "unit", "meaning")))
+            out.append(Table(f"parameters{ending}", about, columns, rows))
     return out
 
 
@@ -223,7 +228,7 @@ def _scenarios(name: str, given: Mapping[str, Mapping[str, Any]], unlike: list[s
         {
             "scenario": scenario,
             **most.loc[scenario, ["robots", "trials", "baseline", "stream"]].to_dict(),
-            **{parameter: written(values[parameter]) for parameter in unlike},
+            **{parameter: parameter_text(values[parameter]) for parameter in unlike},
         }
         for scenario, values in given.items()
     ]
@@ -234,17 +239,7 @@ def _scenarios(name: str, given: Mapping[str, Mapping[str, Any]], unlike: list[s
     return Table(name, caption, columns, rows, {"data-scenario": "scenario"})
 
 
-def _parameters(name: str, values: Mapping[str, Any], unlike: list[str]) -> Table:
-    rows: list[Row] = [
-        {"parameter": key, "value": DIFFERS if key in unlike else written(value), **meanings().get(key, {})}
-        for key, value in values.items()
-    ]
-    rows = [{"unit": "", "meaning": "", **row} for row in rows]
-    caption = "What these scenarios share; parameters that differ have their values beside each scenario, above."
-    return Table(name, caption, tuple(map(text_column, ("parameter", "value", "unit", "meaning"))), rows)
-
-
-def written(value: Any) -> str:
+def parameter_text(value: Any) -> str:
     """Return a parameter's value in a few words."""
     if value is None:
         return "none"
@@ -254,7 +249,7 @@ def written(value: Any) -> str:
         return f"{value:g}".replace("inf", "∞")
     if isinstance(value, list | tuple):
         nested = any(isinstance(one, list | tuple) for one in value)
-        return ("; " if nested else ", ").join(map(written, value)) or "none"
+        return ("; " if nested else ", ").join(map(parameter_text, value)) or "none"
     return str(value)
 
 

@@ -1,4 +1,4 @@
-"""What the page and the paper of a run are both made from: its table and trials, its looks, and short labels."""
+"""Numbers and labels of a run, from which its page and its paper are made."""
 
 import string
 from collections.abc import Iterable, Mapping
@@ -16,20 +16,21 @@ from cooploc.analysis.plot import style
 
 SWEEP = 3  # values from which a sweep becomes a line
 LONGEST = 24  # characters of a label that is written in full
+FLOORED = 20  # robots: the floor of larger teams takes seconds for each scenario
 
 
 class Labels(NamedTuple):
-    """What estimators are called in figures and tables."""
+    """Names of estimators in figures and tables."""
 
     short: dict[str, str]  # by the estimator's full label
-    settings: dict[str, str]  # what a letter stands for
+    settings: dict[str, str]  # letter -> parameters that it stands for
 
     def of(self, label: str) -> str:
         """Return the short label, or the label itself."""
         return self.short.get(label, label)
 
     def legend(self, labels: Iterable[str]) -> list[str]:
-        """Return the letters in these estimators' labels, each with what it stands for."""
+        """Return the letters in these estimators' labels, each with the parameters that it stands for."""
         used = {self.of(label).rpartition(" [")[2].removesuffix("]") for label in labels if self.of(label) != label}
         return [f"[{letter}] {settings}" for letter, settings in self.settings.items() if letter in used]
 
@@ -37,14 +38,13 @@ class Labels(NamedTuple):
 def short_labels(labels: Iterable[str], variants: Mapping[str, str] | None = None) -> Labels:
     """Return a short label for each long one: "ekf-local[anchor_reading=rssi]" becomes "ekf-local [a]".
 
-    Equal settings have equal letters. A configuration that the study names has that name: "ekf-local [raw]".
-
-    Args:
-        labels: of estimators, in full.
-        variants: the study's name of a configuration -> its parameters.
-
+    Equal settings have equal letters. `variants` has names that the study gives to parameters: "ekf-local [raw]".
     """
-    names = {_sorted(parameters): name for name, parameters in (variants or {}).items()}
+
+    def ordered(parameters: str) -> tuple[str, ...]:
+        return tuple(sorted(part.strip() for part in parameters.split(",")))
+
+    names = {ordered(parameters): name for name, parameters in (variants or {}).items()}
     letters: dict[str, str] = {}
     short: dict[str, str] = {}
     for label in dict.fromkeys(labels):
@@ -55,21 +55,10 @@ def short_labels(labels: Iterable[str], variants: Mapping[str, str] | None = Non
         if not settings or len(label) <= LONGEST:
             short[label] = method if not settings else label
             continue
-        key = settings.replace(",", ", ")
-        letter = letters.setdefault(key, names.get(_sorted(settings)) or _letter(len(letters)))
-        short[label] = f"{method} [{letter}]"
+        again, place = divmod(len(letters), 26)
+        letter = names.get(ordered(settings)) or string.ascii_lowercase[place] + (str(again) if again else "")
+        short[label] = f"{method} [{letters.setdefault(settings.replace(',', ', '), letter)}]"
     return Labels(short, {letter: settings for settings, letter in letters.items()})
-
-
-def _sorted(parameters: str) -> tuple[str, ...]:
-    """Parameters in an order that does not depend on how they were written."""
-    return tuple(sorted(part.strip() for part in parameters.split(",")))
-
-
-def _letter(number: int) -> str:
-    """a to z, and then a1 to z1, and so on."""
-    again, place = divmod(number, 26)
-    return string.ascii_lowercase[place] + (str(again) if again else "")
 
 
 class Numbers(NamedTuple):
@@ -97,11 +86,11 @@ def rows_of_experiment(table: pd.DataFrame, plan: Mapping[str, list[str]]) -> pd
     return table[[estimator in plan.get(scenario, ()) for scenario, estimator in labels]]
 
 
-def ranked(rows: pd.DataFrame, results: TrialTable) -> tuple[dict[str, float], dict[str, str]]:
+def rank_scenario(rows: pd.DataFrame, results: TrialTable) -> tuple[dict[str, float], dict[str, str]]:
     """Return mean ranks (of a fixed number of trials) and letters of one scenario's estimators that failed nowhere.
 
-    One that failed would take its trials from all others, and change their ranks and letters. What is offline is not
-    ranked with filters.
+    One that failed would take its trials from all others, and change their ranks and letters. Offline estimators are
+    not ranked with filters.
     """
     ended = rows["rmse"].notna() & (rows["failed"] == 0) & ~rows["offline"]
     names = list(rows.loc[ended & ~rows["certificate"].map(is_refused).astype(bool), "estimator"])
@@ -112,7 +101,7 @@ def ranked(rows: pd.DataFrame, results: TrialTable) -> tuple[dict[str, float], d
 
 
 def group_by_sweep(labels: list[str]) -> dict[tuple[str, str], list[str]]:
-    """Return scenarios by family and what they sweep; short sweeps are with those that sweep nothing."""
+    """Return scenarios by family and swept parameter; short sweeps are with those that sweep nothing."""
     found: dict[tuple[str, str], list[str]] = {}
     for label in labels:
         found.setdefault(sweep(label)[:2], []).append(label)
@@ -121,3 +110,8 @@ def group_by_sweep(labels: list[str]) -> dict[tuple[str, str], list[str]]:
         which = sweep(label)[:2]
         out.setdefault(which if which[1] and len(found[which]) >= SWEEP else ("", ""), []).append(label)
     return out
+
+
+def first_middle_last(labels: list[str]) -> list[str]:
+    """Return the first, the middle and the last of many labels, or all of at most three."""
+    return labels if len(labels) <= 3 else [labels[0], labels[len(labels) // 2], labels[-1]]

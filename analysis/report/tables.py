@@ -1,7 +1,6 @@
 """One table for every reader: printed in a terminal, or written as LaTeX, Markdown and CSV; `html_table` writes HTML.
 
-The rows of a `Table` are mappings. A `TableColumn` says which values of a row it shows and how they are written. The
-columns of a run's results are in `result_columns`.
+Rows are mappings; a `TableColumn` says which values of a row it shows and how. `result_columns` has those of a run.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -22,7 +21,7 @@ Row = dict[Any, Any]  # key -> value, as of `DataFrame.to_dict("records")`
 
 @dataclass(frozen=True)
 class TableColumn:
-    """One column: its head, the values behind it, and how they are written."""
+    """One column: its head, the values behind it, and their form."""
 
     head: str
     keys: tuple[str, ...]  # of the values behind it: its columns in CSV; the first is what HTML sorts by
@@ -47,27 +46,29 @@ def as_text(value: object = "") -> str:
 
 
 def text_column(
-    head: str, *keys: str, form: Callable[..., str] = as_text, of: Iterable[str] = (), **layout: Any
+    head: str,
+    *keys: str,
+    form: Callable[..., str] = as_text,
+    of: Iterable[str] = (),
+    right: bool = False,
+    **layout: Any,
 ) -> TableColumn:
     """Return a column of text, named after its only key unless `keys` are given."""
-    return TableColumn(head, keys or (head,), form, tuple(of), right=False, **layout)
+    return TableColumn(head, keys or (head,), form, tuple(of), right, **layout)
 
 
-def number_column(
-    head: str, *keys: str, form: Callable[..., str] = as_text, of: Iterable[str] = (), **layout: Any
-) -> TableColumn:
+def number_column(head: str, *keys: str, **layout: Any) -> TableColumn:
     """Return a column of numbers, named after its only key unless `keys` are given."""
-    return TableColumn(head, keys or (head,), form, tuple(of), **layout)
+    return text_column(head, *keys, right=True, **layout)
 
 
 def interval_column(head: str, name: str, form: Format) -> TableColumn:
     """Return a column of values with their intervals, of the keys NAME, NAME_low and NAME_high."""
-    ends = interval(form)
 
-    def written(value: float, low: float, high: float) -> str:
-        return f"{form(value)} ({ends(low, high)})" if value == value else ""
+    def write(value: float, low: float, high: float) -> str:
+        return f"{form(value)} ({interval(form)(low, high)})" if value == value else ""
 
-    return number_column(head, name, f"{name}_low", f"{name}_high", form=written)
+    return number_column(head, name, f"{name}_low", f"{name}_high", form=write)
 
 
 @dataclass(frozen=True)
@@ -118,8 +119,6 @@ class Table:
 
 # ------------------------------------------------------------------------------------------------ terminal
 
-UNBOUNDED = 100_000  # [characters]
-
 
 @dataclass(frozen=True)
 class TerminalTable:
@@ -129,15 +128,14 @@ class TerminalTable:
     styles: list[str]
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        """Print the widest layout that fits, and which columns it lacks."""
+        """Print the widest layout that fits, and the names of the columns that it lacks."""
         every = [c for c in self.table.columns if any(c.text(row) for row in self.table.rows)]
         priorities = sorted({c.priority for c in every if c.priority}, reverse=True)
         layouts = [(every, False), (every, True)]
         layouts += [([c for c in every if c.priority < most], True) for most in priorities]
-        unbounded = options.update_width(UNBOUNDED)
         for shown, stacked in layouts:
             drawn = self._draw(shown, stacked)
-            if Measurement.get(console, unbounded, drawn).maximum <= options.max_width:
+            if Measurement.get(console, options.update_width(100_000), drawn).maximum <= options.max_width:
                 break
         yield drawn
         if left_out := [c.head.partition("\n")[0] for c in every if c not in shown]:
@@ -151,13 +149,11 @@ class TerminalTable:
                 cells[-1].append(column)
             else:
                 cells.append([column])
-        caption = self.table.caption
-        out = RichTable(title=caption, title_justify="left", header_style="bold", box=None, padding=(0, 1))
+        out = RichTable(title=self.table.caption, title_justify="left", header_style="bold", box=None, padding=(0, 1))
         for first, *below in cells:
             begin = first.head.partition("\n")[0] + "\n"  # what both begin with is said once
             head = "\n".join(filter(None, (first.head, *(one.head.removeprefix(begin) for one in below))))
-            side = "right" if first.right else "left"
-            out.add_column(head, justify=side, no_wrap=first.right, overflow="fold")  # type: ignore[arg-type]
+            out.add_column(head, justify="right" if first.right else "left", no_wrap=first.right, overflow="fold")
         for row, style in zip(self.table.rows, self.styles, strict=True):
             texts = ([one.text(row) for one in cell] for cell in cells)
             out.add_row(*("\n".join([first, *filter(None, below)]) for first, *below in texts), style=style)
@@ -192,6 +188,15 @@ LATEX = {
 }
 
 
+DOCUMENT = r"""\documentclass{article}
+\usepackage[T1]{fontenc}
+\usepackage[utf8]{inputenc}
+\usepackage{textcomp,booktabs,longtable}
+\usepackage[paperwidth=60cm,paperheight=42cm,margin=15mm]{geometry}
+\begin{document}"""
+END = "\\end{document}\n"
+
+
 def csv_text(table: pd.DataFrame) -> str:
     """Return a table as CSV; a text that a spreadsheet would take for a formula gets an apostrophe."""
 
@@ -204,19 +209,7 @@ def csv_text(table: pd.DataFrame) -> str:
 
 def latex_document(names: list[str], title: str) -> str:
     """Return a LaTeX document of tables in files beside it."""
-    return "\n".join(
-        [
-            r"\documentclass{article}",
-            r"\usepackage[T1]{fontenc}",
-            r"\usepackage[utf8]{inputenc}",
-            r"\usepackage{textcomp,booktabs,longtable}",
-            r"\usepackage[paperwidth=60cm,paperheight=42cm,margin=15mm]{geometry}",
-            r"\begin{document}",
-            rf"\section*{{{escape_latex(title)}}}",
-            *(rf"\input{{{name}}}" for name in names),
-            r"\end{document}" + "\n",
-        ]
-    )
+    return "\n".join([DOCUMENT, rf"\section*{{{escape_latex(title)}}}", *(rf"\input{{{n}}}" for n in names), END])
 
 
 def escape_latex(text: str) -> str:

@@ -10,12 +10,12 @@ from cooploc.estimators.registry import parse
 
 
 def gain(value: float) -> str:
-    """A difference of scores [nats, or log m], with its sign."""
+    """Write a difference of scores [nats, or log m], with its sign."""
     return f"{'+' if round(value, 2) > 0 else ''}{fixed(value, 2)}"
 
 
 def parameters(label: str) -> str:
-    """What a configuration states, without the estimator's name; "as published" stands for nothing."""
+    """Return a configuration's parameters in words."""
     return ", ".join(f"{key}={value}" for key, value in parse(label)[1].items())
 
 
@@ -47,14 +47,14 @@ LEGEND = (
 
 
 def gains_table(scenario: str, part: pd.DataFrame) -> Table:
-    """One scenario's estimators, by their error as published."""
+    """Return one scenario's estimators, by their error as published."""
     ordered = part.sort_values("rmse_published", kind="stable")
     caption = f"{scenario}: {count(part['trials'].max())} fresh trials"
     return Table("tuned", caption, GAINS, ordered.to_dict("records"))
 
 
 def chosen_table(history: pd.DataFrame, tuned: dict[str, str]) -> Table:
-    """What was tuned of every estimator, and what it took."""
+    """Return the chosen parameters of every estimator, and what the search took."""
     rows = [
         {
             "estimator": str(name),
@@ -75,16 +75,17 @@ def chosen_table(history: pd.DataFrame, tuned: dict[str, str]) -> Table:
 
 
 def side_by_side(gains: pd.DataFrame) -> Table:
-    """Two tables in one: the estimators of all scenarios by their error as published, and by their error as tuned.
+    """Return the estimators of all scenarios by their error as published, and beside by their error as tuned.
 
     RMSE is the geometric mean over scenarios, the score the plain one; only estimators of every scenario are in it.
     """
     everywhere = gains.groupby("estimator").filter(lambda part: len(part) == gains["scenario"].nunique())
-    halves = [_ranked(everywhere, which) for which in ("published", "tuned")]
+    halves = [_rank(everywhere, which) for which in ("published", "tuned")]
     rows = pd.concat(halves, axis=1)
     before = {name: k for k, name in enumerate(rows["estimator_published"])}
     rows["place"] = range(1, len(rows) + 1)
-    rows["moved"] = [_moved(before[name] - k) for k, name in enumerate(rows["estimator_tuned"])]
+    places = [before[name] - k for k, name in enumerate(rows["estimator_tuned"])]
+    rows["moved"] = [f"up {n}" if n > 0 else f"down {-n}" if n < 0 else "" for n in places]
     columns = (
         number_column("place"),
         text_column("as published", "estimator_published"),
@@ -100,25 +101,16 @@ def side_by_side(gains: pd.DataFrame) -> Table:
     )
 
 
-def _ranked(gains: pd.DataFrame, which: str) -> pd.DataFrame:
-    """One half: estimators with their means over scenarios, by error."""
-    values = pd.DataFrame(
-        {
-            "estimator": gains["estimator"],
-            "rmse": np.log(gains[f"rmse_{which}"]),
-            "score": gains[f"score_{which}"],
-        }
-    )
-    means = values.groupby("estimator", sort=False).mean().sort_values("rmse", kind="stable").reset_index()
+def _rank(gains: pd.DataFrame, which: str) -> pd.DataFrame:
+    """Return one half of the table: estimators with their means over scenarios, by error."""
+    logs = gains.assign(rmse=np.log(gains[f"rmse_{which}"]), score=gains[f"score_{which}"])
+    means = logs.groupby("estimator", sort=False)[["rmse", "score"]].mean()
+    means = means.sort_values("rmse", kind="stable").reset_index()
     return means.assign(rmse=np.exp(means["rmse"])).add_suffix(f"_{which}")
 
 
-def _moved(places: int) -> str:
-    return f"up {places}" if places > 0 else f"down {-places}" if places < 0 else ""
-
-
 def order_sentence(table: pd.DataFrame, by: str) -> str:
-    """What tuning did to the order of all pairs, in one sentence."""
+    """Return in one sentence how tuning changed the order of all pairs."""
     n, of = len(table), table["became"].value_counts()
     changed = (table["smaller_published"] != table["smaller_tuned"]).sum()
     return (
@@ -129,11 +121,8 @@ def order_sentence(table: pd.DataFrame, by: str) -> str:
     )
 
 
-# What tuning alike changed, in sentences.
-
-
-def bought(gains: pd.DataFrame) -> str:
-    """What tuning bought on training streams and on fresh ones."""
+def gain_sentence(gains: pd.DataFrame) -> str:
+    """Return in a few sentences the gain by tuning, on training streams and on fresh ones."""
     moved = gains[gains["tuned"] != gains["estimator"]]
     names = moved["estimator"].nunique()
     if not names:
@@ -149,8 +138,8 @@ def bought(gains: pd.DataFrame) -> str:
     )
 
 
-def most_moved(gains: pd.DataFrame, count: int = 3) -> str:
-    """Who gained and who lost most on fresh streams."""
+def extremes_sentence(gains: pd.DataFrame) -> str:
+    """Return the largest gains and the smallest on fresh streams."""
     ordered = gains[gains["tuned"] != gains["estimator"]].sort_values("fresh_gain", ascending=False)
     if ordered.empty:
         return ""
@@ -158,15 +147,15 @@ def most_moved(gains: pd.DataFrame, count: int = 3) -> str:
         f"`{row['estimator']}` in `{row['scenario']}` ({gain(row['fresh_gain'])}, RMSE {change(row['change'])})"
         for row in ordered.to_dict("records")
     ]
-    return f"The largest gains on fresh streams: {'; '.join(said[:count])}. The smallest: {said[-1]}."
+    return f"The largest gains on fresh streams: {'; '.join(said[:3])}. The smallest: {said[-1]}."
 
 
-def by_scenario(gains: pd.DataFrame) -> list[str]:
-    """In each scenario the smallest errors before and after, and how alike the two orders are."""
-    return [_of_scenario(str(scenario), part) for scenario, part in gains.groupby("scenario", sort=False)]
+def scenario_sentences(gains: pd.DataFrame) -> list[str]:
+    """Return for each scenario the smallest errors before and after, and how alike the two orders are."""
+    return [_scenario_sentence(str(scenario), part) for scenario, part in gains.groupby("scenario", sort=False)]
 
 
-def _of_scenario(scenario: str, part: pd.DataFrame) -> str:
+def _scenario_sentence(scenario: str, part: pd.DataFrame) -> str:
     whole = part[(part["failed_published"] == 0) & (part["failed_tuned"] == 0)]
     if len(whole) < 2:
         return f"`{scenario}`: fewer than two estimators without failed trials."

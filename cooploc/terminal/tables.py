@@ -23,7 +23,7 @@ from cooploc.analysis.metrics.ranking import short_certificate
 from cooploc.analysis.metrics.sequential import PILOT, minutes
 from cooploc.analysis.report import claim_tables, tuning_tables
 from cooploc.analysis.report.result_columns import REMARKS, STOPPED, decision, result_columns
-from cooploc.analysis.report.result_tables import STUDY, failures, in_order, lowest_that_qualifies
+from cooploc.analysis.report.result_tables import STUDY, failures, lowest_that_qualifies, sort_rows
 from cooploc.analysis.report.tables import Row, Table, csv_text, number_column, text_column
 from cooploc.scenarios.conformance import Report, sentences
 from cooploc.scenarios.recordings.scenario import NO_ORDER
@@ -62,7 +62,7 @@ def show_results(
     weak = {name: [text for text in notes.get(name, []) if NO_ORDER in text] for name, _ in _by_scenario(found)}
     if not as_json:
         parts = _by_scenario(found)
-        found = pd.concat([in_order(part, STUDY if weak[name] else sort) for name, part in parts])
+        found = pd.concat([sort_rows(part, STUDY if weak[name] else sort) for name, part in parts])
     table(found, rows, as_json, every_column)
     for name, part in _by_scenario(found) if recorded else []:
         for text in recording_lines(part, weak[name]):
@@ -286,9 +286,9 @@ def show_verdicts(verdicts: pd.DataFrame, ledger: ledgers.Ledger) -> None:
             skipped.append(str(claim))
             continue
         says, where, left_open, readings = part[["says", "where", "open", "map"]].iloc[0]
-        console.print(f"\n{claim}. {claim_tables.called(says, where)}", style="bold")
+        console.print(f"\n{claim}. {claim_tables.name_claim(says, where)}", style="bold")
         console.print(claim_tables.cases(part).terminal(style=lambda row: STYLES.get(row["verdict"], "dim")))
-        for text in filter(None, (claim_tables.not_run(part), left_open and f"open: {left_open}")):
+        for text in filter(None, (claim_tables.cases_not_run(part), left_open and f"open: {left_open}")):
             console.print(f" {text}", style="dim")
         if readings:
             console.print(f" over all readings: {readings}")

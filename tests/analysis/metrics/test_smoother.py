@@ -127,7 +127,7 @@ def test_it_is_not_ranked_never_best_and_said_to_be_offline(errors_of):
     table = cl.compare(errors_of, "filter", full=True)
     row = table.set_index("estimator").loc["hindsight"]
     assert disqualifications(row)[0] == "offline"
-    ranks, letters = html_page.ranked(table, collect(errors_of))
+    ranks, letters = html_page.rank_scenario(table, collect(errors_of))
     assert set(ranks) == {"filter"}
     assert "hindsight" not in letters
     (found,) = sentences.standings(table, collect(errors_of))

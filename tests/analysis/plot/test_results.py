@@ -111,10 +111,3 @@ def test_a_panel_for_each_scenario_and_the_frontier_in_it():
     figure.canvas.draw()
     below = [[label.get_text() for label in ax.get_xticklabels()] for ax in shown[1:]]  # nothing stands below these
     assert below == [["0", "10", "20", "50", "100"]] * 2
-
-
-def test_who_sends_nothing_stands_at_zero():
-    truth, stream = cl.simulate("robots-1-3/n=2", trials=5, seed=1, ticks=5)
-    ax = cl.plot.pareto(cl.errors(truth, cl.run(["ekf-local"], stream)))
-    assert ax.get_xticklabels()[0].get_text() == "0"
-    assert min(line.get_xdata()[0] for line in ax.lines if len(line.get_xdata())) == pytest.approx(ax.get_xticks()[0])

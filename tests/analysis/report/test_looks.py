@@ -66,6 +66,9 @@ frame.addEventListener("load", () => {{
 )
 
 
+DUMP = "--virtual-time-budget=5000", "--dump-dom"
+
+
 def chromium(*options, cwd):
     flags = ["--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", f"--user-data-dir={cwd / 'profile'}"]
     done = subprocess.run([CHROMIUM, *flags, *options], capture_output=True, text=True, timeout=1200)
@@ -88,7 +91,13 @@ def report(folder):
 @pytest.mark.parametrize(("width", "dark"), [(400, False), (1400, True)])
 def test_nothing_sticks_out_and_tables_sort_filter_and_show_trials(report, folder, width, dark):
     file = framed(report, folder, width, FRAME)
-    dom = chromium(*scheme(dark), "--virtual-time-budget=5000", "--dump-dom", file.as_uri(), cwd=folder)
+    dom = chromium(
+        f"--blink-settings=preferredColorScheme={0 if dark else 1}",
+        "--virtual-time-budget=5000",
+        "--dump-dom",
+        file.as_uri(),
+        cwd=folder,
+    )
     told = json.loads(html.unescape(re.search(r'<pre id="told">(.*?)</pre>', dom, re.DOTALL)[1]))
     assert told["errors"] == []
     assert told["wide"] <= width
@@ -103,14 +112,15 @@ def test_nothing_sticks_out_and_tables_sort_filter_and_show_trials(report, folde
     assert (told["ground"] == "rgb(255, 255, 255)") == (not dark)
 
 
-@pytest.mark.parametrize(("width", "dark"), [(400, False), (1024, False), (1400, False), (1400, True)])
-def test_it_can_be_looked_at(report, folder, width, dark):
-    file = framed(report, folder, width, PLAIN)
-    picture = _kept(folder) / f"report-{width}{'-dark' * dark}.png"
-    chromium(
-        *scheme(dark), f"--window-size={max(width, 500)},9000", f"--screenshot={picture}", file.as_uri(), cwd=folder
-    )
+def test_it_prints_and_leaves_pictures_to_be_looked_at(report, folder):
+    place = Path(os.environ.get("LOOKS", folder)).resolve()
+    place.mkdir(parents=True, exist_ok=True)
+    picture, paper = place / "report-1024.png", place / "report.pdf"
+    file = framed(report, folder, 1024, PLAIN)
+    chromium("--window-size=1024,9000", f"--screenshot={picture}", file.as_uri(), cwd=folder)
+    chromium("--no-pdf-header-footer", f"--print-to-pdf={paper}", report.as_uri(), cwd=folder)
     assert picture.read_bytes().startswith(b"\x89PNG")
+    assert paper.read_bytes().startswith(b"%PDF")
 
 
 def framed(report, folder, width, frame):
@@ -118,21 +128,3 @@ def framed(report, folder, width, frame):
     file = folder / f"frame{width}.html"
     file.write_text(frame.format(width=width, height=9000, page=html.escape(report.read_text())))
     return file
-
-
-def scheme(dark):
-    """What a browser is told of the colours that its user prefers."""
-    return [f"--blink-settings=preferredColorScheme={0 if dark else 1}"]
-
-
-def test_it_prints(report, folder):
-    paper = _kept(folder) / "report.pdf"
-    chromium("--no-pdf-header-footer", f"--print-to-pdf={paper}", report.as_uri(), cwd=folder)
-    assert paper.read_bytes().startswith(b"%PDF")
-
-
-def _kept(folder):
-    """Where pictures are left: LOOKS, or with the test's other files."""
-    place = Path(os.environ.get("LOOKS", folder)).resolve()
-    place.mkdir(parents=True, exist_ok=True)
-    return place

@@ -13,11 +13,10 @@ from cooploc import scenarios
 from cooploc.analysis.claims.trial_table import collect
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.plot import results, style
-from cooploc.analysis.report import html_page, html_table, page_figures, sentences
-from cooploc.analysis.report import page_texts as page_texts
+from cooploc.analysis.report import html_page, html_table, page_figures, page_texts
 from cooploc.analysis.report.html_page import LONGEST_TITLE, heading
 from cooploc.analysis.report.page_texts import introduce_estimators
-from cooploc.analysis.report.result_tables import failures, meanings, scenario_tables, written
+from cooploc.analysis.report.result_tables import failures, meanings, parameter_text, scenario_tables
 from cooploc.analysis.report.run_numbers import numbers_of
 from cooploc.estimators import BUILTIN, make
 
@@ -33,30 +32,6 @@ def test_markers_differ_where_those_of_the_figures_do():
     assert len(set(marks.values())) == len(BUILTIN) > 20
 
 
-def test_the_answer_says_who_is_lowest_by_how_much_and_who_is_over_confident(rows):
-    table, results = compare(rows, "arl", full=True), collect(rows)
-    said = sentences.lowest(sentences.standings(table, results), table, results)
-    assert said.startswith("ekf-local has the lowest RMSE of those that qualify in all 2 scenarios, at least ")
-    assert "below that of the next (arl, packet-drop/drop=0" in said
-    assert sentences.over_confident(table).startswith("Over-confident: mrsl-rssi in 2 of 2 scenarios; its ANEES is ")
-
-
-def test_the_answer_names_what_is_not_separable_and_no_more_than_a_few():
-    names = {f"e{i}": (1.0, 1.0) for i in range(9)}
-    rows = rows_of("nlos", names)
-    rows["mse"] *= np.random.default_rng(5).lognormal(0, 0.5, len(rows))
-    table, results = compare(rows, "e0", full=True), collect(rows)
-    said = sentences.lowest(sentences.standings(table, results), table, results)
-    assert "not separable from it: " in said
-    assert said.endswith("others.")
-    assert sentences.over_confident(table) == "No estimator was found over-confident."
-    few, some = rows[rows["trial"] < 3], collect(rows[rows["trial"] < 3])
-    table = compare(few, "e0", full=True)
-    assert sentences.lowest(sentences.standings(table, some), table, some).startswith(
-        "Nothing is separable with 3 trials"
-    )
-
-
 def test_every_parameter_of_a_built_in_scenario_has_a_meaning():
     models = {scenarios.family(name).model_class(name) for name in scenarios.BUILTIN}
     fields = {field for model in models for field in model.model_fields} - {"data"}
@@ -67,14 +42,10 @@ def test_parameters_that_scenarios_share_are_said_once_and_others_beside_each(ro
     given = {f"packet-drop/drop={d}": {"robots": 5, "side": 6.0, "drop": d} for d in (0, 0.5)}
     places, parameters = scenario_tables(compare(rows, "arl", full=True), given)
     assert [column.head for column in places.columns] == ["scenario", "robots", "trials", "baseline", "drop", "stream"]
-    assert {row["parameter"]: (row["value"], row["unit"]) for row in parameters.rows} == {
-        "robots": ("5", ""),
-        "side": ("6", "m"),
-        "drop": ("differs", ""),
-    }
-    assert [written(value) for value in (np.inf, None, True, [[0, 1], [2, 3]], [])] == [
-        *("∞", "none", "yes", "0, 1; 2, 3", "none")
-    ]
+    written = {row["parameter"]: (row["value"], row["unit"]) for row in parameters.rows}
+    assert written == {"robots": ("5", ""), "side": ("6", "m"), "drop": ("differs", "")}
+    values = [np.inf, None, True, [[0, 1], [2, 3]], []]
+    assert list(map(parameter_text, values)) == ["∞", "none", "yes", "0, 1; 2, 3", "none"]
 
 
 @pytest.mark.parametrize(
@@ -94,19 +65,18 @@ def test_estimators_are_introduced_once_with_their_configurations_and_no_foreign
     foreign = f"{tmp_path / 'never.py'}:Mine"
     rows = rows_of("nlos", dict.fromkeys(("ekf-local", "ekf-local[anchor_reading=rssi]", foreign), (1.0, 1.0)))
     one, other = introduce_estimators(rows.assign(senses="RSSI"))
-    assert one.name == "ekf-local"
+    assert (one.name, one.senses) == ("ekf-local", "RSSI")
     assert "EKF" in one.about
     assert "Probabilistic Robotics" in one.source
-    assert one.senses == "RSSI"
     assert dict(one.defaults)["gate"] == f"{make('ekf-local').gate:g}"
     assert [each.given for each in one.configurations] == ["", "anchor_reading=rssi"]
     assert (other.about, other.defaults) == ("Not built in.", [])
 
 
 def test_what_is_to_be_copied_says_what_was_run(rows, tmp_path):
-    said = page_texts.paragraph(numbers_of(kept_from(rows, tmp_path)))
-    assert "We compared 3 estimators in 2 scenarios with cooploc 0 (8 trials a scenario, random seed 3)" in said
-    assert "baseline (arl)" in said
+    text = page_texts.paragraph(numbers_of(kept_from(rows, tmp_path)))
+    assert "We compared 3 estimators in 2 scenarios with cooploc 0 (8 trials a scenario, random seed 3)" in text
+    assert "baseline (arl)" in text
     entry = page_texts.bibtex("1.2", "abc")
     assert "version = {1.2}" in entry
     assert "commit abc" in entry
@@ -115,10 +85,17 @@ def test_what_is_to_be_copied_says_what_was_run(rows, tmp_path):
     assert f'title: "{page_texts.TITLE}"' in cited
 
 
+def test_the_methods_are_those_of_how_the_run_ended():
+    fixed, decided = page_texts.methods(False), page_texts.methods(True)
+    assert list(decided) == [*fixed, "Decided"]
+    assert {term for term in fixed if fixed[term] != decided[term]} == {"p (Holm)", "Ties", "Rank, group"}
+    assert not re.search(r"[{}]", "".join(decided.values()))
+
+
 def test_what_a_figure_says_is_never_taken_for_a_style_or_a_coordinate():
     label = 'at 0.125 style="fill: red" m'
-    (figure,) = results.compose([lambda ax: ax.set_title(label) and None], style.PAGE, results.PANEL)
-    page, css = page_figures.shared_styles(page_figures.inline(figure, 1, "a label"))
+    figure = results.compose([lambda ax: ax.set_title(label) and None], style.PAGE, results.PANEL)
+    page, css = page_figures.share_styles(page_figures.inline_svg(figure, 1, "a label"))
     assert f">{label}<" in page.replace("&quot;", '"')
     assert "fill: red" not in css
     assert 'class="s0"' in page
@@ -147,18 +124,13 @@ def test_the_trials_of_a_page_are_those_of_the_run(rows):
 
 
 def test_text_of_the_page_has_enough_contrast_by_day_and_by_night():
-    css = (Path(html_table.__file__).parent / "page" / "page.css").read_text()
+    css = html_table.read_template("page.css")
     for block in re.findall(r":root \{(.*?)\}", css, re.DOTALL):
         named = dict(re.findall(r"--(\w+): (#[0-9a-f]+)", block))
         for ink in ("ink", "soft", "link"):
             for ground in ("paper", "tint"):
-                assert contrast(named[ink], named[ground]) >= 4.5, (ink, ground)
-
-
-def contrast(one, other):
-    """The contrast of two colours, 1 to 21, as of the Web Content Accessibility Guidelines 2.1."""
-    low, high = sorted((luminance(one), luminance(other)))
-    return (high + 0.05) / (low + 0.05)
+                low, high = sorted((luminance(named[ink]), luminance(named[ground])))
+                assert (high + 0.05) / (low + 0.05) >= 4.5, (ink, ground)  # Web Content Accessibility Guidelines 2.1
 
 
 def luminance(colour):

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from made_runs import kept_from, rows_of
-from rich.console import Console
 
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.report import run_diff
@@ -43,19 +42,14 @@ def test_a_change_is_paired_by_trial(tmp_path):
     assert "grew in 1, fell in 0" in sentences(changes(a, b))[1]
 
 
-def test_other_streams_are_not_paired_and_it_is_said(tmp_path):
-    def elsewhere(rows):
-        return rows.assign(stream="x" + rows["stream"])
-
-    found = changes(*pair(tmp_path, elsewhere))
+def test_only_trials_of_the_same_stream_are_paired_and_it_is_said(tmp_path):
+    found = changes(*pair(tmp_path, lambda rows: rows.assign(stream="x" + rows["stream"])))
     assert set(found["pairing"]) == {"unpaired"}
     assert not found["equal"].any()
     assert (found["change_low"] < 0).all()
     assert (found["change_high"] > 0).all()
     assert any("Not paired, because the hashes of their streams differ: 2" in line for line in sentences(found))
 
-
-def test_only_trials_of_the_same_stream_are_paired(tmp_path):
     def some(rows):
         rows.loc[rows["trial"] < 4, "stream"] += "x"
         return rows
@@ -70,7 +64,7 @@ def test_the_unpaired_interval_covers_the_ratio_as_often_as_it_says():
     hits = 0
     for _ in range(400):
         x, y = rng.lognormal(0, 0.5, 30), 1.21 * rng.lognormal(0, 0.5, 30)
-        found = run_diff._unpaired(x, y)
+        found = run_diff.unpaired_change(x, y)
         hits += found.low < 0.1 < found.high
     assert 0.92 < hits / 400 < 0.98
 
@@ -99,15 +93,3 @@ def test_settings_that_differ_are_named(tmp_path):
     assert settings(a, b) == ["seed: 3 before, 9 after", "cooploc: 0 before, 1 after"]
     c = b._replace(manifest={**a.manifest, "scenarios": {"nlos": {"ticks": 11}}})
     assert settings(a, c) == ["nlos: its parameters differ"]
-
-
-def test_a_narrow_terminal_names_scenario_and_estimator_of_every_change(tmp_path):
-    found = changes(*pair(tmp_path, lambda rows: rows.assign(mse=rows["mse"] * 1.1)))
-    long = found.assign(estimator=["ekf-joint[anchor_reading=rssi]", "ekf-local[anchor_reading=rssi]"])
-    console = Console(width=80, markup=False)
-    with console.capture() as captured:
-        console.print(table(long).terminal())
-    lines = captured.get().splitlines()
-    assert max(map(len, lines)) <= 80
-    assert sum(line.startswith(" nlos") for line in lines) == 2
-    assert all(any(line.startswith(f" {name}") for line in lines) for name in ("ekf-joint", "ekf-local"))

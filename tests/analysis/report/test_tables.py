@@ -4,7 +4,10 @@ import csv
 import io
 
 import numpy as np
+import pandas as pd
 import pytest
+from made_runs import EVIL, Outline
+from markupsafe import Markup
 from rich.console import Console
 
 from cooploc.analysis.formats import (
@@ -19,8 +22,12 @@ from cooploc.analysis.formats import (
     p_value,
     percent,
     ratio,
-)  # fmt: skip
+)
+from cooploc.analysis.report.html_table import Wording, html
+from cooploc.analysis.report.result_tables import sort_rows
+from cooploc.analysis.report.run_numbers import short_labels
 from cooploc.analysis.report.tables import Table, number_column, text_column
+from cooploc.estimators.errors import BadInput
 
 COLUMNS = (
     text_column("who", "name"),
@@ -34,34 +41,46 @@ ROWS = [
 TABLE = Table("t", "50 % & more", COLUMNS, ROWS, {"data-mark": "mark"})
 
 
+def printed(table, width=80):
+    console = Console(width=width)
+    with console.capture() as captured:
+        console.print(table.terminal())
+    return captured.get()
+
+
 def test_csv_has_the_values_in_full_and_nothing_where_they_are_absent():
     rows = list(csv.DictReader(io.StringIO(TABLE.csv())))
     assert rows[0] == {"name": "a|b_c<d>", "rmse": "0.123456", "low": "0.1", "high": "0.2"}
     assert rows[1]["rmse"] == rows[1]["low"] == ""
 
 
-def test_latex_is_escaped_and_has_the_rules_of_booktabs():
+def test_latex_and_markdown_are_escaped():
     assert r"a\textbar{}b\_c\textless{}d\textgreater{} & 0.123 & 0.10 to 0.20 \\" in TABLE.latex()
     for rule in (r"\toprule", r"\midrule", r"\bottomrule", r"\caption{50 \% \& more}"):
         assert rule in TABLE.latex()
-
-
-def test_markdown_is_escaped():
     assert r"| a\|b\_c&lt;d&gt; | 0.123 | 0.10 to 0.20 |" in TABLE.markdown()
+    assert r"\begin{longtable}" in Table("t", "", (number_column("n"),), [{"n": i} for i in range(60)]).latex()
 
 
 def test_a_terminal_shows_no_column_that_is_empty_in_every_row():
     silent = Table("t", "title", (*COLUMNS, text_column("remark")), [{**row, "remark": ""} for row in ROWS])
-    console = Console(width=80)
-    with console.capture() as captured:
-        console.print(silent.terminal())
-    assert "0.10 to 0.20" in captured.get()
-    assert "remark" not in captured.get()
+    assert "0.10 to 0.20" in printed(silent)
+    assert "remark" not in printed(silent)
 
 
-def test_a_long_table_runs_over_pages_in_latex():
-    table = Table("t", "", (number_column("n"),), [{"n": i} for i in range(60)])
-    assert r"\begin{longtable}" in table.latex()
+def test_in_a_narrow_terminal_what_belongs_under_a_column_is_a_second_line_of_it():
+    columns = (COLUMNS[0], text_column("mark", second_line=True), text_column("more", second_line=True), *COLUMNS[1:])
+    lines = [
+        line.split() for line in printed(Table("t", "", columns, [{**r, "more": "z"} for r in ROWS]), 36).split("\n")
+    ]
+    assert [["mark"] in lines, ["more", "RMSE", "95", "%"] in lines, ["x<y"] in lines] == [True] * 3
+    assert lines.count(["z"]) == 2
+
+
+def test_a_column_that_is_left_out_is_named_once_for_itself_and_what_is_under_it():
+    before = number_column("cost\nbefore", "rmse", form=metres, priority=1)
+    pair = before, number_column("cost\nafter", "rmse", form=metres, second_line=True, priority=1)
+    assert "not shown at this width: cost\n" in printed(Table("t", "", (*COLUMNS, *pair), ROWS), 34)
 
 
 @pytest.mark.parametrize(
@@ -78,29 +97,59 @@ def test_a_long_table_runs_over_pages_in_latex():
         ([duration(s) for s in (40, 720, 5400)], ["40 s", "12 min", "1.5 h"]),
         ([counted(1, "trial"), counted(3, "trial"), listed("abc")], ["1 trial", "3 trials", "a, b and c"]),
     ],
-)  # fmt: skip
+)
 def test_each_kind_of_number_is_written_in_one_way(written, expected):
     assert written == expected
 
 
-def test_in_a_narrow_terminal_what_belongs_under_a_column_is_a_second_line_of_it():
-    columns = (COLUMNS[0], text_column("mark", second_line=True), text_column("more", second_line=True), *COLUMNS[1:])
-    table = Table("t", "", columns, [{**row, "more": "z"} for row in ROWS])
-    console = Console(width=36)
-    with console.capture() as captured:
-        console.print(table.terminal())
-    lines = [line.split() for line in captured.get().splitlines()]
-    assert ["mark"] in lines
-    assert ["more", "RMSE", "95", "%"] in lines
-    assert ["x<y"] in lines
-    assert lines.count(["z"]) == 2
+ORDER = pd.DataFrame(
+    {"scenario": list("bbaa"), "estimator": list("wxyz"), "rmse": [0.3, 0.2, float("nan"), 0.1], "bytes": [0, 8, 1, 2]}
+)
 
 
-def test_a_column_that_is_left_out_is_named_once_for_itself_and_what_is_under_it():
-    before = number_column("cost\nbefore", "rmse", form=metres, priority=1)
-    pair = before, number_column("cost\nafter", "rmse", form=metres, second_line=True, priority=1)
-    table = Table("t", "", (*COLUMNS, *pair), ROWS)
-    console = Console(width=34)
-    with console.capture() as captured:
-        console.print(table.terminal())
-    assert "not shown at this width: cost\n" in captured.get()
+@pytest.mark.parametrize(("by", "order"), [("rmse", "xwzy"), ("bytes", "wxyz"), ("study", "wxyz")])
+def test_rows_of_a_scenario_are_in_order_and_scenarios_stay(by, order):
+    assert "".join(sort_rows(ORDER, by)["estimator"]) == order
+    with pytest.raises(BadInput, match=r"--sort is 'rms'; did you mean 'rmse'\?"):
+        sort_rows(ORDER, "rms")
+
+
+# ------------------------------------------------------------------------------------------------ HTML
+
+LONG = "ekf[particles=500,anchor_reading=rssi]"
+PAGE_COLUMNS = (
+    *map(text_column, ("scenario", "estimator", "remark")),
+    number_column("RMSE [m]", "rmse", form=metres),
+    number_column("95 %", "low", "high", form=interval(metres)),
+    number_column("NLL", "nll", form=metres, collapsed=True),
+    text_column("empty"),
+)
+ROW = {"estimator": "a|<b>", "remark": "", "rmse": 0.123456, "low": 0.1, "high": 0.2, "nll": 1.0, "empty": ""}
+PAGE_ROWS = [{**ROW, "scenario": EVIL}, {**ROW, "scenario": "s", "estimator": LONG, "remark": f"as {LONG}"}]
+PAGE_TABLE = Table("t", "more", PAGE_COLUMNS, PAGE_ROWS, {"data-estimator": "estimator"})
+
+
+def test_html_is_sorted_by_values_with_intervals_below_and_a_head_for_each_group():
+    source = html(PAGE_TABLE)
+    assert '<td class="r" data-sort="0.123456">0.123<small>0.100 to 0.200</small></td>' in source
+    assert source.count('scope="col"') == 4  # the empty column is left out, interval and remark have none
+    assert '<input type="checkbox"> all columns' in source
+    assert "checkbox" not in html(Table("t", "", PAGE_COLUMNS[:2], PAGE_ROWS))
+    grouped = html(PAGE_TABLE, group="scenario")
+    assert '<th scope="row">a|&lt;b&gt;</th>' in grouped
+    assert grouped.count("<tbody") == grouped.count('scope="rowgroup"') == 2
+    assert '<tbody data-scenario="s">' in grouped
+
+
+def test_what_a_run_wrote_never_becomes_a_tag():
+    outline = Outline(html(PAGE_TABLE, group="scenario"))
+    assert outline.open == []
+    assert {tag for tag, _ in outline.tags}.isdisjoint({"script", "b"})
+
+
+def test_estimators_get_their_marker_short_label_and_a_link_and_numbers_lead_to_their_trials():
+    names = short_labels([LONG], {"raw": "anchor_reading=rssi, particles=500"})
+    wording = Wording(names, {LONG: Markup("<svg></svg>")}, {LONG: "estimator-1"}, {"s": "trials/001-s.csv"})
+    source = html(PAGE_TABLE, wording)
+    assert f'<svg></svg><a href="#estimator-1" title="{LONG}">ekf [raw]</a>' in source
+    assert '<a class="trials" href="trials/001-s.csv" title="every trial">0.123</a>' in source

@@ -3,7 +3,6 @@
 import importlib
 import re
 import sys
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -121,14 +120,10 @@ def test_every_run_of_a_text_is_made_before_its_page(scripts, text):
     assert set(page.after) <= set(steps)
 
 
-def test_no_two_steps_have_one_name(scripts):
-    names = [step.name for step in scripts["make_all"].STEPS]
-    assert len(names) == len(set(names))
-
-
 def test_a_page_is_made_after_its_runs_though_the_steps_share_processes(scripts, monkeypatch, tmp_path):
     make_all = scripts["make_all"]
     names = [step.name for step in make_all.STEPS]
+    assert len(names) == len(set(names))
     for step in make_all.STEPS:  # else two could wait for each other
         assert all(names.index(other) < names.index(step.name) for other in step.after)
     run = (sys.executable, "-c", "import sys, time; time.sleep(0.5); open(sys.argv[1], 'w')", "{runs}/mine")
@@ -174,14 +169,3 @@ def test_a_page_of_a_module_is_written_with_its_sentences_and_its_figures(script
     assert (found["trials"], found["seed"]) == (6, 1)
     for name in worlds:
         assert "</svg>" in (tmp_path / f"{name}.svg").read_text("utf-8")
-
-
-def test_a_section_replaces_itself_alone_though_several_are_written_at_once(tmp_path, monkeypatch):
-    monkeypatch.syspath_prepend(str(REPORTS.parent / "benchmarks"))
-    put = importlib.import_module("reliability").put
-    page, names = tmp_path / "reliability.md", [f"section {k}" for k in range(20)]
-    with ThreadPoolExecutor(8) as pool:
-        list(pool.map(lambda name: put(page, name, f"text of {name}"), names * 5))
-    text = page.read_text("utf-8")
-    assert text.startswith("# Reliability\n")
-    assert all(text.count(f"<!-- {name} -->\ntext of {name}\n<!-- end of {name} -->") == 1 for name in names)

@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from cooploc.analysis.plot import tuned_parameters, tuning
-from cooploc.analysis.report.tuning_tables import bought, by_scenario, most_moved, side_by_side
+from cooploc.analysis.report.tuning_tables import extremes_sentence, gain_sentence, scenario_sentences, side_by_side
 from cooploc.estimators.errors import BadInput
 
 NAMES = "a", "b", "c"
@@ -53,11 +53,11 @@ def test_side_by_side_both_halves_are_sorted_and_moves_are_counted(gains):
 
 
 def test_sentences_name_what_was_gained_and_what_was_over_fitted(gains):
-    assert "moved 2 of 3 estimators" in bought(gains)
-    assert "fell by 0.80 on the training streams and by 0.25 on fresh ones" in bought(gains)
-    assert most_moved(gains).startswith("The largest gains on fresh streams: `c` in `one` (+0.50")
-    assert "tuned it is `c`" in by_scenario(gains)[0]
-    assert "No estimator was moved" in bought(gains[gains["estimator"] == "a"])
+    assert "moved 2 of 3 estimators" in gain_sentence(gains)
+    assert "fell by 0.80 on the training streams and by 0.25 on fresh ones" in gain_sentence(gains)
+    assert extremes_sentence(gains).startswith("The largest gains on fresh streams: `c` in `one` (+0.50")
+    assert "tuned it is `c`" in scenario_sentences(gains)[0]
+    assert "No estimator was moved" in gain_sentence(gains[gains["estimator"] == "a"])
 
 
 def test_the_figure_of_the_budget_ends_where_the_budget_does(history):
