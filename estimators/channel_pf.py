@@ -1,27 +1,24 @@
-"""Channel filters: what two robots have told each other is remembered for each link, and not told again.
+"""Channel filters: each link remembers the information it has carried, so that it is not counted again.
 
 Each robot runs a particle filter on its own readings. It broadcasts the mean and covariance of its particles, and how
-far odometry has carried it so far. For each teammate it keeps a Gaussian of both their positions, the channel: what
-both know. A packet is news only as far as it knows more than the channel; this and the reading of the packet join the
-channel, and what the robot's own marginal of it gains weighs the particles. Between packets the channel moves as both
-robots do, by the odometry that each reports, with its noise.
+far odometry has carried it so far. For each teammate it keeps a Gaussian of both their positions, the channel: the
+information C that both have, moved by the odometry that each reports. When beliefs are exchanged only their news beyond
+C counts. With C_i the marginal of C and z a reading between the two,
+
+    C+ = C  (Bel_i / C_i)  (Bel_j / C_j)  p(z | x_i, x_j),    Bel_i+ = Bel_i  C+_i / (C Bel_i / C_i)_i.
 
 Two robots that hear each other in every tick, in a linear-Gaussian world with the same reading at both ends, are the
 centralised filter. Otherwise this is an approximation:
 
-- In a team where all hear all, what k told j comes to i both through j and from k: it is counted twice, because a link
-  knows only of itself. So it is in any network with loops.
-- Of a packet that is lost the sender knows nothing. The robot that did hear has put both beliefs into its channel, and
-  takes too much off what it hears next: information is lost. The robot that did not hear takes off too little, and
-  counts what it had said itself as news: it becomes over-confident. With reliable links neither happens.
-- Each end of a link makes a reading of its own. A channel holds that of its own end, and takes it off the other's
-  belief, which never had it; and ranges are linearised. Two robots that lose nothing (`scalability/n=2`) have an ANEES
-  of about 2.
+- What k told j comes to i both through j and from k: in any network with loops it is counted twice.
+- The sender does not know of a packet that is lost. The robot that did hear takes too much off afterwards, the one that
+  did not takes off too little and becomes over-confident.
+- Each end of a link makes a reading of its own, and ranges are linearised: two robots that lose nothing
+  (`scalability/n=2`) have an ANEES of about 2.
 - A camera's heading error, and in a heading frame the odometry's, count as noise of their own in every tick.
 
 Source: S. Grime, H. Durrant-Whyte, "Data fusion in decentralized sensor networks", Control Engineering Practice 2(5),
-1994. That a particle filter's beliefs are exchanged as Gaussians, and that the common state of a link is the pair of
-positions, is our reading.
+1994. Gaussians of particles as beliefs, and the pair of positions as the common state, are our reading.
 """
 
 from dataclasses import dataclass
@@ -45,21 +42,13 @@ class LinkInformation(NamedTuple):
     Y: Array  # (k, 2, 2) [1/m^2], not negative
 
 
-class LinkReading(NamedTuple):
-    """A reading between the robots, linearised."""
-
-    y: Array  # (k, m)
-    H: Array  # (k, m, 4)
-    R: Array  # (k, m, m)
-
-
 class State(NamedTuple):
     """The memory of one robot."""
 
     own: shared.FilterState
     channel: Belief  # x (r, n, 4), P (r, n, 4, 4)  of its own position and each teammate's
     moved: Belief  # x (r, 2), P (r, 2, 2)  by odometry so far, and the noise of that
-    heard: Array  # (r, n, 5)  what each teammate said of `moved` in its last packet
+    heard: Array  # (r, n, 5)  `moved` of each teammate, in its last packet
 
 
 @shared.explain
@@ -100,7 +89,9 @@ class ChannelPf:
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         r, n = len(prior.x), world.robots
         own = shared.init(self, prior, world, rows)
-        return State(own, _nothing(prior, world), Belief(np.zeros((r, 2)), np.zeros((r, 2, 2))), np.zeros((r, n, 5)))
+        return State(
+            own, _empty_channels(prior, world), Belief(np.zeros((r, 2)), np.zeros((r, 2, 2))), np.zeros((r, n, 5))
+        )
 
     def predict(self, s: State, z: Senses) -> State:
         """Move the particles; x' = x + u, P' = P + Q for the own half of each channel."""
@@ -133,7 +124,7 @@ class ChannelPf:
         if not len(i):
             return s._replace(own=shared.resample_and_estimate(self, s.own))
         packets = mail.packets[i, j]
-        before, mine = _caught_up(s, packets, i, j), Belief(belief.x[i], belief.P[i])
+        before, mine = _move_senders(s, packets, i, j), Belief(belief.x[i], belief.P[i])
         after, gain = _exchange_packets(sensor, before, mine, Belief(*unpack(packets[:, :5])), readings[i, j])
         own = shared.resample_and_estimate(self, s.own._replace(logw=_weigh(s.own, belief.x, gain, i)))
         if not self.subtract:
@@ -146,16 +137,16 @@ class ChannelPf:
         return s.own.belief
 
 
-def _nothing(prior: Belief, world: World) -> Belief:
-    """Channels over which nothing was said."""
+def _empty_channels(prior: Belief, world: World) -> Belief:
+    """Return channels over which nothing was said."""
     vague = (VAGUE * np.max(world.arena[1] - world.arena[0])) ** 2 * np.eye(4)
     shape = len(prior.x), world.robots
     x = np.concatenate([prior.x[:, :2], prior.x[:, :2]], -1)
     return Belief(np.broadcast_to(x[:, None], (*shape, 4)).copy(), np.broadcast_to(vague, (*shape, 4, 4)).copy())
 
 
-def _caught_up(s: State, packets: Array, i: Indices, j: Indices) -> Belief:
-    """Channels (k, 4) whose other half has moved as the sender's odometry says, since its last packet."""
+def _move_senders(s: State, packets: Array, i: Indices, j: Indices) -> Belief:
+    """Return channels (k, 4) whose other half has moved as the sender's odometry says, since its last packet."""
     x, P = s.channel.x[i, j], s.channel.P[i, j]
     now, then = unpack(packets[:, 5:]), unpack(s.heard[i, j])
     x[:, 2:] += now[0] - then[0]
@@ -166,18 +157,18 @@ def _caught_up(s: State, packets: Array, i: Indices, j: Indices) -> Belief:
 def _exchange_packets(
     sensor: Sensor, common: Belief, mine: Belief, theirs: Belief, z: Array
 ) -> tuple[Belief, LinkInformation]:
-    """Channels after an exchange, and what the robot's own marginal has gained by the other's news and the reading."""
+    """Return channels after an exchange, and the gain of the robot's marginal by the other's news and the reading."""
     about = mine.x[:, :2]
     i_know = news(Belief(about, mine.P[:, :2, :2]), Belief(common.x[:, :2], common.P[:, :2, :2]))
     they_know = news(theirs, Belief(common.x[:, 2:], common.P[:, 2:, 2:]))
     before = join(common, i_know, they_know._replace(eta=0 * they_know.eta, Y=0 * they_know.Y))
     both = join(common, i_know, they_know)
-    after = correct_link(both, _linearise(sensor, both, mine, z))
+    after = Belief(*kalman(*both, *_linearise(sensor, both, mine, z)))
     return after, information_gain(after, before, about)
 
 
-def _linearise(sensor: Sensor, both: Belief, mine: Belief, z: Array) -> LinkReading:
-    """A reading at the mean of both positions; what the robot's heading is uncertain of counts as noise."""
+def _linearise(sensor: Sensor, both: Belief, mine: Belief, z: Array) -> tuple[Array, Array, Array]:
+    """Linearise a reading at both mean positions: y (k, m), H (k, m, 4), R (k, m, m); heading errors count as noise."""
     d = mine.x.shape[-1]
     pose = np.concatenate([both.x[:, :2], mine.x[:, 2:]], -1)
     y, H, Hq = sensor.innovation(pose, both.x[:, 2:], z)
@@ -186,11 +177,11 @@ def _linearise(sensor: Sensor, both: Belief, mine: Belief, z: Array) -> LinkRead
     R = sensor.R + extra
     if d > 2:
         R = R + H[..., 2:] @ mine.P[:, 2:, 2:] @ H[..., 2:].mT
-    return LinkReading(y - shift, np.concatenate([H[..., :2], Hq], -1), np.broadcast_to(R, (*y.shape, y.shape[-1])))
+    return y - shift, np.concatenate([H[..., :2], Hq], -1), np.broadcast_to(R, (*y.shape, y.shape[-1]))
 
 
 def _weigh(own: shared.FilterState, about: Array, gain: LinkInformation, i: Indices) -> Array:
-    """logw + sum over links of eta' e - e' Y e / 2, with e (r, N, 2) the particles about the robot's mean."""
+    """Return logw + sum over links of eta' e - e' Y e / 2, with e (r, N, 2) the particles about the robot's mean."""
     eta, Y = np.zeros((len(own.x), 2)), np.zeros((len(own.x), 2, 2))
     np.add.at(eta, i, gain.eta)
     np.add.at(Y, i, gain.Y)
@@ -201,29 +192,15 @@ def _weigh(own: shared.FilterState, about: Array, gain: LinkInformation, i: Indi
     return np.asarray(own.logw + linear - square / 2)
 
 
-# The channel filter of one link: what two robots have told each other, which is counted once.
-#
-# Two robots with positions x = (x_i, x_j) keep for their link the Gaussian C of x: the information that both have. When
-# they exchange their beliefs, only what each knows beyond C is new. With C_i the marginal of C and z a reading between
-# them,
-#
-#     C+ = C  (Bel_i / C_i)  (Bel_j / C_j)  p(z | x_i, x_j),    Bel_i+ = Bel_i  C+_i / (C Bel_i / C_i)_i.
-#
-# For two robots that lose no message and agree on z, in a linear-Gaussian world, C+ is the centralised posterior.
-
-
 def definite(P: Array) -> Mask:
-    """Covariances (..., 2, 2) that can be inverted; nan ones cannot."""
+    """Return which covariances (..., 2, 2) can be inverted; nan ones cannot."""
     a, b, c = P[..., 0, 0], P[..., 0, 1], P[..., 1, 1]
     regular: Mask = (a > 0) & (c > 0) & (a * c - b * b > 1e-12 * a * c)
     return regular
 
 
 def news(belief: Belief, common: Belief) -> LinkInformation:
-    """Bel / C_i, about the mean of C_i, in the directions in which the belief knows more; nothing in the others.
-
-    The belief knows less than the link where a message was lost, or where particles represent it badly.
-    """
+    """Return Bel / C_i, about the mean of C_i, in the directions in which the belief knows more; zero in the others."""
     L = _root(common.P)
     whitened = np.asarray(L.mT @ np.linalg.solve(belief.P, L), float)
     gain, V = np.linalg.eigh(symmetric(whitened))  # 1 where nothing is new
@@ -235,7 +212,7 @@ def news(belief: Belief, common: Belief) -> LinkInformation:
 
 
 def _root(P: Array) -> Array:
-    """Lower triangular L with L L' = P (k, 2, 2); regular also where rounding has made P singular."""
+    """Return the lower triangular L with L L' = P (k, 2, 2); regular also where rounding has made P singular."""
     a = np.sqrt(P[:, 0, 0])
     b = P[:, 1, 0] / a
     c = np.sqrt(np.maximum(P[:, 1, 1] - b * b, 1e-12 * P[:, 1, 1]))
@@ -243,7 +220,7 @@ def _root(P: Array) -> Array:
 
 
 def join(common: Belief, mine: LinkInformation, theirs: LinkInformation) -> Belief:
-    """C (Bel_i / C_i) (Bel_j / C_j)."""
+    """Return C (Bel_i / C_i) (Bel_j / C_j)."""
     Y = np.asarray(np.linalg.inv(common.P), float)
     Y[:, :2, :2] += mine.Y
     Y[:, 2:, 2:] += theirs.Y
@@ -252,13 +229,8 @@ def join(common: Belief, mine: LinkInformation, theirs: LinkInformation) -> Beli
     return Belief(common.x + (P @ eta[..., None])[..., 0], P)
 
 
-def correct_link(common: Belief, reading: LinkReading) -> Belief:
-    """Times p(z | x_i, x_j)."""
-    return Belief(*kalman(*common, reading.y, reading.H, reading.R))
-
-
 def information_gain(after: Belief, before: Belief, about: Array) -> LinkInformation:
-    """The quotient of the first robot's marginals, about the points (k, 2)."""
+    """Return the quotient of the first robot's marginals, about the points (k, 2)."""
     x1, Y1 = after.x[:, :2], np.linalg.inv(after.P[:, :2, :2])
     x0, Y0 = before.x[:, :2], np.linalg.inv(before.P[:, :2, :2])
     eta = Y1 @ (x1 - about)[..., None] - Y0 @ (x0 - about)[..., None]

@@ -5,15 +5,12 @@ that has a reading of the sender moves that density through the detection model,
 
     P(x_l | z) ~ integral p(z | x_l, x_j) Bel(x_j) dx_j,
 
-and multiplies its weights with it. The product takes the beliefs to be independent, which they are less and less the
-more often the robots meet. Hence the source's safeguard: once a pair's detection was used, the next is used only after
-the robot has travelled some distance. That a robot does not see another is never used.
+and multiplies its weights with it. The product takes beliefs to be independent. Hence the source's safeguard: once a
+pair's detection was used, the next is used only after the robot has travelled some distance.
 
-Our reading: the source builds density trees of thousands of samples; a packet must be small, so the density is the sum
-of Gaussian kernels (Liu & West's, which leave the mean and the covariance what they are). The detection is a packet
-with its reading, made by the robot that receives it; each robot counts the distance that it has travelled itself, for
-each teammate. Where no packet arrives, nothing was used, and the count goes on. The source's text was not at hand: its
-2.5 m are as we remember them.
+Our reading: the source builds density trees of thousands of samples; here the density is a sum of Gaussian kernels (Liu
+& West's, which keep mean and covariance). The detection is a packet with its reading, made by the robot that receives
+it; each robot counts its own distance for each teammate. The source's 2.5 m are as we remember them.
 
 Source: D. Fox, W. Burgard, H. Kruppa, S. Thrun, "A probabilistic approach to collaborative multi-robot localization",
 Autonomous Robots 8(3), 2000.
@@ -89,8 +86,9 @@ class Cmrl:
         return s._replace(own=shared.correct(self, s.own, z))
 
     def send(self, s: State, z: Senses) -> Array:
-        """The kernel's P_xx, P_xy, P_yy, then x, y of each sample: 3 + 2 S numbers."""
-        u = random_numbers.further_uniforms(s.own.key, s.own.tick, random_numbers.SAMPLE, 1)[:, 0, 0]
+        """Send the kernel's P_xx, P_xy, P_yy, then x, y of each sample: 3 + 2 S numbers."""
+        key = s.own.key ^ random_numbers.FURTHER
+        u = random_numbers.uniforms(key, s.own.tick, random_numbers.SAMPLE, 1)[:, 0, 0]
         return sample(s.own.x, s.own.logw, u, self.samples)
 
     def fuse(self, s: State, z: Senses, mail: Mail) -> State:

@@ -1,8 +1,7 @@
-"""What numba compiles: how loops are compiled and kept, number formats, elementary functions, row buffers."""
+"""Tools for compiled loops: caching on disk, number formats, elementary functions, row buffers."""
 
 import hashlib
 from collections.abc import Callable
-from contextlib import ExitStack, suppress
 from functools import reduce
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
@@ -18,19 +17,12 @@ from numpy.typing import NDArray
 
 from cooploc.estimators.interface import Array
 
-# How loops are compiled: `kernel` and `inlined` by numba, `intrinsic` in LLVM, and arrays as kernels take them.
-#
-# A kernel is kept on disk, and compiled again when its source changes. numba by itself looks at the kernel's own file
-# only; here the files that kernels take functions and constants from count too (`SHARED`).
-
 Scalar = TypeVar("Scalar", bound=np.generic)
 
 STRICT: dict[str, Any] = {"error_model": "numpy"}  # every operation as written: nan and infinity keep their meaning
 # Not the full fastmath: it deletes tests for nan. In such a loop a square is written x * x: numba compiles a power once
 # in a process, as the first function wants it that has one, and bits would depend on which that is.
 FAST: dict[str, Any] = {**STRICT, "fastmath": {"reassoc", "nsz", "arcp", "contract", "afn"}}
-
-# Only Python and C need wrappers around a function, which take a fifth of the time that compiling takes.
 KEPT: dict[str, Any] = {"cache": True, "no_cfunc_wrapper": True}
 INSIDE: dict[str, Any] = {"forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
@@ -39,7 +31,8 @@ inlined: Any = numba.njit(**INSIDE, **FAST)
 strict_inlined: Any = numba.njit(**INSIDE, **STRICT)
 intrinsic: Any = untyped_intrinsic
 
-# A kernel that is kept on disk is compiled again when one of these changes: they hold what kernels call.
+# A kernel that is kept on disk is compiled again when one of these changes: they hold what kernels call. numba by
+# itself looks at the kernel's own file only.
 SHARED = (
     "compiled",
     "random_numbers",
@@ -54,41 +47,36 @@ SOURCES = [(Path(__file__).parent / f"{name}.py").read_bytes() for name in SHARE
 
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile a loop when it is first called, with fast mathematics, and keep it on disk until its source changes."""
-    return _kept_on_disk(function, FAST)
+    return _cache_on_disk(function, FAST)
 
 
 def strict_kernel(function: Callable[..., Any]) -> Any:
-    """`kernel` without fast mathematics: every operation as written."""
-    return _kept_on_disk(function, STRICT)
+    """Compile as `kernel` does, without fast mathematics: every operation as written."""
+    return _cache_on_disk(function, STRICT)
 
 
-def _kept_on_disk(function: Callable[..., Any], options: dict[str, Any]) -> Any:
+def _cache_on_disk(function: Callable[..., Any], options: dict[str, Any]) -> Any:
+    """Compile and cache; of two processes that need a kernel, the second waits for the first and finds it on disk."""
     compiled = numba.njit(**KEPT, **options)(function)
-    file = Path(function.__code__.co_filename)
+    file, compile_now = Path(function.__code__.co_filename), compiled.compile
     compiled._cache._cache_file._source_stamp = hashlib.sha256(b"".join([*SOURCES, file.read_bytes()])).hexdigest()
-    compiled.compile = _in_turn(compiled.compile, kept_at(compiled) / f"{file.stem}.{function.__name__}.lock")
+    lock = cache_directory(compiled) / f"{file.stem}.{function.__name__}.lock"
+
+    def compile_in_turn(signature: Any) -> Any:
+        with FileLock(lock, is_singleton=True, thread_local=False):
+            return compile_now(signature)
+
+    compiled.compile = compile_in_turn
     return compiled
 
 
-def kept_at(compiled: Any) -> Path:
-    """The directory on disk that holds a kernel."""
+def cache_directory(compiled: Any) -> Path:
+    """Return the directory on disk that holds a kernel."""
     return Path(compiled._cache.cache_path)
 
 
-def _in_turn(compiles: Callable[..., Any], place: Path) -> Callable[..., Any]:
-    """Of two processes that need a kernel, the second waits for the first, and finds it on disk."""
-
-    def compile_in_turn(signature: Any) -> Any:
-        with ExitStack() as held:
-            with suppress(OSError):  # a place that cannot be written, where nothing is kept either
-                held.enter_context(FileLock(place, is_singleton=True, thread_local=False))
-            return compiles(signature)
-
-    return compile_in_turn
-
-
 def readable(array: NDArray[Scalar]) -> NDArray[Scalar]:
-    """The array as kernels take it: contiguous and read-only, so that each kernel is compiled for one type."""
+    """Return the array as kernels take it: contiguous and read-only, so that each kernel is compiled for one type."""
     array = np.ascontiguousarray(array)
     if not array.flags.writeable:
         return array
@@ -98,7 +86,7 @@ def readable(array: NDArray[Scalar]) -> NDArray[Scalar]:
 
 
 def spread_out(array: NDArray[Scalar], shape: tuple[int, ...]) -> NDArray[Scalar]:
-    """`readable` of an array that broadcasts to this shape; np.broadcast_to takes ten times as long for a few rows."""
+    """Broadcast as np.broadcast_to does, in a tenth of its time for a few rows, and make the result `readable`."""
     if array.shape == shape:
         return readable(array)
     whole = np.empty(shape, array.dtype)
@@ -118,13 +106,9 @@ def wide(context: Any) -> Any:
     return types.none(), generate
 
 
-# Double and single precision: what loops must know of the bits of a number, and functions that exist for both.
-#
-# A kernel is written once. numba compiles it for the type of the arrays that it is given, and a function that is marked
-# `by_format` for the type of its first argument. A constant in a loop over single numbers is written `real(0.5)`, with
-# `real` the type of the array, `X.dtype.type`: as a plain 0.5 it would make everything that it meets double.
-
-FUSED = ("contract",)
+# Double and single precision. A kernel is written once, numba compiles it for the type of the arrays that it is given,
+# and a function marked `by_format` for the type of its first argument. A constant in a loop over single numbers is
+# written `real(0.5)`, with `real` the type of the array: a plain 0.5 would make everything that it meets double.
 
 
 class Format(NamedTuple):
@@ -163,20 +147,14 @@ def by_format(make: Callable[[Format], Callable[..., Any]]) -> Any:
     return choose
 
 
-def _bitcast(target: Any, builder: Any, signature: Any, a: Any) -> Any:
-    return builder.bitcast(a[0], target.get_value_type(signature.return_type))
-
-
 @intrinsic
 def bits(context: Any, x: Any) -> Any:
-    """The bits of a number as an integer."""
-    return WORDS[x](x), _bitcast
+    """The bits of a number as an integer, or the number with these bits."""
 
+    def generate(target: Any, builder: Any, signature: Any, a: Any) -> Any:
+        return builder.bitcast(a[0], target.get_value_type(signature.return_type))
 
-@intrinsic
-def from_bits(context: Any, x: Any) -> Any:
-    """The number with these bits."""
-    return FLOATS[x](x), _bitcast
+    return (WORDS.get(x) or FLOATS[x])(x), generate
 
 
 @intrinsic
@@ -203,22 +181,10 @@ def odd(function: Callable[[Array], Array]) -> Callable[[Array], Array]:
     return lambda square: function(np.sqrt(square)) / np.sqrt(square)
 
 
-def polynomial(
-    f: Format,
-    function: Callable[[Array], Array],
-    degrees: tuple[int, int],
-    span: tuple[float, float],
-    shift: float = 0.0,
-) -> Any:
-    """A polynomial close to `function` on a span, plus `shift`: pairs of terms, by Horner's rule in x^2.
+def polynomial(f: Format, function: Any, degrees: tuple[int, int], span: tuple[float, float], shift: float = 0) -> Any:
+    """Return a polynomial close to `function` on a span, plus `shift`: pairs of terms, by Horner's rule in x^2.
 
-    Args:
-        f: the format.
-        function: what is approximated.
-        degrees: of the polynomial in double and in single precision.
-        span: the lowest and the highest argument.
-        shift: added to the polynomial.
-
+    The degrees are those in double and in single precision.
     """
     degree = degrees[f is SINGLE]
     fitted = Chebyshev.interpolate(function, degree, span).convert(kind=Polynomial).coef
@@ -227,7 +193,7 @@ def polynomial(
 
     def generate(target: Any, builder: Any, signature: Any, a: Any) -> Any:
         def fuse(a: Any, b: Any, c: Any) -> Any:
-            return builder.fadd(builder.fmul(a, b, flags=FUSED), c, flags=FUSED)
+            return builder.fadd(builder.fmul(a, b, flags=("contract",)), c, flags=("contract",))
 
         x, (*terms,) = a[0], map(target.get_value_type(kind), map(float, map(f.real, coefficients)))
         square = builder.fmul(x, x)
@@ -237,12 +203,9 @@ def polynomial(
     return intrinsic(lambda context, x: (kind(kind), generate))
 
 
-# Logarithm, exponential, sine and arctangent as polynomials without branches, so that LLVM can vectorise their loops.
-#
-# numba calls the C library once per number otherwise. Arguments are assumed finite: a nan gives any number in `log`,
-# and stays nan in `exp`. Coefficients are Chebyshev interpolants, whose error is within a small factor of the best
-# one's; tests/estimators/test_elementary_functions.py checks the error that every function states, of double
-# and of single numbers.
+# Logarithm, exponential, sine and arctangent as polynomials without branches, so that LLVM can vectorise their loops;
+# numba calls the C library once per number. Arguments are assumed finite: a nan gives any number in `log`, and stays
+# nan in `exp`. tests/estimators/test_elementary_functions.py checks the error that every function states.
 
 LN2 = float(np.log(2.0))
 COMPACT = 1 / 4  # how far a compact cloud reaches from the middle of its squared distances, as a share of that
@@ -256,7 +219,7 @@ def _log(f):
     def log(x):
         b = bits(x)
         e = word(b - sqrt_half) >> mantissa
-        t = from_bits(word(b - (e << mantissa))) - one
+        t = bits(word(b - (e << mantissa))) - one
         return real(e) * ln2 + t * series(t)
 
     return log
@@ -270,7 +233,7 @@ def _ln(f):
 
     def ln(x):
         b = bits(x)
-        t = from_bits((b & fraction) | one) - 1.5
+        t = bits((b & fraction) | one) - 1.5
         return (b >> mantissa) * LN2 + series(t)
 
     return ln
@@ -278,11 +241,7 @@ def _ln(f):
 
 def _log1p_compact(f):
     series = polynomial(f, np.log1p, (12, 7), (-COMPACT, COMPACT))
-
-    def log1p_compact(t):
-        return series(t)
-
-    return log1p_compact
+    return lambda t: series(t)
 
 
 def _exp(f):
@@ -293,7 +252,7 @@ def _exp(f):
 
     def exp(x):
         k = word(bits(x * inverse + rounder) - rounded)
-        return zero if x < lowest else series(x - real(k) * ln2) * from_bits(word((k + bias) << mantissa))
+        return zero if x < lowest else series(x - real(k) * ln2) * bits(word((k + bias) << mantissa))
 
     return exp
 
@@ -312,13 +271,8 @@ def _quarter(f):
 
 def _arc(f):
     series = polynomial(f, odd(np.arctan), (9, 4), (0.0, EIGHTH**2))
-    pi, half, eighth, least = (
-        f.real(np.pi),
-        f.real(np.pi / 2),
-        f.real(EIGHTH),
-        f.real(1e-300 if f.bias > 127 else 1e-30),
-    )
-    zero, quarter = f.real(0), f.real(np.pi / 4)
+    numbers = np.pi, np.pi / 2, np.pi / 4, EIGHTH, 0, 1e-30 if f is SINGLE else 1e-300
+    pi, half, quarter, eighth, zero, least = map(f.real, numbers)
 
     def arc(y, x):
         y, a = abs(y), abs(x)

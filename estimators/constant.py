@@ -1,6 +1,6 @@
-"""A constant: the middle of all that is known before anything moves. On a recording, no filter may lose to it.
+"""A constant: the middle of the rectangle around two or more landmarks or anchors; else the position of the prior.
 
-With two landmarks or anchors at least, the middle of the rectangle around them; else the position of the prior.
+On a recording, no filter may lose to it.
 """
 
 from dataclasses import dataclass

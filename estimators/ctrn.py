@@ -28,8 +28,8 @@ from cooploc.estimators.particles import offset, summary
 from cooploc.estimators.tunable import tunable
 
 
-class Sample(NamedTuple):
-    """Fusions that were recorded, to be solved again by another method."""
+class FusionSample(NamedTuple):
+    """Recorded fusions, which cvxpy solves again."""
 
     row: Indices  # (k,)
     w: Array  # (k,)
@@ -39,19 +39,19 @@ class Sample(NamedTuple):
     H_j: Array  # (k, 1, 2)
     R: Array  # (k, 1, 1)
 
-    def take(self, which: Any) -> "Sample":
-        """Some of them."""
-        return Sample(*(each[which] for each in self))
+    def take(self, which: Any) -> "FusionSample":
+        """Return some of them."""
+        return FusionSample(*(each[which] for each in self))
 
-    def join(self, more: "Sample") -> "Sample":
-        """These, then more."""
-        return Sample(*(np.concatenate(both) for both in zip(self, more, strict=True))) if len(more.row) else self
+    def join(self, more: "FusionSample") -> "FusionSample":
+        """Return these, then more."""
+        return FusionSample(*(np.concatenate(both) for both in zip(self, more, strict=True))) if len(more.row) else self
 
 
-def empty_sample(k: int, d: int) -> Sample:
-    """Arrays for k fusions of a state of width d."""
+def empty_sample(k: int, d: int) -> FusionSample:
+    """Return arrays for k fusions of a state of width d."""
     shapes = (d, d), (2, 2), (1, d), (1, 2), (1, 1)
-    return Sample(np.zeros(k, np.int64), np.zeros(k), *(np.zeros((k, *shape)) for shape in shapes))
+    return FusionSample(np.zeros(k, np.int64), np.zeros(k), *(np.zeros((k, *shape)) for shape in shapes))
 
 
 class State(NamedTuple):
@@ -63,11 +63,7 @@ class State(NamedTuple):
     belief: Belief
     fusions: Array  # (r,)  how many there were
     fallbacks: Array  # (r,)  of them, how often cvxpy failed and the exact weight was used
-    sample: Sample  # exact fusions that cvxpy solves again for the notes
-
-    def add_fusions(self, fusions: Array, fallbacks: Array | float = 0.0) -> "State":
-        """The state with so many more fusions and fallbacks (r,)."""
-        return self._replace(fusions=self.fusions + fusions, fallbacks=self.fallbacks + fallbacks)
+    sample: FusionSample  # exact fusions that cvxpy solves again for the notes
 
 
 class HeardReading(NamedTuple):
@@ -81,30 +77,19 @@ class HeardReading(NamedTuple):
 
 
 def readings(s: State, z: Senses, mail: Mail) -> Iterator[HeardReading]:
-    """The readings of all senders, one after the other."""
+    """Yield the readings of all senders, one after the other."""
     for sensor, sender, reading in s.own.world.relative(z, mail):
         yield HeardReading(sensor, sender, reading, *unpack(mail.packets[:, sender]))
 
 
-# Which exact fusions are solved again by cvxpy, and how far the two weights differ.
-#
-# A random share of the fusions is recorded as they happen; a fusion is drawn by its row's key, the tick and the sender.
+# A random share of the exact fusions is recorded, and solved again by cvxpy: how far do the two weights differ?
 
 
 def draw_sample(p: "Ctrn", s: State, readings: Array) -> Mask:
-    """Which fusions (r, n) of this tick are recorded, among the readings (r, n) that are not nan."""
-    chosen, counter = np.zeros(readings.shape, bool), s.own.tick * random_numbers.PURPOSES + random_numbers.AUDIT
-    _draw(readable(s.own.key), counter, p.audit, readable(readings), chosen)
-    return chosen
-
-
-@kernel
-def _draw(key, counter, share, readings, chosen):
-    for r in range(chosen.shape[0]):
-        for j in range(chosen.shape[1]):
-            if not np.isnan(readings[r, j]):
-                u, _ = random_numbers.uniform_pair(np.int64(key[r, 0]), np.int64(key[r, 1]), counter, j)
-                chosen[r, j] = u < share
+    """Draw the fusions (r, n) of this tick to record, by key, tick and sender, where readings (r, n) are not nan."""
+    u = random_numbers.uniforms(s.own.key, s.own.tick, random_numbers.AUDIT, readings.shape[1])[..., 0]
+    drawn: Mask = (u < p.audit) & ~np.isnan(readings)
+    return drawn
 
 
 def weight_differences(p: "Ctrn", s: State) -> dict[str, Array]:
@@ -118,17 +103,16 @@ def weight_differences(p: "Ctrn", s: State) -> dict[str, Array]:
     return {"solved again by cvxpy": solved, "largest difference of a weight": largest}
 
 
-# The compiled loop of `fusion="moments"`: covariance intersection with one sender after the other, each row by itself.
-#
-# As `step_by_step` states it: linearise at the belief so far, weigh, update in Joseph's form.
+# The compiled loop of `fusion="moments"`, each row by itself, as `step_by_step` states it: linearise at the belief so
+# far, weigh, update in Joseph's form.
 
 COLLAPSED = 1e-12  # smallest eigenvalue over the trace of a covariance that is not inverted any more
 
 
 def chain(
     belief: Belief, sensor: Sensor, packets: Array, readings: Array, criterion: str, recorded: Mask
-) -> tuple[Belief, Array, Sample] | None:
-    """Beliefs after one sender's reading after the other, how many were fused (r,), and a sample of the fusions.
+) -> tuple[Belief, Array, FusionSample] | None:
+    """Intersect beliefs with one sender after the other; return them, the fusions (r,), and a sample of these.
 
     Args:
         belief: x (r, d), P (r, d, d).
@@ -139,7 +123,7 @@ def chain(
         recorded: which fusions (r, n) the sample is to hold.
 
     Returns:
-        None where a packet is not a covariance: `solve_relative` names what is wrong with it.
+        None where a packet is not a covariance: `solve_relative` says which.
 
     """
     d = belief.x.shape[-1]
@@ -175,7 +159,7 @@ def _definite(xx, xy, yy):
 
 @inlined
 def _linearise(model, dx, dy, z):
-    """The innovation of a range or an RSSI and its position Jacobian at the offset (dx, dy); nan where refused."""
+    """Return the innovation of a range or an RSSI and its Jacobian at the offset (dx, dy); nan where refused."""
     ranged, A, slope, _ = model
     D = dx * dx + dy * dy
     if ranged:
@@ -188,7 +172,7 @@ def _linearise(model, dx, dy, z):
 
 @inlined
 def _update(x, P, y, ux, uy, N, w, M, K, axes):
-    """x + K y and (I - K H) P/w (I - K H)' + K N K', symmetric; M (3, 3) and K (3,) are scratch."""
+    """Write x + K y and (I - K H) P/w (I - K H)' + K N K', symmetric; M (3, 3) and K (3,) are scratch."""
     for i in range(len(axes)):
         K[i] = (P[i, 0] * ux + P[i, 1] * uy) / w
     S = K[0] * ux + K[1] * uy + N
@@ -219,7 +203,7 @@ def _record(f, sample, r, w, own, packet, ux, uy, axes):
 
 @kernel
 def _chain(links, model, trace, belief, fusions, sample, axes):
-    """Update the belief by all readings; how many fusions were recorded, -1 where a packet is not a covariance."""
+    """Update the belief by all readings; return the number of recorded fusions, -1 where a packet has no covariance."""
     (x, P), (packets, readings, recorded) = belief, links
     M, K, used, R = np.empty((3, 3)), np.empty(3), 0, model[3]
     for r in range(len(x)):
@@ -246,11 +230,8 @@ def _chain(links, model, trace, belief, fusions, sample, axes):
     return used
 
 
-# Covariance intersection of a belief with one reading of one sender.
-
-
 def intersect(p: "Ctrn", s: State, belief: Belief, reading: HeardReading, at: Array) -> tuple[Belief, Array, State]:
-    """The belief after one reading, linearised at `at`, the weight w (r,), and the state with the fusions counted.
+    """Return the belief after one reading, linearised at `at`, the weight w (r,), and the state with fusions counted.
 
     x' = x + K y,  P' = (I - K H) P/w  with  K = P/w H' (H P/w H' + H_j P_j/(1-w) H_j' + R)^-1;  w = 1: unchanged.
     """
@@ -266,39 +247,34 @@ def intersect(p: "Ctrn", s: State, belief: Belief, reading: HeardReading, at: Ar
         w[use] = found.w
         fused, failed = np.zeros((2, len(w)))
         fused[use], failed[use] = 1.0, found.fallback
-        s = s.add_fusions(fused, failed)
+        s = s._replace(fusions=s.fusions + fused, fallbacks=s.fallbacks + failed)
         if p.weights == "exact":
             chosen = draw_sample(p, s, np.zeros((len(w), sender + 1)))[use, sender]
-            s = s._replace(sample=s.sample.join(Sample(use, found.w, *parts).take(chosen)))
+            s = s._replace(sample=s.sample.join(FusionSample(use, found.w, *parts).take(chosen)))
     return inflated_update(belief, y, H, H_j, P_j, sensor.R, w), w, s
 
 
 def invertible(P: Array) -> Mask:
-    """Rows whose covariance can be inverted (r,): particles may have collapsed into one point."""
+    """Return rows whose covariance can be inverted (r,): particles may have collapsed into one point."""
     trace = np.trace(P, axis1=-2, axis2=-1)
     ok: Mask = np.linalg.eigvalsh(P)[:, 0] > COLLAPSED * np.maximum(trace, np.finfo(float).tiny)
     return ok
 
 
-def where_definite(packets: Array) -> Array:
-    """Packets (r, 5), nan where the covariance is singular by more than rounding."""
+def silence_singular(packets: Array) -> Array:
+    """Replace packets (r, 5) by nan where the covariance is singular up to rounding."""
     xx, xy, yy = packets[:, 2:].T
     with np.errstate(divide="ignore", invalid="ignore"):
         definite = (yy > 0) & (xx - xy / yy * xy > PIVOT * xx)
     return np.where(definite[:, None], packets, np.nan)
 
 
-# CTRN, fusion="message": the particles' own density is flattened to the power w, then weighed by the reading.
-#
-# With p the Gaussian of the particles, covariance intersection multiplies their weights by
-#
-#     p(x)^(w - 1)  N(y(x); 0, R + J P_j J' / (1 - w)),
-#
-# the reading's likelihood with the sender's covariance inflated. The weights change; the particles stay where they are.
+# fusion="message": the particles' own density p is flattened to the power w, then weighed by the reading's likelihood
+# with the sender's covariance inflated. The weights change; the particles stay where they are.
 
 
 def fuse_by_message(p: "Ctrn", s: State, z: Senses, mail: Mail) -> State:
-    """log w_i += (w - 1) log p(x_i) + log N(y(x_i); 0, R + J P_j J' / (1 - w)), one sender after the other."""
+    """Add (w - 1) log p(x_i) + log N(y(x_i); 0, R + J P_j J' / (1 - w)) to log w_i, one sender after the other."""
     x, logw = s.own.x, s.own.logw
     for reading in readings(s, z, mail):
         belief = summary(x, logw)
@@ -313,16 +289,14 @@ def fuse_by_message(p: "Ctrn", s: State, z: Senses, mail: Mail) -> State:
 
 
 def log_density(x: Array, belief: Belief) -> Array:
-    """log N(x; belief) of particles (r, N, d) up to a constant."""
+    """Return log N(x; belief) of particles (r, N, d) up to a constant."""
     e = offset(x, belief.x)
     d2: Array = (e * np.linalg.solve(belief.P[:, None], e[..., None])[..., 0]).sum(-1)
     return -0.5 * d2
 
 
-# CTRN, fusion="moments": the particles' Gaussian is fused with the sender's, and the particles follow.
-#
-# The two Gaussians are inflated to P_i/w and P_j/(1-w), the reading updates the joint, and the particles move by the
-# affine map that gives them the new mean and covariance.
+# fusion="moments": the particles' Gaussian and the sender's are inflated to P_i/w and P_j/(1-w), the reading updates
+# the joint, and the particles move by the affine map that gives them the new mean and covariance.
 
 
 def fuse_by_moments(p: "Ctrn", s: State, z: Senses, mail: Mail) -> State:
@@ -333,19 +307,19 @@ def fuse_by_moments(p: "Ctrn", s: State, z: Senses, mail: Mail) -> State:
 
 
 def all_senders(p: "Ctrn", s: State, before: Belief, z: Senses, mail: Mail) -> tuple[Belief, State]:
-    """The belief after all senders: by the compiled loop where there is one for the sensor, else step by step."""
+    """Fuse with all senders: by the compiled loop where there is one for the sensor, else step by step."""
     sensor = s.own.world.sensors[f"radio_{p.reading}"]
     if p.weights == "exact" and type(sensor) in (LogDistance, Range):
         z_j = getattr(mail, p.reading)
         done = chain(before, sensor, mail.packets, z_j, p.criterion, draw_sample(p, s, z_j))
         if done is not None:
             after, fusions, sample = done
-            return after, s._replace(sample=s.sample.join(sample)).add_fusions(fusions)
+            return after, s._replace(sample=s.sample.join(sample), fusions=s.fusions + fusions)
     return step_by_step(p, s, before, z, mail)
 
 
 def step_by_step(p: "Ctrn", s: State, before: Belief, z: Senses, mail: Mail) -> tuple[Belief, State]:
-    """The belief after all senders, each linearised at the belief that the last one left."""
+    """Fuse with one sender after the other, each linearised at the belief that the last one left."""
     after = before
     for reading in readings(s, z, mail):
         after, _, s = intersect(p, s, after, reading, after.x)
@@ -353,7 +327,7 @@ def step_by_step(p: "Ctrn", s: State, before: Belief, z: Senses, mail: Mail) -> 
 
 
 def follow(x: Array, before: Belief, after: Belief) -> Array:
-    """Particles x (r, N, d) under the affine map that takes the moments `before` to `after`; unmoved where equal."""
+    """Move particles x (r, N, d) by the affine map that takes the moments `before` to `after`, where these differ."""
     moved = (before.x != after.x).any(-1) | (before.P != after.P).any((-2, -1))
     if not moved.any():
         return x
@@ -370,7 +344,7 @@ def follow(x: Array, before: Belief, after: Belief) -> Array:
 
 @kernel
 def _follow(x, moved, m0, P0, m1, P1, out):
-    """m1 + L1 L0^-1 (x - m0), with L0 and L1 the lower triangular roots of P0 and P1."""
+    """Write m1 + L1 L0^-1 (x - m0), with L0 and L1 the lower triangular roots of P0 and P1."""
     wide()
     for r in range(len(x)):
         if not moved[r]:
@@ -388,11 +362,9 @@ def _follow(x, moved, m0, P0, m1, P1, out):
             out[r, 2 * i + 1] = north + (b * dx + c * dy)
 
 
-# CTRN, fusion="received": one Gaussian per sender, added to the robot's own belief and never fed back.
-#
-# What a sender's packets say of the robot's position is held in a Gaussian of its own. A new packet is fused with it by
-# covariance intersection, because packets of one sender repeat each other. The estimate is the product of the robot's
-# own belief with these Gaussians; neither the particles nor the packets that the robot sends ever contain them.
+# fusion="received": one Gaussian of the robot's position for each sender's packets, which covariance intersection fuses
+# with the next packet, because packets of one sender repeat each other. The estimate is the product of the robot's own
+# belief with these Gaussians; neither the particles nor the packets that the robot sends ever contain them.
 
 VAGUE = 10.0  # sides of the arena: the standard deviation of a belief that knows nothing yet
 
@@ -422,7 +394,7 @@ def fuse_received(p: "Ctrn", s: State, z: Senses, mail: Mail) -> State:
 
 
 def combine(own: Belief, received: Belief) -> Belief:
-    """The product of independent Gaussians: the own belief, and the position by each sender's packets."""
+    """Multiply independent Gaussians: the own belief, and the position by each sender's packets."""
     present = ~np.isnan(received.x[..., 0])
     use = present.any(-1) & invertible(own.P)
     if not use.any():
@@ -501,11 +473,8 @@ class Ctrn:
         return s._replace(own=shared.correct(self, s.own, z))
 
     def send(self, s: State, z: Senses) -> Array:
-        """x, y, and the position covariance's P_xx, P_xy, P_yy: five numbers. Nothing received is sent on.
-
-        A robot whose particles have collapsed onto a line or a point has no covariance to send: silence.
-        """
-        return where_definite(pack(shared.belief_to_send(s.own)))
+        """Send x, y, P_xx, P_xy, P_yy, of own readings alone; silence where particles have collapsed onto a line."""
+        return silence_singular(pack(shared.belief_to_send(s.own)))
 
     def fuse(self, s: State, z: Senses, mail: Mail) -> State:
         s = FUSE[self.fusion](self, s, z, mail)

@@ -1,4 +1,4 @@
-"""Dead reckoning: the prior moved by odometry, and nothing else. What every other estimator must beat."""
+"""Dead reckoning: the prior moved by odometry, and nothing else: every other estimator must beat it."""
 
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
@@ -11,7 +11,7 @@ from cooploc.estimators.models import wrap_heading
 
 
 class State(NamedTuple):
-    """What one robot remembers."""
+    """The memory of one robot."""
 
     x: Array  # (r, d)
     P: Array  # (r, d, d)

@@ -4,25 +4,21 @@ Two beliefs about the same k numbers, N(0, a) and N(y, b), are multiplied, and d
 
     C^-1 = a^-1 + b^-1 - G^-1,    y' = C (b^-1 y - G^-1 m).                                                          (1)
 
-*Inverse covariance intersection*: G = w a + (1 - w) b, m = (1 - w) y, as published with the w that minimises a trace of
-C. If the estimates are independent but for information they share, a^-1 = a_I^-1 + c^-1 and b^-1 = b_I^-1 + c^-1 with
-an unknown c, then C is never less than the mean squared error of y', whatever w. With the best w it is never more than
-what covariance intersection gives. Unlike there, correlations of any other kind may make it over-confident.
+*Inverse covariance intersection*: G = w a + (1 - w) b, m = (1 - w) y, with the w that minimises a trace of C. If the
+estimates are independent but for information they share, C is never less than the mean squared error of y', whatever w,
+and with the best w never more than covariance intersection gives. Other correlations may make it over-confident.
 
-*Harmonic mean density*: the product f g / (v g + (1 - v) f) of the densities f of the first and g of the second is not
-Gaussian. Its denominator is a mixture of two; replaced by the Gaussian of the same mean and covariance, G = v b +
-(1 - v) a + v (1 - v) y y' and m = v y. That is (1) with w = 1 - v and with the spread of the two means added to G: less
-is taken out where the two disagree, and no bound is known.
+*Harmonic mean density*: the product f g / (v g + (1 - v) f) of the densities f of the first and g of the second, with
+the denominator replaced by the Gaussian of the same mean and covariance: G = v b + (1 - v) a + v (1 - v) y y' and m = v
+y. That is (1) with w = 1 - v and the spread of the two means added to G; no bound is known.
 
-A *reading* of H x is about part of the state. Its fused value is carried to the rest as if the two had only information
-about H x in common: x' = x + L y' and P' = P - L (a - C) L' with a = H P H' and L = P H' a^-1. Then x - L H x is
-independent of the reading.
+A *reading* of H x is about part of the state: x' = x + L y' and P' = P - L (a - C) L' with a = H P H' and L = P H'
+a^-1. Then x - L H x is independent of the reading.
 
 Sources: B. Noack, J. Sijs, M. Reinhardt, U. D. Hanebeck, "Decentralized data fusion with inverse covariance
 intersection", Automatica 79, 2017. N. Sharma, R. Tharmarasa, S. Bhaumik, T. Kirubarajan, "On pooling-based track fusion
-strategies: harmonic mean density", arXiv 2412.06716, and arXiv 2412.06725 on how close the two are; of the latter two
-only the abstracts were at hand: the single Gaussian for the denominator is our reading. The reading of part of a state
-is ours.
+strategies: harmonic mean density", arXiv 2412.06716. The single Gaussian for the denominator, and the reading of part
+of a state, are our reading.
 """
 
 from collections.abc import Callable
@@ -41,7 +37,7 @@ Rule = Callable[[Array, Array, Array, Array], tuple[Array, Array]]
 
 
 def combine(rule: Rule, x: Array, P: Array, y: Array, H: Array, N: Array, gate: float) -> tuple[Array, Array]:
-    """x', P' by readings with innovation y (r, k), H (r, k, d) and noise N (r, k, k), the sender's belief included.
+    """Update x, P by readings with innovation y (r, k), H (r, k, d) and noise N (r, k, k), with the sender's belief.
 
     M makes tr(M C) the part of tr P' that a rule can change. Rows whose reading is absent (nan) come back as they are,
     and so do those beyond twice the gate, as in `ekf_ci.py`: a true reading passes whatever the correlation. So do rows
@@ -62,7 +58,7 @@ def combine(rule: Rule, x: Array, P: Array, y: Array, H: Array, N: Array, gate: 
 
 
 def inverse_intersection(a: Array, b: Array, y: Array, M: Array) -> tuple[Array, Array]:
-    """(1) by inverse covariance intersection with the w that minimises tr(M C)."""
+    """Fuse (1) by inverse covariance intersection with the w that minimises tr(M C)."""
     root = np.linalg.cholesky(a)
     half = np.linalg.solve(root, b)
     D, V = np.linalg.eigh(symmetric(np.linalg.solve(root, half.mT)))
@@ -76,7 +72,7 @@ def inverse_intersection(a: Array, b: Array, y: Array, M: Array) -> tuple[Array,
 
 
 def least_trace(D: Array, m: Array) -> Array:
-    """The w (r,) of least sum m_i c_i,  1/c_i = 1 + 1/D_i - 1/(w + (1 - w) D_i),  for D and m (r, k): it is convex."""
+    """Return the w (r,) of least sum m_i c_i,  1/c_i = 1 + 1/D_i - 1/(w + (1 - w) D_i),  for D, m (r, k): convex."""
     w = np.empty(len(D))
     _bisect(readable(D), readable(m), w)
     return w
@@ -84,7 +80,7 @@ def least_trace(D: Array, m: Array) -> Array:
 
 @strict_inlined
 def _rises(D, m, w):
-    """Whether the sum rises with w."""
+    """Return whether the sum rises with w."""
     slope = 0.0
     for i in range(len(D)):
         common = w + (1 - w) * D[i]
@@ -108,17 +104,17 @@ def _bisect(D, m, out):
 
 
 def weighed_intersection(v: float, a: Array, b: Array, y: Array) -> tuple[Array, Array]:
-    """(1) by inverse covariance intersection with w = 1 - v: the first belief has the weight v, the better or not."""
+    """Fuse (1) by inverse covariance intersection with w = 1 - v: the first belief has the weight v."""
     return quotient(a, b, y, v * b + (1 - v) * a, v * y)
 
 
 def harmonic_mean(v: float, a: Array, b: Array, y: Array) -> tuple[Array, Array]:
-    """(1) by the harmonic mean of the two densities, the first of which has the weight v."""
+    """Fuse (1) by the harmonic mean of the two densities; the first has the weight v."""
     return quotient(a, b, y, v * b + (1 - v) * a + v * (1 - v) * y[..., None] * y[:, None], v * y)
 
 
 def quotient(a: Array, b: Array, y: Array, G: Array, m: Array) -> tuple[Array, Array]:
-    """(1): y' (r, k), C (r, k, k) of N(0, a) N(y, b) / N(m, G)."""
+    """Return (1): y' (r, k), C (r, k, k) of N(0, a) N(y, b) / N(m, G)."""
     A, B, known = (np.linalg.inv(part) for part in (a, b, G))
     C = symmetric(np.linalg.inv(A + (B - known)))
     return (C @ (B @ y[..., None] - known @ m[..., None]))[..., 0], C

@@ -1,4 +1,11 @@
-"""Beliefs as mixtures of Gaussians: packets, the likelihood of a reading of their sender, clusters and samples."""
+"""Beliefs as mixtures of Gaussians: packets, the likelihood of a reading of their sender, clusters and samples.
+
+A sender's belief is sum_k w_k N(m_k, P_k), with P_k in m^2. A reading z of it has, at a particle x, the likelihood
+
+    sum_k w_k N(z - h(x, m_k); 0, R + J_k P_k J_k'),
+
+the sender's position integrated out of each component, with the sensor linearised in it.
+"""
 
 from typing import NamedTuple
 
@@ -16,7 +23,7 @@ LEAST = -1e300  # below any logarithm of a density
 
 @kernel
 def add_mixture_rows(x, d, logw, heard, out):
-    """`mixtures.weigh` of RSSI or ranges, for particles x (r d, N); `heard` has packets (r, n, 6 K)."""
+    """Write `mixtures.weigh` of RSSI or ranges, for particles x (r d, N); `heard` has packets (r, n, 6 K)."""
     wide()
     packets, readings, ranged, A, slope, unit, gain = heard
     row, top, total = row_of(logw), row_buffer(logw), row_buffer(logw)
@@ -34,7 +41,7 @@ def add_mixture_rows(x, d, logw, heard, out):
 
 @inlined
 def _components(row, packet, ranged, sensor, logs, top):
-    """The log-likelihoods (K, N) of each component that is present, their maximum (N,), and their number."""
+    """Write the log-likelihoods (K, N) of each component that is present, and their maximum; return their number."""
     lost, slope, unit, gain = sensor
     used = 0
     for i in range(len(top)):
@@ -44,56 +51,40 @@ def _components(row, packet, ranged, sensor, logs, top):
         if w > 0.0 and not np.isnan(qx + qy):
             P = gain * packet[6 * k + 3], 2 * gain * packet[6 * k + 4], gain * packet[6 * k + 5]
             if ranged:
-                _range(row, (qx, qy), P, (lost * unit, unit), np.log(w), logs[used], top)
+                _add_component(True, row, (qx, qy), P, (lost * unit, unit), np.log(w), logs[used], top)
             else:
-                _rssi(row, (qx, qy), P, (lost * unit, slope * unit), np.log(w), logs[used], top)
+                _add_component(False, row, (qx, qy), P, (lost * unit, slope * unit), np.log(w), logs[used], top)
             used += 1
     return used
 
 
 @inlined
-def _range(row, place, P, reading, ln_w, logs, top):
-    """One component and a range: y = z - d, v = 1 + u' P u, in units of the noise."""
-    wide()
-    (X, Y, _), (qx, qy, xx, xy, yy, lost, unit, ln_w) = row, _like(row.X, place, P, reading, ln_w)
-    one, half, near = X.dtype.type(1.0), X.dtype.type(0.5), X.dtype.type(NEAR**2)
-    for i in range(len(top)):
-        dx, dy = X[i] - qx, Y[i] - qy
-        D = dx * dx + dy * dy
-        v = one + (dx * (xx * dx + xy * dy) + yy * (dy * dy)) / max(D, near)
-        y = lost - unit * np.sqrt(D)
-        logs[i] = ln_w - half * (y * y / v + ln(v))
-        top[i] = max(top[i], logs[i])
+def _add_component(ranged, row, place, P, reading, ln_w, logs, top):
+    """Write one component's log-likelihoods, in units of the noise.
 
-
-@inlined
-def _rssi(row, place, P, reading, ln_w, logs, top):
-    """One component and an RSSI: y = z - A + slope ln D, v = 1 + J P J', in units of the noise."""
+    Of a range y = z - d, v = 1 + u' P u; of an RSSI y = z - A + slope ln D, v = 1 + J P J'.
+    """
     wide()
-    (X, Y, _), (qx, qy, xx, xy, yy, lost, slope, ln_w) = row, _like(row.X, place, P, reading, ln_w)
-    zero, one, half, near = X.dtype.type(0.0), X.dtype.type(1.0), X.dtype.type(0.5), X.dtype.type(NEAR**2)
+    (X, Y, _), (qx, qy), (xx, xy, yy), (lost, slope), real = row, place, P, reading, row.X.dtype.type
+    qx, qy, xx, xy, yy, lost = real(qx), real(qy), real(xx), real(xy), real(yy), real(lost)
+    slope, ln_w, zero, one, half, near = real(slope), real(ln_w), real(0.0), real(1.0), real(0.5), real(NEAR**2)
     for i in range(len(top)):
         dx, dy = X[i] - qx, Y[i] - qy
         D = dx * dx + dy * dy
         q = dx * (xx * dx + xy * dy) + yy * (dy * dy)
-        q = q if near < D else zero
-        D = max(D, near)
-        v = one + q / (D * D)
-        y = lost + slope * ln(D)
+        if ranged:
+            v, y = one + q / max(D, near), lost - slope * np.sqrt(D)
+        else:
+            q = q if near < D else zero
+            D = max(D, near)
+            v, y = one + q / (D * D), lost + slope * ln(D)
         logs[i] = ln_w - half * (y * y / v + ln(v))
         top[i] = max(top[i], logs[i])
 
 
 @inlined
-def _like(X, place, P, reading, ln_w):
-    """The same numbers, of the type of the particles."""
-    (qx, qy), (xx, xy, yy), (lost, slope), real = place, P, reading, X.dtype.type
-    return real(qx), real(qy), real(xx), real(xy), real(yy), real(lost), real(slope), real(ln_w)
-
-
-@inlined
 def _add_sum(row, logs, used, top, total):
-    """logw += top + ln sum_k exp(logs_k - top)."""
+    """Add top + ln sum_k exp(logs_k - top)."""
     wide()
     X, _, logw = row
     for i in range(len(X)):
@@ -104,14 +95,6 @@ def _add_sum(row, logs, used, top, total):
     for i in range(len(X)):
         logw[i] += top[i] + ln(total[i])
 
-
-# Packets that are mixtures of Gaussians, and the likelihood of a reading of their sender.
-#
-# A sender's belief is sum_k w_k N(m_k, P_k), with P_k in m^2. A reading z of it has, at a particle x, the likelihood
-#
-#     sum_k w_k N(z - h(x, m_k); 0, R + J_k P_k J_k'),
-#
-# the sender's position integrated out of each component, with the sensor linearised in it.
 
 NUMBERS = 6  # of a component
 
@@ -124,39 +107,33 @@ class Mixture(NamedTuple):
     P: Array  # (..., K, 2, 2) [m^2]
 
     def pack(self) -> Array:
-        """The packet (..., 6 K): w, x, y, P_xx, P_xy, P_yy of each component."""
+        """Return the packet (..., 6 K): w, x, y, P_xx, P_xy, P_yy of each component."""
         P = self.P
         parts = [self.w, self.x[..., 0], self.x[..., 1], P[..., 0, 0], P[..., 0, 1], P[..., 1, 1]]
         return np.stack(parts, -1).reshape(*self.w.shape[:-1], NUMBERS * self.w.shape[-1])
 
 
 def unpack(packets: Array) -> Mixture:
-    """The mixture in packets (..., 6 K)."""
+    """Return the mixture in packets (..., 6 K)."""
     parts = packets.reshape(*packets.shape[:-1], packets.shape[-1] // NUMBERS, NUMBERS)
     return Mixture(parts[..., 0], parts[..., 1:3], np.stack([parts[..., 3:5], parts[..., 4:6]], -2))
 
 
 def weigh(sensor: Sensor, sent: Mixture, z: Array, x: Array, logw: Array) -> Array:
-    """`logw` (r, N) and the log-likelihoods of the readings of all senders, at particles x (r, N, d).
+    """Add to `logw` (r, N) the log-likelihoods of all senders' readings z (r, n, k), at particles x (r, N, d).
 
-    Args:
-        sensor: of the readings.
-        sent: what each sender believes, (r, n, K).
-        z: readings (r, n, k), nan where there is none.
-        x: particles.
-        logw: log-weights so far.
-
+    `sent` (r, n, K) are the senders' beliefs; z is nan where there is none.
     """
     if type(sensor) not in (LogDistance, Range):
         return weigh_reference(sensor, sent, z, x, logw)
     out = np.empty_like(logw, order="C")
-    number = ReceivedPackets(sensor, sent.pack(), z[..., 0], True).for_loop()
-    add_mixture_rows(planes(x), x.shape[-1], readable(logw), tuple(number), out)
+    heard = ReceivedPackets(sensor, sent.pack(), z[..., 0], True).for_loop()
+    add_mixture_rows(planes(x), x.shape[-1], readable(logw), heard, out)
     return out
 
 
 def weigh_reference(sensor: Sensor, sent: Mixture, z: Array, x: Array, logw: Array) -> Array:
-    """`weigh` in numpy, for any sensor of one or two numbers: sender by sender, in the rows that have its reading."""
+    """Compute `weigh` in numpy, for any sensor of one or two numbers: sender by sender, in rows that have a reading."""
     logw = logw.copy()
     for j in range(z.shape[1]):
         rows = np.flatnonzero(~np.isnan(z[:, j]).any(-1))
@@ -168,7 +145,7 @@ def weigh_reference(sensor: Sensor, sent: Mixture, z: Array, x: Array, logw: Arr
 
 
 def _log_sum(w: Array, logs: Array, absent: Mask) -> Array:
-    """log sum_k w_k exp(logs_k) over the components (..., K) that are not absent; 0 where all are."""
+    """Return log sum_k w_k exp(logs_k) over the components (..., K) that are not absent; 0 where all are."""
     absent = absent | np.isnan(w) | (w == 0) | ~np.isfinite(logs)  # what overflows says nothing
     logs = np.where(absent, -np.inf, logs + np.log(np.where(absent, 1.0, w)))
     top = np.where(absent.all(-1), 0.0, logs.max(-1))
@@ -185,10 +162,7 @@ WEIGHT, X, Y, XX, XY, YY = range(NUMBERS)
 
 
 def clusters(x: Array, w: Array, K: int) -> Mixture:
-    """The share, mean and covariance (r, K) of at most K clusters of particles x (r, N, d) with weights w (r, N).
-
-    Fewer where nothing is left to divide; the rest are nan.
-    """
+    """Return at most K clusters (r, K) of particles x (r, N, d) with weights w (r, N); the rest are nan."""
     out = np.full((len(x), K, NUMBERS), np.nan)
     _cluster_rows(readable(x[..., :2]), readable(w), out)
     return unpack(out.reshape(len(x), K * NUMBERS))
@@ -219,7 +193,7 @@ def _cluster_rows(x, w, out):
 
 @kernel
 def _moments(x, w, r, label, k, out):
-    """The share, mean and covariance of cluster k of row r."""
+    """Write the share, mean and covariance of cluster k of row r."""
     total, mx, my = 0.0, 0.0, 0.0
     for i in range(len(label)):
         if label[i] == k:
@@ -251,14 +225,9 @@ def _moments(x, w, r, label, k, out):
 
 
 def sample(x: Array, logw: Array, u: Array, S: int) -> Array:
-    """A packet (r, 3 + 2 S) of particles x (r, N, d): the kernel's P_xx, P_xy, P_yy, then the kernels' places.
+    """Return the packet (r, 3 + 2 S) of particles x (r, N, d): the kernel's P_xx, P_xy, P_yy, then S kernels' places.
 
-    Args:
-        x: particles.
-        logw: their log-weights (r, N).
-        u: a uniform (r,) per row, for systematic sampling.
-        S: number of samples, at least 2.
-
+    The places are a systematic sample of the particles by their log-weights (r, N), with one uniform u (r,) per row.
     """
     mean, P = summary(x[..., :2], logw)
     points = (np.arange(S) + u[:, None]) / S
@@ -272,7 +241,7 @@ def sample(x: Array, logw: Array, u: Array, S: int) -> Array:
 
 
 def density(packets: Array) -> Mixture:
-    """The density of packets (..., 3 + 2 S), as a mixture of S equal kernels; nan where there is no packet."""
+    """Return the density of packets (..., 3 + 2 S), as a mixture of S equal kernels; nan where there is no packet."""
     H = np.stack([packets[..., 0:2], packets[..., 1:3]], -2)[..., None, :, :]
     places = packets[..., 3:].reshape(*packets.shape[:-1], (packets.shape[-1] - 3) // 2, 2)
     w = np.where(np.isnan(places[..., 0]), np.nan, 1 / places.shape[-2])

@@ -1,12 +1,10 @@
 """Multi-robot synergistic localization (MRSL): each robot weighs its particles by its teammates' broadcast beliefs.
 
-A robot sends the mean and covariance of its belief as it stood before this tick's fusion, so nothing depends on the
-order of arrival. A robot that hears it multiplies in the likelihood of the radio reading of that packet, with the
-sender's position integrated out. The product treats beliefs as independent, which they no longer are once robots have
-heard each other.
+A robot sends the mean and covariance of its belief before this tick's fusion. A robot that hears it multiplies in the
+likelihood of the radio reading of that packet, with the sender's position integrated out, as if beliefs were
+independent, which they no longer are once robots have heard each other.
 
-Source: E. Latif, R. Parasuraman, "Multi-Robot Synergistic Localization in Dynamic Environments", 2022, eqs.
-(6)-(9).
+Source: E. Latif, R. Parasuraman, "Multi-Robot Synergistic Localization in Dynamic Environments", 2022, eqs. (6)-(9).
 """
 
 from dataclasses import dataclass
@@ -63,20 +61,20 @@ class Mrsl:
         return (*shared.own_channels(self), f"radio_{self.reading}")
 
     @property
-    def several(self) -> bool:
+    def keeps_packets(self) -> bool:
         """Return whether more than the newest reading of a teammate is used."""
         return self.neighbour_samples == "M" and self.M > 1
 
     def init(self, prior: Belief, world: World, rows: Rows) -> shared.FilterState:
         s = shared.init(self, prior, world, rows)
-        return s._replace(past=shared.no_past_packets(len(prior.x), world.robots, self.M)) if self.several else s
+        return s._replace(past=shared.no_past_packets(len(prior.x), world.robots, self.M)) if self.keeps_packets else s
 
     def predict(self, s: shared.FilterState, z: Senses) -> shared.FilterState:
         s = shared.predict(self, s, z)
-        return s._replace(past=shared.shift_past_packets(s.past, s.world.motion, z)) if self.several else s
+        return s._replace(past=shared.shift_past_packets(s.past, s.world.motion, z)) if self.keeps_packets else s
 
     def send(self, s: shared.FilterState, z: Senses) -> Array:
-        """x, y, and the position covariance's P_xx, P_xy, P_yy: five numbers."""
+        """Send x, y, and the position covariance's P_xx, P_xy, P_yy: five numbers."""
         return pack(shared.belief_to_send(s))
 
     def fuse(self, s: shared.FilterState, z: Senses, mail: Mail) -> shared.FilterState:
@@ -86,7 +84,7 @@ class Mrsl:
         """
         sensor, readings = s.world.sensors[f"radio_{self.reading}"], getattr(mail, self.reading)
         heard = ReceivedPackets(sensor, mail.packets, readings, self.neighbours == "integrate")
-        if not self.several:
+        if not self.keeps_packets:
             return shared.resample_and_estimate(self, s, heard)
         past = shared.keep_received(s.past, heard)
         logw = shared.weigh_past_packets(past, heard, s.world.motion, s.x, s.logw, shared.power(self))

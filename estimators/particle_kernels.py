@@ -1,9 +1,8 @@
-"""The compiled loops of the particle filters: resampling, likelihoods over links and directions, a tick of a row."""
+"""Compiled loops of the particle filters: resampling, likelihoods over links and directions, a tick of a row."""
 
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cooploc.estimators import random_numbers
 from cooploc.estimators.compiled import (
@@ -32,7 +31,7 @@ FRACTION = 40  # bits behind the point of an expected count
 
 
 def systematic(w: Array, u: Array) -> Indices:
-    """The ancestors (r, n) of all places, for weights w (r, n) that sum to one and one uniform u (r,) per row."""
+    """Resample systematically: ancestors (r, n) by weights w (r, n) that sum to one and a uniform u (r,) per row."""
     out = np.empty(w.shape, np.int64)
     _fill_ancestors(readable(w), readable(u), out)
     return out
@@ -40,11 +39,10 @@ def systematic(w: Array, u: Array) -> Indices:
 
 @inlined
 def mark_ancestors(w, total, u, count, out):
-    """Systematic resampling of one row without branches, for weights w (n,) that sum to `total`.
+    """Resample one row without branches, for weights w (n,) that sum to `total`; `count` (n,) is scratch.
 
-    Particle j takes the places from ceil(n C_j-1 - u) on, C the cumulative weights in fixed point. Each writes its
-    number at its first place, over an earlier one that takes none. A running maximum of `out` (n + 1,) then is the
-    ancestor of every place; its last entry is for particles that take no place. `count` (n,) is scratch.
+    Particle j takes the places from ceil(n C_j-1 - u) on, C the cumulative weights in fixed point, and writes its
+    number at the first. A running maximum of `out` (n + 1,) then is the ancestor of every place.
     """
     wide()
     n = len(count)
@@ -76,14 +74,13 @@ def _fill_ancestors(w, u, out):
 #
 # With D the squared distance and z = A - slope ln D, the variance of an RSSI is v = m/D^2. Some links share a division
 # and a logarithm: sum y^2/v + ln v = over/under + ln under - 2 sum ln D, with under = prod m and over/under = sum (y
-# D)^2/m; all in units of the noise, sigma = 1.
+# D)^2/m; all in units of the noise, sigma = 1, without constants that all particles share.
 #
 # Where the box of a row's particles, seen from a link's place, spans little of D, ln D is ln D_0 and a short polynomial
 # of D/D_0 - 1, D_0 the middle; such links are "far", the others "near".
 #
 # In single precision products stay within 1e-38 and 1e38: only four links between robots share a logarithm, D is in
 # units of D_0 for far links, v is taken as a ratio for near ones, and no variance counts as more than `VAGUE`.
-# Constants that all particles share are left out.
 
 FIXED, RSSI, RANGE = range(3)  # kinds of links
 NUMBERS = 8  # per link, for the loops
@@ -112,7 +109,7 @@ class Link(NamedTuple):
 
 @kernel
 def add_anchor_rows(x, d, logw, anchors, out):
-    """`likelihood.anchors` of RSSI, for particles x (r d, N)."""
+    """Write `particle_likelihood.anchors` of RSSI, for particles x (r d, N)."""
     wide()
     row, links = row_of(logw), np.empty((len(anchors[0]), NUMBERS), logw.dtype)
     for r in range(len(logw)):
@@ -139,20 +136,20 @@ def load_row(x, d, logw, r, row):
 
 @inlined
 def add_anchors(row, box, r, anchors, links):
-    """Row r of `anchors`, with the particles' box and scratch for the links that were heard."""
+    """Add row r of `anchors`, with the particles' box and scratch for the links that were heard."""
     places, readings, A, slope, unit = anchors
     far, near, ln_unit = 0, 0, np.log(unit)
     for a in range(len(places)):
         z = readings[r, a]
         if not np.isnan(z):
             link = Link(places[a, 0], places[a, 1], z - A, 0.0, 0.0, 0.0)
-            far, near = _note(FIXED, links, (far, near), box, link, (slope, unit, ln_unit))
+            far, near = _write_link(FIXED, links, (far, near), box, link, (slope, unit, ln_unit))
     _add(FIXED, row, links, (far, near), slope * unit)
 
 
 @kernel
 def add_teammate_rows(x, d, logw, heard, out):
-    """`likelihood.teammates` of RSSI or ranges, for particles x (r d, N)."""
+    """Write `particle_likelihood.teammates` of RSSI or ranges, for particles x (r d, N)."""
     wide()
     row, links = row_of(logw), np.empty((heard[1].shape[1], NUMBERS), logw.dtype)
     for r in range(len(logw)):
@@ -163,7 +160,7 @@ def add_teammate_rows(x, d, logw, heard, out):
 
 @inlined
 def add_teammates(row, r, heard, links):
-    """Row r of `teammates`, with scratch for the links that were heard."""
+    """Add row r of `teammates`, with scratch for the links that were heard."""
     packets, readings, ranged, A, slope, unit, gain = heard
     far, near, ln_unit = 0, 0, np.log(unit)
     box = np.nan, np.nan, np.nan, np.nan  # no link is far from such a box
@@ -176,7 +173,7 @@ def add_teammates(row, r, heard, links):
             continue
         xx, xy, yy = gain * packets[r, j, 2], 2 * gain * packets[r, j, 3], gain * packets[r, j, 4]
         link = Link(qx, qy, z - A, xx, xy, yy)
-        far, near = _note(RSSI, links, (far, near), box, link, (slope, unit, ln_unit))
+        far, near = _write_link(RSSI, links, (far, near), box, link, (slope, unit, ln_unit))
     if ranged:
         _add(RANGE, row, links, (0, near), -unit)
     else:
@@ -184,7 +181,7 @@ def add_teammates(row, r, heard, links):
 
 
 @inlined
-def _note(kind, links, count, box, link, sensor):
+def _write_link(kind, links, count, box, link, sensor):
     """Write what the loops need of a link, far ones from the front, near ones from the back; the count of both.
 
     The place, the reading less the one at D = 1, or at D_0, the place's covariance, 1/D_0, and a constant.
@@ -216,15 +213,14 @@ def _note(kind, links, count, box, link, sensor):
 @inlined
 def _add(kind, row, links, count, slope):
     """Add the log-likelihoods of all links."""
-    far, near = count
     if kind != RANGE:
-        _add_links(kind, True, row, links, 0, far, slope)
-    _add_links(kind, False, row, links, len(links) - near, len(links), slope)
+        _add_links(kind, True, row, links, 0, count[0], slope)
+    _add_links(kind, False, row, links, len(links) - count[1], len(links), slope)
 
 
 @inlined
 def _add_links(kind, far, row, links, k, last, slope):
-    """Links from k to the last: eight at a time where numbers reach far enough, then four, two, one."""
+    """Add links from k to the last: eight at a time where numbers reach far enough, then four, two, one."""
     if kind == FIXED or not is_single(row.X[0]):
         while k + 8 <= last:
             _add_group(kind, far, 8, row, links, k, slope)
@@ -256,16 +252,14 @@ def _add_group(kind, far, size, row, links, k, slope):
         x, y = X[i], Y[i]
         sums = _link(kind, far, x, y, a, slope)
         if size > 1:
-            sums = _range_and_bearing(sums, _link(kind, far, x, y, b, slope))
+            sums = _join(sums, _link(kind, far, x, y, b, slope))
         if size > 2:
-            two = _range_and_bearing(_link(kind, far, x, y, c, slope), _link(kind, far, x, y, d, slope))
-            sums = _range_and_bearing(sums, two)
+            two = _join(_link(kind, far, x, y, c, slope), _link(kind, far, x, y, d, slope))
+            sums = _join(sums, two)
         if size > 4:
-            two = _range_and_bearing(_link(kind, far, x, y, e, slope), _link(kind, far, x, y, f, slope))
-            four = _range_and_bearing(
-                two, _range_and_bearing(_link(kind, far, x, y, g, slope), _link(kind, far, x, y, h, slope))
-            )
-            sums = _range_and_bearing(sums, four)
+            two = _join(_link(kind, far, x, y, e, slope), _link(kind, far, x, y, f, slope))
+            last = _join(_link(kind, far, x, y, g, slope), _link(kind, far, x, y, h, slope))
+            sums = _join(sums, _join(two, last))
         sum_ln, over, under = sums
         if kind == FIXED:
             logw[i] += constant - half * over
@@ -279,8 +273,8 @@ def _numbers(links, k):
 
 
 @inlined
-def _range_and_bearing(a, b):
-    """The sums over two groups of links: of ln D, and of (y D)^2/m as a fraction."""
+def _join(a, b):
+    """Return the sums over two groups of links: of ln D, and of (y D)^2/m as a fraction."""
     return a[0] + b[0], a[1] * b[2] + b[1] * a[2], a[2] * b[2]
 
 
@@ -314,14 +308,18 @@ def _link(kind, far, x, y, link, slope):
     return ln_D, (rest * D) * (rest * D), D * D + q
 
 
-# Past directions of arrival, and over gradients.
+# Past directions of arrival, and gradients.
 
-WRAPPED, SUM, CORNERS = range(3)  # forms of the residual
+FORMS = {
+    "wrapped": (0,),
+    "sum": (0, 0),
+    "corners": (0, 0, 0),
+}  # of the residual, by the length of a tuple: it is a type
 
 
 @kernel
 def add_gradient_rows(x, d, logw, gradients, out):
-    """log N of the measured gradient less the one at the particle, in units of its noise, for particles x (r d, N).
+    """Add log N of the measured gradient less the one at the particle, in units of its noise, for particles x (r d, N).
 
     `gradients`: measured (r, 2) [dB/m], nan where absent; the first corner and the sides (2,) [m]; RSSI lost per unit
     of ln D, D the squared distance [dB]; sigma [dB].
@@ -339,7 +337,7 @@ def add_gradient_rows(x, d, logw, gradients, out):
 
 @inlined
 def _add_gradient(row, whitened, corner, sides, slope):
-    """One gradient (u, v), for particles seen from the first corner."""
+    """Add one gradient (u, v), for particles seen from the first corner."""
     wide()
     (X, Y, logw), real = row, row.X.dtype.type
     u, v, west, south = real(whitened[0]), real(whitened[1]), real(corner[0]), real(corner[1])
@@ -351,30 +349,15 @@ def _add_gradient(row, whitened, corner, sides, slope):
 
 
 @kernel
-def add_window_rows(x, d, logw, directions, out):
-    """gain e^2, e the angle between the direction and the gradient g at the particle, for particles x (r d, N).
+def add_window_rows(x, d, logw, directions, form, out):
+    """Add gain e^2 for each direction and particle of x (r d, N), compiled apart for each of the `FORMS`.
+
+    e is the angle between the direction and the gradient g at the particle; "sum": four times the difference of the two
+    angles, not wrapped; "corners": the sum over the corners of the particle's direction from each less the direction.
 
     `directions`: angles (r, M) [rad], nan where absent; where the robot was then, seen from where it is now (r, M, 2)
     [m]; the first corner and the sides (2,) [m]; the gain -1/2 power / sigma^2 [1/rad^2].
     """
-    _add_directions(WRAPPED, x, d, logw, directions, out)
-
-
-@kernel
-def add_sum_rows(x, d, logw, directions, out):
-    """The same with e four times the difference of the two angles, not wrapped."""
-    _add_directions(SUM, x, d, logw, directions, out)
-
-
-@kernel
-def add_corner_rows(x, d, logw, directions, out):
-    """The same with e the sum over the corners of the particle's direction from each less the direction."""
-    _add_directions(CORNERS, x, d, logw, directions, out)
-
-
-@inlined
-def _add_directions(form, x, d, logw, directions, out):
-    """All rows and directions. Compiled apart for each `form`, a constant where this is inlined."""
     wide()
     angles, trail, corner, sides, gain = directions
     row = row_of(logw)
@@ -383,7 +366,7 @@ def _add_directions(form, x, d, logw, directions, out):
         for k in range(angles.shape[1]):
             if not np.isnan(angles[r, k]):
                 shift = trail[r, k, 0] - corner[0], trail[r, k, 1] - corner[1]
-                if form == WRAPPED:
+                if len(form) == 1:
                     _add_direction(row, angles[r, k], shift, (sides[0], sides[1]), gain)
                 else:
                     _add_sum(form, row, angles[r, k], shift, (sides[0], sides[1]), gain)
@@ -392,7 +375,7 @@ def _add_directions(form, x, d, logw, directions, out):
 
 @inlined
 def _add_direction(row, angle, shift, sides, gain):
-    """One direction, with particles shifted by (east, north) to where they were then, seen from the first corner.
+    """Add one direction, with particles shifted by (east, north) to where they were then, seen from the first corner.
 
     With D_k the squared distances to the four corners, g_x ~ (ln p + ln q) / a and g_y ~ (ln p - ln q) / b, p = D_1/D_3
     and q = D_2/D_4. Turned back by the direction, g has the angle e, which needs no wrapping.
@@ -411,14 +394,14 @@ def _add_direction(row, angle, shift, sides, gain):
 
 @inlined
 def _add_sum(form, row, angle, shift, sides, gain):
-    """The same with a residual that is a sum over the corners."""
+    """Add one direction with a residual that is a sum over the corners."""
     wide()
     (X, Y, logw), real, four = row, row.X.dtype.type, row.X.dtype.type(4)
     east, north, a, b = real(shift[0]), real(shift[1]), real(sides[0]), real(sides[1])
     angle, gain = real(angle), real(gain)
     for i in range(len(logw)):
         w, s = X[i] + east, Y[i] + north
-        if form == SUM:
+        if len(form) == 2:
             p, q = _log_ratios(w, s, a, b)
             e = four * (_direction((p - q) / b, (p + q) / a) - angle)
         else:
@@ -445,28 +428,15 @@ def _log_ratios(w, s, a, b):
     return log(D1 * D4 * inverse), log(D2 * D3 * inverse)
 
 
-# The two passes of a tick over rows, each row by itself, in buffers.
-#
-# Python hands over plain tuples: numba needs a microsecond to recognise each NamedTuple of a call.
+# The two passes of a tick over rows, each row by itself, in buffers. Python hands over plain tuples: numba needs a
+# microsecond to recognise each NamedTuple of a call.
 
 BANDWIDTH = 0.3  # h of Liu and West's kernel, times n^(-1/6)
 
 
-class Scratch(NamedTuple):
-    """Buffers in which a row is renewed."""
-
-    w: Array  # (n,)  weights
-    east: Array  # (n,)  noise
-    north: Array
-    copies: Indices  # (n,)
-    marks: Indices  # (n + 1,)
-    words: NDArray[np.uint32]  # (2, n)
-    renewed: Array  # (2, n)
-
-
 @kernel
 def advance_rows(cloud, step, anchors, sends, out, belief):
-    """`particles.advance` of a cloud into `out`, and where it sends into the belief.
+    """Write `particles.advance` of a cloud into `out`, and where it sends its moments into the belief.
 
     `cloud`: x (2 r, n), x of a row, then y [m]; logw (r, n); the rows to renew (r,). `step`: odometry (r, 2) [m], nan
     where absent; its standard deviation (r,) [m]; the key (r, 2); the counter of the tick's first random number.
@@ -475,16 +445,15 @@ def advance_rows(cloud, step, anchors, sends, out, belief):
     (x, logw, due), (u, sd, key, counter), (x_out, logw_out) = cloud, step, out
     n, links = logw.shape[1], np.empty((len(anchors[0]), NUMBERS), logw.dtype)
     row, w = row_of(logw), row_buffer(logw)
-    marks, words = np.empty(n + 1, np.int64), np.empty((2, len(w)), np.uint32)
-    renewed = np.empty((2, n), logw.dtype)
-    scratch = Scratch(w, row_buffer(logw), row_buffer(logw), np.empty(n, np.int64), marks, words, renewed)
+    words, renewed = np.empty((2, len(w)), np.uint32), np.empty((2, n), logw.dtype)
+    noise, resampling = (row_buffer(logw), row_buffer(logw)), (np.empty(n, np.int64), np.empty(n + 1, np.int64))
     for r in range(len(logw)):
         k = np.int64(key[r, 0]), np.int64(key[r, 1])
         load(logw, r, row.logw)
         if due[r]:
             load(x, 2 * r, row.X)
             load(x, 2 * r + 1, row.Y)
-            _renew(row, k, counter - random_numbers.PURPOSES, scratch)
+            _renew(row, k, counter - random_numbers.PURPOSES, w, noise, resampling, words, renewed)
         random_numbers.draw_words(k[0], k[1], counter + random_numbers.MOVE, words)
         random_numbers.normal_pairs(words, row.X, row.Y)
         if due[r]:
@@ -500,12 +469,12 @@ def advance_rows(cloud, step, anchors, sends, out, belief):
             add_anchors(row, (west, east, south, north), r, anchors, links)
         store(row.logw, logw_out, r)
         if sends:
-            _moments_into(belief, r, row, n, w)
+            _write_moments(belief, r, row, n, w)
 
 
 @inlined
 def _move(rows, r, way, sd, noise):
-    """One axis of a row's particles, in the place of the noise that moves them; their extent."""
+    """Move one axis of a row's particles, in the place of the noise; return their extent."""
     wide()
     n, real = rows.shape[1], rows.dtype.type
     way, sd = real(0.0 if np.isnan(way) else way), real(sd)
@@ -518,10 +487,10 @@ def _move(rows, r, way, sd, noise):
 
 
 @inlined
-def _renew(row, key, counter, scratch):
-    """One row of `resample`: m + shrink (x_a - m) + h L noise, L the Cholesky factor of P, which may be singular."""
+def _renew(row, key, counter, w, noise, resampling, words, renewed):
+    """Resample one row: m + shrink (x_a - m) + h L noise, L the Cholesky factor of P, which may be singular."""
     wide()
-    (X, Y, _), (w, east, north, copies, marks, words, renewed) = row, scratch
+    (X, Y, _), (east, north), (copies, marks) = row, noise, resampling
     n = len(copies)
     h = BANDWIDTH * n ** (-1 / 6)
     shrink = np.sqrt(1 - h * h)
@@ -546,8 +515,8 @@ def _renew(row, key, counter, scratch):
 
 
 @inlined
-def _moments_into(belief, r, row, n, w):
-    """Moments of a row into the belief; the sum of its weights and of their squares."""
+def _write_moments(belief, r, row, n, w):
+    """Write the moments of a row into the belief; return the sum of its weights and of their squares."""
     total, squares, mx, my, xx, xy, yy = _weighted_moments(row, n, w)
     mean, P = belief
     if is_single(total):  # rounding may leave a correlation above 1
@@ -560,7 +529,7 @@ def _moments_into(belief, r, row, n, w):
 
 @inlined
 def _weighted_moments(row, n, w):
-    """Weights of a row of n into `w`, all equal where it is nothing but -inf; their sum, squares, and the moments."""
+    """Write the weights of a row of n, all equal where it is only -inf; return their sum, squares, and the moments."""
     wide()
     X, Y, logw = row
     fill(logw, n, -np.inf)
@@ -593,13 +562,13 @@ def _weighted_moments(row, n, w):
 
 @kernel
 def conclude_rows(x, logw, heard, belief, logw_out, due):
-    """`particles.posterior_summary` for particles x (2 r, n), into all that follows `heard`."""
+    """Write `particles.posterior_summary` for particles x (2 r, n) into all that follows `heard`."""
     wide()
     n, links = logw.shape[1], np.empty((heard[1].shape[1], NUMBERS), logw.dtype)
     row, w = row_of(logw), row_buffer(logw)
     for r in range(len(logw)):
         load_row(x, 2, logw, r, row)
         add_teammates(row, r, heard, links)
-        total, squares = _moments_into(belief, r, row, n, w)
+        total, squares = _write_moments(belief, r, row, n, w)
         due[r] = total * total < n / 2 * squares
         store(row.logw, logw_out, r)

@@ -1,8 +1,7 @@
 """Log-likelihoods of readings at every particle: sums over anchors, teammates and past directions of arrival.
 
-`anchors`, `teammates` and `window` use a compiled loop of particle_kernels.py for the sensors of models.py, and numpy
-for any other. The numpy forms, `*_reference`, state the same densities by the sensor's `innovation`; tests compare
-the two.
+The sensors of models.py have compiled loops in particle_kernels.py. The numpy forms, `*_reference`, state the same
+densities by the sensor's `innovation`: for any other sensor, and for tests.
 """
 
 from collections.abc import Sequence
@@ -14,49 +13,23 @@ from cooploc.estimators.compiled import readable
 from cooploc.estimators.interface import Array, Belief, Motion, Sensor
 from cooploc.estimators.models import Displacement, GradientDoa, LogDistance, Range
 from cooploc.estimators.particle_kernels import (
+    FORMS,
     add_anchor_rows,
-    add_corner_rows,
     add_gradient_rows,
-    add_sum_rows,
     add_teammate_rows,
     add_window_rows,
 )
 
 
 def pack(belief: Belief) -> Array:
-    """A packet (r, 5) of a belief's position."""
+    """Return the packet (r, 5) of a belief's position."""
     x, P = belief
     return np.stack([x[:, 0], x[:, 1], P[:, 0, 0], P[:, 0, 1], P[:, 1, 1]], -1)
 
 
 def unpack(packet: Array) -> tuple[Array, Array]:
-    """The position (r, 2) and covariance (r, 2, 2) of a packet (r, 5)."""
+    """Return the position (r, 2) and covariance (r, 2, 2) of a packet (r, 5)."""
     return packet[:, :2], np.stack([packet[:, 2:4], packet[:, 3:5]], -2)
-
-
-# Readings of anchors and of packets as the compiled loops take them.
-
-
-class AnchorReadings(NamedTuple):
-    """RSSI of anchors, and of the sensor what the loop needs."""
-
-    places: Array  # (a, 2) [m]
-    readings: Array  # (r, a) [dBm], nan where absent
-    A: float  # [dBm] at 1 m
-    slope: float  # RSSI lost per unit of ln D, D the squared distance [dB]
-    unit: float  # 1/sigma [1/dB]
-
-
-class PacketReadings(NamedTuple):
-    """RSSI or ranges of packets, and of the sensor what the loop needs."""
-
-    packets: Array  # (r, n, 5)  x, y, P_xx, P_xy, P_yy of each sender
-    readings: Array  # (r, n) [dBm] or [m], nan where nothing was heard
-    ranged: bool  # ranges, else RSSI
-    A: float  # as of anchors; 0 of ranges
-    slope: float
-    unit: float  # 1/sigma [1/dB] or [1/m]
-    gain: float  # times P_j: the variance that the sender's position adds, sigma = 1; 0 ignores P_j
 
 
 Fixed = tuple[Sensor, Array, Array]  # sensor, place (2,) and readings (r, 1) of a fixed place, as of `World.fixed`
@@ -68,18 +41,11 @@ def log_normal(y: Array, v: Array) -> Array:
 
 
 def anchors(fixed: Sequence[Fixed], x: Array, logw: Array) -> Array:
-    """`logw` (r, N) and the log-likelihoods of scalar readings of fixed places, at particles x (r, N, d).
-
-    Args:
-        fixed: scalar readings of fixed places.
-        x: particles.
-        logw: log-weights so far.
-
-    """
+    """Add to `logw` (r, N) the log-likelihoods of scalar readings of fixed places, at particles x (r, N, d)."""
     if not have_loop(fixed):
         return anchors_reference(fixed, x, logw)
     out = np.empty_like(logw, order="C")
-    add_anchor_rows(planes(x), x.shape[-1], readable(logw), tuple(anchor_readings(fixed, len(x))), out)
+    add_anchor_rows(planes(x), x.shape[-1], readable(logw), anchor_readings(fixed, len(x)), out)
     return out
 
 
@@ -88,17 +54,17 @@ def have_loop(fixed: Sequence[Fixed]) -> bool:
     return not fixed or (type(fixed[0][0]) is LogDistance and all(sensor is fixed[0][0] for sensor, _, _ in fixed))
 
 
-def anchor_readings(fixed: Sequence[Fixed], rows: int) -> AnchorReadings:
-    """The readings as that loop takes them."""
+def anchor_readings(fixed: Sequence[Fixed], rows: int) -> tuple[Array, Array, float, float, float]:
+    """Return what that loop takes: places (a, 2) [m], readings (r, a) [dBm], A [dBm], slope [dB], 1/sigma [1/dB]."""
     if not fixed:
-        return AnchorReadings(np.empty((0, 2)), np.empty((rows, 0)), 0.0, 0.0, 1.0)
+        return np.empty((0, 2)), np.empty((rows, 0)), 0.0, 0.0, 1.0
     sensor = cast(LogDistance, fixed[0][0])
     readings = np.concatenate([z for _, _, z in fixed], -1)
-    return AnchorReadings(np.array([q for _, q, _ in fixed]), readings, sensor.A, _slope(sensor), 1 / sensor.sigma)
+    return np.array([q for _, q, _ in fixed]), readings, sensor.A, _slope(sensor), 1 / sensor.sigma
 
 
 def anchors_reference(fixed: Sequence[Fixed], x: Array, logw: Array) -> Array:
-    """`anchors` in numpy, for any scalar sensor."""
+    """Compute `anchors` in numpy, for any scalar sensor."""
     for sensor, place, reading in fixed:
         y, _, _ = sensor.innovation(x, place, reading[:, None, :])
         logw = logw + log_normal(y[..., 0], sensor.R[0, 0])
@@ -118,36 +84,39 @@ class ReceivedPackets(NamedTuple):
         """Return whether there is a loop for this sensor."""
         return type(self.sensor) in (LogDistance, Range)
 
-    def for_loop(self) -> PacketReadings:
-        """The readings as that loop takes them."""
+    def for_loop(self) -> tuple[Array, Array, bool, float, float, float, float]:
+        """Return what that loop takes: packets and readings, whether they are ranges, A, slope, 1/sigma, and a gain.
+
+        The gain times P_j is the variance that the sender's position adds, sigma = 1; 0 ignores P_j.
+        """
         packets, readings = readable(self.packets), readable(self.readings)
         if isinstance(self.sensor, LogDistance):
             slope = _slope(self.sensor)
             gain = (2 * slope / self.sensor.sigma) ** 2 if self.integrate else 0.0
-            return PacketReadings(packets, readings, False, self.sensor.A, slope, 1 / self.sensor.sigma, gain)
+            return packets, readings, False, self.sensor.A, slope, 1 / self.sensor.sigma, gain
         precision = 1 / float(self.sensor.R[0, 0])
-        return PacketReadings(packets, readings, True, 0.0, 0.0, precision**0.5, precision if self.integrate else 0.0)
+        return packets, readings, True, 0.0, 0.0, precision**0.5, precision if self.integrate else 0.0
 
 
 def no_packets(rows: int) -> ReceivedPackets:
-    """No packets in any of these rows."""
+    """Return that no packets came in any of these rows."""
     return ReceivedPackets(Range(), np.empty((rows, 0, 5)), np.empty((rows, 0)), False)
 
 
 def teammates(heard: ReceivedPackets, x: Array, logw: Array) -> Array:
-    """`logw` (r, N) and the log-likelihoods of the readings heard, at particles x (r, N, d).
+    """Add to `logw` (r, N) the log-likelihoods of the readings heard, at particles x (r, N, d).
 
     The sender is integrated out of each: variance sigma^2 + J P_j J', with J the slope at the particle.
     """
     if not heard.compiled:
         return teammates_reference(heard, x, logw)
     out = np.empty_like(logw, order="C")
-    add_teammate_rows(planes(x), x.shape[-1], readable(logw), tuple(heard.for_loop()), out)
+    add_teammate_rows(planes(x), x.shape[-1], readable(logw), heard.for_loop(), out)
     return out
 
 
 def teammates_reference(heard: ReceivedPackets, x: Array, logw: Array) -> Array:
-    """`teammates` in numpy, for any scalar sensor."""
+    """Compute `teammates` in numpy, for any scalar sensor."""
     sensor, packets, readings, integrate = heard
     for j in np.flatnonzero(~np.isnan(readings).all(0)):
         x_j, P_j = unpack(packets[:, j])
@@ -163,7 +132,7 @@ def teammates_reference(heard: ReceivedPackets, x: Array, logw: Array) -> Array:
 def window(
     doa: GradientDoa, motion: Motion, x: Array, logw: Array, angles: Array, trail: Array, form: str, power: float
 ) -> Array:
-    """`logw` (r, N) and `power` times the log-density of past directions, each at the particle shifted back.
+    """Add to `logw` (r, N) `power` times the log-density of past directions, each at the particle shifted back.
 
     Args:
         doa: the sensor.
@@ -178,30 +147,34 @@ def window(
     """
     if form == "exact":
         return window_reference(doa, motion, x, logw, angles, trail, form, power)
-    if type(motion) is Displacement:
-        return _window_at(doa, x, logw, angles, trail, form, power)
-    for k in range(angles.shape[1]):
-        there = motion.place(x, trail[:, None, k])
-        logw = _window_at(doa, there, logw, angles[:, k : k + 1], np.zeros((len(x), 1, 2)), form, power)
-    return logw
+    if type(motion) is not Displacement:  # particles are shifted here, one direction after the other
+        still = np.zeros((len(x), 1, 2))
+        for k in range(angles.shape[1]):
+            there = motion.place(x, trail[:, None, k])
+            logw = window(doa, Displacement(), there, logw, angles[:, k : k + 1], still, form, power)
+        return logw
+    out = np.empty_like(logw, order="C")
+    corner, sides = np.array(doa.corner), np.array(doa.sides)
+    directions = readable(angles), readable(trail), corner, sides, -0.5 * power / doa.sigma**2
+    add_window_rows(planes(x), x.shape[-1], readable(logw), directions, FORMS[form], out)
+    return out
 
 
 def window_reference(
     doa: GradientDoa, motion: Motion, x: Array, logw: Array, angles: Array, trail: Array, form: str, power: float
 ) -> Array:
-    """`window` in numpy."""
+    """Compute `window` in numpy."""
     forms = {"exact": doa.log_exact, "wrapped": doa.log_constant, "sum": doa.log_sum, "corners": doa.log_corners}
-    log_density = forms[form]
     for k in range(angles.shape[1]):
         angle = angles[:, k, None]
         if not np.isnan(angle).all():
             there = motion.place(x, trail[:, None, k])
-            logw = logw + power * np.where(np.isnan(angle), 0.0, log_density(there, angle))
+            logw = logw + power * np.where(np.isnan(angle), 0.0, forms[form](there, angle))
     return logw
 
 
 def gradient(doa: GradientDoa, x: Array, logw: Array, g: Array) -> Array:
-    """`logw` (r, N) and the log-density of a measured gradient g (r, 2) [dB/m], nan where absent."""
+    """Add to `logw` (r, N) the log-density of a measured gradient g (r, 2) [dB/m], nan where absent."""
     if type(doa.rssi) is not LogDistance:
         absent = np.isnan(g).any(-1, keepdims=True)
         return logw + np.where(absent, 0.0, doa.log_gradient(x, g[:, None, :]))
@@ -212,17 +185,8 @@ def gradient(doa: GradientDoa, x: Array, logw: Array, g: Array) -> Array:
     return out
 
 
-def _window_at(doa: GradientDoa, x: Array, logw: Array, angles: Array, trail: Array, form: str, power: float) -> Array:
-    out = np.empty_like(logw, order="C")
-    corner, sides = np.array(doa.corner), np.array(doa.sides)
-    directions = readable(angles), readable(trail), corner, sides, -0.5 * power / doa.sigma**2
-    add_rows = {"wrapped": add_window_rows, "sum": add_sum_rows, "corners": add_corner_rows}[form]
-    add_rows(planes(x), x.shape[-1], readable(logw), directions, out)
-    return out
-
-
 def planes(x: Array) -> Array:
-    """Particles (r, N, d) as kernels take them, each axis of a row by itself: (r d, N)."""
+    """Return particles (r, N, d) as kernels take them, each axis of a row by itself: (r d, N)."""
     r, n, d = x.shape
     return readable(x.transpose(0, 2, 1)).reshape(r * d, n)
 

@@ -1,15 +1,11 @@
-"""What every particle filter here shares: spreading a prior, moving, weighting, moments, and renewal.
+"""Particle filters: the prior, motion, weights, moments and resampling that all of them share.
 
-Renewal is systematic resampling where the effective sample size falls below half, followed by Liu & West's kernel:
-particles shrink towards the mean by a = sqrt(1 - h^2) and are spread by h times the covariance, so that mean and
-covariance stay what they were.
+A row is resampled systematically where its effective sample size falls below half. Liu and West's kernel follows:
+particles shrink towards the mean by a = sqrt(1 - h^2) and are spread by h times the covariance, which keeps both.
+For states that are positions (d = 2) a tick is two compiled passes over each row, `advance` and `posterior_summary`;
+with a heading, and for other motions, it is numpy, with which tests compare the loops.
 
 Source: J. Liu, M. West, "Combined parameter and state estimation in simulation-based filtering", 2001.
-
-A tick is two passes over each row. `advance` renews where that is due, moves, weighs by anchors, and computes the
-belief that is sent; `conclude` weighs by the packets received. For states that are positions (d = 2) they are the
-compiled loops of particle_kernels.py; with a heading, and for other motions, numpy functions, with which tests compare
-the loops.
 """
 
 from collections.abc import Sequence
@@ -35,20 +31,14 @@ from cooploc.estimators.models import (
     wrap,
     wrap_heading,
 )
-from cooploc.estimators.particle_kernels import (
-    BANDWIDTH,
-    advance_rows,
-    conclude_rows,
-    systematic,
-)
+from cooploc.estimators.particle_kernels import BANDWIDTH, advance_rows, conclude_rows, systematic
 from cooploc.estimators.particle_likelihood import Fixed, ReceivedPackets, log_density, planes, teammates
 
 
 def sample_prior(prior: Belief, key: Keys, n: int) -> Array:
-    """Particles (r, n, d) drawn from the prior."""
-    return wrap_heading(
-        prior.x[:, None, :] + _scatter(prior.P, _noise(key, 0, random_numbers.INIT, n, prior.x.shape[-1]))
-    )
+    """Draw particles (r, n, d) from the prior."""
+    noise = _noise(key, 0, random_numbers.INIT, n, prior.x.shape[-1])
+    return wrap_heading(prior.x[:, None, :] + scatter(prior.P, noise))
 
 
 def advance(
@@ -62,13 +52,13 @@ def advance(
     fixed: Sequence[Fixed] = (),
     sends: bool = False,
 ) -> tuple[Array, Array, Belief | None]:
-    """Begin a tick: renew, move, and weigh by the readings of fixed places.
+    """Begin a tick: resample, move, and weigh by the readings of fixed places.
 
     Args:
         motion: how particles move.
         x: particles (r, n, d).
         logw: their log-weights (r, n).
-        due: rows (r,) to renew first, as `conclude` found.
+        due: rows (r,) to resample first, as `posterior_summary` found.
         z: odometry and dt.
         key: of the random numbers (r, 2).
         tick: the number of this tick.
@@ -89,12 +79,12 @@ def advance(
     step = readable(z.odometry), readable(sd), readable(key), tick * random_numbers.PURPOSES
     after, logw_new = np.empty((2 * len(x), x.shape[1]), x.dtype), np.empty_like(logw, order="C")
     belief, anchors = empty_belief(len(x)), particle_likelihood.anchor_readings(fixed, len(x))
-    advance_rows(cloud, step, tuple(anchors), sends, (after, logw_new), tuple(belief))
+    advance_rows(cloud, step, anchors, sends, (after, logw_new), tuple(belief))
     return after.reshape(-1, 2, x.shape[1]).transpose(0, 2, 1), logw_new, belief if sends else None
 
 
 def summary(x: Array, logw: Array) -> Belief:
-    """Weighted mean and covariance of particles x (r, n, d) with log-weights (r, n)."""
+    """Return the weighted mean and covariance of particles x (r, n, d) with log-weights (r, n)."""
     return posterior_summary(x, logw)[0]
 
 
@@ -102,7 +92,7 @@ def posterior_summary(x: Array, logw: Array, heard: ReceivedPackets | None = Non
     """End a tick: weigh particles by the packets `heard`.
 
     Returns:
-        their moments, their log-weights, and which rows (r,) are due for renewal.
+        their moments, their log-weights, and which rows (r,) are due for resampling.
 
     """
     if x.shape[-1] != 2 or (heard and not heard.compiled):
@@ -111,17 +101,17 @@ def posterior_summary(x: Array, logw: Array, heard: ReceivedPackets | None = Non
         return moments(x, w), restart_weights(logw), poor(w)
     belief, logw_new, due = empty_belief(len(x)), np.empty_like(logw, order="C"), np.empty(len(x), np.bool_)
     packets = (heard or particle_likelihood.no_packets(len(x))).for_loop()
-    conclude_rows(planes(x), readable(logw), tuple(packets), tuple(belief), logw_new, due)
+    conclude_rows(planes(x), readable(logw), packets, tuple(belief), logw_new, due)
     return belief, logw_new, due
 
 
 def empty_belief(rows: int) -> Belief:
-    """Arrays for the moments of so many rows, to be written."""
+    """Return arrays for the moments of so many rows, to be written."""
     return Belief(np.empty((rows, 2)), np.empty((rows, 2, 2)))
 
 
 def weights(logw: Array) -> Array:
-    """Normalised weights (r, n). A row in which all are -inf starts again from equal weights; nan stays nan."""
+    """Return normalised weights (r, n). A row in which all are -inf starts again from equal weights; nan stays nan."""
     top = logw.max(-1, keepdims=True)
     w = np.exp(np.where(top == -np.inf, 0.0, logw - np.maximum(top, np.finfo(float).min)))
     normalised: Array = w / w.sum(-1, keepdims=True)
@@ -129,7 +119,7 @@ def weights(logw: Array) -> Array:
 
 
 def mean(x: Array, w: Array) -> Array:
-    """Weighted mean (r, d); the heading's is circular."""
+    """Return the weighted mean (r, d); the heading's is circular."""
     m: Array = (w[..., None] * x).sum(-2)
     if x.shape[-1] > 2:
         m[:, 2] = circular_mean(x[..., 2], w)
@@ -137,7 +127,7 @@ def mean(x: Array, w: Array) -> Array:
 
 
 def moments(x: Array, w: Array) -> Belief:
-    """Weighted mean and covariance of particles x (r, n, d), w (r, n)."""
+    """Return the weighted mean and covariance of particles x (r, n, d), w (r, n)."""
     m = mean(x, w)
     e = offset(x, m)
     P = np.stack([(w[..., None] * e[..., :, i, None] * e).sum(-2) for i in range(x.shape[-1])], -2)
@@ -145,18 +135,18 @@ def moments(x: Array, w: Array) -> Belief:
 
 
 def poor(w: Array) -> Mask:
-    """Rows (r,) of weights (r, n) with an effective sample size below n/2."""
+    """Return the rows (r,) of weights (r, n) with an effective sample size below n/2."""
     few: Mask = 1 / (w**2).sum(-1) < w.shape[-1] / 2
     return few
 
 
 def restart_weights(logw: Array) -> Array:
-    """Log-weights (r, n) in which a row of -inf alone starts again from equal weights."""
+    """Return log-weights (r, n) in which a row of -inf alone starts again from equal weights."""
     return np.where(logw.max(-1, keepdims=True) == -np.inf, 0.0, logw)
 
 
 def resample(x: Array, logw: Array, key: Keys, tick: int) -> tuple[Array, Array]:
-    """Resampled particles and their log-weights; rows that are not poor stay as they are."""
+    """Resample particles and their log-weights; rows that are not poor stay as they are."""
     n, d = x.shape[1:]
     logw = restart_weights(logw)
     w = weights(logw)
@@ -169,7 +159,7 @@ def resample(x: Array, logw: Array, key: Keys, tick: int) -> tuple[Array, Array]
     chosen = np.take_along_axis(old, systematic(w, u)[..., None], 1)
     belief = moments(old, w)
     noise = _noise(key, tick, random_numbers.JITTER, n, d)
-    kernel = np.sqrt(1 - h**2) * offset(chosen, belief.x) + h * _scatter(belief.P, noise)
+    kernel = np.sqrt(1 - h**2) * offset(chosen, belief.x) + h * scatter(belief.P, noise)
     x, logw = x.copy(), logw.copy()
     x[due] = wrap_heading(belief.x[:, None, :] + kernel)
     logw[due] = 0.0
@@ -177,7 +167,7 @@ def resample(x: Array, logw: Array, key: Keys, tick: int) -> tuple[Array, Array]
 
 
 def offset(x: Array, m: Array) -> Array:
-    """Particles (r, n, d) less their mean (r, d), headings wrapped."""
+    """Subtract the mean (r, d) from particles (r, n, d), headings wrapped."""
     e = x - m[:, None, :]
     if x.shape[-1] > 2:
         e[..., 2] = wrap(e[..., 2])
@@ -185,15 +175,15 @@ def offset(x: Array, m: Array) -> Array:
 
 
 def _noise(key: Keys, tick: int, purpose: int, n: int, d: int) -> Array:
-    """Standard normals (r, n, d); the purpose after `purpose` is the heading's."""
+    """Draw standard normals (r, n, d); the purpose after `purpose` is the heading's."""
     pair = random_numbers.normals(key, tick, purpose, n)
     if d == 2:
         return pair
     return np.concatenate([pair, random_numbers.normals(key, tick, purpose + 1, n)[..., : d - 2]], -1)
 
 
-def _scatter(P: Array, noise: Array) -> Array:
-    """noise (r, n, d) times a Cholesky factor of P (r, d, d), which may be singular."""
+def scatter(P: Array, noise: Array) -> Array:
+    """Multiply noise (r, n, d) by a Cholesky factor of P (r, d, d), which may be singular."""
     d = P.shape[-1]
     L = np.zeros_like(P)
     for j in range(d):
@@ -208,10 +198,8 @@ def _scatter(P: Array, noise: Array) -> Array:
     return out
 
 
-# What a robot remembers of the packets it received: the last M of each sender, for the product over past samples.
-#
-# "To get the weight for the probability based on the shared information from all neighboring robots, we can use the
-# Gaussian probability formula same as (Eq. 5) with RSSI as an error": and eq. (5) is a product over M past samples.
+# The last M packets of each sender, for the product over past samples: "we can use the Gaussian probability formula
+# same as (Eq. 5) with RSSI as an error", and eq. (5) is a product over M past samples.
 #
 # Source: Latif & Parasuraman, "Synergistic Localization", eqs. (5)-(8).
 
@@ -225,47 +213,36 @@ class PastPackets(NamedTuple):
 
 
 def no_past_packets(rows: int, senders: int, samples: int) -> PastPackets:
-    """Nothing received yet."""
+    """Return that nothing was received yet."""
     shape = rows, senders, samples
     return PastPackets(np.full((*shape, 5), np.nan), np.full(shape, np.nan), np.zeros((*shape, 2)))
 
 
 def shift_past_packets(past: PastPackets, motion: Motion, z: Senses) -> PastPackets:
-    """The same packets, after the robot's next move."""
+    """Shift the packets by the robot's next move."""
     r, n, samples, _ = past.trail.shape
     trail = motion.retrace(past.trail.reshape(r, n * samples, 2), z.odometry, z.dt)
     return past._replace(trail=trail.reshape(past.trail.shape))
 
 
 def keep_received(past: PastPackets, heard: ReceivedPackets) -> PastPackets:
-    """With the packets of this tick in front, where there are any, and the oldest forgotten."""
-    here = np.zeros_like(past.trail[:, :, 0])
-    newest = PastPackets(heard.packets, heard.readings, here)
+    """Put the packets of this tick in front, where there are any, and forget the oldest."""
     new = ~np.isnan(heard.readings)
-    return PastPackets(*(_push_rows(memory, one, new) for memory, one in zip(past, newest, strict=True)))
 
+    def push(memory: Array, newest: Array) -> Array:
+        longer = np.concatenate([newest[:, :, None], memory[:, :, :-1]], 2)
+        return np.where(new.reshape(*new.shape, *[1] * (memory.ndim - 2)), longer, memory)
 
-def _push_rows(memory: Array, newest: Array, new: Array) -> Array:
-    """A memory (r, n, M, ...) with one more entry in front where there is a new one (r, n)."""
-    longer = np.concatenate([newest[:, :, None], memory[:, :, :-1]], 2)
-    return np.where(new.reshape(*new.shape, *[1] * (memory.ndim - 2)), longer, memory)
+    here = np.zeros_like(past.trail[:, :, 0])
+    return PastPackets(push(past.packets, heard.packets), push(past.readings, heard.readings), push(past.trail, here))
 
 
 def weigh_past_packets(
     past: PastPackets, heard: ReceivedPackets, motion: Motion, x: Array, logw: Array, power: float
 ) -> Array:
-    """`logw` (r, N) and `power` times the log-likelihoods of the last M readings of each sender heard now.
+    """Add to `logw` (r, N) `power` times the log-likelihoods of the last M readings of each sender heard now.
 
-    Each is taken at the particle shifted back along the path, as past directions are.
-
-    Args:
-        past: packets, those of this tick among them.
-        heard: the packets of this tick.
-        motion: shifts a particle back.
-        x: particles (r, N, d).
-        logw: log-weights so far.
-        power: exponent of every likelihood.
-
+    Each is taken at the particle x (r, N, d) shifted back along the path; `past` has the packets of this tick, too.
     """
     r, n, samples = past.readings.shape
     readings = np.where(np.isnan(heard.readings)[..., None], np.nan, past.readings)
@@ -283,11 +260,9 @@ def weigh_past_packets(
     return logw + power * total
 
 
-# A robot's own particle filter: on odometry and anchors it is ARL, and all others build on it.
-#
-# Particles are weighed by anchors, or by landmarks where the world has those instead; a packet's reading is the
-# camera's sighting of its sender where there are cameras, else the radio's. No reading is refused for being unlikely:
-# where gross outliers occur, as in MRCLAM, particles collapse on them. In these functions `p` is the estimator.
+# A robot's own particle filter: on odometry and anchors it is ARL, and all others build on it. Particles are weighed by
+# anchors, or by landmarks where the world has those instead. No reading is refused for being unlikely: where gross
+# outliers occur, as in MRCLAM, particles collapse on them. In these functions `p` is the estimator.
 #
 # Source: Latif & Parasuraman, "Individual localization", eqs. (1)-(5); R. Parashar, R. Parasuraman, "Particle filter
 # based localization of access points using direction of arrival on mobile robots", VTC-Fall 2020.
@@ -333,29 +308,24 @@ def explain(cls: C) -> C:
 
 
 def require_limits(p: Any, **limits: tuple[float, float]) -> None:
-    """Refuse a parameter that is outside its limits.
-
-    Raises:
-        ValueError: names the parameter, its value and the limits.
-
-    """
+    """Refuse a parameter that is outside its limits by a ValueError with its name, its value and the limits."""
     require(p, particles=(2, 1_000_000), M=(1, 10_000), K=(1, 10_000), box=(1e-9, 1e6), decay=(1e-9, 1))
     require(p, inflation=(LEAST, MOST), **limits)
 
 
 def own_channels(p: Any) -> tuple[str, ...]:
-    """The channels of a robot's own readings: of odometry and anchors."""
+    """Return the channels of a robot's own readings: of odometry and anchors."""
     return ("odometry",) if p.anchor_reading == "none" else ("odometry", "anchor_rssi")
 
 
 def team_channels(p: Any) -> tuple[str, ...]:
-    """The channels in any world where teammates meet, in order of preference."""
+    """Return the channels in any world where teammates meet, in order of preference."""
     own = ("anchor_rssi|landmark" if channel == "anchor_rssi" else channel for channel in own_channels(p))
     return (*own, f"sighting|radio_{p.reading}")
 
 
 def power(p: Any) -> float:
-    """The exponent of every density in a product over M samples."""
+    """Return the exponent of every density in a product over M samples."""
     return 1 / p.M if p.temper else 1.0
 
 
@@ -364,7 +334,7 @@ class FilterState(NamedTuple):
 
     x: Array  # (r, N, d)  particles
     logw: Array  # (r, N)     log-weights, unnormalised
-    due: Mask  # (r,)       rows to be renewed when the next tick begins
+    due: Mask  # (r,)       rows to be resampled when the next tick begins
     sent: Belief | None  # the belief to be sent, where it is computed already
     belief: Belief  # x (r, d), P (r, d, d)  at the end of the last tick
     key: Keys  # (r, 2)
@@ -377,14 +347,14 @@ class FilterState(NamedTuple):
 
 
 def init(p: Any, prior: Belief, world: World, rows: Rows) -> FilterState:
-    """Particles drawn from the prior, and empty memories.
+    """Draw particles from the prior, with empty memories.
 
     Raises:
         BadInput: a direction of arrival needs four corners; or the arena reaches too far for single precision.
 
     """
     world = inflate(world, p.inflation)
-    if _reads(p, world) in ("doa", "gradient"):
+    if _anchor_kind(p, world) in ("doa", "gradient"):
         gradient_doa(world)
     reach = float(np.abs(world.arena).max())
     if p.precision == "single" and reach > FARTHEST:
@@ -398,18 +368,18 @@ def init(p: Any, prior: Belief, world: World, rows: Rows) -> FilterState:
     return round_to_single(p, s)
 
 
-def _reads(p: Any, world: World) -> str:
-    """The kind of readings of fixed things that particles are weighed by."""
+def _anchor_kind(p: Any, world: World) -> str:
+    """Return the kind of readings of fixed things that particles are weighed by."""
     return "landmark" if "landmark" in world.sensors else str(p.anchor_reading)
 
 
-def _in_one_pass(p: Any, world: World) -> bool:
+def _is_one_pass(p: Any, world: World) -> bool:
     """Return whether particles are drawn and weighed in one pass, in `correct`."""
-    return p.proposal == "walk" and _reads(p, world) not in ("doa", "gradient")
+    return p.proposal == "walk" and _anchor_kind(p, world) not in ("doa", "gradient")
 
 
 def round_to_single(p: Any, s: FilterState) -> FilterState:
-    """The state with particles and log-weights as `precision` keeps them; numpy's steps compute in double."""
+    """Round particles and log-weights as `precision` keeps them; numpy's steps compute in double."""
     real: Any = np.float32 if p.precision == "single" else np.float64
     return s if s.x.dtype == s.logw.dtype == real else s._replace(x=s.x.astype(real), logw=s.logw.astype(real))
 
@@ -417,7 +387,7 @@ def round_to_single(p: Any, s: FilterState) -> FilterState:
 def predict(p: Any, s: FilterState, z: Senses) -> FilterState:
     """Draw from P(x_t+1 | x_t); "box": uniformly around the moved estimate, forgetting the weights."""
     motion, tick = s.world.motion, s.tick + 1
-    if _in_one_pass(p, s.world):
+    if _is_one_pass(p, s.world):
         return s._replace(tick=tick)
     trail = motion.retrace(s.trail, z.odometry, z.dt)
     if p.proposal == "box":
@@ -432,9 +402,9 @@ def predict(p: Any, s: FilterState, z: Senses) -> FilterState:
 
 def correct(p: Any, s: FilterState, z: Senses) -> FilterState:
     """Weigh the particles by the readings of anchors, or of landmarks."""
-    reads = _reads(p, s.world)
+    reads = _anchor_kind(p, s.world)
     fixed = list(s.world.fixed(z)) if reads == "rssi" else []
-    if _in_one_pass(p, s.world):
+    if _is_one_pass(p, s.world):
         sends = reads != "landmark" and p.sends != "nothing"
         x, logw, sent = advance(s.world.motion, s.x, s.logw, s.due, z, s.key, s.tick, fixed, sends)
         s = s._replace(x=x, logw=logw, sent=sent)
@@ -469,7 +439,7 @@ def _weigh_by_landmarks(s: FilterState, z: Senses) -> FilterState:
 
 
 def belief_to_send(s: FilterState) -> Belief:
-    """The belief that a robot sends: before it uses any packet of this tick."""
+    """Return the belief that a robot sends: before it uses any packet of this tick."""
     return s.sent or summary(s.x, s.logw)
 
 
@@ -486,12 +456,12 @@ def resample_and_estimate(p: Any, s: FilterState, heard: ReceivedPackets | None 
 
 
 def estimate(p: Any, s: FilterState) -> Belief:
-    """The belief at the end of the last tick."""
+    """Return the belief at the end of the last tick."""
     return s.belief
 
 
 def _remember(p: Any, s: FilterState, angle: Array) -> FilterState:
-    """The DOA smoothed by a circular moving average over the last K, weights decay^age (the paper's EWMA).
+    """Smooth the DOA by a circular moving average over the last K, weights decay^age (the paper's EWMA).
 
     Memories count samples, not ticks: a tick without a DOA leaves them as they are.
     """
@@ -507,12 +477,12 @@ def _remember(p: Any, s: FilterState, angle: Array) -> FilterState:
 
 
 def _push(memory: Array, newest: Array) -> Array:
-    """A memory (r, k, ...) with one more entry in front and the last one forgotten."""
+    """Put an entry in front of a memory (r, k, ...), and forget the last one."""
     return np.concatenate([newest[:, None], memory[:, :-1]], 1)
 
 
 def team_readings(world: World, z: Senses, mail: Mail) -> tuple[Sensor, Array]:
-    """The sensor of teammates, and its readings (r, n, k) of the senders heard; nan where absent or too near."""
+    """Return the sensor of teammates, and its readings (r, n, k) of the senders heard; nan where absent or too near."""
     channels = {"sighting": z.sighting, "radio_rssi": mail.rssi[..., None], "radio_range": mail.range[..., None]}
     name = next(channel for channel in channels if channel in world.sensors)
     sensor, reading = world.sensors[name], channels[name]

@@ -1,7 +1,6 @@
-"""Random numbers of the particle filters: a counter-based generator, compiled by numba.
+"""Random numbers of the particle filters, each a function of (row key, tick, purpose, particle) alone.
 
-Every random number is a function of (row key, tick, purpose, particle) alone, so results do not depend on how rows are
-chunked, ordered or spread over processes.
+So results do not depend on how rows are chunked, ordered or spread over processes.
 
 Source of the generator: J. K. Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", SC 2011 (Threefry-2x32-20).
 """
@@ -11,18 +10,8 @@ from typing import Any
 import numpy as np
 from numba import types
 
-from cooploc.estimators.compiled import (
-    SINGLE,
-    by_format,
-    inlined,
-    intrinsic,
-    kernel,
-    log,
-    quarter,
-    readable,
-    rotate_quarters,
-    wide,
-)
+from cooploc.estimators import compiled
+from cooploc.estimators.compiled import SINGLE, inlined, intrinsic, kernel, quarter, readable, rotate_quarters, wide
 from cooploc.estimators.interface import Array, Keys
 
 ROTATIONS = (13, 15, 26, 6, 17, 29, 16, 24)
@@ -78,7 +67,7 @@ def _normal_pair(f):
     two, turn, start, uniform = real(-2), real(2 * np.pi * 2.0**-32), real(np.pi * 2.0**-32), _uniform(f)
 
     def normal_pair(_, a, b):
-        radius = np.sqrt(two * log(uniform(a)))
+        radius = np.sqrt(two * compiled.log(uniform(a)))
         right_angles, rest = word(np.int64(b) + 2**29) >> 30, word(np.int64(b) << spare) >> spare  # the rest has a sign
         c, s = quarter(real(rest) * turn + start)
         c, s = rotate_quarters(right_angles, c, s)
@@ -87,7 +76,9 @@ def _normal_pair(f):
     return normal_pair
 
 
-normal_pair = by_format(_normal_pair)  # two standard normals from two words by Box-Muller, like the first argument
+normal_pair = compiled.by_format(
+    _normal_pair
+)  # two standard normals from two words by Box-Muller, like the first argument
 
 
 @inlined
@@ -128,32 +119,20 @@ def _fill_uniforms(key, counter, out):
 
 
 def normals(key: Keys, tick: int, purpose: int, n: int) -> Array:
-    """Standard normal pairs (r, n, 2) by Box-Muller, for particles 0 .. n-1."""
+    """Return standard normal pairs (r, n, 2) by Box-Muller, for particles 0 .. n-1."""
     out = np.empty((len(key), 2 * n))
     _fill_normals(readable(key), tick * PURPOSES + purpose, out)
     return out.reshape(-1, n, 2)
 
 
 def uniforms(key: Keys, tick: int, purpose: int, n: int) -> Array:
-    """Uniform pairs (r, n, 2) in (0, 1)."""
+    """Return uniform pairs (r, n, 2) in (0, 1)."""
     out = np.empty((len(key), 2 * n))
     _fill_uniforms(readable(key), tick * PURPOSES + purpose, out)
     return out.reshape(-1, n, 2)
 
 
-# Random numbers of what filters exchange: a further stream of each row, apart from its own filter's.
-#
-# So a robot that hears nobody draws the same numbers as one that runs alone.
+# What filters exchange draws from a further stream of each row: a robot that hears nobody draws what one alone draws.
 
-SHARE, SENDER, PLACE, NOISE, ANCESTOR, SAMPLE = range(6)  # what is drawn
-STREAM = np.array([0, 0x6A09E667], np.uint32)  # turns a row's key into that of its further stream
-
-
-def further_uniforms(key: Keys, tick: int, purpose: int, n: int) -> Array:
-    """Uniform pairs (r, n, 2) in (0, 1)."""
-    return uniforms(key ^ STREAM, tick, purpose, n)
-
-
-def further_normals(key: Keys, tick: int, purpose: int, n: int) -> Array:
-    """Standard normal pairs (r, n, 2)."""
-    return normals(key ^ STREAM, tick, purpose, n)
+SHARE, SENDER, PLACE, NOISE, ANCESTOR, SAMPLE = range(6)  # its purposes
+FURTHER = np.array([0, 0x6A09E667], np.uint32)  # `key ^ FURTHER` is the key of the further stream

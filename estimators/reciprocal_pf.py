@@ -3,16 +3,12 @@
 A robot broadcasts its particles as K clusters. A robot that has a reading of the sender multiplies its weights with the
 likelihood of that reading, as MRSL does. Then each particle is, with probability alpha, drawn again from the detection
 model: from the sender's clusters, at the distance (and in the direction) that was read. So a robot that is lost finds
-back to where its team sees it. Nothing corrects the weights for having been drawn there, and beliefs are multiplied as
-if they were independent: the one biases it, the other makes it over-confident.
+back to where its team sees it. Nothing corrects the weights for having been drawn there.
 
-Our reading: the detection is made by the robot that receives the packet, by radio or by camera; in the source it is the
-sender that detects, and says so in the packet. Particles are resampled by weight only where their weights are poor, as
-in all filters here; a particle that is then drawn again has the mean weight of all, and the heading of one chosen by
-weight. With ranges alone a draw may lie anywhere around the sender, so the draws widen the reported belief and pull its
-mean towards the team; report="before" leaves them out.
-
-The papers' text was not at hand: the draws, the clusters and alpha = 0.06 follow the public implementation of N.
+Our reading: the detection is made by the robot that receives the packet; in the source the sender detects, and says so
+in the packet. Particles are resampled by weight only where their weights are poor; a particle that is drawn again has
+the mean weight of all, and the heading of one chosen by weight. With ranges alone the draws widen the reported belief;
+report="before" leaves them out. The draws, the clusters and alpha = 0.06 follow the public implementation of N.
 Zimmerman, A. Giusti, J. Guzzi, "Resource-aware collaborative Monte Carlo localization", IROS 2024.
 
 Source: A. Prorok, A. Martinoli, "A reciprocal sampling algorithm for lightweight distributed multi-robot localization",
@@ -31,7 +27,7 @@ from cooploc.estimators.interface import Array, Belief, Indices, Keys, Mail, Mas
 from cooploc.estimators.mixtures import Mixture, clusters
 from cooploc.estimators.models import LogDistance, Range, Sighting
 from cooploc.estimators.particle_kernels import systematic
-from cooploc.estimators.particles import poor, resample, summary, weights
+from cooploc.estimators.particles import poor, resample, scatter, summary, weights
 from cooploc.estimators.tunable import tunable
 
 TINY = 1e-300  # a weight that is 0 to all others
@@ -92,7 +88,7 @@ class ReciprocalPf:
         return shared.init(self, prior, world, rows)
 
     def send(self, s: shared.FilterState, z: Senses) -> Array:
-        """w, x, y, P_xx, P_xy, P_yy of each cluster: six numbers for each that has particles."""
+        """Send w, x, y, P_xx, P_xy, P_yy of each cluster: six numbers for each that has particles."""
         return clusters(s.x, weights(s.logw), self.clusters).pack()
 
     def fuse(self, s: shared.FilterState, z: Senses, mail: Mail) -> shared.FilterState:
@@ -107,16 +103,14 @@ class ReciprocalPf:
     def _draw_from_detections(
         self, s: shared.FilterState, sensor: Sensor, sent: Mixture, readings: Array, heard: Mask
     ) -> shared.FilterState:
-        """Particles of the rows that `heard`, each drawn from a detection with probability alpha."""
-        N, (old, logw) = s.x.shape[1], resample(s.x, s.logw, s.key, s.tick)
+        """Draw particles of the rows that `heard` from a detection, each with probability alpha."""
+        N, key, (old, logw) = s.x.shape[1], s.key ^ random_numbers.FURTHER, resample(s.x, s.logw, s.key, s.tick)
         w = weights(logw)
-        u = random_numbers.further_uniforms(s.key, s.tick, random_numbers.ANCESTOR, 1)[:, 0, 0]
+        u = random_numbers.uniforms(key, s.tick, random_numbers.ANCESTOR, 1)[:, 0, 0]
         resampled = np.take_along_axis(old, systematic(w, u)[..., None], 1)
         heading = resampled[..., 2] if resampled.shape[-1] > 2 else np.zeros(w.shape)
-        again = heard[:, None] & (
-            random_numbers.further_uniforms(s.key, s.tick, random_numbers.SHARE, N)[..., 0] < self.alpha
-        )
-        drawn = sample_places(sensor, sent, readings, again, heading, s.key, s.tick)
+        again = heard[:, None] & (random_numbers.uniforms(key, s.tick, random_numbers.SHARE, N)[..., 0] < self.alpha)
+        drawn = sample_places(sensor, sent, readings, again, heading, key, s.tick)
         x, logw = np.where(again[..., None], resampled, old), np.log(np.where(again, 1 / N, np.maximum(w, TINY)))
         low, high = s.world.arena
         near = (np.abs(drawn - (low + high) / 2) < FAR * np.max(high - low)).all(-1, keepdims=True)
@@ -133,19 +127,15 @@ class ReciprocalPf:
         return shared.round_to_single(self, s)
 
 
-# Places drawn from what a packet and its reading say alone: the detection model, the other way round.
-#
-# The sender lies at q ~ sum_k w_k N(m_k, P_k). The robot lies from it at the distance that was read, in the direction
-# that was read; a radio reads none, and then all are as likely. An RSSI becomes a distance by its own path loss. Each
-# is drawn with the sensor's error in the reading itself, as the source draws range and bearing.
-
-
 def sample_places(sensor: Sensor, sent: Mixture, z: Array, chosen: Mask, heading: Array, key: Keys, tick: int) -> Array:
-    """Places (c, 2) where robots may be, one for each of the c particles that are `chosen`, row by row.
+    """Draw places (c, 2) by the detection model, one for each of the c particles that are `chosen`, row by row.
+
+    The sender lies at q ~ sum_k w_k N(m_k, P_k), the robot from it at the distance and in the direction that were read;
+    a radio reads no direction, and then all are as likely. The sensor's error is drawn in the reading itself.
 
     Args:
         sensor: of the readings.
-        sent: what each sender believes, (r, n, K).
+        sent: beliefs of the senders, (r, n, K).
         z: readings (r, n, k), nan where there is none.
         chosen: particles (r, N), in rows that have a usable reading.
         heading: of each particle (r, N) [rad], which a bearing is against; 0 where there is a compass.
@@ -154,45 +144,32 @@ def sample_places(sensor: Sensor, sent: Mixture, z: Array, chosen: Mask, heading
 
     """
     N, row = chosen.shape[1], np.nonzero(chosen)[0]
-    u = random_numbers.further_uniforms(key, tick, random_numbers.SENDER, N)[chosen]
-    turn = random_numbers.further_uniforms(key, tick, random_numbers.SHARE, N)[chosen]
-    at = random_numbers.further_normals(key, tick, random_numbers.PLACE, N)[chosen]
-    noise = random_numbers.further_normals(key, tick, random_numbers.NOISE, N)[chosen]
-    j = _one_of(usable(sent, z)[row].astype(float), u[:, 0])
-    k = _one_of(np.nan_to_num(sent.w)[row, j], u[:, 1])
-    q = _scatter(sent.x[row, j, k], sent.P[row, j, k], at)
-    away, angle = _inverse(sensor, z[row, j], noise, turn[:, 1], heading[chosen])
+    u = random_numbers.uniforms(key, tick, random_numbers.SENDER, N)[chosen]
+    turn = 2 * np.pi * random_numbers.uniforms(key, tick, random_numbers.SHARE, N)[chosen][:, 1]
+    at = random_numbers.normals(key, tick, random_numbers.PLACE, N)[chosen]
+    noise = random_numbers.normals(key, tick, random_numbers.NOISE, N)[chosen]
+    j = _draw_index(usable(sent, z)[row].astype(float), u[:, 0])
+    k = _draw_index(np.nan_to_num(sent.w)[row, j], u[:, 1])
+    q = sent.x[row, j, k] + scatter(sent.P[row, j, k], at[:, None])[:, 0]
+    z = z[row, j]
+    if isinstance(sensor, LogDistance):
+        away, angle = 10 ** ((sensor.A - z[:, 0] - sensor.sigma * noise[:, 0]) / (10 * sensor.eta)), turn
+    elif isinstance(sensor, Sighting):
+        away = z[:, 0] + sensor.sigma_range * noise[:, 0]
+        angle = heading[chosen] + z[:, 1] + sensor.sigma_bearing * noise[:, 1]
+    else:
+        away, angle = z[:, 0] + np.sqrt(sensor.R[0, 0]) * noise[:, 0], turn
     return np.asarray(q - away[:, None] * np.stack([np.cos(angle), np.sin(angle)], -1))
 
 
 def usable(sent: Mixture, z: Array) -> Mask:
-    """The senders (r, n) that have a reading and a belief."""
+    """Return the senders (r, n) that have a reading and a belief."""
     heard: Mask = ~np.isnan(z).any(-1) & (np.nan_to_num(sent.w).sum(-1) > 0)
     return heard
 
 
-def _inverse(sensor: Sensor, z: Array, noise: Array, turn: Array, heading: Array) -> tuple[Array, Array]:
-    """Distance [m] and direction [rad] of the sender, seen from the robot: r = z + error, and so on."""
-    if isinstance(sensor, LogDistance):
-        away = 10 ** ((sensor.A - z[..., 0] - sensor.sigma * noise[..., 0]) / (10 * sensor.eta))
-        return away, 2 * np.pi * turn
-    if isinstance(sensor, Sighting):
-        angle = heading + z[..., 1] + sensor.sigma_bearing * noise[..., 1]
-        return z[..., 0] + sensor.sigma_range * noise[..., 0], angle
-    return z[..., 0] + np.sqrt(sensor.R[0, 0]) * noise[..., 0], 2 * np.pi * turn
-
-
-def _one_of(weight: Array, u: Array) -> Indices:
-    """An index (c,) by weights (c, n), for each of the uniforms u (c,)."""
+def _draw_index(weight: Array, u: Array) -> Indices:
+    """Return an index (c,) by weights (c, n), for each of the uniforms u (c,)."""
     cumulated = np.cumsum(weight, -1)
     index: Indices = (u[:, None] * cumulated[:, -1:] > cumulated).sum(-1)
     return index
-
-
-def _scatter(m: Array, P: Array, noise: Array) -> Array:
-    """m + L noise, L the lower triangular root of P (..., 2, 2), which may be singular."""
-    a = np.sqrt(np.maximum(P[..., 0, 0], 0.0))
-    b = np.divide(P[..., 0, 1], a, out=np.zeros_like(a), where=a > 0)
-    c = np.sqrt(np.maximum(P[..., 1, 1] - b * b, 0.0))
-    east, north = noise[..., 0], noise[..., 1]
-    return np.asarray(m + np.stack([a * east, b * east + c * north], -1))

@@ -33,7 +33,7 @@ from cooploc.analysis.execution.run_directory import PartKey
 from cooploc.analysis.metrics.errors import COLUMNS, errors
 from cooploc.estimators import configure, make
 from cooploc.estimators.building import ConfiguredEstimator
-from cooploc.estimators.compiled import kept_at
+from cooploc.estimators.compiled import cache_directory
 from cooploc.estimators.errors import BadInput, one_line
 from cooploc.estimators.kalman_kernels import whiten
 from cooploc.scenarios import BUILTIN as BUILTIN_SCENARIOS
@@ -474,4 +474,4 @@ def _mark(one: ConfiguredEstimator) -> Path:
     """Return the file that says that a kind of estimator is compiled: the same for all values of a number."""
     words = {name: value for name, value in one.parameters.items() if not re.fullmatch(r"[-+.\deE]+|inf", value)}
     kind = json.dumps([one.name, words, bits()], sort_keys=True)
-    return kept_at(whiten) / f"{hashlib.sha256(kind.encode()).hexdigest()[:24]}.compiled"
+    return cache_directory(whiten) / f"{hashlib.sha256(kind.encode()).hexdigest()[:24]}.compiled"

@@ -9,8 +9,6 @@ from cooploc.estimators.interface import Belief, Mail, Rows, Senses, World
 from cooploc.estimators.mixtures import density, sample
 from cooploc.estimators.models import Displacement, LogDistance, Range
 from cooploc.estimators.particles import summary, weights
-from cooploc.scenarios import simulate
-from cooploc.scenarios.runner.run import run
 
 PRIOR = Belief(np.array([[2.0, 2.0], [3.5, 4.0]]), np.array([[[0.36, 0.1], [0.1, 0.25]], [[0.5, -0.2], [-0.2, 0.3]]]))
 WORLD = World(
@@ -103,10 +101,3 @@ def test_a_detection_of_a_teammate_counts_once_until_the_robot_has_travelled():
     once = make("cmrl", anchor_reading="none", apart=2.5)
     assert used(once, [0.0, 0.0, 1.0, 1.0, 1.0, 0.0]) == [True, False, False, False, True, False]
     assert used(make("cmrl", anchor_reading="none", apart=0.0), [0.0, 0.0, 1.0]) == [True, True, True]
-
-
-def test_a_robot_that_hears_nobody_is_arl_to_the_bit():
-    _, stream = simulate("robots-1-3/n=3", trials=2, seed=3, ticks=20, drop=1.0)
-    found = run({"alone": make("arl"), "cmrl": make("cmrl")}, stream).traces
-    np.testing.assert_array_equal(found["cmrl"].x, found["alone"].x)
-    np.testing.assert_array_equal(found["cmrl"].P, found["alone"].P)

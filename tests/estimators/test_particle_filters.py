@@ -231,24 +231,25 @@ def test_particle_filter_is_the_grid_posterior(case):
 # ---------------------------------------------------------------- identities
 
 
-@pytest.mark.parametrize("anchor_reading", ["doa", "gradient", "rssi", "none"])
-@pytest.mark.parametrize("name", ["mrsl-rssi", "mrsl-distance"])
+TEAMWORK = [
+    *(
+        f"{name}[anchor_reading={kind}]"
+        for name in ("mrsl-rssi", "mrsl-distance")
+        for kind in ("doa", "gradient", "rssi", "none")
+    ),
+    *(f"ctrn[weights=exact,fusion={fusion}]" for fusion in ("moments", "message", "received")),
+    *("cmrl", "reciprocal-pf", "channel-pf"),
+]
+
+
+@pytest.mark.parametrize("configured", TEAMWORK)
 @pytest.mark.parametrize("team", [{"robots": 1}, {"robots": 4, "drop": 1.0}], ids=["one robot", "all links down"])
-def test_mrsl_that_hears_nobody_is_arl_to_the_bit(team, name, anchor_reading):
+def test_a_robot_that_hears_no_other_is_arl_to_the_bit(team, configured):
     _, stream = simulate("trajectory", trials=3, ticks=40, seed=2, **team)
-    traces = run(
-        {key: make(kind, anchor_reading=anchor_reading) for key, kind in (("arl", "arl"), ("mrsl", name))}, stream
-    ).traces
-    np.testing.assert_array_equal(traces["mrsl"].x, traces["arl"].x)
-    np.testing.assert_array_equal(traces["mrsl"].P, traces["arl"].P)
-
-
-def test_without_anchors_heard_arl_is_dead_reckoning():
-    _, stream = simulate("trajectory", ticks=15, prior_sigma=0.3, odometry_sigma=0.1)
-    deaf = stream.with_arrays({"senses.anchor_rssi": np.full_like(stream.senses.anchor_rssi, np.nan)})
-    traces = run({"arl": make("arl", particles=50_000), "dead": make("dead-reckoning")}, deaf).traces
-    np.testing.assert_allclose(traces["arl"].x, traces["dead"].x, atol=0.01)
-    np.testing.assert_allclose(traces["arl"].P, traces["dead"].P, atol=0.01)
+    alone = make(configured).anchor_reading
+    traces = run({"arl": make("arl", anchor_reading=alone), "team": make(configured)}, stream).traces
+    np.testing.assert_array_equal(traces["team"].x, traces["arl"].x)
+    np.testing.assert_array_equal(traces["team"].P, traces["arl"].P)
 
 
 def test_where_it_is_nearly_linear_the_gradient_is_a_kalman_update():

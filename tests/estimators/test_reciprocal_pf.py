@@ -31,13 +31,6 @@ def test_without_draws_and_with_one_cluster_it_is_mrsl(name, reading):
     assert np.abs(found["drawn"].x - found["mrsl"].x).max() > 0.05
 
 
-def test_a_robot_that_hears_nobody_is_arl_to_the_bit():
-    _, stream = simulate("robots-1-3/n=3", trials=2, seed=3, ticks=20, drop=1.0)
-    found = run({"alone": make("arl"), "reciprocal": make("reciprocal-pf")}, stream).traces
-    np.testing.assert_array_equal(found["reciprocal"].x, found["alone"].x)
-    np.testing.assert_array_equal(found["reciprocal"].P, found["alone"].P)
-
-
 def all_of(particles):
     return np.ones((1, particles), bool)
 

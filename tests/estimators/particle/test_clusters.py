@@ -1,10 +1,9 @@
-"""Particles as clusters, against the same in plain numpy, and what holds for any clusters."""
+"""Particles as clusters, against the same in plain numpy."""
 
 import numpy as np
 import pytest
 
 from cooploc.estimators.mixtures import clusters
-from cooploc.estimators.particles import moments
 
 
 def reference(x, w, K):
@@ -35,15 +34,3 @@ def test_clusters_are_those_of_plain_numpy(rng, K):
             np.testing.assert_allclose(got.w[r, k], share)
             np.testing.assert_allclose(got.x[r, k], mean)
             np.testing.assert_allclose(got.P[r, k], P, atol=1e-12)
-
-
-def test_clusters_together_have_the_mean_and_covariance_of_the_particles(rng):
-    x, w = rng.normal(size=(4, 50, 2)), rng.uniform(size=(4, 50))
-    w /= w.sum(-1, keepdims=True)
-    got, whole = clusters(x, w, 6), moments(x, w)
-    np.testing.assert_allclose(got.w.sum(-1), 1)
-    mean = (got.w[..., None] * got.x).sum(1)
-    e = got.x - mean[:, None]
-    P = (got.w[..., None, None] * (got.P + e[..., :, None] * e[..., None, :])).sum(1)
-    np.testing.assert_allclose(mean, whole.x)
-    np.testing.assert_allclose(P, whole.P)

@@ -100,7 +100,7 @@ def test_plugin_sensors_are_asked_themselves():
     assert_close(particle_likelihood.anchors(one, x, logw), particle_likelihood.anchors(other, x, logw))
 
 
-@pytest.mark.parametrize("away", [0.0, 2e4, 5e6])
+@pytest.mark.parametrize("away", [0.0, 5e6])
 def test_products_over_many_links_neither_overflow_nor_vanish(away):
     """As between robots that a prior put at the origin and others in coordinates of a planet."""
     x, logw = cloud(50, side=0.4)

@@ -2,9 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from oracles import covariances, is_covariance, repeatable
+from oracles import covariances, is_covariance
 
 from cooploc.estimators import random_numbers
 from cooploc.estimators.interface import Belief
@@ -50,16 +48,6 @@ def test_spread_draws_from_the_prior(d):
 
 
 # ---------------------------------------------------------------- weights and moments
-
-
-@given(st.lists(st.floats(-1e6, 700), min_size=1, max_size=30))
-@repeatable
-def test_weights_are_the_normalised_exponentials(logw):
-    w = weights(np.array([logw]))[0]
-    assert w.sum() == pytest.approx(1)
-    top = max(logw)
-    want = np.exp(np.array(logw) - top)
-    np.testing.assert_allclose(w, want / want.sum(), rtol=1e-12, atol=1e-300)
 
 
 def test_a_row_without_any_weight_starts_again_from_equal_ones():

@@ -26,11 +26,6 @@ def radio():
     return simulate("robots-1-3/n=3", trials=4, seed=5, ticks=12)
 
 
-@pytest.fixture(scope="module")
-def camera():
-    return simulate("camera/n=3", trials=2, seed=5, ticks=6)
-
-
 def label(name, **more):
     base, _, inside = name.rstrip("]").partition("[")
     return make(base, **dict(part.split("=") for part in inside.split(",") if part), **more)
@@ -53,26 +48,9 @@ def test_single_precision_estimates_what_double_does(name, radio):
 
 
 @pytest.mark.parametrize("name", ANYWHERE)
-def test_single_precision_with_headings_and_cameras(name, camera):
-    double, single = both(name, camera[1])
+def test_single_precision_with_headings_and_cameras(name):
+    double, single = both(name, simulate("camera/n=3", trials=2, seed=5, ticks=6)[1])
     np.testing.assert_allclose(single.x[:, 0, :, :2], double.x[:, 0, :, :2], atol=0.05)
-
-
-@pytest.mark.parametrize("name", RADIO + ANYWHERE)
-def test_particles_are_kept_in_single_precision(name, radio):
-    _, stream = radio
-    estimator = label(name, precision="single")
-    kept = []
-
-    def watch(method, tick, arguments, call):
-        returned = call(*arguments)
-        if method in ("init", "predict", "correct", "fuse"):
-            own = getattr(returned, "own", returned)
-            kept.append((own.x.dtype, own.logw.dtype))
-        return returned
-
-    trace(name, estimator, stream.first_ticks(3), watch)
-    assert set(kept) == {(np.dtype(np.float32), np.dtype(np.float32))}
 
 
 @pytest.mark.parametrize("side", [30.0, 0.5], ids=["near links", "far links"])
