@@ -1,6 +1,5 @@
 """The guard over tests: what one leaves changed is named, what a library fills in when first imported is not."""
 
-import logging
 import os
 import random
 import signal
@@ -15,7 +14,6 @@ LEFT = {
     "the working directory changed: =/": lambda: os.chdir("/"),
     "numpy's error state changed: divide=raise": lambda: np.seterr(divide="raise"),
     "matplotlib's rcParams changed: lines.linewidth=7.0": lambda: matplotlib.rcParams.update({"lines.linewidth": 7.0}),
-    "the loggers changed: cooploc=([], 10, False)": lambda: logging.getLogger("cooploc").setLevel(10),
     "the signal handlers changed: SIGALRM=": lambda: signal.signal(signal.SIGALRM, signal.SIG_IGN),
 }
 
@@ -24,10 +22,9 @@ LEFT = {
 def put_back(monkeypatch):
     monkeypatch.setenv("LEFT", "0")
     monkeypatch.chdir(".")
-    level, handler = logging.getLogger("cooploc").level, signal.getsignal(signal.SIGALRM)
+    handler = signal.getsignal(signal.SIGALRM)
     with matplotlib.rc_context(), np.errstate():
         yield
-    logging.getLogger("cooploc").setLevel(level)
     signal.signal(signal.SIGALRM, handler)
 
 
