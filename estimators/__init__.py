@@ -1,4 +1,4 @@
-"""What a robot runs. An estimator imports nothing of the world it is judged in.
+"""Estimators: the methods that a robot or a team runs. They import nothing of the world they are judged in.
 
 To add one: write a file like `ekf_local.py`, and give it a line in `BUILTIN`. From outside, name it `path.py:Name`,
 register a class under the entry-point group `cooploc.estimators`, or pass an instance to `cl.run`.

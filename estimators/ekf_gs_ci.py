@@ -26,7 +26,7 @@ import numpy as np
 
 from cooploc.estimators import kalman
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Rows, Senses, World
-from cooploc.estimators.models import AnchorReading, fixed, wrap_heading
+from cooploc.estimators.models import AnchorReading, fixed_readings, wrap_heading
 from cooploc.estimators.tunable import tunable
 
 
@@ -88,7 +88,7 @@ class EkfGsCi:
         return s._replace(x=x, P=kalman.ENGINES[self.engine].predict(s.P, F, Q))
 
     def correct(self, s: State, z: Senses) -> State:
-        for sensor, place, reading in fixed(s.world, z, self.anchor_reading):
+        for sensor, place, reading in fixed_readings(s.world, z, self.anchor_reading):
             y, H, _ = kalman.innovation(sensor, s.x[_pose_of(s)], place, reading)
             s = self._update(s, y, _widen(s, H), sensor.R)
         return s

@@ -27,7 +27,7 @@ from cooploc.estimators.compiled import readable
 from cooploc.estimators.interface import HEADER, Array, Belief, Mail, Mask, Rows, Senses, Traffic, World
 from cooploc.estimators.joint_gaussian import block_diagonal, definite, dense, square
 from cooploc.estimators.joint_kernels import RUNAWAY, Decoupled, TeamReading, master, sight_decoupled
-from cooploc.estimators.models import AnchorReading, fixed
+from cooploc.estimators.models import AnchorReading, fixed_readings
 from cooploc.estimators.tunable import tunable
 
 
@@ -86,7 +86,7 @@ class EkfInterim:
             sight_decoupled(Decoupled(s.x, s.P, s.Phi, s.Pi), seen, readable(air.heard), made)
             made = made * (s.world.robots > 1)
             sent = Traffic(made, made * (8.0 * (1 + 2 * (1 + 2 * d)) + HEADER))
-        for sensor, place, reading in () if seen else fixed(s.world, z, self.anchor_reading):
+        for sensor, place, reading in () if seen else fixed_readings(s.world, z, self.anchor_reading):
             for a in np.flatnonzero(~np.isnan(reading).all((0, 2))).tolist():
                 y, H, _ = kalman.innovation(sensor, s.x[:, a], place, reading[:, a])
                 used = self._master(s, a, y, {a: H}, sensor.R, air.heard[:, :, a])

@@ -53,7 +53,7 @@ from cooploc.estimators.models import (
     GradientDoa,
     Range,
     Sighting,
-    fixed,
+    fixed_readings,
     wrap_heading,
 )
 from cooploc.estimators.tunable import tunable
@@ -145,7 +145,7 @@ class EkfJoint:
             x, P, refused = s.x.copy(), square(s.P.copy()), s.refused.copy()
             sight_joint(x, P, refused, seen, FORGET)
             return _with(s, x, P)._replace(refused=refused)
-        for sensor, place, reading in fixed(s.world, z, self.anchor_reading):
+        for sensor, place, reading in fixed_readings(s.world, z, self.anchor_reading):
             if self.update == "batch":
                 s = self._update_by_fixed(s, sensor, place, reading)
             elif self.engine == "batched" and isinstance(sensor, GradientDoa):

@@ -25,7 +25,7 @@ import numpy as np
 
 from cooploc.estimators import joint_kernels, kalman
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, World
-from cooploc.estimators.models import AnchorReading, fixed, wrap_heading
+from cooploc.estimators.models import AnchorReading, fixed_readings, wrap_heading
 from cooploc.estimators.tunable import tunable
 
 
@@ -81,7 +81,7 @@ class EkfSplitCi:
             x, Pd, Pi = s.x.copy(), s.Pd.copy(), s.Pi.copy()
             joint_kernels.sight_split(x, Pd, Pi, seen)
             return s._replace(x=x, Pd=Pd, Pi=Pi)
-        for sensor, place, reading in fixed(s.world, z, self.anchor_reading):
+        for sensor, place, reading in fixed_readings(s.world, z, self.anchor_reading):
             y, H, _ = kalman.innovation(sensor, s.x, place, reading)
             nothing = np.zeros((*y.shape, y.shape[-1]))
             s, _ = self._update(s, y, H, nothing, sensor.R + nothing, own=True)

@@ -10,7 +10,7 @@ from typing import Any
 
 
 class BadInput(ValueError):
-    """A request or an input that is not valid; the message says what, where, and what to do."""
+    """A request or an input that is not valid; the message states the fact, the place and the remedy."""
 
 
 def nearest(name: str, known: list[str]) -> str:

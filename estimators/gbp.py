@@ -30,7 +30,7 @@ from cooploc.estimators.errors import require
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, Sensor, World
 from cooploc.estimators.kalman import linearise, symmetric
 from cooploc.estimators.kalman_window import READINGS, Window, append_tick, drop_oldest, empty, smooth, times
-from cooploc.estimators.models import RAW, AnchorReading, fixed, gradient_doa, wrap_heading
+from cooploc.estimators.models import RAW, AnchorReading, fixed_readings, gradient_doa, wrap_heading
 
 # Factors of readings between two robots, and the four messages that pass between such a factor and its two poses.
 #
@@ -189,7 +189,7 @@ def relax(s: State, iterations: int, anchor_reading: AnchorReading, huber: float
 def _fixed_information(s: State, anchor_reading: AnchorReading, huber: float) -> tuple[Array, Array]:
     """Return eta (r, l, d), Lambda (r, l, d, d) of readings of anchors and landmarks, about `at`."""
     eta, Lambda = np.zeros(s.at.shape), np.zeros((*s.at.shape, s.at.shape[-1]))
-    for sensor, place, reading in fixed(s.world, s.own.z, anchor_reading):
+    for sensor, place, reading in fixed_readings(s.world, s.own.z, anchor_reading):
         y, H, _ = sensor.innovation(s.at, place, reading[:, :, 0])
         y, R, (H,) = weigh(y, sensor.R, huber, H)
         W = H.mT @ np.linalg.inv(R)

@@ -35,7 +35,7 @@ from cooploc.estimators.joint_gaussian import (
     stack_readings,
 )
 from cooploc.estimators.joint_kernels import Readings
-from cooploc.estimators.models import AnchorReading, fixed, wrap_heading
+from cooploc.estimators.models import AnchorReading, fixed_readings, wrap_heading
 from cooploc.estimators.tunable import tunable
 
 
@@ -81,7 +81,7 @@ class IekfJoint:
         return s._replace(x=x, P=P.reshape(s.P.shape))
 
     def correct(self, s: State, z: Senses) -> State:
-        for sensor, place, reading in fixed(s.world, z, self.anchor_reading):
+        for sensor, place, reading in fixed_readings(s.world, z, self.anchor_reading):
             y, H, _ = kalman.innovation(sensor, s.x, place, reading)
             s = self._update_together(
                 s, readings_of(y[:, :, None], H[:, :, None], np.zeros_like(H)[:, :, None], sensor.R)

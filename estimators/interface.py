@@ -1,4 +1,4 @@
-"""A robot's tick: what an estimator knows in advance, what it senses, and what it receives over the air, as arrays.
+"""The arrays of a robot's tick (prior knowledge, senses, mail) and the protocols that estimators satisfy.
 
 One leading axis `r` holds (trial, robot) rows, trial-major, so an estimator is written once for one robot and runs for
 all of them. Robots meet only through mail, which the runner carries. An estimator is a frozen dataclass of parameters
@@ -31,14 +31,14 @@ Keys = NDArray[np.uint32]
 
 
 class Belief(NamedTuple):
-    """A Gaussian per row: what an estimator is given before tick 0, and what it returns after every tick."""
+    """A Gaussian per row: the prior before tick 0, and the estimate after every tick."""
 
     x: Array  # (r, d)     x [m], y [m], and heading [rad] where d = 3
     P: Array  # (r, d, d)  its covariance
 
 
 class Rows(NamedTuple):
-    """Who each row is. Identity and randomness come from here, never from a row's position."""
+    """The identity of each row. Identity and randomness come from here, never from a row's position."""
 
     trial: Indices  # (r,)
     robot: Indices  # (r,)  0 .. n-1
@@ -46,7 +46,7 @@ class Rows(NamedTuple):
 
 
 class Senses(NamedTuple):
-    """What the robots sensed in one tick."""
+    """The readings of all rows in one tick."""
 
     odometry: Array  # (r, k)     Displacement: dx, dy [m]; Unicycle: v [m/s], omega [rad/s]
     dt: Array  # (r,)       what the odometry covers [s]
@@ -57,7 +57,7 @@ class Senses(NamedTuple):
 
 
 class Mail(NamedTuple):
-    """What reached each row in one tick. Axis 1 is the sender; radio readings exist only where something was heard."""
+    """The packets that reached each row in one tick; axis 1 is the sender. Readings exist where something was heard."""
 
     heard: Mask  # (r, n)
     packets: Array  # (r, n, m)  nan where nothing was heard
@@ -66,14 +66,14 @@ class Mail(NamedTuple):
 
 
 class Traffic(NamedTuple):
-    """What each robot put on the air in one tick."""
+    """The messages and bytes that each robot sent in one tick."""
 
     messages: Array  # (trial, n)
     bytes: Array  # (trial, n)
 
 
 class Motion(Protocol):
-    """How odometry moves a state. Shapes broadcast: x (..., d), u (..., k), dt (...)."""
+    """A motion model: odometry moves a state. Shapes broadcast: x (..., d), u (..., k), dt (...)."""
 
     def move(self, x: Array, u: Array, dt: Array) -> tuple[Array, Array, Array]:
         """Return x', F = dx'/dx (..., d, d), Q (..., d, d)."""
@@ -97,7 +97,7 @@ class Motion(Protocol):
 
 
 class Sensor(Protocol):
-    """What a reading says about a state. x (..., d), a place q (..., 2), a reading z (..., k).
+    """A sensor model: the reading expected at a state. x (..., d), a place q (..., 2), a reading z (..., k).
 
     Those of `world.sensors` have `expect(x, q)` too, the mean reading (..., k), for filters that need no slopes.
     """
@@ -114,7 +114,7 @@ class Sensor(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """What the team knows in advance, the same for every estimator. Its models are assumed ones, not the truth."""
+    """The team's knowledge in advance, the same for every estimator. Its models are assumed ones, not the truth."""
 
     robots: int
     tick: float  # [s]
@@ -205,7 +205,7 @@ S = TypeVar("S")
 
 
 class Estimator(Protocol[S]):
-    """What one robot runs.
+    """An estimator that one robot runs.
 
     `uses` names the channels in order: Senses fields, `radio_rssi`, `radio_range`, or keys of `extra`. "a|b" takes
     the first that the stream has, "a?" is optional. The runner hides everything else, so the declaration is enforced.

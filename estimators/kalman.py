@@ -40,7 +40,7 @@ from cooploc.estimators.models import (
     Range,
     Sighting,
     Unicycle,
-    fixed,
+    fixed_readings,
     gradient_doa,
     inflate,
     wrap_heading,
@@ -318,7 +318,7 @@ def correct_ekf(p: Parameters, world: World, x: Array, P: Array, z: Senses) -> t
         d, x, P = x.shape[-1], x.copy(), P.copy()
         kalman_kernels.sight(x.reshape(-1, d), P.reshape(-1, d, d), *seen)
         return x, P
-    for sensor, place, reading in fixed(world, z, p.anchor_reading):
+    for sensor, place, reading in fixed_readings(world, z, p.anchor_reading):
         y, H, _ = innovation(sensor, x, place, reading)
         x, P = ENGINES[p.engine].update(x, P, y, H, sensor.R, p.gate)
     return x, P

@@ -194,7 +194,7 @@ class Orientation:
         return wrap(-x[..., 2:3])
 
     def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
-        """Of a thing that faces along the x axis, which a place `q` does not change: y = wrap(z + heading)."""
+        """y = wrap(z + heading) of a thing that faces along the x axis; `q` is not used."""
         H = np.zeros((*z.shape, x.shape[-1]))
         H[..., 2] = -1.0
         return wrap(z + x[..., 2:]), H, np.zeros((*z.shape, 2))
@@ -553,7 +553,7 @@ class GradientReading:
         return z - self.doa.expect(x), H, np.zeros((*H.shape[:-1], 2))
 
 
-def fixed(world: World, z: Senses, reading: AnchorReading) -> Iterator[tuple[Sensor, Array, Array]]:
+def fixed_readings(world: World, z: Senses, reading: AnchorReading) -> Iterator[tuple[Sensor, Array, Array]]:
     """Yield `world.fixed` with the four anchor readings turned into what `reading` names; "none": nothing."""
     if reading == "none":
         return

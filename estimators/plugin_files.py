@@ -82,7 +82,7 @@ def _import_file(path: Path) -> ModuleType:
         source = path.read_bytes()
     except OSError:
         raise BadInput(f"there is no file {path}; write path.py:Name") from None
-    digest, helpers = hashlib.sha256(str(path.resolve()).encode() + b"\0" + source), helpers_of(path)
+    digest, helpers = hashlib.sha256(str(path.resolve()).encode() + b"\0" + source), neighbours_of(path)
     for name, file in helpers:
         digest.update(name.encode() + b"\0" + file.read_bytes())
     name = f"_cooploc_{path.stem}_{digest.hexdigest()[:12]}"  # it hides no module, and pickle finds classes by it
@@ -145,7 +145,7 @@ def _module_name(name: str) -> str:
 # The files of a plug-in, found without importing them.
 
 
-def helpers_of(file: Path) -> list[Named]:
+def neighbours_of(file: Path) -> list[Named]:
     """Return the modules that a Python file imports from its own folder, and those that these import from there.
 
     Only `import` statements count, wherever they stand. `cooploc` is the one that runs, also in its own source folder.
@@ -163,7 +163,7 @@ def helpers_of(file: Path) -> list[Named]:
     return sorted(found.items())
 
 
-def of_module(module: str) -> list[Named]:
+def files_of_module(module: str) -> list[Named]:
     """Return the files of the package that an installed module is in, or its own."""
     path: str | None = None
     folders: list[str] = []

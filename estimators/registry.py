@@ -1,7 +1,7 @@
-"""How a name becomes an object: the built-in table first, then installed plug-ins; `path.py:Name` is always a file.
+"""Names of estimators and scenarios, and the objects behind them.
 
-Estimators and scenarios have one registry each. Here are, too, the labels that both are written by, and what an
-estimator may say of itself beyond its methods.
+A name is looked up in the built-in table first, then among installed plug-ins; `path.py:Name` is always a file. Here
+are, too, the labels in which names are written with parameters, and the optional members of an estimator.
 """
 
 import re

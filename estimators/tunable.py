@@ -1,4 +1,4 @@
-"""Which parameters of an estimator a user would tune, and between which values.
+"""Parameters that a user may tune, and the values between which.
 
     @dataclass(frozen=True)
     class Mine:

@@ -25,7 +25,7 @@ from cooploc.estimators.models import (
     GradientDoa,
     Sighting,
     WeightedDoa,
-    fixed,
+    fixed_readings,
     wrap,
     wrap_heading,
 )
@@ -87,7 +87,7 @@ class UkfJoint:
         return s._replace(x=wrap_heading(x), P=P)
 
     def correct(self, s: State, z: Senses) -> State:
-        for sensor, place, reading in fixed(s.world, z, self.anchor_reading):
+        for sensor, place, reading in fixed_readings(s.world, z, self.anchor_reading):
             for i in range(s.world.robots):
                 if isinstance(sensor, WeightedDoa):  # its variance is that of the mean: points would each have another
                     angle, R = sensor.at(s.x[:, i], reading[:, i])

@@ -58,7 +58,7 @@ Status = Literal["passed", "failed", "skipped"]
 
 
 class CheckFailed(Exception):
-    """What was tried and seen, in one sentence with its place; and a remedy where the check's own does not fit."""
+    """A fault: one sentence with its place, and a remedy where the check's own does not fit."""
 
     def __init__(self, found: str, remedy: str = "") -> None:
         super().__init__(found)
@@ -74,7 +74,7 @@ class CheckSkipped(Exception):
 
 @dataclass(frozen=True)
 class Result:
-    """What one check found."""
+    """The outcome of one check."""
 
     check: str
     status: Status
@@ -86,7 +86,7 @@ class Result:
 
 @dataclass(frozen=True, repr=False)
 class Report:
-    """What all checks found."""
+    """The outcomes of all checks."""
 
     name: str
     results: tuple[Result, ...]
@@ -244,7 +244,7 @@ def one_line(e: BaseException) -> str:
 
 
 class RunRecord(NamedTuple):
-    """What an estimator believed and sent in one run."""
+    """The beliefs and packets of one run."""
 
     trace: Trace
     packets: tuple[Array, ...]  # (t, n, ...) per tick, what send() returned; empty for a team estimator
@@ -449,11 +449,11 @@ def perturb_readings(
     for name, array in stream.arrays().items():
         if name != "air.link":
             where = robots[None] & (since == 0) if name.startswith("prior.") else ticks[None, :, None] & robots
-            changed[name] = np.where(_expand(where, array), _perturbed(name, array, mode, rng), array)
+            changed[name] = np.where(_expand(where, array), _perturb(name, array, mode, rng), array)
     return stream.with_arrays(changed)
 
 
-def _perturbed(name: str, array: Array, mode: Mode, rng: np.random.Generator) -> Array:
+def _perturb(name: str, array: Array, mode: Mode, rng: np.random.Generator) -> Array:
     """Return other readings: no negative distances and no angles beyond pi, as no sensor reads them."""
     if mode == "hidden" and name not in NEVER_HIDDEN:
         return np.full_like(array, np.nan)
@@ -485,7 +485,7 @@ def perturb_links(stream: Stream, mode: Mode, rng: np.random.Generator, since: i
 def perturb_dropped_radio(stream: Stream, mode: Mode, rng: np.random.Generator) -> Stream:
     """Perturb or hide the radio readings of packets that did not arrive."""
     names = [name for name in ("air.rssi", "air.range") if stream.arrays()[name].shape[-1]]
-    changed = {name: _perturbed(name, stream.arrays()[name], mode, rng) for name in names}
+    changed = {name: _perturb(name, stream.arrays()[name], mode, rng) for name in names}
     return stream.with_arrays({k: np.where(stream.air.link, stream.arrays()[k], a) for k, a in changed.items()})
 
 
@@ -852,19 +852,19 @@ def declaration(harness: Harness) -> str:
                 base, hide_channel(stream, channel), f"{channel}, which it does not declare, was hidden"
             )
     declared = {channel for stream in harness.streams for channel in harness.channels(stream)}
-    unused = declared - _used(harness, harness.cases, declared)
+    unused = declared - _find_used(harness, harness.cases, declared)
     if unused:
         longer = Harness(harness.name, harness.estimator, harness.seed, ticks=LONG)
         for change in (lambda stream: stream, make_first_certain):
             streams = [change(stream) for stream in longer.streams]
             cases = [(stream, longer.run(stream, "the stream was longer")) for stream in streams]
-            unused -= _used(longer, cases, unused)
+            unused -= _find_used(longer, cases, unused)
     if unused:
         raise CheckFailed(f"it declares {', '.join(sorted(unused))}, but that never changed an estimate or a packet")
     return f"each declared channel ({', '.join(sorted(declared))}) changed a result; messages and bytes add up"
 
 
-def _used(harness: Harness, cases: list[tuple[Stream, RunRecord]], channels: set[str]) -> set[str]:
+def _find_used(harness: Harness, cases: list[tuple[Stream, RunRecord]], channels: set[str]) -> set[str]:
     """Return those of these channels that change anything on some stream where they are perturbed, or hidden."""
     found: set[str] = set()
     for stream, base in cases:

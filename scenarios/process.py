@@ -1,7 +1,7 @@
 """Processes in which plug-ins and parallel jobs run: a crash, a hang or a full memory stays in them.
 
-`call` runs a function in a process and returns what it returned or raised; `within` limits the time of an estimator's
-trials, however it hangs. Processes are kept for the next call, which then begins at once. Each owner has its own.
+`call` runs a function in a process, and returns or raises as it does; `limit_time` ends an estimator's trials that hang.
+Processes are kept for the next call, which then begins at once. Each owner has its own.
 """
 
 import contextlib
@@ -226,7 +226,9 @@ def _source_times() -> Mapping[str, float]:
 
 
 @contextlib.contextmanager
-def within(seconds: float, trials: int = 1, ticks: int = 1, end_process: bool = False) -> Iterator[Callable[..., Any]]:
+def limit_time(
+    seconds: float, trials: int = 1, ticks: int = 1, end_process: bool = False
+) -> Iterator[Callable[..., Any]]:
     """Limit the time of a block; yields a watcher that makes every call of the estimator and looks at the clock.
 
     Trials that run together share their calls. So one call may take as long as one trial may, and all calls together as

@@ -30,7 +30,7 @@ from cooploc.estimators.adapters import drop_short
 from cooploc.estimators.errors import BadInput, first_reason, nearest
 from cooploc.estimators.interface import TEAM_PRIOR, Array, World
 from cooploc.estimators.registry import load_object
-from cooploc.scenarios import memory
+from cooploc.scenarios.memory import require_memory
 from cooploc.scenarios.stream import Stream, Truth
 
 
@@ -250,7 +250,7 @@ class ResolvedScenario:
         """
         numbers, seed = _trial_numbers(trials), _whole_number(seed, "seed")
         model = self._of(numbers)
-        memory.demand(self.label, self.robots, self.ticks, len(numbers), getattr(model, "at_once", None))
+        require_memory(self.label, self.robots, self.ticks, len(numbers), getattr(model, "at_once", None))
         world = self._assumed_world(model.world(), numbers) if self.assumed else model.world()
         return self.options.apply(*model.simulate(self.label, numbers, seed, world))
 

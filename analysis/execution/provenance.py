@@ -20,9 +20,9 @@ from cooploc.estimators.plugin_files import (
     Named,
     artifacts_of,
     distributions,
-    helpers_of,
+    files_of_module,
     is_file,
-    of_module,
+    neighbours_of,
     trained_on,
     tree,
 )
@@ -95,9 +95,9 @@ def _sources(
     for name, module in sorted(homes.items()):
         if is_file(name):
             path = Path(name.rpartition(":")[0])
-            found[name.rpartition(":")[0]] = [(path.name, path), *helpers_of(path)]
+            found[name.rpartition(":")[0]] = [(path.name, path), *neighbours_of(path)]
         elif module:
-            found[name] = of_module(module)
+            found[name] = files_of_module(module)
     return found
 
 
@@ -108,7 +108,7 @@ def training_of(name: str) -> str:
         path, _, attribute = name.rpartition(":")
         return trained_on([Path(path)], attribute)
     place = estimator_names.REGISTRY.place_of(name) if module else ""
-    return trained_on([path for _, path in of_module(module) if path.suffix == ".py"], place.partition(":")[2])
+    return trained_on([path for _, path in files_of_module(module) if path.suffix == ".py"], place.partition(":")[2])
 
 
 def source_hash(root: Path = ROOT) -> str:

@@ -51,9 +51,9 @@ from cooploc.scenarios.process import (
     cause_of,
     end,
     end_all,
+    limit_time,
     place_of,
     pool,
-    within,
 )
 from cooploc.scenarios.runner.run import PluginJob, Run, trace_in_process
 from cooploc.scenarios.runner.trace import Trace, trace, warm_up
@@ -115,7 +115,7 @@ def measure(task: Task) -> Iterator[MeasuredPart]:
             most = task.time_limit * len(task.trials) * (1 + len(task.estimators)) + GRACE
             yield from call(PLUGINS, measure_all, replace(task, isolate=False), seconds=most)
             return
-        with within(task.time_limit, len(task.trials)):
+        with limit_time(task.time_limit, len(task.trials)):
             truth, stream = task.scenario.simulate(task.trials, task.seed)
     except FAILS as e:
         if not plugin_world or isinstance(e, BadInput):
@@ -155,7 +155,7 @@ def _run_rows(task: Task, estimator: ConfiguredEstimator, truth: Truth, stream: 
 def _run(task: Task, estimator: ConfiguredEstimator, stream: Stream) -> Trace:
     if task.isolate and not estimator.builtin:
         return trace_in_process(PluginJob(estimator.label, estimator.label, task.time_limit, PLUGINS), [stream], None)
-    with within(task.time_limit, *stream.senses.dt.shape[:2]) as watch:
+    with limit_time(task.time_limit, *stream.senses.dt.shape[:2]) as watch:
         return trace(estimator.label, make(estimator), stream, watch)
 
 

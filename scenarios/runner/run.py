@@ -27,9 +27,9 @@ from cooploc.scenarios.process import (
     WorkerError,
     call,
     end,
+    limit_time,
     submit,
     wait_for,
-    within,
 )
 from cooploc.scenarios.runner.tick import EstimatorError
 from cooploc.scenarios.runner.trace import Trace, require_fit, trace, warm_up
@@ -339,12 +339,12 @@ def _with_name(one: PluginJob, work: Callable[[], T]) -> T:
 
 
 def _require_fit(one: PluginJob, stream: Stream) -> None:
-    with within(one.seconds, end_process=True):
+    with limit_time(one.seconds, end_process=True):
         require_fit(one.name, make_estimator(one.given, one.name), stream)
 
 
 def _trace_chunk(one: PluginJob, given: Seedless) -> Trace:
-    with within(one.seconds, end_process=True):
+    with limit_time(one.seconds, end_process=True):
         made = make_estimator(one.given, one.name)
         warm_up(one.name, made, given.stream)
     return _trace_within_limit(one.name, made, given, one.seconds)
@@ -354,7 +354,7 @@ def _trace_within_limit(name: str, made: Any, given: Seedless, seconds: float) -
     """A trace; trials that are late in company run again, each alone."""
     trials, ticks = given.stream.senses.dt.shape[:2]
     try:
-        with within(seconds, trials, ticks, end_process=True) as watch:
+        with limit_time(seconds, trials, ticks, end_process=True) as watch:
             return trace(name, made, given.stream, watch, rows=given.rows)
     except TimeLimit:
         if trials == 1:

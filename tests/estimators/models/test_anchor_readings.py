@@ -11,7 +11,7 @@ from cooploc.estimators.models import (
     GradientReading,
     LogDistance,
     WeightedDoa,
-    fixed,
+    fixed_readings,
     gradient_doa,
 )
 from cooploc.scenarios import simulate
@@ -89,7 +89,7 @@ def test_the_slopes_are_those_of_the_expected_gradient_and_direction(doa, share,
 def test_what_is_made_of_the_anchors_is_what_was_asked_for():
     _, stream = simulate("robots-1-3/n=1", trials=2, ticks=1)
     z = stream.senses._replace(**{name: getattr(stream.senses, name)[:, 0, 0] for name in stream.senses._fields[:-1]})
-    made = {r: list(fixed(stream.world, z, r)) for r in ("doa", "doa-constant", "gradient", "rssi")}
+    made = {r: list(fixed_readings(stream.world, z, r)) for r in ("doa", "doa-constant", "gradient", "rssi")}
     assert {r: [type(sensor) for sensor, _, _ in found] for r, found in made.items()} == {
         "doa": [WeightedDoa],
         "doa-constant": [GradientDoa],
@@ -98,8 +98,8 @@ def test_what_is_made_of_the_anchors_is_what_was_asked_for():
     }
     np.testing.assert_array_equal(made["gradient"][0][2], gradient_doa(stream.world).gradient(z.anchor_rssi))
     nothing = z._replace(anchor_rssi=np.full_like(z.anchor_rssi, np.nan))
-    assert not list(fixed(stream.world, z, "none"))
-    assert not [reading for r in made for reading in fixed(stream.world, nothing, r)]
+    assert not list(fixed_readings(stream.world, z, "none"))
+    assert not [reading for r in made for reading in fixed_readings(stream.world, nothing, r)]
 
 
 @pytest.mark.parametrize("anchor_reading", ["doa", "doa-constant", "gradient"])

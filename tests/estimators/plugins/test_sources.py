@@ -5,7 +5,7 @@ from importlib.metadata import version
 
 from cooploc.analysis.execution.provenance import files, imports
 from cooploc.estimators import configure
-from cooploc.estimators.plugin_files import helpers_of, of_module
+from cooploc.estimators.plugin_files import files_of_module, neighbours_of
 
 
 def write(folder, **texts):
@@ -20,7 +20,7 @@ def test_helpers_in_a_files_folder_are_found_and_those_of_helpers_too(tmp_path):
     write(tmp_path, unused="", json="")
     (tmp_path / "pack").mkdir()
     write(tmp_path / "pack", __init__="", deep="raise SystemExit")
-    found = [name for name, _ in helpers_of(tmp_path / "mine.py")]
+    found = [name for name, _ in neighbours_of(tmp_path / "mine.py")]
     assert found == ["one.py", "pack/__init__.py", "pack/deep.py", "two.py"]
 
 
@@ -38,9 +38,9 @@ def test_a_package_is_found_without_being_imported(tmp_path, monkeypatch):
     write(tmp_path / "spaced" / "inner", __init__="raise SystemExit", filter="raise SystemExit")
     write(tmp_path, lonely="raise SystemExit")
     monkeypatch.syspath_prepend(tmp_path)
-    assert [name for name, _ in of_module("spaced.inner.filter")] == ["inner/__init__.py", "inner/filter.py"]
-    assert [name for name, _ in of_module("lonely")] == ["lonely.py"]
-    assert of_module("nowhere.at.all") == []
+    assert [name for name, _ in files_of_module("spaced.inner.filter")] == ["inner/__init__.py", "inner/filter.py"]
+    assert [name for name, _ in files_of_module("lonely")] == ["lonely.py"]
+    assert files_of_module("nowhere.at.all") == []
     assert not {"spaced.inner", "lonely"} & set(sys.modules)
 
 

@@ -20,7 +20,7 @@ from cooploc.scenarios.process import (
     WorkerError,
     call,
     end,
-    within,
+    limit_time,
 )
 
 
@@ -60,7 +60,7 @@ def slept(monkeypatch):
         monkeypatch.setattr(process, "time", clock)
         monkeypatch.setattr(signal, "setitimer", clock.setitimer)
         try:
-            with within(0.2, trials, calls) as watch:
+            with limit_time(0.2, trials, calls) as watch:
                 for tick in range(calls):
                     watch("predict", tick, (seconds,), clock.sleep)
         except TimeLimit:
@@ -85,7 +85,7 @@ def test_one_that_is_slow_in_every_call_is_late_long_before_the_fiftieth_limit(s
 
 
 def test_what_catches_every_exception_does_not_catch_that_it_is_late():
-    with pytest.raises(TimeLimit), within(0.1), contextlib.suppress(Exception):
+    with pytest.raises(TimeLimit), limit_time(0.1), contextlib.suppress(Exception):
         time.sleep(60)
 
 
