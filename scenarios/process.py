@@ -1,6 +1,6 @@
 """Processes in which plug-ins and parallel jobs run: a crash, a hang or a full memory stays in them.
 
-`call` runs a function in a process, and returns or raises as it does; `limit_time` ends an estimator's trials that hang.
+`call` runs a function in a process, returning or raising as it does; `limit_time` ends an estimator's trial that hangs.
 Processes are kept for the next call, which then begins at once. Each owner has its own.
 """
 
