@@ -34,7 +34,7 @@ class Bag(NamedTuple):
     """An open bag, or what was recovered of one."""
 
     types: dict[str, str]  # topic -> message type
-    counts: dict[str, int]  # topic -> number of messages
+    counts: dict[str, int]  # topic -> number of messages that were recorded; empty where that is not known
     messages: Callable[[Collection[str]], Iterable[Message]]  # of these topics
     decode: Callable[[bytes, str], Any]  # content and type; raises where it is not a message of that type
 
@@ -92,12 +92,6 @@ def open_bag(path: Path) -> Iterator[Bag]:
                 yield connection.topic, time, raw
 
         yield Bag({c.topic: c.msgtype for c in reader.connections}, counts, messages, reader.deserialize)
-
-
-def write_ahead_log(file: Path) -> Path | None:
-    """Return SQLite's log of messages that are not in the file yet, as a recorder that was killed leaves it."""
-    log = file.with_name(f"{file.name}-wal")
-    return log if log.is_file() and log.stat().st_size else None
 
 
 class MessageKind(NamedTuple):

@@ -8,7 +8,7 @@ and y left, or a geometry_msgs/PoseArray in the camera's, z forward and x right,
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import product
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,7 +26,6 @@ from cooploc.scenarios.recordings.bag_storage import (
     open_bag,
     stamp_of,
     storage_files,
-    write_ahead_log,
 )
 from cooploc.scenarios.recordings.csv_files import read_places
 from cooploc.scenarios.recordings.schema import UNITS, TeamDescription
@@ -74,16 +73,21 @@ def read_content(path: Path, wanted: Collection[str] | None) -> Content:
 
 
 def _contents(bag: Path, wanted: Collection[str] | None) -> list[Content]:
-    """Read one bag as a whole, else file by file; a file without any message is a warning, if another has some."""
+    """Read one bag; of a damaged one what can be recovered, and a warning for each file without any message."""
     try:
-        return [_intact(bag, wanted)]
+        for log in bag.parent.glob(f"{bag.name}-wal") if bag.is_file() else bag.glob("*-wal"):
+            if log.stat().st_size:
+                raise BadInput(f"{log.name} has more, of a killed recorder; `sqlite3 {log.name[:-4]} vacuum` adds it")
+        with open_bag(bag) as whole:
+            return [_collect(whole, wanted)]
     except Exception as e:  # rosbags raises whatever its parsers raise on damaged files
-        reason = _one_line(e, bag)
+        reason = " ".join(f"{e}".split()).replace(f"{bag}/", "").replace(f"{bag.parent}/", "")[:200] or type(e).__name__
     found: list[Content] = []
     lost: list[BadInput] = []
     for file in storage_files(bag):
         try:
-            found.append(_of_file(file, wanted, reason, alone=not bag.is_dir()))
+            recovered, warning = recover(file, reason)
+            found += [_collect(recovered, wanted), Content({}, (warning,))]
         except BadInput as e:
             lost.append(e)
     if not found:
@@ -91,66 +95,30 @@ def _contents(bag: Path, wanted: Collection[str] | None) -> list[Content]:
     return [*found, Content({}, tuple(str(e) for e in lost))]
 
 
-def _of_file(file: Path, wanted: Collection[str] | None, reason: str, alone: bool) -> Content:
-    """Read one file: as a bag, if only the bag around it was damaged, else what can be recovered."""
-    if not alone:
-        try:
-            content = _intact(file, wanted)
-            return content._replace(warnings=(*content.warnings, f"{file} was read by itself ({reason})"))
-        except Exception as e:  # as above
-            reason = _one_line(e, file)
-    bag, warning = recover(file, reason)
-    content, _ = _collect(bag, wanted)
-    return content._replace(warnings=(warning, *content.warnings))
-
-
-def _intact(path: Path, wanted: Collection[str] | None) -> Content:
-    """Read a bag by rosbags, which does not look into the log of a killed recorder."""
-    for file in storage_files(path):
-        if log := write_ahead_log(file):
-            raise BadInput(f"{log.name} holds messages of a recorder that did not end in order")
-    with open_bag(path) as bag:
-        content, unreadable = _collect(bag, wanted)
-    for name in _topics_to_read(bag, wanted):
-        there = len(content.topics[name].received) + unreadable.get(name, 0)
-        if there < bag.counts[name]:
-            raise BadInput(f"{name} has {there} messages where {bag.counts[name]} were recorded")
-    return content
-
-
-def _topics_to_read(bag: Bag, wanted: Collection[str] | None) -> list[str]:
-    """Return all topics, or those that are wanted and of a type that is read."""
-    return [name for name, kind in bag.types.items() if wanted is None or (name in wanted and kind in KINDS)]
-
-
-def _collect(bag: Bag, wanted: Collection[str] | None) -> tuple[Content, dict[str, int]]:
-    """Return the messages of a bag, and how many of a topic cannot be read."""
+def _collect(bag: Bag, wanted: Collection[str] | None) -> Content:
+    """Return the messages of a bag: of all topics, or those that are wanted and of a type that is read."""
     topics = {name: Topic(kind, [], [], []) for name, kind in bag.types.items()}
-    unreadable: dict[str, int] = {}
-    for name, time, raw in bag.messages(_topics_to_read(bag, wanted)):
+    names = [name for name, kind in bag.types.items() if wanted is None or (name in wanted and kind in KINDS)]
+    unreadable = dict.fromkeys(names, 0)
+    for name, time, raw in bag.messages(names):
         topic = topics[name]
         try:
-            _add(topic, time, bag.decode(raw, topic.type) if wanted is not None else None)
+            if not 0 <= time < LATEST:
+                raise ValueError
+            if wanted is not None:
+                message = bag.decode(raw, topic.type)
+                stamp, rows = stamp_of(message), KINDS[topic.type].rows(message)
+                topic.stamps.append(stamp)
+                topic.rows.append(rows)
+            topic.received.append(time)
         except Exception:  # whatever rosbags raises on a damaged message, or one of a type it does not know
-            unreadable[name] = unreadable.get(name, 0) + 1
-    told = (f"{name}: {n} messages cannot be read; they are left out" for name, n in unreadable.items())
-    return Content(topics, tuple(told)), unreadable
-
-
-def _add(topic: Topic, time: int, message: Any) -> None:
-    if not 0 <= time < LATEST:
-        raise ValueError
-    if message is not None:
-        stamp, rows = stamp_of(message), KINDS[topic.type].rows(message)
-        topic.stamps.append(stamp)
-        topic.rows.append(rows)
-    topic.received.append(time)
-
-
-def _one_line(e: Exception, bag: Path) -> str:
-    """Return an error of rosbags without the directory, which is named beside it."""
-    said = " ".join(f"{e}".split()).replace(f"{bag}/", "").replace(f"{bag.parent}/", "")
-    return said[:200] or type(e).__name__
+            unreadable[name] += 1
+    for name in names:
+        there, recorded = len(topics[name].received) + unreadable[name], bag.counts.get(name, 0)
+        if there < recorded:
+            raise BadInput(f"{name} has {there} messages where {recorded} were recorded")
+    left_out = (f"{name}: {n} messages cannot be read; they are left out" for name, n in unreadable.items() if n)
+    return Content(topics, tuple(left_out))
 
 
 # ---- Topics as series of numbers

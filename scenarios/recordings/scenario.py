@@ -28,7 +28,7 @@ from cooploc.scenarios.recordings.fit import How, Leftover, Part, TeamModels, le
 from cooploc.scenarios.recordings.prior import prior
 from cooploc.scenarios.recordings.sampling import Gaps, Grid, grid_of_lines, resample_readings
 from cooploc.scenarios.recordings.schema import NAME, TeamDescription
-from cooploc.scenarios.recordings.team_log import TeamLog, with_known_places
+from cooploc.scenarios.recordings.team_log import TeamLog
 from cooploc.scenarios.stream import Stream, Truth
 from cooploc.scenarios.worlds.radio import Positive
 
@@ -89,8 +89,7 @@ class TeamFolder:
         if name not in self.places:
             raise BadInput(f"{self.data}: there is no run {name!r}; {nearest(name, [ALL, *self.places])}")
         if name not in self._logs:
-            log = self._reader.read(self.data, self.places[name], name, self.description)
-            self._logs[name] = with_known_places(log)
+            self._logs[name] = self._reader.read(self.data, self.places[name], name, self.description)
         return self._logs[name]
 
     @cached_property

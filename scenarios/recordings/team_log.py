@@ -61,7 +61,7 @@ class Places(NamedTuple):
     """Fixed things with names."""
 
     names: tuple[str, ...]
-    positions: Array  # (p, 2)  nan where not known [m]
+    positions: Array  # (p, 2) [m]
 
 
 class TeamLog(NamedTuple):
@@ -90,30 +90,6 @@ def other_names(log: TeamLog, channel: Channel) -> tuple[str, ...]:
     """Return the names of the things that a channel can be a reading of."""
     fixed = fixed_places(log, channel)
     return log.robots if fixed is None else fixed.names
-
-
-def with_known_places(log: TeamLog) -> TeamLog:
-    """Return the log without fixed things whose place is not known, which no estimator can use."""
-    for what in ("landmarks", "anchors"):
-        places: Places = getattr(log, what)
-        there: Mask = np.asarray(np.isfinite(places.positions).all(-1))
-        if there.all():
-            continue
-        lost = [name for name, known in zip(places.names, there, strict=True) if not known]
-        number = np.where(there, np.cumsum(there) - 1, -1)
-        readings = dict(log.readings)
-        for channel, r in log.readings.items():
-            if fixed_places(log, channel) is places:
-                kept = there[r.other]
-                readings[channel] = r._replace(
-                    time=r.time[kept], robot=r.robot[kept], other=number[r.other][kept], values=r.values[kept]
-                )
-        known = Places(tuple(name for name in places.names if name not in lost), places.positions[there])
-        note = f"the places of {', '.join(lost)} are not known; their readings were left out"
-        readings = {channel: r for channel, r in readings.items() if len(r.time)}
-        log = log._replace(readings=readings, warnings=(*log.warnings, note))
-        log = log._replace(landmarks=known) if what == "landmarks" else log._replace(anchors=known)
-    return log
 
 
 # ---- True poses as a description declares them: in another frame, and without positions that cannot be
@@ -157,27 +133,29 @@ def unreachable(time: Array, positions: Array, speed: float) -> Mask:
 # ---- A series of one robot, put into order
 
 
-def in_order(time: Array, values: Array, source: str) -> tuple[Series, list[str]]:
+def in_order(time: Array, values: Array, source: str, last: bool = False) -> tuple[Series, list[str]]:
     """Return a series whose stamps rise, and what was left out or sorted, a sentence each.
 
     Args:
         time: (m,) [s] as recorded; `text_files.time_order` says what becomes of stamps that step back.
         values: (m, k); of the first two columns both must be there, a nan elsewhere is kept.
         source: file or topic.
+        last: whether the last of several lines with one stamp stays, as of commands, instead of the first.
 
     """
     stamped, there = np.isfinite(time), np.isfinite(values[:, :2]).all(-1)
     good = np.flatnonzero(stamped & there)
     order, notes = time_order(time[good])
     time, values = time[good][order], values[good][order]
-    first = np.append(True, np.diff(time) > 0)[: len(time)]
+    rises = np.diff(time) > 0
+    kept = (np.append(rises, True) if last else np.append(True, rises))[: len(time)]
     reasons = {
         "without a stamp": int((~stamped).sum()),
         "without a number": int((stamped & ~there).sum()),
-        "whose stamp was given before": int((~first).sum()),
+        "whose stamp was given before": int((~kept).sum()),
     }
     left_out = [f"{source}: left out {count_of(n, 'line')} {why}" for why, n in reasons.items() if n]
-    return Series(time[first], values[first], source), [*left_out, *(f"{source}: {note}" for note in notes)]
+    return Series(time[kept], values[kept], source), [*left_out, *(f"{source}: {note}" for note in notes)]
 
 
 # ---- A team's log, put together from what a reader found

@@ -140,15 +140,6 @@ def _fault(line: int, words: Sequence[str], columns: Sequence[str]) -> Fault | N
     return None
 
 
-def sort_by_time(table: Table) -> tuple[Table, int]:
-    """Return the table by rising stamps (column 0) [s], and how often they stepped back."""
-    stamps = table.values[:, 0]
-    order, notes = time_order(stamps)
-    notes = tuple(f"{table.path}: {note}" for note in notes if "left out" in note)
-    sorted_ = Table(table.path, table.values[order], table.line[order], notes=(*table.notes, *notes))
-    return sorted_, int((np.diff(stamps) < 0).sum())
-
-
 def time_order(stamps: Array) -> tuple[Indices, tuple[str, ...]]:
     """Return the rows by rising stamps (m,) [s], and sentences of what was done; equal stamps stay as they are.
 
