@@ -14,12 +14,6 @@ from cooploc.scenarios.recordings.schema import LogColumn, ReadingColumns, Sourc
 from cooploc.scenarios.recordings.team_log import Measured, Places, Series, TeamLog, build_log, in_order, reading_tables
 from cooploc.scenarios.recordings.text_files import count_of, read_lines
 
-VALUES: Mapping[type[ReadingColumns], tuple[str, ...]] = {
-    schema.Ranges: ("range",),
-    schema.Rssi: ("rssi",),
-    schema.Sightings: ("range", "bearing"),
-}
-
 
 def runs(data: Path, description: TeamDescription) -> dict[str, Path]:
     """Return the runs in a directory: itself, if its files are there, else each directory in it that has them.
@@ -173,7 +167,7 @@ def _by_robot(run: Run, table: Source, columns: Sequence[LogColumn | None]) -> M
 
 def _measurements(run: Run, table: ReadingColumns, names: Sequence[str]) -> Iterator[Measured]:
     each: Mapping[str, LogColumn] = getattr(table, "each", {})  # the column of each thing that is measured
-    columns = list(each.values()) or [getattr(table, name) for name in VALUES[type(table)]]
+    columns = list(each.values()) or [getattr(table, name) for name in table.columns]
     for rows in rows_of(run, table, columns, names):
         stamped = np.isfinite(rows.time)
         if not stamped.all():

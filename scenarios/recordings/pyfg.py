@@ -16,18 +16,27 @@ Source: A. Papalia et al., PyFactorGraph, https://github.com/MarineRoboticsGroup
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
 from cooploc.estimators.errors import BadInput
-from cooploc.estimators.interface import Array
 from cooploc.estimators.models import wrap
 from cooploc.scenarios.recordings.schema import TeamDescription
-from cooploc.scenarios.recordings.team_log import Channel, Places, Readings, Series, TeamLog, in_order
+from cooploc.scenarios.recordings.team_log import (
+    Channel,
+    Kind,
+    Measured,
+    Places,
+    Readings,
+    Series,
+    TeamLog,
+    in_order,
+    split_channels,
+)
 from cooploc.scenarios.recordings.text_files import LARGEST, Fault, leave_out, parse_number, read_text
 
 POSE_NAME = re.compile(r"([A-Za-z]+)(\d{1,9})")
@@ -183,35 +192,24 @@ def read_pyfg(path: Path) -> TeamLog:
     """
     graph = read_graph(path)
     chains = _chains(graph)
-    robots = {robot: i for i, robot in enumerate(chains)}
-    whose = {name: robots[pose.robot] for name, pose in graph.poses.items()}
     following = {pair for chain in chains.values() for pair in pairwise(chain)}
     steps = {(e.first, e.second): e.values for e in graph.relative if (e.first, e.second) in following}
-    apart = [e for e in graph.relative if (e.first, e.second) not in following]
-    of_mates = [e for e in graph.ranges if e.second in whose]
-    of_anchors = [e for e in graph.ranges if e.second not in whose]
-    anchors, landmarks = _number_names(of_anchors), _number_names(graph.seen)
-    readings: dict[Channel, Readings] = {
-        "range": _readings(graph, of_mates, whose, whose),
-        "sighting": _readings(graph, [_polar(e) for e in apart], whose, whose),
-        "anchor_range": _readings(graph, of_anchors, whose, anchors),
-        "landmark": _readings(graph, [_polar(e) for e in graph.seen], whose, landmarks),
-    }
-    return TeamLog(
-        path.stem,
-        tuple(robots),
-        "pose",
-        tuple(_odometry(graph, chain, steps) for chain in chains.values()),
-        tuple(_truth(graph, chain) for chain in chains.values()),
-        {channel: found for channel, found in readings.items() if len(found.time)},
-        _places(graph, landmarks),
-        _places(graph, anchors),
-        tuple(graph.warnings),
-    )
+    sightings = [e for e in graph.relative if (e.first, e.second) not in following]
+    anchors = _places(graph, {e.second for e in graph.ranges if e.second in graph.places})
+    landmarks = _places(graph, {e.second for e in graph.seen})
+    odometry = tuple(_odometry(graph, chain, steps) for chain in chains.values())
+    truth = tuple(_series(graph, chain, [graph.poses[name].pose for name in chain]) for chain in chains.values())
+    robots, readings = tuple(chains), dict[Channel, Readings]()
+    polar = _measured(graph, [*map(_polar, sightings), *map(_polar, graph.seen)])
+    for kind, measured, places in (("range", _measured(graph, graph.ranges), anchors), ("sighting", polar, landmarks)):
+        channels, notes = split_channels(cast(Kind, kind), [measured], robots, places.names)
+        readings |= channels
+        graph.warnings.extend(notes)
+    return TeamLog(path.stem, robots, "pose", odometry, truth, readings, landmarks, anchors, tuple(graph.warnings))
 
 
 def _chains(graph: Graph) -> Mapping[str, Chain]:
-    """Return the poses of each robot, robots by name, poses by number.
+    """Return the poses of each robot that has odometry, robots by name, poses by number.
 
     Raises:
         BadInput: there are none.
@@ -226,13 +224,8 @@ def _chains(graph: Graph) -> Mapping[str, Chain]:
     still = [robot for robot, chain in chains.items() if steps.isdisjoint(pairwise(chain))]
     if len(still) == len(chains):
         raise BadInput(f"{graph.path}: no robot has odometry; add a line EDGE_SE2 from each pose to the next")
-    for robot in still:
-        graph.warnings.append(f"{graph.path}: robot {robot} has no odometry (EDGE_SE2); it was left out")
-        for name in chains.pop(robot):
-            del graph.poses[name]
-    if still:
-        _drop_loose_edges(graph)
-    return chains
+    graph.warnings.extend(f"{graph.path}: robot {robot} has no odometry (EDGE_SE2); it was left out" for robot in still)
+    return {robot: chain for robot, chain in chains.items() if robot not in still}
 
 
 def _odometry(graph: Graph, chain: Chain, steps: Mapping[tuple[str, str], Sequence[float]]) -> Series:
@@ -242,8 +235,8 @@ def _odometry(graph: Graph, chain: Chain, steps: Mapping[tuple[str, str], Sequen
     stretch = chain[begin + 1 : end + 1]
     if missing:
         robot = graph.poses[chain[0]].robot
-        said = f"lacks {len(missing)} steps of odometry; it is read from {stretch[0]} to {stretch[-1]}"
-        graph.warnings.append(f"{graph.path}: robot {robot} {said}")
+        lack = f"lacks {len(missing)} steps of odometry; it is read from {stretch[0]} to {stretch[-1]}"
+        graph.warnings.append(f"{graph.path}: robot {robot} {lack}")
     x, y, heading = 0.0, 0.0, 0.0
     rows = [(x, y, heading)]
     for pair in pairwise(stretch):
@@ -251,53 +244,32 @@ def _odometry(graph: Graph, chain: Chain, steps: Mapping[tuple[str, str], Sequen
         c, s = np.cos(heading), np.sin(heading)
         x, y, heading = x + c * dx - s * dy, y + s * dx + c * dy, heading + turn
         rows.append((x, y, heading))
-    values = np.array(rows)
+    return _series(graph, stretch, rows)
+
+
+def _series(graph: Graph, chain: Chain, rows: Sequence[Sequence[float]]) -> Series:
+    """Return a robot's poses (m, 3) with stamps that rise; of repeated stamps the first pose is kept."""
+    values = np.array(rows, float)
     values[:, 2] = wrap(values[:, 2])
-    return _in_order(graph, stretch, values, "EDGE_SE2")
-
-
-def _truth(graph: Graph, chain: Chain) -> Series:
-    poses = np.array([graph.poses[name].pose for name in chain])
-    poses[:, 2] = wrap(poses[:, 2])
-    return _in_order(graph, chain, poses, "VERTEX_SE2")
-
-
-def _in_order(graph: Graph, chain: Chain, values: Array, tag: str) -> Series:
-    """Return a robot's values (m, 3) at poses whose times rise; of repeated times the first pose is kept."""
     time = np.array([graph.poses[name].time for name in chain])
-    series, notes = in_order(time, values, f"{graph.path}, {tag} of robot {graph.poses[chain[0]].robot}")
+    series, notes = in_order(time, values, f"{graph.path}, robot {graph.poses[chain[0]].robot}")
     graph.warnings.extend(notes)
-    return series._replace(source=f"{graph.path}, {tag}")
+    return series
 
 
-def _readings(graph: Graph, edges: Sequence[Edge], robots: Mapping[str, int], others: Mapping[str, int]) -> Readings:
-    """Measurements by rising time; without those of a robot by itself, and ranges that are not positive."""
-    apart = [e for e in edges if robots is not others or robots[e.first] != others[e.second]]
-    good = [e for e in apart if e.values[0] > 0]
-    if len(apart) < len(edges):
-        said = "measurements between poses of one robot (loop closures), which are not read, were left out"
-        graph.warnings.append(f"{graph.path}: {len(edges) - len(apart)} {said}")
-    if len(good) < len(apart):
-        graph.warnings.append(f"{graph.path}: {len(apart) - len(good)} ranges that are not positive were left out")
-    good.sort(key=lambda e: graph.poses[e.first].time)
-    return Readings(
-        np.array([graph.poses[e.first].time for e in good]),
-        np.array([robots[e.first] for e in good], np.int64),
-        np.array([others[e.second] for e in good], np.int64),
-        np.array([e.values for e in good], float).reshape(len(good), len(edges[0].values) if edges else 1),
-        str(graph.path),
-    )
+def _measured(graph: Graph, edges: Sequence[Edge]) -> Measured:
+    """Return measurements at the time of the first pose that they name."""
+    first = [graph.poses[e.first] for e in edges]
+    other = [graph.poses[e.second].robot if e.second in graph.poses else e.second for e in edges]
+    values = np.array([e.values for e in edges], float).reshape(len(edges), -1)
+    return Measured(np.array([p.time for p in first]), [p.robot for p in first], other, values, str(graph.path))
 
 
 def _polar(edge: Edge) -> Edge:
-    """Range and bearing of a place or pose in the frame of a robot."""
+    """Return range and bearing of a place or pose in the frame of a robot."""
     x, y = edge.values[:2]
     return edge._replace(values=(float(np.hypot(x, y)), float(np.arctan2(y, x))))
 
 
-def _number_names(edges: Sequence[Edge]) -> dict[str, int]:
-    return {name: i for i, name in enumerate(sorted({e.second for e in edges}))}
-
-
-def _places(graph: Graph, names: Mapping[str, int]) -> Places:
-    return Places(tuple(names), np.array([graph.places[name] for name in names], float).reshape(-1, 2))
+def _places(graph: Graph, names: Collection[str]) -> Places:
+    return Places(tuple(sorted(names)), np.array([graph.places[name] for name in sorted(names)], float).reshape(-1, 2))

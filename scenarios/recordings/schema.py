@@ -42,7 +42,7 @@ import tomllib
 from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self, get_args
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
@@ -129,6 +129,7 @@ TimeColumns = Annotated[tuple[Seconds, ...], Field(min_length=1), Several]
 class Source(Strict):
     """A source of numbers: CSV files, or topics of a bag. `{robot}` and `{other}` in them stand for names."""
 
+    columns: ClassVar[tuple[str, ...]] = ()  # that CSV files have, unless there is one for `each`
     file: str | None = None  # CSV, relative to the run: "odom_{robot}.csv", one for all, or "{run}.csv" of one robot
     topic: str | None = None  # of a bag: "/{robot}/odom"
     topics: Mapping[Name, str] = {}  # of a bag: robots whose topic has another name
@@ -145,6 +146,10 @@ class Source(Strict):
         named = self.file is not None and ("{robot}" in self.file or "{run}" in self.file)
         if self.file is not None and named == (self.robot is not None):
             raise ValueError('whose lines are they: file = "..._{robot}.csv", or robot = "the column of names"')
+        each, stated = getattr(self, "each", {}), [name for name in self.columns if getattr(self, name) is not None]
+        if self.file is not None and (stated if each else len(stated) < len(self.columns)):
+            or_each = ', or one for each robot or anchor: each = { name = "..." }' if hasattr(self, "each") else ""
+            raise ValueError(f"name the columns {' and '.join(self.columns)}{or_each}")
         return self
 
     @property
@@ -193,18 +198,13 @@ COLUMNS: Mapping[str, tuple[str, ...]] = {  # of odometry, in the order of `team
 class GroundTruth(Source):
     """The true poses, on a clock of their own."""
 
+    columns = ("x", "y")
     x: Metres | None = None
     y: Metres | None = None
     heading: Angle | None = None  # counter-clockwise from x
     frame: Literal["as recorded", "mirrored", "swapped"] = "as recorded"  # mirrored: y downwards; swapped: x is y
     repeats: Literal["stale", "still"] = "still"  # meaning of a position that equals the one before exactly
     max_speed: Positive | None = None  # [m/s] a position that cannot be reached from the last valid one is left out
-
-    @model_validator(mode="after")
-    def _has_its_columns(self) -> Self:
-        if self.in_files and (self.x is None or self.y is None):
-            raise ValueError("x and y are missing; name their columns")
-        return self
 
 
 class ReadingColumns(Source):
@@ -217,48 +217,35 @@ class ReadingColumns(Source):
         named = self.other is not None or "{other}" in (self.file or "") or bool(getattr(self, "each", None))
         if self.in_files and not named:
             raise ValueError('what was measured: other = "the column of names", or {other} in the name of the file')
+        if self.other is not None and getattr(self, "each", None):
+            raise ValueError("each and other exclude each other; remove one")
         return self
 
 
 class Ranges(ReadingColumns):
     """Ranges by radio, to teammates or anchors."""
 
+    columns = ("range",)
     range: Metres | None = None
     each: Mapping[Name, Metres] = {}  # instead of `other` and `range`: the column of each robot or anchor
-    unit: str = "m"  # of a bag's values
-
-    @model_validator(mode="after")
-    def _has_its_columns(self) -> Self:
-        _one_of(self, "range")
-        if self.unit not in UNITS["m"]:
-            raise ValueError(f"unit {self.unit!r} is not one of {', '.join(UNITS['m'])}")
-        return self
+    unit: Literal["m", "cm", "mm"] = "m"  # of a bag's values
 
 
 class Rssi(ReadingColumns):
     """Received signal strength, of teammates or anchors."""
 
+    columns = ("rssi",)
     rssi: Power | None = None
     each: Mapping[Name, Power] = {}  # instead of `other` and `rssi`: the column of each robot or anchor
     missing_from: float = 0.0  # [dBm] a reading of this or more is missing
-
-    @model_validator(mode="after")
-    def _has_its_columns(self) -> Self:
-        _one_of(self, "rssi")
-        return self
 
 
 class Sightings(ReadingColumns):
     """Range and bearing (from straight ahead, counter-clockwise) of teammates or landmarks, as a camera sees them."""
 
+    columns = ("range", "bearing")
     range: Metres | None = None
     bearing: Angle | None = None
-
-    @model_validator(mode="after")
-    def _has_its_columns(self) -> Self:
-        if self.in_files and (self.range is None or self.bearing is None):
-            raise ValueError("range and bearing are missing; name their columns")
-        return self
 
 
 class PlacesTable(Strict):
@@ -279,17 +266,6 @@ class PlacesTable(Strict):
         if not self.places and self.file is None:
             raise ValueError("there are no places; give places = { name = [x, y] }, or a file")
         return self
-
-
-def _one_of(table: Ranges | Rssi, value: str) -> None:
-    """Either `other` and the value's column, or `each`."""
-    each, named = bool(table.each), getattr(table, value) is not None
-    if table.in_files and each == named:
-        raise ValueError(
-            f'name the column: {value} = "...", or one for each robot or anchor: each = {{ name = "..." }}'
-        )
-    if each and table.other is not None:
-        raise ValueError("each and other exclude each other; remove one")
 
 
 # ---- The description of a team's recordings
@@ -435,16 +411,11 @@ class TeamDescription(Strict):
 # ---- Reading a description; an error is one line that names line, key and remedy
 
 
-def tables_of(root: type[BaseModel]) -> dict[str, type[BaseModel]]:
-    """Return the models of the tables of a description, by name."""
-    return {name: model for name, field in root.model_fields.items() if (model := _model_in(field.annotation))}
-
-
-def _model_in(annotation: Any) -> type[BaseModel] | None:
-    """Return the model in an annotation such as `Prior`, `Places | None` or `tuple[Ranges, ...]`."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
-    return next((model for inner in get_args(annotation) if (model := _model_in(inner))), None)
+TABLES: Mapping[str, type[Strict]] = {
+    **{"odometry": Odometry, "truth": GroundTruth, "ranges": Ranges, "rssi": Rssi, "sightings": Sightings},
+    **{"anchors": PlacesTable, "landmarks": PlacesTable},
+    **{"sample": Sample, "prior": Prior, "fit": Fit, "model": Model},
+}
 
 
 def load(path: Path) -> TeamDescription:
@@ -484,16 +455,15 @@ def parse(path: Path, text: str) -> TeamDescription:
 
 def _reason(text: str, e: ValidationError) -> str:
     """Return line, key and remedy of an error; an unknown key comes first, as it explains one that is missing."""
-    tables = tables_of(TeamDescription)
     first = min(e.errors(), key=lambda error: error["type"] != "extra_forbidden")
     path = [str(part) for part in first["loc"] if str(part).isidentifier() or isinstance(part, int)]
-    table, key = path[:2] if len(path) > 1 and path[0] in tables else ["", *path, ""][:2]
-    if key.isdigit() and len(path) > 2 and table in tables:  # one of several tables of a name
+    table, key = path[:2] if len(path) > 1 and path[0] in TABLES else ["", *path, ""][:2]
+    if key.isdigit() and len(path) > 2 and table in TABLES:  # one of several tables of a name
         path = [table, *path[2:]]
         key = path[1]
     line = _line(text, table, key)
     if first["type"] == "extra_forbidden":
-        known = list((tables[table] if table else TeamDescription).model_fields)
+        known = list((TABLES[table] if table else TeamDescription).model_fields)
         return f"{line}: there is no key {key!r}{f' in [{table}]' if table else ''}; {nearest(key, known)}"
     hint = f"; {EXAMPLE}" if first["type"] == "missing" else ""
     return f"{line}: {'.'.join(path)}{': ' if path else ''}{plain_words(first)}{hint}"

@@ -46,7 +46,7 @@ IN_TOML = [
     ("[truth]", "[truth]\nclock_offset = 500.0", "share no time: state clock_offset"),
     ("[truth]", '[truth]\nframe = "upside down"', "truth.frame"),
     ("[truth]", "[truth]\nmax_speed = -1", "truth.max_speed"),
-    ('x = "x"', "", "x and y are missing"),
+    ('x = "x"', "", "name the columns x and y"),
     ('file = "mocap_{robot}.csv"', 'file = "mokap_{robot}.csv"', "mokap_red.csv: there is no such file"),
     ('heading = "yaw"', "", "has no true heading"),
     ('other = "to"', "", "what was measured"),

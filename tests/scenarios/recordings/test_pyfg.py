@@ -60,7 +60,7 @@ def test_edges_are_readings_of_mates_anchors_and_landmarks(tmp_path):
 
 def test_a_loop_closure_is_left_out_and_told(tmp_path):
     (warning,) = read_pyfg(written(tmp_path)).warnings
-    assert "1 measurements between poses of one robot" in warning
+    assert "1 readings of 'A' by itself, were left out" in warning
 
 
 def test_of_odometry_with_a_missing_step_the_longest_stretch_is_read(tmp_path):
