@@ -43,14 +43,8 @@ def sample(kept: StoredRun) -> list[dict[str, Any]]:
         trials = np.unique(part["trial"])
         drawn = np.random.default_rng(list(hashlib.sha256(str(scenario).encode()).digest())).permutation(trials)[:EACH]
         for (estimator, _), rows in part[part["trial"].isin(drawn)].groupby(["estimator", "trial"], sort=False):
-            out.append(
-                {
-                    "scenario": scenario,
-                    "estimator": estimator,
-                    "trial": int(rows["trial"].iloc[0]),
-                    **_fingerprint(rows),
-                }
-            )
+            named = {"scenario": scenario, "estimator": estimator, "trial": int(rows["trial"].iloc[0])}
+            out.append({**named, **_fingerprint(rows)})
     return out
 
 
@@ -62,22 +56,17 @@ def load(path: Path) -> dict[str, Any]:
 
     """
     if (path / PARTS).is_dir():
-        kept = read_run(path)
-        return {"manifest": kept.manifest, "sample": sample(kept)}
+        return embedded(read_run(path))
     file = path / PAGE if path.is_dir() else path
     try:
-        page = file.read_text(encoding="utf-8") if file.is_file() else None
+        page = file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):
-        page = None
-    if page is None:
-        raise BadInput(f"{file} cannot be read: name a run's directory, a report's, or its page")
+        raise BadInput(f"{file} cannot be read: name a run's directory, a report's, or its page") from None
     found = re.search(r'<script type="application/json" id="manifest">(.*?)</script>', page, re.DOTALL)
-    again = "make the report again with cooploc report"
-    if not found:
-        raise BadInput(f"{file} embeds no manifest: {again}")
-    content = parse_json(found[1], f"what {file} embeds")
+    content = parse_json(found[1], f"what {file} embeds") if found else {}
     if not content.get("sample"):
-        raise BadInput(f"{file} embeds no trials: {again}")
+        what = "trials" if found else "manifest"
+        raise BadInput(f"{file} embeds no {what}: make the report again with cooploc report")
     return content
 
 
@@ -102,11 +91,10 @@ def rerun(embedded: dict[str, Any], trials: int, data: Path | None = None, trust
         )
     for label in {one["estimator"] for wanted in drawn.values() for one in wanted}:
         make(label)  # an unknown name is bad input, not a failed trial
+    limit, seed = float(embedded["manifest"]["study"].get("time_limit", 600.0)), int(embedded["manifest"]["seed"])
     out = []
     for (scenario, trial), wanted in drawn.items():
-        limit = float(embedded["manifest"]["study"].get("time_limit", 600.0))
         names = tuple(configure(one["estimator"]) for one in wanted)
-        seed = int(embedded["manifest"]["seed"])
         task = Task(resolve(scenario, data), range(trial, trial + 1), seed, names, limit, isolate=False)
         parts = {part.key.estimator: part.frame for part in measure(task)}
         out += [_compare(one, parts[one["estimator"]]) for one in wanted]
@@ -148,16 +136,15 @@ def _compare(one: dict[str, Any], frame: pd.DataFrame) -> RerunTrial:
     now = _fingerprint(frame)
     before, after = (float("nan") if it["rmse"] is None else float(it["rmse"]) for it in (one, now))
     equal = one["digest"] == now["digest"] and one["stream"] == now["stream"] and one["failure"] == now["failure"]
+    moved = f"RMSE differs by {after - before:+.3g} m"
     if equal:
-        remark = "bit-equal" if not one["failure"] else "failed in the same way"
+        remark = "failed in the same way" if one["failure"] else "bit-equal"
     elif one["failure"] != now["failure"]:
         remark = f"failure then: {one['failure'] or 'none'}; now: {now['failure'] or 'none'}"
     elif one["stream"] != now["stream"]:
-        remark = f"another stream; RMSE differs by {after - before:+.3g} m"
+        remark = f"another stream; {moved}"
     else:
-        remark = (
-            f"same stream; RMSE differs by {after - before:+.3g} m" if after != before else "differs, RMSE does not"
-        )
+        remark = f"same stream; {moved}" if after != before else "differs, RMSE does not"
     return RerunTrial(one["scenario"], one["estimator"], one["trial"], equal, before, after, remark)
 
 

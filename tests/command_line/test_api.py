@@ -6,9 +6,6 @@ import sys
 from importlib import import_module
 from types import ModuleType
 
-import cloudpickle
-import matplotlib as mpl
-import matplotlib.pyplot as plt
 import pandas as pd
 import pytest
 
@@ -34,11 +31,6 @@ def test_tab_shows_what_users_call_and_nothing_else():
     modules = {name for name in shown if isinstance(getattr(cl, name), ModuleType)}
     assert modules == {"estimators", "scenarios", "plot"}
     assert all(callable(getattr(cl, name)) for name in set(shown) - {"plot"})
-
-
-def test_tab_on_plot_shows_figures_and_nothing_else():
-    assert "rmse" in dir(cl.plot)
-    assert not any(isinstance(getattr(cl.plot, name), ModuleType) for name in dir(cl.plot))
 
 
 def test_an_unknown_name_is_an_attribute_error():
@@ -67,11 +59,6 @@ def test_estimators_and_scenarios_are_lists_and_packages_in_any_order_of_imports
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-
-
-def test_a_callable_package_goes_to_workers_like_any_module():
-    assert cloudpickle.loads(cloudpickle.dumps([cl.estimators, cl.scenarios])) == [cl.estimators, cl.scenarios]
-    assert cloudpickle.loads(cloudpickle.dumps(lambda: cl.estimators.make("arl")))() == cl.make("arl")
 
 
 def test_lists_say_what_there_is():
@@ -114,17 +101,6 @@ def place(tmp_path_factory):
 @pytest.fixture(scope="module")
 def results(place):
     return cl.run_study(place / "small.toml", out=place / "run")
-
-
-def test_run_study_leaves_the_figures_of_a_notebook_alone(results, place):
-    before = mpl.get_backend()
-    plt.close("all")
-    plt.switch_backend("svg")
-    figure = plt.figure()
-    cl.run_study(place / "small.toml", out=results.folder)
-    assert (mpl.get_backend(), plt.get_fignums()) == ("svg", [figure.number])
-    plt.close(figure)
-    plt.switch_backend(before)
 
 
 def test_run_study_keeps_rows_table_and_picture(results, place):
@@ -190,18 +166,7 @@ def test_two_runs_are_compared(results, place):
     assert same.sentences[0].startswith("2 of 2")
 
 
-def test_show_prints_what_a_run_holds(results, capsys):
-    cl.show(results)
-    assert "6 of 6" in capsys.readouterr().out
-
-
 def test_every_command_is_a_function_too():
     functions = {"run": "run_study", "check": "check_estimator", "compare": "compare_runs"}
     commands = [command.name or command.callback.__name__ for command in app.registered_commands]
     assert {functions.get(name, name) for name in commands if name != "list"} <= set(cl.__all__)
-
-
-def test_truth_and_run_the_wrong_way_round_are_told_apart():
-    truth, stream = cl.simulate("trajectory", ticks=2)
-    with pytest.raises(cl.BadInput, match="truth and run are Run and Truth; pass the truth"):
-        cl.errors(cl.run("dead-reckoning", stream), truth)

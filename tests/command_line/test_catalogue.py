@@ -3,7 +3,6 @@
 import re
 from pathlib import Path
 
-from cooploc import estimators
 from cooploc.catalogue import markdown
 
 PAGE = Path(__file__).resolve().parents[2] / "docs/reference/estimators.md"
@@ -19,13 +18,6 @@ def block(name):
 def test_the_table_is_made_from_the_code():
     """What the page says is so; a new estimator is added to it by `cooploc list estimators --markdown`."""
     assert set(block("estimators").splitlines()) <= set(markdown().splitlines())
-
-
-def test_every_builtin_estimator_is_in_it_with_its_source():
-    rows = block("estimators").splitlines()[2:]
-    names = [row.split("`")[1] for row in rows]
-    assert names == [name for name in estimators.BUILTIN if name in names]
-    assert all(re.search(r"(19|20)\d\d \|$", row) for row in rows if not row.startswith(("| `dead", "| `constant")))
 
 
 def test_the_numbers_of_the_first_sentences_are_those_of_the_map():

@@ -8,7 +8,6 @@ from functools import partialmethod
 import pytest
 from processes import HANGS, inside
 
-import cooploc as cl
 from cooploc.terminal.console import PlainConsole
 
 SMALL = 'trials = 6\nbaseline = "arl"\nscenarios = ["trajectory[ticks=10]"]\nestimators = ["arl", "ekf-joint"]\n'
@@ -53,13 +52,6 @@ def test_json_is_the_only_thing_on_stdout_and_has_the_fields_of_the_csv_file(ran
     assert few[0]["rmse_low"] is None
 
 
-def test_the_default_directory_is_continued(place):
-    first = inside("run", "small.toml", "--trials", "1", "--seed", "7", cwd=place)
-    assert first.returncode == 0, first.stderr
-    assert (place / "runs" / "small-seed7" / "manifest.json").exists()
-    assert inside("run", "small.toml", "--trials", "1", "--seed", "7", cwd=place).returncode == 0
-
-
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
@@ -90,12 +82,6 @@ def test_bad_input_exits_2_with_one_line(place, arguments, said):
     assert "Traceback" not in told.stderr
 
 
-def test_bad_input_exits_2_as_a_process_too(place):
-    told = cooploc("run", "quik", cwd=place)
-    assert (told.returncode, told.stdout) == (2, "")
-    assert told.stderr == "cooploc: there is no study 'quik'; did you mean 'quick'?\n"
-
-
 def test_a_failing_estimator_exits_1_and_the_rest_is_kept(place):
     estimators = '"ekf-local[anchor_reading=rssi]", "arl[density=exact]"'
     (place / "fails.toml").write_text(SMALL.replace('"ekf-joint"', estimators))
@@ -114,13 +100,6 @@ def test_a_failing_estimator_exits_1_and_the_rest_is_kept(place):
     assert rows["ekf-local[anchor_reading=rssi]"]["rmse"] is None
     assert rows["arl"]["failed"] == 0
     assert "RuntimeError: sensor on fire" in told.stderr
-
-
-def test_list_names_everything():
-    told = inside("list")
-    assert told.returncode == 0
-    for word in ("mrsl-rssi", "ekf-joint", "packet-drop", "mrclam", "quick"):
-        assert word in told.stdout
 
 
 def test_check_passes_a_builtin_and_fails_a_broken_file(place):
@@ -144,18 +123,6 @@ def test_help_is_quick_because_it_imports_nothing_heavy():
     assert told.stdout.strip() == "[]", told.stderr
 
 
-def test_a_malformed_recording_exits_2_and_names_file_and_line(place):
-    data = place / "recording"
-    data.mkdir()
-    (data / "Barcodes.dat").write_text("# Subject #    Barcode #\n  1 \t 5 \n  2 \t fourteen \n")
-    (data / "Landmark_Groundtruth.dat").write_text("# Subject #    x [m]    y [m]\n  6 \t 0.5 \t 0.5 \t 0.0 \t 0.0\n")
-    for name in ("Robot1_Groundtruth", "Robot1_Odometry", "Robot1_Measurement"):
-        (data / f"{name}.dat").write_text("# Time [s] ...\n1.0 \t 0.0 \t 0.0 \t 0.0\n")
-    told = inside("run", "mrclam", "--data", "recording", cwd=place)
-    assert (told.returncode, told.stdout, told.stderr.count("\n")) == (2, "", 1)
-    assert "Barcodes.dat, line 3" in told.stderr
-
-
 @pytest.mark.parametrize("width", [80, 110, 160])
 def test_a_terminals_table_has_every_estimator_and_no_line_beyond_its_width(ran, place, width, monkeypatch):
     terminal = partialmethod(PlainConsole.__init__, width=width, force_terminal=True, color_system=None)
@@ -167,18 +134,3 @@ def test_a_terminals_table_has_every_estimator_and_no_line_beyond_its_width(ran,
         assert all(len(line) <= width for line in lines)
         assert ("not shown at this width" in told.stdout) == (bool(options) and width < 160)
         assert ("ANEES" in told.stdout) == bool(options)
-
-
-def test_the_version_is_that_of_the_package(place):
-    assert inside("--version", cwd=place).stdout == f"cooploc {cl.__version__}\n"
-
-
-def test_a_wrong_option_points_to_the_help_of_its_command(place):
-    told = inside("run", "small.toml", "--nonsense", cwd=place)
-    assert "(cooploc run --help says what there is)" in told.stderr
-
-
-def test_show_lists_the_runs_below_a_directory_that_is_none(ran, place):
-    told = inside("show", ".", cwd=place)
-    assert told.returncode == 2
-    assert told.stderr.startswith("cooploc: . exists and is not a run directory; there are run")

@@ -31,14 +31,6 @@ def test_contributing_names_only_files_that_exist():
     ] == []
 
 
-def test_contributing_names_only_targets_that_exist():
-    targets = set(re.findall(r"^([a-z-]+):", MAKEFILE, re.MULTILINE))
-    named = {
-        word for line in re.findall(r"(?:^    |`)make ([a-z][a-z -]*)", TEXT, re.MULTILINE) for word in line.split()
-    }
-    assert {"test", "quick-test", "lint", "lock"} <= named <= targets
-
-
 def test_hooks_run_what_ci_runs():
     assert "exec make test" in (ROOT / ".ci" / "run").read_text("utf-8")
     hooks = re.findall(r"entry: make --silent (\S+)", (ROOT / ".pre-commit-config.yaml").read_text("utf-8"))

@@ -62,22 +62,12 @@ def test_verdicts_prints_the_verdicts_that_the_report_has(place):
     assert cooploc("verdicts", "one", cwd=place).returncode == 0
 
 
-def test_compare_says_what_changed_and_whether_it_is_paired(place):
-    same = cooploc("compare", "one", "one", cwd=place)
-    assert same.returncode == 0, same.stderr
-    assert "2 of 2 (scenario, estimator) are bit-equal" in same.stdout
-    other = cooploc("compare", "one", "two", cwd=place)
-    assert other.returncode == 0, other.stderr
-    assert "seed: 1 before, 2 after" in other.stdout
-    assert "Not paired, because the hashes of their streams differ: 2" in other.stdout
-
-
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
         (["report", "nowhere"], "nowhere holds no run"),
         (["report", "small.toml"], "small.toml exists and is not a run directory"),
-        (["report", "one", "--ledger", "small.toml"], "small.toml, ledger: there is no key 'trials'"),
+        (["report", "one", "--ledger", "small.toml"], "small.toml: there is no key 'trials'"),
         (["verdicts", "nowhere"], "nowhere holds no run"),
         (["compare", "one", "nowhere"], "nowhere holds no run"),
         (["reproduce", "nowhere"], "cannot be read"),

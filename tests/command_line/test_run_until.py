@@ -61,20 +61,6 @@ def test_the_ledger_marks_the_look_of_every_verdict(run):
     assert "Contradicted at n = 10" in row["sentence"]
 
 
-@pytest.mark.slow
-def test_the_report_says_so_too(run, tmp_path):
-    folder, found = run
-    page = cl.report(found, tmp_path / "report", folder / "ledger.toml").read_text()
-    assert "worse, stopped at n = 10" in page
-    assert "Contradicted at n = 10" in page
-    assert "it holds however the run stops" in page
-    assert "There are no ranks: rows stop at different numbers of trials" in page
-    (results,) = (tmp_path / "report" / "tables").glob("experiment-*.csv")
-    heads = results.read_text().splitlines()[0].split(",")
-    assert "group" in heads
-    assert "rank" not in heads
-
-
 def test_the_command_prints_the_same_and_computes_nothing_again(run, tmp_path):
     folder = shutil.copytree(run[0], tmp_path / "copy")  # the command decides anew, without the ledger
     before = {file: file.stat().st_mtime_ns for file in (folder / "run" / "parts").iterdir()}

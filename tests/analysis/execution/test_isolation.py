@@ -7,7 +7,6 @@ import pytest
 from processes import inside
 
 from cooploc.analysis.execution.run import execute, prepare
-from cooploc.analysis.execution.run_directory import RunDir
 from cooploc.scenarios.studies.study import Study
 
 pytestmark = pytest.mark.slow
@@ -118,13 +117,3 @@ def test_a_run_in_one_process_is_called_so(place):
     refused = inside(*arguments, "--no-isolate", "--jobs", 2, cwd=place)
     assert refused.returncode == 2
     assert "--jobs 2 asks for others" in refused.stderr
-
-
-def test_a_directory_of_another_processor_is_not_continued(place):
-    study = Study(name="one", trials=2, scenarios=(WORLD,), estimators=("dead-reckoning",))
-    execute(prepare(study), place / "run")
-    manifest = RunDir(place / "run").manifest
-    manifest["instructions"]["numpy"] = "SSE2"
-    RunDir(place / "run").write_manifest(manifest)
-    with pytest.raises(ValueError, match="holds a run with another kind of processor"):
-        execute(prepare(study), place / "run")

@@ -15,7 +15,6 @@ from dying import EXIT, die_at
 from processes import finish, inside, install, marks, parts, start, table, until
 
 from cooploc.analysis.execution.run_directory import RunDir
-from cooploc.terminal import console
 
 pytestmark = pytest.mark.slow
 SMALL = """
@@ -183,13 +182,6 @@ def limit_file_size(limit):
     resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
 
 
-def test_a_place_where_nothing_can_be_written_is_one_line(place, plugins):
-    told = finish("run", "small.toml", "--out", "/proc/run", plugins=plugins, cwd=place)
-    assert told.returncode == 2
-    assert "/proc/run" in told.stderr
-    assert told.stderr.count("\n") == 1
-
-
 def test_show_says_what_is_missing_and_damaged(place, plugins):
     finish("run", "small.toml", "--out", "run", plugins=plugins, cwd=place)
     damaged = sorted((place / "run" / "parts").iterdir())[0]
@@ -205,22 +197,6 @@ def test_show_says_what_is_missing_and_damaged(place, plugins):
     again = finish("run", "small.toml", "--out", "run", plugins=plugins, cwd=place)
     assert damaged.stem in again.stderr
     assert pd.read_parquet(damaged)["trial"].nunique()
-
-
-def test_progress_elsewhere_than_on_a_terminal_is_plain_lines(place, plugins):
-    arguments = ("run", "small.toml", "--out", "run", "--trials", 10, "--estimators", "dead-reckoning,trouble")
-    told = finish(*arguments, plugins=plugins, cwd=place, prepare=say_every_part)
-    assert told.returncode == 1
-    lines = [line for line in told.stderr.splitlines() if " of 120 trials" in line]
-    assert len(lines) == 12
-    what = r"120 of 120 trials, about 0 s left, 12 failed \(small · robots-1-3/n=\d\[ticks=12\] · "
-    assert re.match(what, lines[-1])
-    assert "\x1b" not in told.stderr
-
-
-def say_every_part():
-    """Let a process say how far it is after each part, however soon that is."""
-    console.LINE_EVERY = -1.0
 
 
 def test_a_run_that_dies_before_any_of_its_file_operations_goes_on(tmp_path):

@@ -1,14 +1,11 @@
 """Runs that stop what is decided: the same however many processes, whatever interrupts them, whatever was there."""
 
-import json
-
 import pytest
 
 from cooploc.analysis.execution import run
 from cooploc.analysis.execution.run import Silent, execute, prepare
 from cooploc.analysis.execution.run_directory import read_decisions
 from cooploc.analysis.execution.until_decided import Answers, run_until_decided
-from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.studies.study import Study
 
 WORLD = "trajectory[ticks=12]"
@@ -104,11 +101,3 @@ def test_another_open_question_keeps_its_cells_running(tmp_path):
 
     rows = run_until_decided(prepare(STUDY), tmp_path / "run", [ask])
     assert rows.groupby("estimator")["trial"].nunique()[CLEAR] == 40
-
-
-def test_a_damaged_file_of_decisions_is_refused_in_one_line(finished, tmp_path):
-    content = json.loads((finished[0] / "decisions.json").read_text())
-    del content["look"]
-    (tmp_path / "decisions.json").write_text(json.dumps(content))
-    with pytest.raises(BadInput, match=r"decisions\.json is damaged \(it has no 'look'\)"):
-        read_decisions(tmp_path)

@@ -117,12 +117,6 @@ def test_no_trial_is_run_twice_and_all_of_them_count_in_the_budget(budget):
     assert budget - finish.spent < full_rounds(budget, 2) * 2
 
 
-def test_every_configuration_runs_the_same_streams_in_the_same_order():
-    finish = finished(200, steep)
-    for one in finish.entrants:
-        assert list(one.scores) == list(finish.entrants[0].scores)[: len(one.scores)]
-
-
 def test_what_is_hopeless_stops_early_and_what_is_better_is_chosen():
     finish = finished(300, steep)
     stopped = [one for one in finish.entrants if one.state == "stopped"]
@@ -138,12 +132,6 @@ def test_an_estimator_that_nothing_makes_better_mostly_stays_as_published():
 
     moved = sum(finished(100, flat, seed=k).best.number != 0 for k in range(20))
     assert moved <= 12  # one of several noisy configurations is sometimes shown better; always would be 20
-
-
-def test_an_estimator_without_parameters_takes_part_with_its_only_configuration():
-    finish = finished(100, steep, parameters={})
-    assert len(finish.entrants) == 1
-    assert finish.best.label == "ekf-local"
 
 
 def test_a_small_space_is_tried_once_and_then_left():

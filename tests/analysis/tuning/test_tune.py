@@ -1,7 +1,6 @@
 """`cooploc tune`: streams apart, the same bits, kept evaluations, plug-ins in their own process, the order compared."""
 
 import os
-import shutil
 from dataclasses import replace
 
 import pandas as pd
@@ -17,7 +16,6 @@ from cooploc.analysis.tuning.tune import (
     as_toml,
     derived_seed,
     lanes,
-    load_tuned,
     overlap,
     require_apart,
     tune,
@@ -166,16 +164,6 @@ def test_an_interrupted_tuning_goes_on_computes_nothing_twice_and_ends_the_same(
 
 
 @pytest.mark.slow
-def test_every_evaluation_is_on_disk_and_the_same_call_computes_none(found):
-    tuning, out = found
-    before = marks(out / "training") | marks(out / "fresh")
-    kept = cl.load_run(out / "training").rows.groupby(["scenario", "estimator", "trial"])
-    assert tuning.history["trials"].sum() == len(kept)
-    assert same(tuning, tune(STUDY, out, budget=24))
-    assert before == marks(out / "training") | marks(out / "fresh")
-
-
-@pytest.mark.slow
 def test_tuning_simulates_no_reported_stream(tmp_path, monkeypatch):
     seeds, simulate = [], ResolvedScenario.simulate
 
@@ -254,13 +242,6 @@ def test_what_cannot_be_tuned_is_refused_in_one_line(tmp_path, arguments, said):
     assert len(done.stderr.strip().splitlines()) == 1
 
 
-def test_a_directory_of_something_else_is_refused(tmp_path):
-    (tmp_path / "letters").mkdir()
-    (tmp_path / "letters" / "mother.txt").touch()
-    with pytest.raises(BadInput, match="not the directory of a tuning"):
-        tune(STUDY, tmp_path / "letters", budget=8)
-
-
 def test_the_command_says_what_was_chosen_what_it_bought_and_what_became_of_the_order(tmp_path):
     study = tmp_path / "mine.toml"
     study.write_text(
@@ -319,16 +300,3 @@ def test_a_tuned_study_is_written_and_read_back_as_it_is(tmp_path):
     assert (again.tuned_with, again.training) == (99, study.training)
     both = tuned_study(study, {"arl": "arl[K=2]", "ekf-local": "ekf-local"}, 99, both=True)
     assert {cell.estimators for cell in both.cells()} == {("arl", "arl[K=2]", "ekf-local")}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["tuning.json", "history.csv", "published-and-tuned.csv"])
-def test_a_tuning_is_read_as_it_was_written_and_a_lost_file_is_one_line(found, tmp_path, name):
-    out = shutil.copytree(found[1], tmp_path / "out")
-    again = load_tuned(out)
-    numbers = found[0].table.select_dtypes("number")
-    pd.testing.assert_frame_equal(again.table[numbers.columns], numbers, check_exact=True)
-    assert (again.tuned, again.record["budget"]) == (found[0].tuned, 24)
-    (out / name).unlink()
-    with pytest.raises(BadInput, match=r"no finished tuning|damaged"):
-        load_tuned(out)
