@@ -511,12 +511,12 @@ def readings(run: AnyRun | pd.DataFrame, ledger: AnyLedger = None) -> pd.DataFra
         BadInput: the run or the ledger cannot be read, or estimators of one scenario ran on different streams.
 
     """
-    return multiverse.judge(_ledger_of(ledger), _rows_of(run), ANYTIME if _looks_of(run) else FIXED)
+    return multiverse.judge(_ledger_of(ledger), _rows_of(run), ANYTIME if _looks(run) else FIXED)
 
 
 def verdicts_and_readings(run: Any, ledger: Any = None) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return what `verdicts` and `readings` return, computed once."""
-    found, mapped = judge_run(_ledger_of(ledger), _rows_of(run), _looks_of(run)), readings(run, ledger)
+    found, mapped = judge_run(_ledger_of(ledger), _rows_of(run), _looks(run)), readings(run, ledger)
     maps = multiverse.sentences(mapped)
     said = [verdict_sentence(row) for _, row in found.iterrows()]
     return found.assign(map=[maps.get(claim, "") for claim in found["claim"]], sentence=said), mapped
@@ -594,7 +594,7 @@ def _rows_of(run: Any) -> pd.DataFrame:
     return run if isinstance(run, pd.DataFrame) else run.rows if isinstance(run, Results) else stored_run(run).rows
 
 
-def _looks_of(run: Any) -> list[int]:
+def _looks(run: Any) -> list[int]:
     """Return the looks of a run until decided, in trials; none of another."""
     return [] if isinstance(run, pd.DataFrame) else stored_run(run).looks
 

@@ -18,10 +18,6 @@ ROOMS = sorted(
 )
 
 
-def prerequisites(target):
-    return re.search(rf"^{target}:([\w -]*)", MAKEFILE, re.MULTILINE)[1].split()
-
-
 def test_contributing_names_only_files_that_exist():
     named = [word for word in re.findall(r"`([^`\s]+)`", TEXT) if re.search(r"/|\.(py|toml|md|cff|lock)$", word)]
     assert len(named) > 40
@@ -29,12 +25,6 @@ def test_contributing_names_only_files_that_exist():
     assert [
         word for word in named if not (any(ROOT.glob(f"**/{word.rstrip('/')}")) or word in there | {"log.toml"})
     ] == []
-
-
-def test_hooks_run_what_ci_runs():
-    assert "exec make test" in (ROOT / ".ci" / "run").read_text("utf-8")
-    hooks = re.findall(r"entry: make --silent (\S+)", (ROOT / ".pre-commit-config.yaml").read_text("utf-8"))
-    assert set(hooks) == {*prerequisites("test"), "quick-test"}
 
 
 def test_a_citation_is_of_this_version():

@@ -1,6 +1,5 @@
 """Who is not built in is checked before it runs: a certificate stands beside the name, and a cheat wins nothing."""
 
-import csv
 import json
 import shutil
 from pathlib import Path
@@ -10,12 +9,11 @@ import broken
 import pandas as pd
 import pytest
 from made_runs import Outline, rows_of
-from processes import finish, install
 
 from cooploc.analysis.claims.ledger import load
 from cooploc.analysis.claims.trial_table import collect
 from cooploc.analysis.execution import certificates
-from cooploc.analysis.execution.certificates import add_certificates, certify, line
+from cooploc.analysis.execution.certificates import add_certificates
 from cooploc.analysis.execution.run import Silent, execute, prepare
 from cooploc.analysis.execution.run_directory import read_run
 from cooploc.analysis.metrics import ranking
@@ -146,63 +144,6 @@ def test_who_is_not_checked_is_said_to_be_unchecked_until_somebody_does(place, f
     rows = execute(prepare(study), place / "run")
     assert set(rows["certificate"]) == {"", f"passed: {ALL} checks"}
     assert set(execute(prepare(study), place / "run", check=False)["certificate"]) == set(rows["certificate"])
-
-
-TROUBLE = """
-import os
-from cooploc.estimators.dead_reckoning import DeadReckoning
-
-class Dies(DeadReckoning):
-    def predict(self, s, z):
-        os._exit(3)
-
-class Leaves(DeadReckoning):
-    def predict(self, s, z):
-        raise SystemExit("enough")
-"""
-
-
-@pytest.mark.parametrize(
-    ("name", "said"),
-    [
-        ("Dies", "failed: runs: its process died (exit code 3)"),
-        ("Leaves", "failed: runs: predict() raised at tick 0 of 'robots-1-3/n=3[drop=0.3,ticks=12], some readings "
-                   "absent' (nothing was changed): SystemExit: enough (seed 0)"),
-        ("Nobody", "failed: runs: BadInput: trouble.py has no 'Nobody'"),
-    ],
-)  # fmt: skip
-def test_what_crashes_or_leaves_costs_nothing_but_its_certificate(tmp_path, monkeypatch, name, said):
-    (tmp_path / "trouble.py").write_text(TROUBLE)
-    monkeypatch.chdir(tmp_path)
-    label = f"trouble.py:{name}"
-    assert line(label, {label: certify(label)}).startswith(said)
-
-
-def test_the_command_says_it_in_its_table_its_json_and_show(place):
-    (place / "small.toml").write_text(
-        'trials = 6\nbaseline = "ekf-local"\nscenarios = ["robots-1-3/n=2[ticks=5]"]\n'
-        'estimators = ["ekf-local", "outside.py:Prophet", "held"]\n'
-    )
-    (place / "plugins").mkdir()
-    plugins = install(place / "plugins")
-    shutil.copy(place / "broken.py", plugins)
-    arguments = ("run", "small.toml", "--out", "run", "--check")
-    told = finish(*arguments, plugins=plugins, cwd=place)
-    assert told.returncode == 0, told.stderr
-    (cheat,) = (row for row in told.stdout.splitlines() if row.startswith(" outside.py:Prophet"))
-    assert "✗ causality" in cheat
-    assert "not ranked" in cheat
-    assert "outside.py:Prophet failed a check and is not ranked: causality: robot 0's estimate changed" in told.stdout
-    rows = {
-        row["estimator"]: row for row in json.loads(finish(*arguments, "--json", plugins=plugins, cwd=place).stdout)
-    }
-    assert rows["ekf-local"]["certificate"] == ""
-    assert rows["outside.py:Prophet"]["certificate"].startswith("failed: causality: ")
-    assert rows["held"]["certificate"] == f"passed: {ALL} checks"
-    with (place / "run" / "table.csv").open() as file:
-        assert {row["certificate"].partition(":")[0] for row in csv.DictReader(file)} == {"", "failed", "passed"}
-    shown = finish("show", "run", plugins=plugins, cwd=place).stdout
-    assert "outside.py:Prophet, failed: causality: robot 0's" in shown
 
 
 def certified(rows, **told):

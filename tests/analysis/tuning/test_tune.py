@@ -68,11 +68,6 @@ def test_the_judged_run_is_recognised_under_other_names(data, other):
         trained(("log/one",), {"log/one": (other,)}, data)
 
 
-def test_a_run_that_another_scenario_of_the_study_judges_is_refused_too(data):
-    with pytest.raises(BadInput, match="would use readings of 'log/two'"):
-        trained(("log/one", "log/two"), {"log/one": ("log/two",), "log/two": ("log/three",)}, data)
-
-
 def test_parts_of_one_recording_are_apart_where_their_times_are():
     streams = [cl.simulate("robots-1-3/n=1[ticks=20]", trials=1, seed=seed)[1] for seed in (1, 2)]
     first, second = (replace(stream, notes={"recording": "same"}) for stream in streams)
