@@ -154,15 +154,6 @@ def test_a_jump_that_no_robot_can_make_is_left_out(lab):
     assert any("1 true positions are out of reach" in w for w in log.warnings)
 
 
-def test_stamps_of_which_one_steps_back_a_little_are_sorted(lab):
-    lines = (lab / "odom_red.csv").read_text().splitlines()
-    lines[50], lines[51] = lines[51], lines[50]
-    (lab / "odom_red.csv").write_text("\n".join([*lines, lines[-1]]) + "\n")
-    log = read(lab)
-    assert (np.diff(log.odometry[0].time) > 0).all()
-    assert any("1 line whose stamp was given before" in w for w in log.warnings)
-
-
 def test_a_robot_without_truth_is_told_and_one_without_odometry_left_out(lab):
     (lab / "mocap_blue.csv").unlink()
     log = read(lab)

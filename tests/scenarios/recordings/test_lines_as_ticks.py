@@ -203,13 +203,6 @@ def test_readings_that_are_correlated_in_time_are_assumed_noisier(data):
     assert alone == pytest.approx(SIGMA, rel=0.05)
 
 
-def test_what_is_stated_is_not_fitted_and_overrides_win(data):
-    describe(data, new="[model]\nanchor_A = -40\nsigma_v = 0.5\n")
-    models = simulate(data, anchor_eta=2.5, turn_scale=1.0)[1].notes["models"]
-    assert (models["anchor_A"], models["anchor_eta"], models["sigma_v"]) == (-40, 2.5, 0.5)
-    assert models["odometry_scales"]["robot"] == [pytest.approx(LENGTH, rel=0.02), 1.0]
-
-
 def test_noise_of_odometry_is_fitted(data):
     rng = np.random.default_rng(5)
     for i, name in enumerate("bc", 1):
@@ -275,17 +268,6 @@ def test_the_first_motion_gives_the_heading_before_the_turns_that_led_to_it(data
     assert wrap(stream.prior.x[0, 0, 2] - (pose[0, 2] - 2.0)) == pytest.approx(0, abs=0.15)
 
 
-def test_a_recorded_heading_is_truth_and_can_be_the_prior(data):
-    describe(data, 'y = "y"', 'y = "y"\nheading = { column = "note", unit = "deg" }')
-    for i, name in enumerate("abc"):
-        change(data, name, {(k, "note"): f"{np.degrees(pose[2]):.9f}" for k, pose in enumerate(drive(i)[1])})
-    truth, stream = simulate(data, heading="first truth")
-    np.testing.assert_allclose(truth.x[0, :, 0], drive(0)[1][1:], atol=1e-8)
-    np.testing.assert_allclose(stream.prior.x[0, 0], drive(0)[1][0], atol=1e-8)
-    assert stream.notes["models"]["odometry_scales"]["robot"][1] == pytest.approx(TURN, rel=1e-6)
-    assert stream.notes["models"]["sigma_omega"] < 1e-6
-
-
 def test_the_trials_of_all_are_the_runs(data):
     for k, name in enumerate("abc"):
         (truth, stream), (_, alone) = simulate(data, "all", [k]), simulate(data, name)
@@ -302,22 +284,6 @@ def test_what_the_team_assumes_leaves_the_readings(data):
     assert assumed.world.sensors["anchor_rssi"].sigma == 9.0
 
 
-REPAIRED = [
-    ({(4, "x"): "north"}, "line 6: x is 'north', which is not a number; it counts as empty"),
-    ({(4, "sec"): ""}, "left out 1 line without a stamp"),
-    ({(4, "sec"): str(EPOCH)}, "left out 1 line out of order"),
-    ({(4, "note"): "one, too many"}, "line 6: 13 fields, not 12; it was left out"),
-]
-
-
-@pytest.mark.parametrize(("cells", "said"), REPAIRED)
-def test_a_bad_line_is_left_out_and_said(data, cells, said):
-    change(data, "b", cells)
-    found = TeamScenario(data=data, run="b").faults()
-    assert any("b.csv" in line and said in line for line in found), found
-    assert len(found) == len(set(found))
-
-
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
@@ -332,18 +298,6 @@ def test_a_bad_line_is_left_out_and_said(data, cells, said):
 def test_a_description_that_cannot_be_is_one_line(data, old, new, said):
     describe(data, old, new)
     assert said in refused(data)
-
-
-def test_a_file_that_is_not_there_is_named(data, tmp_path):
-    assert "no run 'aa'; did you mean 'a'" in refused(data, "aa")
-    assert "no such directory" in refused(tmp_path / "nowhere")
-    (data / "a.csv").rename(data / "all.csv")
-    assert "'all'" in refused(data)
-    for path in data.glob("*.csv"):
-        path.unlink()
-    assert "has a file {run}.csv" in refused(data)
-    (data / "log.toml").unlink()
-    assert "log.toml: there is no such file" in refused(data)
 
 
 REAL = Path(os.environ.get("COOPLOC_DATA", Path(__file__).parents[4] / "shared" / "data")) / "wifi-rssi"

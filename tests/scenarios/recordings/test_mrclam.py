@@ -11,7 +11,7 @@ from cooploc import scenarios
 from cooploc.estimators import make
 from cooploc.estimators.models import wrap
 from cooploc.scenarios.recordings import mrclam, schema
-from cooploc.scenarios.recordings.sampling import interpolate, mean_held
+from cooploc.scenarios.recordings.sampling import mean_held
 from cooploc.scenarios.runner.run import run
 
 EPOCH = 1248272000.0  # stamps are seconds of the day's clock, with milliseconds
@@ -96,25 +96,12 @@ def test_truth_is_recovered_on_the_grid_and_across_the_cut_of_the_heading(data):
     assert truth.origin == stream.hashes
 
 
-def test_interpolation_knows_nothing_outside_and_in_holes_but_their_edges():
-    at = np.array([0.9, 1.0, 1.5, 2.0, 2.1, 3.9, 4.0, 4.1])
-    got = interpolate(np.array([1.0, 2.0, 4.0]), np.array([[0.0], [1.0], [5.0]]), at, max_gap=1.0)
-    np.testing.assert_allclose(got[:, 0], [np.nan, 0, 0.5, 1, np.nan, np.nan, 5, np.nan])
-
-
 def test_the_prior_is_the_true_pose_when_every_robot_has_truth_and_a_command(data):
     _, stream = simulate(data, prior_position=0.02, prior_heading=0.03)
     assert stream.world.t0 == pytest.approx(EPOCH + 0.25)
     np.testing.assert_allclose(stream.prior.x[0], [pose(i, 0.25) for i in (1, 2)], atol=1e-4)
     np.testing.assert_allclose(stream.prior.P[0, 1], np.diag([0.02**2, 0.02**2, 0.03**2]))
     assert "true pose" in stream.notes["prior"]
-
-
-def test_start_and_duration_choose_a_part(data):
-    truth, stream = simulate(data, start=1.0, duration=2.0)
-    assert len(stream.time) == 20
-    np.testing.assert_allclose(stream.time[[0, -1]] - EPOCH, [1.35, 3.25], atol=1e-6)
-    np.testing.assert_allclose(truth.x[0, :, 0, :2], pose(1, stream.time - EPOCH)[:, :2], atol=1e-4)
 
 
 @pytest.mark.parametrize("hole", ["inside", "end"])
