@@ -5,16 +5,15 @@ world with headings. A robot that faces the rim turns on the spot.
 """
 
 from collections.abc import Sequence
-from typing import Annotated
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict
 
-from cooploc.estimators.interface import Array, Belief, Senses, World
+from cooploc.estimators.interface import Array, World
 from cooploc.estimators.models import Orientation, Sighting, Unicycle, wrap, wrap_heading
 from cooploc.scenarios.seeds import Purpose, generator
-from cooploc.scenarios.stream import Air, Stream, Truth
-from cooploc.scenarios.worlds.radio import Number, Positive, Robots, Sigma, Ticks
+from cooploc.scenarios.stream import Stream, Truth
+from cooploc.scenarios.worlds.radio import Number, Positive, Robots, Share, Sigma, Ticks, TrialReadings, make_stream
 
 
 class Camera(BaseModel):
@@ -39,7 +38,7 @@ class Camera(BaseModel):
     view: Positive = 0.6  # [rad] half its field of view
     prior_position: Positive = 0.1  # sd per axis
     prior_heading: Positive = 0.05  # sd
-    drop: Annotated[float, Field(ge=0, le=1)] = 0.0
+    drop: Share = 0.0
 
     def world(self) -> World:
         """Return this world as the team knows it in advance."""
@@ -55,43 +54,32 @@ class Camera(BaseModel):
         )
 
     def simulate(self, label: str, trials: Sequence[int], seed: int, world: World) -> tuple[Truth, Stream]:
-        """Truth and stream of these trials; `world` is what the team assumes, which may differ from `world()`."""
-        parts = [self._trial(seed, k) for k in trials]
-        path, prior, odometry, landmark, sighting, link, facing = (np.stack(part) for part in zip(*parts, strict=True))
-        t, T, n, _ = path.shape
-        trial = np.array(trials, np.int64)
-        extra = {"orientation": facing} if self.sigma_orientation else {}
-        spread = np.diag([self.prior_position**2, self.prior_position**2, self.prior_heading**2])
-        stream = Stream(
-            scenario=label,
-            seed=seed,
-            trial=trial,
-            time=self.tick * np.arange(1, T + 1),
-            world=world,
-            prior=Belief(prior, np.broadcast_to(spread, (t, n, 3, 3)).copy()),
-            senses=Senses(odometry, np.full((t, T, n), self.tick), np.empty((t, T, n, 0)), landmark, sighting, extra),
-            air=Air(link.astype(bool), np.empty((t, T, n, 0)), np.empty((t, T, n, 0))),
-            notes={"world": type(self).__name__, "parameters": self.model_dump(), "prior": "true start + noise"},
-        )
-        return Truth(label, trial, path, np.ones(path.shape[:3], bool), self.world().arena, stream.hashes), stream
+        """Simulate these trials; `world` is what the team assumes, which may differ from `world()`."""
+        readings, facing = zip(*(self._trial(seed, k) for k in trials), strict=True)
+        extra = {"orientation": np.stack(facing)} if self.sigma_orientation else {}
+        return make_stream(self, label, seed, trials, world, readings, self._prior_sd, extra=extra)
 
-    def _trial(self, seed: int, k: int) -> tuple[Array, ...]:
+    @property
+    def _prior_sd(self) -> list[float]:
+        return [self.prior_position, self.prior_position, self.prior_heading]
+
+    def _trial(self, seed: int, k: int) -> tuple[TrialReadings, Array]:
         start, path, u = self._drive(generator(seed, k, Purpose.TRUTH))
         rng = generator(seed, k, Purpose.SENSORS)
-        n = self.robots
-        spread = [self.prior_position, self.prior_position, self.prior_heading]
-        prior = wrap_heading(start + rng.normal(0, 1, (n, 3)) * spread)
+        n, nothing = self.robots, np.empty((self.ticks, self.robots, 0))
+        prior = wrap_heading(start + rng.normal(0, 1, (n, 3)) * self._prior_sd)
         odometry = u + rng.normal(0, 1, u.shape) * [self.sigma_v, self.sigma_omega]
         odometry[:, n - min(n, self.without_odometry) :] = np.nan
         landmark = self._see(rng, path, np.broadcast_to(self._places(), (self.ticks, self.landmarks, 2)))
         sighting = self._see(rng, path, path[..., :2])
         sighting[:, np.arange(n), np.arange(n)] = np.nan
         link = generator(seed, k, Purpose.NETWORK).uniform(size=(self.ticks, n, n)) >= self.drop
-        linked = (link & ~np.eye(n, dtype=bool)).astype(float)
-        return path, prior, odometry, landmark, sighting, linked, self._face(rng, path, sighting)
+        link &= ~np.eye(n, dtype=bool)
+        readings = TrialReadings(path, prior, odometry, link, nothing, nothing, nothing, landmark, sighting)
+        return readings, self._face(rng, path, sighting)
 
     def _drive(self, rng: np.random.Generator) -> tuple[Array, Array, Array]:
-        """Start (n, 3), poses (T, n, 3) and the true (v, omega) (T, n, 2)."""
+        """Return the start (n, 3), poses (T, n, 3) and the true (v, omega) (T, n, 2)."""
         T, n = self.ticks, self.robots
         exact = Unicycle(0.0, 0.0, self.tick)
         x = np.concatenate(
@@ -110,7 +98,7 @@ class Camera(BaseModel):
         return start, path, u
 
     def _see(self, rng: np.random.Generator, path: Array, places: Array) -> Array:
-        """Range and bearing (T, n, m, 2) of places (T, m, 2), nan outside the field of view."""
+        """Return range and bearing (T, n, m, 2) of places (T, m, 2), nan outside the field of view."""
         delta = places[:, None] - path[:, :, None, :2]
         reading = np.stack(
             [np.hypot(delta[..., 0], delta[..., 1]), np.arctan2(delta[..., 1], delta[..., 0]) - path[:, :, None, 2]], -1
@@ -122,12 +110,12 @@ class Camera(BaseModel):
         return np.where(seen[..., None], noisy, np.nan)
 
     def _face(self, rng: np.random.Generator, path: Array, sighting: Array) -> Array:
-        """Heading (T, n, n, 1) of each teammate in sight, relative to the robot's own."""
+        """Return heading (T, n, n, 1) of each teammate in sight, relative to the robot's own."""
         turn = path[:, None, :, 2] - path[:, :, None, 2]
         noisy = wrap(turn + rng.normal(0, self.sigma_orientation or 0.0, turn.shape))
         return np.where(np.isnan(sighting[..., 0]), np.nan, noisy)[..., None]
 
     def _places(self) -> Array:
-        """Landmarks (l, 2) evenly on a circle around the middle."""
+        """Return landmarks (l, 2) evenly on a circle around the middle."""
         angle = 2 * np.pi * np.arange(self.landmarks) / max(self.landmarks, 1)
         return self.side * (0.5 + 0.35 * np.stack([np.cos(angle), np.sin(angle)], -1))

@@ -7,7 +7,7 @@ same paths with or without walls, drops or sleep.
 Source: E. Latif, R. Parasuraman, "Multi-Robot Synergistic Localization in Dynamic Environments", 2022.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from typing import Annotated, Any, NamedTuple
 
@@ -31,40 +31,32 @@ def walls_between(a: Array, b: Array, walls: Array) -> Indices:
     count = np.zeros(np.broadcast_shapes(a.shape, b.shape)[:-1], np.int64)
     for p, q in walls:
         across = (turn_sign(p, q, a) * turn_sign(p, q, b) <= 0) & (turn_sign(a, b, p) * turn_sign(a, b, q) <= 0)
-        count += across & boxes_meet(a, b, p, q)
+        boxes_meet = (np.minimum(a, b) <= np.maximum(p, q)) & (np.maximum(a, b) >= np.minimum(p, q))
+        count += across & boxes_meet.all(-1)  # collinear segments may lie apart
     return count
 
 
 def bodies_between(a: Array, b: Array, centre: Array, radius: float) -> Mask:
-    """Which bodies (..., m, 2) each line of sight a (..., 2) to b (..., 2) touches: a mask (..., m)."""
+    """Return a mask (..., m): the bodies (..., m, 2) that each line of sight a (..., 2) to b (..., 2) touches."""
     a, b = a[..., None, :], b[..., None, :]
     along = b - a
     length2 = np.maximum((along**2).sum(-1), np.finfo(float).tiny)
     share = np.clip(((centre - a) * along).sum(-1) / length2, 0.0, 1.0)
     nearest = a + share[..., None] * along
-    touched: Mask = np.asarray(((centre - nearest) ** 2).sum(-1) <= radius**2)
-    return touched
+    return np.asarray(((centre - nearest) ** 2).sum(-1) <= radius**2)
 
 
 def turn_sign(p: Array, q: Array, x: Array) -> Array:
-    """Sign of the turn p, q, x: which side of the line through p and q the point x lies on."""
+    """Return the sign of the turn p, q, x: which side of the line through p and q the point x lies on."""
     u, v = q - p, x - p
-    side: Array = np.sign(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])
-    return side
-
-
-def boxes_meet(a: Array, b: Array, p: Array, q: Array) -> Mask:
-    """True where the boxes around two segments meet; those of collinear segments that do not overlap do not."""
-    low, high = np.minimum(a, b), np.maximum(a, b)
-    meet: Mask = np.all((low <= np.maximum(p, q)) & (high >= np.minimum(p, q)), axis=-1)
-    return meet
+    return np.asarray(np.sign(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0]))
 
 
 # Radio: path loss, shadowing with memory, and what blocks a link.
 
 
 class Scene(NamedTuple):
-    """One trial's true surroundings: what blocks which link. Estimators never see it."""
+    """The true surroundings of a trial, which block links. Estimators never see it."""
 
     walls: Array  # (w, 2, 2) [m]
     obstacles: Array  # (T, m, 2) [m]
@@ -94,7 +86,7 @@ def find_blockers(
 
 
 def add_memory(white: Array, correlation: float) -> Array:
-    """White noise (T, ...) to a stationary AR(1) process of the same variance and this lag-1 correlation."""
+    """Turn white noise (T, ...) into a stationary AR(1) process of the same variance and this lag-1 correlation."""
     if correlation == 0:
         return white
     out, fresh = white.copy(), np.sqrt(1 - correlation**2)
@@ -104,21 +96,19 @@ def add_memory(white: Array, correlation: float) -> Array:
 
 
 def round_to_unit(reading: Array, unit: float) -> Array:
-    """Readings in whole multiples of `unit`; 0 leaves them as they are."""
+    """Return readings in whole multiples of `unit`; 0 leaves them as they are."""
     return np.round(reading / unit) * unit if unit else reading
 
 
 def distance(a: Array, b: Array) -> Array:
-    """Euclidean distance of places (..., 2): by components, as numpy is slow at a sum over two."""
-    dx, dy = a[..., 0] - b[..., 0], a[..., 1] - b[..., 1]
-    d: Array = np.sqrt(dx**2 + dy**2)
-    return d
+    """Return the distance of places (..., 2): by components, as numpy is slow at a sum over two."""
+    return np.asarray(np.sqrt((a[..., 0] - b[..., 0]) ** 2 + (a[..., 1] - b[..., 1]) ** 2))
 
 
 # Random walks in a square, reflected at its sides.
 
 
-class Steps(NamedTuple):
+class WalkSteps(NamedTuple):
     """The steps of n bodies over T ticks."""
 
     start: Array  # (n, 2) [m]
@@ -127,9 +117,9 @@ class Steps(NamedTuple):
     turn: Array  # (T, n) [rad]
 
 
-def draw_steps(rng: np.random.Generator, ticks: int, n: int, side: float, step: float, turn: float) -> Steps:
-    """Uniform starts and headings, lengths of 0.5 to 1.5 `step`, normal turns of sd `turn`."""
-    return Steps(
+def draw_steps(rng: np.random.Generator, ticks: int, n: int, side: float, step: float, turn: float) -> WalkSteps:
+    """Draw uniform starts and headings, lengths of 0.5 to 1.5 `step`, normal turns of sd `turn`."""
+    return WalkSteps(
         rng.uniform(0, side, (n, 2)),
         rng.uniform(-np.pi, np.pi, n),
         step * rng.uniform(0.5, 1.5, (ticks, n)),
@@ -137,8 +127,8 @@ def draw_steps(rng: np.random.Generator, ticks: int, n: int, side: float, step: 
     )
 
 
-def reflected_walk(draws: list[Steps], side: float) -> tuple[Array, Array]:
-    """Starts (t, n, 2) and positions (t, T, n, 2) of several trials' walks."""
+def walk(draws: list[WalkSteps], side: float) -> tuple[Array, Array]:
+    """Return starts (t, n, 2) and positions (t, T, n, 2) of several trials' walks."""
     start, heading, length, turn = (np.stack(part) for part in zip(*draws, strict=True))
     x, path = start, np.empty((*length.shape, 2))
     for k in range(length.shape[1] if path.size else 0):  # most worlds have no obstacles
@@ -167,7 +157,7 @@ def wake_mask(ticks: int, rate: Array, phase: Array) -> Mask:
 
 
 def ticks_since_waking(wake: Mask) -> Array:
-    """Ticks covered (T, n) by a waking robot's odometry, 0 for one that sleeps."""
+    """Return the ticks covered (T, n) by a waking robot's odometry, 0 for one that sleeps."""
     k = np.arange(1, len(wake) + 1)[:, None]
     last = np.maximum.accumulate(np.where(wake, k, 0), axis=0)
     before = np.vstack([np.zeros_like(last[:1]), last[:-1]])
@@ -175,7 +165,7 @@ def ticks_since_waking(wake: Mask) -> Array:
 
 
 def sum_between_wakings(odometry: Array, wake: Mask) -> Array:
-    """Per-tick displacements (T, n, 2) summed over what each waking covers; nan while asleep."""
+    """Sum per-tick displacements (T, n, 2) over what each waking covers; nan while asleep."""
     if wake.all():
         return odometry
     total = np.cumsum(odometry, axis=0)
@@ -197,7 +187,7 @@ def block_length(total: int, robots: int) -> int:
 
 
 def split_generator(rng: np.random.Generator, count: int, streams: int) -> list[np.random.Generator]:
-    """Generators that stand where `rng` does, after `count` normal numbers, after twice as many, and so on."""
+    """Return generators that stand where `rng` does, after `count` normal numbers, after twice as many, and so on."""
     made = [rng]
     for _ in range(streams - 1):
         later = deepcopy(made[-1])
@@ -208,8 +198,70 @@ def split_generator(rng: np.random.Generator, count: int, streams: int) -> list[
 
 
 def stack_trials(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
-    """The parts along a new first axis; of one part no copy."""
+    """Return the parts along a new first axis; of one part no copy."""
     return np.stack(parts) if len(parts) > 1 else parts[0][None]
+
+
+class TrialReadings(NamedTuple):
+    """True path and readings of one trial, with the tick first; width 0 where a channel does not exist."""
+
+    path: Array  # (T, n, 2 or 3)
+    prior: Array  # (n, 2 or 3)
+    odometry: Array  # (T, n, 2)
+    link: Mask  # (T, n, n)
+    anchor_rssi: Array  # (T, n, a)
+    rssi: Array  # (T, n, n)
+    range: Array  # (T, n, n)
+    landmark: Array  # (T, n, l, 2)
+    sighting: Array  # (T, n, n, 2)
+
+
+def make_stream(
+    model: Any,
+    label: str,
+    seed: int,
+    trials: Sequence[int],
+    world: World,
+    readings: Sequence[TrialReadings],
+    prior_sd: Sequence[float],
+    ticks: Array | None = None,
+    extra: Mapping[str, Array] | None = None,
+) -> tuple[Truth, Stream]:
+    """Return truth and stream of simulated trials.
+
+    Args:
+        model: the world's parameters.
+        label: of the scenario.
+        seed: of all trials.
+        trials: their numbers.
+        world: what the team assumes.
+        readings: of each trial.
+        prior_sd: of each coordinate of the prior.
+        ticks: (T, n) that odometry covers, 0 while a robot sleeps; one unless given.
+        extra: channels (t, T, n, ...) of this world alone.
+
+    """
+    z = TrialReadings(*(stack_trials(part) for part in zip(*readings, strict=True)))
+    t, T, n, d = z.path.shape
+    ticks = np.ones((T, n)) if ticks is None else ticks
+    dt = np.broadcast_to(model.tick * ticks, (t, T, n)).copy()
+    stream = Stream(
+        scenario=label,
+        seed=seed,
+        trial=np.array(trials, np.int64),
+        time=model.tick * np.arange(1, T + 1),
+        world=world,
+        prior=Belief(z.prior, np.broadcast_to(np.diag([sd**2 for sd in prior_sd]), (t, n, d, d)).copy()),
+        senses=Senses(z.odometry, dt, z.anchor_rssi, z.landmark, z.sighting, dict(extra or {})),
+        air=Air(z.link, z.rssi, z.range),
+        notes={
+            "world": type(model).__name__,
+            "parameters": model.model_dump(mode="json"),
+            "prior": "true start + noise",
+        },
+    )
+    valid = np.broadcast_to(ticks > 0, (t, T, n)).copy()
+    return Truth(label, stream.trial, z.path, valid, model.world().arena, stream.hashes), stream
 
 
 # The world.
@@ -300,51 +352,26 @@ class Paper(BaseModel):
         return places
 
     def simulate(self, label: str, trials: Sequence[int], seed: int, world: World) -> tuple[Truth, Stream]:
-        """Truth and stream of these trials; `world` is what the team assumes, which may differ from `world()`."""
-        start, path = self._walk(seed, trials)
-        wake = self._awake()
-        trial = np.array(trials, np.int64)
-        sensed = [self.sense(seed, k, start[i], path[i], wake) for i, k in enumerate(trials)]
-        odometry, anchor, link, rssi, ranged, prior = (stack_trials(part) for part in zip(*sensed, strict=True))
-        t, T, n, _ = path.shape
-        nothing = np.empty((t, T, n, 0, 2))
-        dt = np.broadcast_to(self.tick * ticks_since_waking(wake), (t, T, n)).copy()
-        stream = Stream(
-            scenario=label,
-            seed=seed,
-            trial=trial,
-            time=self.tick * np.arange(1, T + 1),
-            world=world,
-            prior=Belief(prior, np.broadcast_to(self.prior_sigma**2 * np.eye(2), (t, n, 2, 2)).copy()),
-            senses=Senses(odometry, dt, anchor, nothing, nothing, {}),
-            air=Air(link, rssi, ranged),
-            notes={
-                "world": type(self).__name__,
-                "parameters": self.model_dump(mode="json"),
-                "prior": "true start + noise of prior_sigma per axis",
-            },
-        )
-        valid = np.broadcast_to(wake, (t, T, n)).copy()
-        return Truth(label, trial, path, valid, self.world().arena, stream.hashes), stream
+        """Simulate these trials; `world` is what the team assumes, which may differ from `world()`."""
+        walks = (self.ticks, self.robots, self.side, self.step, self.turn)
+        draws = [draw_steps(generator(seed, k, Purpose.TRUTH), *walks) for k in trials]
+        start, path = walk(draws, self.side)
+        rate, phase = (np.resize(np.array(each), self.robots) for each in (self.rate, self.phase))
+        wake = wake_mask(self.ticks, rate, phase)
+        readings = [self.sense(seed, k, start[i], path[i], wake) for i, k in enumerate(trials)]
+        prior_sd = [self.prior_sigma] * 2
+        return make_stream(self, label, seed, trials, world, readings, prior_sd, ticks_since_waking(wake))
 
     def scene(self, seed: int, trial: int, path: Array) -> Scene:
         """Return walls, obstacles and blocked links of one trial whose robots take this path (T, n, 2)."""
         rng = generator(seed, trial, Purpose.OBSTACLES)
         steps = draw_steps(rng, self.ticks, self.obstacles, self.side, self.step, self.turn)
-        _, bodies = reflected_walk([steps], self.side)
+        _, bodies = walk([steps], self.side)
         walls = np.array(self.walls, float).reshape(-1, 2, 2)
         return find_blockers(path, self.places(), walls, bodies[0], self.body_radius, self.body_blocking)
 
-    def _walk(self, seed: int, trials: Sequence[int]) -> tuple[Array, Array]:
-        draw = (self.ticks, self.robots, self.side, self.step, self.turn)
-        return reflected_walk([draw_steps(generator(seed, k, Purpose.TRUTH), *draw) for k in trials], self.side)
-
-    def _awake(self) -> Mask:
-        rate, phase = (np.resize(np.array(each), self.robots) for each in (self.rate, self.phase))
-        return wake_mask(self.ticks, rate, phase)
-
-    def sense(self, seed: int, trial: int, start: Array, path: Array, wake: Mask) -> "TrialReadings":
-        """One trial's readings of its true path (T, n, 2), which begins at `start` (n, 2)."""
+    def sense(self, seed: int, trial: int, start: Array, path: Array, wake: Mask) -> TrialReadings:
+        """Draw a trial's readings of its true path (T, n, 2), which begins at `start` (n, 2)."""
         rng = generator(seed, trial, Purpose.SENSORS)
         scene = self.scene(seed, trial, path)
         prior = start + rng.normal(0, self.prior_sigma, start.shape)
@@ -353,7 +380,9 @@ class Paper(BaseModel):
         anchor = self._anchor_rssi(rng, path, moves, scene)
         link, rssi, ranged = self._between_robots(rng, path, wake, scene, seed, trial)
         sensed = wake[..., None] & (distance(path[:, :, None], self.places()) <= self.radio_range)
-        return TrialReadings(odometry, np.where(sensed, anchor, np.nan), link, rssi, ranged, prior)
+        nothing = np.empty((*path.shape[:2], 0, 2))
+        anchor = np.where(sensed, anchor, np.nan)
+        return TrialReadings(path, prior, odometry, link, anchor, rssi, ranged, nothing, nothing)
 
     def _between_robots(
         self, rng: np.random.Generator, path: Array, wake: Mask, scene: Scene, seed: int, trial: int
@@ -405,14 +434,3 @@ class Paper(BaseModel):
         n = self.robots
         link: Mask = rng.uniform(size=(ticks, n, n)) >= self.drop
         return link & ~np.eye(n, dtype=bool)
-
-
-class TrialReadings(NamedTuple):
-    """The readings of one trial, with the tick first."""
-
-    odometry: Array  # (T, n, 2)
-    anchor_rssi: Array  # (T, n, a)
-    link: Mask  # (T, n, n)
-    rssi: Array  # (T, n, n)
-    range: Array  # (T, n, n)
-    prior: Array  # (n, 2)

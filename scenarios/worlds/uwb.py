@@ -10,6 +10,7 @@ Source: residuals against motion capture in a bag of TIERS/uwb-cooperative-mrs-l
 """
 
 import tomllib
+from dataclasses import replace
 from functools import cache
 from importlib.resources import files
 from typing import Literal
@@ -41,7 +42,7 @@ class UwbArena(Paper):
         """Return the team's world; where the mean bias is removed, the sigma of ranges is that of the rest."""
         world = super().world()
         left = np.hypot(self.range_bias_sd, residual_sd()) if self.bias == "removed" else self.range_sigma
-        return World(**{**vars(world), "sensors": {**world.sensors, "radio_range": Range(float(left))}})
+        return replace(world, sensors={**world.sensors, "radio_range": Range(float(left))})
 
     @property
     def at_once(self) -> int:

@@ -34,12 +34,3 @@ def test_bodies_are_those_within_their_radius_of_the_line_of_sight(rng):
     expected = shapely.distance(sights[:, None], shapely.points(centres)) <= 0.3
     np.testing.assert_array_equal(bodies_between(A, B, centres, 0.3), expected)
     assert 0.01 < expected.mean() < 0.5
-
-
-def test_any_leading_axes_broadcast(rng):
-    """Robots (T, n, 1) against anchors (a): the shapes the simulator uses."""
-    robots, anchors = rng.uniform(0, 6, (5, 3, 1, 2)), rng.uniform(0, 6, (4, 2))
-    counts = walls_between(robots, anchors, WALLS)
-    assert counts.shape == (5, 3, 4)
-    assert counts[2, 1, 3] == walls_between(robots[2, 1, 0], anchors[3], WALLS)
-    assert walls_between(robots, anchors, np.zeros((0, 2, 2))).sum() == 0
