@@ -5,10 +5,11 @@ Every estimator gets the same arrays, read-only, and loses the same packets. The
 
 import math
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import as_completed
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -38,12 +39,10 @@ from cooploc.scenarios.stream import Stream, Truth
 if TYPE_CHECKING:
     from xarray import Dataset
 
-T = TypeVar("T")
 ROBOT = ("init", "predict", "correct", "send", "fuse", "estimate")
 TEAM = ("init", "predict", "correct", "exchange", "estimate")
 OFFLINE = ("smooth",)
 LIFT = "a filter written for one robot is lifted by cl.PerRobot, one for a whole team by cl.PerTeam"
-ORDER = "write cl.run(estimators, stream)"
 TIME_LIMIT = 600.0  # [s] for one estimator on one trial
 
 
@@ -61,19 +60,23 @@ class Run:
     time: Array | None = None  # (T,) end of each tick [s]
 
     def __repr__(self) -> str:
-        return f"Run({self.scenario!r}, {len(self.trial)} trials, {', '.join(self.traces)}{self._place()})"
+        where = "" if self.isolated else ", all in one process"
+        return f"Run({self.scenario!r}, {len(self.trial)} trials, {', '.join(self.traces)}{where})"
 
     def _repr_html_(self) -> str:
-        header = ("estimator", "messages per robot and tick", "bytes", "µs", "standing")
-        title = f"run of {self.scenario}, seed {self.seed}, {len(self.trial)} trials{self._place()}"
-        rows = [(name, *_cost(trace, name in self.unchecked)) for name, trace in self.traces.items()]
-        return list_table(header, title, rows)
-
-    def _place(self) -> str:
-        return "" if self.isolated else ", all in one process"
+        header, rows = ("estimator", "messages per robot and tick", "bytes", "µs", "standing"), []
+        for name, one in self.traces.items():
+            ticks = np.prod(one.x.shape[:3])  # of all trials and robots
+            kind = "offline" if one.offline else "bound" if one.bound else "centralised" * one.centralised
+            learned = f"trained on {one.trained_on}" if one.trained_on else ""
+            standing = ", ".join(filter(None, (kind, "unchecked" * (name in self.unchecked), learned)))
+            sent, size, cost = one.messages.sum() / ticks, one.bytes.sum() / ticks, 1e6 * one.seconds / ticks
+            rows.append((name, f"{sent:.2g}", f"{size:.3g}", f"{cost:.3g}", standing))
+        where = "" if self.isolated else ", all in one process"
+        return list_table(header, f"run of {self.scenario}, seed {self.seed}, {len(self.trial)} trials{where}", rows)
 
     def to_xarray(self, truth: Truth | None = None) -> "Dataset":
-        """Every trace in one xarray.Dataset, with units, which `to_netcdf` writes to a file.
+        """Return every trace in one xarray.Dataset, with units, which `to_netcdf` writes to a file.
 
         Variables: the estimates `x` and their covariances `P`, `messages`, `bytes` and `seconds` of computing; with the
         truth also `truth` and `error`, the distance [m] of every estimate from it, nan where it is not known. The
@@ -86,19 +89,9 @@ class Run:
             BadInput: the run has no estimators, or the truth is that of another stream.
 
         """
-        from cooploc.scenarios.runner.to_xarray import RunData, dataset  # xarray takes long to import
+        from cooploc.scenarios.runner.to_xarray import dataset  # xarray takes long to import
 
-        return dataset(RunData(self.scenario, self.seed, self.trial, self.hashes, self.time, self.traces), truth)
-
-
-def _cost(trace: Trace, unchecked: bool) -> tuple[str, ...]:
-    """Messages, bytes and microseconds per robot and tick; whether it is centralised, a bound, unchecked, trained."""
-    t, T, n, _ = trace.x.shape
-    sent, size = trace.messages.sum() / (t * T * n), trace.bytes.sum() / (t * T * n)
-    kind = "offline" if trace.offline else "bound" if trace.bound else "centralised" * trace.centralised
-    learned = f"trained on {trace.trained_on}" if trace.trained_on else ""
-    standing = [kind, "unchecked" * unchecked, learned]
-    return f"{sent:.2g}", f"{size:.3g}", f"{1e6 * trace.seconds / (t * T * n):.3g}", ", ".join(filter(None, standing))
+        return dataset(self, truth)
 
 
 def run(estimators: Any, stream: Stream, jobs: int = 1, isolate: bool = True, time_limit: float = TIME_LIMIT) -> Run:
@@ -123,46 +116,47 @@ def run(estimators: Any, stream: Stream, jobs: int = 1, isolate: bool = True, ti
             ended its process.
 
     """
-    _require_possible(jobs, isolate, time_limit)
-    given = estimators_by_name(estimators, isolate)
-    require_stream(stream)
-    first = stream.select(slice(0, 1)).first_ticks(1)
-    unchecked = frozenset(name for name, one in given.items() if not is_builtin(one))
-    foreign = unchecked if isolate else frozenset()
-    for name, one in given.items():
-        require_fit_in_process(PluginJob(name, one, time_limit), first) if name in foreign else require_fit(
-            name, one, first
-        )
-    parts = np.array_split(np.arange(len(stream.trial)), min(jobs, len(stream.trial)))
-    chunks = [stream.select(slice(int(part[0]), int(part[-1]) + 1)) for part in parts] if len(parts) > 1 else [stream]
-    with display.bar(stream.senses.dt.shape[1] * len(chunks) * len(given)) as advance:
-        traces = {}
-        for name, one in given.items():
-            if name in foreign:
-                traces[name] = trace_in_process(PluginJob(name, one, time_limit), chunks, advance)
-            elif len(chunks) > 1:
-                traces[name] = trace_in_process(PluginJob(name, one, math.inf, BUILTIN), chunks, advance)
-            else:
-                if name not in unchecked:
-                    warm_up(name, one, stream)
-                traces[name] = trace(name, one, stream, advance=advance)
-    return Run(stream.scenario, stream.seed, stream.trial, stream.hashes, traces, isolate, unchecked, stream.time)
-
-
-def _require_possible(jobs: int, isolate: bool, time_limit: float) -> None:
     if jobs < 1:
         raise BadInput(f"jobs is {jobs}; it must be at least 1")
     if jobs > 1 and not isolate:
         raise BadInput(f"isolate=False keeps everything in one process, and jobs is {jobs}: leave one of them out")
     if not time_limit > 0:
         raise BadInput(f"time_limit is {time_limit}; it must be more than 0 s, or math.inf")
+    given = estimators_by_name(estimators, isolate)
+    if not isinstance(stream, Stream):
+        raise BadInput(
+            f"the second argument is a {type(stream).__name__}, not a Stream: write truth, stream = cl.simulate(...), "
+            f"then cl.run(estimators, stream)"
+        )
+    first = stream.select(slice(0, 1)).first_ticks(1)
+    unchecked = frozenset(name for name, one in given.items() if not is_builtin(one))
+    plugins = {name: PluginJob(name, given[name], time_limit) for name in given if isolate and name in unchecked}
+    for name, one in given.items():
+        if name in plugins:
+            require_fit_in_process(plugins[name], first)
+        else:
+            require_fit(name, one, first)
+    count = min(jobs, len(stream.trial))
+    parts = np.array_split(np.arange(len(stream.trial)), count)
+    chunks = [stream.select(slice(int(part[0]), int(part[-1]) + 1)) for part in parts] if count > 1 else [stream]
+    with display.bar(stream.senses.dt.shape[1] * len(chunks) * len(given)) as advance:
+        traces = {}
+        for name, one in given.items():
+            if name in plugins or count > 1:
+                job = plugins.get(name, PluginJob(name, one, math.inf, BUILTIN))
+                traces[name] = trace_in_process(job, chunks, advance)
+                continue
+            if name not in unchecked:
+                warm_up(name, one, stream)
+            traces[name] = trace(name, one, stream, advance=advance)
+    return Run(stream.scenario, stream.seed, stream.trial, stream.hashes, traces, isolate, unchecked, stream.time)
 
 
 # What may be given as estimators.
 
 
 def estimators_by_name(estimators: Any, isolate: bool = False) -> dict[str, Any]:
-    """Instances by name; with `isolate`, a name or class that is not built in stays one, for a process of its own.
+    """Return instances by name; with `isolate`, a name or class not built in stays one, for a process of its own.
 
     Args:
         estimators: a name, configured or not ("arl", "mrsl-rssi[particles=500]", "path.py:Name"), several of them
@@ -174,30 +168,20 @@ def estimators_by_name(estimators: Any, isolate: bool = False) -> dict[str, Any]
 
     """
     if isinstance(estimators, Stream | Truth):
-        raise BadInput(f"the first argument is a {type(estimators).__name__}, not estimators: {ORDER}")
+        raise BadInput(
+            f"the first argument is a {type(estimators).__name__}, not estimators: write cl.run(estimators, stream)"
+        )
     if isinstance(estimators, Mapping):
         return {str(name): make_estimator(one, f"{name!r}", isolate) for name, one in estimators.items()}
+    single = isinstance(estimators, type) or any(hasattr(estimators, method) for method in ("init", "smooth"))
+    several = [estimators] if single or not isinstance(estimators, Iterable) else estimators
     found: dict[str, Any] = {}
-    for one in _as_list(estimators):
+    for one in split_labels(estimators) if isinstance(estimators, str) else several:
         name = label_of(one)
         if name in found:
             raise BadInput(f"two estimators are called {name!r}: give them names, {{{name!r}: ..., 'other': ...}}")
         found[name] = make_estimator(one, "one of the estimators", isolate)
     return found
-
-
-def require_stream(stream: Any) -> None:
-    """Refuse what is not a stream.
-
-    Raises:
-        BadInput: it is the truth, or both, or something else.
-
-    """
-    if not isinstance(stream, Stream):
-        raise BadInput(
-            f"the second argument is a {type(stream).__name__}, not a Stream: write truth, stream = cl.simulate(...), "
-            f"then cl.run(estimators, stream)"
-        )
 
 
 def label_of(estimator: Any) -> str:
@@ -231,7 +215,7 @@ def make_instance(estimator: Any) -> Any:
 
 
 def make_estimator(given: Any, where: str, isolate: bool = False) -> Any:
-    """Make an instance that has an estimator's methods; with `isolate`, a name or class that is not built in stays one.
+    """Make an instance that has an estimator's methods; with `isolate`, a name or class not built in stays one.
 
     Raises:
         BadInput: it is not an estimator.
@@ -252,14 +236,6 @@ def make_estimator(given: Any, where: str, isolate: bool = False) -> Any:
     return made
 
 
-def _as_list(estimators: Any) -> Iterable[Any]:
-    if isinstance(estimators, str):
-        return split_labels(estimators)
-    several = isinstance(estimators, Iterable) and not isinstance(estimators, type)
-    several = several and not any(hasattr(estimators, method) for method in ("init", "smooth"))
-    return estimators if several else [estimators]
-
-
 # Estimators in processes of their own.
 
 
@@ -269,17 +245,18 @@ class Seedless(NamedTuple):
     stream: Stream
     rows: Rows
 
-    @classmethod
-    def of(cls, stream: Stream) -> "Seedless":
-        """The same readings."""
-        return cls(replace(stream, seed=0, notes={}), seeds.rows(stream.seed, stream.trial, stream.robots))
-
     def select(self, trials: slice) -> "Seedless":
-        """Consecutive trials of it."""
+        """Return consecutive trials of it."""
         n = self.stream.robots
         mine = slice(trials.start * n, trials.stop * n)
-        rows = Rows(self.rows.trial[mine], self.rows.robot[mine], self.rows.key[mine])
-        return Seedless(self.stream.select(trials), rows)
+        return Seedless(
+            self.stream.select(trials), Rows(self.rows.trial[mine], self.rows.robot[mine], self.rows.key[mine])
+        )
+
+
+def remove_seed(stream: Stream) -> Seedless:
+    """Return the same readings without the seed."""
+    return Seedless(replace(stream, seed=0, notes={}), seeds.rows(stream.seed, stream.trial, stream.robots))
 
 
 class PluginJob(NamedTuple):
@@ -292,26 +269,26 @@ class PluginJob(NamedTuple):
 
 
 def require_fit_in_process(one: PluginJob, stream: Stream) -> None:
-    """As `require_fit`, in its process.
+    """Do in its process what `require_fit` does.
 
     Raises:
         BadInput: it is not an estimator, or cannot run on such a stream.
         EstimatorError: it cannot even begin.
 
     """
-    _with_name(one, lambda: call(one.owner, _require_fit, one, Seedless.of(stream).stream))
+    with _errors_named(one):
+        call(one.owner, _require_fit, one, remove_seed(stream).stream)
 
 
 def trace_in_process(one: PluginJob, chunks: list[Stream], advance: Advance | None) -> Trace:
-    """As `trace`, of all chunks, a process for each.
+    """Return the trace of all chunks, each run in a process of its own.
 
     Raises:
         EstimatorError: it broke the interface, took too long, or ended its process.
 
     """
-
-    def collect() -> Trace:
-        futures = [submit(one.owner, len(chunks), _trace_chunk, one, Seedless.of(chunk)) for chunk in chunks]
+    with _errors_named(one):
+        futures = [submit(one.owner, len(chunks), _trace_chunk, one, remove_seed(chunk)) for chunk in chunks]
         try:
             for future in as_completed(futures):
                 future.exception()
@@ -322,14 +299,13 @@ def trace_in_process(one: PluginJob, chunks: list[Stream], advance: Advance | No
             end(one.owner)
             raise
 
-    return _with_name(one, collect)
 
-
-def _with_name(one: PluginJob, work: Callable[[], T]) -> T:
-    """Return the result of `work`; an error names the estimator."""
+@contextmanager
+def _errors_named(one: PluginJob) -> Iterator[None]:
+    """Name the estimator in errors of its process."""
     began = time.monotonic()
     try:
-        return work()
+        yield
     except ProcessDied as e:
         late = "exit code 1)" in str(e) and time.monotonic() - began > one.seconds  # as its own timer ends it
         why = f"longer than the time limit of {one.seconds:g} s a trial; its process was ended" if late else str(e)
@@ -351,7 +327,7 @@ def _trace_chunk(one: PluginJob, given: Seedless) -> Trace:
 
 
 def _trace_within_limit(name: str, made: Any, given: Seedless, seconds: float) -> Trace:
-    """A trace; trials that are late in company run again, each alone."""
+    """Return a trace; trials that are late in company run again, each alone."""
     trials, ticks = given.stream.senses.dt.shape[:2]
     try:
         with limit_time(seconds, trials, ticks, end_process=True) as watch:
@@ -359,17 +335,14 @@ def _trace_within_limit(name: str, made: Any, given: Seedless, seconds: float) -
     except TimeLimit:
         if trials == 1:
             raise
-        return _concatenate(
-            [_trace_within_limit(name, made, given.select(slice(i, i + 1)), seconds) for i in range(trials)]
-        )
+        alone = [given.select(slice(i, i + 1)) for i in range(trials)]
+        return _concatenate([_trace_within_limit(name, made, one, seconds) for one in alone])
 
 
 def _concatenate(traces: list[Trace]) -> Trace:
     if len(traces) == 1:
         return traces[0]
-    parts: dict[str, Any] = {
-        f: np.concatenate([getattr(t, f) for t in traces]) for f in ("x", "P", "messages", "bytes")
-    }
-    notes = {name: np.concatenate([t.notes[name] for t in traces]) for name in traces[0].notes}
-    seconds = sum(t.seconds for t in traces)
-    return replace(traces[0], **parts, seconds=seconds, notes=notes)
+    names, notes = ("x", "P", "messages", "bytes"), traces[0].notes
+    parts: dict[str, Any] = {name: np.concatenate([getattr(t, name) for t in traces]) for name in names}
+    parts["notes"] = {name: np.concatenate([t.notes[name] for t in traces]) for name in notes}
+    return replace(traces[0], **parts, seconds=sum(t.seconds for t in traces))

@@ -35,7 +35,7 @@ class IncompatibleEstimator(BadInput):
 
 
 def visible(name: str, estimator: Any, stream: Stream) -> Stream:
-    """The stream with everything hidden that the estimator does not declare.
+    """Hide everything of a stream that the estimator does not declare.
 
     Raises:
         IncompatibleEstimator: it declares a channel that the stream lacks, or another version of the interface.
@@ -44,17 +44,12 @@ def visible(name: str, estimator: Any, stream: Stream) -> Stream:
     if reason := wrong_version(estimator):
         raise IncompatibleEstimator(f"{name} cannot run: {reason}")
     used = select_channels(name, tuple(estimator.uses), stream)
-    senses = stream.senses
-    shown = senses._replace(
-        **{c: getattr(senses, c) if c in used else getattr(senses, c)[:, :, :, :0] for c in SENSED},
-        extra={c: a for c, a in senses.extra.items() if c in used},
-    )
-    air = stream.air
-    air = air._replace(
-        **{c: getattr(air, c) if f"radio_{c}" in used else getattr(air, c)[..., :0] for c in ("rssi", "range")}
-    )
+    z, air = stream.senses, stream.air
+    shown = {c: getattr(z, c) if c in used else getattr(z, c)[:, :, :, :0] for c in SENSED}
+    heard = {c: getattr(air, c) if f"radio_{c}" in used else getattr(air, c)[..., :0] for c in ("rssi", "range")}
+    z = z._replace(**shown, extra={c: a for c, a in z.extra.items() if c in used})
     sensors = {c: s for c, s in stream.world.sensors.items() if c in used}
-    return replace(stream, senses=shown, air=air, world=replace(stream.world, sensors=sensors))
+    return replace(stream, senses=z, air=air._replace(**heard), world=replace(stream.world, sensors=sensors))
 
 
 def senses(estimator: Any, stream: Stream) -> str:
@@ -67,7 +62,7 @@ def senses(estimator: Any, stream: Stream) -> str:
 
 
 def select_channels(name: str, uses: tuple[str, ...], stream: Stream) -> set[str]:
-    """The channels that a declaration selects: "a|b" the first that exists, "a?" if it exists.
+    """Return the channels that a declaration selects: "a|b" the first that exists, "a?" if it exists.
 
     Raises:
         IncompatibleEstimator: the stream lacks one that is needed.
@@ -112,7 +107,7 @@ def deliver(sent: Array, robots: int, link: Mask, rssi: Array, distance: Array) 
 
 
 def count(sent: Array, awake: Mask) -> Traffic:
-    """Messages and bytes of what the robots `awake` (t, n) sent, whether it arrives or not; none to oneself."""
+    """Count messages and bytes of what the robots `awake` (t, n) sent, whether it arrives or not; none to oneself."""
     t, n = awake.shape
     messages, size = np.zeros((t, n)), np.zeros((t, n))
     if sent.shape[-1]:
@@ -179,16 +174,13 @@ class _Drive:
 
     team: ClassVar[bool]
 
-    def __init__(
-        self, name: str, estimator: Any, stream: Stream, watch: Watcher | None, rows: Rows | None = None
-    ) -> None:
-        self.name, self.estimator, self.stream = name, estimator, stream
-        self.watch = watch
+    def __init__(self, name: str, estimator: Any, stream: Stream, watch: Watcher | None, rows: Rows | None) -> None:
+        self.name, self.estimator, self.stream, self.watch = name, estimator, stream, watch
         self.shape = stream.senses.dt.shape[0], stream.robots
         self.rows = rows or seeds.rows(stream.seed, stream.trial, stream.robots)
         self.centralised = traits(estimator).centralised
         self.state: Any = None
-        self.hidden = _frozen(np.full((len(stream.trial), stream.robots, stream.robots), np.nan))
+        self.hidden = freeze(np.full((len(stream.trial), stream.robots, stream.robots), np.nan))
 
     def call(self, method: str, tick: int, *arguments: Any) -> Any:
         call = getattr(self.estimator, method)
@@ -211,8 +203,8 @@ class _Drive:
     def beginning(self) -> tuple[Belief, World, Rows]:
         """Return the prior, the world and the rows: all that a team knows before tick 0."""
         t, n = self.shape
-        rows = Rows(*(_frozen(a.reshape(t, n, *a.shape[1:])) for a in self.rows))
-        return Belief(*(_frozen(a) for a in self.stream.prior)), self.stream.world, rows
+        rows = Rows(*(freeze(a.reshape(t, n, *a.shape[1:])) for a in self.rows))
+        return Belief(*(freeze(a) for a in self.stream.prior)), self.stream.world, rows
 
     def all_readings(self) -> Traffic:
         """Return the traffic of a centralised estimator: the finite readings that its robots upload."""
@@ -226,7 +218,7 @@ class _Drive:
     def _at(self, a: Array, k: int, flat: bool) -> Array:
         tick = a[:, k]
         t, n, *of_one = tick.shape
-        return cast(Array, _frozen(tick, (t * n, *of_one) if flat else tick.shape))
+        return cast(Array, freeze(tick, (t * n, *of_one) if flat else tick.shape))
 
     def _pairs(self, a: Array) -> Array:
         """A hidden radio channel reads nan everywhere."""
@@ -234,9 +226,9 @@ class _Drive:
 
     def belief(self, k: int) -> Belief:
         lead = self.shape if self.team else (self.shape[0] * self.shape[1],)
-        return self.demand_shape(self.call("estimate", k, self.state), lead, f"estimate() at tick {k}")
+        return self.require_shape(self.call("estimate", k, self.state), lead, f"estimate() at tick {k}")
 
-    def demand_shape(self, belief: Belief, lead: tuple[int, ...], where: str) -> Belief:
+    def require_shape(self, belief: Belief, lead: tuple[int, ...], where: str) -> Belief:
         d = self.stream.prior.x.shape[-1]
         for what, array, shape in (("x", belief.x, (*lead, d)), ("P", belief.P, (*lead, d, d))):
             if np.shape(array) != shape:
@@ -245,13 +237,13 @@ class _Drive:
 
 
 class Robots(_Drive):
-    """One row per (trial, robot); mail is carried between the rows of a trial."""
+    """An estimator on one row per (trial, robot); mail is carried between the rows of a trial."""
 
     team = False
 
     def start(self) -> None:
-        prior = Belief(*(_frozen(a.reshape(len(self.rows.key), *a.shape[2:])) for a in self.stream.prior))
-        rows = Rows(*(_frozen(a) for a in self.rows))
+        prior = Belief(*(freeze(a.reshape(len(self.rows.key), *a.shape[2:])) for a in self.stream.prior))
+        rows = Rows(*(freeze(a) for a in self.rows))
         self.state = self.call("init", -1, prior, self.stream.world, rows)
 
     def tick(self, k: int) -> tuple[Belief, Traffic]:
@@ -276,18 +268,18 @@ class Robots(_Drive):
             return self.silence
         awake = self.stream.senses.dt[:, k] > 0  # a robot that is asleep sends nothing
         mail = deliver(sent, n, link, rssi, distance)
-        return Mail(*(_frozen(a) for a in mail)), count(sent, awake.reshape(t, n))
+        return Mail(*(freeze(a) for a in mail)), count(sent, awake.reshape(t, n))
 
     @cached_property
     def silence(self) -> tuple[Mail, Traffic]:
         """Mail and traffic of an estimator that never transmits, the same in every tick."""
         (t, n), sent = self.shape, np.empty((len(self.rows.key), 0))
         mail = deliver(sent, n, np.zeros((t, n, n), bool), self.hidden, self.hidden)
-        return Mail(*(_frozen(a) for a in mail)), count(sent, np.ones((t, n), bool))
+        return Mail(*(freeze(a) for a in mail)), count(sent, np.ones((t, n), bool))
 
 
 class Team(_Drive):
-    """One state for the whole team; arrays are (trial, n, ...)."""
+    """An estimator with one state for the whole team; arrays are (trial, n, ...)."""
 
     team = True
 
@@ -300,8 +292,8 @@ class Team(_Drive):
         z = self.senses(k, flat=False)
         link, rssi, distance = self.air(k)
         t, n = self.shape
-        heard = (a if a is self.hidden else _frozen(np.where(link, a, np.nan)) for a in (rssi, distance))
-        air = Mail(_frozen(link), _frozen(np.empty((t, n, n, 0))), *heard)
+        heard = (a if a is self.hidden else freeze(np.where(link, a, np.nan)) for a in (rssi, distance))
+        air = Mail(freeze(link), freeze(np.empty((t, n, n, 0))), *heard)
         self.state = self.call("predict", k, self.state, z)
         self.state = self.call("correct", k, self.state, z)
         self.state, traffic = self.call("exchange", k, self.state, z, air)
@@ -311,26 +303,26 @@ class Team(_Drive):
 
 
 class Offline(_Drive):
-    """Everything at once, before tick 0; every tick then shows what was found of it."""
+    """An estimator that runs over all ticks at once, before tick 0; every tick then shows its part."""
 
     team = True
 
     def start(self) -> None:
         (t, n), z, air = self.shape, self.stream.senses, self.stream.air
         T = z.dt.shape[1]
-        arrays = {c: _frozen(getattr(z, c)) for c in (*SENSED, "dt")}
-        senses = Senses(**arrays, extra={c: _frozen(a) for c, a in z.extra.items()})
+        arrays = {c: freeze(getattr(z, c)) for c in (*SENSED, "dt")}
+        senses = Senses(**arrays, extra={c: freeze(a) for c, a in z.extra.items()})
         absent = np.full((t, T, n, n), np.nan)
         heard = (np.where(air.link, a, np.nan) if a.shape[-1] else absent for a in (air.rssi, air.range))
-        mail = Mail(*(_frozen(a) for a in (air.link, np.empty((t, T, n, n, 0)), *heard)))
+        mail = Mail(*(freeze(a) for a in (air.link, np.empty((t, T, n, n, 0)), *heard)))
         self.uplink = self.all_readings()
         found = self.call("smooth", -1, *self.beginning(), senses, mail)
-        self.state = self.demand_shape(found, (t, T, n), "smooth()")
+        self.state = self.require_shape(found, (t, T, n), "smooth()")
 
     def tick(self, k: int) -> tuple[Belief, Traffic]:
         return Belief(*(a[:, k] for a in self.state)), Traffic(*(a[:, k] for a in self.uplink))
 
 
-def _frozen(a: Any, shape: tuple[int, ...] | None = None) -> Any:
-    """A copy that cannot be written to, nor lead back to what it was cut from: other channels, trials and ticks."""
+def freeze(a: Any, shape: tuple[int, ...] | None = None) -> Any:
+    """Return a copy that cannot be written to, nor lead back to what it was cut from: other channels, trials, ticks."""
     return np.ndarray(a.shape if shape is None else shape, a.dtype, a.tobytes())

@@ -10,13 +10,12 @@ has that of each axis. What netCDF 3 cannot keep is written otherwise: a large s
 """
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from cooploc.estimators.errors import BadInput
-from cooploc.estimators.interface import Array, Indices
 from cooploc.scenarios.runner.trace import Trace
 from cooploc.scenarios.stream import Truth
 
@@ -26,19 +25,8 @@ COUNT = ("estimator", "trial", "robot")
 LARGEST = 2**31  # above which netCDF 3 has no whole numbers
 
 
-class RunData(NamedTuple):
-    """The parts of a run that go into a dataset."""
-
-    scenario: str
-    seed: int
-    trial: Indices  # (t,)
-    hashes: tuple[str, ...]  # of the stream's trials
-    time: Array | None  # (T,) end of each tick [s]
-    traces: Mapping[str, Trace]
-
-
-def dataset(run: RunData, truth: Truth | None = None) -> xr.Dataset:
-    """Every trace of a run, by its estimator's name; with the truth, the errors too.
+def dataset(run: Any, truth: Truth | None = None) -> xr.Dataset:
+    """Return every trace of a `Run`, by its estimator's name; with the truth, the errors too.
 
     Raises:
         BadInput: the run has no estimators, or the truth is that of another stream.
@@ -75,7 +63,7 @@ def dataset(run: RunData, truth: Truth | None = None) -> xr.Dataset:
     return xr.Dataset(variables, coordinates, {"scenario": run.scenario, "seed": seed})
 
 
-def _errors(run: RunData, truth: Truth) -> Mapping[str, Any]:
+def _errors(run: Any, truth: Truth) -> Mapping[str, Any]:
     """The truth, and how far each estimate is from it."""
     if truth.origin != run.hashes:
         raise BadInput(f"this truth ({truth.scenario}) is not the run's ({run.scenario}): simulate it again")

@@ -1,4 +1,4 @@
-"""Run one estimator on one stream: what it believed at every tick, and what that cost."""
+"""The run of one estimator on one stream: its beliefs at every tick, and their cost."""
 
 import sys
 from collections.abc import Iterator, Mapping
@@ -130,25 +130,15 @@ def trace(
     _require_finite(name, stream, x, P)
     if not any_covariance:
         require_covariances(name, stream, P)
-    about = traits(estimator)
+    about, seconds = traits(estimator), clock.seconds
     notes = {what: np.asarray(values, float).reshape(t, n) for what, values in about.notes(running.state).items()}
-    kind = {"bound": about.bound, "centralised": about.centralised, "offline": about.offline}
-    return Trace(
-        x,
-        P,
-        messages,
-        sent,
-        clock.seconds,
-        notes=notes,
-        senses=senses(estimator, stream),
-        trained_on=about.trained_on,
-        **kind,
-    )
+    kind = {name: getattr(about, name) for name in ("bound", "centralised", "offline", "trained_on")}
+    return Trace(x, P, messages, sent, seconds, notes=notes, senses=senses(estimator, stream), **kind)
 
 
 @lru_cache(maxsize=1)
 def _thread_pools(modules: int) -> ThreadpoolController:
-    """Those of the libraries that so many modules have loaded: to look for them takes longer than a short run."""
+    """Return the thread pools of loaded libraries; looking for them takes longer than a short run, so it is cached."""
     return ThreadpoolController()
 
 
@@ -176,11 +166,7 @@ def warm_up(name: str, estimator: Any, stream: Stream) -> None:
 
 def _require_finite(name: str, stream: Stream, x: Array, P: Array) -> None:
     bad = ~(np.isfinite(x).all(-1) & np.isfinite(P).all((-2, -1)))
-    if bad.any():
-        i, k, robot = np.argwhere(bad)[0]
-        raise EstimatorError(
-            f"{name}: estimate is not finite in {stream.scenario!r}, trial {stream.trial[i]}, tick {k}, robot {robot}"
-        )
+    _refuse(name, "estimate is not finite", stream, bad)
 
 
 def require_covariances(name: str, stream: Stream, P: Array) -> None:
@@ -192,20 +178,20 @@ def require_covariances(name: str, stream: Stream, P: Array) -> None:
 
     """
     scale = np.maximum(np.abs(P).max((-2, -1)), NOTHING)
-    faults = {
-        "is not symmetric": np.abs(P - P.mT).max((-2, -1)) > ROUNDING * scale,
-        "has a negative variance": _least_variance(P) < -ROUNDING * scale,
-    }
-    for fault, bad in faults.items():
-        if bad.any():
-            i, k, robot = np.argwhere(bad)[0]
-            raise EstimatorError(
-                f"{name}: covariance {fault} in {stream.scenario!r}, trial {stream.trial[i]}, tick {k}, robot {robot}"
-            )
+    _refuse(name, "covariance is not symmetric", stream, np.abs(P - P.mT).max((-2, -1)) > ROUNDING * scale)
+    _refuse(name, "covariance has a negative variance", stream, _least_variance(P) < -ROUNDING * scale)
+
+
+def _refuse(name: str, fault: str, stream: Stream, bad: Any) -> None:
+    """Raise an error for the first place where `bad` (t, T, n) is true."""
+    if bad.any():
+        i, k, robot = np.argwhere(bad)[0]
+        place = f"{stream.scenario!r}, trial {stream.trial[i]}, tick {k}, robot {robot}"
+        raise EstimatorError(f"{name}: {fault} in {place}")
 
 
 def _least_variance(P: Array) -> Array:
-    """The smallest eigenvalue of symmetric P (..., d, d); of two axes in closed form, which is fifty times faster."""
+    """Return the smallest eigenvalue of symmetric P (..., d, d); of two axes in closed form, fifty times faster."""
     if P.shape[-1] == 2:
         mean, half = (P[..., 0, 0] + P[..., 1, 1]) / 2, (P[..., 0, 0] - P[..., 1, 1]) / 2
         return np.asarray(mean - np.hypot(half, P[..., 0, 1]))
