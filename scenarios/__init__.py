@@ -3,7 +3,7 @@
 A scenario is one world with a fixed team. Its label carries what is swept, `packet-drop/drop=0.7`, and any other
 parameter in brackets, `trajectory[ticks=50]`; in `trajectory[assumed.eta=2]` the team assumes another value than the
 true one; `scenario.py` lists the options of any label. To add a family: write a model like
-`worlds/camera_arena.py`, and give it an entry in `BUILTIN`. From outside, register a `Family` under the entry-point
+`worlds/camera.py`, and give it an entry in `BUILTIN`. From outside, register a `Family` under the entry-point
 group `cooploc.scenarios`, or name one in a file, `path.py:NAME`, where a label begins with a name.
 """
 
@@ -131,55 +131,46 @@ def simulate(
         BadInput: anything unknown, out of bounds, or missing; one line that says what to do.
 
     """
-    for key, value in overrides.items():
-        if isinstance(value, set | frozenset):
-            raise BadInput(f"{key} is a set of values, and a stream has one: cl.sweep runs estimators at each of them")
-    other = {f"{ASSUMED}{key}": value for key, value in (assumed or {}).items()}
-    return _resolve(label, *parse(label), data, overrides, other).simulate(trials, seed)
+    if several := [key for key, value in overrides.items() if isinstance(value, set | frozenset)]:
+        raise BadInput(
+            f"{several[0]} is a set of values, and a stream has one: cl.sweep runs estimators at each of them"
+        )
+    return _resolve(label, data, overrides, assumed or {}).simulate(trials, seed)
 
 
 def resolve(label: str, data: str | Path | None = None, **overrides: Any) -> ResolvedScenario:
-    """The scenario of a label, with parameters overridden; `data` is the directory of a recording.
+    """Return the scenario of a label, with parameters overridden; `data` is the directory of a recording.
 
     Raises:
         BadInput: an unknown scenario, variant or parameter, a value that does not fit, or a recording without `data`.
 
     """
-    return _resolve(label, *parse(label), data, overrides)
+    return _resolve(label, data, overrides, {})
 
 
 def _resolve(
-    label: str,
-    path: str,
-    written: Mapping[str, str],
-    data: str | Path | None,
-    overrides: Mapping[str, Any],
-    assumptions: Mapping[str, Any] | None = None,
+    label: str, data: str | Path | None, overrides: Mapping[str, Any], assumed: Mapping[str, Any]
 ) -> ResolvedScenario:
-    """As `resolve`; the keys of `assumptions`, what the team assumes, begin with `ASSUMED`."""
-    assumptions = assumptions or {}
+    """Return a scenario; `assumed` are parameters that the team assumes, beside those that the label states."""
+    path, written = parse(label)
     name, which = split_family(path)
     found = family(name)
     own = {key: value for key, value in written.items() if not key.startswith(ASSUMED)}
-    assumed = {key.removeprefix(ASSUMED): value for key, value in {**written, **assumptions}.items() if key not in own}
+    stated = {key.removeprefix(ASSUMED): value for key, value in written.items() if key not in own}
     parameters = {**found.base, **found.parameters_of(name, which), **own, **overrides}
-    if overrides or assumptions:
-        shown = {**written, **overrides, **{key: _short(value) for key, value in assumptions.items()}}
+    if overrides or assumed:  # an assumed 2.0 is 2 in a label, as in one that is written by hand
+        added = {f"{ASSUMED}{key}": str(value).removesuffix(".0") for key, value in assumed.items()}
+        shown = {**written, **overrides, **added}
         label = f"{path}[{','.join(f'{key}={shown[key]}' for key in sorted(shown))}]"
     if found.recorded:
         if data is None:
             raise BadInput(f"scenario {label!r} is a recording; say where it is with data= (or --data DIR)")
         parameters["data"] = Path(data)
-    return build_scenario(label, name, found, parameters, assumed)
-
-
-def _short(value: Any) -> str:
-    """An assumed value in a label: 2.0 is 2, so that a label and `assumed=` say the same in the same way."""
-    return str(value).removesuffix(".0")
+    return build_scenario(label, name, found, parameters, {**stated, **assumed})
 
 
 def family(name: str) -> Family:
-    """The family of a name.
+    """Return the family of a name.
 
     Raises:
         BadInput: there is none, or its plug-in cannot be imported.
@@ -192,16 +183,16 @@ def family(name: str) -> Family:
 
 
 def plugin_errors() -> dict[str, str]:
-    """Installed plug-ins that cannot be used, by name, with the reason."""
-    return REGISTRY.errors(_unusable)
+    """Return installed plug-ins that cannot be used, by name, with the reason."""
 
+    def reason(name: str) -> str:
+        try:
+            family(name).model_class(name)
+        except BadInput as e:
+            return str(e)
+        return ""
 
-def _unusable(name: str) -> str:
-    try:
-        family(name).model_class(name)
-    except BadInput as e:
-        return str(e)
-    return ""
+    return REGISTRY.errors(reason)
 
 
 def table() -> "DataFrame":
@@ -212,29 +203,18 @@ def table() -> "DataFrame":
     """
     from pandas import DataFrame
 
-    problems = plugin_errors()
-    rows = [_row(name) for name in names() if name not in problems]
-    rows += [{"name": name, "problem": reason} for name, reason in problems.items()]
-    empty = dict.fromkeys(("name", "about", "labels", "parameters", "source", "problem"), "")
-    return DataFrame([{**empty, **row} for row in rows])
-
-
-def _row(name: str) -> dict[str, Any]:
-    known = family(name)
-    model = known.model_class(name)
-    return {
-        "name": name,
-        "about": known.about,
-        "labels": ", ".join(_labels(name, known)),
-        "parameters": ", ".join(field for field in model.model_fields if field != "data"),
-        "source": source_of(model),
-    }
-
-
-def _labels(name: str, known: Family) -> list[str]:
-    """The name alone where it stands for one scenario; else the name with each thing that can follow it."""
-    swept = [f"{name}/{key}=…" for key in known.sweep] + [f"{name}/{word}" for word in known.variants]
-    return [*swept, *([f"{name}/{known.word.upper()}"] if known.word else [])] or [name]
+    problems, rows = plugin_errors(), []
+    for name in names():
+        if name in problems:
+            continue
+        known = family(name)
+        model = known.model_class(name)
+        labels = [f"{name}/{key}=…" for key in known.sweep] + [f"{name}/{word}" for word in known.variants]
+        labels += [f"{name}/{known.word.upper()}"] if known.word else []
+        parameters = ", ".join(field for field in model.model_fields if field != "data")
+        rows.append([name, known.about, ", ".join(labels or [name]), parameters, source_of(model), ""])
+    rows += [[name, "", "", "", "", why] for name, why in problems.items()]
+    return DataFrame(rows, columns=["name", "about", "labels", "parameters", "source", "problem"])
 
 
 sys.modules[__name__].__class__ = CallablePackage

@@ -1,8 +1,7 @@
 """A scenario: a world with its parameters, the family that it belongs to, and the object that its label stands for.
 
-A model is a pydantic class of parameters that satisfies `Scenario`. Simulated ones have a size, `SimulatedScenario`;
-recordings with several trials satisfy `RecordedScenario`, and those that say what was fitted `ExplainedScenario`. A
-label is read once, into a `ResolvedScenario`, which is passed on instead.
+A model is a pydantic class of parameters that satisfies `Scenario`. A label is read once, into a `ResolvedScenario`,
+which is passed on instead.
 
 The label of any scenario takes two options besides the parameters of its world. Both act on the stream, so they are the
 same for every estimator, and a stream without them keeps its bits:
@@ -16,12 +15,12 @@ bytes that a centralised estimator uploads are fewer.
 
 import re
 import reprlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from operator import index
 from pathlib import Path
-from typing import Any, Literal, Protocol, runtime_checkable
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
@@ -35,7 +34,12 @@ from cooploc.scenarios.stream import Stream, Truth
 
 
 class Scenario(Protocol):
-    """A world with its parameters."""
+    """A world with its parameters.
+
+    A simulated one may have `robots` and `ticks`, its size. Recordings of several trials have `count()`, their number,
+    and `at(trials)`, the scenario of some; those with fitted models have `explained()`, sentences on what was fitted
+    and dropped, and `faults()`, those of the sentences that are on what was left out, sorted or repaired while reading.
+    """
 
     def world(self) -> World:
         """Return the world as the team knows it in advance."""
@@ -48,48 +52,6 @@ class Scenario(Protocol):
     def model_dump(self, *, mode: str = ..., exclude: set[str] = ...) -> dict[str, Any]: ...
 
 
-@runtime_checkable
-class SimulatedScenario(Scenario, Protocol):
-    """A scenario whose size is known before it runs."""
-
-    @property
-    def robots(self) -> int: ...
-
-    @property
-    def ticks(self) -> int: ...
-
-
-@runtime_checkable
-class RecordedScenario(Scenario, Protocol):
-    """Several recordings, each a trial with a world of its own."""
-
-    def count(self) -> int:
-        """Return the number of trials."""
-        ...
-
-    def at(self, trials: Sequence[int]) -> Scenario:
-        """The recording of these trials.
-
-        Raises:
-            BadInput: there are not such trials, or they are not of one recording.
-
-        """
-        ...
-
-
-@runtime_checkable
-class ExplainedScenario(Scenario, Protocol):
-    """Recordings whose models were fitted."""
-
-    def explained(self) -> list[str]:
-        """Return sentences for the report: which models were fitted on which runs, what was dropped while reading."""
-        ...
-
-    def faults(self) -> list[str]:
-        """Return those of the sentences that are on what was left out, sorted or repaired while reading."""
-        ...
-
-
 @dataclass(frozen=True)
 class Family:
     """Scenarios that differ in one thing."""
@@ -99,7 +61,7 @@ class Family:
     base: Mapping[str, Any] = field(default_factory=dict)  # parameters that differ from the class's defaults
     sweep: Mapping[str, str] = field(default_factory=dict)  # the label's short name -> parameter
     variants: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # the label's word -> parameters
-    recorded: bool = False  # needs a directory of recordings; has one trial, unless it is a `RecordedScenario`
+    recorded: bool = False  # needs a directory of recordings; has one trial, unless its model can `count()`
     word: str = ""  # the parameter that any other word of the label stands for, such as a run's name
 
     def parameters_of(self, name: str, which: str) -> Mapping[str, Any]:
@@ -146,9 +108,12 @@ class StreamOptions(BaseModel):
 
     def apply(self, truth: Truth, stream: Stream) -> tuple[Truth, Stream]:
         """Return truth and stream with both options applied."""
-        changed: dict[str, Array] = {}
+        arrays, changed = stream.arrays(), dict[str, Array]()
         if self.short_ranges == "refused":
-            changed |= _without_short_ranges(stream)
+            for name in ("senses.landmark", "senses.sighting"):
+                changed[name] = drop_short(arrays[name], arrays[name][..., :1])
+            for name in [name for name in ("air.range", "extra.anchor_range") if name in arrays]:
+                changed[name] = drop_short(arrays[name], arrays[name])
         if self.team_priors:
             changed[f"extra.{TEAM_PRIOR}"] = _team_priors(stream)
         if not changed:
@@ -164,19 +129,11 @@ def split_options(parameters: Mapping[str, Any], own: Mapping[str, Any]) -> tupl
 
 
 def _team_priors(stream: Stream) -> Array:
-    """(t, T, n, n, d + d d): of each robot, in every tick, everyone's prior x and P; one copy for all ticks."""
+    """Return (t, T, n, n, d + d d): of each robot, in every tick, everyone's prior x and P; one copy for all ticks."""
     x, P = stream.prior
     flat = np.concatenate([x, P.reshape(*x.shape[:-1], -1)], -1)[:, None, None]
     shape = len(x), len(stream.time), stream.robots, *flat.shape[-2:]
     return np.broadcast_to(flat, shape)
-
-
-def _without_short_ranges(stream: Stream) -> dict[str, Array]:
-    arrays = stream.arrays()
-    found = {f"senses.{name}": arrays[f"senses.{name}"] for name in ("landmark", "sighting")}
-    found = {name: drop_short(a, a[..., :1]) for name, a in found.items()}
-    ranges = {name: arrays[name] for name in ("air.range", "extra.anchor_range") if name in arrays}
-    return found | {name: drop_short(a, a) for name, a in ranges.items()}
 
 
 MOST_TRIALS = 1_000_000  # of one call
@@ -213,54 +170,60 @@ class ResolvedScenario:
         return self.parameters["data"] if self.recorded else None
 
     @property
+    def simulated(self) -> bool:
+        """True where the model states its size before it runs; a recording's files are not read for this."""
+        return all(hasattr(self.model, name) for name in ("robots", "ticks"))
+
+    @property
     def robots(self) -> int:
-        """Number of robots simulated; 1 for a recording, whose files are not read for this."""
-        return self.model.robots if isinstance(self.model, SimulatedScenario) else 1
+        """Number of robots simulated, else 1."""
+        return getattr(self.model, "robots", 1) if self.simulated else 1
 
     @property
     def ticks(self) -> int:
-        """Number of ticks simulated; 1 for a recording, as for `robots`."""
-        return self.model.ticks if isinstance(self.model, SimulatedScenario) else 1
+        """Number of ticks simulated, else 1."""
+        return getattr(self.model, "ticks", 1) if self.simulated else 1
 
     def trials(self, asked: int) -> int:
         """Return the number of trials of a study that asks for `asked`: a recording has its own number."""
-        if not self.recorded:
-            return asked
-        return self.model.count() if isinstance(self.model, RecordedScenario) else 1
+        count: Callable[[], int] = getattr(self.model, "count", lambda: 1)
+        return count() if self.recorded else asked
 
     def explained(self) -> list[str]:
         """Return sentences on fitted models and on what was dropped while reading; empty for simulated worlds."""
-        return self.model.explained() if isinstance(self.model, ExplainedScenario) else []
+        explain: Callable[[], list[str]] = getattr(self.model, "explained", list)
+        return explain()
 
     def faults(self) -> list[str]:
         """Return sentences on what was left out, sorted or repaired while reading; empty for simulated worlds."""
-        return self.model.faults() if isinstance(self.model, ExplainedScenario) else []
+        find: Callable[[], list[str]] = getattr(self.model, "faults", list)
+        return find()
 
     def first_tick(self) -> "ResolvedScenario":
-        """The same scenario with one tick, where its length can be chosen."""
-        simulated = not self.recorded and isinstance(self.model, SimulatedScenario)
-        return self._with_parameters({"ticks": 1}) if simulated else self
+        """Return the same scenario with one tick, where its length can be chosen."""
+        return self._override({"ticks": 1}) if self.simulated and not self.recorded else self
 
     def simulate(self, trials: int | Sequence[int], seed: int) -> tuple[Truth, Stream]:
-        """Truth and stream of some trials; `scenarios.simulate` says more.
+        """Simulate truth and stream of some trials; `scenarios.simulate` says more.
 
         Raises:
             BadInput: trials or a seed that cannot be, or assumed parameters that would change the readings' shape.
 
         """
         numbers, seed = _trial_numbers(trials), _whole_number(seed, "seed")
-        model = self._of(numbers)
+        model = self._model_of(numbers)
         require_memory(self.label, self.robots, self.ticks, len(numbers), getattr(model, "at_once", None))
-        world = self._assumed_world(model.world(), numbers) if self.assumed else model.world()
+        world = self._assume(model.world(), numbers) if self.assumed else model.world()
         return self.options.apply(*model.simulate(self.label, numbers, seed, world))
 
-    def _of(self, trials: Sequence[int]) -> Scenario:
-        """The model of these trials; each recording of several has its own."""
-        return self.model.at(trials) if isinstance(self.model, RecordedScenario) else self.model
+    def _model_of(self, trials: Sequence[int]) -> Scenario:
+        """Return the model of these trials; each recording of several has its own."""
+        at: Callable[[Sequence[int]], Scenario] | None = getattr(self.model, "at", None)
+        return at(trials) if at else self.model
 
-    def _assumed_world(self, true: World, trials: Sequence[int]) -> World:
-        """The world of other parameters, which must have the same shape and clock as the true one."""
-        world = self._with_parameters(self.assumed)._of(trials).world()
+    def _assume(self, true: World, trials: Sequence[int]) -> World:
+        """Return the world of other parameters, which must have the same shape and clock as the true one."""
+        world = self._override(self.assumed)._model_of(trials).world()
         for what in ("robots", "tick", "t0", "arena", "anchors", "landmarks"):
             if not np.array_equal(getattr(world, what), getattr(true, what)):
                 raise BadInput(
@@ -268,14 +231,14 @@ class ResolvedScenario:
                 )
         return world
 
-    def _with_parameters(self, parameters: Mapping[str, Any]) -> "ResolvedScenario":
+    def _override(self, parameters: Mapping[str, Any]) -> "ResolvedScenario":
         return build_scenario(self.label, self.name, self.family, {**self.parameters, **parameters}, self.assumed)
 
 
 def build_scenario(
     label: str, name: str, family: Family, parameters: Mapping[str, Any], assumed: Mapping[str, Any]
 ) -> ResolvedScenario:
-    """A family's scenario with these parameters, whose team assumes other values of some.
+    """Build a family's scenario with these parameters, whose team assumes other values of some.
 
     Raises:
         BadInput: an unknown parameter, or a value that does not fit.
@@ -299,7 +262,7 @@ def build_scenario(
 
 
 def split_family(path: str) -> tuple[str, str]:
-    """The family's name and the part behind the slash, of a label without brackets; a file's path may hold slashes."""
+    """Divide a label without brackets into family and the part behind the slash; a file's path may hold slashes."""
     if path.endswith(".py"):
         return path, ""  # refused by `is_file`, with the remedy
     in_file = re.fullmatch(r"(.+\.py:[^/]*)/?(.*)", path)
@@ -310,15 +273,11 @@ def split_family(path: str) -> tuple[str, str]:
 
 
 def _trial_numbers(trials: Any) -> list[int]:
-    """The trials' numbers, each once."""
-    if isinstance(trials, Iterable):
-        numbers = [_whole_number(k, "one of the trials") for k in islice(trials, MOST_TRIALS + 1)]
-    else:
-        numbers = list(range(min(_whole_number(trials, "trials"), MOST_TRIALS + 1)))
-    if len(numbers) > MOST_TRIALS:
-        raise BadInput(f"trials is {reprlib.repr(trials)}; at most {MOST_TRIALS} can be simulated at once")
-    if not numbers:
-        raise BadInput(f"trials is {trials!r}; it must be at least 1")
+    """Return the trials' numbers, each once."""
+    each = trials if isinstance(trials, Iterable) else range(_whole_number(trials, "trials"))
+    numbers = [_whole_number(k, "one of the trials") for k in islice(each, MOST_TRIALS + 1)]
+    if not 1 <= len(numbers) <= MOST_TRIALS:
+        raise BadInput(f"trials is {reprlib.repr(trials)}; it must be at least 1, and at most {MOST_TRIALS} at once")
     if len(set(numbers)) < len(numbers):
         raise BadInput(f"trials is {trials!r}; name each trial once, or copies would count as independent")
     return numbers

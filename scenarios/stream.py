@@ -1,22 +1,32 @@
-"""What was true, and what was sensed: two objects, so that an estimator can be given one without the other.
+"""Truth and stream: two objects, so that an estimator can be given what was sensed without what was true.
 
-A stream is immutable. Each trial has a hash over its readings, links and prior (`stream_hash`); a stream can be kept in
-a file that describes itself (`stream_file`).
+A stream is immutable. Each trial has a hash over its readings, links and prior: results are paired where their hashes
+are equal. A stream's file is a zip of plain arrays (numpy's npz, no pickle) whose member `header` is JSON.
 """
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+import hashlib
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from pydantic import TypeAdapter
 
+from cooploc.estimators import models
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Belief, Indices, Mask, Senses, World
-from cooploc.scenarios import stream_file
 from cooploc.scenarios.display import facts_table
-from cooploc.scenarios.stream_hash import assumptions, hash_of_trial, hash_of_trials
+
+FORMAT = 3  # of the file; 2 had a checksum in its header
+MODELS: dict[str, type[Any]] = {
+    name: getattr(models, name)
+    for name in ("Displacement", "Unicycle", "LogDistance", "Range", "Bearing", "Sighting", "GradientDoa")
+}
+PLACES = ("arena", "anchors", "landmarks")  # what a world has as arrays
 
 
 class Air(NamedTuple):
@@ -43,7 +53,7 @@ class Truth:
         return f"Truth({self.scenario!r}, {t} trials of {ticks} ticks, {n} robots)"
 
     def select(self, trials: slice | list[int]) -> "Truth":
-        """Some of the trials."""
+        """Return some of the trials."""
         return replace(
             self,
             trial=self.trial[trials],
@@ -103,17 +113,17 @@ class Stream:
 
     @cached_property
     def hashes(self) -> tuple[str, ...]:
-        """One SHA-256 per trial over readings, links, prior, and what the label says that the team assumes.
+        """A SHA-256 for each trial over readings, links, prior, and what the label says that the team assumes.
 
         Not over the world: a stream without a label of its assumptions is that of its readings.
         """
-        arrays, assumed = self.arrays(), assumptions(self.scenario)
-        return tuple(hash_of_trial(arrays, i, assumed) for i in range(len(self.trial)))
+        arrays, assumed = self.arrays(), _assumptions(self.scenario)
+        return tuple(_hash_trial(arrays, i, assumed) for i in range(len(self.trial)))
 
     @cached_property
     def hash(self) -> str:
         """The hash of the trials' hashes."""
-        return hash_of_trials(self.hashes)
+        return hashlib.sha256("".join(self.hashes).encode()).hexdigest()
 
     def channels(self) -> set[str]:
         """The channels that this stream has."""
@@ -126,9 +136,8 @@ class Stream:
         return has | set(self.senses.extra)
 
     def select(self, trials: slice | list[int]) -> "Stream":
-        """Some of the trials, bit-identical, in any order."""
-        chosen = self.map(lambda array: array[trials])
-        return replace(chosen, trial=self.trial[trials])
+        """Return some of the trials, bit-identical, in any order."""
+        return replace(self.map(lambda array: array[trials]), trial=self.trial[trials])
 
     def first_ticks(self, ticks: int) -> "Stream":
         """Return the stream of the first ticks only."""
@@ -136,12 +145,11 @@ class Stream:
         return replace(self.with_arrays(arrays), time=self.time[:ticks])
 
     def map(self, change: Any) -> "Stream":
-        """A stream whose every array with a trial axis went through `change`."""
-        arrays = {name: change(array) for name, array in self.arrays().items()}
-        return self.with_arrays(arrays)
+        """Return a stream whose every array with a trial axis went through `change`."""
+        return self.with_arrays({name: change(array) for name, array in self.arrays().items()})
 
     def with_arrays(self, arrays: Mapping[str, Any]) -> "Stream":
-        """A stream with some of `arrays()` replaced."""
+        """Return a stream with some of `arrays()` replaced."""
         return replace(self, **_readings({**self.arrays(), **arrays}))
 
     def save(self, path: str | Path) -> None:
@@ -151,9 +159,21 @@ class Stream:
             BadInput: the world has a model of another package, which a file cannot describe.
 
         """
-        header = {"scenario": self.scenario, "seed": self.seed, "notes": dict(self.notes), "hashes": self.hashes}
-        axes = {"trial": self.trial, "time": self.time}
-        stream_file.write(Path(path), header, self.world, axes | self.arrays())
+        w = self.world
+        header = {
+            "format": FORMAT,
+            "what": "cooploc stream: arrays are (trial, tick, robot, ...), SI units, nan is absent",
+            "robots": w.robots,
+            "tick": w.tick,
+            "t0": w.t0,
+            "motion": _describe(w.motion),
+            "sensors": {channel: _describe(sensor) for channel, sensor in w.sensors.items()},
+            **{"scenario": self.scenario, "seed": self.seed, "notes": dict(self.notes), "hashes": self.hashes},
+        }
+        arrays = {name: getattr(w, name) for name in PLACES} | {"trial": self.trial, "time": self.time} | self.arrays()
+        encoded = np.frombuffer(json.dumps(header, indent=1).encode(), np.uint8)
+        with Path(path).open("wb") as file:
+            np.savez_compressed(file, allow_pickle=False, header=encoded, **arrays)
 
     @classmethod
     def load(cls, path: str | Path) -> "Stream":
@@ -163,38 +183,38 @@ class Stream:
             BadInput: it is not a stream, is of a newer format, or its content does not have the hashes it states.
 
         """
-        header, arrays = stream_file.read(Path(path))
         try:
-            stream = cls._from_arrays(header, arrays)
+            with np.load(path, allow_pickle=False) as file:
+                arrays = {name: file[name] for name in file.files}
+            header = json.loads(arrays.pop("header").tobytes())
+            if header["format"] > FORMAT:
+                raise BadInput(
+                    f"{path} has format {header['format']}, this version reads up to {FORMAT}: update cooploc"
+                )
+            world = World(
+                **{name: header[name] for name in ("robots", "tick", "t0")},
+                motion=_build_model(header["motion"]),
+                sensors={channel: _build_model(described) for channel, described in header["sensors"].items()},
+                **{name: arrays[name] for name in PLACES},
+            )
+            about = {name: header[name] for name in ("scenario", "seed", "notes")}
+            stream = cls(**about, trial=arrays["trial"], time=arrays["time"], world=world, **_readings(arrays))
             stated = list(zip(header["hashes"], stream.hashes, strict=True))
         except BadInput:
             raise
-        except (KeyError, TypeError, ValueError, AttributeError, ArithmeticError) as e:
-            raise BadInput(
-                f"{path} is incomplete or inconsistent ({type(e).__name__}: {e}); get the file again"
-            ) from None
-        for i, (written, found) in enumerate(stated):
+        except FileNotFoundError:
+            raise BadInput(f"there is no file {path}; name a stream that cooploc wrote") from None
+        except Exception as e:  # zip, zlib and numpy raise whatever they meet
+            why = " ".join(f"{type(e).__name__}: {e}".split())[:200]
+            raise BadInput(f"{path} is not a whole stream ({why}); get the file again") from None
+        for trial, (written, found) in zip(stream.trial, stated, strict=True):
             if written != found:
-                raise BadInput(
-                    f"{path}: trial {stream.trial[i]} is not what was written (hash differs); get the file again"
-                )
+                raise BadInput(f"{path}: trial {trial} is not what was written (hash differs); get the file again")
         return stream
-
-    @classmethod
-    def _from_arrays(cls, header: dict[str, Any], arrays: dict[str, Any]) -> "Stream":
-        return cls(
-            scenario=header["scenario"],
-            seed=header["seed"],
-            trial=arrays["trial"],
-            time=arrays["time"],
-            world=stream_file.world_of(header, arrays),
-            notes=header["notes"],
-            **_readings(arrays),
-        )
 
 
 def _readings(arrays: Mapping[str, Any]) -> dict[str, Any]:
-    """The fields of a stream that `Stream.arrays` takes apart."""
+    """Return the fields of a stream that `Stream.arrays` takes apart."""
     extra = {name.removeprefix("extra."): a for name, a in arrays.items() if name.startswith("extra.")}
     return {
         "prior": Belief(arrays["prior.x"], arrays["prior.P"]),
@@ -203,19 +223,43 @@ def _readings(arrays: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def concatenate(streams: list[Stream]) -> Stream:
-    """One stream of the trials of several that describe the same scenario."""
-    for other in streams[1:]:
-        if (other.scenario, other.seed) != (streams[0].scenario, streams[0].seed):
-            raise BadInput(
-                f"{streams[0].scenario} (seed {streams[0].seed}) and {other.scenario} (seed {other.seed}) do not join: "
-                "concatenate trials of one scenario and seed"
-            )
-    parts = [s.arrays() for s in streams]
-    joined = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    return replace(streams[0].with_arrays(joined), trial=np.concatenate([s.trial for s in streams]))
+def _hash_trial(arrays: Mapping[str, Array], i: int, assumed: str) -> str:
+    """Return SHA-256 over names, shapes and little-endian values of row `i` of every array, and over `assumed`."""
+    digest = hashlib.sha256()
+    for name, array in arrays.items():
+        one = np.ascontiguousarray(array[i])
+        one = one.astype(one.dtype.newbyteorder("<"))
+        if one.dtype.kind == "f":
+            one[np.isnan(one)] = np.nan  # one nan, whatever its bits
+        digest.update(f"{name} {one.dtype.str} {one.shape};".encode())
+        digest.update(one.data)
+    digest.update(assumed.encode())
+    return digest.hexdigest()
 
 
-def chunks(count: int, size: int) -> Iterator[slice]:
-    """Slices of at most `size` that cover `count`."""
-    return (slice(start, min(start + size, count)) for start in range(0, count, size))
+def _assumptions(label: str) -> str:
+    """Return the assumptions in a scenario's label that differ from the truth; numbers in one form: 2, 2.0 or 2e0."""
+
+    def normalize(value: str) -> str:
+        try:
+            return repr(float(value))
+        except ValueError:
+            return value
+
+    found = re.findall(r"[\[,]\s*(assumed\.[^=,\]]+?)\s*=\s*([^,\]]+)", label)
+    return ";".join(sorted(f"{key}={normalize(value.strip())}" for key, value in found))
+
+
+def _describe(model: Any) -> dict[str, Any]:
+    name = type(model).__name__
+    known: object = MODELS.get(name)
+    if known is not type(model):
+        raise BadInput(f"a stream with the model {name} cannot be written: only {', '.join(MODELS)} have a description")
+    return {"model": name, **asdict(model)}
+
+
+def _build_model(described: dict[str, Any]) -> Any:
+    name = str(described["model"])
+    if name not in MODELS:
+        raise BadInput(f"the stream names a model {name!r} that this version does not know: update cooploc")
+    return TypeAdapter(MODELS[name]).validate_python({k: v for k, v in described.items() if k != "model"})

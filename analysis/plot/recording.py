@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from cooploc.analysis.plot import style
 from cooploc.analysis.plot.style import DARK, GREY, ROBOTS
-from cooploc.scenarios.recordings.inspect.inspection import SeriesRow, measured_counts, series_rows
+from cooploc.scenarios.recordings.inspect.inspection import SeriesRow, count_measurements, series_rows
 from cooploc.scenarios.recordings.inspect.motion import dead_reckoned, known_truth
 from cooploc.scenarios.recordings.team_log import TeamLog
 
@@ -56,7 +56,7 @@ def _draw_tracks(ax: Axes, log: TeamLog, above: str) -> None:
 
 def _draw_reading_counts(ax: Axes, log: TeamLog) -> None:
     """Draw the number of readings of a row's robot of what a column names; darker is more."""
-    rows, columns, counts = measured_counts(log)
+    rows, columns, counts = count_measurements(log)
     used = [k for k in range(len(columns)) if k < len(rows) or counts[:, k].any()]
     shown = counts[:, used]
     ax.imshow(np.where(shown > 0, np.log1p(shown), np.nan), cmap="Blues", vmin=0, aspect="auto")

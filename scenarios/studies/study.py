@@ -23,7 +23,7 @@ name runs everything that they have.
 import re
 import tomllib
 from collections.abc import Iterator, Mapping
-from decimal import Decimal, InvalidOperation
+from decimal import Decimal
 from importlib.resources import files
 from itertools import product
 from math import prod
@@ -44,12 +44,11 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 
-MOST_LABELS = 10_000  # for which one label may stand
-LARGEST = 30  # powers of ten of a number in a range
+MOST_LABELS = 10_000  # for which one label, or the scenarios of a block, may stand
 
 
 def expand(label: str, variants: Mapping[str, str]) -> list[str]:
-    """Every label that a swept one stands for, in order; the rightmost braces change fastest.
+    """Return every label that a swept one stands for, in order; the rightmost braces change fastest.
 
     Raises:
         BadInput: braces or a range that cannot be read, that stand for too many labels, or a variant that the study
@@ -57,10 +56,8 @@ def expand(label: str, variants: Mapping[str, str]) -> list[str]:
 
     """
     texts, swept = (re.split(r"\{([^{}]*)\}", label)[i::2] for i in (0, 1))
-    if any("{" in text for text in texts):
-        raise BadInput(f"cannot read {label!r}: write a sweep like drop={{0,0.5}} or n={{1..9..2}}")
-    if any("}" in text for text in texts):
-        raise BadInput(f"cannot read {label!r}: a brace is closed that was not opened")
+    if any("{" in text or "}" in text for text in texts):
+        raise BadInput(f"cannot read the braces of {label!r}: write a sweep like drop={{0,0.5}} or n={{1..9..2}}")
     values = [_swept_values(inside, label) for inside in swept]
     if (count := prod(map(len, values))) > MOST_LABELS:
         raise BadInput(f"{label!r} stands for {count} labels, and at most {MOST_LABELS} are allowed: sweep fewer")
@@ -69,7 +66,7 @@ def expand(label: str, variants: Mapping[str, str]) -> list[str]:
 
 
 def write_out_variants(label: str, variants: Mapping[str, str]) -> str:
-    """The label with its variants written out.
+    """Return the label with its variants written out.
 
     Raises:
         BadInput: the study has no variant of that name.
@@ -78,43 +75,37 @@ def write_out_variants(label: str, variants: Mapping[str, str]) -> str:
     match = re.fullmatch(r"([^\[\]]*)\[([^\[\]]*)\]", label)
     if match is None:
         return label
-    written = [_variant_text(item.strip(), label, variants) for item in match[2].split(",")]
-    return f"{match[1]}[{','.join(written)}]"
-
-
-def _variant_text(item: str, label: str, variants: Mapping[str, str]) -> str:
-    if "=" in item:
-        return item
-    if item not in variants:
-        known = nearest(item, list(variants)) if variants else "give it in the study's [variants]"
-        raise BadInput(f"{label!r}: {item!r} is neither name=value nor a variant of the study; {known}")
-    return variants[item]
+    written = [item.strip() for item in match[2].split(",")]
+    for item in written:
+        if "=" not in item and item not in variants:
+            known = nearest(item, list(variants)) if variants else "give it in the study's [variants]"
+            raise BadInput(f"{label!r}: {item!r} is neither name=value nor a variant of the study; {known}")
+    return f"{match[1]}[{','.join(variants.get(item, item) for item in written)}]"
 
 
 def _swept_values(inside: str, label: str) -> list[str]:
+    """Return the values of a list, or of first..last or first..last..step in exact decimals."""
     if ".." not in inside:
         return [value.strip() for value in inside.split(",")]
     try:
-        first, last, *step = (Decimal(part) for part in inside.split(".."))
+        first, last, *step = numbers = [Decimal(part) for part in inside.split("..")]
         (by,) = step or [Decimal(1)]
-    except (InvalidOperation, ValueError):
+        if any(abs(number.adjusted()) > 30 for number in numbers if number):
+            raise ValueError("out of all bounds")
+        steps = (last - first) / by if by > 0 else Decimal(-1)
+        fits = 0 <= steps < MOST_LABELS
+    except (ArithmeticError, ValueError):
         raise BadInput(f"cannot read {{{inside}}} in {label!r}: write first..last or first..last..step") from None
-    for number in (first, last, by):
-        if not number.is_finite() or abs(number.adjusted()) > LARGEST:
-            raise BadInput(f"{{{inside}}} in {label!r}: {number} must be a number from 1e-{LARGEST} to 1e{LARGEST}")
-    if by <= 0 or last < first:
-        raise BadInput(f"{{{inside}}} in {label!r} holds nothing: it must rise, by a step above 0")
-    if (last - first) / by >= MOST_LABELS:
-        count = f"{(last - first) / by + 1:.0f}" if last / by < 10**12 else f"about {(last - first) / by:.0e}"
-        raise BadInput(f"{{{inside}}} in {label!r} holds {count} values, and at most {MOST_LABELS} are allowed")
-    return [f"{(first + k * by).normalize():f}" for k in range(int((last - first) / by) + 1)]
+    if not fits:
+        held = f"{max(0, steps + 1):.12g} values, and at most {MOST_LABELS} are allowed"
+        raise BadInput(f"{{{inside}}} in {label!r} holds {held}; it must rise, by a step above 0")
+    return [f"{(first + k * by).normalize():f}" for k in range(int(steps) + 1)]
 
 
 Labels = tuple[str, ...]
 Trials = Annotated[int, Field(strict=True, ge=1, le=1_000_000)]
 Seed = Annotated[int, Field(strict=True, ge=0, lt=2**63)]
 Seconds = Annotated[float, Field(strict=True, gt=0)]
-MOST_PAIRS = 100_000  # (scenario, estimator) of a block
 
 
 class Block(BaseModel):
@@ -130,7 +121,7 @@ class Block(BaseModel):
 
 
 class StudyCell(NamedTuple):
-    """One scenario of a study with its estimators, as labels."""
+    """A scenario of a study with its estimators, as labels."""
 
     experiment: str
     scenario: str
@@ -158,13 +149,11 @@ class Study(BaseModel):
     include: tuple[str, ...] = ()  # other studies, by name or path
     training: dict[str, Labels] = {}  # scenario -> those that estimators are tuned on instead; none: it is only judged
     tuned_with: Seed | None = None  # the seed of the streams that its estimators were tuned on; no run may have it
-    leaves_out_misfits: bool = (
-        False  # an estimator whose channels a scenario lacks is not run there; else all is refused
-    )
+    leaves_out_misfits: bool = False  # an estimator is not run where its channels lack; else the study is refused
     only: Labels = ()  # the estimators to run; one that the study lacks runs on every scenario
 
     def with_options(self, **options: Any) -> "Study":
-        """The study with these fields replaced; None leaves a field as it is.
+        """Return the study with these fields replaced; None leaves a field as it is.
 
         Raises:
             BadInput: a value out of bounds.
@@ -179,34 +168,35 @@ class Study(BaseModel):
         return re.sub(r"[/\\\x00-\x1f\x7f-\x9f]+", "-", self.name).lstrip(".") or "study"
 
     def blocks(self) -> list[Block]:
-        """Its own scenarios with their estimators, then the others."""
+        """Return its own scenarios with their estimators, then the others; defaults are filled in."""
         own = [Block(scenarios=self.scenarios, estimators=self.estimators)] if self.scenarios else []
-        return [self._with_defaults(block) for block in (*own, *self.also)]
+        found = []
+        for block in (*own, *self.also):
+            variants = {**self.variants, **block.variants}
+            baseline = write_out_variants(block.baseline or self.baseline, variants)
+            filled = {
+                "baseline": baseline or expand(block.estimators[0], variants)[0],
+                "experiment": block.experiment or self.name,
+                "variants": variants,
+            }
+            found.append(block.model_copy(update=filled))
+        return found
 
     def expand_blocks(self) -> Iterator[StudyCell]:
-        """Every block's scenarios, in order; one that several blocks have, several times."""
+        """Yield every block's scenarios, in order; one that several blocks have, several times."""
         for block in self.blocks():
-            estimators = tuple(self._labels(block.estimators, block.variants))
-            scenarios = self._labels(block.scenarios, block.variants)
-            if (pairs := len(scenarios) * len(estimators)) > MOST_PAIRS:
-                raise BadInput(
-                    f"study {self.name!r} has {pairs} pairs of scenario and estimator, and at most {MOST_PAIRS} are "
-                    "allowed: divide it"
-                )
+            estimators, scenarios = (
+                tuple(one for label in labels for one in expand(label, block.variants))
+                for labels in (block.estimators, block.scenarios)
+            )
+            if len(estimators) * len(scenarios) > 10 * MOST_LABELS:
+                count = f"{len(scenarios)} scenarios and {len(estimators)} estimators"
+                raise BadInput(f"study {self.name!r}: {count} make more pairs than {10 * MOST_LABELS}: divide it")
             for scenario in scenarios:
                 yield StudyCell(block.experiment, scenario, estimators, block.baseline)
 
-    def _labels(self, labels: Labels, variants: dict[str, str]) -> list[str]:
-        """Return the labels that swept labels stand for, in order."""
-        found: list[str] = []
-        for label in labels:
-            found += expand(label, variants)
-            if len(found) > MOST_LABELS:
-                raise BadInput(f"study {self.name!r}: its labels stand for more than {MOST_LABELS}: divide the study")
-        return found
-
     def cells(self) -> list[StudyCell]:
-        """Everything that is to run, by scenario, each scenario and each estimator once.
+        """Return everything that is to run, by scenario, each scenario and each estimator once.
 
         Raises:
             BadInput: a label that cannot be read, or a scenario whose baseline is not among its estimators.
@@ -223,25 +213,14 @@ class Study(BaseModel):
                     f"study {self.name!r} compares with {cell.baseline!r}, which is not one of its estimators on "
                     f"{cell.scenario!r}: add it there"
                 )
-        return self._only_chosen(list(found.values()))
+        return self._choose_estimators(list(found.values()))
 
     def baselines(self) -> dict[str, str]:
         """Return the baseline of each scenario."""
         return {cell.scenario: cell.baseline for cell in self.cells()}
 
-    def _with_defaults(self, block: Block) -> Block:
-        variants = {**self.variants, **block.variants}
-        return Block(
-            scenarios=block.scenarios,
-            estimators=block.estimators,
-            baseline=write_out_variants(block.baseline or self.baseline, variants)
-            or expand(block.estimators[0], variants)[0],
-            experiment=block.experiment or self.name,
-            variants=variants,
-        )
-
-    def _only_chosen(self, cells: list[StudyCell]) -> list[StudyCell]:
-        """The cells with the estimators of `only`."""
+    def _choose_estimators(self, cells: list[StudyCell]) -> list[StudyCell]:
+        """Return the cells with the estimators of `only`."""
         if not self.only:
             return cells
         known = {name for cell in cells for name in cell.estimators}
@@ -256,63 +235,58 @@ class Study(BaseModel):
 
 
 def names() -> list[str]:
-    """The studies that are shipped."""
+    """Return the studies that are shipped."""
     return sorted(
-        path.name.removesuffix(".toml")
-        for path in files(__package__).iterdir()
-        if path.name.endswith(".toml") and not path.name.endswith(".log.toml")  # those describe recordings
+        path.name.removesuffix(".toml") for path in files(__package__).iterdir() if path.name.endswith(".toml")
     )
 
 
-def load(which: str) -> Study:
-    """A shipped study by name, or any study by the path of its TOML file; what it includes is written out.
+def load(which: str, including: tuple[str, ...] = ()) -> Study:
+    """Read a shipped study by name, or any study by the path of its TOML file; what it includes is written out.
+
+    Args:
+        which: a name, or a path that ends in .toml.
+        including: the studies that include it.
 
     Raises:
         BadInput: there is none, or the file is not a study; says the line or the key.
 
     """
-    return _load(which, ())
-
-
-def _load(which: str, including: tuple[str, ...]) -> Study:
     if which in including:
         raise BadInput(f"study {which!r} includes itself, by way of {' and '.join(including)}: leave one out")
-    path = _path(which)
+    path: Any = Path(which)
+    if not which.endswith(".toml"):
+        if which not in names():
+            raise BadInput(f"there is no study {which!r}; {nearest(which, names())}")
+        path = files(__package__) / f"{which}.toml"
+    elif not path.is_file():
+        raise BadInput(f"there is no file {which}; check its path, or name a shipped study (cooploc list studies)")
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as e:
+    except (ValueError, RecursionError) as e:  # not TOML, not UTF-8, or arrays nested too deeply
         raise BadInput(f"{which} is not a TOML file: {e}") from None
-    except RecursionError:
-        raise BadInput(f"{which} is not a study: its arrays are nested too deeply") from None
     study = _validate({"name": path.name.removesuffix(".toml"), **content}, which)
-    others = [_load(other, (*including, which)) for other in study.include]
+    others = [load(other, (*including, which)) for other in study.include]
     also = (*study.also, *(block for other in others for block in other.blocks()))
     training = {key: value for other in (*others, study) for key, value in other.training.items()}
     study = study.model_copy(update={"also": also, "training": training, "include": ()})
-    if not study.blocks():
-        raise BadInput(f"{which} has no scenarios: give scenarios and estimators, or include other studies")
     try:
-        study.cells()
+        if not study.cells():
+            raise BadInput("it has no scenarios: give scenarios and estimators, or include other studies")
     except BadInput as e:
         raise BadInput(f"{which}: {e}") from None
     return study
 
 
-def _path(which: str) -> Any:
-    if which.endswith(".toml"):
-        if not Path(which).is_file():
-            raise BadInput(f"there is no file {which}; check its path, or name a shipped study (cooploc list studies)")
-        return Path(which)
-    if which not in names():
-        raise BadInput(f"there is no study {which!r}; {nearest(which, names())}")
-    return files(__package__) / f"{which}.toml"
-
-
 def _validate(content: dict[str, Any], where: str) -> Study:
-    _demand_known(content, Study, "a study", where)
     also = content.get("also")
-    for block in also if isinstance(also, list) else ():  # anything else is refused below
-        _demand_known(block, Block, "a block of [[also]]", where)
+    blocks = also if isinstance(also, list | tuple) else ()  # anything else is refused below
+    parts: list[tuple[Any, type[BaseModel], str]] = [(content, Study, "a study")]
+    parts += [(block, Block, "a block of [[also]]") for block in blocks]
+    for part, model, what in parts:
+        known = list(model.model_fields)
+        if unknown := [key for key in part if key not in known] if isinstance(part, dict) else []:
+            raise BadInput(f"{where}: there is no key {unknown[0]!r} in {what}; {nearest(unknown[0], known)}")
     if content.get("scenarios") and not content.get("estimators"):
         raise BadInput(f"{where}: it has scenarios and no estimators: name some")
     try:
@@ -324,19 +298,11 @@ def _validate(content: dict[str, Any], where: str) -> Study:
     return study
 
 
-def _demand_known(content: Any, model: type[BaseModel], what: str, where: str) -> None:
-    for key in content if isinstance(content, dict) else ():
-        if key not in model.model_fields:
-            raise BadInput(f"{where}: there is no key {key!r} in {what}; {nearest(key, list(model.model_fields))}")
-
-
 # A study with every label read, before anything runs.
-
-MOST_TRIALS = 100_000_000  # of all scenarios and estimators together
 
 
 class ResolvedCell(NamedTuple):
-    """One scenario of a study with its estimators and trials."""
+    """A scenario of a study with its estimators and trials."""
 
     experiment: str
     scenario: ResolvedScenario
@@ -359,11 +325,11 @@ class ResolvedStudy(NamedTuple):
 
     @property
     def estimators(self) -> list[ConfiguredEstimator]:
-        """All estimators, each once, in the order in which scenarios name them."""
+        """Every estimator once, in the order in which scenarios name them."""
         return list({one.label: one for cell in self.cells for one in cell.estimators}.values())
 
     def with_trials(self, counts: Mapping[tuple[str, str], int]) -> "ResolvedStudy":
-        """The same with these numbers of trials, by the labels of scenario and estimator; none above its own."""
+        """Return the same with these numbers of trials, by the labels of scenario and estimator; none above its own."""
         cells = []
         for cell in self.cells:
             asked = {name: min(counts[cell.scenario.label, name], n) for name, n in cell.trials.items()}
@@ -380,24 +346,18 @@ def resolve_study(study: Study, data: Path | None = None) -> ResolvedStudy:
 
     """
     cells = study.cells()
-    total = study.trials * sum(len(cell.estimators) for cell in cells)
-    if total > MOST_TRIALS:
-        raise BadInput(f"study {study.name!r} asks for {total} trials in all, and at most {MOST_TRIALS} are allowed")
     known = {label: configure(label) for label in dict.fromkeys(name for cell in cells for name in cell.estimators)}
     found = []
     for cell in cells:
         scenario = resolve(cell.scenario, data)
-        estimators = tuple(known[label] for label in cell.estimators)
         trials = dict.fromkeys(cell.estimators, scenario.trials(study.trials))
+        estimators = tuple(known[label] for label in cell.estimators)
         found.append(ResolvedCell(cell.experiment, scenario, trials, estimators, cell.baseline))
     return ResolvedStudy(study, data, tuple(found))
 
 
-# The list of shipped studies.
-
-
 def studies() -> "DataFrame":
-    """One row per study that is shipped.
+    """Return the table of shipped studies.
 
     Columns: `name`; `about`, its title and what it asks; `minutes`, how long it takes on two cores, nan where that
     depends on your data; `source`, the papers or data sets that its scenarios come from.
@@ -405,10 +365,9 @@ def studies() -> "DataFrame":
     from pandas import DataFrame
 
     rows = []
-    for one in (load(name) for name in names()):
+    for one in map(load, names()):
         families = dict.fromkeys(re.split(r"[/\[]", cell.scenario)[0] for cell in one.cells())
         sources = dict.fromkeys(source_of(registry.family(name).model_class(name)) for name in families)
-        told = "; ".join(filter(None, sources))
         about = ": ".join(filter(None, (one.title, one.about)))
-        rows.append({"name": one.name, "about": about, "minutes": one.minutes, "source": told})
+        rows.append((one.name, about, one.minutes, "; ".join(filter(None, sources))))
     return DataFrame(rows, columns=["name", "about", "minutes", "source"]).astype({"minutes": float})

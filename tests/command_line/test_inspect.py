@@ -28,14 +28,11 @@ def test_inspect_prints_what_is_odd_and_writes_a_log_that_only_force_replaces(tm
     ("arguments", "said"),
     [
         (["nothing"], "nothing: there is no such file or directory"),
-        (["empty"], "there is no CSV file, bag, PyFG file or MRCLAM text"),
-        (["notes.txt"], "notes.txt"),
         (["team", "--run", "tem"], "did you mean 'team'?"),
         (["team", "--out", "notes.txt"], "notes.txt"),
     ],
 )
 def test_a_recording_that_cannot_be_inspected_is_one_line(tmp_path, arguments, said):
-    (tmp_path / "empty").mkdir()
     (tmp_path / "notes.txt").write_text("It rained.\n")
     write(tmp_path / "team", two_robots(seconds=40))
     ended = inside("inspect", *arguments, cwd=tmp_path)

@@ -1,7 +1,6 @@
 """A resolved scenario knows its size, its trials and its parameters, also where its model is a plug-in."""
 
 import numpy as np
-import pandas as pd
 import pytest
 from pydantic import BaseModel
 
@@ -56,14 +55,3 @@ def test_an_assumption_has_one_hash_however_it_is_written(written):
     given = cl.simulate("trajectory", ticks=2, assumed={"eta": 2.0})[1]
     assert cl.simulate(f"trajectory[ticks=2, assumed.eta={written}]")[1].hash == given.hash
     assert cl.simulate("trajectory", ticks=2, assumed={"eta": 2.1})[1].hash != given.hash
-
-
-def test_rivals_that_are_told_different_things_share_no_row_of_a_table():
-    found = []
-    for name, assumed in {"right": None, "wrong": {"eta": 2.0}}.items():
-        truth, stream = cl.simulate("trajectory", ticks=3, trials=2, assumed=assumed)
-        found.append(cl.errors(truth, cl.run({name: "dead-reckoning"}, stream)))
-    table = pd.concat(found)
-    assert table.groupby("scenario")["estimator"].unique().map(list).tolist() == [["wrong"], ["right"]]
-    with pytest.raises(cl.BadInput, match="estimators ran on different streams"):
-        cl.compare(table.assign(scenario="trajectory"), baseline="right")

@@ -42,14 +42,6 @@ def test_everyone_is_told_everyones_prior_in_every_tick(label):
     assert len(cl.errors(truth, cl.run({"dr": "dead-reckoning"}, stream))) == 6
 
 
-def test_who_is_told_is_another_stream_with_the_same_readings():
-    _, told = cl.simulate("robots-1-3/n=3[team_priors=true]", trials=2, seed=1, ticks=4)
-    _, stream = cl.simulate("robots-1-3/n=3", trials=2, seed=1, ticks=4)
-    assert set(told.hashes).isdisjoint(stream.hashes)
-    assert told.channels() - stream.channels() == {"team_prior"}
-    np.testing.assert_array_equal(told.senses.anchor_rssi, stream.senses.anchor_rssi)
-
-
 class Central:
     """A team whose one computer is sent every reading, and does nothing with it."""
 

@@ -1,1 +1,1 @@
-"""A look at a recording that nobody has described: what is in it, what is odd about it, a log.toml to start from."""
+"""Inspection of a recording without a description: its series, its faults, and a log.toml to start from."""

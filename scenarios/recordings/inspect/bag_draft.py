@@ -1,4 +1,4 @@
-"""A log.toml for a ROS bag: which topics are odometry, truth and ranges, of which robots, and which radio is whose."""
+"""A log.toml for a ROS bag: odometry, truth and ranges among its topics, their robots, and the robots' radios."""
 
 import re
 from collections import Counter

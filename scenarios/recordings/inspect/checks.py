@@ -19,9 +19,9 @@ from cooploc.estimators.models import wrap
 from cooploc.scenarios.recordings.inspect.motion import (
     FEWEST,
     TABLES,
-    Motion,
     RobotMotion,
     Steps,
+    SummedMotion,
     concentration,
     course,
     course_turns,
@@ -322,7 +322,7 @@ def _find_exchanged(motions: list[RobotMotion], own: Mapping[int, ClockFit]) -> 
     return better if set(better) == {j for j, _ in better.values()} else {}
 
 
-def _best_fit(m: RobotMotion, truth: Motion) -> ClockFit:
+def _best_fit(m: RobotMotion, truth: SummedMotion) -> ClockFit:
     """Return the shift at which a robot's odometry fits a truth best.
 
     Of the peaks of correlation that are as likely as the highest, it is the one of least shift, since a robot in laps
@@ -396,7 +396,7 @@ STALE_PLACE = 0.5  # [m] the same where the heading goes on: one that turns on t
 
 
 def check_stale(c: CheckedLog, i: int) -> None:
-    """Positions that are repeated exactly while odometry says that the robot drives."""
+    """Find positions that are repeated exactly while odometry says that the robot drives."""
     m = robot_motion(c.log, i)
     t, change = m.truth.time, np.diff(m.poses.values, axis=0)
     if not len(t) or len(m.odometry.time) < 2:
@@ -424,7 +424,7 @@ def check_stale(c: CheckedLog, i: int) -> None:
 
 
 def check_jumps(c: CheckedLog, i: int) -> None:
-    """Positions between a step away and the step back, at most a second later; of a step alone, the next one."""
+    """Find positions between a step away and the step back, at most a second later; of a step alone, the next one."""
     truth = known_truth(c.log, i)
     if truth is None:
         return
@@ -447,7 +447,7 @@ def check_jumps(c: CheckedLog, i: int) -> None:
 
 
 def check_arena(c: CheckedLog, arena: Array | None) -> None:
-    """Positions outside the arena (2, 2) [m], or, where that is not stated, far outside of all fixed things."""
+    """Find positions outside the arena (2, 2) [m], or, where that is not stated, far outside of all fixed things."""
     margin, name = 0.0, "the arena"
     if arena is None:
         places = np.concatenate([c.log.anchors.positions, c.log.landmarks.positions])
@@ -487,7 +487,7 @@ MIRRORS = {  # by eighths of a turn
 
 
 def check_frame(c: CheckedLog, i: int) -> None:
-    """Frames, headings and turn rates of the wrong sign."""
+    """Find frames, headings and turn rates of the wrong sign."""
     if moves(c.log, i):
         (_check_compass_frame if c.log.odometry_kind == "displacement" else _check_turning_frame)(c, i)
 
@@ -578,7 +578,7 @@ MOST_SCALE = 1.2  # a factor beyond it, or below its inverse, is reported; wheel
 
 
 def check_scales(c: CheckedLog, i: int) -> None:
-    """Lengths and turns of odometry against those of the truth, by least absolute deviations."""
+    """Compare lengths and turns of odometry with those of the truth, by least absolute deviations."""
     measured, true = robot_motion(c.log, i).common_steps()
     if len(measured.turn) < 9 or not moves(c.log, i):
         return
@@ -600,7 +600,7 @@ BIAS_KEYS = {"range": "range_bias", "anchor_range": "anchor_range_bias"}
 
 
 def check_range_units(c: CheckedLog) -> None:
-    """Ranges that are 100 or 1000 times the distance; within a factor of 2.5, as frames may still be wrong."""
+    """Find ranges that are 100 or 1000 times the distance; within a factor of 2.5, as frames may still be wrong."""
     for channel, readings in range_channels(c.log):
         ratio = median(readings.values[:, 0] / distances(c.log, channel, readings))
         for factor, unit in UNITS.items():
@@ -611,7 +611,7 @@ def check_range_units(c: CheckedLog) -> None:
 
 
 def check_names(c: CheckedLog) -> None:
-    """Readings whose numbers fit another robot, landmark or anchor than the one they name."""
+    """Find readings whose numbers fit another robot, landmark or anchor than the one they name."""
     for channel, readings in range_channels(c.log):
         other, changes, names = readings.other.copy(), [], other_names(c.log, channel)
         for i in np.unique(readings.robot).tolist():
@@ -626,7 +626,7 @@ def check_names(c: CheckedLog) -> None:
 
 
 def _find_renamed(log: TeamLog, channel: Channel, readings: Readings, i: int) -> dict[int, int]:
-    """Named other -> the one that the ranges of robot i fit, if that is another, and fits three times as well."""
+    """Map a named other to the one that the ranges of robot i fit, if that is another, and fits three times as well."""
     named = np.unique(readings.other[readings.robot == i])
     mutual = fixed_places(log, channel) is None
     candidates = [k for k in range(len(other_names(log, channel))) if not (mutual and k == i)]
@@ -648,7 +648,7 @@ def _find_renamed(log: TeamLog, channel: Channel, readings: Readings, i: int) ->
 
 
 def check_reading_clocks(c: CheckedLog) -> None:
-    """Ranges that fit the distances of some seconds earlier or later."""
+    """Find ranges that fit the distances of some seconds earlier or later."""
     for channel, readings in range_channels(c.log):
         shift, with_it, without = _best_shift(c.log, channel, readings)
         gaps = np.diff(np.unique(readings.time))
@@ -686,7 +686,7 @@ def _best_shift(log: TeamLog, channel: Channel, readings: Readings) -> tuple[flo
 
 
 def check_biases(c: CheckedLog) -> None:
-    """Ranges of a pair that are too long or too short by a constant."""
+    """Find ranges of a pair that are too long or too short by a constant."""
     for channel, readings in range_channels(c.log):
         residual = readings.values[:, 0] - distances(c.log, channel, readings)
         found = {}
@@ -707,7 +707,7 @@ MOST = 700  # samples: pairs of samples grow with the square
 
 
 def check_bearings(c: CheckedLog) -> None:
-    """Bearings in degrees, to the right, or from elsewhere than straight ahead."""
+    """Find bearings in degrees, to the right, or from elsewhere than straight ahead."""
     place = ("sightings", ("bearing",))
     for channel, readings in range_channels(c.log):
         if TABLES[channel] != "sightings":
@@ -736,7 +736,7 @@ def check_bearings(c: CheckedLog) -> None:
 
 
 def check_rssi(c: CheckedLog) -> None:
-    """Signal strength that rises with the distance, or is not in dBm."""
+    """Find signal strength that rises with the distance, or is not in dBm."""
     for channel, readings in c.log.readings.items():
         if not channel.endswith("rssi") or len(readings.time) < 50:
             continue

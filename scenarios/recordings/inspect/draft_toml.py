@@ -16,7 +16,7 @@ WIDEST = 100  # characters in a line before its comment moves above it
 
 
 class Entry(NamedTuple):
-    """One line: a key, its value, and where the value comes from."""
+    """A line: a key, its value, and where the value comes from."""
 
     key: str
     value: Any
@@ -98,7 +98,7 @@ FIRST_PART = 60.0  # [s] that models are fitted on, at most a third of the recor
 
 
 def _arena(log: TeamLog) -> tuple[Entry, ...]:
-    """The line `arena = ...`: around the truth, if there are no fixed things to take it from."""
+    """Return the line `arena = ...`: around the truth, if there are no fixed things to take it from."""
     fixed = (log.anchors.positions, log.landmarks.positions)
     places = np.concatenate([s.values[:, :2] for s in log.truth if s is not None] + [*fixed])
     places = places[np.isfinite(places).all(axis=1)]
@@ -110,7 +110,7 @@ def _arena(log: TeamLog) -> tuple[Entry, ...]:
 
 
 def _settings(log: TeamLog, runs: int) -> tuple[DraftTable, ...]:
-    """[sample], [prior] and [fit] for a recording of so many runs."""
+    """Return [sample], [prior] and [fit] for a recording of so many runs."""
     stamps = [s.time for s in log.odometry if len(s.time) > 1]
     usual = float(np.median([float(np.median(np.diff(t))) for t in stamps])) if stamps else 0.1
     length = common_span(log) or max((float(t[-1] - t[0]) for t in stamps), default=FIRST_PART)
@@ -153,6 +153,7 @@ def common_span(log: TeamLog, robots: Sequence[int] | None = None) -> float:
 
 
 def _line(entry: Entry) -> str:
+    """Return a line with its reason behind it, or above it where both are too long."""
     line, comment = f"{_key(entry.key)} = {toml(entry.value)}", f"# {entry.sure}: {_one_line(entry.why)}"
     return f"{line}  {comment}" if len(line) + len(comment) <= WIDEST else f"{comment}\n{line}"
 
@@ -172,5 +173,5 @@ def toml(value: Any) -> str:
 
 
 def _one_line(text: str) -> str:
-    """Text without line ends or other control characters, which would end a comment."""
+    """Return text without line ends or other control characters, which would end a comment."""
     return "".join(c if c.isprintable() else " " for c in text)

@@ -25,7 +25,7 @@ from cooploc.scenarios.recordings.team_log import TeamLog, other_names
 
 
 class SeriesRow(NamedTuple):
-    """One series of a recording: its samples, rate and gaps."""
+    """A series of a recording: its samples, rate and gaps."""
 
     series: str  # "odometry", "truth" or a channel
     of: str  # a robot, or robot-other
@@ -110,20 +110,8 @@ def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspect
         draft = complete_draft(path, draft, checked.log, findings, len(places))
         draft, trial = run_draft(directory, home, draft, findings)
         text = draft.text(head_lines(path, why, draft))
-    return Inspected(
-        path,
-        description.format,
-        why,
-        tuple(places),
-        log,
-        checked.log,
-        tuple(series_rows(log)),
-        findings,
-        draft.columns,
-        draft.unused,
-        text,
-        trial,
-    )
+    found = tuple(places), log, checked.log, tuple(series_rows(log)), findings
+    return Inspected(path, description.format, why, *found, draft.columns, draft.unused, text, trial)
 
 
 def recognize(path: Path) -> tuple[str, str]:
@@ -172,7 +160,7 @@ def _row(name: str, of: str, time: Array, source: str) -> SeriesRow:
     return SeriesRow(name, of, len(time), rate, first, last, gaps, longest, time, source)
 
 
-def measured_counts(log: TeamLog) -> tuple[tuple[str, ...], tuple[str, ...], Array]:
+def count_measurements(log: TeamLog) -> tuple[tuple[str, ...], tuple[str, ...], Array]:
     """Return the names of robots, of all they measured, and how often (robots, measured); channels together."""
     names = (*log.robots, *log.landmarks.names, *log.anchors.names)
     counts = np.zeros((len(log.robots), len(names)))
@@ -235,14 +223,14 @@ def run_draft(data: Path, home: Path, draft: Draft, findings: tuple[Finding, ...
     why = "the clocks share no time: found by the motion"
     clock = (Entry("clock_offset", float(np.median(offsets)), why, "perhaps"),) if offsets else ()
     for fallback in (None, *[DraftTable("truth", clock)] * bool(clock), *FALLBACKS):
-        changed = changed if fallback is None else _with(changed, fallback, replace=fallback.name == "fit")
+        changed = changed if fallback is None else change_table(changed, fallback, replace=fallback.name == "fit")
         for _ in USUAL:
             try:
                 description = schema.parse(home, changed.text())
                 return changed, try_recordings(data, description)
             except UnfittedModel as e:
                 usual = tuple(Entry(name, USUAL[name], TOO_SHORT, "perhaps") for name in e.names if name in USUAL)
-                changed = _with(changed, DraftTable("model", usual))
+                changed = change_table(changed, DraftTable("model", usual))
                 problems.append(str(e))
             except BadInput as e:
                 problems.append(str(e))
@@ -250,7 +238,7 @@ def run_draft(data: Path, home: Path, draft: Draft, findings: tuple[Finding, ...
     return draft, Trial(problems[0])
 
 
-def _with(draft: Draft, change: DraftTable, replace: bool = False) -> Draft:
+def change_table(draft: Draft, change: DraftTable, replace: bool = False) -> Draft:
     """Return the draft with the entries of a table changed or added; or all of them replaced."""
     keys = {entry.key for entry in change.entries}
     tables = list(draft.tables)

@@ -1,4 +1,4 @@
-"""Motion by odometry and by truth, summed up since the start; true distances of what was measured; robust statistics.
+"""Motion by odometry and by truth, summed up since the start; true distances; robust statistics.
 
 Sums can be looked up at any stamp: two series with clocks of their own are compared over common windows of time, and
 a shift of one clock against the other costs one interpolation.
@@ -21,8 +21,8 @@ MOST_WINDOWS = 3000  # of one robot; longer recordings have longer windows
 FEWEST_POSITIONS = 10  # of a truth that is used
 
 
-class Motion(NamedTuple):
-    """Sums over time; a column that is not known is nan throughout."""
+class SummedMotion(NamedTuple):
+    """Sums of motion over time; a column that is not known is nan throughout."""
 
     time: Array  # (m,)
     length: Array  # (m,)    driven, backwards is negative [m]; of the truth: not known
@@ -41,12 +41,12 @@ class Steps(NamedTuple):
 class RobotMotion(NamedTuple):
     """The motion of one robot, by both sources."""
 
-    odometry: Motion
-    truth: Motion
+    odometry: SummedMotion
+    truth: SummedMotion
     poses: Series  # the truth where its position is known
     window: float  # [s] two intervals of the slower of both, at least 0.2 s
 
-    def steps(self, motion: Motion, edges: Array | None = None) -> Steps:
+    def steps(self, motion: SummedMotion, edges: Array | None = None) -> Steps:
         """Return the motion between edges (w + 1,) [s]; by default between windows of all the motion's time."""
         t = motion.time
         if edges is None:
@@ -80,7 +80,7 @@ def robot_motion(log: TeamLog, robot: int) -> RobotMotion:
     turn, known = unknown, np.flatnonzero(np.isfinite(heading))
     if len(known) > 0.5 * len(heading):
         turn = np.interp(np.arange(len(heading)), known, np.unwrap(heading[known]))
-    truth = Motion(poses.time, unknown, turn, poses.values[:, :2])
+    truth = SummedMotion(poses.time, unknown, turn, poses.values[:, :2])
     return RobotMotion(_odometry_motion(log, robot), truth, poses, max(2 * slowest, 0.2, longest / MOST_WINDOWS))
 
 
@@ -103,7 +103,7 @@ def moves(log: TeamLog, robot: int) -> bool:
     return truth is not None and bool((np.hypot(*(truth.values[:, :2] - truth.values[0, :2]).T) > 1.0).any())
 
 
-def _odometry_motion(log: TeamLog, robot: int) -> Motion:
+def _odometry_motion(log: TeamLog, robot: int) -> SummedMotion:
     """Sum up a robot's odometry; a missing value counts as no motion."""
     t, values = log.odometry[robot].time, log.odometry[robot].values
     unknown, nowhere = np.full(len(t), np.nan), np.full((len(t), 2), np.nan)
@@ -112,17 +112,17 @@ def _odometry_motion(log: TeamLog, robot: int) -> Motion:
         return np.concatenate([[0.0], np.cumsum(np.diff(t) * np.nan_to_num(rate[:-1]))])
 
     if log.odometry_kind == "displacement":
-        return Motion(t, unknown, unknown, np.cumsum(np.nan_to_num(values), axis=0))
+        return SummedMotion(t, unknown, unknown, np.cumsum(np.nan_to_num(values), axis=0))
     if log.odometry_kind == "velocity":
-        return Motion(t, integral(values[:, 0]), integral(values[:, 1]), nowhere)
+        return SummedMotion(t, integral(values[:, 0]), integral(values[:, 1]), nowhere)
     if log.odometry_kind == "path":
-        return Motion(t, values[:, 0], integral(values[:, 1]), nowhere)
+        return SummedMotion(t, values[:, 0], integral(values[:, 1]), nowhere)
     pose = pd.DataFrame(values).bfill().ffill().fillna(0.0).to_numpy()
     heading, apart = np.unwrap(pose[:, 2]), np.diff(pose[:, :2], axis=0)
     middle = (heading[1:] + heading[:-1]) / 2
     along = apart[:, 0] * np.cos(middle) + apart[:, 1] * np.sin(middle)
     length = np.hypot(*apart.T) * np.where(along < 0, -1.0, 1.0)
-    return Motion(t, np.concatenate([[0.0], np.cumsum(length)]), heading, nowhere)
+    return SummedMotion(t, np.concatenate([[0.0], np.cumsum(length)]), heading, nowhere)
 
 
 def course(move: Array) -> Array:

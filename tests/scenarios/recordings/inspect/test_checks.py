@@ -5,7 +5,7 @@ import pytest
 
 import cooploc as cl
 from cooploc.scenarios.recordings.inspect.checks import check_recording
-from cooploc.scenarios.recordings.inspect.inspection import measured_counts, series_rows
+from cooploc.scenarios.recordings.inspect.inspection import count_measurements, series_rows
 from cooploc.scenarios.recordings.inspect.motion import dead_reckoned, robust_slope
 from cooploc.scenarios.recordings.team_log import Places, Readings, Series, TeamLog
 
@@ -14,13 +14,7 @@ WORLDS = {"camera": 600, "no-compass": 300, "trajectory": 300}  # family -> tick
 
 def team_log(family, seed, ticks=None):
     """A clean recording of a simulated team."""
-    label = f"{family}[ticks={ticks or WORLDS[family]}]"
-    truth, stream = cl.simulate(label, trials=1, seed=seed)
-    return from_stream(truth, stream)
-
-
-def from_stream(truth, stream):
-    """The first trial of a stream as a recording."""
+    truth, stream = cl.simulate(f"{family}[ticks={ticks or WORLDS[family]}]", trials=1, seed=seed)
     n, t, senses, air = stream.robots, stream.time, stream.senses, stream.air
     robots = tuple(f"r{i}" for i in range(n))
     compass = truth.x.shape[-1] == 2
@@ -60,136 +54,108 @@ def _places(positions, letter):
     return Places(tuple(f"{letter}{k + 1}" for k in range(len(positions))), positions)
 
 
-def changed_truth(log, robot, change):
-    """The log with one robot's truth changed: change(time, values) -> (time, values)."""
-    truth = list(log.truth)
-    time, values = change(truth[robot].time.copy(), truth[robot].values.copy())
-    truth[robot] = truth[robot]._replace(time=time, values=values)
-    return log._replace(truth=tuple(truth))
+def series(table, robot, change):
+    """Plant a fault in one robot's "truth" or "odometry": change(time, values) -> (time, values)."""
+
+    def plant(log):
+        every = list(getattr(log, table))
+        time, values = change(every[robot].time.copy(), every[robot].values.copy())
+        every[robot] = every[robot]._replace(time=time, values=values)
+        return log._replace(**{table: tuple(every)})
+
+    return plant
 
 
-def changed_odometry(log, robot, factors):
-    """The log with the columns of one robot's odometry multiplied."""
-    odometry = list(log.odometry)
-    odometry[robot] = odometry[robot]._replace(values=odometry[robot].values * factors)
-    return log._replace(odometry=tuple(odometry))
+def readings(channels, field, change):
+    """Plant a fault in a field of the first of the channels that a recording has."""
+
+    def plant(log):
+        channel = next(channel for channel in channels if channel in log.readings)
+        changed = log.readings[channel]._replace(**{field: change(log.readings[channel])})
+        return log._replace(readings={**log.readings, channel: changed})
+
+    return plant
 
 
-def changed_readings(log, channel, **changes):
-    """The log with fields of a channel's readings changed, each by a function of the readings."""
-    readings = log.readings[channel]
-    new = readings._replace(**{name: change(readings) for name, change in changes.items()})
-    return log._replace(readings={**log.readings, channel: new})
+def times(*factors):
+    return lambda t, v: (t, v * np.array(factors))
 
 
-def _columns(*factors):
-    return lambda time, values: (time, values * np.array(factors))
+def places(change):
+    return lambda t, v: (t, np.column_stack([*change(v[:, 0], v[:, 1]), v[:, 2]]))
 
 
-def _positions(change):
-    return lambda time, values: (time, np.column_stack([*change(values[:, 0], values[:, 1]), values[:, 2]]))
+def later(t):
+    return t + 0.05 * (t[-1] - t[0])
 
 
-def _repeat(time, values):
+def repeat(t, v):
     """Stale for a tenth of the time."""
-    start, count = len(time) // 2, len(time) // 10
-    values[start : start + count] = values[start]
-    return time, values
+    v[len(t) // 2 : len(t) // 2 + len(t) // 10] = v[len(t) // 2]
+    return t, v
 
 
-def _leap(time, values):
-    values[len(time) // 3, :2] += 3.0
-    return time, values
+def leap(t, v):
+    v[len(t) // 3, :2] += 3.0
+    return t, v
 
 
-def _gap(time, values):
-    kept = np.ones(len(time), bool)
-    kept[len(time) // 4 : len(time) // 3] = False
-    return time[kept], values[kept]
+def gap(t, v):
+    kept = np.setdiff1d(np.arange(len(t)), np.arange(len(t) // 4, len(t) // 3))
+    return t[kept], v[kept]
 
 
-def _exchanged(log):
-    truth = list(log.truth)
-    truth[0], truth[1] = truth[1], truth[0]
-    return log._replace(truth=tuple(truth))
-
-
-def truth(robot, change):
-    return lambda log: changed_truth(log, robot, change)
-
-
-def odometry(robot, *factors):
-    return lambda log: changed_odometry(log, robot, factors)
-
-
-def ranges(**changes):
-    return lambda log: changed_readings(log, ranged(log), **changes)
-
-
-def readings(channel, *factors):
-    return lambda log: changed_readings(log, channel, values=lambda r: r.values * factors)
-
-
-def _later(time, values):
-    return time + 0.05 * (time[-1] - time[0]), values
-
-
-def _clockwise(time, values):
-    return time, np.column_stack([values[:, :2], np.pi / 2 - values[:, 2]])
-
-
-def _in_mm(r):
-    return r.values * np.array([1e3, 1])[: r.values.shape[1]]
-
-
-BOTH = ("camera", "no-compass")
-EVERY = (*BOTH, "trajectory")
-# fault -> (kind of the finding, robot whose data it is or "", families where it can be seen, how it is planted)
-FAULTS = {
-    "truth in mm": ("unit", "r1", EVERY, truth(1, _columns(1e3, 1e3, 1))),
-    "truth in cm": ("unit", "r1", EVERY, truth(1, _columns(1e2, 1e2, 1))),
-    "odometry in mm": ("unit", "r0", BOTH, odometry(0, 1e3, 1)),
-    "odometry 1.5 times too long": ("scale", "r0", EVERY, odometry(0, 1.5, 1.5)),
-    "turns in degrees": ("degrees", "r0", BOTH, odometry(0, 1, 180 / np.pi)),
-    "headings in degrees": ("degrees", "r1", BOTH, truth(1, _columns(1, 1, 180 / np.pi))),
-    "turns to the right": ("turn sign", "r1", BOTH, odometry(1, 1, -1)),
-    "clockwise headings": ("heading", "r1", BOTH, truth(1, _clockwise)),
-    "axes exchanged": ("axes", "r1", EVERY, truth(1, _positions(lambda x, y: (y, x)))),
-    "mirrored frame": ("mirrored", "r1", EVERY, truth(1, _positions(lambda x, y: (x, 6 - y)))),
-    "clock of the truth": ("clock", "r1", EVERY, truth(1, _later)),
-    "clock of the ranges": ("clock", "", BOTH, ranges(time=lambda r: _later(r.time, None)[0])),
-    "truths exchanged": ("robots", "r0", EVERY, _exchanged),
-    "ranges in mm": ("unit", "", EVERY, ranges(values=_in_mm)),
-    "a biased pair": ("bias", "", EVERY, ranges(values=lambda r: _biased(r))),
-    "bearings in degrees": ("degrees", "", ("camera",), readings("sighting", 1, 180 / np.pi)),
-    "bearings to the right": ("bearing", "", ("camera",), readings("sighting", 1, -1)),
-    "teammates exchanged": ("robots", "", EVERY, ranges(other=lambda r: _misnamed(r))),
-    "signal strength without its sign": ("rssi", "", ("no-compass", "trajectory"), readings("rssi", -1)),
-    "stale positions": ("stale", "r1", EVERY, truth(1, _repeat)),
-    "a leap": ("jump", "r1", EVERY, truth(1, _leap)),
-    "a gap": ("gap", "r1", EVERY, truth(1, _gap)),
-}
-
-
-def ranged(log):
-    """The channel of the team's ranges."""
-    return "range" if "range" in log.readings else "sighting"
-
-
-def _biased(readings):
+def bias(r):
     """Ranges between the first two robots are 0.3 m too long."""
-    pair = (readings.robot + readings.other == 1).astype(float)
-    values = readings.values.copy()
-    values[:, 0] += 0.3 * pair
+    values = r.values.copy()
+    values[r.robot + r.other == 1, 0] += 0.3
     return values
 
 
-def _misnamed(readings):
+def misname(r):
     """Robot 0 confuses robots 1 and 2."""
-    names = np.array([0, 2, 1])
-    return np.where(readings.robot == 0, names[readings.other], readings.other)
+    return np.where(r.robot == 0, np.array([0, 2, 1])[r.other], r.other)
 
 
+BOTH, RANGES = ("camera", "no-compass"), ("range", "sighting")
+EVERY, RADIO = (*BOTH, "trajectory"), ("no-compass", "trajectory")
+# fault -> (kind of the finding, robot whose data it is or "", families where it can be seen, how it is planted)
+FAULTS = {
+    "truth in mm": ("unit", "r1", EVERY, series("truth", 1, times(1e3, 1e3, 1))),
+    "truth in cm": ("unit", "r1", EVERY, series("truth", 1, times(1e2, 1e2, 1))),
+    "odometry in mm": ("unit", "r0", BOTH, series("odometry", 0, times(1e3, 1))),
+    "odometry 1.5 times too long": ("scale", "r0", EVERY, series("odometry", 0, times(1.5, 1.5))),
+    "turns in degrees": ("degrees", "r0", BOTH, series("odometry", 0, times(1, 180 / np.pi))),
+    "headings in degrees": ("degrees", "r1", BOTH, series("truth", 1, times(1, 1, 180 / np.pi))),
+    "turns to the right": ("turn sign", "r1", BOTH, series("odometry", 1, times(1, -1))),
+    "clockwise headings": (
+        *("heading", "r1", BOTH),
+        series("truth", 1, lambda t, v: (t, np.column_stack([v[:, :2], np.pi / 2 - v[:, 2]]))),
+    ),
+    "axes exchanged": ("axes", "r1", EVERY, series("truth", 1, places(lambda x, y: (y, x)))),
+    "mirrored frame": ("mirrored", "r1", EVERY, series("truth", 1, places(lambda x, y: (x, 6 - y)))),
+    "clock of the truth": ("clock", "r1", EVERY, series("truth", 1, lambda t, v: (later(t), v))),
+    "clock of the ranges": ("clock", "", BOTH, readings(RANGES, "time", lambda r: later(r.time))),
+    "truths exchanged": ("robots", "r0", EVERY, lambda log: log._replace(truth=(*log.truth[1::-1], *log.truth[2:]))),
+    "ranges in mm": (
+        *("unit", "", EVERY),
+        readings(RANGES, "values", lambda r: r.values * np.array([1e3, 1])[: r.values.shape[1]]),
+    ),
+    "a biased pair": ("bias", "", EVERY, readings(RANGES, "values", bias)),
+    "bearings in degrees": (
+        *("degrees", "", ("camera",)),
+        readings(["sighting"], "values", lambda r: r.values * [1, 180 / np.pi]),
+    ),
+    "bearings to the right": (
+        *("bearing", "", ("camera",)),
+        readings(["sighting"], "values", lambda r: r.values * [1, -1]),
+    ),
+    "teammates exchanged": ("robots", "", EVERY, readings(RANGES, "other", misname)),
+    "signal strength without its sign": ("rssi", "", RADIO, readings(["rssi"], "values", lambda r: -r.values)),
+    "stale positions": ("stale", "r1", EVERY, series("truth", 1, repeat)),
+    "a leap": ("jump", "r1", EVERY, series("truth", 1, leap)),
+    "a gap": ("gap", "r1", EVERY, series("truth", 1, gap)),
+}
 NEEDS_READINGS = {name: FAULTS.pop(name) for name in ("a biased pair", "teammates exchanged", "clock of the ranges")}
 
 
@@ -223,19 +189,19 @@ def test_a_fault_that_needs_many_readings_is_found_in_most_teams(name):
 
 
 def test_the_offset_of_a_clock_is_what_it_was_shifted_by():
-    log = changed_truth(team_log("no-compass", 3), 1, lambda t, v: (t + 12.5, v))
+    log = series("truth", 1, lambda t, v: (t + 12.5, v))(team_log("no-compass", 3))
     setting = next(f.setting for f in findings(log) if f.kind == "clock")
     assert float(setting.split("= ")[1].split(";")[0]) == pytest.approx(-12.5, abs=0.5)
 
 
 def test_stamps_without_a_time_in_common_are_a_clock():
-    log = changed_truth(team_log("no-compass", 3), 1, lambda t, v: (t + 1.7e9, v))
+    log = series("truth", 1, lambda t, v: (t + 1.7e9, v))(team_log("no-compass", 3))
     assert [(f.kind, f.robot) for f in findings(log)] == [("clock", "r1")]
 
 
 def test_the_corrected_recording_is_the_clean_one_and_the_original_is_not_changed():
     clean = team_log("camera", 4)
-    log = changed_truth(clean, 1, lambda t, v: (t, v * [1000, 1000, 1]))
+    log = series("truth", 1, times(1000, 1000, 1))(clean)
     before = log.truth[1].values.copy()
     np.testing.assert_allclose(check_recording(log).log.truth[1].values, clean.truth[1].values)
     np.testing.assert_array_equal(log.truth[1].values, before)
@@ -277,7 +243,7 @@ def test_rows_and_counts_are_those_of_the_series():
     assert rows["odometry", "r0"].rate == pytest.approx(10)
     sightings = sum(row.samples for (series, _), row in rows.items() if series == "sighting")
     assert sightings == len(log.readings["sighting"].time)
-    robots, names, counts = measured_counts(log)
+    robots, names, counts = count_measurements(log)
     assert counts[:, : len(robots)].sum() == sightings
     assert counts.sum() == sum(len(readings.time) for readings in log.readings.values())
     assert names[len(robots) :] == log.landmarks.names

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from made_csv_teams import eight_glitches, two_robots, write
 from malformed_teams import MALFORMED
-from matplotlib import pyplot
 
 import cooploc as cl
 from cooploc.scenarios.recordings.inspect.draft_toml import toml
@@ -103,19 +102,6 @@ def test_a_malformed_file_is_refused_in_one_line_or_read_without_its_fault(tmp_p
         refusal = str(e)
     assert len(refusal) > 30
     assert "\n" not in refusal
-
-
-def test_the_sketch_has_tracks_counts_and_a_time_line(tmp_path, clean):
-    inspection = cl.inspect(write(tmp_path / "team", clean))
-    figure = inspection.sketch()
-    try:
-        tracks, counts, time = figure.axes
-        assert {line.get_label() for line in tracks.lines} >= {"red", "blue", "odometry alone"}
-        assert sorted(text.get_text() for text in counts.texts if text.get_text()) == ["146", "147"]
-        labels = [label.get_text().split(",")[0] for label in time.get_yticklabels()]
-        assert labels[:2] == ["odometry blue", "odometry red"]
-    finally:
-        pyplot.close(figure)
 
 
 def test_text_of_a_file_cannot_end_a_comment_or_a_value():

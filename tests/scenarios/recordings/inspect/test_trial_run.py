@@ -49,35 +49,29 @@ REAL = [("mrclam6", "a tenth"), ("wifi-rssi", "whole"), ("wifi-rssi", "a tenth")
 REAL += [(f"uwb-tiers/{team}", change) for team in ("two-robots", "four-robots") for change in CHANGES]
 
 
-def some_of(log, series, begin, end):
-    inside = (series.time >= begin) & (series.time <= end)
-    return series._replace(time=series.time[inside], values=series.values[inside])
+def cut(record, kept):
+    """Some of the samples of a series or readings."""
+    return record._replace(**{name: a[kept] for name, a in record._asdict().items() if isinstance(a, np.ndarray)})
 
 
 def changed(log, change):
     """The recording cut to its first tenth, without its last robot, or with one that begins in the middle."""
-    begin, end = (f(s.time[k] for s in log.odometry) for f, k in ((min, 0), (max, -1)))
-    last, n = [i == len(log.robots) - 1 for i in range(len(log.robots))], len(log.robots)
-    spans = [(begin, end)] * n
-    if change == "a tenth":
-        late = max(s.time[0] for s in (*log.odometry, *filter(None, log.truth)))
-        spans = [(begin, late + 0.1 * (end - late))] * n
-    if change == "a late robot":
-        spans = [((begin + end) / 2 if one else begin, end) for one in last]
-    odometry = tuple(some_of(log, s, *at) for s, at in zip(log.odometry, spans, strict=True))
-    truth = tuple(s and some_of(log, s, *at) for s, at in zip(log.truth, spans, strict=True))
-    readings = {}
-    for channel, r in log.readings.items():
-        kept = (r.time >= spans[0][0]) & (r.time <= spans[0][1])
-        if change == "a robot less" and n > 1:
-            mutual = channel in ("range", "rssi", "sighting")
-            kept &= (r.robot < n - 1) & ((r.other < n - 1) if mutual else True)
-        parts = {name: getattr(r, name)[kept] for name in ("time", "robot", "other", "values")}
-        readings[channel] = r._replace(**parts)
-    log = log._replace(odometry=odometry, truth=truth, readings={c: r for c, r in readings.items() if len(r.time)})
-    if change == "a robot less" and n > 1:
-        log = log._replace(robots=log.robots[:-1], odometry=log.odometry[:-1], truth=log.truth[:-1])
-    return log
+    begin, end = min(s.time[0] for s in log.odometry), max(s.time[-1] for s in log.odometry)
+    late, last = max(s.time[0] for s in (*log.odometry, *filter(None, log.truth))), len(log.robots) - 1
+    until = late + 0.1 * (end - late) if change == "a tenth" else end
+    starts = [begin] * last + [(begin + end) / 2 if change == "a late robot" else begin]
+    odometry, truth = (
+        tuple(s and cut(s, (s.time >= start) & (s.time <= until)) for s, start in zip(each, starts, strict=True))
+        for each in (log.odometry, log.truth)
+    )
+    robots, readings = log.robots, {c: cut(r, (r.time >= begin) & (r.time <= until)) for c, r in log.readings.items()}
+    if change == "a robot less" and last > 0:
+        robots, odometry, truth = robots[:-1], odometry[:-1], truth[:-1]
+        for c, r in readings.items():
+            mutual = c in ("range", "rssi", "sighting")
+            readings[c] = cut(r, (r.robot < last) & ((r.other < last) | (not mutual)))
+    readings = {c: r for c, r in readings.items() if len(r.time)}
+    return log._replace(robots=robots, odometry=odometry, truth=truth, readings=readings)
 
 
 def assert_the_draft_runs(folder, out, change, monkeypatch):
