@@ -44,7 +44,7 @@ from cooploc.estimators.joint_gaussian import (
     square,
     stack_readings,
 )
-from cooploc.estimators.joint_kernels import Ranging, Readings, join_ranges, sight_joint, tally
+from cooploc.estimators.joint_kernels import Ranging, Readings, count_refused, join_ranges, sight_joint
 from cooploc.estimators.kalman_kernels import Nodes, add_directions, add_ranges, add_scalars
 from cooploc.estimators.models import (
     AnchorReading,
@@ -133,25 +133,25 @@ class EkfJoint:
         x, F, Q = self._move_team(s.world, s.x, z)
         if self.engine == "batched":
             if not isinstance(s.world.motion, Displacement):
-                return _with(s, x, move_blocks(square(s.P), F, Q))
+                return _set_belief(s, x, move_blocks(square(s.P), F, Q))
             P = s.P.copy()  # F = I
             np.einsum("tiaib->tiab", P)[...] += Q
             return s._replace(x=x, P=P)
         P = kalman.ENGINES[self.engine].predict(square(s.P), square(block_diagonal(F)), square(block_diagonal(Q)))
-        return _with(s, x, P)
+        return _set_belief(s, x, P)
 
     def correct(self, s: State, z: Senses) -> State:
         if self.update == "batch" and (seen := kalman.landmarks_alone(self, s.world, z)):
             x, P, refused = s.x.copy(), square(s.P.copy()), s.refused.copy()
             sight_joint(x, P, refused, seen, FORGET)
-            return _with(s, x, P)._replace(refused=refused)
+            return _set_belief(s, x, P)._replace(refused=refused)
         for sensor, place, reading in fixed_readings(s.world, z, self.anchor_reading):
             if self.update == "batch":
                 s = self._update_by_fixed(s, sensor, place, reading)
             elif self.engine == "batched" and isinstance(sensor, GradientDoa):
                 x, P = s.x.copy(), square(s.P.copy())
                 add_directions(x, P, reading[..., 0], _nodes_of(sensor), self.gate)
-                s = _with(s, x, P)
+                s = _set_belief(s, x, P)
             else:
                 for i in np.flatnonzero(~np.isnan(reading).all((0, 2))).tolist():
                     y, H, _ = kalman.innovation(sensor, s.x[:, i], place, reading[:, i])
@@ -197,10 +197,10 @@ class EkfJoint:
         if self.engine == "batched" and np.count_nonzero(sensor.R) == len(sensor.R):  # it is diagonal
             x, P = s.x.copy(), square(s.P.copy())
             add_scalars(x, P, use[:, :, 0], y, H, sensor.R.diagonal().copy())
-            after = _with(s, x, P)
+            after = _set_belief(s, x, P)
         else:
             after = self._add(s, use, readings)
-        return _tally_distances(after, d2, self.gate, False)
+        return _count_distances(after, d2, self.gate, False)
 
     def _update_together(self, s: State, sensor: Sensor, readings: Array) -> State:
         """Use all readings (t, n, n, k) at once: P' = (P^-1 + H'R^-1 H)^-1,  x' = x + P' H'R^-1 (y + H (x^ - x)).
@@ -211,7 +211,7 @@ class EkfJoint:
             how = Ranging(sensor.R.item(), self.gate, self.second_order, self.iterations)
             x, P, d2 = s.x.copy(), square(s.P.copy()), np.full(readings.shape[:-1], np.nan)
             join_ranges(x, P, readings[..., 0], how, d2)
-            return _tally_distances(_with(s, x, P), d2, self.gate, True)
+            return _count_distances(_set_belief(s, x, P), d2, self.gate, True)
         shift, extra = np.zeros(1), np.zeros((1, 1))
         if self.second_order and hasattr(sensor, "curvature"):
             blocks = s.P[:, :, :2, :, :2].swapaxes(2, 3)  # (t, n, n, 2, 2)
@@ -229,7 +229,7 @@ class EkfJoint:
             if k == 0:
                 d2 = distances(square(s.P), linear)
             at = self._add(s, d2 <= self.gate, linear, last=k == self.iterations - 1)
-        return _tally_distances(at, d2, self.gate, True)
+        return _count_distances(at, d2, self.gate, True)
 
     def _restart(self, s: State) -> State:
         """Restart the most refused robot of a trial, if lost, anywhere in the arena, uncorrelated."""
@@ -251,7 +251,7 @@ class EkfJoint:
             if plain and isinstance(sensor, Range):
                 x, P = s.x.copy(), square(s.P.copy())
                 add_ranges(x, P, readings[..., 0], sensor.R.item(), self.gate)
-                s = _with(s, x, P)
+                s = _set_belief(s, x, P)
                 continue
             for j, i in permutations(range(s.world.robots), 2):
                 if not np.isnan(readings[:, i, j]).all():
@@ -282,12 +282,12 @@ class EkfJoint:
         if self.engine == "batched":
             eta, Lambda = information(use, readings)
             if not last:
-                return _with(s, information_mean(flat(s.x), P, eta, Lambda), P)
+                return _set_belief(s, information_mean(flat(s.x), P, eta, Lambda), P)
             P = information_update(P, Lambda)
             x = flat(s.x) + (P @ eta[..., None])[..., 0]
         else:
             x, P = kalman.ENGINES[self.engine].update(flat(s.x), P, *stack_readings(use, readings), np.inf)
-        return _with(s, x, P)
+        return _set_belief(s, x, P)
 
     def _update(self, s: State, y: Array, at: Mapping[int, Array], R: Array) -> State:
         """Kalman update of the joint state by a reading whose Jacobian is given `at` some robots and 0 elsewhere."""
@@ -296,7 +296,7 @@ class EkfJoint:
             x, P, _ = sparse_update(s.x, P, y, at, R, self.gate)
         else:
             x, P = kalman.ENGINES[self.engine].update(flat(s.x), P, y, dense(at, s.world.robots), R, self.gate)
-        return _with(s, x, P)
+        return _set_belief(s, x, P)
 
 
 def _select_part(sighting: str, world: World, z: Senses) -> tuple[World, Senses]:
@@ -312,13 +312,13 @@ def _select_part(sighting: str, world: World, z: Senses) -> tuple[World, Senses]
     return replace(world, sensors={**world.sensors, "sighting": part}), z._replace(sighting=numbers)
 
 
-def _with(s: State, x: Array, P: Array) -> State:
+def _set_belief(s: State, x: Array, P: Array) -> State:
     return s._replace(x=x.reshape(s.x.shape), P=P.reshape(s.P.shape))
 
 
-def _tally_distances(s: State, d2: Array, gate: float, between: bool) -> State:
+def _count_distances(s: State, d2: Array, gate: float, between: bool) -> State:
     """Count the readings (t, n, m) that the gate refused into each robot's average."""
-    tally(d2, gate, between, FORGET, refused := s.refused.copy())
+    count_refused(d2, gate, between, FORGET, refused := s.refused.copy())
     return s._replace(refused=refused)
 
 

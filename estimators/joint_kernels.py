@@ -180,7 +180,7 @@ def join_ranges(x: Array, P: Array, z: Array, how: Ranging, d2: Array) -> None:
 
 
 @strict_kernel
-def tally(d2, gate, between, forget, share):
+def count_refused(d2, gate, between, forget, share):
     """Move each robot's average `share` (t, n) of refused readings; `between` robots, a reading counts for both."""
     t, n, m = d2.shape
     for s in range(t):
@@ -260,7 +260,7 @@ def _whiten(Phi, at, y, H, R, cross, S, A, B):
 
 
 @strict_kernel
-def _gather(Pi, at, B, Gamma):
+def _fill_gain(Pi, at, B, Gamma):
     """Write Gamma (k, n d), transposed, of a robot with the copy Pi (n d, n d); return whether it has run away."""
     k, d, size = len(B), (B.shape[1] - 1) // (2 * len(at)), Pi.shape[1]
     for m in range(len(at)):
@@ -283,7 +283,7 @@ def _gather(Pi, at, B, Gamma):
 
 
 @strict_kernel
-def _shrunk(P, mine, A, nothing, out):
+def _fill_reduced(P, mine, A, nothing, out):
     """Write P - mine mine', and return whether it is positive definite."""
     fill_square(mine, A)
     for a in range(len(P)):
@@ -327,9 +327,9 @@ def master(team, a, at, reading, heard, gate):
         if not (definite and far <= gate):  # nor where anything is absent: nan
             continue
         for i in range(n):
-            runaway = _gather(Pi[s, i].reshape(n * d, n * d), at, B, Gamma[i])
+            runaway = _fill_gain(Pi[s, i].reshape(n * d, n * d), at, B, Gamma[i])
             fill_product(Phi[s, i], Gamma[i, :, i * d : i * d + d].T, mine[i])
-            sound[i] = _shrunk(P[s, i], mine[i], A[0], nothing, new[i]) and not runaway
+            sound[i] = _fill_reduced(P[s, i], mine[i], A[0], nothing, new[i]) and not runaway
         used[s] = True
         for m in at:
             used[s] = used[s] and sound[m]
@@ -359,17 +359,6 @@ def _log_det(u, A, v, B, C, nothing):
 
 
 @strict_kernel
-def _spread_out(P, H, U, S):
-    """Write P H' (d, k) and H P H' (k, k)."""
-    for a in range(len(P)):
-        for i in range(len(H)):
-            U[a, i] = 0.0
-            for c in range(len(P)):
-                U[a, i] += P[a, c] * H[i, c]
-    fill_product(H, U, S)
-
-
-@strict_kernel
 def _trace(U, S, Rd, td, ti, w, C, B):
     """Return tr P'_xy = tr P1 - tr(M S^-1 M'), by S = C C' and C^-1 M' in B (k, 2); U and S have the parts d and i."""
     for i in range(len(C)):
@@ -395,8 +384,9 @@ def _scratch(k, d):
 def _least(Pd, Pi, H, Rd, Ri, scratch):
     """Return the weight of one row, and whether it helps."""
     U, S, C, B, A, nothing, no_columns = scratch
-    _spread_out(Pd, H, U[0], S[0])
-    _spread_out(Pi, H, U[1], S[1])
+    for part, P in enumerate((Pd, Pi)):
+        fill_product(P, H.T, U[part])
+        fill_product(H, U[part], S[part])
     fill_sum(1.0, S[1], 1.0, Ri, S[1])
     td, ti = Pd[0, 0] + Pd[1, 1], Pi[0, 0] + Pi[1, 1]
     middle, reach, least, w = 0.0, REACH, np.inf, 0.5
@@ -598,7 +588,7 @@ def sight_joint(x, P, refused, seen, forget):
             for i in range(n):
                 use[s, i] = d2[s, i, 0] <= gate
         add_scalars(x, P, use, y, H, variances)
-        tally(d2, gate, False, forget, refused)
+        count_refused(d2, gate, False, forget, refused)
 
 
 @strict_kernel

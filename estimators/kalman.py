@@ -8,7 +8,7 @@ import inspect
 from collections.abc import Callable, Iterator
 from dataclasses import fields
 from functools import lru_cache
-from typing import Any, Literal, NamedTuple, Protocol, Self, TypeVar
+from typing import Any, Literal, NamedTuple, Self, TypeVar
 
 import numpy as np
 
@@ -34,7 +34,6 @@ from cooploc.estimators.models import (
     LEAST,
     MOST,
     RAW,
-    AnchorReading,
     LogDistance,
     Orientation,
     Range,
@@ -53,7 +52,7 @@ C = TypeVar("C", bound=type)
 # Squared Mahalanobis distance beyond which a reading is refused: chi-square, two degrees of freedom, 0.999.
 GATE = 13.8
 
-# The parameters that the filters share; each filter has those that it uses as fields of its own.
+# The parameters that the filters share; each filter p has those that it uses as fields of its own.
 MEANINGS = {
     "anchor_reading": """what is used of the anchors: "doa", the direction of arrival [rad] made of the readings of four
         corner anchors, with the variance that it has where the robot is; "doa-constant", the same with one variance
@@ -70,22 +69,6 @@ MEANINGS = {
 }
 
 
-class Parameters(Protocol):
-    """The parameters of every Kalman filter; see `MEANINGS`."""
-
-    @property
-    def anchor_reading(self) -> AnchorReading: ...
-
-    @property
-    def gate(self) -> float: ...
-
-    @property
-    def inflation(self) -> float: ...
-
-    @property
-    def engine(self) -> EngineName: ...
-
-
 def explain(cls: C) -> C:
     """Add `MEANINGS` of a dataclass's fields to its docstring, which `help` shows."""
     doc = inspect.cleandoc(cls.__doc__ or "")
@@ -95,12 +78,12 @@ def explain(cls: C) -> C:
     return cls
 
 
-def require_limits(p: Parameters, **limits: tuple[float, float]) -> None:
+def require_limits(p: Any, **limits: tuple[float, float]) -> None:
     """Raise ValueError where a gate, an inflation, or another parameter is outside its limits."""
     require(p, gate=(0, np.inf), inflation=(LEAST, MOST), **limits)
 
 
-def own_channels(p: Parameters) -> tuple[str, ...]:
+def own_channels(p: Any) -> tuple[str, ...]:
     """Return the channels of a robot's own readings, in order of preference."""
     if p.anchor_reading == "none":
         return ("odometry",)
@@ -113,7 +96,7 @@ def team_channels(p: Any) -> tuple[str, ...]:
     return (*own_channels(p), f"sighting|{radio}")
 
 
-def assume(p: Parameters, world: World) -> World:
+def assume(p: Any, world: World) -> World:
     """Return the world with a filter's inflation; BadInput where directions of arrival lack four corner anchors."""
     if p.anchor_reading not in (*RAW, "none") and "anchor_rssi" in world.sensors:
         gradient_doa(world)
@@ -301,7 +284,7 @@ def _vectors(part: Array, lead: tuple[int, ...]) -> Array:
 # The two steps of an EKF that need no teammate: a move by odometry, an update by readings of fixed things.
 
 
-def predict_ekf(p: Parameters, world: World, x: Array, P: Array, z: Senses) -> tuple[Array, Array, Array]:
+def predict_ekf(p: Any, world: World, x: Array, P: Array, z: Senses) -> tuple[Array, Array, Array]:
     """Return x' = f(x, u),  P' = F P F' + Q,  and F; x (..., d), P (..., d, d)."""
     if p.engine == "batched" and type(world.motion) is Unicycle:
         out, P1, F = np.empty(x.shape), np.empty(P.shape), np.empty(P.shape)
@@ -312,7 +295,7 @@ def predict_ekf(p: Parameters, world: World, x: Array, P: Array, z: Senses) -> t
     return x, ENGINES[p.engine].predict(P, F, Q), F
 
 
-def correct_ekf(p: Parameters, world: World, x: Array, P: Array, z: Senses) -> tuple[Array, Array]:
+def correct_ekf(p: Any, world: World, x: Array, P: Array, z: Senses) -> tuple[Array, Array]:
     """Return x + K y,  (I - K H) P (I - K H)' + K R K', one reading of an anchor or a landmark after the other."""
     if seen := landmarks_alone(p, world, z):
         d, x, P = x.shape[-1], x.copy(), P.copy()
@@ -324,7 +307,7 @@ def correct_ekf(p: Parameters, world: World, x: Array, P: Array, z: Senses) -> t
     return x, P
 
 
-def landmarks_alone(p: Parameters, world: World, z: Senses) -> Sightings | None:
+def landmarks_alone(p: Any, world: World, z: Senses) -> Sightings | None:
     """Return a tick's sightings of landmarks for a compiled loop, where nothing else is used of fixed things."""
     camera = world.sensors.get("landmark")
     if p.engine != "batched" or p.anchor_reading == "none" or type(camera) is not Sighting:
@@ -337,19 +320,19 @@ def landmarks_alone(p: Parameters, world: World, z: Senses) -> Sightings | None:
 # The same two steps, and the estimate, for a state with fields x (..., d), P (..., d, d) and world.
 
 
-def predict_belief(p: Parameters, s: Any, z: Senses) -> Any:
+def predict_belief(p: Any, s: Any, z: Senses) -> Any:
     """x' = f(x, u),  P' = F P F' + Q."""
     x, P, _ = predict_ekf(p, s.world, s.x, s.P, z)
     return s._replace(x=x, P=P)
 
 
-def correct_belief(p: Parameters, s: Any, z: Senses) -> Any:
+def correct_belief(p: Any, s: Any, z: Senses) -> Any:
     """x' = x + K y,  P' = (I - K H) P (I - K H)' + K R K', one reading after the other."""
     x, P = correct_ekf(p, s.world, s.x, s.P, z)
     return s._replace(x=x, P=P)
 
 
-def estimate_belief(p: Parameters, s: Any) -> Belief:
+def estimate_belief(p: Any, s: Any) -> Belief:
     """Return x with its heading in (-pi, pi], and P."""
     return Belief(wrap_heading(s.x), s.P)
 

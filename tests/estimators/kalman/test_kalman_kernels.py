@@ -36,40 +36,31 @@ def team(seed, d, robots=4, trials=5):
 
 @pytest.mark.parametrize("gate", [np.inf, 1.0])
 @pytest.mark.parametrize("d", [2, 3])
-def test_compiled_ranges_are_sparse_updates_one_by_one(d, gate):
+@pytest.mark.parametrize("what", ["ranges", "directions"])
+def test_compiled_readings_are_sparse_updates_one_by_one(what, d, gate):
     rng, x, P = team(37, d)
-    z = np.where(rng.uniform(size=(5, 4, 4)) < 0.7, rng.uniform(0, 6, (5, 4, 4)), np.nan)
-    z[0] = np.nan
-    want_x, want_P, used = x, P, 0
-    for j in range(4):
-        for i in set(range(4)) - {j}:
-            y, H_i, H_j = linearise(Range(), want_x[:, i], want_x[:, j], z[:, i, j, None])
-            want_x, want_P, use = sparse_update(want_x, want_P, y, {i: H_i, j: H_j}, Range().R, gate)
-            used += use.sum()
-    got_x, got_P = x.copy(), P.copy()
-    add_ranges(got_x, got_P, z, Range().R.item(), gate)
-    assert 5 < used < 48
-    np.testing.assert_allclose(got_x, want_x, atol=1e-12)
-    np.testing.assert_allclose(got_P, want_P, atol=1e-12)
-    np.testing.assert_array_equal(got_P[0], P[0])
-
-
-@pytest.mark.parametrize("gate", [np.inf, 1.0])
-@pytest.mark.parametrize("d", [2, 3])
-def test_compiled_directions_are_sparse_updates_one_by_one(d, gate):
-    rng, x, P = team(38, d)
     doa = GradientDoa(LogDistance(), (0.0, 0.0), (6.0, 5.0))
-    x[1, 0, :2] = 0.02, 0.05  # inside the clamp
-    z = np.where(rng.uniform(size=(5, 4)) < 0.8, rng.uniform(-np.pi, np.pi, (5, 4)), np.nan)
-    z[0], z[1, 0] = np.nan, 3.0
-    want_x, want_P, used = x, P, 0
-    for i in range(4):
-        y, H, _ = doa.innovation(want_x[:, i], np.zeros(2), z[:, i, None])
-        want_x, want_P, use = sparse_update(want_x, want_P, y, {i: H}, doa.R, gate)
+    x[1, 0, :2] = 0.02, 0.05  # inside the clamp of a node
+    z = rng.uniform(0, 6, (5, 4, 4)) if what == "ranges" else rng.uniform(-np.pi, np.pi, (5, 4))
+    z[rng.uniform(size=z.shape) < 0.3] = np.nan
+    z[0] = np.nan
+    want_x, want_P, got_x, got_P, used = x, P, x.copy(), P.copy(), 0
+    for j, i in np.ndindex(4, 4) if what == "ranges" else ((None, i) for i in range(4)):
+        if what == "directions":
+            y, H, _ = doa.innovation(want_x[:, i], np.zeros(2), z[:, i, None])
+            at, R = {i: H}, doa.R
+        elif i != j:
+            y, H_i, H_j = linearise(Range(), want_x[:, i], want_x[:, j], z[:, i, j, None])
+            at, R = {i: H_i, j: H_j}, Range().R
+        else:
+            continue
+        want_x, want_P, use = sparse_update(want_x, want_P, y, at, R, gate)
         used += use.sum()
-    got_x, got_P = x.copy(), P.copy()
-    add_directions(got_x, got_P, z, ekf_joint._nodes_of(doa), gate)
-    assert 2 < used < 20
+    if what == "ranges":
+        add_ranges(got_x, got_P, z, Range().R.item(), gate)
+    else:
+        add_directions(got_x, got_P, z, ekf_joint._nodes_of(doa), gate)
+    assert 2 < used < 48
     np.testing.assert_allclose(got_x, want_x, atol=1e-12)
     np.testing.assert_allclose(got_P, want_P, atol=1e-12)
     np.testing.assert_array_equal(got_P[0], P[0])
