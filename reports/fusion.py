@@ -1,4 +1,4 @@
-"""What reports/text/fusion.md.j2 takes from a run of the study `fusion` and from MRCLAM, and its figure.
+"""Values of reports/text/fusion.md.j2 from a run of the study `fusion` and from MRCLAM, and its figure.
 
 The recording is run here, in a minute or two, to be cut into pieces.
 """
@@ -49,75 +49,40 @@ def values(runs: Path, out: Path, data: Path) -> dict[str, Any]:
     }
 
 
-def over_pieces(data: Path, names: tuple[str, ...] = REAL) -> pd.DataFrame:
-    """Return what `compare` says over pieces of the recording, with `pose_nees` and the ends of its interval."""
+def over_pieces(data: Path) -> pd.DataFrame:
+    """Return the table of `compare` over pieces of the recording, with `pose_nees` and the ends of its interval."""
     found = []
     for view in ("all", "one", "none"):
         truth, stream = cl.simulate(f"mrclam/{view}", data=data)
-        run = cl.run(names, stream)
+        run = cl.run(REAL, stream)
         place = np.floor((stream.time - stream.time[0]) / PIECE)
-        pieces = [np.flatnonzero(place == k) for k in np.unique(place)]
-        whole = [ticks for ticks in pieces if truth.valid[0, ticks].any()]
-        for k, ticks in enumerate(whole):
-            found.append(piece_of(truth, run, k, ticks))
+        valid = [truth.valid & (place == k)[None, :, None] for k in np.unique(place)]
+        whole = [mask for mask in valid if mask.any()]
+        for k, mask in enumerate(whole):  # each piece is a trial of its own
+            frame = cl.errors(replace(truth, valid=mask), run)
+            found.append(frame.assign(trial=k, stream=frame["stream"] + f"/{k}"))
     errors = pd.concat(found, ignore_index=True)
     table = cl.compare(errors, baseline=BASELINE, full=True)
-    pose = errors.groupby(["scenario", "estimator", "trial"], sort=False)["pose_nees"].mean()
-    ends = pose.groupby(["scenario", "estimator"], sort=False).apply(_mean_with_ends).unstack()
-    return table.join(ends, on=["scenario", "estimator"])
-
-
-def piece_of(truth: cl.Truth, run: cl.Run, k: int, ticks: np.ndarray) -> pd.DataFrame:
-    """Return the errors within some ticks, as those of a trial of its own."""
-    mask = np.zeros(truth.valid.shape, bool)
-    mask[:, ticks] = True
-    frame = cl.errors(replace(truth, valid=truth.valid & mask), run)
-    return frame.assign(trial=k, stream=frame["stream"] + f"/{k}")
-
-
-def _mean_with_ends(values: pd.Series) -> pd.Series:
-    found = mean_of_positive(values.dropna().to_numpy(float))
-    return pd.Series({"pose_nees": found.value, "pose_nees_low": found.low, "pose_nees_high": found.high})
+    pose = errors.groupby(["scenario", "estimator", "trial"], sort=False)["pose_nees"].mean().dropna()
+    names = ["pose_nees", "pose_nees_low", "pose_nees_high"]
+    ends = {key: mean_of_positive(one.to_numpy(float)) for key, one in pose.groupby(["scenario", "estimator"])}
+    return table.join(pd.DataFrame(ends, index=names).T, on=["scenario", "estimator"])
 
 
 def sentences(table: pd.DataFrame) -> list[str]:
-    """Say which rules are consistent in how many worlds, what the frontier costs, and what losing packets does."""
+    """Return which rules are consistent in how many worlds, what the frontier costs, and what losing packets does."""
     decentral = table[~table["centralised"].astype(bool) & (table["bytes"] > 0)]
-    return [*_standings(decentral), *_frontiers(table), *_losses(table)]
-
-
-def _standings(table: pd.DataFrame) -> list[str]:
-    flags = {str(name): list(rows) for name, rows in table.groupby("estimator", sort=False)["consistency"]}
+    flags = {str(name): list(rows) for name, rows in decentral.groupby("estimator", sort=False)["consistency"]}
     worlds = max(map(len, flags.values()))
     over = {name: sum(flag == "over-confident" for flag in found) for name, found in flags.items()}
     wide = [name for name, found in flags.items() if set(found) <= {"conservative", "over-wide"}]
-    never = [name for name, number in over.items() if not number]
-    always = [name for name, number in over.items() if number == len(flags[name])]
     some = [f"`{n}` ({number} of {len(flags[n])})" for n, number in over.items() if 0 < number < len(flags[n])]
     fewer = [f"`{name}` ran in {len(found)}" for name, found in flags.items() if len(found) < worlds]
-    return [
-        f"**Over-confidence is shown in none of the {worlds} worlds**: {_names(never)}.",
-        f"**In some of them**: {', '.join(some) or 'no rule'}.",
-        f"**In every one**: {_names(always)}.",
-        f"**Conservative in every one**: {_names(wide)}.",
-        *([f"Of the {worlds} worlds, {listed(fewer)}."] if fewer else []),
-    ]
-
-
-def _frontiers(table: pd.DataFrame) -> list[str]:
-    said = []
+    bought = []
     for scenario, rows in table.groupby("scenario", sort=False):
-        bought = [
-            f"`{row['estimator']}` {_changed(row)} for {_bytes(row['bytes'])}"
-            for row in frontier(rows).to_dict("records")
-            if row["bytes"] > 0
-        ]
-        said.append(f"*{scenario}*: against `{BASELINE}`, {'; '.join(bought) or 'nothing is bought'}.")
-    return ["The frontier, as change of RMSE:\n    - " + "\n    - ".join(said)]
-
-
-def _losses(table: pd.DataFrame) -> list[str]:
-    """Say which gains are shown with every packet, and not with 70 % of them lost."""
+        rules = [row for row in frontier(rows).to_dict("records") if row["bytes"] > 0]
+        texts = [f"`{row['estimator']}` {_changed(row)} for {_bytes(row['bytes'])}" for row in rules]
+        bought.append(f"*{scenario}*: against `{BASELINE}`, {'; '.join(texts) or 'nothing is bought'}.")
     table = table.assign(lossy=table["scenario"].str.contains("drop=0.7"))
     won = table[table["change_high"] < 0]
     before, after, known = (
@@ -125,7 +90,17 @@ def _losses(table: pd.DataFrame) -> list[str]:
         for rows in (won[~won["lossy"]], won[won["lossy"]], table[table["lossy"]])
     )
     gone = [f"`{name}` at {robots} robots" for name, robots in sorted((before - after) & known)]
-    return [f"A gain that is shown with every packet, and not with 70 % of them lost: {', '.join(gone) or 'none'}."]
+    never = [name for name, number in over.items() if not number]
+    always = [name for name, number in over.items() if number == len(flags[name])]
+    return [
+        f"**Over-confidence is shown in none of the {worlds} worlds**: {_names(never)}.",
+        f"**In some of them**: {', '.join(some) or 'no rule'}.",
+        f"**In every one**: {_names(always)}.",
+        f"**Conservative in every one**: {_names(wide)}.",
+        *([f"Of the {worlds} worlds, {listed(fewer)}."] if fewer else []),
+        "The frontier, as change of RMSE:\n    - " + "\n    - ".join(bought),
+        f"A gain that is shown with every packet, and not with 70 % of them lost: {', '.join(gone) or 'none'}.",
+    ]
 
 
 def _on_real_robots(real: pd.DataFrame) -> list[str]:
@@ -157,20 +132,11 @@ def _names(names: list[str]) -> str:
 def _consistency(table: pd.DataFrame) -> Table:
     """A row for each estimator, a column for each scenario."""
     scenarios = list(dict.fromkeys(table["scenario"]))
-    rows = [
-        {"estimator": name, **dict(zip(part["scenario"], map(_flag, part.to_dict("records")), strict=True))}
-        for name, part in table.groupby("estimator", sort=False)
-    ]
-    filled = [{**dict.fromkeys(scenarios, ""), **row} for row in rows]
-    columns = (
-        text_column("estimator"),
-        *(text_column(scenario.removeprefix("scalability/"), scenario) for scenario in scenarios),
-    )
-    return Table("consistency", "", columns, filled)
-
-
-def _flag(row: dict) -> str:
-    return f"{row['consistency']}, {ratio(row['anees'])}"
+    flags = [f"{flag}, {ratio(anees)}" for flag, anees in zip(table["consistency"], table["anees"], strict=True)]
+    wide = table.assign(flag=flags).pivot(index="estimator", columns="scenario", values="flag")
+    rows = wide.reindex(table["estimator"].unique())[scenarios].fillna("").reset_index().to_dict("records")
+    heads = (text_column(scenario.removeprefix("scalability/"), scenario) for scenario in scenarios)
+    return Table("consistency", "", (text_column("estimator"), *heads), rows)
 
 
 def _numbers(table: pd.DataFrame, name: str, pose: bool = False) -> Table:

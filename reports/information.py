@@ -1,4 +1,4 @@
-"""What reports/text/information.md.j2 takes from the runs of the studies `information` and `sensitivity`, and figures.
+"""Values of reports/text/information.md.j2 from the runs of the studies `information` and `sensitivity`, and figures.
 
 Floors take a few minutes.
 """
@@ -22,7 +22,9 @@ def values(runs: Path, out: Path, data: Path) -> dict[str, Any]:
     stored = cl.load_run(runs / "information")
     table = cl.information(stored)
     style.save(cl.plot.information(table), out / "information.svg")
-    found = [_list(head, texts) for head, texts in sentences.cooperation_sentences(table)]
+    found = []
+    for head, (first, *others) in sentences.cooperation_sentences(table):
+        found += [f"- **{head}.** {first}", *(f"    - {text}" for text in others)]
     return {
         "trials": table["trials"].max(),
         "seed": stored_run(stored).manifest["seed"],
@@ -35,13 +37,11 @@ def values(runs: Path, out: Path, data: Path) -> dict[str, Any]:
 def _sensitivity(stored: Any, out: Path) -> dict[str, Any]:
     table = cl.sensitivity(stored)
     style.save(cl.plot.sensitivity(table), out / "sensitivity.svg")
-    heads = {name: PARAMETERS.get(name, name) for name, _ in sentences.dependence_sentences(table)}
-    found = [
-        f"- **{heads[name][0].upper()}{heads[name][1:]}.** {text}"
-        for name, text in sentences.dependence_sentences(table)
-    ]
-    seed = stored_run(stored).manifest["seed"]
-    return {"trials": table["trials"].max(), "seed": seed, "sentences": "\n".join(found)}
+    found = []
+    for name, text in sentences.dependence_sentences(table):
+        head = PARAMETERS.get(name, name)
+        found.append(f"- **{head[0].upper()}{head[1:]}.** {text}")
+    return {"trials": table["trials"].max(), "seed": stored_run(stored).manifest["seed"], "sentences": "\n".join(found)}
 
 
 def _table(table: pd.DataFrame) -> Table:
@@ -58,8 +58,3 @@ def _table(table: pd.DataFrame) -> Table:
     )
     caption = "RMSE and ANEES with 95 % intervals over trials; against alone: change of RMSE against the same filter."
     return Table("information", caption, columns, table.to_dict("records"))
-
-
-def _list(head: str, texts: list[str]) -> str:
-    """Return the first sentence as an item, and the others as items below it."""
-    return "\n".join([f"- **{head}.** {texts[0]}", *(f"    - {text}" for text in texts[1:])])

@@ -1,11 +1,9 @@
 """Writes a page of a text in reports/text and of runs, so that no number of it is typed by hand.
 
-Run: python reports/page.py TEXT RUNS OUT [--data DIR] [--draft], as in
-`python reports/page.py fusion build/reports reports/fusion.md`. RUNS is the folder of the run directories, each with
+Run: python reports/page.py TEXT RUNS OUT [--data DIR] [--draft]. RUNS is the folder of the run directories, each with
 the name of its study. A text takes its numbers from `study("NAME")` (study_numbers.py), and from the module of its own
-name, which also draws the page's figures. It says what must hold for its words:
-`{{ require(change.falls, "...") }}` writes nothing, and stops where the run shows something else, so that the sentence
-is rewritten. A draft, of runs of few trials, only marks it. Where OUT has the lines `<!-- TEXT: ... -->` and
+name, which also draws the page's figures. `{{ require(change.falls, "...") }}` writes nothing, and stops where the run
+shows something else; a draft, of runs of few trials, only marks it. Where OUT has the lines `<!-- TEXT: ... -->` and
 `<!-- end of TEXT -->`, only what is between them is written. A text of LaTeX becomes a PDF, which needs pdflatex and
 IEEEtran: apt-get install texlive-publishers.
 """
@@ -23,6 +21,7 @@ from importlib import import_module
 from pathlib import Path
 
 import matplotlib as mpl
+import pandas as pd
 import study_numbers
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, TemplateError
 
@@ -44,11 +43,6 @@ def require(holds: bool, what: str) -> str:
     return ""
 
 
-def mark(holds: bool, what: str) -> str:
-    """Return a mark where it does not hold."""
-    return "" if holds else f"[NOT SHOWN: {what}] "
-
-
 def escape_tex(text: object) -> str:
     """Return a text for LaTeX: what has a meaning there escaped, with minus signs and thin spaces."""
     escaped = re.sub(r"([%_&#$])", r"\\\1", str(text)).replace(r" \%", r"\,\%")
@@ -58,16 +52,8 @@ def escape_tex(text: object) -> str:
 def render(name: str, runs: str | Path, out: str | Path = "page.md", data: str = "", draft: bool = False) -> str:
     """Return a text with its numbers, and draw its figures beside `out`.
 
-    Args:
-        name: of a file in reports/text, with `.j2` or without `.md.j2`.
-        runs: folder of the run directories.
-        out: the page, from which links to other reports lead.
-        data: folder of the recordings.
-        draft: whether a sentence that does not hold is marked, instead of refused.
-
-    Raises:
-        BadInput: the runs have no such number, or do not show what a sentence says.
-
+    `name` is that of a file in reports/text, with `.j2` or without `.md.j2`; `runs` is the folder of the run
+    directories, `data` that of the recordings. In a draft a sentence that does not hold is marked, else refused.
     """
     runs, out = Path(runs), Path(out)
     texts = Environment(
@@ -75,12 +61,14 @@ def render(name: str, runs: str | Path, out: str | Path = "page.md", data: str =
         keep_trailing_newline=True, autoescape=False,
     )  # fmt: skip
     texts.globals.update(
-        {name: getattr(study_numbers, name) for name in ("claims", "in_letter", "speed", "measured_on")},
-        links=links_from(out),
+        claims=study_numbers.claims,
+        in_letter=study_numbers.in_letter,
+        speed=study_numbers.speed,
+        links=Path(os.path.relpath(REPORTS, out.resolve().parent)).as_posix(),
         study=cache(lambda study: study_numbers.StudyRun(runs / study)),
         tuned=cache(lambda study: study_numbers.order_when_tuned(runs / study)),
         decided_by_more_trials=lambda study: study_numbers.decided_by_more_trials(runs / study),
-        require=mark if draft else require,
+        require=(lambda holds, what: "" if holds else f"[NOT SHOWN: {what}] ") if draft else require,
         listed=listed,
     )
     texts.filters.update(tex=escape_tex)
@@ -106,16 +94,17 @@ def _fold_block(block: str) -> str:
     return "\n".join(folded)
 
 
-def links_from(page: Path) -> str:
-    """Return how the folder of the reports is reached from a page."""
-    return Path(os.path.relpath(REPORTS, page.resolve().parent)).as_posix()
+def put_between(page: str, name: str, text: str) -> str:
+    """Return a page with a text between the marks of a name; nothing where there are none."""
+    marks = re.compile(rf"(<!-- {name}(?:: [^\n]*)? -->\n).*?(\n<!-- end of {name} -->)", re.DOTALL)
+    return marks.sub(lambda found: f"{found[1]}{text}{found[2]}", page) if marks.search(page) else ""
 
 
-def _between_marks(page: Path, name: str, text: str) -> str:
-    """Return the page with a text between its marks; nothing where there are none."""
-    before = page.read_text(encoding="utf-8") if page.exists() else ""
-    marks = re.compile(rf"(<!-- {name}: [^\n]* -->\n).*?(\n<!-- end of {name} -->)", re.DOTALL)
-    return marks.sub(lambda found: f"{found[1]}{text}{found[2]}", before) if marks.search(before) else ""
+def pipe(frame: pd.DataFrame) -> str:
+    """Return a pipe table of texts."""
+    head = [str(column) for column in frame.columns]
+    lines = [head, ["---"] * len(head), *(list(map(str, row)) for row in frame.itertuples(index=False))]
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
 
 
 def write_pdf(text: str, out: Path) -> None:
@@ -148,7 +137,8 @@ def main(arguments: list[str] | None = None) -> int:
         if page.suffix == ".pdf":
             write_pdf(text, page)
         else:
-            page.write_text(_between_marks(page, asked.text, text) or text, encoding="utf-8")
+            before = page.read_text(encoding="utf-8") if page.exists() else ""
+            page.write_text(put_between(before, asked.text, text) or text, encoding="utf-8")
     except (BadInput, TemplateError) as error:
         print(f"reports/text/{asked.text}: {error}", file=sys.stderr)
         return 1

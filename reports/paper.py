@@ -1,7 +1,4 @@
-"""What reports/text/paper.md.j2 takes from a run of the study `paper`: the verdicts and the figures, drawn as SVG.
-
-What a run does not hold yet is left out.
-"""
+"""Values of reports/text/paper.md.j2 from a run of the study `paper`: the verdicts and the figures, drawn as SVG."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -56,7 +53,8 @@ def _figures(rows: pd.DataFrame, seed: int, judged: pd.DataFrame) -> Iterator[tu
     """Yield name, caption and axes of every figure."""
     labels = list(dict.fromkeys(rows["scenario"]))
     for name, (title, family) in SWEPT.items():
-        if chosen := [label for label in labels if _fits(label, family)]:
+        begin = f"{family.split('/')[0]}/"
+        if chosen := [label for label in labels if "[" not in label and (label == family or label.startswith(begin))]:
             part = rows[rows["scenario"].isin(chosen)]
             yield name, f"{title} {_made_of(part, seed)}", cl.plot.rmse(part, floors=floors(chosen, seed))
     if "trajectory" in labels:
@@ -75,11 +73,6 @@ def _figures(rows: pd.DataFrame, seed: int, judged: pd.DataFrame) -> Iterator[tu
     n = int(judged.loc[judged["variant"] == BASE, "trials"].max())
     title = f"Claims that name a change, in the `paper` reading; 95 % intervals over n = {n} paired trials."
     yield "claims", title, cl.plot.claims(judged)
-
-
-def _fits(label: str, wanted: str) -> bool:
-    """Whether a scenario belongs to a family, or to a sweep `family/key=`, without options in brackets."""
-    return "[" not in label and (label == wanted or label.startswith(f"{wanted.split('/')[0]}/"))
 
 
 def _made_of(part: pd.DataFrame, seed: int) -> str:

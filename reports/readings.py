@@ -1,4 +1,4 @@
-"""What reports/text/readings.md.j2 takes from a run of the study `readings`: tables, a map, and curves."""
+"""Values of reports/text/readings.md.j2 from a run of the study `readings`: tables, a map, and curves."""
 
 from pathlib import Path
 from typing import Any
@@ -60,10 +60,8 @@ def stored_readings() -> pd.DataFrame:
     table = pd.read_csv(FOLDER / "readings.csv", dtype={"claim": str})
     words = ["than", "definition", *load().dimensions]
     table[words] = table[words].astype("object").fillna("")
-    sizes = [
-        claimed_size(claims[one], definition)
-        for one, definition in zip(table["claim"], table["definition"], strict=True)
-    ]
+    cases = zip(table["claim"], table["definition"], strict=True)
+    sizes = [claimed_size(claims[one], definition) for one, definition in cases]
     says, kind = ([getattr(claims[one], name) for one in table["claim"]] for name in ("says", "kind"))
     return table.assign(says=says, kind=kind, size=sizes)
 

@@ -1,4 +1,4 @@
-"""What reports/text/real-robots.md.j2 takes from recordings: what sensors were off by, and what cooperation bought.
+"""Values of reports/text/real-robots.md.j2 from recordings: what sensors were off by, and what cooperation bought.
 
 The folder of the recordings holds uwb-tiers, wifi-rssi and mrclam6; the runs are those of the studies `uwb`, `mrclam`
 and `wifi-priors`.
@@ -6,11 +6,13 @@ and `wifi-priors`.
 
 import shutil
 import tempfile
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from page import pipe
 
 import cooploc as cl
 from cooploc.analysis.formats import change, metres
@@ -26,15 +28,8 @@ LATE, FOUR = "uwb/removed[outliers=0.4]", ("ekf-joint", "iekf-joint", "ukf-joint
 WIFI = ["dead-reckoning", "ekf-local", "ekf-local[anchor_reading=rssi]", "rssi-pf"]
 
 
-def pipe(frame: pd.DataFrame) -> str:
-    """A pipe table of text."""
-    head = [str(column) for column in frame.columns]
-    lines = [head, ["---"] * len(head), *(list(map(str, row)) for row in frame.itertuples(index=False))]
-    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
-
-
 def ranges(label: str, data: Path) -> pd.DataFrame:
-    """Range minus distance of every pair, over the whole recording."""
+    """Return range minus distance of every pair, over the whole recording."""
     model = resolve(label, data).model.at([0])
     judged = model.judged
     log, robots = judged.log, judged.log.robots
@@ -52,23 +47,18 @@ def ranges(label: str, data: Path) -> pd.DataFrame:
 
 
 def errors_of(labels: list[str], data: Path) -> pd.DataFrame:
-    """RMSE [m] and ANEES of the study `log`'s estimators, a column for each scenario."""
+    """Return RMSE [m] and ANEES of the study `log`'s estimators, a column for each scenario."""
     columns: dict[str, dict[str, str]] = {}
     for label in labels:
         truth, stream = cl.simulate(label, data=data)
-        names = [e for cell in load("log").cells() for e in cell.estimators if fits(e, stream)]
+        names = []
+        for name in (name for cell in load("log").cells() for name in cell.estimators):
+            with suppress(cl.IncompatibleEstimator):  # the recording lacks a channel that it needs
+                cl.run([name], stream.first_ticks(1))
+                names.append(name)
         table = cl.summarize(cl.errors(truth, cl.run(names, stream)))
         columns[label] = {r["estimator"]: f"{r['rmse']:.3f} ({r['anees']:.2g})" for r in table.to_dict("records")}
     return pd.DataFrame(columns).rename_axis("estimator").reset_index()
-
-
-def fits(estimator: str, stream: cl.Stream) -> bool:
-    """Whether the recording has the channels that an estimator needs."""
-    try:
-        cl.run([estimator], stream.first_ticks(1))
-    except cl.IncompatibleEstimator:
-        return False
-    return True
 
 
 def values(runs: Path, out: Path, data: Path) -> dict[str, Any]:
@@ -80,8 +70,8 @@ def values(runs: Path, out: Path, data: Path) -> dict[str, Any]:
     return {
         **bags(data, folder),
         **uwb_sentences(cl.load_run(runs / "uwb").table),
-        "uwb": by_scenario(runs / "uwb", ("rmse", "anees_median")),
-        "mrclam": by_scenario(runs / "mrclam", ("rmse", "anees")),
+        "uwb": by_scenario(runs / "uwb", "anees_median"),
+        "mrclam": by_scenario(runs / "mrclam", "anees"),
         "wifi": wifi(data),
     }
 
@@ -108,24 +98,22 @@ def bags(data: Path, out: Path) -> dict[str, Any]:
 
 
 def spread_of(written: pd.Series) -> str:
-    """The smallest and the largest of some numbers, as they are written."""
+    """Return the smallest and the largest of some numbers, as they are written."""
     return f"{min(written, key=float)} to {max(written, key=float)}"
 
 
 def against_dead_reckoning(tables: list[pd.DataFrame]) -> dict[str, str]:
-    """Its errors in the bags, and which filters err less there, to the millimetre."""
-    dead, less = [], []
-    for table in tables:
-        error = table.set_index("estimator").apply(lambda column: column.str.split().str[0])
-        alone = error.loc["dead-reckoning"]
-        below = (error.astype(float) < alone.astype(float)).any(axis=1)
-        dead, less = [*dead, *alone], [*less, *error.index[below]]
-    named = ", ".join(f"`{name}`" for name in dict.fromkeys(less))
+    """Return its errors in the bags, and which filters err less there, to the millimetre."""
+    errors = [table.set_index("estimator").apply(lambda column: column.str.split().str[0]) for table in tables]
+    dead = [value for error in errors for value in error.loc["dead-reckoning"]]
+    better = [error.astype(float) < error.loc["dead-reckoning"].astype(float) for error in errors]
+    less = dict.fromkeys(name for one in better for name in one.index[one.any(axis=1)])
+    named = ", ".join(f"`{name}`" for name in less)
     return {"dead": spread_of(pd.Series(dead)), "less": named or "no filter that uses the ranges"}
 
 
 def wifi(data: Path) -> str:
-    """A row for each run: RMSE with models fitted by least squares, and robustly."""
+    """Return a row for each run: RMSE with models fitted by least squares, and robustly."""
     rows = []
     for trial in range(11):
         row: dict[str, str] = {}
@@ -139,32 +127,27 @@ def wifi(data: Path) -> str:
     return pipe(pd.DataFrame(rows))
 
 
-def by_scenario(run: Path, numbers: tuple[str, ...]) -> str:
-    """Return a run's RMSE [m] and consistency, a column for each scenario."""
+def by_scenario(run: Path, consistency: str) -> str:
+    """Return a run's RMSE [m] and a figure of consistency, a column for each scenario."""
     table = cl.load_run(run).table
-    table["text"] = [" ".join(form(row[name]) for name, form in zip(numbers, (metres, brackets), strict=True))
-                     for row in table.to_dict("records")]  # fmt: skip
+    in_brackets = [f"({value:.2g})" if value < 1000 else "(> 1000)" for value in table[consistency]]
+    table["text"] = [f"{metres(rmse)} {other}" for rmse, other in zip(table["rmse"], in_brackets, strict=True)]
     wide = table.pivot(index="estimator", columns="scenario", values="text")[list(table["scenario"].unique())]
     return pipe(wide.reindex(table["estimator"].unique()).reset_index())
 
 
 def uwb_sentences(table: pd.DataFrame) -> dict[str, str]:
-    """The sentences on the simulated world, from its table."""
+    """Return the sentences on the simulated world, from its table."""
     at = table.set_index(["scenario", "estimator"])
-    said = []
+
+    def rmse(scenario: str, name: str) -> str:
+        value, low, high = at.loc[(scenario, name), ["rmse", "rmse_low", "rmse_high"]]
+        return f"{value:.2f} m ({low:.2f} to {high:.2f})"
+
+    texts = []
     for scenario, word in (("uwb/raw", "raw ranges"), ("uwb/removed", "the mean bias removed")):
         by, low, high = at.loc[(scenario, "ekf-joint"), ["change", "change_low", "change_high"]].map(change)
-        said.append(f"with {word} by {by} ({low} to {high})")
-    late = [f"`{name}` from {ends(at.loc[('uwb/removed', name)])} to {ends(at.loc[(LATE, name)])}" for name in FOUR]
-    sentence = f"`ekf-joint` differs from `ekf-local`, which uses no ranges, {', '.join(said)}."
+        texts.append(f"with {word} by {by} ({low} to {high})")
+    late = [f"`{name}` from {rmse('uwb/removed', name)} to {rmse(LATE, name)}" for name in FOUR]
+    sentence = f"`ekf-joint` differs from `ekf-local`, which uses no ranges, {', '.join(texts)}."
     return {"sentences": sentence, "late": ", ".join(late)}
-
-
-def ends(row: pd.Series) -> str:
-    """An RMSE with its interval."""
-    return f"{row['rmse']:.2f} m ({row['rmse_low']:.2f} to {row['rmse_high']:.2f})"
-
-
-def brackets(value: float) -> str:
-    """A consistency figure beside it."""
-    return f"({value:.2g})" if value < 1000 else "(> 1000)"

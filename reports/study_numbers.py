@@ -24,7 +24,7 @@ from cooploc.estimators.errors import BadInput
 
 REPORTS = Path(__file__).resolve().parent
 USUAL = 100  # trials of a study as shipped
-Cell = tuple[str, str]  # labels of a scenario and an estimator
+Pair = tuple[str, str]  # labels of a scenario and an estimator
 
 
 class Number(NamedTuple):
@@ -74,38 +74,20 @@ class Number(NamedTuple):
 
 
 class StudyRun:
-    """A run directory, whose numbers are asked for by estimator and scenario.
-
-    Raises:
-        BadInput: there is no such run; of a number, that the run has no such scenario or estimator.
-
-    """
+    """A run directory, whose numbers are asked for by estimator and scenario."""
 
     def __init__(self, run: str | Path) -> None:
         self.stored = read_run(Path(run))
+        self.seed = int(self.stored.manifest["seed"])
         self._of = dict(list(self.stored.rows.groupby(["scenario", "estimator"], sort=False)))
-        self._trials: dict[Cell, pd.DataFrame] = {}
-
-    @property
-    def seed(self) -> int:
-        """Return the run's seed."""
-        return int(self.stored.manifest["seed"])
+        self.scenarios = list(dict.fromkeys(scenario for scenario, _ in self._of))  # in the study's order
+        self.estimators = list(dict.fromkeys(estimator for _, estimator in self._of))
 
     @property
     def trials(self) -> str:
         """Return the trials of a scenario and estimator: "100", or "10 to 640" of a run until decided."""
         numbers = [rows["trial"].nunique() for rows in self._of.values()]
         return f"{max(numbers):,}" if min(numbers) == max(numbers) else f"{min(numbers):,} to {max(numbers):,}"
-
-    @property
-    def scenarios(self) -> list[str]:
-        """Return the labels of scenarios, in the study's order."""
-        return list(dict.fromkeys(scenario for scenario, _ in self._of))
-
-    @property
-    def estimators(self) -> list[str]:
-        """Return the labels of estimators, in the study's order."""
-        return list(dict.fromkeys(estimator for _, estimator in self._of))
 
     def has(self, estimator: str, scenario: str) -> bool:
         """Whether the two were run together."""
@@ -144,19 +126,13 @@ class StudyRun:
         """Return by how much an estimator's RMSE changes between scenarios, trials paired by their number."""
         return self._from_to((first, of), (later, of))
 
-    def _from_to(self, before: Cell, after: Cell) -> Number:
-        both = pd.concat([self._means(*one)["mse"] for one in (before, after)], axis=1, join="inner").dropna()
+    def _from_to(self, before: Pair, after: Pair) -> Number:
+        means = [trial_means(self._rows(estimator, label))[label, estimator] for label, estimator in (before, after)]
+        both = pd.concat([one["mse"] for one in means], axis=1, join="inner").dropna()
         a, b = both.to_numpy(float).T
         decisive = statistics.decisive_trial(a, b)
         trial = "" if decisive is None else f"not comparable: trial {both.index[decisive]} decides"
         return Number(*statistics.change(a, b), instead=trial)
-
-    def _means(self, scenario: str, estimator: str) -> pd.DataFrame:
-        """Return the means of every trial."""
-        cell = scenario, estimator
-        if cell not in self._trials:
-            self._trials[cell] = trial_means(self._rows(estimator, scenario))[cell]
-        return self._trials[cell]
 
     def _rows(self, estimator: str, scenario: str) -> pd.DataFrame:
         folder = self.stored.folder
@@ -177,11 +153,10 @@ class StudyRun:
 
 
 def decided_by_more_trials(run: str | Path) -> dict[str, int | str]:
-    """Return what a run until decided settles of what the usual number of trials leaves open.
+    """Return how many of the cases `open` after the usual trials a run until decided settles (`settled`).
 
-    `open` cases of claims are undecided after the usual trials, of which it settles `settled`, with a `share` of the
-    trials of a run that gives every scenario and estimator as many as its last look has. `more`: how many of the others
-    one look at all of its trials would settle.
+    `share` is of the trials of a run that gives every scenario and estimator as many as its last look has. `more`: how
+    many of the other cases one look at all of its trials would settle.
     """
     stored, ledger = read_run(Path(run)), load()
     rows, decisions = stored.rows, stored.decisions or {}
@@ -220,13 +195,9 @@ def claims() -> dict[str, dict[str, Any]]:
 
 
 def in_letter(claim: str, scenario: str, **instead: str) -> Number:
-    """Return what a claim comes to in the reading nearest to the paper's letter.
+    """Return what a claim comes to in a scenario, in the reading nearest to the paper's letter.
 
-    Args:
-        claim: its number in the ledger.
-        scenario: one of its scenarios.
-        instead: other choices by dimension, with "_" for a space: `direction_error="one angle, wrapped"`.
-
+    `instead` has other choices by dimension, with "_" for a space: `direction_error="one angle, wrapped"`.
     """
     path = _of_readings("readings.csv")
     table = pd.read_csv(path, dtype={"claim": str})
@@ -250,15 +221,6 @@ def speed(what: str, decimals: int | None = None) -> str:
             median, spread = line.removeprefix(f"| {what} | ").split(" | ")[:2]
             return f"{median} ({spread})" if decimals is None else f"{float(median):.{decimals}f}"
     raise BadInput(f"reports/speed.md has no line {what!r}; make bench writes it")
-
-
-def measured_on() -> str:
-    """Return the processor of reports/speed.md, and the versions of what computes."""
-    for line in (REPORTS / "speed.md").read_text(encoding="utf-8").splitlines():
-        if " rounds; " in line:
-            processor, versions, *_ = line.split("; ")
-            return f"{processor}; {versions}"
-    raise BadInput("reports/speed.md does not say where it was measured; make bench writes it")
 
 
 def _of_readings(name: str) -> Path:

@@ -97,7 +97,7 @@ UNTIL = "with confidence sequences of the relative change, which are valid howev
 
 def bibtex(version: str, commit: str | None) -> str:
     """Return a BibTeX entry for cooploc in the version that ran."""
-    values = {"author": "{cooploc maintainers}", "title": f"{{{TITLE}}}", "version": version}
+    values = {"author": "{cooploc maintainers}", "title": TITLE, "version": version}
     lines = [f"  {name} = {{{value}}}," for name, value in values.items()]
     lines += [f"  note = {{commit {commit}}},"] if commit else []
     return "\n".join(["@software{cooploc,", *lines, "}"])

@@ -12,8 +12,7 @@ import cooploc as cl
 from cooploc.estimators.errors import BadInput
 
 REPORTS = Path(__file__).resolve().parents[3] / "reports"
-INCLUDED = REPORTS / "text" / "first-sentences.md.j2"  # by paper.md.j2
-TEXTS = sorted({*(REPORTS / "text").glob("*.j2")} - {INCLUDED})
+TEXTS = sorted((REPORTS / "text").glob("*.j2"))
 WHERE = "robots-1-3/n=2[ticks=4]"
 TEXT = f"""{{% set error = study("short").rmse("arl", "{WHERE}") %}}
 # A title
@@ -110,34 +109,14 @@ def test_prose_is_folded_and_items_are_indented(texts, runs):
 
 @pytest.mark.parametrize("text", TEXTS, ids=lambda path: path.name)
 def test_every_run_of_a_text_is_made_before_its_page(scripts, text):
-    steps = {step.name: step for step in scripts["make_all"].STEPS}
-    name = text.name if text.name.endswith(".tex.j2") else text.name.removesuffix(".md.j2")
-    (page,) = [step for step in steps.values() if step.command[2:3] == (name,)]
-    source = text.read_text("utf-8")
-    source += INCLUDED.read_text("utf-8") if INCLUDED.name in source else ""
-    asked = set(re.findall(r'(?:study|tuned|decided_by_more_trials)\("([^"]+)"\)', source))
-    assert asked <= set(page.after)
-    assert set(page.after) <= set(steps)
-
-
-def test_a_page_is_made_after_its_runs_though_the_steps_share_processes(scripts, monkeypatch, tmp_path):
-    make_all = scripts["make_all"]
-    names = [step.name for step in make_all.STEPS]
+    names = [step.name for step in scripts["make_all"].STEPS]
     assert len(names) == len(set(names))
-    for step in make_all.STEPS:  # else two could wait for each other
-        assert all(names.index(other) < names.index(step.name) for other in step.after)
-    run = (sys.executable, "-c", "import sys, time; time.sleep(0.5); open(sys.argv[1], 'w')", "{runs}/mine")
-    page = (sys.executable, "-c", "import sys; open(sys.argv[1])", "{runs}/mine")
-    groups = {
-        "ALONE": (),
-        "RUNS": (make_all.Step("mine", run),),
-        "PAGES": (make_all.Step("page", page, after=("mine",)),),
-        "LAST": (),
-    }
-    for group, steps in {**groups, "STEPS": (*groups["RUNS"], *groups["PAGES"])}.items():
-        monkeypatch.setattr(make_all, group, steps)
-    monkeypatch.setattr(sys, "argv", ["make_all.py", "--runs", str(tmp_path)])
-    assert make_all.main() == 0
+    name = text.name if text.name.endswith(".tex.j2") else text.name.removesuffix(".md.j2")
+    (page,) = [step for step in scripts["make_all"].STEPS if step.command[2:3] == (name,)]
+    asked = set(re.findall(r'(?:study|tuned|decided_by_more_trials)\("([^"]+)"\)', text.read_text("utf-8")))
+    module = REPORTS / f"{name.replace('-', '_')}.py"
+    asked |= set(re.findall(r'runs / "([^"]+)"', module.read_text("utf-8"))) if module.exists() else set()
+    assert asked <= set(names[: names.index(page.name)])
 
 
 def test_every_study_that_is_run_is_shipped_or_a_file_beside_its_page(scripts):
@@ -153,8 +132,8 @@ def test_a_run_that_crashed_is_not_one_whose_trials_failed(scripts, tmp_path, wr
     (tmp_path / "mine").mkdir()
     code = f"import sys; {writes}; sys.exit(1)"  # both end with 1
     command = (sys.executable, "-c", code, "run", str(tmp_path / "mine" / "table.csv"))
-    asked = SimpleNamespace(runs=tmp_path, data=tmp_path, trials="")
-    assert scripts["make_all"].run_step(scripts["make_all"].Step("mine", command), asked, 1)[-1] == ended
+    asked = SimpleNamespace(runs=tmp_path, data=tmp_path, trials="", jobs=1)
+    assert scripts["make_all"].run_step(scripts["make_all"].Step("mine", command), asked)[-1] == ended
 
 
 @pytest.mark.slow
