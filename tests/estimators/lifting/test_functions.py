@@ -43,14 +43,3 @@ def test_a_reading_less_what_is_expected_is_the_innovation(tick):
         np.testing.assert_allclose(one.linear(x).z - H @ x, y, atol=1e-9)
         np.testing.assert_array_equal(one.H(x), H)
         np.testing.assert_array_equal(one.linear(x).R, sensor.R)
-
-
-def test_a_sighting_without_a_bearing_is_no_reading():
-    _, stream = cl.simulate("camera/n=3", trials=1, seed=4, ticks=20)
-    seen = np.isfinite(stream.senses.landmark[0, ..., 0])
-    k, robot, one = np.argwhere(seen)[0]
-    z = senses_of(cl.Senses(*(a[0, k] for a in stream.senses[:-1]), extra={}), robot)
-    landmark = z.landmark.copy()
-    landmark[one, 1] = np.nan
-    assert len(list(cl.readings_of(stream.world, z))) == seen[k, robot].sum()
-    assert len(list(cl.readings_of(stream.world, z._replace(landmark=landmark)))) == seen[k, robot].sum() - 1

@@ -8,7 +8,6 @@ import pytest
 import cooploc as cl
 from cooploc.estimators.adapters import Radio
 from cooploc.estimators.interface import Mail, Senses
-from cooploc.scenarios.conformance import check_estimator
 from cooploc.scenarios.runner.trace import trace
 
 LOOP = f"{Path(__file__).resolve().parents[3]}/examples/filterpy_loop.py:loop"
@@ -114,6 +113,13 @@ def test_a_team_that_broadcasts_is_billed_as_its_robots_are(label):
     assert not team.centralised
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("team", [TeamOfLoops, Joint])
+def test_an_adapted_team_passes_every_check_that_applies(team):
+    report = cl.check_estimator(cl.PerTeam(team), isolate=False)
+    assert report.passed, report.table()
+
+
 def test_a_centralised_team_is_the_joint_filter_and_pays_for_what_its_robots_upload():
     stream = cl.simulate("robots-1-3/n=3", trials=2, ticks=30)[1]
     plain = {"iterations": 1, "second_order": False, "gate": np.inf, "update": "sequential"}
@@ -124,16 +130,6 @@ def test_a_centralised_team_is_the_joint_filter_and_pays_for_what_its_robots_upl
     np.testing.assert_array_equal(team.bytes, joint.bytes)
     assert team.centralised
     assert team.notes["updates"].shape == (2, 3)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("team", [TeamOfLoops, Joint])
-def test_a_lifted_team_passes_every_check_that_applies(team):
-    report = check_estimator(cl.PerTeam(team), isolate=False)
-    assert report.passed, report.table()
-
-
-# ---------------------------------------------------------------- radio
 
 
 @pytest.fixture

@@ -45,12 +45,6 @@ def test_the_models_of_a_wider_state_are_those_of_its_pose(label, heading, width
     np.testing.assert_allclose(P_w[:, beside, beside], 0.5)
 
 
-@pytest.mark.parametrize(("width", "heading"), [(1, None), (2, 2), (4, 1), (4, 4)])
-def test_a_layout_that_cannot_be_is_refused(width, heading):
-    with pytest.raises(ValueError, match="position in 0 and 1"):
-        cl.Layout(width, heading)
-
-
 @pytest.mark.parametrize("label", ["robots-1-3/n=3", "camera/n=3"])
 def test_one_vector_a_tick_has_the_information_of_its_readings(label):
     world, z, mail, prior = a_tick(label)

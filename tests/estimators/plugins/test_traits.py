@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import pytest
+
 import cooploc as cl
 from cooploc.estimators import make
 from cooploc.estimators.registry import refusal, traits
@@ -37,13 +39,14 @@ def test_an_estimator_without_optional_members_runs_and_has_the_defaults():
     _, stream = cl.simulate("trajectory", trials=2, ticks=3)
     trace = cl.run(Plain(), stream).traces["Plain"]
     assert (trace.bound, trace.notes) == (False, {})
-    assert traits(Plain())[:5] == (False, False, False, False, "")
+    assert traits(Plain())[:6] == (False, False, False, False, "", "")
     assert refusal(Plain()) == ""
+    assert refusal(None).endswith("set api = 1")
 
 
-def test_the_optional_members_of_built_in_estimators_are_found():
-    assert traits(make("ekf-joint"))[:3] == (True, True, False)
-    assert traits(make("map-joint"))[:3] == (True, True, True)
-    assert traits(make("ekf-luft"))[:3] == (True, False, False)
-    assert traits(make("ukf-joint")).axes.startswith("its sigma points")
-    assert traits(cl.PerRobot(lambda prior, world, robot, key: None)).mutable
+@pytest.mark.parametrize(
+    ("name", "flags"),
+    [("ekf-joint", (True, True, False)), ("map-joint", (True, True, True)), ("ekf-luft", (True, False, False))],
+)
+def test_the_optional_members_of_built_in_estimators_are_found(name, flags):
+    assert traits(make(name))[:3] == flags

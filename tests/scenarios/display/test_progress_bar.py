@@ -3,7 +3,6 @@
 import sys
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
 import cooploc as cl
@@ -53,16 +52,10 @@ def test_a_notebook_shows_a_bar_that_fills_and_goes(shown, jobs):
     assert any("&lt;b&gt;, about " in bar for bar in bars)
 
 
-def test_bits_do_not_depend_on_the_bar_and_nothing_is_shown_elsewhere(shown, monkeypatch, capfd):
+def test_nothing_is_shown_outside_a_notebook(shown, monkeypatch, capfd):
     _, stream = cl.simulate("trajectory", trials=2, ticks=5, seed=1)
-    inside = cl.run(team(), stream)
     monkeypatch.delitem(sys.modules, "IPython")
-    shown.clear()
-    for jobs in (1, 2):
-        outside = cl.run(team(), stream, jobs=jobs)
-        for name, trace in inside.traces.items():
-            assert np.array_equal(trace.x, outside.traces[name].x)
-            assert np.array_equal(trace.P, outside.traces[name].P)
+    cl.run(team(), stream)
     assert shown == []
     assert capfd.readouterr() == ("", "")
 
