@@ -99,13 +99,11 @@ def trace(
     watch: Watcher | None = None,
     advance: Advance | None = None,
     *,
-    any_covariance: bool = False,
     rows: Rows | None = None,
 ) -> Trace:
     """Run one estimator on every trial of a stream, in this process; `advance` is called after every tick, untimed.
 
-    Only a check that looks at covariances itself lets `any_covariance` pass. A stream that does not say its seed comes
-    with the `rows` that its seed makes.
+    A stream that does not say its seed comes with the `rows` that its seed makes.
 
     Raises:
         IncompatibleEstimator: the stream lacks a channel that it needs.
@@ -128,8 +126,7 @@ def trace(
                 with clock.pause():
                     advance(name, 1)
     _require_finite(name, stream, x, P)
-    if not any_covariance:
-        require_covariances(name, stream, P)
+    require_covariances(name, stream, P)
     about, seconds = traits(estimator), clock.seconds
     notes = {what: np.asarray(values, float).reshape(t, n) for what, values in about.notes(running.state).items()}
     kind = {name: getattr(about, name) for name in ("bound", "centralised", "offline", "trained_on")}
