@@ -180,8 +180,7 @@ def decide_all(
 
 def claimed_size(claim: Claim, definition: str) -> float:
     """Return the size of a claim; one that is a ratio, such as "66 % better" for a/b = 1.66, as the change b/a - 1."""
-    size = np.nan if claim.size is None else claim.size
-    return _size_as_change(size, definition)
+    return np.nan if claim.size is None else _size_as_change(claim.size, definition)
 
 
 def _size_as_change(size: float, definition: str) -> float:
@@ -269,8 +268,7 @@ def judge_interaction(case: Case, claim: Claim, table: TrialTable) -> Finding:
 
 def judge_level(case: Case, claim: Claim, table: TrialTable) -> Finding:
     """Judge the RMSE [m]: supported up to size; contradicted above."""
-    (scenario,) = case.scenarios
-    values = table.mse((scenario, case.of))[:, 0]
+    values = table.mse((case.scenarios[0], case.of))[:, 0]
     rmse = Interval(*(float(np.sqrt(end)) for end in table.stopping.mean_of_positive(values)))
     return _decide_positive(rmse, len(values), _zones_up_to(claim.size or 0.0), table)
 

@@ -17,7 +17,7 @@ from cooploc.analysis.claims.interpretations import Dimensions, Interpretation
 from cooploc.analysis.claims.kinds import KINDS, Case, cases, definitions
 from cooploc.analysis.claims.ledger import Ledger
 from cooploc.analysis.claims.trial_table import collect
-from cooploc.analysis.claims.verdicts import COLUMNS, JUDGED, judge_claim, tally
+from cooploc.analysis.claims.verdicts import COLUMNS, JUDGED, judge_case, tally
 from cooploc.analysis.metrics.errors import demand_same_streams
 from cooploc.analysis.metrics.sequential import FIXED, Stopping
 from cooploc.estimators.errors import BadInput
@@ -57,7 +57,7 @@ def judge(ledger: Ledger, rows: pd.DataFrame, stopping: Stopping = FIXED) -> pd.
         asked = cases(claim) if KINDS[claim.kind].judge else []
         for case in [one._replace(definition=name) for one in asked for name in definitions(claim)]:
             for one in specifications(case, design, dimensions):
-                (row,) = judge_claim(claim, table, [one.case])
+                row = judge_case(one.case, claim, table)
                 if row["verdict"] in JUDGED:
                     ends = {"letter": letter in one.readings, "preset": preset in one.readings}
                     named = _name_as_ledger(row, case, one.case)

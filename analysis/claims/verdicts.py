@@ -22,7 +22,7 @@ a run that stops when its questions are decided, verdicts come from confidence s
 case keeps that of the look which decided it, and claims about computing time never make the run go on.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -110,25 +110,27 @@ def tally(found: "pd.Series[str]") -> str:
     return ordered[0] if len(ordered) == 1 else ", ".join(f"{counts[name]} {name}" for name in ordered)
 
 
-def judge_claim(claim: Claim, table: TrialTable, asked: Iterable[Case] | None = None) -> list[dict[str, object]]:
-    """Return a row for every case of a claim, with its verdict by other definitions of its size; or for those asked."""
-    about = {"claim": claim.id, "open": "; ".join(claim.open), **claim.model_dump(include={"says", "where", "kind"})}
+def judge_claim(claim: Claim, table: TrialTable) -> list[dict[str, object]]:
+    """Return a row for every case of a claim, with its verdict by other definitions of its size."""
     if KINDS[claim.kind].judge is None:
-        return [{**about, "verdict": "not testable", "otherwise": "", "remark": claim.why}]
-    if asked is not None:
-        return [{**about, **_judge_case(case, claim, table)} for case in asked]
+        return [{**_about(claim), "verdict": "not testable", "otherwise": "", "remark": claim.why}]
     out = []
     for case in cases(claim):
-        first, *others = (_judge_case(case._replace(definition=d), claim, table) for d in definitions(claim))
+        first, *others = (judge_case(case._replace(definition=d), claim, table) for d in definitions(claim))
         others = [row for row in others if row["verdict"] in JUDGED]
         said = [f"as a {row['definition']} ({change(row['size'])}): {row['verdict']}" for row in others]
-        out.append({**about, **first, "otherwise": "; ".join(said)})
+        out.append({**first, "otherwise": "; ".join(said)})
     return out
 
 
-def _judge_case(case: Case, claim: Claim, table: TrialTable) -> dict[str, Any]:
+def _about(claim: Claim) -> dict[str, Any]:
+    return {"claim": claim.id, "open": "; ".join(claim.open), **claim.model_dump(include={"says", "where", "kind"})}
+
+
+def judge_case(case: Case, claim: Claim, table: TrialTable) -> dict[str, Any]:
+    """Return the row of a case of a claim."""
     size, judge_kind = claimed_size(claim, case.definition), KINDS[claim.kind].judge
-    asked = {"of": case.of, "than": ", ".join(case.than), "definition": case.definition, "size": size}
+    asked = {"of": case.of, "than": ", ".join(case.than), "definition": case.definition, "size": size, **_about(claim)}
     try:
         scenarios = tuple(dict.fromkeys(s for label in case.scenarios for s in table.matching(label)))
         case = case._replace(scenarios=scenarios)
@@ -139,13 +141,10 @@ def _judge_case(case: Case, claim: Claim, table: TrialTable) -> dict[str, Any]:
     found, doubt = _undecide_failures(case, claim, table, found)
     return {
         **asked,
+        **found._asdict(),
+        **found.interval._asdict(),
         "scenario": found.scenario or " to ".join(dict.fromkeys((scenarios[0], scenarios[-1]))),
         "than": found.than or asked["than"],
-        **found.interval._asdict(),
-        "trials": found.trials,
-        "verdict": found.verdict,
-        "p": found.p,
-        "needed": found.needed,
         "remark": "; ".join([*(doubt or _about_interval(claim, found)), *_about_estimators(case, table)]),
     }
 

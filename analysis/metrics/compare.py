@@ -51,9 +51,9 @@ class Statistic(NamedTuple):
     short: bool = False  # whether `compare` shows it unless it is asked for all
 
 
-def _share(trials: "pd.Series[Any]") -> Interval:
-    """Return a share with the interval of its means over trials (Wilson)."""
-    return statistics.share(trials.dropna().to_numpy(float))
+def _share(cell: Cell, column: str) -> Interval:
+    """Return the mean of a share over trials with its interval (Wilson)."""
+    return statistics.share(cell.trials[column].dropna().to_numpy(float))
 
 
 def mark_outliers(mse: Array) -> Array:
@@ -79,12 +79,10 @@ STATISTICS = {
         lambda cell: Interval(*np.sqrt(statistics.mean_of_positive(cell.trials["mse"].to_numpy(float)))), "m",
     ),
     "rmse_median": Statistic(
-        "median over trials of the trial's RMSE; a few diverged trials do not decide it",
-        lambda cell: np.sqrt(cell.trials["mse"]).median(), "m", short=True,
+        "median over trials of the trial's RMSE", lambda cell: np.sqrt(cell.trials["mse"]).median(), "m", short=True
     ),
     "outlying": Statistic(
-        f"share of trials whose RMSE exceeds {FAR:g} times that median; where there are any, the interval of RMSE is "
-        "too narrow; its own (Wilson) reaches to 16 % at 0 of 20 trials",
+        f"share of trials whose RMSE exceeds {FAR:g} times that median (Wilson); RMSE's interval is then too narrow",
         lambda cell: statistics.share(mark_outliers(cell.trials["mse"].dropna().to_numpy(float))), short=True,
     ),
     "anees": Statistic(
@@ -92,35 +90,29 @@ STATISTICS = {
         lambda cell: statistics.mean_of_positive(cell.trials["anees"].to_numpy(float)), short=True,
     ),
     "anees_median": Statistic(
-        "median over trials of the trial's ANEES; a single collapsed trial does not decide it",
-        lambda cell: cell.trials["anees"].median(), short=True,
+        "median over trials of the trial's ANEES", lambda cell: cell.trials["anees"].median(), short=True
     ),
     "collapsed": Statistic(
-        "share of trials whose ANEES exceeds `consistency.COLLAPSED`, 100",
-        lambda cell: _share(cell.trials["anees"].dropna() > COLLAPSED), short=True,
+        f"share of trials whose ANEES exceeds {COLLAPSED:g} (Wilson)",
+        lambda cell: statistics.share(np.asarray(cell.trials["anees"].dropna() > COLLAPSED, float)), short=True,
     ),
     "coverage95": Statistic(
         "share of true positions inside the 95 % ellipse",
-        lambda cell: _share(cell.trials["coverage95"])._replace(value=cell.trials["coverage95"].mean()), short=True,
+        lambda cell: _share(cell, "coverage95")._replace(value=cell.trials["coverage95"].mean()), short=True,
     ),
-    "nll": Statistic(
-        "mean negative log-likelihood of the true position; smaller is better, as of `errors`",
-        _trial_mean("nll"), "nats", short=True,
-    ),
+    "nll": Statistic("mean negative log-likelihood, as of `errors`", _trial_mean("nll"), "nats", short=True),
     "diverged": Statistic(
         "share of (trial, robot) whose last-quarter RMSE exceeds a quarter of the arena's side",
-        lambda cell: _share(cell.trials["diverged"])._replace(value=cell.rows["diverged"].mean()), short=True,
+        lambda cell: _share(cell, "diverged")._replace(value=cell.rows["diverged"].mean()), short=True,
     ),
     "messages": Statistic("messages per robot and tick, as sent", _robot_mean("messages")),
     "bytes": Statistic("bytes per robot and tick, as sent", _robot_mean("bytes"), short=True),
     "seconds": Statistic("computing time per robot and tick", _robot_mean("seconds"), "s", short=True),
     "area95": Statistic("mean area of the 95 % ellipse", _trial_mean("area95"), "m^2"),
     "mean_error": Statistic("mean Euclidean position error", _trial_mean("mean_error"), "m"),
-    "median_error": Statistic(
-        "median position error of a robot in a trial, averaged", _trial_mean("median_error"), "m"
-    ),
+    "median_error": Statistic("a robot's median position error in a trial, averaged", _trial_mean("median_error"), "m"),
     "final_error": Statistic("position error at the last tick, averaged", _trial_mean("final_error"), "m"),
-    "max_error": Statistic("largest position error of a robot in a trial, averaged", _trial_mean("max_error"), "m"),
+    "max_error": Statistic("a robot's largest position error in a trial, averaged", _trial_mean("max_error"), "m"),
 }  # fmt: skip
 
 
@@ -275,7 +267,7 @@ def _against(
     tested = other and n >= statistics.LEAST_TRIALS
     decisive = statistics.decisive_trial(a, b)
     lost = failed.get((scenario, baseline), False), failed[cell]
-    p = statistics.p_of_difference(a, b) if tested else np.nan
+    p = sequential.FIXED.p_of_difference(a, b) if tested else np.nan
     p_equal = statistics.equivalence(a, b, margin) if tested else np.nan
     return {
         "baseline": baseline,

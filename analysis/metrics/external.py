@@ -208,10 +208,9 @@ def _read_poses(path: Path, stream: Stream) -> Array:
 
 
 def to_tum(truth: Truth, run: Run, folder: str | Path, time: Array | None = None) -> list[Path]:
-    """Write one file for each trial, robot and estimator, and one of the truth for each trial and robot.
+    """Write `ESTIMATOR/trial0-robot0.txt` for each trial, robot and estimator, and `truth/trial0-robot0.txt`.
 
-    They are called `ESTIMATOR/trial0-robot0.txt` and `truth/trial0-robot0.txt`; characters unfit for a file name become
-    "_". Ticks without truth are left out of the truth's file; evo pairs by timestamps.
+    Characters unfit for a file name become "_". Ticks without truth are left out of the truth's file.
 
     Args:
         truth: of the same stream as the run.

@@ -90,9 +90,8 @@ class Stopping(NamedTuple):
 
     def p_of_difference(self, a: Array, b: Array) -> float:
         """Return the two-sided p against equal RMSE; 1 for equals, nan where there is no interval."""
-        if np.isnan(self.change(a, b).low):
-            return np.nan
-        return 1.0 if np.array_equal(a, b) else self.p_of_change(a, b, 0.0)
+        p = self.p_of_change(a, b, 0.0)
+        return 1.0 if p == p and np.array_equal(a, b) else p
 
 
 def effective(values: Array) -> float:

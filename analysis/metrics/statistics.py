@@ -192,15 +192,6 @@ def p_above(a: Array, b: Array, factor: float) -> float:
     return float(special.stdtr(n - 1, -above / half * quantile(n)))
 
 
-def p_of_difference(a: Array, b: Array) -> float:
-    """Return the two-sided p against equal RMSE, of squared errors `a`, `b` (k,), paired; 1 for equals.
-
-    Below 0.05 where the interval of `change` excludes 0, and nowhere else.
-    """
-    p = p_of_change(a, b, 0.0)
-    return 1.0 if p == p and np.array_equal(a, b) else p
-
-
 def p_of_change(a: Array, b: Array, value: float) -> float:
     """Return the two-sided p against a true change of `value`: 0.05 at either end of the interval of `change`."""
     return p_of_mean(log_change(a, b), paired_trials_without_skew(a, b), float(np.log1p(value)))

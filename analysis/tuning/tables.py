@@ -10,6 +10,7 @@ import pandas as pd
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.errors import drop_failed, weighted_means
+from cooploc.analysis.metrics.sequential import FIXED
 from cooploc.analysis.tuning.search import Entrant, Finish, trial_scores
 from cooploc.estimators.registry import parse
 
@@ -153,7 +154,7 @@ def order(rows: pd.DataFrame, tuned: Mapping[str, str], by: str = "rmse") -> pd.
 
 def _p_value(x: Any, y: Any, by: str) -> float:
     """Return p against equal RMSE, as of `change`; against equal mean scores, maybe negative, by the t test."""
-    return statistics.p_of_difference(x, y) if by == "rmse" else statistics.p_of_mean(statistics.mean(y - x), len(x), 0)
+    return FIXED.p_of_difference(x, y) if by == "rmse" else statistics.p_of_mean(statistics.mean(y - x), len(x), 0)
 
 
 def _outcome(published: str, tuned: str) -> str:

@@ -24,6 +24,7 @@ from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.compare import mark_outliers
 from cooploc.analysis.metrics.consistency import flag
 from cooploc.analysis.metrics.ranking import letters
+from cooploc.analysis.metrics.sequential import FIXED
 
 TRIALS = (10, 30, 100)
 REPEATS = 2000
@@ -207,13 +208,13 @@ def rare(n: int) -> tuple[float, float, float]:
 def one_test(rng: np.random.Generator, draw: Draw, n: int) -> float:
     """The test of the change of RMSE, of two equals."""
     pairs = draw(rng, (REPEATS, n, 2))
-    return float(np.mean([statistics.p_of_difference(a, b) < 0.05 for a, b in pairs.swapaxes(1, 2)]))
+    return float(np.mean([FIXED.p_of_difference(a, b) < 0.05 for a, b in pairs.swapaxes(1, 2)]))
 
 
 def disagreeing(rng: np.random.Generator, draw: Draw, n: int) -> float:
     """How often p and the interval of the change do not say the same of two that differ by 20 %."""
     pairs = draw(rng, (REPEATS, n, 2)) * [1.0, 0.8**2]
-    found = [(statistics.p_of_difference(a, b), statistics.change(a, b)) for a, b in pairs.swapaxes(1, 2)]
+    found = [(FIXED.p_of_difference(a, b), statistics.change(a, b)) for a, b in pairs.swapaxes(1, 2)]
     return float(np.mean([(p < 0.05) != (low > 0 or high < 0) for p, (_, low, high) in found]))
 
 

@@ -12,14 +12,8 @@ from cooploc.estimators import make
 from cooploc.scenarios.studies import study
 
 DIMENSIONS = load().dimensions
-
-
 PARTICLE = ("arl", "mrsl-rssi", "mrsl-distance", "ctrn")
-
-
 OF = interpretations.scenario, interpretations.estimator
-
-
 WEIGHTS = {"ctrn": {"weights": "exact", "audit": 0.0}}
 
 
@@ -115,8 +109,6 @@ def test_the_shipped_study_runs_every_interpretation():
 
 
 CLAIM = {"id": "1", "says": "x", "kind": "level", "of": "arl", "scenarios": "nlos", "size": 1.0}
-
-
 GOOD = {"says": "x", "letter": "b", "choices": {"a": {}, "b": {"estimators": {"K": "1"}}}}
 
 

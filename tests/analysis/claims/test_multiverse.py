@@ -12,22 +12,16 @@ from cooploc.analysis.claims.multiverse import shared_assumptions
 from cooploc.terminal.tables import show_interpretations as show
 
 CLAIM = {"id": "1", "says": "better", "kind": "change", "of": "mrsl-rssi", "than": "arl", "scenarios": "nlos"}
-
-
 SAMPLING = {
     "says": "around the present location",
     "letter": "box",
     "choices": {"walk": {}, "box": {"estimators": {"proposal": "box"}}},
 }
-
-
 FUSION = {
     "says": "covariance intersection",
     "letter": "received",
     "choices": {"moments": {}, "received": {"estimators": {"fusion": "received"}}},
 }
-
-
 ANCHORS = {
     "says": "direction of arrival",
     "letter": "direction",
@@ -36,22 +30,14 @@ ANCHORS = {
         "RSSI": {"estimators": {"anchor_reading": "rssi"}, "settles": "window"},
     },
 }
-
-
 WINDOW = {"says": "M", "letter": "5", "choices": {"5": {}, "1": {"estimators": {"M": "1", "K": "1"}}}}
-
-
 PRIOR = {
     "says": "some uncertainty",
     "letter": "0.5",
     "only": "nlos",
     "choices": {"0.5": {}, "1": {"scenarios": {"prior_sigma": "1"}}},
 }
-
-
 ALL = {"sampling": SAMPLING, "fusion": FUSION, "anchors": ANCHORS, "window": WINDOW, "prior": PRIOR}
-
-
 NOT_RUN = {"id": "2", "says": "exact", "kind": "level", "of": "ctrn", "scenarios": "robots-1-3", "size": 1.0}
 
 

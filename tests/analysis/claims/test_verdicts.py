@@ -405,8 +405,6 @@ CLAIMS = [
     {"id": "3", "says": "elsewhere", "kind": "change", "of": "mine", "than": "base", "scenarios": "t"},
     {"id": "4", "says": "beyond any test", "kind": "untestable", "why": "none"},
 ]
-
-
 LEDGER = read({"paper": "P", "claims": CLAIMS}, "here")
 
 
@@ -442,8 +440,6 @@ def test_what_is_open_keeps_its_cells_going_and_time_never_does(looked):
 
 
 SCENARIOS = [f"s/n={k}" for k in range(40)]
-
-
 FAMILY_KINDS = {
     "change": {"than": "b"},
     "change of a size": {"than": "b", "size": -0.3},

@@ -160,8 +160,6 @@ def test_a_trial_that_diverges_is_warned_of_and_stands_beside_the_median():
 
 
 HARD = np.random.default_rng(1).lognormal(0, 0.4, 12)
-
-
 GOOD = {"certificate": "", "centralised": False, "bound": False, "consistency": "consistent", "anees": 1.0, "failed": 0}
 
 

@@ -71,8 +71,6 @@ def _cost(stream, trial, x):
 
 
 LABEL = "robots-1-3/n=2[ticks=12]"
-
-
 PLUGIN = """
 import numpy as np
 from cooploc import Belief

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from cooploc.analysis.metrics.sequential import trials_for_width, trials_to_exclude
+from cooploc.analysis.metrics.sequential import FIXED, trials_for_width, trials_to_exclude
 from cooploc.analysis.metrics.statistics import (
     Interval,
     change,
@@ -18,7 +18,6 @@ from cooploc.analysis.metrics.statistics import (
     mean_of_positive,
     p_above,
     p_of_change,
-    p_of_difference,
     p_of_mean,
     share,
     trials_without_skew,
@@ -168,10 +167,10 @@ def test_the_test_of_a_difference_rejects_five_percent_of_equals_and_agrees_with
         shared = rng.lognormal(0, 0.4, trials)
         a, b = shared * rng.lognormal(0, 0.3, trials), shared * rng.lognormal(0, 0.3, trials)
         found = change(a, b)
-        rejected.append(p_of_difference(a, b) < 0.05)
+        rejected.append(FIXED.p_of_difference(a, b) < 0.05)
         assert rejected[-1] == (found.low > 0 or found.high < 0)
     assert 0.02 < np.mean(rejected) < 0.07
-    assert p_of_difference(a, a) == 1.0
+    assert FIXED.p_of_difference(a, a) == 1.0
 
 
 def test_nothing_is_claimed_below_five_trials():
