@@ -30,7 +30,7 @@ from cooploc.analysis.metrics.sequential import (
     PILOT,
     trials_to_exclude,
     trials_until_decided,
-    with_decisions,
+    add_decisions,
 )
 from cooploc.analysis.metrics.statistics import Interval
 from cooploc.analysis.report import html_page, run_diff
@@ -236,7 +236,7 @@ def _read_study(study: Any, trials: Any, seed: Any, estimators: Any, out: Any, s
 def _compare(rows: pd.DataFrame, baselines: Any, found: pd.DataFrame | None) -> tuple[pd.DataFrame, Any]:
     """Return the table of `cl.compare` with the decisions of a run until decided, and these."""
     table = compare(rows, baselines, full=True)
-    return (table if found is None else with_decisions(table, found)), found
+    return (table if found is None else add_decisions(table, found)), found
 
 
 def plan(study: str | Path, *, difference: float = 0.1, **how: Unpack[How]) -> pd.DataFrame:

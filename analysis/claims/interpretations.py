@@ -20,7 +20,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, model_validator
 
-from cooploc.analysis.claims.kinds import Claim, Labels, Strict
+from cooploc.analysis.claims.kinds import Claim, Labels, LedgerTable
 from cooploc.estimators import make, nearest, parse
 from cooploc.estimators.building import RENAMED
 from cooploc.estimators.errors import BadInput
@@ -29,15 +29,15 @@ from cooploc.scenarios import resolve
 CANDIDATES = 20  # rows that the greedy search tries before it takes one
 
 
-class Choice(Strict):
-    """A way to read a sentence, as parameters that differ from the preset."""
+class Choice(LedgerTable):
+    """Parameters that differ from the preset, for a way to read a sentence."""
 
     estimators: Mapping[str, str] = {}  # parameters of every estimator that has them
     scenarios: Mapping[str, str] = {}  # parameters of every scenario
     settles: Labels = ()  # dimensions that make no difference any more once this is chosen
 
 
-class Dimension(Strict):
+class Dimension(LedgerTable):
     """A sentence of the paper that can be read in several ways."""
 
     says: str  # the sentence, or what it leaves out

@@ -5,7 +5,7 @@ whole interval, both ends included; without one it is undecided. Its p, by the t
 of the zone that holds its number. A change is relative, b/a - 1: negative where the error, or the time, is smaller.
 Trials of two scenarios are paired by their number, which is right whether or not the two of a pair are correlated.
 
-To add a kind, write a function from a case to its `Finding` and list it in `KINDS`.
+To add a kind, write a function from a case to its `CaseVerdict` and list it in `KINDS`.
 """
 
 from collections.abc import Callable, Sequence
@@ -36,7 +36,7 @@ GROWS: Zones = (("contradicted", -np.inf, 0.0), ("supported", 0.0, np.inf))
 ALPHA = (1 - statistics.LEVEL) / 2  # one-sided, as an end of the interval
 
 
-class Strict(BaseModel):
+class LedgerTable(BaseModel):
     """A table of a ledger's file, which refuses unknown keys by the nearest known one."""
 
     model_config = ConfigDict(frozen=True)
@@ -49,7 +49,7 @@ class Strict(BaseModel):
         return given
 
 
-class Claim(Strict):
+class Claim(LedgerTable):
     """A claim of a paper, as a ledger states it; `KINDS` says which keys its kind takes."""
 
     id: str
@@ -88,7 +88,7 @@ class Claim(Strict):
 
 
 class Case(NamedTuple):
-    """One question that a claim comes down to."""
+    """A question that a claim comes down to."""
 
     of: str
     than: tuple[str, ...]
@@ -96,7 +96,7 @@ class Case(NamedTuple):
     definition: str = ""  # of the size: change or ratio
 
 
-class Finding(NamedTuple):
+class CaseVerdict(NamedTuple):
     """A case's number and verdict."""
 
     interval: Interval
@@ -116,7 +116,7 @@ def _zones_up_to(limit: float) -> Zones:
     return ("supported", -np.inf, limit), ("contradicted", limit, np.inf)
 
 
-def decide(interval: Interval, n: int, zones: Zones, test: PValue) -> Finding:
+def decide(interval: Interval, n: int, zones: Zones, test: PValue) -> CaseVerdict:
     """Return the verdict on an interval over n trials, with its p by the test that the interval inverts."""
 
     def p_of_zone(low: float, high: float) -> float:  # both of its ends must be excluded (Berger 1982)
@@ -124,15 +124,15 @@ def decide(interval: Interval, n: int, zones: Zones, test: PValue) -> Finding:
 
     for verdict, low, high in zones:
         if low <= interval.low and interval.high <= high:
-            return Finding(interval, n, verdict, np.nan, p_of_zone(low, high))
+            return CaseVerdict(interval, n, verdict, np.nan, p_of_zone(low, high))
     value = interval.value
     around = [(low, high) for _, low, high in zones if low <= value <= high]
     needed = [trials_to_exclude(interval, n, min(value - low, high - value)) for low, high in around]
     p = np.nan if np.isnan(interval.low) else min(p_of_zone(*ends) for ends in around)
-    return Finding(interval, n, "undecided", min((v for v in needed if np.isfinite(v)), default=np.nan), p)
+    return CaseVerdict(interval, n, "undecided", min((v for v in needed if np.isfinite(v)), default=np.nan), p)
 
 
-def decide_both(first: Finding, second: Finding) -> Finding:
+def decide_both(first: CaseVerdict, second: CaseVerdict) -> CaseVerdict:
     """Return supported where both are; contradicted where one is, after Holm over both. The number is the first's."""
     against = np.array([f.p if f.verdict == "contradicted" else np.nan for f in (first, second)])
     refuted = float(np.fmin.reduce(2 * against))
@@ -146,7 +146,7 @@ def decide_both(first: Finding, second: Finding) -> Finding:
 
 def decide_all(
     pairs: list[Array], labels: list[tuple[str, str]], zones: Zones, p: list[float], stopping: Stopping = FIXED
-) -> Finding:
+) -> CaseVerdict:
     """Return the verdict on several changes: supported where each is; contradicted where one is, after Holm over all.
 
     Each case has squared errors (trial, 2) before and after, the labels of its scenario and `than`, and its one-sided
@@ -197,7 +197,7 @@ def _zones_of_size(case: Case, claim: Claim) -> Zones:
     return ("contradicted", 0.0, np.inf), ("supported", -np.inf, least), ("direction only", size, 0.0)
 
 
-def judge_change(case: Case, claim: Claim, table: TrialTable) -> Finding:
+def judge_change(case: Case, claim: Claim, table: TrialTable) -> CaseVerdict:
     """Judge by how much the RMSE of `of` differs from that of `than`, or from its own in the first scenario.
 
     Of a size below 0 (above: the mirror image): supported below size + margin; direction only between size and 0;
@@ -209,7 +209,7 @@ def judge_change(case: Case, claim: Claim, table: TrialTable) -> Finding:
     return decide(table.stopping.change(a, b), len(a), zones, partial(table.stopping.p_of_change, a, b))
 
 
-def judge_all(case: Case, claim: Claim, table: TrialTable) -> Finding:
+def judge_all(case: Case, claim: Claim, table: TrialTable) -> CaseVerdict:
     """Judge whether `of` is better than every `than` in every scenario. The number is the weakest case.
 
     Supported where every change is below 0, an intersection-union test that needs no adjustment (Berger 1982);
@@ -221,7 +221,7 @@ def judge_all(case: Case, claim: Claim, table: TrialTable) -> Finding:
     return decide_all(pairs, labels, FALLS, p, table.stopping)
 
 
-def judge_same(case: Case, claim: Claim, table: TrialTable) -> Finding:
+def judge_same(case: Case, claim: Claim, table: TrialTable) -> CaseVerdict:
     """Judge whether from the first scenario to every later one the RMSE changes by less than a factor 1 + margin.
 
     Supported where all intervals lie within; contradicted where one lies outside after Holm.
@@ -237,7 +237,7 @@ def judge_same(case: Case, claim: Claim, table: TrialTable) -> Finding:
     return decide_all(pairs, [(scenario, "") for scenario in later], within, outside, table.stopping)
 
 
-def judge_growth(case: Case, claim: Claim, table: TrialTable) -> Finding:
+def judge_growth(case: Case, claim: Claim, table: TrialTable) -> CaseVerdict:
     """Judge by how much the RMSE grows per unit of what is swept, from the slope of its logarithm (jackknife).
 
     Flat where the change over the whole sweep lies within a factor 1 + margin (two one-sided tests, Schuirmann 1987),
@@ -255,7 +255,7 @@ def judge_growth(case: Case, claim: Claim, table: TrialTable) -> Finding:
     return _decide_log(slope, len(values), (("flat", -limit, limit), *GROWS), table)
 
 
-def judge_interaction(case: Case, claim: Claim, table: TrialTable) -> Finding:
+def judge_interaction(case: Case, claim: Claim, table: TrialTable) -> CaseVerdict:
     """Judge whether the error of `of` grows by a larger factor than that of `than`, from the first scenario to a later.
 
     Jackknife on the ratio of ratios, minus 1: supported above 0; contradicted below 0.
@@ -266,14 +266,14 @@ def judge_interaction(case: Case, claim: Claim, table: TrialTable) -> Finding:
     return _decide_log(more, len(values), GROWS, table)
 
 
-def judge_level(case: Case, claim: Claim, table: TrialTable) -> Finding:
+def judge_level(case: Case, claim: Claim, table: TrialTable) -> CaseVerdict:
     """Judge the RMSE [m]: supported up to size; contradicted above."""
     values = table.mse((case.scenarios[0], case.of))[:, 0]
     rmse = Interval(*(float(np.sqrt(end)) for end in table.stopping.mean_of_positive(values)))
     return _decide_positive(rmse, len(values), _zones_up_to(claim.size or 0.0), table)
 
 
-def judge_time(case: Case, claim: Claim, table: TrialTable) -> Finding:
+def judge_time(case: Case, claim: Claim, table: TrialTable) -> CaseVerdict:
     """Judge seconds per robot and tick, the mean over parts of the run: supported up to size; contradicted above."""
     key = (case.scenarios[0], case.of)
     seconds = table.seconds(key)[:, 0]
@@ -282,7 +282,7 @@ def judge_time(case: Case, claim: Claim, table: TrialTable) -> Finding:
     return found._replace(needed=found.needed * len(table.frame(key)) / len(seconds))
 
 
-def judge_consistency(case: Case, claim: Claim, table: TrialTable) -> Finding:
+def judge_consistency(case: Case, claim: Claim, table: TrialTable) -> CaseVerdict:
     """Judge whether ANEES is at most 1.5, and the 95 % ellipse holds the truth as often as then.
 
     Supported where both intervals lie within; contradicted where one lies outside after Holm over the two. The number
@@ -299,7 +299,7 @@ def judge_consistency(case: Case, claim: Claim, table: TrialTable) -> Finding:
     return decide_both(anees, decide(covered, len(inside), at_least, partial(test, covered, len(inside))))
 
 
-def judge_slope(case: Case, claim: Claim, table: TrialTable) -> Finding:
+def judge_slope(case: Case, claim: Claim, table: TrialTable) -> CaseVerdict:
     """Judge the exponent of seconds per robot and tick over the number of robots, least squares over the scenarios.
 
     Supported up to size + margin; contradicted above. Trials are sizes of the team here.
@@ -319,7 +319,7 @@ def judge_slope(case: Case, claim: Claim, table: TrialTable) -> Finding:
     return found._replace(needed=np.nan)  # more trials add no sizes
 
 
-def judge_cost(case: Case, claim: Claim, table: TrialTable) -> Finding:
+def judge_cost(case: Case, claim: Claim, table: TrialTable) -> CaseVerdict:
     """Judge by how much the time of `of` differs from that of `than`; zones as of a change.
 
     Here a trial is not the unit but a part of the run, the trials whose time was taken together.
@@ -334,13 +334,13 @@ def judge_cost(case: Case, claim: Claim, table: TrialTable) -> Finding:
     return found._replace(needed=found.needed * len(table.frame(key)) / len(logs))
 
 
-def _decide_log(logs: Interval, n: int, zones: Zones, table: TrialTable) -> Finding:
+def _decide_log(logs: Interval, n: int, zones: Zones, table: TrialTable) -> CaseVerdict:
     """Return the verdict on a difference of logarithms, which is then written as a relative change."""
     found = decide(logs, n, zones, partial(table.stopping.p_of_mean, logs, n))
     return found._replace(interval=Interval(*(float(np.expm1(end)) for end in logs)))
 
 
-def _decide_positive(interval: Interval, n: int, zones: Zones, table: TrialTable) -> Finding:
+def _decide_positive(interval: Interval, n: int, zones: Zones, table: TrialTable) -> CaseVerdict:
     """Return the verdict on a positive number whose interval is symmetric in its logarithm."""
     logs = Interval(*np.log(interval))
     return decide(interval, n, zones, lambda value: table.stopping.p_of_mean(logs, n, float(np.log(value))))
@@ -352,7 +352,7 @@ def _decide_positive(interval: Interval, n: int, zones: Zones, table: TrialTable
 class Kind(NamedTuple):
     """A kind of claim: its judge, its keys in a ledger, and its words."""
 
-    judge: Callable[[Case, Claim, TrialTable], Finding] | None  # None: it cannot be tested
+    judge: Callable[[Case, Claim, TrialTable], CaseVerdict] | None  # None: it cannot be tested
     scenarios: str  # of a case: "each" one, the first with each "later" one, or "all" (a range is possible)
     needs: AbstractSet[str]  # keys in the ledger
     may: AbstractSet[str] = frozenset()

@@ -26,14 +26,14 @@ from typing import Annotated, Any
 from pydantic import Field, ValidationError
 
 from cooploc.analysis.claims.interpretations import Dimension, find_error
-from cooploc.analysis.claims.kinds import Claim, Strict
+from cooploc.analysis.claims.kinds import Claim, LedgerTable
 from cooploc.estimators.errors import BadInput, plain_words
 from cooploc.scenarios.display import list_table
 
 BASE = "paper"  # the variant without substitutions
 
 
-class Variant(Strict):
+class Variant(LedgerTable):
     """Another reading of the paper, as substitutions."""
 
     about: str = ""
@@ -41,7 +41,7 @@ class Variant(Strict):
     scenarios: Mapping[str, str] = {}
 
 
-class Ledger(Strict):
+class Ledger(LedgerTable):
     """A ledger's file."""
 
     paper: str

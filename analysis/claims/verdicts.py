@@ -29,7 +29,17 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from cooploc.analysis.claims.kinds import KINDS, RELATIVE, TIMED, Case, Claim, Finding, cases, claimed_size, definitions
+from cooploc.analysis.claims.kinds import (
+    KINDS,
+    RELATIVE,
+    TIMED,
+    Case,
+    CaseVerdict,
+    Claim,
+    cases,
+    claimed_size,
+    definitions,
+)
 from cooploc.analysis.claims.ledger import Ledger, variants
 from cooploc.analysis.claims.trial_table import Missing, TrialTable, canonical, collect
 from cooploc.analysis.formats import change, counted, interval, ratio
@@ -149,8 +159,10 @@ def judge_case(case: Case, claim: Claim, table: TrialTable) -> dict[str, Any]:
     }
 
 
-def _undecide_failures(case: Case, claim: Claim, table: TrialTable, found: Finding) -> tuple[Finding, list[str]]:
-    """Return the finding, undecided where failures stand behind it, and why."""
+def _undecide_failures(
+    case: Case, claim: Claim, table: TrialTable, found: CaseVerdict
+) -> tuple[CaseVerdict, list[str]]:
+    """Return the verdict, undecided where failures stand behind it, and why."""
     lost = [
         name
         for name in dict.fromkeys((case.of, *case.than))
@@ -165,7 +177,7 @@ def _undecide_failures(case: Case, claim: Claim, table: TrialTable, found: Findi
     return found._replace(verdict="undecided", needed=np.nan, p=1.0), why
 
 
-def _about_interval(claim: Claim, found: Finding) -> list[str]:
+def _about_interval(claim: Claim, found: CaseVerdict) -> list[str]:
     """Return why an interval is missing; or, of a verdict that is left open, what its interval alone would say."""
     low, high = found.interval.low, found.interval.high
     if np.isnan(low):
@@ -250,7 +262,7 @@ def open_cells(ledger: Ledger, rows: pd.DataFrame, found: pd.DataFrame) -> set[t
 # ---- the verdicts as a family of tests
 
 
-class Family(NamedTuple):
+class VerdictCounts(NamedTuple):
     """The verdicts of a ledger as a family of tests."""
 
     judged: int  # cases
@@ -269,7 +281,7 @@ class Family(NamedTuple):
         )
 
 
-def family_of(verdicts: pd.DataFrame) -> Family:
+def count_verdicts(verdicts: pd.DataFrame) -> VerdictCounts:
     """Count how many verdicts of `judge` are decided, stand after correction over all, and are expected to be false.
 
     A case that several variants share counts once.
@@ -279,7 +291,7 @@ def family_of(verdicts: pd.DataFrame) -> Family:
     decided, judged = int(verdicts["verdict"].isin(DECIDED).sum()), int((~np.isnan(p)).sum())
     at_most = min((1 - statistics.LEVEL) * judged, float(decided))
     expected = min(statistics.expected_false(p), at_most)
-    return Family(judged, decided, int(verdicts["stands"].sum()), at_most, expected)
+    return VerdictCounts(judged, decided, int(verdicts["stands"].sum()), at_most, expected)
 
 
 # ---- verdicts in words, from the numbers alone

@@ -35,7 +35,7 @@ FAR = 5.0  # times the median trial's RMSE
 # ---- statistics of an estimator in a scenario
 
 
-class Cell(NamedTuple):
+class CellRows(NamedTuple):
     """The results of one estimator in one scenario."""
 
     rows: pd.DataFrame  # of `errors`, of trials that succeeded
@@ -46,12 +46,12 @@ class Statistic(NamedTuple):
     """A number over trials; an `Interval` makes the columns `_low` and `_high`, too."""
 
     meaning: str
-    of: Callable[[Cell], float | Interval]
+    of: Callable[[CellRows], float | Interval]
     unit: str = ""
     short: bool = False  # whether `compare` shows it unless it is asked for all
 
 
-def _share(cell: Cell, column: str) -> Interval:
+def _share(cell: CellRows, column: str) -> Interval:
     """Return the mean of a share over trials with its interval (Wilson)."""
     return statistics.share(cell.trials[column].dropna().to_numpy(float))
 
@@ -65,11 +65,11 @@ def mark_outliers(mse: Array) -> Array:
     return (mse > FAR**2 * np.median(mse)).astype(float) if len(mse) else np.zeros(0)
 
 
-def _trial_mean(column: str) -> Callable[[Cell], float]:
+def _trial_mean(column: str) -> Callable[[CellRows], float]:
     return lambda cell: cell.trials[column].mean()
 
 
-def _robot_mean(column: str) -> Callable[[Cell], float]:
+def _robot_mean(column: str) -> Callable[[CellRows], float]:
     return lambda cell: cell.rows[column].mean()
 
 
@@ -149,7 +149,7 @@ def _summary(errors: pd.DataFrame, cells: dict[tuple[str, str], pd.DataFrame]) -
     """Return the table of `summarize`, from the trials of every cell."""
     rows = []
     for (scenario, estimator), group in errors.groupby(CELL, sort=False):
-        cell = Cell(drop_failed(group), cells[str(scenario), str(estimator)])
+        cell = CellRows(drop_failed(group), cells[str(scenario), str(estimator)])
         row: dict[str, Any] = {"scenario": str(scenario), "estimator": str(estimator)}
         row |= {"robots": int(group["robots"].iloc[0]), "trials": len(cell.trials)}
         row["failed"] = group["trial"].nunique() - len(cell.trials)

@@ -34,7 +34,7 @@ LARGEST = 1e100  # [m^2] the square of a larger error overflows in a variance
 
 
 class TickErrors(NamedTuple):
-    """The errors of one estimator at every tick; nan at ticks that do not count."""
+    """Errors of an estimator at every tick; nan at ticks that do not count."""
 
     d2: Array  # (t, T, n) squared position error [m^2]
     d: Array  # (t, T, n) position error [m]

@@ -62,11 +62,11 @@ def judge(truth: Truth, stream: Stream, estimates: Estimates, burn_in: int = 0, 
 
     """
     if isinstance(estimates, str | Path):
-        traces = from_tum(estimates, stream)
+        traces = read_tum(estimates, stream)
     else:
         traces = {}
         for name, given in estimates.items():
-            found = {name: given} if isinstance(given, Trace) else from_tum(given, stream)
+            found = {name: given} if isinstance(given, Trace) else read_tum(given, stream)
             if len(found) > 1:
                 raise BadInput(f"{given} holds {len(found)} folders of trajectories, and {name!r} is one: name that")
             (traces[name],) = found.values()
@@ -148,7 +148,7 @@ def load_truth(
 # ---- TUM files
 
 
-def from_tum(folder: str | Path, stream: Stream) -> dict[str, Trace]:
+def read_tum(folder: str | Path, stream: Stream) -> dict[str, Trace]:
     """Read the trajectories of a folder by name: its own, or one for each of its folders, but for `truth`.
 
     Positions come without covariances, and messages, bytes and seconds are not known: all these are nan.

@@ -1,4 +1,4 @@
-"""Which estimators qualify as best: their checks, mean ranks and groups over trials, the front of accuracy and cost.
+"""Reasons why an estimator does not qualify as best; mean ranks and groups over trials; the front of error and cost.
 
 The line of a certificate is "passed: 12 checks", "passed: 11 of 12 checks; axes: why", "failed: causality: why" or
 "unchecked: why"; each may end with "; trained on: what". It is empty for a built-in estimator.

@@ -1,4 +1,4 @@
-"""Tables of runs that were designed for a question: what readings are worth, and what results depend on.
+"""Tables of runs for two questions: the worth of each reading, and the parameters that results depend on.
 
 *Information*: own readings by readings between robots, for every rule of fusion; cooperation is worth the difference
 from the same filter with the same own readings alone. *Sensitivity*: one panel per swept parameter.

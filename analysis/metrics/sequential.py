@@ -235,7 +235,7 @@ def _decide_at_look(found: Decision, base: Array, mine: Array, margin: float) ->
     return found._replace(verdict=verdict, change=change.value, low=change.low, high=change.high, e=e)
 
 
-def with_decisions(table: pd.DataFrame, found: pd.DataFrame) -> pd.DataFrame:
+def add_decisions(table: pd.DataFrame, found: pd.DataFrame) -> pd.DataFrame:
     """Return the table of `compare(..., full=True)` with the decision on each row, in place of tests of a fixed n.
 
     Columns:

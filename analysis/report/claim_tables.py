@@ -191,7 +191,7 @@ def claims_shown(kept: StoredRun, ledger: Ledger) -> ClaimsShown | None:
         overview=overview(verdicts.overview(judged), judged, ledger),
         run=[one for one in sections if one.run],
         not_run=[one for one in sections if not one.run],
-        family=str(verdicts.family_of(judged)),
+        family=str(verdicts.count_verdicts(judged)),
         table=table,
     )
 

@@ -11,7 +11,7 @@ from cooploc.analysis.execution.run_directory import StoredRun
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.curves import sweep
 from cooploc.analysis.metrics.ranking import is_refused, rank_groups
-from cooploc.analysis.metrics.sequential import ANYTIME, FIXED, with_decisions
+from cooploc.analysis.metrics.sequential import ANYTIME, FIXED, add_decisions
 from cooploc.analysis.plot import style
 
 SWEEP = 3  # values from which a sweep becomes a line
@@ -74,7 +74,7 @@ class Numbers(NamedTuple):
 def numbers_of(kept: StoredRun) -> Numbers:
     """Return the run's table and trials, and how its estimators are drawn and written."""
     table = compare(kept.rows, kept.baselines, full=True)
-    table = table if kept.comparisons is None else with_decisions(table, kept.comparisons)
+    table = table if kept.comparisons is None else add_decisions(table, kept.comparisons)
     estimators = [str(name) for name in kept.rows["estimator"].unique()]
     names = short_labels(estimators, kept.manifest["study"].get("variants", {}))
     return Numbers(kept, table, collect(kept.rows, ANYTIME if kept.looks else FIXED), style.looks(estimators), names)

@@ -11,7 +11,7 @@ from rich.console import Console
 
 from cooploc.analysis.claims import ledger as ledgers
 from cooploc.analysis.claims.multiverse import shares
-from cooploc.analysis.claims.verdicts import family_of
+from cooploc.analysis.claims.verdicts import count_verdicts
 from cooploc.analysis.execution.certificates import line
 from cooploc.analysis.execution.run_directory import RunDir, read_run
 from cooploc.analysis.execution.until_decided import seconds_left
@@ -299,7 +299,7 @@ def show_verdicts(verdicts: pd.DataFrame, ledger: ledgers.Ledger) -> None:
     abouts = [f"{name}: {variant.about}" for name, variant in ledger.variants.items() if name in ran]
     for text in (*abouts, VERDICT_LEGEND):
         console.print(text, style="dim")
-    console.print(str(family_of(verdicts)))
+    console.print(str(count_verdicts(verdicts)))
 
 
 def show_interpretations(found: pd.DataFrame) -> None:

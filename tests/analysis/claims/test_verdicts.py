@@ -495,7 +495,7 @@ def test_a_case_that_a_variant_leaves_as_it_is_counts_once():
     table = family_run(np.random.default_rng(5), [0.9, 0.8, 0.7, 0.95, 1.0], labels=SCENARIOS[:5])
     others = [table[table["estimator"] == "b"].assign(estimator=name, mse=lambda t: 1.1 * t["mse"]) for name in "cd"]
     found = judge(read({"paper": "p", "claims": [claim], "variants": variant}, "l"), pd.concat([table, *others]))
-    assert (len(found), verdicts.family_of(found).judged) == (20, 15)
+    assert (len(found), verdicts.count_verdicts(found).judged) == (20, 15)
     alike = found[found["than"] == "b"].sort_values(["scenario", "variant"])["p_holm"].to_numpy().reshape(5, 2)
     np.testing.assert_array_equal(alike[:, 0], alike[:, 1])
     different = found.drop_duplicates(["scenario", "of", "than"])
@@ -525,7 +525,7 @@ def test_holm_bounds_the_chance_of_any_false_verdict_and_the_number_of_false_one
         false = found["verdict"].isin(DECIDED) & (found.index < half)
         wrong.append(false.sum())
         standing.append((false & found["stands"]).any())
-        foreseen.append(verdicts.family_of(found).expected)
+        foreseen.append(verdicts.count_verdicts(found).expected)
     assert np.mean(standing) < 0.05 + 3 * np.sqrt(0.05 * 0.95 / repeats)
     assert np.mean(wrong) < np.mean(foreseen) + 3 * np.std(wrong) / np.sqrt(repeats)
     assert np.mean(foreseen) < 0.05 * 2 * half  # fewer than if every truth lay at an edge

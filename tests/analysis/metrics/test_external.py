@@ -11,7 +11,7 @@ import xarray as xr
 from processes import inside
 
 import cooploc as cl
-from cooploc.analysis.metrics.external import ELSEWHERE, from_tum
+from cooploc.analysis.metrics.external import ELSEWHERE, read_tum
 from cooploc.analysis.plot.beliefs import ellipse_shape
 
 LABEL = "robots-1-3/n=2[ticks=6]"
@@ -50,7 +50,7 @@ def test_poses_are_read_as_they_were_written_with_their_headings(tmp_path):
     truth, stream = cl.simulate("camera[ticks=5]", trials=1, seed=2)
     run = cl.run(["ekf-local"], stream)
     cl.to_tum(truth, run, tmp_path, stream.time)
-    (found,) = from_tum(tmp_path, stream).values()
+    (found,) = read_tum(tmp_path, stream).values()
     np.testing.assert_allclose(found.x, run.traces["ekf-local"].x, atol=1e-8)
 
 

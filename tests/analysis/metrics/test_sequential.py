@@ -9,7 +9,7 @@ from scipy import integrate, stats
 import cooploc as cl
 from cooploc.analysis.metrics import sequential, statistics
 from cooploc.analysis.metrics.compare import compare
-from cooploc.analysis.metrics.sequential import decide, minutes, with_decisions
+from cooploc.analysis.metrics.sequential import add_decisions, decide, minutes
 
 
 @pytest.mark.parametrize("n", [7, 10, 40, 1000])
@@ -127,7 +127,7 @@ def test_none_gains_by_failing_and_one_that_fails_can_still_be_worse(noise):
 def test_the_table_has_p_values_that_hold_at_any_stopping(noise):
     rows = rows_from(noise[0], half=noise[1] / 4, same=noise[2])
     table = compare(rows, "base", full=True)
-    decided = with_decisions(table, pd.DataFrame(decide(rows, {"s": "base"}, {"s": 80})))
+    decided = add_decisions(table, pd.DataFrame(decide(rows, {"s": "base"}, {"s": 80})))
     p = dict(zip(decided["estimator"], decided["p"], strict=True))
     assert p["half"] < 0.05 < p["same"]
     assert p["half"] > dict(zip(table["estimator"], table["p"], strict=True))["half"]
