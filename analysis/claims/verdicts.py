@@ -4,22 +4,16 @@ A claim comes down to one number with its 95 % interval over trials, and each ve
 verdict holds where its zone holds the whole interval, so that taken alone it is false in at most one of twenty
 repetitions (measured in `reports/statistics.md`):
 
-- *supported*: the claim's direction, and its size up to its margin;
-- *direction only*: the direction, but less than the size;
+- *supported*: the claim's direction, and its size up to its margin; *direction only*: less than the size;
 - *flat*: of a claimed growth, a change over the whole sweep that is smaller than the claim's margin;
 - *contradicted*: the other direction, or no difference at all;
-- *undecided*: the interval reaches into several zones, or there is none;
-- *not testable* says why, *not run* what is missing.
+- *undecided*: the interval reaches into several zones, or there is none; *not testable*, *not run*.
 
 No estimator gains by failing. Where one of a case failed in a trial (an error that is not finite is a failure, too) or
-failed a check, the case is undecided, with a p of 1, unless it is contradicted in favour of one that did not fail.
-
-`p_holm` is adjusted over all cases that were judged, in all variants; a verdict *stands* where it is at most 0.05
-still: the chance that any standing verdict is false is 5 % at most (Holm 1979).
-
-A size that can be defined in two ways is judged by the first; `otherwise` says what the interval means by the other. In
-a run that stops when its questions are decided, verdicts come from confidence sequences (`sequential.ANYTIME`), each
-case keeps that of the look which decided it, and claims about computing time never make the run go on.
+failed a check, the case is undecided, with a p of 1, unless it is contradicted in favour of one that did not fail. A
+verdict *stands* where `p_holm`, adjusted over all judged cases in all variants, is at most 0.05 still: the chance that
+any standing verdict is false is 5 % at most (Holm 1979). In a run that stops when its questions are decided, verdicts
+come from confidence sequences, and claims about computing time never make it go on.
 """
 
 from collections.abc import Sequence

@@ -1,7 +1,7 @@
 """Tables of runs for two questions: the worth of each reading, and the parameters that results depend on.
 
-*Information*: own readings by readings between robots, for every rule of fusion; cooperation is worth the difference
-from the same filter with the same own readings alone. *Sensitivity*: one panel per swept parameter.
+*Information* sets own readings against readings between robots, for every rule of fusion; *sensitivity* has a panel for
+each swept parameter.
 """
 
 from functools import cache

@@ -56,10 +56,7 @@ def e_value(t: float, n: int) -> float:
 
 
 def one_sided_e_value(t: float, n: int) -> float:
-    """Return the evidence against a mean of at most 0, whose prior is the positive half: 2 e(n) P(effect > 0 | d).
-
-    The posterior of the effect is one of Student's t with n degrees of freedom.
-    """
+    """Return the evidence against a mean of at most 0, 2 e(n) P(effect > 0 | d): the posterior is t, n degrees."""
     R = _explained_share(t, n)
     S = np.sign(t) * np.sqrt(R * n)  # sum of d, over the root of the sum of d^2; nan where there is no sequence
     positive = stats.t.cdf(np.sqrt(n) * S / np.sqrt((n + C2) * (1 - R * n / (n + C2))), n)
@@ -276,10 +273,7 @@ def trials_to_exclude(interval: Interval, n: int, distance: float) -> float:
 
 
 def trials_until_decided(interval: Interval, n: int, distance: float) -> float:
-    """Return the same by a confidence sequence instead of one look; nan without an interval.
-
-    n = ((b(n) + z_0.8) s / distance)^2, from above: b hardly depends on n.
-    """
+    """Return the same by a confidence sequence: n = ((b(n) + z_0.8) s / distance)^2, from above."""
     if not distance > 0:
         return np.nan
     needed = 10 * trials_to_exclude(interval, n, distance)

@@ -102,10 +102,7 @@ def log_change(a: Array, b: Array) -> Interval:
 
 
 def change(a: Array, b: Array) -> Interval:
-    """Return the relative change of the RMSE, sqrt(mean b / mean a) - 1, of squared errors `a`, `b` (k,), paired.
-
-    It is negative where `b` is better. Its interval is that of `log_change`, and so never reaches -100 %.
-    """
+    """Return the relative change of the RMSE, sqrt(mean b / mean a) - 1, of squared errors `a`, `b` (k,), paired."""
     return Interval(*(float(np.expm1(end)) for end in log_change(a, b)))
 
 
@@ -198,10 +195,7 @@ def p_of_change(a: Array, b: Array, value: float) -> float:
 
 
 def p_of_mean(interval: Interval, n: float, value: float) -> float:
-    """Return the two-sided p against a true value, of a t interval over n trials: 0.05 at its ends; 0 without spread.
-
-    The interval of `mean`, or of `log_contrast` on its own scale; nan where there is none.
-    """
+    """Return the two-sided p against a true value, of a t interval over n trials; nan where there is none."""
     half = interval.high - interval.value
     if np.isnan(half):
         return np.nan

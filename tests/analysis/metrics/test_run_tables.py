@@ -7,15 +7,7 @@ import pytest
 from made_errors import rows
 
 from cooploc.analysis.metrics import run_tables as module
-from cooploc.analysis.metrics.run_tables import (
-    MatrixCell,
-    Sweep,
-    information,
-    matrix_cell,
-    parse_sweep,
-    preset_value,
-    sensitivity,
-)
+from cooploc.analysis.metrics.run_tables import MatrixCell, Sweep, information, matrix_cell, parse_sweep, sensitivity
 from cooploc.scenarios.studies import study
 
 MSE = np.random.default_rng(3).lognormal(-3, 0.3, (12, 3))
@@ -78,9 +70,6 @@ def test_each_cell_has_the_floor_of_its_own_readings(errors_of_cells, monkeypatc
     }
 
 
-MSE = np.random.default_rng(4).lognormal(-3, 0.3, (8, 2))
-
-
 @pytest.mark.parametrize(
     ("scenario", "estimator", "found"),
     [
@@ -100,7 +89,7 @@ def test_what_is_swept_is_read_from_the_labels(scenario, estimator, found):
 def test_every_cell_of_the_shipped_study_sweeps_something_and_has_a_preset():
     for cell in study.load("sensitivity").cells():
         for estimator in cell.estimators:
-            assert np.isfinite(preset_value(parse_sweep(cell.scenario, estimator)))
+            assert np.isfinite(module.preset_value(parse_sweep(cell.scenario, estimator)))
 
 
 @pytest.fixture
