@@ -356,8 +356,7 @@ class Kind(NamedTuple):
     scenarios: str  # of a case: "each" one, the first with each "later" one, or "all" (a range is possible)
     needs: AbstractSet[str]  # keys in the ledger
     may: AbstractSet[str] = frozenset()
-    grows: str = ""  # words for a number above 0; {} is its size without a sign
-    falls: str = ""  # words for one below; empty: the same
+    words: str = ""  # {} is the number without a sign; of [more/less] the first where it is not below 0
     unit: str | None = None  # None: a relative change
     over: str = "trials"  # what the number is a mean over
 
@@ -389,44 +388,40 @@ _PARTS = "parts of the run"
 KINDS = {
     "change": Kind(
         judge_change, "each", {"of", "than", "scenarios"}, {*_SIZED, "definitions"},
-        "the RMSE of {of} is {} higher than that of {than}", "the RMSE of {of} is {} lower than that of {than}",
+        "the RMSE of {of} is {} [higher/lower] than that of {than}",
     ),
     "trend": Kind(
-        judge_change, "later", {"of", "scenarios"}, {*_SIZED, "definitions"},
-        "the RMSE of {of} grows by {}", "the RMSE of {of} falls by {}",
+        judge_change, "later", {"of", "scenarios"}, {*_SIZED, "definitions"}, "the RMSE of {of} [grows/falls] by {}"
     ),
     "all": Kind(
         judge_all, "all", {"of", "than", "scenarios"}, set(),
-        "the worst case: the RMSE of {of} is {} higher than that of {than}",
-        "the narrowest case: the RMSE of {of} is {} lower than that of {than}",
+        "the [worst/narrowest] case: the RMSE of {of} is {} [higher/lower] than that of {than}",
     ),
     "same": Kind(
         judge_same, "all", {"of", "scenarios", "margin"}, set(),
-        "the largest change: the RMSE of {of} grows by {}", "the largest change: the RMSE of {of} falls by {}",
+        "the largest change: the RMSE of {of} [grows/falls] by {}",
     ),
     "growth": Kind(
         judge_growth, "all", {"of", "scenarios"}, {"margin"},
-        "the RMSE of {of} grows by {} for each further unit of what is swept",
-        "the RMSE of {of} falls by {} for each further unit of what is swept",
+        "the RMSE of {of} [grows/falls] by {} for each further unit of what is swept",
     ),
     "interaction": Kind(
         judge_interaction, "later", {"of", "than", "scenarios"}, set(),
-        "the RMSE of {of} grows by a factor {} larger than that of {than}",
-        "the RMSE of {of} grows by a factor {} smaller than that of {than}",
+        "the RMSE of {of} grows by a factor {} [larger/smaller] than that of {than}",
     ),
-    "level": Kind(judge_level, "each", {"of", "scenarios", "size"}, set(), "the RMSE of {of} is {}", unit=" m"),
+    "level": Kind(judge_level, "each", {"of", "scenarios", "size"}, set(), "the RMSE of {of} is {}", " m"),
     "time": Kind(
         judge_time, "each", {"of", "scenarios", "size"}, set(),
-        "the computing time of {of} per robot and tick is {}", unit=" ms", over=_PARTS,
+        "the computing time of {of} per robot and tick is {}", " ms", _PARTS,
     ),
-    "consistency": Kind(judge_consistency, "each", {"of", "scenarios"}, set(), "the ANEES of {of} is {}", unit=""),
+    "consistency": Kind(judge_consistency, "each", {"of", "scenarios"}, set(), "the ANEES of {of} is {}", ""),
     "slope": Kind(
         judge_slope, "all", {"of", "scenarios", "size"}, {"margin"},
-        "the seconds of {of} per robot and tick grow with the number of robots to the power {}", unit="", over="sizes",
+        "the seconds of {of} per robot and tick grow with the number of robots to the power {}", "", "sizes",
     ),
     "cost": Kind(
         judge_cost, "each", {"of", "than", "scenarios"}, _SIZED,
-        "{of} takes {} more time than {than}", "{of} takes {} less time than {than}", over=_PARTS,
+        "{of} takes {} [more/less] time than {than}", over=_PARTS,
     ),
     "untestable": Kind(None, "each", {"why"}),
 }  # fmt: skip

@@ -16,6 +16,7 @@ any standing verdict is false is 5 % at most (Holm 1979). In a run that stops wh
 come from confidence sequences, and claims about computing time never make it go on.
 """
 
+import re
 from collections.abc import Sequence
 from itertools import product
 from typing import Any, NamedTuple
@@ -302,7 +303,7 @@ def verdict_sentence(row: "pd.Series[Any]") -> str:
         return f"{where}: the RMSE of {row['of']} {same} in each of {n} trials. {verdict_text(row)}."
     if np.isnan(value):
         return f"{where}: an RMSE of 0 leaves no number to give ({n} trials). {verdict_text(row)}."
-    words = (value < 0 and KINDS[kind].falls) or KINDS[kind].grows
+    words = re.sub(r"\[(\w+)/(\w+)\]", r"\2" if value < 0 else r"\1", KINDS[kind].words)
     said = words.format(number_text(value, kind).lstrip("+-"), of=row["of"], than=row["than"])
     size, by_ratio = float(row["size"]), ", as a ratio of errors" * (row["definition"] == "ratio")
     claimed = f" Claimed{by_ratio}: {number_text(size, kind)}." if size == size else ""
