@@ -28,9 +28,9 @@ from cooploc.analysis.metrics.sequential import (
     ANYTIME,
     FIXED,
     PILOT,
+    add_decisions,
     trials_to_exclude,
     trials_until_decided,
-    add_decisions,
 )
 from cooploc.analysis.metrics.statistics import Interval
 from cooploc.analysis.report import html_page, run_diff
