@@ -105,12 +105,7 @@ def _draw_over_time(ax: Axes, run: Run, table: pd.DataFrame, what: str, label: s
 
 
 def find_place(truth: Truth, run: Run, trial: int, tick: int = -1) -> tuple[int, int]:
-    """Return the positions of a trial and of a tick in the arrays.
-
-    Raises:
-        BadInput: truth and run are of different streams, or have no such trial or tick.
-
-    """
+    """Return the positions of a trial and of a tick in the arrays."""
     demand_same(truth, run)
     known, ticks = run.trial.tolist(), truth.x.shape[1]
     if trial not in known:

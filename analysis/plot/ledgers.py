@@ -38,16 +38,9 @@ CLAIMED = style.DARK
 
 
 def claims(verdicts: pd.DataFrame, variant: str = BASE, ax: Axes | None = None) -> Axes:
-    """Draw the claims that name a change: the one found in every case with its 95 % interval, and the one claimed.
+    """Draw the claims of `cl.verdicts` that name a change: the claimed one, and the one found in every case.
 
-    Args:
-        verdicts: from `cl.verdicts`.
-        variant: the reading of the paper; "paper" is the ledger's own.
-        ax: where to draw; a new figure if None.
-
-    Raises:
-        BadInput: no claim of this variant names a change, or none was run.
-
+    `variant` is the reading of the paper; "paper" is the ledger's own. Intervals are of 95 %.
     """
     drawn = verdicts[(verdicts["variant"] == variant) & verdicts["kind"].isin(RELATIVE)]
     drawn = drawn[drawn["value"].notna() & drawn["size"].notna()]
@@ -93,17 +86,10 @@ MOST = 1.5  # changes beyond are drawn at the edge
 
 
 def readings(found: pd.DataFrame, ax: Axes | None = None) -> Axes:
-    """Draw the claims that name a size: every specification's number, the one claimed, and how many support it.
+    """Draw the claims of `cl.readings` that name a size: the claimed one, every specification's, how many support it.
 
-    Changes of the error, in per cent; below them, where levels are claimed too, the RMSE in m in axes of their own.
-
-    Args:
-        found: from `cl.readings`.
-        ax: where to draw the changes alone; a new figure if None.
-
-    Raises:
-        BadInput: no claim that names a size was run.
-
+    Changes of the error, in per cent; below them, where levels are claimed too, the RMSE in m in axes of their own. On
+    `ax` only the changes are drawn.
     """
     sized = found[found["size"].notna() & found["value"].notna()]
     changes, levels = sized[sized["kind"].isin(RELATIVE)], sized[sized["kind"] == "level"]
@@ -189,19 +175,10 @@ WIDE, CURVE, ROW = 8.0, 2.6, 0.155  # of the figure, and heights of the curve an
 
 
 def specification_curve(found: pd.DataFrame, claim: str, definition: str = "") -> Axes:
-    """Draw the number of a claim in every specification, sorted, and the choices of each as a matrix of marks.
+    """Draw a claim's number in every specification of `cl.readings`, sorted, and the choices of each as a matrix.
 
-    Dotted lines mark the specifications of the paper's letter and of the preset. The axes of the curve are returned;
-    the matrix stands below in axes of its own.
-
-    Args:
-        found: from `cl.readings`.
-        claim: its id in the ledger.
-        definition: of the size, "change" or "ratio"; the first that the claim has where not given.
-
-    Raises:
-        BadInput: no specification of this claim was run.
-
+    Dotted lines mark the specifications of the paper's letter and of the preset. `definition` of the size is change or
+    ratio; the first that the claim has where not given. The axes of the curve are returned; the matrix stands below.
     """
     part = found[(found["claim"] == claim) & found["value"].notna()].sort_values("value", kind="stable")
     if part.empty:

@@ -1,4 +1,4 @@
-"""What a study found: RMSE by scenario, over a sweep, against consistency and cost, and relative to the baseline.
+"""Results of a study: RMSE by scenario, over a sweep, against consistency and cost, and relative to the baseline.
 
 `rmse`, `tradeoff` and `pareto` take errors, for a screen. The others take a table of `compare` with a column `floor`,
 for a report's page, whose panels are small figures that wrap, or for a paper, where they share one figure.

@@ -1,4 +1,4 @@
-"""Figures of special studies: the matrix of information, what results depend on, and what tuning found."""
+"""Figures of special studies: information, sensitivity and tuning."""
 
 from typing import Any
 
@@ -149,10 +149,6 @@ def tuned_parameters(history: pd.DataFrame, estimator: str) -> Axes:
 
     Filled marks ran all rounds, hollow ones were stopped early, after fewer trials; the cross is the configuration as
     published, and a circle is drawn around the one that was chosen. The axes of the first panel are returned.
-
-    Raises:
-        BadInput: there is no such estimator in the history, or it has no parameter that was tuned.
-
     """
     known = list(dict.fromkeys(history["estimator"]))
     if estimator not in known:

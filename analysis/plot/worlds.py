@@ -120,15 +120,8 @@ def _draw_scene(ax: Axes, scene: Scene, tick: int) -> None:
 def residuals(label: str, data: str | Path) -> Axes:
     """Draw reading less model over true distance, a row for each channel: where it was fitted, and where it is judged.
 
-    Dashed: two standard deviations as filters assume them. Choose nothing by the right column: its truth is judged.
-
-    Args:
-        label: a run of a team, "log/RUN", or "log/all" for the first.
-        data: its directory.
-
-    Raises:
-        BadInput: it is not a recording of a team, or has no readings with a true distance.
-
+    `label` is a run of a team, "log/RUN", or "log/all" for the first. Dashed: two standard deviations as filters assume
+    them. Choose nothing by the right column: its truth is judged.
     """
     model = resolve(label, data).model
     if not isinstance(model, TeamScenario):

@@ -42,13 +42,7 @@ MOST = 400_000  # RMSE values that a page holds; of more trials the first ones
 
 
 def write(kept: StoredRun, ledger: Ledger, out: Path) -> Path:
-    """Write the page, its tables and its trials into a directory; return the page's path.
-
-    Raises:
-        BadInput: estimators of one scenario ran on different streams.
-        OSError: a file cannot be written.
-
-    """
+    """Write the page, its tables and its trials into a directory; return the page's path."""
     numbers = numbers_of(kept)
     table = numbers.table
     lowest = floors(table["scenario"], kept.manifest["seed"], FLOORED, FLOOR_PATHS, FLOOR_TRIALS)

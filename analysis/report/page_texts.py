@@ -22,7 +22,7 @@ from cooploc.estimators.registry import source_of
 
 
 class Configuration(NamedTuple):
-    """One configuration of a method, as it ran."""
+    """A configuration of a method, as it ran."""
 
     label: str
     anchor: str

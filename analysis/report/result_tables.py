@@ -29,12 +29,7 @@ STUDY = "study"  # instead of a column by which rows are sorted: the order of th
 
 
 def sort_rows(table: pd.DataFrame, by: str = "rmse") -> pd.DataFrame:
-    """Return the rows of each scenario by rising `by`, a column of `compare`; those of "study" as they were.
-
-    Raises:
-        BadInput: there is no such column of numbers.
-
-    """
+    """Return the rows of each scenario by rising `by`, a column of `compare`; those of "study" as they were."""
     known = [str(name) for name in table.select_dtypes("number")]
     if by not in (STUDY, *known):
         raise BadInput(f"--sort is {by!r}; {nearest(by, [STUDY, *known])}")
@@ -257,7 +252,7 @@ def parameter_text(value: Any) -> str:
 
 
 def events(rows: pd.DataFrame) -> Table:
-    """Return what estimators counted, such as packets that they refused: sums, and maxima of what is called largest."""
+    """Return counts of estimators, such as of refused packets: sums, or maxima where the name begins with largest."""
     columns = (
         text_column("estimator"),
         text_column("event"),

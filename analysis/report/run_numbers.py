@@ -41,10 +41,10 @@ def short_labels(labels: Iterable[str], variants: Mapping[str, str] | None = Non
     Equal settings have equal letters. `variants` has names that the study gives to parameters: "ekf-local [raw]".
     """
 
-    def ordered(parameters: str) -> tuple[str, ...]:
+    def sort_parameters(parameters: str) -> tuple[str, ...]:
         return tuple(sorted(part.strip() for part in parameters.split(",")))
 
-    names = {ordered(parameters): name for name, parameters in (variants or {}).items()}
+    names = {sort_parameters(parameters): name for name, parameters in (variants or {}).items()}
     letters: dict[str, str] = {}
     short: dict[str, str] = {}
     for label in dict.fromkeys(labels):
@@ -56,7 +56,7 @@ def short_labels(labels: Iterable[str], variants: Mapping[str, str] | None = Non
             short[label] = method if not settings else label
             continue
         again, place = divmod(len(letters), 26)
-        letter = names.get(ordered(settings)) or string.ascii_lowercase[place] + (str(again) if again else "")
+        letter = names.get(sort_parameters(settings)) or string.ascii_lowercase[place] + (str(again) if again else "")
         short[label] = f"{method} [{letters.setdefault(settings.replace(',', ', '), letter)}]"
     return Labels(short, {letter: settings for settings, letter in letters.items()})
 

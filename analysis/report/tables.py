@@ -21,7 +21,7 @@ Row = dict[Any, Any]  # key -> value, as of `DataFrame.to_dict("records")`
 
 @dataclass(frozen=True)
 class TableColumn:
-    """One column: its head, the values behind it, and their form."""
+    """A column: its head, the values behind it, and their form."""
 
     head: str
     keys: tuple[str, ...]  # of the values behind it: its columns in CSV; the first is what HTML sorts by

@@ -36,11 +36,6 @@ def test_each_case_is_drawn_once_beside_its_claim():
     plt.close(ax.figure)
 
 
-def test_a_reading_that_was_not_run_is_refused():
-    with pytest.raises(cl.BadInput, match="no claim of the reading 'literal'"):
-        cl.plot.claims(verdicts(), variant="literal")
-
-
 CASES = (
     # claim, kind, size, value, verdict, letter, preset, sampling, fusion
     ("1", "change", -0.66, -0.2, "direction only", False, True, "walk", ""),
@@ -79,17 +74,6 @@ def test_the_map_has_every_number_the_claimed_one_and_the_count(found):
     assert [line.get_xdata()[0] for line in preset] == pytest.approx([-20])
 
 
-def test_the_map_draws_changes_alone_where_it_is_told(found):
-    ax = plt.subplots()[1]
-    assert cl.plot.readings(found, ax) is ax
-    assert len(ax.figure.axes) == 1
-
-
-def test_a_run_without_sized_claims_has_no_map(found):
-    with pytest.raises(cl.BadInput, match="no claim that names a size was run"):
-        cl.plot.readings(found[found["claim"] == "3"])
-
-
 def test_the_curve_is_sorted_and_each_choice_stands_below_its_number(found):
     curve = cl.plot.specification_curve(found, "1")
     points = [line for line in curve.lines if len(line.get_xdata()) == 1 and line.get_linestyle() == "None"]
@@ -105,8 +89,15 @@ def test_the_curve_is_sorted_and_each_choice_stands_below_its_number(found):
     assert [text.get_text() for text in curve.texts] == ["letter", "preset"]
 
 
-def test_a_claim_or_a_definition_that_is_not_there_is_refused(found):
-    with pytest.raises(cl.BadInput, match="no specification of claim '9' was run; the run has those of 1, 2, 3"):
-        cl.plot.specification_curve(found, "9")
-    with pytest.raises(cl.BadInput, match="claim '1' has no size defined as 'ratio': write change or ratio"):
-        cl.plot.specification_curve(found, "1", "ratio")
+@pytest.mark.parametrize(
+    ("draw", "message"),
+    [
+        (lambda found: cl.plot.claims(verdicts(), variant="literal"), "no claim of the reading 'literal'"),
+        (lambda found: cl.plot.readings(found[found["claim"] == "3"]), "no claim that names a size was run"),
+        (lambda found: cl.plot.specification_curve(found, "9"), "claim '9' was run; the run has those of 1, 2, 3"),
+        (lambda found: cl.plot.specification_curve(found, "1", "ratio"), "no size defined as 'ratio'"),
+    ],
+)
+def test_a_claim_that_is_not_there_is_refused(found, draw, message):
+    with pytest.raises(cl.BadInput, match=message):
+        draw(found)

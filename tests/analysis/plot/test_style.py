@@ -48,12 +48,6 @@ def test_variants_have_the_hue_of_their_method_and_others_their_own():
     assert {found["mine"].colour, found["yours"].colour} <= set(style.OTHERS)
 
 
-def test_every_built_in_estimator_may_have_variants():
-    names = [f"{name}[x={k}]" for name in BUILTIN for k in range(3)]
-    found = style.looks([*BUILTIN, *names])
-    assert all(found[name] != found[name.partition("[")[0]] for name in names)
-
-
 def test_a_name_once_drawn_keeps_its_look_in_later_figures():
     rows = pd.concat([rows_of("nlos", {name: (1.0, 1.0)}) for name in ("first", "second")], ignore_index=True)
     both = colours(cl.plot.rmse(rows))

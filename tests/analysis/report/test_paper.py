@@ -103,8 +103,6 @@ def test_a_long_label_is_short_and_equal_settings_have_equal_letters():
     assert found.legend(names[:3]) == ["[a] particles=500, anchor_reading=rssi"]
     assert len("arl[K=1]") <= LONGEST < len(names[2])
 
-
-def test_a_configuration_has_the_name_that_the_study_gave_it_in_any_order_of_its_parameters():
     label = "mrsl-rssi[density=exact,M=1,K=3]"
     assert short_labels([label], {"consistent": "K=3, density=exact,M=1"}).of(label) == "mrsl-rssi [consistent]"
 
