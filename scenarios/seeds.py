@@ -25,12 +25,12 @@ class Purpose(IntEnum):
 
 
 def generator(seed: int, trial: int, purpose: Purpose) -> np.random.Generator:
-    """The generator of one trial and purpose, which no estimator may have."""
+    """Return the generator of one trial and purpose, which no estimator may have."""
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=(trial, int(purpose)))))
 
 
 def rows(seed: int, trial: Indices, robots: int) -> Rows:
-    """Identity and key of each (trial, robot) row, trial-major; the same for every estimator."""
+    """Return identity and key of each (trial, robot) row, trial-major; the same for every estimator."""
     return Rows(
         np.repeat(trial, robots), np.tile(np.arange(robots), len(trial)), _keys(seed, tuple(trial.tolist()), robots)
     )
@@ -38,11 +38,8 @@ def rows(seed: int, trial: Indices, robots: int) -> Rows:
 
 @lru_cache(maxsize=16)
 def _keys(seed: int, trials: tuple[int, ...], robots: int) -> Keys:
-    digests = [_digest(seed, k, i) for k in trials for i in range(robots)]
+    names = (f"{seed}/{k}/{i}".encode() for k in trials for i in range(robots))
+    digests = (hashlib.blake2b(name, digest_size=8, person=b"cooploc keys").digest() for name in names)
     keys = np.frombuffer(b"".join(digests), "<u4").astype(np.uint32).reshape(-1, 2)
     keys.flags.writeable = False
     return keys
-
-
-def _digest(seed: int, trial: int, robot: int) -> bytes:
-    return hashlib.blake2b(f"{seed}/{trial}/{robot}".encode(), digest_size=8, person=b"cooploc keys").digest()

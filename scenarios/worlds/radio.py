@@ -344,7 +344,7 @@ class Paper(BaseModel):
         )
 
     def places(self) -> Array:
-        """Anchors (a, 2): N1 .. N4 are (0,0) (0,L) (L,L) (L,0), the order that fits both gradient equations."""
+        """Return anchors (a, 2): N1 .. N4 are (0,0) (0,L) (L,L) (L,0), the order that fits both gradient equations."""
         along = 4 * np.arange(self.anchors) / self.anchors
         corner = np.array([[0, 0], [0, 1], [1, 1], [1, 0], [0, 0]])
         k = along.astype(int)
@@ -403,11 +403,12 @@ class Paper(BaseModel):
             seen, near = scene._replace(robot_blockers=scene.robot_blockers[now]), d <= self.radio_range
             rssi[now] = np.where(near & others, self._robot_rssi(rngs[0], rngs[1], d, seen), np.nan)
             ranged[now] = np.where(near & others, self._ranges(rngs[2], d, seen, seed, trial), np.nan)
-            link[now] = self._links(network, len(d)) & near & wake[now, :, None] & wake[now, None]
+            arrives = network.uniform(size=d.shape) >= self.drop
+            link[now] = arrives & others & near & wake[now, :, None] & wake[now, None]
         return link, rssi, ranged
 
     def _anchor_rssi(self, rng: np.random.Generator, path: Array, moves: Array, scene: Scene) -> Array:
-        """(T, n, a), each the mean of `samples` readings spread over the tick's path."""
+        """Return (T, n, a), each the mean of `samples` readings spread over the tick's path."""
         shape = scene.anchor_blockers.shape
         back = 1 - (np.arange(self.samples) + 1) / self.samples
         where = path - back[:, None, None, None] * moves
@@ -417,20 +418,14 @@ class Paper(BaseModel):
         return round_to_unit(clear + shadow + fast - self.attenuation * scene.anchor_blockers, self.rounding)
 
     def _robot_rssi(self, slow: np.random.Generator, fast: np.random.Generator, d: Array, scene: Scene) -> Array:
-        """(T, receiver, sender); shadowing, drawn by `slow`, is the same in both directions."""
+        """Return (T, receiver, sender); shadowing, drawn by `slow`, is the same in both directions."""
         shadow = add_memory(np.triu(slow.normal(0, self.shadowing, d.shape), 1), self.shadow_correlation)
         both = self._rssi(d) + shadow + shadow.transpose(0, 2, 1) - self.attenuation * scene.robot_blockers
         return round_to_unit(both + fast.normal(0, self.fast, d.shape), self.rounding)
 
     def _ranges(self, rng: np.random.Generator, d: Array, scene: Scene, seed: int, trial: int) -> Array:
-        """(T, receiver, sender), at true distances d; other worlds draw from generators of `seed` and `trial`."""
+        """Return (T, receiver, sender) at true distances d; other worlds draw from generators of `seed` and `trial`."""
         return d + rng.normal(0, self.range_sigma, d.shape) + self.nlos_range_bias * (scene.robot_blockers > 0)
 
     def _rssi(self, d: Array) -> Array:
         return self.A - 10 * self.eta * np.log10(np.maximum(d, NEAR))
-
-    def _links(self, rng: np.random.Generator, ticks: int) -> Mask:
-        """(T, receiver, sender), True where a packet gets through, in so many more ticks."""
-        n = self.robots
-        link: Mask = rng.uniform(size=(ticks, n, n)) >= self.drop
-        return link & ~np.eye(n, dtype=bool)

@@ -61,13 +61,13 @@ class UwbArena(Paper):
 
 
 def residual(standard: Array) -> Array:
-    """Residuals [m] with the recorded distribution, from standard normal numbers of any shape."""
+    """Return residuals [m] with the recorded distribution, from standard normal numbers of any shape."""
     levels, quantiles = residual_quantiles()
     return np.interp(ndtr(standard), levels, quantiles)
 
 
 def residual_sd() -> float:
-    """The standard deviation of the recorded residuals [m]."""
+    """Return the standard deviation of the recorded residuals [m]."""
     levels, quantiles = residual_quantiles()
     share = np.linspace(0.0005, 0.9995, 1000)
     return float(np.std(np.interp(share, levels, quantiles)))
@@ -75,6 +75,6 @@ def residual_sd() -> float:
 
 @cache
 def residual_quantiles() -> tuple[Array, Array]:
-    """Levels in [0, 1] and quantiles [m] of the recorded residuals, whose mean is zero."""
+    """Return levels in [0, 1] and quantiles [m] of the recorded residuals, whose mean is zero."""
     table = tomllib.loads((files(__package__) / "uwb_residuals.toml").read_text(encoding="utf-8"))
     return np.array(table["levels"]), np.array(table["quantiles"])
