@@ -121,11 +121,11 @@ class Format(NamedTuple):
 
     @property
     def one(self) -> int:
-        """The bits of 1."""
+        """Return the bits of 1."""
         return self.bias << self.mantissa
 
     def bits(self, x: float) -> int:
-        """The bits of a constant."""
+        """Return the bits of a constant."""
         return int(np.array(x, self.real).view(self.word))
 
 
@@ -136,7 +136,7 @@ FLOATS: Any = {word: real for real, word in WORDS.items()}
 
 
 def by_format(make: Callable[[Format], Callable[..., Any]]) -> Any:
-    """A function for loops that `make` writes for either format; its first argument says which is meant."""
+    """Return a function for loops that `make` writes for either format; its first argument says which is meant."""
     versions = {types.float64: make(DOUBLE), types.float32: make(SINGLE)}
 
     def choose(*arguments: Any) -> Any:
@@ -149,7 +149,7 @@ def by_format(make: Callable[[Format], Callable[..., Any]]) -> Any:
 
 @intrinsic
 def bits(context: Any, x: Any) -> Any:
-    """The bits of a number as an integer, or the number with these bits."""
+    """Return the bits of a number as an integer, or the number with these bits."""
 
     def generate(target: Any, builder: Any, signature: Any, a: Any) -> Any:
         return builder.bitcast(a[0], target.get_value_type(signature.return_type))
@@ -159,7 +159,7 @@ def bits(context: Any, x: Any) -> Any:
 
 @intrinsic
 def order(context: Any, x: Any) -> Any:
-    """The bits of a number as an integer that is ordered as numbers are, which LLVM can sort in vectors; or back."""
+    """Return a number's bits as an integer ordered as numbers are, which LLVM can compare in vectors; or back."""
 
     def generate(target: Any, builder: Any, signature: Any, a: Any) -> Any:
         word = target.get_value_type(WORDS.get(x, x))
@@ -308,7 +308,7 @@ def rotate_quarters(k, c, s):
 
 @inlined
 def load(rows, r, out):
-    """Row r into a buffer, filled up with its first entry. A view of the row would cost the counting of a reference."""
+    """Load row r into a buffer, filled up with its first entry. A view of the row would cost counting a reference."""
     wide()
     for i in range(rows.shape[1]):
         out[i] = rows[r, i]
@@ -317,14 +317,14 @@ def load(rows, r, out):
 
 @inlined
 def fill(out, first, value):
-    """The value into a buffer from `first` on."""
+    """Write the value into a buffer from `first` on."""
     for i in range(first, len(out)):
         out[np.uint64(i)] = value
 
 
 @inlined
 def store(values, rows, r):
-    """A buffer into row r."""
+    """Write a buffer into row r."""
     wide()
     for i in range(rows.shape[1]):
         rows[r, i] = values[i]
@@ -332,13 +332,13 @@ def store(values, rows, r):
 
 @inlined
 def row_buffer(rows):
-    """A buffer for one of these rows, in whole vectors: a remainder would be computed number by number."""
+    """Return a buffer for one of these rows, in whole vectors: a remainder would be computed number by number."""
     return np.empty((rows.shape[1] + 15) // 16 * 16, rows.dtype)
 
 
 @inlined
 def extent(values):
-    """The smallest and the largest of a row."""
+    """Return the smallest and the largest of a row."""
     wide()
     low = high = order(values[0])
     for i in range(len(values)):

@@ -109,7 +109,7 @@ def solve_relative(
 
 
 def _roots(P: Array) -> tuple[Array, Indices]:
-    """V with V'V proportional to P^-1 for P (K, d, d), zero where P is not FINE, and the kind of each P (K,)."""
+    """Return V with V'V proportional to P^-1 for P (K, d, d), zero where P is not FINE, and the kind of each P (K,)."""
     V, kind = np.empty_like(P), np.empty(len(P), np.int64)
     _fill_roots(P, V, kind, (0,) * P.shape[-1])
     return V, kind
@@ -185,7 +185,7 @@ FINE, ABSENT, BAD = range(3)  # kinds of covariances
 
 @strict_inlined
 def factor(M, s, axes):
-    """U = the upper triangular root of matrix s = U U', and whether that is positive definite. Reads the upper half."""
+    """Write U, the upper triangular root of matrix s = U U'; return whether that is positive definite."""
     d = len(axes)
     for j in range(d - 1, -1, -1):
         for i in range(j, -1, -1):
@@ -203,7 +203,7 @@ def factor(M, s, axes):
 
 @strict_inlined
 def invert_factor(M, axes):
-    """T = U^-1, with zeros below."""
+    """Write T = U^-1, with zeros below."""
     for j in range(len(axes)):
         M[T, j, j] = 1.0 / M[U, j, j]
         for i in range(j - 1, -1, -1):
@@ -216,7 +216,7 @@ def invert_factor(M, axes):
 
 @strict_inlined
 def invert(M, s, axes):
-    """W = the inverse of matrix s, and whether that is positive definite."""
+    """Write W, the inverse of matrix s; return whether that is positive definite."""
     if not factor(M, s, axes):
         return False
     invert_factor(M, axes)
@@ -231,7 +231,7 @@ def invert(M, s, axes):
 
 @strict_inlined
 def product(M, a, b, c, axes):
-    """Matrix c = a b."""
+    """Write matrix c = a b."""
     for i in range(len(axes)):
         for j in range(len(axes)):
             v = 0.0
@@ -242,7 +242,7 @@ def product(M, a, b, c, axes):
 
 @strict_inlined
 def inner(M, a, b, scale, axes):
-    """tr(scale a' b)."""
+    """Return tr(scale a' b)."""
     v = 0.0
     for i in range(len(axes)):
         for j in range(len(axes)):
@@ -252,7 +252,7 @@ def inner(M, a, b, scale, axes):
 
 @strict_inlined
 def _add_terms(M, B, f, sigma, w, axes):
-    """Y = w B_0 + sum n_k B_k and Q = dY/dw, with n_k = v / (sigma_k + (1 - sigma_k) v), v = 1 - w."""
+    """Write Y = w B_0 + sum n_k B_k and Q = dY/dw, with n_k = v / (sigma_k + (1 - sigma_k) v), v = 1 - w."""
     for k in range(B.shape[1]):
         n, slope = w, 1.0
         if k > 0:
@@ -267,7 +267,7 @@ def _add_terms(M, B, f, sigma, w, axes):
 
 @strict_inlined
 def _slope(M, B, f, sigma, w, trace, block, axes):
-    """The relative slope in w of tr(C Y^-1), or of the leading block's det^(1/block); nan where Y is singular."""
+    """Return the relative slope in w of tr(C Y^-1) or of the leading block's det^(1/block); nan if Y is singular."""
     _add_terms(M, B, f, sigma, w, axes)
     if not invert(M, Y, axes):
         return np.nan
@@ -330,7 +330,7 @@ def _fill_values(B, C_, sigma, trace, block, weights, value, axes):
 
 @strict_inlined
 def _kind(P, axes):
-    """FINE, ABSENT (a nan, or every variance infinite), or BAD: not symmetric."""
+    """Return FINE, ABSENT (a nan, or every variance infinite), or BAD: not symmetric."""
     vague, skew = 0, False
     for i in range(len(axes)):
         vague += P[i, i] == np.inf
@@ -373,7 +373,7 @@ def _clear_absent(parts, there):
 
 @strict_inlined
 def _orthogonalise(A, M, axes):
-    """A = Q U' for the rows (n, d) of A, which becomes Q; False where its columns are dependent.
+    """Factor A = Q U' for the rows (n, d) of A, which becomes Q; False where its columns are dependent.
 
     Gram and Schmidt from the last column to the first, each twice. A'A = U U' is never formed, so that its condition
     number may be the square of what fits into double precision.
@@ -455,7 +455,7 @@ STEPS = 100  # never needed: 11 were the most where variances lay ten decades ap
 
 @inlined
 def _start_root(q, rho, b, c, rest):
-    """A v that is not below the root: the lesser of what e >= q and r >= v leave of the equation."""
+    """Return a v above the root: the lesser of those that e >= q and r >= v leave of the equation."""
     r = rest / (b * q + np.sqrt((b * q) * (b * q) + c * rest))
     half = q * (rho + b)
     v = rest / (half + np.sqrt(half * half + (rho * rho + 2 * b * rho + c) * rest))
@@ -464,7 +464,7 @@ def _start_root(q, rho, b, c, rest):
 
 @inlined
 def _left_side(q, rho, b, c, v):
-    """e^2 + 2 b r e + c r^2, and its slope in v."""
+    """Return e^2 + 2 b r e + c r^2, and its slope in v."""
     w = 1 - v
     r, e = v / w, q + rho * v
     return e * e + r * (2 * b * e + c * r), 2 * (rho * (e + b * r) + (b * e + c * r) / (w * w))
@@ -472,7 +472,7 @@ def _left_side(q, rho, b, c, v):
 
 @inlined
 def weight_equation(xx, xy, yy, ux, uy, q, R, trace):
-    """q, rho, b, c and the level; the level is 0 where the reading says nothing."""
+    """Return q, rho, b, c and the level; the level is 0 where the reading says nothing."""
     gx, gy = xx * ux + xy * uy, xy * ux + yy * uy
     h, t = gx * ux + gy * uy, xx + yy
     if not h > 0.0:
@@ -486,7 +486,7 @@ def weight_equation(xx, xy, yy, ux, uy, q, R, trace):
 
 @inlined
 def weight_root(q, rho, b, c, level):
-    """v in [0, 1 - LEAST]."""
+    """Return v in [0, 1 - LEAST]."""
     rest = level - q * q
     if not rest > 0.0:
         return 0.0

@@ -153,7 +153,7 @@ def _cone_numbers(B: Array, C: Array, trace: bool) -> tuple[Array, ...]:
 
 @lru_cache
 def _cone_program(k: int) -> Canonical:
-    """The second-order cone program for a reading of k numbers; d = 2."""
+    """Return the second-order cone program for a reading of k numbers; d = 2."""
     cp = _cvxpy()
     m = 2 + k
     theta = cp.Parameter(3 * m + 4 + 2 * k)
@@ -174,7 +174,7 @@ def _matrix_numbers(B: Array, C: Array, block: int, trace: bool) -> tuple[Array,
 
 @lru_cache
 def _matrix_program(k: int, d: int, block: int, trace: bool) -> Canonical:
-    """Any dimension. X is Y, or what a block of it keeps when the other states are marginalised out."""
+    """Return the program of any dimension. X is Y, or a block of it with the other states marginalised out."""
     cp = _cvxpy()
     m, entries = 2 + k, d * (d + 1) // 2
     size = m * entries + trace * block**2

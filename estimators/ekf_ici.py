@@ -18,7 +18,7 @@ from typing import ClassVar, Literal
 
 from cooploc.estimators import kalman
 from cooploc.estimators.interface import Array
-from cooploc.estimators.inverse_covariance_intersection import combine, inverse_intersection, weighed_intersection
+from cooploc.estimators.inverse_covariance_intersection import combine, intersection_at_weight, inverse_intersection
 from cooploc.estimators.models import AnchorReading
 from cooploc.estimators.tunable import tunable
 
@@ -61,4 +61,4 @@ class EkfIci:
         """C^-1 = a^-1 + N^-1 - (w a + (1 - w) N)^-1,  a = H P H';  the least trace is that of P', as in `ekf-ci`."""
         if self.form == "trace":
             return combine(inverse_intersection, x, P, y, H, N, self.gate)
-        return combine(lambda a, b, y, _: weighed_intersection(self.weight, a, b, y), x, P, y, H, N, self.gate)
+        return combine(lambda a, b, y, _: intersection_at_weight(self.weight, a, b, y), x, P, y, H, N, self.gate)

@@ -103,7 +103,7 @@ def _bisect(D, m, out):
             out[r] = 1.0
 
 
-def weighed_intersection(v: float, a: Array, b: Array, y: Array) -> tuple[Array, Array]:
+def intersection_at_weight(v: float, a: Array, b: Array, y: Array) -> tuple[Array, Array]:
     """Fuse (1) by inverse covariance intersection with w = 1 - v: the first belief has the weight v."""
     return quotient(a, b, y, v * b + (1 - v) * a, v * y)
 

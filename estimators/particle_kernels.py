@@ -97,7 +97,7 @@ class Row(NamedTuple):
 
 
 class Link(NamedTuple):
-    """One place, its reading and its covariance, in units of the reading's noise."""
+    """A place, its reading and its covariance, in units of the reading's noise."""
 
     x: float
     y: float
@@ -122,13 +122,13 @@ def add_anchor_rows(x, d, logw, anchors, out):
 
 @inlined
 def row_of(logw):
-    """Buffers for one row of particles."""
+    """Return buffers for one row of particles."""
     return Row(row_buffer(logw), row_buffer(logw), row_buffer(logw))
 
 
 @inlined
 def load_row(x, d, logw, r, row):
-    """Row r of particles x (r d, N) into buffers."""
+    """Load row r of particles x (r d, N) into buffers."""
     load(x, d * r, row.X)
     load(x, d * r + 1, row.Y)
     load(logw, r, row.logw)
@@ -494,7 +494,7 @@ def _renew(row, key, counter, w, noise, resampling, words, renewed):
     n = len(copies)
     h = BANDWIDTH * n ** (-1 / 6)
     shrink = np.sqrt(1 - h * h)
-    total, _, mx, my, xx, xy, yy = _weighted_moments(row, n, w)
+    total, _, mx, my, xx, xy, yy = _compute_moments(row, n, w)
     u, _ = random_numbers.uniform_pair(key[0], key[1], counter + random_numbers.RESAMPLE, 0)
     mark_ancestors(w, total, u, copies, marks)
     random_numbers.draw_words(key[0], key[1], counter + random_numbers.JITTER, words)
@@ -517,7 +517,7 @@ def _renew(row, key, counter, w, noise, resampling, words, renewed):
 @inlined
 def _write_moments(belief, r, row, n, w):
     """Write the moments of a row into the belief; return the sum of its weights and of their squares."""
-    total, squares, mx, my, xx, xy, yy = _weighted_moments(row, n, w)
+    total, squares, mx, my, xx, xy, yy = _compute_moments(row, n, w)
     mean, P = belief
     if is_single(total):  # rounding may leave a correlation above 1
         most = np.sqrt(np.float64(xx) * np.float64(yy))
@@ -528,7 +528,7 @@ def _write_moments(belief, r, row, n, w):
 
 
 @inlined
-def _weighted_moments(row, n, w):
+def _compute_moments(row, n, w):
     """Write the weights of a row of n, all equal where it is only -inf; return their sum, squares, and the moments."""
     wide()
     X, Y, logw = row

@@ -80,7 +80,7 @@ class ReceivedPackets(NamedTuple):
     integrate: bool  # over the sender's position; else the sender is taken to be at its mean, P_j = 0
 
     @property
-    def compiled(self) -> bool:
+    def has_loop(self) -> bool:
         """Return whether there is a loop for this sensor."""
         return type(self.sensor) in (LogDistance, Range)
 
@@ -108,7 +108,7 @@ def teammates(heard: ReceivedPackets, x: Array, logw: Array) -> Array:
 
     The sender is integrated out of each: variance sigma^2 + J P_j J', with J the slope at the particle.
     """
-    if not heard.compiled:
+    if not heard.has_loop:
         return teammates_reference(heard, x, logw)
     out = np.empty_like(logw, order="C")
     add_teammate_rows(planes(x), x.shape[-1], readable(logw), heard.for_loop(), out)
@@ -192,7 +192,7 @@ def planes(x: Array) -> Array:
 
 
 def _slope(sensor: LogDistance) -> float:
-    """RSSI lost per unit of ln D, D the squared distance [dB]."""
+    """Return the RSSI lost per unit of ln D, D the squared distance [dB]."""
     return float(5 * sensor.eta / np.log(10))
 
 

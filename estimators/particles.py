@@ -95,7 +95,7 @@ def posterior_summary(x: Array, logw: Array, heard: ReceivedPackets | None = Non
         their moments, their log-weights, and which rows (r,) are due for resampling.
 
     """
-    if x.shape[-1] != 2 or (heard and not heard.compiled):
+    if x.shape[-1] != 2 or (heard and not heard.has_loop):
         logw = particle_likelihood.teammates(heard, x, logw) if heard else logw
         w = weights(logw)
         return moments(x, w), restart_weights(logw), poor(w)
@@ -247,7 +247,7 @@ def weigh_past_packets(
     r, n, samples = past.readings.shape
     readings = np.where(np.isnan(heard.readings)[..., None], np.nan, past.readings)
     total = np.zeros_like(logw)
-    if type(motion) is Displacement and heard.compiled:  # the particle moves back, or the sender forth: it is the same
+    if type(motion) is Displacement and heard.has_loop:  # the particle moves back, or the sender forth: it is the same
         packets = past.packets.copy()
         packets[..., :2] -= past.trail
         flat = heard._replace(packets=packets.reshape(r, n * samples, 5), readings=readings.reshape(r, n * samples))

@@ -25,7 +25,7 @@ INIT, INIT_HEADING, MOVE, RESAMPLE, JITTER, JITTER_HEADING, BOX, AUDIT = range(8
 
 @intrinsic
 def threefry(context: Any, k0: Any, k1: Any, c0: Any, c1: Any) -> Any:
-    """Two uint32 words for the counter (c0, c1) under the key (k0, k1), in the 32-bit integers that numba widens."""
+    """Compute two uint32 words for the counter (c0, c1) under the key (k0, k1), in true 32-bit integers."""
 
     def generate(target: Any, builder: Any, signature: Any, a: Any) -> Any:
         word = target.get_value_type(types.uint32)
@@ -48,7 +48,7 @@ def threefry(context: Any, k0: Any, k1: Any, c0: Any, c1: Any) -> Any:
 
 @inlined
 def draw_words(k0, k1, counter, words):
-    """Threefry's words (2, n) of particles 0 .. n-1, apart from any floats: a vector then holds twice as many."""
+    """Write Threefry's words (2, n) of particles 0 .. n-1, apart from any floats: a vector then holds twice as many."""
     wide()
     first, second = words[0], words[1]
     for i in range(words.shape[1]):
@@ -56,7 +56,7 @@ def draw_words(k0, k1, counter, words):
 
 
 def _uniform(f):
-    """A uniform from a word; in single precision from 31 bits: an integer with a sign becomes a number sooner."""
+    """Make a uniform from a word; in single precision from 31 bits: an integer with a sign becomes a number sooner."""
     if f is SINGLE:
         return inlined(lambda a: np.float32(np.int32(a >> 1)) * np.float32(2.0**-31) + np.float32(2.0**-32))
     return inlined(lambda a: a * 2.0**-32 + 2.0**-33)
@@ -83,7 +83,7 @@ normal_pair = compiled.by_format(
 
 @inlined
 def normal_pairs(words, X, Y):
-    """The standard normals of `words` (2, n)."""
+    """Write the standard normals of `words` (2, n)."""
     wide()
     first, second, like = words[0], words[1], X.dtype.type(0)
     for i in range(len(X)):
@@ -92,7 +92,7 @@ def normal_pairs(words, X, Y):
 
 @inlined
 def uniform_pair(k0, k1, counter, i):
-    """Two uniforms in (0, 1)."""
+    """Return two uniforms in (0, 1)."""
     a, b = threefry(k0, k1, counter, i)
     return (a + 0.5) * 2.0**-32, (b + 0.5) * 2.0**-32
 

@@ -1,4 +1,4 @@
-"""Reciprocal sampling: a share of a robot's particles is drawn from what it just heard, not from what it believed.
+"""Reciprocal sampling: a share of a robot's particles is drawn from the packets it just heard, not from its belief.
 
 A robot broadcasts its particles as K clusters. A robot that has a reading of the sender multiplies its weights with the
 likelihood of that reading, as MRSL does. Then each particle is, with probability alpha, drawn again from the detection

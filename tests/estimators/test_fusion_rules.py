@@ -18,8 +18,8 @@ from cooploc.estimators.ekf_ici import EkfIci
 from cooploc.estimators.inverse_covariance_intersection import (
     combine,
     harmonic_mean,
+    intersection_at_weight,
     inverse_intersection,
-    weighed_intersection,
 )
 from cooploc.scenarios import simulate
 from cooploc.scenarios.runner.run import run
@@ -97,17 +97,17 @@ def test_inverse_intersection_is_the_published_formula_at_the_weight_of_least_tr
 def test_a_fixed_weight_is_the_published_formula_with_that_weight():
     rng = np.random.default_rng(11)
     a, b, y = *covariances(rng, 2, 20, d=2), rng.normal(size=(20, 2))
-    fused, C = weighed_intersection(0.8, a, b, y)
+    fused, C = intersection_at_weight(0.8, a, b, y)
     for i in range(20):
         C_i, common = inv(inv(a[i]) + inv(b[i]) - inv(0.2 * a[i] + 0.8 * b[i])), inv(0.2 * a[i] + 0.8 * b[i])
         np.testing.assert_allclose(C[i], C_i, atol=1e-8)
         np.testing.assert_allclose(fused[i], C_i @ (inv(b[i]) - 0.8 * common) @ y[i], atol=1e-8)
-    equal, same = weighed_intersection(0.8, a, a, y)
+    equal, same = intersection_at_weight(0.8, a, a, y)
     np.testing.assert_allclose(same, a, atol=1e-8)  # two equally good estimates state the covariance of one
     np.testing.assert_allclose(equal, 0.2 * y, atol=1e-8)
 
 
-@pytest.mark.parametrize("rule", [inverse_intersection, lambda a, b, y, _: weighed_intersection(0.8, a, b, y)])
+@pytest.mark.parametrize("rule", [inverse_intersection, lambda a, b, y, _: intersection_at_weight(0.8, a, b, y)])
 @pytest.mark.parametrize("k", [1, 2])
 def test_no_shared_information_makes_inverse_intersection_optimistic(k, rule):
     """A state of three numbers, a reading of k of them: 200 amounts of shared information about what is read."""
