@@ -18,7 +18,7 @@ import cooploc as cl
 from cooploc.analysis.formats import change, metres
 from cooploc.analysis.plot import style
 from cooploc.scenarios import resolve
-from cooploc.scenarios.recordings.fit import Part, residuals
+from cooploc.scenarios.recordings.fit import FitPart, residuals
 from cooploc.scenarios.recordings.sampling import Gaps, span
 from cooploc.scenarios.studies.study import load
 
@@ -33,7 +33,7 @@ def ranges(label: str, data: Path) -> pd.DataFrame:
     model = resolve(label, data).model.at([0])
     judged = model.judged
     log, robots = judged.log, judged.log.robots
-    whole = Part(log, *span(log))
+    whole = FitPart(log, *span(log))
     found = residuals([whole], "range", robots, judged.grid.tick, Gaps(0.5, 0.5))
     error = found.z[:, 0] - found.distance
     rows = []

@@ -126,7 +126,7 @@ def residuals(label: str, data: str | Path) -> Axes:
     model = resolve(label, data).model
     if not isinstance(model, TeamScenario):
         raise BadInput(f"{label!r} is not a recording of a team; name one whose log.toml begins with format")
-    found = [one for one in model.at([0]).leftovers() if len(one.residual)]
+    found = [one for one in model.at([0]).link_residuals() if len(one.residual)]
     channels = list(dict.fromkeys(one.what for one in found))
     if not channels:
         raise BadInput(f"{label!r} has no reading whose true distance is known; check the names in log.toml")

@@ -30,7 +30,7 @@ from cooploc.scenarios.recordings.bag_storage import (
 from cooploc.scenarios.recordings.csv_files import read_places
 from cooploc.scenarios.recordings.schema import UNITS, TeamDescription
 from cooploc.scenarios.recordings.sqlite_recovery import recover
-from cooploc.scenarios.recordings.team_log import Measured, Series, TeamLog, build_log, in_order, reading_tables
+from cooploc.scenarios.recordings.team_log import Measured, Series, TeamLog, build_log, order_series, reading_tables
 from cooploc.scenarios.recordings.text_files import LARGEST
 
 LATEST = 2**62  # [ns] in the year 2116: later times of receipt are damaged
@@ -313,7 +313,7 @@ def read(data: Path, place: Path, name: str, description: TeamDescription) -> Te
 
     """
     d = description
-    moves, poses = d.recorded
+    moves, poses = d.odometry_and_truth
     if moves.kind not in ODOMETRY:
         raise BadInput(f"{place}: a bag has odometry of kind {' or '.join(ODOMETRY)}, not {moves.kind!r}; correct kind")
     anchors, landmarks = (read_places(data, table, d.delimiter) for table in (d.anchors, d.landmarks))
@@ -352,7 +352,7 @@ def _by_robot(
                 )
             time = found[topic].time + table.clock_offset
             values = columns_of(topic, found[topic], columns, named)
-            ordered[robot], notes = in_order(time, values, topic)
+            ordered[robot], notes = order_series(time, values, topic)
             warnings += notes
     return ordered
 

@@ -11,7 +11,15 @@ from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array
 from cooploc.scenarios.recordings import schema
 from cooploc.scenarios.recordings.schema import LogColumn, ReadingColumns, Source, TeamDescription
-from cooploc.scenarios.recordings.team_log import Measured, Places, Series, TeamLog, build_log, in_order, reading_tables
+from cooploc.scenarios.recordings.team_log import (
+    Measured,
+    Places,
+    Series,
+    TeamLog,
+    build_log,
+    order_series,
+    reading_tables,
+)
 from cooploc.scenarios.recordings.text_files import count_of, read_lines
 
 
@@ -40,7 +48,7 @@ def runs(data: Path, description: TeamDescription) -> dict[str, Path]:
     return found
 
 
-class Run(NamedTuple):
+class RunFiles(NamedTuple):
     """A run that is being read."""
 
     place: Path  # directory of its files
@@ -57,8 +65,8 @@ def read(data: Path, place: Path, name: str, description: TeamDescription) -> Te
         BadInput: a file or column is missing, or a line is malformed; names file, line and remedy.
 
     """
-    d, run, zero = description, Run(place, name, description, []), 0.0
-    moves, poses = d.recorded
+    d, run, zero = description, RunFiles(place, name, description, []), 0.0
+    moves, poses = d.odometry_and_truth
     if d.sample.tick == "lines":
         run = run._replace(zero=_first_stamp(run, poses))
         zero = float((run.zero * np.array([column.factor for column in moves.time])).sum())
@@ -93,7 +101,7 @@ def read_places(data: Path, declared: schema.PlacesTable | None, delimiter: str)
     return Places(tuple(found), np.array(list(found.values()), float).reshape(-1, 2))
 
 
-class Rows(NamedTuple):
+class CsvRows(NamedTuple):
     """Lines of one file of a source."""
 
     path: Path
@@ -104,7 +112,9 @@ class Rows(NamedTuple):
     values: Array  # (m, k) in SI units; nan where a field is empty or a column is None
 
 
-def rows_of(run: Run, source: Source, columns: Sequence[LogColumn | None], others: Sequence[str]) -> Iterator[Rows]:
+def rows_of(
+    run: RunFiles, source: Source, columns: Sequence[LogColumn | None], others: Sequence[str]
+) -> Iterator[CsvRows]:
     """Yield the lines of every file of a source in one run.
 
     Raises:
@@ -136,10 +146,10 @@ def rows_of(run: Run, source: Source, columns: Sequence[LogColumn | None], other
         words = [[source.nodes.get(word, word) for word in names] for names in lines.names]
         who = [names[0] if source.robot else robot for names in words]
         what = [names[-1] if of else other for names in words]
-        yield Rows(path, stamp, time, who, what, values.T.reshape(-1, len(columns)))
+        yield CsvRows(path, stamp, time, who, what, values.T.reshape(-1, len(columns)))
 
 
-def _first_stamp(run: Run, poses: schema.GroundTruth) -> Array:
+def _first_stamp(run: RunFiles, poses: schema.GroundTruth) -> Array:
     """Return the columns of time on the first line with a true position."""
     rows = next(rows_of(run, poses, [poses.x, poses.y], ()))
     known = np.flatnonzero(np.isfinite(rows.values).all(-1) & np.isfinite(rows.time))
@@ -148,7 +158,7 @@ def _first_stamp(run: Run, poses: schema.GroundTruth) -> Array:
     return np.asarray(rows.stamp[known[0]], float)
 
 
-def _by_robot(run: Run, table: Source, columns: Sequence[LogColumn | None]) -> Mapping[str, Series]:
+def _by_robot(run: RunFiles, table: Source, columns: Sequence[LogColumn | None]) -> Mapping[str, Series]:
     """Return the series of each robot, from the first file that has lines of it."""
     found: dict[str, Series] = {}
     strangers = set[str]()
@@ -160,12 +170,12 @@ def _by_robot(run: Run, table: Source, columns: Sequence[LogColumn | None]) -> M
                 left_out = f"{len(mine)} lines of {robot!r}, which is not in `robots`, were left out"
                 run.warnings.append(f"{rows.path}: {left_out}")
             elif robot in run.description.robots and robot not in found:
-                found[robot], notes = in_order(rows.time[mine], rows.values[mine], str(rows.path))
+                found[robot], notes = order_series(rows.time[mine], rows.values[mine], str(rows.path))
                 run.warnings.extend(notes)
     return found
 
 
-def _measurements(run: Run, table: ReadingColumns, names: Sequence[str]) -> Iterator[Measured]:
+def _measurements(run: RunFiles, table: ReadingColumns, names: Sequence[str]) -> Iterator[Measured]:
     each: Mapping[str, LogColumn] = getattr(table, "each", {})  # the column of each thing that is measured
     columns = list(each.values()) or [getattr(table, name) for name in table.columns]
     for rows in rows_of(run, table, columns, names):

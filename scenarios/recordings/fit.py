@@ -194,7 +194,7 @@ IN_A_ROW = 2.0  # [s] readings of a link no further apart belong to one burst
 BETWEEN = 10_000  # [ticks] between parts
 
 
-class Part(NamedTuple):
+class FitPart(NamedTuple):
     """A part of a recording on which models may be fitted."""
 
     log: TeamLog
@@ -213,7 +213,7 @@ class Residuals(NamedTuple):
     apart: int = 1  # [ticks] readings of a link that are no further apart follow each other
 
 
-def residuals(parts: Sequence[Part], channel: Channel, robots: Sequence[str], tick: float, gaps: Gaps) -> Residuals:
+def residuals(parts: Sequence[FitPart], channel: Channel, robots: Sequence[str], tick: float, gaps: Gaps) -> Residuals:
     """Return the readings by robots of the team, with true distances at their stamps."""
     found, first, apart = [], 0, max(1, round(IN_A_ROW / tick))
     for part in parts:
@@ -227,7 +227,7 @@ def residuals(parts: Sequence[Part], channel: Channel, robots: Sequence[str], ti
     return Residuals(link, ticks, distance, z, apart)
 
 
-def _residuals_of_part(part: Part, channel: Channel, robots: Sequence[str], tick: float, gaps: Gaps) -> Residuals:
+def _residuals_of_part(part: FitPart, channel: Channel, robots: Sequence[str], tick: float, gaps: Gaps) -> Residuals:
     log, readings = part.log, part.log.readings[channel]
     at, fixed = readings.time, fixed_places(log, channel)
     mine, theirs = np.full((len(at), 3), np.nan), np.full((len(at), 2), np.nan)
@@ -251,14 +251,14 @@ def _residuals_of_part(part: Part, channel: Channel, robots: Sequence[str], tick
     return Residuals(link[used].astype(np.int64), ticks[used], distance[used], z[used])
 
 
-def tracks_of(parts: Sequence[Part], robot: str, tick: float, gaps: Gaps) -> list[Track]:
+def tracks_of(parts: Sequence[FitPart], robot: str, tick: float, gaps: Gaps) -> list[Track]:
     """Return a robot's odometry and truth over windows; those in which it moved may be fitted on."""
     window = max(WINDOW, tick)
     there = [p for p in parts if robot in p.log.robots and p.end - p.begin >= 2 * window]
     return [_track(part, part.log.robots.index(robot), window, gaps) for part in there]
 
 
-def _track(part: Part, robot: int, window: float, gaps: Gaps) -> Track:
+def _track(part: FitPart, robot: int, window: float, gaps: Gaps) -> Track:
     log = part.log
     if part.lines:
         grid = grid_of_lines(log, part.begin, part.end)
@@ -329,7 +329,7 @@ def fit_path_loss(r: Residuals, A: float | None, eta: float | None, robust: bool
 
 
 def fit_path_loss_of_lines(
-    parts: Sequence[Part], A: float | None, eta: float | None, gap: float, robust: bool
+    parts: Sequence[FitPart], A: float | None, eta: float | None, gap: float, robust: bool
 ) -> tuple[float, float, float, Memory]:
     """Return the same of a lone robot, whose readings of an anchor follow each other from line to line."""
     logs, readings = [np.empty((0, 0))], [np.empty((0, 0))]
@@ -371,7 +371,7 @@ def fit_sighting(r: Residuals, robust: bool) -> tuple[tuple[float, Memory], ...]
 
 
 def fit_odometry(
-    parts: Sequence[Part],
+    parts: Sequence[FitPart],
     robots: Sequence[str],
     kind: OdometryKind,
     stated: tuple[float | None, float | None],
@@ -457,7 +457,7 @@ class UnfittedModel(BadInput):
         self.names = tuple(names)
 
 
-class How(NamedTuple):
+class FitSettings(NamedTuple):
     """Settings of the fit."""
 
     tick: float  # [s]
@@ -482,7 +482,7 @@ class TeamModels(NamedTuple):
     notes: dict[str, Any]  # what was fitted, on what
 
 
-def team_models(log: TeamLog, parts: Sequence[Part], how: How) -> TeamModels:
+def team_models(log: TeamLog, parts: Sequence[FitPart], how: FitSettings) -> TeamModels:
     """Return the models of a run, fitted on parts of recordings that are not judged.
 
     Raises:
@@ -514,7 +514,7 @@ def team_models(log: TeamLog, parts: Sequence[Part], how: How) -> TeamModels:
     return TeamModels(motion, sensors, scales, bias, {"fitted_on": names, **notes})
 
 
-def _motion(log: TeamLog, parts: Sequence[Part], how: How) -> tuple[Motion, Array, dict[str, Any]]:
+def _motion(log: TeamLog, parts: Sequence[FitPart], how: FitSettings) -> tuple[Motion, Array, dict[str, Any]]:
     stated = how.stated["length_scale"], how.stated["turn_scale"]
     scales, fitted = fit_odometry(parts, log.robots, log.odometry_kind, stated, how.tick, how.gaps, how.robust)
     displaced = log.odometry_kind == "displacement"
@@ -530,7 +530,7 @@ def _motion(log: TeamLog, parts: Sequence[Part], how: How) -> tuple[Motion, Arra
 
 
 def _range_model(
-    log: TeamLog, channel: Channel, found: Residuals, how: How, prefix: str
+    log: TeamLog, channel: Channel, found: Residuals, how: FitSettings, prefix: str
 ) -> tuple[Range, Array, dict[str, Any]]:
     """Sensor, bias (n, others) [m] and notes; of raw ranges sigma is about zero, so that it contains the bias."""
     fitted = fit_range(found, 0.0 if how.bias == "none" else how.stated[f"{prefix}range_bias"], how.robust)
@@ -553,7 +553,7 @@ def _range_model(
     return Range(sigma), table, notes
 
 
-def _sighting_model(channel: Channel, found: Residuals, how: How) -> tuple[Sighting, dict[str, Any]]:
+def _sighting_model(channel: Channel, found: Residuals, how: FitSettings) -> tuple[Sighting, dict[str, Any]]:
     notes: dict[str, float] = {}
     for quantity, (sigma, memory) in zip(("range", "bearing"), fit_sighting(found, how.robust), strict=True):
         name = f"{channel}_sigma_{quantity}"
@@ -563,7 +563,7 @@ def _sighting_model(channel: Channel, found: Residuals, how: How) -> tuple[Sight
 
 
 def _rssi_model(
-    log: TeamLog, parts: Sequence[Part], found: Residuals, how: How, prefix: str
+    log: TeamLog, parts: Sequence[FitPart], found: Residuals, how: FitSettings, prefix: str
 ) -> tuple[LogDistance, dict[str, Any]]:
     stated = how.stated[f"{prefix}A"], how.stated[f"{prefix}eta"]
     if parts and parts[0].lines:
@@ -581,7 +581,7 @@ def _rssi_model(
     return LogDistance(A, eta, sigma), notes
 
 
-def _names_of(parts: Sequence[Part], log: TeamLog) -> str:
+def _names_of(parts: Sequence[FitPart], log: TeamLog) -> str:
     names = [part.log.name for part in parts]
     if names == [log.name]:
         return f"its first {parts[0].end - parts[0].begin:g} s, which are not judged"
@@ -591,7 +591,7 @@ def _names_of(parts: Sequence[Part], log: TeamLog) -> str:
 # ---- Residuals of a run after its models, where these were fitted and where they are judged
 
 
-class Leftover(NamedTuple):
+class LinkResiduals(NamedTuple):
     """Readings of one link, less what the model expects."""
 
     what: str  # such as "range" or "landmark bearing"
@@ -603,7 +603,9 @@ class Leftover(NamedTuple):
     sigma: float  # of the sensor's model
 
 
-def leftovers(log: TeamLog, parts: Sequence[Part], judged: Part, models: TeamModels, how: How) -> Iterator[Leftover]:
+def link_residuals(
+    log: TeamLog, parts: Sequence[FitPart], judged: FitPart, models: TeamModels, how: FitSettings
+) -> Iterator[LinkResiduals]:
     """Yield residuals by channel, part and link; sightings as range and as bearing."""
     for channel in log.readings:
         others = other_names(log, channel)
@@ -615,7 +617,7 @@ def leftovers(log: TeamLog, parts: Sequence[Part], judged: Part, models: TeamMod
                     i, j = divmod(int(link), max(len(log.robots), len(others)))
                     bias = models.bias[channel][i, j] if channel in models.bias else 0.0
                     name = f"{log.robots[i]} - {others[j]}"
-                    yield Leftover(quantity, unit, name, fitted, r.distance[mine], e[mine] - bias, sigma)
+                    yield LinkResiduals(quantity, unit, name, fitted, r.distance[mine], e[mine] - bias, sigma)
 
 
 def _errors(channel: Channel, r: Residuals, models: TeamModels) -> Iterator[tuple[str, str, Array, float]]:

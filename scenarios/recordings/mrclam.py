@@ -22,7 +22,15 @@ from cooploc.estimators.interface import Array, Belief, Mask, Senses, World
 from cooploc.estimators.models import Sighting, Unicycle, wrap_heading
 from cooploc.scenarios.recordings.sampling import Grid, cells, interpolate, mean_held
 from cooploc.scenarios.recordings.schema import TeamDescription
-from cooploc.scenarios.recordings.team_log import Measured, Places, Readings, Series, TeamLog, in_order, split_channels
+from cooploc.scenarios.recordings.team_log import (
+    Measured,
+    Places,
+    Readings,
+    Series,
+    TeamLog,
+    order_series,
+    split_channels,
+)
 from cooploc.scenarios.recordings.text_files import Table, read_table, require_unique, require_whole
 from cooploc.scenarios.stream import Air, Stream, Truth
 from cooploc.scenarios.worlds.radio import Positive
@@ -69,7 +77,7 @@ def read(data: Path, place: Path, name: str, description: TeamDescription | None
         return tables
 
     def series(table: Table, last: bool = False) -> Series:
-        ordered, notes = in_order(table.values[:, 0], table.values[:, 1:], str(table.path), last)
+        ordered, notes = order_series(table.values[:, 0], table.values[:, 1:], str(table.path), last)
         warnings.extend(notes)
         return ordered
 

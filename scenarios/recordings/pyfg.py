@@ -34,7 +34,7 @@ from cooploc.scenarios.recordings.team_log import (
     Readings,
     Series,
     TeamLog,
-    in_order,
+    order_series,
     split_channels,
 )
 from cooploc.scenarios.recordings.text_files import LARGEST, Fault, leave_out, parse_number, read_text
@@ -252,7 +252,7 @@ def _series(graph: Graph, chain: Chain, rows: Sequence[Sequence[float]]) -> Seri
     values = np.array(rows, float)
     values[:, 2] = wrap(values[:, 2])
     time = np.array([graph.poses[name].time for name in chain])
-    series, notes = in_order(time, values, f"{graph.path}, robot {graph.poses[chain[0]].robot}")
+    series, notes = order_series(time, values, f"{graph.path}, robot {graph.poses[chain[0]].robot}")
     graph.warnings.extend(notes)
     return series
 

@@ -149,10 +149,10 @@ def odometry(kind: OdometryKind, series: Series, grid: Grid, max_hold: float) ->
     """Return the odometry of a robot in each tick (T, 2): v [m/s], omega [rad/s]; or dx, dy [m]."""
     time, edges, u = series.time - grid.t0, grid.edges - grid.t0, series.values
     if kind == "velocity":
-        return _held(time, u, grid, max_hold)
+        return _hold_values(time, u, grid, max_hold)
     if kind == "path":
         length = np.diff(interpolate(time, u[:, :1], edges, np.inf), axis=0) / grid.dt[:, None]
-        return np.concatenate([length, _held(time, u[:, 1:], grid, max_hold)], -1)
+        return np.concatenate([length, _hold_values(time, u[:, 1:], grid, max_hold)], -1)
     if kind == "displacement":
         return np.diff(interpolate(time, np.cumsum(u, axis=0), edges, np.inf), axis=0)
     turned = np.concatenate([u[:, :2], np.unwrap(u[:, 2:], axis=0)], -1)
@@ -182,7 +182,7 @@ def cells(readings: Readings, grid: Grid, robots: int, others: int) -> tuple[Arr
     return table.reshape(*shape, -1), counts
 
 
-def in_turn(readings: Readings) -> Readings:
+def alternate_ranges(readings: Readings) -> Readings:
     """Give a pair's readings of each other to its two robots in turn, so that each is used once and both profit."""
     low, high = np.minimum(readings.robot, readings.other), np.maximum(readings.robot, readings.other)
     robot, other = low.copy(), high.copy()
@@ -197,7 +197,7 @@ def bearing(pose: Array, place: Array) -> Array:
     return wrap(np.arctan2(place[:, 1] - pose[:, 1], place[:, 0] - pose[:, 0]) - pose[:, 2])
 
 
-def _held(time: Array, u: Array, grid: Grid, max_hold: float) -> Array:
+def _hold_values(time: Array, u: Array, grid: Grid, max_hold: float) -> Array:
     """Return the means (T, k) of values that hold until the next stamp (time less t0), nan where it is far."""
     edges = grid.edges - grid.t0
     mean = mean_held(time, u, edges) if grid.lines is None else u[np.searchsorted(time, edges[:-1])]
@@ -237,7 +237,7 @@ def resample_readings(
     n, counts = len(log.robots), dict[str, Any]()
     tables = {c: np.empty((grid.ticks, n, 0, len(columns))) for c, columns in READING_COLUMNS.items()}
     for channel, readings in log.readings.items():
-        used = in_turn(readings) if channel == "range" and ranges_go_to == "both" else readings
+        used = alternate_ranges(readings) if channel == "range" and ranges_go_to == "both" else readings
         if channel in bias:
             used = used._replace(values=used.values - bias[channel][used.robot, used.other][:, None])
         tables[channel], counts[channel] = cells(used, grid, n, len(other_names(log, channel)))

@@ -24,7 +24,14 @@ from cooploc.estimators.interface import Array, Mask, Senses, World
 from cooploc.estimators.models import Range
 from cooploc.estimators.registry import load_object
 from cooploc.scenarios.recordings import sampling, schema
-from cooploc.scenarios.recordings.fit import How, Leftover, Part, TeamModels, leftovers, team_models
+from cooploc.scenarios.recordings.fit import (
+    FitPart,
+    FitSettings,
+    LinkResiduals,
+    TeamModels,
+    link_residuals,
+    team_models,
+)
 from cooploc.scenarios.recordings.prior import prior
 from cooploc.scenarios.recordings.sampling import Gaps, Grid, grid_of_lines, resample_readings
 from cooploc.scenarios.recordings.schema import NAME, TeamDescription
@@ -141,7 +148,7 @@ class Judged(NamedTuple):
 
     log: TeamLog
     grid: Grid
-    parts: list[Part]  # on which the models were fitted
+    parts: list[FitPart]  # on which the models were fitted
     models: TeamModels
     arena: Array  # (2, 2) [m]
 
@@ -175,7 +182,7 @@ class TeamScenario(schema.Model):
     @cached_property
     def folder(self) -> TeamFolder:
         """The recordings in the directory."""
-        return TeamFolder(self.data, schema.load(schema.shipped(self.described)) if self.described else None)
+        return TeamFolder(self.data, schema.load(schema.shipped_path(self.described)) if self.described else None)
 
     @cached_property
     def judged(self) -> Judged:
@@ -188,14 +195,16 @@ class TeamScenario(schema.Model):
         first = self._known_start(log, begin + (fit.seconds or 0.0), end)
         grid, lines = self._grid(log, first, end), self._sample.tick == "lines"
         if fit.on == "first part":
-            parts = [Part(log, begin, first, lines)]
+            parts = [FitPart(log, begin, first, lines)]
         else:
             others = self.folder.others(self.run, self.fitted_on == "same set-up") if fit.on == "other runs" else []
-            parts = [Part(other, *sampling.span(other), lines) for other in others]
-        return Judged(log, grid, parts, team_models(log, parts, self._how(grid.tick)), _arena(log, self.folder))
+            parts = [FitPart(other, *sampling.span(other), lines) for other in others]
+        return Judged(
+            log, grid, parts, team_models(log, parts, self._fit_settings(grid.tick)), _arena(log, self.folder)
+        )
 
     @cached_property
-    def _of_all(self) -> dict[int, "TeamScenario"]:
+    def _by_trial(self) -> dict[int, "TeamScenario"]:
         """The runs of `all` by trial, as far as they were needed, so that each is fitted once."""
         return {}
 
@@ -218,7 +227,7 @@ class TeamScenario(schema.Model):
             raise BadInput(f"{there}, numbered from 0; there is no trial {trials[0]}; ask for an existing one")
         if self.run != ALL:
             return self
-        return self._of_all.setdefault(trials[0], self.model_copy(update={"run": names[trials[0]]}))
+        return self._by_trial.setdefault(trials[0], self.model_copy(update={"run": names[trials[0]]}))
 
     def world(self) -> World:
         """Return what the team knows of this run: fixed things, arena, and assumed models."""
@@ -296,11 +305,11 @@ class TeamScenario(schema.Model):
         weak = [f"run {log.name!r} {NO_ORDER}: {'; '.join(reasons)}"] * bool(reasons)
         return [*log.warnings, *weak, f"run {log.name!r}: models fitted on {models.notes['fitted_on']}: {values}"]
 
-    def leftovers(self) -> list[Leftover]:
+    def link_residuals(self) -> list[LinkResiduals]:
         """Return the residuals of the run after its models, where these were fitted and where they are judged."""
         log, grid, parts, models, _ = self.judged
-        judged = Part(log, grid.t0, float(grid.edges[-1]))
-        return list(leftovers(log, parts, judged, models, self._how(grid.tick)))
+        judged = FitPart(log, grid.t0, float(grid.edges[-1]))
+        return list(link_residuals(log, parts, judged, models, self._fit_settings(grid.tick)))
 
     def _names(self) -> list[str]:
         return self.folder.different if self.run == ALL else [self.folder.log(self.run).name]
@@ -343,9 +352,9 @@ class TeamScenario(schema.Model):
     def _gaps(self) -> Gaps:
         return Gaps(self._sample.max_gap, self._sample.max_hold)
 
-    def _how(self, tick: float) -> How:
+    def _fit_settings(self, tick: float) -> FitSettings:
         stated = self.folder.description.model.model_dump() | self._overrides(tuple(schema.Model.model_fields))
-        return How(tick, self._gaps, stated, self.bias, self.robust, self.correlation == "inflate")
+        return FitSettings(tick, self._gaps, stated, self.bias, self.robust, self.correlation == "inflate")
 
     def _overrides(self, names: Sequence[str]) -> dict[str, Any]:
         """Return the parameters that replace values of the description."""

@@ -112,7 +112,7 @@ Place = tuple[float, float]  # [m]
 Name = Annotated[str, Field(pattern=r"^[^\s,/{}\[\]]+$", max_length=60)]
 
 
-def _several(given: Any) -> Any:
+def _as_list(given: Any) -> Any:
     """One table or column, where there may be several."""
     return given if isinstance(given, list | tuple) else [given]
 
@@ -122,7 +122,7 @@ def _require_inside(file: str | None) -> None:
         raise ValueError(f"file is {file!r}; name one inside the directory")
 
 
-Several = BeforeValidator(_several)
+Several = BeforeValidator(_as_list)
 TimeColumns = Annotated[tuple[Seconds, ...], Field(min_length=1), Several]
 
 
@@ -213,7 +213,7 @@ class ReadingColumns(Source):
     other: Number | None = None
 
     @model_validator(mode="after")
-    def _of_something(self) -> Self:
+    def _says_what_is_measured(self) -> Self:
         named = self.other is not None or "{other}" in (self.file or "") or bool(getattr(self, "each", None))
         if self.in_files and not named:
             raise ValueError('what was measured: other = "the column of names", or {other} in the name of the file')
@@ -357,7 +357,7 @@ class TeamDescription(Strict):
     model: Model = Model()
 
     @property
-    def recorded(self) -> tuple[Odometry, GroundTruth]:
+    def odometry_and_truth(self) -> tuple[Odometry, GroundTruth]:
         """[odometry] and [truth], which the formats csv and bag have."""
         if self.odometry is None or self.truth is None:
             raise ValueError(f"format {self.format!r} has no tables [odometry] and [truth]")
@@ -433,7 +433,7 @@ def load(path: Path) -> TeamDescription:
         raise BadInput(f"{path}: cannot be read as TOML ({e}); correct it") from None
 
 
-def shipped(name: str) -> Path:
+def shipped_path(name: str) -> Path:
     """Return the path of a description that comes with cooploc."""
     return Path(str(files(__package__))) / f"{name}.{NAME}"
 

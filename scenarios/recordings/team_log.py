@@ -4,7 +4,7 @@ Readers (`csv`, `bags`, `pyfg`, `mrclam`) make it, `cooploc inspect` looks at it
 ticks. Stamps are seconds since the epoch or since an arbitrary zero, the same for all series unless a clock is off.
 
 A fault of a recording that does not spoil the rest is repaired or left out where the reader meets it, and becomes a
-sentence in `TeamLog.warnings`: lines of a file in `text_files.read_lines`, stamps and gaps of a series in `in_order`,
+sentence in `TeamLog.warnings`: lines of a file in `text_files.read_lines`, stamps and gaps in `order_series`,
 impossible positions in `true_poses`, names and values of readings in `split_channels`.
 """
 
@@ -133,7 +133,7 @@ def unreachable(time: Array, positions: Array, speed: float) -> Mask:
 # ---- A series of one robot, put into order
 
 
-def in_order(time: Array, values: Array, source: str, last: bool = False) -> tuple[Series, list[str]]:
+def order_series(time: Array, values: Array, source: str, last: bool = False) -> tuple[Series, list[str]]:
     """Return a series whose stamps rise, and what was left out or sorted, a sentence each.
 
     Args:
@@ -211,7 +211,7 @@ def build_log(
     if not robots:
         raise BadInput(f"{place}: no robot has two samples of odometry; correct [odometry] of log.toml")
     notes += [f"{place}: robot {robot!r} has fewer than two samples of odometry; it was left out" for robot in lost]
-    moves, declared = d.recorded
+    moves, declared = d.odometry_and_truth
     poses = tuple(_truth_of(place, robot, truth.get(robot), declared, notes) for robot in robots)
     if all(series is None for series in poses):
         raise BadInput(f"{place}: no robot has a truth; correct [truth] of log.toml")
@@ -256,7 +256,7 @@ def split_channels(
             (known & itself, one.robot, "of {} by itself"),
             (there & ~positive, one.robot, "by {} that are not positive"),
         ):
-            notes += _left_out(one, dropped, names, what)
+            notes += _note_of_rows(one, dropped, names, what)
         good = known & ~itself & positive
         for channel, other in zip(CHANNELS[kind], (mate, thing), strict=True):
             rows = np.flatnonzero(good & (other >= 0))
@@ -275,7 +275,7 @@ def _numbers(names: Sequence[str], known: Sequence[str]) -> Indices:
     return np.array([index.get(name, -1) for name in names], np.int64)
 
 
-def _left_out(one: Measured, dropped: Mask, names: Sequence[str], what: str) -> list[str]:
+def _note_of_rows(one: Measured, dropped: Mask, names: Sequence[str], what: str) -> list[str]:
     rows = np.flatnonzero(dropped).tolist()
     if not rows:
         return []

@@ -98,7 +98,7 @@ def test_ranges_that_go_to_both_are_used_once_each():
     robot = rng.integers(0, 3, 40)
     other = (robot + rng.integers(1, 3, 40)) % 3
     before = Readings(np.arange(40.0), robot, other, np.arange(40.0)[:, None], "")
-    after = sampling.in_turn(before)
+    after = sampling.alternate_ranges(before)
     np.testing.assert_array_equal(after.values, before.values)
     for a, b in ((0, 1), (0, 2), (1, 2)):
         of_pair = [set(pair) == {a, b} for pair in zip(robot, other, strict=True)]

@@ -243,7 +243,7 @@ def test_one_command_gives_a_ranked_table(recorded, tmp_path):
 
 def test_what_is_left_over_has_the_spread_that_filters_are_told(long):
     model = resolve("log/all", long).model.at([0])
-    found = {one.fitted: one for one in model.leftovers()}
+    found = {one.fitted: one for one in model.link_residuals()}
     for one in found.values():
         assert (one.what, one.unit, one.link) == ("range", "m", "red - blue")
         assert abs(one.residual.mean()) < 0.02
@@ -256,5 +256,5 @@ def test_residuals_are_drawn_where_they_were_fitted_and_where_they_are_judged(lo
     drawn = cl.plot.residuals("log/all", long)
     left, right = drawn.figure.axes
     shown = [len(ax.lines[0].get_xdata()) for ax in (left, right)]
-    assert shown == [len(one.residual) for one in resolve("log/all", long).model.at([0]).leftovers()]
+    assert shown == [len(one.residual) for one in resolve("log/all", long).model.at([0]).link_residuals()]
     plt.close(drawn.figure)
