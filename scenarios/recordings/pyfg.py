@@ -261,7 +261,7 @@ def _measured(graph: Graph, edges: Sequence[Edge]) -> Measured:
     """Return measurements at the time of the first pose that they name."""
     first = [graph.poses[e.first] for e in edges]
     other = [graph.poses[e.second].robot if e.second in graph.poses else e.second for e in edges]
-    values = np.array([e.values for e in edges], float).reshape(len(edges), -1)
+    values = np.array([e.values for e in edges], float).reshape(len(edges), len(edges[0].values) if edges else 1)
     return Measured(np.array([p.time for p in first]), [p.robot for p in first], other, values, str(graph.path))
 
 
