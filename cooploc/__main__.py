@@ -22,7 +22,7 @@ def main() -> None:
             _say(f"interrupted; {KEPT}", code)
         sys.stdout.flush()
     except (Exception, CancelledError) as e:
-        line = _explained(e)
+        line = _explain(e)
         if line is None:
             raise
         code = _say(line, 2)
@@ -30,8 +30,8 @@ def main() -> None:
     sys.exit(code)
 
 
-def _explained(e: BaseException) -> str | None:
-    """One line for what the user can fix; None for bugs of ours, which keep their traceback."""
+def _explain(e: BaseException) -> str | None:
+    """Return one line for what the user can fix; None for bugs of ours, which keep their traceback."""
     from cooploc.estimators.errors import BadInput
 
     if isinstance(e, BadInput):
@@ -44,15 +44,10 @@ def _explained(e: BaseException) -> str | None:
     if type(e).__name__.endswith("CancelledError"):
         return f"the Dask cluster dropped the work ({type(e).__name__}); {KEPT}"
     if hasattr(e, "format_message"):  # the command line's own errors, whose class typer does not export
-        return f"{e.format_message()} ({_command(e)} --help says what there is)"
+        context = getattr(e, "ctx", None)
+        command = context.command_path.rpartition("cooploc")[2] if context else ""
+        return f"{e.format_message()} (cooploc{command} --help says what there is)"
     return None
-
-
-def _command(e: BaseException) -> str:
-    """The command that an error of the command line is about: "cooploc run"."""
-    context = getattr(e, "ctx", None)
-    path = context.command_path if context else ""
-    return f"cooploc{path.rpartition('cooploc')[2]}"
 
 
 def _say(message: str, code: int) -> int:
@@ -65,7 +60,7 @@ def _say(message: str, code: int) -> int:
 
 
 def _forget_output() -> None:
-    """What could not be written is tried again when Python ends, with a complaint, unless it has somewhere to go."""
+    """Send output that could not be written nowhere; else Python complains of it at its end."""
     try:
         sys.stdout.flush()
     except (OSError, ValueError):

@@ -50,8 +50,8 @@ from cooploc.terminal.console import TerminalProgress
 MOST_TRIALS = 1000  # of what stays open in a run until decided
 
 
-class How(TypedDict, total=False):
-    """Where and how a study runs; `run_study` says what each option means."""
+class RunOptions(TypedDict, total=False):
+    """The options of a run, as `run_study` explains them."""
 
     seed: int | None
     estimators: str | Iterable[str] | None
@@ -67,7 +67,7 @@ class How(TypedDict, total=False):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Results:
-    """What a run of a study found, and the directory that holds it."""
+    """The results of a study's run, and the directory that holds them."""
 
     folder: Path
     rows: pd.DataFrame  # as `cl.errors`, with `failure`, `traceback` and `certificate`
@@ -76,7 +76,7 @@ class Results:
 
     @property
     def failures(self) -> pd.DataFrame:
-        """One row per trial that failed, with its `failure` and its `traceback`."""
+        """A row for each trial that failed, with its `failure` and its `traceback`."""
         failed = self.rows[self.rows["failure"].notna()].drop_duplicates(["scenario", "estimator", "trial"])
         return failed[["scenario", "estimator", "trial", "failure", "traceback"]].reset_index(drop=True)
 
@@ -95,7 +95,7 @@ AnyLedger = ledgers.Ledger | str | Path | None  # its TOML file; None: the claim
 
 @dataclass(frozen=True, eq=False)
 class RunChanges:
-    """What differs between two runs."""
+    """The differences between two runs."""
 
     table: pd.DataFrame  # one row per (scenario, estimator); `analysis.report.run_diff.COLUMNS` says what columns mean
     settings: list[str]  # what differs of seed, versions, source, parameters
@@ -118,7 +118,7 @@ class Reproduced:
 # Run a study.
 
 
-def run_study(study: str | Path, *, trials: int | None = None, **how: Unpack[How]) -> Results:
+def run_study(study: str | Path, *, trials: int | None = None, **how: Unpack[RunOptions]) -> Results:
     """Run a study, as `cooploc run` does; what its directory holds already is not computed again.
 
     Args:
@@ -150,7 +150,7 @@ def run_until(
     *,
     max_trials: int = MOST_TRIALS,
     ledger: AnyLedger = None,
-    **how: Unpack[How],
+    **how: Unpack[RunOptions],
 ) -> Results:
     """Run a study until its comparisons and claims are decided, as `cooploc run --until-decided` does.
 
@@ -239,7 +239,7 @@ def _compare(rows: pd.DataFrame, baselines: Any, found: pd.DataFrame | None) -> 
     return (table if found is None else add_decisions(table, found)), found
 
 
-def plan(study: str | Path, *, difference: float = 0.1, **how: Unpack[How]) -> pd.DataFrame:
+def plan(study: str | Path, *, difference: float = 0.1, **how: Unpack[RunOptions]) -> pd.DataFrame:
     """Plan how many trials each comparison needs to show a difference in four of five runs (80 % power).
 
     Runs ten trials of the study, which its run directory keeps: a run of the study goes on from there. Ten trials know

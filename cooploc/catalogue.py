@@ -12,7 +12,7 @@ SCENARIOS = ("robots-1-3/n=3[ticks=5]", "camera/n=3[ticks=20]")
 
 
 def markdown() -> str:
-    """One row per built-in estimator: what it is, senses and sends, what that costs, and how far it can be trusted."""
+    """Return a row for each built-in estimator: what it is, senses and sends, its bytes, consistency and source."""
     head = ["name", "what it is", "senses", "sends", "bytes per message", "known consistency", "source"]
     known = listing().set_index("name").loc[list(BUILTIN)].reset_index()
     rows = [_row(row) for row in known.to_dict("records")]

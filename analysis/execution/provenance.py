@@ -34,13 +34,13 @@ FLOORS = "estimators", "scenarios"
 
 
 def provenance() -> dict[str, Any]:
-    """What the bits depend on, and commit and processor."""
+    """Return what the bits depend on, with the commit and the processor."""
     return {**bits(), "commit": _commit(), "cpu": _cpu()}
 
 
 @cache
 def bits() -> dict[str, Any]:
-    """What must match where results are put together: versions, a hash of the source, the processor's instructions.
+    """Return the versions, a hash of the source and the processor's instructions: equal where results are put together.
 
     Read once: a process computes with what it imported first.
     """
@@ -60,7 +60,7 @@ def version_changes(one: dict[str, Any], other: dict[str, Any]) -> list[tuple[st
 
 
 def fingerprint(folder: Path) -> str:
-    """One hash over the names and contents of a directory's files."""
+    """Return one hash over the names and contents of a directory's files."""
     return _hash((file.name, file) for file in sorted(folder.iterdir()) if file.is_file())
 
 
@@ -112,13 +112,13 @@ def training_of(name: str) -> str:
 
 
 def source_hash(root: Path = ROOT) -> str:
-    """One hash over the code below `root` that decides what a trial's errors are."""
+    """Return one hash over the code below `root` that decides a trial's errors."""
     floors = [named for floor in FLOORS for named in tree(root / floor, ".py")]
     return _hash([*floors, ("errors.py", root / "analysis" / "metrics" / "errors.py")])
 
 
 def _hash(files: Iterable[tuple[str, Path]]) -> str:
-    """One hash over names and contents."""
+    """Return one hash over names and contents."""
     digest = hashlib.sha256()
     for name, file in files:
         digest.update(name.encode() + hashlib.sha256(file.read_bytes()).digest())
@@ -135,7 +135,7 @@ def _commit() -> str | None:
 
 
 def instructions() -> dict[str, str]:
-    """What the libraries make of this processor, and of the flags that tell them to: other ones round otherwise."""
+    """Return the instructions that the libraries use on this processor: others round otherwise."""
     from llvmlite import binding
     from numpy._core._multiarray_umath import __cpu_features__
     from threadpoolctl import threadpool_info

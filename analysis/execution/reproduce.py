@@ -25,7 +25,7 @@ VALUES += ("anees", "coverage95", "diverged", "pose_nees", "messages", "bytes")
 
 
 class RerunTrial(NamedTuple):
-    """One trial of one estimator, run again."""
+    """A trial of one estimator that ran again."""
 
     scenario: str
     estimator: str
@@ -36,10 +36,10 @@ class RerunTrial(NamedTuple):
     remark: str
 
 
-def sample(kept: StoredRun) -> list[dict[str, Any]]:
+def sample(run: StoredRun) -> list[dict[str, Any]]:
     """Return digests and RMSE of every estimator in a few trials of each scenario, drawn by the scenario's name."""
     out = []
-    for scenario, part in kept.rows.groupby("scenario", sort=False):
+    for scenario, part in run.rows.groupby("scenario", sort=False):
         trials = np.unique(part["trial"])
         drawn = np.random.default_rng(list(hashlib.sha256(str(scenario).encode()).digest())).permutation(trials)[:EACH]
         for (estimator, _), rows in part[part["trial"].isin(drawn)].groupby(["estimator", "trial"], sort=False):
@@ -56,7 +56,7 @@ def load(path: Path) -> dict[str, Any]:
 
     """
     if (path / PARTS).is_dir():
-        return embedded(read_run(path))
+        return embed(read_run(path))
     file = path / PAGE if path.is_dir() else path
     try:
         page = file.read_text(encoding="utf-8")
@@ -70,9 +70,9 @@ def load(path: Path) -> dict[str, Any]:
     return content
 
 
-def embedded(kept: StoredRun) -> dict[str, Any]:
+def embed(run: StoredRun) -> dict[str, Any]:
     """Return what a page embeds, which `load` reads: the manifest and a sample of the trials."""
-    return {"format": FORMAT, "manifest": kept.manifest, "sample": sample(kept)}
+    return {"format": FORMAT, "manifest": run.manifest, "sample": sample(run)}
 
 
 def rerun(embedded: dict[str, Any], trials: int, data: Path | None = None, trust: bool = False) -> list[RerunTrial]:

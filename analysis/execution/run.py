@@ -183,14 +183,14 @@ def execute(
 
     """
     watcher, directory = progress or Silent(), RunDir(out)
-    with make_workers(jobs, scheduler, isolate, watcher.compiling) as compute, directory.locked():
+    with make_workers(jobs, scheduler, isolate, watcher.compiling) as compute, directory.lock():
         directory.open(make_manifest(study, isolate))
         manifest = directory.manifest
         for line in [f"{label}, {line}" for label, lines in manifest["recordings"].items() for line in lines]:
             watcher.say(line)
         check_plugins(manifest, partial(directory.write_manifest, manifest), check, isolate, watcher.say)
         intact = dict(complete(study, directory, compute, watcher, retry_failed, isolate))
-        rows = directory.read(wanted_trials(study), intact)
+        rows = directory.read_rows(trials_of_cells(study), intact)
         for row in rows.dropna(subset="stream").drop_duplicates(["scenario", "trial"]).itertuples():
             manifest["streams"].setdefault(row.scenario, {})[str(row.trial)] = row.stream
         directory.write_manifest(manifest)
@@ -224,7 +224,7 @@ def make_manifest(asked: ResolvedStudy, isolate: bool) -> dict[str, Any]:
     }
 
 
-def wanted_trials(study: ResolvedStudy) -> dict[tuple[str, str], int]:
+def trials_of_cells(study: ResolvedStudy) -> dict[tuple[str, str], int]:
     """Return the trials of each (scenario, estimator), in the order of a run's rows."""
     ordered = [one.label for one in study.estimators]
     return {
@@ -239,7 +239,7 @@ def wanted_trials(study: ResolvedStudy) -> dict[tuple[str, str], int]:
 
 
 class Plan(NamedTuple):
-    """How a study can be completed."""
+    """The parts that a study has, and the tasks that compute the others."""
 
     intact: dict[PartKey, Receipt]
     damaged: list[PartKey]
@@ -259,7 +259,7 @@ def complete(
     yield from plan.intact.items()
     for key in plan.damaged:
         watcher.say(f"{key.name} is gone or does not match its checksum; its trials are computed again")
-    trials = sum(wanted_trials(asked).values())
+    trials = sum(trials_of_cells(asked).values())
     watcher.begin(trials, trials - sum(len(task.trials) * len(task.estimators) for task in plan.tasks))
     experiments = {cell.scenario.label: cell.experiment for cell in asked.cells}
     for part in compute(plan.tasks):
@@ -273,7 +273,7 @@ def complete(
 
 def make_plan(study: ResolvedStudy, directory: RunDir, retry_failed: bool = False, isolate: bool = True) -> Plan:
     """Look at every part that a study needs; one that is missing, damaged or to be tried again becomes a task."""
-    found = directory.find(wanted_trials(study))
+    found = directory.find(trials_of_cells(study))
     again = {key for key, receipt in found.intact.items() if retry_failed and receipt.failed}
     held: dict[tuple[str, str], list[range]] = {}
     for key in found.intact:

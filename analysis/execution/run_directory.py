@@ -113,7 +113,7 @@ def _hash_of(file: Path) -> str:
 
 
 class PartKey(NamedTuple):
-    """Which trials of which scenario and estimator a part holds."""
+    """The scenario, the estimator and the trials of a part."""
 
     scenario: str
     estimator: str
@@ -133,7 +133,7 @@ class PartKey(NamedTuple):
 
 
 class Receipt(NamedTuple):
-    """What is known of a part beside its rows."""
+    """A part's hash, cost and failures, beside its rows."""
 
     sha256: str  # of its file
     seconds: float  # of computing, per robot and tick
@@ -155,7 +155,7 @@ class RunDir:
 
     @property
     def manifest(self) -> dict[str, Any]:
-        """What the directory says it holds; empty where nothing was run into it yet.
+        """The manifest; empty where nothing was run into the directory yet.
 
         Raises:
             BadInput: the directory holds something else, a damaged manifest, or a newer format.
@@ -176,7 +176,7 @@ class RunDir:
         return {"files": {}, "imports": {}, "certificates": {}, "instructions": {}, **content}
 
     @contextmanager
-    def locked(self) -> Iterator[None]:
+    def lock(self) -> Iterator[None]:
         """Keep other runs from writing here; the lock ends with its process, however that ends.
 
         Raises:
@@ -248,7 +248,7 @@ class RunDir:
                         found.damaged.append(key)
         return found
 
-    def read(self, wanted: Mapping[Cell, int], intact: Mapping[PartKey, Receipt]) -> pd.DataFrame:
+    def read_rows(self, wanted: Mapping[Cell, int], intact: Mapping[PartKey, Receipt]) -> pd.DataFrame:
         """Return the rows of intact parts, with their seconds, in the order of what is wanted: trials below a number.
 
         Raises:
@@ -374,12 +374,12 @@ class StoredRun(NamedTuple):
 
     @property
     def baselines(self) -> dict[str, str]:
-        """What each scenario's estimators are compared with."""
+        """The baseline of each scenario."""
         return {scenario: cell["baseline"] for scenario, cell in self.manifest["cells"].items()}
 
     @property
     def comparisons(self) -> pd.DataFrame | None:
-        """One row per comparison of a run until decided: the fields of `Decision`; None of another run."""
+        """A row for each comparison of a run until decided, with the fields of `Decision`; None of another run."""
         if self.decisions is None:
             return None
         return pd.DataFrame(self.decisions["comparison"], columns=list(Decision._fields))
@@ -391,7 +391,7 @@ class StoredRun(NamedTuple):
 
     @property
     def experiments(self) -> dict[str, dict[str, list[str]]]:
-        """Of each experiment its scenarios, and of each scenario the estimators that have rows, in the study's order.
+        """Every experiment's scenarios with the estimators that have rows, in the study's order.
 
         A scenario that several experiments share is in each of them, with the estimators that it has there.
         """
@@ -433,7 +433,7 @@ def read_run(folder: Path, empty: bool = False) -> StoredRun:
         gaps[cell] -= min(key.trials.stop, wanted[cell]) - key.trials.start
     rows = pd.DataFrame(columns=["scenario", "estimator", "trial", "failure", "traceback"])
     if found.intact:
-        rows = add_certificates(directory.read(wanted, found.intact), manifest["certificates"])
+        rows = add_certificates(directory.read_rows(wanted, found.intact), manifest["certificates"])
     gaps = {cell: missing for cell, missing in gaps.items() if missing}
     return StoredRun(folder, manifest, rows, gaps, read_decisions(folder), tuple(found.damaged))
 

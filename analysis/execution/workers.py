@@ -70,7 +70,7 @@ MOST_JOBS = 1024
 
 @dataclass(frozen=True)
 class Task:
-    """One chunk of a scenario's trials, for the estimators that still lack it. It travels as labels."""
+    """A chunk of a scenario's trials, for the estimators that still lack it. It travels as labels."""
 
     scenario: ResolvedScenario
     trials: range
@@ -121,7 +121,7 @@ def measure(task: Task) -> Iterator[MeasuredPart]:
         if not plugin_world or isinstance(e, BadInput):
             raise
         if not task.smaller():
-            yield failed_part(task, failure_line(e), _full_text(e), hashes=[None])
+            yield part_of_failure(task, failure_line(e), _full_text(e), hashes=[None])
         for one in task.smaller():
             yield from measure(one)
         return
@@ -139,12 +139,12 @@ def measure_all(task: Task) -> list[MeasuredPart]:
 def _run_rows(task: Task, estimator: ConfiguredEstimator, truth: Truth, stream: Stream) -> pd.DataFrame:
     """Return the rows of one estimator; where it fails, each trial runs alone, so that the others have a result."""
     try:
-        traces = {estimator.label: _run(task, estimator, stream)}
+        traces = {estimator.label: _trace(task, estimator, stream)}
         frame = errors(truth, Run(stream.scenario, stream.seed, stream.trial, stream.hashes, traces))
         return frame.assign(**{column: pd.Series([None] * len(frame), dtype="str") for column in FAILURE})
     except FAILS as e:
         if len(stream.trial) == 1:
-            return _failed_rows(
+            return _rows_of_failure(
                 task, estimator, stream.robots, int(stream.trial[0]), stream.hashes[0], failure_line(e), _full_text(e)
             )
         single = (slice(i, i + 1) for i in range(len(stream.trial)))
@@ -152,7 +152,7 @@ def _run_rows(task: Task, estimator: ConfiguredEstimator, truth: Truth, stream: 
         return pd.concat(frames, ignore_index=True)
 
 
-def _run(task: Task, estimator: ConfiguredEstimator, stream: Stream) -> Trace:
+def _trace(task: Task, estimator: ConfiguredEstimator, stream: Stream) -> Trace:
     if task.isolate and not estimator.builtin:
         return trace_in_process(PluginJob(estimator.label, estimator.label, task.time_limit, PLUGINS), [stream], None)
     with limit_time(task.time_limit, *stream.senses.dt.shape[:2]) as watch:
@@ -164,7 +164,7 @@ def _part(task: Task, estimator: ConfiguredEstimator, frame: pd.DataFrame) -> Me
     return MeasuredPart(key, frame.drop(columns="seconds"), float(frame["seconds"].mean()))
 
 
-def failed_part(task: Task, line: str, full: str = "", hashes: Sequence[str | None] | None = None) -> MeasuredPart:
+def part_of_failure(task: Task, line: str, full: str = "", hashes: Sequence[str | None] | None = None) -> MeasuredPart:
     """Return the part of a task's one estimator without any result; hashes of streams that can be made are computed."""
     (estimator,) = task.estimators
     robots = task.scenario.robots
@@ -174,11 +174,11 @@ def failed_part(task: Task, line: str, full: str = "", hashes: Sequence[str | No
             _, stream = task.scenario.simulate(task.trials, task.seed)
             robots, hashes = stream.robots, stream.hashes
     pairs = zip(task.trials, hashes, strict=True)
-    frames = [_failed_rows(task, estimator, robots, trial, hashed, line, full or line) for trial, hashed in pairs]
+    frames = [_rows_of_failure(task, estimator, robots, trial, hashed, line, full or line) for trial, hashed in pairs]
     return _part(task, estimator, pd.concat(frames, ignore_index=True))
 
 
-def _failed_rows(
+def _rows_of_failure(
     task: Task, estimator: ConfiguredEstimator, robots: int, trial: int, stream: str | None, line: str, full: str
 ) -> pd.DataFrame:
     """Return the rows of one trial without a result, and why."""
@@ -293,7 +293,7 @@ def _compute_alone(processes: Processes, task: Task) -> Iterator[MeasuredPart]:
         for one in task.smaller():
             yield from _compute_alone(processes, one)
         if not task.smaller():
-            yield failed_part(task, f"the process that ran it died ({cause_of(e)})")
+            yield part_of_failure(task, f"the process that ran it died ({cause_of(e)})")
 
 
 class LocalProcesses:
@@ -353,14 +353,14 @@ class DaskCluster:
         try:
             return future.result()
         except (asyncio.CancelledError, CancelledError):
-            raise BadInput(_gone(self._address)) from None
+            raise BadInput(_lost_scheduler(self._address)) from None
         except (ImportError, AttributeError) as e:
             raise BadInput(f"a worker of {self._address} cannot run cooploc ({one_line(e)}): install it there") from e
 
     def wait_any(self, running: Iterable["Future[Any]"]) -> "set[Future[Any]]":
         while not (done := wait(running, timeout=LOOK, return_when=FIRST_COMPLETED).done):
             if self._client.status != "running":
-                raise BadInput(_gone(self._address))
+                raise BadInput(_lost_scheduler(self._address))
         return done
 
     def replace_dead(self) -> None: ...
@@ -424,7 +424,7 @@ def require_same_bits(worker: str, theirs: dict[str, Any], mine: dict[str, Any])
             raise BadInput(f"the Dask worker {worker} has other {key} than this machine: {REMEDY[key]}")
 
 
-def _gone(address: str) -> str:
+def _lost_scheduler(address: str) -> str:
     return f"the Dask scheduler at {address} is gone; what was finished is kept: start it, and the same command goes on"
 
 

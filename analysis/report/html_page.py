@@ -15,7 +15,7 @@ from markupsafe import Markup
 
 from cooploc.analysis.claims.ledger import Ledger
 from cooploc.analysis.claims.trial_table import TrialTable
-from cooploc.analysis.execution.reproduce import PAGE, embedded
+from cooploc.analysis.execution.reproduce import PAGE, embed
 from cooploc.analysis.execution.run_directory import StoredRun
 from cooploc.analysis.metrics import ranking
 from cooploc.analysis.metrics.compare import outlier_warnings
@@ -120,7 +120,7 @@ def content(numbers: Numbers, ledger: Ledger) -> dict[str, Any]:
         "paragraph": page_texts.paragraph(numbers),
         "bibtex": page_texts.bibtex(manifest["versions"]["cooploc"], manifest["commit"]),
         "versions": versions,
-        "embedded": embedded(kept),
+        "embedded": embed(kept),
         "wording": Wording(numbers.names, marks, page_texts.anchors_of(names), file_names(ended)),
         "labels": {what: list(dict.fromkeys(table[what])) for what in ("estimator", "scenario")},
         "tables": [*tables, versions],

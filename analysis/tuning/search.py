@@ -85,7 +85,7 @@ def cap_score(nll: Array) -> Array:
     return np.asarray(np.where(finite > CAP, CAP + np.log1p(np.maximum(finite - CAP, 0.0)), finite))
 
 
-def _bounded_squares(mse: Array) -> Array:
+def _bound_squares(mse: Array) -> Array:
     return np.asarray(np.minimum(np.nan_to_num(mse, nan=np.inf), LARGEST**2))
 
 
@@ -96,7 +96,7 @@ def _log_root(mse: Array) -> Array:
 # name -> column of `errors`, what a robot's value counts as, what becomes of the trial's mean
 OBJECTIVES: dict[str, tuple[str, Callable[[Array], Array], Callable[[Array], Array]]] = {
     "nll": ("nll", cap_score, np.asarray),
-    "rmse": ("mse", _bounded_squares, _log_root),
+    "rmse": ("mse", _bound_squares, _log_root),
 }
 
 
@@ -131,14 +131,14 @@ def space_of(label: str, isolate: bool = True) -> Space:
     """
     one = configure(label)
     if one.builtin or not isolate:
-        return Space(one, _declared_parameters(label))
+        return Space(one, _parameters_of(label))
     try:
-        return Space(one, call(PLUGINS, _declared_parameters, label, seconds=IMPORT_LIMIT))
+        return Space(one, call(PLUGINS, _parameters_of, label, seconds=IMPORT_LIMIT))
     except WorkerError as e:
         raise BadInput(f"{label!r} cannot be imported or made: {e}") from None
 
 
-def _declared_parameters(label: str) -> dict[str, Tunable]:
+def _parameters_of(label: str) -> dict[str, Tunable]:
     stated = configure(label).parameters
     return {name: one for name, one in declarations(make(label)).items() if name not in stated}
 
@@ -289,7 +289,7 @@ def race(space: Space, lanes: Sequence[Lane], budget: int, seed: int, compute: C
     rungs = [*(2**k for k in range(full.bit_length()) if 2**k < full), full]
     sampler, published = Sampler(space, seed), Entrant(0, space.published.label)
     entrants, best, left = [published], published, budget
-    left -= _run([published], lanes, full, compute)
+    left -= _run_rounds([published], lanes, full, compute)
     published.end("finished", budget - left, True)
     while affordable := min(BATCH, left // (full * len(lanes))):
         labels = [label for label in (sampler.propose() for _ in range(affordable)) if label]
@@ -299,7 +299,7 @@ def race(space: Space, lanes: Sequence[Lane], budget: int, seed: int, compute: C
         entrants += batch
         alive = list(batch)
         for rounds in rungs:
-            left -= _run(alive, lanes, rounds, compute)
+            left -= _run_rounds(alive, lanes, rounds, compute)
             for one in [one for one in alive if is_worse(one, best)]:
                 alive.remove(one)
                 one.end("stopped", budget - left, False)
@@ -312,7 +312,7 @@ def race(space: Space, lanes: Sequence[Lane], budget: int, seed: int, compute: C
     return Finish(space, lanes, entrants, best, full, budget - left)
 
 
-def _run(entrants: Sequence[Entrant], lanes: Sequence[Lane], rounds: int, compute: Compute) -> int:
+def _run_rounds(entrants: Sequence[Entrant], lanes: Sequence[Lane], rounds: int, compute: Compute) -> int:
     """Let entrants run up to so many rounds; return the number of trials that this took."""
     items = dict.fromkeys(lane.item(k) for k in range(rounds) for lane in lanes)
     wanted = [(one.label, item) for one in entrants for item in items if item not in one.scores]

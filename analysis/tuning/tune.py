@@ -118,7 +118,7 @@ def tune(
         raise BadInput(f"study {study.name!r} has no scenario that estimators may be tuned on: see its training")
     for space, mine in competitors:
         require_budget(space, mine, budget)
-    with make_workers(jobs, None, isolate, watcher.compiling) as compute, directory.locked():
+    with make_workers(jobs, None, isolate, watcher.compiling) as compute, directory.lock():
         (out / RECORD_FILE).unlink(missing_ok=True)
         scenarios = {one.label: one for lane in own.values() for one in lane.scenarios}
         watcher.begin(budget * len(competitors), 0)
@@ -211,7 +211,7 @@ class Evaluations:
         return {pair: self.scores[pair] for pair in pairs}
 
     def _keep(self, key: PartKey, receipt: Receipt) -> None:
-        rows = self.directory.read({(key.scenario, key.estimator): key.trials.stop}, {key: receipt})
+        rows = self.directory.read_rows({(key.scenario, key.estimator): key.trials.stop}, {key: receipt})
         scores = {Item(key.scenario, int(str(n))): float(s) for n, s in trial_scores(rows, self.objective).items()}
         new = sum((key.estimator, item) not in self.scores for item in scores)
         if new:

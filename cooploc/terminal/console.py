@@ -18,14 +18,13 @@ PLAIN = re.compile(r"[\n\t\x20-\x7e]*")
 
 
 def visible(text: str) -> str:
-    r"""The text with every control character written out, such as \x1b."""
+    r"""Return the text with every control character written out, such as \x1b."""
     if PLAIN.fullmatch(text):
         return text
-    return "".join(c if c in KEPT or unicodedata.category(c) not in HIDDEN else _written(c) for c in text)
-
-
-def _written(c: str) -> str:
-    return c.encode("unicode_escape").decode("ascii")
+    shown = (c in KEPT or unicodedata.category(c) not in HIDDEN for c in text)
+    return "".join(
+        c if plain else c.encode("unicode_escape").decode("ascii") for c, plain in zip(text, shown, strict=True)
+    )
 
 
 # The consoles that commands print on.
@@ -38,12 +37,12 @@ class PlainConsole(Console):
         super().__init__(highlight=False, markup=False, emoji=False, **options)
 
     def render_str(self, text: str, **options: Any) -> Text:
-        """Text, wherever rich meets it: a line, a cell, a title."""
+        """Return text, wherever rich meets it: a line, a cell, a title."""
         return super().render_str(visible(text), **options)
 
 
 def wide(stderr: bool = False) -> Console:
-    """Without colours in text or markup: as wide as the terminal, which breaks lines between words.
+    """Return a console as wide as the terminal, which breaks lines between words.
 
     In a file or a pipe lines are as long as they are, for other programs.
     """

@@ -437,12 +437,12 @@ def show_checks(report: Report) -> None:
     alike: dict[tuple[str, str], list[str]] = {}
     for one in report.results:
         alike.setdefault((one.status, "\n".join(sentences(one))), []).append(one.check)
-    rows = [{"check": _named(checks), "result": status, "found": found} for (status, found), checks in alike.items()]
+    rows = [{"check": _names_of(checks), "result": status, "found": found} for (status, found), checks in alike.items()]
     console.print(Table("checks", "", CHECK_COLUMNS, rows).terminal())
     console.print(report.summary())
 
 
-def _named(checks: list[str]) -> str:
+def _names_of(checks: list[str]) -> str:
     return checks[0] if len(checks) == 1 else f"{len(checks)} others"
 
 
@@ -476,7 +476,7 @@ def show_list(kind: str, listed: pd.DataFrame) -> None:
 def _row(row: dict[Any, Any]) -> dict[str, Any]:
     minutes = row.get("minutes", float("nan"))
     takes = "" if minutes != minutes else duration(60 * minutes)
-    return {**row, "about": row["about"] + _standing(row) + _configured(row), "takes": takes}
+    return {**row, "about": row["about"] + _standing(row) + _other_configurations(row), "takes": takes}
 
 
 def _standing(row: dict[Any, Any]) -> str:
@@ -488,7 +488,7 @@ def _standing(row: dict[Any, Any]) -> str:
     return " (centralised)" * centralised
 
 
-def _configured(row: dict[Any, Any]) -> str:
+def _other_configurations(row: dict[Any, Any]) -> str:
     """The configurations of an estimator that differ from its default."""
     words = {"published": "as published", "best": "at its best"}
     return "".join(f" {word}: {row[key]}." for key, word in words.items() if row.get(key, row["name"]) != row["name"])
