@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cooploc.estimators.errors import BadInput, nearest
-from cooploc.estimators.interface import Array
+from cooploc.estimators.interface import Array, Indices
 from cooploc.scenarios.recordings import schema
 from cooploc.scenarios.recordings.bag_storage import (
     ENDINGS,
@@ -184,13 +184,31 @@ def _numbers(path: Path, names: Collection[str], content: Content) -> tuple[dict
             raise BadInput(
                 f"{path}: topic {name} has type {kind}, which is not read; types that are: {', '.join(KINDS)}"
             )
-    series = {name: _series(name, content.topics[name]) for name in names}
-    return series, (*content.warnings, *(w for one in series.values() for w in one.warnings))
+    shift, warnings = _clock_shift(content.topics)
+    series = {name: _series(name, content.topics[name], shift) for name in names}
+    told = (w for one in series.values() for w in one.warnings)
+    return series, (*content.warnings, *warnings, *told)
 
 
-def _series(name: str, topic: Topic) -> TopicSeries:
-    """Return the numbers by rising time. Rows with a number that cannot be a measurement are left out."""
-    time, clock, warnings = _times(name, topic)
+def _clock_shift(topics: Mapping[str, Topic]) -> tuple[int, tuple[str, ...]]:
+    """Return how far [ns] headers are behind the recorder's clock, if one of the two was not set; and a warning."""
+    behind = [np.median(_ahead(t)) for t in topics.values() if any(stamp is not None for stamp in t.stamps)]
+    shift = -int(np.median(behind)) if behind else 0
+    if abs(shift) <= MAX_STAMP_ERROR * 1e9:
+        return 0, ()
+    said = f"header stamps are {shift / 1e9:.1f} s behind the recorder's clock; that was added to all of them"
+    return shift, (said,)
+
+
+def _ahead(topic: Topic) -> Indices:
+    """Header stamps minus times of receipt [ns], where there is a stamp."""
+    pairs = zip(topic.stamps, topic.received, strict=True)
+    return np.array([stamp - received for stamp, received in pairs if stamp is not None], np.int64)
+
+
+def _series(name: str, topic: Topic, shift: int) -> TopicSeries:
+    """By rising time. Rows with a number that cannot be a measurement are left out."""
+    time, clock, warnings = _times(name, topic, shift)
     columns = KINDS[topic.type].columns
     time = np.repeat(time, [len(rows) for rows in topic.rows])
     values = np.array([row for rows in topic.rows for row in rows], float).reshape(-1, len(columns))
@@ -203,16 +221,20 @@ def _series(name: str, topic: Topic) -> TopicSeries:
     return TopicSeries(topic.type, time[good][order], values[good][order], columns, clock, warnings)
 
 
-def _times(name: str, topic: Topic) -> tuple[Array, str, tuple[str, ...]]:
-    """Return the headers' stamps [s] where they are near the times of receipt, else those, and a warning."""
+def _times(name: str, topic: Topic, shift: int) -> tuple[Array, str, tuple[str, ...]]:
+    """The times [s] to believe: the headers' where they are set and near the times of receipt, else those."""
     received = np.array(topic.received, np.int64)
     if all(stamp is None for stamp in topic.stamps):
         return received / 1e9, "receipt", ()
-    stamps = np.array([stamp or 0 for stamp in topic.stamps], np.int64)
-    near = np.abs(stamps - received) <= MAX_STAMP_ERROR * 1e9
-    warning = f"{name}: {(~near).sum()} header stamps are far from the time of receipt, which is used"
-    clock = "header" if near.mean() > 0.5 else "receipt"
-    return np.where(near & (clock == "header"), stamps, received) / 1e9, clock, (warning,) * bool((~near).any())
+    set_ = np.array([stamp is not None for stamp in topic.stamps])
+    own = np.where(set_, np.array([stamp or 0 for stamp in topic.stamps], np.int64) + shift, received)
+    error = np.abs(own - received) / 1e9
+    if np.median(error) > MAX_STAMP_ERROR:
+        said = f"{name}: header stamps are {np.median(error):.0f} s from the times of receipt; the latter are used"
+        return received / 1e9, "receipt", (said,)
+    lost = ~set_ | (error > MAX_STAMP_ERROR)
+    said = f"{name}: {lost.sum()} messages without a header stamp to believe; their time of receipt is used"
+    return np.where(lost, received, own) / 1e9, "header", (said,) if lost.any() else ()
 
 
 def _info(name: str, kind: str, time: Array) -> TopicInfo:
