@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 Format = Callable[[float], str]
 
 
-def fixed(value: float, digits: int) -> str:
+def decimals(value: float, digits: int) -> str:
     """Return a number with so many decimals; large numbers get fewer, so that none has more than four digits or so."""
     if math.isnan(value):
         return ""
@@ -23,28 +23,28 @@ def fixed(value: float, digits: int) -> str:
 
 def metres(value: float) -> str:
     """Return a length or an RMSE, to the millimetre."""
-    return fixed(value, 3)
+    return decimals(value, 3)
 
 
 def ratio(value: float) -> str:
     """Return an ANEES, messages per tick, and other numbers that are near one."""
-    return fixed(value, 2)
+    return decimals(value, 2)
 
 
 def count(value: float) -> str:
     """Return a whole number, or a mean of whole numbers to the nearest one: trials, bytes."""
-    return fixed(value, 0)
+    return decimals(value, 0)
 
 
 def microseconds(seconds: float) -> str:
     """Return a time given in seconds, in µs."""
-    return fixed(1e6 * seconds, 0)
+    return decimals(1e6 * seconds, 0)
 
 
 def percent(share: float, digits: int | None = None, sign: bool = False) -> str:
     """Return a share as a percentage; without `digits`, with two significant ones, also where it is nearly 100 %."""
     if not math.isfinite(share):
-        return fixed(share, 0)
+        return decimals(share, 0)
     if digits is None:
         size = abs(share)
         if 0.99 <= size < 1 - 5e-7:
@@ -62,7 +62,7 @@ def change(share: float) -> str:
 
 def p_value(p: float) -> str:
     """Return a p-value; small ones as a bound."""
-    return "<0.001" if p < 0.001 else fixed(p, 3)
+    return "<0.001" if p < 0.001 else decimals(p, 3)
 
 
 def interval(form: Format) -> Callable[[float, float], str]:
@@ -81,12 +81,12 @@ def duration(seconds: float) -> str:
     return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 
 
-def counted(number: int, noun: str) -> str:
+def count_of(number: int, noun: str) -> str:
     """Return a number of things: "1 trial", "3 trials"."""
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
-def listed(names: Iterable[str]) -> str:
+def join_words(names: Iterable[str]) -> str:
     """Return names in a sentence: "a, b and c"."""
     *most, last = list(names)
     return f"{', '.join(most)} and {last}" if most else last

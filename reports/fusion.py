@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 import cooploc as cl
-from cooploc.analysis.formats import change, count, interval, listed, metres, percent, ratio
+from cooploc.analysis.formats import change, count, interval, join_words, metres, percent, ratio
 from cooploc.analysis.metrics.consistency import OVER_CONFIDENT
 from cooploc.analysis.metrics.statistics import mean_of_positive
 from cooploc.analysis.plot import style
@@ -97,7 +97,7 @@ def sentences(table: pd.DataFrame) -> list[str]:
         f"**In some of them**: {', '.join(some) or 'no rule'}.",
         f"**In every one**: {_names(always)}.",
         f"**Conservative in every one**: {_names(wide)}.",
-        *([f"Of the {worlds} worlds, {listed(fewer)}."] if fewer else []),
+        *([f"Of the {worlds} worlds, {join_words(fewer)}."] if fewer else []),
         "The frontier, as change of RMSE:\n    - " + "\n    - ".join(bought),
         f"A gain that is shown with every packet, and not with 70 % of them lost: {', '.join(gone) or 'none'}.",
     ]

@@ -37,7 +37,7 @@ from cooploc.analysis.claims.kinds import (
 )
 from cooploc.analysis.claims.ledger import Ledger, variants
 from cooploc.analysis.claims.trial_table import Missing, TrialTable, canonical, collect
-from cooploc.analysis.formats import change, counted, interval, ratio
+from cooploc.analysis.formats import change, count_of, interval, ratio
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.compare import FAR, mark_outliers
 from cooploc.analysis.metrics.consistency import flag
@@ -201,9 +201,9 @@ def _about_estimators(case: Case, table: TrialTable) -> list[str]:
         far = int(sum(mark_outliers(table.mse(key)[:, 0]).sum() for key in keys))
         errs = f"{'errs' if far == 1 else 'err'} {FAR:g} times as much as the median one: intervals are too narrow"
         remarks = {
-            f"{counted(failed, 'trial')} of {name} failed": failed > 0,
+            f"{count_of(failed, 'trial')} of {name} failed": failed > 0,
             f"{name} failed a check": canonical(name) in table.refused,
-            f"{counted(far, 'trial')} of {name} {errs}": far > 0,
+            f"{count_of(far, 'trial')} of {name} {errs}": far > 0,
             f"{name} is centralised": canonical(name) in table.centralised,
         }
         out += [remark for remark, holds in remarks.items() if holds]
@@ -268,9 +268,9 @@ class VerdictCounts(NamedTuple):
 
     def __str__(self) -> str:
         if not self.decided:
-            return f"Of {counted(self.judged, 'judged case')} none is decided."
+            return f"Of {count_of(self.judged, 'judged case')} none is decided."
         return (
-            f"Of {counted(self.judged, 'judged case')} {self.decided} are decided, and {self.stand} of these stand "
+            f"Of {count_of(self.judged, 'judged case')} {self.decided} are decided, and {self.stand} of these stand "
             f"after Holm's correction over all. Of the {self.decided} about {self.expected:.1f} are expected to be "
             f"false, judging by how many p-values lie above one half, and {self.at_most:.1f} at most."
         )

@@ -16,7 +16,7 @@ from cooploc.analysis.execution.certificates import add_certificates, check_plug
 from cooploc.analysis.execution.provenance import files, fingerprint, imports, provenance
 from cooploc.analysis.execution.run_directory import FORMAT, PartKey, Receipt, RunDir
 from cooploc.analysis.execution.workers import Compute, Task, make_workers
-from cooploc.analysis.formats import counted
+from cooploc.analysis.formats import count_of
 from cooploc.estimators import make, module_of
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios import BUILTIN as BUILTIN_SCENARIOS
@@ -144,7 +144,7 @@ def require_whole(faults: Sequence[str]) -> None:
 
     """
     if faults:
-        others = f", and {counted(len(faults) - 1, 'other fault')}" if len(faults) > 1 else ""
+        others = f", and {count_of(len(faults) - 1, 'other fault')}" if len(faults) > 1 else ""
         raise BadInput(f"{faults[0]}{others}: mend the recording, or leave out --strict")
 
 

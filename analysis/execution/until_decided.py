@@ -12,7 +12,7 @@ import pandas as pd
 
 from cooploc.analysis.execution.run import RunProgress, Silent, execute
 from cooploc.analysis.execution.run_directory import DECISIONS, Cell, write_json
-from cooploc.analysis.formats import counted, duration
+from cooploc.analysis.formats import count_of, duration
 from cooploc.analysis.metrics.sequential import OPEN, decide, looks
 from cooploc.scenarios.studies.study import ResolvedStudy
 
@@ -90,7 +90,7 @@ def seconds_left(rows: pd.DataFrame, going: Iterable[Cell], most: int) -> float:
 def _look_sentence(n: int, answers: Sequence[Answers], left: float) -> str:
     """Say what a look decided, and how long the rest takes at most."""
     totals = [(one.decided, one.decided + one.undecided, one.of) for one in answers]
-    decided = ", ".join(f"{done} of {counted(total, of)}" for done, total, of in totals if total)
+    decided = ", ".join(f"{done} of {count_of(total, of)}" for done, total, of in totals if total)
     still = sum(one.undecided for one in answers)
     rest = f"; {still} open, at most about {duration(left)} of estimating more" if left > 0 else ""
     return f"after {n} trials: decided {decided}{rest}"

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import EllipseCollection, LineCollection
 from matplotlib.patches import Ellipse
 
-from cooploc.analysis.formats import counted
+from cooploc.analysis.formats import count_of
 from cooploc.analysis.metrics.curves import over_time
 from cooploc.analysis.metrics.errors import INSIDE_95, demand_same
 from cooploc.analysis.metrics.statistics import LEAST_TRIALS
@@ -100,7 +100,7 @@ def _draw_over_time(ax: Axes, run: Run, table: pd.DataFrame, what: str, label: s
         style.draw_band(ax, rows["tick"], rows[f"{what}_low"], rows[f"{what}_high"], colour)
         ax.plot(rows["tick"], rows[what], color=colour, ls=line, lw=1.6, label=name)
     intervals = ", 95 % intervals" * (len(run.trial) >= LEAST_TRIALS)
-    style.finish(ax, "tick", label, f"{run.scenario}, {counted(len(run.trial), 'trial')}{intervals}", grid)
+    style.finish(ax, "tick", label, f"{run.scenario}, {count_of(len(run.trial), 'trial')}{intervals}", grid)
     style.add_legend(ax)
 
 

@@ -17,7 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from cooploc.analysis.formats import counted
+from cooploc.analysis.formats import count_of
 from cooploc.analysis.metrics.consistency import CONSERVATIVE, OVER_CONFIDENT
 from cooploc.analysis.metrics.curves import swept
 from cooploc.analysis.metrics.ranking import is_refused, pareto_front
@@ -130,7 +130,7 @@ def pareto(errors: pd.DataFrame) -> Axes:
     axes = style.new_panels(len(parts), 2, (3.6, 2.5), 0.2 * (ceil(len(looks) / 3) + 2), sharex=True)
     for ax, part in zip(axes, parts, strict=True):
         draw_against(ax, part, "bytes", looks, frontier(part))
-        trials = counted(int(part["trials"].min()), "trial")
+        trials = count_of(int(part["trials"].min()), "trial")
         style.finish(ax, NAMES["bytes"], "RMSE [m]", f"{part['scenario'].iloc[0]}, {trials}", grid="both")
     _add_keys(axes[0], table, looks, name_of)
     axes[0].plot([], [], color=style.DARK, lw=1, label="frontier")
@@ -378,7 +378,7 @@ def _sweep_over(errors: pd.DataFrame, table: pd.DataFrame, name: str) -> pd.Data
 def _about_trials(table: pd.DataFrame) -> str:
     trials = int(table["trials"].min())
     few = f", no intervals below {LEAST_TRIALS}"
-    return counted(trials, "trial") + (few if trials < LEAST_TRIALS else ", 95 % intervals")
+    return count_of(trials, "trial") + (few if trials < LEAST_TRIALS else ", 95 % intervals")
 
 
 def wrap_label(label: str, width: int = 0) -> str:

@@ -7,7 +7,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.ticker import NullLocator
 
-from cooploc.analysis.formats import counted
+from cooploc.analysis.formats import count_of
 from cooploc.analysis.plot import style
 from cooploc.analysis.plot.style import draw_curve, draw_marker, draw_rmse, set_log_scale, span
 from cooploc.estimators.errors import BadInput, nearest
@@ -73,7 +73,7 @@ def _name_teams(ax: Axes, places: dict[tuple[int, str], float]) -> None:
     for robots in dict.fromkeys(n for n, _ in places):
         middle = float(np.mean([x for (n, _), x in places.items() if n == robots]))
         bold: Any = {"xycoords": ("data", "axes fraction"), "ha": "center", "weight": "bold", **below}
-        ax.annotate(counted(robots, "robot"), (middle, 0), (0, -20), **bold)
+        ax.annotate(count_of(robots, "robot"), (middle, 0), (0, -20), **bold)
 
 
 # ------------------------------------------------------------------------------------------------ sensitivity

@@ -18,7 +18,7 @@ from cooploc.analysis.claims.verdicts import (
     verdict_text,
 )
 from cooploc.analysis.execution.run_directory import StoredRun
-from cooploc.analysis.formats import count, counted, p_value
+from cooploc.analysis.formats import count, count_of, p_value
 from cooploc.analysis.metrics.sequential import ANYTIME, FIXED
 from cooploc.analysis.report.tables import Table, number_column, text_column
 
@@ -82,8 +82,8 @@ def cases_not_run(part: pd.DataFrame) -> str:
     stated = part[part["variant"] == part["variant"].iloc[0]]
     reasons = stated.loc[stated["verdict"] == "not run", "remark"]
     kinds = list(dict.fromkeys(reason.partition(";")[0] for reason in reasons))
-    more = f"; and {counted(len(kinds) - SHOWN, 'reason')} more" if len(kinds) > SHOWN else ""
-    return f"not run: {len(reasons)} of {counted(len(stated), 'case')}: {'; '.join(kinds[:SHOWN])}{more}" * bool(kinds)
+    more = f"; and {count_of(len(kinds) - SHOWN, 'reason')} more" if len(kinds) > SHOWN else ""
+    return f"not run: {len(reasons)} of {count_of(len(stated), 'case')}: {'; '.join(kinds[:SHOWN])}{more}" * bool(kinds)
 
 
 class ClaimSection(NamedTuple):
@@ -209,6 +209,6 @@ def _sentence(judged: pd.DataFrame) -> str:
             mixed.append(f"{claim} ({', '.join(f'{count} {verdict}' for verdict, count in counts.items())})")
     parts = [f"{verdict}: {', '.join(alike[verdict])}" for verdict in verdicts.VERDICTS if verdict in alike]
     parts += [f"differs by case: {', '.join(mixed)}"] if mixed else []
-    seen, every = base["claim"].nunique(), counted(judged["claim"].nunique(), "claim")
+    seen, every = base["claim"].nunique(), count_of(judged["claim"].nunique(), "claim")
     found = "; ".join(parts)
     return f"As the paper states them, {seen} of {every} could be looked at. {found[:1].upper()}{found[1:]}."

@@ -10,7 +10,7 @@ from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 from matplotlib.colors import to_hex
 
-from cooploc.analysis.formats import counted
+from cooploc.analysis.formats import count_of
 from cooploc.analysis.plot.style import MARKERS, Look, colour_of
 from cooploc.analysis.report.run_numbers import Labels
 from cooploc.analysis.report.tables import Row, Table, TableColumn
@@ -88,7 +88,7 @@ def environment() -> Environment:
     templates = Environment(
         loader=FunctionLoader(read_template), autoescape=True, undefined=StrictUndefined, trim_blocks=True
     )
-    templates.globals.update(html=html, counted=counted, sort_value=sort_value)
+    templates.globals.update(html=html, count_of=count_of, sort_value=sort_value)
     templates.policies["json.dumps_kwargs"] = {"sort_keys": True, "separators": (",", ":")}
     return templates
 

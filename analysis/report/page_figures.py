@@ -15,7 +15,7 @@ import pandas as pd
 from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
-from cooploc.analysis.formats import counted
+from cooploc.analysis.formats import count_of
 from cooploc.analysis.metrics.curves import sweep
 from cooploc.analysis.plot import results
 from cooploc.analysis.plot.style import PAGE, round_numbers
@@ -120,7 +120,7 @@ def trial_counts(part: pd.DataFrame) -> str:
     counts = np.unique(part["trials"])
     if not len(counts):
         return "No trials"
-    return f"{counted(counts[0], 'trial') if len(counts) == 1 else f'{counts[0]} to {counts[-1]} trials'} a scenario"
+    return f"{count_of(counts[0], 'trial') if len(counts) == 1 else f'{counts[0]} to {counts[-1]} trials'} a scenario"
 
 
 def _show(drawn: Iterable[Drawn], caption: str, counter: Iterator[int], width: str, head: str = "") -> Shown:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from cooploc.analysis.formats import counted
+from cooploc.analysis.formats import count_of
 from cooploc.analysis.metrics.compare import FAR
 from cooploc.analysis.metrics.consistency import OVER_CONFIDENT
 from cooploc.analysis.metrics.errors import SENSES
@@ -106,7 +106,7 @@ def bibtex(version: str, commit: str | None) -> str:
 def paragraph(numbers: Numbers) -> str:
     """Return the methods of a run, in sentences that a paper can use."""
     table, manifest = numbers.table, numbers.kept.manifest
-    estimators, scenarios = (counted(table[what].nunique(), what) for what in ("estimator", "scenario"))
+    estimators, scenarios = (count_of(table[what].nunique(), what) for what in ("estimator", "scenario"))
     baselines = " or ".join(dict.fromkeys(table["baseline"]))
     central = " Estimators at which all readings reach one computer are shown for reference and are not ranked."
     return (
@@ -118,7 +118,7 @@ def paragraph(numbers: Numbers) -> str:
         "squared position error over its robots and ticks, and the RMSE is the root of the mean over trials. Trials "
         f"are the unit of all intervals and tests: the RMSE was compared with that of the baseline ({baselines}), "
         f"paired by trial, {UNTIL if numbers.kept.looks else FIXED} adjusted by Holm's method over "
-        f"{counted(int(table['p'].notna().sum()), 'comparison')}. Consistency was judged by the average normalised "
+        f"{count_of(int(table['p'].notna().sum()), 'comparison')}. Consistency was judged by the average normalised "
         "estimation error squared of the position (ANEES, 1 is consistent): an estimator is called over-confident "
         f"where its 95 % interval lies above {OVER_CONFIDENT:g}, or too few true positions lie in its 95 % ellipses."
     )

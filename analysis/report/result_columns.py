@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from cooploc.analysis.formats import change, count, fixed, interval, metres, microseconds, p_value, percent, ratio
+from cooploc.analysis.formats import change, count, decimals, interval, metres, microseconds, p_value, percent, ratio
 from cooploc.analysis.metrics.ranking import is_refused, short_certificate
 from cooploc.analysis.report.tables import TableColumn, number_column, text_column
 from cooploc.estimators.listing import declares_bytes, standing
@@ -102,7 +102,7 @@ RESULTS = (
     number_column("median", "rmse_median", form=metres, collapsed=True, report_only=True),
     number_column("outlying", form=share(0), collapsed=True, rare=True, about="trials above 5 times the median RMSE"),
     _ends("outlying", share(0), report_only=True),
-    number_column("rank", form=lambda rank: fixed(rank, 1), report_only=True),
+    number_column("rank", form=lambda rank: decimals(rank, 1), report_only=True),
     text_column("group", report_only=True),
     number_column(
         "vs baseline",

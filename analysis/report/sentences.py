@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from cooploc.analysis.claims.trial_table import Missing, TrialTable
-from cooploc.analysis.formats import change, counted, interval, listed, metres, percent, ratio
+from cooploc.analysis.formats import change, count_of, interval, join_words, metres, percent, ratio
 from cooploc.analysis.metrics.compare import MARGIN
 from cooploc.analysis.metrics.consistency import OVER_CONFIDENT
 from cooploc.analysis.metrics.curves import sweep
@@ -115,7 +115,7 @@ def _name_with_reasons(row: dict[Any, Any]) -> str:
 def summary_sentence(one: Standing) -> str:
     """Return a standing in words."""
     if one.trials < LEAST_TRIALS:
-        return f"Not assessed: {counted(one.trials, 'trial')}, and it takes {LEAST_TRIALS}."
+        return f"Not assessed: {count_of(one.trials, 'trial')}, and it takes {LEAST_TRIALS}."
     if not one.best:
         return f"No estimator qualifies: {capped_list(one.barred) or 'there is nothing to compare'}."
     barred = f" As accurate or more, but does not qualify: {capped_list(one.barred)}." if one.barred else ""
@@ -143,7 +143,7 @@ def capped_list(names: Iterable[str]) -> str:
     names = list(names)
     if len(names) > NAMED + 1:
         return f"{', '.join(names[:NAMED])} and {len(names) - NAMED} others"
-    return listed(names) if names else ""
+    return join_words(names) if names else ""
 
 
 def _capped_counts(names: Iterable[str]) -> str:
@@ -176,7 +176,7 @@ def lowest_errors(found: list[Standing], table: pd.DataFrame) -> str:
     parts += [f"in {len(ties)} the lowest are not separable ({tied})"] if ties else []
     parts += [f"in {single} only one qualifies"] if single else []
     parts += [f"in {none} none qualifies"] if none else []
-    return f"Of {counted(len(found), 'scenario')}, {'; '.join(parts)}."
+    return f"Of {count_of(len(found), 'scenario')}, {'; '.join(parts)}."
 
 
 def _lowest_of_few_trials(table: pd.DataFrame) -> str:
@@ -186,10 +186,10 @@ def _lowest_of_few_trials(table: pd.DataFrame) -> str:
         return "Every trial failed."
     ended = ended if ended["centralised"].all() else ended[~ended["centralised"].astype(bool)]
     names = _capped_counts(ended.loc[ended.groupby("scenario", sort=False)["rmse"].idxmin(), "estimator"])
-    trials = counted(int(ended["trials"].max()), "trial")
+    trials = count_of(int(ended["trials"].max()), "trial")
     return (
         f"Nothing is separable with {trials}, it takes {LEAST_TRIALS}; the lowest RMSE that a robot reached is that of "
-        f"{names} of {counted(ended['scenario'].nunique(), 'scenario')}."
+        f"{names} of {count_of(ended['scenario'].nunique(), 'scenario')}."
     )
 
 
@@ -213,7 +213,7 @@ def over_confident_estimators(table: pd.DataFrame) -> str:
     if assessed["scenario"].nunique() == 1:
         names = capped_list(count)
     elif len(count) <= NAMED:
-        names = listed(f"{name} in {n} of {runs[name]} scenarios" for name, n in count.items())
+        names = join_words(f"{name} in {n} of {runs[name]} scenarios" for name, n in count.items())
     else:
         names = f"{len(count)} of {len(runs)} estimators in some scenario"
         names += f", {capped_list(always)} in every one" if always else ""
@@ -261,13 +261,13 @@ def _list_changes(found: list[SweepChange]) -> str:
     """Return the estimators, each with its change and interval; of many, their names and the range of the changes."""
     if len(found) <= FEW:
         ends = interval(change)
-        return listed(f"{o.estimator} ({change(o.share.value)}, {ends(o.share.low, o.share.high)})" for o in found)
+        return join_words(f"{o.estimator} ({change(o.share.value)}, {ends(o.share.low, o.share.high)})" for o in found)
     least, *_, most = sorted(abs(one.share.value) for one in found)
     return f"{_list_or_count([one.estimator for one in found])} (by {interval(percent)(least, most)})"
 
 
 def _list_or_count(names: list[str]) -> str:
-    return listed(names) if len(names) <= 2 * FEW else f"{len(names)} estimators"
+    return join_words(names) if len(names) <= 2 * FEW else f"{len(names)} estimators"
 
 
 # ------------------------------------------------------------------------------------------------ information
@@ -303,12 +303,10 @@ def cooperation_sentences(table: pd.DataFrame) -> list[tuple[str, list[str]]]:
             if len(rows):
                 records = rows.to_dict("records")
                 over = [row for row in records if row["consistency"] == "over-confident"]
-                anees = (
-                    listed(f"{BETWEEN[row['between']]}: ANEES {ratio(row['anees'])}" for row in over) if over else ""
-                )
-                but = f", but is over-confident ({anees})" if over else ""
-                texts.append(f"{name[0].upper()}{name[1:]} {listed(map(effect_of_reading, records))}{but}.")
-        found.append((f"{counted(int(str(robots)), 'robot')} with {OWN[str(own)]}", texts))
+                means = [f"{BETWEEN[row['between']]}: ANEES {ratio(row['anees'])}" for row in over]
+                but = f", but is over-confident ({join_words(means)})" if over else ""
+                texts.append(f"{name[0].upper()}{name[1:]} {join_words(map(effect_of_reading, records))}{but}.")
+        found.append((f"{count_of(int(str(robots)), 'robot')} with {OWN[str(own)]}", texts))
     return found
 
 
@@ -316,13 +314,13 @@ def _errors_alone(part: pd.DataFrame) -> str:
     """Return the errors and the floor without teammates, and how far the floor falls with them."""
     alone = part[part["between"] == "none"]
     errors = [f"{metres(row['rmse'])} m {FILTERS[row['filter']]}" for row in alone.to_dict("records")]
-    text = f"Alone they err by {listed(errors)}." if errors else "None of them was run alone."
+    text = f"Alone they err by {join_words(errors)}." if errors else "None of them was run alone."
     floor = alone["floor"].min()
     together = part[part["between"] != "none"].groupby("between", sort=False)["floor"].min().dropna()
     falls = [f"{change(low / floor - 1)} by {BETWEEN[str(name)]}" for name, low in together.items()]
     if floor != floor or not falls:
         return text
-    return f"{text} The floor, {metres(floor)} m alone, changes by {listed(falls)}."
+    return f"{text} The floor, {metres(floor)} m alone, changes by {join_words(falls)}."
 
 
 def effect_of_reading(row: dict[Any, Any]) -> str:
@@ -336,7 +334,7 @@ def effect_of_reading(row: dict[Any, Any]) -> str:
     if row["decisive_trial"] == row["decisive_trial"]:
         return f"cannot be compared by {by} (trial {row['decisive_trial']:.0f} decides)"
     if low <= 0 <= high:
-        return f"makes no difference that {counted(int(row['trials']), 'trial')} show by {by} ({ends})"
+        return f"makes no difference that {count_of(int(row['trials']), 'trial')} show by {by} ({ends})"
     verb = "takes {} off the error" if size < 0 else "adds {} to the error"
     return f"{verb.format(percent(abs(size)))} by {by} ({ends})"
 
@@ -380,11 +378,9 @@ def _against_baseline(part: pd.DataFrame, baseline: str) -> str:
     texts = []
     for (better, worse, n), names in sorted(counts.items(), reverse=True):
         beat, lose = ("beats", "loses") if len(names) == 1 else ("beat", "lose")
-        at = {
-            some: f"{f'{some} of ' * (some < n)}{'all ' * (some == n)}{counted(n, 'value')}" for some in (better, worse)
-        }
+        at = {k: f"{f'{k} of ' * (k < n)}{'all ' * (k == n)}{count_of(n, 'value')}" for k in (better, worse)}
         parts = [f"{beat} {baseline} at {at[better]}"] if better else []
         parts += [f"{lose} to {'it' if better else baseline} at {at[worse]}"] if worse else []
-        neither = f"neither {beat} {baseline} nor {lose} to it at any of {counted(n, 'value')}"
-        texts.append(f"{listed(names)} {' and '.join(parts) or neither}")
+        neither = f"neither {beat} {baseline} nor {lose} to it at any of {count_of(n, 'value')}"
+        texts.append(f"{join_words(names)} {' and '.join(parts) or neither}")
     return f"By paired intervals, {'; '.join(texts)}."

@@ -4,14 +4,14 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from cooploc.analysis.formats import change, count, counted, fixed, interval, metres, p_value, ratio
+from cooploc.analysis.formats import change, count, count_of, decimals, interval, metres, p_value, ratio
 from cooploc.analysis.report.tables import Table, number_column, text_column
 from cooploc.estimators.registry import parse
 
 
 def gain(value: float) -> str:
     """Write a difference of scores [nats, or log m], with its sign."""
-    return f"{'+' if round(value, 2) > 0 else ''}{fixed(value, 2)}"
+    return f"{'+' if round(value, 2) > 0 else ''}{decimals(value, 2)}"
 
 
 def parameters(label: str) -> str:
@@ -132,8 +132,8 @@ def gain_sentence(gains: pd.DataFrame) -> str:
     higher = moved[(moved["p_holm"] < 0.05) & (moved["change"] > 0)]
     return (
         f"Tuning moved {names} of {gains['estimator'].nunique()} estimators. Over their "
-        f"{counted(len(moved), 'row')} the mean score fell by {fixed(training, 2)} on the training streams and by "
-        f"{fixed(fresh, 2)} on fresh ones. RMSE became significantly smaller in {counted(len(lower), 'row')}, "
+        f"{count_of(len(moved), 'row')} the mean score fell by {decimals(training, 2)} on the training streams and by "
+        f"{decimals(fresh, 2)} on fresh ones. RMSE became significantly smaller in {count_of(len(lower), 'row')}, "
         f"significantly larger in {len(higher)}; what was made small is the score."
     )
 
@@ -164,5 +164,5 @@ def _scenario_sentence(scenario: str, part: pd.DataFrame) -> str:
     same = "and when tuned" if first["estimator"] == then["estimator"] else f"tuned it is `{then['estimator']}`"
     return (
         f"`{scenario}`: `{first['estimator']}` has the smallest RMSE as published ({metres(first['rmse_published'])} "
-        f"m), {same} ({metres(then['rmse_tuned'])} m); Kendall's tau between the two orders is {fixed(tau, 2)}."
+        f"m), {same} ({metres(then['rmse_tuned'])} m); Kendall's tau between the two orders is {decimals(tau, 2)}."
     )

@@ -15,7 +15,7 @@ from cooploc.analysis.claims.verdicts import count_verdicts
 from cooploc.analysis.execution.certificates import line
 from cooploc.analysis.execution.run_directory import RunDir, read_run
 from cooploc.analysis.execution.until_decided import seconds_left
-from cooploc.analysis.formats import change, count, counted, duration, listed
+from cooploc.analysis.formats import change, count, count_of, duration, join_words
 from cooploc.analysis.metrics import ranking
 from cooploc.analysis.metrics.compare import outlier_warnings
 from cooploc.analysis.metrics.errors import drop_failed, note_lines
@@ -143,7 +143,7 @@ ESSENTIAL = ("estimator", "consistency", "certificate", "rmse", "rmse_low", "cha
 def _results(scenario: str, part: pd.DataFrame, every_column: bool = True) -> Table:
     """Return the table of one scenario."""
     first, rows = part.iloc[0], part.to_dict("records")
-    size = f"{counted(first['robots'], 'robot')}, {counted(part['trials'].max(), 'trial')}"
+    size = f"{count_of(first['robots'], 'robot')}, {count_of(part['trials'].max(), 'trial')}"
     columns = [column for column in result_columns(part["baseline"], "look" in part) if not column.report_only]
     columns = [c for c in columns if every_column or c.keys[0] in ESSENTIAL]
     columns = [c for c in columns if not c.rare or (part[c.keys[0]].fillna(0) != 0).any()]
@@ -168,7 +168,7 @@ def decision_line(rows: pd.DataFrame, decisions: Mapping[str, Any]) -> str:
     for of in ("comparison", "claim"):
         ones = decisions[of]
         undecided = sum(one["verdict"] in ("open", "undecided") for one in ones)
-        said += [f"{len(ones) - undecided} of {counted(len(ones), of)}"] if ones else []
+        said += [f"{len(ones) - undecided} of {count_of(len(ones), of)}"] if ones else []
         still += undecided
     line = f"decided after {decisions['look']} trials: {', '.join(said)}; {still} open"
     going = [(scenario, estimator) for scenario, estimator in decisions["going"]]
@@ -211,7 +211,7 @@ def show_run(folder: Path) -> None:
             key = (scenario, estimator)
             there, lost = (count.get(key, 0) for count in counts)
             corrupt = sum(part[:2] == key for part in run.damaged)
-            remarks = [f"{counted(corrupt, 'corrupt part')}, will be computed again"] * (corrupt > 0)
+            remarks = [f"{count_of(corrupt, 'corrupt part')}, will be computed again"] * (corrupt > 0)
             remarks += ["not finished"] * (there < asked)
             row = {"experiment": cell["experiment"], "scenario": scenario, "estimator": estimator}
             row |= {"trials": f"{there} of {asked}", "trials_there": there, "failed": lost}
@@ -239,7 +239,7 @@ def show_run(folder: Path) -> None:
 
 def _head(console: Console, folder: Path, manifest: dict[str, Any]) -> None:
     study, versions = manifest["study"], manifest["versions"]
-    trials = counted(study["trials"], "trial")
+    trials = count_of(study["trials"], "trial")
     console.print(f"{folder}: study {study['name']}, seed {manifest['seed']}, {trials}")
     console.print(": ".join(filter(None, (study.get("title"), study["about"]))))
     commit = f", commit {manifest['commit'][:12]}" if manifest["commit"] else ""
@@ -294,7 +294,7 @@ def show_verdicts(verdicts: pd.DataFrame, ledger: ledgers.Ledger) -> None:
             console.print(f" over all readings: {readings}")
     console.print()
     if skipped:
-        console.print(f"Not run at all, as this run lacks their scenarios or estimators: claims {listed(skipped)}")
+        console.print(f"Not run at all, as this run lacks their scenarios or estimators: claims {join_words(skipped)}")
     ran = set(verdicts.loc[verdicts["verdict"] != "not run", "variant"])
     abouts = [f"{name}: {variant.about}" for name, variant in ledger.variants.items() if name in ran]
     for text in (*abouts, VERDICT_LEGEND):
@@ -335,7 +335,7 @@ def show_paper(example: Path) -> None:
     """Say where a paper's figures and tables are, and how to look at them."""
     folder = example.parent
     figures, tables = (
-        counted(len(list((folder / name).glob(f"*.{ending}"))), name.removesuffix("s"))
+        count_of(len(list((folder / name).glob(f"*.{ending}"))), name.removesuffix("s"))
         for name, ending in (("figures", "pdf"), ("tables", "tex"))
     )
     console = wide()

@@ -13,10 +13,10 @@ from rich.console import Console
 from cooploc.analysis.formats import (
     change,
     count,
-    counted,
+    count_of,
     duration,
     interval,
-    listed,
+    join_words,
     metres,
     microseconds,
     p_value,
@@ -95,7 +95,7 @@ def test_a_column_that_is_left_out_is_named_once_for_itself_and_what_is_under_it
         ([interval(change)(-0.2, 0.05), interval(metres)(np.nan, 1.0)], ["-20 % to +5.0 %", ""]),
         ([metres(0.12345), count(20.0), microseconds(1.2e-5)], ["0.123", "20", "12"]),
         ([duration(s) for s in (40, 720, 5400)], ["40 s", "12 min", "1.5 h"]),
-        ([counted(1, "trial"), counted(3, "trial"), listed("abc")], ["1 trial", "3 trials", "a, b and c"]),
+        ([count_of(1, "trial"), count_of(3, "trial"), join_words("abc")], ["1 trial", "3 trials", "a, b and c"]),
     ],
 )
 def test_each_kind_of_number_is_written_in_one_way(written, expected):
