@@ -229,7 +229,7 @@ def _read_study(study: Any, trials: Any, seed: Any, estimators: Any, out: Any, s
     )
     if only == ():
         raise BadInput("estimators is empty: name some, or leave it out for the study's")
-    asked = load(str(study)).with_options(trials=trials, seed=seed, only=only)
+    asked = load(str(study)).replace_options(trials=trials, seed=seed, only=only)
     return asked, Path(out) if out is not None else Path("runs") / f"{asked.folder_name}-seed{asked.seed}{suffix}"
 
 

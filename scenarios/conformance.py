@@ -415,7 +415,7 @@ def _name_of_array(channel: str) -> str:
 def hide_channel(stream: Stream, channel: str) -> Stream:
     """Hide every reading of a channel."""
     name = _name_of_array(channel)
-    return stream.with_arrays({name: np.full_like(stream.arrays()[name], np.nan)})
+    return stream.replace_arrays({name: np.full_like(stream.arrays()[name], np.nan)})
 
 
 def drop_readings(stream: Stream, rng: np.random.Generator) -> Stream:
@@ -426,7 +426,7 @@ def drop_readings(stream: Stream, rng: np.random.Generator) -> Stream:
         if name not in (*NEVER_HIDDEN, "air.link"):
             gone = (tick % 3 == 1) & (rng.uniform(size=array.shape[:4]) < 0.4) | (tick == 4)
             changed[name] = np.where(_expand(gone, array), np.nan, array)
-    return stream.with_arrays(changed)
+    return stream.replace_arrays(changed)
 
 
 def perturb_readings(
@@ -443,7 +443,7 @@ def perturb_readings(
         if name != "air.link":
             where = robots[None] & (since == 0) if name.startswith("prior.") else ticks[None, :, None] & robots
             changed[name] = np.where(_expand(where, array), _perturb(name, array, mode, rng), array)
-    return stream.with_arrays(changed)
+    return stream.replace_arrays(changed)
 
 
 def _perturb(name: str, array: Array, mode: Mode, rng: np.random.Generator) -> Array:
@@ -463,7 +463,7 @@ def drop_packets(stream: Stream, sender: int | None = None, since: int = 0) -> S
     """Drop every packet of `sender` (None: of any robot) from tick `since` on."""
     link: Any = stream.air.link.copy()
     link[:, since:, :, slice(None) if sender is None else sender] = False
-    return stream.with_arrays({"air.link": link})
+    return stream.replace_arrays({"air.link": link})
 
 
 def perturb_links(stream: Stream, mode: Mode, rng: np.random.Generator, since: int) -> Stream:
@@ -472,27 +472,27 @@ def perturb_links(stream: Stream, mode: Mode, rng: np.random.Generator, since: i
         return drop_packets(stream, since=since)
     link: Any = stream.air.link.copy()
     link[:, since:] = (rng.uniform(size=link[:, since:].shape) < 0.5) & ~np.eye(stream.robots, dtype=bool)
-    return stream.with_arrays({"air.link": link})
+    return stream.replace_arrays({"air.link": link})
 
 
 def perturb_dropped_radio(stream: Stream, mode: Mode, rng: np.random.Generator) -> Stream:
     """Perturb or hide the radio readings of packets that did not arrive."""
     names = [name for name in ("air.rssi", "air.range") if stream.arrays()[name].shape[-1]]
     changed = {name: _perturb(name, stream.arrays()[name], mode, rng) for name in names}
-    return stream.with_arrays({k: np.where(stream.air.link, stream.arrays()[k], a) for k, a in changed.items()})
+    return stream.replace_arrays({k: np.where(stream.air.link, stream.arrays()[k], a) for k, a in changed.items()})
 
 
 def only_odometry(stream: Stream) -> Stream:
     """Hide every reading but odometry, and drop every packet."""
     names = [name for name in stream.arrays() if name not in (*NEVER_HIDDEN, "air.link")]
-    return drop_packets(stream.with_arrays({name: np.full_like(stream.arrays()[name], np.nan) for name in names}))
+    return drop_packets(stream.replace_arrays({name: np.full_like(stream.arrays()[name], np.nan) for name in names}))
 
 
 def make_first_certain(stream: Stream) -> Stream:
     """Let the first robot start with a hundredth of its standard deviation."""
     P = stream.prior.P.copy()
     P[:, 0] *= 1e-4
-    return stream.with_arrays({"prior.P": P})
+    return stream.replace_arrays({"prior.P": P})
 
 
 def _expand(lead: Array | Mask, array: Array) -> Array | Mask:
@@ -515,7 +515,7 @@ def move_world(stream: Stream, turn: Array, shift: Array, roll: int = 0) -> Stre
             changed[f"senses.{name}"] = np.stack([z[..., 0], wrap(z[..., 1] + _angle(turn))], -1)
     corners, anchors, landmarks = (places @ turn.T + shift for places in (w.arena, w.anchors, w.landmarks))
     arena, anchors = np.array([corners.min(0), corners.max(0)]), np.roll(anchors, -roll, axis=0)
-    return replace(stream.with_arrays(changed), world=replace(w, arena=arena, anchors=anchors, landmarks=landmarks))
+    return replace(stream.replace_arrays(changed), world=replace(w, arena=arena, anchors=anchors, landmarks=landmarks))
 
 
 def move_belief(belief: Belief, turn: Array, shift: Array) -> Belief:
@@ -538,7 +538,7 @@ def renumber_robots(stream: Stream, order: list[int]) -> Stream:
         rows = array[:, order] if name.startswith("prior.") else array[:, :, order]
         pairs = name.startswith("air.") or name == "senses.sighting"
         changed[name] = rows[:, :, :, order] if pairs and rows.shape[3] else rows
-    return stream.with_arrays(changed)
+    return stream.replace_arrays(changed)
 
 
 def keep_one_pair(stream: Stream) -> Stream:
@@ -554,7 +554,7 @@ def keep_one_pair(stream: Stream) -> Stream:
         array = arrays[name]
         if array.shape[3]:
             changed[name] = np.where(reads[..., None] if array.ndim == 5 else reads, array, np.nan)
-    return stream.with_arrays(changed)
+    return stream.replace_arrays(changed)
 
 
 # The twelve checks, in the order in which they run. All but equivariance compare bitwise.
@@ -772,7 +772,7 @@ def nan_safety(harness: Harness) -> str:
             array = stream.arrays()[name]
             single = np.where(harness.rng.uniform(size=array.shape) < 0.3, np.nan, array)
             others = {
-                "single readings": stream.with_arrays({name: single}),
+                "single readings": stream.replace_arrays({name: single}),
                 "all readings": hide_channel(stream, channel),
             }
             for which, other in others.items():
@@ -864,7 +864,7 @@ def _find_used(harness: Harness, cases: list[tuple[Stream, RunRecord]], channels
         for channel in sorted((harness.channels(stream) & channels) - found):
             name = _name_of_array(channel)
             array = stream.arrays()[name]
-            perturbed = stream.with_arrays({name: array + 0.1 * harness.rng.normal(size=array.shape)})
+            perturbed = stream.replace_arrays({name: array + 0.1 * harness.rng.normal(size=array.shape)})
             for other in (perturbed, hide_channel(stream, channel)):
                 try:
                     harness.require_same(base, other, f"{channel} was changed")

@@ -37,7 +37,7 @@ class Scenario(Protocol):
     """A world with its parameters.
 
     A simulated one may have `robots` and `ticks`, its size. Recordings of several trials have `count()`, their number,
-    and `at(trials)`, the scenario of some; those with fitted models have `explained()`, sentences on what was fitted
+    and `at(trials)`, the scenario of some; those with fitted models have `explanations()`, sentences on what was fitted
     and dropped, and `faults()`, those of the sentences that are on what was left out, sorted or repaired while reading.
     """
 
@@ -118,7 +118,7 @@ class StreamOptions(BaseModel):
             changed[f"extra.{TEAM_PRIOR}"] = _team_priors(stream)
         if not changed:
             return truth, stream
-        stream = stream.with_arrays(changed)
+        stream = stream.replace_arrays(changed)
         return replace(truth, origin=stream.hashes), stream
 
 
@@ -160,38 +160,38 @@ class ResolvedScenario:
         }
 
     @property
-    def recorded(self) -> bool:
+    def is_recording(self) -> bool:
         """True for a recording, which is the same for any seed."""
         return self.family.recorded
 
     @property
     def data(self) -> Path | None:
         """The directory of a recording."""
-        return self.parameters["data"] if self.recorded else None
+        return self.parameters["data"] if self.is_recording else None
 
     @property
-    def simulated(self) -> bool:
+    def has_size(self) -> bool:
         """True where the model states its size before it runs; a recording's files are not read for this."""
         return all(hasattr(self.model, name) for name in ("robots", "ticks"))
 
     @property
     def robots(self) -> int:
         """Number of robots simulated, else 1."""
-        return getattr(self.model, "robots", 1) if self.simulated else 1
+        return getattr(self.model, "robots", 1) if self.has_size else 1
 
     @property
     def ticks(self) -> int:
         """Number of ticks simulated, else 1."""
-        return getattr(self.model, "ticks", 1) if self.simulated else 1
+        return getattr(self.model, "ticks", 1) if self.has_size else 1
 
     def trials(self, asked: int) -> int:
         """Return the number of trials of a study that asks for `asked`: a recording has its own number."""
         count: Callable[[], int] = getattr(self.model, "count", lambda: 1)
-        return count() if self.recorded else asked
+        return count() if self.is_recording else asked
 
-    def explained(self) -> list[str]:
+    def explanations(self) -> list[str]:
         """Return sentences on fitted models and on what was dropped while reading; empty for simulated worlds."""
-        explain: Callable[[], list[str]] = getattr(self.model, "explained", list)
+        explain: Callable[[], list[str]] = getattr(self.model, "explanations", list)
         return explain()
 
     def faults(self) -> list[str]:
@@ -201,7 +201,7 @@ class ResolvedScenario:
 
     def first_tick(self) -> "ResolvedScenario":
         """Return the same scenario with one tick, where its length can be chosen."""
-        return self._override({"ticks": 1}) if self.simulated and not self.recorded else self
+        return self._override({"ticks": 1}) if self.has_size and not self.is_recording else self
 
     def simulate(self, trials: int | Sequence[int], seed: int) -> tuple[Truth, Stream]:
         """Simulate truth and stream of some trials; `scenarios.simulate` says more.

@@ -142,13 +142,13 @@ class Stream:
     def first_ticks(self, ticks: int) -> "Stream":
         """Return the stream of the first ticks only."""
         arrays = {name: a if name.startswith("prior") else a[:, :ticks] for name, a in self.arrays().items()}
-        return replace(self.with_arrays(arrays), time=self.time[:ticks])
+        return replace(self.replace_arrays(arrays), time=self.time[:ticks])
 
     def map(self, change: Any) -> "Stream":
         """Return a stream whose every array with a trial axis went through `change`."""
-        return self.with_arrays({name: change(array) for name, array in self.arrays().items()})
+        return self.replace_arrays({name: change(array) for name, array in self.arrays().items()})
 
-    def with_arrays(self, arrays: Mapping[str, Any]) -> "Stream":
+    def replace_arrays(self, arrays: Mapping[str, Any]) -> "Stream":
         """Return a stream with some of `arrays()` replaced."""
         return replace(self, **_readings({**self.arrays(), **arrays}))
 

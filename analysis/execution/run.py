@@ -214,7 +214,7 @@ def make_manifest(asked: ResolvedStudy, isolate: bool) -> dict[str, Any]:
         "seed": asked.study.seed,
         "data": None if asked.data is None else fingerprint(Path(asked.data)),
         "scenarios": {one.label: one.settings for one in scenarios},
-        "recordings": {one.label: lines for one in scenarios if (lines := one.explained())},
+        "recordings": {one.label: lines for one in scenarios if (lines := one.explanations())},
         "files": files(asked.estimators, scenarios),
         "imports": imports(asked.estimators, scenarios),
         "certificates": {},
@@ -304,7 +304,7 @@ def _gaps(held: Iterable[range], count: int, size: int) -> Iterator[range]:
 
 def chunk_size(scenario: ResolvedScenario) -> int:
     """Return how many trials of a scenario are computed together; results do not depend on it."""
-    if scenario.recorded:
+    if scenario.is_recording:
         return 1
     least, most = CHUNK_TRIALS
     fits = int(CHUNK_BYTES // (17 * scenario.ticks * scenario.robots**2))

@@ -55,7 +55,7 @@ def run_until_decided(
     counts, going, rows = dict.fromkeys(limits, 0), set(limits), pd.DataFrame()
     for n in looks(most):
         counts |= {cell: min(n, limits[cell]) for cell in going}
-        rows = execute(study.with_trials(counts), out, progress=watcher, **options)
+        rows = execute(study.limit_trials(counts), out, progress=watcher, **options)
         below = {cell.scenario.label: min(n, cell.most) for cell in study.cells}
         answers = [_compare(rows, baselines, below), *(question(rows, n) for question in ask)]
         going = {cell for one in answers for cell in one.open if counts[cell] < limits[cell]}

@@ -436,7 +436,7 @@ def compile_kernels(tasks: Iterable[Task], jobs: int, begin: Callable[[], None])
     """Compile what built-in estimators need in these tasks and was not yet compiled; `begin` is called if any does."""
     cold: dict[Path, list[Task]] = {}  # of each kind of estimator a task of the smallest team and one of the largest
     for task in sorted(tasks, key=lambda one: one.scenario.robots):
-        if task.scenario.name in BUILTIN_SCENARIOS and not task.scenario.recorded:
+        if task.scenario.name in BUILTIN_SCENARIOS and not task.scenario.is_recording:
             for one in task.estimators:
                 if one.builtin and not (mark := _mark(one)).exists():
                     cold[mark] = [*cold.get(mark, [])[:1], replace(task, trials=task.trials[:1], estimators=(one,))]

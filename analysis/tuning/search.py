@@ -220,7 +220,7 @@ class Lane:
         """Return the trial of a round; recordings that are used up come again."""
         one = self.scenarios[number % len(self.scenarios)]
         trial = number // len(self.scenarios)
-        return Item(one.label, trial % one.trials(1) if one.recorded else trial)
+        return Item(one.label, trial % one.trials(1) if one.is_recording else trial)
 
 
 Pair = tuple[str, Item]  # a configuration's label, and a trial

@@ -278,7 +278,7 @@ def lanes(cells: Iterable[ResolvedCell], training: dict[str, tuple[str, ...]], d
         raise BadInput(f"training names {unknown[0]!r}, which is not a scenario of the study; leave it out")
     found = {}
     for label, scenario in judged.items():
-        if scenario.recorded and label not in training:
+        if scenario.is_recording and label not in training:
             raise BadInput(
                 f"scenario {label!r} is a recording, and tuning on the run that is judged is refused: say in the "
                 f'study on which other it is tuned, training = {{ "{label}" = ["..."] }}, or [] for none'
@@ -286,8 +286,8 @@ def lanes(cells: Iterable[ResolvedCell], training: dict[str, tuple[str, ...]], d
         own = tuple(resolve(one, data) for one in training[label]) if label in training else (scenario,)
         if own:
             found[label] = Lane(label, own)
-    reported = [(one.label, stream) for one in judged.values() if one.recorded for stream in _recordings(one)]
-    trained = {one.label: one for lane in found.values() for one in lane.scenarios if one.recorded and reported}
+    reported = [(one.label, stream) for one in judged.values() if one.is_recording for stream in _recordings(one)]
+    trained = {one.label: one for lane in found.values() for one in lane.scenarios if one.is_recording and reported}
     for one in trained.values():
         for stream in _recordings(one):
             for label, other in reported:

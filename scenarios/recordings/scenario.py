@@ -42,7 +42,7 @@ from cooploc.scenarios.worlds.radio import Positive
 MODULES = {"csv": "csv_files", "bag": "bags", "pyfg": "pyfg", "mrclam": "mrclam"}
 ALL = "all"  # in the place of a run's name
 SAME = 0.5  # share of equal true positions from which on two runs are parts of one recording
-NO_ORDER = "ranks no estimators"  # in a sentence of `explained`
+NO_ORDER = "ranks no estimators"  # in a sentence of `explanations`
 SHORT = 30  # ticks
 STILL = 3.0  # standard deviations of the prior
 READINGS = ("senses.anchor_rssi", "senses.landmark", "senses.sighting", "air.rssi", "air.range", "extra.anchor_range")
@@ -292,10 +292,10 @@ class TeamScenario(schema.Model):
             return [line for k in range(self.count()) for line in self.at([k]).faults()]
         return list(self.judged.log.warnings)
 
-    def explained(self) -> list[str]:
+    def explanations(self) -> list[str]:
         """Return sentences, run by run: what was left out while reading, and the models with where they were fitted."""
         if self.run == ALL:
-            return [line for k in range(self.count()) for line in self.at([k]).explained()]
+            return [line for k in range(self.count()) for line in self.at([k]).explanations()]
         try:
             log, models = self.judged.log, self.judged.models
             reasons = self.weaknesses(*self.simulate("log", [0], 0, self.world()))

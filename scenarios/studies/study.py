@@ -152,7 +152,7 @@ class Study(BaseModel):
     leaves_out_misfits: bool = False  # an estimator is not run where its channels lack; else the study is refused
     only: Labels = ()  # the estimators to run; one that the study lacks runs on every scenario
 
-    def with_options(self, **options: Any) -> "Study":
+    def replace_options(self, **options: Any) -> "Study":
         """Return the study with these fields replaced; None leaves a field as it is.
 
         Raises:
@@ -328,7 +328,7 @@ class ResolvedStudy(NamedTuple):
         """Every estimator once, in the order in which scenarios name them."""
         return list({one.label: one for cell in self.cells for one in cell.estimators}.values())
 
-    def with_trials(self, counts: Mapping[tuple[str, str], int]) -> "ResolvedStudy":
+    def limit_trials(self, counts: Mapping[tuple[str, str], int]) -> "ResolvedStudy":
         """Return the same with these numbers of trials, by the labels of scenario and estimator; none above its own."""
         cells = []
         for cell in self.cells:

@@ -78,7 +78,7 @@ def test_the_learned_signal_of_the_path_loss_law_is_the_law_and_its_slopes_are_t
 
 def test_what_teammates_say_is_used():
     _, stream = simulate("robots-1-3/n=3", trials=4, seed=4, ticks=40)
-    alone = stream.with_arrays({"air.link": np.zeros_like(stream.air.link)})
+    alone = stream.replace_arrays({"air.link": np.zeros_like(stream.air.link)})
     together, apart = (trace("batched", example(NAMES[1]), one).x for one in (stream, alone))
     assert (np.abs(together - apart).max((0, 1, 3)) > 1e-3).all()
 
@@ -105,7 +105,7 @@ def test_a_constant_velocity_filter_learns_the_velocity_from_anchors_alone():
 
 def test_a_range_bias_is_found_where_there_is_one():
     _, stream = simulate("robots-1-3/n=3", trials=2, seed=4, ticks=60)
-    biased = stream.with_arrays({"air.range": stream.air.range + 0.8})
+    biased = stream.replace_arrays({"air.range": stream.air.range + 0.8})
     states = []
 
     def watch(method, tick, arguments, call):

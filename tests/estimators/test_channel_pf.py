@@ -21,11 +21,11 @@ def two_robots(seed):
     _, stream = linear_team(seed, trials=2, robots=2, ticks=TICKS)
     z, landmark = stream.senses.sighting.copy(), stream.senses.landmark.copy()
     landmark[:, 1:] = np.nan
-    stream = stream.with_arrays({"senses.landmark": landmark})
+    stream = stream.replace_arrays({"senses.landmark": landmark})
     once = z.copy()
     z[:, :, 1, 0] = -z[:, :, 0, 1]
     once[:, :, 1, 0] = np.nan
-    return stream.with_arrays({"senses.sighting": z}), stream.with_arrays({"senses.sighting": once})
+    return stream.replace_arrays({"senses.sighting": z}), stream.replace_arrays({"senses.sighting": once})
 
 
 @pytest.mark.parametrize("seed", [1, 2])
@@ -50,7 +50,7 @@ def test_a_packet_after_lost_ones_brings_the_way_that_the_sender_went_meanwhile(
     _, stream = linear_team(5, trials=1, robots=2, ticks=TICKS, share=1.0)
     link = stream.air.link.copy()
     link[:, 1:-1] = False
-    lost = stream.with_arrays({"air.link": link})
+    lost = stream.replace_arrays({"air.link": link})
     est = make("channel-pf", particles=500)
     rows = Rows(np.zeros(2, int), np.arange(2), np.array([[1, 2], [3, 4]], np.uint32))
     s, nothing = est.init(Belief(stream.prior.x[0], stream.prior.P[0]), stream.world, rows), np.empty((2, 0))

@@ -69,7 +69,7 @@ def gs_ci(stream, trial, weight, drift):
 def test_the_global_state_filter_is_its_equations_robot_by_robot(weight):
     _, stream = linear_team(seed=1, trials=2, robots=4, ticks=10)
     rng = np.random.default_rng(2)
-    stream = stream.with_arrays({"air.link": stream.air.link & (rng.uniform(size=stream.air.link.shape) < 0.6)})
+    stream = stream.replace_arrays({"air.link": stream.air.link & (rng.uniform(size=stream.air.link.shape) < 0.6)})
     got = trace("gs", EkfGsCi(weight=weight, drift=0.7, gate=np.inf), stream)
     for trial in range(2):
         x, P = gs_ci(stream, trial, weight, 0.7)

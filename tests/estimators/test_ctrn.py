@@ -191,7 +191,7 @@ def test_ekf_ci_without_teammates_is_the_local_ekf(label):
 def test_ekf_ci_is_conservative_where_everybody_repeats_the_same():
     """Robots that only hear each other gain nothing by gossip: CI does not shrink what no new reading supports."""
     _, seeing = cl.simulate("camera/n=3", trials=2, seed=10, ticks=80)
-    stream = seeing.with_arrays({"senses.landmark": np.full_like(seeing.senses.landmark, np.nan)})
+    stream = seeing.replace_arrays({"senses.landmark": np.full_like(seeing.senses.landmark, np.nan)})
     run = cl.run({"alone": cl.make("dead-reckoning"), "ci": cl.make("ekf-ci")}, stream).traces
     size = {name: np.linalg.det(run[name].P[:, -1, :, :2, :2]) ** 0.5 for name in run}
     prior = 0.1**2

@@ -107,7 +107,7 @@ def misled(seed=13, trials=5):
     truth, stream = simulate("robots-1-3/n=3", trials=trials, seed=seed, ticks=120)
     x, P = stream.prior.x.copy(), stream.prior.P.copy()
     x[:, 0], P[:, 0] = 6 - truth.x[:, 0, 0], 0.1**2 * np.eye(2)
-    return truth, stream.with_arrays({"prior.x": x, "prior.P": P})
+    return truth, stream.replace_arrays({"prior.x": x, "prior.P": P})
 
 
 @pytest.mark.parametrize("anchor_reading", ["doa", "doa-constant", "gradient", "rssi"])

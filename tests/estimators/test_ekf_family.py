@@ -31,7 +31,7 @@ TEAM = {
 
 def without(stream, **channels):
     """The stream with some readings gone."""
-    return stream.with_arrays(
+    return stream.replace_arrays(
         {f"senses.{name}": np.full_like(getattr(stream.senses, name), np.nan) for name in channels if channels[name]}
     )
 
@@ -196,7 +196,7 @@ def test_interim_master_breaks_at_the_first_lost_message():
     link = stream.air.link.copy()
     link[0, lost, 3 - a - b, a] = False
     traces = run({"joint": EkfJoint(**PLAIN), "whole": EkfInterim()}, stream).traces
-    broken = trace("broken", EkfInterim(), stream.with_arrays({"air.link": link}))
+    broken = trace("broken", EkfInterim(), stream.replace_arrays({"air.link": link}))
     off = np.abs(broken.x - traces["joint"].x)[0].max(-1)
     assert off[:lost].max() < 1e-9
     assert off[lost, [a, b]].max() < 1e-9
@@ -211,11 +211,11 @@ def test_pairwise_protocols_need_both_directions(name):
     _, stream = simulate("camera", trials=2, seed=30, ticks=60)
     link = stream.air.link.copy()
     link[..., 0] = False  # axis 2 is the receiver, axis 3 the sender
-    stream = stream.with_arrays({"air.link": link})
+    stream = stream.replace_arrays({"air.link": link})
     sighting = stream.senses.sighting.copy()
     sighting[:, :, 0] = np.nan
     sighting[:, :, :, 0] = np.nan
-    blind = stream.with_arrays({"senses.sighting": sighting})
+    blind = stream.replace_arrays({"senses.sighting": sighting})
     a, b = trace("a", TEAM[name], stream), trace("b", TEAM[name], blind)
     np.testing.assert_array_equal(a.x[:, :, 1:], b.x[:, :, 1:])
     np.testing.assert_array_equal(a.P[:, :, 1:], b.P[:, :, 1:])
@@ -245,7 +245,7 @@ def test_covariances_stay_definite_over_ten_thousand_ticks(estimator):
 @pytest.mark.parametrize("name", TEAM)
 def test_gate_refuses_outliers(name):
     _, stream = linear_team(seed=33, trials=1, robots=2, ticks=1, share=1.0)
-    stream = stream.with_arrays({f"senses.{c}": getattr(stream.senses, c) + 300.0 for c in ("landmark", "sighting")})
+    stream = stream.replace_arrays({f"senses.{c}": getattr(stream.senses, c) + 300.0 for c in ("landmark", "sighting")})
     cls = type(TEAM[name])
     traces = run({"dead": DeadReckoning(), "gated": cls(), "open": cls(gate=np.inf)}, stream).traces
     np.testing.assert_allclose(traces["gated"].x, traces["dead"].x, atol=1e-9)

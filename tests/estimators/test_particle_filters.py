@@ -170,7 +170,7 @@ def papers_world(seed, drop=0.0, robots=3):
     )
     anchor = stream.senses.anchor_rssi.copy()
     anchor[np.random.default_rng(seed).uniform(size=anchor.shape) < 0.1] = np.nan
-    return stream.with_arrays({"senses.anchor_rssi": anchor})
+    return stream.replace_arrays({"senses.anchor_rssi": anchor})
 
 
 def repeated(estimator, stream, times=TIMES):

@@ -12,7 +12,7 @@ def test_a_recording_has_its_own_number_of_trials_and_needs_its_data(tmp_path):
     with pytest.raises(cl.BadInput, match="is a recording; say where it is"):
         resolve("mrclam/all")
     found = resolve("mrclam/all", tmp_path)
-    assert (found.trials(100), found.recorded, found.data) == (1, True, tmp_path)
+    assert (found.trials(100), found.is_recording, found.data) == (1, True, tmp_path)
     assert found.first_tick() is found
 
 

@@ -220,7 +220,7 @@ def test_one_changed_entry_changes_the_hash_of_its_trial_alone(label, name):
     array = stream.arrays()[name].copy()
     flat = array[1].reshape(-1)
     flat[1] = not flat[1] if flat.dtype == bool else np.nextafter(np.nan_to_num(flat[1]), 9)
-    changed = stream.with_arrays({name: array})
+    changed = stream.replace_arrays({name: array})
     assert [a == b for a, b in zip(stream.hashes, changed.hashes, strict=True)] == [True, False, True]
     assert changed.hash != stream.hash
 
@@ -254,7 +254,7 @@ def test_one_nan_is_as_absent_as_another(payload, negative):
     array = stream.air.range.copy()
     array[np.isnan(array)] = bits.view(np.float64)
     assert array.tobytes() != stream.air.range.tobytes()
-    assert stream.with_arrays({"air.range": array}).hashes == stream.hashes
+    assert stream.replace_arrays({"air.range": array}).hashes == stream.hashes
 
 
 ABSENT = short(trials=1)

@@ -122,10 +122,10 @@ def test_a_sound_and_a_cheating_estimator_from_table_to_page(checked, tmp_path):
 
 
 def test_the_same_version_is_checked_once_and_another_is_refused(checked, place, found_again):
-    study = STUDY.with_options(only=("ekf-local", "outside.py:Honest"))
+    study = STUDY.replace_options(only=("ekf-local", "outside.py:Honest"))
     shutil.copytree(checked.folder / "run", place / "run")
     told = Told()
-    more = study.with_options(trials=8, only=("ekf-local", "outside.py:Honest", "outside.py:Honest[scale=2]"))
+    more = study.replace_options(trials=8, only=("ekf-local", "outside.py:Honest", "outside.py:Honest[scale=2]"))
     execute(prepare(more), place / "run", progress=told)
     assert [s.split(",")[0] for s in told.said if s.startswith("checking")] == ["checking outside.py:Honest[scale=2]"]
     (place / "outside.py").write_text(FILE + "\n# edited\n")
@@ -135,7 +135,7 @@ def test_the_same_version_is_checked_once_and_another_is_refused(checked, place,
 
 
 def test_who_is_not_checked_is_said_to_be_unchecked_until_somebody_does(place, found_again):
-    study = STUDY.with_options(only=("ekf-local", "outside.py:Honest"))
+    study = STUDY.replace_options(only=("ekf-local", "outside.py:Honest"))
     told = Told()
     rows = execute(prepare(study), place / "run", check=False, progress=told)
     assert told.said == []

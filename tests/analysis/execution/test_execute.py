@@ -84,9 +84,9 @@ def test_what_is_there_is_not_computed_again(finished):
 
 
 def test_an_added_estimator_and_a_lost_part_are_all_that_runs(finished, tmp_path):
-    whole = STUDY.with_options(only=("dead-reckoning", "arl[particles=30]"))
+    whole = STUDY.replace_options(only=("dead-reckoning", "arl[particles=30]"))
     folder = tmp_path / "run"
-    execute(prepare(STUDY.with_options(only=("dead-reckoning",))), folder)
+    execute(prepare(STUDY.replace_options(only=("dead-reckoning",))), folder)
     piece = PartKey("trajectory[ticks=15]", "dead-reckoning", range(10, 12))
     lost = folder / "parts" / f"{piece.name}.parquet"
     kept = lost.read_bytes()
@@ -102,15 +102,15 @@ def test_an_added_estimator_and_a_lost_part_are_all_that_runs(finished, tmp_path
 
 def test_more_trials_compute_only_what_is_new_and_fewer_nothing(tmp_path, finished):
     folder = tmp_path / "run"
-    small = STUDY.with_options(only=("dead-reckoning",), trials=7)
+    small = STUDY.replace_options(only=("dead-reckoning",), trials=7)
     execute(prepare(small), folder)
     told = Told()
-    rows = execute(prepare(small.with_options(trials=12)), folder, progress=told)
+    rows = execute(prepare(small.replace_options(trials=12)), folder, progress=told)
     assert sum(trials for _, trials in told.computed) == 2 * 5
     whole = finished[1][finished[1]["estimator"] == "dead-reckoning"].reset_index(drop=True)
     pd.testing.assert_frame_equal(rows.drop(columns="seconds"), whole.drop(columns="seconds"))
     told = Told()
-    fewer = execute(prepare(small.with_options(trials=3)), folder, progress=told)
+    fewer = execute(prepare(small.replace_options(trials=3)), folder, progress=told)
     assert told.computed == []
     assert told.began == (6, 6)
     assert sorted(set(fewer["trial"])) == [0, 1, 2]
@@ -125,13 +125,13 @@ def test_more_trials_compute_only_what_is_new_and_fewer_nothing(tmp_path, finish
 )
 def test_a_directory_of_other_settings_is_refused_and_new_scenarios_are_not(finished, tmp_path, change, said):
     folder = tmp_path / "run"
-    small = STUDY.with_options(only=("dead-reckoning",), scenarios=("trajectory[ticks=15]",))
+    small = STUDY.replace_options(only=("dead-reckoning",), scenarios=("trajectory[ticks=15]",))
     execute(prepare(small), folder)
     if said is None:
-        assert set(execute(prepare(small.with_options(**change)), folder)["scenario"]) == set(change["scenarios"])
+        assert set(execute(prepare(small.replace_options(**change)), folder)["scenario"]) == set(change["scenarios"])
         return
     with pytest.raises(cl.BadInput, match=said):
-        execute(prepare(small.with_options(**change)), folder)
+        execute(prepare(small.replace_options(**change)), folder)
 
 
 def test_foreign_newer_and_damaged_directories_are_refused(tmp_path):
@@ -159,7 +159,7 @@ class Moody(DeadReckoning):
 
 def test_a_failing_trial_costs_no_other(tmp_path, monkeypatch):
     monkeypatch.setitem(estimators.BUILTIN, "moody", (f"{__name__}:Moody", {}))
-    rows = execute(prepare(STUDY.with_options(only=("dead-reckoning", "moody"))), tmp_path / "run")
+    rows = execute(prepare(STUDY.replace_options(only=("dead-reckoning", "moody"))), tmp_path / "run")
     moody = rows[(rows["estimator"] == "moody") & (rows["scenario"] == "trajectory[ticks=15]")]
     failures = moody.dropna(subset="failure").groupby("trial")["failure"].first()
     assert list(failures.index) == [3, 5]
@@ -169,13 +169,13 @@ def test_a_failing_trial_costs_no_other(tmp_path, monkeypatch):
     steady = rows[(rows["estimator"] == "dead-reckoning") & (rows["scenario"] == "trajectory[ticks=15]")]
     pd.testing.assert_series_equal(good, steady.set_index(["trial", "robot"])["mse"].loc[good.index])
     assert cl.summarize(rows).set_index(["scenario", "estimator"]).loc[("trajectory[ticks=15]", "moody"), "failed"] == 2
-    again = execute(prepare(STUDY.with_options(only=("dead-reckoning", "moody"))), tmp_path / "run")
+    again = execute(prepare(STUDY.replace_options(only=("dead-reckoning", "moody"))), tmp_path / "run")
     pd.testing.assert_frame_equal(again.drop(columns="seconds"), rows.drop(columns="seconds"), check_dtype=False)
 
 
 def test_a_trial_that_failed_runs_again_on_request_alone(tmp_path, monkeypatch):
     monkeypatch.setitem(estimators.BUILTIN, "moody", (f"{__name__}:Moody", {}))
-    asked = prepare(STUDY.with_options(only=("dead-reckoning", "moody")))
+    asked = prepare(STUDY.replace_options(only=("dead-reckoning", "moody")))
     execute(asked, tmp_path / "run")
     monkeypatch.setattr(Moody, "init", DeadReckoning.init)
     told = Told()
@@ -187,12 +187,12 @@ def test_a_trial_that_failed_runs_again_on_request_alone(tmp_path, monkeypatch):
 
 
 def test_what_cannot_run_is_refused_before_anything_is_written(tmp_path):
-    camera = STUDY.with_options(scenarios=("trajectory", "camera/n=2"))
+    camera = STUDY.replace_options(scenarios=("trajectory", "camera/n=2"))
     said = r"mrsl-rssi\[particles=40\] needs channel 'anchor_rssi'; scenario 'camera/n=2' has"
     with pytest.raises(cl.IncompatibleEstimator, match=said):
         execute(prepare(camera), tmp_path / "run")
     with pytest.raises(cl.BadInput, match="not one of its estimators"):
-        execute(prepare(STUDY.with_options(baseline="arl")), tmp_path / "run")
+        execute(prepare(STUDY.replace_options(baseline="arl")), tmp_path / "run")
     with pytest.raises(cl.BadInput, match="jobs is 0"):
         execute(prepare(STUDY), tmp_path / "run", jobs=0)
     assert not (tmp_path / "run").exists()

@@ -147,7 +147,7 @@ def test_a_direction_of_arrival_without_four_corners_is_refused(name):
 @pytest.mark.parametrize("scenario", ["robots-1-3/n=2", "camera/n=2"])
 def test_without_anchors_and_teammates_every_filter_is_dead_reckoning(name, scenario):
     _, stream = simulate(scenario, trials=2, ticks=10, drop=1.0)
-    alone = stream.with_arrays({"senses.sighting": np.full_like(stream.senses.sighting, np.nan)})
+    alone = stream.replace_arrays({"senses.sighting": np.full_like(stream.senses.sighting, np.nan)})
     made = {"none": make(name, anchor_reading="none"), "dead": make("dead-reckoning")}
     traces = run(made, alone).traces
     np.testing.assert_allclose(traces["none"].x, traces["dead"].x, atol=1e-9 if name != "ukf-joint" else 1e-3)

@@ -76,7 +76,7 @@ def test_dead_reckoning_follows_odometry_that_is_exact(data):
     at = stream.prior.x[0, 0]
     np.testing.assert_allclose(at[:2], [2.0, 1.2])
     assert abs(wrap(at[2] - drive(0)[1][0, 2])) < 0.1
-    stream = stream.with_arrays({"prior.x": drive(0)[1][:1][None]})
+    stream = stream.replace_arrays({"prior.x": drive(0)[1][:1][None]})
     trace = run({"dr": make("dead-reckoning")}, stream).traces["dr"]
     assert np.abs(trace.x[..., :2] - truth.x).max() < 1e-5
     assert stream.world.motion.tick == stream.world.tick == pytest.approx(1, abs=0.01)

@@ -116,7 +116,7 @@ def test_blocks_add_up_and_included_studies_keep_their_name_and_baseline(tmp_pat
 def test_options_choose_among_the_estimators_and_add_others_everywhere(tmp_path):
     file = tmp_path / "mine.toml"
     file.write_text(ALSO)
-    chosen = study.load(str(file)).with_options(only=["rssi-pf", "ekf-{local,joint}"]).cells()
+    chosen = study.load(str(file)).replace_options(only=["rssi-pf", "ekf-{local,joint}"]).cells()
     assert [cell.estimators for cell in chosen] == [
         ("ekf-local", "ekf-joint"),
         ("rssi-pf", "ekf-local", "ekf-joint"),
