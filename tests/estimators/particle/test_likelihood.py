@@ -7,25 +7,23 @@ import pytest
 from oracles import normals
 
 from cooploc.estimators import particle_likelihood, particles, random_numbers
-from cooploc.estimators.interface import Belief, Senses
+from cooploc.estimators.interface import Senses
 from cooploc.estimators.models import Displacement, GradientDoa, LogDistance, Range, Unicycle
 from cooploc.estimators.particle_likelihood import ReceivedPackets
 
 ROWS, SIDE = 5, 6.0
 sizes = pytest.mark.parametrize("n", [2, 500, 1100])  # fewer than a vector, a common number, more
-links = pytest.mark.parametrize(
-    "team", [0, 1, 2, 3, 7, 11, 29]
-)  # every way to part them in eights, fours, twos and ones
+links = pytest.mark.parametrize("team", [0, 1, 2, 3, 7, 11, 29])  # every way to part them in eights, fours, twos, ones
 clouds = pytest.mark.parametrize("side", [6.0, 0.4])  # all links are near; most are far
 wide = pytest.mark.parametrize("d", [2, 3])
 
 
-def cloud(n, d=2, seed=0, side=SIDE):
-    rng = np.random.default_rng(seed)
+def cloud(n, d=2, side=SIDE):
+    rng = np.random.default_rng(0)
     return (SIDE - side) / 3 + rng.uniform(0, side, (ROWS, n, d)), rng.normal(size=(ROWS, n))
 
 
-def heard(sensor, team, integrate=True, absent=0.3):
+def hear(sensor, team, integrate=True, absent=0.3):
     """Packets and readings, some missing; the first sender stands where particles are within the clamp."""
     rng = np.random.default_rng(team)
     L = rng.normal(0, 0.4, (ROWS, team, 2, 2))
@@ -35,6 +33,13 @@ def heard(sensor, team, integrate=True, absent=0.3):
     mean = rng.uniform(0.1, 4, (ROWS, team)) if isinstance(sensor, Range) else rng.normal(-50, 8, (ROWS, team))
     gone = rng.uniform(size=(ROWS, team)) < absent
     return ReceivedPackets(sensor, np.where(gone[..., None], np.nan, packets), np.where(gone, np.nan, mean), integrate)
+
+
+def read_anchors(team, sigma):
+    rng = np.random.default_rng(1)
+    z = np.where(rng.uniform(size=(ROWS, team)) < 0.3, np.nan, rng.normal(-50, 5, (ROWS, team)))
+    sensor = LogDistance(-35.0, 2.5, sigma)
+    return [(sensor, rng.uniform(0, SIDE, 2), z[:, a, None]) for a in range(team)]
 
 
 def assert_close(a, b):
@@ -49,10 +54,10 @@ def assert_close(a, b):
 @pytest.mark.parametrize("sensor", [LogDistance(), LogDistance(-30.0, 1.7, 0.4), Range(), Range(0.5)], ids=str)
 def test_teammates_are_the_sensors_own_numpy(sensor, integrate, side, d, team, n):
     x, logw = cloud(n, d, side=side)
-    told = heard(sensor, team, integrate)
+    heard = hear(sensor, team, integrate)
     if team and side == SIDE:
-        x[:, 0, :2] = np.nan_to_num(told.packets[:, 0, :2], nan=1.0) + np.array([0.03, 0.02])
-    assert_close(particle_likelihood.teammates(told, x, logw), particle_likelihood.teammates_reference(told, x, logw))
+        x[:, 0, :2] = np.nan_to_num(heard.packets[:, 0, :2], nan=1.0) + np.array([0.03, 0.02])
+    assert_close(particle_likelihood.teammates(heard, x, logw), particle_likelihood.teammates_reference(heard, x, logw))
 
 
 @sizes
@@ -61,9 +66,7 @@ def test_teammates_are_the_sensors_own_numpy(sensor, integrate, side, d, team, n
 @clouds
 def test_anchors_are_the_sensors_own_numpy(side, d, team, n):
     x, logw = cloud(n, d, side=side)
-    sensor, rng = LogDistance(-35.0, 2.5, 3.0), np.random.default_rng(1)
-    z = np.where(rng.uniform(size=(ROWS, team)) < 0.3, np.nan, rng.normal(-50, 5, (ROWS, team)))
-    fixed = [(sensor, rng.uniform(0, SIDE, 2), z[:, a, None]) for a in range(team)]
+    fixed = read_anchors(team, 3.0)
     if fixed and side == SIDE:
         x[0, 0, :2] = fixed[0][1] + 0.02
     assert_close(particle_likelihood.anchors(fixed, x, logw), particle_likelihood.anchors_reference(fixed, x, logw))
@@ -73,124 +76,12 @@ def test_anchors_are_the_sensors_own_numpy(side, d, team, n):
 @pytest.mark.parametrize("motion", [Displacement(), Unicycle()], ids=["compass", "heading"])
 @pytest.mark.parametrize("form", ["wrapped", "sum", "corners", "exact"])
 def test_window_is_the_density_in_numpy(form, motion, n):
-    d = 2 if isinstance(motion, Displacement) else 3
-    x, logw = cloud(n, d)
+    x, logw = cloud(n, 2 if isinstance(motion, Displacement) else 3)
     rng = np.random.default_rng(2)
     doa = GradientDoa(LogDistance(), (1.0, -2.0), (6.0, 4.0))
     angles = np.where(rng.uniform(size=(ROWS, 4)) < 0.3, np.nan, rng.uniform(-np.pi, np.pi, (ROWS, 4)))
-    told = doa, motion, x, logw, angles, rng.normal(0, 0.3, (ROWS, 4, 2)), form, 0.2
-    assert_close(particle_likelihood.window(*told), particle_likelihood.window_reference(*told))
-
-
-@dataclass(frozen=True)
-class Plugin(LogDistance):
-    """A plug-in sensor that differs from the one it is made of."""
-
-    def level(self, x, q):
-        return super().level(x, q) + 7.0
-
-
-def test_plugin_sensors_are_asked_themselves():
-    x, logw = cloud(50)
-    told = heard(Plugin(), 3, absent=0.0)
-    raised = told._replace(sensor=LogDistance(), readings=told.readings - 7.0)
-    assert_close(particle_likelihood.teammates(told, x, logw), particle_likelihood.teammates(raised, x, logw))
-    z = np.full((ROWS, 1), -50.0)
-    one, other = ([(s, np.ones(2), reading)] for s, reading in ((Plugin(), z), (LogDistance(), z - 7.0)))
-    assert_close(particle_likelihood.anchors(one, x, logw), particle_likelihood.anchors(other, x, logw))
-
-
-@pytest.mark.parametrize("away", [0.0, 5e6])
-def test_products_over_many_links_neither_overflow_nor_vanish(away):
-    """As between robots that a prior put at the origin and others in coordinates of a planet."""
-    x, logw = cloud(50, side=0.4)
-    told = heard(LogDistance(sigma=1e-3), 29, absent=0.0)
-    told.packets[..., :2] = x[:, :1] + away + 1e-3
-    got = particle_likelihood.teammates(told, x, logw)
-    assert np.isfinite(got).all()
-    np.testing.assert_allclose(got, particle_likelihood.teammates_reference(told, x, logw), rtol=1e-11)
-
-
-# ---------------------------------------------------------------- a tick in two passes
-
-
-def senses(u, dt):
-    nothing = np.empty((len(dt), 0))
-    return Senses(u, dt, nothing, nothing, nothing, {})
-
-
-@links
-def test_bits_do_not_depend_on_the_rows_beside(team):
-    x, logw = cloud(1100)
-    told, key = heard(LogDistance(), team), np.arange(2 * ROWS, dtype=np.uint32).reshape(-1, 2)
-    z, due = senses(np.ones((ROWS, 2)), np.ones(ROWS)), np.array([True, False, True, True, False])
-    fixed = [(LogDistance(), np.zeros(2), np.full((ROWS, 1), -50.0))]
-    concluded, advanced = particles.posterior_summary(x, logw, told), advance(x, logw, due, z, key, fixed)
-    for r in range(ROWS):
-        row = slice(r, r + 1)
-        mine = told._replace(packets=told.packets[row], readings=told.readings[row])
-        here = [(LogDistance(), np.zeros(2), np.full((1, 1), -50.0))]
-        again = advance(x[row], logw[row], due[row], senses(z.odometry[row], z.dt[row]), key[row], here)
-        for alone, together in ((particles.posterior_summary(x[row], logw[row], mine), concluded), (again, advanced)):
-            for a, b in zip(flat(alone), flat(together), strict=True):
-                np.testing.assert_array_equal(a[0], b[r])
-
-
-def flat(found):
-    return [a for one in found for a in (one if isinstance(one, Belief) else (one,))]
-
-
-def advance(x, logw, due, z, key, fixed=(), motion=None):
-    return particles.advance(motion or Displacement(0.3, 0.5), x, logw, due, z, key, 9, fixed, sends=True)
-
-
-@sizes
-@pytest.mark.parametrize("team", [0, 3])
-def test_conclusion_is_moments_in_numpy_and_says_which_rows_are_poor(n, team):
-    x, logw = cloud(n)
-    logw[0] *= 9
-    logw[1] *= 1e-3
-    logw[2] = -np.inf  # starts again
-    told = heard(LogDistance(sigma=30.0), team)
-    weighed = particle_likelihood.teammates_reference(told, x, logw)
-    belief, logw_new, due = particles.posterior_summary(x, logw, told)
-    w = particles.weights(weighed)
-    for a, b in zip((*belief, *particles.summary(x, weighed)), (*particles.moments(x, w),) * 2, strict=True):
-        assert_close(a, b)
-    assert_close(logw_new, particles.restart_weights(weighed))
-    np.testing.assert_array_equal(due, particles.poor(w))
-    if n > 2:
-        assert due[0]
-        assert not due[1:3].any()
-
-
-@sizes
-@links
-@clouds
-def test_advance_is_renewal_motion_and_anchors_in_numpy(side, team, n):
-    x, logw = cloud(n, side=side)
-    logw *= np.array([9.0, 0.1, 9.0, 0.0, 9.0])[:, None]
-    rng = np.random.default_rng(3)
-    u, dt = rng.normal(size=(ROWS, 2)), rng.uniform(0, 2, ROWS)
-    u[1], u[2, 0] = np.nan, np.nan
-    key, motion = rng.integers(0, 2**32, (ROWS, 2), np.uint32), Displacement(0.3, 0.5)
-    z = np.where(rng.uniform(size=(ROWS, team)) < 0.3, np.nan, rng.normal(-50, 5, (ROWS, team)))
-    sensor = LogDistance(-35.0, 2.5, 30.0)
-    fixed = [(sensor, rng.uniform(0, SIDE, 2), z[:, a, None]) for a in range(team)]
-    due = particles.poor(particles.weights(logw))
-    new, weighed, told = advance(x, logw, due, senses(u, dt), key, fixed, motion)
-    there, flat = particles.resample(x, logw, key, 8)
-    noise = normals(key, 8 * 9 + random_numbers.MOVE, n)
-    there = motion.sample(there, u[:, None], dt[:, None], noise)
-    assert_close(new, there)
-    np.testing.assert_allclose(
-        weighed, particle_likelihood.anchors_reference(fixed, there, flat), rtol=1e-11, atol=1e-10
-    )
-    for a, b in zip(told, particles.moments(new, particles.weights(weighed)), strict=True):
-        assert_close(a, b)
-
-
-# ---------------------------------------------------------------- the gradient
+    directions = doa, motion, x, logw, angles, rng.normal(0, 0.3, (ROWS, 4, 2)), form, 0.2
+    assert_close(particle_likelihood.window(*directions), particle_likelihood.window_reference(*directions))
 
 
 @sizes
@@ -205,3 +96,118 @@ def test_the_gradients_loop_is_its_density_in_numpy(d, n):
     there = [0, 1, 4]
     assert_close(got[there], logw[there] + doa.log_gradient(x, g[:, None])[there])
     np.testing.assert_array_equal(got[2:4], logw[2:4])
+
+
+@dataclass(frozen=True)
+class Plugin(LogDistance):
+    """A plug-in sensor that differs from the one it is made of, and has no loop."""
+
+    def level(self, x, q):
+        return super().level(x, q) + 7.0
+
+
+def test_plugin_sensors_are_asked_themselves():
+    x, logw = cloud(50)
+    heard = hear(Plugin(), 3, absent=0.0)
+    raised = heard._replace(sensor=LogDistance(), readings=heard.readings - 7.0)
+    assert_close(particle_likelihood.teammates(heard, x, logw), particle_likelihood.teammates(raised, x, logw))
+    z = np.full((ROWS, 1), -50.0)
+    one, other = ([(s, np.ones(2), reading)] for s, reading in ((Plugin(), z), (LogDistance(), z - 7.0)))
+    assert_close(particle_likelihood.anchors(one, x, logw), particle_likelihood.anchors(other, x, logw))
+
+
+@pytest.mark.parametrize("motion", [Displacement(), Unicycle()], ids=["compass", "heading"])
+def test_past_packets_of_a_sensor_without_a_loop_weigh_the_same(motion, rng):
+    x, logw = cloud(40, 2 if isinstance(motion, Displacement) else 3)
+    packets, samples = hear(LogDistance(), 12), 3
+    past = particles.PastPackets(
+        packets.packets.reshape(ROWS, 4, samples, 5),
+        packets.readings.reshape(ROWS, 4, samples),
+        rng.normal(0, 0.3, (ROWS, 4, samples, 2)),
+    )
+    heard = packets._replace(readings=past.readings[:, :, 0])
+    one = particles.weigh_past_packets(past, heard, motion, x, logw, 0.25)
+    raised = past._replace(readings=past.readings + 7.0)
+    other = particles.weigh_past_packets(raised, heard._replace(sensor=Plugin()), motion, x, logw, 0.25)
+    np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-10)
+    assert np.ptp(one - logw) > 0.1
+
+
+@pytest.mark.parametrize("away", [0.0, 5e6])
+def test_products_over_many_links_neither_overflow_nor_vanish(away):
+    """As between robots that a prior put at the origin and others in coordinates of a planet."""
+    x, logw = cloud(50, side=0.4)
+    heard = hear(LogDistance(sigma=1e-3), 29, absent=0.0)
+    heard.packets[..., :2] = x[:, :1] + away + 1e-3
+    got = particle_likelihood.teammates(heard, x, logw)
+    assert np.isfinite(got).all()
+    np.testing.assert_allclose(got, particle_likelihood.teammates_reference(heard, x, logw), rtol=1e-11)
+
+
+# ---------------------------------------------------------------- a tick in two passes
+
+
+def advance(x, logw, due, u, dt, key, fixed):
+    nothing = np.empty((len(dt), 0))
+    z = Senses(u, dt, nothing, nothing, nothing, {})
+    return particles.advance(Displacement(0.3, 0.5), x, logw, due, z, key, 9, fixed, sends=True)
+
+
+@links
+def test_bits_do_not_depend_on_the_rows_beside(team):
+    x, logw = cloud(1100)
+    heard, fixed = hear(LogDistance(), team), read_anchors(team, 3.0)
+    key, due = np.arange(2 * ROWS, dtype=np.uint32).reshape(-1, 2), np.array([True, False, True, True, False])
+
+    def tick(rows):
+        mine = heard._replace(packets=heard.packets[rows], readings=heard.readings[rows])
+        here = [(sensor, place, z[rows]) for sensor, place, z in fixed]
+        belief, *weighed = particles.posterior_summary(x[rows], logw[rows], mine)
+        ones = np.ones((ROWS, 2))[rows]
+        *moved, sent = advance(x[rows], logw[rows], due[rows], ones, ones[:, 0], key[rows], here)
+        return [*belief, *weighed, *moved, *sent]
+
+    together = tick(slice(None))
+    for r in range(ROWS):
+        for a, b in zip(tick(slice(r, r + 1)), together, strict=True):
+            np.testing.assert_array_equal(a[0], b[r])
+
+
+@sizes
+@pytest.mark.parametrize("team", [0, 3])
+def test_a_tick_ends_with_moments_in_numpy_and_says_which_rows_are_poor(n, team):
+    x, logw = cloud(n)
+    logw[0] *= 9
+    logw[1] *= 1e-3
+    logw[2] = -np.inf  # starts again
+    heard = hear(LogDistance(sigma=30.0), team)
+    weighed = particle_likelihood.teammates_reference(heard, x, logw)
+    belief, logw_new, due = particles.posterior_summary(x, logw, heard)
+    w = particles.weights(weighed)
+    for a, b in zip((*belief, *particles.summary(x, weighed)), (*particles.moments(x, w),) * 2, strict=True):
+        assert_close(a, b)
+    assert_close(logw_new, particles.restart_weights(weighed))
+    np.testing.assert_array_equal(due, particles.poor(w))
+    if n > 2:
+        assert due[0]
+        assert not due[1:3].any()
+
+
+@sizes
+@links
+@clouds
+def test_a_tick_begins_with_renewal_motion_and_anchors_in_numpy(side, team, n):
+    x, logw = cloud(n, side=side)
+    logw *= np.array([9.0, 0.1, 9.0, 0.0, 9.0])[:, None]
+    rng = np.random.default_rng(3)
+    u, dt = rng.normal(size=(ROWS, 2)), rng.uniform(0, 2, ROWS)
+    u[1], u[2, 0] = np.nan, np.nan
+    key, fixed = rng.integers(0, 2**32, (ROWS, 2), np.uint32), read_anchors(team, 30.0)
+    new, weighed, sent = advance(x, logw, particles.poor(particles.weights(logw)), u, dt, key, fixed)
+    there, flat = particles.resample(x, logw, key, 8)
+    there = Displacement(0.3, 0.5).sample(there, u[:, None], dt[:, None], normals(key, 8 * 9 + random_numbers.MOVE, n))
+    assert_close(new, there)
+    want = particle_likelihood.anchors_reference(fixed, there, flat)
+    np.testing.assert_allclose(weighed, want, rtol=1e-11, atol=1e-10)
+    for a, b in zip(sent, particles.moments(new, particles.weights(weighed)), strict=True):
+        assert_close(a, b)

@@ -1,28 +1,22 @@
-"""Readings of senders that are mixtures of Gaussians: the loop, the numpy form, and what they approximate."""
+"""Mixtures of Gaussians: readings of senders that are mixtures, and particles as clusters."""
 
 import numpy as np
 import pytest
 
-from cooploc.estimators.mixtures import Mixture, weigh, weigh_reference
+from cooploc.estimators.mixtures import Mixture, clusters, weigh, weigh_reference
 from cooploc.estimators.models import Bearing, LogDistance, Range, Sighting
 from cooploc.estimators.particle_likelihood import log_density
 
 
-def mixtures(rng, r, n, K, sd=0.3):
-    """Random mixtures (r, n, K), of which some components are absent."""
-    w = rng.uniform(0.1, 1, (r, n, K))
-    L = sd * rng.normal(size=(r, n, K, 2, 2))
-    mixture = Mixture(w / w.sum(-1, keepdims=True), rng.uniform(0, 6, (r, n, K, 2)), L @ L.mT)
-    absent = rng.uniform(size=(r, n, K)) < 0.2
-    return Mixture(*(np.where(absent.reshape(r, n, K, *[1] * (a.ndim - 3)), np.nan, a) for a in mixture))
-
-
 @pytest.mark.parametrize(("sensor", "low", "high"), [(Range(0.1), 0.1, 6.0), (LogDistance(), -70.0, -35.0)])
 def test_the_loop_is_the_numpy_form(rng, sensor, low, high):
-    sent, x = mixtures(rng, 5, 4, 3), rng.uniform(0, 6, (5, 33, 2))
-    z = rng.uniform(low, high, (5, 4, 1))
+    w, L = rng.uniform(0.1, 1, (5, 4, 3)), 0.3 * rng.normal(size=(5, 4, 3, 2, 2))
+    sent = Mixture(w / w.sum(-1, keepdims=True), rng.uniform(0, 6, (5, 4, 3, 2)), L @ L.mT)
+    absent = rng.uniform(size=w.shape) < 0.2
+    for part in sent:
+        part[absent] = np.nan
+    x, z, start = rng.uniform(0, 6, (5, 33, 2)), rng.uniform(low, high, (5, 4, 1)), rng.normal(size=(5, 33))
     z[rng.uniform(size=z.shape) < 0.2] = np.nan
-    start = rng.normal(size=(5, 33))
     fast, slow = weigh(sensor, sent, z, x, start), weigh_reference(sensor, sent, z, x, start)
     shared = slow - fast  # a constant of each row: the loop computes in units of the sensor's noise
     np.testing.assert_allclose(shared, shared[:, :1] + np.zeros_like(shared), atol=1e-8)
@@ -50,3 +44,29 @@ def test_a_reading_of_which_a_part_is_absent_says_nothing():
     y = np.array([[1.0, np.nan], [np.nan, np.nan], [1.0, 2.0]])
     np.testing.assert_array_equal(log_density(y, np.eye(2)), [0.0, 0.0, -2.5])
     assert log_density(np.array([3.0]), Bearing(0.5).R) == -18 - np.log(0.25) / 2
+
+
+@pytest.mark.parametrize("K", [1, 2, 5, 8])
+def test_clusters_halve_the_widest_at_its_mean(rng, K):
+    """Against the same by lists of members, in plain numpy."""
+    x, w = rng.normal(size=(3, 60, 2)) * [1.0, 0.5], rng.uniform(size=(3, 60))
+    w /= w.sum(-1, keepdims=True)
+    got = clusters(x, w, K)
+    for r in range(3):
+
+        def describe(members, x=x[r], w=w[r]):
+            mean = np.average(x[members], 0, w[members])
+            return w[members].sum(), mean, np.cov(x[members].T, aweights=w[members], ddof=0)
+
+        groups = [np.arange(60)]
+        while len(groups) < K:
+            variances = np.array([np.diag(describe(members)[2]) for members in groups])
+            widest, axis = np.unravel_index(variances.argmax(), variances.shape)
+            members = groups[widest]
+            above = x[r, members, axis] > describe(members)[1][axis]
+            groups[widest] = members[~above]
+            groups.append(members[above])
+        for k, (share, mean, P) in enumerate(map(describe, groups)):
+            np.testing.assert_allclose(got.w[r, k], share)
+            np.testing.assert_allclose(got.x[r, k], mean)
+            np.testing.assert_allclose(got.P[r, k], P, atol=1e-12)

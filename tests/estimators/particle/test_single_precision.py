@@ -1,4 +1,4 @@
-"""precision="single": the same filters on half the bits, as good to within rounding, and as free of chunks."""
+"""precision="single": the same filters on half the bits, as good to within rounding."""
 
 import numpy as np
 import pytest
@@ -11,45 +11,32 @@ from cooploc.estimators.particle_likelihood import ReceivedPackets
 from cooploc.scenarios import simulate
 from cooploc.scenarios.runner.trace import trace
 
-slow = pytest.mark.slow  # each compiles loops of its own
-RADIO = [
-    "mrsl-rssi",
-    *(pytest.param(name, marks=slow) for name in ("arl", "rssi-pf", "mrsl-distance", "ctrn[weights=exact]")),
-    pytest.param("mrsl-rssi[neighbour_samples=M]", marks=slow),
-]
-ANYWHERE = [pytest.param(name, marks=slow) for name in ("cmrl", "reciprocal-pf", "channel-pf")]
-KEY = np.array([[1, 2], [3, 4]], np.uint32)
+ANYWHERE = "cmrl[", "reciprocal-pf[", "channel-pf["
+SLOW = "arl[", "rssi-pf[", "mrsl-distance[", "ctrn[weights=exact,", "mrsl-rssi[neighbour_samples=M,", *ANYWHERE
 
 
-@pytest.fixture(scope="module")
-def radio():
-    return simulate("robots-1-3/n=3", trials=4, seed=5, ticks=12)
+def compile_apart(names):
+    return [pytest.param(name, marks=pytest.mark.slow) for name in names]
 
 
-def label(name, **more):
-    base, _, inside = name.rstrip("]").partition("[")
-    return make(base, **dict(part.split("=") for part in inside.split(",") if part), **more)
+def in_both(name, scenario, **options):
+    _, stream = simulate(scenario, seed=5, **options)
+    return [trace(name, make(f"{name}precision={precision}]"), stream) for precision in ("double", "single")]
 
 
-def both(name, stream):
-    return [trace(name, label(name, precision=precision), stream) for precision in ("double", "single")]
-
-
-@pytest.mark.parametrize("name", RADIO + ANYWHERE)
-def test_single_precision_estimates_what_double_does(name, radio):
+@pytest.mark.parametrize("name", ["mrsl-rssi[", *compile_apart(SLOW)])
+def test_single_precision_estimates_what_double_does(name):
     """But for particles that resampling chose differently: less than a quarter of what sampling itself leaves."""
-    _, stream = radio
-    double, single = both(name, stream)
-    sd = np.sqrt(np.trace(double.P, axis1=-2, axis2=-1))
-    sampling = sd / np.sqrt(200)
+    double, single = in_both(name, "robots-1-3/n=3", trials=4, ticks=12)
+    sampling = np.sqrt(np.trace(double.P, axis1=-2, axis2=-1) / 200)
     apart = np.linalg.norm(double.x - single.x, axis=-1)
     assert 0 < np.median(apart / sampling) < 0.25
     np.testing.assert_allclose(single.x[:, 0], double.x[:, 0], atol=0.02)
 
 
-@pytest.mark.parametrize("name", ANYWHERE)
+@pytest.mark.parametrize("name", compile_apart(ANYWHERE))
 def test_single_precision_with_headings_and_cameras(name):
-    double, single = both(name, simulate("camera/n=3", trials=2, seed=5, ticks=6)[1])
+    double, single = in_both(name, "camera/n=3", trials=2, ticks=6)
     np.testing.assert_allclose(single.x[:, 0, :, :2], double.x[:, 0, :, :2], atol=0.05)
 
 
@@ -74,8 +61,7 @@ def test_eight_links_at_once_neither_overflow_nor_vanish(sensor, variance, side)
 
 def test_an_arena_beyond_seven_digits_is_refused():
     _, stream = simulate("robots-1-3/n=2", trials=1, seed=0, ticks=1)
-    world, prior = stream.world, Belief(stream.prior.x[0], stream.prior.P[0])
-    far = type(world)(**{**vars(world), "arena": world.arena + 5e5})
-    rows = Rows(np.zeros(2, int), np.arange(2), KEY)
+    prior, far = Belief(*(part[0] for part in stream.prior)), dict(vars(stream.world), arena=stream.world.arena + 5e5)
+    rows = Rows(np.zeros(2, int), np.arange(2), np.array([[1, 2], [3, 4]], np.uint32))
     with pytest.raises(BadInput, match="put the origin within 10000 m"):
-        make("rssi-pf", precision="single").init(prior, far, rows)
+        make("rssi-pf", precision="single").init(prior, type(stream.world)(**far), rows)
