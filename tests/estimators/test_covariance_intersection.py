@@ -15,7 +15,6 @@ from oracles import repeatable
 
 from cooploc.estimators import covariance_intersection_cvxpy
 from cooploc.estimators.covariance_intersection import solve_relative
-from cooploc.estimators.covariance_intersection_cvxpy import canonical
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Belief
 from cooploc.estimators.kalman import inflated_update
@@ -51,43 +50,30 @@ def size(P, criterion):
     return det
 
 
-def product(A, *others):
-    for B in others:
-        A = np.einsum("...ij,...jk->...ik", A, B)
-    return A
-
-
 def related(problem, w, criterion, block):
     """The criterion (K, n) after the EKF update of a belief inflated by 1/w (K, n), by a sender inflated by 1/(1-w)."""
     P_i, P_j, H_i, H_j, R = (a.astype(Long)[:, None] for a in problem)
     w = w.astype(Long)[..., None, None]
-    N = inverse(product(H_j, P_j, H_j.mT) + (1 - w) * R)
-    P = inverse(w * inverse(P_i) + (1 - w) * product(H_i.mT, N, H_i))
+    N = inverse(H_j @ P_j @ H_j.mT + (1 - w) * R)
+    P = inverse(w * inverse(P_i) + (1 - w) * H_i.mT @ N @ H_i)
     return size(P[..., :block, :block], criterion)
 
 
-def scan(f, count, low=0.0, high=1.0):
-    """Where on [low, high] the convex f (K, n) -> (K, n) is least, and how much that is: grids within grids."""
-    a, b, row = np.full(count, Long(low)), np.full(count, Long(high)), np.arange(count)
+def scan(f, count):
+    """The least that the convex f (K, n) -> (K, n) is on [1e-6, 1]: grids within grids."""
+    a, b, row = np.full(count, Long(1e-6)), np.full(count, Long(1)), np.arange(count)
     for _ in range(14):
         grid = a[:, None] + (b - a)[:, None] * np.linspace(0, 1, 41, dtype=Long)
         value = f(grid)
         i = value.argmin(1)
         a, b = grid[row, np.maximum(i - 1, 0)], grid[row, np.minimum(i + 1, 40)]
-    return grid[row, i], value[row, i]
-
-
-def settled(f, w, step=1e-3, cost=1e-7):
-    """Rows whose minimiser w (K,) is unique: a step to either side, where there is room, costs something."""
-    least = f(w[:, None])[:, 0]
-    sides = [(w + s, f(np.clip(w + s, 1e-6, 1)[:, None])[:, 0]) for s in (-step, step)]
-    return np.logical_and.reduce([(to < 0) | (to > 1) | (value > least * (1 + cost)) for to, value in sides])
+    return value[row, i]
 
 
 # ---------------------------------------------------------------- inputs
 
 
-def turned(rng, values):
+def random(rng, values):
     """Covariances with these eigenvalues (..., d)."""
     q, _ = np.linalg.qr(rng.normal(size=(*values.shape, values.shape[-1])))
     P = (q * values[..., None, :]) @ q.mT
@@ -95,16 +81,16 @@ def turned(rng, values):
 
 
 def ordinary(rng, K, m, d):
-    return turned(rng, rng.uniform(0.05, 1.0, (K, m, d)))
+    return random(rng, rng.uniform(0.05, 1.0, (K, m, d)))
 
 
 def near_singular(rng, K, m, d):
-    return turned(rng, 10 ** -rng.uniform(0, 10, (K, m, d)))
+    return random(rng, 10 ** -rng.uniform(0, 10, (K, m, d)))
 
 
 def nested(rng, K, m, d):
     """Each source knows less than the one before, by any little."""
-    more = turned(rng, rng.uniform(0, 1, (K, m, d)) * 10 ** -rng.uniform(0, 6, (K, m, 1)))
+    more = random(rng, rng.uniform(0, 1, (K, m, d)) * 10 ** -rng.uniform(0, 6, (K, m, 1)))
     return ordinary(rng, K, 1, d) + np.cumsum(more, 1)
 
 
@@ -118,7 +104,7 @@ def of_different_sizes(rng, K, m, d):
 
 def of_some_size(rng, K, m, d):
     """As far apart as three covariances may be for 80-bit floats to tell."""
-    return turned(rng, 10 ** -rng.uniform(0, 4, (K, m, d))) * 10 ** rng.uniform(-4, 4, (K, m, 1, 1))
+    return random(rng, 10 ** -rng.uniform(0, 4, (K, m, d))) * 10 ** rng.uniform(-4, 4, (K, m, 1, 1))
 
 
 FAMILIES = [ordinary, near_singular, nested, of_any_size, of_different_sizes]
@@ -130,25 +116,19 @@ def relation(rng, K, k=1, d=2, e=2, family=ordinary):
     return P_i, P_j, rng.normal(size=(K, k, d)), rng.normal(size=(K, k, e)), R
 
 
-# ---------------------------------------------------------------- what may be missing or wrong
-
 INFINITE = [np.diag([1.0, np.inf]), [[1.0, np.inf], [np.inf, 1.0]], np.diag([-np.inf, 1.0])]
-INDEFINITE = [np.diag([1.0, -1.0]), np.ones((2, 2)), np.zeros((2, 2)), [[1.0, 2.0], [2.0, 1.0]]]
+INDEFINITE = [np.diag([1.0, -1.0]), np.ones((2, 2)), np.zeros((2, 2)), [[1.0, 2.0], [2.0, 1.0]], [[2.0, 1.0], [0, 2]]]
 
 
-@pytest.mark.parametrize("bad", [*INFINITE, *INDEFINITE, [[2.0, 1.0], [0.0, 2.0]]], ids=str)
-def test_what_is_no_covariance_is_named(bad):
-    problem = relation(np.random.default_rng(6), 9)
-    problem[1][7] = bad
-    with pytest.raises(BadInput, match=r"P_j of fusion 7 is not a covariance"):
-        solve_relative(*problem)
-
-
-@pytest.mark.parametrize("wrong", [{"criterion": "area"}, {"solver": "guess"}], ids=str)
-def test_wrong_arguments_are_named(wrong):
-    (name, value), *_ = wrong.items()
-    with pytest.raises(BadInput, match=f"{name} '{value}'"):
-        solve_relative(*relation(np.random.default_rng(8), 2), **wrong)
+@pytest.mark.parametrize("bad", [*INFINITE, *INDEFINITE, {"criterion": "area"}, {"solver": "guess"}], ids=str)
+def test_what_cannot_be_computed_with_is_named(bad):
+    wrong, problem, named = {}, relation(np.random.default_rng(6), 9), "P_j of fusion 7 is not a covariance"
+    if isinstance(bad, dict):
+        wrong, named = bad, "criterion 'area'|solver 'guess'"
+    else:
+        problem[1][7] = bad
+    with pytest.raises(BadInput, match=named):
+        solve_relative(*problem, **wrong)
 
 
 # ---------------------------------------------------------------- stacks and fallbacks
@@ -191,39 +171,19 @@ def test_a_fusion_that_cvxpy_fails_on_is_named_and_counted(monkeypatch, caplog):
     np.testing.assert_allclose(found.w, exact.w, atol=1e-4)
 
 
-# ---------------------------------------------------------------- cvxpy itself
-
-
-def test_the_numbers_of_a_canonical_form_are_those_that_cvxpy_computes():
-    c, theta = cp.Variable(2), cp.Parameter(3)
-    inside = cp.SOC(theta[0] * c[0] + 3 * theta[1] * c[1] - 1, cp.hstack([theta[2] * c[0] + theta[1], c[1] - c[0]]))
-    asked = cp.Problem(cp.Minimize(cp.sum(c)), [c >= 0, inside])
-    form = canonical(asked, theta)
-    values = np.random.default_rng(0).normal(size=(5, 3))
-    for value, A, b in zip(values, *form.numbers(values), strict=True):
-        theta.value = value
-        data, _, _ = asked.get_problem_data("CLARABEL")
-        np.testing.assert_allclose(A, data["A"].data, rtol=1e-14, atol=1e-14)
-        np.testing.assert_allclose(b, data["b"], rtol=1e-14, atol=1e-14)
-
-
 @CRITERIA
 def test_weights_are_those_of_a_fresh_problem_as_one_writes_it_first(criterion):
     """n = v / (q + R v), the information of a range of variance R about a sender of variance q along it."""
-    rng = np.random.default_rng(3)
-    P_i, P_j = (a @ a.mT + 0.1 * np.eye(2) for a in rng.normal(size=(2, 6, 2, 2)))
-    H, R = rng.normal(size=(6, 1, 2)), 0.01
-    found = solve_relative(P_i, 0.1 * P_j, H, -H, np.full((1, 1), R), criterion, groups=np.arange(6)).w
+    rng, R = np.random.default_rng(3), 0.01
+    P_i, P_j, H, _, _ = relation(rng, 6)
+    found = solve_relative(P_i, P_j, H, -H, np.full((1, 1), R), criterion, groups=np.arange(6)).w
     for f in range(6):
-        q = (H[f] @ (0.1 * P_j[f]) @ H[f].T).item()
+        q = (H[f] @ P_j[f] @ H[f].T).item()
         w, n = cp.Variable(nonneg=True), cp.Variable()
         Y = w * np.linalg.inv(P_i[f]) + n * (H[f].T @ H[f])
         aim = cp.Maximize(cp.log_det(Y)) if criterion == "det" else cp.Minimize(cp.tr_inv(Y))
         cp.Problem(aim, [w <= 1, n <= 1 / R - q / R * cp.inv_pos(q + R * (1 - w))]).solve(solver="CLARABEL")
         np.testing.assert_allclose(found[f], w.value, atol=1e-4)
-
-
-# ---------------------------------------------------------------- relative measurements
 
 
 @SOLVERS
@@ -253,15 +213,12 @@ def test_relative_weights_against_a_scan(d, k, e, block, family, criterion):
     def f(w):
         return related(problem, w, criterion, block)
 
-    w, least = scan(f, K, low=1e-6)
-    unique = settled(f, w)
+    least = scan(f, K)
     for solver in ("exact", "cvxpy"):
         found = solve_relative(*problem, criterion, solver, block)
         assert found.fallback.mean() <= 0.01
         np.testing.assert_allclose((f(found.w[:, None])[:, 0] / least).astype(float), 1, rtol=1e-6)
-        np.testing.assert_allclose(found.w[unique], w[unique].astype(float), atol=1e-3)
         assert ((found.w > 0) & (found.w <= 1)).all()
-    assert unique.mean() > 0.5
 
 
 def shortfall(f, w):
@@ -288,20 +245,16 @@ def updated(P, u, q, R, criterion):
 @given(st.integers(0, 2**32 - 1), st.sampled_from([2, 3]), st.sampled_from(FAMILIES), st.sampled_from(["trace", "det"]))
 @repeatable
 def test_the_weight_of_one_number_has_no_shortfall(seed, d, family, criterion):
-    """In exact arithmetic, and against the search that serves every other reading, told a second one that is empty."""
+    """In exact arithmetic."""
     rng = np.random.default_rng(seed)
     P, P_j, H, H_j, R = relation(rng, 8, 1, d, 2, family)
     P_j, R = P_j * 10 ** rng.uniform(-4, 1, (8, 1, 1)), R * 10 ** rng.uniform(-6, 3, (8, 1, 1))
     H[..., 2:] = 0.0
     found = solve_relative(P, P_j, H, H_j, R, criterion, "exact")
-    empty = [np.concatenate([a, 0 * a], 1) for a in (H, H_j)]
-    general = solve_relative(P, P_j, *empty, R * np.eye(2), criterion, "exact").w
     tolerance = 1e-8 if family in (near_singular, of_any_size) else 1e-10  # rounding moves variances ten decades apart
     for i, w in enumerate(found.w):
         q = (H_j[i] @ P_j[i] @ H_j[i].T).item()
         f = updated(P[i, :2, :2], H[i, 0, :2], q, R[i, 0, 0], criterion)
-        inside = Fraction(min(w, 1 - 1e-13))
-        assert f(inside) <= f(Fraction(min(general[i], 1 - 1e-13))) * Fraction(1 + tolerance)
         if 1e-6 < w < 1 - 1e-8:  # closer to 1 a double cannot say how close
             assert shortfall(f, w) <= tolerance
         if w == 1.0:
@@ -325,18 +278,11 @@ def test_rows_without_a_usable_reading_keep_their_belief(solver):
     assert none.w.tolist() == [1.0] * 8
 
 
-# ---------------------------------------------------------------- consistency
-
-
 def contraction(rng, count, rows, columns):
     """Matrices with singular values up to 1, half of them exactly 1: the extreme correlations."""
     u, _, v = np.linalg.svd(rng.normal(size=(count, rows, columns)), full_matrices=False)
     s = np.where(rng.uniform(size=(count, 1)) < 0.5, 1.0, rng.uniform(0, 1, (count, u.shape[-1])))
     return (u * s[:, None]) @ v
-
-
-def assert_not_optimistic(P, mse):
-    assert np.linalg.eigvalsh(P - mse).min() >= -1e-9 * np.abs(P).max()
 
 
 @CRITERIA
@@ -351,14 +297,13 @@ def test_no_correlation_makes_a_relative_update_optimistic(k, solver, criterion)
     assert (w < 1).any()
     for n in range(3):
         rows = slice(n, n + 1)
-        y, belief = np.zeros((1, k)), Belief(np.zeros((1, 2)), P_i[rows])
-        P = inflated_update(belief, y, H_i[rows], H_j[rows], P_j[rows], R[n], w[rows]).P[0]
-        columns = [
-            inflated_update(belief, e[None], H_i[rows], H_j[rows], P_j[rows], R[n], w[rows]).x[0] for e in np.eye(k)
-        ]
-        K = np.stack(columns, 1)
+        belief = Belief(np.zeros((1, 2)), P_i[rows])
+        told = H_i[rows], H_j[rows], P_j[rows], R[n], w[rows]
+        P = inflated_update(belief, np.zeros((1, k)), *told).P[0]
+        K = np.stack([inflated_update(belief, e[None], *told).x[0] for e in np.eye(k)], 1)
         L_i, L_j = np.linalg.cholesky(P_i[n]), np.linalg.cholesky(P_j[n])
         cross = L_i @ contraction(rng, 1000, 2, 2) @ L_j.T
         A, B = np.eye(2) - K @ H_i[n], -K @ H_j[n]
         both = A @ cross @ B.T
-        assert_not_optimistic(P, A @ P_i[n] @ A.T + B @ P_j[n] @ B.T + both + both.mT + K @ R[n] @ K.T)
+        mse = A @ P_i[n] @ A.T + B @ P_j[n] @ B.T + both + both.mT + K @ R[n] @ K.T
+        assert np.linalg.eigvalsh(P - mse).min() >= -1e-9 * np.abs(P).max()

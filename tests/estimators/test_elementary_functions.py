@@ -7,15 +7,8 @@ import pytest
 from cooploc.estimators import compiled
 from cooploc.estimators.compiled import FAST, wide
 
-
-@numba.njit(**FAST)
-def cosine(r):
-    return compiled.quarter(r)[0]
-
-
-@numba.njit(**FAST)
-def sine(r):
-    return compiled.quarter(r)[1]
+cosine = numba.njit(**FAST)(lambda r: compiled.quarter(r)[0])
+sine = numba.njit(**FAST)(lambda r: compiled.quarter(r)[1])
 
 
 def call(function, *arguments):

@@ -22,17 +22,12 @@ DRAWS = 200_000
 @pytest.mark.parametrize(("name", "reading"), [("mrsl-distance", "range"), ("mrsl-rssi", "rssi")])
 def test_without_draws_and_with_one_cluster_it_is_mrsl(name, reading):
     _, stream = simulate("robots-1-3/n=3", trials=2, seed=3, ticks=15, drop=0.3)
-    product = make("reciprocal-pf", alpha=0.0, clusters=1, reading=reading)
-    found = run(
-        {"mrsl": make(name), "product": product, "drawn": make("reciprocal-pf", reading=reading)}, stream
-    ).traces
+    made = {"mrsl": make(name), "drawn": make("reciprocal-pf", reading=reading)}
+    made["product"] = make("reciprocal-pf", alpha=0.0, clusters=1, reading=reading)
+    found = run(made, stream).traces
     np.testing.assert_allclose(found["product"].x, found["mrsl"].x, atol=1e-6)
     np.testing.assert_allclose(found["product"].P, found["mrsl"].P, atol=1e-6)
     assert np.abs(found["drawn"].x - found["mrsl"].x).max() > 0.05
-
-
-def all_of(particles):
-    return np.ones((1, particles), bool)
 
 
 def polar_moments(away, angle, weight):
@@ -45,12 +40,6 @@ def polar_moments(away, angle, weight):
     return mean, within + around
 
 
-def nodes(count=40):
-    """Nodes and weights of the integral over a standard normal."""
-    t, w = np.polynomial.hermite_e.hermegauss(count)
-    return t, w
-
-
 CASES = {
     "range": (Range(0.4), [2.0], lambda t: 2.0 + 0.4 * t, None),
     "rssi": (LogDistance(), [-52.0], lambda t: 10 ** ((-40 + 52 - 5**0.5 * t) / 30), None),
@@ -61,8 +50,8 @@ CASES = {
 @pytest.mark.parametrize("case", CASES)
 def test_places_have_the_moments_of_the_detection_model_by_quadrature(case):
     sensor, z, distance, direction = CASES[case]
-    got = sample_places(sensor, SENT, np.array([[z]]), all_of(DRAWS), np.full((1, DRAWS), 0.7), KEY, 3)
-    t, w = nodes()
+    got = sample_places(sensor, SENT, np.array([[z]]), np.ones((1, DRAWS), bool), np.full((1, DRAWS), 0.7), KEY, 3)
+    t, w = np.polynomial.hermite_e.hermegauss(40)
     angles, v = (np.linspace(0, 2 * np.pi, 64, endpoint=False), np.ones(64)) if direction is None else (direction(t), w)
     away, angle = (grid.ravel() for grid in np.meshgrid(distance(t), angles))
     mean, cov = polar_moments(away, angle, np.outer(v, w).ravel())
@@ -74,17 +63,16 @@ WORLD = World(2, 1.0, np.array([[0.0, 0.0], [6.0, 6.0]]), Displacement(0.01), {"
 ROWS = Rows(np.zeros(2, int), np.arange(2), np.array([[1, 2], [3, 4]], np.uint32))
 
 
-def after_one_detection(alpha, distance=2.0, report="after"):
-    """Robot 0's particles, which believe to be 50 m off, after one range of 2 m to robot 1."""
-    estimator = make("reciprocal-pf", anchor_reading="none", alpha=alpha, particles=5000, report=report)
+def after_one_detection(alpha):
+    """The particles after one range of 2 m that robot 0, which believes to be 50 m off, reads of robot 1."""
+    estimator = make("reciprocal-pf", anchor_reading="none", alpha=alpha, particles=5000)
     prior = Belief(np.array([[50.0, 0.0], [3.0, 3.0]]), np.tile(0.01 * np.eye(2), (2, 1, 1)))
     z = Senses(np.zeros((2, 2)), np.ones(2), np.empty((2, 0)), np.empty((2, 0, 2)), np.empty((2, 0, 2)), {})
     s = estimator.init(prior, WORLD, ROWS)
     s = estimator.correct(estimator.predict(s, z), z)
     heard = np.array([[False, True], [False, False]])
     packets = np.where(heard[..., None], estimator.send(s, z), np.nan)
-    mail = Mail(heard, packets, np.empty((2, 0)), np.where(heard, distance, np.nan))
-    return estimator.fuse(s, z, mail)
+    return estimator.fuse(s, z, Mail(heard, packets, np.empty((2, 0)), np.where(heard, 2.0, np.nan)))
 
 
 @pytest.mark.parametrize("alpha", [0.0, 0.3, 1.0])
