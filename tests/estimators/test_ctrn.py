@@ -63,7 +63,8 @@ def test_particles_follow_to_exactly_the_new_moments():
     for d in (2, 3):
         x, w = 0.1 * rng.normal(size=(5, 200, d)), rng.dirichlet(np.ones(200), 5)
         before = moments(x, w)
-        after = Belief(before.x + 0.1 * rng.normal(size=(5, d)), 0.001 * covariances(rng, 5, d=d) + 0.005 * np.eye(d))
+        root = rng.normal(size=(5, d, d))
+        after = Belief(before.x + 0.1 * rng.normal(size=(5, d)), 0.001 * root @ root.mT + 0.005 * np.eye(d))
         after.x[2], after.P[2] = before.x[2], before.P[2]
         moved = follow(x, before, after)
         got = moments(moved, w)
