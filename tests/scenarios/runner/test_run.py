@@ -1,13 +1,15 @@
-"""What `cl.run` takes as estimators, and what it says of what it cannot take."""
+"""What `cl.run` takes as estimators, and how it refuses them, a forgotten return and an unsound covariance."""
 
 from dataclasses import dataclass
 
+import numpy as np
 import pytest
 
 import cooploc as cl
 from cooploc.estimators.dead_reckoning import DeadReckoning
 from cooploc.estimators.ekf_local import EkfLocal
 from cooploc.scenarios.runner.run import estimators_by_name
+from cooploc.scenarios.runner.trace import require_covariances
 
 
 @dataclass(frozen=True)
@@ -47,20 +49,16 @@ class Half:
     def init(self, prior, world, rows): ...
 
 
-@pytest.fixture(scope="module")
-def stream():
-    return cl.simulate("trajectory", ticks=3)[1]
+TRUTH, STREAM = cl.simulate("trajectory", ticks=3)
 
 
 @pytest.mark.parametrize(
     ("given", "names"),
     [
-        ("arl", ["arl"]),
         ("arl[M=1,K=1], ekf-local", ["arl[M=1,K=1]", "ekf-local"]),
         (["arl", "mrsl-rssi[particles=50]", EkfLocal], ["arl", "mrsl-rssi[particles=50]", "EkfLocal"]),
         ((name for name in ("arl", "ctrn")), ["arl", "ctrn"]),
         (cl.estimators()["name"][:2], ["dead-reckoning", "arl"]),
-        (EkfLocal, ["EkfLocal"]),
         (EkfLocal(gate=9.0), ["EkfLocal"]),
         ({"mine": EkfLocal, "b": EkfLocal(gate=9.0), "c": "ekf-local[gate=9]"}, ["mine", "b", "c"]),
     ],
@@ -72,35 +70,36 @@ def test_names_classes_instances_lists_and_mappings_become_instances(given, name
 
 
 @pytest.mark.parametrize(
-    ("given", "said"),
+    ("given", "stream", "words"),
     [
-        ("arll", "there is no estimator 'arll'; did you mean 'arl'?"),
-        (["arl", "arl"], "two estimators are called 'arl': give them names, {'arl': ..., 'other': ...}"),
-        (Tuned, "Tuned cannot be made without arguments (gain is missing): pass an instance, Tuned(...)"),
-        ({"mine": Loop}, "a filter written for one robot is lifted by cl.PerRobot"),
-        ({"mine": 3}, "'mine' is of type int, not an estimator: give a name, a class or an instance"),
-        (Half, "estimator Half lacks predict(), correct(), send(), fuse()"),
+        ("arll", STREAM, "there is no estimator 'arll'; did you mean 'arl'?"),
+        (["arl", "arl"], STREAM, "two estimators are called 'arl': give them names, {'arl': ..., 'other': ...}"),
+        (Tuned, STREAM, "Tuned cannot be made without arguments (gain is missing): pass an instance, Tuned(...)"),
+        ({"mine": Loop}, STREAM, "a filter written for one robot is lifted by cl.PerRobot"),
+        ({"mine": 3}, STREAM, "'mine' is of type int, not an estimator: give a name, a class or an instance"),
+        (Half, STREAM, "estimator Half lacks predict(), correct(), send(), fuse()"),
+        (STREAM, "arl", "first argument is a Stream, not estimators: write cl.run(estimators, st"),
+        ("arl", (TRUTH, STREAM), "second argument is a tuple, not a Stream: write truth, stream = "),
     ],
 )
-def test_what_is_not_an_estimator_is_refused_with_the_remedy(stream, given, said):
+def test_what_cannot_run_is_refused_with_the_remedy(given, stream, words):
     with pytest.raises(cl.BadInput) as refusal:
         cl.run(given, stream)
-    assert said in str(refusal.value)
+    assert words in str(refusal.value)
     assert "\n" not in str(refusal.value)
 
 
-def test_swapped_arguments_are_put_right(stream):
-    truth, _ = cl.simulate("trajectory", ticks=3)
-    with pytest.raises(cl.BadInput, match=r"first argument is a Stream, not estimators: write cl.run\(estimators, st"):
-        cl.run(stream, "arl")
-    with pytest.raises(cl.BadInput, match=r"second argument is a tuple, not a Stream: write truth, stream = "):
-        cl.run("arl", (truth, stream))
-
-
 @pytest.mark.parametrize("method", ["init", "predict", "correct", "send", "fuse", "estimate"])
-def test_a_forgotten_return_is_named_with_its_method_and_tick(stream, method):
+def test_a_forgotten_return_is_named_with_its_method_and_tick(method):
     when = "before tick 0" if method == "init" else "at tick 0"
-    with pytest.raises(
-        cl.EstimatorError, match=rf"^mine: {method}\(\) returned None {when}: did you forget its return"
-    ):
-        cl.run({"mine": Forgetful(forgets=method)}, stream)
+    with pytest.raises(cl.EstimatorError, match=rf"^mine: {method}\(\) returned None {when}: did you forget"):
+        cl.run({"mine": Forgetful(forgets=method)}, STREAM)
+
+
+def test_a_covariance_of_subnormal_numbers_is_zero_and_a_small_unsound_one_is_refused():
+    """A cloud of particles may collapse: what is left of its covariance is no fault."""
+    unsound = np.broadcast_to([[1.0, 2.0], [2.0, 1.0]], (1, 3, 3, 2, 2))  # its variances are 3 and -1
+    for size in (0.0, 5e-324, 1e-310, 1e-250):
+        require_covariances("mine", STREAM, size * unsound)
+    with pytest.raises(cl.EstimatorError, match="negative variance"):
+        require_covariances("mine", STREAM, 1e-150 * unsound)

@@ -1,0 +1,153 @@
+"""A label becomes a scenario: its size, its trials, what the team assumes, and options of any stream."""
+
+import numpy as np
+import pytest
+from pydantic import BaseModel
+
+import cooploc as cl
+from cooploc.scenarios import BUILTIN, Family, resolve
+from cooploc.scenarios.runner.trace import trace
+
+
+def test_a_recording_has_its_own_number_of_trials_and_needs_its_data(tmp_path):
+    with pytest.raises(cl.BadInput, match="is a recording; say where it is"):
+        resolve("mrclam/all")
+    found = resolve("mrclam/all", tmp_path)
+    assert (found.trials(100), found.is_recording, found.data) == (1, True, tmp_path)
+    assert found.first_tick() is found
+
+
+class Foreign(BaseModel):
+    """A model with nothing but what `Scenario` asks for."""
+
+    drift: float = 0.0
+
+    def world(self):
+        return resolve("trajectory").model.world()
+
+    def simulate(self, label, trials, seed, world):
+        return resolve("trajectory", ticks=3).simulate(trials, seed)
+
+
+def test_a_model_that_does_not_state_its_size_is_a_scenario_too(monkeypatch):
+    monkeypatch.setitem(BUILTIN, "foreign", Family("of another package", Foreign))
+    found = resolve("foreign[drift=1]")
+    assert (found.robots, found.ticks, found.trials(5), found.parameters) == (1, 1, 5, {"drift": "1"})
+    truth, _ = found.first_tick().simulate(2, seed=3)
+    np.testing.assert_array_equal(truth.x, cl.simulate("trajectory", trials=2, seed=3, ticks=3)[0].x)
+
+
+def test_what_a_label_assumes_changes_the_hash_and_no_reading():
+    true, wrong = (cl.simulate(f"trajectory[{what}ticks=4]", trials=2, seed=1)[1] for what in ("", "assumed.eta=2,"))
+    again = cl.simulate("trajectory", trials=2, seed=1, ticks=4, assumed={"eta": 2})[1]
+    for name, array in true.arrays().items():
+        np.testing.assert_array_equal(array, wrong.arrays()[name])
+    assert wrong.hashes == again.hashes
+    assert not set(wrong.hashes) & set(true.hashes)
+    assert wrong.world.sensors == again.world.sensors != true.world.sensors
+    assert wrong.scenario == again.scenario == "trajectory[assumed.eta=2,ticks=4]"
+    both = cl.simulate("trajectory[assumed.eta=2]", ticks=4, assumed={"odometry_sigma": 0.5})[1].world
+    assert (both.sensors["anchor_rssi"].eta, both.motion.sigma) == (2, 0.5)
+
+
+def test_an_assumption_has_one_hash_however_it_is_written():
+    given = cl.simulate("trajectory", ticks=2, assumed={"eta": 2.0})[1]
+    for written in ("2", "2.0", "2e0"):
+        assert cl.simulate(f"trajectory[ticks=2, assumed.eta={written}]")[1].hash == given.hash
+    assert cl.simulate("trajectory", ticks=2, assumed={"eta": 2.1})[1].hash != given.hash
+
+
+class Informed:
+    """Believes of itself what all know of it in advance."""
+
+    uses = ("odometry", "team_prior")
+
+    def __init__(self, prior, world, robot, key):
+        self.robot, (self.x, self.P) = robot, prior
+
+    def predict(self, z):
+        priors = cl.priors_of(z)
+        self.x, self.P = priors.x[self.robot], priors.P[self.robot]
+
+    def correct(self, z):
+        pass
+
+
+class Central:
+    """A team whose one computer is sent every reading, and does nothing with it."""
+
+    def __init__(self, prior, world, keys):
+        self.x, self.P = prior
+
+    def predict(self, z): ...
+    def correct(self, z): ...
+    def exchange(self, z, radio): ...
+
+
+@pytest.mark.parametrize("label", ["robots-1-3/n=3", "camera/n=3"])
+def test_team_priors_are_there_in_every_tick_and_are_not_uploaded(label):
+    truth, stream = cl.simulate(label, trials=2, seed=1, ticks=4, team_priors=True)
+    seen = trace("informed", cl.PerRobot(Informed), stream)
+    for k in range(4):
+        np.testing.assert_array_equal(seen.x[:, k], stream.prior.x)
+        np.testing.assert_array_equal(seen.P[:, k], stream.prior.P)
+    assert len(cl.errors(truth, cl.run({"dr": "dead-reckoning"}, stream))) == 6
+    reads = ("odometry", "anchor_rssi|landmark")
+    one, other = (trace("it", cl.PerTeam(Central, uses=uses), stream) for uses in (reads, (*reads, "team_prior")))
+    assert one.bytes.min() > 0
+    np.testing.assert_array_equal(one.bytes, other.bytes)
+
+
+def test_an_error_says_how_to_have_team_priors():
+    _, stream = cl.simulate("robots-1-3/n=3", trials=1, ticks=2)
+    with pytest.raises(cl.IncompatibleEstimator, match="needs channel 'team_prior'"):
+        trace("informed", cl.PerRobot(Informed), stream)
+    _, stream = cl.simulate("robots-1-3/n=3", trials=1, ticks=2, team_priors=True)
+    with pytest.raises(KeyError, match="name it in `uses`, in a scenario such as"):
+        trace("informed", cl.PerRobot(Informed, uses=("odometry",)), stream)
+
+
+@pytest.mark.parametrize("estimator", ["ekf-ci", "mrsl-distance", "ekf-luft", "ekf-joint"])
+def test_short_ranges_refused_by_the_stream_change_no_estimate(estimator):
+    near = {"trials": 3, "seed": 2, "ticks": 60, "side": 1.5}
+    kept = cl.simulate("robots-1-3/n=3", **near)[1]
+    truth, refused = cl.simulate("robots-1-3/n=3", **near, short_ranges="refused")
+    short = kept.air.range < 0.2
+    assert short.any()
+    np.testing.assert_array_equal(refused.air.range, np.where(short, np.nan, kept.air.range))
+    one, other = (trace("it", cl.make(estimator), stream) for stream in (kept, refused))
+    np.testing.assert_array_equal(one.x, other.x)
+    assert len(cl.errors(truth, cl.run("dead-reckoning", refused))) == 9
+
+
+@pytest.mark.parametrize(
+    ("label", "given", "words"),
+    [
+        ("trajectry", {}, "'trajectry'.*'trajectory'"),
+        ("trajectory", {"robotz": 3}, "'robotz'.*'robots'"),
+        ("trajectory", {"assumed": {"shadowin": 3}}, "'shadowin'.*'shadowing'"),
+        ("packet-drop/loss=0.7", {}, "'loss=0.7'.*drop="),
+        ("trajectory[", {}, "trajectory"),
+        ("trajectory", {"trials": 0}, "trials is 0"),
+        ("trajectory", {"trials": []}, "at least 1"),
+        ("trajectory", {"trials": 2.5}, "whole number"),
+        ("trajectory", {"trials": [0, -1]}, "trials"),
+        ("trajectory", {"trials": [3, 3]}, "name each trial once"),
+        ("trajectory", {"seed": -1}, "seed is -1"),
+        ("packet-drop/drop=2", {}, "drop"),
+        ("trajectory", {"robots": 0}, "robots"),
+        ("trajectory", {"side": np.inf}, "side"),
+        ("trajectory", {"shadowing": np.nan}, "shadowing"),
+        ("trajectory", {"step": 30.0}, "make step at most side / 1.5"),
+        ("trajectory", {"ticks": 2, "assumed": {"robots": 4}}, "make it an override"),
+        ("trajectory", {"ticks": 2, "assumed": {"tick": 2.0}}, "make it an override"),
+        ("trajectory", {"ticks": 2, "assumed": {"anchors": 5}}, "make it an override"),
+        ("trajectory[short_ranges=gone]", {}, "short_ranges: it must be 'kept' or 'refused'"),
+        ("trajectory[team_prior=true]", {}, "no parameter 'team_prior'; did you mean 'team_priors'"),
+        ("trajectory[assumed.team_priors=true]", {}, "is of the stream, so it cannot be assumed: write team_priors="),
+    ],
+)
+def test_bad_input_is_refused_in_one_line_that_helps(label, given, words):
+    with pytest.raises(cl.BadInput, match=words) as refusal:
+        cl.simulate(label, **given)
+    assert "\n" not in str(refusal.value)
