@@ -9,7 +9,7 @@ from scipy import integrate, stats
 import cooploc as cl
 from cooploc.analysis.metrics import sequential, statistics
 from cooploc.analysis.metrics.compare import compare
-from cooploc.analysis.metrics.sequential import add_decisions, decide, minutes
+from cooploc.analysis.metrics.sequential import ANYTIME, add_decisions, decide, minutes
 
 
 @pytest.mark.parametrize("n", [7, 10, 40, 1000])
@@ -52,22 +52,15 @@ def test_equals_looked_at_after_every_trial_are_seldom_called_different():
     assert (np.abs(mean[:, 6:]) > once * spread).any(1).mean() > 0.25
 
 
-def test_p_is_at_most_5_percent_where_the_sequence_excludes_and_nowhere_else():
-    rng = np.random.default_rng(4)
-    for shift in (0.0, 0.1, 0.2, 0.4):
-        a, b = np.exp(rng.normal(0, 0.5, (2, 60))) * [[1.0], [1 - shift]]
-        low, high = sequential.ANYTIME.change(a, b)[1:]
-        assert sequential.ANYTIME.p_of_change(a, b, low) == pytest.approx(0.05)
-        assert sequential.ANYTIME.p_of_change(a, b, high) == pytest.approx(0.05)
-        assert (sequential.ANYTIME.p_of_change(a, b, 0.0) <= 0.05) == (low > 0 or high < 0)
-
-
-def test_the_one_sided_p_is_small_on_its_side_alone():
-    rng = np.random.default_rng(5)
-    a = np.exp(rng.normal(0, 0.3, 80))
-    b = 2 * np.exp(rng.normal(0, 0.3, 80))
-    assert sequential.ANYTIME.p_above(a, b, 1.0) < 1e-3
-    assert sequential.ANYTIME.p_above(b, a, 1.0) == 1.0
+@pytest.mark.parametrize("shift", [0.0, 0.1, 0.2, 0.4, -1.0])
+def test_p_is_at_most_5_percent_where_the_sequence_excludes_and_nowhere_else(shift):
+    a, b = np.exp(np.random.default_rng(4).normal(0, 0.5, (2, 60))) * [[1.0], [1 - shift]]
+    ends = ANYTIME.change(a, b)[1:]
+    assert [ANYTIME.p_of_change(a, b, end) for end in ends] == pytest.approx([0.05, 0.05])
+    assert (ANYTIME.p_of_change(a, b, 0.0) <= 0.05) == (ends[0] > 0 or ends[1] < 0)
+    if shift < 0:
+        assert ANYTIME.p_above(a, b, 1.0) < 1e-3
+        assert ANYTIME.p_above(b, a, 1.0) == 1.0
 
 
 def test_trials_count_for_less_where_a_few_decide_the_mean():
@@ -91,41 +84,36 @@ def decided(rows, most=1000):
     return {one.estimator: one for one in decide(rows, {"s": "base"}, {"s": most})}
 
 
-@pytest.fixture
-def noise():
-    return np.exp(np.random.default_rng(11).normal(0, 0.3, (6, 80)))
+NOISE = np.exp(np.random.default_rng(11).normal(0, 0.3, (6, 80)))
+FAILING = np.where(np.arange(80) == 3, np.nan, 1.0)
 
 
-def test_a_clear_difference_is_decided_at_the_first_look_and_equals_are_not(noise):
-    one = decided(rows_from(noise[0], half=noise[1] / 4, twice=noise[2] * 4, same=noise[3]))
-    assert (one["half"].verdict, one["half"].look) == ("better", 10)
-    assert (one["twice"].verdict, one["twice"].look) == ("worse", 10)
-    assert (one["same"].verdict, one["same"].look) == ("open", 80)
+@pytest.mark.parametrize(
+    ("mse", "verdict", "look"),
+    [
+        (NOISE[1] / 4, "better", 10),
+        (NOISE[2] * 4, "worse", 10),
+        (NOISE[3], "open", 80),
+        (NOISE[0] * (1 + 0.01 * (NOISE[1] - NOISE[1].mean())), "tie", 10),
+        (NOISE[1] / 4 * FAILING, "failed", 10),  # none gains by failing
+        (NOISE[2] * 4 * FAILING, "worse", 10),
+    ],
+)
+def test_a_comparison_is_decided_at_the_first_look_that_can(mse, verdict, look):
+    one = decided(rows_from(NOISE[0], mine=mse))["mine"]
+    assert (one.verdict, one.look) == (verdict, look)
+    assert verdict != "tie" or -0.05 < one.low <= 0 <= one.high < 0.05
 
 
-def test_what_lies_within_the_margin_is_a_tie(noise):
-    one = decided(rows_from(noise[0], near=noise[0] * (1 + 0.01 * (noise[1] - noise[1].mean()))))["near"]
-    assert one.verdict == "tie"
-    assert -0.05 < one.low <= 0 <= one.high < 0.05
-
-
-def test_a_look_sees_the_trials_below_its_number_whatever_the_order_of_the_rows(noise):
-    rows = rows_from(noise[0], other=noise[1] * 0.8)
+def test_a_look_sees_the_trials_below_its_number_whatever_the_order_of_the_rows():
+    rows = rows_from(NOISE[0], other=NOISE[1] * 0.8)
     early, later = rows[rows["trial"] < 40], rows.sample(frac=1, random_state=1)
     first, last = decided(early)["other"], decided(later)["other"]
     assert first == last if first.verdict != "open" else last.look > first.look
 
 
-def test_none_gains_by_failing_and_one_that_fails_can_still_be_worse(noise):
-    better, worse = noise[1] / 4, noise[2] * 4
-    better[3] = worse[3] = np.nan
-    one = decided(rows_from(noise[0], better=better, worse=worse))
-    assert one["better"].verdict == "failed"
-    assert one["worse"].verdict == "worse"
-
-
-def test_the_table_has_p_values_that_hold_at_any_stopping(noise):
-    rows = rows_from(noise[0], half=noise[1] / 4, same=noise[2])
+def test_the_table_has_p_values_that_hold_at_any_stopping():
+    rows = rows_from(NOISE[0], half=NOISE[1] / 4, same=NOISE[2])
     table = compare(rows, "base", full=True)
     decided = add_decisions(table, pd.DataFrame(decide(rows, {"s": "base"}, {"s": 80})))
     p = dict(zip(decided["estimator"], decided["p"], strict=True))
@@ -134,34 +122,22 @@ def test_the_table_has_p_values_that_hold_at_any_stopping(noise):
     assert list(decided["verdict"]) == ["", "better", "open"]
 
 
-STUDY = """
-trials = 40
-baseline = "arl[particles=20]"
-scenarios = ["trajectory[ticks=12]"]
-estimators = ["arl[particles=20]", "dead-reckoning", "ekf-local"]
-"""
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    made = tmp_path_factory.mktemp("plan")
-    (made / "small.toml").write_text(STUDY)
-    return made
-
-
-def test_a_plan_counts_the_trials_of_every_comparison(folder):
-    found = cl.plan(folder / "small.toml", difference=0.2, out=folder / "run")
+def test_a_plan_counts_the_trials_of_every_comparison(tmp_path):
+    (tmp_path / "small.toml").write_text(
+        'trials = 40\nbaseline = "arl[particles=20]"\nscenarios = ["trajectory[ticks=12]"]\n'
+        'estimators = ["arl[particles=20]", "dead-reckoning", "ekf-local"]\n'
+    )
+    found, smaller = (cl.plan(tmp_path / "small.toml", difference=d, out=tmp_path / "run") for d in (0.2, 0.1))
     assert list(found["estimator"]) == ["dead-reckoning", "ekf-local"]
     assert (found["until_decided"] > found["trials"]).all()
-    smaller = cl.plan(folder / "small.toml", difference=0.1, out=folder / "run")
     assert (smaller["trials"] > found["trials"]).all()
     assert 0 < minutes(found, "trials", jobs=2) == minutes(found, "trials") / 2
 
 
-def test_the_planned_number_until_decided_decides_four_of_five(folder):
+def test_the_planned_number_until_decided_decides_four_of_five():
     """Normal differences of a known spread, looked at once at the planned number: any look only adds power."""
     exact = statistics.Interval(0.0, *(np.array([-1, 1]) * statistics.quantile(30) / np.sqrt(30)))
     n = int(sequential.trials_until_decided(exact, 30, 0.5))
     d = stats.norm(0.5).rvs((2000, n), random_state=1)
-    decided = np.mean([sequential.ANYTIME.mean(one).low > 0 for one in d])
+    decided = np.mean([ANYTIME.mean(one).low > 0 for one in d])
     assert 0.75 < decided < 0.9

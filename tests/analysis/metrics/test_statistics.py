@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 from scipy import stats
+from statsmodels.stats.multitest import multipletests
+from statsmodels.stats.power import TTestPower
 
 from cooploc.analysis.metrics.sequential import FIXED, trials_for_width, trials_to_exclude
 from cooploc.analysis.metrics.statistics import (
@@ -38,14 +40,16 @@ def test_skewed_trials_are_worth_fewer():
     assert trials_without_skew(np.random.default_rng(0).exponential(size=100_000)) == pytest.approx(25_000, rel=0.03)
 
 
+def equals(rng, trials, level=1.0):
+    """Squared errors of two estimators; trials that are hard are hard for both."""
+    shared = rng.lognormal(0, 0.4, trials)
+    return shared * rng.lognormal(0, 0.3, trials), level * shared * rng.lognormal(0, 0.3, trials)
+
+
 @pytest.mark.parametrize("trials", [10, 30, 100])
 def test_the_interval_covers_the_true_change(trials):
     rng = np.random.default_rng(3)
-    intervals = []
-    for _ in range(REPEATS):
-        shared = rng.lognormal(0, 0.4, trials)  # hard trials are hard for both
-        a, b = shared * rng.lognormal(0, 0.3, trials), 0.5 * shared * rng.lognormal(0, 0.3, trials)
-        intervals.append(change(a, b))
+    intervals = [change(*equals(rng, trials, 0.5)) for _ in range(REPEATS)]
     assert 0.92 < covered(intervals, np.sqrt(0.5) - 1) < 0.985
 
 
@@ -81,8 +85,6 @@ def test_the_one_trial_that_decides_a_change_is_named():
 
 
 def test_holm_is_that_of_statsmodels(rng):
-    from statsmodels.stats.multitest import multipletests
-
     for n in (1, 2, 7, 60):
         p = np.concatenate([rng.uniform(size=n) ** 4, np.full(n // 2, 0.01)])
         np.testing.assert_array_equal(holm(p), multipletests(p, method="holm")[1])
@@ -100,12 +102,9 @@ def test_the_p_of_an_interval_is_five_percent_at_its_ends(rng):
 
 
 def test_false_decisions_are_foreseen_from_the_tests_that_find_nothing():
-    rng, true, n = np.random.default_rng(17), 60, 100
-    foreseen = [
-        expected_false(np.concatenate([rng.uniform(size=true), 1e-6 * rng.uniform(size=n - true), [np.nan]]))
-        for _ in range(400)
-    ]
-    assert 0.05 * true < np.mean(foreseen) < 0.05 * (true + 4)
+    rng = np.random.default_rng(17)
+    p = [np.concatenate([rng.uniform(size=60), 1e-6 * rng.uniform(size=40), [np.nan]]) for _ in range(400)]
+    assert 0.05 * 60 < np.mean([expected_false(one) for one in p]) < 0.05 * 64
     assert expected_false(np.full(3, np.nan)) == 0.0
     assert expected_false(np.ones(3)) == pytest.approx(0.05 * 8)
 
@@ -115,21 +114,17 @@ def test_bca_is_scipys_on_the_same_resamples(n):
     rng = np.random.default_rng(9)
     a, b = rng.lognormal(0, 0.3, n), rng.lognormal(-0.5, 0.3, n)
 
-    def relative(a, b):
-        return np.sqrt(b.mean() / a.mean()) - 1
-
     kept = {"paired": True, "vectorized": False, "n_resamples": 1999, "rng": np.random.default_rng(0)}
-    plain = stats.bootstrap((a, b), relative, **kept).confidence_interval
+    plain = stats.bootstrap((a, b), lambda a, b: np.sqrt(b.mean() / a.mean()) - 1, **kept).confidence_interval
     assert change_bca(a, b)[1:] == pytest.approx((plain.low, plain.high), rel=0, abs=1e-9)
 
 
 def test_a_contrast_of_logs_covers_a_ratio_of_ratios():
     rng, intervals = np.random.default_rng(10), []
-    truth, weights = np.log(1.5), np.array([1.0, -1.0, -1.0, 1.0])
     for _ in range(REPEATS):
         values = rng.lognormal(0, 0.5, (30, 1)) * rng.lognormal(0, 0.3, (30, 4)) * [1.5, 1, 1, 1]
-        intervals.append(log_contrast(values, weights))
-    assert 0.92 < covered(intervals, truth) < 0.98
+        intervals.append(log_contrast(values, np.array([1.0, -1.0, -1.0, 1.0])))
+    assert 0.92 < covered(intervals, np.log(1.5)) < 0.98
 
 
 @pytest.mark.parametrize("p", [0.05, 0.3])
@@ -164,8 +159,7 @@ def test_equivalence_errs_in_five_percent_where_the_rmse_is_at_the_edge_of_the_m
 def test_the_test_of_a_difference_rejects_five_percent_of_equals_and_agrees_with_its_interval(trials):
     rng, rejected = np.random.default_rng(18), []
     for _ in range(REPEATS):
-        shared = rng.lognormal(0, 0.4, trials)
-        a, b = shared * rng.lognormal(0, 0.3, trials), shared * rng.lognormal(0, 0.3, trials)
+        a, b = equals(rng, trials)
         found = change(a, b)
         rejected.append(FIXED.p_of_difference(a, b) < 0.05)
         assert rejected[-1] == (found.low > 0 or found.high < 0)
@@ -190,8 +184,6 @@ def test_trials_needed_for_a_width_are_the_fewest_that_reach_it():
 
 
 def test_trials_to_exclude_are_those_of_the_power_of_the_t_test():
-    from statsmodels.stats.power import TTestPower
-
     d = np.random.default_rng(14).normal(0.3, 1.0, 40)
     asked = TTestPower().solve_power(effect_size=0.25 / d.std(ddof=1), alpha=0.05, power=0.8)
     assert trials_to_exclude(mean(d), 40, 0.25) == pytest.approx(asked, abs=1.5)
