@@ -98,7 +98,8 @@ def replay_fit(repositories: Path, data: Path) -> list[Row]:
         sources = [io.BytesIO(show(repositories / "cdoa-localization", DATASET2, file)) for file in files]
         logs = [pd.read_csv(source, sep=";", skipinitialspace=True) for source in sources]
         rows = slice(0, min(map(len, logs)), 100)
-        rssi, distance = (np.stack([log[name].to_numpy(float)[rows] for log in logs], -1) for name in ("rssi", "distance"))
+        rssi = np.stack([log["rssi"].to_numpy(float)[rows] for log in logs], -1)
+        distance = np.stack([log["distance"].to_numpy(float)[rows] for log in logs], -1)
         runs[run] = logs[0][["x", "y"]].to_numpy(float)[rows], rssi, distance
 
     def error(name: str, fitted: str) -> float:
