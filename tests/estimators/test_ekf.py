@@ -1,54 +1,68 @@
-"""The Kalman filters against the dense Gaussian of the whole team's whole trajectory, and their consistency."""
+"""The Kalman filters of teams: dense Gaussians, filterpy's loops, each other, consistency, what they send and lose."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from oracles import dense_posterior, exchanges, linear_team, nees
+from oracles import Offset, dense_posterior, exchanges, linear_team, nees
 from scipy.stats import chi2
 
 from cooploc.estimators import make
 from cooploc.estimators.ekf_joint import EkfJoint, State
-from cooploc.estimators.ekf_local import EkfLocal
 from cooploc.estimators.interface import Mail, Senses
 from cooploc.estimators.models import Range
 from cooploc.scenarios import simulate
 from cooploc.scenarios.runner.run import run
 from cooploc.scenarios.runner.trace import trace
 
-
-@pytest.mark.parametrize("engine", ["batched", "filterpy"])
-@pytest.mark.parametrize("share", [0.0, 0.6, 1.0])
-def test_local_filter_is_the_dense_posterior_of_its_own_readings(share, engine):
-    _, stream = linear_team(seed=1, trials=2, robots=3, ticks=5, share=share)
-    got = trace("ekf-local", EkfLocal(gate=np.inf, engine=engine), stream)
-    for trial in range(2):
-        for k in range(5):
-            x, P = dense_posterior(stream, trial, k, relative=False)
-            np.testing.assert_allclose(got.x[trial, k], x, atol=1e-8)
-            np.testing.assert_allclose(got.P[trial, k], np.einsum("iaib->iab", P), atol=1e-8)
+PLAIN = "ekf-joint[iterations=1,second_order=false,update=sequential]"
+TEAM = ["ekf-naive", "ekf-split-ci", "ekf-luft", "ekf-interim", "ukf-joint", "ekf-joint", "ekf-local"]
 
 
-@pytest.mark.parametrize("engine", ["batched", "filterpy"])
-@pytest.mark.parametrize("iterations", [1, 3])
-@pytest.mark.parametrize("share", [0.3, 1.0])
-def test_joint_filter_is_the_dense_posterior_of_everything(share, iterations, engine):
-    _, stream = linear_team(seed=2, trials=2, robots=3, ticks=5, share=share)
-    states = [s for _, s in exchanges(EkfJoint(gate=np.inf, iterations=iterations, engine=engine), stream)]
-    for trial in range(2):
-        for k, s in enumerate(states):
-            x, P = dense_posterior(stream, trial, k, relative=True)
-            np.testing.assert_allclose(s.x[trial], x, atol=1e-8)
-            np.testing.assert_allclose(s.P[trial], P, atol=1e-8)
+def assert_near(got, want, atol=1e-9):
+    np.testing.assert_allclose(got.x, want.x, atol=atol)
+    np.testing.assert_allclose(got.P, want.P, atol=atol)
+
+
+def assert_dense(got, stream, relative=True):
+    """The beliefs of every tick are those of the dense Gaussian of the whole team's whole trajectory."""
+    for trial, k in np.ndindex(got.x.shape[:2]):
+        x, P = dense_posterior(stream, trial, k, relative)
+        np.testing.assert_allclose(got.x[trial, k], x, atol=1e-8)
+        np.testing.assert_allclose(got.P[trial, k], np.einsum("iaib->iab", P), atol=1e-8)
+
+
+def drop_landmarks(stream):
+    return stream.replace_arrays({"senses.landmark": np.full_like(stream.senses.landmark, np.nan)})
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
+@pytest.mark.parametrize(
+    ("label", "options"),
+    [
+        *(("ekf-local", {"engine": engine}) for engine in ("batched", "filterpy")),
+        *(("ekf-joint", {"engine": e, "iterations": k}) for e in ("batched", "filterpy") for k in (1, 3)),
+        (PLAIN, {}),
+        ("ekf-interim", {}),
+        ("ukf-joint", {}),
+    ],
+)
+def test_exact_filters_are_the_dense_posterior_of_all_they_read(label, options, share):
+    _, stream = linear_team(seed=21, trials=2, robots=3, ticks=5, share=share)
+    got = trace("exact", make(label, gate=np.inf, **options), stream)
+    assert_dense(got, stream, relative=label != "ekf-local")
+
+
+def test_luft_is_exact_for_two_robots_without_private_readings():
+    stream = drop_landmarks(linear_team(seed=22, trials=2, robots=2, ticks=6)[1])
+    assert_dense(trace("luft", make("ekf-luft", gate=np.inf), stream), stream)
 
 
 @pytest.mark.parametrize("anchor_reading", ["doa", "rssi"])
 def test_joint_filter_of_one_robot_is_the_local_filter_in_the_papers_world(anchor_reading):
     _, stream = simulate("robots-1-3/n=1", trials=5, ticks=50)
-    local, joint = (make(name, anchor_reading=anchor_reading) for name in ("ekf-local", "ekf-joint"))
-    traces = run({"local": local, "joint": joint}, stream).traces
-    np.testing.assert_allclose(traces["joint"].x, traces["local"].x, atol=1e-12)
-    np.testing.assert_allclose(traces["joint"].P, traces["local"].P, atol=1e-12)
+    made = {name: make(name, anchor_reading=anchor_reading) for name in ("ekf-local", "ekf-joint")}
+    assert_near(*run(made, stream).traces.values(), atol=1e-12)
 
 
 @pytest.mark.parametrize(("name", "relative"), [("ekf-local", False), ("ekf-joint", True)])
@@ -60,14 +74,6 @@ def test_nees_lies_in_the_chi_square_band_when_every_model_is_true_and_linear(na
     low, high = chi2.ppf([0.005, 0.995], trials * d) / (trials * d)
     assert ((low < anees) & (anees < high)).mean() >= 0.9
     assert abs(anees.mean() - 1) < 0.1
-
-
-def test_a_wrong_noise_shows_in_the_nees():
-    x, stream = linear_team(seed=7, trials=100, robots=2, ticks=10)
-    told = replace(stream.world.motion, sigma=0.05)
-    stream = replace(stream, world=replace(stream.world, motion=told))
-    got = trace("ekf-joint", EkfJoint(gate=np.inf), stream)
-    assert nees(x, got).mean() > 1.5
 
 
 @pytest.mark.parametrize("correlated", [0.0, 0.4, -0.7])
@@ -137,3 +143,176 @@ def test_a_robot_that_starts_again_is_anywhere_in_the_arena_and_uncorrelated():
             return
         before = s.refused
     raise AssertionError("no robot was lost")
+
+
+def naive_truth(stream, trial):
+    """What the naive filter states, and the covariance its errors really have: (T, n, 2, 2) each.
+
+    Errors of the team, and of the beliefs it broadcast, as one linear map of independent noises after the other.
+    """
+    n, z, R = stream.robots, stream.senses, Offset().R
+    P = stream.prior.P[trial].copy()
+    C = np.zeros((4 * n, 4 * n))  # of the errors now, and of those sent
+    for i in range(n):
+        C[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = P[i]
+    stated, real = [], []
+
+    def update(i, H_sent, R_stated):
+        nonlocal C
+        me = slice(2 * i, 2 * i + 2)
+        K = P[i] @ np.linalg.inv(P[i] + R_stated)
+        A = np.eye(4 * n)
+        A[me, me] -= K
+        if H_sent is not None:
+            A[me, 2 * n + 2 * H_sent : 2 * n + 2 * H_sent + 2] += K
+        C = A @ C @ A.T
+        C[me, me] += K @ R @ K.T
+        P[i] = (np.eye(2) - K) @ P[i]
+
+    for k in range(z.dt.shape[1]):
+        for i in range(n):
+            Q = 0.3**2 * z.dt[trial, k, i] / 0.5 * np.eye(2)
+            P[i] += Q
+            C[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] += Q
+            for reading in z.landmark[trial, k, i]:
+                if np.isfinite(reading).all():
+                    update(i, None, R)
+        copy = np.kron([[1, 0], [1, 0]], np.eye(2 * n))
+        C, sent = copy @ C @ copy.T, P.copy()
+        for i in range(n):
+            for j in range(n):
+                if np.isfinite(z.sighting[trial, k, i, j]).all():
+                    update(i, j, R + sent[j])
+        stated.append(P.copy())
+        real.append(np.stack([C[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] for i in range(n)]))
+    return np.array(stated), np.array(real)
+
+
+def test_naive_is_over_confident_by_the_predicted_factor():
+    trials = 400
+    x, stream = linear_team(seed=23, trials=trials, robots=3, ticks=6)
+    stream = drop_landmarks(stream)
+    got = trace("naive", make("ekf-naive", both=False, gate=np.inf), stream)
+    stated, real = (np.stack(a) for a in zip(*(naive_truth(stream, i) for i in range(trials)), strict=True))
+    np.testing.assert_allclose(got.P, stated, atol=1e-9)
+    predicted = np.einsum("tkiaa->tki", np.linalg.solve(stated, real)) / 2
+    found = nees(x, got)
+    assert predicted[:, -1].mean() > 2
+    # Standard error of a mean of 400 values of NEES / 2: about 5 % of it.
+    np.testing.assert_allclose(found.mean(0), predicted.mean(0), rtol=0.2)
+    np.testing.assert_allclose(found.mean(), predicted.mean(), rtol=0.08)
+
+
+@pytest.mark.parametrize("both", [False, True])
+def test_split_ci_is_conservative_where_naive_is_not(both):
+    x, stream = linear_team(seed=24, trials=300, robots=3, ticks=10)
+    made = {
+        "split": make("ekf-split-ci", form="conservative", both=both, gate=np.inf),
+        "naive": make("ekf-naive", gate=np.inf),
+    }
+    split, naive = run(made, drop_landmarks(stream)).traces.values()
+    assert nees(x, naive)[:, -1].mean() > 2
+    assert nees(x, split).mean((0, 2)).max() < 1.1
+    e = (split.x - x)[:, -1]
+    real = np.einsum("tna,tnb->nab", e, e) / len(e)
+    assert np.linalg.eigvalsh(split.P[:, -1].mean(0) - real).min() > -0.1 * np.abs(real).max()
+
+
+def test_literal_split_ci_of_independent_priors_is_the_naive_filter():
+    _, stream = simulate("camera", trials=2, seed=25, ticks=40)
+    split, naive = run(["ekf-split-ci[form=literal]", "ekf-naive"], stream).traces.values()
+    assert np.isclose(split.x, naive.x, atol=1e-6).all(-1).mean() > 0.9  # it also leaves alone what is no gain
+
+
+@pytest.mark.parametrize("robots", [1, 3, 10])
+@pytest.mark.parametrize(
+    "label",
+    [
+        PLAIN,
+        f"{PLAIN[:-1]},anchor_reading=doa-constant,gate=1.0]",
+        "ekf-joint",
+        "ekf-joint[anchor_reading=rssi]",
+        "ekf-joint[iterations=1,second_order=false,gate=1.0]",
+        "ekf-naive",
+        "ekf-ci",
+        "ekf-ci[criterion=det,over=position]",
+        "ekf-split-ci",
+        "ekf-ici",
+        "ekf-ici[form=fixed]",
+        "ekf-hmd",
+        "ekf-event-ci",
+        "ekf-gs-ci",
+        "ekf-luft",
+        "ekf-interim",
+        "ukf-joint",
+    ],
+)
+def test_batched_is_filterpy(label, robots):
+    ticks = 4 if robots == 10 else 20
+    for world in (f"scalability/n={robots}", f"camera/n={robots}"):
+        _, stream = simulate(world, trials=1 if robots == 10 else 2, seed=26, ticks=ticks, drop=0.2)
+        batched, loop = (make(label, engine=engine) for engine in ("batched", "filterpy"))
+        assert_near(*run({"batched": batched, "filterpy": loop}, stream).traces.values())
+
+
+@pytest.mark.parametrize("label", ["camera[ticks=120]", "trajectory[ticks=120]", "scalability/n=10[ticks=15]"])
+def test_interim_master_is_the_joint_filter_while_nothing_is_lost(label):
+    _, stream = simulate(label, trials=2, seed=28)
+    assert_near(*run(["ekf-interim", PLAIN], stream).traces.values())
+
+
+def test_interim_master_breaks_at_the_first_lost_message():
+    """A third robot misses what two others make of a sighting, in a tick in which it has no reading of its own."""
+    stream = drop_landmarks(simulate("camera", trials=1, seed=29, ticks=150)[1])
+    seen = np.isfinite(stream.senses.sighting).all(-1)[0]  # (T, n, n)
+    idle = ~(seen.any(1) | seen.any(2))
+    lost, a, b = next((k, a, b) for k, a, b in np.argwhere(seen) if k >= 40 and idle[k, 3 - a - b])
+    link = stream.air.link.copy()
+    link[0, lost, 3 - a - b, a] = False
+    whole = trace("whole", make("ekf-interim"), stream)
+    broken = trace("broken", make("ekf-interim"), stream.replace_arrays({"air.link": link}))
+    off = np.abs(broken.x - whole.x)[0].max(-1)
+    assert off[:lost].max() < 1e-9
+    assert off[lost, [a, b]].max() < 1e-9
+    assert off[lost, 3 - a - b] > 1e-9
+    assert off[lost:].max() > 1e-3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("label", ["ekf-joint", PLAIN, "ekf-naive", "ekf-luft", "ekf-split-ci", "ekf-interim"])
+def test_covariances_stay_definite_over_ten_thousand_ticks(label):
+    """Without landmarks, so that what is shared grows while what is relative stays small."""
+    stream = drop_landmarks(simulate("camera/n=2", seed=31, ticks=10_000)[1])
+    if "joint" in label:
+        P = np.concatenate([s.P.reshape(-1, 6, 6) for _, s in exchanges(make(label), stream)[::50]])
+    else:
+        P = trace("long", make(label), stream).P
+    np.testing.assert_allclose(P, P.mT, rtol=1e-12, atol=1e-12 * P.max())
+    assert np.linalg.eigvalsh(P).min() > 0
+
+
+@pytest.mark.parametrize("name", TEAM)
+def test_gate_refuses_outliers(name):
+    _, stream = linear_team(seed=33, trials=1, robots=2, ticks=1, share=1.0)
+    stream = stream.replace_arrays({f"senses.{c}": getattr(stream.senses, c) + 300.0 for c in ("landmark", "sighting")})
+    dead, gated, open_ = run(
+        {"dead": make("dead-reckoning"), "gated": make(name), "open": make(name, gate=np.inf)}, stream
+    ).traces.values()
+    assert_near(gated, dead)
+    assert np.abs(open_.x - dead.x).max() > 10
+
+
+def test_traffic_is_what_the_protocols_say():
+    _, stream = simulate("camera", trials=2, seed=35, ticks=80)
+    made = np.isfinite(stream.senses.sighting).all(-1)  # (t, T, i, j)
+    fixed = (stream.senses.landmark[..., 0] >= 0.2).sum((1, 3))  # nearer ones are refused
+    sees, seen = made.sum((1, 3)), made.sum((1, 2))
+    assert (sees > 0).any()
+    naive, split, luft, interim = run(TEAM[:4], stream).traces.values()
+    np.testing.assert_array_equal(luft.messages, 2 * sees + seen)
+    np.testing.assert_array_equal(luft.bytes, sees * (8 + 8 + 9 * 8) + seen * (8 + 18 * 8))
+    np.testing.assert_array_equal(interim.messages, fixed + 2 * sees + seen)
+    update, private = 8 + 8 * (2 + 2 * 13), 8 + 8 * (1 + 2 * 7)
+    np.testing.assert_array_equal(interim.bytes, fixed * private + sees * (8 + update) + seen * (8 + 18 * 8))
+    np.testing.assert_array_equal(naive.bytes, 80 * (8 + 9 * 8) + 16 * sees)
+    np.testing.assert_array_equal(split.bytes, 80 * (8 + 15 * 8) + 16 * sees)
