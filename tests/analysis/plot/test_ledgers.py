@@ -9,20 +9,34 @@ import cooploc as cl
 from cooploc.analysis.claims.multiverse import SHOWN
 from cooploc.analysis.claims.verdicts import COLUMNS
 
-VERDICTS = (
-    # claim, scenario, than, definition, size, value, low, high, verdict
-    ("1", "quick/n=2", "arl", "change", -0.66, -0.2, -0.3, -0.1, "direction only"),
-    ("1", "quick/n=3", "arl", "change", -0.66, -0.6, -0.7, -0.5, "supported"),
-    ("2", "nlos", "arl", "ratio", -0.33, 0.4, np.nan, np.nan, "contradicted"),
-    ("3", "nlos", "arl", "", np.nan, 0.4, 0.3, 0.5, "contradicted"),
-)
+
+def verdicts():
+    rows = (
+        ("1", "quick/n=2", "arl", "change", -0.66, -0.2, -0.3, -0.1, "direction only"),
+        ("1", "quick/n=3", "arl", "change", -0.66, -0.6, -0.7, -0.5, "supported"),
+        ("2", "nlos", "arl", "ratio", -0.33, 0.4, np.nan, np.nan, "contradicted"),
+        ("3", "nlos", "arl", "", np.nan, 0.4, 0.3, 0.5, "contradicted"),
+    )
+    names = ["claim", "scenario", "than", "definition", "size", "value", "low", "high", "verdict"]
+    same = {"says": "Ours is better", "kind": "change", "variant": "paper", "of": "mrsl-rssi"}
+    return pd.DataFrame(rows, columns=names).assign(**same).reindex(columns=list(COLUMNS))
 
 
-def verdicts(variant="paper"):
-    names = ("claim", "scenario", "than", "definition", "size", "value", "low", "high", "verdict")
-    frame = pd.DataFrame(VERDICTS, columns=names)
-    told = {"says": "Ours is better", "kind": "change", "variant": variant, "of": "mrsl-rssi"}
-    return frame.assign(**told).reindex(columns=list(COLUMNS))
+@pytest.fixture
+def found():
+    rows = (
+        ("1", "change", -0.66, -0.2, "direction only", False, True, "walk", ""),
+        ("1", "change", -0.66, -0.7, "supported", True, False, "box", ""),
+        ("1", "change", -0.66, 0.1, "contradicted", False, False, "none", ""),
+        ("2", "level", 1.0, 0.8, "supported", True, True, "walk", "received"),
+        ("3", "all", np.nan, 0.4, "contradicted", True, True, "walk", ""),
+    )
+    names = ["claim", "kind", "size", "value", "verdict", "letter", "preset", "sampling", "fusion"]
+    same = {"says": "Ours is better", "scenario": "nlos", "of": "mrsl-rssi", "than": "arl", "definition": "change"}
+    frame = pd.DataFrame(rows, columns=names).assign(**same)
+    frame = frame.assign(low=frame["value"] - 0.1, high=frame["value"] + 0.1)
+    yield frame.reindex(columns=[*SHOWN, "sampling", "fusion"])
+    plt.close("all")
 
 
 def test_each_case_is_drawn_once_beside_its_claim():
@@ -36,52 +50,26 @@ def test_each_case_is_drawn_once_beside_its_claim():
     plt.close(ax.figure)
 
 
-CASES = (
-    # claim, kind, size, value, verdict, letter, preset, sampling, fusion
-    ("1", "change", -0.66, -0.2, "direction only", False, True, "walk", ""),
-    ("1", "change", -0.66, -0.7, "supported", True, False, "box", ""),
-    ("1", "change", -0.66, 0.1, "contradicted", False, False, "none", ""),
-    ("2", "level", 1.0, 0.8, "supported", True, True, "walk", "received"),
-    ("3", "all", np.nan, 0.4, "contradicted", True, True, "walk", ""),
-)
-
-
-@pytest.fixture
-def found():
-    names = ["claim", "kind", "size", "value", "verdict", "letter", "preset", "sampling", "fusion"]
-    frame = pd.DataFrame(CASES, columns=names)
-    more = {"says": "Ours is better", "scenario": "nlos", "of": "mrsl-rssi", "than": "arl", "definition": "change"}
-    frame = frame.assign(**more, low=frame["value"] - 0.1, high=frame["value"] + 0.1)
-    yield frame.reindex(columns=[*SHOWN, "sampling", "fusion"])
-    plt.close("all")
-
-
 def marks(ax):
-    """Where vertical marks stand, and the words beside."""
+    """Return where vertical marks stand, and the words beside."""
     x = [float(segment[0, 0]) for lines in ax.collections for segment in lines.get_segments()]
     return sorted(x), [text.get_text() for text in ax.texts]
 
 
 def test_the_map_has_every_number_the_claimed_one_and_the_count(found):
     changes = cl.plot.readings(found)
-    levels = changes.figure.axes[1]
-    x, words = marks(changes)
-    assert x == pytest.approx([-70, -66, -20, 10])
-    assert words == ["1. Ours is better", "1 of 3"]
-    assert marks(levels) == (pytest.approx([0.8, 1.0]), ["2. Ours is better", "1 of 1"])
-    letter, preset = ([line for line in changes.lines if line.get_marker() == marker] for marker in "v^")
-    assert [line.get_xdata()[0] for line in letter] == pytest.approx([-70])
-    assert [line.get_xdata()[0] for line in preset] == pytest.approx([-20])
+    assert marks(changes) == (pytest.approx([-70, -66, -20, 10]), ["1. Ours is better", "1 of 3"])
+    assert marks(changes.figure.axes[1]) == (pytest.approx([0.8, 1.0]), ["2. Ours is better", "1 of 1"])
+    ends = {line.get_marker(): line.get_xdata()[0] for line in changes.lines if line.get_marker() in ("v", "^")}
+    assert ends == pytest.approx({"v": -70, "^": -20})
 
 
 def test_the_curve_is_sorted_and_each_choice_stands_below_its_number(found):
     curve = cl.plot.specification_curve(found, "1")
     points = [line for line in curve.lines if len(line.get_xdata()) == 1 and line.get_linestyle() == "None"]
-    assert sorted((line.get_xdata()[0], line.get_ydata()[0]) for line in points) == [
-        (0, pytest.approx(-70)),
-        (1, pytest.approx(-20)),
-        (2, pytest.approx(10)),
-    ]
+    assert dict(sorted((line.get_xdata()[0], line.get_ydata()[0]) for line in points)) == pytest.approx(
+        {0: -70, 1: -20, 2: 10}
+    )
     matrix = curve.figure.axes[1]
     assert [tick.get_text().strip() for tick in matrix.get_yticklabels()] == ["sampling", "walk", "box", "none"]
     rows = {lines.get_segments()[0][0, 0]: lines.get_segments()[0].mean(0)[1] for lines in matrix.collections}
