@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any
 
 import pandas as pd
 
@@ -25,13 +25,14 @@ from cooploc.analysis.report.tables import Table, number_column, text_column
 SHOWN = 3  # reasons why cases of a claim were not run
 
 
-def _yes_or_no(stands: bool, verdict: str) -> str:
-    return ("yes" if stands else "no") if verdict in DECIDED else ""
-
-
 HOLM = (
     number_column("p (Holm)", "p_holm", "p", of=("p_holm",), form=p_value),
-    text_column("stands", "stands", of=("stands", "verdict"), form=_yes_or_no, second_line=True),
+    text_column(
+        "stands",
+        of=("stands", "verdict"),
+        form=lambda stands, verdict: ("yes" if stands else "no") if verdict in DECIDED else "",
+        second_line=True,
+    ),
 )
 
 
@@ -86,34 +87,28 @@ def cases_not_run(part: pd.DataFrame) -> str:
     return f"not run: {len(reasons)} of {count_of(len(stated), 'case')}: {'; '.join(kinds[:SHOWN])}{more}" * bool(kinds)
 
 
-class ClaimSection(NamedTuple):
-    """A claim of the ledger, as a section of the page."""
-
-    head: str
-    quote: str  # the paper's own words
-    readings: str  # in how many readings of the paper it holds, where more than one was run
-    open: str  # what the paper leaves open
-    table: Table  # its rows of the ledger
-    run: bool  # whether any case of it was
-
-
-def by_claim(table: Table, verdicts: pd.DataFrame, ledger: Ledger, readings: Mapping[str, str]) -> list[ClaimSection]:
-    """Return the table of `claims` claim by claim, without the columns that say the same in every row.
+def by_claim(table: Table, judged: pd.DataFrame, ledger: Ledger, readings: Mapping[str, str]) -> list[dict[str, Any]]:
+    """Return a section of the page for each claim, whose table leaves out what is the same in every row.
 
     `readings` are those of `multiverse.sentences`.
     """
     quotes = {claim.id: claim.quote for claim in ledger.claims}
-    out: list[ClaimSection] = []
-    for claim, part in verdicts.groupby("claim", sort=False):
+    out: list[dict[str, Any]] = []
+    for claim, part in judged.groupby("claim", sort=False):
         first = part.iloc[0]
         counts = part.loc[part["variant"] == first["variant"], "verdict"].value_counts()
         verdict = ", ".join(f"{count} {name}" if len(counts) > 1 else str(name) for name, count in counts.items())
         caption = f"Claim {claim}: every reading and case that was run."
         mine = [row for row in table.rows if row["claim"] == claim]
-        rows = Table(f"claims-{len(out) + 1}", caption, table.columns[2:-1], mine, table.marks)
-        head = f"{claim}. {name_claim(first['says'], first['where'])}: {verdict}"
-        run = bool((part["verdict"] != "not run").any())
-        out.append(ClaimSection(head, quotes[str(claim)], readings.get(str(claim), ""), str(first["open"]), rows, run))
+        section = {
+            "head": f"{claim}. {name_claim(first['says'], first['where'])}: {verdict}",
+            "quote": quotes[str(claim)],
+            "readings": readings.get(str(claim), ""),
+            "open": str(first["open"]),
+            "table": Table(f"claims-{len(out) + 1}", caption, table.columns[2:-1], mine, table.marks),
+            "run": bool((part["verdict"] != "not run").any()),
+        }
+        out.append(section)
     return out
 
 
@@ -164,36 +159,23 @@ def _remark(verdict: str, remark: object) -> str:
 # ------------------------------------------------------------------------------------------------ on the page
 
 
-class ClaimsShown(NamedTuple):
-    """The section of a page on a ledger that the run touches."""
-
-    paper: str
-    sentence: str
-    overview: Table
-    run: list[ClaimSection]
-    not_run: list[ClaimSection]
-    family: str
-    table: Table  # all cases, for a file
-
-
-def claims_shown(kept: StoredRun, ledger: Ledger) -> ClaimsShown | None:
-    """Return the section on claims; None where the run touches no claim of the ledger that is shipped."""
+def claims_shown(kept: StoredRun, ledger: Ledger) -> dict[str, Any] | None:
+    """Return the page's section on claims; None where the run touches no claim of the ledger that is shipped."""
     judged = verdicts.judge_run(ledger, kept.rows, kept.looks)
-    touched = judged["verdict"].isin(verdicts.JUDGED).any()
-    if not touched and ledger == load():
+    if not judged["verdict"].isin(JUDGED).any() and ledger == load():
         return None
     readings = multiverse.sentences(multiverse.judge(ledger, kept.rows, ANYTIME if kept.looks else FIXED))
     table = claims(judged, ledger.paper)
     sections = by_claim(table, judged, ledger, readings)
-    return ClaimsShown(
-        paper=ledger.paper,
-        sentence=_sentence(judged),
-        overview=overview(verdicts.overview(judged), judged, ledger),
-        run=[one for one in sections if one.run],
-        not_run=[one for one in sections if not one.run],
-        family=str(verdicts.count_verdicts(judged)),
-        table=table,
-    )
+    return {
+        "paper": ledger.paper,
+        "sentence": _sentence(judged),
+        "overview": overview(verdicts.overview(judged), judged, ledger),
+        "run": [one for one in sections if one["run"]],
+        "not_run": [one for one in sections if not one["run"]],
+        "family": str(verdicts.count_verdicts(judged)),
+        "table": table,
+    }
 
 
 def _sentence(judged: pd.DataFrame) -> str:

@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -33,8 +33,9 @@ from cooploc.analysis.report.run_numbers import (
     rank_scenario,
     rows_of_experiment,
 )
-from cooploc.analysis.report.tables import Table, csv_text, latex_document, text_column
+from cooploc.analysis.report.tables import Table, TableColumn, csv_text, text_column
 
+FORMS = {"tex": "latex", "md": "markdown", "csv": "csv"}  # ending of a file -> method of `Table`
 LONGEST_TITLE = 130  # characters of a study's description that is the page's title
 TRIALS = "trials"  # folder of a CSV file for each scenario
 FLOOR_PATHS, FLOOR_TRIALS = 16, 8  # over which a floor is taken, in a fifth of the time that one to 0.2 % takes
@@ -48,24 +49,20 @@ def write(kept: StoredRun, ledger: Ledger, out: Path) -> Path:
     lowest = floors(table["scenario"], kept.manifest["seed"], FLOORED, FLOOR_PATHS, FLOOR_TRIALS)
     numbers = numbers._replace(table=table.assign(floor=table["scenario"].map(lowest)))
     context = content(numbers, ledger)
-    tables: list[Table] = context.pop("tables")
-    (out / "tables").mkdir(parents=True, exist_ok=True)
-    texts = {"all.tex": latex_document([one.name for one in tables], context["title"])}
-    for one in tables:
-        texts |= {f"{one.name}.tex": one.latex(), f"{one.name}.md": one.markdown(), f"{one.name}.csv": one.csv()}
-    for name, text in texts.items():
-        (out / "tables" / name).write_text(text, encoding="utf-8")
+    texts: dict[str, str] = {}
+    for one in context["tables"]:
+        texts |= {f"tables/{one.name}.{ending}": getattr(one, form)() for ending, form in FORMS.items()}
     trials = rmse_by_trial(numbers.table, numbers.results)
-    (out / TRIALS).mkdir(exist_ok=True)
     for scenario, name in file_names(trials).items():
-        (out / name).write_text(csv_text(trials[scenario].rename_axis("trial").reset_index()), encoding="utf-8")
-    folders = {
-        about: sorted(file.relative_to(out).as_posix() for file in (out / folder).iterdir())
-        for folder, about in (("tables", "Tables for LaTeX, Markdown and programs"), (TRIALS, "RMSE of every trial"))
-    }
-    page = out / PAGE
-    page.write_text(render({**context, "trials": compact(trials), "folders": folders}), encoding="utf-8")
-    return page
+        texts[name] = csv_text(trials[scenario].rename_axis("trial").reset_index())
+    about = {"tables": "Tables for LaTeX, Markdown and programs", TRIALS: "RMSE of every trial"}
+    folders = {text: sorted(name for name in texts if name.startswith(folder)) for folder, text in about.items()}
+    texts[PAGE] = render({**context, "trials": compact(trials), "folders": folders})
+    for folder in about:
+        (out / folder).mkdir(parents=True, exist_ok=True)
+    for name, text in texts.items():
+        (out / name).write_text(text, encoding="utf-8")
+    return out / PAGE
 
 
 def render(context: dict[str, Any]) -> str:
@@ -73,9 +70,9 @@ def render(context: dict[str, Any]) -> str:
     templates = html_table.environment()
     script, style = (Markup(html_table.read_template(name)) for name in ("page.js", "page.css"))  # our own files
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-    body, shared = map(Markup, page_figures.share_styles(templates.get_template("body.html.j2").render(**context)))
-    page = templates.get_template("page.html.j2")  # its parts are escaped by their templates
-    return page.render(**context, style=style, shared=shared, body=body, script=script, script_hash=digest)
+    body = Markup(templates.get_template("body.html.j2").render(**context))  # its parts are escaped by their templates
+    page = templates.get_template("page.html.j2")
+    return page.render(**context, style=style, body=body, script=script, script_hash=digest)
 
 
 # ------------------------------------------------------------------------------------------------ content
@@ -89,24 +86,25 @@ def content(numbers: Numbers, ledger: Ledger) -> dict[str, Any]:
     experiments = [experiment(name, plan, numbers, counter) for name, plan in kept.experiments.items()]
     found = sentences.standings(table, numbers.results)
     claims = claims_shown(kept, ledger)
-    where = result_tables.best_by_experiment({one.name: one.found for one in experiments})
     consistency, events = result_tables.consistency(table), result_tables.events(kept.rows)
     scenarios, versions = result_tables.scenario_tables(table, manifest["scenarios"]), _versions(manifest)
-    tables = [where, result_tables.best(found), consistency, *([claims.overview, claims.table] if claims else [])]
-    tables += [*(one for each in experiments for one in each.tables), *scenarios, *[events] * bool(events.rows)]
+    tables = [result_tables.best(found), consistency, *([claims["overview"], claims["table"]] if claims else [])]
+    tables += [one for each in experiments for one in (*each["tables"], each["standings"])]
     missing = [f"{s}, {e}: {n} of the planned trials are missing" for (s, e), n in kept.gaps.items()]
-    central = set(kept.rows.loc[kept.rows["centralised"].eq(True), "estimator"])
-    marks = html_table.markers(numbers.looks, central)
+    marks = html_table.markers(numbers.looks, set(kept.rows.loc[kept.rows["centralised"].eq(True), "estimator"]))
     ended = dict.fromkeys(table.loc[table["rmse"].notna(), "scenario"])
     names = kept.rows["estimator"].unique()
+
+    def some(column: TableColumn) -> bool:
+        return any(row[column.keys[0]] for row in consistency.rows)
+
     return {
         **heading(manifest),
         "manifest": manifest,
         "lowest": sentences.lowest_errors(found, table),
         "over_confident": sentences.over_confident_estimators(table),
         "first": first,
-        "where": where,
-        "consistency": drop_zeros(consistency),
+        "consistency": replace(consistency, columns=tuple(filter(some, consistency.columns))),
         "experiments": experiments,
         "claims": claims,
         "estimators": page_texts.introduce_estimators(kept.rows),
@@ -123,7 +121,7 @@ def content(numbers: Numbers, ledger: Ledger) -> dict[str, Any]:
         "embedded": embed(kept),
         "wording": Wording(numbers.names, marks, page_texts.anchors_of(names), file_names(ended)),
         "labels": {what: list(dict.fromkeys(table[what])) for what in ("estimator", "scenario")},
-        "tables": [*tables, versions],
+        "tables": [*tables, *scenarios, *[events] * bool(events.rows), versions],
     }
 
 
@@ -137,11 +135,6 @@ def heading(manifest: dict[str, Any]) -> dict[str, str]:
     return {"title": about if short else name, "study": name if short else "", "about": "" if short else about}
 
 
-def drop_zeros(table: Table) -> Table:
-    """Return the table without columns that are zero in every row."""
-    return replace(table, columns=tuple(c for c in table.columns if any(row[c.keys[0]] for row in table.rows)))
-
-
 def _versions(manifest: dict[str, Any]) -> Table:
     imported = {name: at for one in manifest.get("imports", {}).values() for name, at in one.items()}
     used = {**imported, **manifest["versions"], **{key: manifest[key] for key in ("commit", "source", "cpu", "seed")}}
@@ -153,24 +146,16 @@ def _versions(manifest: dict[str, Any]) -> Table:
 # ------------------------------------------------------------------------------------------------ experiments
 
 
-class Experiment(NamedTuple):
-    """An experiment, as a section of the page."""
+def experiment(name: str, plan: dict[str, list[str]], numbers: Numbers, counter: Iterator[int]) -> dict[str, Any]:
+    """Return a section on an experiment with its estimators by scenario; `counter` numbers its figures.
 
-    name: str
-    anchor: str
-    found: list[sentences.Standing]
-    sentences: list[str]  # its answer, where the report has several experiments, and what it says of sweeps
-    figures: list[Shown]
-    tables: list[Table]
-    standings: Table  # who is best where
-
-
-def experiment(name: str, plan: dict[str, list[str]], numbers: Numbers, counter: Iterator[int]) -> Experiment:
-    """Return an experiment with the estimators that it has in each scenario; `counter` numbers its figures."""
+    Its sentences are its answer, where the report has several experiments, and what it says of sweeps.
+    """
     table, results = numbers.table, numbers.results
     part = rows_of_experiment(table, plan)
     found = sentences.standings(part, results)
-    anchor = f"experiment-{_anchor(name)}"
+    plain = re.sub(r"[^A-Za-z0-9]+", "-", name).strip("-")[:60]
+    anchor = "experiment-" + (plain if plain == name else f"{plain}-{hashlib.sha256(name.encode()).hexdigest()[:6]}")
     only = len(part) == len(table)
     texts = [] if only else [sentences.lowest_errors(found, part), sentences.over_confident_estimators(part)]
     shown: list[Shown] = []
@@ -193,14 +178,15 @@ def experiment(name: str, plan: dict[str, list[str]], numbers: Numbers, counter:
     )
     ranks = {str(label): rank_scenario(rows, results) for label, rows in part.groupby("scenario", sort=False)}
     every = result_tables.results(anchor, part, ranks, about)
-    standings = result_tables.best(found, f"best-{anchor}")
-    return Experiment(name, anchor, found, list(filter(None, texts)), shown, [every, *changed], standings)
-
-
-def _anchor(name: str) -> str:
-    """Return a name for links and files."""
-    plain = re.sub(r"[^A-Za-z0-9]+", "-", name).strip("-")[:60]
-    return plain if plain == name else f"{plain}-{hashlib.sha256(name.encode()).hexdigest()[:6]}"
+    return {
+        "name": name,
+        "anchor": anchor,
+        "found": found,
+        "sentences": list(filter(None, texts)),
+        "figures": shown,
+        "tables": [every, *changed],
+        "standings": result_tables.best(found, f"best-{anchor}"),
+    }
 
 
 # ------------------------------------------------------------------------------------------------ trials

@@ -134,8 +134,6 @@ def _show(drawn: Iterable[Drawn], caption: str, counter: Iterator[int], width: s
 
 # ------------------------------------------------------------------------------------------------ SVG in a page
 
-TAG, STYLE = r"<[a-z][^<>]*>", re.compile(r' style="([\w :;.,()#%-]*)"')
-
 
 def inline_svg(figure: Figure, number: int, label: str) -> Markup:
     """Return a figure as SVG to be put into a page: own ids, no links, a label.
@@ -151,27 +149,9 @@ def inline_svg(figure: Figure, number: int, label: str) -> Markup:
     svg = re.sub(r' xmlns(:\w+)?="[^"]*"', "", svg).replace("xlink:href=", "href=")
     used = set(re.findall(r'(?:url\(#|href="#)([^")]+)', svg))
     svg = re.sub(r' id="([^"]*)"', lambda found: found[0] if found[1] in used else "", svg)
-    svg = round_numbers(svg, TAG, 1).replace("font-family: 'DejaVu Sans', sans-serif; ", "")
+    svg = round_numbers(svg, r"<[a-z][^<>]*>", 1).replace("font-family: 'DejaVu Sans', sans-serif; ", "")
     svg = re.sub(r' transform="rotate\(-0 [^"]*\)"', "", svg)
     svg = re.sub(r">\s+<", "><", re.sub(r"\s*\n\s*", " ", svg))
     svg = re.sub(r"<g\b[^<>]*></g>", "", re.sub(r"<g\b[^<>]*/>", "", svg))
     svg = re.sub(r'(\bid="|url\(#|href="#)', rf"\g<1>f{number}-", svg)
     return Markup(svg.replace("<svg", f'<svg role="img" aria-label="{escape(label)}"', 1))
-
-
-def share_styles(markup: str) -> tuple[str, str]:
-    """Return a page's markup with classes instead of the styles that repeat themselves, and the CSS of these classes.
-
-    Only tags are looked at, so that no text can be taken for a style: it has no angle brackets that are not escaped.
-    """
-    classes: dict[str, str] = {}
-
-    def replace_style(found: re.Match[str]) -> str:
-        style = STYLE.search(found[0])
-        if style is None or " class=" in found[0]:
-            return found[0]
-        name = classes.setdefault(style[1], f"s{len(classes)}")
-        return found[0].replace(style[0], f' class="{name}"')
-
-    markup = re.sub(TAG, replace_style, markup)
-    return markup, "\n".join(f".{name} {{ {style} }}" for style, name in classes.items())

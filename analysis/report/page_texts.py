@@ -4,7 +4,7 @@ import tomllib
 from collections.abc import Iterable
 from dataclasses import fields
 from importlib.resources import files
-from typing import Any, NamedTuple
+from typing import Any
 
 import pandas as pd
 
@@ -21,55 +21,37 @@ from cooploc.estimators.listing import standing
 from cooploc.estimators.registry import source_of
 
 
-class Configuration(NamedTuple):
-    """A configuration of a method, as it ran."""
-
-    label: str
-    anchor: str
-    given: str  # the parameters in which it differs from the defaults
-    standing: str  # "as published", "at its best", or nothing
-
-
-class Introduction(NamedTuple):
-    """A method with the configurations of it that ran."""
-
-    name: str
-    about: str
-    senses: str  # what it read beside odometry, in any scenario
-    knows: str  # which robots' readings it has
-    source: str
-    defaults: list[tuple[str, str]]  # every parameter with its default
-    configurations: list[Configuration]
-
-
 def anchors_of(estimators: Iterable[Any]) -> dict[str, str]:
     """Return the anchor of each estimator's introduction."""
     return {str(label): f"estimator-{i}" for i, label in enumerate(estimators, 1)}
 
 
-def introduce_estimators(rows: pd.DataFrame) -> list[Introduction]:
+def introduce_estimators(rows: pd.DataFrame) -> list[dict[str, Any]]:
     """Return an introduction of each method, in the order in which they ran; no code that is not built in runs."""
-    methods: dict[str, list[Configuration]] = {}
+    methods: dict[str, list[dict[str, str]]] = {}
     for label, anchor in anchors_of(rows["estimator"].unique()).items():
         method, _, given = label.partition("[")
-        configuration = Configuration(label, anchor, given.removesuffix("]").replace(",", ", "), standing(label))
-        methods.setdefault(method, []).append(configuration)
+        given = given.removesuffix("]").replace(",", ", ")
+        methods.setdefault(method, []).append(
+            {"label": label, "anchor": anchor, "given": given, "standing": standing(label)}
+        )
     return [_introduce(name, ones, rows) for name, ones in methods.items()]
 
 
-def _introduce(name: str, configurations: list[Configuration], rows: pd.DataFrame) -> Introduction:
-    rows = rows[rows["estimator"].isin([one.label for one in configurations])]
+def _introduce(name: str, configurations: list[dict[str, str]], rows: pd.DataFrame) -> dict[str, Any]:
+    rows = rows[rows["estimator"].isin([one["label"] for one in configurations])]
     senses = " or ".join(rows[SENSES].dropna().unique()) if SENSES in rows else ""
+    out = {"name": name, "configurations": configurations, "senses": senses, "knows": _known_readings(rows)}
     try:
         made = make(name) if configure(name).builtin else None
     except BadInput:  # it is no longer known
         made = None
     if made is None:
-        return Introduction(name, "Not built in.", senses, _known_readings(rows), "", [], configurations)
+        return {**out, "about": "Not built in.", "source": "", "defaults": {}}
+    values = {one.name: getattr(made, one.name) for one in fields(made) if one.init and one.name != "uses"}
+    texts = {key: f"{v:g}".replace("inf", "∞") if isinstance(v, float) else str(v) for key, v in values.items()}
     about = (type(made).__doc__ or "").strip().partition("\n")[0]
-    defaults = [(one.name, getattr(made, one.name)) for one in fields(made) if one.init and one.name != "uses"]
-    plain = [(key, f"{v:g}".replace("inf", "∞") if isinstance(v, float) else str(v)) for key, v in defaults]
-    return Introduction(name, about, senses, _known_readings(rows), source_of(type(made)), plain, configurations)
+    return {**out, "about": about, "source": source_of(type(made)), "defaults": texts}
 
 
 def _known_readings(rows: pd.DataFrame) -> str:
@@ -97,10 +79,9 @@ UNTIL = "with confidence sequences of the relative change, which are valid howev
 
 def bibtex(version: str, commit: str | None) -> str:
     """Return a BibTeX entry for cooploc in the version that ran."""
-    values = {"author": "{cooploc maintainers}", "title": TITLE, "version": version}
-    lines = [f"  {name} = {{{value}}}," for name, value in values.items()]
-    lines += [f"  note = {{commit {commit}}},"] if commit else []
-    return "\n".join(["@software{cooploc,", *lines, "}"])
+    note = f"  note = {{commit {commit}}},\n" if commit else ""
+    author = "  author = {{cooploc maintainers}},"
+    return f"@software{{cooploc,\n{author}\n  title = {{{TITLE}}},\n  version = {{{version}}},\n{note}}}"
 
 
 def paragraph(numbers: Numbers) -> str:

@@ -1,7 +1,6 @@
 """A run's tables: results, who is best and over-confident, changes over a sweep, scenarios, events, failures."""
 
 import tomllib
-from collections import Counter
 from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
@@ -60,31 +59,6 @@ def results(name: str, part: pd.DataFrame, ranks: Ranks, caption: str) -> Table:
     empty |= {"rank"} if until_decided else set()  # rows stop at different numbers of trials
     columns = tuple(c for c in result_columns(part["baseline"], until_decided) if c.head not in empty)
     return Table(name, caption, columns, rows, {**marks, "data-certificate": "status"})
-
-
-WORDS = {  # `Standing.word` -> key and head of its column
-    "best": ("best", "best alone"),
-    "tie": ("tied", "lowest RMSE, tied with others"),
-    "the only one": ("only", "the only one that qualifies"),
-}
-
-
-def best_by_experiment(found: dict[str, list[Standing]]) -> Table:
-    """Return who is best in how many scenarios of each experiment."""
-    named = (text_column(head, key) for key, head in WORDS.values())
-    columns = (text_column("experiment"), number_column("scenarios"), *named, number_column("none qualifies", "none"))
-    rows: list[Row] = []
-    for name, ones in found.items():
-        row: Row = {"experiment": name, "scenarios": len(ones), "none": sum(not one.best for one in ones)}
-        for word, (key, _) in WORDS.items():
-            counts = Counter(one.best for one in ones if one.word == word)
-            row[key] = ", ".join(f"{estimator} ({n})" for estimator, n in counts.most_common())
-        rows.append(row)
-    caption = (
-        "Estimators and in how many scenarios of the experiment. An estimator qualifies to be called best if it is "
-        "distributed, is not over-wide, not over-confident nor probably so, and failed in no trial."
-    )
-    return Table("where", caption, columns, rows)
 
 
 def best(found: list[Standing], name: str = "best") -> Table:

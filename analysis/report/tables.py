@@ -188,15 +188,6 @@ LATEX = {
 }
 
 
-DOCUMENT = r"""\documentclass{article}
-\usepackage[T1]{fontenc}
-\usepackage[utf8]{inputenc}
-\usepackage{textcomp,booktabs,longtable}
-\usepackage[paperwidth=60cm,paperheight=42cm,margin=15mm]{geometry}
-\begin{document}"""
-END = "\\end{document}\n"
-
-
 def csv_text(table: pd.DataFrame) -> str:
     """Return a table as CSV; a text that a spreadsheet would take for a formula gets an apostrophe."""
 
@@ -205,11 +196,6 @@ def csv_text(table: pd.DataFrame) -> str:
 
     texts = {str(name): table[name].map(plain) for name in table if table[name].dtype.kind not in "fiub"}
     return table.assign(**texts).rename(columns=plain).to_csv(index=False, lineterminator="\n")
-
-
-def latex_document(names: list[str], title: str) -> str:
-    """Return a LaTeX document of tables in files beside it."""
-    return "\n".join([DOCUMENT, rf"\section*{{{escape_latex(title)}}}", *(rf"\input{{{n}}}" for n in names), END])
 
 
 def escape_latex(text: str) -> str:

@@ -25,17 +25,14 @@ pytestmark = [
 ]
 MANY = {f"estimator-{i}[particles={100 * i},own=rssi]": (0.3 + 0.05 * i, 0.6 + 0.2 * i) for i in range(14)}
 # A frame has the wanted width where a window of the browser has a least one; what it holds keeps its own policy.
-PLAIN = '<body style="margin:0"><iframe style="border:0;width:{width}px;height:{height}px" srcdoc="{page}"></iframe>'
-FRAME = (
-    PLAIN
-    + """
-<pre id="told"></pre><script>
+FRAME = """<body style="margin:0"><iframe style="border:0;width:{width}px;height:9000px" srcdoc="{page}"></iframe>"""
+SCRIPT = """<pre id="result"></pre><script>
 const frame = document.querySelector("iframe");
 const errors = [];
-frame.addEventListener("load", () => {{
+frame.addEventListener("load", () => {
   const inside = frame.contentDocument, view = frame.contentWindow;
   view.addEventListener("error", (e) => errors.push(e.message));
-  inside.querySelectorAll("details").forEach((one) => {{ one.open = true; }});
+  inside.querySelectorAll("details").forEach((one) => { one.open = true; });
   const wide = inside.documentElement.scrollWidth;
   const table = inside.querySelector("#table-experiment-one");
   const fits = table.parentElement.scrollWidth <= table.parentElement.clientWidth;
@@ -59,72 +56,64 @@ frame.addEventListener("load", () => {{
   const drawn = inside.querySelectorAll("#pairs[open] circle").length;
   const said = inside.querySelector("#pairs-said").textContent;
   const ground = view.getComputedStyle(inside.body).backgroundColor;
-  document.getElementById("told").textContent = JSON.stringify(
-    {{ wide, fits, before, rising, falling, sign, all, some, fixed, drawn, said, ground, errors }});
-}});
-</script></body>"""
-)
+  document.getElementById("result").textContent = JSON.stringify(
+    { wide, fits, before, rising, falling, sign, all, some, fixed, drawn, said, ground, errors });
+});
+</script>"""
 
 
-DUMP = "--virtual-time-budget=5000", "--dump-dom"
-
-
-def chromium(*options, cwd):
-    flags = ["--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", f"--user-data-dir={cwd / 'profile'}"]
+def chromium(folder, *options):
+    flags = [
+        "--headless",
+        "--no-sandbox",
+        "--disable-gpu",
+        "--hide-scrollbars",
+        f"--user-data-dir={folder / 'profile'}",
+    ]
     done = subprocess.run([CHROMIUM, *flags, *options], capture_output=True, text=True, timeout=1200)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("looks")
+def frame(report, width, script=""):
+    """Write a page that holds the report in a frame of that width; return its address."""
+    file = report.parent / f"frame{width}.html"
+    file.write_text(FRAME.format(width=width, page=html.escape(report.read_text())) + script)
+    return file.as_uri()
 
 
 @pytest.fixture(scope="module")
-def report(folder):
+def report(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("looks")
     labels = [f"packet-drop/drop={d}[ticks=30]" for d in ("0", "0.3", "0.5", "0.9")] + ["trajectory"]
     rows = pd.concat([rows_of(label, MANY, bounds=(list(MANY)[2],)) for label in labels], ignore_index=True)
     return html_page.write(kept_from(rows, folder), load(), folder)
 
 
 @pytest.mark.parametrize(("width", "dark"), [(400, False), (1400, True)])
-def test_nothing_sticks_out_and_tables_sort_filter_and_show_trials(report, folder, width, dark):
-    file = framed(report, folder, width, FRAME)
-    dom = chromium(
-        f"--blink-settings=preferredColorScheme={0 if dark else 1}",
-        "--virtual-time-budget=5000",
-        "--dump-dom",
-        file.as_uri(),
-        cwd=folder,
-    )
-    told = json.loads(html.unescape(re.search(r'<pre id="told">(.*?)</pre>', dom, re.DOTALL)[1]))
-    assert told["errors"] == []
-    assert told["wide"] <= width
-    assert told["fits"] == (width == 1400)
-    assert told["fixed"]
-    assert told["rising"] == sorted(told["before"])
-    assert told["falling"] == sorted(told["before"], reverse=True) != told["before"]
-    assert "▼" in told["sign"]
-    assert told["some"] == told["all"] - 5  # one estimator in five scenarios
-    assert told["drawn"] == 8
-    assert "of 8 trials" in told["said"]
-    assert (told["ground"] == "rgb(255, 255, 255)") == (not dark)
+def test_nothing_sticks_out_and_tables_sort_filter_and_show_trials(report, width, dark):
+    colours = f"--blink-settings=preferredColorScheme={0 if dark else 1}"
+    address = frame(report, width, SCRIPT)
+    dom = chromium(report.parent, colours, "--virtual-time-budget=5000", "--dump-dom", address)
+    found = json.loads(html.unescape(re.search(r'<pre id="result">(.*?)</pre>', dom, re.DOTALL)[1]))
+    assert found["errors"] == []
+    assert found["wide"] <= width
+    assert found["fits"] == (width == 1400)
+    assert found["fixed"]
+    assert found["rising"] == sorted(found["before"])
+    assert found["falling"] == sorted(found["before"], reverse=True) != found["before"]
+    assert "▼" in found["sign"]
+    assert found["some"] == found["all"] - 5  # one estimator in five scenarios
+    assert found["drawn"] == 8
+    assert "of 8 trials" in found["said"]
+    assert (found["ground"] == "rgb(255, 255, 255)") == (not dark)
 
 
-def test_it_prints_and_leaves_pictures_to_be_looked_at(report, folder):
-    place = Path(os.environ.get("LOOKS", folder)).resolve()
+def test_it_prints_and_leaves_pictures_to_be_looked_at(report):
+    place = Path(os.environ.get("LOOKS", report.parent)).resolve()
     place.mkdir(parents=True, exist_ok=True)
     picture, paper = place / "report-1024.png", place / "report.pdf"
-    file = framed(report, folder, 1024, PLAIN)
-    chromium("--window-size=1024,9000", f"--screenshot={picture}", file.as_uri(), cwd=folder)
-    chromium("--no-pdf-header-footer", f"--print-to-pdf={paper}", report.as_uri(), cwd=folder)
+    chromium(report.parent, "--window-size=1024,9000", f"--screenshot={picture}", frame(report, 1024))
+    chromium(report.parent, "--no-pdf-header-footer", f"--print-to-pdf={paper}", report.as_uri())
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert paper.read_bytes().startswith(b"%PDF")
-
-
-def framed(report, folder, width, frame):
-    """A page of that width which holds the report."""
-    file = folder / f"frame{width}.html"
-    file.write_text(frame.format(width=width, height=9000, page=html.escape(report.read_text())))
-    return file

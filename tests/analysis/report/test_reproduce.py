@@ -2,7 +2,6 @@
 
 import json
 import re
-import shutil
 
 import pytest
 from made_logs import change, describe, lines, write
@@ -35,10 +34,6 @@ def report(tmp_path_factory):
     return folder / "report"
 
 
-def told(*arguments):
-    return inside("reproduce", *arguments)
-
-
 def altered(report, folder, old, new):
     source = (report / "index.html").read_text()
     start, end = re.search(r'id="manifest">(.*?)</script>', source, re.DOTALL).span(1)
@@ -49,24 +44,17 @@ def altered(report, folder, old, new):
     return folder
 
 
-def test_the_trials_of_a_report_come_out_bit_equal(report):
+def test_the_trials_of_a_report_come_out_bit_equal_and_equal_exits_0(report):
     embedded = reproduce.load(report)
     assert len(embedded["sample"]) == 2 * 2 * reproduce.EACH
-    found = reproduce.rerun(embedded, trials=4)
-    assert [one.remark for one in found] == ["bit-equal"] * 8
+    assert [one.remark for one in reproduce.rerun(embedded, trials=4)] == ["bit-equal"] * 8
+    assert reproduce.load(report.parent / "run")["sample"] == embedded["sample"]
+    done = inside("reproduce", report / "index.html", "--trials", "2")
+    assert done.returncode == 0, done.stderr
+    assert "4 of 4 results are bit-equal" in done.stdout
     assert reproduce.differences(embedded) == []
     embedded["manifest"]["instructions"]["blas"] = "openblas Prescott"
     assert reproduce.differences(embedded) == ["blas uses other instructions"]
-
-
-def test_a_page_or_its_directory_is_accepted_and_equal_exits_0(report):
-    assert reproduce.load(report) == reproduce.load(report / "index.html")
-    run = report.parent / "run"
-    assert reproduce.load(run)["sample"] == reproduce.load(report)["sample"]
-    assert cl.reproduce(run, trials=1).equal
-    done = told(report, "--trials", "2")
-    assert done.returncode == 0, done.stderr
-    assert "4 of 4 results are bit-equal" in done.stdout
 
 
 def test_another_result_exits_1_and_says_by_how_much(report, tmp_path):
@@ -78,7 +66,7 @@ def test_another_result_exits_1_and_says_by_how_much(report, tmp_path):
         (one["scenario"], one["estimator"], one["trial"])
     ]
     shifted = altered(report, tmp_path / "shifted", '"seed":4,"source"', '"seed":5,"source"')
-    done = told(shifted, "--trials", "1")
+    done = inside("reproduce", shifted, "--trials", "1")
     assert done.returncode == 1, done.stdout + done.stderr
     assert "another stream; RMSE differs by" in done.stdout
     assert "0 of 2 results are bit-equal" in done.stdout
@@ -100,35 +88,23 @@ def test_what_is_no_report_is_refused(tmp_path, content, said):
         reproduce.load(tmp_path)
 
 
-@pytest.fixture(scope="module")
-def recorded(tmp_path_factory):
-    """A directory of recordings, and the report of a study of them."""
-    folder = tmp_path_factory.mktemp("recorded")
-    data = folder / "lab"
+def test_a_report_of_recordings_is_run_again_with_their_directory_and_others_are_told_apart(tmp_path):
+    data, report = tmp_path / "lab", tmp_path / "report"
     data.mkdir()
     describe(data)
     for i, name in enumerate(("a", "b", "c")):
         write(data, name, lines(i))
     names = ("dead-reckoning", "rssi-pf")
     study = Study(name="lab", trials=3, baseline=names[0], scenarios=("log/all",), estimators=names)
-    execute(prepare(study, data), folder / "run")
-    html_page.write(read_run(folder / "run"), load(), folder / "report")
-    return data, folder / "report"
-
-
-def test_a_report_of_recordings_is_run_again_with_their_directory(recorded):
-    data, report = recorded
-    done = told(report, "--data", data)
+    execute(prepare(study, data), tmp_path / "run")
+    html_page.write(read_run(tmp_path / "run"), load(), report)
+    done = inside("reproduce", report, "--data", data)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "6 of 6 results are bit-equal" in done.stdout
-    done = told(report)
+    done = inside("reproduce", report)
     assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1), done.stderr
     assert "--data" in done.stderr
-
-
-def test_other_recordings_are_told_from_those_of_the_report(recorded, tmp_path):
-    shutil.copytree(recorded[0], tmp_path / "lab")
-    change(tmp_path / "lab", "b", {(4, "r1"): "-77"})
-    done = told(recorded[1], "--data", tmp_path / "lab")
+    change(data, "b", {(4, "r1"): "-77"})
+    done = inside("reproduce", report, "--data", data)
     assert done.returncode == 1, done.stdout + done.stderr
     assert "another stream" in done.stdout

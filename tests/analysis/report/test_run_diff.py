@@ -5,15 +5,12 @@ import pytest
 from made_runs import kept_from, rows_of
 
 from cooploc.analysis.metrics import statistics
-from cooploc.analysis.report import run_diff
-from cooploc.analysis.report.run_diff import changes, sentences, settings, table
-
-TWO = {"a": (1.0, 1.0), "b": (0.5, 1.0)}
+from cooploc.analysis.report.run_diff import changes, sentences, settings, table, unpaired_change
 
 
-def pair(tmp_path, alter=lambda rows: rows):
-    before = rows_of("nlos", TWO, trials=12)
-    return kept_from(before, tmp_path), kept_from(alter(before.copy()), tmp_path)
+def pair(folder, alter=lambda rows: rows, trials=12):
+    before = rows_of("nlos", {"a": (1.0, 1.0), "b": (0.5, 1.0)}, trials=trials)
+    return kept_from(before, folder), kept_from(alter(before.copy()), folder)
 
 
 def test_the_same_run_is_bit_equal(tmp_path):
@@ -25,19 +22,16 @@ def test_the_same_run_is_bit_equal(tmp_path):
 
 
 def test_a_change_is_paired_by_trial(tmp_path):
-    rng = np.random.default_rng(2)
-
     def worse(rows):
         mine = rows["estimator"] == "b"
-        rows.loc[mine, "mse"] *= 1.44 * rng.uniform(0.98, 1.02, mine.sum())
+        rows.loc[mine, "mse"] *= 1.44 * np.random.default_rng(2).uniform(0.98, 1.02, mine.sum())
         return rows
 
     a, b = pair(tmp_path, worse)
     row = changes(a, b).set_index("estimator").loc["b"]
     assert row["pairing"] == "paired"
-    x, y = (k.rows[k.rows["estimator"] == "b"]["mse"].to_numpy() for k in (a, b))
-    expected = statistics.change(x, y)
-    assert (row["change"], row["change_low"], row["change_high"]) == expected
+    x, y = (kept.rows.loc[kept.rows["estimator"] == "b", "mse"].to_numpy() for kept in (a, b))
+    assert (row["change"], row["change_low"], row["change_high"]) == statistics.change(x, y)
     assert 0.18 < row["change_low"] < 0.2 < row["change_high"] < 0.22
     assert "grew in 1, fell in 0" in sentences(changes(a, b))[1]
 
@@ -45,51 +39,37 @@ def test_a_change_is_paired_by_trial(tmp_path):
 def test_only_trials_of_the_same_stream_are_paired_and_it_is_said(tmp_path):
     found = changes(*pair(tmp_path, lambda rows: rows.assign(stream="x" + rows["stream"])))
     assert set(found["pairing"]) == {"unpaired"}
-    assert not found["equal"].any()
-    assert (found["change_low"] < 0).all()
-    assert (found["change_high"] > 0).all()
+    assert ((found["equal"] == 0) & (found["change_low"] < 0) & (found["change_high"] > 0)).all()
     assert any("Not paired, because the hashes of their streams differ: 2" in line for line in sentences(found))
-
-    def some(rows):
-        rows.loc[rows["trial"] < 4, "stream"] += "x"
-        return rows
-
+    some = lambda rows: rows.assign(stream=np.where(rows["trial"] < 4, "x", "") + rows["stream"])  # noqa: E731
     found = changes(*pair(tmp_path, some))
-    assert set(found["pairing"]) == {"paired"}
-    assert list(found["trials"]) == [8, 8]
+    assert (set(found["pairing"]), list(found["trials"])) == ({"paired"}, [8, 8])
 
 
 def test_the_unpaired_interval_covers_the_ratio_as_often_as_it_says():
     rng = np.random.default_rng(3)
-    hits = 0
-    for _ in range(400):
-        x, y = rng.lognormal(0, 0.5, 30), 1.21 * rng.lognormal(0, 0.5, 30)
-        found = run_diff.unpaired_change(x, y)
-        hits += found.low < 0.1 < found.high
-    assert 0.92 < hits / 400 < 0.98
+    found = [unpaired_change(rng.lognormal(0, 0.5, 30), 1.21 * rng.lognormal(0, 0.5, 30)) for _ in range(400)]
+    assert 0.92 < np.mean([one.low < 0.1 < one.high for one in found]) < 0.98
 
 
 def test_what_only_one_of_them_has_is_said(tmp_path):
-    a, b = pair(tmp_path)
-    b = b._replace(rows=b.rows[b.rows["estimator"] == "a"])
-    found = changes(a, b).set_index("estimator")
-    assert found.loc["b", "pairing"] == "only in the first run"
-    assert np.isnan(found.loc["b", "change"])
+    a, b = pair(tmp_path, lambda rows: rows[rows["estimator"] == "a"])
+    row = changes(a, b).set_index("estimator").loc["b"]
+    assert row["pairing"] == "only in the first run"
+    assert np.isnan(row["change"])
     assert changes(b, a).set_index("estimator").loc["b", "pairing"] == "only in the second run"
     assert "only in the first run: 1 (scenario, estimator)." in sentences(changes(a, b))
 
 
 @pytest.mark.parametrize(("trials", "known"), [(4, False), (5, True)])
 def test_below_five_trials_there_is_no_interval(tmp_path, trials, known):
-    rows = rows_of("nlos", TWO, trials=trials)
-    a, b = kept_from(rows, tmp_path), kept_from(rows.assign(mse=1.1 * rows["mse"]), tmp_path)
-    assert changes(a, b)["change_low"].notna().all() == known
+    runs = pair(tmp_path, lambda rows: rows.assign(mse=1.1 * rows["mse"]), trials)
+    assert changes(*runs)["change_low"].notna().all() == known
 
 
 def test_settings_that_differ_are_named(tmp_path):
-    a, b = pair(tmp_path)
-    b = b._replace(manifest={**b.manifest, "seed": 9, "versions": {"cooploc": "1", "python": "3"}})
+    a, _ = pair(tmp_path)
+    other = {"seed": 9, "versions": {"cooploc": "1", "python": "3"}, "scenarios": {"nlos": {"ticks": 11}}}
     assert settings(a, a) == []
-    assert settings(a, b) == ["seed: 3 before, 9 after", "cooploc: 0 before, 1 after"]
-    c = b._replace(manifest={**a.manifest, "scenarios": {"nlos": {"ticks": 11}}})
-    assert settings(a, c) == ["nlos: its parameters differ"]
+    expected = ["seed: 3 before, 9 after", "cooploc: 0 before, 1 after", "nlos: its parameters differ"]
+    assert settings(a, a._replace(manifest={**a.manifest, **other})) == expected

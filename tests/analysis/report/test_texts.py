@@ -38,31 +38,20 @@ def runs(tmp_path_factory):
     return folder
 
 
-@pytest.fixture(scope="module")
-def run(scripts, runs):
-    return scripts["study_numbers"].StudyRun(runs / "short")
-
-
-def test_numbers_are_those_of_compare(run):
+def test_numbers_are_those_of_compare_and_what_was_not_run_is_named_with_the_nearest_that_was(scripts, runs):
+    run = scripts["study_numbers"].StudyRun(runs / "short")
     table = cl.compare(run.stored.rows, baseline="arl").set_index("estimator")
     change, rmse = run.change("rssi-pf", "arl", WHERE), run.rmse("arl", WHERE)
     assert change[:3] == tuple(table.loc["rssi-pf", ["change", "change_low", "change_high"]])
     assert rmse[:3] == tuple(table.loc["arl", ["rmse", "rmse_low", "rmse_high"]])
     assert run.trials == "6"
-
-
-def test_a_number_is_written_with_its_interval(scripts):
-    number = scripts["study_numbers"].Number(-0.204, -0.26, -0.138)
-    assert str(number) == "-20 % (-26 to -14)"
-    assert number.inside == "-20 %, -26 to -14"
-    assert (number.falls, number.rises, number.open) == (True, False, False)
-
-
-def test_what_was_not_run_is_named_with_the_nearest_that_was(run):
     with pytest.raises(BadInput, match=r"no 'alr' in .*did you mean 'arl'"):
         run.rmse("alr", WHERE)
     with pytest.raises(BadInput, match="no scenario 'nlos'"):
         run.change("arl", "rssi-pf", "nlos")
+    number = scripts["study_numbers"].Number(-0.204, -0.26, -0.138)
+    assert (str(number), number.inside) == ("-20 % (-26 to -14)", "-20 %, -26 to -14")
+    assert (number.falls, number.rises, number.open) == (True, False, False)
 
 
 @pytest.fixture
@@ -74,37 +63,30 @@ def texts(scripts, tmp_path, monkeypatch):
 
 
 def test_a_sentence_that_the_run_does_not_bear_stops_the_page_with_one_line(texts, runs, tmp_path, capsys):
-    assert texts.main(["false", str(runs), str(tmp_path / "out.md")]) == 1
-    assert not (tmp_path / "out.md").exists()
+    page = tmp_path / "out.md"
+    assert texts.main(["false", str(runs), str(page)]) == 1
+    assert not page.exists()
     assert capsys.readouterr().err.splitlines() == [
         "reports/text/false: the runs do not show that it is small; rewrite the sentence in reports/text"
     ]
-    assert texts.main(["false", str(runs), str(tmp_path / "out.md"), "--draft"]) == 0
-    assert "[NOT SHOWN: it is small]" in (tmp_path / "out.md").read_text()
+    assert texts.main(["false", str(runs), str(page), "--draft"]) == 0
+    assert "[NOT SHOWN: it is small]" in page.read_text()
 
 
-def test_only_what_is_between_the_marks_of_a_page_is_written(texts, runs, tmp_path):
+def test_only_what_is_between_the_marks_of_a_page_is_written_folded_and_with_links_from_there(texts, runs, tmp_path):
     page = tmp_path / "README.md"
     page.write_text("before\n<!-- true: how -->\nold\n\nold\n<!-- end of true -->\nafter\n", "utf-8")
     assert texts.main(["true", str(runs), str(page)]) == 0
     before, _, rest = page.read_text("utf-8").partition("<!-- true: how -->\n")
     text, _, after = rest.partition("\n<!-- end of true -->")
     assert (before, text, after) == ("before\n", texts.render("true", runs), "\nafter\n")
-
-
-def test_a_page_links_to_the_reports_from_where_it_is(texts, runs, tmp_path):
-    (tmp_path / "linked.md.j2").write_text("[fusion]({{ links }}/fusion.md)", "utf-8")
-    for page, path in (("README.md", "reports"), ("reports/paper/README.md", "..")):
-        text = texts.render("linked", runs, REPORTS.parent / page)
-        assert text == f"[fusion]({path}/fusion.md)\n"
-
-
-def test_prose_is_folded_and_items_are_indented(texts, runs):
-    lines = texts.render("true", runs).splitlines()
-    assert lines[:2] == ["# A title", ""]
-    assert lines[2].startswith("- Words that are ")
+    lines = text.splitlines()
+    assert [*lines[:2], lines[2][:17]] == ["# A title", "", "- Words that are "]
     assert all(line.startswith("  long") for line in lines[3:])
     assert max(map(len, lines)) <= 118
+    (tmp_path / "linked.md.j2").write_text("[fusion]({{ links }}/fusion.md)", "utf-8")
+    for name, path in (("README.md", "reports"), ("reports/paper/README.md", "..")):
+        assert texts.render("linked", runs, REPORTS.parent / name) == f"[fusion]({path}/fusion.md)\n"
 
 
 @pytest.mark.parametrize("text", TEXTS, ids=lambda path: path.name)
