@@ -1,7 +1,6 @@
 """A team's directory with one thing wrong in log.toml or in a file: one line that names the place."""
 
 import re
-import shutil
 
 import pytest
 from attempts import attempted
@@ -22,7 +21,6 @@ IN_TOML = [
     ('robots = ["red", "blue"]', 'robots = ["red", "red"]', "'red' is the name of two things"),
     ("arena = [[0, 0], [8, 6]]", "arena = [[8, 6], [0, 0]]", "lower left and the upper right corner"),
     ("arena = [[0, 0], [8, 6]]", "", "state its corners"),
-    ("[odometry]", "[odometri]", "did you mean 'odometry'"),
     ('kind = "velocity"', 'kind = "speed"', "line 8: odometry.kind"),
     ('kind = "velocity"', 'kind = "pose"', "kind 'pose' takes x, y, heading, not speed, turn_rate"),
     ('speed = "v"', "", "kind 'velocity' takes speed, turn_rate, not turn_rate"),
@@ -33,10 +31,8 @@ IN_TOML = [
     ('file = "odom_{robot}.csv"', 'file = "odo_{robot}.csv"', "has a file odo_{robot}.csv"),
     ('file = "odom_{robot}.csv"', 'file = "../odom_{robot}.csv"', "name one inside the directory"),
     ('file = "odom_{robot}.csv"', "", "state where it is"),
-    ('time = "t"', "time = []", "odometry.time"),
     ("[truth]", "[truth]\nclock_offset = nan", "truth.clock_offset"),
     ("[truth]", "[truth]\nclock_offset = 500.0", "share no time: state clock_offset"),
-    ("[truth]", "[truth]\nmax_speed = -1", "truth.max_speed"),
     ('x = "x"', "", "name the columns x and y"),
     ('file = "mocap_{robot}.csv"', 'file = "mokap_{robot}.csv"', "mokap_red.csv: there is no such file"),
     ('heading = "yaw"', "", "has no true heading"),
@@ -44,29 +40,24 @@ IN_TOML = [
     ('range = "d"', "", "name the column"),
     ('range = "d"', 'range = "d"\neach = { north = "d" }', "name the column"),
     ("[fit]", "[anchors]\n[fit]", "there are no places"),
-    ("[fit]", "[anchors]\nplaces = { red = [1, 2] }\n[fit]", "'red' is the name of two things"),
     ("[fit]", '[anchors]\nfile = "places.csv"\n[fit]', "needs the columns name, x and y"),
     ("[fit]", '[anchors]\nfile = "p.csv"\nname = "n"\nx = "x"\ny = "y"\n[fit]', "p.csv: there is no such file"),
     ("[fit]", "[sample]\nstart = 100\n[fit]", "to be judged, less than a tick"),
     ("[fit]", '[prior]\nposition = "somewhere"\n[fit]', "prior.position"),
     ("[fit]", "[prior]\nheading = { red = 0.0 }\n[fit]", "name each of red, blue"),
     ("seconds = 4.0", "", 'on = "first part" needs seconds'),
-    ("seconds = 4.0", "seconds = 0.001", "too little for"),
     ('on = "first part"\nseconds = 4.0', 'on = "other runs"', "is fitted on no other run, too little for"),
-    ('on = "first part"\nseconds = 4.0', 'on = "nothing"', "too little for"),
     ("seconds = 4.0", "seconds = 4.0\n[model]\nsigmav = 1", "did you mean 'sigma_v'"),
     ("seconds = 4.0", "seconds = 4.0\nseconds = 5.0", "cannot be read as TOML"),
 ]
 
-# Which file, what is replaced in its line of a number, by what, and a part of what is said.
+
+# The file, what is replaced in a line of it, by what, and a part of what is said: the directory is refused, or the line
+# is left out, or its field counts as empty.
 IN_FILES = [
     ("odom_red.csv", 1, "t,v,w", "t,v", "there is no column 'w'"),
     ("odom_red.csv", 1, "t,v,w", "t,v,v,w", "two columns are named 'v'"),
     ("uwb.csv", 5, ",", "\0,", "this is not UTF-8 text"),
-]
-
-# The same where the line is left out, or its field counts as empty, and all else is read.
-REPAIRED = [
     ("odom_red.csv", 7, ",", ";", "line 7: 2 fields, not 3; it was left out"),
     ("odom_red.csv", 7, ",", ",x", "line 7: v is 'x"),
     ("odom_red.csv", 7, ",", ",,", "4 fields, not 3; it was left out"),
@@ -76,17 +67,11 @@ REPAIRED = [
 ]
 
 
-@pytest.fixture(scope="module")
-def sound(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("teams") / "lab"
-    write(folder, seconds=6.0, hertz=10.0)
-    describe(folder, text=SHORT)
-    return folder
-
-
 @pytest.fixture
-def copied(sound, tmp_path):
-    return shutil.copytree(sound, tmp_path / "lab")
+def copied(tmp_path):
+    write(tmp_path / "lab", seconds=6.0, hertz=10.0)
+    describe(tmp_path / "lab", text=SHORT)
+    return tmp_path / "lab"
 
 
 def told(folder):
@@ -95,10 +80,6 @@ def told(folder):
     assert isinstance(found, BadInput), "it was read"
     assert "\n" not in str(found)
     return str(found)
-
-
-def test_it_is_sound_as_it_is(sound):
-    assert cl.simulate("log/all", data=sound)[1].robots == 2
 
 
 @pytest.mark.parametrize(("old", "new", "said"), IN_TOML, ids=range(len(IN_TOML)))
@@ -113,19 +94,9 @@ def test_one_thing_wrong_in_a_file(copied, name, line, old, new, said):
     assert old in rows[line - 1]
     rows[line - 1] = rows[line - 1].replace(old, new, 1)
     (copied / name).write_text("\n".join(rows))
-    found = told(copied)
-    assert said in found
-    assert name in found
-
-
-@pytest.mark.parametrize(("name", "line", "old", "new", "said"), REPAIRED, ids=range(len(REPAIRED)))
-def test_a_bad_line_is_left_out_and_said(copied, name, line, old, new, said):
-    rows = (copied / name).read_text().split("\n")
-    assert old in rows[line - 1]
-    rows[line - 1] = rows[line - 1].replace(old, new, 1)
-    (copied / name).write_text("\n".join(rows))
-    _, stream = cl.simulate("log/all", data=copied)
-    assert any(name in warning and said in warning for warning in stream.notes["warnings"]), stream.notes["warnings"]
+    found = attempted(cl.simulate, "log/all", data=copied)
+    lines = [str(found)] if isinstance(found, BadInput) else found[1].notes["warnings"]
+    assert any(name in line and said in line for line in lines), lines
 
 
 def test_a_file_of_which_less_than_a_tenth_can_be_read_is_refused(copied):

@@ -11,34 +11,6 @@ KINDS = ("ros1", "sqlite3", "mcap")
 START = 1_700_000_000  # [s]
 DELAY = 5_000_000  # [ns] from a header's stamp to its receipt
 RATE = 10.0
-
-
-def made_bag(folder, kind, seconds=2.0, behind=0, start=START):
-    """Path of a bag, and what it holds: topic -> stamps [s] and rows. The headers' clock is `behind` by so many s."""
-    store, truth = (ROS1 if kind == "ros1" else ROS2), {}
-    path = folder / ("team.bag" if kind == "ros1" else "team")
-    if kind == "ros1":
-        writer = Writer1(path)
-    else:
-        plugin = StoragePlugin.MCAP if kind == "mcap" else StoragePlugin.SQLITE3
-        writer = Writer2(path, version=9, storage_plugin=plugin)
-    with writer:
-        connections = {
-            topic: writer.add_connection(topic, type_name, typestore=store) for topic, type_name in TOPICS.items()
-        }
-        for k in range(int(seconds * RATE)):
-            for topic, type_name in TOPICS.items():
-                t = round(k * 1e9 / RATE)
-                message, row = BUILDERS[type_name](store, start * 10**9 + t - behind * 10**9, topic, k)
-                serialize = store.serialize_ros1 if kind == "ros1" else store.serialize_cdr
-                writer.write(connections[topic], start * 10**9 + t + DELAY, bytes(serialize(message, type_name)))
-                stamps, rows = truth.setdefault(topic, ([], []))
-                added = row if isinstance(row, list) else [row]
-                rows += added
-                stamps += [start + k / RATE + (0 if hasattr(message, "header") else DELAY / 1e9)] * len(added)
-    return path, {topic: (np.array(stamps), np.array(rows)) for topic, (stamps, rows) in truth.items()}
-
-
 TOPICS = {
     "/red/odom": "nav_msgs/msg/Odometry",
     "/blue/odom": "nav_msgs/msg/Odometry",
@@ -55,117 +27,75 @@ TOPICS = {
 }
 
 
-def truth_of(topic, k):
-    """x, y, z, heading, v, omega of a robot on a circle of radius 2 m."""
+def made_bag(folder, kind, seconds=2.0, behind=0, start=START):
+    """Path of a bag, and what it holds: topic -> stamps [s] and rows. The headers' clock is `behind` by so many s."""
+    store, truth = (ROS1 if kind == "ros1" else ROS2), {}
+    path = folder / ("team.bag" if kind == "ros1" else "team")
+    if kind == "ros1":
+        writer = Writer1(path)
+    else:
+        plugin = StoragePlugin.MCAP if kind == "mcap" else StoragePlugin.SQLITE3
+        writer = Writer2(path, version=9, storage_plugin=plugin)
+    with writer:
+        connections = {topic: writer.add_connection(topic, name, typestore=store) for topic, name in TOPICS.items()}
+        for k in range(int(seconds * RATE)):
+            for topic, name in TOPICS.items():
+                t = round(k * 1e9 / RATE)
+                message, added = _message(store, start * 10**9 + t - behind * 10**9, topic, k)
+                serialize = store.serialize_ros1 if kind == "ros1" else store.serialize_cdr
+                writer.write(connections[topic], start * 10**9 + t + DELAY, bytes(serialize(message, name)))
+                stamps, rows = truth.setdefault(topic, ([], []))
+                rows += added
+                stamps += [start + k / RATE + (0 if hasattr(message, "header") else DELAY / 1e9)] * len(added)
+    return path, {topic: (np.array(stamps), np.array(rows)) for topic, (stamps, rows) in truth.items()}
+
+
+def _message(store, ns, topic, k):
+    """A message, and its rows: on a circle of radius 2 m, or what is seen or measured there."""
+
+    def of(package, name, **fields):
+        return store.types[f"{package}_msgs/msg/{name}"](**fields)
+
+    def geometry(name, **fields):
+        return of("geometry", name, **fields)
+
+    def pose_of(x, y, z, heading):
+        turn = geometry("Quaternion", x=0.0, y=0.0, z=np.sin(heading / 2), w=np.cos(heading / 2))
+        return geometry("Pose", position=geometry("Point", x=x, y=y, z=z), orientation=turn)
+
+    stamp = store.types["builtin_interfaces/msg/Time"](sec=ns // 10**9, nanosec=ns % 10**9)
+    header = of("std", "Header", stamp=stamp, frame_id="world", **({"seq": 0} if store is ROS1 else {}))
     side = 0.0 if "red" in topic else np.pi
     angle = 0.1 * k / RATE + side
-    return 2 * np.cos(angle), 2 * np.sin(angle), 0.15, angle + np.pi / 2 - 2 * side, 0.2, 0.1
-
-
-def _header(store, ns):
-    stamp = store.types["builtin_interfaces/msg/Time"](sec=ns // 10**9, nanosec=ns % 10**9)
-    named = {"stamp": stamp, "frame_id": "world"}
-    if store is ROS1:
-        named["seq"] = 0
-    return store.types["std_msgs/msg/Header"](**named)
-
-
-def _pose(store, x, y, z, heading):
-    point = store.types["geometry_msgs/msg/Point"](x=x, y=y, z=z)
-    return store.types["geometry_msgs/msg/Pose"](position=point, orientation=_turn(store, heading))
-
-
-def _turn(store, heading):
-    return store.types["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=np.sin(heading / 2), w=np.cos(heading / 2))
-
-
-def _twist(store, v, omega):
-    vector = store.types["geometry_msgs/msg/Vector3"]
-    return store.types["geometry_msgs/msg/Twist"](
-        linear=vector(x=v, y=0.0, z=0.0), angular=vector(x=0.0, y=0.0, z=omega)
-    )
-
-
-def _with_covariance(store, name, value):
-    return store.types[f"geometry_msgs/msg/{name}WithCovariance"](**{name.lower(): value, "covariance": np.zeros(36)})
-
-
-def _odometry(store, ns, topic, k):
-    x, y, z, heading, v, omega = truth_of(topic, k)
-    message = store.types["nav_msgs/msg/Odometry"](
-        header=_header(store, ns),
-        child_frame_id="base_link",
-        pose=_with_covariance(store, "Pose", _pose(store, x, y, z, heading)),
-        twist=_with_covariance(store, "Twist", _twist(store, v, omega)),
-    )
-    return message, (x, y, z, heading, v, omega)
-
-
-def _pose_stamped(store, ns, topic, k):
-    row = truth_of(topic, k)[:4]
-    return store.types["geometry_msgs/msg/PoseStamped"](header=_header(store, ns), pose=_pose(store, *row)), row
-
-
-def _pose_covariance(store, ns, topic, k):
-    row = truth_of(topic, k)[:4]
-    pose = _with_covariance(store, "Pose", _pose(store, *row))
-    return store.types["geometry_msgs/msg/PoseWithCovarianceStamped"](header=_header(store, ns), pose=pose), row
-
-
-def _transform(store, ns, topic, k):
-    x, y, z, heading = row = truth_of(topic, k)[:4]
-    transform = store.types["geometry_msgs/msg/Transform"](
-        translation=store.types["geometry_msgs/msg/Vector3"](x=x, y=y, z=z), rotation=_turn(store, heading)
-    )
-    kind = store.types["geometry_msgs/msg/TransformStamped"]
-    return kind(header=_header(store, ns), child_frame_id="blue", transform=transform), row
-
-
-def _twist_plain(store, ns, topic, k):
-    row = truth_of(topic, k)[4:]
-    return _twist(store, *row), row
-
-
-def _twist_stamped(store, ns, topic, k):
-    row = truth_of(topic, k)[4:]
-    return store.types["geometry_msgs/msg/TwistStamped"](header=_header(store, ns), twist=_twist(store, *row)), row
-
-
-def _pose_array(store, ns, topic, k):
-    rows = [(3.0 + i, 0.5 * i, 0.1, 0.0) for i in range(k % 3)]
-    poses = [_pose(store, *row) for row in rows]
-    return store.types["geometry_msgs/msg/PoseArray"](header=_header(store, ns), poses=poses), rows
-
-
-def _range(store, ns, topic, k):
-    row = (4.0 + 0.125 * (k % 5),)
-    message = store.types["sensor_msgs/msg/Range"](
-        header=_header(store, ns), radiation_type=0, field_of_view=0.0, min_range=0.0, max_range=100.0, range=row[0]
-    )
-    return message, row
-
-
-def _number(bits):
-    def build(store, ns, topic, k):
-        return store.types[f"std_msgs/msg/Float{bits}"](data=-40.0 - k % 7), (-40.0 - k % 7,)
-
-    return build
-
-
-def _string(store, ns, topic, k):
-    return store.types["std_msgs/msg/String"](data="hello " * (k % 4)), (0.0,)
-
-
-BUILDERS = {
-    "nav_msgs/msg/Odometry": _odometry,
-    "geometry_msgs/msg/PoseStamped": _pose_stamped,
-    "geometry_msgs/msg/PoseWithCovarianceStamped": _pose_covariance,
-    "geometry_msgs/msg/TransformStamped": _transform,
-    "geometry_msgs/msg/Twist": _twist_plain,
-    "geometry_msgs/msg/TwistStamped": _twist_stamped,
-    "geometry_msgs/msg/PoseArray": _pose_array,
-    "sensor_msgs/msg/Range": _range,
-    "std_msgs/msg/Float32": _number(32),
-    "std_msgs/msg/Float64": _number(64),
-    "std_msgs/msg/String": _string,
-}
+    at = x, y, z, _ = 2 * np.cos(angle), 2 * np.sin(angle), 0.15, angle + np.pi / 2 - 2 * side
+    pose, v, omega = pose_of(*at), 0.2, 0.1
+    linear, angular = geometry("Vector3", x=v, y=0.0, z=0.0), geometry("Vector3", x=0.0, y=0.0, z=omega)
+    twist = geometry("Twist", linear=linear, angular=angular)
+    posed = geometry("PoseWithCovariance", pose=pose, covariance=np.zeros(36))
+    name = TOPICS[topic].split("/")[-1]
+    if name == "Odometry":
+        moved = geometry("TwistWithCovariance", twist=twist, covariance=np.zeros(36))
+        message = of("nav", name, header=header, child_frame_id="base_link", pose=posed, twist=moved)
+        return message, [(*at, v, omega)]
+    if name == "PoseStamped":
+        return geometry(name, header=header, pose=pose), [at]
+    if name == "PoseWithCovarianceStamped":
+        return geometry(name, header=header, pose=posed), [at]
+    if name == "TransformStamped":
+        place = geometry("Vector3", x=x, y=y, z=z)
+        transform = geometry("Transform", translation=place, rotation=pose.orientation)
+        return geometry(name, header=header, child_frame_id="blue", transform=transform), [at]
+    if name == "Twist":
+        return twist, [(v, omega)]
+    if name == "TwistStamped":
+        return geometry(name, header=header, twist=twist), [(v, omega)]
+    if name == "PoseArray":
+        rows = [(3.0 + i, 0.5 * i, 0.1, 0.0) for i in range(k % 3)]
+        return geometry(name, header=header, poses=[pose_of(*row) for row in rows]), rows
+    if name == "Range":
+        limits = {"radiation_type": 0, "field_of_view": 0.0, "min_range": 0.0, "max_range": 100.0}
+        far = 4.0 + 0.125 * (k % 5)
+        return of("sensor", name, header=header, range=far, **limits), [(far,)]
+    if name == "String":
+        return of("std", name, data="hello " * (k % 4)), [(0.0,)]
+    return of("std", name, data=-40.0 - k % 7), [(-40.0 - k % 7,)]

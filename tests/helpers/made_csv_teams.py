@@ -1,35 +1,17 @@
 """Two robots, red and blue, in CSV files as a lab would write them, whose truth is known."""
 
 import numpy as np
-
-from cooploc.estimators.models import Unicycle
-
-EPOCH = 1_700_000_000.0
-SECONDS = 120
+from made_team import EPOCH, ROBOTS, drive
 
 
-def drive(rng, start, seconds=SECONDS, step=0.1):
-    """Stamps (T,), poses (T, 3) and (v, omega) (T, 2) of a robot in a room of 6 m by 5 m."""
-    exact, pose, poses, inputs = Unicycle(0.0, 0.0), np.array(start, float), [], []
-    speed, turn = 0.3, 0.0
-    for _ in range(int(seconds / step)):
-        turn = 0.95 * turn + rng.normal(0, 0.12)
-        speed = np.clip(speed + rng.normal(0, 0.02), 0.1, 0.5)
-        ahead = pose[:2] + 0.6 * np.array([np.cos(pose[2]), np.sin(pose[2])])
-        near = (ahead < 0.4).any() or (ahead > [5.6, 4.6]).any()
-        u = np.array([0.1, 0.9]) if near else np.array([speed, turn])
-        poses.append(pose)
-        inputs.append(u)
-        pose = exact.move(pose, u, step)[0]
-    return step * np.arange(len(poses)), np.array(poses), np.array(inputs)
-
-
-def two_robots(seed=1, seconds=SECONDS):
+def two_robots(seed=1, seconds=120):
     """Columns by file, as text tables would hold them: {file: {column: values}}."""
     rng = np.random.default_rng(seed)
     files, truth = {}, {}
-    for name, start in (("red", (1.5, 1.5, 0.3)), ("blue", (4.0, 3.0, 2.0))):
-        t, pose, u = drive(rng, start, seconds)
+    motions = drive(seed, seconds)
+    t = motions.time[:-1:2] - EPOCH
+    for i, name in enumerate(ROBOTS):
+        pose, u = motions.pose[:-1:2, i], (motions.u[::2, i] + motions.u[1::2, i]) / 2
         truth[name] = t, pose
         noisy = u + rng.normal(0, 1, u.shape) * [0.02, 0.03]
         files[f"odom_{name}.csv"] = {"time": EPOCH + t, "v": noisy[:, 0], "omega": noisy[:, 1]}

@@ -49,21 +49,20 @@ MODEL = (
 )
 
 
-def drive(seed, ticks=TICKS, reverse=False):
+def drive(seed, ticks=TICKS):
     """Stamps (T + 1,), true poses (T + 1, 3) and the true (v, omega) (T, 2), which the models can follow exactly."""
     rng = np.random.default_rng(seed)
     time = np.concatenate([[0.0], np.cumsum(1 + 0.002 * rng.uniform(-1, 1, ticks).round(3))])
     u = np.stack([rng.uniform(0.05, 0.15, ticks), rng.normal(0.2, 0.3, ticks)], -1)
-    u[ticks // 2 :, 0] *= -1 if reverse else 1
     pose, exact = [np.array([2.0, 1.2, rng.uniform(-3, 3)])], Unicycle(0.0, 0.0)
     for k in range(ticks):
         pose.append(exact.move(pose[-1], u[k], time[k + 1] - time[k])[0])
     return time, np.array(pose), u
 
 
-def lines(seed, ticks=TICKS, sigma=SIGMA, correlation=0.0, reverse=False):
+def lines(seed, ticks=TICKS, sigma=SIGMA, correlation=0.0):
     """A run's lines by column, as text."""
-    time, pose, u = drive(seed, ticks, reverse)
+    time, pose, u = drive(seed, ticks)
     rng = np.random.default_rng(1000 + seed)
     distance = np.hypot(*(pose[:, None, :2] - ANCHORS).transpose(2, 0, 1))
     noise = rng.normal(0, sigma, distance.shape)
@@ -81,9 +80,8 @@ def lines(seed, ticks=TICKS, sigma=SIGMA, correlation=0.0, reverse=False):
     ]
 
 
-def write(data, name, rows, end="\n"):
-    text = end.join(",".join(row) for row in [COLUMNS, *rows]) + end
-    (data / f"{name}.csv").write_bytes(text.encode())
+def write(data, name, rows):
+    (data / f"{name}.csv").write_text("".join(",".join(row) + "\n" for row in [COLUMNS, *rows]))
 
 
 def change(data, name, cells):

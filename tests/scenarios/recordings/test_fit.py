@@ -73,14 +73,6 @@ def test_the_mean_of_a_burst_has_the_spread_that_inflated_sigma_promises(correla
     assert means.std() * np.sqrt(m) == pytest.approx(fit.inflation(found), rel=0.15)
 
 
-def test_of_nothing_nothing_is_fitted():
-    nothing = Residuals(np.empty(0, int), np.empty(0, int), np.empty(0), np.empty((0, 2)))
-    assert np.isnan(fit.fit_range(nothing, None, True).sigma)
-    assert np.isnan(fit.fit_sighting(nothing, True)[0][0])
-    assert np.isnan(fit.fit_path_loss(nothing, None, None, True)[:3]).all()
-    assert fit.memory(nothing, np.empty(0)).lag1 == 0
-
-
 @pytest.mark.parametrize("outliers", [0.0, 0.1, 0.3])
 def test_it_is_that_of_statsmodels(outliers):
     rng = np.random.default_rng(1)

@@ -48,12 +48,6 @@ def test_any_odometry_leads_along_the_same_path(motions, kind):
     assert abs(wrap(at[2] - motions.pose[2 * g.ticks, 0, 2])) < 1e-6
 
 
-def test_displacements_add_up(motions):
-    g = grid(motions)
-    u = sampling.odometry("displacement", series(motions, "displacement"), g, 0.5)
-    np.testing.assert_allclose(u.sum(0), motions.pose[2 * g.ticks, 0, :2] - motions.pose[0, 0, :2], atol=1e-9)
-
-
 @pytest.mark.parametrize(
     ("kind", "known"), [("velocity", False), ("path", True), ("pose", True), ("displacement", True)]
 )

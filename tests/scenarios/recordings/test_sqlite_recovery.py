@@ -34,9 +34,9 @@ def recovered(path):
     return rows(series[TOPIC].time, series[TOPIC].values), warnings
 
 
-@pytest.fixture(scope="module", params=["sqlite3"])
-def bag(request, tmp_path_factory):
-    path, written = made_bag(tmp_path_factory.mktemp(request.param), request.param, seconds=5.0)
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory):
+    path, written = made_bag(tmp_path_factory.mktemp("bag"), "sqlite3", seconds=5.0)
     return path, storage(path).read_bytes(), rows(*written[TOPIC])
 
 
@@ -75,14 +75,6 @@ def test_ranges_are_decoded_by_the_definition_of_before_and_after_they_got_a_var
         sent = {"radiation_type": 0, "field_of_view": 0.1, "min_range": 0.0, "max_range": 9.0, "range": 3.25, **more}
         raw = store.serialize_cdr(store.types["sensor_msgs/msg/Range"](header=header, **sent), "sensor_msgs/msg/Range")
         assert decode_ros2(bytes(raw), "sensor_msgs/msg/Range").range == 3.25
-
-
-def test_a_bag_without_metadata_is_read(tmp_path):
-    path, written = made_bag(tmp_path, "sqlite3")
-    (path / "metadata.yaml").unlink()
-    got, warnings = recovered(path)
-    assert got == rows(*written[TOPIC])
-    assert warnings == ()
 
 
 def test_a_split_bag_whose_last_file_is_empty_is_read_without_it(tmp_path):
