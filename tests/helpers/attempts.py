@@ -15,13 +15,8 @@ CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200b-\u200f\u202a-\u202e\u2
 
 def cases(count):
     """A slow test of so many examples, the same ones every time."""
-    chosen = settings(
-        max_examples=count,
-        derandomize=True,
-        database=None,
-        deadline=None,
-        suppress_health_check=list(HealthCheck),
-    )
+    same = {"derandomize": True, "database": None, "deadline": None}
+    chosen = settings(max_examples=count, suppress_health_check=list(HealthCheck), **same)
     return lambda test: pytest.mark.slow(chosen(test))
 
 
@@ -33,11 +28,11 @@ def in_time():
         raise AssertionError(f"still running after {HANGS} s")
 
     before = signal.signal(signal.SIGALRM, late)
-    signal.setitimer(signal.ITIMER_REAL, HANGS)
+    signal.alarm(HANGS)
     try:
         yield
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.alarm(0)
         signal.signal(signal.SIGALRM, before)
 
 

@@ -22,11 +22,6 @@ def nudge(s, by):
     return s._replace(x=x)
 
 
-def team_sums(x, n=3):
-    """For each row the sum of the positions of its whole team, which a robot cannot know."""
-    return np.repeat(x[:, :2].reshape(-1, n, 2).sum(1), n, axis=0)
-
-
 def caller_attribute(name):
     """An attribute of an object among the callers, such as the runner's stream."""
     frame = inspect.currentframe()
@@ -35,6 +30,59 @@ def caller_attribute(name):
         if hasattr(found, name):
             return getattr(found, name)
     raise LookupError(name)
+
+
+def change(name, method, how):
+    """A class of dead reckoning, with one method changed: `how` takes its arguments and what it returned."""
+
+    def changed(self, *arguments):
+        return how(*arguments, getattr(super(cls, self), method)(*arguments))
+
+    cls = type(name, (DeadReckoning,), {method: changed, "__module__": __name__})
+    return cls
+
+
+def add(name, method, by):
+    """A class of dead reckoning that adds `by(s, z)` to every position, after one method."""
+    return change(name, method, lambda s, z, found: nudge(found, by(s, z)))
+
+
+def team_sums(s, n=3):
+    """For each row the sum of the positions of its whole team, which a robot cannot know."""
+    return np.repeat(s.x[:, :2].reshape(-1, n, 2).sum(1), n, axis=0)
+
+
+def last_odometry(stream):
+    return stream.senses.odometry[:, -1, :, :2].reshape(-1, 2)
+
+
+def write(array, by):
+    array[:] += by
+
+
+ReadsNeighbour = add("ReadsNeighbour", "correct", lambda s, z: 1e-3 * np.roll(s.x[:, :2], 1, axis=0))
+GlobalRng = add("GlobalRng", "correct", lambda s, z: np.random.normal(size=s.x[:, :2].shape))  # noqa: NPY002
+TrustsOdometry = add("TrustsOdometry", "predict", lambda s, z: 1e-6 * z.odometry[:, :2])
+Prophet = add("Prophet", "predict", lambda s, z: 1e-3 * last_odometry(caller_attribute("stream")))
+KnowsLength = add("KnowsLength", "predict", lambda s, z: 1e-3 * len(caller_attribute("stream").time))
+KnowsTheLabel = add("KnowsTheLabel", "predict", lambda s, z: caller_attribute("stream").scenario != "another label")
+SendsOthers = change("SendsOthers", "send", lambda s, z, sent: team_sums(s))
+InPlace = change("InPlace", "correct", lambda s, z, found: write(s.x, 1e-3) or found)
+WritesReadings = change("WritesReadings", "predict", lambda s, z, found: write(z.odometry, 1e-3) or found)
+ShrinksCovariance = change("ShrinksCovariance", "correct", lambda s, z, found: found._replace(P=0.9 * s.P))
+# Shifting the world does not show the next one; the one after it takes randomness of a row's position.
+PrefersNorth = change("PrefersNorth", "init", lambda *a: nudge(a[-1], [0.0, 1.0]))
+DrawsByPosition = change(
+    "DrawsByPosition", "init", lambda *a: nudge(a[-1], np.random.default_rng(0).normal(size=(len(a[-1].x), 2)))
+)
+
+
+class ForeseesAbsence(EkfLocal):
+    """Knows how many readings will be missing, but not what the others will say."""
+
+    def predict(self, s, z):
+        z_all = caller_attribute("stream").senses
+        return nudge(super().predict(s, z), 1e-3 * (np.isnan(z_all.anchor_rssi).sum() + np.isnan(z_all.landmark).sum()))
 
 
 class NotFinite(DeadReckoning):
@@ -63,13 +111,6 @@ class IgnoresAbsence(EkfLocal):
         return nudge(s, 1e-6 * z.anchor_rssi.sum(-1, keepdims=True)) if z.anchor_rssi.size else s
 
 
-class ReadsNeighbour(DeadReckoning):
-    """Row r looks at row r-1."""
-
-    def correct(self, s, z):
-        return nudge(s, 1e-3 * np.roll(s.x[:, :2], 1, axis=0))
-
-
 @dataclass(frozen=True)
 class WaitsForAll(EkfLocal):
     """One robot's missing reading keeps all robots from correcting: perturbed readings do not show it."""
@@ -78,13 +119,6 @@ class WaitsForAll(EkfLocal):
 
     def correct(self, s, z):
         return s if np.isnan(z.anchor_rssi).any() else super().correct(s, z)
-
-
-class SendsOthers(DeadReckoning):
-    """Its own estimate is correct, but it sends what it cannot know."""
-
-    def send(self, s, z):
-        return team_sums(s.x, s.world.robots)
 
 
 class SendsLittleReadsMore(DeadReckoning):
@@ -111,7 +145,7 @@ class UsesDroppedPackets(Broadcasts):
     """A robot that receives any packet in a tick uses every position, received or not."""
 
     def fuse(self, s, z, mail):
-        return nudge(s, 1e-3 * mail.heard.any(-1, keepdims=True) * team_sums(s.x, s.world.robots))
+        return nudge(s, 1e-3 * mail.heard.any(-1, keepdims=True) * team_sums(s))
 
 
 class UsesDroppedRadio(EkfJoint):
@@ -127,37 +161,6 @@ class UsesDroppedRadio(EkfJoint):
         return ("odometry", "anchor_rssi|landmark", "sighting|radio_rssi")
 
 
-class Prophet(DeadReckoning):
-    """Takes the last odometry of the whole stream from the runner's variables."""
-
-    def predict(self, s, z):
-        future = caller_attribute("stream").senses.odometry[:, -1, :, :2]
-        return nudge(super().predict(s, z), 1e-3 * future.reshape(-1, 2))
-
-
-class KnowsLength(DeadReckoning):
-    """Knows how long the stream will be."""
-
-    def predict(self, s, z):
-        return nudge(super().predict(s, z), 1e-3 * len(caller_attribute("stream").time))
-
-
-class ForeseesAbsence(EkfLocal):
-    """Knows how many readings will be missing, but not what the others will say."""
-
-    def predict(self, s, z):
-        z_all = caller_attribute("stream").senses
-        return nudge(super().predict(s, z), 1e-3 * (np.isnan(z_all.anchor_rssi).sum() + np.isnan(z_all.landmark).sum()))
-
-
-class DrawsByPosition(DeadReckoning):
-    """Its randomness depends on a row's position, not on its identity."""
-
-    def init(self, prior, world, rows):
-        s = super().init(prior, world, rows)
-        return nudge(s, np.random.default_rng(0).normal(size=(len(s.x), 2)))
-
-
 class MultipliesRows(Mrsl):
     """A matrix product over the rows, whose last bit depends on how many there are."""
 
@@ -165,18 +168,6 @@ class MultipliesRows(Mrsl):
         x, P = super().estimate(s)
         n = s.x.shape[1]
         return Belief(x + (s.x[..., 0] @ np.cos(np.arange(n * n)).reshape(n, n))[:, :2], P)
-
-
-class WritesReadings(DeadReckoning):
-    def predict(self, s, z):
-        z.odometry[:] *= 0.5
-        return super().predict(s, z)
-
-
-class InPlace(DeadReckoning):
-    def correct(self, s, z):
-        s.x[:] += 1e-3
-        return s
 
 
 @dataclass(frozen=True)
@@ -200,11 +191,6 @@ class ContinuesLastRun(DeadReckoning):
     def estimate(self, s):
         MEMORY[type(self)] = s.x[:, :1].sum()
         return super().estimate(s)
-
-
-class GlobalRng(DeadReckoning):
-    def correct(self, s, z):
-        return nudge(s, 1e-3 * np.random.normal(size=s.x[:, :2].shape))  # noqa: NPY002
 
 
 @dataclass(frozen=True)
@@ -261,20 +247,6 @@ class HonestTeam(EkfJoint):
         return s._replace(x=x), Traffic(messages, 8 * messages)
 
 
-class KnowsTheLabel(DeadReckoning):
-    """Depends on the scenario's label."""
-
-    def predict(self, s, z):
-        return nudge(super().predict(s, z), 1e-3 * caller_attribute("stream").scenario.startswith(("robots", "camera")))
-
-
-class TrustsOdometry(DeadReckoning):
-    """Assumes that odometry is always present."""
-
-    def predict(self, s, z):
-        return nudge(super().predict(s, z), 1e-6 * z.odometry[:, :2])
-
-
 class Asymmetric(DeadReckoning):
     def estimate(self, s):
         x, P = super().estimate(s)
@@ -298,23 +270,9 @@ class IgnoresOdometry(DeadReckoning):
         return super().predict(s, z)._replace(x=s.x + 1e-9 * np.nan_to_num(z.odometry[:, :1]))
 
 
-class ShrinksCovariance(DeadReckoning):
-    """Its covariance shrinks in every tick, whatever it sensed."""
-
-    def correct(self, s, z):
-        return s._replace(P=0.9 * s.P)
-
-
 @dataclass(frozen=True)
 class DeclaresTooMuch(DeadReckoning):
     uses: tuple[str, ...] = ("odometry", "anchor_rssi?", "landmark?")
-
-
-class PrefersNorth(DeadReckoning):
-    """Starts farther along y: shifting the world does not show it."""
-
-    def init(self, prior, world, rows):
-        return nudge(super().init(prior, world, rows), np.array([0.0, 1.0]))
 
 
 class PrefersRobotZero(DeadReckoning):

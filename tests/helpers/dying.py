@@ -3,17 +3,8 @@
 import os
 import sys
 
-WATCHED = {
-    "open",
-    "os.mkdir",
-    "os.rename",
-    "os.remove",
-    "os.rmdir",
-    "os.listdir",
-    "os.scandir",
-    "os.chmod",
-    "os.truncate",
-}
+NAMES = "mkdir", "rename", "remove", "rmdir", "listdir", "scandir", "chmod", "truncate"
+WATCHED = {"open", *(f"os.{name}" for name in NAMES)}
 EXIT = 77
 
 

@@ -22,15 +22,14 @@ class Counting(NamedTuple):
     tick: int
 
 
-def begin(prior, world, rows):
+def begin(self, prior, world, rows):
     return Counting(prior.x, prior.P, rows.robot, world, rows.key, 0)
 
 
 class SamplesItsCovariance(EkfLocal):
     """Reports the covariance of a few hundred samples, which shrinks by chance from one tick to the next."""
 
-    def init(self, prior, world, rows):
-        return begin(prior, world, rows)
+    init = begin
 
     def predict(self, s, z):
         return super().predict(s._replace(tick=s.tick + 1), z)
@@ -46,8 +45,7 @@ class SamplesItsCovariance(EkfLocal):
 class LateToTheAnchors(EkfLocal):
     """Uses anchors and landmarks from its fortieth tick on."""
 
-    def init(self, prior, world, rows):
-        return begin(prior, world, rows)
+    init = begin
 
     def correct(self, s, z):
         s = s._replace(tick=s.tick + 1)
@@ -57,8 +55,7 @@ class LateToTheAnchors(EkfLocal):
 class SendsEveryThirdTick(EkfNaive):
     """Saves two of three messages."""
 
-    def init(self, prior, world, rows):
-        return begin(prior, world, rows)
+    init = begin
 
     def send(self, s, z):
         sent = super().send(s, z)

@@ -1,8 +1,6 @@
 """Runs of the command line: in this process, or in one of its own, with estimators that misbehave beside it.
 
-A process of its own is forked from a server that has imported everything (warm.py): it has its own memory, working
-directory, environment, signals and output, and needs no seconds to begin. `python -m cooploc` itself is in
-command_line/test_cli.py.
+A process of its own is forked from a server that has imported everything (warm.py), and needs no seconds to begin.
 """
 
 import contextlib
@@ -95,17 +93,17 @@ def inside(*arguments, cwd="."):
     return subprocess.CompletedProcess(arguments, code, told.getvalue(), complaints.getvalue())
 
 
-class Forked:
-    """A command in a process and a process group of its own, as a shell would start it; the methods are Popen's."""
+class start:
+    """Begin a command in a process and a process group of its own, as a shell would; the methods are Popen's."""
 
-    def __init__(self, arguments, plugins, cwd, prepare=None):
+    def __init__(self, *arguments, plugins, cwd, prepare=None):
         if arguments[0] == "run" and "--check" not in arguments:  # what is made to fail is checked only where asked for
             arguments = (*arguments, "--no-check")
         self._folder = Path(tempfile.mkdtemp())
         asked = (self._folder, tuple(map(str, arguments)), environment(plugins), str(cwd), prepare)
         self._process = _server().Process(target=_begin, args=asked)
         self._process.start()
-        self.pid = self._process.pid
+        self.pid, self.kill = self._process.pid, self._process.kill
 
     @property
     def returncode(self):
@@ -114,13 +112,10 @@ class Forked:
     def poll(self):
         return self._process.exitcode
 
-    def kill(self):
-        self._process.kill()
-
     def communicate(self, timeout=HANGS):
         """What it said, when it has ended."""
         self._process.join(timeout)
-        if self._process.exitcode is None:
+        if self.returncode is None:
             raise TimeoutError(f"still running after {timeout} s")
         found = tuple(file.read_text() if file.exists() else "" for file in _streams(self._folder))
         shutil.rmtree(self._folder)
@@ -162,14 +157,9 @@ def _begin(folder, arguments, environ, cwd, prepare):
     main()
 
 
-def start(*arguments, plugins, cwd, prepare=None):
-    """Begin."""
-    return Forked(arguments, plugins, cwd, prepare)
-
-
-def finish(*arguments, plugins, cwd, prepare=None):
+def finish(*arguments, **options):
     """Run to the end."""
-    run = start(*arguments, plugins=plugins, cwd=cwd, prepare=prepare)
+    run = start(*arguments, **options)
     told, complaints = run.communicate()
     return subprocess.CompletedProcess(arguments, run.returncode, told, complaints)
 

@@ -1,7 +1,4 @@
-"""Imported once by the server that `processes` forks from: imports what commands import, and loads compiled loops.
-
-A process that is forked from it begins where one that is started is after seconds of imports.
-"""
+"""Imported once by the server that `processes` forks from: imports what commands import, and loads compiled loops."""
 
 import tempfile
 from pathlib import Path
@@ -15,12 +12,6 @@ scenarios = ["robots-1-3/n={1,2}[ticks=3]"]
 estimators = ["dead-reckoning", "ekf-local", "arl[particles=50]"]
 """
 
-
-def run_once():
-    """A small study from the study's file to the picture."""
-    with tempfile.TemporaryDirectory() as folder:
-        (Path(folder) / "small.toml").write_text(STUDY)
-        inside("run", "small.toml", "--out", "run", cwd=folder)
-
-
-run_once()
+with tempfile.TemporaryDirectory() as folder:
+    (Path(folder) / "small.toml").write_text(STUDY)
+    inside("run", "small.toml", "--out", "run", cwd=folder)

@@ -36,11 +36,6 @@ class Walker:
         return cl.Belief(self.x, self.P)
 
 
-class Unsaid(Walker):
-    uses = property()
-
-
-del Unsaid.uses
 lifted = cl.PerRobot(Walker, lean=1)
 instance = 3
 
@@ -82,11 +77,8 @@ def test_parameters_of_a_label_reach_a_plain_class_and_a_function(file):
     assert cl.make(f"{file}:factory[scale=0.7]").parameters["scale"] == 0.7
     made = cl.make(f"{file}:Walker[scale=1.5,lean=2,name=rssi]")
     assert made.parameters == {"scale": 1.5, "lean": 2, "name": "rssi"}
-    assert (made.uses, made.axes, made.label) == (
-        ("odometry",),
-        "it leans to the east",
-        "Walker[lean=2,name=rssi,scale=1.5]",
-    )
+    assert (made.uses, made.axes) == (("odometry",), "it leans to the east")
+    assert made.label == "Walker[lean=2,name=rssi,scale=1.5]"
 
 
 def test_a_plain_class_given_in_python_is_lifted_and_printed_with_its_parameters(file, stream):
@@ -97,7 +89,6 @@ def test_a_plain_class_given_in_python_is_lifted_and_printed_with_its_parameters
 def test_what_a_plain_class_declares_can_be_tuned(file):
     space = space_of(f"{file}:Walker[lean=1]", isolate=False)
     assert set(space.parameters) == {"scale"}
-    assert space.label({"scale": 1.25}) == f"{file}:Walker[lean=1,scale=1.25]"
     assert declarations(cl.make(space.label({"scale": 1.25})))["scale"].default == 1.25
 
 

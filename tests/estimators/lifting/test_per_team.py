@@ -57,13 +57,8 @@ class Joint:
 
     def __init__(self, prior, world, keys, inflation: float = 1.0):
         n, d = prior.x.shape
-        self.x, self.P, self.world, self.d, self.inflation = (
-            prior.x.ravel(),
-            np.zeros((n * d, n * d)),
-            world,
-            d,
-            inflation,
-        )
+        self.x, self.P = prior.x.ravel(), np.zeros((n * d, n * d))
+        self.world, self.d, self.inflation = world, d, inflation
         for i in range(n):
             self.P[self.of(i), self.of(i)] = prior.P[i]
         self.updates = np.zeros(n)

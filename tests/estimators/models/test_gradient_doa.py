@@ -9,10 +9,8 @@ from hypothesis import strategies as st
 from oracles import arrival, arrival_error, gradient, log_distance, repeatable
 from scipy.stats import multivariate_normal, norm
 
-from cooploc.estimators import make
 from cooploc.estimators.models import GradientDoa, LogDistance, gradient_doa
 from cooploc.scenarios import simulate
-from cooploc.scenarios.runner.run import run
 
 NOISE = 5**0.5
 SQUARE = GradientDoa(LogDistance(-40.0, 3.0, NOISE), (0.0, 0.0), (6.0, 6.0))
@@ -93,14 +91,6 @@ def test_anchors_that_are_no_corners_are_refused_with_a_remedy(anchors):
     world = replace(stream.world, anchors=np.array(anchors, float).reshape(-1, 2))
     with pytest.raises(ValueError, match=r"four corner anchors.*anchor_reading='rssi'"):
         gradient_doa(world)
-
-
-def test_an_estimator_refuses_such_a_world_before_the_first_tick():
-    _, stream = simulate("trajectory", ticks=2)
-    stream = replace(stream, world=replace(stream.world, anchors=stream.world.anchors[[0, 3, 2, 1]]))
-    with pytest.raises(ValueError, match="four corner anchors"):
-        run({"a": make("ekf-local")}, stream)
-    run({"a": make("ekf-local", anchor_reading="rssi")}, stream)
 
 
 @pytest.mark.parametrize("doa", [SQUARE, OBLONG], ids=["square", "oblong"])

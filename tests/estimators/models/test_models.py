@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from oracles import is_covariance, repeatable, slope
 
-from cooploc.estimators.models import Bearing, Displacement, GradientDoa, LogDistance, Range, Sighting, Unicycle, wrap
+from cooploc.estimators.models import Bearing, Displacement, GradientDoa, LogDistance, Range, Sighting, Unicycle
 
 DOA = GradientDoa(LogDistance(), (1.0, -2.0), (6.0, 4.0))
 SENSORS = [LogDistance(-35.0, 2.2, 1.5), Range(0.2), Bearing(0.1), Sighting(0.3, 0.05), DOA]
@@ -33,22 +33,16 @@ def states(rng, lead, d):
     return np.concatenate([x, rng.uniform(-np.pi, np.pi, (*lead, d - 2))], -1)
 
 
-def width(sensor):
-    return len(sensor.R)
-
-
 @named
 @shaped
 @wide
 def test_jacobians_are_those_of_the_innovation(sensor, lead, of_place, d):
     rng = np.random.default_rng(1)
     x, q = states(rng, lead, d), rng.uniform([4, 1], [6, 2], (*of_place, 2))
-    z = rng.uniform(1, 2, (*of_place, width(sensor)))
+    k = len(sensor.R)
+    z = rng.uniform(1, 2, (*of_place, k))
     y, H, Hq = sensor.innovation(x, q, z)
-    k = width(sensor)
-    assert y.shape == (*lead, k)
-    assert H.shape == (*lead, k, d)
-    assert Hq.shape == (*lead, k, 2)
+    assert (y.shape, H.shape, Hq.shape) == ((*lead, k), (*lead, k, d), (*lead, k, 2))
     # y = z - h, so its slope is -H
     np.testing.assert_allclose(H, slope(lambda at: -sensor.innovation(at, q, z)[0], x), atol=1e-5)
     q = np.broadcast_to(q, (*lead, 2))
@@ -80,10 +74,9 @@ def test_innovation_of_the_expected_reading_is_zero(sensor, d):
 
 @named
 def test_absent_reading_stays_absent_and_keeps_the_jacobian(sensor):
-    y, H, Hq = sensor.innovation(np.array([2.0, -1.0, 0.3]), np.array([4.0, 1.0]), np.full(width(sensor), np.nan))
+    y, H, Hq = sensor.innovation(np.array([2.0, -1.0, 0.3]), np.array([4.0, 1.0]), np.full(len(sensor.R), np.nan))
     assert np.isnan(y).all()
-    assert np.isfinite(H).all()
-    assert np.isfinite(Hq).all()
+    assert np.isfinite([*H.flat, *Hq.flat]).all()
 
 
 @given(
@@ -112,11 +105,11 @@ def test_rssi_is_clamped_below_ten_centimetres():
     assert sensor.level(np.array([0.0, 10.0]), q) == pytest.approx(-70)
 
 
-@pytest.mark.parametrize(("reading", "refused"), [(0.19, True), (-0.4, True), (0.0, True), (0.2, False), (3.0, False)])
-def test_range_readings_below_twenty_centimetres_are_absent(reading, refused):
+def test_range_readings_below_twenty_centimetres_are_absent():
     x, q = np.array([1.0, 0.0]), np.zeros(2)
-    assert np.isnan(Range().innovation(x, q, np.array([reading]))[0]).all() == refused
-    assert np.isnan(Sighting().innovation(x, q, np.array([reading, 0.1]))[0]).any() == refused
+    for reading, refused in ((0.19, True), (-0.4, True), (0.0, True), (0.2, False), (3.0, False)):
+        assert np.isnan(Range().innovation(x, q, np.array([reading]))[0]).all() == refused
+        assert np.isnan(Sighting().innovation(x, q, np.array([reading, 0.1]))[0]).any() == refused
 
 
 def test_curvature_is_half_the_trace_of_the_hessian_and_never_negative():
@@ -131,7 +124,6 @@ def test_curvature_is_half_the_trace_of_the_hessian_and_never_negative():
         assert shift[i, 0] == pytest.approx(np.trace(M @ D[i]) / 2)
         assert extra[i, 0, 0] == pytest.approx(np.trace(M @ D[i] @ M @ D[i]) / 2)
     assert (shift >= 0).all()
-    assert np.isfinite(Range().curvature(q, q, D)[0]).all()
 
 
 def drive(rng, lead, of_u, d):
@@ -146,8 +138,7 @@ def test_moving_has_the_jacobian_it_says(motion, lead, of_place, d):
     x, u, dt = drive(rng, lead, of_place, d)
     moved, F, Q = motion.move(x, u, dt)
     assert moved.shape == (*lead, d)
-    assert np.broadcast_shapes(F.shape, (*lead, d, d)) == (*lead, d, d)
-    assert np.broadcast_shapes(Q.shape, (*lead, d, d)) == (*lead, d, d)
+    assert np.broadcast_shapes(F.shape, Q.shape, (*lead, d, d)) == (*lead, d, d)
     x[..., 2:] /= 10  # away from where the heading wraps
     _, F, _ = motion.move(x, u / 10, dt)
     by_difference = slope(lambda at: motion.move(at, u / 10, dt)[0], x)
@@ -206,17 +197,6 @@ def test_retraced_places_are_where_the_robot_was(motion, d):
         path.append(x[:, :2])
     back = np.stack([motion.place(x, trail[:, k]) for k in range(201)])
     np.testing.assert_allclose(back, np.stack(path), atol=1e-11)
-    particles = np.repeat(x[:, None], 5, 1)
-    many = motion.place(particles, trail[:, None, 7])
-    np.testing.assert_allclose(many, np.repeat(path[7][:, None], 5, 1), atol=1e-11)
-
-
-@given(st.floats(-1e3, 1e3))
-@repeatable
-def test_wrapping_keeps_the_direction(angle):
-    w = wrap(np.array(angle))
-    assert -np.pi <= w <= np.pi
-    assert abs(np.exp(1j * w) - np.exp(1j * angle)) < 1e-9
 
 
 @pytest.mark.parametrize(("motion", "d"), [(Displacement(0.3), 2), (Displacement(0.3), 4), (Unicycle(), 3)])

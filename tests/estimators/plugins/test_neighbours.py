@@ -8,11 +8,9 @@ WALK = """
 from functools import lru_cache
 from {neighbour} import gain
 
-
 @lru_cache
 def twice(x):
     return 2 * x
-
 
 class Walk:
     uses = ("odometry",)
@@ -26,10 +24,6 @@ class Walk:
         self.x = self.x + self.step(gain()) * {late}.ONE
 
     def correct(self, z): ...
-
-    def estimate(self):
-        from cooploc import Belief
-        return Belief(self.x, self.P)
 """
 
 
@@ -38,9 +32,7 @@ def plug_in(tmp_path):
     """A file with two neighbours of names that no other test uses; the second is imported when it runs."""
     gain, late = (f"{kind}_{abs(hash(tmp_path))}" for kind in ("gain", "late"))
     (tmp_path / "walk.py").write_text(WALK.format(neighbour=gain, late=late))
-    (tmp_path / f"{gain}.py").write_text(
-        "from functools import lru_cache\n\n\n@lru_cache\ndef gain():\n    return 1.0\n"
-    )
+    (tmp_path / f"{gain}.py").write_text("def gain():\n    return 1.0\n")
     (tmp_path / f"{late}.py").write_text("ONE = 1.0\n")
     return tmp_path / "walk.py", tmp_path / f"{gain}.py"
 

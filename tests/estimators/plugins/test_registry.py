@@ -11,13 +11,6 @@ from cooploc.estimators import registry
 from cooploc.estimators.arl import Arl
 
 
-@pytest.mark.parametrize("name", list(estimators.BUILTIN))
-def test_every_builtin_is_made_by_name_and_speaks_the_interface(name):
-    made = cl.make(name)
-    assert made.api == 1
-    assert all(isinstance(channel, str) for channel in made.uses)
-
-
 def test_parameters_are_written_the_same_everywhere():
     assert (
         cl.make("arl[particles=500,anchor_reading=rssi]")
@@ -77,7 +70,6 @@ def test_plugins_are_found_and_broken_ones_are_named(plugins):
 
 
 FAMILY = scenarios.Family("mine", scenarios.PAPER, {"robots": 2})
-LOST, ODD = scenarios.Family("lost", "no.such:Model"), scenarios.Family("odd", Plugged)
 
 
 def test_scenario_plugins_are_found_and_broken_ones_are_named(plugins):
@@ -87,12 +79,9 @@ def test_scenario_plugins_are_found_and_broken_ones_are_named(plugins):
 
 
 def test_two_plugins_of_one_name_are_both_named(monkeypatch):
-    for where, what, value in ((estimators, "estimator", "Plugged"), (scenarios, "scenario", "FAMILY")):
-        here = EntryPoint("mine", f"{__name__}:{value}", where.REGISTRY.group)
-        other = EntryPoint("mine", "elsewhere:Other", where.REGISTRY.group)
-        monkeypatch.setattr(registry, "entry_points", lambda group, found=(here, other, here): found)
-        said = f"2 plug-ins are called {what} 'mine': {__name__}:{value} of an unknown package and elsewhere:Other of"
-        assert where.plugin_errors()["mine"].startswith(said)
-        assert where.names().count("mine") == 1
-        with pytest.raises(cl.BadInput, match="uninstall all but one"):
-            cl.make("mine") if where is estimators else cl.simulate("mine")
+    points = [EntryPoint("mine", value, estimators.REGISTRY.group) for value in ("here:Mine", "elsewhere:Other")]
+    monkeypatch.setattr(registry, "entry_points", lambda group: [*points, points[0]])
+    said = "2 plug-ins are called estimator 'mine': here:Mine of an unknown package and elsewhere:Other of"
+    assert estimators.plugin_errors()["mine"].startswith(said)
+    with pytest.raises(cl.BadInput, match="uninstall all but one"):
+        cl.make("mine")

@@ -8,9 +8,7 @@ import honest
 import pytest
 
 from cooploc.estimators import BUILTIN, make
-from cooploc.estimators.adapters import PerRobot
 from cooploc.estimators.errors import BadInput
-from cooploc.estimators.interface import Belief
 from cooploc.scenarios.conformance import (
     CHECKS,
     CheckFailed,
@@ -73,12 +71,10 @@ def named(value):
 
 
 def assert_ran(report, checks):
-    """Exactly these checks ran, and each ran the estimator at least twice."""
+    """Exactly these checks ran, and each that passed ran the estimator at least twice."""
     assert [r.check for r in report.results] == NAMES == [c.name for c in CHECKS]
     assert {r.check for r in report.results if r.status != "skipped"} == set(checks)
-    for r in report.results:
-        if r.status == "passed":
-            assert int(re.search(r"\((\d+) runs\)$", r.detail)[1]) >= 2
+    assert not [r for r in report.results if r.status == "passed" and re.search(r"\([01] runs\)$", r.detail)]
 
 
 @pytest.mark.parametrize(("estimator", "check", "words"), GALLERY, ids=named)
@@ -116,6 +112,9 @@ RANDOM = {"arl", "rssi-pf", "mrsl-rssi", "mrsl-distance", "ctrn", "cmrl", "recip
 def test_built_in_estimators_pass(name, seed):
     report = check_estimator(make(name), name, seed)
     assert report.passed, report.table()
+    if name == "ekf-joint":
+        assert "of other robots it knows all, as it is centralised" in report["non-interference"].detail
+        assert "it needs no packets" in report["link-honesty"].detail
     exempt = ["equivariance"] * (name in RANDOM) + ["silence", "nan-safety"] * (name == "constant")
     assert_ran(report, [check for check in NAMES if check not in exempt])
 
@@ -125,19 +124,6 @@ def test_correct_estimators_pass(cls):
     report = check_estimator(cls(), isolate=False)
     assert report.passed, report.table()
     assert_ran(report, NAMES)
-
-
-@pytest.mark.slow
-def test_a_centralised_estimator_is_exempt_from_what_it_cannot_keep_and_the_report_says_so():
-    report = check_estimator(make("ekf-joint"))
-    assert "of other robots it knows all, as it is centralised" in report["non-interference"].detail
-    assert "it needs no packets" in report["link-honesty"].detail
-
-
-@pytest.mark.slow
-def test_the_report_is_the_same_every_time():
-    for estimator in (make("mrsl-rssi"), broken.ReadsNeighbour()):
-        assert check_estimator(estimator) == check_estimator(estimator)
 
 
 @pytest.mark.parametrize(
@@ -161,20 +147,9 @@ def test_a_report_counts_and_prints_what_ran_and_is_escaped_in_a_notebook():
         "c    skipped  no",
         "<b>: 2 checks ran; 1 passed, 1 failed, 1 skipped",
     ]
-    html = REPORT._repr_html_()
-    assert "&lt;b&gt;: 2 checks ran" in html
-    assert "<td>a &amp; b (seed 3)</td>" in html
-
-
-def test_nothing_checked_is_not_passed():
+    assert "<td>a &amp; b (seed 3)</td>" in REPORT._repr_html_()
     assert not Report("nothing", ()).passed
-    assert not Report("all skipped", (Result("one", "skipped", "", 0),)).passed
-
-
-@pytest.mark.slow
-def test_what_is_seldom_used_is_not_called_unused():
-    found = check_estimator(make("ekf-ci"), "ekf-ci", seed=10)  # in whose small streams no fusion by range pays
-    assert found.passed, found
+    assert not Report("all skipped", REPORT.results[2:]).passed
 
 
 def test_a_range_that_pays_only_where_robots_are_unequally_certain_counts_as_used():
@@ -182,36 +157,22 @@ def test_a_range_that_pays_only_where_robots_are_unequally_certain_counts_as_use
     assert "radio_range" in declaration(Harness("ekf-ci", make("ekf-ci", anchor_reading="none"), 0))
 
 
-class Circling:
-    """A plain filter that turns on its own."""
-
-    uses = ("odometry", "anchor_rssi|landmark")
-
-    def __init__(self, prior, world, robot, key):
-        self.x, self.P = prior.x, prior.P
-
-    def predict(self, z):
-        self.x[0] += 0.3
-        self.P = 1.1 * self.P
-
-    def correct(self, z): ...
-
-    def estimate(self):
-        return Belief(self.x.copy(), self.P)
+class Circling(broken.IgnoresOdometry):
+    own_motion = "it circles"
 
 
 @pytest.mark.parametrize(
-    ("more", "status", "said"),
+    ("estimator", "status", "said"),
     [
-        ({}, "failed", "m is allowed, when nothing was sensed"),
-        ({"own_motion": "it circles"}, "skipped", "own_motion: it circles"),
-        ({"uses": ("anchor_rssi",)}, "skipped", "it declares no odometry"),
+        (broken.IgnoresOdometry(), "failed", "m is allowed, when nothing was sensed"),
+        (Circling(), "skipped", "own_motion: it circles"),
+        (broken.IgnoresOdometry(uses=("anchor_rssi",)), "skipped", "it declares no odometry"),
     ],
 )
-def test_silence_is_asked_of_what_moves_by_odometry(more, status, said):
-    report = check_estimator(PerRobot(Circling, **more), isolate=False, only="silence")
-    assert [(r.check, r.status) for r in report.results] == [("silence", status)]
-    assert said in report["silence"].detail
+def test_silence_is_asked_of_what_moves_by_odometry(estimator, status, said):
+    (result,) = check_estimator(estimator, isolate=False, only="silence").results
+    assert (result.check, result.status) == ("silence", status)
+    assert said in result.detail
 
 
 def test_the_sign_of_a_zero_is_a_difference():
