@@ -46,12 +46,7 @@ def typestore(store: Stores) -> Typestore:
 
 
 def bag_paths(path: Path) -> list[Path]:
-    """Return the bags at a path: itself, or those in a directory.
-
-    Raises:
-        BadInput: there is none.
-
-    """
+    """Return the bags at a path: itself, or those in a directory."""
     if not path.exists():
         raise BadInput(f"{path}: there is no such file or directory; name a bag (.bag, .db3, .mcap or its directory)")
     if path.is_file() or (path / "metadata.yaml").exists():
@@ -60,12 +55,7 @@ def bag_paths(path: Path) -> list[Path]:
 
 
 def storage_files(bag: Path) -> list[Path]:
-    """Return the files that hold the messages of one bag.
-
-    Raises:
-        BadInput: there is none, or this file is not a bag.
-
-    """
+    """Return the files that hold the messages of one bag."""
     return _some(bag, [p for p in (bag.iterdir() if bag.is_dir() else [bag]) if p.suffix in ENDINGS])
 
 

@@ -53,12 +53,7 @@ class Content(NamedTuple):
 
 
 def read_content(path: Path, wanted: Collection[str] | None) -> Content:
-    """Read all messages of the topics in `wanted`; or of all topics (None) only when they were received.
-
-    Raises:
-        BadInput: there is no bag, or nothing can be read of it.
-
-    """
+    """Read all messages of the topics in `wanted`; or of all topics (None) only when they were received."""
     parts = [part for bag in bag_paths(path) for part in _contents(bag, wanted)]
     topics: dict[str, Topic] = {}
     for part in parts:
@@ -152,24 +147,14 @@ class TopicSeries(NamedTuple):
 
 
 def topics(path: Path) -> tuple[list[TopicInfo], tuple[str, ...]]:
-    """Return a summary of each topic of a bag, and warnings of what could not be read.
-
-    Raises:
-        BadInput: there is no bag, or nothing can be read of it.
-
-    """
+    """Return a summary of each topic of a bag, and warnings of what could not be read."""
     content = read_content(path, None)
     found = [_info(name, topic.type, np.sort(topic.received) / 1e9) for name, topic in sorted(content.topics.items())]
     return found, content.warnings
 
 
 def read_topics(path: Path, names: Collection[str]) -> tuple[dict[str, TopicSeries], tuple[str, ...]]:
-    """Read the numbers of some topics, in one pass over the bag, and warnings of what is wrong with the bag.
-
-    Raises:
-        BadInput: there is no bag or nothing can be read of it, or a topic is not there or of a type that is not read.
-
-    """
+    """Read the numbers of some topics, in one pass over the bag, and warnings of what is wrong with the bag."""
     content = read_content(path, names)
     for name in names:
         if name not in content.topics:
@@ -268,12 +253,7 @@ def topics_of(source: schema.Source, robots: Sequence[str], others: Sequence[str
 
 
 def columns_of(topic: str, series: TopicSeries, names: Sequence[str], table: str) -> Array:
-    """Return columns of a topic by their names.
-
-    Raises:
-        BadInput: its type has not got them.
-
-    """
+    """Return columns of a topic by their names."""
     if not set(names) <= set(series.columns):
         raise BadInput(
             f"topic {topic} has {', '.join(series.columns)}, not {', '.join(names)}; correct the topic in [{table}] of "
@@ -310,10 +290,6 @@ def runs(data: Path, description: TeamDescription) -> dict[str, Path]:
     """Return the runs in a directory: itself, if it is a ROS 2 bag, else each bag in it, and each directory of bags.
 
     A directory of bags is one run, which was recorded in parts or by each robot.
-
-    Raises:
-        BadInput: there are none.
-
     """
     if (data / "metadata.yaml").exists():
         return {data.resolve().name: data}
@@ -328,12 +304,7 @@ def runs(data: Path, description: TeamDescription) -> dict[str, Path]:
 
 
 def read(data: Path, place: Path, name: str, description: TeamDescription) -> TeamLog:
-    """Read one run.
-
-    Raises:
-        BadInput: the bag cannot be read, or a topic is missing or of another type than its table needs.
-
-    """
+    """Read one run."""
     d = description
     moves, poses = d.odometry_and_truth
     if moves.kind not in ODOMETRY:

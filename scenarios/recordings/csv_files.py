@@ -24,12 +24,7 @@ from cooploc.scenarios.recordings.text_files import count_of, read_lines
 
 
 def runs(data: Path, description: TeamDescription) -> dict[str, Path]:
-    """Return the runs in a directory: itself, if its files are there, else each directory in it that has them.
-
-    Raises:
-        BadInput: there are none.
-
-    """
+    """Return the runs in a directory: itself, if its files are there, else each directory in it that has them."""
     file = (description.odometry.file if description.odometry else None) or ""
     pattern = file.replace("[", "[[]").replace("{robot}", "*").replace("{run}", "*")
     if "{run}" in file:  # a file for each run of one robot
@@ -59,12 +54,7 @@ class RunFiles(NamedTuple):
 
 
 def read(data: Path, place: Path, name: str, description: TeamDescription) -> TeamLog:
-    """Read one run.
-
-    Raises:
-        BadInput: a file or column is missing, or a line is malformed; names file, line and remedy.
-
-    """
+    """Read one run."""
     d, run, zero = description, RunFiles(place, name, description, []), 0.0
     moves, poses = d.odometry_and_truth
     if d.sample.tick == "lines":
@@ -82,12 +72,7 @@ def read(data: Path, place: Path, name: str, description: TeamDescription) -> Te
 
 
 def read_places(data: Path, declared: schema.PlacesTable | None, delimiter: str) -> Places:
-    """Return the fixed things that a table of the description names, those of its CSV file last.
-
-    Raises:
-        BadInput: the file is missing or malformed, or names a thing twice.
-
-    """
+    """Return the fixed things that a table of the description names, those of its CSV file last."""
     found: dict[str, tuple[float, float]] = dict(declared.places) if declared else {}
     if declared and declared.file and declared.name and declared.x and declared.y:
         columns = (declared.x, declared.y)
@@ -115,12 +100,7 @@ class CsvRows(NamedTuple):
 def rows_of(
     run: RunFiles, source: Source, columns: Sequence[LogColumn | None], others: Sequence[str]
 ) -> Iterator[CsvRows]:
-    """Yield the lines of every file of a source in one run.
-
-    Raises:
-        BadInput: none of its files is there, or one is malformed.
-
-    """
+    """Yield the lines of every file of a source in one run."""
     pattern = (source.file or "").replace("{run}", run.name)
     written = {name: word for word, name in source.nodes.items()}
     robots = run.description.robots if source.robot is None else ("",)  # "": a column gives the name

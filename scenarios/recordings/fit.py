@@ -483,12 +483,7 @@ class TeamModels(NamedTuple):
 
 
 def team_models(log: TeamLog, parts: Sequence[FitPart], how: FitSettings) -> TeamModels:
-    """Return the models of a run, fitted on parts of recordings that are not judged.
-
-    Raises:
-        UnfittedModel: a value is neither stated nor can it be fitted; or RSSI does not fall with distance.
-
-    """
+    """Return the models of a run, fitted on parts of recordings that are not judged."""
     names, motion, scales, notes = _names_of(parts, log), *_motion(log, parts, how)
     sensors: dict[str, Sensor] = {}
     bias: dict[Channel, Array] = {}

@@ -39,12 +39,7 @@ BARCODES = "Barcodes.dat"
 
 
 def runs(data: Path, description: TeamDescription) -> dict[str, Path]:
-    """Return the data sets in a directory: itself, or each directory in it.
-
-    Raises:
-        BadInput: there are none.
-
-    """
+    """Return the data sets in a directory: itself, or each directory in it."""
     if (data / BARCODES).exists():
         return {data.resolve().name: data}
     found = {path.name: path for path in sorted(data.iterdir()) if (path / BARCODES).exists()}
@@ -54,12 +49,7 @@ def runs(data: Path, description: TeamDescription) -> dict[str, Path]:
 
 
 def read(data: Path, place: Path, name: str, description: TeamDescription | None) -> TeamLog:
-    """Read one data set: robots "1", "2" ..., landmarks by their numbers.
-
-    Raises:
-        BadInput: a file is missing or malformed; names file, line and remedy.
-
-    """
+    """Read one data set: robots "1", "2" ..., landmarks by their numbers."""
     if not place.is_dir():
         raise BadInput(f"{place}: there is no such directory; name the one that holds {BARCODES}")
     found = [re.fullmatch(r"Robot([1-9]\d*)_Odometry\.dat", path.name) for path in place.iterdir()]
@@ -95,12 +85,7 @@ def read(data: Path, place: Path, name: str, description: TeamDescription | None
 
 
 def _columns(barcodes: Table, surveyed: Table, n: int) -> dict[int, int]:
-    """Barcode -> robot 0..n-1, or n + landmark.
-
-    Raises:
-        BadInput: a number is there twice, a landmark has a robot's number, or a subject has no barcode.
-
-    """
+    """Barcode -> robot 0..n-1, or n + landmark."""
     for table, column, name in ((barcodes, 0, "subject"), (barcodes, 1, "barcode"), (surveyed, 0, "subject")):
         require_unique(table, column, name)
     code = {int(subject): int(barcode) for subject, barcode in barcodes.values}
@@ -149,12 +134,7 @@ class Mrclam(BaseModel):
         return read(self.data, self.data, self.data.resolve().name, None)
 
     def world(self) -> World:
-        """Return what the team knows: landmarks, and assumed models of motion and camera.
-
-        Raises:
-            BadInput: a file is missing or malformed; names file, line and remedy.
-
-        """
+        """Return what the team knows: landmarks, and assumed models of motion and camera."""
         camera, landmarks = Sighting(self.sigma_range, self.sigma_bearing), self.log.landmarks.positions
         return World(
             robots=len(self.log.robots),
@@ -167,12 +147,7 @@ class Mrclam(BaseModel):
         )
 
     def simulate(self, label: str, trials: Sequence[int], seed: int, world: World) -> tuple[Truth, Stream]:
-        """Truth and stream of the one trial, with `world` as what the team knows; the seed changes nothing.
-
-        Raises:
-            BadInput: trials is not [0], a file is missing or malformed, or the chosen part has no truth.
-
-        """
+        """Truth and stream of the one trial, with `world` as what the team knows; the seed changes nothing."""
         if list(trials) != [0]:
             raise BadInput(
                 f"scenario {label!r} is a recording and has one trial, 0, not {list(trials)}; ask for trials=1"

@@ -30,10 +30,6 @@ def prior(
         arena: (2, 2) [m].
         poses: (T + 1, n, 3) true ones; row 0 is at the prior's time.
         turns: (T, n) by odometry in each tick [rad]; None: robots have a compass, and no heading is estimated.
-
-    Raises:
-        BadInput: a source that is declared does not give a position or a heading.
-
     """
     n = len(robots)
     if declared.position == "arena":

@@ -77,12 +77,7 @@ class Graph(NamedTuple):
 
 
 def read_graph(path: Path) -> Graph:
-    """Read the vertices and edges in a file. Lines that cannot be read are left out, with a warning.
-
-    Raises:
-        BadInput: the file cannot be read, is of three dimensions, or too few lines can be read; names the first.
-
-    """
+    """Read the vertices and edges in a file. Lines that cannot be read are left out, with a warning."""
     text = read_text(path, "ascii")
     graph = Graph(path, {}, {}, [], [], [], [])
     lines = [(i, line.split()) for i, line in enumerate(text.split("\n"), 1) if line and not line.isspace()]
@@ -166,12 +161,7 @@ Chain = Sequence[str]  # the poses of a robot, by time
 
 
 def runs(data: Path, description: TeamDescription) -> dict[str, Path]:
-    """Return the files *.pyfg in a directory, or a file by itself.
-
-    Raises:
-        BadInput: there are none.
-
-    """
+    """Return the files *.pyfg in a directory, or a file by itself."""
     found = {path.stem: path for path in (sorted(data.glob("*.pyfg")) if data.is_dir() else [data])}
     if not found:
         raise BadInput(f"{data}: no file ends with .pyfg; put the factor graphs there")
@@ -184,12 +174,7 @@ def read(data: Path, place: Path, name: str, description: TeamDescription) -> Te
 
 
 def read_pyfg(path: Path) -> TeamLog:
-    """Read one file as one recording.
-
-    Raises:
-        BadInput: the file cannot be read, is of three dimensions, or too few lines can be read; names the first.
-
-    """
+    """Read one file as one recording."""
     graph = read_graph(path)
     chains = _chains(graph)
     following = {pair for chain in chains.values() for pair in pairwise(chain)}
@@ -209,12 +194,7 @@ def read_pyfg(path: Path) -> TeamLog:
 
 
 def _chains(graph: Graph) -> Mapping[str, Chain]:
-    """Return the poses of each robot that has odometry, robots by name, poses by number.
-
-    Raises:
-        BadInput: there are none.
-
-    """
+    """Return the poses of each robot that has odometry, robots by name, poses by number."""
     chains: dict[str, list[str]] = {}
     for name in sorted(graph.poses, key=lambda name: graph.poses[name][:2]):
         chains.setdefault(graph.poses[name].robot, []).append(name)

@@ -50,10 +50,6 @@ def assign(ranges: Sequence[NodeRanges], carriers: Mapping[str, Series]) -> Assi
     Args:
         ranges: between nodes; a pair may be there twice, in either order.
         carriers: what may carry a node, with its true positions over time (x, y first): robots, or marked furniture.
-
-    Raises:
-        BadInput: there are fewer than two nodes or two carriers.
-
     """
     nodes = sorted({name for one in ranges for name in (one.first, one.second)})
     if len(nodes) < 2 or len(carriers) < 2:

@@ -98,12 +98,7 @@ class Grid(NamedTuple):
 
 
 def grid_of_lines(log: TeamLog, begin: float, end: float) -> Grid:
-    """Return the ticks from each line of a lone robot's odometry to the next.
-
-    Raises:
-        BadInput: there are fewer than two lines.
-
-    """
+    """Return the ticks from each line of a lone robot's odometry to the next."""
     lines = log.odometry[0].time
     lines = lines[(lines >= begin) & (lines <= end)]
     if len(lines) < 2:
@@ -112,12 +107,7 @@ def grid_of_lines(log: TeamLog, begin: float, end: float) -> Grid:
 
 
 def span(log: TeamLog) -> tuple[float, float]:
-    """Return when every robot has odometry, from each one's first truth (if it has any) to the last truth [s].
-
-    Raises:
-        BadInput: no such time.
-
-    """
+    """Return when every robot has odometry, from each one's first truth (if it has any) to the last truth [s]."""
     truths = [series for series in log.truth if series is not None and len(series.time)]
     begin = max(series.time[0] for series in (*log.odometry, *truths))
     end = min(min(s.time[-1] for s in log.odometry), max((s.time[-1] for s in truths), default=-np.inf))

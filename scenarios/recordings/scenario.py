@@ -70,12 +70,7 @@ class TeamFolder:
     """The recordings in a directory, each read when it is first needed."""
 
     def __init__(self, data: Path, description: TeamDescription | None = None) -> None:
-        """Find the runs that a description, or log.toml in the directory, describes.
-
-        Raises:
-            BadInput: there is no directory, no description or no run, or one of them is malformed.
-
-        """
+        """Find the runs that a description, or log.toml in the directory, describes."""
         if not data.is_dir():
             raise BadInput(f"{data}: there is no such directory; name the one that holds log.toml and the recordings")
         self.description = description or schema.load(data / NAME)
@@ -87,12 +82,7 @@ class TeamFolder:
         self._logs: dict[str, TeamLog] = {}
 
     def log(self, name: str) -> TeamLog:
-        """Return a recording by name.
-
-        Raises:
-            BadInput: there is none of this name, or it is malformed.
-
-        """
+        """Return a recording by name."""
         if name not in self.places:
             raise BadInput(f"{self.data}: there is no run {name!r}; {nearest(name, [ALL, *self.places])}")
         if name not in self._logs:
@@ -213,12 +203,7 @@ class TeamScenario(schema.Model):
         return len(self._names())
 
     def at(self, trials: Sequence[int]) -> "TeamScenario":
-        """Return the scenario of one run, from the list with its one trial.
-
-        Raises:
-            BadInput: there are several trials, or there is no such trial or run.
-
-        """
+        """Return the scenario of one run, from the list with its one trial."""
         names = self._names()
         there = f"{self.data}: {self.run!r} has {len(names)} trial{'s' * (len(names) > 1)}"
         if len(trials) != 1:

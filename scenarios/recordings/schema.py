@@ -419,12 +419,7 @@ TABLES: Mapping[str, type[Strict]] = {
 
 
 def load(path: Path) -> TeamDescription:
-    """Return a team's description.
-
-    Raises:
-        BadInput: the file is missing or not TOML, or a key or value is wrong; names the line and the key.
-
-    """
+    """Return a team's description."""
     try:
         return parse(path, path.read_text(encoding="utf-8"))
     except FileNotFoundError:
@@ -439,12 +434,7 @@ def shipped_path(name: str) -> Path:
 
 
 def parse(path: Path, text: str) -> TeamDescription:
-    """Return a description from the text of a file at `path`.
-
-    Raises:
-        BadInput: it is not TOML, or a key or value is wrong; names the line and the key.
-
-    """
+    """Return a description from the text of a file at `path`."""
     try:
         return TeamDescription.model_validate(tomllib.loads(text))
     except ValidationError as e:

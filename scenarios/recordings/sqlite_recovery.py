@@ -48,12 +48,7 @@ class MessageRow(NamedTuple):
 
 
 def recover(file: Path, reason: str) -> tuple[Bag, str]:
-    """Return the messages still to be found in a storage file, and a warning of how many they are.
-
-    Raises:
-        BadInput: no message was found, or another tool repairs this kind of bag.
-
-    """
+    """Return the messages still to be found in a storage file, and a warning of how many they are."""
     if file.suffix in REPAIRS:
         raise BadInput(f"{file}: cannot be read as a bag ({reason}); repair it by `{REPAIRS[file.suffix]}`")
     try:

@@ -199,12 +199,7 @@ def build_log(
     landmarks: Places,
     warnings: Sequence[str],
 ) -> TeamLog:
-    """Return the log of what was found of each robot.
-
-    Raises:
-        BadInput: no robot has two samples of odometry, or none has a truth.
-
-    """
+    """Return the log of what was found of each robot."""
     notes = list(warnings)
     robots = tuple(robot for robot in d.robots if robot in odometry and len(odometry[robot].time) > 1)
     lost = [robot for robot in d.robots if robot not in robots]

@@ -37,12 +37,7 @@ class Table(NamedTuple):
 
 
 def read_text(path: Path, encoding: str) -> str:
-    r"""Return the text of a file, its line ends all \n.
-
-    Raises:
-        BadInput: the file cannot be read, or is not text in this encoding.
-
-    """
+    r"""Return the text of a file, its line ends all \n."""
     try:
         raw = path.read_bytes()
     except FileNotFoundError:
@@ -84,10 +79,6 @@ def leave_out(path: Path, faults: Sequence[Fault], lines: int) -> tuple[str, ...
         path: the file.
         faults: its lines that cannot be read.
         lines: how many lines of data it has, with those.
-
-    Raises:
-        BadInput: less than `LEAST_LEFT` of the lines is left.
-
     """
     if len(faults) > (1 - LEAST_LEFT) * lines:
         first = faults[0]
@@ -104,13 +95,7 @@ def leave_out(path: Path, faults: Sequence[Fault], lines: int) -> tuple[str, ...
 
 
 def read_table(path: Path, columns: Sequence[str], strict: bool = False) -> Table:
-    """Read numbers separated by blanks, one for each of `columns` in a line; what follows a # is a comment.
-
-    Raises:
-        BadInput: the file cannot be read or has no numbers, or too few lines (strict: not every one) are a finite
-            number for each column.
-
-    """
+    """Read numbers separated by blanks, one for each of `columns` in a line; what follows a # is a comment."""
     lines = [line.partition("#")[0] for line in read_text(path, "ascii").split("\n")]
     rows = [(i, line) for i, line in enumerate(lines, 1) if line and not line.isspace()]
     if not rows:
@@ -180,12 +165,7 @@ def longest_rise(stamps: Array) -> Indices:
 
 
 def require_whole(table: Table, column: int, name: str) -> None:
-    """Refuse a column with a number that is not whole.
-
-    Raises:
-        BadInput: names the first one.
-
-    """
+    """Refuse a column with a number that is not whole."""
     bad = table.values[:, column] != np.rint(table.values[:, column])
     if bad.any():
         row = int(np.argmax(bad))
@@ -193,12 +173,7 @@ def require_whole(table: Table, column: int, name: str) -> None:
 
 
 def require_unique(table: Table, column: int, name: str) -> None:
-    """Refuse a column with a number that is not whole, or is there twice.
-
-    Raises:
-        BadInput: names the first one.
-
-    """
+    """Refuse a column with a number that is not whole, or is there twice."""
     require_whole(table, column, name)
     _, first = np.unique(table.values[:, column], return_index=True)
     again = np.setdiff1d(np.arange(len(table.values)), first)
@@ -217,10 +192,6 @@ def read_lines(path: Path, numbers: Sequence[str], names: Sequence[str], delimit
 
     Lines with another number of fields are left out; a field that is not a number counts as empty. So is a last line
     without an end that has fewer fields than the first, or ends inside one of `numbers`, as digits may be missing.
-
-    Raises:
-        BadInput: a column is missing, or too few lines can be read.
-
     """
     text = read_text(path, "utf-8-sig")
     content = list(fields_of(path, text, delimiter))
@@ -264,12 +235,7 @@ def fields_of(path: Path, text: str, delimiter: str) -> Iterator[tuple[int, list
 
 
 def find_column(path: Path, line: int, head: list[str], name: str) -> int:
-    """Return the index of a column.
-
-    Raises:
-        BadInput: it is missing, or there are two.
-
-    """
+    """Return the index of a column."""
     if head.count(name) == 1:
         return head.index(name)
     if name in head:
