@@ -5,7 +5,7 @@ has the unit that the description says. What a camera saw (`[sightings]`) is a p
 and y left, or a geometry_msgs/PoseArray in the camera's, z forward and x right, with one detection in a message.
 """
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from itertools import product
 from pathlib import Path
 from typing import NamedTuple
@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cooploc.estimators.errors import BadInput, nearest
-from cooploc.estimators.interface import Array, Indices
+from cooploc.estimators.interface import Array
 from cooploc.scenarios.recordings import schema
 from cooploc.scenarios.recordings.bag_storage import (
     ENDINGS,
@@ -148,47 +148,44 @@ class TopicSeries(NamedTuple):
 
 def topics(path: Path) -> tuple[list[TopicInfo], tuple[str, ...]]:
     """Return a summary of each topic of a bag, and warnings of what could not be read."""
-    content = read_content(path, None)
-    found = [_info(name, topic.type, np.sort(topic.received) / 1e9) for name, topic in sorted(content.topics.items())]
+    content, found = read_content(path, None), []
+    for name, topic in sorted(content.topics.items()):
+        time = np.sort(topic.received) / 1e9
+        first, last = (float(time[0]), float(time[-1])) if len(time) else (np.nan, np.nan)
+        rate = (len(time) - 1) / (last - first) if last > first else np.nan
+        silent = np.flatnonzero(np.diff(time) * rate > SILENCE)
+        gaps = tuple((float(time[i]), float(time[i + 1] - time[i])) for i in silent)
+        columns = KINDS[topic.type].columns if topic.type in KINDS else ()
+        found.append(TopicInfo(name, topic.type, len(time), first, last, rate, gaps, columns))
     return found, content.warnings
 
 
-def read_topics(path: Path, names: Collection[str]) -> tuple[dict[str, TopicSeries], tuple[str, ...]]:
-    """Read the numbers of some topics, in one pass over the bag, and warnings of what is wrong with the bag."""
+def read_topics(
+    path: Path, names: Collection[str], all_there: bool = True
+) -> tuple[dict[str, TopicSeries], tuple[str, ...]]:
+    """Read the numbers of topics, and warnings of what is wrong; without `all_there`, of the topics that exist."""
     content = read_content(path, names)
-    for name in names:
+    for name in names if all_there else ():
         if name not in content.topics:
             raise BadInput(f"{path}: there is no topic {name!r}; {nearest(name, list(content.topics))}")
-    return _numbers(path, names, content)
-
-
-def _numbers(path: Path, names: Collection[str], content: Content) -> tuple[dict[str, TopicSeries], tuple[str, ...]]:
-    for name in names:
-        kind = content.topics[name].type
-        if kind not in KINDS:
-            raise BadInput(
-                f"{path}: topic {name} has type {kind}, which is not read; types that are: {', '.join(KINDS)}"
-            )
-    shift, warnings = _clock_shift(content.topics)
-    series = {name: _series(name, content.topics[name], shift) for name in names}
-    told = (w for one in series.values() for w in one.warnings)
-    return series, (*content.warnings, *warnings, *told)
-
-
-def _clock_shift(topics: Mapping[str, Topic]) -> tuple[int, tuple[str, ...]]:
-    """Return how far [ns] headers are behind the recorder's clock, if one of the two was not set; and a warning."""
-    behind = [np.median(_ahead(t)) for t in topics.values() if any(stamp is not None for stamp in t.stamps)]
-    shift = -int(np.median(behind)) if behind else 0
+    topics = {name: content.topics[name] for name in content.topics if name in names}
+    for name, topic in topics.items():
+        if topic.type not in KINDS:
+            known = ", ".join(KINDS)
+            raise BadInput(f"{path}: topic {name} has type {topic.type}, which is not read; types that are: {known}")
+    # How far [ns] headers are behind the recorder's clock, if one of the two was not set.
+    both = [list(zip(topic.stamps, topic.received, strict=True)) for topic in content.topics.values()]
+    behind = [np.median([received - own for own, received in pairs if own is not None])
+              for pairs in both if any(own is not None for own, _ in pairs)]  # fmt: skip
+    shift, warnings = int(np.median(behind)) if behind else 0, list(content.warnings)
     if abs(shift) <= MAX_STAMP_ERROR * 1e9:
-        return 0, ()
-    said = f"header stamps are {shift / 1e9:.1f} s behind the recorder's clock; that was added to all of them"
-    return shift, (said,)
-
-
-def _ahead(topic: Topic) -> Indices:
-    """Header stamps minus times of receipt [ns], where there is a stamp."""
-    pairs = zip(topic.stamps, topic.received, strict=True)
-    return np.array([stamp - received for stamp, received in pairs if stamp is not None], np.int64)
+        shift = 0
+    else:
+        warnings.append(
+            f"header stamps are {shift / 1e9:.1f} s behind the recorder's clock; that was added to all of them"
+        )
+    series = {name: _series(name, topic, shift) for name, topic in topics.items()}
+    return series, (*warnings, *(warning for one in series.values() for warning in one.warnings))
 
 
 def _series(name: str, topic: Topic, shift: int) -> TopicSeries:
@@ -220,15 +217,6 @@ def _times(name: str, topic: Topic, shift: int) -> tuple[Array, str, tuple[str, 
     lost = ~set_ | (error > MAX_STAMP_ERROR)
     said = f"{name}: {lost.sum()} messages without a header stamp to believe; their time of receipt is used"
     return np.where(lost, received, own) / 1e9, "header", (said,) if lost.any() else ()
-
-
-def _info(name: str, kind: str, time: Array) -> TopicInfo:
-    first, last = (float(time[0]), float(time[-1])) if len(time) else (np.nan, np.nan)
-    rate = (len(time) - 1) / (last - first) if last > first else np.nan
-    silent = np.flatnonzero(np.diff(time) * rate > SILENCE)
-    gaps = tuple((float(time[i]), float(time[i + 1] - time[i])) for i in silent)
-    columns = KINDS[kind].columns if kind in KINDS else ()
-    return TopicInfo(name, kind, len(time), first, last, rate, gaps, columns)
 
 
 # ---- The topics that a table of a description means, and their numbers in SI units
@@ -286,7 +274,7 @@ def values_of(topic: str, table: schema.ReadingColumns, series: TopicSeries) -> 
 ODOMETRY = {"velocity": TWIST, "pose": (POSE[0], POSE[1], POSE[3])}
 
 
-def runs(data: Path, description: TeamDescription) -> dict[str, Path]:
+def find_runs(data: Path, description: TeamDescription) -> dict[str, Path]:
     """Return the runs in a directory: itself, if it is a ROS 2 bag, else each bag in it, and each directory of bags.
 
     A directory of bags is one run, which was recorded in parts or by each robot.
@@ -303,8 +291,8 @@ def runs(data: Path, description: TeamDescription) -> dict[str, Path]:
     return found
 
 
-def read(data: Path, place: Path, name: str, description: TeamDescription) -> TeamLog:
-    """Read one run."""
+def read_run(data: Path, place: Path, name: str, description: TeamDescription) -> TeamLog:
+    """Read one run; BadInput where a topic is of another type than its table needs."""
     d = description
     moves, poses = d.odometry_and_truth
     if moves.kind not in ODOMETRY:
@@ -316,58 +304,37 @@ def read(data: Path, place: Path, name: str, description: TeamDescription) -> Te
     sources: list[tuple[schema.Source, Sequence[str]]] = [(moves, ()), (poses, ())]
     sources += [(source, others) for _, several, others in tables for source in several]
     wanted = {topic for source, others in sources for topic, _, _ in topics_of(source, d.robots, others)}
-    content = read_content(place, wanted)
-    found, told = _numbers(place, [topic for topic in content.topics if topic in wanted], content)
+    found, told = read_topics(place, wanted, all_there=False)
     warnings = list(told)
-    odometry = _by_robot(moves, found, d.robots, ODOMETRY[moves.kind], "odometry", warnings)
-    truth = _by_robot(poses, found, d.robots, ODOMETRY["pose"], "truth", warnings)
-    readings = {
-        kind: [m for source in several for m in _measurements(place, source, found, d.robots, others, warnings)]
-        for kind, several, others in tables
-    }
+
+    def by_robot(table: schema.Source, columns: Sequence[str], named: str) -> dict[str, Series]:
+        ordered: dict[str, Series] = {}
+        for topic, robot, _ in topics_of(table, d.robots, ()):
+            if topic in found and len(found[topic].time):
+                if robot in ordered:
+                    both = f"{ordered[robot].source} and {topic}"
+                    raise BadInput(f"robot {robot!r} has two topics in [{named}], {both}; choose")
+                values = columns_of(topic, found[topic], columns, named)
+                ordered[robot], notes = order_series(found[topic].time + table.clock_offset, values, topic)
+                warnings.extend(notes)
+        return ordered
+
+    def measurements(table: schema.ReadingColumns, others: Sequence[str]) -> list[Measured]:
+        """Without {other} in the topic, a robot measures its only teammate."""
+        measured = []
+        for topic, robot, other in topics_of(table, d.robots, others):
+            if topic not in found:
+                continue
+            if not other and len(d.robots) != 2:
+                raise BadInput(f"topic {topic} does not say what was measured; write it with {{other}} in log.toml")
+            time, values = values_of(topic, table, found[topic])
+            mate, m = other or next(name for name in d.robots if name != robot), len(time)
+            measured.append(Measured(time + table.clock_offset, [robot] * m, [mate] * m, values, topic))
+        if not measured:
+            names = table.topic or ", ".join(table.topics.values())
+            warnings.append(f"{place}: none of the topics {names} is in the bag")
+        return measured
+
+    odometry, truth = by_robot(moves, ODOMETRY[moves.kind], "odometry"), by_robot(poses, ODOMETRY["pose"], "truth")
+    readings = {kind: [m for table in several for m in measurements(table, others)] for kind, several, others in tables}
     return build_log(place, name, d, odometry, truth, readings, anchors, landmarks, warnings)
-
-
-def _by_robot(
-    table: schema.Source,
-    found: Mapping[str, TopicSeries],
-    robots: Sequence[str],
-    columns: Sequence[str],
-    named: str,
-    warnings: list[str],
-) -> dict[str, Series]:
-    ordered: dict[str, Series] = {}
-    for topic, robot, _ in topics_of(table, robots, ()):
-        if topic in found and len(found[topic].time):
-            if robot in ordered:
-                raise BadInput(
-                    f"robot {robot!r} has two topics in [{named}], {ordered[robot].source} and {topic}; choose"
-                )
-            time = found[topic].time + table.clock_offset
-            values = columns_of(topic, found[topic], columns, named)
-            ordered[robot], notes = order_series(time, values, topic)
-            warnings += notes
-    return ordered
-
-
-def _measurements(
-    place: Path,
-    table: schema.ReadingColumns,
-    found: Mapping[str, TopicSeries],
-    robots: Sequence[str],
-    others: Sequence[str],
-    warnings: list[str],
-) -> Iterator[Measured]:
-    """Measurements of every topic of a table; without {other} in the topic, a robot measures its only teammate."""
-    any_ = False
-    for topic, robot, other in topics_of(table, robots, others):
-        if topic not in found:
-            continue
-        any_ = True
-        if not other and len(robots) != 2:
-            raise BadInput(f"topic {topic} does not say what was measured; write it with {{other}} in log.toml")
-        time, values = values_of(topic, table, found[topic])
-        mate = other or next(name for name in robots if name != robot)
-        yield Measured(time + table.clock_offset, [robot] * len(time), [mate] * len(time), values, topic)
-    if not any_:
-        warnings.append(f"{place}: none of the topics {table.topic or ', '.join(table.topics.values())} is in the bag")

@@ -23,7 +23,7 @@ from cooploc.scenarios.recordings.team_log import (
 from cooploc.scenarios.recordings.text_files import count_of, read_lines
 
 
-def runs(data: Path, description: TeamDescription) -> dict[str, Path]:
+def find_runs(data: Path, description: TeamDescription) -> dict[str, Path]:
     """Return the runs in a directory: itself, if its files are there, else each directory in it that has them."""
     file = (description.odometry.file if description.odometry else None) or ""
     pattern = file.replace("[", "[[]").replace("{robot}", "*").replace("{run}", "*")
@@ -53,7 +53,7 @@ class RunFiles(NamedTuple):
     zero: Array | float = 0.0  # (columns of time,) subtracted before they are summed, which keeps the nanoseconds
 
 
-def read(data: Path, place: Path, name: str, description: TeamDescription) -> TeamLog:
+def read_run(data: Path, place: Path, name: str, description: TeamDescription) -> TeamLog:
     """Read one run."""
     d, run, zero = description, RunFiles(place, name, description, []), 0.0
     moves, poses = d.odometry_and_truth

@@ -18,7 +18,7 @@ from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Indices, Mask, Motion, Sensor
 from cooploc.estimators.models import NEAR, Displacement, LogDistance, Range, Sighting, Unicycle, wrap
 from cooploc.scenarios.recordings.sampling import Gaps, Grid, bearing, grid_of_lines, odometry, poses
-from cooploc.scenarios.recordings.team_log import Channel, OdometryKind, TeamLog, fixed_places, other_names
+from cooploc.scenarios.recordings.team_log import Channel, TeamLog, fixed_places, other_names
 
 # ---- Huber's least squares, which one bad recording cannot turn
 
@@ -28,20 +28,10 @@ INSIDE = float(2 * norm.cdf(K) - 1 - 2 * K * norm.pdf(K) + 2 * K**2 * norm.sf(K)
 ROUNDS, TOLERANCE, LEAST_SCALE = 100, 1e-9, 1e-9
 
 
-class Line(NamedTuple):
-    """y = X beta + noise."""
+def huber(X: Array, y: Array) -> tuple[Array, float]:
+    """Minimise sum rho((y - X beta)/sigma), with sigma^2 = mean min(r^2, K^2 sigma^2) / INSIDE; y (m,), X (m, p).
 
-    beta: Array  # (p,)
-    sigma: float  # standard deviation of the Gaussian core of the noise
-
-
-def huber(X: Array, y: Array) -> Line:
-    """Minimise sum rho((y - X beta)/sigma), with sigma^2 = mean min(r^2, K^2 sigma^2) / INSIDE.
-
-    Args:
-        X: (m, p) of full rank; p may be 0, and then the line is that of sigma about zero.
-        y: (m,), m > p.
-
+    Returns beta (p,) and sigma, the standard deviation of the noise's Gaussian core.
     """
     m, p = X.shape
     beta = np.asarray(np.linalg.lstsq(X, y)[0], float)
@@ -56,12 +46,7 @@ def huber(X: Array, y: Array) -> Line:
         sigma = float(np.sqrt(np.minimum(r**2, (K * scale) ** 2).sum() / ((m - p) * INSIDE)))
         if abs(sigma - scale) <= TOLERANCE * scale:
             break
-    return Line(beta, sigma)
-
-
-def fit_line(X: Array, y: Array, robust: bool) -> Line:
-    """Fit y = X beta + noise by Huber's least squares; or by plain ones, which give no sigma (nan)."""
-    return huber(X, y) if robust else Line(np.asarray(np.linalg.lstsq(X, y)[0], float), np.nan)
+    return beta, sigma
 
 
 # ---- Odometry
@@ -86,27 +71,15 @@ class Track(NamedTuple):
 Pairs = tuple[Array, Array, Array]  # (m,) each: by odometry, true, interval [s]
 
 
-class WheelFit(NamedTuple):
-    """True motion = scale x odometry + noise, whose standard deviations are quoted at a tick; nan without data."""
-
-    length_scale: float
-    turn_scale: float
-    sigma_v: float  # [m/s]
-    sigma_omega: float  # [rad/s]
-
-
 def fit_wheel_odometry(
-    tracks: Sequence[Track], tick: float, length_scale: float | None, turn_scale: float | None, robust: bool
-) -> WheelFit:
-    """Noise of (v, omega), quoted at `tick` [s], and their scales where they are not given; 1 without data."""
-    length, sigma_v = fit_proportional([_arcs(track) for track in tracks], length_scale, robust)
-    turn, sigma_omega = fit_proportional([_turns(track) for track in tracks], turn_scale, robust)
-    return WheelFit(length, turn, sigma_v / tick**0.5, sigma_omega / tick**0.5)
-
-
-def fit_displacement(tracks: Sequence[Track], tick: float, scale: float, robust: bool) -> float:
-    """sigma [m] per axis, of displacements in a tick of `tick` seconds."""
-    return float(fit_proportional([_displacements(track) for track in tracks], scale, robust)[1] * tick**0.5)
+    tracks: Sequence[Track], tick: float, scales: Sequence[float | None], robust: bool
+) -> tuple[list[float], list[float]]:
+    """Fit the scales of (v, omega) where they are not given (1 without data), and their sigmas at `tick` [s]."""
+    fits = [
+        fit_proportional([pairs(track) for track in tracks], scale, robust)
+        for pairs, scale in zip((_arcs, _turns), scales, strict=True)
+    ]
+    return [scale for scale, _ in fits], [sigma / tick**0.5 for _, sigma in fits]
 
 
 def fit_proportional(parts: Sequence[Pairs], scale: float | None, robust: bool) -> tuple[float, float]:
@@ -115,8 +88,8 @@ def fit_proportional(parts: Sequence[Pairs], scale: float | None, robust: bool) 
     if robust and len(x) > 1:
         free = scale is None and bool(x.any())
         known = 0.0 if free else 1.0 if scale is None else scale
-        line = huber((x / np.sqrt(dt))[:, None][:, : int(free)], (y - known * x) / np.sqrt(dt))
-        robust_scale = float(line.beta[0]) if free else known
+        beta, _ = huber((x / np.sqrt(dt))[:, None][:, : int(free)], (y - known * x) / np.sqrt(dt))
+        robust_scale = float(beta[0]) if free else known
         squares = [((b - robust_scale * a) ** 2 / t).mean() for a, b, t in parts if len(a)]
         return robust_scale, float(np.sqrt(np.median(squares)))
     if scale is None:
@@ -167,19 +140,13 @@ Stated = Mapping[str, float | None]  # values by name; None: to be fitted
 def fit_log_distance(
     L: Array, z: Array, A: float | None, eta: float | None, robust: bool
 ) -> tuple[Array, Array, float]:
-    """Fit z = A + eta L with L = -10 log10 d.
-
-    Returns:
-        (A [dBm], eta), of which those that are given stay; the residuals (m,); and the sigma of their Gaussian core,
-        nan unless `robust`.
-
-    """
+    """Fit z = A + eta L, L = -10 log10 d: (A [dBm], eta), the residuals (m,), and their core's sigma if `robust`."""
     c = np.array([np.nan if value is None else value for value in (A, eta)])
     free = np.isnan(c)
     X = np.stack([np.ones(len(z)), L], -1)
-    line = fit_line(X[:, free], z - X[:, ~free] @ c[~free], robust)
-    c[free] = line.beta
-    return c, z - X @ c, line.sigma
+    rest = z - X[:, ~free] @ c[~free]
+    c[free], sigma = huber(X[:, free], rest) if robust else (np.linalg.lstsq(X[:, free], rest)[0], np.nan)
+    return c, z - X @ c, sigma
 
 
 def log_distance(distance: Array) -> Array:
@@ -294,20 +261,11 @@ class Memory(NamedTuple):
     burst: float = 1.0  # how many follow each other without a longer pause, on average over readings
 
 
-class RangeFit(NamedTuple):
-    """z = distance + bias of the pair + noise."""
-
-    bias: dict[int, float]  # by link [m]
-    common: float  # of links that are not in `bias` [m]
-    sigma: float  # [m]
-    memory: Memory
-
-
-def fit_range(r: Residuals, bias: float | None, robust: bool) -> RangeFit:
-    """Bias by pair, unless one is given, and sigma; nan where there are too few readings."""
+def fit_range(r: Residuals, bias: float | None, robust: bool) -> tuple[dict[int, float], float, float, Memory]:
+    """Fit z = distance + bias + noise: bias [m] by link (unless one is given), of other links, sigma, and memory."""
     e = r.z[:, 0] - r.distance
     if len(e) < 3:
-        return RangeFit({}, bias if bias is not None else np.nan, np.nan, Memory())
+        return {}, np.nan if bias is None else bias, np.nan, Memory()
     by_link: dict[int, float] = {}
     common = _mean(e, robust) if bias is None else bias
     if bias is None:
@@ -316,7 +274,7 @@ def fit_range(r: Residuals, bias: float | None, robust: bool) -> RangeFit:
     rest = e - np.array([by_link.get(int(link), common) for link in r.link])
     moved = rest - np.median(rest)
     clipped = _clip(moved, _sigma(moved, robust), robust)
-    return RangeFit(by_link, common, max(_sigma(rest, robust), LEAST), memory(r, clipped))
+    return by_link, common, max(_sigma(rest, robust), LEAST), memory(r, clipped)
 
 
 def fit_path_loss(r: Residuals, A: float | None, eta: float | None, robust: bool) -> tuple[float, float, float, Memory]:
@@ -356,49 +314,29 @@ def fit_path_loss_of_lines(
     return float(c[0]), float(c[1]), float(sigma), Memory(lag1, np.inf)
 
 
-def fit_sighting(r: Residuals, robust: bool) -> tuple[tuple[float, Memory], ...]:
-    """sigma and memory of range [m] and of bearing [rad]; nan where readings or true headings are few."""
-    found = []
-    for e in (r.z[:, 0] - r.distance, r.z[:, 1]):
-        known = np.isfinite(e)
-        if known.sum() < 3:
-            found.append((np.nan, Memory()))
-            continue
-        sigma = max(_sigma(e[known], robust), LEAST)
-        some = r._replace(link=r.link[known], tick=r.tick[known])
-        found.append((sigma, memory(some, _clip(e[known], sigma, robust))))
-    return tuple(found)
-
-
 def fit_odometry(
-    parts: Sequence[FitPart],
-    robots: Sequence[str],
-    kind: OdometryKind,
-    stated: tuple[float | None, float | None],
-    tick: float,
-    gaps: Gaps,
-    robust: bool,
-) -> tuple[Array, tuple[float, ...]]:
-    """Scales of length and turn (n, 2), and sigmas at the tick of v [m/s] and omega [rad/s], or of dx and dy [m].
+    parts: Sequence[FitPart], log: TeamLog, stated: Sequence[float | None], how: "FitSettings"
+) -> tuple[Array, list[float]]:
+    """Fit scales of length and turn (n, 2), and sigmas at the tick of v [m/s] and omega [rad/s], or of dx, dy [m].
 
     Scales are of each robot where they are not given; a robot with few windows gets those fitted on all.
     """
-    tracks = {robot: tracks_of(parts, robot, tick, gaps) for robot in robots}
-    every = [track for mine in tracks.values() for track in mine]
-    if kind == "displacement":
+    tick, robust, n = how.tick, how.robust, len(log.robots)
+    tracks = [tracks_of(parts, robot, tick, how.gaps) for robot in log.robots]
+    every = [track for mine in tracks for track in mine]
+    if log.odometry_kind == "displacement":
         scale = stated[0] or 1.0
-        return np.full((len(robots), 2), scale), (fit_displacement(every, tick, scale, robust),)
-    common = fit_wheel_odometry(every, tick, *stated, robust)
-    if len(robots) == 1:
-        return np.array([[common.length_scale, common.turn_scale]]), (common.sigma_v, common.sigma_omega)
+        _, sigma = fit_proportional([_displacements(track) for track in every], scale, robust)
+        return np.full((n, 2), scale), [sigma * tick**0.5]
+    common, sigmas = fit_wheel_odometry(every, tick, stated, robust)
+    if n == 1:
+        return np.array([common]), sigmas
     scales, scaled = [], []
-    for mine in tracks.values():
+    for mine in tracks:
         enough = sum(int(track.known.sum()) for track in mine) >= ENOUGH
-        own = fit_wheel_odometry(mine, tick, *stated, robust) if enough else common
-        scales.append([own.length_scale, own.turn_scale])
+        scales.append(fit_wheel_odometry(mine, tick, stated, robust)[0] if enough else common)
         scaled += [track._replace(odometry=track.odometry * np.array(scales[-1])) for track in mine]
-    rest = fit_wheel_odometry(scaled, tick, 1.0, 1.0, robust)
-    return np.array(scales), (rest.sigma_v, rest.sigma_omega)
+    return np.array(scales), fit_wheel_odometry(scaled, tick, (1.0, 1.0), robust)[1]
 
 
 def inflation(memory: Memory) -> float:
@@ -430,12 +368,13 @@ def memory(r: Residuals, e: Array) -> Memory:
 
 
 def _mean(e: Array, robust: bool) -> float:
-    return float(fit_line(np.ones((len(e), 1)), e, robust).beta[0])
+    X = np.ones((len(e), 1))
+    return float((huber(X, e)[0] if robust else np.linalg.lstsq(X, e)[0])[0])
 
 
 def _sigma(e: Array, robust: bool) -> float:
     """Return the standard deviation about zero; with `robust`, of the Gaussian core."""
-    return huber(np.empty((len(e), 0)), e).sigma if robust else float(np.sqrt((e**2).mean()))
+    return huber(np.empty((len(e), 0)), e)[1] if robust else float(np.sqrt((e**2).mean()))
 
 
 def _clip(e: Array, sigma: float, robust: bool) -> Array:
@@ -484,7 +423,14 @@ class TeamModels(NamedTuple):
 
 def team_models(log: TeamLog, parts: Sequence[FitPart], how: FitSettings) -> TeamModels:
     """Return the models of a run, fitted on parts of recordings that are not judged."""
-    names, motion, scales, notes = _names_of(parts, log), *_motion(log, parts, how)
+    names = _names_of(parts, log)
+    scales, fitted_sigmas = fit_odometry(parts, log, [how.stated[f"{of}_scale"] for of in ("length", "turn")], how)
+    displaced = log.odometry_kind == "displacement"
+    parameters = ("sigma_move",) if displaced else ("sigma_v", "sigma_omega")
+    sigmas = [how.stated[name] or sigma for name, sigma in zip(parameters, fitted_sigmas, strict=True)]
+    motion: Motion = Displacement(sigmas[0], how.tick) if displaced else Unicycle(sigmas[0], sigmas[1], how.tick)
+    by_robot = {robot: scales[i].tolist() for i, robot in enumerate(log.robots)}
+    notes: dict[str, Any] = {"odometry_scales": by_robot} | dict(zip(parameters, sigmas, strict=True))
     sensors: dict[str, Sensor] = {}
     bias: dict[Channel, Array] = {}
     for channel in log.readings:
@@ -509,30 +455,16 @@ def team_models(log: TeamLog, parts: Sequence[FitPart], how: FitSettings) -> Tea
     return TeamModels(motion, sensors, scales, bias, {"fitted_on": names, **notes})
 
 
-def _motion(log: TeamLog, parts: Sequence[FitPart], how: FitSettings) -> tuple[Motion, Array, dict[str, Any]]:
-    stated = how.stated["length_scale"], how.stated["turn_scale"]
-    scales, fitted = fit_odometry(parts, log.robots, log.odometry_kind, stated, how.tick, how.gaps, how.robust)
-    displaced = log.odometry_kind == "displacement"
-    names = ("sigma_move",) if displaced else ("sigma_v", "sigma_omega")
-    sigmas = {name: how.stated[name] or sigma for name, sigma in zip(names, fitted, strict=True)}
-    motion: Motion = (
-        Unicycle(sigmas["sigma_v"], sigmas["sigma_omega"], how.tick)
-        if not displaced
-        else Displacement(sigmas["sigma_move"], how.tick)
-    )
-    by_robot = {robot: scales[i].tolist() for i, robot in enumerate(log.robots)}
-    return motion, scales, {"odometry_scales": by_robot, **sigmas}
-
-
 def _range_model(
     log: TeamLog, channel: Channel, found: Residuals, how: FitSettings, prefix: str
 ) -> tuple[Range, Array, dict[str, Any]]:
     """Sensor, bias (n, others) [m] and notes; of raw ranges sigma is about zero, so that it contains the bias."""
-    fitted = fit_range(found, 0.0 if how.bias == "none" else how.stated[f"{prefix}range_bias"], how.robust)
-    sigma = how.sigma(f"{prefix}range_sigma", fitted.sigma, fitted.memory)
+    stated = 0.0 if how.bias == "none" else how.stated[f"{prefix}range_bias"]
+    by_link, common, fitted, memory = fit_range(found, stated, how.robust)
+    sigma = how.sigma(f"{prefix}range_sigma", fitted, memory)
     mutual, n, others = channel == "range", len(log.robots), other_names(log, channel)
-    table = np.full((n, len(others)), fitted.common)
-    for link, bias in fitted.bias.items():
+    table = np.full((n, len(others)), common)
+    for link, bias in by_link.items():
         i, j = divmod(link, max(n, len(others)))
         table[i, j] = bias
         if mutual:
@@ -542,7 +474,7 @@ def _range_model(
     notes = {
         f"{prefix}range_sigma": sigma,
         f"{prefix}range_bias": {f"{log.robots[i]} - {others[j]}": float(table[i, j]) for i, j in pairs},
-        f"{prefix}range_lag1": fitted.memory.lag1,
+        f"{prefix}range_lag1": memory.lag1,
         f"{prefix}range_fitted_on": len(found.z),
     }
     return Range(sigma), table, notes
@@ -550,10 +482,15 @@ def _range_model(
 
 def _sighting_model(channel: Channel, found: Residuals, how: FitSettings) -> tuple[Sighting, dict[str, Any]]:
     notes: dict[str, float] = {}
-    for quantity, (sigma, memory) in zip(("range", "bearing"), fit_sighting(found, how.robust), strict=True):
-        name = f"{channel}_sigma_{quantity}"
-        notes[name] = how.sigma(name, sigma, memory)
-        notes[f"{channel}_{quantity}_lag1"] = memory.lag1
+    for quantity, e in (("range", found.z[:, 0] - found.distance), ("bearing", found.z[:, 1])):
+        known, name = np.isfinite(e), f"{channel}_sigma_{quantity}"
+        sigma, remembered = np.nan, Memory()  # where readings or true headings are few
+        if known.sum() >= 3:
+            sigma = max(_sigma(e[known], how.robust), LEAST)
+            some = found._replace(link=found.link[known], tick=found.tick[known])
+            remembered = memory(some, _clip(e[known], sigma, how.robust))
+        notes[name] = how.sigma(name, sigma, remembered)
+        notes[f"{channel}_{quantity}_lag1"] = remembered.lag1
     return Sighting(notes[f"{channel}_sigma_range"], notes[f"{channel}_sigma_bearing"]), notes
 
 

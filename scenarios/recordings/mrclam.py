@@ -31,14 +31,14 @@ from cooploc.scenarios.recordings.team_log import (
     order_series,
     split_channels,
 )
-from cooploc.scenarios.recordings.text_files import Table, read_table, require_unique, require_whole
+from cooploc.scenarios.recordings.text_files import TextTable, read_table, require_unique, require_whole
 from cooploc.scenarios.stream import Air, Stream, Truth
 from cooploc.scenarios.worlds.radio import Positive
 
 BARCODES = "Barcodes.dat"
 
 
-def runs(data: Path, description: TeamDescription) -> dict[str, Path]:
+def find_runs(data: Path, description: TeamDescription) -> dict[str, Path]:
     """Return the data sets in a directory: itself, or each directory in it."""
     if (data / BARCODES).exists():
         return {data.resolve().name: data}
@@ -48,7 +48,7 @@ def runs(data: Path, description: TeamDescription) -> dict[str, Path]:
     return found
 
 
-def read(data: Path, place: Path, name: str, description: TeamDescription | None) -> TeamLog:
+def read_run(data: Path, place: Path, name: str, description: TeamDescription | None) -> TeamLog:
     """Read one data set: robots "1", "2" ..., landmarks by their numbers."""
     if not place.is_dir():
         raise BadInput(f"{place}: there is no such directory; name the one that holds {BARCODES}")
@@ -61,12 +61,12 @@ def read(data: Path, place: Path, name: str, description: TeamDescription | None
     robots, landmarks = (tuple(str(int(k)) for k in of) for of in (range(1, n + 1), surveyed.values[:, 0]))
     names, warnings = (*robots, *landmarks), list[str]()
 
-    def team(kind: str, *columns: str) -> list[Table]:
+    def team(kind: str, *columns: str) -> list[TextTable]:
         tables = [read_table(place / f"Robot{robot}_{kind}.dat", ("time [s]", *columns)) for robot in robots]
         warnings.extend(note for table in tables for note in table.notes)
         return tables
 
-    def series(table: Table, last: bool = False) -> Series:
+    def series(table: TextTable, last: bool = False) -> Series:
         ordered, notes = order_series(table.values[:, 0], table.values[:, 1:], str(table.path), last)
         warnings.extend(notes)
         return ordered
@@ -84,7 +84,7 @@ def read(data: Path, place: Path, name: str, description: TeamDescription | None
     return TeamLog(name, robots, "velocity", odometry, truth, readings, places, none, (*warnings, *notes))
 
 
-def _columns(barcodes: Table, surveyed: Table, n: int) -> dict[int, int]:
+def _columns(barcodes: TextTable, surveyed: TextTable, n: int) -> dict[int, int]:
     """Barcode -> robot 0..n-1, or n + landmark."""
     for table, column, name in ((barcodes, 0, "subject"), (barcodes, 1, "barcode"), (surveyed, 0, "subject")):
         require_unique(table, column, name)
@@ -131,7 +131,7 @@ class Mrclam(BaseModel):
     @cached_property
     def log(self) -> TeamLog:
         """The data set."""
-        return read(self.data, self.data, self.data.resolve().name, None)
+        return read_run(self.data, self.data, self.data.resolve().name, None)
 
     def world(self) -> World:
         """Return what the team knows: landmarks, and assumed models of motion and camera."""

@@ -117,24 +117,24 @@ def _add(graph: Graph, line: int, fields: list[str]) -> Fault | None:
     if tag == "VERTEX_XY" and len(fields) == 5:  # with a time
         total, numbers = 5, (3, 4)
     if len(fields) != total:
-        return Fault(line, f"{tag} has {len(fields)} fields, not {total}", "with another number of fields")
+        return line, f"{tag} has {len(fields)} fields, not {total}"
     values = tuple(parse_number(fields[i]) for i in numbers)
     for i, value in zip(numbers, values, strict=True):
         if not abs(value) <= LARGEST:
-            return Fault(line, f"{fields[i]!r} is not a number", "without a number")
+            return line, f"{fields[i]!r} is not a number"
     if tag.startswith("EDGE"):
         edges = {"EDGE_SE2": graph.relative, "EDGE_SE2_XY": graph.seen, "EDGE_RANGE": graph.ranges}[tag]
         edges.append(Edge(line, fields[2], fields[3], values))
         return None
     name = fields[numbers[-2] - 1] if tag == "VERTEX_XY" else fields[2]
     if name in graph.poses or name in graph.places:
-        return Fault(line, f"vertex {name!r} was given before", "of vertices that were given before")
+        return line, f"vertex {name!r} was given before"
     if tag == "VERTEX_XY":
         graph.places[name] = values
         return None
     match = POSE_NAME.fullmatch(name)
     if not match:
-        return Fault(line, f"pose {name!r} is not a letter and a number, like A0", "of poses with other names")
+        return line, f"pose {name!r} is not a letter and a number, like A0"
     graph.poses[name] = Pose(match[1], int(match[2]), values[0], values[1:])
     return None
 
@@ -145,12 +145,12 @@ def _drop_loose_edges(graph: Graph) -> list[Fault]:
         e._replace(first=e.second, second=e.first) if e.first in graph.places else e for e in graph.ranges
     ]
     of_poses, of_places, of_all = graph.poses, graph.places, graph.poses | graph.places
-    faults = []
+    faults: list[Fault] = []
     for edges, seconds in ((graph.relative, of_poses), (graph.seen, of_places), (graph.ranges, of_all)):
         for edge in edges:
             lost = [name for name, known in ((edge.first, of_poses), (edge.second, seconds)) if name not in known]
-            faults += [Fault(edge.line, f"there is no vertex {name!r}", "of lost vertices") for name in lost[:1]]
-        loose = {fault.line for fault in faults}
+            faults += [(edge.line, f"there is no vertex {name!r}") for name in lost[:1]]
+        loose = {line for line, _ in faults}
         edges[:] = [edge for edge in edges if edge.line not in loose]
     return faults
 
@@ -160,7 +160,7 @@ def _drop_loose_edges(graph: Graph) -> list[Fault]:
 Chain = Sequence[str]  # the poses of a robot, by time
 
 
-def runs(data: Path, description: TeamDescription) -> dict[str, Path]:
+def find_runs(data: Path, description: TeamDescription) -> dict[str, Path]:
     """Return the files *.pyfg in a directory, or a file by itself."""
     found = {path.stem: path for path in (sorted(data.glob("*.pyfg")) if data.is_dir() else [data])}
     if not found:
@@ -168,14 +168,9 @@ def runs(data: Path, description: TeamDescription) -> dict[str, Path]:
     return found
 
 
-def read(data: Path, place: Path, name: str, description: TeamDescription) -> TeamLog:
-    """Read one of them; a PyFG file leaves nothing for the description to say."""
-    return read_pyfg(place)._replace(name=name)
-
-
-def read_pyfg(path: Path) -> TeamLog:
-    """Read one file as one recording."""
-    graph = read_graph(path)
+def read_run(data: Path, place: Path, name: str, description: TeamDescription) -> TeamLog:
+    """Read one file as one recording; it leaves nothing for the description to say."""
+    graph = read_graph(place)
     chains = _chains(graph)
     following = {pair for chain in chains.values() for pair in pairwise(chain)}
     steps = {(e.first, e.second): e.values for e in graph.relative if (e.first, e.second) in following}
@@ -190,7 +185,7 @@ def read_pyfg(path: Path) -> TeamLog:
         channels, notes = split_channels(cast(Kind, kind), [measured], robots, places.names)
         readings |= channels
         graph.warnings.extend(notes)
-    return TeamLog(path.stem, robots, "pose", odometry, truth, readings, landmarks, anchors, tuple(graph.warnings))
+    return TeamLog(name, robots, "pose", odometry, truth, readings, landmarks, anchors, tuple(graph.warnings))
 
 
 def _chains(graph: Graph) -> Mapping[str, Chain]:

@@ -56,14 +56,16 @@ class Reader(NamedTuple):
     offsets added and the declared frame undone; a sentence for all that is left out is in its warnings.
     """
 
-    runs: Callable[[Path, TeamDescription], Mapping[str, Path]]  # (data, description) -> {name: place}, sorted by name
-    read: Callable[[Path, Path, str, TeamDescription], TeamLog]  # (data, place, name, description)
+    find_runs: Callable[
+        [Path, TeamDescription], Mapping[str, Path]
+    ]  # (data, description) -> {name: place}, sorted by name
+    read_run: Callable[[Path, Path, str, TeamDescription], TeamLog]  # (data, place, name, description)
 
 
 def reader(form: str) -> Reader:
     """Return the reader of a format, imported when it is needed. Raises BadInput where that fails."""
     module = f"{__package__}.{MODULES[form]}"
-    return Reader(*(load_object(f"{module}:{name}", f"the reader of {form} recordings") for name in ("runs", "read")))
+    return Reader(*(load_object(f"{module}:{name}", f"the reader of {form} recordings") for name in Reader._fields))
 
 
 class TeamFolder:
@@ -76,7 +78,7 @@ class TeamFolder:
         self.description = description or schema.load(data / NAME)
         self.data = data / self.description.recordings
         self._reader = reader(self.description.format)
-        self.places = self._reader.runs(self.data, self.description)
+        self.places = self._reader.find_runs(self.data, self.description)
         if ALL in self.places:
             raise BadInput(f"{self.places[ALL]}: a run cannot be named {ALL!r}, the name is taken; rename it")
         self._logs: dict[str, TeamLog] = {}
@@ -86,7 +88,7 @@ class TeamFolder:
         if name not in self.places:
             raise BadInput(f"{self.data}: there is no run {name!r}; {nearest(name, [ALL, *self.places])}")
         if name not in self._logs:
-            self._logs[name] = self._reader.read(self.data, self.places[name], name, self.description)
+            self._logs[name] = self._reader.read_run(self.data, self.places[name], name, self.description)
         return self._logs[name]
 
     @cached_property

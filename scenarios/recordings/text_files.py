@@ -22,7 +22,7 @@ MAX_STEP_BACK = 0.5  # [s] stamps that step back by less (MRCLAM 9: by 0.1 s) ar
 LEAST_LEFT = 0.1  # share of the lines of a file that must be readable
 
 
-class Table(NamedTuple):
+class TextTable(NamedTuple):
     """Some columns of a file, and the lines that they are on."""
 
     path: Path
@@ -64,37 +64,22 @@ def parse_number(word: str) -> float:
     return np.inf if abs(number) > LARGEST else number
 
 
-class Fault(NamedTuple):
-    """A line that cannot be read."""
-
-    line: int  # from 1
-    why: str  # "17 fields, not 28"
-    kind: str  # what it has in common with others, for a plural: "with another number of fields"
+Fault = tuple[int, str]  # a line that cannot be read, from 1, and why: "17 fields, not 28"
 
 
 def leave_out(path: Path, faults: Sequence[Fault], lines: int) -> tuple[str, ...]:
-    """Return a sentence for each kind of fault: the first line that has it, and how many lines were left out.
-
-    Args:
-        path: the file.
-        faults: its lines that cannot be read.
-        lines: how many lines of data it has, with those.
-    """
+    """Return a sentence on the lines that are left out, if any, of so many; refuse a file with too few others."""
+    if not faults:
+        return ()
+    (line, why), more = faults[0], len(faults) - 1
     if len(faults) > (1 - LEAST_LEFT) * lines:
-        first = faults[0]
-        many = f"{len(faults)} of {lines} lines are like it" if len(faults) > 1 else "it has no other line"
-        raise BadInput(f"{path}, line {first.line}: {first.why}; {many}: correct them, or get the file again")
-    kinds: dict[str, list[Fault]] = {}
-    for fault in faults:
-        kinds.setdefault(fault.kind, []).append(fault)
-    return tuple(
-        f"{path}, line {same[0].line}: {same[0].why}; "
-        + ("it was left out" if len(same) == 1 else f"{len(same)} lines {kind} were left out")
-        for kind, same in kinds.items()
-    )
+        many = f"{len(faults)} of {lines} lines are like it" if more else "it has no other line"
+        raise BadInput(f"{path}, line {line}: {why}; {many}: correct them, or get the file again")
+    others = f", and {count_of(more, 'other line')} with it" if more else ""
+    return (f"{path}, line {line}: {why}; it was left out{others}",)
 
 
-def read_table(path: Path, columns: Sequence[str], strict: bool = False) -> Table:
+def read_table(path: Path, columns: Sequence[str], strict: bool = False) -> TextTable:
     """Read numbers separated by blanks, one for each of `columns` in a line; what follows a # is a comment."""
     lines = [line.partition("#")[0] for line in read_text(path, "ascii").split("\n")]
     rows = [(i, line) for i, line in enumerate(lines, 1) if line and not line.isspace()]
@@ -107,21 +92,20 @@ def read_table(path: Path, columns: Sequence[str], strict: bool = False) -> Tabl
     except ValueError:
         faults = [fault for i, line in rows if (fault := _fault(i, line.split(), columns))]
         if faults and strict:
-            raise BadInput(f"{path}, line {faults[0].line}: {faults[0].why}; correct or remove the line") from None
-        notes, bad = leave_out(path, faults, len(rows)), {fault.line for fault in faults}
+            raise BadInput(f"{path}, line {faults[0][0]}: {faults[0][1]}; correct or remove the line") from None
+        notes, bad = leave_out(path, faults, len(rows)), {line for line, _ in faults}
         rows = [(i, line) for i, line in rows if i not in bad]
         values = np.array([[float(word) for word in line.split()] for _, line in rows])
-        return Table(path, values, np.array([i for i, _ in rows], np.int64), notes=notes)
-    return Table(path, values, np.array([i for i, _ in rows], np.int64))
+        return TextTable(path, values, np.array([i for i, _ in rows], np.int64), notes=notes)
+    return TextTable(path, values, np.array([i for i, _ in rows], np.int64))
 
 
 def _fault(line: int, words: Sequence[str], columns: Sequence[str]) -> Fault | None:
     if len(words) != len(columns):
-        why = f"{len(words)} columns, not {len(columns)} ({', '.join(columns)})"
-        return Fault(line, why, "with another number of columns")
+        return line, f"{len(words)} columns, not {len(columns)} ({', '.join(columns)})"
     for word, name in zip(words, columns, strict=True):
         if not np.isfinite(parse_number(word)):
-            return Fault(line, f"{name} is {word!r}, which is not a number", "without a number")
+            return line, f"{name} is {word!r}, which is not a number"
     return None
 
 
@@ -164,7 +148,7 @@ def longest_rise(stamps: Array) -> Indices:
     return np.array(kept[::-1], np.int64)
 
 
-def require_whole(table: Table, column: int, name: str) -> None:
+def require_whole(table: TextTable, column: int, name: str) -> None:
     """Refuse a column with a number that is not whole."""
     bad = table.values[:, column] != np.rint(table.values[:, column])
     if bad.any():
@@ -172,7 +156,7 @@ def require_whole(table: Table, column: int, name: str) -> None:
         raise BadInput(f"{table.at(row)}: {name} {table.values[row, column]:g} is not a whole number; correct the line")
 
 
-def require_unique(table: Table, column: int, name: str) -> None:
+def require_unique(table: TextTable, column: int, name: str) -> None:
     """Refuse a column with a number that is not whole, or is there twice."""
     require_whole(table, column, name)
     _, first = np.unique(table.values[:, column], return_index=True)
@@ -187,7 +171,7 @@ def require_unique(table: Table, column: int, name: str) -> None:
 # ---- CSV files, their columns by name
 
 
-def read_lines(path: Path, numbers: Sequence[str], names: Sequence[str], delimiter: str) -> Table:
+def read_lines(path: Path, numbers: Sequence[str], names: Sequence[str], delimiter: str) -> TextTable:
     """Read columns by their names in the first line, as numbers or as text.
 
     Lines with another number of fields are left out; a field that is not a number counts as empty. So is a last line
@@ -198,28 +182,24 @@ def read_lines(path: Path, numbers: Sequence[str], names: Sequence[str], delimit
     first, head = content.pop(0) if content else (1, [])
     of_numbers = [find_column(path, first, head, name) for name in numbers]
     of_names = [find_column(path, first, head, name) for name in names]
-    faults = [
-        Fault(line, f"{len(fields)} fields, not {len(head)}", "with another number of fields")
-        for line, fields in content
-        if len(fields) != len(head)
-    ]
+    faults = [(line, f"{len(fields)} fields, not {len(head)}") for line, fields in content if len(fields) != len(head)]
     if content and not text.endswith("\n") and len(content[-1][1]) == len(head) and len(head) - 1 in of_numbers:
-        faults.append(Fault(content[-1][0], "the last line has no end and may be cut off", ""))
-    notes, bad = leave_out(path, faults, len(content)), {fault.line for fault in faults}
+        faults.append((content[-1][0], "the last line has no end and may be cut off"))
+    notes, bad = leave_out(path, faults, len(content)), {line for line, _ in faults}
     content = [(line, fields) for line, fields in content if line not in bad]
-    words = [Fault(line, f"{head[i]} is {fields[i]!r}, which is not a number", head[i])
-             for line, fields in content for i in of_numbers if np.isinf(parse_field(fields[i]))]  # fmt: skip
-    for name in dict.fromkeys(word.kind for word in words):
-        same = [word for word in words if word.kind == name]
-        if len(same) > (1 - LEAST_LEFT) * len(content):
-            raise BadInput(f"{path}, line {same[0].line}: {same[0].why}; name another column in log.toml")
-        many = "it counts as empty" if len(same) == 1 else f"{len(same)} such fields count as empty"
-        notes += (f"{path}, line {same[0].line}: {same[0].why}; {many}",)
+    for i in of_numbers:
+        same = [(line, fields[i]) for line, fields in content if np.isinf(parse_field(fields[i]))]
+        if same:
+            where = f"{path}, line {same[0][0]}: {head[i]} is {same[0][1]!r}, which is not a number"
+            if len(same) > (1 - LEAST_LEFT) * len(content):
+                raise BadInput(f"{where}; name another column in log.toml")
+            many = "it counts as empty" if len(same) == 1 else f"{len(same)} such fields count as empty"
+            notes += (f"{where}; {many}",)
     values = [[parse_field(fields[i]) for i in of_numbers] for _, fields in content]
     rows = np.array(values, float).reshape(-1, len(of_numbers))
     rows[np.isinf(rows)] = np.nan
     texts = [tuple(fields[i] for i in of_names) for _, fields in content]
-    return Table(path, rows, np.array([line for line, _ in content], np.int64), texts, notes)
+    return TextTable(path, rows, np.array([line for line, _ in content], np.int64), texts, notes)
 
 
 def fields_of(path: Path, text: str, delimiter: str) -> Iterator[tuple[int, list[str]]]:

@@ -85,20 +85,20 @@ def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspect
         drafted = {"csv": csv_draft, "bag": bag_draft}
         draft = drafted[form](path) if form in drafted else Draft((Entry("format", form, why),))
         description = schema.parse(home, draft.text())
-    read = reader(description.format)
+    of_format = reader(description.format)
     data = path.parent if path.is_file() and description.format == "bag" else path / description.recordings
-    places = read.runs(data, description)
+    places = of_format.find_runs(data, description)
     name = run or (path.stem if path.stem in places else next(iter(places)))
     if name not in places:
         raise BadInput(f"{path}: there is no run {name!r}; {nearest(name, list(places))}")
-    log = read.read(data, places[name], name, description)
+    log = of_format.read_run(data, places[name], name, description)
     if not stated and description.robots and (robots := common_robots(log)) != log.robots:
         left_out = ", ".join(robot for robot in log.robots if robot not in robots)
         entries = tuple(e._replace(value=list(robots)) if e.key == "robots" else e for e in draft.entries)
         unused = (*draft.unused, f"{left_out}: without truth, or too late or too early for the others")
         draft = draft._replace(entries=entries, unused=unused)
         description = schema.parse(home, draft.text())
-        log = read.read(data, places[name], name, description)
+        log = of_format.read_run(data, places[name], name, description)
     checked = check_recording(log, None if description.arena is None else np.array(description.arena, float))
     findings = tuple(checked.findings)
     if stated:

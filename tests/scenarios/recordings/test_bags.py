@@ -115,9 +115,9 @@ def team(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp(request.param)
     _, written = made_bag(folder, request.param)
     description = described(folder)
-    runs = bags.runs(folder, description)
+    runs = bags.find_runs(folder, description)
     assert list(runs) == ["team"]
-    return bags.read(folder, runs["team"], "team", description), written
+    return bags.read_run(folder, runs["team"], "team", description), written
 
 
 def test_odometry_and_truth_are_those_of_each_robots_topic(team):
@@ -157,19 +157,19 @@ def test_a_topic_that_does_not_fit_is_one_line(tmp_path, old, new, said):
     assert old in DESCRIPTION
     path, _ = made_bag(tmp_path, "mcap")
     with pytest.raises(BadInput, match=said):
-        bags.read(tmp_path, path, "team", described(tmp_path, DESCRIPTION.replace(old, new, 1)))
+        bags.read_run(tmp_path, path, "team", described(tmp_path, DESCRIPTION.replace(old, new, 1)))
 
 
 def test_each_bag_in_a_directory_is_a_run_and_a_directory_of_bags_is_one(tmp_path):
     made_bag(tmp_path, "ros1")
     (tmp_path / "each").mkdir()
     made_bag(tmp_path / "each", "mcap")
-    assert sorted(bags.runs(tmp_path, described(tmp_path))) == ["each", "team"]
+    assert sorted(bags.find_runs(tmp_path, described(tmp_path))) == ["each", "team"]
 
 
 @pytest.mark.skipif(not REAL.exists(), reason="needs ../shared/data/uwb-tiers")
 def test_two_recorded_robots_are_read(tmp_path):
-    log = bags.read(REAL, REAL / "two-robots", "two-robots", described(tmp_path, TWO))
+    log = bags.read_run(REAL, REAL / "two-robots", "two-robots", described(tmp_path, TWO))
     assert [len(series.time) for series in log.odometry] == [848, 851]
     assert [len(series.time) for series in log.truth] == [5431, 5431]
     assert len(log.readings["range"].time) == 3437

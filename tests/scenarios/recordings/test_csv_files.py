@@ -30,8 +30,8 @@ def lab(sound, tmp_path):
 def read(folder, *changes):
     describe(folder, *changes)
     description = schema.load(folder / "log.toml")
-    ((name, place),) = csv_files.runs(folder, description).items()
-    return csv_files.read(folder, place, name, description)
+    ((name, place),) = csv_files.find_runs(folder, description).items()
+    return csv_files.read_run(folder, place, name, description)
 
 
 def same(a, b):
@@ -163,8 +163,8 @@ def test_directories_are_runs(sound, tmp_path):
         for file in sound[0].glob("*.csv"):
             (folder / name / file.name).write_bytes(file.read_bytes())
     description = schema.load(folder / "log.toml")
-    assert list(csv_files.runs(folder, description)) == ["first", "second"]
-    assert csv_files.read(folder, folder / "second", "second", description).truth[0].time[0] > EPOCH
+    assert list(csv_files.find_runs(folder, description)) == ["first", "second"]
+    assert csv_files.read_run(folder, folder / "second", "second", description).truth[0].time[0] > EPOCH
 
 
 def test_a_strict_run_refuses_what_another_reads_around(lab, tmp_path):

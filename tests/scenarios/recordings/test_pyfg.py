@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cooploc.estimators.errors import BadInput
-from cooploc.scenarios.recordings.pyfg import read_pyfg
+from cooploc.scenarios.recordings import pyfg
 
 COV = "0.01 0 0 0.01 0 0.001"
 GRAPH = f"""\
@@ -27,14 +27,14 @@ EDGE_RANGE 10.0 L0 A0 2.2 0.04
 """
 
 
-def written(folder, text=GRAPH):
+def read_graph(folder, text=GRAPH):
     path = folder / "graph.pyfg"
     path.write_text(text)
-    return path
+    return pyfg.read_run(folder, path, "graph", None)
 
 
 def test_the_vertices_are_robots_their_truth_and_places(tmp_path):
-    log = read_pyfg(written(tmp_path))
+    log = read_graph(tmp_path)
     assert log.robots == ("A", "B")
     np.testing.assert_allclose(log.truth[0].time, [10, 11, 12])
     np.testing.assert_allclose(log.truth[0].values, [[1, 2, np.pi / 2], [1, 3, np.pi], [0, 3, np.pi]])
@@ -44,13 +44,13 @@ def test_the_vertices_are_robots_their_truth_and_places(tmp_path):
 
 
 def test_relative_poses_compose_to_odometry_from_the_origin(tmp_path):
-    log = read_pyfg(written(tmp_path))
+    log = read_graph(tmp_path)
     assert log.odometry_kind == "pose"
     np.testing.assert_allclose(log.odometry[0].values, [[0, 0, 0], [1, 0, np.pi / 2], [1, 1, np.pi / 2]], atol=1e-12)
 
 
 def test_edges_are_readings_of_mates_anchors_and_landmarks(tmp_path):
-    readings = read_pyfg(written(tmp_path)).readings
+    readings = read_graph(tmp_path).readings
     assert [readings["range"][i].tolist() for i in range(4)] == [[12.0], [0], [1], [[6.3]]]
     assert [readings["anchor_range"][i].tolist() for i in range(4)] == [[10.0], [0], [0], [[2.2]]]
     np.testing.assert_allclose(readings["landmark"].values, [[3, np.pi / 2]])
@@ -59,7 +59,7 @@ def test_edges_are_readings_of_mates_anchors_and_landmarks(tmp_path):
 
 
 def test_of_odometry_with_a_missing_step_the_longest_stretch_is_read(tmp_path):
-    log = read_pyfg(written(tmp_path, GRAPH.replace(f"EDGE_SE2 11.0 A0 A1 1.0 0.0 1.5707963267948966 {COV}\n", "")))
+    log = read_graph(tmp_path, (GRAPH.replace(f"EDGE_SE2 11.0 A0 A1 1.0 0.0 1.5707963267948966 {COV}\n", "")))
     assert log.odometry[0].time.tolist() == [11, 12]
     np.testing.assert_allclose(log.odometry[0].values, [[0, 0, 0], [1, 0, 0]])
     assert any("robot A lacks 1 steps of odometry; it is read from A1 to A2" in warning for warning in log.warnings)
@@ -67,7 +67,7 @@ def test_of_odometry_with_a_missing_step_the_longest_stretch_is_read(tmp_path):
 
 def test_a_graph_of_three_dimensions_is_refused(tmp_path):
     with pytest.raises(BadInput, match="three dimensions"):
-        read_pyfg(written(tmp_path, GRAPH.replace("VERTEX_XY L0 0.0 0.0", "VERTEX_XYZ L0 0.0 0.0 0.0")))
+        read_graph(tmp_path, (GRAPH.replace("VERTEX_XY L0 0.0 0.0", "VERTEX_XYZ L0 0.0 0.0 0.0")))
 
 
 @pytest.mark.parametrize(
@@ -84,5 +84,5 @@ def test_a_graph_of_three_dimensions_is_refused(tmp_path):
 )
 def test_a_bad_line_is_left_out_and_said(tmp_path, old, new, said):
     assert old in GRAPH
-    warnings = read_pyfg(written(tmp_path, GRAPH.replace(old, new, 1))).warnings
+    warnings = read_graph(tmp_path, (GRAPH.replace(old, new, 1))).warnings
     assert any(said in warning for warning in warnings), warnings

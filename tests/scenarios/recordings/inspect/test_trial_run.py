@@ -79,7 +79,7 @@ def assert_the_draft_runs(folder, out, change, monkeypatch):
 
     def cut_reader(form):
         found = reader(form)
-        return found._replace(read=lambda *args: changed(found.read(*args), change))
+        return found._replace(read_run=lambda *args: changed(found.read_run(*args), change))
 
     for module in (scenario, inspection):
         monkeypatch.setattr(module, "reader", cut_reader)
