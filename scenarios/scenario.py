@@ -13,9 +13,11 @@ The shipped models refuse short ranges themselves, so estimates are the same whe
 bytes that a centralised estimator uploads are fewer.
 """
 
+import os
 import re
 import reprlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from operator import index
@@ -29,7 +31,6 @@ from cooploc.estimators.adapters import drop_short
 from cooploc.estimators.errors import BadInput, first_reason, nearest
 from cooploc.estimators.interface import TEAM_PRIOR, Array, World
 from cooploc.estimators.registry import load_object
-from cooploc.scenarios.memory import require_memory
 from cooploc.scenarios.stream import Stream, Truth
 
 
@@ -137,6 +138,9 @@ def _team_priors(stream: Stream) -> Array:
 
 
 MOST_TRIALS = 1_000_000  # of one call
+# Bytes per tick and pair of robots (measured): of every trial, of one trial alone, which is not copied, and more while
+# one is drawn.
+KEPT, ALONE, DRAWN = 34, 28, 80
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,9 +216,23 @@ class ResolvedScenario:
         """
         numbers, seed = _trial_numbers(trials), _whole_number(seed, "seed")
         model = self._model_of(numbers)
-        require_memory(self.label, self.robots, self.ticks, len(numbers), getattr(model, "at_once", None))
+        self.require_memory(len(numbers))
         world = self._assume(model.world(), numbers) if self.assumed else model.world()
         return self.options.apply(*model.simulate(self.label, numbers, seed, world))
+
+    def require_memory(self, trials: int) -> None:
+        """Refuse so many trials at once of a simulation, if this machine or container has not the memory for them."""
+        at_once = getattr(self.model, "at_once", None)  # ticks that are drawn together
+        kept = ALONE if trials == 1 and at_once else KEPT * trials
+        needed = self.robots**2 * (self.ticks * kept + (at_once or self.ticks) * DRAWN)
+        there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+        with suppress(OSError, ValueError):  # no container, or one without a limit
+            there = min(there, int(Path("/sys/fs/cgroup/memory.max").read_text()))
+        if needed > there:
+            raise BadInput(
+                f"scenario {self.label!r} takes about {needed / 1e9:.3g} GB of memory ({trials} trials of {self.ticks} "
+                f"ticks and {self.robots} robots), and this machine has {there / 1e9:.3g} GB: take fewer"
+            )
 
     def _model_of(self, trials: Sequence[int]) -> Scenario:
         """Return the model of these trials; each recording of several has its own."""

@@ -131,7 +131,8 @@ def _try_labels(scenario: str, data: Path | None, estimators: list[str], seed: i
 
 
 def _first_tick(scenario: ResolvedScenario, seed: int) -> Stream:
-    """Return the first tick of a scenario, under the name of the whole."""
+    """Return the first tick of a scenario, under the name of the whole; one trial of it must fit into memory."""
+    scenario.require_memory(trials=1)
     _, stream = scenario.first_tick().simulate(1, seed)
     return replace(stream, scenario=scenario.label)
 

@@ -16,20 +16,20 @@ from cooploc.scenarios.studies.study import Study, load, resolve_study
 REAL = [name for name in names() if name != "cvxpy"]
 
 
-def words(text):
+def one_of(text):
     return st.sampled_from(["", *text.split()])
 
 
-NAMES = st.one_of(st.sampled_from([*REAL, " ", "=1+1", "\x1b[2J"]), words("arll x.py ../x.py:Name"))
-KEYS = words("particles gate M K window iterations decay lost alpha uses api")
-STRANGE = words("nan inf -inf 1e308 1e-308 -0 0x10 1_0 ٣ true [] {1..3} '")
+NAMES = st.one_of(st.sampled_from([*REAL, " ", "=1+1", "\x1b[2J"]), one_of("arll x.py ../x.py:Name"))
+KEYS = one_of("particles gate M K window iterations decay lost alpha uses api")
+STRANGE = one_of("nan inf -inf 1e308 1e-308 -0 0x10 1_0 ٣ true [] {1..3} '")
 NUMBERS = st.one_of(st.integers(-5, 10**13).map(str), st.floats().map(str), STRANGE)
 TEXT = st.text(max_size=20)
 JUNK = st.text("[]{},=./;: \t\n\\\"'0123456789abc\x1b\u202e", max_size=30)
 OPTIONS = st.lists(st.tuples(st.one_of(KEYS, TEXT), NUMBERS).map("=".join), max_size=4).map(",".join)
 LABELS = st.one_of(st.builds("{}[{}]".format, NAMES, OPTIONS), NAMES, JUNK, TEXT)
-SWEPT = words("n drop a sd bias r samples robots ticks side rate walls radio_range shadowing")
-FAMILIES = words("robots-1-3 scalability packet-drop nlos camera arena-60m mrclam log")
+SWEPT = one_of("n drop a sd bias r samples robots ticks side rate walls radio_range shadowing")
+FAMILIES = one_of("robots-1-3 scalability packet-drop nlos camera arena-60m mrclam log")
 SCENARIOS = st.one_of(
     st.builds("{}/{}={}".format, FAMILIES, SWEPT, NUMBERS),
     st.builds("{}[{}={}]".format, FAMILIES, SWEPT, NUMBERS),
@@ -96,7 +96,7 @@ def written(value):
 
 
 @pytest.mark.parametrize(
-    ("asked", "said"),
+    ("asked", "words"),
     [
         ({"scenarios": ["robots-1-3/n={1..1e9}"]}, "1000000000 values, and at most 10000"),
         ({"scenarios": ["nlos/n={1..200}[ticks={1..200}]"]}, "40000 labels, and at most 10000"),
@@ -112,9 +112,9 @@ def written(value):
         ({"time_limit": True}, "time_limit: .*not True"),
     ],
 )
-def test_what_is_too_large_is_refused_at_once_with_the_number_and_the_limit(tmp_path, asked, said):
+def test_what_is_too_large_is_refused_at_once_with_the_number_and_the_limit(tmp_path, asked, words):
     (tmp_path / "large.toml").write_text(toml({**SOUND, **asked}))
-    with in_time(), pytest.raises(BadInput, match=said):
+    with in_time(), pytest.raises(BadInput, match=words):
         run_study(tmp_path / "large.toml", out=tmp_path / "run")
     assert not (tmp_path / "run").exists()
 
