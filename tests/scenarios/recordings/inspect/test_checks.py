@@ -6,7 +6,7 @@ import pytest
 import cooploc as cl
 from cooploc.scenarios.recordings.inspect.checks import check_recording
 from cooploc.scenarios.recordings.inspect.inspection import count_measurements, series_rows
-from cooploc.scenarios.recordings.inspect.motion import dead_reckoned, robust_slope
+from cooploc.scenarios.recordings.inspect.motion import dead_reckoned
 from cooploc.scenarios.recordings.team_log import Places, Readings, Series, TeamLog
 
 WORLDS = {"camera": 600, "no-compass": 300, "trajectory": 300}  # family -> ticks
@@ -15,43 +15,32 @@ WORLDS = {"camera": 600, "no-compass": 300, "trajectory": 300}  # family -> tick
 def team_log(family, seed, ticks=None):
     """A clean recording of a simulated team."""
     truth, stream = cl.simulate(f"{family}[ticks={ticks or WORLDS[family]}]", trials=1, seed=seed)
-    n, t, senses, air = stream.robots, stream.time, stream.senses, stream.air
+    n, t, senses, air, world = stream.robots, stream.time, stream.senses, stream.air, stream.world
     robots = tuple(f"r{i}" for i in range(n))
     compass = truth.x.shape[-1] == 2
-    begin = t if compass else t - stream.world.tick  # a displacement is since the line before, a speed until the next
+    begin = t if compass else t - world.tick  # a displacement is since the line before, a speed until the next
     poses = np.full((len(t), n, 3), np.nan)
     poses[:, :, : truth.x.shape[-1]] = truth.x[0]
-    channels = {
-        "landmark": senses.landmark[0],
-        "sighting": senses.sighting[0],
-        "anchor_rssi": senses.anchor_rssi[0][..., None],
-        "range": air.range[0][..., None] if air.range.shape[-1] else air.range[0],
-        "rssi": air.rssi[0][..., None] if air.rssi.shape[-1] else air.rssi[0],
-    }
-    found = {name: _readings(t, values, name) for name, values in channels.items()}
+    channels = {"landmark": senses.landmark[0], "sighting": senses.sighting[0]}
+    channels |= {"anchor_rssi": senses.anchor_rssi[0][..., None], "range": air.range[0][..., None]}
+    channels |= {"rssi": air.rssi[0][..., None]}
+    readings = {}
+    for name, values in channels.items():
+        if values.size:
+            tick, robot, other = np.nonzero(np.isfinite(values[..., 0]))
+            readings[name] = Readings(t[tick], robot, other, values[tick, robot, other], name)
+    places = [np.asarray(p, float).reshape(-1, 2) for p in (world.landmarks, world.anchors)]
+    landmarks, anchors = (Places(tuple(f"{a}{k}" for k in range(len(p))), p) for a, p in zip("LA", places, strict=True))
     return TeamLog(
         name="simulated",
         robots=robots,
         odometry_kind="displacement" if compass else "velocity",
         odometry=tuple(Series(begin, senses.odometry[0][:, i], f"odom_{r}") for i, r in enumerate(robots)),
         truth=tuple(Series(t, poses[:, i], f"truth_{r}") for i, r in enumerate(robots)),
-        readings={name: readings for name, readings in found.items() if readings is not None},
-        landmarks=_places(stream.world.landmarks, "L"),
-        anchors=_places(stream.world.anchors, "A"),
+        readings=readings,
+        landmarks=landmarks,
+        anchors=anchors,
     )
-
-
-def _readings(t, values, source):
-    """Readings (T, n, m, k) that are not nan, in order of time."""
-    if values.ndim < 4 or not values.size:
-        return None
-    tick, robot, other = np.nonzero(np.isfinite(values[..., 0]))
-    return Readings(t[tick], robot, other, values[tick, robot, other], source)
-
-
-def _places(positions, letter):
-    positions = np.asarray(positions, float).reshape(-1, 2)
-    return Places(tuple(f"{letter}{k + 1}" for k in range(len(positions))), positions)
 
 
 def series(table, robot, change):
@@ -188,15 +177,11 @@ def test_a_fault_that_needs_many_readings_is_found_in_most_teams(name):
     assert np.mean(found) > 0.5
 
 
-def test_the_offset_of_a_clock_is_what_it_was_shifted_by():
-    log = series("truth", 1, lambda t, v: (t + 12.5, v))(team_log("no-compass", 3))
-    setting = next(f.setting for f in findings(log) if f.kind == "clock")
-    assert float(setting.split("= ")[1].split(";")[0]) == pytest.approx(-12.5, abs=0.5)
-
-
-def test_stamps_without_a_time_in_common_are_a_clock():
-    log = series("truth", 1, lambda t, v: (t + 1.7e9, v))(team_log("no-compass", 3))
-    assert [(f.kind, f.robot) for f in findings(log)] == [("clock", "r1")]
+@pytest.mark.parametrize("shift", [12.5, 1.7e9])  # the latter leaves no time in common
+def test_the_offset_of_a_clock_is_what_it_was_shifted_by(shift):
+    found = findings(series("truth", 1, lambda t, v: (t + shift, v))(team_log("no-compass", 3)))
+    assert [(f.kind, f.robot) for f in found] == [("clock", "r1")]
+    assert float(found[0].setting.split("= ")[1].split(";")[0]) == pytest.approx(-shift, abs=0.5)
 
 
 def test_the_corrected_recording_is_the_clean_one_and_the_original_is_not_changed():
@@ -217,15 +202,6 @@ def test_a_robot_without_truth_and_one_that_stands_are_no_findings():
 def test_an_arena_that_is_stated_holds_the_truth():
     found = check_recording(team_log("camera", 1), np.array([[0.0, 0.0], [4.0, 4.0]])).findings
     assert {f.kind for f in found} == {"outside"}
-
-
-def test_half_of_the_samples_may_be_wrong_for_a_slope(rng):
-    x = rng.normal(0, 1, 400)
-    y = 3 * x + rng.normal(0, 0.1, 400)
-    y[:160] = rng.normal(0, 100, 160)
-    b, error = robust_slope(x, y)
-    assert b == pytest.approx(3, abs=0.1)
-    assert 0 < error < 0.1
 
 
 def test_dead_reckoning_without_noise_is_the_truth():
