@@ -10,7 +10,7 @@ from matplotlib.backends.backend_pdf import PdfPages
 import cooploc as cl
 from cooploc.analysis.claims import multiverse
 from cooploc.analysis.claims.interpretations import Dimensions, design
-from cooploc.analysis.claims.kinds import claimed_size
+from cooploc.analysis.claims.kinds import size_as_change
 from cooploc.analysis.claims.ledger import load
 from cooploc.analysis.claims.verdicts import DECIDED
 from cooploc.analysis.metrics import statistics
@@ -61,7 +61,7 @@ def stored_readings() -> pd.DataFrame:
     words = ["than", "definition", *load().dimensions]
     table[words] = table[words].astype("object").fillna("")
     cases = zip(table["claim"], table["definition"], strict=True)
-    sizes = [claimed_size(claims[one], definition) for one, definition in cases]
+    sizes = [size_as_change(claims[one].size, definition) for one, definition in cases]
     says, kind = ([getattr(claims[one], name) for one in table["claim"]] for name in ("says", "kind"))
     return table.assign(says=says, kind=kind, size=sizes)
 

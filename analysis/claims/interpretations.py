@@ -57,9 +57,7 @@ class Dimension(LedgerTable):
 
 Dimensions = Mapping[str, Dimension]
 Interpretation = dict[str, str]  # dimension -> choice
-Row = dict[int, int]  # the same by their numbers
 Pair = tuple[tuple[int, int], tuple[int, int]]  # two choices: number of the dimension, number of the choice in it
-Off = list[list[list[int]]]  # dimension, choice -> dimensions that it settles
 
 
 # ---- the design
@@ -109,29 +107,28 @@ def covering(dimensions: Dimensions, seed: int = 0) -> list[Interpretation]:
         for x, y in product(range(len(levels[a])), range(len(levels[b])))
         if b not in off[a][x] and a not in off[b][y]
     }
+
+    def pairs(row: dict[int, int]) -> set[Pair]:
+        """Return the pairs of choices that stand in a row, without dimensions that others settle."""
+        without = {name for k, x in row.items() for name in off[k][x]}
+        return set(combinations(sorted((k, x) for k, x in row.items() if k not in without), 2))
+
+    def fill(row: dict[int, int]) -> dict[int, int]:
+        """Add a choice in every dimension, each the one that covers most open pairs with those before."""
+        for k in rng.permutation([k for k in range(len(levels)) if k not in row]).tolist():
+            tries = [{**row, k: x} for x in rng.permutation(len(levels[k])).tolist()]
+            row = max(tries, key=lambda row: len(open_pairs & pairs(row)))
+        return row
+
     rows: list[Interpretation] = []
     while open_pairs:
         first = min(open_pairs)
         presets = dict(enumerate([0] * len(names))) | dict(first)  # these settle nothing, so that the search ends
-        tries = [presets, *(_fill_row(dict(first), levels, off, open_pairs, rng) for _ in range(CANDIDATES))]
-        best = max(tries, key=lambda row: (first in _pairs(row, off), len(open_pairs & _pairs(row, off))))
-        open_pairs -= _pairs(best, off)
+        tries = [presets, *(fill(dict(first)) for _ in range(CANDIDATES))]
+        best = max(tries, key=lambda row: (first in pairs(row), len(open_pairs & pairs(row))))
+        open_pairs -= pairs(best)
         rows.append({name: each[best[k]] for k, (name, each) in enumerate(zip(names, levels, strict=True))})
     return rows
-
-
-def _fill_row(row: Row, levels: list[list[str]], off: Off, open_pairs: set[Pair], rng: np.random.Generator) -> Row:
-    """Return the row with a choice in every dimension, each the one that covers most open pairs with those before."""
-    for k in rng.permutation([k for k in range(len(levels)) if k not in row]).tolist():
-        tries = [{**row, k: x} for x in rng.permutation(len(levels[k])).tolist()]
-        row = max(tries, key=lambda row: len(open_pairs & _pairs(row, off)))
-    return row
-
-
-def _pairs(row: Row, off: Off) -> set[Pair]:
-    """Return the pairs of choices that stand in a row, without dimensions that others settle."""
-    without = {name for k, x in row.items() for name in off[k][x]}
-    return set(combinations(sorted((k, x) for k, x in row.items() if k not in without), 2))
 
 
 # ---- labels under an interpretation
@@ -182,40 +179,35 @@ def find_error(dimensions: Dimensions, claims: Sequence[Claim]) -> str:
     machine is left out.
     """
     labels = dict.fromkeys(name for claim in claims for name in (*claim.of, *claim.than))
-    estimators = {label: _parameter_names(label) for label in labels if not _refusal(make, label)}
+    known = [label for label in labels if not _refusal(make, label)]
     scenarios = [re.sub(r"\{([^{}]*)\.\.[^{}]*\}", r"\1", label) for claim in claims for label in claim.scenarios]
+    worlds = [label for label in dict.fromkeys(scenarios) if not _refusal(resolve, label)]
     names = [parse(label)[0].partition("/")[0] for label in (*labels, *scenarios)]
-
-    def is_about(label: str) -> bool:
-        return not one.only or parse(label)[0].partition("/")[0] in one.only
-
     for name, one in dimensions.items():
         for missing in set(one.only) - set(names):
             return f"dimension {name!r}: only: the claims name no {missing!r}; {nearest(missing, names)}"
-        about = {label: parameters for label, parameters in estimators.items() if is_about(label)}
-        known = sorted({key for parameters in about.values() for key in parameters})
+        about = [label for label in known if not one.only or parse(label)[0] in one.only]
+        parameters = sorted({key for label in about for key in _parameter_names(label)})
         for choice, sets in one.choices.items():
-            reasons = [
-                f"it settles {other!r}, not another dimension; {nearest(other, list(dimensions))}"
-                for other in sets.settles
-                if other == name or other not in dimensions
-            ]
-            for key, value in sets.estimators.items():
-                fits = {label: _refusal(make, label, **{key: value}) for label in about if key in about[label]}
-                unknown = f"no estimator that it is about has a parameter {key!r}; {nearest(key, known)}"
-                reasons += fits.values() if fits or not about else [unknown]
-            for label in filter(is_about, dict.fromkeys(scenarios) if sets.scenarios else ()):
-                added = {key: value for key, value in sets.scenarios.items() if key not in parse(label)[1]}
-                reasons += [] if _refusal(resolve, label) else [_refusal(resolve, label, **added)]
+            reading, where = {name: choice}, f"dimension {name!r}: choice {choice!r}: "
+            for other in sets.settles:
+                if other == name or other not in dimensions:
+                    return f"{where}it settles {other!r}, not another dimension; {nearest(other, list(dimensions))}"
+            for key in sets.estimators if about else ():
+                if key not in parameters:
+                    near = nearest(key, parameters)
+                    return f"{where}no estimator that it is about has a parameter {key!r}; {near}"
+            reasons = [_refusal(lambda label: estimator(label, reading, dimensions), label) for label in about]  # noqa: B023
+            reasons += [_refusal(lambda label: resolve(scenario(label, reading, dimensions)), w) for w in worlds]  # noqa: B023
             for why in filter(None, reasons):
-                return f"dimension {name!r}: choice {choice!r}: {why}"
+                return where + why
     return ""
 
 
-def _refusal(build: Callable[..., Any], label: str, **options: str) -> str:
+def _refusal(build: Callable[[str], object], label: str) -> str:
     """Return why a label cannot be built; empty where it can."""
     try:
-        build(label, **options)
+        build(label)
     except BadInput as e:
         return str(e)
     return ""

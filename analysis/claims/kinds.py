@@ -111,11 +111,6 @@ class CaseVerdict(NamedTuple):
 # ---- from an interval to a verdict
 
 
-def _zones_up_to(limit: float) -> Zones:
-    """Return the zones of a number that is claimed not to be above a limit."""
-    return ("supported", -np.inf, limit), ("contradicted", limit, np.inf)
-
-
 def decide(interval: Interval, n: int, zones: Zones, test: PValue) -> CaseVerdict:
     """Return the verdict on an interval over n trials, with its p by the test that the interval inverts."""
 
@@ -132,18 +127,6 @@ def decide(interval: Interval, n: int, zones: Zones, test: PValue) -> CaseVerdic
     return CaseVerdict(interval, n, "undecided", min((v for v in needed if np.isfinite(v)), default=np.nan), p)
 
 
-def decide_both(first: CaseVerdict, second: CaseVerdict) -> CaseVerdict:
-    """Return supported where both are; contradicted where one is, after Holm over both. The number is the first's."""
-    against = np.array([f.p if f.verdict == "contradicted" else np.nan for f in (first, second)])
-    refuted = float(np.fmin.reduce(2 * against))
-    if refuted <= 1 - statistics.LEVEL:
-        return first._replace(verdict="contradicted", needed=np.nan, p=refuted)
-    for_both = 1.0 if np.isfinite(refuted) else float(np.max([first.p, second.p]))
-    if first.verdict == second.verdict == "supported":
-        return first._replace(p=for_both)
-    return first._replace(verdict="undecided", p=float(np.fmin(for_both, refuted)))
-
-
 def decide_all(
     pairs: list[Array], labels: list[tuple[str, str]], zones: Zones, p: list[float], stopping: Stopping = FIXED
 ) -> CaseVerdict:
@@ -152,10 +135,8 @@ def decide_all(
     Each case has squared errors (trial, 2) before and after, the labels of its scenario and `than`, and its one-sided
     p, small where it contradicts the claim.
     """
-    found = [
-        decide(stopping.change(*case.T), len(case), zones, partial(stopping.p_of_change, *case.T)) for case in pairs
-    ]
-    (low, high) = next(ends for verdict, *ends in zones if verdict == "supported")
+    found = [decide(stopping.change(*x.T), len(x), zones, partial(stopping.p_of_change, *x.T)) for x in pairs]
+    low, high = next(ends for verdict, *ends in zones if verdict == "supported")
     room = [min(f.interval.low - low, high - f.interval.high) for f in found]
     adjusted = statistics.holm(np.array(p))
     refuted = bool((adjusted < ALPHA).any())
@@ -178,12 +159,9 @@ def decide_all(
 # ---- how a case of each kind is judged
 
 
-def claimed_size(claim: Claim, definition: str) -> float:
-    """Return the size of a claim; one that is a ratio, such as "66 % better" for a/b = 1.66, as the change b/a - 1."""
-    return np.nan if claim.size is None else _size_as_change(claim.size, definition)
-
-
-def _size_as_change(size: float, definition: str) -> float:
+def size_as_change(size: float | None, definition: str) -> float:
+    """Return a size as the change b/a - 1; a ratio is one such as "66 % better" for a/b = 1.66; nan: no size."""
+    size = np.nan if size is None else size
     return 1 / (1 - size) - 1 if definition == "ratio" else size
 
 
@@ -191,7 +169,7 @@ def _zones_of_size(case: Case, claim: Claim) -> Zones:
     if claim.size is None:
         return FALLS
     least = claim.size - float(np.copysign(claim.margin, claim.size))
-    size, least = (_size_as_change(one, case.definition) for one in (claim.size, least))
+    size, least = (size_as_change(one, case.definition) for one in (claim.size, least))
     if size > 0:
         return ("contradicted", -np.inf, 0.0), ("supported", least, np.inf), ("direction only", 0.0, size)
     return ("contradicted", 0.0, np.inf), ("supported", -np.inf, least), ("direction only", size, 0.0)
@@ -250,9 +228,8 @@ def judge_growth(case: Case, claim: Claim, table: TrialTable) -> CaseVerdict:
         raise Missing(f"{case.scenarios[int(np.argmin(np.isfinite(x)))]} sweeps no number")
     values = table.mse(*((scenario, case.of) for scenario in case.scenarios))
     away = x - x.mean()
-    slope = table.stopping.log_contrast(values, away / (away**2).sum() / 2)
     limit = float(np.log1p(claim.margin) / np.ptp(x))
-    return _decide_log(slope, len(values), (("flat", -limit, limit), *GROWS), table)
+    return _decide_contrast(values, away / (away**2).sum() / 2, (("flat", -limit, limit), *GROWS), table)
 
 
 def judge_interaction(case: Case, claim: Claim, table: TrialTable) -> CaseVerdict:
@@ -262,23 +239,21 @@ def judge_interaction(case: Case, claim: Claim, table: TrialTable) -> CaseVerdic
     """
     (first, later), (than,) = case.scenarios, case.than
     values = table.mse((later, case.of), (first, case.of), (later, than), (first, than))
-    more = table.stopping.log_contrast(values, np.array([1, -1, -1, 1]) / 2)
-    return _decide_log(more, len(values), GROWS, table)
+    return _decide_contrast(values, np.array([1, -1, -1, 1]) / 2, GROWS, table)
 
 
 def judge_level(case: Case, claim: Claim, table: TrialTable) -> CaseVerdict:
     """Judge the RMSE [m]: supported up to size; contradicted above."""
     values = table.mse((case.scenarios[0], case.of))[:, 0]
     rmse = Interval(*(float(np.sqrt(end)) for end in table.stopping.mean_of_positive(values)))
-    return _decide_positive(rmse, len(values), _zones_up_to(claim.size or 0.0), table)
+    return _decide_positive(rmse, len(values), claim.size or 0.0, table)
 
 
 def judge_time(case: Case, claim: Claim, table: TrialTable) -> CaseVerdict:
     """Judge seconds per robot and tick, the mean over parts of the run: supported up to size; contradicted above."""
     key = (case.scenarios[0], case.of)
     seconds = table.seconds(key)[:, 0]
-    mean = table.stopping.mean_of_positive(seconds)
-    found = _decide_positive(mean, len(seconds), _zones_up_to(claim.size or 0.0), table)
+    found = _decide_positive(table.stopping.mean_of_positive(seconds), len(seconds), claim.size or 0.0, table)
     return found._replace(needed=found.needed * len(table.frame(key)) / len(seconds))
 
 
@@ -292,11 +267,19 @@ def judge_consistency(case: Case, claim: Claim, table: TrialTable) -> CaseVerdic
     values, inside = table.anees(key), table.values("coverage95", key)[:, 0]
     if not len(values):
         raise Missing(f"{case.of} has no covariance in {case.scenarios[0]}")
-    test, mean = table.stopping.p_of_mean, table.stopping.mean_of_positive(values)
-    anees = _decide_positive(mean, len(values), _zones_up_to(OVER_CONFIDENT), table)
+    anees = _decide_positive(table.stopping.mean_of_positive(values), len(values), OVER_CONFIDENT, table)
     covered = table.stopping.mean(inside)
+    test = partial(table.stopping.p_of_mean, covered, len(inside))
     at_least: Zones = ("supported", LEAST_COVERAGE, np.inf), ("contradicted", -np.inf, LEAST_COVERAGE)
-    return decide_both(anees, decide(covered, len(inside), at_least, partial(test, covered, len(inside))))
+    coverage = decide(covered, len(inside), at_least, test)
+    against = np.array([f.p if f.verdict == "contradicted" else np.nan for f in (anees, coverage)])
+    refuted = float(np.fmin.reduce(2 * against))
+    if refuted <= 1 - statistics.LEVEL:
+        return anees._replace(verdict="contradicted", needed=np.nan, p=refuted)
+    for_both = 1.0 if np.isfinite(refuted) else float(np.max([anees.p, coverage.p]))
+    if anees.verdict == coverage.verdict == "supported":
+        return anees._replace(p=for_both)
+    return anees._replace(verdict="undecided", p=float(np.fmin(for_both, refuted)))
 
 
 def judge_slope(case: Case, claim: Claim, table: TrialTable) -> CaseVerdict:
@@ -315,7 +298,9 @@ def judge_slope(case: Case, claim: Claim, table: TrialTable) -> CaseVerdict:
     def test(value: float) -> float:
         return float(2 * stats.t.sf(abs(fit.slope - value) / fit.stderr, len(x) - 2)) if fit.stderr > 0 else 0.0
 
-    found = decide(interval, len(x), _zones_up_to((claim.size or 0.0) + claim.margin), test)
+    limit = (claim.size or 0.0) + claim.margin
+    up_to: Zones = ("supported", -np.inf, limit), ("contradicted", limit, np.inf)
+    found = decide(interval, len(x), up_to, test)
     return found._replace(needed=np.nan)  # more trials add no sizes
 
 
@@ -334,16 +319,18 @@ def judge_cost(case: Case, claim: Claim, table: TrialTable) -> CaseVerdict:
     return found._replace(needed=found.needed * len(table.frame(key)) / len(logs))
 
 
-def _decide_log(logs: Interval, n: int, zones: Zones, table: TrialTable) -> CaseVerdict:
-    """Return the verdict on a difference of logarithms, which is then written as a relative change."""
+def _decide_contrast(values: Array, weights: Array, zones: Zones, table: TrialTable) -> CaseVerdict:
+    """Return the verdict on a contrast of logarithms, which is then written as a relative change."""
+    logs, n = table.stopping.log_contrast(values, weights), len(values)
     found = decide(logs, n, zones, partial(table.stopping.p_of_mean, logs, n))
     return found._replace(interval=Interval(*(float(np.expm1(end)) for end in logs)))
 
 
-def _decide_positive(interval: Interval, n: int, zones: Zones, table: TrialTable) -> CaseVerdict:
-    """Return the verdict on a positive number whose interval is symmetric in its logarithm."""
+def _decide_positive(interval: Interval, n: int, limit: float, table: TrialTable) -> CaseVerdict:
+    """Return the verdict on a positive number that is claimed not to be above a limit; tested on its logarithm."""
     logs = Interval(*np.log(interval))
-    return decide(interval, n, zones, lambda value: table.stopping.p_of_mean(logs, n, float(np.log(value))))
+    up_to: Zones = ("supported", -np.inf, limit), ("contradicted", limit, np.inf)
+    return decide(interval, n, up_to, lambda value: table.stopping.p_of_mean(logs, n, float(np.log(value))))
 
 
 # ---- the kinds

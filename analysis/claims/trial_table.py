@@ -70,7 +70,7 @@ class TrialTable(NamedTuple):
         """Return mean squared errors [m^2], a row per trial, a column per estimator; nan where it has no such trial."""
         return pd.DataFrame({name: self.frame((scenario, name))["mse"] for name in names})
 
-    def failed(self, key: Key) -> int:
+    def count_failures(self, key: Key) -> int:
         """Return the number of trials that failed."""
         return self.failures.get(_canonical(key), 0)
 

@@ -24,17 +24,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from cooploc.analysis.claims.kinds import (
-    KINDS,
-    RELATIVE,
-    TIMED,
-    Case,
-    CaseVerdict,
-    Claim,
-    cases,
-    claimed_size,
-    definitions,
-)
+from cooploc.analysis.claims import kinds
+from cooploc.analysis.claims.kinds import KINDS, RELATIVE, TIMED, Case, CaseVerdict, Claim, cases, definitions
 from cooploc.analysis.claims.ledger import Ledger, variants
 from cooploc.analysis.claims.trial_table import Missing, TrialTable, canonical, collect
 from cooploc.analysis.formats import change, count_of, interval, ratio
@@ -134,7 +125,7 @@ def _about(claim: Claim) -> dict[str, Any]:
 
 def judge_case(case: Case, claim: Claim, table: TrialTable) -> dict[str, Any]:
     """Return the row of a case of a claim."""
-    size, judge_kind = claimed_size(claim, case.definition), KINDS[claim.kind].judge
+    size, judge_kind = kinds.size_as_change(claim.size, case.definition), KINDS[claim.kind].judge
     asked = {"of": case.of, "than": ", ".join(case.than), "definition": case.definition, "size": size, **_about(claim)}
     try:
         scenarios = tuple(dict.fromkeys(s for label in case.scenarios for s in table.matching(label)))
@@ -143,7 +134,10 @@ def judge_case(case: Case, claim: Claim, table: TrialTable) -> dict[str, Any]:
         found = judge_kind(case, claim, table)
     except Missing as e:
         return {**asked, "scenario": ", ".join(case.scenarios), "verdict": "not run", "remark": str(e)}
-    found, doubt = _undecide_failures(case, claim, table, found)
+    lost = find_lost(case, claim, table, found) if found.verdict in DECIDED else []
+    doubt = [f"{WOULD_BE}{found.verdict}, but {' and '.join(lost)} failed"] * bool(lost)
+    if lost:
+        found = found._replace(verdict="undecided", needed=np.nan, p=1.0)
     return {
         **asked,
         **found._asdict(),
@@ -154,22 +148,17 @@ def judge_case(case: Case, claim: Claim, table: TrialTable) -> dict[str, Any]:
     }
 
 
-def _undecide_failures(
-    case: Case, claim: Claim, table: TrialTable, found: CaseVerdict
-) -> tuple[CaseVerdict, list[str]]:
-    """Return the verdict, undecided where failures stand behind it, and why."""
+def find_lost(case: Case, claim: Claim, table: TrialTable, found: CaseVerdict) -> list[str]:
+    """Return the estimators that failed and that a verdict favours."""
     lost = [
         name
         for name in dict.fromkeys((case.of, *case.than))
-        if canonical(name) in table.refused or any(table.failed((s, name)) for s in case.scenarios)
+        if canonical(name) in table.refused or any(table.count_failures((s, name)) for s in case.scenarios)
     ]
+    if found.verdict != "contradicted":
+        return lost
     upwards = claim.size is not None and claim.size > 0 and claim.kind in RELATIVE
-    if found.verdict == "contradicted":  # which favours some
-        lost = [name for name in lost if name in ({case.of} if upwards else case.than)]
-    if not lost or found.verdict not in DECIDED:
-        return found, []
-    why = [f"{WOULD_BE}{found.verdict}, but {' and '.join(lost)} failed"]
-    return found._replace(verdict="undecided", needed=np.nan, p=1.0), why
+    return [name for name in lost if name in ({case.of} if upwards else case.than)]
 
 
 def _about_interval(claim: Claim, found: CaseVerdict) -> list[str]:
@@ -197,7 +186,7 @@ def _about_estimators(case: Case, table: TrialTable) -> list[str]:
             flags.append(flag(len(anees), statistics.mean_of_positive(anees), statistics.mean(coverage)))
         counts = {word: flags.count(word) for word in ("over-confident", "over-wide", "conservative")}
         out += [f"{name} {word}" + (len(keys) > 1) * f" in {k} of {len(keys)}" for word, k in counts.items() if k]
-        failed = sum(table.failed(key) for key in keys)
+        failed = sum(table.count_failures(key) for key in keys)
         far = int(sum(mark_outliers(table.mse(key)[:, 0]).sum() for key in keys))
         errs = f"{'errs' if far == 1 else 'err'} {FAR:g} times as much as the median one: intervals are too narrow"
         remarks = {
@@ -215,11 +204,10 @@ def _about_estimators(case: Case, table: TrialTable) -> list[str]:
 
 def judge_run(ledger: Ledger, rows: pd.DataFrame, at: Sequence[int]) -> pd.DataFrame:
     """Return the verdicts on a run: after all of these looks, or at the end where there were none."""
-    found = None if at else judge(ledger, rows)
+    found = None
     for n in at:
         found = judge_at_look(ledger, rows, n, found)
-    assert found is not None
-    return found
+    return judge(ledger, rows) if found is None else found
 
 
 def judge_at_look(ledger: Ledger, rows: pd.DataFrame, n: int, before: pd.DataFrame | None = None) -> pd.DataFrame:
