@@ -23,27 +23,16 @@ from cooploc.analysis.metrics.sequential import FIXED, Stopping
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.registry import parse
 
-ADDED = {
-    "readings": "how many readings of the design come down to this specification",
-    "letter": "whether the reading nearest to the paper's letter does",
-    "preset": "whether the preset does",
-}
+ADDED = ("readings", "letter", "preset")
 OF_LEDGERS = ("variant", "p_holm", "stands", "otherwise", "look")  # columns of verdicts that a map does not have
 SHOWN = [name for name in COLUMNS if name not in OF_LEDGERS] + list(ADDED)
-
-
-class Specification(NamedTuple):
-    """A case in one interpretation, and all that come down to the same."""
-
-    case: Case
-    choices: dict[str, str]  # dimension -> choice; empty where it makes no difference
-    readings: list[int]  # numbers of interpretations in the design
 
 
 def judge(ledger: Ledger, rows: pd.DataFrame, stopping: Stopping = FIXED) -> pd.DataFrame:
     """Return one row per claim and specification that was run.
 
-    Columns are those of `verdicts.judge` without those of `OF_LEDGERS`; those of `ADDED`; and one for every dimension,
+    Columns are those of `verdicts.judge` without those of `OF_LEDGERS`; `readings`, how many readings of the design
+    come down to this specification, and whether those of the `letter` and the `preset` do; and one for every dimension,
     with the choice, or empty where it makes no difference. Estimators and scenarios are called as in the ledger.
     """
     dimensions = ledger.dimensions
@@ -56,12 +45,12 @@ def judge(ledger: Ledger, rows: pd.DataFrame, stopping: Stopping = FIXED) -> pd.
     for claim in ledger.claims:
         asked = cases(claim) if KINDS[claim.kind].judge else []
         for case in [one._replace(definition=name) for one in asked for name in definitions(claim)]:
-            for one in specifications(case, design, dimensions):
-                row = judge_case(one.case, claim, table)
+            for read, (choices, numbers) in specifications(case, design, dimensions).items():
+                row = judge_case(read, claim, table)
                 if row["verdict"] in JUDGED:
-                    ends = {"letter": letter in one.readings, "preset": preset in one.readings}
-                    named = _name_as_ledger(row, case, one.case)
-                    out.append({**row, **named, "readings": len(one.readings), **ends, **one.choices})
+                    ends = {"letter": letter in numbers, "preset": preset in numbers}
+                    named = _name_as_ledger(row, case, read)
+                    out.append({**row, **named, "readings": len(numbers), **ends, **choices})
     return pd.DataFrame(out, columns=[*SHOWN, *dimensions])
 
 
@@ -70,21 +59,22 @@ def dimensions_of(found: pd.DataFrame) -> list[str]:
     return [name for name in found.columns if name not in SHOWN and (found[name] != "").any()]
 
 
-def specifications(case: Case, design: Sequence[Interpretation], dimensions: Dimensions) -> list[Specification]:
-    """Return the specifications of a case over the interpretations of a design."""
+def specifications(
+    case: Case, design: Sequence[Interpretation], dimensions: Dimensions
+) -> dict[Case, tuple[Interpretation, list[int]]]:
+    """Return the specifications of a case over a design: the choices that matter, and the numbers of its readings."""
     preset = interpretations.preset(dimensions)
     matters = {
         name
         for name, one in dimensions.items()
         if any(substitute(case, {**preset, name: choice}, dimensions) != case for choice in one.choices)
     }
-    found: dict[Case, Specification] = {}
+    found: dict[Case, tuple[Interpretation, list[int]]] = {}
     for number, reading in enumerate(design):
         shown = matters - interpretations.find_settled(reading, dimensions)
         choices = {name: choice if name in shown else "" for name, choice in reading.items()}
-        read = substitute(case, reading, dimensions)
-        found.setdefault(read, Specification(read, choices, [])).readings.append(number)
-    return list(found.values())
+        found.setdefault(substitute(case, reading, dimensions), (choices, []))[1].append(number)
+    return found
 
 
 def substitute(case: Case, reading: Interpretation, dimensions: Dimensions) -> Case:
@@ -131,8 +121,8 @@ def shares(found: pd.DataFrame) -> pd.DataFrame:
                 "sentence": shared_assumptions(part, dimensions),
             }
         )
-    columns = ("claim", "says", "scenarios", "specifications", *JUDGED, "letter", "preset", "dimensions", "sentence")
-    return pd.DataFrame(out, columns=list(columns))
+    columns = ["claim", "says", "scenarios", "specifications", *JUDGED, "letter", "preset", "dimensions", "sentence"]
+    return pd.DataFrame(out, columns=columns)
 
 
 def sentences(found: pd.DataFrame) -> dict[str, str]:

@@ -39,13 +39,10 @@ from cooploc.scenarios.worlds.radio import Paper
 
 # ---- the angle of a gradient
 #
-# A measured gradient in units of its own errors is u ~ N(m, I), with m expected at the robot. Of its angle alone the
-# Fisher information about m is the variance of the score E[u | angle] - m. Seen along m and across it, it is diagonal:
+# A gradient in units of its errors is u ~ N(m, I). The Fisher information of its angle about m is the variance of the
+# score E[u | angle] - m, diagonal along m and across it; a is the angle between u and m, r = |u|:
 #
-#     across  E[(E[r | a] sin a)^2],   along  E[(E[r | a] cos a - |m|)^2],   a the angle between u and m, r = |u|.
-#
-# The whole gradient has 1 and 1. Where it is weak, its angle keeps pi/4 of both; where it is strong, all of the part
-# across and 2/|m|^2 of the part along.
+#     across  E[(E[r | a] sin a)^2],   along  E[(E[r | a] cos a - |m|)^2]
 
 STRONGEST, STRENGTHS, ANGLES = 30.0, 1201, 1024  # of the table: |m|, its values, angles of each integral
 
@@ -67,23 +64,18 @@ class DirectionAlone:
         strength = np.maximum(np.hypot(m[..., 0], m[..., 1]), 1e-9)
         along = m / strength[..., None]
         across = np.stack([-along[..., 1], along[..., 0]], -1)
-        scale_of = np.sqrt(np.stack(information(strength), -1))
+        strengths, *known = tabulate_information()
+        scale_of = np.sqrt(np.stack([np.interp(strength, strengths, one) for one in known], -1))
         H = scale_of[..., None] * np.stack([(dm @ e[..., None])[..., 0] for e in (along, across)], -2)
         return z, H, np.zeros_like(H)
 
 
-def information(strength: Array) -> tuple[Array, Array]:
-    """Return the Fisher information of the angle of u ~ N(m, I) about m, along m and across it, for |m| of any shape.
-
-    For |m| above 30 that at 30 is taken: too large by less than 0.003, so that a floor stays a floor.
-    """
-    strengths, along, across = _tabulate_information()
-    return np.interp(strength, strengths, along), np.interp(strength, strengths, across)
-
-
 @cache
-def _tabulate_information() -> tuple[Array, Array, Array]:
-    """Return |m|, and the information along m and across it, by quadrature over the angle."""
+def tabulate_information() -> tuple[Array, Array, Array]:
+    """Return |m|, and the information of the angle along m and across it, by quadrature over the angle.
+
+    Above the last |m| its information is taken: too large by less than 0.003, so that a floor stays a floor.
+    """
     s = np.linspace(0, STRONGEST, STRENGTHS)[:, None]
     a = 2 * np.pi * np.arange(ANGLES) / ANGLES
     t = s * np.cos(a)
@@ -122,14 +114,12 @@ def pooled_floor(
 ) -> float:
     """Return the floor [m] of a scenario for an estimator of these channels, pooled over ticks; nan where none holds.
 
-    The mean is over the first of the trials with this seed, at most `trials`, and over at most `samples` paths of each.
-    Teams of more than `most` robots have none: a hundred take some ten seconds.
+    Over at most `trials` trials of this seed, and `samples` paths of each. None holds for teams of more than `most`
+    robots (a hundred take some ten seconds), and for scenarios of a Python file, whose code a table does not run.
     """
     try:
-        if is_file(split_family(parse(label)[0])[0]):  # code that may come from somebody else: a table runs none
-            return np.nan
-        resolved = resolve(label)
-        if resolved.robots > most or resolved.ticks > MOST_TICKS:
+        resolved = None if is_file(split_family(parse(label)[0])[0]) else resolve(label)
+        if resolved is None or resolved.robots > most or resolved.ticks > MOST_TICKS:
             return np.nan
         paths = max(4, PAIRS // resolved.robots**2)
         samples = min(samples, 1 << (isqrt(paths) - 1).bit_length())  # ten robots: 32, and the floor 0.6 % too high
@@ -149,16 +139,14 @@ def floor(stream: Stream, channels: Collection[str], samples: int = SAMPLES) -> 
         BadInput: the floor does not hold there; says why. Or the anchors are used twice.
 
     """
-    reason = no_floor_reason(stream)
-    if reason:
+    if reason := no_floor_reason(stream):
         raise BadInput(f"{stream.scenario!r} has no floor: {reason}")
     twice = [name for name in ("anchor_rssi", *DERIVED) if name in channels]
     if len(twice) > 1:
         raise BadInput(f"{' and '.join(twice)} are made of the same readings: name one of them")
     with threadpool_limits(1):  # matrices this small only wait for threads
         P = covariances(paths(stream, samples), stream, channels)
-    least: Array = np.sqrt(np.trace(P, axis1=2, axis2=3).mean(1) / stream.robots)
-    return least
+    return np.asarray(np.sqrt(np.trace(P, axis1=2, axis2=3).mean(1) / stream.robots))
 
 
 def paths(stream: Stream, samples: int) -> Array:

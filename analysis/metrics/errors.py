@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Mask
@@ -71,7 +70,7 @@ def _mean_with_covariance(e: TickErrors, values: Array) -> Array:
 
 def _divergence(e: TickErrors) -> Array:
     count = e.valid.cumsum(1)
-    late: NDArray[np.bool_] = e.valid & (count > 0.75 * count[:, -1:])
+    late = e.valid & (count > 0.75 * count[:, -1:])
     tail = over_ticks(np.nanmean, np.where(late, e.d2, np.nan))
     return np.where(np.isnan(tail), np.nan, np.sqrt(tail) > e.side / 4)
 
@@ -238,9 +237,8 @@ def _frame(truth: Truth, run: Run, name: str, trace: Trace, valid: Mask) -> pd.D
     columns |= {OFFLINE: True} if trace.offline else {}
     columns |= {NOTE + key: values.ravel() for key, values in trace.notes.items()}
     if run.unchecked:
-        learned = trace.trained_on
-        line = f"{UNCHECKED}{TRAINED}{learned}" if learned else UNCHECKED
-        columns["certificate"] = line if name in run.unchecked else ""
+        learned = f"{TRAINED}{trace.trained_on}" if trace.trained_on else ""
+        columns["certificate"] = UNCHECKED + learned if name in run.unchecked else ""
     return pd.DataFrame(columns)
 
 
@@ -306,29 +304,18 @@ def weighted_means(errors: pd.DataFrame, keys: list[str], columns: list[str]) ->
 
 def demand_same_streams(errors: pd.DataFrame) -> None:
     """Refuse rows that look paired and are not, and copies of trials, which would count as independent."""
-    twice = errors[errors.duplicated([*TRIAL, "robot"])]
-    if len(twice):
-        scenario, estimator, trial = twice.iloc[0][TRIAL]
+    for scenario, estimator, trial in errors.loc[errors.duplicated([*TRIAL, "robot"]), TRIAL].to_numpy():
         raise BadInput(f"{scenario}, {estimator}, trial {trial} stands there twice: join every run once")
     once = errors.drop_duplicates(["scenario", "stream", "trial"]).dropna(subset="stream")
     copies = once[once.duplicated(["scenario", "stream"], keep=False)]
-    if len(copies):
-        scenario, stream = copies.iloc[0][["scenario", "stream"]]
-        trials = copies.loc[(copies["scenario"] == scenario) & (copies["stream"] == stream), "trial"]
+    for (scenario, _), trials in copies.groupby(["scenario", "stream"], sort=False)["trial"]:
         raise BadInput(f"{scenario}: trials {', '.join(map(str, trials[:5]))} are of one stream; keep one of them")
-    for part, keys, what, remedy in (
-        (errors, ["scenario", "trial"], "stream", "ran on different streams; run them again on one stream"),
-        (
-            drop_failed(errors),
-            ["scenario", "trial", "robot"],
-            "ticks",
-            "were judged on different ticks; use one burn_in",
-        ),
-    ):
-        different = part.groupby(keys)[what].nunique()
-        if (different > 1).any():
-            scenario, trial = different[different > 1].index[0][:2]
-            raise BadInput(f"{scenario}, trial {trial}: estimators {remedy}")
+    streams = errors.groupby(TRIAL[::2])["stream"].nunique()
+    for scenario, trial in streams.index[streams > 1]:
+        raise BadInput(f"{scenario}, trial {trial}: estimators ran on different streams; run them again on one stream")
+    ticks = drop_failed(errors).groupby([*TRIAL[::2], "robot"])["ticks"].nunique()
+    for scenario, trial, _ in ticks.index[ticks > 1]:
+        raise BadInput(f"{scenario}, trial {trial}: estimators were judged on different ticks; use one burn_in")
 
 
 def stream_hash(group: pd.DataFrame) -> str:

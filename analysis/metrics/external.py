@@ -61,19 +61,15 @@ def judge(truth: Truth, stream: Stream, estimates: Estimates, burn_in: int = 0, 
         BadInput: truth and stream do not belong together, or a trajectory does not fit them; says where.
 
     """
-    if isinstance(estimates, str | Path):
-        traces = read_tum(estimates, stream)
-    else:
-        traces = {}
-        for name, given in estimates.items():
-            found = {name: given} if isinstance(given, Trace) else read_tum(given, stream)
-            if len(found) > 1:
-                raise BadInput(f"{given} holds {len(found)} folders of trajectories, and {name!r} is one: name that")
-            (traces[name],) = found.values()
+    traces = read_tum(estimates, stream) if isinstance(estimates, str | Path) else {}
+    for name, given in estimates.items() if isinstance(estimates, Mapping) else ():
+        found = {name: given} if isinstance(given, Trace) else read_tum(given, stream)
+        if len(found) > 1:
+            raise BadInput(f"{given} holds {len(found)} folders of trajectories, and {name!r} is one: name that")
+        (traces[name],) = found.values()
     for name, trace in traces.items():
         _require_fit(name, trace, stream)
-    if offline:
-        traces = {name: replace(trace, offline=True, centralised=True) for name, trace in traces.items()}
+        traces[name] = replace(trace, offline=True, centralised=True) if offline else trace
     made = Run(stream.scenario, stream.seed, stream.trial, stream.hashes, traces)
     return errors(truth, made, burn_in).assign(certificate=ELSEWHERE)
 
@@ -88,12 +84,12 @@ def _require_fit(name: str, trace: Trace, stream: Stream) -> None:
                 f"{name}: {what} has shape {shape}, not {wanted}; poses x are (trial, tick, robot, 2 or 3), and this "
                 f"stream has {team[0]} trials, {team[1]} ticks, {team[2]} robots"
             )
-    given = {"pose": trace.x} if np.isnan(trace.P).all() else {"pose": trace.x, "covariance": trace.P}
-    for what, array in given.items():
+    known = not np.isnan(trace.P).all()
+    for what, array in {"pose": trace.x, **({"covariance": trace.P} if known else {})}.items():
         for i, k, robot in np.argwhere(~np.isfinite(array).reshape(*team, -1).all(-1)):
             where = f"robot {robot} in trial {stream.trial[i]}, tick {k}"
             raise BadInput(f"{name}: the {what} of {where} is not finite; every tick needs one")
-    if "covariance" in given:
+    if known:
         try:
             require_covariances(name, stream, trace.P)
         except EstimatorError as e:
@@ -108,15 +104,12 @@ def evaluate_external(
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return the rows of `judge`, those of our own `estimators` on the same stream first, and their table."""
     truth, stream = load_truth(source, **how)  # type: ignore[arg-type]
-    theirs = judge(truth, stream, estimates, offline=offline)
-    frames = [theirs]
-    if estimators is not None:
-        mine = split_labels(estimators)
-        if same := set(mine) & set(theirs["estimator"]):
-            raise BadInput(f"{same.pop()!r} is an estimator of ours and a folder of trajectories: rename the folder")
-        frames.insert(0, errors(truth, run(mine, stream)))
-    rows = pd.concat(frames, ignore_index=True)
-    rows["certificate"] = rows["certificate"].fillna("")
+    rows, mine = judge(truth, stream, estimates, offline=offline), split_labels(estimators or "")
+    if same := set(mine) & set(rows["estimator"]):
+        raise BadInput(f"{same.pop()!r} is an estimator of ours and a folder of trajectories: rename the folder")
+    if mine:
+        ours = errors(truth, run(mine, stream))
+        rows = pd.concat([ours, rows], ignore_index=True).fillna({"certificate": ""})
     return rows, compare(rows, rows["estimator"].iloc[0], full=True)
 
 
@@ -175,15 +168,16 @@ def _files(folder: Path) -> dict[tuple[int | None, int], Path]:
 
 def _read_team(folder: Path, stream: Stream) -> Array:
     """Read poses (t, T, n, 2 or 3) of every trial, tick and robot."""
-    files, trials = _files(folder), [int(k) for k in stream.trial]
+    files, trials = _files(folder), stream.trial.tolist()
     has = f"robots 0 to {stream.robots - 1} in trials {trials[0]} to {trials[-1]}"
     if len(trials) == 1:
         files = {(trials[0] if trial is None else trial, robot): path for (trial, robot), path in files.items()}
-    wanted = [(trial, robot) for trial in trials for robot in range(stream.robots)]
-    for extra in [key for key in files if key not in wanted]:
+    wanted = list(product(trials, range(stream.robots)))
+    for extra in files.keys() - set(wanted):
         raise BadInput(f"{files[extra]} is of no trial and robot of the stream, which has {has}")
-    for trial, robot in [key for key in wanted if key not in files]:
-        raise BadInput(f"{folder} has no trial{trial}-robot{robot}.txt; the stream has {has}")
+    for trial, robot in wanted:
+        if (trial, robot) not in files:
+            raise BadInput(f"{folder} has no trial{trial}-robot{robot}.txt; the stream has {has}")
     stacked = np.stack([_read_poses(files[key], stream) for key in wanted])
     stacked = stacked.reshape(len(trials), stream.robots, len(stream.time), 3)
     return np.ascontiguousarray(stacked.swapaxes(1, 2)[..., : stream.prior.x.shape[-1]])

@@ -11,6 +11,7 @@ import pandas as pd
 
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.crlb import floors, pooled_floor
+from cooploc.analysis.metrics.errors import CELL
 from cooploc.estimators import configure, make, parse
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios import ASSUMED, resolve
@@ -36,12 +37,12 @@ INFORMATION_COLUMNS = (
 
 
 class MatrixCell(NamedTuple):
-    """The place of an estimator in the matrix of information."""
+    """The place of an estimator in the matrix of information: keys of OWN and BETWEEN, and the entry of RULES."""
 
-    own: str  # a key of OWN
-    between: str  # a key of BETWEEN
-    fusion: str  # alone, product, intersection, centralised or bound
-    filter: str  # particles, Kalman or MAP
+    own: str
+    between: str
+    fusion: str
+    filter: str
 
 
 @cache
@@ -78,13 +79,11 @@ def information(errors: pd.DataFrame, seed: int) -> pd.DataFrame:
 
     """
     found: dict[tuple[str, str, str], dict[int, MatrixCell]] = {}
-    keys = errors[["scenario", "estimator", "robots"]].itertuples(index=False)
-    for i, (scenario, estimator, robots) in enumerate(keys):
+    for i, (scenario, estimator, robots) in enumerate(errors[[*CELL, "robots"]].itertuples(index=False)):
         if cell := matrix_cell(estimator, robots):
             found.setdefault((scenario, cell.own, cell.filter), {})[i] = cell
     if not found:
-        known = ", ".join(RULES)
-        raise BadInput(f"no estimator of this run has a cell in the matrix; run the study information, or {known}")
+        raise BadInput(f"no estimator here has a cell in the matrix; run the study information, or {', '.join(RULES)}")
     table = pd.concat([_against_alone(errors.iloc[list(mine)], mine) for mine in found.values()], ignore_index=True)
     channels = [(*OWN[own], *BETWEEN[between]) for own, between in zip(table["own"], table["between"], strict=True)]
     table["floor"] = [pooled_floor(s, seed, used) for s, used in zip(table["scenario"], channels, strict=True)]
@@ -129,8 +128,7 @@ class Sweep(NamedTuple):
 def parse_sweep(scenario: str, estimator: str) -> Sweep | None:
     """Return what a row of a run sweeps: the one number in brackets of its scenario, or its estimator's `particles`."""
     path, written = parse(scenario)
-    if len(written) == 1:
-        ((parameter, value),) = written.items()
+    for parameter, value in written.items() if len(written) == 1 else ():
         try:
             return Sweep(path, parameter, float(value), estimator)
         except ValueError:
@@ -165,7 +163,7 @@ def sensitivity(errors: pd.DataFrame, seed: int, baseline: str = "arl") -> pd.Da
 
     """
     found: dict[tuple[str, str, float], dict[int, Sweep]] = {}
-    for i, (scenario, estimator) in enumerate(zip(errors["scenario"], errors["estimator"], strict=True)):
+    for i, (scenario, estimator) in enumerate(errors[CELL].itertuples(index=False)):
         if one := parse_sweep(scenario, estimator):
             found.setdefault((scenario, one.parameter, one.value), {})[i] = one
     if not found:
@@ -181,7 +179,5 @@ def sensitivity(errors: pd.DataFrame, seed: int, baseline: str = "arl") -> pd.Da
 
 def preset_value(where: Sweep) -> float:
     """Return the value of the parameter where it is not swept."""
-    if where.parameter == OF_ESTIMATORS:
-        return float(getattr(make(where.estimator), OF_ESTIMATORS))
-    model: Any = resolve(where.scenario).model
-    return float(getattr(model, where.parameter.removeprefix(ASSUMED)))
+    made: Any = make(where.estimator) if where.parameter == OF_ESTIMATORS else resolve(where.scenario).model
+    return float(getattr(made, where.parameter.removeprefix(ASSUMED)))

@@ -1,7 +1,7 @@
 """Confidence sequences, runs that stop when their questions are decided, and how many trials a comparison needs.
 
 A 95 % interval that is looked at again and again misses the truth sooner or later; a sequence does so, at any of all
-looks, in at most 5 % of runs. Both take the t statistic of n differences d:
+looks, in at most 5 % of runs. Of n differences d:
 
     t = mean(d) / (s / sqrt(n)),   R = t^2 / (n - 1 + t^2)
     e(n) = sqrt(c^2 / (n + c^2)) (1 - R n / (n + c^2))^(-n/2)
@@ -39,8 +39,6 @@ LARGEST = 700.0  # logarithm of an e-value, beyond which none is told from anoth
 def boundary(n: float) -> float:
     """Return b(n), how many standard errors the sequence reaches to either side; nan where it is unbounded (n < 7).
 
-    n may be an effective number of trials.
-
     b^2 = (n - 1) (K - 1) / (1 - K c^2 / (n + c^2)),  K = ((n + c^2) / (c^2 alpha^2))^(1/n).
     """
     K = ((n + C2) / (C2 * ALPHA**2)) ** (1 / n)
@@ -50,21 +48,21 @@ def boundary(n: float) -> float:
 
 def e_value(t: float, n: int) -> float:
     """Return the evidence e(n) of a t statistic against a mean of 0; its inverse is a p-value at any stopping."""
-    R = _explained_share(t, n)
+    R = explained_share(t, n)
     log = 0.5 * np.log(C2 / (n + C2)) - n / 2 * np.log1p(-R * n / (n + C2))
     return float(np.exp(np.minimum(log, LARGEST)))
 
 
 def one_sided_e_value(t: float, n: int) -> float:
     """Return the evidence against a mean of at most 0, 2 e(n) P(effect > 0 | d): the posterior is t, n degrees."""
-    R = _explained_share(t, n)
+    R = explained_share(t, n)
     S = np.sign(t) * np.sqrt(R * n)  # sum of d, over the root of the sum of d^2; nan where there is no sequence
     positive = stats.t.cdf(np.sqrt(n) * S / np.sqrt((n + C2) * (1 - R * n / (n + C2))), n)
     return float(2 * positive * e_value(t, n))
 
 
-def _explained_share(t: float, n: int) -> float:
-    """R, the share of the sum of d^2 that the mean explains; 1 where d has no spread, nan where there is no t."""
+def explained_share(t: float, n: int) -> float:
+    """Return R, the share of the sum of d^2 that the mean explains: 1 where d has no spread, nan without a t."""
     return 1.0 if np.isinf(t) else t * t / (n - 1 + t * t)
 
 
@@ -115,10 +113,6 @@ def _is_within(change: Interval, margin: float) -> bool:
     return -margin / (1 + margin) <= change.low and change.high <= margin
 
 
-def _p_of_change(a: Array, b: Array, value: float) -> float:
-    return _p_of_mean(_log_change(a, b), len(a), float(np.log1p(value)))
-
-
 def _p_above(a: Array, b: Array, factor: float) -> float:
     log, value = _log_change(a, b), float(np.log(factor)) / 2
     if log.low == log.high:
@@ -156,7 +150,7 @@ ANYTIME = Stopping(  # confidence sequences
     lambda values: statistics.mean_of_positive(values, lambda _: boundary(effective(values[:, None]))),
     _log_contrast,
     _change,
-    _p_of_change,
+    lambda a, b, value: _p_of_mean(_log_change(a, b), len(a), float(np.log1p(value))),
     _p_above,
     _p_of_mean,
     lambda a, b, margin: _is_within(_change(a, b), margin),
@@ -208,13 +202,11 @@ def decide(
         cells[cell] = mse[trials == np.arange(len(trials))]  # up to the first that is not there
     out = []
     for (scenario, name), mine in cells.items():
-        if name != baselines[scenario]:
-            base = cells[scenario, baselines[scenario]]
-            found = Decision(scenario, name, baselines[scenario])
-            for n in looks(most[scenario]):
-                if found.verdict == OPEN and n <= min(len(base), len(mine)):
-                    found = _decide_at_look(found._replace(look=n), base[:n], mine[:n], margin)
-            out.append(found)
+        base, found = cells[scenario, baselines[scenario]], Decision(scenario, name, baselines[scenario])
+        for n in looks(most[scenario]):
+            if found.verdict == OPEN and n <= min(len(base), len(mine)):
+                found = _decide_at_look(found._replace(look=n), base[:n], mine[:n], margin)
+        out += [found] if name != found.baseline else []
     return out
 
 
@@ -241,8 +233,7 @@ def add_decisions(table: pd.DataFrame, found: pd.DataFrame) -> pd.DataFrame:
         p_equal, p_equal_holm: nan, for a tie is a verdict here
     """
     joined = table[CELL].merge(found[[*CELL, "verdict", "look", "e"]], how="left", on=CELL)
-    p = np.minimum(1.0, 1 / joined["e"].to_numpy(float))
-    p = np.where(joined["verdict"] == FAILED, 1.0, p)
+    p = np.where(joined["verdict"] == FAILED, 1.0, np.minimum(1.0, 1 / joined["e"].to_numpy(float)))
     verdict, look = joined["verdict"].fillna("").to_numpy(), joined["look"].fillna(0).astype(int).to_numpy()
     return table.assign(verdict=verdict, look=look, p=p, p_holm=holm(p), p_equal=np.nan, p_equal_holm=np.nan)
 
@@ -255,17 +246,14 @@ POWER = float(stats.norm.ppf(0.8))  # a planned number of trials succeeds in 4 o
 
 
 def trials_for_width(interval: Interval, n: int, half: float) -> float:
-    """Return the trials at which an interval over n of them would be `half` wide to either side; nan without one.
-
-    From n = (z s / h)^2 + (z^2 + 1) / 2, the second term for the t quantile.
-    """
+    """Return the trials of an interval `half` wide to either side: n = (z s / h)^2 + (z^2 + 1) / 2; nan without one."""
     return _trials((Z * _deviation(interval, n) / half) ** 2 + (Z * Z + 1) / 2)
 
 
 def trials_to_exclude(interval: Interval, n: int, distance: float) -> float:
     """Return the trials whose interval would, in 4 of 5 repetitions, exclude a value this far away; nan without one.
 
-    From n = ((z + z_0.8) s / distance)^2 + z^2 / 2 (Guenther 1981).
+    n = ((z + z_0.8) s / distance)^2 + z^2 / 2 (Guenther 1981).
     """
     if not distance > 0:
         return np.nan
@@ -278,8 +266,7 @@ def trials_until_decided(interval: Interval, n: int, distance: float) -> float:
         return np.nan
     needed = 10 * trials_to_exclude(interval, n, distance)
     for _ in range(ROUNDS if np.isfinite(needed) else 0):
-        needed = ((boundary(needed) + POWER) * _deviation(interval, n) / distance) ** 2
-        needed = max(needed, float(FIRST))
+        needed = max(((boundary(needed) + POWER) * _deviation(interval, n) / distance) ** 2, float(FIRST))
     return _trials(needed)
 
 

@@ -85,8 +85,7 @@ def _filter(prior: Belief, world: World, rows: Rows, z: Senses, air: Mail) -> Ar
     filtered = make("map-joint")
     s, x = filtered.init(prior, world, rows), []
     for k in range(z.dt.shape[1]):
-        now, heard = _part(z, np.s_[:, k]), _part(air, np.s_[:, k])
-        s = filtered.correct(filtered.predict(s, now), now)
-        s, _ = filtered.exchange(s, now, heard)
+        now = _part(z, np.s_[:, k])
+        s, _ = filtered.exchange(filtered.correct(filtered.predict(s, now), now), now, _part(air, np.s_[:, k]))
         x.append(filtered.estimate(s).x)
     return np.stack(x, 1)
