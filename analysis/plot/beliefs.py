@@ -14,7 +14,8 @@ from cooploc.analysis.metrics.curves import over_time
 from cooploc.analysis.metrics.errors import INSIDE_95, demand_same
 from cooploc.analysis.metrics.statistics import LEAST_TRIALS
 from cooploc.analysis.plot import style
-from cooploc.analysis.plot.style import DARK, GREY
+from cooploc.analysis.plot.style import DARK
+from cooploc.analysis.plot.worlds import draw_arena, set_links
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array
 from cooploc.scenarios.runner.run import Run
@@ -27,23 +28,21 @@ def ellipses(truth: Truth, run: Run, trial: int = 0, tick: int = -1, ax: Axes | 
     Truth and run are of one stream; a negative tick counts from the end. Without `ax` a figure is made.
     """
     i, k = find_place(truth, run, trial, tick)
-    made = ax is None
-    ax = ax or style.new_axes(7.2, 4.2)
-    looks = style.session_looks(run.traces)
-    for name, trace in run.traces.items():
-        colour, _, line = looks[name]
-        for x, P in zip(trace.x[i, k, :, :2], trace.P[i, k, :, :2, :2], strict=True):
-            ax.add_patch(ellipse(x, P, ec=colour, ls=line, lw=1.6))
-        ax.plot(*trace.x[i, k, :, :2].T, ".", color=colour, ms=5)
-        ax.plot([], [], color=colour, ls=line, label=name)
-    ax.plot(*truth.x[i, k, :, :2].T, "x", color="black", ms=8, mew=2, ls="none", label="truth")
-    ax.autoscale_view()
-    ax.set_aspect("equal")
-    style.finish(ax, "x [m]", "y [m]", f"{run.scenario}, trial {trial}, tick {k}: 95 % ellipses")
-    style.add_legend(ax)
-    if made:
-        style.fit_height(ax)
-    return ax
+    drawn = ax or style.new_axes(7.2, 4.2)
+    for name, (colour, _, line) in style.session_looks(run.traces).items():
+        x, P = run.traces[name].x[i, k, :, :2], run.traces[name].P[i, k]
+        for mean, covariance in zip(x, P, strict=True):
+            drawn.add_patch(ellipse(mean, covariance, ec=colour, ls=line, lw=1.6))
+        drawn.plot(*x.T, ".", color=colour, ms=5)
+        drawn.plot([], [], color=colour, ls=line, label=name)
+    drawn.plot(*truth.x[i, k, :, :2].T, "x", color="black", ms=8, mew=2, ls="none", label="truth")
+    drawn.autoscale_view()
+    drawn.set_aspect("equal")
+    style.finish(drawn, "x [m]", "y [m]", f"{run.scenario}, trial {trial}, tick {k}: 95 % ellipses")
+    style.add_legend(drawn)
+    if ax is None:
+        style.fit_height(drawn)
+    return drawn
 
 
 def trajectories(truth: Truth, run: Run, trial: int = 0, robot: int = 0) -> Axes:
@@ -69,8 +68,7 @@ def trajectories(truth: Truth, run: Run, trial: int = 0, robot: int = 0) -> Axes
 def error_over_time(truth: Truth, run: Run, ax: Axes | None = None) -> Axes:
     """Draw position RMSE over the ticks, with 95 % intervals over trials from 5 on."""
     ax = ax or style.new_axes(7.0, 3.6)
-    table = over_time(truth, run)
-    _draw_over_time(ax, run, table, "rmse", "position RMSE [m]", grid="y")
+    table = _draw_over_time(ax, truth, run, "rmse", "position RMSE [m]")
     ax.set_ylim(0, 1.4 * style.span(table, "rmse")[1])
     return ax
 
@@ -81,27 +79,27 @@ def anees(truth: Truth, run: Run, ax: Axes | None = None) -> Axes:
     Grey: where a consistent estimator's lies in 95 % of the ticks, if errors are Gaussian.
     """
     ax = ax or style.new_axes(7.0, 3.6)
-    table = over_time(truth, run)
+    table = _draw_over_time(ax, truth, run, "anees", "ANEES (1 is consistent)")
     band = table.groupby("tick")[["band_low", "band_high"]].mean()
     ax.fill_between(band.index, band["band_low"], band["band_high"], color="0.9", lw=0, zorder=0)
     ax.axhline(1.0, color="0.5", lw=1, zorder=1)
-    _draw_over_time(ax, run, table, "anees", "ANEES (1 is consistent)")
     low, high = style.span(table, "anees", "band_low", "band_high")
     style.set_log_scale(ax.yaxis, low, high)
     ax.set_ylim(low / 1.4, 1.4 * high)
     return ax
 
 
-def _draw_over_time(ax: Axes, run: Run, table: pd.DataFrame, what: str, label: str, grid: str = "") -> None:
-    """Draw a line over the ticks for each estimator, with its band."""
-    looks = style.session_looks(run.traces)
+def _draw_over_time(ax: Axes, truth: Truth, run: Run, what: str, label: str) -> pd.DataFrame:
+    """Draw a line over the ticks for each estimator, with its band; return the table of `over_time`."""
+    table, looks = over_time(truth, run), style.session_looks(run.traces)
     for name, rows in table.groupby("estimator", sort=False):
         colour, _, line = looks[str(name)]
         style.draw_band(ax, rows["tick"], rows[f"{what}_low"], rows[f"{what}_high"], colour)
         ax.plot(rows["tick"], rows[what], color=colour, ls=line, lw=1.6, label=name)
     intervals = ", 95 % intervals" * (len(run.trial) >= LEAST_TRIALS)
-    style.finish(ax, "tick", label, f"{run.scenario}, {count_of(len(run.trial), 'trial')}{intervals}", grid)
+    style.finish(ax, "tick", label, f"{run.scenario}, {count_of(len(run.trial), 'trial')}{intervals}", "y")
     style.add_legend(ax)
+    return table
 
 
 def find_place(truth: Truth, run: Run, trial: int, tick: int = -1) -> tuple[int, int]:
@@ -132,7 +130,6 @@ def ellipse(x: Array, P: Array, **look: Any) -> Ellipse:
 
 MOST = 400  # pictures, if no step is asked for
 TRAIL = 30  # ticks of the past that stay visible
-HEARD, LOST = GREY, style.VERMILION
 
 
 def animate(
@@ -149,7 +146,7 @@ def animate(
     Args:
         truth: of the same stream as the run.
         run: from `run`.
-        stream: of the run; with it links are drawn, dotted vermilion where the packets of both are lost.
+        stream: of the run; with it links are drawn, dotted where the packets of both are lost.
         trial: its number.
         interval: between two ticks [ms].
         ax: where to draw; a new figure if None.
@@ -162,80 +159,52 @@ def animate(
     i = find_place(truth, run, trial)[0]
     if stream is not None and stream.hashes != run.hashes:
         raise BadInput(f"this stream ({stream.scenario}) is not the run's ({run.scenario}): simulate it again")
-    made = ax is None
-    ax = ax or style.new_axes(6.8, 5.2)
-    _draw_arena(ax, truth, stream)
-    _widen(ax, truth, run, i)
+    drawn = ax or style.new_axes(6.8, 5.2)
+    draw_arena(drawn, truth.arena, stream.world if stream else None)
+    _widen(drawn, truth, run, i)
     path = truth.x[i, :, :, :2]  # (ticks, n, 2)
     links = LineCollection([], linewidths=1.0, zorder=1)
-    ax.add_collection(links)
-    trails = [ax.plot([], [], color=DARK, lw=1.0, zorder=2)[0] for _ in range(path.shape[1])]
-    robots = ax.plot([], [], "x", color="black", ms=8, mew=2, ls="none", label="truth", zorder=5)[0]
-    beliefs = []
+    drawn.add_collection(links)
+    trails = [drawn.plot([], [], color=DARK, lw=1.0, zorder=2)[0] for _ in range(path.shape[1])]
+    robots = drawn.plot([], [], "x", color="black", ms=8, mew=2, ls="none", label="truth", zorder=5)[0]
+    beliefs, none = [], np.zeros(path.shape[1])
     for name, look in style.session_looks(run.traces).items():
-        dots = ax.plot([], [], ".", color=look.colour, ms=6, zorder=4)[0]
-        ax.plot([], [], color=look.colour, ls=look.line, label=name)
-        none = np.zeros(path.shape[1])
-        ovals = EllipseCollection(none, none, none, units="xy", offsets=path[0], transOffset=ax.transData)
+        dots = drawn.plot([], [], ".", color=look.colour, ms=6, zorder=4)[0]
+        drawn.plot([], [], color=look.colour, ls=look.line, label=name)
+        ovals = EllipseCollection(none, none, none, units="xy", offsets=path[0], transOffset=drawn.transData)
         ovals.set(facecolor="none", edgecolor=look.colour, linestyle=look.line, linewidth=1.4, zorder=3)
-        ax.add_collection(ovals)
+        drawn.add_collection(ovals)
         beliefs.append((run.traces[name], dots, ovals))
-    style.finish(ax, "x [m]", "y [m]", " ")
-    style.add_legend(ax)
-    if made:
-        style.fit_height(ax)
+    style.finish(drawn, "x [m]", "y [m]", " ")
+    style.add_legend(drawn)
+    if ax is None:
+        style.fit_height(drawn)
 
     def draw(k: int) -> list[Any]:
         robots.set_data(*path[k].T)
         for robot, trail in enumerate(trails):
             trail.set_data(*path[max(0, k - TRAIL) : k + 1, robot].T)
         if stream is not None:
-            _set_links(links, path[k], stream.air.link[i, k])
+            set_links(links, path[k], stream.air.link[i, k])
         for trace, dots, ovals in beliefs:
             x, P = trace.x[i, k, :, :2], trace.P[i, k, :, :2, :2]
             dots.set_data(*x.T)
             width, height, angle = np.array([ellipse_shape(one) for one in P]).T
             ovals.set(offsets=x, widths=width, heights=height, angles=angle)
-        style.set_note(ax, f"{run.scenario}, trial {trial}, tick {k}")
+        style.set_note(drawn, f"{run.scenario}, trial {trial}, tick {k}")
         return []
 
     frames = range(0, len(path), step or -(-len(path) // MOST))
-    return FuncAnimation(ax.get_figure(True), draw, frames=frames, interval=interval)  # type: ignore[arg-type]
-
-
-def _set_links(links: LineCollection, at: Array, heard: Array) -> None:
-    """Set lines between robots; a link counts as held where either of the two hears the other."""
-    pairs = [(i, j) for i in range(len(at)) for j in range(i)]
-    held = [bool(heard[i, j] or heard[j, i]) for i, j in pairs]
-    links.set_segments([np.stack([at[i], at[j]]) for i, j in pairs])
-    links.set_color([HEARD if yes else LOST for yes in held])
-    links.set_linestyle(["solid" if yes else (0, (1, 2)) for yes in held])
-
-
-def _draw_arena(ax: Axes, truth: Truth, stream: Stream | None) -> None:
-    """Draw the arena and its anchors and landmarks."""
-    (x0, y0), (x1, y1) = truth.arena
-    margin = 0.05 * float(np.max(truth.arena[1] - truth.arena[0]))
-    ax.plot([x0, x1, x1, x0, x0], [y0, y0, y1, y1, y0], color=DARK, lw=1.2)
-    if stream is not None:
-        anchors, landmarks = stream.world.anchors, stream.world.landmarks
-        for places, marker, name in ((anchors, "^", "anchors"), (landmarks, "s", "landmarks")):
-            if len(places):
-                ax.plot(*places.T, marker, color=DARK, mfc="white", ms=6, ls="none", label=name)
-        ax.plot([], [], color=HEARD, label="packets arrive")
-        ax.plot([], [], color=LOST, ls=":", label="packets are lost")
-    ax.set(aspect="equal", xlim=(x0 - margin, x1 + margin), ylim=(y0 - margin, y1 + margin))
+    return FuncAnimation(drawn.get_figure(True), draw, frames=frames, interval=interval)  # type: ignore[arg-type]
 
 
 def _widen(ax: Axes, truth: Truth, run: Run, trial: int) -> None:
     """Set limits that hold every ellipse of every tick, as far as half an arena beyond the arena."""
-    low, high = truth.arena
-    most = (high - low) / 2
-    for trace in run.traces.values():
-        x, P = trace.x[trial, ..., :2], trace.P[trial]
-        reach = np.sqrt(INSIDE_95 * np.stack([P[..., 0, 0], P[..., 1, 1]], -1))
-        low = np.fmin(low, np.nanmin(x - reach, (0, 1)))
-        high = np.fmax(high, np.nanmax(x + reach, (0, 1)))
-    low, high = np.maximum(low, truth.arena[0] - most), np.minimum(high, truth.arena[1] + most)
-    (x0, x1), (y0, y1) = ax.get_xlim(), ax.get_ylim()
-    ax.set(xlim=(min(x0, low[0]), max(x1, high[0])), ylim=(min(y0, low[1]), max(y1, high[1])))
+    reach = [
+        np.sqrt(INSIDE_95 * np.diagonal(trace.P[trial], axis1=-2, axis2=-1)[..., :2]) for trace in run.traces.values()
+    ]
+    x, r = np.stack([trace.x[trial, ..., :2] for trace in run.traces.values()]), np.stack(reach)
+    (x0, x1), (y0, y1), most = ax.get_xlim(), ax.get_ylim(), (truth.arena[1] - truth.arena[0]) / 2
+    low = np.fmin((x0, y0), np.maximum(np.nanmin(x - r, (0, 1, 2)), truth.arena[0] - most))
+    high = np.fmax((x1, y1), np.minimum(np.nanmax(x + r, (0, 1, 2)), truth.arena[1] + most))
+    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))

@@ -1,9 +1,8 @@
 """One trial of a scenario as a map, and the residuals of a recording's readings."""
 
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
@@ -12,13 +11,13 @@ from matplotlib.patches import Circle, Rectangle
 from cooploc.analysis.plot import style
 from cooploc.analysis.plot.style import DARK, GREY, ROBOTS
 from cooploc.estimators.errors import BadInput
-from cooploc.estimators.interface import Array
+from cooploc.estimators.interface import Array, World
 from cooploc.scenarios import resolve
 from cooploc.scenarios.recordings.scenario import TeamScenario
-from cooploc.scenarios.stream import Stream
 from cooploc.scenarios.worlds.radio import Scene
 
 BLOCKED = style.VERMILION
+LOST: Any = (0, (1, 2))  # line of lost packets
 
 
 def world(
@@ -47,61 +46,52 @@ def world(
     shown = resolve(label, data, **overrides)
     truth, stream = shown.simulate([trial], seed)
     ax = ax or style.new_axes(5.2, 5.2)
-    path = truth.x[0, :, :, :2]
+    path, known = truth.x[0, :, :, :2], stream.world
     tick = int(np.arange(len(path))[tick])
-    _draw_arena(ax, stream)
+    draw_arena(ax, known.arena, known)
+    for i, place in enumerate(known.anchors):
+        ax.annotate(f"N{i + 1}", place, xytext=(7, 6), textcoords="offset points", fontsize="x-small")
     scene: Scene | None = shown.model.scene(seed, trial, path) if hasattr(shown.model, "scene") else None
-    _draw_links(ax, path[tick], stream, scene, tick)
+    links = LineCollection([], linewidths=1.0, zorder=1)
+    ax.add_collection(links)
+    set_links(links, path[tick], stream.air.link[0, tick], None if scene is None else scene.robot_blockers[tick])
     if scene is not None:
         _draw_scene(ax, scene, tick)
-    for i in range(path.shape[1]):
+        for i, k in np.argwhere(np.isfinite(stream.senses.anchor_rssi[0, tick])):
+            colour = BLOCKED if scene.anchor_blockers[tick, i, k] > 0 else GREY
+            ax.plot(*np.stack([path[tick, i], known.anchors[k]]).T, color=colour, lw=0.5, zorder=1)
+    for i, own in enumerate(path.transpose(1, 0, 2)):
         colour = ROBOTS[i % len(ROBOTS)]
-        ax.plot(*path[: tick + 1, i].T, color=colour, lw=1.2, zorder=2)
-        known = np.flatnonzero(np.isfinite(path[:, i, 0]))
-        if len(known):
-            ax.plot(*path[known[0], i], "o", color=colour, mfc="white", ms=5, zorder=6)
-        name = f"robot {i}" if path.shape[1] <= 8 else None
-        ax.plot(*path[tick, i], "o", color=colour, ms=7, label=name, zorder=6)
-    ax.plot([], [], color=GREY, linestyle=(0, (1, 2)), label="lost")
+        ax.plot(*own[: tick + 1].T, color=colour, lw=1.2, zorder=2)
+        ax.plot(*own[np.isfinite(own[:, 0])][:1].T, "o", color=colour, mfc="white", ms=5, zorder=6)
+        ax.plot(*own[tick], "o", color=colour, ms=7, label=f"robot {i}" if path.shape[1] <= 8 else None, zorder=6)
     ax.plot([], [], color=BLOCKED, linestyle="solid", label="something in the way")
     style.finish(ax, "x [m]", "y [m]", f"{stream.scenario}, trial {trial}, seed {seed}, tick {tick}")
     style.add_legend(ax, fontsize="x-small", bbox_to_anchor=(0.0, -0.09), ncols=4)
     return ax
 
 
-def _draw_arena(ax: Axes, stream: Stream) -> None:
-    known = stream.world
-    low, high = known.arena
-    ax.add_patch(Rectangle((low[0], low[1]), *(high - low), fill=False, ec=DARK, lw=1.2))
-    if len(known.anchors):
-        ax.plot(*known.anchors.T, "^", color=DARK, ms=9, label="anchors", clip_on=False, zorder=5)
-    for i, (x, y) in enumerate(known.anchors):
-        ax.annotate(f"N{i + 1}", (x, y), xytext=(7, 6), textcoords="offset points", fontsize="x-small")
-    if len(known.landmarks):
-        ax.plot(*known.landmarks.T, "s", color=DARK, ms=5, mfc="white", label="landmarks", zorder=4)
+def draw_arena(ax: Axes, arena: Array, known: World | None = None) -> None:
+    """Draw the arena (2, 2) with anchors and landmarks, set limits around it, and name lines of lost packets."""
+    low, high = arena
     margin = 0.05 * float(np.max(high - low))
+    ax.add_patch(Rectangle((low[0], low[1]), *(high - low), fill=False, ec=DARK, lw=1.2))
+    for places, marker, name in ((known.anchors, "^", "anchors"), (known.landmarks, "s", "landmarks")) if known else ():
+        if len(places):
+            ax.plot(*places.T, marker, color=DARK, mfc="white", ms=7, ls="none", label=name, clip_on=False, zorder=5)
+    if known:
+        ax.plot([], [], color=GREY, ls=LOST, label="packets are lost")
     ax.set(aspect="equal", xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin))
 
 
-def _draw_links(ax: Axes, at: Array, stream: Stream, scene: Scene | None, tick: int) -> None:
-    """Draw the links between robots, and to anchors where the scene has something that may stand in the way."""
-    heard, anchors = stream.air.link[0, tick], stream.world.anchors
-    pairs = [(i, j) for i in range(len(at)) for j in range(i)]
-    lines = [np.stack([at[i], at[j]]) for i, j in pairs]
-    lost = [not (heard[i, j] or heard[j, i]) for i, j in pairs]
-    blocked = [scene is not None and bool(scene.robot_blockers[tick, i, j] > 0) for i, j in pairs]
-    _add_lines(ax, lines, lost, blocked, 1.0)
-    if scene is not None:
-        there = np.argwhere(np.isfinite(stream.senses.anchor_rssi[0, tick])).tolist()
-        lines = [np.stack([at[i], anchors[k]]) for i, k in there]
-        blocked = [bool(scene.anchor_blockers[tick, i, k] > 0) for i, k in there]
-        _add_lines(ax, lines, [False] * len(lines), blocked, 0.5)
-
-
-def _add_lines(ax: Axes, lines: list[Array], lost: list[bool], blocked: list[bool], width: float) -> None:
-    styles: Any = [(0, (1, 2)) if one else "solid" for one in lost]
-    colours = [BLOCKED if one else GREY for one in blocked]
-    ax.add_collection(LineCollection(lines, colors=colours, linestyles=styles, linewidths=width, zorder=1))
+def set_links(lines: LineCollection, at: Array, heard: Array, blockers: Array | None = None) -> None:
+    """Set lines between robots at places (n, 2): dotted where neither hears the other, vermilion where blocked."""
+    i, j = np.tril_indices(len(at), -1)
+    lines.set_segments(list(np.stack([at[i], at[j]], 1)))
+    lines.set_linestyle(["solid" if one else LOST for one in np.logical_or(heard[i, j], heard[j, i])])
+    lines.set_color(
+        [BLOCKED if blockers is not None and blockers[a, b] > 0 else GREY for a, b in zip(i, j, strict=True)]
+    )
 
 
 def _draw_scene(ax: Axes, scene: Scene, tick: int) -> None:
@@ -130,23 +120,22 @@ def residuals(label: str, data: str | Path) -> Axes:
     channels = list(dict.fromkeys(one.what for one in found))
     if not channels:
         raise BadInput(f"{label!r} has no reading whose true distance is known; check the names in log.toml")
-    size, sharing = (7.2, 2.6 * len(channels)), {"sharex": True, "sharey": "row", "squeeze": False}
-    _, axes = plt.subplots(len(channels), 2, figsize=size, layout="constrained", **cast(Any, sharing))
-    for row, channel in zip(axes, channels, strict=True):
-        mine = [one for one in found if one.what == channel]
+    axes = style.new_panels(2 * len(channels), 2, (3.6, 2.6), sharex=True, sharey="row")
+    for k, channel in enumerate(channels):
+        mine, pair = [one for one in found if one.what == channel], axes[2 * k : 2 * k + 2]
         links = list(dict.fromkeys(one.link for one in mine))
         for one in mine:
-            ax, k = row[0 if one.fitted else 1], links.index(one.link)
-            colour, name = (ROBOTS[k], one.link) if k < len(ROBOTS) else (GREY, None)  # further links are grey
+            ax, i = pair[0 if one.fitted else 1], links.index(one.link)
+            colour, name = (ROBOTS[i], one.link) if i < len(ROBOTS) else (GREY, None)  # further links are grey
             ax.plot(one.distance, one.residual, ".", ms=2, alpha=0.5, color=colour, label=name)
-            for sign in (-2, 2):
-                ax.axhline(sign * one.sigma, color=DARK, lw=0.8, ls="--")
-        for ax in row:
+            for level in (-2 * one.sigma, 2 * one.sigma):
+                ax.axhline(level, color=DARK, lw=0.8, ls="--")
+        for ax in pair:
             ax.axhline(0, color=DARK, lw=0.8)
-        row[0].set_ylabel(f"{channel}: residual [{mine[0].unit}]")
-        row[0].legend(frameon=False, fontsize=7, markerscale=3)
-    for ax, title in zip(axes[0], ("fitted on", "judged"), strict=True):
+        pair[0].set_ylabel(f"{channel}: residual [{mine[0].unit}]")
+        pair[0].legend(frameon=False, fontsize=7, markerscale=3)
+    for ax, title in zip(axes, ("fitted on", "judged"), strict=False):
         ax.set_title(title, fontsize=9)
-    for ax in axes[-1]:
+    for ax in axes[-2:]:
         ax.set_xlabel("true distance [m]")
-    return cast(Axes, axes[0, 0])
+    return axes[0]
