@@ -23,7 +23,16 @@ def recording(log: TeamLog, note: str = "") -> Figure:
     Left the tracks: solid the truth, dotted odometry alone from the true start. Right how often the robot of a row
     measured that of a column. Below what was recorded when, a stroke for each sample; gaps are white.
     """
-    rows = _few(series_rows(log))
+    rows = series_rows(log)
+    if len(rows) > MOST_ROWS:
+        groups: dict[tuple[str, str], list[SeriesRow]] = {}
+        for row in rows:
+            groups.setdefault((row.series, row.of.partition("-")[0]), []).append(row)
+        times = [np.sort(np.concatenate([row.time for row in group])) for group in groups.values()]
+        gaps = [np.diff(np.unique(time)) for time in times]
+        rates = [1 / float(np.median(gap)) if len(gap) else np.nan for gap in gaps]
+        named = zip(groups, times, rates, groups.values(), strict=True)
+        rows = [group[0]._replace(of=key[1], time=time, rate=rate) for key, time, rate, group in named]
     figure = plt.figure(figsize=(9.2, 4.6 + 0.17 * len(rows)), layout="constrained")
     places: Any = [["tracks", "measured"], ["time", "time"]]
     axes = figure.subplot_mosaic(places, height_ratios=[4.4, 0.2 + 0.17 * len(rows)], width_ratios=[1.25, 1])
@@ -82,19 +91,3 @@ def _draw_time_line(ax: Axes, rows: list[SeriesRow], log: TeamLog) -> None:
     ax.set_yticks(range(len(rows)), labels, fontsize="x-small")
     ax.invert_yaxis()
     style.finish(ax, "time since the first sample [s]", grid="x")
-
-
-def _few(rows: list[SeriesRow]) -> list[SeriesRow]:
-    """Return the rows, or, where they are too many, those of one robot and series as one."""
-    if len(rows) <= MOST_ROWS:
-        return rows
-    groups: dict[tuple[str, str], list[SeriesRow]] = {}
-    for row in rows:
-        groups.setdefault((row.series, row.of.partition("-")[0]), []).append(row)
-    merged = []
-    for (_, robot), group in groups.items():
-        time = np.sort(np.concatenate([row.time for row in group]))
-        intervals = np.diff(time)[np.diff(time) > 0]
-        rate = 1 / float(np.median(intervals)) if len(intervals) else np.nan
-        merged.append(group[0]._replace(of=robot, time=time, samples=len(time), rate=rate))
-    return merged

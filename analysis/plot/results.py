@@ -5,7 +5,7 @@ for a report's page, whose panels are small figures that wrap, or for a paper, w
 """
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from math import ceil
 from typing import Any
@@ -58,13 +58,13 @@ def rmse(
     """
     table = style.summarize_for_figures(errors)
     table["floor"] = table["scenario"].map(dict(floors or {}))
-    along = _sweep_over(errors, table, over) if over else _sweep_of_labels(table)
+    along = _sweep(errors, table, over)
     names = list(dict.fromkeys(table["estimator"]))
     looks, height = style.session_looks(names), max(4.0, 0.6 + 0.2 * len(names))
     over_confident = bool((table["consistency"] == "over-confident").any())
     if along is not None:
         ax = ax or style.new_axes(6.5, height)
-        draw_curves(ax, along[along["rmse"].notna()], names, looks)
+        draw_curves(ax, along[along["rmse"].notna()], looks)
         above = f"{along['family'].iloc[0]}, {_about_trials(table)}{'; broken: over-confident' * over_confident}"
         style.finish(ax, along["parameter"].iloc[0], RMSE, above)
     else:
@@ -172,7 +172,7 @@ def sweep_panels(part: pd.DataFrame, looks: Looks, short: Short, look: Style = P
             own = short(row["estimator"])
             return "_" if len(names) == 1 and not alone else name_of(row, own) if look is PAGE else own
 
-        draw_curves(ax, part, names, looks, name, 0.22 if len(names) == 1 else 0.1)
+        draw_curves(ax, part, {one: looks[one] for one in names}, name, 0.22 if len(names) == 1 else 0.1)
         if not alone:
             ax.set_title(wrap_label(short(names[0]) if len(names) == 1 else names[0].partition("[")[0], 44))
         if look is PAGE and len(names) > 1:
@@ -293,15 +293,10 @@ def compose(
 
 
 def draw_curves(
-    ax: Axes,
-    part: pd.DataFrame,
-    names: Iterable[str],
-    looks: Looks,
-    name: Callable[[Row], str] = name_of,
-    alpha: float = 0.15,
+    ax: Axes, part: pd.DataFrame, looks: Looks, name: Callable[[Row], str] = name_of, alpha: float = 0.15
 ) -> None:
-    """Draw the named estimators over the swept value with the floor; all others in light grey."""
-    part, names = part.sort_values("value", kind="stable"), list(names)
+    """Draw the estimators that have a look over the swept value with the floor; all others in light grey."""
+    part, names = part.sort_values("value", kind="stable"), list(looks)
     for _, rows in part[~part["estimator"].isin(names)].groupby("estimator", sort=False):
         ax.plot(rows["value"], rows["rmse"], color=style.FAINT, lw=1, zorder=1)
     for one in names:
@@ -333,7 +328,12 @@ def draw_against(ax: Axes, part: pd.DataFrame, other: str, looks: Looks, front: 
     if front is not None and len(front):
         ax.step(scale * front[other], front["rmse"], where="post", color="0.3", lw=1, ls=style.BROKEN, zorder=1)
     for row in part.to_dict("records"):
-        style.draw_rmse_against(ax, other, row, looks[row["estimator"]], scale)
+        look, x = looks[row["estimator"]], scale * row[other]
+        bar: Any = {"color": style.colour_of(row, look), "lw": 1}
+        ax.plot([x, x], [row["rmse_low"], row["rmse_high"]], **bar)
+        if f"{other}_low" in row:
+            ax.plot([scale * row[f"{other}_low"], scale * row[f"{other}_high"]], [row["rmse"]] * 2, **bar)
+        draw_marker(ax, x, row["rmse"], row, look)
     if other == "bytes":  # some send nothing
         high = 1.6 * max(10.0, high)
         ax.set_xscale("symlog", linthresh=10)
@@ -355,24 +355,20 @@ def _add_keys(ax: Axes, table: pd.DataFrame, looks: Looks, name: Callable[[Any],
         draw_marker(ax, np.nan, np.nan, {**row, "consistency": ""}, looks[row["estimator"]], label=name(row))
 
 
-def _sweep_of_labels(table: pd.DataFrame) -> pd.DataFrame | None:
-    """Return the table with `family`, `parameter` and `value`, where its labels are one sweep; else None."""
-    read = swept(table)
-    one = read["parameter"].iloc[0] and len(read[["family", "parameter"]].drop_duplicates()) == 1
-    return read if one and read["value"].nunique() >= LEAST else None
-
-
-def _sweep_over(errors: pd.DataFrame, table: pd.DataFrame, name: str) -> pd.DataFrame:
-    """Return the table with `family`, `parameter` and `value`, which is that column of the errors."""
-    if name not in errors:
-        raise BadInput(f"errors has no column {name!r} to draw over; {nearest(name, [*map(str, errors.columns)])}")
-    if not pd.api.types.is_numeric_dtype(errors[name]):
-        raise BadInput(f"the column {name!r} does not hold numbers, so nothing can be drawn over it")
-    values = errors.groupby("scenario", sort=False)[name].agg(["first", "nunique"])
-    if (values["nunique"] != 1).any() or values["first"].duplicated().any():
-        raise BadInput(f"a line over {name!r} needs one scenario for each of its values: select them")
+def _sweep(errors: pd.DataFrame, table: pd.DataFrame, over: str | None) -> pd.DataFrame | None:
+    """Return the table with `family`, `parameter` and `value` of a column of the errors, or where its labels sweep."""
+    if over is None:
+        read = swept(table)
+        one = read["parameter"].iloc[0] and len(read[["family", "parameter"]].drop_duplicates()) == 1
+        return read if one and read["value"].nunique() >= LEAST else None
+    if over not in errors:
+        raise BadInput(f"errors has no column {over!r} to draw over; {nearest(over, [*map(str, errors.columns)])}")
+    values = errors.groupby("scenario", sort=False)[over].agg(["first", "nunique"])
+    numbers = pd.api.types.is_numeric_dtype(errors[over])
+    if not numbers or (values["nunique"] != 1).any() or values["first"].duplicated().any():
+        raise BadInput(f"a line over {over!r} needs numbers, and one scenario for each of them: select them")
     families = dict.fromkeys(label.partition("/")[0].partition("[")[0] for label in table["scenario"])
-    return table.assign(family=", ".join(families), parameter=name, value=table["scenario"].map(values["first"]))
+    return table.assign(family=", ".join(families), parameter=over, value=table["scenario"].map(values["first"]))
 
 
 def _about_trials(table: pd.DataFrame) -> str:

@@ -9,7 +9,8 @@ from matplotlib.ticker import NullLocator
 
 from cooploc.analysis.formats import count_of
 from cooploc.analysis.plot import style
-from cooploc.analysis.plot.style import draw_curve, draw_marker, draw_rmse, set_log_scale, span
+from cooploc.analysis.plot.results import draw_curves
+from cooploc.analysis.plot.style import draw_marker, draw_rmse, set_log_scale, span
 from cooploc.estimators.errors import BadInput, nearest
 
 OWN = {"none": "none", "doa": "direction of arrival", "gradient": "gradient", "rssi": "raw RSSI"}
@@ -52,28 +53,24 @@ def information(table: pd.DataFrame) -> Axes:
             for shift, row in zip(shifts, here.to_dict("records"), strict=True):
                 draw_rmse(ax, x + shift, row, looks[RULES[row["fusion"], row["filter"]][1]])
         style.finish(ax, "", "RMSE [m]", f"own reading: {OWN[name]}", grid="y")
-    _name_teams(axes[-1], places)
+    last, below = axes[-1], {"textcoords": "offset points", "va": "top"}
+    last.set_xticks(list(places.values()), [BETWEEN[between] for _, between in places])
+    last.tick_params(axis="x", length=0)
+    corner: Any = {"xycoords": "axes fraction", "ha": "right", "fontsize": 8, **below}
+    last.annotate("read of\nteammates", (0, 0), (-4, -3), **corner)
+    for robots in teams:
+        middle = float(np.mean([x for (n, _), x in places.items() if n == robots]))
+        bold: Any = {"xycoords": ("data", "axes fraction"), "ha": "center", "weight": "bold", **below}
+        last.annotate(count_of(robots, "robot"), (middle, 0), (0, -20), **bold)
     used = set(zip(table["fusion"], table["filter"], strict=True))
     for rule, (name, one) in RULES.items():
         if rule in used:
             full: dict[str, Any] = {"consistency": "", "centralised": rule[0] in ("centralised", "bound")}
-            draw_marker(axes[-1], np.nan, np.nan, full, looks[one], label=name)
-    axes[-1].plot([], [], color="black", ls=style.DOTTED, lw=1.6, label="floor of the readings in the cell")
-    axes[-1].plot([], [], "o", mfc="white", mec=style.DARK, label="hollow: over-confident")
+            draw_marker(last, np.nan, np.nan, full, looks[one], label=name)
+    last.plot([], [], color="black", ls=style.DOTTED, lw=1.6, label="floor of the readings in the cell")
+    last.plot([], [], "o", mfc="white", mec=style.DARK, label="hollow: over-confident")
     style.add_legend_below(axes)
     return axes[0]
-
-
-def _name_teams(ax: Axes, places: dict[tuple[int, str], float]) -> None:
-    """Write what is read between robots under each group, and the team under its groups."""
-    ax.set_xticks(list(places.values()), [BETWEEN[between] for _, between in places])
-    ax.tick_params(axis="x", length=0)
-    below: Any = {"textcoords": "offset points", "va": "top"}
-    ax.annotate("read of\nteammates", (0, 0), (-4, -3), xycoords="axes fraction", ha="right", fontsize=8, **below)
-    for robots in dict.fromkeys(n for n, _ in places):
-        middle = float(np.mean([x for (n, _), x in places.items() if n == robots]))
-        bold: Any = {"xycoords": ("data", "axes fraction"), "ha": "center", "weight": "bold", **below}
-        ax.annotate(count_of(robots, "robot"), (middle, 0), (0, -20), **bold)
 
 
 # ------------------------------------------------------------------------------------------------ sensitivity
@@ -98,23 +95,18 @@ def sensitivity(table: pd.DataFrame) -> Axes:
     """
     parameters = list(dict.fromkeys(table["parameter"]))
     axes = style.new_panels(len(parameters), 2, (3.6, 2.3), 0.5, sharey=True)
-    low, high = span(table, "rmse", "floor")
-    set_log_scale(axes[0].yaxis, low, high)
     for k, (ax, parameter) in enumerate(zip(axes, parameters, strict=True)):
-        part = table[table["parameter"] == parameter].sort_values("value", kind="stable")
-        for name, look in style.session_looks(part["estimator"]).items():
-            draw_curve(ax, part[part["estimator"] == name], "value", look, alpha=0.12)
-        floor = part.groupby("value")["floor"].first()
-        if floor.notna().any():
-            ax.plot(floor.index, floor, color="black", ls=style.DOTTED, lw=1.6, label="floor", zorder=1)
+        part = table[table["parameter"] == parameter]
+        draw_curves(ax, part, style.session_looks(part["estimator"]), alpha=0.12)
         ax.axvline(part["preset"].iloc[0], color="0.5", ls=style.BROKEN, lw=1, zorder=0)
         values = np.unique(part["value"])
         if values[0] > 0 and values[-1] > WIDE["sensitivity"] * values[0]:
             ax.set_xscale("log")
             ax.xaxis.set_minor_locator(NullLocator())
-        ax.set_xticks(values, [f"{value:g}" for value in values])
+            ax.set_xticks(values, [f"{value:g}" for value in values])
         ylabel = "position RMSE [m]" if k % 2 == 0 else ""
         style.finish(ax, PARAMETERS.get(parameter, parameter), ylabel, grid="both")
+    low, high = span(table, "rmse", "floor")
     if low > 0:
         axes[0].set_ylim(low / MARGIN, high * MARGIN)
     style.add_legend_below(axes, 4)

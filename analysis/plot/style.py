@@ -162,16 +162,6 @@ def draw_rmse(ax: Axes, place: float, row: Row, look: Look, vertical: bool = Tru
     draw_marker(ax, x, y, row, look)
 
 
-def draw_rmse_against(ax: Axes, other: str, row: Row, look: Look, scale: float = 1.0) -> None:
-    """Draw a row's RMSE over another of its numbers, each with its interval where it has one."""
-    x, colour = scale * row[other], colour_of(row, look)
-    ax.plot([x, x], [row["rmse_low"], row["rmse_high"]], color=colour, lw=1)
-    if f"{other}_low" in row:
-        ends = [scale * row[f"{other}_low"], scale * row[f"{other}_high"]]
-        ax.plot(ends, [row["rmse"]] * 2, color=colour, lw=1)
-    draw_marker(ax, x, row["rmse"], row, look)
-
-
 def draw_curve(ax: Axes, rows: pd.DataFrame, x: str, look: Look, alpha: float = 0.15, label: str = "") -> None:
     """Draw RMSE over `x` with its band and some 25 markers; broken where most values are over-confident."""
     over = (rows["consistency"] == "over-confident").to_numpy()
