@@ -9,7 +9,6 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
@@ -20,6 +19,7 @@ from cooploc.analysis.metrics.curves import sweep
 from cooploc.analysis.plot import results as figures
 from cooploc.analysis.plot import style
 from cooploc.analysis.report import result_tables, sentences
+from cooploc.analysis.report.page_figures import trial_counts
 from cooploc.analysis.report.run_numbers import (
     FLOORED,
     Labels,
@@ -47,13 +47,6 @@ class PaperPart(NamedTuple):
     drawn: list[str]  # scenarios that sweep nothing and are drawn
 
 
-class Float(NamedTuple):
-    """A figure or a table in a file of its own, and how the example document includes it."""
-
-    name: str
-    latex: str
-
-
 def write(kept: StoredRun, out: Path, columns: Sequence[str] = DEFAULT, scenarios: Sequence[str] = ()) -> list[Path]:
     """Write figures/, tables/, estimators.bib and a document that includes them all; return the files.
 
@@ -66,20 +59,25 @@ def write(kept: StoredRun, out: Path, columns: Sequence[str] = DEFAULT, scenario
     """
     numbers = numbers_of(kept)
     parts = _parts(numbers, scenarios)
-    tables = [one for part in parts for one in _tables(part, numbers, columns)]
-    for name in ("figures", "tables"):
-        (out / name).mkdir(parents=True, exist_ok=True)
-    included, drawn = [], []
+    tables = {name: latex for part in parts for name, latex in _tables(part, numbers, columns).items()}
+    for folder in ("figures", "tables"):
+        (out / folder).mkdir(parents=True, exist_ok=True)
+    included: list[str] = []
+    drawn: list[Path] = []
     for part in parts:
-        for figure, one in _figures(part, numbers.names):
-            paths = [out / "figures" / f"{one.name}.{ending}" for ending in ("pdf", "svg")]
+        for figure, width, words, caption, rows in _figures(part, numbers.names):
+            name = f"{file_name(part.name, *words)}-{width}col"
+            legend = numbers.names.legend(dict.fromkeys(rows["estimator"]))
+            caption = " ".join([caption, *(f"{line}." for line in legend)])
+            paths = [out / "figures" / f"{name}.{ending}" for ending in ("pdf", "svg")]
             style.save(figure, *paths, rc=style.PAPER[1].rc)
             drawn += paths
-            included.append(one.latex)
+            body = rf"\includegraphics{{{name}}}"
+            included.append(_float("figure", width, f"fig:{name}", caption, body, ""))
     used = pd.concat([part.rows for part in parts])
-    texts = {f"tables/{one.name}.tex": one.latex for one in tables}
+    included += [rf"\input{{tables/{name}}}" for name in tables]
+    texts = {f"tables/{name}.tex": latex for name, latex in tables.items()}
     texts["estimators.bib"] = bibtex(used["estimator"], used["scenario"])
-    included += [rf"\input{{tables/{one.name}}}" for one in tables]
     texts[EXAMPLE] = document(f"cooploc: {kept.manifest['study']['name']}", included)
     for name, text in texts.items():
         (out / name).write_text(text, encoding="utf-8")
@@ -88,16 +86,15 @@ def write(kept: StoredRun, out: Path, columns: Sequence[str] = DEFAULT, scenario
 
 def _parts(numbers: Numbers, scenarios: Sequence[str]) -> list[PaperPart]:
     """Return the experiments with what is asked of them."""
-    kept, table = numbers.kept, numbers.table
-    there = list(kept.rows["scenario"].unique())
+    kept, there = numbers.kept, list(numbers.table["scenario"].unique())
     for name in scenarios:
         if name not in there:
             raise BadInput(f"this run has no scenario {name!r}; {nearest(name, there)}")
     parts = []
     for name, plan in kept.experiments.items():
         asked = [label for label in plan if not scenarios or label in scenarios]
-        single = [label for (_, parameter), found in group_by_sweep(asked).items() if not parameter for label in found]
-        rows = rows_of_experiment(table, {label: plan[label] for label in asked})
+        single = group_by_sweep(asked).get(("", ""), [])
+        rows = rows_of_experiment(numbers.table, {label: plan[label] for label in asked})
         if asked:
             parts.append(PaperPart(name, rows, asked, single if scenarios else first_middle_last(single)))
     every = [label for part in parts for label in (*part.drawn, *(s for s in part.scenarios if sweep(s)[1]))]
@@ -120,38 +117,28 @@ OTHERS = {
 }
 
 
-def _figures(part: PaperPart, names: Labels) -> Iterator[tuple[Figure, Float]]:
-    """Draw every figure of an experiment, one and two columns wide."""
+def _figures(part: PaperPart, names: Labels) -> Iterator[tuple[Figure, int, list[str], str, pd.DataFrame]]:
+    """Draw every figure one and two columns wide, with that number, words for its file, its caption and its rows."""
     looks = style.looks(part.rows["estimator"].unique())
     rows_of = dict(list(part.rows[part.rows["rmse"].notna()].groupby("scenario", sort=False)))
     single = [label for label in part.drawn if label in rows_of]
     against = part.drawn or first_middle_last([label for label in part.scenarios if label not in single])
-    anchor = file_name(part.name)
     for width, look in style.PAPER.items():
         for (family, parameter), labels in group_by_sweep(part.scenarios).items():
             rows = part.rows[part.rows["scenario"].isin(labels)]
             if parameter and rows["rmse"].notna().any():
                 made = figures.sweep_panels(rows, looks, names.of, look)[0]
-                yield made, _figure([anchor, family, parameter], OVER.format(parameter, family), rows, names, width)
+                yield made, width, [family, parameter], OVER.format(parameter, family), rows
         across = 1 if width == 1 else 3
         for i in range(0, len(single), across):
             parts = [rows_of[label] for label in single[i : i + across]]
             made = figures.ranking(parts, looks, names.of, look)
-            yield made, _figure([anchor, "rmse", single[i]], DOTS, pd.concat(parts), names, width)
-        for label in against:
+            yield made, width, ["rmse", single[i]], DOTS, pd.concat(parts)
+        for label in filter(rows_of.__contains__, against):
             for others in [tuple(OTHERS)] if width == 2 else [(other,) for other in OTHERS]:
-                if label in rows_of:
-                    made = figures.scatter(rows_of[label], others, looks, names.of, look)
-                    caption = AGAINST.format(", ".join(OTHERS[other] for other in others), label)
-                    yield made, _figure([anchor, "-".join(others), label], caption, rows_of[label], names, width)
-
-
-def _figure(words: list[str], caption: str, rows: pd.DataFrame, names: Labels, width: int) -> Float:
-    """Return a figure's file name and the float that includes it, its labels explained in the caption."""
-    legend = names.legend(dict.fromkeys(rows["estimator"]))
-    name = f"{file_name(*words)}-{width}col"
-    caption = " ".join([caption, *(f"{line}." for line in legend)])
-    return Float(name, _float("figure", width, f"fig:{name}", caption, rf"\includegraphics{{{name}}}", ""))
+                made = figures.scatter(rows_of[label], others, looks, names.of, look)
+                caption = AGAINST.format(", ".join(OTHERS[other] for other in others), label)
+                yield made, width, ["-".join(others), label], caption, rows_of[label]
 
 
 # ------------------------------------------------------------------------------------------------ tables
@@ -176,8 +163,8 @@ NOTES = {
 }
 
 
-def _tables(part: PaperPart, numbers: Numbers, columns: Sequence[str]) -> list[Float]:
-    """Return the tables of one experiment, each no longer than a page."""
+def _tables(part: PaperPart, numbers: Numbers, columns: Sequence[str]) -> dict[str, str]:
+    """Return the LaTeX of the tables of one experiment by name, each no longer than a page."""
     asked = {"rank", "group"} & set(columns)
     by_scenario = part.rows.groupby("scenario", sort=False)
     ranks = {str(s): rank_scenario(rows, numbers.results) if asked else ({}, {}) for s, rows in by_scenario}
@@ -190,19 +177,16 @@ def _tables(part: PaperPart, numbers: Numbers, columns: Sequence[str]) -> list[F
         for row, texts in zip(table.rows, cells, strict=True):
             if (row["scenario"], row["estimator"]) in best:
                 texts[at] = rf"\textbf{{{texts[at]}}}"
-    counts = np.unique(part.rows["trials"])
-    trials = f"{counts[0]}" if len(counts) == 1 else f"{counts[0]} to {counts[-1]}"
-    about = f"n = {trials} trials a scenario, seed {numbers.kept.manifest['seed']}"
+    about = f"{trial_counts(part.rows)}, seed {numbers.kept.manifest['seed']}"
     pages = pages_of([row["scenario"] for row in table.rows])
-    out = []
+    out = {}
     for number, page in enumerate(pages, 1):
         rows = [table.rows[i] for i in page]
         name = table.name if len(pages) == 1 else f"{table.name}-{number}"
         body = _tabular(rows, [cells[i] for i in page], heads, numbers.names, len(by_scenario) > 1)
         caption = f"{table.caption}: {', '.join(head.partition(' [')[0] for head in heads)}"
         width = 1 if len(heads) <= ONE_COLUMN else 2
-        notes = _notes(rows, columns, numbers.names, about)
-        out.append(Float(name, _float("table", width, f"tab:{name}", caption, body, notes)))
+        out[name] = _float("table", width, f"tab:{name}", caption, body, _notes(rows, columns, numbers.names, about))
     return out
 
 

@@ -7,7 +7,7 @@ an intersection-union test that needs no adjustment (Berger 1982).
 """
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -79,29 +79,29 @@ def _standing(scenario: str, part: pd.DataFrame, results: TrialTable) -> Standin
     if not may or len(rows) < 2:
         return Standing(scenario, "", trials, len(may), tuple(map(_name_with_reasons, barred)))
     best, *others = may
-    name, equal, tied, lead = best["estimator"], [], [], UNKNOWN
+    found: dict[str, list[str]] = {"equal": [], "tied": []}
+    lead = UNKNOWN
     for row in others:
-        first, other = results.mse((scenario, name), (scenario, row["estimator"])).T
+        first, other = results.mse((scenario, best["estimator"]), (scenario, row["estimator"])).T
         if row is others[0]:
             lead = results.stopping.change(other, first)
         if results.stopping.equal(first, other, MARGIN):
-            equal.append(row["estimator"])
+            found["equal"].append(row["estimator"])
         elif not results.stopping.change(first, other).low > 0:
-            tied.append(row["estimator"])
-    accurate = [row for row in barred if row["rmse"] <= best["rmse"]]
+            found["tied"].append(row["estimator"])
     return Standing(
         scenario,
-        name,
+        best["estimator"],
         trials,
         len(may),
-        tuple(map(_name_with_reasons, accurate)),
-        Interval(best["rmse"], best["rmse_low"], best["rmse_high"]),
-        mean_of_positive(results.anees((scenario, name))),
-        tuple(equal),
-        tuple(tied),
-        others[0]["estimator"] if others else "",
-        lead,
-        best["certificate"].startswith("unchecked"),
+        tuple(_name_with_reasons(row) for row in barred if row["rmse"] <= best["rmse"]),
+        rmse=Interval(best["rmse"], best["rmse_low"], best["rmse_high"]),
+        anees=mean_of_positive(results.anees((scenario, best["estimator"]))),
+        equal=tuple(found["equal"]),
+        tied=tuple(found["tied"]),
+        next=others[0]["estimator"] if others else "",
+        lead=lead,
+        unchecked=best["certificate"].startswith("unchecked"),
     )
 
 
@@ -156,7 +156,8 @@ def _capped_counts(names: Iterable[str]) -> str:
 def lowest_errors(found: list[Standing], table: pd.DataFrame) -> str:
     """Return which estimator has the lowest error in which scenarios, by how much, and what ties with it."""
     if all(one.trials < LEAST_TRIALS for one in found):
-        return _lowest_of_few_trials(table)
+        trials = count_of(int(table["trials"].max()), "trial")
+        return f"Nothing is separable with {trials}, it takes {LEAST_TRIALS}."
     if len(found) == 1:
         return summary_sentence(found[0])
     decided = [one for one in found if one.is_alone and one.able > 1]
@@ -165,32 +166,19 @@ def lowest_errors(found: list[Standing], table: pd.DataFrame) -> str:
         least = max(decided, key=lambda one: one.lead.value)
         bound = "at least " * (len(decided) > 1)
         lead = f", {bound}{_lead(least)} below that of the next ({least.next}, {least.scenario})"
-    best = dict.fromkeys(one.best for one in decided)
-    if len(best) == 1 and len(decided) == len(found):
+    if len({one.best for one in decided}) == 1 and len(decided) == len(found):
         return f"{decided[0].best} has the lowest RMSE of those that qualify in all {len(found)} scenarios{lead}."
     ties = [one for one in found if one.best and not one.is_alone]
     tied = _capped_counts(name for one in ties for name in (one.best, *one.equal, *one.tied))
     single, none = sum(one.is_alone and one.able == 1 for one in found), sum(not one.best for one in found)
     names = _capped_counts(one.best for one in decided)
-    parts = [f"the lowest RMSE of those that qualify is that of {names}{lead}"] if decided else []
-    parts += [f"in {len(ties)} the lowest are not separable ({tied})"] if ties else []
-    parts += [f"in {single} only one qualifies"] if single else []
-    parts += [f"in {none} none qualifies"] if none else []
-    return f"Of {count_of(len(found), 'scenario')}, {'; '.join(parts)}."
-
-
-def _lowest_of_few_trials(table: pd.DataFrame) -> str:
-    """Return the lowest errors of too few trials for any interval."""
-    ended = table[table["rmse"].notna()]
-    if ended.empty:
-        return "Every trial failed."
-    ended = ended if ended["centralised"].all() else ended[~ended["centralised"].astype(bool)]
-    names = _capped_counts(ended.loc[ended.groupby("scenario", sort=False)["rmse"].idxmin(), "estimator"])
-    trials = count_of(int(ended["trials"].max()), "trial")
-    return (
-        f"Nothing is separable with {trials}, it takes {LEAST_TRIALS}; the lowest RMSE that a robot reached is that of "
-        f"{names} of {count_of(ended['scenario'].nunique(), 'scenario')}."
-    )
+    parts = {
+        f"the lowest RMSE of those that qualify is that of {names}{lead}": len(decided),
+        f"in {len(ties)} the lowest are not separable ({tied})": len(ties),
+        f"in {single} only one qualifies": single,
+        f"in {none} none qualifies": none,
+    }
+    return f"Of {count_of(len(found), 'scenario')}, {'; '.join(text for text, n in parts.items() if n)}."
 
 
 def over_confident_estimators(table: pd.DataFrame) -> str:
@@ -204,20 +192,13 @@ def over_confident_estimators(table: pd.DataFrame) -> str:
     left = f"; consistency is not shown for {capped_list(open_)}" if open_ else ""
     if over.empty:
         return f"No estimator was found over-confident{left}."
+    runs = Counter(assessed["estimator"])
+    counts = [f"{name} in {n} of {count_of(runs[name], 'scenario')}" for name, n in Counter(over["estimator"]).items()]
     one = over.sort_values("anees_median", na_position="first").iloc[-1]
-    place = f" of {one['scenario']}" * (table["scenario"].nunique() > 1)
-    runs, count = Counter(assessed["estimator"]), Counter(over["estimator"])
-    who = "its ANEES" if len(count) == 1 else f"the ANEES of {one['estimator']}"
-    most = f"{who} is {ratio(one['anees_median'])} in the median trial{place} (1 is consistent)"
-    always = [name for name, n in count.items() if n == runs[name]]
-    if assessed["scenario"].nunique() == 1:
-        names = capped_list(count)
-    elif len(count) <= NAMED:
-        names = join_words(f"{name} in {n} of {runs[name]} scenarios" for name, n in count.items())
-    else:
-        names = f"{len(count)} of {len(runs)} estimators in some scenario"
-        names += f", {capped_list(always)} in every one" if always else ""
-    return f"Over-confident: {names}; {most}{left}."
+    most = (
+        f"the largest ANEES of a median trial is {ratio(one['anees_median'])} ({one['estimator']}, {one['scenario']})"
+    )
+    return f"Over-confident: {capped_list(counts)}; {most}, 1 is consistent{left}."
 
 
 # ------------------------------------------------------------------------------------------------ a sweep
@@ -238,36 +219,36 @@ def changes_over_sweep(scenarios: list[str], estimators: Iterable[str], results:
     return out
 
 
+DIRECTIONS: dict[str, Callable[[Interval], bool]] = {  # words -> whether an interval says so
+    "it grows": lambda share: share.low > 0,
+    "it falls": lambda share: share.high < 0,
+    "no significant change": lambda share: share.low <= 0 <= share.high and share.low < share.high,
+    "equal errors": lambda share: share.low == share.high == 0,
+}
+
+
 def sweep_sentence(scenarios: list[str], found: list[SweepChange], stopping: Stopping = FIXED) -> str:
     """Return the changes over a sweep in words; where the interval holds 0, no significant change."""
     judged = "95 % intervals" if stopping is FIXED else "confidence sequences"
     ordered = sorted(scenarios, key=lambda label: sweep(label)[2])
     family, parameter, low = sweep(ordered[0])
     high = sweep(ordered[-1])[2]
-    known = [one for one in found if one.share.low == one.share.low]
-    grows = [one for one in known if one.share.low > 0]
-    falls = [one for one in known if one.share.high < 0]
-    same = [one.estimator for one in known if one.share.low <= 0 <= one.share.high and one.share.low < one.share.high]
-    equal = [one.estimator for one in known if one.share.low == one.share.high == 0]
-    parts = [f"it grows for {_list_changes(grows)}"] if grows else []
-    parts += [f"it falls for {_list_changes(falls)}"] if falls else []
-    parts += [f"no significant change for {_list_or_count(same)}"] if same else []
-    parts += [f"it stays the same for {_list_or_count(equal)}"] if equal else []
+    parts = []
+    for words, holds in DIRECTIONS.items():
+        some = [one for one in found if holds(one.share)]
+        names = [one.estimator for one in some]
+        listed = join_words(names) if len(names) <= 2 * FEW else f"{len(names)} estimators"
+        if some and words.startswith("it") and len(some) <= FEW:
+            ends = [interval(change)(one.share.low, one.share.high) for one in some]
+            listed = join_words(
+                f"{one.estimator} ({change(one.share.value)}, {both})" for one, both in zip(some, ends, strict=True)
+            )
+        elif some and words.startswith("it"):
+            least, *_, most = sorted(abs(one.share.value) for one in some)
+            listed += f" (by {interval(percent)(least, most)})"
+        parts += [f"{words} for {listed}"] if some else []
     about = f"{family}: RMSE from {parameter} = {low:g} to {high:g} ({judged}, unadjusted)"
     return f"{about}: {'; '.join(parts)}." if parts else ""
-
-
-def _list_changes(found: list[SweepChange]) -> str:
-    """Return the estimators, each with its change and interval; of many, their names and the range of the changes."""
-    if len(found) <= FEW:
-        ends = interval(change)
-        return join_words(f"{o.estimator} ({change(o.share.value)}, {ends(o.share.low, o.share.high)})" for o in found)
-    least, *_, most = sorted(abs(one.share.value) for one in found)
-    return f"{_list_or_count([one.estimator for one in found])} (by {interval(percent)(least, most)})"
-
-
-def _list_or_count(names: list[str]) -> str:
-    return join_words(names) if len(names) <= 2 * FEW else f"{len(names)} estimators"
 
 
 # ------------------------------------------------------------------------------------------------ information

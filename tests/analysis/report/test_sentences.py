@@ -86,7 +86,7 @@ def test_the_answer_says_who_is_lowest_by_how_much_and_who_is_over_confident():
     assert text.startswith("ekf-local has the lowest RMSE of those that qualify in all 2 scenarios, at least ")
     assert "below that of the next (arl, packet-drop/drop=0" in text
     over = sentences.over_confident_estimators(table)
-    assert over.startswith("Over-confident: mrsl-rssi in 2 of 2 scenarios; its ANEES is ")
+    assert over.startswith("Over-confident: mrsl-rssi in 2 of 2 scenarios; the largest ANEES of a median trial is ")
     found, table = standings(noisy({f"e{i}": (1.0, 1.0) for i in range(9)}, seed=5, trials=8))
     text = sentences.lowest_errors(found, table)
     assert "; no significant difference: " in text
